@@ -1,25 +1,25 @@
-//! Base points opened: the directions in which a base point is approached, and the points of its
-//! seam curves that they lead to.
+//! Opening of base points: the directions in which a base point is approached, and the
+//! corresponding points of its seam curves.
 //!
-//! A direction and its opposite lead to the same point (C. L. Bajaj, A. Royappa, 1994, Theorem 1),
-//! so directions are kept up to sign, and those that bound the region or lie on a curve that is
-//! drawn are among them: the tangents there.
+//! A direction and its opposite lead to one point (C. L. Bajaj, A. Royappa, 1994, Theorem 1), so
+//! directions are stored up to sign. They include the tangents of the curves that bound the region
+//! or are drawn in it.
 //!
 //! Where other base points are infinitely near, each of them is a node of a tree, with directions
-//! of its own. A small circle around the base point, lifted to the blow-ups, walks along all
-//! exceptional lines, on both sides of each: along the first line to the direction of a near point,
-//! from there along half of that point's line, and on (`walk`). The stations of this walk are rays
-//! from the base point, straight or bent in the coordinates of their node; where the walk goes from
-//! one exceptional line to the next, it passes the point in which the two meet: a corner, which
-//! belongs to both seams.
+//! of its own. A small circle around the base point, lifted to the blow-ups, traverses all
+//! exceptional lines on both sides: along the first line to the direction of a near point, from
+//! there along half of the line of that point, and so on (`walk`). The stations of this walk are
+//! rays from the base point, straight or bent in the coordinates of their node. Where the walk
+//! changes from one exceptional line to another, it passes their point of intersection: a corner,
+//! which belongs to both seams.
 //!
 //! - *node*: the base point, or a base point infinitely near to it; it has local coordinates (u,
 //!   v).
-//! - *exceptional line*: the projective line of directions that a node is blown up to; its image
+//! - *exceptional line*: the projective line of directions to which a node is blown up; its image
 //!   under the map is the *seam*, a curve of the surface or a point.
 //! - *ray*: a curve from the node in a direction, forward or *backward*.
-//! - *mark*: a direction of a node, with what is there: a ray, a near point, or a corner.
-//! - *sector*: what lies between a ray and the next.
+//! - *mark*: a direction of a node, with its target: a ray, a near point, or a corner.
+//! - *sector*: the part between a ray and the next one.
 
 mod direction;
 mod image;
@@ -46,50 +46,49 @@ use marks::{Around, Mark, Marked, Target, marks};
 use node::{Line, Node, steps_of};
 use std::collections::BTreeSet;
 
-/// Two rays next to each other, counterclockwise in the local coordinates of the base point.
+/// Two successive rays, counterclockwise in the local coordinates of the base point.
 #[derive(Clone, Debug)]
 pub(crate) struct Sector {
-    /// Directions, and whether they are backward.
+    /// Indices of the directions, each with true if the ray is backward.
     pub(crate) rays: [(usize, bool); 2],
-    /// The mark after the first ray, and that before the second one, each in the coordinates of the
-    /// ray's node: the other ray if both have one node and nothing is between them.
+    /// Marks after the first ray and before the second one, each in the coordinates of the ray's
+    /// node: the respective other ray if both rays have one node and there is no mark between them.
     marks: [[f64; 2]; 2],
-    /// Where the rays belong to the seams of two nodes: the point that these have in common, as a
-    /// direction.
+    /// Common point of the two seams, as a direction; `None` if both rays belong to one node.
     pub(crate) corner: Option<Direction>,
-    /// Whether the seam is in the box there.
+    /// True if the seam of the sector is in the box.
     pub(crate) inside: bool,
 }
 
-/// A base point and its directions.
+/// A base point with its directions and sectors.
 #[derive(Clone)]
 pub(crate) struct Fan {
-    /// Why it cannot be opened.
+    /// Reason why the base point cannot be opened, if any.
     pub(crate) problem: Option<Finding>,
-    /// Homogeneous coordinates (s, t, w).
+    /// Homogeneous coordinates (s : t : w).
     pub(crate) point: [f64; 3],
-    /// The variables among (s, t, w) that the local coordinates are.
+    /// Indices of the variables among (s, t, w) that are the local coordinates.
     variables: [usize; 2],
-    /// The variable among (s, t, w) that is 1.
+    /// Index of the variable among (s, t, w) that is 1.
     one: usize,
-    /// Of W at the base point where other nodes are near to it, else of the base point.
+    /// Order of W at the base point if other nodes are near to it, else the multiplicity of the
+    /// base point.
     pub(crate) multiplicity: usize,
     half_width: f64,
-    /// The base point's own node first, parents before those near to them.
+    /// Nodes, parents before the nodes near to them; the first one is the base point.
     nodes: Vec<Node>,
     is_tree: bool,
-    /// All rays, up to sign.
+    /// Directions of all rays, up to sign.
     pub(crate) directions: Vec<Direction>,
-    /// Around the base point once.
+    /// Sectors, once around the base point.
     pub(crate) sectors: Vec<Sector>,
 }
 
 impl Fan {
-    /// The directions that matter from the start: of the curves that bound the region or are drawn
-    /// in it, and of the sides of the unit triangles.
+    /// Creates the fan with the directions of the curves that bound the region or are drawn in it,
+    /// and of the sides of the unit triangles.
     ///
-    /// # Errors
-    /// [`Stopped`].
+    /// # Errors [`Stopped`].
     pub(crate) fn new(
         base: &BasePoint,
         region: &Region,
@@ -118,13 +117,13 @@ impl Fan {
         fan.leave_out(region);
         fan.is_tree = fan.opens_several_nodes();
         fan.directions = fan.directions.iter().map(|d| fan.bent(d.clone())).collect();
-        // A base point with all of its seam outside of the box need not be opened.
+        // // A base point whose seam is entirely outside of the box need not be opened.
         if !fan.sectors.iter().any(|s| s.inside) {
             fan.problem = None;
         }
         Ok(fan)
     }
-    /// A base point without directions.
+    /// Returns a base point without directions.
     fn closed(base: &BasePoint, region: &Region) -> Self {
         let (variables, one) = base.chart.variables();
         Self {
@@ -140,7 +139,7 @@ impl Fan {
             sectors: Vec::new(),
         }
     }
-    /// The next node, with its directions.
+    /// Adds the next node, with its directions.
     fn add_node(&mut self, line: &Line<'_>, around: &Around<'_>) -> Result<(), Stopped> {
         let cover = Involution::of(&line.seam.curve, around.control)?;
         let (node, first_ray) = (self.nodes.len(), self.directions.len());
@@ -157,7 +156,7 @@ impl Fan {
         let point = self.point;
         Some(Finding::Unopened { point, why })
     }
-    /// Whether the seams in the box belong to several nodes.
+    /// Returns true if the seams in the box belong to several nodes.
     fn opens_several_nodes(&self) -> bool {
         let open = || self.sectors.iter().filter(|s| s.inside);
         let mut nodes = open()
@@ -167,7 +166,7 @@ impl Fan {
         open().any(|s| s.corner.is_some()) || nodes.any(|node| Some(node) != first)
     }
 
-    /// Sectors outside of a fundamental domain are not inside.
+    /// Marks the sectors outside of a fundamental domain as not inside.
     fn leave_out(&mut self, region: &Region) {
         let is_held = |s: &Sector| region.is_fundamental(&self.beside(s, 0, true));
         let held: Vec<bool> = self
@@ -179,8 +178,8 @@ impl Fan {
             sector.inside = is_held;
         }
     }
-    /// A parameter (s : t : w) next to the seam, or to one of the two seams, of a sector: in it, or
-    /// on the other hand of the seam.
+    /// Returns a parameter (s : t : w) next to the seam, or to one of the two seams, of a sector:
+    /// in the sector if `within`, else on the other side of the seam.
     fn beside(&self, sector: &Sector, piece: usize, within: bool) -> [RBig; 3] {
         /// The distance from the seam, in the coordinates of its node: farther than rounding,
         /// nearer than where the borders of the sector turn.
@@ -193,7 +192,7 @@ impl Fan {
         }
         p
     }
-    /// The nodes whose seams are on the border of a fundamental domain.
+    /// Returns the nodes whose seams are on the border of a fundamental domain.
     pub(crate) fn border_nodes(&self, region: &Region) -> BTreeSet<usize> {
         let mut found = BTreeSet::new();
         for sector in self.sectors.iter().filter(|s| s.inside) {
@@ -208,24 +207,24 @@ impl Fan {
         }
         found
     }
-    /// Whether a seam runs twice through its points.
+    /// Returns true if the seam of a node covers its image twice.
     pub(crate) fn is_double_seam(&self, node: usize) -> bool {
         self.nodes[node].is_double
     }
 
-    /// The node of piece 0 or 1 of a sector, and the two vectors between which it lies, in the
-    /// coordinates of that node: all of the sector where it has no corner.
+    /// Returns the node of piece 0 or 1 of a sector, and the two vectors that bound the piece, in
+    /// the coordinates of that node. Without a corner each piece is the whole sector.
     fn piece(&self, sector: &Sector, piece: usize) -> (usize, [[f64; 2]; 2]) {
         let (k, backward) = sector.rays[piece];
         let d = &self.directions[k];
         (d.node, [d.signed(backward), sector.marks[piece]])
     }
-    /// The direction in the middle of a piece, and whether it is backward.
+    /// Returns the direction in the middle of a piece, with true if it is backward.
     fn middle(&self, sector: &Sector, piece: usize) -> (Direction, bool) {
         let (node, [a, b]) = self.piece(sector, piece);
         Direction::of_vector(node, [a[0] + b[0], a[1] + b[1]])
     }
-    /// The sector between two rays, in either order.
+    /// Returns the sector between two rays, given in either order.
     pub(crate) fn sector_between(
         &self,
         first: (Key, bool),
@@ -237,12 +236,14 @@ impl Fan {
             (a, b) == (first, second) || (b, a) == (first, second)
         })
     }
-    /// In the middle of a sector's seam, or of one of its two seams, and whether it is backward.
+    /// Returns the direction in the middle of a sector's seam, or of one of its two seams, with
+    /// true if it is backward; its ray is bent if needed.
     pub(crate) fn between(&self, sector: &Sector, piece: usize) -> (Direction, bool) {
         let (d, backward) = self.middle(sector, piece);
         (self.bent(d), backward)
     }
-    /// The ray of a sector's seam, or of one of its two seams, to a point of a unit triangle.
+    /// Returns the ray to a point of a unit triangle, if it starts in the given piece of the
+    /// sector.
     pub(crate) fn toward(
         &self,
         quadrant: usize,
@@ -258,7 +259,7 @@ impl Fan {
             (self.bent(d), backward)
         })
     }
-    /// Puts one more direction there, and its partner if it has one.
+    /// Adds a direction, and its partner if it has one.
     pub(crate) fn split(&mut self, d: Direction) {
         let partner = self.nodes[d.node]
             .cover
@@ -280,8 +281,8 @@ impl Fan {
         marks.insert(at, mark);
         self.directions.push(d);
     }
-    /// The seams that run twice through their points: directions, ascending by angle, and whether
-    /// the seam is in the box between each and the next.
+    /// Iterates over the seams that cover their images twice: their directions, ascending by angle,
+    /// each with true if the seam is in the box up to the next one.
     pub(crate) fn doubled(&self) -> impl Iterator<Item = Vec<(&Direction, bool)>> {
         let doubled = self.nodes.iter().filter(|n| n.cover.is_some());
         doubled.map(|n| {
@@ -291,13 +292,13 @@ impl Fan {
                 .collect()
         })
     }
-    /// Whether the seam turns back in a direction.
+    /// Returns true if the seam turns back in a direction.
     pub(crate) fn is_fold(&self, d: &Direction) -> bool {
         let is_here = |at: [f64; 2]| Direction::new(d.node, at).is_same(d);
         let cover = &self.nodes[d.node].cover;
         cover.is_some_and(|c| c.fixed().into_iter().any(is_here))
     }
-    /// The points that whole seams are.
+    /// Iterates over the images of seams that are single points.
     pub(crate) fn contracted(&self) -> impl Iterator<Item = Point3> {
         let open = self.sectors.iter().filter(|s| s.inside);
         open.flat_map(|s| s.rays)
@@ -305,8 +306,8 @@ impl Fan {
             .filter(|d| self.nodes[d.node].is_constant)
             .map(|d| self.seam(d))
     }
-    /// Whether the point of the seam in a direction is all of a seam: of the direction's node, or
-    /// of one that it meets there.
+    /// Returns true if a direction leads to a seam that is a single point: the seam of the
+    /// direction's node, or one that it meets there.
     pub(crate) fn is_contracted(&self, d: &Direction) -> bool {
         let is_point = |r: &(usize, bool)| self.nodes[self.directions[r.0].node].is_constant;
         let meets_point = |s: &Sector| {
@@ -314,7 +315,7 @@ impl Fan {
         };
         self.nodes[d.node].is_constant || self.sectors.iter().any(meets_point)
     }
-    /// Whether seams of several base points that are infinitely near have to be opened together.
+    /// Returns true if seams of several infinitely near base points have to be opened together.
     pub(crate) fn is_tree(&self) -> bool {
         self.is_tree
     }

@@ -1,8 +1,8 @@
-//! Number fields Q(θ) = Q\[x\]/(p) with exact tests for zero, and the real numbers in them.
+//! Number fields Q(θ) = Q\[x\]/(p) with exact zero tests, and the real numbers in them.
 //!
-//! A field stands for all conjugates of θ at once: what is decided in it (orders, common divisors)
-//! holds at each of them. A real root of p chooses one; an [`Algebraic`] is an element at a root.
-//! The modulus is monic with integer coefficients, so that reducing needs no division.
+//! A field represents all conjugates of θ at once: every decision in it (orders, common divisors)
+//! holds at each of them. A real root of p selects one; an [`Algebraic`] is an element at a root.
+//! The modulus is monic with integer coefficients, so that reduction needs no division.
 
 use crate::dense;
 use dashu_base::{Gcd, Signed, UnsignedAbs};
@@ -11,7 +11,7 @@ use std::cmp::Ordering;
 use std::fmt;
 use std::sync::Arc;
 
-/// Q(θ) for a root θ of a monic irreducible polynomial with integer coefficients.
+/// The field Q(θ) for a root θ of a monic irreducible polynomial with integer coefficients.
 ///
 /// ```
 /// use isoform_algebra::UPoly;
@@ -37,14 +37,14 @@ pub struct NumberField {
 pub struct Element {
     /// Coefficients of powers of θ, lowest first, the last one not zero.
     numerator: Vec<IBig>,
-    /// Has no common factor with all of them. The denominator of zero, which is `Default`, is 0 and
-    /// never read.
+    /// Positive denominator, coprime to the numerator. Zero is `Default` and has the denominator 0,
+    /// which is never read.
     denominator: UBig,
 }
 
 impl Element {
-    /// The sum of coefficients times powers of θ over a denominator; as many as the degree of the
-    /// field at most.
+    /// Returns the sum of coefficients times powers of θ over a denominator; there are at most as
+    /// many coefficients as the degree of the field.
     pub(crate) fn normalised(mut numerator: Vec<IBig>, mut denominator: UBig) -> Self {
         while numerator.last().is_some_and(IBig::is_zero) {
             numerator.pop();
@@ -72,20 +72,20 @@ impl Element {
             denominator,
         }
     }
-    /// 0.
+    /// Returns 0.
     pub fn zero() -> Self {
         Self::default()
     }
-    /// A rational number.
+    /// Returns a rational number as an element.
     pub fn rational(r: &RBig) -> Self {
         Self::normalised(vec![r.numerator().clone()], r.denominator().clone())
     }
-    /// Whether this is 0.
+    /// Returns true if this is 0.
     pub fn is_zero(&self) -> bool {
         self.numerator.is_empty()
     }
-    /// The rational number that this is, if it is one: exact, since 1, θ, θ², … are independent
-    /// over Q.
+    /// Returns this element as a rational number, if it is one; exact, since 1, θ, θ², … are
+    /// linearly independent over Q.
     pub fn as_rational(&self) -> Option<RBig> {
         match &self.numerator[..] {
             [] => Some(RBig::ZERO),
@@ -99,7 +99,7 @@ impl Element {
             RBig::from_parts(c.clone(), self.denominator.clone())
         })
     }
-    /// The sum.
+    /// Returns the sum.
     pub fn add(&self, other: &Self) -> Self {
         if self.is_zero() || other.is_zero() {
             return if self.is_zero() {
@@ -125,18 +125,18 @@ impl Element {
             &self.denominator * UBig::try_from(left).expect("a positive factor"),
         )
     }
-    /// This times −1.
+    /// Returns the negative.
     pub fn negated(&self) -> Self {
         Self {
             numerator: self.numerator.iter().map(|c| -c).collect(),
             denominator: self.denominator.clone(),
         }
     }
-    /// The difference.
+    /// Returns the difference.
     pub fn sub(&self, other: &Self) -> Self {
         self.add(&other.negated())
     }
-    /// This times a rational number.
+    /// Returns the product with a rational number.
     pub fn scaled(&self, r: &RBig) -> Self {
         if self.is_zero() || *r == RBig::ZERO {
             return Self::zero();
@@ -144,7 +144,7 @@ impl Element {
         let numerator = self.numerator.iter().map(|c| c * r.numerator()).collect();
         Self::normalised(numerator, &self.denominator * r.denominator())
     }
-    /// Integer coefficients of powers of θ, lowest first, and their denominator.
+    /// Returns the integer coefficients of powers of θ, lowest first, and their denominator.
     pub(crate) fn parts(&self) -> (&[IBig], UBig) {
         (
             &self.numerator,
@@ -158,15 +158,14 @@ impl Element {
 }
 
 impl NumberField {
-    /// Q itself.
+    /// Returns the field Q.
     pub fn rationals() -> Arc<Self> {
         Self::new(&UPoly::from_i64(&[0, 1])).0
     }
-    /// The field of a root x of an irreducible polynomial, and x in it: θ is x times the leading
-    /// coefficient.
+    /// Returns the field of a root x of an irreducible polynomial, with x as an element; θ is x
+    /// times the leading coefficient.
     ///
-    /// # Panics
-    /// If the polynomial is constant. That it is irreducible is not checked.
+    /// # Panics If the polynomial is constant. Irreducibility is not checked.
     pub fn new(p: &UPoly) -> (Arc<Self>, Element) {
         let p = p.primitive();
         let (d, lead) = (p.degree(), p.leading());
@@ -189,19 +188,19 @@ impl NumberField {
             .scaled(&RBig::from_parts_signed(IBig::ONE, lead));
         (Arc::new(field), x)
     }
-    /// The degree over Q.
+    /// Returns the degree over Q.
     pub fn degree(&self) -> usize {
         self.modulus.degree()
     }
-    /// The monic irreducible polynomial of θ.
+    /// Returns the monic minimal polynomial of θ.
     pub fn modulus(&self) -> &UPoly {
         &self.modulus
     }
-    /// Its real roots in ascending order.
+    /// Returns the real roots of the modulus in ascending order.
     pub fn real_roots(&self) -> &[RealRoot] {
         &self.roots
     }
-    /// θ.
+    /// Returns θ.
     pub fn generator(&self) -> Element {
         self.reduce(vec![IBig::ZERO, IBig::ONE], UBig::ONE)
     }
@@ -219,7 +218,7 @@ impl NumberField {
         }
         Element::normalised(c, denominator)
     }
-    /// The product.
+    /// Returns the product.
     pub fn mul(&self, a: &Element, b: &Element) -> Element {
         if a.is_zero() || b.is_zero() {
             return Element::zero();
@@ -232,7 +231,7 @@ impl NumberField {
         }
         self.reduce(c, &a.denominator * &b.denominator)
     }
-    /// The value of a polynomial over Q in one variable.
+    /// Evaluates a polynomial over Q in one variable.
     pub fn eval(&self, p: &Poly, var: usize, at: &Element) -> Element {
         let mut value = Element::zero();
         for c in p.coefficients_in(var).iter().rev() {
@@ -242,7 +241,7 @@ impl NumberField {
         }
         value
     }
-    /// An element of this field in another one that holds an image of θ.
+    /// Maps an element of this field to another field, given the image of θ there.
     pub fn embed(&self, a: &Element, target: &Self, theta: &Element) -> Element {
         let mut value = Element::zero();
         for i in (0..a.numerator.len()).rev() {
@@ -252,16 +251,15 @@ impl NumberField {
         }
         value
     }
-    /// 1/a.
+    /// Returns 1/a.
     ///
-    /// # Panics
-    /// If a is 0.
+    /// # Panics If a is 0.
     pub fn inverse(&self, a: &Element) -> Element {
         assert!(!a.is_zero(), "division by zero");
         if let Some(r) = a.as_rational() {
             return Element::rational(&(RBig::ONE / r));
         }
-        // Σ yⱼ θʲ·a = 1 as a linear system over Z for the numerator of a.
+        // // The linear system Σ yⱼ θʲ·a = 1 over Z, for the numerator of a.
         let mut unit = vec![IBig::ZERO; self.degree()];
         unit[0] = IBig::from(a.denominator.clone());
         let (mut y, determinant) = dense::solve(self.multiplication(&a.numerator), unit)
@@ -273,8 +271,8 @@ impl NumberField {
         }
         Element::normalised(y, determinant.unsigned_abs())
     }
-    /// The matrix of the multiplication by an integral element, given by its numerator: column j
-    /// has the coefficients of θʲ times the element.
+    /// Returns the matrix of the multiplication by an integral element, given by its numerator:
+    /// column j has the coefficients of θʲ times the element.
     fn multiplication(&self, numerator: &[IBig]) -> Vec<Vec<IBig>> {
         let d = self.degree();
         let theta = self.generator();
@@ -292,8 +290,8 @@ impl NumberField {
         }
         rows
     }
-    /// The powers 1, a, a², … that are independent over Q, and the coefficients with which they add
-    /// up to the next one.
+    /// Returns the linearly independent powers 1, a, a², …, and the coefficients of the next power
+    /// in terms of them.
     pub(crate) fn powers(&self, a: &Element) -> (Vec<Element>, Vec<RBig>) {
         let mut powers = vec![Element::rational(&RBig::ONE)];
         loop {
@@ -304,12 +302,12 @@ impl NumberField {
             powers.push(next);
         }
     }
-    /// The minimal polynomial of an element over Q, up to a factor.
+    /// Returns the minimal polynomial of an element over Q, up to a factor.
     pub(crate) fn minimal_polynomial(&self, a: &Element) -> UPoly {
         monic(&self.powers(a).1)
     }
-    /// Rational coefficients with which independent elements add up to another one, if there are
-    /// any.
+    /// Returns the rational coefficients of `target` as a combination of linearly independent
+    /// elements; `None` if it is not in their span.
     pub(crate) fn combination(
         &self,
         independent: &[Element],
@@ -333,17 +331,15 @@ impl NumberField {
         is_in_span.then(|| rows[..n].iter().map(|row| row[n].clone()).collect())
     }
 
-    /// a/b.
+    /// Returns a/b.
     ///
-    /// # Panics
-    /// If b is 0.
+    /// # Panics If b is 0.
     pub fn div(&self, a: &Element, b: &Element) -> Element {
         self.mul(a, &self.inverse(b))
     }
 }
 
-/// The polynomial xⁿ − cₙ₋₁xⁿ⁻¹ − … − c₀ times the common denominator of the c, so that it is monic
-/// no longer.
+/// Returns the polynomial xⁿ − cₙ₋₁xⁿ⁻¹ − … − c₀, multiplied by the common denominator of the c.
 pub(crate) fn monic(c: &[RBig]) -> UPoly {
     let terms = c
         .iter()
@@ -364,10 +360,9 @@ pub struct Algebraic {
 }
 
 impl Algebraic {
-    /// The element at the real root of that index.
+    /// Returns an element at the real root with an index.
     ///
-    /// # Panics
-    /// If the field has no such root.
+    /// # Panics If the field has no such root.
     pub fn new(field: &Arc<NumberField>, root: usize, element: Element) -> Self {
         assert!(root < field.roots.len(), "a real root of the modulus");
         Self {
@@ -376,31 +371,31 @@ impl Algebraic {
             element,
         }
     }
-    /// A rational number.
+    /// Returns a rational number.
     pub fn rational(r: &RBig) -> Self {
         Self::new(&NumberField::rationals(), 0, Element::rational(r))
     }
-    /// The field.
+    /// Returns the field.
     pub fn field(&self) -> &Arc<NumberField> {
         &self.field
     }
-    /// The index of the real root of the field's modulus.
+    /// Returns the index of the real root of the field's modulus.
     pub fn root(&self) -> usize {
         self.root
     }
-    /// The element of the field.
+    /// Returns the element of the field.
     pub fn element(&self) -> &Element {
         &self.element
     }
-    /// The rational number that this is, if it is one.
+    /// Returns the rational value, if this is a rational number.
     pub fn as_rational(&self) -> Option<RBig> {
         self.element.as_rational()
     }
-    /// Whether this is 0, exact.
+    /// Returns true if this is 0; exact.
     pub fn is_zero(&self) -> bool {
         self.element.is_zero()
     }
-    /// The sign, exact.
+    /// Returns the sign; exact.
     pub fn sign(&self) -> Ordering {
         match self.element.numerator.len() {
             0 => Ordering::Equal,
@@ -408,7 +403,7 @@ impl Algebraic {
         }
     }
 
-    /// Rational bounds of a distance of at most 2^−bits; equal for rational numbers.
+    /// Returns rational bounds at a distance of at most 2^−bits; equal for rational numbers.
     pub fn interval(&self, bits: usize) -> (RBig, RBig) {
         if let Some(r) = self.as_rational() {
             return (r.clone(), r);
@@ -440,7 +435,7 @@ impl Algebraic {
             },
         )
     }
-    /// The nearest `f64`, ties to even.
+    /// Returns the nearest `f64`, ties to even.
     pub fn to_f64(&self) -> f64 {
         /// The bits by which the interval gets smaller from one attempt to the next.
         const WORD: usize = 64;
@@ -451,7 +446,7 @@ impl Algebraic {
             WORD,
             |bits| bits + WORD,
             |bits| {
-                // An irrational number is no tie.
+                // // An irrational number is never a tie.
                 let (lo, hi) = self.interval(bits);
                 let (lo, hi) = (lo.to_f64().value(), hi.to_f64().value());
                 (lo == hi).then_some(lo)
@@ -460,17 +455,16 @@ impl Algebraic {
     }
 }
 
-/// A double as the number that it is.
+/// Returns the exact value of a double.
 ///
-/// # Panics
-/// If it is none: what is not finite is to be met where it arises. Taken for 0, it would lead to
-/// another place than the one asked about, or leave out a curve.
+/// # Panics If the double is not finite. Non-finite numbers have to be handled where they arise:
+/// taken for 0, they would stand for another place, or drop a curve.
 pub(crate) fn exact(x: f64) -> RBig {
     RBig::try_from(x).expect("a finite number")
 }
 
-/// Whether a form vanishes at a point whose coordinates belong to one root of one field, or are
-/// rational.
+/// Returns true if a form vanishes at a point whose coordinates belong to one root of one field, or
+/// are rational.
 pub(crate) fn vanishes(form: &Poly, at: &[Algebraic; 3]) -> bool {
     let field = at
         .iter()
@@ -510,7 +504,7 @@ impl fmt::Display for Algebraic {
     }
 }
 
-/// Gauss–Jordan elimination of column k by row k, which has no zero there.
+/// Eliminates column k by Gauss–Jordan with row k, whose entry there is not zero.
 fn eliminate(rows: &mut [Vec<RBig>], k: usize) {
     let inverse = RBig::ONE / &rows[k][k];
     let top: Vec<RBig> = rows[k].iter().map(|c| c * &inverse).collect();

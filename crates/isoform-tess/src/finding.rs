@@ -1,51 +1,51 @@
-//! The findings against claims: a proof, a check or the time came to an end.
+//! Findings against claims: facts that could not be proved, failed checks, and missing time.
 
 use crate::claim::Claim;
 use isoform_algebra::{ArrangementError, MapError};
 
-/// A phase that was not done in the time there was.
+/// A phase that was not finished within the time limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Phase {
-    /// Finding the base points.
+    /// Search for the base points.
     #[error("base points")]
     BasePoints,
-    /// Deciding which complex base points are blown up to real curves.
+    /// Decision which complex base points are blown up to real curves.
     #[error("seams of complex base points")]
     ComplexSeams,
-    /// Factoring W.
+    /// Factorization of W.
     #[error("factors of the pole curve")]
     Pole,
-    /// Counting parameters of a general point.
+    /// Counting of the parameters of a general point.
     #[error("the degree of the map")]
     MapDegree,
-    /// Finding all curves over which the surface is singular.
+    /// Search for all curves over which the surface is singular.
     #[error("double, ramified and contracted curves")]
     SingularCurves,
-    /// Finding the ramified and contracted curves, which need no implicit equation.
+    /// Search for the ramified and contracted curves, which need no implicit equation.
     #[error("contracted curves")]
     ContractedCurves,
-    /// Finding the deck transformations of an improper map.
+    /// Search for the deck transformations of an improper map.
     #[error("deck transformations")]
     DeckTransformations,
-    /// Finding the ends of double curves.
+    /// Search for the ends of double curves.
     #[error("pinch points")]
     PinchPoints,
-    /// Tracing real points that only conjugate parameters reach.
+    /// Tracing of real points reached by conjugate parameters only.
     #[error("solitary curves")]
     SolitaryArcs,
-    /// Finding the directions in which base points are opened.
+    /// Computation of the directions in which base points are opened.
     #[error("the seams of base points")]
     Tangents,
-    /// Finding the partners on the double curve.
+    /// Search for the partners on the double curve.
     #[error("the double curve")]
     Partners,
-    /// Finding edges that fall together in space.
+    /// Search for edges that coincide in space.
     #[error("edges that fall together")]
     Clashes,
 }
 
 impl Phase {
-    /// The claim that is left open with it.
+    /// Returns the claim that an unfinished phase leaves open.
     pub fn claim(self) -> Claim {
         match self {
             Self::BasePoints => Claim::BasePoints,
@@ -64,21 +64,21 @@ impl Phase {
     }
 }
 
-/// Why a base point is not opened.
+/// Reason why a base point is not opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unopened {
-    /// Its seam lies in a face of the box: the surface does not cross that there.
+    /// The seam lies in a face of the box, so the surface does not cross the face there.
     #[error("its seam lies in a face of the box")]
     SeamInFace,
-    /// Two of its seams meet in a face of the box.
+    /// Two of the seams meet in a face of the box.
     #[error("two of its seams meet in a face of the box")]
     SeamsMeetInFace,
-    /// Its seam is beyond what can be drawn.
+    /// The seam has coefficients beyond the range of doubles.
     #[error("its seam has coefficients that no double is near to")]
     BeyondDoubles,
 }
 
-/// Vertices of which curve lack a partner.
+/// Curve whose vertices lack a partner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum JoinedCurve {
     /// The double curve.
@@ -89,19 +89,19 @@ pub enum JoinedCurve {
     FundamentalDomain,
 }
 
-/// Something that is not proved, or was seen not to hold.
+/// A claim that is not proved, or that was found to fail.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Finding {
     /// The time was over.
     #[error("{0}: stopped")]
     Stopped(Phase),
-    /// Complex seams are real, or may be, and no lines.
+    /// Complex seams are real, or may be, and are not lines.
     #[error(
         "solitary curves: complex base points are blown up to a real curve, or may be, and such \
          curves are traced only where they are lines with rational coordinates"
     )]
     ComplexSeamUntraced,
-    /// A complex seam that is real is the image of real parameters, too.
+    /// A complex seam that is real is also the image of real parameters.
     #[error(
         "solitary curves: complex base points are blown up to a line that real parameters are \
          sent to, too; which part is solitary is not decided"
@@ -116,41 +116,41 @@ pub enum Finding {
     /// The degrees contradict the base points.
     #[error("the degree of the map: base points of multiplicity {counted} counted, {found} found")]
     DegreeRefuted {
-        /// The multiplicity that the degrees leave for them.
+        /// Multiplicity of the base points according to the counted degrees.
         counted: usize,
-        /// Their multiplicity.
+        /// Multiplicity of the base points found.
         found: usize,
     },
-    /// The base points that prove the degrees are unknown.
+    /// The degrees are counted modulo primes; the base points that would prove them are unknown.
     #[error("the degree of the map: counted, not proven")]
     DegreeCounted,
     /// The degrees contradict the implicit equation.
     #[error("the degree of the map: counting and the implicit equation disagree")]
     DegreeContradicted,
-    /// There is no implicit equation.
+    /// The implicit equation could not be computed.
     #[error("self-intersections: the implicit equation: {0}")]
     NoEquation(MapError),
-    /// The implicit equation was not looked for.
+    /// The degree of the implicit equation is above the limit.
     #[error("self-intersections: the surface has degree {degree}, above the limit of {limit}")]
     DegreeAboveLimit {
-        /// Of the surface.
+        /// Degree of the surface.
         degree: usize,
         /// [`crate::Budget::implicit_degree`].
         limit: usize,
     },
-    /// The implicit equation could not be looked for.
+    /// The implicit equation could not be computed, as its degree is unknown.
     #[error("self-intersections: the degree of the surface is unknown")]
     SurfaceDegreeUnknown,
-    /// The double curve is known, but nothing could be cut along it in time.
+    /// The double curve is known, but there was no time to cut sheets along it.
     #[error("the parameters of the double curve: stopped; sheets that cross are not joined")]
     SheetsNotJoined,
-    /// Without the double locus there is nothing to trace.
+    /// Solitary curves cannot be traced, as the double locus is unknown.
     #[error("solitary curves: the double locus is unknown")]
     DoubleLocusUnknown,
-    /// A path to a section of a curve could not be followed to its end.
+    /// A path to a section of a curve could not be tracked to its end.
     #[error("solitary curves: points of a section were lost")]
     SectionLost,
-    /// A solitary curve could not be followed.
+    /// A solitary curve could not be traced.
     #[error(
         "a solitary curve was lost near ({:.4}, {:.4}, {:.4}) half-widths",
         at[0],
@@ -158,38 +158,38 @@ pub enum Finding {
         at[2]
     )]
     SolitaryLost {
-        /// Where, in half widths of the box.
+        /// Position, in half widths of the box.
         at: [f64; 3],
     },
-    /// Arcs of the double curve that could not be followed, or made polylines of.
+    /// Arcs of the double curve could not be traced, or not be approximated by polylines.
     #[error("the double curve could not be drawn at {0} places")]
     DoubleCurveNotDrawn(usize),
-    /// A base point that is not opened.
+    /// A base point is not opened.
     #[error("the base point ({} : {} : {}) is left open: {why}", point[0], point[1], point[2])]
     Unopened {
-        /// (s : t : w).
+        /// Homogeneous coordinates (s : t : w).
         point: [f64; 3],
-        /// Why.
+        /// Reason.
         why: Unopened,
     },
-    /// Base points are opened within the region only.
+    /// A base point lies on a side of the domain; base points are opened in the interior only.
     #[error("a base point on a side of the domain is left open")]
     BasePointOnSide,
-    /// All forms vanish in a point of the region that is none of the base points to rounding.
+    /// All forms vanish at a point of the region that does not match any base point up to rounding.
     #[error("a base point was not recognised and is left open")]
     BasePointUnrecognised,
     /// The arcs at a base point do not match its tangents.
     #[error("arcs and tangents in a base point do not agree")]
     TangentsDisagree,
-    /// An arc at a base point has none of its tangents.
+    /// The tangent of an arc at a base point was not found.
     #[error("an arc's tangent in a base point was not found")]
     TangentLost,
-    /// No rectangle around a base point is small enough.
+    /// No rectangle around a base point was small enough.
     #[error(
         "the surface next to base points is not near enough to it, or W may change its sign there"
     )]
     BasePointRough,
-    /// The strips next to a base point have no vertices on its rectangle.
+    /// Strips next to a base point lack vertices on its rectangle.
     #[error("triangles at base points are left out")]
     StripsLeftOut,
     /// The order of arcs is lost to rounding.
@@ -198,92 +198,92 @@ pub enum Finding {
          to the end"
     )]
     ArcsNotDrawn,
-    /// Parameters lead into the box, but there is not one triangle.
+    /// Parameters lead into the box, but there is not a single triangle.
     #[error("nothing is drawn of the surface in the box")]
     NoTriangles,
-    /// Edges of a curve along which sheets are joined have one sheet.
+    /// Edges of a curve along which sheets are joined have only one sheet.
     #[error("{edges} edges of the {curve} have no partner that was found")]
     PartnersMissing {
-        /// The number of these edges.
+        /// Number of these edges.
         edges: usize,
-        /// The curve of these edges.
+        /// Curve to which the edges belong.
         curve: JoinedCurve,
     },
-    /// Triangles that may have a pole.
+    /// Triangles may contain a pole.
     #[error("W is not proved to keep its sign on every triangle")]
     SignUnproved,
-    /// Edges that are to be different have the same ends.
+    /// Edges that should be distinct have common ends.
     #[error("edges fall together next to double or contracted curves")]
     EdgesClash,
-    /// Triangles that were not refined to the end.
+    /// Triangles could not be refined to the tolerance.
     #[error("the triangles are not everywhere as near to the surface as asked for")]
     TooCoarse,
-    /// Vertices at which forms have no value.
+    /// All forms vanish at vertices.
     #[error("{0} vertices have no position; the triangles at them are left out")]
     NoPosition(usize),
-    /// Vertices with one position.
+    /// Several vertices have one position.
     #[error("{0} pairs of vertices lie upon each other")]
     UponEachOther(usize),
-    /// Vertices beyond the faces of the box.
+    /// Vertices are beyond the faces of the box.
     #[error("{0} vertices are outside of the box")]
     OutsideBox(usize),
-    /// Triangles with corners on a line.
+    /// Triangles have collinear corners.
     #[error("{0} triangles have no area")]
     NoArea(usize),
-    /// Edges of one triangle that are no border.
+    /// Edges inside the surface have only one triangle.
     #[error("the surface is open along {0} edges in the box")]
     OpenEdges(usize),
-    /// Edges of too many triangles.
+    /// Edges have too many triangles.
     #[error(
         "{0} edges have more than two triangles and are not of a double curve, or have an odd \
          number of them"
     )]
     CrowdedEdges(usize),
-    /// Edges with neighbours that run the same way.
+    /// Edges have neighbours of opposite orientation.
     #[error("neighbouring triangles run the same way along {0} edges")]
     Winding(usize),
-    /// Edges with sheets that are not told apart.
+    /// Edges have several sheets that cannot be told apart.
     #[error("{0} edges have several sheets, and which triangles are neighbours is not decided")]
     NeighboursUnknown(usize),
-    /// Vertices whose triangles are connected by that vertex only.
+    /// Vertices join triangles that share no edge there.
     #[error("{0} vertices may join sheets that are to stay apart")]
     PinchedVertices(usize),
-    /// Several parameters have each point of the surface.
+    /// Several parameters reach each point of the surface.
     #[error(
         "several parameters have the same image everywhere: sheets that lie upon each other are \
          not joined"
     )]
     SheetsUponEachOther,
-    /// Pairs of triangles that cross.
+    /// Pairs of triangles cross.
     #[error("{0} pairs of triangles cross")]
     Crossings(usize),
-    /// So many of them that not all were counted.
+    /// Too many pairs of triangles cross for all to be counted.
     #[error("more than {0} pairs of triangles cross")]
     CrossingsAbove(usize),
-    /// No time was left to look for them.
+    /// There was no time to test triangles for crossings.
     #[error("whether triangles cross was not looked for")]
     CrossingsUnknown,
-    /// Sides with the same control points have other vertices.
+    /// Sides with equal control points have different vertices.
     #[error("patches do not fit along {0} edges of sides that they have in common")]
     SidesApart(usize),
-    /// Edges on sides of patches with too many triangles.
+    /// Edges on sides of patches have too many triangles.
     #[error("{0} edges have more triangles than there are patches at a side")]
     SidesCrowded(usize),
-    /// The implicit equations of patches are not compared.
+    /// Different patches are not cut along each other.
     #[error("different patches are not cut where they cross")]
     PatchesNotCut,
-    /// Something about one of several patches.
+    /// A finding about one of several patches.
     #[error("{patch}: {finding}")]
     OfPatch {
-        /// Its name.
+        /// Name of the patch.
         patch: String,
-        /// What.
+        /// The finding itself.
         finding: Box<Self>,
     },
 }
 
 impl Finding {
-    /// The claim that it stands against.
+    /// Returns the claim that the finding contradicts.
     pub fn claim(&self) -> Claim {
         match self {
             Self::Stopped(phase) => phase.claim(),
@@ -327,14 +327,14 @@ impl Finding {
             Self::OfPatch { finding, .. } => finding.claim(),
         }
     }
-    /// It, said of one of several patches.
+    /// Returns the finding, attributed to one patch.
     pub(crate) fn of_patch(self, patch: &str) -> Self {
         Self::OfPatch {
             patch: patch.to_owned(),
             finding: Box::new(self),
         }
     }
-    /// Without the patch that it is about.
+    /// Returns the finding without its patch.
     pub fn kind(&self) -> &Self {
         match self {
             Self::OfPatch { finding, .. } => finding.kind(),

@@ -1,11 +1,11 @@
-//! Parameters in their place: an affine change of parameters after which a map's coefficients are
-//! about as small as they can be.
+//! Normalisation of parameters: an affine change of parameters after which a map's coefficients are
+//! nearly as small as possible.
 //!
-//! Of all maps φ(M·(s, t, w)) with det M = 1 the one of least Bombieri norm is where the moment map
-//! μᵢⱼ = Σ ⟨xⱼ ∂ᵢF, F⟩ is a multiple of the identity (G. Kempf, L. Ness, *The length of vectors in
-//! representation spaces*, 1979); the norm is convex along geodesics, and M ← M·exp(−τ(μ − tr μ/3))
-//! descends to it. A rotation leaves the norm as it is, so M is taken upper triangular: an affine
-//! map.
+//! Of all maps φ(M·(s, t, w)) with det M = 1, the one of least Bombieri norm is where the moment
+//! map μᵢⱼ = Σ ⟨xⱼ ∂ᵢF, F⟩ is a multiple of the identity (G. Kempf, L. Ness, *The length of vectors
+//! in representation spaces*, 1979). The norm is convex along geodesics, and M ← M·exp(−τ(μ − tr
+//! μ/3)) descends to the minimum. The norm is invariant under rotations, so M is taken upper
+//! triangular: an affine map.
 
 use crate::analysis::Analysis;
 use crate::deck::linear;
@@ -27,8 +27,8 @@ const DOUBLINGS: usize = 6;
 const LEVEL: f64 = 0.05;
 /// Length of the shortest step, by the degree: a quarter of what is stable for a single monomial.
 const STEP: f64 = 0.25;
-/// By how much the logarithm of the norm has to fall: a torus with s scaled by 10³ falls by 4.4,
-/// maps as people write them by less than 1.5, and their parameters stay what they are.
+/// Minimum reduction of the logarithm of the norm for which parameters are changed: a torus with s
+/// scaled by 10³ gains 4.4, typical maps gain less than 1.5 and keep their parameters.
 const WORTH: f64 = 4.0;
 
 /// The least squared sine of the angle between the slopes by s and t at which both are known, from
@@ -44,7 +44,7 @@ pub struct Frame {
 /// A matrix in floating point, by rows.
 type Matrix = [[f64; 3]; 3];
 
-/// The matrix that changes nothing.
+/// The identity matrix.
 const IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 fn times(a: &Matrix, b: &Matrix) -> Matrix {
@@ -52,7 +52,7 @@ fn times(a: &Matrix, b: &Matrix) -> Matrix {
     std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)))
 }
 
-/// exp A by its series, of a quarter of A, squared twice.
+/// Returns exp A, by the series at A/4, squared twice.
 fn exponential(a: &Matrix) -> Matrix {
     let small = a.map(|row| row.map(|x| 0.25 * x));
     let (mut sum, mut term) = (IDENTITY, IDENTITY);
@@ -66,8 +66,8 @@ fn exponential(a: &Matrix) -> Matrix {
     times(&half, &half)
 }
 
-/// The upper triangular matrix with positive diagonal that a matrix is but for a rotation from the
-/// right.
+/// Returns the upper triangular matrix with positive diagonal that differs from a matrix by a
+/// rotation from the right.
 fn triangular(m: &Matrix) -> Matrix {
     let mut rows = *m;
     let mut upper = [[0.0; 3]; 3];
@@ -90,7 +90,7 @@ fn factorial(n: usize) -> f64 {
     (1..=n).map(|k| k as f64).product()
 }
 
-/// The squared Bombieri norm of forms, and their moment map, by the squared norm.
+/// Returns the squared Bombieri norm of forms, and their moment map divided by it.
 fn moment(forms: &[Poly; 4]) -> (f64, Matrix) {
     let mut norm = 0.0;
     let mut moment = [[0.0; 3]; 3];
@@ -125,13 +125,13 @@ fn coefficient(terms: &[(Exponents, f64)], e: &Exponents) -> f64 {
     terms.iter().find(|t| t.0 == *e).map_or(0.0, |t| t.1)
 }
 
-/// The sum of the products of coefficients of one monomial.
+/// Returns the inner product of two coefficient vectors.
 fn inner(a: &[(Exponents, f64)], b: &[(Exponents, f64)]) -> f64 {
     a.iter().map(|(e, c)| c * coefficient(b, e)).sum()
 }
 
-/// The translation after which the terms of second highest degree of the four polynomials are
-/// least: a + ∂ₛT x + ∂ₜT y for terms T of highest degree, by least squares.
+/// Returns the translation that minimises the terms of second highest degree of the four
+/// polynomials: a + ∂ₛT x + ∂ₜT y for terms T of highest degree, by least squares.
 fn centre(map: &Map) -> Matrix {
     let mut normal = [[0.0; 2]; 2];
     let mut right = [0.0; 2];
@@ -152,7 +152,7 @@ fn centre(map: &Map) -> Matrix {
     [[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]]
 }
 
-/// The solution of normal equations; where they are singular, that of one of them.
+/// Solves normal equations; if they are singular, solves the one with the larger diagonal entry.
 fn least_squares([[uu, uv], [_, vv]]: [[f64; 2]; 2], right: [f64; 2]) -> [f64; 2] {
     let gram = Gram { uu, uv, vv };
     if gram.is_regular(REGULAR) {
@@ -166,8 +166,8 @@ fn least_squares([[uu, uv], [_, vv]]: [[f64; 2]; 2], right: [f64; 2]) -> [f64; 2
     }
 }
 
-/// Rounded to as few binary digits as serve, with the last entry 1: entries of a row to a sixteenth
-/// of what moves a parameter by its size.
+/// Rounds a matrix to as few binary digits as suffice, with the last entry 1: the entries of a row
+/// to a sixteenth of what moves a parameter by its size.
 fn rounded(m: &Matrix) -> Option<Frame> {
     let m = m.map(|row| row.map(|x| x / m[2][2]));
     let [[a, b, _], [_, c, _], _] = m;
@@ -186,7 +186,7 @@ fn rounded(m: &Matrix) -> Option<Frame> {
 }
 
 impl Frame {
-    /// The frame in which a map's coefficients are small, if they get much smaller there.
+    /// Returns the frame in which a map's coefficients are small, if they are much smaller there.
     pub fn of(map: &Map) -> Option<Self> {
         let start = Self::level(map, &IDENTITY)?.0;
         let centre = centre(map);
@@ -196,8 +196,8 @@ impl Frame {
         let moved = || is_worth(centred.0).then_some(centre);
         found.map(|f| f.1).or_else(moved).and_then(|m| rounded(&m))
     }
-    /// The level and matrix after a step against the gradient, doubled in length as long as the
-    /// norm gets less.
+    /// Returns the level, moment map and matrix after a step against the gradient. The step is
+    /// doubled as long as the norm decreases.
     fn descend(map: &Map, matrix: &Matrix, gradient: &Matrix) -> Option<((f64, Matrix), Matrix)> {
         let degree = map.degree() as f64;
         let mut best: Option<((f64, Matrix), Matrix)> = None;
@@ -213,7 +213,8 @@ impl Frame {
         }
         best
     }
-    /// The level and matrix of the least norm, from one of them, if there is one.
+    /// Returns the level and matrix of least norm, descending from a start; `None` if the descent
+    /// does not converge.
     fn least(map: &Map, mut matrix: Matrix, mut here: (f64, Matrix)) -> Option<(f64, Matrix)> {
         let degree = map.degree() as f64;
         for _ in 0..STEPS {
@@ -229,7 +230,8 @@ impl Frame {
         }
         None
     }
-    /// The logarithm of the norm with a matrix, scaled to determinant 1, and the moment map.
+    /// Returns the logarithm of the norm with a matrix, scaled to determinant 1, and the moment
+    /// map.
     fn level(map: &Map, matrix: &Matrix) -> Option<(f64, Matrix)> {
         let frame = rounded(matrix)?;
         let (norm, moment) = moment(&frame.forms(map));
@@ -239,7 +241,7 @@ impl Frame {
         let is_finite = level.is_finite() && moment.iter().flatten().all(|x| x.is_finite());
         is_finite.then_some((level, moment))
     }
-    /// Rows of M.
+    /// Returns the rows of M.
     pub fn matrix(&self) -> Matrix {
         self.matrix
             .each_ref()
@@ -249,12 +251,12 @@ impl Frame {
         let rows = self.matrix.each_ref().map(linear);
         map.forms().each_ref().map(|f| f.compose(&rows))
     }
-    /// The map in the parameters of the frame.
+    /// Returns the map in the parameters of the frame.
     pub fn map(&self, map: &Map) -> Map {
         let affine = self.forms(map).map(|f| f.dehomogenise(2));
         Map::new(affine, Default::default()).expect("as good a map as before")
     }
-    /// M⁻¹.
+    /// Returns M⁻¹.
     fn inverse(&self) -> [[RBig; 3]; 3] {
         let m = &self.matrix;
         let mut x: [[RBig; 3]; 3] = Default::default();
@@ -267,7 +269,7 @@ impl Frame {
         }
         x
     }
-    /// A domain in the parameters of the frame.
+    /// Returns a domain in the parameters of the frame.
     pub fn domain(&self, domain: &Domain) -> Domain {
         let inverse = self.inverse();
         let moved = |[s, t]: &Parameters| {
@@ -279,8 +281,8 @@ impl Frame {
         let corners = domain.corners().iter().map(moved).collect();
         Domain::polygon(corners).expect("as simple a polygon as before")
     }
-    /// An analysis in the parameters of the frame as one in the map's own; seams of base points
-    /// keep the coordinates of the frame.
+    /// Converts an analysis in the parameters of the frame to the map's own parameters; seams of
+    /// base points keep the coordinates of the frame.
     pub fn analysis(&self, mut found: Analysis) -> Analysis {
         let back = self.inverse().each_ref().map(linear);
         let curve = |f: &mut Poly| Self::moved_back(f, &back);
@@ -306,7 +308,7 @@ impl Frame {
         }
         found
     }
-    /// Curves of parameters that were moved, as curves of the map's own.
+    /// Converts curves in the parameters of the frame to the map's own parameters.
     pub(crate) fn curves(&self, curves: &mut [Poly]) {
         let back = self.inverse().each_ref().map(linear);
         curves.iter_mut().for_each(|f| Self::moved_back(f, &back));
@@ -314,7 +316,7 @@ impl Frame {
     fn moved_back(f: &mut Poly, back: &[Poly; 3]) {
         *f = f.compose(back).primitive();
     }
-    /// The product of the matrix and a column.
+    /// Multiplies a column by the matrix.
     fn moved(&self, p: &[Algebraic; 3]) -> [Element; 3] {
         let element = |x: &Algebraic| match x.as_rational() {
             Some(r) => Element::rational(&r),
@@ -325,9 +327,9 @@ impl Frame {
             .each_ref()
             .map(|row| (0..3).fold(Element::zero(), |sum, v| sum.add(&p[v].scaled(&row[v]))))
     }
-    /// A point (s′ : t′ : w′) as (s : t : w) in the first chart that holds it.
+    /// Converts a point (s′ : t′ : w′) to (s : t : w) in the first chart that contains it.
     fn point(&self, p: &[Algebraic; 3]) -> (Chart, [Algebraic; 3]) {
-        // One of the coordinates is 1, the others are of one field.
+        // // One of the coordinates is 1; the others belong to one field.
         let of = p.iter().find(|x| x.field().degree() > 1).unwrap_or(&p[0]);
         let (field, root) = (of.field().clone(), of.root());
         let moved = self.moved(p);
@@ -365,7 +367,7 @@ mod tests {
         Map::parse(texts.each_ref().map(String::as_str), Default::default()).expect("a map")
     }
 
-    /// Parameters that are where people put them stay there.
+    /// Typical parameters are not changed.
     #[test]
     fn what_is_in_place_stays() {
         for texts in [TORUS, SPHERE, WHITNEY] {
@@ -379,8 +381,8 @@ mod tests {
         }
     }
 
-    /// What is far away comes back to where its coefficients have few digits, and what is known
-    /// there is known of the map.
+    /// Badly scaled parameters are normalised to small coefficients, and an analysis in the frame
+    /// equals that of the map.
     #[test]
     fn what_is_far_away_comes_back() {
         for (texts, parameters) in [
@@ -425,7 +427,7 @@ mod tests {
         }
     }
 
-    /// A frame takes a domain to the parameters that it takes the map to.
+    /// A frame maps a domain to the parameters of the map in that frame.
     #[test]
     fn domains_move_along() {
         let far = map(TORUS, ["(s - 100000)", "(t/1000)"]);

@@ -1,25 +1,25 @@
-//! Directions at a node, up to sign, and the rays that lead there.
+//! Directions at a node, up to sign, and their rays.
 
 use isoform_geom::plane::{cross, dot};
 
-/// The name of a point of a seam: its node, and the direction.
+/// Name of a point of a seam: the index of its node, and the bits of its direction.
 pub(crate) type Key = (usize, [u64; 2]);
 
-/// Directions are one if the sine of their angle is below this, which is well above the rounding of
-/// a direction. Larger, and two tangents become one; smaller, and one tangent found in two ways is
-/// two.
+/// Sine of the angle up to which two directions are taken for one, well above the rounding of a
+/// direction. If it is larger, two tangents coincide; if it is smaller, one tangent found in two
+/// ways becomes two.
 const SAME_DIRECTION: f64 = 1e-12;
 
-/// A direction (a, b) of length 1 in the local coordinates of a node, b > 0 or b = 0 < a.
+/// A unit vector (a, b) in the local coordinates of a node, with b > 0 or b = 0 < a.
 #[derive(Clone, Debug)]
 pub(crate) struct Direction {
     pub(crate) node: usize,
     pub(crate) at: [f64; 2],
     /// Faces of the box that the seam crosses there, as bits.
     pub(crate) faces: u8,
-    /// Factors of the region with this tangent.
+    /// Indices of the factors of the region with this tangent.
     pub(crate) factors: Vec<usize>,
-    /// The ray's curvature: its point at a distance r is `bend` r² to the left of the direction.
+    /// Curvature of the ray: its point at a distance r is `bend` r² to the left of the direction.
     pub(super) bend: f64,
 }
 
@@ -28,7 +28,7 @@ impl Direction {
         let length = at[0].hypot(at[1]);
         let is_opposite = at[1] < 0.0 || (at[1] == 0.0 && at[0] < 0.0);
         let sign = if is_opposite { -1.0 } else { 1.0 };
-        // No negative zeros: a direction names a vertex.
+        // // Negative zeros would give one vertex two names.
         Self {
             node,
             at: at.map(|x| sign * x / length + 0.0),
@@ -37,35 +37,35 @@ impl Direction {
             bend: 0.0,
         }
     }
-    /// A vector as a direction, and whether the vector is opposite to it.
+    /// Returns the direction of a vector, with true if the vector is opposite to it.
     pub(super) fn of_vector(node: usize, x: [f64; 2]) -> (Self, bool) {
         let d = Self::new(node, x);
         let backward = dot(d.at, x) < 0.0;
         (d, backward)
     }
-    /// Whether both are one but for rounding.
+    /// Returns true if both directions are equal up to rounding.
     pub(super) fn is_same(&self, other: &Self) -> bool {
         cross(self.at, other.at).abs() < SAME_DIRECTION
     }
     pub(super) fn angle(&self) -> f64 {
         self.at[1].atan2(self.at[0])
     }
-    /// The name of the point of the seam.
+    /// Returns the name of the point of the seam.
     pub(crate) fn key(&self) -> Key {
         (self.node, self.at.map(f64::to_bits))
     }
-    /// A point of the ray or, with the distance to its left, of its neighbourhood.
+    /// Returns the point of the ray at a distance, displaced to the left by `left`.
     pub(super) fn at_distance(&self, backward: bool, distance: f64, left: f64) -> [f64; 2] {
         let along = if backward { -distance } else { distance };
         let left = left + self.bend * distance * distance;
         self.beside(along, left)
     }
-    /// The point at a distance along the direction and one to its left.
+    /// Returns the point at a distance along the direction and another one to its left.
     pub(super) fn beside(&self, along: f64, left: f64) -> [f64; 2] {
         let [a, b] = self.at;
         [along * a - left * b, along * b + left * a]
     }
-    /// ± (a, b).
+    /// Returns ± (a, b).
     pub(crate) fn signed(&self, backward: bool) -> [f64; 2] {
         if backward {
             self.at.map(|x| -x)
@@ -73,7 +73,7 @@ impl Direction {
             self.at
         }
     }
-    /// Notes factors that have this tangent.
+    /// Adds factors that have this tangent.
     pub(super) fn touch(&mut self, factors: &[usize]) {
         for f in factors {
             if !self.factors.contains(f) {
@@ -103,7 +103,7 @@ mod tests {
         assert!(backward);
     }
 
-    /// Along the x axis a curvature of 1/2 is the parabola y = x²/2.
+    /// Along the x axis, a `bend` of 1/2 gives the parabola y = x²/2.
     #[test]
     fn rays_bend_to_the_left() {
         let mut d = Direction::new(0, [1.0, 0.0]);

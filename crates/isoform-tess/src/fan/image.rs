@@ -1,4 +1,4 @@
-//! The images of rays: points of seams, and of the surface near to them.
+//! Images of rays: points of seams, and of the surface near to them.
 
 use super::Fan;
 use super::direction::Direction;
@@ -6,7 +6,7 @@ use crate::surface::Point3;
 use isoform_geom::{dot, sub};
 use std::f64::consts::PI;
 
-/// The distance from its node at which the curvature of a ray is found, in the node's coordinates.
+/// Distance from its node at which the bend of a ray is determined, in the node's coordinates.
 const BENT: f64 = 1e-3;
 /// The largest curvature: rays that would need more stay straight.
 const MOST_BENT: f64 = 8.0;
@@ -25,14 +25,14 @@ const FACE_STEPS: usize = 20;
 /// Where points of a seam begin, in shares of their distance: at no direction that is special.
 const FIRST_POINT: f64 = 0.31;
 
-/// The point (X/W, Y/W, Z/W).
+/// Returns the point (X/W, Y/W, Z/W).
 #[inline]
 fn affine([x, y, z, w]: [f64; 4]) -> Point3 {
     [x / w, y / w, z / w]
 }
 
 impl Fan {
-    /// The coordinate of a face of the box.
+    /// Returns the coordinate of a face of the box.
     fn face_at(&self, face: usize) -> f64 {
         if face.is_multiple_of(2) {
             -self.half_width
@@ -40,7 +40,7 @@ impl Fan {
             self.half_width
         }
     }
-    /// The point of the seam, put on the faces of the box that it is known to be on.
+    /// Returns the point of the seam, moved onto the faces of the box on which it is known to lie.
     pub(crate) fn seam(&self, d: &Direction) -> Point3 {
         let mut p = affine(self.nodes[d.node].seam_at(d.at));
         for face in (0..6).filter(|f| d.faces >> f & 1 == 1) {
@@ -48,7 +48,7 @@ impl Fan {
         }
         p
     }
-    /// Points of the seam of a node.
+    /// Returns points of the seam of a node, in equally spaced directions.
     pub(crate) fn seam_points(&self, node: usize, count: usize) -> Vec<Point3> {
         let direction = |k: usize| {
             let angle = PI * (k as f64 + FIRST_POINT) / count as f64;
@@ -57,8 +57,8 @@ impl Fan {
         (0..count).map(|k| self.seam(&direction(k))).collect()
     }
 
-    /// Bends a ray of a tree, so that its image leaves the seam at a right angle: others sweep
-    /// along the seam, the faster the deeper in the tree.
+    /// Bends a ray of a tree so that its image leaves the seam at a right angle. Images of unbent
+    /// rays sweep along the seam, the faster the deeper their node is in the tree.
     pub(super) fn bent(&self, mut d: Direction) -> Direction {
         let node = &self.nodes[d.node];
         if !self.is_tree || d.node == 0 || node.is_constant || self.is_side(&d) {
@@ -68,7 +68,7 @@ impl Fan {
         let [ahead, behind] =
             [TANGENT_STEP, -TANGENT_STEP].map(|x| affine(node.seam_at([a - x * b, b + x * a])));
         let (tangent, foot) = (sub(ahead, behind), affine(node.seam_at(d.at)));
-        // The length by which the image has moved along the seam.
+        // // Displacement of the image along the seam.
         let along = |left: f64| dot(sub(affine(node.value(d.beside(BENT, left))), foot), tangent);
         let (mut left, step) = (0.0, BEND_STEP * BENT);
         for _ in 0..BENDING_STEPS {
@@ -81,8 +81,9 @@ impl Fan {
         d
     }
 
-    /// The image of a point of a ray at a distance in the coordinates of its node, if that is not
-    /// the only one; or beside it, on a face of the box.
+    /// Returns the image of a point of a ray at a distance in the coordinates of its node. If
+    /// `face` is given, it is the image of a point next to the ray that lies on that face of the
+    /// box.
     pub(crate) fn image_on_ray(
         &self,
         d: &Direction,

@@ -14,9 +14,9 @@ use isoform_control::{Control, Stopped};
 use std::cmp::Ordering;
 use std::f64::consts::PI;
 
-/// Directions that every node has, in half turns: the first, and the step to the next. They keep
-/// the two sides of a seam apart, which takes three; none is an axis or a diagonal, on which
-/// something else may well be.
+/// Angles of the directions that every node has, in half turns: the first one, and the step to the
+/// next. Three are needed to separate the two sides of a seam; none is an axis or a diagonal, which
+/// often coincide with special directions.
 const GENERAL: [f64; 2] = [0.13, 0.25];
 /// The number of general directions.
 const GENERAL_COUNT: u32 = 4;
@@ -24,50 +24,50 @@ const GENERAL_COUNT: u32 = 4;
 /// The target of a direction of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Target {
-    /// A ray: the direction's number.
+    /// A ray, by the index of its direction.
     Ray(usize),
-    /// A base point infinitely near: its node.
+    /// A base point infinitely near, by its node.
     Near(usize),
-    /// Another exceptional line.
+    /// An intersection with another exceptional line.
     Corner,
 }
 
-/// A direction of a node, and what is there.
+/// A direction of a node, with its target.
 #[derive(Clone)]
 pub(super) struct Mark {
     pub(super) direction: Direction,
     pub(super) target: Target,
-    /// Whether the seam is in the box between this and the next.
+    /// True if the seam is in the box between this mark and the next one.
     pub(super) is_inside: bool,
 }
 
 impl Mark {
-    /// Whether a base point is infinitely near in this direction.
+    /// Returns true if a base point is infinitely near in this direction.
     pub(super) fn is_near(&self) -> bool {
         matches!(self.target, Target::Near(_))
     }
 }
 
-/// The setting that decides which directions of a base point matter.
+/// Input that determines the directions of a base point.
 pub(super) struct Around<'a> {
     pub(super) base: &'a BasePoint,
     pub(super) region: &'a Region,
     pub(super) control: &'a Control<'a>,
 }
 
-/// The marks of the directions of one node.
+/// Marks of the directions of one node.
 pub(super) struct Marked {
-    /// Ascending by angle in [0, π).
+    /// Marks, ascending by angle in [0, π).
     pub(super) marks: Vec<Mark>,
-    /// Why the node cannot be opened.
+    /// Reason why the node cannot be opened, if any.
     pub(super) problem: Option<Unopened>,
 }
 
-/// All directions that matter at a node, of which rays are numbered from `first_ray`: the tangents
-/// of the curves that bound the region or are drawn in it, and of the sides of the unit triangles.
+/// Returns the directions that are needed at a node, with rays numbered from `first_ray`: the
+/// tangents of the curves that bound the region or are drawn in it, and of the sides of the unit
+/// triangles.
 ///
-/// # Errors
-/// [`Stopped`].
+/// # Errors [`Stopped`].
 pub(super) fn marks(
     node: usize,
     line: &Line<'_>,
@@ -79,7 +79,7 @@ pub(super) fn marks(
         node,
         found: Vec::new(),
     };
-    // Exact directions first: others become one with them.
+    // // Exact directions come first: rounded ones nearby are merged into them.
     collected.add_lines(line);
     collected.add_sides(line, around.base);
     let in_face = collected.add_faces(line, around)?;
@@ -94,7 +94,8 @@ pub(super) fn marks(
     Ok(Marked { marks, problem })
 }
 
-/// Why a node cannot be opened; `in_face` says whether its seam lies in the plane of a face.
+/// Returns the reason why a node cannot be opened, if any; `in_face` is true if its seam lies in
+/// the plane of a face.
 fn problem(marks: &[Mark], line: &Line<'_>, in_face: bool) -> Option<Unopened> {
     let n = marks.len();
     let meets_in_face = (0..n).any(|k| {
@@ -113,15 +114,15 @@ fn problem(marks: &[Mark], line: &Line<'_>, in_face: bool) -> Option<Unopened> {
     }
 }
 
-/// The directions of one node, each once, while they are collected.
+/// Directions of one node without duplicates, while they are collected.
 struct Collected {
     node: usize,
-    /// Each with what is there, if it is no ray.
+    /// Directions, each with its target; `None` for a ray.
     found: Vec<(Direction, Option<Target>)>,
 }
 
 impl Collected {
-    /// A direction, which may be known already: then it keeps what is there.
+    /// Adds a direction; a known one keeps its target.
     fn add(&mut self, at: [f64; 2], target: Option<Target>) -> &mut Direction {
         let new = Direction::new(self.node, at);
         let known = self.found.iter().position(|d| d.0.is_same(&new));
@@ -131,7 +132,7 @@ impl Collected {
         }
         &mut self.found[place].0
     }
-    /// Points infinitely near, and other exceptional lines.
+    /// Adds the directions of points infinitely near, and of other exceptional lines.
     fn add_lines(&mut self, line: &Line<'_>) {
         for (near, &child) in line.seam.near.iter().zip(&line.children) {
             let at = if near.direction[0].is_zero() {
@@ -147,7 +148,7 @@ impl Collected {
             }
         }
     }
-    /// The sides of the unit triangles.
+    /// Adds the directions of the sides of the unit triangles.
     fn add_sides(&mut self, line: &Line<'_>, base: &BasePoint) {
         let ([u, v], _) = base.chart.variables();
         let lifts = lifts(&steps_of(&line.chain));
@@ -157,7 +158,8 @@ impl Collected {
             }
         }
     }
-    /// Where the seam goes through the faces of the box; and whether it lies in the plane of one.
+    /// Adds the directions in which the seam crosses the faces of the box; returns true if the seam
+    /// lies in the plane of one.
     fn add_faces(&mut self, line: &Line<'_>, around: &Around<'_>) -> Result<bool, Stopped> {
         let region = around.region;
         let curve = &line.seam.curve;
@@ -184,7 +186,7 @@ impl Collected {
         }
         Ok(in_face)
     }
-    /// The tangents of other curves and of folds.
+    /// Adds the tangents of other curves and of folds.
     fn add_curves(&mut self, line: &Line<'_>, around: &Around<'_>) -> Result<(), Stopped> {
         let (region, control) = (around.region, around.control);
         let drawn = region.extra.iter().flatten().copied();
@@ -209,14 +211,14 @@ impl Collected {
         self.found
             .sort_by(|a, b| a.0.angle().total_cmp(&b.0.angle()));
     }
-    /// Between a direction, of those ascending by angle, and the next.
+    /// Returns the direction in the middle between one of the sorted directions and the next.
     fn middle(&self, k: usize) -> [f64; 2] {
         let n = self.found.len();
         let sign = if k + 1 == n { -1.0 } else { 1.0 };
         let [first, second] = [k, (k + 1) % n].map(|k| self.found[k].0.at);
         [0, 1].map(|i| first[i] + sign * second[i])
     }
-    /// Puts a ray between two neighbours neither of which is one.
+    /// Inserts a ray between neighbours neither of which is a ray.
     fn separate(&mut self) {
         self.sort();
         let n = self.found.len();
@@ -227,20 +229,21 @@ impl Collected {
             self.found.push((Direction::new(self.node, at), None));
         }
     }
-    /// Closes the directions under the involution of a seam that runs twice through its points.
+    /// Closes the directions under the involution of a seam that covers its image twice.
     fn add_partners(&mut self, cover: Involution) {
-        // Before the partners of others, so that near ones are known to be these.
+        // // Fixed directions come before the partners of others, which are merged with them if
+        // near.
         for at in cover.fixed() {
             self.add(at, None);
         }
-        // Twice: for those that were there already.
+        // // The second round joins the faces of directions and partners that were known already.
         for _ in 0..2 {
             for (d, _) in self.found.clone() {
                 self.add(cover.partner(d.at), None).faces |= d.faces;
             }
         }
     }
-    /// Sorted, with numbers for the rays.
+    /// Returns the sorted marks, with indices for the rays.
     fn finish(mut self, line: &Line<'_>, region: &Region, first_ray: usize) -> Vec<Mark> {
         self.sort();
         let middles: Vec<[f64; 2]> = (0..self.found.len()).map(|k| self.middle(k)).collect();
@@ -261,7 +264,7 @@ impl Collected {
     }
 }
 
-/// Whether a seam is in the box in a direction, exact for the direction rounded.
+/// Returns true if a seam is in the box in a direction; exact for the rounded direction.
 fn is_in_box(curve: &[BinaryForm; 4], half_width: &RBig, at: [f64; 2]) -> bool {
     let [a, b] = at.map(exact);
     let [x, y, z, w] = curve.each_ref().map(|f| f.eval(&a, &b));

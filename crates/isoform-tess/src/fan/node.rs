@@ -1,16 +1,16 @@
-//! The nodes of a base point: itself, and the base points infinitely near to it.
+//! The nodes of a base point: the point itself, and the base points infinitely near to it.
 
 use super::marks::Mark;
 use crate::base::{BasePoint, BinaryForm, Near, Seam};
 use crate::cover::Involution;
 use crate::field::Algebraic;
 
-/// A blow-up in the direction (1 : v), or in the direction (0 : 1).
+/// A blow-up in the direction (1 : v₀), or in the direction (0 : 1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Step {
-    /// (u, v) = (u′, u′(v₀ + v′)).
+    /// The blow-up (u, v) = (u′, u′(v₀ + v′)).
     Along(f64),
-    /// (u, v) = (u′v′, v′).
+    /// The blow-up (u, v) = (u′v′, v′).
     Across,
 }
 
@@ -27,7 +27,7 @@ impl Step {
             Self::Across => true,
         }
     }
-    /// From the coordinates after the blow-up to those before it.
+    /// Converts coordinates after the blow-up to those before it.
     #[inline]
     pub(super) fn lower(self, [x, y]: [f64; 2]) -> [f64; 2] {
         match self {
@@ -35,7 +35,7 @@ impl Step {
             Self::Across => [x * y, y],
         }
     }
-    /// From the coordinates before the blow-up to those after it.
+    /// Converts coordinates before the blow-up to those after it.
     #[inline]
     pub(super) fn lift(self, [x, y]: [f64; 2]) -> [f64; 2] {
         match self {
@@ -45,30 +45,31 @@ impl Step {
     }
 }
 
-/// The blow-ups that lead to the last one of base points, each infinitely near to the one before.
+/// Returns the blow-ups that lead to the last one of base points, each infinitely near to the one
+/// before.
 pub(super) fn steps_of(chain: &[&Near]) -> Vec<Step> {
     chain.iter().map(|near| Step::to(near)).collect()
 }
 
-/// Whether the first axis of a base point, and the second one, lead to the last node of a chain,
-/// too.
+/// Returns true for each of the two axes of a base point that passes through the last node of a
+/// chain, too.
 pub(super) fn lifts(chain: &[Step]) -> [bool; 2] {
     [Step::Across, Step::Along(0.0)].map(|along| chain.iter().all(|step| *step == along))
 }
 
-/// An exceptional line: what a base point, or one infinitely near to it, is blown up to.
+/// The exceptional line to which a base point, or one infinitely near to it, is blown up.
 pub(super) struct Line<'a> {
-    /// The base points that lead to it, each infinitely near to the one before.
+    /// Base points that lead to it, each infinitely near to the one before.
     pub(super) chain: Vec<&'a Near>,
-    /// Whether the first axis, and the second one, of its coordinates is the line of another node.
+    /// True for each of the two axes of its coordinates that is the line of another node.
     pub(super) crosses: [bool; 2],
     pub(super) seam: &'a Seam,
-    /// The numbers of the lines of the points that are near to it.
+    /// Indices of the lines of the points infinitely near to it.
     pub(super) children: Vec<usize>,
 }
 
 impl<'a> Line<'a> {
-    /// All exceptional lines of a base point, parents first.
+    /// Lists all exceptional lines of a base point, parents first.
     pub(super) fn all(base: &'a BasePoint) -> Vec<Self> {
         let mut found = Vec::new();
         Self::collect(&base.seam, &[], [false; 2], &mut found);
@@ -120,25 +121,25 @@ impl Form {
 pub(super) struct Node {
     /// Blow-ups that lead to it.
     pub(super) chain: Vec<Step>,
-    /// The seam curve's forms: coefficients of aᵈ, aᵈ⁻¹b, …, bᵈ.
+    /// Forms of the seam curve: coefficients of aᵈ, aᵈ⁻¹b, …, bᵈ.
     curve: [Vec<f64>; 4],
-    /// Whether the seam is one point only.
+    /// True if the seam is a single point.
     pub(super) is_constant: bool,
-    /// The pairs of directions with one image, if the seam runs twice through its points. Partners
-    /// of directions are directions.
+    /// Involution of the directions with one image, if the seam covers its image twice; then the
+    /// partner of each direction is a direction, too.
     pub(super) cover: Option<Involution>,
-    /// Whether two directions have one image everywhere.
+    /// True if the seam covers its image twice.
     pub(super) is_double: bool,
-    /// The marks of directions, ascending by angle in [0, π).
+    /// Marks of the directions, ascending by angle in [0, π).
     pub(super) marks: Vec<Mark>,
-    /// X, Y, Z and W there, without what vanishes on exceptional lines; empty if there is no other
-    /// node.
+    /// X, Y, Z and W there, without the factors that vanish on exceptional lines; empty if there is
+    /// no other node.
     pub(super) forms: [Form; 4],
 }
 
 impl Node {
     pub(super) fn new(line: &Line<'_>, marks: Vec<Mark>, cover: Option<Involution>) -> Self {
-        // Where other seams begin their vertices have other names.
+        // // At the starts of other seams the vertices have other names.
         let begins = (0..marks.len()).any(|k| {
             let before = &marks[(k + marks.len() - 1) % marks.len()];
             marks[k].is_near() && (marks[k].is_inside || before.is_inside)
@@ -154,17 +155,17 @@ impl Node {
             forms: line.seam.forms.each_ref().map(|f| Form::rounded(f)),
         }
     }
-    /// X, Y, Z and W of the seam curve in a direction.
+    /// Returns X, Y, Z and W of the seam curve in a direction.
     pub(super) fn seam_at(&self, at: [f64; 2]) -> [f64; 4] {
         self.curve.each_ref().map(|form| eval(form, at))
     }
-    /// X, Y, Z and W at a point.
+    /// Returns X, Y, Z and W at a point.
     pub(super) fn value(&self, at: [f64; 2]) -> [f64; 4] {
         self.forms.each_ref().map(|form| form.eval(at))
     }
 }
 
-/// The value of a form of which the coefficients of aᵈ, aᵈ⁻¹b, …, bᵈ are given.
+/// Evaluates a form given by the coefficients of aᵈ, aᵈ⁻¹b, …, bᵈ.
 fn eval(form: &[f64], [a, b]: [f64; 2]) -> f64 {
     let d = form.len() - 1;
     let term = |(j, c): (usize, &f64)| c * a.powi((d - j) as i32) * b.powi(j as i32);

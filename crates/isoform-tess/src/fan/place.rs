@@ -1,4 +1,4 @@
-//! The coordinates of a base point's nodes, and of the unit triangles.
+//! Coordinate changes between a base point's nodes and the unit triangles.
 
 use super::Fan;
 use super::direction::{Direction, Key};
@@ -6,47 +6,48 @@ use super::node::lifts;
 use isoform_algebra::QUADRANTS;
 use isoform_geom::plane::{cross, dot};
 
-/// The distance from its node, in the node's coordinates, at which a ray of a tree is taken to
-/// begin: near enough for the base point's own coordinates to tell rays apart by order, and a power
-/// of two, so that scaling is exact.
+/// Distance from its node, in the node's coordinates, of the point that stands for the start of a
+/// ray of a tree: near enough for the base point's own coordinates to show the order of rays, and a
+/// power of two, so that scaling is exact.
 const BEGINNING: f64 = 1.0 / 1024.0;
 
-/// Homogeneous coordinates with the signs of a quadrant.
+/// Multiplies homogeneous coordinates by the signs of a quadrant.
 #[inline]
 fn signed(quadrant: usize, x: [f64; 3]) -> [f64; 3] {
     let [s, t] = QUADRANTS[quadrant].map(|s| s as f64);
     [s * x[0], t * x[1], x[2]]
 }
 
-/// The sign that homogeneous coordinates, signed as above, need to be in the unit triangle, if they
-/// are in it.
+/// Returns the sign by which homogeneous coordinates, signed as above, become coordinates of the
+/// unit triangle, if the point is in it.
 fn sign_in(y: [f64; 3]) -> Option<f64> {
     let is_in = |sign: &f64| y.iter().all(|y| sign * y >= 0.0);
     [1.0, -1.0].into_iter().find(is_in)
 }
 
 impl Fan {
-    /// The sign of the base point's coordinates in a quadrant, and these positive, if it is in it.
+    /// Returns the sign of the base point's coordinates in a quadrant and their absolute values, if
+    /// the point is in it.
     fn point_in(&self, quadrant: usize) -> Option<(f64, [f64; 3])> {
         let y = signed(quadrant, self.point);
         let sign = sign_in(y)?;
         Some((sign, y.map(|y| sign * y)))
     }
-    /// A displacement in the coordinates of the base point as one of (s, t, w).
+    /// Converts a displacement in the coordinates of the base point to one of (s, t, w).
     fn shift(&self, [a, b]: [f64; 2]) -> [f64; 3] {
         let mut x = [0.0; 3];
         x[self.variables[0]] = a;
         x[self.variables[1]] = b;
         x
     }
-    /// u and v in the unit triangle of a quadrant, if the point is in it.
+    /// Returns u and v of the base point in the unit triangle of a quadrant, if it is in it.
     pub(crate) fn place(&self, quadrant: usize) -> Option<[f64; 2]> {
         let (_, y) = self.point_in(quadrant)?;
         let sum: f64 = y.iter().sum();
         Some([y[0] / sum, y[1] / sum])
     }
-    /// A displacement in the coordinates of the base point as one in the unit triangle, up to a
-    /// positive factor, if it leads into it or along its sides.
+    /// Converts a displacement in the coordinates of the base point to one in the unit triangle, up
+    /// to a positive factor, if it leads into the triangle or along its sides.
     fn displaced(&self, quadrant: usize, by: [f64; 2]) -> Option<[f64; 2]> {
         let (sign, y) = self.point_in(quadrant)?;
         let dy = signed(quadrant, self.shift(by)).map(|y| sign * y);
@@ -58,8 +59,8 @@ impl Fan {
         let is_along_third_side = y[2] == 0.0 && dy[2] == 0.0;
         Some(if is_along_third_side { [u, -u] } else { [u, v] })
     }
-    /// The direction ± d in the unit triangle of a quadrant, if it leads into it or along its
-    /// sides. For the base point's own directions.
+    /// Returns the direction ± d in the unit triangle of a quadrant, if it leads into the triangle
+    /// or along its sides; for directions of the base point itself.
     pub(crate) fn direction_in(
         &self,
         quadrant: usize,
@@ -68,8 +69,8 @@ impl Fan {
     ) -> Option<[f64; 2]> {
         self.displaced(quadrant, d.signed(backward))
     }
-    /// Where the beginning of a ray is in the unit triangle, if it is in it: a small displacement
-    /// up to a positive factor.
+    /// Returns the start of a ray as a small displacement in the unit triangle, up to a positive
+    /// factor, if it is in the triangle.
     pub(crate) fn beginning(
         &self,
         quadrant: usize,
@@ -82,7 +83,8 @@ impl Fan {
         let near = d.signed(backward).map(|x| x * BEGINNING);
         self.displaced(quadrant, self.lowered(d.node, near))
     }
-    /// Whether counterclockwise in the coordinates of the base point is so in a unit triangle.
+    /// Returns true if the coordinates of the base point and of a unit triangle have one
+    /// orientation.
     pub(crate) fn keeps_turn(&self, quadrant: usize) -> bool {
         let y = signed(quadrant, self.point);
         let sign = if y.iter().sum::<f64>() < 0.0 {
@@ -98,20 +100,20 @@ impl Fan {
         });
         cross(a, b) > 0.0
     }
-    /// The coordinates of the base point from the coordinates of a node.
+    /// Converts coordinates of a node to those of the base point.
     pub(super) fn lowered(&self, node: usize, at: [f64; 2]) -> [f64; 2] {
         let steps = self.nodes[node].chain.iter().rev();
         steps.fold(at, |at, step| step.lower(at))
     }
-    /// A point of a unit triangle in the coordinates of a node.
+    /// Converts a point of a unit triangle to the coordinates of a node.
     pub(crate) fn lifted(&self, quadrant: usize, [u, v]: [f64; 2], node: usize) -> [f64; 2] {
         let x = signed(quadrant, [u, v, 1.0 - u - v]);
         let local = self.variables.map(|k| x[k] / x[self.one] - self.point[k]);
         let steps = self.nodes[node].chain.iter();
         steps.fold(local, |at, step| step.lift(at))
     }
-    /// The point of a ray at a distance in the coordinates of its node, if it is in the unit
-    /// triangle.
+    /// Returns the point of a ray at a distance in the coordinates of its node, if it is in the
+    /// unit triangle.
     pub(crate) fn on_ray(
         &self,
         quadrant: usize,
@@ -129,7 +131,8 @@ impl Fan {
         Some([sign * y[0] / sum, sign * y[1] / sum])
     }
 
-    /// The lines s = 0, t = 0, w = 0 that lead through the base point in a direction.
+    /// Returns the indices of the lines s = 0, t = 0, w = 0 that pass through the base point in a
+    /// direction.
     pub(crate) fn sides_along(&self, d: &Direction) -> impl Iterator<Item = usize> {
         let lifts = lifts(&self.nodes[d.node].chain);
         let is_along = [0, 1].map(|i| {
@@ -144,7 +147,7 @@ impl Fan {
     pub(crate) fn is_side(&self, d: &Direction) -> bool {
         self.sides_along(d).next().is_some()
     }
-    /// The ray along a side toward a point of it.
+    /// Returns the ray along a side toward a point of that side.
     pub(crate) fn ray_along(
         &self,
         quadrant: usize,

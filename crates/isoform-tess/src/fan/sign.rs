@@ -1,25 +1,25 @@
-//! Whether W keeps its sign in a sector.
+//! Proof that W keeps its sign in a sector.
 
 use super::node::Form;
 use super::{Fan, Sector};
 use isoform_geom::plane::{cross, dot};
 
-/// A proof that a polynomial keeps its sign on a triangle, of which the first corner may be the
-/// origin.
+/// A proof that a polynomial keeps its sign on a triangle; the flag is true if the first corner is
+/// the origin.
 type Proof<'a> = &'a dyn Fn(&Form, [[f64; 2]; 3], bool) -> bool;
 
-/// The factor by which the triangles of a proof are larger than they have to be: much more than
-/// rounding, and little enough not to spoil the proof.
+/// Factor by which the triangles of a proof are enlarged: well above rounding, and small enough not
+/// to spoil the proof.
 const ROOM: f64 = 1.02;
 /// The part of its rays that the triangle of a proof holds at least, in the coordinates of their
 /// node: it is not empty where no points are given.
 const LEAST: f64 = 1e-9;
 
 impl Fan {
-    /// Whether W keeps its sign between the two rays of a sector, from the base point to points of
-    /// the unit triangle: those on the chord between the rays, and others that the sector reaches
-    /// to. In the coordinates of the node farther away from the base point, where W is divided by
-    /// what vanishes on exceptional lines.
+    /// Returns true if W is proved to keep its sign between the two rays of a sector, from the base
+    /// point to points of the unit triangle: those on the chord between the rays, and others up to
+    /// which the sector extends. The proof uses the coordinates of the node farther from the base
+    /// point, in which W is divided by the factors that vanish on exceptional lines.
     pub(crate) fn keeps_sign(
         &self,
         quadrant: usize,
@@ -51,8 +51,8 @@ impl Fan {
     }
 }
 
-/// The directions of the least cone that holds two directions and points, on the hand on which the
-/// second one is of the first.
+/// Returns the bounding directions of the smallest cone that contains two directions and points;
+/// `turn` is the orientation of the two directions.
 fn cone_around([mut p, mut q]: [[f64; 2]; 2], points: &[[f64; 2]], turn: f64) -> [[f64; 2]; 2] {
     for x in points {
         let x = x.map(|c| c / x[0].hypot(x[1]));
@@ -66,7 +66,7 @@ fn cone_around([mut p, mut q]: [[f64; 2]; 2], points: &[[f64; 2]], turn: f64) ->
     [p, q]
 }
 
-/// A triangle with its first corner in the origin that holds the beginnings of two rays, and
+/// Returns a triangle with its first corner in the origin that contains the starts of two rays, and
 /// points.
 fn triangle_around([a, b]: [[f64; 2]; 2], mut points: Vec<[f64; 2]>) -> Option<[[f64; 2]; 3]> {
     let turn = cross(a, b).signum();
@@ -79,7 +79,7 @@ fn triangle_around([a, b]: [[f64; 2]; 2], mut points: Vec<[f64; 2]>) -> Option<[
 }
 
 /// A sector between the seams of two nodes, in the coordinates of the deeper one: from its ray to
-/// the exceptional line of the other, which is an axis.
+/// the exceptional line of the other one, which is an axis.
 ///
 /// ```text
 ///   beside
@@ -103,12 +103,12 @@ impl Crossing {
         };
         Self { along, beside, ray }
     }
-    /// The coordinates along the line and beside it.
+    /// Returns the coordinates along the line and perpendicular to it.
     fn split(&self, x: [f64; 2]) -> [f64; 2] {
         [dot(x, self.along), dot(x, self.beside)]
     }
-    /// The triangles, one or two of them, that hold the sector as far as some points; none if one
-    /// of these is beyond the line.
+    /// Returns one or two triangles that contain the sector up to some points; `None` if one of the
+    /// points is beyond the line.
     ///
     /// ```text
     ///       p ---- q     p is on the ray, or on the steepest of the points

@@ -1,12 +1,4 @@
-//! The walk around a base point, which leads along both sides of all of its exceptional lines.
-//!
-//! ```text
-//!          ray   near point           A small circle around the node comes to the direction of a
-//!            \     |     ray          near point, and walks along half of that point's line, from
-//!             \  .-|-.  /             one crossing with the node's own line to the other; then it
-//!              .'  |  '.              goes on behind the direction. Where another line goes through
-//!   ----------(---node--)-------      the near point itself, the half is two quarters.
-//! ```
+//! The walk around a base point along both sides of all of its exceptional lines.
 
 use super::direction::Direction;
 use super::marks::{Mark, Target};
@@ -14,36 +6,36 @@ use super::node::Step;
 use super::{Fan, Sector};
 use crate::finding::Unopened;
 
-/// A ray that the walk comes to.
+/// A ray on the walk.
 struct Station {
-    /// The direction, and whether the ray is backward.
+    /// Index of the direction, with true if the ray is backward.
     ray: (usize, bool),
     before: Neighbour,
     after: Neighbour,
 }
 
-/// The mark before a station, or after it.
+/// The mark before or after a station.
 struct Neighbour {
     at: [f64; 2],
-    /// Whether the seam is in the box between the mark and the station.
+    /// True if the seam is in the box between the mark and the station.
     is_inside: bool,
 }
 
-/// An event of the walk.
+/// A ray or a corner on the walk.
 enum Event {
     Station(Station),
     Corner(Direction),
 }
 
-/// The marks of a node, and after them those in the opposite directions: positions count them
-/// counterclockwise, on and on.
+/// The marks of a node, followed by those in the opposite directions: positions count them
+/// counterclockwise, modulo their number.
 struct Circle<'a>(&'a [Mark]);
 
 impl<'a> Circle<'a> {
     fn len(&self) -> i64 {
         2 * self.0.len() as i64
     }
-    /// The mark at a position, and whether it is in the opposite direction.
+    /// Returns the mark at a position, with true if it is in the opposite direction.
     fn at(&self, position: i64) -> (&'a Mark, bool) {
         let p = position.rem_euclid(self.len()) as usize;
         let n = self.0.len();
@@ -53,7 +45,7 @@ impl<'a> Circle<'a> {
         let (mark, backward) = self.at(position);
         mark.direction.signed(backward)
     }
-    /// The mark that follows on a position in the sense of `turn`, 1 or −1.
+    /// Returns the mark next to a position in the sense of `turn`, 1 or −1.
     fn neighbour(&self, position: i64, turn: i64) -> Neighbour {
         let lower = if turn > 0 { position } else { position - 1 };
         Neighbour {
@@ -61,7 +53,7 @@ impl<'a> Circle<'a> {
             is_inside: self.at(lower).0.is_inside,
         }
     }
-    /// The position of an axis, which is marked.
+    /// Returns the position of an axis, which is marked.
     fn axis(&self, v: [f64; 2]) -> i64 {
         let place = self
             .0
@@ -76,7 +68,8 @@ impl<'a> Circle<'a> {
     }
 }
 
-/// A position in the walk: of a node's circle, counterclockwise or clockwise, 1 or −1.
+/// A position of the walk on the circle of a node; `turn` is 1 for counterclockwise and −1 for
+/// clockwise.
 #[derive(Clone, Copy)]
 struct Position {
     node: usize,
@@ -84,7 +77,7 @@ struct Position {
     turn: i64,
 }
 
-/// The part of a near point's line that is walked.
+/// Part of a near point's line that is traversed.
 #[derive(Clone, Copy)]
 enum Stretch {
     Half,
@@ -95,7 +88,7 @@ enum Stretch {
 }
 
 impl Fan {
-    /// The stations of the walk, each with the corners between it and the next.
+    /// Returns the stations of the walk, each with the corners between it and the next one.
     fn stations(&self) -> Vec<(Station, Vec<Direction>)> {
         let mut stations: Vec<(Station, Vec<Direction>)> = Vec::new();
         let mut first = Vec::new();
@@ -110,7 +103,7 @@ impl Fan {
         }
         stations
     }
-    /// The sectors, from the marks of all nodes.
+    /// Computes the sectors from the marks of all nodes.
     pub(super) fn arrange(&mut self) {
         let stations = self.stations();
         let n = stations.len();
@@ -136,7 +129,7 @@ impl Fan {
     fn circle(&self, node: usize) -> Circle<'_> {
         Circle(&self.nodes[node].marks)
     }
-    /// All around the base point, counterclockwise.
+    /// Returns the events of the walk around the base point, counterclockwise.
     fn walk_around(&self) -> Vec<Event> {
         let mut events = Vec::new();
         for at in 0..self.circle(0).len() {
@@ -149,8 +142,8 @@ impl Fan {
         }
         events
     }
-    /// From a position of a near point's line to another one. Both are exceptional lines, and the
-    /// walk is on one side of each.
+    /// Walks from a position of a near point's line to another one. Both are exceptional lines, and
+    /// the walk is on one side of each.
     fn walk_line(&self, start: Position, end: i64, events: &mut Vec<Event>) {
         let Position { node, at, turn } = start;
         let length = (turn * (end - at)).rem_euclid(self.circle(node).len());
@@ -167,7 +160,7 @@ impl Fan {
             self.pass(position, stretch, events);
         }
     }
-    /// Comes to a position, and walks along the line of the point that is near there.
+    /// Visits a position; if a point is near there, walks along its line.
     fn pass(&self, position: Position, stretch: Stretch, events: &mut Vec<Event>) {
         let Position { node, at, turn } = position;
         let circle = self.circle(node);
@@ -185,7 +178,7 @@ impl Fan {
             }
         }
     }
-    /// The beginning and the end of the walk along the line of a point that is near in the
+    /// Returns the start and the end of the walk along the line of a point that is near in the
     /// direction of a vector.
     fn detour(
         &self,
