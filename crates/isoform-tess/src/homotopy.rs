@@ -1,4 +1,5 @@
-//! Solutions of equations that move with a time, followed from the time 0 to 1.
+//! Homotopy continuation: solutions of equations with a time parameter, tracked from the time 0 to
+//! 1.
 
 use crate::complex::C;
 
@@ -10,7 +11,7 @@ const LITTLE_OFF: f64 = 2e-6;
 /// Steps below this are none: the path comes to a singular point.
 const LEAST: f64 = 1e-7;
 
-/// A piece of time: `by` long, but for rounding at its end.
+/// A time step; its length is `by`, up to the rounding of its end `to`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Span {
     from: f64,
@@ -18,11 +19,10 @@ pub(crate) struct Span {
     pub(crate) to: f64,
 }
 
-/// The solution at the time 1 from one at the time 0; `step` leads it over a span
-/// and says how far off its prediction was.
+/// Tracks a solution from the time 0 to the time 1; `step` advances it over a span and returns the
+/// error of its prediction.
 ///
-/// # Errors
-/// The time and the solution up to which it was followed, if not to the end.
+/// # Errors The time and the solution at which tracking stopped, if not at the end.
 pub(crate) fn follow<T: Copy>(
     start: &T,
     step: impl Fn(&T, Span) -> Option<(T, f64)>,
@@ -48,8 +48,8 @@ pub(crate) fn follow<T: Copy>(
     Ok(at)
 }
 
-/// The step of a solution over a span, by the classical method of Runge and Kutta: `slope` is asked
-/// for at a time, moved from the start by a vector times a factor.
+/// Returns the step of a solution over a span, by the classical Runge–Kutta method. The arguments
+/// of `slope` are the time, and a vector with a factor by which the start is displaced.
 pub(crate) fn runge_kutta<const N: usize>(
     span: Span,
     slope: impl Fn(f64, &[C; N], f64) -> Option<[C; N]>,
@@ -64,8 +64,9 @@ pub(crate) fn runge_kutta<const N: usize>(
     }))
 }
 
-/// The solution by Newton's method, and the length of the first step: `step` makes one, and says
-/// how long it is. Convergence is quadratic: below `done` the next one would be lost in rounding.
+/// Finds a solution by Newton's method, and returns it with the length of the first step; `step`
+/// returns the next iterate and the length of the step to it. Convergence is quadratic: after a
+/// step below `done`, the next one would be lost in rounding.
 pub(crate) fn newton<T: Copy>(
     start: &T,
     done: f64,

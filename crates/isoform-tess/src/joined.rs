@@ -1,13 +1,14 @@
-//! Triangles of several patches as one mesh, joined along the sides that they have in common.
+//! Triangles of several patches as one mesh, joined along common sides.
 //!
-//! Sides with the same control points, in either order, are one curve. Its vertices are the
-//! vertices of all patches at it: where one patch lacks a vertex of another, its triangle there is
-//! divided. The sides of a domain are straight in the parameters, so that what is proved of a
-//! triangle holds for its parts.
+//! Sides with equal control points, in either order, are one curve. Its vertices are those of all
+//! patches at it: if a patch lacks a vertex of another one, its triangle there is divided. The
+//! sides of a domain are straight in the parameters, so that a statement proved for a triangle
+//! holds for its parts.
 //!
-//! - *member*: a side of a patch that is a given curve.
-//! - *place*: a number from 0 to 1 along a side, or along the curve, which a side may run against.
-//! - *weld*: to give vertices that are one the same number.
+//! - *member*: a side of a patch, as part of a given curve.
+//! - *place*: a number from 0 to 1 along a side, or along the curve, whose direction may be
+//!   opposite.
+//! - *weld*: to give coincident vertices one index.
 
 mod weld;
 
@@ -17,12 +18,13 @@ use isoform_algebra::RBig;
 use std::collections::BTreeMap;
 use weld::{PatchVertex, weld};
 
-/// Places along a side, and points in half widths of the box, that are nearer to each other are
-/// one: both sides are divided at the same doubles, from which they differ by rounding. Larger, and
-/// vertices are joined over short edges; smaller, and edges stay open, which is counted.
+/// Distance up to which two places along a side, or two points in half widths of the box, are one:
+/// both sides are divided at equal doubles, up to rounding. If it is larger, vertices are joined
+/// over short edges; if it is smaller, edges stay open, which is counted.
 const SAME: f64 = 1e-9;
 
-/// Control points up to a common factor: divided by their first coordinate that is not 0.
+/// Scales control points to a canonical representative: divides them by their first non-zero
+/// coordinate.
 fn projective(points: &[&ControlPoint]) -> Vec<ControlPoint> {
     let mut coordinates = points.iter().flat_map(|p| p.iter());
     let first = coordinates.find(|x| !x.is_zero());
@@ -31,7 +33,7 @@ fn projective(points: &[&ControlPoint]) -> Vec<ControlPoint> {
     scaled.collect()
 }
 
-/// A side of a patch, and whether it runs against the curve that it shares.
+/// A side of a patch, with true if its direction is opposite to that of the shared curve.
 #[derive(Clone, Copy, Debug)]
 struct Member {
     patch: usize,
@@ -40,17 +42,17 @@ struct Member {
 }
 
 impl Member {
-    /// A place along the curve as one along the side, or the other way around.
+    /// Converts a place along the curve to one along the side, or vice versa.
     fn turned(self, x: f64) -> f64 {
         if self.is_reversed { 1.0 - x } else { x }
     }
-    /// Whether the corner of a triangle with some borders is on the side.
+    /// Returns true if the corner of a triangle with given borders is on the side.
     fn holds(self, borders: u64) -> bool {
         borders >> self.side & 1 == 1
     }
 }
 
-/// The sides by the curves that they are; sides that are one point are none.
+/// Groups the sides by their curves; sides that are a single point are left out.
 fn curves(patches: &[Patch]) -> Vec<Vec<Member>> {
     let mut found: BTreeMap<Vec<ControlPoint>, Vec<Member>> = BTreeMap::new();
     for (patch, p) in patches.iter().enumerate() {
@@ -74,8 +76,8 @@ fn curves(patches: &[Patch]) -> Vec<Vec<Member>> {
     found.into_values().collect()
 }
 
-/// The place of parameters along a side, 0 and 1 at its ends in the order of the sides; all patches
-/// lie in the first unit triangle.
+/// Returns the place of parameters along a side, 0 and 1 at its ends in the order of the sides. All
+/// patches lie in the first unit triangle.
 fn place(side: usize, [u, v]: [f64; 2]) -> f64 {
     let w = 1.0 - u - v;
     match side {
@@ -99,13 +101,13 @@ fn parameters(side: usize, x: f64) -> [f64; 2] {
 /// An edge of a triangle on a side of a patch.
 struct SideEdge {
     triangle: usize,
-    /// The corner in which the edge begins, counterclockwise.
+    /// Index of the corner at which the edge begins, counterclockwise.
     corner: usize,
-    /// Whether that is the first of the two vertices asked for.
+    /// True if that corner is the first of the two given vertices.
     is_forward: bool,
 }
 
-/// A corner of a triangle: its vertex, parameters, and borders.
+/// Corner of a triangle: its vertex, parameters, and borders.
 type Corner = (u32, [f64; 2], u64);
 
 impl Surface {
@@ -121,7 +123,7 @@ impl Surface {
         list.sort_by(|a, b| a.0.total_cmp(&b.0));
         list
     }
-    /// The edge between two vertices on a side.
+    /// Returns the edge between two vertices on a side.
     fn edge_on(&self, m: Member, ends: [u32; 2]) -> Option<SideEdge> {
         let [a, b] = ends;
         let mut all = self.triangles.iter().zip(&self.borders).enumerate();
@@ -143,7 +145,7 @@ impl Surface {
         (self.triangles[t][i], self.corners[t][i], self.borders[t][i])
     }
 
-    /// Adds a vertex of a border, on faces of the box: its number.
+    /// Adds a vertex on a border, with its faces of the box, and returns its index.
     fn add_border_vertex(&mut self, p: Point3, faces: u8) -> u32 {
         let number = self.points.len() as u32;
         self.points.push(p);
@@ -152,8 +154,8 @@ impl Surface {
         self.double.push(false);
         number
     }
-    /// Divides the triangle at a side between two vertices next to each other in further vertices,
-    /// given by place along the curve and position: their numbers. None if there is no such
+    /// Divides the triangle at a side, between two adjacent vertices, at further vertices, given by
+    /// place along the curve and position. Returns the new indices; `None` if there is no such
     /// triangle.
     fn divide(&mut self, m: Member, ends: [u32; 2], new: &[(f64, Point3)]) -> Option<Vec<u32>> {
         let edge = self.edge_on(m, ends)?;
@@ -176,7 +178,7 @@ impl Surface {
         }
         Some(made)
     }
-    /// Puts a triangle in the place of another one, or beside it.
+    /// Writes a triangle over another one, or appends it.
     fn put(&mut self, parts: [Corner; 3], old: usize, in_place: bool) {
         let (triangle, corners) = (parts.map(|c| c.0), parts.map(|c| c.1));
         let borders = parts.map(|c| c.2);
@@ -194,16 +196,16 @@ impl Surface {
     }
 }
 
-/// A place of a shared curve.
+/// A place on a shared curve.
 struct Shared {
-    /// From 0 to 1.
+    /// Place along the curve, from 0 to 1.
     place: f64,
-    /// The vertex of each member there.
+    /// Vertex of each member there; `None` where a member lacks one.
     vertices: Vec<Option<u32>>,
 }
 
 impl Shared {
-    /// A place at which only one of several members has a vertex.
+    /// Creates a place at which only one member has a vertex.
     fn new(place: f64, members: usize, (member, vertex): (usize, u32)) -> Self {
         let mut vertices = vec![None; members];
         vertices[member] = Some(vertex);
@@ -211,7 +213,7 @@ impl Shared {
     }
 }
 
-/// A curve that several sides are, with the places at which any of them has a vertex.
+/// A curve shared by several sides, with the places at which any of them has a vertex.
 struct Curve {
     members: Vec<Member>,
     places: Vec<Shared>,
@@ -252,7 +254,7 @@ impl Curve {
         let PatchVertex { patch, vertex } = first.expect("a vertex at every place");
         surfaces[patch].points[vertex as usize]
     }
-    /// Gives each member a vertex at every place between two of its own.
+    /// Adds a vertex to each member at every place between two of its own.
     fn complete(&mut self, surfaces: &mut [Surface]) {
         for k in 0..self.members.len() {
             let has_vertex = |&i: &usize| self.places[i].vertices[k].is_some();
@@ -274,8 +276,8 @@ impl Curve {
     }
 }
 
-/// One surface of the surfaces of patches over [0, 1]²; `patches` says which each triangle is of.
-/// Reports what does not fit.
+/// Joins the surfaces of patches over [0, 1]² into one; `patches` of the result tells the patch of
+/// each triangle. Mismatches become findings.
 pub(crate) fn join(patches: &[Patch], mut surfaces: Vec<Surface>, half_width: f64) -> Surface {
     let mut seams = Seams {
         pairs: Vec::new(),
@@ -299,13 +301,13 @@ pub(crate) fn join(patches: &[Patch], mut surfaces: Vec<Surface>, half_width: f6
     weld(patches, surfaces, &seams, half_width)
 }
 
-/// The curves and vertices that patches have in common.
+/// Curves and vertices shared by patches.
 struct Seams {
-    /// Vertices that are one.
+    /// Pairs of coincident vertices.
     pairs: Vec<[PatchVertex; 2]>,
-    /// The sides of each patch that others share, as bits.
+    /// Shared sides of each patch, as bits.
     shared: Vec<u64>,
-    /// The most sides that are one curve.
+    /// Maximum number of sides that are one curve.
     most: usize,
 }
 

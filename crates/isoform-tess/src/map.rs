@@ -1,26 +1,27 @@
-//! A rational map (s, t) ↦ (X/W, Y/W, Z/W) as four forms of one degree in (s : t : w), checked.
+//! A rational map (s, t) ↦ (X/W, Y/W, Z/W), validated and stored as four forms of equal degree in
+//! (s : t : w).
 
 use dashu_base::{Gcd, UnsignedAbs};
 use isoform_algebra::{Exponents, ParseError, ParseProblem, Poly, RBig, UBig, image_dimension};
 
-/// Names of the four polynomials, in the order in which they are kept.
+/// Names of the four polynomials, in storage order.
 pub const KEYS: [&str; 4] = ["X", "Y", "Z", "W"];
 
 /// Names of the variables of the forms: variables 0, 1 and 2 of every [`Poly`] here.
 pub const VARIABLES: [&str; 3] = ["s", "t", "w"];
 
-/// Largest degree of a map: beyond it the exact analysis is out of reach by orders of magnitude.
+/// Maximum degree of a map: beyond it the exact analysis is out of reach by orders of magnitude.
 pub const MAX_DEGREE: usize = 64;
 
-/// Why something is no rational map onto a surface.
+/// Reason why an input is not a rational map onto a surface.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MapError {
-    /// A text is no polynomial in s and t.
+    /// A text is not a polynomial in s and t.
     #[error("{key}, {error}")]
     NotAPolynomial {
         /// One of [`KEYS`].
         key: &'static str,
-        /// Where in the text, and what was expected there.
+        /// Position in the text, and what was expected there.
         error: ParseError,
     },
     /// A coefficient is infinite or NaN.
@@ -32,7 +33,7 @@ pub enum MapError {
     /// The degree is above [`MAX_DEGREE`].
     #[error("the map has degree {degree}, above {MAX_DEGREE}")]
     DegreeTooLarge {
-        /// The degree.
+        /// Degree of the map.
         degree: usize,
     },
     /// All four polynomials are zero.
@@ -56,7 +57,7 @@ pub enum MapError {
 }
 
 impl MapError {
-    /// A word for programs to tell the cases apart.
+    /// Returns an identifier of the error for programs.
     pub fn code(&self) -> &'static str {
         match self {
             Self::NotAPolynomial {
@@ -76,7 +77,7 @@ impl MapError {
             Self::NotASurface { .. } => "not_a_surface",
         }
     }
-    /// The polynomial concerned, if it is one of them: an element of [`KEYS`].
+    /// Returns the polynomial concerned, if it is a single one: an element of [`KEYS`].
     pub fn key(&self) -> Option<&'static str> {
         match self {
             Self::NotAPolynomial { key, .. } | Self::NotFinite { key } => Some(key),
@@ -84,7 +85,7 @@ impl MapError {
             _ => None,
         }
     }
-    /// The remedy, in one sentence.
+    /// Returns the remedy, in one sentence.
     pub fn hint(&self) -> &'static str {
         match self {
             Self::NotAPolynomial { error, .. } => match error.problem {
@@ -113,15 +114,16 @@ impl MapError {
     }
 }
 
-/// The options for maps that can be repaired.
+/// Options for the repair of maps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Options {
-    /// Remove a common factor instead of refusing the map; [`Map::removed`] then says which.
+    /// True to remove a common factor instead of refusing the map; [`Map::removed`] then returns
+    /// the factor.
     pub reduce: bool,
 }
 
 /// A rational map onto a surface: four forms of degree n in (s : t : w) with integer coefficients,
-/// without common factor.
+/// without a common factor.
 ///
 /// ```
 /// use isoform_tess::{Map, MapError, Options, VARIABLES};
@@ -130,7 +132,7 @@ pub struct Options {
 /// let sphere = Map::parse(sphere, Options::default())?;
 /// assert_eq!(sphere.degree(), 2);
 /// assert_eq!(sphere.forms()[0].display(&VARIABLES).to_string(), "2*s*w");
-/// // A cone over a circle is a surface, the circle itself is none.
+/// A cone over a circle is a surface, but the circle itself is not.
 /// let circle = Map::parse(["2*s", "1 - s^2", "0", "1 + s^2"], Options::default());
 /// assert_eq!(circle, Err(MapError::NotASurface { dimension: 1 }));
 /// # Ok::<(), MapError>(())
@@ -144,14 +146,12 @@ pub struct Map {
 }
 
 impl Map {
-    /// The map of four polynomials in s and t (variables 0 and 1).
+    /// Creates the map of four polynomials in s and t (variables 0 and 1).
     ///
-    /// # Errors
-    /// [`MapError`]: too high a degree, all zero, zero denominator, image not a surface, common
-    /// factor, in this order.
+    /// # Errors [`MapError`]: too high a degree, all zero, zero denominator, image not a surface,
+    /// common factor, in this order.
     ///
-    /// # Panics
-    /// If another variable occurs.
+    /// # Panics If another variable occurs.
     pub fn new(polynomials: [Poly; 4], options: Options) -> Result<Self, MapError> {
         assert!(
             polynomials.iter().all(|p| p.degree(2) + p.degree(3) == 0),
@@ -188,10 +188,9 @@ impl Map {
         })
     }
 
-    /// The map of four texts, X, Y, Z and W.
+    /// Parses a map from four texts, X, Y, Z and W.
     ///
-    /// # Errors
-    /// [`MapError`].
+    /// # Errors [`MapError`].
     pub fn parse(texts: [&str; 4], options: Options) -> Result<Self, MapError> {
         let mut polynomials: [Poly; 4] = Default::default();
         for ((p, text), key) in polynomials.iter_mut().zip(texts).zip(KEYS) {
@@ -201,11 +200,10 @@ impl Map {
         Self::new(polynomials, options)
     }
 
-    /// The map of terms (exponents of s and t, coefficient); the coefficients are taken as the
-    /// exact numbers that they are.
+    /// Creates the map of terms (exponents of s and t, coefficient). Each coefficient is taken as
+    /// the exact value of its double.
     ///
-    /// # Errors
-    /// [`MapError`].
+    /// # Errors [`MapError`].
     pub fn from_f64(terms: [&[([u16; 2], f64)]; 4], options: Options) -> Result<Self, MapError> {
         let mut polynomials: [Poly; 4] = Default::default();
         for ((p, terms), key) in polynomials.iter_mut().zip(terms).zip(KEYS) {
@@ -217,25 +215,25 @@ impl Map {
         Self::new(polynomials, options)
     }
 
-    /// X, Y, Z and W in s and t, with integer coefficients that have no factor in common.
+    /// Returns X, Y, Z and W in s and t, with integer coefficients without a common factor.
     pub fn affine(&self) -> &[Poly; 4] {
         &self.affine
     }
-    /// X, Y, Z and W as forms of degree [`Map::degree`] in s, t and w.
+    /// Returns X, Y, Z and W as forms of degree [`Map::degree`] in s, t and w.
     pub fn forms(&self) -> &[Poly; 4] {
         &self.forms
     }
-    /// The largest degree of the four polynomials.
+    /// Returns the largest degree of the four polynomials.
     pub fn degree(&self) -> usize {
         self.degree
     }
-    /// The common factor that was removed, in s and t.
+    /// Returns the common factor that was removed, in s and t.
     pub fn removed(&self) -> Option<&Poly> {
         self.removed.as_ref()
     }
 }
 
-/// Polynomials divided by a common factor, and the factor, unless it is a constant.
+/// Divides polynomials by a common factor, and returns the factor unless it is a constant.
 fn without_factor(polynomials: [Poly; 4], factor: Poly) -> ([Poly; 4], Option<Poly>) {
     if factor.is_constant() {
         return (polynomials, None);
@@ -244,14 +242,14 @@ fn without_factor(polynomials: [Poly; 4], factor: Poly) -> ([Poly; 4], Option<Po
     (polynomials.map(quotient), Some(factor))
 }
 
-/// The largest total degree.
+/// Returns the largest total degree.
 fn degree_of(polynomials: &[Poly; 4]) -> usize {
     let degrees = polynomials.iter().map(Poly::total_degree);
     degrees.max().unwrap_or(0)
 }
 
-/// The number by which all four are divided so that their coefficients are integers without common
-/// factor.
+/// Returns the number by which all four are divided to make their coefficients integers without a
+/// common factor.
 fn joint_content(polynomials: &[Poly; 4]) -> RBig {
     let (mut numerator, mut denominator) = (UBig::ZERO, UBig::ONE);
     for content in polynomials

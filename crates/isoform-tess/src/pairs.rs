@@ -1,26 +1,27 @@
 //! Pairs of parameters with one image, as points of a smooth curve.
 //!
-//! A pair of parameters p = m + h e, q = m − h e, scaled to φ(p) = φ(q), is written by m, e and λ =
-//! h²: with the even part E and the odd part h O of the polynomial h ↦ φ(m + h e), both polynomials
-//! in m, e and λ, it is a solution of O(m, e, λ) = 0, and E(m, e, λ) is the image. Pairs and their
-//! two orders are one then, and nothing is singular at a pinch point of Whitney, where λ = 0 and e
-//! is in the kernel of the differential: there a pair of real parameters (λ > 0) turns into one of
-//! conjugate ones (λ < 0).
+//! A pair of parameters p = m + h e, q = m − h e, scaled to φ(p) = φ(q), is represented by m, e and
+//! λ = h². Let E be the even part and h O the odd part of the polynomial h ↦ φ(m + h e); E and O
+//! are polynomials in m, e and λ. The pair is a solution of O(m, e, λ) = 0, and E(m, e, λ) is its
+//! image. So the two orders of a pair are one solution. The equations are regular at a pinch point
+//! of Whitney, where λ = 0 and e is in the kernel of the differential: there a pair of real
+//! parameters (λ > 0) turns into a conjugate pair (λ < 0).
 //!
-//! The double curve is known by its sections: the pairs in a general complex plane of space are
-//! found from one of them by monodromy, and are all of them if the sum of their images moves on a
-//! line with the plane (the trace test: A. J. Sommese, J. Verschelde and C. W. Wampler, *Symmetric
-//! functions applied to decomposing solution sets of polynomial systems*, 2002). They are followed
-//! into planes that cut the box into slices, and into its faces; from the real ones among them the
-//! arcs are traced.
+//! The double curve is determined by its sections. The pairs in a general complex plane of space
+//! are found from one of them by monodromy, and the trace test shows that none are missing: the sum
+//! of their images then moves on a line with the plane (A. J. Sommese, J. Verschelde and C. W.
+//! Wampler, *Symmetric functions applied to decomposing solution sets of polynomial systems*,
+//! 2002). They are tracked into planes that cut the box into slices, and into its faces; arcs are
+//! traced from the real pairs among them.
 //!
-//! - *pair*: two parameters with one image, by (m, e, λ); *real* if both are, or conjugate.
+//! - *pair*: two parameters with one image, by (m, e, λ); *real* if the parameters are real or
+//!   conjugate.
 //! - *section*: the pairs whose images lie in a plane.
 //! - *place*: a real pair on an arc, with the arc's direction.
-//! - *form* of a pair: one of the ways to write it, with signs or phases of its vectors.
-//! - *pinch*: a pair of one parameter, λ = 0.
+//! - *form* of a pair: a way to write it, by a choice of signs or phases of its vectors.
+//! - *pinch*: a pair of two equal parameters, λ = 0.
 //!
-//! All of this is in half widths of the box.
+//! All lengths are in half widths of the box.
 
 mod arcs;
 mod real;
@@ -39,7 +40,7 @@ use crate::complex::{
 use crate::homotopy::{follow, newton, runge_kutta};
 use crate::map::Map;
 
-/// A pair of parameters, of which m and e have the norm 1.
+/// A pair of parameters; m and e have the norm 1.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pair {
     m: V,
@@ -47,17 +48,17 @@ pub(crate) struct Pair {
     l: C,
 }
 
-/// The equations' unknowns: m, e, λ.
+/// A step of the unknowns m, e, λ.
 type Step = [C; 7];
 
-/// |λ| below which the two parts are computed from the coefficients in h, not from two values:
-/// divided by h, the difference of two values loses one digit there.
+/// |λ| below which the two parts are computed from the coefficients in h rather than from two
+/// values, whose difference, divided by h, loses one digit there.
 const SMALL: f64 = 0.02;
-/// Radius of the circle of h from whose values the coefficients come: of the size of m and e.
+/// Radius of the circle of the values h used to compute the coefficients: of the size of m and e.
 const RADIUS: f64 = 0.5;
 /// Predictions farther away than this are none.
 const FARTHEST: f64 = 0.3;
-/// Newton's method ends with steps below this: the next one would be lost in rounding.
+/// Length of the step after which Newton's method ends: the next one would be lost in rounding.
 const DONE: f64 = 1e-8;
 /// The least sine of the angle between the parameters of a pair that is not twice one parameter.
 const TWO_PARAMETERS: f64 = 1e-6;
@@ -71,7 +72,7 @@ const SEED_STEP: f64 = 0.5;
 /// The last of these steps: pairs are followed from there with [`DONE`].
 const SEED_DONE: f64 = 1e-9;
 
-/// Seven linear equations for a step: rows of coefficients, and the right-hand side.
+/// Seven linear equations for a step: rows of coefficients, each with its right-hand side.
 type Rows = [[C; 8]; 7];
 
 /// The principal square root.
@@ -86,10 +87,10 @@ fn turn(angle: f64) -> C {
     C::new(angle.cos(), angle.sin())
 }
 
-/// The forms and their gradients at m + h e for numbers h on a circle around 0.
+/// The forms and their gradients at m + h e for equally spaced numbers h on a circle around 0.
 struct Circle {
     values: Vec<([C; 4], [V; 4])>,
-    /// The angle between a number and the next.
+    /// Angle between successive numbers.
     angle: f64,
 }
 
@@ -106,8 +107,8 @@ impl Circle {
             angle,
         }
     }
-    /// The coefficients of a power of h, of the forms and of their gradients: the mean of the
-    /// values, each times a power of its place.
+    /// Returns the coefficients of a power of h, of the forms and of their gradients, by the
+    /// discrete Fourier transform of the values.
     fn coefficient(&self, k: usize) -> ([C; 4], [V; 4]) {
         let n = self.values.len();
         let scale = 1.0 / (n as f64 * RADIUS.powi(k as i32));
@@ -126,7 +127,7 @@ impl Circle {
     }
 }
 
-/// E or O, with its derivatives.
+/// The part E or O, with its derivatives.
 struct Part {
     value: [C; 4],
     by_m: [V; 4],
@@ -134,15 +135,15 @@ struct Part {
     by_l: [C; 4],
 }
 
-/// The even part and the odd part.
+/// The even and the odd part.
 struct Parts {
     even: Part,
     odd: Part,
 }
 
 impl Parts {
-    /// From the values, ∂E/∂m, ∂O/∂m and ∂O/∂λ: ∂O/∂e is ∂E/∂m, ∂E/∂e is λ ∂O/∂m, and ∂E/∂λ is
-    /// half of ∂O/∂m by e.
+    /// Creates the parts from the values, ∂E/∂m, ∂O/∂m and ∂O/∂λ: ∂O/∂e is ∂E/∂m, ∂E/∂e is λ ∂O/∂m,
+    /// and ∂E/∂λ is half of ∂O/∂m applied to e.
     fn new(
         pair: &Pair,
         [even, odd]: [[C; 4]; 2],
@@ -171,13 +172,13 @@ impl Pair {
         let h = sqrt(self.l);
         [h, -h].map(|h| [0, 1, 2].map(|i| self.m[i] + self.e[i] * h))
     }
-    /// The pair of two vectors with one image.
+    /// Creates the pair of two vectors with one image.
     fn of(p: &V, q: &V) -> Self {
         let m = [0, 1, 2].map(|i| (p[i] + q[i]).times(0.5));
         let e = [0, 1, 2].map(|i| (p[i] - q[i]).times(0.5));
         Self { m, e, l: C::ONE }.scaled()
     }
-    /// With vectors of norm 1.
+    /// Scales m and e to the norm 1.
     fn scaled(&self) -> Self {
         let size = |v: &V| v.iter().map(|c| c.norm2()).sum::<f64>();
         let (m, e) = (size(&self.m), size(&self.e));
@@ -194,7 +195,7 @@ impl Pair {
             l: self.l + d[6].times(h),
         }
     }
-    /// The distance of two pairs, in either order.
+    /// Returns the distance between two pairs, in the better one of the two orders.
     fn distance(&self, other: &Self) -> f64 {
         let [p, q] = self.parameters().map(|p| normalised(&p));
         let [a, b] = other.parameters().map(|p| normalised(&p));
@@ -202,7 +203,7 @@ impl Pair {
     }
 }
 
-/// The solution of a system by elimination with pivots; none if the system is singular.
+/// Solves a system by elimination with pivots; `None` if the system is singular.
 fn solve(mut a: Rows) -> Option<Step> {
     for k in 0..7 {
         let pivot = (k..7)
@@ -233,9 +234,9 @@ fn solve(mut a: Rows) -> Option<Step> {
     norm(&x).is_finite().then_some(x)
 }
 
-/// A map, for pairs of its parameters.
+/// A map with its equations for pairs of parameters.
 pub(crate) struct Pairs {
-    /// In units in which the box has the half width 1.
+    /// Forms of the map, in units in which the box has the half width 1.
     forms: [Form; 4],
     degree: usize,
 }
@@ -273,10 +274,11 @@ impl Pairs {
         Parts::new(pair, [even, odd], [even_by_m, odd_by_m], odd_by_l)
     }
 
-    /// From the coefficients of φ(m + h e) in h: even ones belong to E, odd ones to O.
+    /// Computes the parts from the coefficients of φ(m + h e) in h: even ones belong to E, odd ones
+    /// to O.
     fn parts_by_coefficients(&self, pair: &Pair) -> Parts {
         let circle = Circle::new(self, pair);
-        // Of even powers and of odd ones.
+        // Sums over even and over odd powers.
         let mut sums = [[C::ZERO; 4]; 2];
         let mut by_m = [[[C::ZERO; 3]; 4]; 2];
         let mut odd_by_l = [C::ZERO; 4];
@@ -304,7 +306,8 @@ impl Pairs {
         Parts::new(pair, sums, by_m, odd_by_l)
     }
 
-    /// The rows of the equations that a part is 0, with what keeps the norms of m and e.
+    /// Returns the rows of the equations that a part vanishes and that the norms of m and e are
+    /// kept.
     fn rows(&self, pair: &Pair, zero: &Part) -> Rows {
         let mut rows = [[C::ZERO; 8]; 7];
         for (i, row) in rows.iter_mut().enumerate().take(4) {
@@ -319,7 +322,7 @@ impl Pairs {
         }
         rows
     }
-    /// The row of a plane that holds the image.
+    /// Returns the row of the equation that the image lies in a plane.
     fn plane_row(image: &Part, plane: &Plane) -> [C; 8] {
         let mut row = [C::ZERO; 8];
         for i in 0..4 {
@@ -333,7 +336,8 @@ impl Pairs {
         row
     }
 
-    /// With vectors of norm 1, and of the multiples of q by roots of unity that nearest to p.
+    /// Scales m and e to the norm 1, after replacing q by its multiple by a root of unity nearest
+    /// to p.
     fn settled(&self, pair: &Pair) -> Pair {
         if pair.l.norm() > SMALL {
             let [p, q] = pair.parameters();
@@ -349,7 +353,7 @@ impl Pairs {
         pair.scaled()
     }
 
-    /// A step of Newton's method towards a pair in a plane.
+    /// Returns a step of Newton's method towards a pair in a plane.
     fn step(&self, plane: &Plane, pair: &Pair) -> Option<Step> {
         let parts = self.parts(pair);
         let mut rows = self.rows(pair, &parts.odd);
@@ -357,17 +361,16 @@ impl Pairs {
         solve(rows)
     }
 
-    /// A pair in the plane at the time 1 from one in that at the time 0.
+    /// Tracks a pair from the plane at the time 0 to the plane at the time 1.
     ///
-    /// # Errors
-    /// The time and the pair up to which it was followed, if not to the end.
+    /// # Errors The time and the pair at which tracking stopped, if not at the end.
     fn follow(&self, plane: &dyn Fn(f64) -> [Plane; 2], start: &Pair) -> Result<Pair, (f64, Pair)> {
         follow(start, |pair, span| {
             let d = runge_kutta(span, |time, d, h| {
                 let at = pair.moved(d, h);
                 let parts = self.parts(&at);
                 let [plane, speed] = plane(time);
-                // The norms at the start are kept.
+                // The norms at the start of the step are kept.
                 let mut rows = self.rows(pair, &parts.odd);
                 rows[4] = Self::plane_row(&parts.even, &plane);
                 for row in &mut rows {
@@ -388,7 +391,7 @@ impl Pairs {
         })
     }
 
-    /// Whether a solution is a pair: not twice one parameter, and no base points.
+    /// Returns true if a solution is a pair: two distinct parameters that are not base points.
     fn is_pair(&self, pair: &Pair) -> bool {
         let [p, q] = pair.parameters();
         let image = norm(&self.parts(pair).even.value);
@@ -396,7 +399,7 @@ impl Pairs {
         apart > TWO_PARAMETERS * (norm(&p) + norm(&q)) && image > NO_BASE_POINT
     }
 
-    /// A pair in a plane from a random start.
+    /// Finds a pair in a plane from a random start.
     fn seed(&self, plane: &Plane, stream: &mut Stream) -> Option<Pair> {
         let [l]: [C; 1] = stream.complex();
         let mut pair = Pair {
@@ -418,7 +421,8 @@ impl Pairs {
     }
 }
 
-/// Straight from one plane to another, times a factor, so that the planes in between are complex.
+/// Returns the linear path from a plane, times a phase, to another one; the phase makes the
+/// intermediate planes complex.
 fn between(from: Plane, to: Plane, phase: C) -> impl Fn(f64) -> [Plane; 2] {
     let from = from.map(|c| c * phase);
     let speed: Plane = [0, 1, 2, 3].map(|i| to[i] - from[i]);
@@ -440,7 +444,7 @@ mod tests {
         Map::parse(texts, Options::default()).unwrap()
     }
 
-    /// A dense map of a degree, by a generator of its own.
+    /// Returns a dense pseudo-random map of a degree.
     fn dense(degree: usize) -> Map {
         let mut state = 12345u64;
         let mut next = || {
@@ -462,8 +466,8 @@ mod tests {
         map(forms.each_ref().map(String::as_str))
     }
 
-    /// (u, v) to (u² − v, u (u² − v), v): the parameters ±√v lead to (0, 0, v), real ones for v > 0
-    /// and conjugate ones for v < 0, with a pinch point at the origin.
+    /// The map (u, v) ↦ (u² − v, u (u² − v), v) sends the parameters ±√v to (0, 0, v): real ones
+    /// for v > 0 and conjugate ones for v < 0, with a pinch point at the origin.
     #[test]
     fn a_line_with_a_pinch_point() {
         let map = map(["s^2 - t", "s*(s^2 - t)", "t", "1"]);
@@ -498,8 +502,8 @@ mod tests {
         assert_eq!(found.real_parts().len(), 1);
     }
 
-    /// Conjugate parameters of an even degree have several phases for which their images are one:
-    /// a pinch point may come as λ = −1, e = ±m, where tracing must not turn back. Then two arcs
+    /// Conjugate parameters of an even degree have several phases for which their images agree: a
+    /// pinch point may appear as λ = −1, e = ±m. Tracing must not turn back there, or two arcs
     /// would end in one point of a face.
     #[test]
     fn arcs_end_apart() {
@@ -528,9 +532,9 @@ mod tests {
         }
     }
 
-    /// At (0 : 1 : 0), which leads to (0, 0, −1), this map is like a cube: the branches of the
-    /// curve of pairs of cube roots of one number cross there, and tracing does not know which one
-    /// goes on.
+    /// At (0 : 1 : 0), whose image is (0, 0, −1), this map is like a cube: the branches of the
+    /// curve of pairs of cube roots of one number cross there, and tracing cannot tell how an arc
+    /// continues.
     #[test]
     fn arcs_that_change_branches_are_lost() {
         let map = map([
@@ -546,7 +550,7 @@ mod tests {
         assert!(found.lost > 0);
     }
 
-    /// The pairs of a map in a plane.
+    /// Returns a target with a number of parameters in a plane.
     fn with_parameters(parameters: usize) -> Expected {
         Expected {
             parameters,
@@ -554,8 +558,8 @@ mod tests {
         }
     }
 
-    /// (s, t) to (t, 0.99995 + 4 t² + s² − 1, s (s² − 1)): the parameters (±1, t) lead to a
-    /// parabola of which a piece of the length 0.007 is in the box, shorter than a step.
+    /// The map (s, t) ↦ (t, 0.99995 + 4 t² + s² − 1, s (s² − 1)) sends the parameters (±1, t) to a
+    /// parabola of which a piece of length 0.007 is in the box, shorter than a step.
     #[test]
     fn an_arc_that_hardly_comes_into_the_box() {
         let map = map(["t", "19999/20000 + 4*t^2 + s^2 - 1", "s^3 - s", "1"]);
@@ -574,7 +578,7 @@ mod tests {
 
     /// A general map of degree n has a double curve of parameters of degree n³ − 4 n + 3, so that a
     /// general plane holds n (n³ − 4 n + 3) / 2 pairs (G. Salmon, *A Treatise on the Analytic
-    /// Geometry of Three Dimensions*, on the surfaces of which the plane is an image).
+    /// Geometry of Three Dimensions*, on surfaces with a rational parametrization).
     #[test]
     fn sections_of_general_maps() {
         let mut stream = Stream::new(3);
@@ -600,7 +604,8 @@ mod tests {
         }
     }
 
-    /// The derivatives of both parts, by values and by coefficients, beside difference quotients.
+    /// The derivatives of both parts, by values and by coefficients, agree with difference
+    /// quotients.
     #[test]
     fn parts_and_derivatives() {
         let pairs = Pairs::new(&dense(4), 1.0);

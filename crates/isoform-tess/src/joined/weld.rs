@@ -1,4 +1,4 @@
-//! Vertices of several surfaces that are one get the same number.
+//! Welding: coincident vertices of several surfaces get one index.
 
 use super::{SAME, Seams};
 use crate::claim::Claim;
@@ -17,7 +17,7 @@ pub(super) struct PatchVertex {
     pub(super) vertex: u32,
 }
 
-/// Vertices at the corners of a patch by the point of space that they are.
+/// Returns the vertices at the corners of a patch, with their exact points of space.
 fn corner_vertices(patch: &Patch, s: &Surface, half_width: f64) -> Vec<([RBig; 3], u32)> {
     let mut found = Vec::new();
     for side in 0..4 {
@@ -41,10 +41,9 @@ fn corner_vertices(patch: &Patch, s: &Surface, half_width: f64) -> Vec<([RBig; 3
     found
 }
 
-/// The vertices of all surfaces, numbered one surface after the other; those that are one are in
-/// one set.
+/// The vertices of all surfaces, numbered surface by surface; coincident ones are in one set.
 struct Vertices {
-    /// The number of the first vertex of each surface, and how many there are.
+    /// Index of the first vertex of each surface, followed by the total.
     offsets: Vec<u32>,
     sets: UnionFind,
 }
@@ -80,19 +79,19 @@ impl Vertices {
     }
 }
 
-/// The surface of all patches while it is put together.
+/// The joined surface under construction.
 struct Welding {
     joined: Surface,
     vertices: Vertices,
-    /// The numbers of the joined surface's vertices by the sets' roots.
+    /// Indices of the joined surface's vertices, by the roots of the sets.
     numbers: BTreeMap<u32, u32>,
-    /// Of each triangle the sides of its patch that its corners are on, as bits, but those that
-    /// other patches share.
+    /// Sides of its patch on which each corner of each triangle lies, as bits, without the sides
+    /// shared with other patches.
     unshared: Vec<[u64; 3]>,
 }
 
 impl Welding {
-    /// The number of a vertex, which is added if it is new.
+    /// Returns the index of a vertex, which is added if it is new.
     fn vertex(&mut self, s: &Surface, of: PatchVertex) -> u32 {
         let root = self.vertices.root(of);
         let joined = &mut self.joined;
@@ -105,9 +104,9 @@ impl Welding {
             joined.points.len() as u32 - 1
         })
     }
-    /// Adds the triangles of a patch that still have three corners.
+    /// Adds the triangles of a patch that still have three distinct corners.
     fn add(&mut self, patch: usize, s: &Surface, shared: u64) {
-        // Pieces of different patches are different ones until they are wound together.
+        // Pieces of different patches stay separate until they are oriented together.
         let before = self.joined.winding.pieces as u32;
         self.joined.winding.pieces += s.winding.pieces;
         for (i, t) in s.triangles.iter().enumerate() {
@@ -132,8 +131,8 @@ impl Welding {
     }
 }
 
-/// One surface of the surfaces of patches: vertices of pairs are one, and vertices at corners of
-/// patches that are the same point.
+/// Welds the surfaces of patches into one: identifies the vertices of each pair, and vertices at
+/// corners of patches that are one point.
 pub(super) fn weld(
     patches: &[Patch],
     surfaces: Vec<Surface>,
@@ -185,8 +184,8 @@ pub(super) fn weld(
     joined
 }
 
-/// Turns the pieces of patches against each other along the sides that they have in common. Where
-/// more than two triangles meet, none are neighbours but those within one patch.
+/// Orients the pieces of patches consistently along common sides. Where more than two triangles
+/// meet, only triangles of one patch count as neighbours.
 fn wind(s: &mut Surface) {
     let uses = s.uses();
     let cut = std::mem::take(&mut s.winding.cut);
@@ -217,8 +216,8 @@ fn wind(s: &mut Surface) {
     s.wind(&relative);
 }
 
-/// Looks whether the mesh ends on the box and on sides of one patch only; `most` sides are one
-/// curve at most.
+/// Checks that the mesh ends only on the box and on sides of a single patch; at most `most` sides
+/// are one curve.
 fn check(s: &mut Surface, unshared: &[[u64; 3]], most: usize) {
     let uses = s.edges(unshared);
     let open = s.open_edges(&uses);

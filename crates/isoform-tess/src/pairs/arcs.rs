@@ -1,4 +1,4 @@
-//! The arcs of the double curve in the box: where they are looked for, and what is known of them.
+//! Search for the arcs of the double curve in the box.
 
 use super::real::{Place, REAL, RealPair};
 use super::section::{Expected, Section};
@@ -9,12 +9,14 @@ use isoform_control::{Control, Stopped};
 use isoform_geom::{dot, norm};
 use std::ops::Range;
 
-/// Slices of the box: an arc that meets none of their planes is found where it turns between two.
+/// Number of slices of the box; an arc that meets none of their planes is found where it turns
+/// between two of them.
 const SLICES: usize = 16;
 /// Slices are shifted by this share of half their number's inverse, so that no plane goes through
 /// the centre of the box, in which surfaces are symmetric.
 const SHIFT: f64 = 0.013;
-/// A direction without pattern, so that lines of symmetric surfaces are not parallel to the planes.
+/// Normal of the slices, in general position, so that lines of symmetric surfaces are not parallel
+/// to them.
 const NORMAL: [f64; 3] = [0.512, -0.387, 0.767];
 /// The seed of the planes: any other would do.
 const SEED: u64 = 17;
@@ -37,19 +39,19 @@ const LOOKS: usize = 12;
 /// An arc of pairs with real images, in the box.
 #[derive(Clone, Debug)]
 pub(crate) struct Arc {
-    /// The first is repeated as the last if it is closed.
+    /// Places along the arc; the first one is repeated at the end of a closed arc.
     pub(crate) places: Vec<Place>,
-    /// Whether a real parameter beside the pair leads to the same point, where that was looked at:
-    /// before which place.
+    /// For each place that was tested, the place before it and true if a real parameter besides the
+    /// pair reaches its point.
     covered: Vec<(usize, bool)>,
-    /// Whether it ends before a base point.
+    /// True if the arc ends before a base point.
     is_cut_off: bool,
-    /// Whether another arc has the same images.
+    /// True if another arc has the same images.
     is_repeated: bool,
 }
 
 impl Arc {
-    /// The stretches of places with conjugate parameters.
+    /// Returns the ranges of places with conjugate parameters.
     fn conjugate_parts(&self) -> Vec<Range<usize>> {
         let mut parts: Vec<Range<usize>> = Vec::new();
         for k in (0..self.places.len()).filter(|&k| self.places[k].pair.l < 0.0) {
@@ -60,17 +62,17 @@ impl Arc {
         }
         parts
     }
-    /// Whether a real parameter leads to the points of a stretch, too; none if that is so in some
-    /// places only.
+    /// Returns true if real parameters reach the points of a range, too; `None` if the tests of its
+    /// places disagree.
     fn is_covered(&self, part: &Range<usize>) -> Option<bool> {
-        // The stretch begins after the place before it.
+        // The range begins after the place before it.
         let known = part.start.saturating_sub(1)..part.end;
         let looked_at = self.covered.iter().filter(|c| known.contains(&c.0));
         let mut is_covered = looked_at.map(|c| c.1);
         let first = is_covered.next().unwrap_or(false);
         is_covered.all(|is| is == first).then_some(first)
     }
-    /// The place before a pair on it, given by its forms.
+    /// Returns the place before a pair on the arc, given by its forms.
     fn find(&self, pairs: &Pairs, forms: &[RealPair]) -> Option<usize> {
         self.places
             .windows(2)
@@ -78,19 +80,20 @@ impl Arc {
     }
 }
 
-/// The arcs of pairs with real images in the box.
+/// Arcs of pairs with real images in the box.
 #[derive(Debug, Default)]
 pub(crate) struct Arcs {
     pub(crate) arcs: Vec<Arc>,
-    /// The number of sections and ends of arcs that were lost: with any, arcs may be missing.
+    /// Number of lost sections and ends of arcs; if it is not 0, arcs may be missing.
     pub(crate) lost: usize,
 }
 
 impl Arcs {
-    /// The number of arcs that come over a place of their own, or of another one, once more.
+    /// Counts the arcs with a place that is passed a second time, by the arc itself or by another
+    /// one.
     ///
-    /// Where branches of the curve of pairs cross, as at a parameter where the map is like a cube,
-    /// tracing may change from one to another, and come back.
+    /// Where branches of the curve of pairs cross, as at a parameter at which the map is like a
+    /// cube, tracing may change from one branch to another, and return.
     fn count_doubled(&self, pairs: &Pairs) -> usize {
         let is_doubled = |&k: &usize| {
             let count = self.arcs[k].places.len();
@@ -99,7 +102,7 @@ impl Arcs {
         };
         (0..self.arcs.len()).filter(is_doubled).count()
     }
-    /// Whether an arc, or another one, comes over a place of the arc elsewhere, too.
+    /// Returns true if a place of an arc is passed again, elsewhere on the arc or by another one.
     fn is_passed_again(&self, pairs: &Pairs, arc: usize, at: usize) -> bool {
         let forms = pairs.forms(&self.arcs[arc].places[at]);
         let mut others = self.arcs.iter().enumerate();
@@ -109,20 +112,20 @@ impl Arcs {
             windows.any(|(w, x)| is_elsewhere(w) && pairs.is_between(&forms, &x[0], &x[1]))
         })
     }
-    /// The arc of a pair, given by its forms, and the place before it.
+    /// Returns the arc of a pair, given by its forms, and the place before it.
     fn find(&self, pairs: &Pairs, forms: &[RealPair]) -> Option<(usize, usize)> {
         let mut arcs = self.arcs.iter().enumerate();
         arcs.find_map(|(k, arc)| Some((k, arc.find(pairs, forms)?)))
     }
-    /// Whether a real parameter leads to a point of a pair of conjugate ones, somewhere.
+    /// Returns true if a real parameter reaches a point of any pair of conjugate ones.
     pub(crate) fn is_any_covered(&self) -> bool {
         self.arcs.iter().flat_map(|a| &a.covered).any(|c| c.1)
     }
-    /// Whether arcs end before base points, beyond which they may go on.
+    /// Returns true if arcs end before base points, beyond which they may continue.
     pub(crate) fn is_any_cut_off(&self) -> bool {
         self.arcs.iter().any(|a| a.is_cut_off)
     }
-    /// The real parameters where pairs turn from real ones into conjugate ones.
+    /// Returns the real parameters at which pairs turn from real into conjugate ones.
     pub(crate) fn pinches(&self) -> Vec<[f64; 3]> {
         let places = self.arcs.iter().flat_map(|a| &a.places);
         places
@@ -130,7 +133,7 @@ impl Arcs {
             .map(|p| p.pair.m)
             .collect()
     }
-    /// The parts that real parameters reach, with the pinch points at their ends.
+    /// Returns the parts reached by real parameters, with the pinch points at their ends.
     pub(crate) fn real_parts(&self) -> Vec<Vec<Place>> {
         let mut found = Vec::new();
         for arc in &self.arcs {
@@ -142,8 +145,8 @@ impl Arcs {
         }
         found
     }
-    /// The parts that only conjugate parameters reach, with the pinch points at their ends; none
-    /// where that changes along one of them.
+    /// Returns the parts reached by conjugate parameters only, with the pinch points at their ends;
+    /// `None` if that changes along one of them.
     pub(crate) fn solitary(&self) -> Option<Vec<Vec<[f64; 3]>>> {
         let mut found = Vec::new();
         for arc in self.arcs.iter().filter(|a| !a.is_repeated) {
@@ -158,7 +161,7 @@ impl Arcs {
         }
         Some(found)
     }
-    /// Makes one of ends of arcs that are singular and near to each other.
+    /// Makes singular ends of arcs that are near to each other identical.
     fn unite_ends(&mut self) {
         let mut known: Vec<Place> = Vec::new();
         for arc in &mut self.arcs {
@@ -179,17 +182,16 @@ impl Arcs {
     }
 }
 
-/// Whether two pinch points have one parameter, up to sign.
+/// Returns true if two pinch points have one parameter, up to sign.
 fn is_same_parameter(a: &Place, b: &Place) -> bool {
     let (a, b) = (a.pair.m, b.pair.m);
     let sign = if dot(a, b) < 0.0 { -1.0 } else { 1.0 };
     norm([0, 1, 2].map(|i| a[i] - sign * b[i])) < NEAR
 }
 
-/// The arcs of pairs in the box.
+/// Finds the arcs of pairs in the box.
 ///
-/// # Errors
-/// [`Stopped`].
+/// # Errors [`Stopped`].
 pub(crate) fn arcs(
     pairs: &Pairs,
     fine: Fineness,
@@ -223,17 +225,17 @@ pub(crate) fn arcs(
     Ok(found)
 }
 
-/// One of the planes that cut the box into slices.
+/// Returns one of the planes that cut the box into slices.
 fn slice(k: usize) -> Plane {
     let offset = 3f64.sqrt() * ((2 * k + 1) as f64 / SLICES as f64 - 1.0 + SHIFT);
     real_plane(NORMAL.map(|x| x / norm(NORMAL)), offset)
 }
 
-/// The search for arcs.
+/// State of the search for arcs.
 struct Search<'a> {
     pairs: &'a Pairs,
     fine: Fineness,
-    /// A general plane, and the pairs in it.
+    /// A general plane.
     general: Plane,
     section: Section,
     stream: Stream,
@@ -241,7 +243,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Looks for arcs where they meet the planes of the faces of the box.
+    /// Searches for arcs at the faces of the box.
     fn look_on_faces(&mut self, control: &Control<'_>) -> Result<(), Stopped> {
         for k in 0..6 {
             control.check()?;
@@ -253,7 +255,7 @@ impl Search<'_> {
         }
         Ok(())
     }
-    /// Looks for arcs in parallel planes, and between each two of them.
+    /// Searches for arcs in parallel planes, and between successive ones.
     fn look_in_slices(&mut self, control: &Control<'_>) -> Result<(), Stopped> {
         let mut before: Option<(Plane, Vec<Pair>)> = None;
         for k in 0..SLICES {
@@ -268,8 +270,8 @@ impl Search<'_> {
         }
         Ok(())
     }
-    /// The section by a plane, from the section by the plane before, if there is one, and if need
-    /// be from the general one.
+    /// Returns the section by a plane, tracked from the section by the plane before, if there is
+    /// one, and from the general one if that is incomplete.
     fn section_by(&mut self, plane: &Plane, before: Option<&(Plane, Vec<Pair>)>) -> Section {
         let general = (&self.general, &self.section.pairs[..]);
         let (from, known) = before.map_or(general, |(from, known)| (from, &known[..]));
@@ -282,10 +284,10 @@ impl Search<'_> {
         here
     }
 
-    /// Traces the arcs that turn between two planes, and meet none of them.
+    /// Traces the arcs that turn between two planes without meeting either.
     ///
-    /// Led straight from one plane to the next, pairs come to where two of them meet: an arc turns
-    /// there, with real pairs on one side and complex ones on the other.
+    /// On a straight path from one plane to the next, two pairs meet where an arc turns, with real
+    /// pairs on one side and complex ones on the other.
     fn look_between(&mut self, planes: [&Plane; 2], known: &[Pair]) {
         let path = between(*planes[0], *planes[1], C::ONE);
         for pair in known {
@@ -303,7 +305,7 @@ impl Search<'_> {
         }
     }
 
-    /// Traces the arcs through the pairs of a section that are not known.
+    /// Traces the arcs through the pairs of a section that are not known yet.
     fn look(&mut self, section: &[Pair], is_face: bool) {
         for pair in section {
             let Some(mut place) = self.pairs.place(pair) else {
@@ -320,7 +322,7 @@ impl Search<'_> {
             }
         }
     }
-    /// The other pairs of a section with the image of a place.
+    /// Returns the other pairs of a section with the image of a place.
     fn others<'s>(&self, section: &'s [Pair], pair: &Pair, place: &Place) -> Vec<&'s Pair> {
         let image = |p: &Pair| self.pairs.parts(p).even.value;
         let others = section.iter().filter(|o| o.distance(pair) > APART);
@@ -328,7 +330,7 @@ impl Search<'_> {
             .filter(|o| is_same_image(&image(o), &place.image))
             .collect()
     }
-    /// Notes whether a place is covered, on its arc, which is traced if it is not known.
+    /// Records on the arc of a place if it is covered; an unknown arc is traced.
     fn add(&mut self, place: &Place, others: &[&Pair]) {
         let pairs = self.pairs;
         let is_covered = others.iter().any(|other| {
@@ -352,7 +354,7 @@ impl Search<'_> {
         self.found.find(self.pairs, &forms).is_some()
     }
 
-    /// The arc through a place; counts ends that were lost.
+    /// Traces the arc through a place in both directions, and counts ends that are lost.
     fn both_ways(&mut self, start: &Place) -> Arc {
         let (mut places, end) = self.pairs.trace(start, self.fine);
         let mut ends = vec![end];
@@ -377,7 +379,7 @@ impl Search<'_> {
 }
 
 impl Place {
-    /// Puts the image on the faces of the box that it is on but for rounding.
+    /// Moves the image onto the faces of the box on which it lies up to rounding.
     fn put_on_faces(&mut self) {
         for i in 0..3 {
             let over = self.image[i].abs() / self.image[3].abs() - 1.0;
@@ -388,7 +390,7 @@ impl Place {
     }
 }
 
-/// Whether the image of a pair is the point of another one.
+/// Returns true if the image of a pair equals the point of another one.
 fn is_same_image(a: &[C; 4], b: &[f64; 4]) -> bool {
     let bound = SAME_IMAGE * (a[3].norm() * b[3].abs());
     (0..3).all(|i| (a[i].times(b[3]) - a[3].times(b[i])).norm() < bound)

@@ -32,8 +32,9 @@ const AT_BASE_POINT: f64 = 1e-9;
 
 /// A pair of real parameters (λ ≥ 0), or of conjugate ones, with a real image.
 ///
-/// Signs of real parameters are so that m is no shorter than h e; then φ(p) = φ(q), or −φ(q) if
-/// they are opposed: (m, e, λ) is a solution of E = 0 in place of O = 0, and O the image.
+/// The signs of real parameters are chosen such that m is no shorter than h e. Then φ(p) = φ(q), or
+/// φ(p) = −φ(q) if they are opposed: in that case (m, e, λ) is a solution of E = 0 in place of O =
+/// 0, and O is the image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RealPair {
     pub(super) m: [f64; 3],
@@ -46,9 +47,9 @@ pub(super) struct RealPair {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     pub(super) pair: RealPair,
-    /// In the direction of the arc, of norm 1.
+    /// Unit tangent of the arc.
     pub(super) tangent: [f64; 7],
-    /// (X : Y : Z : W) in half widths of the box, of norm 1.
+    /// Image (X : Y : Z : W) in half widths of the box, of norm 1.
     pub(super) image: [f64; 4],
 }
 
@@ -61,7 +62,7 @@ impl RealPair {
             l: C::new(self.l, 0.0),
         }
     }
-    /// The pair of two real vectors.
+    /// Creates the pair of two real vectors.
     fn of(p: [f64; 3], q: [f64; 3], is_opposed: bool) -> Self {
         let m = [0, 1, 2].map(|i| 0.5 * (p[i] + q[i]));
         let e = [0, 1, 2].map(|i| 0.5 * (p[i] - q[i]));
@@ -90,7 +91,7 @@ impl RealPair {
             is_opposed: self.is_opposed,
         }
     }
-    /// From one to another that is near.
+    /// Returns the difference to another pair.
     pub(super) fn to(&self, other: &Self) -> [f64; 7] {
         let mut d = [0.0; 7];
         for i in 0..3 {
@@ -100,7 +101,7 @@ impl RealPair {
         d[6] = other.l - self.l;
         d
     }
-    /// The distance of another one, as it is written; infinitely far if its signs are not alike.
+    /// Returns the distance to another pair in its given form; infinite if their signs disagree.
     pub(super) fn distance(&self, other: &Self) -> f64 {
         if self.is_opposed != other.is_opposed {
             return f64::INFINITY;
@@ -108,20 +109,20 @@ impl RealPair {
         let d = self.to(other);
         dot7(&d, &d).sqrt()
     }
-    /// The nearest one of some.
+    /// Returns the nearest of some forms.
     pub(super) fn nearest(&self, forms: &[Self]) -> Self {
         let by_distance = |a: &&Self, b: &&Self| self.distance(a).total_cmp(&self.distance(b));
         *forms.iter().min_by(by_distance).expect("forms of a pair")
     }
-    /// Whether the forms all but vanish at one of the parameters, beside their values at the other
-    /// one, for a map of a degree.
+    /// Returns true if the forms of a map of a degree nearly vanish at one of the parameters,
+    /// relative to their values at the other one.
     pub(super) fn is_at_base_point(&self, degree: usize) -> bool {
         self.real().is_some_and(|[p, q]| {
             let [p, q] = [norm(p), norm(q)];
             (p.min(q) / p.max(q)).powi(degree as i32) < AT_BASE_POINT
         })
     }
-    /// The real parameters.
+    /// Returns the real parameters; `None` if they are conjugate.
     pub(super) fn real(&self) -> Option<[[f64; 3]; 2]> {
         (self.l >= 0.0).then(|| {
             let h = self.l.sqrt();
@@ -134,19 +135,20 @@ pub(super) fn dot7(a: &[f64; 7], b: &[f64; 7]) -> f64 {
     (0..7).map(|i| a[i] * b[i]).sum()
 }
 
-/// A fourth condition besides the equations.
+/// Fourth condition, besides the three equations of a pair.
 pub(super) enum Condition {
-    /// At a right angle to a direction.
+    /// The step is perpendicular to a direction.
     Across([f64; 7]),
-    /// The image is in a plane.
+    /// The image lies in a plane.
     Plane([f64; 4]),
     /// λ = 0.
     Pinch,
-    /// A coordinate of the first parameter, with h, or of the second one, with −h, vanishes.
+    /// A coordinate of the first parameter (with h) or of the second one (with −h) vanishes.
     Side(usize, usize),
 }
 
-/// The real solution of equations whose imaginary parts are rounding.
+/// Solves equations with real coefficients, after removing imaginary parts, which are rounding
+/// errors.
 fn solve_real(mut rows: Rows) -> Option<[f64; 7]> {
     for c in rows.iter_mut().flatten() {
         c.im = 0.0;
@@ -155,8 +157,8 @@ fn solve_real(mut rows: Rows) -> Option<[f64; 7]> {
 }
 
 impl Pairs {
-    /// The real form of the equations at a pair, with the row of a plane or an empty one as the
-    /// fourth, and the image.
+    /// Returns the real form of the equations at a pair, with the row of a plane or an empty one as
+    /// the fourth, and the image.
     fn real_rows(&self, x: &RealPair, plane: Option<&[f64; 4]>) -> (Rows, [f64; 4]) {
         let pair = x.complex();
         let Parts { even, odd } = self.parts(&pair);
@@ -171,7 +173,8 @@ impl Pairs {
         (rows, unit(image.value.map(|c| c.re)))
     }
 
-    /// The place near to a pair that meets a condition, and the length of the first step.
+    /// Returns the place near to a pair that meets a condition, and the length of the first step of
+    /// Newton's method.
     pub(super) fn correct(&self, start: &RealPair, condition: &Condition) -> Option<(Place, f64)> {
         let (mut x, mut first, mut last) = (*start, 0.0, f64::INFINITY);
         for i in 0..STEPS {
@@ -201,7 +204,7 @@ impl Pairs {
         }
         None
     }
-    /// The equations for a step of Newton's method towards a condition.
+    /// Returns the equations for a step of Newton's method towards a condition.
     fn rows_with(&self, x: &RealPair, condition: &Condition) -> Rows {
         if let Condition::Plane(plane) = condition {
             return self.real_rows(x, Some(plane)).0;
@@ -230,7 +233,7 @@ impl Pairs {
         rows
     }
 
-    /// The direction of the solutions, of either sign.
+    /// Returns the unit tangent of the solutions, of either sign.
     fn tangent(&self, x: &RealPair) -> Option<[f64; 7]> {
         let (rows, _) = self.real_rows(x, None);
         let mut best: Option<[f64; 7]> = None;
@@ -253,7 +256,7 @@ impl Pairs {
         Some(best.map(|x| x / size))
     }
 
-    /// A place with the signs of its pair, or the phases, that belong to it.
+    /// Returns a place with the proper signs of its pair, or the proper phases.
     pub(super) fn righted(&self, place: &Place) -> Option<Place> {
         let is_right = match place.pair.real() {
             Some([p, q]) => isoform_geom::dot(p, q) >= 0.0,
@@ -269,8 +272,8 @@ impl Pairs {
             self.flipped(place)
         }
     }
-    /// A place with the other sign of the second parameter, or, of conjugate ones, with the
-    /// phase that makes the first one as real as may be.
+    /// Returns a place with the opposite sign of the second parameter. For conjugate parameters,
+    /// returns it with the phase for which the first one is nearest to real.
     pub(super) fn flipped(&self, place: &Place) -> Option<Place> {
         let x = match place.pair.real() {
             Some([p, q]) => {
@@ -289,21 +292,21 @@ impl Pairs {
             tangent,
             image,
         };
-        // The direction in space is as it was.
+        // The direction in space is unchanged.
         let a = self.way(place, &image);
         let b = self.way(&flipped, &image);
         let is_turned = (0..4).map(|i| a[i] * b[i]).sum::<f64>() < 0.0;
         Some(if is_turned { flipped.turned() } else { flipped })
     }
-    /// From an image to the image ahead of a place.
+    /// Returns the vector from an image to the image ahead of a place.
     fn way(&self, place: &Place, from: &[f64; 4]) -> [f64; 4] {
         let (_, to) = self.real_rows(&place.pair.moved(&place.tangent, AHEAD), None);
         let is_opposite = (0..4).map(|i| to[i] * from[i]).sum::<f64>() < 0.0;
         let sign = if is_opposite { -1.0 } else { 1.0 };
         [0, 1, 2, 3].map(|i| sign * to[i] - from[i])
     }
-    /// The ways to write a pair in which arcs may have it: with both signs of m and of e, and of
-    /// the second parameter, or all phases of conjugate ones.
+    /// Returns the forms in which arcs may contain a pair: with both signs of m, of e, and of the
+    /// second parameter, or all phases of conjugate ones.
     pub(super) fn forms(&self, place: &Place) -> Vec<RealPair> {
         let ways = match place.pair.real() {
             Some(_) => {
@@ -323,14 +326,14 @@ impl Pairs {
         ways.into_iter().flat_map(signed).collect()
     }
 
-    /// A parameter with a real image and its conjugate, with the phase that makes them as real as
-    /// may be.
+    /// Returns a parameter with a real image and its conjugate, with the phase for which they are
+    /// nearest to real.
     fn conjugates(&self, p: &V) -> RealPair {
         let phases = self.phases(p).into_iter();
         let best = phases.max_by(|a, b| a.l.total_cmp(&b.l));
         best.expect("phases")
     }
-    /// A parameter and its conjugate with all phases for which their images are one.
+    /// Returns a parameter and its conjugate in all phases for which their images agree.
     fn phases(&self, p: &V) -> Vec<RealPair> {
         let (f, _) = self.at(p);
         let largest = largest(&f);
@@ -350,11 +353,12 @@ impl Pairs {
         (0..self.degree).map(turned).collect()
     }
 
-    /// The place of a pair in a section, if it is one of real or of conjugate parameters.
+    /// Returns the place of a pair in a section, if its parameters are real or conjugate.
     pub(super) fn place(&self, pair: &Pair) -> Option<Place> {
         self.place_near(pair, REAL)
     }
-    /// The place near to a pair whose parameters are real or conjugate to a sine of angles.
+    /// Returns the place near to a pair whose parameters are real or conjugate up to the sine `far`
+    /// of angles.
     pub(super) fn place_near(&self, pair: &Pair, far: f64) -> Option<Place> {
         let [p, q] = pair.parameters().map(|p| normalised(&p));
         let is_real = |p: &V| length(&real_line(p)) < far;
@@ -368,7 +372,7 @@ impl Pairs {
         let tangent = self.tangent(&x)?;
         self.correct(&x, &Condition::Across(tangent)).map(|p| p.0)
     }
-    /// Two real parameters with one image, scaled for it.
+    /// Returns two real parameters with one image as a pair, scaled for equal images.
     fn of_real(&self, [p, q]: [[f64; 3]; 2]) -> RealPair {
         let [f, g] = [p, q].map(|p| self.at(&p.map(|x| C::new(x, 0.0))).0);
         let size = complex::norm::<4>;
@@ -394,11 +398,11 @@ impl Place {
     pub(super) fn is_inside(&self) -> bool {
         (0..3).all(|i| self.image[i].abs() <= self.image[3].abs())
     }
-    /// The point of space, in half widths of the box.
+    /// Returns the point of space, in half widths of the box.
     pub(crate) fn point(&self) -> [f64; 3] {
         [0, 1, 2].map(|i| self.image[i] / self.image[3])
     }
-    /// Whether a pair that is near is not farther from the tangent.
+    /// Returns true if a pair nearby is within a distance of the tangent.
     pub(super) fn is_in_line(&self, pair: &RealPair, far: f64) -> bool {
         let d = self.pair.to(pair);
         let along = dot7(&d, &self.tangent);
@@ -411,19 +415,19 @@ impl Place {
             ..*self
         }
     }
-    /// Whether both parameters are one.
+    /// Returns true if the two parameters coincide.
     pub(crate) fn is_pinch(&self) -> bool {
         self.pair.l == 0.0
     }
-    /// (X : Y : Z : W) in half widths of the box.
+    /// Returns (X : Y : Z : W) in half widths of the box.
     pub(crate) fn image(&self) -> [f64; 4] {
         self.image
     }
-    /// The distance of two pairs, in either order.
+    /// Returns the distance between two pairs, in the better one of the two orders.
     pub(crate) fn distance(&self, other: &Self) -> f64 {
         self.pair.complex().distance(&other.pair.complex())
     }
-    /// The real parameters (s : t : w).
+    /// Returns the real parameters (s : t : w); `None` if they are conjugate.
     pub(crate) fn real(&self) -> Option<[[f64; 3]; 2]> {
         self.pair.real()
     }

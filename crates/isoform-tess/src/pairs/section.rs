@@ -1,7 +1,7 @@
 //! Sections: all pairs in a plane of space.
 //!
-//! Random starts and monodromy find the pairs in a general plane, the trace test and their number
-//! say that they are all; other planes are reached from there by paths.
+//! The pairs in a general plane are found by random starts and monodromy; the trace test and their
+//! number show that none are missing. Other planes are reached from there by paths.
 
 use super::{Pair, Pairs, between};
 use crate::complex::{C, Form, Monomials, Plane, Stream, V, distance, dot, norm, normalised};
@@ -37,14 +37,15 @@ const INFINITE: f64 = 1e-9;
 /// The largest distance of a parameter from a curve that it is on, as a sine: paths end with eight
 /// digits.
 const ON_CURVE: f64 = 1e-6;
-/// The least distance of two pairs or parameters, as a sum of sines: paths end with eight digits.
+/// Minimum distance between two pairs or parameters, as a sum of sines: paths end with eight
+/// digits.
 const APART: f64 = 1e-6;
 /// The width of cells by which near pairs are found: more than an invariant changes within
 /// [`APART`].
 const CELL: f64 = 1e-5;
 
 impl Pairs {
-    /// The pairs in a general plane: all of them, if the trace test says so.
+    /// Finds the pairs in a general plane; the section is complete if it passes the trace test.
     pub(super) fn first_section(
         &self,
         plane: &Plane,
@@ -71,7 +72,7 @@ impl Pairs {
         }
         Ok(section)
     }
-    /// Pairs in a plane from random starts: one of each component, as a rule.
+    /// Finds pairs in a plane from random starts: as a rule, at least one of each component.
     fn seeds(
         &self,
         plane: &Plane,
@@ -94,7 +95,7 @@ impl Pairs {
         }
         Ok(section)
     }
-    /// Leads all pairs by two other planes back to their own, and adds those that they come to
+    /// Tracks all pairs through two other planes back to their own one, and adds the pairs reached
     /// (monodromy).
     fn lead_around(
         &self,
@@ -121,7 +122,7 @@ impl Pairs {
         Ok(())
     }
 
-    /// Whether the sum of the images moves on a line as the plane moves parallel to itself.
+    /// Returns true if the sum of the images moves on a line as the plane is translated.
     pub(super) fn passes_trace_test(
         &self,
         plane: &Plane,
@@ -149,19 +150,19 @@ impl Pairs {
         (a.0 + c.0 - b.0.times(2.0)).norm() <= BENT * (a.1 + b.1 + c.1)
     }
 
-    /// Whether the image of a pair is not at infinity.
+    /// Returns true if the image of a pair is finite.
     fn is_finite(&self, pair: &Pair) -> bool {
         let image = self.parts(pair).even.value;
         image[3].norm() > INFINITE * norm(&image)
     }
 
-    /// Whether the image of a pair is far outside of the box.
+    /// Returns true if the image of a pair is far outside of the box.
     fn is_far(&self, pair: &Pair) -> bool {
         let image = self.parts(pair).even.value;
         (0..3).any(|i| image[i].norm() > FAR_AWAY * image[3].norm())
     }
 
-    /// The section by a plane from another one; less than that if paths are lost.
+    /// Tracks a section from one plane to another; it is incomplete if paths are lost.
     pub(super) fn section(
         &self,
         from: &Plane,
@@ -192,20 +193,21 @@ impl Pairs {
     }
 }
 
-/// The numbers that are known of a section beforehand.
+/// Known numbers of parameters of a section, to test its completeness.
 #[derive(Default)]
 pub(crate) struct Expected {
-    /// The number of its parameters.
+    /// Number of parameters of the section.
     pub(crate) parameters: usize,
-    /// Whether those with an image at infinity do not count.
+    /// True if parameters with an image at infinity are not counted.
     pub(crate) is_finite: bool,
-    /// The curves of parameters with finite images, irreducible over Q, if it is enough that the
-    /// finite pairs lie on them, and some on each of them: forms and their degrees.
+    /// Curves of parameters with finite images, irreducible over Q, as forms with their degrees. If
+    /// given, a section is also accepted if its finite pairs lie on them, with some on each of
+    /// them.
     pub(crate) curves: Vec<(Form, usize)>,
 }
 
 impl Expected {
-    /// Whether a section that passes the trace test is what is expected.
+    /// Returns true if a section that passes the trace test has the known numbers.
     pub(super) fn is_met(&self, section: &Section, pairs: &Pairs) -> bool {
         section.parameters(pairs, self.is_finite) == self.parameters
             || !self.curves.is_empty() && self.is_on_curves(section, pairs)
@@ -228,21 +230,21 @@ impl Expected {
     }
 }
 
-/// Pairs in a plane.
+/// The pairs in a plane.
 pub(super) struct Section {
     pub(super) pairs: Vec<Pair>,
     known: Distinct<Pair>,
-    /// Others that are far outside of the box.
+    /// Number of other pairs far outside of the box.
     pub(super) outside: usize,
     pub(super) is_complete: bool,
 }
 
-/// A number of a parameter that its neighbours have, too, whatever their phase.
+/// Returns a number that depends on a parameter continuously, and not on its phase.
 fn invariant(p: &V) -> f64 {
     p[0].norm2() / p.iter().map(|c| c.norm2()).sum::<f64>()
 }
 
-/// Values of which no two are near to each other.
+/// A set of values no two of which are near to each other.
 struct Distinct<T> {
     cells: BTreeMap<i64, Vec<T>>,
     count: usize,
@@ -255,8 +257,8 @@ impl<T> Distinct<T> {
             count: 0,
         }
     }
-    /// Adds a value unless another one is near to it, by the numbers that they share and a test;
-    /// whether it was added.
+    /// Adds a value unless another one is near to it, by an invariant and a test; returns true if
+    /// it was added.
     fn add(&mut self, invariant: f64, value: T, is_near: impl Fn(&T, &T) -> bool) -> bool {
         let cell = (invariant / CELL).floor() as i64;
         let mut around = (cell - 1..=cell + 1).filter_map(|c| self.cells.get(&c));
@@ -278,8 +280,7 @@ impl Section {
             is_complete: false,
         }
     }
-    /// The number of parameters that the pairs have together; without those with an image at
-    /// infinity, if asked for.
+    /// Counts the parameters of all pairs; if `is_finite`, without those with an image at infinity.
     pub(super) fn parameters(&self, pairs: &Pairs, is_finite: bool) -> usize {
         let is_counted = |p: &&Pair| !is_finite || pairs.is_finite(p);
         let counted = self.pairs.iter().filter(is_counted);

@@ -1,4 +1,4 @@
-//! Arcs of the double curve, followed step by step along their tangents.
+//! Tracing of arcs of the double curve, by predictor steps along tangents and correction.
 
 use super::Pairs;
 use super::real::{Condition, Place, RealPair, dot7};
@@ -33,10 +33,10 @@ const LOOK: f64 = 1e-7;
 /// The length beyond two places, in shares of their distance, within which a place between them may
 /// be found.
 const BEYOND: f64 = 0.1;
-/// λ, and the second singular value per first, that are taken for zero at a singular end: both
-/// vanish like distances from it, and tracing stops about 1e-9 before it.
+/// Maximum λ, and ratio of the second to the first singular value, at a singular end: both vanish
+/// like the distance from it, and tracing stops about 1e-9 before it.
 const ZERO: f64 = 1e-5;
-/// Coordinates of a singular end below this are 0: such places are often on the axes of the
+/// Size below which a coordinate of a singular end is 0: such places are often on the axes of the
 /// parameters.
 pub(super) const NEAR: f64 = 1e-7;
 /// The most that the way over a pair between two places may be longer by than the straight one:
@@ -44,46 +44,47 @@ pub(super) const NEAR: f64 = 1e-7;
 const DETOUR: f64 = 1.03;
 /// See [`DETOUR`]: rounding on very short steps.
 const DETOUR_PRECISION: f64 = 1e-9;
-/// Two places that are farther apart are no step, but written in different forms.
+/// Maximum distance between successive places in consistent forms: if it is larger, the forms
+/// differ.
 const OTHER_FORM: f64 = 0.3;
 /// The distance from an arc that a pair on it may have for rounding: steps end with eight digits.
 const OFF_ARC: f64 = 1e-6;
 
-/// Why an arc ends.
+/// Reason why an arc ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum End {
-    /// On a face of the box.
+    /// The arc meets a face of the box.
     Face,
-    /// Where it began.
+    /// The arc closes.
     Closed,
-    /// At a parameter where the rank of the differential drops to 1.
+    /// The arc reaches a parameter at which the rank of the differential drops to 1.
     Singular,
-    /// At a base point.
+    /// The arc reaches a base point.
     Base,
-    /// It could not be followed.
+    /// The arc could not be followed.
     Lost,
 }
 
-/// The bounds on the chords of an arc.
+/// Bounds on the chords of an arc.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fineness {
-    /// The most that they may leave it by, in half widths of the box.
+    /// Maximum deviation from the arc, in half widths of the box.
     pub(crate) tolerance: f64,
-    /// Their greatest length, in half widths of the box.
+    /// Maximum length, in half widths of the box.
     pub(crate) longest: f64,
 }
 
-/// A step along an arc.
+/// An accepted step along an arc.
 struct Advance {
-    /// The places after it: the pinch point that is passed, and the end of the step.
+    /// Places after its start: a pinch point that is passed, if any, and the end of the step.
     way: Vec<Place>,
     end: Option<End>,
-    /// The error of the prediction.
+    /// Error of the prediction.
     error: f64,
 }
 
 impl Place {
-    /// With the tangent in the sense of a direction.
+    /// Returns the place with its tangent oriented along a direction.
     fn toward(self, direction: &[f64; 7]) -> Self {
         if dot7(&self.tangent, direction) < 0.0 {
             self.turned()
@@ -94,14 +95,16 @@ impl Place {
 }
 
 impl Pairs {
-    /// The place of an arc beside its chord between two others, at a part of that.
+    /// Returns the place of an arc next to its chord between two others, at a fraction of the
+    /// chord.
     pub(crate) fn part(&self, a: &Place, b: &Place, t: f64) -> Option<Place> {
         let b = self.like(a, b)?;
         let d = a.pair.to(&b.pair);
         let (place, _) = self.correct(&a.pair.moved(&d, t), &Condition::Across(d))?;
         Some(place.toward(&d))
     }
-    /// Where coordinate k of one of the real parameters vanishes between two places.
+    /// Returns the place between two others at which coordinate k of one of the real parameters
+    /// vanishes.
     pub(crate) fn on_side(&self, a: &Place, b: &Place, which: usize, k: usize) -> Option<Place> {
         let b = self.like(a, b)?;
         let value = |p: &Place| p.real().map(|r| r[which][k]);
@@ -112,7 +115,7 @@ impl Pairs {
         let t = dot7(&a.pair.to(&place.pair), &d) / dot7(&d, &d);
         (t > -BEYOND && t < 1.0 + BEYOND).then_some(place)
     }
-    /// A place with the signs of the place before it on an arc.
+    /// Returns a place in the form nearest to the place before it on an arc.
     fn like(&self, a: &Place, b: &Place) -> Option<Place> {
         let near = |b: &Place| {
             let d = a.pair.to(&b.pair);
@@ -121,14 +124,14 @@ impl Pairs {
         let other = self.flipped(b)?;
         Some(if near(&other) < near(b) { other } else { *b })
     }
-    /// The place halfway between two that have the same signs.
+    /// Returns the place halfway between two others with equal signs.
     fn halfway(&self, a: &Place, b: &Place) -> Option<Place> {
         let d = a.pair.to(&b.pair);
         let found = self.correct(&a.pair.moved(&d, 0.5), &Condition::Across(d));
         found.map(|p| p.0)
     }
 
-    /// Follows an arc in the direction of its tangent: the places from there on.
+    /// Traces an arc in the direction of its tangent, and returns its places.
     pub(super) fn trace(&self, start: &Place, fine: Fineness) -> (Vec<Place>, End) {
         let forms = self.forms(start);
         let mut nodes = vec![*start];
@@ -170,7 +173,7 @@ impl Pairs {
         (nodes, End::Lost)
     }
 
-    /// One step along an arc; none if it is too long.
+    /// Makes one step along an arc; `None` if it is too long.
     fn advance(&self, here: &Place, step: f64, fine: Fineness) -> Option<Advance> {
         let predicted = here.pair.moved(&here.tangent, step);
         let (next, error) = self.correct(&predicted, &Condition::Across(here.tangent))?;
@@ -183,7 +186,7 @@ impl Pairs {
         if !next.is_inside() {
             (next, end) = (self.face_between(here, &next)?, Some(End::Face));
             if here.pair.distance(&next.pair) < ON_FACE {
-                // The step may be so long that it leads in and out again.
+                // A step that is too long may lead into the box and out again.
                 return (!self.goes_in(here)).then_some(Advance { way, end, error });
             }
         }
@@ -201,7 +204,7 @@ impl Pairs {
         }
         Some(Advance { way, end, error })
     }
-    /// Whether the chord between two places is short, and near to the arc.
+    /// Returns true if the chord between two places is short, and near to the arc.
     fn is_fine(&self, from: &Place, to: &Place, fine: Fineness) -> Option<bool> {
         let middle = self.halfway(from, to)?;
         let ends = [from.point(), to.point()];
@@ -211,15 +214,15 @@ impl Pairs {
         Some(!is_too_coarse)
     }
 
-    /// Whether an arc leads into the box from a place on a face.
+    /// Returns true if an arc leads into the box from a place on a face.
     fn goes_in(&self, here: &Place) -> bool {
         let ahead = here.pair.moved(&here.tangent, LOOK);
         let found = self.correct(&ahead, &Condition::Across(here.tangent));
         found.is_some_and(|(place, _)| place.is_inside())
     }
 
-    /// The place near a pair in the plane of the face of the box where coordinate i is `side`, with
-    /// a tangent that goes the way of another one.
+    /// Returns the place near to a pair in the plane of the face of the box on which coordinate i
+    /// is `side`, with its tangent oriented along another one.
     fn on_face(
         &self,
         near: &RealPair,
@@ -231,12 +234,12 @@ impl Pairs {
         place.image[i] = side * place.image[3];
         Some(place)
     }
-    /// Where an arc first leaves the box between two places.
+    /// Returns the place at which an arc first leaves the box between two places.
     fn face_between(&self, a: &Place, b: &Place) -> Option<Place> {
         let d = a.pair.to(&b.pair);
         let mut best: Option<(f64, Place)> = None;
         for (i, side) in (0..3).flat_map(|i| [(i, -1.0), (i, 1.0)]) {
-            // The images have the sign of W that is positive.
+            // The images are scaled to a positive W.
             let value = |p: &Place| p.image[i] / p.image[3] - side;
             let (x, y) = (value(a), value(b));
             if x * side > 0.0 || y * side <= 0.0 {
@@ -251,7 +254,7 @@ impl Pairs {
         best.map(|b| b.1)
     }
 
-    /// The pinch point between two places.
+    /// Returns the pinch point between two places.
     fn pinch_between(&self, a: &Place, b: &Place) -> Option<Place> {
         let t = a.pair.l / (a.pair.l - b.pair.l);
         let d = a.pair.to(&b.pair);
@@ -259,8 +262,8 @@ impl Pairs {
         Some(place.toward(&a.tangent))
     }
 
-    /// The end of an arc near to a place, if its parameters are one there and the differential has
-    /// the rank 1.
+    /// Returns the end of an arc near to a place, if its two parameters coincide there and the
+    /// differential has the rank 1.
     fn singular_end(&self, here: &Place) -> Option<Place> {
         let m = here.pair.m.map(|x| C::new(x, 0.0));
         let (minors, size) = minors_and_size(&self.at(&m).1);
@@ -276,10 +279,11 @@ impl Pairs {
         })
     }
 
-    /// Whether a pair, given by its forms, lies on an arc between two places next to each other,
+    /// Returns true if a pair, given by its forms, lies on an arc between two successive places,
     /// whose tangents differ by little.
     ///
-    /// Not by its parameters: these differ by the root of λ, which turns where λ comes to 0.
+    /// The comparison does not use its parameters: these differ by the root of λ, whose direction
+    /// turns where λ vanishes.
     pub(super) fn is_between(&self, forms: &[RealPair], a: &Place, b: &Place) -> bool {
         let (mut from, mut to) = (a.pair, b.pair);
         if from.distance(&to) > OTHER_FORM {
@@ -293,18 +297,18 @@ impl Pairs {
             let detour = from.distance(x) + x.distance(&to);
             detour <= DETOUR * length + DETOUR_PRECISION
         };
-        // Others may be as near to a long step: the place beside the pair decides.
+        // Other pairs may be as near to a long step: the arc's place next to the pair decides.
         let is_on = |x: &RealPair| {
             let t = dot7(&from.to(x), &d) / (length * length);
             let here = self.correct(&from.moved(&d, t), &Condition::Across(d));
-            // Scaling has moved it along the arc.
+            // Scaling has moved the place along the arc.
             length < OFF_ARC || here.is_none_or(|(here, _)| here.is_in_line(x, OFF_ARC))
         };
         forms.iter().any(|x| is_near(x) && is_on(x))
     }
 }
 
-/// The sum of the squares of the 2 × 2 minors of a real Jacobian, and that of its entries.
+/// Returns the sum of the squares of the 2 × 2 minors of a real Jacobian, and that of its entries.
 fn minors_and_size(df: &[V; 4]) -> (f64, f64) {
     let (mut minors, mut size) = (0.0, 0.0);
     for i in 0..4 {
@@ -319,7 +323,7 @@ fn minors_and_size(df: &[V; 4]) -> (f64, f64) {
     (minors, size)
 }
 
-/// The plane of the face of the box where coordinate i is `side`, −1 or 1.
+/// Returns the plane of the face of the box on which coordinate i is `side`, −1 or 1.
 fn face_plane(i: usize, side: f64) -> [f64; 4] {
     let mut plane = [0.0; 4];
     plane[i] = 1.0;
