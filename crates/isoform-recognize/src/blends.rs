@@ -1,10 +1,11 @@
-//! Entities that round the edge between others: cylinders, tori and spheres that touch their
-//! neighbours along curves.
+//! Blends: entities that round the edge between others. They are cylinders, tori and spheres that
+//! touch their neighbours along curves.
 //!
-//! A ball of constant radius that rolls along two surfaces keeps its centre at its radius from both,
-//! and envelops the blend (J. Rossignac and A. Requicha, Constant-radius blending in solid modelling,
-//! Computers in Mechanical Engineering 3, 1984). So the middle curve of the blend (the axis of a
-//! cylinder, the circle of a torus, the centre of a sphere) has one distance from each: the radius.
+//! A ball of constant radius that rolls along two surfaces keeps its centre at that radius from
+//! both, and envelops the blend (J. Rossignac and A. Requicha, Constant-radius blending in solid
+//! modelling, Computers in Mechanical Engineering 3, 1984). Hence the distance of the spine of the
+//! blend (the axis of a cylinder, the circle of a torus, the centre of a sphere) from both surfaces
+//! is the radius.
 
 use crate::chart::{Kind, Surface};
 use crate::entity::Blend;
@@ -12,8 +13,8 @@ use crate::relations::Known;
 use isoform_geom::{Point3, dot};
 use std::collections::BTreeMap;
 
-/// Places along a torus's circle at which the distance is looked at: a plane that cuts it touches
-/// at three of them at most.
+/// Number of samples of a torus's circle at which the distance is tested. A plane that cuts the
+/// torus is at the distance of the radius at no more than three of them.
 const PLACES: usize = 8;
 /// Two surfaces touch where the middle curve is off the radius by at most this many deviations.
 const WITHIN: f64 = 4.0;
@@ -22,16 +23,16 @@ const WITHIN: f64 = 4.0;
 const OFF: f64 = 0.05;
 /// The least deviation, in diagonals: what rounding leaves.
 const ROUNDING: f64 = 1e-8;
-/// Pairs of points next to each other that two entities of a cloud have at least as neighbours: a
-/// corner has one or two.
+/// Minimum number of pairs of neighbouring points between two adjacent entities of a cloud.
+/// Entities that meet only in a corner have one or two.
 pub(crate) const PAIRS: usize = 4;
 /// |cosine| of the normals at the two contacts above which the entity is no rounded edge but the
 /// round end of a slot.
 const OPPOSITE: f64 = 0.99;
 
-/// The blends among entities, in their order, with lengths in units of `unit`: given their points,
-/// and the pairs of entities next to each other, once for each place where they are; neighbours
-/// have `fewest` of them.
+/// Returns the blends among entities, in the order of the entities, with lengths in units of
+/// `unit`. `points` are those of each entity; `pairs` holds two entities for each place where they
+/// are adjacent, and neighbours have at least `fewest` such places.
 pub(crate) fn blends(
     known: &[Known],
     points: &[Vec<Point3>],
@@ -66,7 +67,8 @@ pub(crate) fn blends(
     blends
 }
 
-/// Whether the normals of two of the surfaces make an angle at their contacts.
+/// Returns true if the normals of two of the surfaces make an angle at their contacts. If not, the
+/// entity is the round end of a slot.
 fn has_angle(known: &[Known], between: &[usize], p: Point3) -> bool {
     let normal = |i: &usize| known[*i].surface.normal(p);
     let first = normal(&between[0]);
@@ -75,13 +77,14 @@ fn has_angle(known: &[Known], between: &[usize], p: Point3) -> bool {
         .any(|j| dot(first, normal(j)).abs() < OPPOSITE)
 }
 
-/// The deviation of a surface's places and sizes: the largest along a length.
+/// Returns the largest standard deviation of those parameters of a surface that are lengths.
 fn deviation(known: &Known) -> f64 {
     let of = |k: usize| known.covariance[k][k].sqrt();
     known.surface.kind.lengths().map(of).fold(0.0, f64::max)
 }
 
-/// Places of the middle curve: where the points begin and end along a cylinder's axis.
+/// Returns samples of the spine; of a cylinder, the ends of the part of the axis that its points
+/// cover.
 fn middle(s: &Surface, points: &[Point3]) -> Vec<Point3> {
     let [e, f] = s.frame();
     match s.kind {

@@ -1,23 +1,23 @@
-//! Surfaces in minimal parameters: distances, their derivatives, and moves.
+//! Surfaces in minimal parameters: distances, their derivatives, and changes of the parameters.
 
 use isoform_geom::{Point3, Quadric, cross, dot, norm, sub};
 
-/// The most parameters that a surface has: those of a torus.
+/// Maximum number of parameters of a surface: those of a torus.
 pub(crate) const MOST: usize = 7;
 
-/// A row of the Jacobian; what lies beyond the surface's own parameters is 0.
+/// A row of the Jacobian; entries beyond the surface's own parameters are 0.
 pub(crate) type Row = [f64; MOST];
 
-/// The largest radius, in diagonals of the scan: its arc bends by an eighth of a thousandth of the
-/// diagonal over it, which planes explain.
+/// Maximum radius, in diagonals of the scan: over the diagonal its arc has a sagitta of an eighth
+/// of a thousandth of the diagonal, and a plane fits as well.
 const LARGEST: f64 = 1000.0;
-/// The least radius, in deviations of the noise. Blobs of points within three deviations are
-/// followed by circles of two; more loses fillets.
+/// Minimum radius, in standard deviations of the noise. Blobs of points within three deviations are
+/// followed by circles of two; a larger bound loses fillets.
 pub(crate) const TIGHTEST: f64 = 4.0;
 /// The largest half angle of a cone: 86°. Wider ones are planes.
 const WIDEST: f64 = 1.5;
 
-/// The kinds of surfaces, those with fewer parameters first.
+/// Kinds of surfaces, ordered by their number of parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Kind {
     Plane,
@@ -36,12 +36,12 @@ impl Kind {
         Self::Torus,
     ];
 
-    /// The kinds with fewer parameters.
+    /// Returns the kinds with fewer parameters.
     pub(crate) fn simpler(self) -> &'static [Self] {
         &Self::ALL[..self as usize]
     }
 
-    /// Returns which of its minimal parameters are lengths.
+    /// Returns the range of the minimal parameters that are lengths.
     pub(crate) fn lengths(self) -> std::ops::Range<usize> {
         match self {
             Self::Plane => 2..3,
@@ -51,7 +51,7 @@ impl Kind {
         }
     }
 
-    /// How many parameters determine it.
+    /// Returns the number of parameters of the kind.
     pub(crate) fn parameters(self) -> usize {
         match self {
             Self::Plane => 3,
@@ -63,32 +63,33 @@ impl Kind {
     }
 }
 
-/// A surface about a point of its own. A cone is given by its radius at that point, so that it
-/// passes into a cylinder without a singularity.
+/// A surface about a reference point of its own. A cone is given by its radius at that point, so
+/// that it passes into a cylinder without a singularity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Surface {
     pub(crate) kind: Kind,
-    /// A point of the plane, the centre, or a point of the axis.
+    /// Reference point: a point of the plane, the centre, or a point of the axis.
     pub(crate) place: Point3,
-    /// The plane's normal or the axis, of length 1.
+    /// Unit normal of the plane, or unit vector along the axis.
     pub(crate) axis: Point3,
-    /// The radius; of a cone at `place`, of a torus that of its circle.
+    /// Radius; of a cone that at `place`, of a torus that of its circle.
     pub(crate) size: f64,
-    /// A cone's half angle, positive where it widens along the axis; the radius of a torus's tube.
+    /// Half angle of a cone (radians), positive if it widens along the axis; radius of a torus's
+    /// tube.
     pub(crate) other: f64,
 }
 
-/// A point in the coordinates of an axis.
+/// Cylindrical coordinates of a point about an axis.
 struct Around {
-    /// Along the axis.
+    /// Coordinate along the axis.
     height: f64,
-    /// From the axis.
+    /// Distance from the axis.
     radius: f64,
-    /// The unit vector away from the axis; any one on the axis itself.
+    /// Unit vector away from the axis; an arbitrary normal of it for points on the axis.
     away: Point3,
 }
 
-/// The distances of a surface from many points: what all of them need is computed once.
+/// Evaluator of the distances of many points from one surface.
 pub(crate) struct Distances<'a> {
     surface: &'a Surface,
     /// Sine and cosine of a cone's half angle; 0 and 1 of other kinds.
@@ -97,7 +98,7 @@ pub(crate) struct Distances<'a> {
 }
 
 impl Distances<'_> {
-    /// As [`Surface::distance`].
+    /// Returns [`Surface::distance`].
     #[inline]
     pub(crate) fn at(&self, p: Point3) -> f64 {
         let surface = self.surface;
@@ -117,7 +118,7 @@ impl Distances<'_> {
         }
     }
 
-    /// As [`Surface::normal`].
+    /// Returns [`Surface::normal`].
     pub(crate) fn normal(&self, p: Point3) -> Point3 {
         let surface = self.surface;
         let along = |q: &Around, r: f64, h: f64| -> Point3 {
@@ -142,7 +143,7 @@ impl Distances<'_> {
     }
 }
 
-/// The distances of a surface with their derivatives by the parameters of [`Surface::moved`].
+/// Evaluator of distances with their derivatives by the parameters of [`Surface::moved`].
 pub(crate) struct Rows<'a> {
     surface: &'a Surface,
     /// The two vectors of [`Surface::frame`].
@@ -153,8 +154,8 @@ pub(crate) struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    /// The distance of a point, and its derivatives. `kind` is that of the surface: loops over the
-    /// points of a kind that the compiler knows take half the time.
+    /// Returns the distance of a point and its derivatives. `kind` is that of the surface: a loop
+    /// for a kind known at compile time takes half the time.
     #[inline(always)]
     pub(crate) fn at(&self, kind: Kind, p: Point3) -> (f64, Row) {
         let [e, f] = &self.across;
@@ -176,7 +177,7 @@ impl Rows<'_> {
         }
         let v: Point3 = std::array::from_fn(|k| d[k] - height * surface.axis[k]);
         let radius = norm(v);
-        // On the axis, where no direction leads away, tilts and shifts change nothing.
+        // On the axis, which has no direction away from it, tilts and shifts change nothing.
         let divisor = at_least(radius);
         let (ue, uf) = (dot(v, *e) / divisor, dot(v, *f) / divisor);
         let r = radius - surface.size;
@@ -201,7 +202,7 @@ impl Rows<'_> {
     }
 }
 
-/// A length that numbers can be divided by: one instruction, for which `max` takes three.
+/// Returns a length that is safe as a divisor: one instruction, for which `max` takes three.
 fn at_least(length: f64) -> f64 {
     match length > f64::MIN_POSITIVE {
         true => length,
@@ -209,13 +210,14 @@ fn at_least(length: f64) -> f64 {
     }
 }
 
-/// √(x² + y²) of lengths in diagonals, far from overflow, for which `hypot` takes four times as long.
+/// Returns √(x² + y²) of lengths in diagonals, which cannot overflow; `hypot` takes four times as
+/// long.
 fn length(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
 }
 
 impl Surface {
-    /// The plane through a point with a unit normal.
+    /// Returns the plane through a point with a unit normal.
     pub(crate) fn plane(place: Point3, normal: Point3) -> Self {
         Self {
             kind: Kind::Plane,
@@ -226,7 +228,7 @@ impl Surface {
         }
     }
 
-    /// Two unit vectors that make a frame with the axis.
+    /// Returns two unit vectors that form an orthonormal frame with the axis.
     pub(crate) fn frame(&self) -> [Point3; 2] {
         frame(self.axis)
     }
@@ -247,12 +249,13 @@ impl Surface {
         }
     }
 
-    /// The signed distance: positive on the side of the normal, away from centre and axis.
+    /// Returns the signed distance: positive on the side of the normal, away from the centre or
+    /// axis.
     pub(crate) fn distance(&self, p: Point3) -> f64 {
         self.distances().at(p)
     }
 
-    /// The distances from many points.
+    /// Returns an evaluator of the distances of many points.
     pub(crate) fn distances(&self) -> Distances<'_> {
         let (sin, cos) = self.slope();
         Distances {
@@ -262,7 +265,7 @@ impl Surface {
         }
     }
 
-    /// Sine and cosine of a cone's half angle; 0 and 1 of other kinds.
+    /// Returns the sine and cosine of a cone's half angle; 0 and 1 of other kinds.
     fn slope(&self) -> (f64, f64) {
         match self.kind {
             Kind::Cone => self.other.sin_cos(),
@@ -270,12 +273,12 @@ impl Surface {
         }
     }
 
-    /// The gradient of the distance, of length 1.
+    /// Returns the gradient of the distance, a unit vector.
     pub(crate) fn normal(&self, p: Point3) -> Point3 {
         self.distances().normal(p)
     }
 
-    /// Returns the largest curvature next to a point.
+    /// Returns the largest absolute curvature near a point.
     pub(crate) fn curvature(&self, p: Point3) -> f64 {
         let radius = match self.kind {
             Kind::Plane => return 0.0,
@@ -292,7 +295,7 @@ impl Surface {
         std::array::from_fn(|k| p[k] - d * n[k])
     }
 
-    /// What the derivatives of its distances need, for many points.
+    /// Returns an evaluator of the derivatives of the distances of many points.
     pub(crate) fn rows(&self) -> Rows<'_> {
         let (sin, cos) = self.slope();
         Rows {
@@ -303,8 +306,9 @@ impl Surface {
         }
     }
 
-    /// The surface with its parameters moved: the axis tilted along the two vectors of the frame,
-    /// the place (of a plane along its normal, of cylinders and cones across the axis), the sizes.
+    /// Returns the surface after a step of its parameters: the axis tilted along the two vectors of
+    /// the frame, the reference point moved (of a plane along its normal, of cylinders and cones
+    /// across the axis), the sizes changed.
     pub(crate) fn moved(&self, step: &Row) -> Self {
         let [e, f] = self.frame();
         let tilted = || {
@@ -339,7 +343,8 @@ impl Surface {
         new
     }
 
-    /// The surface, given about the foot of this point on its plane or axis.
+    /// Returns the surface with its reference point moved to the projection of `p` onto its plane
+    /// or axis.
     pub(crate) fn about(&self, p: Point3) -> Self {
         let mut new = *self;
         match self.kind {
@@ -359,7 +364,7 @@ impl Surface {
         new
     }
 
-    /// The surface in another unit, of which `factor` make one of the old.
+    /// Returns the surface in a unit of length that is `factor` times as small.
     pub(crate) fn scaled(&self, factor: f64) -> Self {
         let other = match self.kind {
             Kind::Cone => self.other,
@@ -373,12 +378,13 @@ impl Surface {
         }
     }
 
-    /// Whether it has an axis.
+    /// Returns true if the surface has an axis.
     pub(crate) fn is_round(&self) -> bool {
         matches!(self.kind, Kind::Cylinder | Kind::Cone | Kind::Torus)
     }
 
-    /// Whether its sizes are those of a surface: radii positive, a cone's angle below a right one.
+    /// Returns true if the parameters are valid: finite, radii positive and bounded, the half angle
+    /// of a cone below a right angle.
     pub(crate) fn is_proper(&self) -> bool {
         let are_finite = self.place.iter().chain(&self.axis).all(|x| x.is_finite());
         let radius = |r: f64| r > 0.0 && r < LARGEST;
@@ -387,13 +393,13 @@ impl Surface {
                 Kind::Plane => true,
                 Kind::Sphere | Kind::Cylinder => radius(self.size),
                 Kind::Cone => self.other.abs() < WIDEST && self.size.abs() < LARGEST,
-                // A tube that passes its axis, too: an apple.
+                // Also for a tube that passes its axis (a spindle torus).
                 Kind::Torus => radius(self.size) && radius(self.other),
             }
     }
 
-    /// Whether it bends no tighter than noise lets one tell: a tube of a radius of twice the noise
-    /// follows any blob of points better than a face does.
+    /// Returns true if the radius is large enough to be told from noise. A tube whose radius is
+    /// twice the noise follows any blob of points better than a face does.
     pub(crate) fn is_wider_than(&self, noise: f64) -> bool {
         let radius = match self.kind {
             Kind::Plane | Kind::Cone => f64::INFINITY,
@@ -403,7 +409,8 @@ impl Surface {
         radius >= TIGHTEST * noise
     }
 
-    /// The surface in units `unit` times as large about another origin, as CAD systems name it.
+    /// Returns the surface in units `unit` times as large about another origin, in the terms of CAD
+    /// systems.
     pub(crate) fn quadric(&self, unit: f64, origin: Point3) -> Quadric {
         let at = |p: Point3| -> Point3 { std::array::from_fn(|k| p[k] * unit + origin[k]) };
         let place = at(self.place);
@@ -435,8 +442,8 @@ impl Surface {
         }
     }
 
-    /// Where points begin and end along the axis, from the apex of a cone, else from the place; 0
-    /// of planes and spheres.
+    /// Returns the range of the points' coordinates along the axis, from the apex of a cone,
+    /// otherwise from the reference point; 0 for planes and spheres.
     pub(crate) fn extent(&self, points: &[Point3]) -> [f64; 2] {
         let from = match self.kind {
             Kind::Plane | Kind::Sphere => return [0.0; 2],
@@ -449,14 +456,14 @@ impl Surface {
         })
     }
 
-    /// A cone's apex.
+    /// Returns a cone's apex.
     pub(crate) fn apex(&self) -> Point3 {
         let h = -self.size / self.other.tan();
         std::array::from_fn(|k| self.place[k] + h * self.axis[k])
     }
 }
 
-/// The vector at length 1; itself where it has none.
+/// Returns the vector scaled to length 1; a zero vector stays.
 pub(crate) fn unit(v: Point3) -> Point3 {
     let length = norm(v);
     if length > 0.0 {
@@ -466,9 +473,9 @@ pub(crate) fn unit(v: Point3) -> Point3 {
     }
 }
 
-/// Two unit vectors that make a frame with this one.
+/// Returns two unit vectors that form an orthonormal frame with this one.
 pub(crate) fn frame(axis: Point3) -> [Point3; 2] {
-    // Rounding does not choose between components that are alike.
+    // The margin keeps rounding from choosing between components of equal size.
     let is_less = |k: usize, m: usize| axis[k].abs() + 1e-6 < axis[m].abs();
     let least = (0..3).fold(0, |m, k| if is_less(k, m) { k } else { m });
     let mut e = [0.0; 3];

@@ -1,4 +1,4 @@
-//! Which kind of surface a place lies on: the simplest one that explains it as well as any.
+//! Model selection: the simplest kind of surface that explains a region as well as any other.
 
 use crate::chart::{Kind, Surface};
 use crate::cloud::Cloud;
@@ -23,16 +23,14 @@ const MATERIAL_OF_FORM: f64 = 0.25;
 /// A kind with more parameters also wins where it explains this many times as many points: the
 /// simpler one then is a strip of it.
 const WIDER: f64 = 1.6;
-/// Correlation of neighbouring distances that a few points of other faces cause, and how many
-/// deviations of its estimate are chance. With 0.03 true faces of noisy scans are dropped, with 0.06
-/// tori that bend over two cones stay.
+/// Number of standard deviations of an estimate within which a difference is taken for chance.
 const CORRELATED: f64 = 0.045;
 const CHANCE: f64 = 4.0;
 /// Maximum root mean square distance of rounded points, in deviations of rounding.
 const ROUNDED: f64 = 1.2;
-/// Sizes of the sets of neighbours that regions grow from: small ones lie within small faces, large
-/// ones tell curvatures in noise; and whether only neighbours with like normals are taken, which
-/// keeps to one side of edges.
+/// Sizes of the sets of neighbours that regions grow from: small sets lie within small faces, large
+/// ones reveal curvature in noise. The flag restricts a set to neighbours with similar normals,
+/// which keeps it on one side of an edge.
 const SEEDS: [(usize, bool); 5] = [
     (48, true),
     (24, true),
@@ -49,26 +47,27 @@ const CANDIDATES: usize = 128;
 /// The least |cosine| of like normals: 40°.
 const ALIKE: f64 = 0.77;
 
-/// The standard deviation of points, and how well it is known.
+/// Standard deviation of the points, and its uncertainty.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Noise {
     pub(crate) deviation: f64,
-    /// The deviation may be this many times as large.
+    /// Factor by which the true deviation may exceed `deviation`.
     pub(crate) slack: f64,
-    /// Whether it is a tolerance of form, larger than the noise of the points: distances of
-    /// neighbours are alike then, and say nothing against a surface.
+    /// True if `deviation` is a tolerance of form, larger than the noise of the points. Distances
+    /// of neighbours are then correlated, which does not count against a surface.
     pub(crate) is_form: bool,
 }
 
 impl Noise {
-    /// Whether borders of regions tell that they are others': exact points of others are not taken,
-    /// and forms are off their surfaces in the mean.
+    /// Returns true if regions may be tested for borders that belong to other surfaces. Exact
+    /// points of other surfaces are never taken, and distances under a tolerance of form do not
+    /// average to zero.
     pub(crate) fn can_peel(self) -> bool {
         !self.is_form && (EXACT..PEELED).contains(&self.deviation)
     }
 
-    /// Two surfaces are one to any use where Σ r² differs by less than this share of the variance
-    /// for each point.
+    /// Returns the share of the variance per point below which a difference in Σ r² is irrelevant:
+    /// two such surfaces are equally good.
     fn material(self) -> f64 {
         if self.is_form {
             MATERIAL_OF_FORM
@@ -81,11 +80,11 @@ impl Noise {
 /// Noise above this, in diagonals, carries the points of other faces over strips as wide as small
 /// faces are: the borders of these are all off.
 const PEELED: f64 = 0.003;
-/// Noise below this is that of rounding, in diagonals.
+/// Maximum noise of points that are exact up to rounding, in diagonals.
 pub(crate) const EXACT: f64 = 1e-7;
 
-/// The least number of points of an entity by kind. Five times the parameters and more: with fewer,
-/// bent kinds follow any smooth scrap.
+/// Returns the minimum number of points of an entity by kind: more than five times the number of
+/// parameters. With fewer, curved kinds follow any smooth scrap.
 pub(crate) fn least_points(kind: Kind, noise: f64) -> usize {
     let is_exact = noise < EXACT;
     match kind {
@@ -127,8 +126,8 @@ pub(crate) fn least_points(kind: Kind, noise: f64) -> usize {
     }
 }
 
-/// Whether a surface with more parameters is called for: by how much Σ r² falls from `simple` to
-/// `bent` on the same points.
+/// Returns true if a surface with `more` additional parameters is justified by the decrease of Σ r²
+/// from `simple` to `bent` on equal points.
 pub(crate) fn is_called_for(
     more: usize,
     points: usize,
@@ -145,12 +144,13 @@ pub(crate) fn is_called_for(
     gain > asked.max(noise.material() * n)
 }
 
-/// Whether any surface with more parameters might be called for: one that leaves nothing of Σ r².
+/// Returns true if a surface with `more` additional parameters could be justified at all: by one
+/// that leaves Σ r² = 0.
 pub(crate) fn may_be_called_for(more: usize, points: usize, simple: f64, noise: Noise) -> bool {
     is_called_for(more, points, simple, 0.0, 0, noise)
 }
 
-/// Surfaces that are known when a region is sought, and the label of each point.
+/// Known surfaces, and the label of each point.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Known<'a> {
     pub(crate) surfaces: &'a [Surface],
@@ -158,7 +158,7 @@ pub(crate) struct Known<'a> {
 }
 
 impl Known<'_> {
-    /// The axes of the surfaces of some points.
+    /// Returns the axes of the surfaces that some points lie on.
     pub(crate) fn axes(self, points: &[u32]) -> Vec<Line> {
         let label = |i: &u32| self.labels.get(*i as usize).copied();
         let mut labels: Vec<u32> = points.iter().filter_map(label).collect();
@@ -172,12 +172,12 @@ impl Known<'_> {
     }
 }
 
-/// Sets of free points about a seed that regions grow from.
+/// Sets of free points about a seed from which regions grow.
 struct Sets {
     near: Vec<u32>,
-    /// Those with like normals.
+    /// Points with normals similar to the seed's.
     alike: Vec<u32>,
-    /// The axes of known surfaces nearby, about which chamfers, fillets and bores mostly lie.
+    /// Axes of known surfaces nearby, about which chamfers, fillets and bores mostly lie.
     axes: Vec<Line>,
 }
 
@@ -202,7 +202,7 @@ impl Sets {
     }
 }
 
-/// The region about a seed, of the kind that its points ask for.
+/// Returns the region about a seed, of the kind that its points justify.
 pub(crate) fn best_region(
     cloud: &Cloud,
     seed: u32,
@@ -225,8 +225,8 @@ pub(crate) fn best_region(
     choose(cloud, [simple].into_iter().chain(bent).flatten(), noise)
 }
 
-/// The largest region of a kind that follows its points, from the first sets that give one which has
-/// grown well beyond them.
+/// Returns the largest region of a kind that follows its points, from the first set that grows well
+/// beyond itself.
 fn largest(
     cloud: &Cloud,
     sets: &Sets,
@@ -268,7 +268,7 @@ fn largest(
     best
 }
 
-/// Whether a plane is large and without a bend: no other kind need be tried.
+/// Returns true if a plane is large and shows no curvature, so that other kinds need not be tried.
 fn is_plainly_flat(cloud: &Cloud, region: &Region, noise: Noise) -> bool {
     let surface = &region.surface;
     if surface.kind != Kind::Plane || region.core.len() < FLAT {
@@ -280,7 +280,7 @@ fn is_plainly_flat(cloud: &Cloud, region: &Region, noise: Noise) -> bool {
     !is_called_for(1, points.len(), before, after, 6, noise)
 }
 
-/// The simplest of regions, by rising kind, that no other one beats.
+/// Returns the simplest of regions, given by rising kind, that no other one beats.
 fn choose(cloud: &Cloud, regions: impl Iterator<Item = Region>, noise: Noise) -> Option<Region> {
     let mut best: Option<Region> = None;
     for region in regions {
@@ -293,9 +293,9 @@ fn choose(cloud: &Cloud, regions: impl Iterator<Item = Region>, noise: Noise) ->
     best
 }
 
-/// Whether a surface follows its points up to independent noise: those of its core, or all
-/// of them. Along edges all have strips of other faces; in the core of a face behind a thin wall are
-/// only places where the noise of neighbours happens to be alike.
+/// Returns true if a surface follows its points up to independent noise: those of its core, or all
+/// of them. Along edges all points include strips of other faces; the core of a face behind a thin
+/// wall consists of points whose neighbours happen to have similar noise.
 pub(crate) fn follows(
     cloud: &Cloud,
     [core, points]: [&[u32]; 2],
@@ -311,14 +311,14 @@ pub(crate) fn follows(
     is_one(core) || is_one(points)
 }
 
-/// True if points are off a surface by no more than rounding, that of the modeller included, which
-/// may be alike for neighbours.
+/// Returns true if points are off a surface by no more than rounding (that of the modeller
+/// included), which may be correlated between neighbours.
 fn is_rounding(cloud: &Cloud, points: &[u32], surface: &Surface) -> bool {
     let most = EXACT.max(ROUNDED * cloud.grid);
     squares(surface, &cloud.at(points)) <= most * most * points.len() as f64
 }
 
-/// Whether points deviate by no more than the noise.
+/// Returns true if points deviate by no more than the noise.
 fn is_near(cloud: &Cloud, points: &[u32], surface: &Surface, noise: Noise) -> bool {
     let parameters = surface.kind.parameters();
     let free = points.len().saturating_sub(parameters).max(1) as f64;
@@ -330,7 +330,7 @@ fn is_independent((correlation, deviation): (f64, f64)) -> bool {
     correlation <= CORRELATED + CHANCE * deviation
 }
 
-/// Whether a region of a kind with more parameters explains a place better.
+/// Returns true if a region of a kind with more parameters explains the points better.
 fn beats(cloud: &Cloud, bent: &Region, simple: &Region, noise: Noise) -> bool {
     if bent.core.len() as f64 >= WIDER * simple.core.len() as f64 {
         return true;

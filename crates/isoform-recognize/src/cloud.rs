@@ -1,5 +1,5 @@
-//! The scan as recognition sees it: in an order and a unit of its own, with neighbours, normals and
-//! an idea of its noise.
+//! The point cloud prepared for recognition: normalised, sorted, with neighbours, normals and an
+//! estimate of its noise.
 
 use crate::chart::Kind;
 use crate::fit::{Precision, fit};
@@ -9,11 +9,11 @@ use crate::start::starts;
 use isoform_geom::{Aabb, KdTree, Point3, dot, orient_normals, sub};
 use rayon::prelude::*;
 
-/// Neighbours along which regions grow and labels compete. Fewer tear regions apart where points
-/// lie unevenly; more carry labels over narrow gaps.
+/// Number of neighbours along which regions grow and labels compete. Fewer tear regions apart where
+/// points lie unevenly; more carry labels over narrow gaps.
 pub(crate) const NEIGHBOURS: usize = 12;
-/// Points about each, itself among them, that tell its normal and its noise: a quadratic height has
-/// 6 coefficients, which leaves 19 of 25 free.
+/// Number of points in a neighbourhood, the centre included, that give its normal and its noise: a
+/// quadratic height has 6 coefficients, which leaves 19 degrees of freedom.
 const AROUND: usize = 25;
 /// A neighbour lies on another sheet, across a wall, where it is this many deviations of the noise
 /// off the tangent planes of both, steeper than this tangent, and the normals are parallel to this
@@ -21,7 +21,7 @@ const AROUND: usize = 25;
 /// of third order; across a wall it is the thickness. Fewer deviations tear noisy sheets apart,
 /// more let seeds and labels through thin walls.
 const ACROSS: (f64, f64, f64) = (4.0, 0.5, 0.8);
-/// Places at which the noise of exact surfaces is tried; and points of each such place.
+/// Maximum number of places at which the noise is estimated.
 const TRIALS: (usize, usize) = (400, 14);
 /// Points lie exactly on surfaces where at this share of the trials some kind of surface is met
 /// this many times better than smooth heights are.
@@ -40,43 +40,45 @@ const VOLUME: (usize, f64) = (75, 1.45);
 /// How many times as far as rounding alone would leave them exact points may lie off at first: the
 /// modeller has rounded before. Entities tell how far they do.
 const INEXACT: f64 = 8.0;
-/// The least noise, as a share of the diagonal: what rounding leaves after a few operations.
+/// Minimum noise, in diagonals: the rounding that a few operations leave.
 pub(crate) const FLOOR: f64 = 1e-9;
 
-/// The scan, scaled to a diagonal of 1 about the middle of its box, each place once, sorted by its
-/// coordinates: what is found does not depend on unit, place and order.
+/// The point cloud, scaled to a diagonal of 1 about the middle of its box, without duplicates and
+/// sorted by coordinates: results do not depend on unit, position and order.
 pub(crate) struct Cloud {
     pub(crate) points: Vec<Point3>,
-    /// Unit normals, outwards.
+    /// Unit normals that point outwards.
     pub(crate) normals: Vec<Point3>,
-    /// The nearest neighbours of each point on its own sheet, [`NEIGHBOURS`] each where there are.
+    /// Nearest neighbours of each point on its own sheet, at most [`NEIGHBOURS`] each.
     neighbours: Vec<u32>,
-    /// Where those of each point begin.
+    /// Index of the first neighbour of each point in `neighbours`.
     first: Vec<u32>,
-    /// The points that have each among their neighbours, and where those of each begin.
+    /// Points that have each point among their neighbours, and the index of the first of them.
     beside: (Vec<u32>, Vec<u32>),
-    /// The deviation of the neighbours of each point from a quadratic height.
+    /// Standard deviation of the neighbours of each point from a quadratic height.
     pub(crate) roughness: Vec<f64>,
-    /// The noise that the smoothest places show.
+    /// Noise estimated from the smoothest places.
     pub(crate) noise: f64,
-    /// Standard deviation that rounding of the coordinates alone causes: no noise is less.
+    /// Standard deviation that rounding of the coordinates alone causes, a lower bound of all
+    /// noise.
     pub(crate) floor: f64,
-    /// That deviation where all decimals of the coordinates are taken for rounding, however coarse.
+    /// Standard deviation of rounding if all decimals of the coordinates are rounded, however
+    /// coarse.
     pub(crate) grid: f64,
-    /// Whether the points fill a volume.
+    /// True if the points fill a volume.
     pub(crate) is_volume: bool,
 }
 
-/// How the scan's points became those of a [`Cloud`].
+/// Map from the scan's points to those of a [`Cloud`].
 pub(crate) struct Scaling {
-    /// The middle of the scan's box.
+    /// Middle of the scan's box.
     pub(crate) origin: Point3,
-    /// The diagonal of the scan's box.
+    /// Diagonal of the scan's box.
     pub(crate) unit: f64,
 }
 
 impl Scaling {
-    /// `None` where the points have no extent.
+    /// Returns the scaling of some points; `None` if they have no extent.
     pub(crate) fn of(points: &[Point3]) -> Option<Self> {
         let bounds = Aabb::of(points);
         let unit = bounds.diagonal();
@@ -92,7 +94,8 @@ impl Scaling {
     }
 }
 
-/// Points sorted by their coordinates, each place once, and for each point given its index there.
+/// Returns points sorted by their coordinates without duplicates, and for each given point its
+/// index there.
 pub(crate) fn sorted(points: &[Point3]) -> (Vec<Point3>, Vec<u32>) {
     let mut order: Vec<u32> = (0..points.len() as u32).collect();
     let key = |i: u32| points[i as usize];
@@ -113,9 +116,9 @@ pub(crate) fn sorted(points: &[Point3]) -> (Vec<Point3>, Vec<u32>) {
 }
 
 impl Cloud {
-    /// Of points in order, of a diagonal of 1, whose coordinates have errors of `rounding` at most,
-    /// and of `grid` if all decimals are rounding: those of numbers that were rounded are even over
-    /// ± this, with a deviation of it / √3.
+    /// Prepares sorted points of a diagonal of 1. Their coordinates have errors of at most
+    /// `rounding`, and of at most `grid` if all decimals are rounding: errors of rounded numbers
+    /// are uniform over ± this bound, with the standard deviation bound / √3.
     pub(crate) fn new(points: Vec<Point3>, rounding: f64, grid: f64) -> Self {
         let [floor, grid] = [rounding, grid].map(|most| FLOOR.max(most / 3.0_f64.sqrt()));
         let tree = KdTree::new(&points);
@@ -164,38 +167,39 @@ impl Cloud {
         exact(self.floor)
     }
 
-    /// True if points with this noise are exact.
+    /// Returns true if points with this noise are exact.
     pub(crate) fn is_exact(&self, noise: f64) -> bool {
         noise <= self.exact()
     }
 
-    /// Turns all of it into the frame that a pose was taken from.
+    /// Turns points and normals back into the frame that a pose was taken from.
     pub(crate) fn turn_back(&mut self, pose: &Pose) {
         for v in self.points.iter_mut().chain(&mut self.normals) {
             *v = pose.back(*v);
         }
     }
 
-    /// The nearest neighbours of a point.
+    /// Returns the nearest neighbours of a point.
     pub(crate) fn near(&self, i: u32) -> &[u32] {
         let [from, to] = [i as usize, i as usize + 1].map(|k| self.first[k] as usize);
         &self.neighbours[from..to]
     }
 
-    /// Each point with each of its neighbours.
+    /// Returns each point paired with each of its neighbours.
     pub(crate) fn pairs(&self) -> impl Iterator<Item = (u32, u32)> {
         let all = 0..self.points.len() as u32;
         all.flat_map(|i| self.near(i).iter().map(move |j| (i, *j)))
     }
 
-    /// The points that have this one among their neighbours.
+    /// Returns the points that have this one among their neighbours.
     pub(crate) fn beside(&self, i: u32) -> &[u32] {
         let [from, to] = [i as usize, i as usize + 1].map(|k| self.beside.1[k] as usize);
         &self.beside.0[from..to]
     }
 
-    /// The points about one that are reached along neighbours, nearest first; twice as many as
-    /// asked for are looked at, so that rings are taken nearly by distance.
+    /// Returns the points nearest to a seed among those reached along neighbours, nearest first. It
+    /// visits twice as many as `count`, so that the result is nearly ordered by distance and not by
+    /// ring.
     pub(crate) fn around(&self, seed: u32, count: usize) -> Vec<u32> {
         let mut is_seen = vec![false; self.points.len()];
         is_seen[seed as usize] = true;
@@ -220,7 +224,7 @@ impl Cloud {
         all
     }
 
-    /// The parts of some points that are connected along neighbours.
+    /// Splits points into parts that are connected along neighbours.
     pub(crate) fn connected(&self, points: &[u32]) -> Vec<Vec<u32>> {
         let mut is_open = vec![false; self.points.len()];
         points.iter().for_each(|i| is_open[*i as usize] = true);
@@ -240,24 +244,24 @@ impl Cloud {
         parts
     }
 
-    /// Positions of some points.
+    /// Returns the positions of some points.
     pub(crate) fn at(&self, which: &[u32]) -> Vec<Point3> {
         which.iter().map(|i| self.points[*i as usize]).collect()
     }
 
-    /// Normals of some points.
+    /// Returns the normals of some points.
     pub(crate) fn normals_at(&self, which: &[u32]) -> Vec<Point3> {
         which.iter().map(|i| self.normals[*i as usize]).collect()
     }
 }
 
-/// Returns the noise below which points are exact, where rounding alone leaves them this far off.
+/// Returns the noise below which points are exact, given the deviation that rounding alone causes.
 fn exact(floor: f64) -> f64 {
     crate::choose::EXACT.max(INEXACT * floor)
 }
 
-/// For each point those that list it, and where these begin, of lists one after another and where
-/// each of them begins.
+/// Transposes a relation given as concatenated lists and the index of the first item of each:
+/// returns for each point the lists that name it, in this layout, too.
 fn reversed(lists: &[u32], first: &[u32]) -> (Vec<u32>, Vec<u32>) {
     let mut begin = vec![0; first.len()];
     lists.iter().for_each(|j| begin[*j as usize + 1] += 1);
@@ -274,11 +278,12 @@ fn reversed(lists: &[u32], first: &[u32]) -> (Vec<u32>, Vec<u32>) {
     (all, begin)
 }
 
-/// Whether the points fill a volume: a deviation that grows with the neighbourhood is no noise.
+/// Returns true if the points fill a volume: a deviation that grows with the neighbourhood is not
+/// noise.
 fn fill_a_volume(points: &[Point3], roughness: &[f64], tree: &KdTree) -> bool {
     let step = points.len().div_ceil(TRIALS.0).max(1);
     let tried = (0..points.len()).into_par_iter().step_by(step);
-    // The radius about each, and the deviations in the small and in the large neighbourhood.
+    // The radius of each neighbourhood, and the deviations in the small and in the large one.
     let of = |found: &mut Vec<(f64, u32)>, i: usize| {
         tree.nearest_k(points[i], VOLUME.0.min(points.len()), found);
         let at = found.get(AROUND.min(found.len()).saturating_sub(1));
@@ -296,12 +301,12 @@ fn fill_a_volume(points: &[Point3], roughness: &[f64], tree: &KdTree) -> bool {
     small > THICK * mean && large > VOLUME.1 * small
 }
 
-/// Every so many-th number below `n`, so that at most `most` remain.
+/// Returns every m-th number below `n`, with m such that at most `most` remain.
 pub(crate) fn thinned(n: usize, most: usize) -> impl Iterator<Item = usize> {
     (0..n).step_by(n.div_ceil(most).max(1))
 }
 
-/// The noise of the smoothest places.
+/// Returns the noise of the smoothest places.
 fn smooth_noise(roughness: &[f64]) -> f64 {
     let mut values: Vec<f64> = roughness
         .iter()
@@ -316,8 +321,9 @@ fn smooth_noise(roughness: &[f64]) -> f64 {
     (low / SMOOTH_QUANTILE.sqrt()).max(FLOOR)
 }
 
-/// The noise of points that lie on surfaces of our kinds more exactly than smooth heights tell:
-/// those bend within a neighbourhood. `None` where points show noise.
+/// Returns the noise of points that lie on surfaces of the supported kinds more exactly than
+/// quadratic heights show, which miss the curvature within a neighbourhood; `None` if the points
+/// are noisy.
 fn exact_noise(points: &[Point3], normals: &[Point3], found: &[(Vec<u32>, Local)]) -> Option<f64> {
     let (trials, size) = TRIALS;
     let step = points.len().div_ceil(trials).max(1);
@@ -343,7 +349,7 @@ fn exact_noise(points: &[Point3], normals: &[Point3], found: &[(Vec<u32>, Local)
     (low < EXACT.1 * smooth).then_some(low.max(FLOOR))
 }
 
-/// Whether two neighbours lie on the two sides of a wall.
+/// Returns true if two neighbours lie on opposite sides of a wall.
 fn is_across(points: &[Point3], normals: &[Point3], [i, j]: [usize; 2], noise: f64) -> bool {
     let (deviations, tangent, cosine) = ACROSS;
     let (m, n) = (normals[i], normals[j]);

@@ -1,17 +1,19 @@
-//! Surfaces that ought to be one, compared in minimal parameters, and models of how entities lie.
+//! Comparison of surfaces that ought to coincide, in minimal parameters, and fits of models of
+//! their layout.
 //!
-//! A model predicts each entity's surface from common parameters θ. The differences r of entities
-//! from it, whitened by their covariances, are made least in squares (Gauss–Newton). Their sum is
-//! of χ² where the model is true; by how much it falls without one entity, rᵀ(1 − H)⁻¹r with the
-//! leverage H, tells whether that one belongs (deletion of one observation: R. Cook, S. Weisberg,
-//! Residuals and Influence in Regression, 1982, ch. 2).
+//! A model predicts each entity's surface from common parameters θ. The differences r of the
+//! entities from it, whitened by their covariances, are minimised in least squares (Gauss–Newton).
+//! Their sum of squares has a χ² distribution if the model is true; its decrease without one
+//! entity, rᵀ(1 − H)⁻¹r with the leverage H, tells whether that entity belongs to the model
+//! (deletion of one observation: R. Cook, S. Weisberg, Residuals and Influence in Regression, 1982,
+//! ch. 2).
 
 use crate::chart::{Kind, MOST, Row, Surface};
 use crate::relations::{CHI_SQUARED, Known};
 use isoform_geom::{Point3, dot, sub};
 use isoform_num::linalg::{cholesky, cholesky_solve, symmetric_eigen};
 
-/// The step of differences, in radians and diagonals.
+/// Step of central differences, in radians and diagonals.
 pub(crate) const STEP: f64 = 1e-6;
 /// Steps of Gauss–Newton at most; two or three are usual, as models start close by.
 const STEPS: usize = 12;
@@ -26,8 +28,8 @@ const NONE: f64 = 1e-4;
 /// The normal deviate that is exceeded once in 10⁵, for χ² of many degrees of freedom.
 const DEVIATE: f64 = 4.265;
 
-/// χ² that `n` components exceed once in 10⁵ (E. Wilson and M. Hilferty, The distribution of
-/// chi-square, PNAS 17, 1931, beyond the table).
+/// Returns the χ² that `n` components exceed once in 10⁵ (E. Wilson and M. Hilferty, The
+/// distribution of chi-square, PNAS 17, 1931, beyond the table).
 pub(crate) fn limit(n: usize) -> f64 {
     if let Some(of) = n.checked_sub(1).and_then(|k| CHI_SQUARED.get(k)) {
         return *of;
@@ -36,8 +38,8 @@ pub(crate) fn limit(n: usize) -> f64 {
     n as f64 * (1.0 - variance + DEVIATE * variance.sqrt()).powi(3)
 }
 
-/// By how much the parameters of `other` differ from those of a surface of its kind, as
-/// [`Surface::moved`] takes them.
+/// Returns the difference of the parameters of `other` from those of a surface of its kind, in the
+/// terms of [`Surface::moved`].
 pub(crate) fn difference(surface: &Surface, other: &Surface) -> Row {
     let way = sub(other.place, surface.place);
     let sizes = [other.size - surface.size, other.other - surface.other];
@@ -54,7 +56,7 @@ pub(crate) fn difference(surface: &Surface, other: &Surface) -> Row {
             [tilt[0], tilt[1], off, 0.0, 0.0, 0.0, 0.0]
         }
         _ => {
-            // Where the other axis passes the height of the place.
+            // The height at which the other axis passes the reference point.
             let h = -dot(way, surface.axis) / cosine;
             let shift: Point3 = std::array::from_fn(|k| way[k] + h * other.axis[k]);
             let angle = cosine.signum() * other.other - surface.other;
@@ -69,7 +71,7 @@ pub(crate) fn difference(surface: &Surface, other: &Surface) -> Row {
     }
 }
 
-/// Adds the covariance of what depends on a surface.
+/// Adds the covariance of a value that depends on a surface, by linear propagation.
 pub(crate) fn add_covariance(sum: &mut [Row; MOST], of: &Known, value: impl Fn(&Surface) -> Row) {
     let n = of.surface.kind.parameters();
     let derivative = |k: usize| -> Row {
@@ -93,20 +95,20 @@ pub(crate) fn add_covariance(sum: &mut [Row; MOST], of: &Known, value: impl Fn(&
     }
 }
 
-/// Which parameters are angles.
+/// Returns true if a parameter is an angle.
 pub(crate) fn is_angle(kind: Kind, k: usize) -> bool {
     (kind != Kind::Sphere && k < 2) || (kind == Kind::Cone && k == 5)
 }
 
-/// Makes differences independent and of unit variance.
+/// Whitening transformation: makes differences independent and of unit variance.
 #[derive(Clone)]
 pub(crate) struct Whitener {
     rows: Vec<Row>,
 }
 
 impl Whitener {
-    /// For differences with this covariance in the parameters of `which`; `scale` has the variances
-    /// in whose units directions without variance are left out, if any are.
+    /// Builds the transformation of differences with this covariance in the parameters of `which`.
+    /// `scale` holds variances; directions with negligible variance in these units are left out.
     pub(crate) fn of(covariance: &[Row; MOST], which: &[usize], scale: Option<&Row>) -> Self {
         let n = which.len();
         let unit: Vec<f64> = which
@@ -137,16 +139,16 @@ impl Whitener {
         self.rows.iter().map(of).collect()
     }
 
-    /// The sum of squares.
+    /// Returns the sum of squares of the whitened difference.
     pub(crate) fn squared(&self, difference: &Row) -> f64 {
         self.apply(difference).iter().map(|x| x * x).sum()
     }
 }
 
-/// The difference from a model for θ.
+/// Difference from a model, as a function of θ.
 type Difference<'a> = Box<dyn Fn(&[f64]) -> Row + 'a>;
 
-/// An entity, or two, of which a model says something.
+/// An entity, or a pair of them, that a model makes a prediction about.
 pub(crate) struct Observation<'a> {
     pub(crate) difference: Difference<'a>,
     pub(crate) whitener: Whitener,
@@ -155,21 +157,22 @@ pub(crate) struct Observation<'a> {
 /// A model with the parameters that fit best.
 pub(crate) struct Fitted {
     pub(crate) theta: Vec<f64>,
-    /// Of θ, by rows.
+    /// Covariance of θ, by rows.
     pub(crate) covariance: Vec<f64>,
-    /// For each observation by how much its deletion lowers the sum, over what χ² allows.
+    /// Decrease of the sum of squares when an observation is deleted, over what χ² allows; by
+    /// observation.
     pub(crate) excess: Vec<f64>,
     squared: f64,
     free: usize,
 }
 
 impl Fitted {
-    /// Whether all entities and each of them lie within the uncertainty.
+    /// Returns true if the entities, together and one by one, lie within their uncertainty.
     pub(crate) fn holds(&self) -> bool {
         self.squared <= limit(self.free) && self.excess.iter().all(|x| *x <= 1.0)
     }
 
-    /// The standard deviation of a parameter.
+    /// Returns the standard deviation of a parameter.
     pub(crate) fn deviation(&self, k: usize) -> f64 {
         self.covariance[k * self.theta.len() + k].max(0.0).sqrt()
     }
@@ -200,7 +203,7 @@ fn linear(of: &Observation<'_>, theta: &[f64]) -> Linear {
     Linear { values, rows }
 }
 
-/// The Cholesky factor of the normal equations, and their right side.
+/// Returns the Cholesky factor of the normal equations, and their right side.
 fn normal(all: &[Linear], m: usize) -> Option<(Vec<f64>, Vec<f64>)> {
     let (mut matrix, mut side) = (vec![0.0; m * m], vec![0.0; m]);
     for (row, value) in all.iter().flat_map(|l| l.rows.iter().zip(&l.values)) {
@@ -214,7 +217,7 @@ fn normal(all: &[Linear], m: usize) -> Option<(Vec<f64>, Vec<f64>)> {
     cholesky(&mut matrix, m).then_some((matrix, side))
 }
 
-/// Fits a model of `m` parameters, which start at 0; none where they are not determined.
+/// Fits a model of `m` parameters, which start at 0; `None` if they are not determined.
 pub(crate) fn fit_model(m: usize, of: &[Observation<'_>]) -> Option<Fitted> {
     let mut theta = vec![0.0; m];
     for _ in 0..STEPS {
@@ -252,7 +255,7 @@ fn inverse(factor: &[f64], m: usize) -> Vec<f64> {
     (0..m).flat_map(column).collect()
 }
 
-/// rᵀ(1 − H)⁻¹r over the limit.
+/// Returns rᵀ(1 − H)⁻¹r over its limit.
 fn excess(of: &Linear, factor: &[f64], m: usize) -> f64 {
     let n = of.values.len();
     let mut rest = vec![0.0; n * n];
@@ -313,7 +316,7 @@ mod tests {
         assert!((limit(12) / 45.08 - 1.02).abs() < 0.02, "{}", limit(12));
     }
 
-    /// A mean of numbers of deviation 1, of which one is off.
+    /// A mean of numbers of deviation 1, one of which is off.
     #[test]
     fn one_that_does_not_belong_is_told() {
         let mut unit = [[0.0; MOST]; MOST];

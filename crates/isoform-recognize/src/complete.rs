@@ -1,9 +1,9 @@
-//! Small faces of exact points: as few points as evidence asks for, those of the faces around
-//! included.
+//! Small faces of exact points: faces with as few points as evidence permits, counting points that
+//! belong to adjacent faces.
 //!
 //! Regions of small faces do not grow from neighbourhoods, which reach beyond them. Of exact points
-//! the fewest that determine a surface tell it, and each point more that meets it by chance does so
-//! once in (size of the face / rounding).
+//! the fewest that determine a surface define it, and each further point lies on it by chance only
+//! with the probability rounding / (size of the face).
 
 use crate::chart::{Distances, Kind, Surface};
 use crate::choose::follows;
@@ -26,16 +26,17 @@ const NEAREST: usize = 9;
 /// Maximum number of seeds in a round, and of rounds.
 const SEEDS: usize = 4000;
 const ROUNDS: usize = 3;
-/// Number of points beyond those that determine a surface that meet it at least.
+/// Minimum number of points on a surface beyond those that determine it.
 const MORE: usize = 4;
 /// Maximum standard deviation by which a surface is known, as a share of the size of its points:
 /// points on a line leave a plane open.
 const KNOWN: f64 = 1e-3;
 
-/// A surface that is tried.
+/// A surface through a few points.
 struct Tried {
     surface: Surface,
-    /// Number of values that the points determined: its other parameters are those of entities.
+    /// Number of values that the points determined; the other parameters are those of known
+    /// entities.
     values: usize,
 }
 
@@ -43,12 +44,12 @@ struct Tried {
 struct Found {
     seed: u32,
     tried: Tried,
-    /// Number of points around that lie on it, beyond those that determine it.
+    /// Number of nearby points on the surface beyond those that determine it.
     more: usize,
 }
 
 impl Segmentation {
-    /// Adds the faces that exact points without an entity and those around them lie on.
+    /// Adds the faces that exact points without an entity lie on, together with nearby points.
     pub(crate) fn complete(
         &mut self,
         cloud: &Cloud,
@@ -81,7 +82,8 @@ impl Segmentation {
         Ok(())
     }
 
-    /// The surface through points around a seed that most of the others there lie on.
+    /// Returns the surface through the seed and points near it that most of the other points nearby
+    /// lie on.
     fn best_about(&self, cloud: &Cloud, seed: u32, sweeps: &[Sweep]) -> Option<Found> {
         let near = cloud.around(seed, AROUND);
         let is_open = |i: &&u32| self.labels[**i as usize] == NONE && **i != seed;
@@ -120,8 +122,8 @@ impl Segmentation {
         best
     }
 
-    /// Adds a surface with the points that are reached on it from its seed, if these are evidence
-    /// enough.
+    /// Adds a surface with the points that are reached on it from its seed, if these are sufficient
+    /// evidence. Returns true if it was added.
     fn accept(&mut self, cloud: &Cloud, limits: Limits, found: &Found) -> bool {
         if self.labels[found.seed as usize] != NONE {
             return false;
@@ -144,7 +146,7 @@ impl Segmentation {
             .collect();
         let points = cloud.at(&of);
         let size = Aabb::of(&points).diagonal();
-        // A surface takes as many numbers as it has values, and saves one for each point.
+        // A surface costs as many numbers as it has values, and saves one for each point.
         let saved = open.len() as f64 - found.tried.values as f64;
         let is_evidence = saved * (size / self.noise).ln() > EVIDENCE
             && of.len() >= (surface.kind.parameters() + MORE).max(limits.min_points);
@@ -170,8 +172,8 @@ impl Segmentation {
     }
 }
 
-/// Returns the surfaces that a motion leaves as they are, or that lie across it, through a point
-/// and none, one or two of others.
+/// Returns the surfaces that a motion leaves invariant, or that lie across it, through a point and
+/// up to two of the others.
 fn through(sweep: &Sweep, p: Point3, others: &[Point3]) -> Vec<Tried> {
     let mut all = Vec::new();
     let mut add = |kind: Kind, curve: Curve, values: usize| {
@@ -212,8 +214,8 @@ fn through(sweep: &Sweep, p: Point3, others: &[Point3]) -> Vec<Tried> {
     all
 }
 
-/// The centre and the radius of the circle through three places; not finite where these are on one
-/// line.
+/// Returns the centre and the radius of the circle through three points; they are not finite if
+/// these are collinear.
 fn circle([a, b, c]: [Place; 3]) -> (Place, f64) {
     let [u, v] = [b, c].map(|q| [q[0] - a[0], q[1] - a[1]]);
     let [uu, vv] = [u, v].map(|w| w[0] * w[0] + w[1] * w[1]);
@@ -225,7 +227,8 @@ fn circle([a, b, c]: [Place; 3]) -> (Place, f64) {
     ([a[0] + d[0], a[1] + d[1]], d[0].hypot(d[1]))
 }
 
-/// The points on a surface that are connected to a seed along neighbours, in ascending order.
+/// Returns the points on a surface that are connected to a seed along neighbours, in ascending
+/// order.
 fn reached(cloud: &Cloud, seed: u32, surface: &Distances<'_>, tolerance: f64) -> Vec<u32> {
     let mut all = vec![seed];
     let mut is_seen = std::collections::HashSet::from([seed]);
@@ -243,7 +246,7 @@ fn reached(cloud: &Cloud, seed: u32, surface: &Distances<'_>, tolerance: f64) ->
     all
 }
 
-/// True if points determine all parameters of a surface to a small share of their size.
+/// Returns true if points determine all parameters of a surface to a small share of their size.
 fn is_determined(surface: &Surface, points: &[Point3], noise: f64, size: f64) -> bool {
     let lengths = surface.kind.lengths();
     covariance(surface, points).is_some_and(|c| {

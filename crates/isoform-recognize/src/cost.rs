@@ -1,21 +1,21 @@
-//! The price of points in a description, in natural units.
+//! Cost of points in a description, in nats.
 
 use crate::choose::EXACT;
 use crate::grow::WITHIN;
 
-/// The price of points with a noise: r²/2σ² at a distance r from their surface, and at most that of
-/// points without one.
+/// Cost of points with a given noise: r²/2σ² at a distance r from their surface, and at most that
+/// of points without one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cost {
     /// 1/2σ².
     scale: f64,
-    /// The price of a point without a surface. Of exact points it is ln(1/σ), since they may lie
+    /// Cost of a point without a surface. Of exact points it is ln(1/σ), since they may lie
     /// anywhere along the diagonal, which is 1; with noise it is that of [`WITHIN`] deviations.
     pub(crate) most: f64,
 }
 
 impl Cost {
-    /// With this noise, in diagonals.
+    /// Returns the cost of points with this noise, in diagonals.
     pub(crate) fn of(noise: f64) -> Self {
         Self {
             scale: 1.0 / (2.0 * noise * noise),
@@ -26,17 +26,17 @@ impl Cost {
         }
     }
 
-    /// r²/2σ².
+    /// Returns r²/2σ².
     pub(crate) fn of_distance(&self, r: f64) -> f64 {
         self.of_squares(r * r)
     }
 
-    /// Σ r²/2σ², of points that have a surface.
+    /// Returns Σ r²/2σ², of points that have a surface.
     pub(crate) fn of_squares(&self, squares: f64) -> f64 {
         squares * self.scale
     }
 
-    /// As [`of_distance`](Self::of_distance), infinite where a point costs less without the
+    /// Returns [`of_distance`](Self::of_distance), or infinity if a point costs less without the
     /// surface.
     pub(crate) fn if_near(&self, r: f64) -> f64 {
         let cost = self.of_distance(r);
@@ -47,7 +47,7 @@ impl Cost {
         }
     }
 
-    /// The distance beyond which a point costs less without the surface.
+    /// Returns the distance beyond which a point costs less without the surface.
     pub(crate) fn reach(&self) -> f64 {
         (self.most / self.scale).sqrt()
     }

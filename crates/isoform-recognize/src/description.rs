@@ -1,9 +1,9 @@
-//! The length of the description of a cloud by surfaces: of the distances of its points, and of the
-//! numbers of the surfaces. Of two segmentations the one with the shorter description holds (J.
-//! Rissanen 1978).
+//! Description length of a cloud by surfaces: that of the distances of its points, and that of the
+//! parameters of the surfaces. Of two segmentations the one with the shorter description is kept
+//! (J. Rissanen 1978).
 //!
-//! A surface about an axis, or along a direction, that a larger one has already has fewer numbers
-//! of its own.
+//! A surface about an axis, or along a direction, that a larger one has already given has fewer
+//! parameters of its own.
 
 use crate::chart::{Distances, Kind, Surface};
 use crate::choose::EXACT;
@@ -16,7 +16,7 @@ use crate::start::{Line, centred_sphere, cylinder, start_about};
 use isoform_geom::{Point3, cross, dot, norm, sub};
 use std::cmp::Reverse;
 
-/// Axes and directions of larger entities that are looked at, at most.
+/// Maximum number of axes, and of directions, of larger entities that are tried.
 const MOST: usize = 6;
 /// The least cosine between directions that may be one: 11°. Short faces in noise know theirs to
 /// some degrees.
@@ -27,8 +27,8 @@ const ALONG: f64 = 0.98;
 const COAXIAL: (f64, f64) = (0.99, 0.05);
 
 impl Segmentation {
-    /// The length of the description of the points: their distances, the parameters, and that there
-    /// are entities.
+    /// Returns the description length of the points: their distances, the parameters, and the cost
+    /// of each entity.
     pub(crate) fn length(&self, cloud: &Cloud, noise: f64) -> f64 {
         let mut members: Vec<(&Surface, Vec<u32>)> =
             self.surfaces.iter().zip(self.members()).collect();
@@ -42,7 +42,7 @@ impl Segmentation {
         self.length_of(cloud, 0..cloud.points.len() as u32, noise) + entities.sum::<f64>()
     }
 
-    /// The length of the description of some points.
+    /// Returns the description length of some points.
     pub(crate) fn length_of(
         &self,
         cloud: &Cloud,
@@ -55,9 +55,9 @@ impl Segmentation {
         points.map(length).sum()
     }
 
-    /// The length of the description of a point: it lies on the surface of a neighbour, on which of
-    /// them is not said. Surfaces that lie over one another follow noise better than one if each
-    /// point has the nearer of them.
+    /// Returns the description length of a point. It lies on the surface of one of its neighbours,
+    /// and the description does not say which. Overlapping surfaces would otherwise follow noise
+    /// better than one does, if each point took the nearer of them.
     fn length_at(&self, cloud: &Cloud, distances: &[Distances<'_>], i: usize, cost: Cost) -> f64 {
         let near = cloud.near(i as u32);
         let own = self.labels[i];
@@ -77,8 +77,8 @@ impl Segmentation {
         cost.most.min(-mean.ln())
     }
 
-    /// Surfaces with the axes and directions of larger ones where that is described in less: free
-    /// ones of small faces turn into the noise.
+    /// Replaces surfaces by ones with the axes and directions of larger entities if that shortens
+    /// the description: free surfaces of small faces turn into the noise.
     pub(crate) fn tied(
         &self,
         cloud: &Cloud,
@@ -102,8 +102,8 @@ impl Segmentation {
         surfaces
     }
 
-    /// The kinds with fewer numbers of their own: a cone about a known axis has two, a torus three,
-    /// a sphere four.
+    /// Returns the kinds with fewer parameters of their own: a cone about a known axis has two, a
+    /// torus three, a sphere four.
     pub(crate) fn simpler_kinds(&self, surface: &Surface) -> Vec<Kind> {
         let mut kinds = surface.kind.simpler().to_vec();
         if self.is_coaxial(surface) {
@@ -112,7 +112,7 @@ impl Segmentation {
         kinds
     }
 
-    /// Whether a surface lies about the axis of another one, nearly.
+    /// Returns true if a surface nearly shares its axis with another one.
     fn is_coaxial(&self, surface: &Surface) -> bool {
         let is_about = |other: &Surface| {
             let d = sub(surface.place, other.place);
@@ -125,7 +125,7 @@ impl Segmentation {
     }
 }
 
-/// What entities so far have given.
+/// Axes and directions of the entities that were described so far.
 #[derive(Default)]
 struct Given {
     axes: Vec<Line>,
@@ -133,9 +133,10 @@ struct Given {
 }
 
 impl Given {
-    /// What it costs to describe a surface through points of a deviation of `noise`: half the
-    /// logarithm of their count for each number of its own, and how much more their distances cost
-    /// where it keeps to an axis or a direction; and the surface with which it costs least.
+    /// Returns the minimum cost of describing a surface through points with the standard deviation
+    /// `noise`, and the surface that attains it. Each parameter of its own costs half the logarithm
+    /// of the number of points; a surface that keeps to a given axis or direction also pays for the
+    /// increase of its distances.
     fn shortest(&self, surface: &Surface, points: &[Point3], noise: f64) -> (f64, Surface) {
         let each = (points.len().max(1) as f64).ln() / 2.0;
         let free = squares(surface, points);
@@ -148,8 +149,8 @@ impl Given {
         self.tied(surface, points).map(of).fold(alone, shorter)
     }
 
-    /// Surfaces of this kind through points about the axes and along the directions given, with the
-    /// count of their own numbers.
+    /// Returns the surfaces of this kind through points about the given axes and along the given
+    /// directions, each with its number of own parameters.
     fn tied<'a>(
         &'a self,
         surface: &'a Surface,
@@ -182,7 +183,7 @@ impl Given {
         axes.filter_map(about).chain(directions.filter_map(along))
     }
 
-    /// Adds the axis and the direction of a surface, as long as there are few.
+    /// Adds the axis and the direction of a surface, up to the maximum number.
     fn add(&mut self, surface: &Surface) {
         if surface.kind == Kind::Sphere {
             return;

@@ -8,14 +8,14 @@ use crate::segment::{NONE, Segmentation};
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
 
-/// The entity of each face, and for each point the index of its face; [`NONE`] for points of none.
+/// Entity of each face, and index of the face of each point; [`NONE`] for points outside all faces.
 pub(crate) struct Faces {
     entities: Vec<u32>,
     labels: Vec<u32>,
 }
 
 impl Faces {
-    /// Takes pieces of entities, with what they consist of, for faces.
+    /// Builds the faces from pieces of entities, given as the entity and the points of each piece.
     pub(crate) fn of(pieces: impl Iterator<Item = (u32, Vec<u32>)>, points: usize) -> Self {
         let (mut entities, mut labels) = (Vec::new(), vec![NONE; points]);
         for (entity, of) in pieces {
@@ -26,8 +26,8 @@ impl Faces {
         Self { entities, labels }
     }
 
-    /// Finds the faces of a cloud: points of an entity that are connected along neighbours, as many
-    /// as an entity of their own would need.
+    /// Finds the faces of a cloud: points of an entity that are connected along neighbours, at
+    /// least as many as an entity of their own would need.
     pub(crate) fn of_cloud(cloud: &Cloud, found: &Segmentation, min_points: usize) -> Self {
         let members = found.members();
         let pieces = (0..).zip(&members).flat_map(|(entity, members)| {
@@ -43,8 +43,8 @@ impl Faces {
         Self::of(pieces, cloud.points.len())
     }
 
-    /// Gives exact points that lie on several faces to the smallest of them, of which they tell
-    /// most. Of noisy points the distances decide.
+    /// Assigns exact points that lie on several faces to the smallest of them, whose parameters
+    /// they determine most. For noisy points the distances decide.
     pub(crate) fn settle_shared(&mut self, cloud: &Cloud, found: &mut Segmentation) {
         if !cloud.is_exact(found.noise) {
             return;
@@ -67,7 +67,7 @@ impl Faces {
         let left = self.counts(&smallest);
         for (i, face) in smallest.into_iter().enumerate() {
             let own = self.labels[i];
-            // A face all of whose points lie on others, too, keeps them.
+            // A face all of whose points also lie on others keeps them.
             if face != own && (own == NONE || 2 * left[own as usize] > counts[own as usize]) {
                 self.labels[i] = face;
                 found.labels[i] = self.entities[face as usize];
@@ -83,9 +83,9 @@ impl Faces {
         counts
     }
 
-    /// Returns the faces of the points `index`, by `rank` of their entities, the largest first, and
-    /// the face of each of these points. Faces border on one another where `pairs` of places or
-    /// facets say so.
+    /// Returns the faces of the points `index`, ordered by `rank` of their entities and then by
+    /// size, the largest first, and the face of each of these points. `pairs` of neighbouring
+    /// points or facets define which faces are adjacent.
     pub(crate) fn report(
         &self,
         rank: impl Fn(u32) -> Option<u32>,

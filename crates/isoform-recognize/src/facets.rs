@@ -1,14 +1,15 @@
 //! Recognition of meshes made from CAD models, by their triangles.
 //!
-//! The vertices of such a mesh lie on the surfaces of the model, up to rounding; facets are their
-//! chords. Neighbourhoods in space tell little (a long cylinder is two rings of points), but
-//! triangles side by side do: surfaces are fitted to a few of them and grown over edges as far as
-//! vertices lie on them and facets are their chords ([`part`]). What counts as evidence for a bent
-//! surface stands in [`evidence`], where facets end and planes begin at [`part::TURN`].
+//! The vertices of such a mesh lie on the surfaces of the model, up to rounding, and its facets are
+//! chords. Neighbourhoods in space say little (a long cylinder is two rings of points), but
+//! adjacent triangles say much: surfaces are fitted to a few of them and grown over edges as far as
+//! vertices lie on them and facets are their chords ([`part`]). The evidence that a curved surface
+//! needs is defined in [`evidence`]; the angle between facets above which they are planes of their
+//! own is [`part::TURN`].
 //!
-//! A scanned mesh has noisy vertices, none of whose facets belong together so. The rule: a mesh is
-//! one of a CAD model where the parts found cover [`LEAST_COVERED`] of its area; any other goes the
-//! way of point clouds.
+//! A scanned mesh has noisy vertices, and its facets do not fit together in this way. A mesh counts
+//! as one of a CAD model if the recognised parts cover [`LEAST_COVERED`] of its area; any other is
+//! treated as a point cloud.
 
 mod claim;
 mod evidence;
@@ -30,9 +31,9 @@ use mesh::{Facets, NONE};
 use points::Inside;
 use report::report;
 
-/// The share of the area of a CAD mesh that its parts cover at least: scans have less than a
-/// hundredth. Less would take a scan that was cut flat for a model, more would send models with
-/// many free-form faces to the clouds.
+/// Minimum share of the area of a CAD mesh that its parts cover: those of scans cover less than a
+/// hundredth. A smaller bound would take a scan that was cut flat for a model, a larger one would
+/// treat models with many free-form faces as clouds.
 const LEAST_COVERED: f64 = 0.2;
 
 /// Minimum number of points of a part, vertices and those inside, unless the user gives one.
@@ -45,16 +46,16 @@ impl Options {
     }
 }
 
-/// What was recognised in a CAD mesh.
+/// Result of recognition in a CAD mesh.
 #[derive(Clone, Debug)]
 pub struct FacetRecognition {
-    /// Points inside faces, on their surfaces, which follow the mesh's own.
+    /// Points inside faces, on their surfaces; they are numbered after the mesh's own.
     pub inside: Vec<Point3>,
-    /// The entities, with labels of the mesh's points and those inside.
+    /// Entities, with labels of the mesh's points and of those inside.
     pub recognition: Recognition,
 }
 
-/// The facets of a CAD mesh and the parts that explain them.
+/// Facets of a CAD mesh and the parts that explain them.
 struct Explained {
     scaling: Scaling,
     facets: Facets,
@@ -82,7 +83,7 @@ impl Explained {
         }))
     }
 
-    /// Points in the scaled coordinates as points of the mesh.
+    /// Maps points from the scaled coordinates to those of the mesh.
     fn placed(&self, points: &[Inside]) -> Vec<Point3> {
         let back = |p: &Inside| -> Point3 {
             std::array::from_fn(|k| p.at[k] * self.scaling.unit + self.scaling.origin[k])
@@ -91,9 +92,9 @@ impl Explained {
     }
 }
 
-/// Recognises the planes, spheres, cylinders, cones and tori of a CAD mesh, about `wanted` points
-/// inside whose faces are reported; `None` for a mesh that is no CAD model's. The corners of all
-/// triangles have to be points.
+/// Recognises the planes, spheres, cylinders, cones and tori of a CAD mesh and reports the faces of
+/// about `wanted` points inside them; `None` if the mesh is not that of a CAD model. The corners of
+/// all triangles have to be points.
 ///
 /// # Errors
 /// [`Error`].
@@ -127,9 +128,9 @@ pub fn recognize_facets(
     }))
 }
 
-/// Returns about `wanted` points inside the faces of a CAD mesh, on their surfaces, and how exact
-/// its points are: the rounding of their coordinates, or of the modeller where that is more. `None`
-/// for a mesh that is no CAD model's. The corners of all triangles have to be points.
+/// Returns about `wanted` points inside the faces of a CAD mesh, on their surfaces, and the
+/// accuracy of its points: the rounding of their coordinates, or of the modeller if that is larger.
+/// `None` if the mesh is not that of a CAD model. The corners of all triangles have to be points.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -144,7 +145,7 @@ pub fn points_on_facets(
     let found = match Explained::of(mesh, control) {
         Ok(Some(found)) => found,
         Err(Error::Stopped(stopped)) => return Err(stopped),
-        // Points at one place, say, are no faces.
+        // Degenerate input, such as coincident points, has no faces.
         Ok(None) | Err(_) => return Ok(None),
     };
     let fewest = Options::default().fewest_of_part();

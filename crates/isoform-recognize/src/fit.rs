@@ -10,8 +10,8 @@ use isoform_num::linalg::{cholesky, cholesky_solve};
 const STEPS: usize = 40;
 /// Steps of a rough fit.
 const ROUGH_STEPS: usize = 12;
-/// The fit has converged when a step moves no point of the surface by more than this, in units of
-/// the scan's diagonal: some ulps.
+/// Convergence limit of a fit: the maximum distance by which a step moves any point of the surface,
+/// in diagonals (some units in the last place).
 const STILL: f64 = 1e-14;
 /// Steps that move no point by more than this, in diagonals, are of the size that rounding leaves
 /// of a place of least squares: √ε of noise at most.
@@ -21,12 +21,12 @@ const LITTLE: f64 = 1e-3;
 /// The first damping, as a share of the diagonal of JᵀJ, and its least and largest values.
 const DAMPING: [f64; 3] = [1e-3, 1e-12, 1e8];
 
-/// How far a fit goes.
+/// Accuracy of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Precision {
-    /// As far as the growing of a region needs.
+    /// Accuracy that the growth of a region needs.
     Rough,
-    /// To rounding.
+    /// Convergence to rounding.
     Full,
 }
 
@@ -35,22 +35,23 @@ struct Normal {
     matrix: [[f64; MOST]; MOST],
     side: Row,
     squares: f64,
-    /// The largest |J| by column, to tell how far a step moves the surface.
+    /// Largest |J| by column, from which the motion of the surface in a step is estimated.
     reach: Row,
 }
 
-/// Points whose rows are computed at once, a lane of vector registers each. Samples of growing
-/// regions have 20 to 200 points: more leave lanes of the last block empty, fewer make more loops.
+/// Number of points whose rows are computed at once, one per lane of vector registers. Samples of
+/// growing regions have 20 to 200 points: larger blocks leave lanes of the last one empty, smaller
+/// ones need more loops.
 const BLOCK: usize = 16;
-/// Partial sums of each entry of the equations, so that products do not wait for each other: two
-/// registers of two. More take registers from the products.
+/// Number of partial sums of each entry of the equations, so that products do not wait for each
+/// other: two registers of two. More take registers from the products.
 const LANES: usize = 4;
 
-/// A value for each point of a block.
+/// One value for each point of a block.
 type Column = [f64; BLOCK];
 
 dispatch! {
-    /// The equations of a surface, of points with their weights.
+    /// Returns the normal equations of a surface and weighted points.
     fn normal(surface: &Surface, points: &[Point3], weights: Option<&[f64]>) -> Normal
         = normal_by_kind
 }
@@ -66,8 +67,8 @@ fn normal_by_kind(surface: &Surface, points: &[Point3], weights: Option<&[f64]>)
     }
 }
 
-/// The equations of a surface with `N` parameters, of points with their weights: loops of known
-/// length, over a kind that the compiler knows, take a third of the time.
+/// Returns the normal equations of a surface with `N` parameters and weighted points: loops of
+/// known length, for a kind known at compile time, take a third of the time.
 #[inline(always)]
 fn normal_of<const N: usize>(
     surface: &Surface,
@@ -136,13 +137,13 @@ fn add_products(sums: &mut [f64; LANES], a: &Column, b: &Column) {
     }
 }
 
-/// Σ r² over points.
+/// Returns Σ r² over points.
 pub(crate) fn squares(surface: &Surface, points: &[Point3]) -> f64 {
     let distances = surface.distances();
     points.iter().map(|p| distances.at(*p).powi(2)).sum()
 }
 
-/// The mean of points; 0 without any.
+/// Returns the mean of points; 0 without any.
 pub(crate) fn mean(points: &[Point3]) -> Point3 {
     let mut sum = [0.0; 3];
     for p in points {
@@ -153,8 +154,8 @@ pub(crate) fn mean(points: &[Point3]) -> Point3 {
     sum.map(|s| s / points.len().max(1) as f64)
 }
 
-/// The surface of least squares of the distances of points, from a start near it; with Σ r². `None`
-/// where there is none: too few points, sizes that are no surface's.
+/// Fits a surface to points by least squares of the distances, from a start near it; returns it
+/// with Σ r². `None` if there are too few points, or the sizes become invalid.
 pub(crate) fn fit(
     start: &Surface,
     points: &[Point3],
@@ -163,7 +164,7 @@ pub(crate) fn fit(
     fit_weighted(start, points, None, precision)
 }
 
-/// As [`fit`], each square times a weight.
+/// Fits as [`fit`] does, with a weight for each square.
 pub(crate) fn fit_weighted(
     start: &Surface,
     points: &[Point3],
@@ -193,7 +194,7 @@ pub(crate) fn fit_weighted(
         let next = tried.is_proper().then(|| normal(&tried, points, weights));
         let moves: f64 = (0..MOST).map(|k| (step[k] * now.reach[k]).abs()).sum();
         match next {
-            // Near the end rounding hides by how much squares fall: steps that shrink go on.
+            // Near the minimum rounding hides the decrease: steps that shrink are accepted.
             Some(next) if next.squares <= now.squares || moves < before => {
                 let gain = now.squares - next.squares;
                 let is_over = precision == Precision::Rough && gain <= LITTLE * now.squares;
@@ -217,7 +218,7 @@ pub(crate) fn fit_weighted(
     (surface.is_proper() && squares.is_finite()).then_some((surface, squares))
 }
 
-/// The damped step; `None` where the equations are singular.
+/// Returns the damped step; `None` if the equations are singular.
 fn solve(normal: &Normal, n: usize, damping: f64) -> Option<Row> {
     let mut a = [0.0; MOST * MOST];
     for i in 0..n {
@@ -235,8 +236,9 @@ fn solve(normal: &Normal, n: usize, damping: f64) -> Option<Row> {
     step.iter().all(|x| x.is_finite()).then_some(step)
 }
 
-/// (JᵀJ)⁻¹ of the distances of points: the covariance of the parameters of [`Surface::moved`] for
-/// points of unit deviation. `None` where the points leave a parameter open.
+/// Returns (JᵀJ)⁻¹ of the distances of points: the covariance of the parameters of
+/// [`Surface::moved`] for points of unit deviation. `None` if the points leave a parameter
+/// undetermined.
 pub(crate) fn covariance(surface: &Surface, points: &[Point3]) -> Option<[Row; MOST]> {
     let n = surface.kind.parameters();
     let normal = normal(surface, points, None);
@@ -258,7 +260,8 @@ pub(crate) fn covariance(surface: &Surface, points: &[Point3]) -> Option<[Row; M
 mod tests {
     use super::*;
 
-    /// Points of a fixed sphere of radius 0.5 with errors of this deviation, uniform in ±√3 of it.
+    /// Returns points of a fixed sphere of radius 0.5 with errors of this deviation, uniform in ±√3
+    /// of it.
     fn sphere(count: usize, deviation: f64, seed: u64) -> Vec<Point3> {
         let mut state = seed;
         let mut random = move || {
@@ -299,7 +302,7 @@ mod tests {
         );
     }
 
-    /// Of points all over a sphere the variance of its radius is σ²/n, of each coordinate 3σ²/n.
+    /// With points all over a sphere the variance of its radius is σ²/n, of each coordinate 3σ²/n.
     #[test]
     fn covariance_of_a_whole_sphere_is_that_of_the_closed_form() {
         let points = sphere(20_000, 0.0, 2);
@@ -310,7 +313,7 @@ mod tests {
         (0..3).for_each(|k| assert!((c[k][k] * n - 3.0).abs() < 0.1, "{}", c[k][k] * n));
     }
 
-    /// The errors of the radius over many samples are those that the covariance says.
+    /// The errors of the radius over many samples agree with the covariance.
     #[test]
     fn errors_are_at_the_limit_of_cramer_and_rao() {
         let (count, sigma, tries) = (200, 1e-3, 300);

@@ -1,10 +1,10 @@
-//! Real objects whose form deviates from its surfaces by more than the noise of the points: how
-//! much of that is allowed.
+//! Tolerance of form: real objects deviate from their ideal surfaces by more than the noise of the
+//! points, and a tolerance for that is chosen here.
 //!
-//! Within the noise such an object consists of many pieces, bent by a little each, and of points
-//! that nothing follows. Wider tolerances are tried then, and the shortest description is taken:
-//! that of the distances of points from their surfaces, of the surfaces, and of the points without
-//! one (J. Rissanen 1978).
+//! Within the noise such an object consists of many pieces of slightly different curvature, and of
+//! points that no surface follows. Wider tolerances are then tried, and the one with the shortest
+//! description is taken: that of the distances of points from their surfaces, of the surfaces, and
+//! of the points without one (J. Rissanen 1978).
 
 use crate::chart::{Kind, Surface};
 use crate::choose::least_points;
@@ -17,9 +17,9 @@ use crate::whole::share_of_place;
 use isoform_control::{Control, Stopped};
 use std::collections::BTreeMap;
 
-/// The share of points that has to be told by entities of known size, else wider tolerances are
-/// tried. Parts made to their drawings have 90 % and more; with less asked for, cans pass whose
-/// side is a dozen tori.
+/// Minimum share of the points on entities of known size; with less, wider tolerances are tried.
+/// Parts made to their drawings have 90 % and more; with a lower limit, cans pass whose side is a
+/// dozen tori.
 const TOLD: f64 = 2.0 / 3.0;
 /// The share that planes, spheres, cylinders and cones of known size have to tell within a
 /// tolerance of form. Tori do not count: a few of them follow any smooth body within a hundredth of
@@ -34,28 +34,29 @@ const HALVINGS: i32 = 6;
 /// Tolerances one after another in which pieces of an object that a wider one describes tell too
 /// little, until none narrower is tried.
 const IN_VAIN: usize = 2;
-/// The least tolerance of form, in deviations of the noise.
+/// Minimum tolerance of form, in standard deviations of the noise.
 const NARROWEST: f64 = 2.0;
-/// The largest tolerance of form, in diagonals. Noise of half a per cent hides small faces, and
-/// twice that takes whole parts for one plane.
+/// Maximum tolerance of form, in diagonals. Noise of half a per cent hides small faces, and twice
+/// that takes whole parts for one plane.
 const WIDEST: f64 = 0.0075;
-/// What a point may cost more where fewer surfaces describe all: surfaces more have to bring the
-/// root mean square down by a quarter, exp(-0.3). Distances of a form are alike for neighbours, and
-/// a sum over points takes them for more evidence than they are: without this a ball is five.
+/// Increase of the description length per point, in nats, that fewer surfaces justify: additional
+/// surfaces have to reduce the root mean square by a quarter, exp(−0.3). Deviations of form are
+/// correlated between neighbours, and a sum over points overrates them as evidence: without this
+/// constant a ball becomes five surfaces.
 const FEWER: f64 = 0.3;
 /// The least share of place in distances whose mean square is beyond the noise: it is near 0 where a
 /// wide tolerance takes both faces of a plate for one, and near 1 on bent faces.
 const ONE_SHEET: f64 = 0.5;
-/// How many patches within the noise may take the place of an entity within a tolerance of form,
-/// and the share of its points that they and others tell at least. Bent faces fall into more
-/// patches, which leave more out.
+/// Maximum number of patches within the noise that may replace an entity within a tolerance of
+/// form, and the minimum share of its points that these and other surfaces explain. Curved faces
+/// fall into more patches, which leave more points out.
 const EXACT_PIECES: (usize, f64) = (3, 0.9);
 
-/// What is found within the noise that the points show, or within the tolerance of form that
+/// Segments a cloud within the noise that the points show, or within the tolerance of form that
 /// describes them best.
 ///
-/// Tolerances of form are tried as soon as the first round within the noise tells little: what else
-/// it finds are more small pieces, and that takes most of the time.
+/// Tolerances of form are tried as soon as the first round within the noise explains too few
+/// points: further rounds would add more small pieces, and take most of the time.
 pub(crate) fn within_noise_or_form(
     cloud: &Cloud,
     min_points: usize,
@@ -97,7 +98,7 @@ pub(crate) fn within_noise_or_form(
             false => first.finished(cloud, limits, control),
         };
     }
-    // No form describes the points better so far.
+    // No tolerance of form describes the points better so far.
     let found = taken.finished(cloud, limits, control)?;
     let told = told(cloud, &found);
     if share(cloud, &told) >= TOLD {
@@ -106,7 +107,7 @@ pub(crate) fn within_noise_or_form(
     tried.all.push((length(cloud, &told), found));
     let best = tried.best();
     let (_, mut taken) = tried.all.swap_remove(best);
-    // The last went where the best was, if that is not the best itself.
+    // `swap_remove` moved the last item to the place of the best, if that was not the last itself.
     let exact = tried.all.into_iter().nth(best).filter(|_| taken.is_form);
     Ok(match exact {
         Some((_, exact)) if !restore(cloud, &mut taken, &exact) => exact,
@@ -114,9 +115,9 @@ pub(crate) fn within_noise_or_form(
     })
 }
 
-/// Gives points of an entity back to surfaces that they follow within the noise, where few of these
-/// tell nearly all of a connected part of it. One tolerance serves a whole scan, and another object
-/// in it may have asked for that. Whether anything of form is left.
+/// Returns points of an entity to surfaces that they follow within the noise, if few of these
+/// explain nearly all of a connected part of it. One tolerance serves a whole scan, and another
+/// object in it may have required it. Returns true if any entity of form remains.
 fn restore(cloud: &Cloud, taken: &mut Segmentation, exact: &Segmentation) -> bool {
     let members = exact.members();
     let is_told: Vec<bool> = (exact.surfaces.iter().zip(&members))
@@ -159,7 +160,7 @@ fn restore(cloud: &Cloud, taken: &mut Segmentation, exact: &Segmentation) -> boo
     is_form
 }
 
-/// Fits a surface to the points that are left to it; without enough of them it has none.
+/// Fits a surface to its remaining points; without enough of them these lose it.
 fn fit_again(cloud: &Cloud, taken: &mut Segmentation, label: u32) {
     let left: Vec<u32> = (0..taken.labels.len() as u32)
         .filter(|i| taken.labels[*i as usize] == label)
@@ -172,8 +173,8 @@ fn fit_again(cloud: &Cloud, taken: &mut Segmentation, label: u32) {
     }
 }
 
-/// The surfaces within the noise that tell nearly all of some points, with theirs of these; `None`
-/// where it takes many patches.
+/// Returns the surfaces within the noise that explain nearly all of some points, each with its
+/// points; `None` if too many patches are needed.
 fn exact_pieces(
     exact: &Segmentation,
     [is_told, is_patch]: [&[bool]; 2],
@@ -194,7 +195,7 @@ fn exact_pieces(
     (is_most && few).then_some(pieces)
 }
 
-/// What was found of a cloud, each with the length of its description.
+/// Segmentations of a cloud, each with its description length.
 struct Tried<'a> {
     cloud: &'a Cloud,
     all: Vec<(f64, Segmentation)>,
@@ -213,11 +214,12 @@ impl Tried<'_> {
         }
     }
 
-    /// Adds what is found within tolerances of form, until narrower ones describe the points no
+    /// Adds segmentations within tolerances of form, until narrower ones describe the points no
     /// better.
     fn try_forms(&mut self, min_points: usize, control: &Control<'_>) -> Result<(), Stopped> {
         let noise = self.all[0].1.noise;
-        // Wide ones first: they take the least time, and where they are good narrow ones need none.
+        // Wide tolerances first: they take the least time, and if they fit well narrow ones are not
+        // needed.
         let tolerances = (0..HALVINGS).map(|k| WIDEST / 2.0_f64.powi(k));
         let mut in_vain = 0;
         for tolerance in tolerances.filter(|t| *t >= NARROWEST * noise) {
@@ -228,9 +230,10 @@ impl Tried<'_> {
             let first = Segmentation::begin(self.cloud, limits, control)?;
             if self.all.len() > 1 {
                 match self.describe(&first) {
-                    // Further rounds shorten it by some per cent; this one is not worth them.
+                    // Further rounds shorten the description by only a few per cent.
                     Some(length) if length > self.most() => break,
-                    // More surfaces that tell too little are pieces. Further rounds find more such.
+                    // More surfaces that explain too few points are pieces; further rounds find
+                    // more of them.
                     None if first.surfaces.len() > self.all[self.best()].1.surfaces.len() => {
                         in_vain += 1;
                         if in_vain == IN_VAIN {
@@ -253,7 +256,8 @@ impl Tried<'_> {
         Ok(())
     }
 
-    /// The length of a description within a tolerance of form; `None` if it tells too little.
+    /// Returns the description length within a tolerance of form; `None` if too few points are
+    /// explained.
     fn describe(&self, found: &Segmentation) -> Option<f64> {
         let mut told = told(self.cloud, found);
         let noise = self.all[0].1.noise;
@@ -269,14 +273,15 @@ impl Tried<'_> {
         is_told.then(|| length(self.cloud, &told))
     }
 
-    /// How long a description may be that has fewer surfaces than the shortest.
+    /// Returns the maximum description length at which a segmentation with fewer surfaces is
+    /// preferred to the shortest one.
     fn most(&self) -> f64 {
         let shortest = self.all.iter().map(|t| t.0).fold(f64::INFINITY, f64::min);
         shortest + FEWER * self.cloud.points.len() as f64
     }
 
-    /// Which has the fewest surfaces, of those whose description is nearly the shortest; the last
-    /// of several such.
+    /// Returns the index of the segmentation with the fewest surfaces among those whose description
+    /// is nearly the shortest; the last of several such.
     fn best(&self) -> usize {
         let most = self.most();
         let good = (0..self.all.len()).rev().filter(|k| self.all[*k].0 <= most);
@@ -285,29 +290,30 @@ impl Tried<'_> {
     }
 }
 
-/// Whether points lie within a tolerance of form of a plane: what bends them is form, too.
+/// Returns true if points lie within a tolerance of form of a plane: their curvature is then a
+/// deviation of form.
 fn is_flat(cloud: &Cloud, points: &[u32]) -> bool {
     let at = cloud.at(points);
     squares(&plane(&at), &at) <= WIDEST * WIDEST * points.len() as f64
 }
 
-/// True if points lie on one sheet: distances of a form are those of their place, on both faces of
-/// a plate they are not.
+/// Returns true if points lie on one sheet: deviations of form depend on the position, whereas
+/// distances on both faces of a plate do not.
 fn is_one_sheet(cloud: &Cloud, surface: &Surface, points: &[u32], noise: f64) -> bool {
     let points = cloud.at(points);
     let variance = squares(surface, &points) / points.len().max(1) as f64;
     variance <= (NARROWEST * noise).powi(2) || share_of_place(surface, &points) >= ONE_SHEET
 }
 
-/// The share of the points that entities have.
+/// Returns the share of the points that belong to entities.
 fn share(cloud: &Cloud, told: &[(Surface, Vec<u32>)]) -> f64 {
     let count: usize = told.iter().map(|(_, points)| points.len()).sum();
     count as f64 / cloud.points.len() as f64
 }
 
-/// The entities that are no patches and whose size is known, with their points.
+/// Returns the entities of known size that are not patches, with their points.
 fn told(cloud: &Cloud, found: &Segmentation) -> Vec<(Surface, Vec<u32>)> {
-    // Exact points that one surface explains are no piece of another form.
+    // Exact points that one surface explains are not a piece of another form.
     let patches = match cloud.is_exact(found.noise) {
         true => vec![false; found.surfaces.len()],
         false => patches(cloud, found, WIDEST),
@@ -322,9 +328,9 @@ fn told(cloud: &Cloud, found: &Segmentation) -> Vec<(Surface, Vec<u32>)> {
     .collect()
 }
 
-/// Whether points tell the size of their surface.
+/// Returns true if the points of a surface determine its size.
 fn is_known(cloud: &Cloud, surface: &Surface, members: &[u32]) -> bool {
-    // The numbers of the sizes among the minimal parameters, with their values.
+    // Indices of the sizes among the minimal parameters, with their values.
     let sizes: &[(usize, f64)] = match surface.kind {
         Kind::Plane => return true,
         Kind::Sphere => &[(3, surface.size)],
@@ -345,7 +351,7 @@ fn is_known(cloud: &Cloud, surface: &Surface, members: &[u32]) -> bool {
     })
 }
 
-/// The length of a description in natural units, less what all descriptions have in common.
+/// Returns the description length in nats, less the terms common to all descriptions.
 fn length(cloud: &Cloud, told: &[(Surface, Vec<u32>)]) -> f64 {
     let entities = told.iter();
     entities
@@ -353,7 +359,7 @@ fn length(cloud: &Cloud, told: &[(Surface, Vec<u32>)]) -> f64 {
         .sum()
 }
 
-/// What an entity adds to it.
+/// Returns the contribution of an entity to the description length.
 fn length_of(cloud: &Cloud, surface: &Surface, members: &[u32]) -> f64 {
     let n = members.len().max(1) as f64;
     let variance = squares(surface, &cloud.at(members)) / n;

@@ -1,4 +1,5 @@
-//! Regions that grow from a seed along neighbours, as far as a surface explains the points.
+//! Region growing: regions grow from a seed along neighbours, as far as a surface explains the
+//! points.
 
 use crate::chart::{Distances, Kind, Surface};
 use crate::choose::EXACT;
@@ -14,7 +15,7 @@ use std::collections::HashSet;
 /// Points within this many deviations of a surface are explained by it: 0.3 % of normal errors are
 /// larger. Fewer lose points, more take those of neighbours at flat edges.
 pub(crate) const WITHIN: f64 = 3.0;
-/// The least |cosine| between the normal of a point and that of the surface: 55°. Normals near an
+/// Minimum |cosine| between the normal of a point and that of the surface: 55°. Normals near an
 /// edge are the mean of both sides, 45° off at a right angle.
 pub(crate) const ALIGNED: f64 = 0.57;
 /// A region grows by this factor between two fits: the surface is known well enough to be carried
@@ -22,8 +23,8 @@ pub(crate) const ALIGNED: f64 = 0.57;
 const GROWTH: f64 = 1.7;
 /// Fits of a region until it has to stand still.
 const ROUNDS: usize = 24;
-/// Fits while a region grows take at most this many of its points: their error is far below the
-/// tolerance.
+/// Maximum number of points that fits of a growing region take: the error of such a fit is far
+/// below the tolerance.
 const SAMPLE: usize = 200;
 /// Rounds of points that are left out of a region, the worst first, and fits.
 const TRIMS: usize = 6;
@@ -51,14 +52,14 @@ const RMS: f64 = 1.35;
 pub(crate) struct Region {
     pub(crate) surface: Surface,
     pub(crate) points: Vec<u32>,
-    /// Those whose neighbours belong to it, too: edges with other faces are not among them. All
-    /// points where there are too few of these.
+    /// Interior points: those nearly all of whose neighbours belong to the region, so that edges
+    /// with other faces are left out. All points if too few are interior.
     pub(crate) core: Vec<u32>,
 }
 
-/// Grows regions of a kind of surface from the points of a seed; the largest of those from all
-/// first guesses, those about the axes of surfaces nearby among them. Points for which `is_free` is
-/// false stay out.
+/// Grows regions of a kind of surface from the points of a seed, and returns the largest over all
+/// first guesses, which include surfaces about the axes of others nearby. Points for which
+/// `is_free` is false stay out.
 pub(crate) fn grow(
     cloud: &Cloud,
     seed: &[u32],
@@ -100,14 +101,14 @@ pub(crate) fn grow(
     best
 }
 
-/// Whether a surface explains a point.
+/// Returns true if a surface explains a point.
 fn explains(surface: &Distances<'_>, cloud: &Cloud, i: u32, tolerance: f64) -> bool {
     let p = cloud.points[i as usize];
     surface.at(p).abs() <= tolerance
         && dot(surface.normal(p), cloud.normals[i as usize]).abs() >= ALIGNED
 }
 
-/// Collects points and fits in turn until nothing changes.
+/// Alternates between collecting points and fitting until nothing changes.
 fn spread(
     cloud: &Cloud,
     seed: &[u32],
@@ -146,10 +147,10 @@ fn spread(
     })
 }
 
-/// A region without the layers of its borders that lie off its surface in the mean. Points of the
-/// next face lie within the tolerance beside an edge, or far along a fillet, and bend the surface;
-/// only together do they tell that they are others': a border of a hundred points shows a tenth of
-/// the noise.
+/// Removes from a region the layers of its borders whose mean distance from its surface is
+/// significant. Points of the adjacent face lie within the tolerance next to an edge, or far along
+/// a fillet, and bend the surface. Only together do they show that they belong to another surface:
+/// the mean over a border of a hundred points resolves a tenth of the noise.
 pub(crate) fn peeled(cloud: &Cloud, region: Region, noise: f64) -> Region {
     let (mut kept, mut surface) = (region.points.clone(), region.surface);
     let mut is_in = vec![false; cloud.points.len()];
@@ -180,16 +181,16 @@ pub(crate) fn peeled(cloud: &Cloud, region: Region, noise: f64) -> Region {
     }
 }
 
-/// The points of a region beside others, by parts that are connected among them.
+/// Returns the points of a region that have neighbours outside it, by connected parts.
 fn borders(cloud: &Cloud, points: &[u32], is_in: &[bool]) -> Vec<Vec<u32>> {
     let is_border = |i: u32| cloud.near(i).iter().any(|j| !is_in[*j as usize]);
     let all: Vec<u32> = points.iter().copied().filter(|i| is_border(*i)).collect();
     cloud.connected(&all)
 }
 
-/// The points of a region whose distances are as small in the mean of their surroundings as chance
-/// allows. Single points within the tolerance say nothing against a surface that leaves them
-/// slowly, at a fillet or an edge, and many of them bend it until it follows.
+/// Returns the points of a region whose locally averaged distances are within chance, and the
+/// surface fitted to them. Single points within the tolerance do not contradict a surface that they
+/// leave gradually, at a fillet or an edge, and many of them bend it until it follows.
 pub(crate) fn trimmed(
     cloud: &Cloud,
     points: &[u32],
@@ -221,8 +222,8 @@ pub(crate) fn trimmed(
     (now, kept)
 }
 
-/// The distances of points from a surface, each the mean of those of its neighbours that are among
-/// them, twice in turn.
+/// Returns the distances of points from a surface, smoothed twice by the mean over the neighbours
+/// among them.
 fn smoothed(cloud: &Cloud, points: &[u32], surface: &Surface) -> Vec<f64> {
     let mut at = vec![f64::NAN; cloud.points.len()];
     for i in points {
@@ -245,8 +246,8 @@ fn smoothed(cloud: &Cloud, points: &[u32], surface: &Surface) -> Vec<f64> {
     points.iter().map(|i| at[*i as usize]).collect()
 }
 
-/// The points nearly all of whose neighbours belong to the region; all of its points where these
-/// are less than three times the parameters.
+/// Returns the points nearly all of whose neighbours belong to the region; all points if these are
+/// fewer than three times the parameters.
 pub(crate) fn core(cloud: &Cloud, points: &[u32], kind: Kind) -> Vec<u32> {
     let mut is_in = vec![false; cloud.points.len()];
     points.iter().for_each(|i| is_in[*i as usize] = true);
@@ -268,10 +269,10 @@ const COMPARED: usize = 2000;
 /// distances are less alike.
 const COMPARED_WITH: usize = 6;
 
-/// By how much neighbours agree in the sign and size of their distances: Moran's coefficient, 0 for
-/// independent noise, towards 1 where the surface does not follow the points; and its deviation for
-/// noise. Neighbours are those whose feet on the surface are near: of the nearest in space the
-/// distances are alike wherever noise is as large as the spacing.
+/// Returns the correlation between the distances of neighbours, and its standard deviation for
+/// independent noise. It is Moran's coefficient: 0 for independent noise, towards 1 if the surface
+/// does not follow the points. Neighbours are those whose projections onto the surface are near:
+/// points nearest in space have similar distances wherever noise is as large as the spacing.
 pub(crate) fn correlation(cloud: &Cloud, points: &[u32], surface: &Surface) -> (f64, f64) {
     let at = cloud.at(points);
     let distances: Vec<f64> = at.iter().map(|p| surface.distance(*p)).collect();
@@ -293,13 +294,13 @@ pub(crate) fn correlation(cloud: &Cloud, points: &[u32], surface: &Surface) -> (
     if pairs == 0.0 || squares == 0.0 {
         return (0.0, 1.0);
     }
-    // Most pairs count from both ends.
+    // Most pairs are counted from both ends.
     let mean = squares / distances.len() as f64;
     (products / pairs / mean, (2.0_f64 / pairs).sqrt())
 }
 
-/// True if points lie along curves: those beside each are in line. Rows of a regular sample meet
-/// surfaces exactly that the others do not lie on.
+/// Returns true if points lie along curves: the neighbours of each are collinear. Rows of a regular
+/// sample lie exactly on surfaces that the other points do not lie on.
 pub(crate) fn are_rows(cloud: &Cloud, points: &[u32]) -> bool {
     let of: HashSet<u32> = points.iter().copied().collect();
     let is_in_line = |i: &u32| {
@@ -313,7 +314,7 @@ pub(crate) fn are_rows(cloud: &Cloud, points: &[u32]) -> bool {
     2 * some.iter().filter(|i| is_in_line(i)).count() > some.len()
 }
 
-/// The width of points in line, as a share of their length.
+/// Maximum width of collinear points, as a share of their length.
 const IN_LINE: f64 = 0.1;
 
 /// Neighbours of a point of the core that may lie outside of its region: outliers.
@@ -322,12 +323,12 @@ const STRAY: usize = 1;
 /// Points that a region may gain beyond its growth: a ring about a small seed.
 const NEIGHBOURHOOD: usize = 10;
 
-/// The fewest points that a region of a kind has while it grows: twice its parameters.
+/// Returns the minimum number of points of a region of a kind while it grows: twice its parameters.
 fn kind_least(kind: Kind) -> usize {
     2 * kind.parameters()
 }
 
-/// Every so many-th point, so that at most [`SAMPLE`] remain.
+/// Returns every m-th point, with m such that at most [`SAMPLE`] remain.
 fn sample(points: &[u32]) -> Vec<u32> {
     let some = thinned(points.len(), SAMPLE);
     some.map(|k| points[k]).collect()
@@ -337,8 +338,8 @@ fn sample(points: &[u32]) -> Vec<u32> {
 /// looking at 10 to 20 marks for each.
 const MARKED: usize = 12;
 
-/// The points that the surface explains, reached from others along neighbours, in ascending order;
-/// and whether all of them were reached before there were `most`.
+/// Returns the points that the surface explains, reached from others along neighbours, in ascending
+/// order, and a flag: true if all of them were reached before there were `most`.
 fn collect(
     cloud: &Cloud,
     from: &[u32],
@@ -372,7 +373,7 @@ fn collect(
     (ascending(all, cloud.points.len()), ring.is_empty())
 }
 
-/// Different numbers below `n` in ascending order: many are sorted by marking them.
+/// Sorts distinct numbers below `n`: dense sets by marking them.
 fn ascending(mut numbers: Vec<u32>, n: usize) -> Vec<u32> {
     if numbers.len() * MARKED < n {
         numbers.sort_unstable();

@@ -1,4 +1,4 @@
-//! Of which kind the surface through given points is.
+//! Choice of the kind of surface through given points.
 
 use crate::chart::{Kind, Surface};
 use crate::choose::{Noise, is_called_for, least_points, may_be_called_for};
@@ -11,7 +11,7 @@ use isoform_geom::Point3;
 /// First guesses take at most this many points.
 const SAMPLE: usize = 400;
 
-/// The simplest kind of surface that explains the points as well as any.
+/// Returns the simplest kind of surface that explains the points as well as any other.
 pub(crate) fn best_kind(
     cloud: &Cloud,
     shares: &Shares,
@@ -58,8 +58,8 @@ pub(crate) fn best_kind(
     best.map_or(*surface, |b| b.0)
 }
 
-/// The cone about one of some axes that follows points best; with its axis known it has two numbers
-/// of its own.
+/// Returns the cone about one of some axes that follows points best; with its axis given it has two
+/// parameters of its own.
 pub(crate) fn coaxial_cone(points: &[Point3], axes: &[Line]) -> Option<Surface> {
     let about = |axis: &Line| start_about(Kind::Cone, points, *axis);
     let cones = axes
@@ -69,7 +69,8 @@ pub(crate) fn coaxial_cone(points: &[Point3], axes: &[Line]) -> Option<Surface> 
     cones.min_by(|a, b| a.1.total_cmp(&b.1)).map(|c| c.0)
 }
 
-/// The cone, or the cylinder where that is as good, which explains points as well as a sphere does.
+/// Returns a cone that explains points as well as a sphere does, or a cylinder if it is as good;
+/// `None` if the sphere is better.
 pub(crate) fn zone(
     cloud: &Cloud,
     shares: &Shares,
@@ -89,13 +90,13 @@ pub(crate) fn zone(
     Some(simple.unwrap_or(cone).0)
 }
 
-/// A surface of a kind through a sample of the points that mostly belong to it.
+/// Returns a surface of a kind through a sample of the points that mostly belong to it.
 fn first_guess(cloud: &Cloud, shares: &Shares, kind: Kind) -> Option<Surface> {
     let own: Vec<u32> = shares.iter().filter(|s| s.1 > 0.5).map(|s| s.0).collect();
     guess(cloud, &own, kind)
 }
 
-/// A surface of a kind through a sample of points.
+/// Returns a surface of a kind through a sample of points.
 pub(crate) fn guess(cloud: &Cloud, own: &[u32], kind: Kind) -> Option<Surface> {
     let some: Vec<u32> = thinned(own.len(), SAMPLE).map(|k| own[k]).collect();
     let (points, normals) = (cloud.at(&some), cloud.normals_at(&some));

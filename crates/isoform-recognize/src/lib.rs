@@ -1,4 +1,4 @@
-//! Recognition: which planes, spheres, cylinders, cones and tori a scan consists of.
+//! Recognition of the planes, spheres, cylinders, cones and tori that a scan consists of.
 
 mod blends;
 mod chart;

@@ -1,11 +1,11 @@
-//! What the neighbours of a point tell of the surface there: its normal, also beside edges and on
-//! thin walls, and how far they are from a smooth one.
+//! Local estimates at a point from its neighbours: the normal, also next to edges and on thin
+//! walls, and the roughness, the deviation from a smooth surface.
 
 use crate::chart::{frame, unit};
 use isoform_geom::{Point3, dot, sub};
 use isoform_num::linalg::{cholesky, cholesky_solve, symmetric_eigen_3};
 
-/// Points whose plane gives the normal. More average noise and round edges.
+/// Number of points whose plane gives the normal. More average noise and round off edges.
 const PLANE: usize = 13;
 /// The fewest points of a one-sided plane.
 const ONE_SIDED: usize = 9;
@@ -22,16 +22,17 @@ const ROUNDING: f64 = 1e-14;
 /// The fewest neighbours for a quadratic height, whose coefficients are 6.
 const QUADRATIC: usize = 14;
 
-/// What is known about a point.
+/// Local estimates at a point.
 pub(crate) struct Local {
-    /// The unit normal, either way round.
+    /// Unit normal of arbitrary sign.
     pub(crate) normal: Point3,
-    /// The deviation of the neighbours from the quadratic height that fits them best; infinite where
-    /// they are too few.
+    /// Standard deviation of the neighbours from the quadratic height that fits them best; infinite
+    /// if they are too few.
     pub(crate) roughness: f64,
 }
 
-/// Of a point and its neighbours (itself among them, nearest first).
+/// Estimates the normal and the roughness from a point and its neighbours (the point included,
+/// nearest first).
 pub(crate) fn local(points: &[Point3], i: usize, found: &[(f64, u32)]) -> Local {
     let offsets: Vec<Point3> = found
         .iter()
@@ -44,8 +45,8 @@ pub(crate) fn local(points: &[Point3], i: usize, found: &[(f64, u32)]) -> Local 
     }
 }
 
-/// The plane of the nearest, or of those to one side where these lie clearly flatter: so the normal
-/// beside an edge is that of the face.
+/// Returns the normal of the plane of the nearest points, or of those to one side if these are
+/// clearly flatter: next to an edge the normal is then that of the face.
 fn normal(offsets: &[Point3]) -> Point3 {
     let (axes, _) = spread(offsets);
     let near = &offsets[..PLANE.min(offsets.len())];
@@ -73,12 +74,12 @@ fn normal(offsets: &[Point3]) -> Point3 {
     best.1
 }
 
-/// The principal axes of points, that of least variance first, and that variance.
+/// Returns the principal axes of points, that of least variance first, and this variance.
 fn spread(offsets: &[Point3]) -> ([Point3; 3], f64) {
     principal(&moments(offsets), offsets.len())
 }
 
-/// Σ d dᵀ of points about their mean.
+/// Returns Σ d dᵀ of points about their mean.
 pub(crate) fn moments(offsets: &[Point3]) -> [[f64; 3]; 3] {
     let middle = crate::fit::mean(offsets);
     let mut moments = [[0.0; 3]; 3];
@@ -93,14 +94,15 @@ pub(crate) fn moments(offsets: &[Point3]) -> [[f64; 3]; 3] {
     moments
 }
 
-/// As [`spread`], of so many points with these moments.
+/// Returns [`spread`] of `count` points with these moments.
 fn principal(moments: &[[f64; 3]; 3], count: usize) -> ([Point3; 3], f64) {
     let (values, axes) = symmetric_eigen_3(moments);
     (axes, values[0].max(0.0) / free(count))
 }
 
-/// A lower bound of the least variance, which takes a tenth of the time: the product of the other
-/// two eigenvalues is at most the square of half their sum, and the determinant that of all three.
+/// Returns a lower bound of the least variance, which takes a tenth of the time: the product of the
+/// other two eigenvalues is at most the square of half their sum, and the determinant is the
+/// product of all three.
 fn least_variance(moments: &[[f64; 3]; 3], count: usize) -> f64 {
     let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = *moments;
     let determinant =
@@ -114,13 +116,13 @@ fn least_variance(moments: &[[f64; 3]; 3], count: usize) -> f64 {
     }
 }
 
-/// How many heights of points over their plane are free.
+/// Returns the degrees of freedom of the heights of points over their plane.
 fn free(count: usize) -> f64 {
     count.saturating_sub(3).max(1) as f64
 }
 
-/// The deviation of the neighbours on the point's own sheet from the quadratic height over the
-/// tangent plane that fits them best.
+/// Returns the standard deviation of the neighbours on the point's own sheet from the quadratic
+/// height over the tangent plane that fits them best.
 fn roughness(offsets: &[Point3], normal: Point3) -> f64 {
     let mut heights: Vec<f64> = offsets.iter().map(|d| dot(*d, normal).abs()).collect();
     let half = heights.len() / 2;
@@ -134,7 +136,7 @@ fn roughness(offsets: &[Point3], normal: Point3) -> f64 {
     quadratic(&own, normal, scale)
 }
 
-/// The deviation from the quadratic height, of offsets of some scale.
+/// Returns the standard deviation from the quadratic height, of offsets up to the length `scale`.
 fn quadratic(offsets: &[&Point3], normal: Point3, scale: f64) -> f64 {
     const N: usize = 6;
     let [e, f] = frame(normal);
@@ -166,8 +168,8 @@ mod tests {
     use super::*;
     use isoform_num::Random;
 
-    /// The bound is below the least variance of sets of any shape, and near it where the other two
-    /// are alike.
+    /// The bound is below the least variance of sets of any shape, and near it if the other two are
+    /// equal.
     #[test]
     fn variances_are_bounded_from_below() {
         let mut random = Random::new(3);

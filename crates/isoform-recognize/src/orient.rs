@@ -1,8 +1,8 @@
-//! Which way the normals of points have to face, by what rays from them meet: a ray outwards leaves
-//! the solid for good or meets its surface an even number of times, a ray inwards an odd number.
+//! Orientation of normals by casting rays: an outward ray leaves the solid for good or meets its
+//! surface an even number of times, an inward ray an odd number.
 //!
-//! Spanning trees of neighbours lose their way at edges and on thin walls. The surfaces of entities
-//! are met exactly, and count where they have points.
+//! Propagation along spanning trees of neighbours fails at edges and on thin walls. Rays meet the
+//! surfaces of entities exactly; a crossing counts if the entity has points there.
 
 use crate::chart::Surface;
 use crate::cloud::thinned;
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 const RAYS: usize = 48;
 /// Where rays begin, in diagonals.
 const BEGIN: f64 = 1e-3;
-/// The least step along a ray, in diagonals: surfaces closer to one another are met as one.
+/// Minimum step along a ray, in diagonals: surfaces closer to one another are met as one.
 const STEP: f64 = 2e-4;
 /// The least cosine between a ray and the normal of a plane at which the part stands: 45°.
 const STEEP: f64 = 0.7;
@@ -25,7 +25,7 @@ const NEAR: f64 = 3.0;
 /// A group of points is turned where the votes for that are this many times those against.
 const CLEAR: f64 = 2.0;
 
-/// Turns normals outwards; those of one entity that face one way are turned together. Planes at
+/// Turns normals outwards; those of one entity that face one way are turned together. Planes on
 /// which the part stands (a point and the normal of each) close it.
 pub(crate) fn orient(
     points: &[Point3],
@@ -60,7 +60,7 @@ pub(crate) fn orient(
                     let way = normals[i].map(|x| s * x);
                     rays.crossings(points[i], way, spacing) % 2
                 });
-                // Where both are alike, something was not seen.
+                // Equal parities mean that a crossing was missed.
                 back as f64 - out as f64
             });
             let votes: Vec<f64> = votes.collect();
@@ -76,7 +76,7 @@ pub(crate) fn orient(
     }
 }
 
-/// Returns the median distance of a point from its nearest.
+/// Returns the median distance between a point and the one nearest to it.
 fn spacing(points: &[Point3], tree: &KdTree) -> f64 {
     let mut found = Vec::new();
     let mut distances: Vec<f64> = thinned(points.len(), 1000)
@@ -89,7 +89,7 @@ fn spacing(points: &[Point3], tree: &KdTree) -> f64 {
     *distances.select_nth_unstable_by(half, f64::total_cmp).1
 }
 
-/// What rays meet.
+/// The scene that rays are cast in.
 struct Rays<'a> {
     labels: &'a [Option<usize>],
     surfaces: &'a [Surface],
@@ -99,7 +99,7 @@ struct Rays<'a> {
 }
 
 impl Rays<'_> {
-    /// How often a ray meets the surface of an entity where it has points.
+    /// Returns the number of times that a ray meets the surface of an entity where it has points.
     fn crossings(&self, from: Point3, way: Point3, spacing: f64) -> usize {
         let of = |s: usize| self.crossings_of(s, from, way, spacing);
         // Rays along a plane leave the part before they meet it.
@@ -111,8 +111,8 @@ impl Rays<'_> {
         (0..self.surfaces.len()).map(of).sum::<usize>() + supports
     }
 
-    /// Along a ray the distance changes no faster than the ray goes: steps of its size pass no
-    /// zero.
+    /// Counts the crossings of one surface by sphere tracing: along a ray the distance changes no
+    /// faster than the ray advances, so that steps of its size pass no zero.
     fn crossings_of(&self, which: usize, from: Point3, way: Point3, spacing: f64) -> usize {
         let surface = &self.surfaces[which];
         let at = |t: f64| -> Point3 { std::array::from_fn(|k| from[k] + t * way[k]) };

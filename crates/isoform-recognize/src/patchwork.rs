@@ -1,4 +1,5 @@
-//! Surfaces that meet others without an edge where none was designed: patches of a bent form.
+//! Patches of a free-form surface: entities that meet others without an edge where none was
+//! designed.
 
 use crate::blends::{PAIRS, blends};
 use crate::chart::{Kind, Surface};
@@ -22,11 +23,12 @@ const BORDER: f64 = 2.0;
 /// The largest mean distance between two surfaces at their border, in deviations of the noise:
 /// patches meet within 3, with more there is a step.
 const STEP: f64 = 5.0;
-/// A round of an edge has at most this share of the points of the face beside it.
+/// Maximum number of points of a round, as a share of those of the adjacent face.
 const ROUND: f64 = 0.5;
 
-/// Which entities are patches: they meet another one smoothly that no designer would have put
-/// there, since a plane, sphere, cylinder or cone follows both within this tolerance.
+/// Returns for each entity whether it is a patch: true if it meets another one smoothly although a
+/// plane, sphere, cylinder or cone follows both within this tolerance, which a designer would have
+/// used.
 pub(crate) fn patches(cloud: &Cloud, found: &Segmentation, tolerance: f64) -> Vec<bool> {
     let members = found.members();
     let mut is_patch = vec![false; members.len()];
@@ -44,8 +46,8 @@ pub(crate) fn patches(cloud: &Cloud, found: &Segmentation, tolerance: f64) -> Ve
     is_patch
 }
 
-/// The share of the points that lie on surfaces which meet others smoothly that no part has beside
-/// them, such as a sphere beside a sphere: of a free form these are most.
+/// Returns the share of the points on surfaces that meet others smoothly in combinations that
+/// designed parts do not have, such as a sphere and a sphere. On a free form these are most points.
 pub(crate) fn free_share(cloud: &Cloud, found: &Segmentation) -> f64 {
     let members = found.members();
     let mut is_free = vec![false; members.len()];
@@ -65,8 +67,9 @@ pub(crate) fn free_share(cloud: &Cloud, found: &Segmentation) -> f64 {
     free.map(|(_, of)| of.len() as f64).sum::<f64>() / cloud.points.len().max(1) as f64
 }
 
-/// Whether two entities meet along a border at an angle whose cosine is this at least, without a
-/// step, and neither is a round beside the other. Planes meet at folds, however flat these are.
+/// Returns true if two entities meet along a border at an angle whose cosine is at least `smooth`,
+/// without a step, and neither is a round of the other. Planes meet at folds, however flat these
+/// are.
 fn meet_smoothly(
     found: &Segmentation,
     members: &[Vec<u32>],
@@ -87,7 +90,8 @@ fn meet_smoothly(
         && (one, two) != (Kind::Plane, Kind::Plane)
 }
 
-/// Which entities are blends: surfaces that touch two others exactly are designed.
+/// Returns for each entity whether it is a blend: surfaces that touch two others exactly are
+/// designed.
 fn blends_of(cloud: &Cloud, found: &Segmentation, members: &[Vec<u32>]) -> Vec<bool> {
     let known: Vec<Known> = (members.iter().enumerate())
         .map(|(label, of)| known(cloud, found, of, label))
@@ -101,7 +105,7 @@ fn blends_of(cloud: &Cloud, found: &Segmentation, members: &[Vec<u32>]) -> Vec<b
     is_blend
 }
 
-/// Whether a plane, sphere, cylinder or cone follows points within a tolerance.
+/// Returns true if a plane, sphere, cylinder or cone follows points within a tolerance.
 pub(crate) fn is_simple(cloud: &Cloud, points: &[u32], tolerance: f64) -> bool {
     let at = cloud.at(points);
     let most = tolerance * tolerance * points.len() as f64;
@@ -112,18 +116,18 @@ pub(crate) fn is_simple(cloud: &Cloud, points: &[u32], tolerance: f64) -> bool {
         .any(follows)
 }
 
-/// Where two entities lie side by side.
+/// The common border of two entities.
 #[derive(Default)]
 struct Border {
-    /// The pairs of neighbours across it.
+    /// Number of pairs of neighbours across it.
     pairs: f64,
-    /// The sum of the cosines between the normals there.
+    /// Sum of the |cosine| between the normals there.
     cosines: f64,
-    /// The sum of the distances between the surfaces.
+    /// Sum of the distances between the surfaces.
     gaps: f64,
 }
 
-/// The borders of entities, by their numbers.
+/// Returns the borders of entities, by their indices.
 fn borders(cloud: &Cloud, found: &Segmentation) -> BTreeMap<(u32, u32), Border> {
     let mut borders: BTreeMap<(u32, u32), Border> = BTreeMap::new();
     let surface = |label: u32| found.surfaces.get(label as usize);
@@ -149,14 +153,14 @@ fn borders(cloud: &Cloud, found: &Segmentation) -> BTreeMap<(u32, u32), Border> 
     borders
 }
 
-/// The distance between two surfaces that face alike at a point.
+/// Returns the distance at a point between two surfaces whose normals are nearly parallel there.
 fn gap(one: &Surface, two: &Surface, p: Point3) -> f64 {
     let side = dot(one.normal(p), two.normal(p)).signum();
     (one.distance(p) - side * two.distance(p)).abs()
 }
 
-/// Whether surfaces of these kinds meet smoothly on parts: one rounds an edge of the other or ends
-/// it, such as the torus at the foot of a cylinder.
+/// Returns true if surfaces of these kinds meet smoothly on designed parts: one rounds an edge of
+/// the other or ends it, such as the torus at the foot of a cylinder.
 fn are_rounded(one: Kind, two: Kind) -> bool {
     use Kind::{Cone, Cylinder, Plane, Sphere, Torus};
     matches!(

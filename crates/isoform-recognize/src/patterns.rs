@@ -1,7 +1,8 @@
 //! Patterns: equal entities in a row at equal distances, and on a circle at equal angles.
 //!
-//! Chains grow from two or three neighbours by the next entity where the pattern expects it, as
-//! long as a common fit of all (one surface, moved on by the pitch) holds for all and each of them.
+//! Chains grow from two or three neighbours by the next entity at its predicted place, as long as a
+//! common fit (one surface, moved on by the pitch) is consistent with all entities together and one
+//! by one.
 
 mod chain;
 mod circles;
@@ -16,7 +17,7 @@ pub(crate) use chain::turned;
 use isoform_geom::{Point3, cross, norm, sub};
 use sites::{Sites, classes};
 
-/// The step of a diagonal is made of at most this many of each of two rows, but for this share.
+/// Maximum multiple of each of two rows' steps in the step of a diagonal.
 const STEPS: i32 = 3;
 const OFF: f64 = 0.05;
 /// Circles of this many members and less come from grids.
@@ -24,7 +25,7 @@ const SQUARE: usize = 4;
 /// An arc that has this many members with another circle in common is a worse guess of that.
 const ARC: usize = 3;
 
-/// The patterns among entities; lengths are in units of `unit` about `origin`.
+/// Returns the patterns among entities; lengths are in units of `unit` about `origin`.
 pub(crate) fn patterns(set: &Set<'_>, (unit, origin): (f64, Point3)) -> Vec<Pattern> {
     let mut found = Vec::new();
     for class in classes(set.known, set.outward, set.noise) {
@@ -56,9 +57,9 @@ fn accepted(mut new: Vec<Chain>, sites: &Sites<'_>, mut all: Vec<Chain>) -> Vec<
     all
 }
 
-/// Whether a chain is what a grid or a circle has anyway: a row of members of others whose step is
-/// made of theirs; a square, or three about an axis, in rows; a circle each of which is in a row
-/// with its neighbour; an arc that leaves another circle.
+/// Returns true if a chain follows from a grid or a circle: a row of members of other rows whose
+/// step is a sum of theirs; a square, or three about an axis, in rows; a circle each of whose
+/// members is in a row with its neighbour; an arc that branches off another circle.
 fn is_implied(chain: &Chain, all: &[Chain]) -> bool {
     let of = |m: usize| {
         let holds = move |r: &&Chain| r.circle.is_none() && r.members.contains(&m);
@@ -81,7 +82,8 @@ fn is_implied(chain: &Chain, all: &[Chain]) -> bool {
     is_square || (0..n).all(is_beside) || is_branch
 }
 
-/// Whether a step is made of those of two rows that are not parallel.
+/// Returns true if a step is a sum of small multiples of the steps of two rows that are not
+/// parallel.
 fn is_made(step: Point3, all: &[Chain]) -> bool {
     let steps: Vec<Point3> = all
         .iter()
@@ -102,7 +104,7 @@ fn is_made(step: Point3, all: &[Chain]) -> bool {
     pairs.any(|(p, q)| are_across(p, q) && is_sum(p, q))
 }
 
-/// A chain in the scan's unit.
+/// Returns a chain as a pattern in the scan's unit.
 fn pattern(chain: &Chain, sites: &Sites<'_>, unit: f64, origin: Point3) -> Pattern {
     let layout = match chain.circle {
         None => Layout::Row {
@@ -139,7 +141,7 @@ mod tests {
     use crate::relations::Known;
     use std::f64::consts::TAU;
 
-    /// What deviations parameters have here.
+    /// Standard deviations of the parameters in these tests.
     const SIGMA: f64 = 1e-4;
 
     fn surface(kind: Kind, place: Point3, axis: Point3) -> Surface {
@@ -173,7 +175,7 @@ mod tests {
         patterns(&set, (1.0, [0.0; 3]))
     }
 
-    /// Places on a circle about an axis.
+    /// Returns places on a circle about an axis.
     fn places(n: usize, axis: Point3) -> Vec<Point3> {
         let [e, f] = frame(axis);
         let place = |k: usize| {

@@ -1,21 +1,23 @@
-//! A position of its own for a scan, so that what is found does not depend on how it lies.
+//! Canonical pose of a scan, so that results do not depend on its orientation.
 //!
-//! Regions grow from seeds in an order, and fits take samples of points by their number: where two
-//! descriptions are nearly as good as each other, that order decides.
+//! Regions grow from seeds in an order, and fits take samples of points by their index: if two
+//! descriptions are nearly equally good, that order decides.
 
 use crate::chart::{Surface, unit};
 use isoform_geom::{Point3, cross, dot, sub};
 use isoform_num::linalg::symmetric_eigen;
 
-/// A turn away from the principal axes, by no special angle about no special axis: faces lie across
-/// principal axes, and the order of their points by coordinates would be that of rounding.
+/// Vectors of a rotation away from the principal axes, by no special angle about no special axis:
+/// faces are often perpendicular to principal axes, and the order of their points by coordinates
+/// would be that of rounding.
 const ASIDE: [Point3; 2] = [[0.81, 0.37, -0.29], [-0.23, 0.71, 0.53]];
 
 /// A rotation: the axes of the new frame in the old one.
 pub(crate) struct Pose([Point3; 3]);
 
 impl Pose {
-    /// Turns with the points: from their principal axes, towards their longer tails.
+    /// Returns the pose from the principal axes of points, directed towards their longer tails; it
+    /// turns with the points.
     pub(crate) fn of(points: &[Point3]) -> Self {
         let count = points.len().max(1) as f64;
         let sum = |of: &dyn Fn(&Point3) -> f64| points.iter().map(of).sum::<f64>();
@@ -39,17 +41,17 @@ impl Pose {
         Self([first, cross(third, first), third])
     }
 
-    /// A vector in the new frame.
+    /// Maps a vector to the new frame.
     pub(crate) fn turn(&self, v: Point3) -> Point3 {
         self.0.map(|axis| dot(axis, v))
     }
 
-    /// A vector of the new frame in the old one.
+    /// Maps a vector of the new frame to the old one.
     pub(crate) fn back(&self, v: Point3) -> Point3 {
         std::array::from_fn(|k| (0..3).map(|i| v[i] * self.0[i][k]).sum())
     }
 
-    /// A surface of the new frame in the old one.
+    /// Maps a surface of the new frame to the old one.
     pub(crate) fn surface_back(&self, surface: &Surface) -> Surface {
         Surface {
             place: self.back(surface.place),

@@ -1,9 +1,9 @@
 //! Profiles: plane points along curves, divided into straight pieces and arcs.
 //!
-//! The points of a body of revolution lie along curves when they are turned about its axis into one
-//! half plane. Points are put in order along these curves; which pieces describe a whole order in
-//! the least is found by dynamic programming, so that narrow faces are weighed against all others
-//! at once instead of growing from seeds within noise.
+//! The points of a body of revolution lie along curves when they are rotated about its axis into
+//! one half plane. Points are ordered along these curves, and the pieces with the shortest
+//! description of a whole sequence are found by dynamic programming: narrow faces compete with all
+//! others at once, instead of growing from seeds within noise.
 
 use crate::chart::{Kind, TIGHTEST};
 use crate::choose::least_points;
@@ -18,7 +18,8 @@ mod chains;
 mod fillet;
 mod moments;
 
-/// A point of a profile: for a body of revolution along its axis and away from it.
+/// A point of a profile; for a body of revolution its coordinate along the axis and its distance
+/// from it.
 pub(crate) type Place = [f64; 2];
 
 /// A piece of a profile: a straight line or a circle.
@@ -31,7 +32,7 @@ pub(crate) enum Curve {
 }
 
 impl Curve {
-    /// How far a point lies from it.
+    /// Returns the signed distance of a point.
     pub(crate) fn distance(&self, p: Place) -> f64 {
         match self {
             Self::Line(place, [a, b]) => {
@@ -42,7 +43,7 @@ impl Curve {
         }
     }
 
-    /// Whether it bends no tighter than noise lets one tell, as [`Surface::is_wider_than`].
+    /// Returns true if the radius can be told from noise, as [`Surface::is_wider_than`] does.
     ///
     /// [`Surface::is_wider_than`]: crate::chart::Surface::is_wider_than
     fn is_wider_than(&self, noise: f64) -> bool {
@@ -50,7 +51,7 @@ impl Curve {
     }
 }
 
-/// Which curves a piece may be.
+/// Family of curves that a piece may belong to.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Shape {
     /// A line along the first axis.
@@ -64,19 +65,19 @@ pub(crate) enum Shape {
 }
 
 impl Shape {
-    /// How many numbers determine it.
+    /// Returns the number of parameters, as priced.
     fn numbers(self) -> usize {
         match self {
             Self::Along | Self::Across => 1,
             Self::Line => 2,
-            // A circle about the axis has two, but zones of balls are rare beside chamfers, which
-            // short ones resemble.
+            // A circle centred on the axis has two, but zones of spheres are rare compared with
+            // chamfers, which short ones resemble.
             Self::Centred | Self::Circle => 3,
         }
     }
 }
 
-/// What pieces cost.
+/// Prices of pieces in a description.
 pub(crate) struct Price<'a> {
     noise: f64,
     cost: Cost,
@@ -85,7 +86,8 @@ pub(crate) struct Price<'a> {
 }
 
 impl<'a> Price<'a> {
-    /// Pieces of these shapes and kinds that are proper, through points with some noise.
+    /// Builds the prices of pieces of these shapes and kinds that are proper, through points with
+    /// the given noise.
     pub(crate) fn new(
         noise: f64,
         shapes: &'a [(Shape, Kind)],
@@ -99,17 +101,17 @@ impl<'a> Price<'a> {
         }
     }
 
-    /// What a point costs at a distance from its piece.
+    /// Returns the cost of a point at a distance from its piece.
     pub(crate) fn of_distance(&self, r: f64) -> f64 {
         self.cost.of_distance(r).min(self.cost.most)
     }
 
-    /// What each number of a piece through so many points costs.
+    /// Returns the cost of each parameter of a piece through `count` points.
     pub(crate) fn of_number(&self, count: usize) -> f64 {
         (count.max(1) as f64).ln() / 2.0 + CHOICE
     }
 
-    /// The kind of surface that an arc may be the section of.
+    /// Returns the kind of surface that an arc may be the section of.
     pub(crate) fn kind_of_arc(&self, curve: &Curve) -> Option<Kind> {
         let is_arc = |(shape, kind): &&(Shape, Kind)| {
             matches!(shape, Shape::Circle) && (self.is_proper)(*kind, curve)
@@ -136,8 +138,8 @@ const LEFT: f64 = 0.5;
 /// Steps along a chain at most: time grows with their square.
 const STEPS: usize = 1000;
 
-/// Divides plane points into pieces of these shapes and kinds, the shortest description of them;
-/// and the length of that.
+/// Divides plane points into pieces of these shapes and kinds with the shortest description, and
+/// returns its length, too.
 pub(crate) fn pieces(points: &[Place], price: &Price<'_>) -> (Vec<Piece>, f64) {
     let (mut pieces, mut length, mut left) = (Vec::new(), 0.0, points.len());
     for chain in chains(points, price.noise) {
@@ -150,13 +152,13 @@ pub(crate) fn pieces(points: &[Place], price: &Price<'_>) -> (Vec<Piece>, f64) {
     (pieces, length + price.cost.most * left as f64)
 }
 
-/// The pieces of one chain, and the length of their description.
+/// Returns the pieces of one chain, and the length of their description.
 fn divided(points: &[Place], chain: &[Link], price: &Price<'_>) -> (Vec<Piece>, f64) {
     let Some((first, last)) = chain.first().zip(chain.last()) else {
         return (Vec::new(), 0.0);
     };
     let step = price.noise.max((last.0 - first.0) / STEPS as f64);
-    // How many points lie before each step, and sums over them.
+    // The number of points before each step, and sums over them.
     let (mut firsts, mut sums, mut sum) = (vec![0], vec![Moments::default()], Moments::default());
     let mut rest = chain;
     while let Some(first) = rest.first() {
@@ -186,7 +188,7 @@ fn divided(points: &[Place], chain: &[Link], price: &Price<'_>) -> (Vec<Piece>, 
     (pieces.into_iter().map(piece).collect(), length)
 }
 
-/// The shortest description of the first steps of a chain: its last piece begins at `from`.
+/// Shortest description of the first steps of a chain; its last piece begins at `from`.
 #[derive(Clone, Copy, Default)]
 struct Best {
     cost: f64,
@@ -199,15 +201,15 @@ struct Division<'a> {
     price: &'a Price<'a>,
     /// Sums over the points before each step.
     sums: Vec<Moments>,
-    /// The shortest description of what lies before each step.
+    /// Shortest description of the points before each step.
     best: Vec<Best>,
-    /// What pieces from each step on left of Σ r² at least when they were last looked at: longer
-    /// ones leave no less.
+    /// Smallest Σ r² of the pieces from each step when they were last fitted; longer pieces leave
+    /// no less.
     left: Vec<f64>,
 }
 
 impl Division<'_> {
-    /// Finds the shortest description of what lies before the next step.
+    /// Finds the shortest description of the points before the next step.
     fn advance(&mut self, to: usize) {
         let last = self.best[to - 1];
         let single = self.sums[to].less(&self.sums[to - 1]);
@@ -216,7 +218,7 @@ impl Division<'_> {
             from: to - 1,
             piece: None,
         };
-        // The last piece mostly goes on; what it costs rules most others out.
+        // The last piece mostly continues; its cost rules most others out.
         self.try_from(last.from, to, &mut least);
         for from in (0..to).filter(|from| *from != last.from) {
             self.try_from(from, to, &mut least);
@@ -263,7 +265,7 @@ impl Division<'_> {
         }
     }
 
-    /// The pieces of the shortest description of all steps.
+    /// Returns the pieces of the shortest description of all steps.
     fn pieces(&self) -> Vec<(Range<usize>, Kind, Curve)> {
         let (mut pieces, mut to) = (Vec::new(), self.best.len() - 1);
         while to > 0 {
@@ -302,13 +304,13 @@ mod tests {
         (Shape::Circle, Kind::Torus),
     ];
 
-    /// A normal deviate (Box and Muller).
+    /// Returns a normal deviate (Box and Muller).
     fn normal(random: &mut Random) -> f64 {
         let (u, turn) = (1.0 - random.unit(), TAU * random.unit());
         (-2.0 * u.ln()).sqrt() * turn.cos()
     }
 
-    /// Points of a line with noise across it.
+    /// Returns points of a line with noise across it.
     fn strewn(random: &mut Random, [a, b]: [Place; 2], count: usize) -> Vec<Place> {
         let d = minus(b, a);
         let along = d.map(|x| x / norm(d));

@@ -19,41 +19,41 @@ use crate::symmetry::{Set, symmetries};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, PointCloud, cross, dot, norm, rounding, rounding_if_decimal, sub};
 
-/// How a scan is recognised.
+/// Options of recognition.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Options {
-    /// The standard deviation of points from their surface, in the scan's unit; taken from the
-    /// points where it is `None`.
+    /// Standard deviation of points from their surface, in the scan's unit; estimated from the
+    /// points if `None`.
     pub noise: Option<f64>,
-    /// Minimum number of points of an entity; as many as are evidence of it where it is `None`.
+    /// Minimum number of points of an entity; as many as are evidence of it if `None`.
     pub min_points: Option<usize>,
 }
 
-/// Why nothing is recognised.
+/// Reasons why nothing is recognised.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A surface needs more points.
+    /// Too few points for a surface.
     #[error("{points} points are too few for a surface")]
     Few {
-        /// How many there are at different places.
+        /// Number of distinct points.
         points: usize,
     },
     /// A coordinate is not finite.
     #[error("a coordinate is not finite")]
     NotFinite,
-    /// The noise given is no length.
+    /// The given noise is not a length: it is negative, infinite or NaN.
     #[error("a noise of {0} is no length")]
     Noise(f64),
-    /// The points lie at one place or on one line.
+    /// The points coincide or are collinear.
     #[error("the points lie on one line")]
     Line,
-    /// The work was cancelled, or its deadline is over.
+    /// The work was cancelled, or its deadline has passed.
     #[error(transparent)]
     Stopped(#[from] Stopped),
 }
 
-/// The fewest points that a scan needs.
+/// Minimum number of distinct points of a scan.
 const FEWEST: usize = 16;
 
 /// Recognises the planes, spheres, cylinders, cones and tori of a scan.
@@ -118,7 +118,8 @@ pub fn recognize(
     })
 }
 
-/// Returns the normals that a scan gives, by place and turned; `None` if it gives none.
+/// Returns the normals that a scan gives, by point of the cloud and turned with it; `None` if it
+/// gives none.
 fn given_normals(
     scan: &PointCloud,
     index: &[u32],
@@ -135,10 +136,10 @@ fn given_normals(
     Some(given)
 }
 
-/// Turns the normals to the sides of given ones, if these agree with one another: then nearly all
-/// points of a surface face one way. Returns true if they do.
+/// Turns the normals to the sides of given ones, if these are consistent: then nearly all points of
+/// a surface face one way. Returns true if they are.
 ///
-/// Normals of a closed surface that face inwards on the whole are turned: the mean over a closed
+/// Normals of a closed surface that face inwards on the whole are reversed: the mean over a closed
 /// surface is zero, and that of p·n is three volumes over the area.
 fn turn_as_given(cloud: &mut Cloud, found: &Segmentation, given: &[Point3]) -> bool {
     let (mut agreeing, mut all) = (0, 0);
@@ -179,14 +180,14 @@ const AGREE: f64 = 0.9;
 /// sphere has 1/2.
 const CLOSED: f64 = 0.1;
 
-/// A scan in a place, a position, a unit and an order of its own.
+/// A scan in its canonical pose, unit and order.
 struct Placed {
-    /// Each place once, in order.
+    /// Distinct points, sorted.
     places: Vec<Point3>,
-    /// For each point of the scan its number among these.
+    /// Index in `places` of each point of the scan.
     index: Vec<u32>,
     pose: Pose,
-    /// How places that are turned back become points of the scan.
+    /// Map from `places`, turned back, to points of the scan.
     scaling: Scaling,
 }
 
@@ -202,7 +203,7 @@ impl Placed {
             };
         };
         let points: Vec<Point3> = scan.points.iter().map(|p| upright.apply(*p)).collect();
-        // Sums over the points have rounding of their own in each order.
+        // The order is fixed first: sums over the points depend on it by rounding.
         let pose = Pose::of(&sorted(&points).0);
         let turned: Vec<Point3> = points.iter().map(|p| pose.turn(*p)).collect();
         let scaling = Scaling::of(&turned).ok_or(Error::Line)?;
@@ -224,7 +225,7 @@ impl Placed {
     }
 }
 
-/// Turns the normals outwards, by what rays meet of the surfaces found.
+/// Turns the normals outwards, by casting rays at the surfaces found.
 fn turn_outwards(cloud: &mut Cloud, found: &Segmentation) {
     let label = |l: &u32| (*l != NONE).then_some(*l as usize);
     let labels: Vec<Option<usize>> = found.labels.iter().map(label).collect();
@@ -232,7 +233,7 @@ fn turn_outwards(cloud: &mut Cloud, found: &Segmentation) {
     orient(&cloud.points, normals, &labels, &found.surfaces, &[]);
 }
 
-/// Whether sorted points lie on one line: that through the first and the last.
+/// Returns true if sorted points lie on one line: that through the first and the last.
 fn is_line(points: &[Point3]) -> bool {
     let (Some(first), Some(last)) = (points.first(), points.last()) else {
         return true;
@@ -242,7 +243,7 @@ fn is_line(points: &[Point3]) -> bool {
     points.iter().all(|p| off(p) <= crate::cloud::FLOOR)
 }
 
-/// What was found, in the scan's unit and order.
+/// Reports the result in the scan's unit and order.
 fn report(
     cloud: &Cloud,
     found: &Segmentation,
@@ -311,17 +312,19 @@ fn report(
     }
 }
 
-/// How many of the distances of points a fitted surface leaves free; at least one.
+/// Returns the degrees of freedom of the distances from a fitted surface, at least 1.
 fn free(surface: &Surface, points: usize) -> f64 {
     points.saturating_sub(surface.kind.parameters()).max(1) as f64
 }
 
-/// A surface about the middle of its points, with its covariance: infinite where it is open.
+/// Returns a surface about the centroid of its points, with its covariance: infinite if it is
+/// undetermined.
 pub(crate) fn known(cloud: &Cloud, found: &Segmentation, members: &[u32], label: usize) -> Known {
     let points = cloud.at(members);
     let surface = found.surfaces[label].about(crate::fit::mean(&points));
     let variance = match found.is_form {
-        // Some objects of a scan follow their surfaces to the noise, whatever others ask for.
+        // Some objects of a scan follow their surfaces up to the noise, even if others need a
+        // tolerance of form.
         true => squares(&surface, &points) / free(&surface, points.len()),
         false => found.noise * found.noise,
     };
@@ -333,8 +336,8 @@ pub(crate) fn known(cloud: &Cloud, found: &Segmentation, members: &[u32], label:
     }
 }
 
-/// The points that tell how well a surface is known: with noise, those whose neighbours belong to
-/// it, too. Which face points at an edge belong to is itself a guess.
+/// Returns the points that determine the accuracy of a surface: with noise, only interior ones,
+/// since the assignment of points at an edge is uncertain.
 fn sure_points(cloud: &Cloud, found: &Segmentation, members: &[u32], label: usize) -> Vec<Point3> {
     if found.noise < EXACT {
         return cloud.at(members);
@@ -385,7 +388,8 @@ fn entity(
     }
 }
 
-/// Standard deviations of what CAD systems name, from the covariance of the minimal parameters.
+/// Returns the standard deviations of the parameters in the terms of CAD systems, from the
+/// covariance of the minimal parameters.
 pub(crate) fn deviations(
     surface: &Surface,
     points: &[Point3],
@@ -399,7 +403,7 @@ pub(crate) fn deviations(
     deviations_of(surface, &covariance, scaling)
 }
 
-/// As [`deviations`], for a covariance of the minimal parameters.
+/// Returns [`deviations`] for a given covariance of the minimal parameters.
 pub(crate) fn deviations_of(
     surface: &Surface,
     covariance: &[Row; MOST],
@@ -407,7 +411,7 @@ pub(crate) fn deviations_of(
 ) -> Deviations {
     let unit = scaling.unit;
     let n = surface.kind.parameters();
-    // The deviation of a value with these derivatives by the minimal parameters.
+    // The standard deviation of a value with these derivatives by the minimal parameters.
     let of = |row: &Row| -> f64 {
         let mut sum = 0.0;
         for i in 0..n {
@@ -429,7 +433,7 @@ pub(crate) fn deviations_of(
         Kind::Plane => Deviations {
             direction,
             size: {
-                // d = n·x at the middle of the points, which a tilt turns about the origin.
+                // d = n·x at the centroid of the points; a tilt about it also changes d.
                 let x: Point3 =
                     std::array::from_fn(|k| surface.place[k] * unit + scaling.origin[k]);
                 row(&[(0, dot(e, x)), (1, dot(f, x)), (2, unit)])

@@ -1,8 +1,8 @@
-//! How entities lie to one another: what holds within the uncertainty of both.
+//! Relations between entities that hold within the uncertainty of both.
 //!
-//! Each relation is a vector g of the parameters of both that is 0 where it holds. With the
-//! covariance S of g, gᵀ S⁻¹ g is of χ² with as many degrees of freedom as g has components (Wald's
-//! test).
+//! Each relation is a vector g of the parameters of both that is 0 if it holds. With the covariance
+//! S of g, gᵀ S⁻¹ g has a χ² distribution with as many degrees of freedom as g has components
+//! (Wald's test).
 
 use crate::chart::{Kind, MOST, Row, Surface};
 use crate::entity::{Relation, RelationKind};
@@ -11,16 +11,17 @@ use isoform_num::linalg::{cholesky, cholesky_solve};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// χ² that 1, 2, 3, 4 components exceed once in 10⁵: of some thousand pairs hardly one that is
-/// related is left out.
+/// χ² that 1, 2, 3, 4 components exceed once in 10⁵: hardly any true relation is lost among some
+/// thousand pairs.
 pub(crate) const CHI_SQUARED: [f64; 4] = [19.5, 23.0, 25.9, 28.5];
-/// Deviations that rounding causes, in radians and diagonals.
+/// Standard deviation that rounding causes, in radians and diagonals.
 pub(crate) const ROUNDING: f64 = 1e-8;
-/// The largest deviation (one standard deviation) of directions at which a relation can be told, in
-/// radians, or in units of the noise over the diagonal: less well known ones are parallel to
-/// anything.
+/// Maximum standard deviation of directions of which a relation is decidable: the larger of an
+/// angle (radians) and a multiple of the noise over the diagonal. Directions known less well are
+/// parallel to anything.
 pub(crate) const DIRECTION: (f64, f64) = (0.01, 15.0);
-/// That of places and radii, in diagonals or units of the noise.
+/// Maximum standard deviation of places and radii likewise, in diagonals and as a multiple of the
+/// noise.
 pub(crate) const PLACE: (f64, f64) = (1e-6, 1.0);
 /// By how much two axes have to be likelier to be one than any two, whose directions fill half a
 /// sphere and whose distances the square of the diagonal: exp(−gᵀ S⁻¹ g/2)/(2π √det S).
@@ -31,9 +32,9 @@ const ODDS: f64 = 1e4;
 /// the noise. Of 660 pairs of bands about one axis, many short and from one side, 616 are found
 /// with 4, 600 with 2; without a bound a bore 24 deviations beside an axis comes to lie on it.
 const AXIS: f64 = 4.0;
-/// Directions farther apart than this need no closer look.
+/// Maximum angle between directions that are tested for parallelism (radians).
 pub(crate) const FAR: f64 = 0.1;
-/// The step of differences, in radians and diagonals.
+/// Step of central differences, in radians and diagonals.
 const STEP: f64 = 1e-6;
 
 /// A surface with the covariance of its parameters.
@@ -42,7 +43,7 @@ pub(crate) struct Known {
     pub(crate) covariance: [Row; MOST],
 }
 
-/// The relations that hold, in the order of their entities; lengths in units of `unit`.
+/// Returns the relations that hold, in the order of their entities; lengths in units of `unit`.
 pub(crate) fn relations(known: &[Known], noise: f64, unit: f64) -> Vec<Relation> {
     let pairs = |i: usize| {
         (i + 1..known.len())
@@ -79,7 +80,7 @@ fn is_angle(kind: RelationKind) -> bool {
     matches!(kind, RelationKind::Parallel | RelationKind::Perpendicular)
 }
 
-/// By how much a relation fails, if it holds within the uncertainty.
+/// Returns the deviation from a relation; `None` if it does not hold within the uncertainty.
 fn deviation(kind: RelationKind, pair: [&Known; 2], noise: f64) -> Option<f64> {
     let surfaces = pair.map(|k| &k.surface);
     if !has_meaning(kind, surfaces) {
@@ -107,17 +108,17 @@ fn deviation(kind: RelationKind, pair: [&Known; 2], noise: f64) -> Option<f64> {
     if kind == RelationKind::Coaxial && !is_one_axis(&factor, squared, noise) {
         return None;
     }
-    // A direction for angles, else what is left beside them.
+    // The norm of the angles if g consists of angles, otherwise that of its other components.
     let shown = if g.angles == n { 0..n } else { g.angles..n };
     let size = g.values[shown].iter().map(|v| v * v).sum::<f64>().sqrt();
     (squared <= CHI_SQUARED[n - 1]).then_some(size)
 }
 
-/// Whether it can be told of two axes that they are one: from the Cholesky factor of the covariance
-/// of their tilts and of their distances, whose second block tells how far the distances are open
-/// where the tilts leave them known best, and from gᵀ S⁻¹ g.
+/// Returns true if two axes can be told to be one. `factor` is the Cholesky factor of the
+/// covariance of their tilts and distances, whose second block is the uncertainty of the distances
+/// given the tilts; `squared` is gᵀ S⁻¹ g.
 fn is_one_axis(factor: &[f64], squared: f64, noise: f64) -> bool {
-    // The larger deviation of two components, whatever the frame.
+    // The larger standard deviation of two components, in any frame.
     let open = |k: usize| {
         let (a, b, c) = (factor[5 * k], factor[5 * k + 4], factor[5 * k + 5]);
         let (xx, xy, yy) = (a * a, a * b, b * b + c * c);
@@ -129,7 +130,7 @@ fn is_one_axis(factor: &[f64], squared: f64, noise: f64) -> bool {
     open(0) <= FAR && open(2) <= PLACE.0.max(AXIS * noise) && odds >= ODDS
 }
 
-/// Whether two surfaces can be so related, and may be.
+/// Returns true if a relation is defined for two surfaces, and they are close to it.
 fn has_meaning(kind: RelationKind, [a, b]: [&Surface; 2]) -> bool {
     let cosine = dot(a.axis, b.axis).abs();
     let have_directions = a.kind != Kind::Sphere && b.kind != Kind::Sphere;
@@ -152,7 +153,7 @@ fn has_meaning(kind: RelationKind, [a, b]: [&Surface; 2]) -> bool {
 pub(crate) struct Frame {
     axis: Point3,
     across: [Point3; 2],
-    /// Whether the second direction is turned round.
+    /// −1 if the second direction is reversed, else 1.
     sign: f64,
 }
 
@@ -166,7 +167,7 @@ impl Frame {
     }
 }
 
-/// The vector that is 0 where a relation holds: directions first.
+/// Vector that is 0 if a relation holds, angles first.
 pub(crate) struct Failure {
     pub(crate) values: [f64; 4],
     pub(crate) count: usize,
@@ -187,7 +188,7 @@ pub(crate) fn failure(kind: RelationKind, frame: &Frame, [a, b]: [&Surface; 2]) 
         RelationKind::Parallel => of([tilt[0], tilt[1], 0.0, 0.0], 2, 2),
         RelationKind::Perpendicular => of([dot(a.axis, b.axis), 0.0, 0.0, 0.0], 1, 1),
         RelationKind::Coaxial => {
-            // Where the two axes pass the middle between the places.
+            // Points of both axes halfway between the two reference points.
             let h = dot(way, frame.axis) / 2.0;
             let at = |s: &Surface, h: f64, sign: f64| -> Point3 {
                 std::array::from_fn(|k| s.place[k] + h * sign * s.axis[k])
@@ -204,7 +205,7 @@ pub(crate) fn failure(kind: RelationKind, frame: &Frame, [a, b]: [&Surface; 2]) 
     }
 }
 
-/// The covariance of the failure, by differences.
+/// Returns the covariance of the failure, by central differences.
 fn covariance(kind: RelationKind, frame: &Frame, pair: [&Known; 2]) -> Vec<f64> {
     let surfaces = pair.map(|k| k.surface);
     let n = failure(kind, frame, [&surfaces[0], &surfaces[1]]).count;
@@ -246,7 +247,7 @@ mod tests {
 
     const NOISE: f64 = 1e-3;
 
-    /// A band about an axis parallel to z, as points on `arc` radians of it tell it.
+    /// Returns a band about an axis parallel to z, as determined by points on `arc` radians of it.
     fn band(surface: Surface, [from, to]: [f64; 2], arc: f64) -> Known {
         let tan = match surface.kind {
             Kind::Cone => surface.other.tan(),
@@ -275,8 +276,8 @@ mod tests {
         deviation(kind, pair, NOISE).is_some()
     }
 
-    /// A chamfer knows its own direction to some degrees only, but its axis passes that of the
-    /// cylinder beside it.
+    /// The direction of a chamfer is known only to some degrees, but its axis passes that of the
+    /// adjacent cylinder.
     #[test]
     fn short_cones_are_about_the_axes_beside_them() {
         let cylinder = Surface {

@@ -1,4 +1,5 @@
-//! Which points belong to which surface: regions one after another, then all at once.
+//! Segmentation: the assignment of points to surfaces, by region growing first and then by joint
+//! relaxation of labels and fits.
 
 use crate::chart::{Distances, Kind, Surface};
 use crate::choose::{Known, Noise, best_region, follows, is_called_for, least_points};
@@ -13,30 +14,31 @@ use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, dot};
 use rayon::prelude::*;
 
-/// No entity.
+/// Label of points without an entity.
 pub(crate) const NONE: u32 = u32::MAX;
-/// What it costs a point that all its neighbours belong elsewhere: as much as 3 deviations. More
-/// smooths borders of small faces away, less lets crossing planes cut strips out of walls.
+/// Cost of a point all of whose neighbours have other labels: that of 3 standard deviations. A
+/// larger cost smooths borders of small faces away, a smaller one lets crossing planes cut strips
+/// out of walls.
 pub(crate) const APART: f64 = 4.5;
 /// Sweeps over the points until labels stand still.
 const SWEEPS: usize = 8;
 /// Labels and fits in turn at most; labels along tangent faces move slowly.
 const RELAXATIONS: usize = 10;
-/// Rounds of labels, fits, mergers and new regions.
+/// Maximum number of rounds of labels, fits, mergers and new regions.
 const ROUNDS: usize = 3;
 /// What the user allows is a tolerance of form where it is this many times the noise of the points.
 const FORM: f64 = 1.5;
 /// By what factor the noise may be larger than estimated: before any surface is known, and after.
 const FIRST_SLACK: f64 = 1.1;
 pub(crate) const SLACK: f64 = 1.03;
-/// The noise may rise to this many times what it was taken for at most; and half the noise was too
-/// little where it rises by this.
+/// Maximum factor by which the noise may exceed its first estimate.
 pub(crate) const MOST_NOISE: f64 = 1.5;
 const CREPT: f64 = 1.4;
 /// About how many places are tried with half the noise, and the share (its inverse) of the points
 /// that a region has which counts: small ones follow any noise.
 const HALVING: (usize, usize) = (24, 30);
-/// An entity stays where its points would cost this much more without it, beyond its parameters.
+/// Minimum increase of the cost of its points without an entity, beyond the cost of its parameters,
+/// for which the entity is kept.
 pub(crate) const EVIDENCE: f64 = 20.0;
 /// Neighbours of a seed that fails which are not tried.
 const BESIDE_SEED: usize = 3;
@@ -44,46 +46,46 @@ const BESIDE_SEED: usize = 3;
 /// by what factor it has to leave more than that may. Of 800 points Σ r² is known to 5 %.
 const JOINED: usize = 800;
 const APART_BY_FAR: f64 = 2.0;
-/// The median of |x| of a normal deviate.
+/// Median of |x| of a standard normal deviate.
 pub(crate) const MEDIAN: f64 = 0.6745;
 
-/// Entities so far, and for each point that of its label.
+/// Entities found so far, and the label of each point: the index of its entity.
 #[derive(Clone)]
 pub(crate) struct Segmentation {
     pub(crate) surfaces: Vec<Surface>,
     pub(crate) labels: Vec<u32>,
     pub(crate) noise: f64,
-    /// The noise before any surface was known.
+    /// Noise estimated before any surface was known.
     first_noise: f64,
-    /// Whether the noise is a tolerance of form.
+    /// True if the noise is a tolerance of form.
     pub(crate) is_form: bool,
-    /// Whether surfaces are fitted each by itself.
+    /// True if surfaces are fitted independently, without the axes and directions of larger ones.
     pub(crate) is_free: bool,
-    /// Whether sections were looked at.
+    /// True if plane sections were searched.
     pub(crate) is_swept: bool,
-    /// Whether there is nothing to be found in further rounds.
+    /// True if further rounds cannot find anything.
     pub(crate) is_finished: bool,
-    /// Entities that could not be taken apart.
+    /// Entities that could not be split.
     whole: Whole,
 }
 
-/// How far points may lie from their surfaces.
+/// Tolerance of the distance of points from their surfaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Allowed {
-    /// As far as the points themselves show.
+    /// The noise that the points themselves show.
     Shown,
-    /// A length that the user gives: a tolerance of form where the points show less noise.
+    /// A length given by the user: a tolerance of form if the points show less noise.
     Given(f64),
     /// A tolerance of form.
     Form(f64),
 }
 
-/// Limits of a search.
+/// Limits of a segmentation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
-    /// The fewest points of an entity.
+    /// Minimum number of points of an entity.
     pub(crate) min_points: usize,
-    /// How far points may lie from their surfaces.
+    /// Tolerance of the distance of points from their surfaces.
     pub(crate) allowed: Allowed,
 }
 
@@ -96,7 +98,7 @@ pub(crate) fn segment(
     Segmentation::begin(cloud, limits, control)?.finished(cloud, limits, control)
 }
 
-/// Directions of planes and axes, each once.
+/// Returns the distinct directions of planes and axes.
 pub(crate) fn directions(surfaces: &[Surface]) -> Vec<Point3> {
     let mut directions: Vec<Point3> = Vec::new();
     for surface in surfaces.iter().filter(|s| s.kind != Kind::Sphere) {
@@ -108,8 +110,8 @@ pub(crate) fn directions(surfaces: &[Surface]) -> Vec<Point3> {
     directions
 }
 
-/// The window of this width that holds most of sorted heights, if it holds three times as many as
-/// its two neighbours.
+/// Returns the window of this width that holds the most of sorted heights, if it holds three times
+/// as many as its two neighbours.
 fn fullest(heights: &[(f64, u32)], width: f64) -> Option<std::ops::Range<usize>> {
     let mut best = 0..0;
     let mut from = 0;
@@ -130,7 +132,8 @@ fn fullest(heights: &[(f64, u32)], width: f64) -> Option<std::ops::Range<usize>>
     (beside * 3 <= best.len()).then_some(best)
 }
 
-/// The order in which points are tried as seeds: far from edges first, then smooth places.
+/// Returns the order in which points are tried as seeds: those far from edges first, then those at
+/// smooth places.
 fn seeds(cloud: &Cloud, noise: f64) -> Vec<u32> {
     let n = cloud.points.len();
     let mut depth = vec![u32::MAX; n];
@@ -157,8 +160,8 @@ fn seeds(cloud: &Cloud, noise: f64) -> Vec<u32> {
     order
 }
 
-/// The places in an order of so many seeds that are next to be tried, where all of them fail, and
-/// the place after the last; those about a seed that fails are not tried.
+/// Returns the positions in an order of the next `count` seeds to be tried if all of them fail, and
+/// the position after the last. Neighbours of a seed that fails are skipped.
 fn next_seeds(
     cloud: &Cloud,
     order: &[u32],
@@ -178,8 +181,8 @@ fn next_seeds(
     (next, at)
 }
 
-/// Half the noise, or a quarter, where surfaces follow points as well with it: neighbourhoods that
-/// reach over thin walls make it look larger.
+/// Returns half the noise, or a quarter, if surfaces follow points as well with it: neighbourhoods
+/// that reach over thin walls make it look larger.
 fn lower_noise(cloud: &Cloud, noise: f64) -> f64 {
     let order = seeds(cloud, noise);
     let step = (order.len() / HALVING.0).max(1);
@@ -217,7 +220,7 @@ fn lower_noise(cloud: &Cloud, noise: f64) -> f64 {
     noise
 }
 
-/// The label, of those of a point and its neighbours, with which it costs least.
+/// Returns the label of least cost among those of a point and its neighbours.
 fn cheapest(
     cloud: &Cloud,
     labels: &[u32],
@@ -256,7 +259,7 @@ fn cheapest(
 }
 
 impl Segmentation {
-    /// What the first round finds: most of it where surfaces follow the points.
+    /// Runs the first round, which finds most surfaces if they follow the points.
     pub(crate) fn begin(
         cloud: &Cloud,
         limits: Limits,
@@ -269,7 +272,7 @@ impl Segmentation {
             Allowed::Form(noise) => (noise, true),
         };
         let now = Self::first_round(cloud, limits, (noise, is_form), control)?;
-        // Surfaces that were found with less noise show that there is more.
+        // Surfaces found with less noise may show that it was too little.
         let is_more = limits.allowed == Allowed::Shown && now.noise > CREPT * noise;
         if is_more && noise < cloud.noise {
             return Self::first_round(cloud, limits, (cloud.noise, false), control);
@@ -277,7 +280,7 @@ impl Segmentation {
         Ok(now)
     }
 
-    /// Surfaces with the labels of all points, and their noise.
+    /// Builds a segmentation of given surfaces, labels of all points, and noise.
     pub(crate) fn of(surfaces: Vec<Surface>, labels: Vec<u32>, noise: f64, is_form: bool) -> Self {
         Self {
             surfaces,
@@ -305,7 +308,7 @@ impl Segmentation {
         Ok(now)
     }
 
-    /// What further rounds find.
+    /// Runs the remaining rounds.
     pub(crate) fn finished(
         mut self,
         cloud: &Cloud,
@@ -336,7 +339,7 @@ impl Segmentation {
         Ok(self)
     }
 
-    /// A round: new regions, then labels, fits and mergers until they stand still.
+    /// Runs one round: new regions, then labels, fits and mergers until nothing changes.
     fn advance(
         &mut self,
         cloud: &Cloud,
@@ -351,14 +354,15 @@ impl Segmentation {
         if round == 0 && self.add_scattered_planes(cloud, limits) {
             self.settle(cloud, limits);
         }
-        // Sections are looked at first: what does not follow its points may be what they replace.
+        // Sections are searched before: an entity that does not follow its points may be replaced
+        // by what they show.
         if round > 0 || self.is_form {
             self.is_finished = !self.dissolve(cloud);
         }
         Ok(())
     }
 
-    /// How far points lie from their surface.
+    /// Returns the noise of points about their surfaces.
     pub(crate) fn deviation(&self, slack: f64) -> Noise {
         Noise {
             deviation: self.noise,
@@ -367,15 +371,15 @@ impl Segmentation {
         }
     }
 
-    /// Adds planes along the directions of others through points without an entity that lie in many
-    /// small pieces, such as the floors of counterbores.
+    /// Adds planes in the known directions through points without an entity that lie in many small
+    /// pieces, such as the floors of counterbores. Returns true if any was added.
     fn add_scattered_planes(&mut self, cloud: &Cloud, limits: Limits) -> bool {
         let open: Vec<u32> = (0..self.labels.len() as u32)
             .filter(|i| self.labels[*i as usize] == NONE)
             .collect();
         let mut is_new = false;
         for axis in directions(&self.surfaces) {
-            // Rows of a regular sample on other faces may have one height, too.
+            // Rows of a regular sample on other faces may also have one height.
             let is_open = |i: &&u32| {
                 let i = **i as usize;
                 self.labels[i] == NONE && dot(cloud.normals[i], axis).abs() >= ALIGNED
@@ -415,8 +419,8 @@ impl Segmentation {
         let order = seeds(cloud, self.noise);
         let mut is_tried: Vec<bool> = self.labels.iter().map(|l| *l != NONE).collect();
         let most = 2 * rayon::current_num_threads();
-        // Several seeds at a time as long as they fail: what comes after one that does not is
-        // tried again, since its points are no longer free.
+        // Several seeds are tried at a time as long as they fail. Those after one that succeeds are
+        // tried again, since its points are taken now.
         let (mut at, mut width) = (0, 1);
         while at < order.len() {
             control.check()?;
@@ -459,7 +463,7 @@ impl Segmentation {
         }
     }
 
-    /// Removes entities that do not follow their points; whether there are any.
+    /// Removes entities that do not follow their points. Returns true if there were any.
     pub(crate) fn dissolve(&mut self, cloud: &Cloud) -> bool {
         let noise = self.deviation(SLACK);
         let members = self.members();
@@ -480,7 +484,7 @@ impl Segmentation {
         kept.iter().any(Option::is_none)
     }
 
-    /// The points of each entity.
+    /// Returns the points of each entity.
     pub(crate) fn members(&self) -> Vec<Vec<u32>> {
         let mut members = vec![Vec::new(); self.surfaces.len()];
         for (i, label) in self.labels.iter().enumerate() {
@@ -491,7 +495,8 @@ impl Segmentation {
         members
     }
 
-    /// The entities of neighbours that have different ones, once for each such pair of points.
+    /// Returns the entities of neighbours that have different ones, once for each such pair of
+    /// points.
     pub(crate) fn neighbours<'a>(
         &'a self,
         cloud: &'a Cloud,
@@ -503,7 +508,7 @@ impl Segmentation {
             .map(|(a, b)| (a as usize, b as usize))
     }
 
-    /// Labels, surfaces, noise, mergers and removals in turn.
+    /// Alternates between labels, surfaces, noise, mergers and removals until nothing changes.
     pub(crate) fn settle(&mut self, cloud: &Cloud, limits: Limits) {
         for _ in 0..4 {
             self.relax(cloud, limits);
@@ -517,7 +522,7 @@ impl Segmentation {
         self.relax(cloud, limits);
     }
 
-    /// Labels, surfaces and noise in turn until labels stand nearly still.
+    /// Alternates between labels, surfaces and noise until labels hardly change.
     pub(crate) fn relax(&mut self, cloud: &Cloud, limits: Limits) {
         for _ in 0..RELAXATIONS {
             let before = self.labels.clone();
@@ -531,11 +536,11 @@ impl Segmentation {
         }
     }
 
-    /// Gives each point to the surface of a neighbour that explains it best.
+    /// Assigns each point to the surface of a neighbour that explains it best.
     fn compete(&mut self, cloud: &Cloud) {
         let cost = Cost::of(self.noise);
         let distances: Vec<Distances<'_>> = self.surfaces.iter().map(Surface::distances).collect();
-        // A point is looked at again when the label of a neighbour has changed.
+        // A point is visited again when the label of a neighbour has changed.
         let mut is_due = vec![true; cloud.points.len()];
         for _ in 0..SWEEPS {
             let mut is_changed = false;
@@ -580,7 +585,7 @@ impl Segmentation {
         self.keep(&tied);
     }
 
-    /// Takes these surfaces; labels of those that are `None` are cleared.
+    /// Replaces the surfaces by these; those that are `None` are dropped and their labels cleared.
     pub(crate) fn keep(&mut self, surfaces: &[Option<Surface>]) {
         let mut new = vec![NONE; surfaces.len()];
         self.surfaces.clear();
@@ -604,8 +609,8 @@ impl Segmentation {
         self.keep(&kept);
     }
 
-    /// The noise that explained points show: the median of their distances. Of exact points it is
-    /// that of the entity with most: planes along the axes of coordinates have none, and surfaces
+    /// Estimates the noise from the median distance of explained points. Of exact points it is that
+    /// of the entity with the most: planes along the axes of coordinates have none, and surfaces
     /// that a modeller approximates have more than rounding.
     fn measure_noise(&mut self, cloud: &Cloud, limits: Limits) {
         if limits.allowed != Allowed::Shown {
@@ -637,7 +642,7 @@ impl Segmentation {
             .max(cloud.floor);
     }
 
-    /// Joins entities of one kind that one surface explains.
+    /// Merges entities of one kind that one surface explains. Returns true if any were merged.
     fn merge(&mut self, cloud: &Cloud) -> bool {
         let mut members = self.members();
         let mut surfaces: Vec<Option<Surface>> = self.surfaces.iter().copied().map(Some).collect();
@@ -666,14 +671,14 @@ impl Segmentation {
         changed
     }
 
-    /// The surface of two entities, if they are pieces of one.
+    /// Returns the common surface of two entities; `None` if they are not pieces of one.
     fn joined(&self, cloud: &Cloud, two: [&Surface; 2], of: [&[u32]; 2]) -> Option<Surface> {
         let [large, small] = two;
         if large.kind < small.kind {
             return None;
         }
         let (first, second) = (cloud.at(of[0]), cloud.at(of[1]));
-        // Points of the smaller one far from the other: no need for a fit.
+        // Points of the smaller one far from the other need no fit.
         let apart = (squares(large, &second) / second.len() as f64).sqrt();
         if apart > 30.0 * self.noise.max(1e-6) {
             return None;
@@ -688,8 +693,8 @@ impl Segmentation {
             let count = both.len().min(4 * second.len());
             is_called_for(p, count, joint, alone, q, self.deviation(SLACK))
         };
-        // A fit of some of the points shows most pairs apart: there the surfaces leave more of
-        // them than what a joint one may, by far.
+        // A fit of a sample already separates most pairs: it leaves a residual far larger than a
+        // joint surface may leave.
         let step = (both.len() / JOINED).max(1);
         if step > 1 {
             let some = |points: &[Point3]| -> Vec<Point3> {
@@ -707,7 +712,8 @@ impl Segmentation {
         (!are_two(joint)).then_some(one)
     }
 
-    /// Removes entities whose points others explain nearly as well.
+    /// Removes entities whose points others explain nearly as well. Returns true if any were
+    /// removed.
     fn prune(&mut self, cloud: &Cloud, limits: Limits) -> bool {
         let members = self.members();
         let mut order: Vec<usize> = (0..members.len()).collect();
@@ -730,7 +736,8 @@ impl Segmentation {
         removed
     }
 
-    /// By how much more its points cost without an entity, with the surfaces of entities nearby.
+    /// Returns the increase of the cost of its points without an entity, with the surfaces of
+    /// entities nearby.
     fn gain(&self, cloud: &Cloud, label: u32, members: &[u32]) -> f64 {
         let cost = Cost::of(self.noise);
         let mut around: Vec<u32> = members
@@ -749,7 +756,7 @@ impl Segmentation {
         members.iter().map(|i| without(*i) - at(*i, label)).sum()
     }
 
-    /// Gives entities another kind where their points ask for it.
+    /// Changes the kind of entities whose points justify another one. Returns true if any changed.
     fn change_kinds(&mut self, cloud: &Cloud) -> bool {
         let noise = self.deviation(SLACK);
         let shares = shares(cloud, &self.surfaces, &self.labels, self.noise);
@@ -772,14 +779,14 @@ impl Segmentation {
         changed
     }
 
-    /// The points of an entity.
+    /// Returns the points of an entity.
     pub(crate) fn members_of(&self, label: usize) -> Vec<u32> {
         let all = 0..self.labels.len() as u32;
         all.filter(|i| self.labels[*i as usize] == label as u32)
             .collect()
     }
 
-    /// Takes entities apart where simpler ones explain their points better.
+    /// Splits entities whose points simpler ones explain better. Returns true if any were split.
     fn split(&mut self, cloud: &Cloud, limits: Limits) -> bool {
         let members = self.members();
         let noise = self.deviation(SLACK);

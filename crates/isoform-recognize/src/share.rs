@@ -1,5 +1,6 @@
-//! Points near an edge belong to each of its faces with some probability: fits with these as weights
-//! are not drawn over the edge, as fits to points sorted by the nearer surface are.
+//! Membership probabilities: points near an edge belong to each of its faces with some probability.
+//! Fits with these weights are not drawn over the edge, unlike fits to points that are assigned to
+//! the nearer surface.
 
 use crate::chart::{Distances, Surface, unit};
 use crate::cloud::{Cloud, NEIGHBOURS};
@@ -28,10 +29,10 @@ const TOGETHER: usize = 1024;
 /// Points with their weights.
 pub(crate) type Shares = Vec<(u32, f64)>;
 
-/// On which side of a surface (first) a face (second) lies: +1 or −1; not listed where on both.
+/// Side of a surface (first) on which a face (second) lies: +1 or −1; absent if it lies on both.
 type Sides = BTreeMap<(u32, u32), f64>;
 
-/// The points of each surface with the probability that they are its own.
+/// Returns the points of each surface with the probability that they are its own.
 pub(crate) fn shares(
     cloud: &Cloud,
     surfaces: &[Surface],
@@ -55,8 +56,9 @@ pub(crate) fn shares(
     shares
 }
 
-/// The labels of points, where those beside an edge belong to the face on whose side of the other
-/// they lie, however near the other is. Where faces touch their sides say little.
+/// Returns the labels of points, where those next to an edge belong to the face on whose side of
+/// the other surface they lie, however near the other is. Sides are ignored if the faces are
+/// tangent.
 pub(crate) fn sided(cloud: &Cloud, surfaces: &[Surface], labels: &[u32], noise: f64) -> Vec<u32> {
     let faces = Faces::of(cloud, surfaces, labels, noise);
     let likeliest = |i: usize| {
@@ -89,13 +91,13 @@ pub(crate) fn sided(cloud: &Cloud, surfaces: &[Surface], labels: &[u32], noise: 
     (0..labels.len()).into_par_iter().map(likeliest).collect()
 }
 
-/// Whether none of the neighbours of a point belongs to another face.
+/// Returns true if all labelled neighbours of a point belong to its own face.
 fn is_inside(cloud: &Cloud, labels: &[u32], i: usize) -> bool {
     let is_own = |j: &u32| [labels[i], NONE].contains(&labels[*j as usize]);
     cloud.near(i as u32).iter().all(is_own)
 }
 
-/// Labels in ascending order, each once.
+/// Distinct labels in ascending order.
 #[derive(Default)]
 struct Labels {
     all: [u32; NEIGHBOURS + 1],
@@ -116,7 +118,7 @@ impl Labels {
     }
 }
 
-/// The labels of a point and its neighbours.
+/// Returns the labels of a point and its neighbours.
 fn around(cloud: &Cloud, labels: &[u32], i: usize) -> Labels {
     let near = cloud.near(i as u32).iter().map(|j| labels[*j as usize]);
     let mut around = Labels::default();
@@ -126,7 +128,7 @@ fn around(cloud: &Cloud, labels: &[u32], i: usize) -> Labels {
     around
 }
 
-/// Faces as they are now.
+/// The faces of the current segmentation.
 struct Faces<'a> {
     cloud: &'a Cloud,
     surfaces: Vec<Distances<'a>>,
@@ -170,7 +172,7 @@ impl<'a> Faces<'a> {
         }
     }
 
-    /// Whether two of some faces touch, or nearly do, about a point.
+    /// Returns true if two of some faces are nearly tangent at a point.
     fn are_tangent(&self, around: &Labels, i: usize) -> bool {
         let normal = |label: &u32| self.surfaces[*label as usize].normal(self.cloud.points[i]);
         let normals: Vec<Point3> = around.iter().map(normal).collect();
@@ -184,7 +186,8 @@ impl<'a> Faces<'a> {
         false
     }
 
-    /// How likely a point is on a surface: by its distance, and by whether its foot is on the face.
+    /// Returns the likelihood of a point on a surface: by its distance, and by the probability that
+    /// its projection is on the face.
     fn likelihood(&self, around: &Labels, label: u32, i: usize) -> f64 {
         let (p, surface) = (self.cloud.points[i], &self.surfaces[label as usize]);
         let r = surface.at(p);
@@ -210,14 +213,15 @@ impl<'a> Faces<'a> {
     }
 }
 
-/// Whether normals are those of surfaces that touch, or nearly do.
+/// Returns true if the normals are those of nearly tangent surfaces.
 fn are_along(m: Point3, n: Point3) -> bool {
     dot(m, n).abs() > TANGENT
 }
 
-/// How far a point lies before the curve where two surfaces touch or meet, on the side of the first:
-/// with D the difference of their distances, 2|D|/|∇D·u| along the way u from the points of one to
-/// those of the other. Along tangent surfaces D has one sign, and only its growth tells the side.
+/// Returns the distance of a point from the curve in which two surfaces touch or meet, positive on
+/// the side of the first. With D the difference of their distances it is 2|D|/|∇D·u| along the
+/// direction u from the points of one to those of the other. Along tangent surfaces D has one sign,
+/// and only its growth determines the side.
 fn before_contact(
     cloud: &Cloud,
     labels: &[u32],
@@ -240,7 +244,7 @@ fn before_contact(
     length.is_finite().then_some(-length)
 }
 
-/// On which side of their neighbours' surfaces faces lie.
+/// Returns the sides of their neighbours' surfaces on which faces lie.
 fn sides(cloud: &Cloud, surfaces: &[Distances<'_>], labels: &[u32], noise: f64) -> Sides {
     let mut counts: BTreeMap<(u32, u32), [usize; 2]> = BTreeMap::new();
     for (i, own) in labels.iter().enumerate() {

@@ -1,8 +1,8 @@
-//! Bent surfaces that reach over edges, given up for the simpler ones of which they took more than
-//! there is.
+//! Simplification: curved surfaces that reach over edges are replaced by simpler ones together with
+//! what the remaining points show.
 //!
-//! Where noise is large a plane with a strip of the next face is a sphere, and follows its points.
-//! That shows only when what is left over has a surface of its own, too.
+//! In large noise a plane with a strip of the adjacent face is a sphere, and follows its points.
+//! That is revealed only if the points beyond the plane have a surface of their own.
 
 use crate::chart::{Kind, Surface};
 use crate::choose::{Known, Noise, follows, least_points};
@@ -28,8 +28,8 @@ const BESIDE: f64 = 0.99;
 const KEPT: f64 = 0.6;
 
 impl Segmentation {
-    /// Gives bent surfaces up for simpler ones and what is found beside these, where that describes
-    /// the points in less.
+    /// Replaces curved surfaces by simpler ones and by what is found next to these, if that
+    /// shortens the description.
     pub(crate) fn simplify(
         &mut self,
         cloud: &Cloud,
@@ -43,8 +43,8 @@ impl Segmentation {
                 .zip(&self.surfaces)
                 .map(|(of, surface)| simpler(cloud, of, &self.simpler_kinds(surface), noise))
                 .collect();
-            // Where most could be simpler they are patches of a free form, of which there is no
-            // end.
+            // If most could be simpler they are patches of a free form, and replacing them would
+            // not end.
             let count = simpler.iter().flatten().count();
             if count == 0 || 2 * count > simpler.len() {
                 break;
@@ -61,8 +61,8 @@ impl Segmentation {
         Ok(())
     }
 
-    /// With simpler surfaces, each with its points, in the place of some labels, and with what is
-    /// found among the points that these give up; `None` where that is no shorter.
+    /// Replaces some surfaces by simpler ones, each with its points, and adds what is found among
+    /// the points that these give up; `None` if the description does not become shorter.
     fn given_up(
         &self,
         cloud: &Cloud,
@@ -84,8 +84,8 @@ impl Segmentation {
         Ok(is_shorter.then_some(other))
     }
 
-    /// Turns spheres into cones about the axis of an entity beside them, chamfers mostly, where that
-    /// describes the points in less: a cone about a known axis has two numbers of its own, a sphere
+    /// Turns spheres into cones about the axis of an adjacent entity, mostly chamfers, if that
+    /// shortens the description: a cone about a known axis has two parameters of its own, a sphere
     /// four.
     pub(crate) fn turn_into_coaxial(&mut self, cloud: &Cloud, limits: Limits) {
         for label in 0..self.surfaces.len() {
@@ -109,7 +109,7 @@ impl Segmentation {
         }
     }
 
-    /// Turns spheres of which only a narrow zone is there, about an axis that others have, into the
+    /// Turns spheres of which only a narrow zone is present, about an axis that others have, into
     /// cones or cylinders that fit as well: chamfers and short bores.
     pub(crate) fn turn_zones(&mut self, cloud: &Cloud) {
         let noise = self.deviation(SLACK);
@@ -127,7 +127,7 @@ impl Segmentation {
         }
     }
 
-    /// The axes of the entities beside some points.
+    /// Returns the axes of the entities adjacent to some points.
     fn axes_beside(&self, cloud: &Cloud, points: &[u32]) -> Vec<Line> {
         let beside: Vec<u32> = points
             .iter()
@@ -142,7 +142,7 @@ impl Segmentation {
     }
 }
 
-/// A simpler surface through most of the points of an entity, and these.
+/// Returns a simpler surface through most of the points of an entity, and these points.
 fn simpler(
     cloud: &Cloud,
     members: &[u32],

@@ -1,14 +1,14 @@
-//! A refit of all entities together in which their relations hold exactly.
+//! Joint refit of all entities such that their relations hold exactly.
 //!
-//! Each entity's own fit leaves a sum of squares of distances (divided by their variance) that is
-//! least at its parameters p₀. Their sum over all entities is made least under g(p) = 0, where g
+//! Each entity's own fit minimises the sum of squares of its distances, divided by their variance,
+//! at its parameters p₀. The total over all entities is minimised subject to g(p) = 0, where g
 //! holds the relations: p₀ moves by −W (b + Gᵀ λ), (G W Gᵀ) λ = g − G W b, with the covariance W of
 //! p₀, the derivatives G of g, and the gradient b = Jᵀ (r(p) − r(p₀)) of the true distances r;
 //! steps are repeated to rounding (Gauss–Newton; J is that at p₀). The covariance afterwards is P W
 //! Pᵀ with P = 1 − W Gᵀ (G W Gᵀ)⁻¹ G.
 //!
-//! What follows from other relations is left out of g. A condition without which the sum would be
-//! less by more than χ² allows contradicts the points: its relations are dropped, worst first.
+//! Relations implied by others are left out of g. A condition without which the sum would be less
+//! by more than χ² allows contradicts the points: its relations are dropped, worst first.
 
 use crate::chart::{Kind, MOST, Row, Surface};
 use crate::cloud::{Scaling, sorted};
@@ -28,22 +28,22 @@ mod solve;
 const STEPS: usize = 30;
 /// A step that moves no parameter by more than this, in radians and diagonals, is the last.
 const STILL: f64 = 1e-15;
-/// Relations hold where they fail by no more than this, in radians and diagonals.
+/// Maximum deviation from a relation that holds, in radians and diagonals.
 const EXACT: f64 = 1e-12;
-/// The step of differences, in radians and diagonals.
+/// Step of central differences, in radians and diagonals.
 const STEP: f64 = 1e-6;
 
-/// What a snap changed.
+/// Changes made by [`snap`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Snap {
-    /// How far each entity moved at most at its points along their normals, in the scan's unit.
+    /// Largest motion of each entity at its points along their normals, in the scan's unit.
     pub moved: Vec<f64>,
-    /// The root mean square distance of all entities' points before and after.
+    /// Root mean square distance of all entities' points before and after.
     pub rms: [f64; 2],
-    /// By how much the sum of squares rose, in variances of the points: of χ² with `conditions`
-    /// degrees of freedom where the relations are true.
+    /// Increase of the sum of squares, in variances of the points: χ² with `conditions` degrees of
+    /// freedom if the relations are true.
     pub chi_squared: f64,
-    /// The independent equations that hold now.
+    /// Number of independent equations that hold now.
     pub conditions: usize,
     /// Relations that contradict the points or one another, as they were found.
     pub dropped: Vec<Relation>,
@@ -53,12 +53,12 @@ pub struct Snap {
 struct Own {
     known: Known,
     points: Vec<Point3>,
-    /// Of the points, along their normals.
+    /// Standard deviation of the points along their normals.
     sigma: f64,
 }
 
 impl Own {
-    /// The gradient of half the sum of squares, less that at the start, in variances.
+    /// Returns the gradient of half the sum of squares, less that at the start, in variances.
     fn gradient(&self, now: &Surface) -> Row {
         let start = &self.known.surface;
         let rows = start.rows();
@@ -72,8 +72,8 @@ impl Own {
     }
 }
 
-/// Refits the entities recognised in a scan so that their relations hold to rounding; what could
-/// not hold is dropped from the relations.
+/// Refits the entities recognised in a scan so that their relations hold to rounding; relations
+/// that cannot hold are dropped.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -111,7 +111,8 @@ pub fn snap(
     Ok((new, snap))
 }
 
-/// An entity about the middle of its points, with its covariance: infinite where it is open.
+/// Returns an entity about the centroid of its points, with its covariance: infinite if it is
+/// undetermined.
 fn own(found: &Recognition, i: usize, points: Vec<Point3>, scaling: &Scaling) -> Own {
     let surface = Surface::of(&found.entities[i].surface, scaling.origin);
     let surface = surface.scaled(1.0 / scaling.unit).about(mean(&points));
@@ -120,7 +121,7 @@ fn own(found: &Recognition, i: usize, points: Vec<Point3>, scaling: &Scaling) ->
     let least = match found.is_form {
         // A tolerance of form is not the noise of those objects that follow their surfaces.
         true => 0.0,
-        // Few points may meet by chance more exactly than they were rounded.
+        // Few points may lie on a surface by chance more exactly than they were rounded.
         false => found.noise / scaling.unit / 3.0_f64.sqrt(),
     };
     let sigma = (squares(&surface, &points) / free)
@@ -140,7 +141,7 @@ fn own(found: &Recognition, i: usize, points: Vec<Point3>, scaling: &Scaling) ->
     }
 }
 
-/// The entities in which relations hold.
+/// Entities that satisfy the conditions.
 struct Solved {
     surfaces: Vec<Surface>,
     steps: Vec<Row>,
@@ -148,7 +149,7 @@ struct Solved {
     conditions: usize,
 }
 
-/// The relations that hold together, those that do not, and the entities.
+/// Returns the relations that hold together, those that do not, and the entities.
 fn consistent(
     owns: &[Own],
     relations: &[Relation],
@@ -173,7 +174,8 @@ fn consistent(
     }
 }
 
-/// The entities under conditions, and the condition that contradicts most, if one does.
+/// Returns the entities under conditions, and the condition that contradicts most; `None` if all
+/// are consistent.
 fn solve(owns: &[Own], conditions: &[Condition]) -> (Solved, Option<usize>) {
     let mut steps = vec![[0.0; MOST]; owns.len()];
     let moved = |steps: &[Row]| -> Vec<Surface> {
@@ -210,7 +212,7 @@ fn solve(owns: &[Own], conditions: &[Condition]) -> (Solved, Option<usize>) {
         let size = |v: f64| if v.is_nan() { f64::INFINITY } else { v.abs() };
         worst.into_iter().map(size).fold(0.0, f64::max)
     };
-    // What other conditions seemed to imply, and do not.
+    // Conditions that others seemed to imply, but do not.
     let open = (0..conditions.len()).filter(|k| off(*k) > EXACT);
     let worst = open.max_by(|a, b| off(*a).total_cmp(&off(*b)));
     let worst = worst.or_else(|| system.contradiction(&lambda));
@@ -223,7 +225,7 @@ fn solve(owns: &[Own], conditions: &[Condition]) -> (Solved, Option<usize>) {
     (solved, worst)
 }
 
-/// The recognition with the new surfaces.
+/// Returns the recognition with the new surfaces.
 fn report(
     found: &Recognition,
     owns: &[Own],
@@ -264,7 +266,7 @@ fn report(
     new
 }
 
-/// How far the entities moved, and what it cost.
+/// Returns the motion of the entities, and its cost.
 fn changes(owns: &[Own], solved: &Solved, scaling: &Scaling) -> Snap {
     let (mut sums, mut count, mut chi_squared) = ([0.0; 2], 0, 0.0);
     let mut moved = Vec::new();
@@ -292,7 +294,7 @@ fn changes(owns: &[Own], solved: &Solved, scaling: &Scaling) -> Snap {
 mod tests {
     use super::*;
 
-    /// A square of side 1 through the origin, tilted, with known errors.
+    /// Returns a square of side 1 through the origin, tilted, with known errors.
     fn square(tilt: f64) -> Own {
         let sigma = 1e-3;
         let axis = [tilt.sin(), 0.0, tilt.cos()];
@@ -322,7 +324,7 @@ mod tests {
         }
     }
 
-    /// A tilt has a deviation of 3e-4 here: one of 5e-4 may be none, one of 0.05 is one.
+    /// A tilt has a deviation of 3e-4 here: one of 5e-4 may be zero, one of 0.05 is not.
     #[test]
     fn relations_that_contradict_the_points_are_dropped_and_no_others() {
         let owns = [0.0, 5e-4, 0.05].map(square);
@@ -338,7 +340,7 @@ mod tests {
         assert_eq!(solved.surfaces[2], owns[2].known.surface);
     }
 
-    /// Two of one direction know it √2 times as well as one.
+    /// Two entities of one direction determine it √2 times as well as one.
     #[test]
     fn conditions_share_what_is_known() {
         let owns = [0.0, 0.0].map(square);

@@ -1,4 +1,4 @@
-//! Surfaces that bend over an edge, taken apart into the faces there.
+//! Splitting of surfaces that bend over an edge into the faces there.
 
 use crate::chart::{Kind, Surface};
 use crate::choose::{Known, Noise, best_region, is_called_for, least_points};
@@ -9,29 +9,29 @@ use crate::kinds::best_kind;
 use crate::share::Shares;
 use rayon::prelude::*;
 
-/// The most faces that an entity is taken apart into.
+/// Maximum number of faces that an entity is split into.
 const MOST: usize = 3;
 /// The share of its points that these explain at least.
 const EXPLAINED: f64 = 0.85;
 /// Rounds of points and surfaces of the parts.
 const SETTLING: usize = 3;
-/// Seeds that are tried in vain before that.
+/// Number of seeds that are tried for each part.
 const SEEDS: usize = 6;
 
-/// The share of its points, and of the noise, by which an entity may differ from one that could not
-/// be taken apart, so that it is not tried again: labels at borders waver by some. With less most
-/// entities are tried in each round, with more those that have changed are not.
+/// Maximum relative change of its points, and of the noise, at which an entity that could not be
+/// split is not tried again: labels at borders fluctuate. A smaller limit tries most entities in
+/// each round, a larger one skips entities that have changed.
 const WAVERING: f64 = 0.02;
 
-/// Sets of points that could not be taken apart.
+/// Sets of points that could not be split.
 #[derive(Clone)]
 pub(crate) struct Whole {
-    /// For each point the last set that it was in.
+    /// Last set that each point was in.
     last: Vec<Option<u32>>,
     sets: Vec<Tried>,
 }
 
-/// A set of points that could not be taken apart.
+/// A set of points that could not be split.
 #[derive(Clone)]
 struct Tried {
     kind: Kind,
@@ -40,7 +40,7 @@ struct Tried {
 }
 
 impl Whole {
-    /// None yet, of so many points.
+    /// Creates an empty collection for a number of points.
     pub(crate) fn of(points: usize) -> Self {
         Self {
             last: vec![None; points],
@@ -48,7 +48,7 @@ impl Whole {
         }
     }
 
-    /// Adds a set that could not be taken apart with some noise.
+    /// Adds a set that could not be split at the given noise.
     pub(crate) fn add(&mut self, kind: Kind, members: &[u32], noise: f64) {
         let set = Some(self.sets.len() as u32);
         members.iter().for_each(|i| self.last[*i as usize] = set);
@@ -56,10 +56,10 @@ impl Whole {
         self.sets.push(Tried { kind, size, noise });
     }
 
-    /// Whether points are nearly those of one set, on a surface of the same kind, with nearly the
-    /// same noise.
+    /// Returns true if points are nearly those of one set, on a surface of the given kind, with
+    /// nearly its noise.
     pub(crate) fn holds(&self, kind: Kind, members: &[u32], noise: f64) -> bool {
-        // A set of nearly all points mostly has the one in the middle; else they are tried again.
+        // A set of nearly all points mostly contains the middle one; otherwise it is tried again.
         let Some(set) = members
             .get(members.len() / 2)
             .and_then(|i| self.last[*i as usize])
@@ -75,7 +75,8 @@ impl Whole {
     }
 }
 
-/// The surfaces of simpler kinds that explain the points of an entity better than its own.
+/// Returns the surfaces of simpler kinds that explain the points of an entity better than its own;
+/// `None` if there are none.
 pub(crate) fn split(
     cloud: &Cloud,
     members: &[u32],
@@ -91,7 +92,7 @@ pub(crate) fn split(
     let mut parts: Vec<Region> = Vec::new();
     let mut left = members.to_vec();
     while parts.len() < MOST && !left.is_empty() {
-        // Places evenly over what is left: the points are sorted by their coordinates.
+        // Seeds evenly spread over the remaining points, which are sorted by their coordinates.
         let seed = |k: usize| left[(2 * k + 1) * left.len() / (2 * SEEDS)];
         let is_open = |i: u32| is_free[i as usize];
         let region = (0..SEEDS).into_par_iter().find_map_first(|k| {
@@ -109,8 +110,8 @@ pub(crate) fn split(
     (is_whole && is_better(cloud, members, surface, &mut parts, noise)).then_some(parts)
 }
 
-/// Whether parts explain the points better than one surface; gives each point to the nearest, and
-/// each part the kind that its points ask for.
+/// Returns true if parts explain the points better than one surface. Assigns each point to the
+/// nearest part, and gives each part the kind that its points justify.
 fn is_better(
     cloud: &Cloud,
     members: &[u32],
@@ -137,7 +138,7 @@ fn is_better(
     is_called_for(more, members.len(), one, many, all, noise)
 }
 
-/// Σ of squared distances to the nearest of surfaces, each at most `most`.
+/// Returns Σ of squared distances to the nearest of surfaces, each at most `most`.
 fn squares_of(cloud: &Cloud, members: &[u32], surfaces: &[Surface], most: f64) -> f64 {
     let square = |i: &u32| {
         let p = cloud.points[*i as usize];
@@ -147,7 +148,7 @@ fn squares_of(cloud: &Cloud, members: &[u32], surfaces: &[Surface], most: f64) -
     members.iter().map(square).sum()
 }
 
-/// Gives each point to the nearest part.
+/// Assigns each point to the nearest part.
 fn share_out(cloud: &Cloud, members: &[u32], parts: &mut [Region]) {
     let mut points = vec![Vec::new(); parts.len()];
     for i in members {

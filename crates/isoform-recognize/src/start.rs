@@ -1,11 +1,11 @@
-//! First guesses of surfaces from points and their normals.
+//! Initial guesses of surfaces from points and their normals.
 
 use crate::chart::{Kind, Surface, frame, unit};
 use crate::fit::mean;
 use isoform_geom::{Point3, cross, dot, norm, sub};
 use isoform_num::linalg::{cholesky, cholesky_solve, symmetric_eigen};
 
-/// First guesses for a kind of surface; several where points may be read in several ways.
+/// Returns initial guesses for a kind of surface; several if the points are ambiguous.
 pub(crate) fn starts(kind: Kind, points: &[Point3], normals: &[Point3]) -> Vec<Surface> {
     match kind {
         Kind::Plane => vec![plane(points)],
@@ -22,8 +22,8 @@ pub(crate) fn starts(kind: Kind, points: &[Point3], normals: &[Point3]) -> Vec<S
 /// An axis: a point of it and its direction.
 pub(crate) type Line = (Point3, Point3);
 
-/// The first guess for a kind of surface about a known axis: a straight line or a circle through
-/// the profile of the points, whatever the normals are. `None` for kinds that have no axis.
+/// Returns the initial guess for a kind of surface about a known axis: a straight line or a circle
+/// through the profile of the points, whatever the normals are. `None` for kinds without an axis.
 pub(crate) fn start_about(kind: Kind, points: &[Point3], axis: Line) -> Option<Surface> {
     match kind {
         Kind::Plane | Kind::Sphere => None,
@@ -32,7 +32,8 @@ pub(crate) fn start_about(kind: Kind, points: &[Point3], axis: Line) -> Option<S
     }
 }
 
-/// The cone about an axis, or the cylinder: the line of least squares, radius by height.
+/// Returns the cone about an axis, or the cylinder: the regression line of the radius over the
+/// height.
 fn cone_about(kind: Kind, points: &[Point3], (place, axis): Line) -> Option<Surface> {
     let middle = dot(sub(mean(points), place), axis);
     let profile = points.iter().map(|p| {
@@ -58,7 +59,7 @@ fn cone_about(kind: Kind, points: &[Point3], (place, axis): Line) -> Option<Surf
     surface.is_proper().then_some(surface)
 }
 
-/// The plane of least squares.
+/// Returns the least-squares plane.
 pub(crate) fn plane(points: &[Point3]) -> Surface {
     let place = mean(points);
     let mut moments = [0.0; 9];
@@ -81,7 +82,7 @@ fn least_direction(moments: &[f64; 9]) -> Point3 {
     [vectors[0], vectors[1], vectors[2]]
 }
 
-/// The sphere of least algebraic distance: |x|² = 2 c·x + k is linear in c and k.
+/// Returns the sphere of least algebraic distance: |x|² = 2 c·x + k is linear in c and k.
 fn sphere(points: &[Point3]) -> Option<Surface> {
     let about = mean(points);
     let rows = points.iter().map(|p| {
@@ -100,7 +101,7 @@ fn sphere(points: &[Point3]) -> Option<Surface> {
     surface.is_proper().then_some(surface)
 }
 
-/// The sphere of least algebraic distance with its centre on an axis.
+/// Returns the sphere of least algebraic distance with its centre on an axis.
 pub(crate) fn centred_sphere(points: &[Point3], (place, axis): Line) -> Option<Surface> {
     let rows = points.iter().map(|p| {
         let d = sub(*p, place);
@@ -117,7 +118,7 @@ pub(crate) fn centred_sphere(points: &[Point3], (place, axis): Line) -> Option<S
     surface.is_proper().then_some(surface)
 }
 
-/// The solution of least squares of rows · x = sides.
+/// Returns the least-squares solution of rows · x = sides.
 fn least_squares<const N: usize>(rows: impl Iterator<Item = ([f64; N], f64)>) -> Option<[f64; N]> {
     let mut a = vec![0.0; N * N];
     let mut b = [0.0; N];
@@ -144,8 +145,8 @@ fn least_squares<const N: usize>(rows: impl Iterator<Item = ([f64; N], f64)>) ->
     x.iter().all(|v| v.is_finite()).then_some(x)
 }
 
-/// Directions that may be the axis of a cylinder: to which the normals are most nearly at right
-/// angles, and along which the points bend least.
+/// Returns candidates for the axis of a cylinder: the direction most nearly perpendicular to the
+/// normals, and the one along which the points bend least.
 fn axes(points: &[Point3], normals: &[Point3]) -> Vec<Point3> {
     let mut moments = [0.0; 9];
     for n in normals {
@@ -158,8 +159,8 @@ fn axes(points: &[Point3], normals: &[Point3]) -> Vec<Point3> {
     axes
 }
 
-/// The principal directions of a quadratic height over the plane of the points, that of the larger
-/// curvature first.
+/// Returns the principal directions of a quadratic height over the plane of the points, that of the
+/// larger curvature first.
 fn curvature_directions(points: &[Point3]) -> Option<[Point3; 2]> {
     let plane = plane(points);
     let [e, f] = plane.frame();
@@ -181,7 +182,7 @@ fn curvature_directions(points: &[Point3]) -> Option<[Point3; 2]> {
     Some([direction(large), direction(1 - large)])
 }
 
-/// Σ r² of points from the quadratic height over a plane that fits them best.
+/// Returns Σ r² of points from the quadratic height over a plane that fits them best.
 pub(crate) fn bent_squares(plane: &Surface, points: &[Point3]) -> f64 {
     let [e, f] = plane.frame();
     let row = |p: &Point3| {
@@ -199,7 +200,7 @@ pub(crate) fn bent_squares(plane: &Surface, points: &[Point3]) -> f64 {
     points.iter().map(row).map(rest).sum()
 }
 
-/// The cylinder along an axis: a circle of least algebraic distance across it.
+/// Returns the cylinder along an axis: a circle of least algebraic distance across it.
 pub(crate) fn cylinder(points: &[Point3], axis: Point3) -> Option<Surface> {
     let about = mean(points);
     let [e, f] = frame(axis);
@@ -219,8 +220,8 @@ pub(crate) fn cylinder(points: &[Point3], axis: Point3) -> Option<Surface> {
     surface.is_proper().then_some(surface)
 }
 
-/// Cones: normals make one angle with the axis, and all tangent planes pass through the apex; and
-/// each cylinder, as a cone without an angle.
+/// Returns cones: one whose normals make a constant angle with the axis and whose tangent planes
+/// all pass through the apex, and each cylinder, as a cone with the half angle 0.
 fn cones(points: &[Point3], normals: &[Point3]) -> Vec<Surface> {
     let mut cones: Vec<Surface> = axes(points, normals)
         .into_iter()
@@ -248,7 +249,7 @@ fn cones(points: &[Point3], normals: &[Point3]) -> Vec<Surface> {
     cones
 }
 
-/// The cone with this apex and axis, with the mean angle of the points.
+/// Returns the cone with this apex and axis, with the mean angle of the points.
 fn cone_at(apex: Point3, axis: Point3, points: &[Point3]) -> Option<Surface> {
     let h: f64 = points.iter().map(|p| dot(sub(*p, apex), axis)).sum();
     let axis = if h < 0.0 { axis.map(|x| -x) } else { axis };
@@ -267,9 +268,9 @@ fn cone_at(apex: Point3, axis: Point3, points: &[Point3]) -> Option<Surface> {
     (cone.is_proper() && cone.size > 0.0).then_some(cone)
 }
 
-/// Tori: the lines of the normals of a surface of revolution meet its axis, which is linear in the
-/// coordinates of that line (Pottmann and Wallner 2001); the section is a circle. And the torus
-/// whose tube has the larger curvature of the points.
+/// Returns tori: one about the axis of revolution (the normal lines of a surface of revolution meet
+/// its axis, which is linear in the coordinates of that line, Pottmann and Wallner 2001), with a
+/// circle as its section, and one whose tube has the larger curvature of the points.
 fn tori(points: &[Point3], normals: &[Point3]) -> Vec<Surface> {
     let mut lines = vec![];
     lines.extend(axis_of_revolution(points, normals));
@@ -281,7 +282,7 @@ fn tori(points: &[Point3], normals: &[Point3]) -> Vec<Surface> {
     tori
 }
 
-/// A point and the direction of the line that the normals' lines meet: ā·(p × n) + a·… = 0.
+/// Returns a point and the direction of the line that the normal lines meet: ā·(p × n) + a·… = 0.
 fn axis_of_revolution(points: &[Point3], normals: &[Point3]) -> Option<(Point3, Point3)> {
     let about = mean(points);
     let scale = points
@@ -309,7 +310,8 @@ fn axis_of_revolution(points: &[Point3], normals: &[Point3]) -> Option<(Point3, 
     Some((place, unit(a)))
 }
 
-/// The torus about an axis: the circle of least algebraic distance through (radius, height).
+/// Returns the torus about an axis: the circle of least algebraic distance through (radius,
+/// height).
 fn torus_about(points: &[Point3], place: Point3, axis: Point3) -> Option<Surface> {
     let profile = points.iter().map(|p| {
         let d = sub(*p, place);
@@ -328,8 +330,8 @@ fn torus_about(points: &[Point3], place: Point3, axis: Point3) -> Option<Surface
     surface.is_proper().then_some(surface)
 }
 
-/// The torus that bends like the points: its tube along the direction of the larger curvature, its
-/// circle along the other.
+/// Returns the torus with the principal curvatures of the points: its tube in the direction of the
+/// larger, its circle in the other.
 fn tube(points: &[Point3]) -> Option<Surface> {
     let plane = plane(points);
     let [strong, weak] = curvature_directions(points)?;

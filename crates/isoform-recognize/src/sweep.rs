@@ -1,4 +1,4 @@
-//! Faces that one motion sweeps, found together in their section: bodies of revolution, extrusions.
+//! Swept faces, found together in their plane section: bodies of revolution and extrusions.
 
 use crate::chart::{Kind, Surface, frame};
 use crate::choose::EXACT;
@@ -12,7 +12,7 @@ use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, cross, dot, norm, sub};
 use rayon::prelude::*;
 
-/// The sections of surfaces about an axis, by a half plane through it.
+/// Sections of surfaces about an axis, by a half plane through it.
 const ROUND: [(Shape, Kind); 5] = [
     (Shape::Across, Kind::Plane),
     (Shape::Along, Kind::Cylinder),
@@ -20,9 +20,9 @@ const ROUND: [(Shape, Kind); 5] = [
     (Shape::Centred, Kind::Sphere),
     (Shape::Circle, Kind::Torus),
 ];
-/// The sections of surfaces along a direction, by a plane across it.
+/// Sections of surfaces along a direction, by a plane across it.
 const STRAIGHT: [(Shape, Kind); 2] = [(Shape::Line, Kind::Plane), (Shape::Circle, Kind::Cylinder)];
-/// Axes and directions at most that are tried, those with most points first.
+/// Maximum number of axes, and of directions, that are tried, those with most points first.
 const MOST: usize = 4;
 /// Axes are one up to this cosine, and this many deviations apart.
 const PARALLEL: f64 = 0.999;
@@ -35,12 +35,12 @@ const MOSTLY: f64 = 0.8;
 /// By how much a description has to be shorter to take the place of another.
 const GAIN: f64 = 1.0;
 
-/// A motion that leaves surfaces as they are.
+/// A continuous motion that leaves surfaces invariant.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Sweep {
-    /// Turns about an axis.
+    /// Rotations about an axis.
     About(Line),
-    /// Moves along a unit direction.
+    /// Translations along a unit direction.
     Along(Point3),
 }
 
@@ -52,7 +52,7 @@ impl Sweep {
         }
     }
 
-    /// Where the motion takes a point through its section.
+    /// Returns the point of the section that the motion carries a point to.
     pub(crate) fn section(&self, p: Point3) -> Place {
         match self {
             Self::About((place, axis)) => {
@@ -63,7 +63,7 @@ impl Sweep {
         }
     }
 
-    /// Whether a surface through a point with this normal may stay where it is.
+    /// Returns true if a surface through a point with this normal may be invariant.
     fn keeps(&self, p: Point3, normal: Point3) -> bool {
         let motion = match self {
             Self::About((place, axis)) => cross(*axis, sub(p, *place)),
@@ -72,7 +72,7 @@ impl Sweep {
         dot(motion, normal).abs() <= ACROSS * norm(motion)
     }
 
-    /// The surface of which a piece is the section.
+    /// Returns the surface of which a piece is the section.
     pub(crate) fn surface(&self, kind: Kind, curve: &Curve) -> Option<Surface> {
         let (place, axis, size, other) = match self {
             Self::About((place, axis)) => {
@@ -109,8 +109,8 @@ impl Sweep {
     }
 }
 
-/// The direction or its opposite, whatever rounding made of it: cells of a section begin at its
-/// origin, and what they hold hangs on the sense.
+/// Returns the direction or its opposite, by a rule that rounding does not affect: cells of a
+/// section begin at its origin, and their contents depend on the sense.
 fn upright(direction: Point3) -> Point3 {
     let sum = direction[0] + 0.7 * direction[1] + 0.4 * direction[2];
     match sum > 0.0 {
@@ -120,9 +120,9 @@ fn upright(direction: Point3) -> Point3 {
 }
 
 impl Segmentation {
-    /// Finds the surfaces about each axis and along each direction anew from their section, where
-    /// that describes the points in less; once. Entities that do not follow their points are
-    /// removed.
+    /// Replaces the surfaces about each axis and along each direction by those found in their
+    /// section, if that shortens the description; it acts once. Entities that do not follow their
+    /// points are removed.
     pub(crate) fn sweep(
         &mut self,
         cloud: &Cloud,
@@ -151,8 +151,8 @@ impl Segmentation {
         let sweeps = self.sweeps();
         let mut next = 0;
         loop {
-            // Side by side: the first that shortens the description is taken, and those after it
-            // are tried again.
+            // In parallel: the first that shortens the description is taken, and those after it are
+            // tried again.
             let shorter = |k: usize| {
                 if control.is_stopped() {
                     return None;
@@ -179,7 +179,7 @@ impl Segmentation {
         Ok(())
     }
 
-    /// The axes of round surfaces and the directions of all, each once, those with most points
+    /// Returns the distinct axes of round surfaces and directions of all, those with most points
     /// first.
     pub(crate) fn sweeps(&self) -> Vec<Sweep> {
         let members = self.members();
@@ -209,8 +209,8 @@ impl Segmentation {
             .collect()
     }
 
-    /// With the pieces of a section in the place of the surfaces that a motion may leave as they
-    /// are; `None` where the section alone describes its points in no less.
+    /// Replaces the surfaces that a motion may leave invariant by the pieces of a section; `None`
+    /// if the section alone describes its points no shorter.
     fn cut(&self, cloud: &Cloud, limits: Limits, sweep: &Sweep) -> Option<Self> {
         let (of, entities) = self.kept_by(cloud, sweep);
         let section: Vec<Place> = of
@@ -246,8 +246,8 @@ impl Segmentation {
         Some(other)
     }
 
-    /// The points on entities that a motion may leave as they are and those without an entity, and
-    /// what it costs that there are these entities.
+    /// Returns the points on entities that a motion may leave invariant and those without an
+    /// entity, and the cost of describing these entities.
     fn kept_by(&self, cloud: &Cloud, sweep: &Sweep) -> (Vec<u32>, f64) {
         let keeps = |i: &u32| sweep.keeps(cloud.points[*i as usize], cloud.normals[*i as usize]);
         let is_kept = |of: &Vec<u32>| {

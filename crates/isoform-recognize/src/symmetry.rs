@@ -1,9 +1,9 @@
-//! Symmetries: mirrors and rotations that map all or nearly all entities to one another.
+//! Symmetries: reflections and rotations that map all or nearly all entities to one another.
 //!
-//! Candidates come from pairs of entities and from axes. One maps each entity to the equal one that
-//! is nearest to its image; its plane or axis is then that of least squares over all these, and
-//! entities whose difference from their image is more than their uncertainty allows go, worst
-//! first. What is left has points where the images of points are.
+//! Candidates come from pairs of entities and from axes. A candidate maps each entity to the equal
+//! one that is nearest to its image; its plane or axis is then fitted by least squares over all
+//! pairs, and entities whose difference from their image exceeds their uncertainty are removed,
+//! worst first. Finally the images of points have to be near points.
 
 mod candidates;
 mod cover;
@@ -22,12 +22,12 @@ use motion::Motion;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Entities without an image hold at most this share of the points, and are at most this share of
-/// all, or so few.
+/// Bounds on the entities without an image: maximum share of the points, maximum share of the
+/// entities, and a number of entities that is always allowed.
 const WITHOUT: (f64, f64, usize) = (0.05, 0.1, 2);
-/// An entity and an image farther apart are not the same: in radians, and diagonals.
+/// Maximum difference between an entity and an image that are matched, in radians and diagonals.
 const LOOSE: (f64, f64) = (0.03, 0.02);
-/// How many entities, those with most points, candidates come from.
+/// Number of entities, those with most points, that candidates are made from.
 const LARGEST: usize = 24;
 /// The largest order of a rotation looked for.
 const ORDERS: u32 = 12;
@@ -36,7 +36,7 @@ const ANY: f64 = 0.381_966;
 /// Rounds of fitting and mapping.
 const ROUNDS: usize = 4;
 
-/// What symmetries are looked for in.
+/// The entities that symmetries are sought among.
 pub(crate) struct Set<'a> {
     pub(crate) known: &'a [Known],
     pub(crate) outward: &'a [i8],
@@ -44,7 +44,7 @@ pub(crate) struct Set<'a> {
     pub(crate) noise: f64,
 }
 
-/// The symmetries of all or nearly all entities; lengths in units of `unit` about `origin`.
+/// Returns the symmetries of all or nearly all entities; lengths in units of `unit` about `origin`.
 pub(crate) fn symmetries(
     set: &Set<'_>,
     patterns: &[Pattern],
@@ -79,7 +79,8 @@ struct Found {
 }
 
 impl Found {
-    /// Whether it is a half turn, and what two mirrors at right angles do one after the other.
+    /// Returns true if the motion is a half turn and the product of two reflections in
+    /// perpendicular planes.
     fn is_product(&self, mirrors: &[Surface]) -> bool {
         let line = &self.motion.element;
         let holds = |m: &&Surface| {
@@ -93,7 +94,7 @@ impl Found {
         self.motion.order == Some(2) && through.iter().any(is_right)
     }
 
-    /// Whether each entity has an image.
+    /// Returns true if each entity has an image.
     fn is_whole(&self) -> bool {
         self.images.iter().all(Option::is_some)
     }
@@ -124,18 +125,19 @@ impl Found {
 struct Search<'a> {
     set: &'a Set<'a>,
     cover: Cover,
-    /// So many points may be of entities without an image, and so many entities have none.
+    /// Maximum number of points of entities without an image, and maximum number of such entities.
     most_without: (usize, usize),
 }
 
 impl Search<'_> {
-    /// The candidates that hold, each mapping once.
+    /// Returns the candidates that hold, one for each mapping.
     fn distinct(&self, candidates: impl Iterator<Item = Motion>) -> Vec<Found> {
         let candidates: Vec<Motion> = candidates.collect();
         let all: Vec<Option<Found>> = candidates.into_par_iter().map(|m| self.tried(m)).collect();
         let mut found: Vec<Found> = Vec::new();
         for one in all.into_iter().flatten() {
-            // The fuller one of two that differ in what they leave out; axes point either way.
+            // Of two that differ in the entities left out the more complete one is kept; axes may
+            // point either way.
             let agree = |f: &Found| {
                 let mut pairs = f.images.iter().zip(&one.images);
                 f.motion.is_near(&one.motion, LOOSE)
@@ -152,7 +154,8 @@ impl Search<'_> {
         found
     }
 
-    /// For each axis the rotation of the highest order, and those that do not divide it.
+    /// Returns for each axis the rotation of the highest order, and those whose order does not
+    /// divide it.
     fn rotations(&self, lines: &[Surface]) -> Vec<Found> {
         let mut found: Vec<Found> = Vec::new();
         let bodies = self.distinct(lines.iter().map(|l| Motion::turn(*l, ANY * TAU, None)));
@@ -185,7 +188,7 @@ impl Search<'_> {
         all.any(|(i, image)| image.is_some_and(|j| j != i))
     }
 
-    /// A candidate with its plane or axis of least squares, if it holds.
+    /// Returns a candidate with its fitted plane or axis; `None` if it does not hold.
     fn tried(&self, mut motion: Motion) -> Option<Found> {
         let (mut out, mut images) = (Vec::new(), self.images(&motion, &[])?);
         for round in 0..ROUNDS + images.len() {
@@ -222,7 +225,7 @@ impl Search<'_> {
         })
     }
 
-    /// For each entity the one nearest to its image, if few have none; those of `out` have none.
+    /// Returns the entity nearest to the image of each, if few have none; those of `out` have none.
     fn images(&self, motion: &Motion, out: &[usize]) -> Option<Vec<Option<usize>>> {
         let mut without = (0, 0);
         let mut images = Vec::with_capacity(self.set.known.len());
@@ -243,7 +246,7 @@ impl Search<'_> {
         self.one_to_one(motion, images)
     }
 
-    /// Leaves out those that share an image, and of mirrors those that are not the image of it.
+    /// Removes images that several entities share, and those of reflections that are not mutual.
     fn one_to_one(
         &self,
         motion: &Motion,
@@ -259,7 +262,7 @@ impl Search<'_> {
         self.enough(kept.collect())
     }
 
-    /// The images, if few enough entities have none.
+    /// Returns the images, if few enough entities are without one.
     fn enough(&self, images: Vec<Option<usize>>) -> Option<Vec<Option<usize>>> {
         let without = images.iter().zip(self.set.points);
         let without = without.filter(|(i, _)| i.is_none()).map(|(_, p)| p.len());
@@ -267,7 +270,7 @@ impl Search<'_> {
         (points <= self.most_without.0 && count <= self.most_without.1).then_some(images)
     }
 
-    /// The entity nearest to the image of this one.
+    /// Returns the entity nearest to the image of this one.
     fn image(&self, motion: &Motion, i: usize) -> Option<usize> {
         let moved = motion.apply(&self.set.known[i].surface);
         let facing = self.set.outward[i];
@@ -282,7 +285,7 @@ impl Search<'_> {
         all.min_by(|a, b| a.0.total_cmp(&b.0)).map(|n| n.1)
     }
 
-    /// Entities with their images that are told; of mirrors each pair once.
+    /// Returns entities of known position with their images; of reflections each pair once.
     fn pairs(&self, motion: &Motion, images: &[Option<usize>]) -> Vec<(usize, usize)> {
         let is_mirror = motion.element.kind == Kind::Plane;
         let is_known = |i: usize| self.set.known[i].covariance[0][0].is_finite();
@@ -306,7 +309,7 @@ impl Search<'_> {
         fit_model(motion.freedom(), &all)
     }
 
-    /// Whether the plane or axis is known well enough.
+    /// Returns true if the plane or axis is known well enough.
     fn is_told(&self, fit: &Fitted, motion: &Motion) -> bool {
         (0..motion.freedom()).all(|k| {
             let (least, noises) = if k < 2 { DIRECTION } else { PLACE };
@@ -314,7 +317,7 @@ impl Search<'_> {
         })
     }
 
-    /// How far a place or a size is off its image's at most.
+    /// Returns the largest difference of a place or a size from its image's.
     fn largest(&self, motion: &Motion, images: &[Option<usize>]) -> f64 {
         let off = |(i, j): (usize, usize)| {
             let [a, b] = [i, j].map(|k| &self.set.known[k].surface);
@@ -327,13 +330,14 @@ impl Search<'_> {
     }
 }
 
-/// Whether two surfaces of one kind have the outside on the same side, as far as that is known.
+/// Returns true if the outer sides of two surfaces of one kind agree, as far as they are known.
 fn faces_alike(a: &Surface, b: &Surface, facing: i8) -> bool {
     let is_against = a.kind == Kind::Plane && dot(a.axis, b.axis) < 0.0;
     facing == 0 || (facing < 0) == is_against
 }
 
-/// How far two surfaces of one kind are apart, their places included; none beyond [`LOOSE`].
+/// Returns the distance of two surfaces of one kind in parameters and position; `None` beyond
+/// [`LOOSE`].
 fn distance(a: &Surface, b: &Surface) -> Option<f64> {
     let off = difference(a, b);
     let limit = |k: usize| {
@@ -348,8 +352,9 @@ fn distance(a: &Surface, b: &Surface) -> Option<f64> {
     is_near.then(|| (apart + norm(sub(a.place, b.place)).powi(2)).sqrt())
 }
 
-/// For the difference of an entity from the image of another, or itself: (1 − J) C (1 − J)ᵀ then,
-/// with the derivatives J of the image, which leaves nothing of what the motion does not change.
+/// Returns the whitener for the difference of an entity from the image of another, or of itself:
+/// then the covariance is (1 − J) C (1 − J)ᵀ with the derivatives J of the image, in which the
+/// directions invariant under the motion vanish.
 fn whitener(motion: &Motion, a: &Known, b: &Known, is_same: bool) -> Whitener {
     let which: Vec<usize> = (0..b.surface.kind.parameters()).collect();
     let mut sum = [[0.0; MOST]; MOST];

@@ -1,4 +1,4 @@
-//! Scans of one surface: it is tried first, by all points at once.
+//! Scans of a single surface, which is tried first, from all points at once.
 
 use crate::chart::{Kind, Surface};
 use crate::choose::{Noise, follows};
@@ -20,7 +20,8 @@ const SAMPLE: usize = 400;
 /// of points: five deviations.
 const EVEN: f64 = 1.8;
 const CHANCE: f64 = 4.0;
-/// Points of a block, by the mean of which a surface is judged: as many as a small face has.
+/// Number of points of a block by whose mean a surface is judged: about as many as a small face
+/// has.
 const BLOCK: usize = 48;
 /// Rounds in which what lies off the sides of a wall is left out, and distance from them in
 /// deviations of the noise.
@@ -37,14 +38,14 @@ const BY_CHANCE: f64 = 1e-3;
 const THICKEST: f64 = 0.03;
 
 impl Segmentation {
-    /// Returns the one surface that all points follow up to independent noise, which is no more
-    /// than neighbourhoods show, or the two sides of a wall about it; `None` for other scans.
+    /// Returns the single surface that all points follow up to independent noise no larger than
+    /// neighbourhoods show, or the two sides of a wall about it; `None` for other scans.
     ///
-    /// Where noise is as large as the spacing of the points, or a strip of the surface is narrow,
-    /// neighbourhoods tell little of what all points tell.
+    /// If noise is as large as the spacing of the points, or a strip of the surface is narrow,
+    /// neighbourhoods show little of what all points show together.
     pub(crate) fn whole(cloud: &Cloud) -> Option<Self> {
         let one = Self::one(cloud, false)?;
-        // Neighbourhoods smaller than the noise tell a part of it.
+        // Neighbourhoods smaller than the noise show only a part of it.
         let most = match cloud.is_volume {
             true => THICKEST,
             false => MOST_NOISE * cloud.noise.max(cloud.grid),
@@ -58,19 +59,20 @@ impl Segmentation {
         let found = match is_one {
             true if follows(cloud, [&all; 2], &surface, one.deviation(SLACK)) => one,
             true => return None,
-            // Neighbours on one side are off the middle alike.
+            // Neighbours on one side are off the middle surface in one direction.
             false => Self::wall(cloud, &surface)?,
         };
         found.is_level(cloud).then_some(found)
     }
 
-    /// True if no part of any surface is off it: the mean distance of the points whose feet lie
-    /// together is that of independent noise. Small faces of another surface, the caps of a rod and
-    /// the sides of a plate, are seen so in noise that hides them from the neighbours of a point.
+    /// Returns true if no part of any surface is off it: the mean distance of points whose
+    /// projections lie together is that of independent noise. This reveals small faces of another
+    /// surface, such as the caps of a rod and the sides of a plate, in noise that hides them from
+    /// the neighbours of a point.
     fn is_level(&self, cloud: &Cloud) -> bool {
         let noise = self.noise.max(cloud.grid);
         let count = self.labels.len() as f64 / BLOCK as f64;
-        // Of a normal deviate |z| > most has at most the chance exp(-most²/2).
+        // For a standard normal deviate, |z| > most has at most the probability exp(−most²/2).
         let most = (2.0 * (count.max(1.0) / BY_CHANCE).ln()).sqrt();
         let members = self.members();
         let mut all = self.surfaces.iter().zip(&members);
@@ -82,7 +84,7 @@ impl Segmentation {
         })
     }
 
-    /// Returns the two sides of a wall about a surface, which is thinner than the points are apart;
+    /// Returns the two sides of a wall about a surface, thinner than the spacing of the points;
     /// points between them, on its ends, have no label.
     fn wall(cloud: &Cloud, middle: &Surface) -> Option<Self> {
         let points = &cloud.points;
@@ -115,8 +117,8 @@ impl Segmentation {
         is_most.then(|| Self::of(surfaces.to_vec(), labels, noise, false))
     }
 
-    /// Returns the one surface from which all points are least off, of the simplest kind that is
-    /// called for; by a tolerance of form or by noise.
+    /// Returns the single surface with the least distances of all points, of the simplest justified
+    /// kind; `is_form` tells whether they are a tolerance of form.
     pub(crate) fn one(cloud: &Cloud, is_form: bool) -> Option<Self> {
         let points = &cloud.points;
         let all: Vec<u32> = (0..points.len() as u32).collect();
@@ -130,7 +132,7 @@ impl Segmentation {
             let guesses = guesses.filter_map(|of| guess(cloud, of, *kind));
             let rough = guesses.filter_map(|start| fit(&start, &some, Precision::Full));
             let (start, squares) = rough.min_by(|a, b| a.1.total_cmp(&b.1))?;
-            // Most scans are of several surfaces.
+            // Most scans consist of several surfaces.
             if squares > THICKEST * THICKEST * some.len() as f64 {
                 return None;
             }
@@ -156,8 +158,9 @@ impl Segmentation {
     }
 }
 
-/// Share of the squared distances of points from a surface that is a function of their place on
-/// it: near 1 for a form that is off, near 0 for noise and for the two sides of a plate.
+/// Returns the share of the squared distances of points from a surface that is a function of their
+/// position on it: near 1 for a deviation of form, near 0 for noise and for the two sides of a
+/// plate.
 pub(crate) fn share_of_place(surface: &Surface, points: &[Point3]) -> f64 {
     let mut feet = feet(surface, points);
     let all: f64 = feet.iter().map(|f| f.1 * f.1).sum();
@@ -169,14 +172,14 @@ pub(crate) fn share_of_place(surface: &Surface, points: &[Point3]) -> f64 {
     if all > 0.0 { means / all } else { 1.0 }
 }
 
-/// Returns the feet of points on a surface, with their distances.
+/// Returns the projections of points onto a surface, with their distances.
 fn feet(surface: &Surface, points: &[Point3]) -> Vec<(Point3, f64)> {
     let foot = |p: &Point3| (surface.foot(*p), surface.distance(*p));
     points.iter().map(foot).collect()
 }
 
-/// Divides points at the medians of their widest coordinates into blocks of `size` points to twice
-/// as many.
+/// Divides points recursively at the medians of their widest coordinates into blocks of between
+/// `size` and 2 `size` points.
 fn blocks(
     feet: &mut [(Point3, f64)],
     size: usize,
@@ -195,8 +198,8 @@ fn blocks(
     Box::new(blocks(low, size).chain(blocks(high, size)))
 }
 
-/// True if the distances of all points from a surface are not those of points on both sides of a
-/// wall: of these the kurtosis is 1, of even noise 9/5, of normal noise 3.
+/// Returns false if the distances of all points from a surface are those of points on both sides of
+/// a wall: their kurtosis is 1, that of uniform noise 9/5, of normal noise 3.
 fn has_one_sheet(cloud: &Cloud, surface: &Surface) -> bool {
     let count = cloud.points.len() as f64;
     let moment = |power: i32| {

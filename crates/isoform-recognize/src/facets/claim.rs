@@ -1,5 +1,5 @@
-//! Which triangles belong to which surface: plain planes first, then bent surfaces, what is left
-//! that is flat, and pieces of one surface joined.
+//! Assignment of triangles to surfaces: planes that cannot be facets first, then curved surfaces,
+//! the remaining flat pieces, and finally pieces of one surface merged.
 
 use super::flat::{Flats, has_many_corners};
 use super::mesh::{Facets, NONE};
@@ -10,12 +10,14 @@ use isoform_control::{Control, Stopped};
 use isoform_geom::Point3;
 use rayon::prelude::*;
 
-/// Facets that may lead to no bent surface until the search ends, and how many more for each that
-/// was found: free-form faces have thousands, each of which takes some milliseconds.
+/// Maximum number of seed facets that lead to no curved surface before the search ends, and its
+/// increase for each surface found: free-form faces have thousands of facets, each of which takes
+/// some milliseconds.
 const FAILURES: (usize, usize) = (60, 10);
-/// Passes over the facets at most: each has to find something.
+/// Maximum number of passes over the facets; a pass that finds no surface is the last.
 const PASSES: usize = 5;
-/// Flat pieces in a row over smooth edges that are planes each; more are a free-form face.
+/// Maximum number of flat pieces connected over smooth edges that are each taken for a plane; more
+/// of them are a free-form face.
 const FEW: usize = 3;
 /// A facet over which the surface turns this many times as far as over nearly all others of its
 /// part is a flat cut into it.
@@ -26,7 +28,7 @@ const NEARLY_ALL: usize = 90;
 /// carried on from where it is known.
 const APART: f64 = 1000.0;
 
-/// Parts of a mesh, and for each triangle that of its own.
+/// Parts of a mesh, and the part of each triangle.
 pub(crate) struct Claims {
     pub(crate) parts: Vec<Part>,
     pub(crate) taken: Vec<u32>,
@@ -65,8 +67,8 @@ impl Claims {
         self.parts.push(part);
     }
 
-    /// Bent surfaces, from the largest facets first, in passes until one finds none: facets beside
-    /// others of their size lead somewhere once those are taken.
+    /// Adds curved surfaces, starting from the largest facets, in passes until one finds none: once
+    /// their neighbours of equal size are taken, further facets lead to surfaces.
     fn add_bent(
         &mut self,
         mesh: &Facets,
@@ -112,15 +114,15 @@ impl Claims {
         Ok(())
     }
 
-    /// The bent surfaces so far, with their parts.
+    /// Returns the curved surfaces found so far, with the indices of their parts.
     fn bent(&self) -> Vec<(usize, Surface)> {
         let surfaces = self.parts.iter().map(|p| p.surface).enumerate();
         surfaces.filter(|s| s.1.kind != Kind::Plane).collect()
     }
 
-    /// Gives parts all of whose facets are those of larger bent parts to these, the smallest first:
-    /// planes such as the middle facets of a round and of the balls at its ends, and rings that were
-    /// found before their torus.
+    /// Moves parts all of whose facets follow larger curved parts to these, the smallest first:
+    /// planes such as the middle facets of a round and of the spheres at its ends, and rings that
+    /// were found before their torus.
     fn give_rings(&mut self, mesh: &Facets) {
         let bent = self.bent();
         let mut order: Vec<usize> = (0..self.parts.len()).collect();
@@ -143,7 +145,7 @@ impl Claims {
             let Some(new) = new.filter(|new| !new.is_empty()) else {
                 continue;
             };
-            // The top ring of a torus is flat, a flat of a ball is none of its facets.
+            // The top ring of a torus is flat; a flat on a sphere is not one of its facets.
             let is_one = new.iter().all(|k| *k == new[0]);
             let is_torus = self.parts[new[0]].surface.kind == Kind::Torus;
             let is_plane = part.surface.kind == Kind::Plane;
@@ -181,8 +183,8 @@ impl Claims {
             .for_each(|p| p.triangles.sort_unstable());
     }
 
-    /// Planes of what is left: flat pieces in short rows. Longer rows over smooth edges are faces
-    /// of a free form.
+    /// Adds planes for the remaining triangles: flat pieces in short rows. Longer rows over smooth
+    /// edges are faces of a free form.
     fn add_flat(&mut self, mesh: &Facets, flats: &Flats) {
         let is_left = |k: u32| {
             let first = flats.pieces[k as usize].triangles[0];
@@ -238,16 +240,16 @@ impl Claims {
     }
 }
 
-/// True if triangles in one plane show it: four vertices do, and a triangle with others around it
-/// of which one meets it at an edge. A triangle that goes over into all of them is a scrap of what
-/// they stand for.
+/// Returns true if triangles in one plane are a face: if they have four vertices, or if a triangle
+/// has others around it and meets one of them at a sharp edge. A triangle that continues smoothly
+/// into all of them is a scrap of their surface.
 fn is_face(mesh: &Facets, flats: &Flats, of: &[u32]) -> bool {
     let near = mesh.near(of[0]);
     let is_sharp = |u: &u32| !flats.are_alike(mesh, [of[0], *u]);
     mesh.vertices(of).len() > 3 || near.len() >= 3 && near.iter().any(is_sharp)
 }
 
-/// Whether a flat piece may be a facet of something bent.
+/// Returns true if a flat piece may be a facet of a curved surface.
 fn has_smooth_edge(mesh: &Facets, flats: &Flats, piece: u32) -> bool {
     flats.pieces[piece as usize].triangles.iter().any(|t| {
         let others = mesh.near(*t).iter();
@@ -256,7 +258,7 @@ fn has_smooth_edge(mesh: &Facets, flats: &Flats, piece: u32) -> bool {
     })
 }
 
-/// The part without facets that are flat cuts into its surface.
+/// Removes facets that are flat cuts into the surface of a part.
 fn without_cuts(mesh: &Facets, mut part: Part) -> Part {
     let normals = |t: &u32| normals(&part.surface, mesh.corners(*t), mesh.tolerance);
     let of = |t: &u32| turn(normals(t)).acos();
@@ -270,7 +272,7 @@ fn without_cuts(mesh: &Facets, mut part: Part) -> Part {
     part
 }
 
-/// The surface of two parts, if they are pieces of one.
+/// Returns the common surface of two parts; `None` if they are not pieces of one.
 fn together(mesh: &Facets, large: &Part, small: &Part) -> Option<Surface> {
     if large.surface.kind != small.surface.kind {
         return None;

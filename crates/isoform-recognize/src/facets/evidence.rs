@@ -1,11 +1,11 @@
-//! Whether a part of a mesh is evidence for a bent surface: more vertices meet it than meet any
+//! Evidence of curved surfaces: a part counts only if more vertices lie on its surface than on any
 //! surface of its kind by construction.
 //!
-//! Vertices of a mesh stand in rows. Any three parallel lines lie on a cylinder, any three coaxial
-//! circles on a torus: a fourth row on it is no coincidence, as it is met within the tolerance. Any
-//! two coaxial circles lie on a sphere: it needs a vertex with facets all around it. A surface that
-//! goes over into its neighbours without an edge is met by their tangent planes, too: it takes the
-//! place of a row.
+//! Vertices of a mesh stand in rows. Any three parallel lines lie on a cylinder, and any three
+//! coaxial circles on a torus: a fourth row within the tolerance is not a coincidence. Any two
+//! coaxial circles lie on a sphere, which therefore needs a vertex with facets all around it. If a
+//! surface continues tangentially into its neighbours, their tangent planes are further evidence
+//! and replace a row.
 
 use super::part::{Part, ends_clearly};
 use super::seeds::Free;
@@ -14,15 +14,17 @@ use crate::start::plane;
 use isoform_geom::{Point3, cross, dot, norm, sub};
 use std::collections::BTreeMap;
 
-/// Rows that a cylinder and each circle of a torus take: one more than determines them.
+/// Minimum number of rows of a cylinder and of each circle of a torus: one more than determines
+/// them.
 const ROWS: usize = 4;
 /// Rows of a cone, which has a parameter more: on two rings any four of them may lie on one.
 const CONE_ROWS: usize = 5;
-/// Vertices of a sphere: twice as many as determine it, and one more than a box has.
+/// Minimum number of vertices of a sphere: twice as many as determine it, and one more than a box
+/// has.
 const SPHERE: usize = 9;
 /// Vertices of a torus: twice as many as determine it.
 const TORUS: usize = 14;
-/// Angles nearer than this, in radians, are one row: 60 000 to a circle.
+/// Maximum angle between vertices of one row, in radians: 60 000 rows to a circle.
 const ROW: f64 = 1e-4;
 /// The largest angle between tangent planes, in radians: what rounding leaves on faces of a
 /// thousandth of the size.
@@ -30,7 +32,7 @@ const TANGENT: f64 = 2e-3;
 /// A bent part leaves its plane by this many tolerances.
 const BENT: f64 = 10.0;
 
-/// True if the vertices of a part and the surfaces next to it show its surface.
+/// Returns true if the vertices of a part and the surfaces next to it are evidence of its surface.
 pub(crate) fn shows(free: &Free<'_>, part: &Part) -> bool {
     let mesh = free.mesh;
     let surface = &part.surface;
@@ -58,7 +60,7 @@ pub(crate) fn shows(free: &Free<'_>, part: &Part) -> bool {
     }
 }
 
-/// Returns the number of parts next to one into which it goes over without an edge.
+/// Returns the number of adjacent parts that a part continues into tangentially.
 fn tangent_parts(free: &Free<'_>, part: &Part) -> usize {
     let mesh = free.mesh;
     let mut is_tangent: BTreeMap<u32, bool> = BTreeMap::new();
@@ -76,21 +78,21 @@ fn tangent_parts(free: &Free<'_>, part: &Part) -> usize {
     is_tangent.into_values().filter(|is| *is).count()
 }
 
-/// The angle of a point about the axis.
+/// Returns the angle of a point about the axis.
 fn around(surface: &Surface, p: Point3) -> f64 {
     let [e, f] = surface.frame();
     let d = sub(p, surface.place);
     dot(d, f).atan2(dot(d, e))
 }
 
-/// The angle of a point about the circle of a torus, in its section.
+/// Returns the angle of a point about the circle of a torus, in a meridian plane.
 fn section(torus: &Surface, p: Point3) -> f64 {
     let d = sub(p, torus.place);
     let radius = norm(cross(d, torus.axis));
     dot(d, torus.axis).atan2(radius - torus.size)
 }
 
-/// Whether so many different angles occur.
+/// Returns true if at least `rows` different angles occur.
 fn has_rows(angles: impl Iterator<Item = f64>, rows: usize) -> bool {
     let mut angles: Vec<f64> = angles.collect();
     angles.sort_by(f64::total_cmp);

@@ -1,5 +1,5 @@
-//! Flat pieces of a mesh: triangles side by side in one plane. Each is a plane of the object, or
-//! a facet of something bent.
+//! Flat pieces of a mesh: adjacent triangles in one plane. Each is a plane of the object, or a
+//! facet of a curved surface.
 
 use super::mesh::{Facets, NONE};
 use super::part::{Part, TURN, ends_clearly};
@@ -7,25 +7,25 @@ use crate::chart::Surface;
 use crate::start::plane;
 use isoform_geom::{Point3, dot, sub};
 
-/// A triangle belongs to a plane where its normal is off by less than this, in radians, and this
-/// many tolerances over its height.
+/// A triangle belongs to a plane if the angle between the normals is below the sum of this angle
+/// (radians) and this many tolerances over the triangle's height.
 const OFF: (f64, f64) = (1e-4, 2.0);
-/// A piece with so many corners is a plane of the object: a facet of something bent has four, and
-/// up to five where the border cuts a corner off.
+/// Minimum number of corners of a piece that is a plane of the object. A facet of a curved surface
+/// has four, and up to five if the border cuts a corner off.
 const MANY_CORNERS: usize = 6;
-/// Facets side by side differ in area by less than this factor, as a mesh refines slowly.
+/// Maximum ratio of the areas of adjacent facets of one surface: a mesh is graded slowly.
 pub(crate) const COMPARABLE: f64 = 8.0;
 
 /// The flat pieces of a mesh.
 pub(crate) struct Flats {
     pub(crate) pieces: Vec<Part>,
-    /// The piece of each triangle.
+    /// Index of the piece of each triangle.
     pub(crate) of: Vec<u32>,
     pub(crate) areas: Vec<f64>,
 }
 
 impl Flats {
-    /// Pieces grown from the largest triangles first.
+    /// Finds the pieces, grown from the largest triangles first.
     pub(crate) fn new(mesh: &Facets) -> Self {
         let count = mesh.triangles.len();
         let mut order: Vec<u32> = (0..count as u32).collect();
@@ -46,7 +46,7 @@ impl Flats {
         flats
     }
 
-    /// The piece about a triangle; its triangles are marked as those of the next piece.
+    /// Grows the piece about a triangle, and marks its triangles with the index of the next piece.
     fn grown(&mut self, mesh: &Facets, seed: u32) -> Part {
         let id = self.pieces.len() as u32;
         let mut surface = Surface::plane(mesh.corners(seed)[0], mesh.normals[seed as usize]);
@@ -60,7 +60,7 @@ impl Flats {
                 }
             }
             at += 1;
-            // What was refused with a worse plane is tried again with a better one.
+            // Triangles that were rejected with a worse plane are tried again with a better one.
             if triangles.len() >= 2 * fitted && triangles.len() > 2 {
                 fitted = triangles.len();
                 let axis = surface.axis;
@@ -75,26 +75,26 @@ impl Flats {
         Part { surface, triangles }
     }
 
-    /// Whether the surface turns little from one piece to another beyond an edge, and both are of
-    /// about the same size: they may be facets of one thing.
+    /// Returns true if two adjacent triangles may be facets of one curved surface: the angle
+    /// between them is small, and their pieces are of about equal area.
     pub(crate) fn are_alike(&self, mesh: &Facets, pair: [u32; 2]) -> bool {
         self.are_within(mesh, pair, COMPARABLE)
     }
 
-    /// The same, with areas that differ by less than a factor.
+    /// Returns [`are_alike`](Self::are_alike) with a given maximum ratio of the areas.
     pub(crate) fn are_within(&self, mesh: &Facets, [t, u]: [u32; 2], factor: f64) -> bool {
         let [a, b] = [t, u].map(|t| self.areas[self.of[t as usize] as usize]);
         a.max(b) <= factor * a.min(b) && mesh.cosine(t, u) >= TURN
     }
 
-    /// True if a piece cannot be a facet of something bent.
+    /// Returns true if a piece cannot be a facet of a curved surface.
     pub(crate) fn is_plain(&self, mesh: &Facets, piece: u32) -> bool {
         let part = &self.pieces[piece as usize];
         has_many_corners(mesh, &part.surface, &part.triangles) && ends_clearly(mesh, part, |_| true)
     }
 }
 
-/// True if triangles in a plane have more corners than a facet of something bent.
+/// Returns true if triangles in a plane have more corners than a facet of a curved surface.
 pub(crate) fn has_many_corners(mesh: &Facets, plane: &Surface, of: &[u32]) -> bool {
     if of.len() + 2 < MANY_CORNERS {
         return false;
@@ -105,7 +105,7 @@ pub(crate) fn has_many_corners(mesh: &Facets, plane: &Surface, of: &[u32]) -> bo
     hull(points.iter().map(flat).collect(), mesh.tolerance).len() >= MANY_CORNERS
 }
 
-/// Whether a triangle lies in a plane.
+/// Returns true if a triangle lies in a plane.
 fn lies_in(mesh: &Facets, plane: &Surface, t: u32) -> bool {
     let corners = mesh.corners(t);
     let tolerance = mesh.tolerance;
@@ -118,7 +118,7 @@ fn lies_in(mesh: &Facets, plane: &Surface, t: u32) -> bool {
             .all(|p| plane.distance(*p).abs() <= tolerance)
 }
 
-/// The corners of the convex hull (Andrew 1979), without those that stick out by less than a
+/// Returns the corners of the convex hull (Andrew 1979), without those that protrude by less than a
 /// tolerance.
 fn hull(mut points: Vec<[f64; 2]>, tolerance: f64) -> Vec<[f64; 2]> {
     points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
@@ -141,7 +141,8 @@ fn hull(mut points: Vec<[f64; 2]>, tolerance: f64) -> Vec<[f64; 2]> {
     chains.concat()
 }
 
-/// Whether the middle one of three points sticks out to the right of the others.
+/// Returns true if the second of three points protrudes to the right of the line through the
+/// others.
 fn turns([a, b, c]: [[f64; 2]; 3], tolerance: f64) -> bool {
     let at = |p: [f64; 2]| [p[0], p[1], 0.0];
     let [u, v] = [sub(at(b), at(a)), sub(at(c), at(a))];

@@ -1,5 +1,5 @@
-//! The triangles as recognition sees them: each vertex and each triangle once, scaled, with their
-//! neighbours, and turned alike.
+//! The mesh prepared for recognition: scaled, without duplicate vertices and triangles,
+//! consistently oriented, with adjacency.
 
 use crate::chart::unit;
 use crate::cloud::{Scaling, sorted};
@@ -7,45 +7,45 @@ use isoform_geom::{KdTree, Point3, PointCloud, UnionFind, cross, dot, norm, roun
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
-/// Vertices lie within this many roundings of their surface: three coordinates were rounded, and
-/// the programs that made them computed no better. Fewer lose facets, more join facets that are
-/// bent.
+/// Maximum distance of a vertex from its surface, in rounding errors: three coordinates were
+/// rounded, and the programs that made them computed no better. Fewer lose facets, more join facets
+/// of different surfaces.
 const WITHIN: f64 = 10.0;
 /// The least tolerance, in diagonals: how exactly modellers compute where two surfaces meet, and
 /// five roundings of single precision, which a mesh has that was scaled after it had been rounded.
 const LEAST: f64 = 3e-7;
 /// The most triangles at an edge that are neighbours: more are a bundle of sheets.
 const MOST_AT_EDGE: usize = 4;
-/// No triangle, no cluster, no entity.
+/// Index that stands for no triangle, no cluster and no entity.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// A mesh of triangles about the middle of its box, of a diagonal of 1.
+/// A mesh of triangles about the middle of its box, scaled to a diagonal of 1.
 pub(crate) struct Facets {
     pub(crate) points: Vec<Point3>,
-    /// For each vertex given its point.
+    /// Index in `points` of each given vertex.
     pub(crate) index: Vec<u32>,
     pub(crate) triangles: Vec<[u32; 3]>,
-    /// Unit normals, outwards where the mesh tells.
+    /// Unit normals, outwards if the mesh is closed or oriented.
     pub(crate) normals: Vec<Point3>,
     pub(crate) areas: Vec<f64>,
-    /// The least height of each triangle.
+    /// Smallest height of each triangle.
     pub(crate) heights: Vec<f64>,
-    /// How far vertices may lie from their surface.
+    /// Maximum distance of vertices from their surface.
     pub(crate) tolerance: f64,
-    /// The largest rounding error of a coordinate.
+    /// Largest rounding error of a coordinate.
     pub(crate) rounding: f64,
-    /// How many triangles there are at each point.
+    /// Number of triangles at each point.
     pub(crate) valence: Vec<u32>,
     near: Vec<u32>,
     first: Vec<u32>,
 }
 
-/// The two ends of an edge in ascending order, its triangle, and whether it runs from the first to
-/// the second.
+/// Ends of an edge in ascending order, its triangle, and a flag: true if the triangle runs from the
+/// first to the second.
 type Side = ([u32; 2], u32, bool);
 
 impl Facets {
-    /// Of a mesh whose corners are points; triangles without area are left out.
+    /// Prepares a mesh whose corners are points; degenerate triangles are left out.
     pub(crate) fn new(scan: &PointCloud, scaling: &Scaling) -> Self {
         let rounding = rounding(scan) / scaling.unit;
         let tolerance = (WITHIN * rounding).max(LEAST);
@@ -88,19 +88,20 @@ impl Facets {
         self.tolerance / WITHIN
     }
 
-    /// The triangles beyond the edges of one.
+    /// Returns the triangles across the edges of one.
     pub(crate) fn near(&self, t: u32) -> &[u32] {
         let [from, to] = [t as usize, t as usize + 1].map(|k| self.first[k] as usize);
         &self.near[from..to]
     }
 
-    /// Returns each triangle with each of those beyond its edges.
+    /// Returns each triangle with each of those across its edges.
     pub(crate) fn pairs(&self) -> impl Iterator<Item = (u32, u32)> {
         let all = 0..self.triangles.len() as u32;
         all.flat_map(|t| self.near(t).iter().map(move |u| (t, *u)))
     }
 
-    /// Returns the pieces, connected over edges, of the parts that triangles belong to.
+    /// Returns the edge-connected pieces of parts, each with its part, given the part of each
+    /// triangle.
     pub(crate) fn pieces(&self, parts: &[u32]) -> Vec<(u32, Vec<u32>)> {
         let mut is_open: Vec<bool> = parts.iter().map(|part| *part != NONE).collect();
         let mut pieces = Vec::new();
@@ -129,12 +130,12 @@ impl Facets {
         own.into_iter().filter(move |v| other.contains(v))
     }
 
-    /// The corners of a triangle.
+    /// Returns the corners of a triangle.
     pub(crate) fn corners(&self, t: u32) -> [Point3; 3] {
         self.triangles[t as usize].map(|v| self.points[v as usize])
     }
 
-    /// The vertices of triangles, each once, in ascending order.
+    /// Returns the distinct vertices of triangles, in ascending order.
     pub(crate) fn vertices(&self, of: &[u32]) -> Vec<u32> {
         let corners = of.iter().flat_map(|t| self.triangles[*t as usize]);
         let mut vertices: Vec<u32> = corners.collect();
@@ -143,7 +144,7 @@ impl Facets {
         vertices
     }
 
-    /// Whether all triangles at some vertex are among these.
+    /// Returns true if all triangles at some vertex are among these.
     pub(crate) fn surround_a_vertex(&self, of: &[u32]) -> bool {
         let corners = of.iter().flat_map(|t| self.triangles[*t as usize]);
         let mut corners: Vec<u32> = corners.collect();
@@ -152,24 +153,24 @@ impl Facets {
         groups.any(|g| g.len() == self.valence[g[0] as usize] as usize)
     }
 
-    /// Positions of vertices.
+    /// Returns the positions of vertices.
     pub(crate) fn at(&self, which: &[u32]) -> Vec<Point3> {
         which.iter().map(|i| self.points[*i as usize]).collect()
     }
 
-    /// The cosine of the angle by which the surface turns between two triangles.
+    /// Returns the cosine of the angle between the normals of two triangles.
     pub(crate) fn cosine(&self, a: u32, b: u32) -> f64 {
         dot(self.normals[a as usize], self.normals[b as usize])
     }
 
-    /// The area of triangles.
+    /// Returns the total area of triangles.
     pub(crate) fn area(&self, of: &[u32]) -> f64 {
         of.iter().map(|t| self.areas[*t as usize]).sum()
     }
 }
 
-/// The triangles by their places, each once, without those that are no wider than the tolerance
-/// lets tell.
+/// Returns the triangles by the indices of their points, without duplicates and without those too
+/// narrow for the tolerance.
 fn distinct(given: &[[u32; 3]], index: &[u32], points: &[Point3], tolerance: f64) -> Vec<[u32; 3]> {
     let placed = |t: &[u32; 3]| t.map(|v| index[v as usize]);
     let mut keyed: Vec<([u32; 3], u32)> = (0..given.len() as u32)
@@ -188,7 +189,7 @@ fn distinct(given: &[[u32; 3]], index: &[u32], points: &[Point3], tolerance: f64
     triangles.filter(is_wide).collect()
 }
 
-/// The normal, the area and the least height of a triangle.
+/// Returns the normal, the area and the smallest height of a triangle.
 fn shape([a, b, c]: [Point3; 3]) -> (Point3, f64, f64) {
     let n = cross(sub(b, a), sub(c, a));
     let double = norm(n);
@@ -198,7 +199,7 @@ fn shape([a, b, c]: [Point3; 3]) -> (Point3, f64, f64) {
     (unit(n), double / 2.0, height)
 }
 
-/// The sides of triangles, those of one edge after another.
+/// Returns the sides of triangles, sorted by edge.
 fn sides(triangles: &[[u32; 3]]) -> Vec<Side> {
     let of = |(t, v): (usize, &[u32; 3])| {
         let [a, b, c] = *v;
@@ -209,12 +210,12 @@ fn sides(triangles: &[[u32; 3]]) -> Vec<Side> {
     sides
 }
 
-/// Sides by edge.
+/// Groups sides by edge.
 fn edges(sides: &[Side]) -> impl Iterator<Item = &[Side]> {
     sides.chunk_by(|a, b| a.0 == b.0)
 }
 
-/// The vertices at edges of one triangle only.
+/// Returns the vertices at edges of only one triangle.
 fn open_vertices(sides: &[Side]) -> Vec<u32> {
     let open = edges(sides).filter(|e| e.len() == 1);
     let mut vertices: Vec<u32> = open.flat_map(|e| e[0].0).collect();
@@ -223,8 +224,8 @@ fn open_vertices(sides: &[Side]) -> Vec<u32> {
     vertices
 }
 
-/// For each point the least of those that rounding keeps apart from it, along open edges; `None`
-/// where there are no open edges.
+/// Returns for each point the smallest index of those that coincide with it up to rounding, along
+/// open edges; `None` if no edges are open.
 fn welded(points: &[Point3], open: &[u32], tolerance: f64) -> Option<Vec<u32>> {
     if open.is_empty() {
         return None;
@@ -242,8 +243,8 @@ fn welded(points: &[Point3], open: &[u32], tolerance: f64) -> Option<Vec<u32>> {
     Some((0..points.len() as u32).map(|v| same.root(v)).collect())
 }
 
-/// Turns triangles so that neighbours run along their edge in opposite ways, in each piece as most
-/// of it was.
+/// Reverses triangles such that neighbours run along their edge in opposite directions; in each
+/// piece the minority is reversed.
 fn turn_alike(triangles: &mut [[u32; 3]], sides: &[Side]) {
     let mut near: Vec<(u32, u32, bool)> = Vec::new();
     for edge in edges(sides).filter(|e| e.len() == 2) {
@@ -280,7 +281,7 @@ fn turn_alike(triangles: &mut [[u32; 3]], sides: &[Side]) {
     }
 }
 
-/// Six times the volume inside.
+/// Returns six times the enclosed volume.
 fn volume(points: &[Point3], triangles: &[[u32; 3]]) -> f64 {
     let of = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|v| points[v as usize]);
@@ -289,7 +290,8 @@ fn volume(points: &[Point3], triangles: &[[u32; 3]]) -> f64 {
     triangles.iter().map(of).sum()
 }
 
-/// For each triangle those beyond its edges, and where those of each begin.
+/// Returns the triangles across the edges of each triangle, concatenated, and the index of the
+/// first of each.
 fn neighbours(sides: &[Side], count: usize) -> (Vec<u32>, Vec<u32>) {
     let mut pairs: Vec<(u32, u32)> = Vec::new();
     for edge in edges(sides).filter(|e| e.len() <= MOST_AT_EDGE) {

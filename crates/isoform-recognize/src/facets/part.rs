@@ -1,34 +1,37 @@
-//! Parts of a mesh that one surface explains: which triangles follow a surface, and how a part
-//! grows along edges.
+//! Parts of a mesh that one surface explains: the test whether a triangle follows a surface, and
+//! the growth of a part along edges.
 //!
 //! Vertices lie on the surface up to rounding, facets are its chords. The normal of a facet differs
-//! from that of the surface by the curvature times the circumradius at most, to first order (K.
+//! from that of the surface by at most the curvature times the circumradius, to first order (K.
 //! Kobayashi and T. Tsuchiya, A Babuška–Aziz type proof of the circumradius condition, Japan J.
-//! Indust. Appl. Math. 31, 2014); its corners tell the curvature times the longest side.
+//! Indust. Appl. Math. 31, 2014); the normals at its corners give the curvature times the longest
+//! side.
 
 use super::mesh::Facets;
 use crate::chart::{Kind, Surface, unit};
 use crate::fit::{Precision, fit};
 use isoform_geom::{Point3, cross, dot, middle, norm, sub};
 
-/// The cosine of the most that a surface turns over one of its facets, 40°. A circle of 9 sides
-/// turns by 40° from side to side and one of 10 by 36°: fewer than 10 sides are planes. Modellers
-/// allow 30° at most where nobody asks for more, and designers draw hexagons and octagons; a smaller
-/// angle would lose coarse bores, a larger one round octagons.
+/// Cosine of the maximum angle by which a surface turns over one of its facets, 40°. A polygon of 9
+/// sides turns by 40° from side to side and one of 10 by 36°: fewer than 10 sides are planes.
+/// Modellers allow 30° at most by default, and designers draw hexagons and octagons; a smaller
+/// angle would lose coarse bores, a larger one would round off octagons.
 pub(crate) const TURN: f64 = 0.766_05;
 /// That for surfaces that turn both ways, √2 · 40°, from corner to corner of a facet. It keeps out
 /// the icosahedron, whose corners turn by 63°.
 const BOTH_WAYS: f64 = 0.551;
-/// What a facet's normal may be off beyond the turn of its surface, in radians, and in tolerances
-/// over the height of the facet.
+/// Maximum angle between a facet's normal and the mean normal of its surface beyond what the
+/// circumradius explains: the sum of an angle (radians) and a number of tolerances over the height
+/// of the facet.
 const OFF: (f64, f64) = (2e-3, 3.0);
 /// A triangle less high than this many tolerances has no normal to speak of.
 const SLIVER: f64 = 20.0;
-/// A part grows by this factor between two fits, and by some triangles more.
+/// Growth of a part between two fits: by this factor, and by some triangles more.
 const GROWTH: (f64, usize) = (1.7, 4);
 /// Fits of a part at most: a million triangles are reached after 30.
 const ROUNDS: usize = 60;
-/// Fits take the corners of at most this many triangles, all of which are exact.
+/// Maximum number of triangles whose corners are fitted; all vertices are exact, so that more add
+/// little.
 pub(crate) const SAMPLE: usize = 70;
 
 /// Where a part ends, what follows leaves its surface by this many tolerances at least: in a fine
@@ -42,11 +45,11 @@ const MOSTLY: f64 = 0.8;
 #[derive(Clone, Debug)]
 pub(crate) struct Part {
     pub(crate) surface: Surface,
-    /// In ascending order.
+    /// Triangles in ascending order.
     pub(crate) triangles: Vec<u32>,
 }
 
-/// Whether a triangle is a facet of the surface.
+/// Returns true if a triangle is a facet of the surface.
 pub(crate) fn follows(mesh: &Facets, surface: &Surface, t: u32) -> bool {
     follows_within(mesh, surface, t, mesh.tolerance)
 }
@@ -83,8 +86,8 @@ pub(crate) fn turn([a, b, c]: [Point3; 3]) -> f64 {
     dot(a, b).min(dot(b, c)).min(dot(c, a)).min(1.0)
 }
 
-/// Returns the surface's normals at the corners of a facet. The tip of a cone has none: that in the
-/// middle of the other two stands for it.
+/// Returns the surface's normals at the corners of a facet. The tip of a cone has no normal: the
+/// mean of the other two replaces it.
 pub(crate) fn normals(surface: &Surface, corners: [Point3; 3], tolerance: f64) -> [Point3; 3] {
     let mut normals = corners.map(|p| surface.normal(p));
     if surface.kind == Kind::Cone {
@@ -97,9 +100,9 @@ pub(crate) fn normals(surface: &Surface, corners: [Point3; 3], tolerance: f64) -
     normals
 }
 
-/// True if the surface is no farther from a facet than a chord along which it turns by an angle may
-/// be: a side times an eighth of the angle on circles, twice that elsewhere. Three points on the
-/// circle where a plane touches a torus have one normal, but their plane leaves the torus.
+/// Returns true if the distance of the surface from a facet is at most that of a chord along which
+/// it turns by `turn`: side × angle / 8 on circles, twice that in general. Three points on the
+/// circle in which a plane touches a torus have one normal, but their plane leaves the torus.
 fn is_chord(surface: &Surface, [a, b, c]: [Point3; 3], turn: f64, tolerance: f64) -> bool {
     let sides = [[a, b], [b, c], [c, a]];
     let longest = sides
@@ -112,7 +115,7 @@ fn is_chord(surface: &Surface, [a, b, c]: [Point3; 3], turn: f64, tolerance: f64
     places.all(|p| surface.distance(p).abs() <= most)
 }
 
-/// The circumradius of a triangle over its longest side; 1 at least.
+/// Returns the circumradius of a triangle over its longest side, at least 1.
 fn roundness([a, b, c]: [Point3; 3]) -> f64 {
     let sides = [sub(b, a), sub(c, b), sub(a, c)];
     let [p, q, r] = sides.map(norm);
@@ -124,7 +127,7 @@ fn angle(cosine: f64) -> f64 {
     cosine.clamp(-1.0, 1.0).acos()
 }
 
-/// Grows a part from triangles that a surface is fitted to, along triangles that are free.
+/// Grows a part from triangles that a surface was fitted to, along free triangles.
 pub(crate) fn grow(
     mesh: &Facets,
     seed: &[u32],
@@ -154,7 +157,7 @@ pub(crate) fn grow(
     Some(part)
 }
 
-/// The surface fitted to the corners of a sample of triangles, if all of these lie on it.
+/// Returns the surface fitted to the corners of a sample of triangles, if all of these lie on it.
 pub(crate) fn exact(mesh: &Facets, start: &Surface, of: &[u32]) -> Option<Surface> {
     let points = corners(mesh, of);
     let (surface, _) = fit(start, &points, Precision::Full)?;
@@ -162,8 +165,8 @@ pub(crate) fn exact(mesh: &Facets, start: &Surface, of: &[u32]) -> Option<Surfac
     points.iter().all(is_on).then_some(surface)
 }
 
-/// True if few free triangles beyond the border of a part leave its surface little by little. Those
-/// of other parts lie on surfaces of their own.
+/// Returns true if only few of the free triangles beyond the border of a part leave its surface
+/// gradually. Triangles of other parts lie on surfaces of their own.
 pub(crate) fn ends_clearly(mesh: &Facets, part: &Part, is_free: impl Fn(u32) -> bool) -> bool {
     let is_outside = |t: &u32| part.triangles.binary_search(t).is_err();
     let follows = |t: u32, tolerance| follows_within(mesh, &part.surface, t, tolerance);
@@ -181,8 +184,9 @@ pub(crate) fn ends_clearly(mesh: &Facets, part: &Part, is_free: impl Fn(u32) -> 
     vague <= (1.0 - MOSTLY) * all
 }
 
-/// True if a facet beyond the border leaves a bent surface as one of another curvature does: by
-/// more than a quarter of what the surface's own tangent planes do over its height.
+/// Returns true if a facet beyond the border leaves a curved surface as one of another curvature
+/// does: by more than a quarter of the distance to which the surface's tangent planes leave it over
+/// the facet's height.
 fn bends_away(surface: &Surface, corners: [Point3; 3]) -> bool {
     let distances = corners.map(|p| surface.distance(p).abs());
     let far = (0..3).fold(0, |m, k| if distances[k] > distances[m] { k } else { m });
@@ -193,16 +197,16 @@ fn bends_away(surface: &Surface, corners: [Point3; 3]) -> bool {
     curvature > 0.0 && distances[far] > curvature * height * height / 8.0
 }
 
-/// The corners of at most [`SAMPLE`] of some triangles.
+/// Returns the corners of at most [`SAMPLE`] of some triangles.
 pub(crate) fn corners(mesh: &Facets, of: &[u32]) -> Vec<Point3> {
     let step = of.len().div_ceil(SAMPLE).max(1);
     let some = of.iter().step_by(step);
     some.flat_map(|t| mesh.corners(*t)).collect()
 }
 
-/// The triangles that follow the surface, reached from those of a part along edges, in ascending
-/// order; and whether all of them were reached before there were `most`. `is_seen` is left true for
-/// the triangles returned, false for all others.
+/// Returns the triangles that follow the surface, reached from those of a part along edges, in
+/// ascending order, and a flag: true if all were reached before there were `most`. `is_seen` is
+/// left true for the triangles returned, false for all others.
 fn collect(
     mesh: &Facets,
     part: &Part,

@@ -2,8 +2,8 @@
 //! which lie on the surface as vertices do.
 //!
 //! Facets are chords: along a curved edge they reach beyond the face, or end before it. Points
-//! between the chord and the edge are on the surface, but not on the face, and are left out: a face
-//! ends where the surface next to it begins.
+//! between the chord and the edge are on the surface but not on the face, and are left out: a face
+//! ends where the adjacent surface begins.
 
 use super::claim::Claims;
 use super::mesh::{Facets, NONE};
@@ -19,17 +19,17 @@ const ONE_SIDED: f64 = 0.01;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Inside {
     pub(crate) at: Point3,
-    /// The outward normal there.
+    /// Outward normal of the surface.
     pub(crate) normal: Point3,
-    /// The part on whose surface it is; [`NONE`] for points of facets without a part, which lie on
-    /// the facet.
+    /// Part on whose surface the point is; [`NONE`] for points of facets without a part, which lie
+    /// on the facet.
     pub(crate) part: u32,
-    /// The facet over which it lies.
+    /// Facet over which the point lies.
     pub(crate) triangle: u32,
 }
 
-/// Returns points inside facets: about `wanted`, and at least `fewest` inside each part, as far as
-/// its facets are not all next to a curved edge.
+/// Returns about `wanted` points inside facets, and at least `fewest` inside each part, unless its
+/// facets are all next to a curved edge.
 pub(crate) fn inside(mesh: &Facets, claims: &Claims, wanted: usize, fewest: usize) -> Vec<Inside> {
     let spacing = (mesh.areas.iter().sum::<f64>() / wanted.max(1) as f64).sqrt();
     let mut points = Vec::new();
@@ -39,7 +39,7 @@ pub(crate) fn inside(mesh: &Facets, claims: &Claims, wanted: usize, fewest: usiz
     let borders = borders(mesh, claims);
     for (k, part) in claims.parts.iter().enumerate() {
         let area = mesh.area(&part.triangles);
-        // Twice as many: some fall beyond the border.
+        // Twice as many, because some fall beyond the border.
         let spacing = spacing.min((area / (2 * fewest).max(1) as f64).sqrt());
         let near = borders.range((k as u32, 0)..=(k as u32, NONE));
         let near: Vec<(&Surface, &Border)> = near
@@ -79,15 +79,16 @@ pub(crate) fn inside(mesh: &Facets, claims: &Claims, wanted: usize, fewest: usiz
 struct Border {
     /// Maximum distance of the edges from the two surfaces: the height of the chords.
     height: f64,
-    /// The areas of the part's facets there on the two sides of the other surface.
+    /// Areas of the part's facets at the border on the two sides of the other surface.
     areas: [f64; 2],
 }
 
 impl Border {
-    /// True if a point of the part at this distance from the other surface is on the part's face.
+    /// Returns true if a point of the part at this distance from the other surface is on the part's
+    /// face.
     fn is_kept(&self, distance: f64, mesh: &Facets) -> bool {
         let [below, above] = self.areas;
-        // A face on both sides, such as that of a plane which a pipe meets.
+        // The face continues on both sides, like a plane that a pipe meets.
         let is_two_sided = below.min(above) > ONE_SIDED * below.max(above);
         let is_far = distance.abs() > self.height + mesh.tolerance;
         let inwards = if above > below { distance } else { -distance };
@@ -95,7 +96,7 @@ impl Border {
     }
 }
 
-/// The borders of the parts, by the part and the other one.
+/// Returns the borders of the parts, by the part and its neighbour.
 fn borders(mesh: &Facets, claims: &Claims) -> BTreeMap<(u32, u32), Border> {
     let mut borders: BTreeMap<(u32, u32), Border> = BTreeMap::new();
     for t in 0..mesh.triangles.len() as u32 {
@@ -121,7 +122,7 @@ fn borders(mesh: &Facets, claims: &Claims) -> BTreeMap<(u32, u32), Border> {
     borders
 }
 
-/// Returns a point of triangles for each square of the spacing, with its triangle.
+/// Returns points on triangles, one per square of the spacing, each with its triangle.
 fn all_over(mesh: &Facets, of: &[u32], spacing: f64) -> Vec<(u32, Point3)> {
     let (mut points, mut owed, mut k) = (Vec::new(), 0.0, 0);
     for t in of {
@@ -135,8 +136,8 @@ fn all_over(mesh: &Facets, of: &[u32], spacing: f64) -> Vec<(u32, Point3)> {
     points
 }
 
-/// The part of each vertex: of those that meet there the one with the fewest triangles, so that
-/// narrow faces keep their points.
+/// Returns the part of each vertex: of those that meet there the one with the fewest triangles, so
+/// that narrow faces keep their points.
 pub(crate) fn at_vertices(mesh: &Facets, claims: &Claims) -> Vec<u32> {
     let mut of = vec![NONE; mesh.points.len()];
     let size = |k: u32| (claims.parts[k as usize].triangles.len(), k);

@@ -1,4 +1,4 @@
-//! What is said of the parts of a mesh, in the mesh's unit and order.
+//! Report on the parts of a mesh, in the mesh's unit and order.
 
 use super::claim::Claims;
 use super::mesh::{Facets, NONE};
@@ -17,10 +17,11 @@ use crate::symmetry::{Set, symmetries};
 use isoform_geom::{Point3, dot};
 use rayon::prelude::*;
 
-/// A part faces outwards, or inwards, where facets of this share of its area do so more than not.
+/// Minimum share of its area by which the facets of a part face more to one side of the surface
+/// than to the other; with less the side is undecided.
 const CLEARLY: f64 = 0.5;
 
-/// The recognition of the mesh's own points and those inside faces.
+/// Returns the recognition of the mesh's own points and of those inside faces.
 pub(crate) fn report(
     mesh: &Facets,
     claims: &Claims,
@@ -81,7 +82,7 @@ pub(crate) fn report(
     }
 }
 
-/// The faces: facets of one part that are connected along edges.
+/// Returns the faces: facets of one part that are connected along edges.
 fn faces(
     mesh: &Facets,
     claims: &Claims,
@@ -90,7 +91,7 @@ fn faces(
     rank: impl Fn(&u32) -> Option<u32>,
 ) -> (Vec<Face>, Vec<Option<u32>>) {
     let faces = Faces::of(mesh.pieces(&claims.taken).into_iter(), mesh.triangles.len());
-    // A facet for each vertex: any of its part.
+    // A facet of the vertex's part, for each vertex.
     let mut facets = vec![NONE; mesh.points.len()];
     for (t, corners) in (0..).zip(&mesh.triangles) {
         for v in corners {
@@ -104,7 +105,7 @@ fn faces(
     faces.report(|k| rank(&k), index, mesh.pairs())
 }
 
-/// A part as an entity, and its surface with what is known of it.
+/// Describes a part as an entity, and returns its surface with the covariance of its parameters.
 fn said(
     mesh: &Facets,
     part: &Part,
@@ -124,12 +125,12 @@ fn said(
         .saturating_sub(surface.kind.parameters())
         .max(1) as f64;
     let squares = squares(&surface, &points);
-    // Few vertices may meet by chance more exactly than they were rounded.
+    // Few vertices may lie on a surface by chance more exactly than they were rounded.
     let sigma = (squares / free).sqrt().max(noise / 3.0_f64.sqrt());
     let variance = sigma * sigma;
     let covariance = covariance(&surface, &points).map(|c| {
         let mut c = c.map(|row| row.map(|x| x * variance));
-        // Coordinates of one face may all be rounded the same way, which no average takes away.
+        // Coordinates of one face may all be rounded in one direction, which no average removes.
         for k in surface.kind.lengths() {
             c[k][k] += mesh.rounding * mesh.rounding / 3.0;
         }
@@ -155,7 +156,8 @@ fn said(
     )
 }
 
-/// Which side of the surface is outside, by its facets.
+/// Returns the outer side of the surface by its facets: +1 that of its normal, −1 the opposite one,
+/// 0 undecided.
 fn outward(mesh: &Facets, part: &Part, surface: &Surface) -> i8 {
     let side = |t: &u32| {
         let n = surface.normal(middle_of(mesh, *t));
@@ -170,7 +172,8 @@ fn middle_of(mesh: &Facets, t: u32) -> Point3 {
     isoform_geom::middle(mesh.corners(t))
 }
 
-/// Unit normals of the mesh's points, the mean of the facets there, and of those inside faces.
+/// Returns unit normals: at the mesh's points the mean of the adjacent facets weighted by area,
+/// inside faces those of the surface.
 fn normals(mesh: &Facets, inside: &[Inside]) -> Vec<Point3> {
     let mut sums = vec![[0.0; 3]; mesh.points.len()];
     for (t, corners) in mesh.triangles.iter().enumerate() {

@@ -1,5 +1,5 @@
-//! Bent surfaces about a facet: hypotheses from the facets around it, each grown as far as it
-//! holds, and the one that explains most.
+//! Curved surfaces about a facet: hypotheses from the facets around it are grown as far as they
+//! hold, and the one that explains most is kept.
 
 use super::evidence::shows;
 use super::flat::{COMPARABLE, Flats};
@@ -11,9 +11,9 @@ use crate::start::starts;
 use isoform_geom::{Point3, dot};
 use rayon::prelude::*;
 
-/// Numbers of triangles that hypotheses are made from: few stay within small faces, many show the
-/// curvature of fine meshes; and the factor by which neighbours may differ in area: one face has
-/// facets of one size often.
+/// Maximum number of triangles of each set that hypotheses are made from, and the maximum ratio of
+/// the areas of neighbours in it. Small sets stay within small faces, large ones show the curvature
+/// of fine meshes; one face often has facets of one size.
 const BALLS: [(usize, f64); 7] = [
     (7, 1.5),
     (24, 1.5),
@@ -33,15 +33,15 @@ const MORE: f64 = 1.15;
 /// The least cosine between normals of one surface, given twice: 0.08°. Less would take a torus for the
 /// cone of a narrow ring of it.
 const SAME: f64 = 0.999_999;
-/// The bent kinds, the simplest first: what can be unrolled before a sphere, though that has fewer
-/// parameters, since two rings of vertices lie on a sphere always.
+/// Curved kinds, the simplest first. Developable ones come before the sphere, though that has fewer
+/// parameters, since any two rings of vertices lie on a sphere.
 const KINDS: [Kind; 4] = [Kind::Cylinder, Kind::Cone, Kind::Sphere, Kind::Torus];
 
-/// What is free to be explained.
+/// The mesh with its flat pieces and the parts found so far.
 pub(crate) struct Free<'a> {
     pub(crate) mesh: &'a Facets,
     pub(crate) flats: &'a Flats,
-    /// The part of each triangle.
+    /// Part of each triangle.
     pub(crate) taken: &'a [u32],
     pub(crate) parts: &'a [Part],
 }
@@ -51,7 +51,7 @@ impl Free<'_> {
         self.taken[t as usize] == super::mesh::NONE
     }
 
-    /// The bent surface about a flat piece that explains most triangles.
+    /// Returns the curved surface about a flat piece that explains the most triangles.
     pub(crate) fn best(&self, piece: u32) -> Option<Part> {
         let sets = self.sets(piece);
         let mut found = Vec::new();
@@ -62,7 +62,7 @@ impl Free<'_> {
         if !matches!(best.surface.kind, Kind::Cylinder | Kind::Cone) {
             return Some(best);
         }
-        // Each ring of facets of a sphere or a torus is a cone, too.
+        // Each ring of facets of a sphere or a torus is also a cone.
         let wider = [self.widened(&best.triangles)];
         let known = [best];
         let found = KINDS[2..].iter();
@@ -72,7 +72,7 @@ impl Free<'_> {
         simplest(known.into_iter().chain(found))
     }
 
-    /// Sets of triangles that hypotheses are made from.
+    /// Returns sets of triangles that hypotheses are made from.
     fn sets(&self, piece: u32) -> Vec<Vec<u32>> {
         let own = self.large(piece);
         let mut beside: Vec<u32> = Vec::new();
@@ -102,8 +102,8 @@ impl Free<'_> {
         sets
     }
 
-    /// The triangles of a flat piece that are comparable to its largest one: slivers may be of
-    /// another face, whose facet happens to lie in the same plane.
+    /// Returns the triangles of a flat piece that are comparable to its largest one: slivers may be
+    /// of another face, whose facet happens to lie in an equal plane.
     fn large(&self, piece: u32) -> Vec<u32> {
         let all = self.flats.pieces[piece as usize].triangles.iter().copied();
         let area = |t: u32| self.mesh.areas[t as usize];
@@ -111,8 +111,8 @@ impl Free<'_> {
         all.filter(|t| COMPARABLE * area(*t) >= largest).collect()
     }
 
-    /// The free triangles nearest to one, across edges at which the surface turns little and areas
-    /// differ by less than a factor.
+    /// Returns the free triangles nearest to one, across smooth edges at which areas differ by less
+    /// than a factor.
     fn ball(&self, seed: u32, most: usize, factor: f64) -> Vec<u32> {
         let (mut all, mut at) = (vec![seed], 0);
         let mut seen = std::collections::BTreeSet::from([seed]);
@@ -129,7 +129,7 @@ impl Free<'_> {
         all
     }
 
-    /// Triangles with the free ones that continue them.
+    /// Extends triangles by the free ones that continue them.
     fn widened(&self, of: &[u32]) -> Vec<u32> {
         let mut all = of.to_vec();
         for _ in 0..2 {
@@ -146,7 +146,7 @@ impl Free<'_> {
         all
     }
 
-    /// The largest part of a kind that the sets lead to, other than those known.
+    /// Returns the largest part of a kind that the sets lead to, other than those known.
     fn largest(&self, kind: Kind, sets: &[Vec<u32>], known: &[Part]) -> Option<Part> {
         let tried: Vec<Vec<Surface>> = sets
             .par_iter()
@@ -174,7 +174,7 @@ impl Free<'_> {
         best
     }
 
-    /// Surfaces of a kind that all vertices of a set lie on.
+    /// Returns surfaces of a kind that all vertices of a set lie on.
     fn hypotheses(&self, kind: Kind, set: &[u32]) -> Vec<Surface> {
         let mesh = self.mesh;
         let vertices = mesh.vertices(set);
@@ -203,8 +203,8 @@ impl Free<'_> {
             .collect()
     }
 
-    /// Corners of facets, each with the normal of its facet: tangent planes of what can be
-    /// unrolled.
+    /// Returns corners of facets, each with the normal of its facet: tangent planes of developable
+    /// surfaces.
     fn tangent_planes(&self, set: &[u32]) -> (Vec<Point3>, Vec<Point3>) {
         let step = (3 * set.len()).div_ceil(SAMPLE).max(1);
         let of = |t: &u32| {
@@ -214,7 +214,7 @@ impl Free<'_> {
         set.iter().step_by(step).flat_map(of).unzip()
     }
 
-    /// Normals at vertices: the sum of those of the facets at each, by area.
+    /// Returns normals at vertices: the sum of those of the facets at each, weighted by area.
     fn smooth(&self, set: &[u32], vertices: &[u32]) -> Vec<Point3> {
         let mut sums = vec![[0.0; 3]; vertices.len()];
         for t in set {
@@ -230,7 +230,7 @@ impl Free<'_> {
     }
 }
 
-/// Whether two surfaces are the same over triangles that lie on one of them.
+/// Returns true if two surfaces coincide over triangles that lie on one of them.
 fn is_same(mesh: &Facets, [a, b]: [&Surface; 2], of: &[u32]) -> bool {
     let mut corners = corners(mesh, of).into_iter();
     corners.all(|p| {
@@ -239,7 +239,7 @@ fn is_same(mesh: &Facets, [a, b]: [&Surface; 2], of: &[u32]) -> bool {
     })
 }
 
-/// The first of parts, by rising kind, that no other one explains far more than.
+/// Returns the first of parts, by rising kind, unless another one explains many more triangles.
 fn simplest(parts: impl Iterator<Item = Part>) -> Option<Part> {
     parts.fold(None, |best: Option<Part>, part| match best {
         Some(b) if (part.triangles.len() as f64) < MORE * b.triangles.len() as f64 => Some(b),

@@ -1,4 +1,4 @@
-//! A chain of places, and its common fit.
+//! Chains of places at equal steps, and their common fit.
 
 use super::sites::{Sites, way};
 use crate::chart::{Kind, MOST, Row, Surface};
@@ -11,13 +11,13 @@ const LINE: usize = 2;
 /// The circle of a chain.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Circle {
-    /// Its axis, as a cylinder whose size says nothing.
+    /// Axis of the circle, as a cylinder of unspecified radius.
     pub(super) line: Surface,
-    /// From a member to the next, anticlockwise about the axis.
+    /// Angle from a member to the next, anticlockwise about the axis.
     pub(super) angle: f64,
-    /// Whether members go round once.
+    /// True if members occupy a full turn.
     pub(super) is_closed: bool,
-    /// An entity whose axis is that of the circle.
+    /// Entity whose axis is that of the circle.
     pub(super) coaxial: Option<usize>,
 }
 
@@ -25,23 +25,23 @@ pub(super) struct Circle {
 #[derive(Clone, Debug)]
 pub(super) struct Chain {
     pub(super) members: Vec<usize>,
-    /// The surface at the first member, of the common fit.
+    /// Surface at the first member, from the common fit.
     pub(super) first: Surface,
-    /// From a member to the next; of circles from the first to the second.
+    /// Vector from a member to the next; of circles from the first to the second.
     pub(super) step: Point3,
     pub(super) circle: Option<Circle>,
     /// Standard deviations: of a row's spacing; of a circle's radius and angle.
     pub(super) deviations: [f64; 2],
-    /// How far a member is off its place at most.
+    /// Largest distance of a member from its predicted place.
     pub(super) off: f64,
 }
 
-/// What the common parameters of a chain are: those of the first surface, then these.
+/// Parameters of a chain in addition to those of its first surface.
 enum Own {
-    /// A row's step, along these vectors.
+    /// Coordinates of a row's step along these vectors.
     Step(Vec<Point3>),
-    /// Shifts of a circle's axis along two vectors, its tilt where members have no axis, and its
-    /// angle where it is open.
+    /// Shifts of a circle's axis along two vectors, its tilt if members have no axis, and its angle
+    /// if it is open.
     Circle { is_tilted: bool, is_open: bool },
 }
 
@@ -73,7 +73,7 @@ impl Own {
 }
 
 impl Chain {
-    /// From a place on by steps, not fitted yet.
+    /// Builds a row from its first two places, not fitted yet.
     pub(super) fn row(sites: &Sites<'_>, members: Vec<usize>) -> Self {
         Self {
             first: *sites.surface(members[0]),
@@ -85,12 +85,13 @@ impl Chain {
         }
     }
 
-    /// The distance from a member to the next.
+    /// Returns the distance from a member to the next.
     pub(super) fn pitch(&self, sites: &Sites<'_>) -> f64 {
         norm(sites.way(self.members[0], self.members[1]))
     }
 
-    /// Whether it is on the line of another row, or all of it on another circle.
+    /// Returns true if the row is on the line of another row, or all of the circle on another
+    /// circle.
     pub(super) fn is_part_of(&self, other: &Self) -> bool {
         let shared = self.members.iter().filter(|m| other.members.contains(m));
         let most = match self.circle {
@@ -100,7 +101,7 @@ impl Chain {
         self.circle.is_some() == other.circle.is_some() && shared.count() >= most
     }
 
-    /// The surface and the circle for common parameters.
+    /// Returns the first surface, the step and the circle for common parameters.
     fn moved(&self, own: &Own, theta: &[f64]) -> (Surface, Point3, Option<Circle>) {
         let n = self.first.kind.parameters();
         let mut step = [0.0; MOST];
@@ -136,13 +137,13 @@ impl Chain {
         }
     }
 
-    /// Where the member `k` is expected.
+    /// Returns the predicted surface of the member `k`.
     fn expected(&self, own: &Own, theta: &[f64], k: f64) -> Surface {
         let (first, step, circle) = self.moved(own, theta);
         moved_on(&first, step, circle.as_ref(), k)
     }
 
-    /// Where the pattern goes on after `k` steps from the first.
+    /// Returns the surface predicted `k` steps after the first.
     pub(super) fn next(&self, k: f64) -> Surface {
         moved_on(&self.first, self.step, self.circle.as_ref(), k)
     }
@@ -170,7 +171,8 @@ impl Chain {
         all
     }
 
-    /// By how much the circle's axis differs from an entity's, in the parameters of that.
+    /// Returns the difference of the circle's axis from an entity's, in the parameters of the
+    /// entity.
     fn axis_off(&self, own: &Own, theta: &[f64], surface: &Surface) -> Row {
         let Some(circle) = self.moved(own, theta).2 else {
             return [0.0; MOST];
@@ -184,12 +186,12 @@ impl Chain {
         difference(&axis, &line)
     }
 
-    /// The chain with the parameters that fit best, if it holds.
+    /// Returns the chain with the parameters that fit best, if it is consistent.
     pub(super) fn fitted(&self, sites: &Sites<'_>) -> Option<Self> {
         let own = Own::of(&self.first, self.circle.as_ref());
         let n = self.first.kind.parameters();
         let free = match self.first.kind {
-            // Where the cone begins along its axis is not asked.
+            // The position of a cone along its axis is ignored.
             Kind::Cone => 4,
             _ => MOST,
         };
@@ -214,7 +216,7 @@ impl Chain {
         Some(chain)
     }
 
-    /// How far a member's place is off at most.
+    /// Returns the largest distance of a member from its predicted place.
     fn largest(&self, sites: &Sites<'_>) -> f64 {
         let off = |(k, place): (usize, &usize)| {
             let of = sites.entities(*place);
@@ -224,7 +226,8 @@ impl Chain {
         self.members.iter().enumerate().map(off).fold(0.0, f64::max)
     }
 
-    /// Standard deviations of spacing, or of radius and angle, from the covariance of the fit.
+    /// Returns the standard deviations of spacing, or of radius and angle, from the covariance of
+    /// the fit.
     fn deviations(&self, own: &Own, fit: &Fitted, free: usize) -> [f64; 2] {
         let m = fit.theta.len();
         let sizes = |theta: &[f64]| -> [f64; 2] {
@@ -255,7 +258,7 @@ impl Chain {
     }
 }
 
-/// Which parameters of an entity tell its axis.
+/// Returns the indices of the parameters that determine an entity's axis.
 fn axis_of(kind: Kind) -> &'static [usize] {
     if kind == Kind::Torus {
         &[0, 1]
@@ -264,7 +267,7 @@ fn axis_of(kind: Kind) -> &'static [usize] {
     }
 }
 
-/// θ with a 0 for the parameter that is not asked.
+/// Returns θ with a 0 inserted for the parameter that is ignored.
 fn with(theta: &[f64], free: usize) -> Vec<f64> {
     let mut all = theta.to_vec();
     if free < MOST {
@@ -281,12 +284,12 @@ fn without(of: Observation<'_>, free: usize) -> Observation<'_> {
     }
 }
 
-/// From the foot on the axis to the point.
+/// Returns the vector from the projection of a point onto the axis to the point.
 fn away(line: &Surface, p: Point3) -> Point3 {
     sub(p, line.about(p).place)
 }
 
-/// The surface `k` steps on.
+/// Returns the surface moved on by `k` steps.
 fn moved_on(first: &Surface, step: Point3, circle: Option<&Circle>, k: f64) -> Surface {
     let mut new = *first;
     match circle {
@@ -303,7 +306,7 @@ fn moved_on(first: &Surface, step: Point3, circle: Option<&Circle>, k: f64) -> S
     new
 }
 
-/// A vector turned about a unit vector.
+/// Returns a vector rotated about a unit vector.
 pub(crate) fn turned(v: Point3, axis: Point3, angle: f64) -> Point3 {
     let (sin, cos) = angle.sin_cos();
     let (along, across) = (dot(v, axis), cross(axis, v));

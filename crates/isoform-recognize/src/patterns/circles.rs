@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 
 /// Neighbours of a place that may be the next on a circle.
 const NEIGHBOURS: usize = 24;
-/// Two steps are equal, and the next place is looked for, within this share of the step.
+/// Tolerance of equal steps and of predicted places, as a share of the step.
 const OFF: f64 = 0.05;
 /// The least angle from a member to the next: less is a row.
 const LEAST: f64 = 0.03;
@@ -18,10 +18,10 @@ const LEAST: f64 = 0.03;
 const MOST: f64 = TAU / 3.0 + OFF;
 /// An arc has this many members; one about the axis of another kind of entity three.
 const ARC: usize = 4;
-/// A circle closes where its angle is a full turn over the members within this share of it.
+/// Tolerance of the angle of a closed circle, as a share of a full turn over the members.
 const CLOSE: f64 = 0.02;
 
-/// The longest circles and arcs from each three places; `rows` are known.
+/// Returns the longest circles and arcs from each three places; `rows` are known.
 pub(super) fn circles(sites: &Sites<'_>, rows: &[Chain]) -> Vec<Chain> {
     if sites.count() < 3 || sites.surface(0).kind == Kind::Plane {
         return Vec::new();
@@ -49,7 +49,7 @@ pub(super) fn circles(sites: &Sites<'_>, rows: &[Chain]) -> Vec<Chain> {
     found
 }
 
-/// All neighbouring threes of a circle, both ways round.
+/// Records all consecutive triples of a circle, in both directions.
 fn remember(circle: &Chain, known: &mut BTreeSet<[usize; 3]>) {
     let mut of = circle.members.clone();
     if circle.circle.is_some_and(|c| c.is_closed) {
@@ -61,7 +61,7 @@ fn remember(circle: &Chain, known: &mut BTreeSet<[usize; 3]>) {
     }
 }
 
-/// The circle through three places, with all others on it that follow.
+/// Returns the circle through three places, extended as far as it goes.
 fn longest(sites: &Sites<'_>, three: [usize; 3]) -> Option<Chain> {
     let circle = through(sites, three)?;
     let mut chain = Chain::row(sites, three.to_vec());
@@ -88,7 +88,7 @@ fn longest(sites: &Sites<'_>, three: [usize; 3]) -> Option<Chain> {
     is_told.then_some(chain)
 }
 
-/// The circle through three places of which the second is as far from the first as from the third.
+/// Returns the circle through three places of which the second is equally far from the other two.
 fn through(sites: &Sites<'_>, [i, j, k]: [usize; 3]) -> Option<Circle> {
     let (p, q) = (sites.way(j, i), sites.way(j, k));
     let (a, b) = (norm(p), norm(q));
@@ -118,8 +118,8 @@ fn through(sites: &Sites<'_>, [i, j, k]: [usize; 3]) -> Option<Circle> {
     })
 }
 
-/// Whether three places are a circle, or there is a fourth, or a known axis: of most threes nothing
-/// comes.
+/// Returns true if three places are a closed circle, a fourth one follows, or the axis is known:
+/// most triples lead to nothing.
 fn is_promising(sites: &Sites<'_>, chain: &Chain) -> bool {
     let Some(circle) = chain.circle else {
         return false;
@@ -131,7 +131,7 @@ fn is_promising(sites: &Sites<'_>, chain: &Chain) -> bool {
         || !axes(sites, &circle, norm(chain.step)).is_empty()
 }
 
-/// The place where a circle goes on.
+/// Returns the place where a circle continues.
 fn next(sites: &Sites<'_>, chain: &Chain) -> Option<usize> {
     let n = chain.members.len();
     let last = chain.members[n - 1];
@@ -149,7 +149,7 @@ fn grown(sites: &Sites<'_>, chain: &Chain) -> Option<Chain> {
     longer.fitted(sites)
 }
 
-/// The circle from its other end.
+/// Returns the circle started from its other end.
 fn turned_round(sites: &Sites<'_>, chain: &Chain) -> Chain {
     let mut members = chain.members.clone();
     members.reverse();
@@ -161,7 +161,8 @@ fn turned_round(sites: &Sites<'_>, chain: &Chain) -> Chain {
     new
 }
 
-/// The circle with the full turn over its members as its angle, from the first entity on.
+/// Returns the circle closed: its angle is a full turn over its members, and it starts at the
+/// entity of the smallest index.
 fn closed(sites: &Sites<'_>, chain: &Chain) -> Option<Chain> {
     let mut circle = chain.circle?;
     let n = chain.members.len();
@@ -179,7 +180,7 @@ fn closed(sites: &Sites<'_>, chain: &Chain) -> Option<Chain> {
     new.fitted(sites)
 }
 
-/// Entities whose axes pass near the circle's, those with most points first.
+/// Returns the entities whose axes pass near the circle's, those with most points first.
 fn axes(sites: &Sites<'_>, circle: &Circle, step: f64) -> Vec<usize> {
     let near = |i: &usize| {
         let s = &sites.known[*i].surface;
@@ -193,7 +194,7 @@ fn axes(sites: &Sites<'_>, circle: &Circle, step: f64) -> Vec<usize> {
     (0..sites.known.len()).filter(near).collect()
 }
 
-/// The circle about an entity's axis, if one is that.
+/// Returns the circle about an entity's axis; `None` if it fits no entity's.
 fn with_axis(sites: &Sites<'_>, chain: &Chain) -> Option<Chain> {
     let circle = chain.circle?;
     let step: Point3 = chain.step;

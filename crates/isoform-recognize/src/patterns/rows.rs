@@ -12,7 +12,7 @@ const OFF: f64 = 0.05;
 /// The fewest members.
 const FEWEST: usize = 3;
 
-/// The longest rows from each pair of places.
+/// Returns the longest rows from each pair of places.
 pub(super) fn rows(sites: &Sites<'_>) -> Vec<Chain> {
     let mut found = Vec::new();
     let mut known = BTreeSet::new();
@@ -33,7 +33,7 @@ pub(super) fn rows(sites: &Sites<'_>) -> Vec<Chain> {
     found
 }
 
-/// The row that goes on both ways from two places.
+/// Returns the row extended both ways from two places.
 fn longest(sites: &Sites<'_>, i: usize, j: usize) -> Option<Chain> {
     let mut row = Chain::row(sites, vec![i, j]);
     while let Some(longer) = grown(sites, &row) {
@@ -47,14 +47,14 @@ fn longest(sites: &Sites<'_>, i: usize, j: usize) -> Option<Chain> {
     if row.members.len() < FEWEST {
         return None;
     }
-    // One way for either start: from the smaller number at the ends.
+    // The direction is that from the end of the smaller index, for either start.
     if row.members.first() > row.members.last() {
         row.members.reverse();
     }
     Chain::row(sites, row.members).fitted(sites)
 }
 
-/// The row with the next member, if all hold.
+/// Returns the row with the next member, if the fit is consistent.
 fn grown(sites: &Sites<'_>, row: &Chain) -> Option<Chain> {
     let n = row.members.len();
     let (before, last) = (row.members[n - 2], row.members[n - 1]);

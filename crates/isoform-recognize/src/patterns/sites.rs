@@ -1,4 +1,4 @@
-//! Equal entities, and the places where they are: pieces of one plane or one bore are one place.
+//! Classes of equal entities, and their places: pieces of one plane or one bore share a place.
 
 use crate::chart::{Kind, MOST, Row, Surface};
 use crate::compare::{Whitener, add_covariance, difference, is_angle, limit};
@@ -8,7 +8,8 @@ use isoform_geom::{Point3, UnionFind, dot, norm};
 /// Sizes of equal entities differ by at most this many deviations before all are looked at.
 const WITHIN: f64 = 6.0;
 
-/// The parameters in which members of a pattern are equal: where a cone begins is open.
+/// Returns the parameters in which members of a pattern are equal: the position of a cone along its
+/// axis is ignored.
 pub(super) fn compared(kind: Kind) -> &'static [usize] {
     match kind {
         Kind::Plane => &[0, 1, 2],
@@ -19,7 +20,7 @@ pub(super) fn compared(kind: Kind) -> &'static [usize] {
     }
 }
 
-/// The parameters that are sizes.
+/// Returns the parameters that are sizes.
 fn sizes(kind: Kind) -> &'static [usize] {
     match kind {
         Kind::Plane => &[],
@@ -30,7 +31,7 @@ fn sizes(kind: Kind) -> &'static [usize] {
     }
 }
 
-/// Classes of three or more entities that are equal but for their places.
+/// Returns classes of three or more entities that are equal up to their places.
 pub(super) fn classes(known: &[Known], outward: &[i8], noise: f64) -> Vec<Vec<usize>> {
     let told: Vec<usize> = (0..known.len())
         .filter(|i| outward[*i] != 0 && is_told(&known[*i], noise))
@@ -55,7 +56,7 @@ pub(super) fn classes(known: &[Known], outward: &[i8], noise: f64) -> Vec<Vec<us
     all.filter(|c| c.len() >= 3).collect()
 }
 
-/// Whether an entity is known well enough to tell a pattern.
+/// Returns true if an entity is known accurately enough to be a member of a pattern.
 fn is_told(known: &Known, noise: f64) -> bool {
     let kind = known.surface.kind;
     compared(kind).iter().all(|k| {
@@ -64,7 +65,8 @@ fn is_told(known: &Known, noise: f64) -> bool {
     })
 }
 
-/// Whether two entities are equal within some deviations, and face alike for `facing` 1.
+/// Returns true if two entities have equal sizes within some deviations and parallel axes, and
+/// their outer sides agree (`facing` is the product of both).
 fn are_equal(a: &Known, b: &Known, facing: i8) -> bool {
     let (s, t) = (&a.surface, &b.surface);
     if s.kind != t.kind {
@@ -90,9 +92,9 @@ fn are_equal(a: &Known, b: &Known, facing: i8) -> bool {
 /// The places of a class.
 pub(super) struct Sites<'a> {
     pub(super) known: &'a [Known],
-    /// The entities of each place, those with most points first.
+    /// Entities of each place, those with most points first.
     places: Vec<Vec<usize>>,
-    /// Of each entity, where it is a member.
+    /// Whitener of each entity of the class; `None` for all others.
     whiteners: Vec<Option<Whitener>>,
 }
 
@@ -125,7 +127,7 @@ impl<'a> Sites<'a> {
         self.places.len()
     }
 
-    /// Whether an entity is of the class.
+    /// Returns true if an entity belongs to the class.
     pub(super) fn has(&self, entity: usize) -> bool {
         self.whiteners[entity].is_some()
     }
@@ -144,12 +146,13 @@ impl<'a> Sites<'a> {
             .expect("entities of a class have one")
     }
 
-    /// The way from one place to another, as far as the kind of surface has one.
+    /// Returns the vector from one place to another, in the directions in which the kind of surface
+    /// has a position.
     pub(super) fn way(&self, from: usize, to: usize) -> Point3 {
         way(self.surface(from), self.surface(to))
     }
 
-    /// The place nearest to where this way leads, within `off`.
+    /// Returns the place nearest to the end of a vector from another place, within `off`.
     pub(super) fn at(&self, from: usize, way: Point3, off: f64) -> Option<usize> {
         let distance = |k: &usize| {
             let there = self.way(from, *k);
@@ -160,7 +163,7 @@ impl<'a> Sites<'a> {
         near.min_by(|a, b| a.0.total_cmp(&b.0)).map(|n| n.1)
     }
 
-    /// The places nearest to one, at most `most`.
+    /// Returns the places nearest to one, at most `most`.
     pub(super) fn near(&self, from: usize, most: usize) -> Vec<usize> {
         let mut others: Vec<usize> = (0..self.count()).filter(|k| *k != from).collect();
         others.sort_by(|a, b| {
@@ -172,7 +175,7 @@ impl<'a> Sites<'a> {
     }
 }
 
-/// The way from a surface to an equal one.
+/// Returns the vector from a surface to an equal one.
 pub(super) fn way(from: &Surface, to: &Surface) -> Point3 {
     let off = difference(from, to);
     let [e, f] = from.frame();
@@ -190,8 +193,8 @@ fn rounded(covariance: &[Row; MOST]) -> [Row; MOST] {
     sum
 }
 
-/// Whether two entities are pieces of one surface within the uncertainty; equal tori and spheres
-/// are two entities only where they are two.
+/// Returns true if two entities are pieces of one surface within the uncertainty. Equal tori and
+/// spheres at one position are one entity.
 fn are_one(a: &Known, b: &Known) -> bool {
     let which = compared(a.surface.kind);
     let mut sum = rounded(&a.covariance);

@@ -1,4 +1,4 @@
-//! Plane points in order along the curves on which they lie.
+//! Chains: plane points ordered along the curves on which they lie.
 
 use super::moments::Moments;
 use super::{Curve, Place, inner, minus, norm};
@@ -19,14 +19,14 @@ const OCCUPIED: f64 = 2.0;
 const FILLED: f64 = 6.0;
 /// By how much cells grow until they are filled.
 const WIDEN: f64 = 1.3;
-/// Cells this many widths apart are neighbours.
+/// Maximum distance between adjacent cells, in widths of a cell.
 const LINKED: f64 = 2.5;
 /// A chain of cells is at least this many widths long: shorter ones are twigs of noise.
 const CHAIN: f64 = 4.0;
 /// Points farther from their chain, in deviations, are left out.
 const OFF: f64 = 4.0;
 
-/// A point of a chain: how far along it, and its number.
+/// A point of a chain: its arc length, and its index.
 pub(super) type Link = (f64, u32);
 
 /// A cell of points.
@@ -34,19 +34,19 @@ pub(super) type Link = (f64, u32);
 struct Node {
     at: Place,
     count: f64,
-    /// The unit direction of the curve.
+    /// Unit direction of the curve.
     along: Place,
 }
 
 /// A node of a chain.
 struct Stop {
     chain: usize,
-    /// How far along it.
+    /// Arc length along the chain.
     at: f64,
     node: Node,
 }
 
-/// The points in order along the curves on which they lie.
+/// Returns the points ordered along the curves on which they lie.
 pub(super) fn chains(points: &[Place], noise: f64) -> Vec<Vec<Link>> {
     let Some((mut nodes, width)) = gathered(points, noise) else {
         return Vec::new();
@@ -79,7 +79,7 @@ pub(super) fn chains(points: &[Place], noise: f64) -> Vec<Vec<Link>> {
     chains
 }
 
-/// The nodes of a path, directed along it.
+/// Returns the nodes of a path, directed along it.
 fn stops(nodes: &[Node], chain: usize, path: &[u32]) -> Vec<Stop> {
     let at = |k: usize| nodes[path[k] as usize].at;
     let (mut length, mut stops) = (0.0, Vec::with_capacity(path.len()));
@@ -100,13 +100,13 @@ fn stops(nodes: &[Node], chain: usize, path: &[u32]) -> Vec<Stop> {
     stops
 }
 
-/// The means of the points in the cells of a grid, and the width of these.
+/// Returns the means of the points in the cells of a grid, and the width of the cells.
 fn gathered(points: &[Place], noise: f64) -> Option<(Vec<Node>, f64)> {
     if points.is_empty() {
         return None;
     }
     let most = points.len() as f64 / FILLED;
-    // A curve is as long as the diagonal of its box at least.
+    // A curve is at least as long as the diagonal of its box.
     let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
     for p in points {
         for (b, x) in bounds.iter_mut().zip(p) {
@@ -138,7 +138,7 @@ fn gathered(points: &[Place], noise: f64) -> Option<(Vec<Node>, f64)> {
     }
 }
 
-/// The nodes moved onto the lines through what lies about them.
+/// Returns the nodes projected onto local regression lines.
 fn straightened(nodes: &[Node], reach: f64) -> Vec<Node> {
     let mut about: Vec<Moments> = nodes.iter().map(|n| Moments::of(n.at, n.count)).collect();
     near_pairs(&raised_all(nodes), reach, |i, j, _| {
@@ -163,7 +163,7 @@ fn raised_all(nodes: &[Node]) -> Vec<Point3> {
     nodes.iter().map(|n| raised(n.at)).collect()
 }
 
-/// The long paths in a least spanning tree of nodes.
+/// Returns the long paths in a minimum spanning tree of nodes.
 fn paths(nodes: &[Node], reach: f64, least: f64) -> Vec<Vec<u32>> {
     let mut edges = Vec::new();
     near_pairs(&raised_all(nodes), reach, |i, j, squared| {
@@ -194,7 +194,7 @@ fn paths(nodes: &[Node], reach: f64, least: f64) -> Vec<Vec<u32>> {
             length += l;
         }
         path.iter().for_each(|i| is_used[*i as usize] = true);
-        // What hangs on the path is looked at again, cut off from it.
+        // Branches of the path are searched again, cut off from it.
         for i in &path {
             open.extend(beside[*i as usize].iter().map(|b| b.0));
         }
@@ -205,7 +205,8 @@ fn paths(nodes: &[Node], reach: f64, least: f64) -> Vec<Vec<u32>> {
     paths
 }
 
-/// The node of a tree that is farthest from one, and the way back from each to it.
+/// Returns the node of a tree that is farthest from one, and the predecessor of each on the way to
+/// it.
 fn farthest(
     beside: &[Vec<(u32, f64)>],
     is_used: &[bool],

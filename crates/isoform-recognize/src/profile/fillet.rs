@@ -1,19 +1,20 @@
 //! Fillets in a profile: arcs that touch the lines on both sides.
 //!
-//! In noise a short line follows the middle of an arc nearly as well, and the faces beside it take
-//! its ends. An arc that touches both has one number of its own, a line two.
+//! In noise a short line follows the middle of an arc nearly as well, and the adjacent faces take
+//! its ends. An arc tangent to both has one parameter of its own, a line two.
 
 use super::{Curve, Piece, Place, Price, inner, minus, norm};
 
 /// The least sine of the angle between lines that a fillet joins: 17°. At flatter edges arcs and
 /// lines do not differ.
 const BENT: f64 = 0.3;
-/// Radii that are tried for a fillet, each by this factor larger than the one before, about the one
-/// whose middle lies on the line: the best is then known to 4 %, and the fit in space finds it.
+/// Number of radii larger, and smaller, than that of the arc through the middle of the line that
+/// are tried for a fillet, in a geometric series: the best is known to 4 %, and the fit in space
+/// refines it.
 const RADII: i32 = 12;
 const FACTOR: f64 = 1.08;
 
-/// Replaces lines between two others by fillets, where that describes the points in less.
+/// Replaces lines between two others by fillets if that shortens the description.
 pub(super) fn fill(points: &[Place], price: &Price<'_>, pieces: &mut [Piece]) {
     for k in 1..pieces.len().saturating_sub(1) {
         let three = &mut pieces[k - 1..=k + 1];
@@ -55,24 +56,24 @@ pub(super) fn fill(points: &[Place], price: &Price<'_>, pieces: &mut [Piece]) {
     }
 }
 
-/// Where two lines of a profile meet, and a third that cuts the corner.
+/// Corner of two lines of a profile, cut by a third.
 struct Corner {
     at: Place,
-    /// Unit directions away from the corner along both lines, and how far their points reach.
+    /// Unit directions away from the corner along both lines, and how far their points extend.
     sides: [(Place, f64); 2],
-    /// The unit direction into the angle, and the sine and cosine of half of it.
+    /// Unit direction of the bisector, and the sine and cosine of half the angle.
     inwards: Place,
     sin: f64,
     cos: f64,
-    /// The radius of the arc whose middle lies on the third line.
+    /// Radius of the arc whose middle lies on the third line.
     radius: f64,
 }
 
-/// An arc that touches both lines of a corner.
+/// An arc tangent to both lines of a corner.
 struct Arc {
     center: Place,
     radius: f64,
-    /// How far from the corner it touches.
+    /// Distance of its points of contact from the corner.
     from: f64,
 }
 
@@ -111,8 +112,8 @@ impl Corner {
         let sum = [a[0] + b[0], a[1] + b[1]];
         let (cos, inwards) = (norm(sum) / 2.0, sum.map(|x| x / norm(sum)));
         let sin = (1.0 - cos * cos).max(0.0).sqrt();
-        // Along the middle of the angle the third line lies this far from the corner, an arc of a
-        // radius r lies r / sin - r from it.
+        // Along the bisector the third line lies this far from the corner; an arc of radius r lies
+        // r / sin − r from it.
         let across = [-cut[1], cut[0]];
         let off = inner(minus(middle, at), across) / inner(inwards, across);
         let radius = off / (1.0 / sin - 1.0);
@@ -126,8 +127,8 @@ impl Corner {
         })
     }
 
-    /// The arc whose radius is a multiple of the one on the third line; `None` where it touches
-    /// beyond the points of a side.
+    /// Returns the arc with a multiple of the radius of the one on the third line; `None` if it
+    /// touches a side beyond its points.
     fn arc(&self, factor: f64) -> Option<Arc> {
         let radius = factor * self.radius;
         let far = radius / self.sin;
@@ -140,7 +141,8 @@ impl Corner {
         })
     }
 
-    /// On which of line, arc and line a point lies, and how far from it.
+    /// Returns the index of the piece (line, arc, line) that a point belongs to, and its distance
+    /// from this piece.
     fn place(&self, p: Place, arc: &Arc) -> (usize, f64) {
         let d = minus(p, self.at);
         let [a, b] = self.sides.map(|(along, _)| inner(d, along) - arc.from);
@@ -165,7 +167,8 @@ mod tests {
     use crate::profile::Shape;
     use isoform_num::Random;
 
-    /// Points of two lines along the axes and of the arc of a radius of 1 between them; noise 0.05.
+    /// Returns points of two lines along the axes and of the arc of radius 1 between them; noise
+    /// 0.05.
     fn corner(arc: f64) -> Vec<Place> {
         let mut random = Random::new(3);
         let mut noise = move || 0.05 * (-6.0 + (0..12).map(|_| random.unit()).sum::<f64>());

@@ -1,4 +1,4 @@
-//! Sums over plane points, and the lines and circles that follow from them.
+//! Moments of plane points, and the lines and circles fitted from them.
 
 use super::{Curve, Place, Shape, inner, minus, norm};
 
@@ -38,7 +38,7 @@ impl Moments {
         self.fourth += weight * z * z;
     }
 
-    /// The sums over what lies after another.
+    /// Returns the sums over the points that `other` lacks.
     pub(super) fn less(&self, other: &Self) -> Self {
         Self {
             count: self.count - other.count,
@@ -53,7 +53,7 @@ impl Moments {
         self.first.map(|x| x / self.count)
     }
 
-    /// Σ of the products of what deviates from the means: xx, xy, yy.
+    /// Returns the central second moments Σ xx, xy, yy.
     fn spread(&self) -> [f64; 3] {
         let [x, y] = self.first;
         let [xx, xy, yy] = self.second;
@@ -61,7 +61,7 @@ impl Moments {
         [xx - x * x / n, xy - x * y / n, yy - y * y / n]
     }
 
-    /// The curve of a shape through the points, and Σ of their squared distances.
+    /// Returns the curve of a shape through the points, and the sum of their squared distances.
     pub(super) fn fitted(&self, shape: Shape) -> Option<(Curve, f64)> {
         let [xx, _, yy] = self.spread();
         match shape {
@@ -73,8 +73,8 @@ impl Moments {
         }
     }
 
-    /// Whether a curve is wide enough for the noise, and the points reach along it farther than
-    /// noise across it.
+    /// Returns true if a curve is wide enough for the noise, and the points extend farther along it
+    /// than noise does across it.
     pub(super) fn is_long(&self, curve: &Curve, noise: f64) -> bool {
         let [a, b] = match curve {
             Curve::Line(_, along) => *along,
@@ -98,7 +98,7 @@ impl Moments {
             true => (xy / half, (xx - yy) / (2.0 * half)),
             false => (0.0, 1.0),
         };
-        // The larger of both is a root, from which the other follows: no digits are lost.
+        // The larger component is a root, from which the other follows: this avoids cancellation.
         let root = ((1.0 + cos.abs()) / 2.0).sqrt();
         let other = sin.abs() / (2.0 * root);
         let along = match cos >= 0.0 {
@@ -108,7 +108,7 @@ impl Moments {
         (self.count > 1.0).then(|| (Curve::Line(self.mean(), along), squares.max(0.0)))
     }
 
-    /// Σ of the products of the deviations of z with those of x, y and z.
+    /// Returns the central moments of z with x, y and z.
     fn spread_of_z(&self) -> [f64; 3] {
         let z = self.second[0] + self.second[2];
         let n = self.count;
@@ -119,7 +119,8 @@ impl Moments {
         ]
     }
 
-    /// The circle of least algebraic distance (Kåsa 1976): z = 2ax + 2by + c is linear in a, b, c.
+    /// Returns the circle of least algebraic distance (Kåsa 1976): z = 2ax + 2by + c is linear in
+    /// a, b, c.
     fn circle(&self) -> Option<(Curve, f64)> {
         let ([xx, xy, yy], [zx, zy, zz]) = (self.spread(), self.spread_of_z());
         let d = xx * yy - xy * xy;
@@ -133,7 +134,8 @@ impl Moments {
         self.circle_about([a / 2.0, 0.0], zz - a * zx)
     }
 
-    /// The circle about a centre; `rest` is Σ of the squares of what its equation leaves.
+    /// Returns the circle about a centre; `rest` is the sum of the squared residuals of its
+    /// equation.
     fn circle_about(&self, center: Place, rest: f64) -> Option<(Curve, f64)> {
         let [x, y] = self.mean();
         let z = (self.second[0] + self.second[2]) / self.count;

@@ -1,4 +1,4 @@
-//! Relations as equations, each that follows from others left out.
+//! Relations as independent equations: those implied by others are left out.
 
 use super::STEP;
 use crate::chart::{MOST, Row, Surface};
@@ -8,7 +8,7 @@ use isoform_geom::UnionFind;
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-/// Equations between two entities: some components of what is 0 where a relation holds.
+/// Equations between two entities: some components of the vector that is 0 if a relation holds.
 pub(super) struct Condition {
     pub(super) kind: RelationKind,
     pub(super) entities: [usize; 2],
@@ -24,7 +24,8 @@ impl Condition {
         failure(self.kind, &Frame::of(pair), pair).values[self.rows.clone()].to_vec()
     }
 
-    /// Values and derivatives by the parameters of both, for starts and steps from there.
+    /// Returns values and derivatives by the parameters of both, at the given steps from the
+    /// starts.
     pub(super) fn linearised(
         &self,
         starts: [&Known; 2],
@@ -53,7 +54,7 @@ impl Condition {
     }
 }
 
-/// What entities have in common: a condition makes it one for two of them.
+/// A property that a relation makes common to two entities.
 #[derive(Clone, Copy, PartialEq)]
 enum Shared {
     Direction,
@@ -72,7 +73,7 @@ const SHARED: [Shared; 5] = [
 ];
 
 impl Shared {
-    /// Whether a relation makes it one.
+    /// Returns true if a relation makes this property common.
     fn is_of(self, kind: RelationKind) -> bool {
         use RelationKind::{Coaxial, Concentric, Coplanar, EqualRadius, Parallel};
         match self {
@@ -84,7 +85,7 @@ impl Shared {
         }
     }
 
-    /// The relation and its components that say so.
+    /// Returns the relation, and its components, that state that the property is common.
     fn equations(self) -> (RelationKind, Range<usize>) {
         match self {
             Self::Direction => (RelationKind::Parallel, 0..2),
@@ -102,8 +103,8 @@ impl Shared {
     }
 }
 
-/// The fewest conditions from which all relations follow: a spanning forest of each thing shared,
-/// and one right angle for two classes of directions.
+/// Returns a minimal set of conditions that implies all relations: a spanning forest for each
+/// shared property, and one right angle for two classes of directions.
 pub(super) fn conditions(relations: &[Relation], entities: usize) -> Vec<Condition> {
     let mut found = Vec::new();
     let mut directions = UnionFind::new(entities);
@@ -142,7 +143,7 @@ pub(super) fn conditions(relations: &[Relation], entities: usize) -> Vec<Conditi
     found
 }
 
-/// The relations that go with a condition, and the others.
+/// Splits relations into those that depend on a condition, and the others.
 pub(super) fn split(
     relations: Vec<Relation>,
     conditions: &[Condition],
@@ -151,7 +152,7 @@ pub(super) fn split(
 ) -> (Vec<Relation>, Vec<Relation>) {
     let condition = &conditions[worst];
     let shared = Shared::of(condition).unwrap_or(Shared::Direction);
-    // The classes that are left without the condition.
+    // The classes that remain without the condition.
     let mut sets = UnionFind::new(entities);
     for (k, c) in conditions.iter().enumerate() {
         if k != worst && Shared::of(c) == Some(shared) {

@@ -1,4 +1,4 @@
-//! The linear equations of a step.
+//! Linear equations of a step.
 
 use super::conditions::Condition;
 use super::{CHI_SQUARED, Own};
@@ -8,7 +8,7 @@ use isoform_num::linalg::{cholesky, cholesky_solve};
 /// An equation of which less than this share of the variance is its own follows from others.
 /// Smaller would divide by what curvature leaves of it, larger would take equations for others'.
 const OWN: f64 = 1e-7;
-/// Deviations that rounding causes, in radians and diagonals: each relation allows for them.
+/// Standard deviation of rounding that each relation allows for, in radians and diagonals.
 const ROUNDING: f64 = 1e-8;
 
 /// One equation: the entities, the derivatives by the parameters of both, and its value.
@@ -19,14 +19,15 @@ struct Equation {
     value: f64,
 }
 
-/// The independent equations, scaled to unit variance, with the factor of their correlations.
+/// The independent equations, scaled to unit variance, with the Cholesky factor of their
+/// correlations.
 pub(super) struct System {
     equations: Vec<Equation>,
     correlations: Vec<f64>,
     factor: Vec<f64>,
 }
 
-/// W with the rounding that relations allow for, times a vector.
+/// Returns the product of a vector with W, to which the rounding that relations allow for is added.
 fn weighted(own: &Own, row: &Row) -> Row {
     let n = own.known.surface.kind.parameters();
     std::array::from_fn(|i| {
@@ -91,7 +92,7 @@ impl System {
         self.equations.len()
     }
 
-    /// λ, and the step of each entity, for the gradients of the sums of squares.
+    /// Returns λ and the step of each entity, for the gradients of the sums of squares.
     pub(super) fn step(&self, owns: &[Own], gradients: &[Row]) -> (Vec<f64>, Vec<Row>) {
         let free: Vec<Row> = owns
             .iter()
@@ -117,7 +118,7 @@ impl System {
         (lambda, steps)
     }
 
-    /// The condition that raises the sum of squares most beyond what χ² allows.
+    /// Returns the condition that raises the sum of squares the most beyond what χ² allows.
     pub(super) fn contradiction(&self, lambda: &[f64]) -> Option<usize> {
         let (mut worst, mut first) = (None, 0);
         while first < self.rank() {
@@ -133,7 +134,7 @@ impl System {
         worst.map(|w| w.1)
     }
 
-    /// By how much the sum of squares falls without some equations: λᵀ (A⁻¹)⁻¹ λ over them.
+    /// Returns the decrease of the sum of squares without some equations: λᵀ (A⁻¹)⁻¹ λ over them.
     fn gain(&self, lambda: &[f64], first: usize, count: usize) -> f64 {
         let n = self.rank();
         let l = &lambda[first..first + count];
@@ -142,7 +143,7 @@ impl System {
                 .map(|k| l[k / count] * a(k / count, k % count) * l[k % count])
                 .sum()
         };
-        // It is at most this: of most conditions the inverse is not needed.
+        // This is an upper bound: for most conditions the inverse is not needed.
         let bound = square(&|i, j| self.correlations[(first + i) * n + first + j]);
         if bound <= CHI_SQUARED[count - 1] {
             return bound;
@@ -162,7 +163,7 @@ impl System {
         x.iter().zip(l).map(|(a, b)| a * b).sum()
     }
 
-    /// The covariances of the entities under the equations: P W Pᵀ.
+    /// Returns the covariances of the entities under the equations: P W Pᵀ.
     pub(super) fn covariances(&self, owns: &[Own]) -> Vec<[Row; MOST]> {
         let mut touching = vec![Vec::new(); owns.len()];
         for (k, e) in self.equations.iter().enumerate() {
@@ -174,7 +175,8 @@ impl System {
             .collect()
     }
 
-    /// W − (G W)ᵀ (G W Gᵀ)⁻¹ G W of one entity that these equations (and sides of them) touch.
+    /// Returns W − (G W)ᵀ (G W Gᵀ)⁻¹ G W of one entity; `touching` lists the equations, and their
+    /// sides, that involve it.
     fn covariance(&self, own: &Own, touching: &[(usize, usize)]) -> [Row; MOST] {
         let mut covariance = own.known.covariance;
         let n = own.known.surface.kind.parameters();
@@ -203,7 +205,7 @@ impl System {
     }
 }
 
-/// G W Gᵀ of scaled equations.
+/// Returns G W Gᵀ of scaled equations.
 fn correlations(owns: &[Own], equations: &[Equation]) -> Vec<f64> {
     let n = equations.len();
     let mut touching = vec![Vec::new(); owns.len()];
@@ -222,7 +224,7 @@ fn correlations(owns: &[Own], equations: &[Equation]) -> Vec<f64> {
     matrix
 }
 
-/// The equations that do not follow from those before them.
+/// Returns the equations that are independent of those before them.
 fn independent(correlations: &[f64], n: usize) -> Vec<usize> {
     let mut kept: Vec<usize> = Vec::new();
     let mut factor: Vec<Vec<f64>> = Vec::new();

@@ -1,10 +1,10 @@
-//! Planes and axes that may be those of symmetries.
+//! Candidates for planes and axes of symmetries.
 
 use crate::chart::{Kind, Surface, unit};
 use crate::entity::{Layout, Pattern};
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
-/// Two directions are parallel, or two places one, below this, in radians and diagonals.
+/// Tolerance for parallel directions, and for coincident places, in radians and diagonals.
 const SAME: f64 = 0.02;
 
 fn plane(place: Point3, normal: Point3) -> Surface {
@@ -22,8 +22,8 @@ fn middle(a: Point3, b: Point3) -> Point3 {
     std::array::from_fn(|k| (a[k] + b[k]) / 2.0)
 }
 
-/// Planes that map one of two surfaces to the other, or each to itself, of all pairs with one of
-/// the first `most`.
+/// Returns planes that exchange two surfaces, or keep each, over all pairs with one of the first
+/// `most`.
 pub(super) fn mirrors(surfaces: &[Surface], most: usize) -> Vec<Surface> {
     let mut found = Vec::new();
     for (i, a) in surfaces.iter().enumerate().take(most) {
@@ -39,7 +39,7 @@ pub(super) fn mirrors(surfaces: &[Surface], most: usize) -> Vec<Surface> {
     distinct(found)
 }
 
-/// Planes in which the images of two surfaces are one another.
+/// Adds the planes whose reflections exchange two surfaces.
 fn exchanging(a: &Surface, b: &Surface, found: &mut Vec<Surface>) {
     let way = sub(b.place, a.place);
     match a.kind {
@@ -70,7 +70,7 @@ fn exchanging_axes(a: &Surface, b: &Surface, found: &mut Vec<Surface>) {
             found.push(plane(at, across));
         }
         if along.abs() > SAME {
-            // Of two pieces or ends along their axes.
+            // Exchanges two pieces, or ends, along their common axis.
             found.push(plane(apart(a, b), a.axis));
         }
     } else {
@@ -80,7 +80,7 @@ fn exchanging_axes(a: &Surface, b: &Surface, found: &mut Vec<Surface>) {
     }
 }
 
-/// The middle of what tells where two surfaces are along their axes: apexes of cones.
+/// Returns the middle of the points that fix two surfaces along their axes: apexes of cones.
 fn apart(a: &Surface, b: &Surface) -> Point3 {
     let of = |s: &Surface| {
         if s.kind == Kind::Cone {
@@ -92,7 +92,7 @@ fn apart(a: &Surface, b: &Surface) -> Point3 {
     middle(of(a), of(b))
 }
 
-/// Planes through the axis of one of two surfaces that keep the other.
+/// Adds the planes through the axis of one of two surfaces that keep the other.
 fn keeping(a: &Surface, b: &Surface, found: &mut Vec<Surface>) {
     for (s, t) in [(a, b), (b, a)] {
         if s.kind <= Kind::Sphere {
@@ -116,7 +116,7 @@ fn keeping(a: &Surface, b: &Surface, found: &mut Vec<Surface>) {
     }
 }
 
-/// A point on both of two planes, nearest to the first one's place.
+/// Returns a point on both of two planes, nearest to the first one's reference point.
 fn common(a: &Surface, b: &Surface) -> Option<Point3> {
     let along = cross(a.axis, b.axis);
     let inwards = cross(along, a.axis);
@@ -126,13 +126,13 @@ fn common(a: &Surface, b: &Surface) -> Option<Point3> {
     at.iter().all(|x| x.is_finite()).then_some(at)
 }
 
-/// The axes of the first `most` surfaces that have one.
+/// Returns the axes of the first `most` surfaces that have one.
 pub(super) fn lines_of_surfaces(surfaces: &[Surface], most: usize) -> Vec<Surface> {
     let with = surfaces.iter().filter(|s| s.kind > Kind::Sphere);
     distinct(with.take(most).map(|s| line(s.place, s.axis)).collect())
 }
 
-/// The axes of circular patterns, which are in units of `unit` about `origin`.
+/// Returns the axes of circular patterns, which are in units of `unit` about `origin`.
 pub(super) fn lines_of_patterns(patterns: &[Pattern], unit: f64, origin: Point3) -> Vec<Surface> {
     let of = |p: &Pattern| match p.layout {
         Layout::Circle { center, axis, .. } => {
@@ -144,7 +144,7 @@ pub(super) fn lines_of_patterns(patterns: &[Pattern], unit: f64, origin: Point3)
     distinct(patterns.iter().filter_map(of).collect())
 }
 
-/// The lines where two planes meet.
+/// Returns the lines of intersection of pairs of planes.
 pub(super) fn lines_of_mirrors(planes: &[Surface]) -> Vec<Surface> {
     let mut found = Vec::new();
     for (i, a) in planes.iter().enumerate() {
@@ -160,7 +160,7 @@ pub(super) fn lines_of_mirrors(planes: &[Surface]) -> Vec<Surface> {
     distinct(found)
 }
 
-/// Planes or lines that are not nearly one before: a tenth of [`SAME`] apart.
+/// Returns planes or lines without near duplicates: within a tenth of [`SAME`].
 fn distinct(all: Vec<Surface>) -> Vec<Surface> {
     let mut found: Vec<Surface> = Vec::new();
     for s in all {

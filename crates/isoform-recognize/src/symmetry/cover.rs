@@ -1,11 +1,11 @@
-//! Whether there are points where the images of points are.
+//! Test whether images of points are near points.
 
 use super::motion::Motion;
 use crate::cloud::thinned;
 use isoform_geom::{KdTree, Point3};
 use rayon::prelude::*;
 
-/// So many points of an entity are looked at, and kept to look among.
+/// Maximum number of points kept of an entity, among which neighbours are sought.
 const LOOKED: usize = 64;
 const KEPT: usize = 4000;
 /// A place is covered where a point is within this many spacings.
@@ -13,11 +13,11 @@ const NEAR: f64 = 4.0;
 /// The share of places that are covered: at corners there may be none.
 const COVERED: f64 = 0.85;
 
-/// The points of each entity.
+/// Points of each entity.
 pub(super) struct Cover {
     places: Vec<Vec<Point3>>,
     trees: Vec<KdTree>,
-    /// The square of the distance within which points are near.
+    /// Squared distance within which points are near, by entity.
     near: Vec<f64>,
 }
 
@@ -36,7 +36,7 @@ impl Cover {
         }
     }
 
-    /// Whether the image of one entity's points is where the other has points.
+    /// Returns true if the images of one entity's points are near points of the other.
     pub(super) fn holds(&self, motion: &Motion, from: usize, to: usize) -> bool {
         let is_near = |p: &&Point3| {
             let nearest = self.trees[to].nearest(motion.point(**p));
@@ -47,7 +47,7 @@ impl Cover {
     }
 }
 
-/// The square of the distance from a point to its nearest, in the median.
+/// Returns the median of the squared distance from a point to the nearest other.
 fn spacing(points: &[Point3], tree: &KdTree) -> f64 {
     let mut found = Vec::new();
     let mut squares: Vec<f64> = thinned(points.len(), KEPT / 4)

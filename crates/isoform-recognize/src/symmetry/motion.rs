@@ -1,15 +1,15 @@
-//! Mirrors and rotations of surfaces.
+//! Reflections and rotations of surfaces.
 
 use crate::chart::{Kind, MOST, Surface};
 use crate::patterns::turned;
 use isoform_geom::{Point3, dot, norm, sub};
 
-/// A mirror in a plane, or a turn about the axis of a cylinder whose size says nothing.
+/// A reflection in a plane, or a rotation about the axis of a cylinder of unspecified radius.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {
     pub(super) element: Surface,
     angle: f64,
-    /// Into how many a full turn is divided.
+    /// Order of the rotation.
     pub(super) order: Option<u32>,
 }
 
@@ -30,7 +30,7 @@ impl Motion {
         }
     }
 
-    /// How many parameters the plane or the axis has.
+    /// Returns the number of parameters of the plane or the axis.
     pub(super) fn freedom(&self) -> usize {
         if self.element.kind == Kind::Plane {
             3
@@ -39,7 +39,7 @@ impl Motion {
         }
     }
 
-    /// With the plane or the axis moved.
+    /// Returns the motion with its plane or axis moved.
     pub(super) fn moved(&self, theta: &[f64]) -> Self {
         let mut step = [0.0; MOST];
         step[..theta.len()].copy_from_slice(theta);
@@ -49,7 +49,7 @@ impl Motion {
         }
     }
 
-    /// The image of a surface.
+    /// Returns the image of a surface.
     pub(super) fn apply(&self, s: &Surface) -> Surface {
         let mut image = *s;
         image.place = self.point(s.place);
@@ -71,7 +71,8 @@ impl Motion {
         turned(v, axis, self.angle)
     }
 
-    /// Whether two planes or two axes are within an angle and a length about the scan's middle.
+    /// Returns true if two planes or two axes are within an angle and a length about the scan's
+    /// middle.
     pub(super) fn is_near(&self, other: &Self, (angle, length): (f64, f64)) -> bool {
         let [a, b] = [&self.element, &other.element].map(|s| s.about([0.0; 3]));
         let off = sub(a.place, b.place);

@@ -1,6 +1,7 @@
-//! On which side of the half spaces the solid lies: places on both sides of the points, and places
-//! all over the box with the generalised winding number of the oriented points (Barill et al., Fast
-//! winding numbers for soups and clouds, ACM Trans. Graphics 37, 2018; here summed directly).
+//! Samples of the solid, and the sides of the half spaces on which they lie: samples on both sides
+//! of the points, and samples throughout the box classified by the generalised winding number of
+//! the oriented points (Barill et al., Fast winding numbers for soups and clouds, ACM Trans.
+//! Graphics 37, 2018; here summed directly).
 
 use super::half::Half;
 use super::solid::{Bits, Cell};
@@ -31,7 +32,7 @@ const CLEAR: f64 = 0.25;
 /// The vector area over the area above which a scan counts as open: a box without one face has a
 /// fifth, one seen from a corner 0.58.
 const OPEN: f64 = 0.3;
-/// Neighbours whose distance tells the area of a point.
+/// Number of neighbours whose distance determines the area of a point.
 const NEIGHBOURS: usize = 8;
 /// Places closer to the points than this many times their spacing are left to those beside points.
 const NEAR: f64 = 2.0;
@@ -40,7 +41,7 @@ const LEAST: f64 = 3.0;
 /// What a place beside a point counts; one elsewhere counts 1.
 const BESIDE_WEIGHT: f64 = 2.0;
 
-/// A place of space.
+/// A sample of space whose side of the solid is known.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     pub(super) at: Point3,
@@ -48,7 +49,7 @@ pub(super) struct Place {
     pub(super) weight: f64,
 }
 
-/// Points with unit normals outwards and the numbers of their half spaces.
+/// Points with outward unit normals and the indices of their half spaces.
 pub(super) struct Oriented<'a> {
     pub(super) points: &'a [Point3],
     pub(super) normals: &'a [Point3],
@@ -56,7 +57,7 @@ pub(super) struct Oriented<'a> {
     pub(super) noise: f64,
 }
 
-/// Places whose side is known.
+/// Returns samples whose side is known.
 pub(super) fn places(
     cloud: &Oriented<'_>,
     halves: &[Half],
@@ -70,17 +71,17 @@ pub(super) fn places(
     Ok(places)
 }
 
-/// A point moved onto the surface of its entity.
+/// A point projected onto the surface of its entity.
 struct Foot {
     own: usize,
     at: Point3,
-    /// The unit normal outwards.
+    /// Outward unit normal.
     normal: Point3,
     /// Distance from the nearest other surface.
     clearance: f64,
 }
 
-/// Places on both sides of points, off all other surfaces.
+/// Returns samples on both sides of points, away from all other surfaces.
 fn beside(cloud: &Oriented<'_>, halves: &[Half], diagonal: f64) -> Vec<Place> {
     let least = (LEAST_OFF * diagonal).max(OFF.1 * cloud.noise);
     let off = least.max(OFF.0 * diagonal);
@@ -129,7 +130,7 @@ fn on_both_sides(foot: &Foot, off: f64) -> [Place; 2] {
     })
 }
 
-/// Returns the area that each point stands for, by the distance of a few neighbours.
+/// Returns the area that each point represents, from the distance of a few neighbours.
 pub(super) fn areas(points: &[Point3], tree: &KdTree) -> Vec<f64> {
     let of = |found: &mut Vec<(f64, u32)>, p: &Point3| {
         tree.nearest_k(*p, NEIGHBOURS + 1, found);
@@ -139,7 +140,7 @@ pub(super) fn areas(points: &[Point3], tree: &KdTree) -> Vec<f64> {
     points.par_iter().map_init(Vec::new, of).collect()
 }
 
-/// Places all over the box, off the points.
+/// Returns samples throughout the box, away from the points.
 fn all_over(cloud: &Oriented<'_>, bounds: &Aabb) -> Vec<Place> {
     let some: Vec<usize> = thinned(cloud.points.len(), DIPOLES).collect();
     let points: Vec<Point3> = some.iter().map(|i| cloud.points[*i]).collect();
@@ -147,8 +148,8 @@ fn all_over(cloud: &Oriented<'_>, bounds: &Aabb) -> Vec<Place> {
     let areas = areas(&points, &tree);
     let all: f64 = areas.iter().sum();
     let spacing = (all / areas.len().max(1) as f64).sqrt();
-    // The vector area of a closed surface is zero; where much is missing, winding numbers between
-    // the points tell nothing.
+    // The vector area of a closed surface is zero; if much is missing, winding numbers between the
+    // points are meaningless.
     let vector: Point3 = std::array::from_fn(|k| {
         let of = some
             .iter()
@@ -189,13 +190,13 @@ fn all_over(cloud: &Oriented<'_>, bounds: &Aabb) -> Vec<Place> {
     at.into_par_iter().filter_map(place).collect()
 }
 
-/// The corners of the box in which places are taken.
+/// Returns the corners of the box in which samples are taken.
 fn widened(bounds: &Aabb) -> [Point3; 2] {
     let more = MARGIN * bounds.diagonal();
     [bounds.lo.map(|x| x - more), bounds.hi.map(|x| x + more)]
 }
 
-/// The sides of each place.
+/// Returns the half spaces that contain each sample.
 pub(super) fn sides(halves: &[Half], places: &[Place]) -> Vec<Bits> {
     let of = |place: &Place| {
         let add = |bits: Bits, (k, h): (usize, &Half)| bits | bit(h, k, place);
@@ -204,15 +205,15 @@ pub(super) fn sides(halves: &[Half], places: &[Place]) -> Vec<Bits> {
     places.par_iter().map(of).collect()
 }
 
-/// The bit of half space `k`, if it holds a place.
+/// Returns the bit of half space `k` if it contains a sample, else 0.
 pub(super) fn bit(half: &Half, k: usize, place: &Place) -> Bits {
     Bits::from(half.value(place.at) > 0.0) << k
 }
 
-/// The weight of the places in a cell, outside and inside.
+/// Weight of the samples in each cell, outside and inside.
 type Votes = BTreeMap<Bits, [f64; 2]>;
 
-/// The weight by cell of places with their sides.
+/// Sums the weights of samples by cell.
 pub(super) fn votes(sides: &[Bits], places: &[Place]) -> Votes {
     let mut votes = Votes::new();
     for (place, bits) in places.iter().zip(sides) {
@@ -221,7 +222,7 @@ pub(super) fn votes(sides: &[Bits], places: &[Place]) -> Votes {
     votes
 }
 
-/// The cells of which enough is known.
+/// Returns the cells whose side is known with enough weight.
 pub(super) fn cells(votes: &Votes) -> Vec<Cell> {
     let cell = |(bits, [outside, inside]): (&Bits, &[f64; 2])| {
         let weight = inside.max(*outside);
@@ -234,9 +235,9 @@ pub(super) fn cells(votes: &Votes) -> Vec<Cell> {
     votes.iter().filter_map(cell).collect()
 }
 
-/// By how much cells hold places of both sides: Σ ab/(a + b) with the weights a and b of a cell
-/// (Gini's impurity times the weight), 0 where none does. It falls with each step of several that
-/// part a cell, which the weight of the smaller side alone does not.
+/// Returns the inconsistency of cells that hold samples of both sides: Σ ab/(a + b) with the
+/// weights a and b of a cell (Gini's impurity times the weight), 0 if none does. It falls with each
+/// of several steps that divide a cell, unlike the weight of the smaller side alone.
 pub(super) fn contradiction(votes: &Votes) -> f64 {
     let of = |[a, b]: &[f64; 2]| a * b / (a + b);
     votes.values().map(of).sum()

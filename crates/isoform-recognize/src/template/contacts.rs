@@ -1,7 +1,7 @@
-//! Ties of what touches: a ball or a tube is one radius off the planes that it touches.
+//! Ties from contacts: a ball or a tube is one radius off the planes that it touches.
 //!
-//! A centre is tied to one plane when it gets its parameter. What it touches besides makes further
-//! equations between parameters; each of them takes one parameter away.
+//! A centre is tied to one plane when it gets its parameter. Further planes that it touches give
+//! further equations between parameters, each of which eliminates one parameter.
 
 use super::dimensions::{Dimensions, Linear, Parameter, TIED, Term, WITHIN, sum};
 
@@ -9,8 +9,8 @@ use super::dimensions::{Dimensions, Linear, Parameter, TIED, Term, WITHIN, sum};
 const EXTENTS: [&str; 3] = ["length", "width", "height"];
 
 impl Dimensions<'_> {
-    /// Ties parameters by all contacts of planes with balls and tubes that the ties so far leave
-    /// open, and that hold within the deviations.
+    /// Ties parameters by all contacts of planes with balls and tubes that hold within the
+    /// deviations and are not implied yet.
     pub(super) fn settle_contacts(&mut self) {
         for entity in 0..self.entities.len() {
             for system in 0..self.frame.systems.len() {
@@ -48,7 +48,8 @@ impl Dimensions<'_> {
         }
     }
 
-    /// Ties the parameter that a designer would state last, so that the form vanishes.
+    /// Eliminates from a linear form that must vanish the parameter that a designer would state
+    /// last.
     fn eliminate(&mut self, form: &Linear) {
         let is_open = |p: &Parameter| !p.is_fixed && !EXTENTS.contains(&p.name.as_str());
         let open = form.iter().filter(|(k, _)| is_open(&self.parameters[*k]));

@@ -1,25 +1,26 @@
-//! The corners that blends round: what a blend takes away from a sharp convex edge, or adds to a
+//! Corners of blends: the material that a blend removes from a sharp convex edge, or adds to a
 //! sharp concave one.
 //!
-//! A ball that rolls along an edge touches its faces on rays from its centre. What lies between
-//! these rays and outside of the ball is the sliver between the blend and the sharp edge, with what
-//! is beyond the faces. It is one region for each blend, which no half spaces of the other entities
-//! need to cut out. It does not end at the faces: two regions that end on one plane leave a sheet
-//! there.
+//! A ball that rolls along an edge touches its faces on rays from its centre. The region between
+//! these rays and outside the ball is the sliver between the blend and the sharp edge, extended
+//! beyond the faces. It is one region for each blend, and half spaces of the other entities need
+//! not bound it. It does not end at the faces: two regions that end on one plane would leave a
+//! sheet there.
 
 use super::frame::Frame;
 use crate::chart::{Kind, Surface};
 use crate::entity::Blend;
 use isoform_geom::{Point3, dot};
 
-/// A touched surface is off the blend's radius by at most this share of it.
+/// Maximum deviation of the distance of a touched surface from the blend's radius, as a share of
+/// the radius.
 const OFF: f64 = 0.05;
 
 /// A half space that bounds a corner.
 #[derive(Clone, Debug)]
 pub(super) struct Wall {
     surface: Surface,
-    /// 1 where it lies on the side of the surface's normal, −1 on the other.
+    /// 1 if the half space lies on the side of the surface's normal, −1 if on the other.
     sign: f64,
     pub(super) role: Role,
 }
@@ -27,14 +28,14 @@ pub(super) struct Wall {
 /// The role of a wall in the template.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Role {
-    /// Beyond the centre of a blend (its number) along an axis of a system, upwards or downwards.
+    /// Beyond the centre of a blend (its index) along an axis of a system, upwards if true.
     Beyond(usize, [usize; 2], bool),
-    /// Beyond the circle of a torus, outwards or inwards.
+    /// Beyond the circle of a torus, outwards if true.
     Around(bool),
 }
 
 impl Wall {
-    /// The distance from its surface, positive inside.
+    /// Returns the distance from the surface, positive inside the half space.
     pub(super) fn value(&self, p: Point3) -> f64 {
         self.sign * self.surface.distance(p)
     }
@@ -47,7 +48,7 @@ impl Wall {
         }
     }
 
-    /// The outside or inside of the cylinder through the circle of a torus.
+    /// Returns the outside or inside of the cylinder through the circle of a torus.
     fn around(torus: &Surface, is_outside: bool) -> Self {
         Self {
             surface: Surface {
@@ -60,8 +61,8 @@ impl Wall {
     }
 }
 
-/// The walls of the corner that a blend rounds; `None` where what it touches is not along the axes
-/// of one system of coordinates.
+/// Returns the walls of the corner that a blend rounds; `None` if the surfaces that it touches are
+/// not along the axes of one system of coordinates.
 pub(super) fn walls(blend: &Blend, blends: &[Blend], frame: &Frame) -> Option<Vec<Wall>> {
     let corner = Corner {
         blend,
@@ -77,7 +78,7 @@ pub(super) fn walls(blend: &Blend, blends: &[Blend], frame: &Frame) -> Option<Ve
     }
 }
 
-/// A blend with what it may touch.
+/// A blend with the entities that it may touch.
 struct Corner<'a> {
     blend: &'a Blend,
     blends: &'a [Blend],
@@ -86,7 +87,8 @@ struct Corner<'a> {
 }
 
 impl Corner<'_> {
-    /// The planes that it touches, with their ways: its neighbours, and those of blends next to it.
+    /// Returns the planes that it touches, with their axes: its neighbours, and those of adjacent
+    /// blends.
     fn planes(&self) -> Vec<(usize, [usize; 2])> {
         let of_next = self
             .blends
@@ -105,7 +107,7 @@ impl Corner<'_> {
         all.into_iter().filter(touches).filter_map(along).collect()
     }
 
-    /// The walls between planes along `count` axes of one system.
+    /// Returns the walls between planes along `count` axes of one system.
     fn between_planes(&self, count: usize) -> Option<Vec<Wall>> {
         let planes = self.planes();
         let (system, own) = match self.surface.kind {
@@ -127,7 +129,7 @@ impl Corner<'_> {
         (used.len() == count).then_some(walls)
     }
 
-    /// The wall beyond the centre towards a plane.
+    /// Returns the wall beyond the centre towards a plane.
     fn towards(&self, plane: usize, way: [usize; 2]) -> Wall {
         let row = self.frame.systems[way[0]].rows[way[1]];
         let place = self.frame.surfaces[plane].place;
@@ -136,7 +138,7 @@ impl Corner<'_> {
         Wall::plane(self.surface.place, row, is_up, role)
     }
 
-    /// The walls of a torus between a plane across its axis and a cylinder about it.
+    /// Returns the walls of a torus between a plane across its axis and a cylinder about it.
     fn about_axis(&self) -> Option<Vec<Wall>> {
         let (surfaces, torus) = (&self.frame.surfaces, self.surface);
         let (system, axis) = self.frame.along[self.blend.entity]?;
@@ -160,7 +162,7 @@ impl Corner<'_> {
             Wall::around(torus, is_wider),
             self.towards(plane, [system, axis]),
         ];
-        // The edge of a rounded edge ends where that does.
+        // If the cylinder is itself a blend, the region ends where its corner does.
         if let Some(edge) = self.blends.iter().find(|b| b.entity == cylinder) {
             let of_edge = self::walls(edge, self.blends, self.frame)?;
             walls.extend(of_edge);

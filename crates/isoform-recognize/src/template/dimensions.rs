@@ -1,21 +1,22 @@
-//! The parameters of a template: where its surfaces lie in its own frame, and how large they are.
+//! Parameters of a template: positions of its surfaces in its own frame, and their sizes.
 
 use super::frame::Frame;
 use crate::chart::{Kind, Surface};
 use crate::entity::{Blend, Entity, Recognition, RelationKind};
 use isoform_geom::{UnionFind, cross, dot, norm, sub};
 
-/// Two lengths are one where they differ by at most this many deviations of their difference.
+/// Maximum difference of two lengths that are one, in standard deviations of the difference.
 pub(super) const WITHIN: f64 = 4.0;
-/// The largest such difference, as a share of the diagonal: what is less well known is not tied.
+/// Maximum difference of two lengths that are one, as a share of the diagonal: lengths known less
+/// well are not tied.
 pub(super) const TIED: f64 = 2e-3;
-/// The least deviation, as a share of the diagonal: what rounding leaves.
+/// Minimum standard deviation of a length, as a share of the diagonal: what rounding leaves.
 const ROUNDING: f64 = 1e-7;
-/// Half the range of a position, as a share of the diagonal, and of a size, as a share of it. A
-/// template whose bounds are wider than some 5 % of its size can end in a wrong place; narrower
-/// ones would not hold the next part of the kind.
+/// Half the range of a position, as a share of the diagonal, and of a size, as a share of the size.
+/// A template whose bounds are wider than some 5 % of its size can converge to a wrong minimum;
+/// narrower ones would not contain the next part of the kind.
 const RANGE: (f64, f64) = (0.02, 0.1);
-/// Half the range in deviations at least.
+/// Minimum of half the range of a parameter, in its standard deviations.
 const DEVIATIONS: f64 = 10.0;
 /// Half the range of an angle in radians: 2.9°.
 const TURN: f64 = 0.05;
@@ -23,7 +24,7 @@ const TURN: f64 = 0.05;
 /// their order.
 const APART: f64 = 0.45;
 
-/// What a parameter measures.
+/// The quantity that a parameter measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Measure {
     Length,
@@ -38,21 +39,21 @@ pub(super) struct Parameter {
     pub(super) start: f64,
     pub(super) range: [f64; 2],
     pub(super) about: String,
-    /// Held: nothing in the scan tells it.
+    /// True if the parameter is held because the scan does not determine it.
     pub(super) is_fixed: bool,
-    /// What it follows: a sum of free parameters with factors.
+    /// Sum of free parameters with factors that determines this one; `None` if it is free.
     pub(super) tie: Option<Linear>,
 }
 
-/// Numbers of parameters, each with its factor.
+/// A linear form: indices of parameters, each with its factor.
 pub(super) type Linear = Vec<(usize, f64)>;
 
-/// What stands for a number in the program.
+/// Expression for a coordinate in the program.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Term {
-    /// The frame's own zero.
+    /// The origin of the frame.
     Zero,
-    /// A parameter of this number.
+    /// The parameter of this index.
     Of(usize),
 }
 
@@ -68,40 +69,41 @@ struct Shared {
 
 /// A plane that a ball or a tube touches.
 pub(super) struct Touch {
-    /// Number of the plane's entity.
+    /// Index of the plane's entity.
     pub(super) plane: usize,
-    /// 1 where the centre lies above the plane, −1 where below.
+    /// 1 if the centre lies above the plane, −1 if below.
     pub(super) side: f64,
-    /// Distance of the centre from the plane, less the radius: absolute value.
+    /// |distance of the centre from the plane − radius|.
     off: f64,
-    /// Deviation of that.
+    /// Standard deviation of `off`.
     pub(super) sd: f64,
 }
 
-/// The parameters so far, and where the origin of the frame is.
+/// The parameters defined so far, and the origin of the frame.
 pub(super) struct Dimensions<'a> {
     pub(super) frame: &'a Frame,
     pub(super) entities: &'a [Entity],
     pub(super) parameters: Vec<Parameter>,
-    /// The origin in the frame's coordinates about the middle of the scan.
+    /// Origin, in the frame's coordinates about the middle of the scan.
     pub(super) origin: [f64; 3],
     shared: Vec<Shared>,
-    /// The legs of chamfers so far, their deviations and parameters.
+    /// Legs of the chamfers so far, with their standard deviations and parameters.
     chamfers: Vec<(f64, f64, usize)>,
-    /// On which side of each entity's surface is outside: 1 where its normal leads there, −1 else.
+    /// Outer side of each entity's surface: 1 if its normal points outwards, −1 otherwise.
     outward: &'a [f64],
-    /// Entities of one radius.
+    /// Class of each entity among those of equal radius.
     pub(super) radii: Vec<usize>,
-    /// The parameter of each of these radii, by the first entity that has it.
+    /// Parameter of each of these radii, by the first entity that has it.
     pub(super) radius_of: Vec<Option<usize>>,
     blends: &'a [Blend],
-    /// The diagonal of the scan, and the noise of its points.
+    /// Diagonal of the scan, and noise of its points.
     pub(super) diagonal: f64,
     noise: f64,
 }
 
 impl<'a> Dimensions<'a> {
-    /// Without parameters, with the origin in what the used entities are measured from.
+    /// Creates the dimensions without parameters, with the origin at the reference of the used
+    /// entities.
     pub(super) fn new(
         frame: &'a Frame,
         found: &'a Recognition,
@@ -147,8 +149,8 @@ impl<'a> Dimensions<'a> {
         new
     }
 
-    /// True if a ball or a ring goes over into a cylinder: by one radius, about a point of the
-    /// axis, or about a circle that the axis touches.
+    /// Returns true if a sphere or a torus continues smoothly into a cylinder: with equal radii,
+    /// about a point of the axis, or about a circle that the axis touches.
     fn goes_over(&self, bent: usize, cylinder: usize) -> bool {
         let [s, c] = [bent, cylinder].map(|i| self.frame.surfaces[i]);
         if c.kind != Kind::Cylinder {
@@ -178,8 +180,8 @@ impl<'a> Dimensions<'a> {
         }
     }
 
-    /// Puts the origin where a designer would: on the main axis, if that has more of the surface
-    /// than the planes along it, else in the lowest faces.
+    /// Puts the origin where a designer would: on the main axis if that has more of the surface
+    /// than the planes along it, otherwise in the lowest faces.
     fn place_origin(&mut self, used: &[bool]) {
         let surfaces = &self.frame.surfaces;
         let own = |i: usize| self.frame.along[i].filter(|w| w.0 == 0).map(|w| w.1);
@@ -219,8 +221,8 @@ impl<'a> Dimensions<'a> {
         }
     }
 
-    /// Returns the coordinate along an axis of what an entity is tied to: the plane or the tube
-    /// that it touches, else the entity itself.
+    /// Returns the coordinate along an axis of the entity that another one is tied to: the plane or
+    /// the tube that it touches, otherwise the entity itself.
     fn anchor(&self, entity: usize, k: usize) -> f64 {
         let surfaces = &self.frame.surfaces;
         let touched = self.touched(entity, [0, k]).first().map(|t| t.plane);
@@ -228,7 +230,7 @@ impl<'a> Dimensions<'a> {
         surfaces[tied_to.unwrap_or(entity)].place[k]
     }
 
-    /// Where the first entity that has a place along an axis lies.
+    /// Returns the coordinate of the first entity that has a position along an axis.
     fn any_place(&self, k: usize, used: &[bool]) -> Option<f64> {
         let surfaces = &self.frame.surfaces;
         let has_place = |i: &usize| {
@@ -241,13 +243,13 @@ impl<'a> Dimensions<'a> {
             .map(|i| surfaces[i].place[k])
     }
 
-    /// A new parameter.
+    /// Adds a parameter, and returns its index.
     pub(super) fn add(&mut self, parameter: Parameter) -> usize {
         self.parameters.push(parameter);
         self.parameters.len() - 1
     }
 
-    /// A parameter for an angle.
+    /// Adds a parameter for an angle.
     pub(super) fn add_angle(&mut self, name: String, start: f64, about: &str) -> usize {
         self.add(Parameter {
             name,
@@ -260,13 +262,13 @@ impl<'a> Dimensions<'a> {
         })
     }
 
-    /// The coordinate of a place in a system, from the origin.
+    /// Returns the coordinate of a surface's reference point in a system, from the origin.
     fn coordinate(&self, system: usize, axis: usize, s: &Surface) -> f64 {
         let row = self.frame.systems[system].rows[axis];
         dot(row, s.place) - dot(row, self.origin)
     }
 
-    /// The deviation of an entity's coordinates, with that of rounding.
+    /// Returns the standard deviation of an entity's coordinates, at least that of rounding.
     fn deviation(&self, entity: usize) -> f64 {
         let e = &self.entities[entity];
         let mean = self.noise / (e.points.max(1) as f64).sqrt();
@@ -280,7 +282,7 @@ impl<'a> Dimensions<'a> {
         sd.max(ROUNDING * self.diagonal)
     }
 
-    /// The coordinate of an entity along an axis of a system: zero, a parameter that there is, or a
+    /// Returns the coordinate of an entity along an axis of a system: zero, a known parameter, or a
     /// new one of this name.
     pub(super) fn position(
         &mut self,
@@ -323,7 +325,7 @@ impl<'a> Dimensions<'a> {
         term
     }
 
-    /// The coordinate of a term, in free parameters.
+    /// Returns the coordinate of a term as a linear form of free parameters.
     pub(super) fn linear(&self, term: Term) -> Linear {
         match term {
             Term::Zero => Vec::new(),
@@ -331,13 +333,14 @@ impl<'a> Dimensions<'a> {
         }
     }
 
-    /// The term of the plane of an entity.
+    /// Returns the term of the plane of an entity.
     pub(super) fn plane_term(&self, plane: usize) -> Option<Term> {
         let (system, axis) = self.frame.along[plane]?;
         self.known_term(plane, [system, axis])
     }
 
-    /// The term of an entity's coordinate along an axis that there is already: the nearest one.
+    /// Returns the nearest of the known terms to an entity's coordinate along an axis, within the
+    /// tolerance.
     pub(super) fn known_term(&self, entity: usize, way: [usize; 2]) -> Option<Term> {
         let surface = &self.frame.surfaces[entity];
         let place = self.coordinate(way[0], way[1], surface);
@@ -351,7 +354,8 @@ impl<'a> Dimensions<'a> {
         its.min_by(|a, b| off(a).total_cmp(&off(b))).map(|s| s.term)
     }
 
-    /// The planes across an axis of a system that a ball or a tube touches, the nearest one first.
+    /// Returns the planes across an axis of a system that a ball or a tube touches, the nearest one
+    /// first.
     pub(super) fn touched(&self, entity: usize, way: [usize; 2]) -> Vec<Touch> {
         let s = self.frame.surfaces[entity];
         let own = self.frame.along[entity].map(|(system, axis)| [system, axis]);
@@ -391,8 +395,8 @@ impl<'a> Dimensions<'a> {
         found
     }
 
-    /// The coordinate of what touches planes across an axis: midway between two, one radius off
-    /// one.
+    /// Returns the coordinate of an entity that touches planes across an axis: midway between two,
+    /// one radius off one.
     fn contact(&mut self, entity: usize, way: [usize; 2]) -> Option<Linear> {
         if let Some([low, high]) = self.sides(entity, way) {
             return Some(sum(&[(0.5, low), (0.5, high)]));
@@ -412,8 +416,8 @@ impl<'a> Dimensions<'a> {
         ]))
     }
 
-    /// The coordinate of the centre of a ring that goes over into a cylinder: the radius of its
-    /// circle off the axis of that.
+    /// Returns the coordinate of the centre of a torus that continues into a cylinder: the radius
+    /// of its circle off the cylinder's axis.
     fn ring_contact(&mut self, entity: usize, way: [usize; 2]) -> Option<Linear> {
         let (surfaces, system) = (&self.frame.surfaces, way[0]);
         let cylinder = self.tube_of(entity, way)?;
@@ -431,7 +435,7 @@ impl<'a> Dimensions<'a> {
         ]))
     }
 
-    /// The cylinder into which a ring goes over at the end of its circle along an axis.
+    /// Returns the cylinder that a torus continues into at the end of its circle along an axis.
     fn tube_of(&self, ring: usize, way: [usize; 2]) -> Option<usize> {
         let along = &self.frame.along;
         let (system, own) = along[ring]?;
@@ -444,7 +448,7 @@ impl<'a> Dimensions<'a> {
         (0..self.entities.len()).find(is_its)
     }
 
-    /// The parameter of the radius of a torus's circle.
+    /// Returns the parameter of the radius of a torus's circle.
     pub(super) fn circle_radius(&mut self, entity: usize) -> usize {
         let name = format!("{}_circle_radius", self.name_of(entity));
         if let Some(known) = self.parameters.iter().position(|p| p.name == name) {
@@ -456,7 +460,7 @@ impl<'a> Dimensions<'a> {
         }
     }
 
-    /// The two planes across an axis between which an entity lies, touching both.
+    /// Returns the two planes across an axis between which an entity lies, touching both.
     fn sides(&self, entity: usize, way: [usize; 2]) -> Option<[Linear; 2]> {
         let side = |sign: f64| {
             let all = self.touched(entity, way);
@@ -466,7 +470,8 @@ impl<'a> Dimensions<'a> {
         Some([side(1.0)?, side(-1.0)?])
     }
 
-    /// Half the distance of two planes between which an entity lies, or one of its radius.
+    /// Returns half the distance of two planes between which an entity lies, or another one of its
+    /// radius.
     fn half_width(&self, entity: usize) -> Option<Linear> {
         let alike = (0..self.entities.len()).filter(|j| self.radii[*j] == self.radii[entity]);
         let ways = |j: usize| {
@@ -477,9 +482,9 @@ impl<'a> Dimensions<'a> {
         Some(sum(&[(0.5, high), (-0.5, low)]))
     }
 
-    /// The coordinate of a plane that cuts the edge of two planes along axes of the part's own
-    /// frame, or the corner of three, by known angles: from the edge or corner, and the leg of the
-    /// chamfer along all axes but the first.
+    /// Returns the coordinate of a plane that cuts the edge of two planes along axes of the part's
+    /// own frame, or the corner of three, by known angles: as a linear form of the planes'
+    /// coordinates and the leg of the chamfer, measured along all axes but the first.
     fn chamfer(&mut self, entity: usize, [system, axis]: [usize; 2]) -> Option<Linear> {
         let s = self.frame.surfaces[entity];
         let turns = &self.frame.systems[system].turns;
@@ -495,7 +500,7 @@ impl<'a> Dimensions<'a> {
             return None;
         }
         let at = self.coordinate(system, axis, &s);
-        // Of the planes that face the same way, those whose edge or corner is cut off by least.
+        // Of the planes that face the right way, those whose edge or corner is cut off the least.
         let mut met: Vec<(Vec<usize>, f64)> = vec![(Vec::new(), 0.0)];
         for k in &axes {
             let mut more = Vec::new();
@@ -523,7 +528,7 @@ impl<'a> Dimensions<'a> {
         Some(sum(&terms))
     }
 
-    /// The planes along an axis of the part's own frame that face one way.
+    /// Returns the planes along an axis of the part's own frame that face one way.
     fn faces(&self, axis: usize, way: f64) -> impl Iterator<Item = usize> {
         let is_one = move |i: &usize| {
             let s = &self.frame.surfaces[*i];
@@ -533,7 +538,7 @@ impl<'a> Dimensions<'a> {
         (0..self.entities.len()).filter(is_one)
     }
 
-    /// The parameter of a chamfer's leg: one that there is, or a new one.
+    /// Returns the parameter of a chamfer's leg: a known one, or a new one.
     fn leg(&mut self, leg: f64, sd: f64) -> usize {
         let limit = TIED * self.diagonal;
         let is_one = |(other, its, _): &&(f64, f64, usize)| {
@@ -548,7 +553,7 @@ impl<'a> Dimensions<'a> {
         parameter
     }
 
-    /// The negative of a coordinate that lies as far on the other side of the origin.
+    /// Returns the negative of a coordinate that lies as far on the other side of the origin.
     fn mirrored(&self, way: [usize; 2], is_plane: bool, value: f64, sd: f64) -> Option<Linear> {
         let limit = TIED * self.diagonal;
         let is_opposite = |s: &&Shared| {
@@ -561,13 +566,13 @@ impl<'a> Dimensions<'a> {
         (other != Term::Zero).then(|| sum(&[(-1.0, self.linear(other))]))
     }
 
-    /// Whether an entity rounds the edge of others, and which.
+    /// Returns the blend that an entity is; `None` if it is not a blend.
     pub(super) fn blend_of(&self, entity: usize) -> Option<&'a Blend> {
         self.blends.iter().find(|b| b.entity == entity)
     }
 
-    /// The radius of the circle of a torus that touches a coaxial cylinder: the tube's radius off
-    /// the cylinder's.
+    /// Returns the radius of the circle of a torus that touches a coaxial cylinder: the cylinder's
+    /// radius plus or minus the tube's.
     fn circle_contact(&mut self, entity: usize) -> Option<Linear> {
         let blend = self.blend_of(entity)?;
         let is_cylinder = |j: &&usize| self.frame.surfaces[**j].kind == Kind::Cylinder;
@@ -582,7 +587,7 @@ impl<'a> Dimensions<'a> {
         ]))
     }
 
-    /// A parameter that follows others.
+    /// Adds a parameter that is determined by others.
     pub(super) fn add_tied(&mut self, name: &str, tie: Linear, about: &str) -> usize {
         let name = self.free(name);
         self.add(Parameter {
@@ -596,7 +601,8 @@ impl<'a> Dimensions<'a> {
         })
     }
 
-    /// The name of an entity in the program: its role, with a number where others have it too.
+    /// Returns the name of an entity in the program: its role, with a number if several entities
+    /// have it.
     pub(super) fn name_of(&self, i: usize) -> String {
         let role = self.role(i);
         let alike: Vec<usize> = self.of_role(role).collect();
@@ -610,7 +616,7 @@ impl<'a> Dimensions<'a> {
         (0..self.entities.len()).filter(move |j| self.role(*j) == role)
     }
 
-    /// What an entity is to a designer.
+    /// Returns the role of an entity in the terms of designers.
     fn role(&self, i: usize) -> &'static str {
         let is_hollow = self.outward[i] < 0.0;
         match (self.frame.surfaces[i].kind, is_hollow) {
@@ -625,8 +631,8 @@ impl<'a> Dimensions<'a> {
         }
     }
 
-    /// The name of the parameter of an entity's radius, and what it is of where several have it:
-    /// without a number where all of their role do.
+    /// Returns the name of the parameter of an entity's radius, and a comment if several entities
+    /// have it; the name has no number if all entities of the role have this radius.
     fn radius_name(&self, i: usize) -> (String, String) {
         let role = self.role(i);
         let has_it = |j: &usize| self.radii[*j] == self.radii[i];
@@ -645,7 +651,7 @@ impl<'a> Dimensions<'a> {
         (format!("{base}_{tube}radius"), about)
     }
 
-    /// A parameter for a position, with a range that keeps parallel faces in their order.
+    /// Adds a parameter for a position, with a range that keeps parallel faces in their order.
     fn add_position(
         &mut self,
         value: f64,
@@ -678,7 +684,7 @@ impl<'a> Dimensions<'a> {
         })
     }
 
-    /// The radius of an entity: that of entities of equal radius, or a new parameter.
+    /// Returns the radius of an entity: that of entities of equal radius, or a new parameter.
     pub(super) fn radius(&mut self, entity: usize) -> Term {
         let root = self.radii[entity];
         if let Some(parameter) = self.radius_of[root] {
@@ -699,13 +705,13 @@ impl<'a> Dimensions<'a> {
         Term::Of(parameter)
     }
 
-    /// A parameter for a size of an entity.
+    /// Adds a parameter for a size of an entity.
     pub(super) fn size(&mut self, entity: usize, size: f64, name: &str, about: &str) -> usize {
         let name = self.free(name);
         self.add_size(name, size, self.size_sd(entity), about)
     }
 
-    /// The deviation of an entity's sizes; 0 where it is not known.
+    /// Returns the standard deviation of an entity's sizes; 0 if it is unknown.
     fn size_sd(&self, entity: usize) -> f64 {
         let deviations = self.entities[entity].deviations;
         let sd = deviations.size.max(deviations.minor);
@@ -725,7 +731,7 @@ impl<'a> Dimensions<'a> {
         })
     }
 
-    /// A held parameter: where a side of the box of the data lies that shows no face.
+    /// Adds a held parameter for a side of the box of the data without a face.
     pub(super) fn unseen(&mut self, axis: usize, is_upper: bool, place: f64) -> usize {
         let (start, side) = (
             place - self.origin[axis],
@@ -746,7 +752,7 @@ impl<'a> Dimensions<'a> {
         })
     }
 
-    /// A name that no parameter has: this one, or with a number behind it.
+    /// Returns an unused name: the given one, or one with a number appended.
     fn free(&self, name: &str) -> String {
         let is_free = |n: &String| self.parameters.iter().all(|p| p.name != *n);
         let numbered = (2..).map(|k| format!("{name}_{k}"));
@@ -768,7 +774,7 @@ pub(super) fn sum(of: &[(f64, Linear)]) -> Linear {
     all.into_iter().filter(|term| term.1 != 0.0).collect()
 }
 
-/// Whether two blends have one radius: they may, by the deviations of the radii.
+/// Returns true if two blends may have one radius, by the deviations of the radii.
 fn are_alike(found: &Recognition, first: &Blend, second: &Blend) -> bool {
     let sd = |b: &Blend| {
         let d = found.entities[b.entity].deviations;
@@ -783,5 +789,5 @@ fn are_alike(found: &Recognition, first: &Blend, second: &Blend) -> bool {
 /// than others before they are tied to what they touch.
 const ALIKE: f64 = 0.1;
 
-/// The names of the axes.
+/// Names of the axes.
 pub(super) const LETTERS: [char; 3] = ['x', 'y', 'z'];

@@ -1,8 +1,8 @@
-//! Where a part stands: the face that the table hides.
+//! Footprint of a part: the face that the table hides.
 //!
-//! Points of the side faces just above the table, with their outward normals, are the border of the
-//! footprint. Its indicator is the winding number in the plane, by Gauss's formula
-//! w(q) = 1/2π ∫ n·(p − q)/|p − q|² ds, averaged over the height of these points.
+//! Points of the side faces just above the table, with their outward normals, are the boundary of
+//! the footprint. Its indicator is the winding number in the plane, by Gauss's formula w(q) = 1/2π
+//! ∫ n·(p − q)/|p − q|² ds, averaged over the height of these points.
 
 use super::cells::areas;
 use isoform_geom::{Aabb, KdTree, Point3};

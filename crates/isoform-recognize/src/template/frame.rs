@@ -1,5 +1,5 @@
-//! The frame of a part: the directions that most of its surface has, each class of parallel
-//! entities with one direction.
+//! Frame of a part: its axes are the directions that most of its surface has; each class of
+//! parallel entities has one direction.
 
 use crate::chart::{Kind, Surface, frame, unit};
 use crate::entity::{Entity, Recognition, RelationKind};
@@ -9,26 +9,27 @@ use std::f64::consts::{PI, SQRT_2};
 /// What a point of an entity with an axis counts against one of a plane: a part is drawn along its
 /// bores.
 const AXIAL: f64 = 2.0;
-/// An angle within this many deviations of a multiple of [`STEP`] is one.
+/// Maximum deviation of an angle from a multiple of [`STEP`] for which it is taken, in standard
+/// deviations.
 const WITHIN: f64 = 4.0;
-/// Angles that designers choose, in radians: 15°.
+/// Step of the angles that designers choose, in radians: 15°.
 const STEP: f64 = PI / 12.0;
-/// The least deviation of an angle: what rounding leaves.
+/// Minimum standard deviation of an angle (radians): what rounding leaves.
 const ROUNDING: f64 = 1e-6;
-/// The largest deviation of an angle that may be taken for a multiple of [`STEP`]: half a degree.
+/// Maximum standard deviation of an angle that may be taken for a multiple of [`STEP`], in radians:
+/// half a degree.
 const TOLD: f64 = 0.009;
 
-/// Coordinates turned against the part's own.
+/// A system of coordinates, turned relative to the part's own.
 #[derive(Clone, Debug)]
 pub(super) struct System {
-    /// Axes of the frame (0 to 2) about which it is turned one after the other, by which angles,
-    /// and whether they are known from the design.
+    /// Rotations about axes of the frame (0 to 2), applied one after another.
     pub(super) turns: Vec<Turn>,
-    /// Its axes in the frame's coordinates.
+    /// Axes of the system in the frame's coordinates.
     pub(super) rows: [Point3; 3],
 }
 
-/// A turn about an axis.
+/// A rotation about an axis; `is_design` is true if its angle is one that designers choose.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Turn {
     pub(super) about: usize,
@@ -36,28 +37,28 @@ pub(super) struct Turn {
     pub(super) is_design: bool,
 }
 
-/// The frame, and what it makes of the entities.
+/// The frame, and the entities in it.
 pub(super) struct Frame {
-    /// The axes in the scan's coordinates.
+    /// Axes of the frame in the scan's coordinates.
     pub(super) rows: [Point3; 3],
-    /// The entities' surfaces in the frame's coordinates about the middle of the scan.
+    /// Surfaces of the entities in the frame's coordinates about the middle of the scan.
     pub(super) surfaces: Vec<Surface>,
-    /// The part's own coordinates, and further ones.
+    /// The part's own system of coordinates, and further ones.
     pub(super) systems: Vec<System>,
-    /// For each entity with a direction the system and the axis of it.
+    /// System and axis that each entity is along; `None` for entities without a direction.
     pub(super) along: Vec<Option<(usize, usize)>>,
-    /// Whether the first axis is that of an entity, or leads to one beside the main axis.
+    /// True if the first axis is that of an entity, or points to one away from the main axis.
     pub(super) is_first_known: bool,
 }
 
 impl Frame {
-    /// A point of the scan in the frame's coordinates about `middle`.
+    /// Maps a point of the scan to the frame's coordinates about `middle`.
     pub(super) fn apply(&self, p: Point3, middle: Point3) -> Point3 {
         let d = sub(p, middle);
         self.rows.map(|r| dot(r, d))
     }
 
-    /// Of what was recognised in a scan with this middle.
+    /// Returns the frame of the entities recognised in a scan with this middle.
     pub(super) fn of(found: &Recognition, middle: Point3) -> Self {
         let surfaces: Vec<Surface> = found
             .entities
@@ -97,7 +98,7 @@ impl Frame {
         new
     }
 
-    /// The system and its axis along which a class lies: an old system, or a new one.
+    /// Returns the system, existing or new, and its axis along which a class lies.
     fn system_for(&mut self, classes: &Classes, class: usize, direction: Point3) -> (usize, usize) {
         let sd = classes.deviations[class].max(ROUNDING);
         let is_along = |s: &System, k: usize| {
@@ -112,7 +113,7 @@ impl Frame {
         let is_across = |k: &usize| direction[*k].abs() <= (WITHIN * sd).min(TOLD);
         let turn = |about: usize, angle: f64| {
             let round = (angle / STEP).round() * STEP;
-            // Of the diagonal of a cube against its edges: corners are cut off so.
+            // The angles of a cube's space diagonal with its edges: cut-off corners have them.
             let diagonal = SQRT_2.atan();
             let diagonals = [diagonal, PI - diagonal].map(|a| a.copysign(angle));
             let nearer = |a: f64, b: f64| {
@@ -146,7 +147,7 @@ impl Frame {
     }
 }
 
-/// The axes of the frame after turns, the first of them last.
+/// Returns the axes of the frame after rotations, of which the first is applied last.
 pub(super) fn turned_axes(turns: &[Turn]) -> [Point3; 3] {
     let mut rows: [Point3; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     for turn in turns.iter().rev() {
@@ -160,15 +161,15 @@ pub(super) fn turned_axes(turns: &[Turn]) -> [Point3; 3] {
     rows
 }
 
-/// Entities of one direction.
+/// Classes of entities of one direction.
 struct Classes {
     of_entity: Vec<Option<usize>>,
     directions: Vec<Point3>,
-    /// Deviation of each direction, in radians.
+    /// Standard deviation of each direction, in radians.
     deviations: Vec<f64>,
-    /// How much of the part has it.
+    /// Weight of each class: its share of the part.
     weights: Vec<f64>,
-    /// Pairs at right angles.
+    /// Pairs of perpendicular classes.
     across: Vec<(usize, usize)>,
 }
 
@@ -219,7 +220,7 @@ impl Classes {
         new
     }
 
-    /// Directions as means by their deviations, and what they weigh.
+    /// Averages directions weighted by their deviations, and sums the weights of the classes.
     fn average(&mut self, entities: &[Entity], surfaces: &[Surface]) {
         let mut sums = vec![([0.0; 3], 0.0); self.directions.len()];
         for ((e, s), class) in entities.iter().zip(surfaces).zip(&self.of_entity) {
@@ -246,14 +247,15 @@ impl Classes {
             || dot(self.directions[a], self.directions[b]).abs() < ROUNDING
     }
 
-    /// The class of most weight out of some.
+    /// Returns the class of largest weight among some.
     fn heaviest(&self, of: impl Fn(usize) -> bool) -> Option<usize> {
         let all = (0..self.directions.len()).filter(|c| of(*c));
         all.max_by(|a, b| self.weights[*a].total_cmp(&self.weights[*b]).then(b.cmp(a)))
     }
 
-    /// The axes of the frame: the third along the class of most weight, the first along the
-    /// heaviest across it, else from the main axis to another one; and whether the first is known.
+    /// Returns the axes of the frame, and true if the first is known. The third is along the class
+    /// of largest weight, the first along the heaviest class perpendicular to it, otherwise from
+    /// the main axis to another one.
     fn axes(&self, surfaces: &[Surface]) -> ([Point3; 3], bool) {
         let Some(main) = self.heaviest(|_| true) else {
             let plain = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -272,8 +274,8 @@ impl Classes {
         ([x, cross(z, x), z], known)
     }
 
-    /// The way from the axis of the entity of most points along a class to the first entity that
-    /// lies clearly beside it.
+    /// Returns the vector from the axis of the entity with the most points along a class to the
+    /// first entity clearly away from it.
     fn off_axis(&self, main: usize, surfaces: &[Surface]) -> Option<Point3> {
         let z = self.directions[main];
         let is_along = |i: &usize| {
@@ -303,14 +305,14 @@ pub(super) fn longest(d: Point3) -> usize {
     (0..3).fold(0, |m, k| if d[k].abs() > d[m].abs() { k } else { m })
 }
 
-/// The direction or its opposite, whichever has the larger component positive.
+/// Returns the direction or its opposite, such that its largest component is positive.
 fn upwards(d: Point3) -> Point3 {
     let k = longest(d);
     if d[k] < 0.0 { d.map(|x| -x) } else { d }
 }
 
 impl Surface {
-    /// A recognised surface, about a point.
+    /// Returns a recognised surface relative to a point.
     pub(crate) fn of(quadric: &Quadric, about: Point3) -> Self {
         let of = |kind, place, axis, size, other| Self {
             kind,

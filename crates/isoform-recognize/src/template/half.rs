@@ -1,21 +1,21 @@
-//! Half spaces: one for each entity, and those that tell apart what the entities' surfaces do not.
-//! All is in the coordinates of the part's frame.
+//! Half spaces: one for each entity, and separators for regions that the entities' surfaces do not
+//! separate, in the coordinates of the part's frame.
 
 use super::corner::Wall;
 use crate::chart::{Kind, Surface};
 use isoform_geom::{Aabb, Point3};
 
-/// Where a half space comes from.
+/// Origin of a half space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Source {
-    /// An entity of this number.
+    /// The entity of this index.
     Entity(usize),
-    /// The corner that an entity of this number rounds.
+    /// The corner that the entity of this index rounds.
     Corner(usize),
-    /// The plane through the centre or axis of an entity (its number), normal to an axis of the
+    /// The plane through the centre or axis of an entity (its index), normal to an axis of the
     /// frame.
     Through(usize, usize),
-    /// The cylinder about a torus (its number) through the circle in its middle.
+    /// The cylinder through the circle of a torus (its index).
     Around(usize),
     /// A side of the data's box along an axis of the frame (true: the upper one), where no face was
     /// seen.
@@ -23,7 +23,7 @@ pub(super) enum Source {
 }
 
 impl Source {
-    /// Returns the number of the entity that it belongs to.
+    /// Returns the index of the entity that it belongs to.
     pub(super) fn entity(self) -> Option<usize> {
         match self {
             Self::Entity(i) | Self::Corner(i) | Self::Through(i, _) | Self::Around(i) => Some(i),
@@ -32,18 +32,18 @@ impl Source {
     }
 }
 
-/// A half space bounded by a surface, or what of it lies within walls.
+/// A half space bounded by a surface, intersected with walls.
 #[derive(Clone, Debug)]
 pub(super) struct Half {
     pub(super) surface: Surface,
-    /// 1 where it lies on the side of the surface's normal, −1 on the other.
+    /// 1 if the half space lies on the side of the surface's normal, −1 if on the other.
     pub(super) sign: f64,
     pub(super) source: Source,
     pub(super) walls: Vec<Wall>,
 }
 
 impl Half {
-    /// The distance from its surface or a wall, positive inside.
+    /// Returns the distance from the surface or a wall, positive inside.
     pub(super) fn value(&self, p: Point3) -> f64 {
         let own = self.sign * self.surface.distance(p);
         self.walls
@@ -51,7 +51,7 @@ impl Half {
             .fold(own, |least, w| least.min(w.value(p)))
     }
 
-    /// The corner within walls that an entity rounds.
+    /// Returns the corner within walls that an entity rounds.
     pub(super) fn corner(surface: &Surface, number: usize, walls: Vec<Wall>) -> Self {
         Self {
             surface: *surface,
@@ -61,8 +61,8 @@ impl Half {
         }
     }
 
-    /// The half space of an entity: of a plane the side of the material, of other surfaces that of
-    /// their axis or centre.
+    /// Returns the half space of an entity: for a plane the side of the material, for other
+    /// surfaces that of their axis or centre.
     pub(super) fn of_entity(surface: &Surface, outward: f64, number: usize) -> Self {
         let is_along = surface.kind == Kind::Plane && outward < 0.0;
         Self {
@@ -73,7 +73,7 @@ impl Half {
         }
     }
 
-    /// The side of a plane away from its normal, which is an axis of the frame.
+    /// Returns the side of a plane away from its normal, which is an axis of the frame.
     fn below(place: Point3, axis: usize, source: Source) -> Self {
         let mut normal = [0.0; 3];
         normal[axis] = 1.0;
@@ -86,9 +86,9 @@ impl Half {
     }
 }
 
-/// Half spaces that may be needed beside those of the entities: where a sphere passes into a
-/// cylinder, or a torus into a plane, no entity's surface separates the one from the other; and
-/// where nothing was seen, the box of the data is the border.
+/// Returns half spaces that may be needed in addition to those of the entities. Where a sphere
+/// continues into a cylinder, or a torus into a plane, no entity's surface separates them; where
+/// nothing was seen, the box of the data is the boundary.
 pub(super) fn separators(surfaces: &[Surface], bounds: &Aabb) -> Vec<Half> {
     let mut halves = Vec::new();
     for (i, s) in surfaces.iter().enumerate() {
@@ -107,7 +107,7 @@ pub(super) fn separators(surfaces: &[Surface], bounds: &Aabb) -> Vec<Half> {
             });
         }
         for k in 0..3 {
-            // Planes through the axis of a cylinder or cone; the plane of a torus's circle, too.
+            // Planes through the axis of a cylinder or cone; also the plane of a torus's circle.
             let cosine = s.axis[k].abs();
             let suits = match s.kind {
                 Kind::Sphere => true,

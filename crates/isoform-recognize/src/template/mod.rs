@@ -1,4 +1,4 @@
-//! A HyperFun template of what was recognised: half spaces of the entities, joined by set
+//! Proposal of a HyperFun template for recognised entities: their half spaces are joined by set
 //! operations to the solid that the points bound, with named parameters.
 
 mod cells;
@@ -23,9 +23,9 @@ use isoform_geom::{Aabb, Point3, PointCloud, dot};
 use program::Part;
 use solid::{Bits, MOST_HALVES, Solid, ones, solid};
 
-/// Half spaces added at most where the entities' own do not separate the solid.
+/// Maximum number of half spaces that are added if the entities' own do not separate the solid.
 const MOST_ADDED: usize = 24;
-/// Entities of a template at most: those that leave room for the half spaces that are added.
+/// Maximum number of entities of a template: it leaves room for the half spaces that are added.
 const MOST_ENTITIES: usize = MOST_HALVES - MOST_ADDED;
 /// One is added where it takes this share of the contradictions away, and this much of their weight
 /// at least: a few places may be on the wrong side.
@@ -39,13 +39,13 @@ const DIGITS: (f64, f64) = (1e-10, 1e-2);
 /// A template proposed for a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
-    /// The HyperFun program, with starts and bounds of its parameters.
+    /// HyperFun program, with starts and bounds of its parameters.
     pub program: String,
-    /// For each entity whether it bounds the solid.
+    /// True for each entity that bounds the solid.
     pub used: Vec<bool>,
-    /// The share of the scan's points that lie on those entities.
+    /// Share of the scan's points that lie on those entities.
     pub explained: f64,
-    /// What is missing.
+    /// Deficiencies of the template.
     pub gaps: Vec<Gap>,
 }
 
@@ -54,7 +54,8 @@ pub struct Proposal {
 const COMPLETE: f64 = 0.02;
 
 impl Proposal {
-    /// True if it closes with faces that were seen and explains all but a fiftieth of the points.
+    /// Returns true if the template closes with faces that were seen and explains all but a
+    /// fiftieth of the points.
     pub fn is_complete(&self) -> bool {
         self.faults().next().is_none()
     }
@@ -70,25 +71,25 @@ impl Proposal {
     }
 }
 
-/// What a proposed template lacks.
+/// A deficiency of a proposed template.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Gap {
     /// This share of the points lies on no entity.
     Unassigned(f64),
-    /// No face was seen on this side of the box (axis of the part's frame, and whether it is the
-    /// upper one); the box of the data closes the solid there.
+    /// No face was seen on this side of the box (axis of the part's frame, true for the upper
+    /// side); the box of the data closes the solid there.
     Unseen(usize, bool),
-    /// The part stands on a plane on this side (axis of the part's frame, and true for the upper
-    /// one), which closes the solid there.
+    /// The part stands on a plane on this side (axis of the part's frame, true for the upper side),
+    /// which closes the solid there.
     Standing(usize, bool),
-    /// This share of the places near the surface cannot be told apart by the entities.
+    /// The entities do not separate this share of the samples near the surface.
     Open(f64),
     /// Entities do not bound the solid.
     Unused {
         /// Number of entities.
         count: usize,
-        /// The share of the points that lie on them.
+        /// Share of the points that lie on them.
         share: f64,
     },
 }
@@ -135,26 +136,26 @@ fn end_of(axis: usize, is_upper: bool) -> String {
     )
 }
 
-/// Why no template is proposed.
+/// Reasons why no template is proposed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProposeError {
-    /// There is nothing to make a template of.
+    /// No entity was recognised.
     #[error("no entity was recognised")]
     NoEntities,
-    /// There are more entities than a template can hold.
+    /// More entities than a template can hold.
     #[error("{0} entities are too many for a template, which holds {MOST_ENTITIES}")]
     Many(usize),
     /// The entities bound no solid.
     #[error("the entities bound no solid")]
     NoSolid,
-    /// The work was cancelled, or its deadline is over.
+    /// The work was cancelled, or its deadline has passed.
     #[error(transparent)]
     Stopped(#[from] Stopped),
 }
 
-/// Proposes a template for the points of which something was recognised. Where no face was seen, a
-/// plane at which the part stands (a point in the scan's coordinates and a unit normal) closes it.
+/// Proposes a template for the points in which entities were recognised. A plane on which the part
+/// stands (a point in the scan's coordinates and a unit normal) closes it where no face was seen.
 ///
 /// # Errors
 /// [`ProposeError`].
@@ -184,7 +185,7 @@ pub fn propose(
         .map(|i| Half::of_entity(&frame.surfaces[i], outward[i], i))
         .collect();
     let places = places(&upright.oriented(found.noise), &halves, control)?;
-    // Where the corner of a blend is known, the rest of its surface is seldom needed.
+    // With the corner of a blend known, the rest of its surface is seldom needed.
     let corners: Vec<Half> = corners(found, &frame).collect();
     let has_corner = |of: &Half| {
         let mut others = corners.iter();
@@ -204,7 +205,7 @@ pub fn propose(
     let solid = solid(&cells(&votes), halves.len());
     let is_side = |k: &usize| matches!(halves[*k].source, Source::Side(..));
     let (unseen, seen): (Vec<usize>, Vec<usize>) = ones(solid.halves()).partition(is_side);
-    // A sheet, say. The two sides of a wall end on four sides where the data end.
+    // A sheet, for example. The two sides of a wall end on four sides of the box of the data.
     if seen.is_empty() || 2 * seen.len() < unseen.len() {
         return Err(ProposeError::NoSolid);
     }
@@ -227,7 +228,7 @@ pub fn propose(
     })
 }
 
-/// Moves the end of a box to a plane that it stands at, along the axis which is nearest to the
+/// Moves the end of a box to a plane on which the part stands, along the axis nearest to the
 /// plane's normal; returns the axis, and true for the upper end.
 fn stand_on(bounds: &mut Aabb, at: Point3, normal: Point3) -> (usize, bool) {
     let k = longest(normal);
@@ -249,9 +250,9 @@ struct Upright {
     /// Unit normals, outwards.
     normals: Vec<Point3>,
     labels: Vec<Option<usize>>,
-    /// The box of the points and of what the part stands on.
+    /// Box of the points and of the planes on which the part stands.
     bounds: Aabb,
-    /// The ends where it stands: an axis, and true for the upper end.
+    /// Ends on which the part stands: an axis, and true for the upper end.
     stands: Vec<(usize, bool)>,
 }
 
@@ -288,7 +289,7 @@ impl Upright {
         new
     }
 
-    /// Adds the face that a plane hides, at which the part stands.
+    /// Adds the face hidden by a plane on which the part stands.
     fn stand_on(&mut self, at: Point3, normal: Point3) {
         let end = stand_on(&mut self.bounds, at, normal);
         let (face, normal) = footprint(&self.points, &self.normals, &self.bounds, end);
@@ -307,7 +308,7 @@ impl Upright {
         }
     }
 
-    /// On which side of their surfaces most of the outward normals lie: 1 or −1.
+    /// Returns the side of each surface on which most of the outward normals lie: 1 or −1.
     fn outward(&self, surfaces: &[Surface]) -> Vec<f64> {
         let mut sums = vec![0.0; surfaces.len()];
         for (i, label) in self.labels.iter().enumerate() {
@@ -320,7 +321,7 @@ impl Upright {
     }
 }
 
-/// The corners that blends round.
+/// Returns the corners that blends round.
 fn corners<'a>(found: &'a Recognition, frame: &'a Frame) -> impl Iterator<Item = Half> + 'a {
     found.blends.iter().filter_map(|blend| {
         let walls = corner::walls(blend, &found.blends, frame)?;
@@ -329,7 +330,7 @@ fn corners<'a>(found: &'a Recognition, frame: &'a Frame) -> impl Iterator<Item =
     })
 }
 
-/// Digits behind the point of lengths.
+/// Returns the number of decimals of lengths.
 fn digits(diagonal: f64, noise: f64) -> usize {
     let least = (diagonal * DIGITS.0).max(noise * DIGITS.1);
     (-least.log10()).ceil().clamp(0.0, 18.0) as usize
@@ -339,12 +340,13 @@ fn share<T>(of: &[T], is_counted: impl Fn(&T) -> bool) -> f64 {
     of.iter().filter(|x| is_counted(x)).count() as f64 / of.len().max(1) as f64
 }
 
-/// Adds half spaces while they take contradictions away, and the sides of the places on them.
+/// Adds half spaces greedily while each reduces the contradictions, and records on which side the
+/// samples lie.
 fn separate(halves: &mut Vec<Half>, sides: &mut [Bits], candidates: &[Half], places: &[Place]) {
     for _ in 0..MOST_ADDED {
         let before = votes(sides, places);
         let now = contradiction(&before);
-        // The places in cells with both sides.
+        // Samples in cells that hold both sides.
         let is_torn = |i: &usize| before[&sides[*i]].iter().all(|w| *w > 0.0);
         let of_torn: Vec<usize> = (0..places.len()).filter(is_torn).collect();
         let torn: Vec<Place> = of_torn.iter().map(|i| places[*i]).collect();

@@ -1,4 +1,4 @@
-//! The template as a HyperFun program.
+//! Output of a template as a HyperFun program.
 
 use super::corner::Role;
 use super::dimensions::{Dimensions, LETTERS, Linear, Measure, Term};
@@ -10,32 +10,32 @@ use crate::entity::Recognition;
 use isoform_geom::{Aabb, Point3, dot, rotation};
 use std::fmt::Write;
 
-/// What a program is written from.
+/// Input of a program.
 pub(super) struct Part<'a> {
     pub(super) frame: &'a Frame,
     pub(super) found: &'a Recognition,
     pub(super) halves: &'a [Half],
     pub(super) solid: &'a Solid,
-    /// On which side of each entity's surface is outside: 1 where its normal leads there, −1 else.
+    /// Outer side of each entity's surface: 1 if its normal points outwards, −1 otherwise.
     pub(super) outward: &'a [f64],
-    /// The middle of the scan in its file's coordinates, and the box in the frame's about it.
+    /// Middle of the scan in its file's coordinates, and the box in the frame's about it.
     pub(super) middle: Point3,
     pub(super) bounds: Aabb,
-    /// Lengths are written to this number of digits behind the point.
+    /// Number of decimals of lengths.
     pub(super) digits: usize,
 }
 
-/// Statements in the making.
+/// State of a program that is being written.
 struct Writer<'a> {
     part: &'a Part<'a>,
     dimensions: Dimensions<'a>,
     body: String,
-    /// The names of the half spaces' variables.
+    /// Names of the half spaces' variables.
     names: Vec<String>,
 }
 
 impl Part<'_> {
-    /// The program, with a title.
+    /// Returns the program, with a title.
     pub(super) fn program(&self, title: &str) -> String {
         let used = self.used();
         let diagonal = self.bounds.diagonal();
@@ -54,8 +54,8 @@ impl Part<'_> {
         writer.text(title, self.pose(&used, &writer.dimensions.origin))
     }
 
-    /// The pose that a fit finds, from where the part lies in the scan. What has an axis only may
-    /// turn about it, and a ball about its centre.
+    /// Returns the annotation of the pose that a fit determines, starting from the pose of the part
+    /// in the scan. A body of revolution may turn about its axis, and a ball about its centre.
     fn pose(&self, used: &[bool], origin: &Point3) -> String {
         let frame = self.frame;
         let has_direction = (0..used.len()).any(|i| used[i] && frame.along[i].is_some());
@@ -75,13 +75,13 @@ impl Part<'_> {
         format!("{motion} at {} turned {}", place.join(" "), turn.join(" "))
     }
 
-    /// A length to the digits that matter.
+    /// Returns a length with the significant decimals.
     fn length(&self, v: f64) -> String {
         let rounded: f64 = format!("{v:.*}", self.digits).parse().unwrap_or(v);
         format!("{rounded:?}")
     }
 
-    /// Whether a half space that the solid is written with comes from an entity.
+    /// Returns for each entity whether the solid is written with a half space of it.
     pub(super) fn used(&self) -> Vec<bool> {
         let mut used = vec![false; self.found.entities.len()];
         for k in ones(self.solid.halves()) {
@@ -100,7 +100,7 @@ impl Writer<'_> {
         self.body.push('\n');
     }
 
-    /// The text of a term.
+    /// Returns the text of a term.
     fn term(&self, term: Term) -> String {
         match term {
             Term::Zero => "0".to_owned(),
@@ -108,7 +108,7 @@ impl Writer<'_> {
         }
     }
 
-    /// The coordinates that are turned against the part's own.
+    /// Writes the systems of coordinates that are turned relative to the part's own.
     fn systems(&mut self, used: &[bool]) {
         let frame = self.part.frame;
         for (i, system) in frame.systems.iter().enumerate().skip(1) {
@@ -143,13 +143,13 @@ impl Writer<'_> {
         }
     }
 
-    /// The half spaces in the order of the text: planes first, by axis and place.
+    /// Returns the half spaces in the order of the text: planes first, by axis and position.
     fn order(&self) -> Vec<usize> {
         let mut order: Vec<usize> = ones(self.part.solid.halves()).collect();
         let key = |k: &usize| {
             let half = &self.part.halves[*k];
             let s = &half.surface;
-            // Balls lie where the tubes that they join are.
+            // Balls follow the tubes that they join.
             let (i, is_corner) = match half.source {
                 Source::Entity(i) => (i, 0),
                 Source::Corner(i) => (i, 1 + usize::from(s.kind == Kind::Sphere)),
@@ -176,7 +176,7 @@ impl Writer<'_> {
         order
     }
 
-    /// The statement of a half space, and the parameters that it needs.
+    /// Writes the statement of a half space, and adds its parameters.
     fn half(&mut self, k: usize) {
         let half = self.part.halves[k].clone();
         let value = match half.source {
@@ -253,7 +253,7 @@ impl Writer<'_> {
         }
     }
 
-    /// Returns the text of a corner: between its walls and outside of the blend.
+    /// Returns the text of a corner: between its walls and outside the blend.
     fn corner(&mut self, k: usize, i: usize, half: &Half) -> String {
         let base = self.dimensions.name_of(i);
         let ball = self.entity(k, i, half);
@@ -262,7 +262,7 @@ impl Writer<'_> {
         format!("({}) \\ ({ball})", walls.join(" & "))
     }
 
-    /// The text of a wall of a corner.
+    /// Returns the text of a wall of a corner.
     fn wall(&mut self, i: usize, role: Role) -> String {
         match role {
             Role::Beyond(of, way, is_up) => {
@@ -285,13 +285,14 @@ impl Writer<'_> {
         }
     }
 
-    /// The name of the radius of a torus's circle.
+    /// Returns the name of the radius of a torus's circle.
     fn circle_radius(&mut self, i: usize) -> String {
         let radius = self.dimensions.circle_radius(i);
         self.term(Term::Of(radius))
     }
 
-    /// The statements of the centre c of an entity, or of a point of its axis; its system and axis.
+    /// Returns the statements of the centre c of an entity, or of a point of its axis, and its
+    /// system and axis.
     fn center(&mut self, i: usize, base: &str) -> (String, (usize, usize)) {
         let s = self.part.frame.surfaces[i];
         let (system, axis) = self.part.frame.along[i].unwrap_or((0, 2));
@@ -309,13 +310,13 @@ impl Writer<'_> {
         (statements.join(" "), (system, axis))
     }
 
-    /// A cone by its radius at a height and its half angle.
+    /// Returns the text of a cone by its radius at a height and its half angle.
     fn cone(&mut self, i: usize, base: &str, [system, axis]: [usize; 2]) -> String {
         let s = self.part.frame.surfaces[i];
         let row = self.part.frame.systems[system].rows[axis];
         let apex = dot(row, s.place) - dot(row, self.dimensions.origin);
         let sign = dot(row, s.axis).signum();
-        // Where its points are: about as far from the apex as the solid reaches.
+        // The middle of its points, about as far from the apex as the solid extends.
         let height = self.height_of(i);
         let radius = height * s.other.tan();
         let at = apex + sign * height;
@@ -349,13 +350,13 @@ impl Writer<'_> {
         format!("hfDCone{letter}({p}, c, slope) & ({nappe})")
     }
 
-    /// How far from the apex of a cone its points are, along the axis.
+    /// Returns the mean distance of the points of a cone from its apex, along the axis.
     fn height_of(&self, i: usize) -> f64 {
         let heights = &self.part.found.entities[i].extent;
         ((heights[0] + heights[1]) / 2.0).max(1e-6 * self.part.bounds.diagonal())
     }
 
-    /// A plane, with its position as a parameter.
+    /// Returns the text of a plane, with its position as a parameter.
     fn plane(&mut self, k: usize, i: usize, half: &Half) -> String {
         let (system, axis) = self.part.frame.along[i].unwrap_or((0, 2));
         let row = self.part.frame.systems[system].rows[axis];
@@ -372,8 +373,8 @@ impl Writer<'_> {
         }
     }
 
-    /// The names of a plane's parameter and variable: the extents of the part for outer faces, and
-    /// the thickness of what lies between the lowest face and the next one.
+    /// Returns the names of a plane's parameter and variable: the extents of the part for outer
+    /// faces, and a thickness for the layer between the lowest face and the next one.
     fn plane_names(&self, i: usize, [system, axis]: [usize; 2], is_above: bool) -> [String; 2] {
         let frame = self.part.frame;
         let row = frame.systems[system].rows[axis];
@@ -408,7 +409,7 @@ impl Writer<'_> {
         [name, format!("{letter}_face_{lower}")]
     }
 
-    /// The solid, step by step.
+    /// Writes the solid, step by step.
     fn solid(&mut self) {
         let solid = self.part.solid.clone();
         let Solid::All(mut operands) = solid else {
@@ -425,7 +426,7 @@ impl Writer<'_> {
         operands.sort_by_key(rank);
         let kept: Vec<Solid> = operands.iter().filter(|s| rank(s) < 3).cloned().collect();
         if kept.is_empty() {
-            // Nothing to take the others away from.
+            // No operand is left to subtract the others from.
             let text = self.expression(&Solid::All(operands));
             self.line(&format!("my_model = {text};"));
             return;
@@ -440,7 +441,7 @@ impl Writer<'_> {
         self.line("my_model = body;");
     }
 
-    /// Set operations in parentheses.
+    /// Returns the text of set operations in parentheses.
     fn expression(&self, solid: &Solid) -> String {
         match solid {
             Solid::Half(k) => self.names[*k].clone(),
@@ -465,7 +466,7 @@ impl Writer<'_> {
         text
     }
 
-    /// The text of a sum of parameters.
+    /// Returns the text of a linear form of parameters.
     fn sum(&self, of: &Linear) -> String {
         let mut text = String::new();
         for (k, factor) in of {
@@ -487,7 +488,7 @@ impl Writer<'_> {
         }
     }
 
-    /// The whole text.
+    /// Returns the whole text.
     fn text(&self, title: &str, pose: String) -> String {
         let parameters = &self.dimensions.parameters;
         let mut text = format!("-- @title {title}\n-- @pose {pose}\n");
@@ -535,13 +536,14 @@ impl Writer<'_> {
 /// Digits of angles behind the point: a millionth of a radian moves nothing that shows.
 const ANGLE_DIGITS: usize = 7;
 
-/// The distance inside the cylinder of a radius about c along an axis of a system, to first order.
+/// Returns the text of the distance inside a cylinder about c along an axis of a system, to first
+/// order.
 fn cylinder([system, axis]: [usize; 2], radius: &str) -> String {
     let (letter, p) = (LETTERS[axis].to_ascii_uppercase(), array(system));
     format!("hfCylinder{letter}({p}, c, {radius})/(2*{radius})")
 }
 
-/// The array of a system's coordinates.
+/// Returns the array of a system's coordinates.
 fn array(system: usize) -> String {
     match system {
         0 => "x".to_owned(),
@@ -549,7 +551,7 @@ fn array(system: usize) -> String {
     }
 }
 
-/// A number that reads back exactly, in parentheses where its sign could meet an operator.
+/// Returns a number that reads back exactly, in parentheses if it is negative.
 fn number(v: f64) -> String {
     if v < 0.0 {
         format!("({v:?})")

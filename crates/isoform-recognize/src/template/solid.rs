@@ -1,15 +1,15 @@
-//! A solid as set operations of half spaces, from cells of space that are known to lie inside or
-//! outside.
+//! Construction of a solid as set operations of half spaces, from cells of space that are known to
+//! lie inside or outside.
 //!
-//! Half spaces that hold the whole solid (or lie within it) are taken first, since nothing else is
-//! written as short (dominating half spaces: V. Shapiro and D. L. Vossler, Separation for
-//! boundary to CSG conversion, ACM Trans. Graphics 12, 1993). What is left is covered by products
-//! of half spaces that are taken away or added, each with as few factors as tell the two sides
-//! apart, the one that covers most first.
+//! Half spaces that contain the whole solid (or lie within it) are taken first, since they give the
+//! shortest expressions (dominating half spaces: V. Shapiro and D. L. Vossler, Separation for
+//! boundary to CSG conversion, ACM Trans. Graphics 12, 1993). The rest is covered by products of
+//! half spaces that are subtracted or added, each with as few factors as separate the two sides,
+//! the one that covers most first.
 
 use std::collections::BTreeSet;
 
-/// The most half spaces of a solid: bits of a cell.
+/// Maximum number of half spaces of a solid: the bits of a cell.
 pub(super) const MOST_HALVES: usize = 128;
 /// Cells from which products are grown in each round, those of most weight. More find better
 /// products in parts of hundreds of faces, and take longer.
@@ -18,14 +18,14 @@ const SEEDS: usize = 24;
 /// A set of half spaces, or the sides of all of them: bit k is half space k.
 pub(super) type Bits = u128;
 
-/// Places on the same sides of all half spaces.
+/// The region on given sides of all half spaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Cell {
-    /// Which half spaces hold it.
+    /// Half spaces that contain it.
     pub(super) bits: Bits,
-    /// Whether it lies inside the solid.
+    /// True if it lies inside the solid.
     pub(super) is_inside: bool,
-    /// How much speaks for that.
+    /// Weight of the samples on that side.
     pub(super) weight: f64,
 }
 
@@ -34,16 +34,16 @@ pub(super) struct Cell {
 pub(super) enum Solid {
     /// A half space.
     Half(usize),
-    /// What is outside.
+    /// The complement.
     Not(Box<Self>),
-    /// What all hold; all of space where there are none.
+    /// The intersection; all of space if the list is empty.
     All(Vec<Self>),
-    /// What one of them holds; nothing where there are none.
+    /// The union; the empty set if the list is empty.
     Any(Vec<Self>),
 }
 
 impl Solid {
-    /// Whether a place with these sides is inside.
+    /// Returns true if a point with these sides is inside.
     pub(super) fn holds(&self, bits: Bits) -> bool {
         match self {
             Self::Half(k) => bits >> k & 1 == 1,
@@ -53,10 +53,10 @@ impl Solid {
         }
     }
 
-    /// True or false for a place with these sides that lies on the surface of a half space; none
-    /// where the half space alone decides.
+    /// Returns true or false for a point with these sides on the surface of a half space; `None` if
+    /// the half space alone decides.
     fn holds_on(&self, bits: Bits, k: usize) -> Option<bool> {
-        // Kleene's logic: one operand that decides is enough.
+        // Kleene's logic: one decisive operand is enough.
         let set = |of: &[Self], decisive: bool| {
             let mut is_open = false;
             for s in of {
@@ -77,7 +77,7 @@ impl Solid {
         }
     }
 
-    /// The half spaces that it is written with.
+    /// Returns the half spaces that occur in the expression.
     pub(super) fn halves(&self) -> Bits {
         match self {
             Self::Half(k) => 1 << k,
@@ -86,7 +86,7 @@ impl Solid {
         }
     }
 
-    /// A half space, or the space outside of it.
+    /// Returns a half space or its complement.
     fn literal(k: usize, is_positive: bool) -> Self {
         if is_positive {
             Self::Half(k)
@@ -96,7 +96,7 @@ impl Solid {
     }
 }
 
-/// The half spaces of `mask`, each on the side that `bits` tells.
+/// The intersection of the half spaces of `mask`, each on the side given by `bits`.
 #[derive(Clone, Copy, Debug)]
 struct Product {
     mask: Bits,
@@ -118,12 +118,12 @@ impl Product {
     }
 }
 
-/// The numbers of the bits that are set.
+/// Returns the indices of the bits that are set.
 pub(super) fn ones(bits: Bits) -> impl Iterator<Item = usize> {
     (0..MOST_HALVES).filter(move |k| bits >> k & 1 == 1)
 }
 
-/// A solid with all cells on their sides, of `count` half spaces.
+/// Returns a solid of `count` half spaces with all cells on their sides.
 pub(super) fn solid(cells: &[Cell], count: usize) -> Solid {
     let solid = flat(rest(cells.to_vec(), count));
     let is_right = |new: &Solid, old: &Solid| {
@@ -142,9 +142,9 @@ pub(super) fn solid(cells: &[Cell], count: usize) -> Solid {
     flat(irredundant(solid, is_as_good))
 }
 
-/// Returns a cell outside of half space `k` that is alike with the one within it, where the solid's
-/// function is 0 between them: a sheet or a crack (a static hazard of logic circuits:
-/// E. J. McCluskey, Bell Syst. Tech. J. 35, 1956).
+/// Returns a cell outside half space `k` that agrees with the adjacent one within it, although the
+/// solid's function is 0 between them: a sheet or a crack (a static hazard of logic circuits: E. J.
+/// McCluskey, Bell Syst. Tech. J. 35, 1956).
 fn hazard(solid: &Solid, known: &BTreeSet<Bits>, k: usize) -> Option<Bits> {
     let within = |bits: Bits| bits | 1 << k;
     let is_fault = |bits: &Bits| {
@@ -156,8 +156,8 @@ fn hazard(solid: &Solid, known: &BTreeSet<Bits>, k: usize) -> Option<Bits> {
     known.iter().copied().find(is_fault)
 }
 
-/// The solid with products across half space `k` wherever there is a hazard, in the smallest part
-/// that is written with it.
+/// Adds products across half space `k` wherever there is a hazard, in the smallest subexpression
+/// that contains it.
 fn sealed(solid: Solid, k: usize, cells: &[Cell], known: &BTreeSet<Bits>) -> Solid {
     let has_it = |s: &Solid| s.halves() >> k & 1 == 1;
     let is_all = matches!(solid, Solid::All(_));
@@ -191,7 +191,7 @@ fn sealed(solid: Solid, k: usize, cells: &[Cell], known: &BTreeSet<Bits>) -> Sol
     solid
 }
 
-/// The solid of the cells that are left.
+/// Returns the solid of the remaining cells.
 fn rest(mut cells: Vec<Cell>, count: usize) -> Solid {
     let all: Bits = if count == MOST_HALVES {
         Bits::MAX
@@ -238,8 +238,9 @@ fn rest(mut cells: Vec<Cell>, count: usize) -> Solid {
     }
 }
 
-/// The half space, or outside of one, that holds all cells inside and leaves out most of the weight
-/// outside; or (`of_inside` false) that holds no cell outside and most of the weight inside.
+/// Returns the half space, or complement of one, that contains all cells inside and excludes the
+/// most weight outside; or (`of_inside` false) that contains no cell outside and the most weight
+/// inside.
 fn dominating(cells: &[Cell], all: Bits, of_inside: bool) -> Option<(usize, bool)> {
     let (mut always, mut ever) = (all, 0);
     for c in cells.iter().filter(|c| c.is_inside == of_inside) {
@@ -264,8 +265,8 @@ fn dominating(cells: &[Cell], all: Bits, of_inside: bool) -> Option<(usize, bool
     best.map(|b| b.1)
 }
 
-/// The product that holds most of the weight on one side and no cell of the other, with the share
-/// of the weight.
+/// Returns the product that contains the most weight on one side and no cell of the other, with its
+/// share of the weight.
 fn best_product(cells: &[Cell], all: Bits, is_inside: bool) -> Option<(Product, f64)> {
     let mut own: Vec<Cell> = cells
         .iter()
@@ -282,7 +283,7 @@ fn best_product(cells: &[Cell], all: Bits, is_inside: bool) -> Option<(Product, 
     let mut best: Option<(Product, f64)> = None;
     let mut seeds = 0;
     for cell in &own {
-        // A cell that the best product holds would grow to much the same one.
+        // A cell that the best product contains would grow to nearly that product.
         if best.is_some_and(|b| b.0.holds(cell.bits)) {
             continue;
         }
@@ -307,11 +308,11 @@ fn weight_of(product: &Product, cells: &[Cell]) -> f64 {
         .sum()
 }
 
-/// The product of all sides of a cell without those that may go, each time the one whose loss gains
-/// most weight.
+/// Returns the product of all sides of a cell without those that may be dropped, each time the one
+/// whose removal gains the most weight.
 fn grown(bits: Bits, all: Bits, own: &[Cell], other: &[Bits]) -> Product {
     let mut product = Product { mask: all, bits };
-    // Sides that alone keep a cell of the other side out have to stay.
+    // Sides that alone exclude a cell of the other side have to stay.
     let mut open = all;
     for o in other {
         let differ = (o ^ bits) & all;
@@ -342,8 +343,8 @@ fn grown(bits: Bits, all: Bits, own: &[Cell], other: &[Bits]) -> Product {
     product
 }
 
-/// The solid without the operands that it is as good without, the last first: they were found when
-/// less was known.
+/// Removes operands without which the solid is as good, the last first: they were found when less
+/// was known.
 fn irredundant(solid: Solid, is_as_good: impl Fn(&Solid, &Solid) -> bool) -> Solid {
     let mut solid = solid;
     let mut path = Vec::new();
@@ -357,7 +358,7 @@ fn irredundant(solid: Solid, is_as_good: impl Fn(&Solid, &Solid) -> bool) -> Sol
     solid
 }
 
-/// The operands of a node.
+/// Returns the operands of a node.
 fn operands(solid: &Solid) -> &[Solid] {
     match solid {
         Solid::All(of) | Solid::Any(of) => of,
@@ -366,7 +367,7 @@ fn operands(solid: &Solid) -> &[Solid] {
     }
 }
 
-/// The paths of all operands of sets, in the order of the text.
+/// Collects the paths of all operands of sets, in the order of the text.
 fn paths(solid: &Solid, path: &mut Vec<usize>, found: &mut Vec<Vec<usize>>) {
     let is_set = matches!(solid, Solid::All(_) | Solid::Any(_));
     for (k, of) in operands(solid).iter().enumerate() {
@@ -379,7 +380,7 @@ fn paths(solid: &Solid, path: &mut Vec<usize>, found: &mut Vec<Vec<usize>>) {
     }
 }
 
-/// The last path before another one; the last of all where that is empty.
+/// Returns the last path before another one, or the last of all if that is empty.
 fn last_before(solid: &Solid, path: &[usize]) -> Option<Vec<usize>> {
     let mut found = Vec::new();
     paths(solid, &mut Vec::new(), &mut found);
@@ -387,7 +388,7 @@ fn last_before(solid: &Solid, path: &[usize]) -> Option<Vec<usize>> {
     found.into_iter().filter(is_before).max()
 }
 
-/// The solid without the operand at a path.
+/// Returns the solid without the operand at a path.
 fn removed(solid: &Solid, path: &[usize]) -> Solid {
     let (first, rest) = (path[0], &path[1..]);
     let without = |of: &[Solid]| -> Vec<Solid> {
@@ -407,8 +408,8 @@ fn removed(solid: &Solid, path: &[usize]) -> Solid {
     }
 }
 
-/// The solid with sets of sets of one kind joined, sets of one operand replaced by it, and double
-/// complements gone.
+/// Flattens nested sets of one kind, replaces sets of one operand by it, and removes double
+/// complements.
 fn flat(solid: Solid) -> Solid {
     match solid {
         Solid::Half(_) => solid,
@@ -428,7 +429,7 @@ fn joined(of: Vec<Solid>, is_all: bool) -> Solid {
     for operand in of {
         match (flat(operand), is_all) {
             (Solid::All(inner), true) | (Solid::Any(inner), false) => operands.extend(inner),
-            // The whole space among what one has to hold, or nothing among what all have to.
+            // All of space in a union, or the empty set in an intersection.
             (Solid::All(inner), false) if inner.is_empty() => return Solid::All(inner),
             (Solid::Any(inner), true) if inner.is_empty() => return Solid::Any(inner),
             (operand, _) => operands.push(operand),
@@ -439,7 +440,7 @@ fn joined(of: Vec<Solid>, is_all: bool) -> Solid {
     match (operands.len(), is_all) {
         (1, _) => operands.remove(0),
         (_, true) => Solid::All(operands),
-        // What is taken away, such as a bore down to its floor, is written so.
+        // A union that is subtracted, such as a bore down to its floor, is written as a complement.
         (_, false) if is_taken && operands.iter().all(is_literal) => {
             let opposite = |s: Solid| match s {
                 Solid::Not(of) => *of,
@@ -457,7 +458,7 @@ mod tests {
     use super::*;
     use isoform_num::Random;
 
-    /// All cells of `n` half spaces, with the sides that a function tells.
+    /// Returns all cells of `n` half spaces, on the sides that a function gives.
     fn cells(n: usize, is_inside: impl Fn(&dyn Fn(usize) -> bool) -> bool) -> Vec<Cell> {
         let cell = |bits: Bits| Cell {
             bits,
@@ -500,7 +501,8 @@ mod tests {
         }
     }
 
-    /// Where both sides of a half space are alike its surface is no face, nor a crack.
+    /// If both sides of a half space are on one side of the solid, its surface is neither a face
+    /// nor a crack.
     #[test]
     fn no_solid_has_sheets_or_cracks() {
         let mut random = Random::new(4);
