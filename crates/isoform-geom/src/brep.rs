@@ -1,7 +1,7 @@
 //! Boundary representations: solids as faces on exact surfaces, trimmed by shared edges.
 //!
-//! There are no parameter curves and no half-edges: a face has loops of directed edges, and an edge
-//! of a closed shell is in two loops, once in each direction.
+//! A face has loops of directed edges ([`Coedge`]); edges have curves in space only, none in the
+//! parameter plane. An edge of a closed shell is in two loops, once in each direction.
 
 mod curve;
 mod defect;
@@ -20,29 +20,30 @@ use crate::quadric::{NormalForm, QuadricKind};
 use crate::{Point3, Quadric, across, cross, dot, sub};
 use std::sync::Arc;
 
-/// A right-handed frame: an origin and the unit vectors z and x, at right angles.
+/// Right-handed orthonormal frame: an origin and the unit vectors z and x; y = z × x.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axes {
-    /// The origin.
+    /// Origin.
     pub origin: Point3,
-    /// The direction of z.
+    /// Direction of z, of length 1.
     pub z: Point3,
-    /// The direction of x.
+    /// Direction of x, of length 1.
     pub x: Point3,
 }
 
 impl Axes {
-    /// A frame with the given z and some x.
+    /// Returns a frame with the given z direction and an arbitrary x direction.
     pub fn along(origin: Point3, z: Point3) -> Self {
         let [x, _] = across(z);
         Self { origin, z, x }
     }
-    /// The same frame turned about z so that x points as nearly along `x` as it can; unchanged
-    /// where `x` is along z.
+    /// Returns the frame rotated about z so that x points as nearly along `x` as possible;
+    /// unchanged if `x` is parallel to z.
     #[must_use]
     pub fn turned(self, x: Point3) -> Self {
         let mut flat = x;
-        // Exactly at right angles matters to readers: twice, as the first difference leaves some.
+        // Programs that read the files require right angles up to rounding: the second pass removes
+        // the component along z that rounding leaves in the first.
         for _ in 0..2 {
             let along = dot(flat, self.z);
             flat = std::array::from_fn(|k| flat[k] - along * self.z[k]);
@@ -54,54 +55,57 @@ impl Axes {
         }
         Self { x: flat, ..self }
     }
-    /// The direction of y.
+    /// Returns the direction of y.
     pub fn y(&self) -> Point3 {
         cross(self.z, self.x)
     }
-    /// A point of space in coordinates of the frame.
+    /// Returns the coordinates of a point in the frame.
     pub fn local(&self, p: Point3) -> Point3 {
         let d = sub(p, self.origin);
         [dot(d, self.x), dot(d, self.y()), dot(d, self.z)]
     }
-    /// The vector with the given coordinates in the frame.
+    /// Returns the vector of space with the given coordinates in the frame.
     pub fn vector(&self, [a, b, c]: Point3) -> Point3 {
         let y = self.y();
         std::array::from_fn(|k| a * self.x[k] + b * y[k] + c * self.z[k])
     }
-    /// The point with the given coordinates in the frame.
+    /// Returns the point of space with the given coordinates in the frame.
     pub fn point(&self, local: Point3) -> Point3 {
         let d = self.vector(local);
         std::array::from_fn(|k| self.origin[k] + d[k])
     }
 }
 
-/// The surface of a face: exact, but for the last two kinds. Its own normal points along z for a
-/// plane and a graph, away from the axis where the profile of a revolved one rises, and else away
-/// from the centre, the axis or the middle of the tube.
+/// Surface of a face: exact, except for the last two kinds, which are B-splines near the surface
+/// that is meant. Its normal points along z for a plane and a graph, away from the axis where the
+/// profile of a surface of revolution rises, and otherwise away from the centre, the axis or the
+/// centre circle of the tube.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Surface {
-    /// z = 0.
+    /// Plane z = 0 of the frame.
     Plane(Axes),
-    /// All points at a distance (`radius`) from z.
+    /// Points at the distance `radius` from the z axis.
     Cylinder(Axes, f64),
-    /// All points at the distance radius + z tan(half angle) from z: the radius at the origin, in
-    /// model units, and the half angle, in radians.
+    /// Points at the distance radius + z tan(half angle) from the z axis: the radius at the origin,
+    /// in model units, and the half angle, in radians.
     Cone(Axes, f64, f64),
-    /// All points at a distance (`radius`) from the origin.
+    /// Points at the distance `radius` from the origin.
     Sphere(Axes, f64),
-    /// All points at the distance `minor` (the second number) from the circle of the radius `major`
-    /// (the first) about z.
+    /// Points at the distance `minor` (the second number) from the circle about z of radius `major`
+    /// (the first).
     Torus(Axes, f64, f64),
-    /// An ellipsoid.
+    /// Ellipsoid with three half axes.
     Ellipsoid(Ellipsoid),
-    /// A B-spline turned about an axis, near a smooth surface of revolution that has no name.
+    /// B-spline profile revolved about an axis: an approximation of a smooth surface of revolution
+    /// for which CAD systems have no name.
     Revolved(Arc<Revolved>),
-    /// A B-spline near a smooth surface that has no name.
+    /// B-spline approximation of a smooth surface for which CAD systems have no name.
     Graph(Arc<Graph>),
 }
 
 impl Surface {
-    /// A named quadric, ellipsoid or torus, its frame turned somehow; none of the others.
+    /// Returns the surface of a plane, sphere, cylinder, cone, torus or ellipsoid, whose frame has
+    /// an arbitrary rotation about z; `None` for other quadrics.
     pub fn of(quadric: &Quadric) -> Option<Self> {
         Some(match *quadric {
             Quadric::Plane { normal, offset } => {
@@ -148,7 +152,7 @@ impl Surface {
             Quadric::Other { .. } => return None,
         })
     }
-    /// Its frame.
+    /// Returns the frame of the surface.
     pub fn axes(&self) -> &Axes {
         match self {
             Self::Plane(axes)
@@ -161,7 +165,7 @@ impl Surface {
             Self::Graph(graph) => &graph.axes,
         }
     }
-    /// Its name.
+    /// Returns the name of the kind, such as `plane`.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Plane(_) => "plane",
@@ -174,27 +178,28 @@ impl Surface {
             Self::Graph(_) => "spline",
         }
     }
-    /// Whether it is a spline near the surface that is meant, which it is not itself.
+    /// Returns true if the surface is a B-spline approximation of the surface that is meant.
     pub fn is_near_only(&self) -> bool {
         matches!(self, Self::Revolved(_) | Self::Graph(_))
     }
 }
 
-/// The curve of an edge; it runs from the edge's first vertex to its last.
+/// Curve of an edge, which runs from the first vertex of the edge to the last.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Curve {
-    /// A segment.
+    /// Segment between the vertices.
     Line,
-    /// A circle, counterclockwise about z.
+    /// Circle, counterclockwise about z, with its radius in model units.
     Circle(Axes, f64),
-    /// An ellipse with the larger half axis (first) along x, counterclockwise about z.
+    /// Ellipse, counterclockwise about z, with its half axes in model units; the first one, along
+    /// x, is the larger.
     Ellipse(Axes, f64, f64),
-    /// A B-spline without weights.
+    /// Polynomial (not rational) B-spline.
     BSpline(BSpline),
 }
 
 impl Curve {
-    /// Its name.
+    /// Returns the name of the kind, such as `circle`.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Line => "line",
@@ -205,66 +210,66 @@ impl Curve {
     }
 }
 
-/// A B-spline curve with clamped ends.
+/// B-spline curve with clamped ends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BSpline {
-    /// The degree.
+    /// Degree.
     pub degree: usize,
-    /// Knots, ascending, each once.
+    /// Distinct knots, ascending.
     pub knots: Vec<f64>,
-    /// How often each knot counts: degree + 1 at the ends.
+    /// Multiplicity of each knot: degree + 1 at the ends.
     pub multiplicities: Vec<usize>,
     /// Control points.
     pub control: Vec<Point3>,
 }
 
-/// A curve between two vertices.
+/// Edge: a curve between two vertices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edge {
-    /// The curve.
+    /// Curve of the edge.
     pub curve: Curve,
-    /// First and last vertex; the same one for a closed curve.
+    /// First and last vertex, which coincide for a closed curve.
     pub ends: [u32; 2],
 }
 
-/// An edge as a loop passes it.
+/// Directed edge of a loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Coedge {
-    /// The edge.
+    /// Index of the edge.
     pub edge: u32,
-    /// Whether it is passed from its first vertex to its last.
+    /// True if the loop runs from the first vertex of the edge to the last.
     pub forward: bool,
 }
 
-/// A part of a surface within loops.
+/// Face: the part of a surface bounded by loops.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Face {
-    /// The surface.
+    /// Surface on which the face lies.
     pub surface: Surface,
-    /// Whether the surface's own normal points out of the solid.
+    /// True if the normal of the surface points out of the solid.
     pub agrees: bool,
-    /// The part of the model, index into the names of [`Brep::parts`].
+    /// Part of the model that the face belongs to, an index into [`Brep::parts`].
     pub part: u32,
-    /// The number of this piece of the part, from 0: a part may come in several, and those that go
-    /// round are cut.
+    /// Number of this piece of the part, from 0: a part may consist of several pieces, and one that
+    /// closes about an axis is cut.
     pub chart: u32,
-    /// Loops, seen from outside counterclockwise around the face; the outer one is first.
+    /// Boundary loops, the outer one first; seen from outside, each has the face on its left.
     pub loops: Vec<Vec<Coedge>>,
 }
 
-/// A body.
+/// Solid body: an outer shell, and shells around voids.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Body {
-    /// The faces of its outer shell.
+    /// Indices of the faces of the outer shell.
     pub outer: Vec<u32>,
-    /// The faces of each void inside of it.
+    /// Indices of the faces around each void.
     pub voids: Vec<Vec<u32>>,
 }
 
-/// Solids as faces, edges and vertices that they share.
+/// Boundary representation: solids, with the faces, edges and vertices that they share.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Brep {
-    /// Vertices.
+    /// Positions of the vertices.
     pub vertices: Vec<Point3>,
     /// Edges.
     pub edges: Vec<Edge>,
@@ -272,13 +277,13 @@ pub struct Brep {
     pub faces: Vec<Face>,
     /// Names of the parts.
     pub parts: Vec<String>,
-    /// The solids.
+    /// Solids, by the indices of their faces.
     pub solids: Vec<Body>,
 }
 
 impl Brep {
-    /// The name of a face: that of its part, with the number of the chart (from 1) if the part has
-    /// several.
+    /// Returns the name of a face: that of its part, with the number of the chart (from 1) if the
+    /// part has several.
     pub fn face_name(&self, face: usize) -> String {
         let Face { part, chart, .. } = self.faces[face];
         let name = &self.parts[part as usize];
@@ -289,12 +294,12 @@ impl Brep {
             format!("{name}#chart{}", u64::from(chart) + 1)
         }
     }
-    /// The vertices between which a loop passes an edge.
+    /// Returns the start and end vertex of a directed edge.
     pub fn ends_of(&self, coedge: &Coedge) -> [u32; 2] {
         let [a, b] = self.edges[coedge.edge as usize].ends;
         if coedge.forward { [a, b] } else { [b, a] }
     }
-    /// First and last point of an edge.
+    /// Returns the first and last point of an edge.
     pub fn ends(&self, edge: u32) -> [Point3; 2] {
         self.edges[edge as usize]
             .ends
@@ -306,7 +311,7 @@ impl Brep {
 mod tests {
     use super::*;
 
-    /// A cylinder of radius 1 and height 2: bottom, top, and a wall with one seam, edge 2.
+    /// Returns a cylinder of radius 1 and height 2: bottom, top, and a wall with one seam, edge 2.
     pub(super) fn can() -> Brep {
         let up = [0.0, 0.0, 1.0];
         let x = [1.0, 0.0, 0.0];

@@ -2,17 +2,17 @@
 
 use crate::{Aabb, Point3};
 
-/// A cloud whose centre is further from the origin than this many of its diagonals is moved there.
-/// Squared distances in f64 then still have 2⁵³/1000² ≈ 10¹⁰ steps per diagonal. Smaller would move
-/// scans that merely stand beside their origin, and surprise; larger would let geographic
-/// coordinates eat the digits of a fit.
+/// Distance of the centre of a cloud from the origin, in diagonals of the cloud, above which the
+/// cloud is recentred. At this distance squared distances in f64 still resolve 2⁵³/1000² ≈ 10¹⁰
+/// steps per diagonal. A smaller value would move scans that are merely next to their origin, which
+/// users do not expect; a larger one would leave a fit fewer digits of geographic coordinates.
 const FAR_IN_DIAGONALS: f64 = 1000.0;
-/// An axis is moved only if its centre is this far out; below, the subtraction would not be exact
-/// (see [`PointCloud::recentred`]).
+/// Distance of the centre from the origin along an axis, in diagonals, above which that axis is
+/// recentred. Below it, the subtraction would not be exact (see [`PointCloud::recentred`]).
 const AXIS_FAR_IN_DIAGONALS: f64 = 10.0;
 
-/// Where the origin of points in this box belongs: its rounded centre where that is far from the
-/// origin, else zero.
+/// Returns the origin for points in this box: its rounded centre along the axes on which that is
+/// far from zero, else zero.
 pub fn far_center(bounds: &Aabb) -> Point3 {
     let (center, diagonal) = (bounds.center(), bounds.diagonal());
     let far = center.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
@@ -34,20 +34,20 @@ pub fn far_center(bounds: &Aabb) -> Point3 {
     })
 }
 
-/// A named value per point.
+/// Named value per point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
-    /// Name, as the file gives it.
+    /// Name in the file.
     pub name: String,
     /// One value per point.
     pub values: Vec<f64>,
 }
 
-/// Points about an origin, with the normals, colours and values that the file gave.
+/// Points relative to an origin, with the normals, colours and values of their file.
 ///
-/// Coordinates of the file are `origin + points[i]`: geographic coordinates keep all their digits
-/// that way, and algorithms on `points` compute near zero. Every per-point array is empty or as long
-/// as `points`.
+/// The coordinates in the file are `origin + points[i]`: so geographic coordinates keep all digits,
+/// and algorithms use the small numbers `points`. Every array of values per point is empty or as
+/// long as `points`.
 ///
 /// ```
 /// use isoform_geom::PointCloud;
@@ -62,27 +62,29 @@ pub struct Column {
 pub struct PointCloud {
     /// Point positions relative to `origin`, all finite.
     pub points: Vec<Point3>,
-    /// What was subtracted from the file's coordinates; zero for clouds near the origin.
+    /// Offset that was subtracted from the coordinates of the file; zero for clouds near the
+    /// origin.
     pub origin: Point3,
-    /// Unit normals, as given.
+    /// Unit normals, as in the file.
     pub normals: Vec<Point3>,
-    /// Colours, red, green, blue.
+    /// Colours: red, green, blue.
     pub colors: Vec<[u8; 3]>,
-    /// Triangles between the points where the file is a mesh (indices into `points`).
+    /// Triangles between the points if the file is a mesh, as indices into `points`.
     pub triangles: Vec<[u32; 3]>,
-    /// All other values per point, by name.
+    /// Other values per point, by name.
     pub columns: Vec<Column>,
 }
 
 impl PointCloud {
-    /// A cloud of bare points about the origin.
+    /// Returns a cloud of points about the origin, without normals or other values.
     pub fn from_points(points: Vec<Point3>) -> Self {
         Self {
             points,
             ..Self::default()
         }
     }
-    /// Returns some of the points, in this order, with all that belongs to them but triangles.
+    /// Returns the points with these indices, in this order, with their normals, colours and
+    /// values, but without triangles.
     #[must_use]
     pub fn select(&self, which: &[u32]) -> Self {
         fn of<T: Clone>(values: &[T], which: &[u32]) -> Vec<T> {
@@ -104,15 +106,15 @@ impl PointCloud {
             columns: self.columns.iter().map(column).collect(),
         }
     }
-    /// Smallest box around the points (relative to `origin`).
+    /// Returns the smallest box around the points, relative to `origin`.
     pub fn bounds(&self) -> Aabb {
         Aabb::of(&self.points)
     }
-    /// The cloud about [`far_center`], where its points lie far from the origin: what reading a
-    /// file does. Absolute positions stay.
+    /// Moves the origin of a cloud that lies far from it to [`far_center`], as readers of files do.
+    /// Absolute positions do not change.
     ///
-    /// Subtraction is exact by Sterbenz's lemma: on an axis that is moved |p − center| is at most
-    /// 1.5 diagonals and |center| over 9, so that p lies between center/2 and 2·center.
+    /// The subtraction is exact by Sterbenz's lemma: on an axis that is moved, |p − center| is at
+    /// most 1.5 diagonals and |center| above 9, so that p lies between center/2 and 2·center.
     ///
     /// ```
     /// use isoform_geom::PointCloud;
@@ -128,8 +130,8 @@ impl PointCloud {
         let center = far_center(&self.bounds());
         self.about(center)
     }
-    /// The cloud with its points moved so that this place is where they are relative to, and its
-    /// origin with it: absolute positions stay.
+    /// Moves the origin by `center` and subtracts it from the points. Absolute positions do not
+    /// change.
     #[must_use]
     pub fn about(mut self, center: Point3) -> Self {
         if center != [0.0; 3] {
@@ -140,7 +142,7 @@ impl PointCloud {
         }
         self
     }
-    /// Position in the file's coordinates.
+    /// Returns the position of a point in the coordinates of the file.
     pub fn absolute(&self, i: usize) -> Point3 {
         std::array::from_fn(|k| self.points[i][k] + self.origin[k])
     }

@@ -1,68 +1,68 @@
-//! Implicit functions as the stages see them: values, derivatives, bounds, and distances with their
-//! feet.
+//! Interfaces of implicit functions for all stages: values, derivatives, bounds, and distances with
+//! foot points.
 //!
-//! - [`Field`]: one function of space. [`ParamField`]: a family of them, for fits.
-//! - [`DistanceField`]: a family that also knows the *foot* of a point, its nearest place of the
-//!   surface.
+//! - [`Field`]: a function of space. [`ParamField`]: a function with parameters, for fits.
+//! - [`DistanceField`]: a distance with parameters that also has the *foot* of each point, the
+//!   nearest point of the surface.
 
 use crate::{Aabb, Point3};
 use isoform_num::{Interval, Jet2, Jet3, Real};
 
-/// A function of space; inside is `value ≥ 0`, the outward normal is −∇f/|∇f|.
+/// Function of space; inside is `value ≥ 0`, the outward normal is −∇f/|∇f|.
 pub trait Field: Send + Sync {
-    /// f(p).
+    /// Returns f(p).
     fn value(&self, p: Point3) -> f64;
-    /// f with gradient and Hessian.
+    /// Returns f with its gradient and Hessian.
     fn jet(&self, p: Point3) -> Jet2;
-    /// An interval that holds f over the whole region; proves nothing by default.
+    /// Returns an interval that contains f over the whole region; [`Interval::ALL`] by default.
     fn bounds(&self, _region: Aabb) -> Interval {
         Interval::ALL
     }
-    /// f at many points; override to go fast.
+    /// Evaluates f at many points. Implementations override this for speed.
     fn values(&self, points: &[Point3], out: &mut [f64]) {
         for (p, v) in points.iter().zip(out) {
             *v = self.value(*p);
         }
     }
-    /// 2-jets at many points; override to go fast.
+    /// Evaluates 2-jets at many points. Implementations override this for speed.
     fn jets(&self, points: &[Point3], out: &mut [Jet2]) {
         for (p, j) in points.iter().zip(out) {
             *j = self.jet(*p);
         }
     }
-    /// f with all derivatives to order 3; nothing by default.
+    /// Returns f with all derivatives up to order 3; `None` by default.
     fn jet3(&self, _p: Point3) -> Option<Jet3> {
         None
     }
-    /// What can be proved of f near a point: intervals for its derivatives there, and for the third
-    /// ones in the whole region, which holds the point. Nothing by default.
+    /// Returns enclosures of f near a point: of f and its derivatives up to order 2 at the point,
+    /// and of the third derivatives over the region, which contains the point; `None` by default.
     fn expansion(&self, _at: Point3, _region: Aabb) -> Option<Expansion> {
         None
     }
-    /// The terms of an f that is a polynomial; nothing by default.
+    /// Returns the terms of f if f is a polynomial; `None` by default.
     fn terms(&self) -> Option<Terms<'_>> {
         None
     }
 }
 
-/// A polynomial in p, where the point of space is (x, y, z) = `origin` + `unit` p.
+/// Polynomial in p, where the point of space is (x, y, z) = `origin` + `unit` p.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Terms<'a> {
-    /// Terms c xⁱyʲzᵏ, as ([i, j, k], c).
+    /// Terms c xⁱyʲzᵏ in coordinates of p, as ([i, j, k], c).
     pub list: &'a [([u16; 3], f64)],
-    /// Where p = 0 is.
+    /// Point of space with p = 0.
     pub origin: Point3,
-    /// The unit of length of p.
+    /// Unit of length of p, in model units.
     pub unit: f64,
 }
 
-/// Intervals for a function's derivatives: to order 2 at a point, of order 3 in a region about it.
-/// By Taylor's theorem they enclose f in the region.
+/// Enclosures of a function's derivatives: up to order 2 at a point, of order 3 in a region about
+/// it. By Taylor's theorem they enclose f in the region.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expansion {
-    /// f at the point.
+    /// Value f at the point.
     pub value: Interval,
-    /// ∇f at the point.
+    /// Gradient ∇f at the point.
     pub gradient: [Interval; 3],
     /// Second derivatives xx, xy, xz, yy, yz, zz at the point.
     pub hessian: [Interval; 6],
@@ -71,8 +71,8 @@ pub struct Expansion {
 }
 
 impl Expansion {
-    /// The expansion by coordinates q where p = `unit` q + a constant: each order of derivatives
-    /// brings a factor.
+    /// Returns the expansion with respect to coordinates q, where p = `unit` q + a constant:
+    /// derivatives of order k are multiplied by `unit`ᵏ.
     #[must_use]
     pub fn in_units(&self, unit: Interval) -> Self {
         Self {
@@ -82,11 +82,11 @@ impl Expansion {
             third: self.third.map(|t| unit * unit * unit * t),
         }
     }
-    /// The expansion about the point that is away `by`, in the same region: by Taylor's theorem
-    /// with the third derivatives of the region.
+    /// Returns the expansion about the point at the offset `by` in the region, by Taylor's theorem
+    /// with the third derivatives of the region, which does not change.
     #[must_use]
     pub fn moved(&self, by: [Interval; 3]) -> Self {
-        // δᵀHδ/2 + Tδδδ/6 is half of δ times (H + Tδ/3)δ; a third is no number.
+        // δᵀHδ/2 + Tδδδ/6 = δᵀ(H + Tδ/3)δ/2. The interval encloses 1/3, which is not a double.
         let share = Interval::new((1.0f64 / 3.0).next_down(), (1.0f64 / 3.0).next_up());
         let value = (0..3).fold(self.value, |sum, i| {
             let bent = (0..3).fold(Interval::constant(0.0), |sum, j| {
@@ -109,7 +109,7 @@ impl Expansion {
         }
     }
 
-    /// ∇f at all places of the region whose offset from the point is in `by`.
+    /// Returns enclosures of ∇f at all points of the region whose offset from the point is in `by`.
     pub fn gradient_at(&self, by: [Interval; 3]) -> [Interval; 3] {
         std::array::from_fn(|i| {
             self.gradient[i]
@@ -120,32 +120,32 @@ impl Expansion {
         })
     }
 
-    /// Σₖ ∂³f/∂xᵢ∂xⱼ∂xₖ δₖ.
+    /// Returns Σₖ ∂³f/∂xᵢ∂xⱼ∂xₖ δₖ.
     fn third_along(&self, i: usize, j: usize, by: [Interval; 3]) -> Interval {
         (0..3).fold(Interval::constant(0.0), |sum, k| {
             sum + self.third[Self::THIRD[i][j][k]] * by[k]
         })
     }
 
-    /// Where ∂²f/∂xᵢ∂xⱼ is among the six second derivatives.
+    /// Index of ∂²f/∂xᵢ∂xⱼ among the six second derivatives.
     pub const SECOND: [[usize; 3]; 3] = isoform_num::SECOND;
-    /// Where ∂³f/∂xᵢ∂xⱼ∂xₖ is among the ten third derivatives.
+    /// Index of ∂³f/∂xᵢ∂xⱼ∂xₖ among the ten third derivatives.
     pub const THIRD: [[[usize; 3]; 3]; 3] = isoform_num::THIRD;
 }
 
-/// A function of space with parameters a: the residual of a fit.
+/// Function of space with parameters a, such as the residual of a fit.
 pub trait ParamField: Send + Sync {
-    /// Number of parameters.
+    /// Returns the number of parameters.
     fn dim(&self) -> usize;
-    /// f(pᵢ, a) for all points.
+    /// Computes f(pᵢ, a) for all points.
     fn values(&self, points: &[Point3], a: &[f64], out: &mut [f64]);
-    /// f(pᵢ, a) and its derivatives by the parameters, point by point: `jac[i * dim + j]` =
-    /// ∂f(pᵢ)/∂aⱼ.
+    /// Computes f(pᵢ, a) and its derivatives with respect to the parameters, point by point: `jac[i
+    /// * dim + j]` = ∂f(pᵢ)/∂aⱼ.
     fn jacobian(&self, points: &[Point3], a: &[f64], out: &mut [f64], jac: &mut [f64]);
-    /// Weighted normal equations: Σ wᵢ fᵢ², Jᵀ W f into `gradient` (dim) and Jᵀ W J into `hessian`
-    /// (dim × dim, full symmetric).
-    /// `weights` empty means all 1; where one is 0 nothing is added, whatever f is there. The sums
-    /// run in a fixed order: the same bits each time. Override to go fast.
+    /// Computes the weighted normal equations: returns Σ wᵢ fᵢ², writes Jᵀ W f into `gradient`
+    /// (dim) and Jᵀ W J into `hessian` (dim × dim, full symmetric). Empty `weights` are all 1;
+    /// points of weight 0 add nothing, even if f is NaN there. The order of summation is fixed, so
+    /// that results are reproducible bit for bit. Implementations override this for speed.
     fn normal_equations(
         &self,
         points: &[Point3],
@@ -159,10 +159,10 @@ pub trait ParamField: Send + Sync {
         self.jacobian(points, a, &mut f, &mut jac);
         normal_equations_of(&f, &jac, weights, gradient, hessian)
     }
-    /// f(pᵢ, a) and its gradient in space, point by point.
+    /// Computes f(pᵢ, a) and its gradient in space, point by point.
     fn gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], gradients: &mut [Point3]);
-    /// Σ wᵢ fᵢ², in the same order of summation as [`ParamField::normal_equations`].
-    /// Override to go fast.
+    /// Returns Σ wᵢ fᵢ², summed in the order of [`ParamField::normal_equations`]. Implementations
+    /// override this for speed.
     fn sum_of_squares(&self, points: &[Point3], weights: &[f64], a: &[f64]) -> f64 {
         let mut f = vec![0.0; points.len()];
         self.values(points, a, &mut f);
@@ -175,7 +175,8 @@ pub trait ParamField: Send + Sync {
     }
 }
 
-/// The sums of [`ParamField::normal_equations`], from values and derivatives of all points.
+/// Computes the sums of [`ParamField::normal_equations`] from the values and derivatives at all
+/// points.
 pub fn normal_equations_of(
     f: &[f64],
     jac: &[f64],
@@ -187,7 +188,7 @@ pub fn normal_equations_of(
     gradient.fill(0.0);
     hessian.fill(0.0);
     let mut sum = 0.0;
-    // By columns of some points at a time: products of whole columns are fast.
+    // Blocks of points are stored by columns: products of whole columns are fast.
     let mut columns = vec![[0.0; COLUMN]; m + 1];
     let mut weighted = columns.clone();
     for (c, f) in f.chunks(COLUMN).enumerate() {
@@ -200,7 +201,7 @@ pub fn normal_equations_of(
             let w = weights.get(first + l).copied().unwrap_or(1.0);
             let row = &jac[(first + l) * m..(first + l + 1) * m];
             for (j, v) in row.iter().chain([f]).enumerate() {
-                // Where the weight is 0 the value may be NaN.
+                // A value of weight 0 may be NaN.
                 (columns[j][l], weighted[j][l]) = if w == 0.0 { (0.0, 0.0) } else { (*v, w * v) };
             }
         }
@@ -223,8 +224,8 @@ pub fn normal_equations_of(
 /// Normal equations of some points: Σ w f², Jᵀ W f and Jᵀ W J.
 pub type NormalEquations = (f64, Vec<f64>, Vec<f64>);
 
-/// Adds the normal equations of pieces of the points, in their order: the sum does not depend on
-/// which thread computed a piece.
+/// Adds the normal equations of subsets of the points in order, so that the sum does not depend on
+/// the threads that computed them.
 pub fn add_normal_equations(
     pieces: impl IntoIterator<Item = NormalEquations>,
     gradient: &mut [f64],
@@ -241,11 +242,11 @@ pub fn add_normal_equations(
     sum
 }
 
-/// Points whose rows are multiplied together: they fill a few registers, and stay within the cache
-/// for dozens of parameters.
+/// Number of points whose rows are multiplied together: a column fills a few vector registers, and
+/// the columns of dozens of parameters stay within the cache.
 const COLUMN: usize = 32;
 
-/// Σ aₗ bₗ, in an order that vector units like.
+/// Returns Σ aₗ bₗ, as eight partial sums that vector instructions compute at once.
 fn product(a: &[f64; COLUMN], b: &[f64; COLUMN]) -> f64 {
     let mut sums = [0.0; 8];
     for (a, b) in a.chunks_exact(8).zip(b.chunks_exact(8)) {
@@ -256,26 +257,26 @@ fn product(a: &[f64; COLUMN], b: &[f64; COLUMN]) -> f64 {
     sums.iter().sum()
 }
 
-/// The foot of a point: the nearest place of a surface.
+/// Foot of a point: the nearest point of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Foot {
     /// Signed distance, positive inside.
     pub distance: f64,
-    /// The nearest point of the surface.
+    /// Nearest point of the surface.
     pub at: Point3,
-    /// Unit inward direction: the gradient of the distance.
+    /// Unit inward normal: the gradient of the distance.
     pub inward: Point3,
-    /// Pieces that meet there; the first `order` count.
+    /// Pieces that meet at the foot; the first `order` entries are used.
     pub pieces: [u32; 3],
-    /// 1 on a face, 2 on an edge, 3 at a corner; 0 where no foot point was found and the distance
-    /// is of first order.
+    /// Number of pieces that meet at the foot: 1 on a face, 2 on an edge, 3 at a corner; 0 if no
+    /// foot was found and the distance is of first order.
     pub order: u8,
-    /// Shares of the pieces' inward normals in the direction.
+    /// Coefficients of the pieces' inward normals in `inward`.
     pub shares: [f64; 3],
 }
 
 impl Foot {
-    /// A place on a face.
+    /// Returns the foot of a point that lies on a face itself.
     pub fn on_face(at: Point3, inward: Point3, piece: u32) -> Self {
         Self {
             distance: 0.0,
@@ -287,7 +288,7 @@ impl Foot {
         }
     }
 
-    /// The foot before it is known.
+    /// Placeholder for a foot before it is computed.
     pub const NONE: Self = Self {
         distance: f64::NAN,
         at: [f64::NAN; 3],
@@ -298,41 +299,41 @@ impl Foot {
     };
 }
 
-/// The surroundings of a place of a surface, on the scale of the noise of measured points.
+/// Surroundings of a point of a surface, on the scale of the noise of measured points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Nearby {
-    /// Only the face that the place is on.
+    /// Only the face of the point itself is near.
     Face,
-    /// An edge that no third face is near: two half planes, on this scale.
+    /// One edge is near, and only its two faces: two half-planes, on this scale.
     Edge(Edge),
-    /// More: corners, thin walls, faces that touch.
+    /// More faces are near: at corners, thin walls, and faces that touch.
     Much,
 }
 
-/// The place of an edge nearest to a place on one of its faces.
+/// Point of an edge nearest to a point on one of its faces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edge {
-    /// The place on the edge.
+    /// Position on the edge.
     pub at: Point3,
-    /// The face of the place on the surface, and the other face of the edge.
+    /// Face of the point on the surface, and the other face of the edge.
     pub pieces: [u32; 2],
-    /// Their unit inward normals.
+    /// Unit inward normals of the two faces at the edge.
     pub inward: [Point3; 2],
-    /// Up to this distance from the edge its two faces extend, and the nearest edge to places on
-    /// them is this one.
+    /// Distance from the edge, in model units, up to which its two faces extend and no other edge
+    /// is nearer to points on them.
     pub width: f64,
-    /// Whether a face other than its own is within reach of the place.
+    /// True if a face other than its own is within reach of the point.
     pub is_near: bool,
-    /// Angle between the faces through the material: less than π where it is convex.
+    /// Angle between the faces through the material, in radians: less than π at a convex edge.
     pub angle: f64,
 }
 
 impl Edge {
-    /// The least width, in units of the reach.
+    /// Minimum width, in units of the reach.
     pub const LEAST: f64 = 0.75;
 }
 
-/// A rigid frame: its place p is at `translation` + `rotation` p in space.
+/// Rigid frame: its point p lies at `translation` + `rotation` p in space.
 ///
 /// ```
 /// use isoform_geom::Frame;
@@ -347,49 +348,49 @@ impl Edge {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
-    /// Rotation matrix by rows.
+    /// Rotation matrix, row by row.
     pub rotation: [Point3; 3],
-    /// The origin of the frame, in space.
+    /// Origin of the frame, in space.
     pub translation: Point3,
 }
 
 impl Frame {
-    /// The frame of space itself.
+    /// Frame of space itself: the identity.
     pub const SPACE: Self = Self {
         rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
         translation: [0.0; 3],
     };
-    /// A place of the frame, in space.
+    /// Maps a point of the frame to space.
     pub fn out(&self, p: Point3) -> Point3 {
         let turned = self.turned(p);
         std::array::from_fn(|i| self.translation[i] + turned[i])
     }
-    /// A direction of the frame, in space.
+    /// Maps a direction of the frame to space.
     pub fn turned(&self, v: Point3) -> Point3 {
         self.rotation.map(|row| crate::dot(row, v))
     }
-    /// A place of space, in the frame.
+    /// Maps a point of space to the frame.
     pub fn within(&self, p: Point3) -> Point3 {
         let d = crate::sub(p, self.translation);
         std::array::from_fn(|j| (0..3).map(|i| self.rotation[i][j] * d[i]).sum())
     }
 }
 
-/// A signed distance to the surface of a solid with parameters, positive inside, that knows where
-/// the nearest places are.
+/// Signed distance from the surface of a solid with parameters, positive inside, with foot points.
 pub trait DistanceField: ParamField {
-    /// The nearest place of the surface to each point.
+    /// Computes the nearest point of the surface to each point.
     ///
     /// # Panics
     /// If `out` is shorter than `points` or `a` than the parameters.
     fn feet(&self, points: &[Point3], a: &[f64], out: &mut [Foot]);
-    /// The derivatives of the distance by the parameters where its feet are known, row by row as
-    /// [`ParamField::jacobian`] gives them. Of each foot its place, pieces and shares are used.
+    /// Computes the derivatives of the distance with respect to the parameters from known feet, row
+    /// by row as in [`ParamField::jacobian`]. Only the place, the pieces and the shares of each
+    /// foot are used.
     ///
     /// # Panics
     /// If `jac` is shorter than the feet times the parameters.
     fn jacobian_of(&self, feet: &[Foot], a: &[f64], jac: &mut [f64]);
-    /// [`ParamField::normal_equations`] where the feet of the points are known.
+    /// Computes [`ParamField::normal_equations`] from known feet of the points.
     ///
     /// # Panics
     /// If `gradient` or `hessian` is too short.
@@ -401,15 +402,17 @@ pub trait DistanceField: ParamField {
         gradient: &mut [f64],
         hessian: &mut [f64],
     ) -> f64;
-    /// The surroundings of each place of the surface. Other faces count within `reach` of it, and
-    /// disturb an edge within twice [`Edge::LEAST`] of that. Edges are met up to `strip` away.
+    /// Returns the surroundings of each point of the surface. Other faces count if they are within
+    /// `reach`; they disturb an edge if they are within twice [`Edge::LEAST`] times the reach.
+    /// Edges are found up to the distance `strip`.
     fn nearby(&self, places: &[Foot], a: &[f64], reach: f64, strip: f64) -> Vec<Nearby>;
-    /// The Laplacian of the distance to the face of each place, at the place: its two curvatures'
-    /// sum, positive where the solid is hollow. From differences over `step`.
+    /// Computes the Laplacian of the distance from the face of each point, at the point, by
+    /// differences over `step`: the sum of the principal curvatures, positive where the solid is
+    /// concave.
     fn bends(&self, places: &[Foot], a: &[f64], step: f64) -> Vec<f64>;
-    /// Random places of the surface in a region of a frame, on its faces, spread evenly by area:
-    /// about as many as wanted, or fewer where there is little surface. A solid that moves with the
-    /// frame gets the places moved along.
+    /// Returns random points of the surface in a region of a frame, on its faces, distributed
+    /// uniformly by area: about `wanted`, or fewer if there is little surface. If the solid moves
+    /// with the frame, so do the points.
     fn area_samples(
         &self,
         a: &[f64],

@@ -12,7 +12,7 @@
 
 use crate::{Point3, dot};
 
-/// The matrix ((uu, uv), (uv, vv)) of the products of two vectors.
+/// Gram matrix ((uu, uv), (uv, vv)) of the inner products of two vectors.
 ///
 /// ```
 /// use isoform_geom::Gram;
@@ -23,16 +23,16 @@ use crate::{Point3, dot};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gram {
-    /// u·u.
+    /// Product u·u.
     pub uu: f64,
-    /// u·v.
+    /// Product u·v.
     pub uv: f64,
-    /// v·v.
+    /// Product v·v.
     pub vv: f64,
 }
 
 impl Gram {
-    /// The matrix of two vectors of space.
+    /// Returns the Gram matrix of two vectors.
     #[inline]
     #[must_use]
     pub fn of(u: Point3, v: Point3) -> Self {
@@ -43,7 +43,7 @@ impl Gram {
         }
     }
 
-    /// uu vv − uv² = |u × v|², but for rounding: it may come out below 0 where u and v are nearly
+    /// Returns uu vv − uv² = |u × v|², up to rounding: it may be negative if u and v are nearly
     /// parallel.
     #[inline]
     #[must_use]
@@ -51,23 +51,25 @@ impl Gram {
         self.uu * self.vv - self.uv * self.uv
     }
 
-    /// Whether sin² of the angle of u and v exceeds `share`; false where a product is no number.
+    /// Returns true if sin² of the angle between u and v exceeds `share`; false if a product is
+    /// NaN.
     #[inline]
     #[must_use]
     pub fn is_regular(&self, share: f64) -> bool {
         self.determinant() > share * self.uu * self.vv
     }
 
-    /// The solution (x, y) of the system with the right-hand side (e, f); not finite where the
-    /// determinant is 0.
+    /// Returns the solution (x, y) of the system with the right-hand side (e, f); it is not finite
+    /// if the determinant is 0.
     #[inline]
     #[must_use]
     pub fn solve(&self, right: [f64; 2]) -> [f64; 2] {
         self.solve_over(self.determinant(), right)
     }
 
-    /// The solution where the determinant counts as at least the least normal number: long, in
-    /// place of infinite, where u and v are parallel. For steps that are cut off anyway.
+    /// Returns the solution with the determinant raised to at least the smallest normal number: if
+    /// u and v are parallel, it is very long instead of infinite. Use it for steps whose length is
+    /// limited afterwards.
     #[inline]
     #[must_use]
     pub fn solve_bounded(&self, right: [f64; 2]) -> [f64; 2] {
@@ -82,7 +84,8 @@ impl Gram {
         ]
     }
 
-    /// The (x, y) for which x u + y v is nearest to r, for the vectors u and v of the matrix.
+    /// Returns the (x, y) for which x u + y v is nearest to r, where u and v are the vectors of the
+    /// matrix.
     #[inline]
     #[must_use]
     pub fn shares(&self, u: Point3, v: Point3, r: Point3) -> [f64; 2] {
@@ -104,7 +107,7 @@ mod tests {
         assert!((Gram::of(U, V).determinant() - area * area).abs() < 1e-13);
     }
 
-    /// What is left of r is normal to both vectors.
+    /// Checks that the residual of r is normal to both vectors.
     #[test]
     fn shares_leave_the_normal_part() {
         let r = [0.7, 0.1, -3.0];
@@ -113,7 +116,7 @@ mod tests {
         assert!(dot(rest, U).abs() < 1e-14 && dot(rest, V).abs() < 1e-14);
     }
 
-    /// The combination of two gradients with given products.
+    /// Checks the combination of two gradients with given products.
     #[test]
     fn solutions_have_the_products_that_were_asked_for() {
         let [x, y] = Gram::of(U, V).solve([0.4, -0.9]);

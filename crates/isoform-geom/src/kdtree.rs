@@ -1,13 +1,13 @@
-//! Nearest neighbours in space.
+//! Nearest-neighbour search in space.
 
 use crate::point::check_points;
 use crate::{Point3, distance_squared};
 
-/// Points per leaf; 8 to 32 differ by less than a tenth in query time.
+/// Maximum number of points per leaf. Query times for 8 to 32 differ by less than a tenth.
 const LEAF: usize = 12;
 
-/// A balanced kd-tree over points, immutable. Building is deterministic; ties go to the lower
-/// index.
+/// Balanced, immutable kd-tree of points. It is built deterministically; of points at equal
+/// distances the one with the lower index comes first.
 ///
 /// ```
 /// use isoform_geom::KdTree;
@@ -22,7 +22,7 @@ const LEAF: usize = 12;
 pub struct KdTree {
     points: Vec<Point3>,
     index: Vec<u32>,
-    /// Split axis of the range whose middle is here.
+    /// Split axis of each node, stored at the index of the node's median point.
     axis: Vec<u8>,
 }
 
@@ -44,16 +44,16 @@ impl KdTree {
         }
     }
 
-    /// Number of points.
+    /// Returns the number of points.
     pub fn len(&self) -> usize {
         self.points.len()
     }
-    /// Whether there is no point.
+    /// Returns true if the tree is empty.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
 
-    /// Index and squared distance of the nearest point, `None` for an empty tree.
+    /// Returns the index and squared distance of the nearest point; `None` for an empty tree.
     pub fn nearest(&self, q: Point3) -> Option<(usize, f64)> {
         let mut best = (f64::INFINITY, u32::MAX);
         self.near(q, f64::INFINITY, &mut |d, i| {
@@ -65,7 +65,7 @@ impl KdTree {
         (best.1 != u32::MAX).then_some((best.1 as usize, best.0))
     }
 
-    /// The `k` nearest points into `found` as (squared distance, index), nearest first.
+    /// Writes the `k` nearest points to `found` as (squared distance, index), nearest first.
     pub fn nearest_k(&self, q: Point3, k: usize, found: &mut Vec<(f64, u32)>) {
         found.clear();
         found.resize(k.min(self.points.len()), (f64::INFINITY, u32::MAX));
@@ -75,14 +75,14 @@ impl KdTree {
     }
 
     /// Calls `visit` with the squared distance and the index of every point whose squared distance
-    /// from `q` is at most `squared`, nearer halves of the tree first. `visit` returns the squared
-    /// distance that bounds the rest of the search.
+    /// from `q` is at most `squared`, in the nearer half of each node first. `visit` returns the
+    /// squared distance that bounds the rest of the search.
     pub fn near(&self, q: Point3, squared: f64, visit: &mut impl FnMut(f64, u32) -> f64) {
         self.near_in(q, squared, 0, self.points.len(), [0.0; 3], visit);
     }
 
-    /// Visits the nearer half first; `off` holds the distance of `q` to the cell by axis, so that
-    /// the bound is the true one.
+    /// Searches a range of the points, the nearer half first. `off` is the offset of `q` from the
+    /// cell of the range along each axis, from which the exact distance from the cell follows.
     fn near_in(
         &self,
         q: Point3,
@@ -125,7 +125,7 @@ impl KdTree {
 }
 
 /// Inserts an item into the sorted list of the nearest ones and drops the farthest. Returns the
-/// distance of the farthest one left.
+/// squared distance of the farthest one left.
 fn insert(found: &mut [(f64, u32)], item: (f64, u32)) -> f64 {
     let is_before = |other: (f64, u32)| item.0 < other.0 || (item.0 == other.0 && item.1 < other.1);
     let last = found.len() - 1;
@@ -159,7 +159,7 @@ fn build(items: &mut [(Point3, u32)], split: &mut [u8]) {
     build(&mut high[1..], &mut high_split[1..]);
 }
 
-/// Sorts by halves along an axis: items before the middle one come before it.
+/// Partitions items along an axis around their median, which is placed at `mid`.
 fn halve<const AXIS: usize>(items: &mut [(Point3, u32)], mid: usize) {
     items.select_nth_unstable_by(mid, |a, b| {
         a.0[AXIS].total_cmp(&b.0[AXIS]).then(a.1.cmp(&b.1))

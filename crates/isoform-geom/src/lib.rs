@@ -1,4 +1,4 @@
-//! The vocabulary of shapes that all stages share.
+//! Geometric types and functions that all stages share.
 //!
 //! Points are `[f64; 3]` in model units; angles are radians; inside is f ≥ 0 and the outward normal
 //! is −∇f/|∇f|.

@@ -1,37 +1,37 @@
-//! Normals of points: estimated by local planes, given one side by a spanning tree.
+//! Normals of points: estimated by local planes, oriented consistently along a spanning tree.
 //!
-//! The plane of a point is that of its nearest neighbours: the direction of least variance (Hoppe
-//! et al. 1992). Which of its two sides is outside is passed on from neighbour to neighbour along the
-//! spanning tree whose pairs lie flattest and whose normals differ least.
+//! The normal at a point is the direction of least variance of its nearest neighbours (Hoppe et al.
+//! 1992). The orientation is propagated from neighbour to neighbour along the minimum spanning tree
+//! of the cost `Pair::unsafety`.
 
 use crate::{KdTree, Point3, UnionFind, cross, dot, norm, sub};
 use isoform_num::linalg::symmetric_eigen;
 use rayon::prelude::*;
 
-/// Neighbours that pass orientation on to one another. Fewer tear a cloud of uneven density apart,
-/// more join opposite sides of thin walls.
+/// Number of nearest neighbours to which a point propagates its orientation. Fewer split a cloud of
+/// uneven density into pieces, more connect the opposite sides of thin walls.
 const PARTNERS: usize = 8;
 
-/// The largest cosine between a normal and the way to a neighbour at which the pair lies flat: 60°
-/// from the normal. Steeper pairs tell of noise or of the other side of a wall.
+/// Largest cosine of the angle between a normal and the direction of a neighbour at which the pair
+/// counts as flat: 60° from the normal. Steeper pairs are due to noise or across a wall.
 const FLAT: f64 = 0.5;
 
-/// The least cosine between the inward normal and the way to a point that lies behind: 87°. Rounding
-/// and noise reach that only where points are as close as the noise.
+/// Smallest cosine of the angle between the inward normal and the direction of a point that counts
+/// as behind: 87°. Rounding and noise exceed it only if points are as close as the noise.
 const BEHIND: f64 = 0.05;
 
-/// What is known of normals that were estimated or given.
+/// Consistency of the orientation of normals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {
-    /// The share of pairs of neighbours whose normals point to one side.
+    /// Share of the flat pairs of neighbours whose normals point to one side, from 0 to 1.
     pub share: f64,
-    /// How many pieces of the cloud had to be given a side of their own.
+    /// Number of pieces of the cloud that were oriented independently.
     pub pieces: usize,
 }
 
-/// Unit normals of the planes through the nearest `neighbours` of each point, either way round, and
-/// the share of the least variance in all three as the median over the points: 0 where points lie
-/// in planes, a third where they fill space.
+/// Returns unit normals of the planes through the nearest `neighbours` of each point, with
+/// arbitrary signs, and the median over the points of the ratio of the least variance to the sum of
+/// all three: 0 for points in planes, 1/3 for points that fill space.
 pub fn estimate_normals(points: &[Point3], tree: &KdTree, neighbours: usize) -> (Vec<Point3>, f64) {
     let both: Vec<(Point3, f64)> = points
         .par_iter()
@@ -50,7 +50,7 @@ pub fn estimate_normals(points: &[Point3], tree: &KdTree, neighbours: usize) -> 
     (both.into_iter().map(|b| b.0).collect(), median)
 }
 
-/// The direction of least variance, and that variance over the sum of all three.
+/// Returns the direction of least variance, and the ratio of that variance to the sum of all three.
 fn plane_of(points: &[Point3], found: &[(f64, u32)]) -> (Point3, f64) {
     let count = found.len() as f64;
     let mut center = [0.0; 3];
@@ -78,16 +78,17 @@ fn plane_of(points: &[Point3], found: &[(f64, u32)]) -> (Point3, f64) {
     ([vectors[0], vectors[1], vectors[2]], variation)
 }
 
-/// Two neighbours.
+/// Pair of neighbouring points.
 struct Pair {
     ends: [u32; 2],
-    /// The larger cosine between a normal and the way to the other point.
+    /// Larger one of the cosines between a normal and the direction of the other point.
     steepness: f64,
-    /// How unsafe it is to pass a side on.
+    /// Cost of propagating the orientation: `steepness` + 1 − |cosine of the angle between the
+    /// normals|.
     unsafety: f64,
-    /// Whether the normals look to different sides.
+    /// True if the normals point to different sides.
     is_opposite: bool,
-    /// Whether each point lies behind the other, as on the two sides of a wall.
+    /// True if each point lies behind the other, as on the two sides of a wall.
     is_wall: bool,
 }
 
@@ -123,15 +124,15 @@ fn pair(points: &[Point3], normals: &[Point3], ends: [u32; 2]) -> Pair {
         ends,
         steepness,
         unsafety: steepness + 1.0 - straight.abs(),
-        // b reflected in the plane halfway between the points is a on circles, across edges and
-        // through walls (König and Gumhold 2009).
+        // On circles, across edges and through walls, the reflection of b in the perpendicular
+        // bisector plane of the points is a (König and Gumhold 2009).
         is_opposite: straight - 2.0 * steep[0] * steep[1] < 0.0,
         is_wall: straight < 0.0 && steep[0] < -BEHIND && steep[1] > BEHIND,
     }
 }
 
-/// The share of flat pairs of neighbours whose normals point to one side; pairs across a wall do
-/// not count.
+/// Returns the share of flat pairs of neighbours whose normals point to one side, from 0 to 1;
+/// pairs across a wall are not counted.
 pub fn agreement(points: &[Point3], normals: &[Point3], tree: &KdTree) -> f64 {
     let pairs = pairs(points, normals, tree);
     let flat = pairs.iter().filter(|p| p.steepness < FLAT && !p.is_wall);
@@ -145,9 +146,9 @@ pub fn agreement(points: &[Point3], normals: &[Point3], tree: &KdTree) -> f64 {
     }
 }
 
-/// Turns normals to one side, outwards as a whole: in each piece of the cloud the sum of (p − c)·n is
-/// positive, c the middle of its points, as the divergence theorem says of a closed surface that is
-/// sampled evenly.
+/// Orients normals consistently and outward: in each piece of the cloud the sum of (p − c)·n is
+/// made positive, c the mean of its points, which holds for a uniformly sampled closed surface by
+/// the divergence theorem.
 pub fn orient_normals(points: &[Point3], normals: &mut [Point3], tree: &KdTree) -> Agreement {
     let mut pairs = pairs(points, normals, tree);
     pairs.par_sort_unstable_by(|a, b| a.unsafety.total_cmp(&b.unsafety).then(a.ends.cmp(&b.ends)));
@@ -175,7 +176,8 @@ pub fn orient_normals(points: &[Point3], normals: &mut [Point3], tree: &KdTree) 
     }
 }
 
-/// Passes the side of a point on to all that the tree connects with it; they are the result.
+/// Propagates the orientation of a point to all points that the tree connects with it. Returns
+/// these.
 fn pass_on(
     start: usize,
     branches: &[Vec<(u32, bool)>],
@@ -220,8 +222,8 @@ fn turn_outwards(points: &[Point3], normals: &mut [Point3], piece: &[usize]) {
     }
 }
 
-/// Unit normals at the vertices of a mesh: those of its triangles, weighted by area; 0 at vertices
-/// without a triangle.
+/// Returns unit normals at the vertices of a mesh: means of those of the triangles, weighted by
+/// area; 0 at vertices without a triangle.
 pub fn vertex_normals(points: &[Point3], triangles: &[[u32; 3]]) -> Vec<Point3> {
     let mut normals = vec![[0.0; 3]; points.len()];
     for t in triangles {
@@ -250,7 +252,7 @@ mod tests {
     use crate::middle;
     use isoform_num::Random;
 
-    /// Points of a torus of radii 1 and 0.4, evenly by angle, with their normals.
+    /// Returns points of a torus of radii 1 and 0.4, uniform in both angles, with their normals.
     fn torus(n: usize) -> (Vec<Point3>, Vec<Point3>) {
         let mut random = Random::new(7);
         (0..n)
@@ -279,7 +281,7 @@ mod tests {
 
     #[test]
     fn sides_are_passed_on_across_edges_and_not_through_walls() {
-        // A plate of 4 × 4 × 0.15: the distance of its sides is that of its points.
+        // A plate of 4 × 4 × 0.15: its sides are as far apart as its points.
         let mut random = Random::new(3);
         let (mut points, mut truth) = (Vec::new(), Vec::new());
         for _ in 0..6000 {

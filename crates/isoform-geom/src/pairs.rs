@@ -1,18 +1,19 @@
-//! Pairs of points that are near each other.
+//! Pairs of points within a distance of each other.
 
 use crate::point::check_points;
 use crate::{Aabb, Point3, distance_squared};
 
-/// Cells are numbered by layer, row and place in the row.
+/// Indices of a cell: layer, row and position in the row.
 type Cell = [i64; 3];
-/// Cells are larger than the reach by this share, so that rounding never puts near points two cells
-/// apart: far more than a rounding of [`MOST_CELLS`], and too little to cost anything.
+/// Relative margin of the cell size above the reach, so that rounding never places near points two
+/// cells apart. It is far above the rounding error of indices up to [`MOST_CELLS`], and too small
+/// to add noticeable work.
 const LARGER: f64 = 1e-9;
-/// Most cells along an axis: numbers of cells stay exact to a small part of [`LARGER`].
+/// Maximum number of cells along an axis: the relative rounding error of cell indices is then far
+/// below [`LARGER`].
 const MOST_CELLS: f64 = 1e6;
 
-/// The cells after a cell's own row whose points may be near: the rows that follow it around, as
-/// steps by layer and row.
+/// Rows of cells after a cell's own row whose points may be near, as offsets of layer and row.
 const ROWS_AFTER: [[i64; 2]; 4] = [[0, 1], [1, -1], [1, 0], [1, 1]];
 
 /// Calls `visit` with the indices of every pair of points that are at most `reach` apart, once each
@@ -35,7 +36,7 @@ pub fn near_pairs(points: &[Point3], reach: f64, mut visit: impl FnMut(usize, us
     check_points(points);
     let bounds = Aabb::of(points);
     let size = (reach * (1.0 + LARGER)).max(bounds.diagonal() / MOST_CELLS);
-    // A cast makes 0 of what is no number: where sizes overflow, all points share a cell.
+    // A cast maps NaN to 0: if sizes overflow, all points are in one cell.
     let number = |p: Point3, axis: usize| ((p[axis] - bounds.lo[axis]) / size) as i64;
     let cell = |p: Point3| [number(p, 2), number(p, 1), number(p, 0)];
     let mut sorted: Vec<(Cell, u32, Point3)> = points
@@ -51,7 +52,7 @@ pub fn near_pairs(points: &[Point3], reach: f64, mut visit: impl FnMut(usize, us
             visit(i as usize, j as usize, squared);
         }
     };
-    // The first point that may be near the one at hand, by row: it only ever moves on.
+    // Index of the first point of each row that may be near the current one; it never decreases.
     let mut from = [0; ROWS_AFTER.len()];
     for (k, a) in sorted.iter().enumerate() {
         let [layer, row, at] = a.0;
@@ -75,7 +76,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// All pairs, looked at one by one.
+    /// Finds near pairs by testing all pairs.
     fn all_pairs(points: &[Point3], reach: f64) -> Vec<(usize, usize)> {
         let pairs = (0..points.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
         let is_near =
@@ -96,8 +97,8 @@ mod tests {
     }
 
     proptest! {
-        /// Against all pairs, for points on a lattice (whose distances tie with the reach), flat
-        /// ones and scattered ones.
+        /// Compares with all pairs, for points on a lattice (with distances equal to the reach), in
+        /// a plane and scattered.
         #[test]
         fn each_near_pair_is_met_once(
             points in prop::collection::vec(prop::array::uniform3(-6i32..6), 0..60),
@@ -117,7 +118,7 @@ mod tests {
         }
     }
 
-    /// Reaches far below and far above the size of the points.
+    /// Tests reaches far below and far above the extent of the points.
     #[test]
     fn extreme_reaches() {
         let points = [

@@ -1,23 +1,23 @@
-//! Surfaces as smooth parts: functions that are smooth wherever they are used, and the tree that
+//! Surfaces as smooth parts: functions that are smooth in their ranges of use, and the tree that
 //! joins them.
 
 use crate::{Csg, Field};
 use std::fmt;
 use std::sync::Arc;
 
-/// A smooth part of a surface.
+/// Smooth part of a surface.
 #[derive(Clone)]
 pub struct SmoothPart {
-    /// The piece of the tree that the part belongs to.
+    /// Piece of the tree that the part belongs to.
     pub piece: u32,
-    /// The function of the part, which is smooth beyond the part, too.
+    /// Function of the part, which is smooth also beyond the part.
     pub field: Arc<dyn Field>,
-    /// Where none of these is negative, the piece has the function of this part. At the zeros of the
-    /// limits the parts of a piece join smoothly.
+    /// Limits of the part: the piece has the function of this part at all points at which none of
+    /// the limits is negative. At the zeros of the limits the parts of a piece join smoothly.
     pub limits: Vec<Arc<dyn Field>>,
-    /// The first part that seems to have the same function, so that the surface goes on smoothly
-    /// from one to the other. No proof may rely on it: functions have been compared at some places
-    /// only.
+    /// Index of the first part that seems to have an equal function, so that the surface continues
+    /// smoothly from one to the other. Proofs must not rely on it: functions were compared at
+    /// sample points only.
     pub function: usize,
 }
 
@@ -30,16 +30,16 @@ impl fmt::Debug for SmoothPart {
     }
 }
 
-/// A surface whose function is joined from smooth ones: by minima and maxima at sharp edges, and
-/// from parts that join smoothly.
+/// Surface whose function is composed of smooth ones: by minima and maxima at sharp edges, and of
+/// parts that join smoothly.
 ///
-/// The surface is where the tree's value vanishes; its sign, not its value, is what counts, so that
-/// pieces may be scaled.
+/// The surface is the zero set of the tree's value. Only the sign of the value has a meaning:
+/// pieces may be scaled by positive factors.
 #[derive(Clone, Debug)]
 pub struct Parts {
-    /// How the pieces are joined.
+    /// Tree of minima and maxima that joins the pieces.
     pub tree: Csg,
-    /// The parts of all pieces. Where several parts of a piece are within their limits, they have
-    /// one value.
+    /// Parts of all pieces. Parts of one piece have equal values at points within the limits of
+    /// both.
     pub parts: Vec<SmoothPart>,
 }

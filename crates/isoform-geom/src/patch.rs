@@ -2,7 +2,7 @@
 
 use crate::{Aabb, Gram, Point3, cross, dot};
 
-/// A rational patch p = (x/w, y/w, z/w) over \[0, 1\]²: p*(u, v) = Σ Bᵢᵐ(u) Bⱼⁿ(v) cᵢⱼ with
+/// Rational patch p = (x/w, y/w, z/w) over \[0, 1\]²: p*(u, v) = Σ Bᵢᵐ(u) Bⱼⁿ(v) cᵢⱼ with
 /// homogeneous control points cᵢⱼ ∈ ℝ⁴, whose first three coordinates are multiplied by the weight
 /// (Wurm, Jüttler and Kim 2003, section 2.1).
 ///
@@ -22,19 +22,19 @@ pub struct RationalPatch {
     control: Vec<[f64; 4]>,
 }
 
-/// Why control points are no patch.
+/// Reason for which control points do not form a patch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PatchError {
     /// A degree is 0.
     Degree(usize, usize),
-    /// Their number is not (m + 1)(n + 1).
+    /// The number of control points is not (m + 1)(n + 1).
     Count {
-        /// How many there are.
+        /// Number of control points given.
         found: usize,
-        /// How many there should be.
+        /// Number of control points required.
         wanted: usize,
     },
-    /// One, by its place in the list, holds a number that is not finite.
+    /// The control point with this index has a coordinate that is not finite.
     NotFinite(usize),
 }
 
@@ -51,27 +51,27 @@ impl std::fmt::Display for PatchError {
 }
 impl std::error::Error for PatchError {}
 
-/// A point of a patch with its first derivatives.
+/// Point of a patch with its first derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tangents {
-    /// p.
+    /// Point p.
     pub point: Point3,
-    /// ∂p/∂u.
+    /// Derivative ∂p/∂u.
     pub u: Point3,
-    /// ∂p/∂v.
+    /// Derivative ∂p/∂v.
     pub v: Point3,
-    /// w.
+    /// Weight w.
     pub weight: f64,
 }
 
 impl Tangents {
-    /// pᵤ × pᵥ, of the length of the area element.
+    /// Returns pᵤ × pᵥ, whose length is the area element.
     pub fn normal(&self) -> Point3 {
         cross(self.u, self.v)
     }
 
-    /// The Gauss–Newton step (δu, δv) towards the foot of a point that is `r` away from
-    /// [`point`](Self::point). Where pᵤ and pᵥ are parallel it is very long, and to be cut off.
+    /// Returns the Gauss–Newton step (δu, δv) towards the foot of a point at the offset `r` from
+    /// [`point`](Self::point). If pᵤ and pᵥ are parallel, it is very long and has to be truncated.
     ///
     /// ```
     /// use isoform_geom::RationalPatch;
@@ -90,15 +90,15 @@ impl Tangents {
     }
 }
 
-/// The Bernstein polynomials B₀ⁿ(t) … Bₙⁿ(t), and their derivatives.
+/// Evaluates the Bernstein polynomials B₀ⁿ(t) … Bₙⁿ(t) and their derivatives.
 pub fn bernstein(n: usize, t: f64) -> (Vec<f64>, Vec<f64>) {
     let (mut b, mut d) = (vec![0.0; n + 1], vec![0.0; n + 1]);
     basis(t, &mut b, &mut d);
     (b, d)
 }
 
-/// The Bernstein polynomials and their derivatives into `b` and `d`, whose length is the degree plus
-/// 1.
+/// Evaluates the Bernstein polynomials and their derivatives into `b` and `d`, whose length is the
+/// degree plus 1.
 fn basis(t: f64, b: &mut [f64], d: &mut [f64]) {
     let n = b.len() - 1;
     b[0] = 1.0;
@@ -110,7 +110,7 @@ fn basis(t: f64, b: &mut [f64], d: &mut [f64]) {
                 d[i + 1] += n as f64 * b[i];
             }
         }
-        // From the far end, so that b[i − 1] still has its value of degree k − 1.
+        // Descending order, so that b[i − 1] still has its value of degree k − 1.
         b[k] = t * b[k - 1];
         for i in (1..k).rev() {
             b[i] = (1.0 - t) * b[i] + t * b[i - 1];
@@ -119,8 +119,8 @@ fn basis(t: f64, b: &mut [f64], d: &mut [f64]) {
     }
 }
 
-/// Replaces Bézier points over \[0, 1\] by the Bézier points over \[a, b\], which may reach
-/// beyond: the k-th is the blossom at (a, …, a, b, …, b).
+/// Replaces Bézier points over \[0, 1\] by those over \[a, b\], which may extend beyond \[0, 1\]:
+/// the k-th is the blossom at (a, …, a, b, …, b).
 fn reparameterize(points: &mut [[f64; 4]], a: f64, b: f64) {
     let n = points.len() - 1;
     let blossom = |k: usize| {
@@ -139,7 +139,7 @@ fn reparameterize(points: &mut [[f64; 4]], a: f64, b: f64) {
     points.copy_from_slice(&new);
 }
 
-/// The points of the same Bézier curve at a degree not below its own.
+/// Returns the Bézier points of a curve after degree elevation to `degree`.
 fn raised(points: &[[f64; 4]], degree: usize) -> Vec<[f64; 4]> {
     let mut points = points.to_vec();
     while points.len() <= degree {
@@ -155,9 +155,10 @@ fn raised(points: &[[f64; 4]], degree: usize) -> Vec<[f64; 4]> {
 }
 
 impl RationalPatch {
-    /// A patch of degree (m, n) in (u, v); `control[i * (n + 1) + j]` = cᵢⱼ.
+    /// Returns the patch of degree (m, n) in (u, v) with the control points `control[i * (n + 1) +
+    /// j]` = cᵢⱼ.
     pub fn new(degree: (usize, usize), control: Vec<[f64; 4]>) -> Result<Self, PatchError> {
-        // Too large a product is the number of no control points, either.
+        // A saturated product never equals the length of a list.
         let [m, n] = [degree.0, degree.1].map(|d| d.saturating_add(1));
         let wanted = m.saturating_mul(n);
         if degree.0 == 0 || degree.1 == 0 {
@@ -178,7 +179,7 @@ impl RationalPatch {
         Ok(Self { degree, control })
     }
 
-    /// The parallelogram with corner `origin` and sides `u`, `v`, all weights 1.
+    /// Returns the parallelogram with corner `origin` and sides `u`, `v`, with all weights 1.
     ///
     /// # Panics
     /// If a degree is 0.
@@ -200,20 +201,20 @@ impl RationalPatch {
         Self::new(degree, control).expect("degrees of at least 1 and finite points")
     }
 
-    /// The degrees (m, n) in u and v.
+    /// Returns the degrees (m, n) in u and v.
     pub fn degree(&self) -> (usize, usize) {
         self.degree
     }
-    /// All control points, row by row: cᵢⱼ at i (n + 1) + j.
+    /// Returns all control points, row by row: cᵢⱼ at i (n + 1) + j.
     pub fn control(&self) -> &[[f64; 4]] {
         &self.control
     }
-    /// The control points, to change them; they must stay finite.
+    /// Returns the control points for changes; they must stay finite.
     pub fn control_mut(&mut self) -> &mut [[f64; 4]] {
         &mut self.control
     }
 
-    /// p*(u, v) with its first derivatives by u and by v.
+    /// Returns p*(u, v) with its first derivatives by u and by v.
     pub fn homogeneous(&self, u: f64, v: f64) -> [[f64; 4]; 3] {
         let (m, n) = (self.degree.0 + 1, self.degree.1 + 1);
         let (mut few, mut many) = ([0.0; 40], Vec::new());
@@ -240,11 +241,11 @@ impl RationalPatch {
         }
         h
     }
-    /// p(u, v).
+    /// Returns p(u, v).
     pub fn point(&self, u: f64, v: f64) -> Point3 {
         self.tangents(u, v).point
     }
-    /// p(u, v) with its first derivatives.
+    /// Returns p(u, v) with its first derivatives.
     pub fn tangents(&self, u: f64, v: f64) -> Tangents {
         let [h, hu, hv] = self.homogeneous(u, v);
         let weight = h[3];
@@ -258,7 +259,7 @@ impl RationalPatch {
         }
     }
 
-    /// This surface over \[u₀, u₁\] × \[v₀, v₁\]; parts beyond \[0, 1\]² extrapolate it.
+    /// Returns the surface over \[u₀, u₁\] × \[v₀, v₁\]; parts beyond \[0, 1\]² extrapolate it.
     pub fn part(&self, u: (f64, f64), v: (f64, f64)) -> Self {
         let (m, n) = self.degree;
         let mut control = self.control.clone();
@@ -280,7 +281,7 @@ impl RationalPatch {
             control,
         }
     }
-    /// The halves in u, or in v.
+    /// Returns the two halves of the patch in u, or in v.
     pub fn halves(&self, along_u: bool) -> [Self; 2] {
         let whole = (0.0, 1.0);
         [(0.0, 0.5), (0.5, 1.0)].map(|half| {
@@ -292,7 +293,7 @@ impl RationalPatch {
         })
     }
 
-    /// This patch with degrees raised to (m, n).
+    /// Returns the patch with degrees elevated to (m, n).
     ///
     /// # Panics
     /// If a degree is below the present one.
@@ -316,7 +317,7 @@ impl RationalPatch {
         }
     }
 
-    /// This surface with u and v exchanged: its other side.
+    /// Returns the surface with u and v exchanged, which reverses its normal.
     pub fn transposed(&self) -> Self {
         let (m, n) = self.degree;
         let control = (0..=n)
@@ -328,7 +329,8 @@ impl RationalPatch {
         }
     }
 
-    /// The least and largest weight among the control points; between them lies w on \[0, 1\]².
+    /// Returns the smallest and the largest weight of the control points, which bound w on \[0,
+    /// 1\]².
     pub fn control_weights(&self) -> (f64, f64) {
         self.control
             .iter()
@@ -336,11 +338,12 @@ impl RationalPatch {
                 (lo.min(c[3]), hi.max(c[3]))
             })
     }
-    /// Whether w > 0 on \[0, 1\]² follows from the control weights of at most `depth`-fold halved
-    /// parts.
+    /// Returns true if w > 0 on \[0, 1\]² follows from the control weights of parts that are
+    /// bisected at most `depth` times.
     pub fn weight_is_positive(&self, depth: usize) -> bool {
         let (lo, hi) = self.control_weights();
-        // Two ulps of the largest for each halving bound what rounding adds.
+        // The margin of 1e-14 bounds the rounding errors, two ulps of the largest weight per
+        // bisection.
         if lo > 1e-14 * hi {
             return true;
         }
@@ -355,7 +358,8 @@ impl RationalPatch {
             .flat_map(|half| half.halves(false))
             .all(|quarter| quarter.weight_is_positive(depth - 1))
     }
-    /// A box around the patch, from its control points; none unless all weights are positive.
+    /// Returns the bounding box of the control points, which contains the patch; `None` unless all
+    /// weights are positive.
     pub fn control_box(&self) -> Option<Aabb> {
         let mut b = Aabb::EMPTY;
         for c in &self.control {
@@ -454,7 +458,7 @@ mod tests {
     #[test]
     fn weights_are_proved_positive_where_they_are() {
         // w(u) = 1 − 4 c u(1 − u) with the middle coefficient 1 − 2c: positive for c < 1, although
-        // the coefficient is not from 1/2 on.
+        // that coefficient is not positive for c ≥ 1/2.
         let patch = |c: f64| {
             let row = |w: f64| [[0.0, 0.0, 0.0, w], [0.0, w, 0.0, w]];
             RationalPatch::new((2, 1), [row(1.0), row(1.0 - 2.0 * c), row(1.0)].concat())

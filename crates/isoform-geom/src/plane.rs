@@ -1,43 +1,44 @@
-//! Points and vectors of the plane, named like those of space: `plane::dot`, `plane::cross`, …
+//! Points and vectors of the plane; the functions have the names of those of space: `plane::dot`,
+//! `plane::cross`, …
 //!
-//! These are rounded like any expression; where a sign decides about topology, predicates of the
-//! crate `robust` do.
+//! Results are rounded. Decisions on topology use the exact predicates of the crate `robust`
+//! instead.
 
-/// A point or vector of the plane: x, y, or parameters u, v.
+/// Point or vector of the plane: x, y, or parameters u, v.
 pub type Point2 = [f64; 2];
 
-/// a · b.
+/// Returns a · b.
 #[inline]
 pub fn dot(a: Point2, b: Point2) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
 
-/// a₀ b₁ − a₁ b₀, the signed area of the parallelogram: positive where b is to the left of a.
+/// Returns a₀ b₁ − a₁ b₀, the signed area of the parallelogram: positive if b is to the left of a.
 #[inline]
 pub fn cross(a: Point2, b: Point2) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
 
-/// a − b.
+/// Returns a − b.
 #[inline]
 pub fn sub(a: Point2, b: Point2) -> Point2 {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-/// |a − b|².
+/// Returns |a − b|².
 #[inline]
 pub fn distance_squared(a: Point2, b: Point2) -> f64 {
     let d = sub(a, b);
     dot(d, d)
 }
 
-/// The vector turned to the left by a right angle.
+/// Returns the vector rotated to the left by a right angle.
 #[inline]
 pub fn left(a: Point2) -> Point2 {
     [-a[1], a[0]]
 }
 
-/// Twice the signed area of a triangle, rounded: positive where it is counterclockwise.
+/// Returns twice the signed area of a triangle, rounded: positive if it is counterclockwise.
 ///
 /// ```
 /// use isoform_geom::plane;
@@ -54,7 +55,7 @@ pub fn orient(a: Point2, b: Point2, c: Point2) -> f64 {
 mod tests {
     use super::*;
 
-    /// Lagrange: (a·b)² + (a × b)² = |a|² |b|².
+    /// Checks Lagrange's identity (a·b)² + (a × b)² = |a|² |b|².
     #[test]
     fn products_of_two_vectors() {
         let (a, b) = ([3.0, -1.5], [0.25, 2.0]);

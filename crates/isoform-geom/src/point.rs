@@ -2,15 +2,15 @@
 
 use isoform_num::Interval;
 
-/// A point or vector in space: x, y, z.
+/// Point or vector in space: x, y, z.
 pub type Point3 = [f64; 3];
 
-/// a · b.
+/// Returns a · b.
 pub fn dot(a: Point3, b: Point3) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// a × b.
+/// Returns a × b.
 pub fn cross(a: Point3, b: Point3) -> Point3 {
     [
         a[1] * b[2] - a[2] * b[1],
@@ -19,7 +19,8 @@ pub fn cross(a: Point3, b: Point3) -> Point3 {
     ]
 }
 
-/// Two unit vectors at right angles to a unit vector n and to each other.
+/// Returns two unit vectors u, v such that u, v and the unit vector n are a right-handed
+/// orthonormal basis.
 ///
 /// ```
 /// use isoform_geom::{across, cross};
@@ -39,17 +40,17 @@ pub fn across(n: Point3) -> [Point3; 2] {
     [e1, cross(n, e1)]
 }
 
-/// a − b.
+/// Returns a − b.
 pub fn sub(a: Point3, b: Point3) -> Point3 {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// |a|.
+/// Returns |a|.
 pub fn norm(a: Point3) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// The distance of a point from a segment; its ends may coincide.
+/// Returns the distance of a point from a segment, whose ends may coincide.
 pub fn distance_to_segment(p: Point3, [a, b]: [Point3; 2]) -> f64 {
     let (d, e) = (sub(b, a), sub(p, a));
     let d2 = dot(d, d);
@@ -61,13 +62,13 @@ pub fn distance_to_segment(p: Point3, [a, b]: [Point3; 2]) -> f64 {
     norm(std::array::from_fn(|i| e[i] - t * d[i]))
 }
 
-/// |a − b|².
+/// Returns |a − b|².
 pub fn distance_squared(a: Point3, b: Point3) -> f64 {
     dot(sub(a, b), sub(a, b))
 }
 
-/// Point k of an even sequence on a triangle: a low-discrepancy pair (Roberts, the plastic number)
-/// and the square root map.
+/// Returns point k of a low-discrepancy sequence on a triangle: Roberts' sequence in the square (of
+/// the plastic number), mapped by the square-root map.
 pub fn on_triangle(k: u32, corners: [Point3; 3]) -> Point3 {
     let (r, s) = (
         (0.5 + 0.754_877_666_246_693 * f64::from(k)).fract().sqrt(),
@@ -79,7 +80,7 @@ pub fn on_triangle(k: u32, corners: [Point3; 3]) -> Point3 {
     })
 }
 
-/// The middle of N points: their sum, in order, divided by N.
+/// Returns the mean of N points: their sum, in order, divided by N.
 ///
 /// ```
 /// use isoform_geom::middle;
@@ -91,7 +92,7 @@ pub fn middle<const N: usize>(points: [Point3; N]) -> Point3 {
     std::array::from_fn(|i| points.iter().map(|p| p[i]).sum::<f64>() / N as f64)
 }
 
-/// An axis-parallel box; empty where a lower bound exceeds the upper one.
+/// Axis-aligned box; empty if a lower bound exceeds the upper one.
 ///
 /// ```
 /// use isoform_geom::Aabb;
@@ -109,13 +110,13 @@ pub struct Aabb {
 }
 
 impl Aabb {
-    /// The empty box: the smallest box around no points.
+    /// Empty box: lower bounds ∞, upper bounds −∞.
     pub const EMPTY: Self = Self {
         lo: [f64::INFINITY; 3],
         hi: [f64::NEG_INFINITY; 3],
     };
 
-    /// Smallest box around the points.
+    /// Returns the smallest box around the points.
     pub fn of<'a>(points: impl IntoIterator<Item = &'a Point3>) -> Self {
         let mut b = Self::EMPTY;
         for p in points {
@@ -123,37 +124,37 @@ impl Aabb {
         }
         b
     }
-    /// The box that three intervals span.
+    /// Returns the product of three intervals.
     pub fn spanned(sides: [Interval; 3]) -> Self {
         Self {
             lo: sides.map(|s| s.lo()),
             hi: sides.map(|s| s.hi()),
         }
     }
-    /// Its three intervals.
+    /// Returns the intervals of x, y and z.
     pub fn sides(&self) -> [Interval; 3] {
         std::array::from_fn(|k| Interval::new(self.lo[k], self.hi[k]))
     }
-    /// Grows to hold `p`.
+    /// Extends the box to contain `p`.
     pub fn add(&mut self, p: Point3) {
         for (i, v) in p.into_iter().enumerate() {
             self.lo[i] = self.lo[i].min(v);
             self.hi[i] = self.hi[i].max(v);
         }
     }
-    /// Whether it holds no point.
+    /// Returns true if the box is empty.
     pub fn is_empty(&self) -> bool {
         (0..3).any(|i| self.lo[i] > self.hi[i])
     }
-    /// Edge lengths, 0 for the empty box.
+    /// Returns the edge lengths; 0 for the empty box.
     pub fn size(&self) -> Point3 {
         std::array::from_fn(|i| (self.hi[i] - self.lo[i]).max(0.0))
     }
-    /// Centre.
+    /// Returns the centre.
     pub fn center(&self) -> Point3 {
         std::array::from_fn(|i| 0.5 * self.lo[i] + 0.5 * self.hi[i])
     }
-    /// The box that reaches farther by a length on each side.
+    /// Returns the box extended by a length on each side.
     #[must_use]
     pub fn widened(&self, by: f64) -> Self {
         Self {
@@ -161,13 +162,13 @@ impl Aabb {
             hi: self.hi.map(|v| v + by),
         }
     }
-    /// Length of the diagonal.
+    /// Returns the length of the diagonal.
     pub fn diagonal(&self) -> f64 {
         norm(self.size())
     }
 }
 
-/// What searches among points ask of them.
+/// Checks the points of a search structure.
 ///
 /// # Panics
 /// If there are 2³² points or more, or a coordinate is not finite.

@@ -1,70 +1,70 @@
-//! Surfaces that CAD systems have a name for: those of degree 2, and the torus.
+//! Surfaces for which CAD systems have names: those of degree 2, and the torus.
 
 use crate::Point3;
 
-/// A surface that CAD systems have a name for.
+/// Surface for which CAD systems have a name.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quadric {
-    /// n·x = d with |n| = 1.
+    /// Plane n·x = d with |n| = 1.
     Plane {
-        /// n.
+        /// Unit normal n.
         normal: Point3,
-        /// d.
+        /// Offset d, in model units.
         offset: f64,
     },
-    /// All points at the distance `radius` from the centre.
+    /// Points at the distance `radius` from the centre.
     Sphere {
-        /// The centre.
+        /// Centre.
         center: Point3,
-        /// The radius, in model units.
+        /// Radius, in model units.
         radius: f64,
     },
-    /// All points at the distance `radius` from the axis.
+    /// Points at the distance `radius` from the axis.
     Cylinder {
-        /// A point of the axis; for a cylinder found on a patch, the nearest to the patch's centre.
+        /// Point of the axis; for a cylinder found on a patch, the nearest to the patch's centre.
         point: Point3,
-        /// The direction of the axis, of length 1.
+        /// Direction of the axis, of length 1.
         axis: Point3,
-        /// The radius, in model units.
+        /// Radius, in model units.
         radius: f64,
     },
-    /// All lines through the apex at an angle to the axis.
+    /// Lines through the apex at an angle to the axis.
     Cone {
-        /// The apex.
+        /// Apex.
         apex: Point3,
-        /// The direction of the axis, of length 1.
+        /// Direction of the axis, of length 1.
         axis: Point3,
-        /// The angle between the lines and the axis, in radians.
+        /// Angle between the lines and the axis, in radians.
         half_angle: f64,
     },
-    /// All points at the distance `minor` from a circle. It has degree 4, but CAD systems name it
+    /// Points at the distance `minor` from a circle: a surface of degree 4 that CAD systems treat
     /// like quadrics.
     Torus {
-        /// The centre of the circle.
+        /// Centre of the circle.
         center: Point3,
-        /// The normal of the circle's plane, of length 1.
+        /// Normal of the circle's plane, of length 1.
         axis: Point3,
-        /// The radius of the circle.
+        /// Radius of the circle, in model units.
         major: f64,
-        /// The radius of the tube.
+        /// Radius of the tube, in model units.
         minor: f64,
     },
-    /// Another quadric Σ aᵢ mᵢ = 0 with the monomials x², y², z², xy, yz, zx, x, y, z, 1 in
+    /// Other quadric Σ aᵢ mᵢ = 0 with the monomials x², y², z², xy, yz, zx, x, y, z, 1 in
     /// coordinates about `origin`, in units of `scale`.
     Other {
-        /// Its kind and measures, if rounding does not hide them.
+        /// Kind and measures; `None` if rounding errors hide them.
         form: Option<NormalForm>,
-        /// The origin of the coordinates, near the patch that the quadric was found on.
+        /// Origin of the coordinates, near the patch on which the quadric was found.
         origin: Point3,
-        /// The unit of the coordinates, in model units.
+        /// Unit of the coordinates, in model units.
         scale: f64,
-        /// a, of length 1.
+        /// Coefficients a, of length 1.
         coefficients: [f64; 10],
     },
 }
 
 impl Quadric {
-    /// Its name.
+    /// Returns the name of the kind of surface, such as `cone`.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Plane { .. } => "plane",
@@ -77,21 +77,21 @@ impl Quadric {
     }
 }
 
-/// A quadric in coordinates x, y, z along its axes.
+/// Normal form of a quadric in coordinates x, y, z along its axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NormalForm {
-    /// Its equation.
+    /// Kind of quadric, which determines the equation.
     pub kind: QuadricKind,
-    /// The point at which the axes meet: the centre, the apex of a cone, the vertex of a paraboloid;
-    /// for cylinders a point of the line of centres or vertices.
+    /// Origin of the axes: the centre, the apex of a cone, the vertex of a paraboloid; for
+    /// cylinders a point of the line of centres or vertices.
     pub center: Point3,
-    /// The directions of x, y and z, of length 1 and at right angles.
+    /// Orthonormal directions of x, y and z.
     pub axes: [Point3; 3],
-    /// a, b and c of the equation, as many as it has; else 0.
+    /// Measures a, b and c of the equation; 0 for those that it lacks.
     pub measures: [f64; 3],
 }
 
-/// The kinds of quadrics that are no spheres, and no cylinders or cones of revolution.
+/// Kinds of quadrics other than spheres and cylinders and cones of revolution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum QuadricKind {
     /// x²/a² + y²/b² + z²/c² = 1.
@@ -115,7 +115,7 @@ pub enum QuadricKind {
 }
 
 impl QuadricKind {
-    /// Its name.
+    /// Returns the name of the kind.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ellipsoid => "ellipsoid",
@@ -129,7 +129,7 @@ impl QuadricKind {
             Self::HyperbolicParaboloid => "hyperbolic paraboloid",
         }
     }
-    /// How many measures its equation has.
+    /// Returns the number of measures in the equation.
     pub fn measures(self) -> usize {
         match self {
             Self::Ellipsoid | Self::HyperboloidOfOneSheet | Self::HyperboloidOfTwoSheets => 3,

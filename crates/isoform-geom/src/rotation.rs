@@ -1,9 +1,9 @@
-//! Rotation matrices and rotation vectors: the direction is the axis, the length the angle in
-//! radians.
+//! Rotation matrices and rotation vectors: the direction of a vector is the axis, its length the
+//! angle in radians.
 
 use crate::point::{Point3, dot};
 
-/// Returns the rotation about a vector by its length in radians, by rows (Rodrigues' formula).
+/// Returns the rotation matrix of a rotation vector, row by row (Rodrigues' formula).
 pub fn about(vector: Point3) -> [Point3; 3] {
     let angle = dot(vector, vector).sqrt();
     let axis = vector.map(|v| if angle > 0.0 { v / angle } else { 0.0 });
@@ -13,9 +13,9 @@ pub fn about(vector: Point3) -> [Point3; 3] {
     std::array::from_fn(|i| std::array::from_fn(|j| skew[i][j] + (1.0 - cos) * axis[i] * axis[j]))
 }
 
-/// Returns the rotation vector of a rotation that is given by rows, of length at most π.
+/// Returns the rotation vector, of length at most π, of a rotation matrix given row by row.
 pub fn vector_of(r: &[Point3; 3]) -> Point3 {
-    // The unit quaternion (w, v) from its largest component, which loses no digits.
+    // The quaternion (w, v), up to a factor, from its largest component, which avoids cancellation.
     let trace = r[0][0] + r[1][1] + r[2][2];
     let k = (0..3).fold(0, |m, k| if r[k][k] > r[m][m] { k } else { m });
     let (i, j) = ((k + 1) % 3, (k + 2) % 3);
@@ -66,7 +66,7 @@ mod tests {
                 let cos = (r[0][0] + r[1][1] + r[2][2] - 1.0) / 2.0;
                 assert!((cos - angle.cos()).abs() < 1e-15);
                 let v = vector_of(&r);
-                // At half a turn both senses are one rotation.
+                // Rotations by π and −π are equal.
                 let sense = if angle == PI {
                     dot(v, axis).signum()
                 } else {

@@ -1,38 +1,41 @@
-//! The digits to which coordinates were rounded.
+//! Rounding errors of coordinates, estimated from their digits.
 
 use crate::PointCloud;
 
-/// About how many coordinates are looked at. Fewer may all be round numbers by chance.
+/// Approximate number of coordinates that are sampled. Fewer may all be round numbers by chance.
 const SAMPLE: usize = 12_000;
-/// Half a step of single precision, relative to the number.
+/// Relative rounding error of single precision, 2⁻²⁴.
 const SINGLE: f64 = 1.0 / 16_777_216.0;
-/// A number is one of single precision where it is nearer to one than this share of the rounding:
-/// files in decimals give nine digits of it. One in eight of other numbers is by chance.
+/// Largest distance of a number from the nearest single at which it counts as one, as a share of
+/// the rounding error: decimal files give nine digits of singles. One in eight other numbers counts
+/// by chance.
 const NEAR_SINGLE: f64 = 0.125;
-/// Share of the numbers that are of single precision where the mesh is.
+/// Smallest share of singles among the coordinates of a mesh in single precision.
 const ALL: f64 = 0.99;
-/// Numbers of a hundred that are no strays.
+/// Percentile of the magnitudes that counts as the largest; those above may be outliers.
 const NEARLY_ALL: usize = 98;
-/// Numbers of so many decimal digits were not rounded to decimals.
+/// Number of decimal digits of a coordinate from which coordinates count as not rounded to
+/// decimals.
 const UNROUNDED: i32 = 13;
-/// The coarsest decimals, in diagonals, that are taken for rounding: round numbers of a designer
-/// are coarser. Smaller would look for exact surfaces where files have four digits, larger would
-/// take a part that is measured in whole millimetres for a rounded one.
+/// Largest decimal rounding error, in diagonals of the cloud, that counts as rounding: the round
+/// numbers of a designer are coarser. A smaller value would look for exact surfaces in files with
+/// four digits; a larger one would take a part with whole millimetres for a rounded one.
 const COARSEST: f64 = 2e-5;
 
-/// Returns the largest error that rounding made in a coordinate: that of single precision, or of
-/// decimals, where the coordinates show one of them, else that of double precision.
+/// Returns the largest rounding error of a coordinate: that of single precision or of decimals if
+/// the coordinates show either, else that of double precision.
 pub fn rounding(scan: &PointCloud) -> f64 {
     rounding_with(scan, COARSEST * scan.bounds().diagonal())
 }
 
-/// Returns the largest error as [`rounding`] does, where all decimals are taken for rounding,
-/// however coarse they are.
+/// Returns the largest rounding error like [`rounding`], but counts decimals of any coarseness as
+/// rounding.
 pub fn rounding_if_decimal(scan: &PointCloud) -> f64 {
     rounding_with(scan, f64::INFINITY)
 }
 
-/// Returns the largest rounding error, of decimals if it is no more than this.
+/// Returns the largest rounding error, where errors of decimals count up to `coarsest`, in model
+/// units.
 fn rounding_with(scan: &PointCloud, coarsest: f64) -> f64 {
     let step = (3 * scan.points.len()).div_ceil(SAMPLE).max(1);
     let absolute = |i: usize| scan.points[i / 3][i % 3] + scan.origin[i % 3];
@@ -49,7 +52,8 @@ fn rounding_with(scan: &PointCloud, coarsest: f64) -> f64 {
     single.max(decimal).max(largest * f64::EPSILON)
 }
 
-/// Returns the magnitude that nearly all numbers stay below: stray ones tell nothing of the others.
+/// Returns a high percentile of the magnitudes: outliers say nothing about the rounding of the
+/// others.
 fn largest(numbers: &[f64]) -> f64 {
     let mut sizes: Vec<f64> = numbers.iter().map(|x| x.abs()).collect();
     if sizes.is_empty() {
@@ -63,8 +67,8 @@ fn is_single(x: f64) -> bool {
     (x - f64::from(x as f32)).abs() <= NEAR_SINGLE * SINGLE * x.abs()
 }
 
-/// Half the last decimal that the numbers have: of fixed decimals the finest of any number, of a
-/// fixed number of digits that of the largest number.
+/// Returns half a unit of the last decimal of the numbers: for fixed decimals the finest of any
+/// number, for a fixed number of digits that of the largest number.
 fn decimal(numbers: &[f64], largest: f64) -> f64 {
     let (mut digits, mut finest) = (0, i32::MAX);
     for x in numbers {
@@ -79,7 +83,7 @@ fn decimal(numbers: &[f64], largest: f64) -> f64 {
     0.5 * 10.0_f64.powi(finest.max(of_largest))
 }
 
-/// How many decimal digits a number has, and the power of ten of the last one.
+/// Returns the number of decimal digits of a number, and the power of ten of the last one.
 fn decimals(x: f64) -> (i32, i32) {
     let text = format!("{x:e}");
     let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
@@ -91,7 +95,7 @@ fn decimals(x: f64) -> (i32, i32) {
 mod tests {
     use super::*;
 
-    /// Points all over a sphere of radius 20, rounded.
+    /// Returns points on a sphere of radius 20, rounded.
     fn sphere(round: impl Fn(f64) -> f64) -> PointCloud {
         let at = |i: u32| {
             let (t, z) = (f64::from(i) * 2.4, f64::from(i) / 200.0 - 1.0);

@@ -1,24 +1,25 @@
-//! Solids that know their parts: minima and maxima over smooth pieces.
+//! Solids with known parts: minima and maxima over smooth pieces.
 //!
-//! Glossary: a *piece* is one smooth function, such as that of a face of a block; the *tree* joins
-//! pieces to a solid; the piece that *decides* a value is the one whose value the tree has there.
+//! Glossary: a *piece* is a smooth function, such as that of a face of a block; the *tree* joins
+//! pieces to a solid; the piece that *decides* the value at a point is the one whose value equals
+//! that of the tree.
 
 use crate::{Aabb, Field, Point3};
 use isoform_num::{Interval, Jet2};
 
-/// How pieces are joined to a solid: an intersection is a minimum, a union a maximum.
+/// Tree that joins pieces to a solid: an intersection is a minimum, a union a maximum.
 ///
 /// ```
 /// use isoform_geom::Csg;
 ///
-/// // A half space with a hole: piece 0 without what piece 1 leaves out.
+/// // A half-space with a hole: the intersection of piece 0 and piece 1.
 /// let tree = Csg::Min(vec![Csg::Piece(0), Csg::Piece(1)]);
 /// let values = [3.0, -1.0];
 /// assert_eq!(tree.value_and_piece(&|i| values[i as usize]), (-1.0, 1));
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Csg {
-    /// One smooth piece, by its index.
+    /// Smooth piece, by its index.
     Piece(u32),
     /// Intersection.
     Min(Vec<Self>),
@@ -27,12 +28,12 @@ pub enum Csg {
 }
 
 impl Csg {
-    /// The value of the tree where the pieces have the values `v` (by index).
+    /// Returns the value of the tree if the pieces have the values `v` (by index).
     pub fn value(&self, v: &impl Fn(u32) -> f64) -> f64 {
         self.value_and_piece(v).0
     }
 
-    /// The value, and the piece that decides it; of equal ones the first in the tree.
+    /// Returns the value, and the piece that decides it; of equal ones the first in the tree.
     pub fn value_and_piece(&self, v: &impl Fn(u32) -> f64) -> (f64, u32) {
         match self {
             Self::Piece(i) => (v(*i), *i),
@@ -57,7 +58,7 @@ impl Csg {
         best
     }
 
-    /// A range of the tree's value where the pieces have the ranges `v`.
+    /// Returns a range of the tree's value if the pieces have the ranges `v`.
     pub fn range(&self, v: &impl Fn(u32) -> Interval) -> Interval {
         let fold = |children: &[Self], join: fn(f64, f64) -> f64| {
             let first = children[0].range(v);
@@ -75,9 +76,9 @@ impl Csg {
         }
     }
 
-    /// The tree without what cannot be its value where the values of the pieces lie in `ranges`: it
-    /// has the same value there, bit for bit, and the same piece decides it. Ranges without any end
-    /// are of values that may be no numbers (NaN), which do not compare.
+    /// Removes the pieces that cannot decide the value if the values of the pieces lie in `ranges`:
+    /// value, bit for bit, and deciding piece do not change. Values with the range
+    /// [`Interval::ALL`] may be NaN, which does not compare.
     ///
     /// ```
     /// use isoform_geom::Csg;
@@ -92,7 +93,7 @@ impl Csg {
         self.deciding_with_range(ranges).0
     }
 
-    /// The tree without what cannot be its value, and a range of the value.
+    /// Returns the tree without the pieces that cannot decide, and a range of its value.
     fn deciding_with_range(&self, ranges: &impl Fn(u32) -> Interval) -> (Self, Interval) {
         let (children, is_min) = match self {
             Self::Piece(i) => return (self.clone(), ranges(*i)),
@@ -103,8 +104,8 @@ impl Csg {
             .iter()
             .map(|child| child.deciding_with_range(ranges));
         let parts: Vec<(Self, Interval)> = parts.collect();
-        // What is no number is skipped if it comes later, and stays if it comes first: then all
-        // must be there.
+        // A NaN is skipped if it comes later and stays if it comes first: all children must be
+        // kept.
         if parts.iter().any(|(_, range)| *range == Interval::ALL) {
             let all = parts.into_iter().map(|part| part.0).collect();
             return (Self::join(is_min, all), Interval::ALL);
@@ -127,7 +128,7 @@ impl Csg {
         (Self::join(is_min, kept), Interval::new(lo, hi))
     }
 
-    /// A minimum or maximum; of one child that is the child.
+    /// Returns the minimum or maximum of children; a single child itself.
     fn join(is_min: bool, mut children: Vec<Self>) -> Self {
         match (children.len(), is_min) {
             (1, _) => children.swap_remove(0),
@@ -136,7 +137,7 @@ impl Csg {
         }
     }
 
-    /// The pieces of the tree, in its order.
+    /// Returns the pieces of the tree, in its order.
     pub fn pieces(&self) -> Vec<u32> {
         match self {
             Self::Piece(i) => vec![*i],
@@ -147,44 +148,45 @@ impl Csg {
     }
 }
 
-/// A solid whose surface consists of smooth pieces: inside is where the tree's value is ≥ 0.
+/// Solid whose surface consists of smooth pieces: inside, the tree's value is ≥ 0.
 ///
-/// The value of a piece is positive on the side where it does not cut anything away and is smooth
-/// (C¹) near its zero set, with a gradient that does not vanish there; it need not be a distance.
-/// The outward normal is −∇g/|∇g|.
+/// The value of a piece is positive on the side that it keeps, and smooth (C¹) near its zero set,
+/// with a gradient that does not vanish there; it need not be a distance. The outward normal is
+/// −∇g/|∇g|.
 pub trait Solid: Send + Sync {
-    /// Names of the pieces, all different.
+    /// Returns the names of the pieces, all different.
     fn names(&self) -> &[String];
-    /// How they are joined.
+    /// Returns the tree that joins the pieces.
     fn tree(&self) -> &Csg;
-    /// Values of some pieces at many points: `out[k * points.len() + i]` is piece `which[k]` at
+    /// Evaluates some pieces at many points: `out[k * points.len() + i]` is piece `which[k]` at
     /// `points[i]`.
     fn values(&self, which: &[u32], points: &[Point3], out: &mut [f64]);
-    /// A piece's value and gradient.
+    /// Returns the value and the gradient of a piece.
     fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3);
-    /// A piece's value, gradient and Hessian.
+    /// Returns the value, the gradient and the Hessian of a piece.
     fn jet(&self, piece: u32, p: Point3) -> Jet2;
-    /// Intervals that hold the pieces `which` over the whole region.
+    /// Computes intervals that contain the pieces `which` over the whole region.
     fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]);
-    /// Intervals that hold what [`Solid::values`] computes of the pieces `which` at any point of
-    /// the region, rounding included; all numbers where it may be none (NaN). Nothing is known by
-    /// default.
+    /// Computes intervals that contain the results of [`Solid::values`] for the pieces `which` at
+    /// any point of the region, rounding errors included; [`Interval::ALL`] if a result may be NaN,
+    /// and by default.
     ///
-    /// [`Solid::bounds`] holds the exact values, and only those where the piece is defined: by
-    /// these here a piece may be left out of a minimum or maximum without a change of a single bit.
+    /// [`Solid::bounds`] contains the exact values, and only at points at which the piece is
+    /// defined. The intervals here allow removing a piece from a minimum or maximum without
+    /// changing a bit of the result.
     fn value_bounds(&self, which: &[u32], _region: Aabb, out: &mut [Interval]) {
         out[..which.len()].fill(Interval::ALL);
     }
-    /// Intervals that hold a piece's gradient over the whole region; nothing by default.
+    /// Returns intervals that contain a piece's gradient over the whole region; `None` by default.
     fn slopes(&self, _piece: u32, _region: Aabb) -> Option<[Interval; 3]> {
         None
     }
-    /// The solid's own function at many points, for checks: has the sign of the tree, need not be a
-    /// distance.
+    /// Evaluates the defining function of the solid at many points, for checks: it has the sign of
+    /// the tree, and need not be a distance.
     fn sign_values(&self, points: &[Point3], out: &mut [f64]);
 }
 
-/// A [`Field`] without parts as a solid of one smooth piece.
+/// Solid of one smooth piece, for a [`Field`] without parts.
 #[derive(Debug)]
 pub struct OnePiece<F> {
     field: F,
@@ -193,7 +195,7 @@ pub struct OnePiece<F> {
 }
 
 impl<F: Field> OnePiece<F> {
-    /// The field, with a name for its surface.
+    /// Returns the solid of a field, with a name for its surface.
     pub fn new(field: F, name: &str) -> Self {
         Self {
             field,

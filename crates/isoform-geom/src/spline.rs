@@ -1,58 +1,59 @@
-//! Implicit splines in numbers: what a file of one holds.
+//! Data of implicit splines, as files hold them.
 
 use crate::Point3;
 
-/// A level in numbers, for files.
+/// Level of an implicit spline, for files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LevelData {
     /// Cells that hold data and are refined to this level.
     pub cells: Vec<[i32; 3]>,
-    /// Coefficients of the B-splines that touch one of them, of the first level those of all,
-    /// ordered by z, then y, then x.
+    /// Coefficients of the B-splines whose support meets one of the cells, on the first level of
+    /// all B-splines, ordered by z, then y, then x.
     pub coefficients: Vec<f64>,
 }
 
-/// An implicit spline in numbers, for files.
+/// Implicit spline, for files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SplineData {
-    /// The tri-degree.
+    /// Degree in each of x, y and z.
     pub degree: usize,
-    /// The lower corner of the lattice.
+    /// Lower corner of the lattice.
     pub corner: Point3,
-    /// Edge length of the first level's cells.
+    /// Edge length of the first level's cells, in model units.
     pub spacing: f64,
-    /// Cells of the first level along the axes.
+    /// Number of cells of the first level along each axis.
     pub count: [i32; 3],
-    /// The levels, coarse to fine.
+    /// Levels, from coarse to fine.
     pub levels: Vec<LevelData>,
 }
 
-/// A polynomial fitted to points in numbers, for files.
+/// Polynomial fitted to points, for files.
 ///
-/// With q = (p − `origin`)/`unit`, f(p) = Σ c qxⁱ qyʲ qzᵏ over all i + j + k ≤ `degree`. A lattice of
-/// cells says where the points were.
+/// With q = (p − `origin`)/`unit`, f(p) = Σ c qxⁱ qyʲ qzᵏ over all i + j + k ≤ `degree`. A lattice
+/// of cells describes the region of the points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PolynomialData {
-    /// The total degree.
+    /// Total degree.
     pub degree: usize,
-    /// Where q = 0 is.
+    /// Point of space with q = 0.
     pub origin: Point3,
-    /// The unit of length of q, a power of two.
+    /// Unit of length of q, in model units, a power of two.
     pub unit: f64,
-    /// The coefficients, by the [`exponents`](Self::exponents).
+    /// Coefficients c, in the order of [`exponents`](Self::exponents).
     pub coefficients: Vec<f64>,
-    /// The lower corner of the lattice.
+    /// Lower corner of the lattice.
     pub corner: Point3,
-    /// Edge length of its cells.
+    /// Edge length of the cells, in model units.
     pub spacing: f64,
-    /// Cells along the axes.
+    /// Number of cells along each axis.
     pub count: [i32; 3],
-    /// Cells that hold points.
+    /// Cells that contain points.
     pub cells: Vec<[i32; 3]>,
 }
 
 impl PolynomialData {
-    /// The exponents \[i, j, k\] of all monomials up to a total degree, ordered by k, then j, then i.
+    /// Returns the exponents \[i, j, k\] of all monomials up to a total degree, ordered by k, then
+    /// j, then i.
     pub fn exponents(degree: usize) -> Vec<[u16; 3]> {
         let d = degree as u16;
         let lines = (0..=d).flat_map(|k| (0..=d - k).map(move |j| (j, k)));

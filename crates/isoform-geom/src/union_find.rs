@@ -1,10 +1,10 @@
-//! Disjoint sets of numbers that are united step by step.
+//! Disjoint-set forests.
 //!
 //! The forest of R. E. Tarjan (J. ACM 22, 1975) with path halving. The root of a set is always its
-//! least number, whatever the order of the unions: what is numbered by roots is deterministic. The
-//! price, a depth that is not balanced by rank, is paid back by the halving of paths.
+//! least number, independently of the order of the unions, so that numbering by roots is
+//! deterministic. Trees are therefore not balanced by rank; path halving keeps them shallow.
 
-/// A partition of 0, 1, …, n − 1, each number first in a set of its own.
+/// Partition of 0, 1, …, n − 1 into disjoint sets, initially of one number each.
 ///
 /// ```
 /// use isoform_geom::UnionFind;
@@ -17,13 +17,13 @@
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct UnionFind {
-    /// Another number of the set, never larger; the number itself at the root.
+    /// Parent of each number, never larger than the number; a root is its own parent.
     up: Vec<u32>,
     count: usize,
 }
 
 impl UnionFind {
-    /// The partition of `n` numbers into sets of one.
+    /// Returns the partition of `n` numbers into sets of one.
     ///
     /// # Panics
     /// If there are more than 2³² numbers.
@@ -34,7 +34,7 @@ impl UnionFind {
         sets
     }
 
-    /// Makes it the partition of `n` numbers into sets of one; memory is kept.
+    /// Resets to the partition of `n` numbers into sets of one; allocated memory is reused.
     ///
     /// # Panics
     /// If there are more than 2³² numbers.
@@ -45,7 +45,7 @@ impl UnionFind {
         self.count = n;
     }
 
-    /// A further number, in a set of its own.
+    /// Adds a number, in a set of its own, and returns it.
     ///
     /// # Panics
     /// If there are 2³² numbers already.
@@ -56,7 +56,7 @@ impl UnionFind {
         next
     }
 
-    /// The least number of the set of `i`.
+    /// Returns the least number of the set of `i`.
     ///
     /// # Panics
     /// If `i` is not among the numbers.
@@ -70,7 +70,7 @@ impl UnionFind {
         i
     }
 
-    /// Unites the sets of two numbers; whether they were different ones.
+    /// Unites the sets of two numbers. Returns true if these were different sets.
     ///
     /// # Panics
     /// If one of them is not among the numbers.
@@ -82,17 +82,17 @@ impl UnionFind {
         a != b
     }
 
-    /// How many sets there are.
+    /// Returns the number of sets.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// How many numbers there are.
+    /// Returns the number of elements.
     pub fn len(&self) -> usize {
         self.up.len()
     }
 
-    /// Whether there are no numbers.
+    /// Returns true if the partition is empty.
     pub fn is_empty(&self) -> bool {
         self.up.is_empty()
     }
@@ -104,7 +104,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Against the transitive closure by labels.
+        /// Compares with the transitive closure by labels.
         #[test]
         fn roots_are_the_least_numbers(pairs in prop::collection::vec((0u32..40, 0u32..40), 0..60)) {
             let mut sets = UnionFind::new(40);

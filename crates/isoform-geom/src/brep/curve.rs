@@ -1,11 +1,11 @@
-//! Points and velocities of the curves of edges.
+//! Points and derivatives of edge curves.
 
 use super::{Axes, BSpline, Brep, Curve};
 use crate::{Point3, sub};
 use std::f64::consts::TAU;
 
 impl BSpline {
-    /// The point and the velocity at a parameter, by de Boor's algorithm.
+    /// Returns the point and the derivative at a parameter, by de Boor's algorithm.
     pub fn evaluate(&self, t: f64) -> (Point3, Point3) {
         let (p, knots) = (self.degree, self.flat_knots());
         let last = self.control.len() - 1;
@@ -25,7 +25,8 @@ impl BSpline {
         }
         (d[p], velocity)
     }
-    /// Divides each span into equal ones by knots: the curve stays what it is.
+    /// Divides each knot span into `parts` equal ones by knot insertion, which leaves the curve
+    /// unchanged.
     pub fn divide(&mut self, parts: usize) {
         let spans: Vec<[f64; 2]> = self.knots.windows(2).map(|w| [w[0], w[1]]).collect();
         for [from, to] in spans {
@@ -35,7 +36,7 @@ impl BSpline {
             }
         }
     }
-    /// Inserts a knot where there is none (Boehm 1980).
+    /// Inserts a simple knot at a parameter that is not a knot yet (Boehm 1980).
     fn insert(&mut self, t: f64) {
         let (p, flat) = (self.degree, self.flat_knots());
         let span = (p..self.control.len())
@@ -58,7 +59,7 @@ impl BSpline {
         self.knots.insert(at, t);
         self.multiplicities.insert(at, 1);
     }
-    /// The knots, each as often as it counts.
+    /// Returns the knot vector: each knot repeated by its multiplicity.
     pub fn flat_knots(&self) -> Vec<f64> {
         let each = self.knots.iter().zip(&self.multiplicities);
         each.flat_map(|(t, n)| std::iter::repeat_n(*t, *n))
@@ -66,7 +67,8 @@ impl BSpline {
     }
 }
 
-/// The angle from one point about z to another, in (0, 2π]; both scaled to a circle.
+/// Returns the eccentric angle of the first end on an ellipse with the half axes a and b, and the
+/// increase of the angle to the second end, in (0, 2π].
 fn turn(axes: &Axes, [a, b]: [f64; 2], ends: [Point3; 2]) -> [f64; 2] {
     let angle = |p: Point3| {
         let [x, y, _] = axes.local(p);
@@ -81,8 +83,8 @@ fn turn(axes: &Axes, [a, b]: [f64; 2], ends: [Point3; 2]) -> [f64; 2] {
 }
 
 impl Brep {
-    /// Parameters, ascending from 0 to 1, between which the curve of an edge is one smooth arc of at
-    /// most a sixth of a turn.
+    /// Returns parameters, ascending from 0 to 1, that divide the curve of an edge into smooth
+    /// arcs: conics into arcs of at most a sixth of a turn, splines at their knots.
     pub fn breaks(&self, edge: u32) -> Vec<f64> {
         let even = |n: usize| (0..=n).map(|i| i as f64 / n as f64).collect();
         let arc = |axes: &Axes, radii: [f64; 2]| {
@@ -102,8 +104,8 @@ impl Brep {
         }
     }
 
-    /// The point of an edge at the parameter s, 0 at its first end and 1 at its last, and the
-    /// velocity by s.
+    /// Returns the point of an edge at the parameter s, from 0 at its first end to 1 at its last,
+    /// and the derivative by s.
     pub fn along(&self, edge: u32, s: f64) -> (Point3, Point3) {
         let ends = self.ends(edge);
         match &self.edges[edge as usize].curve {
@@ -123,7 +125,7 @@ impl Brep {
     }
 }
 
-/// A point of an arc of an ellipse, with the velocity.
+/// Returns the point of an elliptic arc at the parameter s, from 0 to 1, and the derivative by s.
 fn conic(axes: &Axes, radii: [f64; 2], ends: [Point3; 2], s: f64) -> (Point3, Point3) {
     let [first, by] = turn(axes, radii, ends);
     let (sin, cos) = (first + s * by).sin_cos();

@@ -1,27 +1,27 @@
-//! Whether a boundary representation holds together as data: what comes out of a file need not.
+//! Validation of boundary representations as data: files may contain inconsistent ones.
 
 use super::{Axes, BSpline, Brep, Curve, Edge, Ellipsoid, Face, Graph, Revolved, Surface};
 use crate::{Point3, dot};
 use std::f64::consts::FRAC_PI_2;
 use std::fmt;
 
-/// Numbers are no larger than this, and lengths no smaller than its inverse: the cube of a length,
-/// a volume, is still a double.
+/// Upper bound of the magnitude of numbers; its inverse is the lower bound of lengths, in model
+/// units. The cube of any such length, a volume, is within the range of doubles.
 const LARGEST: f64 = 1e100;
-/// Directions are of length 1 and at right angles within this: a few thousand roundings. What is
-/// wrong by more was not meant as a frame.
+/// Tolerance of the squared lengths and of the cosine of a frame's directions. Larger deviations
+/// are not rounding errors: the vectors were not meant as a frame.
 const FRAME: f64 = 1e-9;
-/// Largest degree of the curve of an edge. Our own have 5.
+/// Maximum degree of the curve of an edge. Isoform makes curves of degree 5.
 const MOST_DEGREE: usize = 25;
-/// Largest degree of a graph: its B-splines at a place are counted at compile time.
+/// Maximum degree of a graph: arrays of its B-splines have a fixed size.
 const MOST_GRAPH_DEGREE: usize = 7;
 
-/// What is wrong with a boundary representation, and where.
+/// Defect of a boundary representation, with its location.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Defect {
-    /// Such as `edge 3` or `face 0, loop 1`; numbers are from 0.
+    /// Location, such as `edge 3` or `face 0, loop 1`; numbers count from 0.
     pub at: String,
-    /// What is wrong there.
+    /// Description of the defect.
     pub problem: &'static str,
 }
 
@@ -35,7 +35,7 @@ impl std::error::Error for Defect {}
 
 type Checked = Result<(), &'static str>;
 
-/// The error unless something is so.
+/// Returns `problem` as an error unless the condition holds.
 fn need(is: bool, problem: &'static str) -> Checked {
     if is { Ok(()) } else { Err(problem) }
 }
@@ -48,13 +48,13 @@ fn at(place: impl FnOnce() -> String) -> impl FnOnce(&'static str) -> Defect {
 }
 
 impl Brep {
-    /// Whether all numbers are finite and of a sane size, all indices in range, all frames at right
-    /// angles, all splines complete, all loops closed, each edge in two loops, once in each
-    /// direction, and each face in one shell: what every function on it relies on. Whether edges
-    /// lie on their faces is not looked at.
+    /// Checks that all numbers are finite and of a sane size, all indices in range, all frames
+    /// orthonormal, all splines complete, all loops closed, each edge in two loops, once in each
+    /// direction, and each face in one shell. All other functions rely on these conditions. The
+    /// distance of edges from their faces is not checked.
     ///
     /// # Errors
-    /// The first [`Defect`].
+    /// Returns the first [`Defect`] found.
     pub fn validate(&self) -> Result<(), Defect> {
         for (v, p) in self.vertices.iter().enumerate() {
             points(std::slice::from_ref(p)).map_err(at(|| format!("vertex {v}")))?;
@@ -108,7 +108,7 @@ impl Brep {
         Ok(())
     }
 
-    /// Each edge is in two loops, once in each direction.
+    /// Checks that each edge is in two loops, once in each direction.
     fn check_uses(&self) -> Result<(), Defect> {
         let mut uses = vec![[0usize; 2]; self.edges.len()];
         let faces = self.faces.iter();
@@ -124,7 +124,8 @@ impl Brep {
         }
     }
 
-    /// There is a solid, no shell is empty, and each face is in one shell.
+    /// Checks that there is a solid, that no shell is empty, and that each face is in exactly one
+    /// shell.
     fn check_shells(&self) -> Result<(), Defect> {
         let whole = at(|| "the solids".to_owned());
         need(!self.solids.is_empty(), "there is none").map_err(whole)?;
@@ -271,7 +272,8 @@ fn curve(spline: &BSpline) -> Checked {
             && multiplicities.iter().all(|n| (1..=degree + 1).contains(n)),
         "the knots have no fitting multiplicities",
     )?;
-    // At most 26 times the knots, by the line above: hostile multiplicities take no memory.
+    // The vector has at most 26 times the knots, by the check above: hostile multiplicities cannot
+    // exhaust memory.
     clamped(&spline.flat_knots(), *degree)?;
     need(
         multiplicities.iter().sum::<usize>() == control.len() + degree + 1,
@@ -279,8 +281,8 @@ fn curve(spline: &BSpline) -> Checked {
     )
 }
 
-/// Whether knots, each as often as it counts, never fall, with degree + 1 equal ones at the ends
-/// and no more than `degree` of them inside.
+/// Checks that a knot vector ascends, with degree + 1 equal knots at both ends and at most `degree`
+/// equal ones inside.
 fn clamped(knots: &[f64], degree: usize) -> Checked {
     let runs: Vec<&[f64]> = knots.chunk_by(|a, b| a == b).collect();
     let rises = runs.windows(2).all(|w| w[0][0] < w[1][0]);

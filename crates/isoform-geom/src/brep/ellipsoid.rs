@@ -1,34 +1,36 @@
-//! Ellipsoids: spheres of radius 1, stretched.
+//! Ellipsoids as affine images of the unit sphere.
 
 use super::Axes;
 use crate::{Point3, cross, dot, sub};
 use isoform_num::Svd;
 use std::array::from_fn;
 
-/// x²/a² + y²/b² + z²/c² = 1 in coordinates of a frame. What has angles about an axis for a sphere
-/// has them here on the unit sphere that is stretched: its own frame may stand in any way.
+/// Ellipsoid x²/a² + y²/b² + z²/c² = 1 in coordinates of a frame. Longitude and latitude are those
+/// on the unit sphere that is stretched to it; that sphere has a frame of its own, in any
+/// orientation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ellipsoid {
-    /// The frame of the half axes.
+    /// Frame of the half axes.
     pub axes: Axes,
-    /// a, b and c, in model units.
+    /// Half axes a, b and c, in model units.
     pub half: [f64; 3],
-    /// The frame of the unit sphere, about the origin, in coordinates of `axes` by half axes.
+    /// Frame of the unit sphere, with the origin 0, in coordinates of `axes` divided by the half
+    /// axes.
     pub sphere: Axes,
 }
 
 impl Ellipsoid {
-    /// Half the width of the stereographic chart that files hold: all within 63.6° of its middle;
-    /// from 0.7 on a weight would not be positive.
+    /// Half the width of the stereographic chart in files: it covers all directions within 63.6° of
+    /// its centre. From 1/√2 on its weights are not all positive.
     pub const REACH: f64 = 0.62;
 
-    /// The parameters s and t of a point in the stereographic chart ([`Self::chart`]); large ones
-    /// for points on the far side.
+    /// Returns the parameters s and t of a point in the stereographic chart ([`Self::chart`]); they
+    /// are large for points on the opposite side.
     pub fn in_chart(&self, p: Point3) -> [f64; 2] {
         let [x, y, z] = self.sphere.local(self.shrunk(p));
         [z, y].map(|v| v / (1.0 - x).max(1e-9))
     }
-    /// The point with the given parameters in that chart.
+    /// Returns the point with the parameters s and t in that chart.
     pub fn from_chart(&self, [s, t]: [f64; 2]) -> Point3 {
         let (square, sphere) = (s * s + t * t, &self.sphere);
         let (e, f, g) = (sphere.x.map(|v| -v), sphere.z, sphere.y());
@@ -37,7 +39,7 @@ impl Ellipsoid {
         let q = self.stretched(unit);
         from_fn(|k| self.axes.origin[k] + q[k])
     }
-    /// With the frame of the sphere along the half axes.
+    /// Returns the ellipsoid with the frame of its unit sphere along the half axes.
     pub fn new(axes: Axes, half: [f64; 3]) -> Self {
         let sphere = Axes {
             origin: [0.0; 3],
@@ -46,23 +48,24 @@ impl Ellipsoid {
         };
         Self { axes, half, sphere }
     }
-    /// The point of the unit sphere's space, in coordinates of the half axes.
+    /// Maps a point of space to the space of the unit sphere, in coordinates along the half axes.
     pub fn shrunk(&self, p: Point3) -> Point3 {
         let local = self.axes.local(p);
         from_fn(|k| local[k] / self.half[k])
     }
-    /// The vector of space that a vector of the unit sphere's space is stretched to.
+    /// Maps a vector of the space of the unit sphere to a vector of space.
     pub fn stretched(&self, v: Point3) -> Point3 {
         self.axes.vector(from_fn(|k| self.half[k] * v[k]))
     }
-    /// The plane through the centre whose points are at right angles to `n` in the unit sphere's
-    /// space: its unit normal.
+    /// Returns the unit normal, in space, of the plane through the centre that has the normal `n`
+    /// in the space of the unit sphere.
     pub fn plane_normal(&self, n: Point3) -> Point3 {
         let normal = self.axes.vector(from_fn(|k| n[k] / self.half[k]));
         let length = dot(normal, normal).sqrt();
         normal.map(|v| v / length)
     }
-    /// (|q| − 1)/|∇|q|| for the shrunk point q, the distance to first order, and the unit gradient.
+    /// Returns the signed distance to first order, (|q| − 1)/|∇|q||, where q is the point in the
+    /// space of the unit sphere, and the unit gradient.
     pub fn distance(&self, p: Point3) -> (f64, Point3) {
         let (q, r, g) = self.slope(p);
         let length = dot(g, g).sqrt();
@@ -71,7 +74,7 @@ impl Ellipsoid {
         }
         ((r - 1.0) / length, self.axes.vector(g.map(|v| v / length)))
     }
-    /// The shrunk point, its length, and the gradient of the length in coordinates of `axes`.
+    /// Returns the point q in the space of the unit sphere, |q|, and ∇|q| in coordinates of `axes`.
     fn slope(&self, p: Point3) -> (Point3, f64, Point3) {
         let q = self.shrunk(p);
         let r = dot(q, q).sqrt();
@@ -82,7 +85,7 @@ impl Ellipsoid {
         };
         (q, r, g)
     }
-    /// The second derivative of the distance along a tangent.
+    /// Returns the second derivative of the distance along a tangent.
     pub fn bending(&self, p: Point3, along: Point3) -> f64 {
         let (q, r, g) = self.slope(p);
         let t = [self.axes.x, self.axes.y(), self.axes.z].map(|e| dot(along, e));
@@ -90,25 +93,25 @@ impl Ellipsoid {
         let second = (dot(dq, dq) - (dot(q, dq) / r).powi(2)) / r;
         second / dot(g, g).sqrt()
     }
-    /// Longitude, from 0 to 2π, and latitude on the unit sphere.
+    /// Returns the longitude, from 0 to 2π, and the latitude on the unit sphere.
     pub fn parameters(&self, p: Point3) -> [f64; 2] {
         let [x, y, z] = self.sphere.local(self.shrunk(p));
         let u = y.atan2(x).rem_euclid(std::f64::consts::TAU);
         [u, z.atan2(x.hypot(y))]
     }
-    /// The point with a longitude and a latitude.
+    /// Returns the point with the given longitude and latitude.
     pub fn point(&self, at: [f64; 2]) -> Point3 {
         let q = self.stretched(self.sphere.vector(normal(at)));
         from_fn(|k| self.axes.origin[k] + q[k])
     }
-    /// ∂p/∂u × ∂p/∂v.
+    /// Returns ∂p/∂u × ∂p/∂v, u the longitude and v the latitude.
     pub fn area_vector(&self, at: [f64; 2]) -> Point3 {
         let cos = at[1].cos();
         let n = self.sphere.vector(normal(at).map(|v| cos * v));
         let [a, b, c] = self.half;
         self.axes.vector([b * c * n[0], c * a * n[1], a * b * n[2]])
     }
-    /// The rate at which the longitude changes at `p` along a velocity.
+    /// Returns the rate at which the longitude changes at `p` along a velocity.
     pub fn rate_of_u(&self, p: Point3, velocity: Point3) -> f64 {
         let [x, y, _] = self.sphere.local(self.shrunk(p));
         let v = [self.axes.x, self.axes.y(), self.axes.z].map(|e| dot(velocity, e));
@@ -116,8 +119,9 @@ impl Ellipsoid {
         let [vx, vy] = [self.sphere.x, self.sphere.y()].map(|e| dot(v, e));
         (x * vy - y * vx) / (x * x + y * y)
     }
-    /// The centre, and the half axes as vectors of space with the larger one first, of the ellipse
-    /// in which the plane through `p` with the normal `n` cuts the ellipsoid.
+    /// Intersects the ellipsoid with the plane through `p` with the normal `n`. Returns the centre
+    /// of the ellipse and its half axes as vectors, the larger one first; `None` if the plane
+    /// touches or misses the ellipsoid.
     pub fn section(&self, p: Point3, n: Point3) -> Option<(Point3, [Point3; 2])> {
         let n = [self.axes.x, self.axes.y(), self.axes.z].map(|e| dot(n, e));
         let n: Point3 = from_fn(|k| n[k] * self.half[k]);
@@ -129,7 +133,7 @@ impl Ellipsoid {
         }
         let radius = (1.0 - off * off).sqrt();
         let [e, f] = crate::across(n);
-        // Conjugate half diameters e and f; turned by an angle they are at right angles in space.
+        // Conjugate half diameters u and v; the rotation by `angle` makes them orthogonal.
         let [u, v] = [e, f].map(|e| self.stretched(e.map(|k| radius * k)));
         let angle = 0.5 * (2.0 * dot(u, v)).atan2(dot(u, u) - dot(v, v));
         let (sin, cos) = angle.sin_cos();
@@ -138,13 +142,14 @@ impl Ellipsoid {
         let center = self.stretched(n.map(|k| off * k));
         Some((from_fn(|k| self.axes.origin[k] + center[k]), [large, small]))
     }
-    /// Control points and weights of the biquadratic Bézier patch over |s|, |t| ≤ `reach` of the
-    /// stereographic chart about the sphere's −x: ((1 − s² − t²) e + 2s f + 2t g)/(1 + s² + t²)
-    /// with e = −x, f = z, g = y, stretched. Its normal points outward; weights are positive up to
-    /// a reach of 1/√2, where the chart holds all within 2 atan(reach) of −x.
+    /// Returns the control points and weights of the biquadratic Bézier patch over |s|, |t| ≤
+    /// `reach` of the stereographic chart about −x of the sphere: ((1 − s² − t²) e + 2s f + 2t
+    /// g)/(1 + s² + t²) with e = −x, f = z, g = y, stretched. Its normal points outward; weights
+    /// are positive for a reach below 1/√2, and the chart covers all directions within 2
+    /// atan(reach) of −x.
     pub fn chart(&self, reach: f64) -> ([[Point3; 3]; 3], [[f64; 3]; 3]) {
         let (e, f, g) = (self.sphere.x.map(|v| -v), self.sphere.z, self.sphere.y());
-        // Blossoms of 1, s and s² at both ends, or one of them and the other.
+        // Blossoms of s and s² at (−r, −r), (−r, r) and (r, r), r the reach.
         let blossom = |i: usize| {
             let [a, b] = [[-reach, -reach], [-reach, reach], [reach, reach]][i];
             (0.5 * (a + b), a * b)
@@ -163,9 +168,10 @@ impl Ellipsoid {
         }
         (control, weights)
     }
-    /// The ellipsoid whose chart ([`Self::chart`]) has these control points: the stretched frame of
-    /// the sphere by differences, and its singular values, which are the half axes. None where
-    /// there is no such ellipsoid; whether the points are those of its chart is not looked at.
+    /// Returns the ellipsoid whose chart ([`Self::chart`]) has these control points: their
+    /// differences give the stretched frame of the sphere, whose singular values are the half axes.
+    /// `None` if that frame is singular or left-handed. Control points of other surfaces are not
+    /// detected.
     pub fn of_chart(control: &[[Point3; 3]; 3], reach: f64) -> Option<Self> {
         let between = |a: Point3, b: Point3, share: f64| -> Point3 {
             from_fn(|k| a[k] + share * (b[k] - a[k]))
@@ -173,8 +179,8 @@ impl Ellipsoid {
         let apart = |a: Point3, b: Point3| sub(b, a).map(|v| v / (4.0 * reach));
         let f = apart(control[0][1], control[2][1]);
         let g = apart(control[1][0], control[1][2]);
-        // In the middle between these two is origin + e; the middle control point is
-        // origin + (1 + 2 reach²)/(1 − 2 reach²) e.
+        // Midway between these two lies origin + e; the central control point is origin + (1 + 2
+        // reach²)/(1 − 2 reach²) e.
         let near = between(control[0][1], control[2][1], 0.5);
         let e = sub(control[1][1], near).map(|v| v * (1.0 / (4.0 * reach * reach) - 0.5));
         let Svd {
@@ -204,7 +210,8 @@ impl Ellipsoid {
         };
         Some(Self { axes, half, sphere })
     }
-    /// The frame of the sphere with x away from `direction` of the unit sphere's space.
+    /// Returns the ellipsoid with the frame of the sphere rotated so that −x is `direction`, a unit
+    /// vector in the space of the unit sphere.
     #[must_use]
     pub fn facing(self, direction: Point3) -> Self {
         let [z, _] = crate::across(direction);
@@ -218,7 +225,7 @@ impl Ellipsoid {
     }
 }
 
-/// The point of the unit sphere with a longitude and a latitude.
+/// Returns the point of the unit sphere with the given longitude and latitude.
 fn normal([u, v]: [f64; 2]) -> Point3 {
     [v.cos() * u.cos(), v.cos() * u.sin(), v.sin()]
 }
@@ -269,7 +276,7 @@ mod tests {
                 .zip([0.3, -0.3])
                 .all(|(a, b)| (a - b).abs() < 1e-14)
         );
-        // The middle is the direction that the sphere faces away from.
+        // The centre of the chart is −x of the sphere.
         let q = ball.shrunk(at(0.5, 0.5));
         assert!(norm(sub(q, [0.48, 0.6, 0.64])) < 1e-15, "{q:?}");
     }
@@ -285,7 +292,7 @@ mod tests {
             for (p, q) in control.as_flattened().iter().zip(back.as_flattened()) {
                 assert!(norm(sub(*p, *q)) < 1e-14, "{p:?} {q:?}");
             }
-            // Also far from the chart the two are one surface.
+            // The surfaces coincide also outside the chart.
             for at in [[0.3, 0.2], [2.0, -1.0], [4.0, 1.2]] {
                 assert!(again.distance(ball.point(at)).0.abs() < 1e-14);
             }

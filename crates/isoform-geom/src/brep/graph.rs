@@ -1,51 +1,50 @@
-//! Graphs of functions of two variables, as B-splines.
+//! Graphs of bivariate functions that are tensor-product B-splines.
 
 use super::Axes;
 use crate::{Point3, cross, dot};
 use isoform_num::Svd;
 use std::array::from_fn;
 
-/// The surface z = h(x, y) over a rectangle, in coordinates of a frame, with h a tensor product of
-/// B-splines: x and y are themselves the parameters, so that the point of the surface below or
-/// above a point of space needs no search.
+/// Surface z = h(x, y) over a rectangle, in coordinates of a frame, where h is a tensor-product
+/// B-spline. The parameters are x and y themselves, so that projection along z needs no iteration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Graph {
-    /// The frame.
+    /// Frame of the coordinates x, y and z.
     pub axes: Axes,
-    /// The degree in x and in y, at most 7.
+    /// Degree in x and in y, at most 7.
     pub degree: usize,
-    /// Knots of x and of y, ascending, each as often as it counts: degree + 1 times at the ends.
+    /// Knot vectors of x and of y, ascending, with degree + 1 equal knots at both ends.
     pub knots: [Vec<f64>; 2],
-    /// The coefficients of h: number i·n + j belongs to B-spline i of x and j of y, of which there
-    /// are n.
+    /// Coefficients of h: number i·n + j belongs to B-spline i of x and B-spline j of y, n the
+    /// number of B-splines of y.
     pub heights: Vec<f64>,
 }
 
-/// h with its derivatives.
+/// Value of h with its first and second derivatives.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Height {
-    /// h.
+    /// Value of h.
     pub value: f64,
-    /// ∂h/∂x and ∂h/∂y.
+    /// Gradient: ∂h/∂x and ∂h/∂y.
     pub slope: [f64; 2],
-    /// ∂²h/∂x², ∂²h/∂x∂y and ∂²h/∂y².
+    /// Second derivatives: ∂²h/∂x², ∂²h/∂x∂y and ∂²h/∂y².
     pub second: [f64; 3],
 }
 
-/// The largest number of B-splines that do not vanish at a place.
+/// Maximum number of B-splines that do not vanish at a point: the maximum degree plus 1.
 const MOST: usize = 8;
 
-/// B-splines that do not vanish at a parameter.
+/// Values of the B-splines that do not vanish at a parameter.
 pub struct Basis {
-    /// The number of the first.
+    /// Index of the first one.
     pub first: usize,
-    /// Their values, first and second derivatives, of which degree + 1 count.
+    /// Values, first and second derivatives; the first degree + 1 entries of each are used.
     pub values: [[f64; MOST]; 3],
 }
 
 impl Basis {
-    /// The B-splines of a degree (at most 7) at `t`, by the recursion of Cox and de Boor; beyond
-    /// the ends the outer polynomials go on.
+    /// Evaluates the B-splines of a degree (at most 7) at `t`, by the recursion of Cox and de Boor;
+    /// the outermost polynomials are continued beyond the ends of the knots.
     pub fn at(knots: &[f64], degree: usize, t: f64) -> Self {
         let last = knots.len() - degree - 2;
         let inner = &knots[degree + 1..=last];
@@ -68,7 +67,8 @@ impl Basis {
         }
         let first = span - degree;
         let mut values = [n, [0.0; MOST], [0.0; MOST]];
-        // Splines of one degree less, differenced; and of two degrees less, twice.
+        // First derivatives are differences of the B-splines of one degree less, second ones
+        // differences of differences of those of two degrees less.
         let difference = |lower: &[f64; MOST], p: usize| {
             let mut out = [0.0; MOST];
             let from = span - p;
@@ -98,16 +98,17 @@ impl Basis {
     }
 }
 
-/// Directions of a frame are of length 1 and at right angles within this: they come from rounded
-/// control points, which tell them the worse the flatter the graph is.
+/// Tolerance of the squared lengths and of the cosine of a frame's directions. They are computed
+/// from rounded control points, which determine them less accurately the flatter the graph is.
 const FRAME: f64 = 1e-6;
-/// Control points that leave their plane by no more than this share of their extent tell the
-/// directions across it worse than the length of these does.
+/// Ratio of the smallest to the largest singular value of the control points at or below which they
+/// count as flat: the unit length of the directions then determines their components across the
+/// plane more accurately than the points do.
 const FLAT: f64 = 1e-6;
 
-/// The directions x and y along which points have the given coordinates, by least squares: the sums
-/// of uₖ·b / σₖ vₖ. Where the points are flat, the part along their normal v₃ makes the length 1,
-/// and x and y orthogonal.
+/// Returns the directions x and y along which points have the given coordinates, by least squares:
+/// the sums of (uₖ·b / σₖ) vₖ. If the points are flat, the components along their normal v₃ are
+/// those that make x and y orthogonal and of length 1.
 fn directions(svd: &Svd<Vec<f64>, 3>, sides: &[Vec<f64>; 2]) -> [Point3; 2] {
     let share = |k: usize, b: &[f64]| {
         let size = svd.values[k];
@@ -136,22 +137,22 @@ fn directions(svd: &Svd<Vec<f64>, 3>, sides: &[Vec<f64>; 2]) -> [Point3; 2] {
 }
 
 impl Graph {
-    /// How many B-splines of y there are.
+    /// Returns the number of B-splines of y.
     pub fn columns(&self) -> usize {
         self.knots[1].len() - self.degree - 1
     }
-    /// How many B-splines of x there are.
+    /// Returns the number of B-splines of x.
     pub fn rows(&self) -> usize {
         self.knots[0].len() - self.degree - 1
     }
-    /// The ends of x and of y.
+    /// Returns the intervals of x and of y.
     pub fn domain(&self) -> [[f64; 2]; 2] {
         [0, 1].map(|k| {
             let knots = &self.knots[k];
             [knots[0], knots[knots.len() - 1]]
         })
     }
-    /// h at x and y.
+    /// Returns h and its derivatives at x and y.
     pub fn height(&self, [x, y]: [f64; 2]) -> Height {
         let p = self.degree;
         let [u, v] = [(0, x), (1, y)].map(|(k, t)| Basis::at(&self.knots[k], p, t));
@@ -173,8 +174,8 @@ impl Graph {
         }
         made
     }
-    /// The signed distance of a point along z, by the length of the normal (−∂h/∂x, −∂h/∂y, 1), and
-    /// the unit normal: to first order the distance from the surface.
+    /// Returns the signed distance from the surface to first order: the height above it divided by
+    /// the length of the normal (−∂h/∂x, −∂h/∂y, 1); and the unit normal.
     pub fn distance(&self, p: Point3) -> (f64, Point3) {
         let [x, y, z] = self.axes.local(p);
         let Height { value, slope, .. } = self.height([x, y]);
@@ -182,7 +183,7 @@ impl Graph {
         let normal = [-slope[0], -slope[1], 1.0].map(|v| v / length);
         ((z - value) / length, self.axes.vector(normal))
     }
-    /// The second derivative of the distance along a tangent.
+    /// Returns the second derivative of the distance along a tangent.
     pub fn bending(&self, p: Point3, along: Point3) -> f64 {
         let [x, y, _] = self.axes.local(p);
         let Height { slope, second, .. } = self.height([x, y]);
@@ -191,16 +192,16 @@ impl Graph {
         let length = (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
         -(xx * a * a + 2.0 * xy * a * b + yy * b * b) / length
     }
-    /// The point above x and y.
+    /// Returns the point of the surface at x and y.
     pub fn point(&self, [x, y]: [f64; 2]) -> Point3 {
         self.axes.point([x, y, self.height([x, y]).value])
     }
-    /// ∂p/∂x × ∂p/∂y.
+    /// Returns ∂p/∂x × ∂p/∂y.
     pub fn area_vector(&self, at: [f64; 2]) -> Point3 {
         let [a, b] = self.height(at).slope;
         self.axes.vector([-a, -b, 1.0])
     }
-    /// Greville's abscissae of each coefficient: x and y of its control point.
+    /// Returns the Greville abscissae of each coefficient: x and y of its control point.
     fn greville(&self) -> Vec<[f64; 2]> {
         let means = |k: usize| -> Vec<f64> {
             let knots = &self.knots[k];
@@ -212,16 +213,18 @@ impl Graph {
         let pairs = xs.iter().flat_map(|x| ys.iter().map(move |y| [*x, *y]));
         pairs.collect()
     }
-    /// The control points, as the coefficients are ordered: x and y are Greville's abscissae.
+    /// Returns the control points in the order of the coefficients; their x and y are the Greville
+    /// abscissae.
     pub fn control(&self) -> Vec<Point3> {
         let all = self.greville().into_iter();
         all.zip(&self.heights)
             .map(|([x, y], h)| self.axes.point([x, y, *h]))
             .collect()
     }
-    /// The graph whose control points ([`Self::control`]) these are: the frame in which their x and
-    /// y are Greville's abscissae, by least squares. None where there is no such frame; of two that
-    /// flat control points leave, both have the same surface. Knots are as [`Graph`] has them.
+    /// Returns the graph with these control points ([`Self::control`]): its frame is the one in
+    /// which their x and y are the Greville abscissae, by least squares; `None` if the
+    /// least-squares frame is not orthonormal. Flat control points admit two frames, both with this
+    /// surface. The knots have the form of [`Graph::knots`].
     pub fn of_control(degree: usize, knots: [Vec<f64>; 2], control: &[Point3]) -> Option<Self> {
         let axes = Axes {
             origin: [0.0; 3],
@@ -266,7 +269,7 @@ mod tests {
     use super::*;
     use crate::{norm, sub};
 
-    /// Clamped knots with unequal spans.
+    /// Returns a clamped knot vector with the given inner knots.
     fn knots(degree: usize, inner: &[f64]) -> Vec<f64> {
         let end = |t: f64| std::iter::repeat_n(t, degree + 1);
         end(0.0)
@@ -285,7 +288,7 @@ mod tests {
                 assert!((sums[0] - 1.0).abs() < 1e-13, "{degree} {t} {sums:?}");
                 assert!(sums[1].abs() < 1e-11 && sums[2].abs() < 1e-9, "{sums:?}");
             }
-            // Within one span, so that differences are of one polynomial.
+            // All samples are in one knot span: differences are those of one polynomial.
             let (t, h) = (0.7, 1e-4);
             let [a, b, c] = [t - h, t, t + h].map(|t| Basis::at(&knots, degree, t).values);
             for j in 0..=degree {
@@ -306,7 +309,7 @@ mod tests {
             knots: [knots(degree, &[0.5]), knots(degree, &[0.4, 1.3])],
             heights: vec![0.0; 5 * 6],
         };
-        // With heights of a linear function of Greville's abscissae h is that function.
+        // If the heights are a linear function of the Greville abscissae, h is that function.
         let flat = graph.control();
         graph.heights = flat
             .iter()
@@ -328,7 +331,7 @@ mod tests {
         }
     }
 
-    /// z = x/2 + bend (x² + y)/4 over a rectangle, with one knot inside.
+    /// Returns z = x/2 + bend (x² + y)/4 over a rectangle, with one inner knot.
     fn bent(bend: f64) -> Graph {
         let mut graph = Graph {
             axes: Axes::along([0.3, -0.2, 0.1], [0.6, 0.0, 0.8]),
@@ -350,7 +353,7 @@ mod tests {
             for (p, q) in control.iter().zip(again.control()) {
                 assert!(norm(sub(*p, q)) < 1e-14, "{bend}: {p:?} {q:?}");
             }
-            // A flat one may be seen from the mirrored side of its tilt.
+            // The frame of a flat graph may be mirrored.
             assert!(bend < 1e-6 || dot(again.axes.z, graph.axes.z) > 1.0 - 1e-12);
         }
         let other = bent(1.0);

@@ -1,10 +1,10 @@
-//! Solids moved into another frame.
+//! Rigid motions of solids.
 
 use super::{Axes, BSpline, Brep, Curve, Edge, Ellipsoid, Face, Graph, Revolved, Surface};
 use crate::Frame;
 
 impl Frame {
-    /// Returns axes of the frame, in space.
+    /// Returns axes that are given in coordinates of the frame as axes in space.
     fn axes_out(&self, axes: Axes) -> Axes {
         Axes {
             origin: self.out(axes.origin),
@@ -15,7 +15,8 @@ impl Frame {
 }
 
 impl Brep {
-    /// Returns the solids, given in coordinates of a frame, in space. All is shared as before.
+    /// Returns the solids in space, where these are given in coordinates of the frame. Faces share
+    /// edges and vertices as before.
     ///
     /// ```
     /// use isoform_geom::{Frame, brep::Brep};

@@ -3,13 +3,13 @@
 use super::{Axes, Surface};
 use crate::{Point3, dot};
 
-/// A point in the half-plane about an axis.
+/// Cylindrical coordinates of a point about an axis.
 pub(super) struct Meridian {
     /// Distance from the axis.
     pub(super) out: f64,
-    /// Height along it.
+    /// Height along the axis.
     pub(super) height: f64,
-    /// The direction away from the axis; x where the point lies on it.
+    /// Unit direction away from the axis; x for a point on the axis.
     pub(super) radial: Point3,
 }
 
@@ -30,16 +30,17 @@ impl Meridian {
     }
 }
 
-/// a u + b v.
+/// Returns a u + b v.
 pub(super) fn combined(a: f64, u: Point3, b: f64, v: Point3) -> Point3 {
     std::array::from_fn(|k| a * u[k] + b * v[k])
 }
 
 impl Surface {
-    /// The signed distance of a point, positive on the side of the surface's own normal, and its
-    /// gradient, of length 1. Of a cone the distance is that from its line in the half-plane about
-    /// the axis: beyond the apex it is no distance, but as smooth. Of ellipsoids and graphs it is
-    /// the distance to first order; of revolved ones points have to be near.
+    /// Returns the signed distance of a point, positive on the side of the surface's normal, and
+    /// its gradient, of length 1. For a cone it is the distance from the generating line in the
+    /// half-plane of the point: beyond the apex that is not the distance from the cone, but it is
+    /// smooth. For ellipsoids and graphs it is the distance to first order; for surfaces of
+    /// revolution the point must be close to the surface.
     pub fn distance(&self, p: Point3) -> (f64, Point3) {
         match *self {
             Self::Plane(axes) => (axes.local(p)[2], axes.z),
@@ -75,8 +76,8 @@ impl Surface {
         }
     }
 
-    /// The second derivative of the distance along a vector; of ellipsoids, revolved surfaces and
-    /// graphs along a tangent, at a point of theirs.
+    /// Returns the second derivative of the distance along a vector; for ellipsoids, surfaces of
+    /// revolution and graphs, the point must be on the surface and the vector tangent to it.
     pub fn bending(&self, p: Point3, along: Point3) -> f64 {
         let axes = self.axes();
         let at = Meridian::of(axes, p);
@@ -105,9 +106,9 @@ impl Surface {
         }
     }
 
-    /// Parameters of the point nearest to `p`: x and y of a plane or graph; else the angle about z,
-    /// from 0 to 2π, and the height along z, or the latitude on a sphere, or the angle about the
-    /// tube, from 0 to 2π, on a torus, or the parameter of the curve that is revolved.
+    /// Returns parameters of the point nearest to `p`: x and y on a plane or graph; otherwise the
+    /// angle about z, from 0 to 2π, and the height along z, the latitude on a sphere or ellipsoid,
+    /// the angle about the tube, from 0 to 2π, on a torus, or the parameter of a revolved curve.
     pub fn parameters(&self, p: Point3) -> [f64; 2] {
         match self {
             Self::Ellipsoid(ball) => return ball.parameters(p),
@@ -125,7 +126,7 @@ impl Surface {
         }
     }
 
-    /// The point with the given parameters.
+    /// Returns the point with the given parameters.
     pub fn point(&self, [u, v]: [f64; 2]) -> Point3 {
         let round = |out: f64, height: f64| [out * u.cos(), out * u.sin(), height];
         let local = match *self {
@@ -141,7 +142,7 @@ impl Surface {
         self.axes().point(local)
     }
 
-    /// ∂p/∂u × ∂p/∂v, along the surface's own normal.
+    /// Returns ∂p/∂u × ∂p/∂v, which points along the surface's normal.
     pub fn area_vector(&self, [u, v]: [f64; 2]) -> Point3 {
         let (sin, cos) = u.sin_cos();
         let local = match *self {
@@ -169,7 +170,7 @@ impl Surface {
         self.axes().vector(local)
     }
 
-    /// The rate at which u changes at `p` along a velocity.
+    /// Returns the rate at which the parameter u changes at `p` along a velocity.
     pub fn rate_of_u(&self, p: Point3, velocity: Point3) -> f64 {
         let axes = self.axes();
         match self {
@@ -181,8 +182,8 @@ impl Surface {
         dot(velocity, crate::cross(axes.z, at.radial)) / at.out
     }
 
-    /// The v from which integrals along v may start: where nothing is lost at the apex of a cone,
-    /// else 0.
+    /// Returns the lower limit of integrals along v: the apex of a cone, where its circles have
+    /// length 0; else 0.
     pub fn base_of_v(&self) -> f64 {
         match *self {
             Self::Cone(_, radius, half_angle) => -radius / half_angle.tan(),
@@ -190,8 +191,8 @@ impl Surface {
         }
     }
 
-    /// Where a surface about an axis ends on it: the apex of a cone, the ends of a revolved curve
-    /// that lie on the axis.
+    /// Returns the points in which a surface ends on its axis: the apex of a cone, and the ends of
+    /// a revolved curve that lie on the axis.
     pub fn tips(&self) -> Vec<Point3> {
         match self {
             Self::Revolved(turned) => {
@@ -204,7 +205,7 @@ impl Surface {
         }
     }
 
-    /// The apex of a cone.
+    /// Returns the apex of a cone; `None` for other surfaces.
     pub fn apex(&self) -> Option<Point3> {
         match *self {
             Self::Cone(axes, ..) => Some(axes.point([0.0, 0.0, self.base_of_v()])),
@@ -220,7 +221,7 @@ mod tests {
     use crate::{cross, norm, sub};
     use std::sync::Arc;
 
-    /// z = (x² + xy − y²)/5 for x and y from -1 to 3.
+    /// Returns z = (x² + xy − y²)/5 for x and y from −1 to 3.
     fn saddle(axes: Axes) -> Graph {
         let (a, b) = (-1.0, 3.0);
         let knots = vec![a, a, a, b, b, b];
@@ -237,7 +238,7 @@ mod tests {
         }
     }
 
-    /// The parabola with the control points (0.9, 0), (0.5, 0.5), (1.1, 0.8), turned.
+    /// Returns the parabola with the control points (0.9, 0), (0.5, 0.5), (1.1, 0.8), revolved.
     fn vase(axes: Axes) -> Revolved {
         Revolved {
             axes,

@@ -1,12 +1,12 @@
-//! Opposite sides of a unit cell.
+//! Pairs of nodes on opposite sides of a unit cell.
 
 use super::{Mesh, Opposite};
 use crate::Aabb;
 use std::collections::HashMap;
 
 impl Mesh {
-    /// The nodes of the surface on the sides of a box across an axis that lie opposite to each
-    /// other: their other coordinates are equal, bit for bit. Nodes without a partner are left out.
+    /// Returns the pairs of surface nodes on the two sides of a box normal to an axis whose other
+    /// coordinates are equal, bit for bit. Nodes without a partner are omitted.
     ///
     /// ```
     /// use isoform_geom::{Aabb, Mesh};

@@ -1,20 +1,19 @@
-//! Meshes of several regions: the walls between them, the names of these, and each region as a mesh
-//! of its own.
+//! Meshes of several regions: the walls between regions, their names, and the mesh of one region.
 //!
-//! A *wall* is a triangle with a tetrahedron on either side, of two regions. It looks out of the
-//! region that comes first.
+//! A *wall* is a triangle between two tetrahedra of different regions. Its normal points out of the
+//! region with the lower index.
 
 use super::{Curve, Mesh, TET_FACES, TRIANGLE_EDGES};
 use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap, HashSet};
 
-/// The corners of a face in ascending order, by which it is found.
+/// Returns the corners of a face in ascending order, as a key of the face.
 fn sorted(mut face: [u32; 3]) -> [u32; 3] {
     face.sort_unstable();
     face
 }
 
-/// Keeps those entries of a list whose places `is_kept` admits.
+/// Keeps the entries of a list whose indices satisfy `is_kept`.
 fn keep<T>(list: &mut Vec<T>, is_kept: impl Fn(usize) -> bool) {
     let mut place = 0;
     list.retain(|_| {
@@ -24,7 +23,7 @@ fn keep<T>(list: &mut Vec<T>, is_kept: impl Fn(usize) -> bool) {
 }
 
 impl Mesh {
-    /// Whether each triangle is a wall: a face that tetrahedra of two regions share.
+    /// Returns true for each triangle that is a wall: a face shared by tetrahedra of two regions.
     pub fn walls(&self) -> Vec<bool> {
         if self.regions.len() < 2 {
             return vec![false; self.triangles.len()];
@@ -32,8 +31,9 @@ impl Mesh {
         self.sides_of_walls().iter().map(Option::is_some).collect()
     }
 
-    /// The mesh without the walls between its regions: its triangles are its own surface alone, its
-    /// edges and corners those on it, without curves where a wall ends at it.
+    /// Returns the mesh without the walls between its regions: only the triangles of the outer
+    /// surface, and the edges and corners on them. Curves in which a wall meets the outer surface
+    /// are omitted.
     pub fn without_walls(&self) -> Cow<'_, Self> {
         let is_wall = self.walls();
         if !is_wall.contains(&true) {
@@ -49,7 +49,7 @@ impl Mesh {
         Cow::Owned(outer)
     }
 
-    /// Keeps some of the edges, by their numbers, and the curves that have some.
+    /// Keeps the edges whose indices satisfy `is_kept`, and the curves that still have edges.
     fn keep_edges(&mut self, is_kept: impl Fn(usize) -> bool) {
         keep(&mut self.edges, &is_kept);
         keep(&mut self.edge_mids, &is_kept);
@@ -68,11 +68,11 @@ impl Mesh {
         }
     }
 
-    /// Names walls by the regions on both sides, `inner|outer` for one between the regions inner
-    /// and outer, with `.part` behind where the wall between two regions has several parts. A part
-    /// that is surface and wall, or wall between several pairs of regions, becomes several parts. A
-    /// part of the surface that is called like a region gets `.surface` behind its name: in files,
-    /// both are groups of elements.
+    /// Names walls after the regions on both sides, `inner|outer` for one between the regions inner
+    /// and outer, followed by `.part` if the wall between two regions has several parts. A part
+    /// that is both outer surface and wall, or a wall between several pairs of regions, is split
+    /// into several parts. A part of the outer surface with the name of a region gets the suffix
+    /// `.surface`: in files, both are groups of elements.
     pub fn name_walls(&mut self) {
         let sides = self.sides_of_walls();
         let pairs: BTreeSet<([u32; 2], u32)> = sides
@@ -85,7 +85,7 @@ impl Mesh {
             .zip(&self.triangle_parts)
             .filter(|(pair, _)| pair.is_none());
         let outer: HashSet<u32> = used.map(|(_, &part)| part).collect();
-        // Parts of the surface keep their places and names; walls come behind them.
+        // Parts of the outer surface keep their order and names; walls follow.
         let mut parts = Vec::new();
         let mut number: HashMap<(Option<[u32; 2]>, u32), u32> = HashMap::new();
         for part in (0..self.parts.len() as u32).filter(|part| outer.contains(part)) {
@@ -114,7 +114,8 @@ impl Mesh {
             .zip(&self.triangle_parts)
             .map(renamed)
             .collect();
-        // Of the parts that one has become, a curve has that of the surface, or else the first.
+        // A curve on a part that was split belongs to the piece on the outer surface, or else to
+        // the first piece.
         let place = |part: u32| {
             let is_of = |key: &&(Option<[u32; 2]>, u32)| key.1 == part;
             number.keys().filter(is_of).min().map(|key| number[key])
@@ -127,7 +128,8 @@ impl Mesh {
         self.parts = parts;
     }
 
-    /// The regions on both sides of each triangle that is a wall, the lower first.
+    /// Returns the regions on both sides of each triangle, the lower first; `None` if it is not a
+    /// wall.
     fn sides_of_walls(&self) -> Vec<Option<[u32; 2]>> {
         let mut sides: HashMap<[u32; 3], Vec<u32>> = self
             .triangles
@@ -148,8 +150,9 @@ impl Mesh {
         self.triangles.iter().map(pair).collect()
     }
 
-    /// One of its regions as a mesh of its own: its tetrahedra, the faces around them, outward, and
-    /// the edges and corners of these. Only triangles of this mesh have faces there.
+    /// Returns one region as a mesh: its tetrahedra, the triangles on their boundary, oriented
+    /// outward, and the edges and corners on these. Boundary faces that are not triangles of this
+    /// mesh are omitted.
     pub fn region(&self, region: u32) -> Self {
         let all = self.triangles.iter().enumerate();
         let triangle_of: HashMap<[u32; 3], usize> = all.map(|(k, t)| (sorted(*t), k)).collect();
@@ -161,7 +164,7 @@ impl Mesh {
                 sides.extend(triangle_of.get(&sorted(face)).map(|&k| (k, face)));
             }
         }
-        // A triangle within the region, which its tetrahedra have on both sides, is no face of it.
+        // A triangle with tetrahedra of the region on both sides is not on the boundary.
         sides.sort_unstable();
         let is_outer = |same: &&[(usize, [u32; 3])]| same.len() == 1;
         let sides = sides.chunk_by(|a, b| a.0 == b.0).filter(is_outer);
@@ -209,7 +212,7 @@ impl Mesh {
         part
     }
 
-    /// Drops the nodes that no element has.
+    /// Drops the nodes that belong to no element.
     fn drop_unused(&mut self) {
         let mut number = vec![u32::MAX; self.points.len()];
         let lists: [&mut [u32]; 7] = [
@@ -237,7 +240,7 @@ impl Mesh {
         self.points = points;
     }
 
-    /// Keeps some of the triangles, by their numbers, and of edges and corners what these have.
+    /// Keeps the triangles whose indices satisfy `is_kept`, and the edges and corners on them.
     fn keep_triangles(&mut self, is_kept: impl Fn(usize) -> bool) {
         keep(&mut self.triangles, &is_kept);
         keep(&mut self.triangle_mids, &is_kept);
@@ -260,8 +263,8 @@ impl Mesh {
 mod tests {
     use super::*;
 
-    /// Two tetrahedra over one face, of two regions, with a part for each half of the surface and
-    /// one for the wall, which looks out of the first.
+    /// Returns two tetrahedra of different regions with a common face, with a part for each half of
+    /// the surface and one for the wall, which is oriented out of the first region.
     fn pair() -> Mesh {
         let points = vec![
             [0.0, 0.0, 0.0],
@@ -312,7 +315,7 @@ mod tests {
             outer.curves[outer.edge_curves[0] as usize].name,
             "above/above"
         );
-        // A curve within the wall, in front of the others, does not shift their numbers.
+        // An additional curve within the wall, before the others, does not change their indices.
         let mut more = mesh.clone();
         more.triangles.insert(0, [1, 0, 2]);
         more.triangle_parts.insert(0, 2);
@@ -333,7 +336,7 @@ mod tests {
             (outer.edges.as_slice(), outer.curves.len()),
             (&[[0, 3]][..], 1)
         );
-        // Of one region there are no walls: nothing is copied.
+        // A mesh of one region has no walls: nothing is copied.
         let one = Mesh {
             tet_regions: vec![0, 0],
             ..mesh
@@ -352,7 +355,7 @@ mod tests {
                 (4, 4, 1)
             );
             assert!(part.points.contains(&apex));
-            // The volume by its surface: 1/6, positive as it looks outward.
+            // The volume by the divergence theorem: 1/6, positive for outward triangles.
             let six: f64 = part
                 .triangles
                 .iter()
@@ -375,7 +378,7 @@ mod tests {
         assert_eq!(mesh.parts, ["below", "above.surface", "above|rest"]);
         assert_eq!(mesh.triangle_parts, [0, 0, 0, 1, 1, 1, 2]);
         assert_eq!(mesh.curves[0].name, "below/above|rest");
-        // Two parts in one wall, and one of them on the surface, too.
+        // Two parts in one wall, one of which is also on the outer surface.
         let mut mesh = pair();
         mesh.triangles.push([0, 2, 1]);
         mesh.triangle_parts.push(0);

@@ -1,13 +1,13 @@
-//! Wedges and quadrilaterals, of boundary layers, and the same mesh without them.
+//! Wedges and quadrilaterals of boundary layers, and their subdivision into simplices.
 
 use super::Mesh;
 use std::borrow::Cow;
 
-/// Faces of a wedge with three corners, outward: the first is its base.
+/// Triangular faces of a wedge, oriented outward; the first is its base.
 pub const WEDGE_TRIANGLES: [[usize; 3]; 2] = [[0, 2, 1], [3, 4, 5]];
-/// Faces of a wedge with four corners, outward.
+/// Quadrilateral faces of a wedge, oriented outward.
 pub const WEDGE_QUADS: [[usize; 4]; 3] = [[0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]];
-/// Orders of a wedge's corners that keep it positive, each with another corner first.
+/// Permutations of a wedge's corners that keep it positive, one for each corner that comes first.
 const TURNS: [[usize; 6]; 6] = [
     [0, 1, 2, 3, 4, 5],
     [1, 2, 0, 4, 5, 3],
@@ -17,8 +17,8 @@ const TURNS: [[usize; 6]; 6] = [
     [5, 4, 3, 2, 1, 0],
 ];
 
-/// The three tetrahedra of a wedge. Each face with four corners is parted by the diagonal from its
-/// lowest corner, so that wedges which share one agree (Dompierre et al. 1999, table 2).
+/// Divides a wedge into three tetrahedra. Each quadrilateral face is divided by the diagonal from
+/// its lowest corner, so that wedges with a common face agree (Dompierre et al. 1999, table 2).
 fn tetrahedra(wedge: [u32; 6]) -> [[u32; 4]; 3] {
     let lowest = (0..6).min_by_key(|&i| wedge[i]).unwrap_or(0);
     let [a, b, c, d, e, f] = TURNS[lowest].map(|i| wedge[i]);
@@ -29,7 +29,7 @@ fn tetrahedra(wedge: [u32; 6]) -> [[u32; 4]; 3] {
     }
 }
 
-/// The two triangles of a quadrilateral, parted by the diagonal from its lowest corner.
+/// Divides a quadrilateral into two triangles by the diagonal from its lowest corner.
 fn triangles([a, b, c, d]: [u32; 4]) -> [[u32; 3]; 2] {
     if a.min(c) < b.min(d) {
         [[a, b, c], [a, c, d]]
@@ -39,13 +39,13 @@ fn triangles([a, b, c, d]: [u32; 4]) -> [[u32; 3]; 2] {
 }
 
 impl Mesh {
-    /// Whether there are wedges or quadrilaterals, as in meshes with boundary layers.
+    /// Returns true if the mesh has wedges or quadrilaterals, as meshes with boundary layers do.
     pub fn has_layers(&self) -> bool {
         !(self.wedges.is_empty() && self.quads.is_empty())
     }
 
-    /// The mesh with three tetrahedra for each wedge, behind its own and in the first region, and
-    /// two triangles for each quadrilateral.
+    /// Returns the mesh with each wedge replaced by three tetrahedra of the first region, after the
+    /// existing ones, and each quadrilateral by two triangles.
     ///
     /// ```
     /// use isoform_geom::Mesh;
@@ -95,7 +95,7 @@ mod tests {
         [0.0, 1.0, 1.0],
     ];
 
-    /// All orders in which six numbers can stand.
+    /// Returns all permutations of six numbers.
     fn orders() -> Vec<[u32; 6]> {
         let mut found = vec![vec![]];
         for n in 0..6u32 {
@@ -114,8 +114,8 @@ mod tests {
         found.into_iter().map(whole).collect()
     }
 
-    /// Whatever the numbers of its corners are, a wedge is three positive tetrahedra of a sixth of
-    /// its box each, and its faces are parted as the quadrilaterals on them are.
+    /// Checks that for every numbering of its corners a wedge becomes three positive tetrahedra of
+    /// a sixth of its box each, and its faces are divided like the quadrilaterals on them.
     #[test]
     fn wedges_are_parted_as_their_faces_are() {
         for number in orders() {
@@ -132,7 +132,7 @@ mod tests {
                 for face in super::super::TET_FACES {
                     let mut face = face.map(|i| tet[i]);
                     face.sort_unstable();
-                    // A face of two of the tetrahedra lies inside.
+                    // A face shared by two of the tetrahedra is interior.
                     if !faces.remove(&face) {
                         faces.insert(face);
                     }
