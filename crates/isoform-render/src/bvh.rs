@@ -1,10 +1,10 @@
-//! Where rays meet triangles: a tree of boxes over them, and a test without gaps between them.
+//! Intersection of rays with triangles: a tree of boxes over them, and a watertight test.
 //!
 //! The test is that of Woop, Benthin and Wald (Watertight ray/triangle intersection, JCGT 2(1),
-//! 2013): space is sheared so that the ray is an axis, and signs of 2D edge functions decide. Two
-//! triangles compute the function of their common edge with opposite signs, bit by bit. Where it
-//! vanishes we let the direction of the edge decide, as rasterizers do, so that a ray through an
-//! edge meets exactly one of its two triangles, and the count of crossings tells inside from
+//! 2013): space is sheared so that the ray becomes an axis, and signs of 2D edge functions decide.
+//! Two triangles compute the function of their common edge with opposite signs, bit by bit. Where
+//! it vanishes, the direction of the edge decides, as in rasterizers, so that a ray through an edge
+//! meets exactly one of its two triangles, and the count of crossings distinguishes inside from
 //! outside.
 
 use crate::camera::Ray;
@@ -16,38 +16,39 @@ const LEAF: usize = 4;
 /// How far boxes reach beyond their triangles, in units of rounding of their coordinates.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
-/// A node: its box, and its children or its triangles.
+/// Node of the tree: its box, and its children or its triangles.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     bounds: Aabb,
-    /// The second child (the first is next in the list), or the first triangle.
+    /// Index of the second child (the first is next in the list), or of the first triangle of a
+    /// leaf.
     at: u32,
-    /// Triangles of a leaf; 0 for a node with children.
+    /// Number of triangles of a leaf; 0 for a node with children.
     count: u32,
-    /// The axis along which children are apart.
+    /// Axis along which the children are separated.
     axis: u8,
 }
 
-/// A tree over triangles.
+/// Bounding volume hierarchy over triangles.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Bvh {
     nodes: Vec<Node>,
-    /// Triangles in the order of the leaves.
+    /// Indices of triangles in the order of the leaves.
     order: Vec<u32>,
 }
 
-/// Where a ray meets a triangle.
+/// Intersection of a ray with a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Meeting {
     pub(crate) t: f64,
     pub(crate) triangle: u32,
-    /// Shares of the three corners.
+    /// Barycentric coordinates of the point.
     pub(crate) shares: [f64; 3],
-    /// Which side of it the ray comes from.
+    /// True if the ray comes from the left side of the triangle's edges.
     is_left: bool,
 }
 
-/// A ray, sheared so that it is an axis.
+/// Shear that maps a ray to the z axis.
 struct Sheared {
     axes: [usize; 3],
     shear: Point3,
@@ -68,7 +69,8 @@ impl Sheared {
         }
     }
 
-    /// A corner in the sheared frame: the place beside the ray, and how far along it.
+    /// Returns a point in sheared coordinates: its offset from the ray, and its distance along the
+    /// ray.
     fn corner(&self, p: Point3) -> Point3 {
         let r = sub(p, self.o);
         let [x, y, z] = self.axes.map(|k| r[k]);
@@ -79,7 +81,8 @@ impl Sheared {
         ]
     }
 
-    /// Where the ray meets a triangle, and from which side.
+    /// Returns the intersection with a triangle: distance, barycentric coordinates and side; `None`
+    /// if the ray misses it.
     fn meet(&self, corners: [Point3; 3]) -> Option<(f64, [f64; 3], bool)> {
         let [a, b, c] = corners.map(|p| self.corner(p));
         let (u, u_side) = edge(b, c);
@@ -98,8 +101,8 @@ impl Sheared {
     }
 }
 
-/// The edge function of p → q at the ray, and on which side the ray is; an edge that it passes
-/// through gives it to one side, its opposite to the other.
+/// Returns the edge function of p → q at the ray, and true if the ray is to the left. A ray through
+/// the edge is assigned to one side, for the reversed edge to the other.
 fn edge(p: Point3, q: Point3) -> (f64, bool) {
     let e = p[0] * q[1] - p[1] * q[0];
     let is_left = if e == 0.0 {
@@ -111,7 +114,7 @@ fn edge(p: Point3, q: Point3) -> (f64, bool) {
 }
 
 impl Bvh {
-    /// A tree over triangles, by their middles.
+    /// Builds the tree by median splits of the triangles' box centres.
     pub(crate) fn new(points: &[Point3], triangles: &[[u32; 3]]) -> Self {
         let boxes: Vec<Aabb> = triangles
             .iter()
@@ -122,7 +125,7 @@ impl Bvh {
             nodes: Vec::with_capacity(triangles.len()),
             order: (0..triangles.len() as u32).collect(),
         };
-        // Runs to be made nodes, with the node whose second child they are.
+        // Ranges of triangles to be made nodes, with the node whose second child they are.
         let mut open = vec![(0, triangles.len(), None)];
         while let Some((from, to, parent)) = open.pop() {
             if from == to {
@@ -161,13 +164,13 @@ impl Bvh {
         tree
     }
 
-    /// The box of all triangles.
+    /// Returns the box of all triangles.
     pub(crate) fn bounds(&self) -> Aabb {
         self.nodes.first().map_or(Aabb::EMPTY, |n| n.bounds)
     }
 
-    /// Visits the triangles that a ray meets, those of nearer boxes first; `visit` gives back the
-    /// distance beyond which nothing matters any more.
+    /// Visits the triangles that a ray meets, those of nearer boxes first; `visit` returns the
+    /// distance beyond which further intersections are not needed.
     pub(crate) fn visit(
         &self,
         mesh: (&[Point3], &[[u32; 3]]),
@@ -178,7 +181,8 @@ impl Bvh {
         if self.nodes.is_empty() {
             return;
         }
-        // Parallel rays may begin far from the surface: they are taken from a place at its box.
+        // Parallel rays may begin far from the surface: the shear is computed at the box to avoid
+        // cancellation.
         let inverse = ray.d.map(inverse);
         let [near, far] = through(&self.nodes[0].bounds, ray.o, inverse);
         if near > far {
@@ -230,9 +234,9 @@ impl Bvh {
         }
     }
 
-    /// How often triangles that close up go around the place of a ray at a distance: how many more
-    /// of those beyond it are crossed from one side than from the other. Bodies that overlap go
-    /// around it twice, and voids take theirs away.
+    /// Returns the winding number of closed triangles around the point of a ray at a distance: the
+    /// crossings beyond it from one side less those from the other. It is 2 where bodies overlap;
+    /// voids subtract.
     pub(crate) fn winding(&self, mesh: (&[Point3], &[[u32; 3]]), ray: &Ray, from: f64) -> i32 {
         let mut sum = 0;
         self.visit(mesh, ray, [from, f64::INFINITY], |meeting| {
@@ -243,14 +247,14 @@ impl Bvh {
     }
 }
 
-/// The smallest box around two.
+/// Returns the smallest box around two boxes.
 fn joined(mut all: Aabb, b: &Aabb) -> Aabb {
     all.add(b.lo);
     all.add(b.hi);
     all
 }
 
-/// A box that rounding does not make a ray miss.
+/// Widens a box by the rounding error of the ray test, so that no ray misses it.
 fn widened(b: Aabb) -> Aabb {
     let largest =
         b.lo.iter()
@@ -264,7 +268,7 @@ mod tests {
     use super::*;
     use crate::camera::unit;
 
-    /// A cube from 0 to 1 of twelve triangles.
+    /// Returns a cube from 0 to 1 made of twelve triangles.
     fn cube() -> (Vec<Point3>, Vec<[u32; 3]>) {
         let points = (0..8)
             .map(|i| [0, 1, 2].map(|k| f64::from(i >> k & 1)))
@@ -288,7 +292,7 @@ mod tests {
         let (points, triangles) = cube();
         let tree = Bvh::new(&points, &triangles);
         let mesh = (points.as_slice(), triangles.as_slice());
-        // Through the diagonals of faces, from corner to corner, beside edges.
+        // Through the diagonals of faces, from corner to corner, next to edges.
         for (o, d) in [
             ([0.5, 0.5, -3.0], [0.0, 0.0, 1.0]),
             ([0.25, 0.25, -3.0], [0.0, 0.0, 1.0]),

@@ -1,66 +1,66 @@
-//! Cameras, with the conventions of the page: the same camera shows the same in both.
+//! Cameras with the conventions of the viewer page: equal cameras show equal views.
 
 use isoform::geom::{Aabb, Point3, cross, dot, norm, sub};
 
-/// The angle of view over the height of a picture, in degrees, where none is asked for.
+/// Default vertical angle of view, in degrees.
 pub const FOV: f64 = 35.0;
 /// Room around what fills a picture.
 const MARGIN: f64 = 1.06;
 /// Directions whose sine is less than this are parallel: such an `up` says nothing.
 const PARALLEL: f64 = 1e-9;
 
-/// From where a scene is seen, and how.
+/// Camera of a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    /// Where the eye is; with parallel rays, a point of the middle ray.
+    /// Position of the eye; with parallel rays, a point of the central ray.
     pub position: Point3,
-    /// What is in the middle of the picture.
+    /// Point at the centre of the picture.
     pub target: Point3,
-    /// What points up in the picture, not along the line of sight.
+    /// Direction that points up in the picture, not parallel to the line of sight.
     pub up: Point3,
-    /// Whether rays are parallel.
+    /// True if rays are parallel.
     pub orthographic: bool,
-    /// The angle of view over the height of the picture, in degrees; for perspective.
+    /// Vertical angle of view in degrees; for perspective.
     pub fov: f64,
-    /// The height of the picture in model units; for parallel rays.
+    /// Height of the picture in model units; for parallel rays.
     pub height: f64,
 }
 
-/// Why a camera shows nothing.
+/// Reason for which a camera shows nothing.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum CameraError {
-    /// A number is NaN or infinite, or a difference of two is.
+    /// A number, or a difference of two, is NaN or infinite.
     #[error("the camera's numbers are not all finite")]
     NotFinite,
-    /// There is no direction of sight.
+    /// Position and target coincide, so there is no direction of sight.
     #[error("the camera is where it looks at")]
     AtTarget,
-    /// No angle of view.
+    /// The angle of view is out of range.
     #[error("an angle of view of {0} degrees: it must be above 0 and below 180")]
     Fov(f64),
 }
 
-/// Standard directions of sight.
+/// Standard direction of sight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum View {
-    /// From the right, the front and above.
+    /// View from the right, the front and above.
     Iso,
-    /// Along +y: x to the right, z up.
+    /// View along +y: x to the right, z up.
     Front,
-    /// Along −y.
+    /// View along −y.
     Back,
-    /// Along −x: y to the right, z up.
+    /// View along −x: y to the right, z up.
     Right,
-    /// Along +x.
+    /// View along +x.
     Left,
-    /// Along −z: x to the right, y up.
+    /// View along −z: x to the right, y up.
     Top,
-    /// Along +z.
+    /// View along +z.
     Bottom,
 }
 
 impl View {
-    /// All of them, with their names.
+    /// All views with their names.
     pub const ALL: [(&'static str, Self); 7] = [
         ("iso", Self::Iso),
         ("front", Self::Front),
@@ -71,7 +71,8 @@ impl View {
         ("bottom", Self::Bottom),
     ];
 
-    /// From the target to the eye. Top and bottom lean a little, so that z decides what is up.
+    /// Returns the direction from the target to the eye. Top and bottom are tilted slightly, so
+    /// that the z axis still determines the up direction.
     fn direction(self) -> Point3 {
         match self {
             Self::Iso => [1.0, -1.3, 0.9],
@@ -86,7 +87,7 @@ impl View {
 }
 
 impl Camera {
-    /// A camera for which all of a box fills a picture whose width is `aspect` heights.
+    /// Returns a camera for which a box fills a picture with the given ratio of width to height.
     ///
     /// ```
     /// use isoform::geom::Aabb;
@@ -127,10 +128,8 @@ impl Camera {
         camera
     }
 
-    /// A camera at a place that looks at another; z is up, or y where it looks along z.
-    ///
-    /// # Errors
-    /// [`CameraError`].
+    /// Returns a camera at one point directed at another; z is up, or y if the camera looks along
+    /// z.
     pub fn looking(
         position: Point3,
         target: Point3,
@@ -153,10 +152,7 @@ impl Camera {
         Ok(camera)
     }
 
-    /// Whether it shows anything.
-    ///
-    /// # Errors
-    /// [`CameraError`].
+    /// Checks that the camera shows anything.
     pub fn check(&self) -> Result<(), CameraError> {
         let numbers = [self.position, self.target, self.up];
         let ahead = sub(self.target, self.position);
@@ -167,7 +163,7 @@ impl Camera {
         if !is_finite || !norm(ahead).is_finite() || !self.height.is_finite() {
             return Err(CameraError::NotFinite);
         }
-        // Coordinates that round to each other give no direction, either.
+        // Points that differ by rounding only give no direction, either.
         let size = norm(self.position).max(norm(self.target));
         if norm(ahead) <= 4.0 * f64::EPSILON * size || self.height <= 0.0 {
             return Err(CameraError::AtTarget);
@@ -175,7 +171,7 @@ impl Camera {
         Ok(())
     }
 
-    /// Right, up and ahead, of length 1.
+    /// Returns the unit vectors to the right, up and ahead.
     pub fn axes(&self) -> [Point3; 3] {
         let ahead = unit(sub(self.target, self.position));
         let up = if is_parallel(ahead, self.up) {
@@ -192,12 +188,13 @@ impl Camera {
     }
 }
 
-/// Whether two vectors have one direction, or opposite ones.
+/// Returns true if two vectors are parallel or antiparallel.
 fn is_parallel(a: Point3, b: Point3) -> bool {
     norm(cross(unit(a), unit(b))) < PARALLEL
 }
 
-/// A vector of length 1; zero stays zero. Scaled first: squares of 1e±200 are no numbers.
+/// Returns a vector scaled to length 1; zero stays zero. It is scaled by its largest component
+/// first, as squares of 1e±200 overflow or underflow.
 pub(crate) fn unit(a: Point3) -> Point3 {
     let largest = a.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
     if !(largest > 0.0 && largest.is_finite()) {
@@ -208,23 +205,23 @@ pub(crate) fn unit(a: Point3) -> Point3 {
     a.map(|v| v / size)
 }
 
-/// o + t d.
+/// Returns o + t d.
 pub(crate) fn along(o: Point3, d: Point3, t: f64) -> Point3 {
     std::array::from_fn(|k| o[k] + t * d[k])
 }
 
-/// A line of sight.
+/// Line of sight.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ray {
-    /// Where it begins; with parallel rays, a place on it.
+    /// Origin; with parallel rays, any point of the ray.
     pub(crate) o: Point3,
-    /// Its direction, of length 1.
+    /// Unit direction.
     pub(crate) d: Point3,
-    /// Where along it seeing begins.
+    /// Distance along the ray at which seeing begins.
     pub(crate) from: f64,
 }
 
-/// A camera with a picture: pixels to lines of sight, and places to pixels.
+/// Projection of a camera and a picture: maps pixels to lines of sight, and points to pixels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sight {
     pub(crate) camera: Camera,
@@ -254,7 +251,8 @@ impl Sight {
         }
     }
 
-    /// The line of sight through a place of the picture, in pixels from its upper left corner.
+    /// Returns the line of sight through a point of the picture, in pixels from its upper left
+    /// corner.
     pub(crate) fn ray(&self, [x, y]: [f64; 2]) -> Ray {
         let [width, height] = self.size;
         let u = (x - 0.5 * width) / (0.5 * height) * self.half;
@@ -275,12 +273,12 @@ impl Sight {
         }
     }
 
-    /// How far ahead of the eye a place is.
+    /// Returns the distance of a point ahead of the eye.
     pub(crate) fn depth(&self, p: Point3) -> f64 {
         dot(sub(p, self.camera.position), self.ahead)
     }
 
-    /// Where a place is in the picture; none behind the eye.
+    /// Returns the pixel coordinates of a point; `None` if it is behind the eye.
     pub(crate) fn project(&self, p: Point3) -> Option<[f64; 2]> {
         let r = sub(p, self.camera.position);
         let pixel = self.pixel(dot(r, self.ahead));
@@ -292,7 +290,7 @@ impl Sight {
         })
     }
 
-    /// The size of a pixel at a depth, in model units.
+    /// Returns the size of a pixel at a depth, in model units.
     pub(crate) fn pixel(&self, depth: f64) -> f64 {
         let scale = if self.camera.orthographic { 1.0 } else { depth };
         2.0 * self.half / self.size[1] * scale

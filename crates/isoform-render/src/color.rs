@@ -1,9 +1,9 @@
-//! Colours and scales, those of the page: of parts, of deviations, of values from 0 to 1.
+//! Colours and scales, equal to those of the page: of parts, of deviations, of values from 0 to 1.
 
 /// Red, green and blue of sRGB.
 pub type Color = [u8; 3];
 
-/// Okabe and Ito's colours without black.
+/// Okabe and Ito's palette without black.
 const PARTS: [Color; 8] = [
     [86, 180, 233],
     [230, 159, 0],
@@ -14,7 +14,7 @@ const PARTS: [Color; 8] = [
     [213, 94, 0],
     [148, 148, 158],
 ];
-/// Blue, through the light grey of the band, to red (after ColorBrewer's RdBu).
+/// Colours from blue through the light grey of the neutral band to red (after ColorBrewer's RdBu).
 const DIVERGING: [Color; 7] = [
     [20, 80, 160],
     [67, 147, 195],
@@ -24,7 +24,7 @@ const DIVERGING: [Color; 7] = [
     [214, 96, 77],
     [165, 15, 30],
 ];
-/// Viridis at seven places.
+/// Viridis at seven evenly spaced values.
 const SEQUENTIAL: [Color; 7] = [
     [68, 1, 84],
     [70, 50, 126],
@@ -34,16 +34,16 @@ const SEQUENTIAL: [Color; 7] = [
     [74, 193, 109],
     [253, 231, 37],
 ];
-/// The share of a diverging scale on either side of zero that is neutral.
+/// Fraction of a diverging scale on either side of zero that is neutral.
 pub const NEUTRAL: f64 = 0.1;
 /// Where the colours of a diverging scale begin beside the neutral band, to be told from it.
 const FIRST: f64 = 0.12;
-/// What is no number.
+/// Colour of values that are not finite.
 const UNKNOWN: Color = [110, 110, 110];
 /// The share of deviations that a scale reaches to.
 const WITHIN: f64 = 0.95;
 
-/// The colour of part number i: eight hues, then the same ones darker, then lighter.
+/// Returns the colour of part number i: eight hues, then darker ones, then lighter ones.
 pub fn part_color(i: usize) -> Color {
     let turn = i / PARTS.len() % 3;
     PARTS[i % PARTS.len()].map(|v| {
@@ -57,27 +57,29 @@ pub fn part_color(i: usize) -> Color {
     })
 }
 
-/// What the colours of a layer mean.
+/// Colour scale of a layer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scale {
-    /// What is coloured.
+    /// Title of the coloured quantity.
     pub title: String,
-    /// The lower end.
+    /// Lower end.
     pub lower: f64,
-    /// The upper end.
+    /// Upper end.
     pub upper: f64,
-    /// Whether it is symmetric about zero, with a neutral band.
+    /// True if the scale is symmetric about zero with a neutral band.
     pub is_diverging: bool,
-    /// How many values there are, without outliers.
+    /// Number of values, without outliers.
     pub count: usize,
-    /// How many outliers were left out of all figures.
+    /// Number of outliers, which are left out of all statistics.
     pub outliers: usize,
-    /// Their root mean square, and the largest size of one; for deviations.
+    /// Root mean square and maximum of the absolute values; `None` unless the values are
+    /// deviations.
     pub rms_and_max: Option<[f64; 2]>,
 }
 
 impl Scale {
-    /// A scale of deviations: its ends are a round number that most of them are within.
+    /// Returns a scale of deviations, whose ends are the smallest round number that 95 % of them do
+    /// not exceed.
     ///
     /// ```
     /// let values: Vec<f64> = (0..100).map(|i| f64::from(i) / 100.0).collect();
@@ -104,7 +106,7 @@ impl Scale {
         }
     }
 
-    /// A scale of values from 0 to `upper`.
+    /// Returns a scale of values from 0 to `upper`.
     pub(crate) fn sequential(title: &str, upper: f64, count: usize) -> Self {
         Self {
             title: title.to_owned(),
@@ -117,7 +119,7 @@ impl Scale {
         }
     }
 
-    /// The colour of a value; grey where it is no number.
+    /// Returns the colour of a value; grey if it is not finite.
     pub fn color(&self, value: f64) -> Color {
         if !value.is_finite() {
             return UNKNOWN;
@@ -143,7 +145,8 @@ impl Scale {
 }
 
 impl Scale {
-    /// The step of the scale that a value is in; one more for what is no number.
+    /// Returns the step of the scale that contains a value; one beyond the last for values that are
+    /// not finite.
     pub(crate) fn step(&self, value: f64) -> u16 {
         if !value.is_finite() {
             return STEPS;
@@ -154,7 +157,7 @@ impl Scale {
             .clamp(0.0, f64::from(STEPS - 1)) as u16
     }
 
-    /// The colour of a step: that of its middle.
+    /// Returns the colour of the middle of a step.
     pub(crate) fn step_color(&self, step: u16) -> Color {
         let share = (f64::from(step) + 0.5) / f64::from(STEPS);
         if step >= STEPS {
@@ -165,11 +168,11 @@ impl Scale {
     }
 }
 
-/// Steps of a scale in drawings that have areas of one colour: the two in the middle are the
-/// neutral band.
+/// Number of steps of a scale in drawings, whose areas have one colour each: the two central ones
+/// are the neutral band.
 const STEPS: u16 = 20;
 
-/// The colour at a place from 0 to 1 between stops.
+/// Interpolates a colour at a position from 0 to 1 between evenly spaced stops.
 fn mixed(stops: &[Color; 7], at: f64) -> Color {
     let place = at.clamp(0.0, 1.0) * (stops.len() - 1) as f64;
     let k = (place.floor() as usize).min(stops.len() - 2);
@@ -180,7 +183,8 @@ fn mixed(stops: &[Color; 7], at: f64) -> Color {
     })
 }
 
-/// 1, 2 or 5 times a power of ten, at or above; 1 where there is no such number.
+/// Returns the smallest 1, 2 or 5 times a power of ten that is not below v; 1 if v is not positive
+/// and finite.
 fn round_up(v: f64) -> f64 {
     if !(v > 0.0 && v.is_finite()) {
         return 1.0;

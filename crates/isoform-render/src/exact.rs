@@ -1,4 +1,4 @@
-//! The surfaces that triangles stand for: places and normals of patches and maps themselves.
+//! Exact points and normals of the patches and maps that triangles approximate.
 
 use crate::camera::{Ray, along};
 use isoform::geom::{Point3, RationalPatch, Tangents, cross, dot, norm, sub};
@@ -6,20 +6,20 @@ use isoform::tess::{Map, Surface as MapSurface};
 
 /// Steps of Newton's method from a triangle to the surface.
 const STEPS: usize = 8;
-/// The signs of s and t in the four unit triangles of the plane of parameters.
+/// Signs of s and t in the four unit triangles of the parameter plane.
 const QUADRANTS: [[f64; 2]; 4] = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
 
-/// A surface with parameters.
+/// Surface with parameters.
 #[derive(Clone, Debug)]
 pub(crate) enum Exact {
-    /// Patches, by number.
+    /// Patches, by index.
     Patches(Vec<RationalPatch>),
-    /// The unit triangles of a map, by number.
+    /// Unit triangles of a map, by index.
     Map(Forms),
 }
 
 impl Exact {
-    /// The place of parameters, with its derivatives.
+    /// Returns the point with given parameters, and its derivatives.
     pub(crate) fn at(&self, chart: u32, [u, v]: [f64; 2]) -> Tangents {
         match self {
             Self::Patches(patches) => patches[chart as usize].tangents(u, v),
@@ -27,8 +27,9 @@ impl Exact {
         }
     }
 
-    /// Where a ray meets the surface near the place `start`, which it meets nearly: how far along
-    /// the ray, and the normal. Newton's method for o + t d = p(u, v).
+    /// Returns the distance along a ray and the normal at its intersection with the surface near
+    /// the parameters `start`, by Newton's method for o + t d = p(u, v); `None` if it does not
+    /// converge to a point of the patch or triangle.
     pub(crate) fn onto(&self, ray: &Ray, chart: u32, start: [f64; 2]) -> Option<(f64, Point3)> {
         let mut at = start;
         let mut now = self.at(chart, at);
@@ -49,20 +50,20 @@ impl Exact {
         let normal = now.normal();
         let size = norm(normal);
         let t = dot(sub(now.point, ray.o), ray.d);
-        // The places of patches end at their sides, where the triangles end, too.
+        // Parameters end at the sides of patches, where the triangles end, too.
         let is_on = at.iter().all(|v| (-1e-9..=1.0 + 1e-9).contains(v));
         (is_on && size > 0.0 && size.is_finite() && t.is_finite())
             .then(|| (t, normal.map(|v| v / size)))
     }
 }
 
-/// The four forms of a map over the projective plane.
+/// Four forms of a map over the projective plane.
 #[derive(Clone, Debug)]
 pub(crate) struct Forms {
     /// Terms of X, Y, Z and W in s and t: both exponents and the coefficient.
     terms: [Vec<([i32; 2], f64)>; 4],
     degree: i32,
-    /// Rows of the matrix behind the unit triangles' own coordinates.
+    /// Rows of the matrix that maps coordinates of the unit triangles to coordinates of the map.
     frame: [Point3; 3],
 }
 
@@ -82,7 +83,7 @@ impl Forms {
         }
     }
 
-    /// A form at (s : t : w), with its derivatives by the three.
+    /// Evaluates a form at (s : t : w), with its three derivatives.
     fn form(&self, k: usize, [s, t, w]: Point3) -> [f64; 4] {
         let mut sum = [0.0; 4];
         for ([i, j], c) in &self.terms[k] {
@@ -104,7 +105,7 @@ impl Forms {
         sum
     }
 
-    /// The place of u and v of a unit triangle.
+    /// Returns the point with parameters u and v of a unit triangle, and its derivatives.
     fn at(&self, chart: usize, u: f64, v: f64) -> Tangents {
         let [s, t] = QUADRANTS[chart % 4];
         let through = |h: Point3| self.frame.map(|row| dot(row, h));
@@ -126,7 +127,7 @@ impl Forms {
     }
 }
 
-/// The normal of a triangle, as long as twice its area.
+/// Returns the normal of a triangle, whose length is twice the area.
 pub(crate) fn facet_normal([a, b, c]: [Point3; 3]) -> Point3 {
     cross(sub(b, a), sub(c, a))
 }
@@ -149,7 +150,8 @@ mod tests {
                 let there = exact.at(u32::from(surface.charts[k]), *uv);
                 let away = norm(sub(there.point, surface.points[*corner as usize]));
                 assert!(away < 1e-9, "{away}");
-                // Of the unit sphere the normal is the place itself; all of infinity is one pole.
+                // The normal of the unit sphere is the point itself; the line at infinity maps to
+                // one pole.
                 let normal = there.normal();
                 if norm(normal) > 1e-6 {
                     let n = crate::camera::unit(normal);

@@ -1,5 +1,4 @@
-//! Edges that are hidden by what is before them: feature curves of models, and of meshes where
-//! facets meet at an angle.
+//! Hidden edges: feature curves of models, and edges of meshes where facets meet at an angle.
 
 use crate::layer::{Body, Scene};
 use crate::surface::Surface;
@@ -13,7 +12,7 @@ use std::collections::BTreeMap;
 /// The cosine of the angle between facets above which they meet in an edge: 30°.
 const SHARP: f64 = 0.866;
 
-/// The stretches of edges that are not seen, on the paper.
+/// Returns the invisible stretches of edges, in pixels.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -29,7 +28,7 @@ pub(crate) fn edges(
     Ok(found.concat())
 }
 
-/// The edges of all layers.
+/// Returns the edges of all layers.
 fn all(scene: &Scene, control: &Control<'_>) -> Vec<Vec<Point3>> {
     let of = |layer: &crate::Layer| match &layer.body {
         Body::Model { model, .. } => model.features(control),
@@ -42,7 +41,7 @@ fn all(scene: &Scene, control: &Control<'_>) -> Vec<Vec<Point3>> {
     scene.layers.iter().flat_map(of).collect()
 }
 
-/// The edges at which facets meet at an angle, or end.
+/// Returns the edges at which facets meet at an angle, or end.
 fn sharp(surface: &Surface) -> Vec<Vec<Point3>> {
     let mut around: BTreeMap<[u32; 2], Vec<u32>> = BTreeMap::new();
     for (k, t) in surface.triangles.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! What is shown: models, points, meshes, patches, maps and solids, each a layer with its colours.
+//! Layers of a scene: models, points, meshes, patches, maps and solids, with their colours.
 
 use crate::color::{Color, Scale, part_color};
 use crate::exact::{Exact, Forms};
@@ -12,29 +12,29 @@ use isoform::{Control, Stopped, flat_triangles};
 use std::collections::HashSet;
 use std::fmt;
 
-/// What a layer is coloured by.
+/// Quantity by which a layer is coloured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColorBy {
     /// One colour for all.
     None,
-    /// A colour for each part, face, patch or unit triangle of parameters.
+    /// Part, face, patch or unit triangle of parameters.
     Part,
-    /// Deviations, positive outside.
+    /// Deviation, positive outside.
     Deviation,
-    /// The quality of triangles, or of tetrahedra.
+    /// Quality of triangles or tetrahedra.
     Quality,
-    /// The parameter u.
+    /// Parameter u.
     U,
-    /// The parameter v.
+    /// Parameter v.
     V,
-    /// The largest distance of a patch from its surface that its file tells.
+    /// Largest distance of a patch from its surface, as given in its file.
     Bound,
-    /// The colours of the file.
+    /// Colours of the file.
     File,
 }
 
 impl ColorBy {
-    /// All of them, with their names.
+    /// All quantities with their names.
     pub const ALL: [(&'static str, Self); 8] = [
         ("none", Self::None),
         ("part", Self::Part),
@@ -46,7 +46,7 @@ impl ColorBy {
         ("file", Self::File),
     ];
 
-    /// Its name.
+    /// Returns its name.
     pub fn name(self) -> &'static str {
         let found = Self::ALL.iter().find(|(_, by)| *by == self);
         found.map_or("none", |(name, _)| name)
@@ -59,79 +59,78 @@ impl fmt::Display for ColorBy {
     }
 }
 
-/// What the colours of a layer mean.
+/// Meaning of the colours of a layer.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Key {
-    /// A scale of values.
+    /// Scale of values.
     Scale(Scale),
     /// Names with their colours.
     Parts(Vec<(String, Color)>),
 }
 
-/// A curve of a layer, drawn on it.
+/// Curve drawn on a layer.
 #[derive(Clone, Debug)]
 pub(crate) struct Polyline {
     pub(crate) points: Vec<Point3>,
     pub(crate) color: Color,
 }
 
-/// What is drawn of a layer.
+/// Geometry of a layer.
 #[derive(Debug)]
 pub(crate) enum Body {
     Model {
         model: Box<Model>,
-        /// The colours of its pieces, where parts have any.
+        /// Colours of its pieces; `None` if parts have no colours.
         colors: Option<Vec<Color>>,
     },
     Surface(Box<Surface>),
     Points {
         points: Vec<Point3>,
-        /// One for each, or one for all.
+        /// One colour for each point, or one for all.
         colors: Vec<Color>,
-        /// How far they may be within a surface beside them and still be seen: what lies inside of
-        /// a model by its deviation is not hidden by it.
+        /// Distance by which points may lie behind a surface and still be visible: a model does not
+        /// hide points that lie inside it by their deviation.
         lift: f64,
     },
 }
 
-/// A layer of a scene.
+/// Layer of a scene.
 #[derive(Debug)]
 pub struct Layer {
-    /// The name of what it shows.
+    /// Name of the object.
     pub name: String,
-    /// What kind of thing that is, in a word.
+    /// Kind of the object, in a word.
     pub kind: &'static str,
-    /// What it is coloured by.
+    /// Quantity by which it is coloured.
     pub color_by: ColorBy,
-    /// What it could be coloured by.
+    /// Quantities by which it can be coloured.
     pub modes: Vec<ColorBy>,
-    /// What its colours mean, where they mean anything.
+    /// Meaning of its colours; `None` if they have none.
     pub key: Option<Key>,
     pub(crate) body: Body,
     pub(crate) curves: Vec<Polyline>,
 }
 
-/// A patch and what is known of it.
+/// Patch with its name and distance.
 #[derive(Clone, Debug)]
 pub struct Patch {
-    /// The patch.
+    /// Patch.
     pub patch: RationalPatch,
-    /// Its name.
+    /// Name of the patch.
     pub name: String,
-    /// The largest distance from the surface that it stands for, where it is known.
+    /// Largest distance from the surface that it approximates; `None` if unknown.
     pub distance: Option<f64>,
 }
 
-/// A model to be shown.
+/// Model to be shown.
 pub struct ShownModel<'a> {
-    /// Its function.
+    /// Function of the model.
     pub solid: Box<dyn Solid>,
-    /// The box of its surface, or what of it is to be seen.
+    /// Box of its surface, or the part of it to be shown.
     pub bounds: Aabb,
-    /// Whether the box cuts the solid off.
+    /// True if the box cuts the solid.
     pub is_cut: bool,
-    /// The names of its parts in the order of their colours; those of pieces that are missing
-    /// follow.
+    /// Names of its parts in the order of their colours; pieces with other names follow.
     pub names: &'a [String],
 }
 
@@ -144,16 +143,13 @@ impl fmt::Debug for ShownModel<'_> {
     }
 }
 
-/// The first of the modes that is asked for, else the usual one.
+/// Returns the requested quantity if it is available, else the default.
 fn chosen(asked: Option<ColorBy>, modes: &[ColorBy], usual: ColorBy) -> ColorBy {
     asked.filter(|by| modes.contains(by)).unwrap_or(usual)
 }
 
 impl Layer {
-    /// A model: its function itself is drawn.
-    ///
-    /// # Errors
-    /// [`Stopped`].
+    /// Creates the layer of a model, whose function itself is drawn.
     pub fn model(
         name: &str,
         shown: ShownModel<'_>,
@@ -187,8 +183,8 @@ impl Layer {
         })
     }
 
-    /// Points, with their deviations where there are any: those given, else those of the column
-    /// `deviation`. A column `outlier` above 0 leaves a point out of all figures.
+    /// Creates a layer of points, with the given deviations or those of the column `deviation`, if
+    /// any. Points with a value above 0 in a column `outlier` are left out of all statistics.
     pub fn points(
         name: &str,
         cloud: &PointCloud,
@@ -252,9 +248,9 @@ impl Layer {
         }
     }
 
-    /// A mesh: its triangles with their edges, and its feature curves. With tetrahedra, a section
-    /// shows the cut through them. A wedge is drawn as three of them, a quadrilateral as two
-    /// triangles.
+    /// Creates the layer of a mesh: its triangles with their edges, and its feature curves. If it
+    /// has tetrahedra, a section shows the cut through them. A wedge is drawn as three tetrahedra,
+    /// a quadrilateral as two triangles.
     pub fn mesh(
         name: &str,
         mesh: &Mesh,
@@ -264,7 +260,8 @@ impl Layer {
         Self::triangles(name, "mesh", mesh, asked, section)
     }
 
-    /// A solid of exact faces by its triangles: its faces are smooth, and no triangle is seen.
+    /// Creates the layer of a solid with exact faces, drawn by its triangles with smooth shading
+    /// and without their edges.
     pub fn solid(
         name: &str,
         mesh: &Mesh,
@@ -280,7 +277,7 @@ impl Layer {
         layer
     }
 
-    /// The mesh of a model whose function is not drawn itself.
+    /// Creates the layer of a model that is drawn by a mesh instead of its function.
     pub fn meshed_model(
         name: &str,
         mesh: &Mesh,
@@ -363,8 +360,8 @@ impl Layer {
         }
     }
 
-    /// Rational patches: their triangles show where rays meet them, and places and normals are
-    /// those of the patches themselves.
+    /// Creates a layer of rational patches. Triangles locate the intersections with rays; points
+    /// and normals are those of the patches.
     pub fn patches(name: &str, patches: &[Patch], asked: Option<ColorBy>) -> Self {
         let mut modes = vec![ColorBy::None, ColorBy::Part, ColorBy::U, ColorBy::V];
         let bounds: Vec<Option<f64>> = patches.iter().map(|p| p.distance).collect();
@@ -413,8 +410,8 @@ impl Layer {
         }
     }
 
-    /// A rational surface: its triangles show where rays meet it, and places and normals are those
-    /// of the map itself. Double curves are drawn on it.
+    /// Creates the layer of a rational surface. Triangles locate the intersections with rays;
+    /// points and normals are those of the map. Double curves are drawn on it.
     pub fn map(name: &str, map: &Map, drawn: &MapSurface, asked: Option<ColorBy>) -> Self {
         let modes = vec![ColorBy::None, ColorBy::Part, ColorBy::U, ColorBy::V];
         let color_by = chosen(asked, &modes, ColorBy::None);
@@ -461,7 +458,8 @@ impl Layer {
         }
     }
 
-    /// How far it may be behind another layer along a ray and still be seen.
+    /// Returns the distance along a ray by which it may be behind another layer and still be
+    /// visible.
     pub(crate) fn most_lift(&self) -> f64 {
         match &self.body {
             Body::Surface(surface) => surface.lift / STEEPEST,
@@ -469,12 +467,12 @@ impl Layer {
         }
     }
 
-    /// Whether a function itself is drawn.
+    /// Returns true if the function of a model is drawn.
     pub fn is_function(&self) -> bool {
         matches!(self.body, Body::Model { .. })
     }
 
-    /// The box of what is shown; empty where there is nothing.
+    /// Returns the box of the layer; empty if there is nothing to show.
     pub fn bounds(&self) -> Aabb {
         match &self.body {
             Body::Model { model, .. } => model.bounds,
@@ -494,7 +492,7 @@ const MOST_LIFT: f64 = 0.05;
 const LIFT_PATCH: f64 = 1.5;
 const MOST_LIFT_PATCH: f64 = 0.01;
 
-/// How far patches are lifted.
+/// Returns the distance by which patches are lifted.
 fn lift_of(patches: &[Patch], diagonal: f64) -> f64 {
     let distances = patches.iter().map(|p| p.distance.unwrap_or(f64::INFINITY));
     (LIFT_PATCH * distances.fold(0.0, f64::max)).min(MOST_LIFT_PATCH * diagonal)
@@ -503,7 +501,7 @@ fn lift_of(patches: &[Patch], diagonal: f64) -> f64 {
 /// Dashes along the diagonal of a map.
 const DASHES: f64 = 90.0;
 
-/// Every second stretch of a curve, of this length.
+/// Returns every second stretch of a curve, each of the given length.
 fn dashes(points: &[Point3], dash: f64) -> Vec<Vec<Point3>> {
     let (mut runs, mut run) = (Vec::new(), Vec::new());
     let mut done = 0.0;
@@ -535,7 +533,7 @@ fn dashes(points: &[Point3], dash: f64) -> Vec<Vec<Point3>> {
 /// Pieces of one segment that is dashed, at most.
 const MOST_DASHES: f64 = 1e4;
 
-/// The names and colours of the unit triangles of a map.
+/// Names and colours of the unit triangles of a map.
 const CHARTS: [(&str, Color); 4] = [
     ("s ≥ 0, t ≥ 0", [150, 190, 225]),
     ("s ≤ 0, t ≥ 0", [238, 190, 130]),
@@ -551,7 +549,7 @@ fn parts_key(names: impl Iterator<Item = String>) -> Key {
     Key::Parts(names.enumerate().map(|(i, n)| (n, part_color(i))).collect())
 }
 
-/// What a mesh can be coloured by, with the columns for that.
+/// Returns the quantities by which a mesh can be coloured, with their columns.
 fn modes_of(mesh: &Mesh, has_parts: bool) -> (Vec<ColorBy>, Vec<(ColorBy, &[f64])>) {
     let mut modes = vec![ColorBy::None];
     modes.extend(has_parts.then_some(ColorBy::Part));
@@ -572,7 +570,7 @@ fn modes_of(mesh: &Mesh, has_parts: bool) -> (Vec<ColorBy>, Vec<(ColorBy, &[f64]
     (modes, columns)
 }
 
-/// What fills the solid that a mesh bounds where a section cuts it.
+/// Returns the boundary of the solid that is filled where a section cuts a mesh.
 fn lid_of(surface: &Surface, mesh: &Mesh, section: Option<&Section>) -> Lid {
     match section {
         Some(section) if !mesh.tets.is_empty() => {
@@ -584,7 +582,7 @@ fn lid_of(surface: &Surface, mesh: &Mesh, section: Option<&Section>) -> Lid {
     }
 }
 
-/// The triangles of patches.
+/// Triangles of patches.
 #[derive(Default)]
 struct Grid {
     points: Vec<Point3>,
@@ -594,7 +592,8 @@ struct Grid {
 }
 
 impl Grid {
-    /// Two triangles for each square of each patch. Squares with a corner at infinity are left out.
+    /// Returns two triangles for each square of each patch, except squares with a corner at
+    /// infinity.
     fn of(patches: &[Patch]) -> Self {
         let squares = match patches.len() {
             0..=80 => 32,
@@ -634,17 +633,17 @@ impl Grid {
     }
 }
 
-/// Layers, and the plane that cuts them.
+/// Scene: layers, and the plane that cuts them.
 #[derive(Debug, Default)]
 pub struct Scene {
-    /// What is shown.
+    /// Layers of the scene.
     pub layers: Vec<Layer>,
-    /// What cuts it.
+    /// Section plane; `None` if nothing is cut.
     pub section: Option<Section>,
 }
 
 impl Scene {
-    /// The box of all layers; empty where there is nothing.
+    /// Returns the box of all layers; empty if there is nothing.
     pub fn bounds(&self) -> Aabb {
         let mut all = Aabb::EMPTY;
         for bounds in self
@@ -659,7 +658,7 @@ impl Scene {
         all
     }
 
-    /// Whether the plane leaves anything of the box of all layers.
+    /// Returns true if the plane leaves any of the box of all layers.
     pub fn is_left(&self) -> bool {
         let b = self.bounds();
         let Some(section) = &self.section else {

@@ -1,4 +1,4 @@
-//! What the colours of a picture mean: bars of scales, and lists of parts.
+//! Legends of pictures: bars of scales, and lists of parts.
 
 use crate::color::{Color, Scale};
 use crate::layer::{Key, Layer};
@@ -17,7 +17,7 @@ const MOST_SHARE: f64 = 0.5;
 /// How much of what is beneath the legend shows through.
 const COVER: f64 = 0.85;
 
-/// A line of a legend.
+/// Line of a legend.
 #[derive(Clone, Debug)]
 enum Row {
     Text(String),
@@ -38,7 +38,7 @@ impl Row {
     }
 }
 
-/// A number in few digits.
+/// Formats a number with about three significant digits.
 pub(crate) fn number(v: f64) -> String {
     if v == 0.0 {
         return "0".to_owned();
@@ -62,7 +62,7 @@ pub(crate) fn number(v: f64) -> String {
     format!("{mantissa}e{exponent}")
 }
 
-/// The places of a scale that are named, from 0 to 1, and their names.
+/// Returns the labelled positions of a scale, from 0 to 1, with their labels.
 pub(crate) fn ticks(scale: &Scale) -> Vec<(f64, String)> {
     let signed = |v: f64| {
         let sign = if scale.is_diverging && v > 0.0 {
@@ -77,7 +77,7 @@ pub(crate) fn ticks(scale: &Scale) -> Vec<(f64, String)> {
         .to_vec()
 }
 
-/// The figures under a bar.
+/// Returns the statistics that are written under a bar.
 pub(crate) fn figures(scale: &Scale) -> Vec<String> {
     let mut lines = vec![format!("n {}", scale.count)];
     if let Some([rms, max]) = scale.rms_and_max {
@@ -90,7 +90,7 @@ pub(crate) fn figures(scale: &Scale) -> Vec<String> {
     lines
 }
 
-/// The lines of a layer's legend.
+/// Returns the lines of a layer's legend.
 fn rows_of(layer: &Layer) -> Vec<Row> {
     let mut rows = vec![Row::Text(text::shortened(&layer.name))];
     match &layer.key {
@@ -114,15 +114,16 @@ fn rows_of(layer: &Layer) -> Vec<Row> {
     rows
 }
 
-/// The width that the legend of layers takes, in pixels, with its margins; 0 where there is none.
+/// Returns the width in pixels that the legend of layers takes, with its margins; 0 if there is no
+/// legend.
 pub fn legend_width(layers: &[Layer]) -> u32 {
     let rows = layers.iter().flat_map(rows_of);
     rows.map(|r| r.size()[0] + 2 * MARGIN).max().unwrap_or(0)
 }
 
-/// Draws the legends of layers into a picture: at its right side where room was left for them,
-/// else into the corner that has the most room. Where they would cover half of it they are left
-/// out.
+/// Draws the legends of layers into a picture: at its right side if room was left for them, else in
+/// the emptiest corner. They are omitted if they would take more than half of its width or more
+/// than its height.
 pub fn draw(picture: &mut Picture, layers: &[Layer], background: Color, has_room: bool) {
     let rows: Vec<Row> = layers.iter().flat_map(rows_of).collect();
     let width = rows.iter().map(|r| r.size()[0]).max().unwrap_or(0);
@@ -145,7 +146,7 @@ pub fn draw(picture: &mut Picture, layers: &[Layer], background: Color, has_room
     }
 }
 
-/// The colour of letters on a background.
+/// Returns the colour of letters on a background.
 fn ink_on(background: Color) -> Color {
     let light: u32 = background.iter().map(|v| u32::from(*v)).sum();
     if light > 382 {
@@ -156,14 +157,14 @@ fn ink_on(background: Color) -> Color {
 }
 
 impl Picture {
-    /// Writes the name of a view into its upper left corner; nothing where there is none.
+    /// Writes the name of a view into its upper left corner; an empty name writes nothing.
     pub fn title(&mut self, [x, y]: [u32; 2], name: &str, background: Color) {
         text::write(self, [x + MARGIN, y + MARGIN], name, ink_on(background));
     }
 }
 
-/// The corner with the fewest pixels that are not background: upper right, lower right, upper left,
-/// lower left.
+/// Returns the corner with the fewest pixels that differ from the background; upper right, lower
+/// right, upper left, lower left in case of ties.
 fn emptiest(picture: &Picture, size: [u32; 2], background: Color) -> [u32; 2] {
     let far = |k: usize| picture.size[k] - MARGIN - size[k];
     let corners = [
@@ -180,7 +181,7 @@ fn emptiest(picture: &Picture, size: [u32; 2], background: Color) -> [u32; 2] {
     corners.into_iter().min_by_key(taken).unwrap_or(corners[0])
 }
 
-/// Dims what is beneath the legend.
+/// Dims the pixels beneath the legend.
 fn veil(picture: &mut Picture, [x, y]: [u32; 2], size: [u32; 2], background: Color) {
     for dy in 0..size[1] {
         for dx in 0..size[0] {

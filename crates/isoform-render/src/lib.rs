@@ -1,10 +1,9 @@
-//! Pictures of what Isoform makes, without a display.
+//! Pictures of scenes without a display.
 //!
 //! A [`Scene`] has layers: models, points, meshes, patches, maps, solids. [`render`] casts a ray
 //! for each pixel, and 16 where something changes, onto the function of a model itself, onto the
 //! patches and maps themselves, and onto the triangles of meshes; [`draw_svg`] finds the lines and
-//! areas of a drawing between such rays. The same scene gives the same bytes for any number of
-//! threads.
+//! areas of a drawing between such rays. A scene gives equal bytes for any number of threads.
 //!
 //! ```
 //! use isoform::geom::Mesh;

@@ -1,4 +1,4 @@
-//! What is drawn with a size in pixels: points as discs, curves as lines. They are sorted by the
+//! Marks, whose size is given in pixels: points as discs, curves as lines. They are sorted by the
 //! pixels that they may cover.
 
 use crate::camera::Sight;
@@ -12,7 +12,7 @@ const NEARER: f64 = 0.002;
 /// Half the width of curves, in pixels.
 const HALF_WIDTH: f64 = 0.6;
 
-/// A disc, or a line between two places of the picture.
+/// Disc, or line between two points of the picture.
 #[derive(Clone, Copy, Debug)]
 struct Mark {
     ends: [[f64; 2]; 2],
@@ -25,13 +25,13 @@ struct Mark {
 #[derive(Debug, Default)]
 pub(crate) struct Marks {
     marks: Vec<Mark>,
-    /// Where the list of each pixel begins in `lists`; one more at the end.
+    /// Start of each pixel's list in `lists`, with the total length at the end.
     starts: Vec<u32>,
     lists: Vec<u32>,
     size: [usize; 2],
 }
 
-/// Half the size of points, in pixels: fewer are larger.
+/// Returns the radius of points, in pixels: the fewer, the larger.
 fn radius(count: usize) -> f64 {
     match count {
         300_001.. => 1.0,
@@ -42,7 +42,7 @@ fn radius(count: usize) -> f64 {
 }
 
 impl Marks {
-    /// The marks of a scene as seen by a camera.
+    /// Collects the marks of a scene as seen by a camera.
     pub(crate) fn new(scene: &Scene, sight: &Sight, size: [u32; 2]) -> Self {
         let nearer = NEARER * scene.bounds().diagonal();
         let mut marks = Vec::new();
@@ -59,7 +59,7 @@ impl Marks {
         all
     }
 
-    /// The pixels that a mark may cover.
+    /// Returns the range of pixels that a mark may cover; `None` if it is outside the picture.
     fn reach(&self, mark: &Mark) -> Option<[[usize; 2]; 2]> {
         let mut ends = [[0; 2]; 2];
         for k in 0..2 {
@@ -74,7 +74,7 @@ impl Marks {
         Some(ends)
     }
 
-    /// Makes the lists: counts, then fills.
+    /// Builds the lists: counts, then fills.
     fn sort(&mut self) {
         let mut count = vec![0_u32; self.size[0] * self.size[1] + 1];
         let pixels = |all: &Self, mark: &Mark| -> Vec<usize> {
@@ -110,7 +110,8 @@ impl Marks {
         (self.starts, self.lists) = (count, lists);
     }
 
-    /// The nearest mark at a place of the picture: its depth and its colour.
+    /// Returns depth and colour of the nearest mark at a point of the picture; `None` if there is
+    /// no mark.
     pub(crate) fn at(&self, [x, y]: [f64; 2]) -> Option<(f64, Color)> {
         if self.marks.is_empty() || x < 0.0 || y < 0.0 {
             return None;
@@ -135,7 +136,7 @@ impl Marks {
 }
 
 impl Mark {
-    /// The nearest place of its line, as a share of it, and how far that is.
+    /// Returns the nearest point of the line, as a fraction of the line, and its distance.
     fn place(&self, [x, y]: [f64; 2]) -> (f64, f64) {
         let [a, b] = self.ends;
         let (d, e) = ([b[0] - a[0], b[1] - a[1]], [x - a[0], y - a[1]]);

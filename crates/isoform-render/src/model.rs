@@ -1,15 +1,19 @@
-//! Where lines of sight meet the surface of a model: its function, not a mesh of it.
+//! Intersection of lines of sight with the surface of a model: its function, not a mesh of it.
 //!
-//! The box of the model is divided into cells (an octree) wherever interval arithmetic leaves open
-//! whether surface passes, and each cell keeps those pieces of the function that may decide in it,
-//! with ranges of their gradients. A ray visits the cells from front to back. Within a cell it goes
-//! on by |f| over the largest slope along it, so far as f cannot come to zero (Kalra and Barr,
-//! SIGGRAPH 1989), but at least by [`FINEST`]; where slopes have no bounds it is halved as long as
-//! intervals of f leave it open. The place itself is then enclosed by two values of opposite signs
-//! and found to rounding.
+//! The box of the model is divided into cells (an octree) wherever interval arithmetic cannot
+//! exclude surface, and each cell stores the pieces of the function that may decide in it, with
+//! ranges of their gradients. A ray visits the cells from front to back. Within a cell it advances
+//! by
 //!
-//! So no first hit is lost but where the solid, or a gap in it, is thinner along the ray than
-//! [`FINEST`] of the box: that is a fraction of a pixel.
+//! f
+//!
+//! over the largest slope along it, as f cannot vanish in between (Kalra and Barr, SIGGRAPH 1989),
+//! but at least by [`FINEST`]; where slopes are unbounded, stretches are halved as long as
+//! intervals of f contain 0. The intersection is then bracketed by two values of opposite signs and
+//! found to rounding.
+//!
+//! The first hit is found unless the solid, or a gap in it, is thinner along the ray than
+//! [`FINEST`] times the diagonal of the box, which is a fraction of a pixel.
 
 use crate::camera::{Ray, along, unit};
 use isoform::Control;
@@ -20,8 +24,8 @@ use isoform::num::Interval;
 use rayon::prelude::*;
 use std::fmt;
 
-/// A stretch of a ray that is shorter than this share of the box's diagonal is decided by the signs
-/// at its ends.
+/// Fraction of the box's diagonal below which a stretch of a ray is decided by the signs at its
+/// ends.
 pub const FINEST: f64 = 1.0 / 131_072.0;
 /// Halvings of the box at most: cells have a hundredth of its side.
 const DEEPEST: usize = 7;
@@ -34,55 +38,55 @@ const MOST_CELLS: usize = 400_000;
 const MOST_STRETCHES: usize = 4096;
 /// Cells along the diagonal in which feature curves are looked for.
 const FEATURES: f64 = 60.0;
-/// How far before a place its normal is looked for, in diagonals of the box.
+/// Distances before a point at which its normal is evaluated in turn, in diagonals of the box.
 const BEFORE: [f64; 3] = [0.0, 1e-9, 1e-6];
 /// Steps along a ray within a cell by bounds of the slope, at most.
 const MOST_STEPS: usize = 24;
 /// Steps of the enclosure of a root: halving alone needs 60.
 const STEPS: usize = 100;
 
-/// A part of the box.
+/// Cell of the box.
 #[derive(Clone, Copy, Debug)]
 enum Cell {
-    /// No surface passes; whether it is inside.
+    /// No surface passes; true if the cell is inside.
     Whole(bool),
-    /// Surface may pass: the number of its leaf.
+    /// Surface may pass: index of its leaf.
     Leaf(u32),
-    /// Divided into eight, the first of which is this one.
+    /// Divided into eight: index of the first child.
     Split(u32),
 }
 
-/// A cell that surface may pass.
+/// Cell that surface may pass.
 #[derive(Clone, Debug)]
 struct Leaf {
-    /// How its pieces are joined; numbers are places in `pieces`.
+    /// Tree of its pieces; numbers are indices in `pieces`.
     tree: Csg,
     pieces: Vec<u32>,
-    /// The ranges of the gradients of all pieces, where they are known.
+    /// Ranges of the gradients of all pieces; `None` if one is unknown.
     slopes: Option<Vec<[Interval; 3]>>,
 }
 
-/// A cell that is to be judged.
+/// Cell to be classified.
 struct Open {
     slot: usize,
     region: Aabb,
     tree: Csg,
 }
 
-/// What comes of it.
+/// Classification of a cell.
 enum Judged {
     Whole(bool),
-    /// To be a leaf, unless it is divided; with the ranges of its pieces' gradients where they are
-    /// wanted and known.
+    /// Tree of a cell that surface may pass; with the ranges of its pieces' gradients if they were
+    /// computed and are known.
     Open(Csg, Option<Vec<[Interval; 3]>>),
 }
 
-/// A solid, prepared for rays.
+/// Solid prepared for rays.
 pub(crate) struct Model {
     solid: Box<dyn Solid>,
-    /// What is looked at.
+    /// Box that is shown.
     pub(crate) bounds: Aabb,
-    /// Whether the box cuts the solid off; else all of the surface is in it.
+    /// True if the box cuts the solid; otherwise it contains the whole surface.
     is_cut: bool,
     cells: Vec<Cell>,
     leaves: Vec<Leaf>,
@@ -97,15 +101,15 @@ impl fmt::Debug for Model {
     }
 }
 
-/// Where a ray meets a model.
+/// Intersection of a ray with a model.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Met {
     pub(crate) t: f64,
-    /// The piece of the solid; none on a cap.
+    /// Piece of the solid; `None` on a cap.
     pub(crate) piece: Option<u32>,
 }
 
-/// Space for what is computed along a ray.
+/// Buffers for the computation along a ray.
 #[derive(Debug, Default)]
 pub(crate) struct Scratch {
     values: Vec<f64>,
@@ -161,7 +165,7 @@ impl Model {
         Ok(model)
     }
 
-    /// Names of the pieces.
+    /// Returns the names of the pieces.
     pub(crate) fn names(&self) -> &[String] {
         self.solid.names()
     }
@@ -191,7 +195,7 @@ impl Model {
         }
     }
 
-    /// Whether surface may pass a cell, and which pieces may decide there.
+    /// Determines if surface may pass a cell, and which pieces may decide there.
     fn judge(&self, o: &Open, is_last: bool) -> Judged {
         let pieces = pieces_of(&o.tree);
         let mut ranges = vec![Interval::ALL; pieces.len()];
@@ -214,7 +218,7 @@ impl Model {
         Judged::Open(tree, slopes)
     }
 
-    /// The value of some pieces at a place; what is no number is outside.
+    /// Returns the value of a leaf's pieces at a point; NaN counts as outside.
     fn value(&self, leaf: &Leaf, p: Point3, scratch: &mut Scratch) -> f64 {
         scratch.values.resize(leaf.pieces.len(), 0.0);
         self.solid.values(&leaf.pieces, &[p], &mut scratch.values);
@@ -222,8 +226,9 @@ impl Model {
         if v.is_nan() { -f64::MIN_POSITIVE } else { v }
     }
 
-    /// Where a ray first meets the surface between two distances; `cap` says whether it begins at a
-    /// cut, so that what is inside there is a cap. Without it nothing is: what is cut is open.
+    /// Returns the first intersection of a ray with the surface between two distances. `cap` is
+    /// true if the ray begins at a cut: then a start inside is a cap. `None` for `cap` leaves cuts
+    /// open.
     pub(crate) fn meet(
         &self,
         ray: &Ray,
@@ -273,7 +278,7 @@ impl Model {
         met
     }
 
-    /// The curves in which its faces meet at an angle.
+    /// Returns the curves in which faces meet at an angle.
     pub(crate) fn features(&self, control: &Control<'_>) -> Vec<Vec<Point3>> {
         let options = FeatureOptions {
             size: self.bounds.diagonal() / FEATURES,
@@ -283,9 +288,9 @@ impl Model {
         found.curves.into_iter().map(|c| c.points).collect()
     }
 
-    /// The outward direction of a piece at a place. Where a formula has no derivative just there,
-    /// as roots of zero have none, it is that of a place a little before it on the ray; zero where
-    /// there is none, either.
+    /// Returns the outward unit normal of a piece at a point of a ray. If the formula has no
+    /// derivative there, as for roots of zero, it is evaluated slightly before the point; zero if
+    /// that fails, too.
     pub(crate) fn normal(&self, piece: u32, ray: &Ray, t: f64) -> Point3 {
         let size = self.bounds.diagonal();
         let places = BEFORE
@@ -300,28 +305,28 @@ impl Model {
     }
 }
 
-/// What came of going along a ray.
+/// Result of advancing along a ray.
 enum Marched {
-    /// The sign changes between two places.
+    /// The sign changes between two points.
     Met([(f64, f64); 2]),
-    /// It does not change up to a place, which has about this value.
+    /// The sign does not change up to a point with about this value.
     Through((f64, f64)),
-    /// It does not up to there, and the way goes on.
+    /// The sign does not change up to a point, and the stretch continues.
     Open((f64, f64)),
 }
 
-/// A ray on its way.
+/// State of a ray while it passes cells.
 struct Walk<'a> {
     model: &'a Model,
     ray: &'a Ray,
-    /// Whether it is inside so far; none before its first cell.
+    /// True if the ray is inside; `None` before its first cell.
     is_inside: Option<bool>,
     is_cap: bool,
 }
 
 impl Walk<'_> {
-    /// Comes to a place that is inside or not. Rounding may hide a crossing between two cells: it
-    /// is seen here.
+    /// Advances to a point that is inside or outside. Detects crossings that rounding hides between
+    /// two cells.
     fn enter(&mut self, inside: bool, t: f64, piece: Option<u32>) -> Option<Met> {
         let before = self.is_inside.replace(inside);
         match before {
@@ -334,7 +339,7 @@ impl Walk<'_> {
         }
     }
 
-    /// The piece that decides at a place of the whole solid.
+    /// Returns the piece that determines the whole solid at a point.
     fn nearest_piece(&self, t: f64) -> u32 {
         let tree = self.model.solid.tree();
         let pieces = pieces_of(tree);
@@ -350,7 +355,7 @@ impl Walk<'_> {
         self.model.value(leaf, p, scratch)
     }
 
-    /// Passes a cell that surface may be in.
+    /// Passes a cell that may contain surface.
     fn pass(&mut self, leaf: &Leaf, [a, b]: [f64; 2], scratch: &mut Scratch) -> Option<Met> {
         let first = self.at(leaf, a, scratch);
         if let Some(met) = self.enter(first >= 0.0, a, Some(leaf.pieces[0])) {
@@ -376,7 +381,7 @@ impl Walk<'_> {
         Some(self.named(leaf, met, scratch))
     }
 
-    /// With the piece that decides at the place.
+    /// Sets the piece that decides at the intersection.
     fn named(&self, leaf: &Leaf, met: Met, scratch: &mut Scratch) -> Met {
         if met.piece.is_none() || leaf.pieces.len() == 1 {
             return met;
@@ -390,8 +395,8 @@ impl Walk<'_> {
         }
     }
 
-    /// Goes from a place to another, where the value rises along the ray at rates between two
-    /// bounds: so far as it cannot come to zero, nothing is missed.
+    /// Advances from one point to another, where the rate of the value along the ray lies between
+    /// two bounds; it only skips stretches on which the value cannot vanish.
     fn march(
         &self,
         leaf: &Leaf,
@@ -426,8 +431,8 @@ impl Walk<'_> {
         Marched::Open((t, value))
     }
 
-    /// The first two places with opposite signs. Stretches that intervals leave open are marched
-    /// along where the slope has bounds, else halved.
+    /// Returns the first two points with opposite signs. Stretches that intervals cannot exclude
+    /// are marched along if the slope has bounds, and otherwise halved.
     fn search(
         &self,
         leaf: &Leaf,
@@ -441,12 +446,12 @@ impl Walk<'_> {
             let end = *ends.last()?;
             let stretch = [begin.0, end];
             if !self.is_open(leaf, stretch, scratch) {
-                // One sign all the way: that of the value before.
+                // The sign is constant: that of the value before.
                 begin = (end, begin.1);
                 ends.pop();
                 continue;
             }
-            // Ranges of gradients cost more than those of values: they are asked for every other
+            // Ranges of gradients cost more than those of values: they are computed every second
             // time.
             let is_worth = ends.len() % 2 == 1 && end - begin.0 > finest;
             if let Some(rates) = self.rates(leaf, stretch).filter(|_| is_worth) {
@@ -476,7 +481,7 @@ impl Walk<'_> {
         None
     }
 
-    /// Whether intervals leave open that the sign changes along a stretch.
+    /// Returns true if intervals cannot exclude a change of sign along a stretch.
     fn is_open(&self, leaf: &Leaf, stretch: [f64; 2], scratch: &mut Scratch) -> bool {
         let region = self.region(stretch);
         scratch.ranges.resize(leaf.pieces.len(), Interval::ALL);
@@ -486,7 +491,7 @@ impl Walk<'_> {
         range.lo() <= 0.0 && range.hi() >= 0.0
     }
 
-    /// Bounds for how fast the value rises along a stretch; none where there are none.
+    /// Returns bounds of the rate of the value along a stretch; `None` if there are none.
     fn rates(&self, leaf: &Leaf, stretch: [f64; 2]) -> Option<[f64; 2]> {
         let region = self.region(stretch);
         let each = leaf
@@ -497,13 +502,13 @@ impl Walk<'_> {
         finite_rates(&slopes, self.ray.d)
     }
 
-    /// The box of a stretch.
+    /// Returns the box of a stretch.
     fn region(&self, stretch: [f64; 2]) -> Aabb {
         Aabb::of(&stretch.map(|t| along(self.ray.o, self.ray.d, t)))
     }
 
-    /// The place between two of opposite signs: regula falsi (Illinois), with a halving wherever it
-    /// is slow.
+    /// Returns the root between two points of opposite signs, by the Illinois variant of regula
+    /// falsi with bisections where it is slow.
     fn enclosed(&self, leaf: &Leaf, ends: [(f64, f64); 2], scratch: &mut Scratch) -> f64 {
         let [(mut a, mut fa), (mut b, mut fb)] = ends;
         let is_inside = fa >= 0.0;
@@ -534,7 +539,7 @@ impl Walk<'_> {
     }
 }
 
-/// 1/d, finite: a direction along an axis never leaves the slab of the others.
+/// Returns 1/d, kept finite: a direction along an axis never leaves the slabs of the others.
 pub(crate) fn inverse(d: f64) -> f64 {
     1.0 / if d.abs() < 1e-200 {
         1e-200_f64.copysign(d)
@@ -543,7 +548,8 @@ pub(crate) fn inverse(d: f64) -> f64 {
     }
 }
 
-/// Where a ray is in a box: from the first distance to the second, unless that is less.
+/// Returns the distances at which a ray enters and leaves a box; the ray misses the box if the
+/// second is less.
 pub(crate) fn through(b: &Aabb, o: Point3, inverse: Point3) -> [f64; 2] {
     let mut range = [f64::NEG_INFINITY, f64::INFINITY];
     for k in 0..3 {
@@ -553,7 +559,7 @@ pub(crate) fn through(b: &Aabb, o: Point3, inverse: Point3) -> [f64; 2] {
     range
 }
 
-/// One eighth of a box.
+/// Returns an octant of a box.
 fn octant(region: &Aabb, i: usize) -> Aabb {
     let middle = region.center();
     let is_upper = |k: usize| i >> k & 1 == 1;
@@ -563,7 +569,7 @@ fn octant(region: &Aabb, i: usize) -> Aabb {
     }
 }
 
-/// The pieces of a tree, sorted, each once.
+/// Returns the pieces of a tree, sorted and without duplicates.
 fn pieces_of(tree: &Csg) -> Vec<u32> {
     let mut pieces = tree.pieces();
     pieces.sort_unstable();
@@ -571,7 +577,7 @@ fn pieces_of(tree: &Csg) -> Vec<u32> {
     pieces
 }
 
-/// The tree with places in a list for the numbers of pieces.
+/// Replaces the numbers of pieces by their indices in a list.
 fn renumbered(tree: &Csg, pieces: &[u32]) -> Csg {
     let all = |list: &[Csg]| list.iter().map(|c| renumbered(c, pieces)).collect();
     match tree {
@@ -581,7 +587,8 @@ fn renumbered(tree: &Csg, pieces: &[u32]) -> Csg {
     }
 }
 
-/// The tree without what never decides where its pieces have these ranges, and its own range.
+/// Removes from a tree what never decides when its pieces have these ranges; returns its range,
+/// too.
 fn pruned(tree: &Csg, range: &impl Fn(u32) -> Interval) -> (Csg, Interval) {
     let (list, is_min) = match tree {
         Csg::Piece(i) => return (tree.clone(), range(*i)),
@@ -593,7 +600,8 @@ fn pruned(tree: &Csg, range: &impl Fn(u32) -> Interval) -> (Csg, Interval) {
     let whole = all[1..].iter().fold(all[0].1, |w, (_, r)| {
         Interval::new(join(w.lo(), r.lo()), join(w.hi(), r.hi()))
     });
-    // Of a minimum, what is above another one everywhere; of a maximum, what is below.
+    // A minimum drops children that are everywhere above another one, a maximum those that are
+    // below.
     all.retain(|(_, r)| {
         if is_min {
             r.lo() <= whole.hi()
@@ -615,8 +623,8 @@ fn pruned(tree: &Csg, range: &impl Fn(u32) -> Interval) -> (Csg, Interval) {
     )
 }
 
-/// Bounds for how fast a minimum and maximum of pieces rises along a direction; none where they are
-/// not finite.
+/// Returns bounds of the rate of a minimum or maximum of pieces along a direction; `None` if they
+/// are not finite.
 fn finite_rates(slopes: &[[Interval; 3]], d: Point3) -> Option<[f64; 2]> {
     let mut bounds = [f64::INFINITY, f64::NEG_INFINITY];
     for s in slopes {
@@ -628,7 +636,7 @@ fn finite_rates(slopes: &[[Interval; 3]], d: Point3) -> Option<[f64; 2]> {
         }
         // More than the rounding of three products and their sum.
         let slack = 8.0 * f64::EPSILON * size;
-        // What is no number must not be lost in a minimum.
+        // NaN must not be lost in a minimum.
         if !(lo.is_finite() && hi.is_finite()) {
             return None;
         }
@@ -637,7 +645,8 @@ fn finite_rates(slopes: &[[Interval; 3]], d: Point3) -> Option<[f64; 2]> {
     Some(bounds)
 }
 
-/// Whether a gradient hardly turns: then most rays meet the surface of a cell at most once.
+/// Returns true if the gradient hardly turns: then most rays meet the surface in a cell at most
+/// once.
 fn is_narrow(slopes: &[Interval; 3]) -> bool {
     let middle = slopes.map(|s| 0.5 * (s.lo() + s.hi()));
     let widths = slopes.map(|s| 0.5 * (s.hi() - s.lo()));
@@ -669,7 +678,7 @@ mod tests {
         met.map(|m| m.t)
     }
 
-    /// The distance to the unit ball about 0.
+    /// Returns the distance to the unit ball around 0.
     fn ball(o: Point3, toward: Point3) -> Option<f64> {
         let d = unit(isoform::geom::sub(toward, o));
         let (b, c) = (dot(o, d), dot(o, o) - 1.0);
@@ -698,7 +707,7 @@ mod tests {
 
     #[test]
     fn thin_walls_are_not_lost() {
-        // A shell of 1e-4 of its size: no grid of cells would see it.
+        // A shell of relative thickness 1e-4, which no grid of cells would resolve.
         let body = "m = min(hfSphere(x, c, 1), -hfSphere(x, c, 0.9999));";
         let shell = model(body, 1.1);
         for i in 0..500 {

@@ -1,8 +1,9 @@
-//! The lines and areas of a drawing: where neighbouring lines of sight meet different things, found
-//! by halving between them, and joined across the cells of the grid (marching squares with labels).
+//! Lines and areas of a drawing: the places where neighbouring lines of sight meet different
+//! objects, found by bisection between them and joined across the cells of the grid (marching
+//! squares with labels).
 //!
-//! What is seen is what is drawn: there are no hidden lines to be removed. Lines are within 1/64 of
-//! a cell of where they are.
+//! Only visible objects are drawn, so no hidden lines need to be removed. Lines are accurate to
+//! 1/64 of a cell.
 
 use crate::model::Scratch;
 use crate::polyline::{Node, chains, sharpened, simplified};
@@ -18,38 +19,38 @@ const MOST: f64 = 1.5e6;
 const HALVINGS: usize = 6;
 /// Points of lines and of areas nearer to a straight line than this are left out, in pixels.
 const STRAIGHT: f64 = 0.05;
-/// Nodes along a line by which its direction at a fork is told.
+/// Nodes along a line between which its direction at a fork is measured.
 const AHEAD: [usize; 2] = [2, 7];
 /// How far a fork may be moved to where its lines meet, in cells.
 const MOVED: f64 = 1.5;
 
-/// What a line stands for.
+/// Meaning of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Kind {
-    /// A surface before another one, or before nothing.
+    /// Outline: a surface in front of another one, or of nothing.
     Outline,
-    /// An edge of two faces that are both seen, or the border of a cap.
+    /// Edge between two visible faces, or border of a cap.
     Edge,
 }
 
-/// A line on the paper, in pixels.
+/// Line of a drawing, in pixels.
 #[derive(Clone, Debug)]
 pub(crate) struct Line {
     pub(crate) kind: Kind,
     pub(crate) points: Vec<[f64; 2]>,
 }
 
-/// The lines and the areas of a view.
+/// Lines and areas of a view.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Network {
     pub(crate) lines: Vec<Line>,
-    /// Closed polygons by what they are of; holes are polygons, too.
+    /// Closed polygons, by class; holes are polygons, too.
     pub(crate) areas: BTreeMap<Class, Vec<Vec<[f64; 2]>>>,
-    /// How many cells see anything, by quarters of the width and height.
+    /// Number of cells that see anything, by quarters of the height and width.
     pub(crate) taken: [[usize; 4]; 4],
 }
 
-/// A place where something changes between two neighbours.
+/// Change between two neighbours of the grid.
 struct Crossing {
     node: Node,
     ends: [[f64; 2]; 2],
@@ -63,14 +64,14 @@ impl Crossing {
     }
 }
 
-/// What is known of a crossing in the end.
+/// Refined crossing.
 struct Found {
     at: [f64; 2],
     kind: Option<Kind>,
 }
 
-/// A grid of lines of sight over a picture and one cell beyond it, where nothing is seen: so areas
-/// are closed.
+/// Grid of lines of sight over a picture and one cell around it, where nothing is seen, so that
+/// areas are closed.
 struct Grid {
     cell: f64,
     size: [usize; 2],
@@ -81,7 +82,7 @@ impl Grid {
     fn new(tracer: &Tracer<'_>, size: [u32; 2], control: &Control<'_>) -> Result<Self, Stopped> {
         let pixels = f64::from(size[0]) * f64::from(size[1]);
         let cell = (pixels / MOST).sqrt().max(1.0);
-        // The outermost places see nothing; those before them are just beyond the picture.
+        // The outermost points see nothing; those next to them are just outside the picture.
         let count = size.map(|v| (f64::from(v) / cell).ceil() as usize + 4);
         let mut grid = Self {
             cell,
@@ -102,7 +103,7 @@ impl Grid {
         Ok(grid)
     }
 
-    /// Where a place of the grid is in the picture.
+    /// Returns the pixel coordinates of a grid point.
     fn place(&self, x: usize, y: usize) -> [f64; 2] {
         [x, y].map(|i| (i as f64 - 1.5) * self.cell)
     }
@@ -111,12 +112,12 @@ impl Grid {
         self.seen[y * self.size[0] + x].as_ref()
     }
 
-    /// Whether a place is one of those that see nothing by decree.
+    /// Returns true if a grid point is one of the outermost ones, which see nothing by definition.
     fn is_outermost(&self, x: usize, y: usize) -> bool {
         x == 0 || y == 0 || x + 1 == self.size[0] || y + 1 == self.size[1]
     }
 
-    /// The neighbours between which something changes.
+    /// Returns the pairs of neighbours between which something changes.
     fn crossings(&self) -> Vec<Crossing> {
         let mut found = Vec::new();
         for y in 0..self.size[1] {
@@ -144,7 +145,7 @@ fn class(seen: Option<&Seen>) -> Option<Class> {
     seen.map(Seen::class)
 }
 
-/// How unlike two places are; for comparison only.
+/// Returns a measure of dissimilarity of two samples, for comparison only.
 fn unlike(a: Option<&Seen>, b: Option<&Seen>) -> f64 {
     let (Some(a), Some(b)) = (a, b) else {
         return if a.is_none() && b.is_none() { 0.0 } else { 1e3 };
@@ -155,8 +156,8 @@ fn unlike(a: Option<&Seen>, b: Option<&Seen>) -> f64 {
     turn + 0.1 * (off / a.pixel).min(20.0)
 }
 
-/// How much two places have in common: nothing but emptiness, a layer, a part of it, a colour of
-/// the part.
+/// Returns the level on which two samples agree: emptiness only, layer, part, or colour of the
+/// part.
 fn alike(a: Option<&Seen>, b: Option<&Seen>) -> u8 {
     let (Some(a), Some(b)) = (class(a), class(b)) else {
         return if a.is_none() == b.is_none() { 4 } else { 0 };
@@ -170,8 +171,8 @@ fn alike(a: Option<&Seen>, b: Option<&Seen>) -> u8 {
     }
 }
 
-/// Which of two ends the place between them takes the place of: the one that it is like. Where it
-/// is a third thing, the border of what is nearest to the eye is kept.
+/// Returns the end of a bisected pair that the sample in the middle replaces: the more similar one.
+/// If the middle shows a third object, the border of the nearest object is kept.
 fn side([a, b]: [Option<&Seen>; 2], middle: Option<&Seen>) -> usize {
     let (first, second) = (alike(a, middle), alike(b, middle));
     if first != second {
@@ -184,7 +185,7 @@ fn side([a, b]: [Option<&Seen>; 2], middle: Option<&Seen>) -> usize {
     usize::from(depth(a) < depth(b))
 }
 
-/// The network of a view.
+/// Returns the network of a view.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -241,7 +242,7 @@ pub(crate) fn network(
     })
 }
 
-/// Halves the way between two ends.
+/// Bisects a pair of samples.
 fn refine(c: &mut Crossing, tracer: &Tracer<'_>, scratch: &mut Scratch) {
     for _ in 0..HALVINGS {
         let at = c.middle();
@@ -251,7 +252,7 @@ fn refine(c: &mut Crossing, tracer: &Tracer<'_>, scratch: &mut Scratch) {
     }
 }
 
-/// Where there is something to be seen.
+/// Counts the cells that see anything, by quarters of the height and width.
 fn taken(grid: &Grid) -> [[usize; 4]; 4] {
     let mut taken = [[0; 4]; 4];
     let quarter = |i: usize, k: usize| (4 * i / grid.size[k]).min(3);
@@ -263,16 +264,16 @@ fn taken(grid: &Grid) -> [[usize; 4]; 4] {
     taken
 }
 
-/// Crossings, and the forks amid cells where more than two of them are.
+/// Crossings, and the forks inside cells with more than two of them.
 struct Web<'g> {
     grid: &'g Grid,
     found: BTreeMap<Node, Found>,
-    /// Where forks are.
+    /// Positions of forks.
     forks: BTreeMap<Node, [f64; 2]>,
 }
 
 impl Web<'_> {
-    /// The places between the corners of a cell, in their order.
+    /// Returns the nodes on the four sides of a cell, in order.
     fn around(x: usize, y: usize) -> [Node; 4] {
         [(x, y, 0), (x + 1, y, 1), (x, y + 1, 0), (x, y, 1)]
     }
@@ -295,7 +296,7 @@ impl Web<'_> {
         [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / n)
     }
 
-    /// The pieces of lines within cells.
+    /// Returns the pieces of lines within cells.
     fn segments(&self) -> Vec<[Node; 2]> {
         let mut segments = Vec::new();
         for y in 0..self.grid.size[1].saturating_sub(1) {
@@ -313,7 +314,7 @@ impl Web<'_> {
         segments
     }
 
-    /// Puts forks where the lines that end there meet.
+    /// Moves forks to the intersection of the lines that end there.
     fn place_forks(&mut self, chains: &[Vec<Node>]) {
         let mut lines: BTreeMap<Node, Vec<[[f64; 2]; 2]>> = BTreeMap::new();
         for chain in chains {
@@ -344,7 +345,7 @@ impl Web<'_> {
         }
     }
 
-    /// A chain as a line.
+    /// Converts a chain to a line.
     fn line(&self, chain: &[Node]) -> Line {
         let kinds = chain.iter().filter_map(|n| self.found.get(n)?.kind);
         let (outlines, edges): (Vec<Kind>, Vec<Kind>) = kinds.partition(|k| *k == Kind::Outline);
@@ -361,9 +362,9 @@ impl Web<'_> {
         }
     }
 
-    /// The borders of all classes. Within a cell each run of corners of one class is bounded by the
-    /// crossing before and the crossing behind it; in the next cell the two change places, so that
-    /// each border closes.
+    /// Returns the borders of all classes. Within a cell each run of corners of one class is
+    /// bounded by the crossing before it and the crossing after it; in the next cell these two
+    /// exchange their roles, so that each border closes.
     fn areas(&self) -> BTreeMap<Class, Vec<Vec<[f64; 2]>>> {
         let mut next: BTreeMap<(Class, Node), (Node, Option<Node>)> = BTreeMap::new();
         for y in 0..self.grid.size[1].saturating_sub(1) {
@@ -389,17 +390,17 @@ impl Web<'_> {
         areas
     }
 
-    /// The borders of classes in a cell.
+    /// Adds the borders of classes in a cell.
     fn within(&self, x: usize, y: usize, next: &mut BTreeMap<(Class, Node), (Node, Option<Node>)>) {
         let corners = [[x, y], [x + 1, y], [x + 1, y + 1], [x, y + 1]];
         let classes = corners.map(|[x, y]| class(self.grid.at(x, y)));
-        // Between corner k and the one behind it.
+        // Node k lies between corner k and the next one.
         let nodes = Self::around(x, y);
         let is_border = |k: usize| classes[k] != classes[(k + 1) % 4];
         let count = (0..4).filter(|k| is_border(*k)).count();
         let fork = (count > 2).then_some((x, y, 2));
         for k in (0..4).filter(|k| is_border(*k)) {
-            // A run begins behind border k, and ends at the next one.
+            // A run begins after border k and ends at the next one.
             let Some(class) = classes[(k + 1) % 4] else {
                 continue;
             };
@@ -409,7 +410,8 @@ impl Web<'_> {
     }
 }
 
-/// The place nearest to some lines, by least squares; none where they run nearly alike.
+/// Returns the point nearest to several lines in the least-squares sense; `None` if they are nearly
+/// parallel.
 fn meeting(lines: &[[[f64; 2]; 2]]) -> Option<[f64; 2]> {
     let (mut m, mut r) = ([0.0; 3], [0.0; 2]);
     for [a, b] in lines {

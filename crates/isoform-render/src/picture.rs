@@ -1,10 +1,10 @@
 //! Pictures: samples of the scene, more of them where something changes, and thin dark lines at
 //! edges and outlines.
 //!
-//! Each pixel has one sample in its middle. Where it differs from a neighbour's (by the surface,
-//! its direction or its colour), the pixel has a grid of 4 × 4. The pattern is fixed and each pixel is
-//! computed by itself, so that pictures do not depend on the number of threads, and pixels within
-//! one flat colour have exactly that.
+//! Each pixel has one sample at its centre. If that differs from a neighbour's (by surface,
+//! direction or colour), the pixel gets a grid of 4 × 4 samples. The pattern is fixed and each
+//! pixel is computed on its own, so that pictures do not depend on the number of threads, and
+//! pixels within one flat colour have exactly that colour.
 
 use crate::camera::{Camera, Sight};
 use crate::color::Color;
@@ -31,16 +31,16 @@ const EDGE: f64 = 0.55;
 const OUTLINE_SHARE: f32 = 0.85;
 const EDGE_SHARE: f32 = 0.7;
 
-/// How pictures are made.
+/// Style of pictures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Style {
-    /// What is seen where there is nothing.
+    /// Colour of the background.
     pub background: Color,
-    /// Whether edges and outlines are drawn.
+    /// True if edges and outlines are drawn.
     pub lines: bool,
-    /// Whether what a section or a box cuts has caps; else it is open there.
+    /// True if cuts by a section or a box are closed by caps; otherwise they are open.
     pub caps: bool,
-    /// Whether caps are hatched.
+    /// True if caps are hatched.
     pub hatch: bool,
 }
 
@@ -55,17 +55,17 @@ impl Default for Style {
     }
 }
 
-/// A picture: rows of pixels from the top.
+/// Picture, as rows of pixels from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
     /// Width and height in pixels.
     pub size: [u32; 2],
-    /// Width times height colours.
+    /// Colours, width times height of them.
     pub pixels: Vec<Color>,
 }
 
 impl Picture {
-    /// A picture of one colour.
+    /// Returns a picture of one colour.
     pub fn blank(size: [u32; 2], color: Color) -> Self {
         let count = size[0] as usize * size[1] as usize;
         Self {
@@ -74,15 +74,16 @@ impl Picture {
         }
     }
 
-    /// The colour of a pixel.
+    /// Returns the colour of a pixel.
     ///
     /// # Panics
-    /// If it is not in the picture.
+    ///
+    /// If the pixel is outside the picture.
     pub fn pixel(&self, x: u32, y: u32) -> Color {
         self.pixels[y as usize * self.size[0] as usize + x as usize]
     }
 
-    /// Puts another picture into this one; what reaches beyond is left out.
+    /// Copies another picture into this one; parts outside are clipped.
     pub fn put(&mut self, other: &Self, [x, y]: [u32; 2]) {
         let width = (self.size[0].saturating_sub(x)).min(other.size[0]) as usize;
         for row in 0..other.size[1].min(self.size[1].saturating_sub(y)) as usize {
@@ -92,7 +93,7 @@ impl Picture {
         }
     }
 
-    /// Mixes a colour into a pixel by a share; nothing outside of the picture.
+    /// Blends a colour into a pixel by a fraction; pixels outside the picture are ignored.
     pub(crate) fn mix(&mut self, [x, y]: [i64; 2], color: Color, share: f64) {
         let [width, height] = self.size.map(i64::from);
         if (0..width).contains(&x) && (0..height).contains(&y) {
@@ -105,7 +106,7 @@ impl Picture {
     }
 }
 
-/// Draws a scene.
+/// Renders a scene.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -149,16 +150,15 @@ pub fn render(
     })
 }
 
-/// Some rows of a picture with the pixels around them.
+/// Several rows of a picture with the pixels around them.
 struct Band {
-    /// Width with the apron.
+    /// Width including the apron, in pixels.
     width: usize,
-    /// Rows with the apron.
+    /// Height including the apron, in pixels.
     height: usize,
-    /// The sample in the middle of each pixel.
+    /// Sample at the centre of each pixel.
     coarse: Vec<Sample>,
-    /// Where the samples of a pixel begin in `fine`, one behind the number; 0 where it has no more
-    /// than one.
+    /// Start of the samples of a pixel in `fine`, plus 1; 0 if it has a single sample.
     index: Vec<u32>,
     fine: Vec<Sample>,
 }
@@ -210,7 +210,8 @@ impl Band {
         Ok(band)
     }
 
-    /// Whether a pixel differs from one around it; those at the end of the apron do not count.
+    /// Returns true if a pixel differs from one of its neighbours; pixels at the end of the apron
+    /// do not count.
     fn is_mixed(&self, pixel: usize) -> bool {
         let (x, y) = (pixel % self.width, pixel / self.width);
         if x == 0 || y == 0 || x + 1 == self.width || y + 1 == self.height {
@@ -223,7 +224,7 @@ impl Band {
             .any(|k| k != pixel && own.differs(&self.coarse[k]))
     }
 
-    /// The sample of a place of the fine grid.
+    /// Returns the sample at a point of the fine grid.
     fn at(&self, x: usize, y: usize) -> &Sample {
         let pixel = y / FINE * self.width + x / FINE;
         match self.index[pixel] {
@@ -232,7 +233,7 @@ impl Band {
         }
     }
 
-    /// The colours of the rows without the apron.
+    /// Returns the colours of the rows without the apron.
     fn colors(&self, style: &Style) -> Vec<Color> {
         let reach = reach();
         let mut colors = Vec::new();
@@ -250,7 +251,7 @@ impl Band {
         colors
     }
 
-    /// The mean of a pixel's samples, with the lines on them.
+    /// Returns the mean of a pixel's samples, with the lines on them.
     fn mean(&self, [x, y]: [usize; 2], reach: Option<&Vec<([i32; 2], bool)>>) -> [f32; 3] {
         let mut sum = [0.0; 3];
         for k in 0..FINE * FINE {
@@ -264,7 +265,7 @@ impl Band {
         sum.map(|v| v / (FINE * FINE) as f32)
     }
 
-    /// How much of a line is on a sample.
+    /// Returns the opacity of a line at a sample.
     fn line(&self, [x, y]: [usize; 2], own: &Sample, reach: &[([i32; 2], bool)]) -> f32 {
         if own.seen.is_none() {
             return 0.0;
@@ -281,8 +282,8 @@ impl Band {
     }
 }
 
-/// The places around one of the fine grid that a line may come from, nearest first, and whether an
-/// edge may.
+/// Returns the offsets on the fine grid from which a line may reach a point, nearest first, each
+/// with true if an edge reaches as far, too.
 fn reach() -> Vec<([i32; 2], bool)> {
     let most = (OUTLINE * FINE as f64).floor() as i32;
     let away = |[x, y]: [i32; 2]| f64::from(x * x + y * y).sqrt() / FINE as f64;

@@ -1,13 +1,14 @@
-//! Pictures as PNG files.
+//! PNG files of pictures.
 
 use crate::color::Color;
 use crate::picture::Picture;
 use std::io::Cursor;
 
-/// The bytes of a PNG file: 24 bits a pixel, no text and no time in it.
+/// Encodes a picture as PNG with 24 bits per pixel, without text and time.
 ///
 /// # Errors
-/// If the picture has no pixels, or more than the format takes.
+///
+/// If the picture has no pixels, or more than the format allows.
 pub fn write_png(picture: &Picture) -> Result<Vec<u8>, png::EncodingError> {
     let mut bytes = Cursor::new(Vec::new());
     let mut encoder = png::Encoder::new(&mut bytes, picture.size[0], picture.size[1]);
@@ -19,11 +20,12 @@ pub fn write_png(picture: &Picture) -> Result<Vec<u8>, png::EncodingError> {
     Ok(bytes.into_inner())
 }
 
-/// Returns the bytes of a PNG file of few colours: pixels are numbers of the palette's colours, the
-/// first of which is transparent.
+/// Encodes a picture with few colours as PNG: pixels are indices of the palette, whose first colour
+/// is transparent.
 ///
 /// # Errors
-/// If there are no pixels, or more than the format takes.
+///
+/// If there are no pixels, or more than the format allows.
 pub fn write_indexed_png(
     size: [u32; 2],
     pixels: &[u8],
@@ -35,7 +37,7 @@ pub fn write_indexed_png(
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_palette(palette.as_flattened());
     encoder.set_trns(&[0][..]);
-    // Shades are smooth from row to row.
+    // Shades vary little from row to row.
     encoder.set_filter(png::Filter::Up);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(pixels)?;

@@ -1,13 +1,12 @@
-//! Lines on paper: segments joined to chains, corners put back where a grid has cut them, and
-//! points left out that a line does not need.
+//! Lines of drawings: segments joined to chains, corners restored that a grid has cut, and
+//! superfluous points removed.
 
 use std::collections::BTreeMap;
 
-/// A point of a line on a grid: to the right (0) or down (1) of a place of the grid, or (2) amid
-/// four.
+/// Point of a line on a grid: to the right of a grid point (0), below it (1), or amid four (2).
 pub type Node = (usize, usize, u8);
 
-/// Chains of segments, open ones first, each as long as it goes without a fork.
+/// Joins segments to chains, open ones first, each as long as possible without a fork.
 pub fn chains(segments: &[[Node; 2]]) -> Vec<Vec<Node>> {
     let mut web = Web::of(segments);
     let ends = web.at.iter().filter(|(_, s)| s.len() != 2).map(|(n, _)| *n);
@@ -24,14 +23,14 @@ pub fn chains(segments: &[[Node; 2]]) -> Vec<Vec<Node>> {
 /// Segments by the nodes that they join.
 struct Web<'s> {
     segments: &'s [[Node; 2]],
-    /// The segments at each node.
+    /// Indices of the segments at each node.
     at: BTreeMap<Node, Vec<usize>>,
-    /// Segments that are part of a chain already.
+    /// True, by segment, if it is part of a chain.
     used: Vec<bool>,
 }
 
 impl<'s> Web<'s> {
-    /// The web of these segments, none of them used.
+    /// Collects segments, none of them used.
     fn of(segments: &'s [[Node; 2]]) -> Self {
         let mut at: BTreeMap<Node, Vec<usize>> = BTreeMap::new();
         for (i, segment) in segments.iter().enumerate() {
@@ -46,12 +45,12 @@ impl<'s> Web<'s> {
         }
     }
 
-    /// The first segment at a node that is in no chain yet.
+    /// Returns the first segment at a node that is in no chain yet.
     fn unused(&self, node: Node) -> Option<usize> {
         self.at[&node].iter().copied().find(|s| !self.used[*s])
     }
 
-    /// The chain from a node along a segment, up to an end, a fork or itself.
+    /// Returns the chain from a node along a segment, up to an end, a fork or its start.
     fn chain(&mut self, start: Node, first: usize) -> Vec<Node> {
         let (mut chain, mut node, mut segment) = (vec![start], start, first);
         loop {
@@ -67,8 +66,8 @@ impl<'s> Web<'s> {
     }
 }
 
-/// Where two straight runs meet within a cell the chain cuts the corner: the corner is put in its
-/// place. `pixel` is the size of a cell.
+/// Restores corners: where two straight runs meet within a cell, the chain cuts the corner, which
+/// is inserted. `pixel` is the size of a cell.
 pub fn sharpened(points: Vec<[f64; 2]>, pixel: f64) -> Vec<[f64; 2]> {
     let n = points.len();
     let is_closed = n > 8 && points[0] == points[n - 1];
@@ -86,7 +85,7 @@ pub fn sharpened(points: Vec<[f64; 2]>, pixel: f64) -> Vec<[f64; 2]> {
             break;
         }
         let i = i as isize;
-        // Two segments before and two behind, each pair straight.
+        // Two segments before and two after, each pair straight.
         let (Some(a), Some(b), Some(c), Some(d), Some(e), Some(f)) = (
             get(i - 2),
             get(i - 1),
@@ -108,20 +107,21 @@ pub fn sharpened(points: Vec<[f64; 2]>, pixel: f64) -> Vec<[f64; 2]> {
     out
 }
 
-/// The distance on the paper.
+/// Returns the distance of two points on the paper.
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-/// Whether the middle one of three points lies on the chord of the others, within 3 % of its
-/// length.
+/// Returns true if the middle one of three points lies on the chord of the others, within 3 % of
+/// the chord's length.
 fn is_straight(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> bool {
     let cross = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     let length = distance(a, c);
     length > 0.0 && cross.abs() < 0.03 * length * length
 }
 
-/// Where the lines through two pairs of points meet, ahead of both; none if they run nearly alike.
+/// Returns the intersection of the lines through two pairs of points, ahead of both; `None` if they
+/// are nearly parallel.
 fn meeting([a, b]: [[f64; 2]; 2], [c, d]: [[f64; 2]; 2]) -> Option<[f64; 2]> {
     let (u, v) = ([b[0] - a[0], b[1] - a[1]], [d[0] - c[0], d[1] - c[1]]);
     let cross = u[0] * v[1] - u[1] * v[0];
@@ -134,8 +134,8 @@ fn meeting([a, b]: [[f64; 2]; 2], [c, d]: [[f64; 2]; 2]) -> Option<[f64; 2]> {
     (t >= 1.0 && s >= 1.0).then(|| [a[0] + t * u[0], a[1] + t * u[1]])
 }
 
-/// Points that a line needs (Douglas and Peucker 1973), without recursion: those left out lie
-/// within the tolerance of the line.
+/// Removes superfluous points of a line (Douglas and Peucker 1973), without recursion: those
+/// removed lie within the tolerance of the line.
 ///
 /// ```
 /// use isoform_render::polyline::simplified;
@@ -168,7 +168,7 @@ pub fn simplified(points: &[[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
     (0..n).filter(|i| keep[*i]).map(|i| points[i]).collect()
 }
 
-/// The distance of a point of the paper from a chord.
+/// Returns the distance of a point of the paper from a chord.
 fn from_chord(p: [f64; 2], chord: [[f64; 2]; 2]) -> f64 {
     let lifted = |[x, y]: [f64; 2]| [x, y, 0.0];
     isoform::geom::distance_to_segment(lifted(p), chord.map(lifted))

@@ -1,9 +1,9 @@
-//! Planes that cut away what is beyond them.
+//! Section planes.
 
 use crate::camera::{Ray, unit};
 use isoform::geom::{Point3, dot, norm};
 
-/// A plane: what has normal · x > offset is cut away.
+/// Plane that cuts away the half-space normal · x > offset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
     normal: Point3,
@@ -11,7 +11,8 @@ pub struct Section {
 }
 
 impl Section {
-    /// The plane normal · x = offset; none where the normal is zero, or a number is not finite.
+    /// Returns the plane normal · x = offset; `None` if the normal is zero or a number is not
+    /// finite.
     pub fn new(normal: Point3, offset: f64) -> Option<Self> {
         let size = norm(normal);
         let is_plane = size > 0.0 && size.is_finite() && offset.is_finite();
@@ -21,23 +22,23 @@ impl Section {
         })
     }
 
-    /// How far a place is beyond the plane.
+    /// Returns the signed distance of a point beyond the plane.
     pub(crate) fn height(&self, p: Point3) -> f64 {
         dot(self.normal, p) - self.offset
     }
 
-    /// Whether a place is left.
+    /// Returns true if a point is not cut away.
     pub(crate) fn keeps(&self, p: Point3) -> bool {
         self.height(p) <= 0.0
     }
 
-    /// The outward direction of caps.
+    /// Returns the outward direction of caps.
     pub(crate) fn normal(&self) -> Point3 {
         self.normal
     }
 
-    /// The stretch of a ray that is left, and whether it begins at the plane; none where all of it
-    /// is cut away.
+    /// Returns the stretch of a ray that is not cut away, and true if it begins at the plane;
+    /// `None` if all of it is cut away.
     pub(crate) fn clip(&self, ray: &Ray) -> Option<([f64; 2], bool)> {
         let slope = dot(self.normal, ray.d);
         let room = -self.height(ray.o);

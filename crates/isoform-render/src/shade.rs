@@ -1,24 +1,24 @@
-//! Light and the colours that surfaces have without any of their own: those of the page.
+//! Light, and default colours of surfaces, equal to those of the page.
 
 use crate::camera::{Sight, along, unit};
 use crate::color::Color;
 use isoform::geom::{Point3, dot};
 
-/// Models.
+/// Colour of models.
 pub(crate) const MODEL: Color = [132, 160, 190];
-/// Meshes.
+/// Colour of meshes.
 pub(crate) const MESH: Color = [158, 170, 164];
-/// Maps and patches.
+/// Colour of maps and patches.
 pub(crate) const MAP: Color = [150, 178, 205];
-/// Caps of sections.
+/// Colour of the caps of sections.
 pub(crate) const CAP: Color = [224, 164, 88];
-/// Points.
+/// Colour of points.
 pub(crate) const POINT: Color = [176, 84, 12];
-/// Points that no figure counts.
+/// Colour of outliers.
 pub(crate) const OUTLIER: Color = [96, 96, 102];
-/// Lines of edges and outlines.
+/// Colour of edges and outlines.
 pub(crate) const LINE: Color = [40, 44, 52];
-/// Double curves of maps.
+/// Colour of the double curves of maps.
 pub(crate) const DOUBLE: Color = [209, 73, 91];
 
 /// What light from everywhere, light from one side, and its reflection add.
@@ -32,7 +32,7 @@ const BESIDE: f64 = 0.4;
 /// How narrow the reflection is.
 const GLOSS: i32 = 40;
 
-/// A colour in the light, which comes from beside the eye. Faces are lit on both sides.
+/// Returns a colour under a light above and to the left of the eye. Faces are lit on both sides.
 pub(crate) fn lit(color: Color, normal: Point3, ray: Point3, sight: &Sight) -> [f64; 3] {
     let to_eye = ray.map(|v| -v);
     let n = if dot(normal, to_eye) < 0.0 {
@@ -47,7 +47,7 @@ pub(crate) fn lit(color: Color, normal: Point3, ray: Point3, sight: &Sight) -> [
     color.map(|c| f64::from(c) * (AMBIENT + DIFFUSE * diffuse) + 255.0 * SHINE * shine)
 }
 
-/// A flat colour.
+/// Returns a colour without light.
 pub(crate) fn flat(color: Color) -> [f64; 3] {
     color.map(f64::from)
 }

@@ -1,27 +1,27 @@
-//! Several views on one sheet.
+//! Sheets with several views.
 
 use crate::camera::{Camera, FOV, View};
 use isoform::geom::Aabb;
 
-/// A view of a sheet.
+/// View on a sheet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pane {
-    /// Its name, written into its corner; may be empty.
+    /// Name, written into its corner; may be empty.
     pub name: String,
-    /// Its upper left corner on the sheet, in pixels.
+    /// Upper left corner on the sheet, in pixels.
     pub at: [u32; 2],
-    /// Its width and height.
+    /// Width and height in pixels.
     pub size: [u32; 2],
-    /// What it is seen with.
+    /// Camera of the view.
     pub camera: Camera,
 }
 
-/// How panes without a camera of their own look.
+/// Projection of panes without a camera of their own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
-    /// Whether rays are parallel.
+    /// True if rays are parallel.
     pub orthographic: bool,
-    /// The angle of view over the height, in degrees.
+    /// Vertical angle of view, in degrees.
     pub fov: f64,
 }
 
@@ -34,8 +34,9 @@ impl Default for Look {
     }
 }
 
-/// Panes of equal size for some views, row by row, as square as it goes; in each all of the box is
-/// seen. Several views have parallel rays and one scale, as drawings have.
+/// Returns panes of equal size for several views, row by row, on a grid that is as square as
+/// possible; each shows all of the box. Several views have parallel rays and one scale, as in
+/// technical drawings.
 ///
 /// ```
 /// use isoform::geom::Aabb;

@@ -17,60 +17,60 @@ const DARK: f64 = 0.78;
 /// finds farther away is another sheet.
 const NEAR: f64 = 0.02;
 
-/// What triangles are coloured by.
+/// Colouring of triangles.
 #[derive(Clone, Debug)]
 pub(crate) enum Paint {
     /// One colour for all.
     Plain(Color),
-    /// A colour for each part.
+    /// One colour for each part.
     Parts(Vec<Color>),
-    /// The same, each part chequered by its parameters.
+    /// One colour for each part, in a chequered pattern by its parameters.
     Chequered(Vec<Color>),
-    /// Values at the corners of each triangle.
+    /// Values at the corners of each triangle, with their scale.
     Values(Vec<[f64; 3]>, Scale),
 }
 
-/// The sine of the angle at which surfaces that lie on one another are still told from such that do
-/// not: their distance along a ray grows with the inverse.
+/// Sine of the smallest angle between a ray and a surface for which coincident surfaces are
+/// recognised: their distance along a ray grows with the inverse of the sine.
 pub(crate) const STEEPEST: f64 = 0.1;
 
-/// Triangles, prepared for rays.
+/// Triangles prepared for rays.
 #[derive(Clone, Debug)]
 pub(crate) struct Surface {
     pub(crate) points: Vec<Point3>,
     pub(crate) triangles: Vec<[u32; 3]>,
-    /// The part of each triangle, or nothing where there is one part.
+    /// Part of each triangle; empty if there is one part.
     pub(crate) parts: Vec<u32>,
     pub(crate) paint: Paint,
-    /// Parameters of the corners of each triangle, and the surface itself.
+    /// Exact surface, and the parameters of the corners of each triangle.
     pub(crate) exact: Option<(Exact, Vec<[[f64; 2]; 3]>)>,
-    /// Normals at the corners of triangles that stand for smooth faces.
+    /// Normals at the corners of triangles that represent smooth faces.
     pub(crate) normals: Vec<[Point3; 3]>,
-    /// Surfaces that lie on one another: those of higher rank are seen. The rank of each triangle,
-    /// and how far from one another such surfaces may be.
+    /// Rank of each triangle, and the largest distance at which surfaces count as coincident: of
+    /// these the one with the highest rank is visible.
     pub(crate) ranks: (Vec<u32>, f64),
-    /// How far behind another layer it may be and still be seen: what stands for that layer's
-    /// surface is not hidden by it.
+    /// Distance by which it may be behind another layer and still be visible: that layer's surface
+    /// does not hide its own approximation.
     pub(crate) lift: f64,
-    /// Whether the edges of triangles are drawn.
+    /// True if the edges of triangles are drawn.
     pub(crate) has_edges: bool,
-    /// What bounds the solid, where there is one: caps of sections fill it.
+    /// Boundary of the solid that caps of sections fill.
     pub(crate) lid: Lid,
     tree: Bvh,
 }
 
-/// What bounds a solid.
+/// Boundary of a solid.
 #[derive(Clone, Debug)]
 pub(crate) enum Lid {
-    /// Nothing: the surface is open.
+    /// No solid: the surface is open.
     Open,
     /// The triangles themselves.
     Own,
-    /// The cut through tetrahedra.
+    /// Cut through tetrahedra.
     Cut(Box<Surface>),
 }
 
-/// Where a ray meets a surface.
+/// Intersection of a ray with a surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OnSurface {
     pub(crate) t: f64,
@@ -97,7 +97,7 @@ impl Surface {
         }
     }
 
-    /// The box of all corners of triangles.
+    /// Returns the box of all corners of triangles.
     pub(crate) fn bounds(&self) -> Aabb {
         let corners = self.triangles.as_flattened().iter();
         Aabb::of(corners.map(|i| &self.points[*i as usize]))
@@ -111,7 +111,8 @@ impl Surface {
         self.parts.get(triangle as usize).copied().unwrap_or(0)
     }
 
-    /// The first place in which a ray meets what a section leaves.
+    /// Returns the first intersection of a ray with the part of the surface that a section leaves;
+    /// `None` if there is none.
     pub(crate) fn meet(
         &self,
         ray: &Ray,
@@ -119,8 +120,7 @@ impl Surface {
         section: Option<&Section>,
     ) -> Option<OnSurface> {
         let (ranks, apart) = &self.ranks;
-        // The nearest place, and those that lie behind it by no more than surfaces that lie on one
-        // another may.
+        // The nearest intersection, and those behind it that may belong to coincident surfaces.
         let mut nearest = f64::INFINITY;
         let mut near: Vec<Meeting> = Vec::new();
         self.tree
@@ -137,7 +137,7 @@ impl Surface {
             let n = unit(facet_normal(self.corners(m.triangle)));
             m.t <= nearest + apart / dot(n, ray.d).abs().max(STEEPEST)
         };
-        // The first of the highest rank; the nearest of those.
+        // The highest rank first, then the nearest.
         let best = near.iter().filter(is_on).max_by(|a, b| {
             let order = rank(a).cmp(&rank(b));
             order
@@ -147,7 +147,7 @@ impl Surface {
         best.map(|meeting| self.place(ray, *meeting))
     }
 
-    /// The place of the surface itself where its triangle is met.
+    /// Returns the point of the exact surface at an intersection with its triangle.
     fn place(&self, ray: &Ray, meeting: Meeting) -> OnSurface {
         let Meeting {
             t,
@@ -191,7 +191,7 @@ impl Surface {
         [0, 1].map(|k| (0..3).map(|c| m.shares[c] * uv[c][k]).sum())
     }
 
-    /// The colour of a place.
+    /// Returns the colour at an intersection.
     pub(crate) fn color(&self, m: &Meeting) -> Color {
         match &self.paint {
             Paint::Values(values, scale) => {
@@ -202,8 +202,8 @@ impl Surface {
         }
     }
 
-    /// Which of its part's colours a place has: the square of a chequered patch, or the step of a
-    /// scale.
+    /// Returns the index of the colour within its part: of the square of a chequered patch, or of
+    /// the step of a scale.
     pub(crate) fn tone(&self, m: &Meeting) -> u16 {
         match &self.paint {
             Paint::Plain(_) | Paint::Parts(_) => 0,
@@ -223,7 +223,7 @@ impl Surface {
         }
     }
 
-    /// The colour of one of a part's tones.
+    /// Returns the colour with a given index within a part.
     pub(crate) fn fill(&self, part: u32, tone: u16) -> Color {
         let of = |list: &[Color]| {
             let own = list.get(part as usize).copied();
@@ -240,8 +240,8 @@ impl Surface {
         }
     }
 
-    /// Whether a place at which a ray comes through a section is inside of the solid; with the
-    /// place on the cut where there is one.
+    /// Returns `Some` if the point at which a ray passes a section is inside the solid; with the
+    /// point on the cut through tetrahedra, if there is one.
     pub(crate) fn cap(&self, ray: &Ray, t: f64) -> Option<Option<OnSurface>> {
         match &self.lid {
             Lid::Open => None,
@@ -255,7 +255,7 @@ impl Surface {
         }
     }
 
-    /// The cut through tetrahedra, where there is one.
+    /// Returns the cut through tetrahedra; `None` if there is none.
     pub(crate) fn cut(&self) -> Option<&Self> {
         match &self.lid {
             Lid::Cut(cut) => Some(cut),
@@ -263,8 +263,8 @@ impl Surface {
         }
     }
 
-    /// Takes the smooth faces of parts for what triangles stand for: normals at the corners are the
-    /// means of those around, by area.
+    /// Switches to smooth shading: normals at corners are the area-weighted means of the normals
+    /// around, by part.
     pub(crate) fn smoothed(mut self) -> Self {
         let mut sums: HashMap<(u32, u32), Point3> = HashMap::new();
         for (k, t) in self.triangles.iter().enumerate() {
@@ -282,8 +282,8 @@ impl Surface {
     }
 }
 
-/// Whether triangles close up: each edge has as many of one direction as of the other. Those
-/// without an area bound nothing, and do not count.
+/// Returns true if triangles are closed: each edge occurs equally often in both directions.
+/// Triangles without area bound nothing and are ignored.
 pub(crate) fn is_closed(points: &[Point3], triangles: &[[u32; 3]]) -> bool {
     let mut balance: HashMap<[u32; 2], i32> = HashMap::new();
     let has_area = |t: &&[u32; 3]| facet_normal(t.map(|i| points[i as usize])) != [0.0; 3];
@@ -297,7 +297,7 @@ pub(crate) fn is_closed(points: &[Point3], triangles: &[[u32; 3]]) -> bool {
     !balance.is_empty() && balance.values().all(|sum| *sum == 0)
 }
 
-/// The polygons in which a section cuts tetrahedra of some regions, as triangles: a part for each
+/// Returns the polygons in which a section cuts tetrahedra, as triangles, with one part for each
 /// region.
 pub(crate) fn cut_of(
     points: &[Point3],
@@ -328,7 +328,8 @@ pub(crate) fn cut_of(
         nodes.extend(polygon);
     }
     let count = parts.iter().max().map_or(1, |most| *most as usize + 1);
-    // The second hue of parts is that of caps.
+    // Region 0 has the colour of caps, which resembles the second hue of parts; so region 1 takes
+    // the first hue.
     let color = |k: usize| match k {
         0 => shade::CAP,
         1 => part_color(0),
@@ -341,7 +342,7 @@ pub(crate) fn cut_of(
     cut
 }
 
-/// The quality of a triangle: 1 where it is equilateral, 0 where it has no area.
+/// Returns the quality of a triangle: 1 if it is equilateral, 0 if it has no area.
 pub(crate) fn quality([a, b, c]: [Point3; 3]) -> f64 {
     let squares: f64 = [sub(b, a), sub(c, b), sub(a, c)]
         .iter()
@@ -388,7 +389,7 @@ mod tests {
             };
             both.cap(&ray, 0.0).is_some()
         };
-        // In the first alone, in both, in the second alone, in none.
+        // Points in the first tetrahedron, in both, in the second, and in none.
         let found = [0.05, 0.2, 0.4, 0.5].map(is_inside);
         assert_eq!(found, [true, true, true, false]);
     }

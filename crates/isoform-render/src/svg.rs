@@ -1,7 +1,7 @@
-//! Drawings: areas of one colour, outlines and edges, as SVG (W3C, Scalable Vector Graphics 1.1).
+//! Drawings as SVG (W3C, Scalable Vector Graphics 1.1): areas of one colour, outlines and edges.
 //!
 //! Widths and colours are in a style sheet, by classes: `outline`, `edge`, `hidden`, `cap`, and one
-//! for each colour. Coordinates are pixels of the picture with two digits.
+//! for each colour. Coordinates are in pixels with two digits.
 
 use crate::camera::Sight;
 use crate::color::{Color, Scale};
@@ -37,22 +37,22 @@ const LINE: f64 = 17.0;
 const BAR: [f64; 2] = [16.0, 150.0];
 const MARGIN: f64 = 14.0;
 
-/// How drawings are made.
+/// Options of drawings.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Drawing {
-    /// What pictures have, too.
+    /// Options shared with pictures.
     pub style: Style,
-    /// Whether hidden edges are drawn, dashed.
+    /// True if hidden edges are drawn, dashed.
     pub hidden: bool,
-    /// Whether scales and lists of parts are drawn.
+    /// True if scales and lists of parts are drawn.
     pub legend: bool,
-    /// Whether room was left for them at the right side.
+    /// True if room was left for them at the right side.
     pub has_room: bool,
-    /// What the drawing is called.
+    /// Title of the drawing.
     pub title: String,
 }
 
-/// Draws a scene in some views.
+/// Draws a scene in several views.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -101,7 +101,7 @@ pub fn draw_svg(
     ))
 }
 
-/// A drawing under construction.
+/// Drawing under construction.
 struct Sheet<'a> {
     scene: &'a Scene,
     drawing: &'a Drawing,
@@ -111,7 +111,7 @@ struct Sheet<'a> {
 }
 
 impl Sheet<'_> {
-    /// The name of the class of a colour.
+    /// Returns the name of the class of a colour.
     fn class(&mut self, color: Color) -> String {
         let number = self.classes.len() + 1;
         let name = self.classes.entry(color);
@@ -140,7 +140,7 @@ impl Sheet<'_> {
         style
     }
 
-    /// One view; where there is something to be seen in it.
+    /// Draws one view; returns the occupied cells by quarters of its height and width.
     fn pane(&mut self, pane: &Pane, control: &Control<'_>) -> Result<[[usize; 4]; 4], Stopped> {
         let sight = Sight::new(pane.camera, pane.size);
         let marks = Marks::default();
@@ -178,7 +178,7 @@ impl Sheet<'_> {
         Ok(net.taken)
     }
 
-    /// The colour of an area.
+    /// Returns the colour of an area.
     fn fill(&self, class: Class) -> Color {
         let layer = &self.scene.layers[class.layer as usize];
         let tint =
@@ -196,7 +196,7 @@ impl Sheet<'_> {
     }
 
     fn areas(&mut self, net: &Network) {
-        // Areas of one colour are one path: no seam between them.
+        // Areas of one colour are one path: no seam appears between them.
         let mut by_color: BTreeMap<Color, String> = BTreeMap::new();
         let mut caps = String::new();
         for (class, rings) in &net.areas {
@@ -228,7 +228,7 @@ impl Sheet<'_> {
         }
     }
 
-    /// Double curves of maps, where they are seen.
+    /// Draws the visible parts of the double curves of maps.
     fn curves(&mut self, tracer: &Tracer<'_>) {
         for layer in self.scene.layers.iter().filter(|l| l.kind == "map") {
             let mut by_color: BTreeMap<Color, String> = BTreeMap::new();
@@ -251,7 +251,7 @@ impl Sheet<'_> {
         }
     }
 
-    /// Points that are seen, as dots, one path for each colour.
+    /// Draws the visible points as dots, one path for each colour.
     fn points(&mut self, tracer: &Tracer<'_>) {
         for layer in &self.scene.layers {
             let Body::Points {
@@ -290,7 +290,7 @@ impl Sheet<'_> {
         }
     }
 
-    /// Scales and lists of parts, in the corner where least is drawn.
+    /// Draws scales and lists of parts, in the corner with the least drawing.
     fn legend(&mut self, size: [u32; 2], taken: [[usize; 4]; 4]) {
         let [width, height] = size.map(f64::from);
         let all: Vec<&Layer> = self
@@ -353,7 +353,8 @@ impl Sheet<'_> {
         );
     }
 
-    /// The bar of a scale: a rectangle for each of its steps, with the ends and the middle named.
+    /// Draws the bar of a scale: a rectangle for each of its steps, with labels at the ends and the
+    /// middle.
     fn bar(&mut self, scale: &Scale, rows: &mut Rows) {
         let steps = 2 * BAR[1] as usize / 3;
         let top = rows.y + 0.5 * LINE;
@@ -391,7 +392,7 @@ impl Rows {
         let text: String = text.chars().take(60).collect();
         self.y += LINE;
         let base = self.y - 4.0;
-        // Letters of a font without serifs are about 0.56 of its size wide.
+        // Letters of a sans-serif font are about 0.56 of its size wide.
         self.width = self
             .width
             .max(x + 0.56 * LETTER * text.chars().count() as f64);
@@ -411,7 +412,7 @@ impl Rows {
     }
 }
 
-/// The colour of the step of a scale that has nearly a colour.
+/// Returns the colour of a scale's step that is nearest to a colour.
 fn nearest_step(scale: &Scale, color: Color) -> Color {
     let away = |c: Color| -> i32 {
         (0..3)
@@ -424,8 +425,7 @@ fn nearest_step(scale: &Scale, color: Color) -> Color {
     steps.min_by_key(|c| away(*c)).unwrap_or(color)
 }
 
-/// Where a place is in the picture, if it is seen there, or is within a surface by no more than
-/// `lift`.
+/// Returns the pixel coordinates of a point; `None` if it is hidden by more than `lift`.
 fn visible(tracer: &Tracer<'_>, p: Point3, lift: f64, scratch: &mut Scratch) -> Option<[f64; 2]> {
     let is_left = tracer.scene.section.is_none_or(|s| s.keeps(p));
     let at = tracer.sight.project(p).filter(|_| is_left)?;
@@ -435,7 +435,7 @@ fn visible(tracer: &Tracer<'_>, p: Point3, lift: f64, scratch: &mut Scratch) -> 
     is_free.then_some(at)
 }
 
-/// The stretches of a curve that are seen (or that are not), on the paper.
+/// Returns the visible (or invisible) stretches of a curve, in pixels.
 pub(crate) fn runs(tracer: &Tracer<'_>, points: &[Point3], is_seen: bool) -> Vec<Vec<[f64; 2]>> {
     let mut scratch = Scratch::default();
     let mut runs: Vec<Vec<[f64; 2]>> = Vec::new();
@@ -466,7 +466,7 @@ pub(crate) fn runs(tracer: &Tracer<'_>, points: &[Point3], is_seen: bool) -> Vec
         .collect()
 }
 
-/// The data of a path; closed where it ends where it begins.
+/// Returns the data of a path; closed if its ends coincide.
 fn path(points: &[[f64; 2]]) -> String {
     let is_closed = points.len() > 3 && points.first() == points.last();
     let shown = if is_closed {
@@ -490,7 +490,7 @@ fn path(points: &[[f64; 2]]) -> String {
     d
 }
 
-/// A coordinate with two digits at most.
+/// Formats a coordinate with at most two decimals.
 fn short(v: f64) -> String {
     let text = format!("{v:.2}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
@@ -501,7 +501,7 @@ fn short(v: f64) -> String {
     }
 }
 
-/// A colour mixed with white.
+/// Mixes a colour with white.
 fn tinted(color: Color, white: f64) -> Color {
     color.map(|v| (f64::from(v) + white * (255.0 - f64::from(v))).round() as u8)
 }
@@ -510,7 +510,7 @@ fn hex([r, g, b]: Color) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// A text within XML: what XML cannot hold is left out.
+/// Escapes text for XML and removes characters that XML cannot represent.
 fn escaped(text: &str) -> String {
     let mut xml = String::with_capacity(text.len());
     for letter in text.chars() {

@@ -1,4 +1,4 @@
-//! Letters on pictures.
+//! Text on pictures.
 
 use crate::color::Color;
 use crate::picture::Picture;
@@ -13,18 +13,18 @@ const MOST: usize = 32;
 /// What stands for a letter that the font has not.
 const MISSING: char = '?';
 
-/// A text in letters that the font has.
+/// Replaces letters that the font lacks.
 fn spelled(text: &str) -> String {
     text.replace('≥', ">=").replace('≤', "<=").replace('−', "-")
 }
 
-/// The width of a text in pixels.
+/// Returns the width of a text in pixels.
 pub(crate) fn width(text: &str) -> u32 {
     (get_raster_width(WEIGHT, HEIGHT) * spelled(text).chars().count()) as u32
 }
 
-/// A name that fits: its beginning and its end. Letters that turn the direction of writing, and
-/// others that are not seen, have no picture.
+/// Shortens a name to its beginning and its end. Control characters are removed, as they have no
+/// glyphs.
 pub(crate) fn shortened(name: &str) -> String {
     let letters: Vec<char> = name.chars().filter(|c| !c.is_control()).collect();
     if letters.len() <= MOST {
@@ -37,7 +37,7 @@ pub(crate) fn shortened(name: &str) -> String {
     short
 }
 
-/// Writes a text; its upper left corner is at a place.
+/// Writes a text with its upper left corner at a point.
 pub(crate) fn write(picture: &mut Picture, [x, y]: [u32; 2], text: &str, color: Color) {
     let step = get_raster_width(WEIGHT, HEIGHT) as i64;
     for (k, letter) in spelled(text).chars().enumerate() {

@@ -1,4 +1,4 @@
-//! What is seen along a line of sight.
+//! Tracing of lines of sight.
 
 use crate::camera::{Ray, Sight, along};
 use crate::color::Color;
@@ -20,7 +20,7 @@ const APART: f64 = 3.0;
 const OFF_PLANE: f64 = 0.3;
 /// Colours that differ by more are not one.
 const UNLIKE: f32 = 20.0;
-/// The part of what has none.
+/// Part number of caps, which belong to no part.
 pub(crate) const CAP: u32 = u32::MAX;
 /// Distance between hatches, and their width, in pixels.
 const HATCH: f64 = 9.0;
@@ -29,24 +29,24 @@ const HATCH_WIDTH: f64 = 1.0;
 const WIRE: f64 = 0.3;
 const SMALL: [f64; 2] = [3.0, 9.0];
 
-/// The surface that is seen.
+/// Visible point of a surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Seen {
     pub(crate) point: Point3,
     pub(crate) depth: f64,
-    /// Towards the eye.
+    /// Unit normal towards the eye.
     pub(crate) normal: Point3,
     pub(crate) layer: u16,
-    /// The part of the layer; [`CAP`] for a cap.
+    /// Part of the layer; [`CAP`] for a cap.
     pub(crate) part: u32,
-    /// Which of its part's colours it has, where there are several.
+    /// Index of the colour within the part.
     pub(crate) tone: u16,
-    /// The size of a pixel there.
+    /// Size of a pixel there, in model units.
     pub(crate) pixel: f64,
 }
 
 impl Seen {
-    /// What is one area of one colour in a drawing.
+    /// Returns the class of the area to which it belongs in a drawing.
     pub(crate) fn class(&self) -> Class {
         Class {
             layer: self.layer,
@@ -56,7 +56,7 @@ impl Seen {
     }
 }
 
-/// An area of one colour: a layer, a part of it, and one of the part's colours.
+/// Class of an area of one colour: a layer, a part of it, and one of the part's colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Class {
     pub(crate) layer: u16,
@@ -64,30 +64,30 @@ pub(crate) struct Class {
     pub(crate) tone: u16,
 }
 
-/// What is seen at a place of the picture.
+/// Sample of a picture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sample {
     pub(crate) color: [f32; 3],
-    /// None where there is nothing, or a mark.
+    /// Visible surface; `None` for the background and for marks.
     pub(crate) seen: Option<Seen>,
     pub(crate) is_mark: bool,
 }
 
-/// What lies between two neighbouring samples.
+/// Border between two neighbouring samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Border {
-    /// Nothing.
+    /// No border.
     None,
-    /// The first is before the second, or the second is empty.
+    /// The first is in front of the second, or the second is empty.
     Before,
-    /// The other way round.
+    /// The second is in front of the first, or the first is empty.
     Behind,
-    /// An edge of both.
+    /// Edge of both.
     Edge,
 }
 
 impl Sample {
-    /// What lies between two samples.
+    /// Returns the border between two samples.
     pub(crate) fn border(&self, other: &Self) -> Border {
         if self.is_mark || other.is_mark {
             Border::None
@@ -96,14 +96,14 @@ impl Sample {
         }
     }
 
-    /// Whether a pixel between the two needs more samples.
+    /// Returns true if a pixel between the two needs more samples.
     pub(crate) fn differs(&self, other: &Self) -> bool {
         let is_unlike = (0..3).any(|k| (self.color[k] - other.color[k]).abs() > UNLIKE);
         is_unlike || self.is_mark != other.is_mark || self.border(other) != Border::None
     }
 }
 
-/// What lies between two surfaces that are seen beside each other.
+/// Returns the border between two neighbouring visible points.
 pub(crate) fn border(a: Option<&Seen>, b: Option<&Seen>) -> Border {
     let (a, b) = match (a, b) {
         (None, None) => return Border::None,
@@ -131,36 +131,36 @@ pub(crate) fn border(a: Option<&Seen>, b: Option<&Seen>) -> Border {
     }
 }
 
-/// How a scene is seen.
+/// Tracer of a scene.
 #[derive(Debug)]
 pub(crate) struct Tracer<'a> {
     pub(crate) scene: &'a Scene,
     pub(crate) sight: &'a Sight,
     pub(crate) marks: &'a Marks,
     pub(crate) background: Color,
-    /// Whether there are caps.
+    /// True if there are caps.
     pub(crate) has_caps: bool,
     pub(crate) is_hatched: bool,
 }
 
-/// The nearest place so far, with its colour in the light.
+/// Nearest point so far, with its shaded colour.
 struct Nearest {
     t: f64,
-    /// How far something else may be before it and still be hidden by it.
+    /// Distance by which other layers may be in front of it and still be hidden by it.
     lift: f64,
     seen: Seen,
     color: [f64; 3],
 }
 
 impl Nearest {
-    /// What counts when two places are compared.
+    /// Returns the key by which two points are compared.
     fn order(&self) -> f64 {
         self.t - self.lift
     }
 }
 
 impl Tracer<'_> {
-    /// What is seen at a place of the picture.
+    /// Returns the sample at a point of the picture.
     pub(crate) fn sample(&self, at: [f64; 2], scratch: &mut Scratch) -> Sample {
         let nearest = self.nearest(at, scratch);
         let depth = nearest.as_ref().map_or(f64::INFINITY, |n| n.seen.depth);
@@ -186,7 +186,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// The surface that is seen, without marks.
+    /// Returns the visible surface, without marks.
     pub(crate) fn seen(&self, at: [f64; 2], scratch: &mut Scratch) -> Option<Seen> {
         self.nearest(at, scratch).map(|n| n.seen)
     }
@@ -225,14 +225,14 @@ impl Tracer<'_> {
     }
 }
 
-/// A line of sight on its way through a layer.
+/// Line of sight through a layer.
 struct Place<'a> {
     tracer: &'a Tracer<'a>,
     ray: Ray,
     range: [f64; 2],
-    /// Whether it begins at the plane of the section.
+    /// True if it begins at the plane of the section.
     is_cut: bool,
-    /// The place of the picture.
+    /// Pixel coordinates.
     at: [f64; 2],
     layer: u16,
 }
@@ -267,7 +267,7 @@ impl Place<'_> {
         lit(color, normal, self.ray.d, self.tracer.sight)
     }
 
-    /// A place of a cap: flat, with hatches where they are wanted.
+    /// Returns a point of a cap: flat, with hatches if enabled.
     fn cap(&self, t: f64, normal: Point3, color: Color) -> Nearest {
         let mut color = flat(color);
         let phase = (self.at[0] + self.at[1]).rem_euclid(HATCH);
@@ -321,7 +321,7 @@ impl Place<'_> {
         Some(found)
     }
 
-    /// A colour with the edges of the triangle, which are a pixel wide.
+    /// Blends the edges of the triangle, one pixel wide, into a colour.
     fn wired(&self, color: [f64; 3], surface: &Surface, on: &OnSurface) -> [f64; 3] {
         if !surface.has_edges {
             return color;

@@ -1,7 +1,7 @@
-//! Arrays of numbers in a page: bytes, deflated where that is shorter, as base64.
+//! Arrays of numbers in a page: bytes, deflated if that is shorter, as base64.
 //!
-//! The document of the scene names an array by its number, with its type; the bytes stand in an
-//! element of their own, so that a browser need not read millions of numbers as text.
+//! The document of the scene refers to an array by its index and its type; the bytes are in
+//! elements of their own, so that a browser need not parse millions of numbers as text.
 
 use serde_json::{Value, json};
 
@@ -12,14 +12,14 @@ const SAVING: f64 = 0.85;
 /// The effort of deflation, of 10: more takes much longer and saves little.
 const LEVEL: u8 = 6;
 
-/// The arrays of a page.
+/// Arrays of a page.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Blobs {
     texts: Vec<String>,
 }
 
 impl Blobs {
-    /// Adds little-endian bytes of numbers; what the document says of them.
+    /// Adds little-endian bytes of numbers; returns the reference for the document.
     fn add(&mut self, kind: &str, count: usize, bytes: &[u8]) -> Value {
         let packed = (bytes.len() >= LEAST)
             .then(|| miniz_oxide::deflate::compress_to_vec(bytes, LEVEL))
@@ -45,13 +45,13 @@ impl Blobs {
         self.add("f32", bytes.len() / 4, &bytes)
     }
 
-    /// Adds numbers of 32 bits.
+    /// Adds 32-bit integers.
     pub(crate) fn u32(&mut self, values: &[u32]) -> Value {
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         self.add("u32", values.len(), &bytes)
     }
 
-    /// Adds numbers of 16 bits.
+    /// Adds 16-bit integers.
     pub(crate) fn u16(&mut self, values: &[u16]) -> Value {
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         self.add("u16", values.len(), &bytes)
@@ -62,7 +62,7 @@ impl Blobs {
         self.add("u8", values.len(), values)
     }
 
-    /// The elements of the page that hold the arrays.
+    /// Returns the elements of the page that hold the arrays.
     pub(crate) fn elements(&self) -> String {
         let mut html = String::new();
         for (number, text) in self.texts.iter().enumerate() {
@@ -76,7 +76,7 @@ impl Blobs {
     }
 }
 
-/// Base64 (RFC 4648) with padding, for what pages hold of bytes.
+/// Encodes bytes as base64 (RFC 4648) with padding.
 pub fn base64(bytes: &[u8]) -> String {
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);

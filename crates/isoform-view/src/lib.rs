@@ -1,12 +1,12 @@
-//! Pages that show what Isoform makes: one file, offline, in any browser.
+//! Pages that show models, meshes, points, patches and maps: one file, offline, in any browser.
 //!
 //! A [`Page`] is a document with the data of its layers and the viewer, a script that is built from
-//! the folder web of the repository and lies in assets. The page fetches nothing; its
-//! Content-Security-Policy lets nothing run but the viewer, and texts of files (names, comments)
-//! are data that is never read as HTML.
+//! the folder web of the repository and stored in assets. The page fetches nothing; its
+//! Content-Security-Policy permits only the viewer to run, and texts of files (names, comments) are
+//! data that are never interpreted as HTML.
 //!
-//! Models are in it as their tapes: the page draws the surface itself by a shader, for any values
-//! of the parameters, and computes what is picked in double precision. Patches and maps are in it
+//! Models are stored as their tapes: the page draws the surface itself by a shader, for any values
+//! of the parameters, and computes picked points in double precision. Patches and maps are stored
 //! as their control points and polynomials. Points and meshes are arrays of numbers.
 //!
 //! ```

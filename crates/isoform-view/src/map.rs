@@ -1,5 +1,5 @@
-//! Rational maps in a page: the triangles in space and in the plane of parameters, and the map
-//! itself, so that places between them are exact.
+//! Rational maps in a page: the triangles in space and in the parameter plane, and the map itself,
+//! so that points between the corners are exact.
 
 use crate::blob::Blobs;
 use crate::points::positions;
@@ -7,7 +7,7 @@ use isoform::algebra::Poly;
 use isoform::tess::{Analysis, Map, Surface};
 use serde_json::{Value, json};
 
-/// A layer of a map.
+/// Returns the layer of a map.
 pub(crate) fn layer(
     name: &str,
     map: &Map,
@@ -49,7 +49,7 @@ pub(crate) fn layer(
     })
 }
 
-/// The terms of a polynomial in s and t: both exponents and the coefficient.
+/// Returns the terms of a polynomial in s and t: both exponents and the coefficient.
 fn terms(polynomial: &Poly) -> Vec<Value> {
     let terms = polynomial.to_f64().into_iter();
     terms.map(|(e, c)| json!([e[0], e[1], c])).collect()

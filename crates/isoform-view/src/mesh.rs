@@ -1,4 +1,4 @@
-//! Meshes as arrays of a page: the surface with its parts, tetrahedra, feature curves.
+//! Meshes in a page, as arrays: the surface with its parts, tetrahedra, feature curves.
 
 use crate::blob::Blobs;
 use crate::points::{numbers, positions};
@@ -6,7 +6,7 @@ use isoform::flat_triangles;
 use isoform::geom::Mesh;
 use serde_json::{Value, json};
 
-/// A layer of triangles, with the tetrahedra behind them where there are any. Elements of second
+/// Returns a layer of triangles, with the tetrahedra that they bound, if any. Elements of second
 /// order are shown with straight edges between all of their nodes, wedges as tetrahedra.
 pub(crate) fn layer(name: &str, mesh: &Mesh, blobs: &mut Blobs) -> Value {
     let mesh = &*mesh.simplices();

@@ -7,8 +7,9 @@ use serde_json::{Value, json};
 /// The most steps of a tape that a shader is made of: compilers of shaders take seconds for more.
 const MOST_STEPS: usize = 4000;
 
-/// Whether a page can draw a model by a shader: its tape is short enough, and iterations in it are
-/// such as shaders have. What only measures (the last two results) does not matter.
+/// Returns true if a page can draw a model by a shader: its tape is short enough and has no
+/// iterations that shaders lack. Steps that serve only the last two results, which measure, are
+/// ignored.
 pub(crate) fn can_be_drawn(model: &LiveModel) -> bool {
     let tape = &model.readings.tape;
     let steps: Vec<Step> = tape.steps().collect();
@@ -36,7 +37,7 @@ pub(crate) fn can_be_drawn(model: &LiveModel) -> bool {
     count <= MOST_STEPS
 }
 
-/// A layer of a model that moves.
+/// Returns the layer of a model with adjustable parameters.
 pub(crate) fn layer(name: &str, title: Option<&str>, model: &LiveModel) -> Value {
     let parameters: Vec<Value> = model
         .parameters
@@ -76,7 +77,7 @@ pub(crate) fn layer(name: &str, title: Option<&str>, model: &LiveModel) -> Value
     })
 }
 
-/// A tape: constants, then for each step its name and its arguments.
+/// Returns a tape: constants, then for each step its name and its arguments.
 fn tape(tape: &Tape) -> Value {
     let steps: Vec<Value> = tape
         .steps()
@@ -93,7 +94,7 @@ fn tape(tape: &Tape) -> Value {
             }
         })
         .collect();
-    // Numbers that JSON has not are told by words.
+    // Numbers that JSON cannot represent are written as words.
     let constants: Vec<Value> = tape
         .constants()
         .iter()
@@ -115,7 +116,7 @@ fn tape(tape: &Tape) -> Value {
     })
 }
 
-/// A number that JSON has not, as JavaScript calls it.
+/// Returns the JavaScript name of a number that JSON cannot represent.
 fn word(number: f64) -> &'static str {
     if number.is_nan() {
         "NaN"
@@ -126,7 +127,7 @@ fn word(number: f64) -> &'static str {
     }
 }
 
-/// The name of a function of one argument, as the page knows it.
+/// Returns the page's name of a function of one argument.
 fn unary(op: Unary) -> &'static str {
     match op {
         Unary::Neg => "neg",
@@ -151,7 +152,7 @@ fn unary(op: Unary) -> &'static str {
     }
 }
 
-/// The name of a function of two arguments.
+/// Returns the page's name of a function of two arguments.
 fn binary(op: Binary) -> &'static str {
     match op {
         Binary::Add => "add",
@@ -165,7 +166,7 @@ fn binary(op: Binary) -> &'static str {
     }
 }
 
-/// The name of a set operation.
+/// Returns the page's name of a set operation.
 fn set(op: SetOp) -> &'static str {
     match op {
         SetOp::RUnion => "runion",
@@ -175,7 +176,7 @@ fn set(op: SetOp) -> &'static str {
     }
 }
 
-/// The name of a function with an iteration inside.
+/// Returns the page's name of a function that is computed by iteration or has no closed form.
 fn native(function: Native) -> &'static str {
     match function {
         Native::EllipsoidDistance => "ellipsoid",
@@ -187,7 +188,7 @@ fn native(function: Native) -> &'static str {
 
 #[cfg(test)]
 mod tests {
-    /// The names that the functions above give to operations.
+    /// Returns the names that the functions above give to operations.
     fn names() -> Vec<&'static str> {
         let here = include_str!("model.rs");
         let functions = &here[here.find("fn unary").expect("the first of them")..];
@@ -195,7 +196,8 @@ mod tests {
         functions.split('"').skip(1).step_by(2).collect()
     }
 
-    /// A page refuses an operation that it does not know; one without a range is never left out.
+    /// A page rejects an operation that it does not know; an operation without a range is never
+    /// pruned.
     #[test]
     fn the_page_knows_every_operation() {
         let files = [
@@ -215,6 +217,6 @@ mod tests {
         }
     }
 
-    /// Functions with an iteration inside: of no range, and drawn as triangles.
+    /// Functions without a range, which are drawn as triangles.
     const NATIVE: [&str; 4] = ["ellipsoid", "sardfroot", "fmod", "perlin"];
 }

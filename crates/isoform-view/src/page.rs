@@ -1,4 +1,4 @@
-//! The page: one document that fetches nothing and runs nothing but the viewer.
+//! Page: one document that fetches nothing and runs nothing but the viewer.
 
 use crate::blob::Blobs;
 use crate::{ShownPatch, ShownPoints, map, mesh, model, patches, points, solid};
@@ -7,18 +7,18 @@ use isoform::tess::{Analysis, Map, Surface};
 use isoform::{ExactSolid, LiveModel};
 use serde_json::{Value, json};
 
-/// The viewer, built from the folder web of the repository.
+/// Script of the viewer, built from the folder web of the repository.
 const SCRIPT: &str = include_str!("../assets/viewer.js");
-/// Its style.
+/// Style sheet of the viewer.
 const STYLE: &str = include_str!("../assets/viewer.css");
-/// The script of a served page, which asks for news and loads the page again.
+/// Script of a served page, which polls the server for news and reloads the page.
 const SERVED_SCRIPT: &str = include_str!("../assets/served.js");
-/// Its style.
+/// Style sheet of a served page.
 const SERVED_STYLE: &str = include_str!("../assets/served.css");
-/// The SHA-256 of these four as a Content-Security-Policy names them, a line each.
+/// SHA-256 hashes of these four in the form of a Content-Security-Policy, one per line.
 const HASHES: &str = include_str!("../assets/hashes.txt");
 
-/// A page under construction: layers, in the order in which they are shown.
+/// Page under construction: layers in the order in which they are shown.
 #[derive(Clone, Debug)]
 pub struct Page {
     title: String,
@@ -27,7 +27,7 @@ pub struct Page {
 }
 
 impl Page {
-    /// A page without layers.
+    /// Returns a page without layers.
     pub fn new(title: impl Into<String>) -> Self {
         Self {
             title: title.into(),
@@ -48,24 +48,24 @@ impl Page {
         self.layers.push(layer);
     }
 
-    /// Whether a page can draw a model by itself: its function is not too long for a shader, and
-    /// has no iterations that shaders lack.
+    /// Returns true if a page can draw a model by itself: its function is short enough for a
+    /// shader, and has no iterations that shaders lack.
     pub fn can_draw(model: &LiveModel) -> bool {
         model::can_be_drawn(model)
     }
 
-    /// Adds a model whose parameters can be moved.
+    /// Adds a model with adjustable parameters.
     pub fn model(&mut self, name: &str, title: Option<&str>, model: &LiveModel) {
         self.layers.push(model::layer(name, title, model));
     }
 
-    /// Adds a solid of exact faces: triangles to draw it by, and the faces to pick on.
+    /// Adds a solid with exact faces: triangles for drawing and faces for picking.
     pub fn solid(&mut self, name: &str, solid: &ExactSolid) {
         let layer = solid::layer(name, solid, &mut self.blobs);
         self.layers.push(layer);
     }
 
-    /// Adds a mesh in the place of a model that the page cannot compute by itself.
+    /// Adds a mesh in place of a model that the page cannot compute by itself.
     pub fn meshed_model(&mut self, name: &str, mesh: &Mesh) {
         let mut layer = mesh::layer(name, mesh, &mut self.blobs);
         layer["kind"] = json!("model");
@@ -78,7 +78,7 @@ impl Page {
         self.layers.push(layer);
     }
 
-    /// Adds a rational surface in the box of this half width about the origin.
+    /// Adds a rational surface in the cube of the given half width around the origin.
     pub fn map(
         &mut self,
         name: &str,
@@ -91,18 +91,18 @@ impl Page {
         self.layers.push(layer);
     }
 
-    /// Whether there is nothing to be shown.
+    /// Returns true if the page has no layers.
     pub fn is_empty(&self) -> bool {
         self.layers.is_empty()
     }
 
-    /// The whole page.
+    /// Returns the complete page.
     pub fn html(&self) -> String {
         self.document("", "", &policy(&hashes(), ""))
     }
 
-    /// The whole page as a server gives it. It asks the server for `news` beside it, and is loaded
-    /// again where they tell of another `version` than this.
+    /// Returns the complete page as served by a server. It polls the server for the relative
+    /// address `news`, and reloads when the version there differs from `version`.
     pub fn served(&self, version: u64) -> String {
         let head = format!(
             "<meta name=\"isoform-version\" content=\"{version}\">\n<style>{SERVED_STYLE}</style>\n"
@@ -111,7 +111,7 @@ impl Page {
         self.document(&head, &foot, &served_policy())
     }
 
-    /// The page with more behind its head and its body.
+    /// Returns the page with additions at the end of its head and its body.
     fn document(&self, head: &str, foot: &str, policy: &str) -> String {
         let title = escaped(&self.title);
         let (scene, blobs) = (self.scene(), self.blobs.elements());
@@ -128,8 +128,8 @@ impl Page {
         )
     }
 
-    /// The viewer as a part of another page: an element for the viewer, its data, its style and its
-    /// script. The other page's policy must allow the [`hashes`].
+    /// Returns the viewer as a part of another page: an element for the viewer, its data, its style
+    /// and its script. The other page's policy must allow the [`hashes`].
     pub fn embedded(&self) -> String {
         let (scene, blobs) = (self.scene(), self.blobs.elements());
         format!(
@@ -138,8 +138,8 @@ impl Page {
         )
     }
 
-    /// The document of the scene, in an element that is not run. `<` is written as an escape: no
-    /// name of a file can end the element, or begin a comment in it.
+    /// Returns the document of the scene, in an element that is not executed. `<` is escaped, so
+    /// that no name of a file can end the element or begin a comment in it.
     fn scene(&self) -> String {
         let document = json!({"version": 1, "title": self.title, "layers": self.layers});
         let text = document.to_string().replace('<', "\\u003c");
@@ -147,7 +147,7 @@ impl Page {
     }
 }
 
-/// The hashes of the viewer's script and style, as a Content-Security-Policy names them.
+/// Returns the hashes of the viewer's script and style in the form of a Content-Security-Policy.
 ///
 /// ```
 /// let [script, style] = isoform_view::hashes();
@@ -158,14 +158,14 @@ pub fn hashes() -> [&'static str; 2] {
     [script, style]
 }
 
-/// The hashes of the viewer's script and style, and of those that served pages have beside them.
+/// Returns the hashes of the viewer's script and style, and of the additional ones of served pages.
 fn all_hashes() -> [&'static str; 4] {
     let mut lines = HASHES.lines();
     [(); 4].map(|()| lines.next().unwrap_or("'none'"))
 }
 
-/// What a served page may do: what any page may, and ask its own server for news. A server says
-/// the same in a header.
+/// Returns the policy of a served page: that of any page, and permission to poll its own server. A
+/// server sends this policy in a header, too.
 pub fn served_policy() -> String {
     let [script, style, served_script, served_style] = all_hashes();
     let scripts = format!("{script} {served_script}");
@@ -173,8 +173,8 @@ pub fn served_policy() -> String {
     policy(&[&scripts, &styles], " connect-src 'self';")
 }
 
-/// What a page may do: run its script, use its style, show pictures that it made itself, and
-/// `more`.
+/// Returns a policy that permits a page to run its script, use its style, show pictures that it
+/// made itself, and `more`.
 fn policy([script, style]: &[&str; 2], more: &str) -> String {
     format!(
         "default-src 'none'; script-src {script}; style-src {style}; img-src data: blob:;{more} \
@@ -182,7 +182,7 @@ fn policy([script, style]: &[&str; 2], more: &str) -> String {
     )
 }
 
-/// A text within HTML.
+/// Escapes text for HTML.
 fn escaped(text: &str) -> String {
     let mut html = String::with_capacity(text.len());
     for letter in text.chars() {

@@ -7,18 +7,18 @@ use serde_json::{Value, json};
 /// Points per side of a patch, from which its box is taken.
 const SAMPLES: usize = 12;
 
-/// A patch and what is known of it.
+/// Patch with its name and distance.
 #[derive(Clone, Debug)]
 pub struct ShownPatch {
-    /// The patch.
+    /// Patch.
     pub patch: RationalPatch,
-    /// Its name.
+    /// Name of the patch.
     pub name: String,
-    /// The largest distance from the surface that it stands for, where it is known.
+    /// Largest distance from the surface that it approximates; `None` if unknown.
     pub distance: Option<f64>,
 }
 
-/// A layer of patches.
+/// Returns a layer of patches.
 pub(crate) fn layer(name: &str, patches: &[ShownPatch], blobs: &mut Blobs) -> Value {
     let mut control = Vec::new();
     let mut list = Vec::new();
@@ -39,7 +39,7 @@ pub(crate) fn layer(name: &str, patches: &[ShownPatch], blobs: &mut Blobs) -> Va
     })
 }
 
-/// Points of a patch that are finite.
+/// Returns the finite points of a patch on a grid.
 fn samples(shown: &ShownPatch) -> impl Iterator<Item = Point3> + '_ {
     let side = SAMPLES + 1;
     (0..side * side)

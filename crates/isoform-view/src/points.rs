@@ -4,27 +4,29 @@ use crate::blob::Blobs;
 use isoform::geom::{Aabb, Point3, PointCloud};
 use serde_json::{Value, json};
 
-/// Up to this many points have coordinates in single precision; more are rounded to steps of a
-/// 65535th of their box, which is below a pixel as long as the whole is in view.
+/// Maximum number of points with coordinates in single precision; more are rounded to steps of
+/// 1/65535 of their box, which is less than a pixel while the whole box is in view.
 const EXACT: usize = 200_000;
-/// The number of steps of a rounded coordinate.
+/// Number of steps of a rounded coordinate: the largest 16-bit integer.
 const STEPS: f64 = 65535.0;
 
-/// Points, and what is known of them.
+/// Points with their deviations and outliers.
 #[derive(Clone, Copy, Debug)]
 pub struct ShownPoints<'a> {
-    /// The points.
+    /// Points.
     pub cloud: &'a PointCloud,
-    /// Their deviations, one for each, positive outside of the model.
+    /// Deviations, one for each point, positive outside the model; `None` to use the column
+    /// `deviation`.
     pub deviation: Option<&'a [f64]>,
-    /// Which of them are outliers, which no figure counts: one for each, or empty.
+    /// True, by point, for outliers, which statistics ignore; empty if there are none.
     pub outliers: &'a [bool],
-    /// The deviation at which colours end; by default a round one that 95 % are within.
+    /// Deviation at which the colour scale ends; `None` chooses a round number that 95 % do not
+    /// exceed.
     pub limit: Option<f64>,
 }
 
 impl<'a> ShownPoints<'a> {
-    /// Points of which no more is known than their columns tell.
+    /// Returns points with the deviations and outliers of their columns, if any.
     pub fn new(cloud: &'a PointCloud) -> Self {
         Self {
             cloud,
@@ -34,14 +36,15 @@ impl<'a> ShownPoints<'a> {
         }
     }
 
-    /// The numbers of a column.
+    /// Returns the values of a column; `None` if there is no such column.
     fn column(&self, name: &str) -> Option<&'a [f64]> {
         let column = self.cloud.columns.iter().find(|c| c.name == name);
         column.map(|c| c.values.as_slice())
     }
 }
 
-/// A layer of points. What is not given is in the columns `deviation` and `outlier`.
+/// Returns a layer of points; missing deviations and outliers are taken from the columns
+/// `deviation` and `outlier`.
 pub(crate) fn layer(name: &str, points: &ShownPoints<'_>, blobs: &mut Blobs) -> Value {
     let cloud = points.cloud;
     let mut layer = json!({
@@ -71,7 +74,8 @@ pub(crate) fn layer(name: &str, points: &ShownPoints<'_>, blobs: &mut Blobs) -> 
     layer
 }
 
-/// Positions about the middle of their box, which is given in the file's coordinates.
+/// Returns positions relative to a corner or the centre of their box, which is given in the file's
+/// coordinates.
 pub(crate) fn positions(points: &[Point3], origin: Point3, blobs: &mut Blobs) -> Value {
     let bounds = Aabb::of(points);
     let bounds = if bounds.is_empty() {
@@ -101,7 +105,7 @@ pub(crate) fn positions(points: &[Point3], origin: Point3, blobs: &mut Blobs) ->
         "lo": place(bounds.lo), "hi": place(bounds.hi)})
 }
 
-/// One number for each point; of many points rounded like coordinates.
+/// Returns one number for each point, rounded like coordinates if there are many.
 pub(crate) fn numbers(values: &[f64], blobs: &mut Blobs) -> Value {
     let finite = values.iter().copied().filter(|v| v.is_finite());
     let lo = finite.clone().fold(f64::INFINITY, f64::min);

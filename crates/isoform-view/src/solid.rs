@@ -1,4 +1,4 @@
-//! Solids in the document of a page: triangles, and the surfaces of the faces that they divide.
+//! Solids in the document of a page: triangles, and the surfaces of the faces to which they belong.
 
 use crate::blob::Blobs;
 use crate::mesh;
@@ -6,7 +6,7 @@ use isoform::ExactSolid;
 use isoform::geom::brep::{Axes, Surface};
 use serde_json::{Value, json};
 
-/// A layer of a solid.
+/// Returns the layer of a solid.
 pub(crate) fn layer(name: &str, solid: &ExactSolid, blobs: &mut Blobs) -> Value {
     let mut layer = mesh::layer(name, &solid.mesh(), blobs);
     layer["kind"] = json!("solid");
@@ -16,7 +16,7 @@ pub(crate) fn layer(name: &str, solid: &ExactSolid, blobs: &mut Blobs) -> Value 
     layer
 }
 
-/// A surface: its name, its frame and its measures; null for splines, which pages do not compute.
+/// Returns name, frame and measures of a surface; null for splines, which pages do not compute.
 fn surface(surface: &Surface) -> Value {
     match surface {
         Surface::Plane(axes) => with("plane", axes, &[]),
