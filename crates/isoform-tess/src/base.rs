@@ -181,7 +181,7 @@ impl Classes {
 /// ```
 /// use isoform_tess::{Control, Map, base_points};
 ///
-/// // All four vanish in s = t = 0 only, to the first order.
+/// All four vanish in s = t = 0 only, to the first order.
 /// let map = Map::parse(["s", "t", "s^2 - t^2", "s^2 + t^2"], Default::default())?;
 /// let found = base_points(&map, &Control::default())?;
 /// assert_eq!((found.len(), found[0].to_f64(), found[0].multiplicity()), (1, [0.0, 0.0, 1.0], 1));
@@ -226,7 +226,7 @@ struct NearClass {
 }
 
 fn class_at(map: &Map, zero: &Zero, real: bool, control: &Control<'_>) -> Result<Class, Stopped> {
-    // // By Bézout, as two general planes meet the surface in at least one point that is not a base
+    // By Bézout, as two general planes meet the surface in at least one point that is not a base
     // point.
     let room = (map.degree().pow(2) - 1) / zero.field.degree();
     let mut local: Vec<Local> = Vec::new();
@@ -423,7 +423,7 @@ impl Leading {
         let forms = local
             .each_ref()
             .map(|f| (0..=q).map(|j| coefficient(f, j)).collect::<Coefficients>());
-        // // A power of a shows as zeros at the upper end, which trimming removes.
+        // A power of a shows as zeros at the upper end, which trimming removes.
         let vertical = (0..=q)
             .take_while(|&i| forms.iter().all(|f| f[q - i].is_zero()))
             .count();
@@ -619,7 +619,7 @@ impl NearClass {
             |bits| bits + WORD,
             |bits| {
                 let (lo, hi) = theta.interval(bits);
-                // // θ is one of the roots: the only one that meets the interval.
+                // θ is one of the roots: the only one that meets the interval.
                 let is_apart =
                     |r: &RealRoot| r.cmp_rational(&lo).is_lt() || r.cmp_rational(&hi).is_gt();
                 let roots = below.real_roots().iter().enumerate();

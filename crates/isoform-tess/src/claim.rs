@@ -318,7 +318,7 @@ impl Claim {
     /// ```
     /// use isoform_tess::{Basis, Claim, Verdict};
     ///
-    /// // A search for triangles that cross is a proof; a look at the middles of edges is none.
+    /// A search for triangles that cross is a proof; a look at the middles of edges is none.
     /// assert_eq!(Claim::Crossings.usual(), Verdict::Holds(Basis::Exact));
     /// assert_eq!(Claim::Distances.usual(), Verdict::Holds(Basis::Floating));
     /// assert!(matches!(Claim::Folds.usual(), Verdict::Assumed(_)));
@@ -508,7 +508,7 @@ mod tests {
         ]));
         assert_eq!(all.verdict(degree[0]), Verdict::Holds(Basis::Floating));
         assert_eq!(all.verdict(degree[1]), Verdict::Assumed("a reason"));
-        // // A claim decided for one part only is open for the whole.
+        // A claim decided for one part only is open for the whole.
         all.join(&Decisions::default());
         assert_eq!(all.verdict(degree[0]), Verdict::Open);
         assert!(!Certificate::new(|claim| all.verdict(claim)).is_closed());

@@ -38,7 +38,7 @@ pub(crate) fn seam_lines(
         control.check()?;
         pending.extend(class.near());
         let (field, curve) = (class.field(), class.curve());
-        // // The seam is a point, or lies at infinity.
+        // The seam is a point, or lies at infinity.
         let is_nothing = curve[3].len() == 1 || curve[3].iter().all(Element::is_zero);
         if is_nothing || !may_be_real(field, curve) {
             continue;
@@ -70,7 +70,7 @@ fn may_be_real(field: &NumberField, curve: &[Coefficients; 4]) -> bool {
     }
     let ratio = field.div(&a, &b);
     let minimal = field.minimal_polynomial(&ratio);
-    // // Each of its real roots is the ratio at equally many roots of the modulus; real roots of
+    // Each of its real roots is the ratio at equally many roots of the modulus; real roots of
     // the modulus have real ratios.
     let with_real_ratio = isoform_algebra::real_roots(&minimal).len() * (roots / minimal.degree());
     with_real_ratio > real
@@ -125,7 +125,7 @@ fn resultant(field: &NumberField, p: &Coefficients, q: &Coefficients) -> Element
 /// Returns the image line of a curve, if it is a line with rational Plücker coordinates, covered
 /// once or several times.
 fn line(field: &NumberField, curve: &[Coefficients; 4]) -> Option<SeamLine> {
-    // // Two coefficients that span a line; all others have to lie on it.
+    // Two coefficients that span a line; all others have to lie on it.
     let count = curve[0].len();
     let pairs = (0..count).flat_map(|k| (k + 1..count).map(move |l| [k, l]));
     let mut spans = pairs.map(|pair| Span { field, curve, pair });
@@ -137,7 +137,7 @@ fn line(field: &NumberField, curve: &[Coefficients; 4]) -> Option<SeamLine> {
     if !(0..count).all(|other| span.holds(other)) {
         return None;
     }
-    // // Row i of the matrix of Plücker coordinates is the intersection of the line with the plane
+    // Row i of the matrix of Plücker coordinates is the intersection of the line with the plane
     // xᵢ = 0.
     let mut points: Vec<[RBig; 4]> = Vec::new();
     for i in 0..4 {

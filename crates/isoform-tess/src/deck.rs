@@ -112,7 +112,7 @@ impl Deck {
         if found.is_some() {
             return Ok(found);
         }
-        // // Quadratic forms serve if linear ones do not, as when all base points are on a fold.
+        // Quadratic forms serve if linear ones do not, as when all base points are on a fold.
         let squared = &lines[..lines.len().min(SQUARED)];
         let products = |i: usize| squared[..=i].iter().map(move |l| &squared[i] * l);
         let squares: Vec<Poly> = (0..squared.len()).flat_map(products).collect();
@@ -280,7 +280,7 @@ fn keeps_lines(t: &Transformation, p: &[Algebraic; 3]) -> bool {
     if vanishes(&t[one], p) || !is_kept(i) || !is_kept(j) {
         return false;
     }
-    // // Derivatives of the quotients of two forms, up to a common factor.
+    // Derivatives of the quotients of two forms, up to a common factor.
     let slope = |k: usize, by: usize| t[k].derivative(by) * &t[one] - &t[k] * t[one].derivative(by);
     [slope(i, j), slope(j, i), slope(i, i) - slope(j, j)]
         .iter()
@@ -386,7 +386,7 @@ mod tests {
             let found = deck(texts).expect("transformations");
             assert_eq!(found.order(), order, "{texts:?}");
         }
-        // // A proper map, and one of degree 3 with a single real parameter.
+        // A proper map, and one of degree 3 with a single real parameter.
         assert!(deck(["s", "t", "s*t", "1"]).is_none());
         assert!(deck(["s^3", "t", "s^6 + t^2", "1"]).is_none());
     }

@@ -19,7 +19,7 @@ pub(crate) fn solve(mut a: Vec<Vec<IBig>>, b: Vec<IBig>) -> Option<(Vec<IBig>, I
                 for j in k..=n {
                     row[j] = (&row[j] * &top[k] - &factor * &top[j]) / &last;
                 }
-                // // Rows above are kept on the common diagonal.
+                // Rows above are kept on the common diagonal.
                 if i < k {
                     row[i] = top[k].clone();
                 }

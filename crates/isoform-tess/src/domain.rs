@@ -83,7 +83,7 @@ impl Domain {
     /// let corners = |list: &[[i64; 2]]| list.iter().map(|p| p.map(RBig::from)).collect();
     /// let arrow = Domain::polygon(corners(&[[0, 0], [2, 1], [0, 2], [1, 1]]))?;
     /// assert_eq!(arrow.bounds(), [[0.into(), 2.into()], [0.into(), 2.into()]]);
-    /// // A bow tie is not simple: its first and third sides cross.
+    /// A bow tie is not simple: its first and third sides cross.
     /// let bow_tie = Domain::polygon(corners(&[[0, 0], [1, 1], [1, 0], [0, 1]]));
     /// assert_eq!(bow_tie, Err(DomainError::Crossing { first: 1, second: 3 }));
     /// # Ok::<(), DomainError>(())
@@ -127,7 +127,7 @@ impl Domain {
         if a == b || c == d {
             true
         } else if second == first + 1 {
-            // // Adjacent sides may share only the corner between them.
+            // Adjacent sides may share only the corner between them.
             area(a, b, d).is_zero() && !is_between(b, a, d)
         } else if first == 0 && second + 1 == self.corners.len() {
             area(c, d, b).is_zero() && !is_between(d, c, b)
@@ -238,7 +238,7 @@ impl Net {
             columns: n + 1,
             coefficients: c,
         };
-        // // Conversion from powers: the k-th Bernstein coefficient is the sum of aᵢ·(k over i)/(n
+        // Conversion from powers: the k-th Bernstein coefficient is the sum of aᵢ·(k over i)/(n
         // over i).
         net.each(true, from_powers);
         net.each(false, from_powers);
@@ -450,7 +450,7 @@ mod tests {
 
     #[test]
     fn insides_and_sides() {
-        // // An L-shaped polygon.
+        // An L-shaped polygon.
         let l = Domain::polygon(points(&[[0, 0], [4, 0], [4, 1], [1, 1], [1, 4], [0, 4]]))
             .expect("a polygon");
         let half = |s: i64, t: i64| [s, t].map(|x| RBig::from(x) / RBig::from(2));

@@ -168,14 +168,14 @@ impl DoubleCurve {
             self.search_pinches(map, control);
             self.fibres = Fibres::new(map, singular, half_width, control).ok();
         }
-        // // No parameters of a domain lead to solitary arcs, and planes and quadrics have none.
+        // No parameters of a domain lead to solitary arcs, and planes and quadrics have none.
         // For an improper map complex parameters reach whole regions, which are not drawn.
         let is_smooth = degrees.is_some_and(|d| d.implicit_degree <= 2);
         if options.domain.is_none() && !(map_degree > 1 && (is_smooth || !glued)) {
             let tolerance = options.mesh.tolerance;
             let (arcs, problems) = solitary_arcs(map, singular, half_width, tolerance, control);
             self.solitary = arcs;
-            // // Without a curve to follow there are no solitary arcs, exactly.
+            // Without a curve to follow there are no solitary arcs, exactly.
             let has_base = analysis.base_points.as_ref().is_some_and(|b| !b.is_empty());
             let may_have = curves_of(map, singular).next().is_some() || has_base;
             self.verdicts[2] = Claim::SolitaryArcs.usual().or_not(may_have, NO_CURVE);
@@ -286,7 +286,7 @@ impl Given<'_> {
         /// The degree of parameter curves from which their topology takes longer than to trace
         /// them: the curves of quadratic maps have 3, of general cubic ones 18.
         const HIGH: usize = 8;
-        // // More than two sheets meet, or they touch, along a curve with a higher multiplicity in
+        // More than two sheets meet, or they touch, along a curve with a higher multiplicity in
         // D.
         let is_double =
             |c: &SingularCurve| matches!(c.kind, CurveKind::Double) && c.in_double == Some(1);

@@ -126,14 +126,14 @@ impl Change {
 /// ```
 /// use isoform_tess::{Claim, Control, Map, TriangulateOptions, triangulate};
 ///
-/// // The unit sphere by stereographic projection.
+/// The unit sphere by stereographic projection.
 /// let map = Map::parse(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], Default::default())?;
 /// let mut options = TriangulateOptions::around(2.into());
 /// options.mesh.tolerance = 0.02;
 /// let (surface, analysis) = triangulate(&map, &options, &Control::default())?;
 /// assert!(surface.is_certified() && surface.holds(Claim::Crossings));
 /// assert_eq!(analysis.degrees.map(|d| (d.map_degree, d.implicit_degree)), Some((1, 2)));
-/// // Its vertices lie on it, including the north pole at infinite parameters, and V − E + F = 2.
+/// Its vertices lie on it, including the north pole at infinite parameters, and V − E + F = 2.
 /// let radius = |p: &[f64; 3]| p.iter().map(|x| x * x).sum::<f64>().sqrt();
 /// assert!(surface.points.iter().all(|p| (radius(p) - 1.0).abs() < 1e-12));
 /// assert!(surface.points.contains(&[0.0, 0.0, 1.0]));
@@ -297,7 +297,7 @@ impl Prepared<'_> {
             return (surface, None);
         };
         let mut best = Tried { surface, crossings };
-        // // Earlier changes stay in effect in the next round, whether they helped or not. The best
+        // Earlier changes stay in effect in the next round, whether they helped or not. The best
         // surface is the result; the last one is kept in addition if it is not the best.
         let mut last: Option<Tried> = None;
         let mut change = Change::Corners;
@@ -311,7 +311,7 @@ impl Prepared<'_> {
             self.change(change, tried);
             let surface = self.surface(&silent(control));
             if !surface.is_certified() && change != Change::Finer {
-                // // Other vertices made it worse.
+                // Other vertices made it worse.
                 change = Change::Finer;
                 continue;
             }
@@ -393,7 +393,7 @@ fn of_one_patch(options: &TriangulateOptions) -> TriangulateOptions {
 /// use isoform_geom::RationalPatch;
 /// use isoform_tess::{Control, Patch, SurfaceBox, TriangulateOptions, triangulate_patches};
 ///
-/// // Two squares of the hyperbolic paraboloid z = x y, which have a side in common.
+/// Two squares of the hyperbolic paraboloid z = x y, which have a side in common.
 /// let square = |x: f64| {
 ///     let corner = |i: f64, j: f64| [x + i, j, (x + i) * j, 1.0];
 ///     let corners = [corner(0.0, 0.0), corner(0.0, 1.0), corner(1.0, 0.0), corner(1.0, 1.0)];
@@ -423,7 +423,7 @@ pub fn triangulate_patches(
     for (k, patch) in patches.iter().enumerate() {
         let map = match patch.map() {
             Ok(map) => map,
-            // // A span without area in space: the surface is complete without it.
+            // A span without area in space: the surface is complete without it.
             Err(MapError::NotASurface { .. }) if drawn.len() + patches.len() > k + 1 => {
                 collapsed.push(k as u32);
                 continue;
@@ -448,7 +448,7 @@ pub fn triangulate_patches(
         known.push((map, analysis));
     }
     let half_width = options.half_width.to_f64().value();
-    // // Sides of patches without triangles cannot be common sides.
+    // Sides of patches without triangles cannot be common sides.
     let kept: Vec<_> = drawn.iter().map(|&k| patches[k as usize].clone()).collect();
     let mut joined = join_patches(&kept, surfaces, half_width);
     let given = joined.patches.iter_mut();

@@ -117,7 +117,7 @@ impl Fan {
         fan.leave_out(region);
         fan.is_tree = fan.opens_several_nodes();
         fan.directions = fan.directions.iter().map(|d| fan.bent(d.clone())).collect();
-        // // A base point whose seam is entirely outside of the box need not be opened.
+        // A base point whose seam is entirely outside of the box need not be opened.
         if !fan.sectors.iter().any(|s| s.inside) {
             fan.problem = None;
         }

@@ -17,12 +17,12 @@ use std::sync::Arc;
 /// use isoform_algebra::UPoly;
 /// use isoform_tess::{Algebraic, NumberField};
 ///
-/// // The golden ratio x: x² = x + 1, and 1/x = x − 1.
+/// The golden ratio x: x² = x + 1, and 1/x = x − 1.
 /// let (field, x) = NumberField::new(&UPoly::from_i64(&[-1, -1, 1]));
 /// let one = field.div(&x, &x);
 /// assert_eq!(field.mul(&x, &x), x.add(&one));
 /// assert_eq!(field.inverse(&x), x.sub(&one));
-/// // At the larger of the two real roots.
+/// At the larger of the two real roots.
 /// let golden = Algebraic::new(&field, 1, x);
 /// assert_eq!(golden.to_f64(), 0.5 * (1.0 + 5f64.sqrt()));
 /// ```
@@ -259,7 +259,7 @@ impl NumberField {
         if let Some(r) = a.as_rational() {
             return Element::rational(&(RBig::ONE / r));
         }
-        // // The linear system Σ yⱼ θʲ·a = 1 over Z, for the numerator of a.
+        // The linear system Σ yⱼ θʲ·a = 1 over Z, for the numerator of a.
         let mut unit = vec![IBig::ZERO; self.degree()];
         unit[0] = IBig::from(a.denominator.clone());
         let (mut y, determinant) = dense::solve(self.multiplication(&a.numerator), unit)
@@ -446,7 +446,7 @@ impl Algebraic {
             WORD,
             |bits| bits + WORD,
             |bits| {
-                // // An irrational number is never a tie.
+                // An irrational number is never a tie.
                 let (lo, hi) = self.interval(bits);
                 let (lo, hi) = (lo.to_f64().value(), hi.to_f64().value());
                 (lo == hi).then_some(lo)

@@ -329,7 +329,7 @@ impl Frame {
     }
     /// Converts a point (s′ : t′ : w′) to (s : t : w) in the first chart that contains it.
     fn point(&self, p: &[Algebraic; 3]) -> (Chart, [Algebraic; 3]) {
-        // // One of the coordinates is 1; the others belong to one field.
+        // One of the coordinates is 1; the others belong to one field.
         let of = p.iter().find(|x| x.field().degree() > 1).unwrap_or(&p[0]);
         let (field, root) = (of.field().clone(), of.root());
         let moved = self.moved(p);

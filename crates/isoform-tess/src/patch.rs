@@ -15,7 +15,7 @@ pub type ControlPoint = [RBig; 4];
 /// use isoform_geom::RationalPatch;
 /// use isoform_tess::{Patch, patch_bounds};
 ///
-/// // The hyperbolic paraboloid z = x y over the unit square.
+/// The hyperbolic paraboloid z = x y over the unit square.
 /// let corners = [[0.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0], [1.0; 4]];
 /// let patch = Patch::from(&RationalPatch::new((1, 1), corners.to_vec())?);
 /// let map = patch.map()?;

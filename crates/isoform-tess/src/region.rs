@@ -43,7 +43,7 @@ pub struct Triangle {
 /// use isoform_algebra::RBig;
 /// use isoform_tess::{Control, Map, Region};
 ///
-/// // A sphere of radius 2 around the cube of half width 1.5 sticks out of its six faces only.
+/// A sphere of radius 2 around the cube of half width 1.5 sticks out of its six faces only.
 /// let sphere = ["4*s", "4*t", "2*s^2 + 2*t^2 - 2", "s^2 + t^2 + 1"];
 /// let map = Map::parse(sphere, Default::default())?;
 /// let half_width = RBig::from(3) / RBig::from(2);

@@ -84,7 +84,7 @@ impl TriangulateOptions {
     ///
     /// let options = TriangulateOptions::around(2.into());
     /// assert_eq!((options.mesh.tolerance, options.mesh.longest), (1e-3, 0.5));
-    /// // Sheets may also be left as they are.
+    /// Sheets may also be left as they are.
     /// let options = TriangulateOptions { mode: Mode::Normalised, ..options };
     /// assert_eq!(options.domain, None);
     /// ```
@@ -110,7 +110,7 @@ impl TriangulateOptions {
     /// ```
     /// use isoform_tess::{Mode, SurfaceBox, TriangulateOptions};
     ///
-    /// // Patches of width 2 far from the origin.
+    /// Patches of width 2 far from the origin.
     /// let around = SurfaceBox { half_width: 100.into(), size: 1.0 };
     /// let options = TriangulateOptions::of_patches(&around);
     /// assert_eq!((options.mode, options.mesh.longest), (Mode::Normalised, 0.25));

@@ -87,7 +87,7 @@ fn transformation(
     control: &Control<'_>,
 ) -> Result<Option<Transformation>, Stopped> {
     let mut degree = 1;
-    // // Index of the coefficient normalised to 1, and the residues of all.
+    // Index of the coefficient normalised to 1, and the residues of all.
     let mut known: Option<(usize, Crt)> = None;
     for field in primes().take(PRIMES) {
         control.check()?;
@@ -99,7 +99,7 @@ fn transformation(
             return Ok(None);
         };
         if n > degree {
-            // // The primes before were special.
+            // The primes before were special.
             (degree, known) = (n, None);
         }
         let crt = match &mut known {

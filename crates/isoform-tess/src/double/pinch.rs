@@ -17,7 +17,7 @@ use isoform_control::{Control, Stopped};
 /// ```
 /// use isoform_tess::{Control, Map, pinch_points};
 ///
-/// // The umbrella of Whitney, y² = x² z, has one pinch point in space, and one at infinity.
+/// The umbrella of Whitney, y² = x² z, has one pinch point in space, and one at infinity.
 /// let map = Map::parse(["s", "s*t", "t^2", "1"], Default::default())?;
 /// let found = pinch_points(&map, &Control::default())?;
 /// let found: Vec<[f64; 3]> = found.iter().map(|p| p.each_ref().map(|x| x.to_f64())).collect();

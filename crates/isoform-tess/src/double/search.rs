@@ -190,7 +190,7 @@ impl Search {
         let mut traced: Vec<Traced> = Vec::new();
         for hit in &hits {
             control.check()?;
-            // // Several pairs may lead to one curve.
+            // Several pairs may lead to one curve.
             let mut others = hit.others.iter();
             if !others.any(|(source, p)| is_known(&traced, *source, p)) {
                 traced.push(self.both_ways(hit.source, &hit.state));
@@ -240,7 +240,7 @@ impl Search {
                     let from = before[k].as_deref().map(|points| (&pencil[i - 1], points));
                     let points = source.section_by(plane, from);
                     found.add(k, source, &points);
-                    // // A chain continues only from complete sections.
+                    // A chain continues only from complete sections.
                     before[k] = source.is_complete(&points).then_some(points);
                 }
                 let candidates = found.candidates.iter();

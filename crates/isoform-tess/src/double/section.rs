@@ -249,7 +249,7 @@ impl Source {
                 }
             }
             let found = distinct(self, ends);
-            // // All general planes have equally many points.
+            // All general planes have equally many points.
             let is_again = !found.is_empty() && found.len() == self.section.len();
             if found.len() > self.section.len() {
                 self.section = found;

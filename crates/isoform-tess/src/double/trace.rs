@@ -138,7 +138,7 @@ impl Tracer<'_> {
                 }
             }
             None if end == Some(End::Real) => {}
-            // // Newton's method fails in the immediate neighbourhood of a base point.
+            // Newton's method fails in the immediate neighbourhood of a base point.
             None => return None,
         }
         Some(Advance { next, end, error })
@@ -230,7 +230,7 @@ fn real_end(source: &Source, here: &State) -> Option<State> {
     for _ in 0..HALVINGS {
         let u = coordinate(&last.p);
         scheme.add(u * u, last.point());
-        // // Halves the distance from the real parameter, using this point and its conjugate at an
+        // Halves the distance from the real parameter, using this point and its conjugate at an
         // equal distance beyond.
         let Some(nearer) = source.settle(&normalised(&blend(&last.p, 0.5))) else {
             break;

@@ -28,7 +28,7 @@ impl Direction {
         let length = at[0].hypot(at[1]);
         let is_opposite = at[1] < 0.0 || (at[1] == 0.0 && at[0] < 0.0);
         let sign = if is_opposite { -1.0 } else { 1.0 };
-        // // Negative zeros would give one vertex two names.
+        // Negative zeros would give one vertex two names.
         Self {
             node,
             at: at.map(|x| sign * x / length + 0.0),

@@ -68,7 +68,7 @@ impl Fan {
         let [ahead, behind] =
             [TANGENT_STEP, -TANGENT_STEP].map(|x| affine(node.seam_at([a - x * b, b + x * a])));
         let (tangent, foot) = (sub(ahead, behind), affine(node.seam_at(d.at)));
-        // // Displacement of the image along the seam.
+        // Displacement of the image along the seam.
         let along = |left: f64| dot(sub(affine(node.value(d.beside(BENT, left))), foot), tangent);
         let (mut left, step) = (0.0, BEND_STEP * BENT);
         for _ in 0..BENDING_STEPS {

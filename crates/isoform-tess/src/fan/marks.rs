@@ -79,7 +79,7 @@ pub(super) fn marks(
         node,
         found: Vec::new(),
     };
-    // // Exact directions come first: rounded ones nearby are merged into them.
+    // Exact directions come first: rounded ones nearby are merged into them.
     collected.add_lines(line);
     collected.add_sides(line, around.base);
     let in_face = collected.add_faces(line, around)?;
@@ -231,12 +231,12 @@ impl Collected {
     }
     /// Closes the directions under the involution of a seam that covers its image twice.
     fn add_partners(&mut self, cover: Involution) {
-        // // Fixed directions come before the partners of others, which are merged with them if
+        // Fixed directions come before the partners of others, which are merged with them if
         // near.
         for at in cover.fixed() {
             self.add(at, None);
         }
-        // // The second round joins the faces of directions and partners that were known already.
+        // The second round joins the faces of directions and partners that were known already.
         for _ in 0..2 {
             for (d, _) in self.found.clone() {
                 self.add(cover.partner(d.at), None).faces |= d.faces;

@@ -139,7 +139,7 @@ pub(super) struct Node {
 
 impl Node {
     pub(super) fn new(line: &Line<'_>, marks: Vec<Mark>, cover: Option<Involution>) -> Self {
-        // // At the starts of other seams the vertices have other names.
+        // At the starts of other seams the vertices have other names.
         let begins = (0..marks.len()).any(|k| {
             let before = &marks[(k + marks.len() - 1) % marks.len()];
             marks[k].is_near() && (marks[k].is_inside || before.is_inside)

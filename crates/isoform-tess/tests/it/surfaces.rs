@@ -143,7 +143,7 @@ fn normalised(known: &serde_json::Value) -> [Option<i64>; 3] {
 /// expected failures names, and what is certified is right.
 #[test]
 fn surfaces_of_the_zoo() {
-    let mut expected = ExpectedFailures::of("surfaces_of_the_zoo");
+    let mut expected = ExpectedFailures::for_suite("surfaces_of_the_zoo");
     let mut wrong = Vec::new();
     // Of degree 8 one surface takes longer than all others.
     let is_taken = |name: &str| isoform_testdata::is_full() || name != "dense8";
