@@ -1,21 +1,21 @@
 //! Rational parametric surfaces (s, t) ↦ (X/W, Y/W, Z/W), analysed exactly for certified
 //! triangulation.
 //!
-//! - [`Map`]: four polynomials with rational coefficients, checked, as forms of one degree in (s :
-//!   t : w).
+//! - [`Map`]: four polynomials with rational coefficients, validated, as forms of equal degree in
+//!   (s : t : w).
 //! - [`Region`]: the parameters that a map sends into a box; a [`Domain`] restricts them.
 //! - [`Patch`]: rational Bézier patches, and the patches of NURBS surfaces, as maps over [0, 1]².
-//! - [`base_points`]: where the four vanish together, with the seam curves of every level of
-//!   blowing up.
-//! - [`singular`]: curves over which the surface crosses itself, has cusps, or to which a point
-//!   belongs.
-//! - [`analyse`]: all of it, with the degrees, the implicit equation and the pole curve, within a
-//!   [`Budget`].
-//! - [`Claim`], [`Basis`], [`Finding`]: what is claimed of a surface, how it was decided, and what
-//!   stands against it.
+//! - [`base_points`]: the common zeros of the four forms, with the seam curves of all levels of
+//!   blow-ups.
+//! - [`singular`]: curves along which the surface crosses itself or has cusps, or which are
+//!   contracted to a point.
+//! - [`analyse`]: all of these, with the degrees, the implicit equation and the pole curve, within
+//!   a [`Budget`].
+//! - [`Claim`], [`Basis`], [`Finding`]: the claims about a surface, how they were decided, and what
+//!   contradicts them.
 //! - [`triangulate`], [`triangulate_patches`]: the [`Surface`] of a map in a box, or of patches, by
-//!   [`TriangulateOptions`]; [`SurfaceBox`] is a box that holds it.
-//! - [`NumberField`], [`Element`], [`Algebraic`]: the exact numbers in which all of this is said.
+//!   [`TriangulateOptions`]; [`SurfaceBox`] is a box that contains it.
+//! - [`NumberField`], [`Element`], [`Algebraic`]: the exact numbers of all these results.
 #![forbid(unsafe_code)]
 
 mod analysis;

@@ -2,14 +2,14 @@
 //! triangulation of each unit triangle, and refinement until every triangle is near the surface and
 //! W keeps its sign on it.
 //!
-//! Between two walls of an arrangement the polylines of arcs have their vertices over the same u,
-//! in the order of the arcs: they cannot cross, and what they bound is the region up to isotopy.
-//! Four charts that are sampled on the unit triangle, and base points opened in directions, are due
-//! to C. L. Bajaj, A. Royappa, *Triangulation and display of rational parametric surfaces* (1994).
+//! Between two walls of an arrangement the polylines of arcs have their vertices at equal values of
+//! u, in the order of the arcs. They cannot cross, and they bound the region up to isotopy. Four
+//! charts sampled on the unit triangle, and the opening of base points in directions, are due to C.
+//! L. Bajaj, A. Royappa, *Triangulation and display of rational parametric surfaces* (1994).
 //!
 //! # Stages
 //!
-//! Each is a value that is made from the ones before it and is not changed by what comes after it:
+//! Each stage is a value computed from the stages before it; later stages do not change it:
 //!
 //! ```text
 //! Region, Map ─> Atlas ─> SpecialCurves ─> Openings ─> Glued ─> four Units ─> Refined ─> Surface
@@ -35,11 +35,11 @@
 //!     +-----------+
 //! ```
 //!
-//! In terms of blow-ups: the seam is the image of the exceptional divisor, which the directions
-//! parametrize; an arc that ends in a site meets it where its strict transform does, in the
-//! tangent; fans of infinitely near points are trees, with a node for each blow-up and its
-//! coordinates, its chart. A corner is the point in which two exceptional divisors meet. Contracted
-//! curves are the other way about: curves of parameters with one image.
+//! In terms of blow-ups: the seam is the image of the exceptional divisor, which is parametrized by
+//! the directions. An arc that ends in a site meets the divisor where its strict transform does, in
+//! the tangent. Fans of infinitely near points are trees, with a node for each blow-up and its
+//! coordinates, its chart. A corner is the intersection of two exceptional divisors. Contracted
+//! curves are the converse: curves of parameters with one image.
 
 mod atlas;
 mod border;
@@ -87,26 +87,27 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use special::SpecialCurves;
 use unit::{Refined, Unit};
 
-/// The phase in which the triangles are made, as its progress is told.
+/// Name of the phase in which the triangles are made, for progress reports.
 pub(crate) const TRIANGLES: &str = "triangles";
-/// The shares of that phase which are done when curves are found, base points opened, sheets
-/// matched and unit triangles drawn: what is left is for refinement, which mostly takes longest.
+/// Progress of that phase when curves are found, base points opened, sheets matched and unit
+/// triangles drawn; the rest is refinement, which mostly takes longest.
 const SHARES: [f64; 4] = [0.1, 0.2, 0.3, 0.4];
-/// The number of times that a contracted curve is halved because curves that leave it turn: the
-/// turn may be abrupt.
+/// Number of bisections of a contracted curve because curves that leave it turn; the limit is
+/// needed as the turn may be abrupt.
 const TURNS: usize = 10;
-/// The number of times that a stretch of an arc or side is halved: ends with vertical tangents are
-/// approached to 2⁻⁴⁰ of the stretch.
+/// Number of bisections of an interval of an arc or side: ends with vertical tangents are
+/// approached to 2⁻⁴⁰ of the interval.
 const HALVINGS: usize = 40;
-/// The number of times that a stretch is halved where a base point is left open: nothing gets fine
-/// enough there, and the result is not certified anyway.
+/// Number of bisections of an interval if a base point is left open: no fineness suffices there,
+/// and the result is not certified anyway.
 const OPEN_HALVINGS: usize = 12;
-/// Triangles where a base point is left open, since more of them would not help, either.
+/// Maximum number of triangles if a base point is left open: more of them would not help, either.
 const OPEN_TRIANGLES: usize = 100_000;
-/// Vertices of a stretch at most: more has one along which the map is not continuous.
+/// Maximum number of vertices of an interval: more of them arise only along a curve on which the
+/// map is not continuous.
 const VERTICES: usize = 1 << 14;
 
-/// The changes against the first mesh, where triangles crossed.
+/// Changes to the next mesh, where triangles of the last one crossed.
 #[derive(Default)]
 pub(crate) struct Changes {
     pub(crate) fineness: Fineness,
@@ -115,7 +116,7 @@ pub(crate) struct Changes {
 }
 
 /// Triangulates the part of the surface that is in the box. The region is decomposed by `curves`,
-/// too. What could not be opened, joined or refined is said to be unproven.
+/// too. Everything that could not be opened, joined or refined becomes a finding.
 pub(crate) fn mesh(
     map: &Map,
     region: &Region,
@@ -158,8 +159,8 @@ pub(crate) fn mesh(
     surface.decisions.decide(OF_MESH, glued.verdicts(curves));
     let tolerance = |p: Point3| atlas.tolerance_at(p);
     let mut surface = finish(surface, atlas.half_width, curves.glued, &tolerance);
-    // Contracted curves with one image are one vertex, and what is joined with them is known by
-    // its image: where sheets are not to be joined, it may be one of another sheet.
+    // Contracted curves with one image are one vertex, and what is joined to it is identified by
+    // its image alone: if sheets are not to be joined, it may belong to another sheet.
     if curves.deck.is_some() && !curves.glued {
         let count = closing::pinched(&surface);
         if count > 0 {

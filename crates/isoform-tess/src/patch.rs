@@ -26,15 +26,15 @@ pub type ControlPoint = [RBig; 4];
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Patch {
-    /// `patch 3`, or `nurbs 1, span 2 1`: counted from 1.
+    /// Name of the patch, such as `patch 3` or `nurbs 1, span 2 1`, with numbers from 1.
     pub name: String,
     degree: [usize; 2],
-    /// Row by row of i.
+    /// Control points, row by row of i.
     control: Vec<ControlPoint>,
 }
 
 impl From<&RationalPatch> for Patch {
-    /// The patch with exactly these control points, by the name `patch`.
+    /// Creates the patch with exactly these control points, under the name `patch`.
     fn from(patch: &RationalPatch) -> Self {
         let (m, n) = patch.degree();
         let control = patch.control().iter().map(|p| p.map(exact)).collect();
@@ -43,10 +43,10 @@ impl From<&RationalPatch> for Patch {
 }
 
 impl Patch {
-    /// The patch of degrees m and n with (m + 1)(n + 1) control points, row by row of i = 0 … m.
+    /// Creates the patch of degrees m and n with (m + 1)(n + 1) control points, row by row of i = 0
+    /// … m.
     ///
-    /// # Panics
-    /// If a degree is 0, or the number of control points is another.
+    /// # Panics If a degree is 0, or the number of control points does not match.
     pub fn new(name: String, degree: [usize; 2], control: Vec<ControlPoint>) -> Self {
         let [m, n] = degree;
         assert!(m > 0 && n > 0, "degrees of at least 1");
@@ -57,14 +57,13 @@ impl Patch {
             control,
         }
     }
-    /// The map over [0, 1]²; a common factor of its polynomials is removed.
+    /// Returns the map over [0, 1]²; a common factor of its polynomials is removed.
     ///
-    /// # Errors
-    /// [`MapError`]: no surface, no finite point.
+    /// # Errors [`MapError`]: the image is not a surface, or has no finite point.
     pub fn map(&self) -> Result<Map, MapError> {
         Map::new(self.polynomials(), Options { reduce: true })
     }
-    /// X, Y, Z and W in s and t.
+    /// Returns X, Y, Z and W in s and t.
     fn polynomials(&self) -> [Poly; 4] {
         let [m, n] = self.degree;
         [0, 1, 2, 3].map(|c| {
@@ -87,8 +86,8 @@ impl Patch {
             Poly::from_terms(terms)
         })
     }
-    /// The control points of a side, in the order of [`crate::Domain::rectangle`]: t = 0, s = 1, t
-    /// = 1 backward, s = 0 backward.
+    /// Returns the control points of a side, in the order of [`crate::Domain::rectangle`]: t = 0, s
+    /// = 1, t = 1 backward, s = 0 backward.
     pub(crate) fn side(&self, side: usize) -> Vec<&ControlPoint> {
         let [m, n] = self.degree;
         let at = |i: usize, j: usize| &self.control[i * (n + 1) + j];
@@ -101,8 +100,8 @@ impl Patch {
     }
 }
 
-/// A box that holds all patches, if none has a pole: the least and greatest coordinates of control
-/// points, of halved patches where weights have both signs.
+/// Returns a box that contains all patches, if none has a pole: the minimum and maximum of the
+/// coordinates of control points, after halving patches whose weights have both signs.
 pub fn patch_bounds(patches: &[Patch]) -> Option<[[RBig; 2]; 3]> {
     let unit = [0, 1].map(|_| [RBig::ZERO, RBig::ONE]);
     let mut all: Option<[[RBig; 2]; 3]> = None;
@@ -116,15 +115,15 @@ pub fn patch_bounds(patches: &[Patch]) -> Option<[[RBig; 2]; 3]> {
     all
 }
 
-/// The least interval that holds two.
+/// Returns the smallest interval that contains two others.
 fn hull([a, b]: &[RBig; 2], [c, d]: &[RBig; 2]) -> [RBig; 2] {
     [a.min(c).clone(), b.max(d).clone()]
 }
 
-/// The coefficients of powers from Bernstein coefficients.
+/// Converts Bernstein coefficients to coefficients of powers.
 fn to_powers(line: Vec<RBig>) -> Vec<RBig> {
-    // Differences: the k-th power has the k-th difference of the first coefficients, n over k
-    // times.
+    // The coefficient of the k-th power is the k-th difference of the first Bernstein coefficients,
+    // times n over k.
     let n = line.len() - 1;
     let (mut differences, mut binomial, mut found) = (line, RBig::ONE, Vec::with_capacity(n + 1));
     for k in 0..=n {
@@ -159,8 +158,7 @@ mod tests {
         assert_eq!(bounds, [[0.0, 3.0], [0.0, 2.0], [0.0, 5.0]]);
     }
 
-    /// Points and the bits of control points survive; the values are the values of the doubles'
-    /// patch.
+    /// A patch of doubles keeps its points, and the bits of its control points.
     #[test]
     fn patches_of_doubles_are_taken_exactly() {
         let s = 0.5f64.sqrt();

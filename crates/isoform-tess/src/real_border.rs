@@ -1,11 +1,11 @@
 //! The border of the real image of an improper map.
 //!
-//! Along a curve that a deck transformation σ leaves pointwise as it is, φ folds the plane of
-//! parameters: it looks like (x, y) ↦ (x², y), whose real image ends in x = 0. The surface goes on
-//! with imaginary x. Generally, a parameter p whose conjugate is σ(p) has a real image, as φ(p) =
-//! φ(σ(p)) is conjugate to φ(p). Such parameters are a family of two real dimensions next to every
-//! fold, and for every linear involution σ: they are the real points in coordinates of which the
-//! one that σ turns is imaginary.
+//! Along a curve that a deck transformation σ fixes pointwise, φ folds the parameter plane: it is
+//! locally like (x, y) ↦ (x², y), whose real image ends at x = 0. The surface continues with
+//! imaginary x. In general, a parameter p whose conjugate is σ(p) has a real image, as φ(p) =
+//! φ(σ(p)) is conjugate to φ(p). Such parameters form a family of two real dimensions next to every
+//! fold, and for every linear involution σ: in coordinates in which σ changes the sign of one of
+//! them, they are the points with that coordinate imaginary and the others real.
 
 use crate::deck::{Deck, linear};
 use crate::map::{Map, Options};
@@ -17,21 +17,21 @@ use isoform_algebra::{Poly, RBig};
 use isoform_control::Control;
 use std::collections::BTreeSet;
 
-/// The border of the real image of an improper map, and what is beyond it.
+/// The border of the real image of an improper map, and the surface beyond it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RealBorder {
-    /// The curves of parameters, in s, t and w, along which the map folds the plane: those with real
-    /// arcs, and images that are not at infinity.
+    /// Curves of parameters, in s, t and w, along which the map folds the plane: those with real
+    /// arcs and finite images.
     pub folds: Vec<Poly>,
-    /// Their images in the box, and those of base points that are blown up to folds.
+    /// Images of the folds in the box, and of base points that are blown up to folds.
     pub lines: Vec<Vec<Point3>>,
-    /// Real maps onto the points that parameters reach which a linear deck transformation takes to
-    /// their conjugates.
+    /// Real maps onto the points reached by parameters whose conjugates are their images under a
+    /// linear deck transformation.
     pub beyond: Vec<Map>,
 }
 
 impl RealBorder {
-    /// The border of a map with deck transformations, without its lines on a surface.
+    /// Creates the border of a map with deck transformations, without its lines on a surface.
     pub(crate) fn new(map: &Map, deck: &Deck, control: &Control<'_>) -> Self {
         let sides = (0..3).filter(|&k| deck.folds.sides[k]).map(Poly::var);
         // Where W vanishes, the surface ends at infinity.
@@ -51,7 +51,7 @@ impl RealBorder {
 }
 
 impl Surface {
-    /// The folds in which the surface ends.
+    /// Returns the folds in which the surface ends, as polylines.
     pub(crate) fn fold_lines(&self) -> Vec<Vec<Point3>> {
         let folds: Vec<[u64; 3]> = self.borders.iter().map(|b| b.map(|x| x & FOLD)).collect();
         let edges = self.edges(&folds);
@@ -64,8 +64,8 @@ impl Surface {
 
 type Matrix = [[RBig; 3]; 3];
 
-/// The map φ(M·(x, y, z)) with one coordinate imaginary, the one that an involution turns in the
-/// coordinates of M. None if the matrix is no involution.
+/// Returns the map φ(M·(x, y, z)) with one coordinate imaginary: the one whose sign an involution
+/// changes in the coordinates of M. `None` if the matrix is not an involution.
 fn beyond(map: &Map, involution: &Matrix) -> Option<Map> {
     // The eigenvalues are λ, λ and −λ, so that λ is the trace.
     let trace = (0..3).fold(RBig::ZERO, |sum, k| sum + &involution[k][k]);
@@ -79,7 +79,7 @@ fn beyond(map: &Map, involution: &Matrix) -> Option<Map> {
     if trace == RBig::ZERO || !(0..9).all(|k| is_square(k / 3, k % 3)) {
         return None;
     }
-    // Columns of M ± λ: they span the eigenspaces of ±λ.
+    // The columns of the matrix ± λ span the eigenspaces of ±λ.
     let column = |sign: i32, j: usize| {
         [0, 1, 2].map(|i| on_diagonal(i, j, &trace) * RBig::from(sign) + &involution[i][j])
     };
@@ -101,7 +101,7 @@ fn beyond(map: &Map, involution: &Matrix) -> Option<Map> {
     }
     let parts = [0, 1, 2].map(|i| linear(&[0, 1, 2].map(|k| columns[k][i].clone())));
     let forms = map.forms().each_ref().map(|f| f.compose(&parts));
-    // Of the coordinate that is turned only even powers are there, since nothing divides all forms.
+    // Only even powers of that coordinate occur, since the forms have no common factor.
     if forms
         .iter()
         .any(|f| f.terms().iter().any(|t| t.0[turned] % 2 == 1))
@@ -130,7 +130,7 @@ mod tests {
         beyond(&map, &matrix(rows))
     }
 
-    /// Points of the maps found are on the surface, at the other side of its border.
+    /// Points of the maps found lie on the surface, beyond its border.
     #[test]
     fn the_other_sides_are_reached() {
         // z = x² + y² with x = s² ≥ 0.
@@ -145,7 +145,8 @@ mod tests {
             assert_eq!(x * x + y * y, z * w);
             assert!(x / w < 0.0);
         }
-        // x = s + t, y = s t reaches x² ≥ 4 y, and by conjugate s and t the rest of the plane.
+        // The map x = s + t, y = s t reaches x² ≥ 4 y, and with conjugate s and t the rest of the
+        // plane.
         let swap = [[0, 1, 0], [1, 0, 0], [0, 0, 1]];
         let other = beyond_of(["s + t", "s*t", "0", "1"], swap).expect("a map");
         for p in [[1, 2, 1], [3, -1, 2], [-5, 4, 1]] {

@@ -1,16 +1,17 @@
-//! The part of the parameter plane that a map sends into a box, exactly.
+//! The part of the parameter plane that a map sends into a box, decomposed exactly.
 //!
 //! The box |X|, |Y|, |Z| ≤ B|W| is bounded by the six curves X ± B W, Y ± B W, Z ± B W. In each of
 //! the four unit triangles their arrangement has finitely many cells, on each of which the map
-//! stays inside the box or outside of it. A cell inside does not meet the pole curve: where W
-//! vanishes inside, all four forms do, and that is a base point.
+//! stays either inside the box or outside. A cell inside does not meet the pole curve: if W
+//! vanishes at a point inside, all four forms do, so that it is a base point.
 //!
-//! The sides of a domain are lines that enter the same arrangement; cells outside of the domain are
-//! treated like cells outside the box. Where the map is proved to send the closed domain into the
-//! open box ([`Region::is_clear`]), the six curves are left out.
+//! The sides of a domain are lines that enter the arrangement, too; cells outside of the domain are
+//! treated like cells outside of the box. If the map provably sends the closed domain into the open
+//! box ([`Region::is_clear`]), the six curves are left out.
 //!
-//! - *factor*: an irreducible or at least squarefree form, a piece of one or more of these curves.
-//! - *wall*, *slab*, *arc*: the parts of an [`Arrangement`]; points, arcs and cells have numbers
+//! - *factor*: an irreducible, or at least squarefree, form that is a component of one or more of
+//!   these curves.
+//! - *wall*, *slab*, *arc*: the parts of an [`Arrangement`]; points, arcs and cells are numbered
 //!   from bottom to top.
 //! - *fold*: a curve of parameters at which the surface turns back and ends.
 
@@ -31,9 +32,9 @@ use std::collections::BTreeSet;
 
 /// The region in one of the unit triangles.
 pub struct Triangle {
-    /// The cells. Curve k of the arrangement is factor k of the region.
+    /// Arrangement of the cells; curve k of it is factor k of the region.
     pub arrangement: Arrangement,
-    /// Of each slab the cells from bottom to top: whether the map sends them into the box.
+    /// True for each cell that the map sends into the box: by slab, cells from bottom to top.
     pub inside: Vec<Vec<bool>>,
 }
 
@@ -55,33 +56,33 @@ pub struct Triangle {
 pub struct Region {
     /// Half the width of the box.
     pub half_width: RBig,
-    /// Irreducible or not, squarefree and pairwise coprime forms whose zeros bound the region.
+    /// Squarefree and pairwise coprime forms, not necessarily irreducible, whose zeros bound the
+    /// region.
     pub factors: Vec<Poly>,
-    /// The faces of the box that each factor belongs to: −X, +X, −Y, +Y, −Z, +Z are 0 to 5.
+    /// Faces of the box to which each factor belongs: −X, +X, −Y, +Y, −Z, +Z are 0 to 5.
     pub faces: Vec<Vec<usize>>,
-    /// The sides of the domain whose lines each factor is, as bits.
+    /// Sides of the domain whose lines contain each factor, as bits.
     pub(crate) lines: Vec<u64>,
-    /// The factors that the surface is folded along.
+    /// Factors along which the surface is folded.
     folds: BTreeSet<usize>,
-    /// The fundamental domain to which it is restricted.
+    /// Deck transformations to whose fundamental domain the region is restricted, if any.
     pub(crate) deck: Option<Deck>,
-    /// Of each of the other curves the factors that it consists of.
+    /// Factors of each of the other curves.
     pub extra: Vec<Vec<usize>>,
-    /// By quadrants, as in [`QUADRANTS`].
+    /// The unit triangles, in the order of [`QUADRANTS`].
     pub triangles: Vec<Triangle>,
-    /// The part of the parameter plane to which it is restricted.
+    /// Part of the parameter plane to which the region is restricted; `None` for the whole plane.
     pub domain: Option<Domain>,
-    /// Whether the map is proved to have no pole in the closed domain and to send it into the open
-    /// box: then neither was decomposed.
+    /// True if the map provably has no pole in the closed domain and sends it into the open box:
+    /// then poles and faces are not part of the decomposition.
     pub is_clear: bool,
 }
 
 impl Region {
-    /// The parameters that a map sends into the box \[−B, B\]³, with B = `half_width` > 0,
-    /// decomposed by other curves, too: forms in (s, t, w).
+    /// Decomposes the parameters that a map sends into the box \[−B, B\]³, with B = `half_width` >
+    /// 0, by the faces of the box and by other curves: forms in (s, t, w).
     ///
-    /// # Errors
-    /// [`ArrangementError`], if stopped.
+    /// # Errors [`ArrangementError`], if stopped.
     pub fn new(
         map: &Map,
         half_width: &RBig,
@@ -90,11 +91,10 @@ impl Region {
     ) -> Result<Self, ArrangementError> {
         Self::within(map, half_width, None, None, extra, control)
     }
-    /// The part of these parameters that is in a domain, and in the fundamental domain of deck
-    /// transformations, whose seams are among the other curves.
+    /// Decomposes the part of these parameters that is in a domain, and in the fundamental domain
+    /// of deck transformations, whose seams are among the other curves.
     ///
-    /// # Errors
-    /// [`ArrangementError`], if stopped.
+    /// # Errors [`ArrangementError`], if stopped.
     pub(crate) fn within(
         map: &Map,
         half_width: &RBig,
@@ -143,30 +143,30 @@ impl Region {
             is_clear,
         })
     }
-    /// Whether the surface ends elsewhere than in the box's faces.
+    /// Returns true if the surface may end elsewhere than in the box's faces.
     fn has_borders(&self) -> bool {
         self.domain.is_some()
             || (0..3).any(|side| self.is_fold_side(side))
             || !self.folds.is_empty()
     }
-    /// The factors that the surface is folded along.
+    /// Iterates over the factors along which the surface is folded.
     pub(crate) fn folds(&self) -> impl Iterator<Item = usize> {
         self.folds.iter().copied()
     }
-    /// Whether a point (s : t : w) is in the fundamental domain, if there is one.
+    /// Returns true if a point (s : t : w) is in the fundamental domain, or if there is none.
     pub(crate) fn is_fundamental(&self, p: &[RBig; 3]) -> bool {
         self.deck.as_ref().is_none_or(|d| d.holds(p))
     }
-    /// Whether the surface is folded along a factor.
+    /// Returns true if the surface is folded along a factor.
     pub(crate) fn is_fold(&self, factor: usize) -> bool {
         self.folds.contains(&factor)
     }
-    /// Whether the surface is folded along a side of the unit triangles.
+    /// Returns true if the surface is folded along a side of the unit triangles.
     pub(crate) fn is_fold_side(&self, side: usize) -> bool {
         self.deck.as_ref().is_some_and(|d| d.folds.sides[side])
     }
-    /// The side of the domain, as a bit, that an arc over a slab lies on. An arc that lies on the
-    /// line of a side but not on the side has none; a fold counts as the first side.
+    /// Returns the side of the domain, as a bit, on which an arc over a slab lies. An arc that lies
+    /// on the line of a side but not on the side gives 0; a fold counts as the first side.
     pub(crate) fn side_of_arc(&self, quadrant: usize, slab: usize, place: usize) -> u64 {
         let a = &self.triangles[quadrant].arrangement;
         let (u, curve) = (&a.slabs[slab].u, a.slabs[slab].arcs[place].curve);
@@ -186,8 +186,8 @@ impl Region {
         };
         v.map_or(0, |v| self.side_at(quadrant, [u, &v]))
     }
-    /// The side of the domain, as a bit, that the wall between a point and the next lies on, or
-    /// [`FOLD`].
+    /// Returns the side of the domain, as a bit, on which the wall between a point and the next one
+    /// lies, or [`FOLD`].
     pub(crate) fn side_of_wall(&self, quadrant: usize, wall: usize, point: usize) -> u64 {
         let w = &self.triangles[quadrant].arrangement.walls[wall];
         if point + 1 >= w.points.len() {
@@ -197,7 +197,7 @@ impl Region {
         if wall == 0 && self.is_fold_side(0) || has(&|f| self.folds.contains(&f)) {
             return FOLD;
         }
-        // The side u = 0 of the unit triangle, or an upright line.
+        // The side u = 0 of the unit triangle, or a vertical line.
         let is_line = wall == 0 || has(&|f| self.lines[f] != 0);
         if self.domain.is_none() || !is_line {
             return 0;
@@ -208,8 +208,8 @@ impl Region {
         let v = (&w.points[point].hi + &w.points[point + 1].lo) / RBig::from(2);
         self.side_at(quadrant, [&u, &v])
     }
-    /// The side of the domain, as a bit, that a place on a side of a unit triangle lies on, or
-    /// [`FOLD`]. No curve may go through the place.
+    /// Returns the side of the domain, as a bit, on which a place on a side of a unit triangle
+    /// lies, or [`FOLD`]. No curve may pass through the place.
     pub(crate) fn side_of_place(&self, quadrant: usize, at: [f64; 2]) -> u64 {
         let side = at.iter().position(|x| *x == 0.0).unwrap_or(2);
         if self.is_fold_side(side) {
@@ -221,12 +221,12 @@ impl Region {
         let [u, v] = at.map(exact);
         self.side_at(quadrant, [&u, &v])
     }
-    /// The side of the domain, as a bit, that a point of a unit triangle lies on.
+    /// Returns the side of the domain, as a bit, on which a point of a unit triangle lies.
     fn side_at(&self, quadrant: usize, at: [&RBig; 2]) -> u64 {
         let side = |d: &Domain| d.side_at(&parameters(quadrant, at)?);
         self.domain.as_ref().and_then(side).map_or(0, |k| 1 << k)
     }
-    /// All sides of the domain, as bits, that end in a point of a wall or go through it.
+    /// Returns all sides of the domain, as bits, that end in a point of a wall or pass through it.
     pub(crate) fn sides_of_point(&self, quadrant: usize, wall: usize, point: usize) -> u64 {
         if !self.has_borders() {
             return 0;
@@ -246,53 +246,54 @@ impl Region {
     }
 }
 
-/// The bit of the curves that the surface is folded along: maps over a domain have none.
+/// Bit of the curves along which the surface is folded. It is also that of the first side of a
+/// domain, but maps over a domain have no folds.
 pub(crate) const FOLD: u64 = 1;
 
-/// The curves of parameters that are sent into the planes of the box's faces, in the order of
-/// [`Region::faces`].
+/// Returns the curves of parameters that are sent into the planes of the box's faces, in the order
+/// of [`Region::faces`].
 fn face_curves(map: &Map, half_width: &RBig) -> Vec<Poly> {
     let [forms @ .., w] = map.forms();
     let far = w.scale(half_width);
     forms.iter().flat_map(|x| [x + &far, x - &far]).collect()
 }
 
-/// The places of the lists that contain a number.
+/// Returns the indices of the lists that contain a number.
 fn having(lists: &[Vec<usize>], number: usize) -> Vec<usize> {
     let found = (0..lists.len()).filter(|&k| lists[k].contains(&number));
     found.collect()
 }
 
-/// (s : t : w) of a point of a unit triangle.
+/// Returns (s : t : w) of a point of a unit triangle.
 fn homogeneous(quadrant: usize, [u, v]: [&RBig; 2]) -> [RBig; 3] {
     let [s, t] = QUADRANTS[quadrant].map(RBig::from);
     [s * u, t * v, RBig::ONE - u - v]
 }
 
-/// Whether the map is proved to have no pole in a closed domain and to send it into the open box.
+/// Returns true if the map provably has no pole in a closed domain and sends it into the open box.
 pub(crate) fn is_clear(map: &Map, half_width: &RBig, domain: &Domain) -> bool {
     let inside = |[lo, hi]: &[RBig; 2]| *lo > -half_width && hi < half_width;
     image_bounds(map.affine(), &domain.bounds()).is_some_and(|b| b.iter().all(inside))
 }
 
-/// v on a line over u.
+/// Returns v on a line over u; `None` on a vertical line.
 fn on_line(line: &Poly, u: &RBig) -> Option<RBig> {
     let rest = line.set(0, u);
     let slope = rest.coefficient([0, 1, 0, 0]);
     (!slope.is_zero()).then(|| -rest.coefficient([0; 4]) / slope)
 }
 
-/// The conditions on a cell of the region.
+/// Conditions on a cell of the region.
 struct Limits<'a> {
-    /// The curves of [`face_curves`], or none where the map is proved to stay in the box.
+    /// Curves of [`face_curves`]; empty if the map provably stays in the box.
     faces: &'a [Poly],
     domain: Option<&'a Domain>,
     deck: Option<&'a Deck>,
 }
 
 impl Limits<'_> {
-    /// Of the cells of a slab from bottom to top, whether they belong to the region; `faces` are
-    /// the curves of the box's faces in the unit triangle.
+    /// Returns true for each cell of a slab, from bottom to top, that belongs to the region;
+    /// `faces` are the curves of the box's faces in the unit triangle.
     fn cells_held(&self, slab: &Slab, faces: &[Poly], quadrant: usize) -> Vec<bool> {
         let faces: Vec<Poly> = faces.iter().map(|f| f.set(0, &slab.u)).collect();
         let is_held = |v: &RBig| {
@@ -303,7 +304,7 @@ impl Limits<'_> {
         };
         slab.between.iter().map(is_held).collect()
     }
-    /// Whether a point of a unit triangle is in the domain and in the fundamental domain.
+    /// Returns true if a point of a unit triangle is in the domain and in the fundamental domain.
     fn admits(&self, quadrant: usize, at: [&RBig; 2]) -> bool {
         let in_domain = |d: &Domain| parameters(quadrant, at).is_some_and(|p| d.contains(&p));
         self.domain.is_none_or(in_domain)
@@ -313,8 +314,8 @@ impl Limits<'_> {
     }
 }
 
-/// Whether a coordinate is between two opposite faces of the box at v: their polynomials, in v
-/// alone, have different signs there, or one of them vanishes.
+/// Returns true if a coordinate is between two opposite faces of the box at v: their polynomials,
+/// in v alone, have different signs there, or one of them vanishes.
 fn is_between(low: &Poly, high: &Poly, v: &RBig) -> bool {
     let [low, high] = [low, high].map(|face| {
         let value = face.set(1, v).as_constant();
@@ -323,17 +324,17 @@ fn is_between(low: &Poly, high: &Poly, v: &RBig) -> bool {
     low.sign() != high.sign() || low.is_zero() || high.is_zero()
 }
 
-/// The end of an arc that is on a wall.
+/// Side of a wall on which a slab lies.
 #[derive(Clone, Copy)]
 enum Hand {
-    /// The slab is on the left of the wall: arcs end on it.
+    /// The slab is on the left of the wall: its arcs end there.
     Left,
-    /// The slab is on the right of the wall: arcs begin on it.
+    /// The slab is on the right of the wall: its arcs begin there.
     Right,
 }
 
 impl Hand {
-    /// The point of the wall that an arc of the slab on this hand has as its end.
+    /// Returns the point of the wall at which an arc of the slab has its end.
     fn end(self, arc: &Arc) -> usize {
         match self {
             Self::Left => arc.right,
@@ -342,13 +343,14 @@ impl Hand {
     }
 }
 
-/// The numbers of the slabs on both hands of a wall: there may be no such slab.
+/// Returns the indices of the slabs on both sides of a wall; a slab with such an index need not
+/// exist.
 fn beside(wall: usize) -> [(usize, Hand); 2] {
     [(wall.wrapping_sub(1), Hand::Left), (wall, Hand::Right)]
 }
 
 impl Triangle {
-    /// A unit triangle decomposed by the factors.
+    /// Decomposes a unit triangle by the factors.
     fn new(
         factors: &[Poly],
         quadrant: usize,
@@ -366,16 +368,17 @@ impl Triangle {
             arrangement,
         })
     }
-    /// Whether a point of a wall belongs to the closure of a cell inside.
+    /// Returns true if a point of a wall belongs to the closure of a cell inside.
     pub(crate) fn holds_point(&self, wall: usize, point: usize) -> bool {
         self.cells_at(wall, point, point).next().is_some()
     }
-    /// Whether the wall between a point and the next belongs to the closure of a cell inside.
+    /// Returns true if the wall between a point and the next one belongs to the closure of a cell
+    /// inside.
     pub(crate) fn holds_segment(&self, wall: usize, point: usize) -> bool {
         self.cells_at(wall, point, point + 1).next().is_some()
     }
-    /// Whether the cells on the left and on the right of the wall between a point and the next are
-    /// inside.
+    /// Returns true for each of the cells on the left and on the right of the wall between a point
+    /// and the next one that is inside.
     pub(crate) fn sides_held(&self, wall: usize, point: usize) -> [bool; 2] {
         let mut held = [false; 2];
         for cell in self.cells_at(wall, point, point + 1) {
@@ -383,7 +386,8 @@ impl Triangle {
         }
         held
     }
-    /// The cells inside that a stretch of a wall between two points, or one point, belongs to.
+    /// Iterates over the cells inside whose closure contains a segment of a wall between two
+    /// points, or a single point.
     fn cells_at(&self, wall: usize, from: usize, to: usize) -> impl Iterator<Item = Cell> {
         let slabs = &self.arrangement.slabs;
         let slabs_beside = beside(wall).into_iter().filter(|s| s.0 < slabs.len());
@@ -394,7 +398,7 @@ impl Triangle {
                 .map(move |place| Cell { slab, place })
         })
     }
-    /// Whether anything but the side itself goes through a point of the wall.
+    /// Returns true if a curve other than the side itself passes through the point of the wall.
     pub(crate) fn is_real(&self, wall: usize, point: usize) -> bool {
         let n = self.arrangement.lower();
         let w = &self.arrangement.walls[wall];
@@ -402,7 +406,7 @@ impl Triangle {
     }
 }
 
-/// A cell of a triangle: its slab, and its place there from the bottom.
+/// A cell of a triangle, by its slab and its place there from the bottom.
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     slab: usize,

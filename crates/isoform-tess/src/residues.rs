@@ -1,10 +1,10 @@
-//! Greatest common divisors over a number field by way of residues modulo primes.
+//! Greatest common divisors over a number field, by residues modulo primes.
 //!
-//! Modulo a prime Q(θ) becomes F_p\[x\]/(p), in which Euclid's algorithm is cheap; the monic
-//! divisor comes back by Chinese remainders and rational reconstruction (L. Langemyr, S. McCallum,
-//! J. Symbolic Comput. 8, 1989). Where the modulus stays squarefree and a leading coefficient stays
-//! invertible, the degree modulo the prime is not too low; a candidate of that degree that divides
-//! is proven.
+//! Modulo a prime, Q(θ) becomes F_p\[x\]/(p), in which Euclid's algorithm is cheap; the monic
+//! divisor is recovered by Chinese remainders and rational reconstruction (L. Langemyr, S.
+//! McCallum, J. Symbolic Comput. 8, 1989). If the modulus stays squarefree and a leading
+//! coefficient stays invertible, the degree modulo the prime is at least the true one; a candidate
+//! of that degree that divides both polynomials is proved.
 
 use crate::field::{Element, NumberField};
 use crate::univariate::{Coefficients, divide};
@@ -28,7 +28,7 @@ fn trim(p: &mut Residue) {
 }
 
 impl Ring {
-    /// Nothing if the modulus has a repeated factor modulo the prime.
+    /// Creates the ring; `None` if the modulus has a repeated factor modulo the prime.
     fn new(k: &NumberField, field: Fp) -> Option<Self> {
         let modulus: Residue = k
             .modulus()
@@ -47,7 +47,7 @@ impl Ring {
         let ring = Self { field, modulus };
         ring.inverse(&derivative).map(|_| ring)
     }
-    /// Nothing if the prime divides the denominator.
+    /// Reduces an element; `None` if the prime divides the denominator.
     fn residue(&self, e: &Element) -> Option<Residue> {
         let (numerator, denominator) = e.parts();
         let d = self.field.of_ubig(&denominator);
@@ -62,7 +62,7 @@ impl Ring {
         trim(&mut r);
         Some(r)
     }
-    /// a − c·x^offset·b.
+    /// Subtracts c·x^offset·b from a.
     fn subtract(&self, a: &mut Residue, c: u64, offset: usize, b: &[u64]) {
         if a.len() < b.len() + offset {
             a.resize(b.len() + offset, 0);
@@ -97,7 +97,7 @@ impl Ring {
         }
         product
     }
-    /// By Euclid's algorithm; nothing if there is none.
+    /// Computes the inverse by Euclid's algorithm; `None` if it does not exist.
     fn inverse(&self, a: &Residue) -> Option<Residue> {
         let f = &self.field;
         // u·a ≡ r and v·a ≡ s modulo the modulus.
@@ -119,7 +119,8 @@ impl Ring {
         let inverse = self.inverse(p.last()?)?;
         Some(p.iter().map(|c| self.mul(c, &inverse)).collect())
     }
-    /// The monic greatest common divisor; nothing if a leading coefficient has no inverse.
+    /// Returns the monic greatest common divisor; `None` if a leading coefficient is not
+    /// invertible.
     fn gcd(&self, p: Vec<Residue>, q: Vec<Residue>) -> Option<Vec<Residue>> {
         let (mut a, mut b) = if p.len() >= q.len() { (p, q) } else { (q, p) };
         while !b.is_empty() {
@@ -142,7 +143,7 @@ impl Ring {
             .iter()
             .map(|e| self.residue(e))
             .collect::<Option<Vec<_>>>()?;
-        // A leading coefficient that vanishes could lower the degree of the divisor.
+        // If a leading coefficient vanishes, the degree of the divisor could become too low.
         if residues.last().is_some_and(Vec::is_empty) {
             return None;
         }
@@ -153,10 +154,9 @@ impl Ring {
     }
 }
 
-/// The monic greatest common divisor of two polynomials of which one may be zero, not both.
+/// Returns the monic greatest common divisor of two polynomials, of which at most one is zero.
 ///
-/// # Errors
-/// [`Stopped`].
+/// # Errors [`Stopped`].
 pub(crate) fn gcd(
     k: &NumberField,
     p: &Coefficients,
@@ -183,7 +183,7 @@ pub(crate) fn gcd(
     unreachable!("there are enough primes below 2^62")
 }
 
-/// The greatest common divisor modulo a prime; nothing if the prime does not serve.
+/// Returns the greatest common divisor modulo a prime; `None` if the prime is unsuitable.
 fn residue_gcd(
     k: &NumberField,
     field: Fp,
@@ -197,14 +197,14 @@ fn residue_gcd(
 
 /// Residues of one divisor modulo several primes.
 struct Lift {
-    /// The degree of the field.
+    /// Degree of the field.
     degree: usize,
-    /// The number of coefficients of the divisor: the fewest of all primes so far.
+    /// Number of coefficients of the divisor: the minimum over all primes so far.
     count: usize,
     remainders: Crt,
-    /// The number of primes.
+    /// Number of primes used.
     used: usize,
-    /// With how many the divisor is tried next: 1, 2, 3, 4, 6, 9, …
+    /// Number of primes at which the next reconstruction is tried: 1, 2, 3, 4, 6, 9, …
     next_try: usize,
 }
 
@@ -218,7 +218,8 @@ impl Lift {
             next_try: 1,
         }
     }
-    /// A divisor modulo one more prime; the divisor itself, where that is tried and comes out.
+    /// Adds a divisor modulo one more prime; returns the reconstructed divisor, if that is tried
+    /// and succeeds.
     fn push(&mut self, ring: &Ring, divisor: &[Residue]) -> Option<Coefficients> {
         let d = self.degree;
         if divisor.len() > self.count {

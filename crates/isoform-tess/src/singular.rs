@@ -1,5 +1,5 @@
-//! Curves of the parameter plane over which a rational surface is not an embedded smooth one:
-//! double, cuspidal and contracted curves.
+//! Double, cuspidal and contracted curves: the curves of the parameter plane along which a rational
+//! surface is not smoothly embedded.
 //!
 //! With the implicit equation F of degree m, D(s, t, w) is the greatest common divisor of the four
 //! partial derivatives of F pulled back through the map: its zeros are the parameters of singular
@@ -21,52 +21,51 @@ use isoform_algebra::{
 use isoform_control::{Control, Stopped};
 use std::sync::Arc;
 
-/// A curve of the parameter plane, irreducible over Q, with singular points of the surface or of
-/// the map over it.
+/// A curve of the parameter plane, irreducible over Q, whose images are singular points of the
+/// surface, or along which the map is singular.
 #[derive(Clone, Debug)]
 pub struct SingularCurve {
-    /// A primitive form in (s, t, w), irreducible over Q.
+    /// Primitive form in (s, t, w), irreducible over Q.
     pub curve: Poly,
-    /// Its multiplicity in D; nothing if D is not known.
+    /// Multiplicity in D; `None` if D is not known.
     pub in_double: Option<usize>,
-    /// Its multiplicity in J.
+    /// Multiplicity in J.
     pub in_minors: usize,
-    /// The effect of the map on it.
+    /// Effect of the map on the curve.
     pub kind: CurveKind,
-    /// Its real points.
+    /// Real points of the curve.
     pub real: RealPart,
 }
 
 impl SingularCurve {
-    /// Whether it is double, and real but for isolated points.
+    /// Returns true if the curve is double, and has a real arc.
     pub(crate) fn is_double_arc(&self) -> bool {
         matches!(self.kind, CurveKind::Double) && matches!(self.real, RealPart::Curve)
     }
 }
 
-/// The effect of the map on a curve of its parameter plane.
+/// Effect of the map on a curve of its parameter plane.
 #[derive(Clone, Debug)]
 pub enum CurveKind {
-    /// Every component is mapped to a point.
+    /// Each component is mapped to a point.
     Contracted(Contraction),
-    /// It is mapped to a curve, along which the rank of the Jacobian drops: a cuspidal edge.
+    /// The image is a curve along which the rank of the Jacobian drops: a cuspidal edge.
     Ramified,
-    /// It is mapped to a curve in which sheets cross or touch.
+    /// The image is a curve in which sheets cross or touch.
     Double,
 }
 
-/// The points to which the components of a curve are contracted: conjugate over Q.
+/// Points to which the components of a curve are contracted; they are conjugate over Q.
 #[derive(Clone, Debug)]
 pub struct Contraction {
-    /// The field of their coordinates.
+    /// Field of their coordinates.
     pub field: Arc<NumberField>,
-    /// (X : Y : Z : W) with W = 1, or at infinity with the last one that differs from zero equal to
-    /// 1.
+    /// Image (X : Y : Z : W) with W = 1; at infinity, the last non-zero coordinate is 1.
     pub image: [Element; 4],
 }
 
 impl Contraction {
-    /// The real ones of the points.
+    /// Returns the real ones of the points.
     pub fn points(&self) -> Vec<[Algebraic; 4]> {
         let roots = 0..self.field.real_roots().len();
         roots
@@ -77,43 +76,42 @@ impl Contraction {
             })
             .collect()
     }
-    /// Whether the points are at infinity: all of them or none.
+    /// Returns true if the points are at infinity: all of them or none.
     pub fn at_infinity(&self) -> bool {
         self.image[3].is_zero()
     }
 }
 
-/// The real points of a curve that is irreducible over Q.
+/// Real points of a curve that is irreducible over Q.
 #[derive(Clone, Debug)]
 pub enum RealPart {
-    /// There is a real arc; isolated points may be there too.
+    /// A real arc, possibly with isolated points in addition.
     Curve,
-    /// Only isolated points (s : t : w), or none.
+    /// Only isolated points (s : t : w), possibly none.
     Points(Vec<[Algebraic; 3]>),
-    /// Only isolated points, or none: the degree is above [`POINTS_DEGREE`], and they were not
-    /// looked for.
+    /// Only isolated points, possibly none; they are not computed, as the degree is above
+    /// [`POINTS_DEGREE`].
     NoArc,
 }
 
-/// Largest degree of a curve of whose isolated points the coordinates are computed: up to 49
-/// conjugates, about a second.
+/// Maximum degree of a curve whose isolated points are computed: up to 49 conjugates, about a
+/// second.
 pub const POINTS_DEGREE: usize = 8;
 
 /// The singular curves of a map.
 #[derive(Clone, Debug)]
 pub struct Singular {
-    /// D up to a constant, a form in (s, t, w); nothing if the implicit equation was not to be had.
+    /// D up to a constant, a form in (s, t, w); `None` if the implicit equation is not known.
     pub double: Option<Poly>,
     /// J up to a constant, a form in (s, t, w).
     pub minors: Poly,
-    /// The irreducible factors of D and J, by degree and then by terms.
+    /// Irreducible factors of D and J, ordered by degree and then by terms.
     pub curves: Vec<SingularCurve>,
 }
 
-/// The singular curves of a map; without an implicit equation only those that divide J.
+/// Finds the singular curves of a map; without an implicit equation only those that divide J.
 ///
-/// # Errors
-/// [`Stopped`].
+/// # Errors [`Stopped`].
 pub fn singular(
     map: &Map,
     implicit: Option<&Implicit>,
@@ -159,13 +157,13 @@ pub fn singular(
 /// An irreducible factor of D or J.
 struct Factor {
     curve: Poly,
-    /// Its multiplicity in D, if that is known.
+    /// Multiplicity in D; `None` if D is not known.
     in_double: Option<usize>,
-    /// Its multiplicity in J.
+    /// Multiplicity in J.
     in_minors: usize,
 }
 
-/// The factors of J and D, by degree and then by terms.
+/// Returns the factors of J and D, ordered by degree and then by terms.
 fn factors(
     minors: &Poly,
     double: Option<&Poly>,
@@ -197,13 +195,13 @@ fn factors(
     Ok(factors)
 }
 
-/// The determinant of three rows, by the first of them.
+/// Returns the determinant of three rows, expanded along the first one.
 fn determinant(r: &[&[Poly; 3]]) -> Poly {
     let two = |a: usize, b: usize| &r[1][a] * &r[2][b] - &r[1][b] * &r[2][a];
     &r[0][0] * two(1, 2) - &r[0][1] * two(0, 2) + &r[0][2] * two(0, 1)
 }
 
-/// (M₀, −M₁, M₂, −M₃), Mᵢ the determinant of the Jacobian's rows without row i.
+/// Returns (M₀, −M₁, M₂, −M₃), where Mᵢ is the determinant of the Jacobian's rows without row i.
 pub(crate) fn signed_minors(map: &Map, control: &Control<'_>) -> Result<[Poly; 4], Stopped> {
     let rows = map
         .forms()
@@ -223,7 +221,7 @@ pub(crate) fn signed_minors(map: &Map, control: &Control<'_>) -> Result<[Poly; 4
     Ok(minors)
 }
 
-/// D from the derivative with the fewest terms.
+/// Computes D from the derivative with the fewest terms.
 fn double_locus(
     map: &Map,
     equation: &Poly,
@@ -249,14 +247,14 @@ fn double_locus(
         .primitive())
 }
 
-/// Contracted or ramified: for a factor of the minors.
+/// Classifies a factor of the minors as contracted or ramified.
 fn kind_of_critical(map: &Map, curve: &Poly, control: &Control<'_>) -> Result<CurveKind, Stopped> {
     let forms = map.forms();
     let pivot = (0..4)
         .rev()
         .find(|&i| !forms[i].is_multiple_of(curve))
         .expect("no common factor");
-    // A tangent vector ∇C × e, not a multiple of the point itself as long as e·(s, t, w) is no
+    // The tangent vector ∇C × e is not a multiple of the point itself unless e·(s, t, w) is a
     // multiple of C.
     let tangent = if curve.is_associate(&Poly::var(2)) {
         [Poly::zero(), Poly::one(), Poly::zero()]
@@ -277,7 +275,7 @@ fn kind_of_critical(map: &Map, curve: &Poly, control: &Control<'_>) -> Result<Cu
     )?))
 }
 
-/// The line number k as (s, t, w) = A + x·B, with B on another conic than A, so that no curve
+/// Returns line number k as (s, t, w) = A + x·B, with A and B on different conics, so that no curve
 /// contains all lines.
 fn rational_line(k: i64) -> [Poly; 3] {
     let linear = |a: i64, b: i64| Poly::constant(a) + Poly::var(0).scale(&RBig::from(b));
@@ -288,7 +286,7 @@ fn rational_line(k: i64) -> [Poly; 3] {
     ]
 }
 
-/// The image of a contracted curve, from where a rational line meets it.
+/// Returns the image of a contracted curve, computed at an intersection with a rational line.
 fn contraction(
     map: &Map,
     curve: &Poly,
@@ -311,7 +309,7 @@ fn contraction(
         let (field, x) = NumberField::new(h);
         let value = |f: &Poly| field.eval(&f.compose(&parts), 0, &x);
         let values = map.forms().each_ref().map(value);
-        // A base point.
+        // The intersection is a base point.
         if values[pivot].is_zero() {
             continue;
         }
@@ -321,7 +319,7 @@ fn contraction(
     unreachable!("all but finitely many lines meet the curve in simple points")
 }
 
-/// A combination of four numbers, another one in each trial.
+/// Returns a combination of four numbers, a different one in each trial.
 fn mixed(numbers: &[Element; 4], trial: i64) -> Element {
     let weights = [
         1,
@@ -333,7 +331,7 @@ fn mixed(numbers: &[Element; 4], trial: i64) -> Element {
     terms.fold(Element::zero(), |sum, (e, c)| sum.add(&e.scaled(&c)))
 }
 
-/// Numbers in the field that they generate.
+/// Represents numbers in the field that they generate.
 fn least_field(field: &NumberField, numbers: &[Element; 4]) -> Contraction {
     if let [Some(_), Some(_), Some(_), Some(_)] = numbers.each_ref().map(Element::as_rational) {
         return Contraction {
@@ -362,9 +360,9 @@ fn least_field(field: &NumberField, numbers: &[Element; 4]) -> Contraction {
     unreachable!("all but finitely many combinations generate the field")
 }
 
-/// The real points of a form in (s, t, w) that is irreducible over Q.
+/// Finds the real points of a form in (s, t, w) that is irreducible over Q.
 ///
-/// It has a real arc exactly if it takes both signs; otherwise its real points are singular.
+/// It has a real arc if and only if it takes both signs; otherwise its real points are singular.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -384,8 +382,8 @@ pub fn real_part(curve: &Poly, control: &Control<'_>) -> Result<RealPart, Stoppe
     ))
 }
 
-/// Values of a parameter, as fractions, over which most curves are met: they are tried before
-/// critical values are asked for.
+/// Parameter values, as fractions, over which most curves have points: they are tried before
+/// critical values are computed.
 const SIMPLE: [(i32, u8); 9] = [
     (0, 1),
     (1, 1),
@@ -398,7 +396,7 @@ const SIMPLE: [(i32, u8); 9] = [
     (-10, 1),
 ];
 
-/// Whether an irreducible polynomial in s and t takes both signs.
+/// Returns true if an irreducible polynomial in s and t takes both signs.
 fn changes_sign(f: &Poly, control: &Control<'_>) -> Result<bool, Stopped> {
     let var = usize::from(f.degree(1) > 0);
     let changes_in = |places: &mut dyn Iterator<Item = RBig>| {
@@ -420,8 +418,9 @@ fn changes_sign(f: &Poly, control: &Control<'_>) -> Result<bool, Stopped> {
     changes_in(&mut between_critical_values(f, var, control)?.into_iter())
 }
 
-/// A number between each two critical values of a curve next to each other, and one on either hand
-/// of all of them: the number of real zeros in the variable `var` does not change between these.
+/// Returns a number between each two successive critical values of a curve, and one on either side
+/// of all of them: between critical values, the number of real zeros in the variable `var` is
+/// constant.
 fn between_critical_values(
     f: &Poly,
     var: usize,
@@ -440,8 +439,8 @@ fn between_critical_values(
     Ok(between)
 }
 
-/// Whether a polynomial in s and t changes its sign along a line on which one of them, the other
-/// than `var`, has a value.
+/// Returns true if a polynomial in s and t changes its sign along a line on which the variable
+/// other than `var` has a given value.
 fn changes_sign_over(f: &Poly, var: usize, at: &RBig) -> bool {
     let u = f.set(1 - var, at).to_upoly(var).expect("one variable");
     let is_odd_root = |(p, n): &(UPoly, usize)| n % 2 == 1 && !real_roots(p).is_empty();

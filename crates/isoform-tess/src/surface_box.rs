@@ -1,4 +1,4 @@
-//! The box around a rational surface that is proved to be bounded.
+//! The box around a rational surface that is provably bounded.
 
 use crate::domain::{Domain, bounds_over};
 use crate::map::Map;
@@ -9,18 +9,18 @@ use isoform_algebra::{Poly, RBig};
 /// on faces of the box; with much more, the default tolerance would be coarse.
 const ROOM: f64 = 1.01;
 
-/// A box around the origin in which a surface lies.
+/// A box around the origin that contains a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceBox {
-    /// Half its width, of two digits.
+    /// Half the width of the box, rounded up to two digits.
     pub half_width: RBig,
-    /// Half the largest width of the surface itself, to which tolerances relate.
+    /// Half the largest width of the surface itself, the unit of tolerances.
     pub size: f64,
 }
 
 impl SurfaceBox {
-    /// The box around a map over a domain; none where W is not proved to keep its sign there, or
-    /// where the surface is too large or too small for doubles.
+    /// Returns the box around a map over a domain; `None` if W is not proved to keep its sign
+    /// there, or if the surface is too large or too small for doubles.
     ///
     /// ```
     /// use isoform_algebra::RBig;
@@ -36,8 +36,8 @@ impl SurfaceBox {
         Self::around(&bounds_over(map, domain)?)
     }
 
-    /// The box around patches; none where their weights are not proved to keep their sign, or where
-    /// they are too large or too small for doubles.
+    /// Returns the box around patches; `None` if their weights are not proved to keep their sign,
+    /// or if they are too large or too small for doubles.
     pub fn of_patches(patches: &[Patch]) -> Option<Self> {
         Self::around(&patch_bounds(patches)?)
     }

@@ -1,4 +1,4 @@
-//! The tangents of curves at base points, exactly, over the fields of these.
+//! Tangents of curves at base points, exactly, over the fields of these points.
 
 use crate::base::{BasePoint, BinaryForm, BlowUp, Local, Near, expand, order};
 use crate::field::{Algebraic, Element, NumberField};
@@ -9,13 +9,12 @@ use isoform_control::{Control, Stopped};
 use std::cmp::Ordering;
 use std::sync::Arc;
 
-/// The terms of least degree of a curve in the local coordinates of a base point, or of the last
-/// one of `chain`, each of which is infinitely near to the one before: without what vanishes on the
-/// exceptional lines. The degree is the multiplicity of the point on the curve, the zeros are the
-/// tangents.
+/// Returns the terms of least degree of a curve in the local coordinates of a base point, or of the
+/// last one of `chain`, each point of which is infinitely near to the one before; factors that
+/// vanish on the exceptional lines are divided out. The degree is the multiplicity of the point on
+/// the curve, and the zeros are the tangents.
 ///
-/// # Errors
-/// [`Stopped`].
+/// # Errors [`Stopped`].
 pub(crate) fn tangent_form(
     base: &BasePoint,
     chain: &[&Near],
@@ -33,7 +32,7 @@ pub(crate) fn tangent_form(
     let whole = curve.total_degree();
     let mut local = Local::new();
     let mut room = if chain.is_empty() { 1 } else { whole };
-    // Terms of a degree above the least are not needed at the point itself.
+    // At the base point itself only the terms of least degree are needed.
     while local.is_empty() {
         control.check()?;
         local = expand(curve, &zero, room.min(whole));
@@ -61,11 +60,10 @@ pub(crate) fn tangent_form(
     })
 }
 
-/// The real zeros (a, b) of a binary form that is not 0, each once: as many as there are, exactly,
-/// rounded.
+/// Returns the real zeros (a, b) of a binary form that is not 0, each once; their number is exact,
+/// their values are rounded.
 ///
-/// # Errors
-/// [`Stopped`].
+/// # Errors [`Stopped`].
 pub(crate) fn real_zeros(
     form: &BinaryForm,
     control: &Control<'_>,
@@ -82,7 +80,7 @@ pub(crate) fn real_zeros(
     if p.len() > 1 {
         let p = univariate::squarefree_part(k, &p, control)?;
         let count = count_real_roots(k, root, &p, control)?;
-        // Simple roots stay real, and apart, if the coefficients change by little enough.
+        // Simple roots stay real and distinct under sufficiently small changes of the coefficients.
         let roots = refine_until(BITS, DOUBLED, control, |bits| {
             let roots = roots_nearly(k, root, &p, bits);
             Ok::<_, Stopped>(roots.filter(|r| r.len() == count))
@@ -95,7 +93,8 @@ pub(crate) fn real_zeros(
     Ok(found)
 }
 
-/// The real roots of a polynomial with its coefficients rounded to some bits; none if it is zero.
+/// Returns the real roots of a polynomial with its coefficients rounded to a number of bits; `None`
+/// if it is zero.
 fn roots_nearly(
     k: &Arc<NumberField>,
     root: usize,
@@ -110,7 +109,7 @@ fn roots_nearly(
     near.to_upoly(0).map(|p| real_roots(&p.squarefree_part()))
 }
 
-/// The number of real roots of a squarefree polynomial, by the theorem of Sturm.
+/// Returns the number of real roots of a squarefree polynomial, by Sturm's theorem.
 fn count_real_roots(
     k: &Arc<NumberField>,
     root: usize,
@@ -148,7 +147,7 @@ mod tests {
     use crate::map::{Map, Options};
     use isoform_algebra::UPoly;
 
-    /// √2 times a power of ten that no double is near to is not 0, and the zero is where it is.
+    /// A multiple of √2 beyond the range of doubles is not taken for 0 or infinity.
     #[test]
     fn coefficients_beyond_doubles() {
         let (field, root) = NumberField::new(&UPoly::from_i64(&[-2, 0, 1]));
@@ -166,13 +165,13 @@ mod tests {
         }
     }
 
-    /// (b − √3 a)² (b² + a²) a: one tangent twice, two that are not real, and the second axis. With
-    /// coefficients rounded the double one would be two or none.
+    /// The form (b − √3 a)² (b² + a²) a has one double tangent, two that are not real, and the
+    /// second axis. With rounded coefficients the double one would become two or none.
     #[test]
     fn double_tangents_are_one() {
         let (field, root) = NumberField::new(&UPoly::from_i64(&[-3, 0, 1]));
         let n = |n: i64| Element::rational(&RBig::from(n));
-        // (3 − 2 √3 t + t²)(1 + t²), and nothing of t⁵.
+        // The coefficients of (3 − 2 √3 t + t²)(1 + t²), and 0 for t⁵.
         let minus = root.scaled(&RBig::from(-2));
         let terms = [n(3), minus.clone(), n(4), minus, n(1), Element::zero()];
         let coefficients = terms.map(|c| Algebraic::new(&field, 1, c)).to_vec();
@@ -182,7 +181,7 @@ mod tests {
         assert_eq!(found[1], [0.0, 1.0]);
     }
 
-    /// A curve with a cusp at (√2, 1/3): its tangent, twice; and once more blown up there.
+    /// A curve with a cusp at (√2, 1/3) has one double tangent there.
     #[test]
     fn a_cusp_at_an_irrational_point() {
         // All forms vanish at s = ±√2, t = 1/3.
@@ -200,7 +199,7 @@ mod tests {
         };
         let form = tangent_form(here, &[], &others.forms()[3], &Control::default()).unwrap();
         assert_eq!(form.degree(), 2);
-        // −9 b², with b beside t = 1/3: the tangent is t = 1/3.
+        // The form −9 b², with b = 0 at t = 1/3: the tangent is t = 1/3.
         let found = real_zeros(&form, &Control::default()).unwrap();
         assert_eq!(found, [[1.0, 0.0]]);
     }

@@ -1,4 +1,4 @@
-//! The whole way from a map to the triangles of its surface in a box: analysis, deck
+//! The complete pipeline from a map to the triangles of its surface in a box: analysis, deck
 //! transformations, double curve, region, triangles.
 
 use crate::analysis::{Analysis, Running, analyse, analyse_clear};
@@ -27,25 +27,25 @@ use isoform_geom::Aabb;
 /// middles of triangles are held to it.
 const FAR: f64 = 1.5;
 
-/// The findings against a surface so far, and the verdicts on claims.
+/// Findings against a surface so far, and the verdicts on claims.
 #[derive(Default)]
 struct Judgement {
     findings: Vec<Finding>,
     decisions: Decisions,
 }
 
-/// A map analysed, and the parameters that it sends into a box: all but the triangles.
+/// An analysed map with the parameters that it sends into a box: everything but the triangles.
 pub struct Prepared<'a> {
     map: &'a Map,
     options: &'a TriangulateOptions,
-    /// The analysis of the map; its `seconds` are of the triangles, too.
+    /// Analysis of the map; its `seconds` include those of the triangles.
     pub analysis: Analysis,
     curves: Curves,
     region: Region,
     solitary: Vec<Vec<Point3>>,
     sheets: usize,
     judgement: Judgement,
-    /// The border of the real image, without lines.
+    /// Border of the real image, without lines.
     border: RealBorder,
     changes: Changes,
 }
@@ -53,9 +53,8 @@ pub struct Prepared<'a> {
 impl<'a> Prepared<'a> {
     /// Analyses a map and finds the parameters of its surface in a box.
     ///
-    /// # Errors
-    /// Options that are out of range, and [`TriangulateError::Stopped`], if not even the region of
-    /// parameters was found in time.
+    /// # Errors Options that are out of range, and [`TriangulateError::Stopped`] if not even the
+    /// region of parameters was found in time.
     pub fn new(
         map: &'a Map,
         options: &'a TriangulateOptions,
@@ -99,7 +98,7 @@ impl<'a> Prepared<'a> {
         };
         let region = match within(&curves, if is_glued { &enough } else { control }) {
             Ok(region) => region,
-            // Better sheets that cross than nothing.
+            // A surface with crossing sheets is better than none.
             Err(_) if is_glued => {
                 judgement.findings.push(Finding::SheetsNotJoined);
                 curves = Curves::new(&analysis, false, deck.clone(), Vec::new(), None, None);
@@ -133,22 +132,21 @@ impl<'a> Prepared<'a> {
     fn half_width(&self) -> f64 {
         self.options.half_width.to_f64().value()
     }
-    /// The options that the surface is made with.
+    /// Returns the options of the surface.
     pub(crate) fn options(&self) -> &TriangulateOptions {
         self.options
     }
 
-    /// Whether the double curve was traced, and its parameters are not decomposed by its equation,
-    /// which is known.
+    /// Returns true if the double curve was traced, while its equation, by which the parameters
+    /// could be decomposed, is known.
     pub fn may_decompose(&self) -> bool {
         let singular = self.analysis.singular.as_ref();
         self.curves.is_traced() && singular.is_some_and(|s| s.double.is_some())
     }
 
-    /// Decomposes the parameters by the equation of the double curve, where arcs stood for it.
+    /// Decomposes the parameters by the equation of the double curve, in place of traced arcs.
     ///
-    /// # Errors
-    /// [`Stopped`]: then nothing is changed.
+    /// # Errors [`Stopped`]; then nothing is changed.
     pub fn decompose(&mut self, control: &Control<'_>) -> Result<(), Stopped> {
         let traced = self.curves.decompose(&self.analysis);
         let running = Running::new("region again", control);
@@ -166,7 +164,7 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// The triangles; `findings` repeats what the analysis could not prove.
+    /// Triangulates the surface; `findings` repeats what the analysis could not prove.
     pub fn surface(&mut self, control: &Control<'_>) -> Surface {
         let running = Running::new(TRIANGLES, control);
         let mut surface = mesh(
@@ -204,9 +202,9 @@ impl<'a> Prepared<'a> {
         surface
     }
 
-    /// Boxes of triangles that are too far from the surface, as its implicit equation says to first
-    /// order, if that is known. They are near enough to the sheet that they stand for; but where
-    /// sheets touch, what looks at the equation alone finds them farther away.
+    /// Returns the boxes of triangles that are too far from the surface by its implicit equation,
+    /// to first order, if that is known. These triangles are near their own sheet; but where sheets
+    /// touch, a test of the equation alone would find them too far away.
     pub fn far(&self, surface: &Surface) -> Vec<[Point3; 2]> {
         let Some(implicit) = &self.analysis.implicit else {
             return Vec::new();
@@ -222,23 +220,23 @@ impl<'a> Prepared<'a> {
         found.map(|t| Aabb::of(&t)).map(|b| [b.lo, b.hi]).collect()
     }
 
-    /// Divides the tolerance by four in and around boxes, given by their least and greatest
-    /// coordinates: for the next [`Prepared::surface`].
+    /// Divides the tolerance by four in and around boxes, given by their minimum and maximum
+    /// coordinates, for the next [`Prepared::surface`].
     pub fn refine(&mut self, boxes: &[[Point3; 2]]) {
         let half_width = self.half_width();
         self.changes.fineness.refine(boxes, half_width);
         self.changes.matched.clear();
     }
 
-    /// Gives the sheets of triangles that cross each other's vertices, in the next
-    /// [`Prepared::surface`], up to a change of tolerance. Pairs of triangles of `surface`.
+    /// Inserts the vertices of crossing triangles into each other's sheets in the next
+    /// [`Prepared::surface`], up to a change of tolerance; `pairs` are triangles of `surface`.
     pub fn match_sheets(&mut self, surface: &Surface, pairs: &[Crossing]) {
         let places = matching(self.map, self.half_width(), surface, pairs);
         self.changes.matched.extend(places);
     }
 }
 
-/// Whether a surface over a domain needs no analysis of the whole plane.
+/// Returns true if a surface over a domain needs no analysis of the whole plane.
 fn needs_no_plane(map: &Map, options: &TriangulateOptions) -> bool {
     let is_clear = |d| is_clear(map, &options.half_width, d);
     options.mode == Mode::Normalised
@@ -246,7 +244,7 @@ fn needs_no_plane(map: &Map, options: &TriangulateOptions) -> bool {
         && options.domain.as_ref().is_some_and(is_clear)
 }
 
-/// The parameters of a surface in a box, decomposed by curves.
+/// Decomposes the parameters of a surface in a box by curves.
 fn region(
     map: &Map,
     options: &TriangulateOptions,
@@ -259,8 +257,8 @@ fn region(
 }
 
 impl Judgement {
-    /// The deck transformations of an improper map over the whole plane, with what is claimed of
-    /// them.
+    /// Finds the deck transformations of an improper map over the whole plane, and records the
+    /// verdicts on them.
     fn deck(
         &mut self,
         map: &Map,
@@ -287,8 +285,9 @@ impl Judgement {
     }
 }
 
-/// Returns the verdicts on the claims of [`OF_DECK`], of a map with a number of real base points.
-/// Those that are blown up to a fold are known exactly; at other ones directions are tried.
+/// Returns the verdicts on the claims of [`OF_DECK`], for a map with a number of real base points.
+/// Base points that are blown up to a fold are known exactly; at the others, sample directions are
+/// tested.
 fn deck_verdicts(deck: &Deck, base_points: usize) -> [Verdict; 2] {
     let domain = match base_points == deck.folded.len() {
         true => Verdict::Holds(Basis::Exact),
@@ -297,12 +296,11 @@ fn deck_verdicts(deck: &Deck, base_points: usize) -> [Verdict; 2] {
     [Claim::DeckTransformations.usual(), domain]
 }
 
-/// Analyses a map and triangulates its surface in a box, once: whether triangles cross is not
-/// looked at, as [`triangulate`](crate::triangulate) does.
+/// Analyses a map and triangulates its surface in a box once, without the test for crossing
+/// triangles that [`triangulate`](crate::triangulate) makes.
 ///
-/// # Errors
-/// Options that are out of range, and [`TriangulateError::Stopped`], if not even the region of
-/// parameters was found in time.
+/// # Errors Options that are out of range, and [`TriangulateError::Stopped`] if not even the region
+/// of parameters was found in time.
 pub fn triangulate_once(
     map: &Map,
     options: &TriangulateOptions,
@@ -313,11 +311,10 @@ pub fn triangulate_once(
     Ok((surface, prepared.analysis))
 }
 
-/// One surface of the surfaces of patches, each over [0, 1]² and in the same box: joined along
-/// sides with the same control points.
+/// Joins the surfaces of patches, each over [0, 1]² and in one box, along sides with equal control
+/// points.
 ///
-/// # Panics
-/// If there are not as many surfaces as patches.
+/// # Panics If the numbers of surfaces and patches differ.
 pub fn join_patches(patches: &[Patch], surfaces: Vec<Surface>, half_width: f64) -> Surface {
     assert_eq!(patches.len(), surfaces.len(), "a surface for every patch");
     join(patches, surfaces, half_width)

@@ -1,8 +1,8 @@
-//! Univariate polynomials over a number field, and fields over fields.
+//! Univariate polynomials over a number field, and extensions of number fields.
 //!
-//! Coefficients lowest first, the last one not zero; the zero polynomial is empty. Extensions by B.
-//! M. Trager (SYMSAC 1976): the norm of a squarefree polynomial is squarefree after a shift by a
-//! multiple of the generator, and its factors over Q are the fields.
+//! Coefficients are stored lowest first, the last one not zero; the zero polynomial is empty.
+//! Extensions follow B. M. Trager (SYMSAC 1976): the norm of a squarefree polynomial is squarefree
+//! after a shift by a multiple of the generator, and its factors over Q define the fields.
 
 use crate::field::{Element, NumberField};
 use crate::residues;
@@ -20,7 +20,7 @@ pub(crate) fn trim(p: &mut Coefficients) {
     }
 }
 
-/// The multiple with the leading coefficient 1.
+/// Returns the multiple with the leading coefficient 1.
 pub(crate) fn monic(k: &NumberField, p: &Coefficients) -> Coefficients {
     let Some(lead) = p.last() else {
         return Vec::new();
@@ -29,7 +29,7 @@ pub(crate) fn monic(k: &NumberField, p: &Coefficients) -> Coefficients {
     p.iter().map(|c| k.mul(c, &inverse)).collect()
 }
 
-/// Quotient and remainder by a monic divisor.
+/// Returns quotient and remainder by a monic divisor.
 pub(crate) fn divide(
     k: &NumberField,
     p: &Coefficients,
@@ -53,7 +53,7 @@ pub(crate) fn divide(
     (quotient, rest)
 }
 
-/// The monic greatest common divisor; empty only of two zeros.
+/// Returns the monic greatest common divisor; empty if both are zero.
 pub(crate) fn gcd(
     k: &NumberField,
     p: &Coefficients,
@@ -96,7 +96,7 @@ pub(crate) fn from_upoly(p: &UPoly) -> Coefficients {
         .collect()
 }
 
-/// The product of the distinct monic irreducible factors.
+/// Returns the product of the distinct monic irreducible factors.
 pub(crate) fn squarefree_part(
     k: &NumberField,
     p: &Coefficients,
@@ -113,20 +113,19 @@ pub(crate) fn squarefree_part(
     Ok(divide(k, &p, &repeated).0)
 }
 
-/// A field over another one.
+/// An extension of a number field.
 pub(crate) struct Extension {
     pub(crate) field: Arc<NumberField>,
-    /// The generator of the field below.
+    /// Generator of the base field.
     pub(crate) theta: Element,
-    /// The root of the polynomial by which the field was extended.
+    /// Root of the polynomial by which the field was extended.
     pub(crate) root: Element,
 }
 
-/// The fields of the roots of a squarefree polynomial, one for each class of roots that are
-/// conjugate over Q; if asked for, only those with a real root and a real image of the generator.
+/// Returns the fields of the roots of a squarefree polynomial, one for each class of roots that are
+/// conjugate over Q; if `real`, only those with a real root and a real image of the generator.
 ///
-/// # Errors
-/// [`Stopped`].
+/// # Errors [`Stopped`].
 pub(crate) fn roots(
     k: &Arc<NumberField>,
     p: &Coefficients,
@@ -145,7 +144,7 @@ pub(crate) fn roots(
     }
 }
 
-/// The fields of the roots of a polynomial over Q.
+/// Returns the fields of the roots of a polynomial over Q.
 fn rational_roots(
     k: &Arc<NumberField>,
     p: &Coefficients,
@@ -164,8 +163,8 @@ fn rational_roots(
     Ok(wanted.map(extension).collect())
 }
 
-/// The fields of the roots of a polynomial over a field of degree 2 or more: by factors of its
-/// norm, after a shift.
+/// Returns the fields of the roots of a polynomial over a field of degree 2 or more, by factoring
+/// its norm after a shift.
 fn extensions(
     k: &Arc<NumberField>,
     p: &Coefficients,
@@ -179,7 +178,7 @@ fn extensions(
     let modulus = Poly::from_upoly(k.modulus(), 0);
     for shift in shifts() {
         control.check()?;
-        // λ = y + shift·θ in place of y.
+        // Substitutes λ = y + shift·θ for y.
         let by = Poly::var(1) - Poly::var(0).scale(&RBig::from(shift));
         let shifted = both.substitute(1, &by);
         let norm = resultant(&modulus, &shifted, 0, control);
@@ -202,7 +201,7 @@ fn extensions(
     unreachable!("all but finitely many shifts separate")
 }
 
-/// θ in the field of λ: the only common root of its modulus and of the shifted polynomial there.
+/// Returns θ in the field of λ: the only common root of its modulus and of the shifted polynomial.
 fn common_root(
     field: &NumberField,
     lambda: &Element,
@@ -219,12 +218,12 @@ fn common_root(
     Ok(common[0].negated())
 }
 
-/// 0, 1, −1, 2, −2, …
+/// Iterates over 0, 1, −1, 2, −2, …
 pub(crate) fn shifts() -> impl Iterator<Item = i64> {
     (0..).map(|i: i64| if i % 2 == 1 { (i + 1) / 2 } else { -i / 2 })
 }
 
-/// An element as a polynomial in variable 0.
+/// Returns an element as a polynomial in variable 0.
 pub(crate) fn to_poly(e: &Element) -> Poly {
     let (numerator, denominator) = e.parts();
     let terms = numerator

@@ -1,10 +1,11 @@
-//! Winding: neighbours on one sheet run opposite ways along their common edge.
+//! Winding of the triangles: neighbours on one sheet traverse their common edge in opposite
+//! directions.
 //!
-//! Which triangles are neighbours is a matter of the parameters: where sheets cross, four triangles
-//! have an edge, two of each sheet. A piece is a set of triangles that are connected by neighbours.
-//! Relative turns of its triangles are determined by the edges of a spanning tree, edges within
-//! the plane of parameters first; the other edges agree with them, or the piece contains a Möbius
-//! band. Then they are the cut.
+//! Which triangles are neighbours is determined by the parameters: where sheets cross, an edge has
+//! four triangles, two of each sheet. A piece is a set of triangles that are connected by
+//! neighbours. Relative turns of its triangles are determined by the edges of a spanning tree,
+//! edges inside the parameter plane first. Either all other edges agree with them, or the piece
+//! contains a Möbius band; edges that disagree form the cut.
 
 use crate::finding::Finding;
 use crate::surface::{Point3, Surface};
@@ -13,19 +14,19 @@ use isoform_geom::{Aabb, cross, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-/// The curve on the surface to which a cut belongs, in the order in which edges are taken into the
-/// spanning tree.
+/// Curve on the surface to which a cut belongs, in the order in which edges enter the spanning
+/// tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum CutCurve {
     /// A curve of finite parameters.
     Finite,
-    /// Infinite parameters.
+    /// The line at infinity of the parameters.
     Infinite,
     /// The curve to which a base point is blown up.
     Seam,
     /// The border of the fundamental domain of deck transformations.
     FundamentalDomain,
-    /// A side that patches have in common.
+    /// A side shared by patches.
     Sides,
 }
 
@@ -41,27 +42,27 @@ impl fmt::Display for CutCurve {
     }
 }
 
-/// An edge of the cut: its neighbours run the same way along it.
+/// An edge of the cut: its neighbours traverse it in one direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CutEdge {
-    /// Its vertices, the lesser number first.
+    /// Vertices of the edge, the smaller index first.
     pub vertices: [u32; 2],
-    /// The curve that it belongs to.
+    /// Curve to which the edge belongs.
     pub along: CutCurve,
 }
 
 /// The winding of the triangles of a surface.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Winding {
-    /// The number of pieces: triangles that are connected by neighbours on one sheet.
+    /// Number of pieces: sets of triangles that are connected by neighbours on one sheet.
     pub pieces: usize,
-    /// The number of pieces whose triangles are turned outward: those that contain a volume of the
-    /// same sign as seen from every point of the box around them. Other orientable pieces are
-    /// turned as the parameters are, with the normal ∂φ/∂s × ∂φ/∂t.
+    /// Number of pieces whose triangles are turned outward: those whose enclosed volume has one
+    /// sign as seen from every point of the box around them. Other orientable pieces are oriented
+    /// by the parameters, with the normal ∂φ/∂s × ∂φ/∂t.
     pub outward: usize,
-    /// The number of pieces that contain a Möbius band.
+    /// Number of pieces that contain a Möbius band.
     pub unorientable: usize,
-    /// The edges along which neighbours on these run the same way.
+    /// Edges that neighbours traverse in one direction.
     pub cut: Vec<CutEdge>,
 }
 
@@ -70,7 +71,7 @@ impl Winding {
     pub fn is_orientable(&self) -> bool {
         self.unorientable == 0
     }
-    /// The cut as polylines, by the curves that they belong to.
+    /// Returns the cut as polylines, grouped by the curves to which they belong.
     pub fn cut_lines(&self) -> Vec<(CutCurve, Vec<Vec<u32>>)> {
         let mut by_curve: BTreeMap<CutCurve, BTreeSet<[u32; 2]>> = BTreeMap::new();
         for edge in &self.cut {
@@ -82,7 +83,7 @@ impl Winding {
         let lines = |(along, edges)| (along, polylines(&edges));
         by_curve.into_iter().map(lines).collect()
     }
-    /// Gives the vertices of the cut other numbers; edges at vertices that are gone are none.
+    /// Renumbers the vertices of the cut; edges at removed vertices are dropped.
     pub(crate) fn renumber(&mut self, mut new: impl FnMut(u32) -> Option<u32>) {
         let mut edge = |e: &CutEdge| {
             let [a, b] = e.vertices;
@@ -94,7 +95,7 @@ impl Winding {
         self.cut = self.cut.iter().filter_map(&mut edge).collect();
     }
     /// Moves a vertex onto a neighbour. Two edges of a triangle between them become one, which is
-    /// cut if one of them was.
+    /// cut if exactly one of them was.
     pub(crate) fn contract(&mut self, from: u32, to: u32) {
         let is_moved = |e: &CutEdge| e.vertices.contains(&from);
         let (moved, mut cut): (Vec<_>, Vec<_>) = self.cut.iter().copied().partition(is_moved);
@@ -111,13 +112,13 @@ impl Winding {
     }
 }
 
-/// The vertices of an edge, the lesser number first.
+/// Returns the vertices of an edge, the smaller index first.
 pub(crate) fn sorted([a, b]: [u32; 2]) -> [u32; 2] {
     [a.min(b), a.max(b)]
 }
 
-/// Edges as polylines, which end where one edge or more than two meet; closed ones have their first
-/// vertex at their end, too.
+/// Joins edges to polylines, which end where one edge or more than two meet; a closed polyline has
+/// its first vertex repeated at its end.
 pub(crate) fn polylines(edges: &BTreeSet<[u32; 2]>) -> Vec<Vec<u32>> {
     let mut around: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
     for &[a, b] in edges {
@@ -154,21 +155,20 @@ pub(crate) fn polylines(edges: &BTreeSet<[u32; 2]>) -> Vec<Vec<u32>> {
     lines
 }
 
-/// Two neighbours and their common edge. They may be triangles, or sets of triangles whose relative
-/// turns are known.
+/// Two neighbours and their common edge: triangles, or sets of triangles with known relative turns.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Neighbours {
     pub(crate) along: CutCurve,
     pub(crate) edge: [u32; 2],
     pub(crate) of: [u32; 2],
-    /// True if they run the same way along the edge.
+    /// True if both traverse the edge in one direction.
     pub(crate) same_way: bool,
 }
 
-/// A forest of sets with the turn of each member against the least one of its set.
+/// A union-find forest with the turn of each member relative to the smallest one of its set.
 struct Turns {
-    /// A lesser number of the set and whether the two are turned against each other; itself at the
-    /// root.
+    /// Parent of each member, with true if the two are turned against each other; roots are their
+    /// own parents.
     up: Vec<(u32, bool)>,
 }
 
@@ -177,7 +177,7 @@ impl Turns {
         let up = (0..n as u32).map(|k| (k, false)).collect();
         Self { up }
     }
-    /// The least number of the set, and the turn against it.
+    /// Returns the smallest member of the set, and the turn relative to it.
     fn root(&mut self, mut i: u32) -> (u32, bool) {
         let mut turned = false;
         loop {
@@ -186,13 +186,14 @@ impl Turns {
                 return (i, turned);
             }
             let (after, again) = self.up[next as usize];
-            // The path is halved.
+            // Path halving.
             self.up[i as usize] = (after, turn ^ again);
             turned ^= turn ^ again;
             i = after;
         }
     }
-    /// Unites the sets of two numbers; false if they are in one already, with another turn.
+    /// Unites the sets of two members; returns false if they are in one set already with the
+    /// opposite turn.
     fn unite(&mut self, [a, b]: [u32; 2], turned: bool) -> bool {
         let ((a, at), (b, bt)) = (self.root(a), self.root(b));
         let turn = at ^ bt ^ turned;
@@ -204,9 +205,9 @@ impl Turns {
     }
 }
 
-/// The relative turns of triangles, or of sets of triangles.
+/// Relative turns of triangles, or of sets of triangles.
 pub(crate) struct Relative {
-    /// The piece of each, by number.
+    /// Piece of each triangle or set.
     pub(crate) pieces: Vec<u32>,
     /// True for those that are to be turned.
     pub(crate) turned: Vec<bool>,
@@ -216,7 +217,7 @@ pub(crate) struct Relative {
 }
 
 impl Relative {
-    /// The turns of a number of triangles, or sets, by their neighbours.
+    /// Computes the turns of a number of triangles, or sets, from their neighbours.
     pub(crate) fn new(count: usize, mut neighbours: Vec<Neighbours>) -> Self {
         neighbours.sort_by_key(|n| (n.along, n.edge, n.of));
         let mut turns = Turns::new(count);
@@ -251,12 +252,13 @@ impl Relative {
     }
 }
 
-/// Twice the vector area, six times the volume as seen from a point, and the box of a piece.
+/// Twice the vector area, six times the volume as seen from the centre of the box, and the box of a
+/// piece.
 struct Extent {
     bounds: Aabb,
     area: Point3,
     volume: f64,
-    /// The sum of the absolute values of the terms of the volume, and their number.
+    /// Sum of the absolute values of the terms of the volume.
     size: f64,
     terms: f64,
     /// Twice the area.
@@ -284,13 +286,14 @@ impl Extent {
             self.terms += 1.0;
         }
     }
-    /// 1 or −1 where the volume has this sign as seen from every point of the box, or is zero as
-    /// from the apex of a cone: it is affine in the point. 0 if its sign is not the same everywhere,
-    /// or not known for rounding and the distance of the triangles from the surface.
+    /// Returns 1 or −1 if the volume has this sign as seen from every point of the box, or is zero
+    /// as from the apex of a cone; the volume is affine in the point. Returns 0 if its sign varies,
+    /// or is not known because of rounding and the distance of the triangles from the surface.
     fn sign(&self, tolerance: f64) -> f64 {
         let half = |k: usize| 0.5 * self.bounds.size()[k];
         let change: f64 = (0..3).map(|k| half(k) * self.area[k].abs()).sum();
-        // Each term has the rounding of a few operations, and the sum that of all before it.
+        // Each term has the rounding error of a few operations, and the sum that of all terms
+        // before it.
         let rounding = (self.terms + 16.0) * f64::EPSILON * self.size;
         let error = rounding + 3.0 * tolerance * self.whole;
         let size = self.volume.abs();
@@ -303,8 +306,8 @@ impl Extent {
 }
 
 impl Surface {
-    /// Turns triangles by their relative turns, and each piece as a whole outward where it has a
-    /// volume of one sign, else as the parameters are.
+    /// Turns triangles by their relative turns, and each piece as a whole: outward if its volume
+    /// has one sign, else by the orientation of the parameters.
     pub(crate) fn wind(&mut self, relative: &Relative) {
         let pieces = relative.unorientable.len();
         let mut extents: Vec<Extent> = (0..pieces).map(|_| Extent::NONE).collect();
@@ -347,7 +350,7 @@ impl Surface {
         self.pieces.clone_from(&relative.pieces);
         self.count_pieces();
     }
-    /// Numbers the pieces that still have triangles.
+    /// Renumbers the pieces that still have triangles.
     pub(crate) fn count_pieces(&mut self) {
         let mut numbers = BTreeMap::new();
         for piece in &mut self.pieces {
@@ -356,20 +359,21 @@ impl Surface {
         }
         self.winding.pieces = numbers.len();
     }
-    /// Twice the area of a triangle in the plane of (s, t), times a positive number.
+    /// Returns twice the area of a triangle in the plane of (s, t), times a positive number.
     fn area_of_parameters(&self, triangle: usize) -> f64 {
         let [p, q, r] = self.corners[triangle];
         let [s, t] = QUADRANTS[usize::from(self.charts[triangle])];
         let area = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
         area * (s * t) as f64
     }
-    /// Turns a triangle.
+    /// Reverses the orientation of a triangle.
     fn turn(&mut self, k: usize) {
         self.triangles[k].swap(1, 2);
         self.corners[k].swap(1, 2);
         self.borders[k].swap(1, 2);
     }
-    /// Edges with their triangles, and whether these run from the lesser vertex to the greater.
+    /// Returns the edges with their triangles, each with true if it traverses the edge from the
+    /// smaller vertex to the larger.
     pub(crate) fn uses(&self) -> BTreeMap<[u32; 2], Vec<(u32, bool)>> {
         let mut uses: BTreeMap<[u32; 2], Vec<(u32, bool)>> = BTreeMap::new();
         for (k, t) in self.triangles.iter().enumerate() {
@@ -380,8 +384,8 @@ impl Surface {
         }
         uses
     }
-    /// Counts the edges that are not run as the winding says: those of two triangles, and those of
-    /// sheets that cross, are run as often each way, but for the cut.
+    /// Counts the edges that contradict the winding: edges of two triangles, and of sheets that
+    /// cross, have to be traversed equally often in both directions, except on the cut.
     pub(crate) fn check_winding(&mut self) {
         let mut cut: BTreeMap<[u32; 2], usize> = BTreeMap::new();
         for edge in &self.winding.cut {
@@ -391,7 +395,7 @@ impl Surface {
             let there = uses.iter().filter(|u| u.1).count();
             let more = there.abs_diff(uses.len() - there);
             let cuts = cut.get(*edge).copied().unwrap_or(0);
-            // Each cut pair has two more triangles one way than the other.
+            // Each cut pair has two more triangles in one direction than in the other.
             match uses.len() {
                 2 => more != 2 * (cuts % 2),
                 n if n % 2 == 0 && self.is_double(edge) => {
@@ -411,7 +415,7 @@ impl Surface {
 mod tests {
     use super::*;
 
-    /// Neighbours of triangles at every edge of two.
+    /// Returns the neighbours at every edge of two triangles.
     fn neighbours(s: &Surface) -> Vec<Neighbours> {
         let uses = s.uses();
         let two = uses.iter().filter(|(_, u)| u.len() == 2);
@@ -445,7 +449,7 @@ mod tests {
         s.triangles.iter().map(|t| six(corners(t)) / 6.0).sum()
     }
 
-    /// The octahedron with any of its triangles turned, far from the origin, has the volume 4/3.
+    /// An octahedron far from the origin, with any of its triangles turned, has the volume 4/3.
     #[test]
     fn closed_pieces_are_turned_outward() {
         let at = |k: usize, x: f64| {
@@ -470,8 +474,8 @@ mod tests {
         }
     }
 
-    /// The band of five triangles that Möbius found has one cut, and the projective plane of six
-    /// vertices a closed one; a triangle turned afterwards is counted.
+    /// Möbius's band of five triangles has one cut edge, and the projective plane of six vertices a
+    /// closed cut; a triangle turned afterwards is found.
     #[test]
     fn bands_with_a_twist_have_a_cut() {
         let flat = |n: u32| (0..n).map(|k| [f64::from(k), 0.0, 0.0]).collect::<Vec<_>>();
@@ -482,7 +486,7 @@ mod tests {
         s.turn(0);
         s.check_winding();
         assert!(matches!(s.findings[..], [Finding::Winding(_)]));
-        // Around a vertex five triangles, and five more between opposite edges.
+        // Five triangles around a vertex, and five more between opposite edges.
         let mut plane: Vec<[u32; 3]> = (0..5).map(|k| [5, k, (k + 1) % 5]).collect();
         plane.extend((0..5).map(|k| [k, (k + 1) % 5, (k + 3) % 5]));
         let s = surface(flat(6), plane);
@@ -497,10 +501,10 @@ mod tests {
         );
     }
 
-    /// A square is turned as the parameters are; a bowl outward, as seen from all of its box.
+    /// A square is oriented by the parameters; a bowl outward, as seen from all of its box.
     #[test]
     fn open_pieces_have_a_side_or_follow_the_parameters() {
-        // z = c (x² + y²) on rings of radii 1 and 2 around the origin.
+        // The graph z = c (x² + y²) on rings of radii 1 and 2 around the origin.
         let paraboloid = |c: f64| {
             let ring = |r: f64| [[r, 0.0], [0.0, r], [-r, 0.0], [0.0, -r]];
             let all = [[0.0; 2]].into_iter().chain(ring(1.0)).chain(ring(2.0));

@@ -1,10 +1,9 @@
-//! Common zeros of forms in (s : t : w) that have no common factor, exactly.
+//! Exact common zeros of forms in (s : t : w) without a common factor.
 //!
-//! The plane is sheared until no zero at infinity lies in the direction of t, so that two
-//! combinations of the forms have a resultant in θ = s + k·t that loses no common point. Its
-//! irreducible factors are the fields that may hold a zero; over each of them the greatest common
-//! divisor of the forms on the line decides, and a shear under which two zeros share a θ is given
-//! up.
+//! The plane is sheared until no zero at infinity lies in the direction of t, so that the resultant
+//! in θ = s + k·t of two combinations of the forms vanishes at every common point. Its irreducible
+//! factors define the fields that may contain a zero; over each of them, the greatest common
+//! divisor of the forms on the line decides. A shear under which two zeros share a θ is abandoned.
 
 use crate::field::{Algebraic, Element, NumberField};
 use crate::univariate::{self, Coefficients};
@@ -14,8 +13,7 @@ use isoform_num::Random;
 use std::cmp::Ordering;
 use std::sync::Arc;
 
-/// The affine chart of the projective plane that a point is given in: the first of them that holds
-/// it.
+/// Affine chart of the projective plane in which a point is given: the first one that contains it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Chart {
     /// w = 1, coordinates (s, t).
@@ -27,11 +25,11 @@ pub enum Chart {
 }
 
 impl Chart {
-    /// The conditions that define the chart, as reports write them.
+    /// Returns the conditions that define the chart, as reports write them.
     pub fn name(self) -> &'static str {
         ["w=1", "t=1,w=0", "s=1,t=w=0"][self as usize]
     }
-    /// The variables (0 = s, 1 = t, 2 = w) that are the coordinates, and the one that is 1.
+    /// Returns the variables (0 = s, 1 = t, 2 = w) that are the coordinates, and the one that is 1.
     pub fn variables(self) -> ([usize; 2], usize) {
         [([0, 1], 2), ([0, 2], 1), ([1, 2], 0)][self as usize]
     }
@@ -42,12 +40,12 @@ impl Chart {
 pub(crate) struct Zero {
     pub(crate) chart: Chart,
     pub(crate) field: Arc<NumberField>,
-    /// The coordinates of the chart.
+    /// Coordinates of the chart.
     pub(crate) at: [Element; 2],
 }
 
 impl Zero {
-    /// Homogeneous coordinates (s : t : w).
+    /// Returns the homogeneous coordinates (s : t : w).
     pub(crate) fn homogeneous(&self) -> [Element; 3] {
         let ([u, v], one) = self.chart.variables();
         let mut point: [Element; 3] = Default::default();
@@ -56,7 +54,7 @@ impl Zero {
         point[one] = Element::rational(&RBig::ONE);
         point
     }
-    /// The real points of the class.
+    /// Returns the real points of the class.
     pub(crate) fn real(&self) -> Vec<[Algebraic; 3]> {
         let roots = 0..self.field.real_roots().len();
         roots
@@ -68,12 +66,12 @@ impl Zero {
     }
 }
 
-/// Coefficients of the combinations of which resultants are taken; any that have no common factor
-/// will do.
+/// Returns a linear combination of the forms, whose resultants are taken; any choice without common
+/// factors serves.
 fn combination(forms: &[Poly], index: u64) -> Poly {
     let mut random = Random::congruential(index);
     forms.iter().enumerate().fold(Poly::zero(), |sum, (i, f)| {
-        // The first ones are single forms, which are sparse if the map is.
+        // The first combinations are single forms, which are sparse if the map is.
         let c = if index < forms.len() as u64 {
             i64::from(i as u64 == index)
         } else {
@@ -83,10 +81,10 @@ fn combination(forms: &[Poly], index: u64) -> Poly {
     })
 }
 
-/// The common zeros, one [`Zero`] for each class; if asked for, only classes with real points.
-/// Ordered by chart, then by field.
+/// Finds the common zeros, one [`Zero`] for each class; if `real`, only classes with real points.
+/// They are ordered by chart, then by field.
 ///
-/// The forms are of one degree and have no common factor.
+/// The forms are of equal degree and have no common factor.
 pub(crate) fn common_zeros(
     forms: &[Poly],
     real: bool,
@@ -127,7 +125,7 @@ pub(crate) fn common_zeros(
     Ok(zeros)
 }
 
-/// The common zeros with w = 1.
+/// Finds the common zeros with w = 1.
 fn affine_zeros(
     forms: &[Poly],
     degree: usize,
@@ -154,7 +152,7 @@ fn affine_zeros(
     unreachable!("all but finitely many shears separate the zeros")
 }
 
-/// Nothing if the shear does not separate the zeros.
+/// Finds the zeros under a shear; `None` if it does not separate them.
 fn zeros_in_shear(
     forms: &[Poly],
     shift: i64,
@@ -162,7 +160,7 @@ fn zeros_in_shear(
     real: bool,
     control: &Control<'_>,
 ) -> Result<Option<Vec<Zero>>, Stopped> {
-    // At least one of each pair keeps its degree in t, so that a common point is a zero of the
+    // At least one form of each pair keeps its degree in t, so that a common point is a zero of the
     // resultant.
     let full = |f: &Poly| f.degree(1) == degree;
     let mut indices = 0..;
@@ -180,26 +178,27 @@ fn zeros_in_shear(
             continue;
         }
         let r = resultant(&first, &second, 1, control).map_err(ResultantError::only_stopped)?;
-        // Zero if the two have a common factor, which not all have.
+        // The resultant is zero if the two have a common factor; not all pairs have one.
         if !r.is_zero() {
             common = common.gcd(&r.to_upoly(0).expect("t was eliminated"));
             used += 1;
         }
-        // Two resultants usually have the zeros in common and nothing else; more only make the
-        // factors fewer.
+        // Two resultants usually have only the zeros in common; further ones would just remove more
+        // factors.
         if common.degree() == 0 && used > 0 || used >= 2 && index as usize + 1 >= forms.len() {
             break;
         }
         if index > 3 * forms.len() as u64 && used == 0 {
-            // The first one contains a factor of all the others that were tried: take another first
-            // one.
+            // The first combination shares a factor with all the others that were tried: start with
+            // another one.
             return zeros_with_first(forms, shift, degree, real, control);
         }
     }
     decide(forms, &common, shift, real, control)
 }
 
-/// As [`zeros_in_shear`] with general combinations only, for forms that share factors in pairs.
+/// Finds the zeros under a shear from general combinations only, for forms that share factors in
+/// pairs.
 fn zeros_with_first(
     forms: &[Poly],
     shift: i64,
@@ -229,7 +228,8 @@ fn zeros_with_first(
     }
 }
 
-/// The zeros over the roots θ of a polynomial; nothing if there is more than one over one of them.
+/// Finds the zeros over the roots θ of a polynomial; `None` if there is more than one zero over
+/// some root.
 fn decide(
     forms: &[Poly],
     thetas: &UPoly,
@@ -263,7 +263,7 @@ fn decide(
     Ok(Some(zeros))
 }
 
-/// A squarefree polynomial in t with the common roots of forms over θ.
+/// Returns the squarefree polynomial in t whose roots are the common roots of forms over θ.
 fn roots_over(
     forms: &[Poly],
     field: &Arc<NumberField>,
@@ -292,7 +292,7 @@ fn roots_over(
     univariate::squarefree_part(field, &common, control)
 }
 
-/// By degree of the field, then by its modulus: the same each time.
+/// Compares by the degree of the field, then by its modulus: a deterministic order.
 fn order(a: &Zero, b: &Zero) -> Ordering {
     let key = |z: &Zero| (z.field.degree(), z.field.modulus().coefficients().to_vec());
     key(a).cmp(&key(b))

@@ -1,9 +1,9 @@
 //! Euler characteristic, components and boundary loops of a region, by counting the pieces of its
 //! decomposition.
 //!
-//! The region is the closure of its cells. Open cells, and the arcs, stretches of walls and points
-//! inside a unit triangle are counted triangle by triangle. What lies on the lines s = 0, t = 0 and
-//! w = 0 belongs to two triangles, and has a name that both know:
+//! The region is the closure of its cells. Open cells, and the arcs, segments of walls and points
+//! inside a unit triangle are counted triangle by triangle. A piece on one of the lines s = 0, t =
+//! 0 and w = 0 belongs to two triangles, and has one name in both:
 //!
 //! ```text
 //! (0:1:0) = Corner(2)
@@ -21,21 +21,20 @@ use isoform_algebra::{Arc, QUADRANTS};
 use isoform_geom::UnionFind;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The topology of a region: of the surface in the box as far as no two parameters have the same
-/// image.
+/// Topology of a region. It is that of the surface in the box unless two parameters have one image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RegionTopology {
     /// Euler characteristic.
     pub euler: i64,
-    /// Connected components.
+    /// Number of connected components.
     pub components: usize,
-    /// Connected components of the boundary.
+    /// Number of connected components of the boundary.
     pub loops: usize,
 }
 
 impl Region {
-    /// Euler characteristic, components and boundary loops. The region is taken as the closure of
-    /// its cells.
+    /// Computes the Euler characteristic and the numbers of components and boundary loops. The
+    /// region is the closure of its cells.
     pub fn topology(&self) -> RegionTopology {
         let mut count = Count::default();
         for (quadrant, triangle) in self.triangles.iter().enumerate() {
@@ -45,8 +44,8 @@ impl Region {
     }
 }
 
-/// One of the lines s = 0, t = 0, w = 0 between its two corners: there are two such sides of each
-/// line, told apart by the sign of t, s, or s t.
+/// One of the lines s = 0, t = 0, w = 0 between its two corners. Each line has two such sides,
+/// distinguished by the sign of t, s, or s t.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Side {
     line: usize,
@@ -54,7 +53,7 @@ struct Side {
 }
 
 impl Side {
-    /// The sides of a unit triangle.
+    /// Returns the sides of a unit triangle.
     fn of(quadrant: usize) -> [Self; 3] {
         let [s, t] = QUADRANTS[quadrant];
         let signs = [t, s, s * t];
@@ -63,7 +62,8 @@ impl Side {
             sign: signs[line],
         })
     }
-    /// The corners in which it begins and ends, in the order in which walls and points lie on it.
+    /// Returns the corners in which the side begins and ends, in the order of the walls and points
+    /// on it.
     fn corners(self) -> [Place; 2] {
         [[0, 2], [0, 1], [2, 1]][self.line].map(Place::Corner)
     }
@@ -76,21 +76,21 @@ enum Place {
     Cell(usize, usize, usize),
     /// A point of a wall inside a triangle: quadrant, wall, point.
     Inner(usize, usize, usize),
-    /// A point of a side that a curve goes through, by order.
+    /// A point of a side through which a curve passes, by order.
     Point(Side, usize),
     /// The open interval of a side after a number of its points.
     Interval(Side, usize),
-    /// (0:0:1), (1:0:0) or (0:1:0).
+    /// The corner (0:0:1), (1:0:0) or (0:1:0).
     Corner(usize),
 }
 
-/// A unit triangle with names for the points of its walls. Points of sides that only this
-/// triangle's decomposition knows belong to the interval around them.
+/// A unit triangle with names for the points of its walls. Points of sides that occur only in this
+/// triangle's decomposition belong to the interval around them.
 struct Named<'a> {
     triangle: &'a Triangle,
     quadrant: usize,
     sides: [Side; 3],
-    /// By walls.
+    /// Names of the points, by walls.
     names: Vec<Vec<Place>>,
 }
 
@@ -110,8 +110,8 @@ impl<'a> Named<'a> {
         }
         named
     }
-    /// The name of a point of a wall. Points have to be named in their order: `seen` counts the
-    /// points of each side that a curve goes through.
+    /// Returns the name of a point of a wall. Points have to be named in order: `seen` counts the
+    /// points of each side through which a curve passes.
     fn name(&self, wall: usize, point: usize, seen: &mut [usize; 3]) -> Place {
         let walls = &self.triangle.arrangement.walls;
         let is_top = point + 1 == walls[wall].points.len();
@@ -135,12 +135,12 @@ impl<'a> Named<'a> {
     fn cell(&self, cell: Cell) -> Place {
         Place::Cell(self.quadrant, cell.slab, cell.place)
     }
-    /// The side that an arc lies on.
+    /// Returns the side on which an arc lies.
     fn side_of(&self, arc: &Arc) -> Option<Side> {
         let number = arc.curve.checked_sub(self.triangle.arrangement.lower())?;
         Some(self.sides[1 + number])
     }
-    /// The names of all points of walls on a side, from its first corner to its last.
+    /// Returns the names of all points of walls on a side, from its first corner to its last one.
     fn along(&self, side: Side) -> impl Iterator<Item = Place> {
         let last = |names: &Vec<Place>| names[names.len() - 1];
         let names: Vec<Place> = match side.line {
@@ -150,34 +150,35 @@ impl<'a> Named<'a> {
         };
         names.into_iter()
     }
-    /// The interval of a side that begins with one of its first points, counted along the walls.
+    /// Returns the interval of a side that begins with one of its first points, counted along the
+    /// walls.
     fn interval(&self, side: Side, from: usize) -> Place {
         let points = self.along(side).take(from + 1).filter(is_point);
         Place::Interval(side, points.count())
     }
 }
 
-/// Whether a piece is a point of a side that a curve goes through.
+/// Returns true if a piece is a point of a side through which a curve passes.
 fn is_point(place: &Place) -> bool {
     matches!(place, Place::Point(..))
 }
 
-/// Sums over the pieces of the region: open cells of the triangles one by one, what lies on sides
+/// Sums over the pieces of the region: open cells separately for each triangle, pieces on sides
 /// once for both triangles.
 #[derive(Default)]
 struct Count {
     euler: i64,
-    /// Pieces of the sides.
+    /// Pieces on the sides.
     on_sides: BTreeSet<Place>,
     /// Cells inside.
     cells: Vec<Place>,
     /// Pairs of pieces that touch.
     touching: Vec<(Place, Place)>,
-    /// The ends of pieces of the boundary.
+    /// Ends of pieces of the boundary.
     bounding: Vec<(Place, Place)>,
-    /// The quadrants, as bits, in which an interval of a side has a cell inside next to it.
+    /// Quadrants, as bits, in which an interval of a side is adjacent to a cell inside.
     side_cells: BTreeMap<Place, u8>,
-    /// The ends of the intervals of the sides.
+    /// Ends of the intervals of the sides.
     side_ends: BTreeMap<Place, (Place, Place)>,
 }
 
@@ -230,7 +231,7 @@ impl Count {
             self.euler -= 1;
         }
     }
-    /// An interval of a side, with a cell inside next to it.
+    /// Adds an interval of a side, adjacent to a cell inside.
     fn add_beside(&mut self, t: &Named<'_>, interval: Place, cell: Place) {
         self.on_sides.insert(interval);
         self.touching.push((interval, cell));
@@ -250,7 +251,7 @@ impl Count {
             self.touching.extend(cells.map(|c| (t.cell(c), name)));
         }
     }
-    /// The stretches of a wall between its points.
+    /// Adds the segments of a wall between its points.
     fn add_stretches(&mut self, t: &Named<'_>, wall: usize) {
         let is_curve = !t.triangle.arrangement.walls[wall].vertical.is_empty();
         for (p, ends) in t.names[wall].windows(2).enumerate() {
@@ -289,7 +290,7 @@ impl Count {
                 Place::Cell(..) | Place::Inner(..) => {}
             }
         }
-        // A side with the region on one hand only bounds it.
+        // A side with the region on one side only belongs to the boundary.
         for (place, triangles) in &self.side_cells {
             if triangles.count_ones() == 1
                 && let Some(&ends) = self.side_ends.get(place)
@@ -306,7 +307,7 @@ impl Count {
     }
 }
 
-/// The number of connected components of a graph, given by its edges.
+/// Returns the number of connected components of a graph, given by its edges.
 fn groups(edges: impl Iterator<Item = (Place, Place)>) -> usize {
     let mut numbers: BTreeMap<Place, u32> = BTreeMap::new();
     let mut sets = UnionFind::default();
@@ -363,7 +364,7 @@ mod tests {
         );
     }
 
-    /// Maps without real base points, whose regions were counted elsewhere.
+    /// Maps without real base points, whose topology is known from an independent count.
     #[test]
     fn regions_of_the_zoo() {
         let mut compared = 0;
