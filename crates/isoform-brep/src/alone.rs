@@ -1,9 +1,10 @@
-//! Evidence that the faces of a solid are the surface of the model, apart from the nodes of the
+//! Evidence that the faces of a solid are the surface of the model, independent of the nodes of the
 //! mesh that its topology came from.
 //!
-//! The surface of the model is closed, and its feature curves divide it. Where edges run along all
-//! of these curves, a face lies on the surface of the model wholly or not at all, so that one point
-//! decides; and a closed surface on the surface of the model is all of it, component by component.
+//! The surface of the model is closed, and its feature curves divide it. If edges run along all of
+//! these curves, a face lies on the surface of the model either wholly or not at all, so that one
+//! point decides; and a closed surface on the surface of the model is all of it, component by
+//! component.
 
 use crate::build::Built;
 use crate::check::TOLERANCE;
@@ -14,13 +15,13 @@ use crate::whole::Boundary;
 use isoform_control::Control;
 use isoform_geom::{Point3, Solid, cross, distance_to_segment, middle, norm, sub};
 
-/// Longest distance of an edge from its chords, in sizes of the model. Points of feature curves
+/// Maximum distance of an edge from its chords, in sizes of the model. Points of feature curves
 /// that are on both surfaces of an edge belong to it within twice this distance.
 const CHORD: f64 = 1e-4;
 
-/// Returns true if all faces lie on exact surfaces, edges run along all feature curves (of
-/// which these are points), and a point inside each face is on the surface of the model.
-/// False where that is not shown.
+/// Returns true if all faces lie on exact surfaces, edges run along all feature curves (sampled by
+/// `curves`), and a point inside each face is on the surface of the model. False if that is not
+/// shown.
 #[must_use]
 pub fn stands_alone(
     built: &Built,
@@ -49,12 +50,12 @@ pub fn stands_alone(
 struct Alone<'a> {
     built: &'a Built,
     facets: Facets,
-    /// Largest distance of a point from a surface that it lies on.
+    /// Maximum distance of a point from a surface that it lies on, in model units.
     limit: f64,
 }
 
 impl Alone<'_> {
-    /// True if an edge runs through the point.
+    /// Returns true if an edge runs through the point.
     fn is_on_edge(&self, p: Point3) -> bool {
         let reach = 2.0 * CHORD * self.built.size;
         let is_near = |along: &[(f64, u32)]| {
@@ -67,7 +68,8 @@ impl Alone<'_> {
         edges.any(|(along, beside)| is_near(along) && gap(beside, p) <= self.limit)
     }
 
-    /// True if the middle of the largest triangle of each face is on the surface of the model.
+    /// Returns true if the middle of the largest triangle of each face is on the surface of the
+    /// model.
     fn are_faces_on(&self, model: &Boundary<'_>) -> bool {
         let faces = &self.built.brep.faces;
         let mut largest = vec![(0.0, None); faces.len()];

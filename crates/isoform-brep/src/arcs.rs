@@ -1,4 +1,4 @@
-//! Which angles a face covers.
+//! Angles covered by a face.
 
 use std::f64::consts::TAU;
 
@@ -18,7 +18,7 @@ impl Arcs {
         self.0.push([from, from + by]);
     }
 
-    /// The middle of the largest part that no arc covers, and its width: 2π without arcs.
+    /// Returns the middle of the largest gap between the arcs, and its width: 2π without arcs.
     pub(crate) fn gap(mut self) -> (f64, f64) {
         self.0.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
         let Some(first) = self.0.first().copied() else {

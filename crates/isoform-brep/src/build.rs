@@ -1,4 +1,4 @@
-//! From a labelled mesh and the surfaces of its parts to faces, edges and vertices.
+//! Construction of faces, edges and vertices from a labelled mesh and the surfaces of its parts.
 
 use crate::charts::Smooth;
 use crate::check::largest_kink;
@@ -34,8 +34,8 @@ const TOUCHING: f64 = 0.02;
 /// A part with less than this share of a surface that it shares with others does not name it:
 /// slivers beside a blend belong to the part that goes on.
 const NAMED: f64 = 0.1;
-/// Splines are sought this much nearer to the model than is asked for: edges and samples are not
-/// everywhere.
+/// Tolerance of splines, as a share of the requested one: edges and samples do not cover
+/// everything.
 const NEARER: f64 = 0.25;
 /// Surfaces that meet at a smaller angle (radians) and along no limit have no edge: one that is
 /// larger multiplies roundings by no more than a thousand.
@@ -43,40 +43,41 @@ const GRAZING: f64 = 1e-3;
 /// Share of the largest kink that each spline may be turned by: two of them meet, between samples.
 const TURN: f64 = 0.4;
 
-/// A boundary representation, and the triangles that stand for its faces.
+/// A boundary representation, and the triangles that represent its faces.
 #[derive(Clone, Debug)]
 pub struct Built {
     /// The solids.
     pub brep: Brep,
-    /// Nodes of the triangles, on the faces' surfaces but for edges that were divided.
+    /// Nodes of the triangles, on the faces' surfaces except for edges that were divided.
     pub points: Vec<Point3>,
     /// Triangles of the mesh, divided along cuts.
     pub triangles: Vec<[u32; 3]>,
-    /// The face of each.
+    /// Face of each triangle.
     pub face_of: Vec<u32>,
-    /// What meets in each edge: two surfaces or functions; one is a cut where an edge divides a
-    /// face, or a limit where two functions join smoothly.
+    /// Loci that intersect in each edge: two surfaces or functions; one of them is a cut if the
+    /// edge divides a face, or a limit if two functions join smoothly.
     pub(crate) meeting: Vec<[Locus; 2]>,
-    /// What the faces on both sides of each edge lie on.
+    /// Loci of the faces on both sides of each edge.
     pub(crate) beside: Vec<[Locus; 2]>,
-    /// The part of the mesh that each triangle belongs to.
+    /// Part of the mesh that each triangle belongs to.
     pub part_of: Vec<u32>,
     /// Names of the parts of the mesh.
     pub part_names: Vec<String>,
-    /// The largest side of the box of the model.
+    /// Largest side of the box of the model.
     pub size: f64,
-    /// Points of contact for which the mesh had a border, and how far its nodes were away.
+    /// Points of contact in place of which the mesh had a border, with the largest distance of its
+    /// nodes from each.
     pub contacts: Vec<(Point3, f64)>,
 }
 
 impl Built {
-    /// True if all faces lie on exact surfaces, none on a spline near one.
+    /// Returns true if all faces lie on exact surfaces, none on an approximating spline.
     pub fn is_exact(&self) -> bool {
         self.brep.faces.iter().all(|f| !f.surface.is_near_only())
     }
 
-    /// Returns the solids, given in coordinates of a frame, in space. Functions that met in their
-    /// edges are left behind: a [`check`](crate::check()) comes before.
+    /// Returns the solids, given in coordinates of a frame, in space. The loci of edges are
+    /// dropped: a [`check`](crate::check()) must come before.
     #[must_use]
     pub fn placed(self, frame: &Frame) -> Self {
         let out = |p: &Point3| frame.out(*p);
@@ -91,15 +92,15 @@ impl Built {
     }
 }
 
-/// The boundary representation of the solid whose surface the pieces are. Faces on splines are no
-/// more than `tolerance` (model units) away from their functions, at places.
+/// Returns the boundary representation of the solid whose surface the pieces are. Faces on splines
+/// are at most `tolerance` (model units) away from their functions, at samples.
 ///
-/// Pieces of one surface that run on into one another are one face, named after the parts that have
-/// more than a tenth of it.
+/// Adjacent pieces of one surface are one face, named after the parts that have more than a tenth
+/// of it.
 ///
 /// # Errors
-/// If the mesh is not closed, faces touch without an angle, a smooth face finds no splines, or the
-/// work is stopped.
+/// Fails if the mesh is not closed, faces touch without an angle, no splines fit a smooth face, or
+/// the work is stopped.
 pub fn brep(pieces: Pieces, tolerance: f64, control: &Control<'_>) -> Result<Built, BrepError> {
     control.begin("faces")?;
     let Pieces { mesh, list, names } = pieces;
@@ -130,21 +131,21 @@ pub fn brep(pieces: Pieces, tolerance: f64, control: &Control<'_>) -> Result<Bui
     builder.build(control)
 }
 
-/// What pieces lie on, neighbours on one surface together.
+/// Sheets: the loci of pieces, with adjacent pieces on one surface merged.
 struct Sheets {
-    /// The sheet of each piece.
+    /// Sheet of each piece.
     of_piece: Vec<u32>,
-    /// The first piece of each.
+    /// First piece of each sheet.
     pieces: Vec<u32>,
     loci: Vec<Locus>,
-    /// The part of the representation that each belongs to.
+    /// Part of the representation that each sheet belongs to.
     parts: Vec<u32>,
-    /// By part of the representation, its name.
+    /// Names of the parts of the representation.
     names: Vec<String>,
 }
 
 impl Sheets {
-    /// Pieces that are neighbours on one surface, nearer than `same`, are one sheet.
+    /// Merges adjacent pieces that lie on one surface within `same`.
     fn new(
         mesh: &Labelled,
         list: &[Piece],
@@ -205,7 +206,7 @@ impl Sheets {
         made
     }
 
-    /// Gives the last sheet its part of the representation: that of its name.
+    /// Assigns the last sheet to the part of the representation with this name.
     fn name(&mut self, name: String) {
         let known = self.names.iter().position(|n| *n == name);
         let part = known.unwrap_or_else(|| {
@@ -215,7 +216,7 @@ impl Sheets {
         self.parts.push(part as u32);
     }
 
-    /// The mesh, labelled by sheets and their components.
+    /// Returns the mesh, labelled by sheets and their components.
     fn labelled(&self, mesh: Labelled, across: &[[Side; 3]]) -> Labelled {
         let pieces = mesh.sheets.iter();
         let of: Vec<u32> = pieces.map(|p| self.of_piece[*p as usize]).collect();
@@ -242,15 +243,16 @@ struct Builder<'a> {
     revolved: BTreeMap<u32, Surface>,
     /// Splines of charts, each with a triangle of its chart.
     graphs: Vec<(u32, Arc<Graph>)>,
-    /// Points for which the mesh had a border, and how far its nodes were away.
+    /// Points in place of which the mesh had a border, with the largest distance of its nodes from
+    /// each.
     contacts: Vec<(Point3, f64)>,
-    /// How far splines may be away from functions.
+    /// Maximum distance of splines from functions, in model units.
     tolerance: f64,
     size: f64,
 }
 
 impl Builder<'_> {
-    /// Contracts borders that stand for one point.
+    /// Contracts borders that represent one point.
     fn collapse(&mut self) -> Result<(), BrepError> {
         loop {
             let (mesh, loci) = (&self.mesh, &self.sheets.loci);
@@ -279,21 +281,21 @@ impl Builder<'_> {
         }
     }
 
-    /// The first triangle of a component.
+    /// Returns the first triangle of a component.
     fn first_of(&self, component: u32) -> Option<usize> {
         let mut of = self.mesh.components.iter();
         of.position(|c| *c == component)
     }
 
-    /// The surface of a triangle, if it is exact or one of revolution.
+    /// Returns the surface of a triangle, if it is exact or one of revolution.
     fn surface_of(&self, t: usize) -> Option<&Surface> {
         let revolved = self.revolved.get(&self.mesh.components[t]);
         revolved.or_else(|| self.sheets.loci[self.mesh.sheets[t] as usize].surface())
     }
 
-    /// Nodes at a tip of the surface that they lie on are moved there, and so is the node of a face
-    /// that is nearest to a tip no more than some edges away, if all that meets in it does so at
-    /// the tip: a mesh may cut it off.
+    /// Moves nodes to the tips of surfaces that they represent: nodes at a tip, and the node of a
+    /// face nearest to its tip if it is only a few edges away and all surfaces that meet in it pass
+    /// through the tip, which a mesh may cut off.
     fn find_apexes(&mut self) {
         for (apex, far, v, edge) in self.nearest_to_apexes().into_values() {
             let corners = self.mesh.triangles.iter().enumerate();
@@ -307,8 +309,8 @@ impl Builder<'_> {
         }
     }
 
-    /// By component and tip of its surface: the tip, the distance of the nearest node, this node,
-    /// and the longest edge there.
+    /// Returns by component and tip of its surface: the tip, the distance of the nearest node, this
+    /// node, and its longest edge.
     fn nearest_to_apexes(&self) -> BTreeMap<(u32, usize), (Point3, f64, u32, f64)> {
         let mut nearest = BTreeMap::new();
         for (t, corners) in self.mesh.triangles.iter().enumerate() {
@@ -350,8 +352,8 @@ impl Builder<'_> {
         )
     }
 
-    /// Cuts the components that go round, one after the other: each is put away from the vertices
-    /// that those before it made.
+    /// Cuts the components that wrap around, one after another, each away from the vertices that
+    /// the previous ones made.
     fn cut(&mut self, control: &Control<'_>) -> Result<(), BrepError> {
         let mut topology = self.topology();
         for component in 0..self.mesh.cuts.len() as u32 {
@@ -391,7 +393,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// The surface of revolution that a smooth component is, if it is one.
+    /// Returns the surface of revolution that a smooth component is; `None` if it is not one.
     fn as_revolved(&self, component: u32, locus: &Locus) -> Option<Surface> {
         let own = self.triangles_of(component);
         let triangles = own.into_iter().map(|t| self.mesh.corners(t));
@@ -413,7 +415,7 @@ impl Builder<'_> {
         piece.revolved()
     }
 
-    /// Cuts a component on an exact surface, if it goes round; whether it did.
+    /// Cuts a component on an exact surface, if it wraps around. Returns true if it was cut.
     fn cut_exact(
         &mut self,
         component: u32,
@@ -456,12 +458,12 @@ impl Builder<'_> {
         all.filter(|t| of[*t as usize] == component).collect()
     }
 
-    /// The name of a sheet.
+    /// Returns the name of a sheet.
     fn name(&self, sheet: usize) -> &str {
         &self.sheets.names[self.sheets.parts[sheet] as usize]
     }
 
-    /// Junctions, without those that were only put on chains that have none.
+    /// Returns the junctions, without those that were only put on closed chains.
     fn vertices(&self, topology: &Topology) -> BTreeSet<u32> {
         let mut ends: BTreeMap<u32, usize> = BTreeMap::new();
         for chain in &topology.chains {
@@ -530,8 +532,8 @@ impl Builder<'_> {
         })
     }
 
-    /// What meets in a chain: two sheets, one and a cut, or one and the limit along which it joins
-    /// the other smoothly.
+    /// Returns the loci that intersect in a chain: those of two sheets, or of one and a cut, or of
+    /// one and the limit along which it joins the other smoothly.
     fn meeting(&self, chain: &Chain) -> Result<[Locus; 2], BrepError> {
         let [t, other] = self.beside(chain);
         let sheets = self.sheets_beside(chain);
@@ -561,19 +563,19 @@ impl Builder<'_> {
             .ok_or_else(|| self.no_curve(sheets, chain))
     }
 
-    /// The triangles on both sides of the first edge of a chain.
+    /// Returns the triangles on both sides of the first edge of a chain.
     fn beside(&self, chain: &Chain) -> [u32; 2] {
         let (t, k) = chain.sides[0];
         [t, self.across[t as usize][k as usize].0]
     }
 
-    /// The sheets on both sides of a chain.
+    /// Returns the sheets on both sides of a chain.
     fn sheets_beside(&self, chain: &Chain) -> [usize; 2] {
         self.beside(chain)
             .map(|t| self.mesh.sheets[t as usize] as usize)
     }
 
-    /// What these lie on.
+    /// Returns the loci of the sheets on both sides of a chain.
     fn loci(&self, chain: &Chain) -> [Locus; 2] {
         self.sheets_beside(chain)
             .map(|s| self.sheets.loci[s].clone())
@@ -586,7 +588,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Vertices on all surfaces that meet there.
+    /// Places the vertices on all surfaces that meet there.
     fn place_vertices(
         &self,
         topology: &Topology,
@@ -612,7 +614,7 @@ impl Builder<'_> {
                 vertex(&surfaces, at, self.size)
             };
             let reach = 0.05 * self.size;
-            // At a tip a function has no gradient; its surface has been asked.
+            // A function has no gradient at a tip; its surface was tested instead.
             let is_off = |s: &Locus| {
                 let by = gap([s], p);
                 by > ON * self.size && !(self.apexes.contains(&v) && s.surface().is_none())
@@ -652,7 +654,7 @@ impl Builder<'_> {
         Ok(Edge { curve, ends })
     }
 
-    /// The faces with their loops; edges are numbered as the chains.
+    /// Adds the faces with their loops; edges are numbered as the chains.
     fn add_faces(&self, topology: &Topology, brep: &mut Brep) {
         let mut triangles: Vec<Vec<u32>> = vec![Vec::new(); topology.faces];
         for (t, face) in topology.face_of.iter().enumerate() {
@@ -685,7 +687,8 @@ impl Builder<'_> {
         }
     }
 
-    /// The surface of a face with its frame placed, and whether its own normal points outward.
+    /// Returns the surface of a face with its frame placed, and true if the surface's normal points
+    /// outward.
     fn placed(&self, own: &[u32], surface: &Surface) -> (Surface, bool) {
         let points = &self.mesh.points;
         let corners = |t: &u32| self.mesh.triangles[*t as usize];
@@ -711,13 +714,13 @@ impl Builder<'_> {
 #[derive(Default)]
 struct Vertices {
     vertices: Vec<Point3>,
-    /// Their numbers by node of the mesh.
+    /// Index of the vertex of each node of the mesh.
     number: BTreeMap<u32, u32>,
-    /// The numbers of those where a surface touches the curve of two others.
+    /// Indices of the vertices at which a surface touches the curve of two others.
     contacts: BTreeSet<u32>,
 }
 
-/// The loop with the largest area is the outer one.
+/// Makes the loop with the largest area the outer one.
 fn put_outer_first(brep: &Brep, face: &mut Face) {
     let areas = of_loops(brep, face, face.surface.axes().origin);
     let outer = (0..areas.len()).max_by(|a, b| areas[*a].area.total_cmp(&areas[*b].area));

@@ -1,7 +1,7 @@
-//! Smooth faces without a name are cut into charts, each a graph over a plane.
+//! Charts: smooth faces without a known surface are cut into pieces, each a graph over a plane.
 //!
 //! Cuts are planes. Each passes through one connected piece only, and is chosen such that normals
-//! spread less on its two sides, that it crosses the surface and the borders at good angles, and
+//! vary less on its two sides, that it crosses the surface and the borders at large angles, and
 //! that it stays away from vertices. A piece whose normals lie within a cone is a graph; if no
 //! spline is near enough it is cut once more.
 
@@ -16,38 +16,37 @@ use isoform_num::linalg::symmetric_eigen;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// Normals of a chart lie within 50° of one direction (its cosine): less makes more charts, more
-/// makes steep graphs, whose splines need more spans.
+/// Minimum cosine between the normals of a chart and its direction, 50°: a larger one makes more
+/// charts, a smaller one steep graphs, whose splines need more spans.
 const CONE: f64 = 0.64;
 /// Cuts of a component at most: as many as `Labelled::charts` has bits.
 const MOST_CUTS: u32 = 127;
 /// Shares of a piece's extent at which planes are tried.
 const OFFSETS: [f64; 7] = [0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74];
-/// Directions that are tried beside the axes of the piece and of space.
+/// Number of directions that are tried in addition to the axes of the piece and of space.
 const SPREAD: usize = 12;
 /// What is wanted of a cut: the sine between plane and surface, the slope at which borders are
 /// crossed, and the distance of vertices in sizes of the piece.
 const WANTED: [f64; 3] = [0.5, 0.4, 0.04];
 
-/// A smooth face without a name.
+/// A smooth face without a known surface.
 pub(crate) struct Smooth<'a> {
-    /// Its component.
+    /// Component of the face.
     pub(crate) component: u32,
-    /// Its function.
+    /// Function whose zero set it lies on.
     pub(crate) field: &'a Arc<dyn Field>,
-    /// How far splines may be away.
+    /// Maximum distance of splines, in model units.
     pub(crate) tolerance: f64,
-    /// How far they are to be turned at most (radians), as far as more spans help.
+    /// Maximum angle of splines with the function (radians), as far as more spans reduce it.
     pub(crate) turn: f64,
 }
 
 impl Smooth<'_> {
-    /// Cuts the component into charts, and finds their splines: each with a triangle of its chart,
-    /// whichever triangles are divided later. None if it has too many charts, or one without a
-    /// spline.
+    /// Cuts the component into charts and finds their splines, each with a triangle of its chart
+    /// that later cuts keep there. `None` if it has too many charts, or one without a spline.
     ///
     /// # Errors
-    /// If the mesh is not closed, or the work is stopped.
+    /// Fails if the mesh is not closed, or the work is stopped.
     pub(crate) fn charts(
         &self,
         mesh: &mut Labelled,
@@ -94,7 +93,8 @@ impl Smooth<'_> {
         Ok(Some(done))
     }
 
-    /// The spline of a piece, if its normals lie within a cone.
+    /// Returns the spline of a piece; `None` if its normals do not lie within a cone, or no spline
+    /// fits.
     fn graph(&self, mesh: &Labelled, own: &[u32]) -> Option<Graph> {
         let mut seen = BTreeSet::new();
         let corners = own.iter().flat_map(|t| mesh.triangles[*t as usize]);
@@ -104,7 +104,7 @@ impl Smooth<'_> {
             .map(|v| locus.distance(mesh.points[v as usize]).1)
             .filter(|n| n.iter().all(|v| v.is_finite()))
             .collect();
-        // Directions of one cone are at most its whole angle apart.
+        // Two directions of a cone differ by at most its aperture.
         let apart = 2.0 * CONE * CONE - 1.0;
         let first = *normals.first()?;
         if normals.iter().any(|n| dot(*n, first) < apart) {
@@ -123,7 +123,7 @@ impl Smooth<'_> {
     }
 }
 
-/// The piece around a triangle: neighbours of one component and chart.
+/// Returns the piece around a triangle: neighbours of one component and chart.
 fn connected(mesh: &Labelled, across: &[[Side; 3]], seed: u32) -> Vec<u32> {
     let label = |t: u32| (mesh.components[t as usize], mesh.charts[t as usize]);
     let (mut own, mut seen) = (vec![seed], BTreeSet::from([seed]));
@@ -139,7 +139,7 @@ fn connected(mesh: &Labelled, across: &[[Side; 3]], seed: u32) -> Vec<u32> {
     own
 }
 
-/// A triangle of each piece that some triangles belong to.
+/// Returns a triangle of each piece that some triangles belong to.
 fn seeds(mesh: &Labelled, across: &[[Side; 3]], triangles: impl Iterator<Item = u32>) -> Vec<u32> {
     let (mut found, mut seen) = (Vec::new(), BTreeSet::new());
     for t in triangles {
@@ -151,7 +151,7 @@ fn seeds(mesh: &Labelled, across: &[[Side; 3]], triangles: impl Iterator<Item = 
     found
 }
 
-/// Nodes in which at least three faces meet.
+/// Returns the nodes in which at least three faces meet.
 fn junctions(mesh: &Labelled) -> BTreeSet<u32> {
     let mut labels: BTreeMap<u32, Vec<(u32, u128)>> = BTreeMap::new();
     for (t, corners) in mesh.triangles.iter().enumerate() {
@@ -181,7 +181,7 @@ struct Chooser<'a> {
 }
 
 impl<'a> Chooser<'a> {
-    /// `junctions` are those of the whole mesh.
+    /// Creates a chooser for the triangles `own`; `junctions` are those of the whole mesh.
     fn new(
         mesh: &'a Labelled,
         across: &[[Side; 3]],
@@ -217,7 +217,7 @@ impl<'a> Chooser<'a> {
         }
     }
 
-    /// The best plane; none if no plane has triangles on both sides.
+    /// Returns the best plane; `None` if no plane has triangles on both sides.
     fn best(&self) -> Option<Surface> {
         let mut best: Option<(f64, Surface)> = None;
         for direction in self.directions() {
@@ -237,8 +237,8 @@ impl<'a> Chooser<'a> {
         best.map(|b| b.1)
     }
 
-    /// Directions to be tried: the axes of space, those along which the piece and its normals are
-    /// spread, and some more all around.
+    /// Returns the directions to be tried: the axes of space, the principal axes of the piece and
+    /// of its normals, and a spiral of directions over the half sphere.
     fn directions(&self) -> Vec<Point3> {
         let mut all = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let units = self.normals.iter().map(|n| n.map(|v| v / norm(*n)));
@@ -276,7 +276,7 @@ impl<'a> Chooser<'a> {
         if sums.iter().any(|s| s.0 == 0.0) {
             return None;
         }
-        // The share of area vectors that is lost to their spread, before and after.
+        // The share of area vectors that cancels because of their spread, before and after.
         let whole: Point3 = std::array::from_fn(|k| sums[0].1[k] + sums[1].1[k]);
         let area = sums[0].0 + sums[1].0;
         let before = 1.0 - norm(whole) / area;
@@ -293,8 +293,9 @@ impl<'a> Chooser<'a> {
         Some(total(of(angle, a).min(of(slope, b)).min(of(away, c))))
     }
 
-    /// The least sine between plane and surface, slope at which the border is crossed, and distance
-    /// of vertices and turning points of the border in sizes of the piece.
+    /// Returns the smallest sine between plane and surface, the smallest slope at which the border
+    /// is crossed, and the smallest distance of vertices and turning points of the border in sizes
+    /// of the piece.
     fn quality(&self, direction: Point3, offset: f64) -> [f64; 3] {
         let at = |v: u32| dot(self.mesh.points[v as usize], direction) - offset;
         let [mut angle, mut slope, mut away] = [1.0f64; 3];

@@ -1,6 +1,6 @@
-//! The certificate: everything that could be wrong with a boundary representation, looked for.
+//! Certificate of a boundary representation: searches for everything that could be wrong with it.
 //!
-//! What is counted is exact; distances, angles and areas are taken at samples.
+//! Counts are exact; distances, angles and areas are taken at samples.
 
 use crate::build::Built;
 use crate::locus::{Distance, Locus};
@@ -15,11 +15,12 @@ use isoform_geom::{Aabb, Frame, Point3, Solid, cross, dot, middle, norm, sub};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Samples of a piece of an edge.
+/// Number of samples of a piece of an edge.
 const SAMPLES: usize = 8;
-/// What readers take for one point, in sizes of the model; gaps and distances stay ten times below.
+/// Distance within which readers merge points, in sizes of the model; gaps and distances stay ten
+/// times below.
 pub(crate) const TOLERANCE: f64 = 1e-7;
-/// Shortest edges, and roots of the areas of faces, in tolerances.
+/// Minimum length of an edge, and of the root of the area of a face, in reader tolerances.
 const SHORTEST: f64 = 10.0;
 /// Faces that meet at less than this are smooth there (degrees), and may differ by no more than the
 /// second number; by up to the third where a tolerance above 1e-6 of the size is asked for.
@@ -40,7 +41,7 @@ const ON_MODEL: f64 = 1e-9;
 /// Places at which a face is compared with its function, at most.
 const PLACES: usize = 200;
 
-/// Something that is wrong or left open.
+/// A defect, or a question left open.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Finding {
@@ -48,9 +49,9 @@ pub enum Finding {
     OpenEdges(usize),
     /// The Euler numbers of the faces and of the mesh differ.
     Euler {
-        /// Of the faces.
+        /// Euler number of the faces.
         found: i64,
-        /// Of the mesh.
+        /// Euler number of the mesh.
         mesh: i64,
     },
     /// Faces with handles, or without a border: their Euler number is not 2 less their loops.
@@ -61,66 +62,66 @@ pub enum Finding {
     Gap(f64),
     /// A face leaves the function of its part.
     Distance {
-        /// The face's name.
+        /// Name of the face.
         face: String,
-        /// How far, in model units.
+        /// Distance in model units.
         by: f64,
     },
-    /// Normals differ along an edge that is to be smooth (degrees).
+    /// Normals differ along an edge that should be smooth (degrees).
     Kink(f64),
     /// The image of an edge in the parameters of a face, which readers interpolate, leaves it.
     Reading {
-        /// By how much.
+        /// Distance in model units.
         by: f64,
-        /// The start of the edge.
+        /// Start of the edge.
         at: Point3,
     },
     /// The volume differs from the limit of the meshes.
     Volume {
-        /// Of the faces.
+        /// Volume of the faces.
         found: f64,
-        /// The limit.
+        /// Limit of the volumes of meshes.
         limit: f64,
     },
     /// The area of a face differs from that of its triangles.
     Area {
-        /// The face's name.
+        /// Name of the face.
         face: String,
-        /// Its area.
+        /// Area of the face.
         found: f64,
-        /// That of its triangles.
+        /// Area of its triangles.
         mesh: f64,
     },
     /// An edge is shorter than ten tolerances.
     ShortEdge {
-        /// Its length.
+        /// Length of the edge.
         length: f64,
-        /// Where it begins.
+        /// Start of the edge.
         at: Point3,
     },
     /// A face is smaller than ten tolerances squared.
     SmallFace {
-        /// Its name.
+        /// Name of the face.
         face: String,
-        /// Its area.
+        /// Area of the face.
         area: f64,
     },
     /// The model has surface that is on no face: features smaller than the triangles of the mesh.
     Missed {
-        /// Where.
+        /// Point of that surface.
         at: Point3,
-        /// How far the next face is.
+        /// Distance of the nearest face.
         by: f64,
     },
-    /// An edge or a vertex is not on the surface of the model, though it is on the pieces that meet
-    /// there: a part that is smaller than the triangles of the mesh cuts it off.
+    /// An edge or a vertex is not on the surface of the model, although it is on the pieces that
+    /// meet there: a part smaller than the triangles of the mesh cuts it off.
     OffModel {
-        /// Where.
+        /// The point.
         at: Point3,
-        /// How far off.
+        /// Distance from the model.
         by: f64,
     },
-    /// Something that the mesh leaves open.
+    /// A question that the mesh leaves open.
     Mesh(String),
 }
 
@@ -184,43 +185,43 @@ impl fmt::Display for Finding {
     }
 }
 
-/// What is known of a boundary representation.
+/// Certificate of a boundary representation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Certificate {
     /// Vertices − edges + Euler numbers of the faces.
     pub euler: i64,
     /// Largest distance of points of edges, and of vertices, from the surfaces that meet there.
     pub gap: f64,
-    /// That at edges between exact surfaces only.
+    /// Largest such distance at edges between exact surfaces only.
     pub exact_gap: f64,
-    /// By face, the largest distance of places from the function of its part.
+    /// Largest distance of samples from the function of the part, by face.
     pub distances: Vec<f64>,
     /// Largest angle between the normals of faces along edges that are smooth (degrees).
     pub smooth_angle: f64,
-    /// By face, what was measured.
+    /// Measures by face.
     pub faces: Vec<Measure>,
-    /// Area, volume and first moments of all, about `center`.
+    /// Total area, volume and first moments, about `center`.
     pub total: Measure,
-    /// The point that moments are taken about.
+    /// Point that moments are taken about.
     pub center: Point3,
-    /// The volume that finer meshes tend to.
+    /// Limit of the volumes of finer meshes.
     pub mesh_limit: f64,
-    /// The length of the shortest edge.
+    /// Length of the shortest edge.
     pub shortest_edge: f64,
-    /// The area of the smallest face.
+    /// Area of the smallest face.
     pub smallest_face: f64,
-    /// True if readers of files see all edges where they are, whatever the gaps.
+    /// True if readers of files reconstruct all edges within their tolerance, whatever the gaps.
     pub is_read_alike: bool,
-    /// What is wrong or left open.
+    /// Defects, and questions left open.
     pub failures: Vec<Finding>,
 }
 
 impl Certificate {
-    /// Whether nothing is wrong and nothing left open.
+    /// Returns true if the list of failures is empty.
     pub fn holds(&self) -> bool {
         self.failures.is_empty()
     }
-    /// The centre of the volume.
+    /// Returns the centroid of the volume.
     pub fn centroid(&self) -> Point3 {
         let Measure { volume, moment, .. } = self.total;
         std::array::from_fn(|k| self.center[k] + moment[k] / volume)
@@ -228,8 +229,8 @@ impl Certificate {
 }
 
 impl Certificate {
-    /// Returns what is known of the solids, given in coordinates of a frame, in space. Gaps grow by
-    /// the rounding of coordinates there.
+    /// Returns the certificate of the solids, given in coordinates of a frame, in space. Gaps grow
+    /// by the rounding of coordinates there.
     #[must_use]
     pub fn placed(self, frame: &Frame) -> Self {
         let moved = |m: &Measure| Measure {
@@ -251,7 +252,7 @@ impl Certificate {
 }
 
 impl Finding {
-    /// Returns what was found, with its place of a frame in space.
+    /// Returns the finding with its position, given in a frame, in space.
     fn placed(mut self, frame: &Frame) -> Self {
         if let Self::Reading { at, .. }
         | Self::ShortEdge { at, .. }
@@ -264,15 +265,15 @@ impl Finding {
     }
 }
 
-/// The larger of two figures; what is no number is the worst.
+/// Returns the larger of two figures; infinity if the second is NaN.
 pub(crate) fn worse(a: f64, b: f64) -> f64 {
     if b.is_nan() { f64::INFINITY } else { a.max(b) }
 }
 
-/// Looks for everything that could be wrong. Edges and faces on splines may be `tolerance` away
-/// from one another and from the model, in model units; exact ones a tenth of what readers resolve,
-/// and no more than that. `witnesses` are points of the model's surface that have to be on faces,
-/// `open` is what the certificate of the mesh leaves open.
+/// Checks a boundary representation. Edges and faces on splines may be `tolerance` away from one
+/// another and from the model, in model units; exact ones by a tenth of the readers' tolerance, and
+/// no more than `tolerance`. `witnesses` are points of the model's surface that have to be on
+/// faces, `open` is what the certificate of the mesh leaves open.
 pub fn check(
     built: &Built,
     solid: &dyn Solid,
@@ -314,7 +315,7 @@ pub fn check(
     made
 }
 
-/// Uses of edges, and Euler numbers.
+/// Checks the uses of edges, and Euler numbers.
 fn examine_topology(built: &Built, made: &mut Certificate) {
     let brep = &built.brep;
     let mut uses = vec![[0usize; 2]; brep.edges.len()];
@@ -347,7 +348,7 @@ fn examine_topology(built: &Built, made: &mut Certificate) {
     }
 }
 
-/// Whether points of the edges of faces lie in the domains of their splines.
+/// Checks that points of the edges of faces lie in the domains of their splines.
 fn examine_domains(brep: &Brep, made: &mut Certificate) {
     for (f, face) in brep.faces.iter().enumerate() {
         let is_in = |p: Point3| match &face.surface {
@@ -359,7 +360,7 @@ fn examine_domains(brep: &Brep, made: &mut Certificate) {
             Surface::Revolved(turned) => {
                 let [first, last] = turned.domain();
                 let at = turned.parameters(p)[1];
-                // Beyond a tip there is nothing.
+                // A curve ends at a tip, so that no upper or lower bound applies.
                 let tips = turned.tips();
                 (tips[0] || first < at) && (tips[1] || at < last)
             }
@@ -380,7 +381,7 @@ fn examine_domains(brep: &Brep, made: &mut Certificate) {
     }
 }
 
-/// Nodes − edges + triangles.
+/// Returns nodes − edges + triangles.
 fn euler(triangles: &[[u32; 3]]) -> i64 {
     let mut nodes: Vec<u32> = triangles.as_flattened().to_vec();
     let mut edges: Vec<[u32; 2]> = triangles
@@ -395,8 +396,8 @@ fn euler(triangles: &[[u32; 3]]) -> i64 {
     nodes.len() as i64 - edges.len() as i64 + triangles.len() as i64
 }
 
-/// The Euler number of the inside of a face: −(inner edges) + triangles + inner nodes. That of a
-/// disc is 1, and each further border takes one, also where borders meet in a node.
+/// Returns the Euler number of the interior of a face: −(inner edges) + triangles + inner nodes.
+/// That of a disc is 1, and each further border reduces it by one, also if borders meet in a node.
 fn open_euler(triangles: &[[u32; 3]]) -> i64 {
     let mut count: BTreeMap<[u32; 2], usize> = BTreeMap::new();
     for corners in triangles {
@@ -416,11 +417,11 @@ fn open_euler(triangles: &[[u32; 3]]) -> i64 {
         .collect();
     border.sort_unstable();
     border.dedup();
-    // The inside is an open surface: its number is that of the closed one with disjoint borders.
+    // The interior is an open surface: its number is that of the closed one with disjoint borders.
     (nodes.len() - border.len()) as i64 - inner + triangles.len() as i64
 }
 
-/// Gaps, lengths and angles along edges; the limits are those of exact edges, and of others.
+/// Checks gaps, lengths and angles along edges; the limits are those of exact edges, and of others.
 fn examine_edges(built: &Built, limits: [f64; 2], made: &mut Certificate) {
     let (brep, size) = (&built.brep, built.size);
     let mut sides: Vec<Vec<Side<'_>>> = vec![Vec::new(); brep.edges.len()];
@@ -453,7 +454,7 @@ fn examine_edges(built: &Built, limits: [f64; 2], made: &mut Certificate) {
         made.failures.push(Finding::Kink(made.smooth_angle));
     }
     let seen = deviations(brep).into_iter().enumerate();
-    // Edges may lie off their surfaces by a gap, which is judged by itself.
+    // Edges may lie off their surfaces by a gap, which is checked separately.
     if let Some((e, by)) = seen.max_by(|a, b| a.1.total_cmp(&b.1)) {
         made.is_read_alike = by <= TOLERANCE * size;
         if by > TOLERANCE * size + limits[1] {
@@ -463,8 +464,8 @@ fn examine_edges(built: &Built, limits: [f64; 2], made: &mut Certificate) {
     }
 }
 
-/// The largest angle along smooth edges (degrees) where splines may be `tolerance` away from a
-/// model of that size.
+/// Returns the maximum angle along smooth edges (degrees) if splines may be `tolerance` away from a
+/// model of this size.
 pub(crate) fn largest_kink(tolerance: f64, size: f64) -> f64 {
     let kink = SMOOTH[1] * (tolerance / (1e-6 * size)).max(1.0);
     kink.min(SMOOTH[2])
@@ -473,7 +474,8 @@ pub(crate) fn largest_kink(tolerance: f64, size: f64) -> f64 {
 /// The surface of a face at an edge, and the sign of its own normal against the outward one.
 type Side<'a> = (&'a Surface, f64);
 
-/// What was measured along an edge: the largest gap, the length, the largest small angle (degrees).
+/// Measurements along an edge: the largest gap, the length, and the largest angle of a smooth edge
+/// (degrees).
 #[derive(Default)]
 struct AlongEdge {
     gap: f64,
@@ -500,7 +502,7 @@ fn examine_edge(built: &Built, e: u32, sides: &[Side<'_>]) -> AlongEdge {
             let cos = sense_a * sense_b * dot(n[0], n[1]);
             let angle = norm(cross(n[0], n[1])).atan2(cos).to_degrees();
             if angle < SMOOTH[0] {
-                // An edge of the model itself, at a small angle, is no kink.
+                // An edge of the model itself, at a small angle, is not a kink.
                 let own = angle_between(&built.beside[e as usize], p);
                 found.angle = found.angle.max((angle - own).abs());
             }
@@ -512,13 +514,13 @@ fn examine_edge(built: &Built, e: u32, sides: &[Side<'_>]) -> AlongEdge {
     found
 }
 
-/// The angle at which two loci cross at a point (degrees).
+/// Returns the angle at which two loci cross at a point (degrees).
 fn angle_between(loci: &[Locus; 2], p: Point3) -> f64 {
     let [a, b] = loci.each_ref().map(|l| l.distance(p).1);
     norm(cross(a, b)).atan2(dot(a, b).abs()).to_degrees()
 }
 
-/// Parameters along an edge, some in each of its pieces, with both ends.
+/// Returns parameters along an edge, several in each of its pieces, with both ends.
 fn samples(breaks: &[f64]) -> Vec<f64> {
     let within = |w: &[f64]| {
         let (a, b) = (w[0], w[1]);
@@ -528,8 +530,8 @@ fn samples(breaks: &[f64]) -> Vec<f64> {
     inner.chain(breaks.last().copied()).collect()
 }
 
-/// The largest distance of a face from the function of its part: |F| / |∇F| at points of the
-/// surface near the middles of its triangles.
+/// Returns the largest distance of a face from the function of its part: |F| / |∇F| at points of
+/// the surface near the middles of its triangles.
 fn distance_of_face(built: &Built, solid: &dyn Solid, face: usize) -> f64 {
     let Built { brep, .. } = built;
     let surface = &brep.faces[face].surface;
@@ -551,7 +553,7 @@ fn distance_of_face(built: &Built, solid: &dyn Solid, face: usize) -> f64 {
     worst
 }
 
-/// Whether edges and vertices are on the surface of the model, not only on the pieces that meet
+/// Checks that edges and vertices are on the surface of the model, not only on the pieces that meet
 /// there.
 fn examine_places(built: &Built, solid: &dyn Solid, tolerance: f64, made: &mut Certificate) {
     let brep = &built.brep;
@@ -567,9 +569,9 @@ fn examine_places(built: &Built, solid: &dyn Solid, tolerance: f64, made: &mut C
     }
 }
 
-/// A witness, or if it is farther than `near` from the surface of the model, the point of that next
-/// to it: a piece goes on where another one bounds it. Where no such point is found the witness
-/// stays: it is not shown to be wrong.
+/// Returns a witness; if it is farther than `near` from the surface of the model, the point of that
+/// surface next to it, since a piece extends beyond the one that bounds it. If no such point is
+/// found the witness is returned unchanged: it is not shown to be wrong.
 fn on_model(solid: &dyn Solid, witness: Point3, near: f64) -> Point3 {
     let model = Boundary(solid);
     let is_on = |p: Point3| model.distance(p).0.abs() <= near;
@@ -580,8 +582,8 @@ fn on_model(solid: &dyn Solid, witness: Point3, near: f64) -> Point3 {
     if is_on(moved) { moved } else { witness }
 }
 
-/// Whether points of the model's surface are on faces; the limits are those of exact faces, and of
-/// splines.
+/// Checks that points of the model's surface are on faces; the limits are those of exact faces, and
+/// of splines.
 fn examine_witnesses(
     built: &Built,
     witnesses: &[Point3],
@@ -599,7 +601,7 @@ fn examine_witnesses(
         .zip(built.brep.faces.iter().map(|f| &f.surface))
         .collect();
     let reach = BESIDE * built.size;
-    // How far the next face is, and whether that is too far.
+    // The distance of the nearest face, and true if it is too large.
     let next = |p: Point3| {
         let near = faces.iter().filter(|(own, _)| {
             (0..3).all(|i| own.lo[i] - reach <= p[i] && p[i] <= own.hi[i] + reach)
@@ -619,7 +621,7 @@ fn examine_witnesses(
     made.failures.extend(far);
 }
 
-/// Areas and the volume beside those of the mesh.
+/// Compares areas and the volume with those of the mesh.
 fn examine_measures(built: &Built, made: &mut Certificate) {
     let Built {
         brep,
@@ -658,8 +660,9 @@ fn examine_measures(built: &Built, made: &mut Certificate) {
     }
 }
 
-/// The volume that finer meshes tend to: by Richardson's extrapolation of the mesh and of the one
-/// with nodes in the middles of its edges, on the surfaces. And by how much these two differ.
+/// Returns the limit of the volumes of finer meshes, by Richardson extrapolation from the mesh and
+/// the one with nodes added on the surfaces at the middles of its edges, and the difference of
+/// these two volumes.
 fn limit_of_volume(built: &Built) -> (f64, f64) {
     let (brep, faces) = (&built.brep, &built.face_of);
     let surface = |t: usize| &brep.faces[faces[t] as usize].surface;

@@ -1,8 +1,8 @@
-//! Edges of the mesh that stand for one point.
+//! Borders of the mesh that represent a single point.
 //!
-//! Where a boss is flush with the side of its block the face between them runs out in two cusps at
-//! the point of contact. A mesh does not resolve them: there boss and side have a short border in
-//! common, both ends of which are the point of contact. It is contracted.
+//! If a boss is flush with the side of its block, the face between them runs out in two cusps at
+//! the point of contact. A mesh does not resolve them: boss and side have a short common border
+//! there, both ends of which represent the point of contact. The border is contracted.
 
 use crate::cut::{Labelled, replace};
 use crate::locus::{Distance, Locus};
@@ -17,14 +17,14 @@ const SAME: f64 = 1e-9;
 /// Sine of the angle below which two surfaces touch in a point.
 const TOUCHING: f64 = 1e-6;
 
-/// A border that stands for a point.
+/// A border that represents a point.
 pub(crate) struct Collapsed {
     nodes: Vec<u32>,
     at: Point3,
 }
 
 impl Collapsed {
-    /// The point, and how far the nodes of the border are away.
+    /// Returns the point, and the largest distance of the nodes of the border from it.
     pub(crate) fn extent(&self, mesh: &Labelled) -> (Point3, f64) {
         let nodes = self.nodes.iter().map(|v| mesh.points[*v as usize]);
         let reach = nodes.map(|p| norm(sub(p, self.at))).fold(0.0, f64::max);
@@ -32,7 +32,7 @@ impl Collapsed {
     }
 }
 
-/// The chain that stands for a point, if there is one; `loci` are those of the sheets.
+/// Finds a chain that represents a point; `loci` are those of the sheets.
 pub(crate) fn find(
     mesh: &Labelled,
     across: &[[Side; 3]],
@@ -77,8 +77,8 @@ pub(crate) fn find(
     })
 }
 
-/// Contracts the border to a node. The edges that lead to it are divided first: then no two of them
-/// become one.
+/// Contracts the border to a node. The edges that lead to it are divided first, so that no two of
+/// them become one.
 pub(crate) fn contract(
     mesh: &mut Labelled,
     across: &[[Side; 3]],

@@ -1,10 +1,10 @@
-//! Where two parts touch along a third piece of the tree.
+//! Contacts of two parts along a third piece of the tree.
 //!
-//! A bar with round ends is the union of a box and two cylinders: the side of the box goes over
-//! smoothly into the cylinder where the end of the box, which is nowhere on the surface, crosses
-//! both. There the two parts meet at no angle, and the border of their labels is good to half the
-//! digits only. So the piece that separates them is sought among those of the tree, and the border
-//! moved onto it.
+//! A bar with round ends is the union of a box and two cylinders: the side of the box continues
+//! smoothly into the cylinder where the end of the box, which is not part of the surface, crosses
+//! both. There the two parts meet at a zero angle, and the border of their labels is accurate to
+//! only half the digits. Hence the piece that separates them is sought in the tree, and the border
+//! is moved onto it.
 
 use crate::cut::{Cut, Labelled, crossing, imprint};
 use crate::locus::{Distance, Locus};
@@ -33,26 +33,26 @@ pub(crate) struct Contact {
     pub(crate) limit: Arc<dyn Field>,
 }
 
-/// What separates two labels, and whether the first lies beyond it: where it is negative.
+/// The limit that separates two labels, and true if the first lies beyond it, where it is negative.
 struct Separating {
     limit: Arc<dyn Field>,
     is_first_beyond: bool,
 }
 
-/// What the search needs to know of a solid.
+/// Input of the search for contacts.
 pub(crate) struct Touching<'a> {
     pub(crate) solid: &'a dyn Solid,
-    /// The piece of the solid by label of the triangles (`Labelled::sheets`).
+    /// Piece of the solid by label of the triangles (`Labelled::sheets`).
     pub(crate) piece_of: &'a [u32],
-    /// The part of the mesh by label.
+    /// Part of the mesh by label.
     pub(crate) part_of: &'a [u32],
-    /// What may separate two parts.
+    /// Functions that may separate two parts.
     pub(crate) candidates: &'a [Arc<dyn Field>],
-    /// The largest side of the box of the model.
+    /// Largest side of the box of the model.
     pub(crate) size: f64,
 }
 
-/// Two labels, with the nodes of a run of their border at which they touch.
+/// Two labels, with the nodes of a connected run of their border along which they touch.
 type Run = ([u32; 2], BTreeSet<u32>);
 
 impl Touching<'_> {
@@ -70,7 +70,8 @@ impl Touching<'_> {
         made
     }
 
-    /// The distances of a point from two labels' pieces, and the sine between their normals.
+    /// Returns the distances of a point from two labels' pieces, and the sine between their
+    /// normals.
     fn at(&self, labels: [u32; 2], p: Point3) -> ([f64; 2], f64) {
         let [a, b] = labels.map(|k| self.whole(k).distance(p));
         ([a.0.abs(), b.0.abs()], norm(cross(a.1, b.1)))
@@ -83,7 +84,7 @@ impl Touching<'_> {
         }
     }
 
-    /// The runs of borders along which pieces touch.
+    /// Returns the runs of borders along which pieces touch.
     fn runs(&self, mesh: &Labelled) -> Vec<Run> {
         let mut border: BTreeMap<[u32; 2], Vec<[u32; 2]>> = BTreeMap::new();
         for (labels, ends) in borders(mesh) {
@@ -100,8 +101,8 @@ impl Touching<'_> {
         runs.collect()
     }
 
-    /// The piece of the tree that has all nodes of one label on one side near a run of the border,
-    /// and those of the other on the other; the one that is nearest to the border.
+    /// Returns the piece of the tree that separates the nodes of two labels near a run of their
+    /// border; the one nearest to the border.
     fn separating(
         &self,
         mesh: &Labelled,
@@ -132,7 +133,8 @@ impl Touching<'_> {
         })
     }
 
-    /// Nodes of triangles that clearly belong to one of the labels, and whether it is the first.
+    /// Returns the nodes of triangles that clearly belong to one of the labels, with true for the
+    /// first.
     fn sided(&self, mesh: &Labelled, labels: [u32; 2], band: &[u32]) -> Vec<(Point3, bool)> {
         let nodes: BTreeSet<u32> = corners(mesh, band).collect();
         let points = nodes.into_iter().map(|v| mesh.points[v as usize]);
@@ -141,14 +143,15 @@ impl Touching<'_> {
             .collect()
     }
 
-    /// Whether a point of the surface belongs to the first label; none where both are near.
+    /// Returns true if a point of the surface belongs to the first label, false for the second;
+    /// `None` if both are near.
     fn is_first(&self, labels: [u32; 2], p: Point3) -> Option<bool> {
         let [a, b] = self.at(labels, p).0;
         let is_clear = a.max(b) > ON * self.size && a.max(b) > CLEAR * a.min(b);
         is_clear.then_some(a < b)
     }
 
-    /// Whether the limit crosses both pieces in one point near a given one.
+    /// Returns true if the limit crosses both pieces in one point near a given one.
     fn meet_there(&self, labels: [u32; 2], limit: &Locus, p: Point3) -> bool {
         let q = meet::<dyn Distance>([&self.whole(labels[0]) as &dyn Distance, limit], p);
         let distances = self.at(labels, q).0;
@@ -179,7 +182,7 @@ impl Touching<'_> {
     }
 }
 
-/// The edges between triangles of two labels, with those, the smaller label first.
+/// Returns the edges between triangles of two labels, with these, the smaller label first.
 fn borders(mesh: &Labelled) -> Vec<([u32; 2], [u32; 2])> {
     let mut beside: BTreeMap<[u32; 2], u32> = BTreeMap::new();
     let mut found = Vec::new();
@@ -198,7 +201,7 @@ fn borders(mesh: &Labelled) -> Vec<([u32; 2], [u32; 2])> {
     found
 }
 
-/// The nodes of edges, by connected component.
+/// Groups the nodes of edges by connected component.
 fn connected(sides: &[[u32; 2]]) -> Vec<BTreeSet<u32>> {
     let nodes: BTreeSet<u32> = sides.iter().flatten().copied().collect();
     let number: BTreeMap<u32, u32> = nodes.iter().zip(0..).map(|(v, n)| (*v, n)).collect();
@@ -213,7 +216,7 @@ fn connected(sides: &[[u32; 2]]) -> Vec<BTreeSet<u32>> {
     made.into_values().collect()
 }
 
-/// The triangles of two labels within some rings about nodes.
+/// Returns the triangles of two labels within some rings about nodes.
 fn band(mesh: &Labelled, labels: [u32; 2], nodes: &BTreeSet<u32>) -> Vec<u32> {
     let all = 0..mesh.triangles.len() as u32;
     let own: Vec<u32> = all
@@ -232,11 +235,11 @@ fn band(mesh: &Labelled, labels: [u32; 2], nodes: &BTreeSet<u32>) -> Vec<u32> {
     band
 }
 
-/// Whether points of the first of two labels are beyond a limit, if all of them are on one side of
-/// it, and all of the second on the other. Points beside it say nothing: meshes have them on either
-/// label.
+/// Returns true if the points of the first of two labels are beyond a limit and those of the second
+/// before it, false for the reverse; `None` if the limit does not separate them. Points close to it
+/// are ignored: meshes have them on either label.
 fn is_first_beyond(limit: &Locus, sided: &[(Point3, bool)], longest: f64) -> Option<bool> {
-    // By side of the limit, whether points of the second and of the first label are there.
+    // By side of the limit: true if points of the second, and of the first, label are there.
     let mut there = [[false; 2]; 2];
     for (p, is_first) in sided {
         let off = limit.distance(*p).0;
@@ -251,7 +254,7 @@ fn is_first_beyond(limit: &Locus, sided: &[(Point3, bool)], longest: f64) -> Opt
     }
 }
 
-/// The corners of triangles, with repetitions.
+/// Returns the corners of triangles, with repetitions.
 fn corners<'a>(mesh: &'a Labelled, of: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
     of.iter().flat_map(|t| mesh.triangles[*t as usize])
 }

@@ -1,9 +1,10 @@
-//! The curve in which two surfaces meet, between two vertices.
+//! Intersection curve of two surfaces, between two vertices.
 //!
 //! Points of the curve are found by Newton's method from the nodes of the mesh. Lines, circles and
-//! ellipses are told by these points. All other curves become quintic B-splines: between two points
-//! the polynomial with their tangents and curvatures, in arc length, which differs from the curve
-//! by the sixth power of the distance; pieces are halved until it lies on both surfaces.
+//! ellipses are recognised from these points. All other curves become quintic B-splines: between
+//! two points the polynomial with their tangents and curvatures, in arc length, which differs from
+//! the curve by the sixth power of the distance; pieces are halved until the spline lies on both
+//! surfaces.
 
 use crate::locus::{Distance, Locus};
 use crate::newton::{gap, meet};
@@ -14,13 +15,14 @@ use isoform_num::gauss_legendre;
 /// Points this near to a line, circle or ellipse, in sizes of the model, lie on it: the rounding of
 /// the iteration, times a hundred.
 const ON: f64 = 1e-12;
-/// A spline leaves its surfaces by no more than this, in sizes of the model: far below what readers
-/// resolve (1e-8); less makes splines longer and nothing better.
+/// Maximum distance of a spline from its surfaces, in sizes of the model: far below what readers
+/// resolve (1e-8). A smaller one makes splines longer without a benefit.
 pub(crate) const SPLINE_GAP: f64 = 5e-10;
 /// It may leave the zero set of a function by this: the face there is a spline itself, and a
 /// hundred times farther away.
 const FUNCTION_GAP: f64 = 1e-8;
-/// A curve is told by the points between so many pieces at least: any three are on a circle.
+/// Minimum number of pieces between points from which a curve is recognised: any three points are
+/// on a circle.
 const FEWEST: usize = 8;
 /// Tangents turn by less than this between points that splines start with: cosine of 30°.
 const TURN: f64 = 0.866;
@@ -35,19 +37,19 @@ const TURNED: f64 = 1e-4;
 /// Sines of the angle between two surfaces below this leave the direction of the curve open.
 const TANGENT: f64 = 1e-6;
 
-/// What is known of an edge before it has a curve.
+/// Input for the curve of an edge.
 pub(crate) struct Wanted<'a> {
-    /// The surfaces that meet in it.
+    /// Loci that intersect in it.
     pub(crate) surfaces: [&'a Locus; 2],
-    /// Its ends.
+    /// Ends of the edge.
     pub(crate) ends: [Point3; 2],
     /// Points near it, in order, ends excluded.
     pub(crate) between: &'a [Point3],
-    /// The size of the model.
+    /// Size of the model.
     pub(crate) size: f64,
 }
 
-/// The curve; none if no spline was found that lies on both surfaces.
+/// Returns the curve; `None` if no spline was found that lies on both surfaces.
 pub(crate) fn curve(wanted: &Wanted<'_>) -> Option<Curve> {
     let mut path = vec![wanted.ends[0]];
     path.extend_from_slice(wanted.between);
@@ -79,9 +81,9 @@ pub(crate) fn curve(wanted: &Wanted<'_>) -> Option<Curve> {
         .or_else(|| spline(wanted, &points).map(Curve::BSpline))
 }
 
-/// The ends and what lies between them, each point with the direction in which the curve runs
-/// there. Nodes of the mesh near an end may come to lie behind it on the curve, which would turn
-/// back: such points are left out.
+/// Returns the ends and the points between them, in order. `near` gives each point with the
+/// direction in which the curve runs there. Nodes of the mesh near an end may project behind it, so
+/// that the curve would turn back: such points are left out.
 fn forward(ends: [Point3; 2], near: impl Iterator<Item = (Point3, Point3)>) -> Vec<Point3> {
     let mut points = vec![ends[0]];
     let mut last = [0.0; 3];
@@ -98,7 +100,7 @@ fn forward(ends: [Point3; 2], near: impl Iterator<Item = (Point3, Point3)>) -> V
     points
 }
 
-/// Points of a curve with one more between each two.
+/// Returns the points of a curve with one more between each two.
 fn with_middles(points: &[Point3], surfaces: [&Locus; 2]) -> Vec<Point3> {
     let mut all = vec![points[0]];
     for w in points.windows(2) {
@@ -118,7 +120,7 @@ fn is_line(points: &[Point3], on: f64) -> bool {
             .all(|p| norm(cross(sub(*p, ends[0]), d)) <= on * length)
 }
 
-/// The point farthest from the line through the ends.
+/// Returns the point farthest from the line through the ends.
 fn farthest(points: &[Point3]) -> Point3 {
     let (a, b) = (points[0], points[points.len() - 1]);
     let d = sub(b, a);
@@ -127,8 +129,9 @@ fn farthest(points: &[Point3]) -> Point3 {
     *best.unwrap_or(&a)
 }
 
-/// Axes about `z` turned so that points run counterclockwise, with x towards `x`. All points have a
-/// say: the second may lie behind the first, where an end is not quite at a node of the mesh.
+/// Returns axes about `z` oriented so that points run counterclockwise, with x towards `x`. All
+/// points count: the second may lie behind the first if an end is not exactly at a node of the
+/// mesh.
 fn oriented(center: Point3, z: Point3, x: Point3, points: &[Point3]) -> Axes {
     let swept = points.windows(2).map(|w| {
         let (r, d) = (sub(w[0], center), sub(w[1], w[0]));
@@ -150,7 +153,7 @@ fn circle(points: &[Point3], on: f64) -> Option<Curve> {
     if n2 == 0.0 {
         return None;
     }
-    // The middle of the circle through a, a + u and a + v.
+    // The centre of the circle through a, a + u and a + v.
     let (p, q) = (cross(v, n), cross(n, u));
     let (uu, vv) = (dot(u, u), dot(v, v));
     let center: Point3 = std::array::from_fn(|k| a[k] + (uu * p[k] + vv * q[k]) / (2.0 * n2));
@@ -166,7 +169,7 @@ fn circle(points: &[Point3], on: f64) -> Option<Curve> {
         .then_some(Curve::Circle(axes, radius))
 }
 
-/// The section of a cylinder, cone or ellipsoid by the plane of the points.
+/// Returns the section of a cylinder, cone or ellipsoid by the plane of the points.
 fn ellipse(points: &[Point3], surfaces: [&Locus; 2], on: f64) -> Option<Curve> {
     let exact = || surfaces.iter().filter_map(|s| s.surface());
     let plane = exact().find_map(|s| match s {
@@ -250,14 +253,15 @@ pub(crate) struct Jet {
 }
 
 impl Jet {
-    /// The jet of the curve run through the other way.
+    /// Returns the jet of the reversed curve.
     fn turned(self) -> Self {
         let t = self.t.map(|v| -v);
         Self { t, ..self }
     }
 }
 
-/// The tangent and curvature of the curve of two surfaces, its tangent along `direction`.
+/// Returns the tangent and curvature of the curve of two surfaces, its tangent along `direction`;
+/// `None` if the surfaces are nearly tangent.
 pub(crate) fn jet(surfaces: [&Locus; 2], p: Point3, direction: Point3) -> Option<Jet> {
     let [a, b] = surfaces.map(|s| s.distance(p).1);
     let c = cross(a, b);
@@ -275,7 +279,7 @@ pub(crate) fn jet(surfaces: [&Locus; 2], p: Point3, direction: Point3) -> Option
     Some(Jet { p, t, k })
 }
 
-/// A quintic over an arc of a length: its Bézier points.
+/// Bézier points of a quintic over an arc of a length.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bezier {
     control: [Point3; 6],
@@ -283,11 +287,12 @@ pub(crate) struct Bezier {
 }
 
 impl Bezier {
-    /// The point and the derivative at a parameter, 1 at the end.
+    /// Returns the point and the derivative at a parameter, 1 at the end.
     pub(crate) fn at(&self, s: f64) -> (Point3, Point3) {
         bezier(&self.control, s)
     }
-    /// The same polynomial from its beginning to a parameter, which may lie beyond the end.
+    /// Returns the polynomial restricted to the interval from its beginning to a parameter, which
+    /// may lie beyond the end.
     pub(crate) fn up_to(&self, s: f64) -> Self {
         let mut d = self.control;
         let mut control = self.control;
@@ -300,14 +305,14 @@ impl Bezier {
         let length = s * self.length;
         Self { control, length }
     }
-    /// The curve run through the other way.
+    /// Returns the reversed curve.
     pub(crate) fn reversed(mut self) -> Self {
         self.control.reverse();
         self
     }
 }
 
-/// The Bézier points of the quintic between two jets over an arc of a length.
+/// Returns the Bézier points of the quintic between two jets over an arc of a length.
 fn quintic(a: &Jet, b: &Jet, length: f64) -> [Point3; 6] {
     let (l, l2) = (length, length * length);
     let at = |f: &dyn Fn(usize) -> f64| -> Point3 { std::array::from_fn(f) };
@@ -321,7 +326,7 @@ fn quintic(a: &Jet, b: &Jet, length: f64) -> [Point3; 6] {
     ]
 }
 
-/// A point of a Bézier curve, and its derivative.
+/// Returns a point of a Bézier curve, and its derivative.
 fn bezier(control: &[Point3; 6], s: f64) -> (Point3, Point3) {
     let mut d = *control;
     let mut derivative = [0.0; 3];
@@ -336,7 +341,7 @@ fn bezier(control: &[Point3; 6], s: f64) -> (Point3, Point3) {
     (d[0], derivative)
 }
 
-/// The quintic between two jets with its own length.
+/// Returns the quintic between two jets whose assumed length is its own.
 fn piece(a: &Jet, b: &Jet) -> Bezier {
     let (nodes, weights) = gauss_legendre(8);
     let mut length = norm(sub(b.p, a.p));
@@ -349,12 +354,12 @@ fn piece(a: &Jet, b: &Jet) -> Bezier {
     Bezier { control, length }
 }
 
-/// The spline through points of a curve, ends included, that lies on both surfaces.
+/// Returns the spline through points of a curve, ends included, that lies on both surfaces.
 fn spline(wanted: &Wanted<'_>, points: &[Point3]) -> Option<BSpline> {
     Some(joined(&pieces(wanted, points)?))
 }
 
-/// The pieces of that spline.
+/// Returns the pieces of that spline.
 pub(crate) fn pieces(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Bezier>> {
     let start = starts(wanted, points)?;
     let mut pieces = Vec::new();
@@ -364,14 +369,14 @@ pub(crate) fn pieces(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Bezie
     Some(pieces)
 }
 
-/// Points of the curve between which tangents turn little.
+/// Returns points of the curve between which tangents turn little.
 fn starts(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Jet>> {
     let last = points.len() - 1;
     let jets: Option<Vec<Jet>> = (0..=last)
         .map(|i| {
             let direction = sub(points[(i + 1).min(last)], points[i.max(1) - 1]);
             let found = jet(wanted.surfaces, points[i], direction);
-            // At an end no more than one side of it needs to have a direction.
+            // At an end the curve needs a direction on one side only.
             let other = match i {
                 0 => near_end(wanted, points[0], direction),
                 _ if i == last => near_end(wanted, points[last], direction.map(|v| -v)),
@@ -396,8 +401,8 @@ fn starts(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Jet>> {
     Some(kept)
 }
 
-/// The jet at an end of the curve where a surface has no normal, as at a tip: that of a point near
-/// it in a direction, moved back.
+/// Returns the jet at an end of the curve where a surface has no normal, as at a tip: that of a
+/// point near it in a direction, moved back.
 fn near_end(wanted: &Wanted<'_>, end: Point3, direction: Point3) -> Option<Jet> {
     let by = NEAR * wanted.size / norm(direction);
     let near = std::array::from_fn(|k| end[k] + by * direction[k]);
@@ -407,7 +412,7 @@ fn near_end(wanted: &Wanted<'_>, end: Point3, direction: Point3) -> Option<Jet> 
     Some(Jet { p: end, t, k })
 }
 
-/// How far a spline may be from its surfaces, in sizes of the model.
+/// Returns the maximum distance of a spline from its surfaces, in sizes of the model.
 fn spline_gap(wanted: &Wanted<'_>) -> f64 {
     if wanted.surfaces.iter().all(|s| s.surface().is_some()) {
         SPLINE_GAP
@@ -416,7 +421,8 @@ fn spline_gap(wanted: &Wanted<'_>) -> f64 {
     }
 }
 
-/// Pieces between two jets that lie on both surfaces.
+/// Adds pieces between two jets that lie on both surfaces; `None` if `depth` halvings do not
+/// suffice.
 fn refine(
     wanted: &Wanted<'_>,
     [a, b]: [Jet; 2],
@@ -438,7 +444,7 @@ fn refine(
     refine(wanted, [middle, b], depth - 1, pieces)
 }
 
-/// Pieces that join with two derivatives as one spline with triple knots.
+/// Joins pieces with two continuous derivatives to one spline with triple knots.
 pub(crate) fn joined(pieces: &[Bezier]) -> BSpline {
     let mut knots = vec![0.0];
     for Bezier { length, .. } in pieces {

@@ -1,9 +1,9 @@
-//! Faces that go round are cut.
+//! Cuts of faces that wrap around.
 //!
-//! Readers add a seam to a face that goes round its axis, and lose digits in doing so. So a
+//! Readers add a seam to a face that wraps around its axis, and lose digits in doing so. Hence a
 //! cylinder or cone is cut by a plane through its axis, a torus also along its tube, and a sphere
-//! or ellipsoid by three planes. A cut is imprinted on the triangles: what lies on its two sides
-//! are then two charts. Cuts are put away from the vertices, and across the edges that they meet.
+//! or ellipsoid by three planes. A cut is imprinted on the triangles: its two sides are then two
+//! charts. Cuts are placed away from the vertices, and across the edges that they meet.
 
 use crate::arcs::Arcs;
 use crate::fit::cone;
@@ -15,47 +15,48 @@ use isoform_geom::{Aabb, Point3, across, cross, distance_squared, dot, norm, sub
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// A face that leaves less of a turn free than this goes round (radians).
+/// Minimum gap in the angles of a face that need not be cut (radians).
 const ROUND: f64 = 0.6;
-/// A face on a sphere within this of a direction is not cut: cosine of 75°.
+/// Minimum cosine between a direction and the points of a face on a sphere that need not be cut:
+/// 75°.
 pub(crate) const CAP: f64 = 0.26;
-/// A face on an ellipsoid is cut unless it lies within 60° of a direction, on the sphere that is
-/// stretched: its chart holds 63°, and an octant needs 55°.
+/// Minimum cosine between a direction and the points of a face on an ellipsoid, mapped to the unit
+/// sphere, that need not be cut: 60°. Its chart covers 63°, and an octant needs 55°.
 pub(crate) const ELLIPSOID_CAP: f64 = 0.5;
-/// Directions that are tried for a cut.
+/// Number of candidates for a cut.
 const TRIED: usize = 64;
-/// Turns of the three planes that are tried on a sphere.
+/// Number of candidate frames of the three planes on a sphere.
 const TURNS: usize = 200;
 /// Nodes this near to a cut, in lengths of the edges there, are taken for points of it.
 const SNAP: f64 = 0.05;
 /// Share of the size of a face that a crossing at a right angle is worth.
 const CROSSING: f64 = 0.3;
 
-/// The labelled triangles, cut as far as is done.
+/// Labelled triangles of a mesh that is being cut.
 #[derive(Debug, Default)]
 pub(crate) struct Labelled {
     pub(crate) points: Vec<Point3>,
     pub(crate) triangles: Vec<[u32; 3]>,
-    /// The part of the mesh that each triangle belongs to.
+    /// Part of the mesh that each triangle belongs to.
     pub(crate) parts: Vec<u32>,
-    /// The sheet that each triangle lies on: parts of the same surface are one.
+    /// Sheet that each triangle lies on: parts of one surface share a sheet.
     pub(crate) sheets: Vec<u32>,
-    /// The component of the sheet, as it was before it was cut.
+    /// Component of the sheet before it was cut.
     pub(crate) components: Vec<u32>,
-    /// On which side of the cuts of its component a triangle lies: bit k for cut k. A later cut may
-    /// pass through a part of the component only; the other triangles then have 0.
+    /// Sides of the cuts of its component on which a triangle lies: bit k for cut k. A later cut
+    /// may pass through only a part of the component; the other triangles then have 0.
     pub(crate) charts: Vec<u128>,
-    /// The cuts by component.
+    /// Cuts by component.
     pub(crate) cuts: Vec<Vec<Locus>>,
 }
 
 impl Labelled {
-    /// The corners of a triangle.
+    /// Returns the corners of a triangle.
     pub(crate) fn corners(&self, triangle: u32) -> [Point3; 3] {
         self.triangles[triangle as usize].map(|v| self.points[v as usize])
     }
-    /// The cut between two neighbours of one component, if they lie on different sides of one: the
-    /// first at which they differ, since up to there they were one piece.
+    /// Returns the cut between two neighbours of one component, if they lie on different sides of
+    /// one: the first at which they differ, since up to there they were one piece.
     pub(crate) fn cut_between(&self, a: u32, b: u32) -> Option<&Locus> {
         let (a, b) = (a as usize, b as usize);
         let differ = self.charts[a] ^ self.charts[b];
@@ -66,17 +67,17 @@ impl Labelled {
     }
 }
 
-/// A component of a sheet as it is looked at for cuts.
+/// Outline of a component of a sheet that is to be cut.
 pub(crate) struct Outline {
-    /// Its triangles.
+    /// Triangles of the component.
     pub(crate) triangles: Vec<u32>,
     /// Nodes around it, loop after loop; the last of a loop is followed by its first.
     pub(crate) around: Vec<Vec<u32>>,
-    /// Nodes of these where borders meet.
+    /// Nodes of the outline at which borders meet.
     pub(crate) vertices: Vec<u32>,
 }
 
-/// The cuts that a component needs.
+/// Returns the cuts that a component needs.
 pub(crate) fn cuts_of(mesh: &Labelled, surface: &Surface, outline: &Outline) -> Vec<Surface> {
     let chooser = Chooser::new(mesh, surface, outline);
     let axes = *surface.axes();
@@ -100,8 +101,8 @@ pub(crate) fn cuts_of(mesh: &Labelled, surface: &Surface, outline: &Outline) -> 
     }
 }
 
-/// The parameters that the triangles of a face cover: the middle and the width of what is left free
-/// of each of the two angles.
+/// Returns the gaps in the parameters of a face: for each of the two angles the middle and the
+/// width of the largest interval that its triangles leave free.
 pub(crate) fn gaps_of(surface: &Surface, points: &[Point3], sides: &[[u32; 2]]) -> [(f64, f64); 2] {
     let mut arcs = [Arcs::default(), Arcs::default()];
     let scale = Aabb::of(sides.as_flattened().iter().map(|v| &points[*v as usize])).diagonal();
@@ -120,8 +121,8 @@ pub(crate) fn gaps_of(surface: &Surface, points: &[Point3], sides: &[[u32; 2]]) 
     arcs.map(Arcs::gap)
 }
 
-/// The direction about which points lie, seen from the origin, if they lie within a cap: its cosine
-/// is `cap`.
+/// Returns the direction about which points lie, seen from the origin, if they lie within a cap:
+/// its cosine is `cap`.
 pub(crate) fn cap_direction(points: impl Iterator<Item = Point3>, cap: f64) -> Option<Point3> {
     let units = points.map(|d| {
         let r = norm(d);
@@ -137,7 +138,7 @@ struct Chooser<'a> {
     surface: &'a Surface,
     outline: &'a Outline,
     sides: Vec<[u32; 2]>,
-    /// The diagonal of its box.
+    /// Diagonal of the box of the component.
     size: f64,
 }
 
@@ -158,7 +159,7 @@ impl<'a> Chooser<'a> {
         self.mesh.points[v as usize]
     }
 
-    /// A plane through the axis, if the face goes round it.
+    /// Returns a plane through the axis, if the face wraps around it.
     fn axial(&self, axes: &Axes) -> Vec<Surface> {
         if gaps_of(self.surface, &self.mesh.points, &self.sides)[0].1 >= ROUND {
             return Vec::new();
@@ -171,8 +172,8 @@ impl<'a> Chooser<'a> {
         self.best((0..TRIED).map(plane))
     }
 
-    /// A cut along the tube of a torus, if the face goes round it: the lines through the middle of
-    /// the tube at one angle, which are a plane, a cylinder or a cone.
+    /// Returns a cut along the tube of a torus, if the face wraps around it: the lines through the
+    /// middle of the tube at one angle, which are a cylinder or a cone.
     fn about_tube(&self, axes: &Axes, major: f64) -> Vec<Surface> {
         if gaps_of(self.surface, &self.mesh.points, &self.sides)[1].1 >= ROUND {
             return Vec::new();
@@ -182,15 +183,15 @@ impl<'a> Chooser<'a> {
             vec![if k == 0 {
                 Surface::Cylinder(*axes, major)
             } else {
-                // r = major + z tan(angle), beside it r = major - z tan(angle).
+                // r = major + z tan(angle) on this side, r = major − z tan(angle) on the other.
                 Surface::Cone(*axes, major, angle)
             }]
         };
         self.best((0..TRIED * 3 / 4).map(cut))
     }
 
-    /// Three planes at right angles through the centre of a sphere, unless the face lies within a
-    /// cap. `out` takes a point to the unit sphere, whose radius is `radius` in space, and
+    /// Returns three perpendicular planes through the centre of a sphere, unless the face lies
+    /// within a cap. `out` maps a point to the unit sphere, whose radius is `radius` in space, and
     /// `in_space` the normal of a plane through the centre of the unit sphere to that in space.
     fn octants(
         &self,
@@ -211,7 +212,7 @@ impl<'a> Chooser<'a> {
             let x: Point3 = std::array::from_fn(|i| cos * x[i] + sin * y[i]);
             [x, cross(z, x), z]
         };
-        // How near the border comes to a pole of the three frames, on the unit sphere.
+        // The distance of the border from the poles of the three frames, on the unit sphere.
         let poles_away = |normals: [Point3; 3]| {
             let border = self.outline.around.iter().flatten();
             let near = |v: &u32| {
@@ -233,7 +234,7 @@ impl<'a> Chooser<'a> {
         best.1
     }
 
-    /// The candidate that is farthest from trouble; the first of equal ones.
+    /// Returns the candidate with the highest score; the first of equal ones.
     fn best(&self, candidates: impl Iterator<Item = Vec<Surface>>) -> Vec<Surface> {
         let mut best = (f64::NEG_INFINITY, Vec::new());
         for cuts in candidates {
@@ -246,7 +247,8 @@ impl<'a> Chooser<'a> {
         best.1
     }
 
-    /// How far a cut is from vertices and from touching the border, in lengths.
+    /// Returns the score of a cut: its distance from vertices and from touching the border, in
+    /// model units.
     fn score(&self, cut: &Surface) -> f64 {
         let on_all = |v: u32| {
             let tips = self.surface.tips();
@@ -262,7 +264,7 @@ impl<'a> Chooser<'a> {
             for i in 0..n {
                 let (a, b, c) = (values[i], values[(i + 1) % n], values[(i + 2) % n]);
                 if (b - a) * (c - b) <= 0.0 && !on_all(around[(i + 1) % n]) {
-                    // Between turning points the border runs across.
+                    // The border runs across the cut between its turning points.
                     score = score.min(b.abs());
                 }
                 if (a < 0.0) != (b < 0.0) {
@@ -276,7 +278,7 @@ impl<'a> Chooser<'a> {
     }
 }
 
-/// Direction k of an even sequence on the sphere.
+/// Returns direction k of a uniform sequence on the sphere.
 fn spread(k: usize) -> Point3 {
     let z = 1.0 - 2.0 * (k as f64 + 0.5) / TURNS as f64;
     let (sin, cos) = (2.399_963_229_728_653 * k as f64).sin_cos();
@@ -286,20 +288,21 @@ fn spread(k: usize) -> Point3 {
 
 /// A cut to be imprinted.
 pub(crate) struct Cut<'a> {
-    /// The triangles that it passes, or some more of their face.
+    /// Triangles that it passes, or some more of their face.
     pub(crate) own: &'a [u32],
-    /// The bit of the charts that tells its sides apart.
+    /// Bit of the charts that distinguishes its sides.
     pub(crate) bit: u32,
-    /// Where it is.
+    /// Locus of the cut.
     pub(crate) locus: &'a Locus,
-    /// The point of the surface on the cut, between two points on different sides of it.
+    /// Function that returns the point of the surface on the cut, between two points on different
+    /// sides of it.
     pub(crate) crossing: &'a dyn Fn([Point3; 2]) -> Point3,
-    /// Nodes that count as points of the cut only if they lie on it.
+    /// Function that is true for nodes that count as points of the cut only if they lie on it.
     pub(crate) is_vertex: &'a dyn Fn(u32) -> bool,
 }
 
-/// Imprints a cut: triangles that it passes are divided, and those beyond the border with them. The
-/// new triangles that came from the cut's own.
+/// Imprints a cut: divides the triangles that it passes, and those across the border with them.
+/// Returns the new triangles that came from the cut's own.
 pub(crate) fn imprint(mesh: &mut Labelled, cut: &Cut<'_>) -> Vec<u32> {
     let signs = signs(mesh, cut);
     let mut inserted: BTreeMap<[u32; 2], u32> = BTreeMap::new();
@@ -327,7 +330,7 @@ pub(crate) fn imprint(mesh: &mut Labelled, cut: &Cut<'_>) -> Vec<u32> {
     new
 }
 
-/// The side of the cut on which each of its nodes lies; 0 on it.
+/// Returns the side of the cut on which each of its nodes lies; 0 on it.
 fn signs(mesh: &Labelled, cut: &Cut<'_>) -> BTreeMap<u32, i32> {
     let mut shortest: BTreeMap<u32, f64> = BTreeMap::new();
     for corners in cut.own.iter().map(|t| &mesh.triangles[*t as usize]) {
@@ -359,7 +362,7 @@ fn signs(mesh: &Labelled, cut: &Cut<'_>) -> BTreeMap<u32, i32> {
     shortest.into_iter().map(sign).collect()
 }
 
-/// Where a cut passes between two points of a surface.
+/// Returns the point of a cut between two points of a surface.
 pub(crate) fn crossing(ends: [Point3; 2], surface: &dyn Distance, cut: &dyn Distance) -> Point3 {
     let [a, b] = ends.map(|p| cut.distance(p).0);
     let s = a / (a - b);
@@ -367,7 +370,7 @@ pub(crate) fn crossing(ends: [Point3; 2], surface: &dyn Distance, cut: &dyn Dist
     let s = if (0.0..=1.0).contains(&s) { s } else { 0.5 };
     let p = std::array::from_fn(|k| (1.0 - s) * ends[0][k] + s * ends[1][k]);
     let on = meet([surface, cut], p);
-    // The iteration may not leave the neighbourhood.
+    // The iteration must not leave the neighbourhood.
     let near = norm(sub(ends[0], ends[1]));
     if norm(sub(on, p)) <= near { on } else { p }
 }
@@ -391,7 +394,7 @@ fn divide(
     }
     let Some(bit) = bit else {
         if polygon.len() > 3 {
-            // Around a node that was inserted no triangle is flat.
+            // A fan around an inserted node has no degenerate triangle.
             let first = polygon.iter().position(|p| !corners.contains(&p.0));
             polygon.rotate_left(first.unwrap_or(0));
             let nodes: Vec<u32> = polygon.iter().map(|p| p.0).collect();
@@ -414,7 +417,7 @@ fn divide(
     }
 }
 
-/// Puts convex polygons, as fans, with their charts in the place of triangle t.
+/// Replaces triangle t by convex polygons, as fans, with their charts.
 pub(crate) fn replace(mesh: &mut Labelled, t: usize, polygons: &[(Vec<u32>, u128)]) {
     let (part, sheet, component) = (mesh.parts[t], mesh.sheets[t], mesh.components[t]);
     let mut is_first = true;
@@ -434,7 +437,7 @@ pub(crate) fn replace(mesh: &mut Labelled, t: usize, polygons: &[(Vec<u32>, u128
     }
 }
 
-/// The borders of faces as outlines, their triangles still to come.
+/// Returns the borders of faces as outlines, without their triangles.
 pub(crate) fn outlines(
     chains: &[crate::topology::Chain],
     loops: &[Vec<Vec<(u32, bool)>>],

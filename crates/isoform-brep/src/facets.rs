@@ -1,6 +1,6 @@
-//! Solids as triangles: edges are divided once for the two faces that share them, so that the
-//! triangles are closed where the solid is; faces are triangulated in a plane chart, with a lattice
-//! of points inside where they are curved.
+//! Triangulation of solids: edges are divided once for the two faces that share them, so that the
+//! triangles are closed if the solid is; faces are triangulated in a plane chart, with a lattice of
+//! points inside if they are curved.
 
 use crate::Control;
 use crate::flat::{Flat, STEEP};
@@ -11,31 +11,33 @@ use spade::handles::FixedVertexHandle;
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Places of a piece of an edge that are compared with its chord.
+/// Number of points of a piece of an edge that are compared with its chord.
 const PROBES: usize = 7;
 /// A piece of an edge turns by no more than this (the cosine of 30°).
 const TURN: f64 = 0.866;
 /// How often a piece of an edge is halved, at most.
 const HALVED: usize = 12;
-/// A lattice is made finer where triangles leave the surface by this many chords.
+/// Maximum distance of triangles from the surface, in chords of the options: beyond it the lattice
+/// is refined.
 const FAR: f64 = 2.0;
-/// How often a lattice is made finer, and all is where borders cross as polygons.
+/// Maximum number of refinements of a lattice, and of all edges if borders cross as polygons.
 const FINER: usize = 3;
 /// Nodes on edges, at most.
 const MOST_NODES: usize = 1 << 22;
-/// Spade takes no smaller coordinates but 0.
+/// Smallest coordinate other than 0 that spade accepts.
 const TINY: f64 = 1e-40;
-/// Points of the lattice of a face, at most.
+/// Maximum number of points of the lattice of a face.
 const MOST: f64 = 100_000.0;
 /// The lattice ends this far from the border, in its own steps: nearer points make thin triangles.
 const MARGIN: f64 = 0.45;
 
-/// How fine triangles are to be.
+/// Size of triangles.
 #[derive(Clone, Copy, Debug)]
 pub struct FacetOptions {
-    /// How far edges may be away from their chords, in model units; faces are about as near.
+    /// Maximum distance of edges from their chords, in model units; that of faces is about equal.
     pub chord: f64,
-    /// Longest edge of a triangle along an edge of the solid, about; no limit where infinite.
+    /// Approximate length of the longest edge of a triangle along an edge of the solid; infinite
+    /// for no limit.
     pub longest: f64,
 }
 
@@ -46,24 +48,24 @@ pub struct Facets {
     pub points: Vec<Point3>,
     /// Triangles, counterclockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
-    /// The face of each.
+    /// Face of each triangle.
     pub face_of: Vec<u32>,
-    /// By edge, its parameters from 0 to 1 with the nodes there.
+    /// Parameters of each edge from 0 to 1, with the nodes there.
     pub along: Vec<Vec<(f64, u32)>>,
-    /// The largest distance of middles of triangles and their edges from their faces.
+    /// Largest distance of middles of triangles and their edges from their faces.
     pub deviation: f64,
 }
 
-/// Why there are no triangles.
+/// Reasons why a triangulation fails.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FacetsError {
-    /// A face goes round, or its border crosses itself.
+    /// A face wraps around, or its border crosses itself.
     #[error("the face {face} cannot be divided into triangles: {why}")]
     Face {
-        /// Its name.
+        /// Name of the face.
         face: String,
-        /// What is wrong with it.
+        /// Reason.
         why: &'static str,
     },
     /// Edges need more than four million nodes.
@@ -80,8 +82,8 @@ impl From<Stopped> for FacetsError {
     }
 }
 
-/// Triangles of all faces. A boundary representation that holds together
-/// ([`Brep::validate`]) never makes this panic; where loops cross there are none.
+/// Triangulates all faces. It never panics for a valid boundary representation
+/// ([`Brep::validate`]), and fails if loops cross.
 ///
 /// # Errors
 /// [`FacetsError`].
@@ -95,7 +97,7 @@ pub fn facets(
     let mut tried = 0;
     loop {
         match at(brep, &options, control) {
-            // Polygons may cross where the curves do not.
+            // Polygons may cross although the curves do not.
             Err(FacetsError::Face { .. }) if tried < FINER => options.chord /= 4.0,
             other => return other,
         }
@@ -127,7 +129,7 @@ fn at(brep: &Brep, options: &FacetOptions, control: &Control<'_>) -> Result<Face
 }
 
 impl Facets {
-    /// The triangles as a mesh with a part for each part of the solids.
+    /// Returns the triangles as a mesh with a part for each part of the solids.
     pub fn mesh(&self, brep: &Brep) -> Mesh {
         let part = |f: &u32| brep.faces[*f as usize].part;
         Mesh {
@@ -137,11 +139,11 @@ impl Facets {
         }
     }
 
-    /// Nodes along an edge.
+    /// Adds the nodes along an edge.
     fn divide(&mut self, brep: &Brep, edge: u32, options: &FacetOptions) {
         let mut all = vec![0.0];
         let coarse = match brep.edges[edge as usize].curve {
-            // Knots are where the curve is fitted, not where it turns.
+            // Knots are where the curve was fitted, not where it turns.
             Curve::BSpline(_) => (0..=4).map(|i| f64::from(i) / 4.0).collect(),
             _ => brep.breaks(edge),
         };
@@ -159,7 +161,7 @@ impl Facets {
         self.along.push(nodes);
     }
 
-    /// Nodes along a loop; the last one is followed by the first.
+    /// Returns the nodes along a loop; the last one is followed by the first.
     fn around(&self, coedges: &[Coedge]) -> Vec<u32> {
         let mut nodes = Vec::new();
         for coedge in coedges {
@@ -239,8 +241,8 @@ fn halve(
     }
 }
 
-/// The step of a lattice at which chords are as near to the surface as is asked for: a chord of
-/// length L of a curve with the curvature k is k L²/8 away.
+/// Returns the step of a lattice whose chords are within the requested distance of the surface: a
+/// chord of length L of a curve with the curvature k is k L²/8 away.
 fn step_of<'p>(
     surface: &Surface,
     border: impl Iterator<Item = &'p Point3>,
@@ -264,15 +266,16 @@ fn step_of<'p>(
             all.map(along).into_iter().fold(0.0, f64::max)
         })
         .collect();
-    // The middle one: at the apex of a cone it is infinite, and a lattice that is too coarse
-    // somewhere is made finer.
+    // The median: at the apex of a cone the curvature is infinite, and a lattice that is locally
+    // too coarse is refined.
     let half = bends.len() / 2;
     let bend = *bends.select_nth_unstable_by(half, f64::total_cmp).1;
     let cap = (8.0 * options.chord / bend).sqrt();
     cap.min(options.longest) / steep
 }
 
-/// The largest distance of the middles of triangles, and of those of their edges, from the surface.
+/// Returns the largest distance of the middles of triangles, and of those of their edges, from the
+/// surface.
 fn deviation(surface: &Surface, triangles: &[[u32; 3]], outer: &[Point3], inner: &[Point3]) -> f64 {
     let point = |v: u32| {
         let v = v as usize;
@@ -290,7 +293,7 @@ fn deviation(surface: &Surface, triangles: &[[u32; 3]], outer: &[Point3], inner:
     worst
 }
 
-/// A node of the plane.
+/// A node in the plane.
 #[derive(Clone, Copy)]
 struct Node {
     at: [f64; 2],
@@ -325,7 +328,7 @@ impl Border {
         }
     }
 
-    /// The sides, one after the other.
+    /// Returns the sides, one after another.
     fn sides(&self) -> impl Iterator<Item = [Node; 2]> {
         self.loops.iter().flat_map(|l| {
             let next = l.iter().cycle().skip(1);
@@ -333,7 +336,8 @@ impl Border {
         })
     }
 
-    /// Places inside, in rows of equal triangles of this side, away from the border.
+    /// Returns the points inside of a lattice of equilateral triangles with this side, away from
+    /// the border.
     fn lattice(&self, step: f64) -> Vec<[f64; 2]> {
         let (mut lo, mut hi) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for node in self.loops.iter().flatten() {
@@ -359,7 +363,7 @@ impl Border {
         places
     }
 
-    /// Places of a row that are inside and away from the border.
+    /// Adds the points of a row that are inside and away from the border.
     fn add_row(&self, y: f64, from: f64, step: f64, places: &mut Vec<[f64; 2]>) {
         let near = MARGIN * step;
         let mut crossings = Vec::new();
@@ -390,12 +394,13 @@ impl Border {
         }
     }
 
-    /// The triangles within the loops; further places are numbered from `first`.
+    /// Returns the triangles within the loops; lattice points are numbered from `first`.
     fn triangles(&self, inner: &[[f64; 2]], first: u32) -> Result<Vec<[u32; 3]>, &'static str> {
         const CROSSING: &str = "its border crosses itself";
         let mut cdt = Cdt::new();
         let mut handles: BTreeMap<u32, FixedVertexHandle> = BTreeMap::new();
-        // All nodes before all sides: later ones might be sought in a circle.
+        // All nodes before all sides: the search for a node that is inserted later might not
+        // terminate.
         for node in self.loops.iter().flatten() {
             let handle = cdt.insert(*node).map_err(|_| "it has no extent")?;
             handles.insert(node.number, handle);
@@ -422,8 +427,8 @@ impl Border {
             .collect())
     }
 
-    /// By face of the triangulation, whether it lies on the left of the sides, or goes on from such
-    /// without crossing one. None if the faces outside do, too.
+    /// Returns by face of the triangulation true if it lies on the left of a side, or is reached
+    /// from such a face without crossing a side. `None` if the outer face is reached.
     fn inside(&self, cdt: &Cdt, handles: &BTreeMap<u32, FixedVertexHandle>) -> Option<Vec<bool>> {
         let mut inside = vec![false; cdt.num_all_faces()];
         let mut waiting = Vec::new();
@@ -453,8 +458,8 @@ pub(crate) mod tests {
     use isoform_geom::cross;
     use std::f64::consts::PI;
 
-    /// A can of radius 1 and height 2 about z, its wall in two halves: top and bottom are circles
-    /// of two arcs.
+    /// Returns a can of radius 1 and height 2 about z, its wall in two halves: top and bottom are
+    /// circles of two arcs.
     pub(crate) fn can() -> Brep {
         let up = [0.0, 0.0, 1.0];
         let axes = |height: f64, x: Point3| Axes {
@@ -481,7 +486,7 @@ pub(crate) mod tests {
                 loops: vec![around.iter().map(coedge).collect()],
             }
         };
-        // Frames as they are placed: where angles begin is away from the face.
+        // Frames as they are placed: angles begin away from the face.
         let half = |y: f64| Surface::Cylinder(axes(0.0, [0.0, -y, 0.0]), 1.0);
         let at = |x: Point3, z: f64| [x[0], x[1], z];
         Brep {
@@ -559,7 +564,7 @@ pub(crate) mod tests {
             );
             2.0 * PI - volume(&made)
         });
-        // Of the order of the chord: a fourth of it leaves about a fourth.
+        // The error is of the order of the chord: a fourth of it leaves about a fourth.
         assert!(errors[0] > 0.0 && errors[0] < 0.1, "{errors:?}");
         assert!((2.0..8.0).contains(&(errors[0] / errors[1])), "{errors:?}");
     }

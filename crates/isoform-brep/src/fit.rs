@@ -1,18 +1,18 @@
-//! A B-spline near a smooth surface, over a part of it that is a graph.
+//! Approximation of a smooth surface by a B-spline, over a part of it that is a graph.
 //!
-//! Heights above the points of a lattice are found by Newton's method, beginning with the triangles
-//! and going outward from there as far as the function is a graph. Their least squares give the
-//! coefficients; where there is nothing the third differences of these are small. The surface goes
-//! on beyond the part, so that edges lie inside of its domain.
+//! Heights above the points of a lattice are found by Newton's method, starting from the triangles
+//! and going outward from there as far as the function is a graph. The coefficients are fitted to
+//! them by least squares; where no heights are known the third differences of the coefficients are
+//! kept small. The surface extends beyond the part, so that edges lie inside its domain.
 
 use isoform_geom::brep::{Axes, Basis, Graph};
 use isoform_geom::{Field, Point3, cross, dot, norm, sub};
 use isoform_num::linalg::banded_solve;
 use std::collections::VecDeque;
 
-/// The degree: with 5 the error falls with the sixth power of the width of the spans.
+/// Degree of the splines: with 5 the error falls with the sixth power of the width of the spans.
 const DEGREE: usize = 5;
-/// Numbers of spans along the longer side that are tried, one after the other.
+/// Numbers of spans along the longer side that are tried, one after another.
 const SPANS: [usize; 7] = [4, 6, 9, 13, 19, 28, 40];
 /// Beyond the first numbers of spans the error has to fall to this share of the one before, or the
 /// part is cut: it falls to a tenth where the surface is smooth, and to a half where its curvature
@@ -37,18 +37,18 @@ const SMOOTHING: f64 = 1e-9;
 
 /// A part of a smooth surface.
 pub(crate) struct Region<'a> {
-    /// Its function.
+    /// Function whose zero set it is.
     pub(crate) field: &'a dyn Field,
     /// Corners of its triangles.
     pub(crate) triangles: Vec<[Point3; 3]>,
-    /// The direction in which it is a graph.
+    /// Direction in which it is a graph.
     pub(crate) direction: Point3,
 }
 
 impl Region<'_> {
-    /// A spline that is no more than `tolerance` away at places of the part, and turned by no more
-    /// than `turn` (radians), as far as more spans help; none if the finest is farther away, or it
-    /// is no graph.
+    /// Returns a spline within `tolerance` at samples of the part, and turned by at most `turn`
+    /// (radians) as far as more spans reduce the angle; `None` if the finest is farther away, or
+    /// the part is not a graph.
     pub(crate) fn fit(&self, tolerance: f64, turn: f64) -> Option<Graph> {
         let frame = self.frame();
         let local: Vec<[Point3; 3]> = self
@@ -76,7 +76,7 @@ impl Region<'_> {
             if is_near && turned <= turn {
                 return Some(graph);
             }
-            // What decides now: the distance, or the angle once that is small enough.
+            // The deciding measure: the distance, or the angle once the distance is small enough.
             let worst = if is_near { turned / turn } else { off };
             let is_first = is_near && near.is_none();
             if spans > FIRST && !is_first && worst > STALLED * last {
@@ -90,7 +90,7 @@ impl Region<'_> {
         near
     }
 
-    /// z along the direction, x along the longest side.
+    /// Returns a frame with z along the direction and x along the longest side.
     fn frame(&self) -> Axes {
         let center = self.triangles[0][0];
         let axes = Axes::along(center, self.direction);
@@ -116,8 +116,8 @@ impl Region<'_> {
         }
     }
 
-    /// The largest distance of the graph from the function, to first order, above places of the
-    /// triangles, and the largest sine between their normals.
+    /// Returns the largest distance of the graph from the function, to first order, above samples
+    /// of the triangles, and the largest sine between their normals.
     fn worst(&self, graph: &Graph) -> [f64; 2] {
         let shares = [
             [1.0 / 3.0, 1.0 / 3.0],
@@ -150,7 +150,7 @@ impl Region<'_> {
     }
 }
 
-/// The box of x and of y, with a margin.
+/// Returns the box of x and of y, with a margin.
 fn domain(local: &[[Point3; 3]]) -> [[f64; 2]; 2] {
     let ends = [0, 1].map(|k| {
         let all = local.as_flattened().iter().map(|p| p[k]);
@@ -168,16 +168,16 @@ fn domain(local: &[[Point3; 3]]) -> [[f64; 2]; 2] {
 /// A point of the lattice with its height and slope.
 type Reached = (usize, f64, [f64; 2]);
 
-/// Points of a rectangle at which heights are taken.
+/// Points of a rectangle at which heights are computed.
 struct Lattice {
     domain: [[f64; 2]; 2],
-    /// Spans in x and in y.
+    /// Numbers of spans in x and in y.
     spans: [usize; 2],
 }
 
 impl Lattice {
-    /// Spans of about one width in both directions, and, on a [`NARROW`] part, equally many: tubes
-    /// bend across much more than along.
+    /// Returns lattices with spans of about one width in both directions, and, on a narrow part
+    /// (sides of at least 4 to 1), also with equal numbers: tubes bend across much more than along.
     fn of(domain: [[f64; 2]; 2], spans: usize) -> Vec<Self> {
         let sides = domain.map(|[lo, hi]| hi - lo);
         let width = sides[0].max(sides[1]) / spans as f64;
@@ -204,7 +204,7 @@ impl Lattice {
         self.domain[k][0] + self.step(k) * i as f64
     }
 
-    /// Heights above the points, where the surface is a graph.
+    /// Returns the heights above the points; `None` where the surface is not a graph.
     fn heights(&self, field: &dyn Field, axes: &Axes, local: &[[Point3; 3]]) -> Vec<Option<f64>> {
         let [nx, ny] = [0, 1].map(|k| self.count(k));
         let mut heights: Vec<Option<f64>> = vec![None; nx * ny];
@@ -225,7 +225,8 @@ impl Lattice {
             }
         }
         if queue.is_empty() {
-            // Triangles between the points of a coarse lattice: the point nearest to a corner.
+            // All triangles lie between the points of a coarse lattice: start at the point nearest
+            // to a corner.
             let p = local[0][0];
             let i = [0, 1].map(|k| ((p[k] - self.domain[k][0]) / self.step(k)).round() as usize);
             put(i[0] * ny + i[1], p[2], &mut queue, &mut heights);
@@ -247,7 +248,7 @@ impl Lattice {
         heights
     }
 
-    /// The points below a triangle, with its height there.
+    /// Returns the points below a triangle, with its height there.
     fn below(&self, [a, b, c]: &[Point3; 3]) -> Vec<(usize, f64)> {
         let range = |k: usize| {
             let (lo, hi) = (a[k].min(b[k]).min(c[k]), a[k].max(b[k]).max(c[k]));
@@ -272,7 +273,7 @@ impl Lattice {
         found
     }
 
-    /// The graph by least squares.
+    /// Returns the graph by least squares.
     fn least_squares(&self, axes: Axes, heights: &[Option<f64>]) -> Option<Graph> {
         let knots = [0, 1].map(|k| self.knots(k));
         let columns = knots[1].len() - DEGREE - 1;
@@ -326,8 +327,7 @@ impl Lattice {
     }
 }
 
-/// Adds an equation to normal equations with a band: row i of the matrix holds columns i to
-/// i + band.
+/// Adds an equation to banded normal equations: row i of the matrix holds columns i to i + band.
 fn add_row(matrix: &mut [f64], right: &mut [f64], band: usize, row: &[(usize, f64)], value: f64) {
     for (n, &(i, a)) in row.iter().enumerate() {
         right[i] += a * value;
@@ -337,18 +337,18 @@ fn add_row(matrix: &mut [f64], right: &mut [f64], band: usize, row: &[(usize, f6
     }
 }
 
-/// The gradient of the function in coordinates of the frame.
+/// Returns the value and the gradient of the function in coordinates of the frame.
 fn gradient(field: &dyn Field, axes: &Axes, p: Point3) -> (f64, Point3) {
     let jet = field.jet(axes.point(p));
     (jet.v, [axes.x, axes.y(), axes.z].map(|e| dot(jet.g, e)))
 }
 
-/// The slope of the surface of a function with the gradient g.
+/// Returns the slope of the surface of a function with the gradient g.
 fn slope(g: Point3) -> [f64; 2] {
     [-g[0] / g[2], -g[1] / g[2]]
 }
 
-/// The height above x and y within `near` of a guess, and its slope.
+/// Returns the height above x and y within `near` of a guess, and its slope.
 fn height(
     field: &dyn Field,
     axes: &Axes,
@@ -361,7 +361,7 @@ fn height(
     for _ in 0..12 {
         let (value, g) = gradient(field, axes, [x, y, z]);
         let length = dot(g, g).sqrt();
-        // Also false where there is no number.
+        // Also false if a value is NaN.
         if !(g[2].abs() >= STEEP * length && length > 0.0) {
             return None;
         }
@@ -381,8 +381,8 @@ fn height(
     (last <= 1e-10 * near).then(|| (z, slope(gradient(field, axes, [x, y, z]).1)))
 }
 
-/// The direction that is nearest to all of some directions: the middle of the smallest cone, by the
-/// steps of Bădoiu and Clarkson (2003), and the cosine of its half angle.
+/// Returns the axis of the smallest cone that contains some directions, by the iteration of Bădoiu
+/// and Clarkson (2003), and the cosine of its half angle.
 pub(crate) fn cone(normals: &[Point3]) -> (Point3, f64) {
     let unit = |v: Point3| {
         let length = dot(v, v).sqrt();
@@ -405,7 +405,7 @@ pub(crate) fn cone(normals: &[Point3]) -> (Point3, f64) {
     (axis, least.fold(f64::INFINITY, f64::min))
 }
 
-/// The normal of a triangle, as long as twice its area.
+/// Returns the normal of a triangle, as long as twice its area.
 pub(crate) fn normal_of([a, b, c]: &[Point3; 3]) -> Point3 {
     cross(sub(*b, *a), sub(*c, *a))
 }
@@ -432,7 +432,7 @@ mod tests {
         }
     }
 
-    /// The cap of the unit sphere about `direction` within a square of half width 0.45, as
+    /// Returns the cap of the unit sphere about `direction` within a square of half width 0.45, as
     /// triangles.
     fn cap(direction: Point3) -> Region<'static> {
         let axes = Axes::along([0.0; 3], direction);

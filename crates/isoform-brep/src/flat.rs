@@ -1,17 +1,16 @@
-//! Faces laid flat: a plane chart of each kind of surface, without seams or poles within a face.
+//! Plane charts of faces: one for each kind of surface, without seams or poles within a face.
 //!
-//! Planes and graphs are seen from above, cylinders and cones are unrolled, tori and revolved
-//! surfaces are taken by their two parameters, spheres and ellipsoids by the stereographic
+//! Planes and graphs are projected along z, cylinders and cones are unrolled, tori and revolved
+//! surfaces are mapped by their two parameters, spheres and ellipsoids by the stereographic
 //! projection from the far side; revolved surfaces with tips by the lengths of their parallels.
-//! Distances in space are no longer than about those in the chart
-//! ([`STEEP`] times on graphs).
+//! Distances in space are at most about those in the chart ([`STEEP`] times as large on graphs).
 
 use crate::arcs::Arcs;
 use isoform_geom::Point3;
 use isoform_geom::brep::{Axes, Ellipsoid, Revolved, Surface};
 use std::f64::consts::{PI, TAU};
 
-/// How much longer than in the chart a way on a graph may be: normals are within 50° of its z.
+/// Maximum ratio of a length on a graph to that in its chart: normals are within 50° of its z.
 pub(crate) const STEEP: f64 = 1.6;
 /// A face that leaves less of a turn free than this goes round: no chart holds it.
 const ROUND: f64 = 1e-3;
@@ -19,18 +18,19 @@ const ROUND: f64 = 1e-3;
 /// A chart in which faces lie counterclockwise, seen from outside.
 pub(crate) struct Flat {
     surface: Surface,
-    /// Where the two angles are counted from.
+    /// Values at which the two angles start.
     starts: [f64; 2],
     /// True if the surface ends on its axis.
     has_tips: bool,
-    /// 1, or −1 where the surface's own normal points inward.
+    /// 1, or −1 if the surface's own normal points inward.
     side: f64,
     /// A sphere as an ellipsoid.
     ball: Option<Ellipsoid>,
 }
 
 impl Flat {
-    /// The chart of a face whose border has these points, loop after loop; none if it goes round.
+    /// Creates the chart of a face whose border has these points, loop after loop; `None` if it
+    /// wraps around.
     pub(crate) fn new(surface: &Surface, agrees: bool, loops: &[Vec<Point3>]) -> Option<Self> {
         let ball = match surface {
             Surface::Sphere(axes, radius) => Some(Ellipsoid {
@@ -63,25 +63,25 @@ impl Flat {
         })
     }
 
-    /// The angle from its start, from 0 to 2π.
+    /// Returns the angle from its start, from 0 to 2π.
     fn turned(&self, angle: f64, k: usize) -> f64 {
         (angle - self.starts[k]).rem_euclid(TAU)
     }
 
-    /// The place of a point of the face.
+    /// Returns the chart coordinates of a point of the face.
     pub(crate) fn place(&self, p: Point3) -> [f64; 2] {
         let [a, b] = self.surface.parameters(p);
         let [x, y] = match self.surface {
             Surface::Plane(_) | Surface::Graph(_) => [a, b],
             Surface::Cylinder(_, radius) => [radius * self.turned(a, 0), b],
-            // Parallels in their own lengths: they meet in the tips.
+            // Parallels in their own lengths: they shrink to the tips.
             Surface::Revolved(ref turned) if self.has_tips => {
                 [turned.profile(b)[0][0] * (self.turned(a, 0) - PI), b]
             }
             Surface::Revolved(ref turned) => [widest(turned) * self.turned(a, 0), b],
             Surface::Cone(_, _, half_angle) => {
                 // Unrolled: the angle about the apex is that about the axis times sin(half angle),
-                // and turns the other way round as seen from outside.
+                // and runs in the opposite sense as seen from outside.
                 let out = (b - self.surface.base_of_v()) / half_angle.cos();
                 let (sin, cos) = (self.turned(a, 0) * half_angle.sin()).sin_cos();
                 [out * sin, out * cos]
@@ -98,7 +98,7 @@ impl Flat {
         [self.side * x, y]
     }
 
-    /// The point of the surface at a place.
+    /// Returns the point of the surface at chart coordinates.
     pub(crate) fn point(&self, [x, y]: [f64; 2]) -> Point3 {
         let x = self.side * x;
         let at = match self.surface {
@@ -129,21 +129,23 @@ impl Flat {
     }
 }
 
-/// No point of a revolved curve is farther from the axis.
+/// Returns an upper bound of the distance of a revolved curve from the axis.
 fn widest(turned: &Revolved) -> f64 {
     turned.control.iter().map(|c| c[0]).fold(0.0, f64::max)
 }
 
-/// The point of an ellipsoid at a scaled place of its stereographic chart ([`Ellipsoid::chart`]).
+/// Returns the point of an ellipsoid at scaled coordinates of its stereographic chart
+/// ([`Ellipsoid::from_chart`]).
 fn on_ball(ball: &Ellipsoid, at: [f64; 2]) -> Point3 {
     let scale = 2.0 * ball.half.into_iter().fold(0.0, f64::max);
     ball.from_chart(at.map(|v| v / scale))
 }
 
-/// An angle that a face leaves free, the first or second parameter.
+/// Returns an angle that a face leaves free, of the first or second parameter; `None` if it wraps
+/// around.
 fn free_angle(surface: &Surface, loops: &[Vec<Point3>], k: usize) -> Option<f64> {
-    // Meridians from tip to tip leave open which side of them the face is on; the frame of a face
-    // is placed with its x where the face is not.
+    // Meridians from tip to tip do not determine the side of the face; the frame of a face is
+    // placed with its x away from the face.
     if k == 0 && surface.tips().len() == 2 {
         return Some(0.0);
     }
@@ -172,7 +174,7 @@ mod tests {
     use super::*;
     use isoform_geom::{cross, dot, norm, sub};
 
-    /// A small loop about a point with the given parameters.
+    /// Returns a small loop about a point with the given parameters.
     fn around(surface: &Surface, [u, v]: [f64; 2]) -> Vec<Vec<Point3>> {
         let corners = [[0.0, 0.0], [0.4, 0.0], [0.4, 0.3], [0.0, 0.3]];
         let at = |[a, b]: [f64; 2]| surface.point([u + a, v + b]);

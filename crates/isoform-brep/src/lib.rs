@@ -1,15 +1,16 @@
-//! Boundary representations of solids, written from the function and not from triangles.
+//! Boundary representations of solids, constructed from functions and not from triangles.
 //!
-//! [`pieces`] finds what the parts of a labelled mesh lie on, and divides them where their
+//! [`pieces`] finds the surfaces of the parts of a labelled mesh, and divides them where their
 //! functions change. [`brep`](brep()) takes the topology from the mesh: components of one surface
-//! are faces, chains of edges between them edges, and where these meet are vertices. The geometry
-//! is that of the surfaces and functions; edges and vertices are where these meet, by Newton's
-//! method. Faces that go round, or are no graph over a plane and have no name, are cut.
-//! [`check`](check()) looks for everything that could be wrong with it, and measures it without the
-//! mesh; [`stands_alone`] tells where nodes of the mesh do not matter. [`facets`](facets()) are its
-//! triangles, closed where it is, and [`Skin`] finds the nearest points of its faces.
+//! are faces, chains of mesh edges between them are edges, and nodes where chains meet are
+//! vertices. The geometry is that of the surfaces and functions; edges and vertices are their
+//! intersections, by Newton's method. Faces are cut if they wrap around, or have no known surface
+//! and are not a graph over a plane. [`check`](check()) searches for everything that could be wrong
+//! with the result, and measures it without the mesh; [`stands_alone`] shows that it does not
+//! depend on the nodes of the mesh. [`facets`](facets()) triangulates it, closed if it is, and
+//! [`Skin`] finds the nearest points of its faces.
 //!
-//! Lengths are in model units, angles in radians where nothing else is said.
+//! Lengths are in model units, angles in radians unless stated otherwise.
 #![forbid(unsafe_code)]
 
 mod alone;
@@ -54,7 +55,7 @@ pub use surfaces::Recognize;
 use isoform_control::Stopped;
 use isoform_geom::Point3;
 
-/// Why there is no boundary representation.
+/// Reasons why no boundary representation is made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BrepError {
@@ -62,53 +63,53 @@ pub enum BrepError {
     /// neighbours.
     #[error("the mesh is not closed")]
     NotClosed,
-    /// A part lies on no plane, cylinder, cone, sphere or torus.
+    /// A part does not lie on a plane, cylinder, cone, sphere or torus.
     #[error("the part {part} lies on no plane, cylinder, cone, sphere or torus{}", of_kind(*.kind))]
     NoSurface {
-        /// Its name.
+        /// Name of the part.
         part: String,
-        /// What it lies on, if that has a name.
+        /// Kind of its surface, if that has a name.
         kind: Option<&'static str>,
     },
-    /// A smooth part was cut into a hundred charts, and still one of them is no graph, or no spline
-    /// is near enough to it.
+    /// A smooth part was cut into a hundred charts, and one of them is still not a graph, or has no
+    /// spline near enough.
     #[error("no splines were found that are near enough to the part {part}")]
     NoSpline {
-        /// Its name.
+        /// Name of the part.
         part: String,
     },
-    /// A part was given nodes that its surface does not hold: the mesh is too coarse for it.
+    /// A part has nodes that are off its surface: the mesh is too coarse for it.
     #[error("nodes of the mesh on the part {part} are {by:.1e} away from its {kind}")]
     OffSurface {
-        /// Its name.
+        /// Name of the part.
         part: String,
-        /// What its function describes.
+        /// Kind of surface that its function describes.
         kind: &'static str,
-        /// How far the nodes are away, in model units.
+        /// Largest distance of the nodes, in model units.
         by: f64,
     },
     /// A part lies on a torus whose tube reaches its axis.
     #[error("the part {part} lies on a torus whose tube reaches its axis")]
     Spindle {
-        /// Its name.
+        /// Name of the part.
         part: String,
     },
-    /// No curve was found between two faces: they touch without an angle, or what lies between them
-    /// is smaller than the triangles of the mesh.
+    /// No curve was found between two faces: they touch without an angle, or features between them
+    /// are smaller than the triangles of the mesh.
     #[error(
         "no edge was found between {} and {}, which are nearly parallel there",
         .parts[0], .parts[1]
     )]
     NoCurve {
-        /// The names of the parts; the same one twice at a cut.
+        /// Names of the parts; equal at a cut.
         parts: [String; 2],
-        /// Where.
+        /// A point between the faces.
         at: Point3,
     },
-    /// The surfaces around a vertex of the mesh have no point in common near it.
+    /// The surfaces around a vertex of the mesh have no common point near it.
     #[error("the faces at a corner of the mesh have no common point near it")]
     NoVertex {
-        /// Where.
+        /// Position of the vertex.
         at: Point3,
     },
     /// A void lies in no solid.

@@ -1,13 +1,13 @@
-//! What an equation describes: a surface, exact or not, or where a function vanishes.
+//! Loci of equations: surfaces, exact or not, and zero sets of functions.
 
 use isoform_geom::brep::Surface;
 use isoform_geom::{Field, Point3, dot};
 use std::fmt;
 use std::sync::Arc;
 
-/// Something with a distance: what Newton's method needs.
+/// A locus with a distance function, as Newton's method needs it.
 pub(crate) trait Distance {
-    /// The signed distance of a point, at least to first order, and its unit gradient.
+    /// Returns the signed distance of a point, at least to first order, and its unit gradient.
     fn distance(&self, p: Point3) -> (f64, Point3);
 }
 
@@ -17,7 +17,7 @@ impl Distance for Surface {
     }
 }
 
-/// The distance, to first order, and the unit normal that a function's value and gradient give:
+/// Returns the distance, to first order, and the unit normal from a function's value and gradient:
 /// both outward, where the function is negative.
 pub(crate) fn outward(value: f64, gradient: Point3) -> (f64, Point3) {
     let length = dot(gradient, gradient).sqrt();
@@ -29,19 +29,19 @@ pub(crate) fn outward(value: f64, gradient: Point3) -> (f64, Point3) {
 pub enum Locus {
     /// A surface.
     Exact(Surface),
-    /// Where a function vanishes; its distance is positive where it is negative, outside.
+    /// Zero set of a function; its distance is positive where the function is negative, outside.
     Zero(Arc<dyn Field>),
 }
 
 impl Locus {
-    /// The surface, if it is one.
+    /// Returns the surface; `None` for the zero set of a function.
     pub fn surface(&self) -> Option<&Surface> {
         match self {
             Self::Exact(surface) => Some(surface),
             Self::Zero(_) => None,
         }
     }
-    /// The second derivative of the distance along a tangent, at a point of the locus.
+    /// Returns the second derivative of the distance along a tangent, at a point of the locus.
     pub(crate) fn bending(&self, p: Point3, along: Point3) -> f64 {
         match self {
             Self::Exact(surface) => surface.bending(p, along),

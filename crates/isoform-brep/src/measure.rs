@@ -2,8 +2,8 @@
 //!
 //! By the theorem of Gauss the volume is the flux of x/3 through the faces, and the first moment
 //! along axis k that of xₖ²/2 eₖ. On a face with the parameters u and v a flux is ∬ w du dv, and by
-//! the theorem of Green −∮ W du around its loops with W = ∫ w dv. Both integrals are Gauss's; no
-//! mesh takes part.
+//! the theorem of Green −∮ W du around its loops with W = ∫ w dv. Both integrals use Gauss
+//! quadrature; no mesh is involved.
 
 use crate::arcs::Arcs;
 use isoform_geom::brep::{Brep, Coedge, Face, Surface};
@@ -15,20 +15,20 @@ use std::f64::consts::TAU;
 const NODES: [usize; 2] = [10, 20];
 /// Parts of a piece of an edge on a spline, at most.
 const MOST_PARTS: f64 = 200.0;
-/// Share of an edge from a tip to where its angle is taken.
+/// Share of an edge from a tip at which its angle is taken.
 const NEAR: f64 = 1e-5;
 /// Nodes from knot to knot of a spline.
 const SPAN_NODES: usize = 6;
 
-/// What is measured of a face, or of all of them.
+/// Measures of a face, or of all of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measure {
     /// The area.
     pub area: f64,
-    /// The volume between the face and the centre that points are taken about; the volume of a
-    /// solid where all of its faces are added.
+    /// Volume between the face and the centre that points are taken about; the volume of a solid if
+    /// all of its faces are added.
     pub volume: f64,
-    /// ∫ x dV about the centre, in the same sense.
+    /// First moment ∫ x dV about the centre, over that volume.
     pub moment: Point3,
 }
 
@@ -40,20 +40,20 @@ impl Measure {
     }
 }
 
-/// The sum of some measures.
+/// Returns the sum of some measures.
 pub fn total<'m>(measures: impl IntoIterator<Item = &'m Measure>) -> Measure {
     let mut sum = Measure::default();
     measures.into_iter().for_each(|m| sum.add(m, 1.0));
     sum
 }
 
-/// The measure of the face within each of its loops; those of holes are negative.
+/// Returns the measure of the face within each of its loops; those of holes are negative.
 pub(crate) fn of_loops(brep: &Brep, face: &Face, center: Point3) -> Vec<Measure> {
     let work = Work::new(brep, face, center);
     face.loops.iter().map(|l| work.of_loop(l)).collect()
 }
 
-/// The measure of a face.
+/// Returns the measure of a face.
 pub fn of_face(brep: &Brep, face: usize, center: Point3) -> Measure {
     total(&of_loops(brep, &brep.faces[face], center))
 }
@@ -62,7 +62,7 @@ struct Work<'a> {
     brep: &'a Brep,
     face: &'a Face,
     center: Point3,
-    /// Angles about the tube of a torus, and v of a spline, are counted from here.
+    /// Start of the angles about the tube of a torus, and of v of a spline.
     start_of_v: f64,
     outer: (Vec<f64>, Vec<f64>),
     inner: (Vec<f64>, Vec<f64>),
@@ -106,8 +106,8 @@ impl<'a> Work<'a> {
         sum
     }
 
-    /// Adds the integral along a tip of the surface, which the loop passes in one point, and the
-    /// parameters along a line.
+    /// Adds the integral along a tip of the surface, which the loop passes in one point of space
+    /// but along a line of parameters.
     fn add_tip(&self, tip: Point3, around: &[Coedge], sum: &mut Measure) {
         let surface = &self.face.surface;
         let v = surface.parameters(tip)[1];
@@ -122,7 +122,7 @@ impl<'a> Work<'a> {
                 let s = if c.forward { share } else { 1.0 - share };
                 surface.parameters(self.brep.along(c.edge, s).0)[0]
             };
-            // Near the tip, where there is an angle.
+            // The angle exists near the tip, not at it.
             let before = angle(coedge, 1.0 - NEAR);
             let turn = angle(&around[(i + 1) % around.len()], NEAR) - before;
             for (x, weight) in self.outer.0.iter().zip(&self.outer.1) {
@@ -131,8 +131,8 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Parameters between which the integrand along an edge is smooth, or nearly so: on a spline
-    /// pieces are no longer than half of the way between two knots of u.
+    /// Returns parameters between which the integrand along an edge is nearly smooth: on a spline
+    /// pieces are at most half as long as the distance between two knots of u.
     fn breaks(&self, edge: u32) -> Vec<f64> {
         let breaks = self.brep.breaks(edge);
         let Surface::Graph(graph) = &self.face.surface else {
@@ -152,7 +152,7 @@ impl<'a> Work<'a> {
         finer
     }
 
-    /// The integrals along v from its base to a point with given parameters.
+    /// Returns the integrals along v from its base to a point with given parameters.
     fn up_to(&self, [u, mut v]: [f64; 2]) -> Measure {
         let surface = &self.face.surface;
         let mut base = surface.base_of_v();
@@ -161,7 +161,7 @@ impl<'a> Work<'a> {
             base = self.start_of_v;
         }
         let mut sum = Measure::default();
-        // A spline is a polynomial from knot to knot only.
+        // A spline is a polynomial only from knot to knot.
         let knots = match surface {
             Surface::Graph(graph) => Some(&graph.knots[1]),
             Surface::Revolved(turned) => Some(&turned.knots),
@@ -197,15 +197,15 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// What a piece of the surface adds, by du dv.
+    /// Returns the integrands by du dv.
     fn density(&self, at: [f64; 2]) -> Measure {
         let (n, p) = (
             self.face.surface.area_vector(at),
             sub(self.face.surface.point(at), self.center),
         );
-        // Loops run counterclockwise seen from outside: where the surface's own normal points
-        // inward they run clockwise in u and v, so that fluxes along the own normal come out right
-        // and the area changes its sign.
+        // Loops run counterclockwise seen from outside: if the surface's own normal points inward
+        // they run clockwise in u and v, so that fluxes along the own normal are correct and the
+        // area changes its sign.
         let sense = if self.face.agrees { 1.0 } else { -1.0 };
         Measure {
             area: sense * norm(n) * sign_of_area(&self.face.surface, at),
@@ -215,7 +215,8 @@ impl<'a> Work<'a> {
     }
 }
 
-/// On the far side of an apex the area vector turns round; faces do not reach there.
+/// Returns −1 on the far side of an apex, where the area vector is reversed; faces do not extend
+/// there.
 fn sign_of_area(surface: &Surface, [_, v]: [f64; 2]) -> f64 {
     match surface {
         Surface::Cone(..) if v < surface.base_of_v() => -1.0,
@@ -223,8 +224,8 @@ fn sign_of_area(surface: &Surface, [_, v]: [f64; 2]) -> f64 {
     }
 }
 
-/// An angle about the tube of a torus that the face leaves free; the middle of the border of a face
-/// on a spline, far from which the spline may be anything; 0 for other surfaces.
+/// Returns an angle about the tube of a torus that the face leaves free; for a spline the mean of v
+/// along the border, far from which the spline is unreliable; 0 for other surfaces.
 fn start_of_v(brep: &Brep, face: &Face) -> f64 {
     if face.surface.is_near_only() {
         let coedges = face.loops.iter().flatten();
@@ -254,7 +255,7 @@ mod tests {
     use isoform_geom::brep::{Axes, Curve, Edge};
     use std::f64::consts::PI;
 
-    /// Half of a cylinder's wall of radius 0.5 and height 2, its seam on the far side.
+    /// Returns half of a cylinder's wall of radius 0.5 and height 2, its seam on the far side.
     fn half_wall() -> (Brep, Surface) {
         let axes = Axes::along([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]).turned([-1.0, 0.0, 0.0]);
         let at = |y: f64, z: f64| [1.0, y, z];

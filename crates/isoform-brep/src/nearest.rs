@@ -1,9 +1,9 @@
-//! The nearest point of a face: of its surface within its loops, else of its edges.
+//! Nearest point of a face: of its surface within its loops, otherwise of its edges.
 //!
-//! The foot on the surface is exact, by formula or by iteration. Whether it lies within the loops
-//! is told by the nearest point of these: there the inside is on the left of the border. At a
-//! vertex the two borders that meet count both (as for normals of meshes, J. A. Bærentzen and H.
-//! Aanæs, IEEE Trans. Vis. Comput. Graph. 11, 2005).
+//! The projection onto the surface is exact, by formula or by iteration. Whether it lies within the
+//! loops is decided at the nearest point of these: there the inside is on the left of the border.
+//! At a vertex both adjacent edges count (as for normals of meshes, J. A. Bærentzen and H. Aanæs,
+//! IEEE Trans. Vis. Comput. Graph. 11, 2005).
 
 use crate::facets::Facets;
 use isoform_geom::brep::{Brep, Coedge, Curve, Face, Surface};
@@ -18,33 +18,34 @@ const STEPS: usize = 40;
 const LIFTS: usize = 8;
 /// Shares of a step that are tried, at least.
 const SHORTEST: f64 = 1e-3;
-/// What counts as no way at all, in lengths of the coordinates.
+/// Length of a negligible step, relative to the coordinates.
 const SAME: f64 = 1e-14;
 
-/// The faces and edges of a solid, with the triangles that tell where to begin.
+/// Faces and edges of a solid, with the triangles that give starting points.
 #[derive(Debug)]
 pub struct Skin<'a> {
     brep: &'a Brep,
     facets: &'a Facets,
 }
 
-/// A place on a border.
+/// A point on a border.
 struct Place {
     at: Point3,
-    /// Which loop, which coedge of it.
+    /// Index of the loop, and of the coedge in it.
     of: [usize; 2],
-    /// The parameter on the edge.
+    /// Parameter on the edge.
     s: f64,
 }
 
 impl<'a> Skin<'a> {
-    /// Of a solid and its triangles.
+    /// Creates the projector of a solid and its triangles.
     pub fn new(brep: &'a Brep, facets: &'a Facets) -> Self {
         Self { brep, facets }
     }
 
-    /// The point of a face that is nearest to `p`. On ellipsoids and splines it is the nearest one
-    /// that is met from `near`, a point near the face: never one that is nearer than the nearest.
+    /// Returns the point of a face that is nearest to `p`. On ellipsoids and splines it is the
+    /// local minimum reached from `near`, a point near the face: its distance is never less than
+    /// the true one.
     pub fn nearest(&self, face: usize, p: Point3, near: Point3) -> Point3 {
         let foot = foot(&self.brep.faces[face].surface, p, near);
         if self.holds(face, foot) {
@@ -54,7 +55,7 @@ impl<'a> Skin<'a> {
         place.map_or(foot, |place| place.at)
     }
 
-    /// Whether a point of a face's surface lies within its loops.
+    /// Returns true if a point of a face's surface lies within its loops.
     fn holds(&self, face: usize, x: Point3) -> bool {
         if x.iter().any(|v| !v.is_finite()) {
             return false;
@@ -78,7 +79,7 @@ impl<'a> Skin<'a> {
         dot(sub(x, place.at), inward) >= 0.0
     }
 
-    /// The unit direction into a face from its border.
+    /// Returns the unit direction into a face from its border.
     fn inward(&self, face: &Face, coedge: Coedge, s: f64) -> Point3 {
         let (p, velocity) = self.brep.along(coedge.edge, s);
         let normal = face.surface.distance(p).1;
@@ -93,8 +94,8 @@ impl<'a> Skin<'a> {
         left.map(|v| if length > 0.0 { v / length } else { 0.0 })
     }
 
-    /// The point of the loops of a face that is nearest to `p`: the nearest piece of their
-    /// polygons, and the curve there.
+    /// Returns the point of the loops of a face that is nearest to `p`: on the curve of the nearest
+    /// piece of their polygons.
     fn on_border(&self, face: usize, p: Point3) -> Option<Place> {
         let mut best: Option<(f64, [usize; 2], usize)> = None;
         for (l, around) in self.brep.faces[face].loops.iter().enumerate() {
@@ -118,7 +119,7 @@ impl<'a> Skin<'a> {
         Some(Place { at, of, s })
     }
 
-    /// The parameter between two others at which an edge is nearest to `p`.
+    /// Returns the parameter between two others at which an edge is nearest to `p`.
     fn on_edge(&self, edge: u32, [mut a, mut b]: [f64; 2], p: Point3) -> f64 {
         if matches!(self.brep.edges[edge as usize].curve, Curve::Line) {
             let (from, way) = self.brep.along(edge, 0.0);
@@ -149,7 +150,7 @@ impl<'a> Skin<'a> {
     }
 }
 
-/// The point of a surface nearest to `p`.
+/// Returns the point of a surface nearest to `p`.
 fn foot(surface: &Surface, p: Point3, near: Point3) -> Point3 {
     let direct = || -> Point3 {
         let (d, n) = surface.distance(p);
@@ -158,7 +159,7 @@ fn foot(surface: &Surface, p: Point3, near: Point3) -> Point3 {
     match surface {
         Surface::Ellipsoid(_) | Surface::Graph(_) => iterated(surface, p, near),
         Surface::Cone(axes, _, half_angle) => {
-            // Beyond the apex the line in the half-plane goes on to the other side.
+            // Beyond the apex the line in the half-plane continues on the other side.
             let direct = direct();
             let beyond = (axes.local(direct)[2] - surface.base_of_v()) * half_angle.signum();
             match surface.apex() {
@@ -167,7 +168,7 @@ fn foot(surface: &Surface, p: Point3, near: Point3) -> Point3 {
             }
         }
         Surface::Revolved(turned) => {
-            // Beyond a tip the curve would go on to the other side.
+            // Beyond a tip the curve would continue on the other side.
             let [first, last] = turned.domain();
             let [u, v] = turned.parameters(p);
             turned.point([u, v.clamp(first, last)])
@@ -176,7 +177,7 @@ fn foot(surface: &Surface, p: Point3, near: Point3) -> Point3 {
     }
 }
 
-/// A point onto a surface that it lies near to.
+/// Projects a point near a surface onto it.
 fn lifted(surface: &Surface, mut x: Point3) -> Point3 {
     for _ in 0..LIFTS {
         let (d, n) = surface.distance(x);
@@ -193,15 +194,15 @@ fn lifted(surface: &Surface, mut x: Point3) -> Point3 {
     x
 }
 
-/// The foot by Newton's method in the tangent plane, from a point near the surface; where steps
-/// lead no nearer, the nearest that was met.
+/// Returns the projection by Newton's method in the tangent plane, from a point near the surface;
+/// if steps lead no nearer, the nearest point so far.
 fn iterated(surface: &Surface, p: Point3, near: Point3) -> Point3 {
     let mut x = lifted(surface, near);
     let mut far = norm(sub(p, x));
     for _ in 0..STEPS {
         let step = tangent_step(surface, p, x);
         let mut next = lifted(surface, moved(x, step, 1.0));
-        // Steps that lead away are too long.
+        // A step that increases the distance is too long.
         let mut share = 1.0;
         while norm(sub(p, next)) > far && share > SHORTEST {
             share *= 0.5;
@@ -224,9 +225,10 @@ fn moved(x: Point3, step: Point3, share: f64) -> Point3 {
     std::array::from_fn(|k| x[k] + share * step[k])
 }
 
-/// The step in the tangent plane at x towards the foot of `p`. With r = p − x = rₜ + off n, and the
-/// surface x + t − ½ b(t, t) n near x (b: the second derivative of the distance), the square of the
-/// distance is |rₜ − t|² + (off + ½ b(t, t))², least to second order where (1 + off b) t = rₜ.
+/// Returns the step in the tangent plane at x towards the projection of `p`. With r = p − x = rₜ +
+/// off n, and the surface x + t − ½ b(t, t) n near x (b: the second derivative of the distance),
+/// the square of the distance is |rₜ − t|² + (off + ½ b(t, t))², minimal to second order where (1 +
+/// off b) t = rₜ.
 fn tangent_step(surface: &Surface, p: Point3, x: Point3) -> Point3 {
     let n = surface.distance(x).1;
     let [e, f] = isoform_geom::across(n);
@@ -238,7 +240,7 @@ fn tangent_step(surface: &Surface, p: Point3, x: Point3) -> Point3 {
     let ef = 0.5 * (both - ee - ff);
     let [k, l, m] = [1.0 + off * ee, off * ef, 1.0 + off * ff];
     let det = k * m - l * l;
-    // Beyond a centre of curvature the second order knows no least distance.
+    // Beyond a centre of curvature the second-order model has no minimum.
     let (s, t) = if k > 0.0 && det > 0.0 {
         ((m * a - l * c) / det, (k * c - l * a) / det)
     } else {
@@ -254,7 +256,7 @@ mod tests {
     use crate::{Control, FacetOptions, facets};
     use isoform_geom::brep::{Axes, Edge, Ellipsoid};
 
-    /// The distance of a point from the can of radius 1 between z = 0 and z = 2.
+    /// Returns the distance of a point from the can of radius 1 between z = 0 and z = 2.
     fn from_can([x, y, z]: Point3) -> f64 {
         let (out, above) = (x.hypot(y) - 1.0, (z - 1.0).abs() - 1.0);
         if out <= 0.0 && above <= 0.0 {
@@ -304,7 +306,7 @@ mod tests {
         }
     }
 
-    /// Both sides of a flat triangle with its tip at the origin.
+    /// Returns both sides of a flat triangle with its tip at the origin.
     fn blade() -> Brep {
         let axes = Axes::along([0.0; 3], [0.0, 0.0, 1.0]);
         let line = |ends| Edge {

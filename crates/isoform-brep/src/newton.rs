@@ -1,4 +1,4 @@
-//! Points common to several surfaces.
+//! Intersection points of several surfaces.
 
 use crate::locus::Distance;
 use isoform_geom::{Point3, dot, norm};
@@ -10,8 +10,8 @@ const STEPS: usize = 40;
 /// (squared) are not stepped along: there the point is free.
 const FREE: f64 = 1e-10;
 
-/// The point near `start` that lies on all the surfaces, or as nearly as the iteration gets: steps
-/// of Gauss and Newton, the shortest ones where the point is free.
+/// Returns the point near `start` that lies on all the surfaces, or as nearly as the iteration
+/// gets: Gauss–Newton steps, of minimal norm where the point is not determined.
 pub(crate) fn meet<'s, S: Distance + ?Sized + 's>(
     surfaces: impl IntoIterator<Item = &'s S> + Clone,
     start: Point3,
@@ -29,20 +29,20 @@ pub(crate) fn meet<'s, S: Distance + ?Sized + 's>(
     p
 }
 
-/// The largest distance of a point from the surfaces.
+/// Returns the largest distance of a point from the surfaces.
 pub(crate) fn gap<'s, S: Distance + ?Sized + 's>(
     surfaces: impl IntoIterator<Item = &'s S>,
     p: Point3,
 ) -> f64 {
     let each = surfaces.into_iter().map(|s| s.distance(p).0.abs());
-    // What is no number is on no surface; the maximum alone would pass over it.
+    // NaN means that the point is on no surface; the maximum alone would ignore it.
     each.fold(
         0.0,
         |m: f64, d| if d.is_nan() { f64::INFINITY } else { m.max(d) },
     )
 }
 
-/// The step of least squares.
+/// Returns the least-squares step; `None` if it is zero or not finite.
 fn step<'s, S: Distance + ?Sized + 's>(
     surfaces: impl IntoIterator<Item = &'s S>,
     p: Point3,

@@ -1,4 +1,4 @@
-//! From the labels of a mesh to the smooth pieces of its surface, and what each lies on.
+//! Smooth pieces of the surface of a labelled mesh, and their loci.
 //!
 //! A part of a mesh has one smooth function, or several that join smoothly: the flat top of a
 //! plate, the blend and the wall of a boss have one label and three functions. The limits of these
@@ -24,19 +24,19 @@ const FEW: usize = 12;
 /// A smooth piece of a surface.
 #[derive(Clone)]
 pub(crate) struct Piece {
-    /// The part of the mesh that it belongs to.
+    /// Part of the mesh that it belongs to.
     pub(crate) part: u32,
-    /// What it lies on.
+    /// Locus of the piece.
     pub(crate) locus: Locus,
-    /// Nodes on it, away from its borders if it has such.
+    /// Nodes on it, away from its borders if there are such.
     pub(crate) nodes: Vec<Point3>,
-    /// What may bound it within its part.
+    /// Functions that may bound it within its part.
     pub(crate) limits: Vec<Arc<dyn Field>>,
-    /// The number of its function, if it has one: equal for pieces of one function.
+    /// Index of its function: equal for pieces of one function; `None` without one.
     pub(crate) function: Option<usize>,
 }
 
-/// The surface of a solid as triangles that are labelled by the smooth pieces that they lie on.
+/// The surface of a solid as triangles that are labelled by their smooth pieces.
 pub struct Pieces {
     pub(crate) mesh: Labelled,
     pub(crate) list: Vec<Piece>,
@@ -44,12 +44,13 @@ pub struct Pieces {
     pub(crate) names: Vec<String>,
 }
 
-/// The smooth pieces of the surface of a solid: its labelled mesh, divided where the functions of a
-/// part change, with the surface or function of each. `smooth` are the parts of the solid's pieces,
-/// if there are such; what belongs to none of them has to lie on a surface that `recognize` knows.
+/// Returns the smooth pieces of the surface of a solid: its labelled mesh, divided where the
+/// functions of a part change, with the surface or function of each. `smooth` are the parts of the
+/// solid's pieces, if known; a piece without such parts has to lie on a surface that `recognize`
+/// finds.
 ///
 /// # Errors
-/// [`BrepError::NoSurface`], [`BrepError::OffSurface`] or [`BrepError::Spindle`] where a part has
+/// [`BrepError::NoSurface`], [`BrepError::OffSurface`] or [`BrepError::Spindle`] if a part has
 /// neither a surface nor a smooth function.
 pub fn pieces(
     mesh: &Mesh,
@@ -124,8 +125,8 @@ pub fn pieces(
     })
 }
 
-/// Makes one piece of each connected component of a piece that is on no one surface, if its
-/// function has no limits: the product of two planes vanishes on both.
+/// Splits a piece that is on no single surface into its connected components, if its function has
+/// no limits: the product of two planes, for example, vanishes on both.
 fn take_apart(
     mesh: &mut Labelled,
     found: &mut Vec<Found<'_>>,
@@ -154,7 +155,7 @@ fn take_apart(
     Ok(())
 }
 
-/// Moves the borders along which pieces touch onto what separates them in the tree.
+/// Moves the borders along which pieces touch onto the functions of the tree that separate them.
 fn separate(
     mesh: &mut Labelled,
     solid: &dyn Solid,
@@ -182,26 +183,26 @@ fn label(mesh: &mut Labelled, triangles: &[u32], piece: usize) {
     }
 }
 
-/// A piece, before it is known what it lies on.
+/// A piece whose locus is not known yet.
 #[derive(Clone)]
 struct Found<'a> {
     part: u32,
-    /// The piece of the solid.
+    /// Piece of the solid.
     piece: u32,
-    /// The smooth parts of its function, if there are such.
+    /// Smooth parts of its function, if known.
     branches: Vec<&'a SmoothPart>,
-    /// Whether its function has other pieces, on surfaces of their own.
+    /// True if its function has other pieces, on surfaces of their own.
     is_apart: bool,
 }
 
 impl Found<'_> {
-    /// Whether a point is where the function is that of the piece.
+    /// Returns true if a point is where the function is that of the piece.
     fn holds(&self, p: Point3) -> bool {
         let all = |b: &&SmoothPart| b.limits.iter().all(|l| l.value(p) >= 0.0);
         self.branches.iter().any(all)
     }
 
-    /// The exact surface that the piece lies on.
+    /// Returns the exact surface that the piece lies on.
     fn surface(
         &self,
         nodes: &[Point3],
@@ -225,7 +226,7 @@ impl Found<'_> {
         of.surface(nodes, recognize)
     }
 
-    /// The piece with its surface or function.
+    /// Returns the piece with its surface or function.
     fn piece(
         &self,
         nodes: Vec<Point3>,
@@ -252,9 +253,9 @@ impl Found<'_> {
     }
 }
 
-/// The nodes that each piece is recognised from: those where its own function is the one that
-/// counts, or, of a part with one function, those that it shares with no other piece: where pieces
-/// join smoothly nodes lie near the seam, not on it. All nodes where only a few are left.
+/// Returns the nodes that each piece is recognised from: those at which its own function applies,
+/// or, for a part with one function, those that it shares with no other piece, since nodes lie near
+/// a smooth seam and not on it. All nodes if only a few remain.
 fn found_nodes(mesh: &Labelled, found: &[Found<'_>]) -> Vec<Vec<Point3>> {
     let mut of: Vec<Vec<u32>> = vec![Vec::new(); mesh.points.len()];
     for (corners, piece) in mesh.triangles.iter().zip(&mesh.sheets) {
@@ -285,7 +286,7 @@ fn found_nodes(mesh: &Labelled, found: &[Found<'_>]) -> Vec<Vec<Point3>> {
         .collect()
 }
 
-/// Pieces of one function lie on one surface: a sliver takes it from a larger piece.
+/// Copies the surface of a larger piece to pieces of equal function without one, such as slivers.
 fn share_surfaces(list: &mut [Piece]) {
     let known: BTreeMap<usize, Locus> = list
         .iter()
@@ -299,7 +300,7 @@ fn share_surfaces(list: &mut [Piece]) {
     }
 }
 
-/// The triangles of a part.
+/// Returns the triangles of a part.
 pub(crate) fn own(mesh: &Labelled, part: u32) -> Vec<u32> {
     let all = 0..mesh.triangles.len() as u32;
     all.filter(|t| mesh.components[*t as usize] == part)

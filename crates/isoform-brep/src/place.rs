@@ -1,12 +1,12 @@
-//! Where the frame of a face's surface stands: seams and poles away from the face.
+//! Placement of the frame of a face's surface: seams and poles away from the face.
 
 use crate::cut::{CAP, ELLIPSOID_CAP, cap_direction, gaps_of};
 use isoform_geom::brep::{Axes, Revolved, Surface};
 use isoform_geom::{Point3, across, dot, sub};
 use std::sync::Arc;
 
-/// The surface with its frame placed for a face, given by the sides of its triangles. `outward` is
-/// a normal of the face: the normal of a plane takes its side.
+/// Returns the surface with its frame placed for a face, given by the sides of its triangles.
+/// `outward` is a normal of the face: the normal of a plane takes its side.
 pub(crate) fn place(
     surface: &Surface,
     points: &[Point3],
@@ -20,7 +20,7 @@ pub(crate) fn place(
     });
     let middle = sum.map(|v| v / count);
     let axes = *surface.axes();
-    // The frame turned so that its x, where angles begin, lies in the middle of what is free.
+    // The frame turned so that its x, where angles begin, lies in the middle of the gap.
     let seam_free = |axes: Axes| {
         let free = gaps_of(surface, points, sides)[0].0;
         let own = surface.axes();

@@ -1,11 +1,11 @@
-//! Edges as readers of files see them on faces.
+//! Edges as readers of files reconstruct them on faces.
 //!
 //! Files hold edges in space only. Readers project some points of an edge onto the surface of each
-//! of its faces, and interpolate between their parameters: what a face ends at is this curve, and
-//! not the edge. OpenCASCADE (ShapeConstruct_ProjectCurveOnSurface) takes 23 points at equal steps
-//! of the curve's own parameter, more for splines of many spans, and the cubic spline through them;
-//! where the curve is long, or passes near a pole, the two are far apart between the points. Edges
-//! are divided until they are not.
+//! of its faces, and interpolate between their parameters: a face ends at this curve, and not at
+//! the edge. OpenCASCADE (ShapeConstruct_ProjectCurveOnSurface) takes 23 points at equal steps of
+//! the curve's own parameter, more for splines of many spans, and the cubic spline through them; if
+//! the curve is long, or passes near a pole, the two are far apart between the points. Edges are
+//! divided until they agree.
 
 use crate::check::{TOLERANCE, worse};
 use crate::vertices::follow;
@@ -13,17 +13,16 @@ use isoform_geom::brep::{Brep, Curve, Edge, Surface};
 use isoform_geom::{Point3, cross, norm, sub};
 use std::f64::consts::{PI, TAU};
 
-/// Steps between the points of an edge that are projected; the multiples of it are taken for
-/// splines.
+/// Number of steps between the points of an edge that readers project; multiples of it for splines.
 const STEPS: usize = 22;
-/// Places between two points at which the curves are compared.
+/// Number of parts of a step at whose ends the curves are compared.
 const PLACES: usize = 4;
 /// Parts of an edge at most: the error falls with the fourth power of their number.
 const MOST: usize = 32;
 /// Maximum number of divisions of an edge.
 const ROUNDS: usize = 3;
 
-/// By edge, the largest distance between it and its images in the parameters of its faces.
+/// Returns by edge the largest distance from its images in the parameters of its faces.
 pub(crate) fn deviations(brep: &Brep) -> Vec<f64> {
     let mut worst = vec![0.0f64; brep.edges.len()];
     for face in &brep.faces {
@@ -36,8 +35,8 @@ pub(crate) fn deviations(brep: &Brep) -> Vec<f64> {
     worst
 }
 
-/// Divides edges whose images leave them by more than readers resolve in a model of that size;
-/// gives the divided edges in the order of the edges that are added.
+/// Divides edges whose images leave them by more than readers resolve in a model of this size;
+/// returns the divided edges in the order of the edges that are added.
 pub(crate) fn divide(brep: &mut Brep, size: f64) -> Vec<usize> {
     let limit = TOLERANCE * size;
     let mut divided = Vec::new();
@@ -47,7 +46,7 @@ pub(crate) fn divide(brep: &mut Brep, size: f64) -> Vec<usize> {
         for (e, off) in worst.into_iter().enumerate() {
             if off > limit {
                 let parts = (off / limit).powf(0.25).ceil();
-                // What is not finite as well: such an edge is divided as far as is allowed.
+                // This includes infinity: such an edge is divided as far as is allowed.
                 let parts = parts.min(MOST as f64) as usize;
                 divided.extend(std::iter::repeat_n(e, divide_edge(brep, e, parts)));
             }
@@ -59,7 +58,8 @@ pub(crate) fn divide(brep: &mut Brep, size: f64) -> Vec<usize> {
     divided
 }
 
-/// Divides an edge into equal parts, a spline by knots; how many edges were added.
+/// Divides an edge into equal parts, a spline by knots; returns the number of edges that were
+/// added.
 fn divide_edge(brep: &mut Brep, edge: usize, parts: usize) -> usize {
     match &mut brep.edges[edge].curve {
         Curve::Line => 0,
@@ -88,10 +88,10 @@ fn divide_edge(brep: &mut Brep, edge: usize, parts: usize) -> usize {
     }
 }
 
-/// The largest distance between an edge and its image in the parameters of a surface.
+/// Returns the largest distance between an edge and its image in the parameters of a surface.
 fn deviation(brep: &Brep, edge: u32, surface: &Surface) -> f64 {
     let curve = &brep.edges[edge as usize].curve;
-    // Projection is linear there: conics and splines stay what they are.
+    // Projection is linear there: conics and splines keep their form.
     if matches!(surface, Surface::Plane(_)) || matches!(curve, Curve::Line) {
         return 0.0;
     }
@@ -118,7 +118,7 @@ fn deviation(brep: &Brep, edge: u32, surface: &Surface) -> f64 {
                 }),
             );
             let (p, velocity) = at(i as f64 + x);
-            // A shift along the edge changes nothing of the face.
+            // A shift along the edge does not change the face.
             let across = norm(cross(sub(seen, p), velocity)) / norm(velocity);
             worst = worse(worst, across);
         }
@@ -126,7 +126,7 @@ fn deviation(brep: &Brep, edge: u32, surface: &Surface) -> f64 {
     worst
 }
 
-/// The parameters that a file gives a surface.
+/// Returns the parameters of a point in the parametrisation that files use.
 fn parameters(surface: &Surface, p: Point3) -> [f64; 2] {
     match surface {
         Surface::Ellipsoid(ball) => ball.in_chart(p),
@@ -141,8 +141,8 @@ fn point(surface: &Surface, at: [f64; 2]) -> Point3 {
     }
 }
 
-/// The parameters of points in order, angles without jumps; a point on the axis, which has no
-/// angle, takes that of its neighbour.
+/// Returns the parameters of points in order, angles without jumps; a point on the axis, which has
+/// no angle, takes that of its neighbour.
 fn projected(surface: &Surface, points: &[Point3]) -> Vec<[f64; 2]> {
     let angles = match surface {
         Surface::Plane(_) | Surface::Graph(_) | Surface::Ellipsoid(_) => 0,
@@ -174,8 +174,8 @@ fn projected(surface: &Surface, points: &[Point3]) -> Vec<[f64; 2]> {
     all
 }
 
-/// The slopes of the cubic spline through values at equal steps of 1; at its ends those of the
-/// cubic through the four values there.
+/// Returns the slopes of the cubic spline through values at equal steps of 1; at its ends those of
+/// the cubic through the four values there.
 fn slopes(values: &[f64]) -> Vec<f64> {
     let last = values.len() - 1;
     let end = |v: [f64; 4]| -11.0 / 6.0 * v[0] + 3.0 * v[1] - 1.5 * v[2] + v[3] / 3.0;
@@ -204,7 +204,7 @@ fn slopes(values: &[f64]) -> Vec<f64> {
     m
 }
 
-/// The cubic with values and slopes at 0 and 1.
+/// Returns the cubic with values and slopes at 0 and 1.
 fn hermite([a, b]: [f64; 2], [p, q]: [f64; 2], x: f64) -> f64 {
     let y = 1.0 - x;
     y * y * ((1.0 + 2.0 * x) * a + x * p) + x * x * ((1.0 + 2.0 * y) * b - y * q)
@@ -216,7 +216,8 @@ mod tests {
     use isoform_geom::brep::{Axes, Coedge, Face};
     use isoform_geom::dot;
 
-    /// A cap of the unit sphere about z within an angle of a direction, its border in two halves.
+    /// Returns a cap of the unit sphere about z within an angle of a direction, its border in two
+    /// halves.
     fn cap(direction: Point3, angle: f64) -> Brep {
         let (sin, cos) = angle.sin_cos();
         let around = Axes::along(direction.map(|v| cos * v), direction);

@@ -1,9 +1,9 @@
 //! Smooth pieces that are surfaces of revolution: turned parts and their blends.
 //!
-//! The motion about an axis that leaves a surface alone is the one along which its normals have no
-//! component. It is found by the least eigenvalue of these components (Pottmann and Wallner,
-//! Computational Line Geometry, 2001, section 4.1), or is that of a neighbour, and the function
-//! itself says whether it is one. The profile is followed in a half-plane about the axis.
+//! The rotation that leaves a surface invariant is the motion along which its normals have no
+//! component. It is found from the least eigenvalue of the matrix of these components (Pottmann and
+//! Wallner, Computational Line Geometry, 2001, section 4.1), or taken from a neighbour, and tested
+//! on the function itself. The profile is followed in a half-plane about the axis.
 
 use crate::curves::{Bezier, Wanted, joined, pieces};
 use crate::locus::{Distance, Locus};
@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 /// Nodes from which the axis is found and at which it is tried.
 const SAMPLES: usize = 200;
-/// Turns by which the nodes are moved.
+/// Number of rotations by which the nodes are tested.
 const TURNS: usize = 5;
 /// Nodes that are moved about the axis stay as near to the surface as this, in sizes: rounding.
 const ROUND: f64 = 1e-11;
@@ -28,15 +28,15 @@ const MOST_STEPS: usize = 1000;
 /// A step onto the profile this short, in lengths of the steps along it, is the last: the next one
 /// would be about its square.
 const CLOSE: f64 = 1e-7;
-/// Nodes within this of the profile, in steps, have been passed.
+/// Maximum distance of a node from the profile that counts as passing it, in steps.
 const PASSED: f64 = 0.3;
 /// Steps for the longest edge of the mesh after which the walk ends where no node was passed.
 const EMPTY: f64 = 2.0;
 /// Functions are followed up to this distance from the axis, in steps: nearer to it they may have
 /// no gradient.
 const POLE: f64 = 0.05;
-/// Steps to the axis from the last point that is followed, at most: of profiles that meet it at
-/// more than six degrees.
+/// Maximum distance to the axis, in steps, from the last point that is followed: profiles that meet
+/// it at more than six degrees reach it.
 const LAST: f64 = 10.0;
 /// Distance from the axis, in sizes of the model, at which a profile is taken to go on as the
 /// polynomial that it is by then: what this misses is of its third power.
@@ -44,44 +44,44 @@ const TIP: f64 = 1e-6;
 /// The point there is this near to the surface, in sizes: a function that vanishes twice at its tip
 /// is good to half of the digits near it.
 const ON: f64 = 1e-9;
-/// Profiles that reach the axis within this of a right angle (its sine) have a smooth pole there,
-/// and no tip; those within this of the axis have a cusp.
+/// Minimum sine between the normal and the axis direction, or its normal, at a tip. Below it the
+/// profile reaches the axis at a right angle, a smooth pole without a tip, or along it, a cusp.
 const SMOOTH: f64 = 0.02;
 
 /// A piece of a smooth surface.
 pub(crate) struct Piece<'a> {
-    /// Where its function vanishes.
+    /// Zero set of its function.
     pub(crate) locus: &'a Locus,
     /// Corners of its triangles.
     pub(crate) triangles: &'a [[Point3; 3]],
-    /// Frames about whose z it may be turned; more are found.
+    /// Frames about whose z it may be a surface of revolution; another axis is computed.
     pub(crate) axes: &'a [Axes],
-    /// How far the surface may be away.
+    /// Maximum distance of the result, in model units.
     pub(crate) tolerance: f64,
-    /// The size of the model.
+    /// Size of the model.
     pub(crate) size: f64,
 }
 
 impl Piece<'_> {
-    /// The surface of revolution that the piece is, or none.
+    /// Returns the surface of revolution that the piece is; `None` if it is not one.
     pub(crate) fn revolved(&self) -> Option<Surface> {
         let all = self.triangles.as_flattened();
         let every = all.len().div_ceil(SAMPLES).max(1);
         let nodes = all.iter().step_by(every).copied();
-        // At a tip there is no normal.
+        // The normal does not exist at a tip.
         let has_normal = |p: &Point3| self.locus.distance(*p).1.iter().all(|v| v.is_finite());
         let nodes: Vec<Point3> = nodes.filter(has_normal).collect();
         let is_round = |a: &Axes| self.is_round(a, &nodes);
         let known = self.axes.iter().copied().find(is_round);
         let axes = known.or_else(|| self.axis(&nodes).filter(is_round))?;
         let made = Surface::Revolved(Arc::new(self.turned(&axes)?));
-        // Nodes on a border may not lie on the surface.
+        // Nodes on a border may be off the surface.
         let is_near = |p: &Point3| made.distance(meet([self.locus], *p)).0.abs() <= self.tolerance;
         all.iter().all(is_near).then_some(made)
     }
 
-    /// The axis of the motion that the surface allows: c × p + d with normals n has the components
-    /// c·(p × n) + d·n.
+    /// Returns the axis of the motion that leaves the surface invariant: c × p + d with normals n
+    /// has the components c·(p × n) + d·n.
     fn axis(&self, nodes: &[Point3]) -> Option<Axes> {
         let bounds = Aabb::of(nodes);
         let (center, scale) = (bounds.center(), bounds.diagonal());
@@ -107,8 +107,8 @@ impl Piece<'_> {
         Some(Axes::along(origin, c.map(|v| v / square.sqrt())))
     }
 
-    /// Whether nodes stay as far from the surface when they are turned about z: those on a border
-    /// may not lie on it.
+    /// Returns true if the distance of nodes from the surface does not change when they are rotated
+    /// about z. It need not be zero: nodes on a border may be off the surface.
     fn is_round(&self, axes: &Axes, nodes: &[Point3]) -> bool {
         let off = |p: Point3| self.locus.distance(p).0;
         nodes.iter().all(|p| {
@@ -121,7 +121,7 @@ impl Piece<'_> {
         })
     }
 
-    /// The surface about an axis.
+    /// Returns the surface about an axis.
     fn turned(&self, axes: &Axes) -> Option<Revolved> {
         let all = self.triangles.as_flattened().iter();
         let places: Vec<[f64; 2]> = all
@@ -167,25 +167,25 @@ impl Piece<'_> {
     }
 }
 
-/// A piece of a profile that ends near the axis, up to the axis.
+/// Extends a piece of a profile that ends near the axis up to the axis.
 fn to_axis(piece: &Bezier, axes: &Axes) -> Option<Bezier> {
     let mut s = 1.0;
     for _ in 0..8 {
         let (p, velocity) = piece.at(s);
         s -= axes.local(p)[0] / dot(velocity, axes.x);
     }
-    // The rest is as short as the distance from the axis at which the piece ends.
+    // The extension is as short as the distance from the axis at which the piece ends.
     ((s - 1.0).abs() < 0.5).then(|| piece.up_to(s))
 }
 
-/// The end of a profile.
+/// End of a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
-    /// It goes on beyond the piece.
+    /// The profile continues beyond the piece.
     Beyond,
-    /// It reaches the axis at an angle, and is followed up to a place near it.
+    /// The profile reaches the axis at an angle, and is followed up to a point near it.
     Tip,
-    /// It reaches the axis at a right angle.
+    /// The profile reaches the axis at a right angle.
     Pole,
 }
 
@@ -195,13 +195,13 @@ impl End {
     }
 }
 
-/// Points of a profile in order, and what ends it at its first and at its last.
+/// Points of a profile in order, and the kinds of its first and its last end.
 struct Path {
     points: Vec<[f64; 2]>,
     ends: [End; 2],
 }
 
-/// The way along the profile of a surface of revolution.
+/// State of following the profile of a surface of revolution.
 struct Walk<'a> {
     piece: &'a Piece<'a>,
     axes: &'a Axes,
@@ -221,8 +221,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// The profile past all nodes, and a step beyond or up to the axis; none if it is closed, has
-    /// smooth poles and no tip, or does not pass all nodes.
+    /// Returns the profile past all nodes, and a step beyond or up to the axis; `None` if it is
+    /// closed, has smooth poles and no tip, or does not pass all nodes.
     fn path(&self) -> Option<Path> {
         let is_off = |q: &&[f64; 2]| q[0] > self.step;
         let (start, tangent) = self.onto(*self.places.iter().find(is_off)?)?;
@@ -238,7 +238,7 @@ impl<'a> Walk<'a> {
         (points.len() > 2 && passed.into_iter().all(|p| p)).then_some(Path { points, ends })
     }
 
-    /// The way in one direction, with its start.
+    /// Returns the profile in one direction, with its start.
     fn half(
         &self,
         start: [f64; 2],
@@ -279,13 +279,13 @@ impl<'a> Walk<'a> {
                 }
             }
         }
-        // One step beyond the last node: what is trimmed lies inside of the surface.
+        // One step beyond the last node: trimmed edges lie inside the surface.
         path.truncate(last_passed + 2);
         Some((path, End::Beyond))
     }
 
-    /// The point of the profile near the axis, the point on it, and what is there, in the
-    /// direction of a tangent; none if the axis is not reached, or no node is near.
+    /// Returns the point of the profile near the axis, the point on it, and the kind of end, in the
+    /// direction of a tangent; `None` if the axis is not reached, or no node is near.
     fn tip(&self, from: [f64; 2], tangent: [f64; 2]) -> Option<([f64; 2], [f64; 2], End)> {
         let out = TIP * self.piece.size;
         let steps = (out - from[0]) / tangent[0];
@@ -318,7 +318,7 @@ impl<'a> Walk<'a> {
         is_reached.then_some(([r, z], tip, end))
     }
 
-    /// A point of the profile near a place, and its tangent.
+    /// Returns a point of the profile near a given one, and its tangent.
     fn onto(&self, near: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
         let mut q = near;
         for _ in 0..32 {
@@ -348,7 +348,7 @@ fn apart(p: [f64; 2], q: [f64; 2]) -> f64 {
     (p[0] - q[0]).hypot(p[1] - q[1])
 }
 
-/// The distance of a place from a segment.
+/// Returns the distance of a point from a segment.
 fn to_segment(p: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
     let d = [b[0] - a[0], b[1] - a[1]];
     let along = (p[0] - a[0]) * d[0] + (p[1] - a[1]) * d[1];

@@ -1,8 +1,7 @@
-//! Where the functions of a part change, and the part with them.
+//! Seams: curves at which the function of a part changes.
 //!
-//! Each function of a part has limits, beyond which another one counts. A limit divides only
-//! triangles in which the function changes: most of what limits say makes no difference on the
-//! surface.
+//! Each function of a part has limits, beyond which another one applies. A limit divides only
+//! triangles in which the function changes: most limits have no effect on the surface.
 
 use crate::cut::{Cut, Labelled, crossing, imprint};
 use crate::locus::{Distance, Locus};
@@ -22,20 +21,21 @@ const COMPARED: usize = 48;
 /// Questions of a part at most: limits beyond are left alone.
 const MOST: usize = 128;
 
-/// A question: whether a limit is positive. The negative of the limit may be another one.
+/// A question: the sign of a limit. The negative of the limit may be another limit.
 struct Question {
     limit: Arc<dyn Field>,
     /// Values at some nodes of the part.
     values: Vec<f64>,
 }
 
-/// Where the functions of a part change.
+/// The seams of a part.
 pub(crate) struct Seams<'a> {
     part: u32,
     whole: Whole<'a>,
     branches: Vec<&'a SmoothPart>,
     questions: Vec<Question>,
-    /// By branch, the questions and whether each limit is the question itself, or its negative.
+    /// Questions of each branch, with true if the limit is that of the question, false if it is its
+    /// negative.
     asked: Vec<Vec<(usize, bool)>>,
 }
 
@@ -46,7 +46,7 @@ struct Answers {
 }
 
 impl<'a> Seams<'a> {
-    /// Of a part with the smooth parts of its piece.
+    /// Creates the seams of a part with the smooth parts of its piece.
     pub(crate) fn new(
         mesh: &Labelled,
         part: u32,
@@ -74,7 +74,8 @@ impl<'a> Seams<'a> {
         made
     }
 
-    /// The number of the question that a limit answers, and whether it is the question itself.
+    /// Returns the index of the question that a limit answers, and true if it is the question's
+    /// limit, false if it is its negative.
     fn ask(&mut self, limit: &Arc<dyn Field>, points: &[Point3]) -> Option<(usize, bool)> {
         let is_it = |q: &Question| Arc::ptr_eq(&q.limit, limit);
         if let Some(k) = self.questions.iter().position(is_it) {
@@ -101,8 +102,8 @@ impl<'a> Seams<'a> {
         Some((self.questions.len() - 1, true))
     }
 
-    /// The answers at a point. The branch is that whose least limit is largest: where none holds,
-    /// as just beside a seam, the one that is nearest to it.
+    /// Returns the answers at a point. The branch is that whose least limit is largest: if none
+    /// holds, as just off a seam, the nearest one.
     fn answers(&self, p: Point3) -> Answers {
         let questions = self.questions.iter();
         let values: Vec<f64> = questions.map(|q| q.limit.value(p)).collect();
@@ -119,7 +120,8 @@ impl<'a> Seams<'a> {
         Answers { values, function }
     }
 
-    /// Divides the part where its function changes; by function, its branches and its triangles.
+    /// Divides the part where its function changes; returns by function its branches and its
+    /// triangles.
     pub(crate) fn divide(
         &self,
         mesh: &mut Labelled,
@@ -154,7 +156,8 @@ impl<'a> Seams<'a> {
         made
     }
 
-    /// The triangles with an edge along which the function changes, and the answer to a question.
+    /// Returns the triangles with an edge along which both the function and the answer to a
+    /// question change.
     fn changing(
         &self,
         mesh: &Labelled,
@@ -177,7 +180,7 @@ impl<'a> Seams<'a> {
 }
 
 /// Returns the locus along which two pieces that touch join, near some points in order: a limit of
-/// one, or what crosses both surfaces where they touch; none if there is none within the points'
+/// one, or a surface that crosses both where they touch; `None` if none is within the points'
 /// distances.
 pub(crate) fn seam(pieces: [&Piece; 2], loci: [&Locus; 2], points: &[Point3]) -> Option<Locus> {
     let reach = points
@@ -208,7 +211,7 @@ pub(crate) fn seam(pieces: [&Piece; 2], loci: [&Locus; 2], points: &[Point3]) ->
 }
 
 /// Returns a surface that crosses two others along the line or circle where they touch: a tube `s`,
-/// and what it goes over into.
+/// and the surface that it continues into.
 fn crossing_contact(s: &Surface, other: &Surface) -> Option<Surface> {
     use Surface::{Cone, Cylinder, Plane, Sphere, Torus};
     let plane = |at, normal: Point3| {
@@ -228,8 +231,8 @@ fn crossing_contact(s: &Surface, other: &Surface) -> Option<Surface> {
     }
 }
 
-/// The largest angle between neighbours' normals along points (radians): how far two loci are from
-/// touching.
+/// Returns the largest angle between the normals of two loci along points (radians): a measure of
+/// how far they are from touching.
 pub(crate) fn largest_angle(loci: [&Locus; 2], points: &[Point3]) -> f64 {
     let sine = |p: &Point3| {
         let [a, b] = loci.map(|l| l.distance(meet([l], *p)).1);
@@ -247,8 +250,8 @@ mod tests {
     /// Two surfaces that touch, and the points where they do.
     type Case<'a> = (Surface, Surface, &'a dyn Fn(f64) -> Point3);
 
-    /// Where two surfaces touch, both vanish with one normal, and what crosses them there is at an
-    /// angle to it.
+    /// The normals of touching surfaces agree at a contact, and the surface that crosses them there
+    /// is at an angle to them.
     #[test]
     fn contacts_are_crossed() {
         let axes = |origin, z| Axes::along(origin, z);

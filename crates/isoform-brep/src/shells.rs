@@ -1,11 +1,12 @@
-//! Shells, and which of them are voids of which.
+//! Shells, and the voids of each.
 
 use crate::BrepError;
 use crate::topology::{Side, components};
 use isoform_geom::brep::Body;
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
-/// The solids that the shells of a closed mesh bound; `face_of` are the faces of its triangles.
+/// Returns the solids that the shells of a closed mesh bound; `face_of` are the faces of its
+/// triangles.
 pub(crate) fn solids(
     points: &[Point3],
     triangles: &[[u32; 3]],
@@ -50,7 +51,7 @@ struct Shell {
     volume: f64,
 }
 
-/// The volume within triangles.
+/// Returns the volume enclosed by triangles.
 pub(crate) fn volume(points: &[Point3], triangles: &[[u32; 3]]) -> f64 {
     let origin = triangles
         .first()
@@ -62,8 +63,8 @@ pub(crate) fn volume(points: &[Point3], triangles: &[[u32; 3]]) -> f64 {
     each.sum()
 }
 
-/// How often triangles wind around a point: the sum of their solid angles (Van Oosterom and Strackee
-/// 1983) by that of the sphere.
+/// Returns the winding number of triangles around a point: the sum of their solid angles (Van
+/// Oosterom and Strackee 1983) over that of the sphere.
 fn winding(points: &[Point3], triangles: &[[u32; 3]], p: Point3) -> f64 {
     let each = triangles.iter().map(|t| {
         let [a, b, c] = t.map(|v| sub(points[v as usize], p));

@@ -1,4 +1,4 @@
-//! Parts of a mesh that are nowhere on the surface of the solid.
+//! Stray parts of a mesh, no triangle of which is on the surface of the solid.
 
 use crate::BrepError;
 use crate::locus::Distance;
@@ -9,10 +9,9 @@ use crate::whole::{Boundary, Whole, piece_named};
 use isoform_geom::{Mesh, Point3, Solid, distance_squared, middle};
 use std::collections::BTreeMap;
 
-/// Returns the part of each triangle. Connected triangles of a part that are nowhere on the surface
-/// of the solid, with a node that is not on it either, get the part with which they share the
-/// longest border: a node off the surface, near a place where parts touch, makes triangles of a
-/// part that ends there.
+/// Returns the part of each triangle. Connected triangles of a part are stray if none is on the
+/// surface of the solid; they get the part with which they share the longest border. A node off the
+/// surface, near a contact of parts, makes such triangles of a part that ends there.
 ///
 /// # Errors
 /// [`BrepError::NotClosed`].
@@ -35,8 +34,8 @@ pub(crate) fn parts_on_surface(mesh: &Mesh, solid: &dyn Solid) -> Result<Vec<u32
     Ok(parts)
 }
 
-/// True if a triangle is on the surface of the solid: the point of its part nearest to its middle,
-/// or all of its nodes.
+/// Returns true if a triangle is on the surface of the solid: the point of its part nearest to its
+/// middle, or all of its nodes.
 fn is_triangle_on(mesh: &Mesh, solid: &dyn Solid, t: usize) -> bool {
     let [x, y, z] = mesh.bounds().size();
     let limit = ON * x.max(y).max(z);
@@ -47,8 +46,8 @@ fn is_triangle_on(mesh: &Mesh, solid: &dyn Solid, t: usize) -> bool {
     is_on(nearest) || corners.into_iter().all(is_on)
 }
 
-/// Returns, by component that is not on the surface, the part with which it shares the longest
-/// border of those that are.
+/// Returns, by stray component, the part with which it shares the longest border among those on the
+/// surface.
 fn longest_borders(
     mesh: &Mesh,
     across: &[[Side; 3]],

@@ -1,17 +1,17 @@
-//! The exact surfaces of the parts of a mesh.
+//! Exact surfaces of the parts of a mesh.
 //!
-//! A surface is recognised from points of the part's own function, found by Newton's method all
-//! over the box of the model: a small patch of a cone or a torus says little about the whole. Where
-//! that gives nothing, the nodes of the mesh serve.
+//! A surface is recognised from points of the part's own function, found by Newton's method
+//! throughout the box of the model: a small patch of a cone or a torus says little about the whole.
+//! If that fails, the nodes of the mesh are used.
 
 use crate::BrepError;
 use isoform_geom::brep::{Axes, Surface};
 use isoform_geom::{Aabb, Point3, Quadric, dot, norm, sub};
 
-/// The quadric or torus through points with unit normals, to rounding.
+/// Function that returns the quadric or torus through points with unit normals, to rounding.
 pub type Recognize<'a> = dyn Fn(&[Point3], &[Point3]) -> Option<Quadric> + 'a;
 
-/// Points are sought from a lattice of so many in each direction.
+/// Number of starting points in each direction of the lattice from which points are sought.
 const LATTICE: usize = 7;
 /// Nodes of the mesh that are looked at, at most.
 const NODES: usize = 400;
@@ -23,7 +23,8 @@ pub(crate) const ON: f64 = 1e-9;
 /// axis.
 const SPINDLE: f64 = 0.98;
 
-/// A cone has two halves, its surface only the one along its axis: that of the points.
+/// Returns the surface with its axis turned towards the points if it is a cone: a cone has two
+/// nappes, its surface is only the one along its axis.
 fn towards(surface: Surface, points: &[Point3]) -> Surface {
     let Surface::Cone(axes, radius, half_angle) = surface else {
         return surface;
@@ -40,18 +41,18 @@ fn towards(surface: Surface, points: &[Point3]) -> Surface {
     )
 }
 
-/// A smooth part of a surface, and what its surface may be recognised from.
+/// A smooth part of a surface, and the input for recognising its surface.
 pub(crate) struct Part<'a> {
     /// Value and gradient of its function.
     pub(crate) function: &'a dyn Fn(Point3) -> (f64, Point3),
-    /// The box of the model.
+    /// Box of the model.
     pub(crate) bounds: Aabb,
-    /// Its name.
+    /// Name of the part.
     pub(crate) name: &'a str,
 }
 
 impl Part<'_> {
-    /// The exact surface that the part lies on, from nodes of the mesh.
+    /// Returns the exact surface that the part lies on, from nodes of the mesh.
     ///
     /// # Errors
     /// [`BrepError::NoSurface`], [`BrepError::OffSurface`], [`BrepError::Spindle`].
@@ -84,8 +85,8 @@ impl Part<'_> {
         Err(why)
     }
 
-    /// Returns the nodes on the part's own function, or all if there is none. Where pieces touch, the
-    /// mesh may have a node beyond the contact, which says nothing of the surface.
+    /// Returns the nodes on the part's own function, or all if there are none. Where pieces touch,
+    /// the mesh may have a node beyond the contact, which does not lie on the surface.
     fn nodes_on(&self, nodes: &[Point3], limit: f64) -> Vec<Point3> {
         let is_on = |p: &&Point3| {
             let (value, gradient) = (self.function)(**p);
@@ -95,7 +96,7 @@ impl Part<'_> {
         if on.is_empty() { nodes.to_vec() } else { on }
     }
 
-    /// The surface of a quadric, if it has a name and the nodes lie on it.
+    /// Returns the surface of a quadric, if it is of a known kind and the nodes lie on it.
     fn fits(
         quadric: &Quadric,
         nodes: &[Point3],
@@ -120,7 +121,7 @@ impl Part<'_> {
         }
     }
 
-    /// Points of the box of the model.
+    /// Returns a lattice of points of the box of the model.
     fn lattice(&self) -> Vec<Point3> {
         let size = self.bounds.size();
         let at = |k: usize, i: usize| {
@@ -138,8 +139,8 @@ impl Part<'_> {
         .collect()
     }
 
-    /// The point of the part's function near a point, with the unit normal; none if there is none
-    /// within the size of the model.
+    /// Returns the point of the part's function near a point, with the unit normal; `None` if none
+    /// is found within the size of the model.
     fn point_near(&self, start: Point3) -> Option<(Point3, Point3)> {
         let reach = self.bounds.diagonal();
         let mut p = start;
@@ -153,7 +154,7 @@ impl Part<'_> {
             let step = value.abs() / g2.sqrt();
             let (settled, normal) = (step <= 1e-13 * reach, g.map(|v| v / g2.sqrt()));
             p = std::array::from_fn(|k| p[k] - value / g2 * g[k]);
-            // One step more than needed brings the last digits.
+            // One step more than needed adds the last digits.
             if settled && step >= 0.5 * last || step == 0.0 {
                 let is_near = norm(sub(p, start)) <= reach;
                 return is_near.then_some((p, normal));

@@ -1,7 +1,7 @@
 //! Faces, chains of edges and loops of a labelled closed mesh.
 //!
-//! A *border* is an edge of the mesh between triangles of different labels. Triangles that hang
-//! together without crossing a border are a face. A *junction* is a node where the number of
+//! A *border* is an edge of the mesh between triangles of different labels. Triangles that are
+//! connected without crossing a border are a face. A *junction* is a node where the number of
 //! borders is not two, or that is declared one; between junctions borders form *chains*, each with
 //! one face on its left and one on its right. A chain without a junction is divided into two.
 
@@ -9,10 +9,10 @@ use crate::BrepError;
 use isoform_geom::{Point3, UnionFind, distance_squared};
 use std::collections::BTreeSet;
 
-/// A triangle and the number of one of its sides: side k runs from corner k to corner k + 1.
+/// A triangle and the index of one of its sides: side k runs from corner k to corner k + 1.
 pub(crate) type Side = (u32, u8);
 
-/// The side of the other triangle, by triangle and side.
+/// Returns the side of the other triangle, by triangle and side.
 pub(crate) fn across_sides(triangles: &[[u32; 3]]) -> Result<Vec<[Side; 3]>, BrepError> {
     let mut sides: Vec<([u32; 2], bool, Side)> = Vec::with_capacity(3 * triangles.len());
     for (t, corners) in triangles.iter().enumerate() {
@@ -36,12 +36,12 @@ pub(crate) fn across_sides(triangles: &[[u32; 3]]) -> Result<Vec<[Side; 3]>, Bre
     Ok(across)
 }
 
-/// The nodes from which and to which a side runs.
+/// Returns the nodes from which and to which a side runs.
 pub(crate) fn ends_of(corners: &[u32; 3], k: u8) -> [u32; 2] {
     [corners[k as usize], corners[(k as usize + 1) % 3]]
 }
 
-/// The length of the longest side of triangles.
+/// Returns the length of the longest side of triangles.
 pub(crate) fn longest_side(triangles: impl Iterator<Item = [Point3; 3]>) -> f64 {
     let squares = triangles.flat_map(|[a, b, c]| {
         let sides = [(a, b), (b, c), (c, a)];
@@ -50,7 +50,7 @@ pub(crate) fn longest_side(triangles: impl Iterator<Item = [Point3; 3]>) -> f64 
     squares.fold(0.0, f64::max).sqrt()
 }
 
-/// The sides of some triangles.
+/// Returns the sides of some triangles.
 pub(crate) fn sides_of(triangles: &[[u32; 3]], own: &[u32]) -> Vec<[u32; 2]> {
     let corners = own.iter().map(|t| &triangles[*t as usize]);
     corners
@@ -58,7 +58,8 @@ pub(crate) fn sides_of(triangles: &[[u32; 3]], own: &[u32]) -> Vec<[u32; 2]> {
         .collect()
 }
 
-/// Numbers of the sets of triangles that hang together across sides where `is_open`; and how many.
+/// Returns the indices of the components of triangles that are connected across sides where
+/// `is_open`, and their number.
 pub(crate) fn components(
     across: &[[Side; 3]],
     is_open: impl Fn(u32, u32) -> bool,
@@ -91,27 +92,28 @@ pub(crate) fn components(
 pub(crate) struct Chain {
     /// Nodes from junction to junction.
     pub(crate) nodes: Vec<u32>,
-    /// The sides along it, of the face on its left.
+    /// Sides along it, of the face on its left.
     pub(crate) sides: Vec<Side>,
-    /// The faces on its left and on its right.
+    /// Faces on its left and on its right.
     pub(crate) faces: [u32; 2],
 }
 
 /// Faces, chains and loops.
 #[derive(Debug, Default)]
 pub(crate) struct Topology {
-    /// The face of each triangle.
+    /// Face of each triangle.
     pub(crate) face_of: Vec<u32>,
-    /// The number of faces.
+    /// Number of faces.
     pub(crate) faces: usize,
-    /// The chains.
+    /// Chains of borders.
     pub(crate) chains: Vec<Chain>,
-    /// Loops by face: chains with whether they are passed forward.
+    /// Loops by face: chains, each with true if it is passed forward.
     pub(crate) loops: Vec<Vec<Vec<(u32, bool)>>>,
 }
 
 impl Topology {
-    /// From triangles with labels; `junctions` are nodes declared to be junctions.
+    /// Builds the topology of triangles with labels; `junctions` are nodes declared to be
+    /// junctions.
     pub(crate) fn new(
         points: &[Point3],
         triangles: &[[u32; 3]],
@@ -141,7 +143,7 @@ impl Topology {
     }
 }
 
-/// The walk along borders.
+/// State of following borders.
 struct Walk<'a> {
     points: &'a [Point3],
     triangles: &'a [[u32; 3]],
@@ -149,7 +151,7 @@ struct Walk<'a> {
     face_of: &'a [u32],
     /// Sides on borders that leave each node.
     borders: Vec<Vec<Side>>,
-    /// The chain of each side on a border, whether the side runs along it, and its place in it.
+    /// Chain of each side on a border, true if the side runs along it, and its position in it.
     chain_of: Vec<[Option<(u32, bool, usize)>; 3]>,
     chains: Vec<Chain>,
 }
@@ -174,7 +176,7 @@ impl Walk<'_> {
         self.across[t as usize][k as usize]
     }
 
-    /// Makes chains from all junctions, then of what goes round without one.
+    /// Makes chains from all junctions, then of closed borders without one.
     fn chain_up(&mut self, declared: &BTreeSet<u32>) {
         let mut is_junction: Vec<bool> = self
             .borders
@@ -201,7 +203,7 @@ impl Walk<'_> {
         }
     }
 
-    /// The node of a closed chain that is farthest from its first.
+    /// Returns the node of a closed chain that is farthest from its first.
     fn farthest_along(&self, start: u32, first: Side) -> u32 {
         let from = self.points[start as usize];
         let (mut best, mut side) = ((0.0, start), first);
@@ -218,7 +220,7 @@ impl Walk<'_> {
         }
     }
 
-    /// The side that goes on from the end of one where only two borders meet.
+    /// Returns the side that continues from the end of one at which only two borders meet.
     fn next_of(&self, side: Side) -> Side {
         let back = self.opposite(side);
         let leaving = &self.borders[self.to(side) as usize];
@@ -259,7 +261,7 @@ impl Walk<'_> {
         });
     }
 
-    /// The next side on the border of the same face.
+    /// Returns the next side on the border of a face.
     fn around(&self, (t, k): Side) -> Side {
         let mut side = (t, (k + 1) % 3);
         while self.chain_of[side.0 as usize][side.1 as usize].is_none() {
@@ -296,7 +298,7 @@ impl Walk<'_> {
         loops
     }
 
-    /// Whether a side is where a loop comes upon its chain.
+    /// Returns true if a side is the first of its chain in a loop.
     fn begins_chain(&self, (t, k): Side) -> bool {
         match self.chain_of[t as usize][k as usize] {
             Some((_, true, i)) => i == 0,
@@ -310,7 +312,7 @@ impl Walk<'_> {
 mod tests {
     use super::*;
 
-    /// An octahedron, the two halves of which have a label each.
+    /// Returns an octahedron, the two halves of which have a label each.
     fn octahedron() -> (Vec<Point3>, Vec<[u32; 3]>) {
         let points = vec![
             [1.0, 0.0, 0.0],

@@ -11,23 +11,25 @@ use std::collections::BTreeSet;
 /// rounding of the iteration, times a hundred. A curve that enters the surface by less crosses it
 /// twice within some 1e-6 of the size, which no reader of solids keeps apart.
 const TOUCHES: f64 = 1e-12;
-/// Sines below this between a curve and a surface make it worth a look whether they touch: meeting
-/// loses as many digits there as it has.
+/// Maximum sine between a curve and a surface that are tested for contact: at such an angle their
+/// intersection loses as many digits as it has left. Also the maximum length of a step towards the
+/// contact, in sizes of the model.
 const FLAT: f64 = 1e-3;
 /// Angle (radians) by which edges that would have one tangent leave a contact. It kept readers from
-/// seeing crossings in all solids tried; with a tenth they saw some in most of them, with a hundred
-/// times more edges leave their surfaces by a reader's tolerance.
+/// finding crossings in all solids tried; with a tenth they found some in most of them, with a
+/// hundred times as much edges leave their surfaces by a reader's tolerance.
 const OPEN: f64 = 1e-6;
-/// Share of a spline between a contact and the vertex where it is parted.
+/// Share of a spline between a contact and the vertex at which it is divided.
 const SHARE: f64 = 1.0 / 32.0;
-/// Pieces of a parted spline between points that its parts start with: enough for a whole turn.
+/// Number of pieces of a divided spline between points that its parts start with: enough for a
+/// whole turn.
 const PIECES: u32 = 32;
 /// Steps at most: five are enough where the curve and the surface differ in curvature.
 const STEPS: usize = 20;
 
-/// The point near `start` that lies on all surfaces, and whether one of them touches the curve of
-/// two others there. Then it is the point of contact, and all edges that end in it have one
-/// tangent: as a common zero it is double, and would be good to half the digits only.
+/// Returns the point near `start` that lies on all surfaces, and true if one of them touches the
+/// curve of two others there. Then it is the point of contact, and all edges that end in it have
+/// one tangent: as a common zero it is double, and would be accurate to only half the digits.
 pub(crate) fn vertex(surfaces: &[Locus], start: Point3, size: f64) -> (Point3, bool) {
     let p = meet(surfaces, start);
     match contact(surfaces, p, size) {
@@ -36,7 +38,8 @@ pub(crate) fn vertex(surfaces: &[Locus], start: Point3, size: f64) -> (Point3, b
     }
 }
 
-/// Where one surface touches the curve of the two that meet at the largest angle.
+/// Returns the point at which one surface touches the curve of the two that meet at the largest
+/// angle.
 fn contact(surfaces: &[Locus], p: Point3, size: f64) -> Option<Point3> {
     let normals: Vec<Point3> = surfaces.iter().map(|s| s.distance(p).1).collect();
     let sine = |&(i, j): &(usize, usize)| norm(cross(normals[i], normals[j]));
@@ -53,8 +56,8 @@ fn contact(surfaces: &[Locus], p: Point3, size: f64) -> Option<Point3> {
     found.find(|q| gap(surfaces, *q) <= TOUCHES * size)
 }
 
-/// The point of the curve of two surfaces, near `start`, where the distance from a third one is
-/// stationary: there the tangent lies in the third.
+/// Returns the point of the curve of two surfaces, near `start`, at which the distance from a third
+/// one is stationary: there the tangent lies in the third.
 fn stationary(pair: [&Locus; 2], third: &Locus, start: Point3, size: f64) -> Option<Point3> {
     let (mut p, mut direction) = (start, [0.0; 3]);
     for _ in 0..STEPS {
@@ -64,7 +67,7 @@ fn stationary(pair: [&Locus; 2], third: &Locus, start: Point3, size: f64) -> Opt
         let slope = dot(jet.t, normal);
         let bend = dot(jet.k, normal) + third.bending(p, jet.t);
         let step = slope / bend;
-        // A curve that stays on the third surface has no nearest point.
+        // A curve that stays on the third surface has no stationary point.
         if step.is_nan() || step.abs() > FLAT * size {
             return None;
         }
@@ -79,13 +82,13 @@ fn stationary(pair: [&Locus; 2], third: &Locus, start: Point3, size: f64) -> Opt
 }
 
 /// Opens the angle between edges that end in a contact, where all have one tangent: splines are
-/// parted near it, and the short parts leave it in a direction of their own. Gives the parted edges
-/// in the order of the edges that are added to the solid.
+/// divided near it, and the short parts leave it in directions of their own. Returns the divided
+/// edges in the order of the edges that are added to the solid.
 ///
 /// Readers compute curves in the parameters of the faces by interpolation between some twenty
-/// points of an edge, whose tangents are off by 1e-6 then; of edges with one tangent they see
-/// crossings beside the vertex, and cut the face in two there. Of short parts they know the
-/// tangents to 1e-8, and do not see them cross if they leave the vertex [`OPEN`] apart.
+/// points of an edge, whose tangents are then off by 1e-6; of edges with one tangent they find
+/// crossings near the vertex, and cut the face in two there. Of short parts they know the tangents
+/// to 1e-8, and find no crossings if they leave the vertex [`OPEN`] apart.
 pub(crate) fn open_contacts(
     contacts: &BTreeSet<u32>,
     brep: &mut Brep,
@@ -117,14 +120,14 @@ pub(crate) fn open_contacts(
     parted
 }
 
-/// The direction in which the curve of two surfaces leaves, from a common point with one tangent,
-/// the curve that keeps nearest to it: where two faces share a surface with it.
+/// Returns the direction in which the curve of two surfaces leaves, from a common point with one
+/// tangent, the nearest of the curves that share a surface with it.
 fn away<'a>(
     own: [&Locus; 2],
     others: impl Iterator<Item = [&'a Locus; 2]>,
     p: Point3,
 ) -> Option<Point3> {
-    // What shares both is the curve itself, as it goes on behind the point.
+    // A curve that shares both surfaces is the continuation of this one.
     let shares = |o: &[&Locus; 2]| o.iter().filter(|s| own.contains(s)).count() == 1;
     let Jet { t, k, .. } = jet(own, p, [0.0; 3])?;
     let bends = others.filter(shares).filter_map(|o| Some(jet(o, p, t)?.k));
@@ -144,8 +147,8 @@ fn open(spline: &mut BSpline, is_end: bool, away: Point3) {
     }
 }
 
-/// Parts the spline of the first edge near an end; what lies behind becomes the second edge. None
-/// where there is no spline.
+/// Divides the spline of the first edge near an end; the second part becomes the second edge.
+/// `None` if the edge is not a spline.
 fn part(
     brep: &mut Brep,
     [edge, added]: [usize; 2],
@@ -174,7 +177,7 @@ fn part(
     Some(())
 }
 
-/// A point at a share of a spline, and the curves before and behind it.
+/// Returns a point at a share of a spline, and the curves before and behind it.
 fn halves(
     spline: &BSpline,
     share: f64,
@@ -203,7 +206,7 @@ fn halves(
     Some((middle, [near, far]))
 }
 
-/// Loops pass the edge `added` where they have passed `edge`.
+/// Inserts the edge `added` after `edge` into the loops that pass it.
 pub(crate) fn follow(brep: &mut Brep, edge: u32, added: u32) {
     for edges in brep.faces.iter_mut().flat_map(|face| &mut face.loops) {
         if let Some(k) = edges.iter().position(|c| c.edge == edge) {
@@ -225,8 +228,8 @@ mod tests {
     use super::*;
     use isoform_geom::brep::{Axes, Surface};
 
-    /// A bore, its countersink, and a cross bore whose top touches the circle between them in
-    /// (0.2, ±0.3, 0.2).
+    /// Returns a bore, its countersink, and a cross bore whose top touches the circle between them
+    /// in (0.2, ±0.3, 0.2).
     fn touching() -> [Locus; 3] {
         let along = |z: f64, axis| Axes::along([0.2, 0.0, z], axis);
         let bore = Surface::Cylinder(along(0.0, [0.0, 0.0, 1.0]), 0.3);

@@ -1,4 +1,4 @@
-//! Distances from a solid and its pieces, as their functions have them.
+//! Distances from a solid and its pieces, by their functions.
 
 use crate::locus::{Distance, outward};
 use isoform_geom::{Point3, Solid};
@@ -16,16 +16,17 @@ impl Distance for Whole<'_> {
     }
 }
 
-/// Returns the piece of a solid with a name; the first one where there is none.
+/// Returns the piece of a solid with a name; the first one if no piece has it.
 pub(crate) fn piece_named(solid: &dyn Solid, name: &str) -> u32 {
     solid.names().iter().position(|n| n == name).unwrap_or(0) as u32
 }
 
-/// What bounds a solid: at each point the piece that decides there.
+/// The boundary of a solid: at each point the piece that determines the value there.
 pub(crate) struct Boundary<'a>(pub(crate) &'a dyn Solid);
 
 impl Distance for Boundary<'_> {
-    /// A piece without a gradient, as a cone has none at its apex, counts as vanishing.
+    /// Returns the distance and normal; a piece without a gradient, such as a cone at its apex,
+    /// counts as vanishing.
     fn distance(&self, p: Point3) -> (f64, Point3) {
         let solid = self.0;
         let of = |piece| Whole { solid, piece }.distance(p);
