@@ -1,12 +1,12 @@
 //! Evaluators that run a tape over blocks of points: values forward, derivatives in reverse mode.
 //!
-//! Each slot holds one value per lane; the loops over lanes are compiled three times (baseline,
-//! AVX2, AVX-512) and chosen at run time. No fused multiply-add is used: every evaluator rounds
-//! like the oracle, on every machine.
+//! Each slot holds one value per lane. The loops over lanes are compiled for the baseline, AVX2 and
+//! AVX-512, and one version is selected at run time. They use no fused multiply-add: every
+//! evaluator rounds like the oracle, on every machine.
 //!
-//! The reverse sweep passes the adjoint ∂f/∂w of a slot w on to its arguments: ∂f/∂u += ∂f/∂w ·
-//! ∂w/∂u. A [`Plan`] tells beforehand which slots have an adjoint that leads to a wanted input, and
-//! which contribution to a slot is its first, so that adjoints need not be cleared.
+//! The reverse sweep propagates the adjoint ∂f/∂w of a slot w to its arguments: ∂f/∂u += ∂f/∂w ·
+//! ∂w/∂u. A [`Plan`] determines in advance which adjoints contribute to a requested derivative, and
+//! which contribution to a slot is the first, so that adjoints need not be cleared.
 
 use crate::library::Native;
 use crate::ops::{Binary, SetOp, Unary};
@@ -15,58 +15,58 @@ use isoform_geom::Point3;
 use isoform_num::{Jet1, Real, dispatch};
 use std::cell::Cell;
 
-/// Number of points in a block. 32 lanes keep values and adjoints of some sixty slots in the
-/// first-level cache; 64 were slower by 40 %.
+/// Number of points in a block. With 32 lanes the values and adjoints of some sixty slots fit into
+/// the first-level cache; 64 lanes were slower by 40 %.
 pub(crate) const LANES: usize = 32;
 
-/// One value per lane, aligned to a cache line.
+/// Values of all lanes, aligned to a cache line.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(crate) struct Lane<const L: usize>(pub(crate) [f64; L]);
 
-/// A value at each point of a block.
+/// Values at the points of a block.
 pub(crate) type Row = Lane<LANES>;
 const ZERO: Row = Lane([0.0; LANES]);
 
-/// Which derivatives a reverse sweep computes.
+/// Derivatives that a reverse sweep computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wanted {
-    /// ∂f/∂a
+    /// Derivatives ∂f/∂a by the parameters.
     Params,
-    /// ∂f/∂x
+    /// Derivatives ∂f/∂x by the coordinates.
     Space,
-    /// Both
+    /// Derivatives by coordinates and parameters.
     All,
 }
 
-/// The reverse sweep's plan for one operation.
+/// Plan of the reverse sweep for one operation.
 #[derive(Clone, Copy, Debug, Default)]
 struct Step {
-    /// The operation has an adjoint at all.
+    /// True if the operation has an adjoint that is used.
     live: bool,
-    /// Bit k: argument k leads to a wanted input.
+    /// Bit k is set if argument k depends on an input whose derivative is requested.
     active: u8,
-    /// Bit k: the adjoint of argument k is stored, not added: it is the first contribution in the
-    /// sweep.
+    /// Bit k is set if the contribution to the adjoint of argument k is the first in the sweep,
+    /// which is stored instead of added.
     first: u8,
 }
 
-/// The course of a reverse sweep over a tape, settled once.
+/// Plan of a reverse sweep over a tape.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Plan {
-    /// By operation of the tape.
+    /// Plan of each operation of the tape.
     steps: Vec<Step>,
-    /// Wanted inputs without a path from the result: their adjoints are zero.
+    /// Slots of the requested inputs on which the result does not depend: their adjoints are 0.
     unreached: Vec<u32>,
-    /// Whether adjoints that are zero stay zero whatever they are multiplied by.
+    /// True if an adjoint of 0 stays 0 also when it is multiplied by an infinite derivative.
     guard: bool,
 }
 
 impl Plan {
-    /// The sweep that computes the wanted derivatives of the first result.
+    /// Plans the sweep that computes the requested derivatives of the first result.
     pub(crate) fn new(tape: &Tape, wanted: Wanted) -> Self {
         let (steps, unreached) = plan(tape, wanted);
-        // Where a branch is not taken its operations may be singular: 0 · ∞ must then stay 0.
+        // Operations of a branch that is not taken may be singular: 0 · ∞ must be 0 there.
         let guard = tape
             .code
             .iter()
@@ -80,7 +80,7 @@ impl Plan {
 }
 
 thread_local! {
-    /// Rows of blocks that are done.
+    /// Rows of finished blocks of this thread, for reuse.
     static ROWS: Cell<Vec<Row>> = const { Cell::new(Vec::new()) };
 }
 
@@ -88,15 +88,15 @@ thread_local! {
 #[derive(Clone, Debug)]
 pub(crate) struct Block<'t> {
     tape: &'t Tape,
-    /// The values of the tape's slots.
+    /// Values of the tape's slots.
     slots: Vec<Row>,
-    /// The derivatives of the first result by the slots; empty for values only.
+    /// Derivatives of the first result by the slots; empty if only values are computed.
     adjoints: Vec<Row>,
     plan: Option<&'t Plan>,
 }
 
 impl<'t> Block<'t> {
-    /// Scratch for values only.
+    /// Returns a block that computes values only.
     pub(crate) fn values(tape: &'t Tape) -> Self {
         Self {
             tape,
@@ -107,9 +107,9 @@ impl<'t> Block<'t> {
         .with_constants()
     }
 
-    /// Runs with a block for values only in rows that this thread keeps. New ones would have to be
-    /// fetched into the caches each time, which costs more than some blocks of a short tape. They
-    /// are taken out meanwhile: another use on the same thread would start without any.
+    /// Runs `run` with a block for values whose rows this thread keeps for reuse. New rows would
+    /// have to be fetched into the caches, which costs more than evaluating a short tape for some
+    /// blocks. A nested call on this thread allocates its own rows.
     pub(crate) fn with_kept_rows<R>(tape: &'t Tape, run: impl FnOnce(&mut Self) -> R) -> R {
         let mut slots = ROWS.take();
         if slots.len() < tape.slots() {
@@ -127,7 +127,7 @@ impl<'t> Block<'t> {
         result
     }
 
-    /// Scratch for values and the derivatives of the first result that the plan is for.
+    /// Returns a block that computes values and the planned derivatives of the first result.
     pub(crate) fn gradients(tape: &'t Tape, plan: &'t Plan) -> Self {
         let rows = || vec![ZERO; tape.slots()];
         Self {
@@ -147,8 +147,8 @@ impl<'t> Block<'t> {
         self
     }
 
-    /// Sets the parameters and computes the operations that depend on them alone. It is to be called
-    /// before any block is loaded.
+    /// Sets the parameters and computes the operations that depend on them alone. Call it before
+    /// loading points.
     ///
     /// # Panics
     /// If `a` is shorter than the tape's parameters.
@@ -160,7 +160,7 @@ impl<'t> Block<'t> {
         forward(self.tape, 0, self.tape.uniform, &mut self.slots);
     }
 
-    /// Loads up to [`LANES`] points; the last one fills the lanes that are left.
+    /// Loads up to [`LANES`] points; the last one is repeated in the remaining lanes.
     pub(crate) fn load(&mut self, points: &[Point3]) {
         let first = self.tape.first_x();
         for (axis, slot) in self.slots[first..first + self.tape.n_x.min(3)]
@@ -179,14 +179,14 @@ impl<'t> Block<'t> {
         }
     }
 
-    /// Loads a point per lane, by coordinates.
+    /// Loads one point per lane, given by coordinates.
     pub(crate) fn load_rows(&mut self, rows: &[Row; 3]) {
         let first = self.tape.first_x();
         self.slots[first..first + self.tape.n_x.min(3)]
             .copy_from_slice(&rows[..self.tape.n_x.min(3)]);
     }
 
-    /// Values at the loaded points.
+    /// Computes and returns the values of the first result at the loaded points.
     pub(crate) fn forward(&mut self) -> &[f64; LANES] {
         forward(
             self.tape,
@@ -197,19 +197,19 @@ impl<'t> Block<'t> {
         self.result(0)
     }
 
-    /// Result `k` at the loaded points, after [`Block::forward`].
+    /// Returns result `k` at the loaded points, after [`Block::forward`].
     pub(crate) fn result(&self, k: usize) -> &[f64; LANES] {
         &self.slots[self.tape.roots[k] as usize].0
     }
 
-    /// Derivatives of the first result at the loaded points, after [`Block::forward`].
+    /// Computes the derivatives of the first result at the loaded points, after [`Block::forward`].
     pub(crate) fn reverse(&mut self) {
         let plan = self.plan.expect("the block was made for gradients");
         for &slot in &plan.unreached {
             self.adjoints[slot as usize] = ZERO;
         }
         if !self.tape.natives.is_empty() {
-            // Native calls always add to their arguments, so these must start from zero.
+            // Native calls add to the adjoints of their arguments, which must start from zero.
             self.adjoints.fill(ZERO);
         }
         self.adjoints[self.tape.roots[0] as usize] = Lane([1.0; LANES]);
@@ -220,20 +220,20 @@ impl<'t> Block<'t> {
         }
     }
 
-    /// ∂f/∂a, one row per parameter, after [`Block::reverse`].
+    /// Returns ∂f/∂a, one row per parameter, after [`Block::reverse`].
     pub(crate) fn by_params(&self) -> &[Row] {
         let first = self.tape.first_param();
         &self.adjoints[first..first + self.tape.n_params]
     }
 
-    /// ∂f/∂x, one row per coordinate, after [`Block::reverse`].
+    /// Returns ∂f/∂x, one row per coordinate, after [`Block::reverse`].
     pub(crate) fn by_space(&self) -> &[Row] {
         let first = self.tape.first_x();
         &self.adjoints[first..first + self.tape.n_x]
     }
 }
 
-/// The slots of the wanted inputs.
+/// Returns the slots of the inputs whose derivatives are requested.
 fn wanted_inputs(tape: &Tape, wanted: Wanted) -> std::ops::Range<usize> {
     let (x, p, code) = (tape.first_x(), tape.first_param(), tape.first_code());
     match wanted {
@@ -243,7 +243,7 @@ fn wanted_inputs(tape: &Tape, wanted: Wanted) -> std::ops::Range<usize> {
     }
 }
 
-/// Which slots depend on one of the inputs.
+/// Returns, for each slot, true if it depends on one of the inputs.
 fn active_slots(tape: &Tape, inputs: std::ops::Range<usize>) -> Vec<bool> {
     let mut active = vec![false; tape.slots()];
     active[inputs].fill(true);
@@ -253,8 +253,8 @@ fn active_slots(tape: &Tape, inputs: std::ops::Range<usize>) -> Vec<bool> {
     active
 }
 
-/// The steps of the reverse sweep for the wanted inputs, and the wanted inputs that it does not
-/// reach.
+/// Returns the steps of the reverse sweep for the requested inputs, and the slots of those inputs
+/// that it does not reach.
 fn plan(tape: &Tape, wanted: Wanted) -> (Vec<Step>, Vec<u32>) {
     let code = tape.first_code();
     let inputs = wanted_inputs(tape, wanted);
@@ -268,7 +268,7 @@ fn plan(tape: &Tape, wanted: Wanted) -> (Vec<Step>, Vec<u32>) {
         }
         let step = &mut steps[k];
         step.live = true;
-        // A selection passes nothing to its condition.
+        // The derivative of a selection by its condition is 0.
         for (n, a) in tape
             .arguments(i)
             .enumerate()
@@ -287,7 +287,7 @@ fn plan(tape: &Tape, wanted: Wanted) -> (Vec<Step>, Vec<u32>) {
     (steps, unreached)
 }
 
-/// out = f(a), lane by lane.
+/// Computes out = f(a), lane by lane.
 #[inline(always)]
 fn map1(out: &mut Row, a: &Row, f: impl Fn(f64) -> f64) {
     for l in 0..LANES {
@@ -295,7 +295,7 @@ fn map1(out: &mut Row, a: &Row, f: impl Fn(f64) -> f64) {
     }
 }
 
-/// out = f(a, b), lane by lane.
+/// Computes out = f(a, b), lane by lane.
 #[inline(always)]
 fn map2(out: &mut Row, a: &Row, b: &Row, f: impl Fn(f64, f64) -> f64) {
     for l in 0..LANES {
@@ -361,7 +361,7 @@ fn forward_body(tape: &Tape, from: usize, to: usize, slots: &mut [Row]) {
     }
 }
 
-/// A native function, lane by lane.
+/// Computes a native function, lane by lane.
 #[inline(never)]
 fn native_values(f: Native, args: &[u32], s: &[Row], out: &mut Row) {
     let mut at = vec![0.0; args.len()];
@@ -373,7 +373,7 @@ fn native_values(f: Native, args: &[u32], s: &[Row], out: &mut Row) {
     }
 }
 
-/// Powers by squaring: the products of `f64`'s [`Real::powi`], in its order.
+/// Computes powers by squaring: the products of `f64`'s [`Real::powi`], in the order used there.
 #[inline(always)]
 fn powi(out: &mut Row, a: &Row, n: i32) {
     let mut base = *a;
@@ -398,8 +398,8 @@ fn powi(out: &mut Row, a: &Row, n: i32) {
 dispatch! { fn reverse_guarded(tape: &Tape, plan: &[Step], slots: &[Row], adjoints: &mut [Row]) = reverse_body::<true> }
 dispatch! { fn reverse_plain(tape: &Tape, plan: &[Step], slots: &[Row], adjoints: &mut [Row]) = reverse_body::<false> }
 
-/// Adds (or stores, the first time) `g · d` for each lane; with GUARD a zero adjoint stays zero
-/// whatever d is.
+/// Adds `g · d` to an adjoint, or stores it if it is the first contribution. With GUARD, g = 0
+/// contributes 0 also if d is infinite or NaN.
 #[inline(always)]
 fn pass<const GUARD: bool>(to: &mut Row, first: bool, g: &Row, d: impl Fn(usize) -> f64) {
     let term = |l: usize| {
@@ -417,8 +417,8 @@ fn pass<const GUARD: bool>(to: &mut Row, first: bool, g: &Row, d: impl Fn(usize)
     }
 }
 
-/// Passes the adjoint of each live operation on to its active arguments, the last one first. With
-/// GUARD an adjoint that is zero passes zero, also where a derivative is infinite.
+/// Propagates the adjoint of each live operation to its active arguments, from the last operation
+/// to the first. With GUARD, an adjoint of 0 contributes 0 also if a derivative is infinite.
 #[inline(always)]
 fn reverse_body<const GUARD: bool>(tape: &Tape, plan: &[Step], s: &[Row], adjoints: &mut [Row]) {
     let first_code = tape.first_code();
@@ -507,8 +507,8 @@ fn reverse_body<const GUARD: bool>(tape: &Tape, plan: &[Step], s: &[Row], adjoin
                 let (a, b) = (&s[ia].0, &s[ib].0);
                 match op {
                     SetOp::RUnion | SetOp::RIntersection => {
-                        // 1 ± u/h, h recovered from the value; at u = v = 0 the kink counts as
-                        // flat.
+                        // The derivative is 1 ± u/h, with h recovered from the value; the root's
+                        // derivative is taken as 0 at u = v = 0.
                         let sign = if op == SetOp::RUnion { 1.0 } else { -1.0 };
                         let mut r = ZERO;
                         for l in 0..LANES {
@@ -589,7 +589,7 @@ fn reverse_body<const GUARD: bool>(tape: &Tape, plan: &[Step], s: &[Row], adjoin
     }
 }
 
-/// Passes zero, since comparisons are flat: a slot whose first contribution it is must be cleared.
+/// Contributes the derivative 0 of comparisons: clears the slots whose first contribution it is.
 #[inline(always)]
 fn clear<const N: usize>(low: &mut [Row], slots: [(bool, usize); N]) {
     for (first, slot) in slots {
@@ -599,10 +599,10 @@ fn clear<const N: usize>(low: &mut [Row], slots: [(bool, usize); N]) {
     }
 }
 
-/// The largest number of arguments of a native function.
+/// Maximum number of arguments of a native function.
 const NATIVE_ARGUMENTS: usize = 6;
 
-/// Passes the adjoint of a native function on to its arguments, lane by lane.
+/// Propagates the adjoint of a native function to its arguments, lane by lane.
 #[inline(never)]
 fn native_adjoints(f: Native, args: &[u32], s: &[Row], g: &Row, low: &mut [Row]) {
     for l in 0..LANES {

@@ -1,9 +1,9 @@
-//! The smooth parts of a model: its pieces with every kink inside decided.
+//! Smooth parts of a model: its pieces, divided at every kink of their formulas.
 //!
-//! A blend such as max(u, v) + max(k − |u − v|, 0)²/(4k) is one piece, smooth but for its second
-//! derivatives. With its minima, maxima and |u| decided each way it falls into functions without
-//! kinks (here u, v and the fillet between them), each good for a part of space that is bounded by
-//! what the decisions depend on.
+//! A blend such as max(u, v) + max(k − |u − v|, 0)²/(4k) is one piece, smooth except for its second
+//! derivatives. Replacing each minimum, maximum and |u| by either of its branches gives functions
+//! without kinks (here u, v and the fillet between them), each valid in the part of space in which
+//! the conditions of its branches hold.
 
 use crate::graph::{Graph, Node, NodeId};
 use crate::hyperfun::Model;
@@ -17,29 +17,29 @@ use isoform_geom::{Field, Parts, SmoothPart, Solid};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// The largest number of parts of a piece; a piece with more stays whole.
+/// Maximum number of parts of a piece; a piece with more is not divided.
 const MOST_BRANCHES: usize = 32;
 
-/// The smooth parts of a model with the values `a` of its parameters. A piece of more than 32 parts
-/// stays whole.
+/// Returns the smooth parts of a model with the values `a` of its parameters. A piece of more than
+/// 32 parts is not divided.
 pub fn parts_of(model: &Model, a: &[f64]) -> Result<Parts, SolidError> {
     parts_up_to(model, a, MOST_BRANCHES)
 }
 
-/// The smooth parts of a model with the values `a` of its parameters; a piece that has more than
-/// `most` parts stays whole.
+/// Returns the smooth parts of a model with the values `a` of its parameters. A piece of more than
+/// `most` parts is not divided.
 ///
 /// # Errors
-/// Those of [`Pieces::of_model`].
+/// Returns the errors of [`Pieces::of_model`].
 pub fn parts_up_to(model: &Model, a: &[f64], most: usize) -> Result<Parts, SolidError> {
     Ok(parts_of_pieces(&Pieces::of_model(model, a)?, most))
 }
 
-/// The smooth parts of a solid's pieces, as [`parts_up_to`] finds them.
+/// Returns the smooth parts of a solid's pieces, like [`parts_up_to`].
 pub fn parts_of_pieces(pieces: &Pieces, most: usize) -> Parts {
     let (graph, roots) = pieces.functions();
     let mut graph = graph.clone();
-    // What is decided the same way by a zero is no question of its own.
+    // Conditions that compare with 0 share this node, so that equal ones are decided once.
     graph.constant(0.0);
     let (mut parts, mut known) = (Vec::new(), Known::default());
     for (piece, root) in roots.iter().enumerate() {
@@ -63,27 +63,27 @@ pub fn parts_of_pieces(pieces: &Pieces, most: usize) -> Parts {
     }
 }
 
-/// The functions of parts and their values at random places: two decisions often lead to one
-/// function, written differently.
+/// Functions of parts and their values at random points: different decisions often lead to equal
+/// functions in different notation.
 #[derive(Default)]
 struct Known {
-    /// The compiled functions.
+    /// Compiled functions.
     by_node: HashMap<NodeId, Arc<dyn Field>>,
-    /// The values of each different function, and the first part that has it.
+    /// Values of each distinct function, and the first part that has the function.
     by_values: Vec<(Vec<f64>, usize)>,
 }
 
-/// Number of random places at which functions are compared.
+/// Number of random points at which functions are compared.
 const PLACES: usize = 24;
-/// Functions are compared where at least so many of the values are numbers: roots have none
-/// everywhere.
+/// Minimum number of points at which both functions are defined for them to count as equal: roots
+/// are not defined everywhere.
 const FEWEST: usize = 6;
-/// The difference of two values, relative to 1 and the values, up to which they agree: above the
-/// rounding of a formula that is written in two ways.
+/// Largest difference of two equal values, relative to 1 + |value|: above the rounding errors of a
+/// formula in two notations.
 const SAME: f64 = 1e-12;
 
 impl Known {
-    /// The function of a node, compiled once.
+    /// Returns the function of a node, compiled once.
     fn field(&mut self, graph: &Graph, root: NodeId) -> Arc<dyn Field> {
         let new = || {
             Arc::new(Bound::new(
@@ -94,7 +94,7 @@ impl Known {
         self.by_node.entry(root).or_insert_with(new).clone()
     }
 
-    /// The first part whose function agrees with the function `field` of this part.
+    /// Returns the first part whose function agrees with the function `field` of this part.
     fn function(&mut self, field: &dyn Field, part: usize) -> usize {
         let mut random = Random::new();
         let values: Vec<f64> = (0..PLACES)
@@ -122,17 +122,17 @@ impl Known {
     }
 }
 
-/// The question that decides a kink: whether the first is at least the second.
+/// Condition u ≥ v that decides a kink, as (u, v).
 type Question = (NodeId, NodeId);
 
-/// The functions that a lowered expression consists of, each with the differences that are not
-/// negative where it holds; `None` if they are more than `most`.
+/// Returns the functions of which a lowered expression consists, each with the limits that are ≥ 0
+/// where it is valid; `None` if there are more than `most`.
 fn branches(graph: &mut Graph, root: NodeId, most: usize) -> Option<Vec<(NodeId, Vec<NodeId>)>> {
     let (mut pending, mut done) = (vec![(root, Vec::new())], Vec::new());
     while let Some((root, limits)) = pending.pop() {
         let Some(question) = first_question(graph, root) else {
-            // Constants count, too: without them the other functions would seem to hold where there
-            // is nothing but a constant.
+            // Constants are parts as well: without them the other functions would seem valid in the
+            // region of a constant.
             done.push((root, limits));
             continue;
         };
@@ -141,7 +141,7 @@ fn branches(graph: &mut Graph, root: NodeId, most: usize) -> Option<Vec<(NodeId,
         }
         for (yes, difference) in [(true, question), (false, (question.1, question.0))] {
             let limit = graph.sub(&difference.0, &difference.1);
-            // What is decided by a constant has one answer.
+            // A condition on constants holds always or never.
             if graph.constant_value(limit).is_some_and(|v| v < 0.0) {
                 continue;
             }
@@ -154,7 +154,7 @@ fn branches(graph: &mut Graph, root: NodeId, most: usize) -> Option<Vec<(NodeId,
     Some(done)
 }
 
-/// The expression with one question answered.
+/// Returns the expression with one condition set to true or false.
 fn decided(graph: &mut Graph, root: NodeId, question: Question, yes: bool) -> NodeId {
     let (x, a) = graph.input_nodes(graph.inputs(root));
     let source = graph.clone();
@@ -166,7 +166,7 @@ fn decided(graph: &mut Graph, root: NodeId, question: Question, yes: bool) -> No
     source.rewrite(root, &mut target, &x, &a, |_, _, _| {})
 }
 
-/// The first question of an expression, which does not depend on the answer to another one.
+/// Returns the first condition of an expression, which does not depend on other conditions.
 fn first_question(graph: &Graph, root: NodeId) -> Option<Question> {
     let need = graph.reachable(&[root]);
     need.iter()
@@ -175,9 +175,9 @@ fn first_question(graph: &Graph, root: NodeId) -> Option<Question> {
         .find_map(|(i, _)| question(graph, graph.node(NodeId(i as u32))).map(|q| q.0))
 }
 
-/// The question of a node with a kink, and whether the node asks it the other way round. |u − v|,
-/// max(u − v, v − u) and max(u, v) share one question: asked apart, answers that contradict each
-/// other would make parts that hold where u = v only, and there spoil proofs.
+/// Returns the condition of a node with a kink, and true if the node uses its reverse. |u − v|,
+/// max(u − v, v − u) and max(u, v) share one condition: separate ones could contradict each other,
+/// which gives parts that are valid only where u = v and make proofs fail there.
 fn question(graph: &Graph, node: &Node) -> Option<(Question, bool)> {
     let ordered = |u: NodeId, v: NodeId| {
         if u <= v {
@@ -204,7 +204,7 @@ fn question(graph: &Graph, node: &Node) -> Option<(Question, bool)> {
     }
 }
 
-/// Whether v is −u, as far as is seen.
+/// Returns true if v is recognized as −u by its form.
 fn is_negative(graph: &Graph, u: NodeId, v: NodeId) -> bool {
     match (graph.node(u), graph.node(v)) {
         (Node::Binary(Binary::Sub, a, b), Node::Binary(Binary::Sub, c, d)) => a == d && b == c,
@@ -213,7 +213,7 @@ fn is_negative(graph: &Graph, u: NodeId, v: NodeId) -> bool {
     }
 }
 
-/// Rebuilds an expression with one question answered.
+/// Builder of an expression with one condition set to true or false.
 struct Deciding<'g> {
     graph: &'g mut Graph,
     question: Question,
@@ -221,7 +221,7 @@ struct Deciding<'g> {
 }
 
 impl Deciding<'_> {
-    /// Whether u ≥ v, if that is known.
+    /// Returns true if u ≥ v, false if not; `None` if the condition is another one.
     fn answer(&self, node: &Node) -> Option<bool> {
         let (asked, reversed) = question(self.graph, node)?;
         (asked == self.question).then_some(self.yes != reversed)
@@ -315,8 +315,8 @@ mod tests {
         }
     }
 
-    /// Written in two ways, one question has one answer: parts that hold where u = v only would
-    /// spoil proofs there.
+    /// Checks that one condition in two notations is decided once: parts that are valid only where
+    /// u = v make proofs fail there.
     #[test]
     fn one_question_is_asked_once() {
         let count = |size: &str| {
@@ -334,7 +334,8 @@ mod tests {
         assert_eq!(["abs(u - v)", "max(u - v, v - u)"].map(count), [4; 2]);
     }
 
-    /// Everywhere the parts that hold have the value of the model, also where that is a constant.
+    /// Checks that the valid parts have the value of the model everywhere, also in the region of a
+    /// constant.
     #[test]
     fn constants_are_parts() {
         let text = "my_model(x[3], a[1]) { my_model = cos(43*max(x[1], 0.1)) + 0.42; }";

@@ -2,18 +2,20 @@
 //!
 //! A solid is a tree of minima and maxima over smooth pieces g ≥ 0 ([`Shape`]). The point q of its
 //! surface nearest to a point p lies on one piece, on an edge (two pieces) or at a corner (three):
-//! q is the limit of the point of the tangent planes' common flat that is nearest to p,
+//! q is the limit of an iteration to the point nearest to p on the intersection of the tangent
+//! planes,
 //!
 //! q ← p + Gᵀ (G Gᵀ)⁻¹ (G (q − p) − g(q)),  G = rows ∇gᵢ(q),
 //!
-//! which converges at the rate of distance times curvature. The tree over the pieces' first-order
-//! distances, a small step away from q in every sector between the pieces, tells whether q lies on
-//! the surface. The derivative by the parameters follows from the envelope theorem (the foot point
-//! moves along the surface only): ∂d/∂a = Σ λᵢ (∂gᵢ/∂a)(q)/|∇gᵢ(q)|, where the unit vector (p − q)/d
-//! is Σ λᵢ ∇gᵢ/|∇gᵢ|.
+//! which converges linearly with the factor distance × curvature. q lies on the surface if the tree
+//! over the pieces' first-order distances takes both signs at a small distance from q, in the
+//! sectors between the pieces. The derivative by the parameters follows from the envelope theorem
+//! (to first order the foot point moves along the surface): ∂d/∂a = Σ λᵢ (∂gᵢ/∂a)(q)/|∇gᵢ(q)|,
+//! where the unit vector (p − q)/d is Σ λᵢ ∇gᵢ/|∇gᵢ|.
 //!
 //! After Ahn, Rauh, Cho, Warnecke (2002), *Orthogonal distance fitting of implicit curves and
-//! surfaces*, IEEE PAMI 24:620–638, who treat smooth surfaces; edges and corners are ours.
+//! surfaces*, IEEE PAMI 24:620–638, who treat smooth surfaces; edges and corners are an extension
+//! of Isoform.
 
 mod blocks;
 mod nearby;
@@ -29,61 +31,63 @@ use isoform_geom::{
 };
 use rayon::prelude::*;
 
-/// The largest number of pieces of a solid with foot points.
+/// Maximum number of pieces of a solid with foot points.
 const MOST_PIECES: usize = 256;
-/// Number of points whose feet are sought together, for few pieces. More fill the blocks better,
-/// fewer keep the tables of all pieces' distances in the cache.
+/// Maximum number of points in a unit of work. More points fill blocks better, fewer keep the table
+/// of their distances from all pieces in the cache.
 const PIECE: usize = 2048;
-/// Bound of the numbers in such a table, which bounds the memory of solids with many pieces.
+/// Maximum number of entries of that table, which bounds memory for solids with many pieces.
 const TABLE: usize = 1 << 17;
-/// Number of steps towards a foot point. Each gains the factor distance × curvature: at a tenth,
-/// eight reach rounding.
+/// Maximum number of steps to a foot point. Each reduces the error by the factor distance ×
+/// curvature: if that is 1/10, eight steps reach rounding.
 const STEPS: usize = 12;
-/// Share of the distance below which the last step must be for a foot point to have settled.
+/// Ratio of the last step to the distance at or below which a foot point counts as converged.
 const SETTLED: f64 = 1e-6;
-/// Share of the coordinates' size that counts as rounding; a step below it has settled, too.
+/// Rounding error relative to the size of coordinates; a step below it counts as converged as well.
 const ROUNDING: f64 = 1e-14;
-/// Share of the distance below which the last step must be for a foot point that did not settle to
-/// be taken: the distance is then good to the square of the share.
+/// Ratio of the last step to the distance at or below which a foot point is accepted without
+/// convergence: the relative error of the distance is then about the square of this.
 const NEARLY: f64 = 1e-2;
-/// Number of first-order distances beyond which a foot point is not believed. Near an axis, where
-/// the first-order distance means nothing, foot points stray farther.
+/// Ratio of the distance of a foot point to the first-order distance above which it is rejected.
+/// Near an axis, the first-order distance is meaningless and the iteration leads to wrong points
+/// farther away.
 const STRAYED: f64 = 4.0;
-/// Factor by which all other faces must be farther for a face to be the nearest one beyond doubt.
-/// Less than 2 could let the foot point lie beyond an edge; more only sends more points the long
-/// way.
+/// Ratio of first-order distances above which all other faces are ignored. With less than 2 the
+/// foot point could lie beyond an edge; more only sends more points to the slower search over
+/// several pieces.
 const CLEARLY: f64 = 2.5;
-/// Number of pieces near a point that are combined to edges and corners. A corner of more faces is
-/// met at the nearest of their triples.
+/// Maximum number of pieces near a point that are combined to edges and corners. A corner of more
+/// faces is found as that of its nearest triple.
 const NEAR: usize = 5;
-/// The step from a foot point that tells whether it lies on the surface, as a share of the
-/// coordinates' size: above the rounding of foot points, below any detail.
+/// Length of the step from a foot point at which the sign of the tree is tested, relative to the
+/// size of coordinates: above the rounding errors of foot points, below any detail.
 const ASIDE: f64 = 1e-8;
-/// Half thickness of the shell about a piece from which random points are drawn to the piece, as a
-/// share of the region's diagonal. A thicker shell finds more samples in a round, a thinner one
-/// makes them more uniform on curved pieces.
+/// Half thickness of the shell about a piece whose random points are projected to the piece, in
+/// diagonals of the region. A thicker shell gives more samples per round, a thinner one makes them
+/// more uniform on curved pieces.
 const SHELL: f64 = 0.02;
-/// The root of x⁴ = x + 1. Steps of its powers spread points evenly in a box (Roberts).
+/// Root of x⁴ = x + 1. Its negative powers are the steps of a low-discrepancy sequence in a box
+/// (Roberts).
 const SPREAD: f64 = 1.220_744_084_605_759_5;
-/// Number of rounds of random points, which ends the search for a surface that is hardly there.
+/// Maximum number of rounds of random points, which bounds the search on a very small surface.
 const MOST_ROUNDS: usize = 200;
-/// Determinant of unit normals below which they count as parallel: they make no edge.
+/// Gram determinant of unit normals below which they count as parallel and do not form an edge.
 const PARALLEL: f64 = 1e-6;
 
-/// A smooth piece, compiled.
+/// Compiled smooth piece.
 #[derive(Clone, Debug)]
 struct Sheet {
-    /// The function g of the piece.
+    /// Function g of the piece.
     tape: Tape,
-    /// The plan of ∇g.
+    /// Plan of ∇g.
     by_space: Plan,
-    /// The plan of the derivatives by coordinates and parameters.
+    /// Plan of the derivatives by coordinates and parameters.
     by_all: Plan,
 }
 
-/// The signed distance to a compiled solid, positive inside, exact near the surface to what its
-/// curvature allows; farther off, where no foot point is found, the first-order distance of
-/// [`Shape::distance`].
+/// Signed distance from a compiled solid, positive inside. It is exact up to rounding near the
+/// surface, at distances well below the radii of curvature; farther away, if no foot point is
+/// found, it is the first-order distance of [`Shape::distance`].
 ///
 /// ```
 /// use isoform_field::{Distance, Graph, Shape, hyperfun::{Mode, Model}};
@@ -106,17 +110,17 @@ struct Sheet {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Distance {
-    /// The pieces.
+    /// Pieces, compiled.
     sheets: Vec<Sheet>,
-    /// The pieces' minima and maxima, in the order of computation.
+    /// Minima and maxima of the pieces, in the order of computation.
     tree: Vec<Join>,
     n_params: usize,
 }
 
 impl Distance {
-    /// The distance to the solid that `shape` reads from the graph, placed by `place`, which maps
-    /// each piece's expression into `posed`, with `n_params` parameters. None for solids of more
-    /// than `MOST_PIECES`: every piece is asked at every point.
+    /// Returns the distance from the solid of `shape`, moved by `place`, which maps each piece's
+    /// expression into the graph `posed`, with `n_params` parameters. `None` for solids of more
+    /// than 256 pieces, since every piece is evaluated at every point.
     pub fn new(
         shape: &Shape,
         posed: &mut Graph,
@@ -146,17 +150,17 @@ impl Distance {
         })
     }
 
-    /// The tree's value where the pieces have the values `v`.
+    /// Returns the tree's value if the pieces have the values `v`.
     fn value(&self, stack: &mut Vec<f64>, v: impl Fn(u32) -> f64) -> f64 {
         self.fold(stack, v, f64::min, f64::max)
     }
 
-    /// The lanes that are inside where the pieces are positive in the lanes `leaves`.
+    /// Returns the lanes, as bits, that are inside if each piece is positive in its lanes `leaves`.
     fn is_inside(&self, stack: &mut Vec<u32>, leaves: &[u32]) -> u32 {
         self.fold(stack, |k| leaves[k as usize], |u, v| u & v, |u, v| u | v)
     }
 
-    /// Computes the tree over leaves of any kind.
+    /// Evaluates the tree over leaves of any type.
     fn fold<T: Copy>(
         &self,
         stack: &mut Vec<T>,
@@ -180,7 +184,7 @@ impl Distance {
         stack.pop().expect("a tree has a root")
     }
 
-    /// Number of points in a piece of work.
+    /// Returns the number of points in a unit of work.
     fn piece(&self) -> usize {
         (TABLE / (4 * self.sheets.len().max(1))).clamp(LANES, PIECE)
     }
@@ -256,8 +260,9 @@ impl DistanceField for Distance {
         out
     }
 
-    /// Random points near each piece are drawn to it, and kept where it belongs to the surface:
-    /// uniform on a smooth piece to the square of `SHELL` times its curvature, up to its edges.
+    /// Projects random points near each piece to it, and keeps those on the surface. On a smooth
+    /// piece they are uniform up to its edges, with an error of the square of shell thickness times
+    /// curvature.
     fn area_samples(
         &self,
         a: &[f64],
@@ -267,7 +272,7 @@ impl DistanceField for Distance {
         seed: u64,
     ) -> Vec<Foot> {
         let mut random = fastrand::Rng::with_seed(seed);
-        // A sequence of Kronecker: as random points for any face, and more even.
+        // A Kronecker sequence is as independent of the faces as random points, and more uniform.
         let mut even: Point3 = std::array::from_fn(|_| random.f64());
         let mut finder = Finder::new(self, a);
         let shell = SHELL * region.diagonal();
@@ -352,56 +357,57 @@ impl ParamField for Distance {
     }
 }
 
-/// The pieces that a foot point is sought on, and how far the search is.
+/// Search of a foot point on one to three pieces, with its state.
 #[derive(Clone, Copy, Debug)]
 struct Try {
     /// Index of the point.
     point: u32,
-    /// The pieces; the first `order` of them count.
+    /// Pieces; the first `order` entries are used.
     pieces: [u32; 3],
-    /// 1 for a face, 2 for an edge, 3 for a corner.
+    /// Number of pieces: 1 for a face, 2 for an edge, 3 for a corner.
     order: u8,
-    /// The present place of the foot point.
+    /// Current position of the foot point.
     q: Point3,
-    /// The distance beyond which a foot point is of no use.
+    /// Distance beyond which the foot point is not useful.
     most: f64,
     /// Values of the pieces at q.
     g: [f64; 3],
     /// Gradients of the pieces at q.
     grad: [Point3; 3],
-    /// Whether the search has ended.
+    /// True if the search has ended.
     done: bool,
-    /// Whether the foot point may be taken.
+    /// True if the foot point is accurate enough.
     good: bool,
 }
 
-/// The first-order feet of some points.
+/// First-order feet of points.
 struct FirstFeet {
-    /// First-order distances: piece k from point i at k · points + i.
+    /// First-order distances: that of point i from piece k has the index k · points + i.
     off: Vec<f64>,
-    /// By piece, the points whose nearest face it is beyond doubt.
+    /// For each piece, the points with this piece as the clearly nearest face.
     lone: Vec<Vec<u32>>,
-    /// The other points.
+    /// Points with several near faces.
     crowded: Vec<usize>,
 }
 
-/// A question to a piece: the try or foot that asks, and the place of the piece among its pieces.
+/// Request to evaluate a piece: index of the [`Try`] or foot, and index of the piece among its
+/// pieces.
 type Asked = (u32, u8);
 
-/// A point with several pieces near.
+/// Point with several near pieces.
 struct Crowd {
     /// Index of the point.
     point: usize,
-    /// The nearest pieces, nearest first; the first `first` are asked.
+    /// Nearest pieces, nearest first; the first `first` are used.
     near: Vec<u32>,
     first: usize,
-    /// Distance to the best place found on the surface.
+    /// Distance to the nearest point found on the surface so far.
     best: f64,
 }
 
 impl Crowd {
-    /// The nearest of `count` pieces by their first-order distances `off`; the pieces within reach
-    /// are asked first.
+    /// Selects the nearest of `count` pieces by their first-order distances `off`; at first only
+    /// the pieces within reach are used.
     fn new(point: usize, count: u32, reach: f64, off: impl Fn(u32) -> f64) -> Self {
         let mut near: Vec<u32> = (0..count).collect();
         near.sort_by(|j, k| off(*j).total_cmp(&off(*k)));
@@ -415,23 +421,23 @@ impl Crowd {
     }
 }
 
-/// Evaluates the pieces at given parameters, and finds foot points with them.
+/// Search for foot points with the pieces at given parameters.
 struct Finder<'t> {
     solid: &'t Distance,
-    /// The values of the parameters.
+    /// Values of the parameters.
     a: &'t [f64],
-    /// Scratch of the tree over values.
+    /// Scratch memory of the tree over values.
     stack: Vec<f64>,
-    /// The evaluator of each piece, made when it is first asked.
+    /// Evaluator of each piece, created at its first use.
     blocks: Vec<Option<Block<'t>>>,
     /// First-order distances of a block of points from each piece.
     off: Vec<Row>,
-    /// Scratch of the tree over blocks of values.
+    /// Scratch memory of the tree over blocks of values.
     nearest: Vec<Nearest>,
 }
 
 impl<'t> Finder<'t> {
-    /// A finder at the parameters `a`.
+    /// Returns a finder at the parameters `a`.
     fn new(solid: &'t Distance, a: &'t [f64]) -> Self {
         Self {
             solid,
@@ -443,7 +449,7 @@ impl<'t> Finder<'t> {
         }
     }
 
-    /// The evaluator of piece k.
+    /// Returns the evaluator of piece k.
     fn block(&mut self, k: usize) -> &mut Block<'t> {
         let (sheet, a) = (&self.solid.sheets[k], self.a);
         self.blocks[k].get_or_insert_with(|| {
@@ -453,7 +459,7 @@ impl<'t> Finder<'t> {
         })
     }
 
-    /// g and ∇g of piece k at the points.
+    /// Evaluates g and ∇g of piece k at the points.
     fn evaluate(&mut self, k: usize, points: &[Point3], mut each: impl FnMut(usize, f64, Point3)) {
         let block = self.block(k);
         for (c, chunk) in points.chunks(LANES).enumerate() {
@@ -471,7 +477,7 @@ impl<'t> Finder<'t> {
         }
     }
 
-    /// The feet of the points; writes their distances.
+    /// Returns the feet of the points, and writes their distances.
     fn distances(&mut self, points: &[Point3], out: &mut [f64]) -> Vec<Foot> {
         let mut feet = vec![Foot::NONE; points.len()];
         self.feet(points, &mut feet);
@@ -479,8 +485,8 @@ impl<'t> Finder<'t> {
         feet
     }
 
-    /// The feet of the points. Faces come first: where the nearest one is near beyond doubt, nothing
-    /// else is asked.
+    /// Computes the feet of the points. A point whose nearest face is clearly the nearest is
+    /// projected to that face only.
     fn feet(&mut self, points: &[Point3], out: &mut [Foot]) {
         let first = self.first_feet(points, out);
         for (k, wanted) in first.lone.iter().enumerate() {
@@ -493,8 +499,8 @@ impl<'t> Finder<'t> {
         }
     }
 
-    /// Writes the first-order feet of the points, and tells the points with one near face from the
-    /// points with several.
+    /// Writes the first-order feet of the points, and separates the points with one near face from
+    /// those with several.
     fn first_feet(&mut self, points: &[Point3], out: &mut [Foot]) -> FirstFeet {
         let (n, count) = (points.len(), self.solid.sheets.len());
         let mut found = FirstFeet {
@@ -523,7 +529,8 @@ impl<'t> Finder<'t> {
         found
     }
 
-    /// By piece, the first-order feet of the points within twice the shell about it, and the points.
+    /// Returns, for each piece, the points within twice the half thickness `shell` and their
+    /// first-order feet.
     fn within_shells(&mut self, points: &[Point3], shell: f64) -> Vec<(Vec<Foot>, Vec<Point3>)> {
         let mut near = vec![(Vec::new(), Vec::new()); self.solid.sheets.len()];
         for chunk in points.chunks(LANES) {
@@ -540,7 +547,7 @@ impl<'t> Finder<'t> {
         near
     }
 
-    /// Appends the places of the surface that points within the shell about a piece are drawn to.
+    /// Appends the projections to each piece of the points in its shell that lie on the surface.
     fn area_samples(&mut self, points: &[Point3], shell: f64, found: &mut Vec<Foot>) {
         let shells = self.within_shells(points, shell);
         for (k, (mut near, from)) in shells.into_iter().enumerate() {
@@ -560,8 +567,8 @@ impl<'t> Finder<'t> {
         }
     }
 
-    /// Foot points where several pieces are near. The pieces within [`CLEARLY`] first-order
-    /// distances are asked first: no farther piece can matter unless none of them is met.
+    /// Computes foot points of points with several near pieces. The pieces within [`CLEARLY`]
+    /// first-order distances are tried first: a farther piece matters only if all of them fail.
     fn crowded(&mut self, points: &[Point3], crowded: &[usize], d: &[f64], out: &mut [Foot]) {
         let (n, count) = (points.len(), self.solid.sheets.len() as u32);
         let case = |&i: &usize| {
@@ -577,8 +584,8 @@ impl<'t> Finder<'t> {
         self.combine(points, &mut cases, d, out);
     }
 
-    /// Faces, nearest first, then edges, then corners of the first pieces of each case, as long as
-    /// a nearer place than the best so far is possible.
+    /// Tries faces, nearest first, then edges, then corners of the first pieces of each point, as
+    /// long as they can be nearer than the nearest point found so far.
     fn combine(&mut self, points: &[Point3], cases: &mut [Crowd], d: &[f64], out: &mut [Foot]) {
         for face in 0..NEAR {
             self.combine_some(points, cases, d, out, |near, each| {
@@ -594,7 +601,7 @@ impl<'t> Finder<'t> {
         }
     }
 
-    /// The combinations that `choose` makes of the first pieces of each case.
+    /// Tries the combinations that `choose` forms of the first pieces of each point.
     fn combine_some(
         &mut self,
         points: &[Point3],
@@ -614,7 +621,7 @@ impl<'t> Finder<'t> {
             }
         }
     }
-    /// Draws all tries to their foot points, in blocks by piece.
+    /// Iterates all searches to their foot points, in blocks by piece.
     fn descend(&mut self, points: &[Point3], tries: &mut [Try]) {
         let mut by_piece: Vec<Vec<Asked>> = vec![Vec::new(); self.solid.sheets.len()];
         let mut at = Vec::new();
@@ -643,7 +650,7 @@ impl<'t> Finder<'t> {
         }
     }
 
-    /// ∂d/∂a by the envelope theorem, one row per foot.
+    /// Computes ∂d/∂a by the envelope theorem, one row per foot.
     fn by_params(&mut self, feet: &[Foot], jac: &mut [f64]) {
         jac.fill(0.0);
         let mut wanted: Vec<Vec<Asked>> = vec![Vec::new(); self.solid.sheets.len()];
@@ -657,7 +664,7 @@ impl<'t> Finder<'t> {
         }
     }
 
-    /// Adds λ ∂g/∂a/|∇g| of piece k at the feet that have a share λ of it.
+    /// Adds λ ∂g/∂a/|∇g| of piece k at the feet in which it has the coefficient λ.
     fn add_shares(&self, k: usize, wanted: &[Asked], feet: &[Foot], jac: &mut [f64]) {
         let (sheet, m) = (&self.solid.sheets[k], self.solid.n_params);
         let at: Vec<Point3> = wanted.iter().map(|w| feet[w.0 as usize].at).collect();
@@ -681,8 +688,8 @@ impl<'t> Finder<'t> {
     }
 }
 
-/// The tries at the combinations that `choose` makes of the first pieces of each case, as far as
-/// they can lead nearer than the best place so far; and the case of each.
+/// Returns searches for the combinations that `choose` forms of the first pieces of each point, if
+/// they can be nearer than the nearest point found so far; and the index of the point of each.
 fn useful_tries(
     points: &[Point3],
     cases: &[Crowd],
@@ -695,7 +702,7 @@ fn useful_tries(
         let p = points[case.point];
         let off = |k: u32| d[k as usize * n + case.point].abs();
         choose(&case.near[..case.first], &mut |pieces, order| {
-            // No place of the combination is nearer than its farthest piece.
+            // The foot on a combination is not nearer than its farthest piece.
             let least = pieces[..order].iter().map(|&k| off(k)).fold(0.0, f64::max);
             if least < case.best {
                 let most = case.best.min(STRAYED * least + aside(p));
@@ -711,7 +718,7 @@ fn useful_tries(
 }
 
 impl Try {
-    /// A try from q, before the first evaluation.
+    /// Returns a search that starts at q.
     fn new(point: usize, pieces: [u32; 3], order: u8, q: Point3) -> Self {
         Self {
             point: point as u32,
@@ -726,7 +733,7 @@ impl Try {
         }
     }
 
-    /// A foot point that was found on one face.
+    /// Returns a finished search for a foot point on one face.
     fn met(foot: &Foot) -> Self {
         Self {
             good: true,
@@ -734,7 +741,7 @@ impl Try {
         }
     }
 
-    /// One step towards the foot point of p, from values and gradients at q.
+    /// Makes one step to the foot point of p, from the values and gradients at q.
     fn step(&mut self, p: Point3) {
         let order = self.order as usize;
         let away = sub(self.q, p);
@@ -756,14 +763,14 @@ impl Try {
         let far = distance_squared(q, p).sqrt();
         let size = p.iter().fold(0.0_f64, |s, v| s.max(v.abs()));
         self.q = q;
-        // The last evaluation was at the place before, which a settled step is near to. A try may be
-        // far away on its way; twice the useful distance is given up.
+        // The last evaluation was at the previous position, near the present one after convergence.
+        // A search may take a detour, but is abandoned beyond twice the useful distance.
         let is_lost = !far.is_finite() || far > 2.0 * self.most;
         self.done = moved <= SETTLED * far + ROUNDING * size || is_lost;
         self.good = !is_lost && moved <= NEARLY * far + 1e3 * ROUNDING * size;
     }
 
-    /// Writes the foot point that was found, if it is good.
+    /// Writes the foot point if it is accurate enough.
     fn settle(&self, points: &[Point3], out: &mut [Foot]) {
         if !self.good {
             return;
@@ -791,7 +798,7 @@ impl Try {
     }
 }
 
-/// The next point of an even sequence in the unit cube.
+/// Advances a low-discrepancy sequence in the unit cube.
 fn spread(even: &mut Point3) {
     let mut step = 1.0;
     for v in even {
@@ -800,19 +807,19 @@ fn spread(even: &mut Point3) {
     }
 }
 
-/// Shares of the unit normals in a direction that lies in their span.
+/// Returns the coefficients of unit normals in a direction that lies in their span.
 fn shares_of(direction: Point3, normals: &[Point3]) -> [f64; 3] {
     let wanted: [f64; 3] =
         std::array::from_fn(|c| normals.get(c).map_or(0.0, |n| dot(*n, direction)));
     solve(normals, &wanted).unwrap_or([1.0, 0.0, 0.0])
 }
 
-/// The step that tells sides apart, at coordinates of p's size.
+/// Returns the length of the step that tests the sign on either side of p.
 fn aside(p: Point3) -> f64 {
     ASIDE * p.iter().fold(1e-300, |s: f64, v| s.max(v.abs()))
 }
 
-/// g/|∇g| and ∇g/|∇g|; where the gradient vanishes or is not finite, a distance far off.
+/// Returns g/|∇g| and ∇g/|∇g|; a very large distance if the gradient vanishes or is not finite.
 fn first_order(g: f64, grad: Point3) -> (f64, Point3) {
     let length = dot(grad, grad).sqrt();
     if length > 0.0 && length.is_finite() && g.is_finite() {
@@ -823,7 +830,7 @@ fn first_order(g: f64, grad: Point3) -> (f64, Point3) {
     }
 }
 
-/// Calls `each` with every choice of two or three of the pieces.
+/// Calls `each` with every combination of `order` pieces.
 fn combinations(near: &[u32], order: usize, each: &mut impl FnMut([u32; 3])) {
     for (i, &u) in near.iter().enumerate() {
         if order == 1 {
@@ -842,7 +849,7 @@ fn combinations(near: &[u32], order: usize, each: &mut impl FnMut([u32; 3])) {
     }
 }
 
-/// x with G Gᵀ x = b for one to three rows G; `None` where they are nearly parallel.
+/// Solves G Gᵀ x = b for one to three rows G; `None` if they are nearly parallel.
 fn solve(rows: &[Point3], b: &[f64; 3]) -> Option<[f64; 3]> {
     match *rows {
         [u] => {
@@ -865,7 +872,7 @@ fn solve(rows: &[Point3], b: &[f64; 3]) -> Option<[f64; 3]> {
     }
 }
 
-/// x = G⁻ᵀ G⁻¹ b for three rows G, by the reciprocal basis.
+/// Returns x = G⁻ᵀ G⁻¹ b for three rows G, by the reciprocal basis.
 fn solve_three([u, v, w]: [Point3; 3], b: &[f64; 3]) -> Option<[f64; 3]> {
     let cross = isoform_geom::cross;
     let det = dot(u, cross(v, w));

@@ -1,7 +1,9 @@
-//! Implicit functions: the expression, its readings and its evaluators, and the HyperFun language.
+//! Implicit functions: expressions, their decomposition into smooth parts, their evaluators, and
+//! the HyperFun language.
 //!
-//! - [`Graph`]: the tree of a model, built by hand or from a HyperFun program ([`hyperfun`]).
-//! - [`Tape`]: the compiled form; values, gradients, jets and intervals, in blocks of points.
+//! - [`Graph`]: the expression of a model, built by hand or from a HyperFun program ([`hyperfun`]).
+//! - [`Tape`]: the compiled expression, with values, gradients, jets and intervals in blocks of
+//!   points.
 
 mod block;
 mod branches;

@@ -1,5 +1,6 @@
-//! Questions to all pieces, or to one face, for a block of points at a time: first-order distances,
-//! the nearest faces, the foot points on a face, and whether foot points lie on the surface.
+//! Evaluation of all pieces, or of one face, for a block of points at a time: first-order
+//! distances, nearest faces, foot points on a face, and tests of foot points for lying on the
+//! surface.
 //!
 //! The loops over lanes are compiled for several instruction sets (see [`crate::block`]).
 
@@ -11,36 +12,36 @@ use crate::shape::Join;
 use isoform_geom::{Foot, Point3, dot, sub};
 use isoform_num::dispatch;
 
-/// Number of steps aside beyond which a piece keeps its sign in all sectors of a foot point. Sectors
-/// reach some steps far where pieces meet at sharp angles (see [`super::PARALLEL`]).
+/// Distance, in test steps, beyond which a piece has one sign in all sectors of a foot point.
+/// Sectors extend over many steps if pieces meet at sharp angles (see [`super::PARALLEL`]).
 const CLEAR: f64 = 2e3;
 const ZERO: Row = Lane([0.0; LANES]);
 
-/// The tree's value by lane, and the piece that decides it; of equal pieces the first.
+/// Value of the tree in each lane, and the piece that decides it; of equal pieces the first.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nearest {
-    /// The value.
+    /// Value of the tree.
     pub(super) value: Row,
-    /// The piece.
+    /// Piece that decides.
     pub(super) piece: [u32; LANES],
 }
 
-/// Points on their way to foot points on one face.
+/// Iteration of points to their foot points on one face.
 struct Walk {
-    /// The points.
+    /// Points.
     p: [Row; 3],
-    /// Their present places.
+    /// Current positions of the foot points.
     q: [Row; 3],
-    /// Unit normals at the last places but one.
+    /// Unit normals at the previous positions.
     normal: [Row; 3],
     /// Length of the last step.
     moved: Row,
-    /// 1 for points that have settled.
+    /// Flag that is 1 for points that have converged.
     done: Row,
 }
 
 impl Finder<'_> {
-    /// First-order distances of up to [`LANES`] points from all pieces, into `off`.
+    /// Computes the first-order distances of up to [`LANES`] points from all pieces into `off`.
     pub(super) fn first_order(&mut self, points: &[Point3]) {
         let mut rows = [ZERO; 3];
         for l in 0..LANES {
@@ -58,8 +59,8 @@ impl Finder<'_> {
         self.off = off;
     }
 
-    /// The piece whose distance in `off` is the tree's value, and whether all others are farther
-    /// beyond doubt.
+    /// Returns the piece whose distance in `off` is the tree's value, and true if all others are
+    /// clearly farther.
     pub(super) fn nearest_faces(&mut self, points: &[Point3]) -> (Nearest, [bool; LANES]) {
         let nearest = self.nearest();
         let mut reach = ZERO;
@@ -75,7 +76,7 @@ impl Finder<'_> {
         (nearest, near.map(|count| count <= 1))
     }
 
-    /// The tree over the distances in `off`.
+    /// Evaluates the tree over the distances in `off`.
     fn nearest(&mut self) -> Nearest {
         let mut stack = std::mem::take(&mut self.nearest);
         stack.clear();
@@ -106,8 +107,8 @@ impl Finder<'_> {
         nearest
     }
 
-    /// The first-order foot on piece k of point p, lane l of the block that
-    /// [`Finder::first_order`] was asked for last.
+    /// Returns the first-order foot on piece k of point p, lane l of the last block of
+    /// [`Finder::first_order`].
     pub(super) fn first_order_foot(&mut self, k: u32, l: usize, p: Point3) -> Foot {
         Foot {
             distance: self.off[k as usize].0[l],
@@ -119,14 +120,14 @@ impl Finder<'_> {
         }
     }
 
-    /// The unit normal of piece k in lane l of the block that was asked last.
+    /// Returns the unit normal of piece k in lane l of the last block.
     pub(super) fn normal(&mut self, k: usize, l: usize) -> Point3 {
         let rows = self.block(k).by_space();
         first_order(1.0, [rows[0].0[l], rows[1].0[l], rows[2].0[l]]).1
     }
 
-    /// Which tries ended on the surface of the solid: the tree takes both signs in the sectors that
-    /// their pieces make around the foot point.
+    /// Returns, for each search, true if its foot point lies on the surface of the solid: the tree
+    /// takes both signs in the sectors that its pieces form around the foot point.
     pub(super) fn on_surface(&mut self, tries: &[Try]) -> Vec<bool> {
         let good: Vec<usize> = (0..tries.len()).filter(|&t| tries[t].good).collect();
         let mut sound = vec![false; tries.len()];
@@ -137,7 +138,7 @@ impl Finder<'_> {
             let own: Vec<&Try> = good.iter().map(|&t| &tries[t]).collect();
             let is_on = self.has_both_signs(&own, &positive);
             for (l, &t) in good.iter().enumerate() {
-                // Pieces that are as close as the step can change their sign on the way.
+                // Pieces as close as the step may have both signs near the foot point.
                 sound[t] = if close[l] <= u64::from(tries[t].order) {
                     is_on >> l & 1 == 1
                 } else {
@@ -148,7 +149,8 @@ impl Finder<'_> {
         sound
     }
 
-    /// The lanes where each piece's value in `off` is positive, and how many pieces are close.
+    /// Returns, for each piece, the lanes in which its value in `off` is positive, and the number
+    /// of close pieces in each lane.
     fn signs(&self, at: &[Point3]) -> (Vec<u32>, [u64; LANES]) {
         let (mut reach, mut close) = (ZERO, [0; LANES]);
         for l in 0..LANES {
@@ -162,8 +164,8 @@ impl Finder<'_> {
         (positive.collect(), close)
     }
 
-    /// The lanes whose tree takes both signs when their own pieces take all combinations of signs,
-    /// the others theirs.
+    /// Returns the lanes whose tree takes both signs if their own pieces take all combinations of
+    /// signs and the others keep theirs.
     fn has_both_signs(&mut self, own: &[&Try], positive: &[u32]) -> u32 {
         let most = own.iter().map(|t| t.order).max().unwrap_or(0);
         let (mut inside, mut outside) = (0, 0);
@@ -183,7 +185,8 @@ impl Finder<'_> {
         inside & outside
     }
 
-    /// As [`Finder::has_both_signs`] for lane l, a step away from its foot point.
+    /// Returns true if the tree takes both signs a step away from the foot point in lane l, like
+    /// [`Finder::has_both_signs`].
     fn is_boundary(&mut self, t: &Try, l: usize) -> bool {
         let count = self.solid.sheets.len();
         let m: Vec<Point3> = (0..count).map(|k| self.normal(k, l)).collect();
@@ -214,8 +217,8 @@ impl Finder<'_> {
         inside && outside
     }
 
-    /// Foot points on face k of the points in `wanted`, whose first-order distance and normal `out`
-    /// holds.
+    /// Computes foot points on face k of the points in `wanted`, from their first-order distances
+    /// and normals in `out`.
     pub(super) fn feet_on_face(
         &mut self,
         k: usize,
@@ -241,7 +244,7 @@ impl Finder<'_> {
 }
 
 impl Walk {
-    /// The first steps of the points in `wanted`, along the normals that `feet` hold.
+    /// Makes the first steps of the points in `wanted`, along the normals in `feet`.
     fn new(wanted: &[u32], points: &[Point3], feet: &[Foot]) -> Self {
         let mut walk = Self {
             p: [ZERO; 3],
@@ -261,7 +264,7 @@ impl Walk {
         walk
     }
 
-    /// Writes the foot point of p, in lane l, if it has met the face and is to be believed.
+    /// Writes the foot point of p, in lane l, if it has reached the face and is plausible.
     fn settle(&self, l: usize, p: Point3, foot: &mut Foot) {
         let q: Point3 = std::array::from_fn(|x| self.q[x].0[l]);
         let normal: Point3 = std::array::from_fn(|x| self.normal[x].0[l]);
@@ -269,7 +272,7 @@ impl Walk {
         let far = dot(away, away).sqrt();
         let size = p.iter().fold(0.0_f64, |s, v| s.max(v.abs()));
         let has_met = self.moved.0[l] <= NEARLY * far + 1e3 * ROUNDING * size;
-        // The first-order distance is off by more only where it means nothing.
+        // A larger ratio occurs only if the first-order distance is meaningless.
         if has_met && far <= STRAYED * foot.distance.abs() + aside(p) {
             foot.distance = dot(away, normal);
             (foot.at, foot.inward, foot.order) = (q, normal, 1);
@@ -278,7 +281,7 @@ impl Walk {
 }
 
 dispatch! {
-    /// g/|∇g| by lane; a distance far off where the gradient vanishes or is not finite.
+    /// Computes g/|∇g| by lane; a very large distance if the gradient vanishes or is not finite.
     fn first_order_rows(value: &[f64; LANES], gradient: &[Row], out: &mut [f64; LANES]) = first_order_rows_body
 }
 
@@ -296,7 +299,7 @@ fn first_order_rows_body(value: &[f64; LANES], gradient: &[Row], out: &mut [f64;
 }
 
 dispatch! {
-    /// Takes the second value where it is less, or with the `sign` −1 where it is greater.
+    /// Selects the second value in lanes in which it is less, or with the `sign` −1, greater.
     fn choose(first: &mut Nearest, value: &Row, piece: &[u32; LANES], sign: f64) = choose_body
 }
 
@@ -310,13 +313,13 @@ fn choose_body(first: &mut Nearest, value: &Row, piece: &[u32; LANES], sign: f64
     }
 }
 
-/// 1 for a minimum, −1 for a maximum.
+/// Returns 1 for a minimum, −1 for a maximum.
 fn sign(join: &Join) -> f64 {
     if *join == Join::Max { -1.0 } else { 1.0 }
 }
 
 dispatch! {
-    /// Counts, by lane, pieces within reach.
+    /// Counts the pieces within reach in each lane.
     fn count_near(off: &Row, reach: &Row, near: &mut [u64; LANES]) = count_near_body
 }
 
@@ -328,7 +331,7 @@ fn count_near_body(off: &Row, reach: &Row, near: &mut [u64; LANES]) {
 }
 
 dispatch! {
-    /// One step towards the foot points, from values and gradients at q.
+    /// Makes one step to the foot points, from the values and gradients at q.
     fn step(walk: &mut Walk, value: &[f64; LANES], gradient: &[Row]) = step_body
 }
 
@@ -352,7 +355,8 @@ fn step_body(walk: &mut Walk, value: &[f64; LANES], gradient: &[Row]) {
         let moved = (u * u + v * v + w * w).sqrt();
         let far = (share * share * squared).sqrt();
         let size = p[0].abs().max(p[1].abs()).max(p[2].abs());
-        // NaN ends the walk; a step that is not a number is never near, so that nothing is met.
+        // NaN ends the iteration; the comparison of `settle` then fails, and the foot point is
+        // rejected.
         let has_settled = moved <= SETTLED * far + ROUNDING * size || moved.is_nan();
         let is_done = walk.done.0[l] == 1.0;
         let keep = |old: f64, new: f64| if is_done { old } else { new };

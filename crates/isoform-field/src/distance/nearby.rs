@@ -1,18 +1,19 @@
-//! Edges near places of the surface, and the curvature of its faces there.
+//! Edges near points of the surface, and the curvature of its faces there.
 //!
-//! An edge is where two pieces cross and the tree over the signs of both, all others kept, is
-//! inside in one sector (convex) or in three (concave). The bend of a face is the divergence of its
-//! unit normal, by differences over a step along the surface.
+//! An edge is the curve in which two pieces intersect such that the tree, for all combinations of
+//! their signs with the other signs kept, is inside in one sector (convex) or in three (concave).
+//! The Laplacian of the distance from a face is the divergence of its unit normal, computed by
+//! differences along the surface.
 
 use super::{Finder, STRAYED, Try, first_order};
 use crate::block::LANES;
 use isoform_geom::{Edge, Foot, Nearby, Point3, cross, distance_squared, dot, norm};
 
-/// Number of pieces near a place whose signs are combined, one bit of a mask for each combination.
-/// Where more are near, there is more than an edge.
+/// Maximum number of pieces near a point whose signs are combined, one bit of a mask for each
+/// combination. More near pieces are more than an edge.
 const MOST_NEAR: usize = 5;
-/// All combinations of the signs of [`MOST_NEAR`] pieces: bit c of mask i is the sign of piece i
-/// in combination c.
+/// Masks of all combinations of signs of [`MOST_NEAR`] pieces: bit c of mask i is the sign of piece
+/// i in combination c.
 const COMBINATIONS: [u32; MOST_NEAR] = [
     0xAAAA_AAAA,
     0xCCCC_CCCC,
@@ -21,16 +22,16 @@ const COMBINATIONS: [u32; MOST_NEAR] = [
     0xFFFF_0000,
 ];
 
-/// The distances from a place within which edges are sought.
+/// Distances from a point within which edges are sought.
 struct Reach {
-    /// The half width of the strip along an edge.
+    /// Half width of the strip along an edge.
     strip: f64,
-    /// The least width of an edge.
+    /// Minimum width of an edge.
     least: f64,
 }
 
 impl Finder<'_> {
-    /// As [`isoform_geom::DistanceField::nearby`].
+    /// Computes [`isoform_geom::DistanceField::nearby`].
     pub(super) fn nearby(&mut self, places: &[Foot], reach: f64, strip: f64, out: &mut [Nearby]) {
         let points: Vec<Point3> = places.iter().map(|f| f.at).collect();
         let (mut tries, crowds) = self.meetings(places, &points, [reach, strip], out);
@@ -53,9 +54,9 @@ impl Finder<'_> {
         }
     }
 
-    /// Writes whether a place has faces within reach, and returns the tries to meet the surface
-    /// where the place's own face and another one within the strip cross, each with the number of
-    /// faces in reach.
+    /// Classifies points without other faces within reach, and returns the searches for
+    /// intersections of each point's own face with another one within the strip, and the number of
+    /// faces within reach for each search.
     fn meetings(
         &mut self,
         places: &[Foot],
@@ -92,8 +93,8 @@ impl Finder<'_> {
         (tries, crowds)
     }
 
-    /// The edge that a try met, in lane l of the block that was asked last, as it is seen from
-    /// `point` with `crowd` faces in reach.
+    /// Returns the edge that a search found, in lane l of the last block, for a `point` with
+    /// `crowd` faces within reach.
     fn edge(
         &mut self,
         met: &Try,
@@ -121,8 +122,9 @@ impl Finder<'_> {
         })
     }
 
-    /// Distance to the nearest face but for two that meet in lane l, at most `far`; where too many
-    /// faces are that near to tell which of them matter, the distance within `near`.
+    /// Returns the distance from the nearest face other than the two that meet in lane l, at most
+    /// `far`; if too many faces are within `far`, the search is limited to `near`, and the distance
+    /// is 0 if it fails again.
     fn third(&self, own: [u32; 2], l: usize, far: f64, near: f64) -> f64 {
         let nearest = |faces: &[u32], most: f64| {
             let off = faces.iter().map(|k| self.off[*k as usize].0[l].abs());
@@ -137,9 +139,9 @@ impl Finder<'_> {
         }
     }
 
-    /// The pieces within reach of lane l of the block that was asked last, but for `own`, which may
-    /// be of the surface there: the pieces that decide the tree for some signs of all that are near.
-    /// `None` where too many are near.
+    /// Returns the pieces other than `own` within reach of lane l of the last block that may belong
+    /// to the surface there: those that decide the tree for some signs of all near pieces. `None`
+    /// if too many are near.
     fn others(&self, own: &[u32], l: usize, reach: f64) -> Option<Vec<u32>> {
         let is_near = |k: &u32| self.off[*k as usize].0[l].abs() <= reach;
         let count = self.off.len() as u32;
@@ -162,7 +164,8 @@ impl Finder<'_> {
         Some(others.into_iter().filter(decides).collect())
     }
 
-    /// By combination of the signs of the pieces in `near`, whether lane l is inside.
+    /// Returns, as bits by combination of the signs of the pieces in `near`, the combinations for
+    /// which lane l is inside.
     fn combined(&self, near: &[u32], l: usize) -> u32 {
         let leaf = |off: &crate::block::Row| if off.0[l] > 0.0 { u32::MAX } else { 0 };
         let mut leaves: Vec<u32> = self.off.iter().map(leaf).collect();
@@ -172,8 +175,8 @@ impl Finder<'_> {
         self.solid.is_inside(&mut Vec::new(), &leaves)
     }
 
-    /// The angle through the material between two pieces whose common curve lane l is on; `None`
-    /// where they do not make an edge.
+    /// Returns the angle through the material between two pieces that intersect in lane l; `None`
+    /// if they do not form an edge.
     fn angle(&self, pieces: [u32; 2], [m, n]: [Point3; 2], l: usize) -> Option<f64> {
         let inside = self.combined(&pieces, l) & 0b1111;
         let between = norm(cross(m, n)).atan2(dot(m, n));
@@ -184,7 +187,7 @@ impl Finder<'_> {
         }
     }
 
-    /// As [`isoform_geom::DistanceField::bends`].
+    /// Computes [`isoform_geom::DistanceField::bends`].
     pub(super) fn bends(&mut self, places: &[Foot], step: f64, out: &mut [f64]) {
         let mut by_piece: Vec<Vec<usize>> = vec![Vec::new(); self.solid.sheets.len()];
         for (i, foot) in places.iter().enumerate() {
@@ -195,7 +198,7 @@ impl Finder<'_> {
             along.clear();
             at.clear();
             for (c, &i) in own.iter().enumerate() {
-                // To either side in turn: the errors of neighbouring places cancel.
+                // Alternating sides: the errors at neighbouring points cancel.
                 let side = if c % 2 == 0 { step } else { -step };
                 for t in tangents(places[i].inward) {
                     along.push((i, t.map(|v| v / side)));
@@ -205,16 +208,16 @@ impl Finder<'_> {
             }
             self.evaluate(k, &at, |c, _, gradient| {
                 let (i, by) = along[c];
-                // At the place itself the normal has no part along.
+                // At the point itself the normal has no tangential component.
                 out[i] += dot(first_order(1.0, gradient).1, by);
             });
         }
     }
 }
 
-/// Two directions that make a right-handed frame with a unit vector.
+/// Returns two directions that form a right-handed orthonormal frame with a unit vector.
 fn tangents(n: Point3) -> [Point3; 2] {
-    // The cross product with the axis that n is least along is far from zero.
+    // The cross product with the axis of the smallest component of n is far from zero.
     let least = (0..3).fold(0, |b, i| if n[i].abs() < n[b].abs() { i } else { b });
     let axis = std::array::from_fn(|i| f64::from(u8::from(i == least)));
     let u = cross(n, axis);
