@@ -1,4 +1,4 @@
-//! The map in the four unit triangles of its parameters: what all stages ask of the region and of
+//! The map on the four unit triangles of its parameters: queries of all stages about the region and
 //! the map itself.
 
 use super::chart::Chart;
@@ -11,8 +11,8 @@ use crate::surface::{MeshOptions, Point3};
 use isoform_algebra::RBig;
 use isoform_control::Control;
 
-/// The region, the map in floating point on each unit triangle, and how near to the surface its
-/// triangles are to be.
+/// The region, the map in floating point on each unit triangle, and the requested fineness of its
+/// triangles.
 pub(super) struct Atlas<'a> {
     pub(super) region: &'a Region,
     pub(super) charts: [Chart; 4],
@@ -40,7 +40,7 @@ impl<'a> Atlas<'a> {
             control,
         }
     }
-    /// The faces of the box that all curves through a point of a wall belong to.
+    /// Returns the faces of the box to which all curves through a point of a wall belong.
     pub(super) fn faces_at(&self, q: usize, wall: usize, point: usize) -> u8 {
         let a = &self.region.triangles[q].arrangement;
         let w = &a.walls[wall];
@@ -54,7 +54,7 @@ impl<'a> Atlas<'a> {
             .filter(|&f| through(f))
             .fold(0, |bits, f| bits | self.bits(f))
     }
-    /// The faces of the box that a whole side of a unit triangle is sent to.
+    /// Returns the faces of the box to which a whole side of a unit triangle is mapped.
     pub(super) fn faces_along(&self, q: usize, side: usize) -> u8 {
         let sides = &self.region.triangles[q].arrangement.sides;
         (0..self.region.factors.len())
@@ -78,7 +78,7 @@ impl<'a> Atlas<'a> {
         let p = &w.points[point];
         [u, ((&p.lo + &p.hi) / RBig::from(2)).to_f64().value()]
     }
-    /// The name of a point of a wall.
+    /// Returns the name of a point of a wall.
     pub(super) fn wall_name(&self, q: usize, wall: usize, point: usize) -> Name {
         let at = self.place(q, wall, point);
         let top = self.region.triangles[q].arrangement.walls[wall]
@@ -96,8 +96,8 @@ impl<'a> Atlas<'a> {
         }
     }
 
-    /// The image of a point of a unit triangle, put on the faces of the box that it is known to be
-    /// on.
+    /// Returns the image of a point of a unit triangle, moved onto the faces of the box on which it
+    /// is known to lie.
     pub(super) fn image(&self, q: usize, at: [f64; 2], faces: u8) -> Point3 {
         let mut p = self.charts[q].at(at);
         for face in (0..6).filter(|f| faces >> f & 1 == 1) {
@@ -110,19 +110,19 @@ impl<'a> Atlas<'a> {
         p
     }
 
-    /// The largest distance from the surface near to a point.
+    /// Returns the maximum distance from the surface near a point.
     pub(super) fn tolerance_at(&self, p: Point3) -> f64 {
         self.options.tolerance * self.fineness.factor(p, self.half_width)
     }
 
-    /// Whether a straight piece may stand for what lies between two parameters of a curve in space.
+    /// Returns true if a straight segment may replace a curve in space between two parameters.
     pub(super) fn is_fine(&self, at: &dyn Fn(f64) -> Point3, a: f64, b: f64) -> bool {
         let (p, q) = (at(a), at(b));
         let off = [0.25, 0.5, 0.75].map(|t| {
             let x: Point3 = std::array::from_fn(|i| p[i] + t * (q[i] - p[i]));
             distance(at(a + t * (b - a)), x)
         });
-        // Values that are not numbers are never fine.
+        // NaN is never fine.
         distance(p, q) <= self.options.longest
             && off
                 .iter()

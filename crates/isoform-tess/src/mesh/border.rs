@@ -1,9 +1,9 @@
-//! Sides of a domain: they are straight in the parameters, and split at places that do not depend
-//! on the map.
+//! Subdivision of the sides of a domain, which are straight in the parameters, at places that do
+//! not depend on the map.
 //!
-//! Patches that have a side in common are split alike along it, so that their triangles fit: places
-//! are numbers of few binary digits along the side, and whether they are enough is asked of the
-//! curve in space alone.
+//! Patches with a common side are subdivided identically along it, so that their triangles match:
+//! places are numbers with few binary digits along the side, and only the curve in space decides
+//! where the subdivision ends.
 
 use super::VERTICES;
 use super::atlas::Atlas;
@@ -12,7 +12,7 @@ use super::places::on_side;
 use crate::surface::Point3;
 use isoform_algebra::QUADRANTS;
 
-/// The number with the fewest binary digits in the middle half of an interval.
+/// Returns the number with the fewest binary digits in the middle half of an interval.
 fn simple_between(a: f64, b: f64) -> f64 {
     let quarter = 0.25 * (b - a);
     let (lo, hi) = (a + quarter, b - quarter);
@@ -28,7 +28,7 @@ fn simple_between(a: f64, b: f64) -> f64 {
 }
 
 impl Atlas<'_> {
-    /// The ends (s, t) of the side that a bit stands for.
+    /// Returns the ends (s, t) of a side given by its bit.
     fn border(&self, bit: u64) -> Option<[[f64; 2]; 2]> {
         let domain = self.region.domain.as_ref().filter(|_| bit != 0)?;
         Some(
@@ -37,7 +37,7 @@ impl Atlas<'_> {
                 .map(|p| p.each_ref().map(|x| x.to_f64().value())),
         )
     }
-    /// The place of a point of a unit triangle along a side, 0 and 1 at its ends.
+    /// Returns the place of a point of a unit triangle along a side, 0 and 1 at its ends.
     fn along_border(q: usize, [p0, p1]: [[f64; 2]; 2], [u, v]: [f64; 2]) -> f64 {
         let w = 1.0 - u - v;
         let [s, t] = QUADRANTS[q].map(|x| x as f64);
@@ -47,16 +47,16 @@ impl Atlas<'_> {
         );
         (at[0] * d[0] + at[1] * d[1]) / (d[0] * d[0] + d[1] * d[1])
     }
-    /// The point of a unit triangle at a place along a side.
+    /// Returns the point of a unit triangle at a place along a side.
     fn on_border(q: usize, [p0, p1]: [[f64; 2]; 2], x: f64) -> [f64; 2] {
         let [s, t] = QUADRANTS[q].map(|x| x as f64);
-        // Exact at the ends, and where both are equal.
+        // Exact at the ends, and where both ends agree in a coordinate.
         let at = |k: usize| p0[k] * (1.0 - x) + p1[k] * x;
         let [a, b] = [s * at(0), t * at(1)].map(|x| x.max(0.0));
         [a / (a + b + 1.0), b / (a + b + 1.0)]
     }
-    /// The vertices of a piece of the side that a bit stands for, from end to end; none of them if
-    /// it is not one.
+    /// Returns the vertices of a piece of a side given by its bit, from end to end; `None` if the
+    /// bit is 0 or there is no domain.
     pub(super) fn border_line(
         &self,
         q: usize,
@@ -105,12 +105,13 @@ impl Atlas<'_> {
             distance(chart.at(Self::on_border(q, ends, x + t * (y - x))), on)
         });
         let tolerance = self.tolerance_at(middle(p, r));
-        // Values that are not numbers are never fine.
+        // NaN is never fine.
         distance(p, r) <= self.options.longest
             && off.iter().all(|&d| d <= 0.3 * tolerance)
             && chart.keeps_sign([a, b, a], 0)
     }
-    /// The bit of the side that a piece of a side of a unit triangle lies on, given by two places.
+    /// Returns the bit of the side on which a piece of a side of a unit triangle lies, given by two
+    /// places.
     pub(super) fn side_bit(&self, q: usize, side: usize, a: f64, b: f64) -> u64 {
         self.region.side_of_place(q, on_side(side, 0.5 * (a + b)))
     }

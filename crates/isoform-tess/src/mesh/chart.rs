@@ -11,12 +11,12 @@ use std::collections::BTreeMap;
 /// A map evaluated in floating point on one of the unit triangles.
 pub(super) struct Chart {
     signs: [f64; 2],
-    /// Exponents, and the coefficients of X, Y, Z, W.
+    /// Exponents, with the coefficients of X, Y, Z, W.
     terms: Vec<([u8; 3], [f64; 4])>,
-    /// The rest that these coefficients lack, as doubles.
+    /// Low parts of these coefficients: the differences to the exact values, as doubles.
     low: Vec<[f64; 4]>,
     degree: usize,
-    /// Errors of values above it are not accepted.
+    /// Maximum error of values computed in doubles; above it, double-double arithmetic is used.
     precision: f64,
     /// Bernstein coefficients of W on the triangle (1,0,0), (0,1,0), (0,0,1).
     w: Vec<f64>,
@@ -32,13 +32,13 @@ const LEAVING: f64 = 1e-3;
 const PRECISION: f64 = 1e-13;
 /// The distance from the image of a contracted curve that is rounding, in these.
 const ON_CURVE: f64 = 1e-3;
-/// One more than the degree up to which powers fit a short list.
+/// Number of powers for low degrees, up to 8, which fit a short array.
 const FEW: usize = 9;
-/// One more than the highest degree.
+/// Number of powers for the maximum degree.
 const MANY: usize = MAX_DEGREE + 1;
 
 impl Chart {
-    /// `size` is what lengths are compared with.
+    /// Creates the chart; `size` is the unit of lengths in its tolerances.
     pub(super) fn new(map: &Map, quadrant: usize, size: f64) -> Self {
         let terms = split_terms(map.forms());
         Self {
@@ -50,7 +50,7 @@ impl Chart {
             w: bernstein_base(&map.forms()[3]),
         }
     }
-    /// Powers of (s, t, w) up to the degree.
+    /// Returns the powers of (s, t, w) up to the degree.
     fn powers<const N: usize>(&self, [u, v]: [f64; 2]) -> [[f64; N]; 3] {
         let x = [self.signs[0] * u, self.signs[1] * v, 1.0 - (u + v)];
         let mut powers = [[1.0; N]; 3];
@@ -61,7 +61,7 @@ impl Chart {
         }
         powers
     }
-    /// The forms, and the sizes of what they are sums of.
+    /// Returns the values of the forms, and the sums of the absolute values of their terms.
     fn forms<const N: usize>(&self, at: [f64; 2]) -> [[f64; 4]; 2] {
         let [x, y, z] = self.powers::<N>(at);
         let (mut sum, mut size) = ([0.0; 4], [0.0; 4]);
@@ -109,7 +109,7 @@ impl Chart {
         }
         [0, 1, 2].map(|k| sum[k].value() / sum[3].value())
     }
-    /// The forms and their derivatives by u and v.
+    /// Returns the forms and their derivatives by u and v.
     fn derivatives<const N: usize>(&self, at: [f64; 2]) -> [[f64; 4]; 3] {
         let [x, y, z] = self.powers::<N>(at);
         let mut sum = [[0.0; 4]; 3];
@@ -127,7 +127,7 @@ impl Chart {
         }
         sum
     }
-    /// The image and the derivatives by u and v.
+    /// Returns the image and its derivatives by u and v.
     pub(super) fn tangents(&self, at: [f64; 2]) -> [Point3; 3] {
         let [p, by_u, by_v] = if self.degree < FEW {
             self.derivatives::<FEW>(at)
@@ -137,8 +137,8 @@ impl Chart {
         let tangent = |d: [f64; 4]| [0, 1, 2].map(|k| (d[k] - p[k] / p[3] * d[3]) / p[3]);
         [[0, 1, 2].map(|k| p[k] / p[3]), tangent(by_u), tangent(by_v)]
     }
-    /// The step that brings the image nearest to a point, to first order: one of Gauss and Newton.
-    /// None where the tangents are parallel.
+    /// Returns the Gauss–Newton step that brings the image nearest to a point; `None` if the
+    /// tangents are parallel.
     pub(super) fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]> {
         let [p, x, y] = self.tangents(at);
         let off = sub(to, p);
@@ -146,16 +146,16 @@ impl Chart {
         let det = xx * yy - xy * xy;
         (det > 1e-12 * xx * yy).then(|| [(yy * x - xy * y) / det, (xx * y - xy * x) / det])
     }
-    /// The point on the perpendicular bisector of a chord with an image that is the whole of a
-    /// curve's, by Newton's method. None if there is none near.
+    /// Returns the point on the perpendicular bisector of a chord at which the image is that of a
+    /// contracted curve, by Newton's method; `None` if there is none nearby.
     pub(super) fn beside_chord(&self, [a, b]: [[f64; 2]; 2], image: Point3) -> Option<[f64; 2]> {
         let across = [a[1] - b[1], b[0] - a[0]];
         let mut off = 0.0f64;
         for _ in 0..8 {
             let at = [0, 1].map(|k| 0.5 * (a[k] + b[k]) + off * across[k]);
             let [p, x, y] = self.tangents(at);
-            // On the curve to rounding. Where derivatives vanish all along it, steps from there
-            // would lead anywhere.
+            // The point is on the curve up to rounding. Where derivatives vanish along all of it,
+            // further steps would lead anywhere.
             if norm(sub(image, p)) <= ON_CURVE * self.precision {
                 return Some(at);
             }
@@ -171,12 +171,12 @@ impl Chart {
         }
         None
     }
-    /// Whether the surface leaves the one image of a contracted curve in directions that are far
-    /// from each other at three places of it.
+    /// Returns true if the surface leaves the common image of a contracted curve in directions that
+    /// differ by more than about 14 degrees between three places of it.
     pub(super) fn turns(&self, [a, m, b]: [[f64; 2]; 3]) -> bool {
         let length = (a[0] - b[0]).hypot(a[1] - b[1]);
         let share = LEAVING.min(length) / length;
-        // A step, not a derivative: it may vanish all along the curve.
+        // A finite step rather than a derivative, which may vanish along the whole curve.
         let leaving = |at: [f64; 2]| {
             let beside = [at[0] + share * (a[1] - b[1]), at[1] + share * (b[0] - a[0])];
             let d = sub(self.at(beside), self.at(at));
@@ -185,11 +185,12 @@ impl Chart {
         let [p, q, r] = [a, m, b].map(leaving);
         dot(p, q) < TURN || dot(q, r) < TURN
     }
-    /// Whether the Bernstein coefficients of W on a triangle have one sign beyond rounding, those
-    /// left out that vanish because W has a zero of that multiplicity in the first corner.
+    /// Returns true if the Bernstein coefficients of W on a triangle have one sign beyond rounding.
+    /// Coefficients that vanish because W has a zero of the given multiplicity in the first corner
+    /// are left out.
     ///
-    /// Its corners are (±u : ±v : 1 − (u + v)) as computed here, which is where [`Chart::at`]
-    /// looks, too: triangles with u and v in common have that corner in common.
+    /// The corners are (±u : ±v : 1 − (u + v)) as computed here, and identically in [`Chart::at`]:
+    /// triangles with equal u and v share that corner.
     pub(super) fn keeps_sign(&self, at: [[f64; 2]; 3], multiplicity: usize) -> bool {
         let corners = at.map(|[u, v]| [self.signs[0] * u, self.signs[1] * v, 1.0 - (u + v)]);
         let (lo, hi, error) = bernstein_range(&self.w, self.degree, corners, multiplicity);
@@ -197,12 +198,12 @@ impl Chart {
     }
 }
 
-/// Place of (i, j, n − i − j) among the coefficients of a ternary form of degree n.
+/// Returns the index of (i, j, n − i − j) among the coefficients of a ternary form of degree n.
 fn slot(n: usize, i: usize, j: usize) -> usize {
     i * (n + 1) - i * i.saturating_sub(1) / 2 + j
 }
 
-/// Bernstein coefficients of a ternary form on the triangle (1,0,0), (0,1,0), (0,0,1).
+/// Returns the Bernstein coefficients of a ternary form on the triangle (1,0,0), (0,1,0), (0,0,1).
 fn bernstein_base(form: &Poly) -> Vec<f64> {
     let n = form.total_degree();
     let factorial = |k: usize| (1..=k).fold(RBig::ONE, |p, k| p * RBig::from(k));
@@ -218,24 +219,26 @@ fn bernstein_base(form: &Poly) -> Vec<f64> {
     out
 }
 
-/// Below this size underflow is no longer small against the bound on rounding, and nothing is
-/// proved: a coefficient takes less than 2¹⁸ products, each of which loses less than 2⁻¹⁰⁷⁴ to it,
-/// together less than 2⁻¹⁰⁵⁶.
+/// Minimum magnitude for a proof: below it underflow is no longer small against the bound on
+/// rounding. A coefficient takes fewer than 2¹⁸ products, each with an underflow error below
+/// 2⁻¹⁰⁷⁴, together below 2⁻¹⁰⁵⁶.
 const LEAST_SIZE: f64 = f64::from_bits((1023 - 960) << 52);
 
-/// Least and greatest Bernstein coefficient on the triangle with the corners given, and a bound of
-/// their rounding errors; infinite where one of them is none. Those that vanish because the first
-/// corner is a zero of that multiplicity are left out. The corners are taken for the numbers that
-/// they are; their coordinates add up to at most about 1, in absolute values.
+/// Returns the minimum and maximum Bernstein coefficient on a triangle given by its corners, and a
+/// bound on their rounding errors, which is infinite if a coefficient is not finite. Coefficients
+/// that vanish because the first corner is a zero of the given multiplicity are left out. The
+/// corners are taken as the exact values of their doubles; their coordinates add up to at most
+/// about 1, in absolute values.
 ///
-/// The bound, with u = ε/2 = 2⁻⁵³: what is summed up for a coefficient is rounded once when the
-/// base was made, and in each of at most n steps once by its product and twice at most by the sum
-/// of three. So each term is off by a factor 1 + θ, |θ| ≤ γ₃ₙ₊₁ with γₖ = k u/(1 − k u) (N. Higham,
-/// *Accuracy and Stability of Numerical Algorithms*, 2002, lemma 3.1), and the coefficient by
-/// γ₃ₙ₊₁ M, M the sum of the absolute values of the terms. The magnitude that is computed beside it
-/// goes the same way without a cancellation, so that M ≤ (1 + 2γ₃ₙ₊₁) magnitude. Both together are
-/// less than (3n + 2) u magnitude for all degrees that maps may have; 4 ε (n + 2) = (8n + 16) u is
-/// more than twice that, which leaves room for the rounding of this product and of comparisons.
+/// Derivation of the bound, with u = ε/2 = 2⁻⁵³: each term of a coefficient is rounded once when
+/// the base is made, and in each of at most n steps once by its product and at most twice by the
+/// sum of three. So its relative error is θ with |θ| ≤ γ₃ₙ₊₁, where γₖ = k u/(1 − k u) (N. Higham,
+/// *Accuracy and Stability of Numerical Algorithms*, 2002, lemma 3.1), and the error of the
+/// coefficient is at most γ₃ₙ₊₁ M with M the sum of the absolute values of the terms. The magnitude
+/// that is computed along with it follows the same steps without cancellation, so that M ≤ (1 +
+/// 2γ₃ₙ₊₁) magnitude. Both together are less than (3n + 2) u magnitude for all degrees of maps; 4 ε
+/// (n + 2) = (8n + 16) u is more than twice that, which covers the rounding of this product and of
+/// comparisons.
 fn bernstein_range(
     base: &[f64],
     n: usize,
@@ -246,7 +249,7 @@ fn bernstein_range(
     let mut is_known = true;
     each_coefficient(base, n, corners, multiplicity, |value, magnitude| {
         (lo, hi, size) = (lo.min(value), hi.max(value), size.max(magnitude));
-        // Minima and maxima pass over what is no number.
+        // Minima and maxima ignore NaN.
         is_known &= magnitude.is_finite();
     });
     let error = 4.0 * f64::EPSILON * (n + 2) as f64 * size;
@@ -256,8 +259,8 @@ fn bernstein_range(
     }
 }
 
-/// A step of de Casteljau's algorithm on a form of degree d: the coefficients of its polar form
-/// with one argument set, each with the sum of the absolute values of what it is summed up from.
+/// Performs a step of de Casteljau's algorithm on a form of degree d: returns the coefficients of
+/// its polar form with one argument set, each with the sum of the absolute values of its terms.
 #[inline]
 fn polar_step(b: &[[f64; 2]], d: usize, p: [f64; 3]) -> Vec<[f64; 2]> {
     let mut out = Vec::with_capacity(d * (d + 1) / 2);
@@ -273,8 +276,8 @@ fn polar_step(b: &[[f64; 2]], d: usize, p: [f64; 3]) -> Vec<[f64; 2]> {
     out
 }
 
-/// Bernstein coefficients, each with the sum of the absolute values of what it is summed up from:
-/// by the polar form, one argument at a time.
+/// Calls a function with each Bernstein coefficient and the sum of the absolute values of its
+/// terms, computed by the polar form, one argument at a time.
 fn each_coefficient(
     base: &[f64],
     n: usize,
@@ -305,17 +308,18 @@ fn each_coefficient(
 /// Bisections in the proof that a polynomial in two variables keeps its sign.
 const BISECTIONS: usize = 6;
 
-/// A triangle on which a polynomial is looked at.
+/// A triangle in the proof that a polynomial keeps its sign.
 struct Part {
     corners: [[f64; 2]; 3],
-    /// Whether the first corner is the origin.
+    /// True if the first corner is the origin.
     at_origin: bool,
-    /// Bisections that are left.
+    /// Number of bisections left.
     depth: usize,
 }
 
 impl Part {
-    /// Smaller ones: nearer to the origin, and the rest; or the halves at the longest edge.
+    /// Divides the triangle: into one nearer to the origin and two others, or into halves at the
+    /// longest edge.
     fn divided(&self) -> Vec<Self> {
         let part = |corners, at_origin| Self {
             corners,
@@ -338,7 +342,8 @@ impl Part {
     }
 }
 
-/// Bernstein coefficients of a polynomial in two variables, as a form in (u, v, 1), and its degree.
+/// Returns the Bernstein coefficients of a polynomial in two variables, as a form in (u, v, 1), and
+/// its degree.
 fn bernstein_of(form: &Form) -> (Vec<f64>, usize) {
     let degrees = form.terms.iter().map(|([i, j], _)| i + j);
     let n = degrees.max().unwrap_or(0);
@@ -351,8 +356,9 @@ fn bernstein_of(form: &Form) -> (Vec<f64>, usize) {
     (base, n)
 }
 
-/// Whether a polynomial in two variables is proved to keep its sign on a triangle, by bisection;
-/// with a zero of its order in the first corner, which is the origin.
+/// Returns true if a polynomial in two variables is proved to keep its sign on a triangle, by
+/// bisection. If `at_origin`, the first corner is the origin, where the polynomial has a zero of
+/// its order.
 pub(super) fn keeps_sign_on(form: &Form, corners: [[f64; 2]; 3], at_origin: bool) -> bool {
     let (base, n) = bernstein_of(form);
     let mut signs = [false; 2];
@@ -381,7 +387,7 @@ pub(super) fn keeps_sign_on(form: &Form, corners: [[f64; 2]; 3], at_origin: bool
     true
 }
 
-/// The corners of a triangle from the longest of its edges on.
+/// Rotates the corners of a triangle so that the longest edge comes first.
 #[inline]
 fn longest_first([a, b, c]: [[f64; 2]; 3]) -> [[f64; 2]; 3] {
     let long = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
@@ -392,7 +398,7 @@ fn longest_first([a, b, c]: [[f64; 2]; 3]) -> [[f64; 2]; 3] {
     }
 }
 
-/// The powers of a number from 1 up to a degree.
+/// Returns the powers of a number from exponent 0 up to a degree.
 #[inline]
 fn powers_of(x: DoubleDouble, degree: usize) -> Vec<DoubleDouble> {
     let mut powers = vec![DoubleDouble::from(1.0); degree + 1];
@@ -402,7 +408,7 @@ fn powers_of(x: DoubleDouble, degree: usize) -> Vec<DoubleDouble> {
     powers
 }
 
-/// The coefficients of four forms by exponents, each as the sum of two doubles.
+/// Returns the coefficients of four forms by exponents, each as the sum of two doubles.
 fn split_terms(forms: &[Poly; 4]) -> BTreeMap<[u8; 3], [[f64; 4]; 2]> {
     let mut terms: BTreeMap<[u8; 3], [[f64; 4]; 2]> = BTreeMap::new();
     for (form, f) in forms.iter().enumerate() {
@@ -415,7 +421,7 @@ fn split_terms(forms: &[Poly; 4]) -> BTreeMap<[u8; 3], [[f64; 4]; 2]> {
     terms
 }
 
-/// A number as the sum of two doubles: the nearest one, and what is left.
+/// Splits a number into its nearest double and the rest.
 fn split(c: RBig) -> [f64; 2] {
     let high = c.to_f64().value();
     let low = RBig::try_from(high).map_or(0.0, |high| (c - high).to_f64().value());
@@ -427,10 +433,10 @@ mod tests {
     use super::*;
     use isoform_algebra::{IBig, UBig};
 
-    /// The number of cells that the bound on rounding is tried on.
+    /// Number of cells on which the bound on rounding is tested.
     const CELLS: usize = 100_000;
 
-    /// A double as a whole number of 2^−`shift`.
+    /// Converts a double to an integer multiple of 2^−`shift`.
     fn scaled(x: f64, shift: usize) -> IBig {
         let exact = RBig::try_from(x).expect("finite") * RBig::from(UBig::ONE << shift);
         assert_eq!(
@@ -441,8 +447,8 @@ mod tests {
         exact.numerator().clone()
     }
 
-    /// Bernstein coefficients in the order of [`each_coefficient`], in units of 2^(−n · shift) of
-    /// the common denominator of `base`.
+    /// Returns the Bernstein coefficients in the order of [`each_coefficient`], in units of 2^(−n ·
+    /// shift) of the common denominator of `base`.
     fn exact_coefficients(base: &[IBig], n: usize, corners: [[IBig; 3]; 3]) -> Vec<IBig> {
         let step = |b: &[IBig], d: usize, p: &[IBig; 3]| -> Vec<IBig> {
             let at = |i, j| &b[slot(d, i, j)];
@@ -472,7 +478,7 @@ mod tests {
         found
     }
 
-    /// The Bernstein coefficients of a form as whole numbers over one denominator.
+    /// Returns the Bernstein coefficients of a form as integers over one denominator.
     fn exact_base(form: &Poly) -> (Vec<IBig>, UBig) {
         let n = form.total_degree();
         let factorial = |k: usize| (1..=k).fold(IBig::ONE, |p, k| p * IBig::from(k));
@@ -485,8 +491,8 @@ mod tests {
         (base, UBig::try_from(denominator).expect("positive"))
     }
 
-    /// W as a product of linear forms, the first of which all but vanishes in the place returned,
-    /// so that values cancel there; or as a dense form.
+    /// Returns W as a product of linear forms, the first of which nearly vanishes at the returned
+    /// place, so that values cancel there; or as a dense form.
     fn attacked(random: &mut fastrand::Rng, signs: [f64; 2]) -> (Poly, [f64; 2]) {
         let center = [0.05 + 0.4 * random.f64(), 0.05 + 0.4 * random.f64()];
         let number = |random: &mut fastrand::Rng| RBig::from(random.i64(-999..=999));
@@ -510,14 +516,14 @@ mod tests {
         (w, center)
     }
 
-    /// A triangle next to a place, in u and v.
+    /// Returns a triangle near a place, in u and v.
     fn cell(random: &mut fastrand::Rng, center: [f64; 2]) -> [[f64; 2]; 3] {
         let size = 0.5f64.powi(random.i32(2..=50));
         [(); 3].map(|()| center.map(|x| (x + size * (random.f64() - 0.5)).clamp(0.0, 0.49)))
     }
 
-    /// The bound on rounding holds for every coefficient of 10⁵ cells, near and across zeros of W,
-    /// and what keeps its sign by the bound has one by exact arithmetic.
+    /// The bound on rounding holds for every coefficient of 10⁵ cells, near and across zeros of W;
+    /// where a sign is certified, exact arithmetic agrees.
     #[test]
     fn the_bound_on_rounding_holds() {
         let mut random = fastrand::Rng::with_seed(20_261_123);
@@ -562,7 +568,7 @@ mod tests {
         }
         println!("{certified} of {cells} certified, errors up to {worst} of the bound");
         assert!(worst <= 1.0, "{worst} times the bound");
-        // An attack that comes nowhere near the bound, or near zeros, is none.
+        // A test that comes nowhere near the bound, or near zeros, would prove nothing.
         assert!(worst > 0.02, "{worst} of the bound");
         assert!(
             (CELLS / 10..9 * CELLS / 10).contains(&certified),
@@ -570,8 +576,8 @@ mod tests {
         );
     }
 
-    /// Away from zeros a sign is proved, and so it is in front of a zero in the corner; across a
-    /// zero, and where the order of that in the corner is wrong, it is not.
+    /// Away from zeros a sign is proved, also next to a zero in the corner; across a zero, or with
+    /// a wrong order of the zero in the corner, it is not.
     #[test]
     fn signs_of_polynomials_are_proved_by_bisection() {
         let form = |terms: &[([usize; 2], f64)], order: usize| Form {
@@ -589,14 +595,14 @@ mod tests {
             [[0.0, 0.0], [0.1, 0.0], [0.1, 0.05]],
             true
         ));
-        // 1/4 − u on either side of u = 1/4, and across it.
+        // The polynomial 1/4 − u on either side of u = 1/4, and across it.
         let line = form(&[([0, 0], 0.25), ([1, 0], -1.0)], 0);
         let at = |u: f64| [[u, 0.0], [u + 0.125, 0.0], [u, 0.5]];
         let signs = [0.0, 0.1875, 0.375].map(|u| keeps_sign_on(&line, at(u), false));
         assert_eq!(signs, [true, false, true]);
     }
 
-    /// A value that is no number proves nothing, nor does a value in which underflow has a share.
+    /// NaN and infinity prove nothing, nor does a value that is affected by underflow.
     #[test]
     fn what_is_no_number_proves_nothing() {
         let corners = [[0.5, 0.5, 0.0], [0.25, 0.5, 0.25], [0.5, 0.25, 0.25]];

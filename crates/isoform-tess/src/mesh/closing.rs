@@ -1,4 +1,4 @@
-//! A last look at the triangles, by their indices and positions alone.
+//! Final checks and repairs of the triangles, by their indices and positions alone.
 
 use super::contraction::contract_flat;
 use super::geometry::distance;
@@ -15,7 +15,7 @@ const OUTSIDE: f64 = 1e-9;
 const FLAT: f64 = 2e-14;
 /// Vertices that each one is compared with at most: a plane across the axis may hold all of them.
 const MOST_NEAR: usize = 1000;
-/// Vertices nearer than this, per half width, lie upon each other.
+/// Distance below which two vertices coincide, in half widths of the box.
 pub(super) const UPON: f64 = 4e-9;
 
 pub(super) fn corners(s: &Surface, t: &[u32; 3]) -> [Point3; 3] {
@@ -28,8 +28,8 @@ pub(super) fn is_flat(at: [Point3; 3], half_width: f64) -> bool {
     norm(normal(at)) < FLAT * half_width * half_width
 }
 
-/// Looks whether the surface stays in the box and ends on its faces only, no edge outside of the
-/// double curve has more than two triangles, and neighbours run opposite ways.
+/// Checks that the surface stays in the box and ends on its faces only, that no edge outside of the
+/// double curve has more than two triangles, and that the winding is consistent.
 fn check(s: &mut Surface, half_width: f64, glued: bool) {
     let uses = s.edges(&s.borders);
     let open = s.open_edges(&uses);
@@ -56,9 +56,9 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
     s.check_winding();
 }
 
-/// The number of pairs of vertices that are nearer to each other than a distance.
+/// Returns the number of pairs of vertices that are nearer to each other than a distance.
 fn upon_each_other(s: &Surface, vertices: impl Iterator<Item = u32>, close: f64) -> usize {
-    // Sorted along one axis, points that are near to each other are near in the order.
+    // In the order along one axis, points that are near to each other are near, too.
     let used: BTreeSet<u32> = vertices.collect();
     let mut points: Vec<Point3> = used.iter().map(|&v| s.points[v as usize]).collect();
     points.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -72,8 +72,8 @@ fn upon_each_other(s: &Surface, vertices: impl Iterator<Item = u32>, close: f64)
     (0..points.len()).map(near).sum()
 }
 
-/// The number of vertices with triangles around them that are not connected by edges there: sheets
-/// that do not meet in the parameters.
+/// Returns the number of vertices whose triangles are not connected by edges there: they join
+/// sheets that do not meet in the parameters.
 pub(super) fn pinched(s: &Surface) -> usize {
     let mut around: Vec<Vec<[u32; 2]>> = vec![Vec::new(); s.points.len()];
     for t in &s.triangles {
@@ -96,7 +96,7 @@ pub(super) fn pinched(s: &Surface) -> usize {
     around.iter().filter(is_pinched).count()
 }
 
-/// Leaves out all triangles but some, and what belongs to them.
+/// Removes all triangles except some, with their data.
 pub(super) fn keep(s: &mut Surface, is_kept: impl Fn(&Surface, &[u32; 3]) -> bool) {
     let kept: Vec<usize> = (0..s.triangles.len())
         .filter(|&k| is_kept(s, &s.triangles[k]))
@@ -108,7 +108,7 @@ pub(super) fn keep(s: &mut Surface, is_kept: impl Fn(&Surface, &[u32; 3]) -> boo
     s.pieces = kept.iter().map(|&k| s.pieces[k]).collect();
 }
 
-/// Leaves out vertices without a position, and the triangles at them, which is said to be unproven.
+/// Removes vertices without a position and the triangles at them, and adds a finding.
 fn leave_out_lost(s: &mut Surface) {
     let is_lost = |s: &Surface, v: u32| !s.points[v as usize].iter().all(|x| x.is_finite());
     let lost: Vec<bool> = (0..s.points.len() as u32).map(|v| is_lost(s, v)).collect();
@@ -121,20 +121,21 @@ fn leave_out_lost(s: &mut Surface) {
     leave_out(s, &lost);
 }
 
-/// Whether two corners of a triangle are one vertex.
+/// Returns true if two corners of a triangle are one vertex.
 fn is_closed_up(t: &[u32; 3]) -> bool {
     t[0] == t[1] || t[1] == t[2] || t[2] == t[0]
 }
 
-/// The edges of a triangle, by corners.
+/// Edges of a triangle, as pairs of corners.
 const EDGES: [[usize; 2]; 3] = [[0, 1], [1, 2], [2, 0]];
 
-/// The vertices of an edge, the lower number first.
+/// Returns the vertices of an edge, the smaller index first.
 fn edge(t: &[u32; 3], [i, j]: [usize; 2]) -> [u32; 2] {
     [t[i].min(t[j]), t[i].max(t[j])]
 }
 
-/// The sides of the domain that edges of triangles lie on which contracted curves have closed up.
+/// Returns the sides of the domain on which edges of collapsed triangles lie. A triangle collapses
+/// if two of its corners are on one contracted curve.
 fn borders_closed_up(s: &Surface) -> BTreeMap<[u32; 2], u64> {
     let mut borders: BTreeMap<[u32; 2], u64> = BTreeMap::new();
     let triangles = s.triangles.iter().zip(&s.borders);
@@ -148,8 +149,8 @@ fn borders_closed_up(s: &Surface) -> BTreeMap<[u32; 2], u64> {
     borders
 }
 
-/// The triangles beside those that contracted curves have closed up lie on the sides of the domain
-/// that these lie on.
+/// Passes the sides of the domain on which edges of collapsed triangles lie to the adjacent
+/// triangles.
 fn hand_on_borders(s: &mut Surface) {
     let borders = borders_closed_up(s);
     if borders.is_empty() {
@@ -164,7 +165,7 @@ fn hand_on_borders(s: &mut Surface) {
     }
 }
 
-/// Leaves out vertices that no triangle has.
+/// Removes vertices that no triangle uses.
 pub(super) fn leave_out(s: &mut Surface, left_out: &[bool]) {
     let kept = |v: &usize| !left_out[*v];
     let vertices: Vec<usize> = (0..s.points.len()).filter(kept).collect();
@@ -182,8 +183,8 @@ pub(super) fn leave_out(s: &mut Surface, left_out: &[bool]) {
     s.double = vertices.iter().map(|&v| s.double[v]).collect();
 }
 
-/// Removes triangles that contracted curves have closed up, and triangles of no area, as far as
-/// their short edges may be contracted. `tolerance` is that of the surface at a point.
+/// Removes collapsed triangles, and triangles without area as far as their short edges can be
+/// contracted; `tolerance` is that of the surface at a point.
 pub(super) fn finish(
     mut s: Surface,
     half_width: f64,
@@ -196,7 +197,7 @@ pub(super) fn finish(
     contract_flat(&mut s, half_width, tolerance);
     s.count_pieces();
     check(&mut s, half_width, glued);
-    // A finding that several places have is said once, in an order that no place decides.
+    // A finding of several places is reported once, in an order that does not depend on places.
     s.findings.sort_by_cached_key(ToString::to_string);
     s.findings.dedup();
     s
@@ -206,7 +207,8 @@ pub(super) fn finish(
 mod tests {
     use super::*;
 
-    /// Two fans about one vertex that have no edge in common, and after one more triangle one fan.
+    /// Two fans at a vertex without a common edge are a pinch; one more triangle joins them to one
+    /// fan.
     #[test]
     fn pinched_vertices_are_counted() {
         let mut s = Surface {

@@ -1,11 +1,11 @@
-//! Triangles of no area are contracted: they are left where vertices of curves and of their
-//! surroundings fall on one line, or upon each other.
+//! Contraction of triangles without area, which arise where vertices of curves and their neighbours
+//! are collinear or coincide.
 //!
 //! An edge that is short against the tolerance is contracted: an ordinary vertex moves onto its
-//! neighbour. All triangles keep their parameters, so that what is proved of W on them holds as
-//! before; their corners move by no more than the edge is long. The surface stays what it is up
-//! to homeomorphism where the neighbours that the two vertices share are the corners opposite of
-//! the edge (T. K. Dey and others, *Topology preserving edge contraction*, 1999).
+//! neighbour. All triangles keep their parameters, so that what is proved of W on them remains
+//! valid; their corners move by at most the length of the edge. The surface is preserved up to
+//! homeomorphism if the common neighbours of the two vertices are just the corners opposite of the
+//! edge (T. K. Dey and others, *Topology preserving edge contraction*, 1999).
 
 use super::closing::{UPON, corners, is_flat, keep, leave_out, normal};
 use super::geometry::distance;
@@ -49,7 +49,7 @@ pub(super) fn contract_flat(s: &mut Surface, half_width: f64, tolerance: &dyn Fn
     }
 }
 
-/// Removes triangles, which are marked by a corner that occurs twice.
+/// Removes triangles, after marking them by a repeated corner.
 fn remove(s: &mut Surface, dead: &BTreeSet<usize>) {
     for &k in dead {
         s.triangles[k][1] = s.triangles[k][0];
@@ -57,20 +57,20 @@ fn remove(s: &mut Surface, dead: &BTreeSet<usize>) {
     keep(s, |_, t| t[0] != t[1]);
 }
 
-/// Whether a triangle has no area, or two of its corners lie upon each other.
+/// Returns true if a triangle has no area, or if two of its corners coincide.
 fn is_narrow(at: [Point3; 3], half_width: f64) -> bool {
     let [p, q, r] = at;
     let near = |a: Point3, b: Point3| distance(a, b) < UPON * half_width;
     is_flat(at, half_width) || near(p, q) || near(q, r) || near(r, p)
 }
 
-/// The triangles at each vertex.
+/// Indices of the triangles at each vertex.
 struct Stars {
     of: Vec<Vec<usize>>,
 }
 
 impl Stars {
-    /// The stars of a surface.
+    /// Computes the stars of a surface.
     fn new(s: &Surface) -> Self {
         let mut of = vec![Vec::new(); s.points.len()];
         for (k, t) in s.triangles.iter().enumerate() {
@@ -78,9 +78,9 @@ impl Stars {
         }
         Self { of }
     }
-    /// Whether contracting an edge keeps the surface up to homeomorphism: there is a disc around
-    /// its first vertex, two triangles have the edge, and the neighbours that its vertices share
-    /// are the corners of these opposite to it.
+    /// Returns true if the contraction of an edge preserves the surface up to homeomorphism: the
+    /// triangles at its first vertex form a disc, two triangles have the edge, and the common
+    /// neighbours of its vertices are the opposite corners of these.
     fn keeps_topology(&self, s: &Surface, [from, to]: [u32; 2]) -> bool {
         let around = &self.of[from as usize];
         let opposite: BTreeSet<u32> = around
@@ -97,14 +97,15 @@ impl Stars {
             .collect();
         opposite.len() == 2 && shared == opposite && neighbours.len() == around.len()
     }
-    /// The vertices that have an edge with a vertex.
+    /// Returns the vertices that share an edge with a vertex.
     fn neighbours(&self, s: &Surface, v: u32) -> BTreeSet<u32> {
         let all = self.of[v as usize].iter().flat_map(|&k| s.triangles[k]);
         all.filter(|&w| w != v).collect()
     }
 }
 
-/// Contracts the shortest edge of a triangle that may be; the vertex that is gone.
+/// Contracts the shortest edge of a triangle that may be contracted, and returns the removed
+/// vertex.
 fn contract_one(
     s: &mut Surface,
     k: usize,
@@ -122,7 +123,7 @@ fn contract_one(
     Some(way[0])
 }
 
-/// The edges of a triangle, the shortest first.
+/// Returns the edges of a triangle, the shortest first.
 fn edges_by_length(s: &Surface, t: [u32; 3]) -> [[u32; 2]; 3] {
     let at = |v: u32| s.points[v as usize];
     let length = |[a, b]: [u32; 2]| distance(at(a), at(b));
@@ -131,9 +132,9 @@ fn edges_by_length(s: &Surface, t: [u32; 3]) -> [[u32; 2]; 3] {
     edges
 }
 
-/// Puts one vertex in place of another in all triangles; those with both are dead, and two edges of
-/// each, to its third corner, become one. Returns the third corners, with the sides of the domain
-/// that these triangles lie on with one of the two edges.
+/// Replaces a vertex by another one in all triangles. Triangles with both are dead, and two edges
+/// of each, to its third corner, become one. Returns the third corners, with the sides of the
+/// domain on which one of the two edges lies.
 fn move_onto(
     s: &mut Surface,
     [from, to]: [u32; 2],
@@ -160,7 +161,8 @@ fn move_onto(
     borders
 }
 
-/// Puts edges from a vertex to others onto sides of the domain, in all triangles that have them.
+/// Marks edges from a vertex to others as lying on sides of the domain, in all triangles that have
+/// them.
 fn put_on_sides(s: &mut Surface, vertex: u32, stars: &Stars, borders: &[(u32, u64)]) {
     for &(other, bits) in borders.iter().filter(|b| b.1 != 0) {
         for &k in &stars.of[vertex as usize] {
@@ -173,12 +175,12 @@ fn put_on_sides(s: &mut Surface, vertex: u32, stars: &Stars, borders: &[(u32, u6
     }
 }
 
-/// The sides of the domain that a triangle lies on with an edge at a corner.
+/// Returns the sides of the domain on which an edge at a corner of a triangle lies.
 fn edge_bits(bits: [u64; 3], corner: usize) -> u64 {
     bits[corner] & (bits[(corner + 1) % 3] | bits[(corner + 2) % 3])
 }
 
-/// Whether a vertex may be moved onto a neighbour.
+/// Returns true if a vertex may be moved onto a neighbour.
 fn may_move(
     s: &Surface,
     stars: &Stars,
@@ -200,7 +202,7 @@ fn may_move(
     around.iter().map(|&k| s.triangles[k]).all(|t| {
         let before = corners(s, &t);
         let after = [0, 1, 2].map(|i| if t[i] == from { target } else { before[i] });
-        // One that was flat may stay so: several vertices may lie upon each other.
+        // A flat triangle may stay flat, as several vertices may coincide.
         t.contains(&to)
             || is_flat(before, half_width)
             || !is_flat(after, half_width) && dot(normal(before), normal(after)) > 0.0
@@ -211,8 +213,8 @@ fn may_move(
 mod tests {
     use super::*;
 
-    /// The square [0, 1]² as a fan about a point in it, and another point on the segment from there
-    /// to a corner, at a distance: two triangles have no area.
+    /// Returns the square [0, 1]² as a fan about an interior point, with another point on the
+    /// segment from there to a corner, at a distance: two triangles have no area.
     fn fan(distance: f64, kind: Kind) -> Surface {
         let d = 0.5 - distance * std::f64::consts::FRAC_1_SQRT_2;
         let points = vec![
@@ -270,7 +272,7 @@ mod tests {
         assert_eq!((s.points.len(), s.triangles.len()), (5, 4));
     }
 
-    /// Four vertices upon each other: each contraction but the last leaves flat triangles.
+    /// Four vertices coincide: each contraction but the last one leaves flat triangles.
     #[test]
     fn vertices_upon_each_other_become_one() {
         let mut s = fan(1e-6, Kind::Ordinary);
@@ -284,7 +286,7 @@ mod tests {
         assert_eq!(s.triangles.len(), 4);
     }
 
-    /// An edge that is long against the tolerance stays, and so does a vertex of a curve.
+    /// An edge that is long against the tolerance is kept, and so is a vertex of a curve.
     #[test]
     fn nothing_is_moved_far_and_no_vertex_of_a_curve() {
         for (distance, kind) in [(0.1, Kind::Ordinary), (1e-6, Kind::Double)] {

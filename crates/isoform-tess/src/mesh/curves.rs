@@ -1,5 +1,4 @@
-//! The curves of the parameters, beside the ones that the box gives, that a region is decomposed
-//! by.
+//! Curves of the parameters, other than those from the box, by which a region is decomposed.
 
 use super::traced::Traced;
 use crate::analysis::Analysis;
@@ -10,8 +9,8 @@ use crate::singular::{CurveKind, RealPart, SingularCurve};
 use crate::surface::Point3;
 use isoform_algebra::Poly;
 
-/// The curves, beside the ones that the box gives, that a region is decomposed by. The sides of the
-/// unit triangles are not among them, as they are there already.
+/// Curves, other than those from the box, by which a region is decomposed. The sides of the unit
+/// triangles are stored as flags, as every decomposition contains them.
 #[derive(Default)]
 pub(crate) struct Curves {
     pub(super) contracted: Vec<(Poly, Vec<Point3>)>,
@@ -19,21 +18,21 @@ pub(crate) struct Curves {
     /// Cuspidal edges.
     pub(super) creased: Vec<Poly>,
     pub(super) double_sides: [bool; 3],
-    /// Whether sheets that cross are joined.
+    /// True if sheets that cross are joined.
     pub(super) glued: bool,
-    /// The fundamental domain of deck transformations: its border is joined with itself.
+    /// Deck transformations; the border of their fundamental domain is joined with itself.
     pub(super) deck: Option<Deck>,
     pub(super) pinches: Vec<[f64; 3]>,
     /// Isolated real points of singular curves.
     pub(super) isolated: Vec<[f64; 3]>,
-    /// The fibres that tell a real parameter alone from one that meets conjugate ones.
+    /// Fibres, which distinguish a real parameter alone from one that meets conjugate ones.
     pub(super) fibres: Option<Fibres>,
     /// The double curve, if it was traced and is not to be decomposed.
     pub(super) traced: Option<Traced>,
 }
 
 impl Curves {
-    /// Contracted ones; where sheets are joined, double ones and cuspidal edges, too.
+    /// Collects the contracted curves; if sheets are joined, double curves and cuspidal edges, too.
     pub(crate) fn new(
         analysis: &Analysis,
         glued: bool,
@@ -86,8 +85,8 @@ impl Curves {
         found.traced = traced;
         found
     }
-    /// Adds isolated points of a curve, unless a contracted curve goes through them: they have its
-    /// image anyway.
+    /// Adds isolated points of a curve, except those on contracted curves, which have the image of
+    /// these anyway.
     fn add_isolated(&mut self, points: &[[Algebraic; 3]], all: &[SingularCurve]) {
         let is_contracted = |p: &&[Algebraic; 3]| {
             let mut curves = all
@@ -99,29 +98,29 @@ impl Curves {
         self.isolated
             .extend(others.map(|p| p.each_ref().map(Algebraic::to_f64)));
     }
-    /// The curves along which the border of a fundamental domain is joined with itself.
+    /// Returns the curves along which the border of a fundamental domain is joined with itself.
     pub(super) fn seams(&self) -> &[Poly] {
         self.deck.as_ref().map_or(&[], |d| &d.seams.curves)
     }
-    /// Whether there are vertices with several parameters.
+    /// Returns true if vertices may have several parameters.
     pub(super) fn is_joined(&self) -> bool {
         self.glued || self.deck.is_some()
     }
-    /// True if sheets are joined along double curves.
+    /// Returns true if sheets are joined along double curves.
     pub(crate) fn is_glued(&self) -> bool {
         self.glued
     }
-    /// Whether arcs stand for the double curve.
+    /// Returns true if traced arcs replace the double curves of parameters.
     pub(crate) fn is_traced(&self) -> bool {
         self.traced.is_some()
     }
-    /// Has arcs in the place of double curves of parameters.
+    /// Replaces double curves of parameters by traced arcs.
     pub(crate) fn trace(&mut self, traced: Option<Traced>) {
         self.traced = traced;
         self.double.clear();
         self.double_sides = [false; 3];
     }
-    /// Has double curves of parameters in the place of arcs, which are left to the caller.
+    /// Replaces traced arcs by double curves of parameters, and returns the arcs.
     pub(crate) fn decompose(&mut self, analysis: &Analysis) -> Option<Traced> {
         let curves = analysis.singular.as_ref().map_or(&[][..], |s| &s.curves);
         for c in curves.iter().filter(|c| c.is_double_arc()) {
@@ -135,7 +134,7 @@ impl Curves {
             None => self.double.push(curve.clone()),
         }
     }
-    /// Forms in (s, t, w).
+    /// Returns the curves as forms in (s, t, w).
     pub(crate) fn forms(&self) -> Vec<Poly> {
         let contracted = self.contracted.iter().map(|c| &c.0);
         contracted

@@ -1,5 +1,5 @@
-//! The curves that bound and cross the region in a unit triangle, as a constrained Delaunay
-//! triangulation of the parameters.
+//! Drawing of a unit triangle: the curves that bound and cross the region, as a constrained
+//! Delaunay triangulation of the parameters.
 
 mod lines;
 mod rectangles;
@@ -27,29 +27,29 @@ impl HasPosition for Node {
     }
 }
 
-/// The part of the region in a unit triangle, as far as it is drawn.
+/// The drawn part of the region in a unit triangle.
 struct Drawing<'a> {
     glued: &'a Glued<'a>,
     q: usize,
     triangle: &'a Triangle,
-    /// Where its walls are.
+    /// Coordinates u of its walls.
     walls: Vec<f64>,
     cdt: Cdt,
     constraints: Vec<[FixedVertexHandle; 2]>,
-    /// Points of walls, by wall and place.
+    /// Vertices at points of walls, by wall and point.
     at_wall: BTreeMap<(usize, usize), FixedVertexHandle>,
-    /// Base points: their fans, by vertex.
+    /// Fans of the base points, by vertex.
     apexes: BTreeMap<usize, usize>,
-    /// Corners of the rectangles around them, by vertex and fan.
+    /// Rays of the corners of the rectangles around base points, by vertex and fan.
     rays: BTreeMap<(usize, usize), Ray>,
-    /// The arcs drawn over each slab: their places, and parameters along them.
+    /// The arcs drawn over each slab, by place, with their polylines.
     lines: Vec<Vec<(usize, Vec<[f64; 2]>)>>,
-    /// Whether neighbouring arcs could be told apart.
+    /// True if the order of neighbouring arcs is certain.
     in_order: bool,
 }
 
-/// The part of the region in a unit triangle, drawn and triangulated, to be refined. None if there
-/// is none.
+/// Draws and triangulates the part of the region in a unit triangle, for refinement; `None` if it
+/// is empty.
 pub(super) fn drawn_unit(glued: &Glued<'_>, q: usize) -> Option<Unit> {
     let t = &glued.atlas.region.triangles[q];
     if !t.inside.iter().flatten().any(|inside| *inside) {
@@ -95,20 +95,20 @@ impl<'a> Drawing<'a> {
             in_order: true,
         }
     }
-    /// A vertex, unless it has no position.
+    /// Inserts a vertex, unless it has no position.
     fn vertex(&mut self, node: Node) -> Option<FixedVertexHandle> {
         self.cdt.insert(node).ok()
     }
-    /// The vertex at a place, a new one if there is none.
+    /// Returns the vertex at a place, or inserts one.
     fn known_or_new(&mut self, node: Node) -> Option<FixedVertexHandle> {
         let known = self.cdt.locate_vertex(node.position()).map(|v| v.fix());
         known.or_else(|| self.vertex(node))
     }
-    /// An edge that stays, if both its ends are there.
+    /// Adds a fixed edge, if both its ends exist.
     fn edge(&mut self, a: Option<FixedVertexHandle>, b: Option<FixedVertexHandle>) {
         self.constraints.extend(a.zip(b).map(|(a, b)| [a, b]));
     }
-    /// Whether a place is in the region.
+    /// Returns true if a place is in the region.
     fn is_inside(&self, at: [f64; 2]) -> bool {
         let k = self.walls[1..self.walls.len() - 1].partition_point(|&u| u < at[0]);
         let below = self.lines[k]
@@ -119,7 +119,7 @@ impl<'a> Drawing<'a> {
         self.triangle.inside[k][below.unwrap_or(0)]
     }
 
-    /// The chords of a double curve that was traced.
+    /// Draws the chords of a traced double curve.
     fn draw_chords(&mut self) {
         let (glued, q) = (self.glued, self.q);
         for (_, ends) in glued.gluing.chords.iter().filter(|c| c.0 == q) {
@@ -127,7 +127,7 @@ impl<'a> Drawing<'a> {
             self.edge(a, b);
         }
     }
-    /// Makes constraints of the edges that stay. False if some cross others.
+    /// Makes the fixed edges constraints; returns false if some cross others.
     fn constrain(&mut self) -> bool {
         let mut crossing = false;
         for [a, b] in std::mem::take(&mut self.constraints) {
@@ -139,7 +139,7 @@ impl<'a> Drawing<'a> {
         }
         !crossing
     }
-    /// The edges that are drawn, from either end to the other.
+    /// Returns the constraint edges, in both directions.
     fn fixed_edges(&self) -> BTreeSet<(u32, u32)> {
         self.cdt
             .undirected_edges()
@@ -148,8 +148,8 @@ impl<'a> Drawing<'a> {
             .flat_map(|[a, b]| [(a, b), (b, a)])
             .collect()
     }
-    /// Adds rings of vertices around base points. Their edges are there at the beginning only; what
-    /// stays, from either end to the other, is returned.
+    /// Adds rings of vertices around base points. Their edges are constraints of the first
+    /// triangulation only; returns the edges that stay fixed, in both directions.
     fn add_rings(&mut self) -> BTreeSet<(u32, u32)> {
         let known = self.cdt.vertices();
         let known = known.map(|v| (v.data().at.map(f64::to_bits), v.fix()));
@@ -170,7 +170,7 @@ impl<'a> Drawing<'a> {
         }
         fixed
     }
-    /// Draws an edge of a ring, unless it crosses one that is drawn.
+    /// Draws an edge of a ring, unless it crosses a drawn one.
     fn add_leg(&mut self, ends: [Option<FixedVertexHandle>; 2]) {
         if let [Some(a), Some(b)] = ends
             && a != b
@@ -180,7 +180,7 @@ impl<'a> Drawing<'a> {
         }
     }
 
-    /// The triangles in the region, those at base points apart.
+    /// Returns the triangles in the region, with those at base points kept separately.
     fn unit(
         self,
         fixed: &BTreeSet<(u32, u32)>,
@@ -213,8 +213,8 @@ impl<'a> Drawing<'a> {
     }
 }
 
-/// Whether a triangle, counterclockwise, lies beyond the side u + v = 1, whose points are on that
-/// line but for rounding.
+/// Returns true if a counterclockwise triangle lies beyond the side u + v = 1, where all its
+/// corners are on that line up to rounding.
 fn is_sliver(nodes: [Node; 3]) -> bool {
     let on_line = |n: &Node| matches!(n.name, Name::Side(2, ..) | Name::Corner(1 | 2));
     nodes.iter().all(on_line) && {

@@ -1,4 +1,4 @@
-//! Strips between the rectangles around base points and the seams: each stands for the triangle at
+//! Strips between the rectangles around base points and the seams: each replaces the triangle at
 //! the base point between two rays.
 //!
 //! ```text
@@ -19,12 +19,13 @@ use crate::fan::{Direction, Fan};
 use crate::region::FOLD;
 use crate::surface::{Kind, Point3};
 
-/// The part of a unit triangle between two rays of a base point, from the rectangle to the seam.
+/// Part of a unit triangle between two rays of a base point, from the rectangle to the seam.
 pub(super) struct Strip {
     pub(super) fan: usize,
     pub(super) apex: [f64; 2],
     pub(super) rays: [Ray; 2],
-    /// On the rectangle, and the vertices that other triangles have put on the edge between them.
+    /// Corners on the rectangle; `way` has the vertices that other triangles have inserted on the
+    /// edge between them.
     pub(super) ends: [PathVertex; 2],
     pub(super) way: Vec<PathVertex>,
 }
@@ -33,18 +34,18 @@ pub(super) struct Strip {
 struct Paths {
     first: Vec<PathVertex>,
     second: Vec<PathVertex>,
-    /// Their points of the seam, without a corner in between.
+    /// Ends of the paths on the seam, not counting a corner between them.
     seams: [u32; 2],
 }
 
-/// The triangles of a strip.
+/// Triangulates a strip.
 pub(super) fn fill(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Vec<Made> {
     let paths = paths(q, strip, joined);
     let (glued, apex) = (joined.glued, strip.apex);
     let fan = &glued.openings.fans[strip.fan];
     let triangles = triangles(strip, fan, &paths, joined);
     // The part between two rays need not lie in the straight triangle: then all corners of the
-    // strip have the parameters of the base point.
+    // strip get the parameters of the base point.
     let [a, b] = strip.ends.map(|end| end.1);
     let chart = &glued.atlas.charts[q];
     let is_straight = !fan.is_tree() || chart.keeps_sign([apex, a, b], fan.multiplicity);
@@ -62,7 +63,7 @@ pub(super) fn fill(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Vec<Made
 fn paths(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Paths {
     let [mut first, second] = [0, 1].map(|i| path(q, strip, i, joined));
     let seams = [&first, &second].map(|path| path[path.len() - 1].0);
-    // From one seam to another one.
+    // The strip leads from one seam to another one.
     let fan = &joined.glued.openings.fans[strip.fan];
     let sector = fan.sector_between(strip.rays[0], strip.rays[1]);
     if let Some(corner) = sector.and_then(|s| s.corner.as_ref()) {
@@ -75,8 +76,8 @@ fn paths(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Paths {
     }
 }
 
-/// The vertices on a ray, in a direction of the fan, between the rectangle and the seam where base
-/// points are infinitely near.
+/// Returns the vertices on a ray, in a direction of the fan, between the rectangle and the seam, if
+/// base points are infinitely near.
 fn on_ray(
     q: usize,
     strip: &Strip,
@@ -100,7 +101,7 @@ fn on_ray(
         .collect()
 }
 
-/// A ray from the rectangle to the seam, with what lies between on a double curve.
+/// Returns the vertices of a ray from the rectangle to the seam, including those on a double curve.
 fn path(q: usize, strip: &Strip, i: usize, joined: &mut Joined<'_>) -> Vec<PathVertex> {
     let glued = joined.glued;
     let (ray, (vertex, at)) = (strip.rays[i], strip.ends[i]);
@@ -120,7 +121,7 @@ fn path(q: usize, strip: &Strip, i: usize, joined: &mut Joined<'_>) -> Vec<PathV
     path
 }
 
-/// The vertex of the seam in a direction.
+/// Returns the vertex of the seam in a direction.
 fn seam_end(strip: &Strip, d: &Direction, at: [f64; 2], joined: &mut Joined<'_>) -> PathVertex {
     let glued = joined.glued;
     let (place, point, faces) = glued.openings.seam_vertex(strip.fan, d);
@@ -139,7 +140,8 @@ fn seam_end(strip: &Strip, d: &Direction, at: [f64; 2], joined: &mut Joined<'_>)
     (joined.shared([place, name], point, faces, kind), strip.apex)
 }
 
-/// The vertices of a strip in which the surface ends: on seams and rays along which it is folded.
+/// Returns the vertices of a strip in which the surface ends: on seams and rays along which it is
+/// folded.
 fn folded(strip: &Strip, paths: &Paths, joined: &Joined<'_>) -> Vec<u32> {
     let openings = joined.glued.openings;
     let mut folded: Vec<u32> = Vec::new();
@@ -160,9 +162,9 @@ fn folded(strip: &Strip, paths: &Paths, joined: &Joined<'_>) -> Vec<u32> {
     folded
 }
 
-/// The triangles between the vertices of the rectangle, with edges to the first vertices behind it
-/// only: they bound the triangles outside, and must not gain edges to shared vertices. None if the
-/// rectangle has no vertex between the rays.
+/// Returns the triangles between the vertices of the rectangle, with edges only to the first
+/// vertices behind it: they bound the triangles outside, and must not gain edges to shared
+/// vertices. The result is empty if the rectangle has no vertex between the rays.
 fn beside_rectangle(
     strip: &Strip,
     [first, second]: [&[PathVertex]; 2],
@@ -196,9 +198,9 @@ fn triangles(
     made
 }
 
-/// Triangles between two paths, a step on one and a step on the other as far as that goes. Edges
-/// lead from the seam's end of a double curve to the rectangle: the other diagonals would be there
-/// twice where the curve is folded.
+/// Returns triangles between two paths, alternating steps on both as far as possible. For a double
+/// curve, the edges lead from the seam's end of the curve to the rectangle: the other diagonals
+/// would occur twice if the curve is folded.
 fn side_by_side(
     first: &[PathVertex],
     second: &[PathVertex],
@@ -223,7 +225,7 @@ mod tests {
     use super::*;
 
     /// Two paths of m and n vertices have m + n − 2 triangles between them, which use each edge of
-    /// the paths once; the diagonals begin on the path that is double.
+    /// the paths once; the diagonals start on the double path.
     #[test]
     fn paths_are_joined_side_by_side() {
         let path = |from: u32, n: u32| (from..from + n).map(|v| (v, [0.0; 2])).collect::<Vec<_>>();

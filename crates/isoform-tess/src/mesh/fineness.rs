@@ -1,9 +1,8 @@
-//! Where triangles have to be finer than elsewhere: cells of space in which the tolerance is
-//! divided by four once or more.
+//! Cells of space with a finer tolerance: the tolerance is divided by four once or more.
 //!
-//! Whether sheets that are close together cross is not decided by the tolerance that was asked for.
-//! Where their triangles do, the surface is triangulated again, and all that depends on the
-//! tolerance there is the finer: curves, seams and triangles of all sheets.
+//! The requested tolerance does not decide whether sheets that are close together cross. Where
+//! their triangles cross, the surface is triangulated again, with a finer tolerance there for
+//! curves, seams and triangles of all sheets.
 
 use crate::surface::Point3;
 use std::collections::BTreeMap;
@@ -13,7 +12,7 @@ const CELLS: f64 = 128.0;
 /// Divisions by four at most.
 const MOST: u8 = 6;
 
-/// The number of times that the tolerance is divided by four, by cells of space.
+/// Number of divisions of the tolerance by four, by cells of space.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Fineness {
     levels: BTreeMap<[i32; 3], u8>,
@@ -24,7 +23,7 @@ fn cell(p: Point3, half_width: f64) -> [i32; 3] {
 }
 
 impl Fineness {
-    /// Once more in the cells around the given boxes.
+    /// Divides the tolerance once more in the cells around given boxes.
     pub(crate) fn refine(&mut self, boxes: &[[Point3; 2]], half_width: f64) {
         let mut cells = std::collections::BTreeSet::new();
         for [lo, hi] in boxes {
@@ -42,7 +41,7 @@ impl Fineness {
             *level = (*level + 1).min(MOST);
         }
     }
-    /// The factor of the tolerance at a point.
+    /// Returns the factor of the tolerance at a point.
     pub(crate) fn factor(&self, p: Point3, half_width: f64) -> f64 {
         if self.levels.is_empty() {
             return 1.0;

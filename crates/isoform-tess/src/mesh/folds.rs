@@ -1,4 +1,4 @@
-//! Where base points are on folds of an improper map: seams and rays in which the surface ends.
+//! Folds at base points of an improper map: seams and rays in which the surface ends.
 
 use super::geometry::distance;
 use super::names::Ray;
@@ -7,11 +7,12 @@ use crate::surface::Point3;
 use std::collections::BTreeSet;
 
 impl Openings<'_> {
-    /// The seams along which a transformation of even order folds the surface.
+    /// Returns the seams along which a transformation of even order folds the surface.
     ///
-    /// A seam on the border of the fundamental domain is sent to one on the border: to another one,
-    /// to itself, with two directions for each point, or it stays as it is. Curves of parameters
-    /// that are sent to seams lack a partner, which is noticed when they are joined.
+    /// A transformation maps a seam on the border of the fundamental domain to a seam on the
+    /// border: to another one, to itself with two directions for each point, or pointwise to
+    /// itself. A seam that coincides with a curve of parameters lacks a partner, which is noticed
+    /// when they are joined.
     pub(super) fn folded_seams(&self) -> BTreeSet<SeamId> {
         /// The distance from another seam that one of the points of a seam has to have, per half
         /// width of the box, for the two to be different curves: more than rounding and the
@@ -48,7 +49,7 @@ impl Openings<'_> {
             };
             a == b || points(a, FEW).iter().any(far)
         };
-        // Of base points that are not infinitely near to others it is known.
+        // Exactly known for base points without infinitely near ones.
         let is_known = |a: SeamId| a.node == 0 && deck.folded.contains(&a.fan);
         let is_folded = |&a: &SeamId| {
             let is_double = || self.fans[a.fan].is_double_seam(a.node);
@@ -56,7 +57,7 @@ impl Openings<'_> {
         };
         borders.iter().copied().filter(is_folded).collect()
     }
-    /// Whether a fold leaves a base point along a ray.
+    /// Returns true if a fold leaves a base point along a ray.
     pub(super) fn is_fold_ray(&self, fan: usize, ray: Ray) -> bool {
         let f = &self.fans[fan];
         let mut directions = f.directions.iter().filter(|d| d.key() == ray.0);

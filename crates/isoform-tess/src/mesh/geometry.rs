@@ -9,7 +9,7 @@ pub(super) fn middle(a: Point3, b: Point3) -> Point3 {
 pub(super) fn distance(a: Point3, b: Point3) -> f64 {
     norm(sub(a, b))
 }
-/// The length of the longest edge of a triangle.
+/// Returns the length of the longest edge of a triangle.
 pub(super) fn longest([p, q, r]: [Point3; 3]) -> f64 {
     distance(p, q).max(distance(q, r)).max(distance(r, p))
 }

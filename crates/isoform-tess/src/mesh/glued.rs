@@ -1,4 +1,4 @@
-//! The base of the drawing: the openings of base points, and the vertices that sheets share.
+//! Input of the drawing: the openings of base points, and the vertices that sheets share.
 
 use super::Curves;
 use super::atlas::Atlas;
@@ -9,8 +9,8 @@ use super::sides::Sides;
 use super::special::SpecialCurves;
 use crate::claim::{Claim, Verdict};
 
-/// The openings, with the vertices that have several parameters, and the places on the sides of the
-/// unit triangles.
+/// The openings, the vertices with several parameters, and the places on the sides of the unit
+/// triangles.
 pub(super) struct Glued<'a> {
     pub(super) atlas: &'a Atlas<'a>,
     pub(super) curves: &'a SpecialCurves<'a>,
@@ -20,7 +20,7 @@ pub(super) struct Glued<'a> {
 }
 
 impl<'a> Glued<'a> {
-    /// Finds the places on sides and, as far as sheets or borders are joined, the partners of
+    /// Computes the places on sides and, as far as sheets or borders are joined, the partners of
     /// vertices.
     pub(super) fn new(openings: &'a Openings<'a>, curves: &Curves) -> Self {
         let mut sides = openings.sides();
@@ -74,9 +74,10 @@ impl Glued<'_> {
         ]
     }
 
-    /// The names of a place and of its vertex: that of the image if it is on a contracted curve.
+    /// Returns the names of a place and of its vertex, which is that of the image on a contracted
+    /// curve.
     pub(super) fn names(&self, q: usize, node: &Node) -> [Name; 2] {
-        /// The sides that meet in each corner of the unit triangle.
+        /// Sides that meet in each corner of the unit triangle.
         const SIDES: [[usize; 2]; 3] = [[0, 1], [1, 2], [0, 2]];
         let first = |sides: &[usize]| sides.iter().find_map(|&s| self.curves.on_side[s]);
         let image = node.image.or_else(|| match node.name {

@@ -1,9 +1,9 @@
-//! Where sheets that cross are joined: every vertex on the double curve gets vertices at all its
-//! partners, the other parameters with the same image.
+//! Gluing of sheets that cross: every vertex on the double curve gets vertices at all its partners,
+//! the other parameters with its image.
 //!
-//! The curve is walked through piece by piece: arcs over slabs, stretches of walls, sides of the
-//! unit triangles. What is special there (points of walls, rectangles around base points, pinch
-//! points) comes first, so that its partners are vertices, too; then the rest.
+//! The curve is traversed piece by piece: arcs over slabs, segments of walls, sides of the unit
+//! triangles. Special vertices (points of walls, rectangles around base points, pinch points) come
+//! first, so that their partners are vertices, too; then the others.
 
 mod isolated;
 mod partners;
@@ -21,75 +21,75 @@ use crate::surface::{DoubleArc, Point3};
 use pieces::{Piece, Pieces};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The curve in the drawing to which a piece of the double curve belongs.
+/// Curve in the drawing to which a piece of the double curve belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Track {
-    /// Quadrant, slab, place in it.
+    /// An arc, by quadrant, slab, and place in it.
     Arc(usize, usize, usize),
-    /// Quadrant, wall, point of it.
+    /// A wall, by quadrant, index, and point of it.
     Wall(usize, usize, usize),
-    /// Side and sign, number of the stretch on it.
+    /// A side, by line and sign, and number of the interval on it.
     Side(usize, i64, usize),
-    /// A seam that runs twice through its points: base point, number of the stretch.
+    /// A seam that covers its image twice: base point, number of the interval.
     Seam(usize, usize),
 }
 
-/// The distance from its neighbours on a piece within which a vertex is left out, per distance at
-/// which vertices lie upon each other.
+/// Distance from its neighbours on a piece within which a vertex is left out, in half widths of the
+/// box: eight times that of coincident vertices.
 pub(super) const CROWDED: f64 = 8.0;
-/// The distance up to which two images are one, per half width of the box: Newton's method brings
-/// partners closer by a digit, and sheets that are nearer than this are no two sheets.
+/// Distance up to which two images are one, in half widths of the box. Newton's method brings
+/// partners ten times closer, and sheets nearer than this cannot be distinguished.
 const CLOSE: f64 = 1e-9;
 
 /// A vertex between a rectangle and a seam: its class and parameters.
 type SpokeVertex = (ClassId, [f64; 2]);
 
-/// The gluing: classes of vertices that are one in space.
+/// Classes of vertices that are one in space, and the pieces along which they were found.
 #[derive(Default)]
 pub(super) struct Gluing {
-    /// The class of each vertex on the double curve.
+    /// Class of each vertex on the double curve.
     classes: BTreeMap<Key, Name>,
     images: Vec<Point3>,
     /// A parameter (s : t : w) of each class.
     parameters: Vec<[f64; 3]>,
-    /// The classes in which sheets meet: others join the border of a fundamental domain.
+    /// Classes in which sheets meet; the others join the border of a fundamental domain.
     meeting: BTreeSet<ClassId>,
     /// Vertices of arcs and walls between their ends, and of sides.
     lines: BTreeMap<Track, Vec<[f64; 2]>>,
-    /// Vertices between rectangles and seams, from the rectangle on.
+    /// Vertices between rectangles and seams, starting at the rectangle.
     spokes: BTreeMap<(usize, Ray, [u64; 2]), Vec<SpokeVertex>>,
     points: Vec<(usize, [f64; 2])>,
-    /// Chords of a double curve that was traced, by unit triangles.
+    /// Chords of a traced double curve, with their unit triangles.
     pub(super) chords: Vec<(usize, [Node; 2])>,
     pub(super) arcs: Vec<DoubleArc>,
-    /// Whether it was given up before there were arcs.
+    /// True if the gluing was stopped before it had arcs.
     pub(super) is_stopped: bool,
     pub(super) findings: Vec<Finding>,
 }
 
 impl Gluing {
-    /// Whether any vertices have been given partners.
+    /// Returns true if any vertices have been given partners.
     pub(super) fn is_anything_joined(&self) -> bool {
         !self.classes.is_empty()
     }
-    /// The name of a vertex that it shares with its partners.
+    /// Returns the name that a vertex shares with its partners.
     pub(super) fn name(&self, key: &Key) -> Option<Name> {
         self.classes.get(key).copied()
     }
-    /// Isolated points of the double curve that are vertices, in a unit triangle.
+    /// Returns the isolated points of the double curve in a unit triangle; they become vertices.
     pub(super) fn points(&self, q: usize) -> impl Iterator<Item = [f64; 2]> {
         self.points.iter().filter(move |p| p.0 == q).map(|p| p.1)
     }
     pub(super) fn image(&self, class: ClassId) -> Point3 {
         self.images[class.0]
     }
-    /// A new class of vertices: their image, and one of their parameters.
+    /// Creates a class of vertices, from their image and one of their parameters.
     fn new_class(&mut self, image: Point3, parameter: [f64; 3]) -> ClassId {
         self.images.push(image);
         self.parameters.push(parameter);
         ClassId(self.images.len() - 1)
     }
-    /// A new class of vertices in which sheets meet.
+    /// Creates a class of vertices in which sheets meet.
     pub(super) fn add_class(&mut self, image: Point3, parameter: [f64; 3]) -> ClassId {
         let class = self.new_class(image, parameter);
         self.meeting.insert(class);
@@ -101,7 +101,7 @@ impl Gluing {
     pub(super) fn set_line(&mut self, track: Track, line: Vec<[f64; 2]>) {
         self.lines.insert(track, line);
     }
-    /// Whether sheets meet in a class.
+    /// Returns true if sheets meet in a class.
     pub(super) fn is_double(&self, class: ClassId) -> bool {
         self.meeting.contains(&class)
     }
@@ -113,7 +113,7 @@ impl Gluing {
             .get(&(fan, ray, ring.map(f64::to_bits)))
             .map_or(&[], Vec::as_slice)
     }
-    /// Gives up: what is joined so far is left as it is.
+    /// Stops the gluing; existing classes are kept.
     pub(super) fn stop(&mut self) {
         self.is_stopped = true;
         self.findings.push(Finding::Stopped(Phase::Partners));
@@ -121,8 +121,8 @@ impl Gluing {
 }
 
 impl Openings<'_> {
-    /// Finds the vertices of the double curve and their partners. Sides of the unit triangles that
-    /// are double get their places.
+    /// Finds the vertices of the double curve and their partners, and adds places to double sides
+    /// of the unit triangles.
     pub(super) fn glue(
         &self,
         sides: &mut Sides,
@@ -146,8 +146,8 @@ impl Openings<'_> {
 }
 
 impl Pieces<'_> {
-    /// Gives classes to all vertices that have none, those that are fixed or the other ones. False
-    /// if that is stopped.
+    /// Gives classes to all vertices without one, either to the fixed or to the other ones. Returns
+    /// false if stopped.
     fn join_all(&mut self, fixed: bool, gluing: &mut Gluing) -> bool {
         for k in 0..self.pieces.len() {
             let mut j = 0;
@@ -170,7 +170,8 @@ impl Pieces<'_> {
         true
     }
 
-    /// Whether a vertex lies upon one of those next to it, so that it is better left out.
+    /// Returns true if a vertex nearly coincides with one next to it, so that it is better left
+    /// out.
     fn is_crowded(&self, piece: &Piece, j: usize) -> bool {
         let near = |k: usize| {
             piece.knots.get(k).is_some_and(|other| {

@@ -1,11 +1,11 @@
-//! The map on a unit triangle, as refinement measures it.
+//! The map on a unit triangle, in the form needed by refinement.
 
 use super::glued::Glued;
 use super::names::{ImageId, Name, Node};
 use super::plane::{Measure, Shared};
 use crate::surface::Point3;
 
-/// The measure of the triangles of one unit triangle.
+/// Implementation of [`Measure`] for the triangles of one unit triangle.
 pub(super) struct InChart<'a, 'b> {
     pub(super) glued: &'a Glued<'b>,
     pub(super) q: usize,

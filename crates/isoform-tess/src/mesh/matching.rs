@@ -1,10 +1,10 @@
-//! Sheets that nearly touch, along a whole curve or next to a pinch point, are given each other's
-//! vertices where their triangles cross.
+//! Matching of sheets that nearly touch, along a whole curve or next to a pinch point: where their
+//! triangles cross, each sheet gets the vertices of the other one.
 //!
 //! Such sheets are closer together than chords are to the surface: triangles of any size cross
-//! there, unless both sheets have their vertices beside each other's. The place on one sheet that
-//! is nearest to a vertex x of the other is the foot of a perpendicular: the parameters at which
-//! |f(u, v) − x| is least, by the method of Gauss and Newton.
+//! there, unless both sheets have vertices at corresponding places. The place on one sheet nearest
+//! to a vertex x of the other is the foot of a perpendicular: the parameters that minimise |f(u, v)
+//! − x|, found by the Gauss–Newton method.
 
 use super::chart::Chart;
 use super::closing::UPON;
@@ -14,14 +14,14 @@ use crate::map::Map;
 use crate::surface::{Point3, Surface};
 use isoform_geom::{cross, dot, sub};
 
-/// Where a further vertex is to be.
+/// Place at which a further vertex is inserted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Place {
-    /// The unit triangle.
+    /// Unit triangle.
     pub(super) quadrant: usize,
-    /// The parameters in it.
+    /// Parameters in the unit triangle.
     pub(super) at: [f64; 2],
-    /// The face of the box that the vertex is on, as a bit; 0 for none.
+    /// Face of the box on which the vertex lies, as a bit; 0 if it is on no face.
     pub(super) faces: u8,
 }
 
@@ -38,14 +38,14 @@ const STILL: f64 = 1e-9;
 /// Two triangles that cross.
 #[derive(Clone, Copy, Debug)]
 pub struct Crossing {
-    /// Their numbers.
+    /// Indices of the triangles.
     pub triangles: [u32; 2],
-    /// Where both sheets get a further vertex, if they are to.
+    /// Point at which both sheets get a further vertex, if any.
     pub point: Option<Point3>,
 }
 
-/// Where one sheet is next to the corners of triangles of another that cross it: pairs of triangles
-/// in, places for further vertices out.
+/// Returns the places at which one sheet is next to the corners of triangles of another one that
+/// cross it, given the pairs of triangles.
 pub(crate) fn matching(
     map: &Map,
     half_width: f64,
@@ -58,7 +58,7 @@ pub(crate) fn matching(
         surface,
     };
     let found = pairs.iter().flat_map(|pair| sheets.feet(pair));
-    // Of places that lie upon each other one is enough.
+    // Of coincident places one suffices.
     let mut places: Vec<(Place, Point3)> = Vec::new();
     for (place, image) in found {
         if places.iter().all(|p| sheets.are_apart(p.1, image)) {
@@ -68,7 +68,7 @@ pub(crate) fn matching(
     places.into_iter().map(|p| p.0).collect()
 }
 
-/// A surface with the charts that its sheets are met in.
+/// A surface, with the charts in which its sheets are evaluated.
 struct Sheets<'a> {
     charts: [Chart; 4],
     half_width: f64,
@@ -76,8 +76,8 @@ struct Sheets<'a> {
 }
 
 impl Sheets<'_> {
-    /// The feet of perpendiculars from the corners of two triangles to each other's sheet, and from
-    /// the further vertex that both sheets are to get.
+    /// Returns the feet of perpendiculars from the corners of two triangles to each other's sheet,
+    /// and from the further vertex that both sheets get.
     fn feet(&self, crossing: &Crossing) -> Vec<(Place, Point3)> {
         let surface = self.surface;
         let [a, b] = crossing.triangles;
@@ -96,8 +96,8 @@ impl Sheets<'_> {
         }
         found
     }
-    /// The place of the sheet of a triangle that is nearest to a point, if it is close; on the same
-    /// face of the box if the point is on one.
+    /// Returns the place on the sheet of a triangle nearest to a point, if it is close. If the
+    /// point is on a face of the box, the place is on that face, too.
     fn foot(&self, triangle: usize, x: Point3, faces: u8) -> Option<(Place, Point3)> {
         let surface = self.surface;
         let corners = surface.triangles[triangle].map(|v| surface.points[v as usize]);
@@ -117,8 +117,8 @@ impl Sheets<'_> {
         let is_close = distance(image, x) <= CLOSE * longest(corners);
         (is_close && self.has_room(&place, image)).then_some((place, image))
     }
-    /// The parameters of the place nearest to a point, in a quadrant or beyond its sides; none if
-    /// steps get longer.
+    /// Returns the parameters of the place nearest to a point, in a quadrant or beyond its sides;
+    /// `None` if the steps get longer.
     fn nearest(&self, quadrant: usize, start: [f64; 2], x: Point3, faces: u8) -> Option<[f64; 2]> {
         let mut at = start;
         let mut last = f64::INFINITY;
@@ -136,8 +136,8 @@ impl Sheets<'_> {
         }
         Some(at)
     }
-    /// Whether a vertex may be put at a place: in the unit triangle, in the box, and upon no other
-    /// vertex.
+    /// Returns true if a vertex may be inserted at a place: in the unit triangle, in the box, and
+    /// distinct from all other vertices.
     fn has_room(&self, &Place { at, faces, .. }: &Place, image: Point3) -> bool {
         let is_inside = at[0] > 0.0 && at[1] > 0.0 && at[0] + at[1] < 1.0;
         let is_in_box = faces > 0 || image.iter().all(|x| x.abs() < self.half_width);
@@ -149,14 +149,14 @@ impl Sheets<'_> {
                 .iter()
                 .all(|&p| self.are_apart(image, p))
     }
-    /// Whether two points are no vertices upon each other, which would be worse than triangles that
-    /// cross.
+    /// Returns true if two points would not be coincident vertices, which are worse than crossing
+    /// triangles.
     fn are_apart(&self, a: Point3, b: Point3) -> bool {
         distance(a, b) > 2.0 * UPON * self.half_width
     }
 
-    /// A step of Gauss and Newton towards the place that is nearest to a point; along the face of
-    /// the box that it is on, if it is on one. None for edges of the box.
+    /// Returns a Gauss–Newton step towards the place nearest to a point. A point on a face of the
+    /// box is approached along the face; `None` for points on edges of the box.
     fn step(&self, quadrant: usize, at: [f64; 2], x: Point3, faces: u8) -> Option<[f64; 2]> {
         let chart = &self.charts[quadrant];
         if faces == 0 {
@@ -177,7 +177,7 @@ impl Sheets<'_> {
     }
 }
 
-/// The shares of the corners of a triangle in the foot of the perpendicular from a point.
+/// Returns the barycentric coordinates of the foot of the perpendicular from a point on a triangle.
 fn shares([p, q, r]: [Point3; 3], x: Point3) -> [f64; 3] {
     let normal = cross(sub(q, p), sub(r, p));
     let share =
@@ -185,7 +185,7 @@ fn shares([p, q, r]: [Point3; 3], x: Point3) -> [f64; 3] {
     [share(q, r), share(r, p), share(p, q)]
 }
 
-/// The sum of parameters by their shares.
+/// Returns the combination of parameters with barycentric coordinates.
 fn weighted(shares: [f64; 3], parameters: [[f64; 2]; 3]) -> [f64; 2] {
     [0, 1].map(|i| (0..3).map(|k| shares[k] * parameters[k][i]).sum())
 }

@@ -1,38 +1,38 @@
-//! The names of vertices: a vertex on a side, a seam, a contracted or a double curve is met from
-//! several unit triangles, or several parameters of one, and has one name in all of them.
+//! Names of vertices: a vertex on a side, a seam, a contracted or a double curve belongs to several
+//! unit triangles, or to several parameters of one, and has one name in all of them.
 
 use super::places::{side_of, sides_of};
 use crate::fan::Key as DirectionKey;
 
-/// An image of contracted curves: a number of [`SpecialCurves::images`].
+/// An image of contracted curves: an index into [`SpecialCurves::images`].
 ///
 /// [`SpecialCurves::images`]: super::special::SpecialCurves
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct ImageId(pub(super) usize);
 
-/// A class of vertices that are one in space: a number of [`Gluing`](super::gluing::Gluing).
+/// A class of vertices that are one in space: an index into [`Gluing`](super::gluing::Gluing).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct ClassId(pub(super) usize);
 
-/// A direction of a fan, by its key, and whether it is backward.
+/// A direction of a fan, by its key, with true if it is backward.
 pub(super) type Ray = (DirectionKey, bool);
 
-/// A name that both triangles at a side agree on: the sides s = 0, t = 0, w = 0 by the sign of t,
-/// s, s t, the place along them as bits.
+/// A name of a vertex on which both triangles at a side agree. The sides s = 0, t = 0, w = 0 are
+/// named by the sign of t, s, s t, and a place along them by its bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Name {
     Inner,
-    /// On a side: which, its sign, and the place along it as bits.
+    /// A vertex on a side, by line, sign, and the bits of its place along it.
     Side(usize, i64, u64),
     /// The origin, (1 : 0 : 0) or (0 : 1 : 0).
     Corner(usize),
     /// The image of a contracted curve.
     Image(ImageId),
-    /// On the seam of a base point, in a direction.
+    /// A vertex on the seam of a base point, in a direction.
     Seam(usize, DirectionKey),
-    /// On a ray of a base point: the number of the vertex, counted from the rectangle on.
+    /// A vertex on a ray of a base point, counted from the rectangle.
     Ray(usize, Ray, usize),
-    /// Where sheets meet.
+    /// A vertex in which sheets meet.
     Double(ClassId),
 }
 
@@ -40,13 +40,13 @@ pub(super) enum Name {
 pub(super) struct Node {
     pub(super) at: [f64; 2],
     pub(super) name: Name,
-    /// Faces of the box that it is on.
+    /// Faces of the box on which it lies, as bits.
     pub(super) faces: u8,
-    /// The contracted curve that it is on, by its image.
+    /// Image of the contracted curve on which it lies, if any.
     pub(super) image: Option<ImageId>,
-    /// A base point: the map has no value there.
+    /// True for a base point, at which the map has no value.
     pub(super) apex: bool,
-    /// The sides of the domain that it is on, as bits.
+    /// Sides of the domain on which it lies, as bits.
     pub(super) borders: u64,
 }
 
@@ -63,7 +63,8 @@ impl Node {
     }
 }
 
-/// A name of a vertex, with the unit triangle and the place in it for those that have none.
+/// A name of a vertex, with the unit triangle and the place in it for vertices that have no other
+/// name.
 pub(super) type Key = (Name, usize, [u64; 2]);
 
 pub(super) fn key(name: Name, q: usize, at: [f64; 2]) -> Key {
@@ -73,7 +74,7 @@ pub(super) fn key(name: Name, q: usize, at: [f64; 2]) -> Key {
     }
 }
 
-/// The name of a place on a side.
+/// Returns the name of a place on a side.
 pub(super) fn name_on(q: usize, side: usize, x: f64) -> Name {
     match (side, x) {
         (0 | 1, 0.0) => Name::Corner(0),
@@ -83,7 +84,7 @@ pub(super) fn name_on(q: usize, side: usize, x: f64) -> Name {
     }
 }
 
-/// The name of a vertex with a parameter (s : t : w).
+/// Returns the name of a vertex with a parameter (s : t : w).
 pub(super) fn name_of(q: usize, p: [f64; 3], at: [f64; 2]) -> Name {
     side_of(p, at).map_or(Name::Inner, |(side, x)| name_on(q, side, x))
 }

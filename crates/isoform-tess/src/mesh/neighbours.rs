@@ -1,8 +1,8 @@
-//! Neighbours on one sheet, by the places of the parameters.
+//! Neighbours on one sheet, determined by the places of the parameters.
 //!
-//! An edge between two places has two triangles at most, whatever other sheets pass through it in
-//! space. Triangles whose edges have different places and the same vertices are neighbours where
-//! two of them are left: across the border of a fundamental domain.
+//! An edge between two places has at most two triangles, no matter which other sheets pass through
+//! it in space. Triangles whose edges have different places but equal vertices are neighbours if
+//! just two of them remain: across the border of a fundamental domain.
 
 use super::closing::leave_out;
 use super::unit::Joined;
@@ -11,11 +11,11 @@ use crate::surface::Surface;
 use crate::winding::{CutCurve, Neighbours, Relative, sorted};
 use std::collections::BTreeMap;
 
-/// A triangle at an edge, and whether it runs from the lesser vertex to the greater.
+/// A triangle at an edge, with true if it traverses the edge from the smaller vertex to the larger.
 type Use = (u32, bool);
 
 impl Joined<'_> {
-    /// The surface with its triangles wound, and one vertex for all places that share it.
+    /// Returns the surface with wound triangles, and one vertex for all places that share it.
     pub(super) fn wound(mut self) -> Surface {
         let (neighbours, unknown) = self.neighbours();
         let relative = Relative::new(self.surface.triangles.len(), neighbours);
@@ -34,10 +34,11 @@ impl Joined<'_> {
         surface
     }
 
-    /// Neighbours, and the number of edges at which it is not decided which triangles are.
+    /// Returns the neighbours, and the number of edges at which it is not decided which triangles
+    /// are neighbours.
     fn neighbours(&self) -> (Vec<Neighbours>, usize) {
         let mut neighbours = Vec::new();
-        // What is left at the edges in space: triangles without a neighbour in their places.
+        // Triangles without a neighbour at their places, by the edges in space.
         let mut left: BTreeMap<[u32; 2], Vec<Use>> = BTreeMap::new();
         for (edge, uses) in self.uses() {
             let on_vertices = edge.map(|v| self.first[v as usize]);
@@ -70,8 +71,7 @@ impl Joined<'_> {
         }
         (neighbours, unknown)
     }
-    /// The edges between places with their triangles, but for those that contracted curves have
-    /// closed up.
+    /// Returns the edges between places with their triangles, without collapsed triangles.
     fn uses(&self) -> BTreeMap<[u32; 2], Vec<Use>> {
         let mut uses = self.surface.uses();
         let is_open = |&(k, _): &Use| {
@@ -81,13 +81,13 @@ impl Joined<'_> {
         uses.values_mut().for_each(|list| list.retain(is_open));
         uses
     }
-    /// The curve that an edge between places of two triangles belongs to.
+    /// Returns the curve to which an edge between places of two triangles belongs.
     fn curve(&self, edge: [u32; 2], of: [u32; 2]) -> CutCurve {
         let [a, b] = of.map(|k| self.surface.charts[k as usize]);
         if edge.iter().all(|&v| self.on_seam[v as usize]) {
             CutCurve::Seam
         } else if (a + 2) % 4 == b {
-            // Opposite unit triangles have only infinite parameters in common.
+            // Opposite unit triangles share only infinite parameters.
             CutCurve::Infinite
         } else {
             CutCurve::Finite

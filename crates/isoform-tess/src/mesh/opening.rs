@@ -1,8 +1,7 @@
-//! Where base points are opened: rectangles around them whose vertices lie in the directions of
-//! their fans.
+//! Opening of base points: rectangles around them, with vertices in the directions of their fans.
 //!
-//! A triangle with a base point as corner becomes a quadrilateral, whose fourth side is a piece of
-//! the seam curve.
+//! A triangle with a base point as a corner becomes a quadrilateral, whose fourth side is a piece
+//! of the seam curve.
 
 mod fitting;
 mod matching;
@@ -27,7 +26,7 @@ pub(super) use rings::RingVertex;
 pub(super) use site::{Site, SiteArc};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Largest half width of a rectangle.
+/// Maximum half width of a rectangle, in the unit triangle.
 const WIDTH: f64 = 1.0 / 16.0;
 /// The number of rounds in which rectangles are made smaller, or directions are looked at, before a
 /// base point is left rough.
@@ -53,7 +52,7 @@ pub(super) struct Fans {
 }
 
 impl Fans {
-    /// Of all base points; none of them, and a finding, if that is stopped.
+    /// Computes the fans of all base points; if that is stopped, returns no fans but a finding.
     pub(super) fn new(atlas: &Atlas<'_>, points: &[BasePoint], w: &Poly) -> Self {
         let points = if atlas.region.is_clear { &[] } else { points };
         let fans: Result<Vec<Fan>, Stopped> = points
@@ -65,14 +64,14 @@ impl Fans {
                 fans,
                 findings: Vec::new(),
             },
-            // They are left open.
+            // The base points are left open.
             Err(Stopped) => Self {
                 fans: Vec::new(),
                 findings: vec![Finding::Stopped(Phase::Tangents)],
             },
         }
     }
-    /// The images of seams that are one point.
+    /// Returns the images of seams that are a single point.
     pub(super) fn contracted(&self) -> Vec<Point3> {
         self.fans
             .iter()
@@ -82,10 +81,10 @@ impl Fans {
     }
 }
 
-/// The bits of all faces of the box: only base points are on all.
+/// Bits of all faces of the box; only base points are on all of them.
 pub(super) const FULL: u8 = 0b11_1111;
 
-/// A point of a wall: quadrant, wall, number on the wall.
+/// A point of a wall: quadrant, wall, and index on the wall.
 pub(super) type WallPoint = (usize, usize, usize);
 
 /// The seam of a node of a fan.
@@ -95,24 +94,24 @@ pub(super) struct SeamId {
     pub(super) node: usize,
 }
 
-/// The base points in the region, opened.
+/// The opened base points in the region.
 pub(super) struct Openings<'a> {
     pub(super) atlas: &'a Atlas<'a>,
     pub(super) curves: &'a SpecialCurves<'a>,
     pub(super) fans: Vec<Fan>,
-    /// Where they are.
+    /// Base points, by points of walls.
     pub(super) sites: BTreeMap<WallPoint, Site>,
-    /// Half the widths of the rectangles around them, by fans.
+    /// Half widths of the rectangles around base points, by fan.
     pub(super) widths: Vec<f64>,
-    /// The seams that the surface ends in.
+    /// Seams in which the surface ends.
     pub(super) folded: BTreeSet<SeamId>,
-    /// The number of times that stretches of curves are halved at most.
+    /// Maximum number of bisections of intervals of curves.
     pub(super) halvings: usize,
     pub(super) findings: Vec<Finding>,
 }
 
 impl<'a> Openings<'a> {
-    /// Whether other base points are infinitely near to one in the region.
+    /// Returns true if a base point in the region has infinitely near ones.
     pub(super) fn has_trees(&self) -> bool {
         let mut sites = self.sites.values();
         sites.any(|s| self.fans[s.fan].is_tree())
@@ -150,7 +149,7 @@ impl<'a> Openings<'a> {
 }
 
 impl Openings<'_> {
-    /// Finds the points of walls that are base points in the region. Returns what stands against
+    /// Finds the points of walls that are base points in the region, and returns the obstacles to
     /// opening them.
     fn find_sites(&mut self) -> Vec<Finding> {
         let mut problems = Vec::new();
@@ -175,7 +174,7 @@ impl Openings<'_> {
         problems
     }
 
-    /// The base point in a point of a wall.
+    /// Returns the base point at a point of a wall.
     fn site_at(&self, q: usize, wall: usize, point: usize) -> Result<Site, Finding> {
         let region = self.atlas.region;
         if region.domain.is_some() && region.sides_of_point(q, wall, point) != 0 {
@@ -194,7 +193,7 @@ impl Openings<'_> {
         }
     }
 
-    /// Makes rectangles smaller, and directions more, until they fit. False if they never do.
+    /// Shrinks rectangles and adds directions until they fit; returns false if they never do.
     fn fit(&mut self) -> bool {
         self.widths = self
             .fans
@@ -225,12 +224,12 @@ impl Openings<'_> {
         false
     }
 
-    /// Base points in a unit triangle, by quadrant, wall and point.
+    /// Iterates over the base points in a unit triangle, by quadrant, wall and point.
     pub(super) fn sites_in(&self, q: usize) -> impl Iterator<Item = (&WallPoint, &Site)> {
         self.sites.range((q, 0, 0)..(q + 1, 0, 0))
     }
-    /// The vertex of a seam: its name, position and faces, and whether it is the image of a
-    /// contracted curve.
+    /// Returns the vertex of a seam in a direction: its name, which may be the image of a
+    /// contracted curve, its position and its faces.
     pub(super) fn seam_vertex(&self, fan: usize, d: &Direction) -> (Name, Point3, u8) {
         let f = &self.fans[fan];
         let p = f.seam(d);
@@ -256,8 +255,8 @@ impl Openings<'_> {
         }
     }
 
-    /// Where rectangles around base points are on a side of the unit triangles: the place of each
-    /// base point, and the places of the two vertices beside it.
+    /// Returns the intersections of rectangles around base points with a side of the unit
+    /// triangles: the place of each base point, and the places of the two vertices next to it.
     pub(super) fn places_on(&self, side: usize, quadrants: &[usize]) -> Vec<(f64, [f64; 2])> {
         let mut places: Vec<(f64, [f64; 2])> = Vec::new();
         for (&(q, _, _), site) in &self.sites {

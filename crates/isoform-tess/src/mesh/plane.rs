@@ -1,8 +1,8 @@
-//! A triangulation of a part of the parameter plane, refined and flipped by what its triangles are
-//! in space.
+//! A triangulation of a part of the parameter plane, refined and flipped by the shape of its
+//! triangles in space.
 //!
-//! A Delaunay triangulation of the parameters is of no use where the map stretches directions
-//! differently, as it does around base points without bound: triangles have to be long in the
+//! A Delaunay triangulation of the parameters is unsuitable where the map stretches directions
+//! differently, as it does without bound around base points: triangles have to be long in the
 //! parameters to be round in space.
 //!
 //! ```text
@@ -37,24 +37,24 @@ mod tests;
 pub(super) use measure::{Measure, Shared};
 pub(super) use shape::is_turned;
 
-/// No triangle.
+/// Index in place of a neighbour beyond a border.
 const NONE: u32 = u32::MAX;
-/// An edge wants to be split when its number is above this one.
+/// Priority above which an edge is to be split.
 const SPLIT: f64 = 1.0;
 /// The least area of flipped triangles in the parameters, per square of their longest edge: three
 /// parameters on a line but for rounding are no triangle.
 const THIN: f64 = 1e-11;
 
-/// The end of a refinement.
+/// Remaining defects after a refinement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Ended {
-    /// Triangles on which the sign of W is not proved.
+    /// Number of triangles on which the sign of W is not proved.
     pub(super) unsound: usize,
-    /// Triangles that are not near enough to the surface.
+    /// Number of triangles that are not near enough to the surface.
     pub(super) coarse: usize,
-    /// Edges that fall together in space.
+    /// Number of edges that coincide in space.
     pub(super) clashes: usize,
-    /// Whether the time was over before all of these were found.
+    /// True if the time was over before all coincident edges were found.
     pub(super) is_stopped: bool,
 }
 
@@ -64,46 +64,46 @@ pub(super) struct Plane {
     pub(super) nodes: Vec<Node>,
     images: Vec<Point3>,
     shared: Vec<Option<Shared>>,
-    /// Counterclockwise.
+    /// Triangles, counterclockwise.
     pub(super) triangles: Vec<[u32; 3]>,
     /// Neighbours opposite to the corners.
     adjacent: Vec<[u32; 3]>,
-    /// Whether the edges opposite to the corners stay.
+    /// True for each edge, opposite to a corner, that is fixed.
     fixed: Vec<[bool; 3]>,
-    /// The shapes of the triangles, once [`Self::shape_of`] was asked for them.
+    /// Shapes of the triangles, computed by [`Self::shape_of`] on demand.
     shapes: Vec<Cell<Option<Shape>>>,
-    /// Whether the pole curve is proved to miss them.
+    /// True for each triangle that the pole curve provably misses.
     sound: Vec<bool>,
-    /// Edges beyond which triangles are made at the end, from the lesser vertex to the greater, and
-    /// the vertices that they were split in.
+    /// Edges beyond which triangles are added at the end, smaller vertex first, and the vertices at
+    /// which they were split.
     rim: BTreeMap<[u32; 2], Option<u32>>,
     queued: Vec<bool>,
     queue: VecDeque<u32>,
     ended: Ended,
 }
 
-/// The triangle beyond an edge, and whether the edge is fixed.
+/// The triangle beyond an edge, with true if the edge is fixed.
 type Beyond = (u32, bool);
 
-/// Two triangles (c, a, b) and (d, b, a).
+/// Two triangles (c, a, b) and (d, b, a) with a common edge.
 struct Quad {
-    /// c, a, d, b: counterclockwise.
+    /// Corners c, a, d, b: counterclockwise.
     corners: [u32; 4],
-    /// The second triangle.
+    /// Index of the second triangle.
     n: u32,
-    /// The triangles beyond the edges c a, a d, d b, b c.
+    /// Triangles beyond the edges c a, a d, d b, b c.
     outer: [Beyond; 4],
 }
 
 impl Quad {
-    /// The triangles at a vertex on the edge a b.
+    /// Returns the four triangles after a vertex is inserted on the edge a b.
     fn halves(&self, m: u32) -> [[u32; 3]; 4] {
         let [c, a, d, b] = self.corners;
         [[c, a, m], [c, m, b], [d, b, m], [d, m, a]]
     }
 }
 
-/// The neighbours of triangles, opposite to their corners.
+/// Returns the neighbours of triangles, opposite to their corners.
 fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     let mut sides: BTreeMap<(u32, u32), u32> = BTreeMap::new();
     for (k, t) in triangles.iter().enumerate() {
@@ -117,8 +117,8 @@ fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
 }
 
 impl Plane {
-    /// From counterclockwise triangles. Edges that only one of them has, and edges in `fixed`,
-    /// stay, but edges of the rim may be split.
+    /// Creates the triangulation from counterclockwise triangles. Edges of a single triangle and
+    /// edges in `fixed` are fixed, but edges of the rim may be split.
     pub(super) fn new(
         nodes: Vec<Node>,
         triangles: Vec<[u32; 3]>,
@@ -148,25 +148,25 @@ impl Plane {
         }
     }
 
-    /// The places of vertices.
+    /// Returns the places of vertices.
     #[inline]
     fn places<const N: usize>(&self, vertices: [u32; N]) -> [[f64; 2]; N] {
         vertices.map(|v| self.nodes[v as usize].at)
     }
-    /// The places of the corners of a triangle.
+    /// Returns the places of the corners of a triangle.
     fn corners(&self, t: u32) -> [[f64; 2]; 3] {
         self.places(self.triangles[t as usize])
     }
     fn images_of(&self, t: u32) -> [Point3; 3] {
         self.triangles[t as usize].map(|v| self.images[v as usize])
     }
-    /// The ends of the edge opposite to corner i.
+    /// Returns the ends of the edge opposite to corner i.
     #[inline]
     fn ends(&self, t: u32, i: usize) -> [u32; 2] {
         let v = self.triangles[t as usize];
         [v[(i + 1) % 3], v[(i + 2) % 3]]
     }
-    /// The length in the parameters of the edge opposite to corner i.
+    /// Returns the length in the parameters of the edge opposite to corner i.
     fn length(&self, t: u32, i: usize) -> f64 {
         let at = self.corners(t);
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
@@ -176,26 +176,27 @@ impl Plane {
         let [a, b, c] = self.places(t).map(|[x, y]| Coord { x, y });
         orient2d(a, b, c) > 0.0
     }
-    /// Whether a triangle has at least some area in the parameters, per square of its longest edge.
+    /// Returns true if the area of a triangle in the parameters exceeds a multiple of the square of
+    /// its longest edge.
     fn is_thick(&self, t: [u32; 3], least: f64) -> bool {
         let [a, b, c] = self.places(t);
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
         let long = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
         area > least * long(a, b).max(long(b, c)).max(long(c, a))
     }
-    /// Whether there is room for a new triangle, and for further vertices in it.
+    /// Returns true if there is room for a new triangle, and for further vertices in it.
     fn has_room(&self, t: [u32; 3]) -> bool {
         self.is_counterclockwise(t) && self.is_thick(t, THIN)
     }
 
-    /// The corner of a triangle opposite to its edge with a neighbour.
+    /// Returns the corner of a triangle opposite to its edge with a neighbour.
     fn place(&self, t: u32, neighbour: u32) -> usize {
         self.adjacent[t as usize]
             .iter()
             .position(|&n| n == neighbour)
             .expect("neighbours know each other")
     }
-    /// The triangle beyond an edge, which is given by the number of the corner opposite, modulo 3.
+    /// Returns the triangle beyond an edge, which is given by the opposite corner, modulo 3.
     #[inline]
     fn beyond(&self, t: u32, i: usize) -> Beyond {
         (
@@ -203,7 +204,7 @@ impl Plane {
             self.fixed[t as usize][i % 3],
         )
     }
-    /// The two triangles at the edge opposite to corner i of one of them.
+    /// Returns the two triangles at the edge opposite to corner i of one of them.
     fn quad(&self, t: u32, i: usize) -> Quad {
         let n = self.adjacent[t as usize][i];
         let j = self.place(n, t);
@@ -240,13 +241,13 @@ impl Plane {
         self.nodes.push(node);
         self.nodes.len() as u32 - 1
     }
-    /// Takes the last vertex back.
+    /// Removes the last vertex.
     fn drop_last(&mut self) {
         self.nodes.pop();
         self.images.pop();
         self.shared.pop();
     }
-    /// Sets a triangle anew: corners, neighbours, fixed edges; the neighbours learn of it.
+    /// Sets the corners, neighbours and fixed edges of a triangle, and updates its neighbours.
     fn set(&mut self, t: u32, v: [u32; 3], n: [u32; 3], fixed: [bool; 3]) {
         self.triangles[t as usize] = v;
         self.adjacent[t as usize] = n;
@@ -254,7 +255,7 @@ impl Plane {
         self.shapes[t as usize].set(None);
         for (i, &n) in n.iter().enumerate() {
             if n != NONE {
-                // The edge from the other side.
+                // The edge as seen from the neighbour.
                 let [a, b] = self.ends(t, i);
                 if let Some(j) = (0..3).find(|&j| self.ends(n, j) == [b, a]) {
                     self.adjacent[n as usize][j] = t;
@@ -272,8 +273,8 @@ impl Plane {
         self.triangles.len() as u32 - 1
     }
 
-    /// The defect of the triangulation, if it has one: a triangle that is turned over, or
-    /// neighbours that do not agree on their edge. For tests, and where debugging asserts.
+    /// Returns a defect of the triangulation, if it has one: a triangle of wrong orientation, or
+    /// neighbours that disagree on their edge. For tests and debug assertions.
     pub(super) fn fault(&self) -> Option<String> {
         let n = self.triangles.len();
         let lengths = [
@@ -294,7 +295,7 @@ impl Plane {
             (0..3).find_map(|i| self.fault_at(t, i))
         })
     }
-    /// The defect of the edge opposite to corner i.
+    /// Returns a defect of the edge opposite to corner i.
     fn fault_at(&self, t: u32, i: usize) -> Option<String> {
         let [a, b] = self.ends(t, i);
         let (n, fixed) = self.beyond(t, i);

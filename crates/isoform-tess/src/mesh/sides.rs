@@ -1,4 +1,4 @@
-//! The sides of the unit triangles, each of which two of them share, with places along them.
+//! The sides of the unit triangles, each shared by two of them, with places along them.
 
 use super::opening::Openings;
 use super::places::{on_side, sides_of};
@@ -8,13 +8,13 @@ use std::collections::BTreeMap;
 /// A side of unit triangles: s = 0, t = 0 or w = 0, by the sign of t, s or s t.
 pub(super) type SideId = (usize, i64);
 
-/// Places along each side, and whether the stretch after each belongs to the region.
+/// Places along each side, each with true if the interval after it belongs to the region.
 pub(super) type Sides = BTreeMap<SideId, Vec<(f64, bool)>>;
 
 /// The longest stretch of a contracted side on which there is a base point.
 const CONTRACTED: f64 = 1.0 / 16.0;
 
-/// Adds a place to a side, but for its ends.
+/// Adds a place to a side, unless it is there already or is an end.
 pub(super) fn add_place(sides: &mut Sides, side: SideId, x: f64) {
     let places = sides.entry(side).or_default();
     let k = places.partition_point(|p| p.0 < x);
@@ -23,30 +23,30 @@ pub(super) fn add_place(sides: &mut Sides, side: SideId, x: f64) {
     }
 }
 
-/// The two unit triangles that share a side.
+/// Returns the two unit triangles that share a side.
 pub(super) fn quadrants_at((side, sign): SideId) -> Vec<usize> {
     (0..4)
         .filter(|&q| sides_of(q)[side] == (side, sign))
         .collect()
 }
 
-/// The place on a side that a point of a unit triangle on it has.
+/// Returns the place along a side of a point of a unit triangle on it.
 fn along(side: usize, at: [f64; 2]) -> f64 {
     if side == 0 { at[1] } else { at[0] }
 }
 
-/// A side of unit triangles that is being divided.
+/// A side of unit triangles during its division.
 struct Division<'a> {
     open: &'a Openings<'a>,
     side: usize,
     quadrants: Vec<usize>,
-    /// The places of base points on it.
+    /// Places of base points on the side.
     bases: Vec<f64>,
     places: Vec<(f64, bool)>,
 }
 
 impl<'a> Division<'a> {
-    /// Divides a side at places that are given, in the vertices of rectangles, and in between.
+    /// Divides a side at given places, at the vertices of rectangles, and in between.
     fn new(open: &'a Openings<'a>, id: SideId, mut given: Vec<f64>) -> Self {
         let (side, quadrants) = (id.0, quadrants_at(id));
         let rectangles = open.places_on(side, &quadrants);
@@ -71,12 +71,13 @@ impl<'a> Division<'a> {
     fn on(&self, x: f64) -> [f64; 2] {
         on_side(self.side, x)
     }
-    /// Whether a place of the side is on the border of the region in one of the unit triangles.
+    /// Returns true if a place of the side is on the border of the region in one of the unit
+    /// triangles.
     fn is_inside(&self, x: f64) -> bool {
         let mut quadrants = self.quadrants.iter();
         quadrants.any(|&q| self.open.atlas.side_is_inside(q, self.side, x))
     }
-    /// Adds the places of a stretch, but for its end.
+    /// Adds the places of an interval, except its end.
     fn divide(&mut self, [from, to]: [f64; 2]) {
         let (open, side, q) = (self.open, self.side, self.quadrants[0]);
         let inside = self.is_inside(0.5 * (from + to));
@@ -97,7 +98,7 @@ impl<'a> Division<'a> {
         }
         self.halve([from, to], inside);
     }
-    /// Adds the places of a stretch, but for its end, that halving it gives.
+    /// Adds the places of an interval, except its end, by bisection.
     fn halve(&mut self, [from, to]: [f64; 2], inside: bool) {
         let mut stack = vec![(from, to, 0)];
         while let Some((a, b, depth)) = stack.pop() {
@@ -114,7 +115,7 @@ impl<'a> Division<'a> {
             && self.places.len() < VERTICES
             && !self.open.atlas.control.is_stopped()
     }
-    /// Whether a stretch needs no more places.
+    /// Returns true if an interval needs no more places.
     fn is_fine(&self, [a, b]: [f64; 2], depth: usize) -> bool {
         let (atlas, chart) = (self.open.atlas, &self.open.atlas.charts[self.quadrants[0]]);
         let is_rough = if self.open.curves.on_side[self.side].is_none() {
@@ -124,8 +125,8 @@ impl<'a> Division<'a> {
         };
         !is_rough && chart.keeps_sign([a, b, a].map(|x| self.on(x)), 0)
     }
-    /// Whether a stretch of a contracted side is too long. It has one image, but what leaves it
-    /// there turns, the faster the nearer to base points.
+    /// Returns true if an interval of a contracted side is too long. It has a single image, but the
+    /// curves that leave it there turn, the faster the nearer they are to base points.
     fn is_contracted_rough(&self, [a, b]: [f64; 2], depth: usize) -> bool {
         if self.bases.is_empty() {
             return false;
@@ -138,12 +139,12 @@ impl<'a> Division<'a> {
 }
 
 impl Openings<'_> {
-    /// Places along the sides that both triangles use.
+    /// Computes the places along the sides, for both of their triangles.
     pub(super) fn sides(&self) -> Sides {
         let divided = |(id, places)| (id, Division::new(self, id, places).places);
         self.curves_on_sides().into_iter().map(divided).collect()
     }
-    /// Where curves go through the sides.
+    /// Returns the places at which curves pass through the sides.
     fn curves_on_sides(&self) -> BTreeMap<SideId, Vec<f64>> {
         let mut sides: BTreeMap<SideId, Vec<f64>> = BTreeMap::new();
         for (q, t) in self.atlas.region.triangles.iter().enumerate() {

@@ -1,5 +1,5 @@
-//! The curves of the parameters that are drawn inside the region, too: contracted ones, double ones
-//! and cuspidal edges.
+//! Curves of the parameters that are drawn inside the region: contracted and double curves, and
+//! cuspidal edges.
 
 use super::Curves;
 use super::atlas::Atlas;
@@ -15,35 +15,35 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Images nearer to each other than this, per half width of the box, are one: they are algebraic
 /// numbers that have been rounded.
 const ONE: f64 = 1e-12;
-/// Values of a form, per size of its terms, that are taken for zero.
+/// Value of a form, relative to the size of its terms, up to which it is zero.
 const ZERO: f64 = 1e-7;
 /// The sine of the angle between two parameters (s : t : w) that are one.
 const ONE_PARAMETER: f64 = 1e-9;
 
-/// The parts that the factors of the region, and the lines s = 0, t = 0, w = 0, play beside poles
-/// and faces of the box: contracted curves, double curves and cuspidal edges.
+/// Roles of the factors of the region, and of the lines s = 0, t = 0, w = 0, besides poles and
+/// faces of the box: contracted curves, double curves and cuspidal edges.
 pub(super) struct SpecialCurves<'a> {
     atlas: &'a Atlas<'a>,
     /// Images of contracted curves.
     images: Vec<Point3>,
-    /// The images of each contracted factor of the region, and of each line.
+    /// Images of each contracted factor of the region; `on_side` has that of each contracted line.
     pub(super) on_curve: BTreeMap<usize, Vec<ImageId>>,
     pub(super) on_side: [Option<ImageId>; 3],
-    /// Factors of the region that are double curves, those on the border of a fundamental domain
-    /// among them.
+    /// Factors of the region that are double curves, including those on the border of a fundamental
+    /// domain.
     pub(super) double: BTreeSet<usize>,
     /// Factors of the region that are cuspidal edges.
     creased: BTreeSet<usize>,
     /// Factors of the region on the border of a fundamental domain.
     pub(super) seams: BTreeSet<usize>,
-    /// Whether each of the lines is a double curve.
+    /// True for each of the lines that is a double curve.
     pub(super) double_sides: [bool; 3],
-    /// Whether sheets that cross are joined.
+    /// True if sheets that cross are joined.
     pub(super) glued: bool,
 }
 
 impl<'a> SpecialCurves<'a> {
-    /// From the map and the curves that its region was decomposed by.
+    /// Computes the roles from the map and the curves by which its region was decomposed.
     pub(super) fn new(atlas: &'a Atlas<'a>, map: &Map, curves: &Curves) -> Self {
         let mut found = Self {
             atlas,
@@ -58,7 +58,7 @@ impl<'a> SpecialCurves<'a> {
         };
         found.find_contracted_lines(map);
         found.find_factors(curves);
-        // Sheets may end in one curve.
+        // Several sheets may end in one curve.
         if curves.glued {
             found.double.extend(atlas.region.folds());
             (0..3).for_each(|k| found.double_sides[k] |= atlas.region.is_fold_side(k));
@@ -66,7 +66,7 @@ impl<'a> SpecialCurves<'a> {
         found
     }
 
-    /// Whether the map sends each of the lines s = 0, t = 0, w = 0 to one point.
+    /// Finds out which of the lines s = 0, t = 0, w = 0 the map contracts to a point.
     fn find_contracted_lines(&mut self, map: &Map) {
         for side in 0..3 {
             let on: [Poly; 4] = map.forms().each_ref().map(|f| f.set(side, &RBig::ZERO));
@@ -80,8 +80,7 @@ impl<'a> SpecialCurves<'a> {
         }
     }
 
-    /// The factors that the curves have become in the region, in the order of
-    /// [`Curves::forms`].
+    /// Assigns the factors of the curves in the region, in the order of [`Curves::forms`].
     fn find_factors(&mut self, curves: &Curves) {
         let mut extra = self.atlas.region.extra.iter();
         for (_, images) in &curves.contracted {
@@ -98,14 +97,14 @@ impl<'a> SpecialCurves<'a> {
         self.double.extend(&self.seams);
     }
 
-    /// Takes up the images of further contracted curves: seams that are one point.
+    /// Adds the images of further contracted curves: seams that are a single point.
     pub(super) fn add_images(&mut self, images: &[Point3]) {
         for &p in images {
             self.image_of(p);
         }
     }
 
-    /// The number of an image, a new one if it is not known.
+    /// Returns the index of an image, which is added if it is new.
     fn image_of(&mut self, p: Point3) -> ImageId {
         let close = ONE * self.atlas.half_width;
         let known = self.images.iter().position(|&q| distance(p, q) <= close);
@@ -123,15 +122,15 @@ impl<'a> SpecialCurves<'a> {
         self.images[id.0]
     }
 
-    /// The contracted curve through a point of a wall, by its image.
+    /// Returns the contracted curve through a point of a wall, by its image.
     pub(super) fn image_at(&self, q: usize, wall: usize, point: usize) -> Option<ImageId> {
         let w = &self.atlas.region.triangles[q].arrangement.walls[wall];
         let mut factors = w.points[point].curves.iter().chain(&w.vertical);
         factors.find_map(|f| self.nearest_image(q, *f, self.atlas.place(q, wall, point)))
     }
 
-    /// The image of a factor that is contracted: the one near to the value of the map at a point of
-    /// it.
+    /// Returns the image of a contracted factor: the one nearest to the value of the map at a point
+    /// of it.
     pub(super) fn nearest_image(&self, q: usize, factor: usize, at: [f64; 2]) -> Option<ImageId> {
         let images = self.on_curve.get(&factor)?;
         let p = self.atlas.charts[q].at(at);
@@ -142,7 +141,7 @@ impl<'a> SpecialCurves<'a> {
             .min_by(|a, b| far(a).total_cmp(&far(b)))
     }
 
-    /// The curve that is drawn on a wall between a point and the next, if one is.
+    /// Returns the curve that is drawn on a wall between a point and the next one, if any.
     pub(super) fn drawn_on(&self, q: usize, wall: usize, point: usize) -> Option<usize> {
         let t = &self.atlas.region.triangles[q];
         let w = &t.arrangement.walls[wall];
@@ -163,8 +162,8 @@ impl<'a> SpecialCurves<'a> {
             || self.creased.contains(&factor)
     }
 
-    /// The arcs of a slab that are drawn: those that have the region on one side, or on both and
-    /// are contracted, double or cuspidal.
+    /// Returns the arcs of a slab that are drawn: those that have the region on one side, or on
+    /// both and are contracted, double or cuspidal.
     pub(super) fn drawn(&self, q: usize, slab: usize) -> Vec<usize> {
         let t = &self.atlas.region.triangles[q];
         let inside = &t.inside[slab];
@@ -174,8 +173,8 @@ impl<'a> SpecialCurves<'a> {
             .collect()
     }
 
-    /// Whether a parameter lies on a contracted curve, or is exchanged with one on it, or with all
-    /// of it.
+    /// Returns true if a parameter lies on a contracted curve with an image, or if a deck
+    /// transformation maps it to such a point, or is undefined there.
     pub(super) fn leads_to(&self, image: ImageId, p: [f64; 3]) -> bool {
         let is_on = |q: [f64; 3]| {
             let size = norm(q);
@@ -197,13 +196,14 @@ impl<'a> SpecialCurves<'a> {
                 .is_some_and(|d| d.others(p).any(|q| q.is_none_or(is_on)))
     }
 
-    /// Whether the vertices of a curve have partners. A contracted curve is one vertex.
+    /// Returns true if the vertices of a curve have partners; a contracted curve is a single
+    /// vertex.
     pub(super) fn has_partners(&self, factor: usize) -> bool {
         self.double.contains(&factor) && !self.on_curve.contains_key(&factor)
     }
 
-    /// Whether parameters with one image have one vertex: where sheets that cross are not joined,
-    /// only those that deck transformations exchange.
+    /// Returns true if two parameters with one image may have one vertex: if sheets that cross are
+    /// not joined, only equal ones and those exchanged by deck transformations.
     pub(super) fn may_share(&self, p: [f64; 3], q: [f64; 3]) -> bool {
         let is_one = norm(cross(p, q)) <= ONE_PARAMETER * norm(p) * norm(q);
         self.glued

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 /// triangles beside it have to be within the tolerance.
 const SAGITTA: f64 = 0.3;
 
-/// The arcs over a slab at places that are asked for more than once.
+/// Heights of the arcs over a slab, cached by place.
 pub(super) struct Columns<'a> {
     pub(super) arrangement: &'a Arrangement,
     pub(super) slab: usize,
@@ -27,38 +27,38 @@ impl<'a> Columns<'a> {
             known: BTreeMap::new(),
         }
     }
-    /// The height of an arc, if the place is between the walls.
+    /// Returns the height of an arc; `None` if the place is not between the walls.
     pub(super) fn at(&mut self, u: f64, arc: usize) -> Option<f64> {
         let (a, slab) = (self.arrangement, self.slab);
-        // None beyond the walls.
+        // Empty beyond the walls.
         let over = || a.arcs_over(slab, &exact(u)).unwrap_or_default();
         let over = self.known.entry(u.to_bits()).or_insert_with(over);
         over.get(arc).copied()
     }
 }
 
-/// A piece of an arc between two walls, from rectangle to rectangle around base points.
+/// A piece of an arc between two walls, outside of the rectangles around base points.
 pub(super) struct Stretch {
-    /// The chords in rectangles before `from` and after `to`.
+    /// Points of the chords in rectangles, before `from` and after `to`.
     pub(super) before: Vec<[f64; 2]>,
     pub(super) from: [f64; 2],
     pub(super) to: [f64; 2],
     pub(super) after: Vec<[f64; 2]>,
-    /// Whether the ends are on rectangles.
+    /// True for each end that is on a rectangle.
     pub(super) based: [bool; 2],
-    /// The base points that the ends lead to: which, in which direction, where.
+    /// Base points to which the ends lead: fan, direction, and place.
     pub(super) rays: [Option<(usize, Ray, [f64; 2])>; 2],
 }
 
 impl Stretch {
-    /// Whether anything is left outside of the rectangles.
+    /// Returns true if a part of the piece is outside of the rectangles.
     pub(super) fn is_open(&self) -> bool {
         self.from[0] < self.to[0]
     }
-    /// Leaves out what of it, between the places of two walls, is in the rectangle of a site, where
-    /// it is number `place` of the slabs that an arc goes through.
+    /// Removes the part between the places of two walls that is in the rectangle of a site; `place`
+    /// is the position of this slab among those that the arc passes through.
     fn leave_out(&mut self, site: &Site, arc: &SiteArc, place: usize, [left, right]: [f64; 2]) {
-        // On the chord from the base point to the side of the rectangle.
+        // The point of the chord from the base point to the side of the rectangle.
         let chord = |u: f64| {
             let t = (u - site.at[0]) / (arc.end[0] - site.at[0]);
             [u, site.at[1] + t * (arc.end[1] - site.at[1])]
@@ -74,7 +74,7 @@ impl Stretch {
             (self.to, self.based[1], self.rays[1]) = (end(left), true, ray);
         }
     }
-    /// The whole polyline from wall to wall.
+    /// Returns the whole polyline from wall to wall.
     pub(super) fn whole(&self, line: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
         let before = self.before.iter().copied().filter(|_| self.based[0]);
         let after = self.after.iter().copied().filter(|_| self.based[1]);
@@ -82,7 +82,7 @@ impl Stretch {
     }
 }
 
-/// The height of a polyline over a place.
+/// Returns the height of a polyline at a place.
 pub(super) fn height(line: &[[f64; 2]], u: f64) -> f64 {
     let k = line.partition_point(|p| p[0] < u).clamp(1, line.len() - 1);
     let ([a, p], [b, q]) = (line[k - 1], line[k]);
@@ -90,7 +90,7 @@ pub(super) fn height(line: &[[f64; 2]], u: f64) -> f64 {
 }
 
 impl Openings<'_> {
-    /// The stretch of an arc over a slab that is to be drawn: without the pieces in rectangles
+    /// Returns the piece of an arc over a slab that is to be drawn, outside of the rectangles
     /// around base points.
     pub(super) fn stretch(&self, q: usize, slab: usize, i: usize) -> Stretch {
         let a = &self.atlas.region.triangles[q].arrangement;
@@ -115,7 +115,7 @@ impl Openings<'_> {
         stretch
     }
 
-    /// A polyline for an arc; `in_order` is cleared where rounding does not keep it in the
+    /// Returns a polyline for an arc; `in_order` is cleared if rounding moves it out of the
     /// triangle.
     pub(super) fn polyline(
         &self,
@@ -140,7 +140,7 @@ impl Openings<'_> {
         *in_order &= is_whole && is_drawn_in(&line);
         line
     }
-    /// An arc halved until chords may stand for it, and whether it has not become too long.
+    /// Bisects an arc until chords may replace it; returns false if it becomes too long.
     fn halved_arc(
         &self,
         q: usize,
@@ -164,7 +164,7 @@ impl Openings<'_> {
             let mid = [u, v];
             let turns =
                 || is_contracted && depth < TURNS && self.atlas.charts[q].turns([left, mid, right]);
-            // One halving at least: a chord may meet the middle by chance.
+            // At least one bisection: a chord may meet the middle by chance.
             if depth > 1 && self.is_fine_arc(q, [left, mid, right]) && !turns() {
                 line.push(right);
             } else {
@@ -174,7 +174,7 @@ impl Openings<'_> {
         }
         (line, is_whole)
     }
-    /// Whether a chord may stand for a piece of an arc with a place between its ends.
+    /// Returns true if a chord may replace a piece of an arc, given with a place between its ends.
     fn is_fine_arc(&self, q: usize, [left, mid, right]: [[f64; 2]; 3]) -> bool {
         let chart = &self.atlas.charts[q];
         let (p, m, r) = (chart.at(left), chart.at(mid), chart.at(right));
@@ -182,13 +182,13 @@ impl Openings<'_> {
         let sagitta = SAGITTA * self.atlas.tolerance_at(m);
         distance(p, r) <= self.atlas.options.longest
             && distance(m, middle(p, r)) <= sagitta
-            // The triangles beside it meet the chord in the parameters, not the arc.
+            // Adjacent triangles meet the chord in the parameters, not the arc.
             && distance(chart.at(chord), middle(p, r)) <= sagitta
             && chart.keeps_sign([left, right, left], 0)
     }
 
-    /// A drawn stretch of a wall after a point, from rectangle to rectangle around base points, and
-    /// its vertices.
+    /// Returns a drawn segment of a wall after a point, outside of the rectangles around base
+    /// points, and its vertices.
     pub(super) fn upright(&self, q: usize, wall: usize, point: usize) -> (Stretch, Vec<[f64; 2]>) {
         let stretch = self.upright_stretch(q, wall, point);
         let ([u, from], [_, to]) = (stretch.from, stretch.to);
@@ -202,7 +202,7 @@ impl Openings<'_> {
         let line = self.halved_upright(q, u, [from, to], is_contracted);
         (stretch, line)
     }
-    /// A line over one u, halved until chords may stand for it.
+    /// Bisects a line over one u until chords may replace it.
     fn halved_upright(
         &self,
         q: usize,
@@ -226,7 +226,7 @@ impl Openings<'_> {
         }
         line
     }
-    /// A stretch of a wall after a point, from rectangle to rectangle.
+    /// Returns a segment of a wall after a point, outside of the rectangles.
     fn upright_stretch(&self, q: usize, wall: usize, point: usize) -> Stretch {
         let mut ends = [point, point + 1].map(|p| self.atlas.place(q, wall, p));
         let mut rays = [None; 2];
@@ -249,7 +249,7 @@ impl Openings<'_> {
     }
 }
 
-/// Whether a polyline stays in the unit triangle between its ends.
+/// Returns true if a polyline stays in the unit triangle between its ends.
 fn is_drawn_in(line: &[[f64; 2]]) -> bool {
     let mut inner = line[1..line.len() - 1].iter();
     inner.all(|[u, v]| *v > 0.0 && *v < 1.0 - u)

@@ -6,9 +6,9 @@ use isoform_geom::{cross, dot, norm, sub};
 /// A vertex and its parameters.
 pub(super) type PathVertex = (u32, [f64; 2]);
 
-/// Triangles between an edge from `a` to `b` and a way of three vertices or more beside it: with
-/// `a` up to one of those in between, then with `b`, so that none is turned against the others if
-/// that is possible.
+/// Returns triangles between an edge from `a` to `b` and a path of three or more vertices next to
+/// it: with `a` up to one of its inner vertices, then with `b`, chosen such that no triangle is
+/// turned against the others, if possible.
 pub(super) fn around(
     points: &[Point3],
     a: PathVertex,
@@ -31,9 +31,9 @@ pub(super) fn around(
     made(best.expect("three vertices or more"))
 }
 
-/// Triangles of the least area between two paths, from an edge between their first vertices to one
-/// between their last: shorter diagonals lead beyond paths that are bent, as rays of infinitely
-/// near points are.
+/// Returns triangles of least total area between two paths, from an edge between their first
+/// vertices to one between their last ones. Shortest diagonals would instead leave the region
+/// between bent paths, such as rays of infinitely near points.
 pub(super) fn between(
     points: &[Point3],
     first: &[PathVertex],
@@ -43,8 +43,8 @@ pub(super) fn between(
     walked_back(&least, first, second)
 }
 
-/// The least area of triangles up to each edge from one path to the other, and whether the last of
-/// them has its step on the second path.
+/// Returns the least area of triangles up to each edge from one path to the other, with true if the
+/// last step is on the second path.
 fn least_areas(
     points: &[Point3],
     first: &[PathVertex],
@@ -72,7 +72,7 @@ fn least_areas(
     least
 }
 
-/// The way of less area; nothing where both paths begin.
+/// Returns the alternative of less area; 0 at the start of both paths.
 #[inline]
 fn lesser(on_first: Option<(f64, bool)>, on_second: Option<(f64, bool)>) -> (f64, bool) {
     let ways = on_first.into_iter().chain(on_second);
@@ -80,8 +80,7 @@ fn lesser(on_first: Option<(f64, bool)>, on_second: Option<(f64, bool)>) -> (f64
         .unwrap_or((0.0, false))
 }
 
-/// The triangles that lead to the last edge, from whether the step to each edge between the paths
-/// was on the second.
+/// Returns the triangles that lead to the last edge, from the recorded steps.
 fn walked_back(
     least: &[Vec<(f64, bool)>],
     first: &[PathVertex],
@@ -102,14 +101,14 @@ fn walked_back(
     made
 }
 
-/// The normal of a triangle, of twice its area in length.
+/// Returns the normal of a triangle, of twice its area in length.
 fn normal(points: &[Point3], t: &[PathVertex; 3]) -> Point3 {
     let [p, q, r] = t.map(|v| points[v.0 as usize]);
     cross(sub(q, p), sub(r, p))
 }
 
-/// The least component of normals in the direction of their sum: negative if one triangle is turned
-/// against the others.
+/// Returns the least component of normals in the direction of their sum: negative if a triangle is
+/// turned against the others.
 fn least_along_sum(normals: &[Point3]) -> f64 {
     let sum = normals
         .iter()
@@ -124,9 +123,9 @@ fn least_along_sum(normals: &[Point3]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Between the parabola y = −z² / 3 and an axis that it touches: shorter diagonals would lead
-    /// beyond the parabola. The triangles have the area between the paths, by the shoelace formula,
-    /// and so do not overlap.
+    /// Between the parabola y = −z² / 3 and an axis that it touches, shortest diagonals would leave
+    /// the region. The triangles have the area between the paths, by the shoelace formula, and so
+    /// do not overlap.
     #[test]
     fn strips_beside_bent_paths() {
         let heights = [0.4, 0.3, 0.2, 0.1, 0.0];

@@ -1,9 +1,9 @@
-//! Gluing along a double curve that was traced: both parameters of each of its points are known,
-//! and no arrangement holds their curves.
+//! Gluing along a traced double curve: both parameters of each of its points are known, and no
+//! arrangement contains their curves.
 //!
 //! The arcs become polylines in the unit triangles, with vertices on the sides, on the curves of
-//! the box's faces, and where branches cross: at triple points of the surface, three arcs with two
-//! parameters each have three parameters in common.
+//! the box's faces, and at crossings of branches: at a triple point of the surface, three arcs with
+//! two parameters each share three parameters.
 
 use super::closing::UPON;
 use super::geometry::{distance, middle};
@@ -21,7 +21,7 @@ use isoform_geom::dot;
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
-/// A double curve that was traced, in half-widths of the box.
+/// A traced double curve, in half widths of the box.
 pub(crate) struct Traced {
     pub(crate) pairs: Pairs,
     pub(crate) arcs: Arcs,
@@ -35,15 +35,15 @@ const HALVINGS: usize = 30;
 const SHORT: f64 = 0.1;
 /// The most places of an arc; one that needs more of them is not drawn.
 const PLACES: usize = 1 << 14;
-/// The distance, in the parameters of unit triangles, up to which places of different arcs are one
+/// Distance, in the parameters of unit triangles, up to which places of different arcs are one
 /// vertex: Newton's method leaves a difference in their last digits.
 const ONE: f64 = 1e-9;
 
 /// Rounds in which crossings are looked for: a spot that is put in moves chords, which may cross
 /// elsewhere then.
 const ROUNDS: usize = 8;
-/// The part of a chord next to its end in which a crossing takes the place of the end: two vertices
-/// there would all but lie upon each other.
+/// Fraction of a chord next to its end in which a crossing replaces the end: otherwise two vertices
+/// there would nearly coincide.
 const NEAR_END: f64 = 0.1;
 
 /// The most steps of Newton's method towards a crossing of two arcs.
@@ -51,13 +51,14 @@ const NEWTON_STEPS: usize = 20;
 /// The distance of two parameters, in a unit triangle, at which Newton's method ends: the arcs have
 /// met.
 const MET: f64 = 1e-13;
-/// Half the step of difference quotients along an arc, in chords: rough slopes are enough for each
-/// step of Newton's method to gain digits.
+/// Half the step of difference quotients along an arc, in chords: rough slopes suffice for Newton's
+/// method to gain digits in each step.
 const STEP: f64 = 1e-4;
-/// The parts of its chord within which an arc is followed towards a crossing; beyond them Newton's
-/// method leads away.
+/// Range of the chord's parameter within which an arc is followed towards a crossing; beyond it
+/// Newton's method diverges.
 const BESIDE_CHORD: RangeInclusive<f64> = -0.5..=1.5;
-/// The parts of two segments between which they cross: rounding is allowed for at their ends.
+/// Range of the parameters of two segments that cross, with an allowance for rounding at their
+/// ends.
 const ON_SEGMENT: RangeInclusive<f64> = -1e-9..=1.0 + 1e-9;
 
 /// The coordinates of a parameter, per its length, that are 0 but for rounding.
@@ -72,11 +73,11 @@ const BESIDE_VERTEX: f64 = 1e-8;
 #[derive(Clone, Copy, Debug)]
 struct Spot {
     place: Place,
-    /// The homogeneous coordinates (s : t : w) of both parameters.
+    /// Homogeneous coordinates (s : t : w) of both parameters.
     parameters: [[f64; 3]; 2],
-    /// The faces of the box that it is on, as bits.
+    /// Faces of the box on which it lies, as bits.
     faces: u8,
-    /// Whether arcs cross here.
+    /// True if arcs cross here.
     is_crossing: bool,
     class: ClassId,
 }
@@ -84,47 +85,47 @@ struct Spot {
 /// An arc of the arrangement in a unit triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct ArcId {
-    /// The unit triangle.
+    /// Unit triangle.
     q: usize,
     slab: usize,
-    /// The number in the slab, from bottom to top.
+    /// Place in the slab, from bottom to top.
     place: usize,
 }
 
 /// A chord of an arc in a unit triangle.
 #[derive(Clone, Copy, Debug)]
 struct Chord {
-    /// The unit triangle.
+    /// Unit triangle.
     q: usize,
-    /// The number of the arc.
+    /// Index of the arc.
     run: usize,
-    /// The number of its first spot on the arc.
+    /// Index of its first vertex on the arc.
     at: usize,
-    /// The number of its parameter: 0 or 1.
+    /// Index of its parameter: 0 or 1.
     which: usize,
-    /// Its ends in the unit triangle.
+    /// Ends in the unit triangle.
     ends: [[f64; 2]; 2],
 }
 
 impl Chord {
-    /// The smaller coordinate i of its ends.
+    /// Returns the smaller coordinate i of its ends.
     #[inline]
     fn low(&self, i: usize) -> f64 {
         self.ends[0][i].min(self.ends[1][i])
     }
-    /// The larger coordinate i of its ends.
+    /// Returns the larger coordinate i of its ends.
     #[inline]
     fn high(&self, i: usize) -> f64 {
         self.ends[0][i].max(self.ends[1][i])
     }
-    /// Whether two chords cross elsewhere than in an end that they share.
+    /// Returns true if two chords cross elsewhere than in a common end.
     fn crosses(&self, other: &Self) -> bool {
         let is_shared = |x: &[f64; 2]| other.ends.iter().any(|y| distance2(*x, *y) < 10.0 * ONE);
         !self.ends.iter().any(is_shared) && crossing(self.ends, other.ends).is_some()
     }
 }
 
-/// All chords of arcs that are in one unit triangle, with both of their parameters.
+/// Returns all chords of arcs that lie in a single unit triangle, for both of their parameters.
 fn chords_of(runs: &[Vec<Spot>]) -> Vec<Chord> {
     let mut chords = Vec::new();
     for (run, spots) in runs.iter().enumerate() {
@@ -145,27 +146,28 @@ fn chords_of(runs: &[Vec<Spot>]) -> Vec<Chord> {
     chords
 }
 
-/// An arc between two spots next to each other, by one of its parameters.
+/// A piece of an arc between two successive vertices, with one of its parameters.
 struct ArcPiece<'a> {
     pairs: &'a Pairs,
     ends: [Spot; 2],
-    /// The number of the parameter: 0 or 1.
+    /// Index of the parameter: 0 or 1.
     which: usize,
-    /// The unit triangle in whose coordinates the parameter is told.
+    /// Unit triangle in whose coordinates the parameter is given.
     q: usize,
 }
 
 impl ArcPiece<'_> {
-    /// The spot of the arc beside a part of its chord.
+    /// Returns the vertex of the arc next to a fraction of its chord.
     fn spot(&self, t: f64) -> Option<Spot> {
         let [from, to] = &self.ends;
         Spot::new(self.pairs.part(&from.place, &to.place, t)?)
     }
-    /// The parameter of a spot.
+    /// Returns the parameter of a vertex.
     fn parameter(&self, spot: &Spot) -> [f64; 2] {
         place_beside(self.q, spot.parameters[self.which])
     }
-    /// The derivative of the parameter by the part of the chord, by a difference quotient.
+    /// Returns the derivative of the parameter by the fraction of the chord, as a difference
+    /// quotient.
     fn slope(&self, t: f64) -> Option<[f64; 2]> {
         let [a, b] = [-STEP, STEP].map(|d| self.spot(t + d));
         let (a, b) = (self.parameter(&a?), self.parameter(&b?));
@@ -173,7 +175,8 @@ impl ArcPiece<'_> {
     }
 }
 
-/// The first parameter, and the coordinate of it, that changes its sign between two spots.
+/// Returns the first parameter, and the coordinate of it, that changes its sign between two
+/// vertices.
 fn side_between(a: &Spot, b: &Spot) -> Option<(usize, usize)> {
     let mut sides = (0..2).flat_map(|which| {
         crossed(a.parameters[which], b.parameters[which]).map(move |k| (which, k))
@@ -181,7 +184,7 @@ fn side_between(a: &Spot, b: &Spot) -> Option<(usize, usize)> {
     sides.next()
 }
 
-/// The spot between two others where coordinate k of a parameter is 0.
+/// Returns the vertex between two others at which coordinate k of a parameter is 0.
 fn spot_on_side(pairs: &Pairs, a: &Spot, b: &Spot, (which, k): (usize, usize)) -> Option<Spot> {
     let place = pairs.on_side(&a.place, &b.place, which, k)?;
     let mut spot = Spot::new(place)?;
@@ -189,8 +192,8 @@ fn spot_on_side(pairs: &Pairs, a: &Spot, b: &Spot, (which, k): (usize, usize)) -
     Some(spot)
 }
 
-/// Puts a vertex into a drawn line, or in the place of one beside it. False if it would be before
-/// the line, after it, or in the place of its first or last vertex.
+/// Inserts a vertex into a drawn line, or moves an existing one there if it is near. Returns false
+/// if the vertex would be before or after the line, or would replace its first or last vertex.
 fn put_on_line(line: &mut Vec<[f64; 2]>, at: [f64; 2]) -> bool {
     let k = line.partition_point(|x| x[0] < at[0]);
     if k == 0 || k == line.len() {
@@ -207,14 +210,14 @@ fn put_on_line(line: &mut Vec<[f64; 2]>, at: [f64; 2]) -> bool {
 }
 
 impl Spot {
-    /// A place with real parameters.
+    /// Creates the vertex of a place; `None` if its parameters are not real.
     fn new(place: Place) -> Option<Self> {
         let image = place.image();
         let faces = (0..3)
             .filter(|&i| image[i].abs() == image[3].abs())
             .map(|i| 2 * i + usize::from(image[i] * image[3] > 0.0))
             .fold(0, |bits, face| bits | 1 << face);
-        // A parameter that is on a side of the unit triangles but for rounding is on the side.
+        // A parameter on a side of the unit triangles up to rounding is moved onto the side.
         let snapped = |p: [f64; 3]| {
             let size = dot(p, p).sqrt();
             p.map(|x| if x.abs() < SIDE * size { 0.0 } else { x })
@@ -227,15 +230,15 @@ impl Spot {
             class: ClassId(0),
         })
     }
-    /// Whether the vertex has to stay: on a face of the box or a side of the unit triangles, where
-    /// arcs cross, and at pinch points.
+    /// Returns true if the vertex has to stay: on a face of the box or a side of the unit
+    /// triangles, at crossings of arcs, and at pinch points.
     fn is_fixed(&self) -> bool {
         self.faces > 0
             || self.is_crossing
             || self.place.is_pinch()
             || self.parameters.iter().flatten().any(|x| *x == 0.0)
     }
-    /// The vertex of one of the parameters, at a place of a unit triangle.
+    /// Returns the vertex of one of the parameters, at a place of a unit triangle.
     fn node(&self, which: usize, q: usize, at: [f64; 2]) -> Node {
         Node {
             name: name_of(q, self.parameters[which], at),
@@ -244,8 +247,8 @@ impl Spot {
     }
 }
 
-/// Puts a spot into an arc at a part of a chord, in the place of an end that is near, unless the
-/// arc has a spot there.
+/// Inserts a vertex into an arc at a fraction of a chord, replacing an end that is near, unless the
+/// arc has such a vertex already.
 fn put(run: &mut Vec<Spot>, at: usize, t: f64, spot: Spot) {
     let is_there = |s: &Spot| s.place.distance(&spot.place) < ONE;
     let around = at.saturating_sub(1)..(at + 3).min(run.len());
@@ -262,7 +265,7 @@ fn put(run: &mut Vec<Spot>, at: usize, t: f64, spot: Spot) {
     }
 }
 
-/// A parameter of a spot in a unit triangle.
+/// A parameter of an arc vertex in a unit triangle.
 struct SpotVertex {
     q: usize,
     at: [f64; 2],
@@ -270,7 +273,8 @@ struct SpotVertex {
     which: usize,
 }
 
-/// Both parameters of all spots, in all unit triangles that hold them, from left to right.
+/// Returns both parameters of all vertices, in all unit triangles that contain them, from left to
+/// right.
 fn vertices_of(spots: &[&mut Spot]) -> Vec<SpotVertex> {
     let mut vertices: Vec<SpotVertex> = Vec::new();
     for (spot, s) in spots.iter().enumerate() {
@@ -286,8 +290,8 @@ fn vertices_of(spots: &[&mut Spot]) -> Vec<SpotVertex> {
     vertices
 }
 
-/// Unites spots with a parameter in common, and gives them exactly one: a forest of spots, in which
-/// each is below one of a smaller number, or a root.
+/// Unites vertices with a common parameter, and makes it identical: returns a forest in which each
+/// vertex is a root, or has a smaller index as its parent.
 fn unite_near(spots: &mut [&mut Spot]) -> Vec<usize> {
     let vertices = vertices_of(spots);
     let mut up: Vec<usize> = (0..spots.len()).collect();
@@ -304,7 +308,7 @@ fn unite_near(spots: &mut [&mut Spot]) -> Vec<usize> {
     up
 }
 
-/// The root of an element of a forest, given by what is above each.
+/// Returns the root of an element of a forest, given by parents.
 fn root(up: &[usize], mut k: usize) -> usize {
     while up[k] != k {
         k = up[k];
@@ -312,19 +316,19 @@ fn root(up: &[usize], mut k: usize) -> usize {
     k
 }
 
-/// The unit triangle that holds two parameters, and their places in it.
+/// Returns the unit triangle that contains two parameters, and their places in it.
 fn common(a: [f64; 3], b: [f64; 3]) -> Option<(usize, [[f64; 2]; 2])> {
     (0..4).find_map(|q| Some((q, [place_on(q, a)?, place_on(q, b)?])))
 }
 
-/// The coordinates that change their sign from one parameter to the next, whose signs as a whole
-/// mean nothing.
+/// Iterates over the coordinates that change their sign from one parameter to the next, up to a
+/// common sign.
 fn crossed(a: [f64; 3], b: [f64; 3]) -> impl Iterator<Item = usize> {
     let sign = if dot(a, b) < 0.0 { -1.0 } else { 1.0 };
     (0..3).filter(move |&k| a[k] * b[k] * sign < 0.0)
 }
 
-/// The numbers t and s with t d − s e = c, by Cramer's rule.
+/// Solves t d − s e = c for t and s, by Cramer's rule.
 fn meeting(d: [f64; 2], e: [f64; 2], c: [f64; 2]) -> [f64; 2] {
     let det = d[0] * e[1] - d[1] * e[0];
     [
@@ -333,7 +337,8 @@ fn meeting(d: [f64; 2], e: [f64; 2], c: [f64; 2]) -> [f64; 2] {
     ]
 }
 
-/// Where two segments cross, as parts of both; none if they do not, or are parallel.
+/// Returns the crossing of two segments, as fractions of both; `None` if they do not cross, or are
+/// parallel.
 fn crossing(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> Option<[f64; 2]> {
     let [d, e] = [a, b].map(|x| [x[1][0] - x[0][0], x[1][1] - x[0][1]]);
     let [t, s] = meeting(d, e, [b[0][0] - a[0][0], b[0][1] - a[0][1]]);
@@ -341,7 +346,7 @@ fn crossing(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> Option<[f64; 2]> {
 }
 
 impl Openings<'_> {
-    /// The spots of all arcs that can be drawn, and how many cannot.
+    /// Returns the vertices of all arcs that can be drawn, and the number of the others.
     fn runs(&self, traced: &Traced) -> Result<(Vec<Vec<Spot>>, usize), Stopped> {
         let mut runs: Vec<Vec<Spot>> = Vec::new();
         let mut failed = 0;
@@ -354,8 +359,8 @@ impl Openings<'_> {
         }
         Ok((runs, failed))
     }
-    /// The vertices of a traced double curve and their partners. Sides of the unit triangles that
-    /// it crosses get their places.
+    /// Computes the vertices of a traced double curve and their partners, and adds places to the
+    /// sides of the unit triangles that it crosses.
     pub(super) fn glue_traced(&self, traced: &Traced, sides: &mut Sides) -> Gluing {
         let mut gluing = Gluing::default();
         let Ok((mut runs, mut failed)) = self.runs(traced) else {
@@ -377,8 +382,8 @@ impl Openings<'_> {
         gluing
     }
 
-    /// The places of an arc with both chords near enough to the surface, and vertices on the sides
-    /// of the unit triangles.
+    /// Subdivides an arc until both chords are near enough to the surface, with vertices on the
+    /// sides of the unit triangles.
     fn refined(&self, pairs: &Pairs, part: &[Place]) -> Option<Vec<Spot>> {
         let mut run = vec![Spot::new(part[0])?];
         for w in part.windows(2) {
@@ -387,8 +392,8 @@ impl Openings<'_> {
         self.thin(&mut run);
         Some(run)
     }
-    /// Adds the spots after the first of two places, up to the second, with fine chords between
-    /// them. None if they are too many.
+    /// Adds the vertices after the first of two places, up to the second one, with fine chords
+    /// between them; `None` if they are too many.
     fn halve(&self, pairs: &Pairs, [from, to]: [Spot; 2], run: &mut Vec<Spot>) -> Option<()> {
         let mut stack = vec![(from, to, 0)];
         while let Some((a, b, depth)) = stack.pop() {
@@ -411,7 +416,7 @@ impl Openings<'_> {
         Some(())
     }
 
-    /// Leaves out spots whose images lie upon each other: at singular points the map may be flat.
+    /// Removes vertices whose images coincide: at singular points the map may be flat.
     fn thin(&self, run: &mut Vec<Spot>) {
         let image = |s: &Spot| s.place.point().map(|x| x * self.atlas.half_width);
         let is_near = |a: &Spot, b: &Spot| {
@@ -428,11 +433,12 @@ impl Openings<'_> {
         }
     }
 
-    /// Whether straight pieces, in the parameters too, may stand for what lies between two places.
+    /// Returns true if straight segments, also in the parameters, may replace an arc between two
+    /// places.
     fn is_chord_fine(&self, pairs: &Pairs, a: &Spot, b: &Spot) -> bool {
         let scale = |p: &Place| p.point().map(|x| x * self.atlas.half_width);
         let Some(m) = pairs.part(&a.place, &b.place, 0.5) else {
-            // Next to a singular end nothing more can be told.
+            // Next to a singular end no place can be computed in between.
             let ends = [a, b].map(|s| scale(&s.place));
             return distance(ends[0], ends[1]) < SHORT * self.atlas.tolerance_at(ends[0]);
         };
@@ -452,7 +458,8 @@ impl Openings<'_> {
             && is_near(1)
     }
 
-    /// Makes spots of both arcs where chords of arcs cross; how often that failed.
+    /// Inserts a vertex into both arcs at every crossing of chords, and returns the number of
+    /// failures.
     fn cross(&self, pairs: &Pairs, runs: &mut [Vec<Spot>]) -> usize {
         let mut failed = 0;
         for _ in 0..ROUNDS {
@@ -466,8 +473,7 @@ impl Openings<'_> {
             if found.is_empty() || failed > 0 {
                 break;
             }
-            // A spot that is put in moves the spots after it: the last one is the first to be put
-            // in.
+            // An insertion shifts the vertices after it, so the last ones come first.
             found.sort_by(|x, y| {
                 let of = |f: &(Chord, f64, Spot)| (f.0.run, f.0.at);
                 of(y).cmp(&of(x)).then(y.1.total_cmp(&x.1))
@@ -479,7 +485,7 @@ impl Openings<'_> {
         failed + self.crossings(runs).len()
     }
 
-    /// Chords that cross elsewhere than in spots that they share.
+    /// Returns the pairs of chords that cross elsewhere than in common vertices.
     fn crossings(&self, runs: &[Vec<Spot>]) -> Vec<[Chord; 2]> {
         let mut chords = chords_of(runs);
         chords.sort_by(|a, b| a.q.cmp(&b.q).then(a.low(0).total_cmp(&b.low(0))));
@@ -494,8 +500,8 @@ impl Openings<'_> {
         found
     }
 
-    /// The spots of two arcs where they have a parameter in common, near to where two of their
-    /// chords cross.
+    /// Returns the vertices of two arcs at their common parameter, near the crossing of two of
+    /// their chords.
     fn triple(
         &self,
         pairs: &Pairs,
@@ -533,7 +539,7 @@ impl Openings<'_> {
         None
     }
 
-    /// Gives one class to spots with a parameter in common, and them exactly that one.
+    /// Gives one class to vertices with a common parameter, and makes that identical.
     fn classify(&self, gluing: &mut Gluing, runs: &mut [Vec<Spot>]) {
         let mut spots: Vec<&mut Spot> = runs.iter_mut().flatten().collect();
         let up = unite_near(&mut spots);
@@ -546,8 +552,8 @@ impl Openings<'_> {
         }
     }
 
-    /// Puts the chords of an arc into the unit triangles, and places onto their sides; how often
-    /// that failed.
+    /// Adds the chords of an arc to the unit triangles, and places to their sides; returns the
+    /// number of failures.
     fn put_run(&self, gluing: &mut Gluing, run: &[Spot], sides: &mut Sides) -> usize {
         let mut failed = 0;
         for which in 0..2 {
@@ -573,8 +579,8 @@ impl Openings<'_> {
         }
         failed
     }
-    /// The curve of the box's faces, by an arc in a unit triangle, that a parameter of an end is
-    /// on, and its place there; none on a side, where it is a point of a wall already.
+    /// Returns the curve of the box's faces, as an arc in a unit triangle, on which a parameter of
+    /// an end lies, and its place there; `None` on a side, where it is a point of a wall already.
     fn end_on_arc(&self, end: &Spot, which: usize) -> Option<(ArcId, [f64; 2])> {
         let p = end.parameters[which];
         let on_arc = |q: usize| {
@@ -584,8 +590,8 @@ impl Openings<'_> {
         let is_on_side = p.contains(&0.0);
         (0..4).filter(|_| !is_on_side).find_map(on_arc)
     }
-    /// Makes vertices of the curves of the box's faces where arcs end in them; how often that
-    /// failed.
+    /// Inserts vertices into the curves of the box's faces where arcs end on them; returns the
+    /// number of failures.
     fn put_ends(&self, gluing: &mut Gluing, runs: &[Vec<Spot>]) -> usize {
         let mut failed = 0;
         let mut on_arcs: BTreeMap<ArcId, Vec<[f64; 2]>> = BTreeMap::new();
@@ -605,14 +611,14 @@ impl Openings<'_> {
         failed
     }
 
-    /// The polyline of an arc of the arrangement, as it is drawn.
+    /// Returns the polyline of an arc of the arrangement, as drawn.
     fn line_of_arc(&self, ArcId { q, slab, place }: ArcId) -> Vec<[f64; 2]> {
         let stretch = self.stretch(q, slab, place);
         let a = &self.atlas.region.triangles[q].arrangement;
         let mut over = Columns::new(a, slab);
         self.polyline(q, &stretch, place, &mut over, &mut true)
     }
-    /// The drawn arc on some faces of the box that goes through a place.
+    /// Returns the drawn arc on given faces of the box that passes through a place.
     fn arc_at(&self, q: usize, at: [f64; 2], faces: u8) -> Option<ArcId> {
         let a = &self.atlas.region.triangles[q].arrangement;
         let walls = &a.walls[1..a.walls.len() - 1];

@@ -1,4 +1,4 @@
-//! Unit triangles' parts of the surface: refined side by side, and joined to one surface.
+//! Parts of the surface in the unit triangles: refined in parallel, and joined to one surface.
 
 use super::filling::{Strip, fill};
 use super::glued::Glued;
@@ -17,11 +17,11 @@ use std::collections::BTreeMap;
 pub(super) struct Unit {
     pub(super) quadrant: usize,
     pub(super) plane: Plane,
-    /// Triangles with a base point as the first corner, in whose place strips are put.
+    /// Triangles with a base point as the first corner, which are replaced by strips.
     pub(super) at_apex: Vec<[u32; 3]>,
-    /// The fans of base points, by vertex.
+    /// Fans of base points, by vertex.
     pub(super) apexes: BTreeMap<usize, usize>,
-    /// Corners of the rectangles around base points, by vertex and fan.
+    /// Rays of the corners of the rectangles around base points, by vertex and fan.
     pub(super) rays: BTreeMap<(usize, usize), Ray>,
     pub(super) findings: Vec<Finding>,
 }
@@ -29,27 +29,26 @@ pub(super) struct Unit {
 /// A triangle of the surface.
 pub(super) struct Made {
     pub(super) vertices: [u32; 3],
-    /// Their parameters.
+    /// Parameters of the vertices.
     pub(super) corners: [[f64; 2]; 3],
-    /// The sides of the domain that they are on, as bits.
+    /// Sides of the domain on which the vertices lie, as bits.
     pub(super) borders: [u64; 3],
 }
 
-/// The name of a vertex; that of a vertex of one unit triangle only has its quadrant and place
-/// there, too.
+/// Full name of a vertex: a vertex without a name of its own has its quadrant and index there.
 type FullName = (Name, usize, usize);
 
-/// The surface as far as it is made. Its vertices are places of the parameters, by name: those of
-/// different sheets are different ones until [`Joined::glued`].
+/// The surface under construction. Its vertices are places of the parameters, by name: those of
+/// different sheets stay distinct until [`Joined::wound`].
 pub(super) struct Joined<'a> {
     pub(super) surface: Surface,
     pub(super) glued: &'a Glued<'a>,
     places: BTreeMap<FullName, u32>,
-    /// The first place of each vertex that sheets share.
+    /// First place of each vertex that sheets share.
     vertices: BTreeMap<FullName, u32>,
-    /// The first place with the same vertex, by place.
+    /// First place with an equal vertex, by place.
     pub(super) first: Vec<u32>,
-    /// True if a place is on the seam of a base point, by place.
+    /// True for each place on the seam of a base point.
     pub(super) on_seam: Vec<bool>,
 }
 
@@ -71,7 +70,7 @@ impl<'a> Joined<'a> {
     fn gluing(&self) -> &'a Gluing {
         &self.glued.gluing
     }
-    /// The place of a name, with the vertex that it has in space.
+    /// Returns the place with a name, and creates it if needed with its vertex in space.
     fn vertex(
         &mut self,
         place: FullName,
@@ -98,7 +97,8 @@ impl<'a> Joined<'a> {
         self.places.insert(place, new);
         new
     }
-    /// The place of a name, with the vertex of another one, that all unit triangles share.
+    /// Returns the place with a name, with the vertex of another name, shared by all unit
+    /// triangles.
     pub(super) fn shared(
         &mut self,
         [place, vertex]: [Name; 2],
@@ -108,7 +108,7 @@ impl<'a> Joined<'a> {
     ) -> u32 {
         self.vertex((place, 0, 0), (vertex, 0, 0), || (point, faces, kind))
     }
-    /// The place of a name, with the vertex of a class of parameters with one image.
+    /// Returns the place with a name, with the vertex of a class of parameters with one image.
     pub(super) fn class_vertex(&mut self, place: Name, class: ClassId) -> u32 {
         let gluing = self.gluing();
         let kind = match gluing.is_double(class) {
@@ -118,11 +118,11 @@ impl<'a> Joined<'a> {
         let image = gluing.image(class);
         self.shared([place, Name::Double(class)], image, 0, kind)
     }
-    /// True if two places have one vertex.
+    /// Returns true if two places have one vertex.
     pub(super) fn are_one(&self, a: u32, b: u32) -> bool {
         self.first[a as usize] == self.first[b as usize]
     }
-    /// The place of a node of a unit triangle.
+    /// Returns the place of a node of a unit triangle.
     fn node_vertex(&mut self, measure: &InChart<'_, '_>, k: u32, node: &Node) -> u32 {
         let full = |name| match name {
             Name::Inner => (Name::Inner, measure.q, k as usize),
@@ -180,8 +180,8 @@ impl<'a> Joined<'a> {
         self.surface.corners.push(triangle.corners);
     }
 
-    /// The strip in the place of a triangle at a base point, with the vertices on the rectangle.
-    /// None if the base point was not opened; a finding where a corner is on no ray.
+    /// Returns the strip that replaces a triangle at a base point, with the vertices on the
+    /// rectangle: `None` if the base point was not opened, and a finding if a corner is on no ray.
     fn strip(
         &mut self,
         unit: &Unit,
@@ -213,7 +213,7 @@ impl<'a> Joined<'a> {
     }
 }
 
-/// The findings against triangles, by how their refinement ended.
+/// Returns the findings for the remaining defects of a refinement.
 fn complaints(ended: Ended) -> impl Iterator<Item = Finding> {
     let all = [
         (ended.unsound, Finding::SignUnproved),
@@ -227,19 +227,19 @@ fn complaints(ended: Ended) -> impl Iterator<Item = Finding> {
     all.into_iter().filter(|c| c.0 > 0).map(|c| c.1)
 }
 
-/// The unit triangles, refined.
+/// The refined unit triangles.
 pub(super) struct Refined {
     units: Vec<Unit>,
 }
 
 impl Refined {
-    /// Refines unit triangles and puts further vertices into them.
+    /// Refines unit triangles and inserts further vertices.
     pub(super) fn new(glued: &Glued<'_>, mut units: Vec<Unit>, further: &[Place]) -> Self {
         glued.refine(&mut units);
         glued.put(further, &mut units);
         Self { units }
     }
-    /// The surface that the unit triangles make up together.
+    /// Joins the unit triangles to one surface.
     pub(super) fn joined(&self, glued: &Glued<'_>) -> Surface {
         let mut joined = Joined::new(glued);
         for unit in &self.units {
@@ -250,7 +250,7 @@ impl Refined {
 }
 
 impl Glued<'_> {
-    /// Refines unit triangles side by side, to a limit for all of them.
+    /// Refines unit triangles in parallel, with a common limit on their triangles.
     fn refine(&self, units: &mut [Unit]) {
         let most = if self.openings.halvings < HALVINGS {
             self.atlas.options.triangles.min(OPEN_TRIANGLES)
@@ -262,7 +262,7 @@ impl Glued<'_> {
             let control = self.atlas.control;
             u.plane.begin(most / 4, &measure(u.quadrant), control)
         });
-        // Unit triangles that need more share the triangles that the others leave.
+        // The triangles that other unit triangles do not need go to those that need more.
         let (needy, done): (Vec<_>, Vec<_>) =
             (0..units.len()).partition(|&k| units[k].plane.is_waiting());
         for group in [done, needy] {
@@ -281,7 +281,7 @@ impl Glued<'_> {
         }
     }
 
-    /// Puts further vertices into unit triangles.
+    /// Inserts further vertices into unit triangles.
     fn put(&self, places: &[Place], units: &mut [Unit]) {
         let most = self.atlas.options.triangles;
         units.par_iter_mut().for_each(|u| {
