@@ -1,14 +1,15 @@
-//! A given mesh made better on the solid that it stands for.
+//! Adaptation: improves a given mesh on the solid that it approximates.
 //!
-//! The faces of its surface are given to the pieces of the solid that they lie on, with edges along
-//! those of the solid, and its vertices brought onto them. Then tetrahedra are optimised like those
-//! of the mesher's own lattice, and bare triangles by splits, collapses, flips and moves.
+//! Each face of its surface is assigned to the piece of the solid on which it lies, edges are laid
+//! along those of the solid, and vertices are projected onto their pieces. Then tetrahedra are
+//! optimised like those of the mesher's own lattice, and bare triangles by splits, collapses, flips
+//! and moves.
 //!
-//! - `given`: what is accepted, and what alignment leaves open;
+//! - `given`: validation of the input, and problems that alignment leaves;
 //! - `align`: edges of the mesh along those of the solid;
-//! - `boundary`: the boundary of tetrahedra while it is aligned;
-//! - `skin`, `remesh`: bare triangles, and how they are made better;
-//! - `sizes`: the edge lengths that a mesh has.
+//! - `boundary`: the boundary of tetrahedra during alignment;
+//! - `skin`, `remesh`: bare triangles and their optimisation;
+//! - `sizes`: edge lengths of a mesh.
 
 mod align;
 mod boundary;
@@ -39,24 +40,18 @@ use remesh::Remesher;
 pub use sizes::{mean_edge, own_sizes};
 use skin::Skin;
 
-/// Bytes per cell of the lattice, which is all that grows with the model's box here.
-const BYTES: f64 = 12.0;
-/// Cells are at least this many times as large as the mesh is off the model, so that its vertices
-/// are in cells with the surface.
-const OFF_CELLS: f64 = 2.0;
-
-/// Improves a mesh on a solid near its surface: its vertices are moved onto the parts, edges of the
-/// surface laid along those of the solid, elements optimised, and edges split where they leave the
-/// surface too far. Mid nodes and labels of the mesh given are dropped.
+/// Improves a mesh on a solid near its surface: moves its vertices onto the parts, lays edges of
+/// the surface along those of the solid, optimises the elements, and splits edges that leave the
+/// surface too far. Mid nodes and labels of the given mesh are dropped.
 ///
-/// Tetrahedra keep their size; `options.size` should be near it, and [`mean_edge`] gives it. The
+/// Tetrahedra keep their size; `options.size` should be near it, and [`mean_edge`] computes it. The
 /// triangles of a bare surface are split and collapsed towards `options.size` and `options.sizes`;
-/// [`own_sizes`] gives those that they have.
+/// [`own_sizes`] computes the present ones.
 ///
 /// # Errors
-/// As of [`mesh`](crate::mesh), and if the mesh is not a conforming volume mesh or a closed surface
-/// without self-intersections, if its surface is nowhere near the solid's, or if its edges cannot
-/// be made to follow those of the solid.
+/// Those of [`mesh`](crate::mesh). Also if the mesh is neither a conforming volume mesh nor a
+/// closed surface without self-intersections, if its surface is far from the solid's, or if its
+/// edges cannot be made to follow those of the solid.
 pub fn adapt(
     mesh: &Mesh,
     solid: &dyn Solid,
@@ -80,7 +75,7 @@ pub fn adapt(
         })?;
     let region = found.bounds;
     let lattice = lattice_around(&bare, solid, region, options, control)?;
-    // The mesh has the edges that it has.
+    // The edge lengths of the mesh are given.
     let surface = Surface {
         bends: false,
         ..Surface::new(solid, &lattice, region, control)
@@ -112,7 +107,7 @@ pub fn adapt(
     })
 }
 
-/// A lattice in whose cells with surface the vertices of the mesh's surface are.
+/// Creates a lattice in which the surface vertices of the mesh lie in cells with surface.
 fn lattice_around(
     mesh: &Mesh,
     solid: &dyn Solid,
@@ -121,12 +116,15 @@ fn lattice_around(
     control: &Control<'_>,
 ) -> Result<Lattice, MeshError> {
     let off = distance(mesh, solid, region.diagonal())?;
-    let cell = (CELL * options.size).max(OFF_CELLS * off);
-    options.check_memory((Lattice::cells(region, cell) * BYTES) as u64)?;
+    // Cells are at least twice as large as the mesh is off the model, so that its vertices lie in
+    // cells with surface.
+    let cell = (CELL * options.size).max(2.0 * off);
+    // The cells of the lattice, 12 bytes each, are all that grows with the model's box here.
+    options.check_memory((Lattice::cells(region, cell) * 12.0) as u64)?;
     Lattice::new(solid, region, cell, control)
 }
 
-/// A bare surface.
+/// Adapts a bare surface.
 fn of_triangles(
     bare: Mesh,
     surface: &Surface<'_>,
@@ -153,7 +151,7 @@ fn of_triangles(
     Ok(mesh)
 }
 
-/// Tetrahedra.
+/// Adapts a mesh of tetrahedra.
 fn of_tetrahedra(
     bare: Mesh,
     surface: &Surface<'_>,
@@ -178,8 +176,8 @@ fn of_tetrahedra(
     improve(inside, surface, options, Joined::default(), warnings)
 }
 
-/// A place of the solid's surface that the mesh does not reach, if there is one: in a cell with
-/// surface there is a vertex no farther than an edge is long.
+/// Finds a point of the solid's surface that the mesh does not reach. Every cell with surface
+/// should have a vertex within the longest edge.
 fn left_out(mesh: &Mesh, surface: &Surface<'_>) -> Option<Point3> {
     let tree = KdTree::new(&mesh.points);
     let longest = edges_of(&mesh.triangles)
@@ -193,7 +191,8 @@ fn left_out(mesh: &Mesh, surface: &Surface<'_>) -> Option<Point3> {
         .find(|&p| tree.nearest(p).is_some_and(|n| n.1 > reach * reach))
 }
 
-/// A point of the surface on the diagonal of a cell.
+/// Returns a point of the surface on the diagonal of a cell; `None` if the surface does not cross
+/// it.
 fn root_in_cell(surface: &Surface<'_>, cell: usize) -> Option<Point3> {
     let cell = surface.lattice.indices(cell);
     let corner = |d: usize| surface.lattice.point(cell.map(|i| 2 * (i + d)));

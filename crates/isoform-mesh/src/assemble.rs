@@ -1,5 +1,5 @@
-//! From the optimised complex to the mesh that is given out: numbers without gaps, parts, curves
-//! and corners.
+//! Conversion of the optimised complex to the resulting mesh: contiguous indices, parts, curves and
+//! corners.
 
 use crate::band::Core;
 use crate::complex::{Complex, Face, NONE, labelled_edges};
@@ -10,26 +10,26 @@ use crate::surface::{Surface, first_order_at, meet_at_an_angle};
 use isoform_geom::{Curve, Mesh, Point3, Solid};
 use std::collections::HashSet;
 
-/// A mesh with the pieces of the solid that its parts lie on.
+/// A mesh with the pieces of the solid on which its parts lie.
 pub(crate) struct Labelled {
     pub(crate) mesh: Mesh,
-    /// The piece of each part.
+    /// Piece of each part.
     pub(crate) pieces: Vec<u32>,
 }
 
-/// The core, and how it is joined to the complex around it.
+/// The core, and its connection to the complex around it.
 #[derive(Default)]
 pub(crate) struct Joined {
     pub(crate) core: Core,
-    /// Vertices of the core below this number are vertices of the band.
+    /// Number of vertices of the band; lower vertex indices of the core refer to the band.
     pub(crate) band_points: usize,
-    /// The vertex of the complex for each vertex of the band.
+    /// Vertex of the complex for each vertex of the band.
     pub(crate) number: Vec<u32>,
 }
 
-/// Vertices of a complex that a mesh has, numbered without gaps.
+/// Vertices of a complex that a mesh uses, renumbered contiguously.
 struct Numbering {
-    /// Vertices of the complex to nodes of the mesh.
+    /// Node of the mesh for each vertex of the complex.
     node: Vec<u32>,
     points: Vec<Point3>,
 }
@@ -54,7 +54,7 @@ impl Numbering {
     }
 }
 
-/// The mesh of triangles with corners at `points`.
+/// Assembles the mesh of triangles with vertices at `points`.
 pub(crate) fn assemble_surface(
     surface: &Surface<'_>,
     faces: &[Face],
@@ -71,7 +71,7 @@ pub(crate) fn assemble_surface(
     label(surface, faces, |v| numbering.node(v), mesh)
 }
 
-/// The mesh of tetrahedra of a complex and of a core within it.
+/// Assembles the mesh of the tetrahedra of a complex and of its core.
 pub(crate) fn assemble_volume(
     surface: &Surface<'_>,
     complex: &Complex,
@@ -79,8 +79,8 @@ pub(crate) fn assemble_volume(
 ) -> Result<Labelled, MeshError> {
     let faces = complex.faces();
     let mut numbering = Numbering::new(complex.points.len());
-    // Not those of which a tetrahedron is known: where bodies touch in a point alone, as those of
-    // functions that jump do, the one that is known may be gone and others be left.
+    // `tet_of` is no test of use: where bodies touch in a single point, as for discontinuous
+    // functions, the recorded tetrahedron may have been removed while others remain.
     let mut is_used = vec![false; complex.points.len()];
     for t in complex.live() {
         for v in complex.tets[t as usize] {
@@ -119,7 +119,7 @@ pub(crate) fn assemble_volume(
     Ok(label(surface, &faces, |v| numbering.node(v), mesh))
 }
 
-/// Whether the vertices that the core shares with the band around it are there.
+/// Checks that the complex still uses the vertices that the core shares with the band around it.
 fn check_core(joined: &Joined, is_there: impl Fn(u32) -> bool) -> Result<(), MeshError> {
     let shared = joined.core.tets.iter().flatten();
     let mut shared = shared.filter(|&&v| (v as usize) < joined.band_points);
@@ -132,7 +132,7 @@ fn check_core(joined: &Joined, is_there: impl Fn(u32) -> bool) -> Result<(), Mes
     }
 }
 
-/// Gives a mesh its labelled triangles, parts, curves and corners.
+/// Adds labelled triangles, parts, curves and corners to a mesh.
 fn label(
     surface: &Surface<'_>,
     faces: &[Face],
@@ -161,11 +161,11 @@ fn label(
     Labelled { mesh, pieces }
 }
 
-/// An edge between two parts: the parts, then its ends.
+/// An edge between two parts: the parts, followed by its ends.
 pub(crate) type FeatureEdge = ([u32; 2], [u32; 2]);
 
-/// Edges between faces of two parts that meet at an angle, where the ends lie on both: seams of
-/// parts that touch are none. Sorted by parts.
+/// Returns the edges between faces of two parts that meet at an angle, with ends on both; seams of
+/// parts that touch tangentially are excluded. Sorted by parts.
 pub(crate) fn feature_edges(
     solid: &dyn Solid,
     zero: f64,
@@ -188,7 +188,7 @@ pub(crate) fn feature_edges(
                 && meet_at_an_angle(solid, pair, midpoint(p, q))
         };
         let parts = unique(same.iter().map(|s| s.1).collect());
-        // More than two parts meet where regions do: some of them may coincide.
+        // More than two parts meet at an edge of several regions; some of them may coincide.
         if let Some(parts) = pairs(&parts).find(is_edge) {
             found.push((parts, ends));
         }
@@ -197,7 +197,7 @@ pub(crate) fn feature_edges(
     found
 }
 
-/// Gives a mesh one curve for each pair of parts, named by both, with its edges.
+/// Adds one curve per pair of parts to a mesh, named after both, with its edges.
 fn add_curves(mesh: &mut Mesh, edges: &[FeatureEdge]) {
     for same in edges.chunk_by(|a, b| a.0 == b.0) {
         let curve = mesh.curves.len() as u32;
@@ -212,7 +212,7 @@ fn add_curves(mesh: &mut Mesh, edges: &[FeatureEdge]) {
     }
 }
 
-/// Nodes where anything but two edges of one curve meet, and those at tips of cones.
+/// Returns the nodes where anything but two edges of one curve meet, and those at tips of cones.
 pub(crate) fn corners(mesh: &Mesh, apexes: &[Corner]) -> Vec<u32> {
     let mut ends: Vec<(u32, u32)> = mesh
         .edges

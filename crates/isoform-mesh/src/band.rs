@@ -1,4 +1,4 @@
-//! The lattice around the surface as a complex, and what lies deeper as plain tetrahedra.
+//! Splits the lattice into a band around the surface, as a complex, and a core of plain tetrahedra.
 
 use crate::complex::{Complex, NONE};
 use crate::lattice::{IN, Lattice, OUT};
@@ -8,30 +8,30 @@ use isoform_geom::Point3;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Cells of the lattice around the surface that the optimiser may work in, beyond those that the
-/// surface can meet.
-const LAYERS: usize = 1;
+/// Number of layers of cells that the optimiser may change, next to the cells that the surface can
+/// meet.
+const OPTIMISED_CELL_LAYERS: usize = 1;
 
-/// Tetrahedra of the lattice deep inside, which stay as they are.
+/// Tetrahedra of the lattice deep inside, which are not modified.
 #[derive(Default)]
 pub(crate) struct Core {
-    /// Vertices below the number in the band are the band's.
+    /// Tetrahedra; vertex indices below the number of band vertices refer to the band.
     pub(crate) tets: Vec<[u32; 4]>,
-    /// Vertices that are not in the band; numbered after the band's own.
+    /// Further vertices, numbered after those of the band.
     pub(crate) points: Vec<Point3>,
 }
 
-/// The lattice around the surface as a complex, and what lies deeper as plain tetrahedra.
+/// The lattice around the surface as a complex, and the core inside it.
 pub(crate) struct Band {
     pub(crate) complex: Complex,
-    /// Vertices shared with the core.
+    /// True for vertices shared with the core.
     pub(crate) frozen: Vec<bool>,
     pub(crate) core: Core,
 }
 
 impl Band {
-    /// With `all` there is no core: everything may change. On a stop by `control` cells are left
-    /// out.
+    /// Splits a lattice. With `all` the core is empty and everything may change. After a stop by
+    /// `control` cells are missing.
     pub(crate) fn new(
         lattice: &Lattice,
         with_core: bool,
@@ -56,7 +56,7 @@ impl Band {
         });
         let band = vertices.points.len();
         let mut core = Vec::new();
-        // Without the core only what it shares with the band is of interest.
+        // Without the core only its vertices shared with the band are needed.
         faces.visit(|around, deep| {
             if deep && (with_core || vertices.any_below(band as u32, around)) {
                 vertices.take(around, &mut core);
@@ -86,8 +86,8 @@ impl Band {
 }
 
 impl Band {
-    /// The lattice of a unit cell: everything may change, and faces of cells on the sides are faces
-    /// of tetrahedra.
+    /// Creates the band of a unit cell: everything may change, and the sides consist of faces of
+    /// tetrahedra.
     pub(crate) fn on_torus(lattice: &Lattice, torus: Torus, control: &Control<'_>) -> Self {
         let faces = Faces {
             lattice,
@@ -104,7 +104,7 @@ impl Band {
             let is_side = cell[axis] + 1 == lattice.n[axis];
             for t in Lattice::tets(cell, axis) {
                 if is_side {
-                    // The edge between the centres goes through the side in the middle of the face.
+                    // The edge between the cell centres crosses the side at the centre of the face.
                     let mut middle = t[0];
                     middle[axis] += 1;
                     tets.push([t[0], middle, t[2], t[3]].map(|half| vertices.vertex(half)));
@@ -124,7 +124,7 @@ impl Band {
     }
 }
 
-/// Numbers of the lattice points of a unit cell, in the order in which they are met.
+/// Indices of the lattice points of a unit cell, in order of first use.
 struct TorusVertices<'l> {
     lattice: &'l Lattice,
     number: HashMap<[usize; 3], u32>,
@@ -145,25 +145,25 @@ impl TorusVertices<'_> {
     }
 }
 
-/// The four tetrahedra around a face between two cells, by lattice points in half cells.
+/// The four tetrahedra around a face between two cells, as lattice points in half cells.
 type AroundFace = [[[usize; 3]; 4]; 4];
 
-/// The faces between cells of which not both are outside.
+/// Faces between cells of which at least one is not outside.
 struct Faces<'l> {
     lattice: &'l Lattice,
-    /// Whether each cell belongs to the core.
+    /// True for each cell of the core.
     deep: Vec<bool>,
     control: &'l Control<'l>,
 }
 
 impl Faces<'_> {
-    /// Shows the tetrahedra around each face, and whether both of its cells are deep.
+    /// Calls `show` with the tetrahedra around each face; true if both of its cells are deep.
     fn visit(&self, mut show: impl FnMut(&AroundFace, bool)) {
         self.visit_pairs(|cell, axis, deep| show(&Lattice::tets(cell, axis), deep));
     }
 
-    /// Shows each face, by a cell and the axis along which the next one lies behind it, and whether
-    /// both cells are deep.
+    /// Calls `show` with each face, given by a cell and the axis along which the next cell follows;
+    /// true if both cells are deep.
     fn visit_pairs(&self, mut show: impl FnMut([usize; 3], usize, bool)) {
         let n = self.lattice.n;
         for k in 0..n[2] {
@@ -182,8 +182,8 @@ impl Faces<'_> {
         }
     }
 
-    /// Whether the cell and the next one along the axis are deep; none where there is no next one,
-    /// or both are outside.
+    /// Returns true if the cell and the next one along the axis are deep; `None` without a next
+    /// cell, or if both are outside.
     fn is_deep(&self, cell: [usize; 3], axis: usize) -> Option<bool> {
         let mut next = cell;
         next[axis] += 1;
@@ -199,10 +199,10 @@ impl Faces<'_> {
     }
 }
 
-/// Numbers of lattice points in the order in which they are met.
+/// Indices of lattice points in order of first use.
 struct Vertices<'l> {
     lattice: &'l Lattice,
-    /// The numbers of the corners of cells, then those of their centres.
+    /// Index of each corner of cells, followed by those of the cell centres.
     number: Vec<u32>,
     points: Vec<Point3>,
 }
@@ -218,7 +218,7 @@ impl<'l> Vertices<'l> {
         }
     }
 
-    /// Place of a lattice point in the list of numbers.
+    /// Returns the position of a lattice point in the list of indices.
     #[inline]
     fn slot(&self, half: [usize; 3]) -> usize {
         let n = self.lattice.n;
@@ -245,20 +245,20 @@ impl<'l> Vertices<'l> {
         self.number[slot]
     }
 
-    /// Whether any of the vertices has a number below the one given.
+    /// Returns true if any of the vertices has an index below `number`.
     fn any_below(&self, number: u32, around: &AroundFace) -> bool {
         let mut points = around.iter().flatten();
         points.any(|&half| self.number[self.slot(half)] < number)
     }
 }
 
-/// Cells inside with only such cells within [`LAYERS`].
+/// Marks the inner cells that have only inner cells within [`OPTIMISED_CELL_LAYERS`].
 fn deep_cells(lattice: &Lattice) -> Vec<bool> {
     let n = lattice.n;
     let mut deep: Vec<bool> = lattice.state.iter().map(|&s| s == IN).collect();
     let step = [1, n[0], n[0] * n[1]];
     for axis in 0..3 {
-        for _ in 0..LAYERS {
+        for _ in 0..OPTIMISED_CELL_LAYERS {
             let before = deep.clone();
             deep.par_iter_mut().enumerate().for_each(|(c, d)| {
                 let i = c / step[axis] % n[axis];

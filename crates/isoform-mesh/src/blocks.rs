@@ -1,18 +1,17 @@
-//! Meshes of models that are too large for one: block after block, each in its own memory.
+//! Meshes of models that are too large for one mesh: block by block, each in its own memory.
 //!
-//! All blocks share one lattice, that of the whole model, so that what they have in common is the
-//! same to the last bit. A [`Plan`] holds it, with what else is asked of the whole: the box and the
-//! features. Then
+//! All blocks share one lattice, that of the whole model, so that common data are identical bit for
+//! bit. A [`Plan`] holds it, with other data of the whole model: the box and the features. Then
 //!
 //! 1. [`make`] cuts each block out of the lattice together with a *halo* of cells around it, keeps
-//!    the tetrahedra whose centroids lie in its room, and optimises them while the nodes on its
-//!    sides stay where they are;
-//! 2. [`Interfaces`] compares the faces on both sides of each interface. Cutting decides by what is
-//!    near, so that they are the same; where a chain of decisions was longer than the halo they are
-//!    not, and the blocks concerned are made again with a larger one;
-//! 3. [`mend`] optimises what is near the sides once more, in rooms whose sides lie elsewhere: in
-//!    three further rounds, so that every node was within a room at least once;
-//! 4. [`close`] gives each block its labelled mesh, with what is around it for a certificate.
+//!    the tetrahedra whose centroids lie in its room, and optimises them while the nodes on its sides
+//!    are fixed;
+//! 2. [`Interfaces`] compares the faces on both sides of each interface. Cutting decides by nearby
+//!    data, so that they match; if a chain of decisions was longer than the halo they differ, and the
+//!    blocks concerned are made again with a larger halo;
+//! 3. [`mend`] optimises tetrahedra near the sides again, in rooms with sides at other places: in
+//!    three further rounds, so that every node was inside a room at least once;
+//! 4. [`close`] assembles the labelled mesh of each block, with its surroundings for a certificate.
 //!
 //! ```text
 //!      round 0            rounds 1, 2, 3: the rooms moved by parts of a block
@@ -24,14 +23,14 @@
 //!    +-----+-----+        +--+-----+--+
 //! ```
 //!
-//! An optimised set of tetrahedra keeps its boundary within the solid, so that steps 3 and 4 cannot
-//! part what fits. After each step a block is a value without history: whoever makes it, wherever,
-//! gets the same bits.
+//! Optimising a set of tetrahedra keeps its boundary inside the solid, so that steps 3 and 4
+//! preserve the matching. After each step a block is a value without history: every worker computes
+//! the same bits.
 //!
 //! ```
 //! use isoform_field::Pieces;
 //! use isoform_field::hyperfun::{Mode, Model};
-//! use isoform_mesh::blocks::{Gathered, HALO, Interfaces, Plan, close, make};
+//! use isoform_mesh::blocks::{Gathered, DEFAULT_HALO_CELLS, Interfaces, Plan, close, make};
 //! use isoform_mesh::{Control, Options};
 //!
 //! let program = "ball(x[3], a[1]) { ball = 1 - x[1]^2 - x[2]^2 - x[3]^2; }";
@@ -43,7 +42,7 @@
 //! let mut between = Interfaces::default();
 //! let mut all = Gathered::default();
 //! for k in 0..plan.blocks() {
-//!     let made = make(&solid, &plan, &options, k, HALO, &control)?;
+//!     let made = make(&solid, &plan, &options, k, DEFAULT_HALO_CELLS, &control)?;
 //!     between.add(&made.faces);
 //!     all.add(&made.still, |_| true);
 //!     all.add(&made.live, |_| true);
@@ -63,9 +62,9 @@ mod tetrahedra;
 
 pub use closing::{Closed, close};
 pub use faces::{Interfaces, OpenFace, open_faces};
-pub use making::{HALO, Made, make};
+pub use making::{DEFAULT_HALO_CELLS, Made, make};
 pub use mending::mend;
-pub use plan::{Plan, PlannedCurve, ROUNDS};
+pub use plan::{BLOCK_ROUNDS, Plan, PlannedCurve};
 pub use tetrahedra::{Gathered, INNER, Tetrahedra};
 
 use crate::complex::{Complex, OPEN};
@@ -73,16 +72,16 @@ use crate::options::Options;
 use isoform_check::Capped;
 use isoform_geom::{Aabb, Point3, Solid};
 
-/// How far around its room a block is looked at when it is closed, in sizes: farther than elements
-/// reach.
-pub const AROUND: f64 = 2.0;
+/// Margin around a block's room whose elements are included when it is closed, in sizes: more than
+/// the extent of an element.
+pub const BLOCK_MARGIN_SIZES: f64 = 2.0;
 
-/// Whether a room holds a point; its lower sides belong to it.
+/// Returns true if a room contains a point; its lower sides belong to it.
 pub fn holds(room: &Aabb, p: Point3) -> bool {
     (0..3).all(|i| room.lo[i] <= p[i] && p[i] < room.hi[i])
 }
 
-/// Does something with the solid, cut off at the box that is asked for, if there is one.
+/// Calls `work` with the solid, clipped at the requested box, if any.
 fn within<T>(solid: &dyn Solid, options: &Options, work: impl FnOnce(&dyn Solid) -> T) -> T {
     match options.region {
         Some(region) => work(&Capped::new(solid, region)),
@@ -90,7 +89,7 @@ fn within<T>(solid: &dyn Solid, options: &Options, work: impl FnOnce(&dyn Solid)
     }
 }
 
-/// Whether each vertex lies on an open face.
+/// Marks the vertices on open faces.
 fn on_open_faces(complex: &Complex) -> Vec<bool> {
     let mut on_open = vec![false; complex.points.len()];
     for t in complex.live() {

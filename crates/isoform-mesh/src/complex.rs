@@ -1,14 +1,14 @@
-//! The tetrahedra under work: a complex with neighbours, changed by replacing cavities.
+//! A tetrahedral complex with neighbours, modified by replacing cavities.
 //!
-//! Every operation of the mesher (splitting an edge, removing one, a flip, a collapse) takes some
-//! tetrahedra out and puts others into the same cavity: [`Complex::replace`] is the only place
-//! where neighbours are written, so they cannot get out of step.
+//! Every operation of the mesher (edge split, edge removal, flip, collapse) removes some tetrahedra
+//! and fills their cavity with others: [`Complex::replace`] is the only place where neighbours are
+//! written, so they stay consistent.
 //!
-//! Words used here, and in all rooms that work on the complex:
+//! Terms used here, and in all modules that work on the complex:
 //! - the *star* of a vertex: all tetrahedra that have it as a corner;
 //! - the *ring* of an edge: all tetrahedra that have it as an edge, in order around it;
-//! - the *link* of an edge: the vertices of its ring but for its ends, in the same order;
-//! - a *cavity*: the room that some tetrahedra leave and others fill;
+//! - the *link* of an edge: the vertices of its ring except its ends, in the same order;
+//! - a *cavity*: the space that removed tetrahedra leave and new ones fill;
 //! - the *label* of a face on the boundary: the piece of the solid that it lies on.
 //!
 //! ```text
@@ -32,61 +32,61 @@ use isoform_geom::{Point3, TET_FACES, TRIANGLE_EDGES, norm, sub};
 use rayon::prelude::*;
 use std::collections::HashSet;
 
-/// No tetrahedron, no vertex.
+/// Marker of a missing tetrahedron or vertex.
 pub(crate) const NONE: u32 = u32::MAX;
-/// Neighbours from here on are no tetrahedra: the face lies on the boundary, with a label.
+/// First value of neighbours that encodes a face on the boundary: this bit, with the face's label.
 pub(crate) const BOUNDARY: u32 = 1 << 31;
-/// The label of a boundary face that is no part of the solid's surface.
+/// Neighbour of a boundary face that does not belong to the solid's surface.
 pub(crate) const OPEN: u32 = BOUNDARY | (BOUNDARY - 2);
-/// The label of a face of the solid's surface that lies on no single piece.
+/// Label of a face of the solid's surface that does not lie on a single piece.
 pub(crate) const STRAY: u32 = BOUNDARY - 3;
-/// Faces or tetrahedra up to which a list is searched from its front, which is faster than a table
-/// as long as lists are short; cavities and stars seldom hold more than some dozens.
-const FEW: usize = 200;
+/// Maximum number of faces or tetrahedra that are searched linearly; above it a hash table is
+/// faster. Cavities and stars seldom have more than a few dozen.
+const MAX_SCANNED_ITEMS: usize = 200;
 
-/// Tetrahedra with neighbours. Slots are reused; a tetrahedron whose first vertex is [`NONE`] is
-/// not there.
+/// A complex of tetrahedra with neighbours. Slots are reused; a slot whose first vertex is [`NONE`]
+/// is empty.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Complex {
     pub(crate) points: Vec<Point3>,
     pub(crate) tets: Vec<[u32; 4]>,
     /// Neighbour opposite to each vertex, or [`BOUNDARY`] with a label.
     pub(crate) adjacent: Vec<[u32; 4]>,
-    /// The region that each tetrahedron belongs to; none where all belong to one.
+    /// Region of each tetrahedron; empty if the complex is not divided into regions.
     regions: Vec<u16>,
-    /// The labels of the faces between regions, opposite to each vertex, [`NONE`] of others; there
-    /// are some where there are regions.
+    /// Labels of the faces between regions, opposite to each vertex; [`NONE`] for other faces.
+    /// Empty if the complex is not divided into regions.
     walls: Vec<[u32; 4]>,
-    /// The box whose sides are one, of a complex that is a unit cell.
+    /// Periodic box of a complex that is a unit cell.
     pub(crate) torus: Option<Torus>,
-    /// One tetrahedron of each vertex, [`NONE`] where there is none.
+    /// One tetrahedron of each vertex; [`NONE`] for unused vertices.
     pub(crate) tet_of: Vec<u32>,
-    /// Slots without a tetrahedron.
+    /// Empty slots.
     free: Vec<u32>,
-    /// The epoch in which each tetrahedron was met last.
+    /// Epoch of the last visit to each tetrahedron.
     marks: Vec<u32>,
     epoch: u32,
-    /// Room to work in for [`Complex::replace`].
+    /// Buffers of [`Complex::replace`].
     cavity: Cavity,
-    /// Slots of tetrahedra that were put in or got other faces on the boundary, where that is kept:
-    /// some may be empty again.
+    /// Slots of tetrahedra that were inserted or whose boundary faces changed, if recorded; some
+    /// may be empty again.
     pub(crate) log: Option<Vec<u32>>,
 }
 
-/// The edges of a tetrahedron, by the places of their ends.
+/// Pairs of local vertex indices of a tetrahedron's edges.
 pub(crate) const EDGES: [(usize, usize); 6] = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
 
 /// A face of the solid's surface: its vertices, outward, and its label.
 pub(crate) type Face = ([u32; 3], u32);
 
-/// The ends of an edge, lower vertex first.
+/// Returns the ends of an edge, lower vertex first.
 #[inline]
 pub(crate) fn edge(a: u32, b: u32) -> [u32; 2] {
     [a.min(b), a.max(b)]
 }
 
-/// The edges of labelled triangles, lower vertex first, each with its triangle's label; sorted, so
-/// that all entries of one edge stand together.
+/// Lists the edges of labelled triangles, lower vertex first, each with its triangle's label;
+/// sorted, so that all entries of one edge are adjacent.
 pub(crate) fn labelled_edges(faces: impl Iterator<Item = Face>) -> Vec<([u32; 2], u32)> {
     let mut edges: Vec<_> = faces
         .flat_map(|(f, label)| TRIANGLE_EDGES.map(|[i, j]| (edge(f[i], f[j]), label)))
@@ -95,27 +95,27 @@ pub(crate) fn labelled_edges(faces: impl Iterator<Item = Face>) -> Vec<([u32; 2]
     edges
 }
 
-/// The vertices of a face in ascending order, by which it is found.
+/// Returns the vertices of a face in ascending order, its key in lists of faces.
 #[inline]
 fn sorted(mut f: [u32; 3]) -> [u32; 3] {
     f.sort_unstable();
     f
 }
 
-/// What [`Complex::ring`] finds.
+/// Ring and link of an edge, see [`Complex::ring`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Ring {
     /// Tetrahedra around the edge, in order.
     pub(crate) tets: Vec<u32>,
-    /// Vertices of the link, in order; one more than tetrahedra where the ring is open.
+    /// Vertices of the link, in order; one more than tetrahedra if the ring is open.
     pub(crate) link: Vec<u32>,
-    /// Whether the ring goes all the way round (the edge is not on the boundary).
+    /// True if the ring is a full cycle (the edge is not on the boundary).
     pub(crate) closed: bool,
 }
 
 impl Ring {
-    /// The first and the last tetrahedron, each with the vertex of the link at its outer end. In an
-    /// open ring these hold the two faces of the boundary at the edge.
+    /// Returns the first and the last tetrahedron, each with the vertex of the link at its outer
+    /// end. In an open ring these have the two boundary faces at the edge.
     pub(crate) fn ends(&self) -> [(u32, u32); 2] {
         let (t, l) = (self.tets.len() - 1, self.link.len() - 1);
         [(self.tets[0], self.link[0]), (self.tets[t], self.link[l])]
@@ -123,13 +123,12 @@ impl Ring {
 }
 
 impl Complex {
-    /// From vertices and positive tetrahedra; boundary faces are [`OPEN`].
+    /// Builds a complex from vertices and positive tetrahedra; boundary faces are [`OPEN`].
     pub(crate) fn new(points: Vec<Point3>, tets: Vec<[u32; 4]>) -> Self {
         Self::within(points, tets, &Control::default())
     }
 
-    /// From vertices and positive tetrahedra, like [`Self::new`]. On a stop by `control` neighbours
-    /// are missing.
+    /// Builds a complex like [`Self::new`]. After a stop by `control` neighbours are missing.
     pub(crate) fn within(points: Vec<Point3>, tets: Vec<[u32; 4]>, control: &Control<'_>) -> Self {
         let adjacent = neighbours::of(points.len(), &tets, control);
         let mut tet_of = vec![NONE; points.len()];
@@ -154,25 +153,28 @@ impl Complex {
         self.tets[t as usize][0] != NONE
     }
 
-    /// Where a vertex stands in space.
+    /// Returns the position of a vertex.
     #[inline]
     pub(crate) fn point(&self, v: u32) -> Point3 {
         self.points[v as usize]
     }
 
-    /// Where the corners of a tetrahedron are, as seen from it.
+    /// Returns the positions of a tetrahedron's corners, unwrapped so that they are close to each
+    /// other.
     #[inline]
     pub(crate) fn corners(&self, t: u32) -> [Point3; 4] {
         self.points_of(self.tets[t as usize])
     }
 
-    /// Where vertices of one tetrahedron, or of several on one side of all walls, are.
+    /// Returns the positions, unwrapped, of vertices of one tetrahedron, or of several on one side
+    /// of all walls.
     #[inline(always)]
     pub(crate) fn points_of<const N: usize>(&self, vertices: [u32; N]) -> [Point3; N] {
         self.together(vertices.map(|v| self.points[v as usize]))
     }
 
-    /// Places of such vertices, as seen from there.
+    /// Unwraps positions of such vertices in a unit cell: chooses periodic images close to each
+    /// other.
     #[inline(always)]
     pub(crate) fn together<const N: usize>(&self, places: [Point3; N]) -> [Point3; N] {
         if let Some(torus) = &self.torus {
@@ -183,8 +185,8 @@ impl Complex {
         places
     }
 
-    /// The places of other vertices of a tetrahedron as seen from a vertex of it: `places` are
-    /// those of the vertex, then of the others, as seen from the tetrahedron.
+    /// Translates unwrapped positions so that the first becomes the stored position of vertex `v`;
+    /// the others are those of further vertices of its tetrahedron.
     #[inline]
     pub(crate) fn seen_from<const N: usize>(&self, v: u32, mut places: [Point3; N]) -> [Point3; N] {
         if self.torus.is_some() {
@@ -196,20 +198,20 @@ impl Complex {
         places
     }
 
-    /// The mean of the vertices.
+    /// Returns the centroid of a tetrahedron.
     pub(crate) fn middle(&self, t: u32) -> Point3 {
         let c = self.corners(t);
         std::array::from_fn(|i| 0.25 * (c[0][i] + c[1][i] + c[2][i] + c[3][i]))
     }
 
-    /// The edges of a tetrahedron, lower vertex first.
+    /// Returns the edges of a tetrahedron, lower vertex first.
     #[inline]
     pub(crate) fn edges(&self, t: u32) -> [[u32; 2]; 6] {
         let v = self.tets[t as usize];
         EDGES.map(|(i, j)| edge(v[i], v[j]))
     }
 
-    /// The distance of two vertices.
+    /// Returns the distance between two vertices.
     #[inline]
     pub(crate) fn edge_length(&self, a: u32, b: u32) -> f64 {
         let [p, q] = self.points_of([a, b]);
@@ -222,7 +224,7 @@ impl Complex {
         self.points.len() as u32 - 1
     }
 
-    /// Where the vertex stands in the tetrahedron.
+    /// Returns the local index of a vertex in a tetrahedron.
     #[inline]
     pub(crate) fn place(&self, t: u32, v: u32) -> usize {
         self.tets[t as usize]
@@ -231,14 +233,15 @@ impl Complex {
             .expect("a vertex of the tetrahedron")
     }
 
-    /// The face opposite to vertex `i` of tetrahedron `t`, outward.
+    /// Returns the face opposite to vertex `i` of tetrahedron `t`, outward.
     #[inline]
     pub(crate) fn face(&self, t: u32, i: usize) -> [u32; 3] {
         TET_FACES[i].map(|k| self.tets[t as usize][k])
     }
 
-    /// The label of the face opposite to vertex `i` of tetrahedron `t`, if it lies on the solid's
-    /// surface or on that of a region. A face between regions belongs to the first of them.
+    /// Returns the label of the face opposite to vertex `i` of tetrahedron `t`; `None` unless it
+    /// lies on the surface of the solid or of a region. A face between regions belongs to the first
+    /// of them.
     #[inline]
     pub(crate) fn label(&self, t: u32, i: usize) -> Option<u32> {
         let n = self.adjacent[t as usize][i];
@@ -249,13 +252,13 @@ impl Complex {
         }
     }
 
-    /// The labels of the faces at the edge of a ring, in its order: two on a surface, none within a
-    /// region, more where surfaces meet.
+    /// Returns the labels of the faces at the edge of a ring, in its order: two on a surface, zero
+    /// within a region, more where surfaces meet.
     pub(crate) fn labels_at(&self, ring: &Ring) -> Vec<u32> {
         let mut labels = Vec::new();
         for (k, &t) in ring.tets.iter().enumerate() {
             let next = (k + 1) % ring.link.len();
-            // A tetrahedron of the ring has two faces at the edge, each opposite to one of the
+            // A tetrahedron of the ring has two faces at the edge, each opposite to a vertex of the
             // link.
             for opposite in [ring.link[next], ring.link[k]] {
                 labels.extend(self.label(t, self.place(t, opposite)));
@@ -264,13 +267,14 @@ impl Complex {
         labels
     }
 
-    /// Whether the edge of a ring lies on the boundary, or on a wall between regions.
+    /// Returns true if the edge of a ring lies on the boundary, or on a wall between regions.
     #[inline]
     pub(crate) fn is_on_surface(&self, ring: &Ring) -> bool {
         !ring.closed || (self.is_divided() && !self.labels_at(ring).is_empty())
     }
 
-    /// The labels of the two faces of the solid's surface at the edge of a ring that is open.
+    /// Returns the labels of the two faces of the solid's surface at the edge of an open ring;
+    /// `None` if one of them is open.
     pub(crate) fn labels_beside(&self, ring: &Ring) -> Option<[u32; 2]> {
         let [first, last] = ring.ends();
         let behind = [ring.link[1], ring.link[ring.link.len() - 2]];
@@ -278,7 +282,7 @@ impl Complex {
         Some([label(first.0, behind[0])?, label(last.0, behind[1])?])
     }
 
-    /// The labelled faces of the solid's surface, outward.
+    /// Returns the labelled faces of the solid's surface, outward.
     pub(crate) fn faces(&self) -> Vec<Face> {
         let mut faces = Vec::new();
         for t in self.live() {
@@ -291,7 +295,7 @@ impl Complex {
         faces
     }
 
-    /// The tetrahedra that are there.
+    /// Iterates over the occupied slots.
     pub(crate) fn live(&self) -> impl Iterator<Item = u32> + '_ {
         (0..self.tets.len() as u32).filter(|&t| self.is_there(t))
     }
@@ -305,7 +309,7 @@ impl Complex {
         self.epoch
     }
 
-    /// All tetrahedra at the vertex.
+    /// Collects all tetrahedra at a vertex.
     pub(crate) fn star(&mut self, v: u32, out: &mut Vec<u32>) {
         let epoch = self.next_epoch();
         let mut marks = std::mem::take(&mut self.marks);
@@ -315,11 +319,12 @@ impl Complex {
         self.marks = marks;
     }
 
-    /// All tetrahedra at the vertex, found without marks, so that several threads may ask at once.
+    /// Collects all tetrahedra at a vertex without marks, so that several threads may search at
+    /// once.
     pub(crate) fn star_shared(&self, v: u32, out: &mut Vec<u32>) {
         let mut many = HashSet::new();
         self.spread(v, out, |n, out| {
-            if out.len() < FEW {
+            if out.len() < MAX_SCANNED_ITEMS {
                 return !out.contains(&n);
             }
             if many.is_empty() {
@@ -329,8 +334,8 @@ impl Complex {
         });
     }
 
-    /// Goes from tetrahedron to tetrahedron around the vertex, to those that `is_new` says have not
-    /// been met.
+    /// Walks from tetrahedron to tetrahedron around a vertex, to those for which `is_new` returns
+    /// true.
     fn spread(&self, v: u32, out: &mut Vec<u32>, mut is_new: impl FnMut(u32, &[u32]) -> bool) {
         out.clear();
         let first = self.tet_of[v as usize];
@@ -352,7 +357,7 @@ impl Complex {
         }
     }
 
-    /// The vertices of the stars of those given, each once.
+    /// Returns the vertices of the stars of the given vertices, without duplicates.
     pub(crate) fn vertices_around(&mut self, vertices: &[u32]) -> Vec<u32> {
         let (mut around, mut star) = (Vec::new(), Vec::new());
         for &v in vertices {
@@ -362,12 +367,12 @@ impl Complex {
         crate::points::unique(around)
     }
 
-    /// Whether an edge joins two vertices.
+    /// Returns true if an edge joins two vertices.
     pub(crate) fn are_neighbours(&self, a: u32, b: u32) -> bool {
         self.shared_tet(a, b).is_some()
     }
 
-    /// A tetrahedron with both vertices.
+    /// Returns a tetrahedron with both vertices.
     fn shared_tet(&self, a: u32, b: u32) -> Option<u32> {
         let mut star = Vec::with_capacity(64);
         self.star_shared(a, &mut star);
@@ -375,7 +380,7 @@ impl Complex {
             .find(|&t| self.tets[t as usize].contains(&b))
     }
 
-    /// The tetrahedra around the edge from vertex `a` to `b` of tetrahedron `t`.
+    /// Collects the ring of the edge from vertex `a` to `b` of tetrahedron `t`.
     pub(crate) fn ring(&self, t: u32, a: u32, b: u32, ring: &mut Ring) {
         ring.tets.clear();
         ring.link.clear();
@@ -395,7 +400,7 @@ impl Complex {
             ring.link.pop();
             return;
         }
-        // Open: the other way, in front.
+        // An open ring is extended at its front in the other direction.
         let mut back = Ring::default();
         back.link.extend([d, c]);
         self.walk(t, a, b, d, c, &mut back);
@@ -407,7 +412,7 @@ impl Complex {
         *ring = back;
     }
 
-    /// The tetrahedra around the edge from `a` to `b`; false if there is no such edge.
+    /// Collects the ring of the edge from `a` to `b`; returns false if the edge does not exist.
     pub(crate) fn ring_of(&self, a: u32, b: u32, ring: &mut Ring) -> bool {
         let found = self.shared_tet(a, b);
         if let Some(t) = found {
@@ -416,8 +421,8 @@ impl Complex {
         found.is_some()
     }
 
-    /// Walks from `t` across the face opposite to `from`, over `over`; true when it comes back to
-    /// `t`.
+    /// Walks from `t` across the face opposite to `from`, over `over`; returns true if it arrives
+    /// at `t` again.
     fn walk(&self, t: u32, a: u32, b: u32, from: u32, over: u32, ring: &mut Ring) -> bool {
         let (mut at, mut from, mut over) = (t, from, over);
         loop {
@@ -439,7 +444,7 @@ impl Complex {
         }
     }
 
-    /// What is wrong with the neighbours or the walls, for tests.
+    /// Describes an inconsistency of neighbours or walls, for tests; `None` if there are none.
     #[cfg(any(test, debug_assertions))]
     pub(crate) fn fault(&self) -> Option<String> {
         for t in self.live() {

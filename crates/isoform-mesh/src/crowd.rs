@@ -1,38 +1,20 @@
-//! Sizes where features crowd: corners and curves closer together than the mesh would have them.
+//! Sizes at close features: corners and curves nearer to each other than the mesh size.
 
 use crate::features::{FeatureCurve, Features};
 use crate::points::midpoint;
 use isoform_geom::{KdTree, Point3, distance_squared, norm, sub};
 
-/// Edges per distance between two corners: lattice points are moved by up to 0.56 cells, so that
-/// two corners must be more than two cells apart to stay off each other's neighbours.
-const CORNERS: f64 = 2.2;
-/// Edges per distance between two curves.
-const CURVES: f64 = 1.0;
-/// Edges per turn of a closed curve.
-const LOOP: f64 = 8.0;
-/// Smallest share of the size asked for: features closer than that are left to the cutting.
-const LEAST: f64 = 0.25;
-/// Neighbours of a place on a curve that are looked at.
-const NEAR: usize = 12;
-/// Distance between places on a curve, in sizes asked for or fifths of the curve's length,
-/// whichever is shorter.
-const SPACING: f64 = 0.2;
-/// Curves part at the corner that they share; there they are close without crowding, as long as
-/// they are farther from each other than this share of the way to the corner.
-const PARTING: f64 = 0.4;
-
-/// Places with the edge length wanted there.
+/// Points with target edge lengths.
 pub(crate) struct Crowd {
     tree: KdTree,
     wishes: Wishes,
 }
 
-/// Edge lengths wanted by place.
+/// Target edge lengths by position.
 struct Wishes {
     places: Vec<Point3>,
     sizes: Vec<f64>,
-    /// The edge length away from all places; a place farther off than this does not matter.
+    /// Edge length elsewhere; points farther away than this do not matter.
     size: f64,
 }
 
@@ -40,11 +22,12 @@ impl Wishes {
     fn add(&mut self, p: Point3, s: f64) {
         if s < self.size {
             self.places.push(p);
-            self.sizes.push(s.max(LEAST * self.size));
+            // Features closer than that are left to the cutting.
+            self.sizes.push(s.max(0.25 * self.size));
         }
     }
 
-    /// Corners next to each other.
+    /// Adds corners next to each other.
     fn add_corners(&mut self, features: &Features) {
         let corners: Vec<Point3> = features.corners.iter().map(|c| c.point).collect();
         let tree = KdTree::new(&corners);
@@ -52,40 +35,44 @@ impl Wishes {
         for p in &corners {
             tree.nearest_k(*p, 2, &mut found);
             if let Some(&(d, _)) = found.get(1) {
-                self.add(*p, d.sqrt() / CORNERS);
+                // Lattice points are moved by up to 0.56 cells: two corners must be more than two
+                // cells apart to stay off each other's neighbours.
+                self.add(*p, d.sqrt() / 2.2);
             }
         }
     }
 
-    /// Closed curves that are short.
+    /// Adds short closed curves.
     fn add_loops(&mut self, features: &Features) {
         for curve in features.curves.iter().filter(|c| c.closed) {
-            let s = length(curve) / LOOP;
+            // Eight edges per turn of a closed curve.
+            let s = length(curve) / 8.0;
             curve.points.iter().for_each(|p| self.add(*p, s));
         }
     }
 
-    /// Curves next to each other.
+    /// Adds curves next to each other.
     fn add_curves(&mut self, features: &Features) {
         let samples = Samples::of(features, self.size);
         let tree = KdTree::new(&samples.points);
         let mut found = Vec::new();
         for (&p, &k) in samples.points.iter().zip(&samples.curves) {
-            tree.nearest_k(p, NEAR, &mut found);
+            tree.nearest_k(p, 12, &mut found);
             for &(d, other) in &found {
                 let (d, other) = (d.sqrt(), samples.curves[other as usize]);
                 if other != k
-                    && d < CURVES * self.size
-                    && d < PARTING * way_to_shared_corner(features, [k, other], p)
+                    && d < self.size
+                    // Curves diverge from a shared corner; there they are close without crowding.
+                    && d < 0.4 * way_to_shared_corner(features, [k, other], p)
                 {
-                    self.add(p, d / CURVES);
+                    self.add(p, d);
                 }
             }
         }
     }
 }
 
-/// Points on all curves, spaced evenly, each with its curve.
+/// Evenly spaced points on all curves, each with its curve.
 struct Samples {
     points: Vec<Point3>,
     curves: Vec<usize>,
@@ -98,7 +85,8 @@ impl Samples {
             curves: Vec::new(),
         };
         for (k, curve) in features.curves.iter().enumerate() {
-            let spacing = SPACING * size.min(length(curve) / 5.0);
+            // Spacing of the samples, in sizes or fifths of the length of the curve.
+            let spacing = 0.2 * size.min(length(curve) / 5.0);
             let mut since = f64::INFINITY;
             for w in curve.points.windows(2) {
                 since += norm(sub(w[1], w[0]));
@@ -117,8 +105,8 @@ fn length(curve: &FeatureCurve) -> f64 {
     curve.points.windows(2).map(|w| norm(sub(w[1], w[0]))).sum()
 }
 
-/// The distance from a point to the nearest corner that two curves share, infinite if they share
-/// none.
+/// Returns the distance from a point to the nearest common corner of two curves; infinite without
+/// one.
 fn way_to_shared_corner(features: &Features, pair: [usize; 2], p: Point3) -> f64 {
     let [mine, theirs] = pair.map(|k| &features.curves[k].corners);
     mine.iter()
@@ -129,8 +117,8 @@ fn way_to_shared_corner(features: &Features, pair: [usize; 2], p: Point3) -> f64
 }
 
 impl Crowd {
-    /// Places where features of one solid or another are closer together than a mesh of this size
-    /// resolves, and others with the edge length wanted there.
+    /// Collects the points where features of any one solid are closer together than a mesh of this
+    /// size resolves, and `others`, given with the target edge length there.
     pub(crate) fn new(solids: &[&Features], others: &[(Point3, f64)], size: f64) -> Self {
         let mut wishes = Wishes {
             places: others.iter().map(|p| p.0).collect(),
@@ -148,7 +136,7 @@ impl Crowd {
         }
     }
 
-    /// Of places with the edge length wanted there, where `size` is that elsewhere.
+    /// Creates target edge lengths at given points; `size` is the length elsewhere.
     pub(crate) fn of_places(places: &[(Point3, f64)], size: f64) -> Self {
         let wishes = Wishes {
             places: places.iter().map(|p| p.0).collect(),
@@ -161,7 +149,7 @@ impl Crowd {
         }
     }
 
-    /// The places with the edge length wanted at each.
+    /// Returns the points with the target edge length at each.
     pub(crate) fn places(&self) -> Vec<(Point3, f64)> {
         let sizes = self.wishes.sizes.iter().copied();
         self.wishes.places.iter().copied().zip(sizes).collect()
@@ -171,9 +159,9 @@ impl Crowd {
         self.wishes.sizes.is_empty()
     }
 
-    /// The edge length wanted at a point; infinite away from crowded places. At the distance d from
-    /// a place it is at least d. `last` keeps the place that decided, as the next point asked for
-    /// mostly lies nearby.
+    /// Returns the target edge length at a point; infinite away from close features. At distance d
+    /// from a recorded point it is at least d. `last` caches the deciding point, since the next
+    /// query is usually close.
     pub(crate) fn size_at(&self, p: Point3, last: &mut Vec<(f64, u32)>) -> f64 {
         let (reach, wishes) = (self.wishes.size, &self.wishes);
         let size = |d: f64, i: u32| wishes.sizes[i as usize].max(d.sqrt());

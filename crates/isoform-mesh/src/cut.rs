@@ -1,12 +1,12 @@
-//! From the lattice to tetrahedra that conform to the solid: vertices are snapped to corners,
-//! curves and the surface, then what still crosses is cut.
+//! Cutting: converts the lattice to tetrahedra that conform to the solid. Vertices are snapped to
+//! corners, curves and the surface, then edges that still cross are cut.
 //!
-//! Cutting splits one edge at a time where a piece vanishes, which keeps the complex conforming
-//! whatever the order. It goes on until in every tetrahedron the signs of the pieces at the
-//! vertices decide whether it is inside: faces between inside and outside then lie on one piece
-//! each, edges of the solid on two, corners on three. Snapping (the warp of Labelle and Shewchuk,
-//! 2007, extended to curves and corners) only saves cuts that would leave short edges; it is
-//! refused where a tetrahedron would suffer.
+//! Cutting splits one edge at a time where a piece vanishes, which keeps the complex conforming in
+//! any order. It ends when the signs of the pieces at the vertices decide for every tetrahedron if
+//! it is inside: faces between inside and outside then lie on one piece each, edges of the solid on
+//! two, corners on three. Snapping (the warp of Labelle and Shewchuk, 2007, extended to curves and
+//! corners) only saves cuts that would leave short edges; it is refused if a tetrahedron would
+//! become poor.
 
 mod edges;
 mod keep;
@@ -21,34 +21,32 @@ use isoform_control::Control;
 use isoform_geom::Point3;
 use rayon::prelude::*;
 
-/// Vertices snapped, or tetrahedra looked at for edges to cut, between two looks at the clock: a
-/// millisecond or less. More let a stop wait; fewer cost time, each look about a microsecond.
-const LOOK: usize = 64;
-/// Passes over the layers of a divided solid: what one layer moves, another may have decided. The
-/// second pass seldom finds anything.
-const PASSES: usize = 4;
+/// Number of snapped vertices, or of tetrahedra searched for edges to cut, between two checks of
+/// `control`: a millisecond or less. More make a stop wait; fewer cost time, about a microsecond
+/// per check.
+const ITEMS_PER_STOP_CHECK: usize = 64;
 
-/// The complex while it is cut.
+/// A complex being cut.
 pub(crate) struct Cutter<'s> {
     surface: &'s Surface<'s>,
     control: &'s Control<'s>,
     complex: Complex,
     /// Pieces that each vertex is held on.
     on: Vec<On>,
-    /// Vertices shared with the lattice beyond the band.
+    /// True for vertices shared with the lattice beyond the band.
     frozen: Vec<bool>,
-    /// The solid's value at each vertex, 0 on its surface.
+    /// Value of the solid at each vertex, 0 on its surface.
     value: Vec<f64>,
-    /// Distances to pieces, as far as they were asked for.
+    /// Cached distances of each vertex from pieces.
     known: Vec<Vec<(u32, f64)>>,
-    /// Edge of the lattice's cells around each vertex.
+    /// Edge length of the lattice cells around each vertex.
     cell: Vec<f64>,
     star: Vec<u32>,
     made: Vec<u32>,
-    /// How often edges at each vertex were cut.
+    /// Number of cut edges at each vertex.
     cuts: Vec<u16>,
-    /// Tetrahedra left undecided, because edges at one of their vertices were cut too often or the
-    /// budget of cuts ran out.
+    /// Centroids of tetrahedra left undecided, because edges at one of their vertices were cut too
+    /// often or the budget of cuts ran out.
     pub(crate) undecided: Vec<Point3>,
 }
 
@@ -88,7 +86,7 @@ impl<'s> Cutter<'s> {
 }
 
 impl<'s> Cutter<'s> {
-    /// A vertex where the function is not a number.
+    /// Returns a vertex where the function is not a number.
     pub(crate) fn not_a_number(&self) -> Option<Point3> {
         self.value
             .iter()
@@ -96,9 +94,8 @@ impl<'s> Cutter<'s> {
             .map(|v| self.complex.points[v])
     }
 
-    /// Snaps and cuts; then every tetrahedron is inside or outside, and in one of the regions that
-    /// the `dividers` part the solid into: these are its surface with one layer after the other in
-    /// focus.
+    /// Snaps and cuts; then every tetrahedron is inside or outside, and in one of the regions into
+    /// which the `dividers` split the solid. A divider is the surface with another layer in focus.
     pub(crate) fn run(&mut self, dividers: &'s [Surface<'s>]) {
         self.snap_features();
         self.snap_surface();
@@ -107,7 +104,9 @@ impl<'s> Cutter<'s> {
             self.turn_to(divider);
             self.snap_surface();
         }
-        for _ in 0..PASSES {
+        // Moving vertices of one layer may change decisions of another. The second pass seldom
+        // finds anything.
+        for _ in 0..4 {
             self.turn_to(whole);
             let mut done = self.cut();
             if dividers.is_empty() {
@@ -140,7 +139,7 @@ impl<'s> Cutter<'s> {
         }
     }
 
-    /// The distance of a vertex to a piece; 0 for pieces that hold it.
+    /// Returns the distance of a vertex from a piece; 0 for pieces that hold it.
     fn distance(&mut self, v: u32, piece: u32) -> f64 {
         if self.on[v as usize].contains(piece) {
             return 0.0;
@@ -149,28 +148,28 @@ impl<'s> Cutter<'s> {
         if let Some(k) = known.iter().find(|k| k.0 == piece) {
             return k.1;
         }
-        // On a side the nearest image tells whether the vertex may count as lying on the piece.
+        // On a side the nearest image decides if the vertex may count as lying on the piece.
         let p = self.complex.point(v);
         let d = match self.is_on_side(v) {
             true => self.surface.nearest_distance(piece, p),
             false => self.surface.distance(piece, p),
         };
-        // On a side only what is settled is kept: the distance is another one on each side.
+        // On a side only explicit entries are cached: the distance differs between the sides.
         if !self.is_on_side(v) {
             self.known[v as usize].push((piece, d));
         }
         d
     }
 
-    /// Whether a vertex is on a side of a unit cell.
+    /// Returns true if a vertex lies on a side of a unit cell.
     #[inline]
     fn is_on_side(&self, v: u32) -> bool {
         let is_side = |&piece: &u32| self.surface.is_side(piece);
         self.surface.torus.is_some() && self.on[v as usize].slice().iter().any(is_side)
     }
 
-    /// The distance of a vertex to a piece as seen from a tetrahedron: on a side of a unit cell
-    /// that of the image there.
+    /// Returns the distance of a vertex from a piece, evaluated in a tetrahedron: on a side of a
+    /// unit cell that of the image there.
     #[inline]
     fn distance_in(&mut self, t: u32, v: u32, piece: u32) -> f64 {
         if self.is_on_side(v) {
@@ -180,7 +179,7 @@ impl<'s> Cutter<'s> {
         }
     }
 
-    /// As [`Self::distance_in`], for a vertex on a side of a unit cell.
+    /// Returns the distance like [`Self::distance_in`], for a vertex on a side of a unit cell.
     #[inline(never)]
     fn distance_beside(&mut self, t: u32, v: u32, piece: u32) -> f64 {
         let is_settled = self.known[v as usize].iter().any(|k| k.0 == piece);
@@ -191,7 +190,7 @@ impl<'s> Cutter<'s> {
         self.surface.distance_from(piece, p, self.complex.middle(t))
     }
 
-    /// Worst measure of the tetrahedra at `v` if it stood at `p`.
+    /// Returns the worst biased sine of the tetrahedra at `v` if it is moved to `p`.
     fn worst_if(&mut self, v: u32, p: Point3) -> f64 {
         let mut star = std::mem::take(&mut self.star);
         self.complex.star(v, &mut star);
@@ -217,7 +216,7 @@ impl<'s> Cutter<'s> {
         unique(out)
     }
 
-    /// Puts a vertex at a place on pieces.
+    /// Moves a vertex to a point on pieces, which then hold it.
     fn place(&mut self, v: u32, p: Point3, on: On) {
         let p = self.surface.on_lower_sides(p, &on);
         self.complex.points[v as usize] = p;
@@ -230,7 +229,8 @@ impl<'s> Cutter<'s> {
     }
 }
 
-/// Edge of the cells of a body-centred lattice with the mean edge length at each vertex.
+/// Returns, for each vertex, the edge length of the cells of a body-centred cubic lattice that has
+/// the mean edge length there.
 fn local_cells(complex: &Complex) -> Vec<f64> {
     let mut sum = vec![(0.0, 0.0); complex.points.len()];
     for t in complex.live() {
@@ -243,8 +243,8 @@ fn local_cells(complex: &Complex) -> Vec<f64> {
             }
         }
     }
-    // Counted by tetrahedra: four of six edges are short ones (√3/2), two long ones. In the lattice
-    // each vertex sees its short edges six times and its long ones four times.
+    // Tetrahedra have four short edges (√3/2) and two long ones. Counted by tetrahedra, each
+    // lattice vertex has eight short edges six times and six long ones four times.
     let mean = (8.0 * 6.0 * 0.75f64.sqrt() + 6.0 * 4.0) / (8.0 * 6.0 + 6.0 * 4.0);
     sum.into_iter()
         .map(|(s, n)| if n > 0.0 { s / n / mean } else { 0.0 })

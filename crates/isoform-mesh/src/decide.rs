@@ -1,29 +1,29 @@
-//! Which pieces of a solid can decide its sign in a region.
+//! Pruning of a solid's tree: the pieces that can decide its sign in a region.
 //!
-//! Where a minimum has a child that is negative all over the region, it is negative, and its other
-//! children do not matter; a child that is positive all over matters to a minimum no more. With the
-//! rôles of the signs exchanged the same holds for maxima. What is left are the pieces whose change
-//! can change the sign; where none is left the sign is certain. A piece that occurs more than once
-//! in the tree is taken as if its occurrences were independent: then a piece can be named that does
-//! not matter, never the other way round.
+//! If a child of a minimum is negative throughout the region, so is the minimum, and its other
+//! children do not matter; a child that is positive throughout does not matter to the minimum. For
+//! maxima the signs are exchanged. The remaining pieces are those whose change can change the sign;
+//! without remaining pieces the sign is certain. Multiple occurrences of a piece in the tree are
+//! treated as independent: a piece that does not matter may therefore be reported, but never the
+//! reverse.
 
 use isoform_geom::{Aabb, Csg, Point3, Solid};
 use isoform_num::Interval;
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// A range of the tree's value where the pieces have the ranges `ranges`; the pieces that can
-/// decide its sign are added to `out`, each once, in the order of the tree.
+/// Returns the range of the tree's value for the ranges `ranges` of its pieces, and appends the
+/// pieces that can decide its sign to `out`, each once, in the order of the tree.
 ///
-/// None is added if and only if the range has one sign (inside is ≥ 0: \[0, 1\] is certain, \[−1,
-/// 0\] is not).
+/// No piece is appended if and only if the range has one sign (inside is ≥ 0: \[0, 1\] is certain,
+/// \[−1, 0\] is not).
 ///
 /// ```
 /// use isoform_geom::Csg;
 /// use isoform_mesh::decide::decisive;
 /// use isoform_num::Interval;
 ///
-/// // The minimum of a piece that is positive and one that may be either.
+/// // The minimum of a piece that is positive and one of undetermined sign.
 /// let tree = Csg::Min(vec![Csg::Piece(0), Csg::Piece(1)]);
 /// let ranges = [Interval::new(1.0, 2.0), Interval::new(-1.0, 3.0)];
 /// let mut pieces = Vec::new();
@@ -37,14 +37,13 @@ pub fn decisive(tree: &Csg, ranges: &impl Fn(u32) -> Interval, out: &mut Vec<u32
     Interval::new(lo, hi)
 }
 
-/// Pieces up to which each is compared with all before it.
-const FEW: usize = 16;
+/// Maximum number of pieces that are compared pairwise; above it a hash set is used.
+const MAX_PAIRWISE_PIECES: usize = 16;
 
-/// Of equal entries from `first` on keeps the first one, in time that grows with their number and
-/// not with its square.
+/// Removes duplicates from index `first` on, keeping the first of each, in linear time.
 fn keep_first(out: &mut Vec<u32>, first: usize) {
     let mut kept = first;
-    let mut seen = (out.len() - first > FEW).then(HashSet::new);
+    let mut seen = (out.len() - first > MAX_PAIRWISE_PIECES).then(HashSet::new);
     for at in first..out.len() {
         let piece = out[at];
         let is_new = match &mut seen {
@@ -59,7 +58,7 @@ fn keep_first(out: &mut Vec<u32>, first: usize) {
     out.truncate(kept);
 }
 
-/// As [`decisive`], each piece as often as it occurs.
+/// Prunes like [`decisive`], but appends each piece once per occurrence.
 fn collect(tree: &Csg, ranges: &impl Fn(u32) -> Interval, out: &mut Vec<u32>) -> (f64, f64) {
     let start = out.len();
     let (lo, hi) = match tree {
@@ -93,18 +92,19 @@ fn collect(tree: &Csg, ranges: &impl Fn(u32) -> Interval, out: &mut Vec<u32>) ->
     (lo, hi)
 }
 
-/// What is known of a solid in a region.
+/// Sign of a solid in a region.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Sign {
-    /// Inside all over.
+    /// Inside throughout.
     Inside,
-    /// Outside all over.
+    /// Outside throughout.
     Outside,
     /// Undecided: a tree of the decisive pieces that has the solid's sign in the region.
     Mixed(Csg),
 }
 
-/// The tree without what cannot decide its sign where the pieces have the ranges `ranges`.
+/// Removes from a tree everything that cannot decide its sign if the pieces have the ranges
+/// `ranges`.
 pub fn reduced(tree: &Csg, ranges: &impl Fn(u32) -> Interval) -> Sign {
     let join = |children: &[Csg], is_min: bool| {
         let mut rest = Vec::new();
@@ -142,16 +142,16 @@ pub fn reduced(tree: &Csg, ranges: &impl Fn(u32) -> Interval) -> Sign {
     }
 }
 
-/// The part of a solid's tree that matters in a region.
+/// Part of a solid's tree that matters in a region.
 #[derive(Clone, Debug)]
 pub(crate) struct Local {
-    /// Has the sign of the solid all over the region.
+    /// Tree with the sign of the solid throughout the region.
     pub(crate) tree: Arc<Csg>,
-    /// Its pieces, each once.
+    /// Pieces of the tree, without duplicates.
     pub(crate) pieces: Arc<[u32]>,
 }
 
-/// What [`Local::narrow`] found.
+/// Result of [`Local::narrow`].
 #[derive(Clone, Debug)]
 pub(crate) enum Narrowed {
     Inside,
@@ -159,7 +159,7 @@ pub(crate) enum Narrowed {
     Mixed(Local),
 }
 
-/// Memory that [`Local::narrow`] and [`Local::value`] use again.
+/// Buffers of [`Local::narrow`] and [`Local::value`].
 #[derive(Debug)]
 pub(crate) struct Scratch {
     ranges: Vec<Interval>,
@@ -171,8 +171,8 @@ pub(crate) struct Scratch {
 
 impl Scratch {
     pub(crate) fn new(solid: &dyn Solid) -> Self {
-        // Pieces of the tree beyond the list of names would be a broken solid; the arrays hold them
-        // all the same.
+        // A tree with pieces beyond the list of names would be an invalid solid; the arrays are
+        // nevertheless long enough for it.
         let n = solid
             .tree()
             .pieces()
@@ -192,14 +192,14 @@ impl Scratch {
 }
 
 impl Scratch {
-    /// The range of a piece in the region of the last [`Local::narrow`].
+    /// Returns the range of a piece in the region of the last [`Local::narrow`].
     pub(crate) fn range(&self, piece: u32) -> Interval {
         self.by_piece[piece as usize]
     }
 }
 
 impl Local {
-    /// The whole solid, anywhere.
+    /// Returns the whole tree of a solid.
     pub(crate) fn everywhere(solid: &dyn Solid) -> Self {
         let mut pieces = solid.tree().pieces();
         let mut seen = std::collections::BTreeSet::new();
@@ -210,7 +210,7 @@ impl Local {
         }
     }
 
-    /// What matters in a part of the region.
+    /// Prunes the tree further for a part of the region.
     pub(crate) fn narrow(
         &self,
         solid: &dyn Solid,
@@ -244,7 +244,7 @@ impl Local {
         }
     }
 
-    /// A value with the sign of the solid at a point of the region.
+    /// Returns a value with the sign of the solid at a point of the region.
     pub(crate) fn value(&self, solid: &dyn Solid, p: Point3, scratch: &mut Scratch) -> f64 {
         let n = self.pieces.len();
         solid.values(&self.pieces, &[p], &mut scratch.values[..n]);

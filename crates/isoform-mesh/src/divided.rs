@@ -1,9 +1,9 @@
 //! A solid divided into regions by other solids, as one list of pieces.
 //!
-//! The *whole* is what is meshed; each *divider* takes what of the whole lies in it and in no
-//! divider before it, and what is left is a region of its own. *Layer* 0 is the whole, layer k the
-//! divider k: each has a tree, and all share the numbers of the pieces, so that a vertex can be
-//! held on a piece of the whole and on one of a divider at once.
+//! The *whole* is the solid to be meshed; each *divider* claims the part of the whole that lies in
+//! it and in no earlier divider, and the remainder is a region of its own. *Layer* 0 is the whole,
+//! layer k is divider k: each has its own tree, and all share one numbering of the pieces, so that
+//! a vertex can be held on a piece of the whole and one of a divider at once.
 
 use crate::lattice::Lattice;
 use crate::surface::LayerCells;
@@ -11,27 +11,27 @@ use isoform_geom::{Aabb, Csg, Point3, Solid};
 use isoform_num::{Interval, Jet2};
 use std::collections::HashSet;
 
-/// A region of a solid: what of it lies in another solid.
+/// A region of a solid: the part of it that lies in another solid.
 #[derive(Clone, Copy)]
 pub struct Region<'a> {
-    /// What it is called.
+    /// Name of the region.
     pub name: &'a str,
-    /// Where it is, within the solid that is meshed.
+    /// Solid whose intersection with the meshed solid is the region.
     pub solid: &'a dyn Solid,
 }
 
-/// The solids of all layers, with numbers for all their pieces.
+/// Solids of all layers, with one numbering of their pieces.
 pub(crate) struct Divided<'a> {
     solids: Vec<&'a dyn Solid>,
-    /// The first piece of each layer.
+    /// First piece of each layer.
     first: Vec<u32>,
     names: Vec<String>,
     trees: Vec<Csg>,
 }
 
 impl<'a> Divided<'a> {
-    /// A whole and what divides it. Pieces of dividers whose names are taken get that of the
-    /// divider before theirs.
+    /// Combines a whole and its dividers. A piece whose name is already in use is prefixed by the
+    /// name of its divider.
     pub(crate) fn new(whole: &'a dyn Solid, regions: &[Region<'a>]) -> Self {
         let mut this = Self {
             solids: Vec::new(),
@@ -46,7 +46,7 @@ impl<'a> Divided<'a> {
         this
     }
 
-    /// Adds a layer behind all others. Names of pieces that are taken get the prefix.
+    /// Appends a layer. Names of pieces that are already in use get the prefix.
     pub(crate) fn add(&mut self, solid: &'a dyn Solid, prefix: &str) {
         let first = self.names.len() as u32;
         let taken: HashSet<String> = self.names.iter().cloned().collect();
@@ -62,13 +62,13 @@ impl<'a> Divided<'a> {
         self.solids.push(solid);
     }
 
-    /// The layers: the whole and the dividers.
+    /// Returns the layers: the whole and the dividers.
     pub(crate) fn layers(&'a self) -> Vec<Layer<'a>> {
         let layers = 0..self.solids.len();
         layers.map(|layer| Layer { of: self, layer }).collect()
     }
 
-    /// The layers with the cells of their lattices; none if there is but the whole.
+    /// Returns the layers with the cells of their lattices; empty if the whole is the only one.
     pub(crate) fn with_cells<'l>(&self, lattices: &'l [Lattice]) -> Vec<LayerCells<'l>> {
         let cells = self.first.iter().zip(lattices);
         match lattices.len() {
@@ -79,13 +79,13 @@ impl<'a> Divided<'a> {
         }
     }
 
-    /// The layer that a piece belongs to.
+    /// Returns the layer of a piece.
     fn layer_of(&self, piece: u32) -> usize {
         self.first.partition_point(|&f| f <= piece) - 1
     }
 
-    /// The pieces `which`, one layer after the other: the places in `which`, and the pieces by the
-    /// numbers of their own solid.
+    /// Groups the pieces `which` by layer: (layer, positions in `which`, piece indices in the
+    /// layer's own solid).
     fn by_layer(&self, which: &[u32]) -> Vec<(usize, Vec<usize>, Vec<u32>)> {
         let mut found = Vec::new();
         for layer in 0..self.solids.len() {
@@ -100,8 +100,7 @@ impl<'a> Divided<'a> {
         found
     }
 
-    /// What a function of pieces gives, for the layers one after the other; each piece has `n`
-    /// numbers.
+    /// Evaluates a function of pieces layer by layer; it yields `n` numbers per piece.
     fn gathered<T: Copy>(
         &self,
         which: &[u32],
@@ -129,7 +128,7 @@ impl<'a> Divided<'a> {
     }
 }
 
-/// A tree whose pieces have other numbers.
+/// Returns a tree with all piece indices increased by `by`.
 fn shifted(tree: &Csg, by: u32) -> Csg {
     let all = |children: &[Csg]| children.iter().map(|c| shifted(c, by)).collect();
     match tree {
@@ -139,7 +138,7 @@ fn shifted(tree: &Csg, by: u32) -> Csg {
     }
 }
 
-/// One layer of a divided solid: its own tree, and the pieces of all.
+/// One layer of a divided solid: its own tree, with the pieces of all layers.
 #[derive(Clone, Copy)]
 pub(crate) struct Layer<'a> {
     of: &'a Divided<'a>,
@@ -185,22 +184,22 @@ impl Solid for Layer<'_> {
     }
 }
 
-/// What of a solid belongs to one of its regions, as a solid of its own: what lies in the whole and
-/// in the region's solid, and in that of no region before it. Faces towards those have the names
-/// that they have in [`crate::mesh_regions`].
+/// One region of a divided solid as a solid of its own: the part of the whole that lies in the
+/// region's solid, and in that of no earlier region. Its faces on other regions have the names that
+/// they have in [`crate::mesh_regions`].
 ///
-/// The last region, behind all that are given, is what is left.
+/// The last region, after all given ones, is the remainder.
 pub struct RegionSolid<'a> {
     all: Divided<'a>,
-    /// Names of the pieces, then of their negatives.
+    /// Names of the pieces, followed by those of their negatives.
     names: Vec<String>,
     tree: Csg,
-    /// Layers whose solids count, then those that count negatively.
+    /// Layers that contain the region, and layers that exclude it.
     layers: [Vec<usize>; 2],
 }
 
 impl<'a> RegionSolid<'a> {
-    /// Region number `k`.
+    /// Creates region number `k`.
     pub fn new(whole: &'a dyn Solid, regions: &[Region<'a>], k: usize) -> Self {
         let all = Divided::new(whole, regions);
         let before = (1..=k.min(regions.len())).collect::<Vec<_>>();
@@ -220,7 +219,7 @@ impl<'a> RegionSolid<'a> {
         }
     }
 
-    /// The layer that holds the pieces.
+    /// Returns the layer through which pieces are evaluated.
     fn layer(&self) -> Layer<'_> {
         Layer {
             of: &self.all,
@@ -228,7 +227,7 @@ impl<'a> RegionSolid<'a> {
         }
     }
 
-    /// A piece by its number in the layers, and its sign.
+    /// Returns the index of a piece in the layers, and its sign.
     fn piece(&self, piece: u32) -> (u32, f64) {
         let n = self.all.names.len() as u32;
         if piece < n {
@@ -238,13 +237,13 @@ impl<'a> RegionSolid<'a> {
         }
     }
 
-    /// The piece of the layers that a piece is, or is the negative of.
+    /// Returns the piece of the layers that a piece equals or is the negative of.
     pub(crate) fn undivided(&self, piece: u32) -> u32 {
         self.piece(piece).0
     }
 
-    /// What a function of the layers' pieces gives, with `n` numbers each; `negate` turns those of
-    /// negatives.
+    /// Evaluates a function of the layers' pieces, which yields `n` numbers each; `negate` is
+    /// applied for negatives.
     fn signed<T: Copy>(
         &self,
         which: &[u32],
@@ -265,8 +264,8 @@ impl<'a> RegionSolid<'a> {
     }
 }
 
-/// A tree of the negatives of a tree's pieces, which have numbers higher by `by`: negative where
-/// that is positive.
+/// Returns the complement of a tree: over the negatives of its pieces, with indices increased by
+/// `by`, it is negative where the tree is positive.
 pub(crate) fn negated(tree: &Csg, by: u32) -> Csg {
     let all = |children: &[Csg]| children.iter().map(|c| negated(c, by)).collect();
     match tree {

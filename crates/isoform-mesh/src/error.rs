@@ -1,49 +1,49 @@
-//! Why there is no mesh, and where it may not follow the solid.
+//! Errors and warnings of the mesher.
 
 use crate::features::ExtentError;
 use crate::regions::REST;
 use isoform_control::Stopped;
 use isoform_geom::Point3;
 
-/// Why there is no mesh.
+/// Error that prevents a mesh.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MeshError {
-    /// The solid has no box.
+    /// The bounding box of the solid was not found.
     #[error(transparent)]
     Extent(ExtentError),
-    /// An option has no meaning.
+    /// An option has an invalid value.
     #[error("{name} must be {wanted}, not {}", short(*.value))]
     Option {
-        /// The option.
+        /// Name of the option.
         name: &'static str,
-        /// What it must be.
+        /// Description of valid values.
         wanted: &'static str,
-        /// What it is.
+        /// Given value.
         value: f64,
     },
-    /// The mesh would not fit.
+    /// The mesh would exceed the memory limit.
     #[error("a mesh of size {size} takes about {needed} MiB, {allowed} MiB are allowed")]
     Memory {
-        /// Edge length asked for.
+        /// Requested edge length.
         size: f64,
-        /// MiB by estimate.
+        /// Estimated memory, in MiB.
         needed: u64,
-        /// MiB allowed.
+        /// Memory limit, in MiB.
         allowed: u64,
     },
-    /// The machine has less memory than the mesh takes, whatever is allowed.
+    /// The machine has too little memory for the mesh, whatever the limit.
     #[error("there is not enough memory: {needed} MiB more are needed")]
     NoMemory {
-        /// MiB that are needed at once.
+        /// Failed allocation, in MiB.
         needed: u64,
     },
-    /// The function is not a number at a place where the mesh needs it.
+    /// The function is not a number at a point where the mesh needs it.
     #[error("the function is not a number near ({}, {}, {})", .at[0], .at[1], .at[2])]
     NotANumber {
-        /// Where.
+        /// The point.
         at: Point3,
     },
-    /// A region has the name of another one, or that of what is left.
+    /// Two regions have one name, or a region has the name of the remainder.
     #[error("{}", if .name.eq_ignore_ascii_case(REST) {
         format!("no region may be called {REST}, as what is left is")
     } else {
@@ -53,10 +53,10 @@ pub enum MeshError {
         /// The name.
         name: String,
     },
-    /// A unit cell without a box.
+    /// A periodic mesh without a box.
     #[error("a periodic mesh needs a box: the cell that repeats")]
     NoBox,
-    /// A model that is to repeat has something else on two sides of its box.
+    /// The model differs on two opposite sides of a unit cell.
     #[error(
         "the model does not repeat along {axis}: of ({}, {}, {}) and the place opposite, one is \
          inside and one outside{}",
@@ -64,11 +64,11 @@ pub enum MeshError {
         if .region.is_empty() { String::new() } else { format!(" of region {region}") }
     )]
     NotPeriodic {
-        /// The axis across which the sides lie.
+        /// Axis across which the sides lie.
         axis: char,
-        /// A place on the lower side.
+        /// Point on the lower side.
         at: Point3,
-        /// The region that is another one at the opposite place; empty for the model itself.
+        /// Region that contains only one of the two points; empty for the model itself.
         region: String,
     },
     /// The surface of a unit cell lies in a side of its box.
@@ -79,42 +79,42 @@ pub enum MeshError {
         .at[0], .at[1], .at[2]
     )]
     InSide {
-        /// The axis across which the side lies.
+        /// Axis across which the side lies.
         axis: char,
-        /// A place on the lower side.
+        /// Point on the lower side.
         at: Point3,
-        /// The region whose surface it is; empty for the model itself.
+        /// Region whose surface lies there; empty for the model itself.
         region: String,
     },
-    /// Layers of wedges that go with none of the other options.
+    /// Layers of wedges, with an option that excludes them.
     #[error("there are no layers {what}")]
     NoLayers {
-        /// What they do not go with.
+        /// The conflicting option, in words.
         what: &'static str,
     },
-    /// No part of the surface has a name that layers are asked for on.
+    /// No part of the surface matches a name given for layers.
     #[error("no part of the surface is called {pattern}; its parts are {}", .parts.join(", "))]
     NoPart {
-        /// The name, or pattern of names.
+        /// Name, or pattern of names.
         pattern: String,
-        /// The parts that there are.
+        /// Names of all parts.
         parts: Vec<String>,
     },
-    /// Layers that would have to end where the surface goes on smoothly, or where it turns away.
+    /// Layers would have to end where the surface continues smoothly, or at a concave edge.
     #[error(
         "layers on {part} cannot end at {other}, near ({}, {}, {}): the two parts meet smoothly \
          there, or at an edge that the solid turns around",
         .at[0], .at[1], .at[2]
     )]
     LayersEnd {
-        /// The part that has layers.
+        /// Part with layers.
         part: String,
-        /// The part beside it that has none.
+        /// Adjacent part without layers.
         other: String,
-        /// Where they meet.
+        /// Point where they meet.
         at: Point3,
     },
-    /// Layers that are thicker than the solid has room for.
+    /// The layers are thicker than the solid allows.
     #[error(
         "layers {thickness:.3e} thick {}",
         match .at {
@@ -123,58 +123,58 @@ pub enum MeshError {
         }
     )]
     NoRoom {
-        /// Thickness of all layers.
+        /// Total thickness of the layers.
         thickness: f64,
-        /// Where they have no room; nowhere if there is no place.
+        /// Point where they do not fit; `None` if nothing of the solid remains.
         at: Option<Point3>,
     },
-    /// A part with layers whose slopes are not known over boxes.
+    /// Layers were requested on a part without slope bounds over boxes.
     #[error("there are no layers on {part}: bounds of its slope are not known")]
     NoSlopes {
-        /// The part.
+        /// Name of the part.
         part: String,
     },
-    /// The solid is so thin or small that no lattice point or edge meets it.
+    /// The solid is so thin or small that the lattice does not detect it.
     #[error("nothing of the solid is seen at size {size}")]
     TooCoarse {
-        /// Edge length asked for.
+        /// Requested edge length.
         size: f64,
     },
-    /// A mesh given to be adapted is no volume mesh of the solid.
+    /// A mesh given for adaptation is not a valid mesh of the solid.
     #[error("the mesh given {why}")]
     Input {
-        /// What is wrong with it.
+        /// Reason, as a clause after "the mesh given".
         why: String,
     },
-    /// Blocks that cannot be made.
+    /// Invalid numbers of blocks.
     #[error(
         "there cannot be {} x {} x {} blocks: this size has room for 1 x 1 x 1 to {} x {} x {}",
         .asked[0], .asked[1], .asked[2], .most[0], .most[1], .most[2]
     )]
     Blocks {
-        /// Blocks asked for, by axis.
+        /// Requested blocks per axis.
         asked: [usize; 3],
-        /// Blocks that are possible, by axis.
+        /// Maximum number of blocks per axis.
         most: [usize; 3],
     },
-    /// Blocks that do not meet face to face.
+    /// The faces of neighbouring blocks do not match.
     #[error(
         "{count} faces between blocks have no partner, one near ({}, {}, {})",
         .at[0], .at[1], .at[2]
     )]
     Apart {
-        /// How many faces.
+        /// Number of faces without a partner.
         count: usize,
-        /// Where one of them is.
+        /// Point on one of them.
         at: Point3,
     },
-    /// A fault of the mesher.
+    /// Internal error (a bug in isoform).
     #[error("the mesher made an error of its own: {what}")]
     Internal {
-        /// What it left.
+        /// Description of the error.
         what: String,
     },
-    /// Stopped from outside or by time.
+    /// Cancelled, or out of time.
     #[error("stopped")]
     Stopped,
 }
@@ -195,56 +195,56 @@ impl From<ExtentError> for MeshError {
     }
 }
 
-/// A place where the mesh may not be what was asked for.
+/// A place where the mesh may not meet the request.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Warning {
-    /// What happened.
+    /// Kind of the warning.
     pub kind: WarningKind,
-    /// Where, as far as there is one place.
+    /// Place; `None` if it concerns the whole mesh.
     pub at: Option<Point3>,
 }
 
-/// What may keep a mesh from following the solid.
+/// Reasons why a mesh may not follow the solid.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum WarningKind {
-    /// The limit of memory was met before sizes were as small as asked for.
+    /// The memory limit was reached before sizes were as small as requested.
     SizesCutShort,
     /// Sheets of the surface lie closer together than the lattice resolves.
     TooFine,
-    /// Tetrahedra, this many, could not be cut to the end.
+    /// This many tetrahedra could not be cut completely.
     NotCut(usize),
-    /// A face of the surface that lies on no single part.
+    /// A face of the surface does not lie on a single part.
     StrayFace,
-    /// A vertex that is not on the surface.
+    /// A vertex is not on the surface.
     VertexOff,
-    /// A node in the middle of an edge that is not on the surface.
+    /// A mid node is not on the surface.
     MiddleOff,
-    /// A vertex of a mesh given from elsewhere that is far from the model.
+    /// A vertex of the given mesh is far from the model.
     VertexFar,
-    /// An edge of the model that the mesh given has no edges for.
+    /// An edge of the model is not matched by edges of the given mesh.
     EdgeLost,
-    /// The program is run statement by statement: nothing is known of its edges.
+    /// The program is executed statement by statement, so that its edges are unknown.
     NotProved,
     /// The solid has surface where the mesh has none: features too small for it.
     Missed,
-    /// The mesh is in pieces where the solid hangs together, or closes what is open.
+    /// The mesh is disconnected where the solid is connected, or closes a hole of the solid.
     Torn,
     /// A region without tetrahedra.
     EmptyRegion(String),
-    /// The solid has surface where the mesh has none, for the layers leave nothing there.
+    /// The solid has surface where the mesh has none, because the layers consume the solid there.
     MissedByLayers,
-    /// Layers are thinner than asked for where the surface bends much.
+    /// Layers are thinner than requested where the surface is strongly curved.
     ThinLayers {
-        /// Thickness of all layers where they are thinnest.
+        /// Smallest total thickness of the layers.
         thickness: f64,
     },
-    /// The solid does not quite repeat: its surface at one side of a unit cell is not where it is
-    /// at the opposite side.
+    /// The solid is not exactly periodic: its surface differs between opposite sides of a unit
+    /// cell.
     SidesApart {
-        /// The axis across which the sides lie.
+        /// Axis across which the sides lie.
         axis: char,
-        /// How far the two are apart.
+        /// Distance between the two surfaces.
         by: f64,
     },
 }
@@ -314,17 +314,17 @@ impl std::fmt::Display for WarningKind {
 }
 
 impl Warning {
-    /// A warning that concerns the whole mesh.
+    /// Creates a warning that concerns the whole mesh.
     pub fn of_all(kind: WarningKind) -> Self {
         Self { kind, at: None }
     }
 
-    /// A warning of a place.
+    /// Creates a warning about a place.
     pub(crate) fn at(kind: WarningKind, at: Point3) -> Self {
         Self { kind, at: Some(at) }
     }
 
-    /// One warning for each of the places.
+    /// Creates one warning per place.
     pub(crate) fn each(kind: WarningKind, places: impl IntoIterator<Item = Point3>) -> Vec<Self> {
         places
             .into_iter()
@@ -333,7 +333,7 @@ impl Warning {
     }
 }
 
-/// A number as text: with a power of ten where its zeros would fill the line.
+/// Formats a number, in scientific notation if it is very small or very large.
 fn short(value: f64) -> String {
     match value.abs() {
         size if size > 0.0 && !(1e-6..1e15).contains(&size) => format!("{value:e}"),

@@ -1,15 +1,15 @@
-//! The part of a complex inside the solid: what cutting leaves and optimising begins with.
+//! Part of a complex inside the solid: the result of cutting, and the input of optimisation.
 
 use crate::complex::Complex;
 use isoform_geom::Point3;
 
-/// The part of a complex inside the solid, with the faces on the surface labelled by piece.
+/// Part of a complex inside the solid, with the faces on the surface labelled by piece.
 pub(crate) struct Inside {
     pub(crate) complex: Complex,
-    /// Vertices that must stay where they are.
+    /// True for vertices that must not move.
     pub(crate) frozen: Vec<bool>,
-    /// Old vertices to new ones.
+    /// New index of each old vertex.
     pub(crate) number: Vec<u32>,
-    /// Vertices of faces on no single piece.
+    /// Points on faces that do not lie on a single piece.
     pub(crate) stray: Vec<Point3>,
 }

@@ -19,7 +19,7 @@ use crate::options::{self, Options};
 use crate::refine::Refiner;
 use crate::regions::{REST, Regions};
 use crate::second::{raise_order, turned};
-use crate::surface::{LayerCells, MOST_LAYERS, Surface};
+use crate::surface::{LayerCells, MAX_DIVIDED_LAYERS, Surface};
 use crate::torn::torn;
 use crate::torus::{AXES, Misfit, Torus, Wrapped, apart, misfit};
 use isoform_check::{self as check, Capped, Failure, certify};
@@ -189,7 +189,7 @@ fn check_regions(regions: &[Region<'_>], options: &Options) -> Result<(), MeshEr
     }
     let (wanted, value) = match regions.len() {
         0 => return Ok(()),
-        n if n >= MOST_LAYERS => ("fewer than 1000", n as f64),
+        n if n >= MAX_DIVIDED_LAYERS => ("fewer than 1000", n as f64),
         n if options.surface_only => ("none with the surface alone", n as f64),
         _ => return Ok(()),
     };

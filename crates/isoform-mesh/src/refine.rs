@@ -1,8 +1,9 @@
-//! Smaller tetrahedra where they are wanted: the lattice is bisected before it is cut.
+//! Local refinement: the lattice is bisected before it is cut.
 //!
-//! Longest edges first, and where a tetrahedron around the edge has a longer one, that one before
-//! it (Rivara, 1984): the tetrahedra of the body-centred lattice then fall into three classes of
-//! shapes only, none worse than 45°, and neighbours differ in size by no more than a step or two.
+//! Longest edges are bisected first, and where a tetrahedron around the edge has a longer one, that
+//! one before it (Rivara, 1984). The tetrahedra of the body-centred cubic lattice then fall into
+//! only three similarity classes, none with an angle below 45°, and neighbours differ in size by at
+//! most a step or two.
 
 mod curvature;
 mod hidden;
@@ -16,34 +17,31 @@ use isoform_geom::{KdTree, Point3};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
-/// Lengths that differ by less are equal: halves of lattice edges are exact but for rounding.
-const SAME: f64 = 1.0 + 1e-9;
-/// Tetrahedra looked at between two looks at the clock, some milliseconds where all are bisected.
-/// Fewer cost time where none is; more let a stop wait.
-const LOOK: usize = 256;
-/// Edges that are looked at for one tetrahedron: chains of ever longer ones, until it is halved. In
-/// a lattice they never exceed a few.
-const CHAIN: usize = 64;
-/// Tetrahedra that a thread takes at once.
-const CHUNK: usize = 1024;
+/// Ratio of lengths up to which they count as equal: halves of lattice edges are exact up to
+/// rounding.
+const LENGTH_TOLERANCE_FACTOR: f64 = 1.0 + 1e-9;
+/// Minimum number of tetrahedra that a thread processes at once.
+const MIN_TETS_PER_TASK: usize = 1024;
 
-/// The tetrahedra around the surface while they are bisected.
+/// Lattice around the surface while it is bisected.
 pub(crate) struct Refiner<'c> {
     pub(crate) complex: Complex,
-    /// Vertices that keep their edges to each other.
+    /// True for vertices whose edges to each other are not bisected.
     pub(crate) frozen: Vec<bool>,
-    /// Tetrahedra from which on none is bisected any more.
+    /// Number of slots of the complex above which bisection ends.
     pub(crate) limit: usize,
     pub(crate) control: &'c Control<'c>,
 }
 
-/// The longest edge of a tetrahedron and its length; of equally long ones that with the lowest
-/// vertices, so that neighbours choose the same one.
+/// Returns the longest edge of a tetrahedron and its length; among equally long ones that with the
+/// lowest vertices, so that neighbours choose alike.
 fn longest(complex: &Complex, t: u32) -> (f64, [u32; 2]) {
     let mut best = (0.0, [0, 0]);
     for ends in complex.edges(t) {
         let l = complex.edge_length(ends[0], ends[1]);
-        if l > best.0 * SAME || (l * SAME > best.0 && best.1 > ends) {
+        if l > best.0 * LENGTH_TOLERANCE_FACTOR
+            || (l * LENGTH_TOLERANCE_FACTOR > best.0 && best.1 > ends)
+        {
             best = (l, ends);
         }
     }
@@ -51,25 +49,31 @@ fn longest(complex: &Complex, t: u32) -> (f64, [u32; 2]) {
 }
 
 impl Refiner<'_> {
-    /// Bisects tetrahedra until the longest edge of each is at most what `wanted` says for it
-    /// (looked at anew for the halves). Says whether it ended at the limit; a stop ends it, too.
+    /// Bisects tetrahedra until the longest edge of each is at most the length that `wanted`
+    /// returns for it (evaluated anew for the halves). Returns true if it ended at the limit; a
+    /// stop also ends it.
     pub(crate) fn bisect(&mut self, mut wanted: impl FnMut(&Complex, u32) -> f64) -> bool {
         let mut queue: VecDeque<u32> = self.complex.live().collect();
         let (mut ring, mut made) = (Ring::default(), Vec::new());
         let mut looked = 0usize;
         while let Some(t) = queue.pop_front() {
             looked += 1;
-            if looked.is_multiple_of(LOOK) && self.control.is_stopped() {
+            // Checks some milliseconds apart if all tetrahedra are bisected: fewer make a stop
+            // wait, more cost time.
+            if looked.is_multiple_of(256) && self.control.is_stopped() {
                 return false;
             }
             let complex = &self.complex;
-            if !complex.is_there(t) || longest(complex, t).0 <= wanted(complex, t) * SAME {
+            if !complex.is_there(t)
+                || longest(complex, t).0 <= wanted(complex, t) * LENGTH_TOLERANCE_FACTOR
+            {
                 continue;
             }
             if complex.tets.len() > self.limit {
                 return true;
             }
-            let mut steps = CHAIN;
+            // Chains of ever longer edges never exceed a few in a lattice.
+            let mut steps = 64;
             while let Some(m) = self.halve_longest_near(t, &mut steps, &mut ring, &mut made) {
                 queue.extend(&made);
                 if !self.complex.is_there(t) || self.complex.tets[t as usize].contains(&m) {
@@ -80,8 +84,8 @@ impl Refiner<'_> {
         false
     }
 
-    /// Halves the longest edge of a tetrahedron, or of one that is reached from it over ever longer
-    /// edges, and returns the new vertex; none if both ends are frozen, or `steps` are used up.
+    /// Bisects the longest edge of a tetrahedron, or of one reached from it over ever longer edges,
+    /// and returns the new vertex; `None` if both ends are frozen, or `steps` are used up.
     fn halve_longest_near(
         &mut self,
         t: u32,
@@ -95,7 +99,7 @@ impl Refiner<'_> {
             *steps -= 1;
             let (length, [a, b]) = longest(complex, at);
             complex.ring(at, a, b, ring);
-            let longer = |n: &&u32| longest(complex, **n).0 > length * SAME;
+            let longer = |n: &&u32| longest(complex, **n).0 > length * LENGTH_TOLERANCE_FACTOR;
             if let Some(&longer) = ring.tets.iter().find(longer) {
                 at = longer;
                 continue;
@@ -112,14 +116,14 @@ impl Refiner<'_> {
         None
     }
 
-    /// Halves the edges of tetrahedra next to the places given. A stop ends it.
+    /// Bisects the edges of tetrahedra near the given points, once. A stop ends it.
     pub(crate) fn bisect_near(&mut self, places: &[Point3]) {
         let places = KdTree::new(places);
         let (complex, control) = (&self.complex, self.control);
         let live: Vec<u32> = complex.live().collect();
         let near: Vec<(u32, f64)> = live
             .into_par_iter()
-            .with_min_len(CHUNK)
+            .with_min_len(MIN_TETS_PER_TASK)
             .filter(|_| !control.is_stopped())
             .filter_map(|t| {
                 let (length, _) = longest(complex, t);
@@ -127,7 +131,7 @@ impl Refiner<'_> {
                 (d < length * length).then_some((t, 0.5 * length))
             })
             .collect();
-        // Halves take the slots of others: what is wanted goes by place.
+        // Slots are reused by halves, so that target lengths are looked up by position.
         let middles: Vec<Point3> = near.iter().map(|n| complex.middle(n.0)).collect();
         let wanted = KdTree::new(&middles);
         self.bisect(|complex, t| match wanted.nearest(complex.middle(t)) {

@@ -1,5 +1,4 @@
-//! The regions of a solid while it is meshed: what is to be found of each, and what is wrong with
-//! it.
+//! Regions of a solid during meshing: their solids, names and features.
 
 use crate::divided::{Region, RegionSolid};
 use crate::error::{Warning, WarningKind};
@@ -7,31 +6,30 @@ use crate::features::{Corner, Features};
 use crate::points::unique;
 use isoform_geom::{Mesh, Solid};
 
-/// What the region is called of what lies in none that is asked for.
+/// Name of the region outside of all requested regions.
 pub const REST: &str = "rest";
 
-/// The regions that a solid is divided into, the rest behind those asked for; none of one that is
-/// not divided.
+/// Regions into which a solid is divided, the remainder last; empty if it is not divided.
 pub(crate) struct Regions<'a> {
     solids: Vec<RegionSolid<'a>>,
     names: Vec<&'a str>,
-    /// The curves and corners of each.
+    /// Curves and corners of each region.
     pub(crate) features: Vec<Features>,
 }
 
-/// A region with what is made of it.
+/// A region with its mesh.
 pub(crate) struct Part<'m> {
-    /// Its number among those asked for, and the rest.
+    /// Index of the region; the remainder is last.
     pub(crate) region: usize,
-    /// Its own mesh.
+    /// Mesh of the region alone.
     pub(crate) mesh: Mesh,
-    /// What it should be.
+    /// Solid that the mesh approximates.
     pub(crate) solid: &'m dyn Solid,
     pub(crate) features: &'m Features,
 }
 
 impl<'a> Regions<'a> {
-    /// The regions of a solid, with the features that `find` finds of each.
+    /// Creates the regions of a solid, with the features that `find` returns for each.
     pub(crate) fn new(
         whole: &'a dyn Solid,
         regions: &[Region<'a>],
@@ -52,7 +50,7 @@ impl<'a> Regions<'a> {
         }
     }
 
-    /// Tips of cones on the walls, each once, with the pieces that the whole has.
+    /// Returns the tips of cones on the walls, each once, with the piece indices of the whole.
     pub(crate) fn apexes(&self) -> Vec<Corner> {
         let mut apexes: Vec<Corner> = Vec::new();
         for (solid, features) in self.solids.iter().zip(&self.features) {
@@ -67,7 +65,7 @@ impl<'a> Regions<'a> {
         apexes
     }
 
-    /// The regions that have tetrahedra.
+    /// Iterates over the regions that have tetrahedra.
     pub(crate) fn of<'m>(&'m self, mesh: &'m Mesh) -> impl Iterator<Item = Part<'m>> {
         mesh.regions.iter().zip(0..).filter_map(|(name, number)| {
             let k = self.names.iter().position(|other| other == name)?;
@@ -80,8 +78,8 @@ impl<'a> Regions<'a> {
         })
     }
 
-    /// Gives the regions of a mesh their names, and a warning for each without tetrahedra; of the
-    /// rest there may be nothing.
+    /// Names the regions of a mesh, and warns of each without tetrahedra; the remainder may be
+    /// empty.
     pub(crate) fn name(&self, mesh: &mut Mesh) -> Vec<Warning> {
         if self.names.is_empty() {
             return Vec::new();

@@ -1,9 +1,8 @@
-//! Meshes of second order: nodes in the middles of edges, on the true surface and on the feature
-//! curves.
+//! Meshes of second order: mid-edge nodes on the exact surface and on the feature curves.
 //!
-//! A ten-node tetrahedron has the nodes of its corners and one for each edge; its map is x(λ) =
-//! Σ λᵢ(2λᵢ − 1) xᵢ + Σ 4 λᵢλⱼ xᵢⱼ in barycentric coordinates λ. Its Jacobian determinant is 6 V all
-//! over where edges are straight.
+//! A ten-node tetrahedron has a node at each corner and one per edge; its map is x(λ) = Σ λᵢ(2λᵢ −
+//! 1) xᵢ + Σ 4 λᵢλⱼ xᵢⱼ in barycentric coordinates λ. If all edges are straight, its Jacobian
+//!    determinant is the constant 6 V.
 
 use crate::assemble::Labelled;
 use crate::error::{MeshError, Warning, WarningKind};
@@ -13,19 +12,13 @@ use crate::surface::Surface;
 use isoform_geom::{Mesh, Point3, TET_EDGES, TRIANGLE_EDGES, cross, dot, norm, sub};
 use rayon::prelude::*;
 
-/// Share of an edge's length that its middle may move to reach the surface. Farther points are
-/// another sheet or a failed iteration.
-const REACH: f64 = 0.3;
-/// Scaled Jacobian below which a tetrahedron's curved edges are drawn back or its inner ones
-/// follow.
-const JACOBIAN: f64 = 0.35;
-/// Times that all middles around bad tetrahedra are moved.
-const ROUNDS: usize = 6;
-/// First and smallest step of the search for a better place, in lengths of the edge.
-const STEPS: [f64; 2] = [0.1, 0.004];
+/// Scaled Jacobian below which the inner mid nodes of a tetrahedron are moved.
+const TARGET_SCALED_JACOBIAN: f64 = 0.35;
+/// First and smallest step of the search for a better position, in lengths of the edge.
+const SEARCH_STEP_RANGE: [f64; 2] = [0.1, 0.004];
 
-/// Nodes in the middles of edges, if they are asked for. Returns a warning for each that could not
-/// be brought onto the surface.
+/// Adds mid-edge nodes, if requested. Returns a warning for each that could not be projected onto
+/// the surface.
 pub(crate) fn raise_order(
     labelled: &mut Labelled,
     surface: &Surface<'_>,
@@ -39,8 +32,8 @@ pub(crate) fn raise_order(
     Ok(Warning::each(WarningKind::MiddleOff, off))
 }
 
-/// Middles of the tetrahedra of second order that their mid nodes turn over: edges there are too
-/// long for the bend of the surface.
+/// Returns the centroids of the second-order tetrahedra that are inverted by their mid nodes: edges
+/// there are too long for the curvature of the surface.
 pub(crate) fn turned(mesh: &Mesh) -> Vec<Point3> {
     let is_turned = |t: &usize| {
         let (corners, mids) = (mesh.tets[*t], mesh.tet_mids[*t]);
@@ -55,17 +48,17 @@ pub(crate) fn turned(mesh: &Mesh) -> Vec<Point3> {
     all.filter(is_turned).map(middle).collect()
 }
 
-/// An edge as one number, its lower vertex in the upper half.
+/// Encodes an edge as one number, its lower vertex in the upper half.
 fn key(a: u32, b: u32) -> u64 {
     u64::from(a.min(b)) << 32 | u64::from(a.max(b))
 }
 
-/// The vertices of an edge.
+/// Returns the vertices of an encoded edge.
 fn ends(edge: u64) -> [u32; 2] {
     [(edge >> 32) as u32, edge as u32]
 }
 
-/// All edges of a mesh, sorted: the place of an edge is the number of its middle.
+/// All edges of a mesh, sorted: the position of an edge is the index of its mid node.
 struct Edges(Vec<u64>);
 
 impl Edges {
@@ -88,7 +81,7 @@ impl Edges {
             .expect("all edges are listed")
     }
 
-    /// The middles of all edges.
+    /// Returns the midpoints of all edges.
     fn middles(&self, mesh: &Mesh) -> Vec<Point3> {
         let middle = |&e: &u64| {
             let [p, q] = ends(e).map(|v| mesh.points[v as usize]);
@@ -98,8 +91,8 @@ impl Edges {
     }
 }
 
-/// Puts a node into the middle of every edge. `pieces` are the pieces of the mesh's parts. Returns
-/// the middles of edges that could not be brought onto the surface.
+/// Adds a node at the middle of every edge. `pieces` are the pieces of the mesh's parts. Returns
+/// the midpoints of edges that could not be projected onto the surface.
 fn add_middles(mesh: &mut Mesh, surface: &Surface<'_>, pieces: &[u32]) -> Vec<Point3> {
     let edges = Edges::of(mesh);
     let mut middles = edges.middles(mesh);
@@ -139,8 +132,8 @@ fn add_middles(mesh: &mut Mesh, surface: &Surface<'_>, pieces: &[u32]) -> Vec<Po
     off
 }
 
-/// The edges of the surface, each with the place of its middle on the surface, if there is one
-/// near.
+/// Returns the edges of the surface, each with its midpoint projected onto the surface; `None` if
+/// that is too far away.
 fn curved_middles(
     mesh: &Mesh,
     surface: &Surface<'_>,
@@ -173,14 +166,16 @@ fn curved_middles(
             };
             let target = surface
                 .project(&on, middle)
-                .filter(|m| norm(sub(*m, middle)) <= REACH * norm(sub(p, q)));
+                // Points farther away lie on another sheet, or the iteration failed.
+                .filter(|m| norm(sub(*m, middle)) <= 0.3 * norm(sub(p, q)));
             (e, target)
         })
         .collect()
 }
 
-/// What the middle of an edge lies on that is no edge of the solid: its piece; along a seam of two
-/// what crosses there; and beside a seam, where either may be the surface, the solid itself.
+/// Returns the pieces for the mid node of an edge that is not an edge of the solid: its piece; on a
+/// seam of two pieces what defines the seam; next to a seam, where either piece may be the surface,
+/// the whole solid.
 fn smooth_pieces(surface: &Surface<'_>, pieces: &[u32], ends: [Point3; 2]) -> Vec<u32> {
     let are_on = |on: &[u32]| {
         let is_on = |p: &Point3| on.iter().all(|&i| surface.distance(i, *p) == 0.0);
@@ -201,9 +196,9 @@ fn smooth_pieces(surface: &Surface<'_>, pieces: &[u32], ends: [Point3; 2]) -> Ve
 /// Tetrahedra with curved edges.
 struct Curved<'m> {
     mesh: &'m Mesh,
-    /// The numbers of the nodes in the middles of each tetrahedron's edges.
+    /// Indices of the mid nodes of each tetrahedron.
     mids: &'m [[u32; 6]],
-    /// Whether each middle is on the surface.
+    /// True for mid nodes on the surface.
     fixed: &'m [bool],
 }
 
@@ -218,27 +213,30 @@ impl Curved<'_> {
         }))
     }
 
-    /// Where a curved face presses on a tetrahedron, the inner middles around give way.
+    /// Moves inner mid nodes of tetrahedra that curved faces distort.
     fn relax(&self, middles: &mut [Point3]) {
         let bad: Vec<usize> = (0..self.mids.len())
             .into_par_iter()
             .filter(|&t| {
                 let mut mids = self.mids[t].iter();
-                mids.any(|&m| self.fixed[m as usize]) && self.quality(t, middles) < JACOBIAN
+                mids.any(|&m| self.fixed[m as usize])
+                    && self.quality(t, middles) < TARGET_SCALED_JACOBIAN
             })
             .collect();
         if bad.is_empty() {
             return;
         }
         let around = self.around_free_middles(&bad);
-        for _ in 0..ROUNDS {
+        // Passes over all mid nodes around bad tetrahedra.
+        for _ in 0..6 {
             for star in around.chunk_by(|a, b| a.0 == b.0) {
                 self.move_middle(star, middles);
             }
         }
     }
 
-    /// The middles of bad tetrahedra that may move, each with every tetrahedron that has it.
+    /// Returns the movable mid nodes of bad tetrahedra, each with every tetrahedron that has it:
+    /// (mid node, tetrahedron).
     fn around_free_middles(&self, bad: &[usize]) -> Vec<(u32, u32)> {
         let free = bad
             .iter()
@@ -254,8 +252,8 @@ impl Curved<'_> {
         around
     }
 
-    /// Moves a middle to a place that is better for the worst of the tetrahedra around it, by a
-    /// compass search: six directions, ever shorter steps.
+    /// Moves a mid node to a position that improves the worst tetrahedron around it, by a compass
+    /// search: six directions, decreasing steps.
     fn move_middle(&self, star: &[(u32, u32)], middles: &mut [Point3]) {
         let m = star[0].0 as usize;
         let worst = |middles: &[Point3]| {
@@ -264,12 +262,12 @@ impl Curved<'_> {
                 .fold(f64::INFINITY, f64::min)
         };
         let mut best = worst(middles);
-        if best >= JACOBIAN {
+        if best >= TARGET_SCALED_JACOBIAN {
             return;
         }
         let length = self.edge_length(star[0].1 as usize, star[0].0);
-        let mut step = STEPS[0] * length;
-        while step > STEPS[1] * length {
+        let mut step = SEARCH_STEP_RANGE[0] * length;
+        while step > SEARCH_STEP_RANGE[1] * length {
             let before = middles[m];
             let mut found = None;
             for axis in 0..3 {
@@ -289,7 +287,7 @@ impl Curved<'_> {
         }
     }
 
-    /// The length of the edge of a tetrahedron with this middle.
+    /// Returns the length of the edge of a tetrahedron with this mid node.
     fn edge_length(&self, t: usize, middle: u32) -> f64 {
         let k = self.mids[t].iter().position(|&o| o == middle).unwrap_or(0);
         let [p, q] = TET_EDGES[k].map(|i| self.mesh.points[self.mesh.tets[t][i] as usize]);
@@ -297,10 +295,11 @@ impl Curved<'_> {
     }
 }
 
-/// Least over largest Jacobian determinant of a ten-node tetrahedron, over its nodes and centre.
+/// Returns the smallest over the largest Jacobian determinant of a ten-node tetrahedron, at its
+/// nodes and centroid; −1 if all vanish.
 fn scaled_jacobian(x: &[Point3; 10]) -> f64 {
     let (mut least, mut most) = (f64::INFINITY, 0.0f64);
-    for p in SAMPLES {
+    for p in JACOBIAN_SAMPLES {
         let j = jacobian(x, p);
         least = least.min(j);
         most = most.max(j.abs());
@@ -308,8 +307,8 @@ fn scaled_jacobian(x: &[Point3; 10]) -> f64 {
     if most > 0.0 { least / most } else { -1.0 }
 }
 
-/// Barycentric coordinates of the nodes and the centre.
-const SAMPLES: [[f64; 4]; 11] = [
+/// Barycentric coordinates of the nodes and the centroid.
+const JACOBIAN_SAMPLES: [[f64; 4]; 11] = [
     [1.0, 0.0, 0.0, 0.0],
     [0.0, 1.0, 0.0, 0.0],
     [0.0, 0.0, 1.0, 0.0],
@@ -323,10 +322,10 @@ const SAMPLES: [[f64; 4]; 11] = [
     [0.25, 0.25, 0.25, 0.25],
 ];
 
-/// The Jacobian determinant at a point in barycentric coordinates.
+/// Returns the Jacobian determinant at a point in barycentric coordinates.
 fn jacobian(x: &[Point3; 10], l: [f64; 4]) -> f64 {
-    // Derivative of the position by each barycentric coordinate; the Jacobian is that by the last
-    // three against the first.
+    // Derivatives of the position by the barycentric coordinates; the Jacobian has the differences
+    // of the last three from the first.
     let mut d = [[0.0; 3]; 4];
     for i in 0..4 {
         for c in 0..3 {
@@ -364,7 +363,7 @@ mod tests {
         // The middle of the edge along x moved along it by d: dx/dr at its ends is 2 ± 4 d, and J
         // is 4 times that.
         x[4][0] += 0.1;
-        assert!((jacobian(&x, SAMPLES[0]) - 4.0 * 2.4).abs() < 1e-12);
-        assert!((jacobian(&x, SAMPLES[1]) - 4.0 * 1.6).abs() < 1e-12);
+        assert!((jacobian(&x, JACOBIAN_SAMPLES[0]) - 4.0 * 2.4).abs() < 1e-12);
+        assert!((jacobian(&x, JACOBIAN_SAMPLES[1]) - 4.0 * 1.6).abs() < 1e-12);
     }
 }

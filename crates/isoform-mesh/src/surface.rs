@@ -1,9 +1,9 @@
-//! Vertices on pieces: values near the surface, projections onto one, two or three pieces, and what
-//! bounds the solid there.
+//! Geometry of the solid's pieces: values near the surface, projection onto one, two or three
+//! pieces, and tests for faces, edges and corners.
 //!
-//! A *piece* is one smooth function of the solid's tree. Its distance at a point is g/|∇g|, the
-//! distance to first order. Vertices of the mesh are held on pieces: on one within a face, on two
-//! along an edge, on three at a corner of the solid.
+//! A *piece* is one smooth function g of the solid's tree. Its distance at a point is the
+//! first-order distance g/|∇g|. Vertices of the mesh are held on pieces: on one within a face, on
+//! two along an edge, on three at a corner of the solid.
 
 mod bounds;
 mod contact;
@@ -23,69 +23,57 @@ pub(crate) use on::On;
 use rayon::prelude::*;
 use std::sync::atomic::AtomicBool;
 
-/// Stands for the solid itself where pieces that touch tangentially make one smooth surface:
-/// whichever of them decides.
+/// Pseudo-piece of the whole solid, used where pieces that touch tangentially form one smooth
+/// surface: whichever of them decides.
 pub(crate) const SKIN: u32 = u32::MAX - 1;
-/// Most layers of a divided solid: the skin of layer k is [`SKIN`] − k.
-pub(crate) const MOST_LAYERS: usize = 1000;
+/// Maximum number of layers of a divided solid; the pseudo-piece of layer k is [`SKIN`] − k.
+pub(crate) const MAX_DIVIDED_LAYERS: usize = 1000;
 
-/// Stands for a layer of a divided solid itself, as [`SKIN`] does for an undivided one.
+/// Returns the pseudo-piece of a layer of a divided solid.
 fn skin_of_layer(layer: usize) -> u32 {
     SKIN - layer as u32
 }
 
-/// Whether a piece is none, but stands for a layer.
+/// Returns true for the pseudo-piece of a layer.
 pub(crate) fn is_skin(piece: u32) -> bool {
-    piece <= SKIN && piece > SKIN - MOST_LAYERS as u32
+    piece <= SKIN && piece > SKIN - MAX_DIVIDED_LAYERS as u32
 }
 
-/// Stands for the piece that decides where none does, because the cell is decided.
+/// Pseudo-piece that decides in cells that lie completely inside or outside.
 pub(crate) const NO_PIECE: u32 = u32::MAX;
 
-/// Sine of the angle below which two pieces count as one smooth surface: two degrees, as in
-/// [`crate::FeatureOptions`].
-pub(crate) const TANGENT: f64 = 0.0349;
-/// Sine of an angle far from tangential, where nothing has to be found out.
-const CLEARLY: f64 = 0.5;
-/// Newton steps towards a place where two pieces meet: each halves the distance to a tangential
-/// one, and 2¹² is far more than from [`CLEARLY`] down to [`TANGENT`].
-const MEETING_STEPS: usize = 12;
-/// Newton steps shrink the angle at a tangential intersection by about one half; where it keeps
-/// more than this share the intersection is transversal.
-const SHRINKING: f64 = 0.9;
-/// Share of the diagonal of the box below which distances are rounding.
-const ROUNDING: f64 = 1e-13;
-/// Share of the largest coordinate below which distances are rounding: a few roundings of the three
-/// coordinates. It counts where the box is far from the origin.
-const OF_COORDINATES: f64 = 8.0 * f64::EPSILON;
-/// Newton steps onto pieces, at most; some five are usual.
-const STEPS: usize = 30;
-/// Cells between two looks at the queue of threads, where a look at each costs a microsecond.
-const CHUNK: usize = 1024;
+/// Sine of the angle, two degrees, below which two pieces count as one smooth surface; equal to the
+/// limit in [`crate::FeatureOptions`].
+pub(crate) const MAX_TANGENT_SINE: f64 = 0.0349;
 
-/// Whether two pieces meet at an angle at the nearest point that lies on both.
+/// Returns true if two pieces meet at an angle at the nearest point on both.
 ///
-/// Newton's method gets to a transversal intersection in a few steps. Towards a tangential one it
-/// only halves the distance each time, and the angle with it, until that is less than [`TANGENT`].
+/// Newton's method converges to a transversal intersection within a few steps. Towards a tangential
+/// one it only halves the distance each time, and the angle with it, until that is below
+/// [`MAX_TANGENT_SINE`].
 pub(crate) fn meet_at_an_angle(solid: &dyn Solid, pieces: [u32; 2], p: Point3) -> bool {
     let (mut q, mut here) = (p, sine_between(solid, pieces, p));
-    let mut rounds = if here > CLEARLY { 0 } else { MEETING_STEPS };
-    while rounds > 0 && here > TANGENT {
+    // A sine above 0.5 is clearly transversal. Otherwise each of twelve steps halves the angle
+    // towards a tangential intersection, and 2¹² is far more than from 0.5 down to the limit.
+    let mut rounds = if here > 0.5 { 0 } else { 12 };
+    while rounds > 0 && here > MAX_TANGENT_SINE {
         let Some((step, _)) = newton(&|i, p| solid.gradient(i, p), &pieces, q) else {
             break;
         };
         q = std::array::from_fn(|i| q[i] - step[i]);
         let next = sine_between(solid, pieces, q);
-        if next > SHRINKING * here || next.is_nan() {
+        // Newton steps shrink the angle at a tangential intersection by about one half; if more
+        // than nine tenths remain the intersection is transversal.
+        if next > 0.9 * here || next.is_nan() {
             break;
         }
         here = next;
         rounds -= 1;
     }
-    here > TANGENT
+    here > MAX_TANGENT_SINE
 }
 
-/// The sine of the angle between two pieces; 2 where it is obtuse.
+/// Returns the sine of the angle between two pieces; 2 if it is obtuse.
 fn sine_between(solid: &dyn Solid, pieces: [u32; 2], p: Point3) -> f64 {
     let [a, b] = pieces.map(|i| solid.gradient(i, p).1);
     if dot(a, b) < 0.0 {
@@ -95,40 +83,40 @@ fn sine_between(solid: &dyn Solid, pieces: [u32; 2], p: Point3) -> f64 {
     }
 }
 
-/// A layer of a divided solid, as [`Surface`] sees it.
+/// A layer of a divided solid, as used by [`Surface`].
 #[derive(Clone, Copy)]
 pub(crate) struct LayerCells<'s> {
-    /// The lattice with what of the layer's tree matters in each cell.
+    /// Lattice with the part of the layer's tree that matters in each cell.
     pub(crate) lattice: &'s Lattice,
-    /// Its first piece.
+    /// First piece of the layer.
     pub(crate) first: u32,
 }
 
-/// The solid as the mesher asks it.
+/// A solid with its lattice, as queried by the mesher.
 pub(crate) struct Surface<'s> {
     pub(crate) solid: &'s dyn Solid,
     pub(crate) lattice: &'s Lattice,
-    /// The layers of a solid that is divided into regions; none of one that is not.
+    /// Layers of a solid that is divided into regions; empty if it is not divided.
     pub(crate) layers: &'s [LayerCells<'s>],
-    /// How many layers divide the solid: those behind them are sides of a unit cell.
+    /// Number of layers that divide the solid: further ones are sides of a unit cell.
     pub(crate) dividers: usize,
-    /// The box of a unit cell.
+    /// Periodic box of a unit cell.
     pub(crate) torus: Option<Torus>,
-    /// The layer whose value counts as that of the solid.
+    /// Layer whose value counts as that of the solid.
     pub(crate) focus: usize,
-    /// Below this distance a value is 0: rounding, and pieces that coincide.
+    /// Distance below which a value counts as 0, because of rounding or coincident pieces.
     pub(crate) zero: f64,
-    /// Whether cells are smaller where the surface bends.
+    /// True if cells are smaller where the surface bends.
     pub(crate) bends: bool,
-    /// Whether pieces that touch are held where a third one separates them.
+    /// True if vertices on touching pieces are held on the seam where a third piece separates them.
     pub(crate) seams: bool,
-    /// Whether there are such places.
+    /// True once a seam was found.
     pub(crate) has_seams: AtomicBool,
-    /// Tips of cones, where there is to be a vertex.
+    /// Tips of cones, each of which needs a vertex.
     pub(crate) apexes: Vec<Corner>,
-    /// Whether equals are put in order by their places, as if at random, and not by their numbers:
-    /// where all vertices along a flat face are equal, an order along the face would let each
-    /// depend on the one before it, from one end to the other.
+    /// True if equal candidates are ordered by a hash of their positions instead of their indices.
+    /// Along a flat face all vertices are equal candidates; ordered along the face, each would
+    /// depend on its predecessor, from one end to the other.
     pub(crate) by_place: bool,
     pub(crate) control: &'s Control<'s>,
 }
@@ -136,7 +124,7 @@ pub(crate) struct Surface<'s> {
 /// A point and the solid's value there.
 pub(crate) type Valued = (Point3, f64);
 
-/// g/|∇g|: the distance to first order.
+/// Returns the first-order distance g/|∇g|.
 pub(crate) fn first_order(g: f64, gradient: Point3) -> f64 {
     let n = norm(gradient);
     if n > 0.0 {
@@ -148,26 +136,27 @@ pub(crate) fn first_order(g: f64, gradient: Point3) -> f64 {
     }
 }
 
-/// The distance below which values in a region are rounding.
+/// Returns the distance below which values in a region are rounding errors.
 pub(crate) fn zero_in(region: Aabb) -> f64 {
     let reach = region.lo.into_iter().chain(region.hi);
     let far = reach.fold(0.0, |far: f64, v| far.max(v.abs()));
-    (ROUNDING * region.diagonal()).max(OF_COORDINATES * far)
+    // A few roundings of the three coordinates count where the box is far from the origin.
+    (1e-13 * region.diagonal()).max((8.0 * f64::EPSILON) * far)
 }
 
-/// The distance of a point to a piece, to first order.
+/// Returns the first-order distance of a point from a piece.
 pub(crate) fn first_order_at(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
     let (g, d) = solid.gradient(piece, p);
     first_order(g, d)
 }
 
-/// The distance of a point to a solid's surface, to first order, negative outside.
+/// Returns the first-order distance of a point from a solid's surface, negative outside.
 pub(crate) fn distance_at(solid: &dyn Solid, p: Point3) -> f64 {
     solid.tree().value(&|piece| first_order_at(solid, piece, p))
 }
 
 impl<'s> Surface<'s> {
-    /// The surface of a solid in a box.
+    /// Creates the surface of a solid in a box.
     pub(crate) fn new(
         solid: &'s dyn Solid,
         lattice: &'s Lattice,
@@ -193,13 +182,13 @@ impl<'s> Surface<'s> {
 }
 
 impl<'s> Surface<'s> {
-    /// Where something stands among its equals: the same for all, unless places decide.
+    /// Returns the key for breaking ties: a hash of the position if `by_place`, else 0.
     pub(crate) fn rank(&self, p: Point3) -> u64 {
         if self.by_place { hash(p) } else { 0 }
     }
 
-    /// Distance of a point to a piece, to first order; 0 within rounding. On a side of a unit cell
-    /// it is 0 if it is so as seen from anywhere.
+    /// Returns the first-order distance of a point from a piece; 0 within rounding. On a side of a
+    /// unit cell it is 0 if it vanishes at any periodic image.
     pub(crate) fn distance(&self, piece: u32, p: Point3) -> f64 {
         if is_skin(piece) {
             return self.value_in(self.layer_of(piece), p).0;
@@ -214,8 +203,8 @@ impl<'s> Surface<'s> {
         }
     }
 
-    /// Distance of a point to a piece as seen from a place: on a side of a unit cell a piece is
-    /// another one on the other side.
+    /// Returns the distance of a point from a piece, evaluated on the side of `from`: a piece
+    /// differs between opposite sides of a unit cell.
     pub(crate) fn distance_from(&self, piece: u32, p: Point3, from: Point3) -> f64 {
         match &self.torus {
             Some(torus) if !self.is_side(piece) => self.distance(piece, torus.beside(p, from)),
@@ -223,8 +212,8 @@ impl<'s> Surface<'s> {
         }
     }
 
-    /// Distance of a point to a piece, where on a side of a unit cell the nearest image of it
-    /// counts.
+    /// Returns the distance of a point from a piece; on a side of a unit cell that of the nearest
+    /// image.
     pub(crate) fn nearest_distance(&self, piece: u32, p: Point3) -> f64 {
         if is_skin(piece) {
             return self.distance(piece, p);
@@ -233,9 +222,9 @@ impl<'s> Surface<'s> {
         if v.abs() <= self.zero { 0.0 } else { v }
     }
 
-    /// Distance of a point on sides of a unit cell as seen from within the box. A piece that does
-    /// not vanish at any image of it must be seen from one place with the others: the nearest of
-    /// its images may be outside of what the point is inside of.
+    /// Returns the distance of a point on sides of a unit cell, evaluated slightly inside the box;
+    /// `None` for other points. Pieces that vanish at none of its images must be evaluated at one
+    /// point together: at its nearest image, a piece may have another sign.
     #[cold]
     fn distance_within(&self, piece: u32, p: Point3) -> Option<f64> {
         let torus = self.torus.as_ref()?;
@@ -243,13 +232,13 @@ impl<'s> Surface<'s> {
         is_on_side.then(|| first_order_at(self.solid, piece, torus.inner(p)))
     }
 
-    /// Value of the solid and the piece that decides it; ±∞ and [`NO_PIECE`] in cells that are
-    /// decided.
+    /// Returns the value of the solid and the piece that decides it; ±∞ and [`NO_PIECE`] in cells
+    /// that lie completely inside or outside.
     pub(crate) fn value(&self, p: Point3) -> (f64, u32) {
         self.value_in(self.focus, p)
     }
 
-    /// Value of a layer and the piece that decides it, as [`Self::value`] tells of the solid.
+    /// Returns the value of a layer and the piece that decides it, like [`Self::value`].
     pub(crate) fn value_in(&self, layer: usize, p: Point3) -> (f64, u32) {
         let lattice = self.lattice_of(layer);
         match lattice.state_at(p) {
@@ -263,10 +252,11 @@ impl<'s> Surface<'s> {
         }
     }
 
-    /// The middle of a cell where the function is not a number, of those that `is_asked` for.
+    /// Returns the centre of a cell where the function is not a number, among those that `is_asked`
+    /// accepts.
     ///
-    /// Asked before anything is made of the cells: intervals decide nothing where it is none, so
-    /// that all of space would be cut up in search of features.
+    /// This test precedes all use of the cells: where the function is not a number intervals decide
+    /// nothing, and the search for features would subdivide all of space.
     pub(crate) fn not_a_number(&self, is_asked: impl Fn(Point3) -> bool + Sync) -> Option<Point3> {
         let middle = |c: usize| {
             self.lattice
@@ -280,12 +270,13 @@ impl<'s> Surface<'s> {
         };
         (0..self.lattice.state.len())
             .into_par_iter()
-            .with_min_len(CHUNK)
+            // Each cell costs about a microsecond, too little for a task of its own.
+            .with_min_len(1024)
             .find_first(is_none)
             .map(middle)
     }
 
-    /// The layer that a piece belongs to.
+    /// Returns the layer of a piece.
     #[inline]
     pub(crate) fn layer_of(&self, piece: u32) -> usize {
         if is_skin(piece) {
@@ -295,21 +286,21 @@ impl<'s> Surface<'s> {
         before.saturating_sub(1)
     }
 
-    /// The one layer that pieces belong to, if it is one.
+    /// Returns the layer of pieces; `None` if they belong to several.
     pub(crate) fn common_layer(&self, pieces: &[u32]) -> Option<usize> {
         let layer = self.layer_of(*pieces.first()?);
         let is_there = |&piece: &u32| self.layer_of(piece) == layer;
         pieces.iter().all(is_there).then_some(layer)
     }
 
-    /// The lattice of a layer.
+    /// Returns the lattice of a layer.
     #[inline]
     pub(crate) fn lattice_of(&self, layer: usize) -> &'s Lattice {
         self.layers.get(layer).map_or(self.lattice, |l| l.lattice)
     }
 
-    /// Value of a region: it lies in the whole and in its divider, and in none before that. The
-    /// last one has none.
+    /// Returns the value of a region: the intersection of the whole with its divider, minus all
+    /// earlier dividers. The remainder has no divider.
     pub(crate) fn value_of_region(&self, region: usize, p: Point3) -> f64 {
         let value = |layer: usize| self.value_in(layer, p).0;
         let dividers = self.dividers;
@@ -318,12 +309,13 @@ impl<'s> Surface<'s> {
         before.chain(own).fold(value(0), f64::min)
     }
 
-    /// What of a layer's tree matters around a point; none if it is decided there.
+    /// Returns the part of a layer's tree that matters around a point; `None` if the cell is
+    /// decided.
     pub(crate) fn reduced_in(&self, layer: usize, p: Point3) -> Option<&'s Reduced> {
         self.lattice_of(layer).reduced_at(p)
     }
 
-    /// The piece of the side of a unit cell across an axis, as it is seen from below.
+    /// Returns the piece of the side of a unit cell across an axis, as seen from below.
     pub(crate) fn side_piece(&self, axis: usize) -> Option<u32> {
         let axes = self.torus?.axes;
         let before = axes[..axis].iter().filter(|&&repeats| repeats).count();
@@ -331,13 +323,13 @@ impl<'s> Surface<'s> {
         axes[axis].then_some(layer.first)
     }
 
-    /// Whether a piece is that of a side of a unit cell.
+    /// Returns true if a piece is a side of a unit cell.
     #[inline]
     pub(crate) fn is_side(&self, piece: u32) -> bool {
         self.torus.is_some() && piece < STRAY && self.layer_of(piece) > self.dividers
     }
 
-    /// The sides of a unit cell that a point is on.
+    /// Returns the sides of a unit cell on which a point lies.
     pub(crate) fn sides_at(&self, p: Point3) -> On {
         let Some(torus) = &self.torus else {
             return On::default();
@@ -348,8 +340,8 @@ impl<'s> Surface<'s> {
         On::of(&pieces)
     }
 
-    /// Keeps of pieces on which the corners of a face may lie those that are near it on the side of
-    /// a place: corners on a side of a unit cell lie on the pieces behind that as well.
+    /// Restricts candidate pieces of a face to those near it on the side of `within`: corners on a
+    /// side of a unit cell also lie on the pieces behind it.
     pub(crate) fn keep_beside(&self, pieces: &mut Vec<u32>, face: [Point3; 3], within: Point3) {
         let Some(torus) = &self.torus else { return };
         let middle = centroid(face);
@@ -364,12 +356,12 @@ impl<'s> Surface<'s> {
         }
     }
 
-    /// Whether nothing but sides of a unit cell holds a vertex.
+    /// Returns true if a vertex is held by sides of a unit cell only.
     pub(crate) fn holds_only_sides(&self, on: &On) -> bool {
         on.slice().iter().all(|&piece| self.is_side(piece))
     }
 
-    /// A point on sides of a unit cell, where the vertices of lower sides are.
+    /// Moves a point on sides of a unit cell to the lower sides, where the vertices are stored.
     pub(crate) fn on_lower_sides(&self, mut p: Point3, on: &On) -> Point3 {
         if let Some(torus) = &self.torus {
             for axis in 0..3 {
@@ -381,7 +373,7 @@ impl<'s> Surface<'s> {
         p
     }
 
-    /// The pieces of the whole and of what divides it that matter around a point.
+    /// Returns the pieces of the whole and its dividers that matter around a point.
     pub(crate) fn pieces_near(&self, p: Point3) -> Vec<u32> {
         let layers = 0..=self.dividers;
         let reduced = layers.filter_map(|layer| self.reduced_in(layer, p));
@@ -391,7 +383,8 @@ impl<'s> Surface<'s> {
             .collect()
     }
 
-    /// As [`Self::pieces_near`]; on a side of a unit cell those on either side of it.
+    /// Returns the pieces like [`Self::pieces_near`]; on a side of a unit cell those on either side
+    /// of it.
     pub(crate) fn pieces_around(&self, p: Point3) -> Vec<u32> {
         let Some(torus) = &self.torus else {
             return self.pieces_near(p);
@@ -405,24 +398,24 @@ impl<'s> Surface<'s> {
         )
     }
 
-    /// Whether each of the layers that pieces belong to has its surface at a point.
+    /// Returns true if each of the layers of some pieces has its surface at a point.
     pub(crate) fn are_bounded_at(&self, pieces: &[u32], p: Point3) -> bool {
         let value = |&piece: &u32| self.value_in(self.layer_of(piece), p).0;
         pieces.iter().all(|piece| value(piece).abs() <= self.zero)
     }
 
-    /// Stands for the solid that a piece is one of.
+    /// Returns the pseudo-piece of a piece's layer.
     pub(crate) fn skin(&self, piece: u32) -> u32 {
         skin_of_layer(self.layer_of(piece))
     }
 
-    /// Whether no other piece can decide the solid's sign around the point.
+    /// Returns true if no other piece can decide the solid's sign around the point.
     pub(crate) fn is_alone(&self, piece: u32, p: Point3) -> bool {
         self.reduced_in(self.layer_of(piece), p)
             .is_some_and(|reduced| reduced.pieces == [piece])
     }
 
-    /// Value and gradient of a piece, or of the one that decides.
+    /// Returns value and gradient of a piece; of the deciding one for a pseudo-piece.
     pub(crate) fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3) {
         if !is_skin(piece) {
             return self.solid.gradient(piece, p);
@@ -433,17 +426,19 @@ impl<'s> Surface<'s> {
         }
     }
 
-    /// One step of Newton's method towards the nearest point where all the pieces vanish.
+    /// Takes one Newton step towards the nearest common zero of the pieces.
     pub(crate) fn nearer(&self, pieces: &[u32], from: Point3) -> Option<Point3> {
         let (step, _) = newton(&|i, p| self.gradient(i, p), pieces, from)?;
         Some(std::array::from_fn(|i| from[i] - step[i]))
     }
 
-    /// The nearest point where all the pieces vanish: Newton with the least step, to rounding.
+    /// Returns the nearest common zero of the pieces: Newton's method with minimal steps, to
+    /// rounding.
     pub(crate) fn project(&self, pieces: &[u32], from: Point3) -> Option<Point3> {
         let mut p = from;
         let mut last = f64::INFINITY;
-        for _ in 0..STEPS {
+        // About five steps are usual.
+        for _ in 0..30 {
             let (step, off) = newton(&|i, p| self.gradient(i, p), pieces, p)?;
             if off >= last && off <= self.zero {
                 return Some(p);
@@ -457,14 +452,14 @@ impl<'s> Surface<'s> {
         (last <= self.zero).then_some(p)
     }
 
-    /// Where the solid's value changes sign between two points with values of different signs: the
-    /// share of the way and the piece that vanishes there.
+    /// Finds the sign change of the solid between two points with values of different signs: the
+    /// fraction of the segment and the piece that vanishes there.
     pub(crate) fn root(&self, a: Valued, b: Valued) -> Option<(f64, u32)> {
         self.root_by(a, b, |p| self.value(p))
     }
 
-    /// Where one piece alone changes its sign between two points, as seen from a place beside
-    /// them: the share of the way.
+    /// Finds the sign change of one piece between two points, evaluated on the side of `from`: the
+    /// fraction of the segment.
     pub(crate) fn root_of(&self, piece: u32, a: Valued, b: Valued, from: Point3) -> Option<f64> {
         let root = self.root_by(a, b, |p| (self.distance_from(piece, p, from), piece));
         root.map(|r| r.0)

@@ -1,34 +1,27 @@
-//! Where a mesh is in pieces though the solid hangs together.
+//! Detection of meshes that are disconnected although the solid is connected.
 //!
-//! Of a needle or the end of a narrow cone the lattice may follow parts and miss what is between
-//! them. All of these are near some surface of the mesh, so that nothing seems missed, and each
-//! piece is a valid mesh. So shells that come near each other are looked at: where a way through
-//! the solid is found from one to the other, the mesh is torn; and between outsides where one leads
-//! outside, as through a narrow hole.
+//! The lattice may follow parts of a needle or the tip of a narrow cone and miss what connects
+//! them. All of these lie near some surface of the mesh, so that nothing seems unmeshed, and each
+//! component is a valid mesh. Therefore pairs of close shells are examined: if a path through the
+//! solid joins them, the mesh is torn; shells of which one bounds a cavity are examined outside of
+//! the solid, as for a narrow hole.
 
 use crate::points::unique;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3, UnionFind, distance_squared, near_pairs};
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 
-/// Shells are looked at that come nearer to each other than this, in sizes. Pieces torn apart are
-/// less than one apart: farther ones would be missed parts of the solid.
-const NEAR: f64 = 1.5;
-/// Steps of a way per distance between two shells.
-const STEPS: f64 = 8.0;
-/// Half the box in which a way is sought, in distances between the shells: larger ones take longer
-/// by the third power, and ways between pieces torn apart are short.
-const AROUND: f64 = 0.75;
-/// A way begins and ends no farther from the shells than this, in steps.
-const BESIDE: f64 = 2.5;
-/// Places at which each step is looked at: a gap has to be wider than a 32nd of the distance
-/// between the nodes on its sides to part two bodies.
-const LOOKS: usize = 4;
+/// Number of steps of a path per distance between two shells.
+const PATH_STEPS_PER_GAP: f64 = 8.0;
+/// Number of points tested per step: gaps wider than a 32nd of the distance between the nodes on
+/// their sides separate two bodies.
+const SAMPLES_PER_PATH_STEP: usize = 4;
 
-/// The nearest nodes of two shells.
+/// Squared distance and nearest nodes of two shells.
 type Pair = (f64, [Point3; 2]);
 
-/// Places between shells of the mesh that are one in the solid, whose value is negative outside.
+/// Returns points between shells of the mesh that are connected in the solid, whose value is
+/// negative outside.
 pub(crate) fn torn(
     value: impl Fn(Point3) -> f64,
     mesh: &Mesh,
@@ -40,7 +33,9 @@ pub(crate) fn torn(
         return Vec::new();
     }
     let mut found = Vec::new();
-    for ([a, b], (_, ends)) in shells.near(mesh, NEAR * size) {
+    // Distance, in sizes, between shells that are compared. Torn components are less than one
+    // apart: farther ones would count as unmeshed parts of the solid.
+    for ([a, b], (_, ends)) in shells.near(mesh, 1.5 * size) {
         let are_bodies = shells.volumes[a as usize] > 0.0 && shells.volumes[b as usize] > 0.0;
         let side = if are_bodies { 1.0 } else { -1.0 };
         if !control.is_stopped() && leads(&value, ends, side) {
@@ -50,11 +45,11 @@ pub(crate) fn torn(
     found
 }
 
-/// The parts of a surface that hang together.
+/// Connected components of a surface.
 struct Shells {
-    /// The nodes of the surface, each with its shell.
+    /// Nodes of the surface, each with its shell.
     nodes: Vec<(u32, u32)>,
-    /// What each encloses: negative for cavities.
+    /// Six times the volume enclosed by each shell: negative for cavities.
     volumes: Vec<f64>,
 }
 
@@ -84,7 +79,7 @@ impl Shells {
         }
     }
 
-    /// The pairs of shells that come nearer to each other than `reach`, with their nearest nodes.
+    /// Returns the pairs of shells closer than `reach`, with their nearest nodes.
     fn near(&self, mesh: &Mesh, reach: f64) -> BTreeMap<[u32; 2], Pair> {
         let at = |n: usize| mesh.points[self.nodes[n].0 as usize];
         let places: Vec<Point3> = (0..self.nodes.len()).map(at).collect();
@@ -108,18 +103,21 @@ impl Shells {
     }
 }
 
-/// Whether a way on one side of the solid's surface, inside (1) or outside (−1), leads from one
-/// place to the other, in steps along the axes.
+/// Returns true if a path along the axes leads from one point to the other on one side of the
+/// solid's surface, inside (1) or outside (−1).
 fn leads(value: impl Fn(Point3) -> f64, [p, q]: [Point3; 2], side: f64) -> bool {
     let distance = distance_squared(p, q).sqrt();
-    let step = distance / STEPS;
+    let step = distance / PATH_STEPS_PER_GAP;
     let middle: Point3 = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
-    let most = (AROUND * STEPS).ceil() as i32;
+    // Half the box of the search, in distances between the shells: larger ones cost the third
+    // power, and paths between torn components are short.
+    let most = (0.75 * PATH_STEPS_PER_GAP).ceil() as i32;
     let place =
         |at: [i32; 3]| -> Point3 { std::array::from_fn(|i| middle[i] + step * f64::from(at[i])) };
     let is_on = |p: Point3| side * value(p) > 0.0;
     let is_at =
-        |at: [i32; 3], end: Point3| distance_squared(place(at), end) <= (BESIDE * step).powi(2);
+        // A path begins and ends at most 2.5 steps from the shells.
+        |at: [i32; 3], end: Point3| distance_squared(place(at), end) <= (2.5 * step).powi(2);
     let range = -most..=most;
     let all = range
         .clone()
@@ -145,10 +143,10 @@ fn leads(value: impl Fn(Point3) -> f64, [p, q]: [Point3; 2], side: f64) -> bool 
             }
             let (from, to) = (place(at), place(next));
             let along = |n: usize| -> Point3 {
-                let t = n as f64 / LOOKS as f64;
+                let t = n as f64 / SAMPLES_PER_PATH_STEP as f64;
                 std::array::from_fn(|i| from[i] + t * (to[i] - from[i]))
             };
-            if (1..LOOKS).all(|n| is_on(along(n))) {
+            if (1..SAMPLES_PER_PATH_STEP).all(|n| is_on(along(n))) {
                 seen.insert(next);
                 open.push_back(next);
             }

@@ -1,9 +1,9 @@
-//! Unit cells: a box whose opposite sides are one, as a torus.
+//! Unit cells: a box with opposite sides identified, a torus.
 //!
-//! The complex of a unit cell has no vertices on upper sides of the box: those on its lower sides
-//! stand for both, so that the two sides of the mesh are one by construction. Sides are walls,
-//! labelled faces with a tetrahedron in front and one behind: no tetrahedron lies across them, and
-//! its corners have their places as seen from it, a box away where it lies behind an upper side.
+//! The complex of a unit cell has no vertices on the upper sides of the box: those on its lower
+//! sides stand for both, so that the two sides of the mesh match by construction. Sides are walls,
+//! i.e. labelled faces with a tetrahedron in front and one behind: no tetrahedron crosses them, and
+//! the corners of a tetrahedron behind an upper side are unwrapped, one period away.
 
 use crate::complex::edge;
 use crate::lattice::CELL;
@@ -12,66 +12,63 @@ use isoform_geom::{Aabb, Csg, Mesh, Opposite, Point3, Solid, TRIANGLE_EDGES};
 use isoform_num::{Interval, Jet2};
 use std::collections::{BTreeMap, HashMap};
 
-/// Least cells of the lattice from one side to the other. Stars of vertices must not reach around
-/// the torus; with fewer than six they may, and eight leave room for collapsed edges.
-const LEAST_CELLS: usize = 8;
-/// How far beside a side it is looked whether a surface lies in it, in lengths of the box: far more
-/// than rounding, and less than any wall.
-const WITHIN: f64 = 1e-6;
-/// Distance from the surface, in distances that count as none, from which a place is clearly inside
-/// or outside: less may be the rounding of numbers in the model.
-const CLEAR: f64 = 1e4;
-/// A place is on a side if it is nearer to it than this share of the distances that count as none:
-/// a place moved off the side by twice as much has the values that it has there.
-const NEAR: f64 = 0.125;
-/// Places along an edge of a side at which the two sides are compared, at most: a million in all
-/// take a model of some hundred parts a second.
-const MOST_PLACES: usize = 1000;
-/// Where in its part of the side each of these places is: off the round numbers that models are
-/// full of.
-const OFF: [f64; 2] = [0.382, 0.618];
-/// The names of the axes.
+/// Minimum number of lattice cells from one side to the other. Stars of vertices must not reach
+/// around the torus; with fewer than six they may, and eight leave room for collapsed edges.
+const MIN_CELLS_PER_PERIOD: usize = 8;
+/// Distance from the surface, in side tolerances, beyond which a point is clearly inside or
+/// outside: smaller ones may be rounding of numbers in the model.
+const CLEAR_DISTANCE_FACTOR: f64 = 1e4;
+/// Distance from a side, in [`zero_in`] of the box, up to which a point lies on it: a point moved
+/// off the side by twice as much has unchanged values.
+const SIDE_TOLERANCE_FACTOR: f64 = 0.125;
+/// Relative position of the samples in their parts of the side, off the round numbers common in
+/// models.
+const SAMPLE_OFFSETS: [f64; 2] = [0.382, 0.618];
+/// Names of the axes.
 pub(crate) const AXES: [char; 3] = ['x', 'y', 'z'];
 
-/// A box with the axes along which it repeats.
+/// A box with the axes along which it is periodic.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Torus {
     pub(crate) region: Aabb,
-    /// Whether its sides across each axis are one.
+    /// True for each axis across which opposite sides are identified.
     pub(crate) axes: [bool; 3],
-    /// A place nearer to a side than this is on it.
+    /// Distance from a side up to which a point lies on it.
     pub(crate) near: f64,
 }
 
 impl Torus {
-    /// A box that repeats along some axes.
+    /// Creates a box that is periodic along some axes.
     pub(crate) fn new(region: Aabb, axes: [bool; 3]) -> Self {
         Self {
             region,
             axes,
-            near: NEAR * zero_in(region),
+            near: SIDE_TOLERANCE_FACTOR * zero_in(region),
         }
     }
 
-    /// The longest edges that fit into the box along each axis often enough.
+    /// Returns the largest edge length at which enough cells fit along each periodic axis.
     pub(crate) fn largest_size(&self) -> f64 {
         let size = self.region.size();
-        let edges = self.repeating().map(|i| size[i] / LEAST_CELLS as f64);
+        let edges = self
+            .repeating()
+            .map(|i| size[i] / MIN_CELLS_PER_PERIOD as f64);
         edges.fold(f64::INFINITY, f64::min) / CELL
     }
 
-    /// Places on the lower sides, about a size apart.
+    /// Returns sample points on the lower sides, about `size` apart.
     pub(crate) fn places(&self, size: f64) -> Vec<Point3> {
         let (lo, extent) = (self.region.lo, self.region.size());
-        let count = extent.map(|l| ((l / size).ceil() as usize).clamp(LEAST_CELLS, MOST_PLACES));
+        // At most a million points, about a second for a model of a hundred parts.
+        let count = extent.map(|l| ((l / size).ceil() as usize).clamp(MIN_CELLS_PER_PERIOD, 1000));
         let mut places = Vec::new();
         for axis in self.repeating() {
             let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
             for i in 0..count[u] {
                 for j in 0..count[v] {
                     let mut p = lo;
-                    p[u] += extent[u] * (i as f64 + OFF[0]) / count[u] as f64;
-                    p[v] += extent[v] * (j as f64 + OFF[1]) / count[v] as f64;
+                    p[u] += extent[u] * (i as f64 + SAMPLE_OFFSETS[0]) / count[u] as f64;
+                    p[v] += extent[v] * (j as f64 + SAMPLE_OFFSETS[1]) / count[v] as f64;
                     places.push(p);
                 }
             }
@@ -84,10 +81,10 @@ impl Torus {
         (0..3).filter(move |&i| axes[i])
     }
 
-    /// Places of vertices that are near each other, all as seen from one tetrahedron of theirs.
+    /// Unwraps positions of nearby vertices: chooses periodic images close to each other.
     ///
-    /// Out of line: within the loops of the optimiser it costs meshes that do not repeat a tenth
-    /// of their time.
+    /// Never inlined: within the loops of the optimiser that costs meshes without periodicity a
+    /// tenth of their time.
     #[cold]
     #[inline(never)]
     pub(crate) fn bring_together(&self, p: &mut [Point3]) {
@@ -102,7 +99,7 @@ impl Torus {
         }
     }
 
-    /// The place of a point's image nearest to another one.
+    /// Returns the periodic image of a point that is nearest to another point.
     pub(crate) fn nearest(&self, mut p: Point3, to: Point3) -> Point3 {
         for i in self.repeating() {
             let (lo, hi) = (self.region.lo[i], self.region.hi[i]);
@@ -116,13 +113,13 @@ impl Torus {
         p
     }
 
-    /// How deep a place is in the box, across the axes along which it repeats.
+    /// Returns the distance of a point from the nearest periodic side, positive inside the box.
     pub(crate) fn depth(&self, p: Point3) -> f64 {
         let depth = |i: usize| (p[i] - self.region.lo[i]).min(self.region.hi[i] - p[i]);
         self.repeating().map(depth).fold(f64::INFINITY, f64::min)
     }
 
-    /// The image of a place in the box.
+    /// Returns the periodic image of a point in the box.
     pub(crate) fn wrapped(&self, mut p: Point3) -> Point3 {
         for i in self.repeating() {
             let (lo, hi) = (self.region.lo[i], self.region.hi[i]);
@@ -135,7 +132,7 @@ impl Torus {
         p
     }
 
-    /// The images of a place in the box: several if it is on a side.
+    /// Returns all periodic images of a point in the box: several if it lies on a side.
     pub(crate) fn images(&self, p: Point3) -> Vec<Point3> {
         let p = self.wrapped(p);
         let mut all = vec![p];
@@ -158,7 +155,7 @@ impl Torus {
         all
     }
 
-    /// Whether a place is on a side, by axis.
+    /// Returns true for each axis across which a point lies on a side.
     pub(crate) fn is_on_side(&self, p: Point3) -> [bool; 3] {
         std::array::from_fn(|i| {
             let ends = [self.region.lo[i], self.region.hi[i]];
@@ -166,7 +163,7 @@ impl Torus {
         })
     }
 
-    /// A place on a side, moved off it into the box: slightly, but clearly.
+    /// Moves a point on a side slightly, but by more than the tolerance, into the box.
     pub(crate) fn inner(&self, mut p: Point3) -> Point3 {
         let is_on_side = self.is_on_side(p);
         for i in (0..3).filter(|&i| is_on_side[i]) {
@@ -179,7 +176,7 @@ impl Torus {
         p
     }
 
-    /// A place on a side, moved off it towards another one: slightly, but clearly.
+    /// Moves a point on a side slightly, but by more than the tolerance, towards another one.
     pub(crate) fn beside(&self, p: Point3, towards: Point3) -> Point3 {
         let mut p = self.nearest(p, towards);
         let is_on_side = self.is_on_side(p);
@@ -189,14 +186,14 @@ impl Torus {
         p
     }
 
-    /// Whether a place in the box is nearer to the upper side across an axis: of what is beside the
-    /// side, whether it lies below.
+    /// Returns true if a point in the box is nearer to the upper side across an axis: as an element
+    /// next to the side, it lies below it.
     pub(crate) fn is_below(&self, p: Point3, axis: usize) -> bool {
         self.region.hi[axis] - p[axis] < p[axis] - self.region.lo[axis]
     }
 
-    /// Tells the nodes of a mesh that lie on opposite sides. Mid nodes on upper sides are put where
-    /// those on the lower ones are: brought onto the surface by themselves they differ by rounding.
+    /// Records the pairs of nodes on opposite sides of a mesh. Mid nodes on upper sides are moved
+    /// to match those on the lower ones, since separate projections differ by rounding.
     pub(crate) fn pair(&self, mesh: &mut Mesh) {
         for axis in self.repeating() {
             self.pair_mids(mesh, axis);
@@ -207,7 +204,7 @@ impl Torus {
         mesh.opposite = sides.collect();
     }
 
-    /// Puts the mid nodes of the upper side across an axis where those of the lower side are.
+    /// Moves the mid nodes of the upper side across an axis to match those of the lower side.
     fn pair_mids(&self, mesh: &mut Mesh, axis: usize) {
         let corners = mesh.opposite_nodes(self.region, axis).nodes;
         let below: HashMap<u32, u32> = corners.iter().map(|&[a, b]| (b, a)).collect();
@@ -230,7 +227,7 @@ impl Torus {
         }
     }
 
-    /// The sides across the axes along which the box repeats, with their axes.
+    /// Returns the sides across the periodic axes as solids.
     pub(crate) fn sides(&self) -> Vec<Side> {
         let torus = *self;
         let side = |axis: usize| {
@@ -245,13 +242,13 @@ impl Torus {
         self.repeating().map(side).collect()
     }
 
-    /// The ends of a box within one period each, along an axis.
+    /// Splits the range of a box along an axis into ranges within one period.
     fn spans(&self, axis: usize, [from, to]: [f64; 2]) -> Vec<[f64; 2]> {
         let (lo, hi) = (self.region.lo[axis], self.region.hi[axis]);
         if !self.axes[axis] {
             return vec![[from, to]];
         }
-        // On a side both its images count.
+        // Both images of a side are included.
         let (from, to) = (from - self.near, to + self.near);
         if to - from >= hi - lo {
             return vec![[lo, hi]];
@@ -267,17 +264,17 @@ impl Torus {
     }
 }
 
-/// What keeps a solid from being meshed as a unit cell.
+/// Reason why a solid cannot be meshed as a unit cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Misfit {
-    /// A place is inside, and the one opposite to it is outside.
+    /// A point is inside, and the opposite one is outside.
     Differs,
     /// The surface lies in a side: the solid ends there.
     InSide,
 }
 
-/// What keeps a solid from being meshed as a unit cell, as far as places on its lower sides tell:
-/// with the axis across which the sides lie, and the place.
+/// Searches sample points on the lower sides for a reason why the solid cannot be meshed as a unit
+/// cell; returns it with the axis across which the sides lie, and the point.
 pub(crate) fn misfit(
     solid: &dyn Solid,
     torus: &Torus,
@@ -296,8 +293,10 @@ pub(crate) fn misfit(
             values
         };
         let distance = |p: Point3| distance_at(solid, p).abs();
-        // Beside the sides: what lies in a side tells there.
-        let within = WITHIN * (hi - lo);
+        // Slightly inside the box, surfaces that lie in a side show.
+        // Surfaces in a side are detected 10⁻⁶ box lengths away from it: far more than rounding,
+        // and less than any wall.
+        let within = 1e-6 * (hi - lo);
         let pairs = [[lo, hi], [lo + within, hi - within]].map(|ends| ends.map(signs));
         let nearest = |k: usize| {
             let ends = [lo, hi].map(|x| distance(with(on_side[k], x)));
@@ -306,8 +305,12 @@ pub(crate) fn misfit(
         let of = |k: usize| {
             let are_apart = |[f, g]: &[Vec<f64>; 2]| f[k] * g[k] < 0.0;
             let is_misfit = |misfit: Misfit| match misfit {
-                Misfit::Differs => are_apart(&pairs[0]) && nearest(k) > CLEAR * torus.near,
-                Misfit::InSide => are_apart(&pairs[1]) && nearest(k) <= torus.near / NEAR,
+                Misfit::Differs => {
+                    are_apart(&pairs[0]) && nearest(k) > CLEAR_DISTANCE_FACTOR * torus.near
+                }
+                Misfit::InSide => {
+                    are_apart(&pairs[1]) && nearest(k) <= torus.near / SIDE_TOLERANCE_FACTOR
+                }
             };
             let found = [Misfit::Differs, Misfit::InSide]
                 .into_iter()
@@ -318,11 +321,11 @@ pub(crate) fn misfit(
     })
 }
 
-/// The nodes of a mesh on opposite sides where the surface of a solid is at one side, and clearly
-/// elsewhere at the other: for each axis the place where they are farthest apart, and how far.
+/// Returns, per axis, the pair of opposite nodes with the surface at one side and clearly off the
+/// other: the axis, the point of the largest distance, and this distance.
 pub(crate) fn apart(solid: &dyn Solid, torus: &Torus, mesh: &Mesh) -> Vec<(usize, Point3, f64)> {
     let distance = |v: u32| distance_at(solid, mesh.points[v as usize]).abs();
-    // Off the surface there is nothing to compare, and solids of thousands of pieces are slow.
+    // Nodes off the surface cannot be compared, and solids of thousands of pieces are slow.
     let caps: Vec<String> = torus.sides().into_iter().flat_map(|s| s.names).collect();
     let is_cap: Vec<bool> = mesh.parts.iter().map(|name| caps.contains(name)).collect();
     let mut is_on_surface = vec![false; mesh.points.len()];
@@ -335,15 +338,15 @@ pub(crate) fn apart(solid: &dyn Solid, torus: &Torus, mesh: &Mesh) -> Vec<(usize
         let nodes = sides.nodes.iter();
         let bounding = nodes.filter(|pair| pair.iter().any(|&v| is_on_surface[v as usize]));
         let pairs = bounding.map(|pair| (pair[0], pair.map(distance)));
-        let on_one = pairs.filter(|(_, [a, b])| a.min(*b) <= torus.near / NEAR);
+        let on_one = pairs.filter(|(_, [a, b])| a.min(*b) <= torus.near / SIDE_TOLERANCE_FACTOR);
         let off = on_one.map(|(v, [a, b])| (mesh.points[v as usize], a.max(b)));
         let found = off.max_by(|a, b| a.1.total_cmp(&b.1))?;
-        (found.1 > CLEAR * torus.near).then_some((sides.axis, found.0, found.1))
+        (found.1 > CLEAR_DISTANCE_FACTOR * torus.near).then_some((sides.axis, found.0, found.1))
     };
     mesh.opposite.iter().filter_map(farthest).collect()
 }
 
-/// A solid that repeats: outside of the box as in it.
+/// A solid continued periodically outside of its box.
 pub(crate) struct Wrapped<'a> {
     solid: &'a dyn Solid,
     torus: Torus,
@@ -351,8 +354,8 @@ pub(crate) struct Wrapped<'a> {
 }
 
 impl<'a> Wrapped<'a> {
-    /// A solid, which may be cut off at sides across other axes. Its sides across the axes along
-    /// which it repeats are no pieces of it any more: their names are left to [`Torus::sides`].
+    /// Continues a solid, which may be clipped at sides across other axes. Its own sides across the
+    /// periodic axes no longer count as pieces: their names are freed for [`Torus::sides`].
     pub(crate) fn new(solid: &'a dyn Solid, torus: Torus) -> Self {
         let sides = torus.sides();
         let is_side = |name: &String| sides.iter().any(|side| side.names.contains(name));
@@ -367,11 +370,10 @@ impl<'a> Wrapped<'a> {
         }
     }
 
-    /// What the solid says of a piece at a place; on a side what it says at the image where the
-    /// piece is nearer.
+    /// Evaluates a piece at a point; on a side at the image where the piece is nearer.
     ///
-    /// A ball that reaches through a side is written as two balls, each of which is right at one
-    /// of the sides alone.
+    /// For example, a ball that crosses a side is modelled as two balls, each valid at only one of
+    /// the sides.
     fn at_nearest<T>(&self, p: Point3, of: impl Fn(Point3) -> (f64, T)) -> (f64, T) {
         let images = self.torus.images(p);
         let mut found = of(images[0]);
@@ -384,7 +386,7 @@ impl<'a> Wrapped<'a> {
         found
     }
 
-    /// What intervals say of the pieces in a box: those of its parts within the period, together.
+    /// Computes the hull of the pieces' bounds over the parts of a box, wrapped into one period.
     fn joined(&self, region: Aabb, out: &mut [Interval], of: impl Fn(Aabb, &mut [Interval])) {
         let spans: [Vec<[f64; 2]>; 3] =
             std::array::from_fn(|i| self.torus.spans(i, [region.lo[i], region.hi[i]]));
@@ -470,7 +472,7 @@ pub(crate) struct Side {
 }
 
 impl Side {
-    /// How far above the side a place is, negative below it.
+    /// Returns the height of a point above the side, negative below it.
     fn height(&self, p: Point3) -> f64 {
         let (lo, hi) = (
             self.torus.region.lo[self.axis],
@@ -516,8 +518,8 @@ impl Solid for Side {
             self.torus.region.hi[self.axis],
         );
         let half = 0.5 * (hi - lo);
-        // Away from the middle of the box, where the height falls from half a period to minus half
-        // of one, it grows with the coordinate.
+        // The height grows with the coordinate except at the middle of the box, where it falls from
+        // half a period to minus half a period.
         let heights = ends.map(|x| {
             let mut p = self.torus.region.lo;
             p[self.axis] = x;

@@ -1,11 +1,11 @@
-//! Edges of a given mesh brought onto those of a solid.
+//! Alignment of a given mesh's edges with those of a solid.
 //!
-//! Every vertex of the surface is given the pieces that it lies on: the pieces of a corner or curve of
-//! the solid if one is near enough to move it there, else those at its nearest point (`placing`).
+//! Every surface vertex is assigned the pieces on which it lies: those of a corner or curve of the
+//! solid that is near enough to move the vertex there, else those at its nearest point (`placing`).
 //! An edge between vertices without a common piece crosses a curve of the solid and is split there
-//! (`splitting`), until there is none; then the vertices of every face have a piece in common,
-//! which is its label (`labels`; the idea of Kobbelt, Botsch, Schwanecke and Seidel, Feature
-//! sensitive surface extraction from volume data, 2001, on a mesh that is already there).
+//! (`splitting`), until none remains; then the vertices of every face have a piece in common, which
+//! becomes its label (`labels`; the idea of Kobbelt, Botsch, Schwanecke and Seidel, Feature
+//! sensitive surface extraction from volume data, 2001, applied to an existing mesh).
 
 mod labels;
 mod placing;
@@ -21,43 +21,40 @@ use std::collections::HashSet;
 /// A surface that can be cut: bare triangles, or the boundary of tetrahedra.
 pub(super) trait Cuttable {
     fn points(&self) -> &[Point3];
-    /// The triangles, outward.
+    /// Returns the triangles, outward.
     fn faces(&self) -> Vec<[u32; 3]>;
-    /// Moves a vertex, unless what is around it would turn over or become much worse.
+    /// Moves a vertex, unless adjacent elements would be inverted or become much worse. Returns
+    /// true if it was moved.
     fn move_to(&mut self, v: u32, p: Point3) -> bool;
-    /// Brings a vertex onto the surface, as near as what is around it allows.
+    /// Moves a vertex towards a point of the surface, as far as adjacent elements allow.
     fn settle(&mut self, v: u32, p: Point3);
-    /// Splits an edge at a point of it; the new vertex is moved on to `p` if it may be.
+    /// Splits an edge at its point `at` and moves the new vertex towards `p`. Returns the new
+    /// vertex; `None` if the edge cannot be split.
     fn split(&mut self, edge: [u32; 2], at: Point3, p: Point3) -> Option<u32>;
 }
 
-/// What was found out about a mesh.
+/// Result of the alignment of a mesh.
 #[derive(Default)]
 pub(super) struct Aligned {
-    /// The piece of each face.
+    /// Piece of each face.
     pub(super) labels: Vec<Face>,
-    /// Where each vertex belongs; inner ones where they are.
+    /// Target position of each vertex; inner vertices stay in place.
     pub(super) places: Vec<Point3>,
-    /// Vertices nowhere near the solid's surface.
+    /// Vertices that are far from the solid's surface.
     pub(super) far: Vec<Point3>,
-    /// Places where edges could not be made to follow the solid's.
+    /// Points where edges could not be aligned with the solid's.
     pub(super) lost: Vec<Point3>,
     /// Corners of the solid without a vertex.
     pub(super) missed_corners: Vec<Point3>,
-    /// The number of corners of the solid.
+    /// Number of corners of the solid.
     pub(super) corners: usize,
 }
 
-/// Rounds of splitting: an edge is split once in each, and crosses few curves.
-const ROUNDS: usize = 16;
-/// Vertices per vertex that may be near nothing: with more than a quarter of them far away the mesh is
-/// of something else, and the work ends.
-const FEW_FAR: usize = 4;
-/// Distance of a point from the surface, in roundings, within which it is on it: it lies on two
-/// pieces within one rounding each.
-const ON: f64 = 2.0;
+/// Distance from the surface, in [`Surface::zero`], within which a vertex counts as lying on it:
+/// each of its two pieces may be off by one rounding.
+const ON_SURFACE_ROUNDINGS: f64 = 2.0;
 
-/// The edges of triangles, lower vertex first, sorted, each once.
+/// Returns the edges of triangles, lower vertex first, sorted, without duplicates.
 pub(super) fn edges_of(faces: &[[u32; 3]]) -> Vec<[u32; 2]> {
     let mut edges: Vec<[u32; 2]> = faces
         .iter()
@@ -68,12 +65,12 @@ pub(super) fn edges_of(faces: &[[u32; 3]]) -> Vec<[u32; 2]> {
     edges
 }
 
-/// A piece that is in both lists.
+/// Returns a piece that is in both lists.
 fn shared(a: &[u32], b: &[u32]) -> Option<u32> {
     a.iter().copied().find(|i| b.contains(i))
 }
 
-/// The pieces that are in all three lists.
+/// Returns the pieces that are in all three lists.
 fn common([a, b, c]: [&[u32]; 3]) -> Vec<u32> {
     let is_in_both = |i: &u32| b.contains(i) && c.contains(i);
     a.iter().copied().filter(is_in_both).collect()
@@ -83,16 +80,16 @@ fn common([a, b, c]: [&[u32]; 3]) -> Vec<u32> {
 struct Corner {
     at: Point3,
     pieces: Vec<u32>,
-    /// Whether a vertex is there.
+    /// True if a vertex was moved there.
     is_taken: bool,
 }
 
 struct Aligner<'a, M> {
     mesh: &'a mut M,
     surface: &'a Surface<'a>,
-    /// The pieces that each vertex lies on; none of inner ones.
+    /// Pieces on which each vertex lies; empty for inner vertices.
     on: Vec<Vec<u32>>,
-    /// Where each vertex belongs: tetrahedra may not let it go the whole way yet.
+    /// Target position of each vertex; tetrahedra may prevent it from moving there at once.
     places: Vec<Point3>,
     corners: Vec<Corner>,
     /// Edges that cross a seam between pieces that touch tangentially.
@@ -102,7 +99,7 @@ struct Aligner<'a, M> {
     lost: Vec<Point3>,
 }
 
-/// Cuts the mesh along the edges of the solid, and finds the piece that each face lies on.
+/// Cuts the mesh along the edges of the solid, and determines the piece of each face.
 pub(super) fn align<M: Cuttable>(
     mesh: &mut M,
     surface: &Surface<'_>,
@@ -120,13 +117,15 @@ pub(super) fn align<M: Cuttable>(
         lost: Vec::new(),
     };
     let far = aligner.place_vertices();
-    if far.len() * FEW_FAR > aligner.on.len() {
+    // With more than a quarter of the vertices far away the mesh does not belong to this solid.
+    if far.len() * 4 > aligner.on.len() {
         return Aligned {
             far,
             ..Aligned::default()
         };
     }
-    for _ in 0..ROUNDS {
+    // Each round splits an edge once, and an edge crosses few curves.
+    for _ in 0..16 {
         if aligner.split_edges() + aligner.split_faces() == 0 {
             break;
         }
@@ -143,7 +142,7 @@ pub(super) fn align<M: Cuttable>(
     }
 }
 
-/// The corners that a mesh must have.
+/// Returns the corners at which a mesh must have a vertex.
 fn corners_of(features: &Features) -> Vec<Corner> {
     let corners = features.corners.iter();
     corners
@@ -161,7 +160,8 @@ impl<M: Cuttable> Aligner<'_, M> {
         self.places[v as usize]
     }
 
-    /// Moves a vertex to a point on the pieces given, if it may go there.
+    /// Moves a vertex to a point on the given pieces. Returns false if adjacent elements do not
+    /// allow it.
     fn hold(&mut self, v: u32, p: Point3, on: Vec<u32>) -> bool {
         let is_moved = self.mesh.move_to(v, p);
         if is_moved {
@@ -171,7 +171,7 @@ impl<M: Cuttable> Aligner<'_, M> {
         is_moved
     }
 
-    /// Splits an edge at a share of its length, for a vertex that belongs at `p`.
+    /// Splits an edge at a fraction of its length, for a vertex whose target is `p`.
     fn split(&mut self, [u, v]: [u32; 2], share: f64, p: Point3, on: Vec<u32>) -> bool {
         let [a, b] = [u, v].map(|k| self.mesh.points()[k as usize]);
         let is_split = self.mesh.split([u, v], along(a, b, share), p).is_some();
@@ -182,7 +182,7 @@ impl<M: Cuttable> Aligner<'_, M> {
         is_split
     }
 
-    /// The pieces that bound the solid at a point of its surface.
+    /// Returns the pieces that bound the solid at a point of its surface.
     fn vanishing(&self, p: Point3) -> Vec<u32> {
         let Some(reduced) = self.surface.lattice.reduced_at(p) else {
             return Vec::new();
@@ -195,19 +195,20 @@ impl<M: Cuttable> Aligner<'_, M> {
         zero
     }
 
-    /// The next point of the surface with its pieces.
+    /// Returns the nearest point of the surface with its pieces.
     fn nearest(&self, p: Point3) -> Option<(Point3, Vec<u32>)> {
         let q = self.surface.project(&[SKIN], p)?;
         let on = self.vanishing(q);
         (!on.is_empty()).then_some((q, on))
     }
 
-    /// Whether two pieces meet at a point in an edge of the solid.
+    /// Returns true if two pieces meet at a point in an edge of the solid.
     fn is_on_curve(&self, pair: [u32; 2], q: Point3) -> bool {
-        self.surface.value(q).0.abs() <= ON * self.surface.zero && self.surface.is_edge(pair, q)
+        self.surface.value(q).0.abs() <= ON_SURFACE_ROUNDINGS * self.surface.zero
+            && self.surface.is_edge(pair, q)
     }
 
-    /// Whether an edge of a face crosses a seam between pieces that touch tangentially.
+    /// Returns true if an edge of a face crosses a seam between pieces that touch tangentially.
     fn has_smooth_edge(&self, f: [u32; 3]) -> bool {
         let mut edges = TRIANGLE_EDGES.iter();
         edges.any(|&[i, j]| self.smooth.contains(&edge(f[i], f[j])))

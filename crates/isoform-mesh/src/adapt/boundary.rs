@@ -1,4 +1,4 @@
-//! The boundary of tetrahedra, cut with them.
+//! Boundary of tetrahedra, which are cut along with it.
 
 use super::align::Cuttable;
 use crate::complex::{BOUNDARY, Complex, Face, Ring, STRAY};
@@ -8,29 +8,16 @@ use isoform_control::Control;
 use isoform_geom::{Mesh, Point3, norm, sub};
 use std::collections::HashMap;
 
-/// Worst biased sine that a vertex of the surface moved onto a curve may leave to a tetrahedron;
-/// less where it was less before.
-const LEAST: f64 = 0.04;
-/// Rounds in which vertices approach their places on the surface, and what is around gives way.
-const APPROACH: usize = 40;
-/// Shares of the way that are tried in each round.
-const SHARES: [f64; 4] = [1.0, 0.6, 0.3, 0.1];
-/// Worst biased sine that a step of it may leave; the optimiser mends from there.
-const TIGHT: f64 = 0.02;
-/// Sideways steps that are tried for an inner vertex in the way, in units of the length of one of
-/// its edges.
-const ASIDE: [f64; 2] = [0.1, -0.1];
-/// Shares of the way onto the surface that are tried for a new vertex. What is left of the way is
-/// the optimiser's, which makes room first.
-const SETTLING: [f64; 3] = [1.0, 0.5, 0.25];
+/// Fractions of the way to its target that are tried for a vertex in each round.
+const TRIED_STEP_FRACTIONS: [f64; 4] = [1.0, 0.6, 0.3, 0.1];
 
-/// The boundary of tetrahedra, cut with them.
+/// Boundary of tetrahedra, which are cut along with it.
 pub(super) struct Boundary {
     complex: Complex,
 }
 
 impl Boundary {
-    /// Of the tetrahedra of a mesh; every face on the boundary has the label 0.
+    /// Creates the boundary of a mesh's tetrahedra; every boundary face gets the label 0.
     pub(super) fn of(mesh: Mesh) -> Self {
         let mut complex = Complex::new(mesh.points, mesh.tets);
         let live: Vec<u32> = complex.live().collect();
@@ -44,7 +31,7 @@ impl Boundary {
         Self { complex }
     }
 
-    /// The triangles of the boundary, outward.
+    /// Returns the triangles of the boundary, outward.
     pub(super) fn faces(&self) -> Vec<[u32; 3]> {
         let live = self.complex.live();
         let sides = live.flat_map(|t| (0..4).map(move |i| (t, i)));
@@ -54,7 +41,8 @@ impl Boundary {
             .collect()
     }
 
-    /// The tetrahedra, with labelled faces; a face without a label lies on no single piece.
+    /// Labels the boundary faces and returns the tetrahedra; a face without a given label gets
+    /// [`STRAY`].
     pub(super) fn labelled(self, labels: Vec<Face>) -> Complex {
         let labels: HashMap<[u32; 3], u32> = labels.into_iter().collect();
         let mut complex = self.complex;
@@ -70,7 +58,7 @@ impl Boundary {
         complex
     }
 
-    /// Brings vertices of the boundary to their places step by step, inner vertices giving way.
+    /// Moves boundary vertices step by step to their targets, while inner vertices give way.
     pub(super) fn approach(&mut self, places: &[Point3], control: &Control<'_>) {
         let on_boundary = unique(self.faces().into_iter().flatten().collect());
         let mut left: Vec<u32> = on_boundary
@@ -78,7 +66,8 @@ impl Boundary {
             .copied()
             .filter(|&v| self.complex.point(v) != places[v as usize])
             .collect();
-        for _ in 0..APPROACH {
+        // In each round inner vertices give way to those that approach their targets.
+        for _ in 0..40 {
             if left.is_empty() || control.is_stopped() {
                 return;
             }
@@ -91,11 +80,13 @@ impl Boundary {
         }
     }
 
-    /// Moves a vertex towards its goal as far as its tetrahedra allow; true if it gets there.
+    /// Moves a vertex towards its target as far as its tetrahedra allow. Returns true if it
+    /// arrives.
     fn step(&mut self, v: u32, goal: Point3) -> bool {
         let old = self.complex.point(v);
-        let least = TIGHT.min(self.worst_at(v, old));
-        for share in SHARES {
+        // Worst biased sine that a step may leave; the optimiser improves it afterwards.
+        let least = 0.02f64.min(self.worst_at(v, old));
+        for share in TRIED_STEP_FRACTIONS {
             let p = if share == 1.0 {
                 goal
             } else {
@@ -109,7 +100,7 @@ impl Boundary {
         false
     }
 
-    /// Moves an inner vertex to the best of a few places around it.
+    /// Moves an inner vertex to the best of a few positions around it.
     fn give_way(&mut self, v: u32) {
         let p = self.complex.point(v);
         let others = self.others(v);
@@ -117,7 +108,14 @@ impl Boundary {
         let step = norm(sub(self.complex.point(others[0]), p));
         let mut best = (self.worst_at(v, p), p);
         let aside = (0..6).map(|k| {
-            let move_by = |i: usize| if k / 2 == i { ASIDE[k % 2] * step } else { 0.0 };
+            // Sideways steps tried for an inner vertex in the way, in lengths of one of its edges.
+            let move_by = |i: usize| {
+                if k / 2 == i {
+                    [0.1, -0.1][k % 2] * step
+                } else {
+                    0.0
+                }
+            };
             std::array::from_fn(|i| p[i] + move_by(i))
         });
         for q in aside.chain([mean, midpoint(p, mean)]) {
@@ -129,7 +127,7 @@ impl Boundary {
         self.complex.points[v as usize] = best.1;
     }
 
-    /// The other vertices of the tetrahedra at a vertex, as often as they occur there.
+    /// Returns the other vertices of the tetrahedra at a vertex, once per occurrence.
     fn others(&mut self, v: u32) -> Vec<u32> {
         let mut star = Vec::new();
         self.complex.star(v, &mut star);
@@ -147,7 +145,7 @@ impl Boundary {
         })
     }
 
-    /// The worst tetrahedron at a vertex, were it at `p`.
+    /// Returns the worst biased sine of the tetrahedra at a vertex if it is moved to `p`.
     fn worst_at(&mut self, v: u32, p: Point3) -> f64 {
         let mut star = Vec::new();
         self.complex.star(v, &mut star);
@@ -173,7 +171,9 @@ impl Cuttable for Boundary {
     }
     fn move_to(&mut self, v: u32, p: Point3) -> bool {
         let before = self.worst_at(v, self.complex.point(v));
-        let may = self.worst_at(v, p) > LEAST.min(0.5 * before);
+        // Worst biased sine that a vertex moved onto a curve may leave to a tetrahedron, unless it
+        // was worse before.
+        let may = self.worst_at(v, p) > 0.04f64.min(0.5 * before);
         if may {
             self.complex.points[v as usize] = p;
         }
@@ -181,7 +181,9 @@ impl Cuttable for Boundary {
     }
     fn settle(&mut self, v: u32, p: Point3) {
         let old = self.complex.point(v);
-        for share in SETTLING {
+        // Fractions of the way to the surface; the optimiser makes room before it moves the vertex
+        // farther.
+        for share in [1.0, 0.5, 0.25] {
             if self.move_to(v, along(old, p, share)) {
                 return;
             }

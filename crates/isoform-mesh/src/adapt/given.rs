@@ -1,4 +1,4 @@
-//! What meshes are accepted, and what alignment leaves open.
+//! Validation of given meshes, and problems that alignment leaves.
 
 use super::align::Aligned;
 use crate::error::{MeshError, Warning, WarningKind};
@@ -8,12 +8,12 @@ use isoform_check::Certificate;
 use isoform_geom::{Mesh, Point3, Solid};
 use std::collections::HashMap;
 
-/// Share of the diagonal by which a mesh may be off the model at all.
-const OFF: f64 = 0.15;
-/// Least share of the vertices that must be near the model.
-const NEAR: f64 = 0.75;
+/// Distance from the model, in diagonals, up to which a mesh can be adapted.
+const MAX_RELATIVE_OFFSET: f64 = 0.15;
+/// Share of the vertices that must be near the model.
+const MIN_NEAR_SHARE: f64 = 0.75;
 
-/// The error of a mesh that is not accepted.
+/// Returns the error for a mesh that is not accepted.
 pub(super) fn wrong(why: impl Into<String>) -> MeshError {
     MeshError::Input { why: why.into() }
 }
@@ -25,19 +25,19 @@ fn nowhere_near(at: Point3) -> MeshError {
     ))
 }
 
-/// A point as messages name it.
+/// Formats a point for messages.
 pub(super) fn place([x, y, z]: Point3) -> String {
     format!("({x}, {y}, {z})")
 }
 
-/// The mesh without mid nodes, labels and unused nodes, nodes in the same place made one: files of
-/// triangles repeat them.
+/// Drops mid nodes, labels and unused nodes, and merges coincident nodes: files of triangles repeat
+/// them.
 pub(super) fn welded(mesh: &Mesh) -> Mesh {
     let mut known: HashMap<[u64; 3], u32> = HashMap::new();
     let mut points = Vec::new();
     let mut number = |v: u32| {
         let p = mesh.points[v as usize];
-        // Both zeros are one place.
+        // Adding 0.0 makes both zeros equal.
         *known
             .entry(p.map(|x| (x + 0.0).to_bits()))
             .or_insert_with(|| {
@@ -60,10 +60,10 @@ pub(super) fn welded(mesh: &Mesh) -> Mesh {
     }
 }
 
-/// Whether the tetrahedra and triangles of a mesh have nodes that it has.
+/// Checks that tetrahedra and triangles refer to existing nodes only.
 ///
 /// # Errors
-/// [`MeshError::Input`] names the first that has not.
+/// [`MeshError::Input`] names the first element with a missing node.
 pub fn check_nodes(mesh: &Mesh) -> Result<(), MeshError> {
     let count = mesh.points.len();
     let missing = |nodes: &[u32]| nodes.iter().copied().find(|&v| v as usize >= count);
@@ -80,7 +80,7 @@ pub fn check_nodes(mesh: &Mesh) -> Result<(), MeshError> {
     Ok(())
 }
 
-/// What cannot be worked on is refused, with a place.
+/// Rejects meshes that cannot be adapted, with a place where possible.
 pub(super) fn check_given(mesh: &Mesh, certificate: &Certificate) -> Result<(), MeshError> {
     if !certificate.malformed.is_empty() {
         return Err(wrong("is malformed"));
@@ -101,7 +101,7 @@ pub(super) fn check_given(mesh: &Mesh, certificate: &Certificate) -> Result<(), 
     }
 }
 
-/// Whether a bare surface is closed, oriented, a manifold, and free of intersections.
+/// Checks that a bare surface is closed, oriented, manifold, and free of self-intersections.
 fn check_surface(certificate: &Certificate) -> Result<(), MeshError> {
     let Some(s) = &certificate.surface else {
         return Err(wrong("has no inside"));
@@ -139,8 +139,8 @@ fn check_surface(certificate: &Certificate) -> Result<(), MeshError> {
     }
 }
 
-/// The farthest that any vertex of a surface, or middle of a face, is from the solid; an error if
-/// most are far away.
+/// Returns the largest distance of the surface's vertices and face centroids from the solid,
+/// clamped to the maximum offset; an error if most vertices are farther away.
 pub(super) fn distance(mesh: &Mesh, solid: &dyn Solid, diagonal: f64) -> Result<f64, MeshError> {
     let value = |p: Point3| distance_at(solid, p).abs();
     let (triangles, points) = (&mesh.triangles, &mesh.points);
@@ -152,22 +152,22 @@ pub(super) fn distance(mesh: &Mesh, solid: &dyn Solid, diagonal: f64) -> Result<
         return Err(MeshError::NotANumber { at: at.1 });
     }
     off.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let most = off[(NEAR * (off.len() - 1) as f64) as usize];
-    if most.0 > OFF * diagonal {
+    let most = off[(MIN_NEAR_SHARE * (off.len() - 1) as f64) as usize];
+    if most.0 > MAX_RELATIVE_OFFSET * diagonal {
         return Err(nowhere_near(most.1));
     }
     let middles = triangles
         .iter()
         .map(|t| value(centroid(t.map(|v| points[v as usize]))));
     let worst = middles.fold(off[off.len() - 1].0, f64::max);
-    Ok(worst.min(OFF * diagonal))
+    Ok(worst.min(MAX_RELATIVE_OFFSET * diagonal))
 }
 
-/// What alignment of a surface with `n` vertices left open: an error where most is far away, else
-/// warnings.
+/// Converts the problems that alignment left on a surface with `n` vertices: an error if most
+/// vertices are far away or most corners are missed, else warnings.
 pub(super) fn settled(aligned: &Aligned, n: usize) -> Result<Vec<Warning>, MeshError> {
     if let (true, Some(&at)) = (
-        (aligned.far.len() as f64) > (1.0 - NEAR) * n as f64,
+        (aligned.far.len() as f64) > (1.0 - MIN_NEAR_SHARE) * n as f64,
         aligned.far.first(),
     ) {
         return Err(nowhere_near(at));

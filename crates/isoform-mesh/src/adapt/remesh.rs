@@ -1,9 +1,10 @@
-//! Better triangles on a solid: splits, collapses, flips and moves that keep every vertex on what
-//! holds it.
+//! Optimisation of bare triangles on a solid: splits, collapses, flips and moves that keep every
+//! vertex on its pieces.
 //!
-//! First towards the edge lengths wanted (`lengths`), in rounds of splitting long edges, collapsing
-//! short ones, flipping and moving (Botsch and Kobbelt, A remeshing approach to multiresolution
-//! modeling, 2004); then only what makes the smallest angle it touches larger (`angles`).
+//! Rounds of splitting long edges, collapsing short ones, flipping and moving first approach the
+//! target edge lengths (`lengths`; Botsch and Kobbelt, A remeshing approach to multiresolution
+//! modeling, 2004); later only operations that increase the smallest angle they affect are allowed
+//! (`angles`).
 
 mod angles;
 mod lengths;
@@ -15,37 +16,26 @@ use crate::surface::{On, SKIN, Surface, meet_at_an_angle};
 use isoform_control::Control;
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
-/// Rounds towards the lengths wanted.
-const ROUNDS: usize = 12;
-/// Rounds in the beginning in which vertices move freely, also where angles suffer.
-const FREE_ROUNDS: usize = 2;
-/// Faces per operation of a round: with fewer operations the rounds end.
-const SETTLED: usize = 100;
-/// Times that edges are split which leave the surface after mending.
-const REPAIRS: usize = 6;
-/// Smallest sine that a collapse or a move towards the lengths wanted may leave; less where it was
-/// less before.
-const FAIR: f64 = 0.35;
-/// Least cosine between a face and its piece; a face that was worse may stay but not get worse.
-const FACING: f64 = 0.5;
-/// Largest sagitta of an edge as a share of its length, and of one on a curve as a share of the
-/// size: as in the optimiser of tetrahedra.
-const TURN: f64 = 0.08;
-/// Share of an edge's length beyond which its middle is not near the surface at all.
-const LOST: f64 = 0.5;
-/// Least gain of a step of mending, as a sine.
-const GAIN: f64 = 1e-4;
-/// Distance from the surface, in roundings, within which a vertex is on it.
-const ON: f64 = 2.0;
+/// Smallest sine of an angle that a collapse or move towards the target lengths may leave, unless
+/// it was smaller before.
+const MIN_COLLAPSE_SINE: f64 = 0.35;
+/// Smallest cosine between the normals of a face and its piece; a face that was worse may stay but
+/// not get worse.
+const MIN_FACING_COSINE: f64 = 0.5;
+/// Largest sagitta of an edge, as a fraction of its length, and of an edge along a curve, as a
+/// fraction of the target size: equal to that of the optimiser of tetrahedra.
+const MAX_RELATIVE_SAGITTA: f64 = 0.08;
+/// Smallest gain of a mending operation, as a sine.
+const MIN_SINE_GAIN: f64 = 1e-4;
 
-/// What holds a vertex.
+/// Constraint on a vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Hold {
     Fixed,
     On(On),
 }
 
-/// Triangles under work, with what holds their vertices.
+/// Triangles being optimised, with the constraints on their vertices.
 pub(super) struct Remesher<'s> {
     pub(super) skin: Skin,
     hold: Vec<Hold>,
@@ -54,12 +44,12 @@ pub(super) struct Remesher<'s> {
     control: &'s Control<'s>,
 }
 
-/// The middle of an edge, moved onto the surface.
+/// Midpoint of an edge, projected onto the surface.
 struct Middle {
     at: Point3,
-    /// What holds it.
+    /// Pieces that it lies on.
     on: On,
-    /// Its sagitta over the one allowed.
+    /// Sagitta divided by the allowed one.
     excess: f64,
 }
 
@@ -86,22 +76,26 @@ impl<'s> Remesher<'s> {
 }
 
 impl Remesher<'_> {
-    /// All of it: sizes first, then angles.
+    /// Runs the optimisation: sizes first, then angles.
     pub(super) fn run(&mut self) {
-        for round in 0..ROUNDS {
+        // Rounds towards the target edge lengths.
+        for round in 0..12 {
             if self.control.is_stopped() {
                 return;
             }
             let mut done = self.split_long(false);
             done += self.collapse_short();
             done += self.flip_all();
-            self.relax(round < FREE_ROUNDS);
-            if done * SETTLED < self.skin.faces.len() {
+            // Vertices move freely in the first two rounds, even where angles get worse.
+            self.relax(round < 2);
+            // The rounds end with fewer than one operation per hundred faces.
+            if done * 100 < self.skin.faces.len() {
                 break;
             }
         }
         self.mend();
-        for _ in 0..REPAIRS {
+        // Mending and splitting alternate.
+        for _ in 0..6 {
             // Mending may have made edges that leave the surface.
             if self.control.is_stopped() || self.split_long(true) == 0 {
                 break;
@@ -111,13 +105,13 @@ impl Remesher<'_> {
         }
     }
 
-    /// What holds a vertex, from the faces around it: the two pieces of the curve that runs through
-    /// it, or its piece.
+    /// Determines the constraint on a vertex from the faces around it: its piece, the two pieces of
+    /// the curve that runs through it, or fixed.
     fn holding(&self, v: u32) -> Hold {
         let faces = self.skin.around[v as usize].iter();
         let labels = unique(faces.map(|&f| self.skin.label_of(f)).collect());
         if let &[one] = labels.as_slice() {
-            // Where the piece is not the surface there, another one that it touches is.
+            // Next to a tangential seam, the surface may be the adjacent piece instead.
             let p = self.skin.at(v);
             let is_off =
                 self.surface.distance(one, p) != 0.0 || self.surface.distance(SKIN, p) != 0.0;
@@ -132,7 +126,8 @@ impl Remesher<'_> {
         }
     }
 
-    /// The pieces on both sides of an edge that is one of the solid.
+    /// Returns the pieces on both sides of an edge that lies on an edge of the solid; `None` for
+    /// other edges.
     fn sharp(&self, a: u32, b: u32) -> Option<[u32; 2]> {
         let sides = self.skin.sides(a, b)?.map(|f| self.skin.label_of(f));
         let pieces = [sides[0].min(sides[1]), sides[0].max(sides[1])];
@@ -141,7 +136,7 @@ impl Remesher<'_> {
             .then_some(pieces)
     }
 
-    /// The edge length wanted at a point.
+    /// Returns the target edge length at a point.
     fn wanted(&self, p: Point3) -> f64 {
         let sizes = self.options.sizes.as_ref();
         sizes
@@ -149,26 +144,26 @@ impl Remesher<'_> {
             .min(self.options.size)
     }
 
-    /// The length of an edge over the one wanted.
+    /// Returns the length of an edge divided by the target.
     fn share_of_wanted(&self, [a, b]: [u32; 2]) -> f64 {
         let middle = midpoint(self.skin.at(a), self.skin.at(b));
         self.skin.length([a, b]) / self.wanted(middle)
     }
 
-    /// Cosine between a triangle and its piece.
+    /// Returns the cosine between the normals of a triangle and its piece.
     fn facing(&self, p: [Point3; 3], label: u32) -> f64 {
         let n = cross(sub(p[1], p[0]), sub(p[2], p[0]));
         let g = self.surface.gradient(label, centroid(p)).1;
         -dot(n, g) / (norm(n) * norm(g)).max(1e-300)
     }
 
-    /// Whether a triangle looks away from its piece, and more so than before.
+    /// Returns true if a triangle is turned away from its piece, and more so than before.
     fn faces_away(&self, old: [Point3; 3], new: [Point3; 3], label: u32) -> bool {
         let facing = self.facing(new, label);
-        facing.is_nan() || (facing < FACING && facing < self.facing(old, label))
+        facing.is_nan() || (facing < MIN_FACING_COSINE && facing < self.facing(old, label))
     }
 
-    /// The middle of an edge, moved onto the surface; none where that is far off.
+    /// Projects the midpoint of an edge onto the surface; `None` if that is far away.
     fn middle(&self, a: u32, b: u32) -> Option<Middle> {
         let sides = self.skin.sides(a, b)?.map(|f| self.skin.label_of(f));
         let on = match self.sharp(a, b) {
@@ -180,22 +175,24 @@ impl Remesher<'_> {
         let at = self.surface.project(on.slice(), flat)?;
         let (off, length) = (norm(sub(at, flat)), self.skin.length([a, b]));
         let excess = off / self.most_sagitta(flat, length, on.slice());
-        (off < LOST * length).then_some(Middle { at, on, excess })
+        // Beyond half of the edge's length the projection belongs to another part of the surface.
+        (off < 0.5 * length).then_some(Middle { at, on, excess })
     }
 
-    /// The largest sagitta of an edge on these pieces: its middle may be as far from them.
+    /// Returns the largest allowed distance of an edge's midpoint from these pieces.
     fn most_sagitta(&self, middle: Point3, length: f64, on: &[u32]) -> f64 {
         let curve = if on.len() == 2 {
-            TURN * self.wanted(middle)
+            MAX_RELATIVE_SAGITTA * self.wanted(middle)
         } else {
             f64::INFINITY
         };
-        (TURN * length)
+        (MAX_RELATIVE_SAGITTA * length)
             .min(self.options.grade.unwrap_or(f64::INFINITY))
             .min(curve)
     }
 
-    /// Whether an edge between the vertices would leave the pieces too far.
+    /// Returns true if the midpoint of an edge between the vertices would be too far from the
+    /// pieces.
     fn leaves(&self, a: u32, b: u32, on: &[u32]) -> bool {
         let flat = midpoint(self.skin.at(a), self.skin.at(b));
         let most = self.most_sagitta(flat, self.skin.length([a, b]), on);
@@ -208,8 +205,8 @@ impl Remesher<'_> {
         matches!(self.hold[v as usize], Hold::On(on) if on.contains(SKIN))
     }
 
-    /// The piece to project a point of an edge within a part on: its label, or the solid itself
-    /// next to a seam between pieces that touch tangentially.
+    /// Returns the piece onto which points of an edge within a part are projected: its label, or
+    /// the whole solid next to a seam between pieces that touch tangentially.
     fn piece_at(&self, ends: [u32; 2], label: u32) -> u32 {
         if ends.iter().any(|&v| self.is_skin(v)) {
             SKIN
@@ -218,9 +215,10 @@ impl Remesher<'_> {
         }
     }
 
-    /// Vertices that are not where they belong.
+    /// Returns the vertices that are not on the surface.
     pub(super) fn off(&self) -> Vec<Point3> {
-        let is_off = |p: &Point3| self.surface.distance(SKIN, *p).abs() > ON * self.surface.zero;
+        // Within two roundings a vertex lies on the surface.
+        let is_off = |p: &Point3| self.surface.distance(SKIN, *p).abs() > 2.0 * self.surface.zero;
         (0..self.skin.points.len() as u32)
             .filter(|&v| !self.skin.around[v as usize].is_empty())
             .map(|v| self.skin.at(v))

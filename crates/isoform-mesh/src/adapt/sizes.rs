@@ -1,15 +1,11 @@
-//! The edge lengths that a mesh has.
+//! Edge lengths of a given mesh.
 
 use super::align::edges_of;
 use crate::options::Sizes;
 use isoform_geom::{Mesh, Point3, TET_EDGES, norm, sub};
 
-/// By how much sizes may grow per unit of length where the edge lengths of a given surface are
-/// kept.
-const GROWTH: f64 = 0.4;
-
-/// The edge lengths of a surface by place: at each vertex the geometric mean of its edges' lengths,
-/// growing slowly with the distance from the vertex.
+/// Returns the edge lengths of a surface as sizes: at each vertex the geometric mean of its edges'
+/// lengths, growing slowly with the distance from the vertex.
 ///
 /// ```
 /// use isoform_geom::Mesh;
@@ -26,9 +22,9 @@ const GROWTH: f64 = 0.4;
 /// ```
 ///
 /// # Panics
-/// If a triangle has a node that the mesh has not ([`check_nodes`](crate::check_nodes)).
+/// If a triangle has a node index out of range ([`check_nodes`](crate::check_nodes)).
 pub fn own_sizes(mesh: &Mesh) -> Sizes {
-    // Sums of logarithms with the number of edges.
+    // (Sum of logarithms, number of edges) of each vertex.
     let mut sums = vec![(0.0, 0usize); mesh.points.len()];
     for e in edges_of(&mesh.triangles) {
         let l = norm(sub(mesh.points[e[0] as usize], mesh.points[e[1] as usize]));
@@ -46,11 +42,12 @@ pub fn own_sizes(mesh: &Mesh) -> Sizes {
         .filter(|(_, s)| s.1 > 0)
         .map(|(p, s)| (*p, (s.0 / s.1 as f64).exp()))
         .collect();
-    Sizes::nearest(&samples, GROWTH)
+    // Growth of the sizes per unit of length.
+    Sizes::nearest(&samples, 0.4)
 }
 
-/// Mean length of the edges of a mesh's tetrahedra, of its triangles where it has none; 0 if there
-/// are neither.
+/// Returns the mean edge length of a mesh's tetrahedra, or of its triangles if it has no
+/// tetrahedra; 0 for an empty mesh.
 ///
 /// ```
 /// use isoform_geom::Mesh;
@@ -66,7 +63,7 @@ pub fn own_sizes(mesh: &Mesh) -> Sizes {
 /// ```
 ///
 /// # Panics
-/// If an element has a node that the mesh has not ([`check_nodes`](crate::check_nodes)).
+/// If an element has a node index out of range ([`check_nodes`](crate::check_nodes)).
 pub fn mean_edge(mesh: &Mesh) -> f64 {
     let length = |a: u32, b: u32| norm(sub(mesh.points[a as usize], mesh.points[b as usize]));
     if mesh.tets.is_empty() {

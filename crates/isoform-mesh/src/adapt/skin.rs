@@ -1,4 +1,4 @@
-//! A surface of triangles under work: closed, oriented, changed by replacing faces.
+//! A closed, oriented triangle surface, modified by replacing faces.
 
 use super::align::{Cuttable, edges_of};
 use crate::complex::{Face, NONE, edge};
@@ -6,14 +6,8 @@ use crate::measure::smallest_sine;
 use crate::points::{centroid, unique};
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
-/// Least sine of a triangle's angle that a vertex moved onto a curve may leave; less where it was
-/// less before.
-const LEAST: f64 = 0.08;
-/// Least cosine between a face before and after a vertex of it moved.
-const TURN: f64 = 0.3;
-
-/// Triangles with the faces around each vertex. Slots are reused; a face whose first vertex is
-/// [`NONE`] is not there.
+/// Triangles with the faces around each vertex. Slots are reused; a slot whose first vertex is
+/// [`NONE`] is empty.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Skin {
     pub(super) points: Vec<Point3>,
@@ -27,7 +21,7 @@ fn normal(p: [Point3; 3]) -> Point3 {
     cross(sub(p[1], p[0]), sub(p[2], p[0]))
 }
 
-/// Cosine between two faces; 1 if the first one has no direction.
+/// Returns the cosine between the normals of two faces; 1 if the first one has no area.
 fn turned(old: [Point3; 3], new: [Point3; 3]) -> f64 {
     let (a, b) = (normal(old), normal(new));
     let length = norm(a) * norm(b);
@@ -62,20 +56,20 @@ impl Skin {
     pub(super) fn corners(&self, f: u32) -> [Point3; 3] {
         self.faces[f as usize].map(|v| self.at(v))
     }
-    /// The label of a face.
+    /// Returns the label of a face.
     pub(super) fn label_of(&self, f: u32) -> u32 {
         self.labels[f as usize]
     }
     pub(super) fn live(&self) -> impl Iterator<Item = u32> + '_ {
         (0..self.faces.len() as u32).filter(|&f| self.is_there(f))
     }
-    /// The faces with their labels.
+    /// Returns the faces with their labels.
     pub(super) fn labelled_faces(&self) -> Vec<Face> {
         let labelled = |f: u32| (self.faces[f as usize], self.labels[f as usize]);
         self.live().map(labelled).collect()
     }
 
-    /// Gives each face the label found for it.
+    /// Assigns the given labels to the faces.
     pub(super) fn label(&mut self, labels: &[Face]) {
         for (face, label) in labels {
             if let Some([f, _]) = self.sides(face[0], face[1]) {
@@ -90,7 +84,7 @@ impl Skin {
         self.points.len() as u32 - 1
     }
 
-    /// Takes faces out and puts others, with their labels, in.
+    /// Replaces faces by others, given with their labels.
     pub(super) fn replace(&mut self, old: &[u32], new: &[Face]) {
         for &f in old {
             for v in self.faces[f as usize] {
@@ -113,18 +107,18 @@ impl Skin {
         }
     }
 
-    /// A face with its label, and one vertex in the place of another.
+    /// Returns a face with its label, one vertex replaced by another.
     pub(super) fn exchanged(&self, f: u32, old: u32, new: u32) -> Face {
         let face = self.faces[f as usize].map(|v| if v == old { new } else { v });
         (face, self.labels[f as usize])
     }
 
-    /// The corners of a face, with a vertex at `p`.
+    /// Returns the corners of a face, with a vertex moved to `p`.
     pub(super) fn corners_with(&self, f: u32, v: u32, p: Point3) -> [Point3; 3] {
         self.faces[f as usize].map(|k| if k == v { p } else { self.at(k) })
     }
 
-    /// The faces at an edge: the one that runs along it from `a` to `b`, and the other.
+    /// Returns the faces at an edge: the one that runs along it from `a` to `b`, and the other.
     pub(super) fn sides(&self, a: u32, b: u32) -> Option<[u32; 2]> {
         let runs = |f: u32, a: u32, b: u32| {
             let f = self.faces[f as usize];
@@ -136,7 +130,7 @@ impl Skin {
         Some([left, right])
     }
 
-    /// The vertex of a face that is neither of two.
+    /// Returns the vertex of a face that is neither of two.
     pub(super) fn opposite(&self, f: u32, a: u32, b: u32) -> u32 {
         self.faces[f as usize]
             .into_iter()
@@ -144,7 +138,7 @@ impl Skin {
             .unwrap_or(NONE)
     }
 
-    /// Neighbours of a vertex, ascending.
+    /// Returns the neighbours of a vertex, ascending.
     pub(super) fn neighbours(&self, v: u32) -> Vec<u32> {
         let all = self.around[v as usize]
             .iter()
@@ -153,7 +147,7 @@ impl Skin {
         unique(all.collect())
     }
 
-    /// Splits the edge at a new vertex.
+    /// Splits an edge at a new vertex and returns that.
     pub(super) fn split_at(&mut self, a: u32, b: u32, p: Point3) -> Option<u32> {
         let [l, r] = self.sides(a, b)?;
         let (c, d) = (self.opposite(l, a, b), self.opposite(r, a, b));
@@ -171,7 +165,7 @@ impl Skin {
         Some(m)
     }
 
-    /// The faces at a vertex, with the vertex at `p`.
+    /// Iterates over the faces at a vertex, with the vertex moved to `p`.
     pub(super) fn star_with(
         &self,
         v: u32,
@@ -181,35 +175,35 @@ impl Skin {
         star.map(move |&f| (f, self.corners_with(f, v, p)))
     }
 
-    /// The smallest sine at a vertex, with the vertex at `p`.
+    /// Returns the smallest sine of the angles at a vertex's faces, with the vertex moved to `p`.
     pub(super) fn worst_at(&self, v: u32, p: Point3) -> f64 {
         self.star_with(v, p)
             .map(|(_, c)| smallest_sine(c))
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether an edge joins the two vertices.
+    /// Returns true if an edge joins the two vertices.
     pub(super) fn has_edge(&self, a: u32, b: u32) -> bool {
         let mut star = self.around[a as usize].iter();
         star.any(|&f| self.faces[f as usize].contains(&b))
     }
 
-    /// All edges.
+    /// Returns all edges, lower vertex first.
     pub(super) fn edges(&self) -> Vec<[u32; 2]> {
         edges_of(&self.faces())
     }
 
-    /// The middle of a face.
+    /// Returns the centroid of a face.
     pub(super) fn middle(&self, f: u32) -> Point3 {
         centroid(self.corners(f))
     }
 
-    /// Length of an edge.
+    /// Returns the length of an edge.
     pub(super) fn length(&self, [a, b]: [u32; 2]) -> f64 {
         norm(sub(self.at(a), self.at(b)))
     }
 
-    /// Edges of a face.
+    /// Returns the edges of a face, lower vertex first.
     pub(super) fn edges_at(&self, f: u32) -> [[u32; 2]; 3] {
         let f = self.faces[f as usize];
         [edge(f[0], f[1]), edge(f[1], f[2]), edge(f[2], f[0])]
@@ -225,10 +219,13 @@ impl Cuttable for Skin {
     }
     fn move_to(&mut self, v: u32, p: Point3) -> bool {
         let old = self.at(v);
-        let least = LEAST.min(0.5 * self.worst_at(v, old));
+        // Smallest sine of an angle that a vertex moved onto a curve may leave, unless it was
+        // smaller before.
+        let least = 0.08f64.min(0.5 * self.worst_at(v, old));
         let may = self
             .star_with(v, p)
-            .all(|(f, new)| smallest_sine(new) >= least && turned(self.corners(f), new) > TURN);
+            // Faces may turn by at most 72 degrees.
+            .all(|(f, new)| smallest_sine(new) >= least && turned(self.corners(f), new) > 0.3);
         if may {
             self.points[v as usize] = p;
         }

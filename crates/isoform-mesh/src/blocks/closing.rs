@@ -1,4 +1,4 @@
-//! The labelled mesh of a block.
+//! Assembly of the labelled mesh of a block.
 
 use super::faces::{OpenFace, open_faces};
 use super::plan::Plan;
@@ -16,22 +16,23 @@ use isoform_geom::{Aabb, Curve, Mesh, Point3, Solid, TET_FACES, TRIANGLE_EDGES};
 use std::cmp::Ordering;
 use std::collections::HashMap;
 
-/// A block as it is given out.
+/// A finished block.
 #[derive(Clone, Debug)]
 pub struct Closed {
-    /// Its tetrahedra with the part of the surface on them. All pieces of the solid are parts, in
-    /// their order: they have the same tags in all blocks.
+    /// Tetrahedra of the block, with the triangles of the surface on them. All pieces of the solid
+    /// are parts, in their order, so that tags agree between blocks.
     pub mesh: Mesh,
-    /// The same with what is around it. What is found of elements in the room holds of the whole.
+    /// The block with its surroundings; checks of elements in the room are valid for the whole
+    /// mesh.
     pub around: Mesh,
     /// Faces towards other blocks.
     pub faces: Vec<OpenFace>,
-    /// Surface of the solid that the mesh misses.
+    /// Warnings of surface of the solid that the mesh misses.
     pub warnings: Vec<Warning>,
 }
 
-/// The mesh of block `k`: of `given`, the tetrahedra of its room and those around it
-/// ([`AROUND`](super::AROUND)).
+/// Assembles the mesh of block `k` from the tetrahedra of its room and those around it
+/// ([`BLOCK_MARGIN_SIZES`](super::BLOCK_MARGIN_SIZES)), both in `given`.
 ///
 /// # Errors
 /// [`MeshError::Stopped`].
@@ -67,12 +68,12 @@ pub fn close(
     })
 }
 
-/// A block with what is around it.
+/// A labelled block with its surroundings.
 struct Labelled {
     around: Mesh,
-    /// The tetrahedron of each triangle.
+    /// Tetrahedron of each triangle.
     tet_of: Vec<u32>,
-    /// The block's own tetrahedra are the first ones, so many.
+    /// Number of the block's own tetrahedra, which come first.
     own: usize,
 }
 
@@ -90,7 +91,7 @@ impl Labelled {
         for (t, (tet, labels)) in all.tets.iter().zip(&all.labels).enumerate() {
             for i in (0..4).filter(|&i| labels[i] != INNER) {
                 around.triangles.push(TET_FACES[i].map(|k| tet[k]));
-                // A face on no single piece has been warned of.
+                // A warning about faces that do not lie on a single piece was issued before.
                 let part = Some(labels[i]).filter(|&l| (l as usize) < names.len());
                 around.triangle_parts.push(part.unwrap_or(0));
                 tet_of.push(t as u32);
@@ -108,12 +109,12 @@ impl Labelled {
         }
     }
 
-    /// Whether a triangle is one of the block's own tetrahedra.
+    /// Returns true if a triangle belongs to one of the block's own tetrahedra.
     fn is_own(&self, triangle: usize) -> bool {
         (self.tet_of[triangle] as usize) < self.own
     }
 
-    /// The block alone, which has the first `nodes` nodes.
+    /// Returns the block alone, which has the first `nodes` nodes.
     fn own(&self, nodes: usize) -> Mesh {
         let around = &self.around;
         let triangles = self.tet_of.partition_point(|&t| (t as usize) < self.own);
@@ -141,8 +142,8 @@ impl Labelled {
         mesh
     }
 
-    /// Of the triangles at each feature edge and each corner (twice the node), the one with the
-    /// lowest centroid: whose it is, its block writes them.
+    /// Returns, for each feature edge and each corner (as twice the node), the adjacent triangle
+    /// with the lowest centroid: the block that owns this triangle writes the feature.
     fn first_triangles(&self) -> HashMap<[u32; 2], (Point3, usize)> {
         let around = &self.around;
         let none = ([f64::INFINITY; 3], usize::MAX);
@@ -166,8 +167,8 @@ impl Labelled {
     }
 }
 
-/// Gives a mesh the curves of the plan, one for each pair of pieces, so that all blocks have the
-/// same tags; behind them others that it has edges of.
+/// Adds the curves of the plan to a mesh, one per pair of pieces, so that tags agree between
+/// blocks; further curves of its edges follow.
 fn add_curves(mesh: &mut Mesh, plan: &Plan, edges: &[FeatureEdge]) {
     let mut pairs: Vec<[u32; 2]> = plan.curves.iter().map(|c| c.pieces).collect();
     pairs.sort_unstable();
@@ -190,7 +191,7 @@ fn add_curves(mesh: &mut Mesh, plan: &Plan, edges: &[FeatureEdge]) {
     mesh.curves = pairs.into_iter().map(named).collect();
 }
 
-/// By x, then y, then z.
+/// Compares points by x, then y, then z.
 fn compare(p: &Point3, q: &Point3) -> Ordering {
     let axis = |i: usize| p[i].total_cmp(&q[i]);
     axis(0).then_with(|| axis(1)).then_with(|| axis(2))

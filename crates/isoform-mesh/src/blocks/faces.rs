@@ -1,4 +1,4 @@
-//! Faces between blocks, found again on the other side.
+//! Matching of faces between blocks.
 
 use super::tetrahedra::{INNER, Tetrahedra};
 use crate::points::{centroid, hash_words};
@@ -6,18 +6,18 @@ use isoform_geom::{Point3, TET_FACES};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// A face of one tetrahedron of a block that does not lie on the solid's surface.
+/// A boundary face of a block that does not lie on the solid's surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OpenFace {
-    /// 128 bits that stand for the coordinates of its three nodes, in whichever order.
+    /// Hash of 128 bits of the coordinates of its three nodes, independent of their order.
     pub key: u128,
-    /// Its sense: the other one when it is seen from the other side.
+    /// Orientation of the face; the matching face of the other block has the opposite value.
     pub is_turned: bool,
-    /// Its centroid.
+    /// Centroid.
     pub at: Point3,
 }
 
-/// The faces of tetrahedra with no tetrahedron behind, but for those on the solid's surface.
+/// Returns the boundary faces of tetrahedra, except those on the solid's surface.
 pub fn open_faces(all: &Tetrahedra) -> Vec<OpenFace> {
     let mut faces: Vec<([u32; 3], u32)> = (0..all.tets.len() as u32)
         .into_par_iter()
@@ -40,7 +40,7 @@ pub fn open_faces(all: &Tetrahedra) -> Vec<OpenFace> {
 }
 
 impl OpenFace {
-    /// The face with these corners, outward.
+    /// Creates the face with these corners, outward.
     fn of(corners: [Point3; 3]) -> Self {
         let mut bits = corners.map(|p| p.map(f64::to_bits));
         let mut is_turned = false;
@@ -58,7 +58,7 @@ impl OpenFace {
     }
 }
 
-/// Two hashes of 64 bits side by side: two of a billion different faces have equal ones with a
+/// Combines two hashes of 64 bits: among a billion different faces two have equal ones with a
 /// probability of 10⁻²¹.
 fn key(words: &[u64]) -> u128 {
     let [high, low] = [0x6a09_e667_f3bc_c908, 0xbb67_ae85_84ca_a73b]
@@ -66,7 +66,7 @@ fn key(words: &[u64]) -> u128 {
     high << 64 | low
 }
 
-/// Open faces of blocks that wait for the same face of another block.
+/// Open faces of blocks, matched with those of other blocks.
 ///
 /// ```
 /// use isoform_mesh::blocks::{INNER, Interfaces, Tetrahedra, open_faces};
@@ -87,7 +87,7 @@ fn key(words: &[u64]) -> u128 {
 #[derive(Clone, Debug, Default)]
 pub struct Interfaces {
     waiting: HashMap<u128, OpenFace>,
-    /// Faces that have the same one in the same sense.
+    /// Faces that matched one of equal orientation.
     folded: Vec<OpenFace>,
     pairs: usize,
 }
@@ -108,12 +108,12 @@ impl Interfaces {
         }
     }
 
-    /// The number of faces that were met twice, once in each sense.
+    /// Returns the number of matched pairs of opposite orientation.
     pub fn pairs(&self) -> usize {
         self.pairs
     }
 
-    /// The centroids of all other faces, in order.
+    /// Returns the centroids of all other faces, sorted.
     pub fn apart(&self) -> Vec<Point3> {
         let all = self.waiting.values().chain(&self.folded);
         let mut places: Vec<Point3> = all.map(|f| f.at).collect();

@@ -1,4 +1,4 @@
-//! A block, cut out of the lattice and optimised within its sides.
+//! Making of a block: cut out of the lattice and optimised within its sides.
 
 use super::faces::{OpenFace, open_faces};
 use super::plan::Plan;
@@ -16,33 +16,31 @@ use crate::surface::Surface;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid};
 
-/// Cells around a block that are cut together with it, as long as its faces meet those of its
-/// neighbours. Snapping and cutting look at neighbours in the order of distances, and what one
-/// decides depends on those before it: of a part and of gyroids two cells were enough for all faces
-/// to meet, with one some did not. A larger halo costs time, its share of the block.
-pub const HALO: usize = 4;
-/// Bytes of the lattice for each cell: twelve tetrahedra of sixty.
-const BYTES: usize = 720;
+/// Default number of cells around a block that are cut together with it. Snapping and cutting
+/// process neighbours in the order of distances, and decisions depend on earlier ones: for an
+/// industrial part and gyroids two cells made all faces match, one did not. A larger halo costs
+/// time in proportion to its volume.
+pub const DEFAULT_HALO_CELLS: usize = 4;
 
-/// A block as the first step makes it.
+/// Result of the first step for a block.
 #[derive(Clone, Debug, Default)]
 pub struct Made {
-    /// Tetrahedra that are done.
+    /// Finished tetrahedra.
     pub still: Tetrahedra,
-    /// Tetrahedra near the block's sides, which later rounds work on.
+    /// Tetrahedra near the block's sides, which later rounds modify.
     pub live: Tetrahedra,
-    /// Faces on its sides.
+    /// Faces on the sides of the block.
     pub faces: Vec<OpenFace>,
     /// Places where the solid could not be resolved.
     pub warnings: Vec<Warning>,
-    /// Whether the halo was the whole lattice: there is no larger one.
+    /// True if the halo covers the whole lattice, so that it cannot grow.
     pub is_whole: bool,
 }
 
-/// Makes block `k` of a plan, with a halo of so many cells.
+/// Makes block `k` of a plan, with a halo of `halo` cells.
 ///
 /// # Errors
-/// As of [`mesh`](crate::mesh); a block may be empty.
+/// Those of [`mesh`](crate::mesh), except that a block may be empty.
 pub fn make(
     solid: &dyn Solid,
     plan: &Plan,
@@ -54,7 +52,8 @@ pub fn make(
     let room = plan.room(0, k);
     let cells = plan.cells(room, halo);
     let count: f64 = cells.iter().map(|c| (c[1] - c[0]) as f64).product();
-    options.check_memory((count * BYTES as f64) as u64)?;
+    // The lattice takes twelve tetrahedra of sixty bytes per cell.
+    options.check_memory((count * 720.0) as u64)?;
     within(solid, options, |solid| {
         control.begin("lattice")?;
         let lattice = Lattice::window(solid, plan.grid(), cells, control)?;
@@ -86,7 +85,7 @@ pub fn make(
     })
 }
 
-/// A block while it is made.
+/// A block being made.
 struct Block<'b> {
     plan: &'b Plan,
     options: &'b Options,
@@ -94,7 +93,7 @@ struct Block<'b> {
     surface: &'b Surface<'b>,
 }
 
-/// What of a block can change, and what lies deeper.
+/// Modifiable part of a block, and its core.
 struct Cut {
     inside: Inside,
     core: Tetrahedra,
@@ -130,8 +129,8 @@ impl Block<'_> {
         Ok((Cut { inside, core }, warnings))
     }
 
-    /// Optimises what can change, with the nodes on open faces where they are. What is off the
-    /// surface there comes onto it in later rounds, and is told by the certificate where not.
+    /// Optimises the modifiable part, with fixed nodes on open faces. Those off the surface are
+    /// projected in later rounds; the certificate reports the remaining ones.
     fn optimised(&self, cut: Cut) -> Result<Tetrahedra, MeshError> {
         let control = self.surface.control;
         let Cut { mut inside, core } = cut;
@@ -150,7 +149,7 @@ impl Block<'_> {
     }
 }
 
-/// The core of a band whose vertices stand at `band`: those that both share stay there.
+/// Converts the core of a band whose vertices are at `band`; shared vertices stay in place.
 fn core(core: &Core, band: &[Point3]) -> Tetrahedra {
     Tetrahedra {
         points: band.iter().chain(&core.points).copied().collect(),

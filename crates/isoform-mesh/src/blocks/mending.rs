@@ -1,4 +1,4 @@
-//! What is near the sides of blocks is optimised once more, within other sides.
+//! Mending: tetrahedra near the sides of blocks are optimised again, within other sides.
 
 use super::plan::Plan;
 use super::tetrahedra::{Gathered, Tetrahedra};
@@ -12,13 +12,12 @@ use crate::surface::Surface;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Solid};
 
-/// Cells of the lattice around tetrahedra in which their vertices may look for the surface.
-const BESIDE: usize = 3;
-
-/// Optimises those tetrahedra of a room of a round, from 1 on, that lie near sides of all rounds
-/// before. `given` are all live ones of the room.
+/// Optimises the tetrahedra of a room that lie near sides of all earlier rounds; `round` starts at
+/// 1. `given` are all unfinished ones of the room.
 ///
 /// # Errors
+/// [`MeshError::Stopped`]; [`MeshError::Internal`] if the given tetrahedra are not parts of one
+/// mesh.
 /// [`MeshError::Stopped`]; [`MeshError::Internal`] if what is given is not part of one mesh.
 pub fn mend(
     solid: &dyn Solid,
@@ -48,7 +47,8 @@ fn optimised(
     control: &Control<'_>,
 ) -> Result<Tetrahedra, MeshError> {
     control.begin("lattice")?;
-    let cells = plan.cells(Aabb::of(&given.points), BESIDE);
+    // Cells of the lattice around the tetrahedra in which their vertices may be projected.
+    let cells = plan.cells(Aabb::of(&given.points), 3);
     let lattice = Lattice::window(solid, plan.grid(), cells, control)?;
     control.check()?;
     let surface = Surface {

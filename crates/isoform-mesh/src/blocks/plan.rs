@@ -1,4 +1,4 @@
-//! What all blocks share: where they meet, and what is known of the whole model.
+//! Common data of all blocks: their interfaces, and properties of the whole model.
 
 use super::{holds, within};
 use crate::crowd::Crowd;
@@ -10,58 +10,53 @@ use crate::options::Options;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid};
 
-/// Rounds of work on a block: it is made, then what is near its sides is optimised once more in
-/// blocks whose sides lie elsewhere. A place is near sides in three directions at most, so that of
-/// four rounds one has none near it.
-pub const ROUNDS: usize = 4;
-/// By how much the sides are moved in each round, as shares of a block.
-const SHIFTS: [f64; ROUNDS] = [0.0, 0.5, 0.25, 0.75];
-/// How far from sides tetrahedra are optimised once more, in cells. Less leaves poor tetrahedra
-/// where those of both blocks would have to change; more is work twice.
-const NEAR: f64 = 6.0;
-/// Where sides lie within their cells. Centroids of tetrahedra of the lattice lie at quarters of a
-/// cell: sides in the middle between two of these leave no tie to rounding.
-const WITHIN: f64 = 0.375;
+/// Number of rounds: a block is made, then tetrahedra near its sides are optimised again in blocks
+/// with sides at other places. A point is near sides in three directions at most, so that in one of
+/// four rounds it is near none.
+pub const BLOCK_ROUNDS: usize = 4;
+/// Shift of the sides in each round, as a fraction of a block.
+const ROUND_SHIFTS: [f64; BLOCK_ROUNDS] = [0.0, 0.5, 0.25, 0.75];
 
 /// A feature curve of the model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlannedCurve {
-    /// The pieces, ascending.
+    /// Pieces that meet in the curve, ascending.
     pub pieces: [u32; 2],
-    /// Points in order.
+    /// Points in order along the curve.
     pub points: Vec<Point3>,
 }
 
-/// What all blocks share. A plan is found once, in time and memory that grow with the model's
-/// edges and not with its volume.
+/// Common data of all blocks. A plan is computed once, in time and memory that grow with the
+/// model's edges, not with its volume.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// The box that is meshed.
+    /// Box that is meshed.
     pub region: Aabb,
-    /// Whether intervals prove that nothing of the solid lies outside of it.
+    /// True if intervals prove that nothing of the solid lies outside of the box.
     pub region_certified: bool,
-    /// Blocks by axis.
+    /// Number of blocks per axis.
     pub counts: [usize; 3],
-    /// Edge length asked for.
+    /// Requested edge length.
     pub size: f64,
     /// Feature curves.
     pub curves: Vec<PlannedCurve>,
-    /// Corners that the mesh must have nodes at.
+    /// Corners at which the mesh must have nodes.
     pub corners: Vec<Point3>,
-    /// Those of them that are tips of cones, on no curve.
+    /// Those of the corners that are tips of cones, without a curve.
     pub apexes: Vec<Corner>,
-    /// Whether all features were found, proved by intervals.
+    /// True if intervals prove that all features were found.
     pub features_certified: bool,
-    /// Places where features crowd, with the edge length wanted there.
+    /// Points where features are close together, with the target edge length there.
     pub crowded: Vec<(Point3, f64)>,
 }
 
 impl Plan {
-    /// Finds the model's box and features.
+    /// Computes the model's box and features.
     ///
     /// # Errors
-    /// As of [`mesh`](crate::mesh); [`MeshError::Blocks`] if there are no blocks, or more than
-    /// cells; and if options ask for what blocks do not have: second order, the surface alone.
+    /// Those of [`mesh`](crate::mesh); [`MeshError::Blocks`] for zero blocks or more than cells;
+    /// and [`MeshError::Option`] for options that blocks do not support: second order, the surface
+    /// alone.
     pub fn new(
         solid: &dyn Solid,
         counts: [usize; 3],
@@ -93,13 +88,13 @@ impl Plan {
         })
     }
 
-    /// The number of blocks.
+    /// Returns the number of blocks.
     pub fn blocks(&self) -> usize {
         self.counts.iter().product()
     }
 
-    /// The room of block `k`, x fastest, in a round: its lower sides belong to it. Outermost sides
-    /// are infinitely far away.
+    /// Returns the room of block `k`, x fastest, in a round; its lower sides belong to it.
+    /// Outermost sides are infinitely far away.
     pub fn room(&self, round: usize, k: usize) -> Aabb {
         let at = self.indices(k);
         let side = |i: usize, k: usize| match k {
@@ -113,10 +108,12 @@ impl Plan {
         }
     }
 
-    /// Tells of points whether they are so near to sides of each of the first `rounds` rounds that
-    /// tetrahedra there are to be optimised once more.
+    /// Returns a predicate: true for points so near to sides in each of the first `rounds` rounds
+    /// that tetrahedra there must be optimised again.
     pub(super) fn unsettled(&self, rounds: usize) -> impl Fn(Point3) -> bool + use<> {
-        let near = NEAR * self.grid().a;
+        // Distance from sides, in cells, within which tetrahedra are optimised again. Less leaves
+        // poor tetrahedra where those of both blocks would have to change; more duplicates work.
+        let near = 6.0 * self.grid().a;
         let sides: Vec<[Vec<f64>; 3]> = (0..rounds)
             .map(|round| {
                 std::array::from_fn(|i| {
@@ -133,12 +130,13 @@ impl Plan {
         }
     }
 
-    /// The cells that the tetrahedra of a room are made of, and `more` beyond in each direction.
+    /// Returns the cells that contain the tetrahedra of a room, and `more` beyond in each
+    /// direction.
     pub(super) fn cells(&self, room: Aabb, more: usize) -> Cells {
         let grid = self.grid();
         std::array::from_fn(|i| {
             let cell = |x: f64| ((x - grid.origin[i]) / grid.a).floor();
-            // Numbers of floats beyond those of a usize are its ends.
+            // Casts of out-of-range floats to usize saturate.
             let lo = cell(room.lo[i]) as usize;
             let hi = cell(room.hi[i]) as usize;
             [
@@ -148,7 +146,7 @@ impl Plan {
         })
     }
 
-    /// The box of some cells.
+    /// Returns the box of a range of cells.
     pub(super) fn box_of(&self, cells: Cells) -> Aabb {
         let grid = self.grid();
         let corner =
@@ -159,12 +157,12 @@ impl Plan {
         }
     }
 
-    /// The whole lattice.
+    /// Returns the whole lattice.
     pub(super) fn grid(&self) -> Grid {
         Grid::over(self.region, CELL * self.size)
     }
 
-    /// The places near a room where features crowd.
+    /// Returns the points near a room where features are close together.
     pub(super) fn crowd(&self, room: Aabb) -> Crowd {
         let room = room.widened(2.0 * self.size);
         let near = self.crowded.iter().filter(|p| holds(&room, p.0));
@@ -176,20 +174,22 @@ impl Plan {
         [k % nx, k / nx % ny, k / (nx * ny)]
     }
 
-    /// The cells in which the sides between blocks lie, along an axis.
+    /// Returns the cells that contain the sides between blocks along an axis.
     fn sides(&self, round: usize, axis: usize) -> Vec<usize> {
         let (n, count) = (self.grid().n[axis], self.counts[axis]);
         let first = |k: usize| k * n / count;
         let shifted = |k: usize| {
             let width = (first(k + 1) - first(k)) as f64;
-            first(k) + (SHIFTS[round] * width).round() as usize
+            first(k) + (ROUND_SHIFTS[round] * width).round() as usize
         };
         (1..count).map(shifted).collect()
     }
 
     fn coordinate(&self, axis: usize, cell: usize) -> f64 {
         let grid = self.grid();
-        grid.origin[axis] + (cell as f64 + WITHIN) * grid.a
+        // Position of sides in their cells. Centroids of lattice tetrahedra lie at quarters of a
+        // cell: sides midway between two of these leave no tie to rounding.
+        grid.origin[axis] + (cell as f64 + 0.375) * grid.a
     }
 }
 
@@ -210,7 +210,7 @@ fn check_kind(options: &Options) -> Result<(), MeshError> {
     Ok(())
 }
 
-/// Whether there are blocks, and cells for each.
+/// Checks that there is at least one block per axis, and a cell for each.
 fn check_counts(asked: [usize; 3], region: Aabb, grid: Grid) -> Result<(), MeshError> {
     let most = region.size().map(|s| ((s / grid.a) as usize).max(1));
     if (0..3).all(|i| (1..=most[i]).contains(&asked[i])) {
@@ -220,7 +220,7 @@ fn check_counts(asked: [usize; 3], region: Aabb, grid: Grid) -> Result<(), MeshE
     }
 }
 
-/// Corners that the mesh must have nodes at.
+/// Returns the corners at which the mesh must have nodes.
 fn corners(found: &Features) -> Vec<Point3> {
     let corners = found.corners.iter().filter(|c| c.needs_node());
     corners.map(|c| c.point).collect()
@@ -258,7 +258,7 @@ mod tests {
     #[test]
     fn every_point_is_in_one_room_of_each_round() {
         let plan = plan([4, 3, 1]);
-        for round in 0..ROUNDS {
+        for round in 0..BLOCK_ROUNDS {
             for k in 0..400 {
                 let p = [0.37, 0.71, 0.13].map(|s| 61.0 * (s * f64::from(k)).fract() - 0.5);
                 let rooms = (0..plan.blocks()).filter(|&b| holds(&plan.room(round, b), p));
@@ -275,14 +275,19 @@ mod tests {
             size: 0.1,
             ..self::plan([4, 3, 2])
         };
-        let unsettled: Vec<_> = (0..=ROUNDS).map(|r| plan.unsettled(r)).collect();
+        let unsettled: Vec<_> = (0..=BLOCK_ROUNDS).map(|r| plan.unsettled(r)).collect();
         let mut most = 0;
         for k in 0..20_000 {
             let p = [0.618_033_988_7, 0.754_877_666_2, 0.569_840_291]
                 .map(|s| 60.0 * (s * f64::from(k)).fract());
-            most = most.max((0..=ROUNDS).rev().find(|&r| unsettled[r](p)).unwrap_or(0));
+            most = most.max(
+                (0..=BLOCK_ROUNDS)
+                    .rev()
+                    .find(|&r| unsettled[r](p))
+                    .unwrap_or(0),
+            );
         }
-        assert_eq!(most, ROUNDS - 1);
+        assert_eq!(most, BLOCK_ROUNDS - 1);
     }
 
     #[test]

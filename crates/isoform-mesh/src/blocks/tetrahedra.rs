@@ -1,27 +1,27 @@
-//! Tetrahedra on their way from block to block.
+//! Tetrahedra exchanged between blocks.
 
 use crate::complex::{BOUNDARY, Complex, NONE, OPEN};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3};
 use std::collections::HashMap;
 
-/// The label of a face that is not known to lie on the solid's surface.
+/// Label of a face that is not known to lie on the solid's surface.
 pub const INNER: u32 = NONE;
 
-/// Tetrahedra with what is known of their faces. Nodes are told by their coordinates: what has the
-/// same bits is one node, whichever block it comes from.
+/// Tetrahedra with labelled faces. Nodes are identified by their coordinates: equal bits denote one
+/// node, whichever block it comes from.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tetrahedra {
     /// Nodes.
     pub points: Vec<Point3>,
     /// Positive tetrahedra.
     pub tets: Vec<[u32; 4]>,
-    /// The piece of the solid that the face opposite to each node lies on, or [`INNER`].
+    /// Piece of the solid on which the face opposite to each node lies, or [`INNER`].
     pub labels: Vec<[u32; 4]>,
 }
 
 impl Tetrahedra {
-    /// Those of a complex.
+    /// Extracts the tetrahedra of a complex.
     pub(super) fn of(complex: &Complex) -> Self {
         let mut out = Self {
             points: complex.points.clone(),
@@ -35,7 +35,7 @@ impl Tetrahedra {
         out
     }
 
-    /// The complex of them; none if a face on the surface has tetrahedra on both sides.
+    /// Builds the complex; `None` if a face on the surface has tetrahedra on both sides.
     pub(super) fn complex(self, control: &Control<'_>) -> Option<Complex> {
         let mut complex = Complex::within(self.points, self.tets, control);
         for (adjacent, labels) in complex.adjacent.iter_mut().zip(&self.labels) {
@@ -51,18 +51,18 @@ impl Tetrahedra {
         Some(complex)
     }
 
-    /// The centroid of a tetrahedron.
+    /// Returns the centroid of a tetrahedron.
     pub fn centroid(&self, t: usize) -> Point3 {
         centroid(self.tets[t].map(|v| self.points[v as usize]))
     }
 
-    /// The smallest box around the centroids.
+    /// Returns the smallest box around the centroids.
     pub fn bounds(&self) -> Aabb {
         let centroids: Vec<Point3> = (0..self.tets.len()).map(|t| self.centroid(t)).collect();
         Aabb::of(&centroids)
     }
 
-    /// Those whose centroids `first` admits, and the others.
+    /// Splits the tetrahedra into those whose centroids `first` admits, and the others.
     pub(super) fn parted(&self, first: impl Fn(Point3) -> bool) -> [Self; 2] {
         [true, false].map(|side| {
             let mut part = Gathered::default();
@@ -72,7 +72,7 @@ impl Tetrahedra {
     }
 }
 
-/// The centroid of four points; the same number in whichever order they come.
+/// Returns the centroid of four points, bit for bit independent of their order.
 pub(super) fn centroid(p: [Point3; 4]) -> Point3 {
     std::array::from_fn(|i| {
         let mut x = p.map(|p| p[i]);
@@ -81,7 +81,7 @@ pub(super) fn centroid(p: [Point3; 4]) -> Point3 {
     })
 }
 
-/// Tetrahedra of several origins, with their nodes made one.
+/// Tetrahedra of several origins, with merged nodes.
 #[derive(Clone, Debug, Default)]
 pub struct Gathered {
     all: Tetrahedra,
@@ -90,7 +90,7 @@ pub struct Gathered {
 }
 
 impl Gathered {
-    /// Adds those whose centroids are admitted. Returns how many these are.
+    /// Adds the tetrahedra whose centroids are admitted. Returns their number.
     pub fn add(&mut self, more: &Tetrahedra, admits: impl Fn(Point3) -> bool) -> usize {
         let Self { all, node } = self;
         let mut number = vec![NONE; more.points.len()];
@@ -112,7 +112,7 @@ impl Gathered {
         all.tets.len() - before
     }
 
-    /// All that was added.
+    /// Returns all tetrahedra added.
     pub fn tetrahedra(self) -> Tetrahedra {
         self.all
     }

@@ -1,13 +1,13 @@
-//! Cavities: some tetrahedra go, others fill the room that they leave.
+//! Cavities: replacing tetrahedra by others that fill the same space.
 
-use super::{BOUNDARY, Complex, FEW, NONE, OPEN, Ring, sorted};
+use super::{BOUNDARY, Complex, MAX_SCANNED_ITEMS, NONE, OPEN, Ring, sorted};
 use std::collections::HashMap;
 
-/// Faces that wait for the tetrahedron on their other side, each with a number.
+/// Faces waiting for the tetrahedron on their other side, each with a number.
 #[derive(Clone, Debug, Default)]
 struct Faces {
     list: Vec<([u32; 3], u32)>,
-    /// Places in the list by face, where it is long.
+    /// Position of each face in the list, if the list is long.
     table: HashMap<[u32; 3], usize>,
     is_indexed: bool,
 }
@@ -33,7 +33,7 @@ impl Faces {
         self.list.push((face, number));
     }
 
-    /// Takes a face out and returns its number.
+    /// Removes a face and returns its number.
     #[inline]
     fn take(&mut self, face: [u32; 3]) -> Option<u32> {
         let k = if self.is_indexed {
@@ -49,23 +49,23 @@ impl Faces {
     }
 }
 
-/// The faces of a cavity while it is filled.
+/// Faces of a cavity while it is filled.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cavity {
     /// Faces around the cavity, with the neighbour beyond or the label.
     outer: Faces,
-    /// Faces of new tetrahedra that no other one has yet, with their places: four times the
-    /// tetrahedron plus the vertex opposite.
+    /// Faces of new tetrahedra without a neighbour so far, encoded as four times the tetrahedron
+    /// plus the opposite vertex.
     inner: Faces,
-    /// Faces that may be walls without a label yet, by a new tetrahedron and the vertex opposite;
-    /// kept where there are regions.
+    /// Possible walls without a label so far: (new tetrahedron, opposite vertex); used only with
+    /// regions.
     joined: Vec<(u32, usize)>,
 }
 
 impl Complex {
-    /// Puts the tetrahedra `new` in the place of `old`, which fill the same cavity (or one that
-    /// differs by boundary faces) in one region. The new boundary faces get the label that `label`
-    /// gives for their vertices (sorted). Slots of the new ones go to `made`.
+    /// Replaces the tetrahedra `old` by `new`, which fill the same cavity (or one that differs by
+    /// boundary faces), within one region. New boundary faces get the label that `label` returns
+    /// for their vertices (sorted). The slots of the new tetrahedra are written to `made`.
     pub(crate) fn replace(
         &mut self,
         old: &[u32],
@@ -81,8 +81,8 @@ impl Complex {
         self.replace_in(old, (new, &regions), label, made);
     }
 
-    /// As [`Self::replace`], with a region for each new tetrahedron if there are regions; new walls
-    /// get labels as new boundary faces do.
+    /// Replaces tetrahedra like [`Self::replace`], with a region for each new one if the complex is
+    /// divided; new walls are labelled like new boundary faces.
     pub(crate) fn replace_in(
         &mut self,
         old: &[u32],
@@ -94,7 +94,7 @@ impl Complex {
         cavity.inner.clear();
         cavity.joined.clear();
         self.list_outer_faces(old, &mut cavity.outer);
-        if cavity.outer.list.len() > FEW {
+        if cavity.outer.list.len() > MAX_SCANNED_ITEMS {
             cavity.outer.index();
             cavity.inner.index();
         }
@@ -153,7 +153,7 @@ impl Complex {
         }
     }
 
-    /// Puts tetrahedra without neighbours into free slots, or new ones.
+    /// Stores tetrahedra without neighbours in free slots, or new ones.
     fn put_in(&mut self, new: &[[u32; 4]], regions: &[u16], made: &mut Vec<u32>) {
         made.clear();
         for (k, v) in new.iter().enumerate() {
@@ -176,8 +176,8 @@ impl Complex {
         }
     }
 
-    /// Joins face `i` of a new tetrahedron to what lies beyond it: what was around the cavity,
-    /// another new tetrahedron, or one that is still to come.
+    /// Joins face `i` of a new tetrahedron to its neighbour: one around the cavity, another new
+    /// tetrahedron, or one that is added later.
     #[inline]
     fn join(&mut self, t: u32, i: usize, cavity: &mut Cavity) {
         let face = sorted(self.face(t, i));
@@ -201,8 +201,8 @@ impl Complex {
         }
     }
 
-    /// Where a new tetrahedron and a neighbour of the cavity share a wall, it keeps its label; if
-    /// it was none before, it gets one later.
+    /// Keeps the label of a wall between a new tetrahedron and a neighbour of the cavity; a face
+    /// that becomes a wall is queued for a label.
     fn keep_wall(&mut self, (t, i): (u32, usize), (n, back): (u32, usize), cavity: &mut Cavity) {
         let label = self.walls[n as usize][back];
         if !self.is_wall(t, i) {
@@ -214,7 +214,7 @@ impl Complex {
         }
     }
 
-    /// Labels the walls among the faces of new tetrahedra that have no label yet.
+    /// Labels the walls among faces of new tetrahedra that have no label so far.
     fn label_walls(&mut self, joined: &[(u32, usize)], label: &mut impl FnMut([u32; 3]) -> u32) {
         for &(t, i) in joined {
             if self.is_wall(t, i) {
@@ -224,7 +224,7 @@ impl Complex {
         }
     }
 
-    /// The place in tetrahedron `t` of the vertex that is not on its face.
+    /// Returns the local index of the vertex of tetrahedron `t` that is not on its face.
     pub(super) fn place_opposite(&self, t: u32, face: [u32; 3]) -> usize {
         (0..4)
             .find(|&j| !face.contains(&self.tets[t as usize][j]))
@@ -237,7 +237,7 @@ impl Complex {
         }
     }
 
-    /// Marks `face` of the neighbour `n` as boundary, as the tetrahedron behind it is gone.
+    /// Marks `face` of the neighbour `n` as boundary, since the tetrahedron behind it was removed.
     fn open(&mut self, n: u32, face: [u32; 3], label: u32) {
         let back = self.place_opposite(n, face);
         self.adjacent[n as usize][back] = label | BOUNDARY;
@@ -247,7 +247,7 @@ impl Complex {
         self.find_vertices_from(n);
     }
 
-    /// Vertices of the cavity that no new tetrahedron holds may still live in neighbours.
+    /// Updates `tet_of` of cavity vertices that only neighbours of the cavity use now.
     fn keep_vertices(&mut self, outer: &Faces) {
         for &(face, n) in &outer.list {
             if n < BOUNDARY {
@@ -288,7 +288,8 @@ impl Complex {
     }
 }
 
-/// The label of a face in a list of faces with sorted vertices; [`OPEN`] if it is not listed.
+/// Returns the label of a face in a list of faces with sorted vertices; [`OPEN`] if it is not
+/// listed.
 pub(crate) fn label_in(labels: &[([u32; 3], u32)], face: [u32; 3]) -> u32 {
     labels.iter().find(|l| l.0 == face).map_or(OPEN, |l| l.1)
 }

@@ -1,16 +1,14 @@
-//! One vertex for each fan of tetrahedra: where two fans share a vertex only, the surface would
-//! touch itself there.
+//! Separation of fans of tetrahedra that share only a vertex, where the surface would touch itself.
 
 use super::{BOUNDARY, Complex, OPEN};
 
-/// A tetrahedron, and the place of a vertex in it.
+/// A tetrahedron, and the local index of a vertex in it.
 type Corner = (u32, usize);
 
 impl Complex {
-    /// Gives every further fan of tetrahedra at a vertex of the boundary (they share the vertex,
-    /// and no chain of faces joins them) a vertex of its own, except where faces are open: there
-    /// the rest of the lattice joins them. Returns the vertices that were copied, in the order of
-    /// the copies.
+    /// Gives every further fan of tetrahedra at a boundary vertex (fans share the vertex, but are
+    /// not connected across faces) a vertex of its own, except at open faces, where the rest of the
+    /// lattice connects them. Returns the vertices that were copied, in the order of the copies.
     pub(crate) fn separate(&mut self) -> Vec<u32> {
         let mut on_boundary = self.only_on_labelled_faces();
         let mut seen = vec![[false; 4]; self.tets.len()];
@@ -38,7 +36,7 @@ impl Complex {
         copied
     }
 
-    /// Whether each vertex lies on the boundary, and on no open face of it.
+    /// Marks the vertices that lie on the boundary, and not on any open face.
     fn only_on_labelled_faces(&self) -> Vec<bool> {
         let mut on_boundary = vec![false; self.points.len()];
         let mut on_open = vec![false; self.points.len()];
@@ -57,7 +55,8 @@ impl Complex {
         on_boundary
     }
 
-    /// Collects the fan of a corner: all corners at its vertex that chains of faces join to it.
+    /// Collects the fan of a corner: all corners at its vertex that are connected to it across
+    /// faces.
     fn fan(&self, first: Corner, seen: &mut [[bool; 4]], fan: &mut Vec<Corner>) {
         let v = self.tets[first.0 as usize][first.1];
         fan.clear();
@@ -78,7 +77,7 @@ impl Complex {
         }
     }
 
-    /// Puts a copy of vertex `v` in its place in the tetrahedra of a fan.
+    /// Replaces vertex `v` by a copy in the tetrahedra of a fan.
     fn give_copy(&mut self, v: u32, fan: &[Corner]) {
         let copy = self.add_point(self.points[v as usize]);
         for &(t, i) in fan {

@@ -1,23 +1,21 @@
-//! Neighbours of tetrahedra that share a face.
+//! Face neighbours of tetrahedra.
 
-use super::{FEW, OPEN, sorted};
+use super::{MAX_SCANNED_ITEMS, OPEN, sorted};
 use isoform_control::Control;
 use isoform_geom::TET_FACES;
 
-/// Vertices between two looks at the clock, where neighbours are sought: some milliseconds.
-const LOOK: usize = 1 << 12;
-
-/// A face without its lowest vertex: the two others in ascending order, and its place, which is
-/// four times its tetrahedron plus the vertex opposite to it.
+/// A face without its lowest vertex: the two others in ascending order, and the face encoded as
+/// four times its tetrahedron plus the opposite vertex.
 type HalfFace = ([u32; 2], u32);
 
-/// The neighbour opposite to each vertex of each tetrahedron, [`OPEN`] where there is none. On a
-/// stop by `control` neighbours are missing.
+/// Computes the neighbour opposite to each vertex of each tetrahedron, [`OPEN`] on the boundary.
+/// After a stop by `control` neighbours are missing.
 pub(super) fn of(vertices: usize, tets: &[[u32; 4]], control: &Control<'_>) -> Vec<[u32; 4]> {
     let mut adjacent = vec![[OPEN; 4]; tets.len()];
     let (from, mut faces) = by_lowest_vertex(vertices, tets);
     for (lowest, w) in from.windows(2).enumerate() {
-        if lowest.is_multiple_of(LOOK) && control.is_stopped() {
+        // Some milliseconds pass between two checks.
+        if lowest.is_multiple_of(1 << 12) && control.is_stopped() {
             break;
         }
         pair_up(&mut faces[w[0] as usize..w[1] as usize], &mut adjacent);
@@ -25,9 +23,9 @@ pub(super) fn of(vertices: usize, tets: &[[u32; 4]], control: &Control<'_>) -> V
     adjacent
 }
 
-/// All faces in the order of their lowest vertices (a counting sort), and where in this list the
-/// faces of each vertex begin. Few faces share a lowest vertex, so partners are found by comparing
-/// all of those.
+/// Sorts all faces by their lowest vertices (a counting sort). Returns the start of each vertex's
+/// faces in the list, and the list. Few faces share a lowest vertex, so that partners are found by
+/// comparing all of those.
 fn by_lowest_vertex(vertices: usize, tets: &[[u32; 4]]) -> (Vec<u32>, Vec<HalfFace>) {
     let mut from = vec![0u32; vertices + 1];
     for v in tets {
@@ -51,9 +49,9 @@ fn by_lowest_vertex(vertices: usize, tets: &[[u32; 4]]) -> (Vec<u32>, Vec<HalfFa
     (from, faces)
 }
 
-/// Makes the tetrahedra of equal faces neighbours; all faces have the same lowest vertex.
+/// Makes the tetrahedra of equal faces neighbours; all faces must have one lowest vertex.
 fn pair_up(same: &mut [HalfFace], adjacent: &mut [[u32; 4]]) {
-    let many = same.len() > FEW;
+    let many = same.len() > MAX_SCANNED_ITEMS;
     if many {
         same.sort_unstable();
     }

@@ -1,4 +1,4 @@
-//! A unit cell cut open along its sides.
+//! Conversion of a unit cell to a complex with ordinary boundaries.
 
 use super::{Complex, NONE};
 use crate::torus::Torus;
@@ -6,9 +6,9 @@ use isoform_geom::Point3;
 use std::collections::HashMap;
 
 impl Complex {
-    /// The complex in its box: vertices on sides have images on all of them, and both faces of a
-    /// side lie on the boundary, labelled with the wall's label on the upper side and the next one
-    /// on the lower side. Tetrahedra and vertices that are not there are left out.
+    /// Cuts the complex open along the sides of its box: vertices on sides get an image on each,
+    /// and both faces of a side become boundary, labelled with the wall's label on the upper side
+    /// and the next label on the lower side. Empty slots and unused vertices are dropped.
     pub(crate) fn opened(&self, torus: &Torus) -> Self {
         let on_side = self.on_sides();
         let live: Vec<u32> = self.live().collect();
@@ -51,7 +51,7 @@ impl Complex {
         opened
     }
 
-    /// Whether each vertex has a face on a side, by axis.
+    /// Marks the vertices that have a face on a side of the box, by axis.
     fn on_sides(&self) -> Vec<[bool; 3]> {
         let mut on_side = vec![[false; 3]; self.points.len()];
         for t in self.live() {

@@ -4,26 +4,26 @@
 use super::{BOUNDARY, Complex, NONE, Ring};
 
 impl Complex {
-    /// Gives each tetrahedron its region.
+    /// Assigns a region to each tetrahedron.
     pub(crate) fn divide(&mut self, regions: Vec<u16>) {
         self.walls = vec![[NONE; 4]; regions.len()];
         self.regions = regions;
     }
 
-    /// Whether there are regions.
+    /// Returns true if the complex is divided into regions.
     #[inline]
     pub(crate) fn is_divided(&self) -> bool {
         !self.regions.is_empty()
     }
 
-    /// The region of a tetrahedron.
+    /// Returns the region of a tetrahedron.
     #[inline]
     pub(crate) fn region(&self, t: u32) -> u16 {
         self.regions.get(t as usize).copied().unwrap_or(0)
     }
 
-    /// The regions of tetrahedra, as [`Complex::replace_in`] takes them: none where there are no
-    /// regions.
+    /// Returns the regions of tetrahedra, as [`Complex::replace_in`] expects them: empty if the
+    /// complex is not divided.
     pub(crate) fn regions_of(&self, tets: &[u32]) -> Vec<u16> {
         match self.is_divided() {
             true => tets.iter().map(|&t| self.region(t)).collect(),
@@ -31,15 +31,15 @@ impl Complex {
         }
     }
 
-    /// What a face must be given again when its tetrahedra are replaced: what stands for the
-    /// neighbour on the boundary, or the label of a wall that the region of `t` owns.
+    /// Returns what a face must be given again when its tetrahedra are replaced: its boundary
+    /// value, or the label of a wall that the region of `t` owns; `None` for other faces.
     pub(crate) fn mark(&self, t: u32, i: usize) -> Option<u32> {
         let n = self.adjacent[t as usize][i];
         (n >= BOUNDARY).then_some(n).or_else(|| self.label(t, i))
     }
 
-    /// Whether two tetrahedra that share the face opposite to vertex `i` of `t` belong to two
-    /// regions, or the face lies on a side of a unit cell.
+    /// Returns true if the face opposite to vertex `i` of `t` lies between two regions, or on a
+    /// side of a unit cell.
     #[inline]
     pub(crate) fn is_wall(&self, t: u32, i: usize) -> bool {
         let n = self.adjacent[t as usize][i];
@@ -48,8 +48,8 @@ impl Complex {
             && (self.region(t) != self.region(n) || self.side(t, i).is_some())
     }
 
-    /// Whether the face opposite to vertex `i` of `t` is a wall that belongs to `t`: to the first
-    /// of two regions, on a side of a unit cell to what lies below it.
+    /// Returns true if the face opposite to vertex `i` of `t` is a wall owned by `t`: by the lower
+    /// of two regions, or on a side of a unit cell by the tetrahedron below it.
     #[inline]
     pub(crate) fn owns(&self, t: u32, i: usize) -> bool {
         if !self.is_wall(t, i) {
@@ -62,8 +62,8 @@ impl Complex {
         }
     }
 
-    /// The axis of the side of a unit cell that the face opposite to vertex `i` of `t` lies on, if
-    /// there is a tetrahedron behind it.
+    /// Returns the axis of the side of a unit cell on which the face opposite to vertex `i` of `t`
+    /// lies; `None` for other faces and on the boundary.
     #[inline]
     pub(crate) fn side(&self, t: u32, i: usize) -> Option<usize> {
         let torus = self.torus.as_ref()?;
@@ -74,16 +74,16 @@ impl Complex {
         (0..3).find(|&axis| face.iter().all(|is_on| is_on[axis]))
     }
 
-    /// The parts of a ring between walls, in order, as open rings; the ring itself if there are
-    /// none.
+    /// Splits a ring at its walls into open rings, in order; returns the ring itself if it has no
+    /// walls.
     pub(crate) fn arcs(&self, ring: &Ring) -> Vec<Ring> {
         let n = ring.tets.len();
-        // The face between a tetrahedron and the one before it has the link's vertex between them.
+        // The face between a tetrahedron and its predecessor contains their common link vertex.
         let is_new = |k: usize| {
             let (t, opposite) = (ring.tets[k], ring.link[(k + 1) % ring.link.len()]);
             self.is_wall(t, self.place(t, opposite))
         };
-        // A closed ring is gone through from where a region begins.
+        // A closed ring is traversed from the start of a region.
         let Some(start) = (0..n).find(|&k| is_new(k)).filter(|_| n > 1) else {
             return vec![ring.clone()];
         };
@@ -103,7 +103,7 @@ impl Complex {
         arcs
     }
 
-    /// Labels the face opposite to vertex `i` of `t`: one on the boundary, or a wall.
+    /// Labels the face opposite to vertex `i` of `t`, on the boundary or a wall.
     pub(crate) fn set_label(&mut self, t: u32, i: usize, label: u32) {
         if self.is_wall(t, i) {
             let n = self.adjacent[t as usize][i];

@@ -1,53 +1,37 @@
-//! Edges are cut where the surface crosses them, or one of their ends is moved there.
+//! Cutting of edges that the surface crosses, or moving one of their ends there.
 
 use super::sign::Side;
-use super::{Cutter, LOOK};
+use super::{Cutter, ITEMS_PER_STOP_CHECK};
 use crate::complex::Ring;
 use crate::points::along;
 use crate::surface::{NO_PIECE, On};
 use isoform_geom::{Point3, norm, sub};
 use std::collections::VecDeque;
 
-/// Depth, in lengths of the edge to be cut, below which an end that cannot be moved counts as lying
-/// on the surface all the same: cuts closer than that would go on for ever where pieces touch, and
-/// where three meet along a curve.
-const SHALLOW: f64 = 1e-2;
-/// One cut is allowed for this many tetrahedra of the lattice; ordinary solids need one for ten or
-/// more.
-const BUDGET: usize = 2;
-/// Cuts that are allowed however few tetrahedra there are.
-const LEAST_BUDGET: usize = 10_000;
-/// After this many cuts of edges at one vertex the lattice counts as too coarse there; ordinary
-/// vertices see a few dozen.
-const TIRED: u16 = 200;
-/// Share of an edge next to an end within which the end is moved instead of cutting, if it can be.
-const SLIDE: f64 = 0.3;
-/// Farthest that an end is moved, in cells of the lattice around it.
-const SLIDE_REACH: f64 = 0.5;
-/// Worst measure that such a move may leave. Higher: more cuts and short edges; lower: flat
-/// tetrahedra that only the optimiser can mend.
-const SLIDE_QUALITY: f64 = 0.08;
-/// Share of a distance by which that to a piece on the other side of a side of a unit cell may
-/// differ: rounding makes far less, and two pieces are seldom as near to each other.
-const BEYOND: f64 = 1e-6;
-/// Farthest that a new vertex is moved from its chord onto its pieces, in lengths of the edge.
-const CUT_REACH: f64 = 0.5;
-/// Worst measure that this may leave at a vertex on two pieces or more.
-const CUT_QUALITY: f64 = 1e-3;
+/// Distance of an end from the surface, in lengths of the edge to be cut, below which it counts as
+/// lying on the surface if it cannot be moved. Closer cuts would not terminate where pieces touch,
+/// or three meet along a curve.
+const SHALLOW_DEPTH: f64 = 1e-2;
+/// Maximum number of cut edges at a vertex, above which the lattice counts as too coarse there;
+/// ordinary vertices have a few dozen.
+const MAX_CUTS_PER_VERTEX: u16 = 200;
+/// Worst biased sine that moving an end may leave. Higher values cause more cuts and short edges;
+/// lower ones flat tetrahedra that only the optimiser can repair.
+const MIN_SLIDE_QUALITY: f64 = 0.08;
 
-/// An edge to be cut: where the solid's value changes its sign, or where a piece alone does.
+/// An edge to be cut, where the solid's value or that of a single piece changes sign.
 #[derive(Clone, Copy)]
 struct Crossing {
     ends: [u32; 2],
     piece: Option<u32>,
 }
 
-/// The longest edge offered; of equally long ones that with the lowest vertices.
+/// Longest edge offered; among equally long ones that with the lowest vertices.
 #[derive(Default)]
 struct Longest(Option<(f64, [u32; 2])>);
 
 impl Longest {
-    /// Takes the edge if it is longer than the one before, and says so.
+    /// Takes the edge if it is longer than the previous one. Returns true if it was taken.
     fn offer(&mut self, length: f64, ends: [u32; 2]) -> bool {
         let is_longer = self
             .0
@@ -60,11 +44,12 @@ impl Longest {
 }
 
 impl Cutter<'_> {
-    /// Cuts until every tetrahedron is decided, or the budget is spent. Returns how many edges were
-    /// cut, or ends of edges moved instead.
+    /// Cuts until every tetrahedron is decided, or the budget is spent. Returns the number of edges
+    /// that were cut or had an end moved.
     pub(super) fn cut(&mut self) -> usize {
         let mut queue: VecDeque<u32> = self.in_order().into();
-        let mut budget = queue.len() / BUDGET + LEAST_BUDGET;
+        // Ordinary solids need one cut per ten or more tetrahedra of the lattice.
+        let mut budget = queue.len() / 2 + 10_000;
         let all = budget;
         let mut ring = Ring::default();
         let mut looked = 0usize;
@@ -73,7 +58,9 @@ impl Cutter<'_> {
                 continue;
             }
             looked += 1;
-            if budget == 0 || (looked.is_multiple_of(LOOK) && self.control.is_stopped()) {
+            if budget == 0
+                || (looked.is_multiple_of(ITEMS_PER_STOP_CHECK) && self.control.is_stopped())
+            {
                 queue.push_front(t);
                 self.give_up(queue);
                 return all - budget;
@@ -82,7 +69,7 @@ impl Cutter<'_> {
                 continue;
             };
             let [u, w] = crossing.ends.map(|v| v as usize);
-            if self.cuts[u].max(self.cuts[w]) > TIRED {
+            if self.cuts[u].max(self.cuts[w]) > MAX_CUTS_PER_VERTEX {
                 self.undecided.push(self.complex.middle(t));
                 continue;
             }
@@ -94,7 +81,7 @@ impl Cutter<'_> {
         all - budget
     }
 
-    /// All tetrahedra in the order in which they are looked at first.
+    /// Returns all tetrahedra in the order of processing.
     fn in_order(&self) -> Vec<u32> {
         let mut all: Vec<u32> = self.complex.live().collect();
         if self.surface.by_place {
@@ -103,11 +90,11 @@ impl Cutter<'_> {
         all
     }
 
-    /// Leaves the tetrahedra of the queue undecided that would be cut: of the others, mostly far
-    /// more, the vertices decide. After a stop none is looked at any more.
+    /// Records those tetrahedra of the queue as undecided that would have to be cut; of the others,
+    /// usually the great majority, the vertices decide. Ends early after a stop.
     fn give_up(&mut self, queue: VecDeque<u32>) {
         for (k, t) in queue.into_iter().enumerate() {
-            if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+            if k.is_multiple_of(ITEMS_PER_STOP_CHECK) && self.control.is_stopped() {
                 return;
             }
             if self.complex.is_there(t) && self.crossing(t).is_some() {
@@ -116,9 +103,9 @@ impl Cutter<'_> {
         }
     }
 
-    /// The longest edge of a tetrahedron that the surface crosses, or that a piece crosses which
-    /// leaves it undecided. Where an edge may run through a thin sheet from outside to outside both
-    /// kinds compete: cutting only the shorter ones around it would go on for ever.
+    /// Returns the longest edge of a tetrahedron that the surface crosses, or that a piece crosses
+    /// which leaves it undecided. If an edge may cross a thin sheet from outside to outside, both
+    /// kinds compete: cutting only the shorter ones around it would not terminate.
     fn crossing(&mut self, t: u32) -> Option<Crossing> {
         if self.is_settled(t) {
             return None;
@@ -141,8 +128,8 @@ impl Cutter<'_> {
         best.0.map(|(_, ends)| Crossing { ends, piece })
     }
 
-    /// Offers the edges that pieces cross which leave the tetrahedron undecided, but not the
-    /// surface. Returns the piece of the longest, if that was not offered before.
+    /// Offers the edges crossed by pieces that leave the tetrahedron undecided, but not by the
+    /// surface. Returns the piece of the longest edge; `None` if an edge offered before is longer.
     fn offer_pieces(&mut self, t: u32, best: &mut Longest) -> Option<u32> {
         let mut which = None;
         let Side::Cut(pieces) = self.side(t) else {
@@ -163,8 +150,8 @@ impl Cutter<'_> {
         which
     }
 
-    /// Cuts an edge where the surface (or one piece) crosses it, or moves an end of the edge onto
-    /// the crossing. Returns the tetrahedra that changed.
+    /// Cuts an edge where the surface (or one piece) crosses it, or moves an end of the edge to the
+    /// crossing. Returns the tetrahedra that changed.
     fn cut_edge(&mut self, t: u32, crossing: Crossing, ring: &mut Ring) -> Vec<u32> {
         let [u, w] = crossing.ends;
         let found = self.root(t, crossing);
@@ -174,7 +161,8 @@ impl Cutter<'_> {
         } else {
             (w, 1.0 - share)
         };
-        if near < SLIDE
+        // Near an end of the edge, that end is moved instead of cutting, if possible.
+        if near < 0.3
             && piece != NO_PIECE
             && let Some(changed) = self.slide(end, piece)
         {
@@ -192,13 +180,13 @@ impl Cutter<'_> {
         self.complex.ring(t, u, w, ring);
         let mut made = std::mem::take(&mut self.made);
         self.complex.split(ring, u, w, m, &mut made);
-        self.bring(m, on, CUT_REACH * norm(sub(a, b)));
+        self.bring(m, on, 0.5 * norm(sub(a, b)));
         let changed = made.clone();
         self.made = made;
         changed
     }
 
-    /// Where the edge is crossed: the share of the way along the edge, and the piece that is zero
+    /// Returns the crossing of an edge: the fraction of its length, and the piece that vanishes
     /// there.
     fn root(&mut self, t: u32, crossing: Crossing) -> Option<(f64, u32)> {
         let [u, w] = crossing.ends;
@@ -219,7 +207,7 @@ impl Cutter<'_> {
         }
     }
 
-    /// A vertex that is held on nothing, on the edge between two others.
+    /// Adds a vertex on the edge between two others, without pieces that hold it.
     fn add_vertex(&mut self, at: Point3, [u, w]: [u32; 2]) -> u32 {
         self.on.push(On::default());
         self.frozen.push(false);
@@ -231,8 +219,8 @@ impl Cutter<'_> {
         self.complex.add_point(at)
     }
 
-    /// Brings a new vertex onto its pieces. Where that is too far, or there is no room, it is left
-    /// on the chord, a little off the pieces: the optimiser brings it there later.
+    /// Projects a new vertex onto its pieces. If that is too far, or would leave poor tetrahedra,
+    /// it stays on the chord, slightly off the pieces: the optimiser moves it later.
     fn bring(&mut self, m: u32, on: On, reach: f64) {
         let at = self.complex.point(m);
         let target = self
@@ -240,7 +228,8 @@ impl Cutter<'_> {
             .project(self.surface.parted(on, at).slice(), at)
             .filter(|q| norm(sub(*q, at)) < reach);
         match target {
-            Some(q) if on.len() < 2 || self.worst_if(m, q) > CUT_QUALITY => self.place(m, q, on),
+            // Worst biased sine at a vertex on two pieces or more.
+            Some(q) if on.len() < 2 || self.worst_if(m, q) > 1e-3 => self.place(m, q, on),
             _ => {
                 self.place(m, at, on);
                 if !self.surface.holds_only_sides(&on) {
@@ -253,14 +242,14 @@ impl Cutter<'_> {
         }
     }
 
-    /// Lets the end of an edge that is nearer to the surface (or to a piece alone) count as lying
-    /// on it, if it is so near that a cut would only leave a short edge or a flat tetrahedron. The
-    /// optimiser brings it there.
+    /// Marks the end of an edge that is nearer to the surface (or to a single piece) as lying on
+    /// it, if a cut would only leave a short edge or a flat tetrahedron; the optimiser moves it
+    /// there. Returns the tetrahedra to be examined again; `None` if the end is too far away.
     fn touch(&mut self, t: u32, crossing: Crossing, found: u32) -> Option<Vec<u32>> {
         let [u, w] = crossing.ends;
         let [du, dw] = [u, w].map(|v| self.depth(t, v, crossing.piece));
         let (end, depth) = if du <= dw { (u, du) } else { (w, dw) };
-        let shallow = SHALLOW * self.complex.edge_length(u, w);
+        let shallow = SHALLOW_DEPTH * self.complex.edge_length(u, w);
         if depth >= shallow {
             return None;
         }
@@ -282,14 +271,14 @@ impl Cutter<'_> {
         Some(self.star.clone())
     }
 
-    /// Lets a vertex count as lying on a piece.
+    /// Marks a vertex as lying on a piece.
     fn count_as_on(&mut self, v: u32, piece: u32) {
         self.known[v as usize].retain(|k| k.0 != piece);
         self.known[v as usize].push((piece, 0.0));
     }
 
-    /// Lets a vertex on a side of a unit cell that is held on pieces, but left off them, count as
-    /// lying on what they are on the other side: pieces that are as far from it.
+    /// Marks a vertex on a side of a unit cell that is held on pieces, but left off them, as lying
+    /// on their counterparts on the other side: the pieces at an equal distance.
     #[cold]
     fn count_as_on_beyond(&mut self, v: u32) {
         let (p, surface) = (self.complex.point(v), self.surface);
@@ -298,14 +287,17 @@ impl Cutter<'_> {
         let off: Vec<f64> = held.map(|&i| surface.nearest_distance(i, p)).collect();
         for i in surface.pieces_around(p) {
             let d = surface.nearest_distance(i, p);
-            let is_one = |off: &f64| (d - off).abs() <= BEYOND * off.abs() + surface.zero;
+            // Rounding makes far smaller differences, and two pieces are seldom as near to each
+            // other.
+            let is_one = |off: &f64| (d - off).abs() <= 1e-6 * off.abs() + surface.zero;
             if off.iter().any(is_one) {
                 self.count_as_on(v, i);
             }
         }
     }
 
-    /// How far a vertex is from a piece as seen from a tetrahedron, or from the surface.
+    /// Returns the distance of a vertex from a piece, evaluated in a tetrahedron, or from the
+    /// surface.
     fn depth(&mut self, t: u32, v: u32, piece: Option<u32>) -> f64 {
         match piece {
             None => self.value[v as usize].abs(),
@@ -313,7 +305,8 @@ impl Cutter<'_> {
         }
     }
 
-    /// Moves a vertex along the pieces that it is held on to one more.
+    /// Moves a vertex along the pieces that hold it onto one more. Returns the tetrahedra that
+    /// changed; `None` if it cannot be moved.
     fn slide(&mut self, v: u32, piece: u32) -> Option<Vec<u32>> {
         if self.frozen[v as usize] {
             return None;
@@ -325,9 +318,9 @@ impl Cutter<'_> {
             .surface
             .project(self.surface.parted(on, p).slice(), p)?;
         let zero = self.surface.zero;
-        if norm(sub(p, q)) > SLIDE_REACH * self.cell[v as usize]
+        if norm(sub(p, q)) > 0.5 * self.cell[v as usize]
             || (!held.is_empty() && self.surface.value(q).0.abs() > zero)
-            || self.worst_if(v, q) < SLIDE_QUALITY
+            || self.worst_if(v, q) < MIN_SLIDE_QUALITY
         {
             return None;
         }

@@ -1,4 +1,4 @@
-//! What is inside is kept, with its faces on the surface labelled.
+//! Extraction of the tetrahedra inside, with labelled faces on the surface.
 
 use super::Cutter;
 use crate::complex::{BOUNDARY, Complex, NONE, STRAY};
@@ -6,30 +6,24 @@ use crate::inside::Inside;
 use crate::points::{centroid, unique};
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
-/// What a piece gains over others on which the vertices of a face only count as lying: more than
-/// cosines differ.
-const EXACT: f64 = 2.0;
-/// Least difference of cosines that decides between two pieces; below it the first one counts.
-const CLEARER: f64 = 1e-9;
-
-/// Vertices that are kept, renumbered without gaps.
+/// Kept vertices, renumbered contiguously.
 struct Kept {
-    /// Old vertices to new ones.
+    /// New index of each old vertex.
     number: Vec<u32>,
     points: Vec<Point3>,
     frozen: Vec<bool>,
 }
 
 impl Cutter<'_> {
-    /// Whether the corners of each tetrahedron are admitted.
+    /// Marks the tetrahedra whose corners `admits` accepts.
     pub(crate) fn admitted(&self, admits: impl Fn([Point3; 4]) -> bool) -> Vec<bool> {
         let all = 0..self.complex.tets.len() as u32;
         all.map(|t| self.complex.is_there(t) && admits(self.complex.corners(t)))
             .collect()
     }
 
-    /// Drops what is outside, and of what is `inside` the tetrahedra that are not `kept`: faces
-    /// towards those are open.
+    /// Drops the tetrahedra outside, and those that are not `kept`: faces towards the latter are
+    /// open.
     pub(crate) fn finish(mut self, inside: &[bool], kept: &[bool]) -> Inside {
         let live: Vec<u32> = self
             .complex
@@ -62,8 +56,7 @@ impl Cutter<'_> {
         }
     }
 
-    /// The vertices of the tetrahedra `live`, in their old order, so that those shared with the
-    /// core keep their places in the list of frozen vertices.
+    /// Collects the vertices of the tetrahedra `live`, in their old order.
     fn kept(&self, live: &[u32]) -> Kept {
         let mut used = vec![false; self.complex.points.len()];
         for &t in live {
@@ -85,7 +78,7 @@ impl Cutter<'_> {
     }
 
     /// Labels the faces between inside and outside, and those between regions, in the complex of
-    /// the tetrahedra kept. Returns places of faces on no single piece.
+    /// the kept tetrahedra. Returns points on faces that do not lie on a single piece.
     fn label(&mut self, live: &[u32], inside: &[bool], kept: &mut Complex) -> Vec<Point3> {
         let mut stray = Vec::new();
         for (slot, &t) in live.iter().enumerate() {
@@ -118,9 +111,9 @@ impl Cutter<'_> {
         stray
     }
 
-    /// The piece of a layer that a face on its surface lies on: all three vertices vanish on it,
-    /// and its normal is the face's as nearly as possible. `within` is a place in the tetrahedron
-    /// that the face belongs to.
+    /// Returns the piece of a layer on which a surface face lies: all three vertices lie on it, and
+    /// its normal is closest to that of the face. `within` is a point in the tetrahedron that has
+    /// the face.
     fn piece_of(&mut self, f: [u32; 3], layer: usize, within: Point3) -> Option<u32> {
         let p = self.complex.points_of(f);
         let normal = cross(sub(p[1], p[0]), sub(p[2], p[0]));
@@ -130,19 +123,21 @@ impl Cutter<'_> {
         self.surface.keep_beside(&mut pieces, p, within);
         for i in pieces {
             let g = self.surface.solid.gradient(i, middle).1;
-            // Vertices that only count as lying on a piece stand behind those that do.
             let exact = p.iter().all(|&q| self.surface.distance(i, q) == 0.0);
             let c = -dot(g, normal) / (norm(g) * norm(normal)).max(1e-300)
-                + if exact { EXACT } else { 0.0 };
-            if best.is_none_or(|b| c > b.0 + CLEARER) {
+                // Pieces on which all vertices lie exactly precede, since cosines differ by at most
+                // 2.
+                + if exact { 2.0 } else { 0.0 };
+            // Among equal cosines the first piece is taken.
+            if best.is_none_or(|b| c > b.0 + 1e-9) {
                 best = Some((c, i));
             }
         }
         best.map(|b| b.1)
     }
 
-    /// The pieces of a layer on which all three vertices of a face lie; if there are several, those
-    /// that are the surface at one of them.
+    /// Returns the pieces of a layer on which all three vertices of a face lie; if there are
+    /// several, those that bound the solid at one of the vertices.
     fn pieces_at(&mut self, f: [u32; 3], layer: usize) -> Vec<u32> {
         let p = self.complex.points_of(f);
         let mut pieces: Vec<u32> = self.on[f[0] as usize].slice().to_vec();

@@ -1,21 +1,21 @@
-//! The sign of a tree in a tetrahedron, from the values of the pieces at its vertices.
+//! Sign of a tree in a tetrahedron, from the values of the pieces at its vertices.
 
 use super::Cutter;
 use crate::lattice::{IN, OUT};
 use crate::surface::Surface;
 use isoform_geom::Csg;
 
-/// What the signs at the vertices say of a tetrahedron.
+/// Classification of a tetrahedron by the signs at its vertices.
 pub(super) enum Side {
     In,
     Out,
-    /// All values that matter are 0: it lies flat in the surface.
+    /// All relevant values are 0: it lies flat in the surface.
     Flat,
-    /// The pieces that must be cut.
+    /// Pieces whose sign changes have to be cut.
     Cut(Vec<u32>),
 }
 
-/// The least and the largest value of a piece over the vertices.
+/// Minimum and maximum of a piece over the vertices.
 struct Range {
     piece: u32,
     lo: f64,
@@ -23,12 +23,12 @@ struct Range {
 }
 
 impl Cutter<'_> {
-    /// What the vertices' signs say of a tetrahedron.
+    /// Classifies a tetrahedron by the signs at its vertices.
     pub(super) fn side(&mut self, t: u32) -> Side {
         self.side_in(self.surface.focus, t)
     }
 
-    /// What the vertices' signs say of a tetrahedron and a layer.
+    /// Classifies a tetrahedron with respect to a layer.
     fn side_in(&mut self, layer: usize, t: u32) -> Side {
         let surface: &Surface<'_> = self.surface;
         let lattice = surface.lattice_of(layer);
@@ -54,7 +54,7 @@ impl Cutter<'_> {
         Range { piece, lo, hi }
     }
 
-    /// Whether each tetrahedron is inside.
+    /// Marks the tetrahedra inside.
     pub(crate) fn inside(&mut self) -> Vec<bool> {
         let mut inside = vec![false; self.complex.tets.len()];
         for t in 0..self.complex.tets.len() as u32 {
@@ -63,7 +63,7 @@ impl Cutter<'_> {
         inside
     }
 
-    /// Whether a tetrahedron lies in a layer.
+    /// Returns true if a tetrahedron lies in a layer.
     fn is_in(&mut self, layer: usize, t: u32) -> bool {
         match self.side_in(layer, t) {
             Side::In => true,
@@ -74,22 +74,22 @@ impl Cutter<'_> {
         }
     }
 
-    /// Whether nothing that the layer in focus does can matter in a tetrahedron: that of a region
-    /// does not outside of the whole, nor in a region before it.
+    /// Returns true if the layer in focus is irrelevant in a tetrahedron: a divider does not matter
+    /// outside of the whole, nor in an earlier divider.
     pub(super) fn is_settled(&mut self, t: u32) -> bool {
         let focus = self.surface.focus;
         if focus == 0 {
             return false;
         }
-        // Most of a region's surroundings are decided cells: their values are infinite.
+        // Most cells around a region are decided: their values are infinite.
         let [a, b, c, d] = self.complex.tets[t as usize].map(|v| self.value[v as usize]);
         (a.is_infinite() && [b, c, d] == [a; 3])
             || matches!(self.side_in(0, t), Side::Out)
             || (1..focus).any(|layer| matches!(self.side_in(layer, t), Side::In))
     }
 
-    /// The region that a tetrahedron of the whole belongs to: that of the first divider that it
-    /// lies in, or the one behind all of them.
+    /// Returns the region of a tetrahedron of the whole: that of the first divider in which it
+    /// lies, or the remainder.
     pub(super) fn region(&mut self, t: u32) -> u16 {
         let dividers = self.surface.dividers;
         let first = (0..dividers).find(|&k| self.is_in(k + 1, t));
@@ -97,7 +97,8 @@ impl Cutter<'_> {
     }
 }
 
-/// The sign of a tree from the ranges of its pieces over the vertices, where 0 is on either side.
+/// Returns the sign of a tree from the ranges of its pieces over the vertices, where 0 belongs to
+/// both sides.
 fn side(tree: &Csg, ranges: &[Range]) -> Side {
     match tree {
         Csg::Piece(i) => side_of_piece(*i, ranges),
@@ -106,7 +107,7 @@ fn side(tree: &Csg, ranges: &[Range]) -> Side {
     }
 }
 
-/// The sign of one piece. Of a piece that is not listed nothing is known.
+/// Returns the sign of one piece; a piece without a range is undecided.
 fn side_of_piece(piece: u32, ranges: &[Range]) -> Side {
     let range = ranges.iter().find(|r| r.piece == piece);
     let (lo, hi) = range.map_or((-1.0, 1.0), |r| (r.lo, r.hi));
@@ -118,7 +119,7 @@ fn side_of_piece(piece: u32, ranges: &[Range]) -> Side {
     }
 }
 
-/// The sign of a minimum or a maximum.
+/// Returns the sign of a minimum or a maximum.
 fn side_of_many(children: &[Csg], ranges: &[Range], is_min: bool) -> Side {
     let (mut flat, mut cut) = (false, Vec::new());
     for child in children {

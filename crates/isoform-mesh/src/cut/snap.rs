@@ -1,36 +1,24 @@
-//! Vertices of the lattice are moved to corners, curves and the surface, where that is near.
+//! Snapping: lattice vertices are moved to nearby corners, curves and the surface.
 
-use super::{Cutter, LOOK};
+use super::{Cutter, ITEMS_PER_STOP_CHECK};
 use crate::points::along;
 use crate::surface::On;
 use crate::torus::Torus;
 use isoform_geom::{Point3, norm, sub};
 use rayon::prelude::*;
 
-/// Worst measure that a snap to a corner, a curve, the surface may leave. Higher: more cuts and
-/// short edges; lower: flat tetrahedra that only the optimiser can mend.
-const SNAP_QUALITY: [f64; 3] = [0.01, 0.04, 0.1];
-/// Farthest snap to a curve or corner, in cells. Voronoi cells of the lattice reach 0.559.
-const SNAP_REACH: f64 = 0.56;
-/// Farthest that a vertex is snapped to the nearest point of the surface, in cells; the edges of
-/// the lattice are longer.
-const SURFACE_REACH: f64 = 0.6;
-/// Value, in cells, from which a vertex is too far from the surface to be snapped to it.
-const NEAR: f64 = 0.5;
-/// Share of an edge next to a vertex within which the vertex is moved instead of cutting: long and
-/// short edges of the lattice (Labelle and Shewchuk, table 1).
-const WARP: [f64; 2] = [0.25, 0.41];
-/// Length in cells from which an edge is a long one: between √3/2 of the short ones and 1.
-const LONG: f64 = 0.94;
-/// Values of more than this many cells, infinite ones too, count as this many.
-const DECIDED: f64 = 2.0;
-/// Distance, in cells, below which two corners are one.
-const SAME_CORNER: f64 = 1e-6;
-/// The least distance, in cells, between neighbours on one curve.
-const APART: f64 = 0.5;
-/// With more pieces than this near a vertex, corners are left to the cutting: the number of triples
-/// to try grows with the third power.
-const CROWDED: usize = 6;
+/// Worst biased sines that a snap to a corner, a curve, and the surface may leave. Higher values
+/// cause more cuts and short edges; lower ones flat tetrahedra that only the optimiser can repair.
+const MIN_SNAP_QUALITIES: [f64; 3] = [0.01, 0.04, 0.1];
+/// Largest distance of a snap to a curve or corner, in cells. Voronoi cells of the lattice extend
+/// to 0.559.
+const MAX_FEATURE_SNAP_DISTANCE: f64 = 0.56;
+/// Fractions of the long and the short lattice edges next to a vertex within which the vertex is
+/// moved instead of cutting (Labelle and Shewchuk, table 1).
+const SURFACE_SNAP_FRACTIONS: [f64; 2] = [0.25, 0.41];
+/// Maximum number of pieces near a vertex for which corners are tried, since the number of triples
+/// is cubic; others are left to the cutting.
+const MAX_CORNER_PIECES: usize = 6;
 
 /// A corner or a point of a curve within reach of a vertex.
 struct Candidate {
@@ -45,7 +33,7 @@ impl Cutter<'_> {
     pub(super) fn snap_features(&mut self) {
         let mut corners: Vec<Point3> = Vec::new();
         for (k, found) in self.candidates().into_iter().enumerate() {
-            if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+            if k.is_multiple_of(ITEMS_PER_STOP_CHECK) && self.control.is_stopped() {
                 return;
             }
             let Candidate { v, on, at, .. } = found;
@@ -53,21 +41,23 @@ impl Cutter<'_> {
                 continue;
             }
             if on.len() == 3 {
-                let same = SAME_CORNER * self.cell[v as usize];
+                // Corners that are equal to rounding.
+                let same = 1e-6 * self.cell[v as usize];
                 if corners.iter().any(|&q| norm(sub(q, at)) < same)
-                    || self.worst_if(v, at) < SNAP_QUALITY[0]
+                    || self.worst_if(v, at) < MIN_SNAP_QUALITIES[0]
                 {
                     continue;
                 }
                 corners.push(at);
-            } else if self.is_crowded(v, on, at) || self.worst_if(v, at) < SNAP_QUALITY[1] {
+            } else if self.is_crowded(v, on, at) || self.worst_if(v, at) < MIN_SNAP_QUALITIES[1] {
                 continue;
             }
             self.place(v, at, on);
         }
     }
 
-    /// Corners and points of curves within reach of vertices, in the order in which they are tried.
+    /// Returns corners and points of curves within reach of vertices, in the order in which they
+    /// are tried.
     fn candidates(&self) -> Vec<Candidate> {
         let found: Vec<Vec<Candidate>> = (0..self.complex.points.len() as u32)
             .into_par_iter()
@@ -75,7 +65,7 @@ impl Cutter<'_> {
                 if self.frozen[v as usize] || self.control.is_stopped() {
                     Vec::new()
                 } else {
-                    self.features_near(v, SNAP_REACH * self.cell[v as usize])
+                    self.features_near(v, MAX_FEATURE_SNAP_DISTANCE * self.cell[v as usize])
                 }
             })
             .collect();
@@ -93,9 +83,10 @@ impl Cutter<'_> {
         found
     }
 
-    /// Whether a neighbour stands on the same curve close to a place.
+    /// Returns true if a neighbour on this curve is close to a point.
     fn is_crowded(&mut self, v: u32, on: On, at: Point3) -> bool {
-        let close = APART * self.cell[v as usize];
+        // Minimum distance, in cells, between neighbours on one curve.
+        let close = 0.5 * self.cell[v as usize];
         self.neighbours(v).iter().any(|&w| {
             let near = |torus: Torus| torus.nearest(self.complex.point(w), at);
             let p = (self.complex.torus).map_or_else(|| self.complex.point(w), near);
@@ -103,7 +94,7 @@ impl Cutter<'_> {
         })
     }
 
-    /// Corners and curve points within reach of a vertex.
+    /// Returns corners and curve points within reach of a vertex.
     fn features_near(&self, v: u32, reach: f64) -> Vec<Candidate> {
         let p = self.complex.point(v);
         let mut found = Vec::new();
@@ -124,7 +115,7 @@ impl Cutter<'_> {
                     continue;
                 }
                 found.extend(self.candidate(v, &[b, a], reach));
-                if pieces.len() <= CROWDED {
+                if pieces.len() <= MAX_CORNER_PIECES {
                     for &c in &pieces[..j] {
                         found.extend(self.candidate(v, &[c, b, a], reach));
                     }
@@ -134,8 +125,8 @@ impl Cutter<'_> {
         found
     }
 
-    /// The point next to a vertex where the pieces meet, if they do in an edge or corner of the
-    /// solid within reach.
+    /// Returns the nearest common point of the pieces, if it is an edge or corner of the solid
+    /// within reach.
     fn candidate(&self, v: u32, on: &[u32], reach: f64) -> Option<Candidate> {
         let p = self.complex.point(v);
         let at = self.surface.project(on, p)?;
@@ -157,7 +148,7 @@ impl Cutter<'_> {
         })
     }
 
-    /// Vertices next to the surface are moved onto it, nearest first.
+    /// Moves vertices close to the surface onto it, nearest first.
     pub(super) fn snap_surface(&mut self) {
         let mut near: Vec<u32> = (0..self.complex.points.len() as u32)
             .filter(|&v| self.may_snap(v as usize))
@@ -169,53 +160,60 @@ impl Cutter<'_> {
             by_depth.then_with(|| rank(u).cmp(&rank(v))).then(u.cmp(&v))
         });
         for (k, v) in near.into_iter().enumerate() {
-            if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+            if k.is_multiple_of(ITEMS_PER_STOP_CHECK) && self.control.is_stopped() {
                 return;
             }
             if let Some(w) = self.nearest_across(v)
                 && let Some((q, piece)) = self.nearest_on_surface(v, w)
-                && self.worst_if(v, q) >= SNAP_QUALITY[2]
+                && self.worst_if(v, q) >= MIN_SNAP_QUALITIES[2]
             {
                 self.place(v, q, self.on[v as usize].with(piece).unwrap_or_default());
             }
         }
     }
 
-    /// Whether a vertex near the surface, but not on it, is free to move.
+    /// Returns true if a vertex is close to the surface, but not on it, and free to move.
     fn may_snap(&self, v: usize) -> bool {
         let f = self.value[v];
         f != 0.0
-            && f.abs() < NEAR * self.cell[v]
+            // Vertices farther away, in cells, are not snapped.
+            && f.abs() < 0.5 * self.cell[v]
             && !self.frozen[v]
             && self.is_free(v)
             && self.on[v].len() < 3
             && !self.is_elsewhere(v)
     }
 
-    /// Whether a vertex is held on nothing, or on sides of a unit cell alone.
+    /// Returns true if a vertex is held by sides of a unit cell only, or by no piece.
     fn is_free(&self, v: usize) -> bool {
         self.surface.holds_only_sides(&self.on[v])
     }
 
-    /// Whether a vertex lies where the surface of the layer in focus does not matter: outside of
-    /// the whole, or in a region before the layer's.
+    /// Returns true if a vertex lies where the surface of the layer in focus does not matter:
+    /// outside of the whole, or in an earlier region.
     fn is_elsewhere(&self, v: usize) -> bool {
         let value = |layer: usize| self.surface.value_in(layer, self.complex.points[v]).0;
         let focus = self.surface.focus;
         focus > 0 && (value(0) < 0.0 || (1..focus).any(|layer| value(layer) > 0.0))
     }
 
-    /// The neighbour on the other side of the surface whose edge is crossed nearest to the vertex,
-    /// if that is near enough.
+    /// Returns the neighbour on the other side of the surface whose edge is crossed nearest to the
+    /// vertex; `None` if no crossing is near enough.
     fn nearest_across(&mut self, v: u32) -> Option<u32> {
         let (f, a) = (self.value[v as usize], self.cell[v as usize]);
         let mut least: Option<(f64, u32)> = None;
         for w in self.neighbours(v) {
             let g = self.value[w as usize];
             if f * g < 0.0 {
-                let long = self.complex.edge_length(v, w) > LONG * a;
-                let share = f.abs() / (f.abs() + g.abs().min(DECIDED * a));
-                let limit = if long { WARP[0] } else { WARP[1] };
+                // Short edges have √3/2, long ones 1 in cells.
+                let long = self.complex.edge_length(v, w) > 0.94 * a;
+                // Values, also infinite ones, count as two cells at most.
+                let share = f.abs() / (f.abs() + g.abs().min(2.0 * a));
+                let limit = if long {
+                    SURFACE_SNAP_FRACTIONS[0]
+                } else {
+                    SURFACE_SNAP_FRACTIONS[1]
+                };
                 if share < limit && least.is_none_or(|l| share < l.0) {
                     least = Some((share, w));
                 }
@@ -224,8 +222,8 @@ impl Cutter<'_> {
         least.map(|l| l.1)
     }
 
-    /// A point of the surface for a vertex, with the piece there: the nearest one if it is near,
-    /// else one from the edge to a neighbour on the other side.
+    /// Returns a point of the surface for a vertex, with the piece there: the nearest one if it is
+    /// close, else one from the edge to a neighbour on the other side.
     fn nearest_on_surface(&self, v: u32, across: u32) -> Option<(Point3, u32)> {
         let surface = self.surface;
         let [p, q] = self.complex.points_of([v, across]);
@@ -233,7 +231,8 @@ impl Cutter<'_> {
         let (_, piece) = surface.value(p);
         let with = |piece: u32| self.on[v as usize].with(piece);
         let nearest = surface.project(with(piece)?.slice(), p).filter(|&q| {
-            norm(sub(p, q)) < SURFACE_REACH * self.cell[v as usize]
+            // The edges of the lattice are longer.
+            norm(sub(p, q)) < 0.6 * self.cell[v as usize]
                 && surface.value(q).0.abs() <= surface.zero
         });
         if let Some(q) = nearest {

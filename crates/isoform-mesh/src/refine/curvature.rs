@@ -1,6 +1,6 @@
-//! Sizes that follow the curvature of the surface, and sizes that are wished for.
+//! Sizes that follow the curvature of the surface, and sizes prescribed by the user.
 
-use super::{CHUNK, Refiner, SAME, longest};
+use super::{LENGTH_TOLERANCE_FACTOR, MIN_TETS_PER_TASK, Refiner, longest};
 use crate::complex::Complex;
 use crate::lattice::{CELL, Reduced};
 use crate::options::Options;
@@ -10,32 +10,17 @@ use isoform_geom::{Point3, Solid, across, dot, norm, sub};
 use isoform_num::Jet2;
 use rayon::prelude::*;
 
-/// Edges are at most this share of the smallest radius of curvature: an arc of some 50 degrees
-/// each. Coarser ones cannot tell sheets that bend into each other apart.
-const RADIUS: f64 = 0.8;
-/// Smallest share of the size asked for that curvature alone may lead to; sharper bends are left to
-/// the chordal error, if one is asked for.
-const BEND_LEAST: f64 = 0.25;
-/// Radii are at least this share of that of the level set nearby: the distance that is left between
-/// the two is to first order only, and must not cancel all of it.
-const FOCAL: f64 = 0.5;
-/// Distance of a piece, in radii of a tetrahedron, beyond which it does not pass through that.
-const REACH: f64 = 1.1;
-/// The chordal error is measured on the mesh afterwards and what exceeds it split: here it may be
-/// exceeded by this factor.
-const EXCEEDED: f64 = 1.3;
-
-/// Largest principal curvature, by magnitude, of the level set through a point.
+/// Returns the largest principal curvature, by magnitude, of the level set through a point.
 pub(crate) fn curvature(j: &Jet2) -> f64 {
     let [k, l] = bends(j);
     k.abs().max(l.abs())
 }
 
-/// The principal curvatures of the level set through a point, positive where it bends towards the
-/// inside; 0 without a gradient.
+/// Returns the principal curvatures of the level set through a point, positive where it bends
+/// towards the inside; 0 without a gradient.
 ///
-/// With the unit normal n and directions u, v across it these are the eigenvalues of the Hessian
-/// restricted to u and v, over −|∇g|.
+/// With the unit normal n and orthonormal tangents u, v these are the eigenvalues of the Hessian
+/// restricted to u and v, divided by −|∇g|.
 fn bends(j: &Jet2) -> [f64; 2] {
     let l = norm(j.g);
     if !(l > 0.0 && l.is_finite()) {
@@ -51,30 +36,35 @@ fn bends(j: &Jet2) -> [f64; 2] {
     [-mean - off, off - mean]
 }
 
-/// The smallest radius of curvature of the surface next to a point at the distance `v` to first
-/// order: that of the level set one step of Newton's method from there, but for the distance that
-/// is left. Measured at the point itself it would vanish in the middle of a ball.
+/// Returns the smallest radius of curvature of the surface next to a point at first-order distance
+/// `v`: that of the level set one Newton step away, corrected by the remaining distance. Measured
+/// at the point itself it would vanish at the centre of a ball.
 fn radius(solid: &dyn Solid, piece: u32, p: Point3, (v, gradient): (f64, Point3)) -> f64 {
     let n = unit(gradient);
     let j = solid.jet(piece, std::array::from_fn(|i| p[i] - v * n[i]));
     let left = first_order(j.v, j.g);
     let of = |bend: f64| {
-        // Level sets of a distance are parallel: their radii grow by the way outwards.
+        // Level sets of a distance are parallel: their radii grow by the distance outward.
         let radius = 1.0 / bend.abs();
-        (radius + left * bend.signum()).max(FOCAL * radius)
+        // The distance between both is of first order only, and must not cancel the whole radius.
+        (radius + left * bend.signum()).max(0.5 * radius)
     };
     let [k, l] = bends(&j).map(of);
     k.min(l)
 }
 
-/// Edge length at which a surface with this radius of curvature does not turn too far at once,
-/// where `size` is asked for.
+/// Returns the edge length at which a surface with this radius of curvature does not turn too far
+/// within an edge, given the requested `size`.
 pub(crate) fn turn_size(radius: f64, size: f64) -> f64 {
-    (RADIUS * radius).max(BEND_LEAST * size)
+    // Edges are at most 0.8 radii of curvature, arcs of about 50 degrees: coarser ones cannot
+    // separate sheets that bend into each other. Curvature alone refines to a quarter of the size
+    // at most; sharper bends are left to the chordal error, if given.
+    (0.8 * radius).max(0.25 * size)
 }
 
-/// Edge length at which the surface in a tetrahedron is followed: within the chordal error `error`,
-/// and without turning too far at once (down to a share of `size`). Infinite away from the surface.
+/// Returns the edge length at which a tetrahedron follows the surface: within the chordal error
+/// `error`, and without turning too far per edge (limited below by a fraction of `size`). Infinite
+/// away from the surface.
 fn curved_size(surface: &Surface<'_>, complex: &Complex, t: u32, error: f64, size: f64) -> f64 {
     let layers = 0..=surface.dividers;
     let reduced = layers.filter_map(|layer| surface.reduced_in(layer, complex.middle(t)));
@@ -83,7 +73,7 @@ fn curved_size(surface: &Surface<'_>, complex: &Complex, t: u32, error: f64, siz
         .fold(f64::INFINITY, f64::min)
 }
 
-/// The edge length of [`curved_size`] for one layer.
+/// Returns the edge length of [`curved_size`] for one layer.
 fn curved_size_of(
     reduced: &Reduced,
     surface: &Surface<'_>,
@@ -105,20 +95,21 @@ fn curved_size_of(
     let values: Vec<f64> = gradients.iter().map(|g| g.0).collect();
     let mut wanted = f64::INFINITY;
     for (&piece, &near) in reduced.pieces.iter().zip(&gradients) {
-        if near.0.abs() > REACH * reach || value_without(reduced, &values, piece).abs() > reach {
+        // A piece farther away than 1.1 radii of the tetrahedron does not pass through it.
+        if near.0.abs() > 1.1 * reach || value_without(reduced, &values, piece).abs() > reach {
             continue;
         }
         let radius = radius(surface.solid, piece, middle, near);
-        // A chord of length s leaves a circle of radius r by s²/(8 r), an equilateral triangle a
-        // sphere by s²/(6 r).
+        // A chord of length s deviates from a circle of radius r by s²/(8 r), an equilateral
+        // triangle from a sphere by s²/(6 r).
         let by_error = (6.0 * error * radius).sqrt();
         wanted = wanted.min(by_error).min(turn_size(radius, size));
     }
     wanted
 }
 
-/// The value of a tree where a piece vanishes and the others have the values given: near 0 only
-/// where the piece bounds the solid, or nearly so.
+/// Evaluates a tree where one piece vanishes and the others have the given values: near 0 only if
+/// the piece bounds the solid, or nearly so.
 fn value_without(reduced: &Reduced, values: &[f64], piece: u32) -> f64 {
     let place = |i: u32| reduced.pieces.iter().position(|&p| p == i);
     reduced.tree.value(&|i| {
@@ -130,10 +121,12 @@ fn value_without(reduced: &Reduced, values: &[f64], piece: u32) -> f64 {
     })
 }
 
-/// The edge length wanted in a tetrahedron of the lattice, whose cells of edge [`CELL`] hold edges
-/// of length 1: by curvature and by wishes.
+/// Returns the target edge length in a tetrahedron of the lattice, whose cells of edge [`CELL`]
+/// contain edges of length 1: by curvature and prescribed sizes.
 fn wanted(surface: &Surface<'_>, options: &Options, complex: &Complex, t: u32) -> f64 {
-    let error = options.grade.map_or(f64::INFINITY, |e| EXCEEDED * e);
+    // The chordal error is measured on the final mesh, and what exceeds it is split: the lattice
+    // may exceed it a little.
+    let error = options.grade.map_or(f64::INFINITY, |e| 1.3 * e);
     let curved = curved_size(surface, complex, t, error, options.size);
     let wished = options.sizes.as_ref().map_or(f64::INFINITY, |sizes| {
         let c = complex.corners(t);
@@ -143,14 +136,14 @@ fn wanted(surface: &Surface<'_>, options: &Options, complex: &Complex, t: u32) -
 }
 
 impl Refiner<'_> {
-    /// Bisects where the surface bends or a size is wished for: see [`Options`]. Says whether the
-    /// limit of tetrahedra was met.
+    /// Bisects where the surface bends or a smaller size is prescribed: see [`Options`]. Returns
+    /// true if the limit of tetrahedra was reached.
     pub(crate) fn follow(&mut self, surface: &Surface<'_>, options: &Options) -> bool {
         let complex = &self.complex;
         let before = complex.tets.clone();
         let sizes: Vec<f64> = (0..before.len() as u32)
             .into_par_iter()
-            .with_min_len(CHUNK)
+            .with_min_len(MIN_TETS_PER_TASK)
             .map(|t| {
                 if complex.is_there(t) && !surface.control.is_stopped() {
                     wanted(surface, options, complex, t)
@@ -162,8 +155,10 @@ impl Refiner<'_> {
         let any = sizes
             .par_iter()
             .enumerate()
-            .with_min_len(CHUNK)
-            .any(|(t, s)| s.is_finite() && longest(complex, t as u32).0 > s * SAME);
+            .with_min_len(MIN_TETS_PER_TASK)
+            .any(|(t, s)| {
+                s.is_finite() && longest(complex, t as u32).0 > s * LENGTH_TOLERANCE_FACTOR
+            });
         any && self.bisect(|complex, t| match before.get(t as usize) {
             Some(v) if *v == complex.tets[t as usize] => sizes[t as usize],
             _ => wanted(surface, options, complex, t),

@@ -1,5 +1,5 @@
-//! What hides between lattice points: thin walls, narrow gaps and links, and sheets that face each
-//! other closely.
+//! Detection of features hidden between lattice points: thin walls, narrow gaps and links, and
+//! close sheets facing each other.
 
 use super::Refiner;
 use super::curvature::curvature;
@@ -9,41 +9,24 @@ use crate::surface::Surface;
 use isoform_geom::{Point3, dot, norm, sub};
 use rayon::prelude::*;
 
-/// Places on an edge where the sign is looked at: a wall or gap as thin as a quarter of the edge is
-/// seen.
-const LOOKS: [f64; 3] = [0.25, 0.5, 0.75];
-/// The surface counts if it reaches across an edge by this share of the edge's length; less is the
-/// sagitta of a curved surface.
-const DEPTH: f64 = 0.08;
-/// How far behind an edge that cuts off a ridge the body is looked at, and how deep it is there, in
-/// lengths of the edge: a ridge of 40 degrees is 1.4 deep. What is less deep anywhere, as a needle
-/// or a wall, is less than two edges thick, which the lattice need not follow.
-const BEHIND: f64 = 4.0;
-const DEEPER: f64 = 1.1;
-/// Steps in which that way is gone, along the normals.
-const WAY: usize = 16;
-/// Times that edges are halved in search of what hides between lattice points.
-const ROUNDS: usize = 4;
+/// Fractions of an edge at which the sign is sampled: walls or gaps thicker than a quarter of the
+/// edge are detected.
+const PROBE_FRACTIONS: [f64; 3] = [0.25, 0.5, 0.75];
+/// Number of steps of the walk behind an edge, along the normals.
+const RIDGE_WALK_STEPS: usize = 16;
+/// Maximum number of bisections of an edge in search of hidden features.
+const MAX_RESOLVE_ROUNDS: usize = 4;
 
-/// Two sheets that face each other may meet if they are nearer to each other than this many times
-/// the sum of their sagittas.
-const CLOSE: f64 = 2.0;
-/// A piece may pass through a tetrahedron if its distance from the tetrahedron's middle is less
-/// than this many lengths of the edges.
-const NEAR: f64 = 0.7;
-/// Two pieces face each other if the cosine between their normals is below this.
-const FACING: f64 = -0.8;
-
-/// A piece that passes near the middle of a tetrahedron.
+/// A piece that passes near the centroid of a tetrahedron.
 struct Sheet {
     piece: u32,
-    /// Distance to first order.
+    /// First-order distance.
     distance: f64,
     normal: Point3,
 }
 
-/// Whether two pieces face each other in a tetrahedron so closely that straight edges cannot tell
-/// whether they meet.
+/// Returns true if two pieces face each other in a tetrahedron so closely that straight edges
+/// cannot tell if they meet.
 fn is_close_call(surface: &Surface<'_>, complex: &Complex, t: u32) -> bool {
     let (c, middle) = (complex.corners(t), complex.middle(t));
     let Some(reduced) = surface.reduced_in(surface.focus, middle) else {
@@ -59,7 +42,8 @@ fn is_close_call(surface: &Surface<'_>, complex: &Complex, t: u32) -> bool {
         .filter_map(|&piece| {
             let (g, d) = surface.solid.gradient(piece, middle);
             let l = norm(d);
-            (l > 0.0 && g.abs() < NEAR * length * l).then(|| Sheet {
+            // A piece farther away than 0.7 edge lengths does not pass through the tetrahedron.
+            (l > 0.0 && g.abs() < 0.7 * length * l).then(|| Sheet {
                 piece,
                 distance: g / l,
                 normal: d.map(|v| v / l),
@@ -69,28 +53,30 @@ fn is_close_call(surface: &Surface<'_>, complex: &Complex, t: u32) -> bool {
     let bend = |sheet: &Sheet| curvature(&surface.solid.jet(sheet.piece, middle));
     let too_close = |a: &Sheet, b: &Sheet| {
         let gap = (a.distance + b.distance).abs();
-        dot(a.normal, b.normal) < FACING
+        // Two pieces face each other if the angle between their normals is above 143 degrees.
+        dot(a.normal, b.normal) < -0.8
             && gap > surface.zero
             && gap < length
-            // The sagitta of a chord of length s on a circle of curvature κ is κ s²/8.
-            && gap < CLOSE * (bend(a) + bend(b)) * length * length / 8.0
+            // Two sheets facing each other may meet if their gap is below twice the sum of their
+            // sagittas. The sagitta of a chord of length s on a circle of curvature κ is κ s²/8.
+            && gap < 2.0 * (bend(a) + bend(b)) * length * length / 8.0
     };
     near.iter()
         .enumerate()
         .any(|(k, a)| near[..k].iter().any(|b| too_close(a, b)))
 }
 
-/// A tetrahedron with its vertices. Slots are reused by the halves, which are looked at in the
-/// next round: what is found of a tetrahedron counts as long as its vertices are the same.
+/// A tetrahedron with its vertices. Slots are reused by halves, which are searched in the next
+/// round: a result is valid as long as the vertices are unchanged.
 type Found = (u32, [u32; 4]);
 
-/// The search for what hides between lattice points, from round to round.
+/// Search for features hidden between lattice points, from round to round.
 struct Search<'s> {
     surface: &'s Surface<'s>,
-    /// The solid's value at each vertex.
+    /// Value of the solid at each vertex.
     values: Vec<f64>,
-    /// Tetrahedra of the round before: they need not be looked at again, except for edges that
-    /// could not be halved.
+    /// Tetrahedra of the previous round, which are not searched again, except for edges that could
+    /// not be bisected.
     before: Vec<[u32; 4]>,
     /// Edges that a piece crosses twice, sorted.
     twice: Vec<[u32; 2]>,
@@ -99,7 +85,7 @@ struct Search<'s> {
 }
 
 impl Search<'_> {
-    /// Looks at all that is new.
+    /// Searches all new tetrahedra and edges.
     fn look(&mut self, complex: &Complex) {
         let (surface, known) = (self.surface, self.values.len());
         self.values.par_extend(
@@ -123,7 +109,8 @@ impl Search<'_> {
             .collect();
     }
 
-    /// Edges that may be crossed twice: edges of new tetrahedra, and edges that could not be halved.
+    /// Returns the edges that may be crossed twice: edges of new tetrahedra, and edges that could
+    /// not be bisected.
     fn edges(&self, complex: &Complex, fresh: &[u32]) -> Vec<[u32; 2]> {
         let mut edges: Vec<[u32; 2]> = fresh
             .iter()
@@ -138,8 +125,8 @@ impl Search<'_> {
         edges
     }
 
-    /// Values are distances, nearly: ends farther from the surface than the edge is long cannot see
-    /// it twice.
+    /// Returns true if a piece may cross an edge twice. Since values are approximate distances,
+    /// ends together farther from the surface than the edge is long exclude it.
     fn may_be_crossed_twice(&self, complex: &Complex, [a, b]: [u32; 2]) -> bool {
         let (f, g) = (self.values[a as usize], self.values[b as usize]);
         f * g > 0.0 && f.is_finite() && g.is_finite() && {
@@ -149,47 +136,52 @@ impl Search<'_> {
         }
     }
 
-    /// Whether one piece crosses an edge twice. Two pieces, one at each crossing, are told apart by
-    /// their signs at the ends and cut one by one.
+    /// Returns true if one piece crosses an edge twice. Two pieces with one crossing each are
+    /// separated by their signs at the ends and cut one by one.
     fn is_crossed_twice(&self, complex: &Complex, [a, b]: [u32; 2]) -> bool {
         let [p, q] = complex.points_of([a, b]);
         let length = norm(sub(p, q));
-        LOOKS.iter().any(|&t| {
+        PROBE_FRACTIONS.iter().any(|&t| {
             let (v, piece) = self.surface.value(along(p, q, t));
             v * self.values[a as usize] < 0.0
-                && v.abs() > DEPTH * length
+                // A smaller depth is the sagitta of a curved surface.
+                && v.abs() > 0.08 * length
                 && v * self.surface.distance(piece, p) < 0.0
                 && v * self.surface.distance(piece, q) < 0.0
         })
     }
 
-    /// Whether an edge that is crossed twice cuts off no more than a ridge, or a groove: from there
-    /// on the body, or the gap, gets as deep as a sharp edge would. What is lost is the chamfer.
+    /// Returns true if an edge that is crossed twice cuts off only a ridge or a groove: behind it
+    /// the body, or the gap, becomes as deep as at a sharp edge. The mesh then loses only the
+    /// chamfer.
     fn is_ridge(&self, complex: &Complex, [a, b]: [u32; 2]) -> bool {
         let [p, q] = complex.points_of([a, b]);
         let length = norm(sub(p, q));
         let side = -self.values[a as usize].signum();
-        let places = LOOKS.map(|t| along(p, q, t));
+        let places = PROBE_FRACTIONS.map(|t| along(p, q, t));
         let depth = |p: Point3| side * self.surface.value(p).0;
         let deepest = places
             .into_iter()
             .max_by(|x, y| depth(*x).total_cmp(&depth(*y)));
         deepest.is_some_and(|mut at| {
-            for _ in 0..WAY {
+            for _ in 0..RIDGE_WALK_STEPS {
                 let (value, piece) = self.surface.value(at);
-                // A cell that is decided is as deep as can be.
+                // A decided cell counts as infinitely deep.
                 if value.is_infinite() {
                     break;
                 }
                 let inwards = unit(self.surface.gradient(piece, at).1);
-                let step = side * BEHIND * length / WAY as f64;
+                // The walk goes four edge lengths inward; a ridge of 40 degrees is 1.4 deep there.
+                // Anything shallower, such as a needle or a wall, is less than two edges thick,
+                // which the lattice need not follow.
+                let step = side * 4.0 * length / RIDGE_WALK_STEPS as f64;
                 at = std::array::from_fn(|i| at[i] + step * inwards[i]);
             }
-            depth(at) > DEEPER * length
+            depth(at) > 1.1 * length
         })
     }
 
-    /// Whether a tetrahedron is to be halved.
+    /// Returns true if a tetrahedron is to be bisected.
     fn is_wanted(&self, complex: &Complex, t: u32) -> bool {
         let found = (t, complex.tets[t as usize]);
         self.close.binary_search(&found).is_ok()
@@ -201,9 +193,9 @@ impl Search<'_> {
 }
 
 impl Refiner<'_> {
-    /// Halves edges that a piece of the surface crosses twice (both ends inside, or both outside,
-    /// and a place between that is not), so that thin walls, gaps and narrow links are met by the
-    /// lattice. Returns places where the last round still found such an edge, but for those that cut
+    /// Bisects edges that a piece of the surface crosses twice (both ends inside, or both outside,
+    /// and a point in between that is not), so that the lattice meets thin walls, gaps and narrow
+    /// links. Returns points where the last round still found such an edge, except those that cut
     /// off a ridge.
     pub(crate) fn resolve(&mut self, surface: &Surface<'_>) -> Vec<Point3> {
         let mut search = Search {
@@ -213,13 +205,13 @@ impl Refiner<'_> {
             twice: Vec::new(),
             close: Vec::new(),
         };
-        for round in 0..=ROUNDS {
+        for round in 0..=MAX_RESOLVE_ROUNDS {
             search.look(&self.complex);
             if search.twice.is_empty() && search.close.is_empty() {
                 return Vec::new();
             }
             let is_full = self.complex.tets.len() > self.limit;
-            if round == ROUNDS || is_full || surface.control.is_stopped() {
+            if round == MAX_RESOLVE_ROUNDS || is_full || surface.control.is_stopped() {
                 break;
             }
             search.before.clone_from(&self.complex.tets);

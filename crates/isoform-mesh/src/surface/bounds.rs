@@ -1,32 +1,31 @@
-//! Whether pieces bound the solid at a point: in a face, along an edge, at a corner.
+//! Local topology at a point: tests if pieces bound the solid in a face, along an edge, or at a
+//! corner.
 //!
-//! The tree is asked for the sign around the point. Pieces that vanish there get the values that
-//! they have, to first order, in some direction from it; all others keep their signs.
+//! The tree's sign is evaluated around the point. Pieces that vanish there get their first-order
+//! values in some direction; all others keep their signs.
 
-use super::{Surface, TANGENT};
+use super::{MAX_TANGENT_SINE, Surface};
 use crate::points::unit;
 use isoform_geom::{Csg, Point3, cross, dot, norm};
 
-/// Directions within a face that are tried.
-const DIRECTIONS: u32 = 16;
-/// Angle from one direction to the next, and of the first one: in no simple ratio to each other,
-/// so that none lies in another piece by design.
-const TURN: [f64; 2] = [0.4, 0.123];
+/// Angle between consecutive directions, and of the first one, in radians: incommensurable, so that
+/// no direction lies in another piece by design.
+const PROBE_ANGLES: [f64; 2] = [0.4, 0.123];
 
-/// A value that no other can outweigh, with the sign of the one given.
+/// Returns a value that no other can outweigh, with the sign of the given one.
 fn far(value: f64) -> f64 {
     value.signum() * f64::MAX
 }
 
-/// Another piece that vanishes at the same point as a face's.
+/// A piece that vanishes at the examined point of another piece.
 struct Beside {
     piece: u32,
     normal: Point3,
 }
 
 impl Surface<'_> {
-    /// Whether the two pieces meet at `p` in an edge of the solid: the sign in the four quadrants
-    /// between them depends on both, and they meet at an angle.
+    /// Returns true if the two pieces meet at `p` in an edge of the solid: the sign in the four
+    /// quadrants between them depends on both, and they meet at an angle.
     pub(crate) fn is_edge(&self, pair: [u32; 2], p: Point3) -> bool {
         let Some(layer) = self.common_layer(&pair) else {
             return self.is_crossing(&pair, p);
@@ -39,7 +38,7 @@ impl Surface<'_> {
             let l = norm(d);
             d.map(|v| v / l)
         });
-        if norm(cross(n[0], n[1])) < TANGENT {
+        if norm(cross(n[0], n[1])) < MAX_TANGENT_SINE {
             return false;
         }
         let inside = |quadrant: [f64; 2]| {
@@ -47,7 +46,7 @@ impl Surface<'_> {
                 if let Some(k) = pair.iter().position(|&k| k == i) {
                     return quadrant[k];
                 }
-                // A third piece that vanishes as well is followed into the quadrant.
+                // A third piece that vanishes as well is evaluated in the quadrant.
                 let d = self.distance(i, p);
                 if d != 0.0 {
                     far(d)
@@ -61,8 +60,8 @@ impl Surface<'_> {
         (a != b || c != d) && (a != c || b != d)
     }
 
-    /// Whether the three pieces meet at `p` in a corner of the solid: the sign in the eight octants
-    /// between them depends on each.
+    /// Returns true if the three pieces meet at `p` in a corner of the solid: the sign in the eight
+    /// octants between them depends on each.
     pub(crate) fn is_corner(&self, on: &[u32], p: Point3) -> bool {
         let Some(layer) = self.common_layer(on) else {
             return self.is_crossing(on, p);
@@ -83,8 +82,8 @@ impl Surface<'_> {
         (0..3).all(|at| (0..8usize).any(|octant| inside(octant) != inside(octant ^ 1 << at)))
     }
 
-    /// Whether pieces of several layers cross at `p`: each bounds its own layer there, those of one
-    /// layer in an edge, and all meet at an angle.
+    /// Returns true if pieces of several layers cross at `p`: each bounds its own layer there,
+    /// those of one layer in an edge, and all meet at an angle.
     fn is_crossing(&self, pieces: &[u32], p: Point3) -> bool {
         let pairs = (0..pieces.len()).flat_map(|k| (0..k).map(move |j| [pieces[j], pieces[k]]));
         self.are_bounded_at(pieces, p)
@@ -95,9 +94,9 @@ impl Surface<'_> {
             })
     }
 
-    /// Whether a piece that vanishes at `p` is the surface somewhere around: in some direction
-    /// within it, its sign decides the solid's when the other pieces that vanish there go with
-    /// their gradients, and those tangential to it with it.
+    /// Returns true if a piece that vanishes at `p` is the surface in some direction around it:
+    /// there its sign decides the solid's, with the other vanishing pieces evaluated by their
+    /// gradients, and those tangential to it with its sign.
     pub(crate) fn is_face(&self, piece: u32, p: Point3) -> bool {
         let Some(reduced) = self.reduced_in(self.layer_of(piece), p) else {
             return false;
@@ -117,8 +116,8 @@ impl Surface<'_> {
             return true;
         }
         let (a, b) = frame(n);
-        (0..DIRECTIONS).any(|k| {
-            let (s, c) = (TURN[0] * f64::from(k) + TURN[1]).sin_cos();
+        (0..16).any(|k| {
+            let (s, c) = (PROBE_ANGLES[0] * f64::from(k) + PROBE_ANGLES[1]).sin_cos();
             let along = std::array::from_fn(|i| c * a[i] + s * b[i]);
             let inside = |side: f64| {
                 let value = |i: u32| {
@@ -136,7 +135,8 @@ impl Surface<'_> {
         })
     }
 
-    /// Value of a piece to first order in the quadrant where the two normals give `s` and `t`.
+    /// Returns the first-order value of a piece in the quadrant where the two normals give `s` and
+    /// `t`.
     fn follow(&self, piece: u32, n: [Point3; 2], [s, t]: [f64; 2], p: Point3) -> f64 {
         let k = dot(n[0], n[1]);
         let det = 1.0 - k * k;
@@ -151,9 +151,10 @@ fn is_inside(tree: &Csg, value: &impl Fn(u32) -> f64) -> bool {
 }
 
 impl Beside {
-    /// Its value in a direction within the face with normal `n`, on one side of that.
+    /// Returns the piece's value in a direction within the face with normal `n`, on one side of the
+    /// face.
     fn value(&self, n: Point3, along: Point3, side: f64) -> f64 {
-        if norm(cross(self.normal, n)) < TANGENT {
+        if norm(cross(self.normal, n)) < MAX_TANGENT_SINE {
             side * dot(self.normal, n).signum()
         } else {
             dot(self.normal, along)
@@ -161,7 +162,7 @@ impl Beside {
     }
 }
 
-/// Two directions of equal length across a unit vector, and to each other.
+/// Returns two vectors of equal length that are orthogonal to a unit vector and to each other.
 fn frame(n: Point3) -> (Point3, Point3) {
     let axis = (0..3)
         .min_by(|&i, &j| n[i].abs().total_cmp(&n[j].abs()))

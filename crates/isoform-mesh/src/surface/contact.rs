@@ -1,12 +1,12 @@
-//! Where two pieces touch along a third one.
+//! Seams: curves where two pieces touch along a third one.
 //!
-//! The side of a box goes over smoothly into a cylinder where the end of the box, which is nowhere
-//! on the surface, crosses both. No two pieces that bound the solid meet at an angle there, so that
-//! neither the surface nor its two pieces say where to go: Newton's method towards a tangential
-//! intersection loses half of the digits. The third piece meets both at an angle: the *seam* is
-//! where it meets one of them, and both bound the solid, one on each side of it.
+//! Example: the side of a box passes smoothly into a cylinder where the end face of the box, which
+//! is not part of the surface, crosses both. No two bounding pieces meet at an angle there, so that
+//! neither the surface nor its two pieces locate the curve: Newton's method towards a tangential
+//! intersection loses half of the digits. The third piece meets both at an angle: the *seam* is its
+//! intersection with one of them, and one of the two bounds the solid on each side of it.
 
-use super::{On, Surface, TANGENT, is_skin};
+use super::{MAX_TANGENT_SINE, On, Surface, is_skin};
 use crate::features::newton::along;
 use crate::lattice::CELL;
 use crate::points::unit;
@@ -14,26 +14,21 @@ use crate::refine::{curvature, turn_size};
 use isoform_geom::{Point3, cross, norm, sub};
 use std::sync::atomic::Ordering;
 
-/// How far beside a seam the solid is asked which piece bounds it, in cells as small as the surface
-/// bends there. Less asks where both are equal to rounding; more asks where other pieces begin.
-const BESIDE: f64 = 0.02;
-/// How far from a point its seam may be, in such cells: the snaps' reach, and more.
-const REACH: f64 = 1.0;
-/// Sine of the angle above which a piece crosses another one so clearly that a seam is well placed.
-const CLEARLY: f64 = 0.2;
-/// How far beside a seam, in such cells, its pieces have to be still together, and how near. Where
-/// they part sooner a radius is smaller than a cell, for cells become no smaller than a share of
-/// the size: no triangles would have room between this seam and the next, so that vertices held on
-/// them spoil the mesh.
-const TOGETHER: [f64; 2] = [0.5, 0.15];
-/// Pieces in which a seam may end at a point, on both sides of which it is looked for: a corner has
-/// one or two, each more doubles the work.
-const ENDS: usize = 3;
+/// Distance from a seam at which the bounding piece is determined, in local cells. Closer, both
+/// pieces are equal to rounding; farther away, other pieces may begin.
+const SEAM_PROBE_DISTANCE: f64 = 0.02;
+/// Largest distance of a point from its seam, in local cells: more than vertices are snapped.
+const MAX_SEAM_DISTANCE: f64 = 1.0;
+/// Distance from a seam at which its pieces must still be close, and their largest separation
+/// there, both in local cells. If they part sooner, a radius is smaller than a cell, since cells
+/// are not refined below a fraction of the size: triangles would not fit between this seam and the
+/// next, and vertices held on both spoil the mesh.
+const SEAM_CONTACT_LIMITS: [f64; 2] = [0.5, 0.15];
 
 impl Surface<'_> {
-    /// The seam near `p` along which two pieces touch: the first of the two, and the piece that
-    /// separates them. None where nothing does. Of separating pieces that coincide the first counts,
-    /// so that a seam has one name.
+    /// Returns the seam near `p` along which two pieces touch: the first of the two, and the piece
+    /// that separates them; `None` if no piece does. Among coincident separating pieces the first
+    /// counts, so that a seam has a unique name.
     pub(crate) fn seam_of(&self, pair: [u32; 2], p: Point3) -> Option<[u32; 2]> {
         let reduced = self.reduced_in(self.common_layer(&pair)?, p)?;
         if !self.seams || pair.iter().any(|&i| is_skin(i)) || reduced.pieces.len() < 3 {
@@ -43,9 +38,9 @@ impl Surface<'_> {
         let seam_with = |&by: &u32| {
             let q = self.project(&[kept, by], p)?;
             let off = norm(sub(p, q));
-            let is_here = off < REACH * self.lattice.a
+            let is_here = off < MAX_SEAM_DISTANCE * self.lattice.a
                 && self.touch_at(pair, by, q)
-                && off < REACH * self.cell_at(pair, q);
+                && off < MAX_SEAM_DISTANCE * self.cell_at(pair, q);
             is_here.then_some((off, by))
         };
         let others = reduced.pieces.iter().filter(|i| !pair.contains(i));
@@ -61,8 +56,8 @@ impl Surface<'_> {
         Some([kept, nearest.1])
     }
 
-    /// The pieces to bring a vertex onto: of those given that touch along seams one, and what
-    /// separates them.
+    /// Returns the pieces onto which a vertex is projected: touching pieces are replaced by one of
+    /// them and the piece that separates them.
     pub(crate) fn parted(&self, on: On, p: Point3) -> On {
         let pieces = on.slice();
         let pairs = (0..pieces.len()).flat_map(|k| (0..k).map(move |j| [pieces[j], pieces[k]]));
@@ -79,12 +74,12 @@ impl Surface<'_> {
         On::of(&parted)
     }
 
-    /// Whether two pieces meet at `p` in an edge of the solid, or in a seam.
+    /// Returns true if two pieces meet at `p` in an edge of the solid, or in a seam.
     pub(crate) fn is_curve(&self, pair: [u32; 2], p: Point3) -> bool {
         self.is_edge(pair, p) || self.is_seam(pair, p)
     }
 
-    /// Whether one of two pieces touches a third one at `p` along the other.
+    /// Returns true if one of two pieces touches a third one at `p` along the other.
     pub(crate) fn is_seam(&self, pair: [u32; 2], p: Point3) -> bool {
         let layer = self.common_layer(&pair);
         let Some(reduced) = layer.and_then(|layer| self.reduced_in(layer, p)) else {
@@ -96,8 +91,9 @@ impl Surface<'_> {
             .any(|i| pair.iter().any(|&a| self.is_seam_beside([a, i], pair, p)))
     }
 
-    /// Whether the three pieces meet at `p` in a corner of the solid, or a seam ends there. Two that
-    /// touch along a seam do not say where: the piece that separates them does.
+    /// Returns true if the three pieces meet at `p` in a corner of the solid, or a seam ends there.
+    /// Two pieces that touch along a seam do not locate a corner: the piece that separates them
+    /// does.
     pub(crate) fn is_corner_or_end(&self, on: [u32; 3], p: Point3) -> bool {
         let pairs = [[on[0], on[1]], [on[1], on[2]], [on[2], on[0]]];
         let are_separated =
@@ -105,9 +101,9 @@ impl Surface<'_> {
         (self.is_corner(&on, p) && !pairs.iter().any(are_separated)) || self.is_seams_end(pairs, p)
     }
 
-    /// Whether a seam of one of the pairs of three pieces ends at `p`.
+    /// Returns true if a seam of one of the pairs of three pieces ends at `p`.
     fn is_seams_end(&self, pairs: [[u32; 2]; 3], p: Point3) -> bool {
-        let step = BESIDE * self.lattice.a;
+        let step = SEAM_PROBE_DISTANCE * self.lattice.a;
         pairs.into_iter().any(|pair| {
             let n = pair.map(|k| self.gradient(k, p).1);
             let t = unit(cross(n[0], n[1]));
@@ -119,7 +115,7 @@ impl Surface<'_> {
         })
     }
 
-    /// Whether the seam of two pieces that touch at `p` is that of a pair.
+    /// Returns true if the seam of two pieces that touch at `p` is the given pair.
     fn is_seam_beside(&self, touching: [u32; 2], pair: [u32; 2], p: Point3) -> bool {
         self.are_parallel(touching, p)
             && self
@@ -127,8 +123,8 @@ impl Surface<'_> {
                 .is_some_and(|seam| seam.iter().all(|i| pair.contains(i)))
     }
 
-    /// Edge of the cells at a point of two pieces; how these bend is not the only reason for
-    /// smaller ones.
+    /// Returns the estimated edge length of the cells at a point of two pieces, from their
+    /// curvature; cells may be smaller for other reasons.
     fn cell_at(&self, pieces: [u32; 2], p: Point3) -> f64 {
         if !self.bends {
             return self.lattice.a;
@@ -141,29 +137,31 @@ impl Surface<'_> {
 
     pub(super) fn are_parallel(&self, pair: [u32; 2], p: Point3) -> bool {
         let [n, m] = pair.map(|i| unit(self.gradient(i, p).1));
-        norm(cross(n, m)) <= TANGENT
+        norm(cross(n, m)) <= MAX_TANGENT_SINE
     }
 
-    /// Whether two pieces touch at `p` where a third one crosses them, and one of them bounds the
-    /// solid on one side of that, the other on the other side.
+    /// Returns true if two pieces touch at `p` where a third one crosses them, and one of them
+    /// bounds the solid on one side of that, the other on the other side.
     fn touch_at(&self, [a, b]: [u32; 2], by: u32, p: Point3) -> bool {
         let [n, m, across] = [a, b, by].map(|i| unit(self.gradient(i, p).1));
         if self.distance(b, p) != 0.0
-            || norm(cross(n, m)) > TANGENT
-            || norm(cross(n, across)) < CLEARLY
+            || norm(cross(n, m)) > MAX_TANGENT_SINE
+            // The separating piece must cross at an angle of more than 11 degrees, or the seam is
+            // ill-conditioned.
+            || norm(cross(n, across)) < 0.2
         {
             return false;
         }
         let w = unit(cross(n, cross(n, across)));
         let cell = self.cell_at([a, b], p);
         let parting = |s: f64| {
-            let q = along(p, w, s * TOGETHER[0] * cell);
+            let q = along(p, w, s * SEAM_CONTACT_LIMITS[0] * cell);
             (self.distance(a, q) - self.distance(b, q)).abs()
         };
-        if parting(1.0).max(parting(-1.0)) > TOGETHER[1] * cell {
+        if parting(1.0).max(parting(-1.0)) > SEAM_CONTACT_LIMITS[1] * cell {
             return false;
         }
-        let step = BESIDE * cell;
+        let step = SEAM_PROBE_DISTANCE * cell;
         let bounds = self.bounding([a, b, by], p, [step, -step].map(|s| along(p, w, s)));
         bounds.into_iter().any(|[here, there, without]| {
             let are_both = [here, there] == [a, b] || [here, there] == [b, a];
@@ -171,15 +169,15 @@ impl Surface<'_> {
         })
     }
 
-    /// The pieces that bound the solid at two places beside `p` on a seam, and at the first if what
-    /// separates the others had the other sign there: once for each way in which the seam may end in
-    /// other pieces at `p`.
+    /// Returns the pieces that bound the solid at two points next to a seam, and the one at the
+    /// first point if the separating piece had the opposite sign there: once for each way in which
+    /// the seam may end in other pieces at `p`.
     fn bounding(&self, seam: [u32; 3], p: Point3, places: [Point3; 2]) -> Vec<[u32; 3]> {
         let Some(reduced) = self.reduced_in(self.layer_of(seam[0]), p) else {
             return Vec::new();
         };
         let reach = norm(sub(places[0], p));
-        // Pieces in which the seam may end: it is looked for on either side of each.
+        // Pieces in which the seam may end: both sides of each are tried.
         let is_close = |i: &u32| {
             !seam.contains(i)
                 && self.distance(*i, p).abs() < reach
@@ -208,6 +206,7 @@ impl Surface<'_> {
                 decides(&turned),
             ]
         };
-        (0..1 << ends.len().min(ENDS)).map(bounding).collect()
+        // Each piece in which the seam may end doubles the work; a corner has one or two.
+        (0..1 << ends.len().min(3)).map(bounding).collect()
     }
 }

@@ -2,14 +2,8 @@
 
 use isoform_geom::{Point3, cross, dot, norm};
 
-/// Squared sine of the angle between two pieces below which they are parallel: the step along
-/// their sum of normals would be as long as rounding makes it.
-const PARALLEL: f64 = 1e-10;
-/// Determinant of three unit normals below which they lie in one plane.
-const COPLANAR: f64 = 1e-8;
-
-/// The least step to the linearised pieces, and the largest distance to one of them; none where
-/// the pieces have no gradient, or where theirs depend on each other.
+/// Returns the shortest step to the common zero of the linearised pieces, and the largest distance
+/// from one of them; `None` if a gradient vanishes, or if they are linearly dependent.
 ///
 /// With unit normals a, b, c and distances u, v, w the step is u a for one piece; α a + β b with
 /// a·x = u, b·x = v for two; and for three (u b×c + v c×a + w a×b)/det.
@@ -39,26 +33,29 @@ pub(crate) fn newton(
     Some((step, off))
 }
 
-/// A plane by its unit normal, and the distance to go to it along that.
+/// A plane: its unit normal, and its distance from the current point along that.
 type Plane = (Point3, f64);
 
-/// The shortest way to the line where two planes meet.
+/// Returns the shortest step to the line of intersection of two planes.
 #[inline]
 fn step_to_line((a, u): Plane, (b, v): Plane) -> Option<Point3> {
     let k = dot(a, b);
     let det = 1.0 - k * k;
-    if det < PARALLEL {
+    // Parallel pieces: the step along the sum of their normals would be arbitrarily long by
+    // rounding. `det` is the squared sine of their angle.
+    if det < 1e-10 {
         return None;
     }
     let (alpha, beta) = ((u - k * v) / det, (v - k * u) / det);
     Some(std::array::from_fn(|i| alpha * a[i] + beta * b[i]))
 }
 
-/// The way to the point where three planes meet.
+/// Returns the step to the point of intersection of three planes.
 #[inline]
 fn step_to_point((a, u): Plane, (b, v): Plane, (c, w): Plane) -> Option<Point3> {
     let det = dot(a, cross(b, c));
-    if det.abs() < COPLANAR {
+    // Normals that are coplanar to rounding.
+    if det.abs() < 1e-8 {
         return None;
     }
     let (bc, ca, ab) = (cross(b, c), cross(c, a), cross(a, b));
@@ -67,12 +64,12 @@ fn step_to_point((a, u): Plane, (b, v): Plane, (c, w): Plane) -> Option<Point3> 
     }))
 }
 
-/// Two places between 0 and 1 with values of different signs, drawn together by the Illinois
-/// method: the regula falsi whose stuck end is halved.
+/// A root bracket in [0, 1], reduced by the Illinois method: regula falsi that halves the value at
+/// a retained end.
 pub(super) struct Bracket {
     lower: (f64, f64),
     upper: (f64, f64),
-    /// The end that was moved last.
+    /// End that was moved last.
     moved: End,
 }
 
@@ -84,10 +81,10 @@ enum End {
 }
 
 impl Bracket {
-    /// Steps that are always enough to get down to neighbouring numbers.
+    /// Maximum number of steps, always sufficient to reach neighbouring numbers.
     pub(super) const STEPS: usize = 100;
 
-    /// With the values at 0 and 1.
+    /// Creates a bracket from the values at 0 and 1.
     pub(super) fn new(at_0: f64, at_1: f64) -> Self {
         Self {
             lower: (0.0, at_0),
@@ -96,13 +93,13 @@ impl Bracket {
         }
     }
 
-    /// Whether a place is strictly between the ends.
+    /// Returns true if a position lies strictly between the ends.
     #[inline]
     pub(super) fn holds(&self, m: f64) -> bool {
         m > self.lower.0 && m < self.upper.0
     }
 
-    /// Where the root should be: on the chord if that can be, else in the middle.
+    /// Returns the estimated root: on the chord if that lies inside, else the midpoint.
     #[inline]
     pub(super) fn guess(&self) -> f64 {
         let ((s, fs), (t, ft)) = (self.lower, self.upper);
@@ -114,7 +111,7 @@ impl Bracket {
         if self.holds(m) { m } else { 0.5 * (s + t) }
     }
 
-    /// Takes a value between the ends into account.
+    /// Replaces one end by a point in between with its value.
     #[inline]
     pub(super) fn narrow(&mut self, m: f64, v: f64) {
         if (v > 0.0) == (self.lower.1 > 0.0) {

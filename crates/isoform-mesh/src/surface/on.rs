@@ -1,4 +1,4 @@
-//! The pieces that a vertex is held on.
+//! Sets of pieces that hold vertices.
 
 /// The pieces that a vertex is held on, at most three.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,11 +30,11 @@ impl On {
     pub(crate) fn contains(&self, piece: u32) -> bool {
         self.slice().contains(&piece)
     }
-    /// Whether all its pieces are among those of another.
+    /// Returns true if all pieces belong to another set, too.
     pub(crate) fn is_within(&self, other: &Self) -> bool {
         self.slice().iter().all(|&l| other.contains(l))
     }
-    /// With one more piece; none if there are three already.
+    /// Adds a piece; `None` if there are three already.
     pub(crate) fn with(mut self, piece: u32) -> Option<Self> {
         if self.contains(piece) {
             return Some(self);
@@ -46,7 +46,7 @@ impl On {
         self.n += 1;
         Some(self)
     }
-    /// The pieces of both, in the order of the first.
+    /// Returns the common pieces, in the order of the first set.
     pub(crate) fn common(&self, other: &Self) -> Self {
         let mut common = Self::default();
         for &p in self.slice().iter().filter(|&&p| other.contains(p)) {

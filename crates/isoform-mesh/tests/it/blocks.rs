@@ -4,7 +4,8 @@ use crate::common::{PART, solid};
 use isoform_check::{self as check, Certificate, certify};
 use isoform_geom::{Mesh, Point3, Solid};
 use isoform_mesh::blocks::{
-    Gathered, HALO, INNER, Interfaces, Plan, ROUNDS, Tetrahedra, close, holds, make, mend,
+    BLOCK_ROUNDS, DEFAULT_HALO_CELLS, Gathered, INNER, Interfaces, Plan, Tetrahedra, close, holds,
+    make, mend,
 };
 use isoform_mesh::{Control, MeshError, Options, mesh};
 
@@ -52,7 +53,7 @@ impl<'s> Blocks<'s> {
 
     /// All rounds between blocks.
     fn mended(mut self) -> Self {
-        for round in 1..ROUNDS {
+        for round in 1..BLOCK_ROUNDS {
             let room = |k| self.plan.room(round, k);
             let rooms = (0..self.plan.blocks()).map(|k| {
                 let mut given = Gathered::default();
@@ -127,7 +128,7 @@ fn certificate(solid: &dyn Solid, all: &Tetrahedra) -> Certificate {
 /// The certificate holds, and the worst angles are those of the whole mesh, nearly.
 fn is_as_good_as_whole(text: &str, counts: [usize; 3], size: f64) {
     let solid = solid(text);
-    let blocks = Blocks::made(&solid, counts, size, HALO);
+    let blocks = Blocks::made(&solid, counts, size, DEFAULT_HALO_CELLS);
     assert_eq!(blocks.between.apart(), [] as [Point3; 0]);
     assert!(blocks.between.pairs() > 0);
     let blocks = blocks.mended();
@@ -199,7 +200,7 @@ fn too_small_a_halo_is_seen() {
 #[test]
 fn one_bit_is_seen() {
     let solid = solid(PART);
-    let blocks = Blocks::made(&solid, [2, 1, 1], 0.4, HALO);
+    let blocks = Blocks::made(&solid, [2, 1, 1], 0.4, DEFAULT_HALO_CELLS);
     let mut between = Interfaces::default();
     let mut faces = Vec::new();
     for k in 0..2 {

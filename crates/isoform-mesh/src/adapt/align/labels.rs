@@ -1,4 +1,4 @@
-//! The piece of each face of an aligned surface.
+//! Labels of the faces of an aligned surface.
 
 use super::{Aligner, Cuttable, common};
 use crate::complex::Face;
@@ -6,13 +6,13 @@ use crate::points::centroid;
 use crate::surface::SKIN;
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
-/// A face takes the piece that decides at its middle, without a look at others, if the cosine of
-/// the angle between their normals is above this.
-const CLEARLY: f64 = 0.7;
+/// Cosine between the normals of a face and the piece that decides at its centroid, above which the
+/// face takes that piece without comparing others.
+const CLEARLY_FACING_COSINE: f64 = 0.7;
 
 impl<M: Cuttable> Aligner<'_, M> {
-    /// The piece of each face: one that all its vertices lie on, where several do the one that
-    /// bounds the solid at its middle.
+    /// Returns the piece of each face: one that all its vertices lie on; among several the one that
+    /// bounds the solid at its centroid.
     pub(super) fn labels(&mut self) -> Vec<Face> {
         let faces = self.mesh.faces().into_iter();
         faces.map(|f| (f, self.label(f))).collect()
@@ -36,7 +36,7 @@ impl<M: Cuttable> Aligner<'_, M> {
         }
         if let Some(piece) = decides
             && all.contains(&piece)
-            && self.facing(p, piece) > CLEARLY
+            && self.facing(p, piece) > CLEARLY_FACING_COSINE
         {
             return piece;
         }
@@ -48,7 +48,7 @@ impl<M: Cuttable> Aligner<'_, M> {
         self.surface.solid.tree().pieces()[0]
     }
 
-    /// Cosine between a triangle and a piece.
+    /// Returns the cosine between the normals of a triangle and a piece.
     fn facing(&self, p: [Point3; 3], piece: u32) -> f64 {
         let n = cross(sub(p[1], p[0]), sub(p[2], p[0]));
         let g = self.surface.solid.gradient(piece, centroid(p)).1;

@@ -1,23 +1,23 @@
-//! Vertices are moved to corners, curves and the surface of the solid, in this order.
+//! Placement of vertices on corners, curves and the surface of the solid, in this order.
 
 use super::{Aligner, Cuttable, edges_of};
 use crate::points::unique;
 use isoform_geom::{KdTree, Point3, norm, sub};
 
-/// Farthest that a vertex is moved to a corner or a curve of the solid, as a share of the shortest
-/// edge of the surface at it. More makes poor triangles, less leaves short edges beside the curve.
-const REACH: [f64; 2] = [0.45, 0.3];
-/// Farthest that a vertex is moved to the surface, in lengths of the longest edge at it.
-const FAR: f64 = 3.0;
+/// Largest distance by which a vertex is moved to a corner and to a curve of the solid, in lengths
+/// of the shortest edge at the vertex. More makes poor triangles, less leaves short edges next to
+/// the curve.
+const MAX_SNAP_DISTANCES: [f64; 2] = [0.45, 0.3];
 
-/// The shortest and the longest edge at each vertex.
+/// Shortest and longest edge at each vertex.
 struct Lengths {
     shortest: Vec<f64>,
     longest: Vec<f64>,
 }
 
 impl<M: Cuttable> Aligner<'_, M> {
-    /// Moves vertices to corners, curves and the surface. Returns the vertices near none.
+    /// Moves vertices to corners, curves and the surface. Returns the vertices that are near none
+    /// of these.
     pub(super) fn place_vertices(&mut self) -> Vec<Point3> {
         let faces = self.mesh.faces();
         let lengths = self.lengths(&faces);
@@ -42,7 +42,7 @@ impl<M: Cuttable> Aligner<'_, M> {
         lengths
     }
 
-    /// Corners take the nearest vertex, the nearest pairs first.
+    /// Moves the nearest vertex to each corner, the closest pairs first.
     fn place_on_corners(&mut self, vertices: &[u32], lengths: &Lengths) {
         let places: Vec<Point3> = vertices.iter().map(|&v| self.at(v)).collect();
         let tree = KdTree::new(&places);
@@ -51,7 +51,7 @@ impl<M: Cuttable> Aligner<'_, M> {
             .iter()
             .enumerate()
             .filter_map(|(k, c)| tree.nearest(c.at).map(|(i, d)| (d.sqrt(), k, vertices[i])))
-            .filter(|&(d, _, v)| d < REACH[0] * lengths.shortest[v as usize])
+            .filter(|&(d, _, v)| d < MAX_SNAP_DISTANCES[0] * lengths.shortest[v as usize])
             .collect();
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         for (_, k, v) in pairs {
@@ -62,15 +62,15 @@ impl<M: Cuttable> Aligner<'_, M> {
         }
     }
 
-    /// Curves take vertices: the nearest ones first, so that of two on both sides of one the better
-    /// takes it.
+    /// Moves vertices to curves, the closest ones first, so that of two on opposite sides of a
+    /// curve the better one is moved.
     fn place_on_curves(&mut self, vertices: &[u32], lengths: &Lengths) {
         let mut onto: Vec<(f64, u32, Point3)> = vertices
             .iter()
             .filter(|&&v| self.on[v as usize].is_empty())
             .filter_map(|&v| {
                 let (p, shortest) = (self.at(v), lengths.shortest[v as usize]);
-                let q = self.curve_near(p, REACH[1] * shortest)?;
+                let q = self.curve_near(p, MAX_SNAP_DISTANCES[1] * shortest)?;
                 Some((norm(sub(p, q)) / shortest, v, q))
             })
             .collect();
@@ -81,7 +81,8 @@ impl<M: Cuttable> Aligner<'_, M> {
         }
     }
 
-    /// All others go to the nearest point of the surface. Returns the vertices that are not near it.
+    /// Moves all other vertices to the nearest point of the surface. Returns those that are too far
+    /// from it.
     fn place_on_surface(&mut self, vertices: &[u32], lengths: &Lengths) -> Vec<Point3> {
         let mut far = Vec::new();
         for &v in vertices {
@@ -90,7 +91,9 @@ impl<M: Cuttable> Aligner<'_, M> {
             }
             let p = self.at(v);
             match self.nearest(p) {
-                Some((q, on)) if norm(sub(p, q)) <= FAR * lengths.longest[v as usize] => {
+                // A vertex farther away than three of its longest edges does not belong to the
+                // solid.
+                Some((q, on)) if norm(sub(p, q)) <= 3.0 * lengths.longest[v as usize] => {
                     self.mesh.settle(v, q);
                     self.places[v as usize] = q;
                     self.on[v as usize] = on;
@@ -101,7 +104,7 @@ impl<M: Cuttable> Aligner<'_, M> {
         far
     }
 
-    /// The nearest point of a curve of the solid within reach.
+    /// Returns the nearest point of a curve of the solid within reach.
     fn curve_near(&self, p: Point3, reach: f64) -> Option<Point3> {
         let mut near = self.surface.lattice.reduced_at(p)?.pieces.clone();
         near.retain(|&i| self.surface.distance(i, p).abs() < reach);

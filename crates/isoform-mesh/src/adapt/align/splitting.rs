@@ -1,22 +1,21 @@
-//! Edges that cross curves of the solid are split there, and faces that hold a corner of it.
+//! Splitting of edges that cross curves of the solid, and of faces that contain a corner.
 
 use super::{Aligner, Cuttable, common, edges_of, shared};
 use crate::points::{along, centroid};
 use crate::surface::meet_at_an_angle;
 use isoform_geom::{Point3, TRIANGLE_EDGES, distance_squared, dot, norm, sub};
 
-/// Share of an edge next to a vertex within which the vertex is moved rather than the edge split.
-const WARP: f64 = 0.25;
-/// Least and largest share of an edge at which it is split for a curve.
-const AT_CURVE: [f64; 2] = [0.02, 0.98];
-/// Least and largest share of an edge at which it is split for a corner.
-const AT_CORNER: [f64; 2] = [0.1, 0.9];
-/// Bisections towards the place where an edge crosses a curve: Newton's method does the rest.
-const HALVINGS: usize = 30;
+/// Distance of a crossing from a vertex, in lengths of the edge, within which the vertex is moved
+/// there instead of splitting the edge.
+const MAX_SNAP_FRACTION: f64 = 0.25;
+/// Smallest and largest fraction of an edge at which it is split for a curve.
+const SPLIT_FRACTIONS_AT_CURVE: [f64; 2] = [0.02, 0.98];
+/// Smallest and largest fraction of an edge at which it is split for a corner.
+const SPLIT_FRACTIONS_AT_CORNER: [f64; 2] = [0.1, 0.9];
 
-/// What an edge between vertices without a common piece crosses.
+/// Feature of the solid crossed by an edge between vertices without a common piece.
 enum Crossing {
-    /// A curve of the solid: the share of the way, and the point of the curve.
+    /// A curve of the solid: the fraction of the edge, and the point of the curve.
     Curve(f64, Point3),
     /// A seam between pieces that touch tangentially.
     Smooth,
@@ -25,13 +24,13 @@ enum Crossing {
 }
 
 impl<M: Cuttable> Aligner<'_, M> {
-    /// Splits edges between vertices without a common piece; returns how many.
+    /// Splits edges between vertices without a common piece; returns their number.
     pub(super) fn split_edges(&mut self) -> usize {
         let edges = edges_of(&self.mesh.faces()).into_iter();
         edges.filter(|&ends| self.split_at_curve(ends)).count()
     }
 
-    /// Splits an edge where it crosses a curve, or moves an end there; says whether it did.
+    /// Splits an edge where it crosses a curve, or moves an end there. Returns true if it did.
     fn split_at_curve(&mut self, ends: [u32; 2]) -> bool {
         if !self.is_across(ends) {
             return false;
@@ -51,22 +50,27 @@ impl<M: Cuttable> Aligner<'_, M> {
         // A vertex next to the curve is moved there: a split would leave a short edge.
         let close = [(ends[0], t), (ends[1], 1.0 - t)]
             .into_iter()
-            .find(|&(k, share)| share < WARP && self.is_free(k));
+            .find(|&(k, share)| share < MAX_SNAP_FRACTION && self.is_free(k));
         if let Some((k, _)) = close
             && shared(&on, &self.on[k as usize]).is_some()
             && self.hold(k, q, on.clone())
         {
             return true;
         }
-        let is_split = self.split(ends, t.clamp(AT_CURVE[0], AT_CURVE[1]), q, on);
+        let is_split = self.split(
+            ends,
+            t.clamp(SPLIT_FRACTIONS_AT_CURVE[0], SPLIT_FRACTIONS_AT_CURVE[1]),
+            q,
+            on,
+        );
         if !is_split {
             self.give_up(ends);
         }
         is_split
     }
 
-    /// Whether the ends of an edge lie on pieces, but on none together, and nothing is known of it
-    /// yet.
+    /// Returns true if both ends of an edge lie on pieces but share none, and the edge was not
+    /// classified before.
     fn is_across(&self, ends: [u32; 2]) -> bool {
         let [a, b] = ends.map(|v| &self.on[v as usize]);
         shared(a, b).is_none()
@@ -83,7 +87,7 @@ impl<M: Cuttable> Aligner<'_, M> {
         }
     }
 
-    /// Whether a vertex lies on one piece alone.
+    /// Returns true if a vertex does not lie on an edge of the solid.
     fn is_free(&self, v: u32) -> bool {
         let (p, on) = (self.at(v), &self.on[v as usize]);
         let no_edge = |a: u32, b: u32| a == b || !self.surface.is_edge([a, b], p);
@@ -91,7 +95,7 @@ impl<M: Cuttable> Aligner<'_, M> {
             && on.iter().all(|&a| on.iter().all(|&b| no_edge(a, b)))
     }
 
-    /// Where an edge crosses a curve of the solid.
+    /// Finds the feature of the solid that an edge crosses.
     fn crossing(&self, ends: [u32; 2]) -> Crossing {
         let [p, q] = ends.map(|v| self.at(v));
         let Some((x, there)) = self.turning_point(ends) else {
@@ -123,14 +127,15 @@ impl<M: Cuttable> Aligner<'_, M> {
         }
     }
 
-    /// Where the nearest point of the surface leaves the pieces of an edge's first end, by
-    /// bisection, and the pieces behind it; none if the edge is too far from the surface.
+    /// Bisects an edge for the point where the nearest surface point leaves the pieces of the first
+    /// end. Returns it with the pieces behind it; `None` if the edge is too far from the surface.
     fn turning_point(&self, ends: [u32; 2]) -> Option<(Point3, Vec<u32>)> {
         let [p, q] = ends.map(|v| self.at(v));
         let here = &self.on[ends[0] as usize];
         let (mut lo, mut hi) = (0.0, 1.0);
         let mut there = self.on[ends[1] as usize].clone();
-        for _ in 0..HALVINGS {
+        // Newton's method refines the result of the bisection.
+        for _ in 0..30 {
             let m = 0.5 * (lo + hi);
             let (_, on) = self.nearest(along(p, q, m))?;
             if shared(&on, here).is_some() {
@@ -142,8 +147,8 @@ impl<M: Cuttable> Aligner<'_, M> {
         Some((along(p, q, 0.5 * (lo + hi)), there))
     }
 
-    /// Splits faces that hold a corner of the solid: their vertices have a piece in common two by
-    /// two, but not all three. Returns how many.
+    /// Splits faces that contain a corner of the solid: each two of their vertices have a common
+    /// piece, but not all three. Returns their number.
     pub(super) fn split_faces(&mut self) -> usize {
         let faces = self.mesh.faces().into_iter();
         faces
@@ -151,16 +156,16 @@ impl<M: Cuttable> Aligner<'_, M> {
             .count()
     }
 
-    /// Whether the vertices of a face have pieces in common two by two, but not all three. Where
-    /// two have none, edges around it were split: it comes again.
+    /// Returns true if each two vertices of a face have a common piece, but not all three. If two
+    /// have none, edges around it are split first, and the face is tried again.
     fn may_hold_corner(&self, f: [u32; 3]) -> bool {
         let on = f.map(|v| self.on[v as usize].as_slice());
         let meet = |[i, j]: [usize; 2]| shared(on[i], on[j]).is_some();
         !self.has_smooth_edge(f) && common(on).is_empty() && TRIANGLE_EDGES.into_iter().all(meet)
     }
 
-    /// Splits the edge of a face that is nearest to the corner next to its middle, and puts the new
-    /// vertex there.
+    /// Splits the edge of a face that is nearest to the corner next to its centroid, and moves the
+    /// new vertex there.
     fn split_at_corner(&mut self, f: [u32; 3]) -> bool {
         let p = f.map(|v| self.at(v));
         let Some(k) = self.free_corner_near(p) else {
@@ -171,7 +176,7 @@ impl<M: Cuttable> Aligner<'_, M> {
             .map(|[i, j]| {
                 let e = sub(p[j], p[i]);
                 let t = dot(sub(c, p[i]), e) / dot(e, e);
-                let t = t.clamp(AT_CORNER[0], AT_CORNER[1]);
+                let t = t.clamp(SPLIT_FRACTIONS_AT_CORNER[0], SPLIT_FRACTIONS_AT_CORNER[1]);
                 (distance_squared(along(p[i], p[j], t), c), [f[i], f[j]], t)
             })
             .into_iter()
@@ -186,8 +191,8 @@ impl<M: Cuttable> Aligner<'_, M> {
         false
     }
 
-    /// The corner without a vertex that is nearest to the middle of a triangle, within the length
-    /// of its longest edge.
+    /// Returns the corner without a vertex that is nearest to the centroid of a triangle, within
+    /// the length of its longest edge.
     fn free_corner_near(&self, p: [Point3; 3]) -> Option<usize> {
         let middle = centroid(p);
         let length = |i: usize| norm(sub(p[i], p[(i + 1) % 3]));

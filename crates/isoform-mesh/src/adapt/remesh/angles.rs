@@ -1,45 +1,28 @@
-//! Flips, moves and insertions that make small angles larger.
+//! Flips, moves and insertions that increase small angles.
 
-use super::{FACING, FAIR, GAIN, Hold, Remesher};
+use super::{Hold, MIN_COLLAPSE_SINE, MIN_FACING_COSINE, MIN_SINE_GAIN, Remesher};
 use crate::complex::Face;
 use crate::measure::smallest_sine;
 use crate::points::{along, unit};
 use crate::surface::{On, SKIN};
 use isoform_geom::{Point3, cross, norm, sub};
 
-/// Rounds of flips.
-const FLIPS: usize = 6;
-/// Rounds of moves, while they are free and while angles must not suffer.
-const MOVES: [usize; 2] = [3, 2];
-/// Share of the way to the middle of its neighbours that a vertex goes.
-const TOWARDS: f64 = 0.7;
-/// Rounds of mending.
-const MENDING: usize = 25;
-/// Round of mending from which vertices are inserted.
-const INSERT_FROM: usize = 3;
-/// Angle below which triangles are mended, degrees.
-const GOAL: f64 = 35.0;
-/// Smallest sine at a vertex from which on it stays where it is.
-const GOOD: f64 = 0.62;
-/// First step of the search for a better place: this share of the shortest edge, which counts as at
-/// least the second share of the length wanted.
-const FIRST: [f64; 2] = [0.4, 0.2];
-/// Smallest step of it, in lengths of the shortest edge.
-const LAST: f64 = 0.01;
-/// Directions in which a vertex is moved, at equal angles.
-const DIRECTIONS: u32 = 8;
+/// First step of the search for a better position: the first fraction of the shortest edge, which
+/// counts as at least the second fraction of the target length.
+const FIRST_STEP_FRACTIONS: [f64; 2] = [0.4, 0.2];
 
-/// The least of a number for each of two triangles.
+/// Returns the lesser of a function's values for two triangles.
 fn least(triangles: [[Point3; 3]; 2], of: impl Fn([Point3; 3]) -> f64) -> f64 {
     let numbers = triangles.into_iter().map(of);
     numbers.fold(f64::INFINITY, f64::min)
 }
 
 impl Remesher<'_> {
-    /// Flips edges wherever that makes the smallest angle of the two faces larger.
+    /// Flips edges wherever that increases the smallest angle of the two faces. Returns the number
+    /// of flips.
     pub(super) fn flip_all(&mut self) -> usize {
         let mut total = 0;
-        for _ in 0..FLIPS {
+        for _ in 0..6 {
             let edges = self.skin.edges().into_iter();
             let done = edges.filter(|&[a, b]| self.flip(a, b)).count();
             total += done;
@@ -57,7 +40,7 @@ impl Remesher<'_> {
         let (c, d) = (self.skin.opposite(l, a, b), self.skin.opposite(r, a, b));
         let label = self.skin.label_of(l);
         let degree = |v: u32| self.skin.around[v as usize].len();
-        // Within one part only: across the seam of two that touch it would be for neither.
+        // Only within one part: a face across the seam of two parts would fit neither.
         if label != self.skin.label_of(r)
             || c == d
             || self.skin.has_edge(c, d)
@@ -80,20 +63,21 @@ impl Remesher<'_> {
         true
     }
 
-    /// Whether two faces are better than two others: the smallest angle is larger, and none faces
-    /// away. Folded faces are unfolded whatever their angles.
+    /// Returns true if two faces are better than two others: the smallest angle is larger, and
+    /// neither is turned away from the piece. Folded faces are unfolded whatever their angles.
     fn is_better(&self, old: [[Point3; 3]; 2], new: [[Point3; 3]; 2], label: u32) -> bool {
         let facing = |faces| least(faces, |p| self.facing(p, label));
         let before = facing(old);
-        let is_better = least(new, smallest_sine) > least(old, smallest_sine) + GAIN
+        let is_better = least(new, smallest_sine) > least(old, smallest_sine) + MIN_SINE_GAIN
             || (before < 0.0 && facing(new) > 0.0);
-        is_better && facing(new) >= FACING.min(before)
+        is_better && facing(new) >= MIN_FACING_COSINE.min(before)
     }
 
-    /// Moves every vertex towards the middle of its neighbours, on the pieces that hold it. With
-    /// `freely` it is also moved where angles get worse.
+    /// Moves every vertex towards the mean of its neighbours, on its pieces. With `freely` also
+    /// where angles get worse.
     pub(super) fn relax(&mut self, freely: bool) {
-        for _ in 0..MOVES[usize::from(!freely)] {
+        // Rounds of moves, while they are free and when angles must not get worse.
+        for _ in 0..[3, 2][usize::from(!freely)] {
             for v in 0..self.skin.points.len() as u32 {
                 self.relax_one(v, freely);
             }
@@ -109,7 +93,8 @@ impl Remesher<'_> {
         }
         let p = self.skin.at(v);
         let before = self.skin.worst_at(v, p);
-        if !freely && before > GOOD {
+        // Vertices whose angles are above 38 degrees stay in place.
+        if !freely && before > 0.62 {
             return;
         }
         let mut others = self.skin.neighbours(v);
@@ -121,17 +106,18 @@ impl Remesher<'_> {
         }
         let n = others.len() as f64;
         let sum = |i: usize| others.iter().map(|&w| self.skin.at(w)[i]).sum::<f64>();
-        let target = along(p, std::array::from_fn(|i| sum(i) / n), TOWARDS);
+        // Damped Laplacian smoothing: the vertex moves this fraction of the way.
+        let target = along(p, std::array::from_fn(|i| sum(i) / n), 0.7);
         let least = if freely {
-            0.5 * before.min(FAIR)
+            0.5 * before.min(MIN_COLLAPSE_SINE)
         } else {
-            before.min(FAIR)
+            before.min(MIN_COLLAPSE_SINE)
         };
         self.try_place(v, on, target, least);
     }
 
-    /// Moves a vertex to the point of what holds it next to `target`, if all around stays right and
-    /// no sine falls below `least`.
+    /// Moves a vertex to the projection of `target` onto its pieces, if adjacent faces stay valid
+    /// and no sine falls below `least`.
     fn try_place(&mut self, v: u32, on: On, target: Point3, least: f64) -> bool {
         let Some(q) = self.surface.project(on.slice(), target) else {
             return false;
@@ -151,22 +137,24 @@ impl Remesher<'_> {
         may
     }
 
-    /// Whether a point is on pieces and on the surface.
+    /// Returns true if a point lies on pieces and on the surface.
     fn is_there(&self, on: On, q: Point3) -> bool {
         let vanishes = |i: u32| self.surface.distance(i, q) == 0.0;
         on.slice().iter().all(|&i| vanishes(i)) && vanishes(SKIN)
     }
 
-    /// Whether a face at a vertex would look away from its piece, were the vertex at `q`.
+    /// Returns true if a face at a vertex would turn away from its piece if the vertex were moved
+    /// to `q`.
     fn turns_away(&self, v: u32, q: Point3) -> bool {
         let mut star = self.skin.star_with(v, q);
         star.any(|(f, new)| self.faces_away(self.skin.corners(f), new, self.skin.label_of(f)))
     }
 
-    /// Makes the worst triangles better until there is none below the goal or nothing helps.
+    /// Improves the worst triangles until none is below the goal or nothing helps.
     pub(super) fn mend(&mut self) {
-        let goal = GOAL.to_radians().sin();
-        for round in 0..MENDING {
+        // Triangles with a smaller angle are mended; in degrees.
+        let goal = 35.0f64.to_radians().sin();
+        for round in 0..25 {
             if self.control.is_stopped() {
                 return;
             }
@@ -176,7 +164,8 @@ impl Remesher<'_> {
                 .filter(|b| b.0 < goal)
                 .collect();
             bad.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            let insertions = round >= INSERT_FROM;
+            // Vertices are inserted only after other operations had three rounds.
+            let insertions = round >= 3;
             bad.retain(|&(_, f)| {
                 self.skin.is_there(f)
                     && smallest_sine(self.skin.corners(f)) < goal
@@ -188,7 +177,7 @@ impl Remesher<'_> {
         }
     }
 
-    /// Tries everything on a bad triangle, longest edges first; says whether something was done.
+    /// Tries all operations on a bad triangle, longest edges first. Returns true if one succeeded.
     fn mend_one(&mut self, f: u32, insertions: bool) -> bool {
         let mut edges = self.skin.edges_at(f);
         edges.sort_by(|a, b| self.skin.length(*b).total_cmp(&self.skin.length(*a)));
@@ -206,8 +195,8 @@ impl Remesher<'_> {
         insertions && self.insert(edges[0])
     }
 
-    /// Looks around a vertex for a better place: along its curve, or in eight directions, in ever
-    /// shorter steps.
+    /// Searches for a better position of a vertex: along its curve, or in eight directions, with
+    /// decreasing steps.
     fn nudge(&mut self, v: u32) -> bool {
         let Hold::On(on) = self.hold[v as usize] else {
             return false;
@@ -220,15 +209,18 @@ impl Remesher<'_> {
         let Some([a, b]) = self.directions(on, p) else {
             return false;
         };
-        let mut step = FIRST[0] * shortest.max(FIRST[1] * self.wanted(p));
+        let mut step =
+            FIRST_STEP_FRACTIONS[0] * shortest.max(FIRST_STEP_FRACTIONS[1] * self.wanted(p));
         let mut moved = false;
-        while step > LAST * shortest {
+        // The search ends when steps are 1 % of the shortest edge.
+        while step > 0.01 * shortest {
             let p = self.skin.at(v);
             let before = self.skin.worst_at(v, p);
-            let better = (0..DIRECTIONS).any(|k| {
+            // Directions at equal angles.
+            let better = (0..8).any(|k| {
                 let (s, c) = (0.25 * std::f64::consts::PI * f64::from(k)).sin_cos();
                 let target = std::array::from_fn(|i| p[i] + step * (c * a[i] + s * b[i]));
-                self.try_place(v, on, target, before + GAIN)
+                self.try_place(v, on, target, before + MIN_SINE_GAIN)
             });
             moved |= better;
             if !better {
@@ -238,8 +230,8 @@ impl Remesher<'_> {
         moved
     }
 
-    /// Two directions that span all directions in which a vertex may move; on a curve the second is
-    /// 0.
+    /// Returns two vectors that span the directions in which a vertex may move; on a curve the
+    /// second is 0.
     fn directions(&self, on: On, p: Point3) -> Option<[Point3; 2]> {
         let gradient = |i: u32| self.surface.gradient(i, p).1;
         match *on.slice() {
@@ -258,7 +250,7 @@ impl Remesher<'_> {
         }
     }
 
-    /// Splits an edge and flips around the new vertex; kept if the worst angle grows.
+    /// Splits an edge and optimises the new vertex; kept if the smallest angle increases.
     fn insert(&mut self, [a, b]: [u32; 2]) -> bool {
         let Some(sides) = self.skin.sides(a, b) else {
             return false;
@@ -269,10 +261,10 @@ impl Remesher<'_> {
             return false;
         }
         self.nudge(m);
-        if self.skin.worst_at(m, self.skin.at(m)) > before + GAIN {
+        if self.skin.worst_at(m, self.skin.at(m)) > before + MIN_SINE_GAIN {
             return true;
         }
-        // Back again: the two faces on each side become one.
+        // Undo: the two faces on each side are merged.
         let star = self.skin.around[m as usize].clone();
         let has_a = |f: &&u32| self.skin.faces[**f as usize].contains(&a);
         let kept = star.iter().filter(has_a);

@@ -1,26 +1,25 @@
-//! Long edges are split and short ones collapsed.
+//! Splitting of long edges and collapsing of short ones.
 
-use super::{FACING, FAIR, GAIN, Hold, Remesher};
+use super::{Hold, MIN_COLLAPSE_SINE, MIN_FACING_COSINE, MIN_SINE_GAIN, Remesher};
 use crate::complex::Face;
 use crate::measure::smallest_sine;
 use crate::points::midpoint;
 use crate::surface::On;
 use isoform_geom::{norm, sub};
 
-/// Edges longer or shorter than these shares of the length wanted are split and collapsed: 4/3 and
-/// 4/5 make as many long as short ones (Botsch and Kobbelt); a little apart, so that edges are not
-/// split and collapsed in turn.
-const BAND: [f64; 2] = [1.4, 0.7];
-/// Smallest sine that a split may leave: more than none at all.
-const NOT_FLAT: f64 = 1e-6;
+/// Ratios to the target length above which edges are split and below which they are collapsed. 4/3
+/// and 4/5 would balance long and short edges (Botsch and Kobbelt); these are farther apart, so
+/// that edges are not split and collapsed alternately.
+const LENGTH_RATIO_LIMITS: [f64; 2] = [1.4, 0.7];
 
 impl Remesher<'_> {
-    /// Splits edges that are too long or leave the surface too far; only the latter if so asked.
+    /// Splits edges that are too long or too far from the surface; with `only_far` only the latter.
+    /// Returns their number.
     pub(super) fn split_long(&mut self, only_far: bool) -> usize {
         let edges = self.skin.edges().into_iter();
         let mut found: Vec<(f64, [u32; 2])> = edges
             .filter_map(|[a, b]| {
-                let long = self.share_of_wanted([a, b]) / BAND[0];
+                let long = self.share_of_wanted([a, b]) / LENGTH_RATIO_LIMITS[0];
                 let off = self.middle(a, b)?.excess;
                 let much = if only_far { off } else { off.max(long) };
                 (much > 1.0).then_some((much, [a, b]))
@@ -35,8 +34,8 @@ impl Remesher<'_> {
         found.len()
     }
 
-    /// The longest edge of a face whose middle is farther from its piece than `error`, with the
-    /// factor by which it is: its edges may be all right.
+    /// Returns the longest edge of a face whose centroid is farther from its piece than `error`,
+    /// with the excess ratio. The edges of such a face may all be within the limit.
     fn longest_of_bulging(&self, f: u32, error: f64) -> Option<(f64, [u32; 2])> {
         let m = self.skin.middle(f);
         let on = self.surface.project(&[self.skin.label_of(f)], m)?;
@@ -47,8 +46,8 @@ impl Remesher<'_> {
         (off > error).then_some((off / error, longest))
     }
 
-    /// Splits an edge in its middle on the surface, if that leaves faces with an area that look
-    /// outward.
+    /// Splits an edge at its midpoint on the surface, if the new faces have an area and do not turn
+    /// away from their pieces.
     pub(super) fn split(&mut self, a: u32, b: u32) -> bool {
         let (Some(middle), Some(sides)) = (self.middle(a, b), self.skin.sides(a, b)) else {
             return false;
@@ -58,7 +57,8 @@ impl Remesher<'_> {
             let before = self.facing(self.skin.corners(f), label);
             [a, b].iter().all(|&end| {
                 let p = self.skin.corners_with(f, end, middle.at);
-                smallest_sine(p) > NOT_FLAT && self.facing(p, label) >= FACING.min(before)
+                // Excludes degenerate triangles.
+                smallest_sine(p) > 1e-6 && self.facing(p, label) >= MIN_FACING_COSINE.min(before)
             })
         });
         let is_split = is_fair && self.skin.split_at(a, b, middle.at).is_some();
@@ -68,12 +68,12 @@ impl Remesher<'_> {
         is_split
     }
 
-    /// Collapses edges that are too short, shortest first.
+    /// Collapses edges that are too short, shortest first. Returns their number.
     pub(super) fn collapse_short(&mut self) -> usize {
         let edges = self.skin.edges().into_iter();
         let mut short: Vec<(f64, [u32; 2])> = edges
             .map(|ends| (self.share_of_wanted(ends), ends))
-            .filter(|found| found.0 < BAND[1])
+            .filter(|found| found.0 < LENGTH_RATIO_LIMITS[1])
             .collect();
         short.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         short.retain(|&(_, [a, b])| {
@@ -82,8 +82,8 @@ impl Remesher<'_> {
         short.len()
     }
 
-    /// Collapses the edge from `u` to `w` into `w`, if the pieces that hold `u` and the shape of
-    /// the faces allow it. With `better` the worst angle must grow, too.
+    /// Collapses the edge from `u` to `w` into `w`, if the pieces of `u` and the shape of the faces
+    /// allow it. With `better` the smallest angle must increase.
     pub(super) fn collapse(&mut self, u: u32, w: u32, better: bool) -> bool {
         let Hold::On(on) = self.hold[u as usize] else {
             return false;
@@ -100,16 +100,16 @@ impl Remesher<'_> {
         }
         let before = self.skin.worst_at(u, self.skin.at(u));
         let least = if better {
-            before + GAIN
+            before + MIN_SINE_GAIN
         } else {
-            FAIR.min(before)
+            MIN_COLLAPSE_SINE.min(before)
         };
         let star = self.skin.around[u as usize].clone();
         let left = || star.iter().copied().filter(|f| !sides.contains(f));
         if !left().all(|f| self.may_follow(f, u, w, least)) {
             return false;
         }
-        // A curve of the solid must not lose its bend.
+        // The remaining edge along a curve must not leave it too far.
         if on.len() == 2 {
             let mut neighbours = self.skin.neighbours(u).into_iter();
             let next = neighbours.find(|&v| v != w && self.sharp(u, v).is_some());
@@ -122,8 +122,8 @@ impl Remesher<'_> {
         true
     }
 
-    /// Whether a collapse leaves a manifold: the common neighbours of `u` and `w` must be the third
-    /// vertices of the two faces at their edge, else the surface would close upon itself.
+    /// Returns true if a collapse keeps the surface manifold: the only common neighbours of `u` and
+    /// `w` must be the third vertices of the two faces at their edge.
     fn keeps_topology(&self, u: u32, w: u32, sides: [u32; 2]) -> bool {
         let others = self.skin.neighbours(w);
         let mine = self.skin.neighbours(u).into_iter();
@@ -134,8 +134,8 @@ impl Remesher<'_> {
             && tips.into_iter().all(|v| degree(v) > 3)
     }
 
-    /// Whether a face may follow its vertex `u` to `w`: no sine falls below `least`, it does not
-    /// turn away, and no edge of it would be split again.
+    /// Returns true if a face may be moved from its vertex `u` to `w`: no sine falls below `least`,
+    /// it does not turn away, and none of its edges would be split again.
     fn may_follow(&self, f: u32, u: u32, w: u32, least: f64) -> bool {
         let new = self.skin.corners_with(f, u, self.skin.at(w));
         let label = self.skin.label_of(f);
@@ -147,10 +147,10 @@ impl Remesher<'_> {
         !others.any(|v| self.is_too_long(w, v, label))
     }
 
-    /// Whether an edge to come would be split again.
+    /// Returns true if a new edge would be split again.
     fn is_too_long(&self, a: u32, b: u32, label: u32) -> bool {
         let middle = midpoint(self.skin.at(a), self.skin.at(b));
-        self.skin.length([a, b]) > BAND[0] * self.wanted(middle)
+        self.skin.length([a, b]) > LENGTH_RATIO_LIMITS[0] * self.wanted(middle)
             || self.leaves(a, b, &[self.piece_at([a, b], label)])
     }
 }
