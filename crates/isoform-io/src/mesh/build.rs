@@ -1,11 +1,11 @@
-//! From nodes and elements with numbers of a file's own to a [`Mesh`].
+//! Assembly of a [`Mesh`] from the nodes and elements of a file with their own numbers.
 //!
 //! Readers give a [`Builder`] nodes and elements in any order, each element with the tag of its
-//! group. The builder puts both into the order of their numbers, turns numbers into places in the
-//! list of nodes, tags into labels from 0, and inverted tetrahedra and wedges round.
+//! group. The builder sorts both by their numbers, replaces numbers by indices into the list of
+//! nodes and tags by labels from 0, and reverses inverted tetrahedra and wedges.
 //!
-//! Quadrilaterals stay what they are only in a mesh with wedges, whose sides they are; in others
-//! each is two triangles.
+//! Quadrilaterals are kept only in a mesh with wedges, as sides of these; in other meshes each
+//! becomes two triangles.
 
 use super::boundary::find_curve_parts;
 use crate::input::{Input, Result};
@@ -13,28 +13,29 @@ use crate::{At, ErrorKind, ReadReport};
 use isoform_geom::{Curve, Mesh, Point3, cross, dot, sub};
 use std::collections::BTreeMap;
 
-/// What failed, as the errors of the builder say.
 const WHAT: &str = "cannot put the mesh together";
-/// Tetrahedra and wedges with less than minus this share of the cube of their longest edge are
-/// turned. Smaller would turn flat ones by rounding, larger leave thin ones inside out.
+/// Minimum negative volume at which tetrahedra and wedges are reversed, as a share of the cube of
+/// their longest edge. A smaller share would reverse flat elements because of rounding, a larger
+/// one would leave thin ones inverted.
 const INVERTED: f64 = 1e-12;
-/// A table of all numbers is made if they are at most this many times as many as the nodes; else
-/// they are searched.
+/// Maximum length of a table of node numbers, in multiples of the number of nodes; sparser numbers
+/// are found by binary search.
 const SPARSE: usize = 4;
 
 /// Elements of one kind with C corners and M mid nodes.
 pub(super) struct Cells<const C: usize, const M: usize> {
     /// Name of an element in messages.
     what: &'static str,
-    /// Corners, in numbers of the file until they are resolved.
+    /// Corners, as numbers of the file until they are resolved.
     corners: Vec<[u32; C]>,
     /// Mid nodes of the elements that have some.
     mids: Vec<[u32; M]>,
-    /// Group of each; 0 for none, negative for one that counts only if there are no others.
+    /// Group of each element; 0 for none, negative for an entity that counts only if no element has
+    /// a group.
     tags: Vec<i64>,
-    /// Number of each in the file, if it has some.
+    /// Number of each element in the file, if elements are numbered.
     numbers: Vec<u32>,
-    /// Places of the first elements of blocks.
+    /// Positions in the file of a sparse sample of elements, for messages.
     marks: Vec<(usize, At)>,
 }
 
@@ -49,7 +50,7 @@ impl<const C: usize, const M: usize> Cells<C, M> {
             marks: Vec::new(),
         }
     }
-    /// Takes corners, and mid nodes if there are any.
+    /// Adds an element: corners, then mid nodes if it has any.
     pub(super) fn push(&mut self, nodes: &[u32], tag: i64, number: Option<u32>, at: At) {
         if self.marks.last().is_none_or(|(_, last)| *last != at)
             && self.marks.len() <= self.corners.len() / 256
@@ -63,17 +64,18 @@ impl<const C: usize, const M: usize> Cells<C, M> {
         self.tags.push(tag);
         self.numbers.extend(number);
     }
-    /// Number of elements.
+    /// Returns the number of elements.
     pub(super) fn len(&self) -> usize {
         self.corners.len()
     }
-    /// Corners of an element, and its mid nodes if all elements have some; in numbers of the file.
+    /// Returns the corners of an element, and its mid nodes if all elements have some, as numbers
+    /// of the file.
     pub(super) fn get(&self, i: usize) -> (&[u32; C], Option<&[u32; M]>) {
         let all = self.mids.len() == self.corners.len();
         (&self.corners[i], if all { self.mids.get(i) } else { None })
     }
 
-    /// Puts the elements into the order of their numbers, and leaves mid nodes that only some have.
+    /// Sorts the elements by number, and drops mid nodes unless all elements have them.
     fn settle(&mut self, report: &mut ReadReport) {
         if !self.mids.is_empty() && self.mids.len() != self.corners.len() {
             report.warn(format!(
@@ -94,7 +96,7 @@ impl<const C: usize, const M: usize> Cells<C, M> {
         }
     }
 
-    /// Keeps some of the elements, by their places; their mid nodes are left out.
+    /// Keeps a selection of the elements, by index, and drops all mid nodes.
     fn keep(&mut self, is_kept: impl Fn(usize) -> bool) {
         let kept: Vec<usize> = (0..self.corners.len()).filter(|&i| is_kept(i)).collect();
         if self.numbers.len() == self.corners.len() {
@@ -110,7 +112,7 @@ impl<const C: usize, const M: usize> Cells<C, M> {
         }
     }
 
-    /// Numbers of the file to places in the list of nodes.
+    /// Replaces numbers of the file by indices into the list of nodes.
     fn resolve(&mut self, nodes: &Nodes, input: &Input<'_>) -> Result<()> {
         let (what, marks) = (self.what, &self.marks);
         let row = |i: usize, id: &mut u32| match nodes.row(*id) {
@@ -140,18 +142,18 @@ impl<const C: usize, const M: usize> Cells<C, M> {
     }
 }
 
-/// Where each number of a node is in the list.
+/// Map from the number of a node to its index in the list.
 enum Nodes {
-    /// The first number; the others follow it.
+    /// First number of consecutive ones, and their count.
     Row(u32, usize),
-    /// By number.
+    /// Index by number.
     Table(Vec<u32>),
-    /// Ascending.
+    /// Ascending numbers.
     Sorted(Vec<u32>),
 }
 
 impl Nodes {
-    /// The smallest form for ascending numbers, which are taken out where they are needed.
+    /// Chooses the smallest representation for ascending numbers; takes the list if it is kept.
     fn of(ids: &mut Vec<u32>) -> Self {
         let n = ids.len();
         let (Some(&first), Some(&last)) = (ids.first(), ids.last()) else {
@@ -169,7 +171,7 @@ impl Nodes {
             Self::Sorted(std::mem::take(ids))
         }
     }
-    /// The place of a node in the list; none for a number that no node has.
+    /// Returns the index of a node; `None` for a number that no node has.
     fn row(&self, id: u32) -> Option<u32> {
         match self {
             Self::Row(first, n) => id.checked_sub(*first).filter(|row| (*row as usize) < *n),
@@ -182,7 +184,7 @@ impl Nodes {
     }
 }
 
-/// Takes what a file has, in any order.
+/// Accumulates nodes, elements and groups of a file in any order.
 pub(super) struct Builder {
     /// Numbers of the nodes, in the order of the file.
     ids: Vec<u32>,
@@ -194,9 +196,9 @@ pub(super) struct Builder {
     pub(super) edges: Cells<2, 1>,
     /// Triangles.
     pub(super) triangles: Cells<3, 3>,
-    /// Quadrilaterals, which are among the triangles too.
+    /// Quadrilaterals, which are also among the triangles, as two each.
     quads: Cells<4, 0>,
-    /// The first of the two triangles of each quadrilateral.
+    /// Index of the first of the two triangles of each quadrilateral.
     halves: Vec<usize>,
     /// Tetrahedra.
     pub(super) tets: Cells<4, 6>,
@@ -204,7 +206,7 @@ pub(super) struct Builder {
     pub(super) wedges: Cells<6, 0>,
     /// Names of groups by dimension and tag.
     pub(super) names: [BTreeMap<i64, String>; 4],
-    /// Elements that have no place in a mesh.
+    /// Number of elements of kinds that a mesh cannot store.
     pub(super) others: u64,
 }
 
@@ -224,7 +226,7 @@ impl Builder {
             others: 0,
         }
     }
-    /// Takes a node.
+    /// Adds a node.
     pub(super) fn node(&mut self, id: u32, p: Point3, input: &Input<'_>, at: At) -> Result<()> {
         if !p.iter().all(|v| v.is_finite()) {
             let why = format!("node {id} is at {p:?}");
@@ -240,11 +242,11 @@ impl Builder {
         self.points.push(p);
         Ok(())
     }
-    /// Nodes taken so far.
+    /// Returns the number of nodes so far.
     pub(super) fn node_count(&self) -> usize {
         self.points.len()
     }
-    /// A polygon as a fan of triangles.
+    /// Adds a polygon as a fan of triangles.
     pub(super) fn polygon(&mut self, nodes: &[u32], tag: i64, at: At) {
         for k in 2..nodes.len() {
             self.triangles
@@ -252,7 +254,7 @@ impl Builder {
         }
     }
 
-    /// A quadrilateral.
+    /// Adds a quadrilateral.
     pub(super) fn quad(&mut self, nodes: &[u32], tag: i64, number: Option<u32>, at: At) {
         self.halves.push(self.triangles.len());
         self.quads.push(nodes, tag, number, at);
@@ -262,8 +264,8 @@ impl Builder {
         }
     }
 
-    /// Leaves of the quadrilaterals and their triangles one or the other; beside wedges, which are
-    /// of first order, mid nodes too.
+    /// Drops either the quadrilaterals or the triangles they were split into; in a mesh with
+    /// wedges, which are of first order, also drops mid nodes.
     fn part_quads(&mut self, report: &mut ReadReport) {
         if self.wedges.corners.is_empty() {
             self.quads = Cells::new("quadrilateral");
@@ -284,8 +286,7 @@ impl Builder {
         self.triangles.keep(|i| is_whole[i]);
     }
 
-    /// Puts the nodes into the order of their numbers, of which none may come twice, and tells
-    /// where each is.
+    /// Sorts the nodes by number, refusing duplicates, and returns the map from numbers to indices.
     fn nodes(&mut self, input: &Input<'_>) -> Result<Nodes> {
         if !self.ids.is_sorted_by(|a, b| a < b) {
             let mut order: Vec<usize> = (0..self.ids.len()).collect();
@@ -306,8 +307,8 @@ impl Builder {
         Ok(Nodes::of(&mut self.ids))
     }
 
-    /// The mesh of all that was taken. The numbers of the file become places in lists; elements
-    /// stand in the order of their numbers, and none of the volumes is inside out.
+    /// Assembles the mesh: numbers of the file become indices, elements are sorted by number, and
+    /// inverted volumes are reversed.
     pub(super) fn finish(mut self, input: &Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
         let nodes = self.nodes(input)?;
         self.ids = Vec::new();
@@ -346,8 +347,8 @@ impl Builder {
         Ok(mesh)
     }
 
-    /// The settled elements and their groups as a mesh, whose curves lie on no parts yet. Behind
-    /// the regions of the tetrahedra stand those of the wedges.
+    /// Assembles the sorted elements and their groups, without the parts next to curves. Regions of
+    /// wedges follow those of tetrahedra.
     fn mesh(self) -> Mesh {
         let [_, curve_names, part_names, region_names] = self.names;
         let (edge_curves, curves) = labels(self.edges.tags, curve_names, "curve");
@@ -385,8 +386,8 @@ impl Builder {
     }
 }
 
-/// Tags to places in a list of names, in the order of the tags; elements of no group come last. No
-/// labels if there is nothing to tell apart.
+/// Replaces tags by indices into a list of names, ordered by tag; elements without a group come
+/// last. The labels are empty if all elements belong together.
 fn labels(mut tags: Vec<i64>, names: BTreeMap<i64, String>, what: &str) -> (Vec<u32>, Vec<String>) {
     let some = tags.iter().any(|t| *t > 0);
     if !some {
@@ -396,7 +397,7 @@ fn labels(mut tags: Vec<i64>, names: BTreeMap<i64, String>, what: &str) -> (Vec<
         }
         tags.iter_mut().for_each(|t| *t = t.saturating_neg());
     }
-    // Numbers from here on are positive for groups and 0 for none.
+    // From here on tags are positive for groups and 0 for none.
     let mut distinct: Vec<i64> = tags.iter().map(|t| (*t).max(0)).collect();
     distinct.sort_unstable();
     distinct.dedup();
@@ -418,8 +419,8 @@ fn labels(mut tags: Vec<i64>, names: BTreeMap<i64, String>, what: &str) -> (Vec<
     (labels, distinct.iter().map(name).collect())
 }
 
-/// Wedges have no labels of regions: one region of all volumes is theirs too, but in a mesh of
-/// several they become tetrahedra.
+/// Splits wedges into tetrahedra if the mesh has several regions, since wedges have no region
+/// labels; a single region includes the wedges.
 fn divide(mut mesh: Mesh, report: &mut ReadReport) -> Mesh {
     if mesh.wedges.is_empty() {
         return mesh;
@@ -444,7 +445,7 @@ fn divide(mut mesh: Mesh, report: &mut ReadReport) -> Mesh {
     mesh
 }
 
-/// Turns tetrahedra whose volume is negative; how many.
+/// Reverses tetrahedra with negative volume and returns their number.
 fn turn_inverted(mesh: &mut Mesh) -> usize {
     let mut turned = 0;
     for (i, tet) in mesh.tets.iter_mut().enumerate() {
@@ -461,7 +462,7 @@ fn turn_inverted(mesh: &mut Mesh) -> usize {
         if dot(edges[0], cross(edges[1], edges[2])) < -INVERTED * longest.powi(3) {
             tet.swap(2, 3);
             if let Some(mids) = mesh.tet_mids.get_mut(i) {
-                // 1–2 with 1–3 and 0–2 with 0–3, see TET_EDGES.
+                // Edges 1–2 with 1–3 and 0–2 with 0–3, see TET_EDGES.
                 mids.swap(1, 4);
                 mids.swap(2, 3);
             }
@@ -471,7 +472,7 @@ fn turn_inverted(mesh: &mut Mesh) -> usize {
     turned
 }
 
-/// Turns wedges whose first triangle looks away from the second; how many.
+/// Reverses wedges whose first triangle faces away from the second, and returns their number.
 fn turn_inverted_wedges(mesh: &mut Mesh) -> usize {
     let mut turned = 0;
     for wedge in &mut mesh.wedges {
@@ -565,7 +566,7 @@ mod tests {
         assert_eq!(report.warnings.len(), 1);
     }
 
-    /// A wedge that is inside out, on it a quadrilateral and a triangle of other parts, and a
+    /// Returns an inverted wedge, a quadrilateral and a triangle of other parts on it, and a
     /// tetrahedron.
     fn wedge(regions: [i64; 2]) -> Builder {
         let mut builder = nodes(&[0, 1, 2, 3]);

@@ -1,11 +1,10 @@
-//! Whether a mesh keeps what its fields promise: lists of matching lengths, indices that exist,
-//! finite coordinates. Writers check first, so that they need not check on the way.
+//! Consistency check of a mesh: lists of matching lengths, valid indices, finite coordinates.
+//! Writers run it first and rely on it.
 
 use crate::{BAD_MESH, WriteError};
 use isoform_geom::{Mesh, Point3};
 
-/// Refuses lengths that do not match, indices that point nowhere, and coordinates that are not
-/// finite. Writers rely on it.
+/// Refuses lists of unequal lengths, invalid indices and non-finite coordinates.
 pub(super) fn check(mesh: &Mesh, file: &str) -> Result<(), WriteError> {
     match complaint(mesh) {
         None => Ok(()),
@@ -19,7 +18,7 @@ pub(super) fn check(mesh: &Mesh, file: &str) -> Result<(), WriteError> {
     }
 }
 
-/// The first thing that is wrong.
+/// Returns the first defect of a mesh.
 fn complaint(mesh: &Mesh) -> Option<String> {
     let n = mesh.points.len();
     if n > u32::MAX as usize - 1 {
@@ -35,7 +34,7 @@ fn complaint(mesh: &Mesh) -> Option<String> {
         .or_else(|| wrong_beside_wedges(mesh))
 }
 
-/// A list that is neither empty nor as long as what it belongs to.
+/// Describes a list that is neither empty nor as long as the list of its elements.
 fn wrong_length(m: &Mesh) -> Option<String> {
     let (triangles, tets, edges) = (m.triangles.len(), m.tets.len(), m.edges.len());
     let lengths = [
@@ -59,7 +58,7 @@ fn wrong_length(m: &Mesh) -> Option<String> {
     ))
 }
 
-/// An index of a node that is not there.
+/// Describes an index of a missing node.
 fn wrong_node(m: &Mesh) -> Option<String> {
     let n = m.points.len();
     let nodes = [
@@ -79,7 +78,7 @@ fn wrong_node(m: &Mesh) -> Option<String> {
     })
 }
 
-/// A label of a group that is not there.
+/// Describes a label of a missing group.
 fn wrong_label(m: &Mesh) -> Option<String> {
     let labels = [
         ("part", &m.triangle_parts, m.parts.len()),
@@ -93,8 +92,8 @@ fn wrong_label(m: &Mesh) -> Option<String> {
     })
 }
 
-/// What a mesh with wedges or quadrilaterals does not have: mid nodes, several regions, and parts
-/// of triangles or quadrilaterals alone.
+/// Describes what a mesh with wedges or quadrilaterals must not have: mid nodes, several regions,
+/// or parts on only the triangles or only the quadrilaterals.
 fn wrong_beside_wedges(m: &Mesh) -> Option<String> {
     let labelled = [&m.triangle_parts, &m.quad_parts].map(|parts| !parts.is_empty());
     if !m.triangles.is_empty() && !m.quads.is_empty() && labelled[0] != labelled[1] {
@@ -107,7 +106,7 @@ fn wrong_beside_wedges(m: &Mesh) -> Option<String> {
     divided.then(|| "there are several regions, of which wedges have none".into())
 }
 
-/// The largest node number among elements; none without elements.
+/// Returns the largest node index of elements; `None` without elements.
 fn highest<const N: usize>(cells: &[[u32; N]]) -> Option<u32> {
     cells.iter().flatten().max().copied()
 }

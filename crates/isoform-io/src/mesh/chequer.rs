@@ -1,19 +1,19 @@
-//! A chequered texture as PNG: along the parameters of a surface it shows how they run.
+//! Chequered texture as PNG, which makes the parameter lines of a surface visible.
 
 use flate2::write::ZlibEncoder;
 use flate2::{Compression, Crc};
 use std::io::Write;
 
-/// Fields along each side.
+/// Number of fields along each side.
 const FIELDS: usize = 8;
-/// Greys of the fields.
+/// Grey values of the fields.
 const GREYS: [u8; 2] = [255, 150];
 
-/// A pixel per field, in 8-bit grey.
+/// Returns the texture with one pixel per field, in 8-bit grey.
 pub(super) fn png() -> Vec<u8> {
     let mut rows = Vec::new();
     for i in 0..FIELDS {
-        // Each row begins with its filter: none.
+        // Each row begins with the number of its filter: 0, none.
         rows.push(0);
         rows.extend((0..FIELDS).map(|j| GREYS[(i + j) % 2]));
     }
@@ -35,7 +35,7 @@ pub(super) fn png() -> Vec<u8> {
     png
 }
 
-/// Adds a chunk of PNG: length, kind, data, CRC-32 of kind and data.
+/// Appends a PNG chunk: length, kind, data, CRC-32 of kind and data.
 fn chunk(png: &mut Vec<u8>, kind: &[u8; 4], data: &[u8]) {
     let mut crc = Crc::new();
     crc.update(kind);

@@ -1,5 +1,5 @@
-//! Which format a file of a mesh has: the one asked for, else the one that its content states, else
-//! the one that its name states, else the likeliest.
+//! Choice of the format of a mesh file: by request, else by content, else by the ending of its
+//! name, else by likelihood.
 
 use super::format::{MeshFormat, ReadFn, encoding};
 use super::registry::{mesh_format_named, mesh_formats};
@@ -7,12 +7,11 @@ use crate::format::{Sniff, extension};
 use crate::input::{Input, Result, shorten};
 use crate::{At, ErrorKind, ReadError};
 
-/// First bytes that are looked at.
+/// Number of bytes examined at the start of a file.
 const HEAD: usize = 4096;
-/// What failed, as the errors of the choice say.
 const WHAT: &str = "cannot tell how to read the mesh";
 
-/// The format of a file with its reader; what is odd about it goes into the warnings.
+/// Returns the format of a file and its reader; oddities are added to the warnings.
 pub(super) fn choose(
     input: &mut Input<'_>,
     asked: Option<&str>,
@@ -28,7 +27,7 @@ pub(super) fn choose(
     Ok((format, read))
 }
 
-/// The format of a file for which none is asked.
+/// Guesses the format of a file if none was requested.
 fn guess(input: &mut Input<'_>, warnings: &mut Vec<String>) -> Result<&'static MeshFormat> {
     let head = input.head(HEAD)?;
     if head.is_empty() {
@@ -62,18 +61,18 @@ fn guess(input: &mut Input<'_>, warnings: &mut Vec<String>) -> Result<&'static M
     Ok(likeliest)
 }
 
-/// The first format in the registry whose content test is as sure as this.
+/// Returns the first format in the registry whose content test gives this certainty.
 pub(crate) fn by_content(head: &[u8], sure: Sniff) -> Option<&'static MeshFormat> {
     mesh_formats().iter().find(|f| (f.sniff)(head) == sure)
 }
 
-/// Names of the formats that can be read, for messages.
+/// Lists the names of the readable formats, for messages.
 fn readable() -> String {
     let names = mesh_formats().iter().filter(|f| f.is_readable());
     names.map(|f| f.name).collect::<Vec<_>>().join(", ")
 }
 
-/// The error for a format that is only written.
+/// Returns the error for a write-only format.
 fn not_read(input: &Input<'_>, format: &MeshFormat) -> ReadError {
     let why = format!(
         "{} is written but not read. Meshes are read from {}",
@@ -84,7 +83,7 @@ fn not_read(input: &Input<'_>, format: &MeshFormat) -> ReadError {
     input.error(ErrorKind::UnsupportedFormat, At::File, WHAT, why, hint)
 }
 
-/// The error for a name that no format has.
+/// Returns the error for an unknown format name.
 fn no_such_format(input: &Input<'_>, asked: &str) -> ReadError {
     let why = format!(
         "no format of meshes is called \"{}\". Meshes are read from {}",
@@ -95,7 +94,7 @@ fn no_such_format(input: &Input<'_>, asked: &str) -> ReadError {
     input.error(ErrorKind::UnknownFormat, At::File, WHAT, why, hint)
 }
 
-/// The error for a file that neither name nor content tells anything of.
+/// Returns the error for a file whose format neither name nor content reveal.
 fn unknown(input: &Input<'_>) -> ReadError {
     let why = format!(
         "neither its name nor its content is of a known kind. Meshes are read from {}",

@@ -1,9 +1,10 @@
-//! Colours that tell parts apart.
+//! Colours that distinguish parts.
 
-/// Red, green and blue from 0 to 1 for a part: hues a golden angle apart, so that neighbours in the
-/// list differ, whatever their number.
+/// Returns red, green and blue from 0 to 1 for a part. Hues of successive parts differ by the
+/// golden angle, so that neighbours in the list are distinct for any number of parts.
 pub(super) fn part_color(part: usize) -> [f64; 3] {
-    // 0.618… of the circle, from blue; pale enough for shading to be seen.
+    // Steps of 0.618… of the colour circle, starting from blue; pale enough to leave shading
+    // visible.
     let hue = (0.58 + 0.618_033_988_75 * part as f64).fract();
     [0.0, 2.0 / 3.0, 1.0 / 3.0].map(|turn| {
         let x = ((hue + turn).fract() * 6.0 - 3.0).abs() - 1.0;

@@ -1,4 +1,4 @@
-//! What a format of meshes is: its names, what it keeps, and the functions that read and write it.
+//! Description of a mesh format: its names, what it stores, and its reader and writer.
 
 use super::options::MeshWriteOptions;
 use crate::ReadReport;
@@ -7,54 +7,55 @@ use crate::input::{Input, Result};
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
-/// A writer of meshes.
+/// Writer of meshes.
 pub(super) type WriteFn = fn(&Mesh, &mut dyn Write, &MeshWriteOptions) -> io::Result<()>;
-/// A reader of meshes, with warnings in the report.
+/// Reader of meshes, which adds warnings to the report.
 pub(super) type ReadFn = fn(&mut Input<'_>, &mut ReadReport) -> Result<Mesh>;
 
-/// What a format keeps of a mesh's columns.
+/// Columns of a mesh that a format stores.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Columns {
-    /// Nothing.
+    /// No columns.
     None,
-    /// The parameters u and v, as texture coordinates.
+    /// Parameters u and v, as texture coordinates.
     Texture,
-    /// All.
+    /// All columns.
     All,
 }
 
-/// A file format of meshes.
+/// File format of meshes.
 pub struct MeshFormat {
     /// Short name.
     pub name: &'static str,
-    /// Endings of file names, lower case, without the dot; the first is the usual one.
+    /// Endings of file names, in lower case, without the dot; the usual one first.
     pub extensions: &'static [&'static str],
     /// Name in sentences.
     pub title: &'static str,
-    /// Whether it holds tetrahedra and wedges; else only a surface of triangles is written.
+    /// True if the format stores tetrahedra and wedges; otherwise only the surface is written, as
+    /// triangles.
     pub volume: bool,
-    /// Whether it holds mid-edge nodes.
+    /// True if the format stores mid-edge nodes.
     pub second_order: bool,
-    /// Whether coordinates have 32 bits, except in text.
+    /// True if binary coordinates have 32 bits.
     pub single: bool,
-    /// What becomes of the numbers per node.
+    /// Columns that the format stores.
     pub(super) columns: Columns,
-    /// What is kept, for lists of formats.
+    /// Summary of what is stored, for lists of formats.
     pub about: &'static str,
-    /// How sure the first bytes of a file make this format.
+    /// Content test on the first bytes of a file.
     pub(super) sniff: fn(&[u8]) -> Sniff,
-    /// Its reader, if it is read.
+    /// Reader; `None` if the format is write-only.
     pub(super) read: Option<ReadFn>,
-    /// Its writer.
+    /// Writer.
     pub(super) write: WriteFn,
 }
 
 impl MeshFormat {
-    /// Whether it can be read; all can be written.
+    /// Returns true if the format can be read.
     pub fn is_readable(&self) -> bool {
         self.read.is_some()
     }
-    /// Whether it can be written.
+    /// Returns true: all mesh formats can be written.
     pub fn is_writable(&self) -> bool {
         true
     }
@@ -66,7 +67,7 @@ impl std::fmt::Debug for MeshFormat {
     }
 }
 
-/// A name without `-ascii` or `-binary` behind it, and whether it asks for text.
+/// Splits a suffix `-ascii` or `-binary` off a name; the second value is true if it asks for text.
 pub(super) fn encoding(name: &str) -> (&str, Option<bool>) {
     for (tail, ascii) in [("-ascii", true), ("-binary", false)] {
         if let Some(bare) = name.strip_suffix(tail) {

@@ -1,10 +1,11 @@
-//! glTF 2.0 as one binary file (Khronos, "glTF 2.0 Specification"): for viewers, in 32 bits.
+//! glTF 2.0 as one binary file (Khronos, "glTF 2.0 Specification"), for viewers, in single
+//! precision.
 //!
-//! Coordinates are relative to the centre of the box, which a node puts back; so that 32 bits
-//! suffice for shapes far from the origin. Each part is a primitive with a material of its own
-//! colour and the part's name. Our z is up, glTF's y: a node turns it. Lengths are metres there: a
-//! node scales, if the unit is known. A mesh with parameters gets a chequered texture along them;
-//! its other numbers per node are attributes such as `_DISTANCE`.
+//! Coordinates are relative to the centre of the bounding box, and a scene node translates them
+//! back; thus 32 bits suffice for shapes far from the origin. Each part is a primitive with a
+//! material of its own colour and the part's name. A scene node rotates our upward z axis to glTF's
+//! y axis and, if the unit is known, scales lengths to metres. A mesh with parameters gets a
+//! chequered texture along them; other columns become attributes such as `_DISTANCE`.
 
 use super::chequer;
 use super::color::part_color;
@@ -16,20 +17,20 @@ use isoform_geom::{Aabb, Column, Mesh, Point3};
 use serde_json::{Value, json};
 use std::io::{self, Write};
 
-/// Component type: floats of 32 bits. glTF has taken these numbers from OpenGL.
+/// Component type: floats of 32 bits. These numbers stem from OpenGL.
 const FLOAT: u32 = 5126;
 /// Component type: unsigned integers of 32 bits.
 const UNSIGNED: u32 = 5125;
-/// Target of a view with values per vertex.
+/// Target of a buffer view with values per vertex.
 const VERTICES: u32 = 34962;
-/// Target of a view with corners of triangles.
+/// Target of a buffer view with corners of triangles.
 const INDICES: u32 = 34963;
-/// Filter of the texture: pixels stay sharp.
+/// Texture filter that keeps pixels sharp.
 const NEAREST: u32 = 9728;
-/// Wrapping of the texture: it goes on beyond parameters 0 and 1.
+/// Texture wrapping that repeats the texture beyond parameters 0 and 1.
 const REPEAT: u32 = 10497;
 
-/// Writes a mesh; one without triangles becomes a document without a scene.
+/// Writes a mesh; without triangles it is a document without a scene.
 pub(super) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,
@@ -47,8 +48,7 @@ pub(super) fn write(
     out.flush()
 }
 
-/// The head of the file and its JSON chunk, and the head of the binary chunk if there is one of
-/// that size.
+/// Writes the file header with the JSON chunk, and the header of the binary chunk if it has a size.
 fn write_document(document: &Value, binary: Option<usize>, out: &mut Out<'_>) -> io::Result<()> {
     let mut text = document.to_string();
     text.extend(std::iter::repeat_n(' ', padding(text.len())));
@@ -64,26 +64,26 @@ fn write_document(document: &Value, binary: Option<usize>, out: &mut Out<'_>) ->
     Ok(())
 }
 
-/// Bytes to the next multiple of four.
+/// Returns the number of bytes up to the next multiple of four.
 fn padding(length: usize) -> usize {
     length.wrapping_neg() % 4
 }
 
-/// A mesh with triangles as a viewer gets it.
+/// Mesh with triangles, prepared for a viewer.
 struct Model<'m> {
     mesh: &'m Mesh,
-    /// The nodes of the surface.
+    /// Nodes of the surface.
     nodes: SurfaceNodes,
-    /// The triangles by part.
+    /// Triangles by part.
     parts: Groups,
-    /// The middle of the box, which the coordinates are relative to.
+    /// Centre of the bounding box, to which coordinates are relative.
     center: Point3,
-    /// The texture as PNG; empty for a mesh without parameters.
+    /// Texture as PNG; empty for a mesh without parameters.
     texture: Vec<u8>,
 }
 
 impl<'m> Model<'m> {
-    /// The model of a mesh, with a texture where there are parameters.
+    /// Prepares a mesh, with a texture if it has parameters.
     fn of(mesh: &'m Mesh) -> Self {
         let nodes = SurfaceNodes::of(mesh);
         Self {
@@ -98,14 +98,14 @@ impl<'m> Model<'m> {
         }
     }
 
-    /// The nodes of the surface relative to the centre, in single precision.
+    /// Returns the nodes of the surface relative to the centre, in single precision.
     fn points(&self) -> impl Iterator<Item = [f32; 3]> {
         self.nodes
             .points(self.mesh)
             .map(|p| std::array::from_fn(|k| (p[k] - self.center[k]) as f32))
     }
 
-    /// Least and largest coordinates.
+    /// Returns the smallest and largest coordinates.
     fn bounds(&self) -> [[f32; 3]; 2] {
         let (mut lo, mut hi) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         for p in self.points() {
@@ -115,14 +115,14 @@ impl<'m> Model<'m> {
         [lo, hi]
     }
 
-    /// Bytes of the binary chunk.
+    /// Returns the size of the binary chunk in bytes.
     fn size(&self) -> usize {
         let numbers = self.nodes.len() * (3 + self.mesh.columns.len());
         let texture = self.texture.len() + padding(self.texture.len());
         4 * numbers + 12 * self.mesh.triangles.len() + texture
     }
 
-    /// Coordinates, triangles by part, texture coordinates, other numbers, texture.
+    /// Writes coordinates, triangles by part, texture coordinates, other columns, and the texture.
     fn write_binary(&self, out: &mut Out<'_>) -> io::Result<()> {
         for p in self.points() {
             p.iter().for_each(|v| {
@@ -148,7 +148,7 @@ impl<'m> Model<'m> {
         Ok(())
     }
 
-    /// The document that says what the bytes are.
+    /// Returns the JSON document that describes the binary chunk.
     fn document(&self, scale: f64) -> Value {
         let mut buffer = Buffer::new(self.nodes.len(), self.mesh.triangles.len(), self.bounds());
         if !self.texture.is_empty() {
@@ -180,8 +180,8 @@ impl<'m> Model<'m> {
         document
     }
 
-    /// The nodes of the scene: one turns the model's z upwards, which glTF has for y, and scales it
-    /// to metres; its child moves the shape back from the origin.
+    /// Returns the nodes of the scene: one rotates the z axis to glTF's y axis and scales to
+    /// metres; its child translates the shape back from the origin.
     fn scene_nodes(&self, scale: f64) -> Value {
         let half = std::f64::consts::FRAC_1_SQRT_2;
         json!([
@@ -190,7 +190,7 @@ impl<'m> Model<'m> {
         ])
     }
 
-    /// The material of a part, with its colour and name.
+    /// Returns the material of a part, with its colour and name.
     fn material(&self, part: usize) -> Value {
         let [r, g, b] = part_color(part);
         let name = self.mesh.parts.get(part).map_or("surface", |n| n);
@@ -218,7 +218,7 @@ fn write_floats(values: impl Iterator<Item = f64>, out: &mut Out<'_>) -> io::Res
     Ok(())
 }
 
-/// The columns that are no texture coordinates.
+/// Returns the columns other than texture coordinates.
 fn attributes(mesh: &Mesh) -> impl Iterator<Item = &Column> {
     let textured = mesh.parameters().is_some();
     mesh.columns
@@ -226,12 +226,12 @@ fn attributes(mesh: &Mesh) -> impl Iterator<Item = &Column> {
         .filter(move |c| !(textured && ["u", "v"].contains(&c.name.as_str())))
 }
 
-/// The version of glTF, and the name of the writer.
+/// Returns the version of glTF and the name of the writer.
 fn asset() -> Value {
     json!({ "version": "2.0", "generator": "isoform" })
 }
 
-/// Metres in a unit; 1 if it is not known.
+/// Returns the metres in a unit; 1 if it is unknown.
 fn metres(unit: Option<&str>) -> f64 {
     match unit {
         Some("um") => 1e-6,
@@ -243,7 +243,8 @@ fn metres(unit: Option<&str>) -> f64 {
     }
 }
 
-/// The name of a column as an attribute of one's own: a `_`, then capitals, digits and `_`.
+/// Returns the name of a column as an application-specific attribute: `_`, then capitals, digits
+/// and `_`.
 fn attribute_name(column: &str) -> String {
     let plain = |c: char| {
         if c.is_ascii_alphanumeric() {
@@ -257,24 +258,24 @@ fn attribute_name(column: &str) -> String {
         .collect()
 }
 
-/// What lies where in the binary chunk: views are ranges of bytes, accessors their types.
+/// Layout of the binary chunk: views are byte ranges, accessors give their types.
 struct Buffer {
-    /// Ranges of bytes.
+    /// Byte ranges.
     views: Vec<Value>,
     /// Types and counts of the numbers in the views.
     accessors: Vec<Value>,
-    /// Accessors of the values per node by name.
+    /// Accessors of the values per node, by name.
     attributes: serde_json::Map<String, Value>,
     /// Number of nodes of the surface.
     nodes: usize,
-    /// Where the next view begins.
+    /// Offset of the next view.
     end: usize,
-    /// Indices of the primitives so far.
+    /// Number of indices of the primitives so far.
     indices: usize,
 }
 
 impl Buffer {
-    /// Coordinates with their bounds, then triangles.
+    /// Starts with views for coordinates, with their bounds, and for triangles.
     fn new(nodes: usize, triangles: usize, bounds: [[f32; 3]; 2]) -> Self {
         let (vertices, indices) = (12 * nodes, 12 * triangles);
         let mut attributes = serde_json::Map::new();
@@ -301,14 +302,14 @@ impl Buffer {
         self.accessors.push(json!({ "bufferView": self.views.len() - 1, "componentType": FLOAT, "count": self.nodes, "type": kind }));
         self.end += length;
     }
-    /// Adds the triangles of a part by the number of their corners.
+    /// Adds the triangles of a part, given their number of corners.
     fn primitive(&mut self, material: usize, count: usize) -> Value {
         let primitive = json!({ "attributes": self.attributes, "indices": self.accessors.len(), "material": material, "mode": 4 });
         self.accessors.push(json!({ "bufferView": 1, "byteOffset": 4 * self.indices, "componentType": UNSIGNED, "count": count, "type": "SCALAR" }));
         self.indices += count;
         primitive
     }
-    /// Adds the bytes of an image; its view.
+    /// Adds the bytes of an image and returns the index of their view.
     fn image(&mut self, length: usize) -> usize {
         self.views
             .push(json!({ "buffer": 0, "byteOffset": self.end, "byteLength": length }));

@@ -1,10 +1,10 @@
-//! Elements by label, and names that a format can hold.
+//! Elements by group, and names that a format can store.
 //!
-//! Writers know two rows of elements: *faces*, which are the triangles and then the quadrilaterals
-//! of the surface, and *volumes*, which are the tetrahedra and then the wedges.
+//! Writers treat a mesh as two lists: *faces*, the triangles followed by the quadrilaterals of the
+//! surface, and *volumes*, the tetrahedra followed by the wedges.
 //!
-//! A mesh has a label per element; formats want elements group by group ([`Groups`]), under names
-//! of their own alphabet and length, all different ([`Names`]).
+//! A mesh has one label per element; formats store elements group by group ([`Groups`]), under
+//! distinct names with an alphabet and a length of their own ([`Names`]).
 
 use isoform_geom::Mesh;
 use std::borrow::Cow;
@@ -12,14 +12,14 @@ use std::collections::HashSet;
 
 /// Elements of every group, each in the order of the mesh.
 pub(super) struct Groups {
-    /// First of each group in `items`, and the end.
+    /// Start of each group in `items`, and the end of the last.
     start: Vec<usize>,
     /// Elements, group by group.
     items: Vec<u32>,
 }
 
 impl Groups {
-    /// Sorts `n` elements into `count` groups; elements without labels are one group.
+    /// Sorts `n` elements into `count` groups; elements without labels form one group.
     pub(super) fn new(labels: &[u32], count: usize, n: usize) -> Self {
         if labels.is_empty() && n > 0 {
             return Self {
@@ -42,7 +42,7 @@ impl Groups {
         }
         Self { start, items }
     }
-    /// Faces by part.
+    /// Groups the faces by part.
     pub(super) fn parts(mesh: &Mesh) -> Self {
         let labels = match mesh.quad_parts.is_empty() {
             true => Cow::Borrowed(&mesh.triangle_parts),
@@ -50,7 +50,8 @@ impl Groups {
         };
         Self::new(&labels, mesh.parts.len(), face_count(mesh))
     }
-    /// Volumes by region; beside wedges they are all of one (see [`volume_region`]).
+    /// Groups the volumes by region; with wedges all volumes form one group (see
+    /// [`volume_region`]).
     pub(super) fn regions(mesh: &Mesh) -> Self {
         let labels = match mesh.wedges.is_empty() {
             true => &mesh.tet_regions[..],
@@ -58,19 +59,19 @@ impl Groups {
         };
         Self::new(labels, mesh.regions.len(), volume_count(mesh))
     }
-    /// Edges by curve.
+    /// Groups the edges by curve.
     pub(super) fn curves(mesh: &Mesh) -> Self {
         Self::new(&mesh.edge_curves, mesh.curves.len(), mesh.edges.len())
     }
-    /// Number of groups.
+    /// Returns the number of groups.
     pub(super) fn len(&self) -> usize {
         self.start.len() - 1
     }
-    /// Elements of a group.
+    /// Returns the elements of a group.
     pub(super) fn of(&self, group: usize) -> &[u32] {
         &self.items[self.start[group]..self.start[group + 1]]
     }
-    /// Numbers and elements of the groups that have some.
+    /// Returns indices and elements of the non-empty groups.
     pub(super) fn filled(&self) -> impl Iterator<Item = (usize, &[u32])> {
         (0..self.len())
             .map(|g| (g, self.of(g)))
@@ -78,17 +79,17 @@ impl Groups {
     }
 }
 
-/// Number of the faces.
+/// Returns the number of faces.
 pub(super) fn face_count(mesh: &Mesh) -> usize {
     mesh.triangles.len() + mesh.quads.len()
 }
 
-/// Number of the volumes.
+/// Returns the number of volumes.
 pub(super) fn volume_count(mesh: &Mesh) -> usize {
     mesh.tets.len() + mesh.wedges.len()
 }
 
-/// The part of a face, if it has one.
+/// Returns the part of a face; `None` without parts.
 pub(super) fn face_part(mesh: &Mesh, i: usize) -> Option<u32> {
     match i.checked_sub(mesh.triangles.len()) {
         None => mesh.triangle_parts.get(i).copied(),
@@ -96,8 +97,8 @@ pub(super) fn face_part(mesh: &Mesh, i: usize) -> Option<u32> {
     }
 }
 
-/// The region of a volume, if it has one. Wedges have no labels: a mesh with wedges has one region
-/// at most, and if it has one, all its volumes are of it.
+/// Returns the region of a volume; `None` without regions. Wedges have no labels: a mesh with
+/// wedges has at most one region, to which all its volumes belong.
 pub(super) fn volume_region(mesh: &Mesh, i: usize) -> Option<u32> {
     match mesh.wedges.is_empty() {
         true => mesh.tet_regions.get(i).copied(),
@@ -105,8 +106,8 @@ pub(super) fn volume_region(mesh: &Mesh, i: usize) -> Option<u32> {
     }
 }
 
-/// Nodes of a face, and how many there are: 4 of a quadrilateral, 3 or 6 of a triangle, whose mid
-/// nodes are behind the corners.
+/// Returns the nodes of a face and their number: 4 for a quadrilateral, 3 or 6 for a triangle,
+/// whose mid nodes follow the corners.
 pub(super) fn face(mesh: &Mesh, i: usize) -> ([u32; 6], usize) {
     let mut nodes = [0; 6];
     if let Some(quad) = i.checked_sub(mesh.triangles.len()) {
@@ -123,8 +124,8 @@ pub(super) fn face(mesh: &Mesh, i: usize) -> ([u32; 6], usize) {
     }
 }
 
-/// Nodes of a volume, and how many there are: 6 of a wedge, 4 or 10 of a tetrahedron, whose mid
-/// nodes are behind the corners.
+/// Returns the nodes of a volume and their number: 6 for a wedge, 4 or 10 for a tetrahedron, whose
+/// mid nodes follow the corners.
 pub(super) fn volume(mesh: &Mesh, i: usize) -> ([u32; 10], usize) {
     let mut nodes = [0; 10];
     if let Some(wedge) = i.checked_sub(mesh.tets.len()) {
@@ -141,7 +142,7 @@ pub(super) fn volume(mesh: &Mesh, i: usize) -> ([u32; 10], usize) {
     }
 }
 
-/// Nodes of an edge, the mid node behind the ends.
+/// Returns the nodes of an edge, with a mid node after the ends, and their number.
 pub(super) fn edge(mesh: &Mesh, i: usize) -> ([u32; 3], usize) {
     let [a, b] = mesh.edges[i];
     match mesh.edge_mids.get(i) {
@@ -150,13 +151,13 @@ pub(super) fn edge(mesh: &Mesh, i: usize) -> ([u32; 3], usize) {
     }
 }
 
-/// Hands out names that differ, each made fit by a function first.
+/// Generator of distinct names that fit a format.
 pub(super) struct Names {
-    /// A name as the format can hold it.
+    /// Converts a name to the alphabet of the format.
     plain: fn(&str) -> String,
-    /// Longest name, in bytes.
+    /// Maximum length of a name, in bytes.
     longest: usize,
-    /// Names given so far.
+    /// Names used so far.
     taken: HashSet<String>,
 }
 
@@ -168,7 +169,7 @@ impl Names {
             taken: HashSet::new(),
         }
     }
-    /// The name made fit; where it is taken, with a number behind it.
+    /// Returns the name converted to the format, with a number appended if it is taken.
     pub(super) fn give(&mut self, name: &str, empty: &str) -> String {
         let plain = (self.plain)(if name.trim().is_empty() { empty } else { name });
         let mut given = cut(&plain, self.longest).to_owned();
@@ -183,7 +184,7 @@ impl Names {
     }
 }
 
-/// The longest beginning of at most `n` bytes.
+/// Returns the longest prefix of at most `n` bytes.
 fn cut(text: &str, n: usize) -> &str {
     let mut end = n.min(text.len());
     while !text.is_char_boundary(end) {

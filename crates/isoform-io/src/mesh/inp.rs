@@ -1,10 +1,11 @@
-//! Abaqus and CalculiX .inp: nodes, elements, sets and surfaces, no step; both ways.
+//! Abaqus and CalculiX .inp: nodes, elements, sets and surfaces, without steps; reading and
+//! writing.
 //!
-//! Tetrahedra are C3D4 or C3D10 with a set of elements per region, wedges C3D6 in the set of the
-//! tetrahedra; each part is a set of nodes and a surface of element faces of the same name; each
-//! curve a set of nodes. A mesh without volumes becomes shells, S3, S6 or S4, with a set of
-//! elements per part. Names are in capitals, of letters, digits and `_`, at most 80; numbers have
-//! at most 20 characters, of which CalculiX reads no more.
+//! Tetrahedra are C3D4 or C3D10 with an element set per region; wedges are C3D6 in the set of the
+//! tetrahedra. Each part is a node set and a surface of element faces with one name, and each curve
+//! is a node set. A mesh without volumes becomes shells, S3, S6 or S4, with an element set per
+//! part. Names consist of at most 80 capitals, digits and `_`; numbers have at most 20 characters,
+//! the maximum that CalculiX reads.
 
 mod read;
 
@@ -18,18 +19,18 @@ use crate::format::Sniff;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
-/// Longest name that CalculiX takes.
+/// Maximum length of a name in CalculiX.
 const LONGEST_NAME: usize = 80;
-/// Characters of a number that CalculiX reads.
+/// Maximum length of a number in CalculiX, in characters.
 const NUMBER: usize = 20;
-/// Numbers on a line of a set.
+/// Number of entries on a line of a set.
 const PER_LINE: usize = 16;
-/// Number in Abaqus and CalculiX of the side of a tetrahedron opposite to each corner. The sides of
-/// a wedge have our order, which is S1 with the nodes 1 2 3, S2 with 4 5 6, S3 with 1 2 5 4, S4
-/// with 2 3 6 5 and S5 with 3 1 4 6.
+/// Number in Abaqus and CalculiX of the side of a tetrahedron opposite to each corner. Sides of a
+/// wedge are numbered as in [`Side`]: S1 has the nodes 1 2 3, S2 has 4 5 6, S3 has 1 2 5 4, S4 has
+/// 2 3 6 5 and S5 has 3 1 4 6.
 const TET_SIDE: [u8; 4] = [3, 4, 2, 1];
 
-/// Yes for a keyword line of nodes, or for the lines with which Abaqus begins a model.
+/// Returns `Yes` for a keyword line of nodes, or for the lines with which Abaqus begins a model.
 pub(super) fn sniff(head: &[u8]) -> Sniff {
     let text = String::from_utf8_lossy(head).to_ascii_uppercase();
     let keyword = |k: &str| {
@@ -45,7 +46,7 @@ pub(super) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
-/// Capitals, digits and single `_`, starting with a letter.
+/// Converts a name to capitals, digits and single `_`, starting with a letter.
 fn plain(name: &str) -> String {
     let mut name: String = name
         .chars()
@@ -66,20 +67,20 @@ fn plain(name: &str) -> String {
     name
 }
 
-/// Names of the groups as they stand in the file, all different.
+/// Distinct names of the groups in the file.
 struct GroupNames {
-    /// Names of the parts, for node sets, surfaces, and sets of shells.
+    /// Names of the parts, for node sets, surfaces and sets of shells.
     parts: Vec<String>,
     /// Names of the curves, for node sets.
     curves: Vec<String>,
     /// Name of the set of all corners.
     corners: String,
-    /// Names of the regions that have elements, for sets of elements.
+    /// Names of the non-empty regions, for element sets.
     regions: Vec<String>,
 }
 
 impl GroupNames {
-    /// Names are handed out in the order of the fields, regions only to those with elements.
+    /// Generates names in the order of the fields, and regions only if they have elements.
     fn of(mesh: &Mesh, groups: &AllGroups) -> Self {
         let mut names = Names::new(LONGEST_NAME, plain);
         let mut give =
@@ -101,7 +102,7 @@ impl GroupNames {
     }
 }
 
-/// The elements by part, curve and region.
+/// Elements by part, curve and region.
 struct AllGroups {
     parts: Groups,
     curves: Groups,
@@ -145,7 +146,7 @@ pub(super) fn write(
     out.flush()
 }
 
-/// Nodes, numbered from 1.
+/// Writes the nodes, numbered from 1.
 fn write_nodes(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     out.str("*NODE").line()?;
     for (i, p) in mesh.points.iter().enumerate() {
@@ -158,7 +159,7 @@ fn write_nodes(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     Ok(())
 }
 
-/// Faces as shells, a set per part.
+/// Writes the faces as shells, with a set per part.
 fn write_shells(
     mesh: &Mesh,
     parts: &Groups,
@@ -174,7 +175,7 @@ fn write_shells(
     Ok(())
 }
 
-/// Tetrahedra and wedges, a set per region that has some.
+/// Writes the tetrahedra and wedges, with a set per non-empty region.
 fn write_volumes(
     mesh: &Mesh,
     regions: &Groups,
@@ -190,7 +191,8 @@ fn write_volumes(
     Ok(())
 }
 
-/// The elements of a set, first those below `simplices`, of the first kind, then the others.
+/// Writes the elements of a set: those with index below `simplices` with the first type, then the
+/// others with the second.
 fn write_elements<const N: usize>(
     out: &mut Out<'_>,
     kinds: [&str; 2],
@@ -214,7 +216,7 @@ fn write_elements<const N: usize>(
     Ok(())
 }
 
-/// The keyword line before elements of a kind that belong to a set.
+/// Writes the keyword line of elements of one type in a set.
 fn elements_head(out: &mut Out<'_>, kind: &str, set: &str) -> io::Result<()> {
     out.str("*ELEMENT, TYPE=")
         .str(kind)
@@ -223,7 +225,7 @@ fn elements_head(out: &mut Out<'_>, kind: &str, set: &str) -> io::Result<()> {
         .line()
 }
 
-/// An element with its number and its nodes, all from 1 in the file.
+/// Writes an element with its number and nodes, counted from 1 in the file.
 fn element(out: &mut Out<'_>, number: u32, nodes: &[u32]) -> io::Result<()> {
     out.int(number + 1);
     nodes.iter().for_each(|&n| {
@@ -232,7 +234,7 @@ fn element(out: &mut Out<'_>, number: u32, nodes: &[u32]) -> io::Result<()> {
     out.line()
 }
 
-/// The nodes of elements, each once, ascending.
+/// Writes the set of nodes of some elements, each once, ascending.
 fn node_set<const N: usize>(
     out: &mut Out<'_>,
     name: &str,
@@ -256,7 +258,7 @@ fn node_set<const N: usize>(
     Ok(())
 }
 
-/// A surface of element faces for each part; faces that are on no volume are left out.
+/// Writes a surface of element faces for each part; faces that belong to no volume are omitted.
 fn surfaces(mesh: &Mesh, parts: &Groups, names: &[String], out: &mut Out<'_>) -> io::Result<()> {
     let sides = sides_of_faces(mesh);
     for (i, faces) in parts.filled() {
@@ -278,7 +280,7 @@ fn surfaces(mesh: &Mesh, parts: &Groups, names: &[String], out: &mut Out<'_>) ->
     Ok(())
 }
 
-/// The number of a side of a volume, from 1.
+/// Returns the number of a side of a volume, from 1.
 fn side_number(mesh: &Mesh, (volume, side): Side) -> u8 {
     if (volume as usize) < mesh.tets.len() {
         TET_SIDE[usize::from(side)]

@@ -1,9 +1,9 @@
-//! Gmsh .msh: 4.1 as text and binary, 2.2 as text, both ways (Gmsh reference manual, "File
-//! formats").
+//! Gmsh .msh: 4.1 as text and binary, 2.2 as text, reading and writing (Gmsh reference manual,
+//! "File formats").
 //!
-//! Parts, curves and regions are entities and physical groups of dimension 2, 1 and 3 with the same
-//! tag, from 1; corners are points in one physical group. Nodes and elements are numbered in the
-//! order of the mesh, so that reading gives the same order again.
+//! Parts, curves and regions are entities and physical groups of dimension 2, 1 and 3 with one tag
+//! for both, from 1; corners are points in one physical group. Nodes and elements are numbered in
+//! the order of the mesh, so that reading restores this order.
 
 mod read;
 mod write2;
@@ -19,15 +19,15 @@ use crate::format::Sniff;
 use isoform_geom::Mesh;
 use std::io;
 
-/// Longest name that Gmsh keeps.
+/// Maximum length of a name in Gmsh.
 const LONGEST_NAME: usize = 127;
 /// Name of the physical group of the corners.
 const CORNERS: &str = "corners";
-/// Gmsh swaps the last two mid nodes of a tetrahedron: place of our node in its order, and the
-/// other way round.
+/// Permutation, its own inverse, between our order of the nodes of a quadratic tetrahedron and
+/// Gmsh's, which swaps the last two mid nodes.
 const TET10: [usize; 10] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8];
 
-/// Yes for the first section of the format.
+/// Returns `Yes` for the first section of the format.
 pub(super) fn sniff(head: &[u8]) -> Sniff {
     if head.starts_with(b"$MeshFormat") {
         Sniff::Yes
@@ -36,14 +36,15 @@ pub(super) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
-/// Names of the groups by dimension, all different: Gmsh's readers often know groups by name alone.
+/// Names of the groups by dimension, all distinct: many readers of Gmsh files identify groups by
+/// name alone.
 struct Physical {
-    /// By dimension: corners, curves, parts, regions.
+    /// Names by dimension: corners, curves, parts, regions.
     names: [Vec<String>; 4],
 }
 
 impl Physical {
-    /// The names of groups that label elements, and of the corners.
+    /// Collects the names of groups that label elements, and of the corners.
     fn of(mesh: &Mesh) -> Self {
         let mut names = Names::new(LONGEST_NAME, |n| {
             n.chars()
@@ -67,7 +68,7 @@ impl Physical {
             true => &mesh.quad_parts,
             false => &mesh.triangle_parts,
         };
-        // Wedges have no labels but are of the only region (see `volume_region`).
+        // Wedges have no labels but belong to the only region (see `volume_region`).
         let volumes = match mesh.wedges.is_empty() {
             true => &mesh.tet_regions[..],
             false => &[0],
@@ -102,14 +103,14 @@ impl Physical {
         }
         out.str("$EndPhysicalNames").line()
     }
-    /// Whether elements of a dimension are in groups.
+    /// Returns true if elements of a dimension belong to groups.
     fn has(&self, dim: usize) -> bool {
         !self.names[dim].is_empty()
     }
 }
 
-/// Nodes of a tetrahedron or wedge in Gmsh's order, and how many there are. Gmsh's order of a wedge
-/// is ours.
+/// Returns the nodes of a tetrahedron or wedge in Gmsh's order, and their number. For wedges Gmsh's
+/// order is ours.
 fn volume_in_gmsh_order(mesh: &Mesh, i: usize) -> ([u32; 10], usize) {
     let (nodes, n) = volume(mesh, i);
     let nodes = if n == 10 {
@@ -120,7 +121,7 @@ fn volume_in_gmsh_order(mesh: &Mesh, i: usize) -> ([u32; 10], usize) {
     (nodes, n)
 }
 
-/// Gmsh's number of an element of a dimension with that many nodes.
+/// Returns Gmsh's number of the type of an element, given its dimension and number of nodes.
 fn element_type(dim: usize, nodes: usize) -> i32 {
     match (dim, nodes) {
         (0, _) => 15,

@@ -1,4 +1,4 @@
-//! OBJ: vertices in full, faces in a group per part, parameters as texture coordinates.
+//! OBJ: vertices in double precision, faces in a group per part, parameters as texture coordinates.
 
 use super::group::{Groups, Names};
 use super::options::MeshWriteOptions;
@@ -7,10 +7,10 @@ use super::surface::SurfaceNodes;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
-/// Longest name of a group; others cut lines.
+/// Maximum length of a group's name, which keeps lines short.
 const LONGEST_NAME: usize = 200;
 
-/// One word.
+/// Converts a name to a single word.
 fn plain(name: &str) -> String {
     name.chars()
         .map(|c| {
@@ -45,7 +45,8 @@ pub(super) fn write(
     out.flush()
 }
 
-/// The faces in groups by part, each corner with the texture coordinates of its number.
+/// Writes the faces in groups by part; the texture coordinates of a corner have the index of its
+/// vertex.
 fn write_faces(mesh: &Mesh, nodes: &SurfaceNodes, out: &mut Out<'_>) -> io::Result<()> {
     let is_textured = mesh.parameters().is_some();
     let parts = Groups::parts(mesh);

@@ -1,5 +1,5 @@
-//! OFF (Geomview): corners and triangles as text, in full. The format has no place for parts, units
-//! or numbers per node.
+//! OFF (Geomview): vertices and triangles as text, in double precision. The format cannot store
+//! parts, units or columns.
 
 use super::options::MeshWriteOptions;
 use super::out::Out;

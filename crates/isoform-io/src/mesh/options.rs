@@ -1,19 +1,21 @@
-//! How to read and write meshes.
+//! Options for reading and writing meshes.
 
-/// How to write a mesh.
+/// Options for writing a mesh.
 #[derive(Clone, Debug, Default)]
 pub struct MeshWriteOptions {
-    /// Text or binary where the format has both; else, and by default, what is usual: text for
-    /// .msh, binary for .vtu, .stl and .ply.
+    /// True for text and false for binary, if the format has both. The default is text for .msh and
+    /// binary for .vtu, .stl and .ply.
     pub ascii: Option<bool>,
-    /// Unit of length of the coordinates, `mm`, `m`, `in`, …, to state where the format can.
+    /// Unit of length of the coordinates, `mm`, `m`, `in`, …, stated in the file if the format
+    /// allows it.
     pub units: Option<String>,
 }
 
-/// How to read a mesh.
+/// Options for reading a mesh.
 #[derive(Clone, Debug)]
 pub struct MeshReadOptions {
-    /// Tetrahedra without a triangle get their boundary: faces that belong to one tetrahedron.
+    /// True if a volume mesh without triangles shall get its boundary: the faces that belong to
+    /// only one volume element.
     pub boundary: bool,
 }
 

@@ -1,14 +1,13 @@
-//! Text and bytes by the block: numbers without an allocation each.
+//! Buffered output of text and bytes that formats numbers without allocations.
 
 use super::options::MeshWriteOptions;
 use isoform_geom::Point3;
 use std::io::{self, Write};
 
-/// Bytes that are gathered before they go out.
+/// Buffer size in bytes.
 const BLOCK: usize = 1 << 16;
 
-/// A sink for lines of text or rows of bytes. What is put in is gathered; [`Out::end`] passes full
-/// blocks on.
+/// Buffer for lines of text or rows of bytes; [`Out::end`] writes it to the sink when it is full.
 pub(super) struct Out<'o> {
     out: &'o mut dyn Write,
     buffer: Vec<u8>,
@@ -21,42 +20,42 @@ impl<'o> Out<'o> {
             buffer: Vec::with_capacity(2 * BLOCK),
         }
     }
-    /// Text as it is.
+    /// Appends text.
     pub(super) fn str(&mut self, text: &str) -> &mut Self {
         self.buffer.extend_from_slice(text.as_bytes());
         self
     }
-    /// Bytes as they are.
+    /// Appends bytes.
     pub(super) fn bytes(&mut self, bytes: &[u8]) -> &mut Self {
         self.buffer.extend_from_slice(bytes);
         self
     }
-    /// A whole number in decimal digits.
+    /// Appends an integer in decimal digits.
     pub(super) fn int(&mut self, v: impl itoa::Integer) -> &mut Self {
         self.buffer
             .extend_from_slice(itoa::Buffer::new().format(v).as_bytes());
         self
     }
-    /// The shortest text that reads back as the same double.
+    /// Appends the shortest text that reads back to the identical double.
     pub(super) fn float(&mut self, v: f64) -> &mut Self {
         self.buffer
             .extend_from_slice(zmij::Buffer::new().format(v).as_bytes());
         self
     }
-    /// As many digits as fit, at most as many as [`Out::float`] gives.
+    /// Appends a number with as many digits as fit, at most those of [`Out::float`].
     pub(super) fn narrow(&mut self, v: f64, width: usize) -> &mut Self {
         narrow(v, width, &mut self.buffer);
         self
     }
-    /// Three coordinates as by [`Out::float`], with blanks between.
+    /// Appends three coordinates as by [`Out::float`], separated by blanks.
     pub(super) fn point(&mut self, p: &Point3) -> &mut Self {
         self.float(p[0]).str(" ").float(p[1]).str(" ").float(p[2])
     }
-    /// A name that stays on its line.
+    /// Appends a name, reduced to one line.
     pub(super) fn name(&mut self, name: &str) -> &mut Self {
         self.str(&on_one_line(name))
     }
-    /// A line with the unit of length behind a mark for comments, if the unit is known.
+    /// Appends a comment line with the unit of length, if it is known, after a comment mark.
     pub(super) fn units(&mut self, mark: &str, options: &MeshWriteOptions) -> io::Result<()> {
         match &options.units {
             None => Ok(()),
@@ -67,29 +66,30 @@ impl<'o> Out<'o> {
                 .line(),
         }
     }
-    /// Fills up with blanks to a column of the text since `start` (a length told by [`Out::mark`]).
+    /// Pads with blanks to a column of the text since `start` (a position returned by
+    /// [`Out::mark`]).
     pub(super) fn pad(&mut self, start: usize, width: usize) -> &mut Self {
         let to = (start + width).max(self.buffer.len());
         self.buffer.resize(to, b' ');
         self
     }
-    /// Where the next byte goes, until [`Out::end`].
+    /// Returns the position of the next byte, which is valid until [`Out::end`].
     pub(super) fn mark(&self) -> usize {
         self.buffer.len()
     }
-    /// End of a row: passes a full block on.
+    /// Ends a row: writes the buffer out if it is full.
     pub(super) fn end(&mut self) -> io::Result<()> {
         if self.buffer.len() >= BLOCK {
             self.flush()?;
         }
         Ok(())
     }
-    /// End of a line.
+    /// Ends a line.
     pub(super) fn line(&mut self) -> io::Result<()> {
         self.buffer.push(b'\n');
         self.end()
     }
-    /// Passes everything on; the last call of a writer.
+    /// Writes the buffer out; must be the last call of a writer.
     pub(super) fn flush(&mut self) -> io::Result<()> {
         self.out.write_all(&self.buffer)?;
         self.buffer.clear();
@@ -97,18 +97,18 @@ impl<'o> Out<'o> {
     }
 }
 
-/// A name without control characters, which become blanks.
+/// Replaces control characters of a name by blanks.
 pub(super) fn on_one_line(name: &str) -> String {
     name.chars()
         .map(|c| if c.is_control() { ' ' } else { c })
         .collect()
 }
 
-/// A number in at most `width` ≥ 12 characters, always with a point: the shortest text that reads
-/// back the same if it fits, else rounded.
+/// Appends a number in at most `width` ≥ 12 characters, always with a decimal point: the shortest
+/// text that reads back to the identical double if it fits, else rounded.
 ///
-/// A leading zero before the point goes first: it is no digit, and Fortran and C read the number
-/// without it.
+/// A leading zero before the point is dropped first: it is insignificant, and Fortran and C read
+/// the number without it.
 pub(super) fn narrow(v: f64, width: usize, text: &mut Vec<u8>) {
     let start = text.len();
     text.extend_from_slice(zmij::Buffer::new().format(v).as_bytes());
@@ -118,8 +118,8 @@ pub(super) fn narrow(v: f64, width: usize, text: &mut Vec<u8>) {
     }
     let exponent = v.abs().log10().floor() as i32;
     let plain = (-2..width as i32 - 3).contains(&exponent);
-    // What sign, digits before the point, point and exponent leave, and one more for a floor that
-    // rounding has put too low.
+    // Digits that sign, integer digits, point and exponent leave, plus one because the rounded
+    // exponent may be one too small.
     let mut digits = width - 1 - if plain { exponent.max(0) as usize } else { 3 };
     while text.len() - start > width {
         text.truncate(start);
@@ -134,7 +134,7 @@ pub(super) fn narrow(v: f64, width: usize, text: &mut Vec<u8>) {
     }
 }
 
-/// A point where there is none, and no zero before it where that saves the day.
+/// Adds a missing decimal point, and drops a zero before it if the text is too long.
 fn tidy(text: &mut Vec<u8>, start: usize, width: usize) {
     if !text[start..].contains(&b'.') {
         let at = text[start..]

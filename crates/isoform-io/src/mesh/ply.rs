@@ -1,5 +1,5 @@
-//! PLY: corners of 64 bits, triangles with the tag of their part as the face property `part`, names
-//! in comments `part 1 name`, all numbers per node.
+//! PLY: vertices in double precision, triangles with the tag of their part as face property `part`,
+//! names in comments `part 1 name`, and all columns.
 
 use super::options::MeshWriteOptions;
 use super::out::Out;
@@ -7,7 +7,7 @@ use super::surface::SurfaceNodes;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
-/// Writes the surface, in bytes unless text is asked for.
+/// Writes the surface, in binary unless text is requested.
 pub(super) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,
@@ -25,7 +25,7 @@ pub(super) fn write(
     values.out.flush()
 }
 
-/// The header: names of the parts, then the properties of vertices and faces.
+/// Writes the header: names of the parts, then the properties of vertices and faces.
 fn write_header(
     mesh: &Mesh,
     nodes: usize,
@@ -59,23 +59,23 @@ fn write_header(
     out.str("end_header").line()
 }
 
-/// Rows of numbers on their way out, in text or bytes.
+/// Writer of rows of numbers, in text or binary.
 struct Values<'o> {
     out: Out<'o>,
-    /// Whether the rows are text.
+    /// True if the rows are text.
     ascii: bool,
-    /// Whether the next number begins a line of text.
+    /// True if the next number starts a line of text.
     is_first: bool,
 }
 
 impl Values<'_> {
-    /// The blank before a number of text that is not the first of its line.
+    /// Appends the blank before a number unless it starts a line.
     fn gap(&mut self) {
         if !std::mem::take(&mut self.is_first) {
             self.out.str(" ");
         }
     }
-    /// A double.
+    /// Appends a double.
     fn float(&mut self, v: f64) {
         if self.ascii {
             self.gap();
@@ -84,7 +84,7 @@ impl Values<'_> {
             self.out.bytes(&v.to_le_bytes());
         }
     }
-    /// A whole number of 32 bits.
+    /// Appends an integer of 32 bits.
     fn index(&mut self, v: u32) {
         if self.ascii {
             self.gap();
@@ -93,7 +93,7 @@ impl Values<'_> {
             self.out.bytes(&v.to_le_bytes());
         }
     }
-    /// The length of a list.
+    /// Appends the length of a list.
     fn length(&mut self, n: u8) {
         if self.ascii {
             self.gap();
@@ -102,7 +102,7 @@ impl Values<'_> {
             self.out.bytes(&[n]);
         }
     }
-    /// The end of a row.
+    /// Ends a row.
     fn end(&mut self) -> io::Result<()> {
         self.is_first = true;
         if self.ascii {
@@ -113,7 +113,7 @@ impl Values<'_> {
     }
 }
 
-/// Coordinates, then the numbers per node.
+/// Writes coordinates and columns of the nodes.
 fn write_nodes(mesh: &Mesh, nodes: &SurfaceNodes, values: &mut Values<'_>) -> io::Result<()> {
     let columns = mesh.columns.iter().map(|c| nodes.values(&c.values));
     let mut columns: Vec<_> = columns.collect();
@@ -127,7 +127,7 @@ fn write_nodes(mesh: &Mesh, nodes: &SurfaceNodes, values: &mut Values<'_>) -> io
     Ok(())
 }
 
-/// Corners, then the tag of the part.
+/// Writes corners and part tags of the faces.
 fn write_faces(mesh: &Mesh, nodes: &SurfaceNodes, values: &mut Values<'_>) -> io::Result<()> {
     for i in 0..mesh.triangles.len() {
         values.length(3);

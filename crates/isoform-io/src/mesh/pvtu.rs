@@ -1,5 +1,5 @@
-//! VTK's .pvtu: an unstructured grid in several .vtu files (VTK file formats, "Parallel file
-//! formats").
+//! VTK's .pvtu: an unstructured grid distributed over several .vtu files (VTK file formats,
+//! "Parallel file formats").
 
 use super::out::{Out, on_one_line};
 use super::vtu::GROUPS;

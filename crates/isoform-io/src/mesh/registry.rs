@@ -1,13 +1,13 @@
-//! The list of formats of meshes: one line each.
+//! List of mesh formats, one line each.
 
 use super::format::{Columns, MeshFormat};
 use super::{bdf, glb, inp, msh, obj, off, ply, stl, surface, three_mf, vtu};
 use crate::format::Sniff;
 
-/// The content test of formats that are only written, or that content does not tell.
+/// Content test of formats that are write-only or unrecognisable by content.
 const NO: fn(&[u8]) -> Sniff = |_| Sniff::No;
 
-/// All formats of meshes.
+/// All mesh formats.
 #[rustfmt::skip]
 static FORMATS: [MeshFormat; 11] = [
     MeshFormat { name: "msh", extensions: &["msh"], title: "Gmsh 4.1", volume: true, second_order: true, single: false, columns: Columns::None, about: "parts, curves, regions and corners as physical groups; text, or binary as msh-binary", sniff: msh::sniff, read: Some(msh::read), write: msh::write },
@@ -23,7 +23,7 @@ static FORMATS: [MeshFormat; 11] = [
     MeshFormat { name: "glb", extensions: &["glb"], title: "glTF", volume: false, second_order: false, single: true, columns: Columns::All, about: "for viewers; a coloured material per part, in 32 bits about the centre; a chequered texture along parameters, other numbers as attributes", sniff: NO, read: None, write: glb::write },
 ];
 
-/// All formats of meshes.
+/// Returns all mesh formats.
 ///
 /// ```
 /// let second: Vec<&str> =
@@ -34,7 +34,7 @@ pub fn mesh_formats() -> &'static [MeshFormat] {
     &FORMATS
 }
 
-/// A format by name or ending, in any case, with or without the dot.
+/// Returns the format with a name or ending, in any case, with or without the dot.
 pub fn mesh_format_named(name: &str) -> Option<&'static MeshFormat> {
     let name = name.strip_prefix('.').unwrap_or(name).to_ascii_lowercase();
     FORMATS

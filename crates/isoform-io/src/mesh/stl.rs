@@ -1,4 +1,5 @@
-//! STL: binary in 32 bits with the unit in its header, or ASCII in full with a solid per part.
+//! STL: binary in single precision with the unit in its header, or ASCII in double precision with a
+//! solid per part.
 
 use super::group::Groups;
 use super::options::MeshWriteOptions;
@@ -6,7 +7,7 @@ use super::out::Out;
 use isoform_geom::{Mesh, Point3, cross, norm, sub};
 use std::io::{self, Write};
 
-/// Outward normal of length 1, zero for a triangle without one.
+/// Returns the outward unit normal of a triangle; 0 for a degenerate one.
 fn normal(mesh: &Mesh, t: [u32; 3]) -> Point3 {
     let [a, b, c] = t.map(|n| mesh.points[n as usize]);
     let n = cross(sub(b, a), sub(c, a));
@@ -18,7 +19,7 @@ fn normal(mesh: &Mesh, t: [u32; 3]) -> Point3 {
     }
 }
 
-/// Writes the triangles; coordinates lose digits in the binary form, which has 32 bits.
+/// Writes the triangles. The binary form rounds coordinates to 32 bits.
 pub(super) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,
@@ -35,7 +36,7 @@ pub(super) fn write(
         .as_deref()
         .map(|u| format!(" units: {u}"))
         .unwrap_or_default();
-    // Not "solid", which would look like the ASCII form.
+    // Not "solid", which would indicate the ASCII form.
     let mut head: Vec<u8> = format!("isoform binary STL{units}")
         .bytes()
         .map(|b| if b.is_ascii_graphic() { b } else { b' ' })
@@ -52,7 +53,7 @@ pub(super) fn write(
     out.flush()
 }
 
-/// A solid for each part that has triangles.
+/// Writes a solid for each part that has triangles.
 fn write_ascii(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     for (i, triangles) in Groups::parts(mesh).filled() {
         let part = mesh.parts.get(i);
@@ -70,7 +71,7 @@ fn write_ascii(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     out.flush()
 }
 
-/// A facet with its normal.
+/// Writes a facet with its normal.
 fn write_facet(mesh: &Mesh, t: [u32; 3], out: &mut Out<'_>) -> io::Result<()> {
     out.str("facet normal ").point(&normal(mesh, t));
     out.str("\nouter loop");

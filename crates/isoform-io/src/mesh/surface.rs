@@ -1,11 +1,11 @@
-//! The surface of a mesh for formats that hold nothing else; the readers of points read them.
+//! Surface meshes: reading by the readers of points, and the nodes that surface formats write.
 
 use crate::collect::Parts;
 use crate::input::{Input, Result};
 use crate::{ReadOptions, ReadReport, obj, off, ply, stl, three_mf};
 use isoform_geom::{Mesh, Point3, PointCloud};
 
-/// Coordinates as they are in the file.
+/// Options that keep all points and the coordinates of the file.
 const AS_THEY_ARE: ReadOptions = ReadOptions {
     max_points: None,
     seed: 1,
@@ -13,7 +13,8 @@ const AS_THEY_ARE: ReadOptions = ReadOptions {
     recenter: false,
 };
 
-/// The mesh of points and triangles with their groups; names without triangles are dropped.
+/// Returns the mesh of points and triangles with their groups; groups without triangles are
+/// dropped.
 fn mesh((cloud, parts): (PointCloud, Parts)) -> Mesh {
     let Parts { of_triangle, names } = parts;
     let names = if of_triangle.is_empty() {
@@ -30,7 +31,7 @@ fn mesh((cloud, parts): (PointCloud, Parts)) -> Mesh {
     }
 }
 
-/// Reads OBJ; its groups are the parts.
+/// Reads OBJ; its groups become parts.
 pub(super) fn read_obj(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
     obj::read_parts(input, &AS_THEY_ARE, report).map(mesh)
 }
@@ -40,12 +41,12 @@ pub(super) fn read_off(input: &mut Input<'_>, report: &mut ReadReport) -> Result
     off::read(input, &AS_THEY_ARE, report).map(|cloud| mesh((cloud, Parts::default())))
 }
 
-/// Reads PLY; its parts are those that our writer makes.
+/// Reads PLY; parts are recognised in files written by this crate.
 pub(super) fn read_ply(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
     ply::read_parts(input, &AS_THEY_ARE, report).map(mesh)
 }
 
-/// Reads STL; its solids are the parts, and a file of one solid has none.
+/// Reads STL; its solids become parts, unless there is only one.
 pub(super) fn read_stl(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
     let (cloud, parts) = stl::read_parts(input, &AS_THEY_ARE, report)?;
     Ok(mesh((
@@ -58,22 +59,22 @@ pub(super) fn read_stl(input: &mut Input<'_>, report: &mut ReadReport) -> Result
     )))
 }
 
-/// Reads 3MF; its parts are the base materials of its only mesh, or its meshes.
+/// Reads 3MF; parts are the base materials of its only mesh, or its meshes.
 pub(super) fn read_3mf(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
     three_mf::read_parts(input, &AS_THEY_ARE, report).map(mesh)
 }
 
-/// The nodes that a surface format writes, and their new numbers.
+/// Nodes that a surface format writes, renumbered.
 pub(super) struct SurfaceNodes {
-    /// Nodes of the mesh, ascending.
+    /// Indices of the nodes in the mesh, ascending.
     nodes: Vec<u32>,
-    /// New number of each node of the mesh.
+    /// New index of each node of the mesh.
     number: Vec<u32>,
 }
 
 impl SurfaceNodes {
-    /// The corners of the triangles. If the mesh has neither tetrahedra nor mid-edge nodes, all
-    /// nodes: then node numbers survive writing and reading.
+    /// Selects the corners of the triangles. Without tetrahedra and mid-edge nodes it selects all
+    /// nodes, so that node numbers survive writing and reading.
     pub(super) fn of(mesh: &Mesh) -> Self {
         let mut used =
             vec![mesh.tets.is_empty() && mesh.triangle_mids.is_empty(); mesh.points.len()];
@@ -91,19 +92,19 @@ impl SurfaceNodes {
             .for_each(|(i, &n)| number[n as usize] = i as u32);
         Self { nodes, number }
     }
-    /// The number of nodes.
+    /// Returns the number of nodes.
     pub(super) fn len(&self) -> usize {
         self.nodes.len()
     }
-    /// Coordinates of the nodes.
+    /// Returns the coordinates of the nodes.
     pub(super) fn points<'m>(&self, mesh: &'m Mesh) -> impl Iterator<Item = &'m Point3> {
         self.nodes.iter().map(|&n| &mesh.points[n as usize])
     }
-    /// Those values of a column that belong to the nodes.
+    /// Returns the values of a column at the nodes.
     pub(super) fn values<'m>(&self, column: &'m [f64]) -> impl Iterator<Item = f64> + use<'_, 'm> {
         self.nodes.iter().map(|&n| column[n as usize])
     }
-    /// Corners of a triangle in the new numbers.
+    /// Returns the corners of a triangle as new indices.
     pub(super) fn triangle(&self, mesh: &Mesh, i: usize) -> [u32; 3] {
         mesh.triangles[i].map(|n| self.number[n as usize])
     }

@@ -1,8 +1,8 @@
-//! 3MF (3MF Consortium, "3D Manufacturing Format core specification" 1.3): one object, a material
-//! of its own colour and name per part.
+//! Writer of 3MF (3MF Consortium, "3D Manufacturing Format core specification" 1.3): one object,
+//! with a material of its own colour and name per part.
 //!
-//! The file is a ZIP package of three members: the types of content, the relation that points to
-//! the model, and the model as XML.
+//! The file is a ZIP package of three members: content types, the relationship that points to the
+//! model, and the model as XML.
 
 use super::color::part_color;
 use super::options::MeshWriteOptions;
@@ -14,18 +14,18 @@ use crate::three_mf::UNITS;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
-/// The member that says which endings are of which type of content.
+/// Package member that maps endings to content types.
 const TYPES: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
     <Types xmlns=\"http://schemas.openxmlformats.org/package/2006/content-types\">\
     <Default Extension=\"rels\" ContentType=\"application/vnd.openxmlformats-package.relationships+xml\"/>\
     <Default Extension=\"model\" ContentType=\"application/vnd.ms-package.3dmanufacturing-3dmodel+xml\"/></Types>\n";
-/// The member that says where the model is.
+/// Package member that states the location of the model.
 const RELATIONS: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
     <Relationships xmlns=\"http://schemas.openxmlformats.org/package/2006/relationships\">\
     <Relationship Target=\"/3D/3dmodel.model\" Id=\"model\" Type=\"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel\"/>\
     </Relationships>\n";
 
-/// The unit in 3MF's words; millimetre, its default, if it is not known.
+/// Returns the name of a unit in 3MF; millimetre, its default, if the unit is unknown.
 fn unit(unit: Option<&str>) -> &'static str {
     let known = UNITS.iter().find(|(ours, _)| Some(*ours) == unit);
     known.map_or("millimeter", |(_, theirs)| theirs)
@@ -44,7 +44,7 @@ pub(super) fn write(
     zip.finish()
 }
 
-/// The model: its unit, the materials of the parts, the object, and that it is to be built.
+/// Writes the model: unit, materials of the parts, the object, and the build item.
 fn write_model(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> io::Result<()> {
     let mut out = Out::new(out);
     out.str("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<model unit=\"")
@@ -61,7 +61,7 @@ fn write_model(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> 
     out.flush()
 }
 
-/// A material per part.
+/// Writes a material per part.
 fn write_materials(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     out.str("<basematerials id=\"2\">\n");
     for (i, name) in mesh.parts.iter().enumerate() {
@@ -75,7 +75,7 @@ fn write_materials(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     Ok(())
 }
 
-/// Vertices and triangles, each with the material of its part.
+/// Writes vertices and triangles, each with the material of its part.
 fn write_object(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     out.str("<mesh>\n<vertices>\n");
     let nodes = SurfaceNodes::of(mesh);

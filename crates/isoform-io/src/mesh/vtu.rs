@@ -1,11 +1,11 @@
-//! VTK's .vtu, an unstructured grid in XML (VTK file formats, "XML file formats"), both ways.
+//! VTK's .vtu, an unstructured grid in XML (VTK file formats, "XML file formats"); reading and
+//! writing.
 //!
-//! Cells are triangles, quadrilaterals, tetrahedra, wedges, lines of curves and vertices at
-//! corners, in this order; of second order they are VTK's quadratic ones. Three integer cell arrays
-//! hold the tags of the groups, from 1, and 0 where a cell is none of that kind: `part` of
-//! triangles and quadrilaterals, `region` of tetrahedra and wedges, `curve` of lines. The names
-//! stand in a comment before the grid, one per line, since VTK's arrays of strings are not read by
-//! others.
+//! Cells are triangles, quadrilaterals, tetrahedra, wedges, lines on curves and vertices at
+//! corners, in this order, with VTK's quadratic types for second order. Three integer cell arrays
+//! contain the tags of the groups, from 1, or 0 for cells of other kinds: `part` of triangles and
+//! quadrilaterals, `region` of tetrahedra and wedges, `curve` of lines. The names form a comment
+//! before the grid, one per line, since other programs do not read VTK's arrays of strings.
 
 mod array;
 mod read;
@@ -20,13 +20,14 @@ use crate::format::Sniff;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
-/// First words of the lines with names in the comment, and of the arrays with tags.
+/// Names of the tag arrays, and first words of the comment lines with names.
 pub(super) const GROUPS: [&str; 3] = ["part", "region", "curve"];
-/// The nodes of our wedge in the order of VTK_WEDGE, and the other way round. VTK wants the normal
-/// of the first triangle to look out of the wedge, away from the second (vtkWedge.h); ours looks
-/// into it, as those of Gmsh and Abaqus do. meshio, whose order is Gmsh's too, makes the same
-/// change when it reads, and faces that VTK takes from such wedges look outward. Its measures of
-/// quality alone (9.7) expect the other order. The higher-order wedges of VTK would not need it.
+/// Permutation, its own inverse, between our order of the nodes of a wedge and that of VTK_WEDGE.
+/// In VTK the normal of the first triangle points out of the wedge, away from the second
+/// (vtkWedge.h); ours points into it, as do those of Gmsh and Abaqus. meshio, which uses Gmsh's
+/// order, applies this permutation on reading, and the faces that VTK extracts from such wedges
+/// point outward. Only VTK's quality measures (9.7) expect the other order. VTK's higher-order
+/// wedges would not need the permutation.
 const WEDGE: [usize; 6] = [0, 2, 1, 3, 5, 4];
 
 pub(super) fn sniff(head: &[u8]) -> Sniff {
@@ -38,22 +39,22 @@ pub(super) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
-/// An array of the file.
+/// Array of the file.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
     /// Coordinates of the nodes.
     Points,
-    /// The nodes of all cells, one cell behind the other.
+    /// Nodes of all cells, concatenated.
     Connectivity,
-    /// Where each cell ends in the connectivity.
+    /// End of each cell in the connectivity.
     Offsets,
-    /// VTK's number of the kind of each cell.
+    /// VTK's number of the type of each cell.
     Types,
-    /// Tags by kind of group.
+    /// Tags of a kind of groups, an index into [`GROUPS`].
     Tags(usize),
 }
 
-/// The arrays in the order of the file.
+/// Arrays in the order of the file.
 const ARRAYS: [Kind; 7] = [
     Kind::Points,
     Kind::Connectivity,
@@ -64,23 +65,23 @@ const ARRAYS: [Kind; 7] = [
     Kind::Tags(2),
 ];
 
-/// Values of an array on their way out.
+/// Writer of the values of an array.
 struct Values<'o> {
     out: Out<'o>,
     ascii: bool,
-    /// Indices of 64 bits.
+    /// True if indices have 64 bits.
     wide: bool,
 }
 
 impl Values<'_> {
-    /// A double.
+    /// Appends a double.
     fn float(&mut self, v: f64) {
         match self.ascii {
             true => self.out.float(v).str(" "),
             false => self.out.bytes(&v.to_le_bytes()),
         };
     }
-    /// A number of a node, or an offset, of 32 or 64 bits.
+    /// Appends a node index or an offset, of 32 or 64 bits.
     fn index(&mut self, v: u64) {
         match (self.ascii, self.wide) {
             (true, _) => self.out.int(v).str(" "),
@@ -88,21 +89,21 @@ impl Values<'_> {
             _ => self.out.bytes(&(v as u32).to_le_bytes()),
         };
     }
-    /// The tag of a group, of 32 bits.
+    /// Appends the tag of a group, of 32 bits.
     fn tag(&mut self, v: u32) {
         match self.ascii {
             true => self.out.int(v).str(" "),
             false => self.out.bytes(&v.to_le_bytes()),
         };
     }
-    /// A type of cell.
+    /// Appends a cell type.
     fn byte(&mut self, v: u8) {
         match self.ascii {
             true => self.out.int(v).str(" "),
             false => self.out.bytes(&[v]),
         };
     }
-    /// The end of a line of text.
+    /// Ends a line of text.
     fn end(&mut self) -> io::Result<()> {
         if self.ascii {
             self.out.line()
@@ -112,31 +113,31 @@ impl Values<'_> {
     }
 }
 
-/// The cells of one kind.
+/// Cells of one type.
 #[derive(Clone, Copy)]
 struct Cells {
     /// Number of cells.
     count: usize,
-    /// Nodes of each.
+    /// Number of nodes per cell.
     nodes: usize,
-    /// VTK's number of the kind.
+    /// VTK's number of the type.
     kind: u8,
-    /// The kind of their groups, index into [`GROUPS`]; vertices count as lines beyond the last,
-    /// which have no groups.
+    /// Kind of the cells' groups, an index into [`GROUPS`]. Vertices count as lines beyond the
+    /// last, which have no group.
     group: usize,
 }
 
-/// A mesh as VTK's unstructured grid.
+/// Mesh as VTK's unstructured grid.
 struct Grid<'m> {
     mesh: &'m Mesh,
     /// Triangles, quadrilaterals, tetrahedra, wedges, edges, corners.
     cells: [Cells; 6],
-    /// Indices of 64 bits.
+    /// True if indices have 64 bits.
     wide: bool,
 }
 
 impl<'m> Grid<'m> {
-    /// The cells of a mesh, with indices of 64 bits where 32 do not suffice.
+    /// Determines the cells of a mesh, with indices of 64 bits if 32 do not suffice.
     fn of(mesh: &'m Mesh) -> Self {
         let cells = |group, count, (nodes, kind): (usize, u8)| Cells {
             count,
@@ -174,30 +175,30 @@ impl<'m> Grid<'m> {
         grid.wide = grid.indices().max(mesh.points.len()) > i32::MAX as usize;
         grid
     }
-    /// The number of cells.
+    /// Returns the number of cells.
     fn count(&self) -> usize {
         self.cells.iter().map(|c| c.count).sum()
     }
-    /// Length of the connectivity.
+    /// Returns the length of the connectivity.
     fn indices(&self) -> usize {
         self.cells.iter().map(|c| c.count * c.nodes).sum()
     }
 }
 
-/// An array as its element declares it.
+/// Declaration of an array in its XML element.
 struct Declared {
     /// Name of the array.
     name: &'static str,
-    /// Numbers per tuple.
+    /// Number of components per tuple.
     components: usize,
-    /// VTK's name of the type of number.
+    /// VTK's name of the number type.
     kind: &'static str,
-    /// Bytes of all values.
+    /// Size of all values in bytes.
     bytes: u64,
 }
 
 impl Kind {
-    /// The array's name, type and size.
+    /// Returns the array's name, type and size.
     fn declared(self, grid: &Grid<'_>) -> Declared {
         let cells = grid.count();
         let (index, width) = if grid.wide {
@@ -219,7 +220,7 @@ impl Kind {
             bytes: bytes as u64,
         }
     }
-    /// The element that begins before the array and the one that ends behind it.
+    /// Returns the tags written before and after the array.
     fn around(self) -> (&'static str, &'static str) {
         match self {
             Self::Points => ("<Points>\n", "</Points>\n"),
@@ -232,7 +233,7 @@ impl Kind {
     }
 }
 
-/// Writes the grid, with raw bytes appended unless text is asked for.
+/// Writes the grid, with appended raw bytes unless text is requested.
 pub(super) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,
@@ -262,7 +263,7 @@ pub(super) fn write(
     values.out.flush()
 }
 
-/// An element for each array, with its values if they are text.
+/// Writes an element for each array, with its values if they are text.
 fn write_elements(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
     let mut offset = 0;
     for kind in ARRAYS {
@@ -286,7 +287,7 @@ fn write_elements(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
     Ok(())
 }
 
-/// All values as bytes, each array behind its size.
+/// Writes all values as bytes, each array preceded by its size.
 fn write_appended(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
     values.out.str("<AppendedData encoding=\"raw\">\n_");
     for kind in ARRAYS {
@@ -297,8 +298,8 @@ fn write_appended(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
     Ok(())
 }
 
-/// The names of the groups as a comment: `part 1 name`. Two hyphens would end it, so that they are
-/// escaped.
+/// Writes the names of the groups as a comment: `part 1 name`. Double hyphens, which would end it,
+/// are escaped.
 fn write_names(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     let curves: Vec<&String> = mesh.curves.iter().map(|c| &c.name).collect();
     let lists: [Vec<&String>; 3] = [
@@ -323,7 +324,7 @@ fn write_names(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     out.str("-->").line()
 }
 
-/// The values of an array.
+/// Writes the values of an array.
 fn write_array(grid: &Grid<'_>, kind: Kind, values: &mut Values<'_>) -> io::Result<()> {
     match kind {
         Kind::Points => grid.mesh.points.iter().try_for_each(|p| {
@@ -337,7 +338,7 @@ fn write_array(grid: &Grid<'_>, kind: Kind, values: &mut Values<'_>) -> io::Resu
     }
 }
 
-/// Where the nodes of each cell end in the connectivity.
+/// Writes the end of each cell in the connectivity.
 fn write_offsets(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
     let mut offset = 0;
     for cells in grid.cells {
@@ -350,7 +351,7 @@ fn write_offsets(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
     Ok(())
 }
 
-/// The type of each cell.
+/// Writes the type of each cell.
 fn write_types(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
     for cells in grid.cells {
         for _ in 0..cells.count {
@@ -361,7 +362,7 @@ fn write_types(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
     Ok(())
 }
 
-/// Tags of one kind of groups; 0 for the cells of other kinds.
+/// Writes the tags of one kind of groups; 0 for the cells of other kinds.
 fn write_tags(grid: &Grid<'_>, group: usize, values: &mut Values<'_>) -> io::Result<()> {
     let mesh = grid.mesh;
     for kind in 0..GROUPS.len() {
@@ -380,7 +381,7 @@ fn write_tags(grid: &Grid<'_>, group: usize, values: &mut Values<'_>) -> io::Res
     Ok(())
 }
 
-/// The nodes of each cell: faces, volumes, lines, vertices.
+/// Writes the nodes of each cell: faces, volumes, lines, vertices.
 fn write_connectivity(mesh: &Mesh, values: &mut Values<'_>) -> io::Result<()> {
     let put = |values: &mut Values<'_>, nodes: &[u32]| {
         nodes.iter().for_each(|&n| values.index(u64::from(n)));

@@ -1,9 +1,9 @@
-//! The reader: nodes, tetrahedra, wedges and shells, sets of elements as regions or parts, surfaces
-//! of element faces as parts.
+//! Reader of nodes, tetrahedra, wedges and shells; element sets become regions or parts, and
+//! surfaces of element faces become parts.
 //!
-//! A keyword line (`*NODE`, `*ELEMENT, TYPE=C3D4`, …) says what the data lines behind it are, up to
-//! the next keyword; an element may go on over several lines. Surfaces name faces of elements by
-//! element and side, or by a set of elements and side, so that they become triangles and
+//! A keyword line (`*NODE`, `*ELEMENT, TYPE=C3D4`, …) determines the meaning of the following data
+//! lines, up to the next keyword; an element may extend over several lines. Surfaces list element
+//! faces by element and side, or by element set and side, and therefore become triangles and
 //! quadrilaterals only at the end, when all elements are known.
 
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
@@ -13,43 +13,43 @@ use crate::{At, ErrorKind, ReadError, ReadReport};
 use isoform_geom::{Mesh, WEDGE_QUADS, WEDGE_TRIANGLES};
 use std::collections::HashMap;
 
-/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the Abaqus file";
-/// Numbers of one element that are taken, over all its lines.
+/// Maximum number of values stored for one element, over all its lines.
 const MAX_NUMBERS: usize = 64;
 
-/// How often the sets of elements may be walked over for surfaces, on average.
+/// Average number of times that element sets may be traversed for surfaces. Bounds the time for
+/// hostile files.
 const WORK: usize = 64;
 
 /// Corner of a tetrahedron opposite to the faces S1 to S4.
 const CORNER: [usize; 4] = [3, 2, 0, 1];
 
-/// A run of element numbers: first, last and step.
+/// Range of element numbers: first, last and step.
 type Run = [u32; 3];
 
-/// Faces of elements that a surface lists.
+/// Elements whose faces a surface lists.
 enum Faces {
-    /// One element.
+    /// One element, by number.
     Element(u32),
     /// All elements of a set, by its name in capitals.
     Set(String),
 }
 
-/// What the data lines at hand are.
+/// Meaning of the present data lines.
 enum Mode {
-    /// Lines that nothing is taken of.
+    /// Lines that are ignored.
     Other,
     /// Nodes.
     Nodes,
     /// Elements of a kind, with the tag of their set.
     Elements { kind: Kind, tag: i64 },
-    /// A set of elements, listed or generated.
+    /// Element set, listed or generated.
     ElementSet { name: String, generate: bool },
-    /// Faces of a surface with that tag.
+    /// Faces of a surface with this tag.
     Surface { tag: i64 },
 }
 
-/// Elements that a mesh has a place for, by their corners.
+/// Kind of an element that a mesh can store, with its number of nodes if that varies.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
     Triangle { nodes: usize },
@@ -59,7 +59,7 @@ enum Kind {
     Other,
 }
 
-/// Kind of an Abaqus element: families, then the number of nodes.
+/// Returns the kind of an Abaqus element type: family, then number of nodes.
 fn kind_of(name: &str) -> Kind {
     let name = name.to_ascii_uppercase();
     let families = [
@@ -93,32 +93,32 @@ fn kind_of(name: &str) -> Kind {
     Kind::Other
 }
 
-/// A tetrahedron or wedge by its place among those of its kind.
+/// Tetrahedron or wedge, by its index among those of its kind.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Volume {
     Tet(usize),
     Wedge(usize),
 }
 
-/// What the lines have given so far.
+/// State of the reader.
 struct Reader<'i, 'a> {
     input: &'i mut Input<'a>,
     builder: Builder,
-    /// What the data lines at hand are.
+    /// Meaning of the present data lines.
     mode: Mode,
-    /// The tetrahedra and wedges with their numbers, in the order of the file.
+    /// Tetrahedra and wedges with their numbers, in the order of the file.
     volumes: Vec<(u32, Volume)>,
-    /// Runs of element numbers by name of the set, in capitals.
+    /// Ranges of element numbers by name of the set, in capitals.
     sets: HashMap<String, Vec<Run>>,
     /// Faces with the tags of their surfaces.
     faces: Vec<(Faces, u8, i64)>,
-    /// Tags by name, of sets of elements (regions, parts) and of surfaces.
+    /// Tags of element sets (regions, parts) and surfaces, by name.
     tags: HashMap<String, i64>,
-    /// Numbers of the element at hand: its own, then its nodes.
+    /// Numbers of the present element: its own, then those of its nodes.
     numbers: Vec<u32>,
 }
 
-/// Reads the lines, then makes triangles out of the surfaces.
+/// Reads the lines, then converts surfaces to triangles and quadrilaterals.
 pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
     let mut reader = Reader {
         input,
@@ -153,7 +153,7 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
     reader.builder.finish(reader.input, report)
 }
 
-/// The value of a parameter of a keyword line.
+/// Returns the value of a parameter of a keyword line.
 fn parameter<'t>(line: &'t str, name: &str) -> Option<&'t str> {
     line.split(',').skip(1).find_map(|p| {
         let (key, value) = p.split_once('=').unwrap_or((p, ""));
@@ -164,7 +164,7 @@ fn parameter<'t>(line: &'t str, name: &str) -> Option<&'t str> {
 }
 
 impl Reader<'_, '_> {
-    /// Number of a name of a dimension, from 1 in the order they come.
+    /// Returns the tag of a name for a dimension, from 1 in the order of appearance.
     fn tag(&mut self, dim: usize, name: &str) -> i64 {
         let next = self.builder.names[dim].len() as i64 + 1;
         let tag = *self
@@ -177,7 +177,7 @@ impl Reader<'_, '_> {
         tag
     }
 
-    /// Takes a keyword line, which says what the data lines behind it are.
+    /// Processes a keyword line, which determines the meaning of the following data lines.
     fn keyword(&mut self, line: &str, report: &mut ReadReport) {
         let word = line
             .split(',')
@@ -211,7 +211,7 @@ impl Reader<'_, '_> {
         };
     }
 
-    /// Elements of the type and the set that an `*ELEMENT` line names.
+    /// Interprets an `*ELEMENT` line, with type and set.
     fn elements(&mut self, line: &str, report: &mut ReadReport) -> Mode {
         let name = parameter(line, "TYPE").unwrap_or("");
         let kind = kind_of(name);
@@ -232,7 +232,7 @@ impl Reader<'_, '_> {
         Mode::Elements { kind, tag }
     }
 
-    /// A word as the number of a node or an element.
+    /// Parses the number of a node or an element.
     fn number<T: std::str::FromStr>(&self, word: &str) -> Result<T> {
         word.trim().parse().map_err(|_| {
             let why = format!(
@@ -249,7 +249,7 @@ impl Reader<'_, '_> {
         })
     }
 
-    /// Takes a data line.
+    /// Processes a data line.
     fn data(&mut self, line: &str) -> Result<()> {
         match &mut self.mode {
             Mode::Other => Ok(()),
@@ -264,7 +264,7 @@ impl Reader<'_, '_> {
                         self.numbers.push(n);
                     }
                 }
-                // A comma at the end continues the line.
+                // A trailing comma continues the line.
                 if line.ends_with(',') {
                     Ok(())
                 } else {
@@ -283,8 +283,8 @@ impl Reader<'_, '_> {
         }
     }
 
-    /// Takes a line `element or set, side` of a surface. Sides of shells and other labels are no
-    /// faces of volumes and are passed over.
+    /// Processes a line `element or set, side` of a surface. Sides of shells and other labels,
+    /// which are not faces of volumes, are skipped.
     fn surface_line(&mut self, line: &str, tag: i64) {
         let mut words = line.split(',').map(str::trim);
         let (whose, face) = (words.next().unwrap_or(""), words.next().unwrap_or(""));
@@ -299,7 +299,7 @@ impl Reader<'_, '_> {
         self.faces.push((faces, face, tag));
     }
 
-    /// Takes a line `number, x, y, z`.
+    /// Processes a line `number, x, y, z`.
     fn node(&mut self, line: &str) -> Result<()> {
         let mut words = line.split(',');
         let id = self.number(words.next().unwrap_or(""))?;
@@ -326,7 +326,7 @@ impl Reader<'_, '_> {
         self.builder.node(id, p, self.input, at)
     }
 
-    /// Takes a line of a set: element numbers, or a run `first, last, step`.
+    /// Processes a line of a set: element numbers, or a range `first, last, step`.
     fn set_line(&mut self, line: &str, name: String, generate: bool) -> Result<()> {
         let words: Vec<&str> = line
             .split(',')
@@ -340,7 +340,7 @@ impl Reader<'_, '_> {
                 runs.push([self.number(first)?, self.number(last)?, u32::max(step, 1)]);
             }
         } else {
-            // Names of other sets among the numbers are passed over.
+            // Names of other sets among the numbers are skipped.
             runs.extend(
                 words
                     .iter()
@@ -352,7 +352,7 @@ impl Reader<'_, '_> {
         Ok(())
     }
 
-    /// Takes the element whose numbers have been gathered.
+    /// Adds the element whose numbers have been collected.
     fn end_element(&mut self) -> Result<()> {
         let Mode::Elements { kind, tag } = self.mode else {
             return Ok(());
@@ -396,8 +396,8 @@ impl Reader<'_, '_> {
         Ok(())
     }
 
-    /// Faces out of those that the surfaces list. A face may be taken once, and the sets
-    /// be walked over some times, as many surfaces may name them, but not lines times runs.
+    /// Adds the faces listed by surfaces. The total work is bounded: each face may be listed once,
+    /// and sets may be traversed many times, but not once per line and range.
     fn add_faces(&mut self) -> Result<()> {
         let mut by_number = std::mem::take(&mut self.volumes);
         by_number.sort_unstable();
@@ -434,7 +434,7 @@ impl Reader<'_, '_> {
         Ok(())
     }
 
-    /// The error for surfaces that list more faces than all volumes have.
+    /// Returns the error for surfaces that list more faces than all volumes have.
     fn too_many_faces(&self, most: usize) -> ReadError {
         let why = format!(
             "the surfaces list more than the {most} faces of all elements, or name sets over and \
@@ -447,7 +447,7 @@ impl Reader<'_, '_> {
 }
 
 /// Adds face S1 to S5 of a volume as a triangle or quadrilateral of the part `tag`; S5 of a
-/// tetrahedron is none.
+/// tetrahedron is ignored.
 fn add_face(builder: &mut Builder, volume: Volume, face: u8, tag: i64) {
     let side = usize::from(face) - 1;
     match volume {

@@ -1,8 +1,8 @@
-//! The reader of versions 4.1 (text and binary) and 2.x (text).
+//! Reader of versions 4.1 (text and binary) and 2.x (text).
 //!
-//! A file is a row of sections, `$Nodes … $EndNodes` and others. In version 4.1 elements stand in
-//! blocks by entity, and entities name the physical groups that they belong to; in version 2 every
-//! element names its group itself. Groups become parts, curves and regions; without physical groups
+//! A file is a sequence of sections, `$Nodes … $EndNodes` and others. In version 4.1 elements are
+//! stored in blocks by entity, and entities list the physical groups they belong to; in version 2
+//! every element states its group. Physical groups become parts, curves and regions; without any,
 //! the entities do.
 
 use super::TET10;
@@ -12,23 +12,22 @@ use crate::{At, ErrorKind, ReadReport};
 use isoform_geom::Mesh;
 use std::collections::HashMap;
 
-/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the Gmsh file";
-/// More words of physical names than any true file has.
+/// Maximum number of lines with physical names. Real files have far fewer.
 const MAX_NAMES: usize = 1 << 20;
 
-/// Numbers one after the other, as words of text or fields of bytes.
+/// Stream of numbers, as words of text or binary fields.
 struct Scan<'i, 'a> {
     input: &'i mut Input<'a>,
     words: Words,
-    /// The order of bytes if the file is binary: whether it is big endian.
+    /// True if a binary file is big endian; `None` for text.
     binary: Option<bool>,
-    /// Bytes of a size.
+    /// Width of counts in bytes.
     size: usize,
 }
 
 impl Scan<'_, '_> {
-    /// The next N bytes, turned round where they are big endian.
+    /// Reads the next N bytes in little-endian order.
     fn bytes<const N: usize>(&mut self, big: bool) -> Result<[u8; N]> {
         let mut bytes = [0; N];
         self.input
@@ -38,7 +37,7 @@ impl Scan<'_, '_> {
         }
         Ok(bytes)
     }
-    /// The next word, parsed as something of this kind.
+    /// Parses the next word.
     fn word<T>(&mut self, parse: impl Fn(&str) -> Option<T>, kind: &str) -> Result<T> {
         let Some(word) = self.words.next(self.input)? else {
             return Err(self.input.truncated("a section is incomplete"));
@@ -54,14 +53,14 @@ impl Scan<'_, '_> {
             }
         }
     }
-    /// The next whole number, which has 32 bits in binary.
+    /// Reads the next integer, which has 32 bits in binary files.
     fn int(&mut self) -> Result<i64> {
         match self.binary {
             Some(big) => Ok(i64::from(i32::from_le_bytes(self.bytes(big)?))),
             None => self.word(|w| w.parse().ok(), "a whole number"),
         }
     }
-    /// The next count or number of a thing, which has [`Scan::size`] bytes in binary.
+    /// Reads the next count or tag, which has [`Scan::size`] bytes in binary files.
     fn size(&mut self) -> Result<u64> {
         match self.binary {
             Some(big) if self.size == 4 => Ok(u64::from(u32::from_le_bytes(self.bytes(big)?))),
@@ -69,14 +68,14 @@ impl Scan<'_, '_> {
             None => self.word(|w| w.parse().ok(), "a number of things"),
         }
     }
-    /// The next double.
+    /// Reads the next double.
     fn double(&mut self) -> Result<f64> {
         match self.binary {
             Some(big) => Ok(f64::from_le_bytes(self.bytes(big)?)),
             None => self.word(crate::input::parse_number, "a number"),
         }
     }
-    /// Number of a node or an element.
+    /// Reads the number of a node or an element.
     fn id(&mut self) -> Result<u32> {
         let at = self.at();
         let id = self.size()?;
@@ -86,7 +85,7 @@ impl Scan<'_, '_> {
                 .error(ErrorKind::TooLarge, at, WHAT, why, "renumber the mesh")
         })
     }
-    /// The place of the next number.
+    /// Returns the position of the next number.
     fn at(&self) -> At {
         if self.binary.is_some() {
             self.input.at_byte()
@@ -94,11 +93,11 @@ impl Scan<'_, '_> {
             self.input.at_line(0)
         }
     }
-    /// Reads over the rest of a section.
+    /// Skips the rest of a section.
     fn pass(&mut self, name: &str) -> Result<()> {
         let end = format!("$End{name}");
         let (mut text, mut bytes) = (String::new(), Vec::new());
-        // What is left of the line at hand is nothing or damage.
+        // The rest of the present line is empty or damaged.
         self.words = Words::new();
         loop {
             if !self.input.read_line(&mut text, &mut bytes)? {
@@ -111,13 +110,13 @@ impl Scan<'_, '_> {
             }
         }
     }
-    /// The error for a variant of the format that is not read.
+    /// Returns the error for an unsupported variant of the format, at the present position.
     fn unsupported(&self, why: String) -> crate::ReadError {
         unsupported(self.input, self.at(), why)
     }
 }
 
-/// The error for what is not read of a file.
+/// Returns the error for an unsupported variant of the format.
 fn unsupported(input: &Input<'_>, at: At, why: String) -> crate::ReadError {
     let hint = "save it as version 4.1, or as 2.2 in text";
     input.error(ErrorKind::UnsupportedFormat, at, WHAT, why, hint)
@@ -146,7 +145,8 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
         let is_known = file.section(name, &mut scan, report)?;
         if name != "PhysicalNames" {
             let passed = scan.pass(name);
-            // An unknown section may end in its own way: the file need not be cut off.
+            // An unknown section may end in an unknown way; this does not mean that the file is
+            // truncated.
             passed.map_err(|e| match is_known || e.kind != ErrorKind::Truncated {
                 true => e,
                 false => file.unknown(scan.input, &e.why),
@@ -162,32 +162,32 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
     file.builder.finish(scan.input, report)
 }
 
-/// What the sections have given so far.
+/// Contents of the sections so far.
 struct File {
     /// Nodes and elements so far.
     builder: Builder,
-    /// The groups of the entities.
+    /// Physical groups of the entities.
     physical: Physical,
-    /// 2 or 4, once the section of the format is read.
+    /// Version 2 or 4; `None` before the format section.
     version: Option<u32>,
-    /// Whether the section of nodes has come.
+    /// True after the section of nodes.
     had_nodes: bool,
-    /// Names of the first sections that are not known.
+    /// Names of the first unknown sections.
     passed: Vec<String>,
 }
 
-/// Most sections that are named in an error.
+/// Maximum number of unknown sections listed in an error.
 const NAMED: usize = 5;
 
 impl File {
-    /// The error for a file in which something is missing, and sections are not known.
+    /// Returns the error for a file with unknown sections that lacks something.
     fn unknown(&self, input: &Input<'_>, missing: &str) -> crate::ReadError {
         let sections = self.passed.join(", ");
         let why = format!("{missing}, and there are sections that are not known: {sections}");
         unsupported(input, At::File, why)
     }
 
-    /// Reads what a section holds; its last line is left. Returns true if the section is known.
+    /// Reads the contents of a section except its last line. Returns true if the section is known.
     fn section(
         &mut self,
         name: &str,
@@ -231,7 +231,7 @@ impl File {
     }
 }
 
-/// The version, 2 or 4.
+/// Reads the format section and returns the version, 2 or 4.
 fn read_format(scan: &mut Scan<'_, '_>) -> Result<u32> {
     let version = scan.double()?;
     let binary = scan.int()? != 0;
@@ -256,7 +256,7 @@ fn read_format(scan: &mut Scan<'_, '_>) -> Result<u32> {
     Ok(version as u32)
 }
 
-/// Lines `dimension tag "name"` up to the end of the section.
+/// Reads lines `dimension tag "name"` up to the end of the section.
 fn read_names(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
     let (mut text, mut bytes) = (String::new(), Vec::new());
     for _ in 0..MAX_NAMES {
@@ -287,10 +287,10 @@ fn read_names(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
     ))
 }
 
-/// First physical group of every entity.
+/// First physical group of every entity, by dimension and tag.
 type Physical = HashMap<(i64, i64), i64>;
 
-/// Entities, of which only the first physical group is kept.
+/// Reads the entities, of which only the first physical group is kept.
 fn read_entities(scan: &mut Scan<'_, '_>, physical: &mut Physical) -> Result<()> {
     let counts = [scan.size()?, scan.size()?, scan.size()?, scan.size()?];
     for (dim, count) in counts.into_iter().enumerate() {
@@ -313,7 +313,7 @@ fn read_entities(scan: &mut Scan<'_, '_>, physical: &mut Physical) -> Result<()>
     Ok(())
 }
 
-/// Nodes of version 4.1, in blocks of numbers and then coordinates.
+/// Reads the nodes of version 4.1, in blocks of numbers followed by coordinates.
 fn read_nodes4(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
     let blocks = scan.size()?;
     for _ in 0..3 {
@@ -341,8 +341,8 @@ fn read_nodes4(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
     Ok(())
 }
 
-/// Nodes of version 2, each with its number. Parametric ones have their entity and the parameters
-/// there in the rest of the line.
+/// Reads the nodes of version 2, each with its number. Parametric nodes are followed by their
+/// entity and parameters on the rest of the line.
 fn read_nodes2(scan: &mut Scan<'_, '_>, builder: &mut Builder, are_parametric: bool) -> Result<()> {
     for _ in 0..scan.size()? {
         let id = scan.id()?;
@@ -355,11 +355,11 @@ fn read_nodes2(scan: &mut Scan<'_, '_>, builder: &mut Builder, are_parametric: b
     Ok(())
 }
 
-/// Nodes of the types of elements that Gmsh numbers.
+/// Number of nodes of each element type of Gmsh.
 #[rustfmt::skip]
 const NODES: [u8; 32] = [0, 2, 3, 4, 4, 8, 6, 5, 3, 6, 9, 10, 27, 18, 14, 1, 8, 20, 15, 13, 9, 10, 12, 15, 15, 21, 4, 5, 6, 20, 35, 56];
 
-/// How many nodes an element of this type has.
+/// Returns the number of nodes of an element type.
 fn node_count(scan: &Scan<'_, '_>, kind: i64) -> Result<usize> {
     match usize::try_from(kind).ok().and_then(|k| NODES.get(k)) {
         Some(&n) if n > 0 => Ok(n.into()),
@@ -367,7 +367,7 @@ fn node_count(scan: &Scan<'_, '_>, kind: i64) -> Result<usize> {
     }
 }
 
-/// Takes an element: corners, edges, triangles and tetrahedra of first and second order,
+/// Adds an element: corners, edges, triangles and tetrahedra of first and second order,
 /// quadrilaterals and wedges; all others are counted.
 fn take(builder: &mut Builder, kind: i64, tag: i64, number: u32, nodes: &[u32], at: At) {
     let number = Some(number);
@@ -383,7 +383,7 @@ fn take(builder: &mut Builder, kind: i64, tag: i64, number: u32, nodes: &[u32], 
     }
 }
 
-/// Elements of version 4.1, in blocks of one entity and one type.
+/// Reads the elements of version 4.1, in blocks of one entity and one type.
 fn read_elements4(
     scan: &mut Scan<'_, '_>,
     builder: &mut Builder,
@@ -398,7 +398,7 @@ fn read_elements4(
         let (dim, entity, kind) = (scan.int()?, scan.int()?, scan.int()?);
         let count = scan.size()?;
         let n = node_count(scan, kind)?;
-        // An entity counts where nothing is in a physical group.
+        // The entity counts if no element belongs to a physical group.
         let tag = physical
             .get(&(dim, entity))
             .copied()
@@ -417,7 +417,7 @@ fn read_elements4(
     Ok(())
 }
 
-/// Elements of version 2, each with its own tags: the group, then the entity.
+/// Reads the elements of version 2, each with its own tags: the group, then the entity.
 fn read_elements2(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
     let mut nodes = Vec::new();
     for _ in 0..scan.size()? {

@@ -1,4 +1,4 @@
-//! The writer of version 2.2.
+//! Writer of version 2.2.
 
 use super::{Physical, element_type, volume_in_gmsh_order};
 use crate::mesh::group::{edge, face, face_count, face_part, volume_count, volume_region};
@@ -28,9 +28,9 @@ pub(in crate::mesh) fn write(
     elements.out.flush()
 }
 
-/// Elements on their way out, numbered from 1.
+/// Writer of elements, numbered from 1.
 struct Elements<'o> {
-    /// Number of the element written last.
+    /// Number of the last element written.
     number: usize,
     out: Out<'o>,
 }
@@ -58,12 +58,12 @@ impl Elements<'_> {
         }
         Ok(())
     }
-    /// An element whose entity has the tag of its group.
+    /// Writes an element whose entity has the tag of its group.
     fn labelled(&mut self, dim: usize, label: Option<u32>, nodes: &[u32]) -> io::Result<()> {
         let entity = label.map_or(1, |l| l as usize + 1);
         self.element(dim, label, entity, nodes)
     }
-    /// Number, type, two tags (physical group and entity), nodes.
+    /// Writes an element: number, type, two tags (physical group and entity), nodes.
     fn element(
         &mut self,
         dim: usize,

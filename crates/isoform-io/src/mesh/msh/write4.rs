@@ -1,8 +1,8 @@
-//! The writer of version 4.1.
+//! Writer of version 4.1.
 //!
-//! Nodes belong to the smallest entity that they lie on: a corner, else a curve, a part or a
-//! region. Elements stand in a block for each entity and type. A number is a word of text or a
-//! field of bytes, which [`Fields`] hides from the rest.
+//! Nodes belong to the smallest entity on which they lie: a corner, else a curve, a part or a
+//! region. Elements are written in one block per entity and type. [`Fields`] hides the difference
+//! between text and binary fields.
 
 use super::{Physical, element_type, volume_in_gmsh_order};
 use crate::mesh::boundary::parts_of_regions;
@@ -15,41 +15,41 @@ use isoform_geom::{Aabb, Mesh, Point3};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io::{self, Write};
 
-/// Fields of text or of bytes.
+/// Writer of text or binary fields.
 struct Fields<'o> {
     out: Out<'o>,
-    /// Whether fields are bytes, little endian.
+    /// True if fields are binary, in little-endian order.
     binary: bool,
 }
 
 impl Fields<'_> {
-    /// A whole number of 32 bits.
+    /// Writes an integer of 32 bits.
     fn int(&mut self, v: i32) {
         match self.binary {
             true => self.out.bytes(&v.to_le_bytes()),
             false => self.out.int(v).str(" "),
         };
     }
-    /// A count or number of 64 bits.
+    /// Writes a count or tag of 64 bits.
     fn size(&mut self, v: usize) {
         match self.binary {
             true => self.out.bytes(&(v as u64).to_le_bytes()),
             false => self.out.int(v).str(" "),
         };
     }
-    /// A double.
+    /// Writes a double.
     fn double(&mut self, v: f64) {
         match self.binary {
             true => self.out.bytes(&v.to_le_bytes()),
             false => self.out.float(v).str(" "),
         };
     }
-    /// A box: its lower corner, then its upper one.
+    /// Writes a box: lower corner, then upper corner.
     fn bounds(&mut self, bounds: &Aabb) {
         let corners = bounds.lo.iter().chain(&bounds.hi);
         corners.for_each(|&v| self.double(v));
     }
-    /// The end of a line of text.
+    /// Ends a line of text.
     fn end(&mut self) -> io::Result<()> {
         if self.binary {
             self.out.end()
@@ -57,11 +57,11 @@ impl Fields<'_> {
             self.out.line()
         }
     }
-    /// The line that begins a section, which is text in binary files too.
+    /// Writes the line that starts a section, which is text even in binary files.
     fn section(&mut self, name: &str) -> io::Result<()> {
         self.out.str("$").str(name).line()
     }
-    /// The line that ends a section.
+    /// Writes the line that ends a section.
     fn close(&mut self, name: &str) -> io::Result<()> {
         if self.binary {
             self.out.str("\n");
@@ -70,9 +70,9 @@ impl Fields<'_> {
     }
 }
 
-/// The elements of each dimension by entity, and the nodes by the smallest entity they lie on.
+/// Elements of each dimension by entity, and nodes by the smallest entity on which they lie.
 struct Entities {
-    /// Curves, surfaces, volumes.
+    /// Elements of curves, surfaces and volumes.
     groups: [Groups; 3],
     /// Nodes by the entity that owns them.
     nodes: Groups,
@@ -81,7 +81,7 @@ struct Entities {
 }
 
 impl Entities {
-    /// The entities of a mesh; one without elements has a surface for its nodes.
+    /// Determines the entities of a mesh; a mesh without elements has one surface for its nodes.
     fn of(mesh: &Mesh) -> Self {
         let groups = [
             Groups::curves(mesh),
@@ -105,12 +105,12 @@ impl Entities {
             count,
         }
     }
-    /// The elements of entity `i` of a dimension from 1 to 3.
+    /// Returns the elements of entity `i` of a dimension from 1 to 3.
     fn elements(&self, dim: usize, i: usize) -> &[u32] {
         let group = &self.groups[dim - 1];
         if i < group.len() { group.of(i) } else { &[] }
     }
-    /// Dimension and tag of an entity in the row of all.
+    /// Returns dimension and tag of an entity, given its index among all entities.
     fn name(&self, mut entity: usize) -> (usize, usize) {
         let mut dim = 0;
         while entity >= self.count[dim] {
@@ -121,8 +121,8 @@ impl Entities {
     }
 }
 
-/// The smallest entity that each node lies on, in one row of all: points, curves, surfaces and
-/// volumes.
+/// Returns the smallest entity on which each node lies, as an index among all entities: points,
+/// curves, surfaces and volumes.
 fn owners(mesh: &Mesh, count: [usize; 4]) -> Vec<u32> {
     let curves = count[0];
     let surfaces = curves + count[1];
@@ -134,7 +134,7 @@ fn owners(mesh: &Mesh, count: [usize; 4]) -> Vec<u32> {
             owner[n as usize] = entity as u32;
         }
     };
-    // Large entities first, so that smaller ones overwrite.
+    // Large entities first, so that smaller ones overwrite them.
     for i in 0..volume_count(mesh) {
         let (nodes, n) = volume(mesh, i);
         let region = volume_region(mesh, i).unwrap_or(0);
@@ -186,8 +186,8 @@ pub(in crate::mesh) fn write(
     out.out.flush()
 }
 
-/// Writes the section of entities: points, then curves, surfaces and volumes with their boxes, the
-/// physical group and the entities that bound them.
+/// Writes the section of entities: points, then curves, surfaces and volumes with their boxes,
+/// physical group and bounding entities.
 fn write_entities(
     mesh: &Mesh,
     entities: &Entities,
@@ -226,7 +226,7 @@ fn write_entities(
     out.close("Entities")
 }
 
-/// The curves that bound each part.
+/// Returns the curves that bound each part.
 fn curves_of_parts(mesh: &Mesh, entities: &Entities) -> Vec<Vec<u32>> {
     let mut found = vec![Vec::new(); entities.count[2]];
     for (i, curve) in mesh.curves.iter().enumerate().take(entities.count[1]) {
@@ -245,27 +245,27 @@ fn curves_of_parts(mesh: &Mesh, entities: &Entities) -> Vec<Vec<u32>> {
     found
 }
 
-/// A part on the upper side of a unit cell and the part that it is on the lower one, with the
-/// opposite nodes of both: upper, lower.
+/// Part on the upper side of a periodic cell with its translate on the lower side, and the pairs of
+/// corresponding nodes (upper, lower).
 struct Link {
     parts: [u32; 2],
     shift: Point3,
     nodes: Vec<[u32; 2]>,
 }
 
-/// Corners of a face.
+/// Returns the corners of a face.
 fn corners(mesh: &Mesh, i: usize) -> Vec<u32> {
     let (nodes, n) = face(mesh, i);
     nodes[..if n == 4 { 4 } else { 3 }].to_vec()
 }
 
-/// Numbers in ascending order, by which equal faces are found.
+/// Sorts indices, for the comparison of faces.
 fn sorted(mut nodes: Vec<u32>) -> Vec<u32> {
     nodes.sort_unstable();
     nodes
 }
 
-/// The links of a unit cell.
+/// Returns the pairs of corresponding parts of a periodic cell.
 fn links(mesh: &Mesh) -> Vec<Link> {
     let part = |k: usize| face_part(mesh, k).unwrap_or(0);
     let part_of: HashMap<Vec<u32>, u32> = (0..face_count(mesh))
@@ -303,10 +303,10 @@ fn links(mesh: &Mesh) -> Vec<Link> {
     links
 }
 
-/// Writes the section of periodic entities, if the mesh is a unit cell: for each part on an upper
-/// side the part that it is on the lower one, how far away that is, and the nodes of both.
+/// Writes the section of periodic entities, if the mesh is a periodic cell: for each part on an
+/// upper side its translate on the lower side, the translation, and the nodes of both.
 fn write_periodic(mesh: &Mesh, out: &mut Fields<'_>) -> io::Result<()> {
-    // Most meshes are no unit cells: their triangles need not be listed.
+    // Spares meshes that are not periodic, the majority, a list of their triangles.
     if mesh.opposite.is_empty() {
         return Ok(());
     }
@@ -327,7 +327,7 @@ fn write_periodic(mesh: &Mesh, out: &mut Fields<'_>) -> io::Result<()> {
             .iter()
             .for_each(|&v| out.int(v));
         out.end()?;
-        // An affine map, by rows, that takes the lower part to the upper one.
+        // Affine map, by rows, that takes the lower part to the upper one.
         out.size(16);
         for i in 0..4 {
             let row = [0, 1, 2].map(|j| if i == j { 1.0 } else { 0.0 });
@@ -345,7 +345,7 @@ fn write_periodic(mesh: &Mesh, out: &mut Fields<'_>) -> io::Result<()> {
     out.close("Periodic")
 }
 
-/// Box around the nodes of elements; a point at the origin where there are none.
+/// Returns the bounding box of elements; a point at the origin without elements.
 fn bounds(mesh: &Mesh, dim: usize, elements: &[u32]) -> Aabb {
     let mut bounds = Aabb::EMPTY;
     let mut add = |nodes: &[u32]| {
@@ -366,7 +366,7 @@ fn bounds(mesh: &Mesh, dim: usize, elements: &[u32]) -> Aabb {
     }
 }
 
-/// Calls with the nodes of an element of a dimension.
+/// Calls `visit` with the nodes of an element of a dimension.
 fn with_nodes(mesh: &Mesh, dim: usize, i: usize, visit: &mut impl FnMut(&[u32])) {
     match dim {
         1 => {
@@ -415,9 +415,8 @@ fn write_nodes(
     out.close("Nodes")
 }
 
-/// Writes the section of elements: the points, each in a block of its own, then a block for every
-/// type of elements that an entity has. Elements are numbered from 1 by dimension and in the order
-/// of the mesh.
+/// Writes the section of elements: points, each in a block of its own, then a block for every
+/// entity and element type. Elements are numbered from 1 by dimension and in the order of the mesh.
 fn write_elements(mesh: &Mesh, entities: &Entities, out: &mut Fields<'_>) -> io::Result<()> {
     let counts = [
         mesh.corners.len(),
@@ -457,7 +456,7 @@ fn write_elements(mesh: &Mesh, entities: &Entities, out: &mut Fields<'_>) -> io:
     out.close("Elements")
 }
 
-/// The elements of one type of every entity of a dimension that has some, beside the number of the
+/// Returns the elements of every non-empty entity of a dimension by type, with the index of the
 /// entity: triangles before quadrilaterals, tetrahedra before wedges.
 fn blocks<'e>(
     mesh: &Mesh,
@@ -475,20 +474,20 @@ fn blocks<'e>(
         .filter(|(_, elements)| !elements.is_empty())
 }
 
-/// The elements of an entity, of one type.
+/// Elements of one type in an entity.
 struct Block<'m> {
     /// Dimension of the entity.
     dim: usize,
     /// Tag of the entity, from 1.
     tag: i32,
-    /// Its elements, at least one.
+    /// Elements, at least one.
     elements: &'m [u32],
-    /// Number of elements of smaller dimensions, whose numbers come first.
+    /// Number of elements of smaller dimensions, which are numbered first.
     before: usize,
 }
 
 impl Block<'_> {
-    /// Writes the head of the block, whose first element tells the type, and the elements.
+    /// Writes the header of the block, whose type is that of its first element, and the elements.
     fn write(&self, mesh: &Mesh, out: &mut Fields<'_>) -> io::Result<()> {
         let mut size = 0;
         with_nodes(mesh, self.dim, self.elements[0] as usize, &mut |nodes| {

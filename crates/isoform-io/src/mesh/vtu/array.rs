@@ -1,28 +1,28 @@
-//! The arrays of a VTK file: text, base64 or raw bytes, as they are or deflated.
+//! Arrays of a VTK file: text, base64 or raw bytes, uncompressed or deflated.
 //!
-//! Bytes come behind their size; deflated ones in blocks, behind the number and the sizes of the
-//! blocks. No size of the file is believed: reading ends with the bytes that are there, and
-//! unpacking at the limit of [`Coding`].
+//! Binary data are preceded by their size; compressed data consist of blocks, preceded by the
+//! number and sizes of the blocks. Sizes in the file are not trusted: reading ends with the bytes
+//! present, and decompression at the limit of [`Coding`].
 
 use crate::binary::Type;
 use crate::input::parse_number;
 use flate2::read::ZlibDecoder;
 use std::io::{self, Read};
 
-/// How the arrays of a file are kept.
+/// Encoding of the arrays of a file.
 #[derive(Clone, Copy)]
 pub(super) struct Coding {
-    /// Whether numbers have their greatest byte first.
+    /// True if numbers are big endian.
     pub(super) big_endian: bool,
-    /// Sizes of 64 bits instead of 32.
+    /// True if sizes have 64 bits instead of 32.
     pub(super) wide_header: bool,
-    /// Whether arrays are deflated in blocks.
+    /// True if arrays are deflated in blocks.
     pub(super) zlib: bool,
-    /// Most bytes that an array may unpack to.
+    /// Maximum size of a decompressed array, in bytes.
     pub(super) limit: u64,
 }
 
-/// An array that was read.
+/// Decoded array.
 pub(super) struct Array {
     bytes: Vec<u8>,
     kind: Type,
@@ -30,15 +30,15 @@ pub(super) struct Array {
 }
 
 impl Array {
-    /// The number of values.
+    /// Returns the number of values.
     pub(super) fn len(&self) -> usize {
         self.bytes.len() / self.kind.size()
     }
-    /// Bytes that it takes.
+    /// Returns the size in bytes.
     pub(super) fn size(&self) -> u64 {
         self.bytes.len() as u64
     }
-    /// A value; 0 beyond the end.
+    /// Returns a value; 0 beyond the end.
     pub(super) fn get(&self, i: usize) -> f64 {
         match self.bytes.get(i * self.kind.size()..) {
             Some(bytes) if bytes.len() >= self.kind.size() => {
@@ -47,18 +47,18 @@ impl Array {
             _ => 0.0,
         }
     }
-    /// A whole number from 0 on.
+    /// Returns a value as a non-negative integer; `None` if it is not one.
     pub(super) fn index(&self, i: usize) -> Option<u64> {
         let v = self.get(i);
         (i < self.len() && v >= 0.0 && v.fract() == 0.0 && v <= 2f64.powi(53)).then_some(v as u64)
     }
-    /// A tag of a group; 0 where there is none.
+    /// Returns the tag of a group; 0 beyond the end.
     pub(super) fn tag(&self, i: usize) -> i64 {
         self.get(i) as i64
     }
 }
 
-/// Numbers in text.
+/// Parses numbers in text.
 pub(super) fn from_text(text: &[u8]) -> Result<Array, String> {
     let text = std::str::from_utf8(text).map_err(|_| "it is not text".to_owned())?;
     let mut bytes = Vec::new();
