@@ -1,11 +1,12 @@
-//! Polynomials of three variables up to a total degree, as sums of products of Legendre polynomials.
+//! Polynomials of three variables up to a total degree, as sums of products of Legendre
+//! polynomials.
 //!
-//! On \[−1, 1\]³ these products are orthogonal and of about one size, so that a least-squares problem
-//! in their coefficients is as well determined as its points make it.
+//! On \[−1, 1\]³ these products are orthogonal and of about one size, so that a least-squares
+//! problem in their coefficients is as well determined as its points make it.
 
 use isoform_geom::{Point3, PolynomialData};
 
-/// The products up to a total degree, and where they are taken.
+/// Products of Legendre polynomials up to a total degree.
 #[derive(Clone, Debug)]
 pub(crate) struct Basis {
     degree: usize,
@@ -13,20 +14,20 @@ pub(crate) struct Basis {
     pub(crate) exponents: Vec<[u16; 3]>,
 }
 
-/// Values of all products at a place, with what a normal makes of their derivatives.
+/// Values of all basis products at a point, and their derivatives in the frame of its normal.
 #[derive(Clone, Debug)]
-pub(crate) struct Rows {
+pub(crate) struct BasisRows {
     /// Values.
     pub(crate) value: Vec<f64>,
-    /// Derivatives along two tangents.
+    /// Derivatives in two orthogonal tangential directions.
     pub(crate) tangents: [Vec<f64>; 2],
-    /// First and second derivatives along the normal.
+    /// First derivatives in the normal direction.
     pub(crate) normal: Vec<f64>,
     pub(crate) bend: Vec<f64>,
 }
 
-/// By degree: a Legendre polynomial with its first and second derivatives at a place.
-type Factors = Vec<[f64; 3]>;
+/// Values, first and second derivatives of the Legendre polynomials at a point, by degree.
+type LegendreJets = Vec<[f64; 3]>;
 
 impl Basis {
     pub(crate) fn new(degree: usize) -> Self {
@@ -40,9 +41,9 @@ impl Basis {
         self.exponents.len()
     }
 
-    pub(crate) fn rows(&self) -> Rows {
+    pub(crate) fn rows(&self) -> BasisRows {
         let zeros = || vec![0.0; self.len()];
-        Rows {
+        BasisRows {
             value: zeros(),
             tangents: [zeros(), zeros()],
             normal: zeros(),
@@ -50,8 +51,9 @@ impl Basis {
         }
     }
 
-    /// The rows of a place with a unit normal; a normal of 0 gives derivatives of 0.
-    pub(crate) fn fill(&self, q: Point3, n: Point3, rows: &mut Rows) {
+    /// Evaluates the basis at `q` in the frame of the unit normal `n`; if `n` is 0, all derivatives
+    /// are 0.
+    pub(crate) fn fill(&self, q: Point3, n: Point3, rows: &mut BasisRows) {
         let [x, y, z] = q.map(|t| legendre(self.degree, t));
         let [s, t] = tangents(n);
         for (at, [i, j, k]) in self.exponents.iter().enumerate() {
@@ -72,7 +74,7 @@ impl Basis {
         }
     }
 
-    /// The coefficients of the monomials of a sum of products, in the order of
+    /// Converts coefficients of the products to those of monomials, in the order of
     /// [`PolynomialData::exponents`].
     pub(crate) fn monomials(&self, c: &[f64]) -> Vec<f64> {
         let table = legendre_coefficients(self.degree);
@@ -96,7 +98,7 @@ impl Basis {
     }
 }
 
-/// Two unit vectors across a unit normal and each other; 0 where it is 0.
+/// Returns two orthogonal unit tangents of a unit normal; zero vectors if the normal is 0.
 fn tangents(n: Point3) -> [Point3; 2] {
     if n == [0.0; 3] {
         return [[0.0; 3]; 2];
@@ -110,9 +112,9 @@ fn tangents(n: Point3) -> [Point3; 2] {
     [s, isoform_geom::cross(n, s)]
 }
 
-/// The Legendre polynomials up to a degree with two derivatives at t:
+/// Returns the Legendre polynomials up to a degree with two derivatives at t, by the recurrence
 /// (k + 1) Pₖ₊₁ = (2k + 1) t Pₖ − k Pₖ₋₁.
-fn legendre(degree: usize, t: f64) -> Factors {
+fn legendre(degree: usize, t: f64) -> LegendreJets {
     let mut p = vec![[1.0, 0.0, 0.0], [t, 1.0, 0.0]];
     for k in 1..degree {
         let (a, b) = (p[k], p[k - 1]);
@@ -126,7 +128,7 @@ fn legendre(degree: usize, t: f64) -> Factors {
     p
 }
 
-/// By degree and power: the coefficients of the Legendre polynomials.
+/// Returns the monomial coefficients of the Legendre polynomials, by degree and power.
 fn legendre_coefficients(degree: usize) -> Vec<Vec<f64>> {
     let mut table = vec![vec![1.0], vec![0.0, 1.0]];
     for k in 1..degree {

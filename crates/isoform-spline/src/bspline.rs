@@ -1,8 +1,8 @@
 //! Uniform B-splines of one variable.
 //!
-//! The functions that touch the cell \[k, k + 1\] are numbered k, …, k + d, from the one that ends
-//! there to the one that begins there: function m has the support \[m − d, m + 1\]. On the cell
-//! they are polynomials of degree d in t = x − k, the j-th of them
+//! The functions that are not 0 on the cell \[k, k + 1\] are numbered k, …, k + d: function m has
+//! the support \[m − d, m + 1\]. On the cell they are polynomials of degree d in t = x − k, the
+//! j-th of them
 //!
 //! ```text
 //! bᵈⱼ(t) = ((t + d − j) bᵈ⁻¹ⱼ₋₁(t) + (1 + j − t) bᵈ⁻¹ⱼ(t)) / d,      b⁰₀ = 1
@@ -10,15 +10,15 @@
 //!
 //! (de Boor 1978, ch. X, for knots at the integers).
 
-/// The highest degree: cells hold (d + 1)³ coefficients, 216 of them.
+/// Maximum degree of a spline. A cell then has (d + 1)³ = 216 coefficients.
 pub const MAX_DEGREE: usize = 5;
 
-/// One number per function that touches a cell; those beyond the degree are 0.
-pub(crate) type Row = [f64; MAX_DEGREE + 1];
+/// One value per function on a cell; entries beyond the degree are 0.
+pub(crate) type SplineRow = [f64; MAX_DEGREE + 1];
 
-/// Values of the d + 1 functions at t of their cell.
+/// Returns the values of the d + 1 functions at t in their cell.
 #[inline]
-pub(crate) fn values(degree: usize, t: f64) -> Row {
+pub(crate) fn values(degree: usize, t: f64) -> SplineRow {
     let mut b = [0.0; MAX_DEGREE + 1];
     b[0] = 1.0;
     for d in 1..=degree {
@@ -27,9 +27,9 @@ pub(crate) fn values(degree: usize, t: f64) -> Row {
     b
 }
 
-/// From degree d − 1 to d, in place.
+/// Raises the degree of the values from d − 1 to d, in place.
 #[inline]
-fn raise(b: &mut Row, d: usize, t: f64) {
+fn raise(b: &mut SplineRow, d: usize, t: f64) {
     let inverse = 1.0 / d as f64;
     for j in (0..=d).rev() {
         let left = if j > 0 {
@@ -46,9 +46,9 @@ fn raise(b: &mut Row, d: usize, t: f64) {
     }
 }
 
-/// Values, first and second derivatives by t of the d + 1 functions, at t of their cell.
+/// Returns values, first and second derivatives by t of the d + 1 functions at t in their cell.
 #[inline]
-pub(crate) fn jets(degree: usize, t: f64) -> [Row; 3] {
+pub(crate) fn jets(degree: usize, t: f64) -> [SplineRow; 3] {
     let mut rows = [[0.0; MAX_DEGREE + 1]; 3];
     let mut b = [0.0; MAX_DEGREE + 1];
     b[0] = 1.0;
@@ -73,10 +73,10 @@ pub(crate) fn jets(degree: usize, t: f64) -> [Row; 3] {
     rows
 }
 
-/// The derivative of a sum of functions of degree d − 1, by those of degree d: Nᵈₘ' = Nᵈ⁻¹ₘ₋₁ − Nᵈ⁻¹ₘ
-/// in the numbering of a cell.
+/// Replaces coefficients of functions of degree d − 1 by those of degree d for the derivative: Nᵈₘ'
+/// = Nᵈ⁻¹ₘ₋₁ − Nᵈ⁻¹ₘ in the numbering of a cell.
 #[inline]
-fn difference(row: &mut Row, d: usize) {
+fn difference(row: &mut SplineRow, d: usize) {
     for j in (0..=d).rev() {
         let left = if j > 0 { row[j - 1] } else { 0.0 };
         let right = if j < d { row[j] } else { 0.0 };
@@ -84,8 +84,8 @@ fn difference(row: &mut Row, d: usize) {
     }
 }
 
-/// The weight with which function m of one level takes part in function n of the next, finer by a
-/// half: 2⁻ᵈ times the binomial of d + 1 and n − 2m + d; 0 where that is outside 0, …, d + 1.
+/// Returns the two-scale weight of fine function n in coarse function m, for half the spacing: 2⁻ᵈ
+/// times the binomial coefficient of d + 1 over n − 2m + d; 0 if the latter is outside 0, …, d + 1.
 pub(crate) fn two_scale(degree: usize, coarse: i64, fine: i64) -> f64 {
     let j = fine - 2 * coarse + degree as i64;
     if !(0..=degree as i64 + 1).contains(&j) {
@@ -97,18 +97,18 @@ pub(crate) fn two_scale(degree: usize, coarse: i64, fine: i64) -> f64 {
     binomial / f64::from(1u32 << degree)
 }
 
-/// Coarse functions with a weight in a fine one: the first of them and their weights.
+/// Coarse functions that contain a fine one in their two-scale relation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Parents {
-    /// The first coarse function, relative to half the fine one's number, rounded down.
+    /// Index of the first coarse function, minus half the fine index rounded down.
     pub(crate) first: i64,
-    /// How many there are.
+    /// Number of coarse functions.
     pub(crate) count: usize,
-    /// Their weights.
-    pub(crate) weights: Row,
+    /// Two-scale weights of the coarse functions.
+    pub(crate) weights: SplineRow,
 }
 
-/// The parents of even and of odd fine functions.
+/// Returns the parents of fine functions with even and with odd index.
 pub(crate) fn parents(degree: usize) -> [Parents; 2] {
     std::array::from_fn(|parity| {
         let fine = 2 * (degree as i64) + parity as i64;
@@ -129,9 +129,9 @@ pub(crate) fn parents(degree: usize) -> [Parents; 2] {
     })
 }
 
-/// Bernstein coefficients on the cell of the d + 1 functions: `[j][k]` is the k-th coefficient of
-/// the j-th function.
-pub(crate) fn bernstein(degree: usize) -> [Row; MAX_DEGREE + 1] {
+/// Returns the Bernstein coefficients of the d + 1 functions on a cell: `[j][k]` is the k-th
+/// coefficient of the j-th function.
+pub(crate) fn bernstein(degree: usize) -> [SplineRow; MAX_DEGREE + 1] {
     let mut b = [[0.0; MAX_DEGREE + 1]; MAX_DEGREE + 1];
     b[0][0] = 1.0;
     for d in 1..=degree {
@@ -139,7 +139,7 @@ pub(crate) fn bernstein(degree: usize) -> [Row; MAX_DEGREE + 1] {
         for j in 0..=d {
             // A factor that is α at t = 0 and β at t = 1, times degree d − 1.
             let mut sum = [0.0; MAX_DEGREE + 1];
-            let mut add = |row: &Row, at_0: f64, at_1: f64| {
+            let mut add = |row: &SplineRow, at_0: f64, at_1: f64| {
                 for k in 0..=d {
                     let a = if k < d {
                         (d - k) as f64 * at_0 * row[k]

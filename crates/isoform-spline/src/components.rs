@@ -1,54 +1,57 @@
-//! Pieces of the surface, with data and without.
+//! Connected components of the surface, with and without data.
 
 use crate::bspline;
-use crate::keys::{Place, key};
+use crate::keys::{LatticeIndex, key};
 use crate::surface::ImplicitSpline;
 use isoform_geom::{Point3, PolynomialData, UnionFind};
 use rayon::prelude::*;
 
-/// How many pieces the surface f = 0 has within the spline's box, counted by cells: two pieces that
-/// pass through one cell count as one.
+/// Number of connected components of the surface f = 0 in the spline's box. Components that pass
+/// through a common cell are count_components as one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Components {
-    /// Pieces with data.
+    /// Components that pass through cells with data.
     pub with_data: usize,
-    /// Pieces without, or that pass beside points: extra branches, as two functions of one surface
-    /// may have.
+    /// Components without data, or that only pass close to points: extra branches, as two functions
+    /// with equal zero sets may have.
     pub without_data: usize,
 }
 
-/// What is known of a cell that the surface passes through.
+/// Data points of a cell that the surface passes through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Sight {
-    /// It holds points.
-    Held,
-    /// It shares a face with one that does.
-    Beside,
-    /// Neither.
-    Unseen,
+enum CellEvidence {
+    /// The cell contains points.
+    Inside,
+    /// The cell shares a face with one that contains points.
+    Neighbour,
+    /// Neither the cell nor a neighbour contains points.
+    None,
 }
 
-/// The least share of the seen cells of a piece that hold points. Surfaces through points reach a
-/// half and more, however few there are; what passes beside them is seen from cells beside.
-const HELD: f64 = 0.3;
+/// Minimum share of cells with points among the cells of a component that contain or touch points.
+/// True components reach at least half, also in thin samples; an extra branch mostly passes through
+/// face neighbours of cells with points.
+const MIN_DATA_SHARE: f64 = 0.3;
 
-/// Places along an edge of a cell where the sign is looked at.
-const PLACES: usize = 3;
+/// Samples of the sign of f along an edge of a cell.
+const SIGN_SAMPLES: usize = 3;
 
 pub(crate) fn components(spline: &ImplicitSpline) -> Components {
     let degree = spline.degree();
-    let rows: [bspline::Row; PLACES] =
-        std::array::from_fn(|i| bspline::values(degree, i as f64 / (PLACES - 1) as f64));
+    let rows: [bspline::SplineRow; SIGN_SAMPLES] =
+        std::array::from_fn(|i| bspline::values(degree, i as f64 / (SIGN_SAMPLES - 1) as f64));
     let mut sets = UnionFind::new(0);
     let mut sights = Vec::new();
-    // Per level and cell the set of a cell that the surface passes through.
+    // Component set of each cell that the surface passes through, by level.
     let mut of_cell: Vec<Vec<Option<u32>>> = Vec::new();
     for (l, level) in spline.levels().iter().enumerate() {
         let mut mine = vec![None; level.cells.len()];
         for (i, cell) in level.cells.places().enumerate() {
-            if !level.is_refined[i] && changes_sign(&level.of_cell(cell, degree), degree, &rows) {
+            if !level.is_refined[i]
+                && changes_sign(&level.cell_coefficients(cell, degree), degree, &rows)
+            {
                 mine[i] = Some(sets.add());
-                sights.push(sight(cell, |c| spline.holds(l, c)));
+                sights.push(cell_evidence(cell, |c| spline.holds(l, c)));
             }
         }
         of_cell.push(mine);
@@ -67,44 +70,44 @@ pub(crate) fn components(spline: &ImplicitSpline) -> Components {
             }
         }
     }
-    counted(&mut sets, &sights)
+    count_components(&mut sets, &sights)
 }
 
-/// How a cell is seen.
-fn sight(cell: Place, holds: impl Fn(Place) -> bool) -> Sight {
+/// Classifies a cell by the data in it and in its face neighbours.
+fn cell_evidence(cell: LatticeIndex, holds: impl Fn(LatticeIndex) -> bool) -> CellEvidence {
     let beside = |axis: usize, step: i32| {
         let mut beside = cell;
         beside[axis] += step;
         beside[axis] >= 0 && holds(beside)
     };
     if holds(cell) {
-        Sight::Held
+        CellEvidence::Inside
     } else if (0..3).any(|k| beside(k, -1) || beside(k, 1)) {
-        Sight::Beside
+        CellEvidence::Neighbour
     } else {
-        Sight::Unseen
+        CellEvidence::None
     }
 }
 
-/// The pieces that sets make of their members, by how these are seen.
-fn counted(sets: &mut UnionFind, sights: &[Sight]) -> Components {
-    // Per root: members that hold data, and members beside.
+/// Counts the components with and without data, given the classification of their cells.
+fn count_components(sets: &mut UnionFind, sights: &[CellEvidence]) -> Components {
+    // Cells with data and cells next to data, by root.
     let mut seen = vec![[0u32; 2]; sights.len()];
     let mut roots = Vec::new();
-    for (i, sight) in (0u32..).zip(sights) {
+    for (i, cell_evidence) in (0u32..).zip(sights) {
         let root = sets.root(i);
         if root == i {
             roots.push(root);
         }
-        match sight {
-            Sight::Held => seen[root as usize][0] += 1,
-            Sight::Beside => seen[root as usize][1] += 1,
-            Sight::Unseen => {}
+        match cell_evidence {
+            CellEvidence::Inside => seen[root as usize][0] += 1,
+            CellEvidence::Neighbour => seen[root as usize][1] += 1,
+            CellEvidence::None => {}
         }
     }
     let has_data = |root: &&u32| {
         let [held, beside] = seen[**root as usize].map(f64::from);
-        held > 0.0 && held >= HELD * (held + beside)
+        held > 0.0 && held >= MIN_DATA_SHARE * (held + beside)
     };
     let with_data = roots.iter().filter(has_data).count();
     Components {
@@ -113,8 +116,9 @@ fn counted(sets: &mut UnionFind, sights: &[Sight]) -> Components {
     }
 }
 
-/// Pieces of a polynomial's surface in the lattice that says where points were.
-pub(crate) fn of_lattice(
+/// Counts the components of a polynomial's surface on the lattice that records which cells had
+/// points.
+pub(crate) fn lattice_components(
     lattice: &PolynomialData,
     value: impl Fn(Point3) -> f64 + Sync,
 ) -> Components {
@@ -155,8 +159,8 @@ pub(crate) fn of_lattice(
         let set = sets.add();
         of_cell[i] = Some(set);
         let place = cell.map(|v| v as i32);
-        let holds = |at: Place| lattice.cells.binary_search_by_key(&key(at), |c| key(*c));
-        sights.push(sight(place, |at| holds(at).is_ok()));
+        let holds = |at: LatticeIndex| lattice.cells.binary_search_by_key(&key(at), |c| key(*c));
+        sights.push(cell_evidence(place, |at| holds(at).is_ok()));
         for axis in (0..3).filter(|k| cell[*k] > 0) {
             let mut before = cell;
             before[axis] -= 1;
@@ -165,16 +169,16 @@ pub(crate) fn of_lattice(
             }
         }
     }
-    counted(&mut sets, &sights)
+    count_components(&mut sets, &sights)
 }
 
-/// The set of the cell that covers a place of a level, of this level or a coarser one; finer ones
-/// look for this one themselves.
+/// Returns the set of the leaf that contains a cell of level `l`, on this or a coarser level. Pairs
+/// with finer cells are found from the finer side.
 fn leaf_set(
     spline: &ImplicitSpline,
     of_cell: &[Vec<Option<u32>>],
     l: usize,
-    cell: Place,
+    cell: LatticeIndex,
 ) -> Option<u32> {
     let mut cell = cell;
     for l in (0..=l).rev() {
@@ -186,8 +190,8 @@ fn leaf_set(
     None
 }
 
-/// Whether f has both signs at the places of a cell.
-fn changes_sign(c: &[f64], degree: usize, rows: &[bspline::Row; PLACES]) -> bool {
+/// Returns true if f has both signs at the samples of a cell.
+fn changes_sign(c: &[f64], degree: usize, rows: &[bspline::SplineRow; SIGN_SAMPLES]) -> bool {
     let n = degree + 1;
     let (lo, hi) = c[..n * n * n]
         .iter()

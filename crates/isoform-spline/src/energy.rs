@@ -1,7 +1,7 @@
-//! The least-squares problem of a level.
+//! Least-squares problem of a level.
 //!
-//! Unknown are the corrections δ of the active coefficients. In units of the level's spacing h,
-//! with N the number of points and M the number of cells with data,
+//! The unknowns are the corrections δ of the active coefficients. In units of the level's spacing
+//! h, with N points and M cells with data, they minimise
 //!
 //! ```text
 //! 1/N Σ ( (f/h)² + α |∇f + n|² )  +  λ/M |second differences of c/h|²
@@ -11,69 +11,53 @@
 //! weight on the corrections themselves where data hardly touches a coefficient.
 
 use crate::bspline;
-use crate::keys::{Keys, Place, place};
-use crate::level::{CELL as MOST, Level, block};
-use crate::matrix::{Matrix, Rows, split};
-use crate::points::Sorted;
+use crate::keys::{IndexSet, LatticeIndex, NO_INDEX, place};
+use crate::level::{Level, MAX_CELL_SPLINES, block};
+use crate::matrix::{Matrix, MatrixBlock, split};
+use crate::points::PointsByCell;
 use crate::smoothing::Smoothing;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, dot};
 use isoform_num::dispatch;
 use rayon::prelude::*;
 
-/// Parts of the rows that are filled side by side: enough for the processors of today; each looks
-/// at all cells.
-const PARTS: usize = 16;
-
-/// Cells whose shares are held at a time: some 10 MB of them.
-const CHUNK: usize = 512;
-
-/// The weight with which f is held where it lost its distance from 0, as a share of that of all
-/// points: as much as a tenth of them. With a hundredth extra pieces of f = 0 stay.
-const HOLD: f64 = 0.1;
-
-/// How far f was from 0 at such a place, in cells: nearer ones may become surface.
-const APART: f64 = 0.4;
-
-/// The share of that distance that is left at least where f is believed. f = 0 has an extra piece
-/// near places at which less is left; features of the size of a cell change f by less.
-const LEFT: f64 = 0.5;
+/// Minimum |f| at which a point counts as far from the surface, in cells. Below it features of the
+/// size of a cell legitimately move the surface.
+const FAR_DISTANCE_CELLS: f64 = 0.4;
 
 /// Weights of the terms.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Weights {
-    /// α, of normals.
+pub(crate) struct TermWeights {
+    /// α, the weight of normals.
     pub(crate) normals: f64,
-    /// λ, of smoothing.
+    /// λ, the weight of smoothing.
     pub(crate) smoothing: f64,
 }
 
-/// Number of no unknown.
-pub(crate) const FIXED: u32 = u32::MAX;
-
-/// The equations of a level.
-pub(crate) struct System {
-    /// The normal equations of the data.
+/// Equations of a level.
+pub(crate) struct LevelEquations {
+    /// Normal equations of the data.
     pub(crate) matrix: Matrix,
     pub(crate) right: Vec<f64>,
     pub(crate) smoothing: Smoothing,
 }
 
-/// What a point gives to its cell: the four rows of the residuals.
+/// Basis functions of a cell and their gradients at a point: the four rows of the point's
+/// residuals.
 pub(crate) struct Stencil {
     degree: usize,
     /// Values and derivatives by x, y, z of the (d + 1)³ B-splines, x fastest.
-    pub(crate) rows: [[f64; MOST]; 4],
+    pub(crate) rows: [[f64; MAX_CELL_SPLINES]; 4],
 }
 
 impl Stencil {
     pub(crate) fn new(degree: usize) -> Self {
         Self {
             degree,
-            rows: [[0.0; MOST]; 4],
+            rows: [[0.0; MAX_CELL_SPLINES]; 4],
         }
     }
-    /// The rows at the place `t` of \[0, 1\]³ in a cell.
+    /// Evaluates the rows at the point `t` of \[0, 1\]³ in a cell.
     pub(crate) fn fill(&mut self, t: Point3) {
         let n = self.degree + 1;
         let [x, y, z] = t.map(|t| bspline::jets(self.degree, t));
@@ -91,42 +75,42 @@ impl Stencil {
             }
         }
     }
-    /// The value that coefficients of a cell give.
-    fn value(&self, c: &[f64; MOST]) -> f64 {
+    /// Returns the value of the function with these coefficients of a cell.
+    fn value(&self, c: &[f64; MAX_CELL_SPLINES]) -> f64 {
         self.rows[0].iter().zip(c).map(|(a, b)| a * b).sum()
     }
-    /// The products of the rows with the coefficients of a cell.
+    /// Returns the products of the rows with the coefficients of a cell.
     pub(crate) fn times(&self, c: &[f64]) -> [f64; 4] {
         self.rows
             .map(|row| row.iter().zip(c).map(|(a, b)| a * b).sum())
     }
 }
 
-/// The middle of an eighth of a cell.
-fn place_of(eighth: Place) -> Point3 {
+/// Returns the centre of an octant of a cell.
+fn octant_centre(eighth: LatticeIndex) -> Point3 {
     eighth.map(|v| 0.25 + 0.5 * f64::from(v))
 }
 
-/// One cell's share of the equations.
-struct Share {
+/// Contribution of one cell to the equations.
+struct CellEquations {
     size: usize,
-    /// Its unknowns, x fastest.
-    local: [u32; MOST],
-    /// The lower triangle, row by row; what lies beyond it in a row is of no use.
+    /// Unknowns of the cell, x fastest.
+    local: [u32; MAX_CELL_SPLINES],
+    /// Lower triangle, row by row. Entries above the diagonal are undefined.
     gram: Vec<f64>,
-    right: [f64; MOST],
+    right: [f64; MAX_CELL_SPLINES],
 }
 
-impl Share {
-    fn new(size: usize, local: [u32; MOST]) -> Self {
+impl CellEquations {
+    fn new(size: usize, local: [u32; MAX_CELL_SPLINES]) -> Self {
         Self {
             size,
             local,
             gram: vec![0.0; size * size],
-            right: [0.0; MOST],
+            right: [0.0; MAX_CELL_SPLINES],
         }
     }
-    /// Holds the value at a place as it is.
+    /// Adds an equation that keeps the value at a point.
     fn hold(&mut self, stencil: &Stencil, weight: f64) {
         let n = self.size;
         let v = &stencil.rows[0];
@@ -147,18 +131,18 @@ impl Share {
         }
     }
 
-    /// Adds it to the rows of a part.
-    fn scatter(&self, n: usize, inverse: f64, rows: &mut Rows<'_>, right: &mut [f64]) {
+    /// Adds the contribution to the rows of one block.
+    fn scatter(&self, n: usize, inverse: f64, rows: &mut MatrixBlock<'_>, right: &mut [f64]) {
         let mut columns = Vec::with_capacity(n);
         for (i, unknown) in self.local[..n * n * n].iter().enumerate() {
             let row = *unknown as usize;
-            if *unknown == FIXED || !(rows.first..rows.end).contains(&row) {
+            if *unknown == NO_INDEX || !(rows.first..rows.end).contains(&row) {
                 continue;
             }
             right[row - rows.first] += inverse * self.right[i];
             let (b, c) = (i / n % n, i / (n * n));
             for line in 0..n * n {
-                let places = (line * n..(line + 1) * n).filter(|j| self.local[*j] != FIXED);
+                let places = (line * n..(line + 1) * n).filter(|j| self.local[*j] != NO_INDEX);
                 columns.clear();
                 columns.extend(places.map(|j| (self.local[j], inverse * self.at(i, j))));
                 if !columns.is_empty() {
@@ -171,13 +155,14 @@ impl Share {
 }
 
 dispatch! {
-    /// Adds a point's residuals and their squares to a share; `alpha` is the weight of the normal.
-    fn add_point(share: &mut Share, stencil: &Stencil, residual: [f64; 4], alpha: f64)
+    /// Adds a point's residuals and their squares to the contribution of its cell; `alpha` is the
+    /// weight of the normal.
+    fn add_point(share: &mut CellEquations, stencil: &Stencil, residual: [f64; 4], alpha: f64)
         = add_point_body
 }
 
 #[inline(always)]
-fn add_point_body(share: &mut Share, stencil: &Stencil, residual: [f64; 4], alpha: f64) {
+fn add_point_body(share: &mut CellEquations, stencil: &Stencil, residual: [f64; 4], alpha: f64) {
     let n = share.size;
     let [v, x, y, z] = &stencil.rows;
     let weighted = [
@@ -190,7 +175,7 @@ fn add_point_body(share: &mut Share, stencil: &Stencil, residual: [f64; 4], alph
         share.right[i] +=
             v[i] * weighted[0] + x[i] * weighted[1] + y[i] * weighted[2] + z[i] * weighted[3];
         let (a, b, c, d) = (v[i], alpha * x[i], alpha * y[i], alpha * z[i]);
-        // Beyond the diagonal to a whole vector register.
+        // Extends past the diagonal to the end of the vector register.
         let row = &mut share.gram[i * n..i * n + n.min((i | 7) + 1)];
         for ((((g, v), x), y), z) in row.iter_mut().zip(v).zip(x).zip(y).zip(z) {
             *g += a * v + b * x + c * y + d * z;
@@ -198,25 +183,25 @@ fn add_point_body(share: &mut Share, stencil: &Stencil, residual: [f64; 4], alph
     }
 }
 
-/// What the equations are made of.
-pub(crate) struct Problem<'a> {
+/// Input of a level's least-squares problem.
+pub(crate) struct LevelProblem<'a> {
     pub(crate) level: &'a Level,
     pub(crate) degree: usize,
-    pub(crate) points: &'a Sorted<'a>,
-    pub(crate) weights: Weights,
-    /// The active B-splines, and per B-spline of the level its number among them.
-    pub(crate) active: Keys,
+    pub(crate) points: &'a PointsByCell<'a>,
+    pub(crate) weights: TermWeights,
+    /// Active B-splines, and for each B-spline of the level its index among them.
+    pub(crate) active: IndexSet,
     pub(crate) unknown: Vec<u32>,
 }
 
-impl<'a> Problem<'a> {
+impl<'a> LevelProblem<'a> {
     pub(crate) fn new(
         level: &'a Level,
         degree: usize,
-        points: &'a Sorted<'a>,
-        weights: Weights,
+        points: &'a PointsByCell<'a>,
+        weights: TermWeights,
     ) -> Self {
-        let mut unknown = vec![FIXED; level.nodes.len()];
+        let mut unknown = vec![NO_INDEX; level.nodes.len()];
         let mut list = Vec::new();
         for (i, node) in level
             .nodes
@@ -232,21 +217,21 @@ impl<'a> Problem<'a> {
             degree,
             points,
             weights,
-            active: Keys::new(list),
+            active: IndexSet::new(list),
             unknown,
         }
     }
 
-    /// λ/M.
+    /// Returns λ/M.
     pub(crate) fn smoothing_weight(&self) -> f64 {
         self.weights.smoothing / self.points.count().max(1) as f64
     }
 
-    /// The equations of the level; those of the data are divided by the number of points.
-    pub(crate) fn system(&self, control: &Control<'_>) -> Result<System, Stopped> {
+    /// Assembles the equations of the level; those of the data are divided by the number of points.
+    pub(crate) fn system(&self, control: &Control<'_>) -> Result<LevelEquations, Stopped> {
         let matrix = Matrix::new(&self.active, self.degree);
         let right = vec![0.0; matrix.len()];
-        let mut system = System {
+        let mut system = LevelEquations {
             matrix,
             right,
             smoothing: Smoothing::new(&self.level.nodes),
@@ -256,23 +241,25 @@ impl<'a> Problem<'a> {
         Ok(system)
     }
 
-    /// Adds the shares of cells to the equations.
+    /// Adds the contributions of cells to the equations.
     fn add(
         &self,
-        system: &mut System,
+        system: &mut LevelEquations,
         cells: &[usize],
-        share: impl Fn(usize) -> Option<Share> + Sync,
+        share: impl Fn(usize) -> Option<CellEquations> + Sync,
         control: &Control<'_>,
     ) -> Result<(), Stopped> {
         let inverse = 1.0 / self.points.len() as f64;
-        let mut parts = system.matrix.parts(PARTS);
+        // Every block visits all cells: enough blocks for the cores of present machines, not more.
+        let mut parts = system.matrix.parts(16);
         let borders: Vec<usize> = std::iter::once(0)
             .chain(parts.iter().map(|part| part.end))
             .collect();
         let mut rights = split(&mut system.right, &borders);
-        for chunk in cells.chunks(CHUNK) {
+        // The contributions of 512 cells take some 10 MB.
+        for chunk in cells.chunks(512) {
             control.check()?;
-            let shares: Vec<Share> = chunk.par_iter().filter_map(|i| share(*i)).collect();
+            let shares: Vec<CellEquations> = chunk.par_iter().filter_map(|i| share(*i)).collect();
             let filled = parts.par_iter_mut().zip(&mut rights);
             filled.for_each(|(rows, right)| {
                 for share in &shares {
@@ -283,18 +270,19 @@ impl<'a> Problem<'a> {
         Ok(())
     }
 
-    /// The share of the i-th cell with points; none if no unknown touches it.
-    fn share(&self, i: usize) -> Option<Share> {
+    /// Returns the contribution of the i-th cell with points; `None` if none of its B-splines is
+    /// unknown.
+    fn share(&self, i: usize) -> Option<CellEquations> {
         let (key, range) = self.points.cell(i);
         let cell = place(key);
         let local = self.local(cell)?;
-        if local.iter().all(|i| *i == FIXED) {
+        if local.iter().all(|i| *i == NO_INDEX) {
             return None;
         }
         let n = self.degree + 1;
-        let mut share = Share::new(n * n * n, local);
+        let mut share = CellEquations::new(n * n * n, local);
         let mut stencil = Stencil::new(self.degree);
-        let coefficients = self.level.of_cell(cell, self.degree);
+        let coefficients = self.level.cell_coefficients(cell, self.degree);
         for k in range {
             let (t, normal) = self.points.local(k, cell, self.level.spacing);
             stencil.fill(t);
@@ -305,7 +293,7 @@ impl<'a> Problem<'a> {
                 -normal[1] - f[2],
                 -normal[2] - f[3],
             ];
-            // Points without a normal say nothing of the gradient.
+            // Points without a normal do not constrain the gradient.
             add_point(
                 &mut share,
                 &stencil,
@@ -316,39 +304,42 @@ impl<'a> Problem<'a> {
         Some(share)
     }
 
-    /// Holds f in cells at places where the function as it is says that the surface is not near.
+    /// Adds equations that keep f in cells, at octant centres that the present function places far
+    /// from the surface.
     pub(crate) fn hold(
         &self,
-        system: &mut System,
+        system: &mut LevelEquations,
         cells: &[usize],
         control: &Control<'_>,
     ) -> Result<(), Stopped> {
         self.add(system, cells, |i| self.held(i), control)
     }
 
-    /// The share that holds f in the i-th cell with points.
-    fn held(&self, i: usize) -> Option<Share> {
+    /// Returns the equations that keep f in the i-th cell with points.
+    fn held(&self, i: usize) -> Option<CellEquations> {
         let cell = place(self.points.cell(i).0);
         let local = self.local(cell)?;
-        let c = self.level.of_cell(cell, self.degree);
+        let c = self.level.cell_coefficients(cell, self.degree);
         let n = self.degree + 1;
-        let mut share = Share::new(n * n * n, local);
+        let mut share = CellEquations::new(n * n * n, local);
         let per_cell = self.points.len() as f64 / self.points.count() as f64;
         let mut stencil = Stencil::new(self.degree);
         for place in block([0; 3], [1; 3]) {
-            stencil.fill(place_of(place));
-            if stencil.value(&c).abs() > APART * self.level.spacing {
-                share.hold(&stencil, HOLD * per_cell / 8.0);
+            stencil.fill(octant_centre(place));
+            if stencil.value(&c).abs() > FAR_DISTANCE_CELLS * self.level.spacing {
+                // A tenth of the weight of the cell's points. With a hundredth extra components of
+                // f = 0 remain.
+                share.hold(&stencil, 0.1 * per_cell / 8.0);
             }
         }
         Some(share)
     }
 
-    /// The corrections that lead to the coefficients of a level of another function, in units of
-    /// the spacing; 0 where it has none of its own.
+    /// Returns the corrections that lead to the coefficients of a level of another function, in
+    /// units of the spacing; 0 for coefficients that are not unknowns there.
     pub(crate) fn corrections(&self, other: &Level) -> Vec<f64> {
         let level = self.level;
-        let correction = |place: Place| {
+        let correction = |place: LatticeIndex| {
             let (own, i) = (level.nodes.find(place)?, other.nodes.find(place)?);
             let change = other.coefficients[i] - level.coefficients[own];
             other.is_active[i].then_some(change / level.spacing)
@@ -359,41 +350,44 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    /// The cells where corrections take away the distance of f from 0. Two functions of one surface
-    /// may differ by extra pieces of it; the one at hand was told by many points where it is
-    /// inside.
+    /// Returns the cells in which the corrections bring f close to 0 at points that were far from
+    /// the surface. Two functions with one zero set may differ by extra components; the present
+    /// function has learnt from many points where the inside is.
     pub(crate) fn lost(&self, x: &[f64]) -> Vec<usize> {
         let cells = (0..self.points.count()).into_par_iter();
         cells.filter(|i| self.is_lost(*i, x)).collect()
     }
 
-    /// Whether corrections take f much nearer to 0, or beyond, at a place of a cell that was far
-    /// from the surface.
+    /// Returns true if the corrections bring f much closer to 0, or change its sign, at an octant
+    /// centre that was far from the surface.
     fn is_lost(&self, i: usize, x: &[f64]) -> bool {
         let cell = place(self.points.cell(i).0);
         let Some(local) = self.local(cell) else {
             return false;
         };
-        let before = self.level.of_cell(cell, self.degree);
-        let mut by = [0.0; MOST];
+        let before = self.level.cell_coefficients(cell, self.degree);
+        let mut by = [0.0; MAX_CELL_SPLINES];
         for (by, unknown) in by.iter_mut().zip(&local) {
-            if *unknown != FIXED {
+            if *unknown != NO_INDEX {
                 *by = self.level.spacing * x[*unknown as usize];
             }
         }
         let mut stencil = Stencil::new(self.degree);
         block([0; 3], [1; 3]).any(|place| {
-            stencil.fill(place_of(place));
+            stencil.fill(octant_centre(place));
             let (f, change) = (stencil.value(&before), stencil.value(&by));
-            f.abs() > APART * self.level.spacing && (f + change) * f.signum() < LEFT * f.abs()
+            // f = 0 has an extra component near points that keep less than half of |f|; features of
+            // the size of a cell change f by less.
+            f.abs() > FAR_DISTANCE_CELLS * self.level.spacing
+                && (f + change) * f.signum() < 0.5 * f.abs()
         })
     }
 
-    /// The unknowns of a cell, x fastest; none if the level lacks the cell.
-    fn local(&self, cell: Place) -> Option<[u32; MOST]> {
+    /// Returns the unknowns of a cell, x fastest; `None` if the level lacks the cell.
+    fn local(&self, cell: LatticeIndex) -> Option<[u32; MAX_CELL_SPLINES]> {
         self.level.cells.find(cell)?;
         let n = self.degree + 1;
-        let mut local = [FIXED; MOST];
+        let mut local = [NO_INDEX; MAX_CELL_SPLINES];
         for (line, first) in self.level.runs(cell, self.degree)[..n * n]
             .iter()
             .enumerate()

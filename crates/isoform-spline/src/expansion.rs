@@ -1,38 +1,27 @@
-//! What is proved of an implicit spline near a point.
+//! Proved Taylor expansions of an implicit spline.
 //!
-//! A derivative of a sum Σ c B of uniform B-splines is such a sum again, with the differences of c
-//! for coefficients (over h) and a degree less; as B-splines are positive and sum to 1, the least
-//! and the largest of these differences bound it (de Boor 1978, ch. X). So third derivatives in a
-//! cell are bounded by third differences of its (d + 1)³ coefficients.
+//! A derivative of a sum Σ c B of uniform B-splines is again such a sum, one degree lower, with the
+//! differences of c divided by h as coefficients. B-splines are non-negative and sum to 1, so the
+//! smallest and the largest of these differences bound it (de Boor 1978, ch. X). Third derivatives
+//! in a cell are therefore bounded by third differences of its (d + 1)³ coefficients.
 //!
-//! Rounding. The coefficients of B-splines without an unknown are averages of those before, rounded
-//! once per term and level; values at points are sums of products of such with B-splines. Each is
-//! bounded by roundings of the largest coefficient, which grow by 2/h with each derivative.
+//! Rounding. The coefficients of inactive B-splines are averages of coarser coefficients, rounded
+//! once per term and level; values at points are sums of products of these with B-splines. Both
+//! errors are bounded by a number of roundings of the largest coefficient, and each derivative
+//! multiplies the bound by 2/h.
 
-use crate::keys::Place;
-use crate::level::{CELL, Level, block};
+use crate::keys::LatticeIndex;
+use crate::level::{Level, MAX_CELL_SPLINES, block};
 use crate::surface::ImplicitSpline;
 use isoform_geom::{Aabb, Expansion, Point3};
 use isoform_num::{Interval, ORDERS};
 
-/// Roundings of a coefficient per level: 64 products of two weights and a coefficient, and their
-/// sum.
-const PER_LEVEL: f64 = 70.0;
-
-/// Roundings of a value: three B-splines of at most five steps with four roundings each, and a sum
-/// of 216 products of them.
-const PER_VALUE: f64 = 400.0;
-
-/// The most cells that third derivatives are bounded in: far more than a small part of a surface
-/// lies in. In regions of more cells nothing is said, as it would take long and prove little.
-const MOST: usize = 4096;
-
-/// The range of third derivatives, in the order of [`Expansion::third`].
+/// Ranges of the third derivatives, in the order of [`Expansion::third`].
 type Thirds = [[f64; 2]; 10];
 
 impl ImplicitSpline {
-    /// See [`isoform_geom::Field::expansion`]. Nothing is said beyond the domain, and of splines of
-    /// degree 2, whose second derivatives jump, only within a cell.
+    /// Implements [`isoform_geom::Field::expansion`]. Returns `None` outside the domain, and for
+    /// degree 2, whose second derivatives jump, unless the region lies in one cell.
     pub(crate) fn expansion_about(&self, at: Point3, region: Aabb) -> Option<Expansion> {
         let is_inside = |p: Point3| self.is_in_domain(p);
         if !is_inside(at) || !is_inside(region.lo) || !is_inside(region.hi) {
@@ -53,28 +42,36 @@ impl ImplicitSpline {
         })
     }
 
-    /// A bound on the rounding of f at a place in a cell of edge h. The place in the cell is off by
-    /// some roundings of its distance from the corner, each of which moves f by at most twice the
-    /// largest coefficient along each axis.
+    /// Returns a bound on the rounding error of f at a point in a cell of edge h. The local
+    /// coordinate is off by a few roundings of its distance from the corner, each of which changes
+    /// f by at most twice the largest coefficient along each axis.
     fn rounding(&self, at: Point3, h: f64) -> f64 {
         let corner = self.domain().lo;
         let far = (0..3).fold(1.0, |far: f64, k| far.max((at[k] - corner[k]).abs() / h));
         let place = 6.0 * 4.0 * (1.0 + far);
-        let count = PER_LEVEL * self.depth() as f64 + PER_VALUE + place;
+        // Per level of a coefficient, 64 products of two weights and a coefficient, and their sum.
+        let coefficient = 70.0 * self.depth() as f64;
+        // Three B-splines of at most five steps with four roundings each, and a sum of 216
+        // products.
+        let value = 400.0;
+        let count = coefficient + value + place;
         count * f64::EPSILON * self.largest()
     }
 
-    /// Third derivatives in a region of the domain.
+    /// Bounds the third derivatives in a region of the domain.
     fn thirds(&self, region: Aabb) -> Option<Thirds> {
-        let cells = self.leaves_in(region, MOST)?;
+        // Far more cells than a small part of a surface touches. Larger regions would take long and
+        // prove little.
+        let cells = self.leaves_in(region, 4096)?;
         if self.degree() < 3 && cells.len() > 1 {
             return None;
         }
         let mut all = [[f64::INFINITY, f64::NEG_INFINITY]; 10];
         for (l, cell) in cells {
             let level = &self.levels()[l];
-            let c = level.of_cell(cell, self.degree());
-            // A third difference is a sum of eight coefficients, each as rounded as a value.
+            let c = level.cell_coefficients(cell, self.degree());
+            // A third difference is a sum of eight coefficients, each with the rounding error of a
+            // value.
             let slack = 8.0 * self.rounding(region.hi, level.spacing);
             let scale = level.spacing.powi(3);
             for (all, order) in all.iter_mut().zip(&ORDERS[10..]) {
@@ -86,11 +83,11 @@ impl ImplicitSpline {
         Some(all)
     }
 
-    /// The cells of the finest levels that a region of the domain touches, each with its level, if
-    /// they are at most so many.
-    fn leaves_in(&self, region: Aabb, most: usize) -> Option<Vec<(usize, Place)>> {
+    /// Returns the leaf cells that intersect a region of the domain, each with its level; `None` if
+    /// they are more than `most`.
+    fn leaves_in(&self, region: Aabb, most: usize) -> Option<Vec<(usize, LatticeIndex)>> {
         let mut found = Vec::new();
-        let mut rest: Vec<(usize, Place)> = Vec::new();
+        let mut rest: Vec<(usize, LatticeIndex)> = Vec::new();
         let (lo, hi) = self.first_cells(region);
         let count: i64 = (0..3).map(|k| i64::from(hi[k] - lo[k]) + 1).product();
         if count > most as i64 {
@@ -117,9 +114,9 @@ impl ImplicitSpline {
     }
 }
 
-/// The least and the largest of the differences of n³ numbers, x fastest, of some orders along the
-/// axes; 0 where an order is as large as n.
-fn differences(c: &[f64; CELL], n: usize, order: [usize; 3]) -> [f64; 2] {
+/// Returns the smallest and the largest difference of n³ numbers, x fastest, of the given orders
+/// along the axes; 0 if an order is at least n.
+fn differences(c: &[f64; MAX_CELL_SPLINES], n: usize, order: [usize; 3]) -> [f64; 2] {
     if order.iter().any(|o| *o >= n) {
         return [0.0; 2];
     }
@@ -147,7 +144,7 @@ mod tests {
     use isoform_geom::{Field, LevelData, SplineData};
     use isoform_num::{Random, Real};
 
-    /// A spline with coefficients by chance, refined about one cell.
+    /// Returns a spline with random coefficients, refined around one cell.
     fn by_chance(degree: usize) -> ImplicitSpline {
         let mut random = Random::new(7);
         let mut numbers = |n: usize| (0..n).map(|_| random.unit() - 0.5).collect::<Vec<f64>>();
@@ -198,7 +195,7 @@ mod tests {
         }
     }
 
-    /// An interval that also allows for the rounding of what is compared with it.
+    /// Widens an interval to allow for the rounding of the value compared with it.
     fn wider(i: Interval, by: f64) -> Interval {
         i + Interval::new(-by, by)
     }

@@ -2,20 +2,20 @@
 
 use isoform_geom::{Point3, dot, norm, sub};
 
-/// Distances of points, in their unit.
+/// Statistics of distances, in the unit of the points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Distances {
     /// Root mean square.
     pub rms: f64,
-    /// 95 % are at most this far.
+    /// 95th percentile.
     pub p95: f64,
-    /// The largest.
+    /// Maximum.
     pub max: f64,
 }
 
 impl Distances {
-    /// What is said of distances, of which there is at least one.
-    pub(crate) fn of(mut all: Vec<f64>) -> Self {
+    /// Returns the statistics of distances, of which there is at least one.
+    pub(crate) fn from_values(mut all: Vec<f64>) -> Self {
         let squares: f64 = all.iter().map(|d| d * d).sum();
         let rms = (squares / all.len() as f64).sqrt();
         let at = (all.len() * 95 / 100).min(all.len() - 1);
@@ -28,17 +28,18 @@ impl Distances {
     }
 }
 
-/// Steps towards the foot of a point. The first is Newton's step of f along its gradient, each other
-/// squares what is left; three bring points within a cell to a thousandth of their distance.
-const STEPS: usize = 3;
+/// Number of iterations towards the foot of a point. The first is Newton's step of f along its
+/// gradient; convergence is quadratic, and three bring a point within a cell to a thousandth of its
+/// distance.
+const FOOT_STEPS: usize = 3;
 
-/// The distance of a point from f = 0, where `jet` gives f and its gradient: the way to the place
-/// nearest to the surface that the steps towards its foot come to, and f/|∇f| there. A step is at
-/// most `reach` long.
+/// Returns the distance of a point from f = 0, where `jet` evaluates f and its gradient: the
+/// distance to the iterate closest to the surface plus |f|/|∇f| there. A step is at most `reach`
+/// long.
 pub(crate) fn distance(jet: impl Fn(Point3) -> (f64, Point3), p: Point3, reach: f64) -> f64 {
     let mut y = p;
     let mut nearest = (f64::INFINITY, f64::INFINITY);
-    for _ in 0..=STEPS {
+    for _ in 0..=FOOT_STEPS {
         let (f, g) = jet(y);
         let squared = dot(g, g).max(f64::MIN_POSITIVE);
         let (off, left) = (sub(y, p), f.abs() / squared.sqrt());

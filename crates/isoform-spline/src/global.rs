@@ -1,74 +1,63 @@
-//! One polynomial through points.
+//! Least-squares fit of one polynomial to points.
 //!
-//! With q the points' places in a cube of edge 2 and n their normals, the polynomial F of total
-//! degree K is sought for which
+//! With q the points' coordinates in a cube of edge 2 and n their normals, the polynomial F of
+//! total degree K minimises
 //!
 //! ```text
 //! 1/N Σ ( F² + α |∇F − (∇F·n) n|² )  +  τ/N Σ ( (∇F·n + 1)² + (nᵀ H n)² )
 //! ```
 //!
-//! is least, where the mean of ∇F·n is −1. The length of ∇F is left open but for its mean: asking for
-//! length 1 everywhere, as Jüttler and Felis (2002) do with splines, moves the surface of a
-//! polynomial of low degree. The trace τ decides only between polynomials that fit alike: through a
-//! sphere pass (1 − r²) times anything, and (1 − r²)² times anything changes neither F nor ∇F there.
-//! It is taken away again from what points decide, by solving for corrections (iterated
-//! regularisation), which also makes up for the rounding of the normal equations.
+//! subject to a mean of −1 for ∇F·n. Only the mean length of ∇F is prescribed: length 1 everywhere,
+//! as Jüttler and Felis (2002) ask of splines, moves the surface of a polynomial of low degree. The
+//! trace term τ only decides between polynomials that fit equally well: (1 − r²) times any
+//! polynomial vanishes on a sphere, and (1 − r²)² times any polynomial changes neither F nor ∇F
+//! there. Solving for corrections (iterated regularisation) removes its influence on what the
+//! points determine, and also the rounding of the normal equations.
 
-use crate::basis::{Basis, Rows};
-use crate::components::{Components, of_lattice};
+use crate::basis::{Basis, BasisRows};
+use crate::components::{Components, lattice_components};
 use crate::feet::{Distances, distance};
 use crate::implicitize::{Error, Lattice, check_points};
-use crate::keys::{Place, place};
+use crate::keys::{LatticeIndex, place};
 use crate::points::cell_of;
-use crate::sides::{Normals, Sides, sided};
+use crate::sides::{NormalReport, Normals, oriented_normals};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, Point3, PolynomialData, sub};
 use isoform_num::linalg::{cholesky, cholesky_solve};
 use rayon::prelude::*;
 
-/// The highest total degree: 455 coefficients. Beyond, coefficients of monomials lose their digits.
-pub const MAX_GLOBAL: usize = 12;
+/// Maximum total degree: 455 coefficients. Beyond it monomial coefficients lose too many digits to
+/// cancellation.
+pub const MAX_GLOBAL_DEGREE: usize = 12;
 
-/// The trace τ: large against the rounding of normal equations, 1e-16, small against what points
-/// tell, of which a thousandth part of the variance would be 1e-6 at noise of 0.1 %.
-const TRACE: f64 = 1e-8;
+/// Weight τ of the trace term. Large compared with the rounding of the normal equations, 1e-16, and
+/// small compared with the information of the points: a thousandth of the variance is 1e-6 for
+/// noise of 0.1 %.
+const TRACE_WEIGHT: f64 = 1e-8;
 
-/// The weight of the coefficients themselves, a share of the equations' mean diagonal. It holds what
-/// nothing else does: (1 − r²)³ times anything through a sphere. Smaller than [`TRACE`], larger
-/// than rounding.
-const RIDGE: f64 = 1e-12;
+/// Weight of the coefficients themselves, as a share of the mean diagonal. It fixes what no other
+/// term does, such as (1 − r²)³ times any polynomial on a sphere. Smaller than [`TRACE_WEIGHT`],
+/// larger than rounding.
+const RIDGE_SHARE: f64 = 1e-12;
 
-/// Corrections of a solution. The first is the solution; each of the others takes away most of what
-/// is left of the trace.
-const CORRECTIONS: usize = 3;
+/// Root mean square of residuals below which they say nothing about noise: rounding and the trace
+/// term leave 1e-9.
+const MIN_NOISE_RMS: f64 = 1e-7;
 
-/// The least weight α of tangential gradients: as much as the trace has. Where points are exact and
-/// normals are not, errors of the normals would move the surface by α times as much.
-const LEAST: f64 = 1e-8;
+/// Number of points whose rows one task sums. Sums are added in order, so this fixes the bits of
+/// results.
+const POINTS_PER_CHUNK: usize = 512;
 
-/// Times that α is found anew: with noise it stands after one, with exact points and wrong normals
-/// it falls by some hundredths each time.
-const ROUNDS: usize = 4;
-
-/// Residuals below which nothing is known of the noise: rounding and the trace leave 1e-9.
-const EXACT: f64 = 1e-7;
-
-/// Points whose rows one task takes: their sums are added in order.
-const CHUNK: usize = 512;
-
-/// Tasks whose sums are held at a time.
-const HELD: usize = 16;
-
-/// A polynomial that was fitted.
+/// Result of fitting one polynomial.
 #[derive(Clone, Debug)]
-pub struct Global {
-    /// The polynomial.
+pub struct PolynomialFit {
+    /// The polynomial F.
     pub polynomial: PolynomialData,
-    /// The points' distances from F = 0.
+    /// Distances of the points from F = 0.
     pub distances: Distances,
-    /// Where normals came from.
-    pub sides: Sides,
-    /// Pieces of the surface within the box of the points.
+    /// Source and orientation of the normals.
+    pub sides: NormalReport,
+    /// Components of the surface within the box of the points.
     pub components: Components,
 }
 
@@ -77,7 +66,7 @@ pub struct Global {
 /// ```
 /// use isoform_control::Control;
 /// use isoform_spline::{Normals, implicitize_globally};
-/// // A unit sphere, seen at 500 places.
+/// // 500 points of a unit sphere.
 /// let points: Vec<[f64; 3]> = (0..500)
 ///     .map(|i| {
 ///         let (z, u) = ((i as f64 + 0.5) / 250.0 - 1.0, 2.4 * i as f64);
@@ -85,21 +74,21 @@ pub struct Global {
 ///         [r * u.cos(), r * u.sin(), z]
 ///     })
 ///     .collect();
-/// let made = implicitize_globally(&points, Normals::Given(&points), 2, &Control::default())?;
-/// assert_eq!(made.polynomial.coefficients.len(), 10);
-/// assert!(made.distances.max < 1e-9);
+/// let fit = implicitize_globally(&points, Normals::Given(&points), 2, &Control::default())?;
+/// assert_eq!(fit.polynomial.coefficients.len(), 10);
+/// assert!(fit.distances.max < 1e-9);
 /// # Ok::<(), isoform_spline::Error>(())
 /// ```
 ///
 /// # Errors
-/// [`Error`]; also where the degree is not from 1 to [`MAX_GLOBAL`].
+/// [`Error`]; also if the degree is not from 1 to [`MAX_GLOBAL_DEGREE`].
 pub fn implicitize_globally(
     points: &[Point3],
     normals: Normals<'_>,
     degree: usize,
     control: &Control<'_>,
-) -> Result<Global, Error> {
-    if !(1..=MAX_GLOBAL).contains(&degree) {
+) -> Result<PolynomialFit, Error> {
+    if !(1..=MAX_GLOBAL_DEGREE).contains(&degree) {
         return Err(Error::Option {
             name: "global",
             what: "from 1 to 12 are possible",
@@ -107,10 +96,10 @@ pub fn implicitize_globally(
     }
     check_points(points)?;
     control.begin("normals")?;
-    let (normals, sides) = sided(points, normals, control)?;
+    let (normals, sides) = oriented_normals(points, normals, control)?;
     control.begin("fitting")?;
-    let frame = Frame::of(Aabb::of(points));
-    let problem = Problem {
+    let frame = UnitCube::around(Aabb::of(points));
+    let problem = PolynomialProblem {
         basis: Basis::new(degree),
         frame,
         points,
@@ -122,7 +111,7 @@ pub fn implicitize_globally(
         degree,
         origin: frame.origin,
         unit: frame.unit,
-        // F is in units of q: its gradient in space is as steep as that of a distance.
+        // F is in units of q; this makes its gradient in space as steep as that of a distance.
         coefficients: problem
             .basis
             .monomials(&c)
@@ -132,23 +121,23 @@ pub fn implicitize_globally(
         corner: lattice.corner,
         spacing: lattice.spacing,
         count: lattice.count,
-        cells: seen_cells(points, &lattice),
+        cells: cells_with_points(points, &lattice),
     };
     control.begin("checking")?;
-    let jet = Evaluation::new(&polynomial);
+    let jet = PolynomialEvaluator::new(&polynomial);
     let off = points
         .par_iter()
         .map(|p| distance(|p| jet.at(p), *p, frame.unit));
-    Ok(Global {
-        distances: Distances::of(off.collect()),
-        components: of_lattice(&polynomial, |p| jet.at(p).0),
+    Ok(PolynomialFit {
+        distances: Distances::from_values(off.collect()),
+        components: lattice_components(&polynomial, |p| jet.at(p).0),
         polynomial,
         sides,
     })
 }
 
-/// Cells of a lattice that hold points.
-fn seen_cells(points: &[Point3], lattice: &Lattice) -> Vec<Place> {
+/// Returns the cells of a lattice that contain points.
+fn cells_with_points(points: &[Point3], lattice: &Lattice) -> Vec<LatticeIndex> {
     let of = |p: &Point3| cell_of(sub(*p, lattice.corner), lattice.spacing, lattice.count);
     let mut keys: Vec<u64> = points.par_iter().map(|p| crate::keys::key(of(p))).collect();
     keys.par_sort_unstable();
@@ -156,16 +145,17 @@ fn seen_cells(points: &[Point3], lattice: &Lattice) -> Vec<Place> {
     keys.into_iter().map(place).collect()
 }
 
-/// Where the cube is: q = (p − origin)/unit.
+/// Affine map to the cube \[−1, 1\]³: q = (p − origin)/unit.
 #[derive(Clone, Copy, Debug)]
-struct Frame {
+struct UnitCube {
     origin: Point3,
     unit: f64,
 }
 
-impl Frame {
-    /// The cube about a box: its half edge is a power of two, by which quotients are exact.
-    fn of(bounds: Aabb) -> Self {
+impl UnitCube {
+    /// Returns the map for a box. Half the cube's edge is a power of two, so that quotients are
+    /// exact.
+    fn around(bounds: Aabb) -> Self {
         let longest = bounds.size().into_iter().fold(0.0, f64::max);
         Self {
             origin: bounds.center(),
@@ -177,38 +167,42 @@ impl Frame {
     }
 }
 
-/// See the module.
-struct Problem<'a> {
+/// Least-squares problem of the module's documentation.
+struct PolynomialProblem<'a> {
     basis: Basis,
-    frame: Frame,
+    frame: UnitCube,
     points: &'a [Point3],
     normals: &'a [Point3],
 }
 
-/// Sums over points: the normal equations' matrix (its lower triangle, row by row) and the mean of
-/// the derivatives along normals.
-struct Equations {
+/// Sums over points: matrix of the normal equations (lower triangle, row by row) and mean of the
+/// normal derivatives.
+struct NormalEquations {
     matrix: Vec<f64>,
     mean: Vec<f64>,
 }
 
-/// Sums over points at a solution: the right side, and the squares of F and of the tangential
-/// gradients.
-struct Residual {
+/// Sums over points at a solution: right side, and squares of F and of the tangential gradients.
+struct PolynomialResidual {
     right: Vec<f64>,
     value: f64,
     tangential: f64,
 }
 
-impl Problem<'_> {
-    /// The coefficients.
+impl PolynomialProblem<'_> {
+    /// Computes the coefficients, estimating the weight α of tangential gradients from the
+    /// residuals.
     fn solve(&self, control: &Control<'_>) -> Result<Vec<f64>, Error> {
         let mut alpha = 1.0;
         let (mut c, mut left) = self.solution(alpha, control)?;
-        for _ in 0..ROUNDS {
-            // Each kind of equation by the inverse of its variance.
-            let next = (left.value / left.tangential).clamp(LEAST, 1.0);
-            if left.tangential < EXACT * EXACT || next > 0.5 * alpha {
+        // With noise α converges in one round; with exact points and inexact normals each round
+        // lowers it by a factor of several hundred.
+        for _ in 0..4 {
+            // Weights each kind of equation by the inverse of its variance. Inexact normals move a
+            // surface through exact points by α times their error: α may fall to the weight of the
+            // trace term.
+            let next = (left.value / left.tangential).clamp(1e-8, 1.0);
+            if left.tangential < MIN_NOISE_RMS * MIN_NOISE_RMS || next > 0.5 * alpha {
                 break;
             }
             alpha = next;
@@ -217,13 +211,17 @@ impl Problem<'_> {
         Ok(c)
     }
 
-    /// The coefficients for a weight of tangential gradients, and what is left.
-    fn solution(&self, alpha: f64, control: &Control<'_>) -> Result<(Vec<f64>, Residual), Error> {
+    /// Returns the coefficients for a weight of tangential gradients, and the residual.
+    fn solution(
+        &self,
+        alpha: f64,
+        control: &Control<'_>,
+    ) -> Result<(Vec<f64>, PolynomialResidual), Error> {
         let n = self.basis.len();
         let mut equations = self.equations(alpha, control)?;
         let diagonal: f64 = (0..n).map(|i| equations.matrix[i * n + i]).sum();
         for i in 0..n {
-            equations.matrix[i * n + i] += RIDGE * diagonal / n as f64;
+            equations.matrix[i * n + i] += RIDGE_SHARE * diagonal / n as f64;
         }
         let mut factor = symmetric(&equations.matrix, n);
         if !cholesky(&mut factor, n) {
@@ -232,8 +230,10 @@ impl Problem<'_> {
         let mut along = equations.mean.clone();
         cholesky_solve(&factor, n, &mut along);
         let mut c = vec![0.0; n];
-        for round in 0..CORRECTIONS {
-            let trace = if round == 0 { TRACE } else { 0.0 };
+        // The first correction is the solution; each of the others removes most of the remaining
+        // influence of the trace term.
+        for round in 0..3 {
+            let trace = if round == 0 { TRACE_WEIGHT } else { 0.0 };
             let mut step = self.residual(&c, alpha, trace, control)?.right;
             cholesky_solve(&factor, n, &mut step);
             let lack = -1.0 - product(&equations.mean, &c) - product(&equations.mean, &step);
@@ -249,7 +249,8 @@ impl Problem<'_> {
         Ok((c, left))
     }
 
-    /// Sums what `of_chunk` makes of chunks of points, by the same order whatever the threads.
+    /// Sums `of_chunk` over chunks of points, in an order that does not depend on the number of
+    /// threads.
     fn sum<S: Send>(
         &self,
         control: &Control<'_>,
@@ -258,10 +259,11 @@ impl Problem<'_> {
     ) -> Result<(), Stopped> {
         let chunks: Vec<_> = self
             .points
-            .chunks(CHUNK)
-            .zip(self.normals.chunks(CHUNK))
+            .chunks(POINTS_PER_CHUNK)
+            .zip(self.normals.chunks(POINTS_PER_CHUNK))
             .collect();
-        for some in chunks.chunks(HELD) {
+        // Limits the sums in memory.
+        for some in chunks.chunks(16) {
             control.check()?;
             let sums: Vec<S> = some.par_iter().map(|(p, n)| of_chunk(p, n)).collect();
             sums.into_iter().for_each(&mut add);
@@ -269,15 +271,15 @@ impl Problem<'_> {
         Ok(())
     }
 
-    fn equations(&self, alpha: f64, control: &Control<'_>) -> Result<Equations, Stopped> {
+    fn equations(&self, alpha: f64, control: &Control<'_>) -> Result<NormalEquations, Stopped> {
         let n = self.basis.len();
         let share = 1.0 / self.points.len() as f64;
-        let mut all = Equations {
+        let mut all = NormalEquations {
             matrix: vec![0.0; n * n],
             mean: vec![0.0; n],
         };
         let of_chunk = |points: &[Point3], normals: &[Point3]| {
-            let mut sums = Equations {
+            let mut sums = NormalEquations {
                 matrix: vec![0.0; n * n],
                 mean: vec![0.0; n],
             };
@@ -288,7 +290,7 @@ impl Problem<'_> {
             }
             sums
         };
-        self.sum(control, of_chunk, |sums: Equations| {
+        self.sum(control, of_chunk, |sums: NormalEquations| {
             accumulate(&mut all.matrix, &sums.matrix, share);
             accumulate(&mut all.mean, &sums.mean, share);
         })?;
@@ -301,8 +303,8 @@ impl Problem<'_> {
         alpha: f64,
         trace: f64,
         control: &Control<'_>,
-    ) -> Result<Residual, Stopped> {
-        let empty = || Residual {
+    ) -> Result<PolynomialResidual, Stopped> {
+        let empty = || PolynomialResidual {
             right: vec![0.0; c.len()],
             value: 0.0,
             tangential: 0.0,
@@ -318,7 +320,7 @@ impl Problem<'_> {
             }
             sums
         };
-        self.sum(control, of_chunk, |sums: Residual| {
+        self.sum(control, of_chunk, |sums: PolynomialResidual| {
             accumulate(&mut all.right, &sums.right, share);
             all.value += share * sums.value;
             all.tangential += share * sums.tangential;
@@ -333,14 +335,14 @@ fn accumulate(sum: &mut [f64], by: &[f64], share: f64) {
     }
 }
 
-impl Equations {
-    fn add(&mut self, rows: &Rows, alpha: f64) {
+impl NormalEquations {
+    fn add(&mut self, rows: &BasisRows, alpha: f64) {
         let n = self.mean.len();
         let [s, t] = &rows.tangents;
         for i in 0..n {
             self.mean[i] += rows.normal[i];
             let (v, s_i, t_i) = (rows.value[i], alpha * s[i], alpha * t[i]);
-            let (m, b) = (TRACE * rows.normal[i], TRACE * rows.bend[i]);
+            let (m, b) = (TRACE_WEIGHT * rows.normal[i], TRACE_WEIGHT * rows.bend[i]);
             let row = &mut self.matrix[i * n..i * n + i + 1];
             let others = rows.value.iter().zip(s).zip(t);
             let others = others.zip(&rows.normal).zip(&rows.bend);
@@ -351,8 +353,8 @@ impl Equations {
     }
 }
 
-impl Residual {
-    fn add(&mut self, rows: &Rows, c: &[f64], alpha: f64, trace: f64) {
+impl PolynomialResidual {
+    fn add(&mut self, rows: &BasisRows, c: &[f64], alpha: f64, trace: f64) {
         let value = product(&rows.value, c);
         let [s, t] = [&rows.tangents[0], &rows.tangents[1]].map(|row| product(row, c));
         // Normals of 0 have rows of 0.
@@ -367,7 +369,7 @@ impl Residual {
     }
 }
 
-/// The whole of a matrix whose lower triangle is given.
+/// Fills in the upper triangle of a symmetric matrix.
 fn symmetric(lower: &[f64], n: usize) -> Vec<f64> {
     let at = |i: usize, j: usize| lower[i.max(j) * n + i.min(j)];
     (0..n * n).map(|k| at(k / n, k % n)).collect()
@@ -377,13 +379,13 @@ fn product(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// A polynomial at many places.
-struct Evaluation<'a> {
+/// Evaluator of a polynomial at many points.
+struct PolynomialEvaluator<'a> {
     data: &'a PolynomialData,
     exponents: Vec<[u16; 3]>,
 }
 
-impl<'a> Evaluation<'a> {
+impl<'a> PolynomialEvaluator<'a> {
     fn new(data: &'a PolynomialData) -> Self {
         Self {
             data,
@@ -391,11 +393,11 @@ impl<'a> Evaluation<'a> {
         }
     }
 
-    /// F and its gradient.
+    /// Returns F and its gradient.
     fn at(&self, p: Point3) -> (f64, Point3) {
-        let powers: [[[f64; 2]; MAX_GLOBAL + 1]; 3] = std::array::from_fn(|k| {
+        let powers: [[[f64; 2]; MAX_GLOBAL_DEGREE + 1]; 3] = std::array::from_fn(|k| {
             let q = (p[k] - self.data.origin[k]) / self.data.unit;
-            let mut powers = [[1.0, 0.0]; MAX_GLOBAL + 1];
+            let mut powers = [[1.0, 0.0]; MAX_GLOBAL_DEGREE + 1];
             for i in 1..=self.data.degree {
                 powers[i] = [powers[i - 1][0] * q, i as f64 * powers[i - 1][0]];
             }

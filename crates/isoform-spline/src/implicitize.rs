@@ -1,46 +1,46 @@
-//! From points to an implicit spline, level by level.
+//! Fits an implicit spline to points, level by level.
 //!
-//! Each level is fitted to all points with the coefficients of the levels before as they are: its
-//! unknowns are the B-splines that touch cells with data, and what lies beyond them continues the
-//! coarser function smoothly. So no level has to be guessed: cells are refined until a number of
-//! cells is used up, a tolerance holds, or points that were left out are met no better.
+//! Each level is fitted to all points with the coefficients of the coarser levels fixed. Its
+//! unknowns are the B-splines that touch cells with data; the others continue the coarser function
+//! smoothly. The final level need not be known in advance: cells are refined until a number of
+//! cells is reached, a tolerance holds, or the error at held-out points no longer falls.
 
 use crate::components::{Components, components};
-use crate::energy::{FIXED, Problem, Stencil, Weights};
+use crate::energy::{LevelProblem, Stencil, TermWeights};
 use crate::feet::{Distances, distance};
-use crate::keys::{MOST, Place, key, place};
+use crate::keys::{LatticeIndex, MAX_AXIS_NODES, NO_INDEX, key, place};
 use crate::level::Level;
-use crate::outliers::{beside, strays};
-use crate::points::{Samples, Sorted, cell_of, scattered};
-use crate::sides::{Normals, Sides, sided};
+use crate::outliers::{isolated_points, off_surface_points};
+use crate::points::{PointsByCell, Samples, cell_of, scattered};
+use crate::sides::{NormalReport, Normals, oriented_normals};
 use crate::solve::Solver;
 use crate::surface::ImplicitSpline;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, Field, Point3, norm, sub};
 use rayon::prelude::*;
 
-/// How fine an implicit spline becomes.
+/// Stopping criterion of the refinement.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Fineness {
-    /// Until points that are left out are met no better: as fine as the data can tell.
+    /// Refines until the error at held-out points no longer falls.
     #[default]
     Data,
-    /// At most this many cells hold data, and no more than half as many as there are points.
+    /// Refines to at most this many cells with data, and at most half as many as there are points.
     Cells(usize),
-    /// Until the points of every cell lie this close to the surface, as a root mean square, but no
-    /// finer than the data can tell.
+    /// Refines until the root mean square distance of the points of every cell is at most this, but
+    /// not beyond [`Fineness::Data`].
     Tolerance(f64),
 }
 
-/// How an implicit spline is fitted.
+/// Settings of the fit of an implicit spline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// The tri-degree, 2 to 5.
+    /// Tri-degree, 2 to 5.
     pub degree: usize,
-    /// How fine it becomes.
+    /// Stopping criterion of the refinement.
     pub fineness: Fineness,
-    /// The weight of smoothing, λ. Larger values round edges and average noise over more cells;
-    /// without any, B-splines that data hardly touches are not determined.
+    /// Weight of smoothing, λ, positive. Larger values round edges and average noise over more
+    /// cells; without smoothing, B-splines with hardly any data are undetermined.
     pub smoothing: f64,
 }
 
@@ -54,131 +54,102 @@ impl Default for Options {
     }
 }
 
-/// Why points have no implicit spline.
+/// Reason why no implicit function can be fitted.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// There are fewer points than a surface needs.
-    #[error("{found} points: at least {FEWEST} are needed")]
+    /// Fewer points than a surface needs.
+    #[error("{found} points: at least {MIN_POINTS} are needed")]
     Few {
-        /// Points given.
+        /// Number of points given.
         found: usize,
     },
-    /// All points are in one place or on one line.
+    /// All points coincide or lie on one line.
     #[error("all points lie {}", if *.is_point { "in one place" } else { "on one line" })]
     Degenerate {
-        /// Whether it is one place.
+        /// True if all points coincide.
         is_point: bool,
     },
     /// A coordinate is not finite.
     #[error("a coordinate is not finite")]
     NotFinite,
-    /// An option is out of its range.
+    /// An option is outside its range.
     #[error("{name}: {what}")]
     Option {
-        /// Its name.
+        /// Name of the option.
         name: &'static str,
-        /// What is wrong with it.
+        /// Values that are possible.
         what: &'static str,
     },
-    /// Points leave a polynomial of that degree open.
+    /// The points do not determine a polynomial of this degree.
     #[error("the points do not determine a polynomial of this degree")]
     Undetermined,
-    /// The control ended the work.
+    /// The work was cancelled or ran out of time.
     #[error(transparent)]
     Stopped(#[from] Stopped),
 }
 
-/// The largest weight of smoothing: with 1 surfaces are planes and balls, with 1e300 f is 0
-/// everywhere.
-const SMOOTHEST: f64 = 1e6;
+/// Minimum number of points. Fewer do not determine the normals of a surface.
+const MIN_POINTS: usize = 10;
 
-/// The fewest points that are fitted: fewer do not determine the normals of a surface.
-const FEWEST: usize = 10;
-
-/// What was fitted.
+/// Result of fitting an implicit spline.
 #[derive(Clone, Debug)]
-pub struct Implicitized {
-    /// The function.
+pub struct SplineFit {
+    /// The fitted function.
     pub spline: ImplicitSpline,
-    /// The distances of points from f = 0, outliers left out: root mean square, 95th percentile and
-    /// maximum.
+    /// Distances of the points from f = 0, without outliers.
     pub distances: Distances,
-    /// Points that belong to no surface, and were left out: where there are few others, or far from
-    /// the surface that those around agree on.
+    /// Number of points excluded as outliers: isolated ones, and ones far from the surface on which
+    /// their neighbours agree.
     pub outliers: usize,
-    /// Where normals came from.
-    pub sides: Sides,
-    /// Pieces of the surface.
+    /// Source and orientation of the normals.
+    pub sides: NormalReport,
+    /// Connected components of the surface.
     pub components: Components,
 }
 
-/// The share of the data's diagonal by which the lattice is larger than their box on each side:
-/// what is not seen of a surface lies within it, and a box about the data for a mesh too.
-const MARGIN: f64 = 0.12;
+/// Maximum number of cells of the coarsest level along the longest edge. More leave the function
+/// far from the data to chance, as smoothness alone decides it there; fewer do not resolve the
+/// shape of the whole.
+const MAX_COARSEST_CELLS: f64 = 6.0;
 
-/// Cells of the coarsest level along the longest edge, at most: few enough to tell the function far
-/// away from the data by smoothness alone, enough to begin with the shape of the whole.
-const COARSEST: f64 = 6.0;
+/// Weights α of given and of estimated normals. Estimated normals add only orientation to what the
+/// points say, and they round off edges.
+const GIVEN_NORMAL_WEIGHT: f64 = 0.1;
+const ESTIMATED_NORMAL_WEIGHT: f64 = 0.01;
 
-/// Weights of normals, α. Estimated ones hold nothing that their points do not hold, but for their
-/// side, and round edges.
-const GIVEN: f64 = 0.1;
-const ESTIMATED: f64 = 0.01;
+/// Tolerance of the residual of a level's equations in the norm of the preconditioner, relative to
+/// that of zero corrections. 3e-5 leaves about 2e-8 of the energy, which moves the surface by far
+/// less than the level's own error. With 1e-4 a ball in one level of cells was fitted 5 % worse
+/// than possible; with 1e-5 a fit takes a tenth more time.
+const RESIDUAL_TOLERANCE: f64 = 3e-5;
 
-/// The residual of a level's equations in the norm of the preconditioner, relative to that without
-/// corrections: 3e-5 leaves some 2e-8 of the energy, which moves the surface by far less than the
-/// level's own error. With 1e-4 a ball in one level of cells was met 5 % worse than it can be, with
-/// 1e-5 a fit takes a tenth more time.
-const RESIDUAL: f64 = 3e-5;
+/// Maximum number of steps of conjugate gradients in a level; 5 to 60 are usual.
+const MAX_CG_STEPS: usize = 400;
 
-/// The residual at which a level is first asked where it takes away the distance of f from 0: a
-/// tenth costs 2 to 5 of some 40 steps, and half of these places show. The rest of them show at
-/// [`RESIDUAL`].
-const ROUGH: f64 = 0.1;
-
-/// Most steps of conjugate gradients in a level; usual are 5 to 60.
-const STEPS: usize = 400;
-
-/// How much more smoothing weighs on levels that are refined further. They tell the function where
-/// there are no points: with 1 it swings there and f = 0 has extra pieces, with more the finest
-/// level has to repair too much.
-const COARSE: f64 = 1000.0;
-
-/// One in so many points is left out where points decide on the fineness.
-const LEFT_OUT: f64 = 10.0;
-
-/// Whether a point is left out there: in no rhythm, as every tenth point of a scan in rows may be a
-/// line of them.
+/// Returns true if a point is held out to measure the error. The choice is aperiodic, as every
+/// tenth point of a scan in rows may form a line.
 fn is_left_out(i: usize) -> bool {
-    scattered(i) * LEFT_OUT < 1.0
+    scattered(i) * 10.0 < 1.0
 }
 
-/// A level is worth its cells if it brings the error of the points left out below this part of the
-/// level before. Where noise rules, errors fall no more, and rise later.
-const WORTH: f64 = 0.9;
+/// Minimum number of points per cell of a level, with given and with estimated normals. A cell of a
+/// surface has about three coefficients of its own; a point with a normal gives three equations.
+const MIN_POINTS_PER_CELL: [usize; 2] = [2, 3];
 
-/// Points of a cell, at most, to which a level is fitted that is refined everywhere: enough to
-/// average noise for the level's three coefficients of a cell, as a start for the next. All points
-/// would cost twice the time where a million lie in 30 000 cells; with 16 f = 0 has extra pieces.
-const SOME_OF_CELL: usize = 64;
+/// Number of levels below a cell at which points must be distinct to count separately. Copies of a
+/// point, exact or nearly so, say nothing about the surface between points, and held-out copies are
+/// fitted at any level. With three, two or three points in a cell are distinct except for a few per
+/// cent.
+const DISTINCT_LEVELS: usize = 3;
 
-/// Points per cell below which a level is not tried, with given normals and without: a cell of a
-/// surface has some three coefficients of its own, a point with a normal gives three equations.
-const PER_CELL: [usize; 2] = [2, 3];
-
-/// Points count once in a cell of so many levels more: copies of a point, exact or nearly so, tell
-/// nothing of the surface between points, and those of points left out are met by any level. With
-/// three, two or three points in a cell are apart but for a few per cent.
-const APART_BY: usize = 3;
-
-/// Fits an implicit spline to points: values, normals and smoothness (Jüttler and Felis 2002).
+/// Fits an implicit spline to points by values, normals and smoothness (Jüttler and Felis 2002).
 ///
 /// ```
 /// use isoform_control::Control;
 /// use isoform_geom::Field;
 /// use isoform_spline::{Normals, Options, implicitize};
-/// // A unit sphere, seen at 500 places.
+/// // 500 points of a unit sphere.
 /// let points: Vec<[f64; 3]> = (0..500)
 ///     .map(|i| {
 ///         let (z, u) = ((i as f64 + 0.5) / 250.0 - 1.0, 2.4 * i as f64);
@@ -186,9 +157,9 @@ const APART_BY: usize = 3;
 ///         [r * u.cos(), r * u.sin(), z]
 ///     })
 ///     .collect();
-/// let made = implicitize(&points, Normals::Unknown, &Options::default(), &Control::default())?;
-/// assert!(made.spline.value([0.0, 0.0, 0.9]) > 0.0 && made.spline.value([0.0, 0.0, 1.1]) < 0.0);
-/// assert!(made.distances.rms < 1e-3);
+/// let fit = implicitize(&points, Normals::Unknown, &Options::default(), &Control::default())?;
+/// assert!(fit.spline.value([0.0, 0.0, 0.9]) > 0.0 && fit.spline.value([0.0, 0.0, 1.1]) < 0.0);
+/// assert!(fit.distances.rms < 1e-3);
 /// # Ok::<(), isoform_spline::Error>(())
 /// ```
 ///
@@ -199,32 +170,32 @@ pub fn implicitize(
     normals: Normals<'_>,
     options: &Options,
     control: &Control<'_>,
-) -> Result<Implicitized, Error> {
+) -> Result<SplineFit, Error> {
     check(points, options)?;
     control.begin("normals")?;
-    let (directions, sides) = sided(points, normals, control)?;
+    let (directions, sides) = oriented_normals(points, normals, control)?;
     control.begin("fitting")?;
     let alpha = if sides.source.is_given() {
-        GIVEN
+        GIVEN_NORMAL_WEIGHT
     } else {
-        ESTIMATED
+        ESTIMATED_NORMAL_WEIGHT
     };
     let mut samples = Samples {
         points: points.to_vec(),
         normals: directions,
     };
-    let alone = strays_of(&samples);
+    let alone = isolated(&samples);
     leave_out(&mut samples, &alone);
-    let mut fit = fitted(&samples, alpha, options, None, control)?;
-    let mut off = distances_of(&fit.spline, &samples.points);
-    let apart = beside(&off, &fit.sorted(&samples), fit.spline.spacing());
+    let mut fit = fit_spline(&samples, alpha, options, None, control)?;
+    let mut off = surface_distances(&fit.spline, &samples.points);
+    let apart = off_surface_points(&off, &fit.sorted(&samples), fit.spline.spacing());
     if leave_out(&mut samples, &apart) {
-        fit = fitted(&samples, alpha, options, Some(&fit), control)?;
-        off = distances_of(&fit.spline, &samples.points);
+        fit = fit_spline(&samples, alpha, options, Some(&fit), control)?;
+        off = surface_distances(&fit.spline, &samples.points);
     }
     control.begin("checking")?;
-    Ok(Implicitized {
-        distances: Distances::of(off),
+    Ok(SplineFit {
+        distances: Distances::from_values(off),
         outliers: points.len() - samples.points.len(),
         components: components(&fit.spline),
         spline: fit.spline,
@@ -232,49 +203,47 @@ pub fn implicitize(
     })
 }
 
-/// The largest share of points that are left out as outliers. Where more seem to be some, it is
-/// unknown what the others are.
-const MOST_OUT: f64 = 0.2;
-
-/// Leaves points out, by their numbers in order, unless they are too many; says whether some were.
+/// Excludes points, given by ascending indices, unless they are too many; returns true if any were
+/// excluded.
 fn leave_out(samples: &mut Samples, numbers: &[u32]) -> bool {
     let n = samples.points.len();
+    // If more than a fifth seem to be outliers, the rest cannot be trusted either.
     let is_some = !numbers.is_empty()
-        && numbers.len() as f64 <= MOST_OUT * n as f64
-        && n - numbers.len() >= FEWEST;
+        && numbers.len() as f64 <= 0.2 * n as f64
+        && n - numbers.len() >= MIN_POINTS;
     if is_some {
         samples.leave_out(numbers);
     }
     is_some
 }
 
-/// Points where there are few others.
-fn strays_of(samples: &Samples) -> Vec<u32> {
+/// Returns the ascending indices of isolated points.
+fn isolated(samples: &Samples) -> Vec<u32> {
     let lattice = Lattice::seen(&samples.points);
-    let sorted = Sorted::new(
+    let sorted = PointsByCell::new(
         samples,
         lattice.corner,
         lattice.spacing,
         lattice.count,
         |_| true,
     );
-    strays(samples, &sorted)
+    isolated_points(samples, &sorted)
 }
 
-/// A spline and what it was made on.
-struct Fit {
+/// Fitted spline with its lattice.
+struct LatticeFit {
     spline: ImplicitSpline,
     lattice: Lattice,
-    /// Per level, the cells in which f was held where the surface is not near, as keys in order.
+    /// Cells in which f was kept away from 0, as sorted keys, by level.
     held: Vec<Vec<u64>>,
 }
 
-impl Fit {
-    /// Points by the spline's finest cells.
-    fn sorted<'a>(&self, samples: &'a Samples) -> Sorted<'a> {
+impl LatticeFit {
+    /// Sorts points into the spline's finest cells.
+    fn sorted<'a>(&self, samples: &'a Samples) -> PointsByCell<'a> {
         let finest = self.spline.depth() - 1;
         let count = self.lattice.count.map(|c| c << finest);
-        Sorted::new(
+        PointsByCell::new(
             samples,
             self.lattice.corner,
             self.spline.spacing(),
@@ -284,24 +253,24 @@ impl Fit {
     }
 }
 
-/// Fits a spline to samples; `alpha` is the weight of their normals. A fit of nearly all of them
-/// lends its lattice, its depth and its coefficients as a start, where the lattice of the samples
-/// would hardly be another.
-fn fitted(
+/// Fits a spline to samples; `alpha` is the weight of their normals. An earlier fit to nearly the
+/// same points provides lattice, depth and initial coefficients if the lattice of the samples
+/// hardly differs.
+fn fit_spline(
     samples: &Samples,
     alpha: f64,
     options: &Options,
-    before: Option<&Fit>,
+    before: Option<&LatticeFit>,
     control: &Control<'_>,
-) -> Result<Fit, Stopped> {
+) -> Result<LatticeFit, Stopped> {
     let own = Lattice::new(&samples.points, options);
     let before = before.filter(|fit| fit.lattice.is_nearly(&own));
     let lattice = before.map_or(own, |fit| fit.lattice);
-    let mut fitting = Fitting {
+    let mut fitting = LevelFitter {
         samples,
         lattice,
         degree: options.degree,
-        weights: Weights {
+        weights: TermWeights {
             normals: alpha,
             smoothing: options.smoothing,
         },
@@ -311,19 +280,19 @@ fn fitted(
         before,
     };
     fitting.run(options.fineness, control)?;
-    let Fitting {
+    let LevelFitter {
         levels, data, held, ..
     } = fitting;
     let spline = ImplicitSpline::new(options.degree, lattice.corner, levels, &data);
-    Ok(Fit {
+    Ok(LatticeFit {
         spline,
         lattice,
         held,
     })
 }
 
-/// Distances of points from f = 0.
-fn distances_of(spline: &ImplicitSpline, points: &[Point3]) -> Vec<f64> {
+/// Returns the distances of points from f = 0.
+fn surface_distances(spline: &ImplicitSpline, points: &[Point3]) -> Vec<f64> {
     let jet = |p: Point3| {
         let jet = spline.jet(p);
         (jet.v, jet.g)
@@ -340,7 +309,8 @@ fn check(points: &[Point3], options: &Options) -> Result<(), Error> {
     if !options.smoothing.is_finite() || options.smoothing <= 0.0 {
         return wrong("smoothing", "a positive number is expected");
     }
-    if options.smoothing > SMOOTHEST {
+    // At 1 results are planes and spheres already; at 1e300 f vanishes.
+    if options.smoothing > 1e6 {
         return wrong("smoothing", "at most 1e6 is possible");
     }
     match options.fineness {
@@ -353,9 +323,9 @@ fn check(points: &[Point3], options: &Options) -> Result<(), Error> {
     check_points(points)
 }
 
-/// Whether points have a surface.
+/// Checks that the points can determine a surface.
 pub(crate) fn check_points(points: &[Point3]) -> Result<(), Error> {
-    if points.len() < FEWEST {
+    if points.len() < MIN_POINTS {
         return Err(Error::Few {
             found: points.len(),
         });
@@ -374,7 +344,7 @@ pub(crate) fn check_points(points: &[Point3]) -> Result<(), Error> {
     Ok(())
 }
 
-/// Whether all points lie on a line, to 1e-9 of their size.
+/// Returns true if all points lie on a line, to 1e-9 of their extent.
 fn is_line(points: &[Point3], size: f64) -> bool {
     let first = points[0];
     let far = points.iter().fold((0.0, first), |best: (f64, Point3), p| {
@@ -387,48 +357,35 @@ fn is_line(points: &[Point3], size: f64) -> bool {
         .all(|p| norm(isoform_geom::cross(sub(*p, first), along)) <= 1e-9 * size)
 }
 
-/// The first level's lattice.
+/// Lattice of the first level.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lattice {
     pub(crate) corner: Point3,
     pub(crate) spacing: f64,
-    pub(crate) count: Place,
-    /// The level at which a number of cells that was asked for is reached.
+    pub(crate) count: LatticeIndex,
+    /// Level at which the requested number of cells is reached; 0 if none was requested.
     depth: u32,
 }
 
-/// Points per cell where a lattice says where points are, about: enough for cells between them to
-/// hold one.
-const PER_SEEN: usize = 10;
-
-/// Cells that hold points, about, where a lattice says where they are: the least and the most.
-const SEEN: [usize; 2] = [50, 2000];
-
-/// Points that such a lattice is chosen by: twenty in each of its cells.
-const SOME: usize = 40_000;
-
-/// Spacings that differ by less than this share are alike: a fifth of what another depth brings in
-/// cells, and wide enough for boxes that outliers had made a little larger.
-const ALIKE: f64 = 0.05;
-
-/// Cells along the longest edge of such a lattice, at most.
-const FINEST: f64 = 64.0;
-
 impl Lattice {
-    /// A lattice that says where points are.
+    /// Returns a lattice coarse enough that its cells with points cover the sampled surface without
+    /// gaps.
     pub(crate) fn seen(points: &[Point3]) -> Self {
         let bounds = Aabb::of(points);
         let (size, longest) = Self::size(bounds);
-        let cells = (points.len() / PER_SEEN).clamp(SEEN[0], SEEN[1]);
-        let stride = points.len().div_ceil(SOME);
+        // Ten points per cell leave no gaps between cells with points; a sample of twenty per cell
+        // suffices to choose the spacing.
+        let cells = (points.len() / 10).clamp(50, 2000);
+        let stride = points.len().div_ceil(40_000);
         let some: Vec<Point3> = points.iter().step_by(stride).copied().collect();
-        let spacing = spacing_for(&some, bounds, cells).max(longest / FINEST);
+        let spacing = spacing_for(&some, bounds, cells).max(longest / 64.0);
         Self::around(bounds, size, spacing, 0)
     }
 
-    /// The edges of a lattice about a box, and the longest of them.
+    /// Returns the edge lengths of a lattice around a box, and the longest of them.
     fn size(bounds: Aabb) -> (Point3, f64) {
-        let margin = MARGIN * bounds.diagonal();
+        // Room for unseen parts of the surface, and for the box of a mesh around the data.
+        let margin = 0.12 * bounds.diagonal();
         let size = bounds.size().map(|s| s + 2.0 * margin);
         (size, size[0].max(size[1]).max(size[2]))
     }
@@ -437,14 +394,17 @@ impl Lattice {
         let bounds = Aabb::of(points);
         let (size, longest) = Self::size(bounds);
         let Fineness::Cells(cells) = options.fineness else {
-            return Self::around(bounds, size, longest / COARSEST, 0);
+            return Self::around(bounds, size, longest / MAX_COARSEST_CELLS, 0);
         };
-        // Where every point has a cell of its own, smaller cells are no more of them, but far
-        // more lie between.
-        let cells = cells.min(points.len() / PER_CELL[0]);
+        // If every point has a cell of its own, smaller cells add no cell with data, but far more
+        // cells between them.
+        let cells = cells.min(points.len() / MIN_POINTS_PER_CELL[0]);
         let mut finest = spacing_for(points, bounds, cells);
         loop {
-            let depth = (longest / (COARSEST * finest)).log2().ceil().max(0.0) as u32;
+            let depth = (longest / (MAX_COARSEST_CELLS * finest))
+                .log2()
+                .ceil()
+                .max(0.0) as u32;
             let lattice = Self::around(bounds, size, finest * f64::from(1u32 << depth), depth);
             // The search counts cells from the corner of the points' box, not of the lattice.
             if held(points, lattice.corner, finest) <= cells || finest > bounds.diagonal() {
@@ -454,13 +414,15 @@ impl Lattice {
         }
     }
 
-    /// Whether another lattice has its cells of nearly this size, as many of them.
+    /// Returns true if the other lattice has equally many cells of nearly this size.
     fn is_nearly(&self, other: &Self) -> bool {
         let ratio = self.spacing / other.spacing;
-        self.count == other.count && self.depth == other.depth && (ratio - 1.0).abs() < ALIKE
+        // A fifth of the change of the spacing by one more level of depth; outliers enlarge the box
+        // of the points by less.
+        self.count == other.count && self.depth == other.depth && (ratio - 1.0).abs() < 0.05
     }
 
-    /// The lattice about the middle of a box.
+    /// Returns the lattice centred on a box.
     fn around(bounds: Aabb, size: Point3, spacing: f64, depth: u32) -> Self {
         let count = size.map(|s| ((s / spacing).ceil() as i32).max(1));
         let middle = bounds.center();
@@ -473,7 +435,7 @@ impl Lattice {
     }
 }
 
-/// How many cells of a lattice hold points.
+/// Returns the number of cells of a lattice that contain points.
 fn held(points: &[Point3], corner: Point3, spacing: f64) -> usize {
     let mut keys: Vec<u64> = points
         .par_iter()
@@ -484,7 +446,8 @@ fn held(points: &[Point3], corner: Point3, spacing: f64) -> usize {
     keys.len()
 }
 
-/// The least spacing at which at most `cells` cells of a lattice hold points, to a part in 64.
+/// Returns the smallest spacing, to 1/64, at which at most `cells` cells of a lattice contain
+/// points.
 fn spacing_for(points: &[Point3], bounds: Aabb, cells: usize) -> f64 {
     let held = |spacing: f64| held(points, bounds.lo, spacing);
     let mut high = bounds.diagonal();
@@ -503,23 +466,23 @@ fn spacing_for(points: &[Point3], bounds: Aabb, cells: usize) -> f64 {
     high
 }
 
-/// The levels as they grow.
-struct Fitting<'a> {
+/// Levels fitted so far, and their input.
+struct LevelFitter<'a> {
     samples: &'a Samples,
     lattice: Lattice,
     degree: usize,
-    weights: Weights,
+    weights: TermWeights,
     levels: Vec<Level>,
-    /// Cells with data of each level.
-    data: Vec<Vec<Place>>,
-    /// See [`Fit`].
+    /// Cells with data, by level.
+    data: Vec<Vec<LatticeIndex>>,
+    /// Like the field of [`LatticeFit`].
     held: Vec<Vec<u64>>,
-    /// Another fit on this lattice.
-    before: Option<&'a Fit>,
+    /// Earlier fit on this lattice.
+    before: Option<&'a LatticeFit>,
 }
 
-impl<'a> Fitting<'a> {
-    fn count(&self, l: usize) -> Place {
+impl<'a> LevelFitter<'a> {
+    fn count(&self, l: usize) -> LatticeIndex {
         self.lattice.count.map(|c| c << l)
     }
 
@@ -540,7 +503,7 @@ impl<'a> Fitting<'a> {
         }
     }
 
-    /// Fits all levels to a depth, the last one by all points.
+    /// Fits all levels to a depth, only the last of them to all points.
     fn fit_to_depth(&mut self, depth: usize, control: &Control<'_>) -> Result<(), Stopped> {
         for l in 0..=depth {
             let sorted = self.sorted(l);
@@ -548,14 +511,19 @@ impl<'a> Fitting<'a> {
             if l == depth {
                 self.fit(l, &sorted, 1.0, control)?;
             } else {
-                self.fit(l, &sorted.thinned(SOME_OF_CELL), COARSE, control)?;
+                // 64 points of a cell average the noise of its three coefficients well enough for
+                // an initial function. All points would take twice the time for a million in 30 000
+                // cells; with 16, f = 0 has extra components. Coarse levels decide the function
+                // away from the points: with a stiffness of 1 it oscillates there and f = 0 has
+                // extra components; above 1000 the finest level has to repair too much.
+                self.fit(l, &sorted.thinned(64), 1000.0, control)?;
             }
             control.report("fitting", (l + 1) as f64 / (depth + 1) as f64);
         }
         Ok(())
     }
 
-    /// Fits levels where cells are off by more than a tolerance, down to a depth.
+    /// Fits levels, refining only cells whose error exceeds a tolerance, down to a depth.
     fn fit_to_tolerance(
         &mut self,
         depth: usize,
@@ -565,7 +533,8 @@ impl<'a> Fitting<'a> {
         let mut rough: Vec<u64> = Vec::new();
         for l in 0..=depth {
             let sorted = self.sorted(l);
-            let is_rough = |cell: Place| rough.binary_search(&key(cell.map(|v| v >> 1))).is_ok();
+            let is_rough =
+                |cell: LatticeIndex| rough.binary_search(&key(cell.map(|v| v >> 1))).is_ok();
             self.begin_level(l, &sorted, |cell| l == 0 || is_rough(cell));
             self.fit(l, &sorted, 1.0, control)?;
             rough = self.rough_cells(l, &sorted, tolerance);
@@ -576,8 +545,8 @@ impl<'a> Fitting<'a> {
         Ok(())
     }
 
-    /// Cells of a level whose points are off by more than a tolerance, as keys in order.
-    fn rough_cells(&self, l: usize, sorted: &Sorted<'_>, tolerance: f64) -> Vec<u64> {
+    /// Returns the cells of a level whose points deviate by more than a tolerance, as sorted keys.
+    fn rough_cells(&self, l: usize, sorted: &PointsByCell<'_>, tolerance: f64) -> Vec<u64> {
         let (level, data) = (&self.levels[l], &self.data[l]);
         (0..sorted.count())
             .into_par_iter()
@@ -592,16 +561,16 @@ impl<'a> Fitting<'a> {
             .collect()
     }
 
-    /// The sum of squared distances of a cell's points.
+    /// Returns the sum of squared distances of a cell's points.
     fn squares(
         &self,
         level: &Level,
-        cell: Place,
+        cell: LatticeIndex,
         range: std::ops::Range<usize>,
-        sorted: &Sorted<'_>,
+        sorted: &PointsByCell<'_>,
     ) -> f64 {
         let mut stencil = Stencil::new(self.degree);
-        let c = level.of_cell(cell, self.degree);
+        let c = level.cell_coefficients(cell, self.degree);
         let squares = range.map(|k| {
             let (t, _) = sorted.local(k, cell, level.spacing);
             stencil.fill(t);
@@ -616,7 +585,7 @@ impl<'a> Fitting<'a> {
         squares.sum()
     }
 
-    /// The depth down to which points that were left out are met better, or a tolerance.
+    /// Returns the depth down to which the error at held-out points falls, or reaches a tolerance.
     fn depth_of_data(
         &mut self,
         tolerance: Option<f64>,
@@ -626,12 +595,17 @@ impl<'a> Fitting<'a> {
         let mut depth = 0;
         loop {
             let l = self.levels.len();
-            if self.count(l + APART_BY).iter().any(|c| *c >= MOST / 2) {
+            if self
+                .count(l + DISTINCT_LEVELS)
+                .iter()
+                .any(|c| *c >= MAX_AXIS_NODES / 2)
+            {
                 break;
             }
             let all = self.sorted(l);
-            let per_cell = PER_CELL[usize::from(self.weights.normals < GIVEN)];
-            let finer = self.spacing(l + APART_BY);
+            let per_cell =
+                MIN_POINTS_PER_CELL[usize::from(self.weights.normals < GIVEN_NORMAL_WEIGHT)];
+            let finer = self.spacing(l + DISTINCT_LEVELS);
             let apart = || held(&self.samples.points, self.lattice.corner, finer);
             if l > 0 && all.count() * per_cell > apart() {
                 break;
@@ -650,7 +624,8 @@ impl<'a> Fitting<'a> {
                 .iter()
                 .sum();
             let error = (squares / left.len().max(1) as f64).sqrt();
-            if error > WORTH * before {
+            // Where noise dominates, the error falls no more, and rises later.
+            if error > 0.9 * before {
                 break;
             }
             depth = l;
@@ -669,21 +644,26 @@ impl<'a> Fitting<'a> {
         self.lattice.spacing / f64::from(1u32 << l)
     }
 
-    /// The points by cells of a level.
-    fn sorted(&self, l: usize) -> Sorted<'a> {
+    /// Sorts all points into the cells of a level.
+    fn sorted(&self, l: usize) -> PointsByCell<'a> {
         self.chosen(l, |_| true)
     }
 
-    /// Points that are chosen by number, by cells of a level.
-    fn chosen(&self, l: usize, which: impl Fn(usize) -> bool + Sync) -> Sorted<'a> {
+    /// Sorts a selection of points, by index, into the cells of a level.
+    fn chosen(&self, l: usize, which: impl Fn(usize) -> bool + Sync) -> PointsByCell<'a> {
         let corner = self.lattice.corner;
-        Sorted::new(self.samples, corner, self.spacing(l), self.count(l), which)
+        PointsByCell::new(self.samples, corner, self.spacing(l), self.count(l), which)
     }
 
-    /// Adds a level whose cells with data are those of `sorted` that `which` chooses.
-    fn begin_level(&mut self, l: usize, sorted: &Sorted<'_>, which: impl Fn(Place) -> bool) {
+    /// Adds a level whose cells with data are those of `sorted` selected by `which`.
+    fn begin_level(
+        &mut self,
+        l: usize,
+        sorted: &PointsByCell<'_>,
+        which: impl Fn(LatticeIndex) -> bool,
+    ) {
         let cells = (0..sorted.count()).map(|i| place(sorted.cell(i).0));
-        let data: Vec<Place> = cells.filter(|cell| which(*cell)).collect();
+        let data: Vec<LatticeIndex> = cells.filter(|cell| which(*cell)).collect();
         let count = self.count(l);
         let level = match self.levels.last_mut() {
             Some(coarse) => coarse.refined(&data, count, self.degree),
@@ -697,37 +677,37 @@ impl<'a> Fitting<'a> {
     fn fit(
         &mut self,
         l: usize,
-        sorted: &Sorted<'_>,
+        sorted: &PointsByCell<'_>,
         stiffness: f64,
         control: &Control<'_>,
     ) -> Result<(), Stopped> {
-        let weights = Weights {
+        let weights = TermWeights {
             smoothing: stiffness * self.weights.smoothing,
             ..self.weights
         };
-        let problem = Problem::new(&self.levels[l], self.degree, sorted, weights);
+        let problem = LevelProblem::new(&self.levels[l], self.degree, sorted, weights);
         let (x, held) = self.corrections(l, &problem, control)?;
         self.held.push(held);
         let unknown = problem.unknown;
         let level = &mut self.levels[l];
         for (c, i) in level.coefficients.iter_mut().zip(&unknown) {
-            if *i != FIXED {
+            if *i != NO_INDEX {
                 *c += level.spacing * x[*i as usize];
             }
         }
         Ok(())
     }
 
-    /// Solves the problem of a level for its unknowns; also gives the cells in which f was held, as
-    /// keys in order.
+    /// Solves the problem of a level for its unknowns. Also returns the cells in which f was kept,
+    /// as sorted keys.
     fn corrections(
         &self,
         l: usize,
-        problem: &Problem<'_>,
+        problem: &LevelProblem<'_>,
         control: &Control<'_>,
     ) -> Result<(Vec<f64>, Vec<u64>), Stopped> {
         let key = |i: usize| problem.points.cell(i).0;
-        let of_level = |fit: &'a Fit| Some((fit.spline.levels().get(l)?, fit.held.get(l)?));
+        let of_level = |fit: &'a LatticeFit| Some((fit.spline.levels().get(l)?, fit.held.get(l)?));
         let (mut x, mut held) = match self.before.and_then(of_level) {
             None => (vec![0.0; problem.active.len()], Vec::new()),
             Some((level, keys)) => {
@@ -737,16 +717,18 @@ impl<'a> Fitting<'a> {
             }
         };
         let mut solver = Solver::new(problem, &held, control)?;
-        // The first level begins with f = 0 and knows of no inside.
+        // The first level starts from f = 0, which has no inside to preserve.
         if l == 0 {
-            x = solver.solve(x, RESIDUAL, STEPS, control)?;
+            x = solver.solve(x, RESIDUAL_TOLERANCE, MAX_CG_STEPS, control)?;
             return Ok((x, Vec::new()));
         }
-        for tolerance in [ROUGH, RESIDUAL, RESIDUAL] {
-            x = solver.solve(x, tolerance, STEPS, control)?;
+        // A residual of a tenth costs 2 to 5 of some 40 steps and reveals half of the points where
+        // f approaches 0; the rest of them show at the full tolerance.
+        for tolerance in [0.1, RESIDUAL_TOLERANCE, RESIDUAL_TOLERANCE] {
+            x = solver.solve(x, tolerance, MAX_CG_STEPS, control)?;
             let mut lost = problem.lost(&x);
             lost.retain(|i| held.binary_search(i).is_err());
-            if lost.is_empty() && tolerance == RESIDUAL {
+            if lost.is_empty() && tolerance == RESIDUAL_TOLERANCE {
                 break;
             }
             solver.hold(&lost, control)?;

@@ -1,41 +1,40 @@
 //! One level of a truncated hierarchical B-spline.
 //!
-//! A level is a lattice of cells with half the spacing of the level before. It holds the cells near
-//! the data that were asked to be refined, and a coefficient for every B-spline that touches one of
-//! them. A B-spline that touches a refined cell with data is *active*: its coefficient is an
-//! unknown of its own. The coefficients of the others follow from the level before by the two-scale
-//! relation, so that the function stays as smooth where levels meet (truncation: Giannelli, Jüttler
-//! and Speleers 2012).
+//! A level is a lattice of cells with half the spacing of the coarser level. It contains the cells
+//! near the data that were refined, and a coefficient for every B-spline that touches one of them.
+//! A B-spline that touches a refined cell with data is *active*: its coefficient is an unknown. The
+//! other coefficients follow from the coarser level by the two-scale relation, so that the function
+//! keeps its smoothness where levels meet (truncation: Giannelli, Jüttler and Speleers 2012).
 
 use crate::bspline::{self, MAX_DEGREE, Parents};
-use crate::keys::{Keys, Place, key};
+use crate::keys::{IndexSet, LatticeIndex, key};
 
 /// Cells, B-splines and coefficients of a level.
 #[derive(Clone, Debug)]
 pub(crate) struct Level {
-    /// Length of a cell's edge.
+    /// Edge length of a cell.
     pub(crate) spacing: f64,
     /// Cells of the level.
-    pub(crate) cells: Keys,
-    /// Whether the next level covers a cell.
+    pub(crate) cells: IndexSet,
+    /// True if the next level covers the cell, by cell.
     pub(crate) is_refined: Vec<bool>,
     /// B-splines that touch a cell of the level.
-    pub(crate) nodes: Keys,
-    /// Which of them have an unknown of their own.
+    pub(crate) nodes: IndexSet,
+    /// True if the coefficient is an unknown, by B-spline.
     pub(crate) is_active: Vec<bool>,
-    /// Coefficients of all of them.
+    /// Coefficients, by B-spline.
     pub(crate) coefficients: Vec<f64>,
 }
 
-/// The places lo, …, hi, both included, along three axes.
-pub(crate) fn block(lo: Place, hi: Place) -> impl Iterator<Item = Place> {
+/// Iterates over the indices from lo to hi, both included, x fastest.
+pub(crate) fn block(lo: LatticeIndex, hi: LatticeIndex) -> impl Iterator<Item = LatticeIndex> {
     (lo[2]..=hi[2]).flat_map(move |z| {
         (lo[1]..=hi[1]).flat_map(move |y| (lo[0]..=hi[0]).map(move |x| [x, y, z]))
     })
 }
 
-/// B-splines that touch one of the cells.
-fn nodes_of(cells: impl Iterator<Item = Place>, degree: usize) -> Keys {
+/// Returns the B-splines that touch one of the cells.
+fn nodes_of(cells: impl Iterator<Item = LatticeIndex>, degree: usize) -> IndexSet {
     let mut list = Vec::new();
     for cell in cells {
         list.extend(block(cell, cell.map(|v| v + degree as i32)).map(key));
@@ -44,13 +43,13 @@ fn nodes_of(cells: impl Iterator<Item = Place>, degree: usize) -> Keys {
             list.dedup();
         }
     }
-    Keys::new(list)
+    IndexSet::new(list)
 }
 
 impl Level {
-    /// The coarsest level: all cells of a box, all coefficients 0 and unknown.
-    pub(crate) fn coarsest(count: Place, spacing: f64, degree: usize) -> Self {
-        let cells = Keys::new(block([0; 3], count.map(|v| v - 1)).map(key).collect());
+    /// Returns the coarsest level: all cells of a box, all coefficients 0 and unknown.
+    pub(crate) fn coarsest(count: LatticeIndex, spacing: f64, degree: usize) -> Self {
+        let cells = IndexSet::new(block([0; 3], count.map(|v| v - 1)).map(key).collect());
         let nodes = nodes_of(cells.places(), degree);
         Self {
             spacing,
@@ -62,9 +61,14 @@ impl Level {
         }
     }
 
-    /// The next level with these cells of half the spacing as those with data. Their parents are
-    /// cells of this level with data.
-    pub(crate) fn refined(&mut self, data: &[Place], count: Place, degree: usize) -> Self {
+    /// Returns the next level with these cells as those with data; their parents are cells of this
+    /// level with data.
+    pub(crate) fn refined(
+        &mut self,
+        data: &[LatticeIndex],
+        count: LatticeIndex,
+        degree: usize,
+    ) -> Self {
         let reach = degree as i32;
         let mut list = Vec::new();
         for cell in data {
@@ -76,7 +80,7 @@ impl Level {
                 list.dedup();
             }
         }
-        let cells = Keys::new(list);
+        let cells = IndexSet::new(list);
         for cell in cells.places().filter(|c| c.iter().all(|v| v & 1 == 0)) {
             let parent = self
                 .cells
@@ -103,8 +107,8 @@ impl Level {
         next
     }
 
-    /// Takes coefficients from the level before by the two-scale relation, for the B-splines that
-    /// `which` chooses by number.
+    /// Computes coefficients from the coarser level by the two-scale relation, for the B-splines
+    /// selected by `which`.
     pub(crate) fn inherit(&mut self, coarse: &Self, degree: usize, which: impl Fn(usize) -> bool) {
         let parents = bspline::parents(degree);
         for i in (0..self.nodes.len()).filter(|i| which(*i)) {
@@ -112,8 +116,8 @@ impl Level {
         }
     }
 
-    /// The coefficient of a fine B-spline in this level's function.
-    fn combined(&self, fine: Place, parents: &[Parents; 2]) -> f64 {
+    /// Returns the coefficient of a fine B-spline in this level's function.
+    fn combined(&self, fine: LatticeIndex, parents: &[Parents; 2]) -> f64 {
         let axis = fine.map(|v| parents[(v & 1) as usize]);
         let first: [i64; 3] = std::array::from_fn(|k| i64::from(fine[k] >> 1) + axis[k].first);
         let mut sum = 0.0;
@@ -134,14 +138,14 @@ impl Level {
         sum
     }
 
-    /// Numbers of unknowns.
+    /// Returns the number of unknowns.
     pub(crate) fn unknowns(&self) -> usize {
         self.is_active.iter().filter(|a| **a).count()
     }
 
-    /// The numbers of the first of d + 1 consecutive B-splines in x, for the (d + 1)² pairs of y
-    /// and z, that touch a cell.
-    pub(crate) fn runs(&self, cell: Place, degree: usize) -> Runs {
+    /// Returns, for the (d + 1)² pairs of y and z, the position of the first of the d + 1
+    /// consecutive B-splines in x that touch a cell.
+    pub(crate) fn runs(&self, cell: LatticeIndex, degree: usize) -> Runs {
         let mut runs = [0; (MAX_DEGREE + 1) * (MAX_DEGREE + 1)];
         for c in 0..=degree {
             for b in 0..=degree {
@@ -157,10 +161,14 @@ impl Level {
 }
 
 impl Level {
-    /// The coefficients of the B-splines that touch a cell, x fastest.
-    pub(crate) fn of_cell(&self, cell: Place, degree: usize) -> [f64; CELL] {
+    /// Returns the coefficients of the B-splines that touch a cell, x fastest.
+    pub(crate) fn cell_coefficients(
+        &self,
+        cell: LatticeIndex,
+        degree: usize,
+    ) -> [f64; MAX_CELL_SPLINES] {
         let n = degree + 1;
-        let mut out = [0.0; CELL];
+        let mut out = [0.0; MAX_CELL_SPLINES];
         for (line, first) in self.runs(cell, degree)[..n * n].iter().enumerate() {
             let first = *first as usize;
             out[line * n..(line + 1) * n].copy_from_slice(&self.coefficients[first..first + n]);
@@ -169,8 +177,8 @@ impl Level {
     }
 }
 
-/// B-splines that touch a cell, at most.
-pub(crate) const CELL: usize = (MAX_DEGREE + 1) * (MAX_DEGREE + 1) * (MAX_DEGREE + 1);
+/// Maximum number of B-splines that touch a cell.
+pub(crate) const MAX_CELL_SPLINES: usize = (MAX_DEGREE + 1) * (MAX_DEGREE + 1) * (MAX_DEGREE + 1);
 
-/// See [`Level::runs`].
+/// Positions returned by [`Level::runs`].
 pub(crate) type Runs = [u32; (MAX_DEGREE + 1) * (MAX_DEGREE + 1)];

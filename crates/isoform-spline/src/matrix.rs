@@ -1,41 +1,41 @@
 //! Symmetric sparse matrices over the B-splines of a level.
 //!
-//! B-splines of degree d meet where their numbers differ by at most d along every axis. As they are
-//! sorted by z, y and x, those that meet one of them are (2d + 1)² runs of consecutive numbers: a
-//! row is stored as runs, without a column for every entry.
+//! The supports of two B-splines of degree d overlap if their indices differ by at most d along
+//! every axis. In the order by z, y and x the overlapping B-splines of one form (2d + 1)² runs of
+//! consecutive columns: a row is stored as runs, without a column index per entry.
 
-use crate::keys::Keys;
+use crate::keys::IndexSet;
 use rayon::prelude::*;
 
 /// Consecutive columns of a row.
 #[derive(Clone, Copy, Debug, Default)]
-struct Run {
+struct ColumnRun {
     first: u32,
     length: u32,
 }
 
-/// See the module.
+/// Symmetric matrix stored as runs; see the module documentation.
 #[derive(Debug)]
 pub(crate) struct Matrix {
     reach: i32,
-    runs: Vec<Run>,
-    /// Where the values of a row begin, and where the last ends.
+    runs: Vec<ColumnRun>,
+    /// Start of each row in `values`, and the end of the last.
     starts: Vec<usize>,
     values: Vec<f64>,
 }
 
-/// Rows of a matrix that one thread fills.
+/// Block of rows that one thread fills.
 #[derive(Debug)]
-pub(crate) struct Rows<'a> {
+pub(crate) struct MatrixBlock<'a> {
     reach: i32,
     pub(crate) first: usize,
     pub(crate) end: usize,
-    runs: &'a [Run],
+    runs: &'a [ColumnRun],
     starts: &'a [usize],
     values: &'a mut [f64],
 }
 
-/// The parts of a slice between these places, of which the first is 0.
+/// Splits a slice at these positions, the first of which is 0.
 pub(crate) fn split<'a, T>(mut rest: &'a mut [T], at: &[usize]) -> Vec<&'a mut [T]> {
     let lengths = at.windows(2).map(|w| w[1] - w[0]);
     let part = |length| {
@@ -46,15 +46,15 @@ pub(crate) fn split<'a, T>(mut rest: &'a mut [T], at: &[usize]) -> Vec<&'a mut [
 }
 
 impl Matrix {
-    /// A matrix of zeros with a place for every two B-splines that meet.
-    pub(crate) fn new(nodes: &Keys, degree: usize) -> Self {
+    /// Returns a matrix of zeros with an entry for every two B-splines whose supports overlap.
+    pub(crate) fn new(nodes: &IndexSet, degree: usize) -> Self {
         let reach = degree as i32;
         let runs_of_row = |i: usize| {
             let [x, y, z] = nodes.at(i);
             let mut row = Vec::with_capacity(((2 * reach + 1) * (2 * reach + 1)) as usize);
             for c in -reach..=reach {
                 for b in -reach..=reach {
-                    let mut run = Run::default();
+                    let mut run = ColumnRun::default();
                     for a in -reach..=reach {
                         if let Some(j) = nodes.find([x + a, y + b, z + c]) {
                             if run.length == 0 {
@@ -68,7 +68,7 @@ impl Matrix {
             }
             row
         };
-        let runs: Vec<Run> = (0..nodes.len())
+        let runs: Vec<ColumnRun> = (0..nodes.len())
             .into_par_iter()
             .flat_map_iter(runs_of_row)
             .collect();
@@ -95,13 +95,13 @@ impl Matrix {
         ((2 * self.reach + 1) * (2 * self.reach + 1)) as usize
     }
 
-    /// The rows in this many parts, to be filled side by side.
-    pub(crate) fn parts(&mut self, count: usize) -> Vec<Rows<'_>> {
+    /// Splits the rows into this many blocks, which threads can fill in parallel.
+    pub(crate) fn parts(&mut self, count: usize) -> Vec<MatrixBlock<'_>> {
         let (n, width) = (self.len(), self.width());
         let borders: Vec<usize> = (0..=count).map(|k| n * k / count).collect();
         let starts: Vec<usize> = borders.iter().map(|i| self.starts[*i]).collect();
         let values = split(&mut self.values, &starts);
-        let rows = |(values, of): (_, &[usize])| Rows {
+        let rows = |(values, of): (_, &[usize])| MatrixBlock {
             reach: self.reach,
             first: of[0],
             end: of[1],
@@ -116,7 +116,7 @@ impl Matrix {
             .collect()
     }
 
-    /// The diagonal.
+    /// Returns the diagonal.
     pub(crate) fn diagonal(&self) -> Vec<f64> {
         let (width, middle) = (self.width(), self.width() / 2);
         (0..self.len())
@@ -129,7 +129,7 @@ impl Matrix {
             .collect()
     }
 
-    /// The columns and values of a row's entries from column `first` to the diagonal.
+    /// Returns the columns and values of a row's entries from column `first` to the diagonal.
     pub(crate) fn left_of_diagonal(
         &self,
         i: usize,
@@ -150,7 +150,7 @@ impl Matrix {
             .filter(move |(j, _)| (first..=i).contains(j))
     }
 
-    /// y = A x.
+    /// Computes y = A x.
     pub(crate) fn apply(&self, x: &[f64], y: &mut [f64]) {
         let width = self.width();
         y.par_iter_mut()
@@ -162,7 +162,7 @@ impl Matrix {
                 for run in &self.runs[i * width..(i + 1) * width] {
                     let (first, length) = (run.first as usize, run.length as usize);
                     let values = &self.values[at..at + length];
-                    // Runs do not wait for each other's sums.
+                    // Separate sums per run avoid one long chain of dependent additions.
                     let products = values.iter().zip(&x[first..first + length]);
                     sum += products.map(|(a, b)| a * b).sum::<f64>();
                     at += length;
@@ -172,9 +172,9 @@ impl Matrix {
     }
 }
 
-impl Rows<'_> {
-    /// Adds `values[k]` at row `row` and the columns `first + k`, all of one line in x that is away
-    /// from the row by `b` in y and `c` in z.
+impl MatrixBlock<'_> {
+    /// Adds `values[k]` at row `row` and the columns `first + k`, all on the line in x at the
+    /// offset `b` in y and `c` in z from the row.
     #[inline]
     pub(crate) fn add(&mut self, row: usize, [b, c]: [i32; 2], columns: &[(u32, f64)]) {
         let width = ((2 * self.reach + 1) * (2 * self.reach + 1)) as usize;

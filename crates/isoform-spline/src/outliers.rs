@@ -1,70 +1,58 @@
-//! Points that belong to no surface.
+//! Detection of points that belong to no surface.
 //!
-//! Two kinds are told apart from what was measured. *Stray* points lie where there are few others:
-//! a cell and those around it hold far fewer than is usual, and what they hold lies in no plane, as
-//! thin samples of a surface do. Points *beside* the surface are far from the function that was
-//! fitted, many times as far as their neighbours, and few: where many are off together they show
-//! something that the cells are too large for.
+//! There are two kinds. *Isolated* points have few neighbours: their cell and those around it
+//! contain far fewer points than usual, and these do not lie in a plane, as those of a thin sample
+//! would. *Off-surface* points lie many times as far from the fitted function as their neighbours
+//! do, and are few: many of them together indicate a feature smaller than the cells.
 
-use crate::keys::{Keys, Place, place};
+use crate::keys::{IndexSet, LatticeIndex, place};
 use crate::level::block;
-use crate::points::{Samples, Sorted};
+use crate::points::{PointsByCell, Samples};
 use isoform_geom::{Point3, sub};
 use isoform_num::linalg::symmetric_eigen;
 use rayon::prelude::*;
 
-/// The part of the usual number of points around below which points may be stray. Scans thin out by
-/// ten; a cloud of strays with a twentieth of the points fills space thirty times as thinly as a
-/// surface fills its cells.
-const FEW: f64 = 1.0 / 15.0;
+/// Share of the usual number of neighbours below which points may be isolated. Scans thin out by a
+/// factor of ten; outliers that are a twentieth of the points fill space thirty times as thinly as
+/// a surface fills its cells.
+const ISOLATED_SHARE: f64 = 1.0 / 15.0;
 
-/// The share of the least variance in all below which few points lie in a plane, and the fewest that
-/// can show it: of six by chance one in a thousand times.
-const FLAT: f64 = 0.01;
-const SHOWN: usize = 6;
+/// Distance of an off-surface point, in medians of its neighbours' distances. Gaussian noise
+/// exceeds 7 medians twice in a million points.
+const OUTLIER_MEDIANS: f64 = 8.0;
 
-/// Cells around in which points where there are few show a plane: two, so that at borders of thin
-/// samples there are enough.
-const WIDE: i32 = 2;
+/// Minimum distance of an off-surface point, in cells. Points at sharp edges are off by up to a
+/// fifth of a cell; closer outliers do little harm.
+const MIN_OUTLIER_CELLS: f64 = 0.3;
 
-/// How many times as far as the median around a point beside the surface is. Gaussian noise reaches
-/// 7 medians twice in a million points.
-const TIMES: f64 = 8.0;
-
-/// The part of the spacing that it is off at least. At sharp edges points are off by up to a fifth;
-/// outliers that are nearer do little harm.
-const APART: f64 = 0.3;
-
-/// The largest share of points around that may be off together: more are a feature.
-const TOGETHER: f64 = 0.15;
-
-/// Points by cells, with questions about those around.
-struct Around<'a> {
-    sorted: &'a Sorted<'a>,
-    cells: Keys,
+/// Points by cell, with access to the neighbouring cells.
+struct Neighbourhoods<'a> {
+    sorted: &'a PointsByCell<'a>,
+    cells: IndexSet,
 }
 
-impl<'a> Around<'a> {
-    fn new(sorted: &'a Sorted<'a>) -> Self {
+impl<'a> Neighbourhoods<'a> {
+    fn new(sorted: &'a PointsByCell<'a>) -> Self {
         let keys = (0..sorted.count()).map(|i| sorted.cell(i).0).collect();
         Self {
             sorted,
-            cells: Keys::new(keys),
+            cells: IndexSet::new(keys),
         }
     }
 
-    /// The numbers of the cells with points up to `reach` cells away from a cell, itself included.
-    fn cells(&self, cell: Place, reach: i32) -> impl Iterator<Item = usize> + '_ {
+    /// Returns the indices of the cells with points up to `reach` cells from a cell, itself
+    /// included.
+    fn cells(&self, cell: LatticeIndex, reach: i32) -> impl Iterator<Item = usize> + '_ {
         let around = block(cell.map(|v| v - reach), cell.map(|v| v + reach));
         around.filter_map(|c| self.cells.find(c))
     }
 
-    /// The numbers among sorted points of those in a cell and the cells around it.
-    fn of(&self, cell: Place) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
+    /// Returns the ranges of sorted points in a cell and the cells around it.
+    fn points(&self, cell: LatticeIndex) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
         self.cells(cell, 1).map(|i| self.sorted.cell(i).1)
     }
 
-    /// What `judge` says of the points of each cell, by the points' own numbers.
+    /// Collects the point indices that `judge` returns for each cell, ascending.
     fn judged(&self, judge: impl Fn(usize) -> Vec<u32> + Sync) -> Vec<u32> {
         let mut all: Vec<u32> = (0..self.sorted.count())
             .into_par_iter()
@@ -75,36 +63,43 @@ impl<'a> Around<'a> {
     }
 }
 
-/// Points where there are few others, by their numbers in order.
-pub(crate) fn strays(samples: &Samples, sorted: &Sorted<'_>) -> Vec<u32> {
-    let around = Around::new(sorted);
+/// Returns the ascending indices of isolated points.
+pub(crate) fn isolated_points(samples: &Samples, sorted: &PointsByCell<'_>) -> Vec<u32> {
+    let around = Neighbourhoods::new(sorted);
     let counts: Vec<usize> = (0..sorted.count())
         .into_par_iter()
-        .map(|i| around.of(place(sorted.cell(i).0)).map(|r| r.len()).sum())
+        .map(|i| {
+            around
+                .points(place(sorted.cell(i).0))
+                .map(|r| r.len())
+                .sum()
+        })
         .collect();
     let Some(usual) = weighted_median(&counts, sorted) else {
         return Vec::new();
     };
-    let is_few = |i: usize| (counts[i] as f64) < FEW * usual as f64;
+    let is_few = |i: usize| (counts[i] as f64) < ISOLATED_SHARE * usual as f64;
     around.judged(|i| {
         let (key, range) = sorted.cell(i);
         if !is_few(i) {
             return Vec::new();
         }
-        let thin = around.cells(place(key), WIDE).filter(|j| is_few(*j));
+        // Two cells around, so that enough points are found at borders of thin samples.
+        let thin = around.cells(place(key), 2).filter(|j| is_few(*j));
         let near: Vec<Point3> = thin
             .flat_map(|j| sorted.cell(j).1)
             .map(|k| samples.points[sorted.index(k)])
             .collect();
-        if near.len() >= SHOWN && flatness(&near) < FLAT {
+        // Six random points are as flat as this once in a thousand times.
+        if near.len() >= 6 && flatness(&near) < 0.01 {
             return Vec::new();
         }
         range.map(|k| sorted.index(k) as u32).collect()
     })
 }
 
-/// The number of points around that half of the points have at most.
-fn weighted_median(counts: &[usize], sorted: &Sorted<'_>) -> Option<usize> {
+/// Returns the median over points of the number of points around; `None` without points.
+fn weighted_median(counts: &[usize], sorted: &PointsByCell<'_>) -> Option<usize> {
     let mut all: Vec<(usize, usize)> = (counts.iter().enumerate())
         .map(|(i, count)| (*count, sorted.cell(i).1.len()))
         .collect();
@@ -117,7 +112,7 @@ fn weighted_median(counts: &[usize], sorted: &Sorted<'_>) -> Option<usize> {
     })
 }
 
-/// The share of the least variance in all: 0 for points in a plane.
+/// Returns the smallest eigenvalue of the covariance over their sum: 0 for points in a plane.
 fn flatness(points: &[Point3]) -> f64 {
     let count = points.len() as f64;
     let center: Point3 = std::array::from_fn(|k| points.iter().map(|p| p[k]).sum::<f64>() / count);
@@ -135,24 +130,26 @@ fn flatness(points: &[Point3]) -> f64 {
     if sum > 0.0 { values[0] / sum } else { 0.0 }
 }
 
-/// Points that are far off for where they are, by their numbers in order. `off` holds the distances
-/// of all points; where the surface is not met within a cell, the distance counts as it is.
-pub(crate) fn beside(off: &[f64], sorted: &Sorted<'_>, spacing: f64) -> Vec<u32> {
-    let around = Around::new(sorted);
+/// Returns the ascending indices of points that are far off compared with their neighbours. `off`
+/// contains the distances of all points; the criterion also holds if the surface does not pass
+/// within a cell.
+pub(crate) fn off_surface_points(off: &[f64], sorted: &PointsByCell<'_>, spacing: f64) -> Vec<u32> {
+    let around = Neighbourhoods::new(sorted);
     around.judged(|i| {
         let (key, range) = sorted.cell(i);
-        let far = |k: &usize| off[sorted.index(*k)] > APART * spacing;
+        let far = |k: &usize| off[sorted.index(*k)] > MIN_OUTLIER_CELLS * spacing;
         if !range.clone().any(|k| far(&k)) {
             return Vec::new();
         }
-        let mut near: Vec<f64> = (around.of(place(key)).flatten())
+        let mut near: Vec<f64> = (around.points(place(key)).flatten())
             .map(|k| off[sorted.index(k)])
             .collect();
         let half = near.len() / 2;
         let median = *near.select_nth_unstable_by(half, f64::total_cmp).1;
-        let limit = (TIMES * median).max(APART * spacing);
+        let limit = (OUTLIER_MEDIANS * median).max(MIN_OUTLIER_CELLS * spacing);
         let many = near.iter().filter(|d| **d > limit).count();
-        if many as f64 > TOGETHER * near.len() as f64 {
+        // A larger share of the neighbours is a feature.
+        if many as f64 > 0.15 * near.len() as f64 {
             return Vec::new();
         }
         let is_off = |k: &usize| off[sorted.index(*k)] > limit;
@@ -168,7 +165,7 @@ mod tests {
     use super::*;
     use isoform_num::Random;
 
-    /// A plane of 2000 points with unit normals in the unit cube, and then other points.
+    /// Returns 2000 points in a plane of the unit cube with unit normals, followed by other points.
     fn samples(others: &[Point3]) -> Samples {
         let mut random = Random::new(3);
         let plane = (0..2000).map(|_| [random.unit(), random.unit(), 0.505]);
@@ -182,7 +179,7 @@ mod tests {
     #[test]
     fn points_by_themselves_are_stray_and_thin_planes_are_not() {
         let mut others = vec![[0.3, 0.3, 0.95], [0.8, 0.2, 0.1]];
-        // A thin plane beside the plane.
+        // A thin plane next to the dense one.
         let thin = |i: u32| {
             [
                 1.6 + 0.09 * f64::from(i % 12),
@@ -192,8 +189,8 @@ mod tests {
         };
         others.extend((0..132).map(thin));
         let samples = samples(&others);
-        let sorted = Sorted::new(&samples, [0.0; 3], 0.1, [30; 3], |_| true);
-        assert_eq!(strays(&samples, &sorted), [2000, 2001]);
+        let sorted = PointsByCell::new(&samples, [0.0; 3], 0.1, [30; 3], |_| true);
+        assert_eq!(isolated_points(&samples, &sorted), [2000, 2001]);
     }
 
     #[test]
@@ -202,7 +199,11 @@ mod tests {
         let distances = |s: &Samples| s.points.iter().map(|p| (p[2] - 0.505).abs()).collect();
         let of = |s: &Samples| {
             let off: Vec<f64> = distances(s);
-            beside(&off, &Sorted::new(s, [0.0; 3], 0.1, [10; 3], |_| true), 0.1)
+            off_surface_points(
+                &off,
+                &PointsByCell::new(s, [0.0; 3], 0.1, [10; 3], |_| true),
+                0.1,
+            )
         };
         assert_eq!(of(&one), [2000]);
         let mut random = Random::new(6);

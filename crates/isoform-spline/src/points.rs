@@ -1,6 +1,6 @@
 //! Points sorted into the cells of a level.
 
-use crate::keys::{MOST, Place, key};
+use crate::keys::{LatticeIndex, MAX_AXIS_NODES, key};
 use isoform_geom::{Point3, sub};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -9,12 +9,12 @@ use std::ops::Range;
 #[derive(Clone, Debug)]
 pub(crate) struct Samples {
     pub(crate) points: Vec<Point3>,
-    /// Outward, of unit length; 0 where unknown.
+    /// Outward unit normals; 0 if unknown.
     pub(crate) normals: Vec<Point3>,
 }
 
 impl Samples {
-    /// Leaves out points, by their numbers in order.
+    /// Removes points, given by ascending indices.
     pub(crate) fn leave_out(&mut self, numbers: &[u32]) {
         let is_kept = |i: u32| numbers.binary_search(&i).is_err();
         let mut at = 0..;
@@ -24,38 +24,38 @@ impl Samples {
     }
 }
 
-/// A choice of points in the order of their cells.
+/// Selection of points in the order of their cells.
 #[derive(Debug)]
-pub(crate) struct Sorted<'a> {
+pub(crate) struct PointsByCell<'a> {
     samples: &'a Samples,
-    /// The corner of the lattice.
+    /// Corner of the lattice.
     corner: Point3,
     order: Vec<u32>,
-    /// Cells with points and where their points begin in `order`.
+    /// Cells with points, as keys, with the position of their first point in `order`.
     cells: Vec<(u64, u32)>,
 }
 
-/// Numbers in \[0, 1) that are evenly spread for numbers in order, with no period: their
-/// multiples of 2³² divided by the golden ratio, in 32 bits.
+/// Returns a number in \[0, 1) from an aperiodic sequence that is evenly spread over any range of
+/// indices: the multiples of 2³² divided by the golden ratio, in 32 bits.
 pub(crate) fn scattered(i: usize) -> f64 {
     f64::from((i as u32).wrapping_mul(0x9E37_79B9)) / 2.0_f64.powi(32)
 }
 
-/// The cell of a point.
-pub(crate) fn cell_of(p: Point3, spacing: f64, count: Place) -> Place {
+/// Returns the cell of a point.
+pub(crate) fn cell_of(p: Point3, spacing: f64, count: LatticeIndex) -> LatticeIndex {
     std::array::from_fn(|k| ((p[k] / spacing) as i32).clamp(0, count[k] - 1))
 }
 
-impl<'a> Sorted<'a> {
-    /// Points that are chosen by number, by cell.
+impl<'a> PointsByCell<'a> {
+    /// Sorts a selection of points, by index, into cells.
     pub(crate) fn new(
         samples: &'a Samples,
         corner: Point3,
         spacing: f64,
-        count: Place,
+        count: LatticeIndex,
         is_chosen: impl Fn(usize) -> bool + Sync,
     ) -> Self {
-        debug_assert!(count.iter().all(|c| *c < MOST));
+        debug_assert!(count.iter().all(|c| *c < MAX_AXIS_NODES));
         let mut keyed: Vec<(u64, u32)> = (0..samples.points.len())
             .into_par_iter()
             .filter(|i| is_chosen(*i))
@@ -80,8 +80,8 @@ impl<'a> Sorted<'a> {
             cells,
         }
     }
-    /// At most `most` points of each cell, evenly spread over their order but in no rhythm: points
-    /// of two kinds may take turns.
+    /// Keeps at most `most` points of each cell, evenly but aperiodically spread over their order,
+    /// as points of two kinds may alternate.
     pub(crate) fn thinned(self, most: usize) -> Self {
         let (mut order, mut cells) = (Vec::new(), Vec::with_capacity(self.cells.len()));
         for i in 0..self.count() {
@@ -101,11 +101,11 @@ impl<'a> Sorted<'a> {
     pub(crate) fn len(&self) -> usize {
         self.order.len()
     }
-    /// Numbers of cells with points.
+    /// Returns the number of cells with points.
     pub(crate) fn count(&self) -> usize {
         self.cells.len()
     }
-    /// The i-th cell with points, and which points.
+    /// Returns the key of the i-th cell with points, and the positions of its points.
     pub(crate) fn cell(&self, i: usize) -> (u64, Range<usize>) {
         let end = self
             .cells
@@ -113,12 +113,12 @@ impl<'a> Sorted<'a> {
             .map_or(self.order.len(), |c| c.1 as usize);
         (self.cells[i].0, self.cells[i].1 as usize..end)
     }
-    /// The index of the k-th point.
+    /// Returns the index of the k-th point.
     pub(crate) fn index(&self, k: usize) -> usize {
         self.order[k] as usize
     }
-    /// The k-th point's place in its cell, in \[0, 1\]³, and its normal.
-    pub(crate) fn local(&self, k: usize, cell: Place, spacing: f64) -> (Point3, Point3) {
+    /// Returns the coordinates of the k-th point in its cell, in \[0, 1\]³, and its normal.
+    pub(crate) fn local(&self, k: usize, cell: LatticeIndex, spacing: f64) -> (Point3, Point3) {
         let i = self.index(k);
         let p = self.samples.points[i];
         (

@@ -1,67 +1,63 @@
-//! An additive Schwarz preconditioner (Toselli and Widlund 2005, chapter 2): the equations of a
-//! level are solved exactly in small boxes of B-splines, and the solutions are added up.
+//! Additive Schwarz preconditioner (Toselli and Widlund 2005, chapter 2): the equations of a level
+//! are solved exactly in small boxes of B-splines, and the solutions are added.
 //!
-//! Boxes fill the lattice, and a second time shifted by half a box, so that B-splines at the border
-//! of one lie in the middle of another. Across the surface, data determine two of the d + 1
-//! B-splines that meet in a cell, smoothing the others: what makes the diagonal alone a poor
-//! preconditioner lies within a box.
+//! Boxes tile the lattice twice, the second time shifted by half a box, so that B-splines at the
+//! border of one box are interior to another. Across the surface, data determine two of the d + 1
+//! B-splines of a cell, and smoothing the others. This coupling makes the diagonal alone a poor
+//! preconditioner; it lies within a box.
 
-use crate::energy::{Problem, System};
-use crate::keys::{Place, key};
+use crate::energy::{LevelEquations, LevelProblem};
+use crate::keys::{LatticeIndex, key};
 use crate::matrix::split;
 use crate::smoothing;
 use isoform_control::{Control, Stopped};
 use isoform_num::linalg::cholesky;
 use rayon::prelude::*;
 
-/// Lattices of boxes: one alone takes three times the steps, four together cost more than they
-/// save.
-const LATTICES: i32 = 2;
+/// Number of shifted tilings by boxes. One alone takes three times the steps; four cost more than
+/// they save.
+const BOX_TILINGS: i32 = 2;
 
-/// The share by which diagonals of boxes are larger: some times what rounding leaves of a pivot of
-/// a hundred unknowns. Without it pivots that are rounding alone become large solutions.
-const ROUNDING: f64 = 1e-12;
-
-/// The boxes of one lattice.
-struct Boxes {
-    /// Unknowns, box by box, and where the boxes begin among them.
+/// Boxes of one tiling.
+struct BoxTiling {
+    /// Unknowns, box by box, and the start of each box.
     unknowns: Vec<u32>,
     starts: Vec<usize>,
-    /// Per unknown, its place in that order.
+    /// Position in that order, by unknown.
     places: Vec<u32>,
-    /// Inverses of Cholesky factors, row by row of their lower triangles, box by box, and where
-    /// they begin.
+    /// Inverses of Cholesky factors, as lower triangles row by row, box by box, and the start of
+    /// each.
     inverses: Vec<f64>,
     offsets: Vec<usize>,
-    /// The solution in the boxes, in their order.
+    /// Solution in the boxes, in their order.
     solution: Vec<f64>,
 }
 
-/// See the module.
+/// Additive Schwarz preconditioner; see the module documentation.
 pub(crate) struct Schwarz {
-    lattices: Vec<Boxes>,
+    lattices: Vec<BoxTiling>,
 }
 
 impl Schwarz {
-    /// The preconditioner of equations with weights `ridge` of the unknowns themselves.
+    /// Factors the boxes of equations with the diagonal `ridge` added.
     pub(crate) fn new(
-        problem: &Problem<'_>,
-        system: &System,
+        problem: &LevelProblem<'_>,
+        system: &LevelEquations,
         ridge: &[f64],
         control: &Control<'_>,
     ) -> Result<Self, Stopped> {
-        // As many as meet in a cell. Boxes twice as long halve the steps, each of them takes four
-        // times as long.
+        // As many B-splines as touch a cell. Boxes twice as long halve the steps, but each of them
+        // takes four times as long.
         let size = problem.degree as i32 + 1;
-        let shifts = (0..LATTICES).map(|k| k * size / LATTICES);
-        let lattice = |shift| Boxes::new(problem, system, ridge, [size, shift], control);
+        let shifts = (0..BOX_TILINGS).map(|k| k * size / BOX_TILINGS);
+        let lattice = |shift| BoxTiling::new(problem, system, ridge, [size, shift], control);
         let lattices: Result<_, _> = shifts.map(lattice).collect();
         Ok(Self {
             lattices: lattices?,
         })
     }
 
-    /// z = M⁻¹ r.
+    /// Computes z = M⁻¹ r.
     pub(crate) fn apply(&mut self, r: &[f64], z: &mut [f64]) {
         for boxes in &mut self.lattices {
             boxes.solve(r);
@@ -69,22 +65,22 @@ impl Schwarz {
         let lattices = &self.lattices;
         let parts = z.par_iter_mut().with_min_len(1 << 10).enumerate();
         parts.for_each(|(i, z)| {
-            let of = |boxes: &Boxes| boxes.solution[boxes.places[i] as usize];
+            let of = |boxes: &BoxTiling| boxes.solution[boxes.places[i] as usize];
             *z = lattices.iter().map(of).sum();
         });
     }
 }
 
-impl Boxes {
-    /// Boxes of `size` B-splines along each axis, moved down by `shift`.
+impl BoxTiling {
+    /// Factors boxes of `size` B-splines along each axis, shifted down by `shift`.
     fn new(
-        problem: &Problem<'_>,
-        system: &System,
+        problem: &LevelProblem<'_>,
+        system: &LevelEquations,
         ridge: &[f64],
         [size, shift]: [i32; 2],
         control: &Control<'_>,
     ) -> Result<Self, Stopped> {
-        let of = |place: Place| key(place.map(|v| (v + shift) / size));
+        let of = |place: LatticeIndex| key(place.map(|v| (v + shift) / size));
         let places = problem.active.places();
         let mut order: Vec<(u64, u32)> = places.map(of).zip(0..).collect();
         order.sort_unstable();
@@ -120,12 +116,18 @@ impl Boxes {
         Ok(boxes)
     }
 
-    /// The equations of a box.
-    fn matrix(&self, k: usize, problem: &Problem<'_>, system: &System, ridge: &[f64]) -> Vec<f64> {
+    /// Returns the equations of a box.
+    fn matrix(
+        &self,
+        k: usize,
+        problem: &LevelProblem<'_>,
+        system: &LevelEquations,
+        ridge: &[f64],
+    ) -> Vec<f64> {
         let (start, end) = (self.starts[k], self.starts[k + 1]);
         let unknowns = &self.unknowns[start..end];
         let n = unknowns.len();
-        let places: Vec<Place> = unknowns
+        let places: Vec<LatticeIndex> = unknowns
             .iter()
             .map(|i| problem.active.at(*i as usize))
             .collect();
@@ -145,7 +147,9 @@ impl Boxes {
                     row[at - start] += value;
                 }
             }
-            row[i] = (row[i] + ridge[*unknown as usize]) * (1.0 + ROUNDING);
+            // Several times the rounding error of a pivot among a hundred unknowns: otherwise
+            // pivots that are pure rounding error lead to large solutions.
+            row[i] = (row[i] + ridge[*unknown as usize]) * (1.0 + 1e-12);
         }
         matrix
     }
@@ -169,8 +173,8 @@ impl Boxes {
     }
 }
 
-/// The inverse of the Cholesky factor of a matrix, row by row of its lower triangle. Where the
-/// matrix is not positive definite to working precision: that of its diagonal.
+/// Computes the inverse of the Cholesky factor of a matrix, as its lower triangle row by row. Falls
+/// back to the diagonal if the matrix is not positive definite to working precision.
 fn invert(mut matrix: Vec<f64>, out: &mut [f64]) {
     let n = matrix.len().isqrt();
     let diagonal: Vec<f64> = matrix.iter().step_by(n + 1).copied().collect();
@@ -197,7 +201,7 @@ fn invert(mut matrix: Vec<f64>, out: &mut [f64]) {
     }
 }
 
-/// z = WᵀW r for the inverse factor W of a box.
+/// Computes z = WᵀW r for the inverse factor W of a box.
 fn solve(inverse: &[f64], unknowns: &[u32], r: &[f64], z: &mut [f64]) {
     z.fill(0.0);
     let r: Vec<f64> = unknowns.iter().map(|i| r[*i as usize]).collect();
@@ -215,15 +219,15 @@ fn solve(inverse: &[f64], unknowns: &[u32], r: &[f64], z: &mut [f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::energy::Weights;
+    use crate::energy::TermWeights;
     use crate::level::Level;
-    use crate::points::{Samples, Sorted};
+    use crate::points::{PointsByCell, Samples};
     use crate::solve::Solver;
     use isoform_control::Control;
     use isoform_num::linalg::cholesky_solve;
 
-    /// Points of a quarter of a cylinder of radius 1.5 in three by two by two cells of unit size,
-    /// with normals.
+    /// Returns points of a quarter of a cylinder of radius 1.5 in three by two by two cells of unit
+    /// size, with normals.
     fn quarter() -> Samples {
         let of = |i: u32| {
             let (u, v) = (
@@ -238,19 +242,24 @@ mod tests {
     }
 
     /// Runs a test on the equations of one level.
-    fn with(samples: &Samples, count: Place, smoothing: f64, test: impl Fn(&Problem<'_>)) {
+    fn with(
+        samples: &Samples,
+        count: LatticeIndex,
+        smoothing: f64,
+        test: impl Fn(&LevelProblem<'_>),
+    ) {
         let level = Level::coarsest(count, 1.0, 3);
-        let sorted = Sorted::new(samples, [0.0; 3], 1.0, count, |_| true);
-        let weights = Weights {
+        let sorted = PointsByCell::new(samples, [0.0; 3], 1.0, count, |_| true);
+        let weights = TermWeights {
             normals: 0.1,
             smoothing,
         };
-        test(&Problem::new(&level, 3, &sorted, weights));
+        test(&LevelProblem::new(&level, 3, &sorted, weights));
     }
 
     #[test]
     fn one_box_is_solved_exactly() {
-        // In one cell, points all over it.
+        // Points spread over a single cell.
         let at = |i: u32, by: f64| (f64::from(i) * by).fract();
         let points = (0..500).map(|i| [at(i, 0.618), at(i, 0.755), at(i, 0.57)]);
         let samples = Samples {
@@ -261,7 +270,7 @@ mod tests {
             let control = Control::default();
             let system = problem.system(&control).expect("nothing stops it");
             let ridge = vec![1e-3; problem.active.len()];
-            let boxes = Boxes::new(problem, &system, &ridge, [4, 0], &control);
+            let boxes = BoxTiling::new(problem, &system, &ridge, [4, 0], &control);
             let mut boxes = boxes.expect("nothing stops it");
             assert_eq!(boxes.starts, [0, 64]);
             boxes.solve(&system.right);

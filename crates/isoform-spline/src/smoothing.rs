@@ -1,14 +1,12 @@
-//! The smoothing term: second differences of coefficients.
+//! Smoothing term: second differences of coefficients.
 //!
-//! Σ (cᵢ₋ₑ − 2 cᵢ + cᵢ₊ₑ)² over the axes and 2 Σ (cᵢ − cᵢ₊ₑ − cᵢ₊ₑ' + cᵢ₊ₑ₊ₑ')² over pairs of
-//! axes: the sum of squares of the second derivatives, on the lattice of the coefficients (Eilers
-//! and Marx 1996). Sums with a coefficient that the level lacks are left out.
+//! Σ (cᵢ₋ₑ − 2 cᵢ + cᵢ₊ₑ)² over the axes and 2 Σ (cᵢ − cᵢ₊ₑ − cᵢ₊ₑ' + cᵢ₊ₑ₊ₑ')² over pairs of axes:
+//! the sum of squares of the second derivatives, on the lattice of the coefficients (Eilers and
+//! Marx 1996). Sums with a coefficient that the level lacks are omitted.
 
-use crate::keys::{Keys, Place};
+use crate::keys::{IndexSet, LatticeIndex, NO_INDEX};
 use rayon::prelude::*;
-
-/// No neighbour.
-const NONE: u32 = u32::MAX;
+use std::f64::consts::SQRT_2;
 
 /// Neighbours of the B-splines of a level along the axes: before and after.
 #[derive(Debug)]
@@ -16,23 +14,21 @@ pub(crate) struct Smoothing {
     neighbours: Vec<[[u32; 2]; 3]>,
 }
 
-/// Second differences at a B-spline: xx, yy, zz, then xy, xz, yz towards higher numbers.
+/// Second differences at a B-spline: xx, yy, zz, then xy, xz, yz towards higher indices. The mixed
+/// ones are multiplied by √2, as each occurs twice in a Hessian.
 type Differences = [f64; 6];
 
-/// The pairs of axes of mixed differences.
-const MIXED: [[usize; 2]; 3] = [[0, 1], [0, 2], [1, 2]];
+/// Pairs of axes of mixed differences.
+const MIXED_AXES: [[usize; 2]; 3] = [[0, 1], [0, 2], [1, 2]];
 
-/// √2, the weight of a mixed difference: the sum of squares of a Hessian holds it twice.
-const TWICE: f64 = std::f64::consts::SQRT_2;
-
-/// The entry of the term's matrix for two B-splines that are this far from each other on the
-/// lattice, where no difference is left out.
-pub(crate) fn entry(away: Place) -> f64 {
+/// Returns the entry of the term's matrix for two B-splines at this offset on the lattice, provided
+/// that no difference is omitted.
+pub(crate) fn entry(away: LatticeIndex) -> f64 {
     let away = away.map(|v| v.unsigned_abs() as usize);
     let (along, across) = ([6.0, -4.0, 1.0], [2.0, -1.0]);
     let of = |table: &[f64], axis: usize| table.get(away[axis]).copied().unwrap_or(0.0);
     let pure = (0..3).filter(|a| away[(a + 1) % 3] == 0 && away[(a + 2) % 3] == 0);
-    let mixed = MIXED.iter().filter(|[a, b]| away[3 - a - b] == 0);
+    let mixed = MIXED_AXES.iter().filter(|[a, b]| away[3 - a - b] == 0);
     pure.map(|a| of(&along, a)).sum::<f64>()
         + mixed
             .map(|[a, b]| 2.0 * of(&across, *a) * of(&across, *b))
@@ -40,7 +36,7 @@ pub(crate) fn entry(away: Place) -> f64 {
 }
 
 impl Smoothing {
-    pub(crate) fn new(nodes: &Keys) -> Self {
+    pub(crate) fn new(nodes: &IndexSet) -> Self {
         let neighbours = (0..nodes.len())
             .into_par_iter()
             .map(|i| {
@@ -49,7 +45,7 @@ impl Smoothing {
                     [-1, 1].map(|step| {
                         let mut to = at;
                         to[axis] += step;
-                        nodes.find(to).map_or(NONE, |j| j as u32)
+                        nodes.find(to).map_or(NO_INDEX, |j| j as u32)
                     })
                 })
             })
@@ -57,21 +53,21 @@ impl Smoothing {
         Self { neighbours }
     }
 
-    /// The differences of `c` at B-spline `i`, 0 where one is left out.
+    /// Returns the differences of `c` at B-spline `i`; 0 for omitted ones.
     fn differences(&self, i: usize, c: &[f64]) -> Differences {
         let mut out = [0.0; 6];
         let near = &self.neighbours[i];
         for (axis, [before, after]) in near.iter().enumerate() {
-            if *before != NONE && *after != NONE {
+            if *before != NO_INDEX && *after != NO_INDEX {
                 out[axis] = c[*before as usize] - 2.0 * c[i] + c[*after as usize];
             }
         }
-        for (k, [a, b]) in MIXED.iter().enumerate() {
+        for (k, [a, b]) in MIXED_AXES.iter().enumerate() {
             let (p, q) = (near[*a][1], near[*b][1]);
-            if p != NONE && q != NONE {
+            if p != NO_INDEX && q != NO_INDEX {
                 let r = self.neighbours[p as usize][*b][1];
-                if r != NONE {
-                    out[3 + k] = TWICE * (c[i] - c[p as usize] - c[q as usize] + c[r as usize]);
+                if r != NO_INDEX {
+                    out[3 + k] = SQRT_2 * (c[i] - c[p as usize] - c[q as usize] + c[r as usize]);
                 }
             }
         }
@@ -101,24 +97,24 @@ impl Smoothing {
                 let mut sum = 0.0;
                 for (axis, pair) in near.iter().enumerate() {
                     sum -= 2.0 * scratch[i][axis];
-                    for j in pair.iter().filter(|j| **j != NONE) {
+                    for j in pair.iter().filter(|j| **j != NO_INDEX) {
                         sum += scratch[*j as usize][axis];
                     }
                 }
-                for (k, [a, b]) in MIXED.iter().enumerate() {
+                for (k, [a, b]) in MIXED_AXES.iter().enumerate() {
                     let (p, q) = (near[*a][0], near[*b][0]);
                     let mut mixed = scratch[i][3 + k];
-                    if p != NONE {
+                    if p != NO_INDEX {
                         mixed -= scratch[p as usize][3 + k];
                         let r = self.neighbours[p as usize][*b][0];
-                        if r != NONE {
+                        if r != NO_INDEX {
                             mixed += scratch[r as usize][3 + k];
                         }
                     }
-                    if q != NONE {
+                    if q != NO_INDEX {
                         mixed -= scratch[q as usize][3 + k];
                     }
-                    sum += TWICE * mixed;
+                    sum += SQRT_2 * mixed;
                 }
                 *out += weight * sum;
             });
@@ -134,7 +130,7 @@ mod tests {
     #[test]
     fn entries_are_those_of_the_gradient() {
         let (low, high) = ([0; 3], [8; 3]);
-        let nodes = Keys::new(block(low, high).map(key).collect());
+        let nodes = IndexSet::new(block(low, high).map(key).collect());
         let middle = [4; 3];
         let mut c = vec![0.0; nodes.len()];
         c[nodes.find(middle).unwrap()] = 1.0;
@@ -149,7 +145,7 @@ mod tests {
 
     #[test]
     fn the_gradient_is_that_of_the_sum_of_squares() {
-        let nodes = Keys::new(
+        let nodes = IndexSet::new(
             block([0; 3], [3, 2, 2])
                 .filter(|p| *p != [1, 1, 1])
                 .map(key)

@@ -1,17 +1,19 @@
 //! Conjugate gradients for the corrections of a level.
 
-use crate::energy::{FIXED, Problem, System};
+use crate::energy::{LevelEquations, LevelProblem};
+use crate::keys::NO_INDEX;
 use crate::schwarz::Schwarz;
 use isoform_control::{Control, Stopped};
 
-/// The weight that holds a coefficient which data hardly touches at the level before: without it
-/// some of them swing. Ten times more of it costs a tenth at edges.
-const HELD: f64 = 1e-3;
+/// Weight, as a share of the median weight of data, that ties a coefficient with hardly any data to
+/// the coarser level. Without it some of these coefficients oscillate; with ten times more, errors
+/// at edges grow by a tenth.
+const RIDGE_WEIGHT: f64 = 1e-3;
 
-/// The part of the median weight of data below which data hardly touches a coefficient.
-const HARDLY: f64 = 1e-2;
+/// Share of the median weight of data below which a coefficient counts as having hardly any data.
+const SPARSE_DATA_SHARE: f64 = 1e-2;
 
-/// Weights of the corrections themselves, from the diagonal of the data's matrix.
+/// Returns the weights of the corrections themselves, from the diagonal of the data's matrix.
 fn ridge(diagonal: &[f64]) -> Vec<f64> {
     let mut sorted = diagonal.to_vec();
     if sorted.is_empty() {
@@ -20,19 +22,19 @@ fn ridge(diagonal: &[f64]) -> Vec<f64> {
     let half = sorted.len() / 2;
     let median = *sorted.select_nth_unstable_by(half, f64::total_cmp).1;
     let of = |d: &f64| {
-        let lack = (HARDLY * median / d.max(f64::MIN_POSITIVE)).min(1.0);
-        HELD * median * lack * lack
+        let lack = (SPARSE_DATA_SHARE * median / d.max(f64::MIN_POSITIVE)).min(1.0);
+        RIDGE_WEIGHT * median * lack * lack
     };
     diagonal.iter().map(of).collect()
 }
 
-/// The equations of a level with what their solution needs.
+/// Equations of a level with the work space of their solution.
 pub(crate) struct Solver<'a> {
-    problem: &'a Problem<'a>,
-    system: System,
+    problem: &'a LevelProblem<'a>,
+    system: LevelEquations,
     /// Weights of the unknowns themselves.
     ridge: Vec<f64>,
-    /// None where the equations have changed.
+    /// Preconditioner; `None` after the equations have changed.
     preconditioner: Option<Schwarz>,
     /// Coefficients, gradient and differences of the smoothing term.
     spread: Vec<f64>,
@@ -41,9 +43,9 @@ pub(crate) struct Solver<'a> {
 }
 
 impl<'a> Solver<'a> {
-    /// The equations with f held in some cells.
+    /// Assembles the equations, with f kept in some cells.
     pub(crate) fn new(
-        problem: &'a Problem<'a>,
+        problem: &'a LevelProblem<'a>,
         held: &[usize],
         control: &Control<'_>,
     ) -> Result<Self, Stopped> {
@@ -62,7 +64,7 @@ impl<'a> Solver<'a> {
         })
     }
 
-    /// Holds f in more cells.
+    /// Adds equations that keep f in more cells.
     pub(crate) fn hold(&mut self, cells: &[usize], control: &Control<'_>) -> Result<(), Stopped> {
         if cells.is_empty() {
             return Ok(());
@@ -84,25 +86,26 @@ impl<'a> Solver<'a> {
             &mut self.gradient,
         );
         for (g, i) in self.gradient.iter().zip(&self.problem.unknown) {
-            if *i != FIXED {
+            if *i != NO_INDEX {
                 y[*i as usize] += g;
             }
         }
     }
 
-    /// y = A x.
+    /// Computes y = A x.
     pub(crate) fn apply(&mut self, x: &[f64], y: &mut [f64]) {
         self.system.matrix.apply(x, y);
         for ((y, x), ridge) in y.iter_mut().zip(x).zip(&self.ridge) {
             *y += ridge * x;
         }
         for (s, i) in self.spread.iter_mut().zip(&self.problem.unknown) {
-            *s = if *i == FIXED { 0.0 } else { x[*i as usize] };
+            *s = if *i == NO_INDEX { 0.0 } else { x[*i as usize] };
         }
         self.add_smoothing(y);
     }
 
-    /// The right side: the data's and the smoothing term's at the coefficients as they are.
+    /// Returns the right side: that of the data and of the smoothing term at the present
+    /// coefficients.
     pub(crate) fn right(&mut self) -> Vec<f64> {
         let level = self.problem.level;
         for (s, c) in self.spread.iter_mut().zip(&level.coefficients) {
@@ -113,10 +116,10 @@ impl<'a> Solver<'a> {
         right
     }
 
-    /// The corrections of the active coefficients, in units of the spacing, found from others, `x`,
-    /// by preconditioned conjugate gradients. The tolerance is that of the residual in the norm of
-    /// the preconditioner, a fifth or so of the error in the norm of the energy, relative to that
-    /// of no corrections.
+    /// Solves for the corrections of the active coefficients, in units of the spacing, from the
+    /// initial values `x`, by preconditioned conjugate gradients. The tolerance bounds the residual
+    /// in the norm of the preconditioner, relative to that of zero corrections; it is about a fifth
+    /// of the error in the energy norm.
     pub(crate) fn solve(
         &mut self,
         mut x: Vec<f64>,

@@ -1,66 +1,65 @@
-//! The function that an implicit spline is.
+//! The function of an implicit spline, its bounds and its file form.
 
-use crate::bspline::{self, MAX_DEGREE, Row};
-use crate::keys::{MOST, Place, key};
-use crate::level::{CELL, Level, block};
+use crate::bspline::{self, MAX_DEGREE, SplineRow};
+use crate::keys::{LatticeIndex, MAX_AXIS_NODES, key};
+use crate::level::{Level, MAX_CELL_SPLINES, block};
 use isoform_geom::{Aabb, Expansion, Field, LevelData, Point3, SplineData, norm, sub};
 use isoform_num::{Interval, Jet2, ORDERS};
 
-/// A truncated hierarchical B-spline of three variables, fitted to points; inside is f ≥ 0.
+/// Truncated hierarchical B-spline of three variables, fitted to points; inside is f ≥ 0.
 ///
-/// Its levels are lattices of cells, each with half the spacing of the one before; all cells of the
-/// first level are there, and of the others those near data. Within a cell of the finest level
-/// about a point f is a polynomial of degree d in each variable, and f is d − 1 times continuously
-/// differentiable. Outside of its box f falls with the distance from it, so that no solid is
-/// without bounds.
+/// The levels are lattices of cells, each with half the spacing of the coarser one. The first level
+/// has all cells, the others those near data. Within a leaf cell f is a polynomial of degree d in
+/// each variable, and f is d − 1 times continuously differentiable. Outside its box f falls with
+/// the distance from it, so that every solid is bounded.
 #[derive(Clone, Debug)]
 pub struct ImplicitSpline {
     degree: usize,
     corner: Point3,
-    count: Place,
+    count: LatticeIndex,
     levels: Vec<Level>,
-    /// Per level and cell the range of f there, finer levels included.
+    /// Range of f on each cell, finer levels included, by level.
     ranges: Vec<Vec<[f64; 2]>>,
-    /// Per level and cell whether it holds data, finer levels included.
+    /// True if the cell contains data, finer levels included, by level and cell.
     data: Vec<Vec<bool>>,
-    /// The largest coefficient by absolute value.
+    /// Largest coefficient by absolute value.
     largest: f64,
 }
 
-/// Why numbers are no implicit spline.
+/// Reason why data do not form an implicit spline.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DataError {
     /// The degree is not between 2 and 5.
     #[error("degree {0}: from 2 to {MAX_DEGREE} are possible")]
     Degree(usize),
-    /// The lattice has no cell, too many, or no finite place.
+    /// The lattice has no cells, too many, or a spacing that is not positive and finite.
     #[error("the lattice of {count:?} cells of size {spacing} is impossible")]
     Lattice {
-        /// Cells along the axes.
+        /// Number of cells along the axes.
         count: [i32; 3],
-        /// Their size.
+        /// Spacing of the cells.
         spacing: f64,
     },
-    /// There are no levels, or more than can be.
+    /// The spline has no levels, or too many.
     #[error("{0} levels")]
     Levels(usize),
-    /// A cell lies outside of the box or not in a cell with data of the level before.
+    /// A cell lies outside the box, or not in a cell with data of the coarser level.
     #[error("level {level}: the cell {cell:?} is not in a cell with data of the level before")]
     Cell {
-        /// The level, from 0.
+        /// Index of the level, from 0.
         level: usize,
-        /// The cell.
+        /// Index of the cell.
         cell: [i32; 3],
     },
-    /// The number of coefficients is not that of the B-splines.
+    /// The number of coefficients differs from that of the active B-splines.
     #[error("level {level}: {found} coefficients for {wanted} B-splines")]
     Coefficients {
-        /// The level, from 0.
+        /// Index of the level, from 0.
         level: usize,
-        /// Coefficients given.
+        /// Number of coefficients given.
         found: usize,
-        /// B-splines that need one.
+        /// Number of active B-splines.
         wanted: usize,
     },
     /// A number is not finite.
@@ -68,26 +67,26 @@ pub enum DataError {
     NotFinite,
 }
 
-/// The largest number of cells of the first level: a box of 64³ of them, far more than are needed to
-/// continue a function smoothly away from its data.
-const FIRST: i64 = 1 << 18;
+/// Maximum number of cells of the first level: a box of 64³, far more than are needed to continue a
+/// function smoothly away from its data. The bound limits the memory for hostile files.
+const MAX_FIRST_CELLS: i64 = 1 << 18;
 
-/// A place in a cell of the finest level about it.
-struct Leaf<'a> {
+/// Point in a leaf cell.
+struct LeafPoint<'a> {
     level: &'a Level,
     depth: usize,
-    cell: Place,
-    /// In \[0, 1\]³.
+    cell: LatticeIndex,
+    /// Coordinates in the cell, in \[0, 1\]³.
     at: Point3,
 }
 
 impl ImplicitSpline {
-    /// A spline of fitted levels. `data` holds the cells with data of each level.
+    /// Assembles a spline from fitted levels. `data` contains the cells with data of each level.
     pub(crate) fn new(
         degree: usize,
         corner: Point3,
         levels: Vec<Level>,
-        data: &[Vec<Place>],
+        data: &[Vec<LatticeIndex>],
     ) -> Self {
         let first = &levels[0].cells;
         let count = first.at(first.len() - 1).map(|v| v + 1);
@@ -114,10 +113,10 @@ impl ImplicitSpline {
         spline
     }
 
-    /// A spline from its numbers.
+    /// Builds a spline from its file form.
     ///
     /// # Errors
-    /// [`DataError`] where they do not fit together.
+    /// [`DataError`] if the data are inconsistent.
     pub fn from_data(data: &SplineData) -> Result<Self, DataError> {
         let SplineData {
             degree,
@@ -133,8 +132,8 @@ impl ImplicitSpline {
         let depth = levels.len() as u32;
         if !spacing.is_finite()
             || *spacing <= 0.0
-            || count.iter().any(|c| *c < 1 || *c > FIRST as i32)
-            || cells > FIRST
+            || count.iter().any(|c| *c < 1 || *c > MAX_FIRST_CELLS as i32)
+            || cells > MAX_FIRST_CELLS
         {
             return Err(DataError::Lattice {
                 count: *count,
@@ -145,7 +144,7 @@ impl ImplicitSpline {
             || depth > 20
             || count
                 .iter()
-                .any(|c| i64::from(*c) << depth >= i64::from(MOST) - 8)
+                .any(|c| i64::from(*c) << depth >= i64::from(MAX_AXIS_NODES) - 8)
         {
             return Err(DataError::Levels(levels.len()));
         }
@@ -154,7 +153,7 @@ impl ImplicitSpline {
             return Err(DataError::NotFinite);
         }
         let mut built = vec![Level::coarsest(*count, *spacing, *degree)];
-        let mut parents: Vec<Place> = Vec::new();
+        let mut parents: Vec<LatticeIndex> = Vec::new();
         for (l, given) in levels.iter().enumerate() {
             let mut sorted: Vec<u64> = Vec::with_capacity(given.cells.len());
             for cell in &given.cells {
@@ -197,11 +196,11 @@ impl ImplicitSpline {
                 }
             }
         }
-        let cells: Vec<Vec<Place>> = levels.iter().map(|l| l.cells.clone()).collect();
+        let cells: Vec<Vec<LatticeIndex>> = levels.iter().map(|l| l.cells.clone()).collect();
         Ok(Self::new(*degree, *corner, built, &cells))
     }
 
-    /// The spline in numbers.
+    /// Returns the file form of the spline.
     pub fn data(&self) -> SplineData {
         let levels = self.levels.iter().zip(&self.data).map(|(level, holds)| {
             let cells = level.cells.places().zip(holds).filter(|(_, holds)| **holds);
@@ -224,23 +223,23 @@ impl ImplicitSpline {
         }
     }
 
-    /// The tri-degree.
+    /// Returns the tri-degree.
     pub fn degree(&self) -> usize {
         self.degree
     }
-    /// The number of coefficients that do not follow from others.
+    /// Returns the number of free coefficients, which do not follow from coarser ones.
     pub fn unknowns(&self) -> usize {
         self.levels.iter().map(Level::unknowns).sum()
     }
-    /// The edge of the finest cells.
+    /// Returns the edge length of the finest cells.
     pub fn spacing(&self) -> f64 {
         self.levels.last().map_or(0.0, |l| l.spacing)
     }
-    /// The number of levels.
+    /// Returns the number of levels.
     pub fn depth(&self) -> usize {
         self.levels.len()
     }
-    /// The box in which the function is a spline.
+    /// Returns the box in which the function is a spline.
     pub fn domain(&self) -> Aabb {
         let h = self.levels[0].spacing;
         Aabb {
@@ -248,7 +247,7 @@ impl ImplicitSpline {
             hi: std::array::from_fn(|k| self.corner[k] + h * f64::from(self.count[k])),
         }
     }
-    /// How many cells hold data and were not refined for it: the polynomial pieces that were
+    /// Returns the number of cells with data that were not refined: the polynomial pieces that were
     /// fitted.
     pub fn data_cells(&self) -> usize {
         let of_level = |(l, level): (usize, &Level)| {
@@ -260,8 +259,8 @@ impl ImplicitSpline {
         self.levels.iter().enumerate().map(of_level).sum()
     }
 
-    /// Whether a cell was refined for its data.
-    fn has_finer_data(&self, l: usize, cell: Place) -> bool {
+    /// Returns true if a cell was refined for its data.
+    fn has_finer_data(&self, l: usize, cell: LatticeIndex) -> bool {
         let Some(finer) = self.levels.get(l + 1) else {
             return false;
         };
@@ -270,9 +269,9 @@ impl ImplicitSpline {
             .any(|child| finer.cells.find(child).is_some_and(|i| self.data[l + 1][i]))
     }
 
-    /// Whether data lies in a cell of a level; in a cell that data did not ask for, whether it lies
-    /// in the coarser one about it.
-    pub(crate) fn holds(&self, l: usize, cell: Place) -> bool {
+    /// Returns true if data lie in a cell of a level or, if the cell was refined without data of
+    /// its own, in the coarser cell around it.
+    pub(crate) fn holds(&self, l: usize, cell: LatticeIndex) -> bool {
         let mut cell = cell;
         for k in (0..=l).rev() {
             let found = self.levels[k].cells.find(cell);
@@ -284,7 +283,7 @@ impl ImplicitSpline {
         false
     }
 
-    /// Whether data lies in the cell about a place.
+    /// Returns true if data lie in the leaf cell of a point.
     pub fn holds_data(&self, p: Point3) -> bool {
         self.is_in_domain(p) && {
             let leaf = self.leaf(p);
@@ -292,7 +291,7 @@ impl ImplicitSpline {
         }
     }
 
-    /// Whether data lies in the cell about a place, or in one that shares a face with it.
+    /// Returns true if data lie in the leaf cell of a point or in a face neighbour.
     pub fn is_seen(&self, p: Point3) -> bool {
         if !self.is_in_domain(p) {
             return false;
@@ -314,15 +313,15 @@ impl ImplicitSpline {
         &self.levels
     }
 
-    /// The finest level that covers a place of the domain, with the cell and the place in it.
-    fn leaf(&self, p: Point3) -> Leaf<'_> {
+    /// Returns the leaf cell that contains a point of the domain.
+    fn leaf(&self, p: Point3) -> LeafPoint<'_> {
         for (depth, level) in self.levels.iter().enumerate().rev() {
             let s: Point3 = std::array::from_fn(|k| (p[k] - self.corner[k]) / level.spacing);
-            let cell: Place =
+            let cell: LatticeIndex =
                 std::array::from_fn(|k| (s[k] as i32).clamp(0, (self.count[k] << depth) - 1));
             if level.cells.find(cell).is_some() {
                 let at = std::array::from_fn(|k| s[k] - f64::from(cell[k]));
-                return Leaf {
+                return LeafPoint {
                     level,
                     depth,
                     cell,
@@ -333,20 +332,20 @@ impl ImplicitSpline {
         unreachable!("the first level covers the domain")
     }
 
-    /// The edge of the cell about a place of the domain.
+    /// Returns the edge length of the leaf cell of a point of the domain.
     pub(crate) fn leaf_spacing(&self, p: Point3) -> f64 {
         self.leaf(p).level.spacing
     }
 
-    /// The largest coefficient by absolute value.
+    /// Returns the largest coefficient by absolute value.
     pub(crate) fn largest(&self) -> f64 {
         self.largest
     }
 
-    /// f with gradient and Hessian at a place of the domain.
+    /// Returns f with gradient and Hessian at a point of the domain.
     pub(crate) fn jet_inside(&self, p: Point3) -> Jet2 {
         let leaf = self.leaf(p);
-        let c = leaf.level.of_cell(leaf.cell, self.degree);
+        let c = leaf.level.cell_coefficients(leaf.cell, self.degree);
         let n = self.degree + 1;
         let [x, y, z] = leaf.at.map(|t| bspline::jets(self.degree, t));
         let mut out = [0.0; 10];
@@ -368,10 +367,10 @@ impl ImplicitSpline {
         }
     }
 
-    /// f at a place of the domain.
+    /// Returns f at a point of the domain.
     fn value_inside(&self, p: Point3) -> f64 {
         let leaf = self.leaf(p);
-        let c = leaf.level.of_cell(leaf.cell, self.degree);
+        let c = leaf.level.cell_coefficients(leaf.cell, self.degree);
         let n = self.degree + 1;
         let [x, y, z] = leaf.at.map(|t| bspline::values(self.degree, t));
         let mut sum = 0.0;
@@ -385,13 +384,13 @@ impl ImplicitSpline {
         sum
     }
 
-    /// The nearest place of the domain.
+    /// Returns the nearest point of the domain.
     fn clamped(&self, p: Point3) -> Point3 {
         let domain = self.domain();
         std::array::from_fn(|k| p[k].clamp(domain.lo[k], domain.hi[k]))
     }
 
-    /// Per level and cell the range of f there, from the finest level to the first.
+    /// Computes the range of f on each cell, from the finest level to the first.
     fn all_ranges(&self) -> Vec<Vec<[f64; 2]>> {
         let rows = bspline::bernstein(self.degree);
         let mut all: Vec<Vec<[f64; 2]>> = Vec::new();
@@ -422,10 +421,15 @@ impl ImplicitSpline {
         all
     }
 
-    /// The Bernstein coefficients of a cell, x fastest.
-    fn bernstein(&self, level: &Level, cell: Place, rows: &[Row; MAX_DEGREE + 1]) -> [f64; CELL] {
+    /// Returns the Bernstein coefficients of a cell, x fastest.
+    fn bernstein(
+        &self,
+        level: &Level,
+        cell: LatticeIndex,
+        rows: &[SplineRow; MAX_DEGREE + 1],
+    ) -> [f64; MAX_CELL_SPLINES] {
         let n = self.degree + 1;
-        let mut c = level.of_cell(cell, self.degree);
+        let mut c = level.cell_coefficients(cell, self.degree);
         for axis in 0..3 {
             along(&mut c, n, axis, |line| {
                 let mut out = [0.0; MAX_DEGREE + 1];
@@ -440,9 +444,8 @@ impl ImplicitSpline {
         c
     }
 
-    /// The range of f over the part of a cell that lies in a region, given by the cell's own
-    /// coordinates.
-    fn range_in(&self, level: &Level, cell: Place, part: [[f64; 2]; 3]) -> [f64; 2] {
+    /// Returns the range of f over a part of a cell, given in local coordinates.
+    fn range_in(&self, level: &Level, cell: LatticeIndex, part: [[f64; 2]; 3]) -> [f64; 2] {
         let rows = bspline::bernstein(self.degree);
         let n = self.degree + 1;
         let mut c = self.bernstein(level, cell, &rows);
@@ -454,14 +457,19 @@ impl ImplicitSpline {
         range_of(&c, self.degree)
     }
 
-    /// The part of a cell of a level that lies in a region of the domain, by the cell's own
-    /// coordinates; none if none does.
-    pub(crate) fn part_of(&self, l: usize, cell: Place, region: Aabb) -> Option<[[f64; 2]; 3]> {
+    /// Returns the intersection of a cell with a region of the domain, in local coordinates; `None`
+    /// if it is empty.
+    pub(crate) fn part_of(
+        &self,
+        l: usize,
+        cell: LatticeIndex,
+        region: Aabb,
+    ) -> Option<[[f64; 2]; 3]> {
         let spacing = self.levels[l].spacing;
         let mut part = [[0.0, 1.0]; 3];
         for k in 0..3 {
-            // The cell's coordinates of the region, outward by the rounding of a difference and a
-            // quotient. The domain's own border is rounded, too: what lies on it lies in a cell.
+            // Local coordinates of the region, widened by the rounding of a difference and a
+            // quotient. The domain's own border is rounded, too: points on it belong to a cell.
             let end = f64::from(self.count[k] << l);
             let of = |p: f64| ((p - self.corner[k]) / spacing).clamp(0.0, end);
             let (a, b) = (of(region.lo[k]), of(region.hi[k]));
@@ -476,8 +484,9 @@ impl ImplicitSpline {
         Some(part)
     }
 
-    /// The first and the last cell of the first level that a region of the domain may touch.
-    pub(crate) fn first_cells(&self, region: Aabb) -> (Place, Place) {
+    /// Returns the first and the last cell of the first level that a region of the domain may
+    /// touch.
+    pub(crate) fn first_cells(&self, region: Aabb) -> (LatticeIndex, LatticeIndex) {
         let h = self.levels[0].spacing;
         let first = |p: Point3, k: usize| ((p[k] - self.corner[k]) / h) as i32;
         let lo = std::array::from_fn(|k| (first(region.lo, k) - 1).max(0));
@@ -485,9 +494,16 @@ impl ImplicitSpline {
         (lo, hi)
     }
 
-    /// The hull of f over the part of a cell in a region, by the cells of the finer levels as long
-    /// as `budget` of them are looked at.
-    fn hull(&self, l: usize, cell: Place, region: Aabb, budget: &mut u32, out: &mut [f64; 2]) {
+    /// Extends `out` by the range of f over the part of a cell in a region, descending to finer
+    /// levels while `budget` lasts.
+    fn hull(
+        &self,
+        l: usize,
+        cell: LatticeIndex,
+        region: Aabb,
+        budget: &mut u32,
+        out: &mut [f64; 2],
+    ) {
         let level = &self.levels[l];
         let Some(i) = level.cells.find(cell) else {
             return;
@@ -514,11 +530,13 @@ impl ImplicitSpline {
         }
     }
 
-    /// The range of f over a region of the domain.
+    /// Returns the range of f over a region of the domain.
     fn range_inside(&self, region: Aabb) -> [f64; 2] {
         let (lo, hi) = self.first_cells(region);
         let mut out = [f64::INFINITY, f64::NEG_INFINITY];
-        let mut budget = BUDGET;
+        // A region of the size of the finest cells never needs as many cells. For large regions,
+        // fewer widen the bounds, and more take longer.
+        let mut budget = 256;
         for cell in block(lo, hi) {
             self.hull(0, cell, region, &mut budget, &mut out);
         }
@@ -526,12 +544,8 @@ impl ImplicitSpline {
     }
 }
 
-/// Cells that a bound looks at, at most; with fewer of them bounds of large regions are wider, with
-/// more they take longer. A region of the finest cells' size never needs as many.
-const BUDGET: u32 = 256;
-
-/// Replaces every line of (d + 1)³ numbers along an axis, x fastest, by what `f` makes of it.
-fn along(c: &mut [f64; CELL], n: usize, axis: usize, f: impl Fn(&[f64]) -> Row) {
+/// Replaces every line of (d + 1)³ numbers along an axis, x fastest, by its image under `f`.
+fn along(c: &mut [f64; MAX_CELL_SPLINES], n: usize, axis: usize, f: impl Fn(&[f64]) -> SplineRow) {
     let step = n.pow(axis as u32);
     for a in 0..n {
         for b in 0..n {
@@ -552,8 +566,9 @@ fn along(c: &mut [f64; CELL], n: usize, axis: usize, f: impl Fn(&[f64]) -> Row) 
     }
 }
 
-/// Bernstein coefficients of a polynomial on \[lo, hi\] of \[0, 1\], by de Casteljau's algorithm.
-fn restricted(line: &[f64], n: usize, lo: f64, hi: f64) -> Row {
+/// Returns the Bernstein coefficients of a polynomial on \[lo, hi\] of \[0, 1\], by de Casteljau's
+/// algorithm.
+fn restricted(line: &[f64], n: usize, lo: f64, hi: f64) -> SplineRow {
     let mut c = [0.0; MAX_DEGREE + 1];
     c[..n].copy_from_slice(line);
     if hi < 1.0 {
@@ -579,12 +594,12 @@ fn restricted(line: &[f64], n: usize, lo: f64, hi: f64) -> Row {
     c
 }
 
-/// The hull of Bernstein coefficients, outward by their rounding.
+/// Returns the hull of Bernstein coefficients, widened by their rounding.
 ///
-/// Each is a convex combination of B-spline coefficients (weights ≥ 0 of sum 1), made by at most
-/// three rounds of d + 1 products and two cuts of d rounds along each of three axes: below 64 d
+/// Each coefficient is a convex combination of B-spline coefficients, computed by at most three
+/// rounds of d + 1 products and two cuts of d rounds along each of three axes: fewer than 64 d
 /// rounded operations on numbers of at most the largest coefficient's size.
-fn range_of(c: &[f64; CELL], degree: usize) -> [f64; 2] {
+fn range_of(c: &[f64; MAX_CELL_SPLINES], degree: usize) -> [f64; 2] {
     let n = degree + 1;
     let c = &c[..n * n * n];
     let lo = c.iter().copied().fold(f64::INFINITY, f64::min);
@@ -640,7 +655,7 @@ impl Field for ImplicitSpline {
         if part == region {
             return Interval::new(lo, hi);
         }
-        // The least and the largest distance of the region from the domain.
+        // The smallest and the largest distance of the region from the domain.
         let domain = self.domain();
         let gap: Point3 = std::array::from_fn(|k| {
             (region.lo[k] - domain.hi[k])

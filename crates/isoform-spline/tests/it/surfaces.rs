@@ -4,8 +4,8 @@ use isoform_control::Control;
 use isoform_geom::{Aabb, Field, Point3, PolynomialData, norm};
 use isoform_num::Random;
 use isoform_spline::{
-    DataError, Error, Fineness, Global, ImplicitSpline, Implicitized, Normals, Options, Source,
-    implicitize, implicitize_globally,
+    DataError, Error, Fineness, ImplicitSpline, NormalSource, Normals, Options, PolynomialFit,
+    SplineFit, implicitize, implicitize_globally,
 };
 
 /// Radii of the torus.
@@ -33,7 +33,7 @@ fn torus(n: usize, seed: u64) -> (Vec<Point3>, Vec<Point3>) {
     pairs.into_iter().unzip()
 }
 
-fn fitted(points: &[Point3], normals: Normals<'_>, fineness: Fineness) -> Implicitized {
+fn fitted(points: &[Point3], normals: Normals<'_>, fineness: Fineness) -> SplineFit {
     let options = Options {
         fineness,
         ..Options::default()
@@ -93,9 +93,9 @@ fn inside_is_positive_and_unknown_normals_are_found() {
         })
         .collect();
     for (normals, source) in [
-        (Normals::Unknown, Source::Estimated),
-        (Normals::Given(&normals), Source::Given),
-        (Normals::Given(&flipped), Source::Turned),
+        (Normals::Unknown, NormalSource::Estimated),
+        (Normals::Given(&normals), NormalSource::Given),
+        (Normals::Given(&flipped), NormalSource::Turned),
     ] {
         let made = fitted(&points, normals, Fineness::Data);
         assert_eq!(made.sides.source, source);
@@ -345,7 +345,7 @@ fn error_of(data: &PolynomialData, points: &[Point3]) -> f64 {
     (squares.sum::<f64>() / points.len() as f64).sqrt()
 }
 
-fn globally(points: &[Point3], normals: Normals<'_>, degree: usize) -> Global {
+fn globally(points: &[Point3], normals: Normals<'_>, degree: usize) -> PolynomialFit {
     implicitize_globally(points, normals, degree, &Control::default()).expect("a polynomial")
 }
 
