@@ -1,11 +1,11 @@
-//! The list of failures that are expected, tests/expected_failures.txt.
+//! List of failures that are expected, tests/expected_failures.txt.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 const LIST: &str = include_str!("../../../tests/expected_failures.txt");
 
-/// The cases of one suite that are known to fail, each with its reason. A case that fails and is
-/// not listed is a failure, and so is one that is listed and passes: the list can only shrink.
+/// Cases of one suite that are known to fail, each with its reason. A case that fails without being
+/// listed is a failure, and so is a listed case that passes: the list can only shrink.
 pub struct ExpectedFailures {
     reasons: BTreeMap<String, String>,
     seen: BTreeSet<String>,
@@ -13,11 +13,11 @@ pub struct ExpectedFailures {
 }
 
 impl ExpectedFailures {
-    /// What the list says of a suite.
+    /// Reads the entries of a suite.
     ///
     /// # Panics
-    /// Where a line of the list cannot be read.
-    pub fn of(suite: &str) -> Self {
+    /// If a line of the list cannot be read.
+    pub fn for_suite(suite: &str) -> Self {
         Self::read(LIST, suite)
     }
 
@@ -47,7 +47,7 @@ impl ExpectedFailures {
         }
     }
 
-    /// Takes note of a case's outcome; `why` is asked for where it failed.
+    /// Records the outcome of a case; `why` is only called if the case failed.
     pub fn note(&mut self, case: &str, passed: bool, why: impl FnOnce() -> String) {
         self.seen.insert(case.to_owned());
         match (self.reasons.get(case), passed) {
@@ -60,10 +60,11 @@ impl ExpectedFailures {
         }
     }
 
-    /// The end of the suite: everything was as expected, and all that is listed was tried.
+    /// Ends the suite: checks that every outcome was as expected and that every listed case was
+    /// run.
     ///
     /// # Panics
-    /// Where that is not so.
+    /// If either does not hold.
     pub fn finish(mut self) {
         for case in self.reasons.keys().filter(|c| !self.seen.contains(*c)) {
             self.wrong
@@ -89,7 +90,7 @@ mod tests {
 
     #[test]
     fn the_list_can_be_read() {
-        ExpectedFailures::of("surfaces_of_the_zoo");
+        ExpectedFailures::for_suite("surfaces_of_the_zoo");
         let reasons = ExpectedFailures::read(SMALL, "suite").reasons;
         assert!(reasons.len() == 1 && reasons["hard"] == "too hard");
     }

@@ -1,9 +1,9 @@
-//! Where tests find their data, the list of failures that they expect, and what is told of progress.
+//! Data of tests, the list of failures that they expect, and a recorder of progress.
 //!
-//! Small data lies in the repository, in tests/data: [`data`] and [`files`] panic where it is not
-//! there, since nothing excuses that. Data too large for the repository lies in a folder `shared`
-//! beside it, or in the one that `ISOFORM_SHARED` names: [`shared_data`] is the one way to it, so
-//! that every test that does without is counted.
+//! Small data are part of the repository, in tests/data: [`data`] and [`files`] panic if they are
+//! missing. Data too large for the repository lie in a folder `shared` next to it, or in the one
+//! that `ISOFORM_SHARED` names: [`shared_data`] is the only access to it, so that every test
+//! skipped for lack of data is counted.
 #![forbid(unsafe_code)]
 
 mod expected;
@@ -14,25 +14,25 @@ pub use progress::shares_told;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// The root of the repository.
+/// Returns the root of the repository.
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// A file or folder of tests/data.
+/// Returns the path of a file or folder of tests/data.
 ///
 /// # Panics
-/// Where it does not exist.
+/// If it does not exist.
 pub fn data(path: &str) -> PathBuf {
     let found = root().join("tests/data").join(path);
     assert!(found.exists(), "{} is missing", found.display());
     found
 }
 
-/// The files of a folder with an extension, in order.
+/// Returns the files of a folder with an extension, sorted.
 ///
 /// # Panics
-/// Where there are none.
+/// If the folder has no such file.
 pub fn files_in(folder: &Path, extension: &str) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
     let mut found: Vec<PathBuf> = entries
@@ -48,15 +48,15 @@ pub fn files_in(folder: &Path, extension: &str) -> Vec<PathBuf> {
     found
 }
 
-/// The files of a folder of tests/data with an extension, in order.
+/// Returns the files of a folder of tests/data with an extension, sorted.
 ///
 /// # Panics
-/// Where there are none.
+/// If the folder has no such file.
 pub fn files(folder: &str, extension: &str) -> Vec<PathBuf> {
     files_in(&data(folder), extension)
 }
 
-/// The name of a file without its extension.
+/// Returns the name of a file without its extension.
 ///
 /// ```
 /// use std::path::Path;
@@ -65,29 +65,30 @@ pub fn files(folder: &str, extension: &str) -> Vec<PathBuf> {
 /// ```
 ///
 /// # Panics
-/// Where it has none that is text.
+/// If the path lacks a name, or the name is not UTF-8.
 pub fn stem(path: &Path) -> String {
     let stem = path.file_stem().and_then(|s| s.to_str());
     stem.unwrap_or_else(|| panic!("{} has no name", path.display()))
         .to_owned()
 }
 
-/// True if tests take all of their cases: `ISOFORM_FULL` is set, as `./test.sh --full` does. Else
-/// those whose cases take many seconds take the ones that cover their claim.
+/// Returns true if tests run all of their cases: `ISOFORM_FULL` is set, as `./test.sh --full` does.
+/// Otherwise slow tests run only the cases that cover their claim.
 pub fn is_full() -> bool {
     std::env::var_os("ISOFORM_FULL").is_some()
 }
 
-/// Number of cases that a test takes: all of them, or a few unless [`is_full`].
+/// Returns the number of cases that a test runs: `all` if [`is_full`], else `few`.
 pub fn cases(all: usize, few: usize) -> usize {
     if is_full() { all } else { few }
 }
 
-/// A file or folder of the data beside the repository. Where it is absent the test is told to
-/// return, and a line says which one did: `test.sh` counts these lines.
+/// Returns the path of a file or folder of the data outside the repository; `None` if it is
+/// missing, and then the test is to return. The test is reported on a line of stderr: `test.sh`
+/// counts these lines.
 ///
 /// # Panics
-/// Where it is absent and `CI` is `true`: what is missing there is a failure.
+/// If the path is missing and `CI` is `true`: data must be complete there.
 pub fn shared_data(path: &str) -> Option<PathBuf> {
     let shared =
         std::env::var_os("ISOFORM_SHARED").map_or_else(|| root().join("../shared"), PathBuf::from);
@@ -96,7 +97,7 @@ pub fn shared_data(path: &str) -> Option<PathBuf> {
     found_or_skipped(found, is_ci, &mut std::io::stderr())
 }
 
-/// [`shared_data`] apart from its surroundings.
+/// Implements [`shared_data`] independently of the environment.
 fn found_or_skipped(path: PathBuf, is_ci: bool, to: &mut dyn Write) -> Option<PathBuf> {
     if path.exists() {
         return Some(path);
@@ -108,8 +109,8 @@ fn found_or_skipped(path: PathBuf, is_ci: bool, to: &mut dyn Write) -> Option<Pa
     );
     let thread = std::thread::current();
     let test = thread.name().unwrap_or("a test");
-    // Written past the capture of cargo's test runner, which would swallow the line of a test that
-    // passes, and in one piece, on a line of its own.
+    // Bypasses the output capture of cargo's test runner, which would swallow the line of a passing
+    // test. Written at once and on a line of its own.
     let line = format!("\nskipped  {test}: {} is not there\n", path.display());
     to.write_all(line.as_bytes()).expect("stderr takes a line");
     None
@@ -145,7 +146,7 @@ mod tests {
         data("no such file");
     }
 
-    /// The repository stays small.
+    /// Bounds the size of the repository's data.
     #[test]
     fn data_is_small() {
         let (mut folders, mut total) = (vec![data("")], 0);

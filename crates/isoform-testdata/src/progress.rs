@@ -1,12 +1,12 @@
-//! What work tells of its progress.
+//! Recorder of progress reports.
 
 use std::sync::{Mutex, PoisonError};
 
-/// The phases that `work` tells of by the function it is given, in the order in which they began,
-/// each with its shares.
+/// Returns the phases that `work` reports to the callback it is given, in the order in which they
+/// began, each with its reported shares.
 ///
 /// # Panics
-/// Where the shares of a phase fall, or the last of them is not 1.
+/// If the shares of a phase decrease, or its last share is not 1.
 pub fn shares_told(work: impl FnOnce(&(dyn Fn(&str, f64) + Sync))) -> Vec<(String, Vec<f64>)> {
     let told: Mutex<Vec<(String, Vec<f64>)>> = Mutex::default();
     work(&|phase, done| {
