@@ -1,37 +1,37 @@
-//! The commands in the blocks of pages.
+//! Commands in the code blocks of pages.
 //!
-//! A block counts that has a command of isoform: a line that begins with `isoform`, or with
-//! `$ isoform` where the block shows a prompt and what is printed. All of its commands count, since
-//! later ones may need what earlier ones write. What `$ cat FILE` shows is that file, and a command
-//! that is shown with an error is to end with it.
+//! A block counts if it contains a command of isoform: a line that begins with `isoform`, or with
+//! `$ isoform` if the block shows a prompt and output. Then all of its commands count, since later
+//! ones may need what earlier ones write. The text below `$ cat FILE` is the content of that file,
+//! and a command shown with an error must fail with that error.
 
-/// Something to be done in the folder of a page.
+/// Step to be performed in the folder of a page.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Act {
-    /// A file is to be there with this text.
+pub(crate) enum PageStep {
+    /// Write a file (name, text).
     File(String, String),
-    /// A command is run.
+    /// Run a command that must succeed.
     Run(String),
-    /// A command is run, and refused with this line.
+    /// Run a command that must fail with this line (command, line).
     Refused(String, String),
 }
 
-/// What the blocks of a page ask for, in their order.
-pub(crate) fn acts(markdown: &str) -> Vec<Act> {
+/// Returns the steps of a page's code blocks, in order.
+pub(crate) fn steps(markdown: &str) -> Vec<PageStep> {
     blocks(markdown)
         .iter()
-        .filter(|block| block.iter().any(|line| is_ours(line)))
-        .flat_map(|block| of_block(block))
+        .filter(|block| block.iter().any(|line| is_isoform(line)))
+        .flat_map(|block| block_steps(block))
         .collect()
 }
 
-/// Whether a line is a command of isoform.
-fn is_ours(line: &str) -> bool {
+/// Returns true if a line is a command of isoform.
+fn is_isoform(line: &str) -> bool {
     let command = line.strip_prefix("$ ").unwrap_or(line);
     command.starts_with("isoform ")
 }
 
-/// The lines of fenced blocks.
+/// Returns the lines of each fenced block.
 fn blocks(markdown: &str) -> Vec<Vec<&str>> {
     let mut all = Vec::new();
     let mut open: Option<Vec<&str>> = None;
@@ -47,38 +47,40 @@ fn blocks(markdown: &str) -> Vec<Vec<&str>> {
     all
 }
 
-fn of_block(block: &[&str]) -> Vec<Act> {
+fn block_steps(block: &[&str]) -> Vec<PageStep> {
     if block.iter().any(|line| line.starts_with("$ ")) {
-        of_session(block)
+        session_steps(block)
     } else {
         let all = block.join("\n").replace("\\\n", " ");
         let commands = all.lines().filter(|line| !line.trim().is_empty());
-        commands.map(|line| Act::Run(line.to_owned())).collect()
+        commands
+            .map(|line| PageStep::Run(line.to_owned()))
+            .collect()
     }
 }
 
-/// Commands behind a prompt; what is between them is what they print.
-fn of_session(block: &[&str]) -> Vec<Act> {
-    let mut acts: Vec<Act> = Vec::new();
+/// Returns the steps of a block with prompts; lines between commands are their output.
+fn session_steps(block: &[&str]) -> Vec<PageStep> {
+    let mut steps: Vec<PageStep> = Vec::new();
     for line in block {
         if let Some(command) = line.strip_prefix("$ ") {
-            acts.push(match command.strip_prefix("cat ") {
-                Some(file) => Act::File(file.to_owned(), String::new()),
-                None => Act::Run(command.to_owned()),
+            steps.push(match command.strip_prefix("cat ") {
+                Some(file) => PageStep::File(file.to_owned(), String::new()),
+                None => PageStep::Run(command.to_owned()),
             });
             continue;
         }
-        match acts.last_mut() {
-            Some(Act::File(_, text)) => *text += &format!("{line}\n"),
-            Some(Act::Run(command)) if line.starts_with("error: ") => {
-                let refused = Act::Refused(std::mem::take(command), (*line).to_owned());
-                acts.pop();
-                acts.push(refused);
+        match steps.last_mut() {
+            Some(PageStep::File(_, text)) => *text += &format!("{line}\n"),
+            Some(PageStep::Run(command)) if line.starts_with("error: ") => {
+                let refused = PageStep::Refused(std::mem::take(command), (*line).to_owned());
+                steps.pop();
+                steps.push(refused);
             }
             _ => {}
         }
     }
-    acts
+    steps
 }
 
 #[cfg(test)]
@@ -88,17 +90,17 @@ mod tests {
     #[test]
     fn blocks_with_our_commands() {
         let page = "```\ncargo test\n```\n\n```sh\ncp a b\nisoform fit b \\\n  -o c # why\n```\n";
-        let run = |text: &str| Act::Run(text.to_owned());
+        let run = |text: &str| PageStep::Run(text.to_owned());
         assert_eq!(
-            acts(page),
+            steps(page),
             [run("cp a b"), run("isoform fit b    -o c # why")]
         );
         let session = "```\n$ cat f.hf\n-- one\ntwo\n$ isoform mesh f.hf\nprinted\n```\n";
-        let file = Act::File("f.hf".to_owned(), "-- one\ntwo\n".to_owned());
-        assert_eq!(acts(session), [file, run("isoform mesh f.hf")]);
+        let file = PageStep::File("f.hf".to_owned(), "-- one\ntwo\n".to_owned());
+        assert_eq!(steps(session), [file, run("isoform mesh f.hf")]);
         let refused = "```\n$ isoform eval x\nerror: no x\n  try: y\n```\n";
-        let want = Act::Refused("isoform eval x".to_owned(), "error: no x".to_owned());
-        assert_eq!(acts(refused), [want]);
-        assert_eq!(acts("isoform fit x\n"), [], "no block");
+        let want = PageStep::Refused("isoform eval x".to_owned(), "error: no x".to_owned());
+        assert_eq!(steps(refused), [want]);
+        assert_eq!(steps("isoform fit x\n"), [], "no block");
     }
 }

@@ -1,14 +1,14 @@
-//! The documentation as a site, and as a test.
+//! Documentation as a site, and as a test.
 //!
 //! ```text
-//! isoform-docs build FOLDER           writes the site; what is wrong with links is a failure
-//! isoform-docs run PROGRAM [PAGE...]  runs the commands of these pages, or of all, by this program
-//! isoform-docs draw PROGRAM           takes the pictures that they draw into docs/images
+//! isoform-docs build FOLDER           writes the site; broken links are failures
+//! isoform-docs run PROGRAM [PAGE...]  runs the commands of these pages, or of all of them
+//! isoform-docs draw PROGRAM           copies the pictures that they draw into docs/images
 //! ```
 //!
-//! A page shows as `images/NAME` what one of its commands, or of another page's, writes as NAME.
-//! Pictures are committed, though commands draw them: pages are read where no site is built, too,
-//! and one sees in a change what it does to them.
+//! A page refers by `images/NAME` to the picture that one of its commands, or of another page's,
+//! writes as NAME. Pictures are committed although commands draw them: pages are also read where no
+//! site is built, and a change shows its effect on them.
 #![forbid(unsafe_code)]
 
 mod commands;
@@ -42,7 +42,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Writes the site; whether nothing is wrong with it.
+/// Writes the site; returns true if it is free of defects.
 fn build(root: &Path, folder: &Path) -> Result<bool, Box<dyn Error>> {
     let site = site::Site::read(root)?;
     site.write(folder)?;

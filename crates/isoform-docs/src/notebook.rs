@@ -1,11 +1,12 @@
-//! Notebooks as pages: their cells as Markdown, with the outputs that they were saved with.
+//! Conversion of notebooks to pages: cells as Markdown, with their saved outputs.
 
 use serde_json::Value;
 
-/// The Markdown of a notebook: its texts, its code, and below it what that printed and drew.
+/// Converts a notebook to Markdown: its texts, its code, and below each code cell its printed
+/// output and pictures.
 ///
 /// # Errors
-/// If it is no notebook.
+/// If the text is not a notebook.
 pub(crate) fn markdown(notebook: &str) -> Result<String, String> {
     let json: Value = serde_json::from_str(notebook).map_err(|e| e.to_string())?;
     let cells = json["cells"].as_array().ok_or("it has no cells")?;
@@ -13,7 +14,7 @@ pub(crate) fn markdown(notebook: &str) -> Result<String, String> {
     Ok(cells.join("\n\n"))
 }
 
-/// Text that is saved as one string, or as a list of lines.
+/// Returns text that is saved as one string or as a list of lines.
 fn text(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
@@ -44,7 +45,7 @@ fn cell(cell: &Value) -> String {
     shown
 }
 
-/// A picture with what it shows in words.
+/// Returns the picture of an output with its alternative text; `None` if the output has no picture.
 fn picture(output: &Value, alt: &str) -> Option<String> {
     let data = text(&output["data"]["image/png"]);
     let data: String = data.split_whitespace().collect();

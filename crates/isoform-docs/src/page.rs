@@ -1,37 +1,38 @@
-//! A page: Markdown to HTML, with what it links to and can be linked to.
+//! Conversion of a page from Markdown to HTML, with its links and anchors.
 
 use pulldown_cmark::{CowStr, Event, HeadingLevel, Options, Parser, Tag, TagEnd, html};
 use std::collections::HashMap;
 
-/// A heading that can be linked to.
+/// Heading with its anchor.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Heading {
-    /// As the part of an address behind `#`.
+    /// Fragment of an address that leads to the heading, without `#`.
     pub(crate) anchor: String,
-    /// Its text.
+    /// Text of the heading.
     pub(crate) text: String,
-    /// Whether it divides the page, below its title.
+    /// True if the heading starts a section, directly below the title.
     pub(crate) is_section: bool,
 }
 
-/// A page without what surrounds it.
+/// Page without header and navigation.
 #[derive(Debug)]
 pub(crate) struct Page {
-    /// Its title.
+    /// Title of the page.
     pub(crate) title: String,
-    /// All headings, in their order.
+    /// All headings, in order.
     pub(crate) headings: Vec<Heading>,
-    /// Where its links and images lead, as they are written.
+    /// Targets of links and images, as written.
     pub(crate) links: Vec<String>,
-    /// Images without a description.
+    /// Number of images without alternative text.
     pub(crate) mute: usize,
-    /// The text as HTML.
+    /// Text as HTML.
     pub(crate) body: String,
 }
 
 impl Page {
-    /// Reads Markdown. `place` gives the address of a link in the site; without one its text stays.
-    pub(crate) fn of(markdown: &str, place: impl Fn(&str) -> Option<String>) -> Self {
+    /// Converts Markdown. `place` returns the address of a link in the site; without an address
+    /// only the text of the link remains.
+    pub(crate) fn from_markdown(markdown: &str, place: impl Fn(&str) -> Option<String>) -> Self {
         let options = Options::ENABLE_TABLES | Options::ENABLE_FOOTNOTES;
         let mut events: Vec<Event<'_>> = Parser::new_ext(markdown, options).collect();
         let headings = anchored(&mut events);
@@ -41,7 +42,7 @@ impl Page {
         let events = placed(events, place);
         let mut body = String::new();
         html::push_html(&mut body, events.into_iter().flat_map(reachable));
-        // An empty cell is no heading of anything.
+        // An empty cell cannot be a header.
         let body = body.replace("<th></th>", "<td></td>");
         let title = headings.first().map_or(String::new(), |h| h.text.clone());
         Self {
@@ -53,13 +54,13 @@ impl Page {
         }
     }
 
-    /// Whether an address may end in `#anchor`.
+    /// Returns true if the page has this anchor.
     pub(crate) fn has(&self, anchor: &str) -> bool {
         self.headings.iter().any(|h| h.anchor == anchor)
     }
 }
 
-/// Gives headings their anchors; what they are.
+/// Assigns anchors to the headings and returns the headings.
 fn anchored(events: &mut [Event<'_>]) -> Vec<Heading> {
     let mut found = Vec::new();
     let mut seen: HashMap<String, usize> = HashMap::new();
@@ -95,7 +96,7 @@ fn anchored(events: &mut [Event<'_>]) -> Vec<Heading> {
     found
 }
 
-/// The anchor of a heading, as GitHub makes it: letters, digits and hyphens for spaces.
+/// Returns the anchor of a heading by GitHub's rule: letters, digits, and hyphens for spaces.
 fn anchor(text: &str) -> String {
     let kept = text.chars().filter_map(|c| match c {
         ' ' => Some('-'),
@@ -106,7 +107,7 @@ fn anchor(text: &str) -> String {
     kept.collect::<String>().to_lowercase()
 }
 
-/// Where a link or an image leads.
+/// Returns the target of a link or an image.
 fn target<'a>(event: &'a Event<'_>) -> Option<&'a str> {
     match event {
         Event::Start(Tag::Link { dest_url, .. } | Tag::Image { dest_url, .. }) => Some(dest_url),
@@ -114,7 +115,7 @@ fn target<'a>(event: &'a Event<'_>) -> Option<&'a str> {
     }
 }
 
-/// The number of images that say nothing to those who do not see them.
+/// Counts images without alternative text.
 fn mute(events: &[Event<'_>]) -> usize {
     let pairs = events.iter().zip(events.iter().skip(1));
     pairs
@@ -125,7 +126,8 @@ fn mute(events: &[Event<'_>]) -> usize {
         .count()
 }
 
-/// Links with their addresses in the site; of those without one the text alone.
+/// Replaces the targets of links by their addresses in the site; links without an address become
+/// text.
 fn placed<'a>(events: Vec<Event<'a>>, place: impl Fn(&str) -> Option<String>) -> Vec<Event<'a>> {
     let mut is_open = Vec::new();
     let mut out = Vec::with_capacity(events.len());
@@ -148,7 +150,7 @@ fn placed<'a>(events: Vec<Event<'a>>, place: impl Fn(&str) -> Option<String>) ->
     out
 }
 
-/// What is wider than a small screen gets a place of its own, that keys can scroll.
+/// Wraps elements that may be wider than a small screen so that they can be scrolled by keyboard.
 fn reachable(event: Event<'_>) -> Vec<Event<'_>> {
     let html = |text: &'static str| Event::Html(CowStr::Borrowed(text));
     match event {
@@ -169,9 +171,10 @@ mod tests {
 
     #[test]
     fn anchors_are_those_of_github() {
-        let page = Page::of("# Looking at it: `isoform view`\n## A, b\n## A b\n", |_| {
-            None
-        });
+        let page =
+            Page::from_markdown("# Looking at it: `isoform view`\n## A, b\n## A b\n", |_| {
+                None
+            });
         let anchors: Vec<&str> = page.headings.iter().map(|h| h.anchor.as_str()).collect();
         assert_eq!(anchors, ["looking-at-it-isoform-view", "a-b", "a-b-1"]);
         assert_eq!(page.title, "Looking at it: isoform view");
@@ -181,7 +184,7 @@ mod tests {
     #[test]
     fn links_lead_into_the_site_or_are_text() {
         let markdown = "[here](a.md#b) and [there](gone/) ![](x.png) ![all](y.png)";
-        let page = Page::of(markdown, |to| {
+        let page = Page::from_markdown(markdown, |to| {
             to.strip_suffix(".md#b").map(|s| s.to_owned() + ".html")
         });
         assert_eq!(page.links, ["a.md#b", "gone/", "x.png", "y.png"]);
@@ -195,7 +198,7 @@ mod tests {
 
     #[test]
     fn code_is_text_and_can_be_scrolled_to() {
-        let page = Page::of("```\na <b> & c\n```\n", |_| None);
+        let page = Page::from_markdown("```\na <b> & c\n```\n", |_| None);
         let want = "<pre tabindex=\"0\"><code>a &lt;b&gt; &amp; c\n</code></pre>\n";
         assert_eq!(page.body, want);
     }

@@ -1,7 +1,7 @@
-//! The pictures that pages show, and the commands that draw them.
+//! Pictures shown by pages, and the commands that draw them.
 //!
-//! A picture docs/images/NAME is what a command of a page writes as NAME: of a page that shows it,
-//! where one does both.
+//! A picture docs/images/NAME is the file that a command writes as NAME: preferably a command of a
+//! page that shows the picture.
 
 use crate::page::Page;
 use crate::site::resolved;
@@ -10,46 +10,46 @@ use std::fs;
 use std::io::Error;
 use std::path::{Path, PathBuf};
 
-/// Where pictures are, in the repository.
-const FOLDER: &str = "docs/images/";
+/// Folder of pictures, relative to the repository.
+const PICTURE_FOLDER: &str = "docs/images/";
 
-/// The pictures that pages show.
+/// Pictures shown by pages.
 pub(crate) struct Pictures {
     folder: PathBuf,
-    /// All pages, in their order.
+    /// All pages, in order.
     pages: Vec<String>,
-    /// By their names, the pages that show them.
+    /// Pages that show a picture, by its name.
     shown: BTreeMap<String, Vec<String>>,
 }
 
 impl Pictures {
-    /// Reads which pictures some pages show.
+    /// Collects the pictures that the pages show.
     pub(crate) fn read(root: &Path, pages: &[String]) -> Result<Self, Error> {
         let mut shown: BTreeMap<String, Vec<String>> = BTreeMap::new();
         for page in pages {
             let text = fs::read_to_string(root.join(page))?;
-            for link in Page::of(&text, |_| None).links {
+            for link in Page::from_markdown(&text, |_| None).links {
                 let (target, _) = resolved(page, &link);
-                if let Some(name) = target.strip_prefix(FOLDER) {
+                if let Some(name) = target.strip_prefix(PICTURE_FOLDER) {
                     shown.entry(name.to_owned()).or_default().push(page.clone());
                 }
             }
         }
         Ok(Self {
-            folder: root.join(FOLDER),
+            folder: root.join(PICTURE_FOLDER),
             pages: pages.to_vec(),
             shown,
         })
     }
 
-    /// The pages that show some.
+    /// Returns the pages that show pictures.
     pub(crate) fn pages(&self) -> impl Iterator<Item = &String> {
         let is_shown = |page: &&String| self.shown.values().any(|pages| pages.contains(page));
         self.pages.iter().filter(is_shown)
     }
 
-    /// What the commands of pages have written as a picture; `place` is where those of a page were
-    /// run.
+    /// Returns the file that the commands of pages wrote as a picture; `place` returns the folder
+    /// in which the commands of a page were run.
     fn drawn(&self, name: &str, place: &impl Fn(&str) -> PathBuf) -> Option<PathBuf> {
         let shows = |page: &&String| self.shown[name].contains(page);
         let first = self.pages.iter().filter(shows);
@@ -57,8 +57,8 @@ impl Pictures {
         files.find(|file| file.is_file())
     }
 
-    /// What is wrong once all commands were run: pictures that none has drawn though they are not
-    /// given, given ones that some have, and files that no page shows.
+    /// Returns the defects after all commands were run: pictures that no command draws though they
+    /// are not listed as given, given ones that a command draws, and files that no page shows.
     pub(crate) fn wrong(
         &self,
         given: &[&str],
@@ -69,8 +69,12 @@ impl Pictures {
         for name in self.shown.keys() {
             let is_given = given.contains(&name.as_str());
             match self.drawn(name, &place) {
-                None if !is_given => wrong.push(format!("{FOLDER}{name}: no command draws it")),
-                Some(_) if is_given => wrong.push(format!("{FOLDER}{name}: a command draws it")),
+                None if !is_given => {
+                    wrong.push(format!("{PICTURE_FOLDER}{name}: no command draws it"))
+                }
+                Some(_) if is_given => {
+                    wrong.push(format!("{PICTURE_FOLDER}{name}: a command draws it"))
+                }
                 Some(file) => others += usize::from(!self.is_as(name, &file)),
                 None => {}
             }
@@ -78,26 +82,26 @@ impl Pictures {
         for entry in fs::read_dir(&self.folder)? {
             let name = entry?.file_name().to_string_lossy().into_owned();
             if !self.shown.contains_key(&name) {
-                wrong.push(format!("{FOLDER}{name}: no page shows it"));
+                wrong.push(format!("{PICTURE_FOLDER}{name}: no page shows it"));
             }
         }
         let all = self.shown.len();
-        println!("{FOLDER}: {all} pictures, {others} of them are drawn otherwise now");
+        println!("{PICTURE_FOLDER}: {all} pictures, {others} of them are drawn otherwise now");
         Ok(wrong)
     }
 
-    /// Whether a file has the bytes of a picture.
+    /// Returns true if a file is identical to a picture.
     fn is_as(&self, name: &str, file: &Path) -> bool {
         let read = |file: &Path| fs::read(file).ok();
         read(file).is_some_and(|bytes| read(&self.folder.join(name)) == Some(bytes))
     }
 
-    /// Takes what commands have drawn.
+    /// Copies new versions of pictures from the files that commands wrote.
     pub(crate) fn take(&self, place: impl Fn(&str) -> PathBuf) -> Result<(), Error> {
         for name in self.shown.keys() {
             if let Some(file) = self.drawn(name, &place).filter(|f| !self.is_as(name, f)) {
                 fs::copy(file, self.folder.join(name))?;
-                println!("{FOLDER}{name}");
+                println!("{PICTURE_FOLDER}{name}");
             }
         }
         Ok(())
@@ -127,7 +131,7 @@ mod tests {
         let pages = ["README.md", "docs/b.md", "docs/c.md"].map(str::to_owned);
         let pictures = Pictures::read(&root, &pages).expect("pages");
         assert_eq!(pictures.pages().collect::<Vec<_>>(), [&pages[0], &pages[1]]);
-        // Drawn by another page than the one that shows it; and by both, then the one that shows it.
+        // Drawn by another page than the one that shows it; and by both: then the latter counts.
         write(place("docs/c.md").join("a.png"), "new");
         write(place("docs/c.md").join("b.png"), "of another");
         write(place("docs/b.md").join("b.png"), "its own");

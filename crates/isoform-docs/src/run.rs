@@ -1,10 +1,10 @@
 //! Runs the commands of the pages, each page in a folder of its own.
 //!
-//! tests/doc_commands.txt says what pages take for granted (`before`), and which commands are not
-//! run (`skip`) and which pictures are not drawn by one (`given`), each with its reason. A line
-//! there that fits nothing is a failure.
+//! tests/doc_commands.txt lists what pages take for granted (`before`), commands that are not run
+//! (`skip`) and pictures that no command draws (`given`), the last two with a reason. A line that
+//! matches nothing is a failure.
 
-use crate::commands::{Act, acts};
+use crate::commands::{PageStep, steps};
 use crate::pictures::Pictures;
 use std::error::Error;
 use std::fs;
@@ -15,48 +15,48 @@ use std::time::{Duration, Instant};
 #[cfg(unix)]
 use std::os::unix::fs::symlink;
 
-/// The commands are written for a shell, which other systems lack.
+/// Fails: the commands are written for a Unix shell.
 #[cfg(not(unix))]
 fn symlink(_: PathBuf, _: PathBuf) -> std::io::Result<()> {
     Err(std::io::ErrorKind::Unsupported.into())
 }
 
-/// Longer than any command of the documentation takes on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(120);
+/// Time limit of a command: longer than any of the documentation takes on a busy machine.
+const COMMAND_TIME_LIMIT: Duration = Duration::from_secs(120);
 
-/// A line of the list.
+/// Entry of tests/doc_commands.txt.
 #[derive(Debug, PartialEq, Eq)]
-struct Line {
-    kind: Kind,
-    /// The page; the picture of those that are given.
+struct ListEntry {
+    kind: ListEntryKind,
+    /// Page; for given pictures the picture.
     page: String,
     command: String,
 }
 
-/// What a line of the list says.
+/// Kind of an entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum ListEntryKind {
     Before,
     Skip,
     Given,
 }
 
-/// The lines of the list: `before | PAGE | COMMAND`, `skip | PAGE | COMMAND | REASON` or
-/// `given | PICTURE | REASON`.
-fn read(list: &str) -> Result<Vec<Line>, String> {
-    let lines = list
+/// Parses the entries: `before | PAGE | COMMAND`, `skip | PAGE | COMMAND | REASON` or `given |
+/// PICTURE | REASON`.
+fn read(list: &str) -> Result<Vec<ListEntry>, String> {
+    let entries = list
         .lines()
         .filter(|line| !line.is_empty() && !line.starts_with('#'));
-    lines
+    entries
         .map(|line| {
             let cells: Vec<&str> = line.split(" | ").collect();
             let (kind, page, command) = match cells.as_slice() {
-                ["before", page, command] => (Kind::Before, page, *command),
-                ["skip", page, command, _reason] => (Kind::Skip, page, *command),
-                ["given", picture, _reason] => (Kind::Given, picture, ""),
+                ["before", page, command] => (ListEntryKind::Before, page, *command),
+                ["skip", page, command, _reason] => (ListEntryKind::Skip, page, *command),
+                ["given", picture, _reason] => (ListEntryKind::Given, picture, ""),
                 _ => return Err(format!("no kind of line, or without a reason: {line}")),
             };
-            Ok(Line {
+            Ok(ListEntry {
                 kind,
                 page: (*page).to_owned(),
                 command: command.to_owned(),
@@ -65,16 +65,16 @@ fn read(list: &str) -> Result<Vec<Line>, String> {
         .collect()
 }
 
-/// The commands of a page as the list has them: without what is said behind them.
+/// Normalises a command for comparison with entries: without a comment and with single spaces.
 fn plain(command: &str) -> String {
     let command = command.split(" #").next().unwrap_or(command);
     command.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Runs the commands of some pages, or of all where none is named; true if all end well and, of all
-/// pages, draw the pictures that pages show.
+/// Runs the commands of some pages, or of all if none is named. Returns true if all commands end as
+/// they should and, if all pages were run, draw the pictures that pages show.
 pub(crate) fn all(root: &Path, program: &Path, some: &[&str]) -> Result<bool, Box<dyn Error>> {
-    let lines = read(&fs::read_to_string(root.join("tests/doc_commands.txt"))?)?;
+    let entries = read(&fs::read_to_string(root.join("tests/doc_commands.txt"))?)?;
     let runner = Runner::new(root, program)?;
     let pages = pages(root)?;
     if let Some(page) = some.iter().find(|page| !pages.iter().any(|p| p == **page)) {
@@ -84,25 +84,28 @@ pub(crate) fn all(root: &Path, program: &Path, some: &[&str]) -> Result<bool, Bo
     let mut seen = Vec::new();
     let is_run = |page: &&String| some.is_empty() || some.contains(&page.as_str());
     for page in pages.iter().filter(is_run) {
-        is_good &= runner.page(page, &lines, &mut seen)?;
+        is_good &= runner.page(page, &entries, &mut seen)?;
     }
     if some.is_empty() {
-        is_good &= is_complete(&runner, &pages, &lines, seen)?;
+        is_good &= is_complete(&runner, &pages, &entries, seen)?;
     }
     fs::remove_dir_all(&runner.scratch)?;
     Ok(is_good)
 }
 
-/// Checks, once the commands of all pages were run, that these draw the pictures that pages show,
-/// and that each line of the list fits one; `seen` are the lines that do.
+/// Checks, after the commands of all pages were run, that they drew the pictures that pages show
+/// and that every entry was used; `seen` contains the entries used by commands.
 fn is_complete<'a>(
     runner: &Runner,
     pages: &[String],
-    lines: &'a [Line],
-    mut seen: Vec<&'a Line>,
+    entries: &'a [ListEntry],
+    mut seen: Vec<&'a ListEntry>,
 ) -> Result<bool, Box<dyn Error>> {
     let mut is_good = true;
-    let given: Vec<&Line> = lines.iter().filter(|l| l.kind == Kind::Given).collect();
+    let given: Vec<&ListEntry> = entries
+        .iter()
+        .filter(|l| l.kind == ListEntryKind::Given)
+        .collect();
     let names: Vec<&str> = given.iter().map(|l| l.page.as_str()).collect();
     let pictures = Pictures::read(&runner.root, pages)?;
     for wrong in pictures.wrong(&names, |page| runner.place(page))? {
@@ -110,7 +113,7 @@ fn is_complete<'a>(
         is_good = false;
     }
     seen.extend(given);
-    for line in lines.iter().filter(|line| !seen.contains(line)) {
+    for line in entries.iter().filter(|line| !seen.contains(line)) {
         println!(
             "{}: listed, but no such command: {}",
             line.page, line.command
@@ -120,22 +123,22 @@ fn is_complete<'a>(
     Ok(is_good)
 }
 
-/// Runs the commands of the pages that show pictures, and takes what they draw into docs/images;
-/// whether all end well.
+/// Runs the commands of the pages that show pictures, and copies what they draw into docs/images;
+/// returns true if all end as they should.
 pub(crate) fn draw(root: &Path, program: &Path) -> Result<bool, Box<dyn Error>> {
-    let lines = read(&fs::read_to_string(root.join("tests/doc_commands.txt"))?)?;
+    let entries = read(&fs::read_to_string(root.join("tests/doc_commands.txt"))?)?;
     let runner = Runner::new(root, program)?;
     let pictures = Pictures::read(root, &pages(root)?)?;
     let mut is_good = true;
     for page in pictures.pages() {
-        is_good &= runner.page(page, &lines, &mut Vec::new())?;
+        is_good &= runner.page(page, &entries, &mut Vec::new())?;
     }
     pictures.take(|page| runner.place(page))?;
     fs::remove_dir_all(&runner.scratch)?;
     Ok(is_good)
 }
 
-/// The pages whose commands are run.
+/// Returns the pages whose commands are run.
 fn pages(root: &Path) -> Result<Vec<String>, std::io::Error> {
     let mut pages = vec!["README.md".to_owned()];
     for entry in fs::read_dir(root.join("docs"))? {
@@ -148,7 +151,7 @@ fn pages(root: &Path) -> Result<Vec<String>, std::io::Error> {
     Ok(pages)
 }
 
-/// What all pages share.
+/// Input and work space of all pages.
 struct Runner {
     root: PathBuf,
     program: PathBuf,
@@ -164,47 +167,47 @@ impl Runner {
         })
     }
 
-    /// The folder in which the commands of a page are run.
+    /// Returns the folder in which the commands of a page are run.
     fn place(&self, page: &str) -> PathBuf {
         self.scratch.join(page.replace('/', "-"))
     }
 
-    /// Runs the commands of a page; whether all end well.
+    /// Runs the commands of a page; returns true if all end as they should.
     fn page<'a>(
         &self,
         page: &str,
-        lines: &'a [Line],
-        seen: &mut Vec<&'a Line>,
+        entries: &'a [ListEntry],
+        seen: &mut Vec<&'a ListEntry>,
     ) -> Result<bool, Box<dyn Error>> {
-        let acts = acts(&fs::read_to_string(self.root.join(page))?);
+        let steps = steps(&fs::read_to_string(self.root.join(page))?);
         let folder = self.folder(page)?;
         let start = Instant::now();
         let mut is_good = true;
-        let before = |l: &&Line| l.page == page && l.kind == Kind::Before;
-        for line in lines.iter().filter(before) {
+        let before = |l: &&ListEntry| l.page == page && l.kind == ListEntryKind::Before;
+        for line in entries.iter().filter(before) {
             seen.push(line);
             is_good &= self.run(page, &line.command, None, &folder)?;
         }
         let mut count = [0, 0];
-        for act in &acts {
-            let (command, error) = match act {
-                Act::File(name, text) => {
+        for step in &steps {
+            let (command, error) = match step {
+                PageStep::File(name, text) => {
                     fs::write(folder.join(name), text)?;
                     continue;
                 }
-                Act::Run(command) => (plain(command), None),
-                Act::Refused(command, error) => (plain(command), Some(error.as_str())),
+                PageStep::Run(command) => (plain(command), None),
+                PageStep::Refused(command, error) => (plain(command), Some(error.as_str())),
             };
-            let skipped = lines
+            let skipped = entries
                 .iter()
-                .find(|l| l.kind == Kind::Skip && l.page == page && l.command == command);
+                .find(|l| l.kind == ListEntryKind::Skip && l.page == page && l.command == command);
             count[usize::from(skipped.is_some())] += 1;
             match skipped {
                 Some(line) => seen.push(line),
                 None => is_good &= self.run(page, &command, error, &folder)?,
             }
         }
-        if !acts.is_empty() {
+        if !steps.is_empty() {
             let [run, skipped] = count;
             let seconds = start.elapsed().as_secs_f64();
             println!("{page}: {run} commands run, {skipped} skipped, {seconds:.1} s");
@@ -212,7 +215,7 @@ impl Runner {
         Ok(is_good)
     }
 
-    /// An empty folder with the examples of the repository.
+    /// Creates the folder of a page, with a link to the examples of the repository.
     fn folder(&self, page: &str) -> Result<PathBuf, std::io::Error> {
         let folder = self.place(page);
         fs::create_dir_all(&folder)?;
@@ -220,7 +223,8 @@ impl Runner {
         Ok(folder)
     }
 
-    /// Runs a command; whether it ends in time and as it should: well, or with this line.
+    /// Runs a command; returns true if it ends in time and as it should: with success, or with the
+    /// line `error`.
     fn run(
         &self,
         page: &str,
@@ -255,10 +259,10 @@ impl Runner {
     }
 }
 
-/// How a process ends; none where it takes too long.
+/// Waits for a process; `None` if it took too long and was killed.
 fn ended(mut child: Child) -> Result<Option<ExitStatus>, std::io::Error> {
     let start = Instant::now();
-    while start.elapsed() < PATIENCE {
+    while start.elapsed() < COMMAND_TIME_LIMIT {
         if let Some(status) = child.try_wait()? {
             return Ok(Some(status));
         }
@@ -277,9 +281,16 @@ mod tests {
     fn the_list() {
         let list = "# why\n\nbefore | a.md | cp x y\nskip | a.md | isoform z | no z\n\
                     given | x.png | by hand\n";
-        let lines = read(list).expect("three lines");
-        let kinds: Vec<Kind> = lines.iter().map(|l| l.kind).collect();
-        assert_eq!(kinds, [Kind::Before, Kind::Skip, Kind::Given]);
+        let entries = read(list).expect("three lines");
+        let kinds: Vec<ListEntryKind> = entries.iter().map(|l| l.kind).collect();
+        assert_eq!(
+            kinds,
+            [
+                ListEntryKind::Before,
+                ListEntryKind::Skip,
+                ListEntryKind::Given
+            ]
+        );
         assert!(
             read("skip | a.md | isoform z\n").is_err(),
             "without a reason"

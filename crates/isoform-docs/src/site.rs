@@ -1,4 +1,4 @@
-//! All pages, how they are found from one another, and what is wrong with their links.
+//! All pages with their navigation, and the check of their links.
 
 use crate::notebook;
 use crate::page::Page;
@@ -8,8 +8,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
-/// The pages in the order of reading, in groups: the file in the repository, and its name in the
-/// navigation.
+/// Pages in the order of reading, in groups: path in the repository, and label in the navigation.
 const PAGES: [(&str, &[(&str, &str)]); 8] = [
     (
         "Begin",
@@ -92,16 +91,16 @@ const PAGES: [(&str, &[(&str, &str)]); 8] = [
     ),
 ];
 
-/// How the names of notebooks end.
-const NOTEBOOK: &str = ".ipynb";
+/// Extension of notebooks.
+const NOTEBOOK_EXTENSION: &str = ".ipynb";
 
-/// The style of all pages.
+/// Style sheet of all pages.
 const STYLE: &str = include_str!("../assets/site.css");
 
-/// The site.
+/// Documentation site.
 pub(crate) struct Site {
     root: PathBuf,
-    /// By their files in the repository.
+    /// Pages by their path in the repository.
     pub(crate) pages: BTreeMap<String, Page>,
 }
 
@@ -112,10 +111,10 @@ impl Site {
         for (file, _) in listed() {
             let mut text =
                 fs::read_to_string(root.join(file)).map_err(|e| format!("{file}: {e}"))?;
-            if file.ends_with(NOTEBOOK) {
+            if file.ends_with(NOTEBOOK_EXTENSION) {
                 text = notebook::markdown(&text).map_err(|e| format!("{file}: {e}"))?;
             }
-            let page = Page::of(&text, |link| address(root, file, link));
+            let page = Page::from_markdown(&text, |link| address(root, file, link));
             pages.insert(file.to_owned(), page);
         }
         Ok(Self {
@@ -124,7 +123,7 @@ impl Site {
         })
     }
 
-    /// The number of links within the site.
+    /// Returns the number of links within the site.
     pub(crate) fn links(&self) -> usize {
         let links = self.pages.values().flat_map(|page| &page.links);
         links.filter(|link| !is_outside(link)).count()
@@ -149,11 +148,12 @@ impl Site {
         Ok(())
     }
 
-    /// What is wrong: pages that nothing leads to, links that lead nowhere, mute images.
+    /// Returns the defects: pages that are not in the navigation, broken links, images without
+    /// alternative text.
     pub(crate) fn wrong(&self) -> Vec<String> {
         let mut wrong = Vec::new();
         let mut files = self.files("docs", ".md");
-        files.extend(self.files("examples/notebooks", NOTEBOOK));
+        files.extend(self.files("examples/notebooks", NOTEBOOK_EXTENSION));
         let unlisted = files.iter().filter(|file| !self.pages.contains_key(*file));
         wrong.extend(unlisted.map(|file| format!("{file}: not in the navigation (site.rs)")));
         for (file, page) in &self.pages {
@@ -169,7 +169,7 @@ impl Site {
         wrong
     }
 
-    /// The files of a folder whose names end so, in the order of their names.
+    /// Returns the files of a folder with an ending, sorted by name.
     fn files(&self, folder: &str, ending: &str) -> Vec<String> {
         let entries = fs::read_dir(self.root.join(folder)).into_iter().flatten();
         let mut files: Vec<String> = entries
@@ -181,10 +181,10 @@ impl Site {
         files
     }
 
-    /// Why a link leads nowhere; none where it leads somewhere.
+    /// Returns the reason why a link is broken; `None` if it is valid.
     fn why_bad(&self, file: &str, link: &str) -> Option<String> {
         if is_outside(link) {
-            let is_known = ["https://", "http://", PICTURE]
+            let is_known = ["https://", "http://", PICTURE_PREFIX]
                 .iter()
                 .any(|k| link.starts_with(k));
             return (!is_known).then(|| format!("{link}: what kind of address is that?"));
@@ -198,7 +198,7 @@ impl Site {
         Some(format!("{link}: there is no heading #{anchor}"))
     }
 
-    /// A page with what surrounds it.
+    /// Returns the complete HTML document of a page.
     fn document(&self, file: &str, page: &Page) -> String {
         format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -215,7 +215,7 @@ impl Site {
         )
     }
 
-    /// The list of pages; below the present one its sections.
+    /// Returns the list of pages, with the sections of the present page.
     fn navigation(&self, present: &str) -> String {
         let mut html = String::from("<nav id=\"pages\" aria-label=\"Pages\">\n");
         for (group, files) in PAGES {
@@ -238,7 +238,7 @@ impl Site {
         html + "</nav>\n"
     }
 
-    /// The sections of a page.
+    /// Returns the list of a page's sections.
     fn sections(&self, file: &str) -> String {
         let sections = self.pages[file].headings.iter().filter(|h| h.is_section);
         let rows: String = sections
@@ -258,7 +258,7 @@ impl Site {
     }
 }
 
-/// The title of a page in the browser.
+/// Returns the title of a page's document.
 fn title(page: &Page) -> String {
     if page.title == "Isoform" {
         "Isoform".to_owned()
@@ -267,34 +267,34 @@ fn title(page: &Page) -> String {
     }
 }
 
-/// The pages with their names.
+/// Returns the pages with their labels.
 fn listed() -> impl Iterator<Item = (&'static str, &'static str)> {
     PAGES.iter().flat_map(|(_, files)| files.iter().copied())
 }
 
-/// The name of a page in the site.
+/// Returns the file name of a page in the site.
 fn name(file: &str) -> String {
     match file {
         "README.md" => "index.html".to_owned(),
         "docs/README.md" => "pages.html".to_owned(),
         file => {
             let plain = file.trim_start_matches("docs/").trim_end_matches(".md");
-            let plain = plain.trim_end_matches(NOTEBOOK);
+            let plain = plain.trim_end_matches(NOTEBOOK_EXTENSION);
             let plain = plain.trim_end_matches("/README").replace('/', "-");
             plain.to_lowercase() + ".html"
         }
     }
 }
 
-/// How the addresses of pictures begin that are within a page, as those of notebooks are.
-const PICTURE: &str = "data:image/png;base64,";
+/// Prefix of the addresses of embedded pictures, such as those of notebooks.
+const PICTURE_PREFIX: &str = "data:image/png;base64,";
 
-/// Whether a link leads out of the repository.
+/// Returns true if a link leads out of the repository.
 fn is_outside(link: &str) -> bool {
-    link.contains("://") || link.starts_with("mailto:") || link.starts_with(PICTURE)
+    link.contains("://") || link.starts_with("mailto:") || link.starts_with(PICTURE_PREFIX)
 }
 
-/// The file in the repository that a link of a page leads to, and the heading in it.
+/// Resolves a link of a page to a path in the repository and an anchor.
 pub(crate) fn resolved<'a>(file: &str, link: &'a str) -> (String, Option<&'a str>) {
     let (path, anchor) = match link.split_once('#') {
         Some((path, anchor)) => (path, Some(anchor)),
@@ -317,7 +317,7 @@ pub(crate) fn resolved<'a>(file: &str, link: &'a str) -> (String, Option<&'a str
     (parts.join("/"), anchor)
 }
 
-/// The address in the site of what a page links to; none for folders.
+/// Returns the address of a link's target in the site; `None` for folders.
 fn address(root: &Path, file: &str, link: &str) -> Option<String> {
     if is_outside(link) {
         return Some(link.to_owned());
@@ -337,7 +337,7 @@ fn address(root: &Path, file: &str, link: &str) -> Option<String> {
     })
 }
 
-/// A text within HTML.
+/// Escapes text for HTML.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
@@ -381,7 +381,7 @@ mod tests {
         let mut site = Site::read(&root()).expect("pages");
         assert_eq!(site.wrong(), Vec::<String>::new());
         let markdown = "# A\n[a](#b) [c](gone.md) [d](view.md#gone) [e](ftp://x) ![](x.png)";
-        let page = Page::of(markdown, |_| None);
+        let page = Page::from_markdown(markdown, |_| None);
         site.pages.insert("docs/view.md".to_owned(), page);
         let wrong = site.wrong().join("\n");
         for word in [
