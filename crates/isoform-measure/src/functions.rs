@@ -1,48 +1,48 @@
-//! The functions of a source file and their size.
+//! Functions of a source file and their size.
 
 use proc_macro2::{Spacing, TokenStream, TokenTree};
 use quote::ToTokens;
 use syn::visit::{self, Visit};
 
-/// A function with a body and its size. Functions and closures inside it count as parts of it.
+/// Size of a function with a body. Nested functions and closures count as parts of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Function {
-    /// Its name, after the type that it belongs to.
+    /// Name, qualified by the type it belongs to.
     pub(crate) name: String,
-    /// Line of its name.
+    /// Line of the name.
     pub(crate) line: usize,
-    /// Tokens from the visibility to the closing brace, without attributes and comments.
+    /// Number of tokens from the visibility to the closing brace, without attributes and comments.
     pub(crate) tokens: usize,
-    /// McCabe's number (IEEE Transactions on Software Engineering 2, 1976): one more than the
-    /// number of `if`, `while`, `for`, arms of `match`, `&&`, `||` and `?`.
+    /// Cyclomatic complexity (McCabe, IEEE Transactions on Software Engineering 2, 1976): one more
+    /// than the number of `if`, `while`, `for`, arms of `match`, `&&`, `||` and `?`.
     pub(crate) cyclomatic: usize,
 }
 
-/// All functions of a file, but for those of its tests.
+/// Returns all functions of a file except those of its tests.
 ///
 /// # Errors
-/// If the text is no Rust.
+/// If the text is not valid Rust.
 pub(crate) fn functions(text: &str) -> syn::Result<Vec<Function>> {
     let file = syn::parse_file(text)?;
-    let mut found = Functions::default();
+    let mut found = FunctionCollector::default();
     found.visit_file(&file);
     Ok(found.functions)
 }
 
 #[derive(Default)]
-struct Functions {
-    /// The type whose methods are visited.
-    of: Option<String>,
+struct FunctionCollector {
+    /// Type or trait whose methods are being visited.
+    owner: Option<String>,
     functions: Vec<Function>,
 }
 
-impl Functions {
+impl FunctionCollector {
     fn add(&mut self, ident: &syn::Ident, tokens: TokenStream, block: &syn::Block) {
-        let name = match &self.of {
-            Some(of) => format!("{of}::{ident}"),
+        let name = match &self.owner {
+            Some(owner) => format!("{owner}::{ident}"),
             None => ident.to_string(),
         };
-        let mut branches = Branches(0);
+        let mut branches = BranchCounter(0);
         branches.visit_block(block);
         self.functions.push(Function {
             name,
@@ -53,7 +53,7 @@ impl Functions {
     }
 }
 
-/// Whether an item is compiled for tests only.
+/// Returns true if an item is compiled for tests only.
 fn is_test(attributes: &[syn::Attribute]) -> bool {
     attributes.iter().any(|attribute| {
         let text = attribute.meta.to_token_stream().to_string();
@@ -61,7 +61,7 @@ fn is_test(attributes: &[syn::Attribute]) -> bool {
     })
 }
 
-impl<'ast> Visit<'ast> for Functions {
+impl<'ast> Visit<'ast> for FunctionCollector {
     fn visit_item_mod(&mut self, item: &'ast syn::ItemMod) {
         if !is_test(&item.attrs) {
             visit::visit_item_mod(self, item);
@@ -76,15 +76,15 @@ impl<'ast> Visit<'ast> for Functions {
             syn::Type::Path(path) => path.path.segments.last().map(|s| s.ident.to_string()),
             _ => None,
         };
-        let outer = std::mem::replace(&mut self.of, name);
+        let outer = std::mem::replace(&mut self.owner, name);
         visit::visit_item_impl(self, item);
-        self.of = outer;
+        self.owner = outer;
     }
 
     fn visit_item_trait(&mut self, item: &'ast syn::ItemTrait) {
-        let outer = self.of.replace(item.ident.to_string());
+        let outer = self.owner.replace(item.ident.to_string());
         visit::visit_item_trait(self, item);
-        self.of = outer;
+        self.owner = outer;
     }
 
     fn visit_item_fn(&mut self, item: &'ast syn::ItemFn) {
@@ -117,10 +117,10 @@ impl<'ast> Visit<'ast> for Functions {
     }
 }
 
-/// Counts where the flow of a function divides.
-struct Branches(usize);
+/// Counter of branches in the control flow of a function.
+struct BranchCounter(usize);
 
-impl<'ast> Visit<'ast> for Branches {
+impl<'ast> Visit<'ast> for BranchCounter {
     fn visit_expr(&mut self, expression: &'ast syn::Expr) {
         use syn::{BinOp, Expr};
         self.0 += match expression {
@@ -133,7 +133,7 @@ impl<'ast> Visit<'ast> for Branches {
     }
 }
 
-/// Tokens as a lexer has them: an operator of two characters is one, and so is a lifetime.
+/// Counts tokens like a lexer: an operator of two characters is one token, and so is a lifetime.
 fn count(tokens: TokenStream) -> usize {
     let mut number = 0;
     let mut is_joint = false;

@@ -1,9 +1,9 @@
 //! Measures the functions of this repository's crates: tokens and cyclomatic complexity.
 //!
-//! Prints a table by crate. Functions with more than [`MOST_TOKENS`] tokens or [`MOST_BRANCHES`]
-//! branches are listed in tests/long_functions.txt, each with its reason; a long function that is
-//! not listed is a failure, and so is a listed one that no longer exists or is no longer long, so
-//! that the list can only shrink.
+//! Prints a table by crate. Functions with more than [`MAX_TOKENS`] tokens or a cyclomatic
+//! complexity above [`MAX_COMPLEXITY`] are listed in tests/long_functions.txt, each with its
+//! reason. A long function that is not listed is a failure, and so is a listed one that was
+//! removed or shortened, so that the list can only shrink.
 #![forbid(unsafe_code)]
 
 mod functions;
@@ -15,24 +15,24 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// A function with more tokens has to be listed. Of kurbo, fidget and spade one function in a
-/// hundred is longer; less would cut flat tables.
-const MOST_TOKENS: usize = 800;
-/// A function with a larger cyclomatic number has to be listed. Beyond it a reader no longer holds
-/// the ways through in mind; kurbo has two such functions, spade one.
-const MOST_BRANCHES: usize = 25;
+/// Maximum number of tokens of a function that need not be listed. One function in a hundred of
+/// kurbo, fidget and spade is longer; a lower limit would force tables to be split.
+const MAX_TOKENS: usize = 800;
+/// Maximum cyclomatic complexity of a function that need not be listed. Beyond it a reader no
+/// longer keeps track of the paths; kurbo has two such functions, spade one.
+const MAX_COMPLEXITY: usize = 25;
 
-struct Measured {
-    /// The crate.
+struct MeasuredFunction {
+    /// Name of the crate.
     room: String,
-    /// The file, from the folder of crates.
+    /// Path of the file, relative to the folder of crates.
     file: String,
     function: Function,
 }
 
-impl Measured {
+impl MeasuredFunction {
     fn is_long(&self) -> bool {
-        self.function.tokens > MOST_TOKENS || self.function.cyclomatic > MOST_BRANCHES
+        self.function.tokens > MAX_TOKENS || self.function.cyclomatic > MAX_COMPLEXITY
     }
     fn key(&self) -> String {
         format!("{} {}", self.file, self.function.name)
@@ -59,7 +59,7 @@ fn run() -> Result<bool, Box<dyn Error>> {
             let text = fs::read_to_string(&path)?;
             let file = path.strip_prefix(&crates)?.display().to_string();
             let found = functions(&text).map_err(|e| format!("{file}: {e}"))?;
-            measured.extend(found.into_iter().map(|function| Measured {
+            measured.extend(found.into_iter().map(|function| MeasuredFunction {
                 room: room.clone(),
                 file: file.clone(),
                 function,
@@ -71,7 +71,7 @@ fn run() -> Result<bool, Box<dyn Error>> {
     Ok(print_long(&measured, &listed))
 }
 
-/// What lies in a folder, by name.
+/// Returns the entries of a folder, sorted by name.
 fn sorted(folder: &Path) -> Result<Vec<PathBuf>, std::io::Error> {
     let entries = fs::read_dir(folder)?;
     let mut paths = entries
@@ -87,7 +87,7 @@ fn name(path: &Path) -> String {
         .unwrap_or_default()
 }
 
-/// The sources in a folder and the folders in it.
+/// Returns the source files of a folder and its subfolders.
 fn sources(folder: &Path) -> Result<Vec<PathBuf>, std::io::Error> {
     let mut found = Vec::new();
     for path in sorted(folder)? {
@@ -100,12 +100,12 @@ fn sources(folder: &Path) -> Result<Vec<PathBuf>, std::io::Error> {
     Ok(found)
 }
 
-fn print_table(measured: &[Measured]) {
+fn print_table(measured: &[MeasuredFunction]) {
     let mut rooms: BTreeMap<&str, Vec<&Function>> = BTreeMap::new();
     for m in measured {
         rooms.entry(&m.room).or_default().push(&m.function);
     }
-    println!("crate                functions  tokens: median   p90  >{MOST_TOKENS}  branches >25");
+    println!("crate                functions  tokens: median   p90  >{MAX_TOKENS}  branches >25");
     for (room, functions) in &rooms {
         print_row(room, functions);
     }
@@ -118,16 +118,17 @@ fn print_row(room: &str, functions: &[&Function]) {
     tokens.sort_unstable();
     let n = tokens.len();
     let at = |tenths: usize| tokens.get(n * tenths / 10).copied().unwrap_or_default();
-    let long = tokens.iter().filter(|&&t| t > MOST_TOKENS).count();
-    let is_branched = |f: &&&Function| f.cyclomatic > MOST_BRANCHES;
+    let long = tokens.iter().filter(|&&t| t > MAX_TOKENS).count();
+    let is_branched = |f: &&&Function| f.cyclomatic > MAX_COMPLEXITY;
     let branched = functions.iter().filter(is_branched).count();
     let (median, ninth) = (at(5), at(9));
     println!("{room:20} {n:9} {median:15} {ninth:5} {long:5} {branched:13}");
 }
 
-/// Prints long functions and whether the list has them; says whether the list is right.
-fn print_long(measured: &[Measured], list: &str) -> bool {
-    // A line: file, function, then the reason after a colon and a space.
+/// Prints long functions that are not listed, and listed ones that are not long; returns true if
+/// neither exist.
+fn print_long(measured: &[MeasuredFunction], list: &str) -> bool {
+    // Format of a line: file, function, then the reason after a colon and a space.
     let listed: BTreeSet<&str> = list
         .lines()
         .filter(|line| !line.starts_with('#') && !line.trim().is_empty())
