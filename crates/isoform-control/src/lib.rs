@@ -26,24 +26,24 @@ use std::time::{Duration, Instant};
 /// Receives the name of a phase and the share of it that is done, from 0 to 1.
 pub type Progress<'a> = dyn Fn(&str, f64) + Sync + 'a;
 
-/// Cancellation, deadline and progress of a stage. The default has none of them.
+/// Cancellation, deadline and progress of a stage; the default has none of the three.
 #[derive(Clone, Copy, Default)]
 pub struct Control<'a> {
-    /// A flag that is set from outside to end the work.
+    /// Flag that another thread sets to end the work.
     pub cancelled: Option<&'a AtomicBool>,
-    /// The instant at which the work ends.
+    /// Instant at which the work ends.
     pub deadline: Option<Instant>,
-    /// Is told which phase has begun and how far it is.
+    /// Callback that receives the phase and the share of it that is done.
     pub progress: Option<&'a Progress<'a>>,
 }
 
-/// The work was cancelled, or its deadline is over.
+/// The work was cancelled or reached its deadline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("stopped")]
 pub struct Stopped;
 
 impl Control<'_> {
-    /// Ends the work at this instant, or at its own deadline where that is earlier.
+    /// Ends the work at this instant, or at the present deadline if that is earlier.
     #[must_use]
     pub fn until(self, deadline: Instant) -> Self {
         let deadline = self.deadline.map_or(deadline, |own| own.min(deadline));
@@ -53,8 +53,8 @@ impl Control<'_> {
         }
     }
 
-    /// Ends the work this many seconds from now, or at its own deadline where that is earlier;
-    /// infinitely many seconds are no limit.
+    /// Ends the work this many seconds from now, or at the present deadline if that is earlier;
+    /// infinity sets no limit.
     #[must_use]
     pub fn for_seconds(self, seconds: f64) -> Self {
         let time = Duration::try_from_secs_f64(seconds.max(0.0)).ok();
@@ -64,18 +64,18 @@ impl Control<'_> {
         }
     }
 
-    /// True if the work has to end now.
+    /// Returns true if the work has to end now.
     pub fn is_stopped(&self) -> bool {
         let is_set = |flag: &AtomicBool| flag.load(Ordering::Relaxed);
         self.cancelled.is_some_and(is_set) || self.is_late()
     }
 
-    /// True if the deadline is over.
+    /// Returns true if the deadline has passed.
     pub fn is_late(&self) -> bool {
         self.deadline.is_some_and(|end| Instant::now() >= end)
     }
 
-    /// The error that ends the work, for `?`.
+    /// Returns the error that ends the work, for `?`.
     ///
     /// # Errors
     /// [`Stopped`] once the work has to end.
@@ -87,14 +87,14 @@ impl Control<'_> {
         }
     }
 
-    /// Tells which share of a phase is done, from 0 to 1.
+    /// Reports which share of a phase is done, from 0 to 1.
     pub fn report(&self, phase: &str, done: f64) {
         if let Some(progress) = self.progress {
             progress(phase, done);
         }
     }
 
-    /// Tells that a phase begins.
+    /// Reports the beginning of a phase.
     ///
     /// # Errors
     /// [`Stopped`] once the work has to end.
