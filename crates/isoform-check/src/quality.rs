@@ -56,6 +56,17 @@ pub fn dihedral_sines(p: [Point3; 4]) -> [f64; 6] {
 }
 
 /// Quantities from which all measures of a tetrahedron are computed.
+///
+/// ```
+/// use isoform_check::quality::{Shape, degrees, dihedral_cosines};
+///
+/// // The regular tetrahedron in a cube of edge 2.
+/// let p = [[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0], [-1.0, -1.0, 1.0]];
+/// let shape = Shape::of(p);
+/// assert!((shape.six_volume - 16.0).abs() < 1e-12 && (shape.radius_ratio() - 1.0).abs() < 1e-12);
+/// let angle = degrees(dihedral_cosines(p)[0]);
+/// assert!((angle - (1.0f64 / 3.0).acos().to_degrees()).abs() < 1e-12);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Shape {
     /// Area vectors of the faces, see [`face_normals`].
