@@ -6,15 +6,14 @@
 //! - L = ∬ (g₁₁ − l₁)² + (g₂₂ − l₂)² du dv and R = ∬ g₁₂² du dv, section 2.4
 //! - E = Σ |p(uᵢ, vᵢ) − Pᵢ|² over the four corners, section 2.5
 //!
-//! Remark 1's functional (5), an option, is ∫ (
+//! Remark 1's functional (5), a choice, is ∫ (|D(φ)|² − 1)² dφ for the tangent vectors
 //!
-//! D(φ)
+//! D(φ) = cos φ pᵤ/√l₁ + sin φ pᵥ/√l₂,
 //!
-//! ² − 1)² dφ for the tangent vectors D(φ) = cos φ pᵤ/√l₁ + sin φ pᵥ/√l₂, which are unit vectors
-//! where p is an isometric rectangle; the paper prints l₂ and l₁ in place of 1/l₁ and 1/l₂, with
-//! which they are not, and omits a plus sign. With a = g₁₁/l₁ − 1 and b = g₂₂/l₂ − 1 it is π (a²/2
-//! + b²/2 + (a + b)²/4 + g₁₂²/(l₁l₂)). Multiplied by l₁l₂/π, its last term is R's integrand; the
-//! others replace L's integrand.
+//! which are unit vectors where p is an isometric rectangle; the paper prints l₂ and l₁ in place
+//! of 1/l₁ and 1/l₂, with which they are not, and omits a plus sign. With a = g₁₁/l₁ − 1 and
+//! b = g₂₂/l₂ − 1 the functional is π (a²/2 + b²/2 + (a + b)²/4 + g₁₂²/(l₁l₂)). Multiplied by
+//! l₁l₂/π, its last term is R's integrand; the others replace L's integrand.
 //!
 //! Every integrand is a function of the twelve numbers z = (p*, p*ᵤ, p*ᵥ) at a node, so its
 //! derivatives by the control points follow from the 12 first and 12 × 12 second derivatives by z
