@@ -3,7 +3,7 @@
 use isoform_field::{Placed, Polynomial};
 use isoform_geom::{Aabb, Expansion, Field, Point3, PolynomialData, Terms};
 use isoform_num::{Interval, Jet2, Jet3};
-use isoform_spline::{ImplicitSpline, MAX_GLOBAL};
+use isoform_spline::{ImplicitSpline, MAX_GLOBAL_DEGREE};
 
 /// Number of intervals along each edge of a box on whose sides a function is sampled.
 const AROUND: usize = 24;
@@ -121,8 +121,8 @@ pub struct GlobalPolynomial {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PolynomialError {
-    /// The degree is not between 1 and [`MAX_GLOBAL`].
-    #[error("degree {0}: from 1 to {MAX_GLOBAL} are possible")]
+    /// The degree is not between 1 and [`MAX_GLOBAL_DEGREE`].
+    #[error("degree {0}: from 1 to {MAX_GLOBAL_DEGREE} are possible")]
     Degree(usize),
     /// The number of coefficients is not that of the monomials.
     #[error("{found} coefficients for {wanted} monomials")]
@@ -149,7 +149,7 @@ impl GlobalPolynomial {
     /// # Errors
     /// [`PolynomialError`] where they do not fit together.
     pub fn from_data(mut data: PolynomialData) -> Result<Self, PolynomialError> {
-        if !(1..=MAX_GLOBAL).contains(&data.degree) {
+        if !(1..=MAX_GLOBAL_DEGREE).contains(&data.degree) {
             return Err(PolynomialError::Degree(data.degree));
         }
         let exponents = PolynomialData::exponents(data.degree);

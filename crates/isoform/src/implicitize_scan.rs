@@ -4,7 +4,7 @@ use crate::GlobalPolynomial;
 use isoform_control::Control;
 use isoform_geom::{Point3, PointCloud, PolynomialData, SplineData, vertex_normals};
 use isoform_spline::{
-    Components, Distances, Error, ImplicitSpline, Implicitized, Normals, Options, Sides,
+    Components, Distances, Error, ImplicitSpline, NormalReport, Normals, Options, SplineFit,
     implicitize, implicitize_globally,
 };
 use std::borrow::Cow;
@@ -67,7 +67,7 @@ pub fn implicitize_scan(
     scan: &PointCloud,
     options: &ImplicitizeOptions,
     control: &Control<'_>,
-) -> Result<Implicitized, ImplicitizeError> {
+) -> Result<SplineFit, ImplicitizeError> {
     let given = given_normals(scan, options.normals)?;
     let mut made = implicitize(&scan.points, known(&given), &options.spline, control)?;
     if scan.origin != [0.0; 3] {
@@ -104,7 +104,7 @@ pub struct GlobalFit {
     /// The points' distances from f = 0.
     pub distances: Distances,
     /// Where normals came from.
-    pub sides: Sides,
+    pub sides: NormalReport,
     /// Pieces of the surface within the box of the points.
     pub components: Components,
 }

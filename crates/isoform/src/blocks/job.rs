@@ -9,7 +9,9 @@ use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid};
 use isoform_io::write_pvtu;
 use isoform_mesh::MeshError;
-use isoform_mesh::blocks::{AROUND, HALO, Interfaces, Plan, ROUNDS};
+use isoform_mesh::blocks::{
+    BLOCK_MARGIN_SIZES, BLOCK_ROUNDS, DEFAULT_HALO_CELLS, Interfaces, Plan,
+};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -165,7 +167,7 @@ impl BlocksJob {
             out,
             folder,
             phase: Phase::Make((0..n).collect()),
-            halos: vec![HALO; n],
+            halos: vec![DEFAULT_HALO_CELLS; n],
             made: vec![BlockReport::default(); n],
             closed: Vec::new(),
             round: 0,
@@ -217,7 +219,10 @@ impl BlocksJob {
     }
 
     fn closing(&self, k: usize) -> BlockTask {
-        let room = self.plan.room(0, k).widened(AROUND * self.plan.size);
+        let room = self
+            .plan
+            .room(0, k)
+            .widened(BLOCK_MARGIN_SIZES * self.plan.size);
         self.task(k, Step::Close { round: self.round }, self.near(room))
     }
 
@@ -294,7 +299,7 @@ impl BlocksJob {
     }
 
     fn may_grow(&self, k: usize) -> bool {
-        self.halos[k] < HALO << LARGER && !self.made[k].is_whole
+        self.halos[k] < DEFAULT_HALO_CELLS << LARGER && !self.made[k].is_whole
     }
 
     /// Whether any of the places lies in a block or at its sides.
@@ -326,7 +331,7 @@ impl BlocksJob {
         }
         self.live = left;
         self.round += 1;
-        if self.round + 1 == ROUNDS {
+        if self.round + 1 == BLOCK_ROUNDS {
             self.phase = Phase::Close;
         }
         Ok(())
@@ -482,7 +487,7 @@ mod tests {
             let control = Control::default();
             let mut job =
                 BlocksJob::new(solid.as_ref(), [3, 1, 1], &out, &options, &control).expect("a job");
-            job.halos = vec![1, 0, HALO];
+            job.halos = vec![1, 0, DEFAULT_HALO_CELLS];
             job
         };
         let mut job = new();

@@ -7,7 +7,7 @@ use crate::MeshModelOptions;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid};
 use isoform_io::{MeshWriteOptions, write_mesh_path};
-use isoform_mesh::blocks::{self, AROUND, Gathered, Plan, Tetrahedra, holds};
+use isoform_mesh::blocks::{self, BLOCK_MARGIN_SIZES, Gathered, Plan, Tetrahedra, holds};
 use isoform_mesh::{MeshError, Options, Warning};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -220,7 +220,10 @@ impl Worker<'_> {
     fn close(&self, round: usize) -> Result<BlockReport, BlocksError> {
         let BlockTask { block, folder, .. } = self.task;
         let (plan, inner) = (&self.plan, &self.inner);
-        let wide = self.plan.room(0, *block).widened(AROUND * plan.size);
+        let wide = self
+            .plan
+            .room(0, *block)
+            .widened(BLOCK_MARGIN_SIZES * plan.size);
         let mut given = self.gathered(wide, round)?;
         let rest = read_tetrahedra(&still(folder, *block))?;
         given.add(&rest, |_| true);

@@ -2,7 +2,7 @@
 
 use crate::GlobalFit;
 use crate::implicit::is_inside_out;
-use isoform_spline::{Implicitized, Sides, Source};
+use isoform_spline::{NormalReport, NormalSource, SplineFit};
 use serde::Serialize;
 
 /// What was fitted to a scan; lengths in its unit.
@@ -55,7 +55,7 @@ pub struct NormalsReport {
 
 impl ImplicitizeReport {
     /// The report of a fit that took some seconds.
-    pub fn new(made: &Implicitized, points: usize, seconds: f64) -> Self {
+    pub fn new(made: &SplineFit, points: usize, seconds: f64) -> Self {
         let spline = &made.spline;
         Self {
             verb: "implicitize",
@@ -103,11 +103,11 @@ impl ImplicitizeReport {
 }
 
 impl NormalsReport {
-    fn new(sides: Sides) -> Self {
+    fn new(sides: NormalReport) -> Self {
         Self {
             source: match sides.source {
-                Source::Given => "given",
-                Source::Turned => "turned",
+                NormalSource::Given => "given",
+                NormalSource::Turned => "turned",
                 _ => "estimated",
             },
             oriented_share: sides.oriented_share,
