@@ -1,14 +1,18 @@
 //! `isoform brep`: solids of exact faces for CAD, with a certificate.
 
+use crate::arguments;
+use crate::context::Context;
+use crate::failure::{Failure, NO_RESULT};
+use crate::language::Language;
 use crate::memory;
-use crate::mesh::Settings;
-use crate::mesh::table::line;
+use crate::mesh::settings::Settings;
 use crate::mesh::work::{Phases, no_mesh, place};
-use crate::model::Language;
-use crate::output::{self, Context, Failure, NO_RESULT, Outcome};
+use crate::outcome::{self, Outcome};
 use crate::parameters::{self, Given};
 use crate::product::Product;
-use crate::solids::{self, Statement};
+use crate::product::Statement;
+use crate::solids;
+use crate::table::{line, measure};
 use crate::{gallery, interrupt};
 use isoform::brep::BrepError;
 use isoform::field::hyperfun::Model;
@@ -40,14 +44,14 @@ pub(crate) struct Args {
     given: Given,
     /// Cut off what does not lie in this box: x,y,z of the lower and of the upper corner; the cuts
     /// are planes named cap.x_min ...
-    #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = output::region)]
+    #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = arguments::region)]
     region: Option<Aabb>,
     /// Length of the edges of the mesh that the topology comes from [default: a fortieth of the
     /// diagonal]
     #[arg(
         long, value_name = "LENGTH",
         allow_negative_numbers = true,
-        value_parser = output::positive
+        value_parser = arguments::positive
     )]
     size: Option<f64>,
     /// How far faces may be from the model, in its units [default: 1e-6 of its largest side]; exact
@@ -55,7 +59,7 @@ pub(crate) struct Args {
     #[arg(
         long, value_name = "LENGTH",
         allow_negative_numbers = true,
-        value_parser = output::positive
+        value_parser = arguments::positive
     )]
     tol: Option<f64>,
     /// Unit of length to state: um, mm, cm, m, in or ft [default: as annotated, else mm]
@@ -97,14 +101,14 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let subject = &made.subject;
     let said = Statement {
         ap214: args.ap214,
-        ..Statement::of(
+        ..Statement::named_after(
             &subject.name,
             args.units.clone().or_else(|| subject.unit.clone()),
         )
     };
     let (files, stdout) = solids::write(&made.solid, &args.output, &said, &subject.name)?;
     let report = made.report(files);
-    let json = output::json_of(&report);
+    let json = outcome::json_of(&report);
     let outcome = Outcome::of(made.exit(), json, stdout, || text(&report));
     context.hand_over(|| Product::Solids(Box::new(made.solid), said));
     Ok(outcome)
@@ -156,7 +160,7 @@ pub(crate) fn make(
 impl Made {
     /// 0, or 3 where the certificate does not hold, or 130.
     pub(crate) fn exit(&self) -> u8 {
-        output::exit(self.solid.certificate.holds())
+        outcome::exit(self.solid.certificate.holds())
     }
     /// Says all that is left open on stderr.
     pub(crate) fn say(&self, context: &Context) {
@@ -250,8 +254,8 @@ pub(crate) fn text(report: &BrepReport) -> String {
             "edges",
             format!("{}, {} vertices", report.edges, report.vertices),
         ),
-        line("volume", output::measure(report.volume, unit, 3)),
-        line("area", output::measure(report.area, unit, 2)),
+        line("volume", measure(report.volume, unit, 3)),
+        line("area", measure(report.area, unit, 2)),
         line(
             "gaps",
             format!("{:.1e} at edges, {worst:.1e} from the model", report.gap),

@@ -1,7 +1,11 @@
 //! `isoform compare`: how far two shapes are apart, both ways.
 
-use crate::model::Language;
-use crate::output::{self, Context, DONE, Failure, Outcome};
+use crate::arguments;
+use crate::context::Context;
+use crate::failure::{self, DONE, Failure};
+use crate::kind;
+use crate::language::Language;
+use crate::outcome::{self, Outcome};
 use crate::parameters::{self, Given, Parameters};
 use crate::{gallery, scan, solids, spline};
 use isoform::field::hyperfun::Pose;
@@ -46,7 +50,7 @@ pub(crate) struct Args {
     params_second: Option<Parameters>,
     /// Where to look at models: x,y,z of the lower and of the upper corner [default: the other
     /// side's box]
-    #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = output::region)]
+    #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = arguments::region)]
     region: Option<Aabb>,
     /// About how many points are taken of a mesh, of a model and of a solid
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(10..=2_000_000))]
@@ -109,11 +113,11 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let exit = if report.within_tolerance {
         DONE
     } else {
-        output::PARTIAL
+        failure::PARTIAL
     };
     Ok(Outcome {
         exit,
-        json: output::json_of(&report),
+        json: outcome::json_of(&report),
         stdout: text.into_bytes(),
     })
 }
@@ -159,7 +163,7 @@ fn load(path: &Path, given: &Given, args: &Args, context: &Context) -> Result<Lo
         let solid = solids::divided(path, file, None, context)?;
         return Ok(Loaded::Solid(Box::new(solid)));
     }
-    if spline::is_json(path) {
+    if kind::is_json(path) {
         let metric = SplineDistance(spline::read(path)?);
         return Ok(Loaded::Spline(Box::new(metric)));
     }

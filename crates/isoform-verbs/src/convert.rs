@@ -1,7 +1,11 @@
 //! `isoform convert`: points and meshes from format to format, programs with values.
 
-use crate::model::{self, Language};
-use crate::output::{self, Context, DONE, Failure, Outcome};
+use crate::context::Context;
+use crate::disk;
+use crate::failure::{DONE, Failure};
+use crate::language::Language;
+use crate::model;
+use crate::outcome::Outcome;
 use crate::parameters::{self, Given};
 use crate::{scan, solids};
 use isoform::io::{
@@ -217,7 +221,7 @@ fn program(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, F
             stdout: text.into_bytes(),
         });
     }
-    output::write_file(&args.output, text.as_bytes())?;
+    disk::write_file(&args.output, text.as_bytes())?;
     Ok(Outcome {
         exit: DONE,
         json,

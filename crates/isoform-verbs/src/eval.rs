@@ -1,7 +1,12 @@
 //! `isoform eval`: the values of a model at points.
 
-use crate::model::{self, Language};
-use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
+use crate::context::Context;
+use crate::disk;
+use crate::failure::{DONE, Failure, NO_RESULT, PARTIAL};
+use crate::kind;
+use crate::language::Language;
+use crate::model;
+use crate::outcome::Outcome;
 use crate::parameters::{Given, values};
 use crate::spline;
 use isoform::field::hyperfun::{BlockEvaluator, Model, Pose};
@@ -111,8 +116,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
             Failure::usage("model and points cannot both be -").why("stdin can be read only once")
         );
     }
-    let table = output::text(output::read_file(&args.points)?);
-    if spline::is_json(&args.model) {
+    let table = disk::text(disk::read_file(&args.points)?);
+    if kind::is_json(&args.model) {
         let spline = spline::read(&args.model)?;
         let rows = points(&args.points, &table, 3)?;
         let cells = cells_of_spline(spline, args.reading, &rows, context);
@@ -173,7 +178,7 @@ fn outcome(
     });
     let file = args.output.as_deref().filter(|p| *p != Path::new("-"));
     let stdout = if let Some(path) = file {
-        output::write_file(path, csv.as_bytes())?;
+        disk::write_file(path, csv.as_bytes())?;
         json["output"] = json!(path.display().to_string());
         Vec::new()
     } else {

@@ -1,8 +1,10 @@
 //! The templates of the gallery by their names, and what could be meant by a name that none has.
 
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::language::Language;
 use crate::memory;
-use crate::model::{self, Language};
-use crate::output::{Context, Failure};
+use crate::model;
 use isoform::field::hyperfun::Model;
 use serde_json::{Value, json};
 use std::path::Path;

@@ -1,9 +1,12 @@
 //! `isoform implicitize`: an implicit spline, or one polynomial, of a scan.
 
+use crate::arguments;
+use crate::context::Context;
+use crate::disk;
+use crate::failure::{Failure, INPUT, NO_RESULT};
 use crate::interrupt;
-use crate::output::{self, Context, Failure, INPUT, NO_RESULT, Outcome};
+use crate::outcome::{self, Outcome};
 use crate::product::Product;
-use crate::progress::Progress;
 use crate::{scan, spline};
 use isoform::geom::PointCloud;
 use isoform::report::{ImplicitizeReport, brief};
@@ -46,7 +49,7 @@ pub(crate) struct Args {
     #[arg(
         long, value_name = "LENGTH",
         allow_negative_numbers = true,
-        value_parser = output::positive
+        value_parser = arguments::positive
     )]
     tol: Option<f64>,
     /// One polynomial of at most this total degree in place of a spline
@@ -61,7 +64,7 @@ pub(crate) struct Args {
     #[arg(long, value_enum, default_value_t = NormalsName::Auto)]
     normals: NormalsName,
     /// The weight of smoothness; more of it rounds edges and averages noise
-    #[arg(long, value_name = "WEIGHT", default_value_t = Options::default().smoothing, allow_negative_numbers = true, value_parser = output::positive)]
+    #[arg(long, value_name = "WEIGHT", default_value_t = Options::default().smoothing, allow_negative_numbers = true, value_parser = arguments::positive)]
     smoothing: f64,
     /// Format of the scan, where its name does not tell it
     #[arg(long, value_name = "FORMAT")]
@@ -83,11 +86,11 @@ enum NormalsName {
 
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
-        output::check_folder(path)?;
+        disk::check_folder(path)?;
     }
     let started = Instant::now();
     let cloud = scan::read_vertices(&args.scan, args.from.as_deref(), context)?;
-    let progress = Progress::new(context);
+    let progress = context.progress();
     let show = |phase: &str, done: f64| progress.show(phase, done);
     let control = Control {
         progress: Some(&show),
@@ -99,7 +102,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let mut stdout = Vec::new();
     match args.output.as_deref() {
         Some(path) if path == Path::new("-") => stdout = spline::file(&function),
-        Some(path) => output::write_file(path, &spline::file(&function))?,
+        Some(path) => disk::write_file(path, &spline::file(&function))?,
         None => {}
     }
     context.hand_over(|| Product::Function(function));
@@ -111,8 +114,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     }
     say(&report, context);
     Ok(Outcome::of(
-        output::exit(true),
-        output::json_of(&report),
+        outcome::exit(true),
+        outcome::json_of(&report),
         stdout,
         || text(&report, args.output.as_deref()),
     ))

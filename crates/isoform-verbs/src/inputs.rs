@@ -4,7 +4,7 @@
 //! argument that is a path is an input, unless it is one of [`WRITTEN`]. So a new verb is covered;
 //! only an argument with a new name must be added to that list, or to `READ` of the test.
 
-use crate::output::Failure;
+use crate::failure::Failure;
 use clap::ArgMatches;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -90,7 +90,7 @@ impl Inputs {
             return Ok(());
         };
         let message = format!("{} would be overwritten", output.display());
-        let mut failure = Failure::new(crate::output::USAGE, "overwrites-input", message);
+        let mut failure = Failure::new(crate::failure::USAGE, "overwrites-input", message);
         failure.place.file = Some(output.to_owned());
         let why = if input == output {
             "it is an input of this run".to_owned()

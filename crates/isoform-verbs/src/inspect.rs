@@ -1,9 +1,13 @@
 //! `isoform inspect`: what is in a file of points, of a mesh or of solids.
 
 use crate::brep;
-use crate::mesh::table;
-use crate::output::{self, Context, DONE, Failure, Outcome};
+use crate::context::Context;
+use crate::failure::{DONE, Failure};
+use crate::kind;
+use crate::mesh::table as mesh_table;
+use crate::outcome::{self, Outcome};
 use crate::product::Product;
+use crate::table::{line, measure};
 use crate::{scan, solids};
 use isoform::check::{Options, certify};
 use isoform::io::{ColumnRange, Inspection, MeshPoints, SolidFile, inspect};
@@ -63,7 +67,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     }
     let outcome = Outcome {
         exit: DONE,
-        json: output::json_of(&report),
+        json: outcome::json_of(&report),
         stdout: text(&file, &seen, report.bounds).into_bytes(),
     };
     context.hand_over(|| Product::Points(cloud, read));
@@ -91,13 +95,13 @@ fn mesh(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         "verb": "inspect", "file": file, "format": report.format, "dropped": report.dropped_points,
         "bounds": (!bounds.is_empty()).then_some([bounds.lo, bounds.hi]), "unit": report.units,
     });
-    output::add(&mut json, output::json_of(&ContentsReport::new(&mesh)));
-    json["certificate"] = output::json_of(&CertificateReport::new(&certificate));
+    outcome::add(&mut json, outcome::json_of(&ContentsReport::new(&mesh)));
+    json["certificate"] = outcome::json_of(&CertificateReport::new(&certificate));
     json["warnings"] = json!(report.warnings);
     let text = format!(
         "{file}: {}\n{}",
         report.format,
-        table::of_mesh(&mesh, &certificate)
+        mesh_table::of_mesh(&mesh, &certificate)
     );
     Ok(Outcome {
         exit: DONE,
@@ -109,12 +113,12 @@ fn mesh(args: &Args, context: &Context) -> Result<Outcome, Failure> {
 /// Solids: their faces, and what is measured beside what is stated.
 fn solid(path: &Path, file: &SolidFile) -> Outcome {
     let name = path.display().to_string();
-    let report = SolidReport::new(&name, solids::format(path), file);
+    let report = SolidReport::new(&name, kind::solid_format(path), file);
     let kinds = brep::kinds(report.faces.iter().map(|f| f.kind));
     let stated = &report.stated;
     let unit = report.unit.as_deref();
     let beside = |measured: f64, stated: f64, power| {
-        let [measured, stated] = [measured, stated].map(|v| output::measure(v, unit, power));
+        let [measured, stated] = [measured, stated].map(|v| measure(v, unit, power));
         format!("{measured} (stated {stated})")
     };
     let [x, y, z] = report.centroid.map(brief);
@@ -141,10 +145,10 @@ fn solid(path: &Path, file: &SolidFile) -> Outcome {
             format!("{:.1e} at edges (stated {:.1e})", report.gap, stated.gap),
         ),
     ];
-    let lines = lines.map(|(name, text)| table::line(name, text)).concat();
+    let lines = lines.map(|(name, text)| line(name, text)).concat();
     Outcome {
         exit: DONE,
-        json: output::json_of(&report),
+        json: outcome::json_of(&report),
         stdout: format!("{name}: {}\n{lines}", report.format).into_bytes(),
     }
 }

@@ -1,9 +1,11 @@
 //! What a file is, and which verbs take it: for the failures of verbs that take something else.
 
-use crate::model::{self, Language};
-use crate::output::Failure;
-use crate::{solids, spline};
-use isoform::io::{FileKind, MAP_KEYS, file_kind, is_patch_file, is_solid_file, mesh_format_named};
+use crate::failure::Failure;
+use crate::language::{Language, parse};
+use isoform::io::{
+    FileKind, MAP_KEYS, file_kind, is_patch_file, is_polynomial_file, is_solid_file,
+    is_spline_file, mesh_format_named,
+};
 use serde_json::Value;
 use std::path::Path;
 
@@ -40,7 +42,7 @@ impl Kind {
     /// What a file is by its content, or, where that tells nothing, by its name. `head` is its
     /// first bytes, `text` the whole.
     pub(crate) fn of(path: &Path, head: &[u8], text: &str) -> Option<Self> {
-        if solids::is_step(path) || text.trim_start().starts_with("ISO-10303-21") {
+        if is_step(path) || text.trim_start().starts_with("ISO-10303-21") {
             return Some(Self::Solid);
         }
         if text.trim_start().starts_with('{')
@@ -48,7 +50,7 @@ impl Kind {
         {
             return Some(Self::of_json(&json));
         }
-        if model::silently(text, &Language::default()).is_ok() {
+        if parse(text, &Language::default()).is_ok() {
             return Some(Self::Program);
         }
         file_kind(&path.to_string_lossy(), head).map(Self::File)
@@ -58,7 +60,7 @@ impl Kind {
     fn of_json(json: &Value) -> Self {
         if is_solid_file(json) {
             Self::Solid
-        } else if spline::is_fitted(json) {
+        } else if is_fitted(json) {
             Self::Fitted
         } else if is_patch_file(json) {
             Self::Patches
@@ -131,4 +133,56 @@ impl Kind {
             Self::Json => "",
         }
     }
+}
+
+/// Kinds of files of solids.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum SolidKind {
+    /// STEP.
+    Step,
+    /// The lossless form of this program.
+    Own,
+}
+
+/// Returns the kind of a file of solids, by its name.
+pub(crate) fn solid_kind(path: &Path) -> Option<SolidKind> {
+    let name = path.file_name().unwrap_or_default();
+    let name = name.to_string_lossy().to_ascii_lowercase();
+    let has = |ending: &str| name.ends_with(ending);
+    if has(".step") || has(".stp") {
+        Some(SolidKind::Step)
+    } else if has(".brep.json") {
+        Some(SolidKind::Own)
+    } else {
+        None
+    }
+}
+
+/// Returns true if solids are written to files of this name.
+pub(crate) fn is_solid(path: &Path) -> bool {
+    solid_kind(path).is_some()
+}
+
+/// Returns true for the name of a STEP file, which always states a unit.
+pub(crate) fn is_step(path: &Path) -> bool {
+    solid_kind(path) == Some(SolidKind::Step)
+}
+
+/// Returns the format of a file of solids, for people and reports.
+pub(crate) fn solid_format(path: &Path) -> &'static str {
+    match solid_kind(path) {
+        Some(SolidKind::Step) => "step",
+        _ => "brep.json",
+    }
+}
+
+/// Returns true if the ending of a file says JSON.
+pub(crate) fn is_json(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("json"))
+}
+
+/// Returns true for a document that `isoform implicitize` writes.
+pub(crate) fn is_fitted(json: &Value) -> bool {
+    is_spline_file(json) || is_polynomial_file(json)
 }

@@ -1,10 +1,14 @@
 //! Files as layers: what `view` and `render` show of them.
 
+use crate::arguments;
+use crate::context::Context;
+use crate::disk;
+use crate::failure::Failure;
+use crate::kind::{self, is_fitted};
+use crate::language::Language;
 use crate::memory::{self, MapObject, Object};
-use crate::mesh::Settings;
+use crate::mesh::settings::Settings;
 use crate::mesh::work::no_mesh;
-use crate::model::Language;
-use crate::output::{self, Context, Failure};
 use crate::parameters::{self, Given};
 use crate::triangulate::{self, HalfWidth};
 use crate::{gallery, scan, solids, spline};
@@ -69,7 +73,7 @@ impl Place {
 /// Reads half a width, or six numbers.
 fn place(text: &str) -> Result<Place, String> {
     if text.contains(',') {
-        output::region(text).map(Place::Box)
+        arguments::region(text).map(Place::Box)
     } else {
         triangulate::half_width(text).map(Place::Around)
     }
@@ -219,7 +223,7 @@ impl File<'_> {
             let solid = solids::divided(path, file, None, self.context)?;
             return Ok(Layer::Solid(solid));
         }
-        if spline::is_json(path) {
+        if kind::is_json(path) {
             return self.document();
         }
         let is_program = path
@@ -318,12 +322,12 @@ impl File<'_> {
 
     /// What a document holds: patches, a function fitted to points, a polynomial, or a map.
     fn document(&self) -> Result<Layer, Failure> {
-        let text = output::text(output::read_file(self.path)?);
+        let text = disk::text(disk::read_file(self.path)?);
         let json: Value = serde_json::from_str(&text).unwrap_or_default();
         if is_patch_file(&json) {
             return self.patches(&json);
         }
-        if spline::is_fitted(&json) {
+        if is_fitted(&json) {
             return self.fitted(&spline::of_document(self.path, &json)?);
         }
         if let Some(formula) = json.get("F").and_then(Value::as_str) {

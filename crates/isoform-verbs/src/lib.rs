@@ -5,11 +5,15 @@
 //! place of files ([`memory`]), and gets the result itself beside its document ([`Product`]).
 #![forbid(unsafe_code)]
 
+mod arguments;
 mod brep;
 mod compare;
 mod completions;
+mod context;
 mod convert;
+mod disk;
 mod eval;
+mod failure;
 mod fit;
 mod gallery;
 mod implicitize;
@@ -17,11 +21,12 @@ mod inputs;
 mod inspect;
 mod interrupt;
 mod kind;
+mod language;
 mod layers;
 pub mod memory;
 mod mesh;
 mod model;
-mod output;
+mod outcome;
 mod parameterize;
 mod parameters;
 mod product;
@@ -36,24 +41,31 @@ mod scan;
 mod serve;
 mod solids;
 mod spline;
+mod table;
+mod terminal;
 mod triangulate;
 mod view;
 mod watchdog;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use context::{Context, Global};
+use failure::{DONE, INTERNAL, NO_RESULT, USAGE};
+pub use failure::{Failure, Place};
 pub use fit::job::Job as FittedScan;
 use inputs::Inputs;
 use isoform::report::Document;
 use isoform::{FitOptions, FitScanError, MeshModelError, MeshModelOptions};
-use output::{Context, Global};
-pub use output::{Failure, Listener, OnProgress, Outcome, Place};
-pub use product::Product;
-use serde_json::{Map, Value};
-pub use solids::Statement;
+pub use outcome::Outcome;
+use outcome::document as document_of;
+pub use product::{Product, Statement};
+pub use progress::{Listener, OnProgress};
+use serde_json::{Map, Value, json};
 pub use spline::file as function_file;
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
+use terminal::{fail, to_stdout};
+use watchdog::Writing;
 
 /// Isoform: one shape, many forms.
 ///
@@ -222,7 +234,7 @@ pub fn call(
     let program = std::iter::once(OsString::from("isoform"));
     let (cli, inputs) = parse(program.chain(words)).map_err(refused)?;
     let mut context = Context::new(cli.global, Some(listener));
-    let result = output::stage("", || {
+    let result = watchdog::stage("", || {
         context.inputs = inputs?;
         run(cli.verb, &context)
     });
@@ -238,8 +250,8 @@ pub fn call(
 /// Returns the document of `--json` as text: a report behind the version of the form. `exit` is the
 /// code that comes with it.
 pub fn document(exit: u8, report: Value) -> String {
-    let ok = ![output::NO_RESULT, output::INTERNAL].contains(&exit);
-    output::json_of(&Document::new(ok, report)).to_string()
+    let ok = ![NO_RESULT, INTERNAL].contains(&exit);
+    outcome::json_of(&Document::new(ok, report)).to_string()
 }
 
 /// Returns the JSON schema of requests, as text.
@@ -281,12 +293,12 @@ pub fn mesh_options(arguments: &Map<String, Value>) -> Result<MeshModelOptions, 
 
 /// Returns why there is no fit of a scan and a template with these names.
 pub fn fit_failure(error: &FitScanError, scan: &str, template: &str) -> Failure {
-    fit::job::failure(error, scan, Path::new(template), None)
+    fit::work::failure(error, scan, Path::new(template), None)
 }
 
 /// Returns why there is no mesh of a model with this name.
 pub fn mesh_failure(error: &MeshModelError, name: &str) -> Failure {
-    mesh::work::no_mesh(error, name, &mesh::Settings::default())
+    mesh::work::no_mesh(error, name, &mesh::settings::Settings::default())
 }
 
 /// Returns the failure of arguments that clap refuses: the first paragraph of what it says.
@@ -312,12 +324,50 @@ fn keep_freed_memory() {
     }
 }
 
+/// Runs a verb and prints its outcome or failure.
+fn finish(
+    context: &mut Context,
+    verb: impl FnOnce(&mut Context) -> Result<Outcome, Failure>,
+) -> ExitCode {
+    let result = watchdog::stage("", || verb(context));
+    let _over = Writing::new();
+    match result {
+        Ok(outcome) => {
+            let bytes = if context.global.json && outcome.json.is_null() {
+                Vec::new()
+            } else if context.global.json {
+                document_of(![NO_RESULT, INTERNAL].contains(&outcome.exit), outcome.json)
+            } else {
+                outcome.stdout
+            };
+            match to_stdout(&bytes) {
+                Ok(()) => ExitCode::from(outcome.exit),
+                Err(error) => fail(false, &Failure::file(Path::new("stdout"), "write", &error)),
+            }
+        }
+        Err(failure) => fail(context.global.json, &failure),
+    }
+}
+
+/// Prints why clap refuses arguments, or the help, and returns the exit code.
+fn usage(error: clap::Error) -> ExitCode {
+    let _ = error.print();
+    if !error.use_stderr() {
+        return ExitCode::from(DONE);
+    }
+    if std::env::args_os().any(|a| a == "--json") {
+        let failure = refused(error);
+        let _ = to_stdout(&document_of(false, json!({"error": failure.json()})));
+    }
+    ExitCode::from(USAGE)
+}
+
 /// Is the program: reads the arguments of the process, does the work on the terminal, and returns
 /// the exit code.
 pub fn program() -> ExitCode {
     let (cli, inputs) = match parse(std::env::args_os()) {
         Ok(parsed) => parsed,
-        Err(error) => return output::usage(error),
+        Err(error) => return usage(error),
     };
     let mut context = Context::new(cli.global, None);
     context.begin();
@@ -327,7 +377,7 @@ pub fn program() -> ExitCode {
         context.whole = Some(progress::Whole::new());
     }
     let work = || {
-        output::finish(&mut context, |context| {
+        finish(&mut context, |context| {
             context.inputs = inputs?;
             run(cli.verb, context)
         })

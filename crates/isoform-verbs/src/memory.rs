@@ -3,12 +3,14 @@
 //! A mounted object has a path of its own, which verbs take like any other. The name in it is what
 //! documents and messages say: [`plain`] takes the rest away.
 
-use crate::output::Failure;
+use crate::failure::Failure;
+use crate::outcome::Outcome;
 use isoform::SplineDistance;
 use isoform::field::hyperfun::Model;
 use isoform::geom::{Mesh, PointCloud};
 use isoform::io::ReadReport;
 use isoform::tess::{Analysis, Map, Surface};
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -186,6 +188,40 @@ pub fn plain(text: &str) -> String {
         plain += rest;
     }
     plain
+}
+
+/// Returns a document with the names of objects in place of their paths.
+fn plain_json(json: Value) -> Value {
+    match json {
+        Value::String(text) => plain(&text).into(),
+        Value::Array(items) => items.into_iter().map(plain_json).collect(),
+        Value::Object(fields) => fields
+            .into_iter()
+            .map(|(k, v)| (k, plain_json(v)))
+            .collect(),
+        other => other,
+    }
+}
+
+impl Outcome {
+    /// Returns the same with the names of objects in place of their paths.
+    pub(crate) fn plain(mut self) -> Self {
+        self.json = plain_json(self.json);
+        self
+    }
+}
+
+impl Failure {
+    /// Returns the same with the names of objects in place of their paths.
+    pub(crate) fn plain(mut self) -> Self {
+        for text in [&mut self.message, &mut self.why, &mut self.hint] {
+            *text = plain(text);
+        }
+        if let Some(file) = &mut self.place.file {
+            *file = name(file).into();
+        }
+        self
+    }
 }
 
 #[cfg(test)]

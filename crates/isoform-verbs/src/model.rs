@@ -1,34 +1,16 @@
 //! Reading HyperFun programs.
 
+use crate::context::Context;
+use crate::disk;
+use crate::failure::Failure;
 use crate::kind::{self, Kind};
+use crate::language::{self, Language};
 use crate::memory::{self, Object};
-use crate::output::{self, Context, Failure};
-use isoform::field::hyperfun::{Mode, Model, Precedence, SyntaxError};
+use isoform::field::hyperfun::{Model, SyntaxError};
 use std::path::Path;
 
 /// The code of failures of programs that are no HyperFun.
 const SYNTAX: &str = "syntax";
-
-/// How a program is read; the same options for every verb.
-#[derive(clap::Args, Clone, Debug, Default)]
-pub(crate) struct Language {
-    /// The object to evaluate [default: my_model, else the first one]
-    #[arg(long, value_name = "NAME")]
-    pub(crate) object: Option<String>,
-    /// Compute what the reference implementation computes, its faults included
-    #[arg(long)]
-    pub(crate) strict: bool,
-    /// Let set operators bind weaker than + and -, as HyperFun's documentation says
-    #[arg(long)]
-    pub(crate) documented_precedence: bool,
-}
-
-impl Language {
-    /// True if a program is read as usual.
-    fn is_default(&self) -> bool {
-        self.object.is_none() && !self.strict && !self.documented_precedence
-    }
-}
 
 /// Reads a program, chooses its object and says what is doubtful in it.
 pub(crate) fn read(path: &Path, language: &Language, context: &Context) -> Result<Model, Failure> {
@@ -38,9 +20,9 @@ pub(crate) fn read(path: &Path, language: &Language, context: &Context) -> Resul
         Some(Object::Bytes { .. }) | None => {}
         Some(other) => return Err(other.instead_of("a HyperFun program", path)),
     }
-    let bytes = output::read_file(path)?;
+    let bytes = disk::read_file(path)?;
     let head = kind::head(&bytes).to_vec();
-    let text = output::text(bytes);
+    let text = disk::text(bytes);
     parse(path, &text, language, context).map_err(|failure| {
         let kind = match failure.code {
             SYNTAX => Kind::of(path, &head, &text),
@@ -57,7 +39,7 @@ pub(crate) fn parse(
     language: &Language,
     context: &Context,
 ) -> Result<Model, Failure> {
-    let model = silently(text, language).map_err(|e| misspelled(&e, path, text))?;
+    let model = language::parse(text, language).map_err(|e| misspelled(&e, path, text))?;
     for w in model.warnings() {
         context.warn(format_args!(
             "{}:{}:{}: {}",
@@ -93,19 +75,4 @@ fn misspelled(error: &SyntaxError, path: &Path, text: &str) -> Failure {
     } else {
         failure.hint(format!("{} there", error.expected))
     }
-}
-
-/// The first object of a program, nothing said.
-pub(crate) fn silently(text: &str, language: &Language) -> Result<Model, SyntaxError> {
-    let mode = if language.strict {
-        Mode::Strict
-    } else {
-        Mode::Default
-    };
-    let precedence = if language.documented_precedence {
-        Precedence::Documented
-    } else {
-        Precedence::Flat
-    };
-    Model::parse_with(text, mode, precedence)
 }

@@ -1,6 +1,8 @@
 //! Values of the parameters of a model, from the command line.
 
-use crate::output::{self, Context, Failure};
+use crate::arguments;
+use crate::context::Context;
+use crate::failure::Failure;
 use isoform::field::SolidError;
 use isoform::field::hyperfun::{Model, ParamInfo};
 use isoform::parameter_values;
@@ -51,7 +53,7 @@ pub(crate) fn parameters(text: &str) -> Result<Parameters, String> {
     let (first, named) = words.split_at(numbers);
     let first = match first {
         [] => Vec::new(),
-        _ => output::numbers(&first.join(","))?,
+        _ => arguments::numbers(&first.join(","))?,
     };
     let named = named
         .iter()
@@ -65,7 +67,7 @@ pub(crate) fn setting(word: &str) -> Result<(String, f64), String> {
     let (name, value) = word
         .split_once('=')
         .ok_or_else(|| format!("`{word}`: NAME=NUMBER is expected"))?;
-    match output::numbers(value)?[..] {
+    match arguments::numbers(value)?[..] {
         [value] => Ok((name.trim().to_owned(), value)),
         _ => Err(format!("`{word}`: one number is expected")),
     }

@@ -2,11 +2,11 @@
 
 use crate::fit::job::Job;
 use crate::memory::MapObject;
-use crate::solids::Statement;
 use isoform::geom::{Mesh, PointCloud};
 use isoform::io::ReadReport;
 use isoform::patch::Parameterized;
 use isoform::{Implicit, ImplicitSurface, ModelBrep, Recognized};
+use std::path::Path;
 use std::sync::Arc;
 
 /// A result in memory.
@@ -36,4 +36,27 @@ pub enum Product {
     Function(Implicit),
     /// Entities that were recognised in points.
     Entities(Box<Recognized<'static>>),
+}
+
+/// Unit, product name and schema of a file of solids.
+#[derive(Clone, Debug, Default)]
+pub struct Statement {
+    /// Unit of length, if it is known.
+    pub unit: Option<String>,
+    /// Name of the product.
+    pub name: String,
+    /// AP214 instead of AP242.
+    pub ap214: bool,
+}
+
+impl Statement {
+    /// Returns the statement of a model that a file or a template names.
+    pub(crate) fn named_after(model: &str, unit: Option<String>) -> Self {
+        let name = Path::new(model).file_stem().unwrap_or_default();
+        Self {
+            unit,
+            name: name.to_string_lossy().into_owned(),
+            ap214: false,
+        }
+    }
 }

@@ -4,12 +4,23 @@
 //! known before, so that each stretch of work takes a share of what is left: the bar slows down, but
 //! never goes back.
 
-use crate::output::{Context, Listener};
 use std::io::{self, IsTerminal, Write};
+use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
+
+/// A function that is told of a phase and the share of it that is done, 0 to 1.
+pub type OnProgress = dyn Fn(&str, f64) + Send + Sync;
+
+/// A caller in place of a terminal: Python, or a page.
+pub struct Listener {
+    /// Set by the caller to end the work with the best so far.
+    pub cancelled: Arc<AtomicBool>,
+    /// Is told of progress.
+    pub progress: Box<OnProgress>,
+}
 
 /// Letters of the bar: with its phase and number it fits a terminal of 40 columns. On one that is
 /// narrower the bar would go on in the next line, and only that would be wiped.
@@ -107,30 +118,36 @@ pub(crate) struct Progress<'c> {
     is_on: bool,
     /// True if stderr is a terminal, which has a bar.
     is_bar: bool,
+    /// True if the bar is that of a run of several stages.
+    is_whole: bool,
     shown: Arc<Mutex<Shown>>,
 }
 
 impl<'c> Progress<'c> {
-    /// Shows nothing yet.
-    pub(crate) fn new(context: &'c Context) -> Self {
-        let shown = match &context.whole {
+    /// Returns a progress that shows nothing yet; `whole` is the bar of a run of several stages.
+    pub(crate) fn new(
+        listener: Option<&'c Listener>,
+        whole: Option<&Whole>,
+        is_quiet: bool,
+    ) -> Self {
+        let shown = match whole {
             Some(whole) => Arc::clone(&whole.0),
             None => Arc::new(Mutex::new(Shown::new(None))),
         };
         Self {
-            listener: context.listener.as_ref(),
-            is_on: context.listener.is_none() && !context.global.quiet,
+            listener,
+            is_on: listener.is_none() && !is_quiet,
             is_bar: io::stderr().is_terminal(),
+            is_whole: whole.is_some(),
             shown,
         }
     }
 
-    /// The same for a stage of many short phases: in a run of several stages they move the bar, and
-    /// say nothing elsewhere.
-    pub(crate) fn of_stage(context: &'c Context) -> Self {
-        let mut progress = Self::new(context);
-        progress.is_on &= progress.is_bar || context.whole.is_none();
-        progress
+    /// Returns the progress of a stage of many short phases: in a run of several stages they move
+    /// the bar, and print nothing elsewhere.
+    pub(crate) fn of_short_phases(mut self) -> Self {
+        self.is_on &= self.is_bar || !self.is_whole;
+        self
     }
 
     /// A phase has got this far (0 to 1).

@@ -1,10 +1,13 @@
 //! `isoform recognize`: planes, spheres, cylinders, cones and tori of a scan.
 
+use crate::arguments;
+use crate::context::Context;
+use crate::disk;
+use crate::failure::{Failure, INPUT, NO_RESULT};
 use crate::interrupt;
 use crate::memory;
-use crate::output::{self, Context, Failure, INPUT, NO_RESULT, Outcome};
+use crate::outcome::{self, Outcome};
 use crate::product::Product;
-use crate::progress::Progress;
 use crate::{mesh, scan, solids};
 use isoform::geom::{Column, PointCloud};
 use isoform::io::{WriteOptions, format_named, write};
@@ -43,7 +46,7 @@ pub(crate) struct Args {
     #[arg(
         long, value_name = "LENGTH",
         allow_negative_numbers = true,
-        value_parser = output::positive
+        value_parser = arguments::positive
     )]
     tol: Option<f64>,
     /// Minimum number of points of an entity [default: as many as are evidence of it]
@@ -90,17 +93,17 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
             100.0 * report.free
         ));
     }
-    let json = output::json_of(&report);
+    let json = outcome::json_of(&report);
     for path in &args.output {
         let bytes = match path.extension().and_then(|e| e.to_str()) {
-            Some("json") => output::document(true, json.clone()),
+            Some("json") => outcome::document(true, json.clone()),
             Some("hf") => proposal(&found, &args.scan, context)?.program.into_bytes(),
             _ => labelled(&found, path)?,
         };
-        output::write_file(path, &bytes)?;
+        disk::write_file(path, &bytes)?;
     }
     context.hand_over(|| Product::Entities(Box::new(found.into_owned())));
-    Ok(Outcome::of(output::exit(true), json, Vec::new(), || {
+    Ok(Outcome::of(outcome::exit(true), json, Vec::new(), || {
         text(&report, &args.output)
     }))
 }
@@ -123,7 +126,7 @@ fn check(args: &Args) -> Result<(), Failure> {
             };
             return Err(Failure::usage(message).hint(hint));
         }
-        output::check_folder(path)?;
+        disk::check_folder(path)?;
     }
     Ok(())
 }
@@ -179,7 +182,7 @@ pub(crate) fn recognised<'a>(
     options: &RecognizeOptions,
     context: &Context,
 ) -> Result<Recognized<'a>, Failure> {
-    let progress = Progress::new(context);
+    let progress = context.progress();
     let show = |phase: &str, done: f64| progress.show(phase, done);
     let control = Control {
         progress: Some(&show),

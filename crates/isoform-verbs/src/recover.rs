@@ -1,16 +1,23 @@
 //! `isoform recover`: from points to a fitted model and a report, in one go. Without a template one
 //! is proposed from what is recognised in the scan.
 
-use crate::fit::{Settings, document, files, job, solid, table};
+use crate::context::Context;
+use crate::failure::{DONE, Failure};
+use crate::fit::settings::Settings;
+use crate::fit::work as fit_work;
+use crate::fit::{document, files, job, solid, table};
 use crate::gallery;
+use crate::kind;
+use crate::language::Language;
 use crate::mesh::work::{self, Made, Shape, Subject};
 use crate::mesh::{self, files::Target};
-use crate::model::{self, Language};
-use crate::output::{self, Context, DONE, Failure, Outcome};
+use crate::model;
+use crate::outcome::Outcome;
 use crate::product::Product;
 use crate::recognize;
 use crate::recover_folder as folder;
 use crate::solids;
+use crate::watchdog;
 use isoform::field::hyperfun::Model;
 use isoform::fit::{Beside, Finding};
 use isoform::geom::Point3;
@@ -59,7 +66,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     options: Settings,
     #[command(flatten)]
-    mesh: mesh::Settings,
+    mesh: mesh::settings::Settings,
     /// Write a file; by its ending: .hf, .ply, .xyz, .csv, .html, .json, a solid: .step,
     /// .brep.json, or a mesh: .msh, .inp, .vtu, .stl, ...; or, to FOLDER/, what there is without -o
     #[arg(short, long, value_name = "FILE|FOLDER/")]
@@ -76,7 +83,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let model = if is_proposed { None } else { Some(read()?) };
     let mut outputs = Outputs::of(args, context)?;
     let scan = match &args.scan {
-        Some(path) => job::read_scan(path, None, None, context)?,
+        Some(path) => fit_work::read_scan(path, None, None, context)?,
         None => embedded(),
     };
     // What is wrong with the template or the scan is said before a folder is made.
@@ -89,8 +96,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
             (scan, model, Some(proposal))
         }
     };
-    let mut job = output::stage("fit", || {
-        job::run_model(scan, (&template, &model), settings, context)
+    let mut job = watchdog::stage("fit", || {
+        fit_work::run_model(scan, (&template, &model), settings, context)
     })?;
     for gap in proposal.iter().flat_map(Proposal::faults) {
         let what = format!("template: {gap}");
@@ -116,7 +123,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     told.print(context)?;
     if !outputs.meshes.is_empty() {
         context.say("meshing the fitted model");
-        let made = output::stage("mesh of the fitted model", || {
+        let made = watchdog::stage("mesh of the fitted model", || {
             fitted_mesh(
                 &job,
                 &settings.language,
@@ -140,10 +147,10 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
 /// Takes the planes off that a part stands at, unless they are to be kept; returns them, too: a
 /// point and the unit normal of each.
 fn standing_alone(
-    scan: job::Scan,
+    scan: fit_work::Scan,
     keep: &[Beside],
     context: &Context,
-) -> Result<(job::Scan, Vec<(Point3, Point3)>), Failure> {
+) -> Result<(fit_work::Scan, Vec<(Point3, Point3)>), Failure> {
     if keep.contains(&Beside::Plane) {
         return Ok((scan, Vec::new()));
     }
@@ -159,12 +166,12 @@ fn standing_alone(
         100.0 * standing.left_out as f64 / scan.cloud.points.len() as f64,
     ));
     let cloud = standing.part;
-    Ok((job::Scan { cloud, ..scan }, standing.supports))
+    Ok((fit_work::Scan { cloud, ..scan }, standing.supports))
 }
 
 /// A template made of what is recognised in a scan, or in some of its points.
 fn proposed(
-    scan: &job::Scan,
+    scan: &fit_work::Scan,
     supports: Vec<(Point3, Point3)>,
     language: &Language,
     context: &Context,
@@ -201,7 +208,7 @@ impl Outputs {
             .cloned()
             .partition(|p| folder::is_folder(p));
         let (solid, paths): (Vec<PathBuf>, Vec<PathBuf>) =
-            paths.into_iter().partition(|p| solids::is_solid(p));
+            paths.into_iter().partition(|p| kind::is_solid(p));
         let (results, meshes): (Vec<PathBuf>, Vec<PathBuf>) = paths
             .into_iter()
             .partition(|p| files::is_result(p) || !mesh::files::is_mesh(p));
@@ -322,7 +329,7 @@ impl Told {
         if context.global.json {
             return Ok(());
         }
-        output::announce(context, Value::Null, std::mem::take(&mut self.text))
+        context.announce(Value::Null, std::mem::take(&mut self.text))
     }
     /// What the verb gives back.
     fn outcome(mut self) -> Outcome {
@@ -339,7 +346,7 @@ impl Told {
 fn fitted_mesh(
     job: &job::Job,
     language: &Language,
-    settings: &mesh::Settings,
+    settings: &mesh::settings::Settings,
     targets: &[Target],
     context: &Context,
 ) -> Result<Made, Failure> {
@@ -350,7 +357,7 @@ fn fitted_mesh(
         regions: Vec::new(),
         unit: solid::unit(job),
     };
-    let settings = mesh::Settings {
+    let settings = mesh::settings::Settings {
         start: Some(solid::extent(job)),
         ..settings.clone()
     };
@@ -374,10 +381,10 @@ fn no_mesh(mut failure: Failure, written: &[String]) -> Failure {
 }
 
 /// The example scan that the program carries.
-fn embedded() -> job::Scan {
+fn embedded() -> fit_work::Scan {
     let started = Instant::now();
     let (cloud, report) = isoform::example_scan();
-    job::Scan {
+    fit_work::Scan {
         name: isoform::EXAMPLE_SCAN.to_owned(),
         cloud,
         report,

@@ -1,7 +1,9 @@
 //! The folder of the results of `recover`: one for each scan, without files of earlier runs.
 
+use crate::context::Context;
+use crate::disk;
+use crate::failure::Failure;
 use crate::memory;
-use crate::output::{self, Context, Failure};
 use std::fs::{self, OpenOptions};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf, is_separator};
@@ -128,7 +130,7 @@ pub(crate) fn begin(folder: &Path, scan: Option<&Path>, context: &Context) -> Re
                     _ => {}
                 }
             }
-            output::write_file(&folder.join(SCAN), format!("{OF}{source}\n").as_bytes())
+            disk::write_file(&folder.join(SCAN), format!("{OF}{source}\n").as_bytes())
         }
     }
 }

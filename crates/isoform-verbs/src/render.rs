@@ -2,10 +2,13 @@
 
 mod cameras;
 
+use crate::arguments;
+use crate::context::Context;
+use crate::disk;
+use crate::failure::{Failure, NO_RESULT};
 use crate::interrupt;
 use crate::layers::{self, Layer, LiveLayer, Reading, Shower, Source};
-use crate::output::{self, Context, Failure, NO_RESULT, Outcome};
-use crate::progress::Progress;
+use crate::outcome::{self, Outcome};
 use cameras::{Cameras, report};
 use isoform::geom::{PointCloud, Solid};
 use isoform::{Control, LiveModel, Stopped, solid_of, solid_of_polynomial};
@@ -77,7 +80,7 @@ const SHOWER: Shower = Shower {
 
 /// Reads a plane.
 fn section(text: &str) -> Result<Section, String> {
-    match output::numbers(text)?.as_slice() {
+    match arguments::numbers(text)?.as_slice() {
         &[x, y, z, d] => Section::new([x, y, z], d).ok_or_else(|| "the normal is zero".to_owned()),
         _ => Err("four numbers are expected, a normal and an offset: nx,ny,nz,d".to_owned()),
     }
@@ -102,7 +105,7 @@ fn color(text: &str) -> Result<Color, String> {
     if let Some((_, color)) = known.iter().find(|(name, _)| *name == text) {
         return Ok(*color);
     }
-    if let Ok(&[r, g, b]) = output::numbers(text).as_deref() {
+    if let Ok(&[r, g, b]) = arguments::numbers(text).as_deref() {
         let part = |v: f64| (0.0..=255.0).contains(&v) && v.fract() == 0.0;
         if [r, g, b].into_iter().all(part) {
             return Ok([r as u8, g as u8, b as u8]);
@@ -151,12 +154,12 @@ struct Said {
 /// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let format = format_of(&args.output)?;
-    output::check_folder(&args.output)?;
+    disk::check_folder(&args.output)?;
     args.cameras.check()?;
     if args.hidden && format == Format::Png {
         return Err(Failure::usage("hidden edges are drawn in drawings only").hint("-o NAME.svg"));
     }
-    let progress = Progress::new(context);
+    let progress = context.progress();
     let show = |phase: &str, done: f64| progress.show(phase, done);
     let control = Control {
         progress: Some(&show),
@@ -184,10 +187,10 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if is_blank {
         context.warn("nothing is seen from there: the picture is empty");
     }
-    output::write_file(&args.output, &bytes)?;
+    disk::write_file(&args.output, &bytes)?;
     let is_itself = said.iter().all(|s| s.is_itself);
     Ok(Outcome {
-        exit: output::exit(is_itself),
+        exit: outcome::exit(is_itself),
         json: document(args, &scene, &panes, &said, bytes.len()),
         stdout: format!("{}: {} bytes\n", args.output.display(), bytes.len()).into_bytes(),
     })

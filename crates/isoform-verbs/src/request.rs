@@ -4,8 +4,9 @@
 //! arguments, with `_` in place of `-`, and is turned into the words of a command line: so all ways
 //! to a verb accept the same values, with the same checks.
 
+use crate::disk;
+use crate::failure::Failure;
 use crate::gallery::nearest;
-use crate::output::{self, Failure};
 use clap::{Arg, ArgAction, Command};
 use serde_json::{Map, Value, json};
 use std::any::TypeId;
@@ -46,7 +47,7 @@ pub(crate) struct SchemaArgs {
 
 /// Reads a request from a file; returns the words of its command line.
 pub(crate) fn read(path: &Path, command: &Command) -> Result<Vec<OsString>, Failure> {
-    let text = output::text(output::read_file(path)?);
+    let text = disk::text(disk::read_file(path)?);
     let text = text.trim_start_matches('\u{feff}');
     let json: Value = serde_json::from_str(text).map_err(|e| {
         let (line, column) = (e.line().max(1), e.column().max(1));

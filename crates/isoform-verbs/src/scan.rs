@@ -1,8 +1,10 @@
 //! Reading points and meshes.
 
+use crate::context::Context;
+use crate::disk;
+use crate::failure::Failure;
 use crate::kind::{self, Kind};
 use crate::memory::{self, Object};
-use crate::output::{self, Context, Failure};
 use isoform::geom::{Mesh, PointCloud};
 use isoform::io::{
     At, BAD_MESH, FileKind, MeshPoints, MeshReadOptions, ReadError, ReadOptions, ReadReport,
@@ -40,7 +42,7 @@ pub(crate) fn read_points(
         ..ReadOptions::default()
     };
     if path == Path::new("-") {
-        let bytes = output::read_file(path)?;
+        let bytes = disk::read_file(path)?;
         return read(
             Source::Bytes {
                 name: "-",
@@ -100,7 +102,7 @@ const SMALL: u64 = 64 << 20;
 /// else, and none that a reader of theirs could take.
 fn other(path: &Path, bytes: &[u8], wanted: &'static str) -> Option<Failure> {
     let head = kind::head(bytes).to_vec();
-    let kind = Kind::of(path, &head, &output::text(bytes.to_vec()))?;
+    let kind = Kind::of(path, &head, &disk::text(bytes.to_vec()))?;
     let is_wanted = match kind {
         Kind::File(FileKind::Points(f)) => wanted == POINTS || mesh_format_named(f.name).is_some(),
         Kind::File(FileKind::Mesh(_)) => wanted == MESH,
@@ -156,7 +158,7 @@ pub(crate) fn read_mesh_file(
     }
     let options = MeshReadOptions::default();
     if path == Path::new("-") {
-        let bytes = output::read_file(path)?;
+        let bytes = disk::read_file(path)?;
         return read_mesh(
             Source::Bytes {
                 name: "-",

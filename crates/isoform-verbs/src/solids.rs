@@ -1,7 +1,11 @@
 //! Files of solids: STEP, and our own form without loss (.brep.json).
 
+use crate::context::Context;
+use crate::disk;
+use crate::failure::{Failure, NO_RESULT};
+use crate::kind::{SolidKind, is_json, is_solid, solid_kind};
 use crate::memory::{self, Object};
-use crate::output::{self, Context, Failure, NO_RESULT};
+use crate::product::Statement;
 use crate::watchdog::Writing;
 use crate::{interrupt, scan};
 use isoform::brep::{FacetOptions, FacetsError};
@@ -13,60 +17,6 @@ use isoform::io::{
 use isoform::{ExactSolid, ModelBrep, solid_gap};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-
-/// What a file is, by its name.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    Step,
-    /// Our own form.
-    Own,
-}
-
-fn kind(path: &Path) -> Option<Kind> {
-    let name = path.file_name().unwrap_or_default();
-    let name = name.to_string_lossy().to_ascii_lowercase();
-    let has = |ending: &str| name.ends_with(ending);
-    if has(".step") || has(".stp") {
-        Some(Kind::Step)
-    } else if has(".brep.json") {
-        Some(Kind::Own)
-    } else {
-        None
-    }
-}
-
-/// Whether solids are written with that name's ending.
-pub(crate) fn is_solid(path: &Path) -> bool {
-    kind(path).is_some()
-}
-
-/// Whether it is a STEP file by its name, which states a unit in any case.
-pub(crate) fn is_step(path: &Path) -> bool {
-    kind(path) == Some(Kind::Step)
-}
-
-/// What files say of solids, beside what is measured.
-#[derive(Clone, Debug, Default)]
-pub struct Statement {
-    /// Unit of length, if it is known.
-    pub unit: Option<String>,
-    /// Name of the product.
-    pub name: String,
-    /// AP214 instead of AP242.
-    pub ap214: bool,
-}
-
-impl Statement {
-    /// Of a model out of a file, or of a template.
-    pub(crate) fn of(model: &str, unit: Option<String>) -> Self {
-        let name = Path::new(model).file_stem().unwrap_or_default();
-        Self {
-            unit,
-            name: name.to_string_lossy().into_owned(),
-            ap214: false,
-        }
-    }
-}
 
 /// Refuses names and formats of solids for a verb that makes none, with the one that does.
 pub(crate) fn refuse(
@@ -92,7 +42,7 @@ pub(crate) fn check(paths: &[PathBuf]) -> Result<(), Failure> {
             let hint = "a name that ends in .step, .stp or .brep.json";
             return Err(Failure::usage(message).hint(hint));
         }
-        output::check_folder(path)?;
+        disk::check_folder(path)?;
     }
     Ok(())
 }
@@ -126,14 +76,14 @@ pub(crate) fn write(
             stdout = text.map_err(|e| scan::unwritable(&e))?.into_bytes();
             continue;
         }
-        if kind(path) == Some(Kind::Own) {
+        if solid_kind(path) == Some(SolidKind::Own) {
             let file = SolidFile {
                 brep: brep.clone(),
                 name: said.name.clone(),
                 unit: said.unit.clone(),
                 properties,
             };
-            output::write_file(path, &write_solids(&file))?;
+            disk::write_file(path, &write_solids(&file))?;
         } else {
             write_step_solids(brep, &properties, path, &options)
                 .map_err(|e| scan::unwritable(&e))?;
@@ -174,14 +124,6 @@ pub(crate) fn divided(
     })
 }
 
-/// The format of a file of solids, for people and reports.
-pub(crate) fn format(path: &Path) -> &'static str {
-    match kind(path) {
-        Some(Kind::Step) => "step",
-        _ => "brep.json",
-    }
-}
-
 /// The solids of a file; none where its name or its content is that of something else.
 pub(crate) fn find(path: &Path) -> Result<Option<SolidFile>, Failure> {
     let unreadable = |code, e: isoform::io::SolidFileError| {
@@ -190,19 +132,19 @@ pub(crate) fn find(path: &Path) -> Result<Option<SolidFile>, Failure> {
     if memory::find(path).is_some_and(|object| !matches!(object, Object::Bytes { .. })) {
         return Ok(None);
     }
-    if kind(path) == Some(Kind::Step) {
-        let text = output::text(output::read_file(path)?);
+    if solid_kind(path) == Some(SolidKind::Step) {
+        let text = disk::text(disk::read_file(path)?);
         let read = read_step_solids(&text).map_err(|e| {
             unreadable("step", e).hint("isoform brep writes solids as .step and as .brep.json")
         });
         return read.map(Some);
     }
-    if !crate::spline::is_json(path) {
+    if !is_json(path) {
         return Ok(None);
     }
-    let json = output::text(output::read_file(path)?);
+    let json = disk::text(disk::read_file(path)?);
     let json: Option<Value> = serde_json::from_str(&json).ok();
-    let is_named = kind(path) == Some(Kind::Own);
+    let is_named = solid_kind(path) == Some(SolidKind::Own);
     match json {
         Some(json) if is_solid_file(&json) || is_named => read_solids(&json)
             .map(Some)

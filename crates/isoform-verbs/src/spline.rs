@@ -1,22 +1,16 @@
 //! Reading implicit splines and polynomials that were fitted to points.
 
-use crate::kind::{self, Kind};
+use crate::disk;
+use crate::failure::Failure;
+use crate::kind::{self, Kind, is_fitted};
 use crate::memory::{self, Object};
-use crate::output::{self, Failure};
 use isoform::io::{
-    is_polynomial_file, is_spline_file, read_polynomial, read_spline, write_polynomial,
-    write_spline,
+    is_polynomial_file, read_polynomial, read_spline, write_polynomial, write_spline,
 };
 use isoform::spline::ImplicitSpline;
 use isoform::{GlobalPolynomial, Implicit};
 use serde_json::Value;
 use std::path::Path;
-
-/// Whether a file is JSON by its ending.
-pub(crate) fn is_json(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("json"))
-}
 
 /// Returns the file of a function, as `isoform implicitize` writes it.
 pub fn file(function: &Implicit) -> Vec<u8> {
@@ -26,11 +20,6 @@ pub fn file(function: &Implicit) -> Vec<u8> {
     }
 }
 
-/// Whether a document is one that `isoform implicitize` writes.
-pub(crate) fn is_fitted(json: &Value) -> bool {
-    is_spline_file(json) || is_polynomial_file(json)
-}
-
 /// The function of a file, as `isoform implicitize` writes it.
 pub(crate) fn read(path: &Path) -> Result<Implicit, Failure> {
     match memory::find(path) {
@@ -38,7 +27,7 @@ pub(crate) fn read(path: &Path) -> Result<Implicit, Failure> {
         Some(Object::Bytes { .. }) | None => {}
         Some(other) => return Err(other.instead_of("a function of isoform implicitize", path)),
     }
-    let text = output::text(output::read_file(path)?);
+    let text = disk::text(disk::read_file(path)?);
     let json: Value = serde_json::from_str(&text).map_err(|e| {
         Failure::input("json", format!("not JSON: {e}")).at(
             path,

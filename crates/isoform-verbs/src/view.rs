@@ -1,7 +1,10 @@
 //! `isoform view`: one page that shows files as layers, written or served.
 
+use crate::context::Context;
+use crate::disk;
+use crate::failure::{DONE, Failure};
 use crate::layers::{self, Layer, Reading, Shower};
-use crate::output::{self, Context, DONE, Failure, Outcome};
+use crate::outcome::Outcome;
 use crate::serve;
 use isoform_view::{Page, ShownPatch, ShownPoints};
 use serde_json::{Value, json};
@@ -75,7 +78,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let output = args.output.as_deref().unwrap_or(Path::new("-"));
     let is_stdout = output == Path::new("-");
     if !is_stdout {
-        output::check_folder(output)?;
+        disk::check_folder(output)?;
     }
     let (page, layers) = made(args, context)?;
     let html = page.html().into_bytes();
@@ -83,7 +86,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let stdout = if is_stdout {
         html
     } else {
-        output::write_file(output, &html)?;
+        disk::write_file(output, &html)?;
         format!(
             "{}: {} layers, {size} bytes\n",
             output.display(),

@@ -5,7 +5,9 @@
 //! programs of a hundred thousand operations. They cannot be interrupted, so the run is ended with
 //! an error; files that were written by then stay.
 
-use crate::output::{self, Failure, NO_RESULT};
+use crate::failure::{Failure, NO_RESULT};
+use crate::terminal::give_up;
+use std::panic::AssertUnwindSafe;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -25,8 +27,19 @@ static WRITING: AtomicUsize = AtomicUsize::new(0);
 static STAGE: Mutex<String> = Mutex::new(String::new());
 
 /// Says what is being worked on.
-pub(crate) fn enter(stage: &str) {
+fn enter(stage: &str) {
     stage.clone_into(&mut STAGE.lock().unwrap_or_else(PoisonError::into_inner));
+}
+
+/// Runs a stage of the work. A panic in it is a failure of that stage, so that what was made
+/// before it is still there to be written.
+pub(crate) fn stage<T>(
+    name: &str,
+    work: impl FnOnce() -> Result<T, Failure>,
+) -> Result<T, Failure> {
+    enter(name);
+    std::panic::catch_unwind(AssertUnwindSafe(work))
+        .unwrap_or_else(|_| Err(Failure::internal(name)))
 }
 
 /// While this lives files are written, or the run is over.
@@ -61,7 +74,7 @@ pub(crate) fn watch(limit: Duration, json: bool) {
             std::thread::sleep(AGAIN);
         }
         let stage = STAGE.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        output::give_up(json, &failure(limit, &stage));
+        give_up(json, &failure(limit, &stage));
     });
 }
 
@@ -79,4 +92,20 @@ fn failure(limit: Duration, stage: &str) -> Failure {
     Failure::new(NO_RESULT, "time-limit", message)
         .why("a single step of the work takes longer than what was left of it")
         .hint("a longer --time-limit, or a smaller model")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::failure::INTERNAL;
+
+    #[test]
+    fn a_panic_is_a_failure_of_its_stage() {
+        let Err(failure) = stage("mesh", || -> Result<(), Failure> { panic!("on purpose") }) else {
+            panic!("it has a result");
+        };
+        assert_eq!((failure.exit, failure.code), (INTERNAL, "internal"));
+        assert!(failure.message.contains("mesh"), "{}", failure.message);
+        assert_eq!(stage("", || Ok(1)).ok(), Some(1));
+    }
 }

@@ -9,8 +9,9 @@ mod job;
 mod store;
 mod task;
 
+pub use certificate::{BlockFailure, BlockFigures};
 pub use job::{BlocksJob, BlocksReport, WholeReport};
-pub use task::{BlockFailure, BlockFigures, BlockReport, BlockTask, BlockWarning, run_block_task};
+pub use task::{BlockReport, BlockTask, BlockWarning, run_block_task};
 
 use crate::meshing::meshable;
 use crate::{MeshModelError, MeshModelOptions};

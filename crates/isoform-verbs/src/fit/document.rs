@@ -1,9 +1,16 @@
 //! The JSON document of a fit.
 
 use super::job::Job;
-use crate::output;
+use crate::outcome;
 use isoform::report::{About, FitReport};
 use serde_json::Value;
+
+impl Job {
+    /// Returns the document of `fit --json`.
+    pub fn document(&self) -> Value {
+        document(self, "fit")
+    }
+}
 
 /// Everything that the fit found, in the file's coordinates and unit. All but `seconds` is the same
 /// each time.
@@ -19,5 +26,5 @@ pub(crate) fn document(job: &Job, verb: &'static str) -> Value {
         warnings: &job.warnings,
         seconds: &job.seconds,
     };
-    output::json_of(&FitReport::new(&job.found, &about))
+    outcome::json_of(&FitReport::new(&job.found, &about))
 }

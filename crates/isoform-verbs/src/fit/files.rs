@@ -3,17 +3,55 @@
 use super::document;
 use super::job::Job;
 use super::solid;
+use crate::context::Context;
+use crate::context::Global;
+use crate::disk;
+use crate::failure::{Failure, NO_RESULT};
+use crate::kind::is_solid;
+use crate::language::Language;
 use crate::mesh::files::is_mesh;
-use crate::output::{self, Context, Failure, NO_RESULT};
-use crate::solids::is_solid;
+use crate::outcome;
+use crate::progress::Listener;
+use crate::solids;
+use crate::watchdog;
 use crate::watchdog::Writing;
 use crate::{report, scan};
 use isoform::field::hyperfun::{Mode, Model};
 use isoform::geom::{Column, PointCloud};
 use isoform::io::{WriteOptions, deviation_colors, write_path};
-use isoform::{CadDialect, CadOptions, cad_program};
+use isoform::{CadDialect, CadOptions, MeshModelOptions, cad_program};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+
+impl Job {
+    /// Returns the points with their deviations, part and colours.
+    pub fn cloud(&self) -> PointCloud {
+        deviations(self)
+    }
+    /// Writes a file of the fit; its ending says which.
+    ///
+    /// # Errors
+    /// [`Failure`] if nothing is written with this ending, or there is no such solid.
+    pub fn save(&self, path: &Path, listener: Listener) -> Result<(), Failure> {
+        let context = Context::new(Global::default(), Some(listener));
+        let paths = vec![path.to_owned()];
+        if !is_solid(path) {
+            check(&paths)?;
+            return write_one(self, path, &context);
+        }
+        solids::check(&paths)?;
+        let wanted = solid::Wanted {
+            paths,
+            is_asked: true,
+            is_forced: true,
+            options: MeshModelOptions::default(),
+        };
+        match solid::tell(self, &Language::default(), &wanted, &context).failure {
+            Some(failure) => Err(failure),
+            None => Ok(()),
+        }
+    }
+}
 
 /// What a file holds.
 #[derive(Clone, Copy)]
@@ -80,7 +118,7 @@ fn kind(path: &Path) -> Result<Kind, Failure> {
 pub(crate) fn check(paths: &[PathBuf]) -> Result<(), Failure> {
     for path in paths {
         kind(path)?;
-        output::check_folder(path)?;
+        disk::check_folder(path)?;
     }
     Ok(())
 }
@@ -98,7 +136,7 @@ pub(crate) fn write(
         .iter()
         .filter_map(|path| {
             let name = format!("file {}", path.display());
-            output::stage(&name, || write_one(job, path, context)).err()
+            watchdog::stage(&name, || write_one(job, path, context)).err()
         })
         .collect();
     if !paths.is_empty() {
@@ -129,13 +167,13 @@ fn write_cad(job: &Job, path: &Path, dialect: CadDialect) -> Result<(), Failure>
             .why(e.to_string())
             .hint("-o part.step, which holds every solid")
     })?;
-    output::write_file(path, program.as_bytes())
+    disk::write_file(path, program.as_bytes())
 }
 
 /// Writes a file of its kind.
 pub(super) fn write_one(job: &Job, path: &Path, context: &Context) -> Result<(), Failure> {
     match kind(path)? {
-        Kind::Program => output::write_file(path, job.program().as_bytes()),
+        Kind::Program => disk::write_file(path, job.program().as_bytes()),
         Kind::Python => write_cad(job, path, job.dialect),
         Kind::OpenScad => write_cad(job, path, CadDialect::OpenScad),
         Kind::Points => {
@@ -151,10 +189,10 @@ pub(super) fn write_one(job: &Job, path: &Path, context: &Context) -> Result<(),
                 .for_each(|w| context.note(format_args!("{}: {w}", path.display())));
             Ok(())
         }
-        Kind::Report => output::write_file(path, report::page(job, context.is_late()).as_bytes()),
+        Kind::Report => disk::write_file(path, report::page(job, context.is_late()).as_bytes()),
         Kind::Document => {
             let fields = document::document(job, "fit");
-            output::write_file(path, &output::document(true, fields))
+            disk::write_file(path, &outcome::document(true, fields))
         }
     }
 }

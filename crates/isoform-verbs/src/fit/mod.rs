@@ -1,6 +1,6 @@
 //! `isoform fit`: the parameters of a template from points.
 //!
-//! The way is one for `fit` and `recover`: [`job`] reads the scan, fits and gathers the warnings;
+//! The way is one for `fit` and `recover`: [`work`] reads the scan, fits and gathers the warnings;
 //! [`files`] writes what endings ask for, [`solid`] makes a solid for CAD; [`table`] and
 //! [`document`] print the result for people and for programs.
 
@@ -10,19 +10,18 @@ pub(crate) mod job;
 pub(crate) mod settings;
 pub(crate) mod solid;
 pub(crate) mod table;
+pub(crate) mod work;
 
+use crate::context::Context;
+use crate::failure::Failure;
 use crate::gallery;
-use crate::model::Language;
-use crate::output::{Context, Failure, Outcome, one_of};
+use crate::kind;
+use crate::outcome::Outcome;
 
-use crate::parameters;
 use crate::product::Product;
 use crate::solids;
-use clap::builder::PossibleValuesParser;
-use isoform::field::hyperfun::Pose;
-use isoform::fit::{Beside, Loss, Method};
-use isoform::{CadDialect, FitOptions, MeshModelOptions};
-use settings::Start;
+use isoform::{FitOptions, MeshModelOptions};
+use settings::Settings;
 use std::path::PathBuf;
 
 /// Fits a template to points
@@ -70,83 +69,10 @@ pub(crate) struct Args {
     output: Vec<PathBuf>,
 }
 
-/// How to fit; shared with `recover`.
-#[derive(clap::Args)]
-pub(crate) struct Settings {
-    #[command(flatten)]
-    pub(crate) language: Language,
-    /// Start values of the parameters in their order, or auto: the template's, else the data decide
-    #[arg(long, value_name = "NUMBERS|auto", allow_hyphen_values = true, value_parser = settings::start)]
-    start: Option<Start>,
-    /// Bounds: a JSON file, {"radius": [1, 5], "2": [0, 1]}
-    #[arg(long, value_name = "FILE")]
-    bounds: Option<PathBuf>,
-    /// How the minimum is sought; hybrid, local, annealing and bfgs are the paper's
-    #[arg(long, default_value = "default", value_parser = one_of(&Method::ALL))]
-    method: Method,
-    /// The loss of the last, metric stage; auto is robust where it must be
-    #[arg(long, default_value = "auto", value_parser = one_of(&Loss::ALL))]
-    loss: Loss,
-    /// Hold a parameter at a value; may be repeated
-    #[arg(
-        long,
-        visible_alias = "set",
-        value_name = "NAME=VALUE",
-        allow_hyphen_values = true,
-        value_parser = parameters::setting
-    )]
-    fix: Vec<(String, f64)>,
-    /// Motion of the whole template as further parameters [default: as the template says]
-    #[arg(long, value_parser = one_of(&Pose::ALL))]
-    pose: Option<Pose>,
-    /// Coordinates of the program, the solid and the mesh that are written
-    #[arg(long, value_enum, default_value_t = FrameName::Scan)]
-    frame: FrameName,
-    /// Language of .py files: the program of the part in its own frame
-    #[arg(long, default_value = "build123d", value_parser = one_of(&CadDialect::PYTHON))]
-    dialect: CadDialect,
-    /// Keep isolated points
-    #[arg(long)]
-    no_outlier_filter: bool,
-    /// Fit tables and walls, too: where a fit is in doubt, planes beyond the part are left out
-    #[arg(long)]
-    keep_planes: bool,
-    /// Fit other objects, too: where a fit is in doubt, points apart from the part are left out
-    #[arg(long)]
-    keep_apart: bool,
-    /// Unit of the scan's numbers [default: as the file says, else guessed from the size]
-    #[arg(long, value_parser = PossibleValuesParser::new(UNITS))]
-    units: Option<String>,
-}
-
-/// Units of length of scans.
-const UNITS: [&str; 5] = ["mm", "cm", "m", "in", "ft"];
-
-/// Coordinates in which a fitted model is written.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum FrameName {
-    /// Those of the scan
-    Scan,
-    /// Those of the part: of the template, before its pose
-    Part,
-}
-
-impl Settings {
-    /// Returns the kinds of clutter that are fitted like the rest.
-    pub(crate) fn keep(&self) -> Vec<Beside> {
-        let kept = [
-            (self.keep_planes, Beside::Plane),
-            (self.keep_apart, Beside::Apart),
-            (self.no_outlier_filter, Beside::Stray),
-        ];
-        kept.into_iter().filter(|k| k.0).map(|k| k.1).collect()
-    }
-}
-
 impl Args {
     /// Returns the options as the library takes them.
     pub(crate) fn fit_options(&self, context: &Context) -> Result<FitOptions, Failure> {
-        job::fit_options(&self.options, context)
+        work::fit_options(&self.options, context)
     }
 }
 
@@ -155,7 +81,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let Some(scan) = &args.scan else {
         let (text, json) = gallery::list(context)?;
         return Ok(Outcome {
-            exit: crate::output::DONE,
+            exit: crate::failure::DONE,
             json,
             stdout: text.into_bytes(),
         });
@@ -168,14 +94,14 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         )));
     };
     let output = args.output.iter().cloned();
-    let (solids, results): (Vec<PathBuf>, Vec<PathBuf>) = output.partition(|p| solids::is_solid(p));
+    let (solids, results): (Vec<PathBuf>, Vec<PathBuf>) = output.partition(|p| kind::is_solid(p));
     files::check(&results)?;
     solids::check(&solids)?;
     let max_points = args
         .max_points
         .map(|n| usize::try_from(n).unwrap_or(usize::MAX));
-    let scan = job::read_scan(scan, args.from.as_deref(), max_points, context)?;
-    let mut job = job::run(scan, template, &args.options, context)?;
+    let scan = work::read_scan(scan, args.from.as_deref(), max_points, context)?;
+    let mut job = work::run(scan, template, &args.options, context)?;
     let written = files::write(&mut job, &results, context)?;
     if !context.global.json {
         for w in &job.warnings {

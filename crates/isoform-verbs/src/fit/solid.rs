@@ -6,9 +6,15 @@
 
 use super::job::Job;
 use crate::brep::{self, Made, Subject};
-use crate::model::{self, Language};
-use crate::output::{self, Context, DONE, Failure};
-use crate::solids::{self, Statement};
+use crate::context::Context;
+use crate::failure::{DONE, Failure};
+use crate::kind;
+use crate::language;
+use crate::language::Language;
+use crate::outcome;
+use crate::product::Statement;
+use crate::solids;
+use crate::watchdog;
 use isoform::field::hyperfun::Model;
 use isoform::geom::Aabb;
 use isoform::{MeshModelOptions, parameter_values};
@@ -18,7 +24,7 @@ use std::time::Duration;
 
 /// The fitted program, read like any other, with the values of its parameters.
 pub(crate) fn fitted_model(job: &Job, language: &Language) -> Result<(Model, Vec<f64>), Failure> {
-    let fitted = model::silently(&job.program(), language);
+    let fitted = language::parse(&job.program(), language);
     let model = fitted.map_err(|e| {
         Failure::internal("fitted program").why(format!("it cannot be read: {}", e.message))
     })?;
@@ -96,7 +102,7 @@ pub(crate) fn tell(job: &Job, language: &Language, wanted: &Wanted, context: &Co
     context.say(format_args!(
         "making the solid of the fitted model: {may_take}Ctrl-C keeps the fit"
     ));
-    let made = output::stage("solid of the fitted model", || {
+    let made = watchdog::stage("solid of the fitted model", || {
         made(job, language, wanted, limit, context)
     });
     match made {
@@ -148,11 +154,11 @@ fn made(
 fn written(job: &Job, made: &Made, wanted: &Wanted, context: &Context) -> Result<Told, Failure> {
     let said = Statement {
         name: job.part_name(),
-        ..Statement::of(&job.template_name, unit(job))
+        ..Statement::named_after(&job.template_name, unit(job))
     };
     let name = format!("fitted {}", job.template_name);
     let (files, _) = solids::write(&made.solid, &wanted.paths, &said, &name)?;
-    if said.unit.is_none() && wanted.paths.iter().any(|p| solids::is_step(p)) {
+    if said.unit.is_none() && wanted.paths.iter().any(|p| kind::is_step(p)) {
         context
             .warn("the unit of the scan is not known: STEP files state mm (--units says another)");
     }
@@ -162,7 +168,7 @@ fn written(job: &Job, made: &Made, wanted: &Wanted, context: &Context) -> Result
     let verdict = job.found.fit.verdict.as_str();
     Ok(Told {
         exit: if fit == DONE { made.exit() } else { fit },
-        json: output::json_of(&report),
+        json: outcome::json_of(&report),
         text: format!("\nsolid of the fit ({verdict})\n{}", brep::text(&report)),
         files,
         failure: None,

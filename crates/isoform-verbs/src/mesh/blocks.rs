@@ -1,9 +1,13 @@
 //! `isoform mesh --blocks`: a huge model block after block.
 
 use super::work::{self, Shape, Subject};
-use super::{Args, subject, table};
-use crate::output::{self, Context, Failure, Outcome};
+use super::{Args, subject};
+use crate::context::Context;
+use crate::disk;
+use crate::failure::Failure;
+use crate::outcome::{self, Outcome};
 use crate::scan;
+use crate::table::line;
 use isoform::report::brief;
 use isoform::{
     BlockFailure, BlockWarning, BlocksError, BlocksReport, Control, WholeReport, mesh_in_blocks,
@@ -16,7 +20,7 @@ pub(super) fn run(args: &Args, counts: [usize; 3], context: &Context) -> Result<
     let [out] = args.output.as_slice() else {
         return Err(Failure::usage("--blocks writes one grid").hint("-o big.pvtu, once"));
     };
-    output::check_folder(out)?;
+    disk::check_folder(out)?;
     let subject = subject(args, context)?;
     let Shape::Model(model, values) = &subject.shape else {
         return Err(Failure::usage("--blocks needs a HyperFun program"));
@@ -31,7 +35,7 @@ pub(super) fn run(args: &Args, counts: [usize; 3], context: &Context) -> Result<
     let made = mesh_in_blocks(model, values, counts, out, &options, &control);
     let report = made.map_err(|e| failure(e, args, &subject))?;
     say(&report, context);
-    let mut json = output::json_of(&report);
+    let mut json = outcome::json_of(&report);
     json["ok"] = report.certificate.ok.into();
     json["model"] = json!({
         "file": subject.name,
@@ -41,7 +45,7 @@ pub(super) fn run(args: &Args, counts: [usize; 3], context: &Context) -> Result<
     });
     json["files"] = json!([out.display().to_string()]);
     json["seconds"] = phases.seconds().into_iter().collect();
-    let exit = output::exit(report.is_as_asked());
+    let exit = outcome::exit(report.is_as_asked());
     Ok(Outcome::of(exit, json, Vec::new(), || text(&report, out)))
 }
 
@@ -92,40 +96,37 @@ fn text(report: &BlocksReport, out: &Path) -> String {
     } = &report.certificate;
     let [nx, ny, nz] = report.counts;
     let mut lines = vec![
-        table::line("size", brief(report.size)),
-        table::line(
+        line("size", brief(report.size)),
+        line(
             "mesh",
             format!("{tets} tetrahedra, {triangles} triangles in {nx} x {ny} x {nz} blocks"),
         ),
-        table::line(
+        line(
             "interfaces",
             format!("{shared_faces} faces, each in two blocks, node for node"),
         ),
-        table::line(
+        line(
             "volume",
             format!("{}, area {}", brief(*volume), brief(*area)),
         ),
     ];
     if let Some([least, most]) = dihedral_angles {
-        lines.push(table::line(
-            "angles",
-            format!("{least:.2} to {most:.2} degrees"),
-        ));
+        lines.push(line("angles", format!("{least:.2} to {most:.2} degrees")));
     }
     let distances = format!(
         "nodes {}, faces {}",
         brief(*node_distance),
         brief(*face_distance)
     );
-    lines.push(table::line("distance", distances));
+    lines.push(line("distance", distances));
     let features = format!("{:.3} % of the curves covered", 100.0 * covered);
-    lines.push(table::line("features", features));
+    lines.push(line("features", features));
     let verdict = match (*ok, report.warnings.is_empty()) {
         (false, _) => "does not hold",
         (true, true) => "holds in every block",
         (true, false) => "holds in every block, but something is left open (see the warnings)",
     };
-    lines.push(table::line("certificate", verdict.to_owned()));
-    lines.push(table::line("wrote", format!("{} (pvtu)", out.display())));
+    lines.push(line("certificate", verdict.to_owned()));
+    lines.push(line("wrote", format!("{} (pvtu)", out.display())));
     lines.concat()
 }

@@ -1,7 +1,7 @@
 //! The JSON document of a mesh.
 
 use super::work::Made;
-use crate::output;
+use crate::outcome;
 use isoform::report::{MeshReport, ModelName, Seconds, WrittenFile};
 use serde_json::Value;
 
@@ -19,7 +19,7 @@ pub(crate) fn document(made: &Made) -> Value {
         warnings: w.warnings.clone(),
     });
     let seconds = Seconds(made.seconds.clone());
-    output::json_of(&MeshReport::new(
+    outcome::json_of(&MeshReport::new(
         &made.mesh,
         model,
         files.collect(),

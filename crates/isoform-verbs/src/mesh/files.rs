@@ -1,7 +1,9 @@
 //! The files of a mesh.
 
-use super::work::Made;
-use crate::output::{self, Context, Failure};
+use super::work::{Made, Written};
+use crate::context::Context;
+use crate::disk;
+use crate::failure::Failure;
 use crate::watchdog::Writing;
 use crate::{scan, solids};
 use isoform::geom::Mesh;
@@ -15,14 +17,6 @@ pub(crate) struct Target {
     path: PathBuf,
     /// Given with --to, else the ending says.
     format: Option<String>,
-}
-
-/// A file that was written.
-pub(crate) struct Written {
-    pub(crate) path: String,
-    pub(crate) format: &'static str,
-    /// What the format has no place for.
-    pub(crate) warnings: Vec<String>,
 }
 
 /// Whether a mesh can be written with that name's ending.
@@ -66,7 +60,7 @@ pub(crate) fn targets(
             return Err(failure.hint(format!("an ending or --to out of: {}", formats())));
         }
         if !stdout {
-            output::check_folder(path)?;
+            disk::check_folder(path)?;
         }
     }
     if paths.is_empty() && to.is_none() {

@@ -1,6 +1,7 @@
 //! The boundary layers of `isoform mesh --layers`.
 
-use crate::output::{self, Failure};
+use crate::arguments;
+use crate::failure::Failure;
 use isoform::mesh::Layers;
 
 /// Thickness of a layer over that of the one before, where none is asked for: what suits the flow
@@ -23,10 +24,10 @@ pub(super) struct Args {
     )]
     pub(super) layers: Vec<String>,
     /// Thickness of the first of the --layers, which lies on the surface
-    #[arg(long, value_name = "LENGTH", requires = "layers", allow_negative_numbers = true, value_parser = output::positive)]
+    #[arg(long, value_name = "LENGTH", requires = "layers", allow_negative_numbers = true, value_parser = arguments::positive)]
     first: Option<f64>,
     /// How many times as thick as the one before each of the --layers is [default: 1.2]
-    #[arg(long, value_name = "FACTOR", requires = "layers", allow_negative_numbers = true, value_parser = output::positive)]
+    #[arg(long, value_name = "FACTOR", requires = "layers", allow_negative_numbers = true, value_parser = arguments::positive)]
     growth: Option<f64>,
     /// How many --layers there are [default: 5]
     #[arg(long, value_name = "N", requires = "layers")]

@@ -1,9 +1,10 @@
 //! The regions of `isoform mesh --regions`: objects of the model's program, or other programs.
 
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::language::Language;
 use crate::memory;
 use crate::model;
-use crate::model::Language;
-use crate::output::{Context, Failure};
 use crate::parameters::{self, Given};
 use isoform::field::hyperfun::Model;
 use std::path::Path;

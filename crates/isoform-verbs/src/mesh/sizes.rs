@@ -1,7 +1,11 @@
 //! Edge lengths by place, from a table or a program.
 
-use crate::model::{self, Language};
-use crate::output::{self, Context, Failure};
+use crate::arguments;
+use crate::context::Context;
+use crate::disk;
+use crate::failure::Failure;
+use crate::language::Language;
+use crate::model;
 use crate::parameters::{self, Given};
 use isoform::field::RunField;
 use isoform::geom::{Field, Point3};
@@ -21,7 +25,7 @@ pub(crate) fn read(path: &Path, context: &Context) -> Result<Sizes, Failure> {
     if path.extension().is_some_and(|e| e == "hf") {
         return program(path, context);
     }
-    let text = output::text(output::read_file(path)?);
+    let text = disk::text(disk::read_file(path)?);
     let samples = samples(path, &text)?;
     if samples.is_empty() {
         return Err(
@@ -61,7 +65,7 @@ fn samples(path: &Path, text: &str) -> Result<Vec<Sample>, Failure> {
 
 /// A line of four numbers, the last of which is positive.
 fn sample(row: &str) -> Option<Sample> {
-    match output::numbers(row).as_deref() {
+    match arguments::numbers(row).as_deref() {
         Ok(&[x, y, z, h]) if h > 0.0 && [x, y, z, h].iter().all(|v| v.is_finite()) => {
             Some(([x, y, z], h))
         }

@@ -2,10 +2,13 @@
 
 use super::files::{self, Target};
 use super::{Args, table};
+use crate::context::Context;
+use crate::failure::Failure;
 use crate::memory;
-use crate::output::{self, Context, Failure, Outcome};
+use crate::outcome::{self, Outcome};
 use crate::product::Product;
 use crate::solids;
+use crate::table::line;
 use isoform::brep::FacetOptions;
 use isoform::check::{Options, certify};
 use isoform::geom::Aabb;
@@ -44,15 +47,13 @@ pub(super) fn run(
         "chord": options.chord,
         "deviation": deviation,
     });
-    output::add(&mut json, output::json_of(&ContentsReport::new(&mesh)));
-    json["certificate"] = output::json_of(&CertificateReport::new(&certificate));
+    outcome::add(&mut json, outcome::json_of(&ContentsReport::new(&mesh)));
+    json["certificate"] = outcome::json_of(&CertificateReport::new(&certificate));
     json["files"] = json!(paths);
-    let exit = output::exit(certificate.is_ok());
+    let exit = outcome::exit(certificate.is_ok());
     let outcome = Outcome::of(exit, json, stdout, || {
         let near = format!("{} from the faces at most", brief(deviation));
-        table::of_mesh(&mesh, &certificate)
-            + &table::line("distance", near)
-            + &table::wrote(&written)
+        table::of_mesh(&mesh, &certificate) + &line("distance", near) + &table::wrote(&written)
     });
     context.hand_over(|| Product::Mesh(mesh, unit));
     Ok(outcome)

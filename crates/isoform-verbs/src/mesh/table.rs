@@ -1,7 +1,7 @@
 //! The result for people: the certificate as a short table, and the parts.
 
-use super::files::Written;
-use super::work::{Made, place};
+use super::work::{Made, Written, place};
+use crate::table::line;
 use isoform::RegionCertificate;
 use isoform::check::{Certificate, Failure, OppositeSides, Place};
 use isoform::geom::Mesh;
@@ -115,11 +115,6 @@ fn failed(certificate: &Certificate) -> Vec<String> {
         line("FAILED", format!("{failure}{at}"))
     };
     certificate.failures().iter().map(tell).collect()
-}
-
-/// One line.
-pub(crate) fn line(name: &str, text: String) -> String {
-    format!("{name:<13}{text}\n")
 }
 
 /// How many elements, nodes, curves and corners there are.

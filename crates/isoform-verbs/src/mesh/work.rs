@@ -1,11 +1,12 @@
 //! The one way to a mesh, for `mesh` and `recover`: model, solid, mesh, certificate.
 
-use super::Settings;
-use super::files::Written;
 use super::regions::Region;
+use super::settings::Settings;
 use super::sizes;
+use crate::context::Context;
+use crate::failure::{Failure, NO_RESULT};
 use crate::interrupt;
-use crate::output::{self, Context, Failure, NO_RESULT};
+use crate::outcome;
 use crate::progress::Progress;
 use isoform::check::Limits;
 use isoform::field::SolidError;
@@ -63,7 +64,7 @@ pub(crate) struct Made {
 impl Made {
     /// 0, or 3 where the certificate fails or something was left open, or 130.
     pub(crate) fn exit(&self) -> u8 {
-        output::exit(self.mesh.is_as_asked())
+        outcome::exit(self.mesh.is_as_asked())
     }
     /// Says all warnings on stderr.
     pub(crate) fn say(&self, context: &Context) {
@@ -82,6 +83,14 @@ fn sentence(warning: &Warning) -> String {
         Some([x, y, z]) => format!("{} at ({x}, {y}, {z})", warning.kind),
         None => warning.kind.to_string(),
     }
+}
+
+/// A file that was written.
+pub(crate) struct Written {
+    pub(crate) path: String,
+    pub(crate) format: &'static str,
+    /// What the format has no place for.
+    pub(crate) warnings: Vec<String>,
 }
 
 /// Phases as they come, each with the time it took.
@@ -120,7 +129,7 @@ impl<'c> Phases<'c> {
     pub(crate) fn new(context: &'c Context) -> Self {
         Self {
             started: Mutex::default(),
-            progress: Progress::of_stage(context),
+            progress: context.progress().of_short_phases(),
         }
     }
     /// A phase begins.

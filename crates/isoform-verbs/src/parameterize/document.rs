@@ -1,7 +1,7 @@
 //! The documents of patches: their file, the trace, and what --json prints.
 
 use super::Made;
-use crate::output;
+use crate::outcome;
 use isoform::io::write_patches;
 use isoform::patch::{Grown, Phase};
 use isoform::patch_records;
@@ -48,7 +48,7 @@ pub(super) fn trace(grown: &Grown) -> String {
 
 /// What --json prints.
 pub(super) fn document(made: &Made) -> Value {
-    output::json_of(&PatchesReport::new(&AboutPatches {
+    outcome::json_of(&PatchesReport::new(&AboutPatches {
         model: &made.name,
         options: &made.options,
         patches: &made.patches,

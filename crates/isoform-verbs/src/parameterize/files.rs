@@ -1,8 +1,9 @@
 //! The files of patches: JSON, STEP, triangles.
 
 use super::{Args, Made, document};
+use crate::disk;
+use crate::failure::Failure;
 use crate::mesh::files as meshes;
-use crate::output::{self, Failure};
 use crate::scan;
 use crate::watchdog::Writing;
 use isoform::geom::{Field, Mesh};
@@ -39,7 +40,7 @@ fn target(path: &Path) -> Result<Target<'_>, Failure> {
         _ if meshes::is_mesh(path) => Target::Triangles(path),
         _ => return Err(unknown_ending(path)),
     };
-    output::check_folder(path)?;
+    disk::check_folder(path)?;
     Ok(target)
 }
 
@@ -71,7 +72,7 @@ pub(super) fn write(
                 continue;
             }
             Target::Json(path) => {
-                output::write_file(path, &document::patches(made))?;
+                disk::write_file(path, &document::patches(made))?;
                 path
             }
             Target::Step(path) => {

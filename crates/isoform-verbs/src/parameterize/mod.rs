@@ -7,9 +7,13 @@ mod subject;
 mod table;
 
 use self::subject::Subject;
+use crate::arguments;
+use crate::context::Context;
+use crate::disk;
+use crate::failure::{Failure, NO_RESULT};
 use crate::interrupt;
-use crate::model::Language;
-use crate::output::{self, Context, Failure, NO_RESULT, Outcome};
+use crate::language::Language;
+use crate::outcome::{self, Outcome};
 use crate::parameters::Given;
 use crate::product::Product;
 use isoform::geom::{Aabb, Point3};
@@ -71,7 +75,7 @@ pub(crate) struct Args {
     #[arg(
         long, value_name = "LENGTH",
         allow_negative_numbers = true,
-        value_parser = output::positive
+        value_parser = arguments::positive
     )]
     tol: Option<f64>,
     /// As many patches as it takes until all of the surface in the box lies on one, within --tol
@@ -79,11 +83,11 @@ pub(crate) struct Args {
     cover: bool,
     /// With --cover: every point of the surface in the box so deep inside of some patch, that is so
     /// far from its border, proved; as --tol a length. Patches reach beyond the box as far
-    #[arg(long, value_name = "LENGTH", requires = "cover", allow_negative_numbers = true, value_parser = output::positive)]
+    #[arg(long, value_name = "LENGTH", requires = "cover", allow_negative_numbers = true, value_parser = arguments::positive)]
     margin: Option<f64>,
     /// With --cover: what is nearer than this to a singular point, as at self-intersections, may be
     /// left out where no patch is found, which is said [default: a hundredth of the box]
-    #[arg(long, value_name = "LENGTH", requires = "cover", allow_negative_numbers = true, value_parser = output::positive)]
+    #[arg(long, value_name = "LENGTH", requires = "cover", allow_negative_numbers = true, value_parser = arguments::positive)]
     singular: Option<f64>,
     /// At most so many patches, with --cover
     #[arg(long, value_name = "N", default_value_t = MOST_PATCHES, requires = "cover", value_parser = at_least_one)]
@@ -162,19 +166,19 @@ fn degree(text: &str) -> Result<(usize, usize), String> {
 
 /// Reads a box: half its width around the origin, or two corners.
 fn region(text: &str) -> Result<Aabb, String> {
-    match output::numbers(text)?.as_slice() {
+    match arguments::numbers(text)?.as_slice() {
         &[b] if b > 0.0 => Ok(Aabb {
             lo: [-b; 3],
             hi: [b; 3],
         }),
         [_] => Err("a positive number is expected".to_owned()),
-        _ => output::region(text),
+        _ => arguments::region(text),
     }
 }
 
 /// Reads a point: three numbers.
 fn point(text: &str) -> Result<Point3, String> {
-    match output::numbers(text)?.as_slice() {
+    match arguments::numbers(text)?.as_slice() {
         &[x, y, z] => Ok([x, y, z]),
         _ => Err("three numbers are expected".to_owned()),
     }
@@ -205,7 +209,7 @@ impl Made {
     }
     /// Writes a file that accompanies the patches.
     fn write_beside(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-        output::write_file(path, bytes)?;
+        disk::write_file(path, bytes)?;
         self.written.push(path.display().to_string());
         Ok(())
     }
@@ -215,7 +219,7 @@ impl Made {
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let targets = files::targets(&args.output)?;
     for path in [&args.trace, &args.figure].into_iter().flatten() {
-        output::check_folder(path)?;
+        disk::check_folder(path)?;
     }
     let clock = Instant::now();
     let subject = subject::read(&args.model, &args.language, &args.given, context)?;
@@ -324,7 +328,7 @@ fn tell(made: &mut Made, stdout: Vec<u8>, context: &Context) -> Outcome {
     made.warnings
         .extend(findings.iter().map(ToString::to_string));
     made.warnings.iter().for_each(|w| context.warn(w));
-    let exit = output::exit(findings.is_empty());
+    let exit = outcome::exit(findings.is_empty());
     Outcome::of(exit, document::document(made), stdout, || table::text(made))
 }
 

@@ -1,9 +1,12 @@
 //! The surface to parameterize: a HyperFun program or a polynomial.
 
+use crate::context::Context;
+use crate::disk;
+use crate::failure::Failure;
 use crate::kind::{self, Kind};
+use crate::language::Language;
 use crate::memory::{self, Object};
-use crate::model::{self, Language};
-use crate::output::{self, Context, Failure};
+use crate::model;
 use crate::parameters::{self, Given};
 use crate::{gallery, spline};
 use isoform::ImplicitSurface;
@@ -42,13 +45,13 @@ pub(super) fn read(
             warnings: Vec::new(),
         });
     }
-    let text = output::text(output::read_file(path)?);
+    let text = disk::text(disk::read_file(path)?);
     if !is_json && !text.trim_start().starts_with('{') {
         let model = model::parse(path, &text, language, context)?;
         return program(&model, given, name, context);
     }
     if let Ok(json) = serde_json::from_str::<Value>(&text)
-        && spline::is_fitted(&json)
+        && kind::is_fitted(&json)
     {
         return Ok(Subject {
             name,

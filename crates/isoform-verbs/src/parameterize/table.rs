@@ -1,7 +1,7 @@
 //! The result for people.
 
 use super::Made;
-use crate::mesh::table::line;
+use crate::table::line;
 use isoform::Coverage;
 use isoform::patch::{Grown, NormalForm, Parameterized, Phase, Quadric};
 use isoform::report::{brief, solver_name};

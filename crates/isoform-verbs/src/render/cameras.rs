@@ -1,6 +1,7 @@
 //! The arguments of `render` that say from where: sizes, cameras, views.
 
-use crate::output::{self, Failure};
+use crate::arguments;
+use crate::failure::Failure;
 use isoform::geom::Aabb;
 use isoform_render::{Camera, CameraError, FOV, Look, Pane, View, panes};
 use serde_json::{Value, json};
@@ -39,7 +40,7 @@ struct Eye([f64; 6]);
 
 /// Reads six numbers.
 fn eye(text: &str) -> Result<Eye, String> {
-    let numbers = output::numbers(text)?;
+    let numbers = arguments::numbers(text)?;
     numbers.try_into().map(Eye).map_err(|_| {
         "six numbers are expected, x,y,z of the eye and of what it looks at".to_owned()
     })

@@ -9,8 +9,11 @@ mod door;
 mod server;
 mod stamps;
 
+use crate::context::Context;
+use crate::failure::{self, DONE, Failure};
 use crate::interrupt;
-use crate::output::{self, Context, DONE, Failure, Outcome};
+use crate::outcome::Outcome;
+use crate::watchdog;
 use isoform_view::Page;
 use serde_json::{Value, json};
 use server::{Shown, Site};
@@ -40,12 +43,11 @@ pub(crate) fn run(
     let mut seen = Stamps::of(files);
     let (page, layers) = make()?;
     let site = Site::open(port, Shown::new(&page)).map_err(|e| {
-        let failure = Failure::new(output::NO_RESULT, "port", format!("cannot serve: {e}"));
+        let failure = Failure::new(failure::NO_RESULT, "port", format!("cannot serve: {e}"));
         failure.hint("another --port, or none: a free one is taken")
     })?;
     let text = format!("{}\n", site.address());
-    output::announce(
-        context,
+    context.announce(
         json!({"verb": "view", "address": site.address(), "layers": layers}),
         text,
     )?;
@@ -79,7 +81,7 @@ fn make_of(
             return Err(Failure::input("file", message));
         }
     }
-    output::stage("", make)
+    watchdog::stage("", make)
 }
 
 /// Waits until the files are others than those seen, and at rest; none after Ctrl-C.

@@ -1,7 +1,7 @@
 //! The documents of a triangulated surface: the report, the sidecar, and what --json prints.
 
 use super::Made;
-use crate::output;
+use crate::outcome;
 use isoform::report::{Sidecar, SurfaceReport, TriangulateReport, WrittenFile};
 use isoform::tess::Surface;
 use serde_json::{Value, json};
@@ -13,7 +13,7 @@ pub(super) fn document(made: &Made) -> Value {
         format: w.format,
         warnings: w.warnings.clone(),
     });
-    output::json_of(&TriangulateReport::new(
+    outcome::json_of(&TriangulateReport::new(
         &made.drawn.about(&made.name),
         files.collect(),
     ))
@@ -23,7 +23,7 @@ pub(super) fn document(made: &Made) -> Value {
 pub(super) fn file(made: &Made) -> Vec<u8> {
     let mut json = json!({"schema": 1});
     let report = SurfaceReport::new(&made.drawn.about(&made.name));
-    output::add(&mut json, output::json_of(&report));
+    outcome::add(&mut json, outcome::json_of(&report));
     let mut bytes = serde_json::to_vec_pretty(&json).unwrap_or_default();
     bytes.push(b'\n');
     bytes

@@ -8,13 +8,17 @@ mod document;
 mod domain;
 mod table;
 
+use crate::arguments;
+use crate::context::Context;
+use crate::disk;
+use crate::failure::{Failure, NO_RESULT};
 use crate::interrupt;
 use crate::kind::{self, Kind};
 use crate::memory::{self, MapObject};
-use crate::mesh::files::{self, Target, Written};
-use crate::output::{self, Context, Failure, NO_RESULT, Outcome};
+use crate::mesh::files::{self, Target};
+use crate::mesh::work::Written;
+use crate::outcome::{self, Outcome};
 use crate::product::Product;
-use crate::progress::Progress;
 use isoform::algebra::RBig;
 use isoform::io::MapFileError;
 use isoform::tess::{
@@ -68,14 +72,14 @@ pub(crate) struct Args {
     #[arg(
         long, value_name = "LENGTH",
         allow_negative_numbers = true,
-        value_parser = output::positive
+        value_parser = arguments::positive
     )]
     tol: Option<f64>,
     /// Largest length of edges; without --box, B is half the surface's width here [default: 0.25 B]
     #[arg(
         long, value_name = "LENGTH",
         allow_negative_numbers = true,
-        value_parser = output::positive
+        value_parser = arguments::positive
     )]
     longest: Option<f64>,
     /// Stop refining at about so many triangles
@@ -260,13 +264,13 @@ impl Made {
         let (written, stdout) = files::write_mesh_files(&self.drawn.mesh(), None, targets)?;
         self.written = written;
         if let Some(path) = &args.sidecar {
-            output::write_file(path, &document::sidecar(&self.drawn.surface))?;
+            disk::write_file(path, &document::sidecar(&self.drawn.surface))?;
         }
         if let Some(path) = &args.domain {
-            output::write_file(path, domain::svg(self).as_bytes())?;
+            disk::write_file(path, domain::svg(self).as_bytes())?;
         }
         if let Some(path) = &args.report {
-            output::write_file(path, &document::file(self))?;
+            disk::write_file(path, &document::file(self))?;
         }
         Ok(stdout)
     }
@@ -293,7 +297,7 @@ impl Made {
     }
     /// 0 where every claim holds, 3 where something is open, 130 after Ctrl-C.
     fn exit(&self) -> u8 {
-        output::exit(self.is_certified())
+        outcome::exit(self.is_certified())
     }
 }
 
@@ -337,16 +341,16 @@ fn check_beside(files: [&Option<PathBuf>; 3]) -> Result<(), Failure> {
                 Failure::usage("only a mesh goes to stdout").hint("--json prints the report")
             );
         }
-        output::check_folder(path)?;
+        disk::check_folder(path)?;
     }
     Ok(())
 }
 
 /// Reads and checks a map, or patches.
 pub(crate) fn read(path: &Path, reduce: bool) -> Result<RationalSurface, Failure> {
-    let bytes = output::read_file(path)?;
+    let bytes = disk::read_file(path)?;
     let head = kind::head(&bytes).to_vec();
-    let text = output::text(bytes);
+    let text = disk::text(bytes);
     let path = if path == Path::new("-") {
         Path::new("stdin")
     } else {
@@ -461,7 +465,7 @@ fn make(args: &Args, subject: RationalSurface, context: &Context) -> Result<Made
     let options = options(args, subject.options(&in_box.around, time_limit));
     let name = memory::name(&args.map);
     let control = context.control();
-    let progress = Progress::new(context);
+    let progress = context.progress();
     let drawn = progress
         .during("triangulation", time_limit, || {
             let mut drawn = subject.triangulate(options, in_box.is_chosen, &control)?;

@@ -1,7 +1,8 @@
 //! The result for people.
 
 use super::Made;
-use crate::mesh::table::{line, wrote};
+use crate::mesh::table::wrote;
+use crate::table::line;
 use isoform::algebra::CurveTopology;
 use isoform::report::{brief, contracted, folds, mode_name};
 use isoform::tess::{BasePoint, Basis, Claim, Domain, Mode, RealBorder, Surface, Verdict};

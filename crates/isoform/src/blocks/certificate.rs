@@ -3,17 +3,60 @@
 //! A block is looked at together with what is around it, so that everything near its sides is seen
 //! as in the whole mesh; what is found counts where it lies in the block's room.
 
-use super::task::{BlockFailure, BlockFigures};
 use crate::MeshModelOptions;
 use isoform_check::quality::six_volume;
 use isoform_check::{self as check, Certificate, Defects, Limits, certify};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid, cross, norm, sub};
 use isoform_mesh::blocks::{Closed, Plan, holds};
+use serde::{Deserialize, Serialize};
 
 /// Places that are kept of each kind of finding. The block's own elements come first, so that those
 /// around it fill what is left.
 const PLACES: usize = 1000;
+
+/// What is known of a block that was written.
+#[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
+pub struct BlockFigures {
+    /// The name of its file.
+    pub file: String,
+    /// Nodes.
+    pub points: usize,
+    /// Triangles of the surface.
+    pub triangles: usize,
+    /// Tetrahedra.
+    pub tets: usize,
+    /// Volume of the tetrahedra.
+    pub volume: f64,
+    /// Area of the triangles.
+    pub area: f64,
+    /// Smallest and largest dihedral angle of the block and around it, in degrees; none of an empty
+    /// one.
+    pub dihedral_angles: Option<[f64; 2]>,
+    /// Largest distance of a node of the surface to its part.
+    pub node_distance: f64,
+    /// Largest distance of a point of a face to its part.
+    pub face_distance: f64,
+    /// Length of the feature curves, and length of the part that has edges.
+    pub curves: [f64; 2],
+    /// Faces that it has in common with other blocks.
+    pub shared_faces: usize,
+    /// What does not hold of its certificate.
+    pub failures: Vec<BlockFailure>,
+}
+
+/// What does not hold in a block.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+pub struct BlockFailure {
+    /// A word for it.
+    pub code: String,
+    /// A sentence.
+    pub message: String,
+    /// How often.
+    pub count: usize,
+    /// One of the places.
+    pub at: Option<Point3>,
+}
 
 /// The figures of a block, but for its file.
 pub(super) fn figures(

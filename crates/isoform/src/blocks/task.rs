@@ -1,7 +1,7 @@
 //! One task: a step of one block, from files to files.
 
 use super::BlocksError;
-use super::certificate::figures;
+use super::certificate::{BlockFigures, figures};
 use super::store::{read_plan, read_tetrahedra, write_faces, write_tetrahedra};
 use crate::MeshModelOptions;
 use isoform_control::Control;
@@ -76,49 +76,6 @@ pub struct BlockWarning {
     /// What is wrong.
     pub message: String,
     /// Where.
-    pub at: Option<Point3>,
-}
-
-/// What is known of a block that was written.
-#[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
-pub struct BlockFigures {
-    /// The name of its file.
-    pub file: String,
-    /// Nodes.
-    pub points: usize,
-    /// Triangles of the surface.
-    pub triangles: usize,
-    /// Tetrahedra.
-    pub tets: usize,
-    /// Volume of the tetrahedra.
-    pub volume: f64,
-    /// Area of the triangles.
-    pub area: f64,
-    /// Smallest and largest dihedral angle of the block and around it, in degrees; none of an empty
-    /// one.
-    pub dihedral_angles: Option<[f64; 2]>,
-    /// Largest distance of a node of the surface to its part.
-    pub node_distance: f64,
-    /// Largest distance of a point of a face to its part.
-    pub face_distance: f64,
-    /// Length of the feature curves, and length of the part that has edges.
-    pub curves: [f64; 2],
-    /// Faces that it has in common with other blocks.
-    pub shared_faces: usize,
-    /// What does not hold of its certificate.
-    pub failures: Vec<BlockFailure>,
-}
-
-/// What does not hold in a block.
-#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
-pub struct BlockFailure {
-    /// A word for it.
-    pub code: String,
-    /// A sentence.
-    pub message: String,
-    /// How often.
-    pub count: usize,
-    /// One of the places.
     pub at: Option<Point3>,
 }
 

@@ -8,7 +8,7 @@ mod points;
 pub(super) use self::points::with_points;
 
 use self::offers::offer;
-use self::panel::{Label, Panel};
+use self::panel::{AIR, Label, Panel};
 use self::placed::{PAPER, Placed};
 use super::Drawing;
 use super::dimensions::Form;
@@ -20,8 +20,6 @@ use std::fmt::Write;
 const SIZE: f64 = 250.0;
 /// Least width of a sheet.
 const NARROWEST: f64 = 860.0;
-/// Space about a panel.
-const AIR: f64 = 16.0;
 /// The sheet with views and dimensions.
 pub(super) fn dimensioned(drawing: &Drawing<'_>, forms: &[Form]) -> String {
     let scale = scale_of(drawing);

@@ -1,11 +1,13 @@
 //! A view with its dimensions: the room that they need, and how they are drawn.
 
 use super::super::Drawn;
-use super::AIR;
 use super::offers::Shown;
 use super::placed::Placed;
 use crate::report::svg::escaped;
 use std::fmt::Write;
+
+/// Space about a panel.
+pub(super) const AIR: f64 = 16.0;
 
 /// Distance of a dimension line from the view and from the next one: below, and on the left, where
 /// names stand over values.

@@ -2,7 +2,7 @@
 
 use super::super::picture::{CUT, Picture};
 use super::super::{Drawing, Drawn};
-use super::AIR;
+use super::panel::AIR;
 use super::placed::{GREY, Placed};
 use isoform::geom::Point3;
 use isoform::io::deviation_colors;
