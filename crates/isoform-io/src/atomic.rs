@@ -1,8 +1,8 @@
-//! Files that are whole or untouched.
+//! Atomic replacement of files.
 //!
-//! A writer works on a temporary file beside the target, which then takes the target's name. POSIX
-//! renames are atomic: a reader opens the old file or the new one, never a part of one, and a crash
-//! leaves at most a hidden file behind.
+//! A writer works on a temporary file next to the target, which is then renamed to the target.
+//! POSIX renames are atomic: a reader opens the old file or the new one, never a part of one, and a
+//! crash leaves at most a hidden file behind.
 
 use crate::WriteError;
 use std::fs::{self, File};
@@ -10,16 +10,16 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Writes a file through a temporary one beside it and a rename: whoever looks sees the old file or
-/// the whole new one, and an error leaves the old one. What is no regular file (a pipe,
-/// `/dev/stdout`) is written directly.
+/// Writes a file through a temporary one next to it and a rename: readers see the old file or the
+/// complete new one, and an error leaves the old one unchanged. A target that is not a regular file
+/// (a pipe, `/dev/stdout`) is written directly.
 pub fn write_atomic(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), WriteError> {
     let fail = |what, e: &io::Error| WriteError::io(what, path.display().to_string(), e);
     let cannot_write = |e: io::Error| fail("cannot write the file", &e);
-    // Through a link, the file it points to is replaced, not the link.
+    // A symbolic link is kept; the file it points to is replaced.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
     let old = fs::metadata(&target).ok();
     if let Some(old) = &old {
@@ -50,15 +50,14 @@ pub fn write_atomic(
     write_whole(file, old.map(|old| old.permissions()), write)
         .and_then(|()| fs::rename(&temporary, &target))
         .map_err(|e| {
-            // The first error is the one to tell; a temporary file that cannot be removed is litter
-            // at worst.
+            // The first error is reported; a temporary file that cannot be removed does no further
+            // harm.
             let _ = fs::remove_file(&temporary);
             cannot_write(e)
         })
 }
 
-/// Writes a new file, gives it the permissions of the file that it is to replace, and waits until
-/// it is on the disk.
+/// Writes a new file, gives it the permissions of the file it will replace, and syncs it to disk.
 fn write_whole(
     file: File,
     permissions: Option<fs::Permissions>,
@@ -73,10 +72,10 @@ fn write_whole(
     out.get_ref().sync_all()
 }
 
-/// A new, hidden file in the folder of a file, and its path. Its name holds the process and a
-/// number, so that neither other processes nor other threads take it.
+/// Creates a hidden file in the folder of the target. Its name contains the process and a counter,
+/// so that it is unique among processes and threads.
 fn temporary_beside(target: &Path) -> io::Result<(File, PathBuf)> {
-    /// Temporary files that this process has named so far.
+    /// Number of temporary files that this process has named so far.
     static NUMBER: AtomicU64 = AtomicU64::new(0);
     let name = target
         .file_name()

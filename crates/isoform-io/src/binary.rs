@@ -1,7 +1,7 @@
-//! Numbers in binary files: integers of 8 to 64 bits and floats of 32 and 64, in both byte orders,
-//! decoded to f64. Integers of 64 bits are rounded beyond 2⁵³.
+//! Decoding of binary numbers to f64: integers of 8 to 64 bits and floats of 32 and 64, in both
+//! byte orders. Integers of 64 bits are rounded beyond 2⁵³.
 
-/// A type of number in binary files.
+/// Type of a number in a binary file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Type {
     I8,
@@ -17,7 +17,7 @@ pub(crate) enum Type {
 }
 
 impl Type {
-    /// By the names that PLY and others use, in lower case.
+    /// Returns the type for a name used by PLY and other formats, in lower case.
     pub(crate) fn named(name: &str) -> Option<Self> {
         Some(match name {
             "char" | "int8" => Self::I8,
@@ -33,7 +33,7 @@ impl Type {
             _ => return None,
         })
     }
-    /// In bytes.
+    /// Returns the size in bytes.
     pub(crate) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -42,10 +42,10 @@ impl Type {
             Self::I64 | Self::U64 | Self::F64 => 8,
         }
     }
-    /// The number in the first bytes, which must suffice.
+    /// Decodes a number from the first bytes, of which there must be enough.
     #[inline]
     pub(crate) fn decode(self, bytes: &[u8], big: bool) -> f64 {
-        /// The first N bytes, turned round where they are big endian.
+        /// Returns the first N bytes in little-endian order.
         fn take<const N: usize>(bytes: &[u8], big: bool) -> [u8; N] {
             let mut b: [u8; N] = std::array::from_fn(|i| bytes[i]);
             if big {

@@ -1,20 +1,18 @@
-//! Which format a file has: the one asked for, else the one that its content states, else the one
-//! that its name states, else the likeliest.
+//! Choice of the format of a file: by request, else by content, else by the ending of its name,
+//! else by likelihood.
 
 use crate::format::{Foreign, Format, Sniff, extension};
 use crate::input::{Input, Result, shorten};
 use crate::registry::{foreign, format_named, formats};
 use crate::{At, ErrorKind, ReadError, three_mf};
 
-/// First bytes that are looked at.
+/// Number of bytes examined at the start of a file.
 const HEAD: usize = 4096;
-/// Shorter first bytes may begin anything; a file is called foreign against its name only by longer
-/// ones.
+/// Minimum length of a signature that overrides the name of a file. Shorter ones occur by chance.
 const SURE_MAGIC: usize = 4;
-/// What failed, as the errors of the choice say.
 const WHAT: &str = "cannot tell how to read the file";
 
-/// The format of a file; what is odd about it goes into the warnings.
+/// Returns the format of a file; oddities are added to the warnings.
 pub(crate) fn choose(
     input: &mut Input<'_>,
     asked: Option<&str>,
@@ -61,36 +59,35 @@ pub(crate) fn choose(
     Ok(likeliest)
 }
 
-/// The format that claims an ending (in lower case, without its point).
+/// Returns the format with an ending (in lower case, without the dot).
 pub(crate) fn by_ending(ending: &str) -> Option<&'static Format> {
     formats().iter().find(|f| f.extensions.contains(&ending))
 }
 
-/// The first format in the registry whose content test is as sure as this.
+/// Returns the first format in the registry whose content test gives this certainty.
 pub(crate) fn by_content(head: &[u8], sure: Sniff) -> Option<&'static Format> {
     formats().iter().find(|f| (f.sniff)(head) == sure)
 }
 
-/// The foreign kind that claims an ending.
+/// Returns the foreign format with an ending.
 pub(crate) fn foreign_by_ending(ending: &str) -> Option<&'static Foreign> {
     foreign().iter().find(|f| f.extensions.contains(&ending))
 }
 
-/// The foreign kind whose first bytes, at least `least` of them, the file begins with.
+/// Returns the foreign format whose signature of at least `least` bytes starts the file.
 pub(crate) fn foreign_by_magic(head: &[u8], least: usize) -> Option<&'static Foreign> {
     foreign()
         .iter()
         .find(|f| f.magic.len() >= least && head.starts_with(f.magic))
 }
 
-/// The format, unless the file is a package or an archive under a wrong name, which is better
-/// called what it is.
+/// Returns the format, or an error if the file is a package or an archive with a wrong ending.
 fn unless_foreign(
     input: &Input<'_>,
     format: &'static Format,
     head: &[u8],
 ) -> Result<&'static Format> {
-    // A 3MF package is an archive; its reader says what is missing in one that is none.
+    // A 3MF package is an archive; its reader explains what an invalid one lacks.
     let is_package = format.name == three_mf::NAME;
     match foreign_by_magic(head, SURE_MAGIC) {
         Some(foreign) if !is_package && (format.sniff)(head) != Sniff::Yes => {
@@ -100,7 +97,7 @@ fn unless_foreign(
     }
 }
 
-/// Titles and endings of all formats, for messages.
+/// Lists titles and endings of all formats, for messages.
 fn readable() -> String {
     formats()
         .iter()
@@ -109,11 +106,10 @@ fn readable() -> String {
         .join("; ")
 }
 
-/// The hint for files that no reader here takes.
 const CONVERT: &str =
     "convert it to one of these, or name the format if the file has another ending";
 
-/// The error for a foreign kind of file, which says what it is.
+/// Returns the error for a foreign format, which names it.
 fn unsupported(input: &Input<'_>, foreign: &Foreign) -> ReadError {
     let what = foreign.what;
     let why = format!("it is {what}. Formats that can be read: {}", readable());
@@ -121,7 +117,7 @@ fn unsupported(input: &Input<'_>, foreign: &Foreign) -> ReadError {
     input.error(ErrorKind::UnsupportedFormat, At::File, failed, why, CONVERT)
 }
 
-/// The error for a file that neither name nor content tells anything of.
+/// Returns the error for a file whose format neither name nor content reveal.
 fn unknown(input: &Input<'_>) -> ReadError {
     let why = format!(
         "neither its name nor its content is of a known kind. Formats that can be read: {}",
@@ -130,7 +126,7 @@ fn unknown(input: &Input<'_>) -> ReadError {
     input.error(ErrorKind::UnknownFormat, At::File, WHAT, why, CONVERT)
 }
 
-/// The format asked for is foreign, or nothing is known by that name.
+/// Returns the error for a requested format that is foreign or unknown.
 fn no_such_format(input: &Input<'_>, asked: &str) -> ReadError {
     let ending = asked.trim_start_matches('.').to_ascii_lowercase();
     if let Some(foreign) = foreign_by_ending(&ending) {

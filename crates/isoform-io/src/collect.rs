@@ -1,61 +1,61 @@
-//! From rows of a file to a [`PointCloud`]: sampling while streaming, dropping what is not finite,
-//! recentring.
+//! Collection of the rows of a file into a [`PointCloud`]: sampling while streaming, removal of
+//! non-finite values, recentring.
 //!
-//! A reader announces what its rows hold ([`Collector::with_normals`] and the like), offers row
-//! after row and polygon after polygon, and calls [`Collector::finish`] at the end. A row that is
-//! kept gets a slot, into which its normal, colour and columns go. Whatever the reader had to leave
-//! out or to mend stands in the report afterwards.
+//! A reader announces the values of its rows ([`Collector::with_normals`] and the like), offers
+//! rows and polygons, and calls [`Collector::finish`] at the end. A row that is kept gets a slot,
+//! which receives its normal, colour and columns. The report then lists everything that was left
+//! out or repaired.
 
 use crate::input::{Input, Result};
 use crate::{At, ErrorKind, MeshPoints, Place, ReadError, ReadOptions, ReadReport};
 use isoform_geom::{Aabb, Column, Point3, PointCloud, dot, far_center};
 
-/// Normals whose length is off by more than this are scaled to 1; single precision writes stay as
-/// they are.
+/// Maximum deviation of the length of a normal from 1 that is not corrected; single precision stays
+/// below it.
 const NORMAL_SLACK: f64 = 1e-3;
 
-/// What the numbers of a colour mean.
+/// Scale of colour values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum ColorScale {
     /// 0 to 255.
     Byte,
-    /// 0 to 65535 by the book, 0 to 255 in many files; the largest value decides.
+    /// 0 to 65535 by the standard, but 0 to 255 in many files; the largest value decides.
     Word,
     /// 0 to 1, 0 to 255 or 0 to 65535; the largest value decides.
     Guess,
 }
 
-/// The rows of a file on their way into a cloud.
+/// Accumulates the rows of a file into a cloud.
 pub(crate) struct Collector {
-    /// Most points that are kept; none keeps all.
+    /// Maximum number of points to keep; `None` keeps all.
     limit: Option<usize>,
-    /// Source of the sample, seeded by the options.
+    /// Random generator of the sample, seeded by the options.
     rng: fastrand::Rng,
-    /// Whether kept points have normals.
+    /// True if kept points have normals.
     normals: bool,
-    /// What the numbers of colours mean, where there are any.
+    /// Scale of the colours; `None` without colours.
     scale: Option<ColorScale>,
-    /// The points so far; colours are still in `colors`.
+    /// Points so far; their colours are still in `colors`.
     pub(crate) cloud: PointCloud,
-    /// Colours as they stand in the file, until the largest value tells their scale.
+    /// Colours in the numbers of the file, until the largest value reveals their scale.
     colors: Vec<[f32; 3]>,
-    /// Number of each kept point among the finite ones; only filled while sampling.
+    /// Index of each kept point among the finite rows; only filled while sampling.
     order: Vec<u64>,
-    /// Rows with finite coordinates.
+    /// Number of rows with finite coordinates.
     finite: u64,
-    /// Rows offered, good or bad.
+    /// Number of rows offered, valid or not.
     pub(crate) rows: u64,
-    /// Rows with coordinates that are not finite.
+    /// Number of rows with non-finite coordinates.
     dropped: u64,
-    /// Rows that were dropped, ascending, where triangles need to know.
+    /// Indices of dropped rows, ascending; only recorded for meshes.
     dropped_rows: Vec<u32>,
-    /// Whether triangles may come, whose corners count rows.
+    /// True if triangles may follow, whose corners are row indices.
     is_mesh: bool,
-    /// The box around all finite rows, whether they are kept or not.
+    /// Bounding box of all finite rows, including those that are not kept.
     bounds: Aabb,
-    /// Largest index in a triangle, and where it stood.
+    /// Largest row index in a triangle, and its position in the file.
     highest: Option<(u64, At)>,
-    /// The groups of the triangles so far.
+    /// Groups of the triangles so far.
     parts: Parts,
     /// Part of the triangles to come.
     part: Option<u32>,
@@ -64,7 +64,7 @@ pub(crate) struct Collector {
 /// Groups of triangles that a file names.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Parts {
-    /// Part of every triangle, or nothing if the file has no groups.
+    /// Part of every triangle; empty if the file has no groups.
     pub(crate) of_triangle: Vec<u32>,
     /// Names of the parts.
     pub(crate) names: Vec<String>,
@@ -91,7 +91,8 @@ impl Collector {
             part: None,
         }
     }
-    /// Announces triangles, which count rows. For samples on them all vertices are kept.
+    /// Announces triangles, whose corners are row indices. Samples of the triangles need all
+    /// vertices.
     pub(crate) fn mesh(&mut self, options: &ReadOptions) {
         self.is_mesh = true;
         if matches!(options.mesh, MeshPoints::Samples(_)) {
@@ -102,11 +103,11 @@ impl Collector {
     pub(crate) fn with_normals(&mut self) {
         self.normals = true;
     }
-    /// Announces colours of a scale.
+    /// Announces colours with a scale.
     pub(crate) fn with_colors(&mut self, scale: ColorScale) {
         self.scale = Some(scale);
     }
-    /// Announces further values per point, by their names.
+    /// Announces further values per point, by name.
     pub(crate) fn with_columns(&mut self, names: impl IntoIterator<Item = String>) {
         self.cloud
             .columns
@@ -116,8 +117,8 @@ impl Collector {
             }));
     }
 
-    /// Takes a row; the slot to fill with its other values if it is kept. Reservoir sampling
-    /// (Vitter 1985, Algorithm R): after i rows each of them is held with the same probability.
+    /// Offers a row. Returns the slot for its other values if the row is kept. Reservoir sampling
+    /// (Vitter 1985, Algorithm R): after i rows each of them is kept with equal probability.
     #[inline]
     pub(crate) fn offer(&mut self, p: Point3) -> Option<usize> {
         let row = self.rows;
@@ -174,17 +175,17 @@ impl Collector {
         self.cloud.columns[column].values[slot] = v;
     }
 
-    /// Whether some finite rows are left out by the limit.
+    /// Returns true if the limit leaves out finite rows.
     fn is_sampled(&self) -> bool {
         self.limit.is_some_and(|k| self.finite > k as u64)
     }
 
-    /// Adds a part; its number.
+    /// Adds a part and returns its index.
     pub(crate) fn add_part(&mut self, name: &str) -> u32 {
         self.parts.names.push(name.to_owned());
         self.parts.names.len() as u32 - 1
     }
-    /// The part of the triangles to come. Those that came before without one get a part of their
+    /// Sets the part of the triangles to come. Earlier triangles without a part get a part of their
     /// own.
     pub(crate) fn set_part(&mut self, part: u32) {
         if self.part.replace(part).is_none() && !self.cloud.triangles.is_empty() {
@@ -193,7 +194,7 @@ impl Collector {
         }
     }
 
-    /// Takes a polygon of rows as a fan of triangles.
+    /// Adds a polygon with row indices as corners, split into a fan of triangles.
     pub(crate) fn polygon(&mut self, corners: &[u64], at: At) {
         for &c in corners {
             if self.highest.is_none_or(|(high, _)| c > high) {
@@ -211,7 +212,7 @@ impl Collector {
         }
     }
 
-    /// The cloud of all rows that were offered; the counts and whatever was odd go into the report.
+    /// Returns the cloud of the offered rows; counts and warnings are added to the report.
     pub(crate) fn finish(
         self,
         input: &Input<'_>,
@@ -222,8 +223,8 @@ impl Collector {
             .map(|(cloud, _)| cloud)
     }
 
-    /// The cloud and the groups of its triangles, all rows being offered; the counts and whatever
-    /// was odd go into the report.
+    /// Returns the cloud of the offered rows and the groups of its triangles; counts and warnings
+    /// are added to the report.
     pub(crate) fn finish_with_parts(
         mut self,
         input: &Input<'_>,
@@ -245,7 +246,7 @@ impl Collector {
         Ok((self.cloud, self.parts))
     }
 
-    /// Refuses triangles with a corner that no row gave.
+    /// Checks that every corner of a triangle is an existing row.
     fn check_corners(&self, input: &Input<'_>) -> Result<()> {
         let Some((index, at)) = self.highest else {
             return Ok(());
@@ -272,8 +273,8 @@ impl Collector {
         })
     }
 
-    /// Puts a sample into the order of the file, without triangles; else numbers the triangles'
-    /// corners as the rows that were kept.
+    /// Sorts a sample, which has no triangles, into the order of the file; otherwise renumbers the
+    /// corners of triangles by the rows that were kept.
     fn finish_triangles(&mut self, report: &mut ReadReport) {
         if self.is_sampled() {
             self.sort_by_row();
@@ -305,11 +306,11 @@ impl Collector {
         }
     }
 
-    /// The reservoir has no order; the file has.
+    /// Restores the order of the file, which the reservoir loses.
     fn sort_by_row(&mut self) {
         let mut by_row: Vec<usize> = (0..self.order.len()).collect();
         by_row.sort_unstable_by_key(|&i| self.order[i]);
-        /// Puts values, where there are any, into another order.
+        /// Permutes values, if there are any.
         fn permute<T: Copy>(values: &mut Vec<T>, by: &[usize]) {
             if !values.is_empty() {
                 *values = by.iter().map(|&i| values[i]).collect();
@@ -323,8 +324,8 @@ impl Collector {
         }
     }
 
-    /// Rows to points: an index goes down by the number of dropped rows before it. The number of
-    /// triangles that lost a corner.
+    /// Replaces row indices in triangles by point indices, accounting for dropped rows. Returns the
+    /// number of triangles that lost a corner.
     fn renumber(&mut self) -> u64 {
         let gone = &self.dropped_rows;
         let before = self.cloud.triangles.len();
@@ -347,8 +348,8 @@ impl Collector {
         (before - self.cloud.triangles.len()) as u64
     }
 
-    /// Colours from 0 to 255 out of the numbers of the file, whose scale the largest one tells
-    /// where the format does not.
+    /// Converts colours to 0 to 255; if the format leaves the scale open, the largest value
+    /// decides.
     fn finish_colors(&mut self, report: &mut ReadReport) {
         let Some(scale) = self.scale else { return };
         let mut bad = 0;
@@ -378,7 +379,7 @@ impl Collector {
     }
 }
 
-/// Scales normals to length 1, and sets those that are not finite to 0, which stands for none.
+/// Normalises normals; non-finite ones become 0, which stands for unknown.
 fn finish_normals(normals: &mut [Point3], report: &mut ReadReport) {
     let (mut scaled, mut bad) = (0, 0);
     for n in normals {
@@ -408,7 +409,7 @@ fn finish_normals(normals: &mut [Point3], report: &mut ReadReport) {
     }
 }
 
-/// Turns column values that are not finite into NaN, and warns of columns that have some.
+/// Replaces infinite column values by NaN, and warns of columns with non-finite values.
 fn finish_columns(columns: &mut [Column], report: &mut ReadReport) {
     for column in columns {
         let bad = column.values.iter().filter(|v| !v.is_finite()).count();
@@ -502,7 +503,8 @@ mod tests {
                 hits[p[0] as usize / 100] += 1;
             }
         }
-        // 4000 expected per tenth, standard deviation 57 (hypergeometric); six of them.
+        // 4000 expected per tenth, standard deviation 57 (hypergeometric); six standard deviations
+        // allowed.
         assert!(hits.iter().all(|&h| h.abs_diff(4000) < 342), "{hits:?}");
     }
 

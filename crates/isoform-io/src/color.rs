@@ -1,7 +1,7 @@
-//! Colours for deviations.
+//! Colour map for deviations.
 
-/// ColorBrewer's RdBu in eleven classes, turned round (Brewer, colorbrewer2.org, marked there as
-/// safe for colour-blind readers).
+/// ColorBrewer's RdBu in eleven classes, reversed (Brewer, colorbrewer2.org, marked there as safe
+/// for colour-blind readers).
 const BLUE_TO_RED: [[u8; 3]; 11] = [
     [5, 48, 97],
     [33, 102, 172],
@@ -15,10 +15,11 @@ const BLUE_TO_RED: [[u8; 3]; 11] = [
     [178, 24, 43],
     [103, 0, 31],
 ];
-/// No value.
+/// Colour of a missing value.
 const GREY: [u8; 3] = [128, 128, 128];
 
-/// Blue for −limit, white for 0, red for +limit, linear between and constant beyond; grey for NaN.
+/// Maps deviations to colours: blue for −limit, white for 0, red for +limit, linear between and
+/// constant beyond; grey for NaN.
 ///
 /// A limit that is not positive colours by sign alone.
 ///

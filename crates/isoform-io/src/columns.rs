@@ -1,23 +1,23 @@
-//! Rows of a cloud as text: the names of their values, and their numbers.
+//! Rows of a cloud as text: names and values.
 
 use crate::text::has_role;
 use isoform_geom::PointCloud;
 use std::io::{self, Write};
 
-/// Names of all values of a row, such that reading gives the same roles again.
+/// Names of all values of a row, chosen so that reading restores their roles.
 pub(crate) struct Names {
     /// Names of the coordinates.
     pub(crate) positions: [&'static str; 3],
-    /// Names of the components of normals, if there are any.
+    /// Names of the components of normals; empty without normals.
     pub(crate) normals: Vec<&'static str>,
-    /// Names of the colours, if there are any.
+    /// Names of the colour components; empty without colours.
     pub(crate) colors: Vec<&'static str>,
-    /// Names of all other values, no two alike.
+    /// Distinct names of all other values.
     pub(crate) columns: Vec<String>,
 }
 
 impl Names {
-    /// All names in the order of a row: positions, normals, colours, columns.
+    /// Returns all names in the order of a row: positions, normals, colours, columns.
     pub(crate) fn all(&self) -> Vec<&str> {
         let columns = self.columns.iter().map(String::as_str);
         self.positions
@@ -30,8 +30,8 @@ impl Names {
     }
 }
 
-/// Names for a header: blanks and separators become `_`; a name that is taken, or would be read as
-/// something else, gets a `_` behind it.
+/// Returns names for a header. Blanks and separators become `_`; a name that is taken, or that
+/// would be read as another role, gets a trailing `_`.
 pub(crate) fn column_names(cloud: &PointCloud) -> Names {
     let mut columns: Vec<String> = Vec::new();
     for column in &cloud.columns {
@@ -56,7 +56,7 @@ pub(crate) fn column_names(cloud: &PointCloud) -> Names {
     }
 }
 
-/// A name of one word that is no number.
+/// Turns a name into a single word that is not a number.
 fn plain(name: &str) -> String {
     let fits = |c: char| c.is_alphanumeric() || "-+.:()[]%^*".contains(c);
     let mut plain: String = name
@@ -69,7 +69,8 @@ fn plain(name: &str) -> String {
     plain
 }
 
-/// The values of point `i` as one line of text: shortest numbers that read back as the same f64.
+/// Formats the values of point `i` as one line of text, with the shortest numbers that read back to
+/// the identical f64.
 pub(crate) fn row(
     out: &mut dyn Write,
     separator: u8,
@@ -92,8 +93,8 @@ pub(crate) fn row(
     out.write_all(line)
 }
 
-/// A number: plain digits where they are short, an exponent otherwise; both are the shortest that
-/// read back the same.
+/// Appends a number: decimal digits if they are short, otherwise an exponent; in both forms the
+/// shortest text that reads back to the identical f64.
 fn put(line: &mut Vec<u8>, separator: u8, v: f64) -> io::Result<()> {
     if !line.is_empty() {
         line.push(separator);

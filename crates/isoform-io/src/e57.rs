@@ -1,16 +1,16 @@
 //! E57 (ASTM E2807) through the crate `e57` (feature `e57`): all scans of the file in one frame,
-//! their poses applied.
+//! with their poses applied.
 //!
-//! E57 is in metres by definition. What the crate leaves open is closed here: a file whose fields
-//! all have no bits would give points without end, and a panic in it is caught and reported as
-//! damage.
+//! The unit of E57 is the metre. This module guards against two weaknesses of the crate: a file
+//! whose fields all have zero bits would yield endless points, and a panic is caught and reported
+//! as damage.
 
 use crate::format::Sniff;
 use crate::input::{Input, Result};
 use crate::{ReadOptions, ReadReport};
 use isoform_geom::PointCloud;
 
-/// Yes for the signature of E57.
+/// Returns `Yes` for the signature of E57.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     if head.starts_with(b"ASTM-E57") {
         Sniff::Yes
@@ -19,7 +19,7 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
-/// Refuses, because this build has no reader of E57.
+/// Returns an error: this build lacks a reader of E57.
 #[cfg(not(feature = "e57"))]
 pub(crate) fn read(
     input: &mut Input<'_>,
@@ -51,29 +51,29 @@ mod with_crate {
     use std::io::BufReader;
     use std::panic::{AssertUnwindSafe, catch_unwind};
 
-    /// Fields of a point; the standard knows some 20.
+    /// Maximum number of fields of a point; the standard defines about 20.
     const MAX_FIELDS: usize = 256;
 
-    /// What a field means.
+    /// Meaning of a field.
     #[derive(Clone, Copy, Debug, PartialEq)]
     enum Field {
         /// x, y or z.
         Cartesian(usize),
         /// Range, azimuth or elevation.
         Spherical(usize),
-        /// Not 0: no coordinates.
+        /// Flag; not 0 if the coordinates are invalid.
         Invalid,
-        /// A component of the normal.
+        /// Component of the normal.
         Normal(usize),
         /// Red, green or blue.
         Color(usize),
-        /// The strength of the echo.
+        /// Intensity of the echo.
         Intensity,
-        /// Nothing that a cloud keeps.
+        /// Any field that a cloud does not keep.
         Other,
     }
 
-    /// The meaning of a field, by its name in the standard or in the extension for normals.
+    /// Returns the meaning of a field, by its name in the standard or in the extension for normals.
     fn field(name: &RecordName) -> Field {
         match name {
             RecordName::CartesianX => Field::Cartesian(0),
@@ -87,7 +87,7 @@ mod with_crate {
             RecordName::ColorGreen => Field::Color(1),
             RecordName::ColorBlue => Field::Color(2),
             RecordName::Intensity => Field::Intensity,
-            // The extension http://www.libe57.org/E57_NOR_surface_normals.txt.
+            // Extension http://www.libe57.org/E57_NOR_surface_normals.txt.
             RecordName::Unknown { name, .. } => match name.as_str() {
                 "normalX" => Field::Normal(0),
                 "normalY" => Field::Normal(1),
@@ -98,7 +98,8 @@ mod with_crate {
         }
     }
 
-    /// All scans of the file as one cloud in metres. A panic in the crate below becomes an error.
+    /// Reads all scans of the file as one cloud in metres. A panic in the crate `e57` becomes an
+    /// error.
     pub(crate) fn read(
         input: &mut Input<'_>,
         options: &ReadOptions,
@@ -138,7 +139,7 @@ mod with_crate {
         }
     }
 
-    /// The error with its causes, in one line.
+    /// Formats an error with its causes in one line.
     fn explain(e: &Error) -> String {
         let mut why = e.to_string();
         let mut cause = std::error::Error::source(e);
@@ -152,7 +153,7 @@ mod with_crate {
         why
     }
 
-    /// The error for a file that contradicts itself.
+    /// Returns the error for an inconsistent file.
     fn invalid(desc: &str) -> Error {
         Error::Invalid {
             desc: desc.into(),
@@ -160,7 +161,7 @@ mod with_crate {
         }
     }
 
-    /// Offers the points of all scans, pose applied, to the collector.
+    /// Offers the points of all scans, with their poses applied, to the collector.
     fn scans<T: std::io::Read + std::io::Seek>(
         stream: T,
         collector: &mut Collector,
@@ -186,7 +187,7 @@ mod with_crate {
         Ok(())
     }
 
-    /// What is in the points: the values of any scan become values of all points.
+    /// Returns the values of a point: the union over all scans.
     fn layout(scans: &[Scan<'_>], report: &mut ReadReport) -> Layout {
         let any = |f: fn(&Field) -> bool| scans.iter().flat_map(|s| &s.fields).any(f);
         let mut names = vec!["x", "y", "z"];
@@ -211,21 +212,21 @@ mod with_crate {
         layout
     }
 
-    /// A scan of the file with what its points need.
+    /// Scan of the file with the data needed for its points.
     struct Scan<'s> {
-        /// The scan as the crate below has it.
+        /// Scan as read by the crate `e57`.
         cloud: &'s e57::PointCloud,
-        /// Number of the scan, from 0.
+        /// Index of the scan, from 0.
         number: u32,
         /// Meaning of each field of a record.
         fields: Vec<Field>,
-        /// From the frame of the scan to the frame of the file.
+        /// Transformation from the frame of the scan to that of the file.
         pose: Pose,
-        /// Darkest and brightest value of each colour.
+        /// Minimum and maximum of each colour component.
         colors: [(f64, f64); 3],
     }
 
-    /// What a point may have, in the frame of the file.
+    /// Values of a point, in the frame of the file.
     struct Values {
         point: Point3,
         normal: Point3,
@@ -235,7 +236,7 @@ mod with_crate {
     }
 
     impl<'s> Scan<'s> {
-        /// The scan with its number in the file.
+        /// Prepares a scan, given with its index in the file.
         fn of((cloud, number): (&'s e57::PointCloud, u32)) -> Self {
             Self {
                 cloud,
@@ -245,11 +246,11 @@ mod with_crate {
                 colors: color_ranges(cloud),
             }
         }
-        /// Whether any field takes room in the file.
+        /// Returns true if at least one field takes up space in the file.
         fn has_bits(&self) -> bool {
             self.cloud.prototype.iter().any(|r| has_bits(&r.data_type))
         }
-        /// The values of a point out of its record.
+        /// Decodes the values of a point from its record.
         fn values(&self, raw: &[RecordValue]) -> std::result::Result<Values, Error> {
             let (mut cartesian, mut spherical) = ([f64::NAN; 3], [f64::NAN; 3]);
             let (mut normal, mut color) = ([0.0; 3], [0.0; 3]);
@@ -289,14 +290,14 @@ mod with_crate {
     /// Offers points as rows of a layout.
     struct Rows {
         layout: Layout,
-        /// Whether any scan has intensities, which then come before the number of the scan.
+        /// True if a scan has intensities; they precede the index of the scan.
         has_intensity: bool,
-        /// The row at hand.
+        /// Present row.
         row: Vec<f64>,
     }
 
     impl Rows {
-        /// Rows of a layout, which is announced to the collector.
+        /// Announces a layout to the collector.
         fn new(mut layout: Layout, collector: &mut Collector) -> Self {
             layout.announce(collector);
             Self {
@@ -305,7 +306,7 @@ mod with_crate {
                 layout,
             }
         }
-        /// Offers a point; values that the file has for other scans only are NaN.
+        /// Offers a point; values that only other scans have are NaN.
         fn offer(&mut self, values: &Values, collector: &mut Collector) {
             let columns = [values.intensity, values.scan];
             let mut columns = columns.into_iter().skip(usize::from(!self.has_intensity));
@@ -321,7 +322,7 @@ mod with_crate {
         }
     }
 
-    /// Whether a field takes room in the file: a whole number whose limits are equal takes none.
+    /// Returns true if a field takes up space in the file: an integer with equal limits takes none.
     fn has_bits(kind: &RecordDataType) -> bool {
         match kind {
             RecordDataType::Single { .. } | RecordDataType::Double { .. } => true,
@@ -330,14 +331,14 @@ mod with_crate {
         }
     }
 
-    /// x = r cos ε cos θ, y = r cos ε sin θ, z = r sin ε.
+    /// Converts spherical coordinates: x = r cos ε cos θ, y = r cos ε sin θ, z = r sin ε.
     fn from_spherical([r, azimuth, elevation]: Point3) -> Point3 {
         let (se, ce) = elevation.sin_cos();
         let (sa, ca) = azimuth.sin_cos();
         [r * ce * ca, r * ce * sa, r * se]
     }
 
-    /// Darkest and brightest value of each colour: the stated limits, else the limits of the type.
+    /// Returns the range of each colour component: the stated limits, else those of its type.
     fn color_ranges(scan: &e57::PointCloud) -> [(f64, f64); 3] {
         std::array::from_fn(|k| {
             stated_range(scan, k)
@@ -347,7 +348,7 @@ mod with_crate {
         })
     }
 
-    /// The limits that a scan states for colour k.
+    /// Returns the limits that a scan states for colour component k.
     fn stated_range(scan: &e57::PointCloud, k: usize) -> Option<(f64, f64)> {
         let limits = scan.color_limits.as_ref()?;
         let (low, high) = [
@@ -358,7 +359,7 @@ mod with_crate {
         low.as_ref().map(number).zip(high.as_ref().map(number))
     }
 
-    /// A limit as a number; a scaled integer is taken unscaled.
+    /// Returns a limit as a number; a scaled integer remains unscaled.
     fn number(v: &RecordValue) -> f64 {
         match v {
             RecordValue::Single(v) => f64::from(*v),
@@ -367,7 +368,7 @@ mod with_crate {
         }
     }
 
-    /// The limits of the type of colour k.
+    /// Returns the limits of the type of colour component k.
     fn range_of_type(scan: &e57::PointCloud, k: usize) -> Option<(f64, f64)> {
         let is_color = |name| field(name) == Field::Color(k);
         let record = scan.prototype.iter().find(|r| is_color(&r.name))?;
@@ -379,14 +380,15 @@ mod with_crate {
         }
     }
 
-    /// p ↦ R p + t with R of a unit quaternion.
+    /// Rigid motion p ↦ R p + t, with R from a unit quaternion.
     struct Pose {
         rotation: [Point3; 3],
         translation: Point3,
     }
 
     impl Pose {
-        /// The pose of a scan, its quaternion brought to length 1; none for a quaternion of zeros.
+        /// Returns the pose of a scan. The quaternion is normalised; for a zero quaternion R is the
+        /// identity.
         fn of(scan: &e57::PointCloud) -> Self {
             let t = scan.transform.clone().unwrap_or_default();
             let q = &t.rotation;
@@ -417,12 +419,12 @@ mod with_crate {
                 translation: [t.translation.x, t.translation.y, t.translation.z],
             }
         }
-        /// R p, for directions.
+        /// Returns R p, the image of a direction.
         fn rotate(&self, p: Point3) -> Point3 {
             self.rotation
                 .map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2])
         }
-        /// R p + t.
+        /// Returns R p + t, the image of a point.
         fn point(&self, p: Point3) -> Point3 {
             let q = self.rotate(p);
             std::array::from_fn(|k| q[k] + self.translation[k])

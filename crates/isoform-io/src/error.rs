@@ -1,13 +1,13 @@
-//! What can go wrong at the door, in four parts: what, where, why, and what to try.
+//! Errors of readers and writers in four parts: what failed, where, why, and what to try.
 
 use std::fmt;
 
-/// Where in a file.
+/// Position in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum At {
     /// The file as a whole.
     File,
-    /// Line and column, both from 1; column 0 is the whole line.
+    /// Line and column.
     Line {
         /// Line, from 1.
         line: u64,
@@ -18,12 +18,12 @@ pub enum At {
     Byte(u64),
 }
 
-/// A file and a position in it.
+/// File and position in it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// Name of the file, as the caller gave it.
+    /// Name of the file, as given by the caller.
     pub file: String,
-    /// Position.
+    /// Position in the file.
     pub at: At,
 }
 
@@ -38,33 +38,33 @@ impl fmt::Display for Place {
     }
 }
 
-/// Kinds of [`ReadError`].
+/// Kind of a [`ReadError`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ErrorKind {
     /// The file cannot be opened or read.
     Unreadable,
-    /// There is not a byte in it.
+    /// The file is empty.
     Empty,
-    /// Neither name nor content tell the format.
+    /// Neither name nor content reveal the format.
     UnknownFormat,
-    /// A known format that is not read here (or not in this build).
+    /// The format is known but not supported (or not in this build).
     UnsupportedFormat,
-    /// The header is wrong.
+    /// The header is invalid.
     Header,
-    /// Something stands where a number should.
+    /// A number is malformed.
     Number,
-    /// A face names a point that is not there.
+    /// A face refers to a missing point.
     Index,
     /// The file ends early.
     Truncated,
-    /// The content contradicts itself.
+    /// The content is inconsistent.
     Corrupt,
-    /// More than this program or 32-bit indices can hold.
+    /// The content exceeds memory or 32-bit indices.
     TooLarge,
 }
 
 impl ErrorKind {
-    /// A short text that will not change.
+    /// Returns a short stable identifier.
     pub fn code(self) -> &'static str {
         match self {
             Self::Unreadable => "file-unreadable",
@@ -81,51 +81,51 @@ impl ErrorKind {
     }
 }
 
-/// Why a file could not be read.
+/// Reason why a file could not be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{place}: {what}: {why}")]
 pub struct ReadError {
     /// Kind, for programs.
     pub kind: ErrorKind,
-    /// What failed.
+    /// Operation that failed.
     pub what: &'static str,
-    /// Where.
+    /// File and position.
     pub place: Place,
-    /// Why, with the offending value.
+    /// Reason, with the offending value.
     pub why: String,
-    /// What to try.
+    /// Suggested remedy.
     pub hint: &'static str,
 }
 
 impl ReadError {
-    /// A short text per kind that will not change.
+    /// Returns a short stable identifier of the kind.
     pub fn code(&self) -> &'static str {
         self.kind.code()
     }
 }
 
-/// The code of a mesh that does not hold together: a fault of whoever made it.
+/// Code of an inconsistent mesh, which is a bug of its producer.
 pub const BAD_MESH: &str = "bad-mesh";
 
-/// Why a file could not be written.
+/// Reason why a file could not be written.
 #[derive(Debug, thiserror::Error)]
 #[error("{file}: {what}: {why}")]
 pub struct WriteError {
-    /// A short text that will not change: `disk-full`, `not-writable`, `format-unknown`,
-    /// `bad-mesh`, `write-failed`.
+    /// Short stable identifier: `disk-full`, `not-writable`, `format-unknown`, `bad-mesh`,
+    /// `write-failed`.
     pub code: &'static str,
-    /// What failed.
+    /// Operation that failed.
     pub what: &'static str,
-    /// The file.
+    /// Name of the file.
     pub file: String,
-    /// Why.
+    /// Reason.
     pub why: String,
-    /// What to try.
+    /// Suggested remedy.
     pub hint: &'static str,
 }
 
 impl WriteError {
-    /// A failure of the system to open or write a file.
+    /// Returns the error for a failure of the operating system to open or write a file.
     pub(crate) fn io(what: &'static str, file: String, e: &std::io::Error) -> Self {
         use std::io::ErrorKind as K;
         let (code, hint) = match e.kind() {

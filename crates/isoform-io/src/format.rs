@@ -1,50 +1,49 @@
-//! What a file format is: its names, how it is recognised, and the functions that read and write
-//! it.
+//! Description of a file format: its names, its recognition, and its reader and writer.
 //!
-//! The formats themselves stand in the list of `registry.rs`.
+//! The formats themselves are listed in `registry.rs`.
 
 use crate::input::{Input, Result};
 use crate::options::{ReadOptions, ReadReport, WriteOptions};
 use isoform_geom::PointCloud;
 use std::io::{self, Write};
 
-/// How sure a look at the first bytes is.
+/// Certainty of a content test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Sniff {
-    /// The content is none of this format, or tells nothing.
+    /// The content is of another format or inconclusive.
     No,
-    /// The content could be of this format.
+    /// The content may be of this format.
     Maybe,
     /// The content states this format.
     Yes,
 }
 
-/// A reader of points: the cloud, with counts and warnings in the report.
+/// Reader of points, which adds counts and warnings to the report.
 pub(crate) type ReadFn = fn(&mut Input<'_>, &ReadOptions, &mut ReadReport) -> Result<PointCloud>;
-/// A writer of points.
+/// Writer of points.
 pub(crate) type WriteFn = fn(&PointCloud, &mut dyn Write, &WriteOptions) -> io::Result<()>;
 
-/// A file format.
+/// File format of points.
 pub struct Format {
     /// Short name.
     pub name: &'static str,
-    /// Endings of file names, lower case, without the dot; the first is the usual one.
+    /// Endings of file names, in lower case, without the dot; the usual one first.
     pub extensions: &'static [&'static str],
     /// Name in sentences.
     pub title: &'static str,
-    /// How sure the first bytes of a file make this format.
+    /// Content test on the first bytes of a file.
     pub(crate) sniff: fn(&[u8]) -> Sniff,
-    /// Its reader.
+    /// Reader.
     pub(crate) read: ReadFn,
-    /// Its writer, if it is written.
+    /// Writer; `None` if the format is read-only.
     pub(crate) write: Option<WriteFn>,
-    /// Whether triangles, normals and colours survive writing; for the warnings of
+    /// True if triangles, normals and colours survive writing; for the warnings of
     /// [`write_path`](crate::write_path).
     pub(crate) keeps_triangles: bool,
 }
 
 impl Format {
-    /// Whether it can be written.
+    /// Returns true if the format can be written.
     pub fn is_writable(&self) -> bool {
         self.write.is_some()
     }
@@ -56,17 +55,17 @@ impl std::fmt::Debug for Format {
     }
 }
 
-/// A kind of file that is known and not read here.
+/// File format that is recognised but not read.
 pub(crate) struct Foreign {
-    /// Endings of file names, lower case, without the dot.
+    /// Endings of file names, in lower case, without the dot.
     pub(crate) extensions: &'static [&'static str],
-    /// The first bytes of such files; empty where they have none of their own.
+    /// Signature at the start of such files; empty if they have none.
     pub(crate) magic: &'static [u8],
-    /// What the file is and what to do about it, for a sentence that begins with "it is".
+    /// Description and remedy, completing a sentence that begins with "it is".
     pub(crate) what: &'static str,
 }
 
-/// Ending of a file name, lower case.
+/// Returns the ending of a file name, in lower case.
 pub(crate) fn extension(name: &str) -> Option<String> {
     let name = name.rsplit(['/', '\\']).next().unwrap_or(name);
     name.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase())

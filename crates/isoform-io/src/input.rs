@@ -1,68 +1,68 @@
-//! A file or a block of bytes as a stream that knows where it is.
+//! Input stream that tracks its position.
 //!
 //! Every reader of the crate reads through [`Input`], so that errors name the file and the line or
-//! byte, and sizes that a header announces can be compared with the bytes that are left. Text is
-//! read by the line, in whatever line ends the file has, or by the word ([`Words`]).
+//! byte, and sizes announced by a header can be compared with the remaining bytes. Text is read by
+//! lines, with any kind of line end, or by words ([`Words`]).
 
 use crate::{At, ErrorKind, Place, ReadError};
 use std::io::{BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Longest line that is taken: long enough for a polygon with a million corners, short enough for
+/// Maximum length of a line, in bytes: enough for a polygon with a million corners, and bounded for
 /// memory.
 const MAX_LINE: usize = 16 << 20;
-/// Bytes that are read at a time.
+/// Size of the read buffer, in bytes.
 const BLOCK: usize = 1 << 18;
 
 /// Result of the readers.
 pub(crate) type Result<T> = std::result::Result<T, ReadError>;
 
-/// Where points come from.
+/// Source of a file's content.
 #[derive(Clone, Copy, Debug)]
 pub enum Source<'a> {
-    /// A file; it is streamed, not held.
+    /// File, which is streamed.
     Path(&'a Path),
     /// Bytes in memory (standard input, an archive member) with a name for messages and for the
     /// format by its ending.
     Bytes {
         /// Name for messages, such as `-`.
         name: &'a str,
-        /// All bytes.
+        /// Complete content.
         bytes: &'a [u8],
     },
 }
 
-/// What a reader needs of a source: buffered reading and seeking.
+/// Buffered reading and seeking, as readers need it.
 pub(crate) trait Stream: BufRead + Seek + Send + Sync {}
 impl<T: BufRead + Seek + Send + Sync> Stream for T {}
 
-/// A source of bytes, its name, and the place that reading has come to.
+/// Source of bytes with its name and the present position.
 pub(crate) struct Input<'a> {
-    /// The source itself.
+    /// Underlying stream.
     stream: Box<dyn Stream + 'a>,
     /// Name in messages.
     pub(crate) name: String,
     /// Length in bytes.
     pub(crate) size: u64,
-    /// Bytes consumed.
+    /// Number of bytes consumed.
     pub(crate) offset: u64,
-    /// Number of the line read last, from 1.
+    /// Number of the last line read, from 1.
     pub(crate) line: u64,
-    /// Lines end in a lone carriage return (Mac OS before 2001); decided at the first line end.
+    /// True if lines end in a lone carriage return (Mac OS before 2001); decided at the first line
+    /// end.
     lone_cr: Option<bool>,
 }
 
-/// A stream, and its length in bytes.
+/// Stream and its length in bytes.
 type Opened<'a> = (Box<dyn Stream + 'a>, u64);
 
-/// Bytes in memory as a stream.
+/// Wraps bytes in memory as a stream.
 fn held<'a>(bytes: impl AsRef<[u8]> + Send + Sync + 'a) -> Opened<'a> {
     let size = bytes.as_ref().len() as u64;
     (Box::new(Cursor::new(bytes)), size)
 }
 
-/// A file as a stream. A pipe or a device, which has no length and cannot be sought in, is read
-/// into memory.
+/// Opens a file as a stream. A pipe or a device, which cannot be sought, is read into memory.
 fn open_file<'a>(path: &Path) -> std::io::Result<Opened<'a>> {
     let mut file = std::fs::File::open(path)?;
     let meta = file.metadata()?;
@@ -79,7 +79,7 @@ fn open_file<'a>(path: &Path) -> std::io::Result<Opened<'a>> {
 }
 
 impl<'a> Input<'a> {
-    /// Opens a source; a file that is not there, not readable or a folder is an error.
+    /// Opens a source. Fails if the file is missing, unreadable or a folder.
     pub(crate) fn open(source: Source<'a>) -> Result<Self> {
         let (name, (stream, size)) = match source {
             Source::Bytes { name, bytes } => (name.to_owned(), held(bytes)),
@@ -108,7 +108,7 @@ impl<'a> Input<'a> {
         })
     }
 
-    /// An error at a place of this source.
+    /// Returns an error at a position of this source.
     pub(crate) fn error(
         &self,
         kind: ErrorKind,
@@ -125,25 +125,25 @@ impl<'a> Input<'a> {
             hint,
         }
     }
-    /// A place in this source, with its name.
+    /// Returns a position with the name of this source.
     pub(crate) fn place(&self, at: At) -> Place {
         Place {
             file: self.name.clone(),
             at,
         }
     }
-    /// The line read last, as a place.
+    /// Returns the position of the last line read.
     pub(crate) fn at_line(&self, column: usize) -> At {
         At::Line {
             line: self.line,
             column: column as u64,
         }
     }
-    /// The next byte, as a place.
+    /// Returns the position of the next byte.
     pub(crate) fn at_byte(&self) -> At {
         At::Byte(self.offset)
     }
-    /// The error of a source that fails in the middle.
+    /// Returns the error for a source that fails while being read.
     pub(crate) fn unreadable(&self, e: &std::io::Error) -> ReadError {
         let hint = "check the disk or the network share";
         self.error(
@@ -154,7 +154,7 @@ impl<'a> Input<'a> {
             hint,
         )
     }
-    /// The error of a source that ends before its content is complete.
+    /// Returns the error for a source that ends before its content is complete.
     pub(crate) fn truncated(&self, missing: impl Into<String>) -> ReadError {
         let hint = "the file was cut off (an aborted copy or download?): get it again";
         self.error(
@@ -166,7 +166,7 @@ impl<'a> Input<'a> {
         )
     }
 
-    /// The first bytes, without consuming them.
+    /// Returns the first bytes without consuming them.
     pub(crate) fn head(&mut self, n: usize) -> Result<Vec<u8>> {
         let start = self.offset;
         let mut head = Vec::new();
@@ -177,7 +177,7 @@ impl<'a> Input<'a> {
         self.seek(start)?;
         Ok(head)
     }
-    /// Goes to a byte, counted from the start of the source.
+    /// Seeks to a byte, counted from the start of the source.
     pub(crate) fn seek(&mut self, to: u64) -> Result<()> {
         self.stream
             .seek(SeekFrom::Start(to))
@@ -185,16 +185,16 @@ impl<'a> Input<'a> {
         self.offset = to;
         Ok(())
     }
-    /// Bytes left.
+    /// Returns the number of remaining bytes.
     pub(crate) fn left(&self) -> u64 {
         self.size.saturating_sub(self.offset)
     }
-    /// The stream itself, for readers that do their own seeking.
+    /// Returns the underlying stream, for readers that seek on their own.
     pub(crate) fn stream(&mut self) -> &mut (dyn Stream + 'a) {
         &mut *self.stream
     }
 
-    /// Fills `to`, or says what was missing.
+    /// Fills `to`; `missing` describes what the file lacks.
     pub(crate) fn exact(&mut self, to: &mut [u8], missing: impl Fn() -> String) -> Result<()> {
         match self.stream.read_exact(to) {
             Ok(()) => {
@@ -207,7 +207,7 @@ impl<'a> Input<'a> {
             Err(e) => Err(self.unreadable(&e)),
         }
     }
-    /// Passes over `n` bytes.
+    /// Skips `n` bytes; `missing` describes what the file lacks.
     pub(crate) fn skip(&mut self, n: u64, missing: impl Fn() -> String) -> Result<()> {
         if n > self.left() {
             return Err(self.truncated(missing()));
@@ -219,8 +219,8 @@ impl<'a> Input<'a> {
         Ok(())
     }
 
-    /// Reads a line without its end into `text`; false at the end of the file. Bytes that are not
-    /// UTF-8 become U+FFFD, and a byte order mark at the start of the file is left out.
+    /// Reads a line without its end into `text`; false at the end of the file. Invalid UTF-8
+    /// becomes U+FFFD, and a byte order mark at the start of the file is skipped.
     pub(crate) fn read_line(&mut self, text: &mut String, bytes: &mut Vec<u8>) -> Result<bool> {
         bytes.clear();
         text.clear();
@@ -243,8 +243,8 @@ impl<'a> Input<'a> {
         Ok(true)
     }
 
-    /// Consumes the bytes up to the next line end and appends them without it; false at the end of
-    /// the file.
+    /// Consumes the bytes up to and including the next line end and appends them without it; false
+    /// at the end of the file.
     fn read_to_line_end(&mut self, bytes: &mut Vec<u8>) -> Result<bool> {
         let mut any = false;
         loop {
@@ -279,7 +279,7 @@ impl<'a> Input<'a> {
         }
     }
 
-    /// The error for a line of more than [`MAX_LINE`] bytes.
+    /// Returns the error for a line of more than [`MAX_LINE`] bytes.
     fn line_too_long(&self) -> ReadError {
         let why = format!(
             "line {} is longer than {} MiB",
@@ -297,26 +297,28 @@ impl<'a> Input<'a> {
     }
 }
 
-/// Whether the first line end in a block is a lone carriage return, with `left` bytes from the
-/// start of the block to the end of the file; nothing where the block does not tell.
+/// Returns true if the first line end in a block is a lone carriage return; `None` if the block
+/// leaves it open. `left` is the number of bytes from the start of the block to the end of the
+/// file.
 fn ends_in_lone_cr(block: &[u8], left: u64) -> Option<bool> {
     let at = block.iter().position(|&b| b == b'\n' || b == b'\r')?;
     match (block[at], block.get(at + 1)) {
         (b'\n', _) | (_, Some(b'\n')) => Some(false),
-        // The last byte of a block cannot tell; the next block decides, at worst by one odd line.
+        // The last byte of a block is inconclusive; the next block decides, at the cost of at most
+        // one wrong line.
         (_, None) if at as u64 + 1 < left => None,
         _ => Some(true),
     }
 }
 
-/// Blank-separated words, over line ends, each with its place.
+/// Reader of blank-separated words across lines, with their positions.
 pub(crate) struct Words {
-    /// The line at hand, and its bytes.
+    /// Present line, as text and bytes.
     text: String,
     bytes: Vec<u8>,
-    /// Byte of the line behind the word given last.
+    /// Byte offset in the line after the last word.
     at: usize,
-    /// Column of the word given last.
+    /// Column of the last word.
     pub(crate) column: usize,
 }
 
@@ -329,7 +331,7 @@ impl Words {
             column: 0,
         }
     }
-    /// The next word, `None` at the end of the file.
+    /// Returns the next word; `None` at the end of the file.
     pub(crate) fn next(&mut self, input: &mut Input<'_>) -> Result<Option<&str>> {
         loop {
             let rest = &self.text.as_bytes()[self.at..];
@@ -351,7 +353,7 @@ impl Words {
             }
         }
     }
-    /// The next word as a number.
+    /// Reads the next word as a number.
     pub(crate) fn number(
         &mut self,
         input: &mut Input<'_>,
@@ -374,7 +376,7 @@ impl Words {
             },
         }
     }
-    /// Leaves out what is left of the line at hand.
+    /// Skips the rest of the present line.
     pub(crate) fn pass_line(&mut self) {
         self.at = self.text.len();
     }
@@ -386,7 +388,8 @@ impl Words {
     }
 }
 
-/// A decimal number; also with Fortran's D exponent, and the many spellings of "not a number".
+/// Parses a decimal number, also with Fortran's D exponent and the many spellings of "not a
+/// number".
 pub(crate) fn parse_number(word: &str) -> Option<f64> {
     if let Ok(v) = word.parse() {
         return Some(v);
@@ -408,7 +411,7 @@ pub(crate) fn parse_number(word: &str) -> Option<f64> {
     }
 }
 
-/// At most 40 characters of a word, without control characters, for messages.
+/// Returns at most 40 characters of a word, without control characters, for messages.
 pub(crate) fn shorten(word: &str) -> String {
     let mut s: String = word
         .chars()
@@ -421,7 +424,7 @@ pub(crate) fn shorten(word: &str) -> String {
     s
 }
 
-/// A unit that a comment or a header states, such as `units: mm` or `UNITS=inch`.
+/// Returns the unit that a comment or a header states, such as `units: mm` or `UNITS=inch`.
 pub(crate) fn stated_unit(comment: &str) -> Option<String> {
     let low = comment.to_ascii_lowercase();
     let rest = &low[low.find("unit")? + 4..];
@@ -439,7 +442,7 @@ pub(crate) fn stated_unit(comment: &str) -> Option<String> {
     unit_named(&word).map(str::to_owned)
 }
 
-/// The unit of length that a word in lower case names.
+/// Returns the unit of length for a word in lower case.
 pub(crate) fn unit_named(word: &str) -> Option<&'static str> {
     Some(match word {
         "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => "mm",

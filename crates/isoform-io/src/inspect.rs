@@ -1,10 +1,10 @@
-//! What is in a cloud.
+//! Summary of a cloud.
 
 use crate::ReadReport;
 use isoform_geom::{Aabb, KdTree, PointCloud};
 
-/// Points whose nearest neighbour is sought: the median of so many is within 3 % of the true rank
-/// (binomial, 99 %).
+/// Number of points whose nearest neighbour is searched: the rank of the sample median is within
+/// 3 % of the true one (binomial, 99 %).
 const QUERIES: usize = 2000;
 
 /// Name and range of a per-point value.
@@ -12,56 +12,56 @@ const QUERIES: usize = 2000;
 pub struct ColumnRange {
     /// Name.
     pub name: String,
-    /// Smallest value that is not NaN; NaN if there is none.
+    /// Smallest value that is not NaN; NaN if all are.
     pub min: f64,
-    /// Largest value that is not NaN; NaN if there is none.
+    /// Largest value that is not NaN; NaN if all are.
     pub max: f64,
-    /// Values that are NaN.
+    /// Number of NaN values.
     pub missing: usize,
 }
 
-/// A unit of length, with the reason to believe in it.
+/// Unit of length with its justification.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnitGuess {
-    /// `m`, `mm`, `in`, … or empty.
+    /// `m`, `mm`, `in`, …; empty if unknown.
     pub unit: String,
-    /// Whether the file says so; otherwise it is a guess.
+    /// True if the file states the unit; otherwise it is a guess.
     pub is_stated: bool,
-    /// One sentence.
+    /// Justification, one sentence.
     pub reason: String,
 }
 
-/// What is in a cloud.
+/// Summary of a cloud.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inspection {
     /// Name of the format.
     pub format: &'static str,
-    /// Points.
+    /// Number of points.
     pub points: usize,
-    /// Points of the file, good or bad.
+    /// Number of points of the file, valid or not.
     pub rows: u64,
-    /// Points that were dropped because a coordinate is not finite.
+    /// Number of points dropped because a coordinate is not finite.
     pub dropped_points: u64,
-    /// Points that are equal to an earlier one in all coordinates.
+    /// Number of points equal to an earlier one in all coordinates.
     pub duplicates: usize,
-    /// Whether the cloud is a random part of the file.
+    /// True if the cloud is a random sample of the file.
     pub subsampled: bool,
-    /// Box relative to the origin of the cloud; empty without points.
+    /// Bounding box relative to the origin of the cloud; empty without points.
     pub bounds: Aabb,
-    /// What was subtracted from the file's coordinates.
+    /// Origin that was subtracted from the file's coordinates.
     pub origin: [f64; 3],
     /// Diagonal of the box.
     pub diagonal: f64,
-    /// Median distance to the nearest other point that is not equal, of a sample of points; `None`
-    /// without two different points.
+    /// Median distance to the nearest distinct point, over a sample of points; `None` without two
+    /// distinct points.
     pub spacing: Option<f64>,
-    /// Whether there are normals.
+    /// True if the cloud has normals.
     pub has_normals: bool,
-    /// Whether there are colours.
+    /// True if the cloud has colours.
     pub has_colors: bool,
-    /// Triangles.
+    /// Number of triangles.
     pub triangles: usize,
-    /// The other per-point values.
+    /// Other per-point values.
     pub columns: Vec<ColumnRange>,
     /// Unit of length.
     pub unit: UnitGuess,
@@ -69,7 +69,7 @@ pub struct Inspection {
     pub warnings: Vec<String>,
 }
 
-/// Counts, box, spacing and the rest. O(n log n).
+/// Summarises a cloud, in O(n log n).
 pub fn inspect(cloud: &PointCloud, report: &ReadReport) -> Inspection {
     let bounds = cloud.bounds();
     Inspection {
@@ -96,13 +96,13 @@ pub fn inspect(cloud: &PointCloud, report: &ReadReport) -> Inspection {
     }
 }
 
-/// The unit of length alone, which costs next to nothing; `bounds` is the cloud's box, or that of a
-/// larger one which it is a sample of.
+/// Determines only the unit of length, which is cheap. `bounds` is the box of the cloud, or of a
+/// larger one of which it is a sample.
 pub fn inspect_unit(cloud: &PointCloud, bounds: &Aabb, report: &ReadReport) -> UnitGuess {
     guess_unit(cloud, bounds, report)
 }
 
-/// Points that repeat another one bit by bit (0 and −0 count as equal).
+/// Counts points that repeat an earlier one bit by bit (0 and −0 count as equal).
 fn duplicates(cloud: &PointCloud) -> usize {
     let mut keys: Vec<[u64; 3]> = cloud
         .points
@@ -113,8 +113,8 @@ fn duplicates(cloud: &PointCloud) -> usize {
     keys.windows(2).filter(|w| w[0] == w[1]).count()
 }
 
-/// Median distance to the nearest other point, over at most [`QUERIES`] points; none where all
-/// coincide.
+/// Returns the median distance to the nearest distinct point, over at most [`QUERIES`] points;
+/// `None` if all coincide.
 fn spacing(cloud: &PointCloud) -> Option<f64> {
     let tree = KdTree::new(&cloud.points);
     let mut rng = fastrand::Rng::with_seed(1);
@@ -123,7 +123,7 @@ fn spacing(cloud: &PointCloud) -> Option<f64> {
     let mut found = Vec::new();
     let mut distances: Vec<f64> = queries
         .filter_map(|i| {
-            // Copies of the point itself come first; nine of them is more than scanners make.
+            // Copies of the point itself come first; scanners do not make more than nine.
             tree.nearest_k(cloud.points[i], 10, &mut found);
             found.iter().map(|f| f.0.sqrt()).find(|d| *d > 0.0)
         })
@@ -132,7 +132,7 @@ fn spacing(cloud: &PointCloud) -> Option<f64> {
     (!distances.is_empty()).then(|| *distances.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// Least and largest value of a column, and how many are missing (NaN).
+/// Returns the range of a column and its number of missing values (NaN).
 fn column_range(column: &isoform_geom::Column) -> ColumnRange {
     let good = column.values.iter().copied().filter(|v| !v.is_nan());
     ColumnRange {
@@ -143,15 +143,15 @@ fn column_range(column: &isoform_geom::Column) -> ColumnRange {
     }
 }
 
-/// Extents of parts that are drawn in inches; others are not looked at for it.
+/// Range of extents of parts drawn in inches. Parts outside it are not tested for inches.
 const INCHES: std::ops::Range<f64> = 0.2..120.0;
-/// Vertices of a mesh that lie at one level, as a flat face has them; fewer are chance.
+/// Minimum number of vertices at one level that indicate a flat face; fewer may be chance.
 const LEVEL_VERTICES: usize = 6;
-/// Levels at odd fractions of an inch that settle it; among CAD files in millimetres and metres
-/// none was seen to have one.
+/// Minimum number of levels at odd fractions of an inch that indicate inches. No CAD file in
+/// millimetres or metres that we have seen has three.
 const INCH_LEVELS: usize = 3;
 
-/// The unit that the file states, else the unit that the extent and the levels of a mesh suggest.
+/// Returns the unit that the file states, else the one suggested by extent and levels of a mesh.
 fn guess_unit(cloud: &PointCloud, bounds: &Aabb, report: &ReadReport) -> UnitGuess {
     if let Some(unit) = &report.units {
         return UnitGuess {
@@ -199,9 +199,9 @@ fn guess_unit(cloud: &PointCloud, bounds: &Aabb, report: &ReadReport) -> UnitGue
     }
 }
 
-/// Whether the flat faces of a mesh lie at fractions of an inch: 32nds that are no multiples of
-/// 0.05, which a draughtsman in millimetres or metres has no use for. Points of a scan tell
-/// nothing.
+/// Tests whether the flat faces of a mesh lie at fractions of an inch: multiples of 1/32 that are
+/// not multiples of 0.05, which designs in millimetres or metres do not use. Scanned points are
+/// inconclusive.
 fn inches(cloud: &PointCloud, bounds: &Aabb) -> Option<String> {
     let mut is_vertex = vec![false; cloud.points.len()];
     for i in cloud.triangles.as_flattened() {
@@ -215,7 +215,7 @@ fn inches(cloud: &PointCloud, bounds: &Aabb) -> Option<String> {
             .into_iter()
             .filter(|v| is_multiple(*v, 32.0))
             .collect();
-        // The layers of a grid of 32nds are no faces that someone has drawn.
+        // The layers of a grid of 32nds are not designed faces.
         if thirty_seconds.len() as f64 <= 0.5 * (32.0 * bounds.size()[axis] + 1.0) {
             let found = thirty_seconds
                 .into_iter()
@@ -235,7 +235,7 @@ fn inches(cloud: &PointCloud, bounds: &Aabb) -> Option<String> {
     })
 }
 
-/// Coordinates that many of the values share.
+/// Returns the coordinates that many of the values share.
 fn levels(mut values: Vec<f64>) -> Vec<f64> {
     values.sort_by(f64::total_cmp);
     values
@@ -245,7 +245,7 @@ fn levels(mut values: Vec<f64>) -> Vec<f64> {
         .collect()
 }
 
-/// Whether a coordinate of a file with six digits is a whole number of such parts.
+/// Returns true if a coordinate, from a file with six digits, is a multiple of 1/`per_unit`.
 fn is_multiple(v: f64, per_unit: f64) -> bool {
     (v * per_unit - (v * per_unit).round()).abs() < 2e-6 * per_unit
 }
@@ -289,7 +289,7 @@ mod tests {
         assert!(inspect(&cloud, &report).unit.is_stated);
     }
 
-    /// Boxes with one corner at the origin, six times each vertex, as a mesh.
+    /// Returns boxes with one corner at the origin, six times each vertex, as a mesh.
     fn boxes(sizes: &[[f64; 3]]) -> PointCloud {
         let corners = sizes.iter().flat_map(|s| {
             (0..48).map(move |i| std::array::from_fn(|k| if i >> k & 1 == 1 { s[k] } else { 0.0 }))
@@ -318,17 +318,17 @@ mod tests {
             said.unit == "in" && !said.is_stated && said.reason.contains("0.625, 0.8125, 1.375"),
             "{said:?}"
         );
-        // Those points without triangles are a scan, which tells nothing.
+        // Without triangles these points are a scan, which is inconclusive.
         let mut scan = inch.clone();
         scan.triangles.clear();
         assert_eq!(unit(&scan), "mm");
-        // Quarters and halves are as usual in millimetres; so are few odd fractions.
+        // Quarters and halves are common in millimetres; so are few odd fractions.
         assert_eq!(unit(&boxes(&[[10.0, 2.5, 1.25], [0.75, 5.5, 1.0]])), "mm");
         assert_eq!(
             unit(&boxes(&[[10.0, 2.0625, 1.375], [3.0, 5.5, 1.0]])),
             "mm"
         );
-        // The layers of a grid.
+        // Layers of a grid.
         let layers: Vec<[f64; 3]> = (1..=32).map(|i| [f64::from(i) / 32.0; 3]).collect();
         assert_eq!(unit(&boxes(&layers)), "m");
         assert_eq!(unit(&boxes(&[[3.0, 1.0, 1.0]])), "");

@@ -1,29 +1,29 @@
-//! What a file is, for programs that were given one of another kind than they take.
+//! Recognition of a file's kind, for programs that were given a file of an unexpected kind.
 
 use crate::choose::{by_content, by_ending, foreign_by_ending, foreign_by_magic};
 use crate::format::{Format, Sniff, extension};
 use crate::mesh::{MeshFormat, mesh_by_content, mesh_format_named};
 use crate::text;
 
-/// What a file is as far as its first bytes and its name tell.
+/// Kind of a file, as far as its first bytes and its name reveal it.
 #[derive(Clone, Copy, Debug)]
 pub enum FileKind {
     /// Points, or a mesh in a format whose corners are read as points: XYZ, LAS, PLY, STL ...
     Points(&'static Format),
-    /// A mesh in a format of meshes alone: Gmsh, VTK, Abaqus ...
+    /// Mesh in a format for meshes only: Gmsh, VTK, Abaqus ...
     Mesh(&'static MeshFormat),
-    /// A kind that is known and not read; what it is, for a sentence that begins with "it is".
+    /// Recognised kind that is not read, with its description for a sentence that begins with "it
+    /// is".
     Foreign(&'static str),
 }
 
-/// Shorter first bytes may begin anything.
 const SURE_MAGIC: usize = 4;
 /// Endings of kinds that have their own readers elsewhere.
 const ELSEWHERE: [&str; 5] = ["hf", "json", "step", "stp", "brep"];
 
-/// What a file of this name that begins with these bytes is: by what the bytes state, else by its
-/// ending, else by what the bytes look like. Text is points only where a row of numbers is near its
-/// beginning, whatever its name.
+/// Determines the kind of a file from its name and first bytes: by the signature, else by the
+/// ending, else by the appearance of the content. Text counts as points only if a row of numbers
+/// occurs near its beginning, whatever its name.
 ///
 /// ```
 /// use isoform_io::{FileKind, file_kind};
@@ -42,7 +42,7 @@ pub fn file_kind(name: &str, head: &[u8]) -> Option<FileKind> {
         .or_else(|| by_content(head, Sniff::Maybe).map(FileKind::Points))
 }
 
-/// What an ending says, where the content does not speak against it.
+/// Returns the kind for an ending, unless the content contradicts it.
 fn by_name(ending: &str, head: &[u8]) -> Option<FileKind> {
     let points = by_ending(ending).filter(|f| {
         let is_text = ["xyz", "csv"].contains(&f.name);

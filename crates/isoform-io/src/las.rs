@@ -1,11 +1,11 @@
 //! LAS 1.0 to 1.4 (ASPRS), streamed; LAZ through the crate `laz` (feature `laz`).
 //!
-//! Points that are flagged as withheld, which by the standard "should not be included in
-//! processing", and those of the classes of noise are left out, and counted in a warning.
+//! Points flagged as withheld, which by the standard "should not be included in processing", and
+//! those in the classes of noise are left out and counted in a warning.
 //!
-//! The header and the records are read here, because every size in them is checked against the
-//! length of the file first, and because a header costs less than the four crates that come with
-//! one.
+//! Header and records are decoded here because every size in them is first checked against the
+//! length of the file, and because a header is less code than the four crates that come with a
+//! decoder of it.
 
 #[cfg(feature = "laz")]
 mod compressed;
@@ -17,12 +17,11 @@ use crate::roles::{Layout, Role};
 use crate::{At, ErrorKind, ReadError, ReadOptions, ReadReport};
 use isoform_geom::PointCloud;
 
-/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the LAS file";
-/// Bytes of each point record format from 0 to 10, without extra bytes.
+/// Size in bytes of each point record format from 0 to 10, without extra bytes.
 const RECORD: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
 
-/// Yes for the signature of LAS, which LAZ has as well.
+/// Returns `Yes` for the signature of LAS, which LAZ shares.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     if head.starts_with(b"LASF") {
         Sniff::Yes
@@ -31,41 +30,41 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
-/// A little-endian u16 at an offset, which must be within the bytes.
+/// Decodes a little-endian u16 at an offset within the bytes.
 pub(crate) fn u16_at(b: &[u8], at: usize) -> u16 {
     u16::from_le_bytes([b[at], b[at + 1]])
 }
-/// A little-endian u32 at an offset, which must be within the bytes.
+/// Decodes a little-endian u32 at an offset within the bytes.
 pub(crate) fn u32_at(b: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(std::array::from_fn(|i| b[at + i]))
 }
-/// A little-endian f64 at an offset, which must be within the bytes.
+/// Decodes a little-endian f64 at an offset within the bytes.
 fn f64_at(b: &[u8], at: usize) -> f64 {
     f64::from_le_bytes(std::array::from_fn(|i| b[at + i]))
 }
 
-/// The header as far as the points need it.
+/// Contents of the header that the points need.
 pub(crate) struct Header {
     /// Number of point records.
     pub(crate) points: u64,
     /// Byte offset of the first record.
     pub(crate) start: u64,
-    /// Bytes of a record.
+    /// Size of a record in bytes.
     pub(crate) record: u16,
     /// Point record format, 0 to 10.
     format: u8,
-    /// True for LAS 1.0, where classes and flags have no fixed meaning.
+    /// True for LAS 1.0, in which classes and flags have no fixed meaning.
     is_first_version: bool,
-    /// Whether the records are LAZ, which the upper bits of the format tell.
+    /// True if the records are LAZ, which the upper bits of the format tell.
     is_compressed: bool,
-    /// Coordinates are `scale` · (whole number) + `offset`.
+    /// Coordinates are `scale` · integer + `offset`.
     scale: [f64; 3],
     offset: [f64; 3],
     /// Data of the "laszip encoded" record.
     pub(crate) laszip: Option<Vec<u8>>,
 }
 
-/// The error for a file that contradicts itself.
+/// Returns the error for an inconsistent file.
 fn corrupt(input: &Input<'_>, at: At, why: impl Into<String>) -> ReadError {
     input.error(
         ErrorKind::Corrupt,
@@ -76,12 +75,13 @@ fn corrupt(input: &Input<'_>, at: At, why: impl Into<String>) -> ReadError {
     )
 }
 
-/// Bytes of a header of LAS 1.0, which every file has.
+/// Size in bytes of the header of LAS 1.0, the minimum of all versions.
 const HEADER: usize = 227;
-/// Bytes of a header of LAS 1.4, which counts points in 64 bits.
+/// Size in bytes of the header of LAS 1.4, which counts points in 64 bits.
 const HEADER_14: usize = 375;
 
-/// Reads and checks the header, and the records behind it that tell the unit and the key to LAZ.
+/// Reads and checks the header and the following records, which hold the unit and the parameters of
+/// LAZ.
 fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Header> {
     let mut b = [0_u8; HEADER_14];
     input.exact(&mut b[..HEADER], || "a LAS header has 227 bytes".into())?;
@@ -101,7 +101,7 @@ fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Header> {
     Ok(header)
 }
 
-/// A version that is not known, and a date that cannot be.
+/// Warns of an unknown version and an impossible date.
 fn warn_of_oddities(b: &[u8], report: &mut ReadReport) {
     let (version, day, year) = ((b[24], b[25]), u16_at(b, 90), u16_at(b, 92));
     if version.0 != 1 || version.1 > 4 {
@@ -115,7 +115,7 @@ fn warn_of_oddities(b: &[u8], report: &mut ReadReport) {
 }
 
 impl Header {
-    /// The header out of its bytes; LAS 1.4 has a second, longer count of points.
+    /// Decodes the header; LAS 1.4 has a second, wider count of points.
     fn of(b: &[u8], is_14: bool) -> Self {
         let legacy = u64::from(u32_at(b, 107));
         let points = match is_14 {
@@ -135,7 +135,7 @@ impl Header {
         }
     }
 
-    /// The coordinates of a record.
+    /// Decodes the coordinates of a record.
     #[inline]
     fn point(&self, record: &[u8]) -> [f64; 3] {
         std::array::from_fn(|k| {
@@ -144,7 +144,7 @@ impl Header {
         })
     }
 
-    /// Refuses what contradicts itself or the file; `size` is the header's length.
+    /// Checks the header against itself and the file; `size` is the header's length in bytes.
     fn check(&self, input: &Input<'_>, size: u16) -> Result<()> {
         let refuse = |at, why: String| Err(corrupt(input, At::Byte(at), why));
         let (format, record) = (self.format, self.record);
@@ -171,7 +171,7 @@ impl Header {
     }
 }
 
-/// Variable length records: the coordinate system for the unit, and the key to LAZ.
+/// Reads the variable length records: coordinate system, for the unit, and parameters of LAZ.
 fn records(
     input: &mut Input<'_>,
     from: u64,
@@ -210,7 +210,8 @@ fn records(
     input.seek(header.start)
 }
 
-/// GeoTIFF keys: 1024 says geographic or projected, 3076 the linear unit.
+/// Interprets GeoTIFF keys: 1024 distinguishes geographic from projected coordinates, 3076 is the
+/// linear unit.
 fn geo_keys(data: &[u8], report: &mut ReadReport) {
     for entry in data.chunks_exact(8).skip(1) {
         match (u16_at(entry, 0), u16_at(entry, 6)) {
@@ -224,7 +225,7 @@ fn geo_keys(data: &[u8], report: &mut ReadReport) {
     }
 }
 
-/// The unit of a coordinate system in well-known text (OGC).
+/// Interprets the unit of a coordinate system in well-known text (OGC).
 fn well_known_text(text: &str, report: &mut ReadReport) {
     let low = text.to_ascii_lowercase();
     if low.starts_with("geogcs") || low.starts_with("geogcrs") {
@@ -238,16 +239,16 @@ fn well_known_text(text: &str, report: &mut ReadReport) {
     }
 }
 
-/// Classes of noise: low points, and high noise.
+/// Classes of noise: low points and high noise.
 const NOISE: [u8; 2] = [7, 18];
 
-/// Offsets of what is in a record beside the coordinates.
+/// Offsets of the fields of a record other than the coordinates.
 struct Fields {
-    /// Bit of byte 15 that says that a point is withheld.
+    /// Bit of byte 15 that flags a withheld point.
     withheld: u8,
-    /// Classification, and the bits of it that are the class.
+    /// Offset of the classification, and mask of its class bits.
     class: (usize, u8),
-    /// Bits of the return number in byte 14.
+    /// Mask of the return number in byte 14.
     returns: u8,
     /// Offset of the GPS time.
     time: Option<usize>,
@@ -256,7 +257,7 @@ struct Fields {
 }
 
 impl Fields {
-    /// The offsets of a point record format: 0 to 5, and 6 to 10 with their longer core.
+    /// Returns the offsets for a point record format: 0 to 5, or 6 to 10 with their longer core.
     fn of(format: u8) -> Self {
         let new = format >= 6;
         Self {
@@ -279,7 +280,7 @@ impl Fields {
 }
 
 impl Fields {
-    /// The values of a point, coordinates first.
+    /// Returns the values of a point, coordinates first.
     fn layout(&self) -> Layout {
         let mut names = vec![
             "x",
@@ -297,12 +298,12 @@ impl Fields {
         layout.scale = layout.has(Role::Color(0)).then_some(ColorScale::Word);
         layout
     }
-    /// The class of a record.
+    /// Returns the class of a record.
     #[inline]
     fn class(&self, record: &[u8]) -> u8 {
         record[self.class.0] & self.class.1
     }
-    /// The values of a record behind the coordinates.
+    /// Decodes the values of a record after the coordinates.
     #[inline]
     fn values(&self, record: &[u8], values: &mut Vec<f64>) {
         values.push(f64::from(u16_at(record, 12)));
@@ -317,7 +318,7 @@ impl Fields {
     }
 }
 
-/// The points with intensity, class and return number, and with time and colour where the format
+/// Reads the points with intensity, class and return number, and with time and colour if the format
 /// has them.
 pub(crate) fn read(
     input: &mut Input<'_>,

@@ -1,26 +1,26 @@
-//! Points and meshes from files, and back.
+//! Reading and writing of points, meshes, patches, maps and solids.
 //!
-//! [`read()`] takes PLY, XYZ and CSV text, OBJ, OFF, STL, 3MF, PCD, LAS, LAZ and E57, from a path
-//! or from bytes, by name or by content, and gives a [`PointCloud`](isoform_geom::PointCloud) with
-//! a [`ReadReport`]; or a [`ReadError`] that says what, where, why and what to try. Files are
-//! streamed: a seeded uniform sample of a file that does not fit in memory is one option away
-//! ([`ReadOptions::max_points`]). [`write_path`] gives PLY, XYZ and CSV that read back bit by bit.
-//! [`inspect()`] says what is in a cloud.
+//! [`read()`] reads PLY, XYZ and CSV text, OBJ, OFF, STL, 3MF, PCD, LAS, LAZ and E57, from a path
+//! or from bytes, by name or by content. It returns a [`PointCloud`](isoform_geom::PointCloud) with
+//! a [`ReadReport`], or a [`ReadError`] that says what failed, where, why and what to try. Files
+//! are streamed; [`ReadOptions::max_points`] takes a seeded uniform sample of a file that does not
+//! fit in memory. [`write_path`] writes PLY, XYZ and CSV that read back bit by bit. [`inspect()`]
+//! summarises a cloud.
 //!
-//! [`write_mesh_path`] and [`read_mesh`] do the same for a [`Mesh`](isoform_geom::Mesh) with its
+//! [`write_mesh_path`] and [`read_mesh`] do likewise for a [`Mesh`](isoform_geom::Mesh) with its
 //! parts, curves and regions, volume or surface: Gmsh, VTK, Abaqus/CalculiX, Nastran, STL, OBJ,
 //! PLY, OFF, 3MF and glTF ([`mesh_formats`]).
 //!
-//! [`write_step_solids`] gives solids to CAD systems, and [`write_step_path`] gives rational
-//! patches to CAD systems as faces of a STEP file (AP242). [`read_step_solids`] reads solids back,
-//! from files of ours alone. [`write_solids`] and [`read_solids`] are their own file form, JSON
-//! without loss.
+//! [`write_step_solids`] writes solids for CAD systems, and [`write_step_path`] writes rational
+//! patches as faces of a STEP file (AP242). [`read_step_solids`] reads solids back, but only from
+//! files written by this crate. [`write_solids`] and [`read_solids`] are the native file form of
+//! solids, lossless JSON.
 //!
 //! [`read_patches`] and [`write_patches`] are the file form of patches, [`read_map`] and
 //! [`write_map`] that of rational maps, both JSON with exact numbers.
 //!
-//! No size that a file announces is believed before the bytes are there, and NaN ends here: points
-//! with one are dropped and counted.
+//! Sizes announced by a file are checked against the bytes present before memory is reserved.
+//! Points with NaN are dropped and counted.
 //!
 //! A new format is one file with `sniff` and `read` (and `write`), its `mod` here, and one line in
 //! `registry.rs`; for meshes it is a file in `mesh/`, its `mod` in `mesh.rs`, and a line in

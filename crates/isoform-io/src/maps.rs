@@ -1,19 +1,18 @@
 //! Rational maps as JSON: {"X": "…", "Y": "…", "Z": "…", "W": "…"} with polynomials in s and t.
 //!
-//! A file holds the map (s, t) ↦ (X/W, Y/W, Z/W) by four polynomials with exact rational
-//! coefficients, written as text; a number may stand for a constant. What the polynomials describe
-//! is not looked at here: whether their image is a surface, or whether they share a factor, is for
-//! those who use the map.
+//! A file contains the map (s, t) ↦ (X/W, Y/W, Z/W) as four polynomials with exact rational
+//! coefficients, written as text; a JSON number stands for a constant. The reader does not check
+//! the map: its users find out if the image is a surface and if the polynomials share a factor.
 
 use isoform_algebra::{ParseError, ParseProblem, Poly};
 use serde_json::{Value, json};
 
-/// Keys of the four polynomials in a file, in the order in which they are kept.
+/// Keys of the four polynomials in a file, in the order of [`MapFile::polynomials`].
 pub const MAP_KEYS: [&str; 4] = ["X", "Y", "Z", "W"];
 /// Names of the variables 0 and 1 of the polynomials.
 pub const MAP_VARIABLES: [&str; 2] = ["s", "t"];
 
-/// A rational map (s, t) ↦ (X/W, Y/W, Z/W) as a file holds it.
+/// Rational map (s, t) ↦ (X/W, Y/W, Z/W), as stored in a file.
 ///
 /// ```
 /// use isoform_io::{read_map, write_map};
@@ -29,17 +28,17 @@ pub struct MapFile {
     pub polynomials: [Poly; 4],
 }
 
-/// Why a text is no file of a map.
+/// Reason why a text is not a file of a map.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MapFileError {
-    /// The text is no JSON.
+    /// The text is not JSON.
     #[error("line {line}, column {column}: not JSON: {problem}")]
     NotJson {
         /// Line of the error, from 1; 0 in an empty text.
         line: usize,
         /// Column of the error, from 1; 0 in an empty text.
         column: usize,
-        /// The complaint of the reader of JSON.
+        /// Message of the JSON parser.
         problem: String,
     },
     /// One of the polynomials is missing.
@@ -48,26 +47,26 @@ pub enum MapFileError {
         /// One of [`MAP_KEYS`].
         key: &'static str,
     },
-    /// The value of a key is no text.
+    /// The value of a key is neither text nor a number.
     #[error("{key} is {found}, not a polynomial")]
     NotText {
         /// One of [`MAP_KEYS`].
         key: &'static str,
-        /// The kind of value in its place.
+        /// Kind of the value found.
         found: &'static str,
     },
-    /// A text is no polynomial in s and t.
+    /// A text is not a polynomial in s and t.
     #[error("{key}, {error}")]
     NotAPolynomial {
         /// One of [`MAP_KEYS`].
         key: &'static str,
-        /// Where in the text, and what was expected there.
+        /// Position in the text, and what was expected there.
         error: ParseError,
     },
 }
 
 impl MapFileError {
-    /// A word for programs to tell the cases apart.
+    /// Returns a stable identifier of the case.
     pub fn code(&self) -> &'static str {
         match self {
             Self::NotJson { .. } => "not_json",
@@ -79,7 +78,8 @@ impl MapFileError {
             },
         }
     }
-    /// The polynomial concerned, if it is one of them: an element of [`MAP_KEYS`].
+    /// Returns the key of the polynomial concerned, an element of [`MAP_KEYS`]; `None` for errors
+    /// of the whole text.
     pub fn key(&self) -> Option<&'static str> {
         match self {
             Self::NotJson { .. } => None,
@@ -87,7 +87,7 @@ impl MapFileError {
             Self::NotAPolynomial { key, .. } => Some(key),
         }
     }
-    /// What one can do about it, one sentence.
+    /// Returns the suggested remedy, one sentence.
     pub fn hint(&self) -> &'static str {
         let Self::NotAPolynomial { error, .. } = self else {
             return "write {\"X\": \"…\", \"Y\": \"…\", \"Z\": \"…\", \"W\": \"…\"} with polynomials in s and t";
@@ -107,7 +107,7 @@ impl MapFileError {
     }
 }
 
-/// The map of a JSON text; other keys than [`MAP_KEYS`] are ignored.
+/// Parses a map from JSON; keys other than [`MAP_KEYS`] are ignored.
 ///
 /// # Errors
 /// [`MapFileError`].
@@ -125,7 +125,7 @@ pub fn read_map(text: &str) -> Result<MapFile, MapFileError> {
     Ok(MapFile { polynomials })
 }
 
-/// The text of a map's file; reading it gives the same polynomials.
+/// Formats a map as JSON that reads back to identical polynomials.
 pub fn write_map(map: &MapFile) -> String {
     let [x, y, z, w] = map
         .polynomials
@@ -134,9 +134,9 @@ pub fn write_map(map: &MapFile) -> String {
     format!("{}\n", json!({"X": x, "Y": y, "Z": z, "W": w}))
 }
 
-/// The error for a text that is no JSON, with its place in the text.
+/// Converts a JSON error, separating its position.
 fn not_json(e: &serde_json::Error) -> MapFileError {
-    // The reader appends the place, which is told separately.
+    // The parser appends the position, which is reported separately.
     let told = e.to_string();
     let problem = told.split(" at line ").next().unwrap_or_default();
     MapFileError::NotJson {
@@ -146,7 +146,7 @@ fn not_json(e: &serde_json::Error) -> MapFileError {
     }
 }
 
-/// The polynomial under a key: a text, or a number, which is a constant.
+/// Returns the polynomial under a key: a text, or a number, which is a constant.
 fn polynomial_text(json: &Value, key: &'static str) -> Result<String, MapFileError> {
     let found = match json.get(key) {
         None => return Err(MapFileError::Missing { key }),
@@ -171,7 +171,7 @@ mod tests {
         let map = map.expect("a map");
         let [x, y, z, w] = map.polynomials.each_ref().map(Poly::total_degree);
         assert_eq!([x, y, z, w], [1, 1, 2, 0]);
-        // A decimal number is what it says, not its double.
+        // A decimal number is taken exactly, not rounded to a double.
         assert_eq!(map.polynomials[3].scale(&10.into()), Poly::one());
     }
 

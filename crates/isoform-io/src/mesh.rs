@@ -1,10 +1,10 @@
-//! Meshes with groups, to files and back.
+//! Reading and writing of meshes with groups.
 //!
 //! [`write_mesh`] and [`read_mesh`] do for a [`Mesh`] what [`write()`](crate::write()) and
 //! [`read()`](crate::read()) do for points. Parts are groups of triangles and quadrilaterals,
-//! curves groups of edges, regions groups of tetrahedra; each format carries of them what it can,
-//! and the [`WriteReport`] says what it cannot. Tags of groups count from 1 in the order of the
-//! mesh's lists, 0 is no group.
+//! curves are groups of edges, and regions are groups of tetrahedra. Each format stores as much of
+//! them as it can, and the [`WriteReport`] lists the rest. Tags of groups count from 1 in the order
+//! of the mesh's lists; 0 means no group.
 //!
 //! A new format is one file in `mesh/` with `write` or `read`, its `mod` here, and one line in
 //! `mesh/registry.rs`.
@@ -51,11 +51,11 @@ use std::borrow::Cow;
 use std::io::Write;
 use std::path::Path;
 
-/// Writes a mesh to any sink.
+/// Writes a mesh to a sink.
 ///
-/// `format` is a name or an ending out of [`mesh_formats`]; `-ascii` or `-binary` behind it
-/// (`msh-binary`, `stl-ascii`) says more than the options. The mesh is checked first: labels and
-/// indices that point nowhere are refused.
+/// `format` is a name or an ending from [`mesh_formats`]; a suffix `-ascii` or `-binary`
+/// (`msh-binary`, `stl-ascii`) overrides the options. The mesh is checked first: invalid labels and
+/// indices are refused.
 ///
 /// ```
 /// use isoform_geom::Mesh;
@@ -86,8 +86,8 @@ pub fn write_mesh(
     Ok(report(mesh, format, &options))
 }
 
-/// Writes a file, whole or not at all (see [`write_atomic`]); the format by `format` or the ending
-/// of the name.
+/// Writes a file atomically (see [`write_atomic`]); the format is given by `format` or by the
+/// ending of the name.
 pub fn write_mesh_path(
     mesh: &Mesh,
     path: &Path,
@@ -129,8 +129,8 @@ fn writer(
     Ok((format, format.write, options))
 }
 
-/// What of a mesh a format holds: one of surfaces has no quadrilaterals, which become triangles,
-/// and no walls between regions, which would end at the surface within it.
+/// Returns the part of a mesh that a format can store. A surface format stores quadrilaterals as
+/// triangles, and omits walls between regions, which would end inside the surface.
 fn writable<'m>(mesh: &'m Mesh, format: &MeshFormat) -> Cow<'m, Mesh> {
     if format.volume {
         return Cow::Borrowed(mesh);
@@ -141,7 +141,7 @@ fn writable<'m>(mesh: &'m Mesh, format: &MeshFormat) -> Cow<'m, Mesh> {
     }
 }
 
-/// What the format has no place for.
+/// Lists what the format cannot store.
 fn report(mesh: &Mesh, format: &MeshFormat, options: &MeshWriteOptions) -> WriteReport {
     let mut warnings = Vec::new();
     if !mesh.tets.is_empty() && !format.volume {
@@ -193,10 +193,10 @@ fn report(mesh: &Mesh, format: &MeshFormat, options: &MeshWriteOptions) -> Write
 
 /// Reads a mesh.
 ///
-/// `format` is a name or an ending out of [`mesh_formats`] and overrides the guess by content and
-/// name. Polygons become fans of triangles, but quadrilaterals beside wedges are kept. Wedges of
-/// several regions become tetrahedra. Groups come back with their names where the format has them.
-/// Coordinates stay as they are in the file.
+/// `format` is a name or an ending from [`mesh_formats`] and overrides recognition by content and
+/// name. Polygons become fans of triangles, except quadrilaterals of a mesh with wedges. Wedges of
+/// several regions become tetrahedra. Groups keep their names if the format stores them.
+/// Coordinates are those of the file, without recentring.
 pub fn read_mesh(
     source: Source<'_>,
     format: Option<&str>,

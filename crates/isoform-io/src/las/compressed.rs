@@ -1,9 +1,9 @@
-//! LAZ: the checks that make `laz` safe on any bytes, and the loop around it.
+//! LAZ: decompression by the crate `laz`, with the checks that make it safe on arbitrary bytes.
 //!
-//! `laz` trusts the file: it reserves memory for as many chunks as are announced, for layers of any
-//! announced size, and panics on item lists that contradict themselves. So the item list, the chunk
-//! table's length and all layer sizes are compared with the length of the file before it is called.
-//! What may still panic in its arithmetic decoder is caught and reported as damage.
+//! `laz` trusts the file: it reserves memory for the announced number of chunks and the announced
+//! sizes of layers, and panics on inconsistent item lists. Therefore the item list, the length of
+//! the chunk table and all layer sizes are compared with the length of the file before it is
+//! called. Remaining panics in its arithmetic decoder are caught and reported as damage.
 
 use super::{Header, corrupt, u32_at};
 use crate::input::{Input, Result};
@@ -13,18 +13,19 @@ use laz::{DecompressionSelection, LasZipDecompressor, LazItem, LazItemType, LazV
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Points that one byte of LAZ can stand for. Real files have at most a few; a run of equal points
-/// may have some hundred. More would let a small file announce points without end.
+/// Maximum number of points per byte of LAZ. Real files have at most a few; runs of equal points
+/// may have some hundred. Without the limit a small file could announce endless points.
 const POINTS_PER_BYTE: u64 = 1000;
-/// Bytes of the stack of the thread; it takes memory only as far as it is used.
+/// Stack size of the decoder's thread, in bytes; memory is committed only as it is used.
 const STACK: usize = 256 << 20;
-/// Bytes of the stack that the decoder may use; far below [`STACK`], so that what it calls has
-/// room.
+/// Maximum stack depth of the decoder, in bytes; far below the stack size, which leaves room for
+/// the functions it calls.
 const MAX_DEPTH: usize = 32 << 20;
-/// Points that are unpacked at a time.
+/// Number of points decompressed at a time.
 const BATCH: u64 = 1024;
 
-/// Size the item should have, and the number of its layers (0 for the versions without).
+/// Returns the expected size of an item in bytes, and its number of layers (0 for versions without
+/// layers).
 fn expected(item: &LazItem) -> (u16, u64) {
     match item.item_type() {
         LazItemType::Byte(n) => (n, 0),
@@ -40,7 +41,7 @@ fn expected(item: &LazItem) -> (u16, u64) {
     }
 }
 
-/// Unpacks all records and hands each to `take`.
+/// Decompresses all records and passes each to `take`.
 pub(super) fn records(
     input: &mut Input<'_>,
     header: &Header,
@@ -72,23 +73,23 @@ pub(super) fn records(
     })
 }
 
-/// Why unpacking stopped, and behind how many points.
+/// Reason why decompression stopped, and the number of points before it.
 struct Failure {
-    /// Points that were unpacked before.
+    /// Number of points decompressed before the failure.
     done: u64,
     why: String,
-    /// Whether the file has ended too early.
+    /// True if the file ended too early.
     is_end: bool,
 }
 
-/// Refuses to read once the stack below it is deep; see the module's head.
+/// Reader that fails if the stack of its caller is too deep.
 struct Guard<R> {
     inner: BufReader<R>,
-    /// Address of the stack where the decoder starts.
+    /// Stack address at which the decoder starts.
     base: usize,
 }
 
-/// Address of the top of the stack, roughly.
+/// Returns the approximate address of the top of the stack.
 #[inline(never)]
 fn stack_address() -> usize {
     let mark = 0_u8;
@@ -96,7 +97,7 @@ fn stack_address() -> usize {
 }
 
 impl<R: Read> Read for Guard<R> {
-    /// Refuses once the decoder has recursed too deep, else reads on.
+    /// Reads, or fails if the decoder has recursed too deep.
     fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
         if stack_address().abs_diff(self.base) > MAX_DEPTH {
             return Err(io::Error::other("the compressed data is damaged"));
@@ -111,7 +112,8 @@ impl<R: Seek> Seek for Guard<R> {
     }
 }
 
-/// Unpacks in a thread of its own, for its stack; a panic ends the thread and is an error here.
+/// Decompresses in a thread of its own, for a larger stack; a panic ends the thread and becomes an
+/// error.
 fn unpack(
     stream: impl Read + Seek + Send + Sync,
     vlr: LazVlr,
@@ -135,7 +137,7 @@ fn unpack(
     })
 }
 
-/// Unpacks in batches on this thread; its stack is measured from here.
+/// Decompresses in batches on this thread, from whose present depth the stack is measured.
 fn unpack_here(
     stream: impl Read + Seek + Send + Sync,
     vlr: LazVlr,
@@ -151,8 +153,8 @@ fn unpack_here(
         why: e.to_string(),
         is_end: e.kind() == io::ErrorKind::UnexpectedEof,
     };
-    // The layers of the newer formats are unpacked from memory, where no guard can stand: the time,
-    // which recurses, stays packed there.
+    // The layers of the newer formats are decompressed from memory, which bypasses the guard. The
+    // GPS time, whose decoder recurses, therefore stays compressed there.
     let fields = DecompressionSelection::all().skip_gps_time();
     let mut decoder = LasZipDecompressor::selective(stream, vlr, fields).map_err(|e| Failure {
         done: 0,
@@ -174,7 +176,7 @@ fn unpack_here(
     Ok(())
 }
 
-/// The description of the items, once everything that `laz` would believe is compared with the
+/// Returns the description of the items after comparing everything that `laz` would trust with the
 /// file.
 fn check(input: &mut Input<'_>, header: &Header) -> Result<LazVlr> {
     let bad = |input: &Input<'_>, why: String| corrupt(input, At::Byte(header.start), why);
@@ -183,7 +185,7 @@ fn check(input: &mut Input<'_>, header: &Header) -> Result<LazVlr> {
         return Err(bad(input, why.into()));
     };
     let vlr = LazVlr::from_buffer(data).map_err(|e| bad(input, e.to_string()))?;
-    // The kind of compressor is the first number of the record; the crate does not tell it.
+    // The crate does not expose the kind of compressor, which is the first number of the record.
     let compressor = u16::from_le_bytes([data[0], data[1]]);
     if !items_fit(&vlr, compressor, header.record) {
         let why = format!(
@@ -202,13 +204,14 @@ fn check(input: &mut Input<'_>, header: &Header) -> Result<LazVlr> {
     Ok(vlr)
 }
 
-/// Whether the first item belongs to the formats from 6 on, whose fields lie in layers.
+/// Returns true if the first item belongs to the formats from 6 on, whose fields lie in layers.
 fn is_layered(vlr: &LazVlr) -> bool {
     let first = vlr.items().first();
     first.is_some_and(|i| i.item_type() == LazItemType::Point14)
 }
 
-/// Whether the items are of one family, fit the compressor and make records of that many bytes.
+/// Returns true if the items belong to one family, fit the compressor and add up to a record of
+/// this size.
 fn items_fit(vlr: &LazVlr, compressor: u16, record: u16) -> bool {
     let (items, is_layered) = (vlr.items(), is_layered(vlr));
     let is_basic = items
@@ -228,7 +231,7 @@ fn items_fit(vlr: &LazVlr, compressor: u16, record: u16) -> bool {
         && numbered.all(|(k, item)| item_is_good(item, k == 0, is_layered))
 }
 
-/// Whether an item has the size of its type, and a version and a type of the family.
+/// Returns true if an item has the size of its type, and a version and a type of the family.
 fn item_is_good(item: &LazItem, is_first: bool, is_layered: bool) -> bool {
     let kind = item.item_type();
     let (size, layers) = expected(item);
@@ -242,7 +245,7 @@ fn item_is_good(item: &LazItem, is_first: bool, is_layered: bool) -> bool {
         && is_of_family
 }
 
-/// The length of the chunk table and the sizes of all layers against the length of the file.
+/// Checks the length of the chunk table and the sizes of all layers against the length of the file.
 fn check_chunks(input: &mut Input<'_>, header: &Header, vlr: &LazVlr) -> Result<()> {
     let table = chunk_table(input, header, vlr)?;
     if let Some(table) = &table {
@@ -261,7 +264,7 @@ fn check_chunks(input: &mut Input<'_>, header: &Header, vlr: &LazVlr) -> Result<
     while points < header.points {
         input.seek(at)?;
         let chunk = Chunk::read(input, number, header.record, layers)?;
-        // As many as the decoder will take from this chunk, whatever the chunk says.
+        // Number of points that the decoder will take from this chunk, whatever the chunk states.
         let taken = match &table {
             Some(table) => table.as_ref().get(number).map_or(0, |c| c.point_count),
             None => u64::from(vlr.chunk_size()),
@@ -279,20 +282,20 @@ fn check_chunks(input: &mut Input<'_>, header: &Header, vlr: &LazVlr) -> Result<
     Ok(())
 }
 
-/// The error for compressed data that contradict themselves.
+/// Returns the error for inconsistent compressed data.
 fn damaged(input: &Input<'_>, why: impl Into<String>) -> ReadError {
     corrupt(input, input.at_byte(), why)
 }
 
-/// What a chunk of layers says of itself.
+/// Header of a layered chunk.
 struct Chunk {
     points: u64,
-    /// Bytes of all layers.
+    /// Size of all layers in bytes.
     bytes: u64,
 }
 
 impl Chunk {
-    /// Reads over the first point, the number of points and the sizes of the layers.
+    /// Reads past the first point, and decodes the number of points and the sizes of the layers.
     fn read(input: &mut Input<'_>, number: usize, record: u16, layers: u64) -> Result<Self> {
         let cut = || format!("LAZ chunk {number} is cut off");
         input.skip(u64::from(record), cut)?;
@@ -313,7 +316,7 @@ impl Chunk {
     }
 }
 
-/// The chunk table, where the chunks differ in their numbers of points; its length is checked in
+/// Returns the chunk table if chunks differ in their numbers of points; its length is checked in
 /// any case.
 fn chunk_table(input: &mut Input<'_>, header: &Header, vlr: &LazVlr) -> Result<Option<ChunkTable>> {
     let start = header.start;
@@ -327,7 +330,7 @@ fn chunk_table(input: &mut Input<'_>, header: &Header, vlr: &LazVlr) -> Result<O
     }
     input.seek(table as u64)?;
     let chunks = u64::from(u32_at(&word(input)?, 4));
-    // Every chunk starts with a whole point.
+    // Every chunk starts with an uncompressed point.
     if chunks > header.points || chunks.saturating_mul(u64::from(header.record)) > input.size {
         let why = format!("{chunks} chunks cannot be in {} bytes", input.size);
         return Err(damaged(input, why));
@@ -343,8 +346,8 @@ fn chunk_table(input: &mut Input<'_>, header: &Header, vlr: &LazVlr) -> Result<O
     }
 }
 
-/// Where the chunk table begins: before the points, or, from a writer that could not go back, at
-/// the end of the file.
+/// Returns the offset of the chunk table. Writers that cannot seek state it at the end of the file
+/// instead of before the points.
 fn chunk_table_start(input: &mut Input<'_>, start: u64) -> Result<i64> {
     let table = i64::from_le_bytes(word(input)?);
     if table > start as i64 || input.size < 8 {
@@ -354,7 +357,7 @@ fn chunk_table_start(input: &mut Input<'_>, start: u64) -> Result<i64> {
     Ok(i64::from_le_bytes(word(input)?))
 }
 
-/// The next eight bytes of the file.
+/// Reads the next eight bytes of the file.
 fn word(input: &mut Input<'_>) -> Result<[u8; 8]> {
     let mut word = [0; 8];
     input.exact(&mut word, || "the LAZ chunk table is cut off".to_owned())?;

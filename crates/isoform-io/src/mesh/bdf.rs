@@ -1,8 +1,8 @@
 //! Nastran bulk data: GRID* with 16 characters a number; CTRIA3, CTRIA6, CQUAD4, CTETRA and CPENTA
-//! in fields of eight. The corners of a CPENTA are in our order.
+//! in fields of eight characters. CPENTA has the node order of [`Mesh`].
 //!
-//! The property of an element is the tag of its part; regions follow behind the parts. Their names
-//! are comments. Faces are numbered before the volumes.
+//! The property of an element is the tag of its part; tags of regions follow those of the parts.
+//! Names are comments. Faces are numbered before the volumes.
 
 use super::group::{face, face_count, face_part, volume, volume_count, volume_region};
 use super::options::MeshWriteOptions;
@@ -10,7 +10,7 @@ use super::out::Out;
 use isoform_geom::{Mesh, Point3};
 use std::io::{self, Write};
 
-/// Highest number of a node or an element.
+/// Largest number of a node or an element: eight digits.
 const HIGHEST: usize = 99_999_999;
 
 /// Writes nodes, faces and volumes as bulk data.
@@ -39,7 +39,7 @@ pub(super) fn write(
     out.flush()
 }
 
-/// What the properties are: parts, then regions.
+/// Writes the names of the properties: parts, then regions.
 fn write_names(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     let parts = mesh.parts.iter().map(|n| (" is part ", n));
     let regions = mesh.regions.iter().map(|n| (" is region ", n));
@@ -53,7 +53,7 @@ fn write_names(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     Ok(())
 }
 
-/// A node in two lines of wide fields.
+/// Writes a node as two lines of wide fields.
 fn write_node(number: usize, p: &Point3, out: &mut Out<'_>) -> io::Result<()> {
     let start = out.mark();
     out.str("GRID*").pad(start, 8).int(number).pad(start, 40);
@@ -65,19 +65,20 @@ fn write_node(number: usize, p: &Point3, out: &mut Out<'_>) -> io::Result<()> {
     out.str("*").pad(start, 8).narrow(p[2], 16).line()
 }
 
-/// An element and the property that it belongs to, both from 1.
+/// Element and its property, both numbered from 1.
 struct Card<'n> {
-    /// Kind of the element.
+    /// Type of the element.
     name: &'static str,
     number: usize,
-    /// Number of the property, which tells part or region.
+    /// Number of the property, which identifies part or region.
     property: usize,
-    /// Corners, then mid nodes, as numbers from 0.
+    /// Corners, then mid nodes, as indices from 0.
     nodes: &'n [u32],
 }
 
 impl Card<'_> {
-    /// Writes ten fields of eight a line: the first is the name or a mark, the last is left free.
+    /// Writes ten fields of eight characters per line: the first is the name or a continuation
+    /// mark, the last stays empty.
     fn write(&self, out: &mut Out<'_>) -> io::Result<()> {
         let mut start = out.mark();
         out.str(self.name).pad(start, 8).int(self.number);
@@ -97,7 +98,7 @@ impl Card<'_> {
     }
 }
 
-/// Faces, numbered from 1, with the tags of their parts as properties.
+/// Writes the faces, numbered from 1, with the tags of their parts as properties.
 fn write_faces(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     for i in 0..face_count(mesh) {
         let (nodes, n) = face(mesh, i);
@@ -116,7 +117,7 @@ fn write_faces(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     Ok(())
 }
 
-/// Volumes, whose numbers and properties follow behind the faces'.
+/// Writes the volumes, whose numbers and properties follow those of the faces.
 fn write_volumes(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     let parts = match face_count(mesh) {
         0 => 0,

@@ -1,27 +1,27 @@
-//! What lies on what: faces of the surface on sides of tetrahedra and wedges, curves on parts, and
-//! the boundary of tetrahedra and wedges alone.
+//! Incidence: faces of the surface on sides of tetrahedra and wedges, curves between parts, and the
+//! boundary of a mesh that has only volumes.
 
 use super::group::{face_count, face_part};
 use isoform_geom::{Mesh, TET_EDGES, TET_FACES, WEDGE_QUADS, WEDGE_TRIANGLES};
 use std::collections::HashMap;
 
-/// A side of a volume: the number of the volume (tetrahedra, then wedges), and which side. That of
-/// a tetrahedron is the corner opposite to it; of a wedge, 0 and 1 are [`WEDGE_TRIANGLES`] and 2 to
-/// 4 are [`WEDGE_QUADS`].
+/// Side of a volume: index of the volume (tetrahedra, then wedges), and index of the side. For a
+/// tetrahedron the latter is the opposite corner; for a wedge, 0 and 1 are [`WEDGE_TRIANGLES`] and
+/// 2 to 4 are [`WEDGE_QUADS`].
 pub(super) type Side = (u32, u8);
 
-/// Numbers in ascending order, by which equal faces and edges are found.
+/// Sorts indices, for the comparison of faces and edges.
 fn sorted<T: Ord, const N: usize>(mut nodes: [T; N]) -> [T; N] {
     nodes.sort_unstable();
     nodes
 }
 
-/// Corners of a face, outward.
+/// Returns the corners of a face, oriented outward.
 fn face_nodes(tet: &[u32; 4], face: usize) -> [u32; 3] {
     TET_FACES[face].map(|c| tet[c])
 }
 
-/// Mid nodes of a face, in the order of its corners.
+/// Returns the mid nodes of a face, in the order of its corners.
 fn face_mids(mids: &[u32; 6], face: usize) -> [u32; 3] {
     let corners = TET_FACES[face];
     std::array::from_fn(|k| {
@@ -33,7 +33,8 @@ fn face_mids(mids: &[u32; 6], face: usize) -> [u32; 3] {
     })
 }
 
-/// Corners and mid nodes of the face opposite to a corner, outward, and how many there are.
+/// Returns the corners and mid nodes of the face opposite to a corner, oriented outward, and their
+/// number.
 pub(super) fn face_with_mids(
     tet: &[u32; 4],
     mids: Option<&[u32; 6]>,
@@ -46,13 +47,13 @@ pub(super) fn face_with_mids(
     }
 }
 
-/// Whether two faces of the same corners turn the same way.
+/// Returns true if two faces with equal corner sets have equal orientation.
 fn same_turn<const N: usize>(a: [u32; N], b: [u32; N]) -> bool {
     (0..N).any(|k| (0..N).all(|j| a[j] == b[(k + j) % N]))
 }
 
-/// The volume behind each face (triangles, then quadrilaterals); between two, the one that the face
-/// looks out of.
+/// Returns the volume side on each face (triangles, then quadrilaterals). Between two volumes it is
+/// the one for which the face is oriented outward.
 pub(super) fn sides_of_faces(mesh: &Mesh) -> Vec<Option<Side>> {
     let mut found = vec![None; face_count(mesh)];
     for_faces_on_volumes(mesh, |face, side, looks_out| {
@@ -63,7 +64,7 @@ pub(super) fn sides_of_faces(mesh: &Mesh) -> Vec<Option<Side>> {
     found
 }
 
-/// The parts that bound each region, ascending.
+/// Returns the parts that bound each region, ascending.
 pub(super) fn parts_of_regions(mesh: &Mesh) -> Vec<Vec<u32>> {
     let mut parts = vec![Vec::new(); mesh.regions.len().max(1)];
     let part = |face: usize| face_part(mesh, face).unwrap_or(0);
@@ -85,8 +86,8 @@ pub(super) fn parts_of_regions(mesh: &Mesh) -> Vec<Vec<u32>> {
     parts
 }
 
-/// Calls with every pair of a face of the surface and a side of the same corners, and whether both
-/// turn the same way.
+/// Calls `visit` with every pair of a surface face and a volume side with equal corner sets, and
+/// with true if their orientations are equal.
 fn for_faces_on_volumes(mesh: &Mesh, mut visit: impl FnMut(usize, Side, bool)) {
     let mut on_surface = vec![false; mesh.points.len()];
     let mut known: HashMap<[u32; 3], u32> = HashMap::with_capacity(mesh.triangles.len());
@@ -113,7 +114,7 @@ fn for_faces_on_volumes(mesh: &Mesh, mut visit: impl FnMut(usize, Side, bool)) {
     for_faces_on_wedges(mesh, &known, visit);
 }
 
-/// The same for the sides of wedges alone; the triangles are known by their corners.
+/// Does likewise for the sides of wedges; the triangles are indexed by their corners.
 fn for_faces_on_wedges(
     mesh: &Mesh,
     triangles: &HashMap<[u32; 3], u32>,
@@ -140,8 +141,8 @@ fn for_faces_on_wedges(
     }
 }
 
-/// Adds the sides that belong to one volume as triangles and quadrilaterals, in the order of the
-/// tetrahedra and then of the wedges.
+/// Adds the sides that belong to only one volume as triangles and quadrilaterals, in the order of
+/// the tetrahedra and then of the wedges.
 pub(super) fn add_boundary(mesh: &mut Mesh) {
     let mut sides: Vec<([u32; 3], u64)> =
         Vec::with_capacity(4 * mesh.tets.len() + 2 * mesh.wedges.len());
@@ -173,7 +174,7 @@ pub(super) fn add_boundary(mesh: &mut Mesh) {
     }
 }
 
-/// The numbers of those sides whose corners come once, ascending.
+/// Returns the indices of the sides whose corner set is unique, ascending.
 fn alone<const N: usize>(mut sides: Vec<([u32; N], u64)>) -> Vec<u64> {
     sides.sort_unstable();
     let is_alone = |i: usize| {
@@ -188,7 +189,7 @@ fn alone<const N: usize>(mut sides: Vec<([u32; N], u64)>) -> Vec<u64> {
     rim
 }
 
-/// Fills in the parts on both sides of every curve, as the faces beside its edges say.
+/// Fills in the parts on both sides of every curve, from the faces at its edges.
 pub(super) fn find_curve_parts(mesh: &mut Mesh) {
     let has_parts = !mesh.triangle_parts.is_empty() || !mesh.quad_parts.is_empty();
     if !has_parts || mesh.edge_curves.is_empty() {
@@ -223,7 +224,7 @@ pub(super) fn find_curve_parts(mesh: &mut Mesh) {
     }
 }
 
-/// Parts in ascending order.
+/// Sorts parts.
 fn sorted_vec(mut parts: Vec<u32>) -> Vec<u32> {
     parts.sort_unstable();
     parts
@@ -233,7 +234,7 @@ fn sorted_vec(mut parts: Vec<u32>) -> Vec<u32> {
 mod tests {
     use super::*;
 
-    /// Two tetrahedra on both sides of the triangle 0 1 2.
+    /// Returns two tetrahedra that share the triangle 0 1 2.
     fn pair() -> Mesh {
         let points = vec![
             [0.0; 3],
@@ -265,8 +266,8 @@ mod tests {
         );
     }
 
-    /// A wedge under a tetrahedron: all but the triangle between them is boundary, each side behind
-    /// its own face.
+    /// Wedge under a tetrahedron: all faces except their common triangle are boundary, and each has
+    /// the volume it belongs to.
     #[test]
     fn wedges_have_a_boundary_too() {
         let at = |z: f64| [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
@@ -281,7 +282,7 @@ mod tests {
         assert_eq!(mesh.quads, [[0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]]);
         let sides = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 2), (1, 3), (1, 4)];
         assert_eq!(sides_of_faces(&mesh), sides.map(Some));
-        // Between both, the triangle decides: the wedge looks up.
+        // Between the two volumes the orientation decides: this triangle is outward for the wedge.
         for (triangle, side) in [([3, 4, 5], (1, 1)), ([5, 4, 3], (0, 3))] {
             mesh.triangles = vec![triangle];
             assert_eq!(sides_of_faces(&mesh)[0], Some(side));
