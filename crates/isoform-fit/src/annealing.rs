@@ -34,9 +34,9 @@ pub struct Options {
     pub probes: usize,
     /// Maximum number of evaluations.
     pub max_evaluations: usize,
-    /// Ends when the value falls to this.
+    /// Value at or below which the annealing ends.
     pub threshold: f64,
-    /// Seed.
+    /// Seed of the random numbers.
     pub seed: u64,
 }
 
@@ -54,21 +54,21 @@ impl Default for Options {
     }
 }
 
-/// Where the annealing ended.
+/// Result of [`minimize`].
 #[derive(Clone, Debug)]
 pub struct Annealed {
-    /// Best variables seen.
+    /// Best variables found.
     pub x: Vec<f64>,
     /// Value there.
     pub value: f64,
-    /// Evaluations.
+    /// Number of evaluations.
     pub evaluations: usize,
-    /// Whether the value fell to the threshold.
+    /// True if the value fell to the threshold.
     pub reached: bool,
 }
 
-/// Anneals within finite bounds. `monitor` is asked after each adaptation, with the evaluations and
-/// the best value.
+/// Anneals within finite bounds. `monitor` is called after each adaptation with the number of
+/// evaluations and the best value; it ends the run by returning `false`.
 ///
 /// ```
 /// use isoform_fit::{Objective, annealing};
@@ -125,12 +125,12 @@ pub fn minimize(
     walk.best
 }
 
-/// A random walk that remembers the best place.
+/// A random walk with the best point visited.
 struct Walk<'a> {
     objective: &'a mut dyn Objective,
     bounds: Bounds<'a>,
     random: fastrand::Rng,
-    /// Values at random places, in order.
+    /// Values at random points, ascending.
     probes: Vec<f64>,
     threshold: f64,
     x: Vec<f64>,
@@ -172,18 +172,18 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// The median value of random places.
+    /// Returns the median value of the random points.
     fn typical(&self) -> f64 {
         self.probes[self.probes.len() / 2].min(f64::MAX)
     }
 
-    /// Goes back to the best place so far, from where Goffe starts each temperature.
+    /// Returns to the best point so far, from which Goffe starts each temperature.
     fn back_to_best(&mut self) {
         self.x.copy_from_slice(&self.best.x);
         self.value = self.best.value;
     }
 
-    /// Walks at one temperature; false at the threshold or when the monitor says so.
+    /// Walks at one temperature. Returns false at the threshold or if the monitor ends the run.
     fn stay(
         &mut self,
         temperature: f64,
@@ -201,8 +201,8 @@ impl<'a> Walk<'a> {
         })
     }
 
-    /// Moves each variable [`CYCLES`] times; how many of the moves passed, by variable, or none at
-    /// the threshold.
+    /// Moves each variable [`CYCLES_PER_ADAPTATION`] times. Returns the number of accepted moves by
+    /// variable; `None` at the threshold.
     fn cycles(&mut self, temperature: f64) -> Option<Vec<usize>> {
         let n = self.x.len();
         let mut passed = vec![0_usize; n];
@@ -216,7 +216,7 @@ impl<'a> Walk<'a> {
         Some(passed)
     }
 
-    /// Tries a move of variable i; whether it passed.
+    /// Proposes a move of variable i. Returns true if it is accepted.
     fn passes(&mut self, i: usize, temperature: f64) -> bool {
         let found = self.propose(i);
         let is_taken =
@@ -248,7 +248,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Adapts the step of variable i to the share of its moves that passed.
+    /// Adapts the step of variable i to the rate of accepted moves: with Corana's c = 2, towards a
+    /// rate between 0.4 and 0.6.
     fn adapt(&mut self, i: usize, rate: f64) {
         let step = &mut self.step[i];
         if rate > PASSING.1 {
@@ -260,7 +261,7 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// Values at random places, in order.
+/// Returns the values at random points, ascending.
 fn probes(
     objective: &mut dyn Objective,
     bounds: Bounds<'_>,
@@ -277,7 +278,7 @@ fn probes(
     probes
 }
 
-/// A value that can be compared: what is no number is infinitely bad.
+/// Replaces NaN by infinity, so that values can be compared.
 fn comparable(v: f64) -> f64 {
     if v.is_nan() { f64::INFINITY } else { v }
 }
@@ -287,8 +288,8 @@ mod tests {
     use super::*;
     use crate::testing::Egg;
 
-    /// A descent from anywhere ends in the lowest of the 5³ minima and more once in a hundred
-    /// times.
+    /// A single descent from a random start finds the lowest of the 5³ minima less than once in a
+    /// hundred runs.
     #[test]
     fn finds_the_lowest_of_many_minima() {
         let run = |seed: u64| {
@@ -305,7 +306,7 @@ mod tests {
         assert_eq!(run(1).x, run(1).x);
     }
 
-    /// A narrow valley, oblique to all coordinates: cooling goes on below any scale of the
+    /// A narrow valley, oblique to all coordinates: cooling continues below any scale of the
     /// function.
     #[test]
     fn cools_down_to_the_digits_of_a_minimum() {

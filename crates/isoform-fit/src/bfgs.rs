@@ -1,8 +1,8 @@
-//! The quasi-Newton method of the paper (BFGS with a line search), within bounds by projection.
+//! The quasi-Newton method of paper C (BFGS with a line search), with bounds by projection.
 //!
-//! Variables at a bound that the gradient pushes against are held for the step; the line search
-//! follows the projected path and asks for Armijo's decrease; the inverse Hessian is updated where
-//! the curvature is positive (Nocedal and Wright 2006, ch. 6).
+//! Variables at a bound that the gradient pushes against are held for the step. The line search
+//! follows the projected path and requires Armijo's decrease; the inverse Hessian is updated if the
+//! curvature is positive (Nocedal and Wright 2006, ch. 6).
 
 use crate::Objective;
 use crate::bounds::Bounds;
@@ -22,11 +22,12 @@ const CURVED: f64 = 1e-12;
 /// Settings of [`minimize`].
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Most evaluations.
+    /// Maximum number of evaluations.
     pub max_iterations: usize,
-    /// Stop when a step lowers the cost by less than this share.
+    /// Relative decrease of the value below which a step ends the run.
     pub decrease: f64,
-    /// Stop when the projected gradient is below this share of the first one.
+    /// Largest component of the projected gradient, relative to its maximum so far, below which the
+    /// run ends.
     pub gradient: f64,
 }
 
@@ -40,13 +41,13 @@ impl Default for Options {
     }
 }
 
-/// Minimises within `lo` and `hi` from `x`. `monitor` sees every accepted point and ends the run by
-/// returning `false`.
+/// Minimises within `lo` and `hi` from `x`. `monitor` is called with every accepted point and ends
+/// the run by returning `false`.
 ///
 /// ```
 /// use isoform_fit::{Objective, bfgs};
 ///
-/// /// (x − 1)² + (y − x)², which is least at (1, 1).
+/// /// (x − 1)² + (y − x)², with its minimum at (1, 1).
 /// struct Slide;
 /// impl Objective for Slide {
 ///     fn dim(&self) -> usize {
@@ -56,7 +57,7 @@ impl Default for Options {
 ///         (x[0] - 1.0).powi(2) + (x[1] - x[0]).powi(2)
 ///     }
 ///     fn model(&mut self, x: &[f64], g: &mut [f64], _: &mut [f64]) -> f64 {
-///         // The gradient of half the value; the matrix is not asked for.
+///         // The gradient of half the value; BFGS does not use the matrix.
 ///         g.copy_from_slice(&[2.0 * x[0] - 1.0 - x[1], x[1] - x[0]]);
 ///         self.value(x)
 ///     }
@@ -99,18 +100,18 @@ pub fn minimize(
     }
 }
 
-/// A run from one start.
+/// State of a run from one start.
 struct Descent<'a> {
     objective: &'a mut dyn Objective,
     bounds: Bounds<'a>,
     options: &'a Options,
     here: Place,
     trial: Place,
-    /// Inverse of the Hessian of half the value, as far as it is known.
+    /// Inverse of the Hessian of half the value, as approximated so far.
     inverse: Vec<f64>,
-    /// Whether nothing is known of it yet.
+    /// True until the first update of the inverse.
     is_fresh: bool,
-    /// Largest slope so far.
+    /// Largest component of the projected gradient so far.
     steepest: f64,
     iterations: usize,
 }
@@ -138,15 +139,14 @@ impl<'a> Descent<'a> {
         }
     }
 
-    /// Forgets the curvature: the next step is one of steepest descent, of length 1.
+    /// Resets the inverse Hessian: the next step is one of steepest descent, of length 1.
     fn restart(&mut self) {
         let length = norm(&self.here.gradient).max(f64::MIN_POSITIVE);
         self.inverse = identity(self.here.x.len(), 1.0 / length);
         self.is_fresh = true;
     }
 
-    /// Makes one line search, and updates the curvature by it. Returns the reason to stop, if there
-    /// is one.
+    /// Makes one line search and updates the inverse Hessian. Returns the reason to stop, if any.
     fn advance(&mut self) -> Option<Stop> {
         let held = self.held();
         if self.is_stationary(&held) {
@@ -163,7 +163,7 @@ impl<'a> Descent<'a> {
         }
     }
 
-    /// Which variables are at a bound that descent leads beyond.
+    /// Flags the variables at a bound that descent would cross.
     fn held(&self) -> Vec<bool> {
         let Place { x, gradient, .. } = &self.here;
         let Bounds { lo, hi } = self.bounds;
@@ -179,7 +179,8 @@ impl<'a> Descent<'a> {
         self.here.value == 0.0 || slope <= self.options.gradient * self.steepest
     }
 
-    /// −H g in the variables that are not held; steepest descent where that leads up.
+    /// Returns −H g in the variables that are not held, or steepest descent if that is not a
+    /// descent direction.
     fn direction(&mut self, held: &[bool]) -> Vec<f64> {
         let p = self.newton(held);
         if dot(&p, &self.here.gradient) < 0.0 && is_finite(&p) {
@@ -201,8 +202,8 @@ impl<'a> Descent<'a> {
         (0..n).map(|i| if held[i] { 0.0 } else { row(i) }).collect()
     }
 
-    /// Backtracking by interpolation along the projected path, until the trial is low enough; the
-    /// reason where there is no such place.
+    /// Backtracks along the projected path by quadratic interpolation until the trial is low
+    /// enough. Returns the reason to stop if no such point exists.
     fn search(&mut self, direction: &[f64]) -> Option<Stop> {
         let mut t: f64 = 1.0;
         loop {
@@ -223,8 +224,8 @@ impl<'a> Descent<'a> {
         }
     }
 
-    /// Puts the trial t along the direction, projected onto the bounds and within what the
-    /// objective allows; gives the projected step.
+    /// Sets the trial to t times the direction, projected onto the bounds and limited to the step
+    /// that the objective allows. Returns the projected step.
     fn set_trial(&mut self, direction: &[f64], t: f64) -> Vec<f64> {
         let (x, Bounds { lo, hi }) = (&self.here.x, self.bounds);
         for i in 0..x.len() {
@@ -240,7 +241,7 @@ impl<'a> Descent<'a> {
         step
     }
 
-    /// Armijo's rule, for a slope that foretells a change by `descent`.
+    /// Armijo's rule with constant 1e-4; `descent` is the change that the slope predicts.
     fn is_low_enough(&self, descent: f64) -> bool {
         let (here, trial) = (&self.here, &self.trial);
         trial.has_gradient()
@@ -248,7 +249,8 @@ impl<'a> Descent<'a> {
             && trial.value < here.value
     }
 
-    /// The share of a refused step where the parabola through value, slope and trial is lowest.
+    /// Returns the factor, between 0.1 and 0.5, at which the parabola through value, slope and
+    /// trial is lowest.
     fn cut(&self, descent: f64) -> f64 {
         let parabola = -0.5 * descent / (self.trial.value - self.here.value - descent);
         if self.trial.value.is_finite() && parabola.is_finite() {
@@ -258,7 +260,8 @@ impl<'a> Descent<'a> {
         }
     }
 
-    /// Goes to the trial and learns the curvature from it.
+    /// Moves to the trial and updates the inverse Hessian. Returns `Converged` if the decrease was
+    /// too small.
     fn take(&mut self) -> Option<Stop> {
         let s = minus(&self.trial.x, &self.here.x);
         let y = minus(&self.trial.gradient, &self.here.gradient);

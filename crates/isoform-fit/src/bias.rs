@@ -1,18 +1,21 @@
-//! The bias of least squares beside edges and on curved pieces.
+//! The bias of least squares caused by noise near edges and on curved faces.
 //!
-//! Noise carries points across a convex edge outwards more often than back: beside edges its mean
-//! along the normal is not nought, and the minimum moves by an amount of the order of noise² × edge
-//! length / area, which does not shrink with the number of points. Curvature does alike (Kanatani,
-//! *Guide to 3D Vision Computation*, chapter 2, for conics). The bias is one Gauss-Newton step from
-//! the fit on what noise makes of places of the fitted surface, which is taken back. To second
-//! order of the noise that is known of most places:
+//! Noise carries points outwards across a convex edge more often than inwards. Near edges the mean
+//! of the residuals is therefore not zero, and the minimum moves by an amount of the order of
+//! noise² × edge length / area, which does not shrink with the number of points. Curvature has a
+//! similar effect (Kanatani, *Guide to 3D Vision Computation*, chapter 2, for conics). The bias is
+//! one Gauss-Newton step from the fit, computed from the expected effect of noise on points of the
+//! fitted surface; it is subtracted. To second order in the noise, this effect has a closed form at
+//! most points:
 //!
-//! - On a face, the mean distance is noise² / 2 × the sum of the curvatures.
-//! - Beside an edge that is alone, planes on both sides give it by quadrature ([`wedge`]).
+//! - On a face, the mean distance is noise² / 2 × the sum of the principal curvatures.
+//! - Near an isolated edge, it follows by quadrature for the tangent planes of the two faces
+//!   ([`wedge`]).
 //!
-//! There the data's own feet are the places, as dense as the data by themselves and the same ones
-//! in any pose. Elsewhere (corners, thin walls, narrow blends) noise is simulated at random places
-//! of the surface. What the places' randomness leaves goes into the covariance.
+//! The closed forms are evaluated at the foot points of the data, which have the density of the
+//! data and are equal in any pose. Elsewhere (corners, thin walls, narrow blends) noise is
+//! simulated at random points of the surface. The variance of these random points is added to the
+//! covariance.
 
 mod moves;
 mod places;
@@ -56,38 +59,38 @@ const NODES: usize = 24;
 
 /// What noise does to the fit.
 pub(crate) struct Bias {
-    /// To be added to the variables to take the bias away.
+    /// Step to be added to the variables to remove the bias.
     pub(crate) correction: Vec<f64>,
-    /// Covariance of the correction by its own randomness.
+    /// Covariance of the correction due to its random points.
     pub(crate) covariance: Vec<f64>,
-    /// Root mean square of the distances over the noise that made them.
+    /// Root mean square of the distances over the noise that caused them.
     pub(crate) shrunk: f64,
 }
 
-/// The fit whose bias is asked for.
+/// A fit whose bias is estimated.
 pub(crate) struct Biased<'a> {
     pub(crate) distance: &'a dyn DistanceField,
     pub(crate) space: &'a Space,
     pub(crate) x: &'a [f64],
-    /// The data that were fitted.
+    /// Points that were fitted.
     pub(crate) points: &'a Points<'a>,
-    /// Deviation of the noise that neighbours do not share.
+    /// Standard deviation of the noise that is independent between neighbouring points.
     pub(crate) noise: f64,
     pub(crate) loss: Loss,
     /// Robust scale of the loss.
     pub(crate) scale: f64,
-    /// Inverse of the data's own Hessian.
+    /// Inverse of the Hessian of the data.
     pub(crate) inverse: &'a [f64],
-    /// Where the model stands: places and noise are made there.
+    /// Frame of the model; random points and noise are drawn in its coordinates.
     pub(crate) frame: Frame,
     pub(crate) seed: u64,
 }
 
 /// Points that were fitted.
 pub(crate) enum Points<'a> {
-    /// At hand.
+    /// Held in memory.
     Here(Vec<Point3>),
-    /// In chunks.
+    /// Held in chunks.
     InChunks(&'a Cloud<'a>),
 }
 
@@ -99,7 +102,7 @@ impl Points<'_> {
         }
     }
 
-    /// Their box in a frame.
+    /// Returns their bounding box in a frame.
     fn within(&self, frame: &Frame) -> Aabb {
         match self {
             Self::Here(points) => Aabb::of(&within(points, frame)),
@@ -107,7 +110,7 @@ impl Points<'_> {
         }
     }
 
-    /// How many there are in each cell of a frame.
+    /// Counts them by cell of a grid in a frame.
     fn counted(&self, cells: &Cells, frame: &Frame) -> Vec<f64> {
         match self {
             Self::Here(points) => cells.counted(&within(points, frame)),
@@ -115,7 +118,7 @@ impl Points<'_> {
         }
     }
 
-    /// Each `stride`-th, at most [`MOST_FEET`].
+    /// Returns every `stride`-th point, at most [`MAX_BIAS_FEET`].
     fn strided(&self, stride: usize) -> Vec<Point3> {
         match self {
             Self::Here(points) => points.iter().step_by(stride).copied().collect(),
@@ -124,28 +127,28 @@ impl Points<'_> {
     }
 }
 
-/// Points as a frame sees them.
+/// Transforms points to a frame.
 fn within(points: &[Point3], frame: &Frame) -> Vec<Point3> {
     points.iter().map(|p| frame.within(*p)).collect()
 }
 
-/// What is known of the noise at a place.
+/// Local geometry at a foot point, on the scale of the noise.
 enum Around {
-    /// A face, with the sum of its curvatures.
+    /// A face, with the sum of its principal curvatures.
     Face(f64),
-    /// A face beside an edge, with the sum of its curvatures.
+    /// A face near a single edge, with the sum of its principal curvatures.
     Edge(Edge, f64),
-    /// More than an edge: nothing is known in closed form.
+    /// Anything else: no closed form is known.
     Much,
 }
 
-/// Sums over the noisy points.
+/// Sums over points with noise.
 struct Sums {
-    /// Jᵀ r.
+    /// Jᵀ r, the pull of the residuals on the variables.
     pull: Vec<f64>,
     /// Covariance of the pull.
     covariance: Vec<f64>,
-    /// Squares of the distances, weighted.
+    /// Weighted sum of squared distances.
     squares: f64,
     weights: f64,
 }
@@ -160,7 +163,7 @@ impl Sums {
         }
     }
 
-    /// Adds the pull of one random place.
+    /// Adds the pull of one random point.
     fn add(&mut self, row: &[f64]) {
         let m = row.len();
         for j in 0..m {
@@ -172,18 +175,18 @@ impl Sums {
     }
 }
 
-/// Places whose derivatives are wanted, each with its share of the pull.
+/// Foot points with their contributions to the pull, before derivatives are known.
 #[derive(Default)]
 struct Pulls {
     places: Vec<Foot>,
     shares: Vec<Share>,
 }
 
-/// A place's share of the pull.
+/// Contribution of a foot point to the pull.
 enum Share {
-    /// Of a face by its curvature, which is not random.
+    /// Effect of the curvature of a face; deterministic.
     Face(f64),
-    /// Of one of the two faces of an edge; they follow each other.
+    /// Effect on one of the two faces of an edge; the two entries are consecutive.
     Edge(f64),
 }
 
@@ -194,19 +197,19 @@ impl Pulls {
     }
 }
 
-/// Noise beside edges and on faces, in the units of the fit.
+/// Accumulator of the closed-form bias, in the units of the fit.
 struct Known<'a> {
     wedges: Wedges<'a>,
     noise: f64,
-    /// Data points that each foot stands for.
+    /// Number of data points that each foot point represents.
     share: f64,
-    /// What the loss leaves of a small shift.
+    /// Mean of ψ′, the factor by which the loss reduces a small shift.
     round: f64,
     pulls: Pulls,
 }
 
 impl Known<'_> {
-    /// Adds a foot, unless nothing is known of the noise there.
+    /// Adds a foot point. Returns false if no closed form is known there.
     fn add(&mut self, foot: &Foot, around: &Around, sums: &mut Sums) -> bool {
         let (bend, edge) = match around {
             Around::Face(bend) => (*bend, None),
@@ -222,7 +225,7 @@ impl Known<'_> {
         true
     }
 
-    /// Adds the pull of a foot on a face whose curvatures have this sum.
+    /// Adds the pull of a foot point on a face with this sum of curvatures.
     fn add_face(&mut self, foot: &Foot, bend: f64) {
         if bend != 0.0 && foot.order == 1 {
             let variance = self.noise * self.noise;
@@ -231,8 +234,8 @@ impl Known<'_> {
         }
     }
 
-    /// Adds the pull of a foot beside an edge, if it is in the edge's strip; gives what the edge
-    /// adds to the sum of squares.
+    /// Adds the pull of a foot point near an edge, if it lies in the strip of the edge. Returns the
+    /// contribution of the edge to the sum of squares.
     fn add_edge(&mut self, foot: &Foot, edge: &Edge) -> f64 {
         let is_in_strip = distance_squared(edge.at, foot.at).sqrt() < edge.width;
         if !is_in_strip {
@@ -248,7 +251,7 @@ impl Known<'_> {
     }
 }
 
-/// Pulls of the two faces of an edge. Feet on the edge itself come from either face.
+/// Returns the pulls on the two faces of an edge. Feet on the edge itself come from either face.
 fn pulls_of(wedge: Wedge, foot: &Foot) -> [f64; 2] {
     if foot.order == 1 {
         [wedge.own, wedge.other]
@@ -258,7 +261,8 @@ fn pulls_of(wedge: Wedge, foot: &Foot) -> [f64; 2] {
 }
 
 impl Biased<'_> {
-    /// None where the bias is next to nothing or the surface is not met.
+    /// Estimates the bias; `None` if it is negligible or if the surface has too few samples near
+    /// the data.
     pub(crate) fn bias(&self) -> Option<Bias> {
         let data = self.points.within(&self.frame);
         if self.is_negligible(data) {
@@ -277,14 +281,15 @@ impl Biased<'_> {
         self.step(&sums)
     }
 
-    /// Whether the largest bias that is possible is small beside the deviations.
+    /// Returns true if an upper bound of the bias, 8 √n × noise / size in standard deviations, is
+    /// below 0.05.
     fn is_negligible(&self, data: Aabb) -> bool {
         let n = self.points.count() as f64;
         let expected = AT_MOST * n.sqrt() * self.noise / data.diagonal();
         expected.is_nan() || expected < NEGLIGIBLE
     }
 
-    /// The Gauss-Newton step that the sums make; none without finite numbers.
+    /// Returns the Gauss-Newton step of the sums; `None` if it is not finite.
     fn step(&self, sums: &Sums) -> Option<Bias> {
         let m = self.space.len();
         let row = |j: usize| -> f64 {
@@ -301,18 +306,18 @@ impl Biased<'_> {
         (is_sound && bias.shrunk.is_finite()).then_some(bias)
     }
 
-    /// Steps from one data point that is asked to the next.
+    /// Returns the distance between consecutive sampled data points in the random order.
     fn stride(&self) -> usize {
         self.points.count().div_ceil(MOST_FEET)
     }
 
-    /// How many points one that is asked stands for.
+    /// Returns the number of points that a sampled point represents.
     fn share(&self) -> f64 {
         let n = self.points.count();
         n as f64 / n.div_ceil(self.stride()) as f64
     }
 
-    /// Adds what is known at the feet of the data; the other feet.
+    /// Adds the closed-form bias at the feet of the data. Returns the feet without a closed form.
     fn known(&self, a: &[f64], sums: &mut Sums) -> Vec<Foot> {
         let points = self.points.strided(self.stride());
         let mut feet = vec![Foot::NONE; points.len()];
@@ -336,7 +341,7 @@ impl Biased<'_> {
         others
     }
 
-    /// Adds the pulls of places, in the variables.
+    /// Adds the pulls of foot points, in the variables.
     fn add_pulls(&self, a: &[f64], pulls: &Pulls, sums: &mut Sums) {
         let n = self.distance.dim();
         let mut jac = vec![0.0; pulls.places.len() * n];
@@ -358,7 +363,7 @@ impl Biased<'_> {
         }
     }
 
-    /// What is around each foot: alike for places of the data and others.
+    /// Classifies the local geometry at foot points, of the data or random ones.
     fn around(&self, a: &[f64], feet: &[Foot]) -> Vec<Around> {
         let reach = REACH * self.noise;
         let nearby = self.distance.nearby(feet, a, reach, STRIP * self.noise);
@@ -383,7 +388,7 @@ impl Biased<'_> {
         around
     }
 
-    /// Whether a curvature is flat on the scale of the noise.
+    /// Returns true if curvature × noise is below 0.1; above it the closed form is not valid.
     fn is_flat(&self, bend: f64) -> bool {
         (bend * self.noise).abs() < ROUND
     }
@@ -396,7 +401,7 @@ impl Biased<'_> {
         }
     }
 
-    /// What is around a foot beside an edge, whose faces have these curvatures there.
+    /// Classifies a foot point near an edge, whose faces have these curvatures.
     fn beside(&self, mut edge: Edge, bend: f64, faces: [f64; 2]) -> Around {
         let faces = faces.map(f64::abs);
         let is_flat = faces.into_iter().chain([bend]).all(|b| self.is_flat(b));
@@ -409,13 +414,13 @@ impl Biased<'_> {
         Around::Edge(edge, bend)
     }
 
-    /// Weight of a distance in the loss.
+    /// Returns the weight of a distance in the loss.
     fn weight(&self, r: f64) -> f64 {
         weight(self.loss, r / self.scale)
     }
 
-    /// What the loss leaves of a small shift of all distances: the mean of ψ′, which by Stein's
-    /// lemma is that of z ψ(z).
+    /// Returns the mean of ψ′ under the noise, the factor by which the loss reduces a small shift
+    /// of all distances; by Stein's lemma it is the mean of z ψ(z).
     fn round(&self) -> f64 {
         let (nodes, weights) = isoform_num::gauss_legendre(NODES);
         let value = |t: f64| {
@@ -426,7 +431,7 @@ impl Biased<'_> {
     }
 }
 
-/// The place of an edge as one on either of its faces.
+/// Returns the foot point of an edge as a foot point on either of its faces.
 fn faces(edge: &Edge) -> [Foot; 2] {
     [0, 1].map(|side| Foot::on_face(edge.at, edge.inward[side], edge.pieces[side]))
 }

@@ -1,6 +1,6 @@
-//! Bounds of variables, as the solvers see them.
+//! Bounds of the variables of a solver.
 
-/// Lower and upper bounds, one of each by variable; infinite where there is none.
+/// Lower and upper bounds by variable; infinite if there is none.
 #[derive(Clone, Copy)]
 pub(crate) struct Bounds<'a> {
     pub(crate) lo: &'a [f64],
@@ -8,13 +8,13 @@ pub(crate) struct Bounds<'a> {
 }
 
 impl Bounds<'_> {
-    /// Width of the interval of variable i.
+    /// Returns the width of the interval of variable i.
     pub(crate) fn range(self, i: usize) -> f64 {
         self.hi[i] - self.lo[i]
     }
 
-    /// Distance of x from the bound that variable i meets in the direction of `towards`: the upper
-    /// one where that is positive.
+    /// Returns the distance of x from the bound that variable i meets in the direction `towards`:
+    /// the upper bound if that is positive.
     #[inline]
     pub(crate) fn gap(self, x: &[f64], i: usize, towards: f64) -> f64 {
         if towards > 0.0 {
@@ -24,14 +24,14 @@ impl Bounds<'_> {
         }
     }
 
-    /// Greatest t such that x + t p stays within the bounds.
+    /// Returns the greatest t such that x + t p is within the bounds.
     pub(crate) fn stride(self, x: &[f64], p: &[f64]) -> f64 {
         let moving = (0..x.len()).filter(|&i| p[i] != 0.0);
         let reach = moving.map(|i| self.gap(x, i, p[i]) / p[i].abs());
         reach.fold(f64::INFINITY, f64::min)
     }
 
-    /// A value of variable i, evenly spread between its bounds, which must be finite.
+    /// Draws a uniform value of variable i between its bounds, which must be finite.
     pub(crate) fn drawn(self, i: usize, random: &mut fastrand::Rng) -> f64 {
         self.lo[i] + self.range(i) * random.f64()
     }

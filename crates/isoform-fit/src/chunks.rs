@@ -1,11 +1,10 @@
-//! Clouds in chunks, which no fit holds whole.
+//! Point clouds in chunks, of which no process holds all points.
 //!
-//! What a fit computes of all its points are sums, boxes, order statistics and, for the search and
-//! everything about neighbours, a sample in a random order. [`Chunks`] are asked for them one
-//! [`Question`] at a time, each chunk answers with [`answer`], wherever it is, and answers are
-//! added in the order of the chunks. The sample, the points that settle the fit and every decision
-//! are those of a fit of the whole; sums differ from that by rounding, and order statistics not at
-//! all.
+//! A fit needs sums, boxes and order statistics of all its points and, for the search and for
+//! everything about neighbours, a sample in a random order. [`Chunks`] evaluate one [`Question`] at
+//! a time: each chunk does so with [`answer`], on any machine, and the answers are added in the
+//! order of the chunks. The sample, the points of the final fit and every decision are equal to
+//! those of a fit of the whole cloud; sums differ by rounding, and order statistics are exact.
 //!
 //! ```text
 //!   Cloud ──Question──> Chunks ──> answer(question, points of a chunk, template)
@@ -13,10 +12,11 @@
 //!     └── sum in the order of chunks ──┘
 //! ```
 //!
-//! The random order is that of a hash of each point, so that neither the order of points nor how
-//! they are cut into chunks decides who is in the sample. Equal points, also of different chunks,
-//! count once; they have equal hashes, of 64 bits. Beside the sample a cloud keeps twelve bytes by
-//! point until the sample is drawn, then one or two bits where some of the points are left out.
+//! The random order is that of a hash of each point. The sample therefore depends neither on the
+//! order of the points nor on their division into chunks. Equal points, also of different chunks,
+//! count once; they have equal hashes, of 64 bits. In addition to the sample a cloud keeps twelve
+//! bytes per point until the sample is drawn, then one or two bits per point if some of the points
+//! are left out.
 
 mod answer;
 mod bits;
@@ -35,14 +35,14 @@ pub(crate) use self::sums::ChunkSums;
 
 use crate::Template;
 
-/// Points in chunks that can be asked.
+/// A source of points in chunks that can evaluate queries.
 pub trait Chunks: Sync {
-    /// Points by chunk.
+    /// Returns the number of points by chunk.
     fn counts(&self) -> &[usize];
-    /// Asks the chunks for which there is a question about the template (none for those that are
-    /// about points alone), and passes their answers on in the order of the chunks. False where a
-    /// chunk has not answered, and whoever waits for the fit is going to hear why from the chunks:
-    /// the fit goes on without these answers, and is of no use.
+    /// Sends each chunk its question, if it has one, and passes the answers to `each` in the order
+    /// of the chunks. `template` is `None` for questions about points alone. Returns false if a
+    /// chunk has not answered. The source must report why to the caller of the fit, which continues
+    /// without these answers and is of no use.
     fn ask(
         &self,
         template: Option<&dyn Template>,
@@ -61,7 +61,7 @@ mod tests {
     use crate::{Kind, Loss, Objective, Parameter};
     use isoform_geom::{Aabb, ParamField, Point3, norm, sub};
 
-    /// r − |p − c| with a = (c, r).
+    /// A ball, r − |p − c| with a = (c, r).
     struct Ball {
         parameters: Vec<Parameter>,
         names: Vec<String>,
@@ -146,7 +146,7 @@ mod tests {
         points
     }
 
-    /// Chunks at hand.
+    /// Chunks in memory.
     struct Pieces<'a> {
         template: &'a Ball,
         chunks: Vec<Vec<Point3>>,
@@ -154,7 +154,7 @@ mod tests {
     }
 
     impl<'a> Pieces<'a> {
-        /// Cuts points at some places, which rise.
+        /// Cuts points at ascending indices.
         fn new(template: &'a Ball, points: &[Point3], cuts: &[usize]) -> Self {
             let ends = cuts.iter().copied().chain([points.len()]);
             let mut start = 0;
@@ -291,7 +291,7 @@ mod tests {
     #[test]
     fn repeats_count_once_and_no_order_decides_who_is_in_the_sample() {
         let (ball, mut all) = (ball(), points(3000));
-        // A copy of some points, in another chunk; both zeros are one.
+        // A copy of some points, in another chunk; the two zeros are equal.
         let copied = all[100..200].to_vec();
         all.extend_from_slice(&copied);
         all.extend([[0.0, 1.0, 0.0], [-0.0, 1.0, 0.0]]);

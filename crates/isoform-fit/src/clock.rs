@@ -1,13 +1,13 @@
-//! Seconds by phase.
+//! Times by phase.
 
 use std::time::Instant;
 
-/// Seconds that phases took, in the order in which they began.
+/// Times of phases in seconds, in the order in which the phases began.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Seconds(pub(crate) Vec<(&'static str, f64)>);
 
 impl Seconds {
-    /// Adds to a phase, which several stages may share.
+    /// Adds time to a phase, which several stages may share.
     pub(crate) fn add(&mut self, phase: &'static str, seconds: f64) {
         match self.0.iter_mut().find(|(p, _)| *p == phase) {
             Some((_, s)) => *s += seconds,
@@ -15,7 +15,7 @@ impl Seconds {
         }
     }
 
-    /// Adds phases to those of equal names.
+    /// Adds the times of phases to those of equal names.
     pub(crate) fn add_all(&mut self, more: &[(&'static str, f64)]) {
         for (phase, seconds) in more {
             self.add(phase, *seconds);
@@ -23,7 +23,7 @@ impl Seconds {
     }
 }
 
-/// A clock that tells phases apart.
+/// A clock for consecutive phases.
 #[derive(Clone, Debug)]
 pub(crate) struct Clock {
     last: Instant,
@@ -35,7 +35,7 @@ impl Clock {
         Self::after(Seconds::default())
     }
 
-    /// A clock that goes on after phases that are over.
+    /// Starts a clock with the times of earlier phases.
     pub(crate) fn after(seconds: Seconds) -> Self {
         Self {
             last: Instant::now(),
@@ -43,7 +43,7 @@ impl Clock {
         }
     }
 
-    /// Counts the time since the last lap for a phase.
+    /// Adds the time since the last lap to a phase.
     pub(crate) fn lap(&mut self, phase: &'static str) {
         let now = Instant::now();
         self.seconds.add(phase, (now - self.last).as_secs_f64());

@@ -1,4 +1,4 @@
-//! What lies beside a part: other objects, and the tables and walls that it stands at.
+//! Clutter around a part: other objects, and the tables and walls that it touches.
 
 mod plane;
 
@@ -27,32 +27,32 @@ const SMALL: usize = 10;
 /// Why a point is not the part's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Beside {
-    /// On a plane that has the other points on one side and reaches beyond them.
+    /// On a plane that has the other points on one side and extends beyond them.
     Plane,
-    /// Apart from the largest component of what is left.
+    /// In a connected component other than the largest one.
     Apart,
-    /// One of a few points apart; or, where there are many such, isolated or off the plane of its
-    /// neighbours. An outlier.
+    /// In a component of a few points; or, in scans with many such, isolated or off the plane of
+    /// its neighbours. An outlier.
     Stray,
 }
 
-/// Points of a scan that are not of its part.
+/// A classifier of the points of a scan that do not belong to its part.
 pub struct Clutter<'a> {
-    /// Tells strays, if there are many.
+    /// Classifier of stray points; `None` if there are few of them.
     strays: Option<&'a Neighbourhood>,
     n_strays: usize,
     planes: Vec<Plane>,
-    /// Points looked at that are on no such plane, and what their components are: none for the
-    /// part, which is the largest one.
+    /// Sampled points on none of the planes.
     rest: Vec<Point3>,
     tree: KdTree,
+    /// Class of the component of each of these points; `None` for the largest component, the part.
     component: Vec<Option<Beside>>,
     looked_at: usize,
 }
 
 impl<'a> Clutter<'a> {
-    /// Looks at the first of some points in a random order; `count` is the number of all points.
-    /// Few points have no clutter that could be told.
+    /// Analyses the first points of a random order; `count` is the number of all points. Samples of
+    /// fewer than 48 points are not searched for planes.
     pub(crate) fn find(
         (points, order): (&[Point3], &[u32]),
         count: usize,
@@ -83,7 +83,7 @@ impl<'a> Clutter<'a> {
         }
     }
 
-    /// Share of the points looked at that are beside the part for this reason.
+    /// Returns the share of the sampled points that are clutter of this kind.
     pub fn share(&self, why: Beside) -> f64 {
         let of_component = self.component.iter().filter(|c| **c == Some(why)).count();
         let count = match why {
@@ -94,19 +94,20 @@ impl<'a> Clutter<'a> {
         count as f64 / self.looked_at.max(1) as f64
     }
 
-    /// Returns the planes that go all round the part: a point and the unit normal of each.
+    /// Returns the planes whose points surround the part, each as a point and its unit normal.
     pub fn supports(&self) -> impl Iterator<Item = (Point3, Point3)> + '_ {
         let around = self.planes.iter().filter(|plane| plane.is_around);
         around.map(|plane| (plane.at, plane.normal))
     }
 
-    /// True if a point lies on a plane that goes all round the part, within its outline or beyond.
+    /// Returns true if a point lies on a plane that surrounds the part, within its outline or
+    /// beyond.
     pub fn is_on_support(&self, p: Point3) -> bool {
         let mut around = self.planes.iter().filter(|plane| plane.is_around);
         around.any(|plane| plane.is_level(p))
     }
 
-    /// Whether a point is beside the part, and why.
+    /// Classifies a point; `None` if it belongs to the part.
     pub fn of(&self, p: Point3) -> Option<Beside> {
         let is_stray = |near: &Neighbourhood| near.is_stray(p, &mut Vec::new());
         if self.strays.is_some_and(is_stray) {
@@ -121,8 +122,8 @@ impl<'a> Clutter<'a> {
 }
 
 impl Clutter<'_> {
-    /// What is left of the planes beside the part, within its outline: which of the points that
-    /// were fitted lie on such a plane and far off the model.
+    /// Flags the fitted points that lie on a plane of the clutter, within its outline, and far off
+    /// the model.
     pub fn fringe(&self, fit: &Fit, points: &[Point3]) -> Vec<bool> {
         let limit = FAR * Polish::scale(&fit.residuals);
         let is_level = |p: &Point3| self.planes.iter().any(|plane| plane.is_level(*p));
@@ -143,8 +144,8 @@ impl std::fmt::Debug for Clutter<'_> {
 }
 
 impl Fit {
-    /// The fit of some points as one of all: those with a reason in `beside` were left out. They
-    /// get residuals and parts, but no weight; strays count as outliers.
+    /// Extends the fit of some points to all: `beside` gives the reason for which a point was left
+    /// out. Points left out get residuals and parts, but no weight; stray ones count as outliers.
     pub fn with_left_out(
         mut self,
         template: &dyn Template,
@@ -162,14 +163,14 @@ impl Fit {
         self.n_outliers += strays;
         self.n_left_out = n - strays;
         if strays > 0 {
-            // Those that remain near the part may lie together by chance.
+            // The strays that remain near the part may form groups by chance.
             self.drop_findings(|f| matches!(f, Finding::Together { .. }));
         }
         self
     }
 }
 
-/// Distances of the points that were left out.
+/// Computes the distances of the points that were left out.
 fn measured_beside(
     template: &dyn Template,
     a: &[f64],
@@ -187,7 +188,7 @@ fn measured_beside(
     )
 }
 
-/// Values of the points that were kept, and of the ones left out, in the order of all.
+/// Merges values of kept points and of those left out, in the order of all points.
 fn merged<T: Copy>(beside: &[Option<Beside>], kept: &[T], left_out: &[T]) -> Vec<T> {
     let (mut kept, mut left_out) = (kept.iter(), left_out.iter());
     let of = |b: &Option<Beside>| match b {
@@ -198,7 +199,8 @@ fn merged<T: Copy>(beside: &[Option<Beside>], kept: &[T], left_out: &[T]) -> Vec
     values.map(|v| *v.expect("a value by point")).collect()
 }
 
-/// Takes the points on tables and walls away, and gives these planes.
+/// Removes the points on tables and walls. Returns these planes, at most three: a table and two
+/// walls.
 fn take_planes(points: &mut Vec<Point3>) -> Vec<Plane> {
     let mut planes = Vec::new();
     while planes.len() < MOST_PLANES && points.len() >= FEWEST {
@@ -211,8 +213,8 @@ fn take_planes(points: &mut Vec<Point3>) -> Vec<Plane> {
     planes
 }
 
-/// What each point's component is: none for the largest, else an object apart or, if it is small,
-/// stray points.
+/// Classifies each point by its connected component: `None` in the largest one, else `Stray` in
+/// components of fewer than ten points, else `Apart`.
 fn components(points: &[Point3], tree: &KdTree, reach: f64) -> Vec<Option<Beside>> {
     let mut component = vec![usize::MAX; points.len()];
     let mut sizes: Vec<usize> = Vec::new();
@@ -231,7 +233,7 @@ fn components(points: &[Point3], tree: &KdTree, reach: f64) -> Vec<Option<Beside
     component.into_iter().map(kind).collect()
 }
 
-/// Marks the component of a point as `own`; the number of its points.
+/// Assigns the number `own` to the component of a point. Returns its number of points.
 fn flood(
     points: &[Point3],
     tree: &KdTree,

@@ -1,9 +1,10 @@
-//! Residuals of neighbours that are alike: points that say less than their number.
+//! Spatial correlation of residuals: correlated points carry less information than their number
+//! suggests.
 //!
-//! The covariance of residuals by distance is estimated from pairs of points, in bins, and is taken
-//! for nought from where it is no longer positive. Then the covariance of the fitted variables is
-//! A⁻¹ (Jᵀ C J) A⁻¹ instead of s² A⁻¹: smooth misfit (a dent, a shrunk casting, facets of a mesh,
-//! noise of a scanner that smooths) widens the intervals by what it truly costs. Compare the
+//! The covariance of residuals as a function of distance is estimated from pairs of points, in
+//! bins, and set to zero from the first bin that is not positive. The covariance of the fitted
+//! variables is then A⁻¹ (Jᵀ C J) A⁻¹ instead of s² A⁻¹: smooth misfit (a dent, a shrunk casting,
+//! facets of a mesh, noise of a scanner that smooths) widens the intervals accordingly. Compare the
 //! variogram of geostatistics, and Kermarrec et al. (2022), J. Geodesy, for range data.
 
 use crate::objective::jacobian;
@@ -24,7 +25,7 @@ const SURE: f64 = 2.12;
 /// Points whose pairs are looked at. The sums over pairs grow with the square.
 const SAMPLE: usize = 3000;
 
-/// The covariance of residuals at a distance.
+/// Covariance of residuals as a function of distance.
 pub(crate) struct Correlation {
     points: Vec<Point3>,
     step: f64,
@@ -36,7 +37,7 @@ pub(crate) struct Correlation {
     pub(crate) nearest: f64,
 }
 
-/// Sums over pairs of points by the bin of their distance, each pair once.
+/// Sums of products over pairs of points by the bin of their distance, each pair once.
 struct Products {
     sums: [f64; BINS],
     counts: [f64; BINS],
@@ -49,8 +50,8 @@ impl Products {
 }
 
 impl Correlation {
-    /// None where residuals of neighbours are as good as independent. `order` is a random order of
-    /// the points; residuals that are nought count for nothing.
+    /// Estimates the covariance; `None` if residuals of neighbours are not significantly
+    /// correlated. `order` is a random order of the points; residuals of zero are left out.
     pub(crate) fn of(
         points: &[Point3],
         residuals: &[f64],
@@ -75,7 +76,8 @@ impl Correlation {
         Some(this)
     }
 
-    /// Covariance of near neighbours, where it is beyond what independent residuals show.
+    /// Returns the covariance of near neighbours if it exceeds 2.12 standard deviations of what
+    /// independent residuals show. Chance widens the intervals of one fit in sixty, by little.
     fn near_covariance(&self, r: &[f64], variance: f64) -> Option<f64> {
         let products = self.products(r, NEAREST);
         let (sum, count): (f64, f64) = (products.sums.iter().sum(), products.counts.iter().sum());
@@ -84,7 +86,7 @@ impl Correlation {
         Some(near).filter(|near| !near.is_nan() && (*near >= chance || chance.is_nan()))
     }
 
-    /// Sets the covariance by distance, up to where it is no longer positive.
+    /// Sets the covariance by bin, zero from the first bin that is not positive.
     fn set_covariance(&mut self, r: &[f64], near: f64) {
         let products = self.products(r, BINS);
         let of_bin = |b: usize| if b < NEAREST { near } else { products.mean(b) };
@@ -94,7 +96,7 @@ impl Correlation {
         }
     }
 
-    /// Products of residuals, by bin.
+    /// Sums the products of residuals by bin.
     fn products(&self, r: &[f64], bins: usize) -> Products {
         let mut out = Products {
             sums: [0.0; BINS],
@@ -107,7 +109,7 @@ impl Correlation {
         out
     }
 
-    /// The pairs of points within some bins of distance, each with its bin.
+    /// Enumerates the pairs of points in the first bins, each with its bin.
     fn pairs(&self, bins: usize, mut each: impl FnMut(usize, usize, usize)) {
         near_pairs(&self.points, self.step * bins as f64, |i, j, squared| {
             let b = (squared.sqrt() / self.step) as usize;
@@ -117,12 +119,12 @@ impl Correlation {
         });
     }
 
-    /// Σ C(|pᵢ − pⱼ|) Jᵢ Jⱼᵀ over the pairs i ≠ j of all points, in the variables.
+    /// Returns Σ C(|pᵢ − pⱼ|) Jᵢ Jⱼᵀ over the pairs i ≠ j of all points, in the variables.
     pub(crate) fn cross(&self, field: &dyn ParamField, space: &Space, x: &[f64]) -> Vec<f64> {
         let m = space.len();
         let rows = self.derivatives(field, space, x);
         let row = |i: usize| &rows[i * m..(i + 1) * m];
-        // Σⱼ C(|pᵢ − pⱼ|) Jⱼ, by point i.
+        // Σⱼ C(|pᵢ − pⱼ|) Jⱼ by point i.
         let mut near = vec![0.0; rows.len()];
         self.pairs(BINS, |i, j, b| {
             let c = self.covariance[b];
@@ -143,7 +145,7 @@ impl Correlation {
         out
     }
 
-    /// Derivatives of the residuals by the variables, point by point.
+    /// Returns the derivatives of the residuals by the variables, point by point.
     fn derivatives(&self, field: &dyn ParamField, space: &Space, x: &[f64]) -> Vec<f64> {
         let jac = jacobian(field, &self.points, &space.parameters(x));
         let of_point = |row| (0..space.len()).map(move |k| space.derivative(k, row));
@@ -151,7 +153,8 @@ impl Correlation {
     }
 }
 
-/// The first points in the order with residuals that count.
+/// Returns the first 3000 points in the order with finite nonzero residuals. The cost of the sums
+/// over pairs grows with the square of their number.
 fn chosen(residuals: &[f64], order: &[u32]) -> Vec<usize> {
     let is_used = |i: &usize| residuals[*i] != 0.0 && residuals[*i].is_finite();
     let used = order.iter().map(|&i| i as usize).filter(is_used);

@@ -1,10 +1,11 @@
 //! Deviation in both directions: of the data from the model, and of the model's surface from the
 //! data.
 //!
-//! A small residual of the data says nothing about surface that no data support: a template may run
-//! away from its scan and still pass through all points. So the model's own surface is sampled
-//! inside a box somewhat larger than the data's, and each sample is asked for its nearest datum.
-//! Templates with a distance give the samples themselves; for others see [`samples`].
+//! Small residuals of the data say nothing about surface without data: a template may extend far
+//! beyond its scan and still pass through all points. The model's own surface is therefore sampled
+//! in a box somewhat larger than the data's, and the distance of each sample to the nearest datum
+//! is measured. Templates with a distance provide the samples themselves; for others see
+//! [`samples`].
 
 mod samples;
 
@@ -34,53 +35,53 @@ const MEDIANS: f64 = 5.0;
 /// Distances of the used data from the model.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DataToModel {
-    /// Root of the mean square.
+    /// Root mean square.
     pub rms: f64,
-    /// 95 % are nearer.
+    /// 95th percentile.
     pub p95: f64,
-    /// Largest.
+    /// Maximum.
     pub max: f64,
 }
 
 /// Distances of the model's surface from the data.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ModelToData {
-    /// 95 % of the samples are nearer to a datum.
+    /// 95th percentile of the distances of samples to the nearest datum.
     pub p95: f64,
-    /// Share of the samples that no data support.
+    /// Share of the samples that are uncovered.
     pub share_uncovered: f64,
-    /// The distance from the data at which a sample begins to count as unsupported.
+    /// Least distance from the data of an uncovered sample.
     pub uncovered_from: f64,
-    /// Samples of the surface.
+    /// Number of samples of the surface.
     pub samples: usize,
-    /// Share of the samples outside the data's own box (by more than the noise): large where the
-    /// model runs away.
+    /// Share of the samples outside the data's box by more than the noise; large if the model
+    /// extends beyond the data.
     pub share_outside: f64,
 }
 
-/// Places of the model's surface.
+/// Samples of the model's surface.
 #[derive(Default)]
 struct Places {
     points: Vec<Point3>,
-    /// Part of the model by sample.
+    /// Part of the model, by sample.
     parts: Vec<u32>,
-    /// Unit inward normals; empty where the template has no foot points.
+    /// Unit inward normals; empty if the template has no foot points.
     inward: Vec<Point3>,
 }
 
-/// Samples of the surface with the distance to the nearest datum.
+/// Samples of the surface compared with the data.
 pub(crate) struct Surface {
     pub(crate) points: Vec<Point3>,
-    /// Part of the model by sample.
+    /// Part of the model, by sample.
     pub(crate) parts: Vec<u32>,
-    /// Unit inward normals; empty where the template has no foot points.
+    /// Unit inward normals; empty if the template has no foot points.
     pub(crate) inward: Vec<Point3>,
-    /// Whether no data are near, by sample.
+    /// True if a sample is uncovered, by sample.
     pub(crate) bare: Vec<bool>,
     pub(crate) summary: ModelToData,
 }
 
-/// How many samples a part has, and how many of them are bare.
+/// Number of samples of a part, and of uncovered ones among them.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Cover {
     pub(crate) samples: usize,
@@ -88,7 +89,7 @@ pub(crate) struct Cover {
 }
 
 impl Surface {
-    /// Samples by part; samples of parts without a name are left out.
+    /// Counts samples by part; samples of parts without a name are left out.
     pub(crate) fn cover(&self, parts: usize) -> Vec<Cover> {
         let mut cover = vec![Cover::default(); parts];
         for (part, is_bare) in self.parts.iter().zip(&self.bare) {
@@ -101,7 +102,7 @@ impl Surface {
     }
 }
 
-/// Distances as the residuals say, over the points whose flag in `left_out` is not set.
+/// Summarises finite residuals, except those flagged in `left_out`.
 pub(crate) fn data_to_model(residuals: &[f64], left_out: &[bool]) -> DataToModel {
     let all = residuals.iter().zip(left_out);
     let used = all.filter(|(r, out)| !**out && r.is_finite());
@@ -116,14 +117,14 @@ pub(crate) fn data_to_model(residuals: &[f64], left_out: &[bool]) -> DataToModel
     }
 }
 
-/// The number that 95 % of others do not exceed; reorders them.
+/// Returns the 95th percentile; reorders the numbers.
 fn percentile95(d: &mut [f64]) -> f64 {
     let n = d.len();
     let at = ((0.95 * n as f64).ceil() as usize).clamp(1, n) - 1;
     *d.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
-/// What the surface is measured against.
+/// The data with which the surface is compared.
 pub(crate) struct Data<'a> {
     pub(crate) bounds: Aabb,
     pub(crate) near: &'a Neighbourhood,
@@ -131,12 +132,13 @@ pub(crate) struct Data<'a> {
 }
 
 impl Data<'_> {
-    /// Distance from which a place can be uncovered.
+    /// Returns the least distance from the data of an uncovered sample: in dense scans the noise
+    /// exceeds the spacing, and four deviations of it count.
     fn uncovered_from(&self) -> f64 {
         (SPACINGS * self.near.spacing).max(NOISES * self.noise)
     }
 
-    /// Distance of a place from the nearest datum, and whether it is uncovered.
+    /// Returns the distance of a sample to the nearest datum, and true if the sample is uncovered.
     fn distance(&self, p: Point3, found: &mut Vec<(f64, u32)>) -> (f64, bool) {
         let Some((at, squared)) = self.near.tree.nearest(p) else {
             return (f64::INFINITY, true);
@@ -148,13 +150,13 @@ impl Data<'_> {
         (d, is_bare)
     }
 
-    /// Whether a place lies outside the data's box, by more than `by`.
+    /// Returns true if a point lies outside the data's box by more than `by`.
     fn is_outside(&self, p: &Point3, by: f64) -> bool {
         let Aabb { lo, hi } = self.bounds;
         (0..3).any(|i| p[i] < lo[i] - by || p[i] > hi[i] + by)
     }
 
-    /// The box of the trusted points as a frame sees them, somewhat enlarged.
+    /// Returns the box of the trusted points in a frame, somewhat enlarged.
     fn region(&self, frame: &Frame) -> Aabb {
         let trusted = self.near.sampled().iter();
         let trusted = trusted.filter(|p| !self.is_outside(p, 0.0));
@@ -168,7 +170,7 @@ impl Data<'_> {
         region
     }
 
-    /// What samples of the surface say together.
+    /// Summarises the samples of the surface.
     fn summary(&self, points: &[Point3], mut distances: Vec<f64>, bare: &[bool]) -> ModelToData {
         let from = self.uncovered_from();
         let mut summary = ModelToData {
@@ -187,7 +189,7 @@ impl Data<'_> {
     }
 }
 
-/// Samples the surface of the template in a box larger than the data's and measures it against the
+/// Samples the surface of the template in a box larger than the data's and compares it with the
 /// data.
 pub(crate) fn model_to_data(
     template: &dyn Template,
@@ -213,8 +215,7 @@ pub(crate) fn model_to_data(
     }
 }
 
-/// Places of the surface in a box larger than the data's, with the part that each is on and the
-/// inward normal.
+/// Samples the surface in a box larger than the data's.
 fn places(template: &dyn Template, a: &[f64], data: &Data<'_>, wanted: usize) -> Places {
     let Some(distance) = template.distance() else {
         let points = surface_samples(template.metric(), a, data.bounds, wanted);
@@ -224,7 +225,7 @@ fn places(template: &dyn Template, a: &[f64], data: &Data<'_>, wanted: usize) ->
             inward: Vec::new(),
         };
     };
-    // In the model's own frame, so that the places are alike in all poses.
+    // In the model's own frame, so that the samples are equal in all poses; any seed will do.
     let frame = template.frame(a);
     let feet = distance.area_samples(a, &frame, data.region(&frame), wanted, SEED);
     Places {
@@ -234,9 +235,10 @@ fn places(template: &dyn Template, a: &[f64], data: &Data<'_>, wanted: usize) ->
     }
 }
 
-/// Correlation of the residuals of some points, the first ones in a random order, with that of
-/// their nearest neighbours: near 0 for noise, near 1 for a bad model. A tree over a part of the
-/// points holds the first ones in that order.
+/// Returns the correlation of residuals with those of their nearest neighbours, for the first
+/// points of a random order: near 0 for noise, near 1 for a wrong model. If the tree holds only a
+/// part of the points, these are the first ones in the order. Residuals are clipped at five
+/// medians.
 pub(crate) fn neighbour_correlation(
     points: &[Point3],
     residuals: &[f64],
@@ -274,7 +276,7 @@ impl Products {
         self.own += 0.5 * (u * u + v * v);
     }
 
-    /// 1 where the numbers of each pair are equal, 0 where they are independent.
+    /// Returns 1 if the numbers of each pair are equal, about 0 if they are independent.
     fn correlation(&self) -> f64 {
         if self.own > 0.0 {
             self.mixed / self.own
@@ -284,7 +286,7 @@ impl Products {
     }
 }
 
-/// Median of the absolute values of what is finite.
+/// Returns the median of the absolute values of finite numbers.
 fn median_size(residuals: impl Iterator<Item = f64>) -> f64 {
     let sizes = residuals.map(f64::abs);
     median(&mut sizes.filter(|r| r.is_finite()).collect::<Vec<_>>())

@@ -1,8 +1,8 @@
-//! What a verdict rests on, in numbers.
+//! Quantities on which a verdict is based.
 //!
-//! The distances of neighbouring points are compared ([`Task::shared`]): noise is each point's own,
-//! a wrong shape is shared. What is off in one place only is looked for in [`places`], and how thin
-//! the model is in [`thickness`].
+//! The distances of neighbouring points are compared ([`Task::shared`]): noise is independent from
+//! point to point, the misfit of a wrong shape is shared. Local misfit is searched for in
+//! [`places`], and the thickness of the model is measured in [`thickness`].
 
 mod places;
 mod thickness;
@@ -26,45 +26,46 @@ const COMPARED: usize = 400;
 /// one sees the other.
 const SAME_WAY: f64 = 0.8;
 
-/// Numbers that a verdict rests on; lengths in the units of the scan.
+/// Quantities on which a verdict is based; lengths in the units of the scan.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Evidence {
     /// Diagonal of the data's box.
     pub size: f64,
-    /// Root of the mean square distance of all points, outliers included.
+    /// Root mean square distance of all points, outliers included.
     pub rms_of_all: f64,
-    /// Root of the mean square of what neighbouring points share, outliers left out: misfit of
+    /// Root mean square of the misfit that neighbouring points share, outliers left out: misfit of
     /// shape rather than noise.
     pub systematic: f64,
-    /// The systematic part in deviations of what independent residuals show.
+    /// Significance of the shared misfit, in standard deviations of what independent residuals
+    /// show.
     pub systematic_z: f64,
-    /// Deviation of points from planes through their neighbours: noise, and curvature at this
-    /// density.
+    /// Standard deviation of points from planes through their neighbours: noise, and curvature at
+    /// the density of the points.
     pub local_noise: f64,
     /// Thickness of the model's thinnest wall.
     pub thickness: f64,
-    /// The smallest of its walls and gaps.
+    /// The smallest thickness of walls and width of gaps.
     pub detail: f64,
-    /// Share of the model's surface without data, parts that the fit leaves open not counted.
+    /// Share of the model's surface without data, open parts left out.
     pub bare: f64,
-    /// Share of the model's surface, open parts and all, without data although most of what faces
-    /// the same way has them.
+    /// Share of the model's surface, open parts included, without data although most of the surface
+    /// with similar normals has data.
     pub overlooked: f64,
     /// Share of the outliers that lie on a surface of their own.
     pub clustered: f64,
 }
 
-/// What residuals of neighbours have in common.
+/// Covariance of the residuals of neighbours.
 struct Shared {
     /// Mean product of the residuals of neighbours.
     product: f64,
-    /// That mean, in deviations of what independent residuals show.
+    /// The mean product in standard deviations of what independent residuals show.
     z: f64,
 }
 
 impl Task<'_> {
-    /// Looks at a fit: residuals of all points, and the surface of the model. Clusters are told by
-    /// [`Task::clusters`].
+    /// Computes the evidence from the residuals of all points and the surface of the model;
+    /// [`Task::clusters`] supplies the share of clustered outliers.
     pub(crate) fn evidence(
         &self,
         a: &[f64],
@@ -93,7 +94,7 @@ impl Task<'_> {
         }
     }
 
-    /// What the residuals of neighbours at these places have in common.
+    /// Returns the covariance of the residuals of neighbouring foot points.
     fn shared(&self, r: &[f64], at: &[Point3]) -> Shared {
         let first = self.order.iter().take(DENSEST);
         let chosen: Vec<usize> = first.map(|&i| i as usize).collect();
@@ -112,13 +113,13 @@ impl Task<'_> {
     }
 }
 
-/// Sum of products of residuals of neighbours, and how many there are.
+/// Sum of products of residuals of neighbours, and the number of products.
 struct Products {
     sum: f64,
     count: f64,
 }
 
-/// Products of the first residuals with the ones of their neighbours among all places.
+/// Sums the products of the first residuals with those of their neighbours among all points.
 fn products(r: &[f64], places: &[Point3]) -> Products {
     let tree = KdTree::new(places);
     let mut found = Vec::new();
@@ -136,19 +137,19 @@ fn products(r: &[f64], places: &[Point3]) -> Products {
     out
 }
 
-/// Residuals, with `far` for what is no number.
+/// Replaces residuals that are not finite by `far`.
 fn finite(residuals: &[f64], far: f64) -> Vec<f64> {
     let off = |r: &f64| if r.is_finite() { *r } else { far };
     residuals.iter().map(off).collect()
 }
 
-/// Residuals, with nought for what is left out.
+/// Replaces the residuals of points left out by zero.
 fn but(residuals: &[f64], left_out: &[bool]) -> Vec<f64> {
     let all = residuals.iter().zip(left_out);
     all.map(|(r, out)| if *out { 0.0 } else { *r }).collect()
 }
 
-/// Share of the samples without data, parts that are open left out.
+/// Returns the share of the samples without data among those of parts that are not open.
 fn bare(surface: &Surface, open_parts: &[bool]) -> f64 {
     let is_kept = |part: &u32| open_parts.get(*part as usize) != Some(&true);
     let samples = surface.parts.iter().zip(&surface.bare);
@@ -159,14 +160,16 @@ fn bare(surface: &Surface, open_parts: &[bool]) -> f64 {
     kept.iter().filter(|bare| **bare).count() as f64 / kept.len().max(1) as f64
 }
 
-/// Share of the samples that are bare while most of those that face the same way are not.
+/// Returns the share of the samples that are bare although most samples with similar normals are
+/// not.
 fn overlooked(surface: &Surface) -> f64 {
     let bare = (0..surface.inward.len()).filter(|i| surface.bare[*i]);
     let overlooked = bare.filter(|i| is_overlooked(surface, *i)).count();
     overlooked as f64 / surface.inward.len().max(1) as f64
 }
 
-/// Whether most samples that face the same way have data.
+/// Returns true if most samples with similar normals have data. Normals within 37° are similar: a
+/// view that shows one shows the other.
 fn is_overlooked(surface: &Surface, i: usize) -> bool {
     let step = surface.inward.len().div_ceil(COMPARED).max(1);
     let faces_alike = |j: &usize| dot(surface.inward[i], surface.inward[*j]) > SAME_WAY;

@@ -1,16 +1,16 @@
-//! The distance with the nearest places that were found last: the stages after a minimum ask once
-//! more for those that its last evaluation found.
+//! A distance with a cache of its last foot points: the stages after a minimisation need those of
+//! its last evaluation again.
 
 use isoform_geom::{DistanceField, Foot, ParamField, Point3};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A distance that keeps the feet of its last evaluation.
+/// A distance that caches the feet of its last evaluation.
 pub(crate) struct KeptFeet<'a> {
     distance: &'a dyn DistanceField,
     last: Mutex<Option<Arc<Feet>>>,
 }
 
-/// Feet, and what they were asked for.
+/// Feet with the points and parameters that they belong to.
 #[derive(Default)]
 pub(crate) struct Feet {
     points: Vec<Point3>,
@@ -19,7 +19,7 @@ pub(crate) struct Feet {
 }
 
 impl Feet {
-    /// Asks for the feet of points.
+    /// Computes the feet of points.
     fn ask(&mut self, distance: &dyn DistanceField, points: &[Point3], a: &[f64]) {
         self.points.clear();
         self.points.extend_from_slice(points);
@@ -37,14 +37,14 @@ impl<'a> KeptFeet<'a> {
         }
     }
 
-    /// The feet of points at parameters `a`.
+    /// Returns the feet of points at parameters `a`.
     pub(crate) fn at(&self, points: &[Point3], a: &[f64]) -> Arc<Feet> {
         let is_asked = |last: &Arc<Feet>| last.a == a && last.points == points;
         let mut last = self.lock();
         if let Some(known) = last.clone().filter(is_asked) {
             return known;
         }
-        // Its memory serves again: a million fresh bytes cost as much as a tenth of the feet.
+        // The memory is reused: to allocate it anew costs about a tenth of the computation.
         let mut found = last.take().and_then(Arc::into_inner).unwrap_or_default();
         drop(last);
         found.ask(self.distance, points, a);
@@ -53,7 +53,7 @@ impl<'a> KeptFeet<'a> {
         found
     }
 
-    /// Forgets the feet of the last evaluation.
+    /// Clears the cache.
     pub(crate) fn forget(&self) {
         *self.lock() = None;
     }

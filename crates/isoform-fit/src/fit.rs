@@ -1,5 +1,5 @@
-//! The doors of a fit, and the one way through: outliers, search, comparison of candidates, polish,
-//! report.
+//! Entry points of a fit, and its sequence of stages: outliers, search, comparison of candidates,
+//! polish, report.
 //!
 //! ```text
 //! points → Scan → search → Candidate → settle → Fit
@@ -7,9 +7,9 @@
 //!                       residual)                intervals, verdict)
 //! ```
 //!
-//! A *candidate* is a minimum of the metric residual; the search that leads there is in
-//! [`candidate`], its parts in [`compare`] (minima of near-equal sums) and [`refine`] (pieces
-//! thrown elsewhere).
+//! A *candidate* is a minimum of the metric residual; the search that leads to it is in
+//! [`candidate`], with its parts in [`compare`] (minima with nearly equal sums) and [`refine`]
+//! (perturbed pieces).
 
 mod candidate;
 mod compare;
@@ -34,7 +34,7 @@ const COVERED: f64 = 0.1;
 /// Fits a template to points.
 ///
 /// # Errors
-/// Points, start or bounds that make no sense; a template without finite values; or cancellation
+/// Points, start or bounds that are invalid; a template without finite values; or cancellation
 /// before any result.
 pub fn fit(
     points: &[Point3],
@@ -54,11 +54,11 @@ pub fn fit(
     )
 }
 
-/// Fits a template to a scan that was made ready before. The paper's methods see no more of a cloud
-/// in chunks than its sample.
+/// Fits a template to a prepared scan. The methods of paper C see only the sample of a cloud in
+/// chunks.
 ///
 /// # Errors
-/// As [`fit`].
+/// See [`fit`].
 pub fn fit_to(
     scan: &Scan<'_>,
     template: &dyn Template,
@@ -77,46 +77,47 @@ pub fn fit_to(
     Ok(scan.expand(fit))
 }
 
-/// A minimum of the search, and how well it does: what is needed to choose between templates, or
-/// between the ways that one may stand, before the best is settled.
+/// A minimum of the search with its quality: all that is needed to choose between templates, or
+/// between poses of one, before the best is settled.
 pub struct Candidate {
     found: Found,
-    /// Root of the mean square distance of the points from the model, far ones cut, times one plus
-    /// the share of the model's surface without data: lower is better.
+    /// Root mean square distance of the points from the model, truncated, times one plus the share
+    /// of the model's surface without data; lower is better.
     pub misfit: f64,
-    /// Whether most of the model's surface has data.
+    /// True if at least 90 % of the model's surface has data. Half scans do not reach this, and
+    /// cost the time of a search for other poses.
     is_covered: bool,
     values: Vec<f64>,
     seconds: Seconds,
 }
 
 impl Candidate {
-    /// The parameter vector.
+    /// Returns the parameter vector.
     pub fn values(&self) -> &[f64] {
         &self.values
     }
-    /// Whether the search found this place again and again.
+    /// Returns true if the search found this minimum repeatedly.
     pub fn is_certain(&self) -> bool {
         self.found.outcome.certain
     }
-    /// Whether the misfit is as low as the noise that neighbouring points show by themselves.
+    /// Returns true if the misfit is as low as the noise between neighbouring points.
     pub fn is_at_noise(&self) -> bool {
         self.is_covered && self.found.is_at_noise
     }
-    /// Tells that another search, of another seed or frame, came to a place as good as this one.
+    /// Records that another search, with another seed or frame, reached an equally good minimum.
     pub fn confirm(&mut self) {
         self.found.outcome.certain = true;
     }
-    /// Counts the time of candidates that were dropped as this one's.
+    /// Adds the time spent on a candidate that was dropped.
     pub fn add_seconds(&mut self, dropped: &Self) {
         self.seconds.add_all(&dropped.seconds.0);
     }
 }
 
-/// Searches for the template's best place in the scan.
+/// Searches for the best minimum of the template in the scan.
 ///
 /// # Errors
-/// As [`fit`].
+/// See [`fit`].
 pub fn search(
     scan: &Scan<'_>,
     template: &dyn Template,
@@ -129,10 +130,10 @@ pub fn search(
     Ok(task.assess(found, clock))
 }
 
-/// Takes a candidate to the result: the least distance, intervals, verdict.
+/// Refines a candidate to the final result: minimum of the distance, intervals, verdict.
 ///
 /// # Errors
-/// As [`fit`].
+/// See [`fit`].
 pub fn settle(
     scan: &Scan<'_>,
     template: &dyn Template,
@@ -146,13 +147,13 @@ pub fn settle(
 }
 
 impl Task<'_> {
-    /// The report of what becomes of a minimum.
+    /// Refines a minimum and reports the result.
     fn settled(&self, found: Found, mut clock: Clock) -> Fit {
         let fitted = self.settle(found, &mut clock);
         self.report(fitted, clock)
     }
 
-    /// How well a minimum does.
+    /// Assesses a minimum.
     fn assess(&self, found: Found, clock: Clock) -> Candidate {
         let rms = self.cut_rms(&found.x);
         let values = self.space.parameters(&found.x);
@@ -173,7 +174,7 @@ impl Task<'_> {
         }
     }
 
-    /// Root of the mean square distance of some points, far ones cut.
+    /// Returns the root mean square distance of some points, truncated at 5 % of the diagonal.
     fn cut_rms(&self, x: &[f64]) -> f64 {
         let some = self.some(self.options.confirm_points);
         let r = self.measured(&some, x).residuals;

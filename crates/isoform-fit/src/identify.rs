@@ -1,10 +1,11 @@
-//! What the data say about each parameter, and what they leave open.
+//! Identifiability: which parameters the data determine.
 //!
-//! The covariance is s² (JᵀJ)⁻¹ of the metric residual, for robust losses the sandwich. That is
-//! local, and a face which no point supports can look determined by the few noisy points of its
-//! neighbours' rims that happen to touch it. Therefore each parameter is also moved by ten of its
-//! standard deviations, the others following along the valley: where the sum of squares does not
-//! rise by a fair share of what the quadratic model says, on either side, the parameter is open.
+//! The covariance is s² (JᵀJ)⁻¹ of the metric residual; for robust losses it is the sandwich
+//! estimate. It is a local measure: a face that no point supports can seem determined by a few
+//! noisy points of its neighbours' rims that happen to touch it. Each parameter is therefore also
+//! moved by ten of its standard deviations, while the others follow along the valley: if the sum of
+//! squares does not rise by a fair share of what the quadratic model predicts, on either side, the
+//! parameter is open.
 
 mod covariance;
 
@@ -36,96 +37,96 @@ const SURE: f64 = 2e-3;
 /// to its bound is.
 const VAGUE: f64 = 0.2;
 
-/// Points that stand for all.
+/// A subset of the points that represents all.
 struct Tested {
     points: Vec<Point3>,
     weights: Vec<f64>,
-    /// Points that each stands for.
+    /// Number of points that each represents.
     share: f64,
-    /// Their weighted sum of squares at the fit.
+    /// Weighted sum of squares at the fit.
     base: f64,
 }
 
-/// A direction in which variables can move at next to no cost.
+/// A direction in which variables can move at almost no cost.
 pub(crate) struct OpenDirection {
     /// The variable to hold.
     pub(crate) variable: usize,
-    /// The moves of all variables, scaled to 1 for that one.
+    /// Moves of all variables, scaled to 1 for that one.
     pub(crate) direction: Vec<f64>,
-    /// The sense (±1) in which nothing is lost.
+    /// Sense (±1) in which the sum of squares rises least.
     pub(crate) sense: f64,
 }
 
-/// Uncertainty of the variables.
+/// Identifiability of the variables.
 pub(crate) struct Knowledge {
-    /// Open variables: each group lies along one direction.
+    /// Groups of open variables, each along one direction.
     pub(crate) open: Vec<Vec<usize>>,
     pub(crate) directions: Vec<OpenDirection>,
-    /// The matrix of the normal equations where this was asked.
+    /// Matrix of the normal equations at the fit.
     pub(crate) normal: Vec<f64>,
 }
 
-/// The fit at which knowledge is asked for.
+/// A fit whose identifiability is examined.
 pub(crate) struct At<'a> {
     pub(crate) field: &'a dyn ParamField,
     pub(crate) points: &'a [Point3],
     pub(crate) space: &'a Space,
     pub(crate) x: &'a [f64],
     pub(crate) residuals: &'a [f64],
-    /// 0 for points left out; empty for none.
+    /// 0 for points left out, else 1; empty for none left out.
     pub(crate) mask: &'a [f64],
     pub(crate) loss: Loss,
     /// Robust deviation, or the root mean square.
     pub(crate) scale: f64,
-    /// Smallest deviation worth the name: below it data are exact.
+    /// Least deviation: smaller ones are rounding, and the data exact.
     pub(crate) least_scale: f64,
     /// Largest rounding error of a coordinate.
     pub(crate) rounding: f64,
-    /// Points that stand for all where a variable is moved: that many, spread over them.
+    /// Number of points that represent all when a variable is moved.
     pub(crate) tested: usize,
     pub(crate) control: &'a Control<'a>,
 }
 
-/// Variables to be moved, one after the other.
+/// State of the examination, in which variables are moved one after the other.
 struct Moving<'a> {
     at: &'a At<'a>,
     tested: Tested,
-    /// The matrix of the normal equations.
+    /// Matrix of the normal equations.
     normal: Vec<f64>,
-    /// Curvature below this is none.
+    /// Smallest curvature that counts.
     floor: f64,
     held: Vec<bool>,
-    /// Inverse of the normal matrix without what is held.
+    /// Inverse of the normal matrix without the held variables.
     inverse: Vec<f64>,
 }
 
-/// A variable that can be moved at next to no cost.
+/// A variable that can be moved at almost no cost.
 #[derive(Clone, Copy)]
 struct Flat {
-    /// The sense that costs least.
+    /// Sense that costs least.
     sense: f64,
-    /// The variable's deviation.
+    /// Standard deviation of the variable.
     deviation: f64,
 }
 
 impl At<'_> {
-    /// Deviation of the residuals, rounding at least.
+    /// Returns the deviation of the residuals, or that of rounding if it is larger.
     fn deviation(&self) -> f64 {
         self.scale.max(self.least_scale)
     }
 
-    /// The matrix of the normal equations, by the loss.
+    /// Returns the matrix of the normal equations with the weights of the loss.
     fn weighted_normal(&self) -> Vec<f64> {
         self.normal(&self.weights())
     }
 
-    /// Weights of the points in the loss.
+    /// Returns the weights of the points in the loss.
     fn weights(&self) -> Vec<f64> {
         let s = self.deviation();
         self.masked(|r| weight(self.loss, r / s))
     }
 
-    /// Jᵀ W J of all points, in the variables.
+    /// Returns Jᵀ W J of all points, in the variables.
     fn normal(&self, weights: &[f64]) -> Vec<f64> {
         let (n, m) = (self.field.dim(), self.space.len());
         let (mut ga, mut ha) = (vec![0.0; n], vec![0.0; n * n]);
@@ -136,7 +137,7 @@ impl At<'_> {
         h
     }
 
-    /// A weight per point, nought where it is left out; empty where all would be 1.
+    /// Returns a weight per point, zero if it is left out; empty if all are 1.
     fn masked(&self, weight: impl Fn(f64) -> f64) -> Vec<f64> {
         if self.mask.is_empty() && !self.loss.is_robust() {
             return Vec::new();
@@ -146,7 +147,7 @@ impl At<'_> {
         weights
     }
 
-    /// Some of the points with their weights (as at x), and how many each stands for.
+    /// Selects a subset of the points with their weights at x.
     fn tested(&self, weights: &[f64]) -> Tested {
         let step = self.points.len().div_ceil(self.tested.max(1)).max(1);
         let points: Vec<Point3> = self.points.iter().copied().step_by(step).collect();
@@ -160,13 +161,13 @@ impl At<'_> {
         tested
     }
 
-    /// Sum of squares after a move.
+    /// Returns the sum of squares at x.
     fn sum(&self, x: &[f64], tested: &Tested) -> f64 {
         let a = self.space.parameters(x);
         tested.share * sum_of_squares(self.field, &tested.points, &tested.weights, &a)
     }
 
-    /// Knowledge without any variable moved: nothing is called open.
+    /// Returns the knowledge without moving any variable: none is called open.
     pub(crate) fn unasked(&self, normal: Option<Vec<f64>>) -> Knowledge {
         Knowledge {
             open: Vec::new(),
@@ -175,10 +176,9 @@ impl At<'_> {
         }
     }
 
-    /// Open directions and the covariance of what is determined. Only variables that `suspect`
-    /// names, or that are weak, are moved: each move costs two sums over the points.
-    /// `normal` is the matrix of the normal equations, if it is known. What was found so far is all
-    /// once time is over.
+    /// Finds the open directions. Only variables that `suspect` names, or that are weak, are moved,
+    /// since each move costs two sums over the points. `normal` is the matrix of the normal
+    /// equations, if known. At the end of the time limit the directions found so far are returned.
     pub(crate) fn knowledge(
         &self,
         suspect: &dyn Fn(usize) -> bool,
@@ -241,7 +241,8 @@ impl<'a> Moving<'a> {
         self.invert();
     }
 
-    /// Whether variable k can be moved at next to no cost, if there is a reason to ask.
+    /// Returns the flat direction of variable k if there is reason to examine it and it can be
+    /// moved at almost no cost.
     fn flat(&self, k: usize, suspect: &dyn Fn(usize) -> bool) -> Option<Flat> {
         let is_asked = !self.held[k] && (self.is_weak(k) || suspect(k));
         is_asked.then(|| self.flatness(k)).flatten()
@@ -251,24 +252,25 @@ impl<'a> Moving<'a> {
         self.inverse[k * self.at.space.len() + k]
     }
 
-    /// Deviation of variable k, the others following along the valley.
+    /// Returns the deviation of variable k while the others follow along the valley.
     fn deviation(&self, k: usize) -> f64 {
         self.at.deviation() * self.spread(k).sqrt()
     }
 
-    /// Whether the points say little of variable k.
+    /// Returns true if the points say little about variable k: its deviation is above 0.002 units
+    /// of the search, or its curvature is rounding.
     fn is_weak(&self, k: usize) -> bool {
         let is_blind = self.normal[k * self.held.len() + k] < self.floor;
         let deviation = self.deviation(k);
         is_blind || deviation.is_nan() || deviation >= SURE
     }
 
-    /// The move of variable j along the valley, per move of variable k times its spread.
+    /// Returns the move of variable j along the valley, per move of variable k times its spread.
     fn along(&self, k: usize, j: usize) -> f64 {
         self.inverse[j * self.at.space.len() + k]
     }
 
-    /// The valley of variable k, without what is held.
+    /// Returns the valley of variable k, without the held variables.
     fn direction(&self, k: usize) -> Vec<f64> {
         let spread = self.spread(k);
         let along = |j: usize| {
@@ -281,8 +283,8 @@ impl<'a> Moving<'a> {
         (0..self.held.len()).map(along).collect()
     }
 
-    /// If moving variable k costs next to nothing: the sense that costs least, and the variable's
-    /// deviation.
+    /// Moves variable k in both senses. If it costs almost nothing in one, returns the sense that
+    /// costs least and the variable's deviation.
     fn flatness(&self, k: usize) -> Option<Flat> {
         let spread = self.spread(k);
         if !(spread > 0.0 && spread.is_finite()) {
@@ -311,7 +313,8 @@ impl<'a> Moving<'a> {
         (least < RISE).then_some(Flat { sense, deviation })
     }
 
-    /// How far variable k is moved in a sense. A bound in the way shortens the move.
+    /// Returns the distance by which variable k is moved in a sense: at most half of its range or
+    /// unit, since an open direction is flat there, too, and no farther than a bound.
     fn reach(&self, k: usize, sense: f64) -> f64 {
         let (limits, spread) = (self.at.space.limits(), self.spread(k));
         let mut t = (MOVE * self.deviation(k))
@@ -326,7 +329,7 @@ impl<'a> Moving<'a> {
         t
     }
 
-    /// How much the sum of squares rises when variable k moves by t.
+    /// Returns the rise of the sum of squares when variable k moves by t.
     fn rise(&self, k: usize, t: f64) -> f64 {
         let spread = self.spread(k);
         let moved = self.at.x.iter().enumerate();
@@ -334,8 +337,8 @@ impl<'a> Moving<'a> {
         self.at.sum(&moved.collect::<Vec<_>>(), &self.tested) - self.tested.base
     }
 
-    /// The rise that the quadratic model foretells. For next to no curvature that is next to
-    /// nothing; then a fair rise is one of a few deviations.
+    /// Returns the rise that the quadratic model predicts, or that of a few deviations for almost
+    /// no curvature.
     fn predicted(&self, k: usize, t: f64) -> f64 {
         let s = self.at.deviation();
         let share = (t / (MOVE * self.deviation(k))).min(1.0).powi(2);
@@ -345,7 +348,7 @@ impl<'a> Moving<'a> {
     }
 }
 
-/// Adds a group of open variables to others. Groups that share a variable are one statement.
+/// Adds a group of open variables to others, and joins groups that share a variable.
 fn add_group(open: &mut Vec<Vec<usize>>, group: Vec<usize>) {
     let meets = |known: &&mut Vec<usize>| known.iter().any(|j| group.contains(j));
     match open.iter_mut().find(meets) {
@@ -358,7 +361,7 @@ fn add_group(open: &mut Vec<Vec<usize>>, group: Vec<usize>) {
     }
 }
 
-/// The flat variable with the largest deviation, the first of equals.
+/// Returns the flat variable with the largest deviation; the first one among equals.
 fn freest(flats: &[Option<Flat>]) -> Option<(usize, Flat)> {
     let all = flats.iter().enumerate();
     all.filter_map(|(k, flat)| Some((k, (*flat)?)))
@@ -368,7 +371,7 @@ fn freest(flats: &[Option<Flat>]) -> Option<(usize, Flat)> {
         })
 }
 
-/// Largest diagonal element of a matrix of m rows.
+/// Returns the largest diagonal element of a matrix with m rows.
 fn largest(h: &[f64], m: usize) -> f64 {
     (0..m).map(|i| h[i * m + i]).fold(0.0, f64::max)
 }

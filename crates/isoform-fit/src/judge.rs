@@ -1,8 +1,8 @@
-//! Whether a template fits: accepted, doubtful or refused, with the findings that say so.
+//! The verdict on a fit: accepted, doubtful or refused, with the findings that justify it.
 //!
-//! Limits compare the misfit with the part's own walls, with its size and with the noise that
-//! neighbouring points show; they were set on the scans and templates of docs/fitting.md, where
-//! right models and wrong ones lie apart by the factors told beside each.
+//! Limits compare the misfit with the thickness of the part's walls, with its size and with the
+//! noise between neighbouring points. They were calibrated on the scans and templates of
+//! docs/fitting.md, on which correct and wrong models differ by the factors stated at each limit.
 
 mod finding;
 mod warning;
@@ -82,7 +82,7 @@ const EXACT_NOISE: f64 = 1e-7;
 const OUTSIDE: f64 = 0.1;
 
 impl Fit {
-    /// The verdict that the findings make.
+    /// Sets the verdict that follows from the findings.
     fn decide(&mut self) {
         let worst = self.findings.iter().map(Finding::verdict).max();
         self.verdict = worst.unwrap_or(Verdict::Accepted);
@@ -90,47 +90,50 @@ impl Fit {
         self.reasons = self.findings.iter().map(ToString::to_string).collect();
     }
 
-    /// Adds a finding, and decides anew.
+    /// Adds a finding and updates the verdict.
     pub fn add_finding(&mut self, finding: Finding) {
         self.findings.push(finding);
         self.decide();
     }
 
-    /// Takes findings back.
+    /// Removes findings and updates the verdict.
     pub(crate) fn drop_findings(&mut self, is_dropped: impl Fn(&Finding) -> bool) {
         self.findings.retain(|f| !is_dropped(f));
         self.decide();
     }
 
-    /// Outliers as a share of the points.
+    /// Returns the share of outliers among the points.
     fn share_of_outliers(&self) -> f64 {
         self.n_outliers as f64 / self.n_points.max(1) as f64
     }
 
-    /// Whether what is left of the distances is not shared by neighbours beyond chance.
+    /// Returns true if the residuals of neighbours are not significantly correlated.
     fn is_clean(&self) -> bool {
         self.evidence.systematic_z < SURE
     }
 
-    /// Whether the robust deviation is above the root mean square beyond chance, as it is where
-    /// the middle is empty.
+    /// Returns true if the robust deviation significantly exceeds the root mean square, as it does
+    /// if few residuals are near zero. The ratio is 1 for normal noise, 0.78 for a uniform
+    /// distribution, 0.67 for two equal values on either side.
     fn is_split(&self) -> bool {
         let chance = SURE * DEVIATION_OF_SCALE / (self.n_used.max(1) as f64).sqrt();
         self.rms < self.noise * (1.0 - chance).min(SPLIT)
     }
 }
 
-/// A parameter of the template itself that is free, with its estimate.
+/// A free parameter of the template itself with its estimate.
 type Own<'a> = (&'a Parameter, &'a Estimate);
 
-/// Whether a parameter is at a bound, and nothing but the bound holds it.
+/// Returns true if a parameter is at a bound, and the bound alone determines it: the half width of
+/// its interval exceeds 5 % of the size.
 fn is_loose((_, e): Own<'_>, size: f64) -> bool {
     let half = e.ci95.map_or(0.0, |(lo, hi)| 0.5 * (hi - lo));
     e.status == Status::AtBound && half > LOOSE * size
 }
 
 impl Task<'_> {
-    /// The verdict, its findings, and warnings. `local` is what was found at places.
+    /// Sets the warnings, the findings and the verdict of a fit. `local` are findings about single
+    /// pieces and groups of points.
     pub(crate) fn judge(&self, fit: &mut Fit, local: impl Iterator<Item = Finding>) {
         fit.warnings = self.warnings(fit);
         fit.findings = self.findings(fit, local.collect());
@@ -173,12 +176,13 @@ impl Task<'_> {
         .flatten()
     }
 
-    /// Whether neighbours share a misfit that is no rounding.
+    /// Returns true if neighbours share a misfit that is not rounding.
     fn is_shared(&self, fit: &Fit) -> bool {
         fit.evidence.systematic_z > SURE && fit.rms > self.rounding()
     }
 
-    /// A shared misfit beyond what walls or real objects allow.
+    /// Reports a shared misfit above the limits for thin walls and for real objects. Above 0.3 of a
+    /// wall's thickness, the wall of the model may lie on the other side of the points.
     fn systematic(&self, fit: &Fit) -> Option<Finding> {
         let (wall, usual) = (OF_WALL * fit.evidence.thickness, SYSTEMATIC * self.size());
         let (misfit, limit) = (fit.evidence.systematic, wall.min(usual));
@@ -189,7 +193,8 @@ impl Task<'_> {
         })
     }
 
-    /// A shared misfit beyond the noise that neighbours show.
+    /// Reports a shared misfit above the noise between neighbours: 12 times its median, or 60 times
+    /// its first decile.
     fn above_noise(&self, fit: &Fit) -> Option<Finding> {
         let (local, flattest) = (fit.evidence.local_noise, self.scan.least_noise);
         let noise = local.min(flattest * OF_FLATTEST / OF_NOISE);
@@ -222,8 +227,8 @@ impl Task<'_> {
         .flatten()
     }
 
-    /// What lies beside the part, if anything: looked for only where the fit is in doubt, since a
-    /// plane or a gap is no fault by itself.
+    /// Reports clutter around the part. It is called only if the fit is in doubt, since a plane or
+    /// a gap is not a defect by itself.
     fn clutter_findings(&self, fit: &Fit) -> impl Iterator<Item = Finding> {
         let clutter = self.scan.clutter();
         let (apart, plane) = (clutter.share(Beside::Apart), clutter.share(Beside::Plane));
@@ -237,7 +242,7 @@ impl Task<'_> {
         .flatten()
     }
 
-    /// The parameters of the template itself that are free.
+    /// Returns the free parameters of the template itself, without those of the pose.
     fn own<'b>(&'b self, fit: &'b Fit) -> Vec<Own<'b>> {
         let all = self.template.parameters().iter().zip(&fit.parameters);
         let is_own = |(p, e): &Own<'_>| !p.is_pose && e.status != Status::Fixed;
@@ -249,7 +254,7 @@ impl Task<'_> {
         let of = |status: Status| own.iter().filter(move |(_, e)| e.status == status);
         let (free, open) = (own.len(), of(Status::Undetermined).count());
         let names: Vec<String> = of(Status::AtBound).map(|(_, e)| e.name.clone()).collect();
-        // One alone is told of, unless nothing holds it there.
+        // A single one is only a warning, unless the bound alone determines it.
         let is_loose = own.iter().any(|own| is_loose(*own, self.size()));
         let is_bound = (names.len() > 1 && 4 * names.len() > free) || is_loose;
         [
@@ -260,7 +265,7 @@ impl Task<'_> {
         .flatten()
     }
 
-    /// Whether the search may have missed a better place.
+    /// Reports that the search may have missed a better minimum.
     fn uncertain(&self, fit: &Fit) -> Option<Finding> {
         let share = fit.share_of_outliers();
         let is_noise = fit.is_clean() && share < FEW_OUTLIERS;
@@ -308,7 +313,8 @@ impl Task<'_> {
     }
 }
 
-/// Surface without data, or without a surface.
+/// Reports surface without data: correct models of whole scans have less than 0.01 of it bare, half
+/// an object unseen from one side less than 0.35.
 fn surface_findings(fit: &Fit) -> impl Iterator<Item = Finding> {
     let (bare, overlooked) = (fit.evidence.bare, fit.evidence.overlooked);
     let first = if fit.model_to_data.samples == 0 {
@@ -320,13 +326,14 @@ fn surface_findings(fit: &Fit) -> impl Iterator<Item = Finding> {
     first.into_iter().chain(second)
 }
 
-/// Share of the points that are isolated and off the model: meshes have sparse vertices.
+/// Returns the share of the points that are isolated and off the model; vertices of meshes can be
+/// isolated and on it.
 fn strays(fit: &Fit) -> f64 {
     fit.isolated
         .min(fit.n_outliers as f64 / fit.n_points.max(1) as f64)
 }
 
-/// What became of isolated points, if there were any.
+/// Warns of isolated points, which were left out of the search if they are not too many.
 fn isolated(share: f64) -> Option<Warning> {
     if share > MOST_DROPPED {
         Some(Warning::Isolated { share })

@@ -1,31 +1,31 @@
-//! Templates fitted to points: f(x, y, z; a) = 0 in the least-squares sense, with what the data say
-//! about every parameter.
+//! Fits of templates to points: f(x, y, z; a) = 0 in the least-squares sense, with the uncertainty
+//! of every parameter.
 //!
 //! After Fayolle, Pasko, Kartasheva and Mirenkov, *Shape recovery using functionally represented
-//! constructive models* (2004), whose local, annealing and hybrid methods are here too. The default
-//! departs from it. The template's own function, R-functions and all, is searched with: its basins
-//! are wide. What is found is polished with a metric reading of the same template, close to a
-//! signed distance, which alone is at the statistical limit (measured: the algebraic minimum lies 4
-//! to 15 Cramér-Rao deviations off). Global certainty comes from restarts on a few hundred points,
-//! not from annealing: bounds, data units and a reflective trust region make a single wide start
-//! succeed in 9 of 10 cases.
+//! constructive models* (2004; "paper C"), whose local, annealing and hybrid methods are included.
+//! The default differs from it. The search uses the template's own function, R-functions and all,
+//! since its basins are wide. The minimum found is polished with a metric reading of the template,
+//! close to a signed distance, which alone reaches the statistical limit (measured: the algebraic
+//! minimum is 4 to 15 Cramér-Rao deviations off). Global certainty comes from restarts on a few
+//! hundred points, not from annealing: with bounds, data units and a reflective trust region a
+//! single wide start succeeds in 9 of 10 cases.
 //!
-//! [`fit`] is the way in; [`Template`] is what it needs, [`Fit`] what it gives. One seed gives one
+//! [`fit`] is the entry point; [`Template`] is its input, [`Fit`] its result. One seed gives one
 //! result to the last bit, for any number of threads.
 //!
-//! # Words
+//! # Terms
 //! - *template*: a function f(p; a) of space with named parameters a; its zero set is the model;
-//! - *variables* x: what of the parameters is free, in units of their own ([`Space`]);
+//! - *variables* x: the free parameters in units of their own ([`Space`]);
 //! - *algebraic*, *metric*, *distance*: three readings of the template, from wide basins to the
 //!   distance itself ([`Template`]);
-//! - *start*, *throw*: a place that a search begins at; a minimum with a piece drawn anew;
-//! - *polish*: the last descents, by the metric residual and then by the distance;
+//! - *start*, *throw*: a point at which a search begins; a minimum with one piece drawn anew;
+//! - *polish*: the final descents, by the metric residual and then by the distance;
 //! - *open*: not determined by the data; *bare*: surface of the model without data near it;
-//! - *finding*: what speaks against a fit and makes its [`Verdict`]; *warning*: what is good to
+//! - *finding*: a reason against a fit, which determines its [`Verdict`]; *warning*: a fact to
 //!   know.
 //!
 //! # A ball from points
-//! A template says what its parameters are and gives values and derivatives of its function.
+//! A template describes its parameters and evaluates its function with derivatives.
 //!
 //! ```
 //! use isoform_fit::{Control, Kind, Options, Parameter, Template, Verdict, fit};

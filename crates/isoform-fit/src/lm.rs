@@ -1,26 +1,26 @@
 //! Levenberg-Marquardt on accumulated normal equations, within bounds.
 //!
 //! A step minimises the Gauss-Newton model in scaled variables x̂ = D⁻¹x within a ball: (D JᵀJ D +
-//! C + μI) p̂ = −D Jᵀr, |p̂| ≤ Δ. D² = diag(v), v the distance to the bound that the descent
-//! direction runs towards (1 without one), and C = diag(|g|) are Coleman and Li's (1996, SIAM J.
+//! C + μI) p̂ = −D Jᵀr, |p̂| ≤ Δ. D² = diag(v), with v the distance to the bound that the descent
+//! direction approaches (1 without one), and C = diag(|g|) are Coleman and Li's (1996, SIAM J.
 //! Optim. 6:418–445). A step that meets a bound competes with its reflection there and with the
 //! scaled gradient (Branch, Coleman, Li 1999, SIAM J. Sci. Comput. 21:1–23); iterates stay strictly
 //! inside. The ball grows and shrinks with the quality of the model.
 //!
-//! How a long step is fitted into the ball decides how many wide starts reach the global minimum.
-//! It was measured on a part of 12 parameters and 512 points, 1000 starts per variant:
+//! The way in which a long step is fitted into the ball decides how many wide starts reach the
+//! global minimum. Measured on a part with 12 parameters and 512 points, 1000 starts per variant:
 //!
 //! | variant | wide starts | starts informed by the data |
 //! |---|---|---|
 //! | μ from Moré's iteration, the textbook's way | 67 to 82 % | 82 to 96 % |
 //! | Gauss-Newton step (a least μ only) cut to length | 63 to 99 % | 86 to 99.6 % |
 //!
-//! The cut step takes a third fewer evaluations, too: large μ turns the step into the gradient,
-//! which moves what is steep already and leaves astray primitives where they are. It is the
-//! default, Moré's iteration is [`Options::exact`]. Without the reflection half of the wide starts
-//! fail. And the ball must be one in the variables' own units: measured by diag(JᵀJ), Marquardt's
-//! way, 2 to 33 % arrive, because on the zero sets of R-functions inactive primitives have
-//! derivatives near nought and fly off.
+//! The cut step also takes a third fewer evaluations: large μ turns the step towards the gradient,
+//! which moves steep directions and leaves misplaced primitives where they are. It is the default;
+//! Moré's iteration is [`Options::exact`]. Without the reflection half of the wide starts fail. The
+//! ball must be one in the variables' own units: measured by diag(JᵀJ), Marquardt's way, only 2 to
+//! 33 % succeed, because on the zero sets of R-functions inactive primitives have derivatives near
+//! zero and fly off.
 //!
 //! ```
 //! use isoform_fit::{Objective, lm};
@@ -59,23 +59,23 @@ use crate::objective::Place;
 /// Settings of [`minimize`].
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Most evaluations of the model.
+    /// Maximum number of evaluations of the model.
     pub max_iterations: usize,
-    /// Stop when the step, in variables' units, is this small.
+    /// Largest move of a variable, in its unit, below which the run ends.
     pub step: f64,
-    /// Stop when a good step lowers the cost by less than this share.
+    /// Relative decrease of the cost below which a good step ends the run.
     pub decrease: f64,
-    /// Stop when no gradient component, scaled by its bound distance and its column, exceeds this
-    /// share of the residual.
+    /// Largest gradient component, scaled by its distance to the bound and by its column and
+    /// relative to the residual, below which the run ends.
     pub gradient: f64,
-    /// Stop when this many steps together lowered the cost by less than `stagnation_share`.
+    /// Number of steps over which the cost must fall by `stagnation_share`, or the run ends.
     pub stagnation_window: usize,
-    /// See `stagnation_window`.
+    /// Least relative decrease of the cost over `stagnation_window` steps.
     pub stagnation_share: f64,
     /// Radius Δ of the first step, in scaled variables. 0.02 to 1 do equally well; from 10 on wide
     /// starts are lost to bad first steps.
     pub radius: f64,
-    /// Whether long steps are shortened by damping, as in the textbook, in place of cutting them.
+    /// True to shorten long steps by damping, as in textbooks, instead of cutting them.
     pub exact: bool,
 }
 
@@ -94,38 +94,38 @@ impl Default for Options {
     }
 }
 
-/// Why a solver stopped.
+/// Reason for which a solver stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
     /// Gradient, step or decrease fell below its tolerance.
     Converged,
-    /// Many steps brought next to nothing.
+    /// The cost hardly fell over many steps.
     Stagnated,
-    /// No more iterations allowed.
+    /// The maximum number of evaluations was reached.
     Iterations,
-    /// The caller's monitor said so.
+    /// The caller's monitor ended the run.
     Told,
     /// The function has no finite value at the start.
     NotFinite,
 }
 
-/// Where a solver ended.
+/// Result of a solver.
 #[derive(Clone, Debug)]
 pub struct Minimum {
     /// Variables.
     pub x: Vec<f64>,
-    /// Σ w r² there.
+    /// Value Σ w r² at x.
     pub value: f64,
-    /// The Gauss-Newton matrix Jᵀ W J there, row-major; none from solvers without one.
+    /// Gauss-Newton matrix Jᵀ W J at x, row-major; `None` from solvers without one.
     pub normal: Option<Vec<f64>>,
-    /// Evaluations.
+    /// Number of evaluations.
     pub iterations: usize,
-    /// Why it stopped.
+    /// Reason for which it stopped.
     pub stop: Stop,
 }
 
 impl Minimum {
-    /// The end of a solver whose start has no finite value.
+    /// Makes the result of a solver whose start has no finite value.
     pub(crate) fn not_finite(x: Vec<f64>, iterations: usize) -> Self {
         Self {
             x,
@@ -182,14 +182,14 @@ pub fn minimize(
     }
 }
 
-/// What came of a step that was tried.
+/// Outcome of an attempted step.
 enum Tried {
     Taken,
     Refused,
     Ended(Stop),
 }
 
-/// A run from one start.
+/// State of a run from one start.
 struct Descent<'a> {
     objective: &'a mut dyn Objective,
     bounds: Bounds<'a>,
@@ -197,9 +197,9 @@ struct Descent<'a> {
     here: Place,
     trial: Place,
     region: Region,
-    /// Values at the places taken so far.
+    /// Values at the points accepted so far.
     past: Vec<f64>,
-    /// Whether the last step lowered the sum by about what the model foretold.
+    /// True if the last step lowered the sum by about the predicted amount.
     is_trusted: bool,
     iterations: usize,
 }
@@ -227,7 +227,7 @@ impl<'a> Descent<'a> {
         }
     }
 
-    /// Goes on by one step that lowers the value. Returns the reason to stop, if there is one.
+    /// Makes a step that lowers the value. Returns the reason to stop, if any.
     fn advance(&mut self) -> Option<Stop> {
         let slope = self.region.set(&self.here, self.bounds);
         if self.here.value == 0.0 || self.region.is_stationary(&self.here, self.options.gradient) {
@@ -245,7 +245,7 @@ impl<'a> Descent<'a> {
         ended.or_else(|| self.has_stagnated().then_some(Stop::Stagnated))
     }
 
-    /// Tries the step that the region proposes.
+    /// Attempts the step that the region proposes.
     fn attempt(&mut self, share: f64) -> Tried {
         if self.iterations >= self.options.max_iterations {
             return Tried::Ended(Stop::Iterations);
@@ -253,7 +253,7 @@ impl<'a> Descent<'a> {
         let Some(predicted) = self.region.step(&self.here.x, self.bounds, share) else {
             return Tried::Ended(Stop::Stagnated);
         };
-        // What the last step fell by was foretold: a fall below the tolerance need not be seen.
+        // The last prediction was right: a fall below the tolerance need not be evaluated.
         if self.is_trusted && 2.0 * predicted <= self.options.decrease * self.here.value {
             return Tried::Ended(Stop::Converged);
         }
@@ -269,7 +269,7 @@ impl<'a> Descent<'a> {
         self.compare(predicted)
     }
 
-    /// Puts the trial one step ahead, strictly inside the bounds. Returns the largest move of a
+    /// Sets the trial one step ahead, strictly inside the bounds. Returns the largest move of a
     /// variable.
     fn set_trial(&mut self) -> f64 {
         let x = &self.here.x;
@@ -284,7 +284,7 @@ impl<'a> Descent<'a> {
         length
     }
 
-    /// Judges the trial, and goes there if it is lower.
+    /// Compares the trial with the current point, and moves there if it is lower.
     fn compare(&mut self, predicted: f64) -> Tried {
         let fall = self.here.value - self.trial.value;
         let ratio = self.region.judge(0.5 * fall, predicted);
@@ -308,7 +308,7 @@ impl<'a> Descent<'a> {
         }
     }
 
-    /// Whether the last steps together brought next to nothing.
+    /// Returns true if the cost hardly fell over the last steps.
     fn has_stagnated(&self) -> bool {
         let window = self.options.stagnation_window;
         let before = self.past.iter().rev().nth(window);

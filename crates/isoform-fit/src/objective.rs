@@ -10,23 +10,23 @@ use std::borrow::Cow;
 /// number of threads, and large enough that a piece (some hundred µs) pays for its dispatch.
 const PIECE: usize = 16_384;
 
-/// A function to be minimised: half of Σ wᵢ rᵢ(x)², or anything that can give a gradient and a
-/// positive semidefinite model.
+/// A function to be minimised: half of Σ wᵢ rᵢ(x)², or any other with a gradient and a positive
+/// semidefinite model.
 pub trait Objective {
     /// Number of variables.
     fn dim(&self) -> usize;
-    /// Twice the cost, i.e. Σ w r²; anything not finite counts as infinitely bad.
+    /// Returns twice the cost, i.e. Σ w r²; a value that is not finite counts as infinite.
     fn value(&mut self, x: &[f64]) -> f64;
-    /// The value, with Jᵀ W r and Jᵀ W J (row-major): gradient and Gauss-Newton matrix of half of
-    /// it.
+    /// Returns the value, and sets Jᵀ W r and Jᵀ W J (row-major): gradient and Gauss-Newton matrix
+    /// of half of it.
     fn model(&mut self, x: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64;
-    /// Greatest share of step `p` from `x` that is allowed beside the bounds.
+    /// Returns the greatest share of step `p` from `x` that is allowed in addition to the bounds.
     fn step_limit(&self, _x: &[f64], _p: &[f64]) -> f64 {
         1.0
     }
 }
 
-/// Variables, with an objective's model there.
+/// Variables with the value, gradient and matrix of an objective there.
 pub(crate) struct Place {
     pub(crate) x: Vec<f64>,
     pub(crate) value: f64,
@@ -35,7 +35,7 @@ pub(crate) struct Place {
 }
 
 impl Place {
-    /// Some variables, whose model is not known yet.
+    /// Makes a point whose model is not evaluated yet.
     pub(crate) fn new(x: Vec<f64>, n: usize) -> Self {
         Self {
             x,
@@ -45,17 +45,17 @@ impl Place {
         }
     }
 
-    /// Asks the objective for its model at x.
+    /// Evaluates the model of an objective at x.
     pub(crate) fn evaluate(&mut self, objective: &mut dyn Objective) {
         self.value = objective.model(&self.x, &mut self.gradient, &mut self.matrix);
     }
 
-    /// Whether value and gradient are finite.
+    /// Returns true if value and gradient are finite.
     pub(crate) fn has_gradient(&self) -> bool {
         self.value.is_finite() && is_finite(&self.gradient)
     }
 
-    /// Whether value, gradient and matrix are finite.
+    /// Returns true if value, gradient and matrix are finite.
     pub(crate) fn is_finite(&self) -> bool {
         self.has_gradient() && is_finite(&self.matrix)
     }
@@ -73,7 +73,7 @@ pub struct Residuals<'a> {
 }
 
 impl<'a> Residuals<'a> {
-    /// All weights 1 when `weights` is empty.
+    /// Makes residuals with borrowed weights; all are 1 if `weights` is empty.
     pub fn new(
         field: &'a dyn ParamField,
         points: &'a [Point3],
@@ -83,7 +83,7 @@ impl<'a> Residuals<'a> {
         Self::with(field, points, Cow::Borrowed(weights), space)
     }
 
-    /// With weights of its own.
+    /// Makes residuals with owned weights.
     pub(crate) fn weighted(
         field: &'a dyn ParamField,
         points: &'a [Point3],
@@ -146,7 +146,7 @@ fn piece(weights: &[f64], k: usize) -> &[f64] {
     }
 }
 
-/// Σ w f², in parallel over fixed pieces.
+/// Returns Σ w f², in parallel over fixed blocks.
 pub(crate) fn sum_of_squares(
     field: &dyn ParamField,
     points: &[Point3],
@@ -164,7 +164,7 @@ pub(crate) fn sum_of_squares(
     parts.iter().sum()
 }
 
-/// Normal equations in the parameters, in parallel over fixed pieces.
+/// Computes the normal equations in the parameters, in parallel over fixed blocks.
 pub(crate) fn normal_equations(
     field: &dyn ParamField,
     points: &[Point3],
@@ -189,7 +189,7 @@ pub(crate) fn normal_equations(
     add_normal_equations(parts, gradient, hessian)
 }
 
-/// Derivatives of f(pᵢ, a) by the parameters, point by point.
+/// Returns the derivatives of f(pᵢ, a) by the parameters, point by point.
 pub(crate) fn jacobian(field: &dyn ParamField, points: &[Point3], a: &[f64]) -> Vec<f64> {
     let mut f = vec![0.0; points.len()];
     let mut jac = vec![0.0; points.len() * field.dim()];
@@ -197,7 +197,7 @@ pub(crate) fn jacobian(field: &dyn ParamField, points: &[Point3], a: &[f64]) -> 
     jac
 }
 
-/// f(pᵢ, a), in parallel.
+/// Evaluates f(pᵢ, a), in parallel.
 pub(crate) fn values(field: &dyn ParamField, points: &[Point3], a: &[f64], out: &mut [f64]) {
     if points.len() <= PIECE {
         field.values(points, a, out);

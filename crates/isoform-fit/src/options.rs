@@ -6,34 +6,34 @@ pub enum Local {
     /// Levenberg-Marquardt ([`crate::lm`]).
     #[default]
     Lm,
-    /// Quasi-Newton ([`crate::bfgs`]), the paper's.
+    /// Quasi-Newton ([`crate::bfgs`]), as in paper C.
     Bfgs,
 }
 
-/// How the minimum is sought.
+/// Method of the minimisation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Method {
-    /// Seeded restarts of Levenberg-Marquardt on a subsample until the best minimum recurs,
-    /// confirmation, polish.
+    /// Seeded restarts of Levenberg-Marquardt on a subsample until the best minimum recurs, then
+    /// comparison of minima and polish.
     #[default]
     Default,
-    /// The paper's local method, from the start alone, on all points.
+    /// The local method of paper C, from the start alone, on all points.
     Local(Local),
-    /// The paper's simulated annealing on all points.
+    /// The simulated annealing of paper C on all points.
     Annealing,
-    /// The paper's hybrid: annealing until the mean of |f| falls below `threshold`, then the local
-    /// method. Without a threshold, the paper's 0.04 of the median |f| over starts drawn at random,
-    /// a rule that needs no knowledge of f's scale.
+    /// The hybrid of paper C: annealing until the mean of |f| falls below `threshold`, then the
+    /// local method. Without a threshold, 0.04 (as in the paper) of the median |f| over random
+    /// starts, which does not depend on the scale of f.
     Hybrid {
-        /// What follows the annealing.
+        /// Local method after the annealing.
         local: Local,
-        /// Root of the mean f² at which it ends, in the units of f.
+        /// Root of the mean f² at which the annealing ends, in the units of f.
         threshold: Option<f64>,
     },
 }
 
 impl Method {
-    /// All methods that have a name of their own.
+    /// Methods with a name of their own.
     pub const ALL: [(&str, Self); 5] = [
         ("default", Self::Default),
         (
@@ -60,16 +60,16 @@ impl Method {
     }
 }
 
-/// The loss of the polish.
+/// Loss of the polish.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Loss {
-    /// Robust where outliers were found, residuals have heavy tails or neighbours are off alike,
-    /// else least squares.
+    /// Robust if outliers were found, residuals have heavy tails or neighbours share misfit; least
+    /// squares otherwise.
     #[default]
     Auto,
     /// Least squares.
     Squares,
-    /// Cauchy.
+    /// Cauchy's loss.
     Cauchy,
     /// Tukey's biweight, reached through Cauchy.
     Tukey,
@@ -90,8 +90,8 @@ impl Loss {
         Self::ALL.into_iter().find(is_it).map_or("", |l| l.0)
     }
 
-    /// Whether far points count less than their square; `Auto` counts as least squares until it is
-    /// decided.
+    /// Returns true if distant points count less than by their square; `Auto` counts as least
+    /// squares until it is decided.
     pub(crate) fn is_robust(self) -> bool {
         matches!(self, Self::Cauchy | Self::Tukey)
     }
@@ -102,7 +102,7 @@ impl Loss {
 /// ```
 /// use isoform_fit::{Loss, Options};
 ///
-/// // One bound on the second of two parameters, and least squares whatever the residuals say.
+/// // Bounds on the second of two parameters, and least squares for any residuals.
 /// let options = Options {
 ///     bounds: vec![None, Some((0.0, 2.5))],
 ///     loss: Loss::Squares,
@@ -112,43 +112,43 @@ impl Loss {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// How the minimum is sought.
+    /// Method of the minimisation.
     pub method: Method,
     /// Loss of the polish.
     pub loss: Loss,
-    /// Start of the caller; else the template's starts, else the data decide.
+    /// Start of the caller; `None` for the template's start or, without one, one from the data.
     pub start: Option<Vec<f64>>,
     /// Bounds by parameter, empty or one each; `None` leaves a parameter to the template and the
     /// data.
     pub bounds: Vec<Option<(f64, f64)>>,
-    /// Seed of everything random: one seed, one result, for any number of threads.
+    /// Random seed: one seed gives one result, for any number of threads.
     pub seed: u64,
-    /// Largest rounding error of a coordinate, 0 if none is known: deviations below it say nothing
-    /// against a model, and no length is known better.
+    /// Largest rounding error of a coordinate, 0 if unknown. Smaller deviations do not count
+    /// against a model, and no length is known more accurately.
     pub rounding: f64,
-    /// Points of the search. Fewer make minima of noise, more only cost time (512: 3 to 13 % of
-    /// informed starts end elsewhere).
+    /// Number of points of the search. Fewer give minima of noise, more only cost time (512: 3 to
+    /// 13 % of informed starts end elsewhere).
     pub search_points: usize,
-    /// Points on which candidates are compared, and the first level of the polish.
+    /// Number of points on which candidates are compared, and of the first level of the polish.
     pub confirm_points: usize,
-    /// Fewest starts before the search may stop; with a share q of starts that reach the best
-    /// minimum, (1 − q)ⁿ of searches miss it.
+    /// Minimum number of starts before the search may stop; with a share q of starts that reach the
+    /// best minimum, (1 − q)ⁿ of searches miss it.
     pub least_starts: usize,
-    /// Most starts.
+    /// Maximum number of starts.
     pub most_starts: usize,
-    /// How often the best minimum must be found.
+    /// Number of times that the best minimum must be found.
     pub recurrences: usize,
     /// Bound on the estimated probability that a minimum as wide as the best one was missed.
     pub miss: f64,
-    /// Whether a minimum that is not settled is refined by distances: pieces are thrown elsewhere
-    /// and led back. Off for quick looks at many ways that a template may stand.
+    /// True to refine an uncertain minimum by distances: pieces are perturbed and polished. Off for
+    /// quick comparisons of many poses.
     pub refine: bool,
-    /// Whether isolated outliers are filtered before the search.
+    /// True to filter isolated outliers before the search.
     pub filter_outliers: bool,
-    /// About how many points of the model's surface are compared with the data, at most
-    /// [`MOST_SURFACE_SAMPLES`](crate::MOST_SURFACE_SAMPLES).
+    /// Approximate number of samples of the model's surface that are compared with the data, at
+    /// most [`MOST_SURFACE_SAMPLES`](crate::MOST_SURFACE_SAMPLES).
     pub surface_samples: usize,
-    /// Most evaluations of the annealing.
+    /// Maximum number of evaluations of the annealing.
     pub annealing_evaluations: usize,
 }
 
@@ -175,60 +175,60 @@ impl Default for Options {
     }
 }
 
-/// Why there is no fit.
+/// Reason for which a fit failed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FitError {
     /// A parameter's bounds are in the wrong order, equal or not numbers.
     #[error("bounds of {name} are not an interval: {lo} to {hi}")]
     Bounds {
-        /// Parameter.
+        /// Name of the parameter.
         name: String,
         /// Lower bound.
         lo: f64,
         /// Upper bound.
         hi: f64,
     },
-    /// A tie runs in a circle, names a parameter that does not exist, or has a factor that is not
+    /// A tie is circular, names a parameter that does not exist, or has a factor that is not
     /// finite.
     #[error("{name} is tied in a circle or to a parameter that does not exist")]
     Tie {
-        /// Parameter.
+        /// Name of the parameter.
         name: String,
     },
     /// Every parameter is fixed or tied to fixed ones.
     #[error("no parameter is free")]
     NothingFree,
-    /// A number at the door is NaN or infinite.
+    /// An input number is NaN or infinite.
     #[error("{what} is not finite (index {index})")]
     NotFinite {
-        /// Which input.
+        /// Name of the input.
         what: &'static str,
-        /// Where in it.
+        /// Index in the input.
         index: usize,
     },
-    /// The start or the bounds have another length than the parameters.
+    /// The start or the bounds differ in length from the parameters.
     #[error("{what} has {found} values for {expected} parameters")]
     Length {
-        /// Which input.
+        /// Name of the input.
         what: &'static str,
-        /// Values given.
+        /// Number of values given.
         found: usize,
-        /// Parameters of the template.
+        /// Number of parameters of the template.
         expected: usize,
     },
-    /// Fewer points than free parameters, or all in one place.
+    /// Fewer points than free parameters, or all at one point.
     #[error("{found} distinct points cannot fix {free} free parameters")]
     TooFewPoints {
-        /// Distinct points, counted up to the number needed.
+        /// Number of distinct points, counted up to the number needed.
         found: usize,
-        /// Free parameters.
+        /// Number of free parameters.
         free: usize,
     },
-    /// The template has no finite value at the points, from none of the starts.
+    /// The template is not finite on the points from any of the starts.
     #[error("the template has no finite value on the points from any of {starts} starts")]
     NoFiniteStart {
-        /// Starts tried.
+        /// Number of starts tried.
         starts: usize,
     },
     /// Cancelled or out of time before any result.

@@ -1,9 +1,9 @@
 //! Isolated outliers, found by the distance to their neighbours.
 //!
-//! A point is isolated when the mean distance d to its [`NEIGHBOURS`] nearest neighbours is far
-//! above the median of log d, by [`DEVIATIONS`] robust deviations. Scans of uneven density have
-//! sparse regions that are not outliers: a candidate is kept if its neighbours lie in a plane with
-//! it and are as sparse as itself. Clusters are not isolated; the loss of the polish is for them.
+//! A point is isolated if log d of the mean distance d to its [`SPACING_NEIGHBOURS`] nearest
+//! neighbours is above the median by three robust deviations. Scans of uneven density have sparse
+//! regions that are not outliers: a candidate is kept if its neighbours lie in a plane with it and
+//! have similar distances. Clusters are not isolated; they are left to the loss of the polish.
 
 use isoform_geom::{KdTree, Point3, dot, sub};
 use isoform_num::linalg::symmetric_eigen;
@@ -42,7 +42,7 @@ const OFF_SPACINGS: f64 = 0.3;
 /// More than this share is never dropped before the search.
 pub(crate) const MOST_DROPPED: f64 = 0.4;
 
-/// What is known about the neighbourhood of points.
+/// Nearest-neighbour statistics of points.
 pub(crate) struct Neighbourhood {
     /// Tree over the points, or over a sample of them.
     pub(crate) tree: KdTree,
@@ -50,16 +50,16 @@ pub(crate) struct Neighbourhood {
     pub(crate) spacing: f64,
     sample: Vec<Point3>,
     threshold: f64,
-    /// Mean distances of the first points in the random order.
+    /// Mean distances of the first points in the random order to their neighbours.
     known: Vec<f64>,
 }
 
-/// Deviation of neighbours from planes through them: the noise with, and mostly without, what
-/// curvature and edges add at the density of the points.
+/// Standard deviation of neighbours from planes through them: the noise with the contribution of
+/// curvature and edges at the density of the points.
 pub(crate) struct LocalNoise {
-    /// The median.
+    /// Median over the neighbourhoods.
     pub(crate) typical: f64,
-    /// The first decile.
+    /// First decile, mostly without that contribution.
     pub(crate) least: f64,
 }
 
@@ -72,14 +72,14 @@ pub(crate) struct BestPlane {
 }
 
 impl BestPlane {
-    /// Signed distance of a point.
+    /// Returns the signed distance of a point.
     pub(crate) fn height(&self, p: Point3) -> f64 {
         dot(sub(p, self.at), self.normal)
     }
 }
 
 impl Neighbourhood {
-    /// `order` is a random order of the points.
+    /// Analyses points; `order` is a random order of them.
     pub(crate) fn new(points: &[Point3], order: &[u32]) -> Self {
         let sample: Vec<Point3> = if points.len() <= MOST {
             points.to_vec()
@@ -91,7 +91,7 @@ impl Neighbourhood {
         Self::of(sample, first)
     }
 
-    /// Of a sample in a random order.
+    /// Analyses a sample in a random order.
     pub(crate) fn of_sample(sample: Vec<Point3>) -> Self {
         let first = sample[..SAMPLE.min(sample.len())].to_vec();
         Self::of(sample, first)
@@ -113,7 +113,7 @@ impl Neighbourhood {
         }
     }
 
-    /// Looks at the neighbours of some points.
+    /// Estimates the noise from planes through the neighbours of 150 points.
     pub(crate) fn local_noise(&self, points: &[Point3], order: &[u32]) -> LocalNoise {
         let mut found = Vec::new();
         let mut deviation = |i: &u32| {
@@ -131,22 +131,22 @@ impl Neighbourhood {
         }
     }
 
-    /// The points of the tree, for whoever goes on with them.
+    /// Returns the points of the tree.
     pub(crate) fn into_sample(self) -> Vec<Point3> {
         self.sample
     }
 
-    /// The points of the tree.
+    /// Returns the points of the tree.
     pub(crate) fn sampled(&self) -> &[Point3] {
         &self.sample
     }
 
-    /// Places of points of the tree that were found.
+    /// Returns the points of the tree with the indices found.
     fn places(&self, found: &[(f64, u32)]) -> Vec<Point3> {
         found.iter().map(|f| self.sample[f.1 as usize]).collect()
     }
 
-    /// The neighbours of a point, but for the point itself.
+    /// Returns the neighbours of a point, without the point itself.
     fn others(&self, p: Point3, found: &mut Vec<(f64, u32)>) -> Vec<Point3> {
         self.tree.nearest_k(p, NEIGHBOURS + 1, found);
         let mut others = self.places(found);
@@ -154,12 +154,12 @@ impl Neighbourhood {
         others
     }
 
-    /// Mean distance of a point of the tree to its neighbours.
+    /// Returns the mean distance of a point of the tree to its neighbours.
     pub(crate) fn spacing_at(&self, at: usize, found: &mut Vec<(f64, u32)>) -> f64 {
         mean_distance(&self.tree, self.sample[at], found)
     }
 
-    /// Whether the point, the k-th in the random order, is isolated.
+    /// Returns true if the point, the k-th in the random order, is isolated.
     fn is_isolated(&self, p: Point3, k: usize, found: &mut Vec<(f64, u32)>) -> bool {
         if self.known.get(k).is_some_and(|d| *d <= self.threshold) {
             return false;
@@ -172,12 +172,13 @@ impl Neighbourhood {
         if flatness(&around) > FLATNESS {
             return true;
         }
+        // A sparse but flat neighbourhood is kept if its points are about equally sparse.
         let theirs = around.iter().map(|q| mean_distance(&self.tree, *q, found));
         d > EVENNESS * median(&mut theirs.collect::<Vec<_>>())
     }
 
-    /// The first `want` points in `order` that are not isolated, and the share of isolated ones
-    /// among those looked at.
+    /// Returns the first `want` points in `order` that are not isolated, and the share of isolated
+    /// ones among the points examined.
     pub(crate) fn keep(&self, points: &[Point3], order: &[u32], want: usize) -> (Vec<Point3>, f64) {
         let (mut kept, mut seen, mut found) =
             (Vec::with_capacity(want.min(order.len())), 0, Vec::new());
@@ -198,14 +199,14 @@ impl Neighbourhood {
         (kept, share)
     }
 
-    /// Whether a point is sparse, whatever its neighbours are, or off their plane: an outlier where
-    /// there are many.
+    /// Returns true if a point is sparse, whatever its neighbours are, or off their plane: an
+    /// outlier in scans with many.
     pub(crate) fn is_stray(&self, p: Point3, found: &mut Vec<(f64, u32)>) -> bool {
         self.is_off_plane(p, found) || mean_distance(&self.tree, p, found) > self.threshold
     }
 
-    /// Drops points that lie off a fitted model while their neighbours do not: outliers. Where
-    /// neighbours are off together, the model is.
+    /// Drops points off a fitted model whose neighbours are not: outliers. If most neighbours are
+    /// off, too, the model is wrong.
     pub(crate) fn drop_lone(
         &self,
         points: &mut Vec<Point3>,
@@ -225,8 +226,10 @@ impl Neighbourhood {
         });
     }
 
-    /// Whether the neighbours lie in a plane and the point does not: an outlier too near the
-    /// surface to be isolated. At edges the neighbours lie in no plane, so that edges stay.
+    /// Returns true if the neighbours lie in a plane and the point does not: an outlier too near
+    /// the surface to be isolated. At edges the neighbours lie in no plane, so edges are kept. The
+    /// point is off by four of the neighbours' deviations and by 0.3 spacings, more than curved
+    /// surfaces are.
     fn is_off_plane(&self, p: Point3, found: &mut Vec<(f64, u32)>) -> bool {
         best_plane(&self.others(p, found)).is_some_and(|plane| {
             let limit = (OFF_PLANE * plane.rms).max(OFF_SPACINGS * self.spacing);
@@ -235,7 +238,8 @@ impl Neighbourhood {
     }
 }
 
-/// Median of mean distances, and the distance from which a point can be isolated.
+/// Returns the median of mean distances, and the threshold above which a point can be isolated:
+/// three robust deviations of the logarithm, and at least 1.5 medians for even scans.
 fn spacing_and_threshold(known: &[f64]) -> (f64, f64) {
     let positive = known.iter().filter(|d| **d > 0.0);
     let mut logs: Vec<f64> = positive.map(|d| d.ln()).collect();
@@ -249,14 +253,15 @@ fn spacing_and_threshold(known: &[f64]) -> (f64, f64) {
     (centre.exp(), threshold)
 }
 
-/// Mean distance to the nearest neighbours, the point itself left out if it is in the tree.
+/// Returns the mean distance to the nearest neighbours, without the point itself if it is in the
+/// tree.
 fn mean_distance(tree: &KdTree, p: Point3, found: &mut Vec<(f64, u32)>) -> f64 {
     tree.nearest_k(p, NEIGHBOURS + 1, found);
     let others = &found[found.len().min(1)..];
     others.iter().map(|f| f.0.sqrt()).sum::<f64>() / others.len().max(1) as f64
 }
 
-/// Least share of the variance of the points along one direction.
+/// Returns the smallest share of the variance of points along a direction.
 fn flatness(points: &[Point3]) -> f64 {
     let (w, _) = symmetric_eigen(&scatter(points).1, 3);
     let sum: f64 = w.iter().sum();
@@ -267,7 +272,7 @@ fn flatness(points: &[Point3]) -> f64 {
     }
 }
 
-/// Mean and scatter matrix.
+/// Returns the mean and the scatter matrix.
 fn scatter(points: &[Point3]) -> (Point3, [f64; 9]) {
     let n = points.len().max(1) as f64;
     let mut centre = [0.0; 3];
@@ -288,7 +293,7 @@ fn scatter(points: &[Point3]) -> (Point3, [f64; 9]) {
     (centre, c)
 }
 
-/// The plane of best fit; none for a line or less.
+/// Fits a plane; `None` if the points are on a line, or too few.
 pub(crate) fn best_plane(points: &[Point3]) -> Option<BestPlane> {
     let (at, c) = scatter(points);
     let (w, v) = symmetric_eigen(&c, 3);
@@ -300,12 +305,13 @@ pub(crate) fn best_plane(points: &[Point3]) -> Option<BestPlane> {
     })
 }
 
-/// Standard deviation of numbers about nought, from the median of their sizes; reorders.
+/// Returns the standard deviation of numbers about zero, from the median of their absolute values;
+/// reorders them.
 pub(crate) fn robust_deviation(sizes: &mut [f64]) -> f64 {
     NORMAL * median(sizes)
 }
 
-/// Upper median; reorders.
+/// Returns the upper median; reorders the numbers.
 pub(crate) fn median(v: &mut [f64]) -> f64 {
     if v.is_empty() {
         return 0.0;

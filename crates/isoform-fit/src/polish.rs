@@ -1,10 +1,10 @@
-//! The last stage: a residual close to a distance on all points, first the metric reading, which is
+//! The last stage: a residual close to a distance on all points; first the metric reading, which is
 //! cheap, then the distance itself.
 //!
-//! Least squares where residuals look like noise; otherwise iteratively reweighted least squares,
-//! Cauchy's loss first (it has one minimum) and Tukey's biweight then (it forgets gross outliers),
-//! the scale from the median absolute residual. Each level starts from the one before, so that all
-//! points are seen a few times only.
+//! Least squares if residuals look like noise; otherwise iteratively reweighted least squares,
+//! first with Cauchy's loss (which has one minimum), then with Tukey's biweight (which ignores
+//! gross outliers), with the scale from the median absolute residual. Each level starts from the
+//! previous one, so that sums over all points are needed a few times only.
 
 use crate::objective::{Residuals, values};
 use crate::outliers::robust_deviation;
@@ -37,39 +37,39 @@ const FREE_ROUNDS: usize = 3;
 /// best known parameter.
 const SETTLED: f64 = 0.05;
 
-/// State of the polish on some points.
+/// Result of the polish on some points.
 pub(crate) struct Polished {
     pub(crate) x: Vec<f64>,
     /// Robust standard deviation of the residuals; 0 after least squares.
     pub(crate) scale: f64,
     pub(crate) loss: Loss,
-    /// The matrix Jᵀ W J there; none after rounds of other weights.
+    /// Matrix Jᵀ W J there; `None` after rounds with other weights.
     pub(crate) normal: Option<Vec<f64>>,
     pub(crate) evaluations: usize,
     pub(crate) history: Vec<Step>,
 }
 
-/// What the polish works on.
+/// Settings of a polish.
 pub(crate) struct Polish<'a> {
     pub(crate) field: &'a dyn ParamField,
     pub(crate) space: &'a Space,
-    /// Size of the data, for what counts as rounding.
+    /// Size of the data, relative to which rounding is judged.
     pub(crate) size: f64,
     pub(crate) control: &'a Control<'a>,
     /// Number of the polish in the history.
     pub(crate) start: usize,
-    /// Variables that stay where they are.
+    /// Flags of the variables that are held.
     pub(crate) held: Vec<bool>,
 }
 
-/// Points that a polish sums over: at hand, or in chunks.
+/// Points over which a polish sums: in memory, or in chunks.
 pub(crate) trait Sums {
-    /// How many there are.
+    /// Returns the number of points.
     fn count(&self) -> usize;
-    /// Σ r².
+    /// Returns Σ r².
     fn squares(&self) -> Box<dyn Objective + '_>;
-    /// Σ w r² with the weights of a loss by the residuals at x, and the scale of that loss, which
-    /// `scale` makes of the residuals' robust deviation if that is to be looked at.
+    /// Returns Σ w r² with the weights of a loss by the residuals at x, and the scale of that loss.
+    /// `scale` computes it from the residuals' robust deviation, which is passed if `is_free`.
     fn reweighted(
         &self,
         x: &[f64],
@@ -77,11 +77,12 @@ pub(crate) trait Sums {
         scale: &dyn Fn(Option<f64>) -> f64,
         is_free: bool,
     ) -> (f64, Box<dyn Objective + '_>);
-    /// Σ of Tukey's loss at two places, of one scale: the larger of their robust deviations.
+    /// Returns Σ of Tukey's loss at two points with one scale, the larger of their robust
+    /// deviations.
     fn losses(&self, places: [&[f64]; 2]) -> [f64; 2];
 }
 
-/// Points at hand.
+/// Points in memory.
 pub(crate) struct Here<'a> {
     pub(crate) field: &'a dyn ParamField,
     pub(crate) space: &'a Space,
@@ -131,7 +132,7 @@ impl Sums for Here<'_> {
     }
 }
 
-/// An objective some of whose variables stay where they are.
+/// An objective with some variables held.
 struct Held<'a> {
     inner: Box<dyn Objective + 'a>,
     held: &'a [bool],
@@ -163,22 +164,22 @@ impl Objective for Held<'_> {
 }
 
 impl Polish<'_> {
-    /// Residuals at x.
+    /// Returns the residuals at x.
     pub(crate) fn residuals(&self, points: &[Point3], x: &[f64]) -> Vec<f64> {
         let mut r = vec![0.0; points.len()];
         values(self.field, points, &self.space.parameters(x), &mut r);
         r
     }
 
-    /// Robust standard deviation of residuals, what is no number left out.
+    /// Returns the robust standard deviation of finite residuals.
     pub(crate) fn scale(r: &[f64]) -> f64 {
         let off = r.iter().map(|r| r.abs());
         let mut finite: Vec<f64> = off.filter(|r| r.is_finite()).collect();
         robust_deviation(&mut finite)
     }
 
-    /// Cauchy's loss from x, the scale falling with the fit: a rough robust fit for few points. The
-    /// result says in `loss` what the residuals call for.
+    /// Minimises Cauchy's loss from x, with a scale that follows the fit: a rough robust fit for
+    /// few points. `loss` of the result is the loss that suits the residuals.
     pub(crate) fn rough(&self, points: &[Point3], x: Vec<f64>, has_outliers: bool) -> Polished {
         let here = self.here(points, &[]);
         let mut p = self.reweighted(&here, x, Loss::Cauchy, ROUGH_ROUNDS);
@@ -194,7 +195,7 @@ impl Polish<'_> {
         p
     }
 
-    /// Points at hand; `mask` (empty or 0 and 1) leaves points out.
+    /// Makes the sums over points in memory; `mask` (empty or 0 and 1) leaves points out.
     pub(crate) fn here<'b>(&'b self, points: &'b [Point3], mask: &'b [f64]) -> Here<'b> {
         Here {
             field: self.field,
@@ -204,7 +205,7 @@ impl Polish<'_> {
         }
     }
 
-    /// The fit with the given loss, to convergence.
+    /// Fits with the given loss, to convergence.
     pub(crate) fn fine(
         &self,
         points: &dyn Sums,
@@ -219,7 +220,7 @@ impl Polish<'_> {
         }
     }
 
-    /// At most `most` evaluations of a sum over `count` points.
+    /// Minimises a sum over `count` points with at most `most` evaluations.
     fn descend(
         &self,
         sum: Box<dyn Objective + '_>,
@@ -254,12 +255,11 @@ impl Polish<'_> {
         }
     }
 
-    /// Rounds of least squares, each with weights by the residuals of the one before.
+    /// Runs rounds of least squares, each with weights by the residuals of the previous one.
     fn reweighted(&self, points: &dyn Sums, x: Vec<f64>, loss: Loss, rounds: usize) -> Polished {
         let mut out = Polished::new(x, loss);
         for round in 0..rounds {
-            // The scale follows the fit at first; it is frozen later, so that the rounds have
-            // something to converge to.
+            // The scale follows the fit at first and is frozen later, so that the rounds converge.
             let frozen = out.scale;
             let scale = |seen: Option<f64>| seen.map_or(frozen, |s| s.max(ROUNDING * self.size));
             let is_free = round < FREE_ROUNDS;
@@ -276,7 +276,7 @@ impl Polish<'_> {
 }
 
 impl Polished {
-    /// Nothing done yet.
+    /// Makes a result without any evaluation.
     fn new(x: Vec<f64>, loss: Loss) -> Self {
         Self {
             x,
@@ -288,7 +288,7 @@ impl Polished {
         }
     }
 
-    /// Takes a round of reweighting; the largest move of a variable.
+    /// Takes over a round of reweighting. Returns the largest move of a variable.
     fn take(&mut self, round: Self) -> f64 {
         let moved = distance(&round.x, &self.x);
         self.evaluations += round.evaluations;
@@ -298,26 +298,26 @@ impl Polished {
     }
 }
 
-/// Weights of residuals in a loss of this scale; 0 where the mask is.
+/// Returns the weights of residuals in a loss of this scale; 0 for masked points.
 pub(crate) fn weights(r: &[f64], scale: f64, loss: Loss, mask: &[f64]) -> Vec<f64> {
     let mut weights: Vec<f64> = r.iter().map(|r| weight(loss, r / scale)).collect();
     weights.iter_mut().zip(mask).for_each(|(w, m)| *w *= m);
     weights
 }
 
-/// Σ ρ(r / s) with the loss of Tukey, whose terms are at most 1.
+/// Returns Σ ρ(r / s) with Tukey's loss, whose terms are at most 1.
 pub(crate) fn tukey_sum(r: &[f64], mask: &[f64], scale: f64) -> f64 {
     r.iter()
         .enumerate()
         .map(|(i, r)| {
             let w = weight(Loss::Tukey, r / scale.max(f64::MIN_POSITIVE));
-            // 1 − (1 − (z/c)²)³ by the weight (1 − (z/c)²)².
+            // 1 − (1 − (z/c)²)³ from the weight (1 − (z/c)²)².
             mask.get(i).copied().unwrap_or(1.0) * (1.0 - w * w.sqrt())
         })
         .sum()
 }
 
-/// Weight of a residual of z deviations: ψ(z)/z.
+/// Returns the weight ψ(z)/z of a residual of z deviations.
 pub(crate) fn weight(loss: Loss, z: f64) -> f64 {
     match loss {
         Loss::Squares | Loss::Auto => 1.0,
@@ -329,7 +329,7 @@ pub(crate) fn weight(loss: Loss, z: f64) -> f64 {
     }
 }
 
-/// ψ′(z).
+/// Returns ψ′(z).
 pub(crate) fn slope(loss: Loss, z: f64) -> f64 {
     match loss {
         Loss::Squares | Loss::Auto => 1.0,

@@ -1,5 +1,5 @@
-//! What a fit tells: parameters with intervals, residuals by point and by piece, what the data
-//! leave open, and the verdict. The report is put together in [`compose`].
+//! Result of a fit: parameters with intervals, residuals by point and by piece, what the data leave
+//! open, and the verdict. It is composed in [`compose`].
 
 mod compose;
 mod estimates;
@@ -19,24 +19,24 @@ use crate::judge::{Finding, Verdict, Warning};
 use crate::search::Step;
 use crate::{Loss, lm};
 
-/// What is known about a parameter.
+/// State of knowledge about a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// The data fix it.
+    /// Determined by the data.
     Determined,
-    /// The data fix it roughly: its deviation exceeds 2 % of the data's size (a tenth of a radian
-    /// for an angle).
+    /// Determined roughly: its deviation exceeds 2 % of the data's size (a tenth of a radian for an
+    /// angle).
     Weak,
-    /// The data leave it open, alone or together with others.
+    /// Not determined by the data, alone or together with others.
     Undetermined,
-    /// The caller or the template fixed it.
+    /// Fixed by the caller or the template.
     Fixed,
-    /// It ran into a bound.
+    /// At a bound.
     AtBound,
 }
 
 impl Status {
-    /// The word of the JSON contract.
+    /// Returns the word of the JSON contract.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Determined => "determined",
@@ -48,20 +48,20 @@ impl Status {
     }
 }
 
-/// A parameter's result.
+/// Result for a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// Name, as the template gives it.
     pub name: String,
     /// Value.
     pub value: f64,
-    /// Standard deviation; none where the data leave the parameter open.
+    /// Standard deviation; `None` if the data leave the parameter open.
     pub sd: Option<f64>,
-    /// 95 % interval.
+    /// 95 % interval; `None` if the data leave the parameter open.
     pub ci95: Option<(f64, f64)>,
-    /// What is known.
+    /// State of knowledge.
     pub status: Status,
-    /// Bounds that the fit kept.
+    /// Bounds during the fit.
     pub bounds: (f64, f64),
     /// Unit, as the template gives it.
     pub unit: Option<String>,
@@ -74,7 +74,7 @@ pub struct OtherMinimum {
     pub parameters: Vec<f64>,
     /// Algebraic sum over the points used.
     pub sum_f2: f64,
-    /// Starts that led there.
+    /// Number of starts that led there.
     pub hits: usize,
 }
 
@@ -83,23 +83,24 @@ pub struct OtherMinimum {
 pub struct Fit {
     /// One per parameter.
     pub parameters: Vec<Estimate>,
-    /// Algebraic Σ f² over the points used.
+    /// Algebraic Σ f² over the used points.
     pub sum_f2: f64,
-    /// Root of the mean square of the metric residual of the points used.
+    /// Root mean square of the metric residual over the used points.
     pub rms: f64,
-    /// Robust standard deviation of the metric residual of all points: the noise.
+    /// Robust standard deviation of the metric residual over all points: the noise.
     pub noise: f64,
-    /// Points given.
+    /// Number of points given.
     pub n_points: usize,
-    /// Points that are not outliers.
+    /// Number of points that are not outliers.
     pub n_used: usize,
-    /// Points that settled the parameters: all, or some where more would not change the intervals.
+    /// Number of points that determined the parameters: all, or a part if more would not change the
+    /// intervals.
     pub n_fitted: usize,
-    /// Outliers.
+    /// Number of outliers.
     pub n_outliers: usize,
-    /// Points that were left out as clutter, beside the outliers.
+    /// Number of points that were left out as clutter, in addition to the outliers.
     pub n_left_out: usize,
-    /// Share of points found isolated before the search, and left out of it.
+    /// Share of points that were isolated, and left out of the search.
     pub isolated: f64,
     /// Typical distance of neighbouring points.
     pub spacing: f64,
@@ -107,66 +108,65 @@ pub struct Fit {
     pub data_to_model: DataToModel,
     /// Deviation of the model's surface from the data.
     pub model_to_data: ModelToData,
-    /// Starts run (throws of single pieces not counted).
+    /// Number of starts (without perturbations of single pieces).
     pub starts: usize,
-    /// Starts that led to the best minimum.
+    /// Number of starts that led to the best minimum.
     pub hits: usize,
-    /// Evaluations of residuals with derivatives, on whatever number of points.
+    /// Number of evaluations of residuals with derivatives, on any number of points.
     pub evaluations: usize,
-    /// Others found, best first.
+    /// Other minima found, best first.
     pub other_minima: Vec<OtherMinimum>,
-    /// What the data leave open.
+    /// Groups of parameters that the data leave open.
     pub undetermined: Vec<Open>,
-    /// What a reader should know besides.
+    /// Warnings, which do not speak against the fit.
     pub warnings: Vec<Warning>,
-    /// Whether to trust the fit.
+    /// Verdict on the fit.
     pub verdict: Verdict,
-    /// What speaks against it.
+    /// Findings against the fit.
     pub findings: Vec<Finding>,
-    /// Whether the verdict is [`Verdict::Accepted`].
+    /// True if the verdict is [`Verdict::Accepted`].
     pub acceptable: bool,
     /// The findings, one sentence each.
     pub reasons: Vec<String>,
-    /// Loss that the polish ended with.
+    /// Final loss of the polish.
     pub loss: Loss,
     /// Metric residual per point; of a cloud in chunks, per point of its sample.
     pub residuals: Vec<f64>,
     /// Weight per point in the polish.
     pub weights: Vec<f64>,
-    /// Whether a point is an outlier.
+    /// True for outliers, by point.
     pub outliers: Vec<bool>,
-    /// Piece of the model per point.
+    /// Piece of the model, by point.
     pub parts: Vec<u32>,
-    /// By piece.
+    /// Residuals by piece.
     pub part_statistics: Vec<PartStatistics>,
     /// Covariance of the parameters, row-major.
     pub covariance: Vec<f64>,
-    /// Correlation of neighbouring residuals: near 0 for noise, near 1 where the model is
-    /// systematically off.
+    /// Correlation of neighbouring residuals: near 0 for noise, near 1 for a systematic misfit.
     pub neighbour_correlation: f64,
     /// Correlation of neighbouring residuals that widened the intervals; 0 for none.
     pub correlation: f64,
-    /// What the verdict rests on.
+    /// Quantities on which the verdict is based.
     pub evidence: Evidence,
-    /// Whether the search found its best minimum again and again.
+    /// True if the search found its best minimum repeatedly.
     pub certain: bool,
-    /// Root of the mean square over all points of outliers that lie on a surface of their own: a
-    /// shape that the template lacks. It widened the intervals.
+    /// Root mean square, over all points, of the outliers on surfaces of their own: a shape that
+    /// the template lacks. It widened the intervals.
     pub misfit: f64,
-    /// What was added to the parameters against the bias of noise; empty for nothing.
+    /// Correction of the parameters for the bias of noise; empty for none.
     pub correction: Vec<f64>,
-    /// How sums fell.
+    /// Convergence history.
     pub history: Vec<Step>,
-    /// Why the method ended, for the local ones.
+    /// Reason for which a local method stopped; `None` for other methods.
     pub stop: Option<lm::Stop>,
-    /// Seconds by phase.
+    /// Time by phase in seconds.
     pub seconds: Vec<(&'static str, f64)>,
-    /// Whether all phases ran to their end; else this is the best so far.
+    /// True if all phases were completed; otherwise this is the best result so far.
     pub complete: bool,
 }
 
 impl Fit {
-    /// Marks the fit as the best so far: something that would have followed was left out.
+    /// Marks the fit as incomplete: a later stage was left out.
     pub fn stop_early(&mut self) {
         if self.complete {
             self.complete = false;
@@ -174,11 +174,11 @@ impl Fit {
         }
     }
 
-    /// The parameter vector.
+    /// Returns the parameter vector.
     pub fn values(&self) -> Vec<f64> {
         self.parameters.iter().map(|p| p.value).collect()
     }
-    /// Counts the time of a fit that was dropped as this one's.
+    /// Adds the time spent on a fit that was dropped.
     pub fn add_seconds(&mut self, dropped: &Self) {
         let mut seconds = Seconds(std::mem::take(&mut self.seconds));
         seconds.add_all(&dropped.seconds);

@@ -1,4 +1,4 @@
-//! Points on rims of pieces, for templates that know no distance but the metric reading.
+//! Points on rims of pieces, for templates whose best residual is the metric reading.
 
 use crate::Template;
 use crate::template::parts_of;
@@ -16,13 +16,15 @@ const MOST_RIM: f64 = 0.5;
 /// 0 for points so near to the rim of their piece that noise may have carried them across, else 1;
 /// empty where all are 1.
 ///
-/// min and max of signed distances see a point beyond the rim from the wrong piece, always on the
-/// same side: at noise of 1/250 of the size, faces move outwards by a whole standard deviation. A
-/// point is moved along the gradient to a fixed level inside and outside; if it is not there then,
-/// another piece is nearer than the level. This depends on the distance to the *other* piece alone,
-/// which for crossing faces is independent of the residual: leaving out adds no bias of its own
-/// (asking whether the other piece lies within some distance of the point's own would).
+/// Minima and maxima of signed distances evaluate a point beyond the rim by the wrong piece, always
+/// on the same side: at noise of 1/250 of the size, faces move outwards by a whole standard
+/// deviation. A point is moved along the gradient to a fixed level inside and outside; if it does
+/// not arrive there, another piece is nearer than the level. This depends on the distance to the
+/// *other* piece alone, which for crossing faces is independent of the residual: leaving points out
+/// adds no bias of its own (a test of whether the other piece lies within some distance of the
+/// point would).
 pub(crate) fn rims(template: &dyn Template, points: &[Point3], a: &[f64], noise: f64) -> Vec<f64> {
+    // The half width of the rim in deviations of the noise; at 3 one point in 700 crosses it.
     let mut is_rim = vec![false; points.len()];
     mark_rims(template, points, a, RIM * noise, &mut is_rim);
     let parts = parts_of(template, points, a);
@@ -37,7 +39,7 @@ pub(crate) fn rims(template: &dyn Template, points: &[Point3], a: &[f64], noise:
     is_rim.iter().map(|r| f64::from(u8::from(!r))).collect()
 }
 
-/// Points of a piece.
+/// Number of points of a piece, and of those on its rim.
 #[derive(Clone, Copy, Default)]
 struct Count {
     all: usize,
@@ -45,13 +47,14 @@ struct Count {
 }
 
 impl Count {
-    /// Whether enough points are left without the ones on the rim.
+    /// Returns true if enough points remain without those on the rim. A piece that would lose more
+    /// than half of its points keeps them all: a bias is better than no data.
     fn can_lose_rim(self) -> bool {
         self.rim as f64 <= MOST_RIM * self.all as f64
     }
 }
 
-/// Points by piece, of some number of pieces.
+/// Counts points by piece.
 fn counted(parts: &[u32], is_rim: &[bool], pieces: usize) -> Vec<Count> {
     let mut counts = vec![Count::default(); pieces];
     for (part, is_rim) in parts.iter().zip(is_rim) {
@@ -63,7 +66,7 @@ fn counted(parts: &[u32], is_rim: &[bool], pieces: usize) -> Vec<Count> {
     counts
 }
 
-/// Marks points that do not arrive at the levels inside and outside when they are moved there along
+/// Marks points that do not arrive at the levels inside and outside if they are moved there along
 /// the gradient.
 fn mark_rims(
     template: &dyn Template,
@@ -86,7 +89,7 @@ fn mark_rims(
     }
 }
 
-/// A point moved along the gradient g to where a value f would be `level`, were it linear.
+/// Moves a point along the gradient g to where a linear function of value f would be `level`.
 fn moved(p: Point3, f: f64, g: Point3, level: f64) -> Point3 {
     let step = (level - f) / dot(g, g).max(f64::MIN_POSITIVE);
     std::array::from_fn(|i| p[i] + step * g[i])

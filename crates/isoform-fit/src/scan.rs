@@ -1,4 +1,4 @@
-//! The points of a fit, with what is known of them before any template.
+//! Points of a fit, with what is known about them before any template.
 
 use crate::chunks::{Cloud, by_hash, hash};
 use crate::clutter::Clutter;
@@ -16,8 +16,8 @@ pub(crate) const MANY_STRAYS: f64 = 0.04;
 /// Most points each of which is asked whether it is stray: some 20 s on one core for a million.
 const MOST_ASKED: usize = 1 << 18;
 
-/// A scan made ready: equal points once, neighbours, isolated points, box. One scan serves any
-/// number of templates.
+/// A prepared scan: distinct points, neighbour statistics, isolated points, box. One scan serves
+/// any number of templates.
 ///
 /// ```
 /// use isoform_fit::{Beside, Control, Options, Scan};
@@ -28,41 +28,41 @@ const MOST_ASKED: usize = 1 << 18;
 /// points.push(points[0]);
 /// let scan = Scan::new(&points, &Options::default(), &Control::default())?;
 /// assert_eq!(scan.points().len(), 1600);
-/// // Nothing lies apart from it.
+/// // The scan has no other component.
 /// assert_eq!(scan.clutter().share(Beside::Apart), 0.0);
 /// # Ok::<(), isoform_fit::FitError>(())
 /// ```
 pub struct Scan<'a> {
-    /// The distinct points; of a cloud in chunks none, but [`Neighbourhood`] has its sample.
+    /// Distinct points; empty for a cloud in chunks, whose sample is in [`Neighbourhood`].
     distinct: Cow<'a, [Point3]>,
-    /// The cloud that the points are a sample of.
+    /// Cloud of which the points are a sample; `None` for points in memory.
     cloud: Option<&'a Cloud<'a>>,
-    /// By point as given, its index among the distinct ones; none where all are distinct.
+    /// Index of each given point among the distinct ones; `None` if all are distinct.
     index: Option<Vec<u32>>,
     /// A seeded random order of the distinct points.
     pub(crate) order: Vec<u32>,
     pub(crate) near: Neighbourhood,
-    /// Some points, in that order, without isolated ones.
+    /// The first points in that order, without isolated ones.
     pub(crate) kept: Vec<Point3>,
-    /// How many of them were asked for.
+    /// Number of these points that were requested.
     pub(crate) wanted: usize,
-    /// Share of isolated ones among those looked at.
+    /// Share of isolated points among those examined.
     pub(crate) isolated: f64,
-    /// The box of the points, or of those kept where outliers would stretch it.
+    /// Box of the points, or of the kept ones if outliers would enlarge it.
     pub(crate) data: Aabb,
     /// Median deviation of points from the planes through their neighbours.
     pub(crate) local_noise: f64,
-    /// The first decile of these deviations: on flat faces, noise alone.
+    /// First decile of these deviations: on flat faces, noise alone.
     pub(crate) least_noise: f64,
-    /// Time that all this took.
+    /// Time of the preparation in seconds.
     pub(crate) seconds: f64,
 }
 
 impl<'a> Scan<'a> {
-    /// Looks at the points.
+    /// Prepares points.
     ///
     /// # Errors
-    /// [`FitError::NotFinite`], or no point at all.
+    /// [`FitError::NotFinite`], or [`FitError::TooFewPoints`] for an empty list.
     pub fn new(
         points: &'a [Point3],
         options: &Options,
@@ -83,7 +83,8 @@ impl<'a> Scan<'a> {
         })
     }
 
-    /// Looks at a cloud in chunks, drawn with the same seed, by its sample, which it takes.
+    /// Prepares a cloud in chunks, drawn with the same seed, from its sample, which is moved out of
+    /// it.
     pub fn of_cloud(cloud: &'a mut Cloud<'_>, options: &Options, control: &Control) -> Self {
         let started = Instant::now();
         control.report("outliers", 0.0);
@@ -129,7 +130,7 @@ impl<'a> Scan<'a> {
         }
     }
 
-    /// The sample of a cloud in chunks, else the distinct points.
+    /// Returns the sample of a cloud in chunks, else the distinct points.
     pub fn into_points(self) -> Vec<Point3> {
         match self.cloud {
             Some(_) => self.near.into_sample(),
@@ -137,17 +138,18 @@ impl<'a> Scan<'a> {
         }
     }
 
-    /// The cloud in chunks that the points are a sample of.
+    /// Returns the cloud in chunks of which the points are a sample; `None` for points in memory.
     pub(crate) fn cloud(&self) -> Option<&'a Cloud<'a>> {
         self.cloud
     }
 
-    /// Distinct points, whether they are at hand or in chunks.
+    /// Returns the number of distinct points, in memory or in chunks.
     pub(crate) fn count(&self) -> usize {
         self.cloud.map_or(self.distinct.len(), Cloud::count)
     }
 
-    /// The distinct points, in the order of their first occurrence; of a cloud in chunks a sample.
+    /// Returns the distinct points in the order of their first occurrence; of a cloud in chunks a
+    /// sample.
     pub fn points(&self) -> &[Point3] {
         match self.cloud {
             Some(_) => self.near.sampled(),
@@ -155,14 +157,14 @@ impl<'a> Scan<'a> {
         }
     }
 
-    /// What lies beside the part, as far as the points themselves tell.
+    /// Classifies the clutter around the part, as far as the points alone show it.
     pub fn clutter(&self) -> Clutter<'_> {
         let has_strays = self.isolated > MANY_STRAYS && self.count() <= MOST_ASKED;
         let looked_at = (self.points(), &self.order[..]);
         Clutter::find(looked_at, self.count(), &self.near, has_strays)
     }
 
-    /// The report of a fit to the distinct points as one of all points.
+    /// Extends the result of a fit to the distinct points to all points.
     pub(crate) fn expand(&self, mut fit: Fit) -> Fit {
         if let Some(cloud) = self.cloud {
             fit.warnings
@@ -185,14 +187,14 @@ impl<'a> Scan<'a> {
     }
 }
 
-/// A warning of points that repeat others, if there are any.
+/// Warns of points that repeat others, if there are any.
 fn repeated(points: usize, distinct: usize) -> Option<Warning> {
     let count = points - distinct;
     (count > 0).then_some(Warning::Repeated { count, points })
 }
 
-/// A random order of distinct points. That of many is by a hash of each, so that the sample which
-/// stands for them does not depend on the order in which they come.
+/// Returns a random order of distinct points. For many points it is that of a hash of each, so that
+/// the sample does not depend on their order.
 fn random_order(points: &[Point3], seed: u64) -> Vec<u32> {
     if points.len() > MOST {
         let hashes: Vec<u64> = points.iter().map(|p| hash(p, seed)).collect();
@@ -203,12 +205,12 @@ fn random_order(points: &[Point3], seed: u64) -> Vec<u32> {
     order
 }
 
-/// Makes values of distinct points values of all.
+/// Expands values of distinct points to all points.
 fn repeat<T: Copy>(index: &[u32], v: &mut Vec<T>) {
     *v = index.iter().map(|&i| v[i as usize]).collect();
 }
 
-/// There are points, and their coordinates are finite.
+/// Checks that there are points, and that their coordinates are finite.
 fn check(points: &[Point3]) -> Result<(), FitError> {
     let is_wrong = |p: &Point3| p.iter().any(|v| !v.is_finite());
     if let Some(index) = points.iter().position(is_wrong) {
@@ -223,8 +225,8 @@ fn check(points: &[Point3]) -> Result<(), FitError> {
     Ok(())
 }
 
-/// The first points in the order, without isolated ones if these are filtered and not too many; and
-/// the share of isolated ones.
+/// Returns the first points in the order, without isolated ones if these are filtered and not too
+/// many; and the share of isolated ones.
 fn kept(
     points: &[Point3],
     order: &[u32],
@@ -244,8 +246,8 @@ fn kept(
     (some.map(|&i| points[i as usize]).collect(), isolated)
 }
 
-/// The distinct points in the order of their first occurrence, and each point's index among them;
-/// no index where all are distinct.
+/// Returns the distinct points in the order of their first occurrence, and the index of each point
+/// among them; `None` if all are distinct.
 fn distinct(points: &[Point3]) -> (Cow<'_, [Point3]>, Option<Vec<u32>>) {
     let Some(first) = first_occurrences(points) else {
         return (Cow::Borrowed(points), None);
@@ -263,7 +265,8 @@ fn distinct(points: &[Point3]) -> (Cow<'_, [Point3]>, Option<Vec<u32>>) {
     (Cow::Owned(kept), Some(index))
 }
 
-/// By point the first one that is equal; none where all are distinct. Both zeros are one.
+/// Returns for each point the index of the first equal one; `None` if all are distinct. Both zeros
+/// are equal.
 fn first_occurrences(points: &[Point3]) -> Option<Vec<u32>> {
     let bits = |p: &Point3| p.map(|v| (v + 0.0).to_bits());
     let keyed = points.iter().zip(0_u32..);
@@ -281,7 +284,7 @@ fn first_occurrences(points: &[Point3]) -> Option<Vec<u32>> {
     repeats.then_some(first)
 }
 
-/// The box of the data: of all points, or of those kept where outliers would stretch it.
+/// Returns the box of all points, or of those kept if outliers would enlarge it.
 fn trusted_box(all: Aabb, kept: &[Point3], isolated: f64, spacing: f64) -> Aabb {
     let mut some = Aabb::of(kept);
     if isolated <= HAS_OUTLIERS && all.diagonal() < 1.5 * some.diagonal() {

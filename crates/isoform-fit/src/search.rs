@@ -1,15 +1,15 @@
 //! The global search: Levenberg-Marquardt from many starts on a few hundred points, until the best
 //! minimum recurs.
 //!
-//! The algebraic residual is searched with, because its basins are wide. Start 0 is the caller's;
-//! further ones are drawn, in seeded Latin hypercubes, from where the data suggest and (every
-//! fourth) from the whole bounds. Once the best minimum has recurred, single primitives are thrown
-//! elsewhere, those first that explain the fewest points: the typical false minimum has one piece
-//! astray. Candidates of near-equal sums are then compared on more points, by the metric residual.
+//! The algebraic residual is used, because its basins are wide. Start 0 is the caller's; further
+//! ones are drawn, in seeded Latin hypercubes, from the ranges that the data suggest and (every
+//! fourth) from the whole bounds. Once the best minimum has recurred, single primitives are
+//! perturbed, those first that explain the fewest points: a typical false minimum has one misplaced
+//! piece. Candidates with nearly equal sums are then compared on more points, by the metric
+//! residual.
 //!
-//! Starts are run in batches of fixed size whose runs see only what earlier batches found, and
-//! results are read in the order of starts. So the outcome does not depend on the number of
-//! threads.
+//! Starts are run in batches of fixed size whose runs depend only on earlier batches, and results
+//! are read in the order of starts. The outcome therefore does not depend on the number of threads.
 
 mod descent;
 mod throw;
@@ -39,28 +39,28 @@ const CANDIDATES: usize = 4;
 /// One of this many starts is drawn from the whole bounds, the others from where the data are.
 const WIDE: usize = 4;
 
-/// A minimum of the algebraic sum on the search points.
+/// A minimum of the algebraic sum over the search points.
 #[derive(Clone, Debug)]
 pub(crate) struct Minimum {
     pub(crate) x: Vec<f64>,
     pub(crate) value: f64,
-    /// Starts that led there.
+    /// Number of starts that led there.
     pub(crate) hits: usize,
 }
 
 /// One line of the convergence history.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
-    /// Start that the step belongs to; the polish has its own number, one past the last.
+    /// Start of the step; the polish has its own number, one past the last.
     pub start: usize,
-    /// Evaluation.
+    /// Number of the evaluation.
     pub iteration: usize,
-    /// Root of the mean square of the residual: algebraic in the search, metric in the polish.
+    /// Root mean square of the residual: algebraic in the search, metric in the polish.
     pub rms: f64,
 }
 
 impl Step {
-    /// A step whose sum of squares over `count` points is `sum`.
+    /// Makes a step from a sum of squares over `count` points.
     pub(crate) fn new(start: usize, iteration: usize, sum: f64, count: f64) -> Self {
         Self {
             start,
@@ -70,33 +70,33 @@ impl Step {
     }
 }
 
-/// What the search found.
+/// Outcome of the search.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Outcome {
     /// Distinct minima, best first.
     pub(crate) minima: Vec<Minimum>,
     pub(crate) starts: usize,
     pub(crate) evaluations: usize,
-    /// Whether the best minimum recurred as often as asked.
+    /// True if the best minimum recurred as often as required.
     pub(crate) certain: bool,
     pub(crate) stopped: bool,
     pub(crate) history: Vec<Step>,
-    /// Sums at the first places of runs that ended somewhere.
+    /// Sums at the first points of runs with a finite result.
     pub(crate) firsts: Vec<f64>,
 }
 
 impl Outcome {
-    /// Whether there is a minimum to go on from, and time.
+    /// Returns true if there is a minimum to continue from, and time.
     pub(crate) fn can_go_on(&self) -> bool {
         !self.stopped && !self.minima.is_empty()
     }
 
-    /// The sum below which all are nought.
+    /// Returns the sum below which all sums count as zero: the data have no noise.
     fn nought(&self) -> f64 {
         NOUGHT * median(&self.firsts)
     }
 
-    /// Counts a run from a start.
+    /// Adds a run from a start.
     fn count(&mut self, run: Run) {
         self.starts += 1;
         self.evaluations += run.evaluations;
@@ -108,7 +108,7 @@ impl Outcome {
         }
     }
 
-    /// Puts a minimum to the others, and gives its place among them.
+    /// Inserts a minimum and returns its index.
     fn insert(&mut self, x: Vec<f64>, value: f64, nought: f64, counts: bool) -> usize {
         let is_same = |m: &Minimum| {
             (m.value - value).abs() <= SAME * m.value.min(value)
@@ -133,7 +133,7 @@ impl Outcome {
     }
 }
 
-/// Everything that a run needs.
+/// Data of a search.
 pub(crate) struct Search<'a> {
     pub(crate) template: &'a dyn Template,
     pub(crate) space: &'a Space,
@@ -143,7 +143,7 @@ pub(crate) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Searches from `first` (if any) and from as many starts as it takes.
+    /// Searches from `first` (if any) and from further starts until the best minimum recurs.
     pub(crate) fn run(&self, first: Option<Vec<f64>>) -> Outcome {
         let mut out = Outcome::default();
         let most = self.options.most_starts.max(1);
@@ -159,7 +159,7 @@ impl Search<'_> {
         out
     }
 
-    /// Searches from the best minimum of an outcome, whose evaluations are counted, too.
+    /// Searches again from the best minimum of an outcome, whose evaluations are added.
     pub(crate) fn run_again(&self, before: Outcome) -> Outcome {
         let first = before.minima.into_iter().next().map(|m| m.x);
         let mut again = self.run(first);
@@ -167,14 +167,14 @@ impl Search<'_> {
         again
     }
 
-    /// Runs `size` starts from the k-th on; whether the search is over.
+    /// Runs `size` starts from the k-th on. Returns true if the search is over.
     fn batch(&self, k: usize, size: usize, first: Option<&[f64]>, out: &mut Outcome) -> bool {
         let best = out.minima.first().map(|m| &m.x[..]);
         let starts: Vec<Vec<f64>> = (k..k + size).map(|i| self.start(i, first, best)).collect();
         let known = out.minima.first().cloned();
         let nought = out.nought();
         let run = |(i, x): (usize, Vec<f64>)| self.descend(x, known.as_ref(), nought, k + i);
-        // A lone thread runs a start when it is its turn, and may be spared the rest.
+        // A single thread runs one start after the other, and may omit the rest.
         if rayon::current_num_threads() > 1 {
             let runs: Vec<Run> = starts.into_par_iter().enumerate().map(run).collect();
             runs.into_iter().any(|run| self.is_over(run, out))
@@ -184,7 +184,7 @@ impl Search<'_> {
         }
     }
 
-    /// Counts a run; whether the search is over.
+    /// Adds a run. Returns true if the search is over.
     fn is_over(&self, run: Run, out: &mut Outcome) -> bool {
         out.count(run);
         let share = out.starts as f64 / self.options.least_starts.max(1) as f64;
@@ -197,15 +197,15 @@ impl Search<'_> {
         out.certain
     }
 
-    /// Whether the best minimum recurred in independent starts.
+    /// Returns true if the best minimum recurred in independent starts.
     fn has_recurred(&self, out: &Outcome) -> bool {
         let hits = out.minima.first().map(|m| m.hits);
         out.starts >= self.options.least_starts
             && hits.is_some_and(|hits| hits >= self.options.recurrences)
     }
 
-    /// Where start i begins. After two batches without agreement half of the starts keep part of
-    /// the best minimum.
+    /// Returns start i. After two batches without agreement half of the starts keep a part of the
+    /// best minimum.
     fn start(&self, i: usize, first: Option<&[f64]>, best: Option<&[f64]>) -> Vec<f64> {
         match (first, best) {
             (Some(x), _) if i == 0 => x.to_vec(),
@@ -215,8 +215,8 @@ impl Search<'_> {
         }
     }
 
-    /// Start i of the seeded Latin hypercubes: three of four where the data are, one anywhere
-    /// within bounds.
+    /// Returns start i of the seeded Latin hypercubes: three of four are drawn from the ranges that
+    /// the data suggest, one from the whole bounds.
     pub(crate) fn drawn(&self, i: usize) -> Vec<f64> {
         let is_wide = i % WIDE == WIDE - 1;
         let Bounds { lo, hi } = if is_wide {
@@ -231,7 +231,8 @@ impl Search<'_> {
         x
     }
 
-    /// The minima worth comparing on more points.
+    /// Returns the minima to be compared on more points: at most four with sums up to twice the
+    /// best.
     pub(crate) fn candidates<'o>(&self, out: &'o Outcome) -> &'o [Minimum] {
         let limit = RIVAL * out.best();
         let first = out.minima.iter().take(CANDIDATES);
@@ -240,7 +241,7 @@ impl Search<'_> {
     }
 }
 
-/// A row of a seeded Latin hypercube: coordinates in [0, 1) such that the rows of a cube fall into
+/// A row of a seeded Latin hypercube: coordinates in [0, 1) such that the rows of a cube lie in
 /// different sixteenths along each axis.
 struct CubeRow {
     row: usize,
@@ -249,7 +250,7 @@ struct CubeRow {
 }
 
 impl CubeRow {
-    /// The row of start i; each cube serves [`CUBE`] starts.
+    /// Makes the row of start i; each cube serves [`CUBE_STARTS`] starts.
     fn new(seed: u64, i: usize) -> Self {
         let cube = (i / CUBE) as u64;
         Self {
@@ -259,7 +260,7 @@ impl CubeRow {
         }
     }
 
-    /// The coordinate along the next axis.
+    /// Returns the coordinate along the next axis.
     fn next(&mut self) -> f64 {
         self.random.shuffle(&mut self.order);
         let offsets: [f64; CUBE] = std::array::from_fn(|_| self.random.f64());
@@ -267,7 +268,7 @@ impl CubeRow {
     }
 }
 
-/// Upper median.
+/// Returns the upper median.
 fn median(v: &[f64]) -> f64 {
     crate::outliers::median(&mut v.to_vec())
 }

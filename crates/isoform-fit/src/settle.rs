@@ -1,9 +1,9 @@
-//! From the metric minimum to the result: the distance itself, what the points support, and the
-//! bias of noise beside edges.
+//! From the metric minimum to the result: minimum of the distance, parts without data, and the bias
+//! of noise near edges.
 //!
-//! A part is *open* when no data support it ([`open`]); a *mask* leaves the points
-//! on open parts out; what is *known* of the variables is in [`crate::identify`]; their *spread* is
-//! the covariance, with what neighbouring points share ([`spread`]).
+//! A part is *open* if no data support it ([`open`]); a *mask* leaves the points on open parts out;
+//! what is *known* about the variables is in [`crate::identify`]; their *spread* is the covariance,
+//! including correlation between neighbouring points ([`spread`]).
 
 mod measured;
 mod open;
@@ -56,32 +56,32 @@ pub(crate) struct Fitted {
     pub(crate) noise: f64,
     pub(crate) measured: Measured,
     pub(crate) surface: Surface,
-    /// Parts of the model that no data support.
+    /// True for parts of the model that no data support.
     pub(crate) open_parts: Vec<bool>,
     pub(crate) knowledge: Knowledge,
     /// Covariance of the variables.
     pub(crate) covariance: Vec<f64>,
-    /// Correlation of the residuals of neighbours that was reckoned with; 0 for none.
+    /// Correlation of the residuals of neighbours that widened the intervals; 0 for none.
     pub(crate) correlation: f64,
-    /// Points that were fitted.
+    /// Number of points that were fitted.
     pub(crate) fitted: usize,
-    /// What was added to the variables against the bias of noise.
+    /// Step that was added to the variables to remove the bias of noise; `None` without one.
     pub(crate) correction: Option<Vec<f64>>,
 }
 
-/// What is known at a minimum.
+/// Quantities at a minimum.
 struct State {
     residuals: Vec<f64>,
-    /// Nearest places of the model, by point.
+    /// Nearest points of the model, by point.
     at: Vec<Point3>,
     noise: f64,
     surface: Surface,
     open_parts: Vec<bool>,
-    /// 0 for points on open parts; empty for none.
+    /// 0 for points on open parts, else 1; empty for none on open parts.
     mask: Vec<f64>,
 }
 
-/// A minimum, the points that settle it, and what they say.
+/// A minimum, the points that determine it, and what they say.
 struct Settled<'a> {
     points: Points<'a>,
     found: Found,
@@ -91,7 +91,7 @@ struct Settled<'a> {
 }
 
 impl<'t> Task<'t> {
-    /// The distance itself; the metric reading where the template has none.
+    /// Returns the distance, or the metric reading if the template has none.
     pub(crate) fn measure(&self) -> &dyn ParamField {
         match &self.distance {
             Some(distance) => distance,
@@ -99,7 +99,8 @@ impl<'t> Task<'t> {
         }
     }
 
-    /// The points that the last stages work on.
+    /// Returns the points of the last stages. More are taken if they would shrink an interval (see
+    /// [`spread`]).
     pub(crate) fn settling(&self) -> Vec<Point3> {
         if self.points.len() <= 2 * SETTLING {
             self.points.to_vec()
@@ -108,8 +109,8 @@ impl<'t> Task<'t> {
         }
     }
 
-    /// Minimises the distance from the metric minimum, leaves alone what no data support, and takes
-    /// the bias away.
+    /// Minimises the distance from the metric minimum, holds what no data support, and removes the
+    /// bias.
     pub(crate) fn settle(&self, mut found: Found, clock: &mut Clock) -> Fitted {
         let points = self.settling();
         let mut exact = self.polish_with(self.measure(), found.outcome.starts + 1);
@@ -137,7 +138,7 @@ impl<'t> Task<'t> {
         self.finish(settled, &exact, clock)
     }
 
-    /// What is known of a fit that stays where it is.
+    /// Examines a fit without moving it.
     pub(crate) fn ask(&self, found: Found) -> Fitted {
         let points = self.settling();
         let state = self.state(&points, &found);
@@ -154,9 +155,9 @@ impl<'t> Task<'t> {
         self.fitted(settled, None)
     }
 
-    /// The state at a minimum. Points on the rims of open parts would hold these: if there are such
-    /// points, they are masked, and the minimum is sought again without them. Also the matrix of
-    /// the normal equations, if it is known there.
+    /// Returns the state at a minimum. Points on the rims of open parts would hold these: if there
+    /// are such points, they are masked, and the minimisation is repeated without them. Also
+    /// returns the matrix of the normal equations, if it is known there.
     fn masked(
         &self,
         exact: &Polish<'_>,
@@ -178,9 +179,9 @@ impl<'t> Task<'t> {
         (state, normal)
     }
 
-    /// Holds the variables of open directions and minimises over the others. Open faces are taken
-    /// off the data before: one that touches noisy points of its neighbours would pull at those.
-    /// And they come back: where the data end is the best that can be said of an open face.
+    /// Holds the variables of open directions and minimises over the others. Open faces are moved
+    /// off the data before, and back afterwards: one that touches noisy points of its neighbours
+    /// would be attracted by them, and the end of the data is the best estimate for an open face.
     fn free_open_faces(
         &self,
         exact: &mut Polish<'_>,
@@ -200,7 +201,7 @@ impl<'t> Task<'t> {
         self.space.into_interior(&mut found.x, 1e-12);
     }
 
-    /// Takes all points where they tell more than some, and the bias away.
+    /// Takes more points if they shrink an interval, and removes the bias.
     fn finish(&self, mut settled: Settled<'t>, exact: &Polish<'_>, clock: &mut Clock) -> Fitted {
         let most = self.scan.count().min(MOST_FITTED);
         let share = settled.points.count() as f64 / most as f64;
@@ -212,7 +213,7 @@ impl<'t> Task<'t> {
         clock.lap("all points");
         let correction = self.unbiased(&mut settled);
         clock.lap("bias");
-        // Stages that were left out for want of time, whichever these are, leave the fit open.
+        // A stage that was left out for want of time makes the fit incomplete.
         settled.found.complete &= !self.control.is_stopped();
         self.fitted(settled, correction)
     }
@@ -243,7 +244,7 @@ impl<'t> Task<'t> {
         settled.points = Points::Here(points);
     }
 
-    /// Distances of some points, as the polish asks for them.
+    /// Returns the residuals of some points, as the polish needs them.
     fn residuals_of_some(&self, a: &[f64]) -> Vec<f64> {
         let some = self.some(SETTLING);
         let mut r = vec![0.0; some.len()];
@@ -251,7 +252,7 @@ impl<'t> Task<'t> {
         r
     }
 
-    /// Takes the bias of noise away; what was added to the variables.
+    /// Removes the bias of noise. Returns the step that was added to the variables.
     fn unbiased(&self, settled: &mut Settled<'_>) -> Option<Vec<f64>> {
         let minimum = settled.found.x.clone();
         let alike = settled.spread.correlation.clamp(0.0, 1.0);
@@ -269,7 +270,7 @@ impl<'t> Task<'t> {
             settled.found.x.clone_from(&minimum);
             add(&mut settled.found.x, &bias.correction);
             self.space.into_interior(&mut settled.found.x, 1e-12);
-            // Distances beside edges are smaller than the noise that made them.
+            // Distances near edges are smaller than the noise that caused them.
             if last.is_none() {
                 noise /= bias.shrunk.clamp(LEAST_SHRUNK, 1.0);
             }
@@ -284,7 +285,7 @@ impl<'t> Task<'t> {
         Some(bias.correction)
     }
 
-    /// The bias of noise where the fit is.
+    /// Estimates the bias of noise at the fit.
     fn bias(&self, settled: &Settled<'_>, noise: f64) -> Option<Bias> {
         let Settled { found, state, .. } = settled;
         let asked = Biased {
@@ -333,8 +334,8 @@ impl<'t> Task<'t> {
         }
     }
 
-    /// Variables that no sum depends on, a group each: they have no variance to tell; at a bound
-    /// they have none either.
+    /// Returns the variables on which no sum depends, one group each: they have no variance.
+    /// Variables at a bound, which have none either, are left out.
     fn untold(&self, x: &[f64], knowledge: &Knowledge, covariance: &[f64]) -> Vec<Vec<usize>> {
         let m = self.space.len();
         let is_told = |k: usize| {
@@ -344,8 +345,8 @@ impl<'t> Task<'t> {
         untold.map(|k| vec![k]).collect()
     }
 
-    /// Minimises from where `found` is; never ends at a worse place. Gives the matrix of the normal
-    /// equations where it ends, if that is known.
+    /// Minimises from the current variables, and never ends at a higher loss. Returns the matrix of
+    /// the normal equations at the end, if it is known.
     fn descend(
         &self,
         exact: &Polish<'_>,
@@ -358,7 +359,7 @@ impl<'t> Task<'t> {
         let mut fine = exact.fine(points, from, found.loss, rounds);
         found.evaluations += fine.evaluations;
         found.history.append(&mut fine.history);
-        // Rounds of reweighting have no sum that falls: places are compared by the loss at one
+        // Rounds of reweighting do not decrease one sum: points are compared by the loss at one
         // scale.
         if is_robust {
             let [before, after] = points.losses([&found.x, &fine.x]);
@@ -370,7 +371,7 @@ impl<'t> Task<'t> {
         fine.normal
     }
 
-    /// Noise, supported parts and the mask at a minimum.
+    /// Computes noise, open parts and the mask at a minimum.
     fn state(&self, points: &[Point3], found: &Found) -> State {
         let measured = self.measured(points, &found.x);
         let noise = self.noise(&measured.residuals, found.loss);
@@ -381,7 +382,7 @@ impl<'t> Task<'t> {
         let mut mask = measured.mask(&open_parts);
         let has_rims = self.template.distance().is_none() && noise > self.rounding();
         if mask.is_empty() && has_rims {
-            // Minima and maxima see points beyond a rim from the wrong piece.
+            // Minima and maxima evaluate points beyond a rim by the wrong piece.
             mask = rims(self.template, points, &a, noise);
         }
         State {
@@ -394,7 +395,7 @@ impl<'t> Task<'t> {
         }
     }
 
-    /// Deviation of the residuals: robust, or by degrees of freedom.
+    /// Returns the deviation of the residuals: robust, or by degrees of freedom.
     fn noise(&self, residuals: &[f64], loss: Loss) -> f64 {
         if loss.is_robust() {
             return Polish::scale(residuals);
@@ -405,8 +406,8 @@ impl<'t> Task<'t> {
         (sum / degrees as f64).sqrt()
     }
 
-    /// What the points say of the variables. `normal` is the matrix of the normal equations, if it
-    /// is known.
+    /// Examines what the points say about the variables. `normal` is the matrix of the normal
+    /// equations, if it is known.
     fn knowledge(
         &self,
         points: &[Point3],
@@ -417,7 +418,7 @@ impl<'t> Task<'t> {
         if self.control.is_stopped() {
             return self.at(points, found, state).unasked(normal);
         }
-        // Variables that move parts with bare surface are asked whether anything holds them.
+        // Variables that move parts with bare surface are suspects.
         let cover = state.surface.cover(self.template.part_names().len());
         let bare: Vec<bool> = cover.iter().map(|c| c.bare > 0).collect();
         let moved = self.moves(found, &state.surface, &bare);
@@ -425,7 +426,7 @@ impl<'t> Task<'t> {
             .knowledge(&|k| moved[k], normal)
     }
 
-    /// The fit as [`crate::identify`] asks for it.
+    /// Describes the fit for [`crate::identify`].
     fn at<'b>(&'b self, points: &'b [Point3], found: &'b Found, state: &'b State) -> At<'b> {
         At {
             field: self.measure(),
@@ -443,7 +444,8 @@ impl<'t> Task<'t> {
         }
     }
 
-    /// Moves along an open direction by a few noise deviations, within bounds.
+    /// Moves along an open direction within bounds: by six deviations of the noise, and at least by
+    /// a quarter of the spacing.
     fn step_clear(&self, x: &mut [f64], open: &OpenDirection, noise: f64) {
         let clear = (CLEAR_NOISES * noise).max(CLEAR_SPACINGS * self.near.spacing);
         let mut t = clear / self.space.unit(open.variable);

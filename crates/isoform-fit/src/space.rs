@@ -1,9 +1,9 @@
-//! From a template's parameters to the free, scaled variables that the solvers see: a = base + B x.
+//! From a template's parameters to the free, scaled variables of the solvers: a = base + B x.
 //!
-//! Fixed, tied and linearly related parameters are eliminated, not penalised. Each free variable is
-//! measured in a unit of its own: a length or a position in data scales, an angle in radians, a
-//! ratio in ones. A unit step of any variable then moves the surface by something of the order of
-//! the data's size, and the identity is a meaningful damping matrix.
+//! Fixed, tied and linearly related parameters are eliminated, not penalised. Each free variable
+//! has a unit of its own: a length or a position is measured in data scales, an angle in radians, a
+//! ratio in ones. A unit step of any variable then moves the surface by about the data's size, and
+//! the identity is a meaningful damping matrix.
 
 mod limits;
 mod ties;
@@ -23,7 +23,7 @@ const SHARE: f64 = 0.95;
 /// use isoform_fit::{Kind, Parameter, Space, Tie};
 /// use isoform_geom::Aabb;
 ///
-/// // An outer radius, and an inner one that is always half of it.
+/// // An outer radius, and an inner one of half its length.
 /// let mut inner = Parameter::new("inner", Kind::Length);
 /// inner.tie = Some(Tie { constant: 0.0, terms: vec![(0, 0.5)] });
 /// let parameters = [Parameter::new("outer", Kind::Length), inner];
@@ -40,33 +40,32 @@ const SHARE: f64 = 0.95;
 #[derive(Clone, Debug)]
 pub struct Space {
     base: Vec<f64>,
-    /// For every free variable the parameters it moves, with ∂a/∂x.
+    /// Parameters that each free variable moves, with ∂a/∂x.
     columns: Vec<Vec<(usize, f64)>>,
-    /// Index of the parameter that the variable stands for.
+    /// Index of the parameter that a variable stands for.
     free: Vec<usize>,
     unit: Vec<f64>,
     /// Lower bounds of the variables.
     pub lo: Vec<f64>,
     /// Upper bounds of the variables.
     pub hi: Vec<f64>,
-    /// Lower ends of where starts informed by the data are drawn from.
+    /// Lower ends of the ranges from which informed starts are drawn.
     pub start_lo: Vec<f64>,
-    /// Upper ends of where starts informed by the data are drawn from.
+    /// Upper ends of the ranges from which informed starts are drawn.
     pub start_hi: Vec<f64>,
-    /// Bounds of the parameters (infinite where there are none).
+    /// Bounds of the parameters; infinite if there are none.
     pub bounds: Vec<(f64, f64)>,
-    /// Rows for tied parameters with bounds and several sources: (parameter, variables with
-    /// factors).
+    /// Tied parameters with bounds and several sources: (parameter, variables with factors).
     rows: Vec<(usize, Vec<(usize, f64)>)>,
 }
 
 impl Space {
-    /// Resolves ties and bounds. `bounds` (empty or one per parameter) come from the user and win
-    /// over the template's.
+    /// Resolves ties and bounds. `bounds` (empty or one per parameter) come from the caller and
+    /// override those of the template.
     ///
     /// # Errors
-    /// Ties that run in circles or point nowhere, bounds in the wrong order or not finite, nothing
-    /// left to fit.
+    /// Ties that are circular or name no parameter, bounds in the wrong order or not finite, no
+    /// free parameter.
     pub fn new(
         parameters: &[Parameter],
         bounds: &[Option<(f64, f64)>],
@@ -108,7 +107,7 @@ impl Space {
         }
     }
 
-    /// Adds a variable for parameter i, whose bounds were pushed last.
+    /// Adds a variable for parameter i, whose bounds are the last ones.
     fn add_variable(&mut self, i: usize, p: &Parameter, data: Aabb) {
         let (lo, hi) = self.bounds[i];
         let unit = unit_of(p.kind, hi - lo, data);
@@ -122,7 +121,7 @@ impl Space {
         self.columns.push(Vec::new());
     }
 
-    /// Fills the columns of B, and takes the bounds of tied parameters into account.
+    /// Fills the columns of B, and applies the bounds of tied parameters.
     fn add_rows(&mut self, rows: &[Row], parameters: &[Parameter]) -> Result<(), FitError> {
         for (i, row) in rows.iter().enumerate() {
             let scaled = self.in_variables(row);
@@ -136,7 +135,7 @@ impl Space {
         Ok(())
     }
 
-    /// The terms of a row in variables in place of free parameters.
+    /// Returns the terms of a row with variables in place of free parameters.
     fn in_variables(&self, row: &Row) -> Vec<(usize, f64)> {
         let variable = |j: usize| {
             let k = self.free.binary_search(&j);
@@ -146,8 +145,7 @@ impl Space {
         terms.map(|(k, c)| (k, c * self.unit[k])).collect()
     }
 
-    /// Bounds of a tied parameter: on its one variable directly, else kept as a row that steps must
-    /// respect.
+    /// Applies the bounds of a tied parameter: to its one variable, or to steps if it has several.
     fn limit_tied(
         &mut self,
         i: usize,
@@ -175,7 +173,7 @@ impl Space {
         Ok(())
     }
 
-    /// Every variable has room between its bounds.
+    /// Checks that every variable has room between its bounds.
     fn check(&self, parameters: &[Parameter]) -> Result<(), FitError> {
         match (0..self.len()).find(|&k| self.lo[k] >= self.hi[k]) {
             Some(k) => Err(FitError::Bounds {
@@ -195,28 +193,28 @@ impl Space {
         }
     }
 
-    /// Number of free variables.
+    /// Returns the number of free variables.
     pub fn len(&self) -> usize {
         self.free.len()
     }
-    /// Whether nothing is free (never true for a space that was made).
+    /// Returns true if no variable is free; never true for a space from [`Space::new`].
     pub fn is_empty(&self) -> bool {
         self.free.is_empty()
     }
-    /// Parameter that variable `k` stands for.
+    /// Returns the parameter that variable `k` stands for.
     pub fn parameter(&self, k: usize) -> usize {
         self.free[k]
     }
-    /// Unit of variable `k`: what one step of it adds to its parameter.
+    /// Returns the unit of variable `k`: a unit step adds this to its parameter.
     pub fn unit(&self, k: usize) -> f64 {
         self.unit[k]
     }
-    /// Parameters moved by variable `k`, with their derivatives.
+    /// Returns the parameters that variable `k` moves, with their derivatives.
     pub fn column(&self, k: usize) -> &[(usize, f64)] {
         &self.columns[k]
     }
 
-    /// The bounds of the variables.
+    /// Returns the bounds of the variables.
     pub(crate) fn limits(&self) -> Bounds<'_> {
         Bounds {
             lo: &self.lo,
@@ -224,7 +222,7 @@ impl Space {
         }
     }
 
-    /// Where starts informed by the data are drawn from.
+    /// Returns the ranges from which informed starts are drawn.
     pub(crate) fn start_limits(&self) -> Bounds<'_> {
         Bounds {
             lo: &self.start_lo,
@@ -232,14 +230,14 @@ impl Space {
         }
     }
 
-    /// Derivative by variable `k`, from the derivatives by all parameters.
+    /// Returns the derivative by variable `k`, from the derivatives by all parameters.
     #[inline]
     pub(crate) fn derivative(&self, k: usize, by_parameter: &[f64]) -> f64 {
         let column = self.columns[k].iter();
         column.map(|&(i, c)| c * by_parameter[i]).sum()
     }
 
-    /// a = base + B x. Free parameters are kept within their bounds to the last bit.
+    /// Computes a = base + B x. Free parameters are kept within their bounds to the last bit.
     pub fn parameters_at(&self, x: &[f64], a: &mut [f64]) {
         a.copy_from_slice(&self.base);
         self.add_step(x, a);
@@ -248,7 +246,7 @@ impl Space {
         }
     }
 
-    /// The parameter vector a = base + B x, as [`Space::parameters_at`] gives it.
+    /// Returns the parameter vector a = base + B x, as [`Space::parameters_at`] computes it.
     pub fn parameters(&self, x: &[f64]) -> Vec<f64> {
         let mut a = vec![0.0; self.base.len()];
         self.parameters_at(x, &mut a);
@@ -264,7 +262,7 @@ impl Space {
         }
     }
 
-    /// The variables of a parameter vector, moved strictly inside the bounds.
+    /// Returns the variables of a parameter vector, moved strictly inside the bounds.
     pub fn variables_at(&self, a: &[f64]) -> Vec<f64> {
         let free = self.free.iter().zip(&self.unit);
         let mut x: Vec<f64> = free.map(|(&i, u)| a[i] / u).collect();
@@ -272,20 +270,20 @@ impl Space {
         x
     }
 
-    /// A value of variable k, evenly spread over where starts informed by the data are drawn from.
+    /// Draws a uniform value of variable k from the range of informed starts.
     pub(crate) fn drawn(&self, k: usize, random: &mut fastrand::Rng) -> f64 {
         self.start_limits().drawn(k, random)
     }
 
-    /// Whether variable k is as good as at a bound: nearer than `within`, which counts from a
-    /// hundred-thousandth of the range (or of a unit) to a hundredth.
+    /// Returns true if variable k is nearer than `within` to a bound. `within` is clamped to
+    /// between a hundred-thousandth and a hundredth of the range (or of a unit).
     pub(crate) fn is_at_bound(&self, x: &[f64], k: usize, within: f64) -> bool {
         let range = (self.hi[k] - self.lo[k]).min(1.0);
         let gap = (x[k] - self.lo[k]).min(self.hi[k] - x[k]);
         gap < within.max(1e-5 * range).min(1e-2 * range)
     }
 
-    /// Moves x inside the bounds by at least `share` of the range (or of a unit, where the range is
+    /// Moves x inside the bounds by at least `share` of the range (or of a unit, if the range is
     /// infinite).
     pub fn into_interior(&self, x: &mut [f64], share: f64) {
         for (k, v) in x.iter_mut().enumerate() {
@@ -299,7 +297,7 @@ impl Space {
         }
     }
 
-    /// Descends within the bounds of the variables.
+    /// Minimises within the bounds of the variables.
     pub(crate) fn minimize(
         &self,
         objective: &mut dyn Objective,
@@ -310,7 +308,8 @@ impl Space {
         lm::minimize(objective, x, &self.lo, &self.hi, options, monitor)
     }
 
-    /// The greatest share of the step `p` from `x` that leaves tied parameters within their bounds.
+    /// Returns the greatest share of the step `p` from `x` that keeps tied parameters within their
+    /// bounds: up to 95 % of the way to a bound.
     pub fn step_limit(&self, x: &[f64], p: &[f64]) -> f64 {
         let mut limit: f64 = 1.0;
         for (i, row) in &self.rows {
@@ -325,7 +324,7 @@ impl Space {
         limit
     }
 
-    /// Gradient and matrix in the variables, Bᵀg and BᵀHB, from the ones in the parameters.
+    /// Transforms gradient and matrix from the parameters to the variables: Bᵀg and BᵀHB.
     pub(crate) fn pull_back(&self, ga: &[f64], ha: &[f64], g: &mut [f64], h: &mut [f64]) {
         let m = self.len();
         for j in 0..m {
@@ -338,7 +337,7 @@ impl Space {
         }
     }
 
-    /// Element (j, k) of BᵀHB.
+    /// Returns element (j, k) of BᵀHB.
     #[inline]
     fn sandwich(&self, j: usize, k: usize, ha: &[f64]) -> f64 {
         let n = self.base.len();
@@ -351,7 +350,7 @@ impl Space {
         s
     }
 
-    /// Covariance of the parameters, B C Bᵀ, from that of the variables.
+    /// Transforms the covariance of the variables to the parameters: B C Bᵀ.
     pub(crate) fn push_forward(&self, cov: &[f64]) -> Vec<f64> {
         let (n, m) = (self.base.len(), self.len());
         let mut out = vec![0.0; n * n];
@@ -368,7 +367,7 @@ impl Space {
     }
 }
 
-/// Unit of a variable whose bounds are `range` apart.
+/// Returns the unit of a variable whose bounds are `range` apart.
 fn unit_of(kind: Kind, range: f64, data: Aabb) -> f64 {
     let half = 0.5 * positive(data.diagonal());
     match kind {

@@ -1,4 +1,4 @@
-//! A scan, a template and settings: what every stage of a fit works with.
+//! A scan, a template and settings: the input of every stage of a fit.
 
 use crate::deviation::{self, Data};
 use crate::feet::KeptFeet;
@@ -9,27 +9,27 @@ use crate::space::Space;
 use crate::{Control, FitError, Options, Parameter, Template};
 use isoform_geom::{Aabb, ParamField, Point3};
 
-/// A point is an outlier when it lies this many robust deviations off the model, and farther than
-/// a share of the spacing that the report knows.
+/// Number of robust deviations beyond which a point is an outlier, if it is also farther off than a
+/// share of the spacing.
 pub(crate) const OUTLIER_DEVIATIONS: f64 = 6.0;
 /// Noise below this share of the size is taken for rounding when deviations are judged.
 const EXACT: f64 = 1e-9;
 
-/// One template and one scan to be brought together.
+/// One template and one scan, with everything that a fit of one to the other needs.
 pub(crate) struct Task<'a> {
     pub(crate) scan: &'a Scan<'a>,
-    /// The distinct points of the scan; of a cloud in chunks a sample.
+    /// Distinct points of the scan; of a cloud in chunks a sample.
     pub(crate) points: &'a [Point3],
     pub(crate) near: &'a Neighbourhood,
     /// A random order of the points.
     pub(crate) order: &'a [u32],
-    /// The box of the data.
+    /// Box of the data.
     pub(crate) data: Aabb,
     pub(crate) template: &'a dyn Template,
     pub(crate) options: &'a Options,
     pub(crate) control: &'a Control<'a>,
     pub(crate) space: Space,
-    /// The template's distance, if it has one.
+    /// Distance of the template, if it has one.
     pub(crate) distance: Option<KeptFeet<'a>>,
 }
 
@@ -61,24 +61,24 @@ impl<'a> Task<'a> {
         })
     }
 
-    /// Diagonal of the data's box.
+    /// Returns the diagonal of the data's box.
     pub(crate) fn size(&self) -> f64 {
         self.data.diagonal()
     }
 
-    /// Noise below this is rounding.
+    /// Returns the deviation below which noise counts as rounding.
     pub(crate) fn rounding(&self) -> f64 {
         (EXACT * self.size()).max(self.options.rounding)
     }
 
-    /// The first points in the random order.
+    /// Returns the first points in the random order.
     pub(crate) fn some(&self, count: usize) -> Vec<Point3> {
         let first = self.order.iter().take(count);
         first.map(|&i| self.points[i as usize]).collect()
     }
 
-    /// The caller's start, else the template's, as far as they go; the middle of the data-informed
-    /// ranges for the rest.
+    /// Returns the caller's start, or the template's, completed by the centres of the data-informed
+    /// ranges.
     pub(crate) fn first(&self) -> Option<Vec<f64>> {
         if let Some(start) = &self.options.start {
             return Some(self.space.variables_at(start));
@@ -96,12 +96,12 @@ impl<'a> Task<'a> {
         is_told.then_some(x)
     }
 
-    /// A polish of the metric reading; `start` is its number in the history.
+    /// Sets up a polish of the metric reading; `start` is its number in the history.
     pub(crate) fn polish(&self, start: usize) -> Polish<'_> {
         self.polish_with(self.template.metric(), start)
     }
 
-    /// A polish of the given residual.
+    /// Sets up a polish of the given residual.
     pub(crate) fn polish_with<'b>(&'b self, field: &'b dyn ParamField, start: usize) -> Polish<'b> {
         Polish {
             field,
@@ -113,7 +113,7 @@ impl<'a> Task<'a> {
         }
     }
 
-    /// What the model's surface is measured against.
+    /// Returns the data with which the model's surface is compared.
     pub(crate) fn data(&self, noise: f64) -> Data<'_> {
         Data {
             bounds: self.data,
@@ -122,25 +122,25 @@ impl<'a> Task<'a> {
         }
     }
 
-    /// Correlation of the residuals of neighbours, from some of the points.
+    /// Returns the correlation of the residuals of neighbours, from some of the points.
     pub(crate) fn correlation(&self, r: &[f64], probes: usize) -> f64 {
         self.correlation_but(r, &vec![false; r.len()], probes)
     }
 
-    /// The same with some points left out.
+    /// Returns the correlation of the residuals of neighbours, with some points left out.
     pub(crate) fn correlation_but(&self, r: &[f64], left_out: &[bool], probes: usize) -> f64 {
         let known = (&self.near.tree, self.order);
         deviation::neighbour_correlation(self.points, r, left_out, known, probes)
     }
 }
 
-/// How many parameters are neither fixed nor tied.
+/// Counts the parameters that are neither fixed nor tied.
 pub(crate) fn free_parameters(parameters: &[Parameter]) -> usize {
     let is_free = |p: &&Parameter| p.fixed.is_none() && p.tie.is_none();
     parameters.iter().filter(is_free).count()
 }
 
-/// Start and bounds have one value by parameter, where they are given.
+/// Checks that start and bounds, if given, have one value per parameter.
 fn check_lengths(options: &Options, expected: usize) -> Result<(), FitError> {
     let start = options.start.as_ref().map(Vec::len);
     let bounds = Some(options.bounds.len()).filter(|n| *n > 0);

@@ -1,9 +1,9 @@
-//! What a fit asks of a template: named parameters and three readings of one function.
+//! Interface of templates: named parameters and three readings of one function.
 
 use isoform_geom::{DistanceField, Frame, ParamField, Point3};
 
-/// What a parameter measures. It sets the parameter's unit in the search and where starts and
-/// bounds come from.
+/// Quantity that a parameter measures. It determines the parameter's unit in the search, and
+/// defaults for starts and bounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Kind {
     /// A position along x.
@@ -26,7 +26,7 @@ pub enum Kind {
 /// A parameter that follows others: `constant + Σ factor · a[index]`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tie {
-    /// Added to the sum.
+    /// Constant term.
     pub constant: f64,
     /// Zero-based index of a parameter, and its factor.
     pub terms: Vec<(usize, f64)>,
@@ -37,26 +37,26 @@ pub struct Tie {
 pub struct Parameter {
     /// Name in reports, for example `a[3]` or `radius`.
     pub name: String,
-    /// What it measures.
+    /// Quantity that it measures.
     pub kind: Kind,
-    /// Least value; none leaves it to the data.
+    /// Least value; `None` leaves it to the data.
     pub min: Option<f64>,
-    /// Greatest value; none leaves it to the data.
+    /// Greatest value; `None` leaves it to the data.
     pub max: Option<f64>,
-    /// Where the template's author would start.
+    /// Start that the template's author suggests.
     pub start: Option<f64>,
-    /// Held at this value.
+    /// Value at which it is held; `None` if it is free.
     pub fixed: Option<f64>,
-    /// Follows other parameters (takes precedence over `fixed`).
+    /// Dependence on other parameters (takes precedence over `fixed`).
     pub tie: Option<Tie>,
     /// Unit for people; the fit does not use it.
     pub unit: Option<String>,
-    /// Whether it moves the whole template and is none of its dimensions.
+    /// True if it moves the whole template and is not one of its dimensions.
     pub is_pose: bool,
 }
 
 impl Parameter {
-    /// A free parameter without limits.
+    /// Makes a free parameter without limits.
     pub fn new(name: impl Into<String>, kind: Kind) -> Self {
         Self {
             name: name.into(),
@@ -66,37 +66,38 @@ impl Parameter {
     }
 }
 
-/// The pieces that decide a template's function at some points.
+/// Returns the pieces that determine a template's function at points.
 pub(crate) fn parts_of(template: &dyn Template, points: &[Point3], a: &[f64]) -> Vec<u32> {
     let mut parts = vec![0; points.len()];
     template.parts(points, a, &mut parts);
     parts
 }
 
-/// A function of space with parameters, read three ways.
+/// A function of space with parameters, in three readings.
 pub trait Template: Send + Sync {
-    /// The parameters, in the order of the vectors `a`.
+    /// Returns the parameters, in the order of the vectors `a`.
     fn parameters(&self) -> &[Parameter];
-    /// The model's own function. Its wide basins are searched.
+    /// Returns the model's own function, whose wide basins suit the search.
     fn algebraic(&self) -> &dyn ParamField;
-    /// Close to a signed distance. It is measured with, and the result polished.
+    /// Returns an approximation of the signed distance, by which results are polished and measured.
     fn metric(&self) -> &dyn ParamField;
-    /// The signed distance to the surface, with foot points: what the fit ends with. None where the
-    /// template knows no better than [`Template::metric`].
+    /// Returns the signed distance to the surface, with foot points, by which the final fit is
+    /// made; `None` if the template knows no better than [`Template::metric`].
     fn distance(&self) -> Option<&dyn DistanceField> {
         None
     }
-    /// The frame that the template's shape stands in: what is random is made there, so that it is
-    /// alike in all poses.
+    /// Returns the frame of the template's shape, in which random points are drawn so that they are
+    /// equal in all poses.
     fn frame(&self, _a: &[f64]) -> Frame {
         Frame::SPACE
     }
-    /// Names of the smooth pieces of the surface.
+    /// Returns the names of the smooth pieces of the surface.
     fn part_names(&self) -> &[String];
-    /// The piece (index into [`Template::part_names`]) that decides the function at each point.
+    /// Computes the piece (index into [`Template::part_names`]) that determines the function at
+    /// each point.
     fn parts(&self, points: &[Point3], a: &[f64], out: &mut [u32]);
-    /// Numbers from which, and from its program, the template can be made once more elsewhere, with
-    /// equal readings: what answers for chunks of points on another machine needs them.
+    /// Returns numbers from which, with its program, the template can be reconstructed with equal
+    /// readings: another machine needs them to answer for chunks of points.
     fn recipe(&self) -> Vec<f64> {
         Vec::new()
     }

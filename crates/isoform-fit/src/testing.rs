@@ -58,7 +58,8 @@ impl Objective for Powell {
     }
 }
 
-/// Many local minima along each axis: Σ xᵢ² + (3 sin 4xᵢ)² with one global minimum at 0.
+/// A function with many local minima along each axis: Σ xᵢ² + (3 sin 4xᵢ)², with one global minimum
+/// at 0.
 pub(crate) struct Egg(pub(crate) usize);
 
 impl Objective for Egg {
@@ -82,7 +83,7 @@ impl Objective for Egg {
     }
 }
 
-/// Never a number.
+/// A function that is NaN everywhere.
 pub(crate) struct Nothing;
 
 impl Objective for Nothing {

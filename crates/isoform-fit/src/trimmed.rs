@@ -1,10 +1,10 @@
-//! The search again when a good part of the points fits nothing: clustered outliers, which no
-//! filter of isolated points sees.
+//! A second search for data of which a good part fits nothing: clustered outliers, which a filter
+//! of isolated points does not detect.
 //!
 //! Least trimmed squares by concentration (Rousseeuw and Van Driessen 2006, Data Min. Knowl. Disc.
-//! 12:29–45): from each start the algebraic sum is minimised, then again over the [`KEPT`] share of
+//! 12:29–45): from each start the algebraic sum is minimised, then again over the four fifths of
 //! the points with the smallest metric residuals, and so on. The results are compared by truncated
-//! sums, which do not care how far off an outlier is.
+//! sums, which do not depend on how far off an outlier is.
 
 use crate::lm;
 use crate::objective::{Residuals, values};
@@ -33,17 +33,17 @@ const FIRST: usize = 40;
 /// Evaluations of the later minimisations, and of the first one after a throw.
 const THEN: usize = 15;
 
-/// A result of the trimmed search.
+/// Result of a trimmed fit.
 pub(crate) struct Trimmed {
     pub(crate) x: Vec<f64>,
-    /// Absolute metric residuals; infinite where there are none.
+    /// Absolute metric residuals; infinite where a residual is not finite.
     off: Vec<f64>,
     pub(crate) evaluations: usize,
 }
 
 impl Search<'_> {
-    /// The best result of trimmed fits, from a start and from informed ones, with the evaluations
-    /// of all.
+    /// Returns the best result of trimmed fits, from a start and from 32 informed ones, with the
+    /// evaluations of all.
     pub(crate) fn trimmed(&self, first: Vec<f64>, spacing: f64) -> Trimmed {
         let drawn = (0..STARTS).map(|i| self.drawn(i));
         let starts: Vec<Vec<f64>> = [first].into_iter().chain(drawn).collect();
@@ -68,7 +68,8 @@ impl Search<'_> {
         }
     }
 
-    /// A place with single pieces thrown elsewhere, one in each of the results.
+    /// Returns twelve copies of a point, each with one of its four pieces with the fewest points
+    /// drawn anew.
     fn thrown(&self, x: &[f64], random: &mut fastrand::Rng) -> Vec<Vec<f64>> {
         let groups = self.groups(x);
         let group = |k: usize| groups.get(k % groups.len().clamp(1, THROWN));
@@ -84,7 +85,7 @@ impl Search<'_> {
             .collect()
     }
 
-    /// Concentration steps from a start, the first of at most `first` evaluations.
+    /// Runs concentration steps from a start, the first with at most `first` evaluations.
     fn concentrate(&self, x: Vec<f64>, first: usize) -> Trimmed {
         let mut trimmed = Trimmed {
             x,
@@ -108,7 +109,7 @@ impl Search<'_> {
         trimmed
     }
 
-    /// A minimum of the weighted algebraic sum.
+    /// Minimises the weighted algebraic sum.
     fn weighted(&self, weights: &[f64], x: Vec<f64>, most: usize) -> lm::Minimum {
         let field = self.template.algebraic();
         let mut objective = Residuals::new(field, self.points, weights, self.space);
@@ -121,7 +122,8 @@ impl Search<'_> {
             .minimize(&mut objective, x, &settings, &mut |_, _, _| true)
     }
 
-    /// Absolute metric residuals of the points; infinite where there are none.
+    /// Returns the absolute metric residuals of the points; infinite where a residual is not
+    /// finite.
     fn off(&self, x: &[f64]) -> Vec<f64> {
         let mut r = vec![0.0; self.points.len()];
         let a = self.space.parameters(x);
@@ -136,7 +138,7 @@ impl Search<'_> {
         r.iter().map(off).collect()
     }
 
-    /// The result of the least truncated sum.
+    /// Returns the index of the result with the least truncated sum.
     fn lowest(&self, found: &[Trimmed], spacing: f64) -> usize {
         let scales = found.iter().map(Trimmed::scale);
         let cut = (CUT * scales.fold(f64::INFINITY, f64::min)).max(LEAST_CUT * spacing);
@@ -151,13 +153,13 @@ impl Search<'_> {
 }
 
 impl Trimmed {
-    /// Robust deviation of the residuals.
+    /// Returns the robust deviation of the residuals.
     fn scale(&self) -> f64 {
         robust_deviation(&mut self.off.clone())
     }
 
-    /// The distance within which points are kept after a step. The last step asks all points that
-    /// are near enough.
+    /// Returns the distance within which points are kept after a step: four fifths of them, which
+    /// tolerates a fifth of clustered outliers; after the last step all that are near enough.
     fn limit(&self, step: usize) -> f64 {
         let mut sorted = self.off.clone();
         if step + 1 < STEPS {

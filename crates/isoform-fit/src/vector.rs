@@ -1,21 +1,21 @@
-//! Sums and differences of vectors of any length.
+//! Arithmetic on vectors of any length.
 
-/// Inner product.
+/// Returns the inner product.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// Euclidean length.
+/// Returns the Euclidean length.
 pub(crate) fn norm(a: &[f64]) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// a − b.
+/// Returns a − b.
 pub(crate) fn minus(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(x, y)| x - y).collect()
 }
 
-/// The products aᵢ bᵢ.
+/// Returns the products aᵢ bᵢ.
 pub(crate) fn times(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(x, y)| x * y).collect()
 }
@@ -30,13 +30,13 @@ pub(crate) fn add(a: &mut [f64], b: &[f64]) {
     a.iter_mut().zip(b).for_each(|(x, y)| *x += y);
 }
 
-/// Largest |aᵢ − bᵢ|.
+/// Returns the largest |aᵢ − bᵢ|.
 pub(crate) fn distance(a: &[f64], b: &[f64]) -> f64 {
     let off = a.iter().zip(b).map(|(x, y)| (x - y).abs());
     off.fold(0.0, f64::max)
 }
 
-/// Whether all numbers are finite.
+/// Returns true if all numbers are finite.
 pub(crate) fn is_finite(a: &[f64]) -> bool {
     a.iter().all(|v| v.is_finite())
 }

@@ -1,6 +1,6 @@
-//! Names in a sentence.
+//! Lists of names in sentences.
 
-/// "a", "a and b", "a, b and c".
+/// Formats names as "a", "a and b", "a, b and c".
 pub(crate) fn listed<S: AsRef<str>>(names: &[S]) -> String {
     let names: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
     match names.split_last() {

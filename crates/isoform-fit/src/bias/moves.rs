@@ -1,10 +1,10 @@
-//! Evenly spread noise.
+//! Low-discrepancy normal noise.
 
 use isoform_geom::{Point3, cross, norm};
 use std::f64::consts::TAU;
 
-/// Evenly spread standard normal moves: a sequence of Kronecker with the steps of Roberts (powers
-/// of the root of x⁶ = x + 1), from a start that the seed draws.
+/// Low-discrepancy sequence of standard normal vectors: a Kronecker sequence with the steps of
+/// Roberts (powers of the root of x⁶ = x + 1) from a seeded start.
 pub(super) struct Moves {
     at: [f64; 5],
 }
@@ -20,7 +20,7 @@ impl Moves {
         }
     }
 
-    /// The next five numbers in [0, 1).
+    /// Returns the next five numbers in [0, 1).
     fn step(&mut self) -> [f64; 5] {
         let mut step = 1.0;
         for v in &mut self.at {
@@ -30,8 +30,9 @@ impl Moves {
         self.at
     }
 
-    /// Three moves of one length at right angles: with their opposites they give the mean of a
-    /// quadratic but for the length, so that what cancels in the mean does in each set.
+    /// Returns three orthogonal vectors of equal length. Together with their opposites they
+    /// integrate quadratics exactly up to the length, so that terms which cancel in the mean cancel
+    /// in each set.
     pub(super) fn next(&mut self) -> [Point3; 3] {
         let [p, q, r, s, turn] = self.step();
         let ((x, y), (z, _)) = (normal_pair([p, q]), normal_pair([r, s]));
@@ -46,10 +47,10 @@ impl Moves {
     }
 }
 
-/// Two vectors of the length of a first one, at right angles to it and to each other.
+/// Returns two vectors orthogonal to `first` and to each other, of its length.
 fn frame_of(first: Point3) -> [Point3; 2] {
     let length = norm(first).max(f64::MIN_POSITIVE);
-    // Across the axis that it is least along.
+    // The axis with the smallest component.
     let is_less = |i: usize, b: usize| first[i].abs() < first[b].abs();
     let least = (0..3).fold(0, |b, i| if is_less(i, b) { i } else { b });
     let axis = std::array::from_fn(|i| f64::from(u8::from(i == least)));
@@ -58,7 +59,8 @@ fn frame_of(first: Point3) -> [Point3; 2] {
     [u, cross(first, u).map(|v| v / length)]
 }
 
-/// Two independent standard normal numbers from even ones in [0, 1) (Box and Muller).
+/// Returns two independent standard normal numbers from two uniform ones in [0, 1) (Box and
+/// Muller).
 pub(super) fn normal_pair(even: [f64; 2]) -> (f64, f64) {
     let radius = (-2.0 * (1.0 - even[0]).ln()).sqrt();
     let angle = TAU * even[1];
@@ -80,7 +82,7 @@ mod tests {
             assert!(dot(u, v).abs() + dot(v, w).abs() + dot(w, u).abs() < 1e-12 * length);
             square += length / 3.0;
         }
-        // Each coordinate has variance 1.
+        // The variance of each coordinate is 1.
         assert!((square / f64::from(n) - 1.0).abs() < 0.01);
     }
 }

@@ -1,4 +1,5 @@
-//! Places of the surface that noise is simulated at, with the data that each stands for.
+//! Random points of the surface at which noise is simulated, with the number of data points that
+//! each represents.
 
 use super::{Around, Biased};
 use crate::chunks::Grid;
@@ -16,8 +17,9 @@ const PER_CELL: f64 = 3.0;
 const MOST_CELLS: f64 = 64.0;
 
 impl Biased<'_> {
-    /// Places of the surface near more than an edge, with the data points that each stands for;
-    /// None where the surface is not met.
+    /// Samples points of the surface whose local geometry has no closed form, with the number of
+    /// data points that each represents; `None` if the surface has fewer than 250 samples near the
+    /// data.
     pub(super) fn places(&self, a: &[f64], data: Aabb) -> Option<(Vec<Foot>, Vec<f64>)> {
         let wanted = (4 * self.points.count()).clamp(LEAST_PLACES, MOST_PLACES);
         let region = grown(data, MARGIN * self.noise);
@@ -48,7 +50,7 @@ fn grown(mut region: Aabb, by: f64) -> Aabb {
     region
 }
 
-/// Cells of a box with a rim of empty ones, so that every cell has neighbours.
+/// A grid over a box with a rim of empty cells, so that every cell of the box has 26 neighbours.
 pub(crate) struct Cells {
     lo: Point3,
     cell: f64,
@@ -56,7 +58,8 @@ pub(crate) struct Cells {
 }
 
 impl Cells {
-    /// Cells that some places share as [`PER_CELL`] says.
+    /// Makes a grid whose cells hold three points of a surface on average: with its neighbours, a
+    /// cell sees some nine times as many. The longest side has at most 64 cells.
     fn new(data: Aabb, places: usize) -> Self {
         let size = data.size();
         let area = 2.0 * (size[0] * size[1] + size[1] * size[2] + size[2] * size[0]);
@@ -88,7 +91,7 @@ impl Cells {
         }
     }
 
-    /// The number of the cell that a point is in, or of the nearest one.
+    /// Returns the index of the cell that a point is in, or of the nearest one.
     fn key(&self, p: Point3) -> usize {
         let along = |i: usize| {
             let at = ((p[i] - self.lo[i]) / self.cell).floor() as isize + 1;
@@ -97,14 +100,14 @@ impl Cells {
         (along(0) * self.count[1] + along(1)) * self.count[2] + along(2)
     }
 
-    /// Points by cell.
+    /// Counts points by cell.
     pub(crate) fn counted(&self, points: &[Point3]) -> Vec<f64> {
         let mut counts = vec![0.0; self.count.iter().product()];
         points.iter().for_each(|p| counts[self.key(*p)] += 1.0);
         counts
     }
 
-    /// Points in a cell and the ones next to it.
+    /// Sums the counts of a cell and its 26 neighbours.
     fn around(&self, counts: &[f64], at: usize) -> f64 {
         let rows = [self.count[1] * self.count[2], self.count[2], 1];
         let mut sum = 0.0;
@@ -116,16 +119,16 @@ impl Cells {
     }
 }
 
-/// The number of data points per place, near each place. Points and places are counted in the
-/// place's cell of a grid and in the cells next to it.
-/// `met` are the points by cell, and how many they are.
+/// Returns the number of data points per sample of the surface, near each sample. Both are counted
+/// in the sample's cell of a grid and in its neighbours; `met` are the data points by cell, and
+/// their number.
 fn densities(cells: &Cells, places: &[Point3], (met, count): (&[f64], usize)) -> Vec<f64> {
     let there = cells.counted(places);
     let mean = count as f64 / places.len() as f64;
     let density = |place: &Point3| {
         let at = cells.key(*place);
         let (there, met) = (cells.around(&there, at), cells.around(met, at));
-        // A few places only are drawn to the mean, unless there are no data.
+        // Small counts are shrunk towards the mean, unless no data are near.
         if met == 0.0 && there > 3.0 {
             0.0
         } else {

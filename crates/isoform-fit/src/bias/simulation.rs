@@ -1,4 +1,4 @@
-//! Noise that is simulated at places of the surface, and what it does to the fit.
+//! Noise simulated at random points of the surface, and its effect on the fit.
 
 use super::moves::Moves;
 use super::{Biased, Sums};
@@ -20,17 +20,17 @@ struct Noisy {
     place: u32,
 }
 
-/// Sums over a piece of the simulated points.
+/// Sums over a block of the simulated points.
 struct Piece {
-    /// Pulls, by place.
+    /// Pulls by sample of the surface.
     rows: Vec<(u32, Vec<f64>)>,
-    /// Squares of the distances, weighted.
+    /// Weighted sum of squared distances.
     squares: f64,
     weights: f64,
 }
 
 impl Piece {
-    /// The pull of a place, which follows the others or is the last of them.
+    /// Returns the pull of a sample, which is the last one or follows it.
     fn row(&mut self, place: u32, m: usize) -> &mut [f64] {
         if self.rows.last().is_none_or(|(last, _)| *last != place) {
             self.rows.push((place, vec![0.0; m]));
@@ -40,7 +40,7 @@ impl Piece {
 }
 
 impl Biased<'_> {
-    /// Adds noise that is simulated at places.
+    /// Adds the effect of simulated noise at samples of the surface.
     pub(super) fn simulated(&self, a: &[f64], places: &[Foot], density: &[f64], sums: &mut Sums) {
         if places.is_empty() {
             return;
@@ -51,7 +51,7 @@ impl Biased<'_> {
             .par_chunks(PIECE)
             .map(|piece| self.sums(a, piece))
             .collect();
-        // One row a place: a piece ends anywhere.
+        // Blocks may split the points of a sample.
         let mut rows = vec![0.0; places.len() * m];
         for piece in &pieces {
             sums.squares += piece.squares;
@@ -64,7 +64,8 @@ impl Biased<'_> {
         rows.chunks_exact(m).for_each(|row| sums.add(row));
     }
 
-    /// Noisy points of places, sets of six each.
+    /// Draws noisy points at samples of the surface, one to eight sets of six each, some 16,000 in
+    /// all.
     fn noisy(&self, places: &[Foot], density: &[f64]) -> Vec<Noisy> {
         let sets = (SIMULATED / (6 * places.len())).clamp(1, MOST_SETS);
         let mut noisy = Vec::with_capacity(6 * sets * places.len());
@@ -82,7 +83,7 @@ impl Biased<'_> {
         noisy
     }
 
-    /// Jᵀr of each place among some simulated points.
+    /// Sums Jᵀr by sample over some simulated points.
     fn sums(&self, a: &[f64], noisy: &[Noisy]) -> Piece {
         let (n, m) = (self.distance.dim(), self.space.len());
         let points: Vec<Point3> = noisy.iter().map(|p| p.at).collect();

@@ -1,9 +1,10 @@
-//! What noise does beside a straight edge between two planes.
+//! The effect of noise near a straight edge between two planes.
 //!
-//! In units of the noise and seen along the edge, points that come from the half line x > 0 of the
-//! first face are spread by φ(z) Φ(x), z being the depth below that face. The integrals are taken
-//! in polar coordinates about the edge, sector by sector: within one the distance is smooth. What
-//! the whole plane of the first face would give is taken off, so that only the edge is left.
+//! In units of the noise and in the plane normal to the edge, points that come from the half line x
+//! > 0 of the first face have the density φ(z) Φ(x), where z is the depth below that face. The
+//! integrals are taken in polar coordinates about the edge, sector by sector: within one the
+//! distance is smooth. The contribution of the unbounded plane of the first face is subtracted, so
+//! that only the effect of the edge remains.
 
 use isoform_num::gauss_legendre;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -20,19 +21,19 @@ const SHARPEST: f64 = PI / 4.0;
 /// Angles are rounded to this, which changes the sums by less than a per cent.
 const STEP: f64 = 0.01;
 
-/// Sums over the noisy points of one face of an edge, per length of the edge and density of the
-/// points, in units of the noise.
+/// Integrals over the noisy points of one face of an edge, per length of the edge and density of
+/// the points, in units of the noise.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Wedge {
-    /// Weighted distance times the share of the points' own face in its direction.
+    /// Weighted distance times the component of its direction along the points' own face normal.
     pub(super) own: f64,
-    /// Weighted distance times the share of the other face.
+    /// Weighted distance times the component along the normal of the other face.
     pub(super) other: f64,
     /// Square of the distance.
     pub(super) squares: f64,
 }
 
-/// The wedges that were asked for: a part has few angles.
+/// Integrals by angle, computed on demand: a part has few distinct angles.
 pub(super) struct Wedges<'w> {
     /// Weight of a distance.
     weight: &'w dyn Fn(f64) -> f64,
@@ -41,7 +42,7 @@ pub(super) struct Wedges<'w> {
     radii: (Vec<f64>, Vec<f64>),
 }
 
-/// What a point beside an edge is nearest to.
+/// The feature nearest to a point near an edge, apart from the first face.
 #[derive(Clone, Copy)]
 enum To {
     Other,
@@ -59,12 +60,13 @@ impl<'w> Wedges<'w> {
         }
     }
 
-    /// Whether an edge of this angle is one for these sums.
+    /// Returns true if the integrals apply to an edge of this angle: faces at less than 45° are
+    /// near each other far from the edge and are left to simulation.
     pub(super) fn has(angle: f64) -> bool {
         (SHARPEST..=TAU - SHARPEST).contains(&angle)
     }
 
-    /// The sums for an angle through the material.
+    /// Returns the integrals for an edge with this angle through the material.
     pub(super) fn at(&mut self, angle: f64) -> Wedge {
         let key = (angle / STEP).round() as i32;
         if let Some((_, wedge)) = self.known.iter().find(|(k, _)| *k == key) {
@@ -101,8 +103,8 @@ impl<'w> Wedges<'w> {
     }
 }
 
-/// The sectors about an edge, with what points there are nearest to. Between them they leave out
-/// only where the first face itself is nearest.
+/// Returns the sectors about an edge with the feature nearest to their points. The remaining
+/// sector, in which the first face itself is nearest, contributes nothing.
 fn sectors(angle: f64) -> [(f64, f64, To); 3] {
     let half = 0.5 * angle;
     if angle < PI {
@@ -124,16 +126,17 @@ fn sectors(angle: f64) -> [(f64, f64, To); 3] {
 struct Ray {
     sin: f64,
     cos: f64,
-    /// Where the ray leaves the noise of the first face.
+    /// Radius at which the ray leaves the noise of the first face.
     far: f64,
-    /// Distance from the surface per radius, inside positive.
+    /// Signed distance from the surface per radius, positive inside.
     sine: f64,
-    /// Shares of the first and of the other face in the direction to the nearest place.
+    /// Components of the direction to the nearest point along the normals of the first and of the
+    /// other face.
     slope: [f64; 2],
 }
 
 impl Ray {
-    /// `at` is the angle from the first face into the material.
+    /// Makes the ray at the angle `at` from the first face into the material.
     fn new(angle: f64, at: f64, nearest: To) -> Self {
         let (sin, cos) = at.sin_cos();
         let (sine, slope) = match nearest {
@@ -153,12 +156,12 @@ impl Ray {
     }
 }
 
-/// φ, the density of a standard normal number.
+/// φ, the density of the standard normal distribution.
 pub(super) fn density(z: f64) -> f64 {
     (-0.5 * z * z).exp() / TAU.sqrt()
 }
 
-/// Φ, the share of standard normal numbers below x, to 1e-7 (Abramowitz and Stegun 26.2.17).
+/// Φ, the standard normal distribution function, to 1e-7 (Abramowitz and Stegun 26.2.17).
 fn below(x: f64) -> f64 {
     let t = 1.0 / (1.0 + 0.231_641_9 * x.abs());
     let series = [
@@ -176,7 +179,8 @@ fn below(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The sums by random points, from distances to the two half lines; and their deviation.
+    /// Estimates the integrals from random points by the distances to the two half lines. Returns
+    /// them with their standard deviation.
     fn simulated(angle: f64, weight: fn(f64) -> f64, draws: usize) -> (Wedge, f64) {
         let mut random = fastrand::Rng::with_seed(7);
         let (mut sum, mut variance, length) = (Wedge::default(), 0.0, 12.0);
@@ -184,7 +188,7 @@ mod tests {
         for _ in 0..draws {
             let (u, v) = super::super::moves::normal_pair([random.f64(), random.f64()]);
             let (x, z) = (length * random.f64() + u, v);
-            // Along and below either face, where the other face is the first one mirrored.
+            // Coordinates along and below the other face.
             let (along, below) = (x * cos + z * sin, x * sin - z * cos);
             let turned = z.atan2(x).rem_euclid(TAU);
             let first = if x > 0.0 { z.abs() } else { x.hypot(z) };
@@ -195,7 +199,7 @@ mod tests {
             } else if along > 0.0 && second < first {
                 (0.0, 1.0)
             } else {
-                // Shares of (0, 1) and (sin, −cos) in the direction from the edge.
+                // Components along (0, 1) and (sin, −cos) of the direction from the edge.
                 let other = x / r / sin;
                 (z / r + other * cos, other)
             };

@@ -1,4 +1,4 @@
-//! What a chunk answers: the one place where points that no fit holds are computed with.
+//! Evaluation of a query on the points of a chunk.
 
 use super::bits::Bits;
 use super::question::{Asked, Grid, Mask, Question, Reading, Telling, Weighing};
@@ -46,7 +46,7 @@ pub fn answer(question: &Question, points: &[Point3], template: &dyn Template) -
     out.0
 }
 
-/// Number and box of the points of a chunk, out of its answer to [`Question::Look`].
+/// Decodes the number and the box of the points of a chunk from its answer to [`Question::Look`].
 pub fn looked(words: &[u64]) -> (usize, Aabb) {
     let mut words = Reader::new(words);
     let count = words.count();
@@ -54,9 +54,9 @@ pub fn looked(words: &[u64]) -> (usize, Aabb) {
     (count, Aabb { lo, hi })
 }
 
-/// A hash of a point; both zeros have one.
+/// Returns a hash of a point; equal for both zeros.
 pub(crate) fn hash(p: &Point3, seed: u64) -> u64 {
-    // The finalizer of splitmix64 after each coordinate.
+    // The finaliser of splitmix64 after each coordinate.
     p.iter().fold(seed ^ 0x9E37_79B9_7F4A_7C15, |hash, v| {
         let mut z = hash ^ (v + 0.0).to_bits();
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -65,7 +65,7 @@ pub(crate) fn hash(p: &Point3, seed: u64) -> u64 {
     })
 }
 
-/// Σ (p − c)(p − c)ᵀ, by rows.
+/// Returns Σ (p − c)(p − c)ᵀ, row-major.
 pub fn moments(points: &[Point3], center: Point3) -> [f64; 9] {
     let mut moments = [0.0; 9];
     for p in points {
@@ -79,12 +79,12 @@ pub fn moments(points: &[Point3], center: Point3) -> [f64; 9] {
     moments
 }
 
-/// A point along the columns of a rotation.
+/// Returns the coordinates of a point along the columns of a rotation.
 pub fn along(base: &[Point3; 3], p: &Point3) -> Point3 {
     std::array::from_fn(|j| (0..3).map(|i| base[i][j] * p[i]).sum())
 }
 
-/// The box of points that are not kept.
+/// Returns the bounding box of points without storing them.
 fn box_of(points: impl Iterator<Item = Point3>) -> Aabb {
     let mut bounds = Aabb::of(&[]);
     for p in points {
@@ -102,7 +102,7 @@ impl Writer {
         self.point(bounds.hi);
     }
 
-    /// Cells that are not empty, with their counts.
+    /// Writes the indices and counts of the cells that are not empty.
     fn cells(&mut self, counts: &[f64]) {
         for (cell, count) in counts.iter().enumerate().filter(|(_, count)| **count > 0.0) {
             self.count(cell);
@@ -111,7 +111,7 @@ impl Writer {
     }
 }
 
-/// A chunk that is asked about a template.
+/// A chunk with the template of a question.
 struct Chunk<'a> {
     points: &'a [Point3],
     template: &'a dyn Template,
@@ -119,7 +119,7 @@ struct Chunk<'a> {
 }
 
 impl Chunk<'_> {
-    /// The points that are asked.
+    /// Returns the flagged points.
     fn chosen(&self, only: &Bits) -> Cow<'_, [Point3]> {
         if *only == Bits::default() {
             return Cow::Borrowed(self.points);
@@ -145,7 +145,7 @@ impl Chunk<'_> {
         r
     }
 
-    /// 0 for points on open parts; empty where all are 1.
+    /// Returns 0 for points on open parts and 1 for others; empty if all are 1.
     fn masked(&self, points: &[Point3], mask: &Mask) -> Vec<f64> {
         if !mask.open.contains(&true) {
             return Vec::new();
@@ -153,7 +153,7 @@ impl Chunk<'_> {
         self.measured(points, &mask.a).mask(&mask.open)
     }
 
-    /// A weight by point; empty where all are 1.
+    /// Returns a weight per point; empty if all are 1.
     fn weights(
         &self,
         points: &[Point3],
@@ -229,7 +229,7 @@ impl Chunk<'_> {
         out.tally(&tally);
     }
 
-    /// Adds a block of points to what is told.
+    /// Adds the statistics of a block of points.
     fn tell(
         &self,
         points: &[Point3],
@@ -266,7 +266,7 @@ impl Chunk<'_> {
     }
 }
 
-/// Whether a number is in a window, its ends included.
+/// Returns true if a number is in a closed interval.
 fn is_in(v: f64, window: (f64, f64)) -> bool {
     v >= window.0 && v <= window.1
 }
@@ -304,7 +304,7 @@ impl Writer {
 }
 
 impl Grid {
-    /// Places by cell.
+    /// Counts points by cell.
     fn counted(&self, points: &[Point3]) -> Vec<f64> {
         let cells = crate::bias::Cells::of(self);
         let within: Vec<Point3> = points.iter().map(|p| self.frame.within(*p)).collect();

@@ -1,17 +1,17 @@
-//! A flag for each point of a chunk.
+//! A flag per point of a chunk.
 
-/// Flags by index; where there are none, all are set.
+/// Flags by index; an empty list sets all.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bits(pub(super) Vec<u64>);
 
 impl Bits {
-    /// As many flags, none of them set.
+    /// Returns flags for `count` points, all clear.
     pub(super) fn none(count: usize) -> Self {
-        // One word at least: no word would say that all are set.
+        // At least one word: an empty list sets all flags.
         Self(vec![0; count.div_ceil(64).max(1)])
     }
 
-    /// As many flags, all of them set.
+    /// Returns flags for `count` points, all set.
     pub(super) fn all(count: usize) -> Self {
         Self(vec![u64::MAX; count.div_ceil(64).max(1)])
     }
@@ -28,7 +28,7 @@ impl Bits {
         self.0.is_empty() || self.0[at / 64] >> (at % 64) & 1 == 1
     }
 
-    /// The values whose flags are set.
+    /// Returns the values whose flags are set.
     pub(super) fn chosen<T: Copy>(&self, mut values: Vec<T>) -> Vec<T> {
         if !self.0.is_empty() {
             let mut at = 0..;

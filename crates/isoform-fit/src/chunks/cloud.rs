@@ -1,4 +1,5 @@
-//! What a fit keeps of points in chunks: which of them count, a sample, and which are fitted.
+//! The state of a fit of points in chunks: the flags of distinct and of fitted points, and a
+//! sample.
 
 use super::Chunks;
 use super::answer::moments;
@@ -19,32 +20,32 @@ const WIDE: f64 = 6.0;
 /// Points in chunks, made ready to be fitted.
 pub struct Cloud<'a> {
     chunks: &'a dyn Chunks,
-    /// The number of the first point of each chunk.
+    /// Index of the first point of each chunk among all points.
     starts: Vec<usize>,
     pub(crate) bounds: Aabb,
-    /// The first point of its kind, by chunk.
+    /// Flags of the points that do not repeat an earlier one, by chunk.
     distinct: Vec<Bits>,
     count: usize,
-    /// Distinct points in the order of their hashes, a random one, as many as are kept.
+    /// Distinct points in the order of their hashes, a random order, at most [`MAX_TREE_POINTS`].
     pub(crate) sample: Vec<Point3>,
-    /// Points that settle the fit, by chunk.
+    /// Flags of the points that the final fit uses, by chunk.
     fitted: Vec<Bits>,
     n_fitted: usize,
-    /// Some of those, as evenly spread in the random order as the bias asks for.
+    /// Every n-th of these points in the random order, for the bias.
     pub(crate) strided: Vec<Point3>,
 }
 
-/// How sizes of residuals are spread.
+/// Robust and ordinary size of residuals.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Sizes {
-    /// Their robust standard deviation.
+    /// Robust standard deviation.
     pub(crate) scale: f64,
-    /// Root of the sum of the finite squares over the number of all.
+    /// Root of the sum of the finite squares over the number of all residuals.
     pub(crate) rms: f64,
 }
 
 impl Sizes {
-    /// Of residuals at hand.
+    /// Computes the sizes of residuals in memory.
     pub(crate) fn of(r: &[f64]) -> Self {
         let squares = r.iter().filter(|r| r.is_finite()).map(|r| r * r);
         Self {
@@ -55,10 +56,10 @@ impl Sizes {
 }
 
 impl<'a> Cloud<'a> {
-    /// Looks for repeated points and draws the sample. `bounds` is the box of all points.
+    /// Finds repeated points and draws the sample. `bounds` is the box of all points.
     ///
     /// # Errors
-    /// [`FitError::Stopped`] where a chunk does not answer.
+    /// [`FitError::Stopped`] if a chunk does not answer.
     pub fn new(chunks: &'a dyn Chunks, bounds: Aabb, seed: u64) -> Result<Self, FitError> {
         let counts = chunks.counts();
         let mut all = 0;
@@ -83,12 +84,13 @@ impl<'a> Cloud<'a> {
         Ok(cloud)
     }
 
-    /// Whether a cloud of so many points is gathered instead: the sample would hold them all.
+    /// Returns true if the sample would hold all of `points` points: such a cloud is better read
+    /// whole.
     pub fn is_small(points: usize) -> bool {
         points <= MOST
     }
 
-    /// All points of chunks, in order; none where a chunk does not answer.
+    /// Returns all points of the chunks in order; `None` if a chunk does not answer.
     pub fn gathered(chunks: &dyn Chunks) -> Option<Vec<Point3>> {
         let mut points = Vec::with_capacity(chunks.counts().iter().sum());
         let every = |chunk: usize| (0..chunks.counts()[chunk] as u64).collect();
@@ -102,22 +104,23 @@ impl<'a> Cloud<'a> {
         is_whole.then_some(points)
     }
 
-    /// Distinct points.
+    /// Returns the number of distinct points.
     pub(crate) fn count(&self) -> usize {
         self.count
     }
 
-    /// Points that settle the fit.
+    /// Returns the number of points that the final fit uses.
     pub(crate) fn n_fitted(&self) -> usize {
         self.n_fitted
     }
 
-    /// Points, repeated ones included.
+    /// Returns the number of all points, repeated ones included.
     pub(crate) fn n_points(&self) -> usize {
         self.chunks.counts().iter().sum()
     }
 
-    /// Second moments of all points about a centre, by rows; none where a chunk does not answer.
+    /// Returns the second moments of all points about a centre, row-major; `None` if a chunk does
+    /// not answer.
     pub fn moments(chunks: &dyn Chunks, center: Point3) -> Option<[f64; 9]> {
         let mut sums = moments(&[], center);
         let is_whole = ask_all(chunks, None, &Question::Moments(center), |mut words| {
@@ -128,7 +131,7 @@ impl<'a> Cloud<'a> {
         is_whole.then_some(sums)
     }
 
-    /// The box of all points along the columns of a rotation.
+    /// Returns the box of all points in the coordinates along the columns of a rotation.
     pub fn extents(chunks: &dyn Chunks, base: &[Point3; 3]) -> Aabb {
         let mut bounds = Aabb::of(&[]);
         ask_all(chunks, None, &Question::Extents(*base), |words| {
@@ -137,8 +140,8 @@ impl<'a> Cloud<'a> {
         bounds
     }
 
-    /// Leaves out points that are equal to an earlier one, those with equal hashes; the numbers of
-    /// the others in the order of their hashes, as [`crate::Scan`] has it.
+    /// Clears the flags of points that equal an earlier one, by equal hashes. Returns the indices
+    /// of the others in the order of their hashes, as in [`crate::Scan`].
     fn drop_repeats(&mut self, seed: u64) -> Result<Vec<u32>, FitError> {
         let mut hashes = Vec::with_capacity(self.count);
         let is_whole = ask_all(self.chunks, None, &Question::Hashes(seed), |words| {
@@ -167,7 +170,7 @@ impl<'a> Cloud<'a> {
         Ok(order)
     }
 
-    /// Gathers what is kept of the order.
+    /// Flags the fitted points and gathers the sample, both from the front of the order.
     fn draw(&mut self, mut order: Vec<u32>) -> Result<(), FitError> {
         self.n_fitted = self.count.min(MOST_FITTED);
         let fitted = &order[..self.n_fitted];
@@ -193,7 +196,7 @@ impl<'a> Cloud<'a> {
         Ok(())
     }
 
-    /// The chunk and the place in it of a point with this number among all.
+    /// Returns the chunk of the point with this index among all, and its index in the chunk.
     fn place(&self, number: u32) -> (usize, usize) {
         let chunk = self
             .starts
@@ -202,7 +205,7 @@ impl<'a> Cloud<'a> {
         (chunk, number as usize - self.starts[chunk])
     }
 
-    /// Flags that are changed for the points with these numbers.
+    /// Applies a change to the flags of the points with these indices.
     fn with(
         &self,
         mut flags: Vec<Bits>,
@@ -216,7 +219,7 @@ impl<'a> Cloud<'a> {
         flags
     }
 
-    /// The points with these numbers.
+    /// Fetches the points with these indices.
     fn picked(&self, numbers: &[u32]) -> Result<Vec<Point3>, FitError> {
         let mut slots: Vec<u32> = (0..numbers.len() as u32).collect();
         slots.sort_unstable_by_key(|slot| numbers[*slot as usize]);
@@ -243,7 +246,7 @@ impl<'a> Cloud<'a> {
     }
 }
 
-/// Numbers in the order of their hashes, the first of equal ones first.
+/// Sorts indices by their hashes; among equal hashes the first index comes first.
 pub(crate) fn by_hash(hashes: &[u64]) -> Vec<u32> {
     let mut order: Vec<u32> = (0..hashes.len() as u32).collect();
     order.sort_unstable_by_key(|number| (hashes[*number as usize], *number));
@@ -251,7 +254,7 @@ pub(crate) fn by_hash(hashes: &[u64]) -> Vec<u32> {
 }
 
 impl Cloud<'_> {
-    /// Asks every chunk about residuals: all that count, or those that are fitted.
+    /// Asks every chunk about the residuals of a set of its points.
     pub(super) fn ask_residuals(
         &self,
         template: &dyn Template,
@@ -281,8 +284,8 @@ impl Cloud<'_> {
         }
     }
 
-    /// Robust standard deviation of residuals, and their root mean square. `some` are those of a
-    /// sample.
+    /// Returns the robust standard deviation and the root mean square of residuals. `some` are the
+    /// residuals of a sample.
     pub(crate) fn sizes(
         &self,
         template: &dyn Template,
@@ -307,7 +310,7 @@ impl Cloud<'_> {
         sizes
     }
 
-    /// Sums of squares of residuals beyond a limit and within it.
+    /// Returns the sums of squared residuals beyond a limit and within it.
     pub(crate) fn split(
         &self,
         template: &dyn Template,
@@ -315,7 +318,7 @@ impl Cloud<'_> {
         limit: f64,
     ) -> (f64, f64) {
         let mut told = SizesTold::default();
-        // No size is in a window above all of them.
+        // An empty window: only the sums are needed.
         let none = (f64::INFINITY, f64::INFINITY);
         let question = |asked| Question::Sizes(asked, none, limit);
         self.ask_residuals(template, asked, Which::Distinct, question, |words| {
@@ -324,7 +327,7 @@ impl Cloud<'_> {
         (told.beyond, told.within)
     }
 
-    /// The box of the fitted points in a frame.
+    /// Returns the box of the fitted points in a frame.
     pub(crate) fn within(&self, frame: &Frame) -> Aabb {
         let mut bounds = Aabb::of(&[]);
         self.chunks.ask(
@@ -335,7 +338,7 @@ impl Cloud<'_> {
         bounds
     }
 
-    /// The fitted points by cell.
+    /// Counts the fitted points by cell.
     pub(crate) fn counted(&self, cells: &Cells, frame: &Frame) -> Vec<f64> {
         let grid: Grid = cells.grid(*frame);
         let mut counts = vec![0.0; grid.count.iter().product()];
@@ -351,8 +354,8 @@ impl Cloud<'_> {
         counts
     }
 
-    /// What a report needs of all points. `telling` says of which; its window is found here, from
-    /// the distances of some points used.
+    /// Collects the statistics of all points for a report. The window of the query is found here,
+    /// from the distances of some used points.
     pub(crate) fn told(&self, template: &dyn Template, telling: &Telling, some: &[f64]) -> Tally {
         let mut tally = Tally::default();
         let rank = |n: usize| ((0.95 * n as f64).ceil() as usize).clamp(1, n.max(1)) - 1;
@@ -380,27 +383,27 @@ impl Cloud<'_> {
     }
 }
 
-/// Points that are asked about.
+/// A set of points of a cloud.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Which {
-    /// All, each once.
+    /// All points, each once.
     Distinct,
-    /// Those that settle the fit.
+    /// The points of the final fit.
     Fitted,
 }
 
-/// What was found with a window.
+/// Counts of numbers relative to a window.
 #[derive(Default)]
 struct Found {
-    /// Numbers there are.
+    /// Number of all numbers.
     count: usize,
-    /// Those below the window.
+    /// Number of those below the window.
     below: usize,
-    /// Those in it.
+    /// Numbers in the window.
     inside: Vec<f64>,
 }
 
-/// What chunks say of sizes of residuals.
+/// Sums of the chunks' answers about sizes of residuals.
 #[derive(Default)]
 struct SizesTold {
     all: usize,
@@ -426,8 +429,9 @@ impl SizesTold {
     }
 }
 
-/// The number of a rank among many, of which the same share is below it as below a place of
-/// `some`: those within a window there are asked for, then all beyond it if they miss it.
+/// Returns the order statistic with a rank among many numbers. `some` is a sample of them, in which
+/// the share `share` is below the wanted number: the numbers in a window around it are fetched
+/// first, then all numbers on the side that it turned out to lie on.
 fn ranked(
     some: &[f64],
     share: f64,
@@ -451,13 +455,14 @@ fn ranked(
         } else if window.1 < f64::INFINITY {
             window = (window.1, f64::INFINITY);
         } else {
-            // Only where chunks did not answer.
+            // Reached only if chunks did not answer.
             return 0.0;
         }
     }
 }
 
-/// Where the number lies that a share of all are below, as some of them say.
+/// Returns an interval that contains the quantile `share` of all numbers, estimated from a sample,
+/// with six standard deviations of its rank on both sides.
 fn window(some: &[f64], share: f64) -> (f64, f64) {
     let sizes = some.iter().map(|r| r.abs()).filter(|r| r.is_finite());
     let mut sizes: Vec<f64> = sizes.take(SAMPLED).collect();
@@ -470,7 +475,7 @@ fn window(some: &[f64], share: f64) -> (f64, f64) {
     (lo, hi.copied().unwrap_or(f64::INFINITY))
 }
 
-/// Asks every chunk the same.
+/// Asks every chunk one question.
 fn ask_all(
     chunks: &dyn Chunks,
     template: Option<&dyn Template>,
@@ -484,7 +489,7 @@ fn ask_all(
     )
 }
 
-/// Adds a box to one.
+/// Extends a box by one that was read.
 fn add_box(bounds: &mut Aabb, mut words: Reader<'_>) {
     let (lo, hi) = (words.point(), words.point());
     for i in 0..3 {
@@ -494,7 +499,7 @@ fn add_box(bounds: &mut Aabb, mut words: Reader<'_>) {
 }
 
 impl Tally {
-    /// Adds what a chunk told.
+    /// Adds the answer of a chunk.
     fn add_words(&mut self, mut words: Reader<'_>) {
         let mut next = || words.count();
         self.n += next();

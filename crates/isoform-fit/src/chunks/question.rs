@@ -1,118 +1,118 @@
-//! What chunks are asked.
+//! Queries about points in chunks.
 
 use super::bits::Bits;
 use super::words::{Reader, Writer};
 use crate::Loss;
 use isoform_geom::{Frame, Point3};
 
-/// A reading of the template.
+/// A residual function of the template.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reading {
-    /// Its own function.
+    /// The template's own function.
     Algebraic,
-    /// Close to a distance.
+    /// An approximation of the distance.
     Metric,
-    /// Its distance, or the metric reading where it has none.
+    /// The distance, or the metric reading if the template has none.
     Distance,
 }
 
 const READINGS: [Reading; 3] = [Reading::Algebraic, Reading::Metric, Reading::Distance];
 const LOSSES: [Loss; 4] = [Loss::Auto, Loss::Squares, Loss::Cauchy, Loss::Tukey];
 
-/// Residuals that are asked for.
+/// Residuals that a query is about.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Asked {
-    /// Of this reading.
+    /// Residual function.
     pub reading: Reading,
-    /// At these parameters.
+    /// Parameters.
     pub a: Vec<f64>,
-    /// Of these points.
+    /// Flags of the points.
     pub only: Bits,
 }
 
-/// A loss with its scale, by residuals at parameters that need not be those that are asked about.
+/// Weights by a loss of the residuals at some parameters, which need not be those of the query.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Weighing {
-    /// The parameters.
+    /// Parameters.
     pub a: Vec<f64>,
-    /// The loss.
+    /// Loss.
     pub loss: Loss,
-    /// Its scale.
+    /// Scale of the loss.
     pub scale: f64,
 }
 
-/// Points that are left out: those whose nearest place is on an open part.
+/// A mask that excludes the points whose nearest point of the model is on an open part.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mask {
-    /// The parameters at which nearest places are sought.
+    /// Parameters at which the nearest points are computed.
     pub a: Vec<f64>,
-    /// Whether each part is open; empty for no mask.
+    /// True if a part is open, by part; empty for no mask.
     pub open: Vec<bool>,
 }
 
-/// Cells that places are counted in.
+/// Cells of a grid in which points are counted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
-    /// The frame whose axes the cells are along.
+    /// Frame along whose axes the cells lie.
     pub frame: Frame,
-    /// The first corner of its box.
+    /// Lower corner of the box.
     pub lo: Point3,
-    /// Length of a cell.
+    /// Edge length of a cell.
     pub cell: f64,
-    /// Cells along each axis.
+    /// Number of cells along each axis.
     pub count: [usize; 3],
 }
 
-/// What is to be told of the points in the end.
+/// A query for the statistics of points after a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Telling {
-    /// The parameters found.
+    /// Fitted parameters.
     pub a: Vec<f64>,
-    /// Points that count; the others repeat them.
+    /// Flags of distinct points.
     pub only: Bits,
-    /// Points farther off are outliers; infinite for none.
+    /// Distance beyond which a point is an outlier; infinite for none.
     pub limit: f64,
-    /// Points farther off are listed; infinite for those without a distance only.
+    /// Distance beyond which points are listed; infinite to list only those without a distance.
     pub far: f64,
-    /// What counts as the distance of points without one.
+    /// Distance assigned to points without one.
     pub size: f64,
-    /// Distances of points used in this window are listed.
+    /// Interval of the distances of used points that are listed.
     pub window: (f64, f64),
-    /// Parameters at which the algebraic sum is wanted.
+    /// Parameters at which the algebraic sum is computed.
     pub minima: Vec<Vec<f64>>,
 }
 
-/// What a chunk is asked. The answer to each is told with [`super::answer`].
+/// A query to a chunk; it is evaluated by `evaluate_chunk`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Question {
-    /// Their number and their box, for [`super::looked`].
+    /// The number of points and their box, for `decode_count_and_bounds`.
     Look,
     /// A hash of each point, with this seed.
     Hashes(u64),
-    /// The points of these indices.
+    /// The points with these indices.
     Points(Vec<u64>),
-    /// Second moments about a centre.
+    /// The second moments about a centre.
     Moments(Point3),
-    /// The box along the columns of a rotation.
+    /// The box in the coordinates along the columns of a rotation.
     Extents([Point3; 3]),
-    /// The box of some points in a frame.
+    /// The box of flagged points in a frame.
     Within(Frame, Bits),
-    /// Some points by cell.
+    /// The number of flagged points by cell.
     Cells(Grid, Bits),
-    /// How sizes of residuals are spread: those in a window, and sums below and above a limit.
+    /// Sizes of residuals: those in a window, and the sums of squares above and within a limit.
     Sizes(Asked, (f64, f64), f64),
-    /// The sum of squares.
+    /// The weighted sum of squares.
     Sum(Asked, Option<Weighing>, Mask),
-    /// The normal equations.
+    /// The weighted normal equations.
     Normal(Asked, Option<Weighing>, Mask),
     /// The sum of Tukey's loss at this scale.
     Losses(Asked, f64, Mask),
-    /// What a report needs.
+    /// The statistics for a report.
     Told(Telling),
 }
 
 impl Question {
-    /// The question in words.
+    /// Encodes the query.
     pub fn to_words(&self) -> Vec<u64> {
         let mut out = Writer::default();
         match self {
@@ -168,7 +168,7 @@ impl Question {
         out.0
     }
 
-    /// The question of some words; none where these are no question.
+    /// Decodes a query; `None` if the words do not hold one.
     pub fn from_words(words: &[u64]) -> Option<Self> {
         let mut words = Reader::new(words);
         let question = match words.word() {

@@ -7,17 +7,18 @@ use crate::polish::Sums;
 use crate::space::Space;
 use crate::{Loss, Objective, Template};
 
-/// The points that settle a fit, in chunks.
+/// The points of the final fit, in chunks.
 pub(crate) struct ChunkSums<'a> {
     pub(crate) cloud: &'a Cloud<'a>,
     pub(crate) template: &'a dyn Template,
     pub(crate) space: &'a Space,
     pub(crate) mask: Mask,
-    /// Residuals of some of the points at parameters: they tell where order statistics lie.
+    /// Returns the residuals of a sample of the points at some parameters, which locate order
+    /// statistics.
     pub(crate) some: &'a dyn Fn(&[f64]) -> Vec<f64>,
 }
 
-/// What all sums are of.
+/// Residual function of all sums.
 const READING: Reading = Reading::Distance;
 
 impl<'a> ChunkSums<'a> {
@@ -33,7 +34,7 @@ impl<'a> ChunkSums<'a> {
         sizes.scale
     }
 
-    /// Asks the points that are fitted for a sum at some parameters.
+    /// Asks for a sum over the fitted points at some parameters.
     fn ask(
         &self,
         a: &[f64],
@@ -45,7 +46,7 @@ impl<'a> ChunkSums<'a> {
         cloud.ask_residuals(self.template, (READING, a), Which::Fitted, masked, each)
     }
 
-    /// Σ ρ at some parameters.
+    /// Returns Σ ρ at some parameters.
     fn loss(&self, a: &[f64], scale: f64) -> f64 {
         let mut sum = 0.0;
         let question = |asked, mask| Question::Losses(asked, scale, mask);
@@ -80,7 +81,7 @@ impl Sums for ChunkSums<'_> {
     }
 }
 
-/// Σ w r² over the points that settle a fit.
+/// Σ w r² over the points of the final fit.
 struct ChunkResiduals<'a> {
     sums: &'a ChunkSums<'a>,
     by: Option<Weighing>,

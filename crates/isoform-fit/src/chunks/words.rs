@@ -1,9 +1,9 @@
-//! Questions and answers as words of 64 bits, so that they can be sent: numbers bit by bit, lists
-//! after their lengths.
+//! Encoding of queries and answers as words of 64 bits: floats by their bits, lists after their
+//! lengths.
 
 use isoform_geom::Point3;
 
-/// Words being written.
+/// A writer of words.
 #[derive(Default)]
 pub(super) struct Writer(pub(super) Vec<u64>);
 
@@ -17,7 +17,7 @@ impl Writer {
     pub(super) fn number(&mut self, number: f64) {
         self.word(number.to_bits());
     }
-    /// Numbers whose number is known.
+    /// Writes numbers without their count.
     pub(super) fn each(&mut self, numbers: &[f64]) {
         numbers.iter().for_each(|v| self.number(*v));
     }
@@ -34,7 +34,7 @@ impl Writer {
     }
 }
 
-/// Words that are read from the first on. Behind the last one there are noughts, and `is_short`.
+/// A reader of words. Beyond the end it returns zeros and sets `is_short`.
 pub(super) struct Reader<'a> {
     words: &'a [u64],
     pub(super) is_short: bool,
@@ -47,7 +47,7 @@ impl<'a> Reader<'a> {
             is_short: false,
         }
     }
-    /// What has not been read.
+    /// Returns the unread words.
     pub(super) fn rest(&self) -> &'a [u64] {
         self.words
     }
@@ -81,7 +81,7 @@ impl<'a> Reader<'a> {
         let words = self.words().into_iter();
         words.map(f64::from_bits).collect()
     }
-    /// One of the values that have these places.
+    /// Reads an index and returns the value at it.
     pub(super) fn one_of<T: Copy>(&mut self, values: &[T]) -> T {
         let at = self.count();
         self.is_short |= at >= values.len();

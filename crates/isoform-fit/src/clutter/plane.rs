@@ -1,4 +1,4 @@
-//! Planes that reach beyond the other points: tables and walls.
+//! Planes that extend beyond the other points: tables and walls.
 
 use crate::outliers::{best_plane, robust_deviation};
 use isoform_geom::{KdTree, Point3, across, cross, dot, sub};
@@ -26,24 +26,26 @@ const THINNEST: f64 = 1e-6;
 
 type Point2 = [f64; 2];
 
-/// A plane with the outline of what stands on it.
+/// A plane with the outline of the points off it.
 pub(super) struct Plane {
     pub(super) at: Point3,
     pub(super) normal: Point3,
     thick: f64,
-    /// Two unit directions in the plane.
+    /// Orthogonal unit vectors in the plane.
     axes: [Point3; 2],
-    /// Convex hull of the other points seen along the normal, counterclockwise.
+    /// Convex hull of the other points projected along the normal, counterclockwise.
     outline: Vec<Point2>,
-    /// How far beyond the outline a point must be.
+    /// Distance beyond the outline from which points belong to the plane: 3 % of the outline's
+    /// diagonal.
     beyond: f64,
-    /// True if its points beyond the outline go all round it: a face of the part that is seen from
-    /// one side reaches beyond the others, too, but not all round.
+    /// True if its points beyond the outline surround it. A face of the part that was seen from one
+    /// side also extends beyond the other points, but does not surround them.
     pub(super) is_around: bool,
 }
 
 impl Plane {
-    /// The plane with most points beyond the others; none where no plane has enough.
+    /// Finds the plane with the most points beyond the others; `None` if no plane has 0.5 % of the
+    /// points there.
     pub(super) fn find(points: &[Point3]) -> Option<Self> {
         let thick = THICK * radius(points);
         let tree = KdTree::new(points);
@@ -67,8 +69,9 @@ impl Plane {
         })
     }
 
-    /// The plane near a point and normal, as far as it has the other points on one side: roughly
-    /// first, then as thin as the noise of what lies beyond them.
+    /// Fits a plane near a point and normal with the other points on one side: first with the rough
+    /// half thickness, then with five robust deviations of the points beyond the outline. Noise
+    /// stays within that; a flange that stands on the table does not.
     fn about(points: &[Point3], at: Point3, normal: Point3, thick: f64) -> Option<Self> {
         let length = dot(normal, normal).sqrt();
         if length <= 0.0 {
@@ -87,7 +90,7 @@ impl Plane {
         Self::with_outline(points, (fine.at, fine.normal), thin)
     }
 
-    /// A plane with the outline of the points off it, if all but few of these are on one side.
+    /// Adds the outline of the points off a plane; `None` if they lie on both sides of it.
     fn with_outline(points: &[Point3], plane: (Point3, Point3), thick: f64) -> Option<Self> {
         let (at, normal) = plane;
         let height = |p: &Point3| dot(sub(*p, at), normal);
@@ -107,7 +110,7 @@ impl Plane {
         Some(this)
     }
 
-    /// True if its points beyond the outline go all round it.
+    /// Returns true if the points of the plane beyond the outline surround it.
     fn goes_round(&self, points: &[Point3]) -> bool {
         let held = points.iter().filter(|p| self.holds(**p));
         let around = hull(held.map(|p| self.flat(*p)).collect());
@@ -117,17 +120,17 @@ impl Plane {
         n > 2 && self.outline.iter().all(is_within)
     }
 
-    /// A point as seen along the normal.
+    /// Projects a point along the normal.
     fn flat(&self, p: Point3) -> Point2 {
         self.axes.map(|axis| dot(sub(p, self.at), axis))
     }
 
-    /// Whether a point is on the plane.
+    /// Returns true if a point is within the half thickness of the plane.
     pub(super) fn is_level(&self, p: Point3) -> bool {
         dot(sub(p, self.at), self.normal).abs() <= self.thick
     }
 
-    /// Whether a point is on the plane, beyond the outline.
+    /// Returns true if a point is on the plane and beyond the outline.
     pub(super) fn holds(&self, p: Point3) -> bool {
         if !self.is_level(p) {
             return false;
@@ -136,22 +139,22 @@ impl Plane {
         let n = self.outline.len();
         (0..n).any(|i| {
             let (a, b) = (self.outline[i], self.outline[(i + 1) % n]);
-            // The outward normal of a counterclockwise side is on its right.
+            // The outward normal of a counterclockwise edge points to its right.
             -turn(a, b, q) > self.beyond * (b[0] - a[0]).hypot(b[1] - a[1])
         })
     }
 }
 
-/// A vector across the triangle of a point and two of its neighbours, one of them the farthest
-/// known.
+/// Returns a normal of the triangle of a point and two of its neighbours, the second of them the
+/// farthest one found.
 fn rough_normal(seed: Point3, points: &[Point3], found: &[(f64, u32)]) -> Point3 {
     let at = |k: usize| points[found[k].1 as usize];
     let (u, v) = (at(NEIGHBOURS / 3), at(NEIGHBOURS - 1));
     cross(sub(u, seed), sub(v, seed))
 }
 
-/// The side of a plane (±1) on which nearly all points off the plane lie; none if few points are
-/// off it, or if they lie on both sides.
+/// Returns the side of a plane (±1) on which all but 2 % of the points off it lie; `None` if fewer
+/// than a fifth of all points are off it (there would be no part), or if they lie on both sides.
 fn side_of(heights: impl ExactSizeIterator<Item = f64>, thick: f64) -> Option<f64> {
     let all = heights.len() as f64;
     let (mut above, mut below) = (0.0, 0.0);
@@ -164,7 +167,7 @@ fn side_of(heights: impl ExactSizeIterator<Item = f64>, thick: f64) -> Option<f6
     is_one_sided.then_some(if above > below { 1.0 } else { -1.0 })
 }
 
-/// Largest distance of points from their mean.
+/// Returns the largest distance of points from their mean.
 fn radius(points: &[Point3]) -> f64 {
     let n = points.len().max(1) as f64;
     let centre: Point3 = std::array::from_fn(|i| points.iter().map(|p| p[i]).sum::<f64>() / n);
@@ -172,7 +175,7 @@ fn radius(points: &[Point3]) -> f64 {
     points.iter().map(reach).fold(0.0, f64::max)
 }
 
-/// Diagonal of the box of some points.
+/// Returns the diagonal of the bounding box of points.
 fn diagonal(points: &[Point2]) -> f64 {
     let side = |i: usize| {
         let lo = points.iter().map(|p| p[i]).fold(f64::INFINITY, f64::min);
@@ -185,12 +188,12 @@ fn diagonal(points: &[Point2]) -> f64 {
     side(0).hypot(side(1))
 }
 
-/// Twice the area of a triangle, positive where it runs counterclockwise.
+/// Returns twice the area of a triangle, positive if it is counterclockwise.
 fn turn(a: Point2, b: Point2, c: Point2) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// The convex hull, counterclockwise (Andrew's monotone chain).
+/// Returns the convex hull, counterclockwise (Andrew's monotone chain).
 fn hull(mut points: Vec<Point2>) -> Vec<Point2> {
     points.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     let mut out = chain(points.iter());
@@ -198,7 +201,7 @@ fn hull(mut points: Vec<Point2>) -> Vec<Point2> {
     out
 }
 
-/// The lower hull of points that are sorted, without its end.
+/// Returns the lower hull of sorted points, without its last point.
 fn chain<'a>(points: impl Iterator<Item = &'a Point2>) -> Vec<Point2> {
     let mut out: Vec<Point2> = Vec::new();
     for &p in points {
@@ -211,7 +214,7 @@ fn chain<'a>(points: impl Iterator<Item = &'a Point2>) -> Vec<Point2> {
     out
 }
 
-/// The plane through the points near a plane; none where these are few.
+/// Fits a plane to the points within a distance of a plane; `None` if there are too few.
 fn refined(points: &[Point3], at: Point3, normal: Point3, thick: f64) -> Option<(Point3, Point3)> {
     let is_near = |p: &Point3| dot(sub(*p, at), normal).abs() < thick;
     let near: Vec<Point3> = points.iter().copied().filter(is_near).collect();

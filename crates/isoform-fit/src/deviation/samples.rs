@@ -1,5 +1,5 @@
-//! Samples of a zero set that is known by its values only: nodes of a grid near it are drawn to it
-//! by Newton steps along the gradient, and thinned to one per cell and sheet.
+//! Samples of a zero set given by its values alone: nodes of a grid near it are projected by Newton
+//! steps along the gradient, and thinned to one per cell and sheet.
 
 use super::MARGIN;
 use isoform_geom::{Aabb, ParamField, Point3, distance_squared, dot};
@@ -23,9 +23,9 @@ const TOGETHER: usize = 1 << 20;
 /// Cells along an axis that a key tells apart.
 const KEYS: u64 = 1 << 22;
 
-/// Near-uniform points of the zero set of a field that is close to a distance, in a box somewhat
-/// larger than `region`; about `wanted` of them, at most [`MOST_SURFACE_SAMPLES`], if the surface is
-/// like that of the box.
+/// Returns near-uniform points of the zero set of a field that is close to a distance, in a box
+/// somewhat larger than `region`; about `wanted` of them, at most [`MOST_SURFACE_SAMPLES`], if the
+/// area of the surface is that of the box.
 ///
 /// ```
 /// use isoform_fit::surface_samples;
@@ -73,13 +73,14 @@ struct Grid {
     lo: Point3,
     hi: Point3,
     size: Point3,
-    /// Length of a cell, about.
+    /// Approximate edge length of a cell.
     cell: f64,
     counts: [usize; 3],
 }
 
 impl Grid {
-    /// A surface like that of the box itself has as many cells as wanted; none for no box.
+    /// Makes a grid in which the surface of the box itself meets `wanted` cells; `None` for an
+    /// empty box.
     fn around(region: Aabb, wanted: usize) -> Option<Self> {
         let margin = MARGIN * region.diagonal();
         if !(margin > 0.0 && margin.is_finite()) || wanted == 0 {
@@ -109,7 +110,7 @@ impl Grid {
         self.thinned(good.map(|((p, _), _)| (self.key(p), *p)).collect())
     }
 
-    /// Middles of the cells near the surface.
+    /// Returns the centres of the cells near the surface.
     fn nodes_near(&self, field: &dyn ParamField, a: &[f64]) -> Vec<Point3> {
         let [across, along, layers] = self.counts;
         let step = (TOGETHER / (across * along)).max(1);
@@ -126,7 +127,7 @@ impl Grid {
         near
     }
 
-    /// Middles of the cells of some layers.
+    /// Returns the centres of the cells of some layers.
     fn nodes(&self, layers: Range<usize>) -> Vec<Point3> {
         let [across, along, _] = self.counts;
         let mut nodes = Vec::with_capacity(across * along * layers.len());
@@ -146,19 +147,21 @@ impl Grid {
         })
     }
 
-    /// Whether a point is still about its node and in the box.
+    /// Returns true if a point is in the box and not too far from its node to belong to another
+    /// one.
     fn is_near(&self, p: &Point3, node: &Point3) -> bool {
         distance_squared(*p, *node).sqrt() < MOVED * self.cell
             && (0..3).all(|i| p[i] >= self.lo[i] && p[i] <= self.hi[i])
     }
 
-    /// A number of the cell that a point is in.
+    /// Returns a key of the cell that a point is in, distinct for up to 2²² cells along each axis.
     fn key(&self, p: &Point3) -> u64 {
         let along = |i: usize| ((p[i] - self.lo[i]) / self.cell) as u64;
         (0..3).fold(0, |key, i| key * KEYS + along(i))
     }
 
-    /// One point of each cell and sheet: a cell may hold two sheets of a thin wall.
+    /// Keeps one point of each cell and sheet: a cell may hold the two sheets of a thin wall, which
+    /// are at least half a cell apart.
     fn thinned(&self, mut keyed: Vec<(u64, Point3)>) -> Vec<Point3> {
         keyed.sort_by(|a, b| {
             a.0.cmp(&b.0)
@@ -178,7 +181,7 @@ impl Grid {
     }
 }
 
-/// Draws points to the zero set.
+/// Projects points to the zero set by four Newton steps.
 fn descend(field: &dyn ParamField, a: &[f64], points: &mut [Point3]) {
     let mut f = vec![0.0; points.len()];
     let mut g = vec![[0.0; 3]; points.len()];
@@ -190,7 +193,7 @@ fn descend(field: &dyn ParamField, a: &[f64], points: &mut [Point3]) {
     }
 }
 
-/// p − f g / |g|².
+/// Replaces p by p − f g / |g|².
 fn newton_step(p: &mut Point3, f: f64, g: Point3) {
     let gg = dot(g, g);
     if gg > 0.0 && gg.is_finite() {

@@ -1,5 +1,5 @@
-//! What is off in one place only: a piece, points together on one side, outliers on surfaces of
-//! their own.
+//! Local misfit: a misplaced piece, a group of points off the model on one side, and outliers on
+//! surfaces of their own.
 
 use super::{NEIGHBOURS, but, finite};
 use crate::judge::Finding;
@@ -29,19 +29,19 @@ const LEAST_TOGETHER: usize = 9;
 /// Deviations by which one side must outnumber the other, were they equally likely.
 const ONE_SIDED: f64 = 3.0;
 
-/// Outliers that lie on surfaces of their own.
+/// Outliers on surfaces of their own.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Clusters {
-    /// Share of the outliers.
+    /// Share of these among the outliers.
     pub(crate) share: f64,
-    /// Their mean square over all points.
+    /// Their mean square distance over all points.
     pub(crate) misfit: f64,
 }
 
 impl Task<'_> {
-    /// The piece that is farthest off its points, in deviations of the noise, where all but such
-    /// pieces show nothing but noise: a hole of another size, or at another place. `statistics` is
-    /// by piece.
+    /// Returns the piece that is farthest off its points, in deviations of the noise, if the points
+    /// of all other pieces show only noise: a hole of another size, or at another position.
+    /// `statistics` is by piece.
     pub(crate) fn misplaced(
         &self,
         points: &ByPoint,
@@ -66,8 +66,8 @@ impl Task<'_> {
         })
     }
 
-    /// Points far off the model to one side that lie together, where all others show nothing but
-    /// noise: a feature that the template lacks, or has where there is none.
+    /// Finds a group of points far off the model on one side if all other points show only noise: a
+    /// feature that the template lacks, or one that the object lacks.
     pub(crate) fn together(&self, points: &ByPoint, told: &Told) -> Option<Finding> {
         let (noise, far) = (told.scale, &told.far);
         let is_exact = noise <= self.rounding();
@@ -86,7 +86,8 @@ impl Task<'_> {
         (is_found && is_noise()).then_some(Finding::Together { count })
     }
 
-    /// How many points that are far off have others that are as far beside them: inside, outside.
+    /// Counts the points far off the model that have two neighbours equally far on the same side:
+    /// inside, outside.
     fn groups_by_side(&self, far: &[(Point3, f64)]) -> (usize, usize) {
         let places: Vec<Point3> = far.iter().map(|(p, _)| *p).collect();
         let tree = KdTree::new(&places);
@@ -94,7 +95,7 @@ impl Task<'_> {
         let mut found = Vec::new();
         let (mut inside, mut outside) = (0_usize, 0_usize);
         for (i, (place, r)) in far.iter().enumerate() {
-            // Its four nearest neighbours of all points, two of which at least are far.
+            // At least two of its four nearest neighbours among all points must be far.
             let near = &self.near.tree;
             near.nearest_k(*place, NEIGHBOURS + 1, &mut found);
             let most = found.last().map_or(0.0, |f| f.0).min(reach);
@@ -110,11 +111,11 @@ impl Task<'_> {
         (inside, outside)
     }
 
-    /// Looks for outliers that lie as densely as the surface does, among others alike: a shape that
-    /// the template lacks, no stray points.
+    /// Finds outliers that lie as densely as the surface, among other outliers: a shape that the
+    /// template lacks rather than stray points.
     pub(crate) fn clusters(&self, points: &ByPoint) -> Clusters {
         let is_outlier = |i: u32| points.outliers[i as usize];
-        // A tree over a part of the points holds the first ones in the order.
+        // If the tree holds only a part of the points, these are the first ones in the order.
         let seen = &self.order[..self.near.tree.len()];
         let outlying: Vec<u32> = seen.iter().copied().filter(|i| is_outlier(*i)).collect();
         let mut found = Vec::new();
@@ -134,8 +135,8 @@ impl Task<'_> {
         }
     }
 
-    /// Whether most neighbours of an outlier are outliers, too, and as near as points of a surface:
-    /// stray points are farther from each other.
+    /// Returns true if most neighbours of an outlier are outliers, too, and as near as points of a
+    /// surface: stray points are farther from each other.
     fn is_on_surface(
         &self,
         i: u32,
@@ -153,8 +154,10 @@ impl Task<'_> {
     }
 }
 
-/// Root mean square of a piece's residuals over the noise, where it is beyond what noise shows. The
-/// mean tells less: narrow pieces get the points that noise has moved to them.
+/// Returns the root mean square of a piece's residuals over the noise if it is significantly above
+/// 1.5. Correct models of clean parts show up to 1.2; holes of another size or position show 1.7 to
+/// 3, as do real objects that are not clean. The mean would be less reliable: noise moves points of
+/// other pieces to narrow ones.
 fn off_by(s: &PartStatistics, noise: f64) -> Option<f64> {
     let (n, rms) = (s.count as f64, s.rms / noise);
     let is_sure = (rms - 1.0) * (2.0 * n).sqrt() > OFF_SURE;

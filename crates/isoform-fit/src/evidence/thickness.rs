@@ -1,4 +1,4 @@
-//! Thickness of the model's walls and width of its gaps, by balls that touch the surface.
+//! Thickness of the model's walls and width of its gaps, by tangent balls.
 //!
 //! ```text
 //!   ────────×────────  surface, × the place
@@ -26,7 +26,7 @@ const TOUCHES: f64 = 0.98;
 /// Places on a part that tell its thickness, at least.
 const FEWEST: usize = 12;
 
-/// Places of the surface that balls touch, on one side of it.
+/// Balls that touch the surface at given foot points, all on one side of it.
 struct Touching<'a> {
     distance: &'a dyn DistanceField,
     a: &'a [f64],
@@ -38,15 +38,15 @@ struct Touching<'a> {
 }
 
 impl Touching<'_> {
-    /// Centre of the ball of radius r at place k.
+    /// Returns the centre of the ball of radius r at foot point k.
     fn centre(&self, k: usize, r: f64) -> Point3 {
         let Foot { at, inward, .. } = self.feet[k];
         std::array::from_fn(|i| at[i] + self.side * r * inward[i])
     }
 
-    /// Diameters of the largest balls: a ball that holds another place of the surface is shrunk to
-    /// go through that (Ma, Bae, Choi 2012, *3D medial axis point approximation using nearest
-    /// neighbors*, section 3).
+    /// Returns the diameters of the largest tangent balls without surface points inside: a ball
+    /// that holds another point of the surface is shrunk to pass through it (Ma, Bae, Choi 2012,
+    /// *3D medial axis point approximation using nearest neighbors*, section 3).
     fn diameters(&self, largest: f64) -> Vec<f64> {
         let mut r = vec![largest; self.feet.len()];
         let mut active: Vec<usize> = (0..r.len()).collect();
@@ -66,12 +66,12 @@ impl Touching<'_> {
         r.iter().map(|r| 2.0 * r).collect()
     }
 
-    /// Shrinks the ball at place k, whose centre has this foot; false when it is done.
+    /// Shrinks the ball at foot point k, whose centre has this foot; returns false when it is done.
     fn shrink(&self, k: usize, foot: &Foot, r: &mut f64) -> bool {
         if self.side * foot.distance >= TOUCHES * *r {
             return false;
         }
-        // The ball that touches the surface at the place and goes through the foot point.
+        // The ball that touches the surface at foot point k and passes through the other foot point.
         let to = sub(foot.at, self.feet[k].at);
         let through = dot(to, to) / (2.0 * self.side * dot(to, self.feet[k].inward));
         let is_sound = foot.order > 0 && through > 0.0;
@@ -82,10 +82,10 @@ impl Touching<'_> {
 }
 
 impl Task<'_> {
-    /// Thickness of the thinnest wall and width of the narrowest gap: twice the radius of the
-    /// largest ball, inside and outside, that touches the surface at a place; the upper quartile of
-    /// a part, since edges are thin on any solid; the least of all parts that are large enough to
-    /// tell.
+    /// Returns the thickness of the thinnest wall and the width of the narrowest gap. They are the
+    /// diameter of the largest inside and outside ball that touches the surface at a point; the
+    /// upper quartile over a part, since edges are thin on any solid; and the minimum over all
+    /// parts with enough samples.
     pub(super) fn thicknesses(
         &self,
         distance: &dyn DistanceField,
@@ -94,8 +94,8 @@ impl Task<'_> {
     ) -> (f64, f64) {
         let step = surface.points.len().div_ceil(THICKNESSES).max(1);
         let some: Vec<Point3> = surface.points.iter().copied().step_by(step).collect();
-        // The bias was taken away after the surface was sampled: a ball from beside the surface
-        // would find that very place.
+        // The bias was removed after the surface was sampled: a ball at a point slightly off the
+        // surface would find that very point.
         let mut feet = vec![Foot::NONE; some.len()];
         distance.feet(&some, a, &mut feet);
         feet.retain(|foot| foot.order == 1);
@@ -116,7 +116,8 @@ impl Task<'_> {
         (wall, gap)
     }
 
-    /// The least of the parts' upper quartiles of diameters.
+    /// Returns the minimum over the parts of the upper quartile of diameters; parts with fewer than
+    /// 12 samples are left out.
     fn least_typical(&self, diameters: &[f64], feet: &[Foot]) -> f64 {
         // Not even the smallest ball fits where pieces touch without an edge.
         let smallest = 4.0 * SMALLEST * self.size();
@@ -135,7 +136,7 @@ impl Task<'_> {
     }
 }
 
-/// The number that three of four do not exceed; nought of none.
+/// Returns the upper quartile; zero for an empty list.
 fn upper_quartile(mut v: Vec<f64>) -> f64 {
     v.sort_unstable_by(f64::total_cmp);
     v.get(3 * v.len() / 4).copied().unwrap_or(0.0)

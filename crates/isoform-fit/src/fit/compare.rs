@@ -1,5 +1,5 @@
-//! Which of the search's minima is the best place, by distances: sums of the algebraic residual
-//! that are nearly equal do not tell.
+//! Comparison of the search's minima by distances, which nearly equal sums of the algebraic
+//! residual cannot replace.
 
 use crate::lm;
 use crate::objective::Residuals;
@@ -23,13 +23,13 @@ const BETTER: f64 = 0.999;
 /// Evaluations that a minimum gets on more points before it is compared.
 const CONFIRMING: usize = 12;
 
-/// A candidate, and the metric residuals of the points that it is compared on.
+/// A candidate with its metric residuals at the points of the comparison.
 struct Rival {
     polished: Polished,
     residuals: Vec<f64>,
 }
 
-/// What candidates are compared by.
+/// Common data of a comparison of candidates.
 struct Comparison<'a> {
     polish: &'a Polish<'a>,
     points: Vec<Point3>,
@@ -37,7 +37,7 @@ struct Comparison<'a> {
 }
 
 impl Comparison<'_> {
-    /// Leads a place on to the metric residual.
+    /// Polishes a minimum by the metric residual.
     fn rival(&self, x: Vec<f64>, spent: usize) -> Rival {
         let mut polished = self.polish.rough(&self.points, x, self.has_outliers);
         polished.evaluations += spent;
@@ -49,9 +49,9 @@ impl Comparison<'_> {
 }
 
 impl Task<'_> {
-    /// Candidates of near-equal sums, each led on to the metric residual on more points; the best
-    /// one by a truncated sum, with the evaluations of all. Where that leaves many points far off,
-    /// a trimmed search takes part.
+    /// Polishes candidates with nearly equal sums by the metric residual on more points and returns
+    /// the best by a truncated sum, with the evaluations of all. If many points are far off it, a
+    /// trimmed search takes part.
     pub(super) fn compared(
         &self,
         search: &Search<'_>,
@@ -84,7 +84,7 @@ impl Task<'_> {
         }
     }
 
-    /// A minimum of the algebraic sum on more points than the search sees.
+    /// Minimises the algebraic sum on more points than the search uses.
     fn confirmed(&self, points: &[Point3], x: Vec<f64>) -> lm::Minimum {
         let field = self.template.algebraic();
         let mut objective = Residuals::new(field, points, &[], &self.space);
@@ -98,7 +98,8 @@ impl Task<'_> {
             .minimize(&mut objective, x, &settings, &mut monitor)
     }
 
-    /// Whether more points lie far off a candidate than isolated ones explain.
+    /// Returns true if more points are far off a candidate than isolated ones explain, with a
+    /// margin of a half and 3 % of the points. A far point is off by half a spacing, too.
     fn has_many_far(&self, rival: &Rival) -> bool {
         let scale = rival.polished.scale;
         let limit = (OUTLIER_DEVIATIONS * scale).max(FAR_SPACINGS * self.near.spacing);
@@ -111,7 +112,8 @@ impl Task<'_> {
         far as f64 / rival.residuals.len() as f64 > MANY_FAR + isolated
     }
 
-    /// The candidate with the least sum of squares, cut at what the best scale of all allows.
+    /// Returns the candidate with the least truncated sum of squares. The first one has the lowest
+    /// algebraic sum; another must be better by a thousandth.
     fn least_truncated(&self, rivals: &[Rival]) -> usize {
         let scales = rivals.iter().map(|r| r.polished.scale);
         let least = scales.fold(f64::INFINITY, f64::min).max(self.rounding());
@@ -123,7 +125,7 @@ impl Task<'_> {
     }
 }
 
-/// Σ min(r², cut); what is no number counts as cut.
+/// Returns Σ min(r², cut); NaN counts as cut.
 pub(super) fn truncated_sum(r: &[f64], cut: f64) -> f64 {
     r.iter()
         .map(|r| if r.is_nan() { cut } else { (r * r).min(cut) })

@@ -1,5 +1,5 @@
-//! The search once more, by distances: the pieces of a minimum are thrown elsewhere one by one, and
-//! led back by the metric residual on more points than the search sees.
+//! A second search, by distances: the pieces of a minimum are perturbed one by one, and polished by
+//! the metric residual on more points than the search uses.
 //!
 //! In sums of squares of R-functions large pieces outweigh small ones: a hole or a countersink with
 //! few points hardly changes such a sum, but it changes distances.
@@ -38,43 +38,43 @@ const NEAR_DEVIATIONS: f64 = 3.0;
 /// Rounds that lead all variables back after the thrown ones.
 const ROUNDS: usize = 5;
 
-/// A start with some pieces thrown elsewhere.
+/// A start with some pieces perturbed.
 struct Throw {
     from: Vec<f64>,
-    /// Variables that were not thrown.
+    /// Flags of the variables that were not perturbed.
     held: Vec<bool>,
 }
 
-/// Where a throw ended.
+/// Result of a perturbation.
 struct End {
     x: Vec<f64>,
     evaluations: usize,
 }
 
-/// The best place, and how often it was met.
+/// The best minimum, and the number of times it was reached.
 struct Refinement<'a> {
     task: &'a Task<'a>,
     polish: Polish<'a>,
     points: Vec<Point3>,
     loss: Loss,
     random: fastrand::Rng,
-    /// Square of the distance that counts most.
+    /// Square of the largest distance that counts in full.
     cut: f64,
     x: Vec<f64>,
-    /// Its truncated sum.
+    /// Truncated sum of the best minimum.
     best: f64,
     hits: usize,
     tried: usize,
-    /// Throws tried when the place was found.
+    /// Number of perturbations tried when the best minimum was found.
     since: usize,
-    /// Whether the place is another one than at first.
+    /// True if the best minimum is not the initial one.
     is_elsewhere: bool,
     evaluations: usize,
 }
 
 impl Task<'_> {
-    /// Refines a minimum; it is certain when its place was met again and again, or when it was
-    /// certain before and there was no better one.
+    /// Refines a minimum. It is certain if it was reached repeatedly, or if it was certain before
+    /// and no better one was found.
     pub(super) fn refine(&self, search: &Search<'_>, found: &mut Found) {
         let x = std::mem::take(&mut found.x);
         let mut refinement = Refinement::new(self, x, found.loss);
@@ -114,7 +114,8 @@ impl<'a> Refinement<'a> {
         }
     }
 
-    /// Throws pieces until the best place has recurred, which it tells, or there were enough.
+    /// Perturbs pieces until the best minimum has recurred. Returns false if it has not after 80
+    /// perturbations.
     fn run(&mut self, search: &Search<'_>) -> bool {
         while self.tried < MOST && !self.task.control.is_stopped() {
             let groups = search.groups(&self.x);
@@ -137,7 +138,8 @@ impl<'a> Refinement<'a> {
         false
     }
 
-    /// The k-th of some throws. Every other one moves two pieces: a hole that hides in another one.
+    /// Returns the k-th perturbation of a batch. Every other one moves two pieces, to free a hole
+    /// that coincides with another one.
     fn throw(&mut self, groups: &[Vec<usize>], k: usize) -> Throw {
         let mut throw = Throw {
             held: vec![true; self.x.len()],
@@ -160,7 +162,7 @@ impl<'a> Refinement<'a> {
         throw
     }
 
-    /// The metric minimum from a thrown start, its thrown variables first.
+    /// Polishes a perturbed start: first the perturbed variables alone, then all.
     fn led_back(&self, throw: Throw) -> End {
         let mut polish = self.task.polish(0);
         polish.held = throw.held;
@@ -180,7 +182,7 @@ impl<'a> Refinement<'a> {
         }
     }
 
-    /// Compares an end with the best place.
+    /// Compares a result with the best minimum.
     fn take(&mut self, end: End) {
         self.evaluations += end.evaluations;
         let residuals = self.polish.residuals(&self.points, &end.x);
@@ -197,8 +199,8 @@ impl<'a> Refinement<'a> {
         }
     }
 
-    /// Whether every piece had its turns since there was something better, and the place was met
-    /// often enough.
+    /// Returns true if the best minimum was reached twice, and every piece was perturbed at least
+    /// three times since it was found.
     fn has_recurred(&self, groups: usize) -> bool {
         let least = LEAST.max(TURNS * groups);
         self.hits >= HITS && self.tried - self.since >= least

@@ -1,17 +1,17 @@
-//! The covariance of the variables, and intervals by it.
+//! Covariance of the variables, and quantiles for intervals.
 
 use super::{At, NO_CURVATURE, largest};
 use crate::polish::{slope, weight};
 use crate::vector::scale;
 use isoform_num::linalg::{cholesky, cholesky_solve};
 
-/// A covariance for independent residuals, and the inverse of the normal matrix.
+/// Covariance for independent residuals, and the inverse of the normal matrix.
 type WithInverse = (Vec<f64>, Vec<f64>);
 
 impl At<'_> {
-    /// Covariance of the variables that are not held, for independent residuals, and the inverse of
-    /// their normal matrix.
-    /// `normal` is the matrix of [`super::Knowledge`] if that was asked at this very fit.
+    /// Returns the covariance of the variables that are not held, for independent residuals, and
+    /// the inverse of their normal matrix. `normal` is that of [`super::Knowledge`] at this fit, if
+    /// known.
     pub(crate) fn covariance_without(&self, held: &[bool], normal: Option<&[f64]>) -> WithInverse {
         let h = normal.map_or_else(|| self.weighted_normal(), <[f64]>::to_vec);
         let floor = NO_CURVATURE * largest(&h, self.space.len());
@@ -26,13 +26,14 @@ impl At<'_> {
         (covariance, inverse)
     }
 
-    /// The variance that rounding adds where it is the same for all points of a face, per entry of
-    /// the inverse of the normal matrix: no average takes it away.
+    /// Returns the variance due to rounding that all points of a face share, per entry of the
+    /// inverse of the normal matrix: averaging does not reduce it.
     ///
     /// Errors of at most ρ that n points share move a variable by ρ Σᵢ |(A⁻¹ J)ᵢ| at most, which is
-    /// ρ √n √(A⁻¹) by Cauchy and Schwarz; equally likely errors have the deviation ρ/√3. Noise of
-    /// deviation σ makes errors of steps 2ρ independent but for the share exp(−π²σ²/2ρ²) (B. Widrow,
-    /// Statistical analysis of amplitude-quantized sampled-data systems, AIEE Trans. 79, 1961).
+    /// ρ √n √(A⁻¹) by Cauchy and Schwarz; uniformly distributed errors have the deviation ρ/√3.
+    /// Noise of deviation σ makes errors of steps 2ρ independent except for the share
+    /// exp(−π²σ²/2ρ²) (B. Widrow, Statistical analysis of amplitude-quantized sampled-data systems,
+    /// AIEE Trans. 79, 1961).
     fn shared_rounding(&self) -> f64 {
         if self.rounding <= 0.0 {
             return 0.0;
@@ -42,7 +43,7 @@ impl At<'_> {
         self.used() as f64 * shared * shared / 3.0
     }
 
-    /// Points that are not left out.
+    /// Counts the points that are not left out.
     fn used(&self) -> usize {
         if self.mask.is_empty() {
             self.residuals.len()
@@ -51,13 +52,13 @@ impl At<'_> {
         }
     }
 
-    /// Degrees of freedom that are left.
+    /// Returns the degrees of freedom.
     fn degrees(&self, held: &[bool]) -> f64 {
         let free = held.iter().filter(|v| !**v).count();
         (self.used() as f64 - free as f64).max(1.0)
     }
 
-    /// s² (JᵀJ)⁻¹.
+    /// Returns s² (JᵀJ)⁻¹.
     fn of_squares(&self, h: &[f64], held: &[bool], floor: f64) -> WithInverse {
         let used = self.residuals.iter().enumerate();
         let used = used.filter(|(i, r)| r.is_finite() && self.mask.get(*i) != Some(&0.0));
@@ -69,16 +70,16 @@ impl At<'_> {
         (covariance, inverse)
     }
 
-    /// The sandwich: A⁻¹ B A⁻¹ with A = Σ ψ′ J Jᵀ and B = Σ ψ² J Jᵀ.
+    /// Returns the sandwich estimate A⁻¹ B A⁻¹ with A = Σ ψ′ J Jᵀ and B = Σ ψ² J Jᵀ.
     fn sandwich(&self, h: &[f64], held: &[bool], floor: f64) -> WithInverse {
         let (m, s) = (self.space.len(), self.deviation());
         let a = self.slopes();
-        // Points that the model meets exactly are still known to rounding only.
+        // Points that the model meets exactly are still subject to rounding.
         let least = (s * s - self.scale * self.scale).max(0.0);
         let squares = self.masked(|r| weight(self.loss, r / s).powi(2) * (r * r + least));
         let b = self.normal(&squares);
         // Where the slopes do not make a positive matrix (few points, gross misfit), the weights
-        // do.
+        // are used.
         let is_sound = is_positive(&a, m, floor);
         let c = inverse(if is_sound { &a } else { h }, m, held, floor);
         let mut covariance = product(&product(&c, &b, m), &c, m);
@@ -86,8 +87,8 @@ impl At<'_> {
         (covariance, c)
     }
 
-    /// Σ ψ′ J Jᵀ. Negative weights mean nothing to normal equations that take their roots: two
-    /// sums.
+    /// Returns Σ ψ′ J Jᵀ. Normal equations take the roots of their weights, so positive and
+    /// negative weights are summed separately.
     fn slopes(&self) -> Vec<f64> {
         let s = self.deviation();
         let slopes = self.masked(|r| slope(self.loss, r / s));
@@ -97,15 +98,15 @@ impl At<'_> {
     }
 }
 
-/// Whether h + floor I is positive definite.
+/// Returns true if h + floor I is positive definite.
 fn is_positive(h: &[f64], m: usize, floor: f64) -> bool {
     let mut l = h.to_vec();
     (0..m).for_each(|i| l[i * m + i] += floor);
     cholesky(&mut l, m)
 }
 
-/// Inverse of h + floor I without the rows that are held (those are nought). The floor is raised
-/// until the matrix is positive definite.
+/// Inverts h + floor I without the held rows (those are zero). The floor is raised until the matrix
+/// is positive definite.
 pub(super) fn inverse(h: &[f64], m: usize, held: &[bool], floor: f64) -> Vec<f64> {
     let free: Vec<usize> = (0..m).filter(|&i| !held[i]).collect();
     let k = free.len();
@@ -122,7 +123,7 @@ pub(super) fn inverse(h: &[f64], m: usize, held: &[bool], floor: f64) -> Vec<f64
     out
 }
 
-/// Factor of the free rows and columns of h, with the least floor that allows one.
+/// Factors the free rows and columns of h, with the least floor that allows it.
 fn factor(h: &[f64], m: usize, free: &[usize], mut floor: f64) -> Vec<f64> {
     let k = free.len();
     let mut l = vec![0.0; k * k];
@@ -140,7 +141,7 @@ fn factor(h: &[f64], m: usize, free: &[usize], mut floor: f64) -> Vec<f64> {
     }
 }
 
-/// Product of two matrices of m rows and columns.
+/// Multiplies two matrices with m rows and columns.
 pub(crate) fn product(a: &[f64], b: &[f64], m: usize) -> Vec<f64> {
     let mut c = vec![0.0; m * m];
     for i in 0..m {
@@ -153,8 +154,8 @@ pub(crate) fn product(a: &[f64], b: &[f64], m: usize) -> Vec<f64> {
     c
 }
 
-/// Half width of a 95 % interval in standard deviations: Student's t with the given degrees of
-/// freedom.
+/// Returns the half width of a 95 % interval in standard deviations: the quantile of Student's t
+/// distribution with the given degrees of freedom.
 pub(crate) fn student95(degrees: f64) -> f64 {
     const Z: f64 = 1.959_963_984_540_054;
     let v = degrees.max(1.0);

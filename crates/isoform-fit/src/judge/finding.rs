@@ -1,10 +1,10 @@
-//! What speaks against a fit, and how much.
+//! Findings against a fit, with their severity.
 
 use super::{BAD_BARE, CLUSTERS};
 use crate::words::listed;
 use std::fmt;
 
-/// Whether to trust a fit, from the best to the worst.
+/// Verdict on a fit, from the best to the worst.
 ///
 /// ```
 /// use isoform_fit::Verdict;
@@ -14,9 +14,9 @@ use std::fmt;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
-    /// The template fits, and nothing found speaks against it.
+    /// The template fits, and no finding speaks against it.
     Accepted,
-    /// Something found could mean that the template, or its place, is wrong.
+    /// A finding suggests that the template, or its position, could be wrong.
     Doubtful,
     /// The template does not fit.
     Refused,
@@ -33,7 +33,7 @@ impl Verdict {
     }
 }
 
-/// What speaks against a fit. Lengths are in the units of the scan, shares of 1.
+/// A reason to distrust a fit. Lengths are in the units of the scan, shares are of 1.
 ///
 /// ```
 /// use isoform_fit::{Finding, Verdict};
@@ -41,15 +41,15 @@ impl Verdict {
 /// let bare = Finding::Bare { share: 0.4 };
 /// assert_eq!(bare.verdict(), Verdict::Doubtful);
 /// assert_eq!(bare.to_string(), "40 % of the model's surface has no data near it");
-/// // Where most of the surface is bare, the template does not fit.
+/// // If most of the surface is bare, the template does not fit.
 /// assert_eq!(Finding::Bare { share: 0.7 }.verdict(), Verdict::Refused);
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Finding {
-    /// The template was made of the scan and lacks something.
+    /// The template was derived from the scan and is incomplete.
     Incomplete {
-        /// The part that is missing.
+        /// Description of the missing part.
         what: String,
     },
     /// The points lie far off the model.
@@ -59,44 +59,44 @@ pub enum Finding {
         /// Diagonal of the data.
         size: f64,
     },
-    /// Neighbouring points are off alike: the shape differs.
+    /// Neighbouring points share a misfit: the shape differs.
     Systematic {
         /// Root mean square of the shared misfit.
         misfit: f64,
-        /// What it may be.
+        /// Limit of the misfit.
         limit: f64,
-        /// Whether the limit is that of the thinnest wall.
+        /// True if the limit follows from the thinnest wall.
         is_wall: bool,
     },
-    /// Large distances with a gap in the middle: two walls about the model, no noise.
+    /// Large distances, few of them near zero: two walls on either side of the model, not noise.
     TwoWalls {
         /// Root mean square distance from the model.
         rms: f64,
     },
-    /// A piece is off its points while the others show nothing but noise.
+    /// A piece is off its points while the others show only noise.
     Misplaced {
-        /// Its name.
+        /// Name of the piece.
         piece: String,
         /// Root mean square of its points' distances, in deviations of the noise.
         ratio: f64,
     },
-    /// Points together and off the model to one side, while the others show nothing but noise.
+    /// A group of points off the model on one side, while the others show only noise.
     Together {
-        /// Points.
+        /// Number of points.
         count: usize,
     },
-    /// The points are much nearer to each other's planes than to the model.
+    /// The points are much nearer to the planes of their neighbours than to the model.
     AboveNoise {
         /// Root mean square distance from the model.
         rms: f64,
         /// Deviation of points from planes through their neighbours.
         noise: f64,
     },
-    /// Noise as large as the smallest detail.
+    /// Noise of the size of the smallest detail.
     Thin {
-        /// Noise.
+        /// Standard deviation of the noise.
         noise: f64,
-        /// Smallest wall or gap of the model.
+        /// Smallest wall thickness or gap width of the model.
         detail: f64,
     },
     /// Surface of the model without data.
@@ -104,17 +104,17 @@ pub enum Finding {
         /// Share of the surface.
         share: f64,
     },
-    /// Surface of the model without data where views that saw the rest must have seen it.
+    /// Surface of the model without data that must have been visible in the views of the rest.
     Overlooked {
         /// Share of the surface.
         share: f64,
     },
-    /// Points that lie on surfaces which the template does not have.
+    /// Points on surfaces that the template does not have.
     Clusters {
         /// Share of the points.
         share: f64,
     },
-    /// Points off the model, and surface of the model off the points.
+    /// Outliers together with bare surface of the model.
     Around {
         /// Share of the surface without data.
         bare: f64,
@@ -128,39 +128,39 @@ pub enum Finding {
     },
     /// A cluster of points off a model that meets the others exactly.
     OffExact {
-        /// Points.
+        /// Number of points in the cluster.
         count: usize,
     },
     /// More than a quarter of the template's own parameters are open.
     Undetermined {
-        /// Open ones.
+        /// Number of open parameters.
         open: usize,
-        /// All that are free.
+        /// Number of free parameters.
         free: usize,
     },
     /// Parameters at bounds.
     AtBounds {
-        /// Names.
+        /// Names of the parameters.
         names: Vec<String>,
     },
-    /// The search did not come back to its best place.
+    /// The search did not reach its best minimum again.
     Uncertain {
-        /// Starts that led there.
+        /// Number of starts that led there.
         hits: usize,
-        /// All starts.
+        /// Number of all starts.
         starts: usize,
     },
-    /// Points apart from the rest.
+    /// Points in components apart from the rest.
     Apart {
         /// Share of the points.
         share: f64,
     },
-    /// Points on a plane that reaches beyond the others.
+    /// Points on a plane that extends beyond the others.
     Table {
         /// Share of the points.
         share: f64,
     },
-    /// Isolated points, too many to tell what the others mean.
+    /// Isolated points, too many to interpret the others.
     Stray {
         /// Share of the points.
         share: f64,
@@ -170,7 +170,7 @@ pub enum Finding {
 }
 
 impl Finding {
-    /// How much it weighs.
+    /// Returns the verdict that this finding causes alone.
     pub fn verdict(&self) -> Verdict {
         if self.is_refusal() {
             Verdict::Refused
@@ -309,7 +309,7 @@ impl fmt::Display for Finding {
     }
 }
 
-/// Three significant digits.
+/// Formats a number with three significant digits.
 fn short(v: f64) -> String {
     if v == 0.0 || !v.is_finite() {
         return format!("{v}");

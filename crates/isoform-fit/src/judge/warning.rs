@@ -1,43 +1,43 @@
-//! What a reader should know of a fit, although it does not speak against it.
+//! Warnings about a fit: facts that a reader should know, although they do not speak against it.
 
 use crate::Beside;
 use std::fmt;
 
-/// Something to know of a fit. Shares are of 1.
+/// A fact to know about a fit. Shares are of 1.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Warning {
-    /// The fit was cancelled or out of time.
+    /// The fit was cancelled or reached its time limit.
     Stopped,
-    /// Many points look isolated, so many that none was left out of the search.
+    /// Too many points look isolated for these to be left out of the search.
     Isolated {
-        /// Share of the points looked at.
+        /// Share of the points examined.
         share: f64,
     },
     /// Isolated points were left out of the search.
     LeftOut {
-        /// Share of the points looked at.
+        /// Share of the points examined.
         share: f64,
     },
     /// Points far off the model.
     Outliers {
-        /// Outliers.
+        /// Number of outliers.
         count: usize,
-        /// All points.
+        /// Number of all points.
         points: usize,
     },
-    /// Some of the points settled the parameters.
+    /// Only a part of the points determined the parameters.
     SomeFitted {
-        /// Points that were fitted.
+        /// Number of points that were fitted.
         count: usize,
-        /// All points.
+        /// Number of all points.
         points: usize,
     },
     /// A parameter at a bound.
     AtBound {
-        /// Its name.
+        /// Name of the parameter.
         name: String,
-        /// Its bounds.
+        /// Bounds of the parameter.
         bounds: (f64, f64),
     },
     /// Surface of the model near the data, but outside their box.
@@ -45,20 +45,20 @@ pub enum Warning {
         /// Share of the surface.
         share: f64,
     },
-    /// Points beside the part that were left out.
+    /// Points of clutter that were left out.
     Beside {
-        /// Why they are not the part's.
+        /// Kind of clutter.
         why: Beside,
-        /// Points left out for this reason.
+        /// Number of points of this kind.
         count: usize,
-        /// All points.
+        /// Number of all points.
         points: usize,
     },
-    /// Points that repeat another one.
+    /// Points that repeat an earlier one.
     Repeated {
-        /// Repeats.
+        /// Number of these points.
         count: usize,
-        /// All points.
+        /// Number of all points.
         points: usize,
     },
 }

@@ -1,5 +1,4 @@
-//! The scaled quadratic model at a place, the ball that it is trusted in, and the steps that it
-//! proposes.
+//! The scaled quadratic model at a point, its trust region, and the steps that it proposes.
 //!
 //! ```text
 //!          bound
@@ -9,7 +8,7 @@
 //! ```
 //!
 //! In the scaled variables x̂ = D⁻¹x the model is g·p + ½ pᵀMp with g = D Jᵀr and M = D JᵀJ D + C;
-//! see the head of [`crate::lm`] for D and C.
+//! D and C are defined in the documentation of the parent module.
 
 use crate::bounds::Bounds;
 use crate::objective::Place;
@@ -41,27 +40,27 @@ pub(super) struct Region {
     gradient: Vec<f64>,
     /// D JᵀJ D + C.
     matrix: Vec<f64>,
-    /// Diagonal of C: there is no curvature of this kind in the function itself.
+    /// Diagonal of C, a curvature that the function itself does not have.
     curve: Vec<f64>,
     factor: Vec<f64>,
-    /// The step chosen, scaled.
+    /// Current step, scaled.
     scaled: Vec<f64>,
     scratch: Vec<f64>,
-    /// The step chosen, unscaled.
+    /// Current step, unscaled.
     pub(super) step: Vec<f64>,
     damping: f64,
     exact: bool,
-    /// Steps refused in a row.
+    /// Number of steps refused in a row.
     pub(super) refused: usize,
 }
 
-/// A step in the scaled variables, and what the model says of it.
+/// A step in the scaled variables, and the value of the model there.
 struct Proposal {
     step: Vec<f64>,
     value: f64,
 }
 
-/// Where a step starts, and the share of the way to a bound that it may go.
+/// Start of a step, and the share of the way to a bound that it may cover.
 struct Inside<'a> {
     x: &'a [f64],
     bounds: Bounds<'a>,
@@ -69,7 +68,8 @@ struct Inside<'a> {
 }
 
 impl Inside<'_> {
-    /// How far a way leads that meets the ball and a bound at these lengths.
+    /// Returns the greatest length along a direction that meets a bound and the ball at these
+    /// lengths.
     fn most(&self, to_edge: f64, to_ball: f64) -> f64 {
         if to_edge < to_ball {
             self.share * to_edge
@@ -79,16 +79,16 @@ impl Inside<'_> {
     }
 }
 
-/// Where the damping μ of an exact step lies.
+/// Bracket of the damping μ of an exact step.
 struct Bracket {
-    /// Less is rounding.
+    /// Least damping above rounding.
     floor: f64,
     lower: f64,
     upper: f64,
 }
 
 impl Bracket {
-    /// `reach` is |g| / Δ, beyond which no step reaches the ball.
+    /// Makes a bracket; `reach` is |g| / Δ, above which no step reaches the ball.
     fn new(floor: f64, reach: f64) -> Self {
         Self {
             floor,
@@ -101,18 +101,18 @@ impl Bracket {
         mu > self.lower && mu < self.upper
     }
 
-    /// The last damping, if it can serve again.
+    /// Returns the last damping, if it is in the bracket.
     fn start(&self, last: f64) -> f64 {
         if self.holds(last) { last } else { self.floor }
     }
 
-    /// A damping larger than one that leaves the matrix indefinite.
+    /// Returns a damping above one that leaves the matrix indefinite.
     fn raised(&mut self, mu: f64) -> f64 {
         self.lower = self.lower.max(mu);
         (mu * 10.0).max(1e-3 * (self.lower * self.upper).sqrt())
     }
 
-    /// Takes in whether a damping makes a step that is too short.
+    /// Narrows the bracket by a damping and the length of its step.
     fn narrow(&mut self, mu: f64, is_short: bool) {
         if is_short {
             self.upper = self.upper.min(mu);
@@ -121,7 +121,7 @@ impl Bracket {
         }
     }
 
-    /// The geometric mean, not too near to nought.
+    /// Returns the geometric mean, not too near to zero.
     fn middle(&self) -> f64 {
         (self.lower * self.upper).sqrt().max(1e-3 * self.upper)
     }
@@ -147,8 +147,8 @@ impl Region {
         }
     }
 
-    /// Takes gradient and Gauss-Newton matrix at a place; gives the largest gradient component
-    /// scaled by its bound distance.
+    /// Sets gradient and matrix at a point. Returns the largest gradient component scaled by its
+    /// distance to the bound.
     pub(super) fn set(&mut self, at: &Place, bounds: Bounds<'_>) -> f64 {
         let slope = self.set_scale(at, bounds);
         let n = self.n;
@@ -161,12 +161,12 @@ impl Region {
         slope
     }
 
-    /// Sets D, C and D Jᵀr; gives the largest |g| v.
+    /// Sets D, C and D Jᵀr. Returns the largest |g| v.
     fn set_scale(&mut self, at: &Place, bounds: Bounds<'_>) -> f64 {
         let g = &at.gradient;
         let mut slope: f64 = 0.0;
         for i in 0..self.n {
-            // Descent leads to the upper bound where the gradient is negative.
+            // Descent approaches the upper bound if the gradient is negative.
             let gap = bounds.gap(&at.x, i, -g[i]);
             let has_bound = gap.is_finite();
             let v = if has_bound { gap.max(NEAREST) } else { 1.0 };
@@ -178,8 +178,8 @@ impl Region {
         slope
     }
 
-    /// MINPACK's cosine test, with components scaled by the distance to the bound they push
-    /// towards.
+    /// MINPACK's cosine test, with components scaled by the distance to the bound that they
+    /// approach.
     pub(super) fn is_stationary(&self, at: &Place, tolerance: f64) -> bool {
         (0..self.n).all(|i| {
             let near = (self.scale[i] * self.scale[i]).min(1.0);
@@ -188,7 +188,7 @@ impl Region {
         })
     }
 
-    /// Finds `step` and its predicted fall; `None` where the numbers give no step.
+    /// Computes `step` and returns its predicted fall; `None` if the system has no finite solution.
     pub(super) fn step(&mut self, x: &[f64], bounds: Bounds<'_>, share: f64) -> Option<f64> {
         let is_solved = if self.exact { self.solve() } else { self.cut() };
         if !is_solved {
@@ -210,8 +210,8 @@ impl Region {
         Some(-value).filter(|fall| *fall > 0.0)
     }
 
-    /// The best of the direct step up to the bound, its reflection there, and steepest descent.
-    /// `stride` is the share of the direct step that meets the bound.
+    /// Returns the best of the direct step up to the bound, its reflection there, and steepest
+    /// descent. `stride` is the share of the direct step at which it meets the bound.
     fn best(&self, inside: &Inside<'_>, direct: &[f64], stride: f64) -> Proposal {
         let (stride, share) = if stride > 1.0 {
             (1.0, 1.0)
@@ -240,7 +240,8 @@ impl Region {
         }
     }
 
-    /// The direct step, reflected: the components that meet a bound at `stride` change their sign.
+    /// Returns the reflection of the direct step: the components that meet a bound at `stride`
+    /// change their sign.
     fn reflected(&self, inside: &Inside<'_>, direct: &[f64], stride: f64) -> Vec<f64> {
         let meets = |i: usize| {
             let gap = inside.bounds.gap(inside.x, i, direct[i]);
@@ -252,7 +253,8 @@ impl Region {
             .collect()
     }
 
-    /// The best way on from the bound along the reflected step; none where there is no room.
+    /// Returns the best continuation from the bound along the reflected step; `None` without room
+    /// for one.
     fn beyond(
         &self,
         inside: &Inside<'_>,
@@ -275,7 +277,7 @@ impl Region {
         Some(self.proposal(both.map(|(p, r)| p + t * r).collect()))
     }
 
-    /// The place that a scaled step leads to, not beyond the bounds.
+    /// Returns the point that a scaled step leads to, clamped to the bounds.
     fn place(&self, inside: &Inside<'_>, step: &[f64]) -> Vec<f64> {
         let Bounds { lo, hi } = inside.bounds;
         let moved = inside.x.iter().zip(&self.scale).zip(step);
@@ -283,7 +285,8 @@ impl Region {
         place.map(|(i, v)| v.clamp(lo[i], hi[i])).collect()
     }
 
-    /// Steepest descent in the scaled variables, as far as the model falls.
+    /// Returns the step of steepest descent in the scaled variables, to the minimum of the model
+    /// along it.
     fn down(&self, inside: &Inside<'_>) -> Proposal {
         let down: Vec<f64> = self.gradient.iter().map(|v| -v).collect();
         let to_ball = self.radius / norm(&down);
@@ -294,19 +297,19 @@ impl Region {
         self.proposal(down.iter().map(|v| v * t).collect())
     }
 
-    /// The t at which p + t q leaves the ball.
+    /// Returns the t at which p + t q leaves the ball.
     fn to_ball(&self, p: &[f64], q: &[f64]) -> f64 {
         let (a, b) = (dot(q, q), dot(p, q));
         let c = dot(p, p) - self.radius * self.radius;
         (-b + (b * b - a * c).max(0.0).sqrt()) / a
     }
 
-    /// g·p + ½ pᵀMp.
+    /// Returns g·p + ½ pᵀMp.
     fn value(&self, p: &[f64]) -> f64 {
         dot(&self.gradient, p) + 0.5 * self.cross(p, p)
     }
 
-    /// pᵀMq.
+    /// Returns pᵀMq.
     fn cross(&self, p: &[f64], q: &[f64]) -> f64 {
         self.matrix
             .chunks_exact(self.n)
@@ -315,14 +318,14 @@ impl Region {
             .sum()
     }
 
-    /// Largest diagonal element of M.
+    /// Returns the largest diagonal element of M.
     fn largest(&self) -> f64 {
         let diagonal = (0..self.n).map(|i| self.matrix[i * self.n + i]);
         diagonal.fold(f64::MIN_POSITIVE, f64::max)
     }
 
-    /// Sets `scaled` to the solution of (M + μI) p = −g; its length, or none where the matrix is
-    /// not positive definite.
+    /// Sets `scaled` to the solution of (M + μI) p = −g. Returns its length; `None` if the matrix
+    /// is not positive definite.
     fn damped(&mut self, mu: f64) -> Option<f64> {
         let n = self.n;
         self.factor.copy_from_slice(&self.matrix);
@@ -336,14 +339,14 @@ impl Region {
         })
     }
 
-    /// Shortens `scaled`, whose length is `norm`, to the radius if it is longer.
+    /// Shortens `scaled`, of length `norm`, to the radius if it is longer.
     fn cut_to_ball(&mut self, norm: f64) {
         if norm > self.radius {
             scale(&mut self.scaled, self.radius / norm);
         }
     }
 
-    /// Sets `scaled` to the Gauss-Newton step, cut to the ball; false without a finite one.
+    /// Sets `scaled` to the Gauss-Newton step, cut to the ball. Returns false if it is not finite.
     fn cut(&mut self) -> bool {
         let mut mu = FLOOR * self.largest();
         while mu.is_finite() {
@@ -357,8 +360,9 @@ impl Region {
     }
 
     /// Sets `scaled` to the minimum of the model in the ball, to a tenth of its radius (Moré and
-    /// Sorensen's iteration for μ); false without a finite one.
+    /// Sorensen's iteration for μ). Returns false if it is not finite.
     fn solve(&mut self) -> bool {
+        // Less damping is rounding; this much makes singular systems solvable.
         let mut bracket = Bracket::new(
             ROUNDING * self.largest(),
             norm(&self.gradient) / self.radius,
@@ -395,13 +399,13 @@ impl Region {
         last.is_finite()
     }
 
-    /// Whether a step of this length ends near enough to the surface of the ball.
+    /// Returns true if a step of this length ends near the boundary of the ball.
     fn is_on_ball(&self, norm: f64) -> bool {
         (norm - self.radius).abs() <= TOLERANCE * self.radius
     }
 
-    /// Newton's step in μ towards |p| = Δ, from the factor LLᵀ of M + μI: (|p|/Δ − 1) |p|² /
-    /// |L⁻¹p|².
+    /// Returns Newton's step in μ towards |p| = Δ, from the factor LLᵀ of M + μI: (|p|/Δ − 1) |p|²
+    /// / |L⁻¹p|².
     fn newton(&mut self, norm: f64) -> f64 {
         let n = self.n;
         self.scratch.copy_from_slice(&self.scaled);
@@ -413,7 +417,8 @@ impl Region {
         (norm / self.radius - 1.0) * norm * norm / dot(&self.scratch, &self.scratch)
     }
 
-    /// Adapts the radius to how well the fall of half the sum was predicted; gives the ratio.
+    /// Adapts the radius to the quality of the prediction for half of the sum. Returns the ratio of
+    /// actual to predicted fall.
     pub(super) fn judge(&mut self, fall: f64, predicted: f64) -> f64 {
         let bent = self.curve.iter().zip(&self.scaled).map(|(c, p)| c * p * p);
         let added: f64 = 0.5 * bent.sum::<f64>();
@@ -427,14 +432,14 @@ impl Region {
         ratio
     }
 
-    /// Shrinks the ball after a step to where the function has no value.
+    /// Shrinks the ball after a step to a point without a finite value.
     pub(super) fn shrink(&mut self) {
         self.refused += 1;
         self.radius = 0.25 * norm(&self.scaled);
     }
 }
 
-/// Argument in [least, most] that minimises t (slope + curve t).
+/// Returns the argument in [least, most] that minimises t (slope + curve t).
 fn lowest(curve: f64, slope: f64, least: f64, most: f64) -> f64 {
     let value = |t: f64| t * (slope + curve * t);
     let mut best = if value(least) <= value(most) {

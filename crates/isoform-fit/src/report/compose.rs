@@ -1,4 +1,4 @@
-//! The report of a fit, put together from what the stages found.
+//! Composition of the result of a fit from what the stages found.
 
 use super::estimates::Intervals;
 use super::{Fit, OtherMinimum, Told};
@@ -30,12 +30,12 @@ pub(crate) struct ByPoint {
     pub(crate) weights: Vec<f64>,
     /// Pieces of the model.
     pub(crate) parts: Vec<u32>,
-    /// Nearest places of the model.
+    /// Nearest points of the model.
     pub(crate) at: Vec<Point3>,
 }
 
 impl Task<'_> {
-    /// The report of a fit, judged.
+    /// Composes the result of a fit, with its verdict.
     pub(crate) fn report(&self, mut fitted: Fitted, mut clock: Clock) -> Fit {
         let a = self.space.parameters(&fitted.found.x);
         let limit = self.outlier_limit(fitted.noise, fitted.found.loss);
@@ -68,7 +68,7 @@ impl Task<'_> {
         fit
     }
 
-    /// Looks at each point; takes the measured distances.
+    /// Computes the results by point; takes the measured distances.
     fn by_point(&self, fitted: &mut Fitted, limit: f64) -> ByPoint {
         let (noise, loss) = (fitted.noise, fitted.found.loss);
         let measured = std::mem::take(&mut fitted.measured);
@@ -88,7 +88,9 @@ impl Task<'_> {
         }
     }
 
-    /// Points farther off than this are outliers; infinite where the loss does not allow for any.
+    /// Returns the distance beyond which points are outliers; infinite if the loss does not allow
+    /// for any. Edges rounded by a mesher or a scanner, off by less than 0.3 spacings, are not
+    /// outliers.
     fn outlier_limit(&self, noise: f64, loss: Loss) -> f64 {
         if loss.is_robust() {
             (OUTLIER_DEVIATIONS * noise).max(OUTLIER_SPACINGS * self.near.spacing)
@@ -97,7 +99,7 @@ impl Task<'_> {
         }
     }
 
-    /// Covariance of the parameters, widened by outliers that lie on surfaces of their own.
+    /// Returns the covariance of the parameters, widened by outliers on surfaces of their own.
     fn covariance(&self, fitted: &Fitted, clusters: &Clusters) -> Vec<f64> {
         let scale = fitted.noise.max(self.rounding());
         let widened = 1.0 + clusters.misfit / (scale * scale);
@@ -106,7 +108,7 @@ impl Task<'_> {
         covariance
     }
 
-    /// The report without statistics of parts, evidence, open groups, verdict and times.
+    /// Composes the result without statistics of parts, evidence, open groups, verdict and times.
     fn unjudged(
         &self,
         fitted: Fitted,
@@ -173,21 +175,22 @@ impl Task<'_> {
         }
     }
 
-    /// A step of the variables in the parameters.
+    /// Transforms a step of the variables to the parameters.
     fn in_parameters(&self, step: &[f64]) -> Vec<f64> {
         let mut by = vec![0.0; self.template.parameters().len()];
         self.space.add_step(step, &mut by);
         by
     }
 
-    /// Where the algebraic sum is wanted: at the result, then at other minima.
+    /// Returns the parameters at which the algebraic sum is computed: the result, then other
+    /// minima.
     fn summed_at(&self, found: &Found, a: &[f64]) -> Vec<Vec<f64>> {
         let others = others(&found.outcome, &found.x);
         let others = others.map(|m| self.space.parameters(&m.x));
         std::iter::once(a.to_vec()).chain(others).collect()
     }
 
-    /// The minima but for the nearest one to the result, with their sums.
+    /// Returns the minima without the nearest one to the result, with their sums.
     fn others(&self, found: &Found, sums: &[f64]) -> Vec<OtherMinimum> {
         let told = |(m, sum): (&Minimum, &f64)| OtherMinimum {
             sum_f2: *sum,
@@ -199,7 +202,7 @@ impl Task<'_> {
     }
 }
 
-/// The first minima but for the nearest one to the result.
+/// Returns the first five minima without the nearest one to the result.
 fn others<'a>(outcome: &'a Outcome, x: &[f64]) -> impl Iterator<Item = &'a Minimum> {
     let off: Vec<f64> = outcome.minima.iter().map(|m| distance(&m.x, x)).collect();
     let chosen = (0..off.len()).min_by(|i, j| off[*i].total_cmp(&off[*j]));
@@ -208,7 +211,7 @@ fn others<'a>(outcome: &'a Outcome, x: &[f64]) -> impl Iterator<Item = &'a Minim
     others.map(|(_, m)| m).take(MOST_MINIMA)
 }
 
-/// Which points are outliers: too far off.
+/// Flags the points beyond the limit.
 fn outliers(residuals: &[f64], limit: f64) -> Vec<bool> {
     let is_outlier = |r: &f64| !r.is_finite() || r.abs() > limit;
     residuals.iter().map(is_outlier).collect()

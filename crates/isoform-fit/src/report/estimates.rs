@@ -1,4 +1,4 @@
-//! Parameters with their deviations, and what is known of each.
+//! Estimates of the parameters with their deviations, and their status.
 
 use super::{Estimate, Status};
 use crate::Kind;
@@ -15,11 +15,11 @@ const NEAR_BOUND: f64 = 0.01;
 /// What the intervals of all parameters rest on.
 pub(super) struct Intervals<'a> {
     pub(super) x: &'a [f64],
-    /// All parameters.
+    /// Values of all parameters.
     pub(super) a: &'a [f64],
     /// Covariance of the parameters.
     pub(super) covariance: &'a [f64],
-    /// Points that were fitted.
+    /// Number of points that were fitted.
     pub(super) fitted: usize,
 }
 
@@ -29,19 +29,19 @@ impl Intervals<'_> {
     }
 }
 
-/// How the variables act on each parameter.
+/// Relation of the variables to a parameter.
 #[derive(Clone, Copy, Default)]
 struct Freedom {
-    /// Whether a variable moves it.
+    /// True if a variable moves it.
     is_moved: bool,
-    /// Whether the data leave a variable open that moves it.
+    /// True if the data leave open a variable that moves it.
     is_open: bool,
-    /// The variable that stands for it.
+    /// Variable that stands for it; `None` for fixed and tied parameters.
     variable: Option<usize>,
 }
 
 impl Task<'_> {
-    /// An estimate by parameter.
+    /// Returns an estimate per parameter.
     pub(super) fn estimates(&self, at: &Intervals<'_>, knowledge: &Knowledge) -> Vec<Estimate> {
         let degrees = at.fitted as f64 - self.space.len() as f64;
         let width = student95(degrees);
@@ -107,7 +107,8 @@ impl Task<'_> {
     }
 }
 
-/// Whether a deviation is told: at a bound it may be nought for want of a variable that moves.
+/// Returns true if a parameter has an interval: at a bound its deviation may be zero, since no
+/// variable moves it.
 fn is_known(status: Status, sd: f64) -> bool {
     let has_interval = match status {
         Status::Determined | Status::Weak => true,

@@ -1,4 +1,4 @@
-//! What the data leave open, in words.
+//! Groups of parameters that the data leave open, with the reason.
 
 use super::PartStatistics;
 use crate::deviation::Surface;
@@ -18,13 +18,13 @@ const UNCOVERED: f64 = 0.8;
 /// Parameters that the data leave open together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Open {
-    /// Names.
+    /// Names of the parameters.
     pub parameters: Vec<String>,
-    /// The reason.
+    /// Reason.
     pub why: Why,
 }
 
-/// Why the data leave parameters open; a sentence by `Display`.
+/// Reason for which the data leave parameters open; `Display` writes a sentence.
 ///
 /// ```
 /// use isoform_fit::Why;
@@ -44,7 +44,7 @@ pub enum Why {
         /// Names of the pieces.
         pieces: Vec<String>,
     },
-    /// A move of the parameters changes no distance, though all pieces have points.
+    /// A move of the parameters changes no distance, although all pieces have points.
     Unheld {
         /// Names of the parameters.
         parameters: Vec<String>,
@@ -52,7 +52,7 @@ pub enum Why {
 }
 
 impl Why {
-    /// The reason, where the parameters move these pieces without points.
+    /// Chooses the reason from the unseen pieces that the parameters move.
     fn new(parameters: Vec<String>, pieces: Vec<String>) -> Self {
         if pieces.is_empty() {
             Self::Unheld { parameters }
@@ -76,16 +76,16 @@ impl fmt::Display for Why {
     }
 }
 
-/// Derivatives of the metric residual at places of the surface.
+/// Derivatives of the metric residual at samples of the surface.
 struct Moves<'a> {
     surface: &'a Surface,
-    /// By place and parameter.
+    /// Derivatives by sample and parameter.
     jacobian: Vec<f64>,
     dim: usize,
 }
 
 impl Moves<'_> {
-    /// Whether one of some parameters moves a piece.
+    /// Returns true if one of some parameters moves a piece.
     fn is_moved(&self, piece: usize, parameters: &[usize]) -> bool {
         let rows = self.jacobian.chunks_exact(self.dim);
         let mut places = self.surface.parts.iter().zip(rows);
@@ -96,7 +96,7 @@ impl Moves<'_> {
 }
 
 impl Task<'_> {
-    /// The open groups: pieces that these parameters move and no data support, else the bare fact.
+    /// Returns the open groups, each with the pieces without data that its parameters move.
     pub(super) fn open(
         &self,
         knowledge: &Knowledge,
@@ -120,7 +120,7 @@ impl Task<'_> {
         }
     }
 
-    /// A group of variables that lie along one open direction.
+    /// Names a group of variables along one open direction.
     fn open_group(&self, group: &[usize], moves: &Moves<'_>, stats: &[PartStatistics]) -> Open {
         let indices = self.moved_by(group);
         let all = self.template.parameters();
@@ -136,7 +136,7 @@ impl Task<'_> {
         }
     }
 
-    /// The parameters that some variables move, in order.
+    /// Returns the parameters that some variables move, ascending.
     fn moved_by(&self, group: &[usize]) -> Vec<usize> {
         let columns = group.iter().flat_map(|&k| self.space.column(k));
         let mut indices: Vec<usize> = columns.map(|c| c.0).collect();
@@ -146,7 +146,8 @@ impl Task<'_> {
     }
 }
 
-/// Whether a piece has next to no data.
+/// Returns true if a piece has almost no data: fewer than four points, or more than 80 % of its
+/// surface uncovered.
 fn is_unseen(s: &PartStatistics) -> bool {
     s.count < FEW || s.uncovered.is_some_and(|u| u > UNCOVERED)
 }

@@ -1,23 +1,23 @@
-//! Residuals by piece of the model.
+//! Residual statistics by piece of the model.
 
 use super::ByPoint;
 use crate::deviation::{Cover, Surface};
 use crate::task::Task;
 
-/// Residuals of one piece of the model.
+/// Residual statistics of one piece of the model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PartStatistics {
     /// Name.
     pub name: String,
-    /// Used points that it is nearest to.
+    /// Number of used points that are nearest to it.
     pub count: usize,
-    /// Root of the mean square of their residuals.
+    /// Root mean square of their residuals.
     pub rms: f64,
-    /// Their mean: inside positive.
+    /// Mean of their residuals; inside is positive.
     pub mean: f64,
     /// Largest absolute residual.
     pub max: f64,
-    /// Share of the piece's surface that no data support; none where no sample of it was met.
+    /// Share of the piece's surface without data; `None` if it has no samples.
     pub uncovered: Option<f64>,
 }
 
@@ -41,7 +41,7 @@ impl PartStatistics {
         self.max = self.max.max(r.abs());
     }
 
-    /// Makes sums means.
+    /// Replaces sums by means.
     fn close(&mut self, cover: Cover) {
         let n = self.count.max(1) as f64;
         self.rms = (self.rms / n).sqrt();
@@ -52,7 +52,7 @@ impl PartStatistics {
 }
 
 impl Task<'_> {
-    /// Sums over the points used, by piece.
+    /// Returns the sums over the used points by piece.
     pub(super) fn part_sums(&self, points: &ByPoint) -> Vec<PartStatistics> {
         let mut sums = vec![PartStatistics::new(""); self.template.part_names().len()];
         let used = points.residuals.iter().zip(&points.outliers);
@@ -64,7 +64,7 @@ impl Task<'_> {
         sums
     }
 
-    /// Residuals of the points used, by piece, and what of the pieces has data.
+    /// Completes the statistics by piece with names and coverage.
     pub(super) fn part_statistics(
         &self,
         mut stats: Vec<PartStatistics>,

@@ -1,4 +1,4 @@
-//! What a report says of all points together, whether they are at hand or in chunks.
+//! Statistics of all points together, in memory or in chunks.
 
 use super::{ByPoint, PartStatistics};
 use crate::chunks::{Reading, Telling, Which};
@@ -18,25 +18,25 @@ pub(crate) const SAMPLED: usize = 20_000;
 pub(crate) struct Tally {
     pub(crate) n: usize,
     pub(crate) n_outliers: usize,
-    /// Outliers among all points, repeated ones included.
+    /// Number of outliers among all points, repeated ones included.
     pub(crate) n_outliers_of_all: usize,
-    /// Squares of the distances of points used.
+    /// Sum of squared distances of the used points.
     pub(crate) squares: f64,
-    /// The largest of these distances.
+    /// Largest of these distances.
     pub(crate) max: f64,
-    /// Squares of the distances of all.
+    /// Sum of squared distances of all points.
     pub(crate) squares_of_all: f64,
-    /// Points used below a window.
+    /// Number of used points below the window.
     pub(crate) below: usize,
-    /// Distances of points used in the window.
+    /// Distances of used points in the window.
     pub(crate) window: Vec<f64>,
-    /// The distance that 95 % of the points used do not exceed.
+    /// 95th percentile of the distances of the used points.
     pub(crate) p95: f64,
-    /// Σ f² over the points used, at some parameters.
+    /// Σ f² over the used points at each of some parameter vectors.
     pub(crate) algebraic: Vec<f64>,
-    /// By part, sums in the place of means.
+    /// Statistics by part, with sums in place of means.
     pub(crate) parts: Vec<PartStatistics>,
-    /// Points far off, with their distances.
+    /// Points far off the model, with their distances.
     pub(crate) far: Vec<(Point3, f64)>,
 }
 
@@ -48,7 +48,7 @@ impl Tally {
         }
     }
 
-    /// Adds a point; `far` is taken for its distance where that is no number.
+    /// Adds a point; `far` replaces a distance that is not finite.
     pub(crate) fn add(&mut self, r: f64, is_out: bool, part: u32, far: f64) {
         let off = if r.is_finite() { r } else { far };
         self.n += 1;
@@ -65,28 +65,28 @@ impl Tally {
     }
 }
 
-/// What is told of all points.
+/// Statistics of all points.
 pub(crate) struct Told {
     pub(crate) n_points: usize,
     pub(crate) n_outliers: usize,
-    /// Points and outliers, repeated ones included, where these are in chunks.
+    /// Number of points and outliers, repeated ones included; `None` for points in memory.
     pub(crate) with_repeats: Option<(usize, usize)>,
     pub(crate) data_to_model: DataToModel,
-    /// Root of the mean square distance of all; none where every point is at hand.
+    /// Root mean square distance of all points; `None` for points in memory.
     pub(crate) rms_of_all: Option<f64>,
-    /// By part, sums in the place of means.
+    /// Statistics by part, with sums in place of means.
     pub(crate) parts: Vec<PartStatistics>,
     /// Robust standard deviation of the distances.
     pub(crate) scale: f64,
-    /// Points farther off than [`FAR`] of these, with their distances.
+    /// Points farther off than [`FAR_DEVIATIONS`] of these, with their distances.
     pub(crate) far: Vec<(Point3, f64)>,
-    /// Σ f² over the points used, at some parameters.
+    /// Σ f² over the used points at each of some parameter vectors.
     pub(crate) algebraic: Vec<f64>,
 }
 
 impl Task<'_> {
-    /// Looks at all points; `points` are those at hand, `limit` is the distance of outliers, and
-    /// the algebraic sum is wanted at `minima`.
+    /// Computes the statistics of all points. `points` are the results in memory, `limit` is the
+    /// distance of outliers, and the algebraic sum is computed at `minima`.
     pub(super) fn told(
         &self,
         a: &[f64],
@@ -130,7 +130,7 @@ impl Task<'_> {
         let cloud = self.scan.cloud().expect("who asks has looked");
         let asked = (Reading::Distance, a);
         let sizes = cloud.sizes(self.template, asked, Which::Distinct, &points.residuals);
-        // Where there is clutter, or no noise, nobody asks which points are far off.
+        // The list of far points is not used if there is clutter, or no noise.
         let is_asked = sizes.scale > self.rounding() && self.scan.isolated <= MANY_STRAYS;
         let telling = Telling {
             a: a.to_vec(),
@@ -167,7 +167,7 @@ impl Task<'_> {
         }
     }
 
-    /// Σ f² over the points that are no outliers, NaN left out.
+    /// Returns Σ f² over the points that are not outliers, without NaN.
     fn algebraic_sum(&self, outliers: &[bool], a: &[f64]) -> f64 {
         let field = self.template.algebraic();
         if !outliers.contains(&true) {

@@ -1,4 +1,4 @@
-//! One run of the search from a start.
+//! A single run of the search.
 
 use super::{Minimum, Search, Step};
 use crate::lm;
@@ -30,12 +30,12 @@ pub(super) struct Run {
     pub(super) history: Vec<Step>,
 }
 
-/// What is seen of a run while it goes on.
+/// Monitor of a run.
 struct Watch<'a> {
     known: Option<&'a Minimum>,
-    /// Sum below which all are nought.
+    /// Sum below which all sums count as zero.
     nought: f64,
-    /// Sums at the places taken so far.
+    /// Sums at the points accepted so far.
     values: Vec<f64>,
     has_arrived: bool,
 }
@@ -50,7 +50,7 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// Whether the run is worth going on with.
+    /// Returns true if the run should continue.
     fn is_worth(&mut self, x: &[f64], value: f64) -> bool {
         self.values.push(value);
         if let Some(known) = self.known {
@@ -67,13 +67,14 @@ impl<'a> Watch<'a> {
             || (known.value <= self.nought && value < NEAR_NOUGHT * self.first())
     }
 
-    /// Whether a run far above the best minimum has all but stopped falling.
+    /// Returns true if a run far above the best minimum has almost stopped: it fell by less than 2
+    /// % in the last ten steps.
     fn is_hopeless(&self, known: &Minimum, value: f64) -> bool {
         let before = self.values.iter().rev().nth(WINDOW);
         before.is_some_and(|v| v - value < FALLING * value) && value > HOPELESS * known.value
     }
 
-    /// Where a run ended: at the known minimum, if it has arrived there.
+    /// Returns the result of a run: the known minimum, if it has arrived there.
     fn end(&self, m: lm::Minimum) -> (Vec<f64>, f64) {
         match self.known.filter(|_| self.has_arrived) {
             Some(known) => (known.x.clone(), known.value),
@@ -86,12 +87,13 @@ impl<'a> Watch<'a> {
     }
 }
 
+/// Returns true if all variables are within 0.01 units of each other.
 fn is_near(a: &[f64], b: &[f64]) -> bool {
     a.iter().zip(b).all(|(u, v)| (u - v).abs() < NEAR)
 }
 
 impl Search<'_> {
-    /// One descent; ends early at a minimum that is known, or when it can no longer matter.
+    /// Runs one descent; it ends early at a known minimum, or if it is hopeless.
     pub(super) fn descend(
         &self,
         x: Vec<f64>,

@@ -1,5 +1,4 @@
-//! Single primitives of a minimum, thrown elsewhere: the typical false minimum has one piece
-//! astray.
+//! Perturbation of single primitives of a minimum: a typical false minimum has one misplaced piece.
 
 use super::descent::Run;
 use super::{Outcome, SAME, Search};
@@ -15,43 +14,43 @@ const MOVES: f64 = 1e-6;
 
 /// The pieces of a template as the points see them.
 struct Pieces {
-    /// Points by piece.
+    /// Number of points by piece.
     count: Vec<usize>,
-    /// By piece and variable, whether the variable moves a point of the piece.
+    /// True if a variable moves a point of a piece, by piece and variable.
     moved: Vec<Vec<bool>>,
 }
 
 impl Pieces {
-    /// The pieces with points.
+    /// Returns the pieces with points.
     fn present(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.count.len()).filter(|&p| self.count[p] > 0)
     }
 
-    /// How many pieces variable k moves.
+    /// Returns the number of pieces that variable k moves.
     fn moves(&self, k: usize) -> usize {
         self.moved.iter().filter(|moved| moved[k]).count()
     }
 
-    /// Whether variable k moves most pieces, as a pose does: it belongs to none of them.
+    /// Returns true if variable k moves most pieces, as a pose does: it belongs to none of them.
     fn is_common(&self, k: usize) -> bool {
         let present = self.present().count();
         present > 2 && 3 * self.moves(k) > 2 * present
     }
 }
 
-/// How throws went.
+/// Counts of perturbations.
 #[derive(Default)]
 struct Tally {
     tried: usize,
-    /// Throws that led back to the best minimum.
+    /// Number of perturbations that led back to the best minimum.
     back: usize,
     failures: usize,
 }
 
 impl Search<'_> {
-    /// Throws single primitives of the best minimum elsewhere. True when that keeps leading back
-    /// and the rate of return, starts included, promises that a minimum as wide was not missed;
-    /// false to go on with starts.
+    /// Perturbs single primitives of the best minimum. Returns true if this keeps leading back and
+    /// the rate of return, starts included, makes it improbable that a minimum as wide was missed;
+    /// false to continue with starts.
     pub(super) fn throw(&self, out: &mut Outcome) -> bool {
         let seed = self.options.seed ^ 0x7_4120 ^ ((out.starts as u64) << 32);
         let mut random = fastrand::Rng::with_seed(seed);
@@ -72,14 +71,15 @@ impl Search<'_> {
         groups.is_empty()
     }
 
-    /// Whether the rate of return makes it improbable enough that a minimum was missed.
+    /// Returns true after four perturbations without success, if the rate of return makes it
+    /// improbable enough that a minimum was missed.
     fn is_enough(&self, tally: &Tally, out: &Outcome) -> bool {
         let total = out.starts + tally.tried;
         let rate = (out.minima[0].hits + tally.back) as f64 / total as f64;
         tally.failures >= THROWS && (1.0 - rate).powi(total as i32) < self.options.miss
     }
 
-    /// A place with some variables drawn anew.
+    /// Returns a point with some variables drawn anew.
     pub(crate) fn throw_group(
         &self,
         x: &[f64],
@@ -94,7 +94,7 @@ impl Search<'_> {
         x
     }
 
-    /// The best minimum with about half of its primitives thrown elsewhere.
+    /// Returns the best minimum with about half of its primitives drawn anew.
     pub(super) fn mixed(&self, best: &[f64], i: usize) -> Vec<f64> {
         let mut random = fastrand::Rng::with_seed(self.options.seed ^ ((i as u64) << 20));
         let mut x = best.to_vec();
@@ -109,9 +109,9 @@ impl Search<'_> {
         x
     }
 
-    /// Free variables by primitive: the variables that a piece's points move. Pieces with the
-    /// fewest points come first, and before them the variables that no point moves: their piece
-    /// lies away from the data.
+    /// Groups the free variables by primitive: the variables that a piece's points move. Pieces
+    /// with the fewest points come first, and before them the variables that move no point: their
+    /// piece is away from the data.
     pub(crate) fn groups(&self, x: &[f64]) -> Vec<Vec<usize>> {
         let pieces = self.pieces(x);
         let variables = 0..self.space.len();
@@ -134,7 +134,7 @@ impl Search<'_> {
         groups
     }
 
-    /// Which variables move the points of which piece.
+    /// Determines which variables move the points of which piece.
     fn pieces(&self, x: &[f64]) -> Pieces {
         let names = self.template.part_names().len();
         let a = self.space.parameters(x);
@@ -158,8 +158,8 @@ impl Search<'_> {
 }
 
 impl Tally {
-    /// Counts a throw; true if it led to something better: everything found so far was something
-    /// else.
+    /// Adds a perturbation. Returns true if it led to something better: then all minima found so
+    /// far are others.
     fn count(&mut self, run: Run, out: &mut Outcome, nought: f64) -> bool {
         self.tried += 1;
         let best = out.best();

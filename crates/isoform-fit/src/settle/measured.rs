@@ -1,4 +1,4 @@
-//! Distances of points from the model, by the template's own distance if it has one.
+//! Distances of points from the model, by the template's distance if it has one.
 
 use crate::Template;
 use crate::feet::KeptFeet;
@@ -14,26 +14,28 @@ const BATCH: usize = 1 << 16;
 #[derive(Default)]
 pub(crate) struct Measured {
     pub(crate) residuals: Vec<f64>,
-    /// Parts that meet at the nearest place of the model, the first one the part of the point.
+    /// Parts that meet at the nearest point of the model; the first one is the part of the point.
     pub(crate) pieces: Vec<[u32; 3]>,
-    /// The nearest places of the model; the points themselves where it has none. Who is whose
-    /// neighbour is asked of these: noise makes points neighbours that are off alike.
+    /// Nearest points of the model; the points themselves if the template has no distance.
+    /// Neighbours are determined among these, since noise makes points with similar residuals
+    /// neighbours.
     pub(crate) at: Vec<Point3>,
 }
 
 impl Measured {
-    /// The part that each point is on.
+    /// Returns the part of each point.
     pub(crate) fn parts(&self) -> Vec<u32> {
         self.pieces.iter().map(|met| met[0]).collect()
     }
 
-    /// Whether each point's nearest place is on one of the flagged parts, or on its rim.
+    /// Returns true for each point whose nearest point is on one of the flagged parts, or on its
+    /// rim.
     pub(crate) fn on<'a>(&'a self, flagged: &'a [bool]) -> impl Iterator<Item = bool> + 'a {
         let is_on = |part: &u32| flagged.get(*part as usize) == Some(&true);
         self.pieces.iter().map(move |met| met.iter().any(is_on))
     }
 
-    /// 0 for points on open parts, else 1; empty where all are 1.
+    /// Returns 0 for points on open parts, else 1; empty if all are 1.
     pub(crate) fn mask(&self, open: &[bool]) -> Vec<f64> {
         if !open.contains(&true) {
             return Vec::new();
@@ -43,14 +45,14 @@ impl Measured {
 }
 
 impl Task<'_> {
-    /// Distances and parts of points.
+    /// Computes distances and parts of points.
     pub(crate) fn measured(&self, points: &[Point3], x: &[f64]) -> Measured {
         let a = self.space.parameters(x);
         measured(self.template, self.distance.as_ref(), points, &a)
     }
 }
 
-/// Distances and parts of points, by the template's own distance if it has one.
+/// Computes distances and parts of points, by the template's distance if it has one.
 pub(crate) fn measured(
     template: &dyn Template,
     distance: Option<&KeptFeet<'_>>,
@@ -75,7 +77,7 @@ pub(crate) fn measured(
     out
 }
 
-/// Metric residuals and parts of points, which stand for their nearest places.
+/// Computes metric residuals and parts of points, which represent their nearest points.
 fn by_metric(template: &dyn Template, points: &[Point3], a: &[f64]) -> Measured {
     let mut residuals = vec![0.0; points.len()];
     values(template.metric(), points, a, &mut residuals);

@@ -1,8 +1,8 @@
 //! Parts without data of their own.
 //!
-//! Faces that the end of a scan runs along get points of their neighbours' rims, some noise ×
-//! perimeter / area; a hole between the points of a face has points beside its edge only. Neither
-//! is data of the part.
+//! Faces along which a scan ends get points of their neighbours' rims, some noise × perimeter /
+//! area; a hole between the points of a face only has points near its edge. Neither are data of the
+//! part.
 
 use super::Measured;
 use crate::deviation::{Cover, Surface};
@@ -28,7 +28,7 @@ const RIM: f64 = 3.0;
 /// A derivative above this moves the surface.
 const MOVES: f64 = 1e-6;
 
-/// Points whose nearest place is on a part: on it to the noise, or off it.
+/// Number of points whose nearest point is on a part: on it within the noise, or off it.
 #[derive(Clone, Copy, Default)]
 struct Count {
     on: usize,
@@ -36,35 +36,36 @@ struct Count {
 }
 
 impl Count {
-    /// Whether a part of this cover, which lets expect some points, has few on it, and either much
-    /// of it is bare or the points shun it.
+    /// Returns true if a part has less than 12 % of the points that are expected on it, and either
+    /// more than a fifth of it is bare (sparse is not absent) or it is shunned. Parts with fewer
+    /// than six samples are never absent.
     fn is_absent(self, cover: Cover, expected: f64) -> bool {
         let is_sparse = cover.samples >= FEWEST && (self.on as f64) < OWN_DATA * expected;
         let is_bare = cover.bare as f64 > BARE * cover.samples as f64;
         is_sparse && (is_bare || self.is_shunned(expected))
     }
 
-    /// Whether most of the points are off the part, and all of them few for its area. A part with
-    /// all its points beside it is at a wrong place, not unseen.
+    /// Returns true if most of the points are off the part, and all of them together are few for
+    /// its area. A part with all its points next to it is misplaced, not unseen.
     fn is_shunned(self, expected: f64) -> bool {
         self.off > self.on && ((self.on + self.off) as f64) < 0.5 * expected
     }
 }
 
-/// A minimum whose parts are looked at.
+/// A minimum whose parts are examined.
 struct Looked<'a> {
     measured: &'a Measured,
     surface: &'a Surface,
     a: &'a [f64],
     noise: f64,
-    /// Points farther off are outliers.
+    /// Distance beyond which points are outliers.
     limit: f64,
-    /// Points per sample of the surface, where there are any.
+    /// Number of points per sample of the covered surface.
     density: f64,
 }
 
 impl Looked<'_> {
-    /// Points on and off each part.
+    /// Counts points on and off each part.
     fn counts(&self, parts: usize) -> Vec<Count> {
         let mut counts = vec![Count::default(); parts];
         for (met, r) in self.measured.pieces.iter().zip(&self.measured.residuals) {
@@ -77,12 +78,12 @@ impl Looked<'_> {
         counts
     }
 
-    /// Fewest points that some samples let expect: one deviation of their number less.
+    /// Returns the expected number of points on some samples, less one standard deviation.
     fn expected(&self, samples: usize) -> f64 {
         self.density * (samples as f64 - (samples as f64).sqrt())
     }
 
-    /// Samples of a part.
+    /// Returns the samples of a part.
     fn samples_of(&self, part: usize) -> Vec<Foot> {
         let surface = self.surface;
         let samples = surface.points.iter().zip(&surface.inward);
@@ -93,7 +94,7 @@ impl Looked<'_> {
             .collect()
     }
 
-    /// Feet on a part, and nowhere else, of the points that are on it.
+    /// Returns the feet on a part, and on no other, of the points that are on it.
     fn feet_of(&self, part: usize, distance: &dyn DistanceField) -> Vec<Foot> {
         let is_on = |parts: &[u32; 3]| parts[0] as usize == part;
         let measured = self.measured;
@@ -109,15 +110,17 @@ impl Looked<'_> {
         feet
     }
 
-    /// How many places are off all edges.
+    /// Counts the feet that are farther from all edges than three deviations of the noise, so that
+    /// their points belong to one face.
     fn off_edges(&self, places: &[Foot], distance: &dyn DistanceField) -> usize {
         let reach = RIM * self.noise;
         let around = distance.nearby(places, self.a, reach, reach);
         around.iter().filter(|n| **n == Nearby::Face).count()
     }
 
-    /// Whether a part has points beside its edges only, where chance does not explain that: a hole
-    /// between the points of a face, which is no larger than their distances.
+    /// Returns true if a part only has points near its edges, where chance does not explain that: a
+    /// hole between the points of a face, no larger than their spacing. Up to two points off edges
+    /// may be noise of its neighbours, or stray.
     fn is_empty_off_edges(&self, part: usize, distance: &dyn DistanceField) -> bool {
         let samples = self.samples_of(part);
         if chance_of_few(0, self.expected(samples.len())) > CHANCE {
@@ -130,9 +133,9 @@ impl Looked<'_> {
 }
 
 impl Task<'_> {
-    /// Parts without data of their own: few points on them for their area, and either much of it
-    /// bare or most of the points near them off them; or no points but those of their neighbours'
-    /// rims.
+    /// Flags parts without data of their own: few points on them for their area, and either much of
+    /// it bare or most of the points near them off them; or no points except those of their
+    /// neighbours' rims.
     pub(super) fn open_parts(
         &self,
         measured: &Measured,
@@ -162,7 +165,8 @@ impl Task<'_> {
             .collect()
     }
 
-    /// Whether each variable moves a place of the surface on one of the flagged parts.
+    /// Returns true for each variable that moves a sample of the surface on one of the flagged
+    /// parts.
     pub(super) fn moves(&self, found: &Found, surface: &Surface, flagged: &[bool]) -> Vec<bool> {
         let is_flagged = |part: u32| flagged.get(part as usize) == Some(&true);
         let places = surface.points.iter().zip(&surface.parts);
@@ -178,7 +182,7 @@ impl Task<'_> {
     }
 }
 
-/// The probability of no more than some points where another number is expected (Poisson).
+/// Returns the probability of at most `points` points if `expected` are expected (Poisson).
 fn chance_of_few(points: usize, expected: f64) -> f64 {
     let mut term = (-expected.max(0.0)).exp();
     let mut sum = term;

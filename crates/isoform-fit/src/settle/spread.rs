@@ -1,5 +1,5 @@
-//! The covariance of the variables, in two shares: of noise that points have for themselves, which
-//! falls with their number, and of misfit that neighbours share, which does not.
+//! Covariance of the variables, in two parts: of independent noise, which falls with the number of
+//! points, and of misfit that neighbours share, which does not.
 
 use super::State;
 use crate::bias::Bias;
@@ -28,18 +28,18 @@ pub(super) struct Spread {
 }
 
 impl Spread {
-    /// Number of variables.
+    /// Returns the number of variables.
     fn dim(&self) -> usize {
         (self.independent.len() as f64).sqrt().round() as usize
     }
 
-    /// Variances of variable i: its own, and what neighbours share.
+    /// Returns the variances of variable i: independent and shared.
     fn variances(&self, i: usize) -> (f64, f64) {
         let at = i * self.dim() + i;
         (self.independent[at], self.shared[at].max(0.0))
     }
 
-    /// Sets the total: never less than for independent points.
+    /// Sets the total covariance: never less than for independent points.
     fn join(&mut self) {
         let m = self.dim();
         let factor = |i: usize| match self.variances(i) {
@@ -51,7 +51,8 @@ impl Spread {
         self.total = (0..m * m).map(joined).collect();
     }
 
-    /// Whether some deviation would shrink noticeably if the points' number grew by 1 / `share`.
+    /// Returns true if some standard deviation would fall below 90 % with 1 / `share` times as many
+    /// points.
     pub(super) fn gains(&self, share: f64) -> bool {
         (0..self.dim()).any(|i| {
             let (own, shared) = self.variances(i);
@@ -59,21 +60,21 @@ impl Spread {
         })
     }
 
-    /// Whether all numbers of a correction are small beside their deviations.
+    /// Returns true if all components of a correction are below half of their standard deviations.
     pub(super) fn hides(&self, correction: &[f64]) -> bool {
         let m = correction.len();
         (0..m).all(|k| correction[k].powi(2) < LARGE * LARGE * self.total[k * m + k])
     }
 
-    /// Shrinks the independent share, after the points' number grew by 1 / `share`.
+    /// Scales the independent part for 1 / `share` times as many points.
     pub(super) fn scale_independent(&mut self, share: f64) {
         scale(&mut self.independent, share);
         scale(&mut self.inverse, share);
         self.join();
     }
 
-    /// Adds what a bias that was taken away leaves: its randomness, and a share of itself, since
-    /// noise may not be quite isotropic.
+    /// Adds the covariance of a bias that was removed, and the share `unsure` of the bias itself,
+    /// since the noise may not be isotropic.
     pub(super) fn add_correction(&mut self, bias: &Bias, unsure: f64) {
         add(&mut self.total, &bias.covariance);
         let m = bias.correction.len();
@@ -84,8 +85,8 @@ impl Spread {
 }
 
 impl Task<'_> {
-    /// The covariance of the variables, with what neighbours share. `normal` is the matrix of the
-    /// normal equations, if it is known.
+    /// Computes the covariance of the variables, including misfit that neighbours share. `normal`
+    /// is the matrix of the normal equations, if it is known.
     pub(super) fn spread(
         &self,
         points: &[Point3],
@@ -114,21 +115,21 @@ impl Task<'_> {
         spread
     }
 
-    /// The correlation of weighted residuals; none for exact points, where neighbours are as good
-    /// as independent, or once time is over.
+    /// Estimates the correlation of weighted residuals; `None` for exact points, for neighbours
+    /// that are not significantly correlated, and at the end of the time limit.
     fn shared_misfit(&self, count: usize, found: &Found, state: &State) -> Option<Correlation> {
         if state.noise <= self.rounding() || state.noise.is_nan() || self.control.is_stopped() {
             return None;
         }
         let weighted = self.weighted(found, state);
-        // The first points in the random order are in a random order.
+        // The first points in the random order are themselves in a random order.
         let first: Vec<u32> = (0..count as u32).collect();
         let is_all = count == self.points.len();
         let order = if is_all { self.order } else { &first };
         Correlation::of(&state.at, &weighted, order, self.size())
     }
 
-    /// Residuals times mask and weight of the loss; nought where there is none.
+    /// Returns the residuals times mask and weight of the loss; zero for those that are not finite.
     fn weighted(&self, found: &Found, state: &State) -> Vec<f64> {
         let scale = state.noise.max(self.rounding());
         let weighted = |(i, r): (usize, &f64)| {

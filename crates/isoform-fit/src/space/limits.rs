@@ -1,5 +1,4 @@
-//! Bounds of parameters, and where starts are drawn from, as the caller, the template and the
-//! data's box tell.
+//! Bounds of parameters, and ranges of starts, from the caller, the template and the data's box.
 
 use crate::{FitError, Kind, Parameter};
 use isoform_geom::Aabb;
@@ -24,13 +23,13 @@ const AUTHORS_SHARE: f64 = 0.25;
 /// Where bounds and data share less of the range than this, the bounds alone decide.
 const LEAST_OVERLAP: f64 = 1e-3;
 
-/// The size of a box, or 1 where it has none.
+/// Returns a size, or 1 if it is not positive.
 pub(super) fn positive(v: f64) -> f64 {
     if v > 0.0 && v.is_finite() { v } else { 1.0 }
 }
 
-/// Bounds of a parameter: the user's, else the template's, else what the data's box suggests (free
-/// parameters only).
+/// Returns the bounds of a parameter: the caller's, else the template's, else those that the data's
+/// box suggests (free parameters only).
 pub(super) fn limits(
     p: &Parameter,
     said: Option<(f64, f64)>,
@@ -53,7 +52,7 @@ pub(super) fn limits(
     Ok(stretched(suggested(p.kind, data), start, lo, hi))
 }
 
-/// Lower and upper bound, as far as somebody gave them.
+/// Lower and upper bound; `None` if not given.
 #[derive(Clone, Copy)]
 struct Given(Option<f64>, Option<f64>);
 
@@ -66,7 +65,7 @@ impl Given {
         )
     }
 
-    /// Whether there is room between the bounds.
+    /// Returns true if there is room between the bounds.
     fn is_interval(self) -> bool {
         let Self(lo, hi) = self;
         let has_nan = lo.into_iter().chain(hi).any(f64::is_nan);
@@ -74,7 +73,7 @@ impl Given {
     }
 }
 
-/// Bounds by what a parameter measures.
+/// Returns bounds by what a parameter measures.
 fn suggested(kind: Kind, data: Aabb) -> (f64, f64) {
     let diagonal = positive(data.diagonal());
     match kind {
@@ -96,8 +95,8 @@ fn suggested(kind: Kind, data: Aabb) -> (f64, f64) {
     }
 }
 
-/// Given bounds, with suggested ones in the place of what is missing. A start or a given bound
-/// outside of the suggested range stretches it.
+/// Completes given bounds with suggested ones. A start or a given bound outside of the suggested
+/// range extends it.
 fn stretched(
     (a, b): (f64, f64),
     start: Option<f64>,
@@ -117,7 +116,7 @@ fn stretched(
     (lo, hi)
 }
 
-/// A lower bound below a start, positive where the suggested one is.
+/// Returns a lower bound below a start, positive if the suggested one is.
 fn below(start: f64, suggested: f64, width: f64) -> f64 {
     if start > 0.0 && suggested > 0.0 {
         0.1 * start
@@ -126,8 +125,9 @@ fn below(start: f64, suggested: f64, width: f64) -> f64 {
     }
 }
 
-/// Where starts informed by the data are drawn from: positions in the data's box, lengths up to its
-/// size.
+/// Returns the range from which informed starts are drawn: positions in the data's box, lengths up
+/// to its size. About a start of the template's author it is a quarter of the bounds on either
+/// side. If bounds and data have no common range, the bounds decide.
 pub(super) fn informed(p: &Parameter, lo: f64, hi: f64, data: Aabb) -> (f64, f64) {
     if let Some(start) = start_of_author(p, lo, hi) {
         let reach = AUTHORS_SHARE * (hi - lo);
@@ -142,13 +142,14 @@ pub(super) fn informed(p: &Parameter, lo: f64, hi: f64, data: Aabb) -> (f64, f64
     }
 }
 
-/// The template's start, where its author gave bounds, too, and knows better than the data.
+/// Returns the template's start if its author also gave bounds, and is better informed than the
+/// data.
 fn start_of_author(p: &Parameter, lo: f64, hi: f64) -> Option<f64> {
     let start = p.start.filter(|s| lo <= *s && *s <= hi);
     start.filter(|_| p.min.is_some() && p.max.is_some())
 }
 
-/// Values that the data's box makes likely.
+/// Returns the range of values that the data's box makes likely.
 fn likely(kind: Kind, lo: f64, hi: f64, data: Aabb) -> (f64, f64) {
     let size = data.size();
     let largest = positive(size[0].max(size[1]).max(size[2]));

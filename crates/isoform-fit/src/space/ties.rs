@@ -1,4 +1,4 @@
-//! Ties followed to free parameters.
+//! Resolution of ties to free parameters.
 
 use crate::{FitError, Parameter, Tie};
 
@@ -10,14 +10,14 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// Whether this is parameter i itself, which is free.
+    /// Returns true if this row is the free parameter i itself.
     pub(super) fn is_variable(&self, i: usize) -> bool {
         self.terms == [(i, 1.0)]
     }
 }
 
-/// The rows of all parameters. A fixed parameter stays fixed whatever it is named in; a tie is
-/// followed through other ties.
+/// Returns the rows of all parameters. Ties take precedence over fixed values, and are followed
+/// through other ties.
 pub(super) fn rows(parameters: &[Parameter]) -> Result<Vec<Row>, FitError> {
     let mut ties = Ties {
         parameters,
@@ -29,14 +29,14 @@ pub(super) fn rows(parameters: &[Parameter]) -> Result<Vec<Row>, FitError> {
     Ok(ties.rows.into_iter().flatten().collect())
 }
 
-/// The parameters, and the rows that are known of them.
+/// The parameters, and the rows resolved so far.
 struct Ties<'a> {
     parameters: &'a [Parameter],
     rows: Vec<Option<Row>>,
 }
 
 impl Ties<'_> {
-    /// The row of parameter i; `depth` ties led to it.
+    /// Returns the row of parameter i, which was reached through `depth` ties.
     fn resolve(&mut self, i: usize, depth: usize) -> Result<&Row, FitError> {
         if self.rows[i].is_none() {
             let row = self.row(i, depth)?;
@@ -71,7 +71,7 @@ impl Ties<'_> {
         }
     }
 
-    /// The row of a tied parameter, from the rows of its sources.
+    /// Returns the row of a tied parameter, from the rows of its sources.
     fn tied(&mut self, i: usize, tie: &Tie, depth: usize) -> Result<Row, FitError> {
         let mut constant = tie.constant;
         let mut sum = vec![0.0; self.parameters.len()];
