@@ -1,10 +1,6 @@
 //! F∘p for a polynomial F of degree d and a patch p of degree (m, n): w^d F(X/w, Y/w, Z/w) is a
 //! polynomial of degree (d m, d n). The quotients of its Bernstein coefficients by those of w^d
-//! bound
-//!
-//! F∘p
-//!
-//! where w is positive.
+//! bound |F∘p| where w is positive.
 //!
 //! On patches that lie on the surface to rounding, this bound is of the order of rounding;
 //! expansions about points achieve that only for quadrics. The rounding error is bounded along with
@@ -92,12 +88,8 @@ pub(crate) fn binomial(n: usize, k: usize) -> f64 {
     (0..k).fold(1.0, |b, i| b * (n - i) as f64 / (i + 1) as f64)
 }
 
-/// Returns an upper bound on
-///
-/// F
-///
-/// over a patch for F = Σ c xⁱyʲzᵏ, rounding included; `None` if the degree is too high or a
-/// control weight is not positive.
+/// Returns an upper bound on |F| over a patch for F = Σ c xⁱyʲzᵏ, rounding included; `None` if the
+/// degree is too high or a control weight is not positive.
 pub(crate) fn largest(terms: &Terms<'_>, patch: &RationalPatch) -> Option<f64> {
     let degree = |e: &[u16; 3]| e.iter().map(|v| usize::from(*v)).sum::<usize>();
     let d = terms.list.iter().map(|(e, _)| degree(e)).max()?;

@@ -8,16 +8,10 @@
 //! Krawczyk's operator (R. Krawczyk: Newton-Algorithmen zur Bestimmung von Nullstellen mit
 //! Fehlerschranken, Computing 4 (1969)), applied to p(u, v) − q across n, shows that the line along
 //! n through every point q of the cell meets the patch at a point (u, v) near a known one. If F(q)
-//! = 0, the patch is there no farther from q than
-//!
-//! F(p(u, v))
-//!
-//! /G, which is at most the proved distance of the patch from the surface times max
-//!
-//! ∇F
-//!
-//! /G. As the depth is 1-Lipschitz, the depth at the centre of the cell minus the cell's radius is
-//! a lower bound. Cells on which this fails are divided.
+//! = 0, the patch is there no farther from q than |F(p(u, v))|/G, which is at most the proved
+//! distance of the patch from the surface times max |∇F|/G. As the depth is 1-Lipschitz, the depth
+//! at the centre of the cell minus the cell's radius is a lower bound. Cells on which this fails
+//! are divided.
 
 mod border;
 mod krawczyk;

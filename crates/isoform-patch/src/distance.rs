@@ -4,13 +4,10 @@
 //! δᵀHδ/2 + Tδδδ/6 up to a remainder bounded by the deviation of the third derivatives from T; with
 //! the homogeneous patch substituted for δ and multiplied by w³, the polynomial part is in Bézier
 //! form, and the quotients of its coefficients by those of w³ bound it. Where n·∇F ≥ G > 0 for a
-//! unit vector n in a neighbourhood that extends M/G beyond the cell, and
-//!
-//! F
-//!
-//! ≤ M on the cell, the surface is at most M/G away along ±n. Where no such n exists (at
-//! self-intersections), cells are divided until they are small compared with the bound; then a
-//! change of sign of F between c and a nearby point suffices.
+//! unit vector n in a neighbourhood that extends M/G beyond the cell, and |F| ≤ M on the cell, the
+//! surface is at most M/G away along ±n. Where no such n exists (at self-intersections), cells are
+//! divided until they are small compared with the bound; then a change of sign of F between c and a
+//! nearby point suffices.
 //!
 //! ```text
 //!      n ↑    ·  ·  ·  ·  ·    F > 0: at most M/G above the cell

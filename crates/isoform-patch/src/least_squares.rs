@@ -1,16 +1,9 @@
 //! Damped least squares by Householder's QR factorisation: normal equations would square the small
 //! singular values that matter.
 
-/// Returns the x that minimises
-///
-/// A x − b
-///
-/// ² + d²
-///
-/// x
-///
-/// ², for A given by its rows of `n` numbers, by Householder's QR factorisation of A above d times
-/// the identity; `None` if a column vanishes or a number is not finite.
+/// Returns the x that minimises |A x − b|² + d² |x|², for A given by its rows of `n` numbers, by
+/// Householder's QR factorisation of A above d times the identity; `None` if a column vanishes or a
+/// number is not finite.
 pub(crate) fn damped_least_squares(
     rows: Vec<f64>,
     b: &[f64],

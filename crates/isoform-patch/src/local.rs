@@ -63,11 +63,7 @@ impl Default for Local {
 }
 
 impl Local {
-    /// Adds the integrand F²/
-    ///
-    /// ∇F
-    ///
-    /// ² of I; `third` is used by Newton's method only.
+    /// Adds the integrand F²/|∇F|² of I; `third` is used by Newton's method only.
     #[inline(always)]
     pub(crate) fn add_distance(
         &mut self,
@@ -148,11 +144,7 @@ impl Local {
     }
 }
 
-/// Returns the second derivatives of F/
-///
-/// ∇F
-///
-/// by p.
+/// Returns the second derivatives of F/|∇F| by p.
 fn second_of_distance(jet: &Jet2, third: &Jet3) -> [[f64; 3]; 3] {
     let g = jet.g;
     let length = dot(g, g).sqrt();

@@ -54,11 +54,7 @@ impl Node {
         self.z[3]
     }
 
-    /// Returns F/
-    ///
-    /// ∇F
-    ///
-    /// , and 0 if both vanish.
+    /// Returns F/|∇F|, and 0 if both vanish.
     #[inline(always)]
     pub(crate) fn distance(&self, jet: &Jet2) -> f64 {
         if jet.v == 0.0 {
@@ -85,15 +81,7 @@ impl Node {
         [d[0] / w, d[1] / w, d[2] / w, -dot(d, self.point) / w]
     }
 
-    /// Returns the derivatives of F/
-    ///
-    /// ∇F
-    ///
-    /// by p* with
-    ///
-    /// ∇F
-    ///
-    /// taken as constant; 0 if ∇F = 0.
+    /// Returns the derivatives of F/|∇F| by p* with |∇F| taken as constant; 0 if ∇F = 0.
     #[inline(always)]
     pub(crate) fn distance_gradient(&self, jet: &Jet2) -> [f64; 4] {
         let length = dot(jet.g, jet.g).sqrt();
@@ -103,15 +91,8 @@ impl Node {
         self.by_homogeneous(jet.g.map(|g| g / length))
     }
 
-    /// Returns the derivatives of F/
-    ///
-    /// ∇F
-    ///
-    /// by p*, with
-    ///
-    /// ∇F
-    ///
-    /// taken as constant only if the method does so; 0 if ∇F = 0.
+    /// Returns the derivatives of F/|∇F| by p*, with |∇F| taken as constant only if the method does
+    /// so; 0 if ∇F = 0.
     #[inline(always)]
     pub(crate) fn distance_slope(&self, jet: &Jet2, method: Method) -> [f64; 4] {
         if method == Method::Frozen || dot(jet.g, jet.g).sqrt() == 0.0 {
@@ -156,23 +137,7 @@ pub(crate) fn hessian_times(jet: &Jet2, v: Point3) -> Point3 {
     std::array::from_fn(|i| (0..3).map(|j| jet.second(i, j) * v[j]).sum())
 }
 
-/// Returns ∇(F/
-///
-/// ∇F
-///
-/// ) = ∇F/
-///
-/// ∇F
-///
-/// − F H∇F/
-///
-/// ∇F
-///
-/// ³, for F/
-///
-/// ∇F
-///
-/// = r.
+/// Returns ∇(F/|∇F|) = ∇F/|∇F| − F H∇F/|∇F|³, for F/|∇F| = r.
 #[inline(always)]
 pub(crate) fn slope_of_distance(jet: &Jet2, r: f64) -> Point3 {
     let g = jet.g;

@@ -22,11 +22,7 @@ pub(crate) struct Diagonal {
 
 impl Diagonal {
     /// Returns the normal form; `None` for planes and equations without a real surface. Values of
-    /// at most `zero` times the largest
-    ///
-    /// λₖ
-    ///
-    /// count as 0.
+    /// at most `zero` times the largest |λₖ| count as 0.
     pub(crate) fn normal_form(&self, zero: f64) -> Option<NormalForm> {
         let size = self.values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         let is_zero = |x: f64| x.abs() <= zero * size;

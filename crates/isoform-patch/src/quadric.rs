@@ -166,11 +166,7 @@ impl Equation {
         }
     }
 
-    /// Returns the largest
-    ///
-    /// λₖ
-    ///
-    /// .
+    /// Returns the largest |λₖ|.
     fn size(&self) -> f64 {
         let values = self.diagonal.values.iter();
         values.fold(0.0f64, |m, v| m.max(v.abs()))

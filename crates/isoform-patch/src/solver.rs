@@ -246,11 +246,7 @@ impl System {
             * 0.5
     }
 
-    /// Returns
-    ///
-    /// x
-    ///
-    /// ² in the metric of the damping, xᵀDx.
+    /// Returns |x|² in the metric of the damping, xᵀDx.
     fn squared_length(&self, x: &[f64]) -> f64 {
         x.iter().zip(&self.scale).map(|(x, s)| s * x * x).sum()
     }

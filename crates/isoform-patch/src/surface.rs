@@ -57,15 +57,7 @@ pub(crate) struct Seed {
     pub(crate) point: Point3,
     /// Two orthogonal unit vectors of the tangent plane.
     pub(crate) tangents: [Point3; 2],
-    /// Upper bound on the curvatures,
-    ///
-    /// H
-    ///
-    /// /
-    ///
-    /// ∇F
-    ///
-    /// with the Frobenius norm.
+    /// Upper bound on the curvatures, |H|/|∇F| with the Frobenius norm.
     pub(crate) curvature: f64,
 }
 
@@ -124,11 +116,7 @@ fn has_stalled(step: f64, last: f64, scale: f64) -> bool {
 }
 
 /// Returns the point where the line p + t d meets the surface near t = 0; `None` if Newton's method
-/// leaves
-///
-/// t
-///
-/// ≤ `reach`.
+/// leaves |t| ≤ `reach`.
 pub(crate) fn project_along(field: &dyn Field, p: Point3, d: Point3, reach: f64) -> Option<Point3> {
     let at = |t: f64| moved(p, t, d);
     let (mut t, mut last) = (0.0, f64::INFINITY);

@@ -3,12 +3,8 @@
 //! The box of the model is divided into cells (an octree) wherever interval arithmetic cannot
 //! exclude surface, and each cell stores the pieces of the function that may decide in it, with
 //! ranges of their gradients. A ray visits the cells from front to back. Within a cell it advances
-//! by
-//!
-//! f
-//!
-//! over the largest slope along it, as f cannot vanish in between (Kalra and Barr, SIGGRAPH 1989),
-//! but at least by [`FINEST`]; where slopes are unbounded, stretches are halved as long as
+//! by |f| over the largest slope along it, as f cannot vanish in between (Kalra and Barr, SIGGRAPH
+//! 1989), but at least by [`FINEST`]; where slopes are unbounded, stretches are halved as long as
 //! intervals of f contain 0. The intersection is then bracketed by two values of opposite signs and
 //! found to rounding.
 //!

@@ -27,11 +27,7 @@ pub(super) fn across(
     let rows = [cross(t.v, n), cross(n, t.u)].map(|row| row.map(|x| x / volume));
     let half = cell.size().map(|s| 0.5 * s * (1.0 + 1e-12));
     let off = sub(t.point, c);
-    // Bound on
-    //
-    // A⁻¹(p − q)
-    //
-    // at the known point for all q of the cell.
+    // Bound on |A⁻¹(p − q)| at the known point for all q of the cell.
     let first = rows.map(|row| {
         let wide: f64 = (0..3).map(|k| row[k].abs() * half[k]).sum();
         dot(row, off).abs() + wide
@@ -46,15 +42,8 @@ pub(super) fn across(
     is_contraction(first, [du, dv], slopes).then_some(part)
 }
 
-/// Returns true if
-///
-/// A⁻¹(p − q)
-///
-/// +
-///
-/// 1 − A⁻¹p′
-///
-/// ≤ 1 for parameters scaled to −1 to 1 around the known point.
+/// Returns true if |A⁻¹(p − q)| + |1 − A⁻¹p′| ≤ 1 for parameters scaled to −1 to 1 around the known
+/// point.
 fn is_contraction(first: [f64; 2], reach: [f64; 2], slopes: [[Interval; 2]; 2]) -> bool {
     (0..2).all(|k| {
         let mut sum = first[k] / reach[k];

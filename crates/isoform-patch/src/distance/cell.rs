@@ -26,20 +26,8 @@ const SMALL: f64 = 0.85;
 pub(super) struct Rounding {
     /// Levels of de Casteljau's algorithm that led to the cell.
     levels: f64,
-    /// Largest of
-    ///
-    /// X
-    ///
-    /// ,
-    ///
-    /// Y
-    ///
-    /// and
-    ///
-    /// Z
-    ///
-    /// of the control points of the whole patch (x, y and z multiplied by the weight), and largest
-    /// of their weights.
+    /// Largest of |X|, |Y| and |Z| of the control points of the whole patch (x, y and z multiplied
+    /// by the weight), and largest of their weights.
     size: (f64, f64),
 }
 
@@ -61,11 +49,7 @@ impl Rounding {
     }
 
     /// Returns a bound on the error of points whose coordinates are at most `largest` and whose
-    /// weights are at least `least`: x = X/w is off by (ΔX +
-    ///
-    /// x
-    ///
-    /// Δw)/w.
+    /// weights are at least `least`: x = X/w is off by (ΔX + |x| Δw)/w.
     fn of_points(&self, largest: f64, least: f64) -> f64 {
         SUBDIVISION * self.levels * (self.size.0 + largest * self.size.1) / least * (1.0 + 1e-9)
     }
@@ -128,11 +112,7 @@ impl Cell {
 pub(super) struct Prover<'w> {
     pub(super) whole: &'w Whole<'w>,
     pub(super) products: Products,
-    /// Upper bound on
-    ///
-    /// F
-    ///
-    /// over the whole patch, for a single function F; infinite if unknown.
+    /// Upper bound on |F| over the whole patch, for a single function F; infinite if unknown.
     pub(super) known: f64,
 }
 
@@ -169,11 +149,8 @@ impl<'w> Prover<'w> {
         self.has_sign_change(&cell, target).then_some(target)
     }
 
-    /// Returns the distance beyond a cell in which the surface is sought: an estimate from F/
-    ///
-    /// ∇F
-    ///
-    /// , at most the target.
+    /// Returns the distance beyond a cell in which the surface is sought: an estimate from F/|∇F|,
+    /// at most the target.
     fn sought_beyond(&self, cell: &Cell, target: f64) -> f64 {
         let seems = 2.0 * self.whole.first_order(cell.c).0.abs();
         let beyond = (seems + 0.125 * cell.reach()).min(target);

@@ -19,11 +19,7 @@ pub(super) fn crossing_bound(e: &Expansion, wide: Point3, most: f64) -> Option<f
     let (values, vectors) =
         symmetric_eigen(&[h[0], h[1], h[2], h[1], h[3], h[4], h[2], h[4], h[5]], 3);
     let size: f64 = h.iter().map(|v| v.abs()).sum();
-    // Lower bound of
-    //
-    // eᵀHe
-    //
-    // for the k-th eigenvector e.
+    // Lower bound of |eᵀHe| for the k-th eigenvector e.
     let least = |k: usize| {
         let n = std::array::from_fn(|i| vectors[3 * k + i].abs());
         values[k].abs() * (1.0 - 1e-12) - lost_along(e, n, wide, EIGEN_ROUNDING * size)
@@ -36,10 +32,7 @@ pub(super) fn crossing_bound(e: &Expansion, wide: Point3, most: f64) -> Option<f
 }
 
 /// Returns the amount by which third derivatives, radii of intervals and rounding may reduce
-///
-/// nᵀHn
-///
-/// .
+/// |nᵀHn|.
 fn lost_along(e: &Expansion, n: Point3, wide: Point3, rounding: f64) -> f64 {
     let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
     let mut lost = rounding;

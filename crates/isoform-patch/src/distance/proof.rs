@@ -77,11 +77,7 @@ pub(crate) fn proof(
     Ok(worst)
 }
 
-/// Returns an upper bound on
-///
-/// F
-///
-/// over the patch from the composition F∘p; infinite if unknown.
+/// Returns an upper bound on |F| over the patch from the composition F∘p; infinite if unknown.
 fn known(whole: &Whole<'_>, patch: &RationalPatch, target: f64) -> f64 {
     let is_worth_it = whole.is_single() && target < COMPOSED * largest_coordinate(patch);
     let terms = is_worth_it.then(|| whole.field(0).terms()).flatten();

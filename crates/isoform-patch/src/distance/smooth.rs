@@ -41,17 +41,9 @@ struct Near<'a> {
     region: Aabb,
     within: Within,
     expansions: Vec<Expansion>,
-    /// Length
-    ///
-    /// ∇F
-    ///
-    /// of each part's gradient at c.
+    /// Length |∇F| of each part's gradient at c.
     lengths: Vec<f64>,
-    /// Unit normal ∇F/
-    ///
-    /// ∇F
-    ///
-    /// of each part at c.
+    /// Unit normal ∇F/|∇F| of each part at c.
     normals: Vec<Point3>,
 }
 
@@ -97,21 +89,14 @@ impl<'a> Near<'a> {
         (0..self.within.parts.len()).filter(move |&k| self.piece(k) == piece)
     }
 
-    /// Returns the unit of F for the k-th part: the largest
-    ///
-    /// ∇F
-    ///
-    /// among the parts of its piece.
+    /// Returns the unit of F for the k-th part: the largest |∇F| among the parts of its piece.
     fn unit(&self, k: usize) -> f64 {
         let same = self.of_piece(self.piece(k));
         same.fold(0.0f64, |m, k| m.max(self.lengths[k]))
     }
 
-    /// Returns lower bounds of the rates at which F/
-    ///
-    /// ∇F
-    ///
-    /// increases where it is positive, and decreases where it is negative.
+    /// Returns lower bounds of the rates at which F/|∇F| increases where it is positive, and
+    /// decreases where it is negative.
     fn slopes(&self) -> (f64, f64) {
         let slope = self.slope_of(0..self.within.parts.len());
         // A positive minimum vanishes as soon as one of its pieces does, possibly the one that

@@ -14,21 +14,13 @@ const AT: [[usize; 3]; 3] = Expansion::SECOND;
 pub(super) fn middle(i: &Interval) -> f64 {
     0.5 * i.lo() + 0.5 * i.hi()
 }
-/// Returns the largest
-///
-/// x − midpoint
-///
-/// of an interval, rounded up.
+/// Returns the largest |x − midpoint| of an interval, rounded up.
 #[inline]
 pub(super) fn radius(i: &Interval) -> f64 {
     let m = middle(i);
     (i.hi() - m).max(m - i.lo()).next_up()
 }
-/// Returns the largest
-///
-/// x
-///
-/// of an interval.
+/// Returns the largest |x| of an interval.
 #[inline]
 pub(super) fn magnitude(i: &Interval) -> f64 {
     i.lo().abs().max(i.hi().abs())
@@ -153,11 +145,7 @@ impl Taylor {
         ]
     }
 
-    /// Returns an upper bound on the sum of the absolute values of all terms for
-    ///
-    /// δ
-    ///
-    /// ≤ r.
+    /// Returns an upper bound on the sum of the absolute values of all terms for |δ| ≤ r.
     fn size(&self, r: Point3) -> f64 {
         let (g, h) = (self.g, |i: usize, j: usize| self.h[AT[i][j]]);
         let second = |k: usize| (0..3).map(|j| h(k, j).abs() * r[k] * r[j]).sum::<f64>();

@@ -1,10 +1,7 @@
 //! Second derivatives of residuals along a step of the control points.
 //!
-//! p* is a linear function of the control points; p, its tangents, the distance F/
-//!
-//! ∇F
-//!
-//! and the first fundamental form are not. The solver's acceleration is computed from their second
+//! p* is a linear function of the control points; p, its tangents, the distance F/|∇F| and the
+//! first fundamental form are not. The solver's acceleration is computed from their second
 //! derivatives by the time t of the motion.
 
 use super::form::{Form, Pair};
@@ -43,11 +40,7 @@ impl Motion {
         }
     }
 
-    /// Returns the second derivative of F/
-    ///
-    /// ∇F
-    ///
-    /// where F is small.
+    /// Returns the second derivative of F/|∇F| where F is small.
     fn distance(&self, jet: &Jet2, method: Method) -> f64 {
         let ([d, dd], g) = (self.point, jet.g);
         let length = dot(g, g).sqrt();

@@ -126,15 +126,8 @@ impl Objective<'_> {
         }
     }
 
-    /// Returns the derivatives of the residuals √weight F/
-    ///
-    /// ∇F
-    ///
-    /// at all nodes by the unknowns, row by row, with
-    ///
-    /// ∇F
-    ///
-    /// taken as constant, and the residuals.
+    /// Returns the derivatives of the residuals √weight F/|∇F| at all nodes by the unknowns, row by
+    /// row, with |∇F| taken as constant, and the residuals.
     pub(crate) fn distance_rows(&self, at: &Evaluated) -> (Vec<f64>, Vec<f64>) {
         let samples = &at.samples;
         let mut rows = Vec::with_capacity(samples.nodes.len() * self.unknowns());

@@ -1,8 +1,5 @@
-//! Term of the sides held on edges: ∫ B²/
-//!
-//! ∇B
-//!
-//! ² along each side of the patch on which a function B must vanish.
+//! Term of the sides held on edges: ∫ B²/|∇B|² along each side of the patch on which a function B
+//! must vanish.
 
 use super::{Derivatives, Objective};
 use isoform_geom::{Field, Point3, RationalPatch, dot};
@@ -16,15 +13,7 @@ struct SideNode<'b> {
     point: [f64; 4],
 }
 
-/// Residual B/
-///
-/// ∇B
-///
-/// with its derivatives by p*, with
-///
-/// ∇B
-///
-/// taken as constant.
+/// Residual B/|∇B| with its derivatives by p*, with |∇B| taken as constant.
 struct Residual {
     value: f64,
     first: [f64; 4],
