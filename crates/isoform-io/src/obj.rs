@@ -1,10 +1,10 @@
 //! OBJ (Wavefront): vertices with colours, vertex normals, faces. Texture coordinates, lines and
-//! free-form surfaces are passed over.
+//! free-form surfaces are skipped.
 //!
-//! Faces name vertices and normals by their numbers, from 1 or from the end. A cloud has one normal
-//! per point: they are taken where they come in the order of the vertices, or where all faces at a
-//! vertex agree, and left out at creases. Colours behind the coordinates are no part of the format,
-//! but many scanners write them.
+//! Faces refer to vertices and normals by index, from 1 or from the end. A cloud has one normal per
+//! point: normals are kept if they come in the order of the vertices, or if all faces at a vertex
+//! agree, and omitted at creases. Colours after the coordinates are not part of the format, but
+//! many scanners write them.
 
 use crate::collect::{Collector, ColorScale, Parts};
 use crate::format::Sniff;
@@ -13,12 +13,11 @@ use crate::{ErrorKind, ReadOptions, ReadReport};
 use isoform_geom::{Point3, PointCloud};
 use std::collections::HashMap;
 
-/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the OBJ file";
-/// Corners of the largest polygon that is taken.
+/// Maximum number of corners of a polygon.
 const MAX_CORNERS: usize = 1 << 20;
 
-/// Maybe, if a line is a vertex of OBJ.
+/// Returns `Maybe` if a line is a vertex of OBJ.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     let text = String::from_utf8_lossy(head);
     let is_vertex = |l: &str| {
@@ -27,7 +26,7 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
             && words.clone().count() >= 3
             && words.take(3).all(|w| parse_number(w).is_some())
     };
-    // The last line of the head may be cut anywhere.
+    // The last line of the head may be truncated.
     if !head.contains(&0) && text.lines().any(is_vertex) {
         Sniff::Maybe
     } else {
@@ -35,18 +34,18 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
-/// Normals as the corners of the faces name them.
+/// Normals as referenced by the corners of faces.
 struct Normals {
     /// All `vn` of the file.
     given: Vec<Point3>,
-    /// Per vertex: number of its normal, `u32::MAX` while unknown.
+    /// Index of the normal of each vertex; `u32::MAX` while unknown.
     of_vertex: Vec<u32>,
-    /// Two corners of one vertex disagree (a crease): then there is no normal per point.
+    /// True if two corners of a vertex disagree (a crease); then points have no normals.
     differ: bool,
 }
 
 impl Normals {
-    /// Notes that a corner of a face names a normal for its vertex.
+    /// Records the normal of a corner of a face for its vertex.
     fn corner(&mut self, vertex: u64, normal: u64) {
         let (Ok(v), Ok(n)) = (usize::try_from(vertex), u32::try_from(normal)) else {
             return;
@@ -63,17 +62,17 @@ impl Normals {
     }
 }
 
-/// How the normals belong to the vertices.
+/// Assignment of normals to vertices.
 #[derive(Clone, Copy, PartialEq)]
 enum NormalBy {
-    /// The i-th normal to the i-th vertex.
+    /// The i-th normal belongs to the i-th vertex.
     Order,
-    /// As the corners of the faces say.
+    /// Corners of faces assign them.
     Face,
 }
 
 impl Normals {
-    /// How each vertex has one normal, if that is so.
+    /// Returns the assignment that gives each vertex one normal; `None` if neither does.
     fn per_point(&self, report: &mut ReadReport) -> Option<NormalBy> {
         if self.differ {
             report.warn(
@@ -90,7 +89,7 @@ impl Normals {
         let by_face = !self.differ && self.of_vertex.iter().any(|&n| n != u32::MAX);
         by_face.then_some(NormalBy::Face)
     }
-    /// The normal of a vertex, if it has one.
+    /// Returns the normal of a vertex; `None` if it has none.
     fn of(&self, vertex: usize, by: NormalBy) -> Option<&Point3> {
         let normal = match by {
             NormalBy::Order => vertex,
@@ -100,7 +99,7 @@ impl Normals {
     }
 }
 
-/// The points and the triangles.
+/// Reads points and triangles.
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -109,7 +108,7 @@ pub(crate) fn read(
     read_parts(input, options, report).map(|(cloud, _)| cloud)
 }
 
-/// The points, the triangles and their groups.
+/// Reads points, triangles and their groups.
 pub(crate) fn read_parts(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -124,18 +123,19 @@ pub(crate) fn read_parts(
     reader.collector.finish_with_parts(input, options, report)
 }
 
-/// Lines with their continuations and without comments.
+/// Logical lines: with continuations joined and comments removed.
 #[derive(Default)]
 struct Lines {
-    /// The line at hand.
+    /// Present line.
     text: String,
-    /// The line that continues it.
+    /// Continuation of the present line.
     more: String,
     bytes: Vec<u8>,
 }
 
 impl Lines {
-    /// Reads the next line; false at the end. A unit in its comment goes into the report.
+    /// Reads the next line; returns false at the end. A unit stated in a comment is added to the
+    /// report.
     fn next(&mut self, input: &mut Input<'_>, report: &mut ReadReport) -> Result<bool> {
         if !input.read_line(&mut self.text, &mut self.bytes)? {
             return Ok(false);
@@ -157,22 +157,23 @@ impl Lines {
     }
 }
 
-/// A vertex with its colour.
+/// Vertex with its colour.
 struct Vertex {
     point: Point3,
     color: Option<[f32; 3]>,
 }
 
-/// Takes line after line. The points are offered at the end, when it is known what they have.
+/// State of reading. Points are passed to the collector at the end, when their properties are
+/// known.
 struct Reader {
     collector: Collector,
     /// All vertices of the file.
     vertices: Vec<Vertex>,
-    /// All normals, and how faces use them.
+    /// All normals, and their use by faces.
     normals: Normals,
-    /// Numbers of the parts by name.
+    /// Part indices by name.
     parts: HashMap<String, u32>,
-    /// Corners of the face at hand.
+    /// Corners of the present face.
     corners: Vec<u64>,
 }
 
@@ -193,7 +194,7 @@ impl Reader {
         }
     }
 
-    /// Takes a line by its first word.
+    /// Processes a line by its first word.
     fn line(&mut self, text: &str, input: &Input<'_>, report: &mut ReadReport) -> Result<()> {
         let mut words = text.split_ascii_whitespace();
         match words.next() {
@@ -208,13 +209,13 @@ impl Reader {
             Some("curv" | "curv2" | "surf" | "cstype") => {
                 report.warn("free-form curves and surfaces were passed over");
             }
-            // Materials, texture coordinates, lines and points: nothing of a cloud.
+            // Materials, texture coordinates, lines and points do not affect a cloud.
             _ => {}
         }
         Ok(())
     }
 
-    /// x y z, x y z w, x y z r g b, or x y z r g b a.
+    /// Parses a vertex: x y z, x y z w, x y z r g b, or x y z r g b a.
     fn vertex<'t>(
         &mut self,
         line: &'t str,
@@ -235,7 +236,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Corners v, v/vt, v//vn or v/vt/vn.
+    /// Parses a face with corners v, v/vt, v//vn or v/vt/vn.
     fn face<'t>(&mut self, words: impl Iterator<Item = &'t str>, input: &Input<'_>) -> Result<()> {
         self.corners.clear();
         for word in words {
@@ -255,7 +256,7 @@ impl Reader {
         Ok(())
     }
 
-    /// The triangles to come belong to the group of this name.
+    /// Assigns the following triangles to the group of this name.
     fn group(&mut self, name: String) {
         let collector = &mut self.collector;
         let part = *self
@@ -265,7 +266,7 @@ impl Reader {
         self.collector.set_part(part);
     }
 
-    /// Gives all vertices to the collector, with what is known of each.
+    /// Passes all vertices with their properties to the collector.
     fn offer_points(&mut self, report: &mut ReadReport) {
         let per_point = self.normals.per_point(report);
         if per_point.is_some() {
@@ -290,7 +291,7 @@ impl Reader {
     }
 }
 
-/// Up to seven numbers of a line, and how many there are.
+/// Parses up to seven numbers of a line, and returns their count.
 fn numbers<'t>(
     input: &Input<'_>,
     line: &str,
@@ -300,7 +301,7 @@ fn numbers<'t>(
     let mut n = 0;
     for word in words.take(7) {
         let Some(v) = parse_number(word) else {
-            // Both are parts of one line, so that their addresses tell the column.
+            // Both are slices of one line, so their addresses give the column.
             let column = (word.as_ptr() as usize).wrapping_sub(line.as_ptr() as usize) + 1;
             let why = format!("\"{}\" is not a number", shorten(word));
             return Err(input.error(
@@ -317,7 +318,7 @@ fn numbers<'t>(
     Ok((values, n))
 }
 
-/// An index from 0 out of one from 1, or from the end where it is negative.
+/// Converts an index from 1, or a negative one from the end, to an index from 0.
 fn index(input: &Input<'_>, word: &str, count: usize) -> Result<u64> {
     let bad = |why: String| {
         Err(input.error(

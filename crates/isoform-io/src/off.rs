@@ -1,8 +1,9 @@
 //! OFF (Geomview): ASCII, with the prefixes ST, C and N (texture, colour, normal) and comments.
 //!
-//! The keyword says what a vertex has, `[ST][C][N]OFF`; the counts of vertices, faces and edges
-//! follow, then a vertex per line: x y z, the normal, the colour. Faces are a number of corners and
-//! their indices from 0. Colours of faces, four coordinates and other dimensions are not read.
+//! The keyword `[ST][C][N]OFF` states the properties of a vertex. The numbers of vertices, faces
+//! and edges follow, then one vertex per line: x y z, the normal, the colour. A face is a number of
+//! corners and their indices from 0. Colours of faces, four coordinates and other dimensions are
+//! not supported.
 
 use crate::collect::{Collector, ColorScale};
 use crate::format::Sniff;
@@ -10,12 +11,11 @@ use crate::input::{Input, Result, Words, parse_number, shorten};
 use crate::{ErrorKind, ReadOptions, ReadReport};
 use isoform_geom::PointCloud;
 
-/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the OFF file";
-/// Corners of the largest polygon that is taken.
+/// Maximum number of corners of a polygon.
 const MAX_CORNERS: u64 = 1 << 20;
 
-/// Yes for the keyword of a variant at the start.
+/// Returns `Yes` if the keyword of a variant starts the file.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     let word: Vec<u8> = head
         .iter()
@@ -32,17 +32,17 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
 
 /// Prefixes of the keyword: texture, colour, normal, fourth coordinate, n dimensions.
 struct Keyword {
-    /// ST: texture coordinates follow a vertex.
+    /// ST: vertices have texture coordinates.
     texture: bool,
-    /// C: a colour follows a vertex.
+    /// C: vertices have colours.
     color: bool,
-    /// N: a normal follows a vertex.
+    /// N: vertices have normals.
     normal: bool,
-    /// 4 or n: a fourth coordinate, or another dimension; neither is read.
+    /// 4 or n: a fourth coordinate or another dimension, neither of which is supported.
     odd: bool,
 }
 
-/// A file without a keyword: vertices and faces.
+/// Properties in a file without a keyword: coordinates only.
 const NO_KEYWORD: Keyword = Keyword {
     texture: false,
     color: false,
@@ -50,7 +50,7 @@ const NO_KEYWORD: Keyword = Keyword {
     odd: false,
 };
 
-/// The variant that a keyword names; none for any other word.
+/// Parses the keyword of a variant; `None` for any other word.
 fn keyword(word: &str) -> Option<Keyword> {
     let rest = word.strip_suffix("OFF")?;
     let (texture, rest) = rest.strip_prefix("ST").map_or((false, rest), |r| (true, r));
@@ -64,14 +64,14 @@ fn keyword(word: &str) -> Option<Keyword> {
     })
 }
 
-/// A line without comments and with something in it.
+/// Non-empty line without comments.
 struct Lines {
     text: String,
     bytes: Vec<u8>,
 }
 
 impl Lines {
-    /// Reads the next line that holds something; false at the end.
+    /// Reads the next non-empty line; returns false at the end.
     fn next(&mut self, input: &mut Input<'_>) -> Result<bool> {
         while input.read_line(&mut self.text, &mut self.bytes)? {
             if let Some(at) = self.text.find('#') {
@@ -85,7 +85,7 @@ impl Lines {
     }
 }
 
-/// The points and the triangles.
+/// Reads points and triangles.
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -104,7 +104,7 @@ pub(crate) fn read(
     collector.finish(input, options, report)
 }
 
-/// What comes before the vertices.
+/// Content of the file before the vertices.
 struct Header {
     kind: Keyword,
     vertices: u64,
@@ -112,7 +112,7 @@ struct Header {
 }
 
 impl Header {
-    /// The keyword, which may be missing, and the counts, on one line or two.
+    /// Reads the keyword, which may be missing, and the counts, on one line or two.
     fn read(input: &mut Input<'_>, lines: &mut Lines) -> Result<Self> {
         if !lines.next(input)? {
             return Err(input.truncated("there is nothing but comments"));
@@ -142,7 +142,7 @@ impl Header {
         Self::of(kind, &lines.text, input)
     }
 
-    /// The header of a variant, with its line of counts; the number of edges may be missing.
+    /// Parses the line of counts of a variant; the number of edges may be missing.
     fn of(kind: Keyword, counts: &str, input: &Input<'_>) -> Result<Self> {
         let words = counts.split_ascii_whitespace().take(3);
         let numbers: Vec<Option<u64>> = words.map(|w| w.parse().ok()).collect();
@@ -160,7 +160,7 @@ impl Header {
     }
 }
 
-/// Offers all vertices; the first one tells whether they have colours.
+/// Passes all vertices to the collector; the first decides if they have colours.
 fn read_vertices(
     input: &mut Input<'_>,
     lines: &mut Lines,
@@ -182,7 +182,7 @@ fn read_vertices(
             return Err(input.error(ErrorKind::Number, at, WHAT, why, hint));
         }
         if i == 0 {
-            // Colours without the C are common.
+            // Colours without the prefix C are common.
             has_color |= !kind.texture && values.len() - after_normal.min(values.len()) >= 3;
             if kind.normal {
                 collector.with_normals();
@@ -204,12 +204,12 @@ fn read_vertices(
     Ok(())
 }
 
-/// The numbers of a vertex, of which more than 16 do not matter.
+/// Parses the numbers of a vertex, at most 16 of them.
 fn numbers(line: &str, input: &Input<'_>, values: &mut Vec<f64>) -> Result<()> {
     values.clear();
     for word in line.split_ascii_whitespace().take(16) {
         let Some(v) = parse_number(word) else {
-            // Both are parts of one line, so that their addresses tell the column.
+            // Both are slices of one line, so their addresses give the column.
             let column = (word.as_ptr() as usize).wrapping_sub(line.as_ptr() as usize) + 1;
             let why = format!("\"{}\" is not a number", shorten(word));
             let (at, hint) = (input.at_line(column), "correct the line");
@@ -220,7 +220,7 @@ fn numbers(line: &str, input: &Input<'_>, values: &mut Vec<f64>) -> Result<()> {
     Ok(())
 }
 
-/// Takes all faces as polygons; what stands behind their corners is not read.
+/// Reads all faces as polygons; values after their corners are skipped.
 fn read_faces(
     input: &mut Input<'_>,
     mut lines: Lines,
@@ -250,7 +250,7 @@ fn read_faces(
         }
         corners.clear();
         for _ in 0..n as u64 {
-            // A long face may go on in the next line.
+            // A long face may continue on the next line.
             let v = words.number(input, missing)?;
             if !(v >= 0.0 && v.fract() == 0.0) {
                 return bad(input, v, "index of a vertex");

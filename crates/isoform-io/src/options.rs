@@ -1,28 +1,29 @@
-//! How to read and write, and what is reported of it: options and reports of all formats.
+//! Options and reports of reading and writing, common to all formats.
 
-/// Which points to take of a mesh.
+/// Points to take from a mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MeshPoints {
-    /// The vertices, with the triangles.
+    /// Vertices, with the triangles.
     #[default]
     Vertices,
-    /// That many random points on the triangles, uniform by area. A file without triangles gives
-    /// its points.
+    /// Given number of random points on the triangles, uniform by area. A file without triangles
+    /// gives its points.
     Samples(usize),
 }
 
-/// How to read.
+/// Options of reading.
 #[derive(Clone, Debug)]
 pub struct ReadOptions {
-    /// Keep at most that many points: a uniform random sample, drawn while reading, in the order of
-    /// the file.
+    /// Maximum number of points to keep: a uniform random sample, drawn while reading, in the order
+    /// of the file.
     pub max_points: Option<usize>,
-    /// Seed of all randomness; the same seed gives the same points.
+    /// Random seed; equal seeds give equal points.
     pub seed: u64,
-    /// Vertices or samples of meshes.
+    /// Points to take from meshes: vertices or samples.
     pub mesh: MeshPoints,
-    /// Move clouds that are further than 1000 diagonals from the origin to a rounded centre
-    /// ([`PointCloud::origin`](isoform_geom::PointCloud::origin)). Nothing is rounded.
+    /// True to recentre clouds that are farther than 1000 diagonals from the origin at a rounded
+    /// centre ([`PointCloud::origin`](isoform_geom::PointCloud::origin)). Coordinates are not
+    /// rounded.
     pub recenter: bool,
 }
 
@@ -37,27 +38,26 @@ impl Default for ReadOptions {
     }
 }
 
-/// What was met on the way.
+/// Report of reading a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReadReport {
     /// Name of the format (`ply`, `xyz`, …).
     pub format: &'static str,
     /// Name of the file.
     pub file: String,
-    /// Points the header announces, if it does.
+    /// Number of points announced by the header; `None` if it announces none.
     pub declared: Option<u64>,
-    /// Points in the file, good or bad.
+    /// Number of points in the file, valid or not.
     pub rows: u64,
-    /// Points that were dropped because a coordinate is not finite.
+    /// Number of points dropped because a coordinate is not finite.
     pub dropped_points: u64,
-    /// Triangles that were dropped because they use such a point.
+    /// Number of triangles dropped because they use such a point.
     pub dropped_triangles: u64,
-    /// Whether the cloud is a random part of what the file holds, or random points on its
-    /// triangles.
+    /// True if the cloud is a random sample of the points of the file or of its triangles.
     pub subsampled: bool,
-    /// Unit of length, if the file states one: `m`, `mm`, `in`, `ft`, …
+    /// Unit of length; `None` if the file states none. `m`, `mm`, `in`, `ft`, …
     pub units: Option<String>,
-    /// Everything odd, one sentence each.
+    /// Warnings, one sentence each.
     pub warnings: Vec<String>,
 }
 
@@ -82,7 +82,7 @@ impl ReadReport {
             ..Self::new(format, String::new())
         }
     }
-    /// A warning, unless it was given already or there are a hundred.
+    /// Adds a warning, unless it is already present or there are a hundred.
     pub(crate) fn warn(&mut self, text: impl Into<String>) {
         let text = text.into();
         if self.warnings.len() < 100 && !self.warnings.contains(&text) {
@@ -91,20 +91,20 @@ impl ReadReport {
     }
 }
 
-/// How to write.
+/// Options of writing.
 #[derive(Clone, Debug, Default)]
 pub struct WriteOptions {
-    /// PLY as text instead of binary.
+    /// True to write PLY as text instead of binary.
     pub ascii: bool,
-    /// Unit of length to state in the file, where the format can.
+    /// Unit of length to be stated in the file, if the format supports it.
     pub units: Option<String>,
 }
 
-/// What did not go into the file.
+/// Report of the data that a file omits.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WriteReport {
     /// Name of the format.
     pub format: &'static str,
-    /// One sentence each.
+    /// Warnings, one sentence each.
     pub warnings: Vec<String>,
 }

@@ -1,14 +1,14 @@
 //! Rational patches as JSON: the file that `isoform parameterize` writes, and NURBS surfaces.
 //!
-//! A file is {"patches": \[{"degree": \[m, n\], "control": rows}, …\]}, where a row of i holds the
-//! homogeneous control points \[x·w, y·w, z·w, w\] of j = 0 … n; or rows of "points" \[x, y, z\]
-//! and of "weights" in place of "control". It may also hold {"nurbs": \[{"degree": \[p, q\],
-//! "knots_u": …, "knots_v": …, "points": …, "weights": …}, …\]}, or be one such surface alone.
+//! A file is {"patches": \[{"degree": \[m, n\], "control": rows}, …\]}, where row i contains the
+//! homogeneous control points \[x·w, y·w, z·w, w\] of j = 0 … n; "control" may be replaced by rows
+//! of "points" \[x, y, z\] and of "weights". A file may also contain {"nurbs": \[{"degree": \[p,
+//! q\], "knots_u": …, "knots_v": …, "points": …, "weights": …}, …\]}, or be one such surface alone.
 //! Other keys are ignored.
 //!
-//! Numbers are the exact values of their doubles. What is computed from them here, products with
-//! weights and Bézier points between knots, is exact too: neighbours have their common sides in
-//! common, digit by digit.
+//! Numbers are the exact values of their doubles. Values computed from them here, products with
+//! weights and Bézier points between knots, are exact too: common sides of neighbours agree digit
+//! by digit.
 
 mod nurbs;
 
@@ -16,24 +16,24 @@ use isoform_algebra::RBig;
 use isoform_geom::{PatchError, Point3, RationalPatch};
 use serde_json::{Value, json};
 
-/// Largest sum of a patch's two degrees: the degree of a map for which exact analysis is in reach.
-/// A larger one would let files in that nothing can be done with.
+/// Maximum sum of the two degrees of a patch: the largest degree of a map for which exact analysis
+/// is feasible. With a larger bound, files could be read but not processed.
 const MAX_DEGREE: u64 = 64;
 
-/// Why a JSON document is no file of patches.
+/// Reason why a JSON document is not a valid file of patches.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{at}: {problem}")]
 pub struct PatchFileError {
-    /// Which patch or surface, and which of its keys.
+    /// Patch or surface, and its key.
     pub at: String,
-    /// What is wrong there.
+    /// Description of the problem.
     pub problem: String,
 }
 
 /// Result of reading a file of patches.
 type Result<T> = std::result::Result<T, PatchFileError>;
 
-/// The error at a place of the document.
+/// Returns an error at a position of the document.
 fn wrong<T>(at: impl Into<String>, problem: impl Into<String>) -> Result<T> {
     Err(PatchFileError {
         at: at.into(),
@@ -44,25 +44,25 @@ fn wrong<T>(at: impl Into<String>, problem: impl Into<String>) -> Result<T> {
 /// Homogeneous control points x·w, y·w, z·w, w.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ControlPoints {
-    /// Doubles, as they stand in the file.
+    /// Doubles of the file.
     Doubles(Vec<[f64; 4]>),
     /// Exact results: products with weights, or Bézier points of a NURBS surface.
     Exact(Vec<[RBig; 4]>),
 }
 
 impl ControlPoints {
-    /// The number of points.
+    /// Returns the number of points.
     pub fn len(&self) -> usize {
         match self {
             Self::Doubles(points) => points.len(),
             Self::Exact(points) => points.len(),
         }
     }
-    /// Whether there are none.
+    /// Returns true if there are no points.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
-    /// All points as exact numbers.
+    /// Returns all points as exact numbers.
     ///
     /// # Panics
     /// If a double is not finite; those that [`read_patches`] gives are.
@@ -72,7 +72,7 @@ impl ControlPoints {
             Self::Exact(points) => points.clone(),
         }
     }
-    /// All points as the doubles nearest to them.
+    /// Returns all points, rounded to doubles.
     pub fn doubles(&self) -> Vec<[f64; 4]> {
         match self {
             Self::Doubles(points) => points.clone(),
@@ -84,24 +84,24 @@ impl ControlPoints {
     }
 }
 
-/// A double as the rational number that it is.
+/// Converts a double exactly to a rational number.
 fn exact(x: f64) -> RBig {
     RBig::try_from(x).expect("control points are finite")
 }
 
-/// A patch out of a file.
+/// Patch read from a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FilePatch {
     /// `patch 3`, or `nurbs 1, span 2 1`: counted from 1.
     pub name: String,
-    /// The degrees m and n, at least 1 each and 64 together at most.
+    /// Degrees m and n, each at least 1, with a sum of at most 64.
     pub degree: [usize; 2],
-    /// (m + 1)(n + 1) points, row by row of i = 0 … m.
+    /// (m + 1)(n + 1) control points, row by row of i = 0 … m.
     pub control: ControlPoints,
 }
 
 impl FilePatch {
-    /// The patch in doubles: as the file has them, or the nearest to the exact results.
+    /// Returns the patch in doubles: those of the file, or the exact results rounded.
     ///
     /// # Errors
     /// [`PatchError`] if a number is too large for a double.
@@ -111,22 +111,22 @@ impl FilePatch {
     }
 }
 
-/// A patch on its way into a file, with what is known of its distance to the surface.
+/// Patch to be written to a file, with its distance to the surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PatchRecord {
     /// The patch.
     pub patch: RationalPatch,
     /// Largest distance to the surface: a proved bound if `certified`, else the largest sampled one.
     pub max_distance: f64,
-    /// Whether the distance is proved and the patch has no folds.
+    /// True if the distance is proved and the patch has no folds.
     pub certified: bool,
-    /// Root of the mean square of the distances.
+    /// Root mean square distance.
     pub rms_distance: f64,
-    /// The point on the surface from which the patch was grown.
+    /// Point of the surface from which the patch was grown.
     pub seed_point: Point3,
 }
 
-/// The file of patches. Equal patches give equal bytes.
+/// Writes a file of patches. Equal patches give equal bytes.
 ///
 /// ```
 /// use isoform_geom::RationalPatch;
@@ -153,7 +153,7 @@ pub fn write_patches(records: &[PatchRecord]) -> Vec<u8> {
     bytes
 }
 
-/// A patch as an entry of the file.
+/// Returns the JSON entry of a patch.
 fn record(r: &PatchRecord) -> Value {
     let (m, n) = r.patch.degree();
     let rows: Vec<Value> = r
@@ -172,14 +172,14 @@ fn record(r: &PatchRecord) -> Value {
     })
 }
 
-/// Whether a JSON document is one of patches or of NURBS surfaces, not of a map.
+/// Returns true if a JSON document contains patches or NURBS surfaces, not a map.
 pub fn is_patch_file(json: &Value) -> bool {
     ["patches", "nurbs", "knots_u"]
         .iter()
         .any(|key| json.get(key).is_some())
 }
 
-/// The patches of a document, at least one; patches of NURBS surfaces stand behind the others.
+/// Reads the patches of a document, at least one; patches of NURBS surfaces follow the others.
 ///
 /// # Errors
 /// [`PatchFileError`].
@@ -201,7 +201,7 @@ pub fn read_patches(json: &Value) -> Result<Vec<FilePatch>> {
     Ok(patches)
 }
 
-/// The list of a key; empty where the key is missing.
+/// Returns the list of a key; empty if the key is missing.
 fn listed<'j>(json: &'j Value, key: &str) -> Result<&'j [Value]> {
     match json.get(key) {
         None => Ok(&[]),
@@ -210,7 +210,7 @@ fn listed<'j>(json: &'j Value, key: &str) -> Result<&'j [Value]> {
     }
 }
 
-/// A Bézier patch.
+/// Parses a Bézier patch.
 fn bezier(value: &Value, at: &str) -> Result<FilePatch> {
     let degree @ [m, n] = degree(value, at)?;
     let net = Net::of(value, at)?;
@@ -231,7 +231,7 @@ fn bezier(value: &Value, at: &str) -> Result<FilePatch> {
     })
 }
 
-/// The degrees in u and v, both at least 1.
+/// Parses the degrees in u and v, both at least 1.
 fn degree(value: &Value, at: &str) -> Result<[usize; 2]> {
     let list = value.get("degree").and_then(Value::as_array);
     let at = format!("{at}, degree");
@@ -250,7 +250,7 @@ fn degree(value: &Value, at: &str) -> Result<[usize; 2]> {
     }
 }
 
-/// Control points in rows and columns, at least one.
+/// Grid of control points, at least one.
 struct Net {
     rows: usize,
     columns: usize,
@@ -258,7 +258,7 @@ struct Net {
 }
 
 impl Net {
-    /// The points of `control`, or of `points` and `weights`.
+    /// Parses `control`, or `points` and `weights`.
     fn of(value: &Value, at: &str) -> Result<Self> {
         if value.get("control").is_some() {
             Self::homogeneous(value, at)
@@ -267,7 +267,7 @@ impl Net {
         }
     }
 
-    /// Control points with their weights multiplied in, as the patches that this crate writes have
+    /// Parses control points that are already multiplied by their weights, as this crate writes
     /// them.
     fn homogeneous(value: &Value, at: &str) -> Result<Self> {
         let rows = rows(value, "control", at)?;
@@ -282,7 +282,7 @@ impl Net {
         })
     }
 
-    /// Points times their weights, which are 1 where there are none.
+    /// Multiplies points by their weights, which default to 1.
     fn weighted(value: &Value, at: &str) -> Result<Self> {
         let points = rows(value, "points", at)?;
         let weights = match value.get("weights") {
@@ -315,7 +315,7 @@ impl Net {
     }
 }
 
-/// Rows of one length, at least one row with one entry.
+/// Parses rows of equal length, at least one row with one entry.
 fn rows<'a>(value: &'a Value, key: &str, at: &str) -> Result<Vec<&'a [Value]>> {
     let rows: Option<Vec<&[Value]>> = value.get(key).and_then(Value::as_array).and_then(|rows| {
         rows.iter()
@@ -330,12 +330,12 @@ fn rows<'a>(value: &'a Value, key: &str, at: &str) -> Result<Vec<&'a [Value]>> {
     Ok(rows)
 }
 
-/// A number.
+/// Parses a finite number.
 fn weight(value: &Value, at: impl Fn() -> String) -> Result<f64> {
     number(value).map_or_else(|| wrong(at(), "a number is expected"), Ok)
 }
 
-/// N numbers.
+/// Parses N finite numbers.
 fn point<const N: usize>(value: &Value, at: impl Fn() -> String) -> Result<[f64; N]> {
     let list = numbers(Some(value)).map_or_else(|problem| wrong(at(), problem), Ok)?;
     let count = list.len();
@@ -343,7 +343,7 @@ fn point<const N: usize>(value: &Value, at: impl Fn() -> String) -> Result<[f64;
         .or_else(|_| wrong(at(), format!("{N} numbers are expected, {count} are there")))
 }
 
-/// A list of finite numbers.
+/// Parses a list of finite numbers.
 fn numbers(value: Option<&Value>) -> std::result::Result<Vec<f64>, &'static str> {
     value
         .and_then(Value::as_array)
@@ -351,7 +351,7 @@ fn numbers(value: Option<&Value>) -> std::result::Result<Vec<f64>, &'static str>
         .ok_or("a list of numbers is expected")
 }
 
-/// A finite number.
+/// Returns the finite number of a value; `None` for any other value.
 fn number(value: &Value) -> Option<f64> {
     value.as_f64().filter(|x| x.is_finite())
 }

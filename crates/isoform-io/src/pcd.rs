@@ -1,5 +1,5 @@
-//! PCD (Point Cloud Library): ASCII, binary (streamed) and binary_compressed (LZF, held), versions
-//! 0.5 to 0.7.
+//! PCD (Point Cloud Library): ASCII, binary (streamed) and binary_compressed (LZF, in memory),
+//! versions 0.5 to 0.7.
 
 mod header;
 mod lzf;
@@ -12,12 +12,11 @@ use crate::{At, ErrorKind, ReadOptions, ReadReport};
 use header::{Data, Field, Header};
 use isoform_geom::PointCloud;
 
-/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the PCD file";
-/// Fields with more values than this are descriptors, not columns.
+/// Maximum number of values of a field that become columns; fields with more are descriptors.
 const MAX_COUNT: u64 = 8;
 
-/// Yes for the comment that the library writes first, or for a version line within 512 bytes.
+/// Returns `Yes` for the initial comment of the library, or for a version line within 512 bytes.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     let text = String::from_utf8_lossy(&head[..head.len().min(512)]);
     let mut lines = text.lines();
@@ -29,8 +28,7 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     if is_pcd { Sniff::Yes } else { Sniff::No }
 }
 
-/// The points with the fields that have names of their own; packed colours become red, green and
-/// blue.
+/// Reads the points with all named fields; packed colours become red, green and blue.
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -59,28 +57,28 @@ pub(crate) fn read(
     collector.finish(input, options, report)
 }
 
-/// Rows of values by field to rows of the layout.
+/// Converter from values of fields to rows of the layout.
 struct Reader {
     /// Roles of the values of a row.
     layout: Layout,
-    /// Per field: whether its values are in the row, or three out of a packed colour.
+    /// Treatment of each field.
     parts: Vec<Part>,
-    /// The row at hand.
+    /// Present row.
     row: Vec<f64>,
 }
 
-/// What becomes of the values of a field.
+/// Treatment of the values of a field.
 #[derive(Clone, Copy, PartialEq)]
 enum Part {
-    /// They are values of the row.
+    /// Values of the row.
     Values,
-    /// They are a packed colour, which gives three values of the row.
+    /// Packed colour, which gives three values of the row.
     Packed,
-    /// They are passed over.
+    /// Skipped.
     Nothing,
 }
 
-/// What the values of a field are; a second packed colour is a column.
+/// Returns the treatment of a field; a second packed colour is a column.
 fn part(field: &Field, has_color: bool, report: &mut ReadReport) -> Part {
     if field.is_packed_color() && !has_color {
         return Part::Packed;
@@ -99,8 +97,8 @@ fn part(field: &Field, has_color: bool, report: &mut ReadReport) -> Part {
     Part::Values
 }
 
-/// The colour of a number in text: an integer as such, or the float whose bits it is (then it is
-/// tiny, or not a whole number).
+/// Returns the bits of a packed colour in text: an integer, or the float with these bits (which is
+/// tiny, or not an integer).
 fn color_bits(field: &Field, v: f64) -> u32 {
     let is_integer = v >= 1.0 && v.fract() == 0.0 && v <= f64::from(u32::MAX);
     if field.is_float() && !is_integer {
@@ -111,7 +109,7 @@ fn color_bits(field: &Field, v: f64) -> u32 {
 }
 
 impl Reader {
-    /// The reader of files with this header. A field of several values becomes as many columns.
+    /// Creates the converter of a header. A field of several values becomes as many columns.
     fn new(header: &Header, report: &mut ReadReport) -> Self {
         let mut names: Vec<String> = Vec::new();
         let mut parts: Vec<Part> = Vec::new();
@@ -138,13 +136,13 @@ impl Reader {
         }
     }
 
-    /// Adds red, green and blue out of the bits 0xRRGGBB.
+    /// Adds red, green and blue of the bits 0xRRGGBB to the row.
     fn packed(&mut self, bits: u32) {
         self.row
             .extend([16, 8, 0].map(|s| f64::from(bits >> s & 0xff)));
     }
 
-    /// Reads rows of words.
+    /// Reads rows of text.
     fn ascii(
         &mut self,
         input: &mut Input<'_>,
@@ -195,7 +193,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Takes a value of a field from the first of these bytes.
+    /// Decodes a value of a field from the first bytes.
     fn value(&mut self, field: &Field, part: Part, bytes: &[u8]) {
         match part {
             Part::Values => self.row.push(field.kind.decode(bytes, false)),
@@ -206,7 +204,7 @@ impl Reader {
         }
     }
 
-    /// All of the first field, then all of the second, …, packed by LZF.
+    /// Reads LZF-compressed data: all values of the first field, then all of the second, …
     fn compressed(
         &mut self,
         input: &mut Input<'_>,
@@ -217,7 +215,7 @@ impl Reader {
             return Ok(());
         }
         let data = unpack(input, header)?;
-        // `unpack` has compared the number of points with the bytes that are there.
+        // `unpack` has compared the number of points with the bytes present.
         let n = header.points as usize;
         for i in 0..n {
             self.row.clear();
@@ -236,7 +234,7 @@ impl Reader {
     }
 }
 
-/// The compressed data of a file: two sizes and what they announce; all points' bytes come out.
+/// Decompresses the data of a file: two sizes, then the compressed bytes.
 fn unpack(input: &mut Input<'_>, header: &Header) -> Result<Vec<u8>> {
     let start = input.at_byte();
     let corrupt = |input: &Input<'_>, why: String| {

@@ -1,8 +1,8 @@
 //! PLY, the Stanford polygon format (Turk 1994): ASCII and binary of both byte orders, streamed.
 //!
-//! Elements may come in any order and have any properties: of the vertices every scalar becomes a
-//! position, a normal, a colour or a column; of the faces `vertex_indices` becomes triangles
-//! (fans); of `tristrips` too; everything else is passed over.
+//! Elements may come in any order and have any properties. Every scalar of the vertices becomes a
+//! position, a normal, a colour or a column; `vertex_indices` of the faces becomes triangles
+//! (fans), as does `tristrips`; everything else is skipped.
 
 mod header;
 mod rows;
@@ -21,10 +21,9 @@ use isoform_geom::PointCloud;
 use rows::Rows;
 use std::collections::BTreeMap;
 
-/// What failed, as the errors of the header say.
 const WHAT: &str = "cannot read the PLY header";
 
-/// Yes for the magic word on a line of its own.
+/// Returns `Yes` for the magic word on a line of its own.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     if head.starts_with(b"ply\n") || head.starts_with(b"ply\r") {
         Sniff::Yes
@@ -33,7 +32,7 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
-/// The points and the triangles.
+/// Reads points and triangles.
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -42,7 +41,7 @@ pub(crate) fn read(
     read_parts(input, options, report).map(|(cloud, _)| cloud)
 }
 
-/// The points, the triangles and their groups.
+/// Reads points, triangles and their groups.
 pub(crate) fn read_parts(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -82,7 +81,7 @@ pub(crate) fn read_parts(
     collector.finish_with_parts(input, options, report)
 }
 
-/// Offers all vertices as rows of their properties.
+/// Passes all vertices as rows of their properties to the collector.
 fn read_vertices(
     input: &mut Input<'_>,
     rows: &mut Rows,
@@ -107,7 +106,7 @@ fn read_vertices(
     Ok(())
 }
 
-/// What the properties of the vertices are; lists are passed over.
+/// Returns the layout of the properties of the vertices; lists are skipped.
 fn vertex_layout(element: &Element, report: &mut ReadReport) -> Layout {
     let mut layout = Layout::named(element.properties.iter().map(|p| p.name.as_str()));
     for (i, p) in element.properties.iter().enumerate() {
@@ -128,20 +127,20 @@ fn vertex_layout(element: &Element, report: &mut ReadReport) -> Layout {
     layout
 }
 
-/// The parts of faces: the property that holds their tags, and the numbers of the parts by tag.
+/// Parts of faces: the property with their tags, and the part indices by tag.
 struct FaceParts {
-    /// Place of the tag among the properties.
+    /// Index of the tag among the properties.
     property: Option<usize>,
-    /// Number of the part in the collector, by tag.
+    /// Part index in the collector, by tag.
     numbers: BTreeMap<i64, u32>,
 }
 
 impl FaceParts {
-    /// The parts that comments name are added to the collector; other tags get parts as they come.
+    /// Adds the parts named in comments to the collector; other tags get parts when they occur.
     fn of(element: &Element, names: &PartNames, collector: &mut Collector) -> Self {
         let is_part = |p: &Property| p.list.is_none() && p.name == "part";
         let property = element.properties.iter().position(is_part);
-        // Without the list of corners the faces are passed over, and their parts with them.
+        // Faces without the list of corners are skipped, and their parts with them.
         let numbers = match property {
             Some(_) if element.corners().is_some() => names
                 .iter()
@@ -151,7 +150,7 @@ impl FaceParts {
         };
         Self { property, numbers }
     }
-    /// The face of these values belongs to its part.
+    /// Assigns the following face, by its values, to its part.
     fn set(&mut self, values: &[f64], collector: &mut Collector) {
         if let Some(property) = self.property {
             let tag = values[property] as i64;
@@ -164,7 +163,7 @@ impl FaceParts {
     }
 }
 
-/// Takes all faces or strips of an element as polygons.
+/// Reads all faces or strips of an element as polygons.
 fn read_faces(
     input: &mut Input<'_>,
     rows: &mut Rows,
@@ -195,7 +194,7 @@ fn read_faces(
             start
         };
         parts.set(&rows.values, collector);
-        // A strip ends at −1; another polygon at the end of its list.
+        // A strip ends at −1, any other polygon at the end of its list.
         for list in rows.list.split(|&v| is_strip && v == -1.0) {
             polygon.clear();
             for &v in list {
@@ -211,19 +210,19 @@ fn read_faces(
     Ok(())
 }
 
-/// A number as an index from 0.
+/// Converts a number to an index from 0; `None` if it is not one.
 fn index(v: f64) -> Option<u64> {
     (v >= 0.0 && v.fract() == 0.0).then_some(v as u64)
 }
 
-/// The error for a corner that is no index.
+/// Returns the error for a corner that is not an index.
 fn no_index(input: &Input<'_>, v: f64, at: At) -> ReadError {
     let why = format!("{v} is not the index of a vertex");
     let hint = "export the mesh again";
     input.error(ErrorKind::Index, at, "cannot read the faces", why, hint)
 }
 
-/// Triangles of a strip; every other one is turned round.
+/// Adds the triangles of a strip; every other one is reversed.
 fn strip(collector: &mut Collector, strip: &[u64], at: At) {
     for (k, t) in strip.windows(3).enumerate() {
         let turned = if k % 2 == 0 {

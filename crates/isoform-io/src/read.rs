@@ -1,4 +1,4 @@
-//! The way in for points: one function for all formats.
+//! Reading of points in any format.
 
 use crate::choose::choose;
 use crate::input::{Input, Result};
@@ -8,8 +8,8 @@ use isoform_geom::PointCloud;
 
 /// Reads points or a mesh.
 ///
-/// `format` is a name or an ending out of [`formats`](crate::formats) and overrides the guess by
-/// the file's name and content.
+/// `format` is a name or an ending from [`formats`](crate::formats) and overrides recognition by
+/// name and content.
 ///
 /// ```
 /// use isoform_io::{ReadOptions, Source, read};

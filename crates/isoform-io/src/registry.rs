@@ -1,10 +1,9 @@
-//! The list of formats: one line each; and the kinds of files that are only known by name.
+//! Registry of the point formats, one line each, and of foreign formats that are only recognised.
 
 use crate::format::{Foreign, Format, Sniff};
 use crate::{e57, las, obj, off, pcd, ply, stl, text, three_mf};
 
-/// All formats of points, in the order in which content is tested: of those that it may be, plain
-/// text last.
+/// All point formats, in the order in which content is tested; plain text last.
 #[rustfmt::skip]
 static FORMATS: [Format; 10] = [
     Format { name: "ply", extensions: &["ply"], title: "PLY", sniff: ply::sniff, read: ply::read, write: Some(ply::write), keeps_triangles: true },
@@ -19,7 +18,7 @@ static FORMATS: [Format; 10] = [
     Format { name: three_mf::NAME, extensions: &["3mf"], title: "3MF", sniff: three_mf::sniff, read: three_mf::read, write: None, keeps_triangles: false },
 ];
 
-/// Kinds of files that are known by ending or first bytes and not read here.
+/// Formats recognised by ending or signature, but not read.
 #[rustfmt::skip]
 static FOREIGN: [Foreign; 21] = [
     Foreign { extensions: &["zip", "npz", "kmz", "usdz"], magic: b"PK\x03\x04", what: "a ZIP archive; unpack it first" },
@@ -45,7 +44,7 @@ static FOREIGN: [Foreign; 21] = [
     Foreign { extensions: &["png", "jpg", "jpeg", "tif", "tiff", "exr"], magic: b"\x89PNG", what: "an image" },
 ];
 
-/// All formats of points.
+/// Returns all point formats.
 ///
 /// ```
 /// let writable: Vec<&str> =
@@ -56,12 +55,12 @@ pub fn formats() -> &'static [Format] {
     &FORMATS
 }
 
-/// The kinds of files that are known and not read.
+/// Returns the formats that are recognised but not read.
 pub(crate) fn foreign() -> &'static [Foreign] {
     &FOREIGN
 }
 
-/// A format by name or ending, in any case, with or without the dot.
+/// Returns a format by name or ending, in any case, with or without the dot.
 pub fn format_named(name: &str) -> Option<&'static Format> {
     let name = name.strip_prefix('.').unwrap_or(name).to_ascii_lowercase();
     FORMATS

@@ -1,24 +1,24 @@
-//! What the name of a per-point value says: one table for all formats whose columns have names.
+//! Meaning of the names of per-point values: one table for all formats with named columns.
 
 use crate::collect::{Collector, ColorScale};
 use isoform_geom::Point3;
 
-/// Where a value of a row goes.
+/// Destination of a value of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Role {
-    /// A coordinate.
+    /// Coordinate.
     Position(usize),
-    /// A component of the normal.
+    /// Component of the normal.
     Normal(usize),
     /// Red, green or blue.
     Color(usize),
-    /// A value of a column.
+    /// Value of a column.
     Column(usize),
-    /// Nothing is kept of it.
+    /// Discarded.
     Ignored,
 }
 
-/// Position, normal or colour by name; `None` for any other column.
+/// Returns the position, normal or colour of a name; `None` for any other column.
 pub(crate) fn role_named(name: &str) -> Option<Role> {
     Some(match name.to_ascii_lowercase().as_str() {
         "x" | "points:0" => Role::Position(0),
@@ -34,23 +34,23 @@ pub(crate) fn role_named(name: &str) -> Option<Role> {
     })
 }
 
-/// The roles of the values of a row, in their order.
+/// Roles of the values of a row, in order.
 #[derive(Debug, Default)]
 pub(crate) struct Layout {
     /// Role of each value of a row.
     pub(crate) roles: Vec<Role>,
-    /// Names of the columns, in the order of their numbers.
+    /// Names of the columns, by column index.
     pub(crate) columns: Vec<String>,
-    /// What the numbers of colours mean, where the format says so.
+    /// Scale of colours; `None` if the format does not state it.
     pub(crate) scale: Option<ColorScale>,
-    /// Whether all three components of a normal are there.
+    /// True if all three components of a normal are present.
     normals: bool,
-    /// Whether all three components of a colour are there.
+    /// True if all three components of a colour are present.
     colors: bool,
 }
 
 impl Layout {
-    /// By names; a name that comes twice is a column the second time.
+    /// Creates the layout of named values; a repeated name becomes a column.
     pub(crate) fn named<'a>(names: impl IntoIterator<Item = &'a str>) -> Self {
         let mut layout = Self::default();
         for name in names {
@@ -62,12 +62,12 @@ impl Layout {
         }
         layout
     }
-    /// A new column of this name.
+    /// Adds a column of this name.
     pub(crate) fn column(&mut self, name: &str) -> Role {
         self.columns.push(name.to_owned());
         Role::Column(self.columns.len() - 1)
     }
-    /// Takes the role of value `i` away.
+    /// Marks value `i` as ignored.
     pub(crate) fn ignore(&mut self, i: usize) {
         if let Role::Column(k) = std::mem::replace(&mut self.roles[i], Role::Ignored) {
             self.columns.remove(k);
@@ -80,17 +80,17 @@ impl Layout {
             }
         }
     }
-    /// Whether a value of the row has this role.
+    /// Returns true if a value of the row has this role.
     pub(crate) fn has(&self, role: Role) -> bool {
         self.roles.contains(&role)
     }
-    /// The first coordinate that is missing.
+    /// Returns the name of the first missing coordinate.
     pub(crate) fn missing_coordinate(&self) -> Option<&'static str> {
         (0..3)
             .find(|&k| !self.has(Role::Position(k)))
             .map(|k| ["x", "y", "z"][k])
     }
-    /// Tells the collector what will come. Incomplete triples are no normals and no colours and are
+    /// Announces the values of the rows to the collector. Incomplete normals and colours are
     /// ignored.
     pub(crate) fn announce(&mut self, collector: &mut Collector) {
         self.normals = (0..3).all(|k| self.has(Role::Normal(k)));
@@ -103,7 +103,7 @@ impl Layout {
         }
         collector.with_columns(self.columns.iter().cloned());
     }
-    /// Offers a row; call [`announce`](Self::announce) before.
+    /// Passes a row to the collector; [`announce`](Self::announce) must be called before.
     #[inline]
     pub(crate) fn offer(&self, collector: &mut Collector, values: &[f64]) {
         let (mut p, mut n, mut c): (Point3, Point3, Point3) = ([f64::NAN; 3], [0.0; 3], [0.0; 3]);

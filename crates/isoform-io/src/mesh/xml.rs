@@ -1,10 +1,10 @@
-//! As much XML as mesh files need: tags with attributes, comments, and what lies between them, in
-//! bytes that need not all be text.
+//! Minimal XML reader for mesh files: tags with attributes, comments, and the content between them,
+//! in bytes of which some may not be text.
 //!
-//! CDATA sections count as content, declarations are passed over, and entities other than the five
-//! of XML and numbers stay as they are.
+//! CDATA sections count as content, and declarations are skipped. Entities other than the five
+//! predefined ones and character references are left unchanged.
 
-/// Text with the characters replaced that XML keeps for itself.
+/// Escapes text for XML.
 pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
@@ -12,7 +12,7 @@ pub(super) fn escape(text: &str) -> String {
         .replace('"', "&quot;")
 }
 
-/// The text again; what is no known entity stays.
+/// Reverses [`escape`]; unknown entities are left unchanged.
 pub(crate) fn unescape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut rest = text;
@@ -34,7 +34,7 @@ pub(crate) fn unescape(text: &str) -> String {
     out + rest
 }
 
-/// The character of a number, decimal or, behind an x, hexadecimal.
+/// Returns the character of a decimal or, after an x, hexadecimal reference.
 fn character(number: &str) -> Option<char> {
     let code = match number.strip_prefix('x') {
         Some(digits) => u32::from_str_radix(digits, 16),
@@ -43,30 +43,30 @@ fn character(number: &str) -> Option<char> {
     code.ok().and_then(char::from_u32)
 }
 
-/// Something in angle brackets.
+/// Tag or comment.
 #[derive(Debug)]
 pub(super) enum Item<'b> {
     /// `<name attributes>`, also `<name attributes/>`.
     Open {
         name: &'b str,
-        /// What stands behind the name.
+        /// Text after the name.
         attributes: &'b str,
     },
     /// `</name>`.
     Close(&'b str),
-    /// What a comment says.
+    /// Text of a comment.
     Comment(&'b str),
 }
 
-/// How a section begins whose characters all stand for themselves.
+/// Start of a section whose characters all stand for themselves.
 const CDATA: &[u8] = b"<![CDATA[";
 
-/// Where a mark begins in bytes.
+/// Returns the position of a mark in bytes.
 fn find(bytes: &[u8], mark: &[u8]) -> Option<usize> {
     bytes.windows(mark.len()).position(|w| w == mark)
 }
 
-/// The lengths of an item, without the mark that ends it, and of the mark.
+/// Returns the length of an item without its end mark, and the length of the mark.
 fn end_of_item(rest: &[u8]) -> Option<(usize, usize)> {
     if rest.starts_with(b"<!--") {
         Some((find(rest, b"-->")?, 3))
@@ -78,7 +78,7 @@ fn end_of_item(rest: &[u8]) -> Option<(usize, usize)> {
     }
 }
 
-/// The first `>` outside quotes.
+/// Returns the position of the first `>` outside quotes.
 fn end_of_tag(rest: &[u8]) -> Option<usize> {
     let mut quote = None;
     rest.iter().position(|&b| {
@@ -91,10 +91,10 @@ fn end_of_tag(rest: &[u8]) -> Option<usize> {
     })
 }
 
-/// Walks over the tags of a file.
+/// Iterator over the tags of a file.
 pub(super) struct Items<'b> {
     bytes: &'b [u8],
-    /// Behind the item given last.
+    /// Position after the last item.
     pub(super) at: usize,
 }
 
@@ -102,7 +102,7 @@ impl<'b> Items<'b> {
     pub(super) fn new(bytes: &'b [u8]) -> Self {
         Self { bytes, at: 0 }
     }
-    /// The bytes up to the next tag, or in the CDATA section that stands there.
+    /// Returns the bytes up to the next tag, or those of a CDATA section at this position.
     pub(super) fn content(&self) -> &'b [u8] {
         let (text, rest) = self.bytes[self.at..].split_at(self.until_tag());
         match rest.strip_prefix(CDATA) {
@@ -112,19 +112,19 @@ impl<'b> Items<'b> {
             _ => text,
         }
     }
-    /// Bytes up to the next tag or the end.
+    /// Returns the number of bytes up to the next tag or the end.
     fn until_tag(&self) -> usize {
         let rest = &self.bytes[self.at..];
         find(rest, b"<").unwrap_or(rest.len())
     }
-    /// The next item; `None` at the end, or where a tag does not end.
+    /// Returns the next item; `None` at the end and at an unterminated tag.
     pub(super) fn next(&mut self) -> Option<Item<'b>> {
         loop {
             let start = self.at + self.until_tag();
             let rest = self.bytes.get(start..).filter(|r| !r.is_empty())?;
             let (length, mark) = end_of_item(rest)?;
             self.at = start + length + mark;
-            // What is not text is damage, and no item.
+            // A tag that is not UTF-8 is damaged and skipped.
             let Ok(text) = std::str::from_utf8(&rest[..length]) else {
                 continue;
             };
@@ -150,7 +150,7 @@ impl<'b> Items<'b> {
     }
 }
 
-/// The value of an attribute, as it stands in the file.
+/// Returns the value of an attribute without unescaping it.
 pub(crate) fn attribute<'b>(attributes: &'b str, name: &str) -> Option<&'b str> {
     let mut rest = attributes;
     loop {
@@ -215,7 +215,7 @@ mod tests {
         assert_eq!(attribute(attributes, "m"), Some("\">"));
         assert_eq!(items.content(), b"1 <b> 2");
         assert!(matches!(items.next(), Some(Item::Close("a"))));
-        // A quote that is not closed hides nothing.
+        // An unclosed quote hides nothing.
         assert!(matches!(items.next(), Some(Item::Open { name: "c", .. })));
         assert!(items.next().is_none());
         assert!(Items::new(b"<![CDATA[<a>").next().is_none());

@@ -1,8 +1,9 @@
-//! As much of ZIP as a 3MF package needs: deflated members, streamed (PKWARE, "APPNOTE.TXT", 4.3).
+//! Minimal writer of ZIP for 3MF packages: compressed members, streamed (PKWARE, "APPNOTE.TXT",
+//! 4.3).
 //!
-//! A member is a local header, its deflated bytes, and a data descriptor with checksum and sizes,
-//! which are known only then. The central directory repeats all headers at the end of the file.
-//! Sizes have 32 bits.
+//! A member is a local header, its compressed bytes, and a data descriptor with checksum and sizes,
+//! which are known only at the end. The central directory repeats all headers at the end of the
+//! file. Sizes have 32 bits.
 
 use flate2::write::DeflateEncoder;
 use flate2::{Compression, Crc};
@@ -12,14 +13,14 @@ use std::io::{self, Write};
 const METHOD: u16 = 8;
 /// General flags: sizes and checksum follow the member (bit 3); names are UTF-8 (bit 11).
 const FLAGS: u16 = 1 << 3 | 1 << 11;
-/// Date of every member: 1 January 1980, the first date there is. A fixed date lets equal meshes
-/// give equal bytes.
+/// Date of every member: 1 January 1980, the earliest date that ZIP can store. A fixed date makes
+/// the output reproducible.
 const DATE: u16 = 1 << 5 | 1;
 
-/// Counts what passes.
+/// Sink that counts the bytes written.
 struct Counted<'o> {
     out: &'o mut dyn Write,
-    /// Bytes that have passed.
+    /// Number of bytes written.
     count: u64,
 }
 
@@ -34,12 +35,12 @@ impl Write for Counted<'_> {
     }
 }
 
-/// A member on its way: checksum and length before it is deflated.
+/// Sink of a member: computes checksum and length, and compresses.
 struct Member<'d, W: Write> {
     deflate: &'d mut DeflateEncoder<W>,
-    /// CRC-32 of the bytes before they are deflated.
+    /// CRC-32 of the uncompressed bytes.
     crc: Crc,
-    /// Number of bytes before they are deflated.
+    /// Number of uncompressed bytes.
     length: u64,
 }
 
@@ -55,16 +56,16 @@ impl<W: Write> Write for Member<'_, W> {
     }
 }
 
-/// Writes an archive, member after member.
+/// Writer of an archive, member by member.
 pub(super) struct Zip<'o> {
     out: Counted<'o>,
-    /// The central directory so far.
+    /// Central directory so far.
     directory: Vec<u8>,
     /// Number of members so far.
     members: u16,
 }
 
-/// The error for a package whose sizes need more than 32 bits.
+/// Returns the error for a package whose sizes exceed 32 bits.
 fn too_large(_: std::num::TryFromIntError) -> io::Error {
     io::Error::other("a ZIP package holds at most 4 GiB")
 }
@@ -78,7 +79,7 @@ impl<'o> Zip<'o> {
         }
     }
 
-    /// Adds a member that a function writes.
+    /// Adds a member whose content is written by a function.
     pub(super) fn member(
         &mut self,
         name: &str,
@@ -100,7 +101,7 @@ impl<'o> Zip<'o> {
         let sizes = self.deflated(write)?;
         self.out.write_all(b"PK\x07\x08")?;
         self.out.write_all(&sizes)?;
-        // The directory repeats it all, with no extra fields, comment, disk and attributes.
+        // The directory repeats these fields, without extra fields, comment, disk and attributes.
         for bytes in [
             b"PK\x01\x02\x14\0",
             &common[..],
@@ -116,8 +117,8 @@ impl<'o> Zip<'o> {
         Ok(())
     }
 
-    /// Writes the bytes of a member, deflated. The data descriptor of it: CRC-32, packed and
-    /// unpacked length.
+    /// Writes the compressed bytes of a member, and returns its data descriptor: CRC-32, compressed
+    /// and uncompressed length.
     fn deflated(
         &mut self,
         write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
@@ -140,7 +141,7 @@ impl<'o> Zip<'o> {
             .collect())
     }
 
-    /// Writes the directory.
+    /// Writes the central directory.
     pub(super) fn finish(mut self) -> io::Result<()> {
         let start = u32::try_from(self.out.count).map_err(too_large)?;
         self.out.write_all(&self.directory)?;

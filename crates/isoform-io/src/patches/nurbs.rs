@@ -1,4 +1,4 @@
-//! The Bézier patches that a NURBS surface consists of, one per pair of knot intervals.
+//! Decomposition of NURBS surfaces into Bézier patches, one per pair of non-empty knot intervals.
 //!
 //! The Bézier points of a B-spline of degree p between the knots a and b are its polar form
 //! (blossom) at a and b: the i-th one at p − i times a and i times b, by de Boor's recursion.
@@ -7,24 +7,24 @@ use super::{FilePatch, Net, Result, degree, numbers, wrong};
 use isoform_algebra::RBig;
 use serde_json::Value;
 
-/// Most Bézier patches of one NURBS surface. Real ones have thousands; more would let a small file
-/// ask for memory without end.
+/// Maximum number of Bézier patches of a NURBS surface. Real ones have thousands; without a bound a
+/// small file could request unlimited memory.
 const MAX_PATCHES: usize = 100_000;
-/// Most control points of all patches of a file, of about 200 bytes each: 40 per patch at
-/// [`MAX_PATCHES`], so that only high degrees meet this limit first.
+/// Maximum number of control points of all patches of a file, of about 200 bytes each: 40 per patch
+/// at [`MAX_PATCHES`], so that only high degrees reach this limit first.
 pub(super) const MAX_POINTS: usize = 40 * MAX_PATCHES;
 
-/// A homogeneous control point of rational numbers.
+/// Homogeneous control point of rational numbers.
 type ExactPoint = [RBig; 4];
 
-/// The knots of one direction.
+/// Knots of one direction.
 struct Knots {
     degree: usize,
     values: Vec<RBig>,
 }
 
 impl Knots {
-    /// The knots of a key for that many control points in their direction.
+    /// Parses the knots of a key, for a number of control points in their direction.
     fn of(value: &Value, key: &str, at: &str, degree: usize, points: usize) -> Result<Self> {
         let at = format!("{at}, {key}");
         let knots = numbers(value.get(key)).or_else(|problem| wrong(&at, problem))?;
@@ -36,19 +36,19 @@ impl Knots {
             }),
         }
     }
-    /// Numbers of the knots at which an interval begins that is not empty.
+    /// Returns the indices of the knots that begin a non-empty interval.
     fn spans(&self) -> Vec<usize> {
         (self.degree..self.values.len() - self.degree - 1)
             .filter(|&i| self.values[i] < self.values[i + 1])
             .collect()
     }
-    /// The Bézier points of a B-spline between knot k and the next.
+    /// Returns the Bézier points of a B-spline between knot k and the next.
     fn segment(&self, points: &[ExactPoint], k: usize) -> Vec<ExactPoint> {
         (0..=self.degree)
             .map(|i| self.bezier_point(points, k, i))
             .collect()
     }
-    /// The i-th of them: the polar form at p − i times the one knot and i times the other.
+    /// Returns the i-th Bézier point: the polar form at p − i times knot k and i times the next.
     fn bezier_point(&self, points: &[ExactPoint], k: usize, i: usize) -> ExactPoint {
         let (p, knots) = (self.degree, &self.values);
         // d[j] belongs to point k − p + j.
@@ -67,7 +67,7 @@ impl Knots {
     }
 }
 
-/// What is wrong with the knots for that many points.
+/// Returns the problem of knots for a number of points; `None` if they are valid.
 fn problem(knots: &[f64], degree: usize, points: usize) -> Option<String> {
     let wanted = points + degree + 1;
     Some(if points <= degree {
@@ -85,7 +85,7 @@ fn problem(knots: &[f64], degree: usize, points: usize) -> Option<String> {
     })
 }
 
-/// The patches of a surface, with at most `room` control points.
+/// Returns the Bézier patches of a surface, with at most `room` control points.
 pub(super) fn pieces(value: &Value, at: &str, room: usize) -> Result<Vec<FilePatch>> {
     let degree @ [p, q] = degree(value, at)?;
     let net = Net::of(value, at)?;
@@ -109,7 +109,7 @@ pub(super) fn pieces(value: &Value, at: &str, room: usize) -> Result<Vec<FilePat
     Ok(patches)
 }
 
-/// Refuses surfaces whose Bézier patches would be too many, before any of them is computed.
+/// Refuses surfaces with too many Bézier patches before any of them is computed.
 fn check_size(patches: usize, [p, q]: [usize; 2], room: usize) -> std::result::Result<(), String> {
     if patches > MAX_PATCHES {
         return Err(format!("more than {MAX_PATCHES} patches"));
@@ -120,7 +120,8 @@ fn check_size(patches: usize, [p, q]: [usize; 2], room: usize) -> std::result::R
     Ok(())
 }
 
-/// Rows of the control points between knot k in u and the next: Bézier in u, B-splines in v.
+/// Returns the rows of control points between knot k in u and the next: Bézier in u, B-splines in
+/// v.
 fn strip(u: &Knots, points: &[ExactPoint], columns: usize, k: usize) -> Vec<Vec<ExactPoint>> {
     let mut rows = vec![Vec::with_capacity(columns); u.degree + 1];
     for j in 0..columns {

@@ -1,10 +1,10 @@
-//! Truth from elsewhere: the recursion of Cox and de Boor, and what was written.
+//! Tests against the recursion of Cox and de Boor, and round trips.
 
 use super::*;
 use isoform_geom::bernstein;
 use proptest::prelude::*;
 
-/// The patch at a place, by Bernstein polynomials.
+/// Evaluates a patch by Bernstein polynomials.
 fn eval(p: &FilePatch, s: f64, t: f64) -> [f64; 3] {
     let [m, n] = p.degree;
     let (b, c) = (bernstein(m, s).0, bernstein(n, t).0);
@@ -54,7 +54,7 @@ fn weights_multiply_exactly() {
     assert_eq!(patches[0].patch(), Err(PatchError::NotFinite(0)));
 }
 
-/// A B-spline by the recursion of Cox and de Boor, in doubles.
+/// Evaluates a B-spline basis function by the recursion of Cox and de Boor, in doubles.
 fn spline(p: usize, knots: &[f64], k: usize, x: f64) -> f64 {
     if p == 0 {
         return f64::from(u8::from(knots[k] <= x && x < knots[k + 1]));
@@ -106,7 +106,7 @@ fn nurbs_are_their_patches() {
             );
         }
     }
-    // Neighbours have their sides in common, exactly.
+    // Common sides of neighbours agree exactly.
     let row = |k: usize, i: usize| patches[k].control.exact()[3 * i..3 * i + 3].to_vec();
     assert_eq!(row(0, 2), row(2, 0));
     let column = |k: usize, j: usize| [0, 1, 2].map(|i| row(k, i)[j].clone());
@@ -170,7 +170,7 @@ fn files_that_are_wrong_are_refused() {
     }
 }
 
-/// Patches of one degree, 32, between knots that make 100 × 100 of them: 10,000,000 points.
+/// Patches of degree 32 with knots that make 100 × 100 of them: 10,000,000 points.
 #[test]
 fn small_files_do_not_ask_for_much_memory() {
     let (p, spans) = (32, 100);
@@ -189,7 +189,7 @@ fn small_files_do_not_ask_for_much_memory() {
     );
 }
 
-/// What the fuzzing target does, on its seeds.
+/// Runs the fuzzing target on its seeds.
 #[test]
 fn the_corpus_is_read() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -234,7 +234,7 @@ fn record() -> impl Strategy<Value = PatchRecord> {
     })
 }
 
-/// Values that a file may hold in a place where another is expected, numbers above all.
+/// Generates values that a file may contain in the place of others, mostly numbers.
 fn junk() -> impl Strategy<Value = Value> {
     let leaf = prop_oneof![
         Just(Value::Null),

@@ -1,54 +1,54 @@
-//! The header of a PCD file: lines of a keyword and its values, up to the line DATA.
+//! Header of a PCD file: lines of a keyword and its values, up to the line DATA.
 
 use super::WHAT;
 use crate::binary::Type;
 use crate::input::{Input, Result, shorten};
 use crate::{ErrorKind, ReadError, ReadReport};
 
-/// Values of a row; descriptors such as VFH have 308.
+/// Maximum number of values of a row; descriptors such as VFH have 308.
 const MAX_VALUES: u64 = 4096;
-/// Lines within which the line DATA must come; true headers have some ten.
+/// Maximum number of lines up to the line DATA; real headers have about ten.
 const MAX_LINES: u64 = 100;
-/// The scanner at the origin, unturned.
+/// Viewpoint at the origin, without rotation.
 const NO_VIEWPOINT: [&str; 7] = ["0", "0", "0", "1", "0", "0", "0"];
 
-/// How the values are kept.
+/// Encoding of the values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Data {
-    /// Text, a point per line.
+    /// Text, one point per line.
     Ascii,
-    /// Bytes, a point behind the other.
+    /// Bytes, point by point.
     Binary,
-    /// Bytes packed by LZF, a field behind the other.
+    /// Bytes compressed by LZF, field by field.
     Compressed,
 }
 
-/// A named value of a point, or several.
+/// Named value or values of a point.
 #[derive(Clone, Debug)]
 pub(super) struct Field {
     pub(super) name: String,
     pub(super) kind: Type,
-    /// Values per point.
+    /// Number of values per point.
     pub(super) count: usize,
 }
 
 impl Field {
-    /// Bytes per value.
+    /// Returns the number of bytes per value.
     #[inline]
     pub(super) fn size(&self) -> usize {
         self.kind.size()
     }
-    /// Whether values are floating-point numbers.
+    /// Returns true if values are floating-point numbers.
     pub(super) fn is_float(&self) -> bool {
         matches!(self.kind, Type::F32 | Type::F64)
     }
-    /// Colour packed as 0xAARRGGBB in an integer or in the bits of a float.
+    /// Returns true for a colour packed as 0xAARRGGBB in an integer or in the bits of a float.
     pub(super) fn is_packed_color(&self) -> bool {
         matches!(self.name.as_str(), "rgb" | "rgba") && self.size() == 4 && self.count == 1
     }
 }
 
-/// The numbers of a TYPE, F, I or U, and a SIZE.
+/// Returns the type of numbers for a TYPE (F, I or U) and a SIZE.
 fn type_of(kind: u8, size: u64) -> Option<Type> {
     Some(match (kind, size) {
         (b'F', 4) => Type::F32,
@@ -65,16 +65,16 @@ fn type_of(kind: u8, size: u64) -> Option<Type> {
     })
 }
 
-/// The header of a file.
+/// Header of a file.
 pub(super) struct Header {
     pub(super) fields: Vec<Field>,
-    /// Number of points, stated or out of width and height.
+    /// Number of points: stated, or width times height.
     pub(super) points: u64,
     pub(super) data: Data,
 }
 
 impl Header {
-    /// Bytes of a point.
+    /// Returns the number of bytes of a point.
     pub(super) fn stride(&self) -> usize {
         self.fields.iter().map(|f| f.size() * f.count).sum()
     }
@@ -95,13 +95,13 @@ impl Header {
     }
 }
 
-/// The error for a header that is wrong at the line read last.
+/// Returns the error for an invalid header at the last line read.
 fn bad(input: &Input<'_>, why: impl Into<String>) -> ReadError {
     let hint = "save the file again";
     input.error(ErrorKind::Header, input.at_line(0), WHAT, why, hint)
 }
 
-/// The values of the lines, as they stand there.
+/// Values of the header lines before they are checked against each other.
 #[derive(Default)]
 struct Lines {
     /// FIELDS, in lower case.
@@ -114,36 +114,36 @@ struct Lines {
     counts: Vec<u64>,
     /// POINTS.
     points: Option<u64>,
-    /// WIDTH: points in a row of the scan.
+    /// WIDTH: number of points in a row of the scan.
     width: Option<u64>,
-    /// HEIGHT: rows of the scan; 1 for clouds without order.
+    /// HEIGHT: number of rows of the scan; 1 for unordered clouds.
     height: Option<u64>,
 }
 
-/// The words of a line behind its key.
+/// Words of a line after its key.
 struct Values<'l> {
     /// First word of the line, for errors.
     key: &'l str,
-    /// The words behind it, at most one more than [`MAX_VALUES`].
+    /// Words after the key, at most one more than [`MAX_VALUES`].
     words: Vec<&'l str>,
-    /// The file, for errors.
+    /// Input, for errors.
     input: &'l Input<'l>,
 }
 
 impl Values<'_> {
-    /// The first word.
+    /// Returns the first word.
     fn first(&self) -> Option<&str> {
         self.words.first().copied()
     }
-    /// A value of each word.
+    /// Maps each word to a value.
     fn each<T>(&self, value: impl Fn(&str) -> T) -> Vec<T> {
         self.words.iter().map(|w| value(w)).collect()
     }
-    /// The first word as a number, which has to be there.
+    /// Parses the first word as a number; an error if it is missing.
     fn number(&self) -> Result<u64> {
         number(self.input, self.key, self.first())
     }
-    /// All words as numbers.
+    /// Parses all words as numbers.
     fn numbers(&self) -> Result<Vec<u64>> {
         let number = |w: &&str| number(self.input, self.key, Some(w));
         self.words.iter().map(number).collect()
@@ -151,7 +151,7 @@ impl Values<'_> {
 }
 
 impl Lines {
-    /// Takes a line; how the data are kept, if it says so and ends the header.
+    /// Processes a line; returns the encoding if the line is DATA, which ends the header.
     fn take(
         &mut self,
         line: &str,
@@ -189,7 +189,7 @@ impl Lines {
         Ok(None)
     }
 
-    /// The header of all lines.
+    /// Assembles the header from all lines.
     fn header(mut self, data: Data, input: &Input<'_>) -> Result<Header> {
         let n = self.names.len();
         if n == 0 {
@@ -197,7 +197,7 @@ impl Lines {
         }
         fill(&mut self.counts, n, 1);
         if data == Data::Ascii {
-            // Text needs neither.
+            // Text needs neither sizes nor types.
             fill(&mut self.sizes, n, 4);
             fill(&mut self.kinds, n, b'F');
         }
@@ -217,7 +217,8 @@ impl Lines {
         }
     }
 
-    /// The fields out of names, types, sizes and counts; a row may hold [`MAX_VALUES`].
+    /// Assembles the fields from names, types, sizes and counts, with at most [`MAX_VALUES`] values
+    /// per row.
     fn fields(&mut self, input: &Input<'_>) -> Result<Vec<Field>> {
         let mut fields = Vec::new();
         let mut values = 0_u64;
@@ -243,26 +244,26 @@ impl Lines {
         Ok(fields)
     }
 
-    /// The points of a scan in rows.
+    /// Returns the number of points of an organised scan, width times height.
     fn grid(&self) -> Option<u64> {
         self.width?.checked_mul(self.height.unwrap_or(1))
     }
 }
 
-/// Puts a value for each field where there are none.
+/// Fills an empty list with a default value for each field.
 fn fill<T: Clone>(list: &mut Vec<T>, n: usize, value: T) {
     if list.is_empty() {
         list.resize(n, value);
     }
 }
 
-/// A word as a whole number.
+/// Parses a word as a non-negative integer.
 fn number(input: &Input<'_>, key: &str, word: Option<&str>) -> Result<u64> {
     let number = word.and_then(|w| w.parse().ok());
     number.ok_or_else(|| bad(input, format!("\"{}\" needs a number", shorten(key))))
 }
 
-/// The encoding that a line DATA names.
+/// Parses the encoding of a line DATA.
 fn data(input: &Input<'_>, word: Option<&str>) -> Result<Data> {
     match word.map(str::to_ascii_lowercase).as_deref() {
         Some("ascii") => Ok(Data::Ascii),

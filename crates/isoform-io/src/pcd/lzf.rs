@@ -1,10 +1,10 @@
 //! LZF, the compression of PCD files (Marc Lehmann's LibLZF).
 
-/// Unpacks LZF: a control byte below 32 starts a run of that many bytes and
-/// one; else its three high bits are the length less two of a copy (7: one more byte of length)
-/// from up to 8192 bytes back. `None` unless exactly `size` bytes come out.
+/// Decompresses LZF. A control byte c below 32 starts a run of c + 1 literal bytes. Otherwise its
+/// three high bits are the length less two of a copy (7: one more byte of length) from up to 8192
+/// bytes back. Returns `None` unless the result has exactly `size` bytes.
 pub(super) fn unpack(packed: &[u8], size: usize) -> Option<Vec<u8>> {
-    // A copy of three bytes gives 264 at most, so that a small input cannot ask for much memory.
+    // A copy takes three bytes and gives at most 264, so a small input cannot request much memory.
     if size / 264 > packed.len() {
         return None;
     }

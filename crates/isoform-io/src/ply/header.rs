@@ -1,4 +1,4 @@
-//! The header of a PLY file: the encoding, and the elements with their properties.
+//! Header of a PLY file: the encoding, and the elements with their properties.
 
 use super::WHAT;
 use crate::binary::Type;
@@ -6,54 +6,54 @@ use crate::input::{Input, Result, shorten, stated_unit};
 use crate::{ErrorKind, ReadError, ReadReport};
 use std::collections::BTreeMap;
 
-/// More header lines than any true file has.
+/// Maximum number of header lines; real files have far fewer.
 const MAX_LINES: u64 = 10_000;
 
-/// How the rows are kept.
+/// Encoding of the rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Encoding {
-    /// Text, a row per line.
+    /// Text, one row per line.
     Ascii,
-    /// Bytes, the least of a number first.
+    /// Little-endian bytes.
     Little,
-    /// Bytes, the greatest of a number first.
+    /// Big-endian bytes.
     Big,
 }
 
-/// A named value of every row of an element, or a list of values.
+/// Named value, or list of values, of every row of an element.
 #[derive(Debug)]
 pub(super) struct Property {
     pub(super) name: String,
     /// Type of the value, or of the items of the list.
     pub(super) kind: Type,
-    /// Type of the length, for lists.
+    /// Type of the length of a list; `None` for a scalar.
     pub(super) list: Option<Type>,
 }
 
-/// A kind of rows, such as the vertices or the faces.
+/// Kind of rows, such as vertices or faces.
 #[derive(Debug)]
 pub(super) struct Element {
     pub(super) name: String,
     /// Number of rows.
     pub(super) count: u64,
-    /// Values of a row, in their order.
+    /// Properties in the order of a row.
     pub(super) properties: Vec<Property>,
 }
 
 impl Element {
-    /// Bytes of a row, if it has no lists.
+    /// Returns the number of bytes of a row; `None` if it has lists.
     pub(super) fn stride(&self) -> Option<usize> {
         self.properties.iter().try_fold(0_usize, |sum, p| {
             p.list.is_none().then(|| sum + p.kind.size())
         })
     }
-    /// Whether the rows are faces or strips of triangles.
+    /// Returns true if the rows are faces or strips of triangles.
     pub(super) fn is_face(&self) -> bool {
         matches!(self.name.as_str(), "face" | "faces" | "tristrips") && self.count > 0
     }
-    /// The list of the corners of faces.
+    /// Returns the index of the list of corners.
     pub(super) fn corners(&self) -> Option<usize> {
-        /// Names of the list of corners; the format has the first, and the others are common.
+        /// Names of the list of corners: the standard one first, then common variants.
         const NAMES: [&str; 3] = ["vertex_indices", "vertex_index", "vertex_indexes"];
         self.properties
             .iter()
@@ -61,15 +61,15 @@ impl Element {
     }
 }
 
-/// Names of parts by their tags, out of comments `part 1 name` as our own writer makes them.
+/// Names of parts by tag, from comments `part 1 name` as written by this crate.
 pub(super) type PartNames = BTreeMap<i64, String>;
 
-/// The header of a file.
+/// Header of a file.
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     /// Elements in the order of the file.
     pub(super) elements: Vec<Element>,
-    /// Names of parts out of comments.
+    /// Names of parts from comments.
     pub(super) part_names: PartNames,
 }
 
@@ -103,7 +103,7 @@ impl Header {
         }
     }
 
-    /// The element that holds the points.
+    /// Returns the index of the element with the points.
     pub(super) fn vertices(&self) -> Option<usize> {
         ["vertex", "vertices", "point", "points"]
             .iter()
@@ -111,13 +111,13 @@ impl Header {
     }
 }
 
-/// The error for a header that is wrong at the line read last.
+/// Returns the error for an invalid header at the last line read.
 fn bad(input: &Input<'_>, why: impl Into<String>) -> ReadError {
     let hint = "save the file again, as binary PLY if there is a choice";
     input.error(ErrorKind::Header, input.at_line(0), WHAT, why, hint)
 }
 
-/// What the lines have declared so far.
+/// Declarations of the lines so far.
 #[derive(Default)]
 struct Lines {
     encoding: Option<Encoding>,
@@ -126,7 +126,7 @@ struct Lines {
 }
 
 impl Lines {
-    /// Takes a line; whether it ends the header.
+    /// Processes a line; returns true if it ends the header.
     fn take(&mut self, text: &str, input: &Input<'_>, report: &mut ReadReport) -> Result<bool> {
         let words: Vec<&str> = text.split_ascii_whitespace().collect();
         match words[..] {
@@ -149,8 +149,8 @@ impl Lines {
             ["element" | "property" | "format", ..] => {
                 return Err(bad(input, format!("incomplete line \"{}\"", shorten(text))));
             }
-            // Seen in the wild: "remark" for "comment". What is no declaration cannot change the
-            // layout.
+            // Some files have "remark" for "comment". A line that is not a declaration cannot
+            // change the layout.
             [word, ..] => report.warn(format!(
                 "line {}: unknown header word \"{}\" was passed over",
                 input.line,
@@ -160,7 +160,7 @@ impl Lines {
         Ok(false)
     }
 
-    /// Takes a line `element name count`.
+    /// Processes a line `element name count`.
     fn element(&mut self, name: &str, count: &str, input: &Input<'_>) -> Result<()> {
         let Ok(rows) = count.parse() else {
             let why = format!("\"{}\" is not a number of elements", shorten(count));
@@ -174,7 +174,7 @@ impl Lines {
         Ok(())
     }
 
-    /// Takes a line `property list length-type type name`.
+    /// Processes a line `property list length-type type name`.
     fn list(&mut self, types: [&str; 2], name: &str, input: &Input<'_>) -> Result<()> {
         let [Some(length), Some(kind)] = types.map(Type::named) else {
             let why = format!("unknown type in the list property \"{}\"", shorten(name));
@@ -183,7 +183,7 @@ impl Lines {
         self.property(name, kind, Some(length), input)
     }
 
-    /// Takes a line `property type name`.
+    /// Processes a line `property type name`.
     fn scalar(&mut self, kind: &str, name: &str, input: &Input<'_>) -> Result<()> {
         let Some(known) = Type::named(kind) else {
             let (kind, name) = (shorten(kind), shorten(name));
@@ -212,7 +212,7 @@ impl Lines {
         Ok(())
     }
 
-    /// The header of all lines, which need one with the encoding.
+    /// Assembles the header from all lines; the line `format` is required.
     fn header(self, input: &Input<'_>) -> Result<Header> {
         let encoding = self
             .encoding
@@ -225,7 +225,7 @@ impl Lines {
     }
 }
 
-/// The encoding that a line `format` names.
+/// Parses the encoding of a line `format`.
 fn encoding(kind: &str, input: &Input<'_>) -> Result<Encoding> {
     match kind {
         "ascii" => Ok(Encoding::Ascii),

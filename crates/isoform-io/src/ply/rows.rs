@@ -1,24 +1,23 @@
-//! The rows of a PLY file, in text and bytes. Rows without lists have one length, which lets them
-//! be read and passed over as a whole; lists are read item by item.
+//! Rows of a PLY file, in text and bytes. Rows without lists have a fixed length and are read or
+//! skipped in one step; lists are read item by item.
 
 use super::header::{Element, Encoding};
 use crate::ErrorKind;
 use crate::binary::Type;
 use crate::input::{Input, Result, Words, parse_number, shorten};
 
-/// What failed, as the errors of the rows say.
 const WHAT: &str = "cannot read the PLY data";
 
-/// Reads rows of one element after another.
+/// Reader of the rows of one element after another.
 pub(super) struct Rows {
     pub(super) encoding: Encoding,
-    /// The words of a text, over line ends.
+    /// Words of a text file, across line ends.
     words: Words,
-    /// The bytes of the row at hand.
+    /// Bytes of the present row.
     row: Vec<u8>,
     /// Scalars of the row by property; NaN for lists.
     pub(super) values: Vec<f64>,
-    /// Items of the list that was asked for.
+    /// Items of the requested list.
     pub(super) list: Vec<f64>,
 }
 
@@ -33,7 +32,7 @@ impl Rows {
         }
     }
 
-    /// Whether anything is left behind the rows.
+    /// Returns true if any content follows the rows.
     pub(super) fn has_more(&mut self, input: &mut Input<'_>) -> Result<bool> {
         match self.encoding {
             Encoding::Ascii => Ok(self.words.next(input)?.is_some()),
@@ -83,7 +82,7 @@ impl Rows {
         Ok(())
     }
 
-    /// The scalars of the bytes in `row`.
+    /// Decodes the scalars of the bytes in `row`.
     #[inline]
     fn decode_row(&mut self, element: &Element) {
         let big = self.encoding == Encoding::Big;
@@ -94,7 +93,7 @@ impl Rows {
         }
     }
 
-    /// The length of a list, which must be a whole number.
+    /// Reads the length of a list, which must be a non-negative integer.
     fn list_length(
         &mut self,
         input: &mut Input<'_>,
@@ -110,7 +109,7 @@ impl Rows {
         Err(input.error(ErrorKind::Corrupt, place, WHAT, why, "get the file again"))
     }
 
-    /// The next number of a type, in text or bytes.
+    /// Reads the next number of a type, from text or bytes.
     fn number(
         &mut self,
         input: &mut Input<'_>,
@@ -125,7 +124,7 @@ impl Rows {
         Ok(kind.decode(&bytes, self.encoding == Encoding::Big))
     }
 
-    /// The next number of a text.
+    /// Parses the next number of a text.
     fn word(&mut self, input: &mut Input<'_>, missing: impl Fn() -> String) -> Result<f64> {
         let Some(word) = self.words.next(input)? else {
             return Err(input.truncated(missing()));
@@ -139,7 +138,7 @@ impl Rows {
         Err(input.error(ErrorKind::Number, at, WHAT, why, hint))
     }
 
-    /// Passes over all rows of an element.
+    /// Skips all rows of an element.
     pub(super) fn skip(&mut self, input: &mut Input<'_>, element: &Element) -> Result<()> {
         if self.encoding != Encoding::Ascii
             && let Some(stride) = element.stride()
@@ -161,7 +160,7 @@ impl Rows {
     }
 }
 
-/// `bool` properties come as words from some writers.
+/// Parses a `bool` property, which some writers store as a word.
 fn truth(word: &str) -> Option<f64> {
     let truth: bool = word.to_ascii_lowercase().parse().ok()?;
     Some(f64::from(truth))

@@ -1,4 +1,4 @@
-//! The writer of PLY for clouds: coordinates, normals and columns as doubles, colours as bytes,
+//! Writer of PLY for clouds: coordinates, normals and columns as doubles, colours as bytes,
 //! triangles as lists of three.
 
 use crate::WriteOptions;
@@ -6,8 +6,8 @@ use crate::columns::{Names, column_names, row};
 use isoform_geom::PointCloud;
 use std::io::{self, Write};
 
-/// Writes everything a cloud has; coordinates are absolute. Binary little endian, or ASCII with
-/// shortest round-trip numbers.
+/// Writes all data of a cloud, with absolute coordinates: binary little endian, or ASCII with the
+/// shortest numbers that read back identically.
 pub(crate) fn write(
     cloud: &PointCloud,
     out: &mut dyn Write,
@@ -75,7 +75,7 @@ fn write_properties(names: &Names, out: &mut dyn Write) -> io::Result<()> {
     Ok(())
 }
 
-/// All values of point `i`, in the order of the properties.
+/// Encodes all values of point `i`, in the order of the properties.
 fn binary_row(cloud: &PointCloud, i: usize, bytes: &mut Vec<u8>) {
     bytes.clear();
     let put = |v: f64, bytes: &mut Vec<u8>| bytes.extend_from_slice(&v.to_le_bytes());

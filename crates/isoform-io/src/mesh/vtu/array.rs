@@ -74,7 +74,7 @@ pub(super) fn from_text(text: &[u8]) -> Result<Array, String> {
     })
 }
 
-/// Bytes behind their size, or blocks of them behind their sizes.
+/// Decodes an array that follows its size, or compressed blocks that follow their sizes.
 pub(super) fn from_bytes(source: impl Read, kind: Type, coding: Coding) -> Result<Array, String> {
     let bytes = if coding.zlib {
         inflate(source, coding)
@@ -89,7 +89,7 @@ pub(super) fn from_bytes(source: impl Read, kind: Type, coding: Coding) -> Resul
     })
 }
 
-/// The next size, of 32 or 64 bits.
+/// Reads a size of 32 or 64 bits.
 fn size(source: &mut impl Read, coding: Coding) -> io::Result<u64> {
     let mut bytes = [0; 8];
     let n = if coding.wide_header { 8 } else { 4 };
@@ -100,7 +100,7 @@ fn size(source: &mut impl Read, coding: Coding) -> io::Result<u64> {
     Ok(u64::from_le_bytes(bytes))
 }
 
-/// Bytes that are not deflated: as many as the size before them says.
+/// Reads uncompressed bytes that follow their size.
 fn plain(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
     let n = size(&mut source, coding)?;
     let mut bytes = Vec::new();
@@ -114,8 +114,8 @@ fn plain(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The header is the number of blocks, the size of all but the last before deflating, that of the
-/// last, and the sizes of the deflated ones.
+/// Decompresses an array. Its header is the number of blocks, the uncompressed size of all blocks
+/// but the last, that of the last, and the compressed size of each.
 fn inflate(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
     let blocks = size(&mut source, coding)?;
     size(&mut source, coding)?;
@@ -142,14 +142,14 @@ fn inflate(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Base64 as it is read: blanks are passed over, and padding in the middle ends a piece, not the
+/// Streaming decoder of base64. Blanks are skipped; padding in the middle ends a piece, not the
 /// stream.
 pub(super) struct Base64<'b> {
-    /// Characters that are left.
+    /// Remaining characters.
     text: &'b [u8],
-    /// Bytes decoded and not taken.
+    /// Decoded bytes, last byte first.
     ready: [u8; 3],
-    /// How many of `ready` are left.
+    /// Number of bytes in `ready` that are not yet read.
     count: usize,
 }
 
@@ -161,7 +161,7 @@ impl<'b> Base64<'b> {
             count: 0,
         }
     }
-    /// Decodes four characters; false at the end, which a character of no base64 is too.
+    /// Decodes four characters; returns false at the end and at an invalid character.
     fn refill(&mut self) -> bool {
         let (mut bits, mut digits, mut seen) = (0_u32, 0, 0);
         while seen < 4 {
@@ -194,7 +194,7 @@ impl<'b> Base64<'b> {
         }
         let [_, a, b, c] = bits.to_be_bytes();
         self.count = digits - 1;
-        // The first of them is taken last, see `read`.
+        // Reversed, because `read` takes the bytes from the end.
         self.ready = match self.count {
             1 => [a, 0, 0],
             2 => [b, a, 0],

@@ -1,8 +1,9 @@
-//! The reader: text, base64 and raw bytes, in place or appended, as they are or deflated by zlib.
+//! Reader of VTK files: text, base64 and raw bytes, in place or appended, plain or compressed by
+//! zlib.
 //!
-//! The elements of XML are walked over once, which finds where each array stands and how it is
-//! coded ([`Place`]). Then the arrays of every piece are decoded: points, cells as connectivity
-//! with offsets and types, and the tags of groups.
+//! A first pass over the XML elements records the position and encoding of each array ([`Place`]).
+//! Then the arrays of every piece are decoded: points, cells as connectivity with offsets and
+//! types, and the tags of groups.
 
 use super::array::{Array, Base64, Coding, from_bytes, from_text};
 use super::{GROUPS, WEDGE};
@@ -13,33 +14,32 @@ use crate::mesh::xml::{Item, Items, attribute, unescape};
 use crate::{At, ErrorKind, ReadReport};
 use isoform_geom::Mesh;
 
-/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the VTK file";
-/// All arrays together may unpack to this many bytes, and this many for every byte of the file. The
-/// largest share is that of zlib (1032) in one array of constants; beside it lie the connectivity
-/// and the points, which do not deflate like that.
+/// Maximum decompressed size of all arrays together: a constant in bytes, plus a multiple of the
+/// file size. A single array of constants can reach zlib's ratio of 1032, but the connectivity and
+/// the points next to it compress much less.
 const UNPACKED: (u64, u64) = (16 << 20, 256);
 
-/// An array as the file describes it.
+/// Position and encoding of an array in the file.
 struct Place<'b> {
-    /// Element of the file that it stands in: Points, Cells, CellData, …
+    /// Enclosing element: Points, Cells, CellData, …
     section: &'b str,
-    /// Name, without escapes.
+    /// Unescaped name.
     name: String,
-    /// Type of its numbers, as VTK calls it.
+    /// Type of the numbers, in VTK's terms.
     kind: &'b str,
-    /// How it is kept: ascii, binary (base64) or appended.
+    /// Format: ascii, binary (base64) or appended.
     format: &'b str,
-    /// Where it begins in the appended data.
+    /// Offset in the appended data, in bytes.
     offset: usize,
-    /// The text of its element.
+    /// Text of the element.
     content: &'b [u8],
-    /// Where its element ends in the file.
+    /// Byte at which the element ends.
     at: usize,
 }
 
 impl<'b> Place<'b> {
-    /// The array whose element was read last.
+    /// Describes the array whose element was read last.
     fn of(section: &'b str, attributes: &'b str, items: &Items<'b>) -> Self {
         let word = |name: &str| attribute(attributes, name);
         let offset = word("offset").and_then(|o| o.trim().parse().ok());
@@ -55,14 +55,15 @@ impl<'b> Place<'b> {
     }
 }
 
-/// A block of points and cells.
+/// Piece of the grid: a block of points and cells.
 #[derive(Default)]
 struct Piece<'b> {
     arrays: Vec<Place<'b>>,
 }
 
 impl<'b> Piece<'b> {
-    /// The first array of a section with this name, or with any if it is empty.
+    /// Returns the first array of a section with this name, or its first array if the name is
+    /// empty.
     fn find(&self, section: &str, name: &str) -> Option<&Place<'b>> {
         self.arrays
             .iter()
@@ -70,25 +71,25 @@ impl<'b> Piece<'b> {
     }
 }
 
-/// The cells of a piece.
+/// Decoded cells of a piece.
 struct Cells {
-    /// Where the connectivity stands.
+    /// Byte position of the connectivity, for errors.
     at: usize,
-    /// Nodes of all cells, one cell behind the other.
+    /// Nodes of all cells, concatenated.
     connectivity: Array,
     /// End of each cell in the connectivity.
     offsets: Array,
-    /// VTK's numbers of the kinds.
+    /// VTK cell type of each cell.
     types: Array,
     /// Tags of parts, regions and curves.
     tags: [Option<Array>; 3],
-    /// The points of the piece, and the points of the pieces before it.
+    /// Number of points of the piece, and of all pieces before it.
     points: usize,
     before: usize,
 }
 
 impl Cells {
-    /// Puts the nodes of cell `i`, which begin at `start`, into `nodes`; where they end.
+    /// Writes the nodes of cell `i`, which begin at `start`, into `nodes`, and returns their end.
     fn nodes(
         &self,
         i: usize,
@@ -115,22 +116,22 @@ impl Cells {
     }
 }
 
-/// What is appended behind the grid.
+/// Data appended after the grid.
 #[derive(Default)]
 struct Appended<'b> {
-    /// Bytes behind the mark `_`.
+    /// Bytes after the marker `_`.
     bytes: &'b [u8],
-    /// Whether they are base64.
+    /// True if the data are base64.
     base64: bool,
 }
 
-/// The file at hand, and how its arrays are coded.
+/// Input with the encoding of its arrays.
 struct File<'i, 'b> {
     input: &'i Input<'b>,
     coding: Coding,
 }
 
-/// Reads the pieces one after the other; their points are numbered on.
+/// Reads all pieces in turn into one mesh, with consecutive numbers of points.
 pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
     let bytes = input.head(usize::MAX)?;
     let mut builder = Builder::new();
@@ -152,7 +153,7 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
 }
 
 impl File<'_, '_> {
-    /// An error at a byte of the file.
+    /// Returns an error at a byte of the file.
     fn bad(&self, kind: ErrorKind, at: usize, why: impl Into<String>) -> crate::ReadError {
         self.input.error(
             kind,
@@ -163,7 +164,7 @@ impl File<'_, '_> {
         )
     }
 
-    /// Finds the arrays, and puts the names of groups into the builder.
+    /// Locates the arrays, and passes the names of groups to the builder.
     fn walk<'b>(
         &mut self,
         bytes: &'b [u8],
@@ -197,7 +198,7 @@ impl File<'_, '_> {
                 }
                 "AppendedData" => {
                     appended = self.appended(bytes, items.at, attributes)?;
-                    // Raw bytes may look like anything; there is nothing behind them.
+                    // Raw bytes may contain anything that looks like a tag; nothing follows them.
                     break;
                 }
                 _ => {}
@@ -212,7 +213,7 @@ impl File<'_, '_> {
         Ok((pieces, appended))
     }
 
-    /// What is appended behind the element that ends at `at`: all bytes behind a `_`.
+    /// Returns the data appended after the element that ends at `at`: all bytes after a `_`.
     fn appended<'b>(&self, bytes: &'b [u8], at: usize, attributes: &str) -> Result<Appended<'b>> {
         let rest = &bytes[at..];
         let Some(start) = rest.iter().position(|&b| b == b'_') else {
@@ -225,7 +226,7 @@ impl File<'_, '_> {
         })
     }
 
-    /// Takes the attributes of the root: the kind of grid, byte order, width of sizes, compressor.
+    /// Evaluates the attributes of the root: kind of grid, byte order, width of sizes, compressor.
     fn header(&mut self, attributes: &str, at: usize) -> Result<()> {
         let kind = attribute(attributes, "type").unwrap_or("");
         if kind != "UnstructuredGrid" {
@@ -248,7 +249,7 @@ impl File<'_, '_> {
         Ok(())
     }
 
-    /// Reads an array; what it takes is gone from the limit.
+    /// Decodes an array and subtracts its size from the memory limit.
     fn array(&mut self, place: &Place<'_>, appended: &Appended<'_>) -> Result<Array> {
         let kind = Type::named(&place.kind.to_ascii_lowercase());
         let Some(kind) = kind else {
@@ -311,7 +312,7 @@ impl File<'_, '_> {
         self.take_cells(&cells, builder)
     }
 
-    /// Gives the points to the builder; how many there are.
+    /// Passes the points to the builder, and returns their number.
     fn read_points(
         &mut self,
         place: &Place<'_>,
@@ -331,7 +332,8 @@ impl File<'_, '_> {
         Ok(count)
     }
 
-    /// Tags by kind of group: ours, those of meshio, of Gmsh and of others, in this order.
+    /// Reads tags by kind of group. Names of arrays are tried in this order: those of this crate,
+    /// of meshio, of Gmsh, and others.
     fn tags(&mut self, piece: &Piece<'_>, appended: &Appended<'_>) -> Result<[Option<Array>; 3]> {
         let mut tags = [None, None, None];
         for (tags, ours) in tags.iter_mut().zip(GROUPS) {
@@ -343,7 +345,7 @@ impl File<'_, '_> {
         Ok(tags)
     }
 
-    /// Gives the cells to the builder.
+    /// Passes the cells to the builder.
     fn take_cells(&self, cells: &Cells, builder: &mut Builder) -> Result<()> {
         let at = At::Byte(cells.at as u64);
         let (mut start, mut nodes) = (0, Vec::new());
@@ -358,7 +360,7 @@ impl File<'_, '_> {
     }
 }
 
-/// Cells of VTK's types.
+/// Adds a cell, by its VTK type, to the builder.
 fn take(builder: &mut Builder, kind: u8, nodes: &[u32], tag: impl Fn(usize) -> i64, at: At) {
     match (kind, nodes.len()) {
         (1, 1) => builder.corners.push(nodes, 0, None, at),
@@ -376,7 +378,7 @@ fn take(builder: &mut Builder, kind: u8, nodes: &[u32], tag: impl Fn(usize) -> i
     }
 }
 
-/// Lines `part 1 name` of the comment that our writer makes.
+/// Reads lines `part 1 name` in the comment written by this crate.
 fn read_names(text: &str, builder: &mut Builder) {
     let Some(lines) = text.strip_prefix(" groups\n") else {
         return;
