@@ -1,9 +1,10 @@
-//! What the verbs find, as types that serialize: `--json` prints them, a library user reads them.
+//! Reports of the verbs, as types that serialize: the content of `--json`, and of the results of a
+//! library user.
 //!
-//! Everything but the seconds is the same each time. What does not apply, or was not reached, is
-//! none, and null in JSON; so are numbers that are not finite. The program adds some keys to these
-//! reports: `schema` (the version of the form), `ok` and, of verbs that write, `outputs` (the
-//! files).
+//! All values but the computing times are reproducible. Values that do not apply, or were not
+//! reached, are `None`, which is null in JSON; numbers that are not finite are null, too. The
+//! program adds some keys to these reports: `schema` (the version of the format), `ok` and, for
+//! verbs that write files, `outputs` (their paths).
 
 mod brep;
 mod compare;
@@ -48,9 +49,8 @@ pub use surface::{
 pub(crate) use nominal::nominal;
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
-/// What `--json` prints: a report behind the version of the form, and whether there is a result.
-/// Where a report says itself whether all is well, that takes the place of the latter in an object
-/// of JSON.
+/// Document of `--json`: a report after the version of the format and a flag of success. In JSON, a
+/// report's own key `ok` replaces that flag.
 ///
 /// ```
 /// use isoform::report::Document;
@@ -61,17 +61,17 @@ use serde::ser::{Serialize, SerializeMap, Serializer};
 /// ```
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Document<T> {
-    /// 1.
+    /// Version of the format: 1.
     pub schema: u32,
-    /// Whether there is a result.
+    /// True if there is a result.
     pub ok: bool,
-    /// What is reported.
+    /// The report.
     #[serde(flatten)]
     pub report: T,
 }
 
 impl<T> Document<T> {
-    /// A document of the form of today.
+    /// Creates a document of the current format.
     pub fn new(ok: bool, report: T) -> Self {
         Self {
             schema: 1,
@@ -81,12 +81,12 @@ impl<T> Document<T> {
     }
 }
 
-/// Seconds by phase, in the order in which the phases ran; an object in JSON.
+/// Computing time by phase, in seconds, in the order in which the phases ran; an object in JSON.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Seconds(pub Vec<(String, f64)>);
 
 impl Seconds {
-    /// From names that are known in advance.
+    /// Creates the list from names and seconds.
     pub fn of(phases: &[(&str, f64)]) -> Self {
         let named = phases.iter().map(|&(name, s)| (name.to_owned(), s));
         Self(named.collect())
@@ -103,7 +103,7 @@ impl Serialize for Seconds {
     }
 }
 
-/// A length as text, with four digits.
+/// Formats a number with four significant digits.
 ///
 /// ```
 /// use isoform::report::brief;
@@ -121,7 +121,7 @@ pub fn brief(v: f64) -> String {
     }
 }
 
-/// A number, or none where it is not finite.
+/// Returns a number; `None` if it is not finite.
 fn finite(v: f64) -> Option<f64> {
     v.is_finite().then_some(v)
 }

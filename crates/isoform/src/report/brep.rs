@@ -1,4 +1,4 @@
-//! The report of a boundary representation and of its certificate.
+//! Report of a boundary representation and of its certificate.
 
 use super::{ModelName, Seconds};
 use crate::ModelBrep;
@@ -6,77 +6,78 @@ use isoform_geom::Point3;
 use isoform_geom::brep::Surface;
 use serde::Serialize;
 
-/// Everything that is known of the boundary representation of a model.
+/// Report of `brep`: the boundary representation of a model and its certificate. Lengths are in
+/// model units, points are `[x, y, z]`.
 #[derive(Clone, Debug, Serialize)]
 pub struct BrepReport {
-    /// Whether the certificate holds.
+    /// True if the certificate holds.
     pub ok: bool,
-    /// `brep`.
+    /// Name of the verb: `brep`.
     pub verb: &'static str,
     /// The model.
     pub model: ModelName,
-    /// Solids.
+    /// Number of solids.
     pub solids: usize,
-    /// Voids in them.
+    /// Number of voids in the solids.
     pub voids: usize,
-    /// The faces.
+    /// Faces.
     pub faces: Vec<FaceReport>,
-    /// Edges.
+    /// Number of edges.
     pub edges: usize,
-    /// Vertices.
+    /// Number of vertices.
     pub vertices: usize,
-    /// Vertices − edges + Euler numbers of the faces.
+    /// Euler characteristic: vertices − edges + Euler characteristics of the faces.
     pub euler: i64,
-    /// Volume, in cubic units of the model.
+    /// Volume, in cubic units.
     pub volume: f64,
     /// Area, in square units.
     pub area: f64,
-    /// The centre of the volume.
+    /// Centroid of the volume.
     pub centroid: Point3,
     /// Largest distance of an edge or vertex from a surface that meets there.
     pub gap: f64,
-    /// Largest angle between faces along smooth edges, in degrees.
+    /// Largest angle between the normals of faces along smooth edges, in degrees.
     pub smooth_angle: f64,
-    /// What is proved, or looked for in vain.
+    /// Results of the checks.
     pub certificate: BrepCertificateReport,
-    /// What else is good to know.
+    /// Further remarks, a sentence each.
     pub notes: Vec<String>,
-    /// Files written.
+    /// Paths of the files that were written.
     pub files: Vec<String>,
-    /// Seconds by phase.
+    /// Computing time by phase, in seconds.
     pub seconds: Seconds,
 }
 
-/// A face.
+/// Face.
 #[derive(Clone, Debug, Serialize)]
 pub struct FaceReport {
-    /// Its name: that of its part, and the number of its chart if the part has several.
+    /// Name of the part of the model, with the number of the chart if the part has several.
     pub part: String,
-    /// The kind of its surface; `spline` for ellipsoids, too, which CAD has no name for.
+    /// Kind of surface; also `spline` for ellipsoids, which CAD formats lack.
     #[serde(rename = "type")]
     pub kind: &'static str,
-    /// Its area.
+    /// Area of the face, in square units.
     pub area: f64,
-    /// The largest distance of places on it from the function of its part.
+    /// Largest distance of samples of the face from the function of its part.
     pub max_distance: f64,
 }
 
-/// The certificate.
+/// Results of the checks of a boundary representation.
 #[derive(Clone, Debug, Serialize)]
 pub struct BrepCertificateReport {
-    /// Whether nothing is wrong and nothing left open.
+    /// True if there are no failures.
     pub holds: bool,
-    /// What is.
+    /// Defects, and questions left open, a sentence each.
     pub failures: Vec<String>,
-    /// The volume that finer meshes tend to.
+    /// Extrapolated limit of the volumes of finer meshes, to compare with the volume.
     pub mesh_limit: f64,
-    /// The length of the shortest edge.
+    /// Length of the shortest edge.
     pub shortest_edge: f64,
-    /// The area of the smallest face.
+    /// Area of the smallest face, in square units.
     pub smallest_face: f64,
 }
 
-/// The kind of a surface as CAD knows it.
+/// Returns the kind of a surface in CAD formats.
 fn kind(surface: &Surface) -> &'static str {
     match surface {
         Surface::Ellipsoid(_) => "spline",
@@ -85,7 +86,7 @@ fn kind(surface: &Surface) -> &'static str {
 }
 
 impl BrepReport {
-    /// The report of a model's boundary representation, with the files that it went to.
+    /// Creates the report of a model's boundary representation and of the files that were written.
     pub fn new(made: &ModelBrep, model: ModelName, files: Vec<String>, seconds: Seconds) -> Self {
         let (brep, certificate) = (&made.built.brep, &made.certificate);
         let face = |f: usize| FaceReport {

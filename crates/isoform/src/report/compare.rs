@@ -1,38 +1,38 @@
-//! The report of a comparison of two shapes.
+//! Report of a comparison of two shapes.
 
 use crate::Distances;
 use serde::Serialize;
 
-/// How far two shapes are apart, both ways.
+/// Report of `compare`: distances between two shapes, in both directions.
 #[derive(Clone, Debug, Serialize)]
 pub struct CompareReport {
-    /// `compare`.
+    /// Name of the verb: `compare`.
     pub verb: &'static str,
-    /// One of the shapes.
+    /// First shape.
     pub first: SideReport,
-    /// The other.
+    /// Second shape.
     pub second: SideReport,
-    /// Distances of the first from the second.
+    /// Distances of the first shape from the second.
     pub first_to_second: Distances,
-    /// Distances of the second from the first.
+    /// Distances of the second shape from the first.
     pub second_to_first: Distances,
-    /// The largest distance allowed, if there is one.
+    /// Largest allowed distance; `None` without a requirement.
     pub tolerance: Option<f64>,
-    /// Whether no distance is larger, and none undefined, where there is a tolerance.
+    /// True if all distances are known and within the tolerance, or if there is none.
     pub within_tolerance: bool,
 }
 
-/// One of the shapes.
+/// Shape of a comparison.
 #[derive(Clone, Debug, Serialize)]
 pub struct SideReport {
-    /// Its file.
+    /// Name of the file.
     pub file: String,
-    /// `points`, `mesh`, `model` or `solid`.
+    /// Kind of shape: `points`, `mesh`, `model` or `solid`.
     pub kind: &'static str,
 }
 
 impl CompareReport {
-    /// The report of the distances both ways.
+    /// Creates the report of the distances in both directions.
     pub fn new(
         sides: [SideReport; 2],
         distances: (Distances, Distances),
@@ -52,7 +52,7 @@ impl CompareReport {
     }
 }
 
-/// Whether all distances are known and at most this.
+/// Returns true if all distances are known and at most `tolerance`.
 fn is_within(distances: &Distances, tolerance: f64) -> bool {
     distances.undefined == 0 && distances.max <= tolerance
 }

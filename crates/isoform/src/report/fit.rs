@@ -1,4 +1,4 @@
-//! The report of a fit.
+//! Report of a fit.
 
 use super::{Seconds, finite};
 use crate::ScanFit;
@@ -7,246 +7,250 @@ use isoform_geom::Point3;
 use isoform_io::{ReadReport, UnitGuess};
 use serde::Serialize;
 
-/// Everything that a fit found, in the file's coordinates and unit.
+/// Report of `fit` and `recover`: a template fitted to a scan, in the coordinates and the unit of
+/// the scan's file. Points are `[x, y, z]`.
 #[derive(Clone, Debug, Serialize)]
 pub struct FitReport {
-    /// The verb of the command line: `fit` or `recover`.
+    /// Name of the verb: `fit` or `recover`.
     pub verb: &'static str,
     /// The scan.
     pub scan: ScanReport,
     /// The template.
     pub template: TemplateReport,
-    /// The unit of lengths, if known.
+    /// Unit of length; `None` if unknown.
     pub units: Option<String>,
-    /// How the unit is known.
+    /// Source of the unit, in words.
     pub units_source: String,
-    /// `accepted`, `doubtful` or `refused`.
+    /// Verdict on the fit: `accepted`, `doubtful` or `refused`.
     pub verdict: &'static str,
-    /// Whether the verdict is `accepted`.
+    /// True if the verdict is `accepted`.
     pub acceptable: bool,
-    /// What stands against the fit, a sentence each.
+    /// Findings against the fit, a sentence each.
     pub reasons: Vec<String>,
-    /// What the verdict rests on.
+    /// Numbers that the verdict is based on.
     pub evidence: EvidenceReport,
-    /// Whether all phases ran to their end; else this is the best so far.
+    /// True if all phases ran to their end; otherwise this is the best fit so far.
     pub complete: bool,
-    /// One by parameter.
+    /// Estimates of the parameters, in the order of the template, those of the pose last.
     pub parameters: Vec<ParameterReport>,
-    /// Where the template lies; none without a pose.
+    /// Pose of the template in space; `None` for a template without a pose.
     pub pose: Option<PoseReport>,
-    /// What the data leave open.
+    /// Sets of parameters that the data do not determine.
     pub undetermined: Vec<OpenReport>,
-    /// Sum of f² over the points used.
+    /// Sum of f² over the points used, f being the template's own function.
     pub sum_f2: f64,
-    /// Root of the mean square distance of the points used.
+    /// Root mean square distance of the points used.
     pub rms: f64,
     /// Robust standard deviation of the distances of all points.
     pub noise: f64,
-    /// Points given.
+    /// Number of points given.
     pub n_points: usize,
-    /// Points that are no outliers.
+    /// Number of points that are not outliers.
     pub n_used: usize,
-    /// Points that settled the parameters.
+    /// Number of points from which the parameters were computed.
     pub n_fitted: usize,
-    /// Outliers.
+    /// Number of outliers.
     pub n_outliers: usize,
-    /// Points left out as clutter.
+    /// Number of points left out as clutter, besides the outliers.
     pub n_left_out: usize,
-    /// Distances both ways.
+    /// Distances of the data from the model, and of the model from the data.
     pub two_sided: TwoSided,
-    /// One by part of the model.
+    /// Statistics of the residuals of each part of the model.
     pub parts: Vec<PartReport>,
-    /// How the minimum was sought.
+    /// Name of the method of minimisation.
     pub method: &'static str,
-    /// The loss of the last stage.
+    /// Name of the loss function of the last stage.
     pub loss: &'static str,
-    /// Starts of the search.
+    /// Number of starts of the search.
     pub starts: usize,
-    /// Starts that led to the best minimum.
+    /// Number of starts that led to the best minimum.
     pub hits: usize,
-    /// Evaluations of residuals with derivatives.
+    /// Number of evaluations of the residuals with their derivatives.
     pub evaluations: usize,
     /// Other minima, best first.
     pub other_minima: Vec<OtherMinimumReport>,
     /// Typical distance of neighbouring points.
     pub spacing: f64,
-    /// Share of points found isolated before the search.
+    /// Share of the points found isolated before the search, and left out of it.
     pub isolated: f64,
-    /// Correlation of neighbouring residuals: near 0 for noise.
+    /// Correlation of neighbouring residuals: near 0 for noise, near 1 for a systematic misfit.
     pub neighbour_correlation: f64,
-    /// What a reader should know, a sentence each.
+    /// Warnings, a sentence each.
     pub warnings: Vec<String>,
-    /// Of everything random.
+    /// Seed of the pseudo-random numbers.
     pub seed: u64,
-    /// Seconds by phase.
+    /// Computing time by phase, in seconds.
     pub seconds: Seconds,
 }
 
-/// The scan of a fit.
+/// Scan of a fit.
 #[derive(Clone, Debug, Serialize)]
 pub struct ScanReport {
-    /// Its name.
+    /// Name of the scan's file.
     pub file: String,
-    /// Its format.
+    /// Name of the file's format.
     pub format: &'static str,
-    /// Points in the file.
+    /// Number of points in the file.
     pub rows: u64,
-    /// Points that are not finite.
+    /// Number of points dropped because a coordinate is not finite.
     pub dropped: u64,
-    /// Whether only a sample of the points was taken.
+    /// True if only a random sample of the points was read.
     pub subsampled: bool,
-    /// What was subtracted from all points.
+    /// Vector subtracted from all points before the fit; reported values include it again.
     pub origin: Point3,
 }
 
-/// The template of a fit.
+/// Template of a fit.
 #[derive(Clone, Debug, Serialize)]
 pub struct TemplateReport {
-    /// Its file or its name in the gallery.
+    /// Name of the template in the gallery, or of its file.
     pub name: String,
-    /// Its title, as annotated.
+    /// Title, as annotated in the program; `None` without one.
     pub title: Option<String>,
-    /// What it fits, as annotated.
+    /// Description of what the template fits, as annotated in the program; `None` without one.
     pub fits: Option<String>,
 }
 
-/// What the verdict on a fit rests on.
+/// Numbers that the verdict on a fit is based on; lengths in the scan's unit.
 #[derive(Clone, Debug, Serialize)]
 pub struct EvidenceReport {
-    /// Diagonal of the data's box.
+    /// Diagonal of the data's bounding box.
     pub size: f64,
-    /// Root of the mean square distance of all points, outliers included.
+    /// Root mean square distance of all points, outliers included.
     pub rms_of_all: f64,
-    /// What neighbouring points share of that: misfit of shape.
+    /// Root mean square of the part of the residuals that neighbouring points share: misfit of
+    /// shape rather than noise.
     pub systematic: f64,
-    /// The systematic part in deviations of what independent residuals show.
+    /// The systematic part, in standard deviations of that of independent residuals.
     pub systematic_z: f64,
-    /// Deviation of points from planes through their neighbours.
+    /// Standard deviation of the points from planes through their neighbours.
     pub local_noise: f64,
-    /// Thickness of the model's thinnest wall.
+    /// Thickness of the thinnest wall of the model; `None` if unknown.
     pub thickness: Option<f64>,
-    /// The smallest of its walls and gaps.
+    /// Smallest thickness of a wall or a gap of the model; `None` if unknown.
     pub detail: Option<f64>,
     /// Share of the model's surface without data.
     pub bare: f64,
-    /// Share of it without data although most of what faces the same way has them.
+    /// Share of the model's surface without data where most surface that faces the same direction
+    /// has data.
     pub overlooked: f64,
     /// Share of the outliers that lie on a surface of their own.
     pub clustered: f64,
-    /// Whether the search found its best minimum again and again.
+    /// True if the search reached its best minimum repeatedly.
     pub certain: bool,
 }
 
-/// The result for a parameter.
+/// Estimate of a parameter.
 #[derive(Clone, Debug, Serialize)]
 pub struct ParameterReport {
-    /// Its name.
+    /// Name of the parameter.
     pub name: String,
-    /// Its number, from 1.
+    /// Number of the parameter, from 1.
     pub index: usize,
-    /// Its value.
+    /// Estimated value.
     pub value: f64,
-    /// Standard deviation; none where the data leave it open.
+    /// Standard deviation; `None` if the data do not determine the parameter.
     pub sd: Option<f64>,
-    /// 95 % interval.
+    /// Bounds of the 95 % confidence interval; `None` if the data do not determine the parameter.
     pub ci95: Option<[f64; 2]>,
-    /// `determined`, `weak`, `undetermined`, `fixed` or `at-bound`.
+    /// Status of the estimate: `determined`, `weak`, `undetermined`, `fixed` or `at-bound`.
     pub status: &'static str,
-    /// Its unit, if known.
+    /// Unit of the value; `None` if unknown.
     pub unit: Option<String>,
-    /// Lower and upper bound; none for no bound.
+    /// Lower and upper bound; `None` for an unbounded side.
     pub bounds: [Option<f64>; 2],
-    /// The bound it ran into, `lower` or `upper`.
+    /// Bound at which the value lies, `lower` or `upper`; `None` unless the status is `at-bound`.
     pub at_bound: Option<&'static str>,
-    /// A round number that may be meant; none where chance tells one as well.
+    /// Round number that the designer may have meant; `None` if it could as well be near by chance.
     pub nominal: Option<f64>,
 }
 
-/// Where a template lies.
+/// Pose of a template: x ↦ scale · rotation · x + translation.
 #[derive(Clone, Debug, Serialize)]
 pub struct PoseReport {
-    /// Rotation matrix by rows.
+    /// Rotation matrix, by rows.
     pub rotation: [[f64; 3]; 3],
-    /// Place of the template's origin.
+    /// Position of the template's origin.
     pub translation: Point3,
-    /// Factor on the template's lengths.
+    /// Scale factor of the template's lengths.
     pub scale: f64,
 }
 
-/// Parameters that the data leave open together.
+/// Parameters that the data do not determine, alone or together.
 #[derive(Clone, Debug, Serialize)]
 pub struct OpenReport {
-    /// Their names.
+    /// Names of the parameters.
     pub parameters: Vec<String>,
-    /// The reason, as a sentence.
+    /// Reason, as a sentence.
     pub why: String,
 }
 
 /// Distances of the data from the model, and of the model from the data.
 #[derive(Clone, Debug, Serialize)]
 pub struct TwoSided {
-    /// Of the points used.
+    /// Distances of the points used from the model.
     pub data_to_model: DataToModelReport,
-    /// Of samples of the model's surface.
+    /// Distances of samples of the model's surface from the data.
     pub model_to_data: Coverage,
 }
 
 /// Distances of the points used from the model.
 #[derive(Clone, Debug, Serialize)]
 pub struct DataToModelReport {
-    /// Root of the mean square.
+    /// Root mean square distance.
     pub rms: f64,
-    /// 95 % are nearer.
+    /// 95th percentile of the distances.
     pub p95: f64,
-    /// Largest.
+    /// Largest distance.
     pub max: f64,
 }
 
-/// How the data cover the model's surface.
+/// Coverage of the model's surface by the data.
 #[derive(Clone, Debug, Serialize)]
 pub struct Coverage {
-    /// 95 % of the samples are nearer to a point.
+    /// 95th percentile of the distances of the samples from the nearest point; `None` if it is
+    /// infinite.
     pub p95: Option<f64>,
-    /// Share of the samples that no data support.
+    /// Share of the samples without data near them.
     pub share_uncovered: f64,
-    /// Distance from which a sample counts as such.
+    /// Distance from the nearest point above which a sample may count as uncovered.
     pub uncovered_from: f64,
-    /// Samples of the surface.
+    /// Number of samples of the surface.
     pub samples: usize,
-    /// Share of the samples outside of the data's box.
+    /// Share of the samples outside of the data's bounding box.
     pub share_outside: f64,
 }
 
-/// Residuals of one part of the model.
+/// Statistics of the residuals of one part of the model.
 #[derive(Clone, Debug, Serialize)]
 pub struct PartReport {
-    /// Its name.
+    /// Name of the part.
     pub name: String,
-    /// Points that it is nearest to.
+    /// Number of points for which it is the nearest part.
     pub count: usize,
-    /// Root of the mean square of their distances.
+    /// Root mean square distance of these points.
     pub rms: f64,
-    /// Their mean: positive outside.
+    /// Mean signed distance of these points, positive outside.
     pub mean: f64,
-    /// Largest distance.
+    /// Largest distance of these points.
     pub max: f64,
-    /// Share of the part's surface that no data support.
+    /// Share of the part's surface without data; `None` if no sample lies on it.
     pub uncovered: Option<f64>,
 }
 
-/// Another minimum of the search.
+/// Another local minimum of the search.
 #[derive(Clone, Debug, Serialize)]
 pub struct OtherMinimumReport {
-    /// All parameters.
+    /// Values of all parameters.
     pub parameters: Vec<f64>,
-    /// Sum of f² there.
+    /// Sum of f² over the points used.
     pub sum_f2: f64,
-    /// Starts that led there.
+    /// Number of starts that led to it.
     pub hits: usize,
 }
 
 impl FitReport {
-    /// What `found` says of a scan of this name, read as `read` says, with its length in `unit`.
+    /// Creates the report of a fit; `about` states the facts that the fit itself does not contain.
     pub fn new(found: &ScanFit, about: &About<'_>) -> Self {
         let fit = &found.fit;
         let unit = Some(&about.unit.unit).filter(|unit| !unit.is_empty());
@@ -302,26 +306,26 @@ impl FitReport {
     }
 }
 
-/// What a fit itself does not know: names, the reader's report, what was asked for.
+/// Facts for a report that a fit does not contain: names, the reader's report, and options.
 #[derive(Clone, Copy, Debug)]
 pub struct About<'a> {
-    /// The verb of the command line.
+    /// Name of the verb.
     pub verb: &'static str,
-    /// The name of the scan.
+    /// Name of the scan.
     pub scan: &'a str,
-    /// What its reader says.
+    /// Report of the scan's reader.
     pub read: &'a ReadReport,
-    /// The name of the template.
+    /// Name of the template.
     pub template: &'a str,
-    /// The unit of the scan.
+    /// Unit of the scan.
     pub unit: &'a UnitGuess,
-    /// How the minimum was sought.
+    /// Method of minimisation.
     pub method: Method,
-    /// Of everything random.
+    /// Seed of the pseudo-random numbers.
     pub seed: u64,
-    /// What a reader should know.
+    /// Warnings, a sentence each.
     pub warnings: &'a [String],
-    /// Seconds by phase.
+    /// Computing time by phase, in seconds.
     pub seconds: &'a [(&'a str, f64)],
 }
 
@@ -383,7 +387,7 @@ fn parameters(found: &ScanFit, length: Option<&str>) -> Vec<ParameterReport> {
     all.map(parameter).collect()
 }
 
-/// Which bound a value ran into.
+/// Returns the bound at which a value lies; `None` unless its status is `at-bound`.
 fn at_bound(p: &Estimate) -> Option<&'static str> {
     let (lo, hi) = p.bounds;
     let is_lower = p.value - lo < hi - p.value;

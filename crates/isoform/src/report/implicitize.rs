@@ -1,60 +1,62 @@
-//! The report of an implicit spline or polynomial.
+//! Report of an implicit spline or polynomial.
 
 use crate::GlobalFit;
 use crate::implicit::is_inside_out;
 use isoform_spline::{NormalReport, NormalSource, SplineFit};
 use serde::Serialize;
 
-/// What was fitted to a scan; lengths in its unit.
+/// Report of `implicitize`: a function fitted to a scan. Lengths are in the scan's unit.
 #[derive(Clone, Debug, Serialize)]
 pub struct ImplicitizeReport {
-    /// `implicitize`.
+    /// Name of the verb: `implicitize`.
     pub verb: &'static str,
-    /// The points fitted.
+    /// Number of points fitted.
     pub points: usize,
-    /// Points that belong to no surface, and were left out of the fit and of the distances.
+    /// Number of outliers, which were left out of the fit and of the distances.
     pub outliers: usize,
-    /// Coefficients that do not follow from others.
+    /// Number of free coefficients.
     pub unknowns: usize,
-    /// Cells of the finest level about them that hold data: the polynomial pieces fitted.
+    /// Number of cells with data on the finest level around them: the polynomial pieces that were
+    /// fitted.
     pub cells: usize,
-    /// The tri-degree, or of one polynomial the total degree.
+    /// Degree in each variable; of a single polynomial, the total degree.
     pub degree: usize,
-    /// Levels of the hierarchy.
+    /// Number of levels of the hierarchy.
     pub levels: usize,
-    /// The edge of the finest cells.
+    /// Edge length of the finest cells.
     pub spacing: f64,
-    /// Distances of the points: root mean square.
+    /// Root mean square distance of the points from the surface.
     pub rms: f64,
-    /// 95 % of the points are at most this far.
+    /// 95th percentile of these distances.
     pub p95: f64,
-    /// The largest distance.
+    /// Largest of these distances.
     pub max: f64,
-    /// Where normals came from.
+    /// Source and orientation of the normals.
     pub normals: NormalsReport,
-    /// Pieces of the surface with data.
+    /// Number of connected components of the surface that have data.
     pub components: usize,
-    /// Pieces without.
+    /// Number of connected components of the surface without data.
     pub components_without_data: usize,
-    /// True if the function is positive all around: the solid is what lies outside of the surface.
+    /// True if the function is positive all around: the solid is then the outside of the surface.
     pub inside_out: bool,
-    /// The time that it took.
+    /// Computing time, in seconds.
     pub seconds: f64,
 }
 
-/// Where normals came from.
+/// Source and orientation of the normals.
 #[derive(Clone, Debug, Serialize)]
 pub struct NormalsReport {
-    /// `given`, `turned` (given, but their sides contradicted one another) or `estimated`.
+    /// Source of the normals: `given`, `turned` (given, but their sides contradicted one another
+    /// and were decided anew) or `estimated`.
     pub source: &'static str,
-    /// The share of neighbours whose normals point to one side.
+    /// Share of neighbouring points whose normals point to one side.
     pub oriented_share: f64,
-    /// Pieces of the cloud whose outside was decided by us.
+    /// Number of connected pieces of the cloud whose outer side had to be decided.
     pub pieces: usize,
 }
 
 impl ImplicitizeReport {
-    /// The report of a fit that took some seconds.
+    /// Creates the report of a spline fitted to `points` points in `seconds`.
     pub fn new(made: &SplineFit, points: usize, seconds: f64) -> Self {
         let spline = &made.spline;
         Self {
@@ -77,7 +79,7 @@ impl ImplicitizeReport {
         }
     }
 
-    /// The report of one polynomial. It counts as one cell, the box about the points.
+    /// Creates the report of a single polynomial, which counts as one cell: the box of the points.
     pub fn of_polynomial(made: &GlobalFit, points: usize, seconds: f64) -> Self {
         let data = made.polynomial.data();
         let longest = data.count.into_iter().max().unwrap_or(1);

@@ -1,76 +1,77 @@
-//! The report on a file of points.
+//! Report on a file of points.
 
 use isoform_geom::Point3;
 use isoform_io::Inspection;
 use serde::Serialize;
 
-/// What is in a file of points.
+/// Report of `inspect` on a file of points; lengths in the unit of the file.
 #[derive(Clone, Debug, Serialize)]
 pub struct InspectReport {
-    /// `inspect`.
+    /// Name of the verb: `inspect`.
     pub verb: &'static str,
-    /// The file.
+    /// Name of the file.
     pub file: String,
-    /// Its format.
+    /// Name of the file's format.
     pub format: &'static str,
-    /// Points read.
+    /// Number of points read.
     pub points: usize,
-    /// Points in the file.
+    /// Number of points in the file.
     pub rows: u64,
-    /// Points that are not finite.
+    /// Number of points dropped because a coordinate is not finite.
     pub dropped: u64,
-    /// Points that are there twice.
+    /// Number of points that are equal to an earlier one in all coordinates.
     pub duplicates: usize,
-    /// Whether only a sample of the points was taken.
+    /// True if only a random sample of the points was read.
     pub subsampled: bool,
-    /// Lower and upper corner of their box.
+    /// Lower and upper corner of the bounding box, in the file's coordinates; `None` without
+    /// points.
     pub bounds: Option<[Point3; 2]>,
-    /// What was subtracted from all points.
+    /// Vector that the reader subtracted from all points.
     pub origin: Point3,
-    /// Diagonal of their box.
+    /// Diagonal of the bounding box.
     pub diagonal: f64,
-    /// Typical distance of neighbours.
+    /// Median distance of a point from its nearest neighbour; `None` without two different points.
     pub spacing: Option<f64>,
-    /// Whether there are normals.
+    /// True if the file has normals.
     pub normals: bool,
-    /// Whether there are colours.
+    /// True if the file has colours.
     pub colors: bool,
-    /// Triangles.
+    /// Number of triangles.
     pub triangles: usize,
-    /// Further columns.
+    /// Further values per point.
     pub columns: Vec<ColumnReport>,
-    /// The unit of lengths.
+    /// Unit of length.
     pub unit: UnitReport,
-    /// Everything odd that was met.
+    /// Warnings of the reader, a sentence each.
     pub warnings: Vec<String>,
 }
 
-/// A further column of a file of points.
+/// Further value per point of a file.
 #[derive(Clone, Debug, Serialize)]
 pub struct ColumnReport {
-    /// Its name.
+    /// Name of the column.
     pub name: String,
-    /// Its smallest value.
+    /// Smallest value.
     pub min: f64,
-    /// Its largest value.
+    /// Largest value.
     pub max: f64,
-    /// Values that are not there.
+    /// Number of points without a value.
     pub missing: usize,
 }
 
-/// The unit of lengths.
+/// Unit of length.
 #[derive(Clone, Debug, Serialize)]
 pub struct UnitReport {
-    /// Its name, if known.
+    /// Name of the unit; `None` if unknown.
     pub name: Option<String>,
-    /// Whether the file states it.
+    /// True if the file states the unit, false if it is a guess.
     pub stated: bool,
-    /// How it is known.
+    /// Source of the unit, in words.
     pub reason: String,
 }
 
 impl InspectReport {
-    /// What was seen in a file.
+    /// Creates the report of an inspection.
     pub fn new(file: &str, seen: &Inspection) -> Self {
         let absolute = |p: Point3| std::array::from_fn(|k| p[k] + seen.origin[k]);
         let bounds = [seen.bounds.lo, seen.bounds.hi].map(absolute);

@@ -1,4 +1,4 @@
-//! The report of a mesh and of its certificate.
+//! Report of a mesh and of its certificate.
 
 use super::Seconds;
 use crate::{ModelMesh, RegionCertificate};
@@ -9,61 +9,62 @@ use isoform_geom::{Mesh, Point3};
 use isoform_mesh::{Layers, Warning};
 use serde::Serialize;
 
-/// Everything that is known of the mesh of a model.
+/// Report of `mesh`: the mesh of a model and its certificate. Lengths are in model units, points
+/// are `[x, y, z]`.
 #[derive(Clone, Debug, Serialize)]
 pub struct MeshReport {
-    /// Whether the certificate holds.
+    /// True if the certificate of the whole holds and, with several regions, that of each.
     pub ok: bool,
-    /// `mesh`.
+    /// Name of the verb: `mesh`.
     pub verb: &'static str,
-    /// What was meshed.
+    /// The model that was meshed.
     pub model: ModelName,
-    /// Length of edges asked for.
+    /// Target length of edges; with varying sizes, the largest one.
     pub size: f64,
-    /// How far a face may leave the surface, if that was asked for.
+    /// Largest distance of a face from the surface that was requested; `None` if sizes are uniform.
     pub grade: Option<f64>,
-    /// 1, or 2 with nodes in the middles of edges.
+    /// Order of the elements: 1, or 2 with nodes at the midpoints of edges.
     pub order: u32,
-    /// The layers of wedges that were asked for.
+    /// Layers of wedges that were requested; `None` without layers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub layers: Option<LayersReport>,
-    /// The box in which the solid lies.
+    /// Lower and upper corner of the box that was meshed.
     pub region: [Point3; 2],
-    /// Whether it is proved that nothing of the solid lies outside of it.
+    /// True if interval arithmetic proves that nothing of the solid lies outside of the box.
     pub region_certified: bool,
-    /// Whether it is proved that all feature curves were found.
+    /// True if interval arithmetic proves that all feature curves were found.
     pub features_certified: bool,
-    /// The parts where a box cuts the solid.
+    /// Names of the parts of the surface at which the box cuts the solid.
     pub caps: Vec<String>,
-    /// Groups and counts.
+    /// Groups and counts of the mesh.
     #[serde(flatten)]
     pub contents: ContentsReport,
-    /// What is proved of the mesh.
+    /// Certificate of the mesh; its failures include those of the regions.
     pub certificate: CertificateReport,
-    /// What is proved of each of its regions, if there are several.
+    /// Certificates of the regions; empty for a mesh of one region.
     pub region_certificates: Vec<RegionReport>,
-    /// Files written.
+    /// Files that were written.
     pub files: Vec<WrittenFile>,
-    /// Where the mesh may not be what was asked for.
+    /// Places at which the mesh may differ from the request.
     pub warnings: Vec<WarningReport>,
-    /// What else is good to know.
+    /// Further remarks, a sentence each.
     pub notes: Vec<String>,
-    /// Seconds by phase.
+    /// Computing time by phase, in seconds.
     pub seconds: Seconds,
 }
 
-/// Layers of wedges along parts of the surface.
+/// Layers of wedges along parts of the surface, in model units.
 #[derive(Clone, Debug, Serialize)]
 pub struct LayersReport {
-    /// The parts as they were asked for: names, or patterns of them.
+    /// Parts as requested: names, or patterns of names.
     pub parts: Vec<String>,
     /// Thickness of the layer on the surface.
     pub first: f64,
-    /// Thickness of each layer over that of the one before.
+    /// Ratio of the thickness of each layer to that of the layer before it.
     pub growth: f64,
-    /// How many layers there are.
+    /// Number of layers.
     pub count: usize,
-    /// Thickness of all of them together.
+    /// Total thickness of all layers.
     pub thickness: f64,
 }
 
@@ -79,12 +80,12 @@ impl LayersReport {
     }
 }
 
-/// What is proved of a region of a mesh.
+/// Certificate of one region of a mesh.
 #[derive(Clone, Debug, Serialize)]
 pub struct RegionReport {
-    /// The region.
+    /// Name of the region.
     pub name: String,
-    /// Its certificate, as that of a mesh of its own.
+    /// Certificate of the region, checked as a mesh of its own.
     pub certificate: CertificateReport,
 }
 
@@ -97,36 +98,36 @@ impl RegionReport {
     }
 }
 
-/// The model of a mesh.
+/// Model of a report.
 #[derive(Clone, Debug, Serialize)]
 pub struct ModelName {
-    /// Its file or name.
+    /// Name of the model, or of its file.
     pub file: String,
-    /// The object of the program.
+    /// Name of the object within the program.
     pub object: String,
-    /// The values of its parameters.
+    /// Values of the parameters of the object, in its order.
     pub parameters: Vec<f64>,
-    /// The unit of its lengths, if known.
+    /// Unit of length; `None` if unknown.
     pub unit: Option<String>,
 }
 
-/// A file that was written.
+/// File that was written.
 #[derive(Clone, Debug, Serialize)]
 pub struct WrittenFile {
-    /// Its path.
+    /// Path of the file.
     pub path: String,
-    /// Its format.
+    /// Name of the format.
     pub format: &'static str,
-    /// What the format does not hold.
+    /// Content that the format cannot hold, a sentence each.
     pub warnings: Vec<String>,
 }
 
-/// A warning with its place.
+/// Warning with a place.
 #[derive(Clone, Debug, Serialize)]
 pub struct WarningReport {
-    /// What is wrong.
+    /// Description of the problem.
     pub message: String,
-    /// Where.
+    /// Point at which it was met; `None` if it concerns the whole mesh.
     pub at: Option<Point3>,
 }
 
@@ -140,225 +141,231 @@ pub struct ContentsReport {
     pub regions: Vec<RegionGroup>,
     /// Feature curves.
     pub curves: Vec<CurveGroup>,
-    /// Places of corners.
+    /// Positions of the corners.
     pub corners: Vec<Point3>,
-    /// Counts of everything.
+    /// Numbers of elements and groups.
     pub counts: Counts,
 }
 
-/// A part of the surface.
+/// Part of the surface.
 #[derive(Clone, Debug, Serialize)]
 pub struct PartGroup {
-    /// Its number in files.
+    /// Number of the part in files, from 1.
     pub tag: usize,
-    /// Its name.
+    /// Name of the part.
     pub name: String,
-    /// Its triangles.
+    /// Number of its triangles.
     pub triangles: usize,
-    /// Its quadrilaterals, in a mesh with layers.
+    /// Number of its quadrilaterals; `None` in a mesh without layers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub quads: Option<usize>,
 }
 
-/// A region of the volume.
+/// Region of the volume.
 #[derive(Clone, Debug, Serialize)]
 pub struct RegionGroup {
-    /// Its number in files.
+    /// Number of the region in files, from 1.
     pub tag: usize,
-    /// Its name.
+    /// Name of the region.
     pub name: String,
-    /// Its tetrahedra.
+    /// Number of its tetrahedra.
     pub tets: usize,
 }
 
-/// A feature curve.
+/// Feature curve, along which two parts of the surface meet.
 #[derive(Clone, Debug, Serialize)]
 pub struct CurveGroup {
-    /// Its number in files.
+    /// Number of the curve in files, from 1.
     pub tag: usize,
-    /// Its name.
+    /// Name of the curve.
     pub name: String,
-    /// Its edges.
+    /// Number of its edges.
     pub edges: usize,
-    /// The tags of the parts that meet there.
+    /// Tags of the two parts that meet along the curve.
     pub parts: [u32; 2],
 }
 
-/// Counts of what a mesh consists of.
+/// Numbers of elements and groups of a mesh.
 #[derive(Clone, Debug, Serialize)]
 pub struct Counts {
-    /// Nodes.
+    /// Number of nodes.
     pub points: usize,
-    /// Triangles of the surface.
+    /// Number of triangles of the surface.
     pub triangles: usize,
-    /// Quadrilaterals of the surface, in a mesh with layers.
+    /// Number of quadrilaterals of the surface; `None` in a mesh without layers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub quads: Option<usize>,
-    /// Tetrahedra.
+    /// Number of tetrahedra.
     pub tets: usize,
-    /// Wedges, in a mesh with layers.
+    /// Number of wedges; `None` in a mesh without layers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wedges: Option<usize>,
-    /// Edges on feature curves.
+    /// Number of edges on feature curves.
     pub edges: usize,
-    /// Parts of the surface.
+    /// Number of parts of the surface.
     pub parts: usize,
-    /// Feature curves.
+    /// Number of feature curves.
     pub curves: usize,
-    /// Corners.
+    /// Number of corners.
     pub corners: usize,
 }
 
-/// The figures of a certificate.
+/// Results of all checks of a mesh. Fields of checks that do not apply, or were not reached, are
+/// `None`. Lengths are in model units.
 #[derive(Clone, Debug, Serialize)]
 pub struct CertificateReport {
-    /// Whether everything that must hold does.
+    /// True if there are no failures and all checks ran to their end.
     pub ok: bool,
-    /// Whether all of it was looked at.
+    /// True if all checks ran to their end.
     pub complete: bool,
-    /// What does not hold.
+    /// Defects, and measures beyond their limits.
     pub failures: Vec<FailureReport>,
-    /// Whether every edge of the surface has two triangles.
+    /// True if every edge of the surface has two triangles or more.
     pub closed: Option<bool>,
-    /// Whether the surface is a manifold.
+    /// True if no edge has more than two triangles, the triangles of each node form one fan, and no
+    /// triangle is degenerate or repeated.
     pub manifold: Option<bool>,
-    /// Whether all triangles face outwards.
+    /// True if neighbouring triangles are oriented consistently, and all shells outward.
     pub oriented: Option<bool>,
-    /// Euler number of the surface.
+    /// Euler characteristic of the surface: vertices − edges + faces.
     pub euler: Option<i64>,
-    /// Connected pieces of the surface.
+    /// Number of connected parts of the surface.
     pub shells: Option<usize>,
-    /// Connected pieces of the solid.
+    /// Number of connected parts of the solid.
     pub components: Option<usize>,
-    /// Volume inside of the surface.
+    /// Volume enclosed by the surface, in cubic units.
     pub volume: Option<f64>,
-    /// Area of the surface.
+    /// Area of the surface, in square units.
     pub area: Option<f64>,
-    /// Pairs of triangles that intersect.
+    /// Number of pairs of triangles that intersect.
     pub self_intersections: Option<usize>,
-    /// Tetrahedra that are inverted or flat.
+    /// Number of tetrahedra that are inverted or flat.
     pub inverted: Option<usize>,
-    /// Smallest and largest angle of triangles, in degrees.
+    /// Smallest and largest angle of the triangles, in degrees.
     pub triangle_angles: Option<[f64; 2]>,
-    /// Lengths of edges.
+    /// Lengths of the edges of the tetrahedra; of the triangles in a mesh of the surface alone.
     pub edge_lengths: Option<LengthsReport>,
-    /// Smallest and largest dihedral angle, in degrees.
+    /// Smallest and largest dihedral angle of the tetrahedra, in degrees.
     pub dihedral_angles: Option<[f64; 2]>,
-    /// Dihedral angles by ten degrees.
+    /// Number of dihedral angles in each ten degrees: 0 to 10, …, 170 to 180.
     pub dihedral_histogram: Option<Vec<u64>>,
-    /// Three times the inscribed radius by the circumscribed one.
+    /// Radius ratio of the tetrahedra, 3 × inradius / circumradius: 1 for a regular one, 0 for a
+    /// flat one.
     pub radius_ratio: Option<RatioReport>,
-    /// Largest ratio of neighbouring sizes.
+    /// Ratio (≥ 1) of the mean edge lengths of neighbouring tetrahedra: 0.999 quantile over all
+    /// faces.
     pub size_ratio: Option<f64>,
-    /// Distances from the function.
+    /// Distances of the mesh from the solid.
     pub distance: Option<DeviationReport>,
-    /// How much of the solid's curves and corners the mesh has.
+    /// Coverage of the solid's feature curves and corners by the mesh.
     pub features: Option<FeaturesReport>,
-    /// Opposite sides of a unit cell.
+    /// Comparison of the opposite sides of a unit cell, one entry per periodic axis.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub opposite: Vec<OppositeReport>,
-    /// Smallest scaled Jacobian of elements of order 2.
+    /// Smallest scaled Jacobian of the tetrahedra, in a mesh of order 2.
     pub scaled_jacobian: Option<f64>,
-    /// Smallest scaled Jacobian of wedges.
+    /// Smallest scaled Jacobian of the wedges, in a mesh with layers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wedge_jacobian: Option<f64>,
 }
 
-/// What does not hold.
+/// Kind of defect, or measure beyond its limit.
 #[derive(Clone, Debug, Serialize)]
 pub struct FailureReport {
-    /// A word for it.
+    /// Kind of failure, as hyphenated words that are stable between versions.
     pub code: &'static str,
-    /// A sentence.
+    /// Description of the failure, one sentence.
     pub message: String,
-    /// How often.
+    /// Number of defects of this kind.
     pub count: usize,
-    /// One of the places.
+    /// Place of the first or worst of them; `None` if the failure is not local.
     pub at: Option<Point3>,
-    /// The elements there.
+    /// Nodes or elements at that place; `None` if it has none, and for the failure of a region, as
+    /// regions number theirs anew.
     pub elements: Option<Vec<u32>>,
 }
 
-/// Lengths of edges.
+/// Statistics of edge lengths, in model units.
 #[derive(Clone, Debug, Serialize)]
 pub struct LengthsReport {
-    /// Shortest.
+    /// Shortest edge.
     pub min: f64,
-    /// Mean.
+    /// Mean length.
     pub mean: f64,
-    /// Longest.
+    /// Longest edge.
     pub max: f64,
 }
 
-/// A ratio over all elements.
+/// Statistics of a ratio over all elements.
 #[derive(Clone, Debug, Serialize)]
 pub struct RatioReport {
-    /// Smallest.
+    /// Smallest ratio.
     pub min: f64,
-    /// Mean.
+    /// Mean ratio.
     pub mean: f64,
 }
 
-/// Distances of the mesh from the function.
+/// Distances of the mesh from the solid, in model units.
 #[derive(Clone, Debug, Serialize)]
 pub struct DeviationReport {
-    /// Of nodes of the surface.
+    /// Distances of the nodes of the surface from the parts that they lie on.
     pub nodes: DistancesReport,
-    /// Of nodes in the middles of edges.
+    /// Distances of the mid nodes of the surface, in a mesh of order 2.
     pub mid_nodes: DistancesReport,
-    /// Of nodes on feature curves, from the curves.
+    /// Distances of the nodes on feature curves from both surfaces that meet there.
     pub curves: DistancesReport,
-    /// Of points within faces.
+    /// Distances of samples of the faces: the chord error.
     pub faces: DistancesReport,
-    /// Nodes inside of the mesh that are outside of the solid.
+    /// Number of nodes on parts that do not bound the solid there.
     pub misclassified: usize,
 }
 
-/// Distances of some points.
+/// Statistics of the distances of points, in model units.
 #[derive(Clone, Debug, Serialize)]
 pub struct DistancesReport {
-    /// How many.
+    /// Number of points.
     pub count: usize,
-    /// Largest.
+    /// Largest distance; null in JSON if it is infinite.
     pub max: f64,
-    /// Root of the mean square.
+    /// Root mean square distance.
     pub rms: f64,
-    /// Where the largest is.
+    /// Place of the largest distance; `None` without points.
     pub at: Option<Point3>,
 }
 
-/// Two opposite sides of a unit cell.
+/// Comparison of two opposite sides of a unit cell.
 #[derive(Clone, Debug, Serialize)]
 pub struct OppositeReport {
-    /// The axis across which they lie: x, y or z.
+    /// Axis across which the sides lie: x, y or z.
     pub axis: char,
-    /// Pairs of nodes.
+    /// Number of pairs of matching nodes.
     pub nodes: usize,
-    /// Pairs of triangles.
+    /// Number of pairs of matching triangles.
     pub triangles: usize,
-    /// Nodes and triangles without a partner.
+    /// Number of nodes and triangles without a partner.
     pub apart: usize,
 }
 
-/// How much of the solid's curves and corners the mesh has.
+/// Coverage of the solid's feature curves and corners by the mesh.
 #[derive(Clone, Debug, Serialize)]
 pub struct FeaturesReport {
-    /// Length of the curves.
+    /// Total length of the feature curves, in model units.
     pub length: f64,
-    /// Length that edges of the mesh cover.
+    /// Share of that length with edges of the mesh, from 0 to 1.
     pub covered: f64,
-    /// Places that they do not.
+    /// Number of stretches of the curves without edges.
     pub uncovered: usize,
-    /// Corners.
+    /// Number of corners.
     pub corners: usize,
-    /// Corners without a node.
+    /// Number of corners without a node.
     pub corners_missed: usize,
-    /// Largest distance of a corner from its node.
+    /// Largest distance of a corner from the nearest node, in model units.
     pub corner_distance: f64,
 }
 
 impl MeshReport {
-    /// What `made` says of a model, with the files that were written and the seconds it took.
+    /// Creates the report of a meshed model, with the files that were written and the computing
+    /// time.
     pub fn new(
         made: &ModelMesh,
         model: ModelName,
@@ -389,8 +396,8 @@ impl MeshReport {
     }
 }
 
-/// The certificate of the whole, with what does not hold of its regions: their elements are numbers
-/// of their own meshes, and are left out.
+/// Returns the certificate of the whole, with the failures of its regions added. Elements of
+/// regions are left out, since regions number theirs anew.
 fn certificate_of(made: &ModelMesh) -> CertificateReport {
     let mut report = CertificateReport::new(&made.certificate);
     report.ok = made.holds();
@@ -417,7 +424,7 @@ impl WarningReport {
 }
 
 impl ContentsReport {
-    /// Groups and counts of a mesh.
+    /// Lists the groups of a mesh and counts their elements.
     pub fn new(mesh: &Mesh) -> Self {
         let of_layers = |count: usize| mesh.has_layers().then_some(count);
         let parts = counted(mesh.parts.len(), &mesh.triangle_parts);
@@ -469,7 +476,7 @@ impl ContentsReport {
     }
 }
 
-/// How many elements have each of `groups` labels.
+/// Counts the elements with each of `groups` labels.
 fn counted(groups: usize, labels: &[u32]) -> Vec<usize> {
     let mut counts = vec![0; groups];
     for &label in labels {
@@ -479,7 +486,7 @@ fn counted(groups: usize, labels: &[u32]) -> Vec<usize> {
 }
 
 impl CertificateReport {
-    /// The figures of a certificate.
+    /// Creates the report of a certificate.
     pub fn new(c: &Certificate) -> Self {
         let none = |defects: &[&Defects]| defects.iter().all(|d| d.is_empty());
         let (s, q) = (c.surface.as_ref(), c.tets.as_ref());

@@ -1,16 +1,18 @@
 //! Round numbers that designers may have meant.
 
-/// Half widths of the 95 % interval within which a round number lies: intervals tell of noise, and
-/// parts are made less exactly than that.
+/// Distance within which a round number counts as near a value, in half widths of the value's 95 %
+/// interval. Intervals express noise only, and parts are made less exactly than that.
 const WITHIN: f64 = 3.0;
-/// Largest share of all numbers that lie as near to a number of that roundness.
+/// Largest probability that a random number lies as near to a number of that roundness. With half
+/// of it, round numbers must be twice as far apart, in widths of the interval; with twice, twice as
+/// many random numbers are called round.
 const CHANCE: f64 = 0.1;
-/// Numbers of a decade in whose multiples designers think, rising.
+/// Mantissas of round numbers, rising.
 const MULTIPLES: [f64; 3] = [1.0, 2.0, 5.0];
 
-/// Returns the roundest number near a value with an interval of this half width, where few numbers
-/// lie as near to one: 60 for 60.009 ± 0.005, none for 60.3 ± 0.5. Roundness is the largest 1, 2 or
-/// 5 times a power of ten of which a number is a multiple.
+/// Returns the roundest number near a value whose 95 % interval has this half width: 60 for 60.009
+/// ± 0.005; `None` if a random number would often lie as near to one, as for 60.3 ± 0.5. The
+/// roundness of a number is the largest 1, 2 or 5 times a power of ten of which it is a multiple.
 pub(crate) fn nominal(value: f64, half_width: f64) -> Option<f64> {
     let within = WITHIN * half_width;
     if !(within > 0.0 && value.is_finite()) {
@@ -27,7 +29,7 @@ pub(crate) fn nominal(value: f64, half_width: f64) -> Option<f64> {
             if step < least {
                 return None;
             }
-            // Decimal digits, since negative powers of ten are no doubles.
+            // Decimal digits, since negative powers of ten are not exact doubles.
             let count = (value / step).round() * multiple;
             let round: f64 = format!("{count}e{power}").parse().ok()?;
             if round != 0.0 && (round - value).abs() <= within {
@@ -63,7 +65,7 @@ mod tests {
         }
     }
 
-    /// Of numbers at random few are near a round one.
+    /// Few random numbers are near a round one.
     #[test]
     fn chance_seldom_tells_one() {
         let mut random = isoform_num::Random::new(7);

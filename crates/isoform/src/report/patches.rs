@@ -1,4 +1,4 @@
-//! The report of rational patches on an implicit surface.
+//! Report of rational patches on an implicit surface.
 
 use super::Seconds;
 use crate::{Coverage, PatchFinding};
@@ -6,48 +6,49 @@ use isoform_geom::{Aabb, NormalForm, Point3, Quadric};
 use isoform_patch::{Inner, Method, Options, Parameterized, Phase};
 use serde::Serialize;
 
-/// Of boxes in which a margin is not proved, and of singular points, there may be thousands: this
-/// many are told.
+/// Maximum number of places listed, both of boxes in which a margin is not proved and of singular
+/// points, of which there may be thousands.
 const MOST_PLACES: usize = 100;
 
-/// Everything that is known of patches.
+/// Report of `parameterize`: rational patches on an implicit surface, with proved distances.
+/// Lengths are in model units, points are `[x, y, z]`.
 #[derive(Clone, Debug, Serialize)]
 pub struct PatchesReport {
-    /// Whether everything asked for is kept.
+    /// True if every requirement of the options is met.
     pub ok: bool,
-    /// `parameterize`.
+    /// Name of the verb: `parameterize`.
     pub verb: &'static str,
-    /// The surface's file or name.
+    /// Name of the surface, or of its file.
     pub model: String,
-    /// Degrees in u and in v.
+    /// Degrees of the patches in u and in v.
     pub degree: [usize; 2],
-    /// Where surface was wanted.
+    /// Box in which patches were requested.
     #[serde(rename = "box")]
     pub region: BoxReport,
-    /// The solver.
+    /// Name of the solver: `gauss-newton`, `frozen` or `newton`.
     pub method: &'static str,
-    /// What the term L measures: `lengths` or `tangents`.
+    /// Integrand of the term L: `lengths` or `tangents`.
     pub inner: &'static str,
-    /// Of everything random.
+    /// Seed of the pseudo-random numbers.
     pub seed: u64,
-    /// Seconds by phase.
+    /// Computing time by phase, in seconds.
     pub seconds: Seconds,
-    /// One by patch.
+    /// Patches, in the order in which they were made.
     pub patches: Vec<PatchReport>,
-    /// How a cover covers the surface.
+    /// Coverage of the surface by the patches; `None` if a single patch was requested.
     pub coverage: Option<CoverageReport>,
-    /// Files written.
+    /// Paths of the files that were written.
     pub files: Vec<String>,
-    /// What a reader should know, what is not kept included.
+    /// Warnings, a sentence each; requirements that are not met are among them.
     pub warnings: Vec<String>,
 }
 
-/// A box.
+/// Box with edges along the axes.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct BoxReport {
-    /// Its lower corner.
+    /// Lower corner.
     pub lo: Point3,
-    /// Its upper corner.
+    /// Upper corner.
     pub hi: Point3,
 }
 
@@ -60,215 +61,218 @@ impl From<&Aabb> for BoxReport {
     }
 }
 
-/// A patch; the terms are those of the paper's objective.
+/// Patch, with the terms of the objective of Wurm, Jüttler and Kim (2003), equation (1).
 #[derive(Clone, Debug, Serialize)]
 pub struct PatchReport {
-    /// S = I + ω_J J + ω_L L + ω_R R + ω_E E.
+    /// Objective S = I + ω_J J + ω_L L + ω_R R + ω_E E.
     #[serde(rename = "S")]
     pub s: f64,
-    /// Squared distances from the surface.
+    /// Term I: mean squared distance from the surface, to first order.
     #[serde(rename = "I")]
     pub i: f64,
-    /// Control weights.
+    /// Term J: control weights.
     #[serde(rename = "J")]
     pub j: f64,
-    /// Lengths of tangents inside.
+    /// Term L: lengths of the tangents inside of the patch.
     #[serde(rename = "L")]
     pub l: f64,
-    /// Regularity of the sides.
+    /// Term R: angles between the tangents.
     #[serde(rename = "R")]
     pub r: f64,
-    /// Lengths of the sides.
+    /// Term E: distances of the corners from their targets.
     #[serde(rename = "E")]
     pub e: f64,
-    /// Wanted length in u.
+    /// Target l₁ of the squared length of ∂p/∂u.
     pub l1: f64,
-    /// Wanted length in v.
+    /// Target l₂ of the squared length of ∂p/∂v.
     pub l2: f64,
-    /// The factors ω at the end.
+    /// Final factors ω of the terms.
     pub weights: WeightsReport,
-    /// Steps of the solver.
+    /// Number of steps of the solver.
     pub newton_steps: usize,
-    /// Steps of growing.
+    /// Number of steps by which the patch was extrapolated.
     pub extrapolation_steps: usize,
-    /// Proved bound on the distance from the surface.
+    /// Proved upper bound on the distance of any point of the patch from the surface; `None` if
+    /// none could be proved.
     pub max_distance: Option<f64>,
-    /// Largest distance of samples.
+    /// Largest distance of samples of the patch from the surface.
     pub sampled_distance: f64,
-    /// Root of the mean square distance of samples.
+    /// Root mean square distance of samples of the patch from the surface.
     pub rms_distance: f64,
-    /// Whether it is proved not to fold over.
+    /// True if the patch is proved not to fold over.
     pub unfolded: bool,
     /// Smallest and largest control weight.
     pub control_weights: [f64; 2],
-    /// Whether the weight is proved to be positive.
+    /// True if the denominator of the patch is proved to be positive.
     pub weight_is_positive: bool,
-    /// Area in the region.
+    /// Area of the patch within the box, to a few per cent.
     pub area: f64,
-    /// Whether it lies on the surface to rounding.
+    /// True if the patch lies on the surface to rounding.
     pub exact: bool,
-    /// The quadric or torus that it lies on.
+    /// Quadric or torus on which an exact patch lies; `None` if it lies on neither.
     pub entity: Option<Entity>,
-    /// Where it began.
+    /// Point of the surface from which the patch was grown.
     pub seed_point: Point3,
 }
 
-/// The factors ω of the paper's objective.
+/// Factors ω of the objective's terms.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[serde(rename_all = "UPPERCASE")]
 pub struct WeightsReport {
-    /// Of J.
+    /// Factor ω_J of the control weights.
     pub j: f64,
-    /// Of L.
+    /// Factor ω_L of the lengths of tangents.
     pub l: f64,
-    /// Of R.
+    /// Factor ω_R of the angles between tangents.
     pub r: f64,
-    /// Of E.
+    /// Factor ω_E of the corners.
     pub e: f64,
 }
 
-/// How a cover covers the surface.
+/// Coverage of a surface by patches, measured by samples of the surface.
 #[derive(Clone, Debug, Serialize)]
 pub struct CoverageReport {
-    /// Samples on a patch.
+    /// Number of samples that lie on a patch and, with a margin, deep enough.
     pub covered: usize,
-    /// All samples, but for those left out.
+    /// Number of samples, those near singular points left out.
     pub samples: usize,
-    /// What was proved of a margin.
+    /// Result of the proof of the margin; `None` if no margin was requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub margin: Option<MarginReport>,
-    /// What was left out near singular points.
+    /// Surface left out near singular points; `None` if all of it counts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_out: Option<LeftOutReport>,
 }
 
-/// What is proved of the margin of a cover.
+/// Result of the proof that the surface lies inside patches by a margin.
 #[derive(Clone, Debug, Serialize)]
 pub struct MarginReport {
-    /// The depth asked for.
+    /// Requested depth, in model units: the distance from the border of a patch.
     pub length: f64,
-    /// Whether all of the surface in the region is as deep inside of a patch.
+    /// True if every point of the surface in the box is proved to lie that deep inside a patch.
     pub proved: bool,
-    /// The largest distance of the surface from the places that are as deep.
+    /// Proved upper bound on the distance of the surface from points of patches at that depth;
+    /// `None` if some boxes are open.
     pub max_distance: Option<f64>,
-    /// Boxes for which it could not be proved.
+    /// Number of boxes in which the depth could not be proved.
     pub open: usize,
-    /// Some of them.
+    /// The first of these boxes, at most 100.
     pub boxes: Vec<BoxReport>,
 }
 
-/// What a cover leaves out near singular points.
+/// Surface that a cover leaves out near singular points.
 #[derive(Clone, Debug, Serialize)]
 pub struct LeftOutReport {
-    /// Samples left out.
+    /// Number of samples left out.
     pub samples: usize,
-    /// How near they are to a singular point.
+    /// Radius around singular points within which samples may be left out, in model units.
     pub distance: f64,
-    /// Singular points.
+    /// Number of singular points; of singular curves, sample points count.
     pub singular_points: usize,
-    /// Some of them.
+    /// The first of these points, at most 100.
     pub points: Vec<Point3>,
 }
 
-/// A surface with a name that an exact patch lies on, by its kind.
+/// Plane, quadric or torus on which an exact patch lies, by its kind; lengths in model units.
 #[derive(Clone, Debug, Serialize)]
 #[serde(untagged)]
 pub enum Entity {
-    /// A plane.
+    /// Plane normal · x = offset.
     Plane {
-        /// `plane`.
+        /// Name of the kind: `plane`.
         kind: &'static str,
         /// Unit normal.
         normal: Point3,
-        /// Distance from the origin along the normal.
+        /// Signed distance of the plane from the origin along the normal.
         offset: f64,
     },
-    /// A sphere.
+    /// Sphere.
     Sphere {
-        /// `sphere`.
+        /// Name of the kind: `sphere`.
         kind: &'static str,
         /// Centre.
         center: Point3,
         /// Radius.
         radius: f64,
     },
-    /// A cylinder of revolution.
+    /// Cylinder of revolution.
     Cylinder {
-        /// `cylinder`.
+        /// Name of the kind: `cylinder`.
         kind: &'static str,
-        /// A point of the axis.
+        /// Point of the axis.
         point: Point3,
-        /// Direction of the axis.
+        /// Unit vector along the axis.
         axis: Point3,
         /// Radius.
         radius: f64,
     },
-    /// A cone of revolution.
+    /// Cone of revolution.
     Cone {
-        /// `cone`.
+        /// Name of the kind: `cone`.
         kind: &'static str,
         /// Apex.
         apex: Point3,
-        /// Direction of the axis.
+        /// Unit vector along the axis.
         axis: Point3,
-        /// Angle between axis and lines, in radians.
+        /// Angle between the axis and the lines of the cone, in radians.
         half_angle: f64,
     },
-    /// A torus.
+    /// Torus.
     Torus {
-        /// `torus`.
+        /// Name of the kind: `torus`.
         kind: &'static str,
         /// Centre.
         center: Point3,
-        /// Direction of the axis.
+        /// Unit vector along the axis.
         axis: Point3,
-        /// Radius of the circle of centres.
+        /// Radius of the circle of the tube's centres.
         major_radius: f64,
         /// Radius of the tube.
         minor_radius: f64,
     },
-    /// Another quadric, with its normal form if it has one.
+    /// Another quadric Σ aᵢ mᵢ = 0, with the monomials x², y², z², xy, yz, zx, x, y, z, 1 in
+    /// coordinates about `origin`, in units of `scale`; and its normal form.
     Other {
-        /// Its name.
+        /// Name of the kind, such as `ellipsoid`; `quadric` if it is unknown.
         kind: &'static str,
-        /// Centre or apex.
+        /// Centre, apex or vertex; `None` if the kind is unknown.
         center: Option<Point3>,
-        /// Axes of the normal form, by rows.
+        /// Orthonormal axes of the normal form, one per row; `None` if the kind is unknown.
         axes: Option<[Point3; 3]>,
-        /// Half axes, or the parameters of the normal form.
+        /// Semi-axes, or the other measures of the normal form; `None` if the kind is unknown.
         measures: Option<Vec<f64>>,
-        /// The origin of the equation's coordinates.
+        /// Origin of the equation's coordinates.
         origin: Point3,
-        /// Their unit of length.
+        /// Unit of these coordinates, in model units.
         scale: f64,
-        /// The equation's coefficients.
+        /// Coefficients aᵢ of the equation.
         coefficients: [f64; 10],
     },
 }
 
-/// Patches and what is known of them.
+/// Patches, with everything that their report states.
 #[derive(Clone, Copy, Debug)]
 pub struct AboutPatches<'a> {
-    /// The surface's file or name.
+    /// Name of the surface, or of its file.
     pub model: &'a str,
-    /// What was asked for.
+    /// Options of the patches.
     pub options: &'a Options,
     /// The patches.
     pub patches: &'a [Parameterized],
-    /// How a cover covers the surface.
+    /// Coverage of the surface; `None` for a single patch.
     pub coverage: Option<&'a Coverage>,
-    /// What is not kept.
+    /// Requirements that are not met.
     pub findings: &'a [PatchFinding],
-    /// Files written.
+    /// Paths of the files that were written.
     pub files: &'a [String],
-    /// What a reader should know.
+    /// Warnings, a sentence each.
     pub warnings: &'a [String],
-    /// Seconds by phase.
+    /// Computing time by phase, in seconds.
     pub seconds: &'a [(&'a str, f64)],
 }
 
 impl PatchesReport {
-    /// Everything that is known of patches.
+    /// Creates the report of patches.
     pub fn new(about: &AboutPatches<'_>) -> Self {
         let options = about.options;
         let patches = about.patches.iter();
@@ -360,7 +364,7 @@ impl CoverageReport {
 }
 
 impl Entity {
-    /// The entity of an exact patch.
+    /// Creates the description of a quadric or torus.
     pub fn of(quadric: &Quadric) -> Self {
         let kind = quadric.name();
         match *quadric {
@@ -427,7 +431,7 @@ impl Entity {
     }
 }
 
-/// The word for a solver, as `--method` takes it.
+/// Returns the name of a solver, as the option `--method` takes it.
 pub fn solver_name(method: Method) -> &'static str {
     match method {
         Method::GaussNewton => "gauss-newton",

@@ -1,4 +1,4 @@
-//! The report of a recognition.
+//! Report of a recognition.
 
 use isoform_geom::{Point3, Quadric};
 use isoform_recognize::{
@@ -7,247 +7,255 @@ use isoform_recognize::{
 };
 use serde::Serialize;
 
-/// What was recognised in a scan; lengths in its unit.
+/// Report of `recognize`: the surfaces that a scan or a CAD mesh consists of. Lengths are in the
+/// scan's unit, points are `[x, y, z]`; indices count from 0.
 #[derive(Clone, Debug, Serialize)]
 pub struct RecognizeReport {
-    /// `recognize`.
+    /// Name of the verb: `recognize`.
     pub verb: &'static str,
-    /// The points looked at.
+    /// Number of points examined.
     pub points: usize,
-    /// The deviation of points along the normal; the tolerance of form, where `form` says so.
+    /// Standard deviation of the points along the normal; if `form` is true, the tolerance within
+    /// which the surfaces were found.
     pub noise: f64,
-    /// Whether the object's form deviates from the surfaces by more than the noise of the points.
+    /// True if the form of the object deviates from the surfaces by more than the noise of the
+    /// points.
     pub form: bool,
-    /// The share of the points on entities that meet others without an edge and round none.
+    /// Share of the points on entities that meet others without an edge and are not blends. If it
+    /// is large, the entities approximate a free form.
     pub free: f64,
-    /// The surfaces, those with most points first.
+    /// Surfaces, those with most points first.
     pub entities: Vec<EntityReport>,
-    /// The connected pieces of the surfaces.
+    /// Connected pieces of the surfaces.
     pub faces: Vec<FaceReport>,
-    /// How they lie to one another.
+    /// Relations between two surfaces each, such as parallel axes.
     pub relations: Vec<RelationReport>,
-    /// Rows and circles of equal entities.
+    /// Rows and circles of equal surfaces.
     pub patterns: Vec<PatternReport>,
-    /// Mirrors and rotations of all or nearly all entities.
+    /// Mirrors and rotations of all or nearly all surfaces.
     pub symmetries: Vec<SymmetryReport>,
-    /// Entities that round the edge of others.
+    /// Surfaces that round the edge of others.
     pub blends: Vec<BlendReport>,
-    /// What making the relations exact changed, where that was asked for.
+    /// Changes by which the relations were made exact; `None` if that was not requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub snap: Option<SnapReport>,
-    /// The points that no entity explains.
+    /// Number of points without a surface.
     pub n_unassigned: usize,
-    /// The time that it took.
+    /// Computing time, in seconds.
     pub seconds: f64,
 }
 
-/// A surface.
+/// Surface with the points that it explains.
 #[derive(Clone, Debug, Serialize)]
 pub struct EntityReport {
-    /// What labels and relations call it.
+    /// Index of the surface, as in labels and relations.
     pub id: usize,
-    /// `plane`, `sphere`, `cylinder`, `cone` or `torus`.
+    /// Kind of surface: `plane`, `sphere`, `cylinder`, `cone` or `torus`.
     #[serde(rename = "type")]
     pub kind: &'static str,
-    /// Its parameters.
+    /// Parameters of the surface.
     pub parameters: Parameters,
-    /// Their standard deviations.
+    /// Standard deviations of the parameters.
     pub sd: Parameters,
-    /// +1 where the outside is away from the centre or axis, or along a plane's normal; −1 where it
-    /// is the other side, as in a hole; 0 where the points do not tell.
+    /// Outer side: +1 if the outside is away from the centre or axis, or along a plane's normal; −1
+    /// if it is the other side, as in a hole; 0 if the points do not decide.
     pub outward: i8,
-    /// The points that it explains.
+    /// Number of points that it explains.
     pub n_points: usize,
-    /// The root mean square of their distances.
+    /// Root mean square distance of these points from it.
     pub rms: f64,
 }
 
-/// A connected piece of a surface.
+/// Connected piece of a surface.
 #[derive(Clone, Debug, Serialize)]
 pub struct FaceReport {
     /// Index of the face, as in labels.
     pub id: usize,
-    /// Index of its entity.
+    /// Index of its surface.
     pub entity: usize,
     /// Number of its points.
     pub n_points: usize,
-    /// Indices of the faces at its boundary.
+    /// Indices of the adjacent faces.
     pub beside: Vec<usize>,
 }
 
-/// Parameters of a surface, or their deviations.
+/// Parameters of a surface, or their standard deviations; a vector of deviations has one per
+/// component.
 #[derive(Clone, Debug, Serialize)]
 #[serde(untagged)]
 pub enum Parameters {
-    /// normal · x = d.
+    /// Plane normal · x = d.
     Plane {
-        /// The unit normal.
+        /// Unit normal.
         normal: Point3,
-        /// d.
+        /// Offset d.
         d: f64,
     },
-    /// A sphere.
+    /// Sphere.
     Sphere {
-        /// Its centre.
+        /// Centre.
         center: Point3,
-        /// Its radius.
+        /// Radius.
         radius: f64,
     },
-    /// A cylinder.
+    /// Cylinder of revolution.
     Cylinder {
-        /// A point of the axis.
+        /// Point of the axis.
         point: Point3,
-        /// The unit vector along the axis.
+        /// Unit vector along the axis.
         axis: Point3,
-        /// Its radius.
+        /// Radius.
         radius: f64,
     },
-    /// A cone.
+    /// Cone of revolution.
     Cone {
-        /// Its apex.
+        /// Apex.
         apex: Point3,
-        /// The unit vector along the axis, into the nappe.
+        /// Unit vector along the axis, from the apex into the nappe that holds the points.
         axis: Point3,
-        /// The angle between axis and surface, in radians.
+        /// Angle between the axis and the surface, in radians.
         half_angle: f64,
     },
-    /// A torus.
+    /// Torus.
     Torus {
-        /// Its centre.
+        /// Centre.
         center: Point3,
-        /// The unit vector along the axis.
+        /// Unit vector along the axis.
         axis: Point3,
-        /// The radius of the circle.
+        /// Radius of the circle of the tube's centres.
         major_radius: f64,
-        /// The radius of the tube.
+        /// Radius of the tube.
         minor_radius: f64,
     },
 }
 
-/// A relation of two entities.
+/// Relation between two surfaces.
 #[derive(Clone, Debug, Serialize)]
 pub struct RelationReport {
-    /// `parallel`, `perpendicular`, `coaxial`, `coplanar`, `concentric` or `equal_radius`.
+    /// Kind of relation: `parallel`, `perpendicular`, `coaxial`, `coplanar`, `concentric` or
+    /// `equal_radius`.
     pub kind: &'static str,
-    /// The two.
+    /// Indices of the two surfaces.
     pub entities: [usize; 2],
-    /// By how much it fails: radians for directions, lengths for places and radii.
+    /// Deviation from the relation: in radians for directions, a length for positions and radii.
     pub deviation: f64,
 }
 
-/// Equal entities at equal distances or angles.
+/// Equal surfaces at equal distances or angles.
 #[derive(Clone, Debug, Serialize)]
 pub struct PatternReport {
-    /// The entities at each place, in order.
+    /// Indices of the surfaces at each position, in order; pieces of one plane or bore share a
+    /// position.
     pub members: Vec<Vec<usize>>,
-    /// How they are laid out.
+    /// Layout of the positions.
     #[serde(flatten)]
     pub layout: LayoutReport,
-    /// How far an entity is off its place at most.
+    /// Largest distance of a surface from its position.
     pub deviation: f64,
 }
 
-/// How the members of a pattern are laid out.
+/// Layout of the members of a pattern.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum LayoutReport {
-    /// In a row.
+    /// Row: equidistant positions on a line.
     Linear {
-        /// The unit vector from a member to the next.
+        /// Unit vector from a member to the next.
         direction: Point3,
-        /// The distance from a member to the next.
+        /// Distance from a member to the next.
         spacing: f64,
-        /// Its standard deviation.
+        /// Standard deviation of the spacing.
         spacing_sd: f64,
     },
-    /// On a circle.
+    /// Positions on a circle at equal angles.
     Circular {
-        /// The centre of the pitch circle.
+        /// Centre of the pitch circle.
         center: Point3,
-        /// The unit vector along its axis; members follow one another anticlockwise about it.
+        /// Unit vector along the circle's axis, about which members follow one another
+        /// anticlockwise.
         axis: Point3,
-        /// The radius of the pitch circle.
+        /// Radius of the pitch circle.
         radius: f64,
-        /// Its standard deviation.
+        /// Standard deviation of the radius.
         radius_sd: f64,
-        /// From a member to the next, in radians.
+        /// Angle from a member to the next, in radians.
         angle: f64,
-        /// Its standard deviation; 0 where members go round.
+        /// Standard deviation of the angle; 0 if the circle is closed.
         angle_sd: f64,
-        /// Whether members go round once.
+        /// True if the members occupy the full circle, false if they are on an arc.
         closed: bool,
-        /// The entity whose axis is that of the circle, if there is one.
+        /// Index of a surface whose axis is that of the circle; `None` if no surface has it.
         coaxial: Option<usize>,
     },
 }
 
-/// A mirror or a rotation that maps entities to one another.
+/// Mirror or rotation that maps the surfaces to one another.
 #[derive(Clone, Debug, Serialize)]
 pub struct SymmetryReport {
-    /// Which.
+    /// The motion.
     #[serde(flatten)]
     pub motion: MotionReport,
-    /// The image of each entity; null for those of `unmatched`.
+    /// Index of the image of each surface; null for those in `unmatched`.
     pub images: Vec<Option<usize>>,
-    /// Entities without an image: few, with at most a twentieth of the points.
+    /// Indices of the surfaces without an image: few, with at most a twentieth of the points.
     pub unmatched: Vec<usize>,
-    /// How far an entity's place or size is off its image's at most.
+    /// Largest deviation of a surface's position or size from its image's.
     pub deviation: f64,
 }
 
-/// A mirror or a rotation.
+/// Mirror or rotation.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum MotionReport {
-    /// In the plane normal · x = d.
+    /// Reflection in the plane normal · x = d.
     Mirror {
-        /// The unit normal.
+        /// Unit normal.
         normal: Point3,
-        /// d.
+        /// Offset d.
         d: f64,
     },
-    /// By a full turn over the order.
+    /// Rotation about an axis by a full turn divided by the order.
     Rotation {
-        /// A point of the axis.
+        /// Point of the axis.
         point: Point3,
-        /// The unit vector along it.
+        /// Unit vector along the axis.
         axis: Point3,
-        /// Into how many parts a full turn is divided; null where any angle will do.
+        /// Order of the rotation; null if any angle will do.
         order: Option<u32>,
     },
 }
 
-/// An entity that rounds the edge of others with a constant radius.
+/// Surface that rounds the edge of others with a constant radius.
 #[derive(Clone, Debug, Serialize)]
 pub struct BlendReport {
-    /// The cylinder, torus or sphere.
+    /// Index of the cylinder, torus or sphere.
     pub entity: usize,
-    /// Those that it touches.
+    /// Indices of the surfaces that it touches.
     pub between: Vec<usize>,
-    /// Its radius.
+    /// Radius of the blend; of a torus, that of the tube.
     pub radius: f64,
 }
 
-/// What making the relations exact changed.
+/// Changes by which the relations were made exact.
 #[derive(Clone, Debug, Serialize)]
 pub struct SnapReport {
-    /// For each entity how far it moved at most at its points, along their normals.
+    /// Largest motion of each surface at its points, along their normals.
     pub moved: Vec<f64>,
-    /// The root mean square distance of the entities' points before.
+    /// Root mean square distance of the points from their surfaces before.
     pub rms_before: f64,
-    /// That after.
+    /// Root mean square distance of the points from their surfaces after.
     pub rms_after: f64,
-    /// By how much the sum of squares rose, in variances of the points: of χ² with `conditions`
-    /// degrees of freedom where the relations are true.
+    /// Increase of the sum of squares, in variances of the points: χ² with `conditions` degrees of
+    /// freedom if the relations are true.
     pub chi_squared: f64,
-    /// The independent equations that the relations are.
+    /// Number of independent equations that express the relations.
     pub conditions: usize,
-    /// Relations that contradict the points or one another, as they were found.
+    /// Relations that were given up because they contradict the points or one another.
     pub dropped: Vec<RelationReport>,
 }
 
 impl SnapReport {
-    /// The report of a snap.
+    /// Creates the report of the changes.
     pub fn new(snap: &Snap) -> Self {
         Self {
             moved: snap.moved.clone(),
@@ -335,7 +343,7 @@ impl BlendReport {
 }
 
 impl RecognizeReport {
-    /// The report of a recognition that took some seconds.
+    /// Creates the report of a recognition that took `seconds`.
     pub fn new(found: &Recognition, seconds: f64) -> Self {
         let entities = found.entities.iter().enumerate();
         let faces = found.faces.iter().enumerate();

@@ -1,74 +1,76 @@
-//! The report on a file of solids.
+//! Report on a file of solids.
 
 use crate::{SolidMeasures, measure_solid};
 use isoform_geom::Point3;
 use isoform_io::SolidFile;
 use serde::Serialize;
 
-/// What is in a file of solids, as stated and as measured.
+/// Report of `inspect` on a file of solids: measures stated in the file, and measured from its
+/// faces. Lengths are in the unit of the file.
 #[derive(Clone, Debug, Serialize)]
 pub struct SolidReport {
-    /// `inspect`.
+    /// Name of the verb: `inspect`.
     pub verb: &'static str,
-    /// The file.
+    /// Name of the file.
     pub file: String,
-    /// `step` or `brep.json`.
+    /// Format of the file: `step` or `brep.json`.
     pub format: &'static str,
-    /// The name of the product.
+    /// Name of the product; may be empty.
     pub name: String,
-    /// The unit of length, if it is known.
+    /// Unit of length; `None` if unknown.
     pub unit: Option<String>,
-    /// Solids.
+    /// Number of solids.
     pub solids: usize,
-    /// Voids in them.
+    /// Number of voids in the solids.
     pub voids: usize,
-    /// The faces.
+    /// Faces, in the order of the file.
     pub faces: Vec<SolidFaceReport>,
-    /// Edges.
+    /// Number of edges.
     pub edges: usize,
-    /// Vertices.
+    /// Number of vertices.
     pub vertices: usize,
-    /// Vertices − edges + Euler numbers of the faces.
+    /// Euler characteristic: vertices − edges + Euler characteristics of the faces.
     pub euler: i64,
-    /// As measured here.
+    /// Measured volume, in cubic units.
     pub volume: f64,
-    /// As measured here.
+    /// Measured area, in square units.
     pub area: f64,
-    /// As measured here.
+    /// Measured centroid of the volume.
     pub centroid: Point3,
-    /// Largest distance of places on edges from the surfaces of their faces.
+    /// Largest distance of samples of the edges from the surfaces of their faces, and of the ends
+    /// of edges from their vertices.
     pub gap: f64,
-    /// As the file says.
+    /// Measures that the file states.
     pub stated: StatedReport,
 }
 
-/// A face of a file of solids.
+/// Face of a file of solids.
 #[derive(Clone, Debug, Serialize)]
 pub struct SolidFaceReport {
-    /// Its name.
+    /// Name of the face's part.
     pub part: String,
-    /// The kind of its surface.
+    /// Kind of surface of the face.
     #[serde(rename = "type")]
     pub kind: &'static str,
-    /// Its area.
+    /// Measured area of the face, in square units.
     pub area: f64,
 }
 
-/// What a file says of its solids.
+/// Measures that a file states for its solids.
 #[derive(Clone, Debug, Serialize)]
 pub struct StatedReport {
-    /// The volume.
+    /// Volume, in cubic units.
     pub volume: f64,
-    /// The area.
+    /// Area, in square units.
     pub area: f64,
-    /// The centre of the volume.
+    /// Centroid of the volume.
     pub centroid: Point3,
-    /// What edges leave their faces by at most.
+    /// Largest distance of edges from their faces.
     pub gap: f64,
 }
 
 impl SolidReport {
-    /// Measures the solids of a file.
+    /// Measures the solids of a file and creates the report.
     pub fn new(file: &str, format: &'static str, solids: &SolidFile) -> Self {
         let SolidFile {
             brep,

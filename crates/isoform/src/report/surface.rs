@@ -1,4 +1,4 @@
-//! The report of a triangulated rational surface.
+//! Report of a triangulated rational surface.
 
 use super::{Seconds, WrittenFile};
 use crate::Topology;
@@ -11,260 +11,268 @@ use isoform_tess::{
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// What was asked for and made of a rational surface, and what is known of it.
+/// Report of `triangulate`: a rational surface, its triangles and the claims about them. Lengths
+/// are in units of space, points are `[x, y, z]`; exact numbers are texts.
 #[derive(Clone, Debug, Serialize)]
 pub struct TriangulateReport {
-    /// Whether every claim holds.
+    /// True if every claim holds.
     pub ok: bool,
-    /// `triangulate`.
+    /// Name of the verb: `triangulate`.
     pub verb: &'static str,
-    /// The map.
+    /// The map, or the patches.
     pub map: MapReport,
-    /// Half the width of the box, exactly.
+    /// Half the width of the box around the origin, exactly.
     #[serde(rename = "box")]
     pub half_width: String,
-    /// Whether the box was not given, but comes from bounds of the surface.
+    /// True if the box was computed from bounds of the surface, false if it was given.
     pub box_chosen: bool,
-    /// Corners of the domain of parameters, exactly.
+    /// Corners of the polygon of parameters (s, t) to which the surface is restricted, exactly;
+    /// `None` for the whole plane.
     pub region: Option<Vec<[String; 2]>>,
-    /// Patches; none for a map.
+    /// Number of patches; `None` for a map.
     pub patches: Option<usize>,
-    /// `glued` or `normalised`.
+    /// Treatment of sheets that cross: `glued` or `normalised`.
     pub mode: &'static str,
-    /// Largest distance of triangles from the surface.
+    /// Largest allowed distance of the triangles from the surface.
     pub tolerance: f64,
-    /// Longest edge.
+    /// Largest allowed length of an edge.
     pub longest: f64,
-    /// Degree of the implicit equation.
+    /// Degree of the implicit equation; of patches, the largest. `None` if unknown.
     pub surface_degree: Option<usize>,
-    /// What the triangles consist of.
+    /// Topology of the triangles.
     pub topology: TopologyReport,
-    /// Points and triangles.
+    /// Numbers of points and triangles.
     pub counts: SurfaceCounts,
-    /// Files written.
+    /// Files that were written.
     pub files: Vec<WrittenFile>,
-    /// What is known of the surface.
+    /// Facts and claims about the surface.
     #[serde(flatten)]
     pub surface: SurfaceReport,
 }
 
-/// A map in a report.
+/// Map in a report.
 #[derive(Clone, Debug, Serialize)]
 pub struct MapReport {
-    /// Its file.
+    /// Name of the file.
     pub file: String,
-    /// Its degree; of patches the largest.
+    /// Degree of the map; of patches, the largest.
     pub degree: Option<usize>,
-    /// The common factor that X, Y, Z and W were divided by.
+    /// Common factor by which X, Y, Z and W were divided; `None` if they had none.
     pub removed: Option<String>,
 }
 
-/// What triangles consist of.
+/// Topology of a set of triangles.
 #[derive(Clone, Debug, Serialize)]
 pub struct TopologyReport {
-    /// Vertices less edges plus triangles.
+    /// Euler characteristic: vertices − edges + triangles.
     pub euler: i64,
-    /// Connected pieces.
+    /// Number of connected components.
     pub components: usize,
-    /// Closed curves of edges with one triangle.
+    /// Number of connected components of the boundary, which consists of the edges of one triangle.
     pub boundary_loops: usize,
-    /// Edges of more than two triangles.
+    /// Number of edges of more than two triangles.
     pub edges_of_more_than_two: usize,
 }
 
-/// Counts of a surface.
+/// Size of a triangle mesh.
 #[derive(Clone, Debug, Serialize)]
 pub struct SurfaceCounts {
-    /// Points.
+    /// Number of points.
     pub points: usize,
-    /// Triangles.
+    /// Number of triangles.
     pub triangles: usize,
 }
 
-/// What is known of a rational surface.
+/// Facts and claims about a rational surface.
 #[derive(Clone, Debug, Serialize)]
 pub struct SurfaceReport {
-    /// Whether every claim holds.
+    /// True if every claim holds.
     pub certified: bool,
-    /// What stands against claims, a sentence each.
+    /// Findings against the claims, a sentence each.
     pub unproven: Vec<String>,
-    /// Every claim with its basis.
+    /// Claims that were decided, each with its basis.
     pub claims: Vec<ClaimReport>,
-    /// How many parameters reach a general point of the surface; 0 if unknown.
+    /// Degree of the map: number of parameters of a general point of the surface; 0 if unknown.
     pub map_degree: usize,
-    /// True where that is more than one.
+    /// True if the map is improper: its degree exceeds 1. `None` otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub improper: Option<bool>,
-    /// Of improper maps, how many parameters of each point are drawn.
+    /// Number of drawn parameters of each general point; `None` unless the map is improper.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parameters_drawn: Option<usize>,
-    /// The winding of the triangles.
+    /// Orientation of the triangles.
     pub winding: WindingReport,
-    /// The border of the real image of an improper map, if there is one.
+    /// Border of the real image of an improper map; `None` if none is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub real_border: Option<RealBorderReport>,
-    /// The numbers, from 0, of patches that are a curve or a point, and are left out.
+    /// Indices, from 0, of the patches whose image is a curve or a point; they are left out.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub collapsed_patches: Vec<u32>,
-    /// Points at which X, Y, Z and W vanish.
+    /// Real base points, at which X, Y, Z and W vanish.
     pub base_points: Vec<BasePointReport>,
-    /// The curve W = 0.
+    /// Topology of the pole curve W = 0.
     pub pole_components: PoleReport,
-    /// Whether all of the double curve is known.
+    /// True if the double curve was found and drawn completely.
     pub double_curve_complete: bool,
-    /// Pieces of the double curve.
+    /// Arcs of the double curve, in which sheets of the surface meet.
     pub double_curve: Vec<DoubleArcReport>,
-    /// Curves of parameters that go to points.
+    /// Real curves of the parameter plane whose images are points.
     pub contracted: Vec<ContractedReport>,
-    /// Real double curves with complex parameters.
+    /// Arcs of the surface that only complex parameters reach, as polylines.
     pub solitary_arcs: Vec<Vec<Point3>>,
-    /// Seconds by phase.
+    /// Computing time by phase, in seconds.
     pub seconds: Seconds,
 }
 
-/// A claim.
+/// Claim about the surface.
 #[derive(Clone, Debug, Serialize)]
 pub struct ClaimReport {
-    /// Its name.
+    /// Name of the claim.
     pub claim: String,
-    /// `exact`, `bounded`, `floating` or `assumed`.
+    /// Basis of the claim: `exact`, `bounded`, `floating` or `assumed`.
     pub basis: String,
-    /// True if nothing stands against it, and something could: what is assumed does not hold.
+    /// True if the claim was tested and nothing contradicts it; an assumption does not hold.
     pub holds: bool,
-    /// What holds, why it is assumed, or what is open, in words.
+    /// Statement of a claim that holds; else the reason for the assumption, or the findings.
     pub text: String,
 }
 
-/// The winding of triangles.
+/// Orientation of the triangles of a surface.
 #[derive(Clone, Debug, Serialize)]
 pub struct WindingReport {
-    /// True if neighbours run opposite ways along every common edge.
+    /// True if neighbours traverse every common edge in opposite directions.
     pub oriented: bool,
-    /// True if all pieces are orientable: else neighbours run the same way along the cut.
+    /// True if all pieces are orientable; otherwise neighbours traverse the edges of the cut in one
+    /// direction.
     pub orientable: bool,
-    /// Pieces: triangles that are connected by neighbours on one sheet.
+    /// Number of pieces: sets of triangles that are connected by neighbours on one sheet.
     pub pieces: usize,
-    /// Those whose normals point outward; others that are orientable have ∂φ/∂s × ∂φ/∂t.
+    /// Number of pieces whose normals point outward; the normals of other orientable pieces are
+    /// ∂φ/∂s × ∂φ/∂t.
     pub outward: usize,
-    /// The cut through pieces that are not orientable.
+    /// Cut through the pieces that are not orientable.
     pub cut: Vec<CutReport>,
 }
 
-/// The border of the real image of an improper map.
+/// Border of the real image of an improper map.
 #[derive(Clone, Debug, Serialize)]
 pub struct RealBorderReport {
-    /// The curves of parameters along which the map folds the plane: the forms are zero there.
+    /// Forms in s, t and w that vanish along the folds: the curves of parameters along which the
+    /// map folds the plane.
     pub folds: Vec<String>,
-    /// Their images in the box.
+    /// Images of the folds in the box, as polylines.
     pub lines: Vec<Vec<Point3>>,
-    /// Beyond the border real points are reached by a family of complex parameters of this
-    /// dimension.
+    /// Dimension of the families of complex parameters that reach the real points beyond the
+    /// border.
     pub complex_dimension: usize,
-    /// Maps onto these points with real parameters, as far as they are known.
+    /// Maps onto the points beyond the border with real parameters, as far as they are known: the
+    /// texts of X, Y, Z and W.
     pub beyond: Vec<BTreeMap<&'static str, String>>,
 }
 
-/// A part of the cut.
+/// Part of the cut along one curve.
 #[derive(Clone, Debug, Serialize)]
 pub struct CutReport {
-    /// The curve that it belongs to.
+    /// Name of the curve.
     pub along: String,
-    /// The number of its edges.
+    /// Number of its edges.
     pub edges: usize,
-    /// Its points, line by line.
+    /// Points of the cut, as polylines.
     pub lines: Vec<Vec<Point3>>,
 }
 
-/// A base point.
+/// Base point of a map.
 #[derive(Clone, Debug, Serialize)]
 pub struct BasePointReport {
-    /// The affine chart of the parameter plane.
+    /// Name of the affine chart of the parameter plane.
     pub chart: &'static str,
-    /// Its homogeneous coordinates s : t : w.
+    /// Homogeneous coordinates s : t : w of the point.
     pub point: [f64; 3],
-    /// How often X, Y, Z and W meet there.
+    /// Multiplicity: the least order at which X, Y, Z and W vanish.
     pub multiplicity: usize,
-    /// Blow-ups that resolve it.
+    /// Number of blow-ups that resolve it.
     pub blowups: usize,
 }
 
-/// Pieces of the curve W = 0 in the projective plane.
+/// Components of the curve W = 0 in the real projective plane.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct PoleReport {
-    /// Closed curves that bound a disc.
+    /// Number of closed components that bound a disk.
     pub ovals: usize,
-    /// Closed curves that do not.
+    /// Number of closed components that do not bound a disk, such as lines.
     pub pseudolines: usize,
-    /// Connected pieces with singular points.
+    /// Number of components with points where more than two branches end.
     pub singular: usize,
-    /// Isolated points.
+    /// Number of isolated points.
     pub isolated: usize,
 }
 
-/// A piece of the double curve.
+/// Arc of the double curve.
 #[derive(Clone, Debug, Serialize)]
 pub struct DoubleArcReport {
-    /// Its points.
+    /// Points of the arc, in order.
     pub points: Vec<Point3>,
-    /// Sheets that meet there.
+    /// Number of sheets that meet in it.
     pub sheets: usize,
 }
 
-/// A curve of parameters that goes to a point.
+/// Curve of parameters whose image is a point.
 #[derive(Clone, Debug, Serialize)]
 pub struct ContractedReport {
-    /// Its equation.
+    /// Form in s, t and w that vanishes along the curve.
     pub curve: String,
-    /// The point; none at infinity.
+    /// Image of the curve; null if it is at infinity.
     pub point: Option<Point3>,
 }
 
-/// Parameters of every triangle's corners, and the kind of every vertex, in the order of the mesh.
+/// Parameters of the corners of each triangle and the kind of each vertex, in the order of the
+/// mesh: the content of a file next to it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Sidecar<'a> {
-    /// 1.
+    /// Version of the file format: 1.
     pub schema: u32,
-    /// By triangle, the chart of its parameters.
+    /// Unit triangle of parameters of each triangle, from 0 to 3: ±u, ±v.
     pub chart: &'a [u8],
-    /// By triangle, the parameters of its corners.
+    /// Coordinates u and v of the corners of each triangle in its unit triangle.
     pub corners: &'a [[[f64; 2]; 3]],
-    /// By vertex: `ordinary`, `box`, `double`, `seam`, `contracted`, `cusp` or `border`.
+    /// Kind of each vertex: `ordinary`, `box`, `double`, `seam`, `contracted`, `cusp` or `border`.
     pub kind: Vec<&'static str>,
-    /// The projective change of parameters that was drawn in.
+    /// Rows of the matrix from the homogeneous coordinates of `corners` to (s, t, w); `None` if the
+    /// parameters were not normalised.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<[[f64; 3]; 3]>,
-    /// By triangle, its patch.
+    /// Index of the patch of each triangle; empty for a map.
     #[serde(skip_serializing_if = "<[u32]>::is_empty")]
     pub patch: &'a [u32],
 }
 
-/// A surface and what is known of it.
+/// Surface, with everything that its report states.
 #[derive(Clone, Copy, Debug)]
 pub struct AboutSurface<'a> {
-    /// The file of the map.
+    /// Name of the file of the map.
     pub file: &'a str,
-    /// One map, or one for every patch.
+    /// The map, or the map of each patch.
     pub maps: &'a [Map],
-    /// What is known of each.
+    /// Exact facts about each map.
     pub analyses: &'a [Analysis],
-    /// Patches; 0 for a map.
+    /// Number of patches; 0 for a map.
     pub patches: usize,
-    /// What was asked for.
+    /// Options of the triangulation.
     pub options: &'a TriangulateOptions,
-    /// Whether the box was not given.
+    /// True if the box was computed from bounds of the surface, false if it was given.
     pub is_box_chosen: bool,
-    /// The triangles.
+    /// Triangles of the surface.
     pub surface: &'a Surface,
-    /// Those of points that only complex parameters reach.
+    /// Triangles of the points that only complex parameters reach.
     pub beyond: &'a [Surface],
-    /// What they consist of.
+    /// Topology of the triangles.
     pub topology: &'a Topology,
-    /// Seconds by phase.
+    /// Computing time by phase, in seconds.
     pub seconds: &'a [(&'a str, f64)],
 }
 
 impl TriangulateReport {
-    /// The report of a surface and of the files that were written.
+    /// Creates the report of a surface and of the files that were written.
     pub fn new(about: &AboutSurface<'_>, files: Vec<WrittenFile>) -> Self {
         let (options, topology) = (about.options, about.topology);
         let surface = SurfaceReport::new(about);
@@ -311,7 +319,7 @@ impl TriangulateReport {
 }
 
 impl SurfaceReport {
-    /// What is known of a surface.
+    /// Creates the facts and claims about a surface.
     pub fn new(about: &AboutSurface<'_>) -> Self {
         let surface = about.surface;
         let all = || about.analyses.iter();
@@ -354,7 +362,7 @@ impl SurfaceReport {
     }
 }
 
-/// How many parameters reach a general point of the surface; 0 if that is unknown.
+/// Returns the number of parameters of a general point of the surface; 0 if that is unknown.
 pub fn map_degree(analyses: &[Analysis]) -> usize {
     let degrees = analyses.iter().filter_map(|a| a.degrees);
     degrees.map(|d| d.map_degree).max().unwrap_or(0)
@@ -405,7 +413,7 @@ impl RealBorderReport {
     }
 }
 
-/// The curves of parameters along which an improper map folds the plane.
+/// Returns the forms of the curves of parameters along which an improper map folds the plane.
 pub fn folds(border: &RealBorder) -> Vec<String> {
     let text = |f: &isoform_algebra::Poly| f.display(&VARIABLES).to_string();
     border.folds.iter().map(text).collect()
@@ -467,8 +475,8 @@ impl DoubleArcReport {
     }
 }
 
-/// Real curves of the parameter plane that are contracted, each with one of the points, and once
-/// with all that are at infinity.
+/// Returns the real curves of the parameter plane that are contracted: once with each of their
+/// points, and once with all points at infinity.
 pub fn contracted(analysis: &Analysis) -> Vec<ContractedReport> {
     let mut list: Vec<ContractedReport> = Vec::new();
     for c in analysis.singular.iter().flat_map(|s| &s.curves) {
@@ -487,7 +495,7 @@ pub fn contracted(analysis: &Analysis) -> Vec<ContractedReport> {
 }
 
 impl<'a> Sidecar<'a> {
-    /// The sidecar of a surface.
+    /// Creates the sidecar of a surface.
     pub fn new(surface: &'a Surface) -> Self {
         Self {
             schema: 1,
@@ -500,7 +508,7 @@ impl<'a> Sidecar<'a> {
     }
 }
 
-/// The word for a kind of vertices.
+/// Returns the name of a kind of vertices.
 fn kind_name(kind: Kind) -> &'static str {
     match kind {
         Kind::Ordinary => "ordinary",
@@ -513,7 +521,7 @@ fn kind_name(kind: Kind) -> &'static str {
     }
 }
 
-/// The word for a way to treat sheets that cross, as `--mode` takes it.
+/// Returns the name of a treatment of sheets that cross, as the option `--mode` takes it.
 pub fn mode_name(mode: Mode) -> &'static str {
     match mode {
         Mode::Glued => "glued",
