@@ -132,7 +132,7 @@ if [ "$extent" = whole ]; then
   tests "random maps" cargo test --release --locked -p isoform --test it random_maps:: -- --ignored
 fi
 # Tokens and branches of the functions; tests/long_functions.txt names the tables that may be long.
-check "functions that fit" cargo run --release --quiet --locked -p isoform-measure
+check "functions and comments that fit" cargo run --release --quiet --locked -p isoform-measure
 # Pages of docs/ as a site: its links lead somewhere, and each page is found.
 check "site of the documentation" cargo run --release --quiet --locked -p isoform-docs -- build target/site
 check "program and examples" cargo build --release "${products[@]}" --locked --quiet --bins --examples

@@ -1,15 +1,20 @@
-//! Measures the functions of this repository's crates: tokens and cyclomatic complexity.
+//! Measures this repository's crates: tokens and cyclomatic complexity of functions, and how comments
+//! and names read.
 //!
 //! Prints a table by crate. Functions with more than [`MAX_TOKENS`] tokens or a cyclomatic
 //! complexity above [`MAX_COMPLEXITY`] are listed in tests/long_functions.txt, each with its
 //! reason. A long function that is not listed is a failure, and so is a listed one that was
-//! removed or shortened, so that the list can only shrink.
+//! removed or shortened, so that the list can only shrink. The counts of comments and names are
+//! bounded by tests/prose.txt in the same way; `--write` writes that list anew.
 #![forbid(unsafe_code)]
 
 mod functions;
+mod prose;
 
 use functions::{Function, functions};
+use prose::Prose;
 use std::collections::{BTreeMap, BTreeSet};
+use std::env;
 use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -53,10 +58,12 @@ fn main() -> ExitCode {
 fn run() -> Result<bool, Box<dyn Error>> {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut measured = Vec::new();
+    let mut prose = Prose::default();
     for folder in sorted(&crates)? {
         let room = name(&folder);
         for path in sources(&folder.join("src"))? {
             let text = fs::read_to_string(&path)?;
+            prose.add(&room, &text);
             let file = path.strip_prefix(&crates)?.display().to_string();
             let found = functions(&text).map_err(|e| format!("{file}: {e}"))?;
             measured.extend(found.into_iter().map(|function| MeasuredFunction {
@@ -67,8 +74,24 @@ fn run() -> Result<bool, Box<dyn Error>> {
         }
     }
     print_table(&measured);
-    let listed = fs::read_to_string(crates.join("../tests/long_functions.txt"))?;
-    Ok(print_long(&measured, &listed))
+    let lists = crates.join("../tests");
+    let is_short = print_long(
+        &measured,
+        &fs::read_to_string(lists.join("long_functions.txt"))?,
+    );
+    let path = lists.join("prose.txt");
+    let list = fs::read_to_string(&path)?;
+    if env::args().any(|argument| argument == "--write") {
+        let head = list.lines().filter(|line| line.starts_with('#'));
+        let head: String = head.map(|line| format!("{line}\n")).collect();
+        fs::write(&path, head + &prose.list())?;
+        return Ok(is_short);
+    }
+    let differences = prose.against(&list);
+    for difference in &differences {
+        println!("{difference} (tests/prose.txt)");
+    }
+    Ok(is_short && differences.is_empty())
 }
 
 /// Returns the entries of a folder, sorted by name.
