@@ -3,9 +3,9 @@
 use crate::ReadReport;
 use isoform_geom::{Point3, PointCloud, cross, norm, sub};
 
-/// Uniform points on the triangles: a triangle by its share of the area, then p = (1−√r)a +
-/// √r(1−s)b + √r·s·c with r and s uniform between 0 and 1 (Turk 1990). A point has the normal of
-/// its triangle and an interpolated colour; columns are left out.
+/// Draws uniform points on the triangles: a triangle by its share of the area, then p = (1−√r)a +
+/// √r(1−s)b + √r·s·c with r and s uniform between 0 and 1 (Turk 1990). A point gets the normal of
+/// its triangle and an interpolated colour; columns are omitted.
 pub(crate) fn surface_samples(
     mesh: &PointCloud,
     n: usize,
@@ -41,7 +41,7 @@ pub(crate) fn surface_samples(
     out
 }
 
-/// The triangles' areas (twice, which their shares do not see), summed up to each of them.
+/// Cumulative areas of the triangles. All are twice the area, which cancels in the shares.
 struct AreaSums {
     /// Sum up to and including each triangle.
     sums: Vec<f64>,
@@ -50,7 +50,7 @@ struct AreaSums {
 }
 
 impl AreaSums {
-    /// The sums of a mesh; a triangle whose area is not finite counts as one without area.
+    /// Computes the sums of a mesh; a triangle whose area is not finite counts as 0.
     fn of(mesh: &PointCloud) -> Self {
         let mut total = 0.0;
         let sums = mesh
@@ -65,8 +65,8 @@ impl AreaSums {
         Self { sums, total }
     }
 
-    /// The triangle at `at` of the total area. Rounding can give `total` itself, which belongs to
-    /// the last triangle that has an area.
+    /// Returns the triangle at a position in the cumulative area. Rounding can give `total` itself,
+    /// which belongs to the last triangle of positive area.
     #[inline]
     fn triangle_at(&self, at: f64) -> usize {
         if at < self.total {
@@ -77,20 +77,20 @@ impl AreaSums {
     }
 }
 
-/// The corners a, b and c of a triangle.
+/// Returns the corners a, b and c of a triangle.
 #[inline]
 fn corners(mesh: &PointCloud, t: &[u32; 3]) -> [Point3; 3] {
     t.map(|c| mesh.points[c as usize])
 }
 
-/// The normal (b − a) × (c − a) of a triangle, whose length is twice the area.
+/// Returns (b − a) × (c − a), a normal of a triangle whose length is twice the area.
 #[inline]
 fn area_vector(mesh: &PointCloud, t: &[u32; 3]) -> Point3 {
     let [a, b, c] = corners(mesh, t);
     cross(sub(b, a), sub(c, a))
 }
 
-/// The mean of the corners with these weights, which sum to 1.
+/// Returns the mean of the corners with weights that sum to 1.
 fn mix(weights: [f64; 3], corners: [Point3; 3]) -> Point3 {
     std::array::from_fn(|k| {
         weights[0] * corners[0][k] + weights[1] * corners[1][k] + weights[2] * corners[2][k]
@@ -103,8 +103,8 @@ mod tests {
 
     #[test]
     fn moments_are_those_of_the_triangles() {
-        // Two triangles of areas 1 : 3 in different planes. Of a triangle: mean = centroid; E|p|² =
-        // (|a|²+|b|²+|c|²+ab+bc+ca)/6.
+        // Two triangles of areas 1 : 3 in different planes. For one triangle: mean = centroid;
+        // E|p|² = (|a|²+|b|²+|c|²+ab+bc+ca)/6.
         let points = vec![
             [0.0, 0.0, 0.0],
             [2.0, 0.0, 0.0],

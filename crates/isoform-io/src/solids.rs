@@ -1,4 +1,4 @@
-//! Solids of exact faces as JSON: our own form of a boundary representation, without loss.
+//! Solids of exact faces as JSON: the native, lossless form of a boundary representation.
 //!
 //! ```json
 //! {"schema": 1, "kind": "brep", "name": "part", "unit": "mm",
@@ -34,31 +34,31 @@ use isoform_geom::brep::{
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
 
-/// What the key `kind` says.
+/// Value of the key `kind`.
 const KIND: &str = "brep";
-/// The version of the form. Files with a larger one are refused: they may mean something else.
+/// Version of the form. Files with a larger one are refused, as their meaning may differ.
 const SCHEMA: u64 = 1;
 
-/// Solids with what a file says of them.
+/// Solids with the properties stated in their file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SolidFile {
-    /// The solids.
+    /// Boundary representation of the solids.
     pub brep: Brep,
-    /// Their name; may be empty.
+    /// Name; may be empty.
     pub name: String,
-    /// Unit of length, if it is known.
+    /// Unit of length; `None` if unknown.
     pub unit: Option<String>,
-    /// Volume and so on, as stated; not looked at here.
+    /// Stated volume, area, centroid and gap; not verified when read.
     pub properties: SolidProperties,
 }
 
-/// Why a file holds no solids that can be read.
+/// Reason why solids cannot be read from a file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{at}: {problem}")]
 pub struct SolidFileError {
-    /// Where: a key with numbers from 0, or an instance of a STEP file.
+    /// Position: a key with indices from 0, or an instance of a STEP file.
     pub at: String,
-    /// What is wrong there.
+    /// Description of the problem.
     pub problem: String,
 }
 
@@ -71,12 +71,12 @@ pub(crate) fn wrong(at: impl Into<String>, problem: impl Into<String>) -> SolidF
     }
 }
 
-/// Whether a JSON document is one of solids.
+/// Returns true if a JSON document contains solids.
 pub fn is_solid_file(json: &Value) -> bool {
     json.get("kind").and_then(Value::as_str) == Some(KIND)
 }
 
-/// The file of solids; equal solids give equal bytes, and reading them the same doubles.
+/// Writes a file of solids. Equal solids give equal bytes, and reading returns identical doubles.
 ///
 /// ```
 /// use isoform_geom::brep::{Axes, Body, Brep, Coedge, Curve, Edge, Face, Surface};
@@ -201,11 +201,11 @@ fn join(json: &mut Value, more: Value) {
     }
 }
 
-/// The solids of a document.
+/// Reads the solids of a document.
 ///
 /// # Errors
-/// [`SolidFileError`] where a key is missing or holds something else, or the solids do not hold
-/// together ([`Brep::validate`]).
+/// [`SolidFileError`] if a key is missing or has a wrong value, or if the solids are inconsistent
+/// ([`Brep::validate`]).
 pub fn read_solids(json: &Value) -> Result<SolidFile> {
     let Some(top) = json.as_object().filter(|_| is_solid_file(json)) else {
         return Err(wrong("kind", "brep is expected"));
@@ -240,7 +240,7 @@ pub fn read_solids(json: &Value) -> Result<SolidFile> {
     checked(file)
 }
 
-/// A file whose solids hold together, with finite figures.
+/// Returns a file whose solids are consistent and whose numbers are finite; an error otherwise.
 pub(crate) fn checked(file: SolidFile) -> Result<SolidFile> {
     let SolidProperties {
         volume,
@@ -357,7 +357,7 @@ fn body(keys: &Keys) -> Result<Body> {
     })
 }
 
-/// An object with the place where it stands.
+/// JSON object with its position in the document.
 struct Keys<'j> {
     object: &'j Map<String, Value>,
     at: String,
@@ -382,7 +382,7 @@ impl<'j> Keys<'j> {
         let value = self.object.get(key);
         value.ok_or_else(|| self.wrong(key, "it is missing"))
     }
-    /// What a value is by `as_it`, or that something else is expected.
+    /// Converts a value by `as_it`; an error states the expected kind if the conversion fails.
     fn read<T>(
         &self,
         key: &str,
@@ -399,7 +399,7 @@ impl<'j> Keys<'j> {
         let list = self.read(key, Value::as_array, "a list is expected")?;
         Ok(list)
     }
-    /// The objects of a list.
+    /// Reads each object of a list.
     fn each<T>(&self, key: &str, read: impl Fn(&Keys) -> Result<T>) -> Result<Vec<T>> {
         let list = self.list(key)?.iter().enumerate();
         list.map(|(i, value)| {

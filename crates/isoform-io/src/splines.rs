@@ -6,10 +6,10 @@
 //! ```
 //!
 //! The function is a sum of tensor-product B-splines on lattices of cells with the edges h, h/2,
-//! h/4, …, the first of `count` cells from `corner` on. `cells` lists by their three numbers the
-//! cells of a level that hold data; `coefficients` belong to the B-splines that touch one of them,
-//! on the first level to all, ordered by z, then y, then x. Those of the other B-splines follow
-//! from the level before by the two-scale relation.
+//! h/4, …; the first lattice has `count` cells and starts at `corner`. `cells` lists, by three
+//! indices each, the cells of a level that contain data. `coefficients` belong to the B-splines
+//! whose support meets one of them (on the first level to all), ordered by z, then y, then x.
+//! Coefficients of other B-splines follow from the previous level by the two-scale relation.
 //!
 //! ```json
 //! {"schema": 1, "kind": "implicit_polynomial", "degree": 4, "origin": [x, y, z], "unit": u,
@@ -17,39 +17,39 @@
 //!  "cells": [i, j, k, …]}
 //! ```
 //!
-//! With q = (p − origin)/unit, f(p) is the sum of c qxⁱ qyʲ qzᵏ over i + j + k ≤ degree, ordered by k,
-//! then j, then i. The lattice says where the points were.
+//! With q = (p − origin)/unit, f(p) is the sum of c qxⁱ qyʲ qzᵏ over i + j + k ≤ degree, ordered by
+//! k, then j, then i. The lattice contains the points.
 
 use isoform_geom::{LevelData, Point3, PolynomialData, SplineData};
 use serde_json::{Value, json};
 
-/// What the key `kind` says of a spline.
+/// Value of the key `kind` of a spline.
 const KIND: &str = "implicit_spline";
 
-/// What the key `kind` says of a polynomial.
+/// Value of the key `kind` of a polynomial.
 const POLYNOMIAL: &str = "implicit_polynomial";
 
-/// Why a document holds no implicit spline or polynomial.
+/// Reason why a document is not an implicit spline or polynomial.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{at}: {problem}")]
 pub struct SplineFileError {
-    /// The key concerned.
+    /// Key with the problem.
     pub at: String,
-    /// What is wrong there.
+    /// Description of the problem.
     pub problem: &'static str,
 }
 
-/// Whether a JSON document is one of an implicit spline.
+/// Returns true if a JSON document is an implicit spline.
 pub fn is_spline_file(json: &Value) -> bool {
     json.get("kind").and_then(Value::as_str) == Some(KIND)
 }
 
-/// Whether a JSON document is one of a polynomial that was fitted to points.
+/// Returns true if a JSON document is a polynomial fitted to points.
 pub fn is_polynomial_file(json: &Value) -> bool {
     json.get("kind").and_then(Value::as_str) == Some(POLYNOMIAL)
 }
 
-/// The file of an implicit spline; equal splines give equal bytes.
+/// Writes an implicit spline. Equal splines give equal bytes.
 ///
 /// ```
 /// use isoform_geom::{LevelData, SplineData};
@@ -89,10 +89,10 @@ pub fn write_spline(spline: &SplineData) -> Vec<u8> {
     bytes
 }
 
-/// The numbers of an implicit spline. Whether they fit together is not looked at here.
+/// Reads the data of an implicit spline. Their consistency is not checked here.
 ///
 /// # Errors
-/// [`SplineFileError`] where a key is missing or holds something else.
+/// [`SplineFileError`] if a key is missing or has a wrong value.
 pub fn read_spline(json: &Value) -> Result<SplineData, SplineFileError> {
     if !is_spline_file(json) {
         return Err(wrong("kind", "implicit_spline is expected"));
@@ -112,7 +112,7 @@ pub fn read_spline(json: &Value) -> Result<SplineData, SplineFileError> {
     })
 }
 
-/// The file of a polynomial that was fitted to points; equal ones give equal bytes.
+/// Writes a polynomial fitted to points. Equal polynomials give equal bytes.
 ///
 /// ```
 /// use isoform_geom::PolynomialData;
@@ -151,10 +151,10 @@ pub fn write_polynomial(polynomial: &PolynomialData) -> Vec<u8> {
     bytes
 }
 
-/// The numbers of a polynomial. Whether they fit together is not looked at here.
+/// Reads the data of a polynomial. Their consistency is not checked here.
 ///
 /// # Errors
-/// [`SplineFileError`] where a key is missing or holds something else.
+/// [`SplineFileError`] if a key is missing or has a wrong value.
 pub fn read_polynomial(json: &Value) -> Result<PolynomialData, SplineFileError> {
     if !is_polynomial_file(json) {
         return Err(wrong("kind", "implicit_polynomial is expected"));
@@ -225,7 +225,7 @@ fn numbers(value: &Value) -> Option<Vec<f64>> {
     value.as_array()?.iter().map(Value::as_f64).collect()
 }
 
-/// Whole numbers in threes.
+/// Parses triples of integers.
 fn places(value: &Value) -> Option<Vec<[i32; 3]>> {
     let whole = |v: &Value| v.as_i64().and_then(|v| i32::try_from(v).ok());
     let list: Option<Vec<i32>> = value.as_array()?.iter().map(whole).collect();

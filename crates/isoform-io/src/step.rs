@@ -1,12 +1,12 @@
-//! STEP (ISO 10303-21, AP242): rational patches as faces of CAD.
+//! STEP (ISO 10303-21, AP242): rational patches as faces for CAD.
 //!
-//! Each patch is an ADVANCED_FACE in an open shell of its own, bounded by its four borders as
-//! rational B-spline curves. Its surface is the patch itself as a rational B-spline with clamped
-//! knots, or the plane, sphere, cylinder, cone or torus that it lies on. CAD systems drop faces
-//! that have a control weight of 0 or less without a word: knots are inserted until all are
-//! positive, which changes no point of the surface.
+//! Each patch is an ADVANCED_FACE in its own open shell, bounded by its four borders as rational
+//! B-spline curves. Its surface is the patch itself as a rational B-spline with clamped knots, or
+//! the plane, sphere, cylinder, cone or torus on which it lies. CAD systems silently drop faces
+//! with a control weight of 0 or less; therefore knots are inserted until all weights are positive,
+//! which leaves the surface unchanged.
 //!
-//! Equal patches give equal bytes: the time stamp is a fixed one unless another is given.
+//! Equal patches give equal bytes: the time stamp is constant unless one is given.
 
 mod brep;
 mod knots;
@@ -26,42 +26,42 @@ use spline::Spline;
 use std::io::Write;
 use std::path::Path;
 
-/// Points this near to one another, in units of the largest coordinate, are one vertex.
+/// Maximum distance between coincident vertices, relative to the largest coordinate.
 const SAME: f64 = 1e-9;
-/// The protocol of the schema, with its year.
+/// Application protocol of the schema, with its year.
 const PROTOCOL: &str = "'international standard','ap242_managed_model_based_3d_engineering',2014";
-/// What the file states as the accuracy of its lengths, in its unit.
+/// Accuracy of lengths stated in the file, in its unit.
 const UNCERTAINTY: f64 = 1e-7;
-/// The time stamp unless another is given: equal patches are to give equal files.
+/// Default time stamp; it is constant, so that equal patches give equal files.
 const EPOCH: &str = "1970-01-01T00:00:00";
 
-/// A patch to be written as a face.
+/// Patch to be written as a face.
 #[derive(Clone, Debug)]
 pub struct StepFace {
-    /// Its name; may be empty.
+    /// Name; may be empty.
     pub name: String,
-    /// The patch; ∂p/∂u × ∂p/∂v points outward.
+    /// Patch; ∂p/∂u × ∂p/∂v points outward.
     pub patch: RationalPatch,
-    /// The surface that the patch lies on to rounding, if that is known.
+    /// Surface on which the patch lies up to rounding; `None` if unknown.
     pub surface: Option<Quadric>,
 }
 
-/// How to write STEP.
+/// Options of writing STEP.
 #[derive(Clone, Debug, Default)]
 pub struct StepOptions {
     /// Unit of length of the coordinates: um, mm, cm, m, in or ft; mm by default.
     pub units: Option<String>,
     /// Name of the product.
     pub name: String,
-    /// Time stamp, such as `2026-01-31T12:00:00`; without one a fixed one, so that the same patches
-    /// give the same bytes.
+    /// Time stamp, such as `2026-01-31T12:00:00`. The default is constant, so that equal patches
+    /// give equal bytes.
     pub time: Option<String>,
 }
 
-/// Units of length that STEP files can state here.
+/// Supported units of length.
 pub const STEP_UNITS: [&str; 6] = ["um", "mm", "cm", "m", "in", "ft"];
 
-/// The text of a STEP file with a face for each patch.
+/// Returns the text of a STEP file with one face per patch.
 ///
 /// ```
 /// use isoform_geom::RationalPatch;
@@ -75,7 +75,7 @@ pub fn step(faces: &[StepFace], options: &StepOptions) -> Result<String, WriteEr
     compose(faces, options, "output")
 }
 
-/// Writes a STEP file, whole or not at all (see [`write_atomic`]).
+/// Writes a STEP file atomically (see [`write_atomic`]).
 pub fn write_step_path(
     faces: &[StepFace],
     path: &Path,
@@ -85,7 +85,7 @@ pub fn write_step_path(
     write_atomic(path, |out: &mut dyn Write| out.write_all(text.as_bytes()))
 }
 
-/// The text of the file, or the refusal with the name of the file.
+/// Returns the text of the file, or an error that names the file.
 fn compose(faces: &[StepFace], options: &StepOptions, file: &str) -> Result<String, WriteError> {
     let refuse = |refusal: Refusal| WriteError {
         code: refusal.code,
@@ -110,14 +110,14 @@ fn compose(faces: &[StepFace], options: &StepOptions, file: &str) -> Result<Stri
     Ok(doc.file(&options.name, options.time.as_deref().unwrap_or(EPOCH)))
 }
 
-/// Why patches cannot be written.
+/// Reason why patches cannot be written.
 struct Refusal {
     code: &'static str,
     why: String,
     hint: &'static str,
 }
 
-/// The unit of length, which must be one that STEP files can state here.
+/// Returns the unit of length if it is one of [`STEP_UNITS`].
 fn unit(options: &StepOptions) -> Result<&str, Refusal> {
     let unit = options.units.as_deref().unwrap_or("mm");
     if STEP_UNITS.contains(&unit) {
@@ -134,7 +134,7 @@ fn unit(options: &StepOptions) -> Result<&str, Refusal> {
     })
 }
 
-/// The surfaces of the faces, of which there must be one, with positive weights.
+/// Converts the patches, of which there must be at least one, to B-splines with positive weights.
 fn splines(faces: &[StepFace]) -> Result<Vec<Spline>, Refusal> {
     if faces.is_empty() {
         return Err(Refusal {
@@ -155,7 +155,7 @@ fn splines(faces: &[StepFace]) -> Result<Vec<Spline>, Refusal> {
     faces.iter().zip(1..).map(positive).collect()
 }
 
-/// The largest coordinate of a control point.
+/// Returns the largest absolute coordinate of all control points.
 fn size(splines: &[Spline]) -> Result<f64, Refusal> {
     let coordinates = splines.iter().flat_map(Spline::points).flatten();
     let size = coordinates.fold(0.0f64, |m, v| m.max(v.abs()));
@@ -169,11 +169,11 @@ fn size(splines: &[Spline]) -> Result<f64, Refusal> {
     })
 }
 
-/// Instances of the product to which faces are tied.
+/// Instances of the product to which the faces belong.
 struct Product {
     /// Shape of the product, which the representation defines.
     shape: usize,
-    /// Units and accuracy of the coordinates.
+    /// Context with units and accuracy of the coordinates.
     context: usize,
     /// Unit of length.
     length: usize,
@@ -181,7 +181,7 @@ struct Product {
     origin: usize,
 }
 
-/// What every file of a part says: the product, its units, and where the origin is.
+/// Adds the instances common to all files of patches: product, units and origin.
 fn product(doc: &mut Document, options: &StepOptions, unit: &str) -> Product {
     let name = part21::text(if options.name.is_empty() {
         "surface"
@@ -192,7 +192,7 @@ fn product(doc: &mut Document, options: &StepOptions, unit: &str) -> Product {
 }
 
 impl Product {
-    /// The product of this name (in quotes), in a unit of length, by a protocol, with an accuracy.
+    /// Adds a product with a name (in quotes), unit of length, application protocol and accuracy.
     fn new(doc: &mut Document, name: &str, unit: &str, protocol: &str, accuracy: f64) -> Self {
         let shape = shape(doc, name, protocol);
         let (context, length) = context(doc, unit, accuracy);
@@ -208,7 +208,7 @@ impl Product {
             origin,
         }
     }
-    /// The shape of the product is these shells.
+    /// Defines the shape of the product by these shells.
     fn represent(&self, doc: &mut Document, shells: &[usize]) {
         let shells = part21::ids(shells);
         let model = doc.add(&format!("SHELL_BASED_SURFACE_MODEL('',{shells})"));
@@ -225,7 +225,7 @@ impl Product {
     }
 }
 
-/// The product of this name, down to its shape.
+/// Adds the product of this name, down to its shape.
 fn shape(doc: &mut Document, name: &str, protocol: &str) -> usize {
     let id = part21::id;
     let app = doc.add("APPLICATION_CONTEXT('managed model based 3d engineering')");
@@ -258,8 +258,8 @@ fn shape(doc: &mut Document, name: &str, protocol: &str) -> usize {
     ))
 }
 
-/// The space of the coordinates: units of length and angle, and the accuracy; and the unit of
-/// length.
+/// Adds the coordinate context, which states the units of length and angle and the accuracy.
+/// Returns the context and the unit of length.
 fn context(doc: &mut Document, unit: &str, accuracy: f64) -> (usize, usize) {
     let id = part21::id;
     let length = length_unit(doc, unit);
@@ -280,7 +280,7 @@ fn context(doc: &mut Document, unit: &str, accuracy: f64) -> (usize, usize) {
     (context, length)
 }
 
-/// One of [`STEP_UNITS`].
+/// Adds one of [`STEP_UNITS`].
 fn length_unit(doc: &mut Document, unit: &str) -> usize {
     let id = part21::id;
     let si = |doc: &mut Document, prefix: &str| {
@@ -315,17 +315,17 @@ fn length_unit(doc: &mut Document, unit: &str) -> usize {
     }
 }
 
-/// A border of a face.
+/// Border of a face.
 struct Border {
-    /// Its control points, homogeneous.
+    /// Homogeneous control points.
     control: Vec<[f64; 4]>,
-    /// Whether it runs along u, whose knots it has then.
+    /// True if the border runs along u and has the knots of u.
     along_u: bool,
-    /// Whether it runs along the loop around the face.
+    /// True if the border has the direction of the loop around the face.
     forward: bool,
 }
 
-/// The borders around a face, its outside above.
+/// Returns the borders of a face, counterclockwise as seen from outside.
 fn borders(spline: &Spline) -> [Border; 4] {
     let (m, n) = spline.last();
     let row = |i: usize| (0..=n).map(|j| spline.at(i, j)).collect();
@@ -343,20 +343,20 @@ fn borders(spline: &Spline) -> [Border; 4] {
     ]
 }
 
-/// The corners of a face that are written already.
+/// Vertices of a face written so far.
 struct Vertices {
-    /// Points this near are one.
+    /// Maximum distance between coincident vertices.
     same: f64,
-    /// Places of the vertices with their numbers.
+    /// Points of the vertices with their instances.
     written: Vec<(Point3, usize)>,
 }
 
 impl Vertices {
-    /// Whether two points are one vertex.
+    /// Returns true if two points are one vertex.
     fn is_same(&self, p: Point3, q: Point3) -> bool {
         distance_squared(p, q) <= self.same * self.same
     }
-    /// The vertex at a point.
+    /// Returns the vertex at a point; adds it if it is new.
     fn at(&mut self, doc: &mut Document, p: Point3) -> usize {
         if let Some((_, vertex)) = self.written.iter().find(|(q, _)| self.is_same(*q, p)) {
             return *vertex;
@@ -368,7 +368,7 @@ impl Vertices {
     }
 }
 
-/// A face with its surface, borders and corners.
+/// Adds a face with its surface, edges and vertices.
 fn write_face(doc: &mut Document, face: &StepFace, spline: &Spline, same: f64) -> usize {
     let mut vertices = Vertices {
         same,
@@ -389,7 +389,7 @@ fn write_face(doc: &mut Document, face: &StepFace, spline: &Spline, same: f64) -
     ))
 }
 
-/// The edge of a border; none where the border is a point, such as the pole of a sphere.
+/// Adds the edge of a border; `None` if the border is a point, such as the pole of a sphere.
 fn write_edge(
     doc: &mut Document,
     border: &Border,
@@ -411,8 +411,8 @@ fn write_edge(
     )))
 }
 
-/// The named surface that the patch lies on, if it can be placed, else the spline; and whether its
-/// normal agrees with that of the patch.
+/// Adds the named surface of the patch if it can be placed, else the spline. Returns true with it
+/// if its normal agrees with that of the patch.
 fn write_surface(doc: &mut Document, face: &StepFace, spline: &Spline) -> (usize, bool) {
     let Some(placed) = face.surface.and_then(|s| placement::place(&s, &face.patch)) else {
         return (doc.surface(spline), true);

@@ -1,6 +1,6 @@
-//! Solids: closed shells of faces on exact surfaces, one edge and one vertex where they meet.
+//! Solids: closed shells of faces on exact surfaces that share edges and vertices.
 //!
-//! No parameter curves are written: readers find them to rounding, and wrong ones harm.
+//! Parameter curves are not written: readers compute them up to rounding, and inaccurate ones harm.
 
 use super::part21::{Document, flag, id, ids, integers, real, reals, text};
 use super::placement::Placement;
@@ -13,7 +13,7 @@ use isoform_geom::brep::{
 use std::io::Write;
 use std::path::Path;
 
-/// The colours of parts, red, green and blue, one after the other.
+/// Cyclic colours of parts: red, green and blue.
 const COLORS: [Point3; 6] = [
     [0.62, 0.7, 0.8],
     [0.85, 0.65, 0.45],
@@ -23,32 +23,33 @@ const COLORS: [Point3; 6] = [
     [0.75, 0.55, 0.55],
 ];
 
-/// What a file of solids says of them beside their faces, to be compared by the reader.
+/// Properties of solids stated in a file for comparison by the reader.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolidProperties {
-    /// The volume of all solids, in cubic units of length.
+    /// Volume of all solids, in cubic units of length.
     pub volume: f64,
-    /// The area of their surface, in square units.
+    /// Area of their surface, in square units of length.
     pub area: f64,
-    /// The centre of the volume.
+    /// Centroid of the volume.
     pub centroid: Point3,
-    /// What edges leave their faces by at most, in units of length: the accuracy that is stated.
+    /// Maximum distance of edges from their faces, in units of length; the stated accuracy follows
+    /// from it.
     pub gap: f64,
 }
 
-/// How to write solids.
+/// Options of writing solids.
 #[derive(Clone, Debug, Default)]
 pub struct SolidOptions {
-    /// Units, name and time.
+    /// Unit, name and time.
     pub step: StepOptions,
-    /// AP214 instead of AP242.
+    /// True for AP214 instead of AP242.
     pub ap214: bool,
 }
 
-/// The text of a STEP file with the solids of a boundary representation, whose shells are closed.
+/// Returns the text of a STEP file with the solids of a boundary representation with closed shells.
 ///
 /// # Errors
-/// If the unit is unknown, there is no solid, or an edge is not between two faces.
+/// If the unit is unknown, there is no solid, or an edge does not separate two faces.
 pub fn step_solids(
     brep: &Brep,
     properties: &SolidProperties,
@@ -57,10 +58,10 @@ pub fn step_solids(
     compose(brep, properties, options, "output")
 }
 
-/// Writes a STEP file of solids, whole or not at all (see [`write_atomic`]).
+/// Writes a STEP file of solids atomically (see [`write_atomic`]).
 ///
 /// # Errors
-/// Those of [`step_solids`], and of the file.
+/// Errors of [`step_solids`] and of the file system.
 pub fn write_step_solids(
     brep: &Brep,
     properties: &SolidProperties,
@@ -101,7 +102,7 @@ fn compose(
         &options.step.name
     });
     let schema = if options.ap214 { AP214 } else { AP242 };
-    // Readers take the stated accuracy as what is one point.
+    // Readers merge points within the stated accuracy.
     let accuracy = (10.0 * properties.gap).max(super::UNCERTAINTY);
     let product = Product::new(&mut doc, &name, unit, schema.protocol, accuracy);
     let mut writer = Writer::new(doc, brep);
@@ -111,7 +112,7 @@ fn compose(
     Ok(writer.doc.file_of(&options.step.name, time, schema.name))
 }
 
-/// A schema: its name in the header, and its protocol with the year.
+/// Schema: its name in the header, and its application protocol with the year.
 struct Schema {
     name: &'static str,
     protocol: &'static str,
@@ -126,13 +127,13 @@ const AP214: Schema = Schema {
     protocol: "'international standard','automotive_design',2010",
 };
 
-/// Knots, each once, and how often each counts.
+/// Splits a knot vector into distinct knots and their multiplicities.
 fn distinct(knots: &[f64]) -> (Vec<f64>, Vec<usize>) {
     let each = knots.chunk_by(|a, b| a == b);
     each.map(|same| (same[0], same.len())).unzip()
 }
 
-/// Edges that are not in two loops, once in each direction.
+/// Counts the edges that are not used by two loops in opposite directions.
 fn open_edges(brep: &Brep) -> usize {
     let mut uses = vec![[0usize; 2]; brep.edges.len()];
     for coedge in brep.faces.iter().flat_map(|f| f.loops.iter().flatten()) {
@@ -151,7 +152,7 @@ struct Writer<'a> {
 }
 
 impl<'a> Writer<'a> {
-    /// Writes vertices, edges and faces.
+    /// Adds vertices, edges and faces.
     fn new(mut doc: Document, brep: &'a Brep) -> Self {
         let vertices: Vec<usize> = brep
             .vertices
@@ -252,7 +253,7 @@ impl<'a> Writer<'a> {
         self.doc.add(&entity)
     }
 
-    /// A spline, x by y.
+    /// Adds the B-spline of a height graph.
     fn graph(&mut self, graph: &Graph) -> usize {
         let points = self.grid(&graph.control(), graph.columns());
         let degree = graph.degree;
@@ -267,7 +268,7 @@ impl<'a> Writer<'a> {
         ))
     }
 
-    /// The chart of an ellipsoid that lies about the x of its sphere, as a rational biquadratic
+    /// Adds the chart of an ellipsoid around the x axis of its sphere as a rational biquadratic
     /// patch.
     fn ellipsoid(&mut self, ball: &Ellipsoid) -> usize {
         let (control, weights) = ball.chart(Ellipsoid::REACH);
@@ -282,7 +283,7 @@ impl<'a> Writer<'a> {
         ))
     }
 
-    /// Control points, row by row.
+    /// Adds control points, and lists them row by row.
     fn grid(&mut self, points: &[Point3], columns: usize) -> String {
         let rows: Vec<String> = points
             .chunks(columns)
@@ -328,7 +329,7 @@ impl<'a> Writer<'a> {
         self.doc.add(&format!("CLOSED_SHELL('',{})", ids(&faces)))
     }
 
-    /// The solids, their representation and the colours of the faces.
+    /// Adds the solids, their representation and the colours of the faces.
     fn solids(&mut self, product: &Product) {
         let count = self.brep.solids.len();
         let mut items = vec![product.origin];
@@ -361,7 +362,8 @@ impl<'a> Writer<'a> {
                 .doc
                 .add(&format!("MANIFOLD_SOLID_BREP({name},{outer})"));
         }
-        // The faces of a void point out of the solid, into it: the shell is taken as it is.
+        // The faces of a void point out of the material, into the void; the shell keeps its
+        // orientation.
         let voids: Vec<usize> = body
             .voids
             .iter()
@@ -375,8 +377,8 @@ impl<'a> Writer<'a> {
             .add(&format!("BREP_WITH_VOIDS({name},{outer},{})", ids(&voids)))
     }
 
-    /// Colours by part. The assignment in between, which newer practice leaves out and one reader
-    /// stumbles over, is not written.
+    /// Adds colours by part. The intermediate PRESENTATION_STYLE_ASSIGNMENT, which newer practice
+    /// omits and one reader rejects, is not written.
     fn colors(&mut self, context: &str) {
         let parts = self.brep.parts.len();
         let styles: Vec<usize> = COLORS
@@ -413,7 +415,8 @@ impl<'a> Writer<'a> {
         last
     }
 
-    /// Geometric validation properties (CAx-IF recommended practices 4.4): volume, area, centroid.
+    /// Adds geometric validation properties (CAx-IF recommended practices 4.4): volume, area,
+    /// centroid.
     fn properties(&mut self, properties: &SolidProperties, product: &Product) {
         let (volume, area) = (real(properties.volume), real(properties.area));
         let units = &product.context;
@@ -457,7 +460,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// A power of the unit of length.
+    /// Adds a power of the unit of length.
     fn derived(&mut self, length: &str, power: u32) -> usize {
         let element = self
             .doc

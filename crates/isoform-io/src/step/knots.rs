@@ -1,13 +1,13 @@
-//! Knots of the B-splines of a STEP file.
+//! Knot vectors of the B-splines of a STEP file.
 
-/// Clamped knots 0, 1/s, 2/s, … 1: degree + 1 times at the ends, once inside.
+/// Clamped uniform knots 0, 1/s, 2/s, … 1: multiplicity degree + 1 at the ends, 1 inside.
 pub(super) struct Knots {
     pub(super) degree: usize,
     pub(super) spans: usize,
 }
 
 impl Knots {
-    /// All knots with their repetitions.
+    /// Returns all knots, repeated by multiplicity.
     pub(super) fn all(&self) -> Vec<f64> {
         self.counts()
             .iter()
@@ -15,7 +15,7 @@ impl Knots {
             .flat_map(|(count, value)| std::iter::repeat_n(value, *count))
             .collect()
     }
-    /// How often each knot occurs.
+    /// Returns the multiplicity of each knot.
     pub(super) fn counts(&self) -> Vec<usize> {
         (0..=self.spans)
             .map(|k| {
@@ -27,7 +27,7 @@ impl Knots {
             })
             .collect()
     }
-    /// The knots, each once.
+    /// Returns the distinct knots.
     pub(super) fn values(&self) -> Vec<f64> {
         (0..=self.spans)
             .map(|k| k as f64 / self.spans as f64)

@@ -1,38 +1,38 @@
-//! The text of ISO 10303-21 taken apart: instances with their arguments.
+//! Parser of ISO 10303-21: instances with their arguments.
 
 use crate::solids::{SolidFileError, wrong};
 use std::collections::BTreeMap;
 
-/// Lists in lists, at most: our own files have four. More would cost stack.
+/// Maximum depth of nested lists, which bounds the stack. Files of this crate need four.
 const DEEPEST: usize = 16;
 
-/// An argument.
+/// Argument of a record.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Value {
-    /// $ or *: nothing, or derived.
+    /// $ or *: unset, or derived.
     Nothing,
-    /// #12.
+    /// Reference to an instance, such as #12.
     Reference(u64),
-    /// A number, whole or not.
+    /// Integer or real.
     Number(f64),
-    /// A text in quotes.
+    /// Text in quotes.
     Text(String),
-    /// .T. and the like, without the points.
+    /// Enumeration value without its dots, such as T for .T.
     Word(String),
-    /// Arguments in brackets.
+    /// Arguments in parentheses.
     List(Vec<Self>),
-    /// A typed argument, such as `LENGTH_MEASURE(1.)`.
+    /// Typed argument, such as `LENGTH_MEASURE(1.)`.
     Typed(Record),
 }
 
-/// A keyword with arguments.
+/// Keyword with arguments.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Record {
     pub(super) name: String,
     pub(super) arguments: Vec<Value>,
 }
 
-/// A file: records of the header, and the records of each instance by its number.
+/// Parsed file: records of the header, and the records of each instance by number.
 #[derive(Debug, Default)]
 pub(super) struct File {
     pub(super) header: Vec<Record>,
@@ -41,7 +41,7 @@ pub(super) struct File {
 
 type Result<T> = std::result::Result<T, SolidFileError>;
 
-/// Takes a text apart.
+/// Parses a file.
 pub(super) fn parse(text: &str) -> Result<File> {
     let mut parser = Parser {
         bytes: text.as_bytes(),
@@ -80,7 +80,7 @@ struct Parser<'t> {
 }
 
 impl Parser<'_> {
-    /// The error at the place reached, as line and column from 1.
+    /// Returns an error at the present position, given as line and column from 1.
     fn wrong(&self, problem: &str) -> SolidFileError {
         let before = &self.bytes[..self.at.min(self.bytes.len())];
         let line = before.iter().filter(|b| **b == b'\n').count() + 1;
@@ -91,7 +91,7 @@ impl Parser<'_> {
         let column = before.len() - start + 1;
         wrong(format!("line {line}, column {column}"), problem)
     }
-    /// The next byte that is no space.
+    /// Returns the next byte that is not a space.
     fn peek(&mut self) -> Option<u8> {
         let is_space = |b: &u8| b.is_ascii_whitespace();
         while self.bytes.get(self.at).is_some_and(is_space) {
@@ -99,7 +99,7 @@ impl Parser<'_> {
         }
         self.bytes.get(self.at).copied()
     }
-    /// Goes on beyond these characters if they come next.
+    /// Consumes these characters and returns true if they come next.
     fn take(&mut self, what: &str) -> bool {
         self.peek();
         let comes = self.bytes[self.at..].starts_with(what.as_bytes());
@@ -114,13 +114,13 @@ impl Parser<'_> {
         }
         Err(self.wrong(&format!("`{what}` is expected")))
     }
-    /// The bytes from here on that are of a kind.
+    /// Consumes and returns the longest run of bytes that satisfy a predicate.
     fn run(&mut self, is: impl Fn(u8) -> bool) -> &str {
         let start = self.at;
         while self.bytes.get(self.at).is_some_and(|b| is(*b)) {
             self.at += 1;
         }
-        // What is of a kind is ASCII here: the run begins and ends between characters.
+        // Predicates accept ASCII only, so the run starts and ends between characters.
         std::str::from_utf8(&self.bytes[start..self.at]).unwrap_or_default()
     }
     fn whole(&mut self) -> Result<u64> {
@@ -141,7 +141,7 @@ impl Parser<'_> {
         let arguments = self.list(depth)?;
         Ok(Record { name, arguments })
     }
-    /// Several records in brackets, without commas.
+    /// Parses several records in parentheses, without commas.
     fn complex(&mut self) -> Result<Vec<Record>> {
         self.expect("(")?;
         let mut records = Vec::new();
@@ -150,7 +150,7 @@ impl Parser<'_> {
         }
         Ok(records)
     }
-    /// Arguments up to the bracket that ends them.
+    /// Parses arguments up to the closing parenthesis.
     fn list(&mut self, depth: usize) -> Result<Vec<Value>> {
         if depth > DEEPEST {
             return Err(self.wrong("too many brackets in one another"));
@@ -203,7 +203,7 @@ impl Parser<'_> {
             }
         }
     }
-    /// A text in quotes, which it doubles.
+    /// Parses a text in quotes; a doubled quote is a quote.
     fn text(&mut self) -> Result<Value> {
         let start = self.at;
         let mut bytes = Vec::new();
@@ -231,7 +231,7 @@ impl Parser<'_> {
     }
 }
 
-/// A text without the escapes that `part21::text` writes: \\, \X2\…\X0\ and \X4\…\X0\.
+/// Decodes the escapes written by `part21::text`: \\, \X2\…\X0\ and \X4\…\X0\.
 fn plain(text: &str) -> Option<String> {
     let mut out = String::new();
     let mut rest = text;

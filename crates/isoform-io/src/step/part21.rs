@@ -1,4 +1,4 @@
-//! The text of ISO 10303-21: numbered instances, reals, strings.
+//! Writer of ISO 10303-21: numbered instances, reals, strings.
 
 use super::knots::Knots;
 use super::placement::Placement;
@@ -6,13 +6,13 @@ use super::spline::{Spline, affine};
 use isoform_geom::{Point3, norm, sub};
 use std::fmt::Write;
 
-/// The schema unless another is asked for.
+/// Default schema.
 pub(super) const AP242: &str =
     "AP242_MANAGED_MODEL_BASED_3D_ENGINEERING_MIM_LF { 1 0 10303 442 1 1 4 }";
-/// Lines are broken behind a comma from here on.
+/// Column after which lines are broken at the next comma.
 const WIDTH: usize = 120;
 
-/// The data section, instance by instance.
+/// Data section, built instance by instance.
 #[derive(Default)]
 pub(super) struct Document {
     /// Text of the instances.
@@ -22,7 +22,7 @@ pub(super) struct Document {
 }
 
 impl Document {
-    /// Adds an instance; gives back its number.
+    /// Adds an instance and returns its number.
     pub(super) fn add(&mut self, entity: &str) -> usize {
         self.count += 1;
         let start = self.data.len();
@@ -41,11 +41,11 @@ impl Document {
         self.data.push_str(";\n");
         self.count
     }
-    /// The whole file.
+    /// Returns the complete file in the default schema.
     pub(super) fn file(&self, name: &str, time: &str) -> String {
         self.file_of(name, time, AP242)
     }
-    /// The whole file, in a schema.
+    /// Returns the complete file in a schema.
     pub(super) fn file_of(&self, name: &str, time: &str, schema: &str) -> String {
         let (name, time) = (text(name), text(time));
         format!(
@@ -57,15 +57,15 @@ impl Document {
             data = self.data
         )
     }
-    /// Adds a point; gives back its number.
+    /// Adds a point and returns its number.
     pub(super) fn point(&mut self, p: Point3) -> usize {
         self.add(&format!("CARTESIAN_POINT('',{})", reals(&p)))
     }
-    /// Adds a direction; gives back its number.
+    /// Adds a direction and returns its number.
     fn direction(&mut self, d: Point3) -> usize {
         self.add(&format!("DIRECTION('',{})", reals(&d)))
     }
-    /// Adds the line through two points; gives back its number.
+    /// Adds the line through two points and returns its number.
     pub(super) fn line(&mut self, from: Point3, to: Point3) -> usize {
         let d = sub(to, from);
         let length = norm(d);
@@ -73,7 +73,7 @@ impl Document {
         let vector = self.add(&format!("VECTOR('',{},1.)", id(direction)));
         self.add(&format!("LINE('',{},{})", id(point), id(vector)))
     }
-    /// Adds axes with their origin; gives back their number.
+    /// Adds axes with their origin and returns their number.
     pub(super) fn placement(&mut self, axes: &Placement) -> usize {
         let (origin, z, x) = (
             self.point(axes.origin),
@@ -87,12 +87,12 @@ impl Document {
             id(x)
         ))
     }
-    /// Adds an axis: a point of it and its direction; gives back its number.
+    /// Adds an axis, given by a point and its direction, and returns its number.
     pub(super) fn axis(&mut self, origin: Point3, z: Point3) -> usize {
         let (origin, z) = (self.point(origin), self.direction(z));
         self.add(&format!("AXIS1_PLACEMENT('',{},{})", id(origin), id(z)))
     }
-    /// A rational B-spline curve.
+    /// Adds a rational B-spline curve.
     pub(super) fn curve(&mut self, control: &[[f64; 4]], knots: &Knots) -> usize {
         let points: Vec<usize> = control.iter().map(|c| self.point(affine(c))).collect();
         let weights: Vec<f64> = control.iter().map(|c| c[3]).collect();
@@ -107,7 +107,7 @@ impl Document {
             weights = reals(&weights)
         ))
     }
-    /// A rational B-spline surface.
+    /// Adds a rational B-spline surface.
     pub(super) fn surface(&mut self, spline: &Spline) -> usize {
         let (m, n) = spline.last();
         let (mut points, mut weights) = (Vec::new(), Vec::new());
@@ -137,33 +137,33 @@ impl Document {
     }
 }
 
-/// A reference to an instance.
+/// Formats a reference to an instance.
 pub(super) fn id(number: usize) -> String {
     format!("#{number}")
 }
-/// A list of references to instances.
+/// Formats a list of references.
 pub(super) fn ids(numbers: &[usize]) -> String {
     list(numbers.iter().map(|n| id(*n)))
 }
-/// A list of whole numbers.
+/// Formats a list of integers.
 pub(super) fn integers(numbers: &[usize]) -> String {
     list(numbers.iter().map(usize::to_string))
 }
-/// A list of reals.
+/// Formats a list of reals.
 pub(super) fn reals(numbers: &[f64]) -> String {
     list(numbers.iter().map(|v| real(*v)))
 }
-/// A list of items in brackets, with commas between.
+/// Formats items in parentheses, separated by commas.
 fn list(items: impl Iterator<Item = String>) -> String {
     format!("({})", items.collect::<Vec<_>>().join(","))
 }
-/// A logical value.
+/// Formats a logical value.
 pub(super) fn flag(is: bool) -> &'static str {
     if is { ".T." } else { ".F." }
 }
 
-/// The shortest real that reads back as the same double: always with a point, the exponent as a
-/// capital E.
+/// Formats the shortest real that reads back identically, always with a decimal point and a capital
+/// E for the exponent.
 pub(super) fn real(v: f64) -> String {
     let mut buffer = zmij::Buffer::new();
     let short = buffer.format(v);
@@ -181,7 +181,8 @@ pub(super) fn real(v: f64) -> String {
     text
 }
 
-/// A string in quotes: of ASCII, others as UTF-16 in hexadecimal (\X2\…\X0\) or UTF-32 (\X4\…\X0\).
+/// Formats a string in quotes: ASCII as is, other characters as UTF-16 (\X2\…\X0\) or UTF-32
+/// (\X4\…\X0\) in hexadecimal.
 pub(super) fn text(plain: &str) -> String {
     let mut text = String::from("'");
     for c in plain.chars() {

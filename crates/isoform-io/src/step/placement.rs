@@ -1,45 +1,46 @@
-//! Where a named surface stands, turned so that its seam and its poles are away from the patch.
+//! Placement of named surfaces such that seam and poles are away from the patch.
 
 use isoform_geom::{Point3, Quadric, RationalPatch, Tangents, dot, norm, sub};
 
-/// Where a patch is looked at, in each direction.
+/// Number of samples of a patch in each direction.
 const SAMPLES: usize = 9;
-/// A patch must stay so far from a seam: the cosine of the angle.
+/// Cosine of the minimum angle between a patch and a seam.
 const AWAY: f64 = 0.98;
-/// The cosine of the angle within which a patch on a sphere must stay.
+/// Cosine of the maximum angle between a patch on a sphere and its middle (80°), as seen from the
+/// centre.
 const NEAR: f64 = 0.17;
 
-/// Axes: an origin, and the directions of z and of x.
+/// Axes: an origin, and the directions of z and x.
 pub(super) struct Placement {
     pub(super) origin: Point3,
     pub(super) z: Point3,
     pub(super) x: Point3,
 }
 
-/// A named surface as an entity.
+/// Named surface as a STEP entity.
 pub(super) struct Placed {
     /// Name of the entity in the schema.
     pub(super) entity: &'static str,
-    /// Where it stands.
+    /// Position and orientation.
     pub(super) axes: Placement,
-    /// What follows the axes.
+    /// Parameters that follow the axes, such as radii.
     pub(super) numbers: Vec<f64>,
-    /// Whether its normal is on the side of ∂p/∂u × ∂p/∂v.
+    /// True if the normal agrees with ∂p/∂u × ∂p/∂v.
     pub(super) agrees: bool,
 }
 
-/// A patch as it is looked at.
+/// Samples of a patch.
 struct View {
-    /// Points of the whole patch.
+    /// Points on a uniform grid of parameters.
     points: Vec<Point3>,
-    /// The middle with its derivatives.
+    /// Point and tangents at the middle.
     middle: Tangents,
-    /// The normal in the middle.
+    /// Normal at the middle.
     outward: Point3,
 }
 
 impl View {
-    /// The view of a patch at a square grid of parameters.
+    /// Samples a patch on a square grid of parameters.
     fn of(patch: &RationalPatch) -> Self {
         let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
         let middle = patch.tangents(0.5, 0.5);
@@ -51,7 +52,7 @@ impl View {
             middle,
         }
     }
-    /// Whether the patch stays away from the half-plane of the seam about an axis.
+    /// Returns true if the patch stays away from the half-plane of the seam about an axis.
     fn is_away_from_seam(&self, origin: Point3, axis: Point3, seam: Point3) -> bool {
         self.points
             .iter()
@@ -59,8 +60,8 @@ impl View {
     }
 }
 
-/// The surface about the patch; none where the patch comes near a pole, an apex or the seam,
-/// wherever these are put, and for quadrics without an entity.
+/// Places a surface for a patch. Returns `None` if every placement puts a pole, an apex or the seam
+/// near the patch, and for quadrics without an entity.
 pub(super) fn place(surface: &Quadric, patch: &RationalPatch) -> Option<Placed> {
     let view = View::of(patch);
     match *surface {
@@ -82,12 +83,12 @@ pub(super) fn place(surface: &Quadric, patch: &RationalPatch) -> Option<Placed> 
             major,
             minor,
         } => torus(&view, center, axis, [major, minor]),
-        // STEP has no entity for the others.
+        // STEP lacks entities for other quadrics.
         Quadric::Other { .. } => None,
     }
 }
 
-/// The plane; x runs along u in the middle of the patch.
+/// Places a plane; x is the direction of u at the middle of the patch.
 fn plane(view: &View, normal: Point3, offset: f64) -> Option<Placed> {
     let x = unit(across(view.middle.u, normal))?;
     let origin = normal.map(|v| offset * v);
@@ -103,12 +104,12 @@ fn plane(view: &View, normal: Point3, offset: f64) -> Option<Placed> {
     })
 }
 
-/// The sphere; its equator runs through the middle of the patch, and its seam lies opposite.
+/// Places a sphere: its equator passes through the middle of the patch, and its seam is opposite.
 fn sphere(view: &View, center: Point3, radius: f64) -> Option<Placed> {
     let out = unit(sub(view.middle.point, center))?;
     let z = unit(across(view.middle.v, out))?;
     let x = out.map(|v| -v);
-    // Within 80° of the middle there is neither pole nor seam.
+    // Poles and seam are at least 90° from the middle; the patch must stay within 80°.
     let is_near = |p: &Point3| dot(sub(*p, center), out) > NEAR * radius;
     view.points.iter().all(is_near).then(|| Placed {
         entity: "SPHERICAL_SURFACE",
@@ -122,7 +123,7 @@ fn sphere(view: &View, center: Point3, radius: f64) -> Option<Placed> {
     })
 }
 
-/// The cylinder, its seam opposite to the middle of the patch.
+/// Places a cylinder with the seam opposite to the middle of the patch.
 fn cylinder(view: &View, point: Point3, axis: Point3, radius: f64) -> Option<Placed> {
     let out = unit(across(sub(view.middle.point, point), axis))?;
     let x = out.map(|v| -v);
@@ -138,9 +139,9 @@ fn cylinder(view: &View, point: Point3, axis: Point3, radius: f64) -> Option<Pla
     })
 }
 
-/// The cone, with its origin at the height of the middle of the patch and its seam opposite.
+/// Places a cone with its origin at the height of the middle of the patch, and the seam opposite.
 fn cone(view: &View, apex: Point3, axis: Point3, half_angle: f64) -> Option<Placed> {
-    // The axis towards the patch, and the circle about it at the patch's middle.
+    // Axis towards the patch, and the circle about it through the middle of the patch.
     let height = dot(sub(view.middle.point, apex), axis);
     let z = axis.map(|v| v * height.signum());
     let height = height.abs();
@@ -161,10 +162,9 @@ fn cone(view: &View, apex: Point3, axis: Point3, half_angle: f64) -> Option<Plac
     })
 }
 
-/// The torus, its seam about the axis opposite to the middle of the patch.
+/// Places a torus with the seam about the axis opposite to the middle of the patch.
 fn torus(view: &View, center: Point3, axis: Point3, [major, minor]: [f64; 2]) -> Option<Placed> {
-    // Only about the axis can the seam be put opposite to the patch; along the tube it is the outer
-    // equator.
+    // Only the seam about the axis can be moved; the seam along the tube is the outer equator.
     let out = unit(across(sub(view.middle.point, center), axis))?;
     let x = out.map(|v| -v);
     let from_tube = |p: Point3| -> Option<Point3> {
@@ -174,7 +174,8 @@ fn torus(view: &View, center: Point3, axis: Point3, [major, minor]: [f64; 2]) ->
     let normal = unit(from_tube(view.middle.point)?)?;
     let behind = normal.map(|v| -v);
     let is_in_front = |p: &Point3| from_tube(*p).is_some_and(|d| away(d, behind));
-    // With a tube that reaches the axis it is another entity, which few readers know.
+    // A self-intersecting torus is another entity (DEGENERATE_TOROIDAL_SURFACE), which few readers
+    // support.
     let fits = minor < AWAY * major
         && view.is_away_from_seam(center, axis, x)
         && view.points.iter().all(is_in_front);
@@ -190,22 +191,22 @@ fn torus(view: &View, center: Point3, axis: Point3, [major, minor]: [f64; 2]) ->
     })
 }
 
-/// Whether a vector is not along the seam.
+/// Returns true if a vector does not have the direction of the seam.
 fn away(d: Point3, seam: Point3) -> bool {
     dot(d, seam) < AWAY * norm(d)
 }
 
-/// The part of a vector at right angles to a unit vector.
+/// Returns the component of a vector perpendicular to a unit vector.
 fn across(d: Point3, n: Point3) -> Point3 {
     let along = dot(d, n);
     let flat: Point3 = std::array::from_fn(|k| d[k] - along * n[k]);
-    // Exactly at right angles matters to readers: once more, against what the first difference has
-    // left.
+    // Readers require exact perpendicularity: a second projection removes the rounding error of the
+    // first.
     let left = dot(flat, n);
     std::array::from_fn(|k| flat[k] - left * n[k])
 }
 
-/// The direction of a vector; none for one without length.
+/// Normalises a vector; `None` if its length is zero or not finite.
 fn unit(d: Point3) -> Option<Point3> {
     let length = norm(d);
     (length > 0.0 && length.is_finite()).then(|| d.map(|v| v / length))
@@ -233,7 +234,7 @@ mod tests {
 
     #[test]
     fn patches_beyond_a_pole_stay_splines() {
-        // Stereographic from the point (0, 0, 1/2), within 2 atan(a) of it.
+        // Stereographic projection from the point (0, 0, 1/2), within 2 atan(a) of it.
         let cap = |a: f64| {
             let (one, s, s2) = ([1.0; 3], [-a, 0.0, a], [a * a, -a * a, a * a]);
             let at = |i: usize, j: usize| {

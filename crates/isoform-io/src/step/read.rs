@@ -1,9 +1,9 @@
-//! Solids out of STEP files that this crate wrote ([`super::step_solids`]).
+//! Reader of solids in STEP files written by this crate ([`super::step_solids`]).
 //!
-//! No other STEP file is read: its curves and surfaces may be of any kind, and what is read here is
-//! to be what was written, to the last digit. Only the frames of splines and ellipsoids, which STEP
-//! has no place for, are found from their control points, to rounding. Parts come in the order of
-//! their first faces.
+//! Other STEP files are refused, because their curves and surfaces may be of any kind. Reading
+//! returns the written solids to the last digit, except the frames of splines and ellipsoids: STEP
+//! cannot store them, so they are computed from the control points up to rounding. Parts come in
+//! the order of their first faces.
 
 use super::parse::{File, Record, Value, parse};
 use super::{SolidProperties, UNCERTAINTY};
@@ -15,16 +15,16 @@ use isoform_geom::{Aabb, Point3, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// Control points that are found again are this near to those of the file, in sizes of the face:
-/// some hundred roundings.
+/// Maximum deviation of recomputed control points from those of the file, relative to the size of
+/// the face: some hundred rounding errors.
 const SAME: f64 = 1e-12;
 
 type Result<T> = std::result::Result<T, SolidFileError>;
 
-/// The solids of a STEP file that [`step_solids`](super::step_solids) wrote.
+/// Reads the solids of a STEP file written by [`step_solids`](super::step_solids).
 ///
 /// # Errors
-/// [`SolidFileError`] for every other text, STEP files of other programs among them.
+/// [`SolidFileError`] for any other text, including STEP files of other programs.
 pub fn read_step_solids(text: &str) -> Result<SolidFile> {
     let file = parse(text)?;
     is_ours(&file)?;
@@ -37,7 +37,7 @@ pub fn read_step_solids(text: &str) -> Result<SolidFile> {
     })
 }
 
-/// Fails where another program wrote the file.
+/// Returns an error if another program wrote the file.
 fn is_ours(file: &File) -> Result<()> {
     let header = file.header.iter().find(|r| r.name == "FILE_NAME");
     let by = match header.and_then(|r| r.arguments.get(4)) {
@@ -54,13 +54,13 @@ fn is_ours(file: &File) -> Result<()> {
 
 struct Reader<'f> {
     file: &'f File,
-    /// Numbers of the instances by the names of their records, rising.
+    /// Numbers of the instances by the names of their records, ascending.
     named: BTreeMap<&'f str, Vec<u64>>,
-    /// Instances that were taken.
+    /// Instances already consumed.
     taken: BTreeSet<u64>,
 }
 
-/// Numbers of instances to indices.
+/// Map from instance numbers to indices.
 type Indices = BTreeMap<u64, u32>;
 
 impl<'f> Reader<'f> {
@@ -75,8 +75,8 @@ impl<'f> Reader<'f> {
         Self { file, named, taken }
     }
 
-    /// Takes an instance that is referred to once in our files: a file that refers to a long one
-    /// many times would take any amount of memory.
+    /// Consumes an instance. Files of this crate refer to each of these once; a second reference is
+    /// an error, since a hostile file could reference a long instance many times to exhaust memory.
     fn take(&mut self, number: u64) -> Result<u64> {
         if self.taken.insert(number) {
             return Ok(number);
@@ -85,11 +85,11 @@ impl<'f> Reader<'f> {
         Err(wrong(at, "it is referred to more than once"))
     }
 
-    /// The numbers of all instances with a record of this name.
+    /// Returns the numbers of all instances with a record of this name.
     fn all(&self, name: &str) -> &[u64] {
         self.named.get(name).map_or(&[], Vec::as_slice)
     }
-    /// The arguments of a record of an instance.
+    /// Returns the arguments of the record of this name in an instance.
     fn of(&self, number: u64, name: &str) -> Result<Arguments<'f>> {
         let records = self.file.instances.get(&number);
         let record = records.and_then(|r| r.iter().find(|r| r.name == name));
@@ -181,7 +181,7 @@ impl<'f> Reader<'f> {
         })
     }
 
-    /// The first record of an instance.
+    /// Returns the first record of an instance.
     fn only(&self, number: u64) -> Result<Arguments<'f>> {
         let records = self.file.instances.get(&number);
         let record = records.and_then(|r| r.first());
@@ -198,7 +198,7 @@ impl<'f> Reader<'f> {
         list.iter().map(point).collect()
     }
 
-    /// Rows of control points.
+    /// Reads rows of control points.
     fn grid(&self, list: &[Value], of: &Arguments) -> Result<Vec<Vec<Point3>>> {
         let row = |v: &Value| match v {
             Value::List(row) => self.points(row, of),
@@ -260,7 +260,7 @@ impl<'f> Reader<'f> {
         })
     }
 
-    /// The revolved curve, which lies in a half-plane about the axis.
+    /// Reads a surface of revolution, whose profile lies in a half-plane of the axis.
     fn revolved(&self, given: &Arguments) -> Result<Surface> {
         let other = || given.wrong("this is no spline in a half-plane about the axis");
         let Curve::BSpline(spline) = self.curve(given.reference(1)?)? else {
@@ -288,7 +288,7 @@ impl<'f> Reader<'f> {
             .control
             .iter()
             .map(|p| axes.local(*p))
-            // An end on the axis is there to rounding.
+            // Endpoints on the axis are stored up to rounding.
             .map(|[r, _, z]| [if r.abs() <= rounding { 0.0 } else { r }, z]);
         let turned = Revolved {
             axes,
@@ -302,7 +302,7 @@ impl<'f> Reader<'f> {
         Ok(Surface::Revolved(Arc::new(turned)))
     }
 
-    /// The ellipsoid of which this is the chart.
+    /// Recovers the ellipsoid of a chart.
     fn ellipsoid(&self, number: u64) -> Result<Surface> {
         let given = self.of(number, "B_SPLINE_SURFACE")?;
         let rows = self.grid(given.list(2)?, &given)?;
@@ -321,7 +321,7 @@ impl<'f> Reader<'f> {
         Ok(Surface::Ellipsoid(ball))
     }
 
-    /// The graph with these control points.
+    /// Recovers the height graph with these control points.
     fn graph(&self, given: &Arguments) -> Result<Surface> {
         let other = || given.wrong("this is no graph over a plane");
         let degree = given.whole(1)?;
@@ -383,7 +383,7 @@ impl<'f> Reader<'f> {
         Ok(self.of(number, "PRODUCT")?.text(0)?.to_owned())
     }
 
-    /// The unit of length: a converted one stands before the one that it is converted to.
+    /// Returns the unit of length. A conversion-based unit takes precedence over its base unit.
     fn unit(&self) -> Result<String> {
         let unknown = || wrong("LENGTH_UNIT", "this unit of length is not known");
         if let Some(&number) = self.all("CONVERSION_BASED_UNIT").first() {
@@ -407,8 +407,8 @@ impl<'f> Reader<'f> {
         Ok(unit.to_owned())
     }
 
-    /// Volume, area and centroid. The accuracy is stated ten times as large as the gap, but no less
-    /// than a least one: of that, a tenth is what the gap can be at most.
+    /// Reads volume, area and centroid. The stated accuracy is the larger of a constant and ten
+    /// times the gap, so a tenth of it bounds the gap.
     fn properties(&self) -> Result<SolidProperties> {
         let missing = |what: &str| wrong(what, "it is missing");
         let mut found = [None; 2];
@@ -437,14 +437,14 @@ impl<'f> Reader<'f> {
     }
 }
 
-/// The part and the number of the chart, from 0, that a face is named after.
+/// Splits the name of a face into its part and the index of its chart, from 0.
 fn part_of(name: &str) -> (&str, u32) {
     let chart = name.rsplit_once("#chart");
     let numbered = chart.and_then(|(part, n)| Some((part, n.parse::<u32>().ok()?.checked_sub(1)?)));
     numbered.unwrap_or((name, 0))
 }
 
-/// Knots, each as often as it counts; none where one counts more than twenty times.
+/// Expands knots by multiplicity; `None` if a multiplicity exceeds twenty.
 fn flat(values: &[f64], counts: &[usize]) -> Option<Vec<f64>> {
     if values.len() != counts.len() || counts.iter().any(|n| *n > 20) {
         return None;
@@ -456,7 +456,7 @@ fn flat(values: &[f64], counts: &[usize]) -> Option<Vec<f64>> {
     )
 }
 
-/// Whether points are the same but for rounding.
+/// Returns true if two lists of points agree up to rounding.
 fn are_same(given: &[Point3], found: &[Point3]) -> bool {
     let size = Aabb::of(given).diagonal();
     let far = given.iter().flatten().fold(size, |m, v| m.max(v.abs()));
@@ -464,7 +464,7 @@ fn are_same(given: &[Point3], found: &[Point3]) -> bool {
     given.len() == found.len() && given.iter().zip(found).all(near)
 }
 
-/// The arguments of an instance.
+/// Arguments of a record of an instance.
 struct Arguments<'f> {
     number: u64,
     record: &'f Record,
@@ -474,7 +474,7 @@ impl<'f> Arguments<'f> {
     fn wrong(&self, problem: &str) -> SolidFileError {
         wrong(format!("#{} {}", self.number, self.record.name), problem)
     }
-    /// What an argument is by `as_it`, or that something else is expected.
+    /// Converts an argument by `as_it`; an error states the expected kind if the conversion fails.
     fn read<T>(
         &self,
         k: usize,
@@ -491,7 +491,7 @@ impl<'f> Arguments<'f> {
         let references = |v: &'f Value| list(v)?.iter().map(reference).collect();
         self.read(k, "references are expected", references)
     }
-    /// The index of the instance that an argument refers to.
+    /// Returns the index of the instance referred to by an argument.
     fn indexed(&self, k: usize, indices: &Indices) -> Result<u32> {
         let index = |v: &'f Value| indices.get(&reference(v)?).copied();
         self.read(
@@ -534,7 +534,7 @@ impl<'f> Arguments<'f> {
     fn list(&self, k: usize) -> Result<&'f [Value]> {
         self.read(k, "a list is expected", list)
     }
-    /// The number of a typed argument.
+    /// Returns the number of a typed argument.
     fn measure(&self, k: usize) -> Result<f64> {
         self.read(k, "a measure is expected", |v| match v {
             Value::Typed(record) => record.arguments.first().and_then(number),
@@ -568,7 +568,7 @@ fn numbers(value: &Value) -> Option<Vec<f64>> {
     list(value)?.iter().map(number).collect()
 }
 
-/// A whole number from 0 to 2³²: all that a count can be here.
+/// Converts a number to a count; `None` unless it is an integer from 0 to 2³².
 fn whole(value: &Value) -> Option<usize> {
     let number = number(value)?;
     let is_count = number.fract() == 0.0 && (0.0..=4_294_967_296.0).contains(&number);
