@@ -58,7 +58,7 @@ impl ControlPoints {
             Self::Exact(points) => points.len(),
         }
     }
-    /// Returns true if there are no points.
+    /// Returns true without points.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -1,8 +1,8 @@
 //! STL: binary and ASCII (any number of solids), welded into a mesh.
 //!
-//! STL repeats every corner in every facet. Corners with the same coordinates, bit by bit (0 and −0
-//! are the same), become one vertex; nothing is merged by distance. Facet normals are left out: the
-//! order of the corners says the same, and is what other programs use.
+//! STL repeats every vertex in each of its facets. Corners with bitwise equal coordinates (0 and −0
+//! count as equal) become one vertex; corners are not merged by distance. Facet normals are
+//! ignored: they repeat the order of the corners, which is what other programs use.
 
 use crate::collect::{Collector, Parts};
 use crate::format::Sniff;
@@ -11,14 +11,16 @@ use crate::{At, ErrorKind, ReadOptions, ReadReport};
 use isoform_geom::{Point3, PointCloud};
 use std::collections::HashMap;
 
-/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the STL file";
-/// Bytes before the facets of a binary file: 80 of text, and the number of facets.
+/// Size of the part of a binary file before its facets, in bytes: 80 of text, and the number of
+/// facets.
 const HEADER: u64 = 84;
-/// Bytes of a facet: a normal and three corners in 32 bits, and two bytes of attributes.
+/// Size of a facet in bytes: a normal and three corners of 32-bit numbers, and two bytes of
+/// attributes.
 const FACET: u64 = 50;
 
-/// Maybe: binary STL has no mark, and "solid" begins binary files too.
+/// Returns `Maybe` at best: binary STL has no signature, and binary files may start with "solid"
+/// too.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     if is_ascii(head) {
         Sniff::Maybe
@@ -27,7 +29,8 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
-/// Text that starts with `solid` and has `facet`, `endsolid` or `end solid` soon after.
+/// Returns true for text that starts with `solid` and soon contains `facet`, `endsolid` or `end
+/// solid`.
 fn is_ascii(head: &[u8]) -> bool {
     let text = String::from_utf8_lossy(head).to_ascii_lowercase();
     text.trim_start().starts_with("solid")
@@ -35,16 +38,16 @@ fn is_ascii(head: &[u8]) -> bool {
         && (text.contains("facet") || text.contains("endsolid") || text.contains("end solid"))
 }
 
-/// Numbers corners; equal ones get one number.
+/// Welder of equal corners into vertices.
 struct Weld<'c> {
-    /// Takes vertices and triangles.
+    /// Collector of vertices and triangles.
     collector: &'c mut Collector,
-    /// Numbers of the vertices by the bits of their coordinates.
+    /// Vertex indices by the bits of their coordinates.
     known: HashMap<[u64; 3], u64>,
 }
 
 impl Weld<'_> {
-    /// The number of the vertex at a corner; a new one is offered to the collector.
+    /// Returns the index of the vertex at a corner; a new vertex is passed to the collector.
     fn vertex(&mut self, p: Point3) -> u64 {
         // Adding 0 turns −0 into 0.
         let key = p.map(|v| (v + 0.0).to_bits());
@@ -54,14 +57,14 @@ impl Weld<'_> {
             next
         })
     }
-    /// Takes a triangle.
+    /// Adds a triangle.
     fn facet(&mut self, corners: [Point3; 3], at: At) {
         let corners = corners.map(|p| self.vertex(p));
         self.collector.polygon(&corners, at);
     }
 }
 
-/// The points and the triangles.
+/// Reads points and triangles.
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -70,7 +73,7 @@ pub(crate) fn read(
     read_parts(input, options, report).map(|(cloud, _)| cloud)
 }
 
-/// The points, the triangles and their groups.
+/// Reads points, triangles and their groups.
 pub(crate) fn read_parts(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -95,7 +98,7 @@ pub(crate) fn read_parts(
     collector.finish_with_parts(input, options, report)
 }
 
-/// Reads as many facets as the header announces; the text of the header may state a unit.
+/// Reads the facets of a binary file, whose number and possibly unit its header states.
 fn read_binary(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadReport) -> Result<()> {
     let mut head = [0; HEADER as usize];
     input.exact(&mut head, || {
@@ -126,7 +129,7 @@ fn read_binary(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadRepo
     Ok(())
 }
 
-/// Reads the solids of a text.
+/// Reads the solids of an ASCII file.
 fn read_ascii(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadReport) -> Result<()> {
     let (mut text, mut bytes) = (String::new(), Vec::new());
     let mut solids = Solids::default();
@@ -150,21 +153,21 @@ fn read_ascii(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadRepor
     Ok(())
 }
 
-/// How far the text of an ASCII file has been taken.
+/// State of reading an ASCII file.
 #[derive(Default)]
 struct Solids {
-    /// Solids that have begun.
+    /// Number of solids begun.
     count: u64,
-    /// The end of the last one has not come.
+    /// True from the start of a solid to its end.
     is_open: bool,
-    /// Corners of the facet at hand.
+    /// Corners of the present facet.
     corners: Vec<Point3>,
-    /// Facets that are no triangles.
+    /// Number of facets that are not triangles.
     polygons: u64,
 }
 
 impl Solids {
-    /// Takes a line by its first word, in any case.
+    /// Processes a line by its first word, in any case.
     fn line(
         &mut self,
         text: &str,
@@ -175,13 +178,13 @@ impl Solids {
         let mut words = text.split_ascii_whitespace();
         let mut word = words.next().unwrap_or("").to_ascii_lowercase();
         if word == "end" {
-            // `end solid` and its like are written by real programs.
+            // Some programs write `end solid` and the like.
             word += &words.next().unwrap_or("").to_ascii_lowercase();
         }
         match word.as_str() {
             "vertex" => {
                 let p = vertex(words, text, input)?;
-                // More corners than three are against the format; they are counted, not kept.
+                // More than three corners are invalid; they are counted but not kept.
                 if self.corners.len() < 4 {
                     self.corners.push(p);
                 }
@@ -210,7 +213,7 @@ impl Solids {
         Ok(())
     }
 
-    /// Takes the corners that have come as a facet, if they are three.
+    /// Adds the corners so far as a facet if there are three.
     fn end_facet(&mut self, input: &Input<'_>, weld: &mut Weld<'_>) {
         if let [a, b, c] = self.corners[..] {
             weld.facet([a, b, c], input.at_line(0));
@@ -220,7 +223,7 @@ impl Solids {
         self.corners.clear();
     }
 
-    /// A solid begins, which is a part; one without a name gets its number.
+    /// Begins a solid, which is a part; an unnamed one is named by its number.
     fn begin(&mut self, name: &str, weld: &mut Weld<'_>) {
         self.count += 1;
         self.is_open = true;
@@ -232,7 +235,7 @@ impl Solids {
     }
 }
 
-/// The three numbers of a corner.
+/// Parses the three coordinates of a corner.
 fn vertex<'t>(
     mut words: impl Iterator<Item = &'t str>,
     line: &str,

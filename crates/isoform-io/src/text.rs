@@ -1,12 +1,12 @@
-//! Points as lines of numbers: XYZ, TXT, ASC, PTS, CSV and their kin, streamed.
+//! Points as lines of numbers: XYZ, TXT, ASC, PTS, CSV and similar files, streamed.
 //!
-//! Separators are blanks, tabs, commas or semicolons (then a comma is a decimal comma, as it is
-//! where blanks separate "1,5 2,5 3,5"); fields may be quoted; `#`, `//` and `%` start comments. A
-//! line of names before the numbers, or in a comment before them, says what the columns are, and
-//! may name their unit; lines before one that names x, y and z are passed over. Without names the
-//! first three are coordinates and the values of the first [`PROBE`] rows tell the rest: triples of
-//! whole numbers from 0 to 255 are colours, triples of length 1 are normals, and a first column
-//! that counts the rows is left out.
+//! Separators are blanks, tabs, commas or semicolons. Commas are decimal if semicolons separate
+//! fields, or if blanks do as in "1,5 2,5 3,5". Fields may be quoted; `#`, `//` and `%` start
+//! comments. A line of names before the numbers, or in a comment before them, defines the columns
+//! and may state their unit; lines before a line that names x, y and z are skipped. Without names
+//! the first three columns are coordinates, and the values of the first [`PROBE`] rows decide the
+//! others: triples of integers from 0 to 255 are colours, triples of length 1 are normals, and a
+//! first column that counts the rows is ignored.
 
 mod layout;
 mod names;
@@ -24,18 +24,17 @@ use names::understood;
 use separator::{Separator, is_decimal};
 use std::io::{self, Write};
 
-/// Rows that decide what columns without names are: enough that chance does not make whole numbers
-/// of measurements.
+/// Number of rows that decide the meaning of unnamed columns: enough that measurements are not
+/// integers by chance.
 const PROBE: usize = 1000;
-/// More columns are not points.
+/// Maximum number of columns of a table of points.
 const MAX_COLUMNS: usize = 1000;
-/// Lines that are looked at for the names of the columns, once one is no row.
+/// Maximum number of lines searched for the names of columns after a line that is not a row.
 const MAX_PREAMBLE: u64 = 100;
-/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the points";
 
-/// Maybe, if one of the first lines that are no comments starts with three numbers, or names the
-/// coordinates and another holds three numbers.
+/// Returns `Maybe` if one of the first three lines that are not comments starts with three numbers,
+/// or names the coordinates while another contains three numbers.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     let text = String::from_utf8_lossy(head);
     let lines = text.lines().map(str::trim);
@@ -60,7 +59,7 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
-/// The names in a line that holds no numbers, and true if they tell the coordinates.
+/// Returns the names in a line without numbers, and true if they include the coordinates.
 fn header(line: &str) -> Option<(Vec<String>, bool)> {
     let fields = names::split(line);
     if !(3..=MAX_COLUMNS).contains(&fields.len()) || fields.iter().any(|f| is_decimal(f)) {
@@ -70,15 +69,15 @@ fn header(line: &str) -> Option<(Vec<String>, bool)> {
     Some((fields, is_named))
 }
 
-/// True if a line starts like a comment.
+/// Returns true if a line starts like a comment.
 fn is_comment(line: &str) -> bool {
     line.starts_with(['#', '%', '!']) || line.starts_with("//")
 }
 
-/// Where the comment after the fields of a line begins: at the first `#` or `//` that stands in no
-/// quotes and, as in `P#1` or `http://`, behind no letter or colon.
+/// Returns the start of the comment after the fields of a line: the first `#` or `//` that is not
+/// in quotes and does not follow a letter or colon, as in `P#1` or `http://`.
 fn comment_after_fields(line: &str) -> Option<usize> {
-    // Most lines have neither mark: one pass over the bytes says so.
+    // Fast path: most lines contain neither mark.
     line.bytes().position(|b| matches!(b, b'#' | b'/'))?;
     let (mut is_quoted, mut before) = (false, b' ');
     for (at, b) in line.bytes().enumerate() {
@@ -92,14 +91,14 @@ fn comment_after_fields(line: &str) -> Option<usize> {
     None
 }
 
-/// True if a line starts the header of an ESRI ASCII grid.
+/// Returns true if a line starts the header of an ESRI ASCII grid.
 fn starts_a_raster(line: &str) -> bool {
     let line = line.to_ascii_lowercase();
     ["ncols", "nrows"].iter().any(|w| line.starts_with(w))
 }
 
-/// A field as a number, whose comma is the decimal point where `decimal` says so; `scratch` holds
-/// the field with a point.
+/// Parses a field as a number, with a decimal comma if `decimal`; `scratch` holds the field with a
+/// point.
 #[inline]
 fn number(field: &str, decimal: bool, scratch: &mut String) -> Option<f64> {
     if !(decimal && field.contains(',')) {
@@ -110,46 +109,46 @@ fn number(field: &str, decimal: bool, scratch: &mut String) -> Option<f64> {
     parse_number(scratch)
 }
 
-/// The rows of a file, and what its lines say of them.
+/// State of reading a table.
 struct Reader<'i, 'a> {
     input: &'i mut Input<'a>,
-    /// The line at hand, and its bytes.
+    /// Present line, and its bytes.
     text: String,
     bytes: Vec<u8>,
-    /// What stands between fields, and whether commas are decimal; set by the first row.
+    /// Separator of fields, and true if commas are decimal; set by the first row.
     separator: Option<(Separator, bool)>,
-    /// The row at hand.
+    /// Present row.
     values: Vec<f64>,
-    /// Positions of the coordinates in a row, once known; a word there is an error.
+    /// Positions of the coordinates in a row; a word there is an error.
     coordinates: [usize; 3],
-    /// Values of a row, set by the first.
+    /// Number of values of a row, set by the first.
     width: usize,
-    /// True if the file is PTS, where every scan begins with its number of points.
+    /// True for PTS, where every scan begins with its number of points.
     is_pts: bool,
-    /// Names of the columns, out of a line of their own or a comment before the first row.
+    /// Names of the columns, from a line of their own or a comment before the first row.
     names: Option<Vec<String>>,
-    /// True if the names tell the coordinates.
+    /// True if the names include the coordinates.
     is_named: bool,
-    /// Names in the last comment that tells the coordinates.
+    /// Names in the last comment that includes the coordinates.
     commented: Option<Vec<String>>,
     /// Columns that held a word in the first row, with the word.
     texts: Vec<(usize, String)>,
-    /// The first line that is neither a row nor names, as long as names may follow.
+    /// Error for the first line that is neither a row nor names, pending names on a later line.
     refused: Option<ReadError>,
-    /// Lines before the names.
+    /// Number of lines before the names.
     passed: u64,
-    /// Points that the file announces, over all its scans.
+    /// Number of points announced by the file, over all its scans.
     declared: Option<u64>,
-    /// Lines with more fields than the first.
+    /// Number of lines with more fields than the first.
     longer: u64,
-    /// Fields that should be numbers and are not.
+    /// Number of fields that should be numbers but are not.
     words: u64,
-    /// The unit that a comment or a name states.
+    /// Unit stated by a comment or a name.
     unit: Option<String>,
 }
 
-/// Reads a table of points: the rows up to [`PROBE`] decide which column is which, then all are
-/// taken.
+/// Reads a table of points. Up to [`PROBE`] rows decide the meaning of the columns, then all rows
+/// are read.
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -192,8 +191,8 @@ pub(crate) fn read(
 }
 
 impl Reader<'_, '_> {
-    /// The first rows: one where names tell the coordinates or nothing else is there, else up to
-    /// [`PROBE`], from whose values the columns are told.
+    /// Reads the rows that decide the meaning of unnamed columns, at most [`PROBE`]; one row if
+    /// names include the coordinates or there are only three columns.
     fn probe(&mut self) -> Result<Vec<Vec<f64>>> {
         let mut probe: Vec<Vec<f64>> = Vec::new();
         if self.next()? {
@@ -208,7 +207,7 @@ impl Reader<'_, '_> {
         }
     }
 
-    /// The meaning of the columns; those that hold words are left out.
+    /// Returns the roles of the columns; those that hold words are ignored.
     fn layout(&mut self, probe: &[Vec<f64>], report: &mut ReadReport) -> Layout {
         let named = match &self.names {
             Some(names) => by_names(names, report),
@@ -243,13 +242,14 @@ impl Reader<'_, '_> {
         layout
     }
 
-    /// Notes where the coordinates stand, so that words there are refused.
+    /// Records the positions of the coordinates, so that words there are refused.
     fn place(&mut self, layout: &Layout) {
         let place = |k| layout.roles.iter().position(|&r| r == Role::Position(k));
         self.coordinates = [0, 1, 2].map(|k| place(k).unwrap_or(k));
     }
 
-    /// Puts into the report what the file said of its points and what was odd in its `rows` rows.
+    /// Completes the report with the statements of the file about its points and the irregularities
+    /// of its `rows` rows.
     fn tell(self, rows: u64, report: &mut ReadReport) {
         report.declared = self.declared;
         report.units = self.unit;
@@ -279,7 +279,7 @@ impl Reader<'_, '_> {
         }
     }
 
-    /// Reads the next row of numbers into `values`; false at the end.
+    /// Reads the next row of numbers into `values`; returns false at the end.
     fn next(&mut self) -> Result<bool> {
         loop {
             if !self.input.read_line(&mut self.text, &mut self.bytes)? {
@@ -306,7 +306,7 @@ impl Reader<'_, '_> {
         }
     }
 
-    /// Takes a line; true if it was a row.
+    /// Processes a line; returns true if it was a row.
     fn line(&mut self, line: &mut String) -> Result<bool> {
         let is_first = self.width == 0;
         let start = line.trim_start();
@@ -327,7 +327,7 @@ impl Reader<'_, '_> {
             && !self.is_named
             && let Some((names, true)) = header(line)
         {
-            // Before comments are cut off: `Point #` is a name.
+            // Before comments are removed, as `Point #` is a name.
             self.take_header(names, true);
             return Ok(false);
         }
@@ -341,7 +341,7 @@ impl Reader<'_, '_> {
         if (is_first || self.is_pts)
             && let Ok(n) = line.trim().parse::<u64>()
         {
-            // PTS: the number of points of each scan.
+            // PTS: number of points of each scan.
             self.declared = Some(self.declared.unwrap_or(0).saturating_add(n));
             return Ok(false);
         }
@@ -351,8 +351,8 @@ impl Reader<'_, '_> {
         self.row(line)
     }
 
-    /// Takes a line before the first row: names, units below them, or the first row. A line that is
-    /// none of these is passed over where names of the coordinates follow.
+    /// Processes a line before the first row: names, units below them, or the first row. Any other
+    /// line is skipped if names of the coordinates follow.
     fn first(&mut self, line: &str) -> Result<bool> {
         if self.is_units(line) {
             return Ok(false);
@@ -380,7 +380,7 @@ impl Reader<'_, '_> {
         Ok(false)
     }
 
-    /// The error for an ESRI ASCII grid, which has heights and no coordinates.
+    /// Returns the error for an ESRI ASCII grid, which has heights but no coordinates.
     fn is_raster(&self) -> ReadError {
         self.input.error(
             ErrorKind::UnsupportedFormat,
@@ -391,7 +391,7 @@ impl Reader<'_, '_> {
         )
     }
 
-    /// Takes names; the lines before those of the coordinates are passed over.
+    /// Stores names; lines before those of the coordinates are skipped.
     fn take_header(&mut self, names: Vec<String>, is_named: bool) {
         if is_named {
             self.passed += u64::from(self.names.is_some());
@@ -399,7 +399,7 @@ impl Reader<'_, '_> {
         (self.names, self.is_named) = (Some(names), is_named);
     }
 
-    /// True if the line is units below the names, which are kept with them.
+    /// Returns true if the line contains units below the names; they are added to the names.
     fn is_units(&mut self, line: &str) -> bool {
         let Some(names) = &mut self.names else {
             return false;
@@ -417,7 +417,7 @@ impl Reader<'_, '_> {
         true
     }
 
-    /// Takes a line of fields as a row of numbers; the first row sets the width.
+    /// Parses a line of fields as a row of numbers; the first row sets the width.
     fn row(&mut self, line: &str) -> Result<bool> {
         let is_first = self.width == 0;
         let (separator, decimal) = *self.separator.get_or_insert_with(|| Separator::of(line));
@@ -440,7 +440,7 @@ impl Reader<'_, '_> {
             };
             self.values.push(value);
         }
-        // An empty last field looks like an end mark; whether it counts, the width tells.
+        // An empty last field looks like a terminator; the width decides if it counts.
         let width = if is_first {
             self.names.as_ref().map_or(0, Vec::len)
         } else {
@@ -456,9 +456,9 @@ impl Reader<'_, '_> {
         Ok(true)
     }
 
-    /// The value of a field that is no number, at byte `at` of its line: NaN, and an error where a
-    /// coordinate should stand. Without names a first row may begin with the names of its point,
-    /// which have digits; then the coordinates are behind them.
+    /// Returns NaN for a field that is not a number, at byte `at` of its line; an error for a
+    /// coordinate. The first row of an unnamed table may begin with identifiers of the point, which
+    /// contain digits; the coordinates then follow them.
     fn other_field(&mut self, field: &str, at: usize) -> Result<f64> {
         if field.is_empty() {
             return Ok(f64::NAN);
@@ -500,7 +500,7 @@ impl Reader<'_, '_> {
         Ok(())
     }
 
-    /// The error for a row, at a byte of its line.
+    /// Returns the error for a row, at a byte of its line.
     fn wrong(&self, at: usize, why: String) -> ReadError {
         let hint = "correct or remove the line; comments start with #, and a line of names, as \
                     in x,y,z, says which columns to take";
@@ -508,8 +508,8 @@ impl Reader<'_, '_> {
         self.input.error(ErrorKind::Number, at, WHAT, why, hint)
     }
 
-    /// Names out of a comment, if they fit the `width` of the first row; the names that there are,
-    /// one for each column; and the places of the coordinates.
+    /// Completes the names for rows of `width` values: takes those of a comment if their number
+    /// fits, adjusts their number to the width, and locates the coordinates.
     fn take_names(&mut self, width: usize) {
         self.coordinates = [0, 1, 2];
         if !self.is_named
@@ -543,7 +543,7 @@ impl Reader<'_, '_> {
     }
 }
 
-/// Lines of numbers, blank-separated, after a `#` line with their names.
+/// Writes lines of numbers separated by blanks, after a `#` line with their names.
 pub(crate) fn write_xyz(
     cloud: &PointCloud,
     out: &mut dyn Write,
@@ -556,7 +556,7 @@ pub(crate) fn write_xyz(
     lines(cloud, out, ' ')
 }
 
-/// Comma-separated values after a line with their names.
+/// Writes comma-separated values after a line with their names.
 pub(crate) fn write_csv(
     cloud: &PointCloud,
     out: &mut dyn Write,
@@ -742,7 +742,7 @@ mod tests {
             assert_eq!(numbered(numbers), counted, "{numbers:?}");
         }
         assert!(!numbered([1, 2, 4, 3]).1 && !numbered([1, 2, 2, 3]).1);
-        // Whole coordinates, as in micrometres.
+        // Integer coordinates, as in micrometres.
         assert_eq!(
             told(&["7 20 31 4", "8 22 30 9", "9 11 7 5", "10 3 8 1"]),
             ([20.0, 31.0, 4.0], true)
@@ -758,7 +758,7 @@ mod tests {
             .1
         );
         assert!(!told(&["0 0 0 8", "1 1 1 9", "2 2 2 7", "3 3 3 8"]).1);
-        // Names are believed.
+        // Names take precedence.
         let named = "x y z t\n1 1.5 2.5 3.5\n2 2 1 7\n3 9 4.5 0\n4 1 1 0\n";
         assert_eq!(points(named)[0], [1.0, 1.5, 2.5]);
     }

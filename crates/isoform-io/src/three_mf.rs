@@ -1,15 +1,15 @@
-//! 3MF (3MF Consortium, "3D Manufacturing Format core specification" 1.3): what a package is to
-//! build, as vertices and triangles.
+//! 3MF (3MF Consortium, "3D Manufacturing Format core specification" 1.3): reader of the build of a
+//! package as vertices and triangles.
 //!
-//! A package is a ZIP archive whose model is XML. The model has objects, meshes or objects put
-//! together of others, and a list of those to be built, each with an affine map. All of them are
-//! taken, in the order of the list; where the model is divided among several parts of the package
-//! (production extension), those parts are read, too. Where there is one mesh, its base materials
-//! are the parts; where there are several, each is a part, or as many as it has materials. Slices,
-//! lattices, colours and textures are passed over.
+//! A package is a ZIP archive with an XML model. The model has objects, which are meshes or
+//! assemblies of other objects, and a list of build items, each with an affine map. All items are
+//! read, in the order of the list, also from other parts of the package if the model is split
+//! (production extension). The base materials of a single mesh become its parts; of several meshes
+//! each becomes a part, or one part per material. Slices, lattices, colours and textures are
+//! skipped.
 //!
-//! What a few bytes could make large is bounded: what the members unpack to (see `unzip`), and how
-//! much copies of objects come to.
+//! Two limits guard against small files that expand enormously: the decompressed size of the
+//! members (see `unzip`), and the total size of all copies of objects.
 
 mod model;
 mod tags;
@@ -27,9 +27,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use tags::{Tag, Tags};
 use transform::Transform;
 
-/// The name of the format in the registries.
+/// Name of the format in the registries.
 pub(crate) const NAME: &str = "3mf";
-/// Units of length in our words and in those of 3MF.
+/// Units of length: names in this crate and in 3MF.
 pub(crate) const UNITS: [(&str, &str); 6] = [
     ("mm", "millimeter"),
     ("um", "micron"),
@@ -38,21 +38,20 @@ pub(crate) const UNITS: [(&str, &str); 6] = [
     ("in", "inch"),
     ("ft", "foot"),
 ];
-/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the 3MF package";
-/// What to try.
 const HINT: &str = "export the model again, or as STL or OBJ";
-/// Where the model is in almost all packages.
+/// Usual name of the model part.
 const USUAL: &str = "3D/3dmodel.model";
-/// The relations of the package, one of which leads to the model, and what its type ends in.
+/// Part with the relationships of the package, and the end of the type of the relationship to the
+/// model.
 const RELATIONS: [&str; 2] = ["_rels/.rels", "/2013/01/3dmodel"];
-/// Deepest nesting of objects in objects. More is a circle, or meant to do harm.
+/// Maximum nesting depth of objects. Deeper nesting is a cycle or malicious.
 const DEEPEST: u32 = 64;
-/// Most vertices, triangles and objects that copies of objects may come to, in all, if the file
-/// does not hold as many itself: half a gigabyte of them.
+/// Maximum total number of vertices, triangles and objects of all copies, unless the file itself
+/// has more: half a gigabyte of them.
 const MOST_COPIES: u64 = 16_000_000;
 
-/// A ZIP archive; yes, where one of its first members is a model.
+/// Returns `Yes` for a ZIP archive if one of its first members is a model.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     let has = |name: &[u8]| {
         head.windows(name.len())
@@ -69,7 +68,7 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
-/// The points and the triangles.
+/// Reads points and triangles.
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -78,7 +77,7 @@ pub(crate) fn read(
     read_parts(input, options, report).map(|(cloud, _)| cloud)
 }
 
-/// The points, the triangles and their groups.
+/// Reads points, triangles and their groups.
 pub(crate) fn read_parts(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -103,14 +102,14 @@ fn error(input: &Input<'_>, problem: Problem) -> ReadError {
     input.error(problem.kind, At::File, WHAT, problem.why, HINT)
 }
 
-/// All model parts of a package by their names.
+/// Model parts of a package by name.
 struct Package {
     models: BTreeMap<String, Model>,
-    /// The name of the part that says what is to be built.
+    /// Name of the root model part, which has the build items.
     root: String,
 }
 
-/// An object of the package in its place.
+/// Object of the package with its transform.
 struct Placed<'p> {
     model: &'p Model,
     id: u32,
@@ -119,7 +118,7 @@ struct Placed<'p> {
 }
 
 impl Package {
-    /// Reads the model and all parts that its objects lie in.
+    /// Reads the root model part and all parts that it refers to.
     fn read(input: &mut Input<'_>) -> Result<Self> {
         let mut archive = Archive::open(input)?;
         let Some(root) = find_model(&mut archive, input)? else {
@@ -156,7 +155,7 @@ impl Package {
         &self.models[&self.root]
     }
 
-    /// Warns of what is passed over.
+    /// Adds warnings for skipped content.
     fn warn(&self, report: &mut ReadReport) {
         for name in self.models.values().flat_map(|m| &m.unknown) {
             report.warn(format!(
@@ -174,7 +173,7 @@ impl Package {
         }
     }
 
-    /// The objects with meshes that are to be built, each in its place.
+    /// Returns the objects with meshes to be built, with their transforms.
     fn placed<'a>(
         &'a self,
         items: &'a [Component],
@@ -200,7 +199,8 @@ impl Package {
         Ok(placed)
     }
 
-    /// The objects that are part of no other: what is taken where nothing is to be built.
+    /// Returns the objects that no other object contains; they are built if the list of build items
+    /// is empty.
     fn unlisted(&self) -> Vec<Component> {
         let root = self.root();
         let components = root.objects.values().flat_map(|o| &o.components);
@@ -214,7 +214,7 @@ impl Package {
         .collect()
     }
 
-    /// The object that a component of a model part names, with the part that it is in.
+    /// Returns the object that a component refers to, with the name of its model part.
     fn object<'a>(
         &'a self,
         part: &'a str,
@@ -229,8 +229,8 @@ impl Package {
         })
     }
 
-    /// Adds the meshes of a component, which is put into its place by its own map and then by that
-    /// of what it belongs to.
+    /// Adds the meshes of a component, transformed by its own map and then by that of the enclosing
+    /// object.
     fn place<'a>(
         &'a self,
         part: &'a str,
@@ -257,8 +257,8 @@ impl Package {
     }
 }
 
-/// The name of the part that holds the model: as the relations of the package say, or where it
-/// usually is, or the first one that is a model by its name.
+/// Returns the name of the model part: as stated by the relationships, else the usual one, else the
+/// first part named like a model.
 fn find_model(archive: &mut Archive, input: &mut Input<'_>) -> Result<Option<String>> {
     let relations = archive.find(RELATIONS[0]).map(str::to_owned);
     if let Some(relations) = relations {
@@ -275,7 +275,7 @@ fn find_model(archive: &mut Archive, input: &mut Input<'_>) -> Result<Option<Str
     Ok(found.map(str::to_owned))
 }
 
-/// The name of the part that the relation to the model leads to.
+/// Returns the target of the relationship to the model.
 fn target(tags: &mut Tags<'_>) -> std::result::Result<Option<String>, Problem> {
     while let Some(tag) = tags.next()? {
         if let Tag::Open { attributes, .. } = tag
@@ -288,25 +288,25 @@ fn target(tags: &mut Tags<'_>) -> std::result::Result<Option<String>, Problem> {
     Ok(None)
 }
 
-/// What an object comes to with all that it is put together of.
+/// Size of an object with all its components.
 #[derive(Clone, Copy)]
 struct Cost {
-    /// Vertices, triangles and objects.
+    /// Number of vertices, triangles and objects.
     count: u64,
-    /// Levels of objects in objects.
+    /// Number of levels of nested objects.
     height: u32,
 }
 
-/// The costs of objects, each found once, so that this is quick where expanding them would never
-/// end.
+/// Cache of object sizes. Each is computed once, which is fast even if expansion would be
+/// exponential.
 struct Costs<'p> {
     package: &'p Package,
-    /// By model part and number, of those that have been counted.
+    /// Known sizes by model part and object.
     known: BTreeMap<(&'p str, u32), Cost>,
 }
 
 impl<'p> Costs<'p> {
-    /// The cost of a component at a depth.
+    /// Returns the size of a component at a nesting depth.
     fn of(
         &mut self,
         part: &'p str,
@@ -323,7 +323,7 @@ impl<'p> Costs<'p> {
             height: 0,
         };
         for inner in &object.components {
-            // A circle never comes to the end where heights are known.
+            // A cycle never reaches known heights, so it ends at the depth limit.
             let inner = if depth < DEEPEST {
                 self.of(part, inner, depth + 1)?
             } else {
@@ -346,18 +346,18 @@ fn too_deep() -> Problem {
 }
 
 impl Object {
-    /// What the object itself comes to.
+    /// Returns the size of the object itself.
     fn cost(&self) -> u64 {
         1 + self.vertices.len() as u64 + self.triangles.len() as u64
     }
 }
 
-/// Puts placed objects into a collector, with their parts.
+/// Passes placed objects to a collector, with their parts.
 struct Filler<'c> {
     collector: &'c mut Collector,
-    /// Whether several meshes are to be told apart.
+    /// True if there are several meshes, which get distinct labels.
     are_many: bool,
-    /// How often each label was given.
+    /// Number of uses of each label.
     labels: BTreeMap<String, u32>,
 }
 
@@ -377,7 +377,7 @@ impl<'c> Filler<'c> {
         }
     }
 
-    /// Takes the vertices and the triangles of a mesh.
+    /// Adds the vertices and the triangles of a mesh.
     fn take(&mut self, placed: &Placed<'_>, parts: &BTreeMap<Option<MaterialId>, u32>) {
         let Placed {
             object, transform, ..
@@ -400,8 +400,9 @@ impl<'c> Filler<'c> {
         }
     }
 
-    /// The parts of a mesh by material: of the only one its materials, in the order of their
-    /// groups, and none without materials; of several each by itself.
+    /// Adds the parts of a mesh, and returns them by material. For a single mesh its materials are
+    /// the parts, in the order of their groups; it has no parts without materials. Each of several
+    /// meshes is one part, or one part per material.
     fn parts(&mut self, placed: &Placed<'_>) -> BTreeMap<Option<MaterialId>, u32> {
         let Placed { model, object, .. } = placed;
         let label = if self.are_many {
@@ -417,7 +418,7 @@ impl<'c> Filler<'c> {
         let named: Vec<u32> = used.iter().flatten().map(|m| m.0).collect();
         let mut parts = BTreeMap::new();
         if !self.are_many {
-            // All names of a group that is used, so that what was written comes back.
+            // All names of a used group are kept, so that written parts are restored.
             let groups = model.materials.iter().filter(|g| named.contains(g.0));
             for (&group, names) in groups {
                 for (place, name) in (0..).zip(names) {
@@ -426,7 +427,7 @@ impl<'c> Filler<'c> {
                 }
             }
         }
-        // Colours, of which there may be many, are no parts.
+        // Colours, of which there may be many, do not become parts.
         let mut by_name = BTreeMap::new();
         for material in used {
             let text = match (&label, material.and_then(name)) {
@@ -442,7 +443,7 @@ impl<'c> Filler<'c> {
         parts
     }
 
-    /// A name for a mesh, which no other one has.
+    /// Returns a unique label for a mesh.
     fn label(&mut self, placed: &Placed<'_>) -> String {
         let name = match placed.object.name.trim() {
             "" => format!("object {}", placed.id),

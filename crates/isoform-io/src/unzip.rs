@@ -1,10 +1,10 @@
-//! As much of reading ZIP as a 3MF package needs (PKWARE, "APPNOTE.TXT", 4.3): members by their
-//! names, stored or deflated, unpacked as a stream.
+//! Minimal reader of ZIP for 3MF packages (PKWARE, "APPNOTE.TXT", 4.3): members by name, stored or
+//! deflated, decompressed as a stream.
 //!
-//! Names, sizes and places are those of the central directory at the end of the file, with its
-//! extension to 64 bits (ZIP64). A directory can claim anything, and members may share their bytes:
-//! what all members unpack to is bounded by the size of the file, and length and checksum of each
-//! are compared with what the directory says.
+//! Names, sizes and positions are those of the central directory at the end of the file, including
+//! its 64-bit extension (ZIP64). They are not trusted, and members may overlap: the total
+//! decompressed size is bounded by the size of the file, and length and checksum of each member are
+//! compared with the directory.
 
 use crate::input::{Input, Result};
 use crate::{At, ErrorKind};
@@ -12,21 +12,19 @@ use flate2::Crc;
 use flate2::bufread::DeflateDecoder;
 use std::io::{self, BufRead, BufReader, ErrorKind as Io, Read};
 
-/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the package";
-/// What to try.
 const HINT: &str = "export the model again, or as STL or OBJ";
-/// Bytes of the end record without its comment, and of the longest comment.
+/// Size of the end record without its comment, and of the longest comment, in bytes.
 const END: [u64; 2] = [22, 65_535];
-/// Bytes of an entry of the directory and of a local header without names and extra fields.
+/// Size of a directory entry and of a local header, without names and extra fields, in bytes.
 const FIXED: [usize; 2] = [46, 30];
-/// Members may unpack to this many times the size of the file in all. Models in XML need 5 to 30;
-/// deflate reaches 1000 where nothing but one byte is repeated.
+/// Maximum ratio of the total decompressed size to the size of the file. XML models need 5 to 30;
+/// deflate reaches 1000 for a single repeated byte.
 const RATIO: u64 = 100;
-/// Bytes that members may unpack to whatever the size of the file.
+/// Decompressed size allowed for any file, in bytes.
 const FLOOR: u64 = 64 << 20;
 
-/// What is wrong in a member; the reader of the file adds where.
+/// Problem of a member; the reader of the file adds the position.
 #[derive(Debug)]
 pub(crate) struct Problem {
     pub(crate) kind: ErrorKind,
@@ -50,31 +48,31 @@ impl From<io::Error> for Problem {
     }
 }
 
-/// A member, as the directory has it.
+/// Member, as described by the directory.
 #[derive(Debug, Default)]
 struct Member {
     name: String,
-    /// 0 for stored, 8 for deflated.
+    /// Compression method: 0 for stored, 8 for deflated.
     method: u16,
     is_encrypted: bool,
-    /// CRC-32 of the unpacked bytes.
+    /// CRC-32 of the decompressed bytes.
     crc: u32,
-    /// Numbers of bytes.
+    /// Compressed and decompressed size, in bytes.
     packed: u64,
     unpacked: u64,
-    /// Where its local header begins.
+    /// Position of the local header in the file.
     header: u64,
 }
 
-/// The directory of an archive.
+/// Directory of an archive.
 #[derive(Debug)]
 pub(crate) struct Archive {
     members: Vec<Member>,
-    /// Bytes that members may still unpack to.
+    /// Remaining number of bytes that members may decompress to.
     left: u64,
 }
 
-/// A number in two, four or eight bytes, the lowest first; 0 behind the end.
+/// Decodes a little-endian number of two, four or eight bytes; 0 beyond the end.
 fn number<const N: usize>(bytes: &[u8], at: usize) -> u64 {
     let some = bytes.get(at..at + N).unwrap_or(&[]);
     some.iter().rev().fold(0, |n, &b| n << 8 | u64::from(b))
@@ -92,7 +90,7 @@ impl Archive {
             return Err(input.truncated("the list of its members lies beyond the end"));
         }
         input.seek(start)?;
-        // No more than the file has.
+        // The size is bounded by that of the file.
         let mut bytes = vec![0; size as usize];
         input.exact(&mut bytes, || "the list of its members is cut off".into())?;
         let mut rest = &bytes[..];
@@ -108,19 +106,18 @@ impl Archive {
         Ok(Self { members, left })
     }
 
-    /// The name, as it is written there, of a member that is called so but for capitals.
+    /// Returns the exact name of a member, given its name in any case.
     pub(crate) fn find(&self, name: &str) -> Option<&str> {
         let mut names = self.names();
         names.find(|n| n.eq_ignore_ascii_case(name))
     }
 
-    /// The names of all members.
+    /// Returns the names of all members.
     pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
         self.members.iter().map(|m| m.name.as_str())
     }
 
-    /// Lets `work` read the bytes of a member, of which it may leave some, and compares them all
-    /// with the checksum.
+    /// Decompresses a member for `work`, which need not read all of it, and verifies the checksum.
     pub(crate) fn read<T>(
         &mut self,
         input: &mut Input<'_>,
@@ -150,7 +147,7 @@ impl Archive {
     }
 }
 
-/// Goes to the packed bytes of a member, behind its local header.
+/// Seeks to the compressed bytes of a member, after its local header.
 fn go_to(input: &mut Input<'_>, member: &Member) -> Result<()> {
     let missing = || "a member lies beyond the end".to_owned();
     if member.header > input.size {
@@ -166,7 +163,7 @@ fn go_to(input: &mut Input<'_>, member: &Member) -> Result<()> {
     input.skip(behind, missing)
 }
 
-/// Unpacks a member whose bytes come next.
+/// Decompresses a member from the present position.
 fn unpack<T>(
     input: &mut Input<'_>,
     member: &Member,
@@ -194,12 +191,12 @@ fn unpack<T>(
     Ok(made)
 }
 
-/// Counts and sums up what passes.
+/// Reader that counts the bytes and computes their checksum.
 struct Counted<'r> {
     inner: Box<dyn Read + 'r>,
     crc: Crc,
     count: u64,
-    /// More than this is a fault.
+    /// Maximum count; more is an error.
     most: u64,
 }
 
@@ -215,7 +212,7 @@ impl Read for Counted<'_> {
     }
 }
 
-/// Number of members, and bytes and start of the directory.
+/// Returns the number of members, and the size and position of the directory.
 fn end_record(input: &mut Input<'_>) -> Result<[u64; 3]> {
     let tail = input.size.min(END[0] + END[1]);
     let start = input.size - tail;
@@ -234,7 +231,7 @@ fn end_record(input: &mut Input<'_>) -> Result<[u64; 3]> {
         number::<4>(end, 16),
     ];
     let is_large = found[0] == u64::from(u16::MAX) || found[1..].contains(&u64::from(u32::MAX));
-    // The locator of the 64-bit record stands right before.
+    // The locator of the 64-bit record directly precedes the end record.
     let locator = at.checked_sub(20).map(|l| &bytes[l..at]);
     let locator = locator.filter(|l| is_large && l.starts_with(b"PK\x06\x07"));
     let Some(locator) = locator else {
@@ -253,7 +250,7 @@ fn end_record(input: &mut Input<'_>) -> Result<[u64; 3]> {
     Ok([32, 40, 48].map(|at| number::<8>(&large, at)))
 }
 
-/// The first entry of a directory, and its length in bytes.
+/// Parses the first entry of a directory, and returns it with its length in bytes.
 fn entry(bytes: &[u8]) -> Option<(Member, usize)> {
     if bytes.len() < FIXED[0] || !bytes.starts_with(b"PK\x01\x02") {
         return None;
@@ -275,8 +272,8 @@ fn entry(bytes: &[u8]) -> Option<(Member, usize)> {
     Some((member, length))
 }
 
-/// Takes numbers that need 64 bits from the extra field 1: those that stand as all ones in the
-/// entry itself, in this order.
+/// Replaces numbers that need 64 bits by those in extra field 1, which lists, in this order, the
+/// ones stored as all ones in the entry.
 fn widen(member: &mut Member, mut extra: &[u8]) {
     while extra.len() >= 4 {
         let (kind, length) = (number::<2>(extra, 0), number::<2>(extra, 2) as usize);

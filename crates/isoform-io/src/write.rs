@@ -1,4 +1,4 @@
-//! The way out for points: formats by name.
+//! Writing of points in any format.
 
 use crate::WriteError;
 use crate::atomic::write_atomic;
@@ -9,8 +9,7 @@ use isoform_geom::PointCloud;
 use std::io::Write;
 use std::path::Path;
 
-/// Writes to any sink in the format of that name or ending. Coordinates are absolute (origin
-/// added).
+/// Writes to a sink in the format of this name or ending. Coordinates are absolute (origin added).
 pub fn write(
     cloud: &PointCloud,
     out: &mut dyn Write,
@@ -24,7 +23,7 @@ pub fn write(
     Ok(report(cloud, format))
 }
 
-/// Writes a file, whole or not at all; the format by `format` or the ending of the name.
+/// Writes a file atomically; the format is given by `format` or by the ending of the name.
 pub fn write_path(
     cloud: &PointCloud,
     path: &Path,
@@ -37,7 +36,7 @@ pub fn write_path(
     Ok(report(cloud, format))
 }
 
-/// The format of that name, if it can be written, with its writer.
+/// Returns the format of this name with its writer; an error if it is not writable.
 fn writer(name: &str) -> Result<(&'static Format, WriteFn), WriteError> {
     let format = format_named(name);
     format.and_then(|f| f.write.map(|w| (f, w))).ok_or_else(|| {
@@ -59,7 +58,7 @@ fn writer(name: &str) -> Result<(&'static Format, WriteFn), WriteError> {
     })
 }
 
-/// What was written, and what the format could not hold.
+/// Returns the report of writing, with warnings for data that the format cannot store.
 fn report(cloud: &PointCloud, format: &Format) -> WriteReport {
     let mut warnings = Vec::new();
     if !cloud.triangles.is_empty() && !format.keeps_triangles {

@@ -16,7 +16,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 /// Maximum number of points per byte of LAZ. Real files have at most a few; runs of equal points
 /// may have some hundred. Without the limit a small file could announce endless points.
 const POINTS_PER_BYTE: u64 = 1000;
-/// Stack size of the decoder's thread, in bytes; memory is committed only as it is used.
+/// Stack size of the decoder's thread, in bytes; memory is committed only on use.
 const STACK: usize = 256 << 20;
 /// Maximum stack depth of the decoder, in bytes; far below the stack size, which leaves room for
 /// the functions it calls.

@@ -49,7 +49,7 @@ pub struct SolidOptions {
 /// Returns the text of a STEP file with the solids of a boundary representation with closed shells.
 ///
 /// # Errors
-/// If the unit is unknown, there is no solid, or an edge does not separate two faces.
+/// If the unit is unknown, solids are missing, or an edge does not separate two faces.
 pub fn step_solids(
     brep: &Brep,
     properties: &SolidProperties,

@@ -1,37 +1,37 @@
-//! A patch as a B-spline whose control weights are positive.
+//! Conversion of a patch to a B-spline with positive control weights.
 //!
-//! A Bézier patch is the B-spline over one span in each direction. Its weight may be positive
-//! everywhere while a control weight is not. Inserting knots, equally spaced, brings the control
-//! weights nearer to the weight itself, until all are positive; no point of the surface changes.
-//! New control points are blossoms of the old ones.
+//! A Bézier patch is a B-spline with one span in each direction. Its weight function may be
+//! positive everywhere although a control weight is not. Inserting equally spaced knots moves the
+//! control weights towards the weight function until all are positive, and leaves the surface
+//! unchanged. New control points are blossoms of the old ones.
 
 use super::knots::Knots;
 use isoform_geom::{Point3, RationalPatch};
 
-/// Control weights must be above this share of the largest: smaller ones are as good as 0 to those
-/// who divide by them.
+/// Minimum ratio of the smallest control weight to the largest; smaller weights are treated as 0,
+/// since readers divide by them.
 const LEAST: f64 = 1e-6;
-/// Spans that a patch may be cut into in each direction.
+/// Maximum number of spans in each direction.
 const MOST_SPANS: usize = 64;
 
-/// A rational B-spline surface over [0, 1]² with homogeneous control points.
+/// Rational B-spline surface over [0, 1]² with homogeneous control points.
 pub(super) struct Spline {
     /// Knots in u.
     u: Knots,
     /// Knots in v.
     v: Knots,
-    /// Control points, homogeneous, row by row of equal i.
+    /// Homogeneous control points, row by row of equal i.
     control: Vec<[f64; 4]>,
 }
 
-/// x/w, y/w, z/w.
+/// Returns x/w, y/w, z/w.
 pub(super) fn affine(c: &[f64; 4]) -> Point3 {
     std::array::from_fn(|k| c[k] / c[3])
 }
 
 impl Spline {
-    /// The patch itself if its control weights are positive, else with as few knots inserted as
-    /// make them so, if some do.
+    /// Converts a patch, refining the better direction until all control weights are positive;
+    /// `None` if [`MOST_SPANS`] do not suffice.
     pub(super) fn positive(patch: &RationalPatch) -> Option<Self> {
         let mut best = Self::of(patch, 1, 1);
         while !best.is_positive() {
@@ -77,26 +77,26 @@ impl Spline {
         }
         Self { u, v, control }
     }
-    /// The indices of the last row and of the last column.
+    /// Returns the indices of the last row and of the last column.
     pub(super) fn last(&self) -> (usize, usize) {
         (
             self.u.degree + self.u.spans - 1,
             self.v.degree + self.v.spans - 1,
         )
     }
-    /// The control point in row i and column j, homogeneous.
+    /// Returns the homogeneous control point in row i and column j.
     pub(super) fn at(&self, i: usize, j: usize) -> [f64; 4] {
         self.control[i * (self.last().1 + 1) + j]
     }
-    /// The knots along u or along v.
+    /// Returns the knots along u or along v.
     pub(super) fn knots(&self, along_u: bool) -> &Knots {
         if along_u { &self.u } else { &self.v }
     }
-    /// The control points, divided by their weights.
+    /// Returns the Cartesian control points.
     pub(super) fn points(&self) -> impl Iterator<Item = Point3> {
         self.control.iter().map(affine)
     }
-    /// The least weight as a share of the largest.
+    /// Returns the ratio of the smallest weight to the largest.
     fn worst(&self) -> f64 {
         let (lo, hi) = self
             .control
@@ -106,14 +106,15 @@ impl Spline {
             });
         if hi > 0.0 { lo / hi } else { f64::NEG_INFINITY }
     }
-    /// Whether the least weight is more than [`LEAST`] of the largest, so that all are positive.
+    /// Returns true if the smallest weight exceeds [`LEAST`] of the largest, so that all are
+    /// positive.
     fn is_positive(&self) -> bool {
         self.worst() > LEAST
     }
 }
 
-/// The control points of a Bézier curve over finer knots: the i-th is the blossom at the knots i +
-/// 1, …, i + degree.
+/// Returns the control points of a Bézier curve over refined knots: the i-th is the blossom at the
+/// knots i + 1, …, i + degree.
 fn insert(bezier: &[[f64; 4]], knots: &Knots) -> Vec<[f64; 4]> {
     let (degree, all) = (knots.degree, knots.all());
     let blossom = |at: &[f64]| {
@@ -136,7 +137,7 @@ fn insert(bezier: &[[f64; 4]], knots: &Knots) -> Vec<[f64; 4]> {
 mod tests {
     use super::*;
 
-    /// de Boor's algorithm.
+    /// Evaluates a B-spline by de Boor's algorithm.
     fn evaluate(control: &[[f64; 4]], knots: &Knots, t: f64) -> [f64; 4] {
         let (p, all) = (knots.degree, knots.all());
         let span = (p..p + knots.spans)

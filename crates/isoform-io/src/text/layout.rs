@@ -1,19 +1,20 @@
-//! The columns of a table: by their names, or by the values of the first rows.
+//! Roles of the columns of a table: by their names, or by the values of the first rows.
 //!
-//! Names are those of [`understood`]. Values tell colours (whole numbers from 0 to 255), normals
-//! (triples of length 1) and numbers that count the rows from other columns, which is a guess that
-//! the report states.
+//! Names are those of [`understood`]. Values distinguish colours (integers from 0 to 255), normals
+//! (triples of length 1) and row numbers from other columns. This is a guess, which the report
+//! states.
 
 use super::names::{Named, are_angles, understood};
 use crate::ReadReport;
 use crate::input::shorten;
 use crate::roles::Layout;
 
-/// The fewest rows that can show that a column counts them: three steps of the same size and two
-/// coordinates that take none.
+/// Minimum number of rows to detect a column of row numbers: three equal steps, which two
+/// coordinates lack.
 const COUNTED: usize = 4;
 
-/// The layout of columns whose names tell the coordinates, and their unit; none where they do not.
+/// Returns the layout of columns whose names include the coordinates, and their unit; `None` if
+/// they do not.
 pub(super) fn by_names(
     names: &[String],
     report: &mut ReadReport,
@@ -33,8 +34,8 @@ pub(super) fn by_names(
     Some((Layout::named(names.iter().map(String::as_str)), unit))
 }
 
-/// The layout of columns whose names do not tell the coordinates, or that have none: the first
-/// three behind those that hold words, or count the rows.
+/// Returns the layout of columns without the names of coordinates: the coordinates are the first
+/// three columns after those that hold words or row numbers.
 pub(super) fn by_values(
     rows: &[Vec<f64>],
     names: Option<&[String]>,
@@ -99,10 +100,10 @@ pub(super) fn by_values(
     layout
 }
 
-/// True if the first column numbers the rows: whole numbers that ascend, beside coordinates that
-/// vary. Steps of 1 are enough where none of the coordinates does the same; larger ones, from
-/// which rows are missing, where none of the coordinates is a whole number throughout. A profile,
-/// whose x may count as well, is at one place in another coordinate.
+/// Returns true if the first column numbers the rows: ascending integers, while all coordinates
+/// vary. Steps of 1 suffice if no coordinate has steps of 1. Larger steps, where rows are missing,
+/// suffice if no coordinate consists of integers. A profile, whose x may count too, is constant in
+/// another coordinate.
 fn counts(rows: &[Vec<f64>]) -> bool {
     let steps = |c: usize| rows.windows(2).map(move |pair| pair[1][c] - pair[0][c]);
     let is_whole = |c: usize| rows.iter().all(|r| r[c].fract() == 0.0);
@@ -116,23 +117,23 @@ fn counts(rows: &[Vec<f64>]) -> bool {
         && (others().all(|c| !is_whole(c)) || (by_one(0) && !others().any(by_one)))
 }
 
-/// The columns that have a name so far.
+/// Columns that have a name so far.
 struct Columns<'r> {
-    /// The first rows of the file.
+    /// First rows of the file.
     rows: &'r [Vec<f64>],
     is_pts: bool,
     /// Number of columns before the coordinates.
     first: usize,
-    /// The names so far: of the columns up to the coordinates first.
+    /// Names so far, beginning with those of the columns up to the coordinates.
     names: Vec<String>,
     has_colors: bool,
     has_normals: bool,
-    /// What was told by the values alone, for the report.
+    /// Roles guessed from values, for the report.
     guesses: Vec<String>,
 }
 
 impl Columns<'_> {
-    /// Gives a name to the next column, or to the next ones; `left` have none.
+    /// Names the next column or columns, of which `left` are unnamed.
     fn next(&mut self, left: usize) {
         let c = self.names.len();
         if left >= 3 && !self.has_colors && self.is_color(c, left) {
@@ -152,7 +153,7 @@ impl Columns<'_> {
         }
     }
 
-    /// Gives the next three columns names, and notes the guess.
+    /// Names the next three columns, and records the guess.
     fn triple(&mut self, names: [&str; 3], what: &str) {
         let c = self.names.len();
         self.names.extend(names.map(String::from));
@@ -161,19 +162,19 @@ impl Columns<'_> {
             .push(format!("columns {first} to {last} were taken as {what}"));
     }
 
-    /// Whole numbers from 0 to 255.
+    /// Returns true for integers from 0 to 255.
     fn is_byte(&self, c: usize) -> bool {
         let is_byte = |v: f64| (0.0..=255.0).contains(&v) && v.fract() == 0.0;
         self.rows.iter().all(|r| is_byte(r[c]))
     }
 
-    /// True if a column has one value in all rows.
+    /// Returns true if a column has one value in all rows.
     fn is_constant(&self, c: usize) -> bool {
         self.rows.iter().all(|r| r[c] == self.rows[0][c])
     }
 
-    /// Three columns of bytes that are not all constant. x y z intensity r g b is PTS; elsewhere
-    /// four bytes are r g b a if the last is constant, else also intensity first.
+    /// Returns true for three columns of bytes that are not all constant. PTS has x y z intensity r
+    /// g b; in other formats four bytes are r g b a if the last is constant, else intensity r g b.
     fn is_color(&self, c: usize, left: usize) -> bool {
         let is_intensity_first =
             left == 4 && self.is_byte(c) && (self.is_pts || !self.is_constant(c + 3));
@@ -182,7 +183,8 @@ impl Columns<'_> {
             && !(c..c + 3).all(|c| self.is_constant(c))
     }
 
-    /// All rows within the noise of three decimals of length 1, a few of them without a normal.
+    /// Returns true if nine tenths of the rows have length 1 up to the rounding of three decimals,
+    /// and none is longer.
     fn is_normal(&self, c: usize) -> bool {
         let length =
             |r: &Vec<f64>| (r[c] * r[c] + r[c + 1] * r[c + 1] + r[c + 2] * r[c + 2]).sqrt();

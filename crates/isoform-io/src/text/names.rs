@@ -1,14 +1,14 @@
 //! Names of columns: the coordinate, normal or colour that a name stands for, and the unit in it.
 //!
-//! Instruments write `X [mm]`, `PosX`, `X-Koordinate`, `Easting (m)` or `n_x`. A name is cut into
-//! words; one of them is the axis, one may be a unit, and all others must be known: a column
-//! `Deviation X` is no coordinate.
+//! Instruments write `X [mm]`, `PosX`, `X-Koordinate`, `Easting (m)` or `n_x`. A name is split into
+//! words; one of them is the axis, one may be a unit, and all others must be known: `Deviation X`
+//! is not a coordinate.
 
 use super::separator::Separator;
 use crate::input::unit_named;
 use crate::roles::{Role, role_named};
 
-/// Words that may stand with the letter of an axis.
+/// Words that may accompany the letter of an axis.
 const PLACE: [&str; 39] = [
     "coord",
     "coords",
@@ -50,11 +50,11 @@ const PLACE: [&str; 39] = [
     "坐标",
     "좌표",
 ];
-/// Words that say that a component is one of a normal.
+/// Words that mark the component of a normal.
 const NORMAL: [&str; 5] = ["normal", "normals", "normale", "norm", "n"];
-/// Words that may stand with the name of a colour.
+/// Words that may accompany the name of a colour.
 const COLOR: [&str; 5] = ["color", "colour", "rgb", "diffuse", "scan"];
-/// Words of surveyors by axis.
+/// Surveying terms by axis.
 const SURVEY: [&[&str]; 3] = [
     &[
         "easting",
@@ -86,9 +86,9 @@ const SURVEY: [&[&str]; 3] = [
         "quota",
     ],
 ];
-/// Letters of surveyors by axis.
+/// Letters for axes in surveying.
 const LETTERS: [&str; 3] = ["e", "n", "h"];
-/// Words that may stand with those of surveyors.
+/// Words that may accompany surveying terms.
 const GRID: [&str; 7] = [
     "utm",
     "grid",
@@ -99,28 +99,28 @@ const GRID: [&str; 7] = [
     "gnss",
 ];
 
-/// The precedence of a name's role; the first is taken before the others.
+/// Precedence of the role of a name; the first is preferred.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Rank {
-    /// The bare name, or with a unit.
+    /// Bare name, or with a unit.
     Exact,
-    /// With other words.
+    /// Name with other words.
     Decorated,
-    /// A word of surveyors.
+    /// Surveying term.
     Survey,
-    /// A letter of surveyors.
+    /// Surveying letter.
     Letter,
 }
 
-/// The meaning of a name.
+/// Meaning of a name.
 struct Meaning {
-    /// Role, and how plainly the name says it.
+    /// Role and its precedence; `None` for a column.
     role: Option<(Role, Rank)>,
     /// Unit in the name.
     unit: Option<&'static str>,
 }
 
-/// The words of a name in lower case; `PosX` has two.
+/// Splits a name into words in lower case; `PosX` has two.
 fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut before = ' ';
@@ -139,12 +139,12 @@ fn words(name: &str) -> Vec<String> {
     words
 }
 
-/// The number of a letter x, y or z.
+/// Returns the index of the letter x, y or z.
 fn axis(word: &str) -> Option<usize> {
     ["x", "y", "z"].iter().position(|a| *a == word)
 }
 
-/// The axis at either end of a word, and the rest of it: `xcoord`, `posx`.
+/// Splits a word at an axis letter at either end, as in `xcoord` or `posx`: the axis and the rest.
 fn glued(word: &str) -> Option<(usize, &str)> {
     (0..3).find_map(|k| {
         let letter = ["x", "y", "z"][k];
@@ -157,7 +157,7 @@ fn glued(word: &str) -> Option<(usize, &str)> {
 }
 
 impl Meaning {
-    /// The meaning of a name. One that ends in `_` is that of a column, as our writers have it.
+    /// Interprets a name. A name that ends in `_`, as written by this crate, is that of a column.
     fn of(name: &str) -> Self {
         if name.ends_with('_') {
             return Self {
@@ -191,7 +191,7 @@ impl Meaning {
         Self { role, unit }
     }
 
-    /// An axis or a colour among known words.
+    /// Finds an axis or a colour among known words.
     fn decorated(words: &[String], unit: &mut Option<&'static str>) -> Option<(Role, Rank)> {
         let (mut k, mut is_normal, mut color) = (None, false, None);
         for word in words {
@@ -219,7 +219,7 @@ impl Meaning {
         Some((role, Rank::Decorated))
     }
 
-    /// A word of surveyors among known words.
+    /// Finds a surveying term among known words.
     fn surveyed(words: &[String]) -> Option<(Role, Rank)> {
         if let [letter] = words
             && let Some(k) = LETTERS.iter().position(|l| l == letter)
@@ -239,8 +239,8 @@ impl Meaning {
     }
 }
 
-/// True if a column of this name, with coordinates `x`, `y` and `z`, is taken for one of them, for
-/// a normal or a colour.
+/// Returns true if a column of this name, next to coordinates `x`, `y` and `z`, would be read as
+/// one of them, as a normal or as a colour.
 pub(crate) fn has_role(name: &str) -> bool {
     match Meaning::of(name).role {
         Some((Role::Position(_), rank)) => rank == Rank::Exact,
@@ -248,15 +248,15 @@ pub(crate) fn has_role(name: &str) -> bool {
     }
 }
 
-/// Columns whose names say what they are.
+/// Columns with recognised names.
 pub(super) struct Named {
-    /// Names with those of the roles in their places: `x`, `ny`, `red`.
+    /// Names, with recognised ones replaced by those of their roles: `x`, `ny`, `red`.
     pub(super) names: Vec<String>,
-    /// Units of the coordinates, each once.
+    /// Distinct units of the coordinates.
     pub(super) units: Vec<&'static str>,
 }
 
-/// The columns that names tell; none where one of the coordinates is not named.
+/// Interprets the names of columns; `None` if a coordinate is missing.
 pub(super) fn understood(names: &[String]) -> Option<Named> {
     let meanings: Vec<Meaning> = names.iter().map(|n| Meaning::of(n)).collect();
     let first = |role: Role| {
@@ -273,7 +273,7 @@ pub(super) fn understood(names: &[String]) -> Option<Named> {
     let [Some(x), Some(y), Some(z)] = places else {
         return None;
     };
-    // Letters are those of surveyors only in pairs: `n` may be a count.
+    // Single letters mean axes only in pairs: `n` may be a count.
     if (x.0 == Rank::Letter) != (y.0 == Rank::Letter) {
         return None;
     }
@@ -291,7 +291,7 @@ pub(super) fn understood(names: &[String]) -> Option<Named> {
         (["nx", "ny", "nz"], Role::Normal as fn(usize) -> Role),
         (["red", "green", "blue"], Role::Color),
     ] {
-        // One or two of them are columns like others.
+        // Incomplete triples remain ordinary columns.
         if let [Some(a), Some(b), Some(c)] = [0, 1, 2].map(|k| first(role(k))) {
             for (name, (_, i)) in names.into_iter().zip([a, b, c]) {
                 name.clone_into(&mut told[i]);
@@ -301,7 +301,7 @@ pub(super) fn understood(names: &[String]) -> Option<Named> {
     Some(Named { names: told, units })
 }
 
-/// True if names tell longitude and latitude.
+/// Returns true if the names include longitude and latitude.
 pub(super) fn are_angles(names: &[String]) -> bool {
     let is = |words: [&str; 3]| {
         names
@@ -311,7 +311,7 @@ pub(super) fn are_angles(names: &[String]) -> bool {
     is(["lat", "latitude", "breite"]) && is(["lon", "longitude", "lng"])
 }
 
-/// The names in a line; a unit in brackets behind a blank belongs to the name before it.
+/// Splits a line into names; a unit in brackets after a blank belongs to the preceding name.
 pub(super) fn split(line: &str) -> Vec<String> {
     let (separator, _) = Separator::of(line);
     let mut names: Vec<String> = Vec::new();
@@ -331,7 +331,7 @@ pub(super) fn split(line: &str) -> Vec<String> {
     names
 }
 
-/// The units in a line below the names: one for each of them, in brackets or not, or nothing.
+/// Parses a line of units below the names: one per name, with or without brackets, or empty.
 pub(super) fn unit_row(line: &str) -> Option<Vec<&'static str>> {
     let (separator, _) = Separator::of(line);
     let units = separator.split(line).map(|(_, field)| {

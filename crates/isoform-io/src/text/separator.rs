@@ -1,19 +1,19 @@
-//! What stands between the fields of a line: blanks, tabs, commas or semicolons; and whether commas
-//! are decimal, as they are beside semicolons and in three fields or more between blanks.
+//! Detection of field separators: blanks, tabs, commas or semicolons. Commas are decimal between
+//! semicolons, and in three or more fields between blanks.
 
 use crate::input::parse_number;
 
-/// What stands between fields.
+/// Separator of the fields of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Separator {
     /// One or more blanks or tabs.
     Blank,
-    /// One character; two of them in a row have an empty field between.
+    /// One character; two of them in a row enclose an empty field.
     Char(char),
 }
 
-/// A line whose quoted fields are masked: no separator stands in it but those between fields.
-/// Quotes count only at the start of a field: `1.5" 2.5"` are inches.
+/// Masks separators within quoted fields. Quotes count only at the start of a field: `1.5" 2.5"`
+/// are inches.
 fn masked(line: &str) -> std::borrow::Cow<'_, str> {
     if !line.contains('"') {
         return line.into();
@@ -31,8 +31,8 @@ fn masked(line: &str) -> std::borrow::Cow<'_, str> {
     line.chars().map(mask).collect::<String>().into()
 }
 
-/// The length of a quoted field at the start of a text, with its quotes; two quotes in a row are
-/// one of the text.
+/// Returns the length of a quoted field at the start of a text, including its quotes; a doubled
+/// quote is a quote.
 fn quoted(text: &str) -> Option<usize> {
     let bytes = text.as_bytes();
     if bytes.first() != Some(&b'"') {
@@ -48,19 +48,19 @@ fn quoted(text: &str) -> Option<usize> {
     }
 }
 
-/// True if a field is a number with a decimal comma or without one.
+/// Returns true if a field is a number with a decimal comma or without one.
 pub(super) fn is_decimal(field: &str) -> bool {
     parse_number(&field.replace(',', ".")).is_some()
 }
 
 impl Separator {
-    /// The separator of a line, and whether its commas are decimal.
+    /// Detects the separator of a line, and returns true with it if commas are decimal.
     pub(super) fn of(line: &str) -> (Self, bool) {
         let bare = masked(line);
         if bare.contains(';') {
             return (Self::Char(';'), true);
         }
-        // Blanks stand within a field where they do not part numbers.
+        // Blanks that do not separate numbers are part of a field.
         let is_field = |f: &str| {
             let mut words = f.split_whitespace();
             words.clone().count() < 2 || !words.all(is_decimal)
@@ -88,8 +88,8 @@ impl Separator {
         };
         (separator, line.contains(','))
     }
-    /// Fields with their byte offsets, without the quotes around them; an empty one at the end is a
-    /// mere end mark.
+    /// Splits a line into fields with their byte offsets, without enclosing quotes; an empty last
+    /// field is omitted.
     pub(super) fn split(self, line: &str) -> impl Iterator<Item = (usize, &str)> {
         let mut at = 0;
         let may_be_quoted = line.contains('"');
@@ -121,7 +121,7 @@ impl Separator {
             if end.is_none() && field.is_empty() {
                 return None;
             }
-            // What stands behind the quotes is of the field: it is no number then.
+            // Text after the closing quote belongs to the field, which is then not a number.
             match quotes.filter(|&n| n == field.len()) {
                 Some(n) => Some((start + lead + 1, field[1..n - 1].trim())),
                 None => Some((start + lead, field)),

@@ -1,5 +1,5 @@
-//! A model part of a 3MF package: its objects, materials, and what is to be built ("3D
-//! Manufacturing Format core specification" 1.3, chapters 3 to 5).
+//! Model part of a 3MF package: its objects, materials and build items ("3D Manufacturing Format
+//! core specification" 1.3, chapters 3 to 5).
 
 use super::tags::{Tag, Tags};
 use super::transform::Transform;
@@ -10,53 +10,53 @@ use crate::unzip::Problem;
 use isoform_geom::Point3;
 use std::collections::BTreeMap;
 
-/// The end of the namespace of the extension that divides a model among several parts of the
-/// package ("3MF production extension" 1.1).
+/// End of the namespace of the extension that splits a model into several parts of the package
+/// ("3MF production extension" 1.1).
 const PRODUCTION: &str = "/production/2015/06";
-/// Extensions that change nothing of what is read here: materials, and the one above.
+/// Extensions that do not affect the content read here: materials, and the one above.
 const HARMLESS: [&str; 2] = ["/material/2015/02", PRODUCTION];
 
-/// A material, as the number of its group and its place there.
+/// Material: number of its group, and index in it.
 pub(super) type MaterialId = (u32, u32);
 
-/// A model part.
+/// Model part of a package.
 #[derive(Debug, Default)]
 pub(super) struct Model {
-    /// Unit of length in our words.
+    /// Unit of length, as named in this crate.
     pub(super) unit: &'static str,
     pub(super) objects: BTreeMap<u32, Object>,
     /// Names of base materials by group.
     pub(super) materials: BTreeMap<u32, Vec<String>>,
-    /// What is to be built.
+    /// Build items.
     pub(super) items: Vec<Component>,
-    /// Extensions that the model needs and that are not read here.
+    /// Required extensions that are not supported.
     pub(super) unknown: Vec<String>,
 }
 
-/// An object: a mesh, or other objects put together.
+/// Object: a mesh, or an assembly of other objects.
 #[derive(Debug, Default)]
 pub(super) struct Object {
     pub(super) name: String,
     pub(super) vertices: Vec<Point3>,
     pub(super) triangles: Vec<[u32; 3]>,
-    /// The material of each triangle, or nothing where none has one.
+    /// Material of each triangle; empty if none has one.
     pub(super) materials: Vec<Option<MaterialId>>,
     pub(super) components: Vec<Component>,
-    /// The material of triangles without one of their own.
+    /// Default material of triangles.
     default: Option<MaterialId>,
 }
 
-/// An object in its place.
+/// Reference to an object with its transform.
 #[derive(Debug)]
 pub(super) struct Component {
-    /// Name of the part of the package where the object is; none for this part.
+    /// Name of the model part that contains the object; `None` for this part.
     pub(super) path: Option<Box<str>>,
     pub(super) object: u32,
-    /// Where it is put; none for where it is.
+    /// Transform of the object; `None` for the identity.
     pub(super) transform: Option<Box<Transform>>,
 }
 
-/// The unit of length in our words; millimetres where none is stated.
+/// Returns the unit of length, as named in this crate; the default is millimetres.
 fn unit(attributes: &str) -> &'static str {
     let stated = attribute(attributes, "unit").unwrap_or("millimeter");
     let known = super::UNITS.iter().find(|(_, theirs)| *theirs == stated);
@@ -93,28 +93,28 @@ pub(super) fn read(tags: &mut Tags<'_>) -> Result<Model, Problem> {
     }
 }
 
-/// What is wrong with a tag.
+/// Kind and description of the problem of a tag.
 type Wrong = (ErrorKind, String);
 
-/// How far a model has come.
+/// State of reading a model.
 #[derive(Default)]
 struct Reader {
     model: Model,
-    /// Whether the root was there, and whether it has ended.
+    /// True after the start and after the end of the root element.
     is_model: bool,
     is_over: bool,
-    /// What stands before the names of the core's elements, with its colon.
+    /// Prefix of the core namespace, with its colon.
     prefix: String,
-    /// The attribute of the production extension that says where an object is, with its prefix.
+    /// Name of the path attribute of the production extension, with its prefix.
     path: String,
-    /// The object at hand with its number.
+    /// Present object with its number.
     object: Option<(u32, Object)>,
-    /// The group of base materials at hand.
+    /// Present group of base materials.
     group: Option<u32>,
 }
 
 impl Reader {
-    /// Takes the beginning of an element.
+    /// Processes the start of an element.
     fn open(&mut self, name: &str, attributes: &str) -> Result<(), Wrong> {
         if !self.is_model {
             return self.root(name, attributes);
@@ -152,7 +152,7 @@ impl Reader {
         }
     }
 
-    /// Takes the end of an element.
+    /// Processes the end of an element.
     fn close(&mut self, name: &str) -> Result<(), Wrong> {
         match name.strip_prefix(self.prefix.as_str()) {
             Some("object") => {
@@ -173,7 +173,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Takes the root, which states the unit and the extensions.
+    /// Processes the root, which states the unit and the extensions.
     fn root(&mut self, name: &str, attributes: &str) -> Result<(), Wrong> {
         let Some(prefix) = name.strip_suffix("model") else {
             let why = format!("the first element is \"{}\", not a model", shorten(name));
@@ -214,7 +214,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Takes a vertex of the object at hand.
+    /// Adds a vertex to the present object.
     fn vertex(&mut self, attributes: &str) -> Result<(), Wrong> {
         let Some((_, object)) = &mut self.object else {
             return Ok(());
@@ -228,7 +228,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Takes a triangle of the object at hand.
+    /// Adds a triangle to the present object.
     fn triangle(&mut self, attributes: &str) -> Result<(), Wrong> {
         let Some((_, object)) = &mut self.object else {
             return Ok(());
@@ -239,7 +239,7 @@ impl Reader {
         }
         let material = material(attributes, "p1", object.default)?;
         if material.is_some() || !object.materials.is_empty() {
-            // Those before it have none.
+            // Preceding triangles have no material.
             object.materials.resize(object.triangles.len(), None);
             object.materials.push(material);
         }
@@ -247,7 +247,7 @@ impl Reader {
         Ok(())
     }
 
-    /// An object in its place, of a component or of an item to be built.
+    /// Parses the reference to an object in a component or a build item.
     fn component(&self, attributes: &str) -> Result<Component, Wrong> {
         let path = attribute(attributes, &self.path);
         let transform = attribute(attributes, "transform");
@@ -265,7 +265,7 @@ impl Reader {
         })
     }
 
-    /// Takes a base material of the group at hand.
+    /// Adds a base material to the present group.
     fn base(&mut self, attributes: &str) {
         let group = self.group.and_then(|id| self.model.materials.get_mut(&id));
         if let Some(group) = group {
@@ -276,7 +276,7 @@ impl Reader {
 }
 
 impl Object {
-    /// Whether its triangles name vertices that there are.
+    /// Returns an error if a triangle refers to a missing vertex.
     fn check(&self, id: u32) -> Result<(), Wrong> {
         let count = self.vertices.len();
         let is_wrong = |t: &[u32; 3]| t.iter().any(|&v| v as usize >= count);
@@ -297,13 +297,13 @@ fn not_a_number(key: &str, text: &str) -> Wrong {
     (ErrorKind::Number, why)
 }
 
-/// A whole number of 32 bits.
+/// Parses a 32-bit unsigned integer.
 fn whole(attributes: &str, key: &str) -> Result<u32, Wrong> {
     let text = attribute(attributes, key).unwrap_or("");
     text.trim().parse().map_err(|_| not_a_number(key, text))
 }
 
-/// The material that an element names by its group and, under `key`, its place there.
+/// Returns the material of an element: its group and, under `key`, its index there.
 fn material(
     attributes: &str,
     key: &str,

@@ -1,21 +1,20 @@
-//! The tags of an XML text, as a stream.
+//! Streaming parser of the tags of an XML text.
 //!
-//! Models may be larger than memory is for their text, so that a tag at a time is held, up to
-//! [`MAX_TAG`] bytes. What stands between tags is passed over: 3MF keeps all its numbers in
-//! attributes. Declarations of types are refused, as 3MF demands: they could define entities that
-//! grow without end.
+//! The text of a model may exceed memory, so only one tag is held at a time, of at most [`MAX_TAG`]
+//! bytes. Text between tags is skipped, since 3MF stores all numbers in attributes. Document type
+//! declarations are refused, as 3MF requires: they could define entities that expand without bound.
 
 use crate::ErrorKind;
 use crate::unzip::Problem;
 use std::io::BufRead;
 
-/// Longest tag or comment, in bytes.
+/// Maximum length of a tag or comment, in bytes.
 const MAX_TAG: u64 = 1 << 20;
 
-/// Something in angle brackets.
+/// Tag of an element.
 #[derive(Debug, PartialEq)]
 pub(super) enum Tag<'t> {
-    /// `<name attributes>`, and `<name attributes/>`, which is closed already.
+    /// `<name attributes>`, or `<name attributes/>`, which is already closed.
     Open {
         name: &'t str,
         attributes: &'t str,
@@ -25,10 +24,10 @@ pub(super) enum Tag<'t> {
     Close(&'t str),
 }
 
-/// Walks over the tags of a text.
+/// Iterator over the tags of a text.
 pub(super) struct Tags<'r> {
     input: &'r mut dyn BufRead,
-    /// The tag at hand, without the bracket that begins it.
+    /// Present tag, without its opening bracket.
     bytes: Vec<u8>,
     /// Line of the text, from 1.
     pub(super) line: u64,
@@ -43,7 +42,7 @@ impl<'r> Tags<'r> {
         }
     }
 
-    /// The next tag, none at the end.
+    /// Returns the next tag; `None` at the end.
     pub(super) fn next(&mut self) -> Result<Option<Tag<'_>>, Problem> {
         loop {
             if !self.skip_text()? {
@@ -71,7 +70,7 @@ impl<'r> Tags<'r> {
         })
     }
 
-    /// Passes over what stands before the next tag, and its bracket; false at the end.
+    /// Skips the text before the next tag and its opening bracket; returns false at the end.
     fn skip_text(&mut self) -> Result<bool, Problem> {
         loop {
             let block = self.input.fill_buf()?;
@@ -88,8 +87,8 @@ impl<'r> Tags<'r> {
         }
     }
 
-    /// Reads up to the first `>` at which `is_end` holds of all that was read since the tag began,
-    /// if it does not hold already.
+    /// Reads up to the first `>` at which `is_end` accepts all bytes of the tag so far, unless it
+    /// accepts them already.
     fn until(&mut self, mut is_end: impl FnMut(&[u8]) -> bool) -> Result<(), Problem> {
         while !is_end(&self.bytes) {
             let before = self.bytes.len();
@@ -104,13 +103,13 @@ impl<'r> Tags<'r> {
         Ok(())
     }
 
-    /// Something is wrong here.
+    /// Returns an error at the present line.
     pub(super) fn problem(&self, why: &str) -> Problem {
         Problem::new(ErrorKind::Corrupt, format!("line {}: {why}", self.line))
     }
 }
 
-/// The quote that is open behind some bytes, as one may be before them.
+/// Returns the quote that is open after some bytes, given the one open before them.
 fn open_quote(before: Option<u8>, bytes: &[u8]) -> Option<u8> {
     bytes.iter().fold(before, |quote, &b| match quote {
         Some(open) if open == b => None,
@@ -119,7 +118,7 @@ fn open_quote(before: Option<u8>, bytes: &[u8]) -> Option<u8> {
     })
 }
 
-/// The tag of bytes that end in `>`.
+/// Parses the bytes of a tag, which end in `>`.
 fn tag(bytes: &[u8]) -> Option<Tag<'_>> {
     let text = std::str::from_utf8(bytes).ok()?.strip_suffix('>')?;
     if let Some(name) = text.strip_prefix('/') {

@@ -1,9 +1,9 @@
-//! Where objects are put: affine maps of row vectors, (x y z 1) M, as 3MF writes them.
+//! Affine maps of objects: (x y z 1) M for row vectors, as 3MF writes them.
 
 use crate::input::parse_number;
 use isoform_geom::{Point3, cross, dot};
 
-/// The images of the axes, and of the origin.
+/// Affine map, stored as the images of the axes and of the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Transform {
     axes: [Point3; 3],
@@ -11,7 +11,7 @@ pub(super) struct Transform {
 }
 
 impl Transform {
-    /// Twelve numbers, row by row.
+    /// Parses twelve numbers, row by row.
     pub(super) fn parse(text: &str) -> Option<Self> {
         let mut words = text.split_ascii_whitespace();
         let mut row = || -> Option<Point3> {
@@ -26,18 +26,18 @@ impl Transform {
         words.next().is_none().then_some(Self { axes, origin })
     }
 
-    /// The image of a direction.
+    /// Returns the image of a direction.
     fn turn(&self, v: Point3) -> Point3 {
         std::array::from_fn(|k| (0..3).map(|i| v[i] * self.axes[i][k]).sum())
     }
 
-    /// The image of a point.
+    /// Returns the image of a point.
     pub(super) fn apply(&self, p: Point3) -> Point3 {
         let turned = self.turn(p);
         std::array::from_fn(|k| turned[k] + self.origin[k])
     }
 
-    /// This map first, and then the other one.
+    /// Returns the composition of this map, applied first, with the other one.
     pub(super) fn then(&self, other: &Self) -> Self {
         Self {
             axes: self.axes.map(|v| other.turn(v)),
@@ -45,7 +45,7 @@ impl Transform {
         }
     }
 
-    /// Whether it turns what is inside out.
+    /// Returns true if the map reverses orientation.
     pub(super) fn is_mirror(&self) -> bool {
         let [x, y, z] = self.axes;
         dot(x, cross(y, z)) < 0.0

@@ -24,7 +24,7 @@ fn write_seeds() {
     }
 }
 
-/// The same for meshes.
+/// Likewise for meshes.
 #[test]
 #[ignore = "writes into fuzz/corpus"]
 fn write_mesh_seeds() {

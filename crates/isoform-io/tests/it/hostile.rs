@@ -104,7 +104,7 @@ proptest! {
         for (name, mut bytes) in common::fixtures() {
             damages.iter().for_each(|d| apply(&mut bytes, d));
             if name.ends_with(".e57") {
-                // Once as it is, once past the checksums.
+                // Once unchanged, once with corrected checksums.
                 survive(name, Some("e57"), &bytes);
                 common::mend_e57(&mut bytes);
             }

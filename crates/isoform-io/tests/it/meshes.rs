@@ -852,7 +852,7 @@ fn abaqus_sets_are_not_expanded() {
     survive("sets.inp", Some("inp"), text.as_bytes());
     let e = read_as(text.as_bytes(), Some("inp")).expect_err("too many");
     assert_eq!(e.code(), "file-corrupt");
-    // The same with runs of numbers that no element has.
+    // Likewise with ranges of numbers that no element has.
     let mut text = String::from("*NODE\n1,0,0,0\n*ELSET,ELSET=A,GENERATE\n");
     text += &"5,6,1\n".repeat(100_000);
     text += "*SURFACE,NAME=S\n";

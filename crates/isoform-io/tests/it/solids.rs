@@ -207,7 +207,7 @@ proptest! {
             let like = Face { surface: face.surface.clone(), ..found.clone() };
             prop_assert_eq!(&like, face);
             match (&found.surface, &face.surface) {
-                // STEP has no frame for these: the surface is the same to rounding.
+                // STEP cannot store their frame: the surface agrees up to rounding.
                 (Surface::Ellipsoid(x), Surface::Ellipsoid(y)) => {
                     let p = y.point([2.0, 0.3]);
                     prop_assert!(x.distance(p).0.abs() < 1e-12, "{:?} {:?}", x, y);

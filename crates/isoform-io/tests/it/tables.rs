@@ -23,7 +23,7 @@ struct Style {
     order: [usize; 3],
     /// Lines before the names.
     before: &'static str,
-    /// True if there are no names.
+    /// True without names.
     is_bare: bool,
 }
 

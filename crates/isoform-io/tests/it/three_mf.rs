@@ -123,7 +123,7 @@ fn odd_packages_are_read_with_a_word() {
         "{report:?}"
     );
 
-    // As points, sampled, and with what is no number.
+    // As points, sampled, and with invalid numbers.
     let text = model(
         &tetrahedron(1).replace("x=\"1\"", "x=\"nan\""),
         "<item objectid=\"1\"/>",

@@ -168,7 +168,7 @@ pub(crate) fn las_file(format: u8, compressed: bool, n: usize) -> Vec<u8> {
     las_file_of(format, compressed, (0..n).map(|i| las_point(format, i)))
 }
 
-/// The same of any points.
+/// Likewise for any points.
 pub(crate) fn las_file_of(
     format: u8,
     compressed: bool,
