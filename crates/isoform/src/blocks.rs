@@ -1,8 +1,8 @@
-//! Meshes of huge models in blocks, in files: a .pvtu and one .vtu for each block.
+//! Meshes of huge models in blocks, written to files: one .pvtu and a .vtu for each block.
 //!
-//! A [`BlocksJob`] knows which tasks there are to do, step by step; tasks of one step may be done
-//! anywhere in any order, since each reads files of a folder that all share and writes its own.
-//! [`mesh_in_blocks`] does them here, one after the other.
+//! A [`BlocksJob`] lists the tasks of one step after another. The tasks of a step may be run in any
+//! process and in any order, since each reads files of a shared folder and writes its own.
+//! [`mesh_in_blocks`] runs all of them in this process.
 
 mod certificate;
 mod job;
@@ -21,11 +21,11 @@ use isoform_io::WriteError;
 use isoform_mesh::MeshError;
 use std::path::Path;
 
-/// Why a model has no mesh in blocks.
+/// Reason why a model cannot be meshed in blocks.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BlocksError {
-    /// There is no mesh.
+    /// The mesh cannot be computed.
     #[error(transparent)]
     Mesh(#[from] MeshModelError),
     /// A file cannot be written.
@@ -34,23 +34,23 @@ pub enum BlocksError {
     /// The name of the output does not end in .pvtu.
     #[error("{name}: a mesh in blocks is written as .pvtu")]
     Ending {
-        /// The name.
+        /// Name of the output.
         name: String,
     },
-    /// There is no place for the files between the steps.
+    /// The folder for intermediate files cannot be created.
     #[error("cannot make a folder beside {name}: {why}")]
     Folder {
-        /// The output.
+        /// Name of the output.
         name: String,
-        /// What the system says.
+        /// Error of the system.
         why: String,
     },
-    /// A file between two steps is not what was written.
+    /// An intermediate file cannot be read, or is not what a task wrote.
     #[error("cannot read the file {file}: {why}")]
     Read {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// What is wrong.
+        /// Description of the error.
         why: String,
     },
 }
@@ -61,8 +61,9 @@ impl From<MeshError> for BlocksError {
     }
 }
 
-/// Meshes a model in blocks, one after the other, and writes OUT.pvtu with a file for each block
-/// beside it. The memory taken is that for one block.
+/// Meshes a model with the values `a` of its parameters in `counts` blocks per axis, one after the
+/// other; writes the .pvtu file `out` and a .vtu file for each block next to it. Memory is needed
+/// for one block at a time.
 ///
 /// ```
 /// use isoform::{Control, MeshModelOptions, mesh_in_blocks, template};
@@ -80,7 +81,7 @@ impl From<MeshError> for BlocksError {
 /// ```
 ///
 /// # Errors
-/// [`BlocksError`].
+/// [`BlocksError`] if there is no mesh, or a file cannot be written.
 pub fn mesh_in_blocks(
     model: &Model,
     a: &[f64],

@@ -1,10 +1,11 @@
-//! Two-sided deviation between any two of points, meshes, models and solids of exact faces.
+//! Two-sided distances between any two of points, meshes, models and solids of exact faces.
 //!
-//! Points ask for the nearest point; of a mesh the nearest of all triangles; of a model the metric
-//! reading, which is the distance to first order; points of meshes, which lie near, are brought to
-//! the model's surface by Newton's method on that reading and asked how far they went; of a solid
-//! the nearest point of its exact faces and edges (those of the nearest samples are asked). Meshes,
-//! models and solids are sampled evenly; samples of solids lie on their exact faces.
+//! Meshes, models and solids are sampled evenly; samples of solids lie on their exact faces. The
+//! distance of a point from points, or from a mesh, is that of the nearest point or triangle; from
+//! a solid, that of its exact faces and edges, among those on which the nearest samples lie; from a
+//! model, its metric function, which is the distance to first order. Samples of meshes and solids
+//! lie near a model: they are projected to its surface by Newton's method on the metric function,
+//! and the length of the projection is their distance.
 
 mod nearest;
 
@@ -19,101 +20,104 @@ use nearest::Nearest;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Samples of a solid whose faces are measured: the nearest face is nearly always among them.
+/// Number of nearest samples of a solid whose faces are measured; they nearly always include the
+/// nearest face.
 const NEAREST: usize = 32;
-/// Points that a thread takes at once, at least.
+/// Minimum number of points that a thread takes at a time.
 const RUN: usize = 512;
 
-/// Fewest samples of a triangle.
+/// Minimum number of samples of a triangle.
 const LEAST: f64 = 4.0;
 
-/// One of the two things.
+/// Side of a comparison.
 #[derive(Clone, Copy, Debug)]
 pub enum Side<'a> {
-    /// Points as they are.
+    /// Points.
     Points(&'a PointCloud),
-    /// The triangles of a cloud.
+    /// Triangles of a cloud.
     Mesh(&'a PointCloud),
-    /// The surface of a model with these values; missing ones are those of [`parameter_values`],
-    /// and no motion for a pose.
+    /// Surface of a model with these values of its parameters; missing values are those of
+    /// [`parameter_values`], and those of a pose without motion.
     Model(&'a FrepTemplate, &'a [f64]),
-    /// The surface of an implicit spline.
+    /// Surface of an implicit spline.
     Spline(&'a SplineDistance),
-    /// The faces of a solid.
+    /// Faces of a solid.
     Solid(&'a ExactSolid),
 }
 
-/// Distances of one side's points from the other side; NaN, in JSON null, where none of them has
-/// one.
+/// Distances of the points of one side from the other side, in the unit of the coordinates; NaN, in
+/// JSON null, if none of them has a distance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Distances {
-    /// Root of the mean square.
+    /// Root mean square distance.
     pub rms: f64,
-    /// Mean.
+    /// Mean distance.
     pub mean: f64,
-    /// 95 % are nearer.
+    /// 95th percentile of the distances.
     pub p95: f64,
-    /// Largest.
+    /// Largest distance.
     pub max: f64,
-    /// Points asked.
+    /// Number of points.
     pub samples: usize,
-    /// Those of them where the other side's function is not a number: the figures are of the rest.
+    /// Number of points at which the other side's function is not a number; the statistics leave
+    /// them out.
     pub undefined: usize,
 }
 
-/// Why there is nothing to compare.
+/// Reason why two sides cannot be compared.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CompareError {
-    /// Two models have no box of their own.
+    /// Two models are given without a region.
     #[error("two models need a box in which to compare them")]
     NoRegion,
-    /// No point, or no surface in the box.
+    /// A side has no points, or no surface in the region.
     #[error("the {0} has no points there")]
     Empty(&'static str),
-    /// A point is NaN or infinite.
+    /// A coordinate of a point is NaN or infinite.
     #[error("point {point} of the {side} is not finite (from 0)")]
     NotFinite {
-        /// `first` or `second`.
+        /// Side: `first` or `second`.
         side: &'static str,
-        /// The point, from 0.
+        /// Index of the point, from 0.
         point: usize,
     },
-    /// A triangle has a corner that is no point.
+    /// A triangle has a corner that is not the index of a point.
     #[error("the {side}: {error}")]
     Corner {
-        /// `first` or `second`.
+        /// Side: `first` or `second`.
         side: &'static str,
-        /// Which one.
+        /// The corner.
         error: CornerError,
     },
     /// There are more values than parameters.
     #[error("{found} values for the {expected} parameters of the {side}")]
     Parameters {
-        /// `first` or `second`.
+        /// Side: `first` or `second`.
         side: &'static str,
-        /// Parameters of the template.
+        /// Number of parameters of the template.
         expected: usize,
-        /// Values given.
+        /// Number of values given.
         found: usize,
     },
     /// A parameter has no value.
     #[error("the {side}: {error}")]
     Values {
-        /// `first` or `second`.
+        /// Side: `first` or `second`.
         side: &'static str,
-        /// Which one.
+        /// The parameter.
         error: SolidError,
     },
 }
 
-/// Distances from the first to the second, and from the second to the first. Models are looked at
-/// in `region`, by default the box of the other side (somewhat enlarged); coordinates are those of
-/// the files. Of meshes, models and solids about `samples` points are taken, two million at most
-/// ([`MOST_SURFACE_SAMPLES`]), of a mesh some of each triangle.
+/// Returns the distances of `a` from `b`, and of `b` from `a`, in the coordinates of the files.
+/// Models are sampled in `region`, by default the bounding box of the other side, somewhat
+/// enlarged. About `samples` points are taken of meshes, models and solids, two million at most
+/// ([`MOST_SURFACE_SAMPLES`]), with some on each triangle of a mesh.
 ///
 /// # Errors
-/// [`CompareError`].
+/// [`CompareError`] if a side is invalid or has no points, or if two models are given without a
+/// region.
 pub fn compare(
     a: Side,
     b: Side,
@@ -139,8 +143,8 @@ pub fn compare(
     Ok((summary(&there), summary(&back)))
 }
 
-/// A side that was looked at: points are absolute and finite, their triangles have them, and the
-/// distance function of a model has a value for each parameter.
+/// Validated side: points are absolute and finite, corners of triangles are indices of points, and
+/// a model has a value for each parameter.
 enum Shape<'a> {
     Points(Vec<Point3>),
     Mesh(Vec<Point3>, &'a [[u32; 3]]),
@@ -164,7 +168,7 @@ impl<'a> Shape<'a> {
         })
     }
 
-    /// Whether its points lie near a model that it stands for.
+    /// Returns true if the points of the side lie near a model that it approximates.
     fn is_near(&self) -> bool {
         matches!(self, Self::Mesh(..) | Self::Solid(_))
     }
@@ -196,7 +200,7 @@ impl<'a> Shape<'a> {
     }
 }
 
-/// The points of a cloud in the file's coordinates.
+/// Returns the points of a cloud in the file's coordinates.
 fn absolute(cloud: &PointCloud, side: &'static str) -> Result<Vec<Point3>, CompareError> {
     let points: Vec<Point3> = (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect();
     let is_wrong = |p: &Point3| p.iter().any(|v| !v.is_finite());
@@ -206,7 +210,7 @@ fn absolute(cloud: &PointCloud, side: &'static str) -> Result<Vec<Point3>, Compa
     }
 }
 
-/// The values of all parameters of a template, those of its pose included.
+/// Returns the values of all parameters of a template, those of its pose included.
 fn all_values(
     template: &FrepTemplate,
     given: &[f64],
@@ -235,7 +239,7 @@ fn all_values(
     Ok(values)
 }
 
-/// Points of a side; of a mesh or solid with the triangle of each.
+/// Samples of a side; of a mesh or solid with the triangle of each.
 #[derive(Default)]
 struct Sampled {
     points: Vec<Point3>,
@@ -254,8 +258,8 @@ impl Sampled {
         let total: f64 = out.triangles.iter().map(area).sum();
         let mut owed = 0.0;
         for (i, t) in out.triangles.iter().enumerate().filter(|_| total > 0.0) {
-            // Every triangle has some, so that none is overlooked, of a solid also where nearest
-            // ones are sought.
+            // Every triangle has some samples, so that none is missed; samples of a solid also
+            // serve to find its nearest faces.
             owed += (area(t) / total * wanted as f64).max(LEAST);
             while owed >= 1.0 {
                 owed -= 1.0;
@@ -266,7 +270,7 @@ impl Sampled {
         out
     }
 
-    /// Points of the triangles of faces, brought to the exact faces.
+    /// Samples the triangles of the faces, and projects the samples to the exact faces.
     fn of_solid(solid: &ExactSolid, wanted: usize) -> Self {
         let (facets, skin) = (solid.facets(), solid.skin());
         let mut out = Self::of_mesh(&facets.points, &facets.triangles, wanted);
@@ -277,7 +281,8 @@ impl Sampled {
     }
 }
 
-/// Distance by point from a solid: the nearest points of the faces that the nearest samples lie on.
+/// Returns the distance of each point from a solid: from the faces on which its nearest samples
+/// lie.
 fn to_solid(points: &[Point3], solid: &ExactSolid, sampled: &Sampled) -> Vec<f64> {
     let (tree, skin) = (KdTree::new(&sampled.points), solid.skin());
     let distance = |(found, faces): &mut (Vec<_>, Vec<u32>), p: &Point3| {
@@ -286,7 +291,7 @@ fn to_solid(points: &[Point3], solid: &ExactSolid, sampled: &Sampled) -> Vec<f64
         let mut least = f64::INFINITY;
         for (_, i) in found {
             let i = *i as usize;
-            // A point too far away for the square of its distance has no neighbours.
+            // A point whose squared distances overflow has no neighbours.
             let Some(owner) = sampled.owner.get(i) else {
                 continue;
             };
@@ -305,7 +310,8 @@ fn to_solid(points: &[Point3], solid: &ExactSolid, sampled: &Sampled) -> Vec<f64
         .collect()
 }
 
-/// Distance by point; not finite where there is none.
+/// Returns the distance of each point; not finite if it has none. With `exactly`, points are
+/// projected to the surface of a model.
 fn distances(points: &[Point3], to: &Shape, sampled: &Sampled, exactly: bool) -> Vec<f64> {
     if let Shape::Model(metric, values) = to {
         if exactly {
@@ -326,11 +332,11 @@ fn distances(points: &[Point3], to: &Shape, sampled: &Sampled, exactly: bool) ->
     points.par_iter().with_min_len(RUN).map(nearest).collect()
 }
 
-/// Steps of Newton's method: each doubles the digits, and the first ones begin at a mesh.
+/// Number of Newton steps: each doubles the digits, and points near the surface begin with some.
 const STEPS: usize = 6;
 
-/// How far each point is from its foot on the zero set, where Newton's method along gradients
-/// leads; by the value alone where it leads away.
+/// Returns the distance of each point from its projection to the zero set by Newton's method along
+/// gradients; the absolute value of the field where the method diverges.
 fn feet(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> Vec<f64> {
     let (at, first) = newton(points, field, a);
     let distance = |((p, q), f): ((&Point3, &Point3), &f64)| {
@@ -340,9 +346,9 @@ fn feet(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> Vec<f64> {
     points.iter().zip(&at).zip(&first).map(distance).collect()
 }
 
-/// Points that lie near a model brought to it; where Newton's method leads away they stay. What
-/// samples of a model are away from it beside its edges would count as a distance from a solid,
-/// which is exact.
+/// Projects points near a model to its surface; points where Newton's method diverges stay. Next to
+/// edges, samples of a model are off its surface, which would count as a distance from a solid, as
+/// that is exact.
 fn settled(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> Vec<Point3> {
     let (at, first) = newton(points, field, a);
     let settle = |((p, q), f): ((&Point3, &Point3), &f64)| {
@@ -355,7 +361,7 @@ fn settled(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> Vec<Point3> 
     points.iter().zip(&at).zip(&first).map(settle).collect()
 }
 
-/// Where Newton's method leads from points, and the values that it begins with.
+/// Applies Newton's method to points; also returns the initial values of the field.
 fn newton(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> (Vec<Point3>, Vec<f64>) {
     let mut at = points.to_vec();
     let (mut f, mut g) = (vec![0.0; at.len()], vec![[0.0; 3]; at.len()]);

@@ -1,36 +1,36 @@
-//! A solid of exact faces as it comes out of a file: measured, divided into triangles, and asked
-//! for distances.
+//! Solid of exact faces, as read from a file: its measures, its triangles, and distances from it.
 
 use isoform_brep::{FacetOptions, Facets, FacetsError, Measure, Skin, facets, of_face, total};
 use isoform_control::Control;
 use isoform_geom::brep::Brep;
 use isoform_geom::{Aabb, Mesh, Point3, norm, sub};
 
-/// How far triangles may be away from faces where nothing else is asked for, in diagonals of the
-/// box: they only tell where to look for the nearest face.
+/// Default distance of the triangles from the faces, in diagonals of the box. The triangles only
+/// select the nearest face; its distance is computed exactly.
 const CHORD: f64 = 1e-3;
-/// Samples of a piece of an edge at which the distance from its faces is taken.
+/// Number of intervals into which a piece of an edge is divided, at whose ends the distance from
+/// its faces is measured.
 const SAMPLES: usize = 8;
 
-/// What is measured of a solid without its function.
+/// Measures of a solid, computed from its faces without a function.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SolidMeasures {
-    /// By face, its area.
+    /// Area of each face, in square units.
     pub areas: Vec<f64>,
-    /// Area of all faces, in square units.
+    /// Total area of the faces, in square units.
     pub area: f64,
-    /// Volume, in cubic units; by integrals along edges, as its certificate has it.
+    /// Volume, in cubic units, by integrals along the edges.
     pub volume: f64,
-    /// The centre of the volume.
+    /// Centroid of the volume.
     pub centroid: Point3,
-    /// Largest distance of places on edges from the surfaces of their faces, and of the ends of
-    /// edges from their vertices.
+    /// Largest distance of samples of the edges from the surfaces of their faces, and of the ends
+    /// of edges from their vertices.
     pub gap: f64,
-    /// Vertices − edges + Euler numbers of the faces.
+    /// Euler characteristic: vertices − edges + Euler characteristics of the faces.
     pub euler: i64,
 }
 
-/// Measures solids that hold together ([`Brep::validate`]).
+/// Measures solids that are valid by [`Brep::validate`].
 pub fn measure_solid(brep: &Brep) -> SolidMeasures {
     let center = Aabb::of(&brep.vertices).center();
     let faces: Vec<Measure> = (0..brep.faces.len())
@@ -52,8 +52,9 @@ pub fn measure_solid(brep: &Brep) -> SolidMeasures {
     }
 }
 
-/// The largest distance of edges from their faces and vertices, at samples; infinite where one is
-/// no number. Solids that hold together as data may still have faces that do not meet.
+/// Returns the largest distance of samples of the edges from their faces, and of the ends of edges
+/// from their vertices; infinite if one is not a number. A valid boundary representation may still
+/// have faces that do not meet.
 pub fn solid_gap(brep: &Brep) -> f64 {
     let worse = |a: f64, b: f64| if b.is_nan() { f64::INFINITY } else { a.max(b) };
     let mut gap = 0.0;
@@ -76,7 +77,8 @@ pub fn solid_gap(brep: &Brep) -> f64 {
     gap
 }
 
-/// Solids with the triangles of their faces.
+/// Solids of exact faces, with a triangulation of the faces.
+///
 /// ```
 /// use isoform::{Control, ExactSolid, MeshModelOptions, Side, brep_model, compare, template};
 /// use isoform::geom::PointCloud;
@@ -96,8 +98,8 @@ pub struct ExactSolid {
 }
 
 impl ExactSolid {
-    /// Of solids that hold together ([`Brep::validate`]), with triangles as fine as `options` say,
-    /// else near to a thousandth of the diagonal of the box.
+    /// Triangulates solids that are valid by [`Brep::validate`], as finely as `options` say; by
+    /// default, triangles are within a thousandth of the diagonal of the box from their faces.
     ///
     /// # Errors
     /// [`FacetsError`] where a face has no triangles.
@@ -113,25 +115,27 @@ impl ExactSolid {
         let facets = facets(&brep, &options, control)?;
         Ok(Self { brep, facets })
     }
-    /// The solids.
+    /// Returns the boundary representation of the solids.
     pub fn brep(&self) -> &Brep {
         &self.brep
     }
-    /// The triangles of their faces.
+    /// Returns the triangles of the faces.
     pub fn facets(&self) -> &Facets {
         &self.facets
     }
-    /// The triangles as a mesh with the parts of the solids: closed, as edges are divided once.
+    /// Returns the triangles as a mesh whose parts are those of the solids. It is closed, since
+    /// faces share the nodes of their edges.
     pub fn mesh(&self) -> Mesh {
         self.facets.mesh(&self.brep)
     }
-    /// The nearest points of faces.
+    /// Returns the faces in a form that finds nearest points.
     pub(crate) fn skin(&self) -> Skin<'_> {
         Skin::new(&self.brep, &self.facets)
     }
 }
 
-/// A box about all edges, at samples. Faces may bulge out of it, but not by more than its size.
+/// Returns the bounding box of samples of all edges. Faces may bulge out of it, but by no more than
+/// its size.
 fn bounds_of_edges(brep: &Brep) -> Aabb {
     let mut bounds = Aabb::of(&brep.vertices);
     for e in 0..brep.edges.len() as u32 {

@@ -1,41 +1,41 @@
-//! Samples of a faceted CAD model that lie on the surface it stands for.
+//! Samples of a faceted CAD model on the surface that it approximates.
 //!
-//! Vertices of such a mesh lie on the true surface, but there are few of them on large faces;
-//! points inside the facets of a curved face lie off it, by the sagitta. So faces are recognised
-//! and sampled by area, on their surfaces. A scanned mesh has none, and stays as it is.
+//! Vertices of such a mesh lie on the true surface, but large faces have few of them, and points
+//! inside the facets of a curved face are off it by the sagitta. Faces are therefore recognised and
+//! sampled by area, on their surfaces. A scanned mesh has no such faces and gets no points.
 
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, PointCloud};
 use isoform_recognize::points_on_facets;
 
-/// Most points that are added on faces.
+/// Maximum number of points that are added on faces; it bounds memory and time.
 const MOST_ADDED: usize = 2_000_000;
 
-/// A triangle with a corner that is no point.
+/// Corner of a triangle that is not the index of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("triangle {triangle} has the corner {corner}, but there are {points} points (from 0)")]
 pub struct CornerError {
-    /// The triangle, from 0.
+    /// Index of the triangle, from 0.
     pub triangle: usize,
-    /// The index of its corner.
+    /// The corner's index.
     pub corner: u32,
-    /// How many points there are.
+    /// Number of points.
     pub points: usize,
 }
 
-/// Why no points are added on faces.
+/// Reason why no points can be added on faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FacesError {
-    /// A triangle has a corner that is no point.
+    /// A triangle has a corner that is not the index of a point.
     #[error(transparent)]
     Corner(#[from] CornerError),
-    /// The work was cancelled, or its deadline is over.
+    /// The work was cancelled, or its deadline passed.
     #[error(transparent)]
     Stopped(#[from] Stopped),
 }
 
-/// Whether the corners of all triangles are points.
+/// Checks that the corners of all triangles are indices of points.
 pub(crate) fn check_corners(mesh: &PointCloud) -> Result<(), CornerError> {
     let points = mesh.points.len();
     let corners = mesh.triangles.as_flattened().iter().enumerate();
@@ -49,22 +49,22 @@ pub(crate) fn check_corners(mesh: &PointCloud) -> Result<(), CornerError> {
     })
 }
 
-/// The points of the faces of a CAD model.
+/// Points of a CAD mesh, with further ones on its faces.
 #[derive(Clone, Debug)]
 pub struct OnFaces {
-    /// The points of the mesh and, after them, those inside faces.
+    /// Points of the mesh and, after them, those inside faces.
     pub cloud: PointCloud,
     /// Number of points added.
     pub added: usize,
-    /// Distance of points from the model that rounding allows.
+    /// Distance of the points from the model that is due to rounding.
     pub exactness: f64,
 }
 
-/// The points of the mesh, with about `wanted` further ones (two million at most) on the faces of
-/// a CAD model; `None` for other meshes and points.
+/// Adds about `wanted` points (two million at most) on the faces of a CAD mesh. Returns `None` for
+/// other meshes and for clouds without triangles.
 ///
 /// # Errors
-/// [`FacesError`].
+/// [`FacesError`] if a triangle has no such point as corner, or on a stop.
 pub fn points_on_faces(
     mesh: &PointCloud,
     wanted: usize,
@@ -93,7 +93,7 @@ pub(crate) fn with_points(mesh: &PointCloud, more: &[Point3]) -> PointCloud {
 mod tests {
     use super::*;
 
-    /// A closed prism over a regular polygon of radius 1 and height 4.
+    /// Returns a closed prism over a regular polygon of radius 1, of height 4.
     fn prism(sides: u32) -> PointCloud {
         let ring = |z: f64| {
             (0..sides)

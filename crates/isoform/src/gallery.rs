@@ -1,4 +1,4 @@
-//! The templates and the scan that the library carries.
+//! Templates and the example scan that are embedded in the library.
 
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_geom::PointCloud;
@@ -7,20 +7,20 @@ use isoform_io::{ReadOptions, ReadReport, Source, read};
 /// Names and programs, in alphabetical order.
 static GALLERY: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/gallery.rs"));
 
-/// A scanned cup of 8190 points; see examples/scans/README.md.
+/// Scanned cup of 8190 points, as a PLY file; see examples/scans/README.md.
 static CUP: &[u8] = include!(concat!(env!("OUT_DIR"), "/scan.rs"));
 
-/// A template of the gallery: one file in examples/templates.
+/// Template of the gallery: one file in examples/templates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GalleryTemplate {
-    /// Its name, the file's without the ending.
+    /// Name of the template: that of its file without the extension.
     pub name: &'static str,
-    /// The HyperFun program.
+    /// Source text of the HyperFun program.
     pub program: &'static str,
 }
 
 impl GalleryTemplate {
-    /// The program as a model.
+    /// Parses the program.
     ///
     /// # Panics
     /// Never: the programs are part of the library, and each is read by its tests.
@@ -29,7 +29,7 @@ impl GalleryTemplate {
     }
 }
 
-/// The templates of the gallery, in alphabetical order; docs/templates.md says what each fits.
+/// Returns the templates of the gallery, in alphabetical order; docs/templates.md describes them.
 ///
 /// ```
 /// let names: Vec<&str> = isoform::templates().map(|t| t.name).collect();
@@ -40,7 +40,7 @@ pub fn templates() -> impl Iterator<Item = GalleryTemplate> {
     GALLERY.iter().map(named)
 }
 
-/// The template of that name; letters fold, and an ending .hf does not matter.
+/// Returns the template with a name, ignoring case and an extension .hf; `None` if there is none.
 ///
 /// ```
 /// let cup = isoform::template("Cup.hf").expect("a cup");
@@ -52,11 +52,11 @@ pub fn template(name: &str) -> Option<GalleryTemplate> {
     templates().find(|t| t.name.eq_ignore_ascii_case(name))
 }
 
-/// The name of the file of [`example_scan`].
+/// Name of the file of [`example_scan`].
 pub const EXAMPLE_SCAN: &str = "ycb_065-d_cup.ply";
 
-/// A scanned cup (YCB object 065-d, in metres), which the template `cup` fits, and what its reader
-/// says.
+/// Returns a scanned cup (YCB object 065-d, in metres), which the template `cup` fits, and the
+/// reader's report.
 pub fn example_scan() -> (PointCloud, ReadReport) {
     let source = Source::Bytes {
         name: EXAMPLE_SCAN,

@@ -1,5 +1,5 @@
-//! Isoform carries shapes between point clouds, implicit functions, rational patches and meshes,
-//! each way checked.
+//! Conversion of shapes between point clouds, implicit functions, rational patches and meshes, with
+//! a check of every result.
 //!
 //! | from | to | function |
 //! |---|---|---|
@@ -16,11 +16,11 @@
 //! | any two of: points, a mesh, a model | distances both ways | [`compare()`] |
 //! | a file | points or a mesh, and what is in it | [`io::read`], [`io::read_mesh`], [`io::inspect`] |
 //!
-//! Each takes what cannot be guessed and options for the rest; those that may take long also take a
-//! [`Control`] that cancels, ends at a deadline and tells of progress. Each returns its result
-//! together with a report, which the module [`report`] turns into types that serialize. Coordinates
-//! are f64; what is decided exactly is decided over Q. Results are the same on every machine, for
-//! any number of threads in rayon's pool.
+//! Each function takes its inputs, and options for the rest; those that may take long also take a
+//! [`Control`] that cancels them, ends them at a deadline and reports their progress. Each returns
+//! its result together with its checks, which the module [`report`] turns into types that
+//! serialize. Coordinates are f64; decisions called exact are computed over Q. Results are
+//! identical on every machine, for any number of threads in rayon's pool.
 //!
 //! # From a scan to a model
 //!
@@ -96,8 +96,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Whole programs lie in examples/rust, templates in examples/templates, and the pages for users in
-//! docs.
+//! Complete programs are in examples/rust, templates in examples/templates, and the pages for users
+//! in docs.
 #![forbid(unsafe_code)]
 
 mod blocks;

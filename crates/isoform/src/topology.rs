@@ -1,23 +1,25 @@
-//! What any set of triangles consists of, closed or open, with edges of any number of triangles.
+//! Topology of an arbitrary set of triangles: closed or open, with any number of triangles per
+//! edge.
 
 use isoform_geom::UnionFind;
 use std::collections::BTreeMap;
 
-/// Numbers of a surface that need no manifold.
+/// Topological numbers of a set of triangles, which need not form a manifold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Topology {
-    /// Vertices − edges + triangles.
+    /// Euler characteristic: vertices − edges + triangles.
     pub euler: i64,
-    /// Parts that share no vertex.
+    /// Number of connected components: sets of triangles connected by vertices.
     pub components: usize,
-    /// Parts of the boundary that share no vertex; the boundary is made of the edges of one
-    /// triangle.
+    /// Number of connected components of the boundary, which consists of the edges of one triangle.
+    /// Curves that share a vertex are one component.
     pub boundary_loops: usize,
-    /// Edges of more than two triangles.
+    /// Number of edges of more than two triangles.
     pub crowded_edges: usize,
 }
 
-/// Counts over the vertices that triangles use.
+/// Computes the topology of triangles given by the indices of their vertices. Only vertices in use
+/// count.
 ///
 /// ```
 /// let tetrahedron = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
@@ -37,7 +39,7 @@ pub fn topology(triangles: &[[u32; 3]]) -> Topology {
     }
 }
 
-/// All edges, lower vertex first, with the number of triangles at each.
+/// Returns all edges, lower vertex first, with the number of triangles at each.
 fn edges(triangles: &[[u32; 3]]) -> BTreeMap<[u32; 2], usize> {
     let mut edges = BTreeMap::new();
     for &[a, b, c] in triangles {
@@ -48,14 +50,14 @@ fn edges(triangles: &[[u32; 3]]) -> BTreeMap<[u32; 2], usize> {
     edges
 }
 
-/// Numbers of the vertices of a graph and of its components.
+/// Counts the vertices and the connected components of a graph given by its edges.
 fn groups(edges: &[[u32; 2]]) -> (usize, usize) {
     let mut vertices: Vec<u32> = edges.iter().flatten().copied().collect();
     vertices.sort_unstable();
     vertices.dedup();
     let mut sets = UnionFind::new(vertices.len());
     for edge in edges {
-        // All of them are there.
+        // All vertices of the edges are in the sorted list.
         let [a, b] = edge.map(|v| vertices.partition_point(|w| *w < v) as u32);
         sets.unite(a, b);
     }

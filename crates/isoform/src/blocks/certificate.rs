@@ -1,7 +1,7 @@
-//! What is proved of a block.
+//! Certificate of a block.
 //!
-//! A block is looked at together with what is around it, so that everything near its sides is seen
-//! as in the whole mesh; what is found counts where it lies in the block's room.
+//! A block is checked together with its surroundings, so that elements near its sides are checked
+//! as in the whole mesh; findings count if they lie in the block's room.
 
 use crate::MeshModelOptions;
 use isoform_check::quality::six_volume;
@@ -11,54 +11,54 @@ use isoform_geom::{Aabb, Point3, Solid, cross, norm, sub};
 use isoform_mesh::blocks::{Closed, Plan, holds};
 use serde::{Deserialize, Serialize};
 
-/// Places that are kept of each kind of finding. The block's own elements come first, so that those
-/// around it fill what is left.
+/// Maximum number of places kept of each kind of finding. The block's own elements come first, so
+/// that those around it take the remaining places.
 const PLACES: usize = 1000;
 
-/// What is known of a block that was written.
+/// Measures of a block that was written. Lengths are in model units.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 pub struct BlockFigures {
-    /// The name of its file.
+    /// Name of the block's file.
     pub file: String,
-    /// Nodes.
+    /// Number of nodes.
     pub points: usize,
-    /// Triangles of the surface.
+    /// Number of triangles of the surface.
     pub triangles: usize,
-    /// Tetrahedra.
+    /// Number of tetrahedra.
     pub tets: usize,
-    /// Volume of the tetrahedra.
+    /// Volume of the tetrahedra, in cubic units.
     pub volume: f64,
-    /// Area of the triangles.
+    /// Area of the triangles, in square units.
     pub area: f64,
-    /// Smallest and largest dihedral angle of the block and around it, in degrees; none of an empty
-    /// one.
+    /// Smallest and largest dihedral angle in the block and around it, in degrees; `None` for an
+    /// empty block.
     pub dihedral_angles: Option<[f64; 2]>,
-    /// Largest distance of a node of the surface to its part.
+    /// Largest distance of a node of the surface from its part.
     pub node_distance: f64,
-    /// Largest distance of a point of a face to its part.
+    /// Largest distance of a sample of a face from its part.
     pub face_distance: f64,
-    /// Length of the feature curves, and length of the part that has edges.
+    /// Length of the feature curves in the block, and length of their parts with edges.
     pub curves: [f64; 2],
-    /// Faces that it has in common with other blocks.
+    /// Number of faces shared with other blocks.
     pub shared_faces: usize,
-    /// What does not hold of its certificate.
+    /// Defects of the block, and measures beyond their limits.
     pub failures: Vec<BlockFailure>,
 }
 
-/// What does not hold in a block.
+/// Kind of defect in a block, or measure beyond its limit.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct BlockFailure {
-    /// A word for it.
+    /// Kind of failure, as hyphenated words.
     pub code: String,
-    /// A sentence.
+    /// Description of the failure, one sentence.
     pub message: String,
-    /// How often.
+    /// Number of defects of this kind.
     pub count: usize,
-    /// One of the places.
+    /// Place of one of them; `None` if the failure is not local.
     pub at: Option<Point3>,
 }
 
-/// The figures of a block, but for its file.
+/// Measures and certifies a block; the name of its file is left empty.
 pub(super) fn figures(
     closed: &Closed,
     solid: &dyn Solid,
@@ -111,7 +111,7 @@ pub(super) fn figures(
     }
 }
 
-/// The certificate of a block with what is around it, of which only what lies in its room is kept.
+/// Certifies a block together with its surroundings, and keeps the findings in its room.
 fn certified(
     closed: &Closed,
     solid: &dyn Solid,
@@ -133,7 +133,7 @@ fn certified(
         region: options.mesh.region,
         curves: &curves,
         corners: &corners,
-        // A stretch that the mesh has no edge for is a larger share of a block than of the whole.
+        // A stretch of a curve without an edge is a larger share of a block than of the whole.
         limits: Limits {
             covered: 0.0,
             ..options.limits
@@ -145,7 +145,7 @@ fn certified(
     found
 }
 
-/// The stretches of a polyline in a room.
+/// Returns the parts of a polyline in a room.
 fn clipped(points: &[Point3], room: &Aabb) -> Vec<Vec<Point3>> {
     let mut stretches: Vec<Vec<Point3>> = Vec::new();
     let mut goes_on = false;
@@ -164,8 +164,8 @@ fn clipped(points: &[Point3], room: &Aabb) -> Vec<Vec<Point3>> {
     stretches
 }
 
-/// From which to which share of the way between two points it lies in a room; the second is not
-/// larger if it does not.
+/// Returns the interval of the parameters, from 0 to 1, at which a segment lies in a room; the
+/// second is not larger if it misses the room.
 fn shares_within(from: Point3, to: Point3, room: &Aabb) -> [f64; 2] {
     let (mut first, mut last) = (0.0f64, 1.0f64);
     for i in 0..3 {
@@ -183,10 +183,10 @@ fn shares_within(from: Point3, to: Point3, room: &Aabb) -> [f64; 2] {
     [first, last]
 }
 
-/// Drops the findings outside of a room, and those of the border of what was looked at.
+/// Drops the findings outside of a room, and those at the border of the surroundings.
 fn keep_within(found: &mut Certificate, room: &Aabb) {
     if let Some(s) = &mut found.surface {
-        // Shells are no longer whole.
+        // Shells are not complete in a block.
         s.misplaced_shells = Defects::default();
         for defects in [
             &mut s.open_edges,
@@ -223,8 +223,8 @@ fn keep_within(found: &mut Certificate, room: &Aabb) {
     }
 }
 
-/// Keeps the findings in a room. Where places were left out and all others are in it, those may be,
-/// too.
+/// Keeps the findings in a room. If places were left out and all others lie in the room, the
+/// omitted ones count, too.
 fn keep(defects: &mut Defects, room: &Aabb) {
     let before = defects.places.len();
     defects.places.retain(|place| holds(room, place.at));

@@ -1,4 +1,4 @@
-//! The steps of a mesh in blocks, and what is known in the end.
+//! Steps of a mesh in blocks, and its final report.
 
 use super::BlocksError;
 use super::store::{read_faces, write_plan};
@@ -16,13 +16,13 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Times that the halo of blocks that do not meet is made twice as large: to 64 cells.
+/// Maximum number of times that the halo of blocks that do not match is doubled: to 64 cells.
 const LARGER: u32 = 4;
-/// How far from its room tetrahedra of a round may lie, in sizes: nodes on its sides do not move,
-/// so that only those at the side itself have their centroids beyond.
+/// Distance from its room, in sizes, at which tetrahedra of a round may lie. Nodes on the sides of
+/// a room do not move, so that only tetrahedra at a side have their centroids beyond it.
 const BEYOND: f64 = 3.0;
 
-/// A mesh in blocks on its way: which tasks there are, step by step.
+/// Job that meshes a model in blocks, as steps of independent tasks.
 ///
 /// ```no_run
 /// use isoform::{BlocksJob, Control, MeshModelOptions, run_block_task, solid_of, template};
@@ -51,90 +51,92 @@ pub struct BlocksJob {
     out: PathBuf,
     folder: Folder,
     phase: Phase,
-    /// Cells of the halo of each block.
+    /// Number of cells of each block's halo.
     halos: Vec<usize>,
-    /// The last report of each block from each of its steps.
+    /// Last report of each block from each of its steps.
     made: Vec<BlockReport>,
     closed: Vec<BlockReport>,
-    /// The last round whose tetrahedra are there, and how many these are.
+    /// Last round whose tetrahedra are stored.
     round: usize,
     live: usize,
     interfaces: usize,
 }
 
-/// What is to be done next.
+/// Next step of the job.
 #[derive(Clone, Debug, PartialEq)]
 enum Phase {
-    /// These blocks are made.
+    /// Meshing of these blocks.
     Make(Vec<usize>),
     Mend,
     Close,
     Done,
 }
 
-/// What is known of a mesh in blocks.
+/// Report of a mesh in blocks. Lengths are in model units, points are `[x, y, z]`.
 #[derive(Clone, Debug, Serialize)]
 pub struct BlocksReport {
-    /// `mesh`.
+    /// Name of the verb: `mesh`.
     pub verb: &'static str,
-    /// Length of edges asked for.
+    /// Target length of edges.
     pub size: f64,
-    /// The box in which the solid lies.
+    /// Lower and upper corner of the box that was meshed.
     pub region: [Point3; 2],
-    /// Whether it is proved that nothing of the solid lies outside of it.
+    /// True if interval arithmetic proves that nothing of the solid lies outside of the box.
     pub region_certified: bool,
-    /// Whether it is proved that all feature curves were found.
+    /// True if interval arithmetic proves that all feature curves were found.
     pub features_certified: bool,
-    /// Blocks by axis.
+    /// Number of blocks per axis.
     pub counts: [usize; 3],
-    /// What is proved of the whole.
+    /// Certificate of the whole mesh.
     pub certificate: WholeReport,
-    /// What is known of each block, x fastest.
+    /// Reports of the blocks, with the index in x running fastest.
     pub blocks: Vec<BlockReport>,
-    /// Where the mesh may not be what was asked for.
+    /// Places at which the mesh may differ from the request.
     pub warnings: Vec<BlockWarning>,
 }
 
-/// The certificate of the whole, put together from those of its blocks.
+/// Certificate of the whole mesh, combined from those of its blocks.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct WholeReport {
-    /// Whether it holds for every block, all blocks meet, and enough of the curves has edges.
+    /// True if every block passes its checks, neighbouring blocks match, and the share of the
+    /// feature curves with edges is large enough.
     pub ok: bool,
-    /// Faces that two blocks have in common: each is in two of them, node for node to the last bit.
+    /// Number of faces shared by two blocks; their nodes are identical to the last bit.
     pub shared_faces: usize,
-    /// Tetrahedra.
+    /// Number of tetrahedra.
     pub tets: usize,
-    /// Triangles of the surface.
+    /// Number of triangles of the surface.
     pub triangles: usize,
-    /// Volume.
+    /// Volume of the tetrahedra, in cubic units.
     pub volume: f64,
-    /// Area of the surface.
+    /// Area of the surface, in square units.
     pub area: f64,
-    /// Smallest and largest dihedral angle, in degrees.
+    /// Smallest and largest dihedral angle, in degrees; `None` without tetrahedra.
     pub dihedral_angles: Option<[f64; 2]>,
-    /// Largest distance of a node of the surface to its part.
+    /// Largest distance of a node of the surface from its part.
     pub node_distance: f64,
-    /// Largest distance of a point of a face to its part.
+    /// Largest distance of a sample of a face from its part.
     pub face_distance: f64,
-    /// The share of the feature curves that has edges; 1 without a curve.
+    /// Share of the length of the feature curves that has edges; 1 without curves.
     pub covered: f64,
-    /// Findings that no mesh may have, in all blocks.
+    /// Number of defects, and of measures beyond their limits, in all blocks.
     pub failures: usize,
 }
 
 impl BlocksReport {
-    /// Whether the certificate holds and nothing was left open.
+    /// Returns true if the certificate holds and there are no warnings.
     pub fn is_as_asked(&self) -> bool {
         self.certificate.ok && self.warnings.is_empty()
     }
 }
 
 impl BlocksJob {
-    /// Plans the blocks of a solid. OUT names a .pvtu; files between the steps lie in a hidden
-    /// folder beside it, which goes with the job.
+    /// Plans the blocks of a solid. The file `out` must end in .pvtu; intermediate files lie in a
+    /// hidden folder next to it, which is removed with the job.
     ///
     /// # Errors
-    /// [`BlocksError`], as of [`Plan::new`].
+    /// [`BlocksError`], for the reasons of [`Plan::new`], if the name of the file is wrong, or if
+    /// the folder cannot be created.
     pub fn new(
         solid: &dyn Solid,
         counts: [usize; 3],
@@ -176,12 +178,12 @@ impl BlocksJob {
         })
     }
 
-    /// The options with the size that was chosen.
+    /// Returns the options, with the chosen size.
     pub fn options(&self) -> &MeshModelOptions {
         &self.options
     }
 
-    /// What the tasks do, in a word or two.
+    /// Returns the name of the current step.
     pub fn step_name(&self) -> &'static str {
         match self.phase {
             Phase::Make(_) => "blocks",
@@ -190,7 +192,7 @@ impl BlocksJob {
         }
     }
 
-    /// The tasks of this step; none when all is done.
+    /// Returns the tasks of the current step; none if the job is done.
     pub fn tasks(&self) -> Vec<BlockTask> {
         let all = 0..self.plan.blocks();
         match &self.phase {
@@ -236,7 +238,7 @@ impl BlocksJob {
         }
     }
 
-    /// The rooms of the last round with tetrahedra that may lie in a room.
+    /// Returns the rooms of the last round whose tetrahedra may lie in a room.
     fn near(&self, room: Aabb) -> Vec<usize> {
         let wide = room.widened(BEYOND * self.plan.size);
         let meets = |k: &usize| {
@@ -246,17 +248,17 @@ impl BlocksJob {
         (0..self.plan.blocks()).filter(meets).collect()
     }
 
-    /// The name of the file of a block.
+    /// Returns the name of the file of a block.
     fn piece(&self, block: usize) -> String {
         let stem = self.out.file_stem().unwrap_or_default().to_string_lossy();
         format!("{stem}_{block}.vtu")
     }
 
-    /// Takes the reports of all tasks of the step, in whichever order, and goes on to the next one.
+    /// Takes the reports of all tasks of the step, in any order, and begins the next step.
     ///
     /// # Errors
-    /// [`MeshError::Apart`] if blocks do not meet with the largest halo tried;
-    /// [`BlocksError::Read`] if files are missing.
+    /// [`MeshError::Apart`] if blocks do not match with the largest halo; [`BlocksError::Read`] if
+    /// files are missing.
     pub fn advance(&mut self, mut reports: Vec<BlockReport>) -> Result<(), BlocksError> {
         reports.sort_by_key(|r| r.block);
         match self.phase {
@@ -267,8 +269,8 @@ impl BlocksJob {
         }
     }
 
-    /// Compares the faces of blocks that were made. Those that do not meet their neighbours are
-    /// made again.
+    /// Compares the faces of blocks that were meshed. Blocks that do not match their neighbours are
+    /// meshed again, with a larger halo.
     fn compare(&mut self, reports: Vec<BlockReport>) -> Result<(), BlocksError> {
         for report in reports {
             let k = report.block;
@@ -302,14 +304,14 @@ impl BlocksJob {
         self.halos[k] < DEFAULT_HALO_CELLS << LARGER && !self.made[k].is_whole
     }
 
-    /// Whether any of the places lies in a block or at its sides.
+    /// Returns true if any of the places lies in a block or at its sides.
     fn is_at(&self, k: usize, places: &[Point3]) -> bool {
         let room = self.plan.room(0, k).widened(self.plan.size);
         let is_in = |p: &Point3| (0..3).all(|i| room.lo[i] <= p[i] && p[i] <= room.hi[i]);
         places.iter().any(is_in)
     }
 
-    /// Places of faces between blocks that only one of them has.
+    /// Returns the places of faces between blocks that only one of them has.
     fn apart(&mut self) -> Result<Vec<Point3>, BlocksError> {
         let mut between = Interfaces::default();
         for k in 0..self.plan.blocks() {
@@ -319,14 +321,14 @@ impl BlocksJob {
         Ok(between.apart())
     }
 
-    /// Goes on after a round between blocks: every tetrahedron must have been in one room.
+    /// Ends a round between blocks: every tetrahedron must have been in exactly one room.
     fn settle(&mut self, reports: &[BlockReport]) -> Result<(), BlocksError> {
         let [taken, left] = [0, 1].map(|i| reports.iter().map(|r| r.live[i]).sum::<usize>());
         if taken != self.live {
             return Err(lost(self.live, taken));
         }
         for k in 0..self.plan.blocks() {
-            // What cannot be removed goes with the folder.
+            // Files that cannot be removed now are removed with the folder.
             let _ = std::fs::remove_file(live(&self.folder.0, self.round, k));
         }
         self.live = left;
@@ -337,7 +339,7 @@ impl BlocksJob {
         Ok(())
     }
 
-    /// Compares the faces of what was written, and joins the files.
+    /// Compares the faces of the written blocks, and writes the file that joins them.
     fn conclude(&mut self, reports: Vec<BlockReport>) -> Result<(), BlocksError> {
         let apart = self.apart()?;
         if let Some(&at) = apart.first() {
@@ -361,10 +363,10 @@ impl BlocksJob {
         Ok(())
     }
 
-    /// What is known once all steps are done.
+    /// Returns the report of a job whose steps are all done.
     ///
     /// # Errors
-    /// [`MeshError::Stopped`] if they are not.
+    /// [`MeshError::Stopped`] if steps are left.
     pub fn finish(self) -> Result<BlocksReport, BlocksError> {
         if self.phase != Phase::Done {
             return Err(MeshError::Stopped.into());
@@ -389,7 +391,8 @@ impl BlocksJob {
 }
 
 impl WholeReport {
-    /// The sums, least and largest figures of all blocks. So much of the curves must have edges.
+    /// Combines the figures of all blocks; `least_covered` is the minimum share of the feature
+    /// curves with edges.
     fn of(blocks: &[BlockReport], least_covered: f64) -> Self {
         let mut whole = Self::default();
         let mut curves = [0.0; 2];
@@ -417,20 +420,20 @@ impl WholeReport {
     }
 }
 
-/// The error of tetrahedra that are in no room, or in two.
+/// Returns the error of tetrahedra that are in no room, or in two.
 fn lost(there: usize, found: usize) -> BlocksError {
     let what = format!("of {there} tetrahedra {found} were found in blocks");
     MeshError::Internal { what }.into()
 }
 
-/// A folder for files between steps, which is removed in the end.
+/// Folder of intermediate files, which is removed when dropped.
 #[derive(Debug)]
 struct Folder(PathBuf);
 
 impl Folder {
-    /// A new, hidden one beside a file.
+    /// Creates a new, hidden folder next to a file.
     fn beside(out: &Path) -> Result<Self, BlocksError> {
-        /// Folders that this process has named so far.
+        /// Number of folders that this process has named.
         static NUMBER: AtomicU64 = AtomicU64::new(0);
         let name = out.file_name().unwrap_or_default().to_string_lossy();
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
@@ -446,7 +449,7 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // What cannot be removed is litter at worst.
+        // A folder that cannot be removed does no harm.
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
@@ -457,7 +460,7 @@ mod tests {
     use crate::{run_block_task, solid_of};
     use isoform_field::hyperfun::{Mode, Model};
 
-    /// Does the tasks of one step.
+    /// Runs the tasks of one step.
     fn step(job: &mut BlocksJob, solid: &dyn Solid) -> Result<(), BlocksError> {
         let options = job.options().clone();
         let tasks = job.tasks();
@@ -468,8 +471,8 @@ mod tests {
         job.advance(reports)
     }
 
-    /// With too small a halo the blocks at an interface do not meet, and are made again; where no
-    /// larger one is allowed that is an error, and nothing is left behind.
+    /// Blocks with too small a halo do not match at an interface and are meshed again; if no larger
+    /// halo is allowed, that is an error, and no files remain.
     #[test]
     fn blocks_that_do_not_meet_are_made_again() {
         let program = "m(x[3], a[1]) { m = (4 - x[1]^2) & (1 - x[2]^2) & (1 - x[3]^2) \

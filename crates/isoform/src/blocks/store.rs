@@ -1,4 +1,4 @@
-//! Files between the steps: what a block consists of, in little-endian binary.
+//! Intermediate files of blocks, in little-endian binary.
 
 use super::BlocksError;
 use isoform_geom::{Aabb, Point3};
@@ -8,7 +8,7 @@ use isoform_mesh::features::{Corner, CornerKind};
 use std::io::{self, Write};
 use std::path::Path;
 
-/// First bytes of every file.
+/// Magic number, the first bytes of every file.
 const MAGIC: &[u8; 8] = b"isoblk01";
 
 /// Writes a file, whole or not at all.
@@ -23,7 +23,7 @@ fn write(
     Ok(())
 }
 
-/// Numbers on their way out.
+/// Writer of numbers.
 struct Sink<'w>(&'w mut dyn Write);
 
 impl Sink<'_> {
@@ -44,7 +44,7 @@ impl Sink<'_> {
     }
 }
 
-/// Numbers of a file that was read.
+/// Reader of the numbers of a file.
 struct Bytes<'b> {
     rest: &'b [u8],
 }
@@ -55,7 +55,7 @@ impl Bytes<'_> {
         self.rest = rest;
         Some(*head)
     }
-    /// A count of things of so many bytes, of which the file has enough.
+    /// Reads a count of items of `bytes` bytes each; `None` if the file has fewer.
     fn count(&mut self, bytes: usize) -> Option<usize> {
         let n = usize::try_from(u64::from_le_bytes(self.take()?)).ok()?;
         (n.checked_mul(bytes)? <= self.rest.len()).then_some(n)
@@ -81,7 +81,7 @@ impl Bytes<'_> {
     }
 }
 
-/// Reads a file to its end.
+/// Reads a whole file with `content`.
 fn read<T>(path: &Path, content: impl Fn(&mut Bytes<'_>) -> Option<T>) -> Result<T, BlocksError> {
     let wrong = |why: String| BlocksError::Read {
         file: path.display().to_string(),

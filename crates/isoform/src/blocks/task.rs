@@ -1,4 +1,4 @@
-//! One task: a step of one block, from files to files.
+//! Task of a block: one step of one block, from files to files.
 
 use super::BlocksError;
 use super::certificate::{BlockFigures, figures};
@@ -12,57 +12,57 @@ use isoform_mesh::{MeshError, Options, Warning};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// A step of one block. It can be sent to another process as JSON.
+/// One step of one block. It can be sent to another process as JSON.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct BlockTask {
     pub(super) step: Step,
-    /// The block or room, x fastest.
+    /// Index of the block or room, with the index in x running fastest.
     pub(super) block: usize,
-    /// Rooms of the round before that may hold tetrahedra for this one.
+    /// Rooms of the previous round that may hold tetrahedra for this one.
     pub(super) sources: Vec<usize>,
-    /// The folder with the files between steps.
+    /// Folder of the intermediate files.
     pub(super) folder: PathBuf,
-    /// The .vtu to write.
+    /// The .vtu file to write.
     pub(super) file: PathBuf,
 }
 
-/// What is done with a block.
+/// Step of a block.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
 pub(super) enum Step {
-    /// It is made with a halo of so many cells.
+    /// Meshing of the block with a halo.
     Make {
-        /// The cells.
+        /// Number of cells of the halo.
         halo: usize,
     },
-    /// What is near the sides of earlier rounds is optimised.
+    /// Optimisation of the tetrahedra near the sides of earlier rounds.
     Mend {
-        /// The round, from 1.
+        /// Number of the round, from 1.
         round: usize,
     },
-    /// It is written and certified.
+    /// Writing and certification of the block.
     Close {
-        /// The round that left the tetrahedra near its sides.
+        /// Number of the round that left the tetrahedra near its sides.
         round: usize,
     },
 }
 
-/// What a task says of its block.
+/// Report of a task on its block.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 pub struct BlockReport {
-    /// The block, x fastest.
+    /// Index of the block, with the index in x running fastest.
     pub block: usize,
-    /// Tetrahedra that are not near sides.
+    /// Number of tetrahedra away from the sides.
     #[serde(default, skip_serializing_if = "is_default")]
     pub(super) still: usize,
-    /// Tetrahedra near sides, before and after the step.
+    /// Numbers of tetrahedra near the sides, before and after the step.
     #[serde(default, skip_serializing_if = "is_default")]
     pub(super) live: [usize; 2],
-    /// Whether no larger halo is possible.
+    /// True if the halo cannot be larger.
     #[serde(default, skip_serializing_if = "is_default")]
     pub(super) is_whole: bool,
-    /// Places where the mesh may not be what was asked for.
+    /// Places at which the mesh may differ from the request.
     pub warnings: Vec<BlockWarning>,
-    /// The figures of the block, once it is written.
+    /// Measures of the block; `None` until it is written.
     pub figures: Option<BlockFigures>,
 }
 
@@ -70,12 +70,12 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
-/// A warning with its place.
+/// Warning with a place.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct BlockWarning {
-    /// What is wrong.
+    /// Description of the problem.
     pub message: String,
-    /// Where.
+    /// Point at which it was met; `None` if it concerns the whole block.
     pub at: Option<Point3>,
 }
 
@@ -88,7 +88,7 @@ impl BlockWarning {
     }
 }
 
-/// The files between steps.
+/// Returns the name of the file of tetrahedra near the sides.
 pub(super) fn live(folder: &Path, round: usize, block: usize) -> PathBuf {
     folder.join(format!("live-{round}-{block}"))
 }
@@ -102,10 +102,11 @@ fn still(folder: &Path, block: usize) -> PathBuf {
     folder.join(format!("still-{block}"))
 }
 
-/// Does a task. `options` are those of the job, with their size.
+/// Runs a task. `options` must be those of the job, with their size.
 ///
 /// # Errors
-/// [`BlocksError`]. What is written is whole or not there, so that a task may be done again.
+/// [`BlocksError`] if the step fails, or on a stop. Files are written whole or not at all, so that
+/// a task may be run again.
 pub fn run_block_task(
     solid: &dyn Solid,
     options: &MeshModelOptions,
@@ -132,7 +133,7 @@ pub fn run_block_task(
     }
 }
 
-/// What a task works with.
+/// Data of a running task.
 struct Worker<'w> {
     solid: &'w dyn Solid,
     plan: Plan,
@@ -215,7 +216,7 @@ impl Worker<'_> {
         })
     }
 
-    /// The live tetrahedra that a round left in a room.
+    /// Reads the tetrahedra near sides that a round left in a room.
     fn gathered(&self, room: Aabb, round: usize) -> Result<Gathered, BlocksError> {
         let mut all = Gathered::default();
         for &source in &self.task.sources {

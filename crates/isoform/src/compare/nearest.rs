@@ -1,38 +1,39 @@
-//! Distances of many points from the triangles of a mesh, each from the nearest of all of them.
+//! Distances of many points from a triangle mesh.
 //!
-//! A tree of boxes stands over the triangles (Ericson, Real-Time Collision Detection, 2005, chapter
-//! 6, and 5.1.5 for the distance from a triangle). A point asks the triangle first that was nearest
-//! to the point before it, which in samples of a surface lies near: all but a few boxes are then
-//! farther than what is known already.
+//! A tree of bounding boxes over the triangles prunes the search (Ericson, Real-Time Collision
+//! Detection, 2005, chapter 6, and 5.1.5 for the distance from a triangle). Each point is first
+//! compared with the triangle nearest to the point before it. Successive samples of a surface are
+//! close together, so this prunes all but a few boxes.
 //!
-//! Points are asked in runs of fixed length, so that the figures are the same bytes for any number
-//! of threads.
+//! Points are processed in runs of fixed length, so that results are identical to the last bit for
+//! any number of threads.
 
 use isoform_geom::{Aabb, Point3, cross, dot, norm, sub};
 use rayon::prelude::*;
 
-/// Triangles in a leaf at most. Values from 2 to 8 differ by less than a third in time.
+/// Maximum number of triangles in a leaf. Values from 2 to 8 differ by less than a third in time.
 const LEAF: usize = 4;
-/// Points in a run: enough to make up for its first one, which knows nothing.
+/// Number of points in a run: large enough to amortise the first one, which has no triangle to
+/// begin with.
 const RUN: usize = 512;
-/// Boxes count as nearer by this share than they are, so that rounding hides no triangle: some
-/// hundred times what the square of a distance is off.
+/// Relative margin by which boxes count as nearer than computed, so that rounding prunes no
+/// triangle: some hundred times the rounding error of a squared distance.
 const ROUNDING: f64 = 1e-13;
-/// Boxes that wait to be looked at: one for each level of the tree, halves of 2³² triangles, and
-/// one more.
+/// Size of the stack of boxes to visit: one per level of a tree of 2³² triangles, and two more.
 const STACK: usize = 34;
 
-/// A box around triangles.
+/// Node of the tree: a box around triangles.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     bounds: Aabb,
-    /// The second child (the first one is next in the list), or the first triangle of a leaf.
+    /// Index of the second child (the first one is next in the list), or of the first triangle of a
+    /// leaf.
     at: u32,
-    /// Triangles of a leaf; 0 for a node with children.
+    /// Number of triangles of a leaf; 0 for a node with children.
     count: u32,
 }
 
-/// The tree over the triangles of a mesh.
+/// Tree of bounding boxes over the triangles of a mesh.
 pub(super) struct Nearest {
     nodes: Vec<Node>,
     /// Triangles in the order of the leaves.
@@ -40,7 +41,7 @@ pub(super) struct Nearest {
 }
 
 impl Nearest {
-    /// The tree of finite triangles; without any, all distances are infinite.
+    /// Builds the tree of finite triangles; without triangles, all distances are infinite.
     pub(super) fn new(triangles: &[[Point3; 3]]) -> Self {
         let mut items: Vec<Item> = triangles.iter().map(Item::of).collect();
         let mut nodes = Vec::with_capacity(2 * items.len().div_ceil(LEAF));
@@ -51,7 +52,8 @@ impl Nearest {
         Self { nodes, triangles }
     }
 
-    /// The distance of each point from the nearest triangle; infinite where its square is.
+    /// Returns the distance of each point from the nearest triangle; infinite if its square
+    /// overflows.
     pub(super) fn distances(&self, points: &[Point3]) -> Vec<f64> {
         let mut distances = vec![f64::INFINITY; points.len()];
         let runs = distances.par_chunks_mut(RUN).zip(points.par_chunks(RUN));
@@ -64,8 +66,8 @@ impl Nearest {
         distances
     }
 
-    /// The distance from the nearest triangle, and its place; `guess` is the place of one that is
-    /// probably near.
+    /// Returns the distance from the nearest triangle, and its index; `guess` is the index of a
+    /// triangle that is probably near.
     fn nearest(&self, p: Point3, guess: usize) -> (f64, usize) {
         let known = self.triangles.get(guess);
         let known = known.map_or(f64::INFINITY, |t| to_triangle(p, t));
@@ -85,7 +87,7 @@ impl Nearest {
             }
             let children = [k + 1, node.at as usize];
             let mut pair = children.map(|c| (to_box(p, &self.nodes[c].bounds), c));
-            // The nearer one comes first, and so goes on top.
+            // The nearer child is pushed last, and visited first.
             if pair[0].0 < pair[1].0 {
                 pair.swap(0, 1);
             }
@@ -99,7 +101,7 @@ impl Nearest {
         best
     }
 
-    /// Asks the triangles of a leaf.
+    /// Compares a point with the triangles of a leaf.
     fn ask(&self, p: Point3, leaf: &Node, best: &mut (f64, usize)) {
         let first = leaf.at as usize;
         for place in first..first + leaf.count as usize {
@@ -111,13 +113,13 @@ impl Nearest {
     }
 }
 
-/// Whether what has this squared distance at least can be nearer than something known.
+/// Returns true if an object of at least this squared distance can be nearer than a known one.
 #[inline]
 fn is_nearer(squared: f64, known: f64) -> bool {
     squared.is_finite() && squared * (1.0 - ROUNDING) <= known * known
 }
 
-/// A triangle that is sorted into the tree.
+/// Triangle to be sorted into the tree.
 #[derive(Clone, Copy)]
 struct Item {
     triangle: [Point3; 3],
@@ -136,7 +138,8 @@ impl Item {
     }
 }
 
-/// Adds the node of some triangles and all below it; `first` is the place of the first of them.
+/// Adds the node of some triangles and all nodes below it; `first` is the index of the first
+/// triangle.
 fn build(items: &mut [Item], first: usize, nodes: &mut Vec<Node>) {
     let mut bounds = Aabb::EMPTY;
     let mut centres = Aabb::EMPTY;
@@ -165,15 +168,15 @@ fn build(items: &mut [Item], first: usize, nodes: &mut Vec<Node>) {
     build(upper, first + middle, nodes);
 }
 
-/// Square of the distance of a point from a box.
+/// Returns the squared distance of a point from a box.
 #[inline]
 fn to_box(p: Point3, b: &Aabb) -> f64 {
     let off = |i: usize| (b.lo[i] - p[i]).max(p[i] - b.hi[i]).max(0.0);
     (0..3).map(|i| off(i) * off(i)).sum()
 }
 
-/// Distance of a point from a triangle: to the plane where the foot lies inside, else to the
-/// nearest edge.
+/// Returns the distance of a point from a triangle: from its plane if the foot lies inside, else
+/// from the nearest edge.
 fn to_triangle(p: Point3, t: &[Point3; 3]) -> f64 {
     let edges: [Point3; 3] = [0, 1, 2].map(|k| sub(t[(k + 1) % 3], t[k]));
     let from: [Point3; 3] = [0, 1, 2].map(|k| sub(p, t[k]));
@@ -208,7 +211,7 @@ mod tests {
         assert_eq!(to_triangle([0.5, -2.0, 0.0], &t), 2.0);
     }
 
-    /// Numbers between −1 and 1, always the same.
+    /// Returns pseudo-random numbers between −1 and 1.
     fn numbers() -> impl FnMut() -> f64 {
         let mut state = 1_u64;
         move || {
@@ -223,7 +226,7 @@ mod tests {
     fn the_nearest_of_all_is_found() {
         let mut number = numbers();
         let mut point = |size: f64, about: Point3| about.map(|c| c + size * number());
-        // Large and small triangles, needles, and some that are points.
+        // Large and small triangles, needles, and degenerate ones.
         let triangles: Vec<[Point3; 3]> = (0..700)
             .map(|i| {
                 let about = point(1.0, [0.0; 3]);
@@ -243,7 +246,7 @@ mod tests {
     fn odd_sets_of_triangles() {
         assert_eq!(Nearest::new(&[]).distances(&[[1.0; 3]]), [f64::INFINITY]);
         let one = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        // All in one place: no axis parts them.
+        // All at one position: no axis separates them.
         let many = Nearest::new(&vec![one; 1000]);
         assert_eq!(
             many.distances(&[[0.0, 0.0, 2.0], [1e200; 3]]),
