@@ -1,4 +1,5 @@
-//! The boundary representation of a model: its mesh gives the topology, its functions the geometry.
+//! Boundary representation of a model, with the topology of its mesh and the geometry of its
+//! functions.
 
 use crate::mesh_model::{mesh_solid, runs_somewhere};
 use crate::meshing::meshable;
@@ -15,19 +16,19 @@ use isoform_mesh::features::START;
 use isoform_patch::quadric_through;
 use std::sync::Arc;
 
-/// How far splines may be from the model where nothing else is asked for, in largest sides of its
-/// box.
+/// Default tolerance of spline surfaces, in largest sides of the model's box.
 const TOLERANCE: f64 = 1e-6;
-/// Smooth parts of a piece: a block with rounded edges has some hundred.
+/// Maximum number of smooth parts of a piece: a block with rounded edges has some hundred.
 const MOST_PARTS: usize = 1024;
-/// How often the mesh is halved where it gives no solid, or one whose certificate does not hold:
-/// small faces may lie between its nodes.
+/// Maximum number of times that the mesh size is halved if the mesh gives no solid, or one whose
+/// certificate does not hold: small faces may lie between its nodes.
 const FINER: usize = 2;
-/// Deviation from 1 of the scale of a place up to which it is a motion: rounding.
+/// Maximum deviation of the scale of a placement from 1 that counts as rounding, so that it is a
+/// rigid motion.
 const UNSCALED: f64 = 1e-12;
-/// How near a vertex is to a corner that the mesh missed, in sizes of the model.
+/// Maximum distance of a vertex from a corner that the mesh missed, in sizes of the model.
 const AT_CORNER: f64 = 1e-9;
-/// Failures of a mesh that say where its nodes are, and nothing of the solid elsewhere.
+/// Codes of the failures of a mesh that concern the positions of its nodes, and not the solid.
 const OF_NODES: [&str; 4] = [
     "node-off-surface",
     "misclassified-node",
@@ -35,31 +36,31 @@ const OF_NODES: [&str; 4] = [
     "missed-corner",
 ];
 
-/// Why a model has no boundary representation.
+/// Reason why a model has no boundary representation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BrepModelError {
-    /// It has no mesh.
+    /// The model has no mesh.
     #[error(transparent)]
     Mesh(#[from] MeshModelError),
-    /// Its surface is not made of exact faces.
+    /// The surface cannot be divided into exact faces.
     #[error(transparent)]
     Brep(#[from] BrepError),
 }
 
-/// The boundary representation of a model.
+/// Boundary representation of a model, with its certificate.
 #[derive(Debug)]
 pub struct ModelBrep {
-    /// The solids, with the triangles that stand for them.
+    /// Solids, with the triangles that represent their faces.
     pub built: Built,
-    /// What is known of them.
+    /// Results of the checks.
     pub certificate: Certificate,
-    /// The mesh that the topology comes from.
+    /// Mesh from which the topology was taken.
     pub mesh: ModelMesh,
 }
 
 impl ModelBrep {
-    /// What files state of the solids.
+    /// Returns the measures that files state for the solids.
     pub fn properties(&self) -> SolidProperties {
         let total = &self.certificate.total;
         SolidProperties {
@@ -70,7 +71,7 @@ impl ModelBrep {
         }
     }
 
-    /// Returns the solid, given in coordinates of a frame, in space. The mesh stays in the frame.
+    /// Moves the solid from coordinates of a frame to space. The mesh stays in the frame.
     fn placed(self, frame: &Frame) -> Self {
         Self {
             built: self.built.placed(frame),
@@ -79,18 +80,18 @@ impl ModelBrep {
         }
     }
 
-    /// Whether all shells are closed; no other is written to a file.
+    /// Returns true if all shells are closed; open ones are not written to files.
     pub fn is_closed(&self) -> bool {
         let is_open = |f: &Finding| matches!(f, Finding::OpenEdges(_));
         !self.certificate.failures.iter().any(is_open)
     }
 }
 
-/// The boundary representation of a model with the values `a` of its parameters: faces on exact
-/// planes, cylinders, cones, spheres, tori and ellipsoids, and on splines elsewhere, with shared
-/// edges, and its certificate. What the certificate of the mesh leaves open, this one does, too.
-/// Splines may be `tolerance` away from the model (model units; 1e-6 of its largest side where
-/// there is none), exact faces never more than 1e-8 of that side. Missing values are those of
+/// Computes the boundary representation of a model with the values `a` of its parameters, and its
+/// certificate: faces on exact planes, cylinders, cones, spheres, tori and ellipsoids, and on
+/// spline surfaces elsewhere, with shared edges. Questions that the certificate of the mesh leaves
+/// open stay open. Splines may be `tolerance` away from the model, in model units, by default 1e-6
+/// of its largest side; exact faces at most 1e-8 of that side. Missing values are those of
 /// [`parameter_values`](crate::parameter_values).
 ///
 /// ```
@@ -104,7 +105,7 @@ impl ModelBrep {
 /// ```
 ///
 /// # Errors
-/// [`BrepModelError`].
+/// [`BrepModelError`] if the model has no mesh, its faces cannot be computed, or on a stop.
 pub fn brep_model(
     model: &Model,
     a: &[f64],
@@ -121,7 +122,7 @@ pub fn brep_model(
         match brep_model(&own, &a, &within(&frame, options), tolerance, control) {
             Ok(made) => return Ok(made.placed(&frame)),
             Err(BrepModelError::Brep(error)) => return Err(placed(error, &frame).into()),
-            // What is wrong is said in coordinates of space.
+            // Errors are reported in coordinates of space.
             Err(BrepModelError::Mesh(_)) => {}
         }
     }
@@ -149,8 +150,9 @@ pub fn brep_model(
     work.best(options)
 }
 
-/// Returns the object that a program does nothing but move, as fitted ones do, and the frame of its
-/// coordinates. There its faces lie along the lattice of the mesher, and are found sooner.
+/// Returns the object that a program only moves, as fitted programs do, and the frame of its
+/// coordinates. There its faces lie along the lattice of the mesher, and are found sooner. `None`
+/// if the program does more, or scales the object.
 fn unplaced(model: &Model) -> Option<(Model, Frame)> {
     let (own, place) = model.unplaced()?;
     let frame = Frame {
@@ -160,8 +162,8 @@ fn unplaced(model: &Model) -> Option<(Model, Frame)> {
     ((place.scale - 1.0).abs() <= UNSCALED).then_some((own, frame))
 }
 
-/// Returns options for the mesh of an object in its own frame: the box in which it is looked for
-/// first, if one is known, lies around that box in space.
+/// Returns the options for the mesh of an object in its own frame: the box in which its search
+/// starts, if one is known, contains the given box in space.
 fn within(frame: &Frame, options: &MeshModelOptions) -> MeshModelOptions {
     let mut options = options.clone();
     let start = &mut options.mesh.start;
@@ -173,7 +175,7 @@ fn within(frame: &Frame, options: &MeshModelOptions) -> MeshModelOptions {
     options
 }
 
-/// Returns an error with its place of a frame in space.
+/// Maps the place of an error from a frame to space.
 fn placed(mut error: BrepError, frame: &Frame) -> BrepError {
     if let BrepError::NoCurve { at, .. } | BrepError::NoVertex { at } = &mut error {
         *at = frame.out(*at);
@@ -181,23 +183,23 @@ fn placed(mut error: BrepError, frame: &Frame) -> BrepError {
     error
 }
 
-/// Returns the rank of a solid: the best one has the least.
+/// Returns the rank of a solid; the lowest is the best.
 fn rank(made: &ModelBrep) -> (usize, bool) {
     (made.certificate.failures.len(), !is_sound(made))
 }
 
-/// True if the certificate holds, and readers see edges where they are: a finer mesh may tell more
-/// surfaces exactly.
+/// Returns true if the certificate holds, and readers reconstruct all edges: otherwise a finer mesh
+/// may determine more surfaces exactly.
 fn is_sound(made: &ModelBrep) -> bool {
     made.certificate.holds() && made.certificate.is_read_alike
 }
 
-/// True if a mended mesh would tell no more: all faces are exact, or no node of it is wrong.
+/// Returns true if an optimised mesh would not help: all faces are exact, or no node is wrong.
 fn is_told(made: &ModelBrep) -> bool {
     made.built.is_exact() || made.mesh.certificate.failures().is_empty()
 }
 
-/// True if all faces are exact and nothing that is wrong comes of the mesh.
+/// Returns true if all faces are exact, and no failure is due to the mesh.
 fn is_final(made: &ModelBrep) -> bool {
     let is_of_geometry = |f: &Finding| {
         matches!(
@@ -208,7 +210,7 @@ fn is_final(made: &ModelBrep) -> bool {
     made.built.is_exact() && made.certificate.failures.iter().all(is_of_geometry)
 }
 
-/// Whether a finer mesh may help.
+/// Returns true if a finer mesh may help.
 fn is_of_mesh(error: &BrepError) -> bool {
     matches!(
         error,
@@ -216,19 +218,19 @@ fn is_of_mesh(error: &BrepError) -> bool {
     )
 }
 
-/// Why a mesh of a size gave no boundary representation.
+/// Failure to derive a boundary representation from a mesh, with the size of the mesh.
 struct Refused {
     error: BrepError,
     size: f64,
 }
 
-/// What stays the same while meshes become finer.
+/// Data that all meshes of a search have in common.
 struct Work<'a> {
-    /// The solid without the sides of the box.
+    /// Solid without the sides of the box.
     meshed: &'a dyn Solid,
-    /// The solid within the box.
+    /// Solid within the box.
     solid: &'a dyn Solid,
-    /// True if sides of the box bound the solid, whose curves the mesher does not list.
+    /// True if sides of the box bound the solid; the mesher does not list the curves on them.
     is_capped: bool,
     smooth: Parts,
     tolerance: Option<f64>,
@@ -236,11 +238,12 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// The best boundary representation: of a first mesh, of that mesh when it is mended, and of
-    /// finer ones.
+    /// Returns the best boundary representation: that of a first mesh, of an optimised mesh of the
+    /// same size, or of finer ones.
     fn best(&self, mut options: MeshModelOptions) -> Result<ModelBrep, BrepModelError> {
         let is_free = options.size.is_none();
-        // Mostly a mesh of any angles tells the topology, though some of its nodes are wrong.
+        // A mesh with unrestricted angles mostly gives the topology, even if some of its nodes are
+        // wrong.
         let mut first = options.clone();
         first.mesh.rounds = 0;
         first.mesh.angles = [0.0, 180.0];
@@ -263,7 +266,7 @@ impl Work<'_> {
                 options.size = Some(options.size.unwrap_or(size) / 2.0);
             }
             let next = match self.at_size(&options) {
-                // What there is may be right, though it is not certified.
+                // The present solid may be right, although it is not certified.
                 Err(_) if best.is_ok() && self.control.is_late() => break,
                 next => next?,
             };
@@ -282,7 +285,7 @@ impl Work<'_> {
         best.map_err(|refused| refused.error.into())
     }
 
-    /// The boundary representation with the topology of a mesh.
+    /// Computes the boundary representation with the topology of a mesh.
     fn at_size(
         &self,
         options: &MeshModelOptions,
@@ -317,8 +320,8 @@ impl Work<'_> {
         Ok((built, certificate))
     }
 
-    /// Returns what the mesh leaves open. Nodes that are wrong do not count where the solid shows
-    /// by itself that its faces are right.
+    /// Returns the questions that the mesh leaves open. Wrong nodes do not count if the solid
+    /// itself shows that its faces are right.
     fn left_open(&self, mesh: &ModelMesh, built: &Built) -> Vec<String> {
         let (of_nodes, of_solid): (Vec<Failure>, Vec<Failure>) = mesh
             .certificate
@@ -344,8 +347,8 @@ impl Work<'_> {
     }
 }
 
-/// True if all wrong nodes are at points of contact, in which borders of the mesh stand for a
-/// point, or if corners without a node are vertices of the solid, as the tips of cones are.
+/// Returns true if all wrong nodes are at points of contact, which are borders of the mesh, or if
+/// all corners without a node are vertices of the solid, like tips of cones.
 fn is_excused(failure: &Failure, mesh: &ModelMesh, built: &Built) -> bool {
     let is_near = |p: Point3, q: &Point3, reach| distance_squared(*q, p).sqrt() <= reach;
     let is_vertex = |p: Point3| {
@@ -368,7 +371,7 @@ fn is_excused(failure: &Failure, mesh: &ModelMesh, built: &Built) -> bool {
     places.len() >= failure.count && places.iter().all(|p| is_in_contact(p.at))
 }
 
-/// A surface with one function.
+/// Returns a solid with one smooth part.
 fn whole(field: Arc<RunField>) -> Parts {
     let part = SmoothPart {
         piece: 0,
@@ -382,7 +385,7 @@ fn whole(field: Arc<RunField>) -> Parts {
     }
 }
 
-/// Returns true if the failure of a mesh says where its nodes are, and nothing of the solid.
+/// Returns true if the failure of a mesh concerns the positions of its nodes, and not the solid.
 fn is_of_nodes(failure: &Failure) -> bool {
     OF_NODES.contains(&failure.code)
 }
@@ -402,11 +405,11 @@ mod tests {
         m = ((outer \\ inner) & x[3]) & (1 - x[3]); }";
     const BLOCK: &str =
         "m(x[3], a[1]) { m = min(min(2 - abs(x[1]), 1 - abs(x[2])), 1 - abs(x[3])); }";
-    /// The block with a bore through its top, beside the middles of its faces.
+    /// The block with a bore through its top, off the centres of its faces.
     const BORED: &str = "m(x[3], a[1]) {
         block = min(min(2 - abs(x[1]), 1 - abs(x[2])), 1 - abs(x[3]));
         m = min(block, (x[1] - 1)^2 + (x[2] - 0.5)^2 - 0.01); }";
-    /// Half of the block, and less than that.
+    /// A part of the block, less than half of it.
     const THIRD: &str =
         "m(x[3], a[1]) { m = min(min(x[1] - 0.7, 2 - x[1]), min(1 - abs(x[2]), 1 - abs(x[3]))); }";
 
@@ -421,7 +424,8 @@ mod tests {
         (model, made)
     }
 
-    /// True if the solid of the first program shows by itself that it is that of the second one.
+    /// Returns true if the solid of the first program shows by itself that it is that of the
+    /// second.
     fn stands_for(program: &str, other: &str) -> bool {
         let (_, made) = made_of(program, None);
         let (model, of_other) = made_of(other, None);
@@ -444,7 +448,8 @@ mod tests {
         assert!((volume / area - 1.0).abs() < 1e-9, "{volume} for {area}");
     }
 
-    /// Programs that only move an object are made in its frame: what is stated is of space.
+    /// Programs that only move an object are converted in its frame, and the results moved to
+    /// space.
     #[test]
     fn moved_objects_are_moved_solids() {
         let own = "part(x[3], a[1]) {
@@ -495,7 +500,7 @@ mod tests {
                 assert!(off(p, out(still.along(e, s).0)) < 1e-12);
             }
         }
-        // Faces are where the program's own function vanishes.
+        // The program's own function vanishes on the faces.
         let options = isoform_brep::FacetOptions {
             chord: 0.01,
             longest: 0.3,
@@ -505,14 +510,14 @@ mod tests {
             let value = isoform_geom::Field::value(&field, *p);
             assert!(value.abs() < 1e-9, "{value} at {p:?}");
         }
-        // Changed by a value that is given.
+        // Volume after a change of the parameter.
         let wider = brep_model(&model, &[1.8], &MeshModelOptions::default(), None, &control);
         let grown = wider.expect("solids").certificate.total.volume - found.total.volume;
         let wanted = 2.0 * std::f64::consts::PI * (1.8f64.powi(2) - 1.5f64.powi(2));
         assert!((grown - wanted).abs() < 1e-9, "{grown} for {wanted}");
     }
 
-    /// A node below the top of a block makes a triangle of a plane that is elsewhere.
+    /// A node below the top of a block makes its triangle belong to a plane that is elsewhere.
     #[test]
     fn parts_that_are_nowhere_on_the_surface_go_to_their_neighbours() {
         let program = "m(x[3], a[1]) {
@@ -544,7 +549,8 @@ mod tests {
             let made = pieces(mesh, found.solid.as_ref(), smooth, &quadric_through)?;
             isoform_brep::brep(made, 1e-6, &control).map(|built| built.brep.faces.len())
         };
-        // All nodes are on the surface: the certificate of the mesh knows nothing, and it stays.
+        // All nodes are on the surface, so the certificate of the mesh has no finding, and the part
+        // stays.
         assert_ne!(faces(&mesh), Ok(6));
         let node = mesh.triangles[stray][0] as usize;
         mesh.points[node][2] -= 1e-3;
@@ -559,7 +565,7 @@ mod tests {
         let mut program = String::from("m(x[3], a[1]) {\n");
         let mut body =
             String::from("min(min(x[1] & (9 - x[1]), x[2] & (7 - x[2])), x[3] & (5 - x[3]))");
-        // Each round: of its axes those without a sign run along it.
+        // Each round runs along the axes without a sign.
         for n in 1..27 {
             let signs = [n % 3, n / 3 % 3, n / 9];
             let across: Vec<usize> = (0..3).filter(|k| signs[*k] > 0).collect();
@@ -603,9 +609,9 @@ mod tests {
     fn solids_stand_for_their_own_models_alone() {
         assert!(stands_for(BLOCK, BLOCK));
         assert!(stands_for(BORED, BORED));
-        // Circles of the bore lie on no edge of the block.
+        // Circles of the bore do not lie on edges of the block.
         assert!(!stands_for(BLOCK, BORED));
-        // All edges of the bored block are feature curves of it; those of the block are among them.
+        // All edges of the bored block are its feature curves, those of the block among them.
         assert!(!stands_for(BORED, BLOCK));
         assert!(!stands_for(BLOCK, THIRD));
     }

@@ -1,5 +1,4 @@
-//! The parameters of a HyperFun program from a scan, in whatever pose and with whatever clutter
-//! the scan comes.
+//! Fit of a HyperFun program to a scan in any pose, with clutter around the part.
 
 use crate::held::{HeldTemplate, ParameterError};
 use crate::report::nominal;
@@ -16,26 +15,26 @@ use std::borrow::Cow;
 use std::fmt;
 use std::time::Instant;
 
-/// Number of starts of each other way to stand: enough to tell whether it is the right one.
+/// Number of starts of the search in each other orientation: enough to recognise the right one.
 const STARTS_PER_TURN: usize = 8;
-/// Share of another fit's misfit below which a fit is better. Alike fits, the symmetries of a part,
-/// differ by less and count as one.
+/// Maximum ratio of two misfits at which the smaller one is better. Fits that are related by a
+/// symmetry of the part differ by less and count as equal.
 const BETTER: f64 = 0.97;
-/// Length of the Rodrigues vector (0.6 degrees) above which a scan stands askew and is looked at
-/// along the template's axes again, since shares of its box change with the frame.
+/// Length of the Rodrigues vector (0.6 degrees) above which a scan is fitted again along the
+/// template's own axes, since bounds that are shares of its box change with the frame.
 const ASKEW: f64 = 5e-3;
-/// Bits by which the seed of the second search differs; it must come to the place of the first.
+/// Bits by which the seed of the second search differs from that of the first.
 const OTHER_SEED: u64 = 0x5EED;
-/// Relative difference of two searches' misfits below which they agree.
+/// Maximum relative difference of the misfits of two searches that agree.
 const AGREE: f64 = 0.03;
 /// Distance from a bound, as a share of the range, within which a value has reached it.
 const AT_BOUND: f64 = 0.005;
-/// Distance from a bound, as a share of the range, within which a value has reached it where the fit
-/// is not accepted: a value that a bound keeps from its place may end beside the bound, too.
+/// Distance from a bound, as a share of the range, within which a value has reached it if the fit
+/// is not accepted: a value that the bound keeps from its place may also end near the bound.
 const BESIDE_BOUND: f64 = 0.05;
-/// Number of rounds in which bounds that are shares of the box give way.
+/// Maximum number of rounds in which bounds that are shares of the box are widened.
 const WIDENINGS: usize = 2;
-/// Largest share of the points that may be left out as clutter: with more gone, the rest need not be
+/// Maximum share of the points that may be left out as clutter: if more are, the rest need not be
 /// the part.
 pub(crate) const MOST_LEFT_OUT: f64 = 0.6;
 /// Approximate number of points that are added on the faces of a CAD model.
@@ -44,7 +43,7 @@ const ON_FACES: usize = 6000;
 /// Lower and upper bounds of parameters, by name, 1-based number, or `a[number]`.
 pub type NamedBounds = Vec<(String, (f64, f64))>;
 
-/// How a scan is fitted. Values, bounds and starts are in the file's coordinates and unit.
+/// Options of a fit to a scan. Values, bounds and starts are in the file's coordinates and unit.
 ///
 /// ```
 /// use isoform::FitOptions;
@@ -58,69 +57,69 @@ pub type NamedBounds = Vec<(String, (f64, f64))>;
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct FitOptions {
-    /// Start values of all parameters, or of those of the program without the pose; by default the
-    /// template's, else the data decide.
+    /// Start values of all parameters, or of those of the program without the pose; `None` for
+    /// those of the template, or of the data.
     pub start: Option<Vec<f64>>,
     /// Bounds of parameters, by name, 1-based number, or `a[number]`.
     pub bounds: NamedBounds,
-    /// Parameters that are held, by name, 1-based number, or `a[number]`.
+    /// Parameters that are fixed, with their values, by name, 1-based number, or `a[number]`.
     pub fixed: Vec<(String, f64)>,
-    /// Motion of the whole template as further parameters; by default as the program says.
+    /// Motion of the whole template, as further parameters; `None` for that of the program.
     pub pose: Option<Pose>,
-    /// Clutter of these kinds is fitted like the rest. Where a fit is in doubt, other clutter is
-    /// left out.
+    /// Kinds of clutter that are fitted like the rest. If a fit is doubtful, clutter of other kinds
+    /// is left out.
     pub keep: Vec<Beside>,
-    /// Method, loss, seed and effort. Its `start` and `bounds` are not looked at.
+    /// Method, loss, seed and effort. Its `start` and `bounds` are ignored.
     pub fit: Options,
 }
 
-/// Why there is no fit of a scan.
+/// Reason why a scan cannot be fitted.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FitScanError {
-    /// The scan is empty.
+    /// The scan has no points.
     #[error("there is no point to fit to")]
     NoPoints,
-    /// The scan has a triangle with a corner that is no point.
+    /// A triangle of the scan has a corner that is not the index of a point.
     #[error(transparent)]
     Corner(#[from] CornerError),
-    /// The program is no template.
+    /// The program cannot be a template.
     #[error(transparent)]
     Template(#[from] TemplateError),
-    /// A parameter cannot be held.
+    /// A parameter cannot be fixed.
     #[error("{}{error}", lead(key))]
     Fixed {
-        /// What was said to be held.
+        /// Name or number of the parameter to be fixed.
         key: String,
-        /// Why it cannot be.
+        /// Reason why it cannot be fixed.
         error: ParameterError,
     },
-    /// Bounds do not suit the parameters.
+    /// Bounds are not valid for the parameters.
     #[error("{}{error}", lead(key))]
     Bounds {
-        /// What was said to have bounds.
+        /// Name or number of the parameter with bounds.
         key: String,
-        /// What is wrong.
+        /// Reason why the bounds are not valid.
         error: ParameterError,
     },
-    /// Start values do not suit the parameters.
+    /// Start values are not valid for the parameters.
     #[error(transparent)]
     Start(ParameterError),
-    /// More points than are numbered.
+    /// There are more points than 32-bit indices.
     #[error("{count} points are more than the 2^32 that can be told apart")]
     TooMany {
-        /// Points.
+        /// Number of points.
         count: usize,
     },
-    /// The paper's methods see all points each time, which clouds in chunks are too large for.
+    /// The method needs all points in each step, and clouds in chunks are too large for that.
     #[error("clouds in chunks are fitted by the default method")]
     Method,
-    /// No fit was found.
+    /// The fit has no result.
     #[error(transparent)]
     Fit(#[from] FitError),
 }
 
-/// What precedes an error of a parameter: its name, if it has one.
+/// Returns the prefix of an error of a parameter: its name, if it has one.
 fn lead(key: &str) -> String {
     if key.trim().is_empty() {
         return String::new();
@@ -137,18 +136,18 @@ impl From<FacesError> for FitScanError {
     }
 }
 
-/// What a reader should know of how a scan was fitted.
+/// Warning about the way in which a scan was fitted.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum FitScanWarning {
-    /// The scan is a CAD model, and got points on its faces.
+    /// Points were added on the faces of a CAD model.
     FacesAdded {
-        /// Points added.
+        /// Number of points added.
         added: usize,
-        /// Vertices that were there.
+        /// Number of vertices of the model.
         vertices: usize,
     },
-    /// The points lie far from the origin, and the template has no pose that could follow.
+    /// The points lie far from the origin, and the template has no pose that could be moved there.
     FarAndFixed,
     /// The points came in chunks, and clutter among them was fitted like the rest.
     ClutterFitted,
@@ -174,26 +173,26 @@ impl fmt::Display for FitScanWarning {
     }
 }
 
-/// A template fitted to a scan.
+/// Template fitted to a scan.
 #[derive(Debug)]
 pub struct ScanFit {
-    /// The points that were fitted, those added on the faces of a CAD model included; of a cloud in
+    /// Points that were fitted, including those added on the faces of a CAD model; of a cloud in
     /// chunks, its sample.
     pub cloud: PointCloud,
-    /// The box of all points that were fitted, about the origin of the cloud.
+    /// Bounding box of all points that were fitted, relative to the origin of the cloud.
     pub bounds: Aabb,
-    /// The template in the pose in which it fits.
+    /// Template in the frame in which it was fitted.
     pub template: HeldTemplate,
-    /// Values, deviations and verdict, relative to the origin of the cloud.
+    /// Estimates and verdict, relative to the origin of the cloud.
     pub fit: Fit,
-    /// What a reader should know beside [`Fit::warnings`], before these.
+    /// Warnings in addition to [`Fit::warnings`].
     pub warnings: Vec<FitScanWarning>,
-    /// Seconds by phase.
+    /// Computing time by phase, in seconds.
     pub seconds: Vec<(&'static str, f64)>,
 }
 
 impl ScanFit {
-    /// The values of all parameters in the file's coordinates.
+    /// Returns the values of all parameters in the file's coordinates.
     pub fn values(&self) -> Vec<f64> {
         let relative = self.fit.parameters.iter().map(|p| p.value);
         relative
@@ -201,17 +200,18 @@ impl ScanFit {
             .map(|(value, shift)| value + shift)
             .collect()
     }
-    /// The fitted program, in the file's coordinates: plain HyperFun that any tool can evaluate.
+    /// Prints the fitted program in the file's coordinates: plain HyperFun that any tool can
+    /// evaluate.
     pub fn program(&self) -> String {
         let frep = &self.template.frep;
         frep.fitted_program(&self.fit.values(), self.cloud.origin)
     }
-    /// The fitted program in the coordinates of the template itself, without its pose.
+    /// Prints the fitted program in the template's own coordinates, without its pose.
     pub fn own_program(&self) -> String {
         let (model, values) = (self.template.frep.model(), self.fit.values());
         model.print_fitted(&values[..model.n_params()], None)
     }
-    /// Returns the box of the points that were fitted, in the file's coordinates.
+    /// Returns the bounding box of the points that were fitted, in the file's coordinates.
     pub fn extent(&self) -> Aabb {
         let placed = |p: Point3| std::array::from_fn(|k| p[k] + self.cloud.origin[k]);
         Aabb {
@@ -219,7 +219,7 @@ impl ScanFit {
             hi: placed(self.bounds.hi),
         }
     }
-    /// Returns the box of the points that were fitted, in the template's own coordinates.
+    /// Returns the bounding box of the points that were fitted, in the template's own coordinates.
     pub fn own_extent(&self) -> Aabb {
         match self.placement() {
             Some(place) => {
@@ -231,8 +231,9 @@ impl ScanFit {
             None => self.extent(),
         }
     }
-    /// Returns a round number that may be meant by a parameter, in its unit (an angle is round in
-    /// degrees); none for what is held, tied or of the pose, and where chance tells one as well.
+    /// Returns a round number that the designer may have meant for a parameter, in its unit (an
+    /// angle is round in degrees). `None` for parameters that are fixed, tied, undetermined or of
+    /// the pose, and if the number could as well be near by chance.
     pub fn nominal(&self, parameter: usize) -> Option<f64> {
         let (p, estimate) = (
             &self.template.parameters()[parameter],
@@ -251,11 +252,12 @@ impl ScanFit {
         let round = nominal(value * scale, 0.5 * (high - low) * scale)?;
         Some(round / scale)
     }
-    /// Deviation of each point from the fitted model: positive outside, as inspectors have it.
+    /// Returns the signed distance of each point from the fitted model, positive outside.
     pub fn deviation(&self) -> Vec<f64> {
         self.fit.residuals.iter().map(|r| 0.0 - r).collect()
     }
-    /// The unit of a parameter where lengths of the scan are in `length`, if that is known.
+    /// Returns the unit of a parameter; `length` is the unit of lengths in the scan. `None` if
+    /// unknown.
     pub fn unit_of(&self, parameter: usize, length: Option<&str>) -> Option<String> {
         let p = &self.template.parameters()[parameter];
         match p.kind {
@@ -267,7 +269,7 @@ impl ScanFit {
             Kind::Number => p.unit.clone(),
         }
     }
-    /// Where the model lies in the file's coordinates; none without a pose.
+    /// Returns the pose of the model in the file's coordinates; `None` for a template without one.
     pub fn placement(&self) -> Option<Placement> {
         let placement = self.template.frep.placement(&self.fit.values())?;
         let origin = self.cloud.origin;
@@ -280,11 +282,12 @@ impl ScanFit {
 
 /// Fits a HyperFun program to a scan.
 ///
-/// Where the program does not fit as the scan stands, other ways to stand are tried, its box is
-/// measured along the template's own axes, and bounds that presume a whole part give way. Where a
-/// fit is in doubt and planes or other objects beside the part are seen, it is fitted without them,
-/// too. The faces of CAD meshes, which have no vertices inside, get points. Points far from
-/// the origin are fitted about their centre, as files are read; values are in their coordinates.
+/// If the program does not fit in the orientation of the scan, other orientations are tried, its
+/// box is measured along the template's own axes, and bounds that assume a complete part are
+/// widened. If a fit is doubtful and there are planes or other objects next to the part, the scan
+/// is also fitted without them. The faces of CAD meshes, which have no vertices inside, get points.
+/// Points far from the origin are fitted relative to their centre, as readers of files do it;
+/// values are in the file's coordinates.
 ///
 /// ```
 /// use isoform::{Control, FitOptions, fit_scan, geom::PointCloud, template};
@@ -303,7 +306,7 @@ impl ScanFit {
 /// ```
 ///
 /// # Errors
-/// [`FitScanError`].
+/// [`FitScanError`] if the scan is empty, an option is not valid, or the fit has no result.
 pub fn fit_scan(
     scan: &PointCloud,
     model: &Model,
@@ -321,7 +324,7 @@ pub fn fit_scan(
     let posed = posing(model, options, cloud.origin);
     let mut template = HeldTemplate::new(posed(&Here(&cloud.points))?, cloud.origin);
     if cloud.origin != [0.0; 3] && !template.moves() {
-        // The template's own coordinates are the file's.
+        // The template's own coordinates are those of the file.
         let absolute = (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect();
         let moved = cloud.to_mut();
         (moved.points, moved.origin) = (absolute, [0.0; 3]);
@@ -353,7 +356,8 @@ pub fn fit_scan(
     })
 }
 
-/// Makes templates of a program in the pose that is asked for, for points relative to an origin.
+/// Returns a constructor of templates of a program in the requested pose, for points relative to an
+/// origin.
 pub(crate) fn posing<'a>(
     model: &'a Model,
     options: &FitOptions,
@@ -363,7 +367,7 @@ pub(crate) fn posing<'a>(
     move |points| FrepTemplate::posed(model, pose, points, origin)
 }
 
-/// The scan about the origin that a reader would give it.
+/// Returns the scan relative to the origin that a reader would give it.
 fn recentred(scan: &PointCloud) -> Cow<'_, PointCloud> {
     if far_center(&scan.bounds()) == [0.0; 3] {
         return Cow::Borrowed(scan);
@@ -371,7 +375,8 @@ fn recentred(scan: &PointCloud) -> Cow<'_, PointCloud> {
     Cow::Owned(scan.clone().recentred())
 }
 
-/// The scan; of a CAD model with points on its faces, and no more exact than it.
+/// Returns the scan; a CAD model with points on its faces. `rounding` is raised to the exactness of
+/// the model.
 fn with_faces<'a>(
     scan: &'a PointCloud,
     warnings: &mut Vec<FitScanWarning>,
@@ -387,7 +392,7 @@ fn with_faces<'a>(
     Ok(Cow::Owned(found.cloud))
 }
 
-/// Holds the parameters that the caller holds.
+/// Fixes the parameters that the caller fixes.
 pub(crate) fn hold(template: &mut HeldTemplate, options: &FitOptions) -> Result<(), FitScanError> {
     template
         .hold(&options.fixed)
@@ -397,7 +402,7 @@ pub(crate) fn hold(template: &mut HeldTemplate, options: &FitOptions) -> Result<
         })
 }
 
-/// The options of the stage, in the template's coordinates.
+/// Returns the options of the stage, in the template's coordinates.
 pub(crate) fn inner_options(
     template: &HeldTemplate,
     options: &FitOptions,
@@ -424,7 +429,7 @@ pub(crate) fn inner_options(
     })
 }
 
-/// Whether a fit is in doubt, and planes or other objects beside the part are seen.
+/// Returns true if a fit is doubtful, and there are planes or other objects next to the part.
 pub(crate) fn has_clutter(fit: &Fit) -> bool {
     let is_clutter = |f: &Finding| {
         matches!(
@@ -435,7 +440,7 @@ pub(crate) fn has_clutter(fit: &Fit) -> bool {
     fit.findings.iter().any(is_clutter)
 }
 
-/// A warning for each kind of points that were left out.
+/// Returns a warning for each kind of points that were left out.
 fn left_out(beside: &[Option<Beside>]) -> impl Iterator<Item = Warning> {
     let kinds = [Beside::Plane, Beside::Apart, Beside::Stray];
     kinds.into_iter().filter_map(|why| {
@@ -445,26 +450,26 @@ fn left_out(beside: &[Option<Beside>]) -> impl Iterator<Item = Warning> {
     })
 }
 
-/// The points that nothing is beside the part for.
+/// Returns the points that are not clutter.
 fn kept_of(points: &[Point3], beside: &[Option<Beside>]) -> Vec<Point3> {
     let kept = points.iter().zip(beside).filter(|(_, b)| b.is_none());
     kept.map(|(p, _)| *p).collect()
 }
 
-/// A fit and the pose of the template in which it was found.
+/// Fit, and the template in the frame in which it was found.
 pub(crate) struct Posed {
     pub(crate) template: HeldTemplate,
     pub(crate) fit: Fit,
 }
 
-/// The result of a search and the template that it was made with.
+/// Result of a search, and the template with which it was made.
 struct Found {
     template: HeldTemplate,
     candidate: Candidate,
 }
 
 impl Found {
-    /// Takes another candidate if it is better, and counts the time of the one that is dropped.
+    /// Takes another candidate if it is better; its time counts in either case.
     fn offer(&mut self, template: HeldTemplate, mut candidate: Candidate, is_better: bool) {
         if is_better {
             std::mem::swap(&mut self.candidate, &mut candidate);
@@ -474,23 +479,23 @@ impl Found {
     }
 }
 
-/// Makes a template from a program and the points whose frame it takes.
+/// Constructor of a template from the cloud whose frame it takes.
 pub(crate) type Posing<'a> = dyn Fn(&dyn Outline) -> Result<FrepTemplate, TemplateError> + 'a;
 
-/// What all stages of a fit share.
+/// Data of all stages of a fit.
 pub(crate) struct Task<'a> {
     pub(crate) options: &'a FitOptions,
-    /// Those of the stage.
+    /// Options of the stage.
     pub(crate) inner: Options,
     pub(crate) control: &'a Control<'a>,
-    /// What is added to the points to get the file's coordinates.
+    /// Vector to add to the points to get the file's coordinates.
     pub(crate) origin: Point3,
     pub(crate) posed: &'a Posing<'a>,
 }
 
 impl Task<'_> {
-    /// The fit; where it is in doubt, and planes or other objects beside the part are seen, the fit
-    /// without them if that is better.
+    /// Fits the points; if the fit is doubtful and there are planes or other objects next to the
+    /// part, also without them, and returns the better fit.
     fn fit_beside_clutter(
         &self,
         points: &[Point3],
@@ -517,8 +522,8 @@ impl Task<'_> {
         Ok(part)
     }
 
-    /// The fit without clutter; none where there is none, where hardly anything else is there, or
-    /// where too few points are left. The time of finding clutter is counted as the whole fit's.
+    /// Fits the points without clutter. `None` if there is no clutter, if most points are clutter,
+    /// or if too few points are left. The time of the search for clutter counts as that of `whole`.
     fn fit_part(&self, points: &[Point3], whole: &mut Fit) -> Result<Option<Posed>, FitScanError> {
         let started = Instant::now();
         let scan = Scan::new(points, &self.inner, self.control)?;
@@ -556,7 +561,7 @@ impl Task<'_> {
         Ok(Some(part))
     }
 
-    /// The fit to some of the points; none where they are too few, say.
+    /// Fits some of the points; `None` if that fails, as with too few of them.
     fn fit_alone(&self, kept: &[Point3]) -> Result<Option<Posed>, FitScanError> {
         let template = self.held((self.posed)(&Here(kept))?)?;
         let Ok(scan) = Scan::new(kept, &self.inner, self.control) else {
@@ -565,9 +570,9 @@ impl Task<'_> {
         Ok(self.fit_in_pose(&scan, &Here(kept), template).ok())
     }
 
-    /// The fit, in whatever pose the scan comes: where the template does not fit as the scan
-    /// stands, the other ways are tried; then the box is measured along the template's own axes;
-    /// then bounds that presume a whole part give way where the fit ran into them.
+    /// Fits the points in any pose: if the template does not fit in the orientation of the scan,
+    /// others are tried; then the box is measured along the template's own axes; then bounds that
+    /// assume a complete part are widened if the fit has reached them.
     pub(crate) fn fit_in_pose(
         &self,
         scan: &Scan<'_>,
@@ -602,7 +607,7 @@ impl Task<'_> {
         )
     }
 
-    /// Looks at the template standing in other ways on the scan.
+    /// Tries the template in other orientations.
     fn try_turned(
         &self,
         scan: &Scan<'_>,
@@ -631,8 +636,7 @@ impl Task<'_> {
         Ok(())
     }
 
-    /// Looks at a scan that stands askew, or whose search is in doubt, along the template's own
-    /// axes.
+    /// Tries a scan that is tilted, or whose search is doubtful, along the template's own axes.
     fn try_aligned(
         &self,
         scan: &Scan<'_>,
@@ -662,7 +666,7 @@ impl Task<'_> {
         Ok(())
     }
 
-    /// Lets bounds that are shares of the box give way where the fit ran into them.
+    /// Widens bounds that are shares of the box if the fit has reached them.
     fn widened(
         &self,
         scan: &Scan<'_>,
@@ -702,7 +706,7 @@ impl Task<'_> {
         Ok(best)
     }
 
-    /// The template with what the caller holds.
+    /// Returns the template with the parameters that the caller fixes.
     fn held(&self, frep: FrepTemplate) -> Result<HeldTemplate, FitScanError> {
         let mut template = HeldTemplate::new(frep, self.origin);
         hold(&mut template, self.options)?;

@@ -1,57 +1,57 @@
-//! A template with other parameters than its author wrote: the ones that the caller holds.
+//! Template in which the caller fixes some of the parameters.
 
 use crate::FrepTemplate;
 use isoform_fit::{Parameter, Template};
 use isoform_geom::{DistanceField, Frame, ParamField, Point3};
 
-/// Why starts, bounds or fixed values do not suit the parameters of a template.
+/// Reason why starts, bounds or fixed values are not valid for the parameters of a template.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ParameterError {
-    /// An index beyond the parameters.
+    /// The index exceeds the number of parameters.
     #[error("there is no parameter {index}; the template has {}: {}", names.len(), names.join(", "))]
     NoSuchIndex {
         /// The index, from 1.
         index: usize,
-        /// The names of the parameters.
+        /// Names of the parameters.
         names: Vec<String>,
     },
-    /// A name that no parameter has.
+    /// No parameter has the name.
     #[error("no parameter is called {name}; there are {}", names.join(", "))]
     NoSuchName {
         /// The name.
         name: String,
-        /// The names of the parameters.
+        /// Names of the parameters.
         names: Vec<String>,
     },
-    /// A parameter is held at two values.
+    /// A parameter is fixed twice.
     #[error("{name} is held twice")]
     HeldTwice {
-        /// The parameter.
+        /// Name of the parameter.
         name: String,
     },
     /// A parameter has two intervals of bounds.
     #[error("{name} has bounds already")]
     BoundTwice {
-        /// The parameter.
+        /// Name of the parameter.
         name: String,
     },
-    /// A parameter is held at a value outside of its bounds.
+    /// A parameter is fixed at a value outside of its bounds.
     #[error("{name} is held at {value}, which is not from {lo} to {hi}")]
     HeldOutside {
-        /// The parameter.
+        /// Name of the parameter.
         name: String,
-        /// Where it is held.
+        /// Value at which it is fixed.
         value: f64,
-        /// Its lower bound.
+        /// Lower bound.
         lo: f64,
-        /// Its upper bound.
+        /// Upper bound.
         hi: f64,
     },
     /// The name of a parameter is empty.
     #[error("the name of a parameter is empty; there are {}", names.join(", "))]
     NoName {
-        /// The names of the parameters.
+        /// Names of the parameters.
         names: Vec<String>,
     },
     /// There are more or fewer start values than parameters.
@@ -61,26 +61,26 @@ pub enum ParameterError {
         if names.len() > *own { format!(" (or {own}, without the pose)") } else { String::new() }
     )]
     StartLength {
-        /// Values given.
+        /// Number of values given.
         found: usize,
-        /// Parameters of the program itself, without the pose.
+        /// Number of parameters of the program itself, without the pose.
         own: usize,
-        /// The names of the parameters.
+        /// Names of the parameters.
         names: Vec<String>,
     },
 }
 
-/// Lower and upper bound by parameter; none where the template and the data decide.
+/// Lower and upper bound of each parameter, in the template's coordinates; `None` for those of the
+/// template.
 pub type Bounds = Vec<Option<(f64, f64)>>;
 
-/// A [`FrepTemplate`] of which the caller holds some parameters at values of his own, in the
-/// coordinates of a file: points are fitted relative to an origin, and the translations of a pose
-/// differ from the file's by it.
+/// [`FrepTemplate`] with fixed parameters, in the coordinates of a file: points are fitted relative
+/// to an origin, by which the translations of a pose differ from those in the file.
 pub struct HeldTemplate {
-    /// The template.
+    /// Template with all parameters free.
     pub frep: FrepTemplate,
-    /// By parameter, what is added to a relative value to get the file's: the origin, for the
-    /// translations of a pose, else 0.
+    /// Shift of each parameter: the number to add to its value to get that in the file's
+    /// coordinates. It is the origin for the translations of a pose, else 0.
     pub shift: Vec<f64>,
     parameters: Vec<Parameter>,
 }
@@ -113,7 +113,7 @@ impl Template for HeldTemplate {
 }
 
 impl HeldTemplate {
-    /// The template with its own parameters, none of them held, for points relative to `origin`.
+    /// Creates the template with all parameters free, for points relative to `origin`.
     pub fn new(frep: FrepTemplate, origin: Point3) -> Self {
         let parameters = frep.parameters().to_vec();
         let own = frep.model().n_params();
@@ -132,7 +132,7 @@ impl HeldTemplate {
         }
     }
 
-    /// Whether a motion of the whole template follows its data.
+    /// Returns true if the template can be moved as a whole, so that it follows its data.
     pub fn moves(&self) -> bool {
         self.parameters[self.frep.model().n_params()..]
             .iter()
@@ -143,10 +143,12 @@ impl HeldTemplate {
         self.parameters.iter().map(|p| p.name.clone()).collect()
     }
 
-    /// The index of a parameter by name (letters fold), 1-based number, or `a[number]`.
+    /// Returns the index of a parameter given by its name (ignoring case), 1-based number, or
+    /// `a[number]`.
     ///
     /// # Errors
-    /// [`ParameterError::NoName`], [`ParameterError::NoSuchName`], [`ParameterError::NoSuchIndex`].
+    /// [`ParameterError::NoName`], [`ParameterError::NoSuchName`] or
+    /// [`ParameterError::NoSuchIndex`].
     pub fn index(&self, key: &str) -> Result<usize, ParameterError> {
         if key.trim().is_empty() {
             let names = self.names();
@@ -174,11 +176,10 @@ impl HeldTemplate {
         }
     }
 
-    /// Holds parameters, each given by what [`Self::index`] takes, at values in the file's
-    /// coordinates.
+    /// Fixes parameters, each given as for [`Self::index`], at values in the file's coordinates.
     ///
     /// # Errors
-    /// The place in `fixed` of the first that cannot be held, and why.
+    /// The index in `fixed` of the first parameter that cannot be fixed, and the reason.
     pub fn hold(&mut self, fixed: &[(String, f64)]) -> Result<(), (usize, ParameterError)> {
         let mut held = Vec::new();
         for (k, (key, value)) in fixed.iter().enumerate() {
@@ -195,11 +196,10 @@ impl HeldTemplate {
         Ok(())
     }
 
-    /// Start values of all parameters from those in the file's coordinates; the pose may be left to
-    /// the data.
+    /// Converts start values from the file's coordinates; those of the pose may be left out.
     ///
     /// # Errors
-    /// [`ParameterError::StartLength`].
+    /// [`ParameterError::StartLength`] if the number of values is wrong.
     pub fn start(&self, values: &[f64]) -> Result<Vec<f64>, ParameterError> {
         let (own, n) = (self.frep.model().n_params(), self.parameters.len());
         if values.len() != n && values.len() != own {
@@ -220,11 +220,12 @@ impl HeldTemplate {
         Ok(self.parameters.iter().enumerate().map(start).collect())
     }
 
-    /// Bounds by parameter from intervals in the file's coordinates, each with what
-    /// [`Self::index`] takes. A parameter that is held must lie within its own.
+    /// Converts intervals in the file's coordinates, each given for a parameter as for
+    /// [`Self::index`], to bounds of all parameters. A fixed parameter must lie within its
+    /// interval.
     ///
     /// # Errors
-    /// The place in `intervals` of the first that is wrong, and why.
+    /// The index in `intervals` of the first that is wrong, and the reason.
     pub fn bounds(
         &self,
         intervals: &[(String, (f64, f64))],
@@ -242,7 +243,7 @@ impl HeldTemplate {
         Ok(bounds)
     }
 
-    /// Whether a parameter is free, or held within these bounds in the file's coordinates.
+    /// Refuses bounds, in the file's coordinates, that exclude the value of a fixed parameter.
     fn check_held(&self, i: usize, lo: f64, hi: f64) -> Result<(), ParameterError> {
         let p = &self.parameters[i];
         let Some(relative) = p.fixed else {

@@ -1,4 +1,4 @@
-//! The mesh of a model with its certificate.
+//! Mesh of a model with its certificate.
 
 use crate::meshing::{Meshable, bounded_complement, meshable};
 use crate::report::brief;
@@ -19,11 +19,11 @@ use isoform_num::{Interval, Jet2, Real};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Longest edges of a surface that keeps its own sizes, in mean lengths: the long triangles of CAD
-/// systems do not stay.
+/// Longest edge of a surface that keeps its own sizes, in mean lengths: the long triangles of CAD
+/// systems are divided.
 const LONGEST: f64 = 1.5;
 
-/// How a model is meshed.
+/// Options of the mesh of a model.
 ///
 /// ```
 /// use isoform::{MeshModelOptions, mesh};
@@ -35,17 +35,18 @@ const LONGEST: f64 = 1.5;
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct MeshModelOptions {
-    /// Length of edges, the largest one where sizes vary; by default a fortieth of the diagonal, or
-    /// as the mesh given has it.
+    /// Target length of edges, the largest one if sizes vary, in model units. `None` for a fortieth
+    /// of the diagonal, or for the lengths of a given mesh.
     pub size: Option<f64>,
-    /// What the certificate requires of elements.
+    /// Limits of the quantities that the certificate checks.
     pub limits: Limits,
-    /// Everything else. Its `size` is not looked at.
+    /// All other options. Its `size` is ignored.
     pub mesh: Options,
 }
 
 impl MeshModelOptions {
-    /// The surface alone, in a region where there is one: what pages and pictures show.
+    /// Returns the options of the surface alone, in a region if one is given, for pages and
+    /// pictures.
     pub fn of_surface(region: Option<Aabb>) -> Self {
         Self {
             mesh: Options {
@@ -58,15 +59,15 @@ impl MeshModelOptions {
     }
 }
 
-/// Why a model has no mesh.
+/// Reason why a model has no mesh.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeshModelError {
-    /// The model describes no solid.
+    /// The model does not describe a solid.
     #[error(transparent)]
     Solid(#[from] SolidError),
-    /// The program is no expression, and no box was given: the search for one would have to look
-    /// everywhere.
+    /// The program is not an expression, and no box was given: a search for it would have to
+    /// examine all of space.
     #[error("the program is no expression, so that its box cannot be found")]
     NoBox,
     /// The function is negative in a bounded set and positive all around it.
@@ -75,63 +76,64 @@ pub enum MeshModelError {
          sign reversed?", brief_point(bounds.lo), brief_point(bounds.hi)
     )]
     InsideOut {
-        /// Holds what is outside of the solid.
+        /// Box that contains the outside of the solid.
         bounds: Aabb,
     },
     /// The function jumps through 0, and the jump cannot be made a wall.
     #[error(transparent)]
     Jump(#[from] Jump),
-    /// A region describes no solid.
+    /// A region does not describe a solid.
     #[error("region {name}: {error}")]
     Region {
-        /// The region.
+        /// Name of the region.
         name: String,
-        /// Why not.
+        /// Reason why it does not.
         error: SolidError,
     },
-    /// The mesher has no mesh.
+    /// The mesher has no result.
     #[error(transparent)]
     Mesh(#[from] MeshError),
 }
 
-/// The mesh of a model.
+/// Mesh of a model, with its certificate.
 #[derive(Debug)]
 pub struct ModelMesh {
-    /// The mesh, with what was found of the model's features.
+    /// Mesh, with the features of the model.
     pub meshed: Meshed,
-    /// What is proved of it.
+    /// Certificate of the whole mesh.
     pub certificate: Certificate,
-    /// What was asked for, with the length of edges.
+    /// Options of the mesher, with the chosen edge length.
     pub options: Options,
-    /// What is proved of each of its regions, if it was meshed in several.
+    /// Certificate of each region; empty unless regions were requested.
     pub regions: Vec<RegionCertificate>,
-    /// Triangles that were cut away behind the certificate, as no points lie near them.
+    /// Number of triangles that were removed after certification, since there are no points near
+    /// them.
     pub cut: usize,
     /// True if a box cuts the outside of a bounded set: the sign is probably reversed.
     pub is_inside_out: bool,
 }
 
-/// What is good to know of a mesh beside its warnings.
+/// Remark on a mesh, in addition to its warnings.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum MeshNote {
-    /// Bodies touch in a point or along a line.
+    /// Solids touch in a point or along a line.
     Touching,
     /// A box cuts the solid.
     Caps,
-    /// It is not proved that nothing lies outside of the solid's box.
+    /// Parts of the solid outside of its box are not excluded by proof.
     BoxNotProved,
-    /// It is not proved that every feature curve was found.
+    /// Further feature curves are not excluded by proof.
     FeaturesNotProved,
     /// Triangles without points near them were left out, so that the surface has a border.
     Cut,
-    /// The box is filled but for a bounded set where the function is negative.
+    /// The box is filled except for a bounded set in which the function is negative.
     InsideOut,
-    /// Small pieces hang together with nothing else.
+    /// There are small pieces that are not connected to the others.
     Loose {
         /// Number of pieces of the solid.
         pieces: usize,
-        /// Volume and a place of each small one.
+        /// Volume and centre of each small one.
         small: Vec<(f64, Point3)>,
     },
 }
@@ -166,18 +168,18 @@ impl fmt::Display for MeshNote {
 }
 
 impl ModelMesh {
-    /// Whether the certificate holds and nothing was left open.
+    /// Returns true if all certificates hold and there are no warnings.
     pub fn is_as_asked(&self) -> bool {
         self.holds() && self.meshed.warnings.is_empty()
     }
 
-    /// Whether the certificate holds, and that of each region.
+    /// Returns true if the certificate of the whole and those of all regions hold.
     pub fn holds(&self) -> bool {
         let mut all = self.regions.iter().map(|region| &region.certificate);
         self.certificate.is_ok() && all.all(Certificate::is_ok)
     }
 
-    /// What is good to know.
+    /// Returns remarks on the mesh.
     pub fn notes(&self) -> Vec<MeshNote> {
         let is_pinched = self
             .certificate
@@ -198,13 +200,12 @@ impl ModelMesh {
     }
 }
 
-/// Part of the largest piece's volume below which a piece that hangs together with nothing else is
-/// probably a crumb.
+/// Maximum volume of a piece that is probably a crumb, as a share of the largest piece's volume.
 const CRUMB: f64 = 0.01;
-/// Most small pieces that are told one by one.
+/// Maximum number of small pieces that the message lists.
 const TOLD: usize = 5;
 
-/// Says which pieces are small.
+/// Writes the message about small pieces.
 fn loose(f: &mut fmt::Formatter<'_>, pieces: usize, small: &[(f64, Point3)]) -> fmt::Result {
     let (n, percent) = (small.len(), 100.0 * CRUMB);
     let are = if n == 1 { "is" } else { "are" };
@@ -225,12 +226,12 @@ fn loose(f: &mut fmt::Formatter<'_>, pieces: usize, small: &[(f64, Point3)]) -> 
     f.write_str(if n > TOLD { ", ..." } else { "" })
 }
 
-/// The pieces of a mesh that are small beside the largest, if there are any. Of a surface each shell
-/// that faces outward bounds a piece.
+/// Returns the pieces of a mesh that are small compared to the largest; `None` without any. In a
+/// mesh of the surface, each outward shell bounds a piece.
 fn loose_pieces(mesh: &Mesh) -> Option<MeshNote> {
     let mesh = mesh.simplices();
     let place = |v: u32| mesh.points[v as usize];
-    // The volumes of simplices, of triangles those of the cones over them from the first point.
+    // Volumes of simplices; of triangles, those of the cones over them from the first point.
     let apex = *mesh.points.first()?;
     let of = |nodes: &[u32], [a, b, c, d]: [Point3; 4]| {
         (nodes[0], dot(sub(b, a), cross(sub(c, a), sub(d, a))) / 6.0)
@@ -251,7 +252,7 @@ fn loose_pieces(mesh: &Mesh) -> Option<MeshNote> {
         }
         mesh.tets.iter().map(|t| of(t, t.map(place))).collect()
     };
-    // By piece, in the order of their first nodes.
+    // Pieces, in the order of their first nodes.
     let mut pieces: BTreeMap<u32, (f64, Aabb)> = BTreeMap::new();
     for (node, volume) in volumes {
         let piece = pieces.entry(sets.root(node)).or_insert((0.0, Aabb::EMPTY));
@@ -270,7 +271,7 @@ fn loose_pieces(mesh: &Mesh) -> Option<MeshNote> {
     })
 }
 
-/// Meshes a model with the values `a` of its parameters, straight from the function, and certifies
+/// Meshes a model with the values `a` of its parameters directly from the function, and certifies
 /// the mesh: topology, shape, distances, feature curves and corners. Missing values are those of
 /// [`parameter_values`](crate::parameter_values): a fitted program needs none.
 ///
@@ -285,7 +286,7 @@ fn loose_pieces(mesh: &Mesh) -> Option<MeshNote> {
 /// ```
 ///
 /// # Errors
-/// [`MeshModelError`].
+/// [`MeshModelError`] if the model is not a solid, its mesh cannot be computed, or on a stop.
 pub fn mesh_model(
     model: &Model,
     a: &[f64],
@@ -295,18 +296,18 @@ pub fn mesh_model(
     make(model, a, &[], None, options, control)
 }
 
-/// A region of a model: what of it lies in another model.
+/// Region of a model: its intersection with another model.
 #[derive(Clone, Copy, Debug)]
 pub struct RegionModel<'a> {
-    /// What it is called.
+    /// Name of the region.
     pub name: &'a str,
-    /// Where it is.
+    /// Model that contains the region.
     pub model: &'a Model,
-    /// The values of its parameters.
+    /// Values of the parameters of that model.
     pub values: &'a [f64],
 }
 
-/// Meshes a model in several regions, each with the tetrahedra in it: see
+/// Meshes a model in several regions, each with its own tetrahedra; see
 /// [`isoform_mesh::mesh_regions`]. The whole and each region are certified.
 ///
 /// ```
@@ -327,7 +328,8 @@ pub struct RegionModel<'a> {
 /// ```
 ///
 /// # Errors
-/// [`MeshModelError`].
+/// [`MeshModelError`] if the model or a region is not a solid, the mesh cannot be computed, or on a
+/// stop.
 pub fn mesh_model_regions(
     model: &Model,
     a: &[f64],
@@ -338,11 +340,11 @@ pub fn mesh_model_regions(
     make(model, a, regions, None, options, control)
 }
 
-/// Improves a mesh given from elsewhere on the model that it stands for, tetrahedra or a surface,
-/// and certifies it like one of our own.
+/// Adapts a mesh from another source, tetrahedra or a surface, to the model that it approximates,
+/// and certifies it like a mesh of a model.
 ///
 /// # Errors
-/// [`MeshModelError`].
+/// [`MeshModelError`] if the model is not a solid, the mesh is invalid or has layers, or on a stop.
 pub fn adapt_to_model(
     given: &Mesh,
     model: &Model,
@@ -368,7 +370,7 @@ fn make(
     }
     let Meshable { solid, is_run, .. } =
         match meshable(model, a, options.mesh.region, None, control) {
-            // What fills all of space fills the box: the matrix of a composite.
+            // A function that is positive everywhere fills the box: the matrix of a composite.
             Err(MeshModelError::Solid(SolidError::NoSurface { inside: true }))
                 if options.mesh.region.is_some() =>
             {
@@ -406,7 +408,7 @@ fn make(
     Ok(made)
 }
 
-/// Refuses a program that is run statement by statement and fails at the corners and in the middle
+/// Refuses a program that is run statement by statement and fails at the corners and at the centre
 /// of the box.
 pub(crate) fn runs_somewhere(
     model: &Model,
@@ -426,7 +428,7 @@ pub(crate) fn runs_somewhere(
     }
 }
 
-/// Refuses layers where a mesh is not made of one solid alone.
+/// Refuses layers, except in a mesh of one solid.
 pub(crate) fn no_layers(options: &Options, what: &'static str) -> Result<(), MeshError> {
     match options.layers {
         Some(_) => Err(MeshError::NoLayers { what }),
@@ -434,8 +436,8 @@ pub(crate) fn no_layers(options: &Options, what: &'static str) -> Result<(), Mes
     }
 }
 
-/// Whether a mesh can be adapted: its elements have their nodes, and are triangles and tetrahedra.
-/// Wedges would not stay thin.
+/// Refuses a mesh that cannot be adapted: one with missing nodes, or with wedges, which would not
+/// stay thin.
 fn check_given(mesh: &Mesh) -> Result<(), MeshError> {
     if mesh.has_layers() {
         let why = "has wedges or quadrilaterals: only triangles and tetrahedra are adapted";
@@ -446,7 +448,7 @@ fn check_given(mesh: &Mesh) -> Result<(), MeshError> {
     check_nodes(mesh)
 }
 
-/// All of space.
+/// Field that is positive in all of space.
 struct Everywhere;
 
 impl Field for Everywhere {
@@ -461,8 +463,7 @@ impl Field for Everywhere {
     }
 }
 
-/// Meshes a solid and certifies the mesh, with a length of edges that suits it where none is asked
-/// for.
+/// Meshes a solid and certifies the mesh; chooses an edge length if none is given.
 pub(crate) fn mesh_solid(
     solid: &dyn Solid,
     options: &MeshModelOptions,
@@ -493,7 +494,7 @@ fn of_solid(
         && options.size.is_none()
         && inner.sizes.is_none()
     {
-        // A surface keeps its smaller triangles where it has them.
+        // A surface keeps its smaller triangles.
         inner.sizes = Some(own_sizes(mesh));
     }
     let limits = options.limits;
@@ -508,7 +509,7 @@ fn of_solid(
     } else {
         certified_regions(solid, regions, &inner, limits, control).map_err(explained)?
     };
-    // The matrix of a composite, or of a cell, is meant so.
+    // The matrix of a composite, or of a cell, is filled on purpose.
     let may_be =
         options.mesh.region.is_some() && regions.is_empty() && inner.periodic == [false; 3];
     let is_inside_out = may_be && bounded_complement(solid, control).is_some();
@@ -522,7 +523,8 @@ fn of_solid(
     })
 }
 
-/// The mesher's error; a solid without an end may be one whose function has the wrong sign.
+/// Returns the mesher's error; for an unbounded solid whose complement is bounded, that of a
+/// reversed sign.
 pub(crate) fn explained(
     error: MeshError,
     solid: &dyn Solid,
@@ -536,12 +538,12 @@ pub(crate) fn explained(
     error.into()
 }
 
-/// A point for messages.
+/// Formats a point for messages.
 fn brief_point(p: Point3) -> String {
     p.map(brief).join(", ")
 }
 
-/// The length of edges where none is asked for.
+/// Returns the default edge length: that of a given mesh, or one that suits the solid.
 fn own_size(
     solid: &dyn Solid,
     given: Option<&Mesh>,
@@ -562,7 +564,8 @@ mod tests {
     use isoform_field::hyperfun::Mode;
     use isoform_mesh::Layers;
 
-    /// Regions, blocks and meshes given from elsewhere have no layers, and no layers are adapted.
+    /// Regions, blocks and meshes from other sources cannot have layers, and layers are not
+    /// adapted.
     #[test]
     fn layers_are_grown_of_a_model_alone() {
         let ball = "ball(x[3], a[1]) { ball = 1 - x[1]^2 - x[2]^2 - x[3]^2; }";
@@ -653,7 +656,7 @@ mod tests {
             panic!("{outside:?}");
         };
         assert!((bounds.center()[1] - 7.0).abs() < 0.05 && bounds.size()[0] < 0.3);
-        // Half a space has no end either way.
+        // Half a space is unbounded either way.
         let half = meshed("my_model = x[1];", &options).expect_err("no end");
         assert!(matches!(half, MeshModelError::Mesh(_)), "{half}");
         let mut within = MeshModelOptions::of_surface(Some(Aabb {
@@ -708,7 +711,7 @@ mod tests {
         );
         let error = error.expect_err("no end").to_string();
         assert!(error.starts_with("1:31: stopped after"), "{error}");
-        // A branch that nobody takes may be wrong.
+        // An error in a branch that is never taken does no harm.
         let within = MeshModelOptions {
             size: Some(0.5),
             ..MeshModelOptions::of_surface(Some(Aabb {

@@ -1,4 +1,4 @@
-//! Meshes of functions fitted to points: the surface where there are points.
+//! Meshes of functions fitted to points, restricted to the surface near the points.
 
 use crate::mesh_model::{ModelMesh, mesh_solid};
 use crate::meshing::usual_size;
@@ -7,32 +7,33 @@ use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, OnePiece, Point3, UnionFind, cross, middle, norm, sub};
 use std::collections::HashMap;
 
-/// The part of triangles near points.
+/// Name of the part of triangles near points.
 const SEEN: &str = "surface";
-/// The part of triangles where there are none.
+/// Name of the part of triangles without points near them.
 const UNSEEN: &str = "unseen";
 
-/// The size of a hole that counts as seen, in cells of the spline, measured from one cell behind the
-/// points about it: gaps of uneven sampling are smaller (4.2 in half of the vertices of a rocker
-/// arm), what a scanner missed is larger.
+/// Maximum diagonal of a hole that counts as covered by points, in cells of the spline, measured
+/// from one cell behind the points around it. Gaps of uneven sampling are smaller (4.2 in half of
+/// the vertices of a rocker arm); regions that a scanner missed are larger.
 const GAP: f64 = 5.0;
 
-/// What becomes of the surface where there are no points.
+/// Treatment of the surface where there are no points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Unseen {
-    /// It is left out; the surface has a border there.
+    /// The surface is left out there, and gets a border.
     #[default]
     Cut,
-    /// It stays, as a part called `unseen`.
+    /// The surface is kept there, as a part called `unseen`.
     Close,
 }
 
-/// Meshes a function fitted to points and certifies the mesh, as [`mesh_model`](crate::mesh_model) does with
-/// a program. The certificate is that of the closed surface; of tetrahedra nothing is cut. Without a
-/// box a spline is looked for about its points, and a polynomial is meshed in the box about them.
+/// Meshes a function fitted to points and certifies the mesh, like
+/// [`mesh_model`](crate::mesh_model) for a program. The certificate is that of the closed surface;
+/// meshes of tetrahedra are not cut. Without a given box, the surface of a spline is searched from
+/// the box of its points, and that of a polynomial is meshed in this box.
 ///
 /// # Errors
-/// [`MeshModelError`].
+/// [`MeshModelError`] if the mesh cannot be computed, or on a stop.
 pub fn mesh_spline(
     spline: &Implicit,
     unseen: Unseen,
@@ -72,7 +73,7 @@ pub fn mesh_spline(
     Ok(made)
 }
 
-/// Which triangles lie near points, or in small gaps between such.
+/// Returns, for each triangle, true if it lies near points, or in a small gap between them.
 fn seen_triangles(mesh: &Mesh, spline: &Implicit) -> Vec<bool> {
     let corners = |t: &[u32; 3]| t.map(|v| mesh.points[v as usize]);
     let mut seen: Vec<bool> = mesh
@@ -114,11 +115,12 @@ fn seen_triangles(mesh: &Mesh, spline: &Implicit) -> Vec<bool> {
     seen
 }
 
-/// The least share of a piece's area in cells that hold points. Surfaces through points reach 0.9;
-/// what passes beside them, as an extra branch does, is seen from neighbouring cells only.
+/// Minimum share of a component's area in cells that hold points. Surfaces through points reach
+/// 0.9; a component that only passes close to points, as an extra branch does, lies in neighbouring
+/// cells.
 const HELD: f64 = 0.3;
 
-/// Takes pieces that pass beside the points for unseen.
+/// Marks components that only pass close to the points as unseen.
 fn drop_strays(mesh: &Mesh, spline: &Implicit, is_seen: &mut [bool]) {
     let mut sets = UnionFind::new(mesh.triangles.len());
     let mut by_node: Vec<Option<u32>> = vec![None; mesh.points.len()];
@@ -158,7 +160,7 @@ fn drop_strays(mesh: &Mesh, spline: &Implicit, is_seen: &mut [bool]) {
     }
 }
 
-/// Leaves out triangles of a surface, and the nodes that they alone have.
+/// Removes triangles of a surface, and nodes that become unused.
 fn cut(mesh: &mut Mesh, is_kept: &[bool]) {
     let keep = |i: &usize| is_kept[*i];
     let kept: Vec<usize> = (0..mesh.triangles.len()).filter(keep).collect();
@@ -188,7 +190,7 @@ fn cut(mesh: &mut Mesh, is_kept: &[bool]) {
         column.values = values;
     }
     mesh.points = points;
-    // A smooth surface has none of these.
+    // A smooth surface has no feature edges and corners.
     mesh.edges.clear();
     mesh.edge_mids.clear();
     mesh.edge_curves.clear();

@@ -1,4 +1,4 @@
-//! From a model to a solid, its mesh and the certificate.
+//! Conversion of a model to a solid, and of a solid to a mesh with its certificate.
 
 use crate::MeshModelError;
 use isoform_check::{self as check, Capped, Certificate, Limits, certify};
@@ -11,23 +11,25 @@ use isoform_mesh::{
 };
 use std::collections::HashSet;
 
-/// Part of the diagonal that an element takes by default: some ten thousand tetrahedra in a ball.
+/// Default number of elements along the diagonal of the box: some ten thousand tetrahedra in a
+/// ball.
 const ELEMENTS: f64 = 40.0;
-/// The tolerance to which the box of a solid is sought first, as a share of the box to begin with.
+/// Initial tolerance of the search for the box of a solid, as a share of the starting box.
 const UNKNOWN: f64 = 1.0 / 80.0;
-/// Distance of far places from the origin: the search for a box goes as far.
+/// Distance from the origin, in model units, to which the search for a box extends.
 const FAR: f64 = 1e6;
-/// Times that it is sought again, each time finer: to a solid of some 1e-6.
+/// Maximum number of further searches, each with a finer tolerance: they resolve solids of size
+/// 1e-6.
 const TIMES: usize = 6;
 
-/// A model with the values `a` of its parameters as a solid, and whether its program must be run
-/// statement by statement for that.
+/// Returns a model with the values `a` of its parameters as a solid, and true if its program must
+/// be run statement by statement.
 ///
-/// Such a solid has one part, named after the model: no edges are known of it, and no intervals.
+/// A solid that is run has one part, named after the model, no known edges, and no interval bounds.
 /// Missing values are those of [`parameter_values`](crate::parameter_values).
 ///
 /// # Errors
-/// [`SolidError`].
+/// [`SolidError`] if the model does not describe a solid, or has too few or too many values.
 pub fn solid_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Solid>, bool), SolidError> {
     match Pieces::of_model(model, a) {
         Ok(pieces) => Ok((Box::new(pieces), false)),
@@ -36,24 +38,22 @@ pub fn solid_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Solid>, bool), Soli
     }
 }
 
-/// A model as a solid whose program is run statement by statement.
+/// Returns a model as a solid whose program is run statement by statement.
 fn run_solid(model: &Model, a: &[f64]) -> Result<Box<dyn Solid>, SolidError> {
     let field = RunField::new(model, a)?;
     Ok(Box::new(OnePiece::new(field, model.name())))
 }
 
-/// A solid to be meshed: that of a model, and whether its program must be run statement by
-/// statement for that. Where the function jumps, the solid has walls.
+/// Solid to be meshed. Jumps of its function through 0 are walls.
 pub(crate) struct Meshable {
     pub(crate) solid: Box<dyn Solid>,
     pub(crate) is_run: bool,
-    /// Its smooth parts, of which a piece has so many at most, if they were asked for.
+    /// Smooth parts of the solid; `None` unless they were requested.
     pub(crate) parts: Option<Parts>,
 }
 
-/// A model with the values `a` of its parameters as a solid to be meshed, as [`solid_of`] gives it,
-/// without jumps in its box; with its smooth parts, at most so many of a piece, where that is asked
-/// for.
+/// Returns a model with the values `a` of its parameters as a solid to be meshed, without jumps in
+/// its box. `parts` requests its smooth parts, at most that many per piece.
 pub(crate) fn meshable(
     model: &Model,
     a: &[f64],
@@ -75,7 +75,7 @@ pub(crate) fn meshable(
         }
         pieces => pieces?,
     };
-    // Where there is no box, the mesher says why.
+    // If there is no box, the mesher reports the reason.
     let bounds = || region.or_else(|| Some(sought(&pieces, START, control).ok()?.0));
     if pieces.may_jump()
         && let Some(bounds) = bounds()
@@ -90,8 +90,8 @@ pub(crate) fn meshable(
     })
 }
 
-/// A length of edges that suits a solid about which nothing else is known: a fortieth of the
-/// diagonal of its box, with two digits.
+/// Returns an edge length that suits a solid: a fortieth of the diagonal of its box, rounded to two
+/// digits.
 ///
 /// ```
 /// use isoform::field::hyperfun::{Mode, Model};
@@ -100,6 +100,9 @@ pub(crate) fn meshable(
 /// assert_eq!(isoform::default_size(ball.as_ref(), None)?, 0.087);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
+///
+/// # Errors
+/// [`ExtentError`] if the solid is empty or unbounded.
 pub fn default_size(solid: &dyn Solid, region: Option<Aabb>) -> Result<f64, ExtentError> {
     let options = Options {
         region,
@@ -108,7 +111,10 @@ pub fn default_size(solid: &dyn Solid, region: Option<Aabb>) -> Result<f64, Exte
     default_size_within(solid, &options, &Control::default())
 }
 
-/// The same, as long as `control` lets it.
+/// Returns an edge length that suits a solid, like [`default_size`], under the given control.
+///
+/// # Errors
+/// [`ExtentError`] if the solid is empty or unbounded, or on a stop.
 pub fn default_size_within(
     solid: &dyn Solid,
     options: &Options,
@@ -120,7 +126,7 @@ pub fn default_size_within(
     }
 }
 
-/// The box of a solid that may lie in `start`, and the length of edges that suits it.
+/// Returns the box of a solid, searched from `start`, and an edge length that suits it.
 fn sought(
     solid: &dyn Solid,
     start: Aabb,
@@ -142,10 +148,10 @@ fn sought(
     }
 }
 
-/// The box of what a solid leaves out, where that is bounded: its function is then positive all
-/// around, and probably of the wrong sign.
+/// Returns the bounding box of the complement of a solid; `None` if that is unbounded. The function
+/// of such a solid is positive all around, and probably has the wrong sign.
 pub(crate) fn bounded_complement(solid: &dyn Solid, control: &Control<'_>) -> Option<Aabb> {
-    // What has a bounded complement holds all far places.
+    // A solid with a bounded complement contains all distant points.
     let axes = [0, 1, 2].map(|axis| [-FAR, FAR].map(|far| (axis, far)));
     let on_axes = axes.as_flattened().iter().map(|(axis, far)| {
         let mut p = [0.0; 3];
@@ -163,13 +169,13 @@ pub(crate) fn bounded_complement(solid: &dyn Solid, control: &Control<'_>) -> Op
     Some(found.0)
 }
 
-/// The length of edges that suits what fills a box.
+/// Returns the edge length that suits a solid that fills a box.
 pub(crate) fn usual_size(region: Aabb) -> f64 {
     two_digits(region.diagonal() / ELEMENTS)
 }
 
-/// The triangles of a mesh's surface between all of its nodes, and the part of each: faces with mid
-/// nodes are four triangles each, quadrilaterals two.
+/// Returns the triangles of a mesh's surface between all of its nodes, and the part of each. A face
+/// with mid nodes becomes four triangles, a quadrilateral two.
 ///
 /// ```
 /// use isoform::geom::Mesh;
@@ -191,11 +197,12 @@ pub fn flat_triangles(mesh: &Mesh) -> (Vec<[u32; 3]>, Vec<u32>) {
     (triangles, parts)
 }
 
-/// The surface of a mesh as a cloud with triangles; faces with mid nodes as four triangles each,
-/// quadrilaterals as two.
+/// Returns the surface of a mesh as a cloud with triangles. A face with mid nodes becomes four
+/// triangles, a quadrilateral two.
 ///
 /// # Panics
-/// If a triangle has a node that the mesh has not; meshes that were read or made have them all.
+/// If a triangle has a node that is not in the mesh; meshes that were read or computed have all of
+/// theirs.
 pub fn surface_of(mesh: &Mesh) -> PointCloud {
     let (mut triangles, _) = flat_triangles(mesh);
     let mut number = vec![u32::MAX; mesh.points.len()];
@@ -215,11 +222,14 @@ pub fn surface_of(mesh: &Mesh) -> PointCloud {
     }
 }
 
-/// How far from a corner of the solid its node may be, as a share of the diagonal.
+/// Maximum distance of the node of a corner from it, as a share of the diagonal.
 const AT_CORNER: f64 = 1e-9;
 
 /// Meshes a solid and certifies the mesh: topology, shape, distances to the solid, and its feature
 /// curves and corners.
+///
+/// # Errors
+/// [`MeshError`] if the mesh cannot be computed, or on a stop.
 pub fn certified_mesh(
     solid: &dyn Solid,
     options: &Options,
@@ -230,8 +240,11 @@ pub fn certified_mesh(
     Ok(certified(meshed, solid, options, limits, control))
 }
 
-/// Meshes a solid in regions ([`isoform_mesh::mesh_regions`]) and certifies the whole and each
+/// Meshes a solid in regions ([`isoform_mesh::mesh_regions`]), and certifies the whole and each
 /// region with tetrahedra as a solid of its own.
+///
+/// # Errors
+/// [`MeshError`] if the mesh cannot be computed, or on a stop.
 pub fn certified_regions(
     solid: &dyn Solid,
     regions: &[Region<'_>],
@@ -270,17 +283,19 @@ pub fn certified_regions(
     Ok((meshed, certificate, certificates))
 }
 
-/// What is proved of a region of a mesh.
+/// Certificate of one region of a mesh.
 #[derive(Clone, Debug)]
 pub struct RegionCertificate {
-    /// The region.
+    /// Name of the region.
     pub name: String,
-    /// Its certificate, as that of a mesh of its own.
+    /// Certificate of the region, checked as a mesh of its own.
     pub certificate: Certificate,
 }
 
-/// Improves a volume mesh given from elsewhere on the solid that it stands for, and certifies it
-/// like one of our own.
+/// Adapts a volume mesh from another source to the solid that it approximates, and certifies it.
+///
+/// # Errors
+/// [`MeshError`] if the mesh is invalid or cannot be adapted, or on a stop.
 pub fn certified_adaptation(
     given: &Mesh,
     solid: &dyn Solid,
@@ -316,14 +331,14 @@ fn certified(
     (meshed, certificate)
 }
 
-/// The curves and corners that a mesh must have, of those that a solid has.
+/// Returns the curves and corners of a solid that its mesh must have.
 fn wanted_features(features: &Features) -> (Vec<Vec<Point3>>, Vec<Point3>) {
     let curves = features.curves.iter().map(|c| c.points.clone());
     let corners = features.corners.iter().filter(|c| c.needs_node());
     (curves.collect(), corners.map(|c| c.point).collect())
 }
 
-/// The nodes of feature edges at the given points, in their order.
+/// Returns the nodes of feature edges at the given points, in their order.
 fn nodes_at(mesh: &Mesh, corners: &[Point3]) -> Vec<u32> {
     let mut nodes: Vec<u32> = mesh.edges.as_flattened().to_vec();
     nodes.sort_unstable();
@@ -347,7 +362,7 @@ fn nodes_at(mesh: &Mesh, corners: &[Point3]) -> Vec<u32> {
     found
 }
 
-/// Rounds to two digits.
+/// Rounds a number to two significant digits.
 fn two_digits(v: f64) -> f64 {
     format!("{v:.1e}").parse().unwrap_or(v)
 }

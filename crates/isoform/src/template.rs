@@ -1,5 +1,5 @@
-//! A HyperFun program as a template for fitting, with a pose of its own where the program or the
-//! caller asks for one.
+//! HyperFun program as a template for fitting, with a pose of its own if the program or the caller
+//! requests one.
 
 use crate::Readings;
 use isoform_field::hyperfun::{
@@ -10,21 +10,21 @@ use isoform_fit::{Kind, Parameter, Template, Tie};
 use isoform_geom::{Aabb, DistanceField, Frame, ParamField, Point3};
 use isoform_num::linalg::symmetric_eigen;
 
-/// Why a program is no template.
+/// Reason why a program cannot be a template.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TemplateError {
     /// The object does not describe a solid in space.
     #[error("the model has {found} coordinates, a template for points in space has 3")]
     Dimension {
-        /// Coordinates of the object.
+        /// Number of coordinates of the object.
         found: usize,
     },
 }
 
-/// A rotation matrix by rows.
+/// Rotation matrix, by rows.
 pub(crate) type Rotation = [[f64; 3]; 3];
 
-/// All poses; their places tell them apart in recipes.
+/// All poses; recipes store the index of a pose in this list.
 const POSES: [Pose; 5] = [
     Pose::None,
     Pose::Translate,
@@ -33,15 +33,17 @@ const POSES: [Pose; 5] = [
     Pose::Similarity,
 ];
 
-/// What a template takes its frame and its bounds from: points, at hand or in chunks.
+/// Extent of a cloud, in memory or in chunks: the data from which a template takes its frame and
+/// bounds.
 pub(crate) trait Outline {
-    /// Second moments about the centre of the box, by rows; none for fewer than four points.
+    /// Returns the second moments about the centre of the bounding box, by rows; `None` for fewer
+    /// than four points.
     fn moments(&self) -> Option<[f64; 9]>;
-    /// The box along the columns of a rotation.
+    /// Returns the bounding box in the coordinates along the columns of a rotation.
     fn bounds_along(&self, base: &Rotation) -> Aabb;
 }
 
-/// Points at hand.
+/// Cloud in memory.
 pub(crate) struct Here<'a>(pub(crate) &'a [Point3]);
 
 impl Outline for Here<'_> {
@@ -57,44 +59,51 @@ impl Outline for Here<'_> {
 
 const IDENTITY: Rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
-/// A compiled HyperFun program: its own function to search with, the metric reading to measure
-/// with, and its parts.
+/// Compiled HyperFun program: its own function for the search, its metric function for distances,
+/// and its parts.
 ///
 /// With a pose, the point x of space becomes the model's point p = C(r)ᵀ R₀ᵀ (x − t) / scale: R₀ is
 /// a fixed base rotation, C(r) the Cayley rotation of the Rodrigues vector r (tan of half the angle
-/// along the axis), smooth everywhere below 180°. t, r and the scale are parameters behind the
-/// program's own.
+/// along the axis), smooth everywhere below 180°. The parameters t, r and scale follow those of the
+/// program.
 pub struct FrepTemplate {
     model: Model,
     pose: Pose,
     base: Rotation,
-    /// The translation that the program states with its pose, of which a fit is near; none where the
-    /// points give it.
+    /// Translation that the program states for its pose, near which fits must stay; `None` if the
+    /// points determine it.
     at: Option<Point3>,
-    /// By parameter of the program, factors on bounds that are shares of the box.
+    /// Factors by which the lower and upper bound of each parameter of the program were widened;
+    /// they apply to bounds that are shares of the box.
     slack: Vec<(f64, f64)>,
     parameters: Vec<Parameter>,
     algebraic: Box<dyn ParamField>,
     metric: Box<dyn ParamField>,
     distance: Option<Distance>,
-    /// Index of the active piece; none where there is one piece only.
+    /// Field that returns the index of the active part; `None` if there is only one part.
     part: Option<Residual>,
     part_names: Vec<String>,
 }
 
 impl FrepTemplate {
-    /// Compiles the model with the pose that the program asks for (`-- @pose`), none by default.
-    /// The points give the base rotation.
+    /// Compiles a model with the pose that the program states (`-- @pose`), none by default. The
+    /// base rotation is computed from the points.
+    ///
+    /// # Errors
+    /// [`TemplateError`] if the object is not a function of space.
     pub fn new(model: &Model, points: &[Point3]) -> Result<Self, TemplateError> {
         Self::with_pose(model, model.info().pose.unwrap_or(Pose::None), points)
     }
 
-    /// Compiles the model with another pose than the program's.
+    /// Compiles a model with a given pose instead of the program's.
+    ///
+    /// # Errors
+    /// [`TemplateError`] if the object is not a function of space.
     pub fn with_pose(model: &Model, pose: Pose, points: &[Point3]) -> Result<Self, TemplateError> {
         Self::posed(model, pose, &Here(points), [0.0; 3])
     }
 
-    /// The same for what need not be at hand, relative to an origin.
+    /// Compiles a model for a cloud that need not be in memory, relative to an origin.
     pub(crate) fn posed(
         model: &Model,
         pose: Pose,
@@ -112,8 +121,8 @@ impl FrepTemplate {
         Self::with_base(model, pose, (base, at), points)
     }
 
-    /// The template of a recipe of [`Template::recipe`], with the same readings; its bounds are not
-    /// those. None where the numbers are no recipe.
+    /// Compiles the template of a recipe of [`Template::recipe`]. Its functions are those of the
+    /// original, its bounds are not. `None` if the numbers are not a recipe.
     pub(crate) fn of_recipe(model: &Model, recipe: &[f64]) -> Option<Result<Self, TemplateError>> {
         let (pose, base) = recipe.split_first()?;
         let pose = *POSES.get(*pose as usize)?;
@@ -122,7 +131,7 @@ impl FrepTemplate {
         Some(Self::with_base(model, pose, (base, None), &Here(&[])))
     }
 
-    /// Compiles the model with a base rotation, and a translation if one is stated.
+    /// Compiles a model with a base rotation and, if one is stated, a translation.
     fn with_base(
         model: &Model,
         pose: Pose,
@@ -133,7 +142,7 @@ impl FrepTemplate {
         Self::with_base_and_slack(model, pose, place, points, &slack)
     }
 
-    /// Compiles the model with a base rotation and a stated translation, and with factors on bounds
+    /// Compiles a model with a base rotation and a stated translation, and with factors on bounds
     /// that are shares of the box.
     fn with_base_and_slack(
         model: &Model,
@@ -201,15 +210,15 @@ impl FrepTemplate {
         })
     }
 
-    /// The template about other base rotations, for scans that do not stand upright: the model's z
-    /// axis along each principal axis of the points, both ways, and (where the pose turns about it)
-    /// four quarters about that. Rotations within 20° of this one's base are left out, but where
-    /// the program states that: it does not hold for these.
+    /// Returns templates with other base rotations, for scans that do not stand upright: the model's
+    /// z axis along each principal axis of the points, in both directions, each with four rotations
+    /// about it by quarter turns if the pose has one. Rotations within 20° of this template's base
+    /// are left out, unless the program states its pose: the others need not stay near that.
     pub fn turned(&self, points: &[Point3]) -> Vec<Self> {
         self.turned_in(&Here(points))
     }
 
-    /// The same for what need not be at hand.
+    /// Does the work of [`Self::turned`] for a cloud that need not be in memory.
     pub(crate) fn turned_in(&self, points: &dyn Outline) -> Vec<Self> {
         let spins = match self.pose {
             Pose::None | Pose::Translate if self.at.is_none() => return Vec::new(),
@@ -240,7 +249,8 @@ impl FrepTemplate {
             .collect()
     }
 
-    /// How far the fitted pose is turned from the base: the length of its Rodrigues vector.
+    /// Returns the length of the fitted Rodrigues vector: tan of half the angle between the pose
+    /// and the base.
     pub fn askew(&self, values: &[f64]) -> f64 {
         let q = &values[self.model.n_params()..];
         let r = match self.pose {
@@ -251,13 +261,13 @@ impl FrepTemplate {
         r.iter().map(|v| v * v).sum::<f64>().sqrt()
     }
 
-    /// The template with its fitted pose as the base: the box of the points, whose shares bounds
-    /// and starts are, is measured along the template's own axes.
+    /// Returns the template with its fitted pose as the base. The bounding box of the points, of
+    /// which bounds and starts may be shares, is then measured along the template's own axes.
     pub fn aligned(&self, values: &[f64], points: &[Point3]) -> Self {
         self.aligned_in(values, &Here(points))
     }
 
-    /// The same for what need not be at hand.
+    /// Does the work of [`Self::aligned`] for a cloud that need not be in memory.
     pub(crate) fn aligned_in(&self, values: &[f64], points: &dyn Outline) -> Self {
         let place = match self.placement(values) {
             Some(p) => (p.rotation, self.at.map(|_| p.translation)),
@@ -267,14 +277,14 @@ impl FrepTemplate {
             .expect("the model was compiled before")
     }
 
-    /// The template with wider bounds where values have reached bounds that are shares of the box:
-    /// those presume that the scan shows the whole part. A value reached a bound if it is within a
-    /// share `near` of the range of it. None where no value did.
+    /// Returns the template with wider bounds for values that have reached bounds that are shares
+    /// of the box, as these assume that the scan shows the whole part. A value has reached a bound
+    /// if it is nearer than `near` times its range. `None` if no value has.
     pub fn widened(&self, values: &[f64], points: &[Point3], near: f64) -> Option<Self> {
         self.widened_in(values, &Here(points), near)
     }
 
-    /// The same for what need not be at hand.
+    /// Does the work of [`Self::widened`] for a cloud that need not be in memory.
     pub(crate) fn widened_in(
         &self,
         values: &[f64],
@@ -302,9 +312,9 @@ impl FrepTemplate {
         })
     }
 
-    /// What is computed, for evaluators elsewhere; none where the program is no expression. Of
-    /// `parameters`, the template's own or those that a caller makes of them, tied ones follow the
-    /// others, and the values given for them do not count.
+    /// Returns the tape of the template, for other evaluators; `None` if the program is not an
+    /// expression. `parameters` are the template's own, or those of the caller: tied ones follow
+    /// the others, and values given for them are ignored.
     pub fn readings(&self, parameters: &[Parameter]) -> Option<Readings> {
         let own = self.model.n_params();
         let mut posed = Graph::new();
@@ -332,16 +342,17 @@ impl FrepTemplate {
         })
     }
 
-    /// The program.
+    /// Returns the program.
     pub fn model(&self) -> &Model {
         &self.model
     }
-    /// The pose that is fitted.
+    /// Returns the pose that is fitted.
     pub fn pose(&self) -> Pose {
         self.pose
     }
 
-    /// Where the model lies, for values of all parameters; none without a pose.
+    /// Returns the pose of the model for values of all parameters; `None` for a template without
+    /// one.
     pub fn placement(&self, values: &[f64]) -> Option<Placement> {
         let q = &values[self.model.n_params()..];
         let translation = match self.pose {
@@ -365,8 +376,8 @@ impl FrepTemplate {
         })
     }
 
-    /// The program with the values: plain HyperFun in the coordinates of the file whose points were
-    /// fitted relative to `origin`.
+    /// Prints the program with the values, as plain HyperFun in the coordinates of the file whose
+    /// points were fitted relative to `origin`.
     pub fn fitted_program(&self, values: &[f64], origin: Point3) -> String {
         let placement = match self.placement(values) {
             Some(p) => Some(p),
@@ -435,7 +446,7 @@ impl Template for FrepTemplate {
     }
 }
 
-/// The principal axis that the model's z axis goes along, and its sense.
+/// Index of the principal axis along which the model's z axis is placed, and its direction.
 const UPWARD: [(usize, f64); 6] = [
     (0, 1.0),
     (0, -1.0),
@@ -445,7 +456,8 @@ const UPWARD: [(usize, f64); 6] = [
     (2, -1.0),
 ];
 
-/// The rotation with z along ± axis k and x along another axis, after `spin` quarter turns about z.
+/// Returns the rotation with z along ± axis `k` and x along another axis, after `spin` quarter
+/// turns about z.
 fn standing(axes: &[Point3; 3], k: usize, sign: f64, spin: usize) -> Rotation {
     let z = axes[k].map(|v| sign * v);
     let x = if spin.is_multiple_of(2) {
@@ -458,8 +470,8 @@ fn standing(axes: &[Point3; 3], k: usize, sign: f64, spin: usize) -> Rotation {
     std::array::from_fn(|i| [x[i], y[i], z[i]])
 }
 
-/// Whether two base rotations differ by less than 20°; where the pose does not turn about z, whether
-/// their z axes do.
+/// Returns true if two base rotations differ by less than 20°; for a pose without a rotation about
+/// z, if their z axes do.
 fn is_alike(pose: Pose, a: &Rotation, b: &Rotation) -> bool {
     match pose {
         Pose::Axis => (0..3).map(|i| a[i][2] * b[i][2]).sum::<f64>() > 0.94,
@@ -474,7 +486,7 @@ fn is_alike(pose: Pose, a: &Rotation, b: &Rotation) -> bool {
     }
 }
 
-/// The kind of a program's parameter, as a fit knows it.
+/// Converts the kind of a program's parameter to that of the fit.
 fn kind_of(kind: ProgramKind) -> Kind {
     match kind {
         ProgramKind::X => Kind::X,
@@ -487,7 +499,7 @@ fn kind_of(kind: ProgramKind) -> Kind {
     }
 }
 
-/// The value of a tie, as an expression of the parameters that it follows.
+/// Returns the value of a tie as an expression of the parameters that it follows.
 fn tied(graph: &mut Graph, tie: &Tie) -> NodeId {
     let mut sum = graph.constant(tie.constant);
     for &(i, factor) in &tie.terms {
@@ -498,8 +510,8 @@ fn tied(graph: &mut Graph, tie: &Tie) -> NodeId {
     sum
 }
 
-/// A bound, times the factor if it is a share of the box. A factor below 1 lowers a positive bound
-/// and must lower a negative one, too.
+/// Returns a bound, multiplied by the factor if it is a share of the box. A factor below 1 lowers
+/// positive and negative bounds.
 fn slackened(bound: Amount, extents: Point3, factor: f64) -> f64 {
     let value = bound.resolve(extents);
     let factor = if value < 0.0 { 1.0 / factor } else { factor };
@@ -510,8 +522,8 @@ fn slackened(bound: Amount, extents: Point3, factor: f64) -> f64 {
     }
 }
 
-/// A parameter of the program, for points in a box with these extents; `slack` are factors on its
-/// bounds where these are shares of the box.
+/// Converts a parameter of the program, for points in a box with these extents; `slack` are the
+/// factors on its bounds if these are shares of the box.
 fn own_parameter(info: &ParamInfo, extents: Point3, slack: (f64, f64)) -> Parameter {
     let amount = |v: Option<Amount>| v.map(|v| v.resolve(extents));
     let slackened = |v: Option<Amount>, factor| v.map(|v| slackened(v, extents, factor));
@@ -534,21 +546,22 @@ fn own_parameter(info: &ParamInfo, extents: Point3, slack: (f64, f64)) -> Parame
     }
 }
 
-/// Factor on a bound that gave way. A quarter of a round part shows half of its box: two steps do.
+/// Factor by which a bound is widened. A quarter of a round part shows half of its box: widening it
+/// twice suffices.
 const SLACK: f64 = 2.0;
-/// Bound of each component of the Rodrigues vector about the base rotation: 53° about each axis. The
-/// base is at most 45° off for shapes whose axes the points tell apart, and scans of other shapes
-/// mostly stand upright.
+/// Maximum of each component of the Rodrigues vector about the base rotation: 53° about each axis.
+/// The base is at most 45° off for shapes whose principal axes are distinct, and scans of other
+/// shapes mostly stand upright.
 const WIDEST_TURN: f64 = 0.5;
 /// Share of the data's box by which it is enlarged on each side in the search for the model's
 /// origin: templates keep their origin inside the shape.
 const POSITION_MARGIN: f64 = 0.25;
 
-/// Share of those bounds that holds about a stated place.
+/// Factor on both bounds of the pose if the program states the position.
 const NEAR: f64 = 0.1;
 
-/// The parameters of a pose, for points in a box with these extents about `center`; near the place
-/// of the model's origin where that is stated.
+/// Returns the parameters of a pose, for points in a box with these extents about `center`; near
+/// `at`, the position of the model's origin, if that is stated.
 fn pose_parameters(
     pose: Pose,
     extents: Point3,
@@ -598,7 +611,8 @@ fn pose_parameters(
     all
 }
 
-/// Extents of the points along the axes of the base rotation, and the centre of that box in space.
+/// Returns the extents of the points along the axes of the base rotation, and the centre of that
+/// box in space.
 fn extents_along(base: &Rotation, points: &dyn Outline) -> (Point3, Point3) {
     let bounds = points.bounds_along(base);
     if bounds.is_empty() {
@@ -611,8 +625,8 @@ fn extents_along(base: &Rotation, points: &dyn Outline) -> (Point3, Point3) {
     )
 }
 
-/// The model's point as expressions of space and the pose's parameters (from index `first`), and
-/// the scale if there is one.
+/// Returns the model's point as expressions of space and of the pose's parameters, which begin at
+/// index `first`, and the scale, if there is one.
 fn posed_point(
     g: &mut Graph,
     pose: Pose,
@@ -642,8 +656,8 @@ fn posed_point(
     (turned.map(|p| g.div(&p, &scale)), Some(scale))
 }
 
-/// The Rodrigues vector of a pose with its parameters from index `first`; a pose that only tilts an
-/// axis has no turn about z.
+/// Returns the Rodrigues vector of a pose whose rotation parameters begin at index `first`; a pose
+/// that only tilts an axis has no rotation about z.
 fn rodrigues(g: &mut Graph, pose: Pose, first: usize) -> [NodeId; 3] {
     let zero = g.constant(0.0);
     std::array::from_fn(|i| {
@@ -655,7 +669,7 @@ fn rodrigues(g: &mut Graph, pose: Pose, first: usize) -> [NodeId; 3] {
     })
 }
 
-/// R₀ᵀ x for the base rotation R₀.
+/// Returns R₀ᵀ x for the base rotation R₀.
 fn in_base(g: &mut Graph, base: &Rotation, x: &[NodeId; 3]) -> [NodeId; 3] {
     std::array::from_fn(|j| {
         let terms: [NodeId; 3] = std::array::from_fn(|i| g.scale(base[i][j], &x[i]));
@@ -664,7 +678,7 @@ fn in_base(g: &mut Graph, base: &Rotation, x: &[NodeId; 3]) -> [NodeId; 3] {
     })
 }
 
-/// C(r)ᵀ y = ((1 − r²) y + 2 r (r·y) − 2 r × y) / (1 + r²)
+/// Returns C(r)ᵀ y = ((1 − r²) y + 2 r (r·y) − 2 r × y) / (1 + r²).
 fn turned_back(g: &mut Graph, r: &[NodeId; 3], y: &[NodeId; 3]) -> [NodeId; 3] {
     let dot = |g: &mut Graph, u: &[NodeId; 3], v: &[NodeId; 3]| {
         let t: [NodeId; 3] = std::array::from_fn(|i| product_or_zero(g, u[i], v[i]));
@@ -675,7 +689,7 @@ fn turned_back(g: &mut Graph, r: &[NodeId; 3], y: &[NodeId; 3]) -> [NodeId; 3] {
     let one = g.constant(1.0);
     let (less, more) = (g.sub(&one, &r2), g.add(&one, &r2));
     let ry2 = g.scale(2.0, &ry);
-    // Divisions depend on the parameters only and are done once per call, not per point.
+    // Divisions depend on the parameters only and are computed once per call, not per point.
     let (c, k) = (g.div(&less, &more), g.div(&one, &more));
     let k2 = g.scale(2.0, &k);
     std::array::from_fn(|i| {
@@ -694,7 +708,7 @@ fn turned_back(g: &mut Graph, r: &[NodeId; 3], y: &[NodeId; 3]) -> [NodeId; 3] {
     })
 }
 
-/// u v, and 0 where a factor is the constant 0.
+/// Returns u v; the constant 0 if a factor is the constant 0.
 fn product_or_zero(g: &mut Graph, u: NodeId, v: NodeId) -> NodeId {
     let zero = g.constant(0.0);
     if u == zero || v == zero {
@@ -704,12 +718,12 @@ fn product_or_zero(g: &mut Graph, u: NodeId, v: NodeId) -> NodeId {
     }
 }
 
-/// The matrix product.
+/// Returns the matrix product.
 fn product(a: &Rotation, b: &Rotation) -> Rotation {
     std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
 }
 
-/// The rotation by 2 atan|r| about r.
+/// Returns the rotation by 2 atan|r| about r.
 fn cayley(r: Point3) -> Rotation {
     let r2 = isoform_geom::dot(r, r);
     let skew = [[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]];
@@ -721,9 +735,9 @@ fn cayley(r: Point3) -> Rotation {
     })
 }
 
-/// The principal axes of the points as a rotation, with axes and signs chosen so that it turns as
-/// little as possible: scans mostly stand upright. Axes that the points hardly tell apart (moments
-/// within a tenth) are left where they are.
+/// Returns the principal axes of the points as a rotation, with the order and signs of the smallest
+/// angle, since scans mostly stand upright. Axes whose moments are equal within a tenth are left at
+/// the coordinate axes.
 fn upright_axes(points: &dyn Outline) -> Rotation {
     let Some((values, axes)) = principal_axes(points) else {
         return IDENTITY;
@@ -732,15 +746,15 @@ fn upright_axes(points: &dyn Outline) -> Rotation {
     match (alike(0, 1), alike(1, 2)) {
         (true, true) => IDENTITY,
         (false, false) => nearest_frame(&axes),
-        // Two alike: only the third axis is known; turn the coordinate axis nearest to it into it,
-        // and nothing else.
+        // Two equal moments determine only the third axis: the nearest coordinate axis is turned
+        // into it.
         (true, false) => shortest_turn(axes[2]),
         (false, true) => shortest_turn(axes[0]),
     }
 }
 
-/// Moments (rising) and principal axes of the points, a right-handed frame; none for fewer than
-/// four points.
+/// Returns the moments, rising, and the principal axes of the points as a right-handed frame;
+/// `None` for fewer than four points.
 fn principal_axes(points: &dyn Outline) -> Option<([f64; 3], [Point3; 3])> {
     let moments = points.moments()?;
     if moments.iter().any(|v| !v.is_finite()) {
@@ -757,7 +771,7 @@ fn principal_axes(points: &dyn Outline) -> Option<([f64; 3], [Point3; 3])> {
     ))
 }
 
-/// The proper rotation with columns ± the axes in some order, of largest trace.
+/// Returns the proper rotation with columns ± the axes in some order that has the largest trace.
 fn nearest_frame(axes: &[Point3; 3]) -> Rotation {
     const ORDERS: [([usize; 3], f64); 6] = [
         ([0, 1, 2], 1.0),
@@ -786,7 +800,7 @@ fn nearest_frame(axes: &[Point3; 3]) -> Rotation {
     best.1
 }
 
-/// The smallest rotation that takes a coordinate axis to ± the given direction.
+/// Returns the smallest rotation that takes a coordinate axis to ± the given direction.
 fn shortest_turn(direction: Point3) -> Rotation {
     let k = (0..3).fold(0, |b, i| {
         if direction[i].abs() > direction[b].abs() {
@@ -822,7 +836,7 @@ my_model(x[3], a[3]) { array v[3]; v[1] = 0-a[1]/2; v[2] = 0-a[2]/2; v[3] = 0-a[
         let template = FrepTemplate::new(&model, &points).expect("a template");
         let values = [2.0, 3.0, 4.0, 0.5, -0.25, 1.0, 0.3, -0.2, 0.1];
         let place = template.placement(&values).expect("a pose");
-        // A corner of the model, carried to space: there the posed function vanishes.
+        // The posed function vanishes at the image of a corner of the model.
         let corner = [1.0, 1.5, 2.0];
         let at: Point3 = std::array::from_fn(|i| {
             (0..3)
