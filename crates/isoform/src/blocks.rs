@@ -81,7 +81,7 @@ impl From<MeshError> for BlocksError {
 /// ```
 ///
 /// # Errors
-/// [`BlocksError`] if there is no mesh, or a file cannot be written.
+/// [`BlocksError`] if the mesh cannot be computed, or a file cannot be written.
 pub fn mesh_in_blocks(
     model: &Model,
     a: &[f64],

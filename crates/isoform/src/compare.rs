@@ -90,7 +90,7 @@ pub enum CompareError {
         /// The corner.
         error: CornerError,
     },
-    /// There are more values than parameters.
+    /// More values than parameters were given.
     #[error("{found} values for the {expected} parameters of the {side}")]
     Parameters {
         /// Side: `first` or `second`.
@@ -464,7 +464,7 @@ mod tests {
 
     #[test]
     fn a_mesh_is_measured_on_the_function() {
-        // The algebraic sphere's reading is no distance.
+        // The algebraic sphere's function is not a distance.
         let text = "my_model(x[3], a[1]) { my_model = 4 - x[1]^2 - x[2]^2 - x[3]^2; }";
         let model = Model::parse(text, Mode::Default).expect("a program");
         let template = FrepTemplate::with_pose(&model, Pose::None, &[]).expect("a template");

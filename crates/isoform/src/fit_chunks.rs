@@ -1,4 +1,4 @@
-//! The parameters of a HyperFun program from a cloud in chunks that no machine holds whole.
+//! Fit of a HyperFun program to a cloud in chunks, which need not fit into one machine's memory.
 
 use crate::fit_scan::{Posed, Task, has_clutter, hold, inner_options, posing};
 use crate::template::{Outline, Rotation};
@@ -15,17 +15,18 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
-/// Whoever has the chunks, here or elsewhere.
+/// Owner of chunks of points, in this process or elsewhere.
 pub trait ChunkSource: Sync {
-    /// Number of chunks.
+    /// Returns the number of chunks.
     fn len(&self) -> usize;
-    /// Whether there is no chunk.
+    /// Returns true if the number of chunks is 0.
     fn is_empty(&self) -> bool {
         self.len() == 0
     }
-    /// Passes a message to each chunk that there is one for, and its answer, which [`ChunkReader`]
-    /// makes, to `each`, in the order of the chunks. False where a chunk has no answer: the fit
-    /// ends soon, with [`FitError::Stopped`], and the source knows why.
+    /// Calls `message` for each chunk; passes the message, if there is one, to the chunk, and its
+    /// answer, which a [`ChunkReader`] computes, to `each`, in the order of the chunks. Returns
+    /// false if a chunk has no answer: the fit then ends with [`FitError::Stopped`], and the source
+    /// knows the reason.
     fn ask(
         &self,
         message: &mut dyn FnMut(usize) -> Option<Vec<u8>>,
@@ -33,48 +34,50 @@ pub trait ChunkSource: Sync {
     ) -> bool;
 }
 
-/// Answers messages to chunks: a program, and what it was last compiled to.
+/// Reader that answers messages to chunks; it keeps a program, and the template that it last
+/// compiled.
 pub struct ChunkReader {
     model: Model,
     last: Mutex<Option<Compiled>>,
 }
 
-/// A recipe, and the template of it.
+/// Recipe, and its template.
 type Compiled = (Vec<f64>, Arc<FrepTemplate>);
 
-/// Why a chunk has no answer.
+/// Reason why a chunk has no answer.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AnswerError {
-    /// The message is none of this version.
+    /// The message is not of this version.
     #[error("the message is none of this version of Isoform")]
     Message,
-    /// The chunk is not what it was.
+    /// The number of points of the chunk has changed.
     #[error("{found} points, where there were {expected} before")]
     Changed {
-        /// Points now.
+        /// Number of points now.
         found: usize,
-        /// Points when it was looked at first.
+        /// Number of points in the first answer.
         expected: u64,
     },
-    /// The program is no template.
+    /// The program cannot be a template.
     #[error(transparent)]
     Template(#[from] TemplateError),
 }
 
-/// The number of points of a chunk that has not been looked at.
+/// Marker of an unknown number of points of a chunk.
 const UNKNOWN: u64 = u64::MAX;
 
 impl ChunkReader {
-    /// For the program of a fit.
+    /// Creates the reader for the program of a fit.
     pub fn new(model: Model) -> Self {
         let last = Mutex::new(None);
         Self { model, last }
     }
 
-    /// The answer of a chunk of these points, in the coordinates of their file.
+    /// Returns the answer of a chunk to a message; `points` are those of the chunk, in the
+    /// coordinates of their file.
     ///
     /// # Errors
-    /// [`AnswerError`].
+    /// [`AnswerError`] if the message is not valid, or the chunk has changed.
     pub fn answer(&self, message: &[u8], mut points: Vec<Point3>) -> Result<Vec<u8>, AnswerError> {
         let words: Vec<u64> = message
             .as_chunks()
@@ -96,7 +99,7 @@ impl ChunkReader {
         Ok(bytes(&answer(&question, &points, &*template)))
     }
 
-    /// The template of a recipe; without one that of the program as it is.
+    /// Returns the template of a recipe; of an empty one, the program without a pose.
     fn template(&self, recipe: Vec<f64>) -> Result<Arc<FrepTemplate>, AnswerError> {
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((known, template)) = &*last
@@ -115,8 +118,8 @@ impl ChunkReader {
     }
 }
 
-/// The words of a message: how many points there are, what is subtracted from them, a recipe after
-/// its length, a question.
+/// Returns a message: the number of points, the origin to subtract from them, the length of a
+/// recipe and the recipe, and a question.
 fn message(count: u64, origin: Point3, recipe: &[f64], question: &Question) -> Vec<u8> {
     let mut words = vec![count];
     words.extend(origin.iter().map(|v| v.to_bits()));
@@ -126,7 +129,8 @@ fn message(count: u64, origin: Point3, recipe: &[f64], question: &Question) -> V
     bytes(&words)
 }
 
-/// What [`message`] made words of, but for the first.
+/// Splits the words of a [`message`] after the first into origin, recipe and question; `None` if
+/// they are not valid.
 fn opened(words: &[u64]) -> Option<(Point3, Vec<f64>, Question)> {
     let (origin, rest) = words.split_first_chunk::<3>()?;
     let (count, rest) = rest.split_first()?;
@@ -143,11 +147,11 @@ fn bytes(words: &[u64]) -> Vec<u8> {
     words.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
 
-/// Chunks about an origin.
+/// Chunks, relative to an origin.
 struct Located<'a> {
     source: &'a dyn ChunkSource,
     counts: Vec<usize>,
-    /// The box of all points in the coordinates of their files.
+    /// Bounding box of all points in the coordinates of their files.
     bounds: Aabb,
     origin: Point3,
     control: &'a Control<'a>,
@@ -187,7 +191,7 @@ impl Chunks for Located<'_> {
 }
 
 impl<'a> Located<'a> {
-    /// Looks at all chunks once.
+    /// Asks all chunks for their numbers of points and bounding boxes.
     fn new(source: &'a dyn ChunkSource, control: &'a Control<'a>) -> Result<Self, FitScanError> {
         let mut located = Self {
             source,
@@ -213,7 +217,7 @@ impl<'a> Located<'a> {
         }
     }
 
-    /// The box about the origin.
+    /// Returns the bounding box relative to the origin.
     fn relative_bounds(&self) -> Aabb {
         Aabb {
             lo: sub(self.bounds.lo, self.origin),
@@ -231,18 +235,18 @@ impl Outline for Located<'_> {
     }
 }
 
-/// Fits a HyperFun program to a cloud in chunks: what [`fit_scan`] finds of all their points, in
-/// the order of the chunks, to rounding.
+/// Fits a HyperFun program to a cloud in chunks. The result is that of [`fit_scan`] for all their
+/// points, in the order of the chunks, up to rounding.
 ///
-/// A cloud of no more points than the sample that the fit looks for neighbours in (200,000) is
-/// gathered, and fitted to the last bit as if it had come in one. Of larger ones the sample is
-/// gathered, and all else is sums over chunks ([`isoform_fit::chunks`]). Then the points of the
-/// result, with their residuals, are the sample; triangles of meshes are not looked at; and clutter
-/// beside the part is told of but not left out.
+/// A cloud of at most 200,000 points is gathered, and fitted like one that came in one piece, with
+/// a result identical to the last bit. Of a larger cloud, a sample of that size is gathered, in
+/// which the fit looks for neighbours; all other data are sums over chunks
+/// ([`isoform_fit::chunks`]). The points and residuals of the result are then those of the sample,
+/// triangles of meshes are ignored, and clutter next to the part is reported but not left out.
 ///
 /// # Errors
-/// [`FitScanError`]; the paper's methods, which see every point each time, are none for clouds in
-/// chunks. [`FitError::Stopped`] where a chunk has no answer.
+/// [`FitScanError`] as for [`fit_scan`], for other methods than the default, as these need all
+/// points in each step, and [`FitError::Stopped`] if a chunk has no answer.
 pub fn fit_chunks(
     source: &dyn ChunkSource,
     model: &Model,
@@ -300,7 +304,7 @@ pub fn fit_chunks(
     })
 }
 
-/// The fit, and the sample that it looked for neighbours in.
+/// Returns the fit, and the sample in which it looked for neighbours.
 fn fitted(
     located: &Located<'_>,
     task: &Task<'_>,

@@ -1,13 +1,13 @@
-//! What there is to say of a fitted scan beside its figures: its unit, and warnings.
+//! Unit and warnings of a fitted scan.
 
 use crate::ScanFit;
 use isoform_fit::{Beside, Warning};
 use isoform_io::{ReadReport, UnitGuess, inspect_unit};
 
 impl ScanFit {
-    /// The unit of a scan that was read so: what its file states, else the unit in which the
-    /// program of this name is written, else a guess. Bounds and starts of a program are numbers of
-    /// its unit, and a scan in another one would not meet them.
+    /// Returns the unit of a scan with the reader's report `read`: that of its file, else that of
+    /// the program, called `template`, else a guess. Bounds and starts of a program are numbers in
+    /// its unit and would not suit a scan in another one.
     pub fn unit(&self, read: &ReadReport, template: &str) -> UnitGuess {
         let seen = inspect_unit(&self.cloud, &self.bounds, read);
         match &self.template.frep.model().info().unit {
@@ -20,8 +20,8 @@ impl ScanFit {
         }
     }
 
-    /// All warnings: of reading, of the template, of its unit, of the fit. Options are called as on
-    /// the command line.
+    /// Returns all warnings: of the reader, the template, the unit and the fit. Options are named
+    /// as on the command line.
     pub fn all_warnings(&self, read: &ReadReport, unit: &UnitGuess) -> Vec<String> {
         let mut warnings = read.warnings.clone();
         warnings.extend(self.warnings.iter().map(ToString::to_string));
@@ -40,7 +40,7 @@ impl ScanFit {
     }
 }
 
-/// A warning of the fit, with the option that takes points in which were left out.
+/// Returns a warning of the fit, with the option that keeps the points that were left out.
 fn sentence(warning: &Warning) -> String {
     let option = match warning {
         Warning::Beside { why, .. } => match why {

@@ -105,7 +105,7 @@ pub enum FitScanError {
     /// Start values are not valid for the parameters.
     #[error(transparent)]
     Start(ParameterError),
-    /// There are more points than 32-bit indices.
+    /// The number of points exceeds that of 32-bit indices.
     #[error("{count} points are more than the 2^32 that can be told apart")]
     TooMany {
         /// Number of points.
@@ -522,7 +522,7 @@ impl Task<'_> {
         Ok(part)
     }
 
-    /// Fits the points without clutter. `None` if there is no clutter, if most points are clutter,
+    /// Fits the points without clutter. `None` if nothing is clutter, if most points are clutter,
     /// or if too few points are left. The time of the search for clutter counts as that of `whole`.
     fn fit_part(&self, points: &[Point3], whole: &mut Fit) -> Result<Option<Posed>, FitScanError> {
         let started = Instant::now();

@@ -54,7 +54,7 @@ pub enum ParameterError {
         /// Names of the parameters.
         names: Vec<String>,
     },
-    /// There are more or fewer start values than parameters.
+    /// The number of start values differs from the number of parameters.
     #[error(
         "{found} values for {} parameters{}",
         names.len(),

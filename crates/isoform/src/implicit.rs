@@ -1,4 +1,4 @@
-//! Functions fitted to points, as they come from files: splines and polynomials.
+//! Functions fitted to points, as read from files: splines and polynomials.
 
 use isoform_field::{Placed, Polynomial};
 use isoform_geom::{Aabb, Expansion, Field, Point3, PolynomialData, Terms};
@@ -8,16 +8,16 @@ use isoform_spline::{ImplicitSpline, MAX_GLOBAL_DEGREE};
 /// Number of intervals along each edge of a box on whose sides a function is sampled.
 const AROUND: usize = 24;
 
-/// A function fitted to points; inside is f ≥ 0.
+/// Function f fitted to points; the solid is f ≥ 0.
 #[derive(Clone, Debug)]
 pub enum Implicit {
-    /// A hierarchical B-spline.
+    /// Hierarchical B-spline.
     Spline(ImplicitSpline),
-    /// One polynomial.
+    /// Single polynomial.
     Polynomial(GlobalPolynomial),
 }
 
-/// True if a function is positive all around a box.
+/// Returns true if a function is positive on samples of all sides of a box.
 pub(crate) fn is_inside_out(field: &dyn Field, domain: Aabb) -> bool {
     let size = domain.size();
     let at = |i: usize| i as f64 / AROUND as f64;
@@ -42,33 +42,34 @@ impl Implicit {
             Self::Polynomial(polynomial) => &polynomial.field,
         }
     }
-    /// The edge of the cells that say where points were.
+    /// Returns the edge length of the cells that record where the points were.
     pub fn spacing(&self) -> f64 {
         match self {
             Self::Spline(spline) => spline.spacing(),
             Self::Polynomial(polynomial) => polynomial.data.spacing,
         }
     }
-    /// The box about the points in which the function was fitted.
+    /// Returns the box of the points, in which the function was fitted.
     pub fn domain(&self) -> Aabb {
         match self {
             Self::Spline(spline) => spline.domain(),
             Self::Polynomial(polynomial) => polynomial.domain(),
         }
     }
-    /// Whether there were points in the cell about a place.
+    /// Returns true if there were points in the cell that contains `p`.
     pub fn holds_data(&self, p: Point3) -> bool {
         match self {
             Self::Spline(spline) => spline.holds_data(p),
             Self::Polynomial(polynomial) => polynomial.holds(polynomial.cell(p)),
         }
     }
-    /// True if the function is positive all around its box: what the surface encloses is then
-    /// outside.
+    /// Returns true if the function is positive on all sides of its box: the solid is then the
+    /// outside of the surface.
     pub fn is_inside_out(&self) -> bool {
         is_inside_out(self.field(), self.domain())
     }
-    /// Whether there were points in the cell about a place, or in one that shares a face with it.
+    /// Returns true if there were points in the cell that contains `p`, or in one that shares a
+    /// face with it.
     pub fn is_seen(&self, p: Point3) -> bool {
         match self {
             Self::Spline(spline) => spline.is_seen(p),
@@ -110,32 +111,32 @@ impl Field for Implicit {
     }
 }
 
-/// One polynomial fitted to points, with the cells in which they were.
+/// Polynomial fitted to points, with the cells that contained points.
 #[derive(Clone, Debug)]
 pub struct GlobalPolynomial {
     data: PolynomialData,
     field: Placed,
 }
 
-/// Why numbers are no polynomial.
+/// Reason why data do not define a polynomial.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PolynomialError {
     /// The degree is not between 1 and [`MAX_GLOBAL_DEGREE`].
     #[error("degree {0}: from 1 to {MAX_GLOBAL_DEGREE} are possible")]
     Degree(usize),
-    /// The number of coefficients is not that of the monomials.
+    /// The number of coefficients differs from the number of monomials.
     #[error("{found} coefficients for {wanted} monomials")]
     Coefficients {
-        /// Coefficients given.
+        /// Number of coefficients given.
         found: usize,
-        /// Monomials up to the degree.
+        /// Number of monomials up to the degree.
         wanted: usize,
     },
-    /// A number is not finite, or a length not positive.
+    /// A number is not finite, or a length is not positive.
     #[error("a number is not finite, or a length not positive")]
     Number,
-    /// All coefficients but the constant one are 0.
+    /// All coefficients except the constant one are 0.
     #[error("the polynomial is constant")]
     Constant,
 }
@@ -144,10 +145,10 @@ impl GlobalPolynomial {
     pub(crate) fn field(&self) -> &dyn Field {
         &self.field
     }
-    /// The polynomial of its numbers.
+    /// Creates a polynomial from its data.
     ///
     /// # Errors
-    /// [`PolynomialError`] where they do not fit together.
+    /// [`PolynomialError`] if the data are not consistent.
     pub fn from_data(mut data: PolynomialData) -> Result<Self, PolynomialError> {
         if !(1..=MAX_GLOBAL_DEGREE).contains(&data.degree) {
             return Err(PolynomialError::Degree(data.degree));
@@ -176,12 +177,12 @@ impl GlobalPolynomial {
         Ok(Self { data, field })
     }
 
-    /// Its numbers.
+    /// Returns the data of the polynomial.
     pub fn data(&self) -> &PolynomialData {
         &self.data
     }
 
-    /// The box about the points.
+    /// Returns the box of the points.
     pub(crate) fn domain(&self) -> Aabb {
         let data = &self.data;
         let hi = |k: usize| data.corner[k] + data.spacing * f64::from(data.count[k]);
@@ -191,7 +192,7 @@ impl GlobalPolynomial {
         }
     }
 
-    /// The cell about a place; numbers beyond the lattice name none.
+    /// Returns the cell that contains a point; cells beyond the lattice hold no data.
     fn cell(&self, p: Point3) -> [i32; 3] {
         let data = &self.data;
         std::array::from_fn(|k| ((p[k] - data.corner[k]) / data.spacing).floor() as i32)
@@ -218,7 +219,7 @@ mod tests {
     use crate::{Control, ImplicitizeOptions, implicitize_scan};
     use isoform_geom::PointCloud;
 
-    /// x in units of 2 about (1, 0, 0), seen in one cell.
+    /// x in units of 2 about (1, 0, 0), with data in one cell.
     fn data() -> PolynomialData {
         PolynomialData {
             degree: 1,
@@ -242,7 +243,7 @@ mod tests {
         assert!(!f.is_seen([f64::INFINITY, 0.1, 0.1]) && !f.is_seen([-1e300; 3]));
     }
 
-    /// Normals that point inwards make the outside of a closed surface the solid.
+    /// Inward normals make the outside of a closed surface the solid.
     #[test]
     fn inward_normals_turn_the_solid_inside_out() {
         let point = |i: u32| {
@@ -258,7 +259,7 @@ mod tests {
             Implicit::Spline(made.spline).is_inside_out()
         };
         assert!(is_inside_out(-1.0, 1000) && !is_inside_out(1.0, 1000));
-        // Half of a sphere has no outside of its own.
+        // Half of a sphere does not enclose an inside.
         assert!(!is_inside_out(-1.0, 500));
     }
 

@@ -12,27 +12,28 @@ use isoform_patch::{
 };
 use std::fmt;
 
-/// The share of samples that a cover must have on patches to count as one. Samples on the border
-/// of the region may lie beside a patch by rounding: 1 would call most covers of many patches
-/// incomplete, 0.99 would let a hole of some patches pass.
+/// Minimum share of samples on patches in a complete cover. Samples on the border of the region may
+/// lie outside of a patch by rounding: 1 would call most covers of many patches incomplete, 0.99
+/// would accept a hole of some patches.
 const COVERED: f64 = 0.999;
 
-/// The zero set of a function of space, with its smooth parts.
+/// Zero set of a function of space, with its smooth parts.
 pub struct ImplicitSurface {
-    /// The function: positive inside.
+    /// Function f; the solid is f ≥ 0.
     pub field: Box<dyn Field>,
-    /// Its smooth parts, if it has several.
+    /// Smooth parts of the surface; `None` if there is only one.
     pub parts: Option<Parts>,
-    /// Whether the program is run statement by statement, so that nothing is proved of it.
+    /// True if the program is run statement by statement, so that nothing can be proved about it.
     pub is_run: bool,
 }
 
 impl ImplicitSurface {
-    /// The surface of a model with the values `a` of its parameters; missing ones are those of
-    /// [`parameter_values`](crate::parameter_values).
+    /// Returns the surface of a model with the values `a` of its parameters; missing values are
+    /// those of [`parameter_values`](crate::parameter_values).
     ///
     /// # Errors
-    /// If the model is no function of space, or there are more values than parameters.
+    /// [`SolidError`] if the model is not a function of space, or there are more values than
+    /// parameters.
     pub fn of_model(model: &Model, a: &[f64]) -> Result<Self, SolidError> {
         let (field, is_run) = field_of(model, a)?;
         Ok(Self {
@@ -42,11 +43,11 @@ impl ImplicitSurface {
         })
     }
 
-    /// The surface F = 0 of a polynomial in x, y and z with rational coefficients; none where F is
-    /// constant or has a coefficient beyond the largest number.
+    /// Returns the surface F = 0 of a polynomial in x, y and z with rational coefficients; `None`
+    /// if F is constant or has a coefficient beyond the range of doubles.
     ///
     /// # Errors
-    /// If the text is no polynomial.
+    /// [`ParseError`] if the text is not a polynomial.
     pub fn of_polynomial(text: &str) -> Result<Option<Self>, ParseError> {
         let field = polynomial(text)?;
         Ok(field.map(|field| Self {
@@ -76,10 +77,11 @@ impl fmt::Debug for ImplicitSurface {
     }
 }
 
-/// A rational patch as large as possible on a surface, with a proved bound on its distance.
+/// Computes a rational patch on a surface, as large as possible, with a proved bound on its
+/// distance.
 ///
-/// The control hears of the phases `seed`, `grow` and `certify`. A patch that has begun to grow when
-/// the time is over is kept, and is said to be late.
+/// Progress is reported in the phases `seed`, `grow` and `certify`. If time runs out while a patch
+/// is growing, it is returned, marked as late.
 ///
 /// ```
 /// use isoform::geom::Aabb;
@@ -95,14 +97,15 @@ impl fmt::Debug for ImplicitSurface {
 /// ```
 ///
 /// # Errors
-/// If there is no patch: [`Error`] says why. Options that are out of range; [`Error::Stopped`] where
-/// the control ended the search for a point to start at.
+/// [`Error`] if no patch can be found, or an option is out of range; [`Error::Stopped`] if the control
+/// ends the search for a point to start from.
 pub fn parameterize_surface(
     surface: &ImplicitSurface,
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Parameterized, Error> {
-    // The bound on S is of the whole function; a distance is from the surface, whatever its parts.
+    // The bound on S concerns the whole function; a distance is from the surface, whatever its
+    // parts.
     let parts = surface.parts.as_ref();
     match parts.filter(|_| options.tolerance.is_some()) {
         Some(parts) => parameterize_part(parts, options, control),
@@ -110,10 +113,10 @@ pub fn parameterize_surface(
     }
 }
 
-/// Patches on a surface until all of it in the region lies on one.
+/// Covers a surface with patches until all of it in the region lies on one.
 ///
-/// The control hears of the phases `samples`, `cover` and, with a margin, `margin`. What there is
-/// when the time is over is kept.
+/// Progress is reported in the phases `samples`, `cover` and, with a margin, `margin`. If time runs
+/// out, the patches computed so far are returned.
 ///
 /// ```
 /// use isoform::geom::Aabb;
@@ -128,8 +131,8 @@ pub fn parameterize_surface(
 /// ```
 ///
 /// # Errors
-/// If there is no patch at all: [`Error`] says why. Options that are out of range;
-/// [`Error::Stopped`] where the control ended the work before there was a patch.
+/// [`Error`] if no patch can be found at all, or an option is out of range; [`Error::Stopped`] if the
+/// control ends the work before there is a patch.
 pub fn cover_surface(
     surface: &ImplicitSurface,
     options: &Options,
@@ -142,56 +145,56 @@ pub fn cover_surface(
     }
 }
 
-/// What was asked for of patches and is not so. Patches are counted from 1.
+/// Requirement on patches that is not met. Patches are numbered from 1.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum PatchFinding {
-    /// Samples of the surface lie on no patch.
+    /// Samples of the surface do not lie on a patch.
     Uncovered {
-        /// Samples on a patch.
+        /// Number of samples on a patch.
         covered: usize,
-        /// All samples.
+        /// Number of all samples.
         samples: usize,
     },
     /// A margin could not be proved.
     MarginNotProved {
-        /// Boxes for which it could not.
+        /// Number of boxes in which it could not be proved.
         open: usize,
-        /// One of them.
+        /// First of these boxes.
         first: Option<Aabb>,
     },
     /// No bound on the distance of a patch could be proved.
     NoBound {
-        /// The patch.
+        /// Number of the patch.
         patch: usize,
     },
-    /// The proved distance of a patch exceeds the tolerance.
+    /// The proved bound on the distance of a patch exceeds the tolerance.
     TooFar {
-        /// The patch.
+        /// Number of the patch.
         patch: usize,
-        /// The bound that is proved.
+        /// Proved bound on the distance.
         bound: f64,
     },
-    /// It could not be proved that a patch does not fold over.
+    /// A patch could not be proved not to fold over.
     MayFold {
-        /// The patch.
+        /// Number of the patch.
         patch: usize,
     },
-    /// S of a patch is above its bound.
+    /// The objective S of a patch exceeds its bound.
     AboveLimit {
-        /// The patch.
+        /// Number of the patch.
         patch: usize,
-        /// S.
+        /// Value of S.
         sum: f64,
     },
-    /// The time was over before a patch was as large as it gets.
+    /// Time ran out while the patch could still grow.
     Late {
-        /// The patch.
+        /// Number of the patch.
         patch: usize,
     },
     /// A patch could not be made exact.
     NotExact {
-        /// The patch.
+        /// Number of the patch.
         patch: usize,
     },
 }
@@ -244,8 +247,8 @@ impl fmt::Display for PatchFinding {
     }
 }
 
-/// What was asked for and is not so: of the cover, then of each patch. Nothing where all of it
-/// holds.
+/// Returns the requirements that are not met: those of the cover, then those of each patch. Empty
+/// if all are met.
 pub fn patch_findings(
     patches: &[Parameterized],
     cover: Option<&Coverage>,
@@ -283,25 +286,25 @@ fn findings_of(p: &Parameterized, patch: usize, options: &Options) -> Vec<PatchF
     found
 }
 
-/// How the patches of a cover cover the surface.
+/// Coverage of a surface by the patches of a cover, measured by samples of the surface.
 #[derive(Clone, Debug)]
 pub struct Coverage {
-    /// Samples of the surface on a patch, with a margin as deep.
+    /// Number of samples that lie on a patch and, with a margin, deep enough.
     pub covered: usize,
-    /// Samples of the surface, but for those left out.
+    /// Number of samples, those near singular points left out.
     pub samples: usize,
-    /// Samples left out near singular points.
+    /// Number of samples left out near singular points.
     pub left_out: usize,
-    /// How near.
+    /// Radius around singular points within which samples may be left out.
     pub apart: f64,
-    /// The singular points.
+    /// Singular points; of singular curves, sample points.
     pub singular: Vec<isoform_geom::Point3>,
-    /// What was proved of the margin.
+    /// Result of the proof of the margin; `None` if no margin was requested.
     pub depth: Option<Depth>,
 }
 
 impl Coverage {
-    /// The patches of a cover, and how they cover the surface.
+    /// Splits a cover into its patches and its coverage.
     pub fn of(cover: Cover) -> (Vec<Parameterized>, Self) {
         let coverage = Self {
             covered: cover.covered,

@@ -9,41 +9,41 @@ use isoform_spline::{
 };
 use std::borrow::Cow;
 
-/// Whose normals are taken.
+/// Source of normals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NormalsFrom {
-    /// The file's own ones, else of its triangles, else estimated.
+    /// Normals of the file, else of its triangles, else estimates.
     #[default]
     Auto,
-    /// The file's own ones, or of its triangles.
+    /// Normals of the file, or of its triangles.
     Given,
-    /// Estimated from the points.
+    /// Estimates from the points.
     Estimate,
 }
 
-/// How an implicit spline is fitted to a scan.
+/// Options of fitting an implicit spline to a scan.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImplicitizeOptions {
-    /// Whose normals are taken.
+    /// Source of the normals.
     pub normals: NormalsFrom,
-    /// Everything else.
+    /// All other options.
     pub spline: Options,
 }
 
-/// Why a scan has no implicit spline.
+/// Reason why a scan has no implicit spline.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImplicitizeError {
-    /// Given normals were asked for, and there are none.
+    /// Normals of the file were requested, and it has none.
     #[error("the scan has no normals")]
     NoNormals,
-    /// The stage has no result.
+    /// The fit has no result.
     #[error(transparent)]
     Spline(#[from] Error),
 }
 
-/// Fits an implicit spline to a scan: a function of space whose zero set is the surface, inside
-/// where f ≥ 0, in the coordinates of the file.
+/// Fits an implicit spline to a scan: a function f whose zero set is the surface, positive inside,
+/// in the coordinates of the file.
 ///
 /// ```
 /// use isoform::geom::{Field, PointCloud};
@@ -62,7 +62,7 @@ pub enum ImplicitizeError {
 /// ```
 ///
 /// # Errors
-/// [`ImplicitizeError`].
+/// [`ImplicitizeError`] if requested normals are missing, the fit has no result, or on a stop.
 pub fn implicitize_scan(
     scan: &PointCloud,
     options: &ImplicitizeOptions,
@@ -76,7 +76,8 @@ pub fn implicitize_scan(
     Ok(made)
 }
 
-/// Normals of a scan, of its triangles where the file has none; none if they are to be estimated.
+/// Returns the normals of a scan, or of its triangles if the file has none; `None` if they have to
+/// be estimated.
 fn given_normals(
     scan: &PointCloud,
     from: NormalsFrom,
@@ -96,21 +97,21 @@ fn known<'a>(given: &'a Option<Cow<'_, [Point3]>>) -> Normals<'a> {
     given.as_deref().map_or(Normals::Unknown, Normals::Given)
 }
 
-/// A polynomial that was fitted to a scan.
+/// Polynomial fitted to a scan.
 #[derive(Clone, Debug)]
 pub struct GlobalFit {
-    /// The polynomial; inside is f ≥ 0.
+    /// Fitted polynomial f; the solid is f ≥ 0.
     pub polynomial: GlobalPolynomial,
-    /// The points' distances from f = 0.
+    /// Distances of the points from f = 0.
     pub distances: Distances,
-    /// Where normals came from.
+    /// Source and orientation of the normals.
     pub sides: NormalReport,
-    /// Pieces of the surface within the box of the points.
+    /// Connected components of the surface within the box of the points.
     pub components: Components,
 }
 
-/// Fits one polynomial of a total degree to a scan: its zero set is the surface, inside is f ≥ 0, in
-/// the coordinates of the file.
+/// Fits a single polynomial of a total degree to a scan: a function f whose zero set is the
+/// surface, positive inside, in the coordinates of the file.
 ///
 /// ```
 /// use isoform::geom::{Field, PointCloud};
@@ -129,7 +130,8 @@ pub struct GlobalFit {
 /// ```
 ///
 /// # Errors
-/// [`ImplicitizeError`].
+/// [`ImplicitizeError`] if requested normals are missing, the points do not determine a polynomial,
+/// or on a stop.
 pub fn implicitize_scan_globally(
     scan: &PointCloud,
     normals: NormalsFrom,
@@ -144,7 +146,7 @@ pub fn implicitize_scan_globally(
         corner: moved(made.polynomial.corner),
         ..made.polynomial
     };
-    // A constant one would have no gradient, of which the mean along normals is −1.
+    // A constant polynomial would have no gradient, but the mean gradient along normals is −1.
     let polynomial = GlobalPolynomial::from_data(data).map_err(|_| Error::Undetermined)?;
     Ok(GlobalFit {
         polynomial,
@@ -154,7 +156,7 @@ pub fn implicitize_scan_globally(
     })
 }
 
-/// The spline in the coordinates of the scan's file.
+/// Returns the spline in the coordinates of the scan's file.
 fn moved(spline: &ImplicitSpline, scan: &PointCloud) -> ImplicitSpline {
     let data = spline.data();
     let corner = std::array::from_fn(|k| data.corner[k] + scan.origin[k]);

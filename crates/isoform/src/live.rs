@@ -1,4 +1,4 @@
-//! A model as other evaluators can run it, with its parameters free: what a page moves by sliders.
+//! Model for other evaluators, as a tape with free parameters: what a page moves by sliders.
 
 use crate::mesh_model::explained;
 use crate::meshing::{default_size_within, solid_of};
@@ -13,69 +13,69 @@ use isoform_mesh::MeshError;
 use isoform_mesh::features::{START, extent_within};
 use rayon::prelude::*;
 
-/// Points that one thread measures together: enough that handing them out costs nothing.
+/// Number of points that a thread evaluates at a time: enough to make scheduling negligible.
 const TOGETHER: usize = 4096;
 
-/// The readings of a model as one tape, with free parameters.
+/// Tape that evaluates a model, with free parameters.
 #[derive(Clone, Debug)]
 pub struct Readings {
-    /// Its results are the functions of the parts, then the near signed distance, then the number
-    /// of the part that is nearest.
+    /// Tape of the coordinates and parameters. Its results are the functions of the parts, then the
+    /// approximate signed distance, then the index of the nearest part.
     pub tape: Tape,
-    /// How the parts are joined to the solid, in the order of computation.
+    /// Set operations that join the parts to the solid, in the order of evaluation.
     pub tree: Vec<Join>,
-    /// The names of the parts.
+    /// Names of the parts.
     pub part_names: Vec<String>,
 }
 
-/// A parameter that may be moved.
+/// Parameter that may be changed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LiveParameter {
-    /// Its number among all parameters, from 0.
+    /// Index among all parameters, from 0.
     pub index: usize,
-    /// Its name.
+    /// Name of the parameter.
     pub name: String,
-    /// What it is, in words; may be empty.
+    /// Description of the parameter; may be empty.
     pub description: String,
-    /// Its unit, where it is known.
+    /// Unit of the value; `None` if unknown.
     pub unit: Option<String>,
-    /// The value.
+    /// Current value.
     pub value: f64,
-    /// The least value.
+    /// Smallest value.
     pub lower: f64,
-    /// The greatest value.
+    /// Largest value.
     pub upper: f64,
-    /// What is added to the value of the tape's parameter to get this one.
+    /// Number to add to the value of the tape's parameter to get this value.
     pub shift: f64,
-    /// Whether a fit left it undetermined.
+    /// True if a fit left the parameter undetermined.
     pub is_open: bool,
 }
 
-/// A model with the values of its parameters, and the box that holds it.
+/// Model with values of its parameters, and its bounding box.
 #[derive(Clone, Debug)]
 pub struct LiveModel {
-    /// What is computed.
+    /// Tape that evaluates the model.
     pub readings: Readings,
-    /// The values of all parameters of the tape.
+    /// Values of all parameters of the tape.
     pub values: Vec<f64>,
-    /// Those that may be moved.
+    /// Parameters that may be changed; tied and unused ones are not among them.
     pub parameters: Vec<LiveParameter>,
-    /// The box of the surface for these values, relative to the origin.
+    /// Bounding box of the surface for these values, relative to the origin.
     pub bounds: Aabb,
-    /// Whether the box cuts the solid off.
+    /// True if the box cuts the solid.
     pub is_cut: bool,
-    /// Whether the box is that of points beside the model, which the surface may leave.
+    /// True if the box is that of scanned points, beyond which the surface may extend.
     pub is_loose: bool,
-    /// What is added to coordinates of the tape to get those of the file.
+    /// Vector to add to coordinates of the tape to get those of the file.
     pub origin: Point3,
 }
 
 impl LiveModel {
-    /// A model with the values `a`; missing ones are those of
-    /// [`parameter_values`](crate::parameter_values). With a region, what lies in it. None where
-    /// the program is no expression, and must be run statement by statement; and where its function
-    /// is no number in some part of the box, as a root of negative numbers is none: what evaluators
-    /// make of that differs.
+    /// Compiles a model with the values `a`; missing values are those of
+    /// [`parameter_values`](crate::parameter_values). `region` restricts the model to a box.
+    /// Returns `None` if the program is not an expression, so that it must be run statement by
+    /// statement, or if its function is not a number in some part of the box, such as the square
+    /// root of a negative number: evaluators differ in the result of that.
     ///
     /// ```
     /// use isoform::{Control, LiveModel, template};
@@ -88,7 +88,7 @@ impl LiveModel {
     /// ```
     ///
     /// # Errors
-    /// [`MeshModelError`], where there is no surface to be shown.
+    /// [`MeshModelError`] if the surface is empty or invalid, or on a stop.
     pub fn new(
         model: &Model,
         a: &[f64],
@@ -126,8 +126,8 @@ impl LiveModel {
         }))
     }
 
-    /// What a polynomial in x, y and z bounds within a region, of which the surface F = 0 is a
-    /// part: its inside is where fewer corners of the region are. None where F is constant.
+    /// Compiles the solid that a polynomial F in x, y and z bounds within a region: the side of F =
+    /// 0 with at most four of the region's corners. `None` if F is constant.
     ///
     /// ```
     /// use isoform::{LiveModel, geom::Aabb};
@@ -139,7 +139,7 @@ impl LiveModel {
     /// ```
     ///
     /// # Errors
-    /// If the text is no polynomial.
+    /// [`ParseError`] if the text is not a polynomial.
     pub fn of_polynomial(text: &str, region: Aabb) -> Result<Option<Self>, ParseError> {
         let Some((mut graph, sum)) = polynomial_within(text, region)? else {
             return Ok(None);
@@ -162,8 +162,8 @@ impl LiveModel {
         }))
     }
 
-    /// The signed distances of points from the surface as the readings have them, positive inside,
-    /// for the values that the model has. Points are in the coordinates of the file.
+    /// Returns the approximate signed distances of points from the surface, positive inside, for
+    /// the current values. Points are in the coordinates of the file.
     ///
     /// ```
     /// use isoform::{Control, LiveModel, template};
@@ -183,8 +183,8 @@ impl LiveModel {
         points.iter().map(&mut at).collect()
     }
 
-    /// The deviations of a cloud's points, in its unit: their distances to first order, positive
-    /// outside. They are computed on all threads.
+    /// Returns the signed distances to first order of a cloud's points, positive outside, in its
+    /// unit; computes them on all threads.
     pub fn deviations(&self, cloud: &PointCloud) -> Vec<f64> {
         let places: Vec<Point3> = (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect();
         let distances: Vec<Vec<f64>> = places
@@ -194,8 +194,8 @@ impl LiveModel {
         distances.concat().into_iter().map(|d| -d).collect()
     }
 
-    /// The model of a fit, in the place where its points are. None where the program is no
-    /// expression.
+    /// Compiles the fitted model of a scan, in the coordinates of the scan's points. `None` if the
+    /// program is not an expression.
     pub fn of_fit(found: &ScanFit) -> Option<Self> {
         let frep = &found.template.frep;
         let readings = frep.readings(found.template.parameters())?;
@@ -242,8 +242,8 @@ impl LiveModel {
     }
 }
 
-/// What a polynomial in x, y and z bounds within a region, as [`LiveModel::of_polynomial`] takes it.
-/// None where F is constant.
+/// Returns the solid that a polynomial F in x, y and z bounds within a region, as
+/// [`LiveModel::of_polynomial`] does. `None` if F is constant.
 ///
 /// ```
 /// use isoform::geom::{Aabb, Solid};
@@ -254,13 +254,14 @@ impl LiveModel {
 /// ```
 ///
 /// # Errors
-/// If the text is no polynomial.
+/// [`ParseError`] if the text is not a polynomial.
 pub fn solid_of_polynomial(text: &str, region: Aabb) -> Result<Option<Pieces>, ParseError> {
     let found = polynomial_within(text, region)?;
     Ok(found.and_then(|(graph, root)| Pieces::new(&graph, root, &[]).ok()))
 }
 
-/// A polynomial as an expression that is positive inside: where fewer corners of the region are.
+/// Returns a polynomial as an expression that is positive on the side with at most four of the
+/// region's corners.
 fn polynomial_within(text: &str, region: Aabb) -> Result<Option<(Graph, NodeId)>, ParseError> {
     let exact = Poly::parse(text, &COORDINATES)?;
     let terms = exact.to_f64();
@@ -288,7 +289,7 @@ fn polynomial_within(text: &str, region: Aabb) -> Result<Option<(Graph, NodeId)>
     Ok(Some((graph, sum)))
 }
 
-/// The box of a solid, or the region that is asked for.
+/// Returns the given region, or the box of the solid.
 fn bounds_of(
     solid: &dyn Solid,
     region: Option<Aabb>,
@@ -304,13 +305,12 @@ fn bounds_of(
         .map_err(|e| explained(MeshError::Extent(e), solid, control))
 }
 
-/// Samples along each side of a box in which a function is looked at for places without a value.
-/// More find smaller parts without one, and cost their cube.
+/// Number of samples along each side of a box at which a function is tested for undefined values.
+/// More samples find smaller undefined parts; their cost is the cube of this number.
 const SAMPLES: usize = 24;
 
-/// A place of a box at which a piece of a solid is no number, as a root of negative numbers is
-/// none;
-/// `None` where samples meet none.
+/// Returns a point of a box at which the function of a part of a solid is not a number, such as the
+/// square root of a negative number; `None` if no sample is such a point.
 ///
 /// ```
 /// use isoform::field::hyperfun::{Mode, Model};
@@ -326,7 +326,7 @@ const SAMPLES: usize = 24;
 /// ```
 pub fn undefined_at(solid: &dyn Solid, bounds: &Aabb) -> Option<Point3> {
     let size = bounds.size();
-    // Off the middles, where formulas of round numbers have their poles.
+    // Offset from the centres of cells, where formulas of round numbers have their poles.
     let share = |i: usize| (i as f64 + 0.4142) / SAMPLES as f64;
     let point = |at: [usize; 3]| -> Point3 {
         std::array::from_fn(|k| bounds.lo[k] + share(at[k]) * size[k])
@@ -342,7 +342,7 @@ pub fn undefined_at(solid: &dyn Solid, bounds: &Aabb) -> Option<Point3> {
     })
 }
 
-/// By parameter, whether a step of the tape, or a result, is one that it decides.
+/// Returns, for each parameter of a tape, true if a step or a result uses it.
 fn used_parameters(tape: &Tape) -> Vec<bool> {
     let first = tape.constants().len() + tape.dimension();
     let mut used = vec![false; tape.n_params()];
@@ -359,7 +359,7 @@ fn used_parameters(tape: &Tape) -> Vec<bool> {
     used
 }
 
-/// A parameter of a program.
+/// Returns a parameter of a program with its value; `size` is that of the model.
 fn own_parameter(info: &ParamInfo, value: f64, size: f64) -> LiveParameter {
     let number = |amount: Option<Amount>| amount.and_then(Amount::value);
     let [lower, upper] = range(number(info.min), number(info.max), value, size);
@@ -376,8 +376,8 @@ fn own_parameter(info: &ParamInfo, value: f64, size: f64) -> LiveParameter {
     }
 }
 
-/// Bounds to move a parameter between: the annotated ones, and where one is missing, as far from
-/// the value as it is from 0, or the size of the model where it is 0.
+/// Returns bounds between which a parameter can be moved: the annotated ones. A missing bound is as
+/// far from the value as 0 is, or by the size of the model if the value is 0.
 fn range(min: Option<f64>, max: Option<f64>, value: f64, size: f64) -> [f64; 2] {
     let reach = if value == 0.0 { size } else { value.abs() };
     let lower = min.unwrap_or(value - reach);

@@ -106,7 +106,7 @@ pub struct ModelMesh {
     pub options: Options,
     /// Certificate of each region; empty unless regions were requested.
     pub regions: Vec<RegionCertificate>,
-    /// Number of triangles that were removed after certification, since there are no points near
+    /// Number of triangles that were removed after certification, since no points lie near
     /// them.
     pub cut: usize,
     /// True if a box cuts the outside of a bounded set: the sign is probably reversed.
@@ -129,7 +129,7 @@ pub enum MeshNote {
     Cut,
     /// The box is filled except for a bounded set in which the function is negative.
     InsideOut,
-    /// There are small pieces that are not connected to the others.
+    /// Small pieces are not connected to the rest.
     Loose {
         /// Number of pieces of the solid.
         pieces: usize,
@@ -168,7 +168,7 @@ impl fmt::Display for MeshNote {
 }
 
 impl ModelMesh {
-    /// Returns true if all certificates hold and there are no warnings.
+    /// Returns true if all certificates hold, without warnings.
     pub fn is_as_asked(&self) -> bool {
         self.holds() && self.meshed.warnings.is_empty()
     }

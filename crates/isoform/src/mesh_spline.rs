@@ -17,7 +17,7 @@ const UNSEEN: &str = "unseen";
 /// the vertices of a rocker arm); regions that a scanner missed are larger.
 const GAP: f64 = 5.0;
 
-/// Treatment of the surface where there are no points.
+/// Treatment of the surface far from all points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Unseen {
     /// The surface is left out there, and gets a border.

@@ -75,7 +75,7 @@ pub(crate) fn meshable(
         }
         pieces => pieces?,
     };
-    // If there is no box, the mesher reports the reason.
+    // If the solid is unbounded, the mesher reports it.
     let bounds = || region.or_else(|| Some(sought(&pieces, START, control).ok()?.0));
     if pieces.may_jump()
         && let Some(bounds) = bounds()

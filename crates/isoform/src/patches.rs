@@ -1,5 +1,5 @@
-//! Surfaces to parameterize, of programs and of polynomials as text; and their patches for CAD and
-//! as triangles.
+//! Functions of programs and polynomials, as surfaces for patches; and patches as faces for CAD, as
+//! records and as triangles.
 
 use isoform_algebra::{ParseError, Poly};
 use isoform_field::hyperfun::Model;
@@ -10,18 +10,17 @@ use isoform_geom::{Column, Field, Mesh, Parts, RationalPatch, dot};
 use isoform_io::{PatchRecord, StepFace};
 use isoform_patch::{Parameterized, foot_distances};
 
-/// The names of the coordinates in polynomials.
+/// Names of the coordinates in polynomials.
 pub const COORDINATES: [&str; 3] = ["x", "y", "z"];
 
-/// A model with the values `a` of its parameters as a function of space, as the program says it
-/// (the algebraic reading); and whether its program must be run statement by statement for that,
-/// when nothing is proved of it. Missing values are those of [`parameter_values`].
+/// Returns a model with the values `a` of its parameters as a function of space, as the program
+/// states it (not as a distance), and true if its program must be run statement by statement, so
+/// that nothing can be proved about it. Missing values are those of [`parameter_values`].
 ///
 /// # Errors
 /// [`SolidError::Dimension`], [`SolidError::Parameters`].
 pub fn field_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Field>, bool), SolidError> {
-    // Also finds what no evaluation could do with: another dimension than 3, another number of
-    // values.
+    // Also refuses other dimensions than 3 and other numbers of values, which cannot be evaluated.
     let run = RunField::new(model, a)?;
     let mut graph = Graph::new();
     match model.compile(&mut graph) {
@@ -34,23 +33,22 @@ pub fn field_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Field>, bool), Soli
     }
 }
 
-/// The smooth parts of a model with the values `a` of its parameters, for patches that end at its
-/// edges; none where its program is no expression, where it has no parts that differ, and where
-/// there are too many.
+/// Returns the smooth parts of a model with the values `a` of its parameters, for patches that end
+/// at its edges; `None` if its program is not an expression, or if it has one part or too many.
 pub fn parts_of(model: &Model, a: &[f64]) -> Option<Parts> {
     isoform_field::parts_of(model, a)
         .ok()
         .filter(|parts| parts.parts.len() > 1)
 }
 
-/// Size of a polynomial's largest coefficient below which it is scaled; above the inverse it is
-/// scaled, too. Squares of gradients stay within the range of doubles.
+/// Magnitude of a polynomial's largest coefficient below which the polynomial is scaled; it is also
+/// scaled above the inverse. Squares of gradients then stay within the range of doubles.
 const LEAST_SCALE: f64 = 1.0 / (1u128 << 100) as f64;
 
-/// A polynomial in x, y and z with rational coefficients, rounded to nearest; none where a
-/// coefficient is beyond the largest double or the polynomial is constant. One with a largest
-/// coefficient above 2¹⁰⁰ or below 2⁻¹⁰⁰ is divided by that before rounding: its surface is the
-/// same, and multiples of one polynomial become one.
+/// Parses a polynomial in x, y and z with rational coefficients, and rounds these to nearest;
+/// `None` if one is beyond the range of doubles, or the polynomial is constant. If the largest
+/// coefficient is above 2¹⁰⁰ or below 2⁻¹⁰⁰, the polynomial is divided by it before rounding: that
+/// does not change its surface, and makes multiples of a polynomial equal.
 ///
 /// ```
 /// use isoform::geom::Field;
@@ -58,11 +56,14 @@ const LEAST_SCALE: f64 = 1.0 / (1u128 << 100) as f64;
 /// assert_eq!(sphere.value([0.5, 0.0, 0.0]), 0.0);
 /// # Ok::<(), isoform::algebra::ParseError>(())
 /// ```
+///
+/// # Errors
+/// [`ParseError`] if the text is not a polynomial.
 pub fn polynomial(text: &str) -> Result<Option<Polynomial>, ParseError> {
     let exact = Poly::parse(text, &COORDINATES)?;
     let mut terms = rounded(&exact);
     let usable = !exact.is_constant() && terms.iter().all(|t| t.1.is_finite());
-    // Squares of gradients are to be finite, and not 0.
+    // Squares of gradients must be finite, and not 0.
     let by_size = |a: &&(_, f64), b: &&(_, f64)| a.1.abs().total_cmp(&b.1.abs());
     if let Some((e, c)) = exact.to_f64().iter().max_by(by_size).copied()
         && usable
@@ -74,14 +75,14 @@ pub fn polynomial(text: &str) -> Result<Option<Polynomial>, ParseError> {
     Ok(usable.then(|| Polynomial::new(terms)))
 }
 
-/// The terms of a polynomial in three variables, rounded to nearest.
+/// Returns the terms of a polynomial in three variables, rounded to nearest.
 fn rounded(exact: &Poly) -> Vec<([u16; 3], f64)> {
     let terms = exact.to_f64().into_iter();
     terms.map(|(e, c)| ([e[0], e[1], e[2]], c)).collect()
 }
 
-/// Patches as faces for STEP, their outside up: that is where the function falls. Patches that are
-/// exact are on the surface they lie on.
+/// Returns patches as faces for STEP, with their normals to the outside, where the function falls.
+/// Exact patches carry the quadric on which they lie.
 pub fn step_faces(field: &dyn Field, patches: &[Parameterized]) -> Vec<StepFace> {
     let face = |(i, p): (usize, &Parameterized)| {
         let patch = if is_outward(field, &p.grown.patch) {
@@ -98,8 +99,8 @@ pub fn step_faces(field: &dyn Field, patches: &[Parameterized]) -> Vec<StepFace>
     patches.iter().enumerate().map(face).collect()
 }
 
-/// Patches as records for their file, with what is known of each: it is certified where its
-/// distance and that it does not fold over are proved. Without a bound the largest distance is that
+/// Returns patches as records for their file. A patch is certified if its distance is bounded by
+/// proof and it is proved not to fold over. Without a bound, the record states the largest distance
 /// of samples.
 ///
 /// ```
@@ -129,12 +130,12 @@ pub fn patch_records(patches: &[Parameterized]) -> Vec<PatchRecord> {
     patches.iter().map(record).collect()
 }
 
-/// Patches as triangles, two for each of `squares`² squares of the domain, a part for each patch;
-/// with the parameters u and v and the distance from the surface at every node. Counterclockwise
-/// from outside, where the function falls.
+/// Triangulates patches: two triangles for each of `squares`² squares of the domain, a part for
+/// each patch, oriented counterclockwise from outside, where the function falls. Columns of the
+/// mesh hold u, v and the distance from the surface at every node.
 ///
 /// # Panics
-/// If there are no squares.
+/// If `squares` is 0.
 pub fn patch_mesh(field: &dyn Field, patches: &[Parameterized], squares: usize) -> Mesh {
     assert!(squares > 0, "a grid has squares");
     let mut mesh = Mesh::default();
@@ -167,7 +168,7 @@ pub fn patch_mesh(field: &dyn Field, patches: &[Parameterized], squares: usize) 
     mesh
 }
 
-/// The parameters of the nodes of a grid of `squares`² squares over the unit square.
+/// Returns the parameters of the nodes of a grid of `squares`² squares over the unit square.
 fn grid(squares: usize) -> impl Iterator<Item = (f64, f64)> {
     let side = squares + 1;
     (0..side * side).map(move |k| {
@@ -178,8 +179,8 @@ fn grid(squares: usize) -> impl Iterator<Item = (f64, f64)> {
     })
 }
 
-/// Two triangles for each square of the grid whose nodes begin with number `first`, counterclockwise
-/// in u and v or clockwise.
+/// Returns two triangles for each square of the grid whose nodes begin at number `first`,
+/// counterclockwise in u and v or clockwise.
 fn grid_triangles(
     first: u32,
     squares: usize,
@@ -198,7 +199,7 @@ fn grid_triangles(
     })
 }
 
-/// Whether ∂p/∂u × ∂p/∂v in the middle is on the side where the function falls.
+/// Returns true if ∂p/∂u × ∂p/∂v at the centre points to the side where the function falls.
 fn is_outward(field: &dyn Field, patch: &RationalPatch) -> bool {
     let middle = patch.tangents(0.5, 0.5);
     dot(middle.normal(), field.jet(middle.point).g) <= 0.0
@@ -211,8 +212,8 @@ mod tests {
     use isoform_geom::Aabb;
     use isoform_patch::Options;
 
-    /// A record is certified only with a bound and without a fold, and names the largest distance
-    /// that is known.
+    /// A record is certified only with a bound and without a fold, and states the largest known
+    /// distance.
     #[test]
     fn records_say_what_is_proved() {
         let sphere = ImplicitSurface::of_polynomial("x^2 + y^2 + z^2 - 1/4")

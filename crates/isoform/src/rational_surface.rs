@@ -1,5 +1,4 @@
-//! Rational surfaces as they come from files, maps or patches, and their triangles with all that is
-//! known of them.
+//! Rational surfaces as read from files, maps or patches, and their triangles with all checks.
 
 use crate::report::AboutSurface;
 use crate::{Topology, topology};
@@ -14,35 +13,35 @@ use isoform_tess::{
 use serde_json::Value;
 use std::time::Duration;
 
-/// The share of a time limit that exact computations may take: triangles come after them, and take
-/// less.
+/// Share of a time limit that exact computations may take; the triangulation comes after them, and
+/// takes less.
 const EXACT_SHARE: f64 = 0.6;
 
-/// A rational surface that can be drawn.
+/// Rational surface that can be triangulated.
 #[derive(Clone, Debug)]
 pub enum RationalSurface {
-    /// Of a map, whose parameters are the whole plane.
+    /// Surface of a map, over the whole plane of parameters.
     Map(Box<Map>),
-    /// Of patches, over their own parameters.
+    /// Surface of patches, each over its own domain.
     Patches(Vec<Patch>),
 }
 
-/// Why a text holds no rational surface.
+/// Reason why a text does not define a rational surface.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RationalSurfaceError {
-    /// A file of patches with something wrong in it.
+    /// A file of patches is not valid.
     #[error(transparent)]
     Patches(#[from] PatchFileError),
-    /// No file of a map.
+    /// The text is not a file of a map.
     #[error(transparent)]
     File(#[from] MapFileError),
-    /// Four polynomials that are no map onto a surface.
+    /// The four polynomials do not map onto a surface.
     #[error(transparent)]
     Map(#[from] MapError),
 }
 
-/// A rational number exactly as it is written, such as 2, 0.1 or 1/3.
+/// Parses a rational number exactly, such as 2, 0.1 or 1/3; `None` for other texts.
 ///
 /// ```
 /// let tenth = isoform::exact_number("0.1").map(|x| x.to_string());
@@ -53,11 +52,11 @@ pub fn exact_number(text: &str) -> Option<RBig> {
 }
 
 impl RationalSurface {
-    /// Reads JSON: a map with X, Y, Z and W, or patches. A common factor of a map is divided away
-    /// where `reduce` says so.
+    /// Parses JSON: a map with X, Y, Z and W, or patches. With `reduce`, a common factor of the
+    /// four polynomials is divided out.
     ///
     /// # Errors
-    /// [`RationalSurfaceError`].
+    /// [`RationalSurfaceError`] if the text is neither a valid map nor valid patches.
     pub fn parse(text: &str, reduce: bool) -> Result<Self, RationalSurfaceError> {
         let json = serde_json::from_str::<Value>(text).ok();
         if let Some(json) = json.filter(is_patch_file) {
@@ -69,12 +68,13 @@ impl RationalSurface {
         Ok(Self::Map(Box::new(map)))
     }
 
-    /// Whether it is of a map.
+    /// Returns true if the surface is that of a map.
     pub fn is_map(&self) -> bool {
         matches!(self, Self::Map(_))
     }
 
-    /// The box around it over a region of parameters; none where it is not proved to have bounds.
+    /// Returns the bounding box of the surface over a region of parameters; `None` if it is not
+    /// proved to be bounded.
     pub fn bounds(&self, domain: Option<&Domain>) -> Option<SurfaceBox> {
         match self {
             Self::Map(map) => domain.and_then(|d| SurfaceBox::of_map(map, d)),
@@ -82,8 +82,8 @@ impl RationalSurface {
         }
     }
 
-    /// How it is drawn where nothing else is asked for, within a time: sheets of maps are glued,
-    /// those of patches are not.
+    /// Returns the default options, with a time limit: sheets of maps are joined, those of patches
+    /// are not.
     pub fn options(&self, around: &SurfaceBox, limit: Option<Duration>) -> TriangulateOptions {
         let mut options = TriangulateOptions::of_patches(around);
         if self.is_map() {
@@ -95,11 +95,11 @@ impl RationalSurface {
         options
     }
 
-    /// Its triangles, with all that is known of them; `is_box_chosen` says that the box of the
-    /// options was not asked for.
+    /// Triangulates the surface and checks the triangles; `is_box_chosen` states that the box of
+    /// the options was computed, and not given.
     ///
     /// # Errors
-    /// [`PatchesError`].
+    /// [`PatchesError`] if the surface cannot be triangulated, or on a stop.
     pub fn triangulate(
         self,
         options: TriangulateOptions,
@@ -134,7 +134,8 @@ impl RationalSurface {
     }
 }
 
-/// Seconds that each phase took over all maps, in the order in which phases first come.
+/// Returns the total time of each phase over all maps, in seconds, in the order in which phases
+/// first occur.
 fn seconds_by_phase(known: &[(Map, Analysis)]) -> Vec<(&'static str, f64)> {
     let mut seconds: Vec<(&'static str, f64)> = Vec::new();
     for &(phase, s) in known.iter().flat_map(|k| &k.1.seconds) {
@@ -146,35 +147,35 @@ fn seconds_by_phase(known: &[(Map, Analysis)]) -> Vec<(&'static str, f64)> {
     seconds
 }
 
-/// A triangulated surface with all that is known of it.
+/// Triangulated surface with all facts and claims about it.
 #[derive(Debug)]
 pub struct TriangulatedSurface {
-    /// One, or one for every patch.
+    /// The map, or the map of each patch.
     pub maps: Vec<Map>,
-    /// What is known of each map.
+    /// Exact facts about each map.
     pub analyses: Vec<Analysis>,
-    /// The names of patches; none for a map.
+    /// Names of the patches; empty for a map.
     pub patches: Vec<String>,
-    /// Whether the box was not given, but comes from bounds of the surface.
+    /// True if the box was computed from bounds of the surface, false if it was given.
     pub is_box_chosen: bool,
-    /// What was asked for.
+    /// Options of the triangulation.
     pub options: TriangulateOptions,
-    /// Triangles, with what is claimed of them.
+    /// Triangles, with the claims about them.
     pub surface: Surface,
-    /// Those of points that only complex parameters reach, where they were asked for.
+    /// Triangles of the points that only complex parameters reach; empty unless requested.
     pub beyond: Vec<Surface>,
     /// Topology of the triangles.
     pub topology: Topology,
-    /// Seconds by phase.
+    /// Computing time by phase, in seconds.
     pub seconds: Vec<(&'static str, f64)>,
 }
 
 impl TriangulatedSurface {
-    /// Triangulates what lies beyond the border of the real image, with the same options, where
-    /// linear deck transformations tell its parameters: see [`isoform_tess::RealBorder`].
+    /// Triangulates the surface beyond the border of the real image, with these options, if
+    /// linear deck transformations determine its parameters: see [`isoform_tess::RealBorder`].
     ///
     /// # Errors
-    /// [`PatchesError::Stopped`].
+    /// [`PatchesError::Stopped`] on a stop; other errors if that surface cannot be triangulated.
     pub fn draw_complex(&mut self, control: &Control<'_>) -> Result<(), PatchesError> {
         for map in &self.surface.real_border.beyond {
             self.beyond
@@ -183,13 +184,13 @@ impl TriangulatedSurface {
         Ok(())
     }
 
-    /// True if nothing was found against any claim.
+    /// Returns true if no finding contradicts a claim.
     pub fn is_certified(&self) -> bool {
         self.surface.is_certified() && self.beyond.iter().all(Surface::is_certified)
     }
 
-    /// The triangles as a mesh, a part for each patch, or for points that real parameters reach and
-    /// those that only complex ones do.
+    /// Returns the triangles as a mesh, with a part for each patch, or with one part for the points
+    /// that real parameters reach and one for those that only complex ones reach.
     pub fn mesh(&self) -> Mesh {
         let surface = &self.surface;
         let mut mesh = Mesh::from_triangles(surface.points.clone(), surface.triangles.clone());
@@ -211,7 +212,7 @@ impl TriangulatedSurface {
         mesh
     }
 
-    /// What reports are made from; the name is that of the file.
+    /// Returns the data of the report; `file` is the name of the surface's file.
     pub fn about<'a>(&'a self, file: &'a str) -> AboutSurface<'a> {
         AboutSurface {
             file,
@@ -227,8 +228,8 @@ impl TriangulatedSurface {
         }
     }
 
-    /// The parameters s and t of each vertex, in the first triangle that has it; infinite ones are
-    /// not finite.
+    /// Returns the parameters s and t of each vertex, in the first triangle that contains it;
+    /// infinite parameters are not finite numbers.
     pub fn parameters(&self) -> Vec<[f64; 2]> {
         let surface = &self.surface;
         let mut all = vec![[f64::NAN; 2]; surface.points.len()];
@@ -242,7 +243,7 @@ impl TriangulatedSurface {
     }
 }
 
-/// s and t of a place in a unit triangle, moved by a frame.
+/// Returns s and t of a point of a unit triangle, mapped by a frame.
 fn affine(chart: u8, [u, v]: [f64; 2], frame: Option<&[[f64; 3]; 3]>) -> [f64; 2] {
     let [s, t] = QUADRANTS[usize::from(chart)].map(|sign| sign as f64);
     let place = [s * u, t * v, 1.0 - u - v];

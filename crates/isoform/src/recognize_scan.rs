@@ -1,4 +1,4 @@
-//! Surfaces recognised in scans.
+//! Recognition of surfaces in scans.
 
 use crate::CornerError;
 use crate::facets::{FacesError, check_corners, points_on_faces, with_points};
@@ -13,18 +13,18 @@ use isoform_recognize::{
 };
 use std::borrow::Cow;
 
-/// About how many points are taken on the faces of a CAD mesh. Fewer leave small faces bare,
-/// more take longer.
+/// Approximate number of points that are sampled on the faces of a CAD mesh. Fewer leave small
+/// faces without points, more take longer.
 const ON_FACES: usize = 20_000;
 
-/// Why a scan is not recognised.
+/// Reason why recognition in a scan failed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecognizeError {
-    /// A triangle has a corner that is no point.
+    /// A triangle has a corner that is not the index of a point.
     #[error(transparent)]
     Corner(#[from] CornerError),
-    /// The stage has no result.
+    /// The recognition has no result.
     #[error(transparent)]
     Stage(#[from] Error),
 }
@@ -38,20 +38,20 @@ impl From<FacesError> for RecognizeError {
     }
 }
 
-/// What was recognised, and in which points.
+/// Result of recognition, with the points in which it was made.
 #[derive(Clone, Debug)]
 pub struct Recognized<'a> {
-    /// The points: those of the scan; of a CAD mesh further ones on its flat faces, after its own.
+    /// Points of the scan; of a CAD mesh, followed by points inside its faces.
     pub scan: Cow<'a, PointCloud>,
-    /// The entities, and the labels of these points.
+    /// Recognised surfaces, and their labels of these points.
     pub recognition: Recognition,
-    /// Planes at which the part stands, whose points were left out: a point and the unit normal of
-    /// each. They close a template where no face was seen.
+    /// Planes on which the part stands, whose points were left out: a point and the unit normal of
+    /// each. They close a template where no face was scanned.
     pub supports: Vec<(Point3, Point3)>,
 }
 
 impl Recognized<'_> {
-    /// Returns the same with points of its own.
+    /// Copies the points, if they are borrowed.
     pub fn into_owned(self) -> Recognized<'static> {
         Recognized {
             scan: Cow::Owned(self.scan.into_owned()),
@@ -60,10 +60,10 @@ impl Recognized<'_> {
         }
     }
 
-    /// A HyperFun template of the entities, for [`fit_scan`](crate::fit_scan) to polish.
+    /// Proposes a HyperFun template of the surfaces, for [`fit_scan`](crate::fit_scan) to refine.
     ///
     /// # Errors
-    /// [`ProposeError`].
+    /// [`ProposeError`] if the surfaces do not bound a solid, or on a stop.
     pub fn template(&self, title: &str, control: &Control<'_>) -> Result<Proposal, ProposeError> {
         propose(
             &self.scan,
@@ -74,10 +74,10 @@ impl Recognized<'_> {
         )
     }
 
-    /// Refits all entities together so that their relations hold exactly; says what that changed.
+    /// Refits all surfaces together so that their relations hold exactly; returns the changes.
     ///
     /// # Errors
-    /// [`Stopped`]; nothing is changed then.
+    /// [`Stopped`]; then nothing is changed.
     pub fn snap(&mut self, control: &Control<'_>) -> Result<Snap, Stopped> {
         let (recognition, snap) = snap(&self.scan, &self.recognition, control)?;
         self.recognition = recognition;
@@ -88,7 +88,7 @@ impl Recognized<'_> {
 /// Recognises planes, spheres, cylinders, cones and tori in a scan or a CAD mesh.
 ///
 /// A mesh most of whose facets are chords of such surfaces, with their vertices on them, is one of
-/// a CAD model and is recognised by its triangles; any other by its vertices, as a cloud.
+/// a CAD model, and its triangles are used; of other meshes only the vertices are, as a cloud.
 ///
 /// ```
 /// use isoform::geom::{PointCloud, Quadric};
@@ -107,7 +107,7 @@ impl Recognized<'_> {
 /// ```
 ///
 /// # Errors
-/// [`RecognizeError`].
+/// [`RecognizeError`] if a triangle is not valid, there are too few points, or on a stop.
 pub fn recognize_scan<'a>(
     scan: &'a PointCloud,
     options: &Options,
@@ -130,22 +130,24 @@ pub fn recognize_scan<'a>(
     })
 }
 
-/// A scan without the planes that its part stands at.
+/// Scan without the planes on which its part stands.
 #[derive(Clone, Debug)]
 pub struct Standing {
-    /// The points that are left.
+    /// Points that are left.
     pub part: PointCloud,
-    /// The planes: a point and the unit normal of each, in the coordinates of the file.
+    /// Planes on which the part stands: a point and the unit normal of each, in the file's
+    /// coordinates.
     pub supports: Vec<(Point3, Point3)>,
     /// Number of points left out.
     pub left_out: usize,
 }
 
-/// Takes planes off that have the other points on one side and reach beyond them all round, such as
-/// the table under a part; `None` where there is none, or hardly anything else. A CAD mesh stands nowhere.
+/// Removes the planes that have the other points on one side and extend beyond them all round, such
+/// as the table under a part. `None` if there are none, or if few points would be left; also for
+/// CAD meshes.
 ///
 /// # Errors
-/// [`FacesError`].
+/// [`FacesError`] if a triangle is not valid, or on a stop.
 pub fn without_supports(
     scan: &PointCloud,
     control: &Control<'_>,
@@ -174,8 +176,8 @@ pub fn without_supports(
     }))
 }
 
-/// Returns about `wanted` points of a scan, drawn at random with a fixed seed; `None` where it has
-/// no more.
+/// Returns about `wanted` points of a scan, drawn at random with a fixed seed; `None` if it has no
+/// more points than that.
 pub fn sample_of(scan: &PointCloud, wanted: usize) -> Option<PointCloud> {
     let count = scan.points.len();
     if count <= wanted {

@@ -83,7 +83,7 @@ mod tests {
                 crowded_edges: 1
             }
         );
-        // Two triangles that share one vertex, and one beside.
+        // Two triangles that share one vertex, and a separate one.
         let touching = [[0, 1, 2], [2, 3, 4], [7, 8, 9]];
         assert_eq!(
             topology(&touching),

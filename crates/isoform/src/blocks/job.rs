@@ -34,7 +34,7 @@ const BEYOND: f64 = 3.0;
 /// let mut job = BlocksJob::new(solid.as_ref(), [2, 2, 2], out, &options, &control)?;
 /// let options = job.options().clone();
 /// while !job.tasks().is_empty() {
-///     // Anywhere, at the same time, in any order.
+///     // In any process, in parallel, in any order.
 ///     let done = job.tasks().into_iter();
 ///     let done = done.map(|t| run_block_task(solid.as_ref(), &options, &t, &control));
 ///     let reports = done.collect::<Result<Vec<_>, _>>()?;
@@ -124,7 +124,7 @@ pub struct WholeReport {
 }
 
 impl BlocksReport {
-    /// Returns true if the certificate holds and there are no warnings.
+    /// Returns true if the certificate holds, without warnings.
     pub fn is_as_asked(&self) -> bool {
         self.certificate.ok && self.warnings.is_empty()
     }

@@ -1,8 +1,8 @@
-//! Models as programs of CAD: build123d, CadQuery and OpenSCAD.
+//! Models as programs for CAD: build123d, CadQuery and OpenSCAD.
 //!
-//! A model of half spaces, blocks, cylinders, cones, balls and tori, joined by set operations, has a
-//! program with the same operations and with its parameters as named variables. It is written in
-//! the model's own frame.
+//! A model of half spaces, blocks, cylinders, cones, balls and tori, joined by set operations, is
+//! converted to a program with these operations and with its parameters as named variables, in the
+//! model's own frame.
 
 #[cfg(test)]
 mod tests;
@@ -14,59 +14,60 @@ use isoform_field::{Graph, SolidError, parameter_values};
 use text::Writer;
 use tree::Translator;
 
-/// A language of CAD programs.
+/// Language of CAD programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CadDialect {
     /// Python with build123d.
     Build123d,
     /// Python with CadQuery.
     CadQuery,
-    /// OpenSCAD, whose round faces are polygons.
+    /// OpenSCAD; it approximates round faces by polygons.
     OpenScad,
 }
 
 impl CadDialect {
-    /// The languages of Python, each with its name.
+    /// Python dialects, each with its name.
     pub const PYTHON: [(&str, Self); 2] =
         [("build123d", Self::Build123d), ("cadquery", Self::CadQuery)];
 }
 
-/// What a CAD program states besides the model.
+/// Content of a CAD program in addition to the model.
 #[derive(Clone, Debug, Default)]
 pub struct CadOptions {
     /// Title, in a comment.
     pub title: String,
-    /// Unit of lengths, in a comment; CAD programs mostly take millimetres.
+    /// Unit of lengths, in a comment; `None` if unknown. CAD programs mostly assume millimetres.
     pub unit: Option<String>,
     /// Diagonal of the part, in model units: half spaces become boxes ten times as large.
     pub diagonal: f64,
-    /// By parameter, its 95 % interval, in a comment.
+    /// Bounds of the 95 % interval of each parameter, in a comment; `None` for a parameter without
+    /// one.
     pub intervals: Vec<Option<(f64, f64)>>,
 }
 
-/// Why a model has no CAD program.
+/// Reason why a model cannot be converted to a CAD program.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CadProgramError {
-    /// The program is no expression, or lacks values.
+    /// The program is not an expression, or lacks values.
     #[error(transparent)]
     Model(#[from] SolidError),
-    /// A part has no operation of CAD.
+    /// A part is not made of supported operations.
     #[error(
         "{part} is made of no half spaces, blocks, cylinders, cones, balls or tori, joined by set \
          operations"
     )]
     Kind {
-        /// Its name.
+        /// Name of the part.
         part: String,
     },
-    /// The solid goes on without end.
+    /// The solid is unbounded: all of space except another solid.
     #[error("the model is all space but a solid")]
     Unbounded,
 }
 
-/// Returns the model with the values `a` of its parameters as a CAD program, in which they have the
-/// same names. Missing values are those of [`parameter_values`].
+/// Returns a model with the values `a` of its parameters as a CAD program, in which the parameters
+/// keep their names. Missing values are those of [`parameter_values`].
 ///
 /// ```
 /// use isoform::{CadDialect, CadOptions, cad_program};
@@ -82,7 +83,7 @@ pub enum CadProgramError {
 /// ```
 ///
 /// # Errors
-/// [`CadProgramError`].
+/// [`CadProgramError`] if the model uses operations that CAD programs lack, or is unbounded.
 pub fn cad_program(
     model: &Model,
     a: &[f64],

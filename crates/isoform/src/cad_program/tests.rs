@@ -113,7 +113,7 @@ fn what_cad_has_no_operation_for_is_named() {
     }
 }
 
-/// Names that mean something else in a language, or are no names there, are replaced.
+/// Names that are keywords of a language, or not valid in it, are replaced.
 #[test]
 fn names_are_free_and_ties_stand_behind_what_they_follow() {
     let text = "-- @param a[1] lambda length tie=2*far\n-- @param a[2] far length typical=3 : a: b\n\

@@ -1,4 +1,4 @@
-//! The text of a CAD program.
+//! Text of a CAD program.
 
 use super::tree::{Solid, Translator, Vector};
 use super::{CadDialect, CadOptions};
@@ -7,21 +7,21 @@ use isoform_field::{Binary, Graph, Node, NodeId, Unary};
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-/// Half the size of boxes for half spaces, in diagonals of the part.
+/// Half the size of the boxes that represent half spaces, in diagonals of the part.
 const FAR: f64 = 10.0;
 
-/// Operations of a dialect, which are the same in all of them.
+/// Operations of each dialect, with equal names and meanings.
 const BUILD123D: &str = include_str!("build123d.py");
 const CADQUERY: &str = include_str!("cadquery.py");
 const OPENSCAD: &str = include_str!("openscad.scad");
 
-/// Names that programs have already, or that a language keeps for itself.
+/// Names that the programs define, and keywords of the languages.
 const TAKEN: &str = "and as assert async await bd break class continue cq def del elif else except \
     finally for from global if import in is lambda nonlocal not or pass raise return try while \
     with yield part far sys one half_space block rod ball ring cones union common cut along each \
     difference intersection module function let echo true false undef pi e";
 
-/// Writes a program.
+/// Writer of a program.
 pub(super) struct Writer<'a> {
     graph: &'a Graph,
     model: &'a Model,
@@ -72,7 +72,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Returns the whole program.
+    /// Returns the complete program.
     pub(super) fn program(&self, result: &Solid, options: &CadOptions) -> String {
         let comment = if self.is_python() { "#" } else { "//" };
         let end = if self.is_python() { "" } else { ";" };
@@ -134,7 +134,8 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Names, values and comments of the parameters, each behind those that it follows.
+    /// Returns the names, values and comments of the parameters, each after those to which it is
+    /// tied.
     fn dimensions(&self, options: &CadOptions) -> Vec<(&str, String, String)> {
         let infos = self.model.params();
         let mut open: Vec<&ParamInfo> = infos.iter().collect();
@@ -287,7 +288,8 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Returns the value of an expression that has no text: it does not follow the parameters.
+    /// Returns the value of an expression without a text as a number, which does not follow the
+    /// parameters.
     fn value(&self, id: NodeId) -> String {
         number(self.graph.eval(id, &[], self.values))
     }

@@ -1,4 +1,4 @@
-//! The solid of an expression as operations on half spaces and primitives.
+//! Conversion of an expression to operations on half spaces and primitives.
 
 use super::CadProgramError;
 use isoform_field::{Axis, Binary, Graph, Library, Node, NodeId, Ops, SetOp, Unary};
@@ -7,50 +7,50 @@ use std::collections::HashMap;
 /// Three numbers of the program, as expressions of its parameters.
 pub(super) type Vector = [NodeId; 3];
 
-/// A solid, or the space outside of one.
+/// Solid, or the complement of one.
 #[derive(Clone, Debug)]
 pub(super) struct Region {
     pub(super) solid: Solid,
-    /// True if all space but the solid is meant.
+    /// True for the complement of the solid.
     pub(super) is_outside: bool,
 }
 
-/// A solid whose numbers are expressions of the parameters.
+/// Solid whose numbers are expressions of the parameters.
 #[derive(Clone, Debug)]
 pub(super) enum Solid {
-    /// n·p + d ≥ 0.
+    /// Half space n·p + d ≥ 0.
     Half(Vector, NodeId),
-    /// A box along the axes, from its lowest to its highest corner.
+    /// Box along the axes, given by its lowest and its highest corner.
     Block(Vector, Vector),
-    /// A cylinder without ends: a point of its axis, the direction of that, and the radius.
+    /// Infinite cylinder: a point of its axis, the direction of the axis, and the radius.
     Rod(Vector, Vector, NodeId),
-    /// The centre and the radius.
+    /// Ball: the centre and the radius.
     Ball(Vector, NodeId),
-    /// The centre, the direction of the axis, and the radii of circle and tube.
+    /// Torus: the centre, the direction of the axis, and the radii of circle and tube.
     Ring(Vector, Vector, NodeId, NodeId),
-    /// Both halves of a cone without ends: the apex, the direction of the axis, and the radius at
-    /// the distance 1 from the apex.
+    /// Infinite double cone: the apex, the direction of the axis, and the radius at the distance 1
+    /// from the apex.
     Cones(Vector, Vector, NodeId),
-    /// All of these together.
+    /// Union.
     Union(Vec<Self>),
-    /// What these have in common.
+    /// Intersection.
     Common(Vec<Self>),
-    /// The first without the others.
+    /// First solid without the others.
     Cut(Box<Self>, Vec<Self>),
-    /// The solid of a statement, by its number.
+    /// Solid of a statement, by its index.
     Named(usize),
 }
 
-/// c·p + d, a function of the point p.
+/// Affine function c·p + d of the point p.
 struct Affine {
     linear: Vector,
     offset: NodeId,
 }
 
-/// Translates expressions into solids.
+/// Translator of expressions into solids.
 pub(super) struct Translator<'a> {
     pub(super) graph: Graph,
-    /// Values of the parameters, which tell signs.
+    /// Values of the parameters, which determine signs.
     values: &'a [f64],
     /// Solids with names, in the order in which they are needed.
     pub(super) statements: Vec<(String, Solid)>,
@@ -119,7 +119,7 @@ impl<'a> Translator<'a> {
         }
     }
 
-    /// The name of the variable that an expression was assigned to.
+    /// Returns the name of the variable to which an expression was assigned.
     fn name(&self, id: NodeId) -> Option<&str> {
         let name = self.graph.name(id)?;
         (!self.graph.has_suggested_name(id)).then_some(name)
@@ -131,14 +131,14 @@ impl<'a> Translator<'a> {
         }
     }
 
-    /// The region of a function with a factor that is a number.
+    /// Returns the region of a function multiplied by a number.
     fn scaled(&mut self, of: NodeId, factor: NodeId) -> Result<Region, CadProgramError> {
         let mut region = self.region(of)?;
         region.is_outside ^= self.value(factor) < 0.0;
         Ok(region)
     }
 
-    /// The union or intersection of regions; those of one operation make one list.
+    /// Returns the union or intersection of regions; nested operations of one kind become one list.
     fn joined(&mut self, id: NodeId, op: SetOp) -> Result<Region, CadProgramError> {
         let is_union = matches!(op, SetOp::Max | SetOp::RUnion);
         let mut operands = Vec::new();
@@ -146,7 +146,7 @@ impl<'a> Translator<'a> {
         let (mut within, mut without) = (Vec::new(), Vec::new());
         for operand in operands {
             let region = self.region(operand)?;
-            // A union is all but what the complements have in common.
+            // A union is the complement of the intersection of the complements.
             match region.is_outside == is_union {
                 true => within.push(region.solid),
                 false => without.push(region.solid),
@@ -166,7 +166,7 @@ impl<'a> Translator<'a> {
         Ok(region)
     }
 
-    /// The operands of nested operations of one kind, but for those with names.
+    /// Collects the operands of nested operations of one kind; operations with names are operands.
     fn collect(&self, id: NodeId, root: NodeId, is_union: bool, operands: &mut Vec<NodeId>) {
         let is_open = id == root || self.name(id).is_none();
         match self.graph.node(id) {
@@ -180,7 +180,7 @@ impl<'a> Translator<'a> {
         }
     }
 
-    /// The intersection of solids: six half spaces along the axes are a block.
+    /// Returns the intersection of solids; six half spaces along the axes become a block.
     fn common(&mut self, mut solids: Vec<Solid>) -> Solid {
         let mut sides = [[None; 2]; 3];
         for (k, solid) in solids.iter().enumerate() {
@@ -222,7 +222,7 @@ impl<'a> Translator<'a> {
         }
     }
 
-    /// The solid of a library function of the point, if it is one of those that CAD programs have.
+    /// Returns the solid of a library function of the point; `None` if CAD programs lack it.
     fn primitive(&mut self, function: Library, arguments: &[NodeId]) -> Option<Solid> {
         let forms: Vec<Affine> = arguments[..3]
             .iter()
@@ -260,7 +260,8 @@ impl<'a> Translator<'a> {
         }
     }
 
-    /// The point of space whose coordinates in a system are the centre's: p = Rᵀ(c − o).
+    /// Returns the point of space whose coordinates in a system are those of the centre: p = Rᵀ(c −
+    /// o).
     fn place(&mut self, rows: &[Vector; 3], center: &Vector, offsets: &Vector) -> Vector {
         let own: Vector = std::array::from_fn(|k| self.minus(center[k], offsets[k]));
         std::array::from_fn(|j| {
@@ -279,7 +280,7 @@ impl<'a> Translator<'a> {
         })
     }
 
-    /// An expression as an affine function of the point, if it is one.
+    /// Returns an expression as an affine function of the point; `None` if it is not affine.
     fn affine(&mut self, id: NodeId) -> Option<Affine> {
         let zero = self.graph.constant(0.0);
         if self.is_number(id) {
@@ -358,18 +359,18 @@ impl<'a> Translator<'a> {
         }
     }
 
-    /// True if an expression does not depend on the point.
+    /// Returns true if an expression does not depend on the point.
     fn is_number(&self, id: NodeId) -> bool {
         self.graph.inputs(id).0 == 0
     }
 
-    /// The value of an expression that does not depend on the point.
+    /// Returns the value of an expression that does not depend on the point.
     fn value(&self, id: NodeId) -> f64 {
         self.graph.eval(id, &[], self.values)
     }
 }
 
-/// The union of solids.
+/// Returns the union of solids.
 fn union(mut solids: Vec<Solid>) -> Solid {
     match solids.len() {
         1 => solids.remove(0),
@@ -377,7 +378,7 @@ fn union(mut solids: Vec<Solid>) -> Solid {
     }
 }
 
-/// A solid without others.
+/// Returns a solid without others.
 fn cut(solid: Solid, others: Vec<Solid>) -> Solid {
     match others.is_empty() {
         true => solid,

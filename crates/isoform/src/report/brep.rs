@@ -65,7 +65,7 @@ pub struct FaceReport {
 /// Results of the checks of a boundary representation.
 #[derive(Clone, Debug, Serialize)]
 pub struct BrepCertificateReport {
-    /// True if there are no failures.
+    /// True if the list of failures is empty.
     pub holds: bool,
     /// Defects, and questions left open, a sentence each.
     pub failures: Vec<String>,

@@ -131,7 +131,7 @@ pub struct EvidenceReport {
     pub detail: Option<f64>,
     /// Share of the model's surface without data.
     pub bare: f64,
-    /// Share of the model's surface without data where most surface that faces the same direction
+    /// Share of the model's surface without data where most surface that faces this direction
     /// has data.
     pub overlooked: f64,
     /// Share of the outliers that lie on a surface of their own.

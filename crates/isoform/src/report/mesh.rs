@@ -214,7 +214,7 @@ pub struct Counts {
 /// `None`. Lengths are in model units.
 #[derive(Clone, Debug, Serialize)]
 pub struct CertificateReport {
-    /// True if there are no failures and all checks ran to their end.
+    /// True if the list of failures is empty and all checks ran to their end.
     pub ok: bool,
     /// True if all checks ran to their end.
     pub complete: bool,
