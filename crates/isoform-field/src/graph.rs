@@ -1,9 +1,9 @@
-//! The expression: a hash-consed graph in which set operations and library functions stay
-//! first-class nodes.
+//! Expressions as hash-consed graphs, in which set operations and library functions are nodes of
+//! their own.
 //!
-//! A [`Graph`] is built through [`Ops`] (by the HyperFun executor, or by hand), read in three ways
-//! ([`crate::Shape`]) and evaluated through a [`crate::Tape`]. [`Graph::eval`] evaluates it node by
-//! node in any [`Real`] type: slow, obvious, and the oracle for everything faster.
+//! A [`Graph`] is built through [`Ops`] (by the HyperFun executor, or by hand), interpreted
+//! geometrically by [`crate::Shape`] and evaluated by a [`crate::Tape`]. [`Graph::eval`] evaluates
+//! it node by node in any [`Real`] type: slow, simple, and the reference for all faster evaluators.
 
 use crate::library::{Library, Native};
 use crate::ops::{Binary, Direct, Ops, SetOp, Unary};
@@ -11,22 +11,22 @@ use isoform_num::Real;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 
-/// A node of a [`Graph`]. Nodes are numbered in the order of creation: arguments come before their
-/// users.
+/// Index of a node of a [`Graph`]. Nodes are numbered in the order of creation, so that arguments
+/// precede their users.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct NodeId(pub(crate) u32);
 
 impl NodeId {
-    /// The place of the node in the graph's list.
+    /// Returns the index of the node in the graph's list.
     pub(crate) fn at(self) -> usize {
         self.0 as usize
     }
 }
 
-/// The operation of a node, with its arguments.
+/// Operation of a node with its arguments.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Node {
-    /// A constant, by its bits.
+    /// A constant, represented by its bits.
     Constant(u64),
     /// Coordinate i of space, from 0.
     X(u32),
@@ -40,21 +40,21 @@ pub enum Node {
     PowI(NodeId, i32),
     /// A set operation.
     Set(SetOp, NodeId, NodeId),
-    /// The second where the first is not 0, else the third.
+    /// The second argument where the first is not 0, else the third.
     Select(NodeId, NodeId, NodeId),
     /// A library function.
     Library(Library, Box<[NodeId]>),
-    /// A function with an iteration inside.
+    /// A function computed by iteration.
     Native(Native, Box<[NodeId]>),
 }
 
-/// The name of a node, for people.
+/// Name of a node, for display.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Name {
-    /// The variable that the node is assigned to, or the name that is suggested for it.
+    /// Name of the variable to which the node is assigned, or a suggested name.
     pub text: String,
-    /// The name comes from an argument of the node (the centre of a ball): any variable that the
-    /// node is part of says more.
+    /// True if the name is derived from an argument of the node (the centre of a ball); the name of
+    /// a variable whose value contains the node takes precedence.
     pub is_suggestion: bool,
 }
 
@@ -75,41 +75,41 @@ pub struct Name {
 pub struct Graph {
     /// The nodes in the order of creation.
     nodes: Vec<Node>,
-    /// By node: whether it depends on the coordinates.
+    /// True for nodes that depend on the coordinates.
     in_space: Vec<bool>,
-    /// The number of each node: equal nodes are created once.
+    /// Index of each node: equal nodes are created once.
     known: HashMap<Node, NodeId>,
-    /// The nodes that have a name.
+    /// Names of the nodes that have one.
     names: BTreeMap<NodeId, Name>,
 }
 
 impl Graph {
-    /// An empty graph.
+    /// Creates an empty graph.
     pub fn new() -> Self {
         Self::default()
     }
-    /// Number of nodes.
+    /// Returns the number of nodes.
     pub fn len(&self) -> usize {
         self.nodes.len()
     }
-    /// Whether there is no node.
+    /// Returns true if the graph has no nodes.
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty()
     }
-    /// The node.
+    /// Returns the operation of a node.
     pub fn node(&self, id: NodeId) -> &Node {
         &self.nodes[id.at()]
     }
-    /// Coordinate `i` from 0.
+    /// Returns the node of coordinate `i`, from 0.
     pub fn x(&mut self, i: usize) -> NodeId {
         self.insert(Node::X(i as u32))
     }
-    /// Parameter `i` from 0.
+    /// Returns the node of parameter `i`, from 0.
     pub fn param(&mut self, i: usize) -> NodeId {
         self.insert(Node::Param(i as u32))
     }
-    /// Gives a node a name for people: the variable that it is assigned to. The first name stays,
-    /// unless it was only suggested.
+    /// Names a node after the variable to which it is assigned. The first name is kept, unless it
+    /// was only suggested.
     pub fn set_name(&mut self, id: NodeId, name: &str) {
         self.name_as(
             id,
@@ -142,7 +142,7 @@ impl Graph {
             }
         }
     }
-    /// The node's name, assigned or suggested, if it has one.
+    /// Returns the node's name, assigned or suggested; `None` if it has no name.
     pub fn name(&self, id: NodeId) -> Option<&str> {
         self.names.get(&id).map(|name| name.text.as_str())
     }
@@ -151,12 +151,12 @@ impl Graph {
         self.names.get(&id).is_some_and(|name| name.is_suggestion)
     }
 
-    /// Whether the node depends on the coordinates; else on constants and parameters alone.
+    /// Returns true if the node depends on the coordinates.
     pub(crate) fn is_in_space(&self, id: NodeId) -> bool {
         self.in_space[id.at()]
     }
 
-    /// The node's number: of the equal node that is there, or of a new one.
+    /// Returns the index of an equal node, which is created if necessary.
     fn insert(&mut self, node: Node) -> NodeId {
         if let Some(&id) = self.known.get(&node) {
             return id;
@@ -176,7 +176,7 @@ impl Graph {
         id
     }
 
-    /// The constant's value, if the node is one.
+    /// Returns the value of a constant; `None` for other nodes.
     pub fn constant_value(&self, id: NodeId) -> Option<f64> {
         match self.nodes[id.at()] {
             Node::Constant(bits) => Some(f64::from_bits(bits)),
@@ -184,12 +184,12 @@ impl Graph {
         }
     }
 
-    /// The node of the constant 0, if there is one.
+    /// Returns the node of the constant 0, if it exists.
     pub(crate) fn zero(&self) -> Option<NodeId> {
         self.known.get(&Node::Constant(0.0f64.to_bits())).copied()
     }
 
-    /// The arguments of a node, in order.
+    /// Returns the arguments of a node, in order.
     pub fn arguments(&self, id: NodeId) -> Vec<NodeId> {
         match &self.nodes[id.at()] {
             Node::Constant(_) | Node::X(_) | Node::Param(_) => Vec::new(),
@@ -200,7 +200,7 @@ impl Graph {
         }
     }
 
-    /// Which nodes the roots need, by index.
+    /// Returns, by node, true for the nodes on which the roots depend, including the roots.
     pub fn reachable(&self, roots: &[NodeId]) -> Vec<bool> {
         let mut need = vec![false; self.nodes.len()];
         for r in roots {
@@ -216,8 +216,8 @@ impl Graph {
         need
     }
 
-    /// Rebuilds the nodes that `root` needs into `target`, with the inputs replaced: the copy of
-    /// coordinate i is `x[i]`, of parameter i `a[i]`. `named` is called for each node with a name.
+    /// Rebuilds the nodes on which `root` depends in `target`, with the inputs replaced: coordinate
+    /// i by `x[i]`, parameter i by `a[i]`. `named` is called for each node with a name.
     pub fn rewrite<O: Ops>(
         &self,
         root: NodeId,
@@ -229,7 +229,7 @@ impl Graph {
         self.rewrite_all(&[root], target, x, a, named).remove(0)
     }
 
-    /// [`Graph::rewrite`] of several roots; a node that several of them need is rebuilt once.
+    /// Rebuilds several roots as [`Graph::rewrite`] does; shared nodes are rebuilt once.
     pub fn rewrite_all<O: Ops>(
         &self,
         roots: &[NodeId],
@@ -257,8 +257,8 @@ impl Graph {
             .collect()
     }
 
-    /// Rebuilds the nodes that `root` needs with another node in place of one. Returns the new node
-    /// of each, by number.
+    /// Rebuilds the nodes on which `root` depends, with `node` replaced `by` another. Returns the
+    /// new nodes by the index of the old ones.
     pub(crate) fn replaced(
         &mut self,
         root: NodeId,
@@ -287,7 +287,8 @@ impl Graph {
         value
     }
 
-    /// f at a point, in any number type, with HyperFun's meaning (the algebraic reading).
+    /// Evaluates f at a point, in any number type, as defined by HyperFun (the algebraic
+    /// interpretation).
     ///
     /// # Panics
     /// If `x` or `a` is shorter than the inputs that the expression uses.
@@ -295,12 +296,12 @@ impl Graph {
         self.rewrite(root, &mut Direct::<R>::new(), x, a, |_, _, _| {})
     }
 
-    /// Number of coordinates and parameters that `root` uses (highest index plus one).
+    /// Returns the numbers of coordinates and parameters that `root` uses (highest index plus one).
     pub fn inputs(&self, root: NodeId) -> (usize, usize) {
         self.inputs_of(&[root])
     }
 
-    /// [`Graph::inputs`] of several roots.
+    /// Returns the numbers of coordinates and parameters that any of several roots uses.
     pub(crate) fn inputs_of(&self, roots: &[NodeId]) -> (usize, usize) {
         let need = self.reachable(roots);
         let mut n = (0, 0);
@@ -314,28 +315,27 @@ impl Graph {
         n
     }
 
-    /// Expands library nodes into their formulas: arithmetic, set operations and native functions
-    /// are left.
+    /// Expands library nodes into their formulas: arithmetic, set operations and native functions.
     pub fn lowered(&mut self, root: NodeId) -> NodeId {
         self.lowered_all(&[root]).remove(0)
     }
 
-    /// The nodes of the first coordinates and the first parameters.
+    /// Returns the nodes of the first nx coordinates and the first na parameters.
     pub(crate) fn input_nodes(&mut self, (nx, na): (usize, usize)) -> (Vec<NodeId>, Vec<NodeId>) {
         let x = (0..nx).map(|i| self.x(i)).collect();
         let a = (0..na).map(|i| self.param(i)).collect();
         (x, a)
     }
 
-    /// [`Graph::lowered`] of several roots.
+    /// Expands the library nodes of several roots as [`Graph::lowered`] does.
     pub(crate) fn lowered_all(&mut self, roots: &[NodeId]) -> Vec<NodeId> {
         let source = self.clone();
         let (x, a) = self.input_nodes(source.inputs_of(roots));
         source.rewrite_all(roots, &mut Lowering(self), &x, &a, |_, _, _| {})
     }
 
-    /// ∂root/∂xᵢ as an expression, of a lowered graph; `None` where a native function depends on
-    /// xᵢ. `memo` keeps the derivatives of one `axis` between calls.
+    /// Returns ∂root/∂xᵢ as an expression, for a lowered graph; `None` if a native function depends
+    /// on xᵢ. `memo` keeps the derivatives of one `axis` between calls.
     pub fn derivative(
         &mut self,
         root: NodeId,
@@ -367,7 +367,8 @@ impl Graph {
         memo.get(&root).copied()
     }
 
-    /// ∂/∂xᵢ of a node from the derivatives `d` of its arguments; `None` of a native function.
+    /// Returns ∂/∂xᵢ of a node from the derivatives `d` of its arguments; `None` for a native
+    /// function.
     fn chain_rule(
         &mut self,
         id: NodeId,
@@ -398,7 +399,7 @@ impl Graph {
         })
     }
 
-    /// The derivative of the node `id`, a function of u and v, from their derivatives.
+    /// Returns the derivative of the node `id`, a function of u and v, from their derivatives.
     fn binary_derivative(
         &mut self,
         op: Binary,
@@ -424,7 +425,7 @@ impl Graph {
         }
     }
 
-    /// (v u'/u + v' ln u) u^v, the derivative of the node `id` = u^v.
+    /// Returns (v u'/u + v' ln u) u^v, the derivative of the node `id` = u^v.
     fn power_derivative(
         &mut self,
         id: NodeId,
@@ -437,7 +438,7 @@ impl Graph {
         self.product(s, id)
     }
 
-    /// (v u' − u v')/(u² + v²), the derivative of the angle of the point (x = v, y = u).
+    /// Returns (v u' − u v')/(u² + v²), the derivative of the angle of the point (x = v, y = u).
     fn angle_derivative(&mut self, [u, v]: [NodeId; 2], [du, dv]: [NodeId; 2]) -> NodeId {
         let (p, q) = (self.product(v, du), self.product(u, dv));
         let n = self.difference(p, q);
@@ -446,7 +447,7 @@ impl Graph {
         self.div(&n, &r)
     }
 
-    /// The derivative of the node `id`, a set operation on u and v, from their derivatives.
+    /// Returns the derivative of the node `id`, a set operation on u and v, from their derivatives.
     fn set_derivative(
         &mut self,
         op: SetOp,
@@ -468,8 +469,8 @@ impl Graph {
         }
     }
 
-    /// u' + v' ± (u u' + v v')/h, the derivative of the R-function w = `id`; h = √(u² + v²) is
-    /// |w − (u + v)|, and the root counts as flat where h = 0.
+    /// Returns u' + v' ± (u u' + v v')/h, the derivative of the R-function w = `id`; h = √(u² + v²)
+    /// is |w − (u + v)|, and its derivative is set to 0 where h = 0.
     fn r_derivative(
         &mut self,
         is_union: bool,
@@ -497,7 +498,7 @@ impl Graph {
         }
     }
 
-    /// The derivative of `id` = op(u) by u.
+    /// Returns the derivative of `id` = op(u) by u.
     fn unary_slope(&mut self, op: Unary, u: NodeId, id: NodeId) -> NodeId {
         let one = self.constant(1.0);
         match op {
@@ -536,7 +537,7 @@ impl Graph {
         }
     }
 
-    /// 1/(2w), the slope of the root w = `id`; 0 at its singularity, as in the jets.
+    /// Returns 1/(2w), the derivative of the root w = `id`; 0 at its singularity, as in the jets.
     fn root_slope(&mut self, id: NodeId) -> NodeId {
         let one = self.constant(1.0);
         let (zero, half) = (self.constant(0.0), self.constant(0.5));
@@ -546,7 +547,7 @@ impl Graph {
         self.select(&positive, &d, &zero)
     }
 
-    /// 1/√(1 − u²)
+    /// Returns 1/√(1 − u²).
     fn arcsine_slope(&mut self, u: NodeId) -> NodeId {
         let one = self.constant(1.0);
         let u2 = self.square(&u);
@@ -555,8 +556,9 @@ impl Graph {
         self.div(&one, &q)
     }
 
-    /// u·v in a derivative: a factor that is the constant 0 stands for "does not depend" and
-    /// vanishes also beside an infinite partner, which plain constant folding must not assume.
+    /// Returns u·v in a derivative: a factor that is the constant 0 denotes independence, so that
+    /// the product vanishes even if the other factor is infinite, which constant folding in general
+    /// must not assume.
     fn product(&mut self, u: NodeId, v: NodeId) -> NodeId {
         let zero = self.constant(0.0);
         if u == zero || v == zero {
@@ -565,7 +567,7 @@ impl Graph {
             self.mul(&u, &v)
         }
     }
-    /// u + v in a derivative, see [`Self::product`].
+    /// Returns u + v in a derivative, see [`Self::product`].
     fn sum(&mut self, u: NodeId, v: NodeId) -> NodeId {
         let zero = self.constant(0.0);
         if u == zero {
@@ -576,7 +578,7 @@ impl Graph {
             self.add(&u, &v)
         }
     }
-    /// u − v in a derivative, see [`Self::product`].
+    /// Returns u − v in a derivative, see [`Self::product`].
     fn difference(&mut self, u: NodeId, v: NodeId) -> NodeId {
         let zero = self.constant(0.0);
         if v == zero {
@@ -588,13 +590,13 @@ impl Graph {
         }
     }
 
-    /// The values of the arguments, if all of them are constants.
+    /// Returns the values of the arguments if all of them are constants.
     fn folded(&self, args: &[NodeId]) -> Option<Vec<f64>> {
         args.iter().map(|a| self.constant_value(*a)).collect()
     }
 }
 
-/// A node that is no input, built into `target` with the values of its arguments.
+/// Rebuilds a node other than an input in `target`, with the values of its arguments.
 #[inline]
 fn rebuilt<O: Ops>(node: &Node, target: &mut O, value: &[Option<O::V>]) -> O::V {
     let get = |id: &NodeId| {
@@ -615,7 +617,7 @@ fn rebuilt<O: Ops>(node: &Node, target: &mut O, value: &[Option<O::V>]) -> O::V 
     }
 }
 
-/// Builds into a graph, expanding library functions.
+/// Builder of a graph that expands library functions.
 struct Lowering<'a>(&'a mut Graph);
 
 impl Ops for Lowering<'_> {
@@ -684,7 +686,8 @@ impl Ops for Graph {
             (Binary::Sub, Some(0.0), _) | (Binary::Mul, Some(-1.0), _) => self.neg(b),
             (Binary::Mul, _, Some(-1.0)) => self.neg(a),
             (Binary::Mul, ..) if a == b => self.square(a),
-            // Commutative: one order, so that equal subexpressions meet.
+            // Arguments of commutative operations are sorted, so that equal subexpressions
+            // coincide.
             (Binary::Add | Binary::Mul, ..) if b < a => self.insert(Node::Binary(op, *b, *a)),
             _ => self.insert(Node::Binary(op, *a, *b)),
         }

@@ -1,38 +1,38 @@
-//! Programs that are no expression (a loop or an index depends on the point or on a parameter), as
-//! the residual of a fit.
+//! Residual of a fit for programs that cannot be compiled to an expression, because a loop or an
+//! index depends on the point or on a parameter.
 //!
-//! The program is run point by point in forward-mode jets, a few parameters at a time, some hundred
-//! times slower than a [`Tape`]. Where the program stops with an error the value is NaN.
+//! The program is run point by point in forward-mode jets, for a few parameters at a time, about a
+//! hundred times slower than a [`Tape`]. The value is NaN where the program stops with an error.
 
 use crate::hyperfun::{Evaluator, Model};
 use crate::tape::Tape;
 use isoform_geom::{ParamField, Point3};
 use isoform_num::{Jet1, Real};
 
-/// Number of parameters that one run differentiates by.
+/// Number of parameters by which one run differentiates.
 const AT_ONCE: usize = 8;
 
 /// A program run statement by statement.
 #[derive(Clone, Debug)]
 pub struct Interpreted {
     model: Model,
-    /// The model's point from the point of space and all parameters.
+    /// Map from the point of space and all parameters to the model's point.
     point: Tape,
-    /// Whether values are divided by the length of the gradient in space.
+    /// True if values are divided by the length of the gradient in space.
     is_metric: bool,
 }
 
-/// Memory of one evaluation after another.
+/// Evaluator of the program in one number type, with memory reused between points.
 struct Runner<'m, R: Real + 'static> {
     of: &'m Interpreted,
     /// The program.
     evaluator: Evaluator<'m, R>,
-    /// Scratch of the tape that gives the model's point.
+    /// Scratch space of the tape that computes the model's point.
     scratch: Vec<R>,
 }
 
 impl<R: Real + 'static> Runner<'_, R> {
-    /// The program's value at a point of space.
+    /// Evaluates the program at a point of space.
     fn run(&mut self, x: &[R; 3], a: &[R]) -> R {
         let p = self.of.point.eval_all(x, a, &mut self.scratch);
         let own = &a[..self.of.model.n_params()];
@@ -43,11 +43,12 @@ impl<R: Real + 'static> Runner<'_, R> {
 }
 
 impl Interpreted {
-    /// The program's own value, or (`is_metric`) the first-order distance f/|∇f|. `point` gives the
-    /// model's point, three results.
+    /// Creates the residual: the program's value, or (`is_metric`) the first-order distance f/|∇f|.
+    /// The three results of `point` are the model's point.
     ///
     /// # Panics
-    /// If `point` has not three coordinates and results, or fewer parameters than the model.
+    /// If `point` does not map three coordinates to three results, or has fewer parameters than the
+    /// model.
     pub fn new(model: Model, point: Tape, is_metric: bool) -> Self {
         assert_eq!(
             (point.dimension(), point.n_results()),
@@ -65,7 +66,7 @@ impl Interpreted {
         }
     }
 
-    /// A runner in one number type.
+    /// Creates an evaluator in one number type.
     fn runner<R: Real + 'static>(&self) -> Runner<'_, R> {
         Runner {
             of: self,
@@ -74,7 +75,7 @@ impl Interpreted {
         }
     }
 
-    /// f and ∇f of the program at each point.
+    /// Computes f and ∇f of the program at each point.
     fn slopes(&self, points: &[Point3], a: &[f64]) -> Vec<Jet1<3>> {
         let mut runner = self.runner::<Jet1<3>>();
         let a: Vec<Jet1<3>> = a.iter().map(|&v| Real::constant(v)).collect();
@@ -84,12 +85,12 @@ impl Interpreted {
             .collect()
     }
 
-    /// The divisors of values and derivatives: 1, or |∇f|.
+    /// Returns the divisors of values and derivatives: 1, or |∇f|.
     fn divisors(&self, points: &[Point3], a: &[f64]) -> Vec<f64> {
         if !self.is_metric {
             return vec![1.0; points.len()];
         }
-        // Where the gradient vanishes the value is far from zero: any finite result will do.
+        // Where the gradient vanishes the value is far from zero; any finite result is acceptable.
         self.slopes(points, a)
             .iter()
             .map(|s| isoform_geom::norm(s.g).max(1e-30))
@@ -97,7 +98,8 @@ impl Interpreted {
     }
 }
 
-/// The parameters as jets that differentiate by the parameters from number `from` on.
+/// Returns the parameters as jets that differentiate by the parameters with indices `from` and
+/// above.
 fn seeded(a: &[f64], from: usize) -> Vec<Jet1<AT_ONCE>> {
     let jet = |(i, &v): (usize, &f64)| {
         if (from..from + AT_ONCE).contains(&i) {
@@ -121,9 +123,9 @@ impl ParamField for Interpreted {
         }
     }
 
-    /// The Jacobian by the parameters. In the metric value the gradient's own dependence on the
-    /// parameters is left out: it is multiplied by f, which vanishes on the surface (Gauss-Newton's
-    /// approximation).
+    /// Computes the Jacobian by the parameters. For metric values the dependence of the gradient on
+    /// the parameters is neglected: it is multiplied by f, which vanishes on the surface
+    /// (Gauss-Newton approximation).
     fn jacobian(&self, points: &[Point3], a: &[f64], out: &mut [f64], jac: &mut [f64]) {
         let n = self.dim();
         let divisors = self.divisors(points, a);

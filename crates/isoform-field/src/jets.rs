@@ -1,8 +1,8 @@
 //! 2-jets in blocks: value, gradient and Hessian in x, y, z, eight points at a time.
 //!
-//! A slot that does not depend on a coordinate has no derivatives by it, and an affine one no
-//! second derivatives: which entries can be non-zero is settled when the block is made, and only
-//! these are ever computed.
+//! The derivatives of a slot by a coordinate that it does not depend on vanish, and so do the
+//! second derivatives of an affine one: the entries that can be non-zero are determined when the
+//! block is created, and only these are computed.
 
 use crate::block::Lane;
 use crate::ops::{Binary, SetOp, Unary};
@@ -10,14 +10,14 @@ use crate::tape::{Instruction, Op, Tape};
 use isoform_geom::Point3;
 use isoform_num::{Jet2, Real, dispatch};
 
-/// Number of points in a block. It is smaller than for values, since ten numbers per slot and point
-/// fill the first-level cache sooner.
+/// Number of points in a block; smaller than for values, since ten numbers per slot and point fill
+/// the first-level cache sooner.
 pub(crate) const LANES: usize = 8;
 
-/// A value at each point of a block.
+/// Values at the points of a block.
 type Row = Lane<LANES>;
 
-/// Second derivatives in the order xx, xy, xz, yy, yz, zz.
+/// Pairs of axes of the second derivatives: xx, xy, xz, yy, yz, zz.
 const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 
 /// The jets of one slot.
@@ -39,20 +39,22 @@ const EMPTY: Slot = Slot {
     h: [ZERO; 6],
 };
 
-/// Entries of a slot that can differ from zero: bits 0 to 2 the gradient, bits 3 to 8 the Hessian.
+/// Set of the entries of a slot that can differ from zero: bits 0 to 2 for the gradient, bits 3 to
+/// 8 for the Hessian.
 type Mask = u16;
 
-/// Scratch for one tape and one thread.
+/// Evaluator of jets with scratch space, for one tape and one thread.
 #[derive(Clone, Debug)]
 pub(crate) struct JetBlock<'t> {
     tape: &'t Tape,
     slots: Vec<Slot>,
-    /// By slot, the entries that are computed.
+    /// Computed entries, by slot.
     masks: Vec<Mask>,
 }
 
 impl<'t> JetBlock<'t> {
-    /// A block with the parameters bound, and the operations computed that depend on them alone.
+    /// Creates a block with bound parameters and evaluates the operations that depend on these
+    /// alone.
     pub(crate) fn new(tape: &'t Tape, a: &[f64]) -> Self {
         let mut slots = vec![EMPTY; tape.slots()];
         for (slot, &c) in slots.iter_mut().zip(&tape.constants) {
@@ -72,7 +74,7 @@ impl<'t> JetBlock<'t> {
         Self { tape, slots, masks }
     }
 
-    /// Jets of the first result at up to eight points.
+    /// Computes jets of the first result at up to eight points.
     pub(crate) fn eval(&mut self, points: &[Point3], out: &mut [Jet2]) {
         let first = self.tape.first_x();
         for axis in 0..self.tape.n_x.min(3) {
@@ -98,7 +100,7 @@ impl<'t> JetBlock<'t> {
     }
 }
 
-/// Second derivatives that a product of the two gradients can touch.
+/// Returns the second derivatives to which a product of the two gradients can contribute.
 fn products(a: Mask, b: Mask) -> Mask {
     PAIRS.iter().enumerate().fold(0, |m, (k, &(i, j))| {
         let touched = (a >> i & 1 == 1 && b >> j & 1 == 1) || (a >> j & 1 == 1 && b >> i & 1 == 1);
@@ -106,7 +108,7 @@ fn products(a: Mask, b: Mask) -> Mask {
     })
 }
 
-/// By slot, the entries that can differ from zero.
+/// Determines the entries that can differ from zero, by slot.
 fn masks(tape: &Tape) -> Vec<Mask> {
     let mut m: Vec<Mask> = vec![0; tape.slots()];
     for axis in 0..tape.n_x.min(3) {
@@ -118,7 +120,7 @@ fn masks(tape: &Tape) -> Vec<Mask> {
     m
 }
 
-/// The mask of an operation, from the masks `m` of the slots before it.
+/// Returns the mask of an operation, from the masks `m` of the slots before it.
 fn mask_of(tape: &Tape, i: &Instruction, m: &[Mask]) -> Mask {
     let (a, b) = (m[i.a as usize % m.len()], m[i.b as usize % m.len()]);
     match i.op {
@@ -139,7 +141,7 @@ fn mask_of(tape: &Tape, i: &Instruction, m: &[Mask]) -> Mask {
 
 dispatch! { fn run(tape: &Tape, masks: &[Mask], from: usize, to: usize, slots: &mut [Slot]) = run_body }
 
-/// h(u) from its value and first two derivatives per lane.
+/// Computes h(u) from its value and first two derivatives per lane.
 #[inline(always)]
 fn chain(out: &mut Slot, mask: Mask, u: &Slot, f: &[Row; 3]) {
     out.v = f[0];
@@ -159,7 +161,7 @@ fn chain(out: &mut Slot, mask: Mask, u: &Slot, f: &[Row; 3]) {
     }
 }
 
-/// u + q v with a constant q.
+/// Computes u + q v with a constant q.
 #[inline(always)]
 fn linear(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, q: f64) {
     for l in 0..LANES {
@@ -181,7 +183,7 @@ fn linear(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, q: f64) {
     }
 }
 
-/// u v by the product rule.
+/// Computes u v by the product rule.
 #[inline(always)]
 fn product(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot) {
     for l in 0..LANES {
@@ -206,8 +208,9 @@ fn product(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot) {
     }
 }
 
-/// u + v ± √(u² + v²): with n = (u, v)/h, the gradient is ∇u + ∇v ± n·(∇u, ∇v), and the root's
-/// Hessian n·(Hu, Hv) + (∇u∇uᵀ + ∇v∇vᵀ − ∇h∇hᵀ)/h. At u = v = 0 the root counts as flat.
+/// Computes u + v ± √(u² + v²): with n = (u, v)/h, the gradient is ∇u + ∇v ± n·(∇u, ∇v), and the
+/// root's Hessian n·(Hu, Hv) + (∇u∇uᵀ + ∇v∇vᵀ − ∇h∇hᵀ)/h. At u = v = 0 the root's derivatives are
+/// set to 0.
 #[inline(always)]
 fn r_function(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, sign: f64) {
     let (mut r, mut p, mut q) = (ZERO, ZERO, ZERO);
@@ -239,7 +242,7 @@ fn r_function(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, sign: f64) {
     }
 }
 
-/// v in the lanes where `second` holds, else u.
+/// Selects v in the lanes where `second` holds, else u.
 #[inline(always)]
 fn choose(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, second: impl Fn(usize) -> bool) {
     let mut take = [false; LANES];
@@ -264,7 +267,7 @@ fn choose(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, second: impl Fn(usize)
     }
 }
 
-/// The jet in one lane.
+/// Returns the jet in one lane.
 fn jet_of(s: &Slot, l: usize) -> Jet2 {
     Jet2 {
         v: s.v.0[l],
@@ -273,7 +276,7 @@ fn jet_of(s: &Slot, l: usize) -> Jet2 {
     }
 }
 
-/// A function without a formula of its own here, by scalar jets, lane by lane.
+/// Computes a function by scalar jets, lane by lane, for want of a vectorized formula.
 #[inline(never)]
 fn by_lane(out: &mut Slot, f: impl Fn(usize) -> Jet2) {
     for l in 0..LANES {
@@ -288,7 +291,7 @@ fn by_lane(out: &mut Slot, f: impl Fn(usize) -> Jet2) {
     }
 }
 
-/// Value and two derivatives of a function of one argument, lane by lane.
+/// Computes the value and two derivatives of a function of one argument, lane by lane.
 #[inline(always)]
 fn unary(op: Unary, u: &Row) -> [Row; 3] {
     let mut f = [ZERO; 3];

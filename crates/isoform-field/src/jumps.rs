@@ -1,17 +1,18 @@
-//! Functions that jump: where they do, and the same solid without jumps.
+//! Discontinuous functions: detection of jumps, and an equivalent solid without jumps.
 //!
 //! `floor(u)` jumps where u is an integer t, a comparison where its sides are equal (u − t = 0 with
-//! t = 0). On either side the function is one that does not jump: F below t, G above. The solid
-//! {F ≥ 0, u ≤ t} ∪ {G ≥ 0, u ≥ t} has walls on the surface u = t where F and G differ in sign. As
-//! a maximum of minima it would vanish on all of u = t; with the term that the two have in common
-//! it does not,
+//! t = 0). On each side the function equals a continuous one: F below t, G above. The solid {F ≥ 0,
+//! u ≤ t} ∪ {G ≥ 0, u ≥ t} has walls on the surface u = t where F and G differ in sign. A plain
+//! maximum of minima would vanish on all of u = t; with the intersection of the two as a third term
+//! it does not:
 //!
 //! ```text
 //! max(min(F, t − u), min(G, u − t), min(F, G)),
 //! ```
 //!
-//! which has the same sign wherever u ≠ t. This is done once for every value that a jumping node
-//! takes in the box of the solid, and within a minimum or maximum to each operand by itself.
+//! which has an identical sign wherever u ≠ t. This is repeated for every value that a
+//! discontinuous node takes in the box of the solid; operands of minima and maxima are treated
+//! separately.
 
 use crate::graph::{Graph, Node, NodeId};
 use crate::hyperfun::{EPS, Place};
@@ -24,25 +25,27 @@ use isoform_num::Interval;
 use std::cell::OnceCell;
 use std::collections::BTreeSet;
 
-/// Samples along the longest side of a box in which jumps are looked for.
+/// Number of samples along the longest side of the box in which jumps are sought.
 const SAMPLES: usize = 32;
-/// Most lattice edges on which a jump is looked for closely.
+/// Maximum number of lattice edges on which jumps are located.
 const MOST_EDGES: usize = 4096;
-/// Share of the box over which a function's own change is measured, to be told from a jump.
+/// Distance over which the continuous change of a function is measured, to be distinguished from a
+/// jump, in diagonals of the box.
 const NEAR: f64 = 1e-7;
-/// Most values that one jumping node may take, and all of them together.
+/// Maximum number of values of one discontinuous node.
 const MOST_VALUES: usize = 256;
-/// Most functions that are put together; more have too many pieces to be meshed.
+/// Maximum number of functions that are joined; more have too many pieces to be meshed.
 const MOST_CELLS: usize = 1024;
-/// Slabs into which a box is cut to see where a jumping node has a value.
+/// Number of slabs into which a box is cut to bound the region where a discontinuous node has a
+/// given value.
 const SLABS: usize = 32;
-/// Most boxes that are divided to prove that a motif stays within its cell.
+/// Maximum number of boxes that are subdivided to prove that a motif does not leave its cell.
 const MOST_BOXES: usize = 2000;
-/// Share of the diagonal by which the box of the solid is enlarged: the function without jumps is
-/// good for the enlarged box alone, and ends at its sides.
+/// Margin by which the box of the solid is enlarged, in diagonals: the function without jumps is
+/// valid only in the enlarged box, whose sides limit it.
 const MARGIN: f64 = 0.125;
 
-/// A place at which a function jumps through 0.
+/// Point at which a function jumps across 0.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
     "{} jumps near ({:.4}, {:.4}, {:.4})",
@@ -54,41 +57,41 @@ const MARGIN: f64 = 0.125;
     at[2]
 )]
 pub struct Jump {
-    /// The place.
+    /// Point next to the jump.
     pub at: Point3,
-    /// The function or operator that jumps there, with its place in the program, if it is written
-    /// there.
+    /// Function or operator of the program that is discontinuous there; `None` if unknown.
     pub what: Option<Place>,
 }
 
-/// Jumps that were found.
+/// Result of a search for jumps.
 struct Found {
-    /// The nodes that make a piece jump through 0.
+    /// Nodes at which a piece jumps across 0.
     nodes: BTreeSet<NodeId>,
-    /// A place where the solid's function jumps through 0.
+    /// Point at which the solid's function jumps across 0.
     whole: Option<Jump>,
 }
 
 impl Pieces {
-    /// True if a piece has a node that jumps, though it may do so where that does not count.
+    /// Returns true if a piece contains a discontinuous node, which may be continuous in the region
+    /// of interest.
     pub fn may_jump(&self) -> bool {
         let (graph, roots) = self.functions();
         !jumping(graph, roots).is_empty()
     }
 
-    /// The solid in a box, and somewhat beyond, without the jumps of its pieces; none where there
-    /// are none.
+    /// Returns the solid in a slightly enlarged box without the jumps of its pieces; `None` if it
+    /// has none.
     ///
     /// # Errors
-    /// [`Jump`], where a jump cannot be made a wall.
+    /// [`Jump`], if a jump cannot be replaced by a wall.
     pub fn without_jumps(&self, region: Aabb) -> Result<Option<Self>, Jump> {
         let (graph, roots) = self.functions();
         let nodes = jumping(graph, roots);
         if nodes.is_empty() || region.is_empty() {
             return Ok(None);
         }
-        // Steps without a jump of the whole, as of a pattern that is repeated, are taken out too:
-        // intervals know little of them.
+        // Steps at which the whole is continuous, as in a repeated pattern, are removed, too:
+        // interval bounds of them are wide.
         let has_steps = nodes.iter().any(|id| is_step(graph.node(*id)));
         let found = self.found(&nodes, region);
         if found.nodes.is_empty() && !has_steps {
@@ -101,7 +104,7 @@ impl Pieces {
         }
     }
 
-    /// Looks for jumps along the edges of a lattice.
+    /// Searches for jumps along the edges of a lattice.
     fn found(&self, nodes: &[NodeId], region: Aabb) -> Found {
         let (graph, roots) = self.functions();
         let mut graph = graph.clone();
@@ -110,7 +113,7 @@ impl Pieces {
             pieces: Tape::new(&graph, roots, 3, 0),
             states: Tape::new(&graph, &states, 3, 0),
         };
-        // Beyond the box the states of its sides are known.
+        // The lattice extends beyond the box, so that states at its sides are sampled.
         let edges = line.edges(region.widened(region.diagonal() / SAMPLES as f64));
         let mut found = Found {
             nodes: BTreeSet::new(),
@@ -140,8 +143,8 @@ impl Pieces {
         found
     }
 
-    /// The solid with walls in place of the jumps of some nodes, in a box and somewhat beyond. None
-    /// where that cannot be done.
+    /// Replaces the jumps of some nodes by walls, in a slightly enlarged box; `None` if that is
+    /// impossible.
     fn walled(&self, nodes: &BTreeSet<NodeId>, region: Aabb) -> Option<Self> {
         let (graph, root) = self.whole();
         let mut walls = Walls {
@@ -168,14 +171,14 @@ impl Pieces {
         (self.is_like(&made, region) && !made.is_jumping(region)).then_some(made)
     }
 
-    /// True if a piece jumps through 0 in a box.
+    /// Returns true if a piece jumps across 0 in a box.
     fn is_jumping(&self, region: Aabb) -> bool {
         let (graph, roots) = self.functions();
         let nodes = jumping(graph, roots);
         !nodes.is_empty() && !self.found(&nodes, region).nodes.is_empty()
     }
 
-    /// True if two solids have the same sign at points of a lattice.
+    /// Returns true if two solids have equal signs at the points of a lattice.
     fn is_like(&self, other: &Self, region: Aabb) -> bool {
         let points: Vec<Point3> = Lattice::new(region).points().collect();
         let [mut own, mut others] = [(); 2].map(|()| vec![0.0; points.len()]);
@@ -187,7 +190,7 @@ impl Pieces {
     }
 }
 
-/// The nodes below some roots that jump and depend on the place.
+/// Returns the nodes below some roots that are discontinuous and depend on the coordinates.
 fn jumping(graph: &Graph, roots: &[NodeId]) -> Vec<NodeId> {
     let need = graph.reachable(roots);
     let ids = (0..need.len()).filter(|i| need[*i]);
@@ -196,7 +199,7 @@ fn jumping(graph: &Graph, roots: &[NodeId]) -> Vec<NodeId> {
         .collect()
 }
 
-/// True if the function of a node jumps.
+/// Returns true if the operation of a node is discontinuous.
 pub(crate) fn jumps(node: &Node) -> bool {
     let is_other = matches!(
         node,
@@ -206,7 +209,7 @@ pub(crate) fn jumps(node: &Node) -> bool {
     is_step(node) || is_other
 }
 
-/// True if the function of a node is constant but for its jumps.
+/// Returns true if the operation of a node is piecewise constant.
 fn is_step(node: &Node) -> bool {
     matches!(
         node,
@@ -214,7 +217,7 @@ fn is_step(node: &Node) -> bool {
     )
 }
 
-/// A node that is constant where the node does not jump.
+/// Returns a node that is constant wherever the given node is continuous.
 fn state(graph: &mut Graph, id: NodeId) -> NodeId {
     match graph.node(id).clone() {
         Node::Binary(Binary::Atan2, y, _) => {
@@ -229,7 +232,7 @@ fn state(graph: &mut Graph, id: NodeId) -> NodeId {
     }
 }
 
-/// Points of a box, off its middles, where round numbers lie.
+/// Regular lattice of points in a box, offset from symmetry planes and round numbers.
 struct Lattice {
     region: Aabb,
     counts: [usize; 3],
@@ -257,20 +260,20 @@ impl Lattice {
     }
 }
 
-/// Values of pieces and states along lines.
+/// Evaluator of pieces and states along lines.
 struct Line {
     pieces: Tape,
     states: Tape,
 }
 
-/// Jumps between two neighbouring places.
+/// Discontinuities between two neighbouring points.
 struct Jumping {
     piece: bool,
     whole: bool,
 }
 
 impl Line {
-    /// The edges of a lattice between whose ends a state changes.
+    /// Returns the edges of a lattice between whose ends a state changes.
     fn edges(&self, region: Aabb) -> Vec<[Point3; 2]> {
         let lattice = Lattice::new(region);
         let mut scratch = Vec::new();
@@ -292,14 +295,14 @@ impl Line {
         edges
     }
 
-    /// The places between two points where a state changes, each as the two nearest points on
-    /// either side of it.
+    /// Locates the changes of state between two points, each as the two adjacent points on either
+    /// side of it.
     fn changes(&self, from: Point3, to: Point3, scratch: &mut Vec<f64>) -> Vec<[Point3; 2]> {
         let on = |t: f64| -> Point3 { std::array::from_fn(|k| from[k] + t * (to[k] - from[k])) };
         let mut state = |t: f64| self.states.eval_all(&on(t), &[], scratch);
         let (mut found, mut start) = (Vec::new(), 0.0);
         let end = state(1.0);
-        // More changes than these are met on other edges.
+        // Further changes are found on other edges.
         while found.len() < 4 {
             let first = state(start);
             if first == end {
@@ -323,8 +326,8 @@ impl Line {
         found
     }
 
-    /// Tells if a piece, or the whole, jumps through 0 between two neighbouring places: it
-    /// changes by more than it does over the distance `near` on either side.
+    /// Tests if a piece, or the whole, jumps across 0 between two neighbouring points: it changes
+    /// by more than it does over the distance `near` on either side.
     fn jumps(
         &self,
         [p, q]: [Point3; 2],
@@ -332,7 +335,7 @@ impl Line {
         tree: &isoform_geom::Csg,
         scratch: &mut Vec<f64>,
     ) -> Jumping {
-        // Along the axis on which the two differ.
+        // The points differ along one axis.
         let axis = (0..3).find(|k| p[*k] != q[*k]).unwrap_or(0);
         let moved = |p: Point3, by: f64| {
             let mut p = p;
@@ -356,17 +359,17 @@ impl Line {
     }
 }
 
-/// Puts walls in place of jumps.
+/// Replacement of jumps by walls.
 struct Walls {
     graph: Graph,
-    /// The nodes to be taken out. Steps, which are constant but for their jumps, all are.
+    /// Nodes to be removed, in addition to all piecewise constant ones.
     tests: BTreeSet<NodeId>,
-    /// Number of functions put together so far.
+    /// Number of functions joined so far.
     cells: usize,
 }
 
-/// The values of a node by those of a function u: value 0 up to the first limit, value 1 up to the
-/// second.
+/// Values of a piecewise constant node as a function of u: value 0 up to the first limit, value 1
+/// up to the second, and so on.
 struct Steps {
     u: NodeId,
     limits: Vec<f64>,
@@ -374,7 +377,7 @@ struct Steps {
 }
 
 impl Walls {
-    /// An expression with the sign of `id` in a region, without jumps.
+    /// Returns an expression without jumps with the sign of `id` in a region.
     fn without(&mut self, id: NodeId, region: Aabb) -> Option<NodeId> {
         let Some(jump) = self.first_jump(id) else {
             return Some(id);
@@ -418,7 +421,7 @@ impl Walls {
                 }),
             }
         }
-        // Patterns whose motifs do not touch the seams need no walls.
+        // Patterns whose motifs do not touch the seams do not need walls.
         let functions: Vec<OnceCell<Tape>> = cells.iter().map(|_| OnceCell::new()).collect();
         for is_min in [true, false] {
             let is_one_sided = |(cell, function): (&Cell, &OnceCell<Tape>)| {
@@ -434,7 +437,8 @@ impl Walls {
         Some(self.joined(steps.u, &cells))
     }
 
-    /// The first node below another that is to be taken out: it has none below itself.
+    /// Returns the first node below another that is to be removed; the nodes below it are
+    /// continuous.
     fn first_jump(&self, id: NodeId) -> Option<NodeId> {
         let need = self.graph.reachable(&[id]);
         let ids = (0..need.len())
@@ -444,7 +448,7 @@ impl Walls {
             .find(|id| is_step(self.graph.node(*id)) || self.tests.contains(id))
     }
 
-    /// The values of a jumping node in a region.
+    /// Returns the values of a discontinuous node in a region.
     fn steps(&mut self, id: NodeId, region: Aabb) -> Option<Steps> {
         let (op, u) = match *self.graph.node(id) {
             Node::Unary(op, u) => (op, u),
@@ -472,7 +476,7 @@ impl Walls {
         let (first, last) = (range.lo().floor(), range.hi().floor());
         let count = (last - first) as usize;
         let limits = (1..=count).map(|i| first + i as f64);
-        // Truncation does not jump at 0.
+        // Truncation is continuous at 0.
         let limits: Vec<f64> = limits
             .filter(|limit| op != Unary::Trunc || *limit != 0.0)
             .collect();
@@ -485,8 +489,8 @@ impl Walls {
         Some(Steps { u, limits, values })
     }
 
-    /// True if |w| is compared with the language's tolerance: what holds in so thin a layer is no
-    /// part of a solid.
+    /// Returns true if |w| is compared with the language's tolerance: the layer where the
+    /// comparison holds is too thin to be part of a solid.
     fn is_guard(&self, a: NodeId, b: NodeId) -> bool {
         let is_thin = |size: NodeId, limit: NodeId| {
             matches!(self.graph.node(size), Node::Unary(Unary::Abs, _))
@@ -499,7 +503,8 @@ impl Walls {
         Tape::new(&self.graph, &[id], 3, 0).range(&region.sides(), &[], &mut Vec::new())
     }
 
-    /// The function, or a constant where intervals decide its sign in all of the region.
+    /// Returns the function, or a constant of its sign if intervals prove that the sign is constant
+    /// in the region.
     fn decided(&mut self, function: NodeId, region: Aabb) -> NodeId {
         let range = self.range(function, region);
         if range.hi() < 0.0 {
@@ -511,7 +516,7 @@ impl Walls {
         }
     }
 
-    /// The expression `root` with another node in place of one.
+    /// Returns the expression `root` with `node` replaced `by` another.
     fn replaced(&mut self, root: NodeId, node: NodeId, by: NodeId) -> NodeId {
         let new = self.graph.replaced(root, node, by);
         let of = |id: &NodeId| new.get(id.at()).copied().flatten();
@@ -520,7 +525,7 @@ impl Walls {
         of(&root).expect("the root is rebuilt")
     }
 
-    /// The functions of all cells, each in its own, with walls between them.
+    /// Joins the functions of all cells, each in its own cell, with walls between them.
     fn joined(&mut self, u: NodeId, cells: &[Cell]) -> NodeId {
         let graph = &mut self.graph;
         let mut all: Option<NodeId> = None;
@@ -540,7 +545,7 @@ impl Walls {
     }
 }
 
-/// A part of a region outside of which u is not between two limits; it may be empty.
+/// Returns a box in a region outside of which u does not lie between two limits; it may be empty.
 fn contracted(region: Aabb, u: &Tape, lower: Option<f64>, upper: Option<f64>) -> Aabb {
     let (lower, upper) = (
         lower.unwrap_or(f64::NEG_INFINITY),
@@ -571,7 +576,7 @@ fn contracted(region: Aabb, u: &Tape, lower: Option<f64>, upper: Option<f64>) ->
     inner
 }
 
-/// The halves of a box along an axis.
+/// Returns the halves of a box along an axis.
 fn halves(b: Aabb, axis: usize) -> [Aabb; 2] {
     let middle = f64::midpoint(b.lo[axis], b.hi[axis]);
     let (mut below, mut above) = (b, b);
@@ -580,7 +585,7 @@ fn halves(b: Aabb, axis: usize) -> [Aabb; 2] {
     [below, above]
 }
 
-/// A function with the limits of u between which it is meant.
+/// Function with the limits of u between which it is valid.
 struct Cell {
     function: NodeId,
     lower: Option<f64>,
@@ -588,8 +593,8 @@ struct Cell {
 }
 
 impl Cell {
-    /// True if intervals prove that the function is positive, or negative, in all of the region
-    /// outside of the cell; `u` has the limits.
+    /// Returns true if intervals prove that the function is positive, or negative, in all of the
+    /// region outside of the cell.
     fn is_one_sided(&self, function: &Tape, u: &Tape, positive: bool, region: Aabb) -> bool {
         let mut scratch = Vec::new();
         let mut range = |tape: &Tape, b: Aabb| tape.range(&b.sides(), &[], &mut scratch);
@@ -607,7 +612,7 @@ impl Cell {
                 return false;
             }
             left -= 1;
-            // Along the axis that the two functions depend on most.
+            // The box is bisected along the axis on which the two functions depend most.
             let share = |half: Interval, whole: Interval| {
                 let share = (half.hi() - half.lo()) / (whole.hi() - whole.lo());
                 if share.is_nan() { 1.0 } else { share }
@@ -627,7 +632,7 @@ impl Cell {
     }
 }
 
-/// The minimum of a function and the distances of u from its limits.
+/// Returns the minimum of a function and the differences of u from its limits.
 fn between(
     graph: &mut Graph,
     function: NodeId,

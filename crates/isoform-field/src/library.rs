@@ -1,10 +1,11 @@
-//! The first-class functions of the HyperFun library: primitives, blends, signed distances.
+//! Functions of the HyperFun library that are single nodes of expressions: primitives, blends,
+//! signed distances.
 //!
 //! A new primitive is one variant here, with arms in [`Library::arity`], [`Library::algebraic`]
-//! and, if its distance has a closed form, [`Library::metric`]; if it has kinks, `has_kink` of
-//! `split::nodes` must name it. Its HyperFun name and the shape of its arguments stand in the table
-//! of `hyperfun::functions`. Formulas: HyperFun library (f ≥ 0 inside), ../../../docs/hyperfun.md;
-//! u = x − c throughout.
+//! and, if its distance has a closed form, [`Library::metric`]; if it has kinks,
+//! [`Library::has_kink`] must name it. Its HyperFun name and the types of its arguments are listed
+//! in the table of `hyperfun::functions`. Formulas: HyperFun library (f ≥ 0 inside),
+//! ../../../docs/hyperfun.md; u = x − c throughout.
 
 use crate::native;
 use crate::ops::{Ops, SetOp};
@@ -20,7 +21,8 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// The other two coordinates and the axis itself, as indices; (p, q, axis) is right-handed.
+    /// Returns the indices (p, q, axis) of the other two axes and of this one, a right-handed
+    /// triple.
     pub fn indices(self) -> (usize, usize, usize) {
         match self {
             Self::X => (1, 2, 0),
@@ -30,8 +32,8 @@ impl Axis {
     }
 }
 
-/// A library function that stays one node of the tree. Arguments are flat, in HyperFun's order; a
-/// point is three of them.
+/// Library function that is one node of an expression. Arguments are flat, in HyperFun's order; a
+/// point is three arguments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Library {
     /// x, c, R: R² − |u|²
@@ -74,7 +76,7 @@ pub enum Library {
     DistanceEllipsoid,
 }
 
-/// A family of library functions.
+/// Family of library functions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Family {
     /// A function of a point.
@@ -83,18 +85,17 @@ pub(crate) enum Family {
     Displaced,
     /// A set operation of two distances with a circular blend.
     Circular {
-        /// True of a union.
+        /// True for a union.
         is_union: bool,
     },
     /// A signed-distance set operation of two functions.
     Sardf {
-        /// True of a union.
+        /// True for a union.
         is_union: bool,
     },
 }
 
-/// Functions with an iteration inside, evaluated in any number type by Newton steps on the whole
-/// jet.
+/// Functions computed by iteration, evaluated in any number type by Newton steps on the whole jet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Native {
     /// u₁, u₂, u₃, a, b, d: signed distance of u to the ellipsoid about 0, positive inside
@@ -108,7 +109,7 @@ pub enum Native {
 }
 
 impl Native {
-    /// The function in any number type.
+    /// Evaluates the function in any number type.
     pub fn eval<R: Real>(self, args: &[R]) -> R {
         match self {
             Self::EllipsoidDistance => native::ellipsoid_distance(args),
@@ -120,7 +121,7 @@ impl Native {
 }
 
 impl Library {
-    /// Number of flat arguments.
+    /// Returns the number of flat arguments.
     pub fn arity(self) -> usize {
         match self {
             Self::Sphere | Self::Cylinder(_) | Self::Cone(_) | Self::DistanceCone(_) => 7,
@@ -137,7 +138,7 @@ impl Library {
         }
     }
 
-    /// Returns its family, which says how a tree that contains it is decomposed.
+    /// Returns the family, which determines how a tree that contains the function is decomposed.
     pub(crate) fn family(self) -> Family {
         match self {
             Self::Sphere
@@ -161,12 +162,12 @@ impl Library {
         }
     }
 
-    /// True if the first three arguments are the point at which a primitive is evaluated.
+    /// Returns true for primitives, whose first three arguments are the point of evaluation.
     pub fn is_primitive(self) -> bool {
         self.family() == Family::Primitive
     }
 
-    /// True if its formula has kinks in its arguments.
+    /// Returns true if the formula has kinks.
     pub(crate) fn has_kink(self) -> bool {
         match self {
             Self::DistanceCone(_)
@@ -191,7 +192,7 @@ impl Library {
         }
     }
 
-    /// HyperFun's own value.
+    /// Returns the value as defined by HyperFun.
     pub fn algebraic<O: Ops>(self, o: &mut O, args: &[O::V]) -> O::V {
         debug_assert_eq!(args.len(), self.arity());
         if !self.is_primitive() {
@@ -237,7 +238,7 @@ impl Library {
         }
     }
 
-    /// Blends and SARDF operations of two values.
+    /// Returns the value of a blend or SARDF operation of two values.
     fn combination<O: Ops>(self, o: &mut O, args: &[O::V]) -> O::V {
         let (f, g) = (&args[0], &args[1]);
         match self {
@@ -279,9 +280,9 @@ impl Library {
         }
     }
 
-    /// The unit-gradient forms of a primitive, one per smooth side with the side's name, to be
-    /// joined by min (a block is the intersection of six half spaces); empty where none is known in
-    /// closed form. Valid where the point's coordinates are a rigid image of space.
+    /// Returns the unit-gradient forms of a primitive, one per smooth side with the side's name,
+    /// whose minimum is the primitive (a block is the intersection of six half spaces); empty if no
+    /// closed form is known. They are valid if the point's coordinates are a rigid image of space.
     pub fn metric<O: Ops>(self, o: &mut O, args: &[O::V]) -> Vec<(&'static str, O::V)> {
         if !self.is_primitive() {
             return Vec::new();
@@ -313,7 +314,7 @@ impl Library {
             }
             Self::Block => sides_of_block(o, args),
             Self::DistanceCylinder | Self::DistanceEllipsoid => one(self.algebraic(o, args)),
-            // No closed form is known of the first ones; the others are not primitives.
+            // No closed form is known for the first ones; the others are not primitives.
             Self::Ellipsoid
             | Self::EllipticCylinder(_)
             | Self::EllipticCone(_)
@@ -328,7 +329,7 @@ impl Library {
     }
 }
 
-/// The two other coordinates in rising order (HyperFun's order of half axes).
+/// Returns the two other coordinates in ascending order (HyperFun's order of half axes).
 fn others(axis: Axis) -> (usize, usize) {
     match axis {
         Axis::X => (1, 2),
@@ -337,14 +338,14 @@ fn others(axis: Axis) -> (usize, usize) {
     }
 }
 
-/// R² − |u|²
+/// Returns R² − |u|².
 fn ball<O: Ops>(o: &mut O, u: &[O::V; 3], r: &O::V) -> O::V {
     let r2 = o.square(r);
     let d2 = squares(o, u);
     o.sub(&r2, &d2)
 }
 
-/// R² − p², p the distance to the axis.
+/// Returns R² − p², p the distance to the axis.
 fn cylinder<O: Ops>(o: &mut O, axis: Axis, u: &[O::V; 3], r: &O::V) -> O::V {
     let (p, q, _) = axis.indices();
     let (r2, p2, q2) = (o.square(r), o.square(&u[p]), o.square(&u[q]));
@@ -352,7 +353,7 @@ fn cylinder<O: Ops>(o: &mut O, axis: Axis, u: &[O::V; 3], r: &O::V) -> O::V {
     o.sub(&s, &q2)
 }
 
-/// r² − |u|² − R² + 2 R p for R, r = n, p the distance to the axis.
+/// Returns r² − |u|² − R² + 2 R p for R, r = n, p the distance to the axis.
 fn torus<O: Ops>(o: &mut O, axis: Axis, u: &[O::V; 3], n: &[O::V]) -> O::V {
     let p = axis_distance(o, axis, u);
     let (r2, d2, big2) = (o.square(&n[1]), squares(o, u), o.square(&n[0]));
@@ -363,7 +364,8 @@ fn torus<O: Ops>(o: &mut O, axis: Axis, u: &[O::V; 3], n: &[O::V]) -> O::V {
     o.add(&s, &rp)
 }
 
-/// The R-intersection of the slabs (xᵢ − vᵢ)(vᵢ + dᵢ − xᵢ), of x, v, d = args and u = x − v.
+/// Returns the R-intersection of the slabs (xᵢ − vᵢ)(vᵢ + dᵢ − xᵢ), for x, v, d = args and u = x −
+/// v.
 fn block<O: Ops>(o: &mut O, args: &[O::V], u: &[O::V; 3]) -> O::V {
     let t: [O::V; 3] = std::array::from_fn(|i| {
         let end = o.add(&args[i + 3], &args[i + 6]);
@@ -374,8 +376,8 @@ fn block<O: Ops>(o: &mut O, args: &[O::V], u: &[O::V; 3]) -> O::V {
     o.set(SetOp::RIntersection, &s, &t[2])
 }
 
-/// The distances to the six sides of a block. A block of negative size has the sides of the one of
-/// that size below its corner, since the formula is symmetric in a slab's two ends.
+/// Returns the distances to the six sides of a block. A block of negative size extends below its
+/// corner, since the formula is symmetric in the two ends of a slab.
 fn sides_of_block<O: Ops>(o: &mut O, args: &[O::V]) -> Vec<(&'static str, O::V)> {
     let names = [["x_min", "x_max"], ["y_min", "y_max"], ["z_min", "z_max"]];
     let mut sides = Vec::with_capacity(6);
@@ -392,7 +394,7 @@ fn sides_of_block<O: Ops>(o: &mut O, args: &[O::V]) -> Vec<(&'static str, O::V)>
     sides
 }
 
-/// h² − (p/R)², h along the axis and p the distance to it.
+/// Returns h² − (p/R)², h the coordinate along the axis and p the distance to it.
 fn cone<O: Ops>(o: &mut O, axis: Axis, u: &[O::V; 3], r: &O::V) -> O::V {
     let (p, q, h) = axis.indices();
     let (h2, p2, q2) = (o.square(&u[h]), o.square(&u[p]), o.square(&u[q]));
@@ -402,7 +404,7 @@ fn cone<O: Ops>(o: &mut O, axis: Axis, u: &[O::V; 3], r: &O::V) -> O::V {
     o.sub(&h2, &s)
 }
 
-/// h² − (first other coordinate / a)² − (second / b)² for a, b = n.
+/// Returns h² − (first other coordinate / a)² − (second / b)² for a, b = n.
 fn elliptic_cone<O: Ops>(o: &mut O, axis: Axis, u: &[O::V; 3], n: &[O::V]) -> O::V {
     let (i, j) = others(axis);
     let (_, _, h) = axis.indices();
@@ -412,14 +414,14 @@ fn elliptic_cone<O: Ops>(o: &mut O, axis: Axis, u: &[O::V; 3], n: &[O::V]) -> O:
     o.offset(&s, -1.0)
 }
 
-/// u·u
+/// Returns u·u.
 fn squares<O: Ops>(o: &mut O, u: &[O::V; 3]) -> O::V {
     let q: [O::V; 3] = std::array::from_fn(|i| o.square(&u[i]));
     let s = o.add(&q[0], &q[1]);
     o.add(&s, &q[2])
 }
 
-/// Distance to the axis.
+/// Returns the distance to the axis.
 fn axis_distance<O: Ops>(o: &mut O, axis: Axis, u: &[O::V; 3]) -> O::V {
     let (p, q, _) = axis.indices();
     let (p2, q2) = (o.square(&u[p]), o.square(&u[q]));
@@ -427,7 +429,7 @@ fn axis_distance<O: Ops>(o: &mut O, axis: Axis, u: &[O::V; 3]) -> O::V {
     o.sqrt(&s)
 }
 
-/// 1 − Σ (uᵢ/aᵢ)²
+/// Returns 1 − Σ (uᵢ/aᵢ)².
 fn quadric<O: Ops>(o: &mut O, terms: &[(&O::V, &O::V)]) -> O::V {
     let mut s = o.constant(1.0);
     for (u, a) in terms {
@@ -438,7 +440,7 @@ fn quadric<O: Ops>(o: &mut O, terms: &[(&O::V, &O::V)]) -> O::V {
     s
 }
 
-/// 1 − (|u₁/a|^(2/s2) + |u₂/b|^(2/s2))^(s2/s1) − |u₃/d|^(2/s1) for a, b, d, s1, s2 = n.
+/// Returns 1 − (|u₁/a|^(2/s2) + |u₂/b|^(2/s2))^(s2/s1) − |u₃/d|^(2/s1) for a, b, d, s1, s2 = n.
 fn superellipsoid<O: Ops>(o: &mut O, u: &[O::V; 3], n: &[O::V]) -> O::V {
     let two = o.constant(2.0);
     let (e1, e2) = (o.div(&two, &n[3]), o.div(&two, &n[4]));
@@ -453,14 +455,14 @@ fn superellipsoid<O: Ops>(o: &mut O, u: &[O::V; 3], n: &[O::V]) -> O::V {
     o.sub(&s, &c)
 }
 
-/// |u/a|^e
+/// Returns |u/a|^e.
 fn scaled_power<O: Ops>(o: &mut O, u: &O::V, a: &O::V, e: &O::V) -> O::V {
     let t = o.div(u, a);
     let t = o.abs(&t);
     power_from_zero(o, &t, e)
 }
 
-/// t^e for t ≥ 0, with 0^e = 0 and no derivative there.
+/// Returns t^e for t ≥ 0, with 0^e = 0 and derivative 0 there.
 fn power_from_zero<O: Ops>(o: &mut O, t: &O::V, e: &O::V) -> O::V {
     let zero = o.constant(0.0);
     let tiny = o.constant(f64::MIN_POSITIVE);
@@ -470,7 +472,7 @@ fn power_from_zero<O: Ops>(o: &mut O, t: &O::V, e: &O::V) -> O::V {
     o.select(&positive, &p, &zero)
 }
 
-/// h sin t − p cos t with tan t = R, for h = |axis coordinate|.
+/// Returns h sin t − p cos t with tan t = R, for h = |axis coordinate|.
 fn cone_distance<O: Ops>(o: &mut O, h: &O::V, p: &O::V, r: &O::V) -> O::V {
     let h = o.abs(h);
     let rh = o.mul(r, &h);
@@ -481,7 +483,7 @@ fn cone_distance<O: Ops>(o: &mut O, h: &O::V, p: &O::V, r: &O::V) -> O::V {
     o.div(&s, &q)
 }
 
-/// r − √((p − R)² + h²)
+/// Returns r − √((p − R)² + h²).
 fn torus_distance<O: Ops>(o: &mut O, p: &O::V, h: &O::V, big: &O::V, r: &O::V) -> O::V {
     let d = o.sub(p, big);
     let (d2, h2) = (o.square(&d), o.square(h));
@@ -490,7 +492,7 @@ fn torus_distance<O: Ops>(o: &mut O, p: &O::V, h: &O::V, big: &O::V, r: &O::V) -
     o.sub(r, &s)
 }
 
-/// |dir × u| / |dir|
+/// Returns |dir × u| / |dir|.
 fn distance_to_line<O: Ops>(o: &mut O, u: &[O::V; 3], dir: &[O::V]) -> O::V {
     let c: [O::V; 3] = std::array::from_fn(|i| {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
@@ -503,7 +505,7 @@ fn distance_to_line<O: Ops>(o: &mut O, u: &[O::V; 3], dir: &[O::V]) -> O::V {
     o.div(&c1, &d1)
 }
 
-/// a0 / (1 + (f/a1)² + (g/a2)²)
+/// Returns a0 / (1 + (f/a1)² + (g/a2)²).
 fn displacement<O: Ops>(o: &mut O, args: &[O::V]) -> O::V {
     let (p, q) = (o.div(&args[0], &args[3]), o.div(&args[1], &args[4]));
     let (p2, q2) = (o.square(&p), o.square(&q));
@@ -512,8 +514,8 @@ fn displacement<O: Ops>(o: &mut O, args: &[O::V]) -> O::V {
     o.div(&args[2], &s)
 }
 
-/// min outside |f − g| ≤ r, else (2s − 4r + √((2s − 4r)² − 8 (f² + g² + r² − 2 r s))) / 4 with s =
-/// f + g.
+/// Returns the minimum for |f − g| > r, else (2s − 4r + √((2s − 4r)² − 8 (f² + g² + r² − 2 r s))) /
+/// 4 with s = f + g.
 fn circular_intersection<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V) -> O::V {
     let s = o.add(f, g);
     let (s2, r4) = (o.scale(2.0, &s), o.scale(4.0, r));
@@ -526,7 +528,7 @@ fn circular_intersection<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V) -> O::
     let c8 = o.scale(8.0, &c);
     let disc = o.sub(&b2, &c8);
     let zero = o.constant(0.0);
-    // Rounding may push the discriminant below 0 at the blend's ends.
+    // Rounding may make the discriminant negative at the ends of the blend.
     let disc = o.max(&disc, &zero);
     let root = o.sqrt(&disc);
     let sum = o.add(&b, &root);
@@ -538,8 +540,8 @@ fn circular_intersection<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V) -> O::
     o.select(&apart, &m, &blend)
 }
 
-/// Signed approximate real distance function of an intersection (Fayolle, Pasko, Schmitt); every
-/// branch is built, the conditions choose. Values below 1e-7 count as 0.
+/// Returns the signed approximate real distance function of an intersection (Fayolle, Pasko,
+/// Schmitt). All branches are built, and conditions select one. Values below 1e-7 count as 0.
 fn sardf_intersection<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V, alpha: &O::V) -> O::V {
     let zero = o.constant(0.0);
     let small = |o: &mut O, v: &O::V| {
@@ -554,13 +556,13 @@ fn sardf_intersection<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V, alpha: &O
     let (fp, gp) = (o.less(&zero, &f), o.less(&zero, &g));
     let (fn_, gn) = (o.less(&f, &zero), o.less(&g, &zero));
     let (both_p, both_n) = (o.mul(&fp, &gp), o.mul(&fn_, &gn));
-    // Values of different signs give the negative one, and a zero gives min(other, 0): both are the
-    // minimum.
+    // For values of different signs the result is the negative one, for a zero min(other, 0): the
+    // minimum in both cases.
     let rest = o.select(&both_n, &negative, &m);
     o.select(&both_p, &positive, &rest)
 }
 
-/// The SARDF intersection where both values are negative: f in the sector f tan α ≤ g, g in the
+/// Returns the SARDF intersection of two negative values: f in the sector f tan α ≤ g, g in the
 /// sector g tan α ≤ f, and the arc that joins them between.
 fn sardf_both_negative<O: Ops>(o: &mut O, f: &O::V, g: &O::V, alpha: &O::V) -> O::V {
     let (t, d) = sardf_arc(o, f, g, alpha);
@@ -575,8 +577,8 @@ fn sardf_both_negative<O: Ops>(o: &mut O, f: &O::V, g: &O::V, alpha: &O::V) -> O
     o.select(&first, f, &d)
 }
 
-/// t = tan α, and the root d of (1 − t² − 2t) d² + 2t (f + g) d − (f² + g²) = 0 with the negative
-/// square root.
+/// Returns t = tan α, and the root d of (1 − t² − 2t) d² + 2t (f + g) d − (f² + g²) = 0 with the
+/// negative square root.
 fn sardf_arc<O: Ops>(o: &mut O, f: &O::V, g: &O::V, alpha: &O::V) -> (O::V, O::V) {
     let (sum, f2, g2) = (o.add(f, g), o.square(f), o.square(g));
     let s2 = o.add(&f2, &g2);
@@ -601,8 +603,9 @@ fn sardf_arc<O: Ops>(o: &mut O, f: &O::V, g: &O::V, alpha: &O::V) -> (O::V, O::V
     (t, d)
 }
 
-/// The SARDF intersection where both values are positive: m² by the quartic's root m near the edge
-/// and inside its sector, the minimum beside it, and the circular blend far from the edge.
+/// Returns the SARDF intersection of two positive values: m² for the quartic's root m near the edge
+/// and inside its sector, the minimum near the edge outside of the sector, and the circular blend
+/// far from the edge.
 fn sardf_both_positive<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V, m: &O::V) -> O::V {
     let (f2, g2) = (o.square(f), o.square(g));
     let r4 = o.scale(4.0, r);
@@ -617,7 +620,7 @@ fn sardf_both_positive<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V, m: &O::V
     o.select(&near, &near_value, &far_value)
 }
 
-/// f ≤ R or g ≤ R or (f ≤ 2R and g ≤ 2R and (f − 2R)² + (g − 2R)² ≥ R²), as a condition.
+/// Returns the condition f ≤ R or g ≤ R or (f ≤ 2R and g ≤ 2R and (f − 2R)² + (g − 2R)² ≥ R²).
 fn sardf_is_near<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V) -> O::V {
     let r2 = o.scale(2.0, r);
     let (a, b) = (o.less_eq(f, r), o.less_eq(g, r));

@@ -1,4 +1,4 @@
-//! A tape as a list of steps, for evaluators that live elsewhere: a page, a shader.
+//! Listing of a tape as steps, for evaluators outside of this crate such as a page or a shader.
 //!
 //! The slots are numbered as in the tape: constants, coordinates, parameters, then one for each
 //! step.
@@ -7,7 +7,7 @@ use crate::library::Native;
 use crate::ops::{Binary, SetOp, Unary};
 use crate::tape::{Op, Tape};
 
-/// A step; its arguments are slots.
+/// Step of a tape; its arguments are slots.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
     /// A function of one argument.
@@ -18,14 +18,14 @@ pub enum Step {
     Set(SetOp, u32, u32),
     /// An integer power.
     PowI(u32, i32),
-    /// The second where the first is not 0, else the third.
+    /// The second argument where the first is not 0, else the third.
     Select(u32, u32, u32),
-    /// A function with an iteration inside.
+    /// A function computed by iteration.
     Native(Native, Vec<u32>),
 }
 
 impl Step {
-    /// The slots that it uses.
+    /// Returns the slots of the arguments.
     pub fn arguments(&self) -> Vec<u32> {
         match self {
             Self::Unary(_, u) | Self::PowI(u, _) => vec![*u],
@@ -37,13 +37,13 @@ impl Step {
 }
 
 impl Tape {
-    /// The values of the first slots.
+    /// Returns the values of the first slots.
     pub fn constants(&self) -> &[f64] {
         &self.constants
     }
 
-    /// The steps in the order of computation. Those that do not depend on the coordinates come
-    /// first: [`Self::uniform_steps`] of them.
+    /// Lists the steps in the order of computation. The first [`Self::uniform_steps`] do not depend
+    /// on the coordinates.
     ///
     /// ```
     /// use isoform_field::{Binary, Graph, Ops, Step, Tape};
@@ -69,12 +69,12 @@ impl Tape {
         })
     }
 
-    /// The number of first steps that do not depend on the coordinates.
+    /// Returns the number of initial steps that do not depend on the coordinates.
     pub fn uniform_steps(&self) -> usize {
         self.uniform
     }
 
-    /// The slots of the results.
+    /// Returns the slots of the results.
     pub fn results(&self) -> &[u32] {
         &self.roots
     }

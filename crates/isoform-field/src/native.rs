@@ -1,19 +1,19 @@
-//! Functions with an iteration inside, for every number type.
+//! Functions computed by iteration, in every number type.
 //!
-//! The iteration runs on plain values; two Newton steps in the number type then lift the result to
-//! a jet, since each step doubles the order to which the jet is right (the defining equation is
+//! The iteration runs on plain values; Newton steps in the number type then lift the result to a
+//! jet, since each step doubles the order to which the jet is exact (the defining equation is
 //! evaluated exactly in the jet).
 
 use isoform_num::Real;
 
-/// A share of s² that t + s² must be above for the foot point u s²/(t + s²) to be computed from it.
-/// Below it the root t is −s² up to rounding: u is on a principal plane within the focal curve.
+/// Lower bound on t + s² in units of s² for computing the foot point u s²/(t + s²). Below it the
+/// root t equals −s² up to rounding: u lies on a principal plane inside the focal curve.
 const OFF_PLANE: f64 = 1e-9;
-/// Number of halvings after which a bisection ends. Neighbouring doubles mostly end it sooner.
+/// Maximum number of bisection steps. Most bisections end sooner, at neighbouring doubles.
 const MOST_HALVINGS: usize = 200;
 
-/// Signed distance to an axis-parallel ellipsoid about 0, positive inside: `u[0..3]`, half axes
-/// `u[3..6]`.
+/// Computes the signed distance to an axis-parallel ellipsoid about 0, positive inside: `u[0..3]`,
+/// half axes `u[3..6]`.
 ///
 /// The foot point is q = u s²/(t + s²) with Σ (u s/(t + s²))² = 1; the largest root t is bracketed
 /// and bisected on values, then polished by Newton (robust at the centre and on the principal
@@ -38,7 +38,7 @@ pub(crate) fn ellipsoid_distance<R: Real>(args: &[R]) -> R {
     }
 }
 
-/// A point in the first octant and the half axes of an ellipsoid.
+/// Point in the first octant, and the half axes of an ellipsoid.
 struct Ellipsoid {
     /// The point.
     u: [f64; 3],
@@ -47,7 +47,7 @@ struct Ellipsoid {
 }
 
 impl Ellipsoid {
-    /// The largest t with Σ (u s/(t + s²))² = 1, by bisection.
+    /// Computes the largest t with Σ (u s/(t + s²))² = 1, by bisection.
     fn root(&self) -> f64 {
         let Self { u, s } = self;
         let least = s.iter().copied().fold(f64::INFINITY, f64::min);
@@ -61,19 +61,19 @@ impl Ellipsoid {
         bisected(-least * least, farthest, |t| g(t) > 0.0)
     }
 
-    /// Whether coordinate i of the foot point is u s²/(t + s²).
+    /// Returns true if coordinate i of the foot point can be computed as u s²/(t + s²).
     fn is_off_plane(&self, t: f64, i: usize) -> bool {
         let s2 = self.s[i] * self.s[i];
         t + s2 > OFF_PLANE * self.s[i] * self.s[i]
     }
 
-    /// Whether the point is in the ellipsoid: Σ (u/s)² ≤ 1.
+    /// Returns true if the point lies inside the ellipsoid: Σ (u/s)² ≤ 1.
     fn is_inside(&self) -> bool {
         (0..3).map(|i| (self.u[i] / self.s[i]).powi(2)).sum::<f64>() <= 1.0
     }
 
-    /// The distance on the medial axis: the foot point lies off the principal plane in the
-    /// direction of the shortest half axis.
+    /// Computes the distance of a point on the medial axis: the foot point lies off the principal
+    /// plane in the direction of the shortest half axis.
     fn distance_from_plane(&self, t: f64) -> f64 {
         let Self { u, s } = self;
         let mut q: [f64; 3] = std::array::from_fn(|i| {
@@ -94,8 +94,8 @@ impl Ellipsoid {
     }
 }
 
-/// The distance in the number type, from the root t of its values: Newton on g = Σ a − 1 with
-/// a = (u s/(t + s²))² and g' = −2 Σ a/(t + s²).
+/// Computes the distance in the number type from the root t of the values: Newton on g = Σ a − 1
+/// with a = (u s/(t + s²))² and g' = −2 Σ a/(t + s²).
 fn lifted_distance<R: Real>(args: &[R], t: f64) -> R {
     let mut t = R::constant(t);
     let s2: Vec<R> = (3..6).map(|i| args[i].square()).collect();
@@ -117,8 +117,8 @@ fn lifted_distance<R: Real>(args: &[R], t: f64) -> R {
     -t * sum.sqrt()
 }
 
-/// Second largest real root m of the SARDF quartic for f, g > 0 and R; 0 where there are fewer than
-/// two.
+/// Computes the second largest real root m of the SARDF quartic for f, g > 0 and R; 0 if it has
+/// fewer than two.
 pub(crate) fn sardf_root<R: Real>(args: &[R]) -> R {
     let (f, g, r) = (args[0].value(), args[1].value(), args[2].value());
     if !(f > 0.0 && g > 0.0 && r > 0.0) {
@@ -141,7 +141,7 @@ pub(crate) fn sardf_root<R: Real>(args: &[R]) -> R {
     m
 }
 
-/// m⁴ − 4q m³ − 4R m² + 4q (f + g) m − (f² + g²) with q = √R, and its derivative by m.
+/// Evaluates m⁴ − 4q m³ − 4R m² + 4q (f + g) m − (f² + g²), q = √R, and its derivative by m.
 fn sardf_quartic<R: Real>([f, g, r, q]: [&R; 4], m: &R) -> (R, R) {
     let k = R::constant;
     let m2 = m.square();
@@ -155,14 +155,16 @@ fn sardf_quartic<R: Real>([f, g, r, q]: [&R; 4], m: &R) -> (R, R) {
     (value, slope)
 }
 
-/// The second largest real root of a quartic with the coefficients from constant to leading.
+/// Returns the second largest real root of a quartic with the coefficients from constant to
+/// leading.
 fn second_largest_root(c: &[f64; 5]) -> Option<f64> {
     let roots = real_roots(c);
     (roots.len() >= 2).then(|| roots[roots.len() - 2])
 }
 
-/// Real roots of a polynomial in rising order: between neighbouring roots of the derivative it is
-/// monotone and is bisected. Cauchy's bound 1 + max |cᵢ/cₙ| holds all of them.
+/// Computes the real roots of a polynomial in ascending order, by bisection between neighbouring
+/// roots of the derivative, where it is monotone. Cauchy's bound 1 + max |cᵢ/cₙ| bounds all of
+/// them.
 fn real_roots(c: &[f64]) -> Vec<f64> {
     let degree = c.len() - 1;
     if degree == 1 {
@@ -198,8 +200,8 @@ fn real_roots(c: &[f64]) -> Vec<f64> {
     roots
 }
 
-/// The place between `lo` and `hi` where `is_below` changes from true to false, by bisection down
-/// to neighbouring doubles.
+/// Finds the number between `lo` and `hi` at which `is_below` changes from true to false, by
+/// bisection down to neighbouring doubles.
 fn bisected(mut lo: f64, mut hi: f64, is_below: impl Fn(f64) -> bool) -> f64 {
     for _ in 0..MOST_HALVINGS {
         let m = 0.5 * (lo + hi);
@@ -211,7 +213,7 @@ fn bisected(mut lo: f64, mut hi: f64, is_below: impl Fn(f64) -> bool) -> f64 {
     0.5 * (lo + hi)
 }
 
-/// C's fmod; the derivative by u is 1, by v −trunc(u/v).
+/// Computes C's fmod; the derivative by u is 1, by v −trunc(u/v).
 pub(crate) fn fmod<R: Real>(args: &[R]) -> R {
     let (u, v) = (args[0].value(), args[1].value());
     if !(u.is_finite() && v.is_finite()) || v == 0.0 {
@@ -221,8 +223,7 @@ pub(crate) fn fmod<R: Real>(args: &[R]) -> R {
     args[0].clone() - args[1].clone() * R::constant(n)
 }
 
-/// A mixture of the bits of a lattice point's coordinates, which takes the place of Perlin's
-/// permutation.
+/// Hashes a lattice point's coordinates, in place of Perlin's permutation.
 fn lattice_hash(point: [f64; 3]) -> u64 {
     let mut hash = 0x9E37_79B9_7F4A_7C15u64;
     for c in point {
@@ -233,8 +234,8 @@ fn lattice_hash(point: [f64; 3]) -> u64 {
     hash
 }
 
-/// The product of d with the gradient that the hash chooses among the twelve edge directions of a
-/// cube.
+/// Returns the dot product of d and the gradient that the hash selects among the twelve edge
+/// directions of a cube.
 fn along_edge<R: Real>(hash: u64, d: &[R; 3]) -> R {
     let n = (hash >> 33) % 12;
     let (a, b) = [(0, 1), (0, 2), (1, 2)][(n / 4) as usize];
@@ -242,8 +243,8 @@ fn along_edge<R: Real>(hash: u64, d: &[R; 3]) -> R {
     sign(n & 1) * d[a].clone() + sign((n >> 1) & 1) * d[b].clone()
 }
 
-/// Ken Perlin's improved noise with a permutation of our own: p(i) from a fixed 64-bit mixing of i,
-/// so that noise does not depend on the machine.
+/// Computes Ken Perlin's improved noise with a fixed 64-bit hash in place of his permutation table,
+/// identical on all machines.
 pub(crate) fn perlin<R: Real>(args: &[R]) -> R {
     let cell: [f64; 3] = std::array::from_fn(|i| args[i].value().floor());
     let p: [R; 3] = std::array::from_fn(|i| args[i].clone() - R::constant(cell[i]));

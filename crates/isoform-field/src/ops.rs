@@ -1,8 +1,8 @@
-//! One formula, many meanings: the operations a formula may use.
+//! Operations of formulas, abstracted from their evaluation.
 //!
-//! Library functions and the HyperFun executor are written against [`Ops`]. Run with [`Direct`]
-//! they compute at once, in any [`Real`] number type (this is the oracle that every evaluator must
-//! agree with); run with a [`crate::Graph`] they build the expression.
+//! Library functions and the HyperFun executor are written against [`Ops`]. With [`Direct`] they
+//! compute immediately, in any [`Real`] number type (the reference with which every evaluator must
+//! agree); with a [`crate::Graph`] they build the expression.
 
 use crate::library::{Library, Native};
 use isoform_num::Real;
@@ -69,7 +69,7 @@ pub enum SetOp {
 }
 
 impl Unary {
-    /// True if it has a kink or a jump.
+    /// Returns true if the function has a kink or a jump.
     pub(crate) fn has_kink(self) -> bool {
         match self {
             Self::Abs | Self::Floor | Self::Ceil | Self::Trunc | Self::Sign => true,
@@ -89,7 +89,7 @@ impl Unary {
             | Self::Tanh => false,
         }
     }
-    /// Returns the least and the greatest argument for which it has a value.
+    /// Returns the least and the greatest argument of the function's domain.
     pub(crate) fn domain(self) -> (f64, f64) {
         match self {
             Self::Sqrt => (0.0, f64::INFINITY),
@@ -112,7 +112,7 @@ impl Unary {
             | Self::Sign => (f64::NEG_INFINITY, f64::INFINITY),
         }
     }
-    /// The function in any number type.
+    /// Evaluates the function in any number type.
     pub fn apply<R: Real>(self, a: &R) -> R {
         match self {
             Self::Neg => -a.clone(),
@@ -139,14 +139,14 @@ impl Unary {
 }
 
 impl Binary {
-    /// True if it has a kink or a jump.
+    /// Returns true if the function has a kink or a jump.
     pub(crate) fn has_kink(self) -> bool {
         match self {
             Self::Less | Self::LessEq => true,
             Self::Add | Self::Sub | Self::Mul | Self::Div | Self::Pow | Self::Atan2 => false,
         }
     }
-    /// The function in any number type.
+    /// Evaluates the function in any number type.
     pub fn apply<R: Real>(self, a: &R, b: &R) -> R {
         match self {
             Self::Add => a.clone() + b.clone(),
@@ -162,7 +162,7 @@ impl Binary {
 }
 
 impl SetOp {
-    /// The function in any number type.
+    /// Evaluates the function in any number type.
     pub fn apply<R: Real>(self, a: &R, b: &R) -> R {
         match self {
             Self::RUnion => a.r_union(b),
@@ -173,98 +173,99 @@ impl SetOp {
     }
 }
 
-/// What a formula can be written with. Conditions are numbers: 0 is false, everything else true.
+/// Operations of which formulas are composed. Conditions are numbers: 0 is false, everything else
+/// true.
 pub trait Ops {
-    /// A value: a number, or a node of the expression under construction.
+    /// Type of values: numbers, or nodes of the expression under construction.
     type V: Clone;
 
-    /// The constant `c`.
+    /// Returns the constant `c`.
     fn constant(&mut self, c: f64) -> Self::V;
-    /// A function of one argument.
+    /// Applies a function of one argument.
     fn unary(&mut self, op: Unary, a: &Self::V) -> Self::V;
-    /// A function of two arguments.
+    /// Applies a function of two arguments.
     fn binary(&mut self, op: Binary, a: &Self::V, b: &Self::V) -> Self::V;
-    /// a^n for an integer n.
+    /// Returns a^n for an integer n.
     fn powi(&mut self, a: &Self::V, n: i32) -> Self::V;
-    /// A set operation; stays first-class in an expression.
+    /// Applies a set operation, which stays one node of an expression.
     fn set(&mut self, op: SetOp, a: &Self::V, b: &Self::V) -> Self::V;
-    /// `a` where `condition` ≠ 0, `b` elsewhere.
+    /// Returns `a` where `condition` ≠ 0, else `b`.
     fn select(&mut self, condition: &Self::V, a: &Self::V, b: &Self::V) -> Self::V;
-    /// A primitive or blend of the library; stays first-class in an expression. Arguments flat, in
-    /// the order of [`Library`].
+    /// Applies a primitive or blend of the library, which stays one node of an expression. The
+    /// arguments are flat, in the order of [`Library`].
     fn library(&mut self, f: Library, args: &[Self::V]) -> Self::V;
-    /// A function that is no formula (an iteration inside).
+    /// Applies a function that is computed by iteration rather than by a formula.
     fn native(&mut self, f: Native, args: &[Self::V]) -> Self::V;
-    /// The value where it is known now: always when computing directly, for constants only when
-    /// building an expression.
+    /// Returns the value if it is known: always in immediate evaluation, for constants only in the
+    /// construction of an expression.
     fn known(&self, v: &Self::V) -> Option<f64>;
 
-    /// a + b
+    /// Returns a + b.
     fn add(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
         self.binary(Binary::Add, a, b)
     }
-    /// a − b
+    /// Returns a − b.
     fn sub(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
         self.binary(Binary::Sub, a, b)
     }
-    /// a · b
+    /// Returns a · b.
     fn mul(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
         self.binary(Binary::Mul, a, b)
     }
-    /// a / b
+    /// Returns a / b.
     fn div(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
         self.binary(Binary::Div, a, b)
     }
-    /// −a
+    /// Returns −a.
     fn neg(&mut self, a: &Self::V) -> Self::V {
         self.unary(Unary::Neg, a)
     }
-    /// a²
+    /// Returns a².
     fn square(&mut self, a: &Self::V) -> Self::V {
         self.unary(Unary::Square, a)
     }
-    /// √a
+    /// Returns √a.
     fn sqrt(&mut self, a: &Self::V) -> Self::V {
         self.unary(Unary::Sqrt, a)
     }
-    /// |a|
+    /// Returns |a|.
     fn abs(&mut self, a: &Self::V) -> Self::V {
         self.unary(Unary::Abs, a)
     }
-    /// c · a
+    /// Returns c · a.
     fn scale(&mut self, c: f64, a: &Self::V) -> Self::V {
         let c = self.constant(c);
         self.mul(&c, a)
     }
-    /// a + c
+    /// Returns a + c.
     fn offset(&mut self, a: &Self::V, c: f64) -> Self::V {
         let c = self.constant(c);
         self.add(a, &c)
     }
-    /// min(a, b) as a set operation
+    /// Returns min(a, b) as a set operation.
     fn min(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
         self.set(SetOp::Min, a, b)
     }
-    /// max(a, b) as a set operation
+    /// Returns max(a, b) as a set operation.
     fn max(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
         self.set(SetOp::Max, a, b)
     }
-    /// 1 where a < b, else 0
+    /// Returns 1 where a < b, else 0.
     fn less(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
         self.binary(Binary::Less, a, b)
     }
-    /// 1 where a ≤ b, else 0
+    /// Returns 1 where a ≤ b, else 0.
     fn less_eq(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
         self.binary(Binary::LessEq, a, b)
     }
 }
 
-/// Computes at once, in the number type `R`.
+/// Immediate evaluation in the number type `R`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Direct<R>(PhantomData<R>);
 
 impl<R> Direct<R> {
-    /// The evaluator; it has no state.
+    /// Creates the evaluator, which is stateless.
     pub fn new() -> Self {
         Self(PhantomData)
     }

@@ -1,9 +1,9 @@
-//! Values at many points, by shorter functions for parts of them.
+//! Evaluation at many points by simplified functions for subsets of them.
 //!
-//! Points are parted by halves of their box. In every eighth of a box, what does not decide there
-//! is left out of the function ([`Tape::bounds`]): of a union of many thousand balls some ten are
-//! left for a handful of points. What is left computes the same bits, so that values do not tell
-//! how points were parted.
+//! Points are partitioned by bisection of their box. In every eighth of a box the function is
+//! simplified ([`Tape::bounds`]): of a union of many thousand balls about ten are left for a
+//! handful of points. The simplified function computes bitwise identical values, so that results do
+//! not depend on the partition.
 
 use crate::block::{Block, LANES};
 use crate::ops::SetOp;
@@ -11,28 +11,31 @@ use crate::tape::{Op, Tape};
 use isoform_geom::{Aabb, Point3};
 use isoform_num::Interval;
 
-/// Operations of a function from which on it is parted. Below, to sort the points costs as much as
-/// is saved; far above, functions of middling size stay slow.
+/// Minimum number of operations of a function for which points are partitioned. For smaller
+/// functions sorting the points costs as much as it saves; a much larger value would leave
+/// functions of medium size slow.
 const LONG: usize = 1000;
-/// Points from which on they are parted. Of ten thousand each part has so few that to look through
-/// its function costs what it saves.
+/// Minimum number of points for a partition. With ten thousand, the subsets are so small that
+/// simplification costs as much as it saves.
 const CROWD: usize = 1 << 15;
-/// Operations that are not looked through any more.
+/// Number of operations up to which a function is not simplified further.
 const SHORT: usize = 64;
-/// Least points in a part for which a function is looked through that did become shorter before.
-/// That costs as much as some four blocks of its values.
+/// Minimum number of points in a subset for simplification if the previous simplification
+/// succeeded. A simplification costs as much as about four blocks of values.
 const FEW: usize = 160;
-/// The same where it did not, but may do in smaller boxes. Fewer cost more where it never does: a
-/// tenth at this number.
+/// Minimum number of points in a subset for simplification if the previous simplification failed,
+/// but may succeed in smaller boxes. The cost of failures is about a tenth of the evaluation at
+/// this number and higher at a smaller one.
 const MANY: usize = 1024;
-/// Share of the operations to which a function must shrink to be worth parts of [`FEW`] points. Of
-/// balls side by side, whose functions are distances, the first eighth of the box leaves four in
-/// five, the next one in five; of what never shrinks all are left.
+/// Fraction of the operations below which a simplification counts as successful, which permits
+/// subsets of [`FEW`] points. For a union of disjoint balls given by distances, the first eighth of
+/// the box leaves four fifths of the operations, the next one a fifth; a function that cannot be
+/// simplified keeps all.
 const SHRUNK: f64 = 0.9;
-/// Halvings after which the function is looked through: one along each axis of a cube.
+/// Number of bisections between simplifications: one along each axis of a cube.
 const HALVINGS: usize = 3;
 
-/// Whether to part the points may save more than it costs.
+/// Returns true if partitioning the points may save more than it costs.
 pub(crate) fn pays(tape: &Tape, points: &[Point3]) -> bool {
     let decides = |op: &Op| matches!(op, Op::Select | Op::Set(SetOp::Max | SetOp::Min));
     points.len() >= CROWD
@@ -41,7 +44,7 @@ pub(crate) fn pays(tape: &Tape, points: &[Point3]) -> bool {
         && points.as_flattened().iter().all(|v| v.is_finite())
 }
 
-/// The values of the first result.
+/// Evaluates the first result at the points.
 ///
 /// # Panics
 /// If `a` is shorter than the tape's parameters, or a point is not finite.
@@ -59,24 +62,24 @@ pub(crate) fn values(tape: &Tape, points: &[Point3], a: &[f64], out: &mut [f64])
     }
 }
 
-/// How some points came to be parted from the others.
+/// History of a subset of the points.
 #[derive(Clone, Copy, Default)]
 struct Course {
-    /// Halvings since the function was looked through.
+    /// Number of bisections since the last simplification.
     halvings: usize,
-    /// Whether it became much shorter then.
+    /// True if that simplification succeeded.
     shrunk: bool,
 }
 
 struct Search<'a> {
     points: &'a [Point3],
     a: &'a [f64],
-    /// The parameters.
+    /// Parameters as intervals.
     ranges: Vec<Interval>,
 }
 
 impl Search<'_> {
-    /// Values at the points `order`, which is put into another order meanwhile: `out` is in that.
+    /// Computes values at the points `order`, which is permuted; `out` is in the new order.
     fn values(&self, tape: &Tape, course: Course, order: &mut [u32], out: &mut [f64]) {
         let enough = if course.shrunk { FEW } else { MANY };
         if order.len() < enough << (HALVINGS - course.halvings) || tape.len() <= SHORT {
@@ -95,7 +98,7 @@ impl Search<'_> {
         self.values(rest, course, order, out);
     }
 
-    /// The values in the two halves of a cell.
+    /// Computes the values in the two halves of a cell.
     fn halves(&self, tape: &Tape, course: Course, cell: Aabb, order: &mut [u32], out: &mut [f64]) {
         let (size, middle) = (cell.size(), cell.center());
         let axis = (0..3).fold(0, |best, i| if size[i] > size[best] { i } else { best });
@@ -104,7 +107,7 @@ impl Search<'_> {
         let half = order.partition_point(|i| !is_above(i));
         let ((lower, upper), (below, above)) = (order.split_at_mut(half), out.split_at_mut(half));
         if lower.is_empty() || upper.is_empty() {
-            // All in one place.
+            // All points coincide.
             return self.computed(tape, order, out);
         }
         let course = Course {
@@ -122,13 +125,13 @@ impl Search<'_> {
         }
     }
 
-    /// The function without what does not decide in a cell.
+    /// Simplifies the function for a cell.
     fn deciding(&self, tape: &Tape, cell: Aabb) -> Option<Tape> {
         let x: [Interval; 3] = std::array::from_fn(|i| Interval::new(cell.lo[i], cell.hi[i]));
         tape.bounds(&x, &self.ranges).1
     }
 
-    /// Values at the points `order`, block by block.
+    /// Computes values at the points `order`, block by block.
     fn computed(&self, tape: &Tape, order: &[u32], out: &mut [f64]) {
         Block::with_kept_rows(tape, |block| {
             block.bind(self.a);

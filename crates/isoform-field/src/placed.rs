@@ -1,11 +1,11 @@
-//! Polynomials in coordinates of their own.
+//! Polynomials in local coordinates.
 
 use crate::Polynomial;
 use isoform_geom::{Aabb, Expansion, Field, Point3, Terms};
 use isoform_num::{Interval, Jet2, Jet3, Real};
 
-/// A polynomial in q, where a place of space is p = origin + unit q: far from the origin of space,
-/// or in a large or small unit, it keeps the digits that terms in p would lose.
+/// Polynomial in local coordinates q of the points p = origin + unit q. Far from the origin, or in
+/// a large or small unit, it preserves the digits that terms in p would lose.
 ///
 /// ```
 /// use isoform_field::{Placed, Polynomial};
@@ -24,7 +24,7 @@ pub struct Placed {
 }
 
 impl Placed {
-    /// A polynomial in (p − `origin`)/`unit`.
+    /// Creates a polynomial in (p − `origin`)/`unit`.
     pub fn new(polynomial: Polynomial, origin: Point3, unit: f64) -> Self {
         Self {
             polynomial,
@@ -33,7 +33,7 @@ impl Placed {
         }
     }
 
-    /// The polynomial in its own coordinates.
+    /// Returns the polynomial in local coordinates.
     pub fn polynomial(&self) -> &Polynomial {
         &self.polynomial
     }
@@ -42,7 +42,7 @@ impl Placed {
         std::array::from_fn(|k| (p[k] - self.origin[k]) / self.unit)
     }
 
-    /// Intervals that hold a box in the polynomial's coordinates.
+    /// Returns intervals that contain a box in local coordinates.
     fn all_within(&self, region: Aabb) -> [Interval; 3] {
         std::array::from_fn(|k| {
             let at = Interval::new(region.lo[k], region.hi[k]);
@@ -76,8 +76,8 @@ impl Field for Placed {
         Some(jet.in_units(1.0 / self.unit))
     }
     fn expansion(&self, at: Point3, region: Aabb) -> Option<Expansion> {
-        // The place in the polynomial's coordinates is no number: the expansion about one nearby is
-        // carried over to it.
+        // The local coordinates of the point are intervals: the expansion about a point nearby is
+        // moved to them.
         let place = self.all_within(Aabb { lo: at, hi: at });
         let near = place.map(|i| 0.5 * i.lo() + 0.5 * i.hi());
         let off = std::array::from_fn(|k| place[k] - Interval::constant(near[k]));
@@ -100,7 +100,7 @@ impl Field for Placed {
 mod tests {
     use super::*;
 
-    /// A cubic about (10, −20, 5) in units of 3, and the same in space.
+    /// Returns a cubic about (10, −20, 5) in units of 3, and its formula in space.
     fn both() -> (Placed, impl Fn(Point3) -> f64) {
         let terms = [
             ([3, 0, 0], 1.0),

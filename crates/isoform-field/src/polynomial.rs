@@ -1,7 +1,7 @@
 //! Polynomials in x, y, z with floating-point coefficients.
 //!
-//! f = Σ c x^a y^b z^c, term by term. Values over a box are interval sums; at a point they are
-//! enclosed by a running bound of the rounding error, γ Σ |c x^a y^b z^c|.
+//! f = Σ c x^a y^b z^c is evaluated term by term. Ranges over a box are interval sums; the value at
+//! a point is enclosed by a bound on the rounding error, γ Σ |c x^a y^b z^c|.
 
 use isoform_geom::{Aabb, Expansion, Field, Point3, Terms};
 use isoform_num::{Interval, Jet2, Jet3, ORDERS, Real, TRIPLES};
@@ -25,7 +25,7 @@ pub struct Polynomial {
 
 /// The powers of the three coordinates, in any number type.
 struct Powers<R> {
-    /// By axis and exponent.
+    /// Powers, by axis and exponent.
     of: [Vec<R>; 3],
 }
 
@@ -35,7 +35,8 @@ impl<R: Real> Powers<R> {
         let of = at.map(|x| {
             let mut powers = vec![R::constant(1.0)];
             for k in 1..=degrees[axis] {
-                // Even powers as squares: of an interval about 0 they are not negative.
+                // Even powers are computed as squares, which are nonnegative for intervals around
+                // 0.
                 let next = if k % 2 == 0 {
                     powers[k / 2].square()
                 } else {
@@ -48,7 +49,7 @@ impl<R: Real> Powers<R> {
         });
         Self { of }
     }
-    /// The derivative of x^a y^b z^c of the orders d; `None` where it vanishes.
+    /// Computes the derivative of x^a y^b z^c of the orders d; `None` if it vanishes identically.
     fn derivative(&self, exponents: &[u16; 3], d: [usize; 3]) -> Option<R> {
         let mut factor = 1.0;
         let mut product: Option<R> = None;
@@ -69,7 +70,7 @@ impl<R: Real> Powers<R> {
         let factor = R::constant(factor);
         Some(product.map_or(factor.clone(), |p| p * factor))
     }
-    /// The sum over all terms.
+    /// Sums the derivatives of the orders d over all terms.
     fn sum(&self, terms: &[([u16; 3], f64)], d: [usize; 3]) -> R {
         let mut sum = R::constant(0.0);
         for (e, c) in terms {
@@ -81,7 +82,7 @@ impl<R: Real> Powers<R> {
     }
 }
 
-/// How often each coordinate occurs among `axes`.
+/// Counts the occurrences of each coordinate among `axes`.
 fn orders(axes: &[usize]) -> [usize; 3] {
     let mut d = [0; 3];
     for &a in axes {
@@ -91,18 +92,18 @@ fn orders(axes: &[usize]) -> [usize; 3] {
 }
 
 impl Polynomial {
-    /// The sum of the terms c x^a y^b z^c, given as ([a, b, c], c).
+    /// Creates the sum of the terms c x^a y^b z^c, given as ([a, b, c], c).
     pub fn new(terms: impl IntoIterator<Item = ([u16; 3], f64)>) -> Self {
         let terms: Vec<_> = terms.into_iter().filter(|t| t.1 != 0.0).collect();
         let degrees =
             std::array::from_fn(|k| terms.iter().map(|t| usize::from(t.0[k])).max().unwrap_or(0));
         Self { terms, degrees }
     }
-    /// The terms.
+    /// Returns the terms.
     pub fn terms(&self) -> &[([u16; 3], f64)] {
         &self.terms
     }
-    /// The total degree.
+    /// Returns the total degree.
     pub fn degree(&self) -> usize {
         self.terms
             .iter()
@@ -112,7 +113,7 @@ impl Polynomial {
     }
 }
 
-/// By axis and exponent: the power and its derivatives to order 3.
+/// Powers of the coordinates with their derivatives up to order 3, by axis and exponent.
 struct Derivatives {
     of: [Vec<[f64; 4]>; 3],
 }
@@ -137,20 +138,20 @@ impl Derivatives {
             }
         }
     }
-    /// The three factors of a monomial, each with its derivatives.
+    /// Returns the three factors of a monomial, each with its derivatives.
     fn of(&self, e: &[u16; 3]) -> [[f64; 4]; 3] {
         std::array::from_fn(|k| self.of[k][usize::from(e[k])])
     }
 }
 
 impl Polynomial {
-    /// A bound on the relative rounding error of a sum of terms, in the sum of their absolute
-    /// values: one unit for each product in a power, three for each derivative's factor, four for
-    /// the term and one for each addition, all doubled.
+    /// Bounds the rounding error of a sum of terms, relative to the sum of their absolute values:
+    /// one unit for each product in a power, three for each derivative's factor, four for the term
+    /// and one for each addition, all doubled.
     fn rounding(&self) -> f64 {
         (self.degrees.iter().sum::<usize>() + self.terms.len() + 16) as f64 * f64::EPSILON
     }
-    /// Value, gradient and Hessian from the powers' derivatives.
+    /// Computes the value, gradient and Hessian from the derivatives of the powers.
     fn jet_of(&self, d: &Derivatives) -> Jet2 {
         let mut j = Jet2 {
             v: 0.0,
@@ -174,7 +175,7 @@ impl Polynomial {
         }
         j
     }
-    /// The value at a point with a bound on its rounding error.
+    /// Encloses the exact value at a point by the computed one and a bound on its rounding error.
     fn enclosed(&self, at: Point3) -> Interval {
         let d = [0; 3];
         let (here, near) = (
@@ -193,7 +194,7 @@ impl Polynomial {
     }
 }
 
-/// Sums over the terms, by the derivatives of [`ORDERS`].
+/// Sums over the terms, for each derivative of [`ORDERS`].
 struct Sums {
     /// The derivatives at a point.
     signed: [f64; 20],
@@ -204,8 +205,8 @@ struct Sums {
 }
 
 impl Polynomial {
-    /// The sums of the terms, and of their absolute values, for a point and for the farthest corner
-    /// of a region.
+    /// Computes the sums of the terms, and of their absolute values, for a point and for the
+    /// farthest corner of a region.
     fn sums(&self, at: Point3, region: Aabb) -> Sums {
         let reach: Point3 =
             std::array::from_fn(|k| (region.hi[k] - at[k]).max(at[k] - region.lo[k]).next_up());

@@ -1,8 +1,8 @@
 //! A compiled model as the residual of a fit: values, Jacobians, and the normal equations JᵀWJ and
 //! JᵀWf, in blocks of points and on several threads.
 //!
-//! Sums are taken per piece of [`PIECE`] points and then in the order of the pieces, so that they
-//! do not depend on the number of threads.
+//! Sums are accumulated over batches of [`PIECE`] points and then over the batches in order, so
+//! that they do not depend on the number of threads.
 
 use crate::block::{Block, LANES, Lane, Plan, Wanted};
 use crate::jets::{self, JetBlock};
@@ -12,12 +12,12 @@ use isoform_geom::{Aabb, Expansion, Field, ParamField, Point3};
 use isoform_num::{Interval, IntervalJet, Jet2, Jet3, Real, dispatch};
 use rayon::prelude::*;
 
-/// Number of points in a piece of work. Another number changes the order of sums, and with it their
-/// last digits.
+/// Number of points in a batch of work. Another number changes the order of summation, and hence
+/// the last digits of sums.
 const PIECE: usize = 32 * LANES;
 
-/// A tape in x, y, z and parameters, evaluated in blocks, on all threads of the current pool for
-/// large inputs.
+/// Evaluator of a tape in x, y, z and parameters, in blocks of points, on all threads of the
+/// current pool for large inputs.
 #[derive(Clone, Debug)]
 pub struct Residual {
     /// The compiled function.
@@ -29,7 +29,7 @@ pub struct Residual {
 }
 
 impl Residual {
-    /// The residual f(x; a) = first result of the tape.
+    /// Creates the residual f(x; a), the first result of the tape.
     pub fn new(tape: Tape) -> Self {
         Self {
             by_params: Plan::new(&tape, Wanted::Params),
@@ -37,13 +37,13 @@ impl Residual {
             tape,
         }
     }
-    /// The tape.
+    /// Returns the tape.
     pub fn tape(&self) -> &Tape {
         &self.tape
     }
 
-    /// Values and the derivatives by all inputs, one row of `points.len()` numbers per input: x, y,
-    /// z, then the parameters. On one thread.
+    /// Computes values and the derivatives by all inputs, one row of `points.len()` numbers per
+    /// input: x, y, z, then the parameters; on one thread.
     ///
     /// # Panics
     /// If `out` or `rows` is too short.
@@ -64,8 +64,8 @@ impl Residual {
     }
 }
 
-/// Calls `work(range, out piece, rows piece)` for each piece of the points, on several threads
-/// where it pays.
+/// Calls `work(range, part of out, part of rows)` for each batch of points, on several threads if
+/// there are several batches.
 fn for_pieces(
     n: usize,
     out: &mut [f64],
@@ -102,14 +102,15 @@ struct Sums {
 }
 
 impl Sums {
-    /// The sums over no points, for an even number of rows.
+    /// Creates empty sums, for an even number of rows.
     fn new(rows: usize) -> Self {
         let pairs = rows / 2;
         Self {
             products: vec![[0.0; 8]; pairs * (pairs + 1) / 2 * 4],
         }
     }
-    /// The sums for row m with itself, for row m with the rows before it, and for each pair of these.
+    /// Returns the sums for row m with itself, for row m with the rows before it, and for each pair
+    /// of these.
     fn list(&self, m: usize) -> Vec<f64> {
         let gradient = (0..m).map(|i| self.get(m, i));
         let hessian = (0..m).flat_map(|i| (0..=i).map(move |j| (i, j)));
@@ -118,7 +119,7 @@ impl Sums {
             .chain(hessian.map(|(i, j)| self.get(i, j)))
             .collect()
     }
-    /// The sum for rows i ≥ j.
+    /// Returns the sum for rows i ≥ j.
     fn get(&self, i: usize, j: usize) -> f64 {
         total(&self.products[(i / 2 * (i / 2 + 1) / 2 + j / 2) * 4 + i % 2 * 2 + j % 2])
     }
@@ -152,7 +153,7 @@ fn dot_pairs(into: [&mut [f64; 8]; 4], a: [&[f64; LANES]; 2], b: [&[f64; LANES];
     (*into00, *into01, *into10, *into11) = (s00, s01, s10, s11);
 }
 
-/// Two rows times the weights, lane by lane.
+/// Multiplies two rows by the weights, lane by lane.
 #[inline(always)]
 fn weighted(rows: [&Lane<LANES>; 2], w: &[f64; LANES]) -> [Lane<LANES>; 2] {
     let mut weighted = [Lane([0.0; LANES]); 2];
@@ -164,8 +165,9 @@ fn weighted(rows: [&Lane<LANES>; 2], w: &[f64; LANES]) -> [Lane<LANES>; 2] {
     weighted
 }
 
-/// All products of pairs of rows, in squares of two by two. Rows 0 to n − 1 are the derivatives, row
-/// n the values. A product above the diagonal is computed with its square and never read.
+/// Accumulates the products of all pairs of rows, in squares of two by two. Rows 0 to n − 1 are the
+/// derivatives, row n the values. A product above the diagonal is computed with its square and
+/// never read.
 #[inline(always)]
 fn accumulate_body(sums: &mut Sums, rows: &[Lane<LANES>], w: &[f64; LANES]) {
     let n = rows.len();
@@ -186,13 +188,13 @@ fn accumulate_body(sums: &mut Sums, rows: &[Lane<LANES>], w: &[f64; LANES]) {
     }
 }
 
-/// The sum over eight lanes, in a fixed order.
+/// Returns the sum over eight lanes, in a fixed order.
 fn total(v: &[f64; 8]) -> f64 {
     ((v[0] + v[4]) + (v[1] + v[5])) + ((v[2] + v[6]) + (v[3] + v[7]))
 }
 
 impl Residual {
-    /// Lane weights of a chunk; unused lanes get 0.
+    /// Returns the weights of a chunk by lane, 0 in unused lanes.
     fn lane_weights(weights: &[f64], from: usize, n: usize) -> [f64; LANES] {
         let mut w = [0.0; LANES];
         if weights.is_empty() {
@@ -203,8 +205,8 @@ impl Residual {
         w
     }
 
-    /// All products of two columns of (J, f) over some points, weighted: f·f, then J·f by
-    /// parameter, then the lower triangle of J·J by rows.
+    /// Returns the weighted products of all pairs of columns of (J, f) over some points: f·f, then
+    /// J·f by parameter, then the lower triangle of J·J by rows.
     fn products(&self, points: &[Point3], weights: &[f64], from: usize, a: &[f64]) -> Vec<f64> {
         let m = self.tape.n_params;
         let mut block = Block::gradients(&self.tape, &self.by_params);
@@ -223,8 +225,8 @@ impl Residual {
         sums.list(m)
     }
 
-    /// A sum over the pieces of the points, each computed by `work` into a vector, added in the
-    /// order of the pieces.
+    /// Sums vectors over the batches of points, each computed by `work`, in the order of the
+    /// batches.
     fn reduce(
         &self,
         n: usize,
@@ -359,7 +361,7 @@ impl ParamField for Residual {
     }
 }
 
-/// A model with its parameters bound: a function of space alone.
+/// Function of space: a model with fixed values of its parameters.
 #[derive(Clone, Debug)]
 pub struct Bound {
     residual: Residual,
@@ -368,7 +370,7 @@ pub struct Bound {
 }
 
 impl Bound {
-    /// f(x; a) with a fixed.
+    /// Fixes the parameters of f(x; a).
     ///
     /// # Panics
     /// If `a` has the wrong length.
@@ -379,19 +381,19 @@ impl Bound {
             a: a.to_vec(),
         }
     }
-    /// The values of the parameters.
+    /// Returns the values of the parameters.
     pub fn parameters(&self) -> &[f64] {
         &self.a
     }
 
-    /// f in any number type.
+    /// Evaluates f in any number type.
     fn run<R: Real>(&self, x: [R; 3]) -> R {
         let a: Vec<R> = self.a.iter().map(|&v| R::constant(v)).collect();
         self.residual.tape.eval(&x, &a, &mut Vec::new())
     }
 
-    /// 2-jets at many points: value, gradient, Hessian; in blocks, on all threads of the current
-    /// pool for large inputs.
+    /// Computes 2-jets (value, gradient and Hessian) at many points, in blocks, on all threads of
+    /// the current pool for large inputs.
     ///
     /// # Panics
     /// If `out` is shorter than `points`.
@@ -413,14 +415,14 @@ impl Bound {
         }
     }
 
-    /// A box and the parameters as intervals.
+    /// Returns a box and the parameters as intervals.
     fn intervals(&self, region: Aabb) -> ([Interval; 3], Vec<Interval>) {
         let x = std::array::from_fn(|i| Interval::new(region.lo[i], region.hi[i]));
         (x, self.a.iter().map(|&v| Interval::new(v, v)).collect())
     }
 
-    /// Bounds of f over a box, and f with a shorter tape for the box if some of its branches are
-    /// decided there.
+    /// Bounds f over a box; also returns f with a shorter tape, valid in the box, if some of its
+    /// branches are decided there.
     pub fn bounds_and_rest(&self, region: Aabb) -> (Interval, Option<Self>) {
         let (x, a) = self.intervals(region);
         let (range, rest) = self.residual.tape.bounds(&x, &a);

@@ -1,16 +1,16 @@
-//! The metric and parts readings of a tree.
+//! Metric and parts interpretations of an expression.
 //!
-//! A [`Shape`] is the tree with set operations resolved to minima and maxima over faces: u | v and
-//! max(u, v) become a maximum, u & v and min(u, v) a minimum, negation swaps them (a subtraction is
-//! an intersection with the negated function). Each face g carries its unit-gradient form: the
-//! closed one of a primitive ([`Library::metric`]; a block has six sides), else g/|∇g|, the
-//! first-order distance (Taubin 1991), with a second Newton step where R-functions are blended
-//! inside. The min/max tree over these is close to a signed distance: at the minimum of a fit it is
-//! at the statistical limit, where the R-functions' own value is 4 to 15 standard deviations off.
+//! In a [`Shape`] set operations are resolved to minima and maxima over faces: u | v and max(u, v)
+//! become a maximum, u & v and min(u, v) a minimum, negation swaps them (a subtraction is an
+//! intersection with the negated function). Each face g carries its unit-gradient form: the closed
+//! one of a primitive ([`Library::metric`]; a block has six sides), else g/|∇g|, the first-order
+//! distance (Taubin 1991), with a second Newton step where R-functions are blended inside. The
+//! min/max tree over these approximates a signed distance: at the minimum of a fit it attains the
+//! statistical limit, from which the values of R-functions deviate by 4 to 15 standard deviations.
 //!
-//! The smooth pieces of a face and their names are read where the mesh's pieces are read
-//! ([`Naming`]), so that the parts of a fit, of a mesh and of patches share their names. One piece
-//! may be several parts: where two bodies share a plane, and the two faces of a slab.
+//! The smooth pieces of a face and their names are determined as those of a mesh ([`Naming`]), so
+//! that the parts of a fit, of a mesh and of patches have identical names. One piece may be several
+//! parts, if two bodies share a plane, or for the two faces of a slab.
 
 use crate::graph::{Graph, Node, NodeId};
 use crate::library::{Family, Library};
@@ -25,67 +25,67 @@ use std::collections::HashMap;
 /// A smooth piece of the surface.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// Name from the program: the variable that the piece is assigned to, and the side of it. Parts
-    /// of one piece share it.
+    /// Name derived from the program: the variable to which the piece is assigned, and its side.
+    /// Parts of one piece share it.
     pub name: String,
 }
 
-/// Largest number of parts; the rest of the tree stays one part. Each part takes time in proportion
-/// to the whole expression: with more, programs of many thousand bodies take minutes.
+/// Maximum number of parts; further subtrees are one part each. Each part takes time proportional
+/// to the size of the whole expression: with more, programs of many thousand bodies take minutes.
 const MOST_PARTS: usize = 4096;
 
-/// Largest number of parts up to which products are read as slabs, and faces as several pieces: each
-/// costs a copy of the expression.
+/// Maximum number of parts up to which products are split into slabs and faces into several pieces,
+/// each of which costs a copy of the expression.
 const MOST_SPLIT: usize = 256;
 
-/// Number of places at which the pieces of a face must have its sign. Where a parameter of the other
-/// sign would join them otherwise, every second place tells.
+/// Number of sample points at which the pieces of a face must have its sign. If the sign of a
+/// parameter affects how they are joined, every second sample detects it.
 const SIGNS_TRIED: usize = 48;
 
-/// A face of the solid: one distance, and one or several smooth parts.
+/// Face of the solid: one distance, and one or several smooth parts.
 #[derive(Clone, Debug, PartialEq)]
 struct Face {
-    /// Near signed distance.
+    /// Approximate signed distance.
     distance: NodeId,
-    /// The index of the part that decides.
+    /// Index of the deciding part, as an expression.
     part: NodeId,
-    /// How the face's parts are joined, in the order of computation.
+    /// Minima and maxima over the face's parts, in the order of computation.
     tree: Vec<Join>,
 }
 
-/// A step of the tree of minima and maxima over faces, in the order of computation: a program may
-/// join thousands of bodies one after the other, and no stack would suffice to walk its tree.
+/// Step of the tree of minima and maxima over faces, in the order of computation. A program may
+/// join thousands of bodies successively, and recursion over its tree would overflow the stack.
 #[derive(Clone, Debug, PartialEq)]
 enum Step {
     /// The value of a face.
     Face(Face),
-    /// The minimum or maximum of the last two results that are not used yet.
+    /// The minimum or maximum of the last two unused results.
     Join {
-        /// Whether it is the minimum.
+        /// True for the minimum.
         is_min: bool,
     },
 }
 
-/// A step of the tree of minima and maxima over parts, in the order of computation.
+/// Step of the tree of minima and maxima over parts, in the order of computation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Join {
-    /// The value of this part.
+    /// The value of the part with this index.
     Part(u32),
-    /// The minimum of the last two results that are not used yet.
+    /// The minimum of the last two unused results.
     Min,
-    /// Their maximum.
+    /// The maximum of the last two unused results.
     Max,
 }
 
 impl Join {
-    /// The minimum or the maximum.
+    /// Returns the minimum or the maximum.
     fn of(is_min: bool) -> Self {
         if is_min { Self::Min } else { Self::Max }
     }
 }
 
 impl Step {
-    /// The steps over parts that make up this one.
+    /// Returns the equivalent steps over parts.
     fn joins(&self) -> Vec<Join> {
         match self {
             Self::Face(face) => face.tree.clone(),
@@ -94,15 +94,15 @@ impl Step {
     }
 }
 
-/// A part of the reading that is still to be done.
+/// Pending task of the interpretation.
 enum Task {
-    /// To read a node, or the negative of its function.
+    /// To interpret a node, or the negative of its function.
     Read { id: NodeId, negative: bool },
     /// To join the last two results.
     Join { is_min: bool },
 }
 
-/// The metric and parts readings of an expression.
+/// Metric and parts interpretations of an expression.
 ///
 /// ```
 /// use isoform_field::{Graph, Shape, hyperfun::{Mode, Model}};
@@ -127,19 +127,19 @@ enum Task {
 pub struct Shape {
     /// The smooth pieces.
     pub parts: Vec<Part>,
-    /// Near signed distance, positive inside, as an expression of the graph.
+    /// Approximate signed distance, positive inside, as an expression of the graph.
     pub distance: NodeId,
-    /// Index of the active piece as an expression of the graph.
+    /// Index of the deciding part, as an expression of the graph.
     pub part: NodeId,
-    /// The functions whose zero sets the parts are, positive inside, as expressions of the graph:
-    /// smooth, not divided by their gradients.
+    /// Functions whose zero sets are the parts, positive inside, as expressions of the graph:
+    /// smooth, and not divided by the norms of their gradients.
     pub pieces: Vec<NodeId>,
-    /// How the parts are joined to the solid, in the order of computation.
+    /// Minima and maxima over the parts that define the solid, in the order of computation.
     pub tree: Vec<Join>,
 }
 
 impl Shape {
-    /// Reads the expression `root` of the graph, which grows by the new expressions.
+    /// Interprets the expression `root` of the graph, to which the new expressions are added.
     pub fn new(graph: &mut Graph, root: NodeId) -> Self {
         let mut reader = Reader {
             graph,
@@ -149,8 +149,8 @@ impl Shape {
             taken: HashMap::new(),
             memo: Default::default(),
         };
-        // On a copy: the numbers of nodes order the sums of derivatives, which must not depend on
-        // how parts are called.
+        // The naming works on a copy: node indices determine the order of sums in derivatives,
+        // which must not depend on the names of parts.
         reader.naming = Naming::new(reader.graph, root);
         let steps = reader.read(root);
         let (parts, pieces) = (reader.parts, reader.pieces);
@@ -165,10 +165,10 @@ impl Shape {
     }
 }
 
-/// A value of the tree and the index of the part that decides it.
+/// Value of the tree and the index of the deciding part.
 type Decided = (NodeId, NodeId);
 
-/// The minimum or maximum of two values; of equal ones the first decides.
+/// Returns the minimum or maximum of two values; of equal ones the first decides.
 fn decided(g: &mut Graph, is_min: bool, (u, pu): Decided, (v, pv): Decided) -> Decided {
     let second = if is_min {
         g.less(&v, &u)
@@ -179,7 +179,7 @@ fn decided(g: &mut Graph, is_min: bool, (u, pu): Decided, (v, pv): Decided) -> D
     (value, g.select(&second, &pv, &pu))
 }
 
-/// The tree's value and the index of the part that decides it.
+/// Returns the tree's value and the index of the deciding part.
 fn joined(g: &mut Graph, steps: &[Step]) -> Decided {
     let mut results: Vec<Decided> = Vec::new();
     for step in steps {
@@ -196,19 +196,19 @@ fn joined(g: &mut Graph, steps: &[Step]) -> Decided {
     results.pop().expect("a tree has a root")
 }
 
-/// The origin of a face in the expression.
+/// Origin of a face in the expression.
 #[derive(Clone, Copy)]
 struct Source {
     /// The node.
     id: NodeId,
-    /// The side of a primitive; `None` where the face is the whole node.
+    /// Side of a primitive; `None` if the face is the whole node.
     side: Option<usize>,
-    /// Whether the node is taken away.
+    /// True if the node is subtracted.
     negative: bool,
 }
 
 impl Source {
-    /// The face of a whole node.
+    /// Returns the origin of a face that is a whole node.
     fn whole(id: NodeId, negative: bool) -> Self {
         Self {
             id,
@@ -218,24 +218,24 @@ impl Source {
     }
 }
 
-/// The reading of an expression, face by face.
+/// Interpretation of an expression, face by face.
 struct Reader<'a> {
     graph: &'a mut Graph,
     /// The parts so far.
     parts: Vec<Part>,
-    /// By part, its function.
+    /// Functions of the parts.
     pieces: Vec<NodeId>,
-    /// The names of pieces; `None` for programs of too many pieces, whose parts have the names of
+    /// Names of pieces; `None` for programs with too many pieces, whose parts have the names of
     /// their nodes.
     naming: Option<Naming>,
-    /// By name of a node, the number of parts that have it.
+    /// Number of parts with the name of a node, by name.
     taken: HashMap<String, u32>,
     /// Derivatives by axis, shared between pieces.
     memo: [HashMap<NodeId, NodeId>; 3],
 }
 
 impl Reader<'_> {
-    /// The tree of minima and maxima over faces.
+    /// Builds the tree of minima and maxima over faces.
     fn read(&mut self, root: NodeId) -> Vec<Step> {
         let (mut steps, mut tasks) = (Vec::new(), Vec::new());
         tasks.push(Task::Read {
@@ -251,7 +251,8 @@ impl Reader<'_> {
         steps
     }
 
-    /// The next level of a node: further tasks, the last one first, or steps.
+    /// Expands one level of a node into further tasks, to be done from last to first, or into
+    /// steps.
     fn open(&mut self, id: NodeId, negative: bool, tasks: &mut Vec<Task>, steps: &mut Vec<Step>) {
         let pair = |u: NodeId, v: NodeId, maximum: bool| {
             [
@@ -285,8 +286,8 @@ impl Reader<'_> {
                     steps.push(Step::Face(self.leaf(id, negative)));
                 }
             }
-            // A signed-distance set operation has the sharp zero set of max or min; the blends are
-            // their own smooth piece.
+            // A signed-distance set operation has the sharp zero set of max or min; each blend is a
+            // smooth piece.
             Node::Library(f, args) => match f.family() {
                 Family::Sardf { is_union } => tasks.extend(pair(args[0], args[1], is_union)),
                 Family::Primitive => self.primitive(id, f, &args, negative, steps),
@@ -298,8 +299,8 @@ impl Reader<'_> {
         }
     }
 
-    /// The set or primitive that is multiplied by a constant in u·v, and the constant: a positive
-    /// factor does not move the surface.
+    /// Returns the set operation or primitive that is multiplied by a constant in u·v, and the
+    /// constant: a positive factor preserves the surface.
     fn scaled_set(&self, u: NodeId, v: NodeId) -> Option<(NodeId, f64)> {
         let factor = |c: NodeId| self.graph.constant_value(c).filter(|c| *c != 0.0);
         match (factor(u), factor(v)) {
@@ -309,7 +310,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Whether the node, but for its sign, is a set operation or a primitive.
+    /// Returns true if the node is a set operation or a primitive, up to its sign.
     fn has_sets(&self, mut id: NodeId) -> bool {
         loop {
             match self.graph.node(id) {
@@ -321,7 +322,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The pieces that a face consists of.
+    /// Returns the named pieces of a face.
     fn named(&mut self, of: Source) -> Option<Named> {
         let naming = self.naming.as_mut()?;
         match of.side {
@@ -330,8 +331,8 @@ impl Reader<'_> {
         }
     }
 
-    /// The face with this distance whose pieces are named; one part, `piece`, where it is one
-    /// piece, or its pieces are not known.
+    /// Creates the face with this distance and the parts of its named pieces; the one part `piece`
+    /// if the face is one piece or its pieces are unknown.
     fn face(&mut self, of: Source, piece: NodeId, distance: NodeId) -> Face {
         let (part, tree) = match self.named(of) {
             Some(Named::Piece { name, .. }) => self.single(name.to_string(), piece),
@@ -348,20 +349,22 @@ impl Reader<'_> {
         }
     }
 
-    /// A face of one part.
+    /// Adds a part; returns the index and the tree of a face of this part alone.
     fn single(&mut self, name: String, piece: NodeId) -> (NodeId, Vec<Join>) {
         let part = self.part(name, piece);
         (self.graph.constant(f64::from(part)), vec![Join::Part(part)])
     }
 
-    /// A face of one part with the name of its node.
+    /// Adds a part with the name of its node; returns the index and the tree of a face of this part
+    /// alone.
     fn single_of(&mut self, id: NodeId, piece: NodeId) -> (NodeId, Vec<Join>) {
         let name = self.own_name(id);
         self.single(name, piece)
     }
 
-    /// A face of several parts, whose values tell which one decides. `None` where there are too
-    /// many, or where they make up the face `whole` only for some values of the parameters.
+    /// Adds several parts; returns the index of the deciding one and the tree of the face. `None`
+    /// if there are too many parts, or if they form the face `whole` for some values of the
+    /// parameters only.
     fn several(&mut self, named: &Named, whole: NodeId) -> Option<(NodeId, Vec<Join>)> {
         let roots = named.pieces();
         if self.parts.len() + roots.len() > MOST_SPLIT {
@@ -379,8 +382,8 @@ impl Reader<'_> {
         Some((part, tree))
     }
 
-    /// Whether the pieces together have the sign of `whole`, for parameters of both signs: tried at
-    /// pseudo-random places.
+    /// Returns true if the pieces together have the sign of `whole` at pseudo-random points, for
+    /// pseudo-random parameters of both signs.
     fn has_sign(&self, named: &Named, pieces: &[NodeId], whole: NodeId) -> bool {
         let roots: Vec<NodeId> = pieces.iter().copied().chain([whole]).collect();
         let (nx, na) = self.graph.inputs_of(&roots);
@@ -391,12 +394,13 @@ impl Reader<'_> {
             let mut values = tape.eval_all(&x, &a, &mut scratch);
             let whole = values.pop().expect("the whole is the last one");
             let together = named.value(&mut values.into_iter());
-            // A value that is not defined, or is rounding, tells nothing.
+            // Undefined values, and values at rounding level, are inconclusive.
             !(together.abs() > 1e-9 && whole.abs() > 1e-9) || (together > 0.0) == (whole > 0.0)
         })
     }
 
-    /// Adds the parts of named pieces and joins them: their value and the part that decides it.
+    /// Adds the parts of named pieces and joins them; returns their value and the index of the
+    /// deciding part.
     fn chosen(
         &mut self,
         named: &Named,
@@ -423,7 +427,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The name of a node where its pieces have none.
+    /// Returns a unique name derived from that of the node, for pieces without a name.
     fn own_name(&mut self, id: NodeId) -> String {
         let base = self
             .graph
@@ -434,14 +438,14 @@ impl Reader<'_> {
         if *n > 1 { format!("{base}#{n}") } else { base }
     }
 
-    /// A new part that `piece` describes.
+    /// Adds a part with the function `piece`; returns its index.
     fn part(&mut self, name: String, piece: NodeId) -> u32 {
         self.parts.push(Part { name });
         self.pieces.push(piece);
         self.parts.len() as u32 - 1
     }
 
-    /// A primitive: one face for each of its sides, joined by minima.
+    /// Adds a primitive: one face per side, joined by minima.
     fn primitive(
         &mut self,
         id: NodeId,
@@ -457,8 +461,8 @@ impl Reader<'_> {
         }
         for (k, (_, d)) in sides.into_iter().enumerate() {
             let piece = self.graph.lowered(d);
-            // Twisted, tapered or scaled: the sides are still smooth pieces, each with a gradient
-            // of its own.
+            // The sides of a twisted, tapered or scaled primitive are still smooth pieces, whose
+            // gradients are not of unit length.
             let distance = if rigid {
                 d
             } else {
@@ -477,10 +481,10 @@ impl Reader<'_> {
         }
     }
 
-    /// A product u·v of functions with opposite gradients, as in x·(a − x), is a slab: the minimum
-    /// of u and v (of −u and −v where the slab is turned inside out), two faces with distances of
-    /// their own. f/|∇f| of the product is a distance only far from the other face.
-    /// Returns whether the product is a slab.
+    /// Adds the two faces of a slab, a product u·v of functions with opposite gradients as in x·(a
+    /// − x): the minimum of u and v, or of −u and −v if the slab is inverted. f/|∇f| of the product
+    /// approximates the distance only far from the other face. Returns true if the product is a
+    /// slab.
     fn slab(
         &mut self,
         id: NodeId,
@@ -508,7 +512,7 @@ impl Reader<'_> {
         true
     }
 
-    /// One of the two faces of a slab, where `function` vanishes.
+    /// Returns the face of a slab where `function` vanishes.
     fn slab_face(&mut self, function: NodeId, negative: bool, name: String) -> Face {
         let face = self.graph.lowered(function);
         let distance = self.first_order(face).unwrap_or(face);
@@ -521,8 +525,9 @@ impl Reader<'_> {
         }
     }
 
-    /// −1 for parameters where the slab u·v with ∇u = −c ∇v is turned inside out, else 1: u + c v
-    /// does not depend on x, and both factors are negative somewhere only where it is.
+    /// Returns −1 for parameters for which the slab u·v with ∇u = −c ∇v is inverted, else 1: u + c
+    /// v does not depend on x, and both factors can be negative at one point only if it is
+    /// negative.
     fn slab_sign(&mut self, u: NodeId, v: NodeId, c: f64) -> NodeId {
         let scaled = self.graph.scale(c, &v);
         let sum = self.graph.add(&u, &scaled);
@@ -537,8 +542,8 @@ impl Reader<'_> {
         self.graph.select(&is_inside_out, &minus, &plus)
     }
 
-    /// The c > 0 with ∇u = −c ∇v everywhere and for all parameters, tried at pseudo-random places;
-    /// `None` where there is no such number or the gradients vanish.
+    /// Returns the c > 0 with ∇u = −c ∇v everywhere and for all parameters, as tested at
+    /// pseudo-random points; `None` if it does not exist or the gradients vanish.
     fn opposite(&mut self, u: NodeId, v: NodeId) -> Option<f64> {
         let mut known: Option<f64> = None;
         let mut random = Random::new();
@@ -547,7 +552,7 @@ impl Reader<'_> {
             let (uv, vv) = (isoform_geom::dot(gu, gv), isoform_geom::dot(gv, gv));
             let c = -uv / vv;
             let rest: f64 = (0..3).map(|i| (gu[i] + c * gv[i]).abs()).sum();
-            // 1e-9 as for rigid images: above rounding, below what a model means.
+            // 1e-9 as for rigid images: above rounding, below intended differences.
             let is_like = known.is_none_or(|k| (c - k).abs() <= 1e-9 * k);
             if !(c > 0.0 && c.is_finite() && rest <= 1e-9 * vv.sqrt() * c.max(1.0) && is_like) {
                 return None;
@@ -557,7 +562,8 @@ impl Reader<'_> {
         known
     }
 
-    /// Gradients of two expressions at a pseudo-random place, for pseudo-random parameters.
+    /// Computes the gradients of two expressions at a pseudo-random point, for pseudo-random
+    /// parameters.
     fn gradients_at(&self, of: [NodeId; 2], random: &mut Random) -> Option<(Point3, Point3)> {
         let (nx, na) = of.iter().fold((3, 0), |n, &p| {
             let (x, a) = self.graph.inputs(p);
@@ -572,7 +578,8 @@ impl Reader<'_> {
         is_finite.then_some((gu, gv))
     }
 
-    /// g/|∇g| as a piece; g itself where a native function stands in the way of the derivative.
+    /// Returns the face of a node g with the distance g/|∇g|, or g if a native function prevents
+    /// differentiation.
     fn leaf(&mut self, id: NodeId, negative: bool) -> Face {
         let g = self.graph.lowered(id);
         let mut distance = self.first_order(g).unwrap_or(g);
@@ -583,7 +590,7 @@ impl Reader<'_> {
         self.face(Source::whole(id, negative), piece, distance)
     }
 
-    /// A piece's function and distance, of the other sign where it is taken away.
+    /// Returns a piece's function and distance, negated if the piece is subtracted.
     fn signed(&mut self, negative: bool, piece: NodeId, distance: NodeId) -> (NodeId, NodeId) {
         if negative {
             (self.graph.neg(&piece), self.graph.neg(&distance))
@@ -592,8 +599,8 @@ impl Reader<'_> {
         }
     }
 
-    /// ∇g and |∇g|² as expressions; `None` where a native function stands in the way or g is
-    /// constant.
+    /// Returns ∇g and |∇g|² as expressions; `None` if a native function prevents differentiation or
+    /// g is constant.
     fn gradient(&mut self, g: NodeId) -> Option<([NodeId; 3], NodeId)> {
         let zero = self.graph.constant(0.0);
         let (mut gradient, mut squares) = ([zero; 3], zero);
@@ -605,20 +612,20 @@ impl Reader<'_> {
         (squares != zero).then_some((gradient, squares))
     }
 
-    /// g/|∇g|; `None` as [`Self::gradient`].
+    /// Returns g/|∇g|; `None` as [`Self::gradient`].
     fn first_order(&mut self, g: NodeId) -> Option<NodeId> {
         let (_, squares) = self.gradient(g)?;
         let norm = self.graph.sqrt(&squares);
-        // Where the gradient vanishes (a centre, an axis) the value itself is far from zero: any
-        // finite result will do.
+        // Where the gradient vanishes (at a centre, on an axis) the value is far from zero; any
+        // finite result is acceptable.
         let tiny = self.graph.constant(1e-30);
         let norm = self.graph.max(&norm, &tiny);
         Some(self.graph.div(&g, &norm))
     }
 
-    /// Whether R-functions are blended within the piece: its edges are then rounded with a small
-    /// radius, and the first-order distance is off by its own size within a few noise deviations of
-    /// them.
+    /// Returns true if the piece contains R-functions: its edges are then rounded with a small
+    /// radius, and near them, within a few standard deviations of the noise, the relative error of
+    /// the first-order distance is of order 1.
     fn has_r_functions(&self, g: NodeId) -> bool {
         let need = self.graph.reachable(&[g]);
         need.iter().enumerate().any(|(i, need)| {
@@ -630,8 +637,8 @@ impl Reader<'_> {
         })
     }
 
-    /// One Newton step to the surface along the gradient, and the first-order distance again from
-    /// there; kept where it is the smaller of the two, which it is wherever the step is of use.
+    /// Returns the distance after one Newton step to the surface along the gradient: the sum of the
+    /// first-order distances before and after it where the second is smaller, else the first.
     fn second_step(&mut self, g: NodeId, distance: NodeId) -> Option<NodeId> {
         let (_, na) = self.graph.inputs(g);
         let a: Vec<NodeId> = (0..na).map(|i| self.graph.param(i)).collect();
@@ -644,7 +651,7 @@ impl Reader<'_> {
         Some(self.graph.select(&helps, &sum, &distance))
     }
 
-    /// x − g ∇g/|∇g|², the Newton step from x to the surface.
+    /// Returns x − g ∇g/|∇g|², the Newton step from x to the surface.
     fn newton_step(&mut self, g: NodeId) -> Option<[NodeId; 3]> {
         let (gradient, squares) = self.gradient(g)?;
         let tiny = self.graph.constant(1e-60);
@@ -657,9 +664,9 @@ impl Reader<'_> {
         }))
     }
 
-    /// Whether the point (p, q, r) is a rigid image of space for all parameters: its Jacobian J
-    /// must satisfy JᵀJ = 1. It is tested at pseudo-random places; a wrong answer has probability
-    /// zero and would only cost the piece its closed form.
+    /// Returns true if the point (p, q, r) is a rigid image of space for all parameters: its
+    /// Jacobian J must satisfy JᵀJ = 1, which is tested at pseudo-random points. A false result
+    /// only costs the piece its closed form.
     fn is_rigid(&mut self, point: [NodeId; 3]) -> bool {
         if (0..3).all(|i| self.graph.node(point[i]) == &Node::X(i as u32)) {
             return true;
@@ -682,19 +689,19 @@ impl Reader<'_> {
     }
 }
 
-/// A pseudo-random point, as the variable of jets, and pseudo-random values of `na` parameters, all
-/// between −1 and 1.
+/// Returns a pseudo-random point, as the variable of jets, and pseudo-random values of `na`
+/// parameters, all between −1 and 1.
 fn random_jets(na: usize, random: &mut Random) -> ([Jet1<3>; 3], Vec<Jet1<3>>) {
     let x = std::array::from_fn(|i| Jet1::variable(2.0 * random.next() - 1.0, i));
     let a = (0..na).map(|_| isoform_num::Real::constant(2.0 * random.next() - 1.0));
     (x, a.collect())
 }
 
-/// Difference of rᵢ·rⱼ from 0 or 1 up to which rows are orthonormal: rounding of a few rotations
-/// stays below 1e-14, and scales of real models are never that close to 1.
+/// Tolerance on rᵢ·rⱼ = 0 or 1 for orthonormal rows: rounding of a few rotations stays below 1e-14,
+/// and scales of real models are never this close to 1.
 const ORTHONORMAL: f64 = 1e-9;
 
-/// Whether three rows are orthogonal and of unit length.
+/// Returns true if three rows are orthogonal and of unit length.
 fn is_orthonormal(rows: [Point3; 3]) -> bool {
     (0..3).all(|i| {
         (0..=i).all(|j| {

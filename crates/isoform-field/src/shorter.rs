@@ -1,30 +1,31 @@
-//! A shorter tape for a box of inputs, without what does not decide there.
+//! Simplification of a tape for a box of inputs, without the branches that are never selected
+//! there.
 //!
-//! Intervals tell which arguments of a minimum, maximum or selection cannot be its value (Duff,
+//! Intervals show which arguments of a minimum, maximum or selection cannot be its value (Duff,
 //! Interval arithmetic and recursive subdivision, SIGGRAPH 1992). From the results downwards each
-//! operation tells its arguments which of their values matter: of max(max(a, b), c) those below
-//! the least value of c are as good as any other there. So a chain is as good as one maximum of
-//! all, and it does not matter in which order a program names its parts.
+//! operation passes the relevant range of values to its arguments: in max(max(a, b), c) values of
+//! the inner maximum below the least value of c are irrelevant. A chain of maxima is thus
+//! simplified as one maximum of all arguments, independently of their order in the program.
 
 use crate::ops::{Binary, SetOp, Unary};
 use crate::tape::{Instruction, Op, Tape};
 use isoform_num::Interval;
 
-/// What of an operation is left.
+/// Part of an operation that is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Choice {
-    /// Nothing, since nothing uses it.
+    /// Nothing: the result is not used.
     Neither,
-    /// Its first branch alone.
+    /// The first branch only.
     First,
-    /// Its second branch alone.
+    /// The second branch only.
     Second,
-    /// The operation.
+    /// The whole operation.
     Both,
 }
 
-/// Which values of a slot matter: those below the floor are as good as each other, and so are those
-/// above the ceiling.
+/// Range in which a slot's exact value is relevant; values outside of it may be replaced by any
+/// others on that side.
 #[derive(Clone, Copy)]
 struct Matter {
     floor: f64,
@@ -32,30 +33,30 @@ struct Matter {
 }
 
 impl Matter {
-    /// No value, where nothing uses the slot.
+    /// Empty range of an unused slot.
     const NONE: Self = Self {
         floor: f64::INFINITY,
         ceiling: f64::NEG_INFINITY,
     };
-    /// Every value.
+    /// Unbounded range.
     const ALL: Self = Self {
         floor: f64::NEG_INFINITY,
         ceiling: f64::INFINITY,
     };
 
-    /// Whether something uses the slot. Where the floor is above the ceiling no value is better
-    /// than another, but there must be one.
+    /// Returns true if the slot is used. With the floor above the ceiling all values are
+    /// equivalent, but one is required.
     fn is_any(self) -> bool {
         self.floor < f64::INFINITY || self.ceiling > f64::NEG_INFINITY
     }
 
-    /// A further use of the slot.
+    /// Adds another use of the slot.
     fn add(&mut self, other: Self) {
         self.floor = self.floor.min(other.floor);
         self.ceiling = self.ceiling.max(other.ceiling);
     }
 
-    /// What matters of u where this matters of −u.
+    /// Returns the relevant range of u if this is the one of −u.
     fn mirrored(self) -> Self {
         Self {
             floor: -self.ceiling,
@@ -63,7 +64,8 @@ impl Matter {
         }
     }
 
-    /// What decides a maximum of two numbers, and what of their values matters.
+    /// Returns the branch that decides a maximum of two numbers, and the relevant range of the
+    /// arguments.
     fn of_maximum(self, [a, b]: [Interval; 2]) -> (Choice, Self) {
         let floor = self.floor.max(a.lo()).max(b.lo());
         let choice = if b.hi() < floor {
@@ -76,14 +78,15 @@ impl Matter {
         (choice, Self { floor, ..self })
     }
 
-    /// The same of a minimum.
+    /// Returns the branch that decides a minimum of two numbers, and the relevant range of the
+    /// arguments.
     fn of_minimum(self, both: [Interval; 2]) -> (Choice, Self) {
         let (choice, matter) = self.mirrored().of_maximum(both.map(|range| -range));
         (choice, matter.mirrored())
     }
 }
 
-/// What decides a selection by a number.
+/// Returns the branch that a condition selects.
 fn of_selection(condition: Interval) -> Choice {
     if !condition.contains(0.0) {
         Choice::First
@@ -95,9 +98,9 @@ fn of_selection(condition: Interval) -> Choice {
 }
 
 impl Tape {
-    /// Bounds of the first result over a box of inputs, and a shorter tape that computes the same
-    /// bits of all results in the box. R-functions depend on both arguments everywhere and are
-    /// kept.
+    /// Bounds the first result over a box of inputs; also returns a shorter tape, if there is one,
+    /// that computes bitwise identical results in the box. R-functions depend on both arguments
+    /// everywhere and are kept.
     pub fn bounds(&self, x: &[Interval], a: &[Interval]) -> (Interval, Option<Self>) {
         let mut s = Vec::new();
         let range = self.range(x, a, &mut s);
@@ -110,9 +113,9 @@ impl Tape {
         )
     }
 
-    /// What is left of each operation, and what matters of each slot, where the slots have the
-    /// ranges `s` and surely are numbers where `numbers` says so. Ranges hold nothing else:
-    /// max(3, u) is 3 where u is none.
+    /// Returns the kept part of each operation and the relevant range of each slot, given the
+    /// ranges `s` of the slots and the slots that are certainly not NaN, `numbers`. Ranges do not
+    /// account for NaN: max(3, NaN) is 3.
     fn choices(&self, s: &[Interval], numbers: &[bool]) -> (Vec<Choice>, Vec<Matter>) {
         let first = self.first_code();
         let mut matter = vec![Matter::NONE; self.slots()];
@@ -129,7 +132,8 @@ impl Tape {
         (choices, matter)
     }
 
-    /// What decides an operation of which `of` matters; its arguments are told what of them does.
+    /// Returns the kept part of an operation with the relevant range `of`, and adds the relevant
+    /// ranges of its arguments.
     fn choice(
         &self,
         i: &Instruction,
@@ -167,11 +171,11 @@ impl Tape {
         choice
     }
 
-    /// By slot, whether evaluators surely compute a number there, where the slots have the ranges
-    /// `s` ([`Tape::range`]).
+    /// Returns true for slots whose computed value is certainly not NaN, given the ranges `s` of
+    /// the slots ([`Tape::range`]).
     ///
-    /// Ranges are hulls of what is defined: √u over \[−1, 1\] has the range \[0, 1\], and is no
-    /// number at −1. Where arguments are numbers and the range is finite, a sum or product is one.
+    /// Ranges enclose defined values only: √u over \[−1, 1\] has the range \[0, 1\] and is NaN at
+    /// −1. If the arguments are not NaN and the range is finite, a sum or product is not NaN.
     pub(crate) fn numbers(&self, s: &[Interval]) -> Vec<bool> {
         let first = self.first_code();
         let is_finite = |r: &Interval| r.lo().is_finite() && r.hi().is_finite();
@@ -192,7 +196,7 @@ impl Tape {
         known.into_iter().map(|sure| sure.number).collect()
     }
 
-    /// Whether an operation has a value for all arguments in their ranges.
+    /// Returns true if an operation is defined for all arguments in their ranges.
     fn is_defined(&self, i: &Instruction, s: &[Interval], known: &[Sure]) -> bool {
         let within = |a: u32, lo: f64, hi: f64| {
             let r = &s[a as usize];
@@ -200,7 +204,7 @@ impl Tape {
         };
         match i.op {
             Op::Native => false,
-            // Ranges of sums of squares begin just below 0.
+            // Ranges of sums of squares begin slightly below 0.
             Op::Unary(Unary::Sqrt) => known[i.a as usize].positive,
             Op::Unary(op) => match op.domain() {
                 (f64::NEG_INFINITY, f64::INFINITY) => true,
@@ -221,7 +225,7 @@ impl Tape {
         }
     }
 
-    /// The tape of what is left.
+    /// Builds the tape of the kept operations.
     fn simplified(&self, choices: &[Choice], matter: &[Matter]) -> Self {
         let (first, inputs) = (self.first_code(), self.first_x());
         let constants: Vec<usize> = (0..inputs).filter(|&s| matter[s].is_any()).collect();
@@ -253,17 +257,17 @@ impl Tape {
     }
 }
 
-/// What is sure of the value in a slot.
+/// Certain properties of the value in a slot.
 #[derive(Clone, Copy, Debug)]
 struct Sure {
-    /// It is a number.
+    /// True if the value is finite.
     number: bool,
-    /// It is a number and not below 0.
+    /// True if the value is finite and nonnegative.
     positive: bool,
 }
 
-/// Whether an operation on numbers gives none below 0, whatever the rounding: sums of squares have
-/// ranges that begin just below 0.
+/// Returns true if an operation on finite numbers is nonnegative for any rounding; ranges of sums
+/// of squares begin slightly below 0.
 fn is_positive(i: &Instruction, known: &[Sure]) -> bool {
     let both = || known[i.a as usize].positive && known[i.b as usize].positive;
     match i.op {
@@ -280,13 +284,13 @@ mod tests {
     use crate::{Graph, NodeId, Ops};
     use isoform_num::Random;
 
-    /// The tape for a box, and the whole one where nothing is left out.
+    /// Returns the tape for a box; the whole one if it cannot be simplified.
     fn rest(tape: &Tape, [lo, hi]: [[f64; 3]; 2]) -> Tape {
         let x: [Interval; 3] = std::array::from_fn(|i| Interval::new(lo[i], hi[i]));
         tape.bounds(&x, &[]).1.unwrap_or_else(|| tape.clone())
     }
 
-    /// A ball's function about (k, 0, 0).
+    /// Builds the function of a ball about (k, 0, 0).
     fn ball(graph: &mut Graph, k: usize) -> NodeId {
         let [x, y, z] = [0, 1, 2].map(|i| graph.x(i));
         let x = graph.offset(&x, -(k as f64));
@@ -298,9 +302,8 @@ mod tests {
         graph.sub(&radius, &away)
     }
 
-    /// Of a row of balls only those near a box are left, wherever they stand in the chain; also
-    /// where the union is taken away from something, or written as the complement of an
-    /// intersection.
+    /// Checks that of a row of balls only those near a box are kept, for any order of the chain,
+    /// also if the union is subtracted or written as the complement of an intersection.
     #[test]
     fn the_order_of_a_chain_does_not_matter() {
         for order in [1, 37, 99] {
@@ -335,7 +338,8 @@ mod tests {
         }
     }
 
-    /// A random expression whose parts are used again and again; some are no number somewhere.
+    /// Builds a random expression with many shared subexpressions, some of which are NaN at some
+    /// points.
     fn expression(random: &mut Random, graph: &mut Graph) -> NodeId {
         let mut nodes: Vec<NodeId> = (0..3).map(|i| graph.x(i)).collect();
         for _ in 0..60 {
@@ -361,7 +365,7 @@ mod tests {
         nodes[nodes.len() - 1]
     }
 
-    /// Whatever is left out, values stay the same bits, NaN and zeros of either sign included.
+    /// Simplification preserves values bitwise, including NaN and signed zeros.
     #[test]
     fn what_is_left_computes_the_same_bits() {
         let mut random = Random::new(11);

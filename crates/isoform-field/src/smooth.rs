@@ -1,68 +1,71 @@
-//! A test of whether the kinks inside a formula cancel, at pseudo-random places.
+//! Test for the cancellation of the kinks inside a formula, at pseudo-random points.
 //!
-//! A smooth maximum such as max(u, v) + max(k − |u − v|, 0)²/(4k) is written with functions that
-//! have kinks, and has none itself. Between two places where a kink is decided differently it is
-//! found by bisection; there the gradients of both sides must agree. A wrong answer takes a kink
-//! that none of the places tells apart, and costs a crease on a piece that is taken to be smooth.
+//! A smooth maximum such as max(u, v) + max(k − |u − v|, 0)²/(4k) is smooth, although it is
+//! composed of functions with kinks. A kink between two points on different sides of it is located
+//! by bisection; there the gradients of both sides must agree. The test fails to detect a kink if
+//! no two points lie on different sides of it; a piece then has a crease although it is taken to be
+//! smooth.
 
 use crate::graph::{Graph, Node, NodeId};
 use crate::ops::{Binary, Ops, SetOp, Unary};
 use crate::tape::Tape;
 use isoform_num::Jet1;
 
-/// Number of pairs of places. A pair tells a kink apart with probability near 1/2 at the scales that
-/// suit the kink, which are a quarter of all.
+/// Number of pairs of sample points. A pair separates the sides of a kink with probability near 1/2
+/// at scales suited to the kink, about a quarter of all scales.
 const PAIRS: usize = 160;
-/// Decades of scales on each side of 1, which cover sizes of models and widths of blends.
+/// Range of scales in decades, on each side of 1, which covers sizes of models and widths of
+/// blends.
 const DECADES: f64 = 3.0;
-/// Further decades in which kinks are sought that were not met, for models in map coordinates.
+/// Additional range of scales in decades in the search for kinks not found before, for models in
+/// map coordinates.
 const FAR: f64 = 5.0;
-/// The difference of two sides' gradients, relative to 1 and the gradient, up to which they count as
-/// equal; jumps of real models are of the order of 1.
+/// Tolerance on the difference of the gradients on two sides, relative to the larger of 1 and the
+/// gradient; jumps in real models are of order 1.
 const SAME: f64 = 1e-4;
-/// Number of halvings: the two sides are then some 1e-12 of the segment apart.
+/// Number of bisection steps, after which the two sides are about 1e-12 of the segment apart.
 const HALVINGS: usize = 40;
-/// The largest number of kinks that are asked about: blends have a handful.
+/// Maximum number of kinks of a formula; blends have a handful.
 const MOST_KINKS: usize = 48;
-/// Number of derivatives that are computed at once.
+/// Number of derivatives computed at once.
 const AT_ONCE: usize = 4;
 
 /// Pseudo-random numbers from 0 to 1 with a fixed seed (Marsaglia's xorshift).
 pub(crate) struct Random(u64);
 
 impl Random {
-    /// The numbers from the beginning.
+    /// Creates the generator in its initial state.
     pub(crate) fn new() -> Self {
         Self(0x2545_F491_4F6C_DD1D)
     }
-    /// The next number.
+    /// Returns the next number.
     pub(crate) fn next(&mut self) -> f64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
         (self.0 >> 11) as f64 / (1u64 << 53) as f64
     }
-    /// A place in a cube about 0 whose size is random, too.
+    /// Returns a point in a cube about 0 of random size.
     pub(crate) fn place(&mut self, n: usize) -> Vec<f64> {
         let decade = DECADES * (2.0 * self.next() - 1.0);
         self.scaled(n, decade)
     }
-    /// A place in a cube of half size 10^decade about 0.
+    /// Returns a point in a cube about 0 with half the edge length 10^decade.
     fn scaled(&mut self, n: usize, decade: f64) -> Vec<f64> {
         let scale = 10f64.powf(decade);
         (0..n).map(|_| scale * (2.0 * self.next() - 1.0)).collect()
     }
 }
 
-/// A formula of n inputs, with the values that its kinks are decided by.
+/// Formula of n inputs, with the expressions whose signs determine the sides of its kinks.
 struct Kinked {
-    /// The formula, then the values.
+    /// Tape of the formula and these expressions.
     tape: Tape,
     n: usize,
 }
 
 impl Kinked {
-    /// The compiled formula; `None` where the formula jumps by itself, or has too many kinks to ask.
+    /// Compiles the formula; `None` if it contains jumps, or too many kinks.
     fn new(mut graph: Graph, root: NodeId, n: usize) -> Option<Self> {
         let root = graph.lowered(root);
         let need = graph.reachable(&[root]);
@@ -88,12 +91,12 @@ impl Kinked {
         })
     }
 
-    /// The formula's value, then the values that decide its kinks.
+    /// Evaluates the formula and the expressions that determine the sides of its kinks.
     fn values(&self, at: &[f64]) -> Vec<f64> {
         self.tape.eval_all(at, &[], &mut Vec::new())
     }
 
-    /// Value and gradient; `None` where they are not finite.
+    /// Computes the value and gradient; `None` if they are not finite.
     fn gradient(&self, at: &[f64]) -> Option<(f64, Vec<f64>)> {
         let (mut value, mut gradient) = (0.0, Vec::with_capacity(self.n));
         let mut scratch = Vec::new();
@@ -113,8 +116,7 @@ impl Kinked {
         (value.is_finite() && gradient.iter().all(|g| g.is_finite())).then_some((value, gradient))
     }
 
-    /// Two places on the segment that lie closely on the two sides of where value k changes its
-    /// sign.
+    /// Finds two close points of the segment between which value k changes its sign.
     fn crossing(
         &self,
         k: usize,
@@ -127,7 +129,7 @@ impl Kinked {
         for _ in 0..HALVINGS {
             let t = 0.5 * (lo + hi);
             let v = self.values(&at(t))[k];
-            // Exactly on the kink the derivatives belong to neither side.
+            // Exactly on the kink the derivatives do not belong to either side.
             if v == 0.0 {
                 break;
             }
@@ -141,18 +143,18 @@ impl Kinked {
     }
 }
 
-/// The observations of a formula.
+/// Observed behaviour of a formula.
 struct Seen {
-    /// By further input, whether the formula rose in it somewhere.
+    /// True for further inputs in which the formula was increasing at some sample.
     rising: Vec<bool>,
-    /// By further input, whether the formula fell in it somewhere.
+    /// True for further inputs in which the formula was decreasing at some sample.
     falling: Vec<bool>,
-    /// By kink, whether places on both of its sides were met.
+    /// True for kinks with samples on both sides.
     crossed: Vec<bool>,
 }
 
 impl Seen {
-    /// Adds a gradient; `None` once the formula was seen both to rise and to fall in an input.
+    /// Records a gradient; `None` if the formula was both increasing and decreasing in one input.
     fn slopes(&mut self, gradient: &[f64]) -> Option<()> {
         let size = gradient.iter().fold(1.0, |m: f64, g| m.max(g.abs()));
         for (i, (rising, falling)) in self.rising.iter_mut().zip(&mut self.falling).enumerate() {
@@ -167,8 +169,8 @@ impl Seen {
         Some(())
     }
 
-    /// Looks at pairs of random places. Returns the number of pairs at which the formula is defined;
-    /// `None` where it has a kink or is not monotone.
+    /// Tests pairs of random points. Returns the number of pairs at which the formula is defined;
+    /// `None` if it has a kink or is not monotone.
     fn pairs(&mut self, formula: &Kinked, random: &mut Random) -> Option<usize> {
         let mut usable = 0;
         for _ in 0..PAIRS {
@@ -185,7 +187,7 @@ impl Seen {
         Some(usable)
     }
 
-    /// Looks for kinks between a place and places far away; `None` where one does not cancel.
+    /// Tests kinks between a point and points far away; `None` if one does not cancel.
     fn far_kinks(&mut self, formula: &Kinked, random: &mut Random) -> Option<()> {
         let near = random.place(formula.n);
         for _ in 0..PAIRS {
@@ -196,7 +198,7 @@ impl Seen {
         Some(())
     }
 
-    /// Looks at the kinks between two places; `None` where one of them does not cancel.
+    /// Tests the kinks between two points; `None` if one does not cancel.
     fn kinks(&mut self, formula: &Kinked, p: &[f64], q: &[f64]) -> Option<()> {
         let (dp, dq) = (formula.values(p), formula.values(q));
         for k in (1..dp.len()).filter(|&k| dp[k] * dq[k] < 0.0) {
@@ -217,15 +219,16 @@ impl Seen {
     }
 }
 
-/// Whether the values and gradients on the two sides of a kink agree, at places that are `apart`.
+/// Returns true if the values and gradients on the two sides of a kink agree, at points at the
+/// distance `apart`.
 fn is_smooth_across((va, ga): (f64, &[f64]), (vb, gb): (f64, &[f64]), apart: f64) -> bool {
     let size = ga.iter().chain(gb).fold(1.0, |m: f64, g| m.max(g.abs()));
     let jumps = (va - vb).abs() > SAME * (va.abs() + 1.0) + 2.0 * size * apart;
     !jumps && !ga.iter().zip(gb).any(|(a, b)| (a - b).abs() > SAME * size)
 }
 
-/// Whether `root`, a formula of x, y, z and the further inputs X(3), …, is C¹ and monotone in each
-/// of the further inputs: for each of them whether it rises. `None` where it is not.
+/// Tests if `root`, a formula of x, y, z and the further inputs X(3), …, is C¹ and monotone in each
+/// further input. Returns true for those in which it increases; `None` if the test fails.
 pub(crate) fn smooth_and_monotone(graph: Graph, root: NodeId, further: usize) -> Option<Vec<bool>> {
     let formula = Kinked::new(graph, root, 3 + further)?;
     let mut seen = Seen {
@@ -235,10 +238,10 @@ pub(crate) fn smooth_and_monotone(graph: Graph, root: NodeId, further: usize) ->
     };
     let mut random = Random::new();
     let usable = seen.pairs(&formula, &mut random)?;
-    // A kink in space alone may lie far away; a kink of a blend is where its arguments are alike.
+    // A kink in space alone may lie far away; a kink of a blend lies where its arguments are equal.
     if further == 0 && seen.crossed[1..].contains(&false) {
         seen.far_kinks(&formula, &mut random)?;
     }
-    // Where the formula is hardly ever defined, nothing was tested.
+    // A formula that is rarely defined was not tested.
     (usable >= PAIRS / 8).then_some(seen.falling.iter().map(|f| !f).collect())
 }

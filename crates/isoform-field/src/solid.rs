@@ -1,8 +1,8 @@
 //! A compiled model with fixed parameters as a solid of smooth pieces.
 //!
-//! The parameters are put into the expression before it is split, so that factors have signs and
-//! what does not depend on space is computed once. Each piece has a tape of its own; where many
-//! pieces are wanted at once a common tape shares what they share.
+//! The parameters are substituted before the expression is split, so that factors have known signs
+//! and subexpressions independent of space are computed once. Each piece has a tape of its own; for
+//! several pieces at once a common tape shares their subexpressions.
 
 use crate::block::{Block, LANES};
 use crate::graph::{Graph, Node, NodeId};
@@ -17,44 +17,44 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Why a model is no solid of pieces.
+/// Error of the conversion of a model into a solid of pieces.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SolidError {
-    /// The program does not become an expression.
+    /// The program cannot be compiled to an expression.
     #[error("the program is no expression (line {}: {}); it can only be run statement by statement", .0.line, .0.why)]
     NoExpression(NotCompilable),
-    /// A run of the program ends with an error, at every point that was tried.
+    /// Runs of the program end with an error at every tested point.
     #[error(transparent)]
     Fails(#[from] RunError),
-    /// The object does not describe a solid in space.
+    /// The object does not have three coordinates.
     #[error("the model has {found} coordinates, a solid has 3")]
     Dimension {
-        /// Coordinates of the object.
+        /// Number of coordinates of the object.
         found: usize,
     },
-    /// There are more values than parameters ([`parameter_values`]), or fewer than an expression
-    /// uses ([`Pieces::new`]).
+    /// More values than parameters ([`parameter_values`]), or fewer than the expression uses
+    /// ([`Pieces::new`]).
     #[error("{found} values for {expected} parameters")]
     Parameters {
-        /// Parameters of the model.
+        /// Number of parameters of the model.
         expected: usize,
-        /// Values given.
+        /// Number of given values.
         found: usize,
     },
     /// Parameters without a value.
     #[error("{} {} no value{}", names.join(", "), if names.len() == 1 { "has" } else { "have" },
         if names.len() == 1 { "" } else { "s" })]
     Missing {
-        /// The parameters, as they are written, with their names.
+        /// Labels of the parameters: as written, with their names.
         names: Vec<String>,
     },
-    /// The function's sign is the same everywhere.
+    /// The function's sign is constant.
     #[error("the model has no surface: {}", if *.inside { "all of space is inside" } else { "nothing is inside" })]
     NoSurface {
-        /// Whether all of space is inside.
+        /// True if all of space is inside.
         inside: bool,
     },
-    /// The expression is nested too deeply, or has too many pieces.
+    /// The expression is nested too deeply or has too many pieces.
     #[error("the model has too many pieces, or they are nested too deeply")]
     TooLarge,
 }
@@ -81,7 +81,7 @@ impl From<SplitError> for SolidError {
     }
 }
 
-/// A compiled model with fixed parameters, as minima and maxima over smooth pieces.
+/// Compiled model with fixed parameters, as minima and maxima over smooth pieces.
 ///
 /// ```
 /// use isoform_field::{Pieces, hyperfun::{Mode, Model}};
@@ -103,21 +103,22 @@ pub struct Pieces {
     all: Tape,
     own: Tape,
     ranges: Ranges,
-    /// The functions of the pieces, and the whole expression.
+    /// Graph of the functions of the pieces, and of the whole expression.
     graph: Graph,
     roots: Vec<NodeId>,
     root: NodeId,
-    /// Places in the program of nodes that jump.
+    /// Positions in the program of discontinuous nodes.
     places: Vec<(NodeId, Place)>,
 }
 
 impl Pieces {
-    /// The expression `root` of three coordinates, with `a` for its parameters.
+    /// Splits the expression `root` of three coordinates, with the values `a` of its parameters.
     pub fn new(graph: &Graph, root: NodeId, a: &[f64]) -> Result<Self, SolidError> {
         Self::with_places(graph, root, &[], a)
     }
 
-    /// The same, with the places in the program of nodes that jump.
+    /// Splits an expression as [`Pieces::new`] does, with the positions in the program of
+    /// discontinuous nodes.
     fn with_places(
         graph: &Graph,
         root: NodeId,
@@ -174,7 +175,7 @@ impl Pieces {
         })
     }
 
-    /// The model with the values `a` of its parameters; missing ones are those of
+    /// Compiles and splits a model with the values `a` of its parameters; missing ones are those of
     /// [`parameter_values`].
     ///
     /// # Errors
@@ -186,36 +187,36 @@ impl Pieces {
         Self::with_places(&graph, root, &places, &a)
     }
 
-    /// The functions of all pieces as expressions of the coordinates.
+    /// Returns the functions of all pieces as expressions of the coordinates.
     pub(crate) fn functions(&self) -> (&Graph, &[NodeId]) {
         (&self.graph, &self.roots)
     }
 
-    /// The whole expression, of the coordinates.
+    /// Returns the whole expression, of the coordinates.
     pub(crate) fn whole(&self) -> (Graph, NodeId) {
         (self.graph.clone(), self.root)
     }
 
-    /// The place in the program of a node that jumps.
+    /// Returns the position in the program of a discontinuous node.
     pub(crate) fn place(&self, id: NodeId) -> Option<&Place> {
         let found = self.places.iter().find(|(of, _)| *of == id)?;
         Some(&found.1)
     }
 
-    /// Number of operations of a piece's function: what its evaluation costs.
+    /// Returns the number of operations of a piece's function, the cost of its evaluation.
     pub fn cost(&self, piece: u32) -> usize {
         self.each[piece as usize].len()
     }
 }
 
-/// How ranges of the pieces are computed. Interval arithmetic takes the arguments of a blend for
-/// independent and loses its width; since a blend is monotone in each, the ends of their ranges
-/// give its own.
+/// Computation of ranges of the pieces. Interval arithmetic treats the arguments of a blend as
+/// independent and overestimates its range; since a blend is monotone in each argument, the ends of
+/// their ranges determine the ends of its own.
 #[derive(Clone, Debug)]
 struct Ranges {
     steps: Vec<RangeOf>,
     functions: Vec<Tape>,
-    /// By piece, the steps that its range takes, each after those that it uses; its own is last.
+    /// Steps of each piece's range, in the order of computation; the last one is the piece itself.
     pieces: Vec<Vec<usize>>,
 }
 
@@ -223,12 +224,12 @@ struct Ranges {
 enum RangeOf {
     Tape(Arc<Tape>),
     Negative(usize),
-    /// A function of steps, and whether it rises in each.
+    /// A function of steps; true for those in which it is increasing.
     Monotone(usize, Vec<(usize, bool)>),
 }
 
 impl RangeOf {
-    /// The steps that it uses.
+    /// Returns the steps on which it depends.
     fn inputs(&self) -> Vec<usize> {
         match self {
             Self::Tape(_) => Vec::new(),
@@ -239,7 +240,7 @@ impl RangeOf {
 }
 
 impl Ranges {
-    /// The steps for pieces of which the tapes are there.
+    /// Determines the steps for pieces with given tapes.
     fn new(
         graph: &Graph,
         pieces: &[NodeId],
@@ -285,8 +286,8 @@ impl Ranges {
         }
     }
 
-    /// The range of a piece. Steps are computed one after the other, since a chain of them may be
-    /// longer than any stack.
+    /// Computes the range of a piece. The steps are computed iteratively, since recursion over a
+    /// long chain of them could overflow the stack.
     fn of(&self, piece: usize, x: &[Interval; 3], scratch: &mut Vec<Interval>) -> Interval {
         let order = &self.pieces[piece];
         if let [only] = order[..] {
@@ -299,7 +300,7 @@ impl Ranges {
         ranges[order.len() - 1]
     }
 
-    /// The range of a step, from those of the steps before it in the order.
+    /// Computes the range of a step from those of the steps before it in the order.
     fn step(
         &self,
         step: usize,
@@ -335,10 +336,11 @@ impl Ranges {
     }
 }
 
-/// The pieces and what their ranges are computed from, with what is known of each.
+/// Collects the pieces and the expressions from which their ranges are computed, with the monotone
+/// function that represents each, if any.
 ///
-/// A monotone function counts only where its inputs were made before it: of r - min(q, 0) the piece
-/// for 0 is r itself, a function of r and 0, and its range would be computed from itself.
+/// A monotone function is used only if its inputs precede it in the graph: of r - min(q, 0) the
+/// piece for 0 is r, a function of r and 0, and its range would depend on itself.
 fn needed(
     graph: &Graph,
     pieces: &[NodeId],
@@ -365,7 +367,8 @@ fn needed(
     need
 }
 
-/// The tapes of what is computed as it is: those of pieces are there, others are compiled.
+/// Returns the tapes of the expressions without a special form: given for pieces, compiled for
+/// others.
 fn tapes_of(
     graph: &Graph,
     need: &BTreeMap<NodeId, Option<Monotone>>,
@@ -390,7 +393,7 @@ fn tapes_of(
     tapes
 }
 
-/// A step and those that it uses, all the way down, in the order of computation.
+/// Returns a step and all steps on which it depends, in the order of computation.
 fn order(steps: &[RangeOf], last: usize) -> Vec<usize> {
     let (mut found, mut pending) = (BTreeSet::new(), vec![last]);
     while let Some(step) = pending.pop() {
@@ -401,11 +404,10 @@ fn order(steps: &[RangeOf], last: usize) -> Vec<usize> {
     found.into_iter().collect()
 }
 
-/// The values of all parameters of a model where the first ones are given, or some of them. Of the
-/// others, tied ones
-/// follow their tie, as they do where a value is given for them; the rest are typical, as annotated,
-/// or where their annotations hold them or start. Parameters that the program does not use, as those
-/// of the program of a fit, need no value and are 0.
+/// Returns the values of all parameters of a model, of which the first ones, or some, are given.
+/// Tied parameters follow their tie, even if a value is given. For the others the annotated typical
+/// value is used, else the value at which they are held, else the start value. Parameters that the
+/// program does not use, such as those of the program of a fit, need no value and are 0.
 ///
 /// ```
 /// use isoform_field::{hyperfun::{Mode, Model}, parameter_values};
@@ -422,8 +424,8 @@ fn order(steps: &[RangeOf], last: usize) -> Vec<usize> {
 /// ```
 ///
 /// # Errors
-/// [`SolidError::Parameters`] where there are more values than parameters, [`SolidError::Missing`]
-/// where one that is needed has none.
+/// [`SolidError::Parameters`] if there are more values than parameters, [`SolidError::Missing`] if
+/// a parameter that is used has no value.
 pub fn parameter_values<V: Into<Option<f64>> + Copy>(
     model: &Model,
     given: &[V],
@@ -450,7 +452,7 @@ pub fn parameter_values<V: Into<Option<f64>> + Copy>(
     if infos.iter().any(|info| is_missing(&info)) {
         let mut needed = model.used_params();
         for info in infos {
-            // Ties follow free parameters alone.
+            // Ties depend on free parameters only.
             if let Some(tie) = info.tie.as_ref().filter(|_| needed[info.index]) {
                 tie.terms.iter().for_each(|(i, _)| needed[*i] = true);
             }
@@ -473,7 +475,7 @@ pub fn parameter_values<V: Into<Option<f64>> + Copy>(
     Ok(values.into_iter().map(|v| v.unwrap_or(0.0)).collect())
 }
 
-/// The values of all parameters of a model of space.
+/// Returns the values of all parameters of a model with three coordinates.
 fn values_in_space(model: &Model, given: &[f64]) -> Result<Vec<f64>, SolidError> {
     match model.dimension() {
         3 => parameter_values(model, given),
@@ -489,8 +491,8 @@ thread_local! {
     static EXPANSIONS: Cell<Vec<IntervalJet<1>>> = const { Cell::new(Vec::new()) };
 }
 
-/// Runs with this thread's scratch space. It is taken out meanwhile: another use on the same thread
-/// would start with an empty one.
+/// Calls `run` with this thread's scratch space, which is taken out meanwhile, so that a nested use
+/// on this thread starts with an empty one.
 fn with<T, R>(
     scratch: &'static std::thread::LocalKey<Cell<Vec<T>>>,
     run: impl FnOnce(&mut Vec<T>) -> R,
@@ -501,10 +503,10 @@ fn with<T, R>(
     result
 }
 
-/// Fewer points than this are cheaper one by one than as a block.
+/// Number of points below which evaluation one by one is cheaper than in a block.
 const FEW: usize = 4;
 
-/// Results of a tape at the points: row r of `out` is result `result(r)`.
+/// Evaluates results of a tape at the points: row r of `out` is result `result(r)`.
 fn values(
     tape: &Tape,
     points: &[Point3],
@@ -621,9 +623,9 @@ impl Solid for Pieces {
     }
 }
 
-/// A program run statement by statement as a function of space, for models that are no expression:
-/// a solid of one piece by [`isoform_geom::OnePiece`]. Some hundred times slower than [`Pieces`];
-/// NaN where the program stops with an error.
+/// Function of space that runs a program statement by statement, for models that cannot be compiled
+/// to an expression; a solid of one piece by [`isoform_geom::OnePiece`]. About a hundred times
+/// slower than [`Pieces`]; NaN where the program stops with an error.
 #[derive(Clone, Debug)]
 pub struct RunField {
     model: Model,
@@ -631,8 +633,8 @@ pub struct RunField {
 }
 
 impl RunField {
-    /// The model with the values `a` of its parameters; missing ones are those of
-    /// [`parameter_values`].
+    /// Creates the function of a model with the values `a` of its parameters; missing ones are
+    /// those of [`parameter_values`].
     ///
     /// # Errors
     /// [`SolidError::Dimension`], [`SolidError::Parameters`].
@@ -643,7 +645,7 @@ impl RunField {
         })
     }
 
-    /// Why the program fails at each of the points, if it does.
+    /// Returns the first error if the program fails at each of the points, else `None`.
     pub fn fault(&self, points: &[Point3]) -> Option<RunError> {
         let mut evaluator = self.model.evaluator();
         let mut first = None;

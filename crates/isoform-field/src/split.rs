@@ -1,6 +1,6 @@
 //! Splitting an expression of space into smooth pieces, joined by minima and maxima.
 //!
-//! An L, of two slabs, has six pieces:
+//! An L-shaped profile of two slabs has six pieces:
 //!
 //! ```text
 //!    y_max                     max
@@ -11,25 +11,25 @@
 //!    +-----------+
 //! ```
 //!
-//! - *piece*: a function whose zero set is part of the surface, smooth near it, positive on the side
-//!   where it cuts nothing away.
+//! - *piece*: a function whose zero set contains part of the surface, smooth near it, and
+//!   nonnegative where it does not exclude points.
 //! - *side*: one of the pieces of a primitive, or of |u|: u and −u.
 //! - *kink*: a place where a function is not differentiable, made by minima, maxima, |u| and
 //!   selections.
 //! - *blend*: a function that is smooth although its formula has kinks.
 //! - *product*: a blend of one piece of each of its arguments.
-//! - *context*: the name of the variable that a node is part of.
+//! - *context*: the name of the variable whose value contains a node.
 //!
-//! Two readings go hand in hand. By *sign*: only where the expression is ≥ 0 counts, so R-functions
-//! are maxima and minima, primitives their closed-form sides, positive factors nothing. By *value*:
-//! the tree has the expression's value everywhere, so that what is computed from it passes through:
-//! a function that rises in an argument is, of a minimum, the minimum of the function. Values pass
-//! through |u| = max(u, −u), sums, signed factors and quotients, monotone functions of one
-//! argument, R-functions, and blends.
+//! An expression is split in two ways. By *sign*: the tree has the sign of the expression only, so
+//! that R-functions are maxima and minima, primitives are the intersections of their closed-form
+//! sides, and positive factors are dropped. By *value*: the tree has the expression's value
+//! everywhere, and functions of it are distributed over its pieces: an increasing function of a
+//! minimum is the minimum of the function's values. This applies to |u| = max(u, −u), sums, factors
+//! and divisors of constant sign, monotone functions of one argument, R-functions, and blends.
 //!
-//! A smooth maximum is mostly written with minima, maxima and |u| of its own: max(u, v) + max(k −
-//! |u − v|, 0)²/(4k). Where the kinks of such a formula cancel ([`crate::smooth`]) it is one
-//! function of the expressions that it uses more than once (u and v here), and distributed over
+//! A smooth maximum is usually written with further minima, maxima and |u|: max(u, v) + max(k − |u
+//! − v|, 0)²/(4k). If the kinks of such a formula cancel ([`crate::smooth`]), it is treated as one
+//! function of the expressions that it uses more than once (here u and v) and distributed over
 //! their pieces: smooth(min(a, b), c) = min(smooth(a, c), smooth(b, c)).
 
 mod blend;
@@ -51,53 +51,52 @@ use isoform_num::Interval;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-/// Largest number of products of a blend. A blend of two shapes has one for each pair of their
-/// pieces; a blend with more products stays one piece.
+/// Maximum number of products of a blend, one for each combination of pieces of its arguments; a
+/// blend with more products is not split.
 const MOST_PRODUCTS: usize = 4096;
-/// Largest number of pieces of a solid, each counted wherever it stands in the tree. Solids with more
-/// are refused.
+/// Maximum number of leaves of a solid's tree, over which a piece may be counted several times.
+/// Larger solids are rejected.
 const MOST_PIECES: usize = 1 << 20;
-/// Deepest nesting of minima in maxima in minima. The readings recurse once per level, and 2 MiB of
-/// stack must suffice; deeper expressions are refused.
+/// Maximum nesting depth of alternating minima and maxima. Splitting recurses once per level,
+/// within 2 MiB of stack; deeper expressions are rejected.
 const DEEPEST: usize = 400;
-/// Largest number of arguments of a blend. The search for blends skips functions of more shapes.
+/// Maximum number of arguments of a blend; functions of more arguments are not tested for blends.
 pub(crate) const MOST_INPUTS: usize = 5;
-/// Largest number of nodes that are compared to find the arguments of a blend. With more the search
-/// gives up, since each pair is compared.
+/// Maximum number of candidate nodes for the arguments of a blend. The search is aborted with more,
+/// since it compares all pairs.
 const MOST_FOUND: usize = 24;
-/// Number of failures after which no more blends are sought. Each search looks at all nodes below
-/// one node.
+/// Maximum number of failed searches for blends, each of which visits all nodes below one node.
 const MOST_FAILURES: usize = 2000;
 
-/// Range of a parameter without a value: sizes are positive, and faces get the names that they have
-/// for such values. The ends are far from what overflows in products of a few parameters.
+/// Range of a parameter without a value: sizes are positive, and faces are named as for positive
+/// values. Products of a few parameters from this range do not overflow.
 const POSITIVE: [f64; 2] = [1e-9, 1e9];
 
-/// The value of parameter i for the search for kinks, where it has none. Values are positive, and
-/// differ from each other, so that terms do not cancel by chance.
+/// Returns a substitute for the value of parameter i in the search for kinks. Substitutes are
+/// positive and distinct, so that terms do not cancel by chance.
 fn stand_in(i: u32) -> f64 {
     0.5 + (0.618_033_988_749_895 * f64::from(i + 1)).fract()
 }
 
-/// Why an expression has no pieces.
+/// Error of splitting an expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SplitError {
-    /// Its sign does not change.
+    /// The sign is constant.
     Constant { inside: bool },
-    /// Too deeply nested, or too many pieces.
+    /// The expression is nested too deeply or has too many pieces.
     TooLarge,
 }
 
-/// An expression as smooth pieces.
+/// Result of splitting an expression into smooth pieces.
 pub(crate) struct Split {
     pub(crate) names: Vec<String>,
     pub(crate) pieces: Vec<NodeId>,
     pub(crate) tree: Csg,
-    /// What is known to be a monotone function of other expressions.
+    /// Expressions known to be monotone functions of other expressions.
     pub(crate) monotone: HashMap<NodeId, Monotone>,
 }
 
-/// An expression as a monotone function of others.
+/// Representation of an expression as a monotone function of others.
 #[derive(Clone, Debug)]
 pub(crate) struct Monotone {
     pub(crate) function: Rc<Function>,
@@ -105,7 +104,8 @@ pub(crate) struct Monotone {
 }
 
 impl Monotone {
-    /// A blend, by itself.
+    /// Represents a circular blend as a monotone function of its two arguments; `None` for other
+    /// nodes.
     pub(crate) fn of_blend(graph: &Graph, id: NodeId) -> Option<Self> {
         let Node::Library(f, args) = graph.node(id) else {
             return None;
@@ -129,7 +129,7 @@ impl Monotone {
     }
 }
 
-/// A function of X(3), X(4), …, and for each of these whether it rises.
+/// Function of X(3), X(4), …, and for each of these true if the function is increasing in it.
 #[derive(Debug)]
 pub(crate) struct Function {
     pub(crate) graph: Graph,
@@ -137,7 +137,7 @@ pub(crate) struct Function {
     pub(crate) rises: Vec<bool>,
 }
 
-/// Reads the expression `root`, of x alone; the graph grows by the pieces.
+/// Splits the expression `root`, of x alone; the pieces are added to the graph.
 pub(crate) fn split(graph: &mut Graph, root: NodeId) -> Result<Split, SplitError> {
     let mut reader = Reader::new(graph, root);
     let tree = reader.whole().ok_or(SplitError::TooLarge)?;
@@ -156,9 +156,9 @@ pub(crate) fn split(graph: &mut Graph, root: NodeId) -> Result<Split, SplitError
 struct Reader<'a> {
     graph: &'a mut Graph,
     root: NodeId,
-    /// By node: whether its value may have kinks.
+    /// True for nodes whose value may have kinks.
     kinked: Vec<bool>,
-    /// By node: bounds over all space.
+    /// Bounds of the nodes over all space.
     ranges: Vec<Interval>,
     values: HashMap<NodeId, Tree>,
     signs: HashMap<NodeId, Tree>,
@@ -191,7 +191,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The tree of the whole expression; none where it is too large.
+    /// Splits the whole expression by sign; `None` if it is too large.
     fn whole(&mut self) -> Option<Tree> {
         let tree = self.sign(self.root, &Context::default());
         (!self.too_large && tree.leaves() <= MOST_PIECES).then_some(tree)

@@ -1,9 +1,9 @@
-//! The compiled expression: a flat list of operations on numbered slots.
+//! Compiled expressions: flat lists of operations on numbered slots.
 //!
 //! Slots are `[constants | x | parameters | operations]`, each written once. Operations that do not
-//! depend on x come first: they are computed once per call, not per point. Evaluators own their
-//! scratch space, the tape is shared freely between threads. [`Tape::eval`] serves any number type;
-//! the block evaluators run 32 points at a time.
+//! depend on x come first; they are computed once per call instead of once per point. Evaluators
+//! own their scratch space; the tape is shared between threads. [`Tape::eval`] accepts any number
+//! type; the block evaluators process 32 points at a time.
 
 use crate::graph::{Graph, Node, NodeId};
 use crate::library::Native;
@@ -63,26 +63,26 @@ pub struct Tape {
     pub(crate) constants: Vec<f64>,
     /// The operations in the order of computation.
     pub(crate) code: Vec<Instruction>,
-    /// Number of operations at the beginning of `code` that do not depend on x.
+    /// Number of initial operations of `code` that do not depend on x.
     pub(crate) uniform: usize,
-    /// The native functions that are called, with the slots of their arguments.
+    /// Calls of native functions, each with the slots of its arguments.
     pub(crate) natives: Vec<(Native, Box<[u32]>)>,
     /// The slots of the results.
     pub(crate) roots: Vec<u32>,
 }
 
-/// The nodes of an expression as a tape has them, each kind in the order of creation.
+/// Nodes of an expression in the order of a tape, each kind in the order of creation.
 struct Order {
     /// Constants, coordinates and parameters.
     inputs: Vec<NodeId>,
     /// Operations that do not depend on the coordinates.
     uniform: Vec<NodeId>,
-    /// Operations that do.
+    /// Operations that depend on the coordinates.
     varying: Vec<NodeId>,
 }
 
 impl Order {
-    /// The nodes that are needed.
+    /// Sorts the nodes that `need` marks.
     fn new(graph: &Graph, need: &[bool]) -> Self {
         let nodes = (0..graph.len()).filter(|&i| need[i]);
         let nodes = nodes.map(|i| NodeId(i as u32));
@@ -124,7 +124,7 @@ impl Tape {
         tape
     }
 
-    /// By node, the slot of an input; [`u32::MAX`] of others.
+    /// Returns the slots of the inputs, by node; [`u32::MAX`] for other nodes.
     fn slots_of(&self, graph: &Graph, inputs: &[NodeId]) -> Vec<u32> {
         let mut slots = vec![u32::MAX; graph.len()];
         let mut next_constant = 0;
@@ -150,7 +150,7 @@ impl Tape {
         slots
     }
 
-    /// The operation of a node whose arguments have slots.
+    /// Translates a node whose arguments have slots into an operation.
     fn instruction(&mut self, graph: &Graph, id: NodeId, slots: &[u32]) -> Instruction {
         let at = |n: &NodeId| slots[n.at()];
         let (op, a, b, c) = match graph.node(id) {
@@ -170,49 +170,49 @@ impl Tape {
         Instruction { op, a, b, c }
     }
 
-    /// Number of coordinates.
+    /// Returns the number of coordinates.
     pub fn dimension(&self) -> usize {
         self.n_x
     }
-    /// Number of parameters.
+    /// Returns the number of parameters.
     pub fn n_params(&self) -> usize {
         self.n_params
     }
-    /// Number of operations.
+    /// Returns the number of operations.
     pub fn len(&self) -> usize {
         self.code.len()
     }
-    /// Whether there is nothing to compute.
+    /// Returns true if the tape has no operations.
     pub fn is_empty(&self) -> bool {
         self.code.is_empty()
     }
-    /// Whether it calls functions that are iterations, of which intervals prove nothing.
+    /// Returns true if the tape calls native functions, whose iterations intervals cannot enclose.
     pub(crate) fn has_natives(&self) -> bool {
         !self.natives.is_empty()
     }
-    /// Number of results.
+    /// Returns the number of results.
     pub fn n_results(&self) -> usize {
         self.roots.len()
     }
 
-    /// The slot of the first coordinate.
+    /// Returns the slot of the first coordinate.
     pub(crate) fn first_x(&self) -> usize {
         self.constants.len()
     }
-    /// The slot of the first parameter.
+    /// Returns the slot of the first parameter.
     pub(crate) fn first_param(&self) -> usize {
         self.constants.len() + self.n_x
     }
-    /// The slot of the first operation.
+    /// Returns the slot of the first operation.
     pub(crate) fn first_code(&self) -> usize {
         self.constants.len() + self.n_x + self.n_params
     }
-    /// Number of slots.
+    /// Returns the number of slots.
     pub(crate) fn slots(&self) -> usize {
         self.first_code() + self.code.len()
     }
 
-    /// All slots of an operation's arguments.
+    /// Iterates over the slots of an operation's arguments.
     pub(crate) fn arguments(&self, i: &Instruction) -> impl Iterator<Item = u32> + '_ {
         let (fixed, list): (usize, &[u32]) = match i.op {
             Op::Unary(_) | Op::PowI => (1, &[]),
@@ -224,7 +224,7 @@ impl Tape {
         fixed.chain(list.iter().copied())
     }
 
-    /// Does something with each of them; no iterator is as fast where tapes are long.
+    /// Calls `each` for the slot of each argument; faster than an iterator on long tapes.
     #[inline(always)]
     pub(crate) fn for_arguments(&self, i: &Instruction, mut each: impl FnMut(u32)) {
         match i.op {
@@ -238,7 +238,8 @@ impl Tape {
         }
     }
 
-    /// The first result at a point, in any number type. `scratch` may be reused between calls.
+    /// Evaluates the first result at a point, in any number type. `scratch` may be reused between
+    /// calls.
     ///
     /// # Panics
     /// If `x` or `a` is shorter than the tape's inputs.
@@ -247,7 +248,7 @@ impl Tape {
         scratch[self.roots[0] as usize].clone()
     }
 
-    /// All results at a point, in any number type.
+    /// Evaluates all results at a point, in any number type.
     pub fn eval_all<R: Real>(&self, x: &[R], a: &[R], scratch: &mut Vec<R>) -> Vec<R> {
         self.run(x, a, scratch, Native::eval);
         self.roots
@@ -256,21 +257,21 @@ impl Tape {
             .collect()
     }
 
-    /// A range of the first result over a box of inputs.
+    /// Bounds the first result over a box of inputs.
     pub(crate) fn range(
         &self,
         x: &[Interval],
         a: &[Interval],
         scratch: &mut Vec<Interval>,
     ) -> Interval {
-        // A native function is an iteration: run on intervals it encloses nothing, so nothing is
-        // claimed of it.
+        // The iteration of a native function does not enclose its values if it runs on intervals;
+        // its range is the whole line.
         self.run(x, a, scratch, |_, _| Interval::ALL);
         scratch[self.roots[0] as usize]
     }
 
-    /// A range of what the evaluators compute of the first result at any point of a box, rounding
-    /// included; everything where that may be no number (NaN).
+    /// Bounds the computed values of the first result at all points of a box, including rounding;
+    /// unbounded if a value may be NaN.
     pub(crate) fn value_range(
         &self,
         x: &[Interval],
@@ -285,8 +286,8 @@ impl Tape {
         }
     }
 
-    /// Fills the slots, the first ones of `s`. What `s` held before does not matter, nor that it is
-    /// longer.
+    /// Computes all slots, the first entries of `s`. The previous contents of `s` are irrelevant,
+    /// and it may be longer.
     #[inline]
     fn run<R: Real>(&self, x: &[R], a: &[R], s: &mut Vec<R>, native: impl Fn(Native, &[R]) -> R) {
         if s.len() < self.slots() {
@@ -306,7 +307,7 @@ impl Tape {
         }
     }
 
-    /// The result of an operation, from the slots of its arguments.
+    /// Computes an operation from the slots of its arguments.
     #[inline(always)]
     fn apply<R: Real>(&self, i: &Instruction, s: &[R], native: impl Fn(Native, &[R]) -> R) -> R {
         let (p, q) = (i.a as usize, i.b as usize);
@@ -324,7 +325,7 @@ impl Tape {
         }
     }
 
-    /// The slots that a slot depends on, itself included.
+    /// Returns the slots that a slot depends on, including itself.
     fn slots_below(&self, slot: u32) -> BTreeSet<u32> {
         let mut need: BTreeSet<u32> = [slot].into();
         let mut pending = vec![slot];
@@ -336,7 +337,7 @@ impl Tape {
         need
     }
 
-    /// A tape with these inputs and constants, still without operations.
+    /// Creates a tape with these inputs and constants and without operations.
     pub(crate) fn with_inputs(n_x: usize, n_params: usize, constants: Vec<f64>) -> Self {
         Self {
             n_x,
@@ -349,7 +350,7 @@ impl Tape {
         }
     }
 
-    /// The tape of result `k` alone, with nothing that it does not need.
+    /// Extracts the tape of result `k` alone, with the operations that it needs.
     pub(crate) fn result(&self, k: usize) -> Self {
         let first = self.first_code();
         let need = self.slots_below(self.roots[k]);
@@ -372,7 +373,7 @@ impl Tape {
         tape
     }
 
-    /// An operation of another tape with its arguments found by `at`.
+    /// Copies an operation into another tape, whose slots of the arguments `at` returns.
     pub(crate) fn moved(
         &self,
         i: &Instruction,

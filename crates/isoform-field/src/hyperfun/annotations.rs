@@ -1,5 +1,5 @@
-//! Structured comments: what a program says of its parameters and of itself, invisible to other
-//! HyperFun readers.
+//! Structured comments that describe a program and its parameters; other HyperFun readers ignore
+//! them.
 //!
 //! `-- @param a[3] radius length min=0.1 max=50 start=5 unit=mm : of the hole`; see
 //! docs/hyperfun.md.
@@ -10,7 +10,7 @@ use super::source::{Source, SyntaxError, Warning};
 use isoform_geom::rotation;
 use std::collections::BTreeMap;
 
-/// What kind of quantity a parameter is.
+/// Kind of quantity of a parameter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Kind {
     /// A coordinate along x.
@@ -19,13 +19,13 @@ pub enum Kind {
     Y,
     /// A coordinate along z.
     Z,
-    /// A length: it scales with the shape but does not move with it.
+    /// A length: it scales with the shape and is invariant under motions.
     Length,
     /// An angle in radians.
     Angle,
-    /// A ratio: it neither moves nor scales.
+    /// A ratio: it is invariant under motions and scaling.
     Ratio,
-    /// Anything else.
+    /// Another quantity.
     #[default]
     Number,
 }
@@ -40,10 +40,10 @@ const KINDS: [(&str, Kind); 7] = [
     ("number", Kind::Number),
 ];
 
-/// Which motions a fit may apply to the whole model besides its parameters.
+/// Group of motions that a fit may apply to the whole model in addition to its parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pose {
-    /// None: the parameters say everything.
+    /// The identity alone: the parameters describe the position, too.
     None,
     /// Translations.
     Translate,
@@ -56,7 +56,7 @@ pub enum Pose {
 }
 
 impl Pose {
-    /// All motions, each with its name.
+    /// All groups, each with its name.
     pub const ALL: [(&str, Self); 5] = [
         ("none", Self::None),
         ("translate", Self::Translate),
@@ -66,21 +66,21 @@ impl Pose {
     ];
 }
 
-/// How a parameter is held.
+/// Value at which a parameter is held constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fixed {
-    /// At the value it starts from.
+    /// The start value.
     AtStart,
-    /// At this value.
+    /// A given value.
     At(f64),
 }
 
-/// A parameter as a linear function of others: constant + Σ factor · a\[index\], indices from 0.
+/// Affine dependence of a parameter on others: constant + Σ factor · a\[index\], indices from 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tie {
     /// The constant.
     pub constant: f64,
-    /// Index from 0 and factor, by rising index.
+    /// Index from 0 and factor, by ascending index.
     pub terms: Vec<(usize, f64)>,
 }
 
@@ -92,24 +92,25 @@ impl Tie {
     }
 }
 
-/// A number as written, or a share of the data's size (`25%`: of the diagonal of the data's box;
-/// `100%z`: of its extent along the model's z axis). Shares keep a template free of units.
+/// Number as written, or a fraction of the data's size (`25%` of the diagonal of the data's
+/// bounding box; `100%z` of its extent along the model's z axis). Fractions make a template
+/// independent of units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Amount {
     /// A number.
     Value(f64),
-    /// This part of the diagonal.
+    /// A fraction of the diagonal.
     OfDiagonal(f64),
-    /// This part of the extent along the axis with this index.
+    /// A fraction of the extent along the axis with this index.
     OfExtent(f64, usize),
 }
 
 impl Amount {
-    /// Whether it depends on the box of the data.
+    /// Returns true if the amount depends on the bounding box of the data.
     pub fn is_share(self) -> bool {
         !matches!(self, Self::Value(_))
     }
-    /// The number, for a box with these extents along the model's axes.
+    /// Returns the number for a bounding box with these extents along the model's axes.
     pub fn resolve(self, extents: [f64; 3]) -> f64 {
         match self {
             Self::Value(v) => v,
@@ -117,7 +118,7 @@ impl Amount {
             Self::OfExtent(share, axis) => share * extents[axis],
         }
     }
-    /// The number, if it needs no data.
+    /// Returns the number; `None` if it depends on data.
     pub fn value(self) -> Option<f64> {
         if let Self::Value(v) = self {
             Some(v)
@@ -125,7 +126,7 @@ impl Amount {
             None
         }
     }
-    /// Whether both can be compared without data, and this one is the greater.
+    /// Returns true if both are comparable without data and this one is greater.
     fn is_above(self, other: Self) -> bool {
         match (self, other) {
             (Self::Value(u), Self::Value(v)) | (Self::OfDiagonal(u), Self::OfDiagonal(v)) => u > v,
@@ -135,35 +136,35 @@ impl Amount {
     }
 }
 
-/// A parameter a\[index + 1\].
+/// Annotations of the parameter a\[index + 1\].
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParamInfo {
     /// Index from 0.
     pub index: usize,
     /// The annotated name, else "a\[i\]" with i from 1.
     pub name: String,
-    /// What kind of quantity it is.
+    /// Kind of quantity.
     pub kind: Kind,
     /// Lower bound.
     pub min: Option<Amount>,
     /// Upper bound.
     pub max: Option<Amount>,
-    /// Where to start from.
+    /// Start value of a fit.
     pub start: Option<Amount>,
-    /// The value where there are no data: for a model that is shown or meshed alone.
+    /// Value in the absence of data, for a model that is displayed or meshed by itself.
     pub typical: Option<f64>,
     /// Unit, as written.
     pub unit: Option<String>,
-    /// Whether it is held.
+    /// Value at which the parameter is held constant; `None` if it is free.
     pub fixed: Option<Fixed>,
-    /// What it follows.
+    /// Dependence on other parameters; `None` if it is independent.
     pub tie: Option<Tie>,
     /// The text after the colon.
     pub description: String,
 }
 
 impl ParamInfo {
-    /// The parameter for messages: `a[1]`, with its name where it has one.
+    /// Returns the parameter's label in messages: `a[1]`, followed by its name if it has one.
     pub fn label(&self) -> String {
         let plain = format!("a[{}]", self.index + 1);
         if self.name == plain {
@@ -174,18 +175,18 @@ impl ParamInfo {
     }
 }
 
-/// What annotations say of the whole program.
+/// Annotations of a whole program.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FileInfo {
     /// `@title`
     pub title: Option<String>,
-    /// `@fits`: what the template fits.
+    /// `@fits`: description of the data that the template fits.
     pub fits: Option<String>,
-    /// `@pose`: the motion that a fit finds.
+    /// `@pose`: group of motions that a fit determines.
     pub pose: Option<Pose>,
-    /// `@pose … at … turned …`: the place from which a fit starts, in the coordinates of the data.
+    /// `@pose … at … turned …`: start placement of a fit, in the coordinates of the data.
     pub place: Option<Placement>,
-    /// `@unit`: of lengths.
+    /// `@unit`: unit of lengths.
     pub unit: Option<String>,
 }
 
@@ -193,20 +194,21 @@ pub struct FileInfo {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Annotations {
     pub(crate) file: FileInfo,
-    /// By object and index.
+    /// Annotated parameters, by object and index.
     params: BTreeMap<(usize, usize), Param>,
 }
 
 #[derive(Clone, Debug)]
 pub(crate) struct Param {
     info: ParamInfo,
-    /// Byte range of `start=…`, or the empty range where it would go; none where the parameter has
-    /// no line of its own.
+    /// Byte range of `start=…`, or the empty range where it would be inserted; `None` if the
+    /// parameter has no line of its own.
     pub(crate) start: Option<(u32, u32)>,
 }
 
 impl Annotations {
-    /// Annotated parameters of an object, and what is said of the others.
+    /// Returns the annotations of the first `n` parameters of an object, defaults for those
+    /// without.
     pub(crate) fn params(&self, object: usize, n: usize) -> Vec<ParamInfo> {
         (0..n)
             .map(|i| {
@@ -236,7 +238,7 @@ fn plain(index: usize) -> ParamInfo {
     }
 }
 
-/// A word of a comment and where it starts.
+/// Part of a comment with its byte offset in the source.
 #[derive(Clone, Copy)]
 struct Piece<'s> {
     text: &'s str,
@@ -251,11 +253,11 @@ impl<'s> Piece<'s> {
             at: self.at + start as u32,
         }
     }
-    /// Where it ends in the source.
+    /// Returns the byte offset of its end in the source.
     fn end(self) -> u32 {
         self.at + self.text.len() as u32
     }
-    /// The first word and the rest.
+    /// Splits off the first word; returns it and the rest.
     fn word(self) -> (Self, Self) {
         let p = self.trimmed();
         let end = p.text.find(char::is_whitespace).unwrap_or(p.text.len());
@@ -352,12 +354,13 @@ pub(crate) fn read(
     Ok(found)
 }
 
-/// Part of a tied value by which a default of it may differ unsaid: programs show some digits.
+/// Relative difference from a tied value below which a default of it does not cause a warning:
+/// programs show a few digits only.
 const DIGITS: f64 = 1e-3;
 
 impl Annotations {
     /// Reads `@values ARRAY of OBJECT`: the constants of a local array of this object are the
-    /// defaults of its parameters, which are described as those of the other object, above it.
+    /// defaults of its parameters, whose annotations are those of the other object, above it.
     fn take_values(
         &mut self,
         source: &Source,
@@ -445,12 +448,12 @@ impl Annotations {
             annotation: key.at,
             of: template,
         });
-        // The pose of the template is part of this object.
+        // The template's start placement is contained in this object.
         self.file.place = None;
         Ok(())
     }
 
-    /// Adds a parameter of an object; an error where there is one like it.
+    /// Adds a parameter of an object; fails if its index or its name is annotated already.
     fn add(&mut self, source: &Source, key: Piece<'_>, object: usize, param: Param) -> Read<()> {
         let (index, name) = (param.info.index, &param.info.name);
         let is_twin = |((of, _), other): (&(usize, usize), &Param)| {
@@ -484,7 +487,7 @@ fn one_of<T: Copy>(source: &Source, word: Piece<'_>, table: &[(&str, T)], what: 
     ))
 }
 
-/// `[at X Y Z] [turned RX RY RZ]`: where the model's origin lies, and a rotation vector in radians.
+/// Reads `[at X Y Z] [turned RX RY RZ]`: the model's origin, and a rotation vector in radians.
 fn placement(source: &Source, text: Piece<'_>) -> Read<Option<Placement>> {
     let (mut translation, mut vector, mut is_placed) = ([0.0; 3], [0.0; 3], false);
     let mut rest = text.trimmed();
@@ -517,7 +520,8 @@ fn placement(source: &Source, text: Piece<'_>) -> Read<Option<Placement>> {
 
 const KEYS: &str = "min=, max=, start=, typical=, unit=, fixed, fixed=, tie=";
 
-/// `a[i] [NAME [KIND]] [key=value …] [: description]`, and the text of its tie.
+/// Reads `a[i] [NAME [KIND]] [key=value …] [: description]`; returns the parameter and the text of
+/// its tie.
 fn param<'s>(
     source: &Source,
     text: Piece<'s>,
@@ -557,26 +561,26 @@ fn param<'s>(
     Ok((param, line.tie))
 }
 
-/// A word without `=`, by its place.
+/// Meaning of the next word without `=`.
 #[derive(Clone, Copy)]
 enum Plain {
     Name,
     Kind,
-    /// The name and the kind are there.
+    /// Neither: the name and the kind have been read.
     Nothing,
 }
 
-/// The line of a parameter while its words are read.
+/// State of reading a parameter's line, word by word.
 struct ParamLine<'a, 's> {
     source: &'a Source,
     /// The line without its description.
     text: Piece<'s>,
     info: ParamInfo,
     tie: Option<Piece<'s>>,
-    /// The expression of a tie goes on over spaces, up to the next key.
+    /// True while the expression of a tie is read, which extends over spaces up to the next key.
     in_tie: bool,
     next: Plain,
-    /// Where `start=…` stands.
+    /// Byte range of `start=…`.
     start: Option<(u32, u32)>,
 }
 
@@ -602,7 +606,7 @@ impl<'s> ParamLine<'_, 's> {
         self.plain(word)
     }
 
-    /// `key=value`
+    /// Reads `key=value`.
     fn value(&mut self, word: Piece<'s>, key: Piece<'s>, value: Piece<'s>) -> Read<()> {
         let source = self.source;
         match key.text.to_ascii_lowercase().as_str() {
@@ -624,7 +628,7 @@ impl<'s> ParamLine<'_, 's> {
         Ok(())
     }
 
-    /// The parameter's name, and after it its kind.
+    /// Reads the parameter's name or, after it, its kind.
     fn plain(&mut self, word: Piece<'s>) -> Read<()> {
         match self.next {
             Plain::Name if !is_name(word.text) => {
@@ -652,7 +656,7 @@ impl<'s> ParamLine<'_, 's> {
         self.source.error(key.at, message, KEYS)
     }
 
-    /// Whether the values go together; an error stands at the parameter, `target`.
+    /// Checks the consistency of the values; errors are reported at the parameter, `target`.
     fn check(&self, target: Piece<'_>) -> Read<()> {
         let wrong = |message| Err(self.source.error(target.at, message, ""));
         let (min, max) = (self.info.min, self.info.max);
@@ -674,13 +678,14 @@ impl<'s> ParamLine<'_, 's> {
     }
 }
 
-/// Whether a word consists of letters, digits and underscores, and begins with no digit.
+/// Returns true if a word consists of letters, digits and underscores and does not begin with a
+/// digit.
 fn is_name(word: &str) -> bool {
     word.chars().all(|c| c.is_alphanumeric() || c == '_')
         && !word.starts_with(|c: char| c.is_ascii_digit())
 }
 
-/// The index from 0 of `a[i]`.
+/// Reads `a[i]`; returns the index from 0.
 fn index(source: &Source, word: Piece<'_>, object: &Object) -> Read<usize> {
     let inner = word
         .text
@@ -705,7 +710,7 @@ fn index(source: &Source, word: Piece<'_>, object: &Object) -> Read<usize> {
     }
 }
 
-/// A number, or one with % or %x, %y, %z behind it.
+/// Reads a number, or a number followed by %, %x, %y or %z.
 fn amount(source: &Source, word: Piece<'_>) -> Read<Amount> {
     let Some(at) = word.text.find('%') else {
         return number(source, word).map(Amount::Value);
@@ -787,7 +792,7 @@ fn resolve_ties(
     Ok(())
 }
 
-/// A linear form under construction.
+/// Affine function of the parameters, under construction.
 struct Form {
     constant: f64,
     terms: BTreeMap<usize, f64>,
@@ -808,7 +813,7 @@ impl Form {
     }
 }
 
-/// Reads sums of products of numbers and parameters.
+/// Parser of the expression of a tie: sums of products of numbers and parameters.
 struct Linear<'s> {
     source: &'s Source,
     text: Piece<'s>,
@@ -934,7 +939,7 @@ impl Linear<'_> {
         }
     }
 
-    /// A parameter by its name, or as `a[i]`.
+    /// Reads a parameter, by its name or as `a[i]`.
     fn parameter(&mut self) -> Read<Form> {
         let from = self.at;
         let name = self
@@ -954,7 +959,7 @@ impl Linear<'_> {
         })
     }
 
-    /// `i]` as an index from 0.
+    /// Reads `i]`; returns the index from 0.
     fn index(&mut self) -> Read<usize> {
         let i = self.while_(|c| c.is_ascii_digit());
         let i = i.parse::<usize>().unwrap_or(0);

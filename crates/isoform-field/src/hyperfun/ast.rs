@@ -1,7 +1,7 @@
-//! The checked program: names are resolved to places in the object's memory.
+//! The checked program, with names resolved to slots of the object's memory.
 
-/// A binary operator. A chain of operators of one level is one node, so that long sums nest
-/// nothing.
+/// A binary operator. A chain of operators of one precedence is one node, so that long sums are not
+/// nested.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Operator {
     Add,
@@ -34,7 +34,7 @@ pub(crate) enum Level {
 }
 
 impl Operator {
-    /// The operators as they are written.
+    /// All operators, each with its spelling.
     const ALL: [(&'static str, Self); 17] = [
         ("+", Self::Add),
         ("-", Self::Subtract),
@@ -54,21 +54,21 @@ impl Operator {
         ("and", Self::And),
         ("or", Self::Or),
     ];
-    /// The operator that is written so.
+    /// Returns the operator with a given spelling.
     pub(crate) fn of(text: &str) -> Option<Self> {
         Self::ALL
             .iter()
             .find(|(t, _)| *t == text)
             .map(|(_, op)| *op)
     }
-    /// The operator as it is written.
+    /// Returns the spelling of the operator.
     pub(crate) fn text(self) -> &'static str {
         Self::ALL
             .iter()
             .find(|(_, op)| *op == self)
             .map_or("", |(t, _)| t)
     }
-    /// The precedence of the operator.
+    /// Returns the precedence of the operator.
     pub(crate) fn level(self) -> Level {
         match self {
             Self::And | Self::Or => Level::Logic,
@@ -88,7 +88,7 @@ impl Operator {
             Self::Power => Level::Power,
         }
     }
-    /// Whether the operator joins solids.
+    /// Returns true for set operators.
     pub(crate) fn is_set_operator(self) -> bool {
         matches!(
             self,
@@ -97,7 +97,7 @@ impl Operator {
     }
 }
 
-/// An array in the object's memory: items `start .. start + len`; `id` is its place in
+/// Array in the object's memory: items `start .. start + len`; `id` is its index in
 /// [`Object::arrays`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ArrayRef {
@@ -106,7 +106,7 @@ pub(crate) struct ArrayRef {
     pub(crate) len: u32,
 }
 
-/// An expression. `at` is a byte offset: where an error of this node is reported.
+/// An expression. `at` is the byte offset at which errors of the node are reported.
 #[derive(Clone, Debug)]
 pub(crate) enum Expr {
     Number {
@@ -167,7 +167,7 @@ pub(crate) enum Argument {
 }
 
 impl Expr {
-    /// Whether it is a number as written, with signs or without.
+    /// Returns true for a number literal, with or without signs and parentheses.
     pub(crate) fn is_literal(&self) -> bool {
         match self {
             Self::Number { .. } => true,
@@ -175,7 +175,7 @@ impl Expr {
             _ => false,
         }
     }
-    /// Where the expression begins.
+    /// Returns the byte offset of the expression.
     pub(crate) fn at(&self) -> u32 {
         match self {
             Self::Number { at, .. }
@@ -234,11 +234,11 @@ pub(crate) struct Array {
 pub(crate) struct Defaults {
     /// Local array of the constants.
     pub(crate) array: ArrayRef,
-    /// Byte range of their assignment.
+    /// Byte range of the assignment.
     pub(crate) assigned: (u32, u32),
-    /// Place of the annotation.
+    /// Byte offset of the annotation.
     pub(crate) annotation: u32,
-    /// Object whose parameters are described.
+    /// Index of the object whose parameters are annotated.
     pub(crate) of: usize,
 }
 
@@ -251,41 +251,41 @@ pub(crate) struct Object {
     pub(crate) name: String,
     /// Byte range of the text from the name to the closing brace.
     pub(crate) span: (u32, u32),
-    /// Whether the head declares s.
+    /// True if the head declares s.
     pub(crate) has_s: bool,
-    /// x, a, s, then the local ones.
+    /// x, a and s, followed by the local arrays.
     pub(crate) arrays: Vec<Array>,
-    /// Where variables start in memory.
+    /// Slot of the first variable.
     pub(crate) first_variable: u32,
     pub(crate) variables: Vec<String>,
     pub(crate) body: Vec<Statement>,
-    /// Where the result's assignment stands.
+    /// Byte offset of the result's assignment.
     pub(crate) result_at: u32,
     pub(crate) result: Expr,
-    /// How deep its evaluation nests, calls included.
+    /// Nesting depth of its evaluation, calls included.
     pub(crate) depth: u32,
     /// Defaults of the parameters (`@values`).
     pub(crate) defaults: Option<Defaults>,
 }
 
 impl Object {
-    /// Number of coordinates.
+    /// Returns the number of coordinates.
     pub(crate) fn dimension(&self) -> usize {
         self.arrays[0].len as usize
     }
-    /// Number of parameters.
+    /// Returns the number of parameters.
     pub(crate) fn n_params(&self) -> usize {
         self.arrays[1].len as usize
     }
-    /// Size of s; 1 where the head has none.
+    /// Returns the length of s; 1 if the head declares none.
     pub(crate) fn n_s(&self) -> usize {
         self.arrays[2].len as usize
     }
-    /// Number of items in memory.
+    /// Returns the number of items in memory.
     pub(crate) fn memory(&self) -> usize {
         self.first_variable as usize + self.variables.len()
     }
-    /// The name of the variable at a place in memory.
+    /// Returns the name of the variable in a slot of the memory.
     pub(crate) fn variable(&self, slot: u32) -> &str {
         &self.variables[(slot - self.first_variable) as usize]
     }

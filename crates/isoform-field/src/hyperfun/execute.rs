@@ -1,4 +1,4 @@
-//! The executor: one meaning of the language for every machine.
+//! Executor of programs, which defines the semantics of the language for every machine.
 
 use super::ast::{Argument, ArrayRef, Expr, Link, Object, Operator, Statement};
 use super::functions::{Arguments, Call, Formula, Function, Run, Sentinel, Shape};
@@ -8,12 +8,12 @@ use crate::library::Library;
 use crate::ops::{Binary, SetOp, Unary};
 use std::cell::RefCell;
 
-/// Why a run ended early, at a byte offset of the program.
+/// Cause of the early end of a run, with a byte offset in the program.
 #[derive(Debug)]
 pub(crate) enum Stop {
-    /// The program is at fault.
+    /// The program is in error.
     Error { at: u32, message: String },
-    /// The machine would have to know a value that it does not know.
+    /// A value is required that the machine does not know.
     Unknown { at: u32, why: String },
 }
 
@@ -32,30 +32,30 @@ fn unknown<T>(at: u32, why: impl Into<String>) -> Outcome<T> {
     }))
 }
 
-/// Runs objects of one program on a machine; keeps its memory between runs.
+/// Executor of the objects of one program on a machine, with memory reused between runs.
 pub(crate) struct Executor<'p, M: Machine> {
     program: &'p Program,
     machine: RefCell<M>,
-    /// The frames of the objects that are being evaluated; unset items are `None`.
+    /// Frames of the objects under evaluation; unset items are `None`.
     memory: Vec<Option<M::V>>,
-    /// Where the frame of the innermost object starts.
+    /// Start of the frame of the innermost object.
     base: usize,
     /// Operands of chains under evaluation.
     operands: Vec<M::V>,
-    /// Arguments of the function that is called.
+    /// Arguments of the function under evaluation.
     flat: Vec<M::V>,
-    /// Steps of the present run.
+    /// Number of steps of the present run.
     steps: u64,
-    /// The number of steps after which a run is stopped.
+    /// Maximum number of steps of a run.
     limit: u64,
-    /// Depth of the branches that are run though nobody knows whether they are taken.
+    /// Nesting depth of branches under evaluation whose condition is unknown.
     branches: u32,
-    /// True once such a branch was run: its steps are counted, too.
+    /// True once such a branch has been run, since its steps are counted, too.
     has_branched: bool,
 }
 
 impl<'p, M: Machine> Executor<'p, M> {
-    /// An executor without a run so far.
+    /// Creates an executor.
     pub(crate) fn new(program: &'p Program, machine: M, limit: u64) -> Self {
         Self {
             program,
@@ -70,25 +70,25 @@ impl<'p, M: Machine> Executor<'p, M> {
             has_branched: false,
         }
     }
-    /// True if the last run ended where no other branch could have been taken.
+    /// Returns true if the last run ended outside of branches with unknown conditions.
     pub(crate) fn is_certain(&self) -> bool {
         self.branches == 0
     }
-    /// The machine with what the runs left in it.
+    /// Returns the machine in its state after the runs.
     pub(crate) fn into_machine(self) -> M {
         self.machine.into_inner()
     }
-    /// The machine.
+    /// Returns the machine.
     fn m(&mut self) -> &mut M {
         self.machine.get_mut()
     }
-    /// Whether the reference is followed in everything.
+    /// Returns true if the reference implementation is followed strictly.
     fn is_strict(&self) -> bool {
         self.program.mode == Mode::Strict
     }
 
-    /// f at x with parameters a; `s` goes in and comes out. The slices must have the sizes of the
-    /// object's head.
+    /// Evaluates f at x with parameters a, and updates the attributes `s`. The slices must have the
+    /// lengths in the object's head.
     pub(crate) fn run(
         &mut self,
         object: usize,
@@ -103,7 +103,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         self.end(object, s)
     }
 
-    /// Makes the frame of an object ready, see [`Executor::run`].
+    /// Initializes the frame of an object, see [`Executor::run`].
     pub(crate) fn begin(&mut self, object: usize, x: &[M::V], a: &[M::V], s: &[M::V]) {
         let object = &self.program.objects[object];
         debug_assert_eq!(
@@ -119,13 +119,13 @@ impl<'p, M: Machine> Executor<'p, M> {
         self.memory.resize(object.memory(), None);
     }
 
-    /// Runs one statement of the object that was begun.
+    /// Runs one statement of the object whose frame was initialized.
     pub(crate) fn advance(&mut self, object: usize, statement: usize) -> Outcome<()> {
         let object = &self.program.objects[object];
         self.statement(object, &object.body[statement])
     }
 
-    /// f of the object that was begun and whose statements have been run; its attributes come out.
+    /// Returns f of the object whose statements have been run, and stores its attributes in `s`.
     pub(crate) fn end(&mut self, object: usize, s: &mut [M::V]) -> Outcome<M::V> {
         let object = &self.program.objects[object];
         let f = self.result(object)?;
@@ -141,20 +141,20 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(f)
     }
 
-    /// The object whose frame is ready.
+    /// Evaluates the object whose frame is initialized.
     fn object(&mut self, object: &'p Object) -> Outcome<M::V> {
         self.block(object, &object.body)?;
         self.result(object)
     }
 
-    /// The value of an object whose statements have been run.
+    /// Returns the value of an object whose statements have been run.
     fn result(&mut self, object: &'p Object) -> Outcome<M::V> {
         let f = self.eval(object, &object.result)?;
         self.m().assigned(&f, &object.name);
         Ok(f)
     }
 
-    /// Counts `cost` steps; an end beyond the limit.
+    /// Counts `cost` steps; stops the run beyond the limit.
     fn step(&mut self, at: u32, cost: usize) -> Outcome<()> {
         self.steps += cost as u64;
         if self.m().is_too_large() {
@@ -167,7 +167,7 @@ impl<'p, M: Machine> Executor<'p, M> {
             return Ok(());
         }
         let message = format!("stopped after {} steps: does this end?", self.limit);
-        // What was counted in branches that are not taken would not stop a run.
+        // Steps counted in branches that are not taken would not stop a direct run.
         if M::CHECKED || !self.has_branched {
             error(at, message)
         } else {
@@ -175,7 +175,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         }
     }
 
-    /// Runs statements one after the other.
+    /// Runs statements in order.
     fn block(&mut self, object: &'p Object, statements: &'p [Statement]) -> Outcome<()> {
         for statement in statements {
             self.statement(object, statement)?;
@@ -204,7 +204,8 @@ impl<'p, M: Machine> Executor<'p, M> {
             Statement::AssignArray { array, values, .. } => {
                 self.steps += values.len() as u64;
                 let start = self.base + array.start as usize;
-                // Defaults of parameters give way in the model itself, not in objects that it calls.
+                // Defaults are replaced by the parameters in the model itself, but not in objects
+                // that it calls.
                 if self.base == 0 && object.defaults.is_some_and(|d| d.array == *array) {
                     for k in 0..values.len() {
                         self.memory[start + k] = self.memory[object.dimension() + k].clone();
@@ -239,7 +240,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(())
     }
 
-    /// The value that is assigned to a variable, which gets its name.
+    /// Returns the value that is assigned to a variable, which receives its name.
     #[inline]
     fn assigned(&mut self, object: &'p Object, value: &'p Expr, name: &str) -> Outcome<M::V> {
         let v = self.eval(object, value)?;
@@ -248,7 +249,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(v)
     }
 
-    /// A loop, as long as its condition is known to hold.
+    /// Runs a loop while its condition holds; stops the run if the condition is unknown.
     fn repeated(
         &mut self,
         object: &'p Object,
@@ -270,7 +271,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         }
     }
 
-    /// Runs both branches and chooses item by item.
+    /// Runs both branches and selects item by item.
     fn both(
         &mut self,
         object: &'p Object,
@@ -308,14 +309,14 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(())
     }
 
-    /// A condition as 0 or 1.
+    /// Evaluates a condition as 0 or 1.
     fn condition(&mut self, object: &'p Object, condition: &'p Expr) -> Outcome<M::V> {
         let v = self.eval(object, condition)?;
         self.m().stands_at(condition.at());
         Ok(self.m().truth(&v))
     }
 
-    /// Where an item lies in memory.
+    /// Returns the memory position of an array's item.
     fn item(&mut self, object: &'p Object, array: ArrayRef, index: &'p Expr) -> Outcome<usize> {
         let value = match index {
             Expr::Number { value, .. } => *value,
@@ -344,8 +345,8 @@ impl<'p, M: Machine> Executor<'p, M> {
         }
     }
 
-    /// The value at a place of the memory; without one an error, or NaN where the machine does not
-    /// check.
+    /// Reads an item of the memory; an unset one is an error, or NaN if the machine does not detect
+    /// errors.
     fn read(&mut self, at: u32, place: usize, name: impl FnOnce() -> String) -> Outcome<M::V> {
         match &self.memory[place] {
             Some(v) => Ok(v.clone()),
@@ -354,7 +355,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         }
     }
 
-    /// The value of an expression.
+    /// Evaluates an expression.
     fn eval(&mut self, object: &'p Object, expr: &'p Expr) -> Outcome<M::V> {
         self.steps += 1;
         match expr {
@@ -391,8 +392,9 @@ impl<'p, M: Machine> Executor<'p, M> {
         }
     }
 
-    /// Operands from the last to the first, as the reference does (it matters for functions that
-    /// change their arguments), then the operators from left to right.
+    /// Evaluates the operands of a chain from last to first, as the reference implementation does
+    /// (relevant for functions that modify their arguments), then applies the operators from left
+    /// to right.
     fn chain(&mut self, object: &'p Object, first: &'p Expr, rest: &'p [Link]) -> Outcome<M::V> {
         if let [link] = rest {
             let right = self.eval(object, &link.operand)?;
@@ -415,7 +417,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(left)
     }
 
-    /// The value of one operator in a chain.
+    /// Applies one operator of a chain.
     fn operator(&mut self, link: &Link, u: &M::V, v: &M::V) -> Outcome<M::V> {
         let strict = self.is_strict();
         let m = self.machine.get_mut();
@@ -454,8 +456,8 @@ impl<'p, M: Machine> Executor<'p, M> {
         })
     }
 
-    /// Calls an object: a frame for it behind the caller's, with the arguments copied in and `s`
-    /// copied back.
+    /// Calls an object in a new frame after the caller's; arguments are copied in and `s` is copied
+    /// back.
     fn call(
         &mut self,
         object: &'p Object,
@@ -492,15 +494,15 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(f)
     }
 
-    /// Moves items from one place of the memory to another.
+    /// Moves items within the memory.
     fn take_back(&mut self, from: usize, to: usize, n: usize) {
         for i in 0..n {
             self.memory[to + i] = self.memory[from + i].take();
         }
     }
 
-    /// Requires that all items of an array have values; where the machine does not check, the others
-    /// become NaN.
+    /// Requires that all items of an array are set; if the machine does not detect errors, unset
+    /// ones become NaN.
     fn require_set(&mut self, object: &Object, at: u32, array: ArrayRef) -> Outcome<()> {
         let start = self.base + array.start as usize;
         let Some(i) = self.memory[start..start + array.len as usize]
@@ -540,9 +542,9 @@ impl<'p, M: Machine> Executor<'p, M> {
         let entry = &Function::<M>::TABLE[function as usize];
         let mut args = Arguments::<M::V>::default();
         let items = self.arguments(object, arguments, &mut args)?;
-        // An item of an array is a formula, and as an expression it stays in memory.
+        // Each item of an array causes a formula, whose expression remains in memory.
         self.step(at, if M::CHECKED { items } else { ITEM_COST * items })?;
-        // Otherwise the parser refuses it.
+        // In the default mode the parser rejects such arguments.
         if self.is_strict() && entry.has_wrong_point(arguments) {
             return Ok(self.m().constant(SENTINEL));
         }
@@ -564,8 +566,8 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(v)
     }
 
-    /// Evaluates the arguments of a function, from the last to the first as the reference does: how
-    /// many items their arrays have.
+    /// Evaluates the arguments of a function, from last to first as the reference implementation
+    /// does; returns the number of items in their arrays.
     #[inline]
     fn arguments(
         &mut self,
@@ -587,7 +589,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(items)
     }
 
-    /// A library function that stays one node, of arguments laid out flat.
+    /// Evaluates a library function that is one node, with flat arguments.
     #[inline]
     fn primitive(
         &mut self,
@@ -615,7 +617,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         v
     }
 
-    /// A library function that is a formula of its own, with the steps that are left.
+    /// Evaluates a library function that is a formula, within the remaining steps.
     #[inline]
     fn formula(&mut self, at: u32, run: Formula<M>, args: &Arguments<M::V>) -> Outcome<M::V> {
         let (strict, left) = (self.is_strict(), self.limit.saturating_sub(self.steps));
@@ -632,7 +634,8 @@ impl<'p, M: Machine> Executor<'p, M> {
         }
     }
 
-    /// Whether a function's value, or an item that it wrote, is no number to go on with.
+    /// Returns true if a function's value, or an item that it wrote, is NaN or an inadmissible
+    /// infinity.
     #[inline]
     fn is_unusable(&mut self, entry: &Function<M>, args: &Arguments<M::V>, v: &M::V) -> bool {
         let m = self.machine.get_mut();
@@ -653,15 +656,16 @@ impl<'p, M: Machine> Executor<'p, M> {
     }
 }
 
-/// The steps that an array item costs which goes to a function of an expression: about the number of
-/// nodes that it makes. The costliest are triangles with 150 nodes for 9 items.
+/// Number of steps charged per array item passed to a function in the construction of an
+/// expression: about the number of nodes that it creates. The maximum is 150 nodes per 9 items, for
+/// triangles.
 const ITEM_COST: usize = 16;
 
-/// The value that the reference returns for bad arguments.
+/// Value that the reference implementation returns for invalid arguments.
 pub(crate) const SENTINEL: f64 = -1111111111111.0;
 
-/// The name of an inline primitive: its centre's if that is a local array, else the function's
-/// without "hf".
+/// Returns the name of an inline primitive: that of its centre if it is a local array, else that of
+/// the function without "hf".
 fn part_name(object: &Object, function: &str, arguments: &[Argument]) -> String {
     match arguments.get(1) {
         Some(Argument::Array(_, array)) if array.id >= 3 => {
@@ -674,7 +678,7 @@ fn part_name(object: &Object, function: &str, arguments: &[Argument]) -> String 
     }
 }
 
-/// u / v; an error where v is known to be 0, strictly where |v| < EPS.
+/// Returns u / v; an error if v is known to be 0, in strict mode if |v| < EPS.
 fn quotient<M: Machine>(m: &mut M, at: u32, strict: bool, u: &M::V, v: &M::V) -> Outcome<M::V> {
     let least = if strict { EPS } else { f64::MIN_POSITIVE };
     if M::CHECKED && m.known(v).is_some_and(|v| v.abs() < least) {
@@ -683,7 +687,7 @@ fn quotient<M: Machine>(m: &mut M, at: u32, strict: bool, u: &M::V, v: &M::V) ->
     Ok(m.div(u, v))
 }
 
-/// 1 where u and v are true, else 0.
+/// Returns 1 where u and v are true, else 0.
 fn both_hold<M: Machine>(m: &mut M, u: &M::V, v: &M::V) -> M::V {
     let (u, v) = (m.truth(u), m.truth(v));
     let zero = m.constant(0.0);
@@ -691,7 +695,7 @@ fn both_hold<M: Machine>(m: &mut M, u: &M::V, v: &M::V) -> M::V {
     m.boolean(c)
 }
 
-/// 1 where u or v is true, else 0.
+/// Returns 1 where u or v is true, else 0.
 fn one_holds<M: Machine>(m: &mut M, u: &M::V, v: &M::V) -> M::V {
     let (u, v) = (m.truth(u), m.truth(v));
     let one = m.constant(1.0);
@@ -699,15 +703,15 @@ fn one_holds<M: Machine>(m: &mut M, u: &M::V, v: &M::V) -> M::V {
     m.boolean(c)
 }
 
-/// 0 where the condition holds, else 1.
+/// Returns 0 where the condition holds, else 1.
 fn negation<M: Machine>(m: &mut M, condition: &M::V) -> M::V {
     let (zero, one) = (m.constant(0.0), m.constant(1.0));
     let n = m.select(condition, &zero, &one);
     m.boolean(n)
 }
 
-/// u ^ v: an integer power where v − ⌊v⌋ < EPS, else exp(v ln u). Strictly, u counts as 0 where |u|
-/// < EPS.
+/// Returns u ^ v: an integer power if v − ⌊v⌋ < EPS, else exp(v ln u). In strict mode u counts as 0
+/// if |u| < EPS.
 fn power<M: Machine>(
     m: &mut M,
     at: u32,
@@ -761,8 +765,8 @@ fn power<M: Machine>(
     Ok(flattened(m, u, &p))
 }
 
-/// p + p ln u (v − its value): the value p, with the derivative by an exponent that happens to be
-/// an integer.
+/// Returns p + p ln u (v − `value`): the value p, with the correct derivative by an exponent v that
+/// happens to be an integer.
 fn with_slope<M: Machine>(m: &mut M, u: &M::V, v: &M::V, value: f64, p: &M::V) -> M::V {
     let (ln, value) = (m.unary(Unary::Ln, u), m.constant(value));
     let change = m.sub(v, &value);
@@ -771,14 +775,14 @@ fn with_slope<M: Machine>(m: &mut M, u: &M::V, v: &M::V, value: f64, p: &M::V) -
     m.add(p, &change)
 }
 
-/// 0 where |u| < EPS, else p.
+/// Returns 0 where |u| < EPS, else p.
 fn flattened<M: Machine>(m: &mut M, u: &M::V, p: &M::V) -> M::V {
     let (size, eps, zero) = (m.abs(u), m.constant(EPS), m.constant(0.0));
     let c = m.less(&size, &eps);
     m.select(&c, &zero, p)
 }
 
-/// u ^ v for an exponent that is not known: u^v for u > 0; else ±|u|^v for an integer v, NaN for
+/// Returns u ^ v for an unknown exponent: u^v for u > 0, else ±|u|^v for an integer v, NaN for
 /// another.
 fn open_power<M: Machine>(m: &mut M, strict: bool, u: &M::V, v: &M::V) -> M::V {
     let (zero, one, nan, eps) = (
@@ -809,7 +813,7 @@ fn open_power<M: Machine>(m: &mut M, strict: bool, u: &M::V, v: &M::V) -> M::V {
     if strict { flattened(m, u, &p) } else { p }
 }
 
-/// Says that an index means no item of its array.
+/// Returns the message that an index is out of the range of its array.
 fn out_of_range(object: &Object, array: ArrayRef, index: f64) -> String {
     let (own, name) = (&object.name, &object.arrays[array.id as usize].name);
     let (owner, item) = match array.id {

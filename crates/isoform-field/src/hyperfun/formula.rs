@@ -1,5 +1,4 @@
-//! Formulas with ordinary operators: [`E`] is a value together with the machine that computes with
-//! it.
+//! Formulas written with operators: [`E`] is a value together with its machine.
 
 use super::machine::Machine;
 use crate::library::{Library, Native};
@@ -7,7 +6,7 @@ use crate::ops::{Binary, SetOp, Unary};
 use std::cell::RefCell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A value in a formula.
+/// Value in a formula.
 pub(crate) struct E<'c, M: Machine> {
     machine: &'c RefCell<M>,
     pub(crate) v: M::V,
@@ -36,7 +35,7 @@ impl<'c, M: Machine> E<'c, M> {
     pub(crate) fn constant(&self, c: f64) -> Self {
         self.with(|m, _| m.constant(c))
     }
-    /// The value, where it is known now.
+    /// Returns the value if it is known.
     pub(crate) fn known(&self) -> Option<f64> {
         self.machine.borrow().known(&self.v)
     }
@@ -91,14 +90,14 @@ impl<'c, M: Machine> E<'c, M> {
     pub(crate) fn intersection(&self, o: &Self) -> Self {
         self.set(SetOp::RIntersection, o)
     }
-    /// 1 where self < o, else 0.
+    /// Returns 1 where self < o, else 0.
     pub(crate) fn less(&self, o: &Self) -> Self {
         self.with(|m, v| {
             let c = m.less(v, &o.v);
             m.boolean(c)
         })
     }
-    /// 1 where self ≤ o, else 0.
+    /// Returns 1 where self ≤ o, else 0.
     pub(crate) fn less_eq(&self, o: &Self) -> Self {
         self.with(|m, v| {
             let c = m.less_eq(v, &o.v);
@@ -111,15 +110,15 @@ impl<'c, M: Machine> E<'c, M> {
     pub(crate) fn at_most(&self, c: f64) -> Self {
         self.less_eq(&self.constant(c))
     }
-    /// `a` where this condition is not 0, else `b`.
+    /// Returns `a` where this condition is not 0, else `b`.
     pub(crate) fn select(&self, a: &Self, b: &Self) -> Self {
         self.with(|m, v| m.select(v, &a.v, &b.v))
     }
-    /// Both conditions.
+    /// Returns the conjunction of two conditions.
     pub(crate) fn and(&self, o: &Self) -> Self {
         self * o
     }
-    /// The nearest to self in [lo, hi].
+    /// Clamps the value to [lo, hi].
     pub(crate) fn clamp(&self, lo: f64, hi: f64) -> Self {
         self.max(&self.constant(lo)).min(&self.constant(hi))
     }
@@ -192,7 +191,7 @@ impl<'c, M: Machine> Neg for &E<'c, M> {
     }
 }
 
-/// A point or vector in a formula.
+/// Point or vector in a formula.
 pub(crate) type E3<'c, M> = [E<'c, M>; 3];
 
 pub(crate) fn dot<'c, M: Machine>(u: &E3<'c, M>, v: &E3<'c, M>) -> E<'c, M> {
@@ -210,7 +209,7 @@ pub(crate) fn cross<'c, M: Machine>(u: &E3<'c, M>, v: &E3<'c, M>) -> E3<'c, M> {
     })
 }
 
-/// u₁² + u₂² + u₃²
+/// Returns u₁² + u₂² + u₃².
 pub(crate) fn norm2<'c, M: Machine>(u: &E3<'c, M>) -> E<'c, M> {
     u[0].square() + u[1].square() + u[2].square()
 }

@@ -24,7 +24,7 @@ pub(crate) enum Word {
 }
 
 impl Word {
-    /// What the word stands for, so that nothing else can have its name.
+    /// Returns a description of the word's meaning, for messages about its use as a name.
     pub(crate) fn meaning(self) -> &'static str {
         match self {
             Self::X => "the array of coordinates",
@@ -35,7 +35,7 @@ impl Word {
     }
 }
 
-/// The reserved words as they are written, in any case.
+/// Reserved words in lower case; upper case is accepted.
 const WORDS: [(&str, Word); 15] = [
     ("x", Word::X),
     ("a", Word::A),
@@ -54,13 +54,13 @@ const WORDS: [(&str, Word); 15] = [
     ("xor", Word::Xor),
 ];
 
-/// Symbols; a longer one stands before its own beginning.
+/// Symbols; a symbol precedes its own prefixes.
 const SYMBOLS: [&str; 24] = [
     "<=", ">=", "/=", "^", "+", "-", "~", "/", "*", "&", "|", "\\", "@", ",", ";", "=", "(", ")",
     "[", "]", "{", "}", "<", ">",
 ];
 
-/// Names of this length or longer are refused, as the reference does.
+/// Length in bytes from which names are rejected, as by the reference implementation.
 const MAX_NAME: usize = 256;
 
 /// The kind of a token, with its value.
@@ -72,7 +72,7 @@ pub(crate) enum Kind {
     Symbol(&'static str),
     /// A string "…"; no function takes one.
     Text,
-    /// A character that starts no token, or a token that is too long.
+    /// A character that cannot start a token, or an invalid token.
     Unknown,
     End,
 }
@@ -85,8 +85,8 @@ pub(crate) struct Token {
     pub(crate) end: u32,
 }
 
-/// The tokens of a program, closed by `End`, and the byte ranges of its comments (without the two
-/// dashes).
+/// Splits a program into tokens, closed by `End`; returns them and the byte ranges of the comments,
+/// without the two dashes.
 pub(crate) fn tokens(source: &Source) -> (Vec<Token>, Vec<(u32, u32)>) {
     let text = source.text();
     let bytes = text.as_bytes();
@@ -121,7 +121,7 @@ pub(crate) fn tokens(source: &Source) -> (Vec<Token>, Vec<(u32, u32)>) {
     (found, comments)
 }
 
-/// The first token of a text that begins with one, and its length in bytes.
+/// Reads the first token of a text; returns its kind and its length in bytes.
 fn token(text: &str) -> (Kind, usize) {
     let bytes = text.as_bytes();
     match bytes[0] {
@@ -145,7 +145,7 @@ fn token(text: &str) -> (Kind, usize) {
     }
 }
 
-/// A reserved word or a name.
+/// Reads a reserved word or a name; returns its kind and its length in bytes.
 fn word(text: &str) -> (Kind, usize) {
     let is_part = |b: &u8| b.is_ascii_alphanumeric() || *b == b'_';
     let length = text.bytes().take_while(is_part).count();
@@ -158,13 +158,13 @@ fn word(text: &str) -> (Kind, usize) {
     (kind, length)
 }
 
-/// A number and its length.
+/// Reads a number; returns its kind and its length in bytes.
 fn number_token(text: &str) -> (Kind, usize) {
     let length = number_end(text.as_bytes(), 0);
     (number(&text[..length]), length)
 }
 
-/// digits \[. digits\] \[e \[+-\] digits\] or . digits …
+/// Returns the end of a number of the form digits \[. digits\] \[e \[+-\] digits\] or . digits …
 fn number_end(bytes: &[u8], start: usize) -> usize {
     let digits = |mut i: usize| {
         while bytes.get(i).is_some_and(u8::is_ascii_digit) {
@@ -185,7 +185,7 @@ fn number_end(bytes: &[u8], start: usize) -> usize {
     i
 }
 
-/// Correctly rounded; a number beyond the range of f64 is no token.
+/// Converts a number with correct rounding; `Unknown` if it exceeds the range of f64.
 fn number(text: &str) -> Kind {
     match text.parse::<f64>() {
         Ok(v) if v.is_finite() => Kind::Number(v),

@@ -1,4 +1,4 @@
-//! What runs a program: numbers at once ([`Direct`]), or the construction of its expression
+//! Machines that run a program: immediate evaluation ([`Direct`]) or construction of its expression
 //! ([`Symbolic`]).
 
 use super::MOST_NODES;
@@ -12,35 +12,36 @@ use std::collections::{BTreeMap, HashSet};
 /// HyperFun's tolerance: truth is |v| ≥ EPS, equality |u − v| < EPS.
 pub(crate) const EPS: f64 = 1e-6;
 
-/// The abilities that the executor needs beyond formulas.
+/// Operations that the executor needs in addition to formulas.
 pub(crate) trait Machine: Ops + 'static {
-    /// Whether values are at hand, so that run-time errors are found.
+    /// True if values are available, so that run-time errors are detected.
     const CHECKED: bool;
 
-    /// Notes that `v` is 0 or 1.
+    /// Marks `v` as a truth value, 0 or 1.
     fn boolean(&mut self, v: Self::V) -> Self::V {
         v
     }
-    /// Whether `v` is noted to be 0 or 1.
+    /// Returns true if `v` is marked as a truth value.
     fn is_boolean(&self, _v: &Self::V) -> bool {
         false
     }
-    /// The nodes that are built next stand at this byte offset of the program.
+    /// Sets the byte offset in the program of the nodes built next.
     fn stands_at(&mut self, _at: u32) {}
-    /// `v` was assigned to `name`.
+    /// Records the assignment of `v` to the variable `name`.
     fn assigned(&mut self, _v: &Self::V, _name: &str) {}
-    /// `v` may be called so if nothing better comes with the assignment that it is part of.
+    /// Suggests a name for `v`, used unless the enclosing assignment gives a better one.
     fn suggest(&mut self, _v: &Self::V, _name: impl FnOnce() -> String) {}
-    /// Whether what was built so far is larger than it may be (nothing is when computing at once).
+    /// Returns true if the expression built so far exceeds its size limit; always false in
+    /// immediate evaluation.
     fn is_too_large(&self) -> bool {
         false
     }
-    /// Whether both are one and the same value (never claimed when computing at once).
+    /// Returns true if both are known to be equal, which immediate evaluation never claims.
     fn same(&self, _a: &Self::V, _b: &Self::V) -> bool {
         false
     }
 
-    /// 1 where v counts as true, else 0.
+    /// Returns 1 where v counts as true, else 0.
     fn truth(&mut self, v: &Self::V) -> Self::V {
         if self.is_boolean(v) {
             return v.clone();
@@ -55,22 +56,22 @@ impl<R: Real + 'static> Machine for Direct<R> {
     const CHECKED: bool = true;
 }
 
-/// Builds the expression of a program.
+/// Machine that builds the expression of a program.
 #[derive(Default)]
 pub(crate) struct Symbolic {
     pub(crate) graph: Graph,
-    /// The nodes that are noted to be 0 or 1.
+    /// Nodes marked as truth values.
     booleans: HashSet<NodeId>,
-    /// Names that wait for the assignment that their nodes are part of.
+    /// Suggested names, pending the assignment that contains their nodes.
     suggested: Vec<(NodeId, String)>,
-    /// Byte offset of the function or operator that is built.
+    /// Byte offset of the function or operator under construction.
     at: u32,
-    /// Byte offsets of nodes that jump.
+    /// Byte offsets of discontinuous nodes.
     pub(crate) places: BTreeMap<NodeId, u32>,
 }
 
 impl Symbolic {
-    /// Builds into a graph.
+    /// Creates a machine that builds into a graph.
     pub(crate) fn new(graph: Graph) -> Self {
         Self {
             graph,
@@ -80,7 +81,7 @@ impl Symbolic {
 }
 
 impl Symbolic {
-    /// Takes note of where a node stands that jumps.
+    /// Records the byte offset of a discontinuous node.
     fn placed(&mut self, id: NodeId) -> NodeId {
         if jumps(self.graph.node(id)) {
             self.places.entry(id).or_insert(self.at);
@@ -104,8 +105,8 @@ impl Machine for Symbolic {
         self.booleans.contains(v)
     }
     fn assigned(&mut self, v: &NodeId, name: &str) {
-        // Arithmetic too: a plane or a tapered wall is a piece of the surface as well as a
-        // primitive.
+        // Arithmetic nodes, too: a plane or a tapered wall is a piece of the surface as a primitive
+        // is.
         if !matches!(
             self.graph.node(*v),
             Node::Constant(_) | Node::X(_) | Node::Param(_)

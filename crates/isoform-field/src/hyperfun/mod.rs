@@ -1,7 +1,7 @@
 //! The HyperFun language: programs that define f ≥ 0 inside (Adzhiev, Cartwright, Fausett, Ossipov,
 //! Pasko, Savchenko: HyperFun project: a framework for collaborative multidimensional F-rep
-//! modeling, 1999). What we read and how it differs from the documentation and from the reference
-//! implementation stands in docs/hyperfun.md.
+//! modeling, 1999). docs/hyperfun.md describes the accepted language and its differences from the
+//! documentation and the reference implementation.
 //!
 //! ```
 //! use isoform_field::hyperfun::{Mode, Model};
@@ -46,47 +46,48 @@ use machine::Symbolic;
 use source::Source;
 use std::fmt;
 
-/// How deep expressions, statements and calls of objects may nest together. The executor recurses
-/// as deep; this fits a thread with 2 MiB of stack, and is far more than programs need.
+/// Maximum nesting depth of expressions, statements and calls of objects together. The executor
+/// recurses to this depth, which fits into 2 MiB of stack and far exceeds what programs need.
 pub(crate) const MAX_DEPTH: u32 = 200;
 
-/// How many items the arrays of a program may have in all: 16 MB of memory for an evaluation.
+/// Maximum number of items in all arrays of a program: 16 MB of memory per evaluation.
 pub(crate) const MAX_ITEMS: u64 = 1_000_000;
 
-/// The largest program.
+/// Maximum length of a program, in bytes.
 const MAX_SOURCE: usize = 1 << 26;
 
-/// Steps (operations and statements) after which an evaluation, or the construction of an
-/// expression, is stopped, unless [`Model::set_step_limit`] says otherwise: less than a second, or
-/// a few. A primitive takes one to five hundred.
+/// Default limit on the steps (operations and statements) of an evaluation, or of the construction
+/// of an expression ([`Model::set_step_limit`]). An evaluation reaches it in less than a second, a
+/// construction in a few seconds; a primitive takes one to five hundred steps.
 pub const STEP_LIMIT: u64 = 50_000_000;
 
-/// Nodes of an expression beyond which compiling is given up, some 2 GB of memory: a primitive has
-/// some ten, a loop that does not end makes them as fast as the memory takes them.
+/// Maximum number of nodes of an expression, about 2 GB of memory, beyond which compilation is
+/// aborted. A primitive has about ten nodes; an endless loop creates nodes until memory is
+/// exhausted.
 pub(crate) const MOST_NODES: usize = 12_000_000;
 
-/// The object that is evaluated when no other is named.
+/// Name of the object that is evaluated by default.
 pub const DEFAULT_OBJECT: &str = "my_model";
 
-/// Which meaning programs have where the reference implementation is at odds with its documentation
-/// or with reason.
+/// Interpretation of programs where the reference implementation contradicts its documentation or
+/// is unreasonable.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
-    /// What is documented and useful.
+    /// The documented, useful meaning.
     #[default]
     Default,
-    /// What the reference implementation computes.
+    /// The results of the reference implementation.
     Strict,
 }
 
-/// How set operators bind.
+/// Precedence of set operators.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Precedence {
-    /// As + and −, from left to right: what the reference implementation does, with which models
-    /// were made.
+    /// Equal to that of + and −, from left to right, as in the reference implementation, for which
+    /// existing models were written.
     #[default]
     Flat,
-    /// Below + and −, as the documentation says.
+    /// Lower than that of + and −, as documented.
     Documented,
 }
 
@@ -135,47 +136,48 @@ pub struct Evaluation {
     pub s: Vec<f64>,
 }
 
-/// Why an evaluation failed. Lines and columns count from 1.
+/// Error of an evaluation. Lines and columns count from 1.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunError {
-    /// Line.
+    /// Line number.
     pub line: usize,
-    /// Column in characters.
+    /// Column number, in characters.
     pub column: usize,
-    /// What happened there.
+    /// Description of the error.
     pub message: String,
 }
 
-/// Why a program is no expression: it must be run statement by statement.
+/// Obstacle to compiling a program into an expression; the program must be run statement by
+/// statement.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NotCompilable {
-    /// Line.
+    /// Line number.
     pub line: usize,
-    /// Column in characters.
+    /// Column number, in characters.
     pub column: usize,
-    /// What stands in the way.
+    /// Description of the obstacle.
     pub why: String,
-    /// True if a run would end there as well, at every point: the program is at fault.
+    /// True if runs end there as well, at every point: the program itself is in error.
     pub fails: bool,
 }
 
-/// A word or an operator of a program. Lines and columns count from 1.
+/// Word or operator of a program with its position. Lines and columns count from 1.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// Line.
+    /// Line number.
     pub line: usize,
-    /// Column in characters.
+    /// Column number, in characters.
     pub column: usize,
     /// The word or the operator.
     pub text: String,
 }
 
-/// There is no object of the name that was asked for.
+/// Error: the program does not contain the requested object.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownObject {
-    /// The name.
+    /// Requested name.
     pub name: String,
-    /// The objects that there are.
+    /// Names of the existing objects.
     pub objects: Vec<String>,
 }
 
@@ -211,7 +213,8 @@ impl Model {
     pub fn parse(text: &str, mode: Mode) -> Result<Self, SyntaxError> {
         Self::parse_with(text, mode, Precedence::Flat)
     }
-    /// [`Model::parse`] with a choice of how set operators bind.
+    /// Reads and checks a program as [`Model::parse`] does, with a given precedence of set
+    /// operators.
     pub fn parse_with(text: &str, mode: Mode, precedence: Precedence) -> Result<Self, SyntaxError> {
         if text.len() > MAX_SOURCE {
             return Err(Source::new("").error(
@@ -246,8 +249,8 @@ impl Model {
         Ok(model)
     }
 
-    /// The program with another of its objects as the model; letters fold. `None` leaves the
-    /// choice as it is.
+    /// Selects another object of the program as the model, by its name in upper or lower case;
+    /// `None` keeps the present one.
     pub fn object(mut self, name: Option<&str>) -> Result<Self, UnknownObject> {
         let Some(name) = name else { return Ok(self) };
         let Some(object) = self
@@ -275,36 +278,36 @@ impl Model {
         &self.program.objects[self.object]
     }
 
-    /// Stops evaluations, and the construction of expressions, after so many steps (operations and
-    /// statements).
+    /// Sets the number of steps (operations and statements) after which evaluations, and the
+    /// construction of expressions, are stopped.
     pub fn set_step_limit(&mut self, steps: u64) {
         self.step_limit = steps;
     }
-    /// The text of the program.
+    /// Returns the text of the program.
     pub fn source(&self) -> &str {
         self.program.source.text()
     }
-    /// The text of a line (from 1), for messages.
+    /// Returns the text of a line (from 1), for messages.
     pub fn line(&self, line: usize) -> &str {
         self.program.source.line(line)
     }
-    /// The names of all objects, lower case, in their order.
+    /// Returns the names of all objects, lower case, in their order.
     pub fn objects(&self) -> impl Iterator<Item = &str> {
         self.program.objects.iter().map(|o| o.name.as_str())
     }
-    /// The name of the model's object, lower case.
+    /// Returns the name of the model's object, lower case.
     pub fn name(&self) -> &str {
         &self.chosen().name
     }
-    /// Number of coordinates.
+    /// Returns the number of coordinates.
     pub fn dimension(&self) -> usize {
         self.chosen().dimension()
     }
-    /// Number of parameters a\[i\].
+    /// Returns the number of parameters a\[i\].
     pub fn n_params(&self) -> usize {
         self.chosen().n_params()
     }
-    /// Number of attributes s\[i\]; 0 where the object declares none.
+    /// Returns the number of attributes s\[i\]; 0 where the object declares none.
     pub fn n_attributes(&self) -> usize {
         if self.chosen().has_s {
             self.chosen().n_s()
@@ -312,24 +315,25 @@ impl Model {
             0
         }
     }
-    /// What the annotations say of each parameter.
+    /// Returns the annotations of each parameter.
     pub fn params(&self) -> &[ParamInfo] {
         &self.params
     }
-    /// By parameter, whether the model's program, or an object that it calls, has it anywhere.
+    /// Returns, by parameter, true if the model's object, or an object that it calls, uses it
+    /// anywhere.
     pub(crate) fn used_params(&self) -> Vec<bool> {
         uses::parameters(&self.program.objects, self.object)
     }
-    /// What the annotations say of the program.
+    /// Returns the annotations of the whole program.
     pub fn info(&self) -> &FileInfo {
         &self.program.annotations.file
     }
-    /// What is legal but probably not meant.
+    /// Returns warnings of constructs that are legal but probably unintended.
     pub fn warnings(&self) -> &[Warning] {
         &self.warnings
     }
 
-    /// An evaluator with its own memory, for many points.
+    /// Creates an evaluator with its own memory, for many points.
     pub fn evaluator<R: Real + 'static>(&self) -> Evaluator<'_, R> {
         let s = vec![R::constant(0.0); self.chosen().n_s()];
         Evaluator {
@@ -339,7 +343,7 @@ impl Model {
         }
     }
 
-    /// An evaluator of blocks of points, with its own memory.
+    /// Creates an evaluator of blocks of points, with its own memory.
     pub fn block_evaluator(&self) -> BlockEvaluator<'_> {
         let evaluator = |_| self.evaluator();
         BlockEvaluator {
@@ -348,7 +352,7 @@ impl Model {
         }
     }
 
-    /// Why a run ended, with its place in the program.
+    /// Converts the cause of a run's end into an error with its position in the program.
     fn run_error(&self, stop: Stop) -> RunError {
         let (Stop::Error { at, message } | Stop::Unknown { at, why: message }) = stop;
         let (line, column) = self.program.source.position(at);
@@ -359,10 +363,10 @@ impl Model {
         }
     }
 
-    /// f and the attributes at `x`. Attributes start as `s`, missing ones as 0.
+    /// Evaluates f and the attributes at `x`. Attributes start as `s`, missing ones as 0.
     ///
     /// # Panics
-    /// If `x` or `a` has not the size of the object's head.
+    /// If the length of `x` or `a` differs from the one in the object's head.
     pub fn eval(&self, x: &[f64], a: &[f64], s: &[f64]) -> Result<Evaluation, RunError> {
         let mut evaluator = self.evaluator();
         let f = evaluator.eval(x, a, s)?;
@@ -372,22 +376,23 @@ impl Model {
         })
     }
 
-    /// f at `x` in any number type; run-time errors are found on its values.
+    /// Evaluates f at `x` in any number type; run-time errors are detected by its values.
     ///
     /// # Panics
-    /// If `x` or `a` has not the size of the object's head.
+    /// If the length of `x` or `a` differs from the one in the object's head.
     pub fn eval_with<R: Real + 'static>(&self, x: &[R], a: &[R]) -> Result<R, RunError> {
         self.evaluator().eval(x, a, &[])
     }
 
-    /// Builds f as an expression of x and a; attributes start as 0. The expression has no run-time
-    /// errors: where the program would stop with one, its value is NaN or, where a limit of the
-    /// language is not one of the formula, that of the formula.
+    /// Builds f as an expression of x and a; attributes start as 0. The expression never fails:
+    /// where the program would stop with an error, its value is NaN, or that of the formula if only
+    /// the language forbids the argument.
     pub fn compile(&self, graph: &mut Graph) -> Result<NodeId, NotCompilable> {
         self.compile_with_places(graph).map(|(root, _)| root)
     }
 
-    /// The same, with the places in the program of nodes that jump.
+    /// Builds f as [`Model::compile`] does, and returns the positions in the program of
+    /// discontinuous nodes.
     pub(crate) fn compile_with_places(
         &self,
         graph: &mut Graph,
@@ -421,27 +426,26 @@ impl Model {
         })
     }
 
-    /// The program with the values fixed: the text as it is, comments and all, and a further object
-    /// that calls the model with
-    /// `values` for a\[\] and, if there is a placement, with the point moved back. See
-    /// [`Placement`].
+    /// Returns the program with fixed parameter values: its text, including the comments, and a
+    /// further object that calls the model with `values` for a\[\] and, given a [`Placement`], with
+    /// the point moved back.
     ///
     /// The new object takes the model's name and the model becomes `NAME_template`; if the program
     /// has no `my_model`, the new object is `my_model` and nothing is renamed.
     pub fn print_fitted(&self, values: &[f64], placement: Option<&Placement>) -> String {
         print::fitted(&self.program, self.object, values, placement)
     }
-    /// The text with `start=` of each `@param` line set to the value.
+    /// Returns the text with `start=` of each `@param` line set to the parameter's value.
     pub fn print_with_start(&self, values: &[f64]) -> String {
         print::with_start(&self.program, self.object, values)
     }
-    /// The program in one layout, without comments.
+    /// Returns the program in a canonical layout, without comments.
     pub fn pretty(&self) -> String {
         print::pretty(&self.program)
     }
 }
 
-/// Evaluates a model at many points.
+/// Evaluator of a model at many points.
 pub struct Evaluator<'m, R: Real + 'static> {
     model: &'m Model,
     executor: Executor<'m, Direct<R>>,
@@ -449,10 +453,11 @@ pub struct Evaluator<'m, R: Real + 'static> {
 }
 
 impl<R: Real + 'static> Evaluator<'_, R> {
-    /// f at `x`; attributes start as `s`, missing ones as 0, and can be asked for afterwards.
+    /// Evaluates f at `x`; attributes start as `s`, missing ones as 0, and are returned by
+    /// [`Self::attributes`] afterwards.
     ///
     /// # Panics
-    /// If `x` or `a` has not the size of the object's head.
+    /// If the length of `x` or `a` differs from the one in the object's head.
     pub fn eval(&mut self, x: &[R], a: &[R], s: &[R]) -> Result<R, RunError> {
         assert_eq!(
             (x.len(), a.len()),
@@ -466,16 +471,17 @@ impl<R: Real + 'static> Evaluator<'_, R> {
             .run(self.model.object, x, a, &mut self.s)
             .map_err(|stop| self.model.run_error(*stop))
     }
-    /// The attributes after the last evaluation; empty where the object declares none.
+    /// Returns the attributes after the last evaluation; empty where the object declares none.
     pub fn attributes(&self) -> &[R] {
         &self.s[..self.model.n_attributes()]
     }
 }
 
-/// Evaluates a model at many points, statement by statement for a block of points at a time.
+/// Evaluator of a model at many points, which runs each statement for a block of points before the
+/// next statement.
 ///
-/// A program of thousands of statements does not fit into a processor's caches. Run from begin to
-/// end for one point after the other it would be read from memory for each.
+/// A program of thousands of statements exceeds a processor's caches; run from beginning to end for
+/// one point after another, it would be read from memory for each point.
 ///
 /// ```
 /// use isoform_field::hyperfun::{Mode, Model};
@@ -495,15 +501,15 @@ pub struct BlockEvaluator<'m> {
 }
 
 impl BlockEvaluator<'_> {
-    /// Number of points for which a statement is run before the next one: their frames fit into a
-    /// cache beside the statement.
+    /// Number of points of a block; their frames and a statement fit into a cache together.
     pub const POINTS: usize = 32;
 
-    /// f and the attributes at each of up to [`BlockEvaluator::POINTS`] points, as
-    /// [`Evaluator::eval`] gives them; attributes start as 0.
+    /// Evaluates f and the attributes at each of up to [`BlockEvaluator::POINTS`] points, as
+    /// [`Evaluator::eval`] does; attributes start as 0.
     ///
     /// # Panics
-    /// If there are more points, or a point or `a` has not the size of the object's head.
+    /// If there are more points, or if the length of a point or of `a` differs from the one in the
+    /// object's head.
     pub fn eval<X: AsRef<[f64]>>(
         &mut self,
         points: &[X],
@@ -541,7 +547,7 @@ impl BlockEvaluator<'_> {
 }
 
 impl Evaluator<'_, f64> {
-    /// What a run whose statements are done comes to.
+    /// Returns the result of a run whose statements are finished.
     fn ended(&mut self) -> Result<Evaluation, RunError> {
         let f = self.executor.end(self.model.object, &mut self.s);
         f.map_err(|stop| self.model.run_error(*stop))

@@ -1,9 +1,9 @@
-//! The parser of HyperFun, by recursive descent over the tokens.
+//! Recursive-descent parser of HyperFun.
 //!
-//! Names are checked and resolved on the way, so that the first error in text order is reported, at
-//! the token where the reference implementation reports it. Operators of one level make one chain,
-//! read from left to right; the levels are, loosest first, logic, comparisons, sums with set
-//! operators, products, and powers.
+//! Names are checked and resolved during parsing, so that the first error in text order is
+//! reported, at the token where the reference implementation reports it. Operators of one
+//! precedence form a left-associative chain; in ascending precedence they are logic, comparisons,
+//! sums with set operators, products, and powers.
 
 use super::ast::{
     Argument, Array, ArrayRef, Expr, HEAD_ARRAYS, Level, Link, Object, Operator, Statement,
@@ -16,14 +16,14 @@ use std::collections::HashMap;
 
 type Parsed<T> = Result<T, SyntaxError>;
 
-/// The meaning of a name in an object.
+/// Meaning of a name in an object.
 #[derive(Clone, Copy)]
 enum Name {
     Variable(u32),
     Array(ArrayRef),
 }
 
-/// All objects of a program, and the warnings.
+/// Parses a program; returns its objects and the warnings.
 pub(crate) fn parse(
     source: &Source,
     (tokens, comments): (&[Token], &[(u32, u32)]),
@@ -60,53 +60,53 @@ pub(crate) fn parse(
     Ok((parser.objects, parser.warnings))
 }
 
-/// The reading of a program, token by token.
+/// State of the parser.
 struct Parser<'s> {
     source: &'s Source,
     tokens: &'s [Token],
     /// The byte ranges of the comments, without the two dashes.
     comments: &'s [(u32, u32)],
-    /// Number of the present token.
+    /// Index of the present token.
     at: usize,
     mode: Mode,
     precedence: Precedence,
-    /// The objects so far.
+    /// Objects parsed so far.
     objects: Vec<Object>,
-    /// The number of each object.
+    /// Index of each object, by name.
     object_names: HashMap<String, u32>,
-    /// The names of the object that is being read.
+    /// Names defined in the present object.
     names: HashMap<String, Name>,
-    /// The name of the object that is being read.
+    /// Name of the present object.
     own_name: String,
-    /// The arrays of the object that is being read.
+    /// Arrays of the present object.
     arrays: Vec<Array>,
-    /// Number of items in its memory so far.
+    /// Number of items in the memory of the present object so far.
     memory: u32,
-    /// Its variables.
+    /// Variables of the present object.
     variables: Vec<String>,
-    /// Array items of the whole program.
+    /// Number of array items in the whole program so far.
     items: u64,
     /// Present depth of nesting.
     depth: u32,
-    /// Greatest depth of nesting in the object.
+    /// Maximum depth of nesting in the present object.
     deepest: u32,
     warnings: Vec<Warning>,
 }
 
 impl Parser<'_> {
-    /// The present token.
+    /// Returns the present token.
     fn token(&self) -> Token {
         self.tokens[self.at]
     }
-    /// The kind of the present token.
+    /// Returns the kind of the present token.
     fn kind(&self) -> Kind {
         self.token().kind
     }
-    /// The byte offset of the present token.
+    /// Returns the byte offset of the present token.
     fn start(&self) -> u32 {
         self.token().start
     }
-    /// Goes on to the next token; returns the present one.
+    /// Advances to the next token; returns the present one.
     fn advance(&mut self) -> Token {
         let token = self.token();
         if token.kind != Kind::End {
@@ -114,21 +114,21 @@ impl Parser<'_> {
         }
         token
     }
-    /// The token as a name, lower case.
+    /// Returns the text of the present token in lower case.
     fn text(&self) -> String {
         let token = self.token();
         self.source.text()[token.start as usize..token.end as usize].to_ascii_lowercase()
     }
-    /// Whether the present token is a symbol.
+    /// Returns true if the present token is the given symbol.
     fn is_symbol(&self, symbol: &str) -> bool {
         matches!(self.kind(), Kind::Symbol(s) if s == symbol)
     }
-    /// Whether the present token is a reserved word.
+    /// Returns true if the present token is the given reserved word.
     fn is_word(&self, word: Word) -> bool {
         self.kind() == Kind::Word(word)
     }
 
-    /// The present token as it is written, for messages.
+    /// Returns the text of the present token for messages.
     fn found(&self) -> String {
         let token = self.token();
         match token.kind {
@@ -140,8 +140,8 @@ impl Parser<'_> {
             }
         }
     }
-    /// The error that something else stands here. Where a comment has swallowed what was meant as
-    /// an operand, that is what is wrong.
+    /// Returns the error that something else was expected. If a comment has hidden an intended
+    /// operand, the message says so.
     fn expected<T>(&self, what: &str) -> Parsed<T> {
         if let Some(at) = self.swallowed(self.at) {
             let (line, column) = self.source.position(at);
@@ -158,8 +158,8 @@ impl Parser<'_> {
             what,
         ))
     }
-    /// Where two dashes in front of a token begin a comment that looks like an operand: right
-    /// behind another operand, or with a number.
+    /// Returns the byte offset of two dashes before a token that begin a comment which looks like
+    /// an operand: it immediately follows another operand, or begins with a number.
     fn swallowed(&self, token: usize) -> Option<u32> {
         let before = self.tokens[token.checked_sub(1)?];
         let ends_operand = matches!(
@@ -174,8 +174,8 @@ impl Parser<'_> {
         let is_operand = is_number || is_close && (first.is_ascii_alphabetic() || *first == b'(');
         is_operand.then_some(start - 2)
     }
-    /// Warns of comments that look like operands in programs that are legal with them:
-    /// `x[1]--0.03`, and the rest of the sum in the next line.
+    /// Warns of comments that look like operands in programs that are valid with them:
+    /// `x[1]--0.03`, with the rest of the sum in the next line.
     fn warn_of_comments(&mut self) {
         let is_close = |(token, at): (usize, u32)| {
             (self.tokens[token - 1].end == at).then(|| self.source.position(at))
@@ -192,8 +192,7 @@ impl Parser<'_> {
                 message: message.to_owned(),
             }));
     }
-    /// The present token, if it is a name that the language keeps for itself, with what it stands
-    /// for.
+    /// Returns the meaning of the present token if it is a reserved name.
     fn reserved(&self) -> Option<&'static str> {
         match self.kind() {
             Kind::Word(word) => Some(word.meaning()),
@@ -203,7 +202,7 @@ impl Parser<'_> {
             _ => None,
         }
     }
-    /// The error that a name is expected, which says of a reserved one that it is.
+    /// Returns the error that a name was expected, with the meaning of a reserved one in its place.
     fn expected_name<T>(&self, what: &str) -> Parsed<T> {
         match self.reserved() {
             Some(meaning) => self.fail(
@@ -216,11 +215,11 @@ impl Parser<'_> {
             None => self.expected(what),
         }
     }
-    /// An error at a byte offset.
+    /// Returns an error at a byte offset.
     fn fail<T>(&self, at: u32, message: impl Into<String>) -> Parsed<T> {
         Err(self.source.error(at, message, ""))
     }
-    /// Reads a symbol; `what` is its name in the message if it is not there.
+    /// Reads a symbol; `what` is its name in the message if it is missing.
     fn symbol(&mut self, symbol: &str, what: &str) -> Parsed<()> {
         if self.is_symbol(symbol) {
             self.advance();
@@ -228,7 +227,7 @@ impl Parser<'_> {
         }
         self.expected(what)
     }
-    /// Reads a reserved word; `what` is its name in the message if it is not there.
+    /// Reads a reserved word; `what` is its name in the message if it is missing.
     fn word(&mut self, word: Word, what: &str) -> Parsed<()> {
         if self.is_word(word) {
             self.advance();
@@ -236,7 +235,7 @@ impl Parser<'_> {
         }
         self.expected(what)
     }
-    /// Reads one level deeper.
+    /// Parses one nesting level deeper.
     fn nested<T>(&mut self, inner: impl FnOnce(&mut Self) -> Parsed<T>) -> Parsed<T> {
         self.go_deeper(1)?;
         self.depth += 1;
@@ -244,8 +243,8 @@ impl Parser<'_> {
         self.depth -= 1;
         result
     }
-    /// Notes a depth of nesting; an error beyond the bound, which keeps evaluation within any
-    /// stack.
+    /// Records a depth of nesting; fails beyond the limit, which prevents stack overflow in
+    /// evaluation.
     fn go_deeper(&mut self, by: u32) -> Parsed<()> {
         if self.depth + by > MAX_DEPTH {
             return self.fail(
@@ -257,7 +256,7 @@ impl Parser<'_> {
         Ok(())
     }
 
-    /// name head { array declarations, statements, name = expression; }
+    /// Reads an object: name head { array declarations, statements, name = expression; }
     fn object(&mut self) -> Parsed<Object> {
         let start = self.start();
         if self.kind() != Kind::Name {
@@ -313,7 +312,7 @@ impl Parser<'_> {
         })
     }
 
-    /// (x\[n\], a\[n\] \[, s\[n\]\]); tells whether s is there.
+    /// Reads a head: (x\[n\], a\[n\] \[, s\[n\]\]); returns true if it declares s.
     fn head(&mut self) -> Parsed<bool> {
         self.symbol("(", "left parenthesis `(`")?;
         self.word(Word::X, "the coordinates `x[...]`")?;
@@ -339,14 +338,14 @@ impl Parser<'_> {
         )?;
         Ok(has_s)
     }
-    /// The size of an array of the head.
+    /// Reads the size of an array of the head.
     fn head_array(&mut self, name: &str, least: u32) -> Parsed<()> {
         self.symbol("[", "left bracket `[`")?;
         let len = self.size(least)?;
         self.declare(name, len)?;
         self.symbol("]", "right bracket `]`")
     }
-    /// The size of an array: a number, rounded to the nearest.
+    /// Reads the size of an array: a number, rounded to the nearest integer.
     fn size(&mut self, least: u32) -> Parsed<u32> {
         let at = self.start();
         let Kind::Number(value) = self.kind() else {
@@ -384,7 +383,7 @@ impl Parser<'_> {
         self.names.insert(name.to_owned(), Name::Array(array));
         Ok(())
     }
-    /// name\[size\] (, name\[size\])* ; behind the word `array`.
+    /// Reads name\[size\] (, name\[size\])* ; after the word `array`.
     fn declaration(&mut self) -> Parsed<()> {
         loop {
             let at = self.start();
@@ -419,7 +418,7 @@ impl Parser<'_> {
         }
     }
 
-    /// Statements up to something that begins none.
+    /// Reads statements, up to a token that cannot begin one.
     fn block(&mut self) -> Parsed<Vec<Statement>> {
         let mut statements = Vec::new();
         loop {
@@ -443,7 +442,7 @@ impl Parser<'_> {
             statements.push(statement);
         }
     }
-    /// Fails where something is assigned to a reserved name, which begins no statement.
+    /// Fails at an assignment to a reserved name, which cannot begin a statement.
     fn check_assigned(&self) -> Parsed<()> {
         let next = self.tokens.get(self.at + 1).map(|t| t.kind);
         let is_item = matches!(self.kind(), Kind::Word(Word::X | Word::A));
@@ -462,7 +461,7 @@ impl Parser<'_> {
         }
     }
 
-    /// if condition then block \[else block\] endif;
+    /// Reads if condition then block \[else block\] endif;
     fn if_statement(&mut self) -> Parsed<Statement> {
         let at = self.advance().start;
         let condition = self.condition()?.0;
@@ -491,7 +490,7 @@ impl Parser<'_> {
         })
     }
 
-    /// while condition loop block endloop;
+    /// Reads while condition loop block endloop;
     fn while_statement(&mut self) -> Parsed<Statement> {
         let at = self.advance().start;
         let condition = self.condition()?.0;
@@ -506,7 +505,7 @@ impl Parser<'_> {
         })
     }
 
-    /// name = expression; or array\[index\] = expression; or array = \[numbers\];
+    /// Reads name = expression; or array\[index\] = expression; or array = \[numbers\];
     fn assignment(&mut self) -> Parsed<Statement> {
         let name = self.text();
         let is_attributes = self.is_word(Word::S);
@@ -543,7 +542,8 @@ impl Parser<'_> {
             known => {
                 self.symbol("=", "`=`")?;
                 let value = self.expr()?;
-                // Only now: the new name does not exist yet in its own first value.
+                // The variable is defined after its value: a name is undefined in its own first
+                // value.
                 let slot = match known {
                     Some(Name::Variable(slot)) => slot,
                     _ => self.new_variable(name)?,
@@ -554,7 +554,7 @@ impl Parser<'_> {
         self.symbol(";", "semicolon `;`")?;
         Ok(statement)
     }
-    /// A place in memory for a variable that is assigned to for the first time.
+    /// Reserves a slot in memory for a new variable.
     fn new_variable(&mut self, name: String) -> Parsed<u32> {
         let slot = self.memory;
         self.memory += 1;
@@ -563,7 +563,7 @@ impl Parser<'_> {
         Ok(slot)
     }
 
-    /// \[ number, … \] with exactly `len` signed numbers.
+    /// Reads \[ number, … \] with exactly `len` signed numbers.
     fn literal(&mut self, len: u32) -> Parsed<Vec<f64>> {
         self.symbol("[", "left bracket `[`")?;
         let mut values = Vec::new();
@@ -588,7 +588,7 @@ impl Parser<'_> {
         Ok(values)
     }
 
-    /// The operator that stands here, if `those` holds for it.
+    /// Returns the operator of the present token, if `those` accepts it.
     fn operator(&self, those: impl Fn(Operator) -> bool) -> Option<Operator> {
         let operator = match self.kind() {
             Kind::Symbol(symbol) => Operator::of(symbol)?,
@@ -599,7 +599,7 @@ impl Parser<'_> {
         those(operator).then_some(operator)
     }
 
-    /// operand (operator operand)*, left to right.
+    /// Reads operand (operator operand)*, from left to right.
     fn chain(
         &mut self,
         those: impl Fn(Operator) -> bool,
@@ -625,8 +625,8 @@ impl Parser<'_> {
         })
     }
 
-    /// A condition; tells also whether it is a plain expression. A parenthesis that turns out to
-    /// hold a plain expression becomes the beginning of one: `(x[1]+1)*2 > 3`.
+    /// Reads a condition; returns it, and true if it is a plain expression. A plain expression in
+    /// parentheses may begin a longer one: `(x[1]+1)*2 > 3`.
     fn condition(&mut self) -> Parsed<(Expr, bool)> {
         let (first, plain) = self.comparison()?;
         let plain = plain && self.operator(|o| o.level() == Level::Logic).is_none();
@@ -639,7 +639,7 @@ impl Parser<'_> {
             plain,
         ))
     }
-    /// Expressions joined by comparisons; tells also whether it is a plain expression.
+    /// Reads expressions joined by comparisons; returns them, and true for a plain expression.
     fn comparison(&mut self) -> Parsed<(Expr, bool)> {
         let (first, plain) = self.condition_primary()?;
         let plain = plain && self.operator(|o| o.level() == Level::Comparison).is_none();
@@ -652,7 +652,8 @@ impl Parser<'_> {
             plain,
         ))
     }
-    /// not condition, (condition), or an expression; tells also whether it is a plain expression.
+    /// Reads not condition, (condition), or an expression; returns it, and true for a plain
+    /// expression.
     fn condition_primary(&mut self) -> Parsed<(Expr, bool)> {
         let at = self.start();
         if self.is_word(Word::Not) {
@@ -677,11 +678,11 @@ impl Parser<'_> {
         Ok((self.expr()?, true))
     }
 
-    /// An expression.
+    /// Reads an expression.
     fn expr(&mut self) -> Parsed<Expr> {
         self.expr_from(None)
     }
-    /// An expression, whose first primary may be read already.
+    /// Reads an expression, whose first primary may have been read already.
     fn expr_from(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
         let first = self.sum(begun)?;
         if self.precedence == Precedence::Documented {
@@ -690,20 +691,20 @@ impl Parser<'_> {
         self.warn_of_precedence(&first);
         Ok(first)
     }
-    /// A sum of products; set operators stand on the same level unless the documented precedence is
-    /// asked for.
+    /// Reads a sum of products; set operators have equal precedence unless the documented one is
+    /// requested.
     fn sum(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
         let first = self.product(begun)?;
         let only_sums = self.precedence == Precedence::Documented;
         let here = |o: Operator| o.level() == Level::Sum && !(only_sums && o.is_set_operator());
         self.chain(here, first, |p| p.product(None))
     }
-    /// Powers joined by * and /.
+    /// Reads powers joined by * and /.
     fn product(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
         let first = self.power(begun)?;
         self.chain(|o| o.level() == Level::Product, first, |p| p.power(None))
     }
-    /// Primaries joined by ^, left to right.
+    /// Reads primaries joined by ^, from left to right.
     fn power(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
         let first = match begun {
             Some(expr) => expr,
@@ -712,7 +713,7 @@ impl Parser<'_> {
         self.chain(|o| o.level() == Level::Power, first, Self::unary)
     }
 
-    /// A signed primary, a parenthesis, a number, or something with a name.
+    /// Reads a signed primary, a parenthesis, a number, or a named primary.
     fn unary(&mut self) -> Parsed<Expr> {
         let token = self.token();
         let at = token.start;
@@ -740,7 +741,7 @@ impl Parser<'_> {
         }
     }
 
-    /// A call of a function or an object, a variable, or an item of an array.
+    /// Reads a call of a function or an object, a variable, or an item of an array.
     fn named(&mut self, at: u32) -> Parsed<Expr> {
         let name = self.text();
         if let Some(function) = functions::find(&name) {
@@ -780,7 +781,7 @@ impl Parser<'_> {
             (None, None) => self.unassigned(at, &name, next_is_parenthesis),
         }
     }
-    /// The error that a name has no value here.
+    /// Returns the error that a name is undefined.
     fn unassigned<T>(&self, at: u32, name: &str, called: bool) -> Parsed<T> {
         let message = if name == self.own_name {
             format!("`{name}` is the result of this object and has no value here")
@@ -792,7 +793,7 @@ impl Parser<'_> {
         self.fail(at, message)
     }
 
-    /// The arguments of a library function, checked against their shapes.
+    /// Reads the arguments of a library function and checks them against its signature.
     fn function(&mut self, at: u32, function: u16) -> Parsed<Expr> {
         self.symbol("(", "left parenthesis `(`")?;
         let shapes = functions::entry(function).arguments;
@@ -827,7 +828,7 @@ impl Parser<'_> {
         })
     }
 
-    /// The bare name of an array.
+    /// Reads the bare name of an array.
     fn array_argument(&mut self, what: &str) -> Parsed<(u32, ArrayRef)> {
         let at = self.start();
         let name = match self.kind() {
@@ -847,7 +848,7 @@ impl Parser<'_> {
         Ok((at, array))
     }
 
-    /// The arguments of an object that was read before: whole arrays of the sizes of its head.
+    /// Reads the arguments of an object defined before: whole arrays of the sizes in its head.
     fn call(&mut self, at: u32, object: u32) -> Parsed<Expr> {
         let called = &self.objects[object as usize];
         let (depth, name) = (called.depth, called.name.clone());
@@ -888,8 +889,8 @@ impl Parser<'_> {
         })
     }
 
-    /// HyperFun's documentation puts set operators below + and −, its implementation on the same
-    /// level.
+    /// Warns of a sum operator after a set operator: HyperFun's documentation gives set operators a
+    /// lower precedence, its implementation an equal one.
     fn warn_of_precedence(&mut self, sum: &Expr) {
         let Expr::Chain { rest, .. } = sum else {
             return;

@@ -1,20 +1,19 @@
-//! Objects that do nothing but call another one in a moved place, as fitted programs do.
+//! Recognition of objects that only call another one with moved points, as fitted programs do.
 
 use super::Model;
 use super::ast::{ArrayRef, Expr, HEAD_ARRAYS, Link, Object, Operator, Statement};
 use super::print::Placement;
 
-/// Deviation from orthonormal columns up to which a matrix counts as a rotation: rounding of
-/// products of rotations.
+/// Tolerance on the orthonormality of the rows of a rotation: rounding of products of rotations.
 const ORTHONORMAL: f64 = 1e-12;
 
-/// An affine function of x, y and z: its linear part, and its value at the origin.
+/// Affine function of x, y and z: its linear part, and its value at the origin.
 type Affine = ([f64; 3], f64);
 
 impl Model {
     /// Returns the object that this one calls with points moved by a similarity and with its own
-    /// parameters, and the place of that object in the coordinates of this one. None where it does
-    /// anything else.
+    /// parameters, and the placement of that object in the coordinates of this one; `None` for any
+    /// other object.
     ///
     /// ```
     /// use isoform_field::hyperfun::{Mode, Model};
@@ -55,8 +54,8 @@ impl Model {
     }
 }
 
-/// Returns the coordinates of the moved point, if the body assigns each of them once, and the
-/// values, and nothing else.
+/// Returns the coordinates of the moved point, if the body consists of one assignment of each of
+/// them and one of the values.
 fn rows(object: &Object, points: ArrayRef, values: ArrayRef) -> Option<[Affine; 3]> {
     if (points.id as usize) < HEAD_ARRAYS || points.len != 3 {
         return None;
@@ -110,7 +109,7 @@ fn affine(expression: &Expr) -> Option<Affine> {
     }
 }
 
-/// Returns the function with an operator and an operand behind it, if that is affine.
+/// Applies an operator with its right operand, if the result is affine.
 fn joined(left: Affine, link: &Link) -> Option<Affine> {
     let right = affine(&link.operand)?;
     let constant = |f: &Affine| (f.0 == [0.0; 3]).then_some(f.1);
@@ -138,8 +137,8 @@ fn sum(a: Affine, b: Affine) -> Affine {
     (std::array::from_fn(|k| a.0[k] + b.0[k]), a.1 + b.1)
 }
 
-/// Returns the similarity p = Rᵀ(x − t)/scale with these coordinates of p. None for other affine
-/// functions, and for reflections.
+/// Returns the similarity p = Rᵀ(x − t)/scale with these coordinates of p; `None` for other affine
+/// maps, and for reflections.
 fn placement(rows: &[Affine; 3]) -> Option<Placement> {
     let dot = |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|k| a[k] * b[k]).sum::<f64>();
     let scale = 1.0 / dot(&rows[0].0, &rows[0].0).sqrt();

@@ -1,4 +1,4 @@
-//! Programs as text: with fitted values, with new start values, or in one layout.
+//! Output of programs as text: with fitted values, with new start values, or in a canonical layout.
 
 use super::ast::{Argument, ArrayRef, Expr, HEAD_ARRAYS, Object, Statement};
 use super::functions;
@@ -6,33 +6,33 @@ use super::lexer::{self, Kind};
 use super::{DEFAULT_OBJECT, Program};
 use std::fmt::Write;
 
-/// A similarity that moves a model: the model's point is p = Rᵀ(x − t)/scale. Values are not
+/// Similarity transformation of a model: the model's point is p = Rᵀ(x − t)/scale. Values are not
 /// rescaled.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placement {
-    /// R, by rows.
+    /// Rotation R, by rows.
     pub rotation: [[f64; 3]; 3],
-    /// t
+    /// Translation t.
     pub translation: [f64; 3],
-    /// The scale, not 0.
+    /// Scale, not 0.
     pub scale: f64,
 }
 
 impl Placement {
-    /// Returns the model's point p of a point x.
+    /// Returns the point p of the model that corresponds to a point x.
     pub fn framed(&self, x: [f64; 3]) -> [f64; 3] {
         let moved = std::array::from_fn(|i| x[i] - self.translation[i]);
         self.turned_back(moved).map(|v| v / self.scale)
     }
 
-    /// Returns the model's direction Rᵀd of a direction d.
+    /// Returns the direction Rᵀd of the model that corresponds to a direction d.
     pub fn turned_back(&self, d: [f64; 3]) -> [f64; 3] {
         let r = &self.rotation;
         std::array::from_fn(|j| (0..3).map(|i| r[i][j] * d[i]).sum())
     }
 }
 
-/// A number that reads back exactly, in parentheses where its sign could meet an operator.
+/// Formats a number such that it is read back exactly, in parentheses if it is negative.
 fn operand(v: f64) -> String {
     if v < 0.0 {
         format!("({v:?})")
@@ -41,7 +41,7 @@ fn operand(v: f64) -> String {
     }
 }
 
-/// `name`, or `name` with a number behind it if that is taken.
+/// Returns `name`, or `name` with a number appended if it is in use.
 fn free_name(program: &Program, name: &str) -> String {
     let taken =
         |n: &str| functions::find(n).is_some() || program.objects.iter().any(|o| o.name == n);
@@ -52,8 +52,8 @@ fn free_name(program: &Program, name: &str) -> String {
         .unwrap_or_default()
 }
 
-/// The program's text with an object behind it that is the chosen one with these values, moved by
-/// the placement if there is one and the object lies in space.
+/// Returns the program's text followed by an object that is the chosen one with these values, moved
+/// by the placement if it has three coordinates.
 pub(super) fn fitted(
     program: &Program,
     object: usize,
@@ -73,7 +73,8 @@ pub(super) fn fitted(
         true => renamed(program, object, &template),
         false => Vec::new(),
     };
-    // Defaults of the chosen object become its parameters, those of the new one take their place.
+    // Defaults of the chosen object are replaced by its parameters, since the new object has
+    // defaults of its own.
     let described = match chosen.defaults {
         Some(defaults) => {
             let array = &chosen.arrays[defaults.array.id as usize].name;
@@ -140,7 +141,7 @@ pub(super) fn fitted(
     text
 }
 
-/// The point `p` in the frame that the model is placed by: p = Rᵀ (x − t) / scale.
+/// Returns statements that assign to `p` the point of the placed model: p = Rᵀ (x − t) / scale.
 fn placed(p: &str, at: &Placement) -> String {
     let mut text = String::new();
     for i in 0..3 {
@@ -154,10 +155,10 @@ fn placed(p: &str, at: &Placement) -> String {
     text
 }
 
-/// Replacements of byte ranges of a text.
+/// List of replacements of byte ranges of a text.
 type Changes = Vec<((u32, u32), String)>;
 
-/// Returns the text after these changes.
+/// Applies the replacements to a text.
 fn changed(text: &str, mut changes: Changes) -> String {
     changes.sort();
     let mut out = String::with_capacity(text.len() + 32 * changes.len());
@@ -171,7 +172,7 @@ fn changed(text: &str, mut changes: Changes) -> String {
     out
 }
 
-/// Lists the places of an object's name: its head, its result and the calls of it.
+/// Returns the replacements that rename an object: in its head, its result and its calls.
 fn renamed(program: &Program, object: usize, new: &str) -> Changes {
     let (chosen, text) = (&program.objects[object], program.source.text());
     let tokens = lexer::tokens(&program.source).0;
@@ -187,7 +188,7 @@ fn renamed(program: &Program, object: usize, new: &str) -> Changes {
         .collect()
 }
 
-/// The program's text with these values for starts in the annotations of the parameters.
+/// Returns the program's text with these start values in the annotations of the parameters.
 pub(super) fn with_start(program: &Program, object: usize, values: &[f64]) -> String {
     let start = |(i, v): (usize, &f64)| {
         let (start, end) = program.annotations.param(object, i)?.start?;
@@ -198,7 +199,7 @@ pub(super) fn with_start(program: &Program, object: usize, values: &[f64]) -> St
     changed(program.source.text(), changes)
 }
 
-/// The program in one layout, without comments.
+/// Returns the program in a canonical layout, without comments.
 pub(super) fn pretty(program: &Program) -> String {
     let mut printer = Printer {
         program,
@@ -211,12 +212,12 @@ pub(super) fn pretty(program: &Program) -> String {
     printer.out
 }
 
-/// Writes a program in one layout.
+/// Writer of a program in a canonical layout.
 struct Printer<'p> {
     program: &'p Program,
-    /// The text so far.
+    /// Text written so far.
     out: String,
-    /// Depth of the present block.
+    /// Nesting depth of the present block.
     indent: usize,
 }
 
@@ -298,7 +299,7 @@ impl Printer<'_> {
             }
         }
     }
-    /// Writes the branches of a decision, behind its condition.
+    /// Writes the branches of a conditional statement, after its condition.
     fn branches(&mut self, object: &Object, then: &[Statement], otherwise: Option<&[Statement]>) {
         self.inner(object, then);
         if let Some(otherwise) = otherwise {
@@ -314,7 +315,7 @@ impl Printer<'_> {
         self.indent -= 1;
     }
 
-    /// An expression as text.
+    /// Returns an expression as text.
     fn expr(&self, object: &Object, expr: &Expr) -> String {
         let mut text = String::new();
         self.write(object, expr, &mut text);
@@ -334,7 +335,7 @@ impl Printer<'_> {
                 out.push(']');
             }
             Expr::Sign { sign, operand, .. } => {
-                // Two dashes would be a comment.
+                // Two dashes would begin a comment.
                 out.push_str(if out.ends_with('-') { " " } else { "" });
                 out.push_str(sign);
                 self.write(object, operand, out);
@@ -396,7 +397,7 @@ impl Printer<'_> {
     }
 }
 
-/// The name of an array.
+/// Returns the name of an array.
 fn name(object: &Object, array: ArrayRef) -> &str {
     &object.arrays[array.id as usize].name
 }

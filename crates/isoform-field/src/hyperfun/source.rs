@@ -27,7 +27,8 @@ impl Source {
     pub(crate) fn text(&self) -> &str {
         &self.text
     }
-    /// Line and column of a byte offset, from 1; the column counts characters, a tab is one.
+    /// Returns the line and column of a byte offset, from 1; the column counts characters, a tab as
+    /// one.
     pub(crate) fn position(&self, offset: u32) -> (usize, usize) {
         let line = self.lines.partition_point(|&l| l <= offset);
         let start = self.lines[line - 1] as usize;
@@ -39,7 +40,7 @@ impl Source {
         };
         (line, column + 1)
     }
-    /// The word or the operator at a byte offset.
+    /// Returns the word or operator at a byte offset.
     pub(crate) fn place(&self, offset: u32) -> Place {
         let (line, column) = self.position(offset);
         let rest = &self.text[offset as usize..];
@@ -56,7 +57,7 @@ impl Source {
             text: rest[..end.unwrap_or(rest.len())].to_owned(),
         }
     }
-    /// The text of line `line` (from 1), without its end.
+    /// Returns the text of line `line` (from 1), without its end.
     pub(crate) fn line(&self, line: usize) -> &str {
         let Some(&start) = line.checked_sub(1).and_then(|l| self.lines.get(l)) else {
             return "";
@@ -83,16 +84,16 @@ impl Source {
     }
 }
 
-/// Why a program is no HyperFun program. Lines and columns count from 1.
+/// Syntax error of a program. Lines and columns count from 1.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SyntaxError {
-    /// Line.
+    /// Line number.
     pub line: usize,
-    /// Column in characters.
+    /// Column number, in characters.
     pub column: usize,
-    /// What is wrong.
+    /// Description of the error.
     pub message: String,
-    /// What was expected there; empty where nothing particular was.
+    /// Expected token or construct; empty if unspecified.
     pub expected: String,
 }
 
@@ -104,14 +105,14 @@ impl fmt::Display for SyntaxError {
 
 impl std::error::Error for SyntaxError {}
 
-/// Something that is legal but probably not meant.
+/// Warning of a construct that is legal but probably unintended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
-    /// Line.
+    /// Line number.
     pub line: usize,
-    /// Column in characters.
+    /// Column number, in characters.
     pub column: usize,
-    /// What to look at, and how to say it clearly.
+    /// Description of the construct, and of an unambiguous form of it.
     pub message: String,
 }
 

@@ -1,11 +1,11 @@
-//! Sums and differences of solids, where a union or a set difference is meant.
+//! Warnings of sums and differences of solids in place of unions and set differences.
 //!
-//! `body - hole` subtracts numbers: its zero set is neither surface. An expression is a solid here
-//! if it is a primitive of the library, a set operation, a minimum or maximum of solids, or one of
-//! these moved by a number, as `body - 0.1`. A sum of two solids is doubtful only where it is used
-//! as a solid: as the result, or in a set operation. Sums with other functions of space, as
-//! `u + v + sqrt(u^2 + v^2)`, products, as `t*u + (1 - t)*v`, and sums within a root, a power, an
-//! absolute value or a comparison are formulas that somebody means so.
+//! `body - hole` subtracts values: its zero set is unrelated to both surfaces. An expression is a
+//! solid here if it is a primitive of the library, a set operation, a minimum or maximum of solids,
+//! or one of these offset by a number, as in `body - 0.1`. A sum of two solids is reported only if
+//! it is used as a solid: as the result, or in a set operation. Sums with other functions of space,
+//! as in `u + v + sqrt(u^2 + v^2)`, products, as in `t*u + (1 - t)*v`, and sums inside a root, a
+//! power, an absolute value or a comparison are taken to be intended.
 
 use super::ast::{Argument, Expr, Link, Object, Operator, Statement};
 use super::functions::{self, Run};
@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 /// The kind of an expression.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// The same everywhere in space.
+    /// Constant in space.
     Number,
     /// A function of space.
     Field,
@@ -26,7 +26,7 @@ enum Kind {
 }
 
 impl Kind {
-    /// The kind after either of two branches.
+    /// Returns the kind of a value that either of two branches assigned.
     fn or(self, other: Self) -> Self {
         match (self, other) {
             (a, b) if a == b => a,
@@ -78,15 +78,15 @@ pub(super) fn warn(source: &Source, objects: &[Object], warnings: &mut Vec<Warni
     }
 }
 
-/// The statements of an object, read in their order.
+/// Analysis of the statements of an object, in their order.
 struct Reader<'a> {
     /// Kinds of the objects above.
     results: &'a [Kind],
-    /// By object, whether another one calls it.
+    /// True for objects that others call.
     called: &'a mut [bool],
-    /// By place in memory.
+    /// Kinds of the variables, by slot.
     variables: BTreeMap<u32, Kind>,
-    /// By number of the array: what any of its items is.
+    /// Common kind of the items of each array.
     arrays: BTreeMap<u32, Kind>,
     /// Sums that were used as solids.
     found: &'a mut Vec<(u32, &'static str)>,
@@ -131,8 +131,8 @@ impl Reader<'_> {
                         .insert(slot, other.map_or(kind, |other| other.or(kind)));
                 }
             }
-            // A sum that a loop adds up is one the second time; loops within a loop are read twice
-            // with it.
+            // A sum accumulated by a loop appears in the second pass; inner loops are covered by
+            // both passes of the outer one.
             Statement::While {
                 condition, body, ..
             } => {
@@ -147,7 +147,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Takes note of an expression that is used as a solid.
+    /// Records an expression of this kind that is used as a solid.
     fn used_as_solid(&mut self, kind: Kind) {
         if let Kind::Sum(at, operator) = kind {
             self.found.push((at, operator));
@@ -221,7 +221,7 @@ impl Reader<'_> {
 
     fn chain(&mut self, first: &Expr, rest: &[Link]) -> Kind {
         let mut left = self.kind(first);
-        // The operands that are added up since the last set operation.
+        // Number of solids added since the last set operation.
         let mut solids = usize::from(matches!(left, Kind::Solid | Kind::Sum(..)));
         for link in rest {
             let right = self.kind(&link.operand);

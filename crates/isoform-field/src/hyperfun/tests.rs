@@ -228,7 +228,7 @@ fn nesting_is_bounded() {
     };
     let _ = model(&ifs(MAX_DEPTH as usize - 1)).compile(&mut Graph::new());
     assert!(refused(&ifs(100_000)).message.contains("deep"));
-    // Calls nest too, and a long sum does not.
+    // Calls are nested, too; a long sum is not.
     let mut chain = "o0(x[1], a[1]) { o0 = 1; }\n".to_owned();
     for i in 1..400 {
         chain += &format!("o{i}(x[1], a[1]) {{ o{i} = o{}(x,a); }}\n", i - 1);
@@ -310,7 +310,7 @@ fn jets_give_derivatives_by_coordinates_and_parameters() {
     let x = [Jet1::<3>::variable(3.0, 0), Jet1::variable(1.0, 1)];
     let f = m.eval_with(&x, &[Jet1::variable(2.0, 2)]).expect("it runs");
     assert_eq!((f.v, f.g), (18.0, [12.0, 0.0, 9.0]));
-    // Also by an exponent that happens to be an integer.
+    // The derivative by an exponent that happens to be an integer.
     let m = model("m(x[1], a[1]) { m = x[1]^a[1]; }");
     let f = m
         .eval_with(&[Jet1::<2>::variable(3.0, 0)], &[Jet1::variable(2.0, 1)])
@@ -469,13 +469,13 @@ fn ties_follow_the_other_values_and_unused_parameters_need_none() {
     let values = |given: &[f64]| crate::parameter_values(&m, given);
     assert_eq!(values(&[]), Ok(vec![2.0, 10.0, 0.0, 7.0, 0.0]));
     assert_eq!(values(&[5.0, 99.0]), Ok(vec![5.0, 16.0, 0.0, 7.0, 0.0]));
-    // What a tie follows is needed, though the program has it nowhere.
+    // The parameters of a tie are required, although the program does not use them.
     let bare = model("-- @param a[2] h length tie=2*a[1]\nm(x[3], a[3]) { m = a[2] - x[1]; }");
     assert_eq!(
         crate::parameter_values::<f64>(&bare, &[]).map_err(|e| e.to_string()),
         Err("a[1] has no value".to_owned())
     );
-    // An index that is computed may be any.
+    // A computed index may refer to any parameter.
     let any = model("m(x[3], a[2]) { i = 1; m = a[i] - x[1]; }");
     assert_eq!(
         crate::parameter_values::<f64>(&any, &[]).map_err(|e| e.to_string()),
@@ -512,7 +512,7 @@ fn sums_of_solids_are_warned_of_where_they_are_used_as_solids() {
         ),
         ("if a[1] > 0 then w = u - v; else w = u; endif; m = w;", "-"),
         ("w = u - v; k = u + v; m = w | k;", "-+"),
-        // Formulas that somebody means so.
+        // Intended formulas.
         ("m = u - 0.5;", ""),
         ("m = u + v + sqrt(u^2 + v^2);", ""),
         ("m = (u | v) + 0.3/(1 + u^2 + v^2);", ""),
@@ -668,7 +668,7 @@ fn fitted_programs_have_the_values_inside() {
     assert_eq!((e.f, e.s), (2.0 - 10.0 - 300.0 + 7.0, vec![4.0, 0.0]));
 }
 
-/// Other readers of a fitted program see constants; here they are defaults of the parameters.
+/// Other readers of a fitted program see constants, which are defaults of the parameters here.
 #[test]
 fn values_of_fitted_programs_are_defaults() {
     let text = "-- @pose rigid at 1 2 3
@@ -693,7 +693,7 @@ my_model(x[3], a[3]) { my_model = a[1] - x[1]*a[2] + a[3]; }";
     let root = fitted.compile(&mut graph).expect("an expression");
     assert_eq!(graph.eval(root, &[1.0, 0.0, 0.0], &[3.0, 5.0, 10.0]), 8.0);
     assert_eq!(fitted.used_params(), [true; 3]);
-    // Fitted once more, and called by another object, which passes its own parameters in vain.
+    // Fitted again, and called by another object, whose own parameters are ignored.
     let twice = model(&fitted.print_fitted(&[1.0, 2.0, 3.0], None));
     assert_eq!(twice.params()[0].name, "radius");
     assert_eq!(
@@ -711,7 +711,7 @@ my_model(x[3], a[3]) { my_model = a[1] - x[1]*a[2] + a[3]; }";
         Ok(2.0 - 4.0 + 1.0)
     );
     assert_eq!(outer.used_params(), [false; 3]);
-    // Changed by hand.
+    // Edited manually.
     let changed = model(&printed.replace("b = [2.0, 4.0", "b = [2.5, 4.0"));
     assert!(changed.warnings()[0].message.contains("is tied: it is 5"));
     for (from, to) in [
@@ -801,8 +801,7 @@ fn a_strange_size_of_point_is_refused_or_the_sentinel() {
     );
 }
 
-/// `--` begins a comment: where that leaves no program, the error says so; where it leaves one, a
-/// warning does.
+/// `--` begins a comment: an error says so if the rest is invalid, else a warning.
 #[test]
 fn a_comment_that_looks_like_a_difference_is_said() {
     for (text, place) in [
@@ -824,7 +823,7 @@ fn a_comment_that_looks_like_a_difference_is_said() {
         assert!(e.message.contains(&said), "{text}: {e}");
         assert_eq!(e.expected, "");
     }
-    // Comments that look like comments are none of it.
+    // Comments that do not look like operands do not cause warnings.
     for text in [
         "m = x[1] -- minus\n}",
         "m = x[1] --minus\n}",
@@ -900,8 +899,7 @@ fn reserved_names_are_said_to_be() {
     );
 }
 
-/// Statement by statement for many points at once, and point by point: the same numbers, bit for
-/// bit, the same attributes and the same errors.
+/// Block evaluation and pointwise evaluation agree bitwise in values, and in attributes and errors.
 #[test]
 fn blocks_of_points_are_evaluated_like_points() {
     let text = "my_model(x[3], a[2], s[2]) {
@@ -921,7 +919,7 @@ fn blocks_of_points_are_evaluated_like_points() {
         .collect();
     let a = [0.9, 1.5];
     let mut block = m.block_evaluator();
-    // Twice: what the first run leaves does not count.
+    // Two runs: the second is independent of the first.
     for points in [&points[..], &points[7..20]] {
         let found = block.eval(points, &a);
         assert!(found.iter().any(Result::is_ok) && found.iter().any(Result::is_err));

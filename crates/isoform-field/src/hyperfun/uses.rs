@@ -1,12 +1,12 @@
-//! Parameters that an object uses.
+//! Detection of the parameters that an object uses.
 
 use super::ast::{Argument, ArrayRef, Expr, Object, Statement};
 
-/// Place of the parameters among the arrays of an object.
+/// Index of the parameters among the arrays of an object.
 const A: u32 = 1;
 
 impl Expr {
-    /// Calls `f` for the expression and all that it consists of.
+    /// Calls `f` for the expression and all of its subexpressions.
     fn walk(&self, f: &mut impl FnMut(&Self)) {
         f(self);
         match self {
@@ -60,8 +60,8 @@ impl Statement {
     }
 }
 
-/// By parameter of the object `last`, whether its text uses it, in whichever branch. Objects call
-/// those above them.
+/// Returns, by parameter of the object `last`, true if the object uses it in any branch. Objects
+/// call only those above them.
 pub(super) fn parameters(objects: &[Object], last: usize) -> Vec<bool> {
     let mut uses: Vec<Vec<bool>> = Vec::with_capacity(last + 1);
     for (k, object) in objects[..=last].iter().enumerate() {
@@ -109,7 +109,7 @@ pub(super) fn parameters(objects: &[Object], last: usize) -> Vec<bool> {
     uses.pop().unwrap_or_default()
 }
 
-/// The item that an index means, from 1: the nearest integer, halves up.
+/// Rounds an index to the nearest integer, halves up; items count from 1.
 fn item(index: f64) -> usize {
     (index + 0.5).floor() as usize
 }

@@ -1,9 +1,9 @@
 //! Blends: smooth functions of expressions with kinks, distributed over the pieces of these.
 //!
 //! The arguments of a blend are the nodes with kinks that its formula uses more than once, u and v
-//! of `max(u, v) + max(k − |u − v|, 0)²/(4k)`. The formula is copied with arguments in their place
-//! and tried at pseudo-random places ([`crate::smooth`]): it must be C¹, and monotone in each
-//! argument.
+//! in `max(u, v) + max(k − |u − v|, 0)²/(4k)`. The formula is copied with variables in place of the
+//! arguments and tested at pseudo-random points ([`crate::smooth`]): it must be C¹, and monotone in
+//! each argument.
 
 use super::name::{Context, named};
 use super::tree::{Leaf, Tree};
@@ -16,7 +16,7 @@ use crate::smooth::smooth_and_monotone;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
 
-/// A node to be distributed over the pieces of its inputs.
+/// Node to be distributed over the pieces of its inputs.
 struct Product<'a> {
     id: NodeId,
     /// The nodes that depend on the inputs, up to `id`.
@@ -27,8 +27,8 @@ struct Product<'a> {
 }
 
 impl Reader<'_> {
-    /// The node as a smooth function of expressions with kinks that it uses more than once, passed
-    /// through their trees. None where it is no such function.
+    /// Distributes the node over the trees of the expressions with kinks that it uses more than
+    /// once; `None` unless it is a smooth function of these.
     pub(super) fn blend(&mut self, id: NodeId, context: &Context) -> Option<Tree> {
         if self.failures > MOST_FAILURES {
             return None;
@@ -66,8 +66,8 @@ impl Reader<'_> {
         Some(self.distributed(id, &above, &inputs, context))
     }
 
-    /// Whether the node surely has kinks: linear in one expression that is a minimum, a maximum or
-    /// an |u|.
+    /// Returns true if the node certainly has kinks: it is linear in one expression that is a
+    /// minimum, a maximum or an absolute value.
     pub(super) fn shows_kinks(&mut self, mut id: NodeId) -> bool {
         loop {
             let (u, v) = match self.graph.node(id).clone() {
@@ -87,8 +87,8 @@ impl Reader<'_> {
         }
     }
 
-    /// The topmost nodes with kinks below `id` that are used more than once there, none within
-    /// another.
+    /// Returns the topmost nodes with kinks below `id` that are used more than once there, none of
+    /// which depends on another.
     fn shared(&mut self, id: NodeId) -> Vec<NodeId> {
         let need = self.graph.reachable(&[id]);
         let mut uses: HashMap<NodeId, u32> = HashMap::new();
@@ -97,7 +97,8 @@ impl Reader<'_> {
                 *uses.entry(a).or_default() += 1;
             }
         }
-        // Arguments have smaller numbers: the largest one pending is below none of the others.
+        // Arguments precede their users: the pending node with the largest index is not an argument
+        // of the others.
         let mut found = Vec::new();
         let mut opened: HashSet<NodeId> = HashSet::new();
         loop {
@@ -116,7 +117,7 @@ impl Reader<'_> {
             if found.len() > MOST_FOUND {
                 break;
             }
-            // One that contains another is no input of its own.
+            // A node that depends on another one is not an input.
             let outer = found.iter().copied().find(|&u| {
                 let below = self.graph.reachable(&[u]);
                 found.iter().any(|&v| v != u && below[v.at()])
@@ -130,7 +131,8 @@ impl Reader<'_> {
         found
     }
 
-    /// The nodes from `id` down to, without, `inputs`, in the order of computation.
+    /// Returns the nodes from `id` down to the `inputs`, without these, in the order of
+    /// computation.
     fn interior(&self, id: NodeId, inputs: &[NodeId]) -> Vec<NodeId> {
         let mut pending: BTreeSet<NodeId> = [id].into();
         let mut nodes = Vec::new();
@@ -144,7 +146,7 @@ impl Reader<'_> {
         nodes
     }
 
-    /// A copy of the interior with the inputs as further coordinates.
+    /// Copies the interior, with the inputs as further coordinates.
     fn alone(&self, id: NodeId, interior: &[NodeId], inputs: &[NodeId]) -> (Graph, NodeId) {
         let mut graph = Graph::new();
         let mut copy: HashMap<NodeId, NodeId> = HashMap::new();
@@ -161,7 +163,7 @@ impl Reader<'_> {
         (graph, copy[&id])
     }
 
-    /// `id`, computed by the nodes `above` from the inputs, as a tree over the inputs' pieces.
+    /// Distributes `id`, computed by the nodes `above` from the inputs, over the inputs' pieces.
     pub(super) fn distributed(
         &mut self,
         id: NodeId,
@@ -169,7 +171,8 @@ impl Reader<'_> {
         inputs: &[(NodeId, bool)],
         context: &Context,
     ) -> Tree {
-        // One input: its pieces are pieces of the whole. Several: each pair has a name of its own.
+        // The pieces of a single input inherit the context; combinations of pieces of several
+        // inputs have names of their own.
         let below = if inputs.len() > 1 {
             Context::default()
         } else {
@@ -199,7 +202,8 @@ impl Reader<'_> {
         self.product(&product, &trees, &mut Vec::with_capacity(trees.len()))
     }
 
-    /// The node as a function of the inputs alone; none where it depends on space besides.
+    /// Returns the node as a function of the inputs alone; `None` if it also depends on the
+    /// coordinates directly.
     fn function(&self, id: NodeId, inputs: &[NodeId], rises: Vec<bool>) -> Option<Rc<Function>> {
         let (graph, root) = self.alone(id, &self.interior(id, inputs), inputs);
         let need = graph.reachable(&[root]);
@@ -250,7 +254,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The node computed from one piece of each input.
+    /// Computes the node from one piece of each input.
     fn product_value(&mut self, of: &Product<'_>, chosen: &[Leaf]) -> NodeId {
         let mut copy: HashMap<NodeId, NodeId> = of
             .inputs
@@ -303,7 +307,7 @@ impl Reader<'_> {
     }
 }
 
-/// The node with other arguments; those that are not in `copy` must not occur.
+/// Rebuilds a node with the arguments replaced by their copies, all of which must exist.
 fn rebuilt(graph: &mut Graph, node: &Node, copy: &HashMap<NodeId, NodeId>) -> NodeId {
     let at = |id: &NodeId| copy[id];
     match node {
@@ -326,9 +330,9 @@ fn rebuilt(graph: &mut Graph, node: &Node, copy: &HashMap<NodeId, NodeId>) -> No
     }
 }
 
-/// A node with a kink within a smooth function, such that where u = v derivatives are those of one
-/// side, the same for max(u, v), min(u, v) and |u − v|: only then do they cancel there, too.
-/// Derivatives of minima and maxima are those of the first of two equal ones.
+/// Rebuilds a node with a kink inside a smooth function such that, where u = v, the derivatives of
+/// max(u, v), min(u, v) and |u − v| are those of one common side, so that the kinks cancel there,
+/// too. Derivatives of minima and maxima are those of the first of two equal arguments.
 fn one_sided(graph: &mut Graph, node: &Node, copy: &HashMap<NodeId, NodeId>) -> Option<NodeId> {
     let sorted = |u: &NodeId, v: &NodeId| (copy[u].min(copy[v]), copy[u].max(copy[v]));
     match node {

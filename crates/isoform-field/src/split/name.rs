@@ -1,9 +1,9 @@
-//! Names of pieces: the variable that a piece is part of, and which side of it.
+//! Names of pieces: the variable whose value contains the piece, and the side of it.
 //!
-//! A piece has the name of its own variable (`hole`), or of the next one above it with its side
-//! (`slab.z_max`, `wall+`); a product has the names of its arguments (`plate+boss`). The whole
-//! solid's name says nothing of a piece. A piece without any name is `piece3`, and of pieces with one
-//! name the second is `hole#2`.
+//! A piece is named after its own variable (`hole`), or after the innermost variable that contains
+//! it and its side (`slab.z_max`, `wall+`); a product has the names of its arguments
+//! (`plate+boss`). The name of the whole solid is not used. A piece without a name is `piece3`, and
+//! the second piece with one name is `hole#2`.
 
 use super::Reader;
 use super::nodes::along_axis;
@@ -14,7 +14,7 @@ use isoform_geom::Csg;
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 
-/// The name to be used below a node.
+/// Name inherited by the nodes below a node.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Context {
     pub(super) name: Rc<str>,
@@ -22,8 +22,8 @@ pub(super) struct Context {
 }
 
 impl Reader<'_> {
-    /// The context of a node. A variable that the node is part of says more than a name that is
-    /// only suggested for it.
+    /// Returns the context of a node. A variable that contains the node takes precedence over a
+    /// suggested name.
     pub(super) fn context(&self, id: NodeId, above: &Context) -> Context {
         let is_better = !above.name.is_empty() && self.graph.has_suggested_name(id);
         match self.graph.name(id) {
@@ -35,7 +35,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The context of one part of several. The name of the whole solid says nothing of a part.
+    /// Returns the context of one part of several, without the name of the whole solid.
     pub(super) fn below(&self, context: &Context) -> Context {
         let is_root = self.graph.name(self.root) == Some(&*context.name);
         Context {
@@ -57,16 +57,17 @@ pub(super) fn axis_side(axis: usize, is_lower: bool) -> String {
     )
 }
 
-/// Which side of what it is named after a piece is; may be empty.
+/// Returns the side of a piece relative to the object after which it is named; may be empty.
 pub(super) fn side_of(graph: &Graph, leaf: &Leaf) -> Rc<str> {
     match along_axis(graph, leaf.value) {
-        // Inside is where the function is positive: where it rises the face is the lower one.
+        // The inside is where the function is positive: if it increases along the axis, the face is
+        // the lower one.
         Some((axis, rises)) if leaf.side.is_empty() => axis_side(axis, rises).into(),
         _ => leaf.side.clone(),
     }
 }
 
-/// The name of a piece, empty where nothing is known.
+/// Returns the name of a piece; empty if unknown.
 pub(super) fn named(graph: &Graph, leaf: &Leaf) -> String {
     if leaf.is_own {
         return leaf.name.to_string();
@@ -81,7 +82,8 @@ pub(super) fn named(graph: &Graph, leaf: &Leaf) -> String {
     }
 }
 
-/// The name of u in u + c and −u: of a level set; and of a choice.
+/// Returns the name of u in u + c, c u and −u (level sets), and of a selection between two values
+/// with one name.
 fn argument_name(graph: &Graph, mut id: NodeId) -> Option<&str> {
     loop {
         if let Some(name) = graph.name(id) {
@@ -96,7 +98,7 @@ fn argument_name(graph: &Graph, mut id: NodeId) -> Option<&str> {
             {
                 *u
             }
-            // The two values that an if-statement gives to a variable.
+            // The two values that an if-statement assigns to a variable.
             Node::Select(_, u, v) => {
                 return graph.name(*u).filter(|name| graph.name(*v) == Some(name));
             }
@@ -105,12 +107,12 @@ fn argument_name(graph: &Graph, mut id: NodeId) -> Option<&str> {
     }
 }
 
-/// Gives the pieces their numbers, in the order of the tree, and different names.
+/// Assigns indices to the pieces, in the order of the tree, and distinct names.
 pub(super) struct Numbering<'a> {
     pub(super) graph: &'a Graph,
     pub(super) names: Vec<String>,
     taken: HashSet<String>,
-    /// By base of names, the first count that was not tried yet.
+    /// First untested suffix number, by base of names.
     tried: HashMap<String, usize>,
     pub(super) pieces: Vec<NodeId>,
     pub(super) known: HashMap<NodeId, u32>,
@@ -165,10 +167,10 @@ impl<'a> Numbering<'a> {
         number
     }
 
-    /// The base, or the first of base#2, base#3, … that is not taken yet; it is taken then.
+    /// Reserves the first unused name among the base, base#2, base#3, …
     fn free_name(&mut self, base: String) -> String {
-        // What was taken once stays taken: the search goes on where it last ended. From 2 on each
-        // time, a hundred thousand pieces of one name would take minutes.
+        // Names are never released, so the search continues where it last ended. If it started from
+        // 2 each time, a hundred thousand pieces with one name would take minutes.
         let count = self.tried.entry(base.clone()).or_insert(1);
         let mut name = base.clone();
         loop {

@@ -1,8 +1,9 @@
-//! The pieces of an expression whose parameters have no values.
+//! Names of the pieces of an expression whose parameters have no values.
 //!
-//! A fit names its parts before it knows the parameters, a mesh after. Both go through one
-//! reader: here on a copy of the graph, with parameters that count as positive. Pieces that coincide
-//! for some values only (two planes at one height by chance) are one piece of the mesh and two here.
+//! A fit names its parts before the parameters are known, a mesh afterwards. Both split the
+//! expression by one algorithm, here on a copy of the graph and with parameters assumed to be
+//! positive. Pieces that coincide for some values only (two planes at one height by chance) are one
+//! piece of the mesh and two here.
 
 use super::Reader;
 use super::name::Numbering;
@@ -12,8 +13,8 @@ use crate::graph::{Graph, NodeId};
 use std::collections::HashMap;
 use std::rc::Rc;
 
-/// The pieces and names of an expression whose parameters have no values: those that the solid has
-/// for values that are positive and alike in nothing else.
+/// Pieces and names of an expression whose parameters have no values: those of the solid for
+/// positive values in general position.
 pub(crate) struct Naming {
     graph: Graph,
     signs: HashMap<NodeId, Tree>,
@@ -21,7 +22,7 @@ pub(crate) struct Naming {
     names: HashMap<NodeId, Rc<str>>,
 }
 
-/// A node's surface by named pieces. The pieces are nodes of the naming's own graph.
+/// Surface of a node as a tree of named pieces, which are nodes of the naming's own graph.
 pub(crate) enum Named {
     Piece { value: NodeId, name: Rc<str> },
     Join { is_min: bool, children: Vec<Self> },
@@ -37,7 +38,7 @@ impl Named {
 }
 
 impl Named {
-    /// The value of the whole where the pieces have these values, in order.
+    /// Evaluates the tree from the values of the pieces, in order.
     pub(crate) fn value(&self, pieces: &mut impl Iterator<Item = f64>) -> f64 {
         match self {
             Self::Piece { .. } => pieces.next().expect("one for each piece"),
@@ -54,7 +55,7 @@ impl Named {
 }
 
 impl Naming {
-    /// None where the expression has too many pieces, or is nested too deeply.
+    /// Names the pieces of an expression; `None` if it has too many pieces or is nested too deeply.
     pub(crate) fn new(graph: &Graph, root: NodeId) -> Option<Self> {
         let mut graph = graph.clone();
         let mut reader = Reader::new(&mut graph, root);
@@ -79,14 +80,14 @@ impl Naming {
         &self.graph
     }
 
-    /// The pieces of a node that is read by sign, of −u where `negative`; none where it is none, or
-    /// is inside or outside everywhere.
+    /// Returns the pieces of a node u that was split by sign, or of −u if `negative`; `None` if it
+    /// was not split by sign, or has a constant sign.
     pub(crate) fn of(&mut self, id: NodeId, negative: bool) -> Option<Named> {
         let tree = self.signs.get(&id)?.clone();
         self.named(&tree, negative)
     }
 
-    /// The pieces of each side of a primitive.
+    /// Returns the pieces of a side of a primitive.
     pub(crate) fn of_side(&mut self, id: NodeId, side: usize, negative: bool) -> Option<Named> {
         let tree = self.sides.get(&id)?.get(side)?.clone();
         self.named(&tree, negative)

@@ -1,4 +1,4 @@
-//! What is asked of single nodes: the minimum or maximum that they are, kinks, signs.
+//! Properties of single nodes: equivalence to a minimum or maximum, kinks, signs.
 
 use super::name::Context;
 use super::{POSITIVE, Reader};
@@ -7,7 +7,7 @@ use crate::ops::{Binary, Ops, SetOp, Unary};
 use isoform_num::{Interval, Real};
 use std::collections::HashSet;
 
-/// The minimum or maximum that a node is, whichever way it is written.
+/// Minimum or maximum that is equivalent to a node.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Join2 {
     Min(NodeId, NodeId),
@@ -15,7 +15,7 @@ pub(super) enum Join2 {
 }
 
 impl Reader<'_> {
-    /// The operands of a chain of minima, or of maxima, each with the context that it is read in.
+    /// Returns the operands of a chain of minima, or of maxima, each with its context.
     pub(super) fn operands(
         &mut self,
         id: NodeId,
@@ -29,7 +29,7 @@ impl Reader<'_> {
             match join(self, node) {
                 Some(Join2::Min(u, v)) if is_min => self.open(&mut pending, &context, u, v),
                 Some(Join2::Max(u, v)) if !is_min => self.open(&mut pending, &context, u, v),
-                // min(u, u) is u: a second way to the same operand adds nothing.
+                // min(u, u) is u: repeated operands are redundant.
                 _ => {
                     if known.insert(node) {
                         found.push((node, context));
@@ -46,8 +46,8 @@ impl Reader<'_> {
         pending.push((u, self.context(u, &below)));
     }
 
-    /// The node as a minimum or maximum in value: as such, or as a choice of the smaller or larger
-    /// of two.
+    /// Returns the minimum or maximum with the value of the node: an operation, or a selection of
+    /// the smaller or larger of two values.
     pub(super) fn value_join(&self, id: NodeId) -> Option<Join2> {
         match *self.graph.node(id) {
             Node::Set(SetOp::Max, u, v) => Some(Join2::Max(u, v)),
@@ -65,7 +65,7 @@ impl Reader<'_> {
         }
     }
 
-    /// u where the node is |u|: as such, or as u < 0 ? −u : u.
+    /// Returns u if the node is |u|: an operation, or u < 0 ? −u : u.
     pub(super) fn absolute(&self, id: NodeId) -> Option<NodeId> {
         match *self.graph.node(id) {
             Node::Unary(Unary::Abs, u) => Some(u),
@@ -90,14 +90,15 @@ impl Reader<'_> {
             let own = has_kink(self.graph.node(NodeId(i as u32)));
             let arguments = self.graph.arguments(NodeId(i as u32));
             let below = || arguments.iter().any(|a| self.kinked[a.at()]);
-            // What depends on parameters alone has no kinks in space.
+            // Functions of parameters alone do not have kinks in space.
             self.kinked
                 .push(self.graph.is_in_space(NodeId(i as u32)) && (own || below()));
         }
         self.kinked[id.at()]
     }
 
-    /// Whether the node is positive (or negative) everywhere.
+    /// Returns true if the node is positive everywhere, false if it is negative everywhere, else
+    /// `None`.
     pub(super) fn strict_sign(&mut self, id: NodeId) -> Option<bool> {
         let range = self.ranges_of(id);
         if range.lo() > 0.0 {
@@ -128,7 +129,7 @@ impl Reader<'_> {
     }
 }
 
-/// −u, with the sign moved inside where that costs nothing.
+/// Returns −u, as v − w for a difference w − v.
 pub(super) fn negative(graph: &mut Graph, id: NodeId) -> NodeId {
     match *graph.node(id) {
         Node::Binary(Binary::Sub, u, v) => graph.sub(&v, &u),
@@ -136,7 +137,7 @@ pub(super) fn negative(graph: &mut Graph, id: NodeId) -> NodeId {
     }
 }
 
-/// The axis that an expression ±x + c runs along, c without coordinates, and whether it rises.
+/// Returns the axis of an expression ±x + c, c without coordinates, and true for +x.
 pub(super) fn along_axis(graph: &Graph, mut id: NodeId) -> Option<(usize, bool)> {
     let mut rises = true;
     loop {
@@ -158,7 +159,7 @@ pub(super) fn along_axis(graph: &Graph, mut id: NodeId) -> Option<(usize, bool)>
     }
 }
 
-/// True if the operation of a node has kinks in its arguments.
+/// Returns true if the operation of a node has kinks in its arguments.
 fn has_kink(node: &Node) -> bool {
     match node {
         Node::Set(op, ..) => match op {
@@ -169,7 +170,8 @@ fn has_kink(node: &Node) -> bool {
         Node::Binary(op, ..) => op.has_kink(),
         Node::Select(..) => true,
         Node::Library(f, _) => f.has_kink(),
-        // The root of the SARDF operations is that of their own nodes, and fmod jumps.
+        // The root of the SARDF operations occurs in their own nodes only, and fmod has jumps
+        // rather than kinks.
         Node::Constant(_) | Node::X(_) | Node::Param(_) | Node::PowI(..) | Node::Native(..) => {
             false
         }

@@ -1,7 +1,7 @@
-//! The reading by sign: only where the expression is ≥ 0 counts.
+//! Splitting by sign: the tree has the sign of the expression.
 //!
-//! R-functions are minima and maxima here, factors with a sign are dropped, primitives are the
-//! intersections of their sides. What is none of these is read by value.
+//! R-functions are minima and maxima here, factors of constant sign are dropped, and primitives are
+//! the intersections of their sides. Other expressions are split by value.
 
 use super::name::Context;
 use super::nodes::Join2;
@@ -11,7 +11,7 @@ use crate::graph::{Graph, Node, NodeId};
 use crate::library::{Family, Library, Native};
 use crate::ops::{Binary, Ops, SetOp, Unary};
 
-/// Whether f(−u) = −f(u), and f rises: such a function has the sign of its argument.
+/// Returns true for odd increasing functions, which have the sign of their argument.
 fn is_odd_and_rising(op: Unary) -> bool {
     matches!(op, Unary::Sinh | Unary::Tanh | Unary::Atan)
 }
@@ -76,14 +76,14 @@ impl Reader<'_> {
         if positive { tree } else { self.negated(&tree) }
     }
 
-    /// What is a minimum or maximum as far as signs go.
+    /// Returns the minimum or maximum with the sign of the node.
     fn sign_join(&mut self, id: NodeId) -> Option<Join2> {
         match self.graph.node(id) {
             Node::Set(SetOp::RUnion, u, v) => Some(Join2::Max(*u, *v)),
             Node::Set(SetOp::RIntersection, u, v) => Some(Join2::Min(*u, *v)),
             Node::Library(f, args) => {
                 let (u, v) = (args[0], args[1]);
-                // A blend without width is none.
+                // A blend of width 0 is a plain minimum or maximum.
                 let is_zero = |at: usize| {
                     args.get(at)
                         .and_then(|&c| self.graph.constant_value(c))
@@ -104,10 +104,10 @@ impl Reader<'_> {
         }
     }
 
-    /// The sides of a primitive, an intersection.
+    /// Splits a primitive into its sides, whose intersection it is.
     fn primitive(&mut self, id: NodeId, f: Library, args: &[NodeId], context: &Context) -> Tree {
         let sides = match f {
-            // Its distance is an iteration; the quadric has the same zero set.
+            // The distance is computed by iteration; the quadric has an identical zero set.
             Library::DistanceEllipsoid => vec![("", self.graph.library(Library::Ellipsoid, args))],
             _ => f.metric(&mut Sizes(self.graph), args),
         };
@@ -145,7 +145,7 @@ impl Reader<'_> {
         if let Tree::Leaf(_) = tree {
             return tree;
         }
-        // What is left of factors in the pieces does not move the surface.
+        // Positive factors left in the pieces do not affect the surface.
         tree.map(false, &mut |leaf| Leaf {
             value: self.without_factor(leaf.value),
             ..leaf.clone()
@@ -162,12 +162,12 @@ impl Reader<'_> {
     }
 }
 
-/// Builds into a graph and takes sizes that are parameters for positive: |a| is a, and a − a is 0.
-/// Sides that coincide for positive sizes are then one node.
+/// Builder of a graph that assumes sizes to be positive: |a| is a, and a − a is 0. Sides that
+/// coincide for positive sizes are then one node.
 struct Sizes<'a>(&'a mut Graph);
 
 impl Sizes<'_> {
-    /// Whether the node is a parameter, or the product of positive numbers.
+    /// Returns true for parameters, positive constants, and their sums, products and quotients.
     fn is_size(&self, id: NodeId) -> bool {
         match self.0.node(id) {
             Node::Param(_) => true,

@@ -1,7 +1,7 @@
-//! Trees of minima and maxima over pieces, while an expression is read.
+//! Trees of minima and maxima over pieces, during the splitting of an expression.
 //!
-//! A tree is shared where an expression is used more than once. A minimum within a minimum is one
-//! minimum of all their children.
+//! Trees of expressions that are used more than once are shared. A minimum within a minimum is
+//! merged with it.
 
 use super::Reader;
 use super::name::{Context, side_of};
@@ -9,15 +9,15 @@ use super::nodes::negative;
 use crate::graph::{Graph, NodeId};
 use std::rc::Rc;
 
-/// A smooth piece with what its name is made of.
+/// Smooth piece with the components of its name.
 #[derive(Clone, Debug)]
 pub(super) struct Leaf {
     pub(super) value: NodeId,
-    /// Of the expression itself, or of the next one above that has a name; may be empty.
+    /// Name of the expression itself, or of the innermost named one that contains it; may be empty.
     pub(super) name: Rc<str>,
-    /// The name says it all; else it is of something that has other pieces, too.
+    /// True if the name identifies the piece; false if its owner has other pieces, too.
     pub(super) is_own: bool,
-    /// Which side of an |u|; may be empty.
+    /// Side of an absolute value; may be empty.
     pub(super) side: Rc<str>,
 }
 
@@ -65,7 +65,7 @@ impl Tree {
         }
     }
 
-    /// The tree of a function of the value that rises, or (`falls`) falls.
+    /// Maps the tree by a function of its value that increases, or decreases if `falls`.
     pub(super) fn map(&self, falls: bool, f: &mut impl FnMut(&Leaf) -> Leaf) -> Self {
         match self {
             Self::Leaf(leaf) => Self::Leaf(f(leaf)),
@@ -90,8 +90,8 @@ impl Reader<'_> {
         })
     }
 
-    /// −u. A side keeps its name: a cut with a slab leaves the slab's upper face, which is a lower
-    /// one of what is left.
+    /// Negates a tree. Sides keep their names: after subtraction of a slab, its upper face is a
+    /// lower face of the remainder.
     pub(super) fn negated(&mut self, tree: &Tree) -> Tree {
         tree.map(true, &mut |leaf| {
             let side = side_of(self.graph, leaf);
@@ -104,7 +104,8 @@ impl Reader<'_> {
     }
 }
 
-/// The tree without constants; where nothing else is left, whether that is inside.
+/// Removes constants from a tree; the error, for a tree of constants, is true if all of space is
+/// inside.
 pub(super) fn without_constants(graph: &Graph, tree: &Tree) -> Result<Tree, bool> {
     let join = match tree {
         Tree::Leaf(leaf) => {
@@ -118,7 +119,8 @@ pub(super) fn without_constants(graph: &Graph, tree: &Tree) -> Result<Tree, bool
     for child in &join.children {
         match without_constants(graph, child) {
             Ok(child) => children.push(child),
-            // Inside everywhere decides a union, and is nothing to an intersection.
+            // A child that contains all of space determines a union and is neutral in an
+            // intersection.
             Err(inside) if inside != join.is_min => return Err(inside),
             Err(_) => {}
         }

@@ -1,7 +1,7 @@
-//! The reading by value: the tree has the expression's value everywhere.
+//! Splitting by value: the tree has the expression's value everywhere.
 //!
-//! A function passes through the tree of its argument where it is monotone: of a minimum it is the
-//! minimum if it rises, and the maximum if it falls.
+//! A monotone function is distributed over the tree of its argument: an increasing function of a
+//! minimum is the minimum of its values, a decreasing one the maximum.
 
 use super::name::{Context, axis_side, side_of};
 use super::nodes::{Join2, along_axis};
@@ -52,7 +52,7 @@ impl Reader<'_> {
         if let Some(u) = self.absolute(id) {
             return self.sides(u, context);
         }
-        // Where kinks cancel altogether a cut at them would only be a seam.
+        // If all kinks cancel, a cut at them would only be a superfluous seam.
         if !self.shows_kinks(id) && self.failures <= MOST_FAILURES {
             match self.blended(id, &[], context) {
                 Some(tree) => return tree,
@@ -73,7 +73,7 @@ impl Reader<'_> {
 
     fn library(&mut self, id: NodeId, f: Library, args: &[NodeId], context: &Context) -> Tree {
         match f.family() {
-            // Both, kinks or not: a blend is named after both.
+            // Both arguments are split, with or without kinks: a blend is named after both.
             Family::Circular { .. } => {
                 self.distributed(id, &[id], &[(args[0], true), (args[1], true)], context)
             }
@@ -97,7 +97,7 @@ impl Reader<'_> {
         }
     }
 
-    /// |u| as max(u, −u), with u's own pieces.
+    /// Splits |u| as max(u, −u), over the pieces of u.
     fn sides(&mut self, u: NodeId, context: &Context) -> Tree {
         if self.ranges_of(u).lo() >= 0.0 {
             return self.value(u, context);
@@ -122,7 +122,7 @@ impl Reader<'_> {
                 }
             })
         };
-        // The side where u is positive is the upper one of an axis, if u rises along it.
+        // The side where u is positive is the upper one of an axis along which u increases.
         let upper = side(&tree, "+", true);
         let lower = side(&tree, "-", false);
         let lower = self.negated(&lower);
@@ -155,7 +155,7 @@ impl Reader<'_> {
             return tree;
         }
         if n == 2 && self.ranges_of(u).lo() >= 0.0 {
-            // u² = u |u| for u ≥ 0, which rises everywhere and is C¹: the pieces of u may be
+            // For u ≥ 0, u² = u |u|, which is increasing and C¹ everywhere: the pieces of u may be
             // negative where they do not decide.
             let tree = self.value(u, context);
             return tree.map(false, &mut |leaf| {
@@ -207,7 +207,8 @@ impl Reader<'_> {
         }
     }
 
-    /// The node passed through the trees of its inputs, in each of which it rises (true) or falls.
+    /// Distributes the node over the trees of its inputs, in each of which it increases (true) or
+    /// decreases.
     fn passed(&mut self, id: NodeId, inputs: &[(NodeId, bool)], context: &Context) -> Tree {
         let inputs: Vec<(NodeId, bool)> = inputs
             .iter()
@@ -217,8 +218,8 @@ impl Reader<'_> {
         self.distributed(id, &[id], &inputs, context)
     }
 
-    /// [`Reader::passed`] for a function that is not defined everywhere: a piece of its argument may
-    /// leave the domain where it does not decide.
+    /// Distributes a function that is not defined everywhere over the tree of its argument, unless
+    /// a sample shows a piece outside of the domain at a point where the function is defined.
     fn passed_in_domain(&mut self, id: NodeId, u: NodeId, rises: bool, context: &Context) -> Tree {
         let tree = self.passed(id, &[(u, rises)], context);
         let mut pieces = vec![id];

@@ -1,24 +1,25 @@
-//! Attribute functions: colours and other values that go along with a shape.
+//! Attribute functions: colours and other values attached to a shape.
 
 use super::{Call, Fault, Outcome, shapes};
 use crate::hyperfun::formula::{E, norm2};
 use crate::hyperfun::machine::Machine;
 use crate::library::Native;
 
-/// lo + (hi − lo) (1 + sin(f t))/2
+/// Returns lo + (hi − lo) (1 + sin(f t))/2.
 pub(super) fn wave<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let (lo, hi) = (c.n(1).min(&c.n(2)), c.n(1).max(&c.n(2)));
     Ok(&lo + (hi - &lo) * (1.0 + (c.n(3) * c.n(0)).sin()) * 0.5)
 }
 
-/// (g + m)/(2m) with the amplitude's bound m = (2.17/1.17)³.
+/// Returns (g + m)/(2m) with the amplitude's bound m = (2.17/1.17)³.
 pub(super) fn noise_g<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let bound = (2.17f64 / 1.17).powi(3);
     let g = shapes::noise(c, &c.c(1.0), &c.n(1), &c.n(2));
     Ok((g + bound) / (2.0 * bound))
 }
 
-/// Cells of block and gap from the origin; strictly inside the block on all axes is the block.
+/// Writes block or gap attributes for a lattice of cells of block and gap from the origin; a point
+/// is in a block if it is strictly inside on all axes.
 pub(super) fn checker_board<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let mut inside = c.c(1.0);
     for i in 0..3 {
@@ -36,7 +37,8 @@ pub(super) fn checker_board<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, 
     Ok(c.c(1.0))
 }
 
-/// Where f1 | f2 > −1e-6: f1 ≥ 0 > f2 gives in1, f2 ≥ 0 > f1 in2, else what `op` says.
+/// Returns f1 | f2 and, if it exceeds −1e-6, writes in1 where f1 ≥ 0 > f2, in2 where f2 ≥ 0 > f1,
+/// else the combination of both chosen by `op`.
 pub(super) fn union<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let (f, g) = (c.n(0), c.n(1));
     let op = (c.need(5, "the operation")? + 0.5).floor();
@@ -80,7 +82,7 @@ pub(super) fn set_attributes<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c,
     Ok(c.c(1.0))
 }
 
-/// Returns w = (t − t0)/(t1 − t0) as it is; the arrays are mixed with w held in \[0, 1\].
+/// Mixes two arrays by w = (t − t0)/(t1 − t0), clamped to \[0, 1\]; returns w unclamped.
 pub(super) fn mix<'c, M: Machine>(c: &mut Call<'c, M>, smooth: bool) -> Outcome<'c, M> {
     let w = (c.n(3) - c.n(4)) / (c.n(5) - c.n(4));
     let held = w.clamp(0.0, 1.0);
@@ -92,24 +94,25 @@ pub(super) fn mix<'c, M: Machine>(c: &mut Call<'c, M>, smooth: bool) -> Outcome<
     Ok(w)
 }
 
-/// 3w² − 2w³
+/// Returns 3w² − 2w³.
 fn cubic<'c, M: Machine>(w: &E<'c, M>) -> E<'c, M> {
     w.square() * (3.0 - 2.0 * w)
 }
 
-/// min(max(t, a), b)
+/// Returns min(max(t, a), b).
 pub(super) fn clamp<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(c.n(0).max(&c.n(1)).min(&c.n(2)))
 }
 
-/// a − b trunc(a/b), and b more where that is negative.
+/// Returns a − b trunc(a/b), plus b where that is negative.
 pub(super) fn modulo<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let (a, b) = (c.n(0), c.n(1));
     let r = &a - &b * (&a / &b).trunc();
     Ok(r.below(0.0).select(&(&r + b), &r))
 }
 
-/// The reference takes a and b swapped.
+/// Returns 1 where a ≤ f ≤ b, else 0; a and b are swapped in strict mode, as in the reference
+/// implementation.
 pub(super) fn pulse<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let (lo, hi) = if c.strict {
         (c.n(2), c.n(1))
@@ -119,14 +122,15 @@ pub(super) fn pulse<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(lo.less_eq(&c.n(0)).and(&c.n(0).less_eq(&hi)))
 }
 
-/// 3w² − 2w³ with w = (t − t0)/(t1 − t0) held in \[0, 1\].
+/// Returns 3w² − 2w³ with w = (t − t0)/(t1 − t0) clamped to \[0, 1\].
 pub(super) fn smooth_step<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let w = (c.n(3) - c.n(4)) / (c.n(5) - c.n(4));
     Ok(cubic(&w.clamp(0.0, 1.0)))
 }
 
-/// Row i for entryᵢ ≤ t < entryᵢ₊₁, the last one from the last entry on; `smooth` mixes rows i and
-/// i + 1. Below the first entry: the first row (the reference: the last).
+/// Writes row i for entryᵢ ≤ t < entryᵢ₊₁, the last row for t above the last entry, and the first
+/// row below the first entry (in strict mode the last row). `smooth` interpolates between rows i
+/// and i + 1.
 pub(super) fn look_up<'c, M: Machine>(c: &mut Call<'c, M>, smooth: bool) -> Outcome<'c, M> {
     let (t, width, rows) = (c.n(0), c.len(1), table_rows(c, 1, 2, 3)?);
     let outside = if c.strict { rows - 1 } else { 0 };
@@ -147,7 +151,7 @@ pub(super) fn look_up<'c, M: Machine>(c: &mut Call<'c, M>, smooth: bool) -> Outc
     Ok(c.c(1.0))
 }
 
-/// How many rows of the size of `out` the table has, at most one per entry.
+/// Returns the number of rows of the size of `out` in the table, at most one per entry.
 fn table_rows<M: Machine>(
     c: &mut Call<'_, M>,
     out: usize,
@@ -166,8 +170,8 @@ fn table_rows<M: Machine>(
     Ok(rows)
 }
 
-/// Catmull-Rom through the rows of knots but the first and last, w = (t − t0)/(t1 − t0) (K − 3).
-/// Outside \[t0, t1\] the curve stays at its ends (the reference jumps to the first and last row).
+/// Evaluates the Catmull-Rom spline through the rows of knots except the first and last, w = (t −
+/// t0)/(t1 − t0) (K − 3). Outside \[t0, t1\] it is constant (in strict mode the first or last row).
 pub(super) fn spline<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let (width, knots) = (c.len(0), c.len(1) / c.len(0));
     if knots < 4 {
@@ -202,7 +206,8 @@ pub(super) fn spline<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(c.c(1.0))
 }
 
-/// Hue in degrees from red; the reference gives a negative one between red and magenta.
+/// Converts RGB to HSV, with the hue in degrees from red; in strict mode it is negative between red
+/// and magenta.
 pub(super) fn rgb_to_hsv<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let [r, g, b] = c.point(0);
     let (low, high) = (r.min(&g).min(&b), r.max(&g).max(&b));
@@ -213,7 +218,8 @@ pub(super) fn rgb_to_hsv<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> 
     let of_red = (&g - &b) / &d;
     let of_green = 2.0 + (&b - &r) / &d;
     let of_blue = 4.0 + (&r - &g) / &d;
-    // The largest; of two equal ones green before red, blue before green, red before blue.
+    // The largest component determines the hue; of two equal ones green precedes red, blue green,
+    // and red blue.
     let blue = high.less_eq(&b).and(&r.less(&b));
     let green = high.less_eq(&g).and(&b.less(&g));
     let hue = blue.select(&of_blue, &green.select(&of_green, &of_red));
@@ -227,7 +233,7 @@ pub(super) fn rgb_to_hsv<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> 
     Ok(c.c(1.0))
 }
 
-/// Piecewise linear ramps over the hue.
+/// Converts HSV to RGB, by piecewise linear ramps over the hue.
 pub(super) fn hsv_to_rgb<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let [h, s, v] = c.point(0);
     let h = &h - 360.0 * (&h / 360.0).floor();
@@ -253,7 +259,7 @@ pub(super) fn noise_p<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(perlin(&c.point(0)))
 }
 
-/// Σ |noise(f x)|/f for f = freq, freq/2, … ≥ 1.
+/// Returns Σ |noise(f x)|/f for f = freq, freq/2, … ≥ 1.
 pub(super) fn turbulence<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let mut f = c.need(1, "the frequency")?;
     let x = c.point(0);
@@ -266,7 +272,7 @@ pub(super) fn turbulence<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> 
     Ok(sum)
 }
 
-/// Row i where entryᵢ ≤ p < entryᵢ₊₁; elsewhere nothing is written.
+/// Writes row i where entryᵢ ≤ p < entryᵢ₊₁; elsewhere the output is unchanged.
 fn by_chance<'c, M: Machine>(
     c: &mut Call<'c, M>,
     p: &E<'c, M>,
@@ -287,7 +293,8 @@ fn by_chance<'c, M: Machine>(
     Ok(())
 }
 
-/// Our own pattern: the reference's is not documented.
+/// Writes a row by the fraction of the distance to 0, a pattern of this implementation: the
+/// reference's is not documented.
 pub(super) fn circles<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let r = norm2(&c.point(0)).sqrt();
     let p = &r - r.floor();
@@ -295,7 +302,8 @@ pub(super) fn circles<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(c.c(1.0))
 }
 
-/// Our own pattern: the reference's is unfinished.
+/// Writes a row by noise scaled to \[0, 1\], a pattern of this implementation: the reference's is
+/// unfinished.
 pub(super) fn crackles<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let f = c.n(2);
     let p = 0.5 * (1.0 + perlin(&c.point(0).map(|v| &f * v)));

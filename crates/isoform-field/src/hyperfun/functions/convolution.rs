@@ -1,12 +1,12 @@
 //! Convolution surfaces with the Cauchy kernel k(r) = 1/(1 + S²r²)² (McCormack, Sherstyuk: Creating
 //! and rendering convolution surfaces, Computer Graphics Forum 17, 1998). Each value is the sum of
-//! the elements' integrals minus T.
+//! the integrals over the elements minus T.
 
 use super::{Call, Fault, Outcome};
 use crate::hyperfun::formula::{E, E3, cross, dot, minus, norm2};
 use crate::hyperfun::machine::Machine;
 
-/// Σ k(r)
+/// Returns Σ k(r) − T.
 pub(super) fn point<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let x = c.point(0);
     let mut sum = -c.n(3);
@@ -17,7 +17,7 @@ pub(super) fn point<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(sum)
 }
 
-/// Σ ∫ k over the segments from array 1 to array 2.
+/// Returns Σ ∫ k − T over the segments from points of array 1 to points of array 2.
 pub(super) fn line<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let x = c.point(0);
     let mut sum = -c.n(4);
@@ -27,7 +27,7 @@ pub(super) fn line<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(sum)
 }
 
-/// Σ ∫ k over the segments of a polyline.
+/// Returns Σ ∫ k − T over the segments of a polyline.
 pub(super) fn curve<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let x = c.point(0);
     let mut sum = -c.n(3);
@@ -37,7 +37,7 @@ pub(super) fn curve<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(sum)
 }
 
-/// ∫ k along a segment of length L; h is the projection of x − begin on its direction:
+/// Returns ∫ k along a segment of length L; h is the projection of x − begin on its direction:
 /// h/(2p²(p²+S²h²)) + (L−h)/(2p²q²) + (atan(Sh/p) + atan(S(L−h)/p))/(2Sp³) with p² = 1 + S²(R²−h²),
 /// q² = 1 + S²(R²+L²−2Lh). A segment of length 0 gives 0.
 fn segment<'c, M: Machine>(
@@ -63,7 +63,7 @@ fn segment<'c, M: Machine>(
     there.select(&value, &value.constant(0.0))
 }
 
-/// Σ ∫ k over triangles that are given by their corners.
+/// Returns Σ ∫ k − T over triangles given by their corners.
 pub(super) fn triangle<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let x = c.point(0);
     let mut sum = -c.n(3);
@@ -74,7 +74,7 @@ pub(super) fn triangle<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(sum)
 }
 
-/// Σ ∫ k over the triangles of a mesh, whose indices count from 1.
+/// Returns Σ ∫ k − T over the triangles of a mesh, whose indices count from 1.
 pub(super) fn mesh<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let x = c.point(0);
     let points = c.len(1) / 3;
@@ -89,7 +89,7 @@ pub(super) fn mesh<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(sum)
 }
 
-/// The point, from 0, of corner k of triangle i, where there are so many points.
+/// Returns the index, from 0, of corner k of triangle i among `points` points.
 fn corner<M: Machine>(c: &Call<'_, M>, i: usize, k: usize, points: usize) -> Result<usize, Fault> {
     let Some(index) = c.item(2, 3 * i + k).known() else {
         return Err(Fault {
@@ -107,12 +107,13 @@ fn corner<M: Machine>(c: &Call<'_, M>, i: usize, k: usize, points: usize) -> Res
     Ok(index as usize - 1)
 }
 
-/// S³ times ∫ k over a triangle (the factor is the reference's; models are made with it).
+/// Returns S³ times ∫ k over a triangle; the factor is that of the reference implementation, for
+/// which models are written.
 ///
 /// In polar coordinates about the foot of x the inner integral is elementary, and each edge gives
 /// d/(2 c² S w) (atan(S l₁/w) − atan(S l₀/w)): d the distance of the foot to the edge's line
 /// (positive on the inner side), l₀ and l₁ the ends along it, z the distance to the plane, c² = 1 +
-/// S²z², w² = c² + S²d². No case is singular but area 0.
+/// S²z², w² = c² + S²d². Area 0 is the only singular case.
 fn surface<'c, M: Machine>(x: &E3<'c, M>, corners: &[E3<'c, M>; 3], s: &E<'c, M>) -> E<'c, M> {
     let [a, b, d] = corners;
     let normal = cross(&minus(b, a), &minus(d, a));
@@ -141,7 +142,8 @@ fn surface<'c, M: Machine>(x: &E3<'c, M>, corners: &[E3<'c, M>; 3], s: &E<'c, M>
     there.select(&value, &zero)
 }
 
-/// ∫ k over the angle of an arc, in radians (not over its length: the reference's measure).
+/// Returns Σ ∫ k − T over the angles of arcs, in radians (not over their lengths, as in the
+/// reference implementation).
 ///
 /// In the arc's frame 1 + S²r² = A − C(φ) with A = 1 + S²(|u|² + R²), C = 2S²R(u₁ cos φ + u₂ sin
 /// φ), and with D = −dC/dφ and Δ² = A² − C² − D² the integral is D/((A−C)Δ²) + A/Δ³ (φ + 2
@@ -176,7 +178,7 @@ pub(super) fn arc<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(sum)
 }
 
-/// u turned by −angle about an axis (Rodrigues); an axis of length 0 turns nothing.
+/// Rotates u by −angle about an axis (Rodrigues); an axis of length 0 leaves u unchanged.
 fn turned_back<'c, M: Machine>(u: &E3<'c, M>, axis: &E3<'c, M>, angle: &E<'c, M>) -> E3<'c, M> {
     let n2 = norm2(axis);
     let zero = n2.constant(0.0);
@@ -191,8 +193,9 @@ fn turned_back<'c, M: Machine>(u: &E3<'c, M>, axis: &E3<'c, M>, angle: &E<'c, M>
     std::array::from_fn(|i| &u[i] * &cos - &side[i] * &sin + &k[i] * &along)
 }
 
-/// S = 1/R for R < 1, else 1; the sum is held at 1 after each segment; T is the field at the
-/// distance R beside the end of the last one.
+/// Returns Σ ∫ k − T over segments with S = 1/R for R < 1, else 1. The sum is clamped to 1 after
+/// each segment; T is the field at the distance R from the last segment, perpendicularly to it at
+/// its end.
 pub(super) fn line_r<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let (x, r) = (c.point(0), c.n(3));
     let one = c.c(1.0);

@@ -20,7 +20,7 @@ pub(super) fn shift<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(c.c(1.0))
 }
 
-/// cᵢ + (pᵢ − cᵢ)/sᵢ
+/// Replaces p by cᵢ + (pᵢ − cᵢ)/sᵢ.
 pub(super) fn stretch<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     for i in 0..3 {
         let center = c.item(1, i);
@@ -35,15 +35,15 @@ pub(super) fn rotate<'c, M: Machine>(c: &mut Call<'c, M>, axis: Axis) -> Outcome
     Ok(c.c(1.0))
 }
 
-/// The angle is linear in the axis coordinate, also beyond \[z1, z2\].
+/// Twists about an axis by an angle linear in the axis coordinate, also outside of \[z1, z2\].
 pub(super) fn twist<'c, M: Machine>(c: &mut Call<'c, M>, axis: Axis) -> Outcome<'c, M> {
     let angle = c.n(3) + along(c, axis) * (c.n(4) - c.n(3));
     turn(c, axis, &angle);
     Ok(c.c(1.0))
 }
 
-/// The other two coordinates over a scale that is linear in the axis coordinate, constant beyond
-/// \[z1, z2\]. A scale near 0 counts as 1.
+/// Divides the other two coordinates by a scale that is linear in the axis coordinate and constant
+/// outside of \[z1, z2\]. A scale near 0 counts as 1.
 pub(super) fn taper<'c, M: Machine>(c: &mut Call<'c, M>, axis: Axis) -> Outcome<'c, M> {
     let (p, q, h) = axis.indices();
     let (z, s1, s2) = (c.item(0, h), c.n(3), c.n(4));
@@ -58,7 +58,7 @@ pub(super) fn taper<'c, M: Machine>(c: &mut Call<'c, M>, axis: Axis) -> Outcome<
     Ok(c.c(1.0))
 }
 
-/// (axis coordinate − z1)/(z2 − z1)
+/// Returns (axis coordinate − z1)/(z2 − z1).
 fn along<'c, M: Machine>(c: &Call<'c, M>, axis: Axis) -> E<'c, M> {
     let (_, _, h) = axis.indices();
     (c.item(0, h) - c.n(1)) / (c.n(2) - c.n(1))
@@ -71,7 +71,7 @@ fn turn<'c, M: Machine>(c: &mut Call<'c, M>, axis: Axis, angle: &E<'c, M>) {
     c.put(0, q, v * cos - u * sin);
 }
 
-/// Weight (1 − q)³/(1 + q) for q ≤ 1.
+/// Maps space with the weight (1 − q)³/(1 + q) for q ≤ 1, else 0.
 pub(super) fn space_map_cubic<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     space_map(c, |q2| {
         let q = q2.sqrt();
@@ -80,13 +80,13 @@ pub(super) fn space_map_cubic<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c
     })
 }
 
-/// Weight exp(−q²), everywhere.
+/// Maps space with the weight exp(−q²).
 pub(super) fn space_map_exp<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     space_map(c, |q2| (-q2).exp())
 }
 
-/// For each pair in turn D = target − source and p −= D weight(q), q² = Σ ((pᵢ − targetᵢ)/(bᵢ (1 +
-/// |Dᵢ|)))².
+/// Subtracts D weight(q) from p for each pair in turn, with D = target − source and q² = Σ ((pᵢ −
+/// targetᵢ)/(bᵢ (1 + |Dᵢ|)))².
 fn space_map<'c, M: Machine>(
     c: &mut Call<'c, M>,
     weight: impl Fn(E<'c, M>) -> E<'c, M>,

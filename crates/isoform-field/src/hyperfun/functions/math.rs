@@ -5,7 +5,7 @@ use crate::hyperfun::machine::Machine;
 use crate::library::Native;
 use crate::ops::Unary;
 
-/// Below this |cos u| the tangent is refused, as in the reference.
+/// Bound on |cos u| below which the tangent is rejected, as in the reference implementation.
 const TAN_POLE: f64 = 1e-6;
 
 pub(super) fn sqrt<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
@@ -56,7 +56,7 @@ pub(super) fn modulo<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(u.native(Native::Fmod, &[&v]))
 }
 
-/// The reference gives 1 always.
+/// Returns the sign of u; 1 in strict mode, as the reference implementation does.
 pub(super) fn sign<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(if c.strict {
         c.c(1.0)

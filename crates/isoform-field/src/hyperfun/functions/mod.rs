@@ -1,9 +1,9 @@
-//! The library: one row per function in [`Function::TABLE`], with its names, arguments, meaning and
-//! a line of help.
+//! Function library: one row per function in [`Function::TABLE`], with its names, arguments,
+//! implementation and a line of help.
 //!
-//! First-class primitives and blends stay nodes of the expression ([`crate::Library`]); all others
-//! are formulas that any machine runs, so that they compile too. Array sizes are known, so loops
-//! over elements unroll.
+//! Primitives and blends that are single nodes of the expression are in [`crate::Library`]; all
+//! others are formulas that any machine runs, so that they can be compiled, too. Array sizes are
+//! known, so that loops over elements are unrolled.
 
 mod attributes;
 mod convolution;
@@ -22,28 +22,28 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::sync::LazyLock;
 
-/// The longest argument list.
+/// Maximum number of arguments of a function.
 const MAX_ARGUMENTS: usize = 8;
 
-/// What an argument must be.
+/// Type of an argument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Shape {
     Number,
     /// A point of space: an array of three items.
     Point,
-    /// An array of at least so many items.
+    /// An array with this minimum number of items.
     Array(u32),
-    /// An array of so many items for each element; its size says how many elements there are.
+    /// An array with this number of items per element; its size determines the number of elements.
     Elements(u32),
-    /// An array of at least so many items for each element.
+    /// An array with this minimum number of items per element.
     Each(u32),
-    /// The points between elements: at least 3 (elements + 1) items; its size says how many
-    /// elements there are.
+    /// An array of the points of a chain of elements, 3 (elements + 1) items; its size determines
+    /// the number of elements.
     Chain,
 }
 
 impl Shape {
-    /// What is wanted instead of an array of `len` items, if that does not do.
+    /// Returns a description of the required array if one of `len` items does not match.
     pub(crate) fn refuses(self, len: u32, elements: u32, mode: Mode) -> Option<String> {
         match self {
             Self::Number => None,
@@ -63,7 +63,7 @@ impl Shape {
                 .then(|| "3 items for each point, and two points at least".to_owned()),
         }
     }
-    /// The number of elements that an array of `len` items means, if this shape says it.
+    /// Returns the number of elements of an array of `len` items, if this type determines it.
     pub(crate) fn elements(self, len: u32) -> Option<u32> {
         match self {
             Self::Elements(k) => Some(len / k),
@@ -73,31 +73,31 @@ impl Shape {
     }
 }
 
-/// Why a formula has no value.
+/// Error of a formula.
 pub(crate) struct Fault {
     pub(crate) message: String,
-    /// Not the program's fault: a value would have to be known.
+    /// True if the program is valid, but an unknown value is required.
     pub(crate) unknown: bool,
 }
 
 type Outcome<'c, M> = Result<E<'c, M>, Fault>;
 
-/// How a function is computed.
+/// Implementation of a function.
 pub(crate) enum Run<M: Machine> {
     Primitive(Library, Sentinel),
     Formula(Formula<M>),
 }
 
-/// A function written out, for any machine.
+/// Formula of a function, for any machine.
 pub(crate) type Formula<M> = for<'c> fn(&mut Call<'c, M>) -> Outcome<'c, M>;
 
-/// For which flat arguments the reference returns its sentinel instead of a value.
+/// Condition on flat arguments under which the reference implementation returns its sentinel.
 #[derive(Clone, Copy)]
 pub(crate) enum Sentinel {
     Never,
-    /// Where one of these is below the tolerance.
+    /// One of these arguments is smaller in size than the tolerance.
     Small(&'static [usize]),
-    /// Where one of these is negative.
+    /// One of these arguments is negative.
     Negative(&'static [usize]),
 }
 
@@ -122,15 +122,15 @@ impl Sentinel {
     }
 }
 
-/// A row of the library.
+/// Row of the library.
 pub(crate) struct Function<M: Machine> {
-    /// The documented name, then others that mean the same.
+    /// Documented name, followed by synonyms.
     pub(crate) names: &'static [&'static str],
     pub(crate) arguments: &'static [(&'static str, Shape)],
     pub(crate) run: Run<M>,
-    /// The argument that is changed in place.
+    /// Index of the argument that is modified in place.
     pub(crate) writes: Option<usize>,
-    /// Whether an infinite value is no error: arithmetic may bring it back.
+    /// True if an infinite value is admissible, since further arithmetic may make it finite.
     pub(crate) may_overflow: bool,
     pub(crate) help: &'static str,
 }
@@ -146,18 +146,18 @@ static NAMES: LazyLock<HashMap<String, u16>> = LazyLock::new(|| {
     .collect()
 });
 
-/// The function of a (lower-case) name.
+/// Returns the index of the function with a (lower-case) name.
 pub(crate) fn find(name: &str) -> Option<u16> {
     NAMES.get(name).copied()
 }
 
-/// The row of a function, for everything but running it.
+/// Returns the row of a function, for everything except execution.
 pub(crate) fn entry(function: u16) -> &'static Function<Direct<f64>> {
     &Function::<Direct<f64>>::TABLE[function as usize]
 }
 
 impl<M: Machine> Function<M> {
-    /// Whether an array that stands for a point has not three items.
+    /// Returns true if an array argument for a point does not have three items.
     pub(crate) fn has_wrong_point(&self, arguments: &[Argument]) -> bool {
         let is_wrong = |(argument, (_, shape)): (&Argument, &(&str, Shape))| {
             let Argument::Array(_, array) = argument else {
@@ -169,18 +169,18 @@ impl<M: Machine> Function<M> {
     }
 }
 
-/// A library or mathematical function as users see it.
+/// Description of a library or mathematical function for users.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FunctionHelp {
-    /// All names; letters fold.
+    /// All names, in upper or lower case.
     pub names: Vec<&'static str>,
-    /// How it is called: `hfSphere(x, center, R)`.
+    /// Signature, as in `hfSphere(x, center, R)`.
     pub signature: String,
-    /// What it gives.
+    /// Description of the value.
     pub help: &'static str,
 }
 
-/// All functions of the library, in the order of its documentation.
+/// Lists all functions of the library, in the order of its documentation.
 pub fn library() -> Vec<FunctionHelp> {
     let help = |row: &Function<Direct<f64>>| {
         let arguments: Vec<&str> = row.arguments.iter().map(|(n, _)| *n).collect();
@@ -194,7 +194,7 @@ pub fn library() -> Vec<FunctionHelp> {
     Function::<Direct<f64>>::TABLE.iter().map(help).collect()
 }
 
-/// Evaluated arguments: numbers, and where arrays lie in memory (start, length).
+/// Evaluated arguments: numbers, and positions of arrays in memory (start, length).
 pub(crate) struct Arguments<V> {
     pub(crate) numbers: [Option<V>; MAX_ARGUMENTS],
     pub(crate) arrays: [(usize, usize); MAX_ARGUMENTS],
@@ -209,13 +209,13 @@ impl<V> Default for Arguments<V> {
     }
 }
 
-/// A function call under evaluation. All items of its arrays are set.
+/// Function call under evaluation. All items of its arrays are set.
 pub(crate) struct Call<'c, M: Machine> {
     machine: &'c RefCell<M>,
     memory: &'c mut [Option<M::V>],
     arguments: &'c Arguments<M::V>,
     pub(crate) strict: bool,
-    /// Steps used, and how many there are left.
+    /// Number of steps used; `left` is the number available.
     pub(crate) spent: u64,
     left: u64,
 }
@@ -237,23 +237,23 @@ impl<'c, M: Machine> Call<'c, M> {
             left,
         }
     }
-    /// The constant `v`.
+    /// Returns the constant `v`.
     fn c(&self, v: f64) -> E<'c, M> {
         let v = self.machine.borrow_mut().constant(v);
         E::new(self.machine, v)
     }
-    /// Argument `i`, a number.
+    /// Returns argument `i`, a number.
     fn n(&self, i: usize) -> E<'c, M> {
         match &self.arguments.numbers[i] {
             Some(v) => E::new(self.machine, v.clone()),
             None => self.c(f64::NAN),
         }
     }
-    /// The size of argument `i`, an array.
+    /// Returns the size of argument `i`, an array.
     fn len(&self, i: usize) -> usize {
         self.arguments.arrays[i].1
     }
-    /// Item `k` (from 0) of argument `i`.
+    /// Returns item `k` (from 0) of argument `i`.
     fn item(&self, i: usize, k: usize) -> E<'c, M> {
         let (start, len) = self.arguments.arrays[i];
         match &self.memory[start..start + len][k] {
@@ -265,7 +265,7 @@ impl<'c, M: Machine> Call<'c, M> {
         let (start, len) = self.arguments.arrays[i];
         self.memory[start..start + len][k] = Some(v.v);
     }
-    /// Items 3k, 3k + 1, 3k + 2 of argument `i`.
+    /// Returns items 3k, 3k + 1, 3k + 2 of argument `i`.
     fn triple(&self, i: usize, k: usize) -> E3<'c, M> {
         std::array::from_fn(|j| self.item(i, 3 * k + j))
     }
@@ -277,7 +277,7 @@ impl<'c, M: Machine> Call<'c, M> {
             self.put(i, k, v);
         }
     }
-    /// The value of `v` where run-time errors are found.
+    /// Returns the value of `v` if run-time errors are detected.
     fn value(&self, v: &E<'c, M>) -> Option<f64> {
         if M::CHECKED { v.known() } else { None }
     }
@@ -287,7 +287,7 @@ impl<'c, M: Machine> Call<'c, M> {
             unknown: false,
         })
     }
-    /// Argument `i` where its value shapes the formula.
+    /// Returns the value of argument `i`, on which the structure of the formula depends.
     fn need(&self, i: usize, what: &str) -> Result<f64, Fault> {
         let known = self.n(i).known();
         known.ok_or_else(|| Fault {
@@ -295,7 +295,7 @@ impl<'c, M: Machine> Call<'c, M> {
             unknown: true,
         })
     }
-    /// Counts work against the step limit.
+    /// Counts steps; fails beyond the step limit.
     fn spend(&mut self, steps: u64) -> Result<(), Fault> {
         self.spent = self.spent.saturating_add(steps);
         if self.spent > self.left {
@@ -306,7 +306,7 @@ impl<'c, M: Machine> Call<'c, M> {
         }
         Ok(())
     }
-    /// `new` where `condition` holds, else what is there.
+    /// Sets an item to `new` where `condition` holds.
     fn put_where(&mut self, condition: &E<'c, M>, i: usize, k: usize, new: &E<'c, M>) {
         let old = self.item(i, k);
         let v = condition.select(new, &old);

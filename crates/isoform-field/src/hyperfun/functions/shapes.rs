@@ -1,4 +1,4 @@
-//! Sums of points, noise, Bézier volumes and the like.
+//! Blobby models, noise, Bézier volumes and other shapes.
 
 use super::{Call, Fault, Outcome};
 use crate::hyperfun::formula::{E, norm2};
@@ -6,12 +6,12 @@ use crate::hyperfun::machine::Machine;
 use crate::library::Library;
 use std::f64::consts::{PI, TAU};
 
-/// Squared distance to element `k` of the arrays x0, y0, z0 at arguments 1 to 3.
+/// Returns the squared distance to element `k` of the arrays x0, y0, z0, arguments 1 to 3.
 fn distance2<'c, M: Machine>(c: &Call<'c, M>, k: usize) -> E<'c, M> {
     norm2(&std::array::from_fn(|i| c.item(0, i) - c.item(i + 1, k)))
 }
 
-/// Σ b exp(−a r²) − T
+/// Returns Σ b exp(−a r²) − T.
 pub(super) fn blobby<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let mut sum = -c.n(6);
     for k in 0..c.len(1) {
@@ -20,7 +20,8 @@ pub(super) fn blobby<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(sum)
 }
 
-/// q = r/d: b (1 − 3q²) for q ≤ 1/3, 1.5 b (1 − q)² for q < 1, 0 beyond.
+/// Returns Σ w(q) − T with q = r/d and w = b (1 − 3q²) for q ≤ 1/3, 1.5 b (1 − q)² for q < 1, else
+/// 0.
 pub(super) fn metaball<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let mut sum = -c.n(6);
     let (zero, one) = (c.c(0.0), c.c(1.0));
@@ -38,7 +39,7 @@ pub(super) fn metaball<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(sum)
 }
 
-/// q = (r/d)² ≤ 1: 1 − 22q/9 + 17q²/9 − 4q³/9.
+/// Returns Σ w(q) − T with q = (r/d)² and w = 1 − 22q/9 + 17q²/9 − 4q³/9 for q ≤ 1, else 0.
 pub(super) fn soft<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let mut sum = -c.n(5);
     let zero = c.c(0.0);
@@ -50,13 +51,14 @@ pub(super) fn soft<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(sum)
 }
 
-/// g₁g₂g₃ with gᵢ = A sin wᵢ + k sin(wᵢ/1.35 + P sin wⱼ), k = A/1.17, w = F x and j = 3, 1, 2.
+/// Returns g₁g₂g₃ with gᵢ = A sin wᵢ + k sin(wᵢ/1.35 + P sin wⱼ), k = A/1.17, w = F x and j = 3, 1,
+/// 2.
 pub(super) fn noise_g<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let (amplitude, frequency, phase) = (c.n(1), c.n(2), c.n(3));
     Ok(noise(c, &amplitude, &frequency, &phase))
 }
 
-/// The noise of [`noise_g`] for amplitude, frequency and phase.
+/// Returns the noise of [`noise_g`] for an amplitude, frequency and phase.
 pub(super) fn noise<'c, M: Machine>(
     c: &Call<'c, M>,
     a: &E<'c, M>,
@@ -70,11 +72,11 @@ pub(super) fn noise<'c, M: Machine>(
     g(0, 2) * g(1, 0) * g(2, 1)
 }
 
-/// The reference's largest number of control values in one direction.
+/// Maximum number of control values in one direction, as in the reference implementation.
 const MAX_CONTROL: usize = 21;
 
-/// Σ Bᵢ(t₁) Bⱼ(t₃) Bₖ(t₂) w[(i m + j) n + k], R-intersected with the box; m goes with z and n with
-/// y.
+/// Returns Σ Bᵢ(t₁) Bⱼ(t₃) Bₖ(t₂) w[(i m + j) n + k], R-intersected with the box; m belongs to z
+/// and n to y.
 pub(super) fn bezier_volume<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let [l, m, n] = control_counts(c)?;
     let x = c.point(0);
@@ -103,7 +105,7 @@ pub(super) fn bezier_volume<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, 
         .intersection(&sum))
 }
 
-/// The numbers of control values in the three directions; there must be as many in the array.
+/// Reads the numbers of control values in the three directions; fails if the array has fewer.
 fn control_counts<M: Machine>(c: &mut Call<'_, M>) -> Result<[usize; 3], Fault> {
     let mut counts = [0; 3];
     for (i, count) in counts.iter_mut().enumerate() {
@@ -126,7 +128,7 @@ fn control_counts<M: Machine>(c: &mut Call<'_, M>) -> Result<[usize; 3], Fault> 
     Ok(counts)
 }
 
-/// The `count` Bernstein polynomials of degree count − 1.
+/// Returns the `count` Bernstein polynomials of degree count − 1.
 fn bernstein<'c, M: Machine>(count: usize, t: &E<'c, M>) -> Vec<E<'c, M>> {
     let rest = 1.0 - t;
     let mut binomial = 1.0;
@@ -139,13 +141,13 @@ fn bernstein<'c, M: Machine>(count: usize, t: &E<'c, M>) -> Vec<E<'c, M>> {
         .collect()
 }
 
-/// hfDInt(f1, −f2)
+/// Returns hfDInt(f1, −f2).
 pub(super) fn sardf_difference<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(c.n(0)
         .library(Library::SardfIntersection, &[&-c.n(1), &c.n(2), &c.n(3)]))
 }
 
-/// n ≤ 1: 0; else 2/(aπ) (1/2 − Σ sin(2π i f t)/i) for i = 1 … n − 1.
+/// Returns 0 for n ≤ 1, else 2/(aπ) (1/2 − Σ sin(2π i f t)/i) for i = 1 … n − 1.
 pub(super) fn sawtooth<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let n = c.need(1, "the number of terms")?.trunc();
     if n.is_nan() || n <= 1.0 {

@@ -1,4 +1,5 @@
-//! The rows. A new function is one row here and its formula (or its variant of [`Library`]).
+//! Table of the library. A new function is one row here and its formula (or its variant of
+//! [`Library`]).
 
 use super::Shape::{Array, Chain, Each, Elements, Number, Point};
 use super::{Call, Function, Outcome, Run, Sentinel, Shape};
@@ -32,7 +33,7 @@ const fn primitive<M: Machine>(
 ) -> Function<M> {
     row(names, arguments, Run::Primitive(f, Sentinel::Never), help)
 }
-/// A primitive for which the reference has its sentinel.
+/// Creates the row of a primitive for which the reference implementation may return its sentinel.
 const fn guarded<M: Machine>(
     names: &'static [&'static str],
     arguments: Shapes,
@@ -50,7 +51,7 @@ const fn formula<M: Machine>(
 ) -> Function<M> {
     row(names, arguments, Run::Formula(run), help)
 }
-/// A function that changes argument `i`.
+/// Creates the row of a function that modifies argument `i`.
 const fn writing<M: Machine>(
     i: usize,
     names: &'static [&'static str],
@@ -67,7 +68,7 @@ const fn writing<M: Machine>(
         help,
     }
 }
-/// A mathematical function.
+/// Creates the row of a mathematical function.
 const fn plain<M: Machine>(
     names: &'static [&'static str],
     arguments: Shapes,
@@ -179,7 +180,7 @@ const SMALL3: Sentinel = Sentinel::Small(&[6, 7, 8]);
 const SMALL5: Sentinel = Sentinel::Small(&[6, 7, 8, 9, 10]);
 
 impl<M: Machine> Function<M> {
-    /// The library.
+    /// Rows of all functions, in the order of the documentation.
     pub(crate) const TABLE: &'static [Self] = &[
         // Mathematics
         plain(&["sqrt"], U, math::sqrt, "square root"),
