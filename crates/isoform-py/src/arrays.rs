@@ -1,7 +1,7 @@
-//! Points between numpy and the library.
+//! Exchange of points between numpy and the library.
 //!
-//! Arrays that come are (n, 3) of float64, with any strides: the Python half has seen to that. What
-//! goes out is handed over without a copy.
+//! Incoming arrays are (n, 3) of float64 with any strides, as the Python half ensures. Outgoing
+//! arrays are handed over without a copy.
 
 use crate::error::Trouble;
 use isoform::geom::Point3;
@@ -9,19 +9,19 @@ use numpy::ndarray::ArrayView2;
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-/// Points out of Python.
+/// Points passed from Python.
 pub(crate) type PointsArg<'py> = PyReadonlyArray2<'py, f64>;
 
-/// Points in any strides, a block of them at a time.
+/// Rows of an array of points with any strides, accessed by blocks.
 #[derive(Clone, Copy)]
 pub(crate) struct Rows<'a> {
     view: ArrayView2<'a, f64>,
-    /// The same where they lie one behind the other.
+    /// Rows as a slice; `None` if the array is not contiguous.
     dense: Option<&'a [Point3]>,
 }
 
 impl<'a> Rows<'a> {
-    /// The rows of an array of three columns.
+    /// Wraps an array, which must have three columns.
     pub(crate) fn new(array: &'a PointsArg<'_>) -> Result<Self, Trouble> {
         let view = array.as_array();
         if view.ncols() != 3 {
@@ -32,7 +32,7 @@ impl<'a> Rows<'a> {
             );
             return Err(Trouble::new("shape", message));
         }
-        // `as_slice` takes any order of the axes.
+        // `as_slice` accepts any order of the axes.
         let flat = array.as_slice().ok().filter(|_| array.is_c_contiguous());
         let dense = flat.map(|flat| flat.as_chunks::<3>().0);
         Ok(Self { view, dense })
@@ -42,7 +42,7 @@ impl<'a> Rows<'a> {
         self.view.nrows()
     }
 
-    /// Calls `work` with the points from `first`, as many as `count`.
+    /// Calls `work` with up to `count` points from index `first`.
     pub(crate) fn block<T>(
         &self,
         first: usize,
@@ -63,7 +63,7 @@ impl<'a> Rows<'a> {
         std::array::from_fn(|k| self.view[[i, k]])
     }
 
-    /// All points, which must be finite.
+    /// Copies all points, which must be finite.
     pub(crate) fn to_points(self) -> Result<Vec<Point3>, Trouble> {
         let points = self.block(0, self.len(), <[Point3]>::to_vec);
         match not_finite_at(&points) {
@@ -73,10 +73,10 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Whether all numbers are finite.
+/// Returns true if all numbers are finite.
 pub(crate) fn are_finite(values: &[f64]) -> bool {
-    // Zero times a number is zero, or NaN where it is not finite. Eight sums that do not wait for
-    // one another are what vector instructions of every processor do; tests of bits are not.
+    // Zero times a number is zero, or NaN if the number is not finite. Eight independent sums
+    // compile to vector instructions on every processor; tests of bits do not.
     let (eights, rest) = values.as_chunks::<8>();
     let mut sums = [0.0; 8];
     for eight in eights {
@@ -87,7 +87,7 @@ pub(crate) fn are_finite(values: &[f64]) -> bool {
     sums.iter().sum::<f64>() == 0.0 && rest.iter().all(|v| v.is_finite())
 }
 
-/// The first point that is NaN or infinite.
+/// Returns the index of the first point that is NaN or infinite.
 pub(crate) fn not_finite_at(points: &[Point3]) -> Option<usize> {
     if are_finite(points.as_flattened()) {
         return None;
@@ -95,13 +95,13 @@ pub(crate) fn not_finite_at(points: &[Point3]) -> Option<usize> {
     points.iter().position(|p| !are_finite(p))
 }
 
-/// A point is NaN or infinite.
+/// Returns the error for a point that is NaN or infinite.
 pub(crate) fn not_finite(row: usize) -> Trouble {
     Trouble::new("not-finite", format!("point {row} (from 0) is not finite"))
         .hint("points[numpy.isfinite(points).all(axis=1)]")
 }
 
-/// Rows of numbers as an array of N columns.
+/// Converts rows of numbers to an array of N columns.
 pub(crate) fn rows<'py, T: Element, const N: usize>(
     py: Python<'py>,
     rows: Vec<[T; N]>,

@@ -1,4 +1,4 @@
-//! `distributed.mesh_blocks`: the job of a mesh in blocks, and one task of it.
+//! Meshing in blocks for `distributed.mesh_blocks`: the job, and a single task of it.
 
 use crate::call::object;
 use crate::error::Trouble;
@@ -14,15 +14,15 @@ use pyo3::types::PyDict;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-/// A program with the values of its first parameters.
+/// Program with the values of its first parameters.
 type Shape = (Py<Program>, Vec<f64>);
 
-/// What is asked for of a mesh.
+/// Parses the options of a mesh.
 fn options(arguments: &Bound<'_, PyDict>) -> PyResult<MeshModelOptions> {
     Ok(isoform_verbs::mesh_options(&object(arguments)?).map_err(Trouble::from)?)
 }
 
-/// The solid of a program with values.
+/// Returns the solid of a program with values.
 fn solid((program, given): &Shape, has_box: bool) -> Result<Box<dyn Solid>, Trouble> {
     let program = program.get();
     let values = program.values_of(given)?;
@@ -34,12 +34,12 @@ fn solid((program, given): &Shape, has_box: bool) -> Result<Box<dyn Solid>, Trou
     Ok(solid)
 }
 
-/// A mesh in blocks on its way.
+/// Job that meshes a model in blocks.
 #[pyclass(frozen, module = "isoform._isoform")]
 pub(crate) struct BlocksWork(Mutex<Option<BlocksJob>>);
 
 impl BlocksWork {
-    /// Asks the job, as long as it is not over.
+    /// Calls a function on the job; an error after the job has ended.
     fn ask<T>(&self, question: impl FnOnce(&mut BlocksJob) -> T) -> PyResult<T> {
         let mut job = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let job = job.as_mut();
@@ -68,22 +68,22 @@ impl BlocksWork {
         })?;
         Ok(Self(Mutex::new(Some(job.map_err(Trouble::from)?))))
     }
-    /// What the tasks of the step do.
+    /// Returns the name of the present step.
     #[getter]
     fn step(&self) -> PyResult<&'static str> {
         self.ask(|job| job.step_name())
     }
-    /// The length of edges.
+    /// Returns the length of edges.
     #[getter]
     fn size(&self) -> PyResult<f64> {
         self.ask(|job| job.options().mesh.size)
     }
-    /// The tasks of the step, as texts.
+    /// Returns the tasks of the present step, serialised as text.
     fn tasks(&self) -> PyResult<Vec<String>> {
         let text = |task| serde_json::to_string(&task).expect("tasks are plain");
         self.ask(|job| job.tasks().into_iter().map(text).collect())
     }
-    /// Takes the reports of all tasks of the step.
+    /// Evaluates the reports of all tasks of the step and proceeds to the next step.
     fn advance(&self, py: Python<'_>, reports: Vec<String>) -> PyResult<()> {
         let reports: Result<Vec<BlockReport>, _> = reports
             .iter()
@@ -93,7 +93,7 @@ impl BlocksWork {
         let done = run::shortly(py, || self.ask(|job| job.advance(reports)))??;
         Ok(done.map_err(Trouble::from)?)
     }
-    /// Ends the job: the document of `mesh --blocks --json`.
+    /// Ends the job and returns the document of `mesh --blocks --json`.
     fn finish(&self) -> PyResult<String> {
         let job = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
         let job = job.ok_or_else(|| Trouble::usage("the job is over"))?;
@@ -101,13 +101,13 @@ impl BlocksWork {
         let report = serde_json::to_value(report).expect("reports have texts for keys");
         Ok(isoform_verbs::document(0, report))
     }
-    /// Ends the job as it is.
+    /// Ends the job without a result.
     fn close(&self) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
     }
 }
 
-/// Does one task, and gives its report as text.
+/// Executes a task and returns its report as text.
 #[pyfunction]
 pub(crate) fn block_task(
     py: Python<'_>,

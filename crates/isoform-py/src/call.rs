@@ -1,4 +1,4 @@
-//! Calls of verbs: arguments of Python in, a document and the result out.
+//! Calls of verbs: converts Python arguments to a request, and returns the document and the result.
 
 use crate::error::Trouble;
 use crate::implicitize::Fitted;
@@ -17,16 +17,16 @@ use pyo3::types::{PyBool, PyBytes, PyDict, PyMapping, PySet, PyString};
 use serde_json::{Map, Number, Value};
 use std::path::PathBuf;
 
-/// A value of Python in place of a file.
+/// Python object that stands for an input file.
 #[pyclass(frozen, module = "isoform._isoform")]
 pub(crate) struct Input(Mounted);
 
-/// What can be handed to a verb.
+/// Python objects that a verb accepts in place of a file.
 #[derive(FromPyObject)]
 pub(crate) enum Given<'py> {
     #[pyo3(transparent)]
     Program(PyRef<'py, Program>),
-    /// A program with the values of its first parameters.
+    /// Program with the values of its first parameters.
     Fixed(PyRef<'py, Program>, Vec<f64>),
     #[pyo3(transparent)]
     Points(PyRef<'py, Cloud>),
@@ -40,7 +40,7 @@ pub(crate) enum Given<'py> {
     Map(PyRef<'py, Triangulation>),
     #[pyo3(transparent)]
     Solids(PyRef<'py, Solids>),
-    /// A document.
+    /// Document as JSON text.
     #[pyo3(transparent)]
     Json(String),
 }
@@ -61,7 +61,7 @@ impl Given<'_> {
             }
             Self::Map(drawn) => match &drawn.map {
                 Some(map) => Object::Map(map.clone()),
-                // The surface of patches.
+                // A surface of patches is passed as triangles.
                 None => Object::Mesh(drawn.mesh.clone(), None),
             },
             Self::Solids(solids) => Object::text(
@@ -80,20 +80,20 @@ impl Given<'_> {
 
 #[pymethods]
 impl Input {
-    /// Puts an object in place of a file of that name.
+    /// Registers an object under the name of a file.
     #[new]
     fn new(name: &str, object: Given<'_>) -> PyResult<Self> {
         Ok(Self(Mounted::new(name, object.object()?)))
     }
 }
 
-/// A file that a verb writes, in memory.
+/// File in memory that a verb writes.
 #[pyclass(frozen, module = "isoform._isoform")]
 pub(crate) struct Output(Mounted);
 
 #[pymethods]
 impl Output {
-    /// Makes an empty file: of a page (html), or a picture (png, svg).
+    /// Creates an empty file for a page (html) or a picture (png, svg).
     #[new]
     fn new(ending: &str) -> PyResult<Self> {
         let known = ["html", "png", "svg"].into_iter().find(|e| *e == ending);
@@ -101,21 +101,21 @@ impl Output {
         Ok(Self(Mounted::new(ending, Object::text(ending, ""))))
     }
 
-    /// Returns what was written.
+    /// Returns the content.
     fn content<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, &self.0.bytes())
     }
 }
 
-/// Lists within lists at most: corners in a polygon are two deep.
+/// Maximum nesting depth of lists; corners of a polygon need two levels.
 const MOST_DEPTH: usize = 8;
 
-/// The exception of an argument that cannot be.
+/// Returns the exception for an invalid argument.
 fn refused(what: impl std::fmt::Display) -> PyErr {
     Trouble::usage(format!("an argument is {what}")).into()
 }
 
-/// Returns a value of Python as one of JSON; objects by their paths.
+/// Converts a Python value to JSON; objects are replaced by their paths.
 fn json(value: &Bound<'_, PyAny>, depth: usize) -> PyResult<Value> {
     if value.is_none() {
         return Ok(Value::Null);
@@ -132,7 +132,7 @@ fn json(value: &Bound<'_, PyAny>, depth: usize) -> PyResult<Value> {
     number(value)
 }
 
-/// Returns a text, a path, or that of a file in memory.
+/// Converts a text, a path, or a file in memory to a string; `None` for any other value.
 fn text(value: &Bound<'_, PyAny>) -> PyResult<Option<String>> {
     let path = |mounted: &Mounted| Some(mounted.path().to_string_lossy().into_owned());
     if let Ok(input) = value.cast::<Input>() {
@@ -150,7 +150,7 @@ fn text(value: &Bound<'_, PyAny>) -> PyResult<Option<String>> {
         .ok_or_else(|| refused("no text: it is not UTF-8"))
 }
 
-/// Returns a list or a mapping.
+/// Converts a list or a mapping; `None` for any other value.
 fn items(value: &Bound<'_, PyAny>, depth: usize) -> PyResult<Option<Value>> {
     let is_odd = value.is_instance_of::<PyBytes>() || value.is_instance_of::<PySet>();
     if is_odd {
@@ -175,7 +175,7 @@ fn items(value: &Bound<'_, PyAny>, depth: usize) -> PyResult<Option<Value>> {
     Ok(Some(Value::Array(items.collect::<PyResult<_>>()?)))
 }
 
-/// Returns a number; fractions and decimal numbers as they are written.
+/// Converts a number; fractions and decimal numbers keep their written form.
 fn number(value: &Bound<'_, PyAny>) -> PyResult<Value> {
     if let Ok(whole) = value.extract::<i64>() {
         return Ok(whole.into());
@@ -193,7 +193,7 @@ fn number(value: &Bound<'_, PyAny>) -> PyResult<Value> {
     Ok(finite.map_or_else(|| number.to_string().into(), Value::Number))
 }
 
-/// Returns arguments as a request.
+/// Converts keyword arguments to a request.
 pub(crate) fn object(fields: &Bound<'_, PyDict>) -> PyResult<Map<String, Value>> {
     let mut map = Map::new();
     for (key, value) in fields {
@@ -202,7 +202,7 @@ pub(crate) fn object(fields: &Bound<'_, PyDict>) -> PyResult<Map<String, Value>>
     Ok(map)
 }
 
-/// The document, the warnings, and the result, if a verb has one in memory.
+/// Document, warnings, and result in memory; `None` if the verb has none.
 type Told = (String, Vec<String>, Option<Py<PyAny>>);
 
 /// Runs a verb.
@@ -237,7 +237,7 @@ pub(crate) fn schema() -> String {
     isoform_verbs::schema()
 }
 
-/// Returns a result as an object of Python.
+/// Wraps a result as a Python object.
 fn native(py: Python<'_>, product: Product) -> PyResult<Py<PyAny>> {
     Ok(match product {
         Product::Points(cloud, report) => Py::new(py, Cloud::from_parts(cloud, report))?.into_any(),
@@ -281,8 +281,8 @@ impl From<Failure> for Trouble {
     }
 }
 
-/// Returns a text of the command line with the names of Python: `time_limit` for `--time-limit`.
-/// Dashes within words, as in names of files, are left.
+/// Rewrites a text of the command line for Python: `--time-limit` becomes `time_limit`. Dashes
+/// within words, as in names of files, are kept.
 fn in_python(text: &str) -> String {
     if text == "isoform --help" {
         return "help(isoform)".to_owned();

@@ -1,4 +1,4 @@
-//! What the library refuses, as exceptions with a code, a place and a hint.
+//! Errors of the library as Python exceptions with code, position and hint.
 //!
 //! Codes are those of the command line. Hints name the arguments of Python.
 
@@ -11,16 +11,16 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::PyType;
 use std::fmt::Display;
 
-/// Why there is no result.
+/// Reason why a call has no result.
 #[derive(Debug)]
 pub(crate) struct Trouble {
-    /// Short and fixed, for programs.
+    /// Short stable identifier, for programs.
     code: &'static str,
-    /// What is wrong, with its place.
+    /// Description of the problem, with its position.
     message: String,
-    /// What to try; may be empty.
+    /// Suggested remedy; may be empty.
     hint: String,
-    /// Line and column in a text, from 1.
+    /// Line and column in a text, from 1; `None` outside texts.
     place: Option<(usize, usize)>,
 }
 
@@ -33,16 +33,16 @@ impl Trouble {
             place: None,
         }
     }
-    /// An argument that cannot be.
+    /// Returns the error for an invalid argument.
     pub(crate) fn usage(message: impl Display) -> Self {
         Self::new("usage", message)
     }
-    /// A fault of ours.
+    /// Returns the error for a bug in Isoform.
     pub(crate) fn internal() -> Self {
         Self::new("internal", "isoform made an error of its own")
             .hint("please report it, with the call and its input")
     }
-    /// The work was ended from outside.
+    /// Returns the error for work that was stopped from outside.
     pub(crate) fn stopped(message: impl Display) -> Self {
         Self::new("time-limit", message).hint("a larger time_limit")
     }
@@ -50,14 +50,14 @@ impl Trouble {
         self.hint = hint.to_string();
         self
     }
-    /// At a place of a text, both numbers from 1.
+    /// Adds the position in a text, both numbers from 1.
     pub(crate) fn at(mut self, line: usize, column: usize) -> Self {
         self.place = Some((line, column));
         self
     }
 }
 
-/// The class of exceptions, which lies in the Python half of the package.
+/// Exception class, which is defined in the Python half of the package.
 static CLASS: PyOnceLock<Py<PyType>> = PyOnceLock::new();
 
 impl From<Trouble> for PyErr {

@@ -1,4 +1,4 @@
-//! Functions that were fitted to points.
+//! Implicit functions fitted to points.
 
 use crate::arrays::{PointsArg, rows};
 use crate::error::Trouble;
@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A function fitted to points.
+/// Implicit function fitted to points.
 #[pyclass(frozen, module = "isoform._isoform")]
 pub(crate) struct Fitted {
     pub(crate) metric: Arc<SplineDistance>,
@@ -32,7 +32,7 @@ impl Fitted {
 
 #[pymethods]
 impl Fitted {
-    /// The values of the function.
+    /// Returns the values of the function at points.
     fn values<'py>(
         &self,
         py: Python<'py>,
@@ -43,7 +43,7 @@ impl Fitted {
         })?;
         Ok(PyArray1::from_vec(py, values))
     }
-    /// The gradients of the function.
+    /// Returns the gradients of the function at points.
     fn gradients<'py>(
         &self,
         py: Python<'py>,
@@ -56,7 +56,7 @@ impl Fitted {
         })?;
         rows(py, gradients)
     }
-    /// The near signed distances from its surface.
+    /// Returns the signed distances of points from the zero set, to first order.
     fn distances<'py>(
         &self,
         py: Python<'py>,
@@ -67,7 +67,7 @@ impl Fitted {
         })?;
         Ok(PyArray1::from_vec(py, values))
     }
-    /// Writes the file.
+    /// Writes the function to a file.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let written = run::shortly(py, || {
             let bytes = function_file(self.function());
@@ -75,7 +75,7 @@ impl Fitted {
         })?;
         Ok(written.map_err(Trouble::from)?)
     }
-    /// The file, as text.
+    /// Returns the content of its file as text.
     fn text(&self) -> String {
         String::from_utf8_lossy(&function_file(self.function())).into_owned()
     }

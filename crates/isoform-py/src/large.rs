@@ -1,7 +1,7 @@
-//! `fit_large`: the parameters of a template from a cloud in chunks.
+//! Fitting of a template to a cloud in chunks, for `fit_large`.
 //!
-//! Python has the chunks, here or on other machines. It is asked with a list of messages, one for
-//! each chunk or None, and yields the answers in the same order; [`answer`] makes them.
+//! The chunks belong to Python, on this machine or others. Python receives a list of messages, one
+//! per chunk or None, and yields the answers in that order; [`answer`] computes them.
 
 use crate::arrays::{PointsArg, Rows};
 use crate::call::object;
@@ -16,12 +16,12 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// The chunks that Python has.
+/// Access to the chunks held by Python.
 struct Chunks {
-    /// Takes a list of messages, gives an iterator of answers.
+    /// Callable from a list of messages to an iterator of answers.
     ask: Py<PyAny>,
     count: usize,
-    /// The exception that left a chunk without an answer.
+    /// Exception that left a chunk without an answer.
     raised: Mutex<Option<PyErr>>,
 }
 
@@ -39,7 +39,7 @@ impl Chunks {
         let mut messages: Vec<Option<Bound<'_, PyBytes>>> = Vec::with_capacity(self.count);
         for chunk in 0..self.count {
             let next = message(chunk);
-            // Most chunks are asked the same: once in memory is enough.
+            // Most chunks receive an identical message, which is stored once.
             let last = messages.iter().rev().flatten().next();
             let next = next.map(|next| match last {
                 Some(last) if last.as_bytes() == next => last.clone(),
@@ -82,8 +82,8 @@ impl ChunkSource for Chunks {
     }
 }
 
-/// Fits a template to chunks; `ask` takes a list of `count` messages and gives an iterator of the
-/// answers to those that are not None.
+/// Fits a template to chunks; `ask` maps a list of `count` messages to an iterator of the answers
+/// to those that are not None.
 #[pyfunction]
 pub(crate) fn fit_large(
     py: Python<'_>,
@@ -116,8 +116,8 @@ pub(crate) fn fit_large(
     Ok((document, Fit::new(fitted)))
 }
 
-/// The answer of a chunk of these points to a message: on the threads of the fit where it is asked
-/// here, else on one.
+/// Computes the answer of a chunk of points to a message: on the threads of the fit if called from
+/// its process, else on one thread.
 #[pyfunction]
 pub(crate) fn answer<'py>(
     py: Python<'py>,

@@ -1,9 +1,9 @@
-//! The compiled half of the Python package.
+//! Compiled half of the Python package.
 //!
-//! What Python users see (signatures, pages, results with names) lies in `python/isoform`. Verbs are
-//! those of the command line: `call` hands their arguments over, objects of Python in place of
-//! files among them, and gives back the document of `--json` and the result. `run` releases Python's
-//! lock meanwhile, listens to Ctrl-C and tells of progress; `error` makes exceptions of failures.
+//! The public interface (signatures, documentation, results with names) lies in `python/isoform`.
+//! Verbs are those of the command line: `call` passes their arguments, with Python objects in place
+//! of files, and returns the document of `--json` and the result. `run` releases Python's lock
+//! meanwhile, handles Ctrl-C and reports progress; `error` converts failures to exceptions.
 #![forbid(unsafe_code)]
 
 mod arrays;
@@ -21,7 +21,7 @@ mod run;
 
 use pyo3::prelude::pymodule;
 
-/// The compiled half of the package isoform.
+/// Compiled half of the package isoform.
 #[pymodule(name = "_isoform")]
 mod native {
     #[pymodule_export]

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A mesh.
+/// Mesh with its unit of length.
 #[pyclass(frozen, module = "isoform._isoform")]
 pub(crate) struct MeshData {
     pub(crate) mesh: Arc<Mesh>,
@@ -28,7 +28,7 @@ impl MeshData {
 
 #[pymethods]
 impl MeshData {
-    /// The names of the parts, of the regions and of the feature curves.
+    /// Returns the names of the parts, of the regions and of the feature curves.
     #[getter]
     fn names(&self) -> (Vec<String>, Vec<String>, Vec<String>) {
         let curves = self.mesh.curves.iter().map(|c| c.name.clone());
@@ -38,11 +38,11 @@ impl MeshData {
             curves.collect(),
         )
     }
-    /// The nodes.
+    /// Returns the coordinates of the nodes.
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         rows(py, self.mesh.points.clone())
     }
-    /// The nodes of the triangles: corners, then those in the middles of edges.
+    /// Returns the nodes of the triangles: corners, then mid-edge nodes.
     fn triangles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
         let (corners, mids) = (&self.mesh.triangles, &self.mesh.triangle_mids);
         if mids.is_empty() {
@@ -52,7 +52,7 @@ impl MeshData {
         let whole = |(c, m): (&[u32; 3], &[u32; 3])| [c[0], c[1], c[2], m[0], m[1], m[2]];
         rows(py, both.map(whole).collect())
     }
-    /// The nodes of the tetrahedra: corners, then those in the middles of edges.
+    /// Returns the nodes of the tetrahedra: corners, then mid-edge nodes.
     fn tetrahedra<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
         let (corners, mids) = (&self.mesh.tets, &self.mesh.tet_mids);
         if mids.is_empty() {
@@ -63,41 +63,43 @@ impl MeshData {
         };
         rows(py, corners.iter().zip(mids).map(whole).collect())
     }
-    /// The nodes of the wedges.
+    /// Returns the nodes of the wedges.
     fn wedges<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
         rows(py, self.mesh.wedges.clone())
     }
-    /// The nodes of the quadrilaterals.
+    /// Returns the nodes of the quadrilaterals.
     fn quads<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
         rows(py, self.mesh.quads.clone())
     }
-    /// The part of each quadrilateral.
+    /// Returns the part of each quadrilateral.
     fn quad_parts<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         PyArray1::from_slice(py, &self.mesh.quad_parts)
     }
-    /// The mesh with tetrahedra for wedges and triangles for quadrilaterals.
+    /// Returns the mesh with wedges split into tetrahedra and quadrilaterals into triangles.
     fn simplices(&self) -> Self {
         Self {
             mesh: Arc::new(self.mesh.simplices().into_owned()),
             unit: self.unit.clone(),
         }
     }
-    /// The part of each triangle.
+    /// Returns the part of each triangle.
     fn triangle_parts<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         PyArray1::from_slice(py, &self.mesh.triangle_parts)
     }
-    /// The region of each tetrahedron.
+    /// Returns the region of each tetrahedron.
     fn regions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         PyArray1::from_slice(py, &self.mesh.tet_regions)
     }
-    /// The nodes of a unit cell on its lower and upper sides, by axes along which it repeats.
+    /// Returns pairs of corresponding nodes on the lower and upper side of a unit cell, by axis of
+    /// repetition.
     fn opposite<'py>(&self, py: Python<'py>) -> PyResult<Vec<(usize, Bound<'py, PyArray2<u32>>)>> {
         let sides = self.mesh.opposite.iter();
         sides
             .map(|sides| Ok((sides.axis, rows(py, sides.nodes.clone())?)))
             .collect()
     }
-    /// Writes a file; its ending names the format, unless one is given.
+    /// Writes a file. The format is given by `format` or by the ending of the name; returns
+    /// warnings.
     fn save(&self, py: Python<'_>, path: PathBuf, format: Option<&str>) -> PyResult<Vec<String>> {
         let options = MeshWriteOptions {
             units: self.unit.clone(),

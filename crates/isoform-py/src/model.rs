@@ -12,18 +12,18 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
-/// Points that are computed at once: enough to make up for the start of a task, few enough to share
-/// among threads.
+/// Number of points per task: enough to amortise its start, few enough to balance the threads.
 const BLOCK: usize = 2048;
-/// Points that are computed at once by what shares them among threads itself, and evaluates large
-/// models part by part of the points' box: fewer make fewer parts, more let Ctrl-C wait longer.
+/// Number of points per call of evaluators that use all threads themselves and split large models
+/// by parts of the box of the points. Smaller blocks give less to prune by, larger ones delay
+/// Ctrl-C.
 const LARGE: usize = 1 << 17;
 
-/// A HyperFun program.
+/// HyperFun program.
 #[pyclass(frozen, module = "isoform._isoform")]
 pub(crate) struct Program(Arc<Compiled>);
 
-/// A program, compiled when it is first evaluated.
+/// Program, compiled at its first evaluation.
 struct Compiled {
     model: Arc<Model>,
     template: OnceLock<FrepTemplate>,
@@ -31,7 +31,7 @@ struct Compiled {
 }
 
 impl Compiled {
-    /// The readings of the program, without a pose.
+    /// Returns the compiled readings of the program, without a pose.
     fn template(&self) -> Result<&FrepTemplate, Trouble> {
         if let Some(template) = self.template.get() {
             return Ok(template);
@@ -41,7 +41,7 @@ impl Compiled {
     }
 }
 
-/// Name, kind, lower and upper bound, start, unit and description of a parameter.
+/// Name, kind, lower and upper bound, start value, unit and description of a parameter.
 type Told = (
     String,
     String,
@@ -54,7 +54,7 @@ type Told = (
 
 #[pymethods]
 impl Program {
-    /// Reads a program; of several objects the one of this name.
+    /// Parses a program; `object` selects one of several objects.
     #[new]
     #[pyo3(signature = (text, object=None))]
     fn new(py: Python<'_>, text: &str, object: Option<&str>) -> PyResult<Self> {
@@ -71,20 +71,20 @@ impl Program {
         })))
     }
 
-    /// The name of the object.
+    /// Returns the name of the object.
     #[getter]
     fn name(&self) -> &str {
         self.0.model.name()
     }
 
-    /// The title and the unit, as annotated.
+    /// Returns the annotated title and unit.
     #[getter]
     fn about(&self) -> (Option<&str>, Option<&str>) {
         let info = self.0.model.info();
         (info.title.as_deref(), info.unit.as_deref())
     }
 
-    /// What may be wrong with the program, with line and column.
+    /// Returns warnings about the program, with line and column.
     #[getter]
     fn warnings(&self) -> Vec<(usize, usize, String)> {
         let warnings = self.0.model.warnings().iter();
@@ -93,18 +93,18 @@ impl Program {
             .collect()
     }
 
-    /// The parameters.
+    /// Returns the parameters.
     #[getter]
     fn parameters(&self) -> Vec<Told> {
         self.0.model.params().iter().map(told).collect()
     }
 
-    /// The values of all parameters where some are given.
+    /// Completes partially given parameter values by the annotated defaults.
     fn filled(&self, given: Vec<Option<f64>>) -> PyResult<Vec<f64>> {
         Ok(self.values_of(&given)?)
     }
 
-    /// The names of all parameters that a fit finds, those of the pose included.
+    /// Returns the names of all parameters of a fit, including those of the pose.
     #[pyo3(signature = (pose=None))]
     fn fitted_names(&self, pose: Option<&str>) -> PyResult<Vec<String>> {
         let is_it = |named: &(&str, Pose)| pose == Some(named.0);
@@ -115,7 +115,7 @@ impl Program {
         Ok(parameters.map(|p| p.name.clone()).collect())
     }
 
-    /// The values of the function.
+    /// Returns the values of the function at points.
     fn values<'py>(
         &self,
         py: Python<'py>,
@@ -125,7 +125,7 @@ impl Program {
         self.reading(py, &points, given, false)
     }
 
-    /// The gradients of the function.
+    /// Returns the gradients of the function at points.
     fn gradients<'py>(
         &self,
         py: Python<'py>,
@@ -140,7 +140,7 @@ impl Program {
         rows(py, gradients)
     }
 
-    /// The near signed distances from the surface.
+    /// Returns the signed distances of points from the surface, to first order.
     fn metric<'py>(
         &self,
         py: Python<'py>,
@@ -150,7 +150,7 @@ impl Program {
         self.reading(py, &points, given, true)
     }
 
-    /// The numbers of the nearest parts, and the names of all.
+    /// Returns the index of the nearest part of each point, and the names of all parts.
     fn parts<'py>(
         &self,
         py: Python<'py>,
@@ -167,7 +167,8 @@ impl Program {
         ))
     }
 
-    /// Why the function has no value at a point, with line and column; none where it has.
+    /// Returns why the function has no value at a point, with line and column; `None` if it has
+    /// one.
     fn trouble(&self, point: Point3, given: Vec<f64>) -> PyResult<Option<(usize, usize, String)>> {
         let a = self.values_of(&given)?;
         let found = self.0.model.eval(&point, &a, &[]);
@@ -184,14 +185,14 @@ impl Program {
         self.0.model.clone()
     }
 
-    /// What answers for chunks of a cloud.
+    /// Returns the evaluator of chunks of a cloud.
     pub(crate) fn chunk_reader(&self) -> &ChunkReader {
         let make = || ChunkReader::new(Model::clone(&self.0.model));
         self.0.reader.get_or_init(make)
     }
 
-    /// The values of the function, or its metric reading; NaN where running the program finds no
-    /// value, as for the command line.
+    /// Returns the values of the function, or its metric reading. NaN where the program has no
+    /// value, as on the command line.
     fn reading<'py>(
         &self,
         py: Python<'py>,
@@ -227,7 +228,8 @@ impl Program {
         ))
     }
 
-    /// The readings, compiled by a thread that Ctrl-C can leave: large programs take long.
+    /// Returns the readings, compiled in a thread that Ctrl-C can abandon, since large programs
+    /// take long.
     fn compiled(&self, py: Python<'_>) -> PyResult<&FrepTemplate> {
         if self.0.template.get().is_none() {
             let theirs = self.0.clone();
@@ -236,7 +238,7 @@ impl Program {
         Ok(self.0.template()?)
     }
 
-    /// The values of all parameters, of which some or all are given, and must be finite.
+    /// Returns the values of all parameters, given some or all of them, which must be finite.
     pub(crate) fn values_of<V: Into<Option<f64>> + Copy>(
         &self,
         given: &[V],
@@ -252,7 +254,7 @@ impl Program {
     }
 }
 
-/// What is said of a parameter; bounds that are shares of a scan's box are open.
+/// Describes a parameter; bounds that are relative to the box of a scan are open.
 fn told(info: &ParamInfo) -> Told {
     let number = |amount: Option<Amount>| amount.and_then(Amount::value);
     (
@@ -266,7 +268,7 @@ fn told(info: &ParamInfo) -> Told {
     )
 }
 
-/// What `compute` makes of points, block by block, on all cores where there are many. The points
+/// Evaluates `compute` at points, block by block, on all cores if there are many points. The points
 /// must be finite.
 pub(crate) fn of_points<T: Clone + Default + Send>(
     py: Python<'_>,
@@ -276,7 +278,7 @@ pub(crate) fn of_points<T: Clone + Default + Send>(
     in_blocks(py, points, BLOCK, compute)
 }
 
-/// What `compute` makes of points, `size` of them at a time, as [`of_points`] does.
+/// Evaluates `compute` like [`of_points`], with `size` points per block.
 fn in_blocks<T: Clone + Default + Send>(
     py: Python<'_>,
     points: &PointsArg<'_>,
@@ -308,7 +310,7 @@ fn in_blocks<T: Clone + Default + Send>(
     Ok(out)
 }
 
-/// The program of a built-in template.
+/// Returns the program of a built-in template.
 #[pyfunction]
 pub(crate) fn template(name: &str) -> PyResult<(&'static str, &'static str)> {
     match isoform::template(name) {
@@ -324,7 +326,7 @@ pub(crate) fn template(name: &str) -> PyResult<(&'static str, &'static str)> {
     }
 }
 
-/// The names of the built-in templates.
+/// Returns the names of the built-in templates.
 #[pyfunction]
 pub(crate) fn templates() -> Vec<&'static str> {
     isoform::templates().map(|t| t.name).collect()

@@ -1,4 +1,4 @@
-//! Rational patches: control points, points, and files.
+//! Rational patches: control points, evaluation, and files.
 
 use crate::arrays::rows;
 use crate::error::Trouble;
@@ -34,19 +34,20 @@ impl Patches {
     fn __len__(&self) -> usize {
         self.patches.len()
     }
-    /// The degrees of a patch.
+    /// Returns the degrees of a patch.
     fn degree(&self, i: usize) -> PyResult<(usize, usize)> {
         Ok(self.patch(i)?.grown.patch.degree())
     }
-    /// The control points of a patch, one row after the other.
+    /// Returns the control points of a patch, row by row.
     fn control<'py>(&self, py: Python<'py>, i: usize) -> PyResult<Bound<'py, PyArray2<f64>>> {
         rows(py, self.patch(i)?.grown.patch.control().to_vec())
     }
-    /// The proved bound on the distance of a patch from the surface, none where none is proved.
+    /// Returns the proved bound on the distance of a patch from the surface; `None` without a
+    /// proof.
     fn bound(&self, i: usize) -> PyResult<Option<f64>> {
         Ok(self.patch(i)?.distances.bound)
     }
-    /// Points of a patch at rows of u and v.
+    /// Evaluates a patch at rows of u and v.
     fn evaluate<'py>(
         &self,
         py: Python<'py>,
@@ -62,7 +63,7 @@ impl Patches {
         })?;
         rows(py, points)
     }
-    /// Writes the patches as JSON or STEP, else their triangles, by the ending.
+    /// Writes the patches as JSON or STEP, or their triangles, depending on the ending.
     fn save(
         &self,
         py: Python<'_>,

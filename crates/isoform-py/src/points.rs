@@ -1,4 +1,4 @@
-//! Clouds of points, out of files and arrays.
+//! Clouds of points from files and arrays.
 
 use crate::arrays::{PointsArg, Rows, rows};
 use crate::error::Trouble;
@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Points, and what their reader says.
+/// Point cloud with the report of its reader.
 #[pyclass(frozen, module = "isoform._isoform")]
 pub(crate) struct Cloud {
     pub(crate) cloud: Arc<PointCloud>,
@@ -28,46 +28,46 @@ impl Cloud {
 
 #[pymethods]
 impl Cloud {
-    /// Points of an array, all finite.
+    /// Copies the points of an array, which must be finite.
     #[new]
     fn new(py: Python<'_>, points: PointsArg<'_>) -> PyResult<Self> {
         let rows = Rows::new(&points)?;
         let points = run::shortly(py, || rows.to_points())??;
         let report = ReadReport::of_memory("array", points.len());
-        // As files are read.
+        // Recentred like clouds read from files.
         let cloud = PointCloud::from_points(points).recentred();
         Ok(Self::from_parts(cloud, report))
     }
 
-    /// The points, in the coordinates of the file.
+    /// Returns the points in the coordinates of the file.
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let cloud = &self.cloud;
         let place = |i| cloud.absolute(i);
         rows(py, (0..cloud.points.len()).map(place).collect())
     }
 
-    /// The normals, none where the file has none.
+    /// Returns the normals; `None` if the file has none.
     fn normals<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         let normals = &self.cloud.normals;
         let there = !normals.is_empty();
         there.then(|| rows(py, normals.clone())).transpose()
     }
 
-    /// The colours, none where the file has none.
+    /// Returns the colours; `None` if the file has none.
     fn colors<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<u8>>>> {
         let colors = &self.cloud.colors;
         let there = !colors.is_empty();
         there.then(|| rows(py, colors.clone())).transpose()
     }
 
-    /// The triangles, none where the file is no mesh.
+    /// Returns the triangles; `None` if the file is not a mesh.
     fn triangles<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<u32>>>> {
         let triangles = &self.cloud.triangles;
         let there = !triangles.is_empty();
         there.then(|| rows(py, triangles.clone())).transpose()
     }
 
-    /// Further columns of the file: names and values.
+    /// Returns the names and values of further columns of the file.
     fn columns(&self) -> Vec<(String, Vec<f64>)> {
         let columns = self.cloud.columns.iter();
         columns
@@ -75,7 +75,7 @@ impl Cloud {
             .collect()
     }
 
-    /// The file's unit of length, its format, and what is odd about it.
+    /// Returns the unit of length of the file, its format, and warnings.
     #[getter]
     fn about(&self) -> (Option<&str>, &str, Vec<String>) {
         let report = &self.report;
@@ -91,7 +91,7 @@ impl Cloud {
     }
 }
 
-/// Reads points, of meshes the vertices.
+/// Reads points; of meshes, the vertices.
 #[pyfunction]
 pub(crate) fn read_points(
     py: Python<'_>,

@@ -17,7 +17,7 @@ use pyo3::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A template fitted to points.
+/// Template fitted to points.
 #[pyclass(frozen, module = "isoform._isoform")]
 pub(crate) struct Fit(Arc<FittedScan>);
 
@@ -29,31 +29,31 @@ impl Fit {
 
 #[pymethods]
 impl Fit {
-    /// The deviations of the points, positive outside.
+    /// Returns the signed deviations of the points, positive outside.
     fn deviation<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_vec(py, self.0.found().deviation())
     }
-    /// Which points are outliers.
+    /// Returns an outlier flag for each point.
     fn outliers<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
         PyArray1::from_slice(py, &self.0.found().fit.outliers)
     }
-    /// The points that were fitted, those added on the faces of a CAD mesh included.
+    /// Returns the fitted points, including those added on the faces of a CAD mesh.
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let cloud = &self.0.found().cloud;
         let place = |i| cloud.absolute(i);
         rows(py, (0..cloud.points.len()).map(place).collect())
     }
-    /// The points with their deviations, for pages and pictures.
+    /// Returns the points with their deviations, for pages and pictures.
     fn cloud(&self) -> Cloud {
         let cloud = self.0.cloud();
         let report = ReadReport::of_memory("ply", cloud.points.len());
         Cloud::from_parts(cloud, report)
     }
-    /// The fitted program.
+    /// Returns the fitted program.
     fn program(&self) -> String {
         self.0.found().program()
     }
-    /// Writes a file, whose ending says which.
+    /// Writes a file in the form given by its ending.
     fn save(&self, py: Python<'_>, path: PathBuf, asked: Asked<'_>) -> PyResult<()> {
         let fitted = self.0.clone();
         let saved = run::listened(py, &asked, move |listener| fitted.save(&path, listener))?;
@@ -65,13 +65,13 @@ impl Fit {
 #[pyclass(frozen, module = "isoform._isoform")]
 pub(crate) struct Solids {
     pub(crate) made: ModelBrep,
-    /// What files say of it.
+    /// Name, unit and properties stated in files.
     pub(crate) statement: Statement,
 }
 
 #[pymethods]
 impl Solids {
-    /// Writes STEP, or our own form where the name ends in .brep.json.
+    /// Writes STEP, or the native form if the name ends in .brep.json.
     fn save(
         &self,
         py: Python<'_>,
@@ -121,7 +121,7 @@ impl Solids {
     }
 }
 
-/// What was recognised in points.
+/// Entities recognised in points.
 #[pyclass(frozen, module = "isoform._isoform")]
 pub(crate) struct Entities {
     found: Recognized<'static>,
@@ -135,21 +135,21 @@ impl Entities {
 
 #[pymethods]
 impl Entities {
-    /// The index of the entity of each point, -1 for none.
+    /// Returns the index of the entity of each point; -1 for none.
     fn labels<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
         indices(py, &self.found.recognition.labels)
     }
-    /// The index of the face of each point, -1 for none.
+    /// Returns the index of the face of each point; -1 for none.
     fn face_labels<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
         indices(py, &self.found.recognition.face_labels)
     }
-    /// The points that were looked at, further ones on the faces of a CAD mesh included.
+    /// Returns the points examined, including those added on the faces of a CAD mesh.
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let scan = &self.found.scan;
         let place = |i| scan.absolute(i);
         rows(py, (0..scan.points.len()).map(place).collect())
     }
-    /// A program of the entities, for fits, and what it lacks.
+    /// Returns a program of the entities, as a template for fits, and a list of its gaps.
     fn template(&self, py: Python<'_>, title: &str) -> PyResult<(String, Vec<String>)> {
         let asked = Asked::default();
         let proposal = run::scoped(py, &asked, |control| self.found.template(title, control))?;
@@ -159,18 +159,18 @@ impl Entities {
     }
 }
 
-/// Indices as an array, -1 for none.
+/// Converts optional indices to an array, with -1 for none.
 fn indices<'py>(py: Python<'py>, of: &[Option<u32>]) -> Bound<'py, PyArray1<i64>> {
     PyArray1::from_iter(py, of.iter().map(|l| l.map_or(-1, i64::from)))
 }
 
-/// A triangulated rational surface.
+/// Triangulated rational surface.
 #[pyclass(frozen, module = "isoform._isoform")]
 pub(crate) struct Triangulation {
     pub(crate) mesh: Arc<Mesh>,
     parameters: Vec<[f64; 2]>,
     report: String,
-    /// The map, unless the surface consists of patches.
+    /// Rational map; `None` for a surface of patches.
     pub(crate) map: Option<Arc<MapObject>>,
 }
 
@@ -192,18 +192,18 @@ impl Triangulation {
 
 #[pymethods]
 impl Triangulation {
-    /// The triangles.
+    /// Returns the triangles.
     fn mesh(&self) -> MeshData {
         MeshData {
             mesh: self.mesh.clone(),
             unit: None,
         }
     }
-    /// The parameters s and t of the vertices.
+    /// Returns the parameters s and t of the vertices.
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         rows(py, self.parameters.clone())
     }
-    /// The document of `triangulate --report`, as text.
+    /// Returns the document of `triangulate --report` as text.
     #[getter]
     fn report(&self) -> &str {
         &self.report

@@ -1,13 +1,13 @@
-//! How long work runs: without Python's lock, on threads of its own, with Ctrl-C and progress.
+//! Execution of work: without Python's lock, on separate threads, with Ctrl-C and progress.
 //!
-//! The work goes to a pool of threads. The thread that called waits for it, and looks every
-//! [`PAUSE`] whether Python has a signal for it, and what the work says of its progress. A signal,
-//! or an exception out of the callback of progress, sets the flag that cancels the work. The
-//! exception comes out once the work has ended; work that [`run`] does, which owns what it works
-//! on, is left to itself where it has not ended after [`PATIENCE`].
+//! The work runs in a thread pool. The calling thread waits for it; every [`PAUSE`] it checks for
+//! pending Python signals and passes on the progress of the work. A signal, or an exception in the
+//! progress callback, sets the flag that cancels the work. The exception is raised when the work
+//! has ended. Work started by [`run`] owns its data and is abandoned if it still runs after
+//! [`PATIENCE`].
 //!
-//! A call takes a pool that no other call uses, so that calls of several threads do not wait for
-//! one another. Threads do not survive a fork: pools belong to the process that made them.
+//! Each call takes a pool that no other call uses, so that concurrent calls do not wait for each
+//! other. Threads do not survive a fork: pools belong to the process that created them.
 
 use crate::error::Trouble;
 use isoform::Control;
@@ -19,31 +19,31 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Time between two looks at signals and progress.
+/// Interval between checks for signals and progress.
 const PAUSE: Duration = Duration::from_millis(40);
-/// How long work may go on after an exception: most of it looks at its flag more often, and ends.
+/// Maximum time to wait for cancelled work; most work checks its flag more often.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Bytes of stack of a thread: those of a program's first one. Trees of deeply nested models are
-/// walked by recursion.
+/// Stack size of a thread, in bytes: that of the main thread of a program. Trees of deeply nested
+/// models are traversed recursively.
 const STACK: usize = 8 << 20;
-/// Pools that are kept for the next call.
+/// Maximum number of idle pools kept for later calls.
 const MOST_IDLE: usize = 8;
 
-/// What every verb that takes time takes.
+/// Limits common to all calls that take time.
 #[derive(Default)]
 pub(crate) struct Asked<'py> {
-    /// Threads to use; by default all cores.
+    /// Number of threads; `None` for all cores.
     pub(crate) threads: Option<usize>,
-    /// Seconds after which the work ends with the best so far.
+    /// Time limit in seconds, after which the best result so far is returned.
     pub(crate) time_limit: Option<f64>,
-    /// Is called with the phase and the share of it that is done.
+    /// Callback that receives the phase and its completed share.
     pub(crate) progress: Option<Bound<'py, PyAny>>,
 }
 
 impl<'py> FromPyObject<'_, 'py> for Asked<'py> {
     type Error = PyErr;
 
-    /// From a tuple of threads, seconds and callback.
+    /// Converts a tuple of threads, seconds and callback.
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
         let (threads, time_limit, progress) = given.extract()?;
         Ok(Self {
@@ -54,7 +54,7 @@ impl<'py> FromPyObject<'_, 'py> for Asked<'py> {
     }
 }
 
-/// What the work and the thread that waits for it share.
+/// State shared by the work and the thread that waits for it.
 #[derive(Default)]
 struct Shared {
     stop: Arc<AtomicBool>,
@@ -70,7 +70,7 @@ impl Shared {
         }
     }
 
-    /// Calls the work with a control; a panic in it is caught.
+    /// Calls the work with a control, and catches a panic in it.
     fn call<T>(
         &self,
         limit: Option<f64>,
@@ -89,8 +89,8 @@ impl Shared {
     }
 }
 
-/// Does work that owns what it works on, as long as nobody stops it; an exception of Python (a
-/// signal, or one out of the callback) comes before what the work gives back.
+/// Runs work that owns its data. A Python exception (from a signal or from the callback) takes
+/// precedence over the result.
 pub(crate) fn run<T: Send + 'static>(
     py: Python<'_>,
     asked: &Asked<'_>,
@@ -99,7 +99,7 @@ pub(crate) fn run<T: Send + 'static>(
     owned(py, asked, Shared::new(asked), work)
 }
 
-/// Does work that owns what it works on, with what it shares with the thread that waits.
+/// Runs work that owns its data, with the state shared with the waiting thread.
 fn owned<T: Send + 'static>(
     py: Python<'_>,
     asked: &Asked<'_>,
@@ -112,16 +112,16 @@ fn owned<T: Send + 'static>(
     let (theirs, limit, held) = (shared.clone(), asked.time_limit, pool.clone());
     pool.threads.spawn(move || {
         let result = theirs.call(limit, work);
-        // Nobody else would know that the pool is free again.
+        // Only this thread knows that the pool is free again.
         held.give_back();
-        // Nobody may wait for it any more.
+        // The receiver may have stopped waiting.
         let _ = done.send(result);
     });
     let listener = Listener::new(asked, &shared, Some(PATIENCE));
     py.detach(move || listener.wait(&ended)).answer()
 }
 
-/// The same for a verb, which is told of the time limit by its arguments.
+/// Runs a verb like [`run`]; its arguments contain the time limit.
 pub(crate) fn listened<T: Send + 'static>(
     py: Python<'_>,
     asked: &Asked<'_>,
@@ -141,7 +141,7 @@ pub(crate) fn listened<T: Send + 'static>(
     owned(py, &unlimited, shared, move |_| work(listener))
 }
 
-/// The same for work that borrows what it works on, and ends soon once it is cancelled.
+/// Runs work that borrows its data and ends soon after cancellation.
 pub(crate) fn scoped<T: Send>(
     py: Python<'_>,
     asked: &Asked<'_>,
@@ -156,7 +156,7 @@ pub(crate) fn scoped<T: Send>(
     let waited = py.detach(move || {
         threads.in_place_scope(move |scope| {
             scope.spawn(move |_| {
-                // The one who waits for it is there until it comes.
+                // The receiver waits until the result is sent.
                 let _ = done.send(shared.call(limit, work));
             });
             listener.wait(&ended)
@@ -166,13 +166,13 @@ pub(crate) fn scoped<T: Send>(
     waited.answer()
 }
 
-/// Does work without Python's lock that is over before anybody would stop it.
+/// Runs short work without Python's lock; it cannot be cancelled.
 pub(crate) fn shortly<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let result = py.detach(|| catch_unwind(AssertUnwindSafe(work)));
     result.map_err(|_| Trouble::internal().into())
 }
 
-/// What the work last said of its progress, and the phases that have begun since it was heard.
+/// Latest progress of the work, with the phases begun since the last report.
 #[derive(Default)]
 struct News(Mutex<Vec<(String, f64)>>);
 
@@ -189,18 +189,18 @@ impl News {
     }
 }
 
-/// The thread that waits for the work.
+/// State of the thread that waits for the work.
 struct Listener<'a> {
     callback: Option<Py<PyAny>>,
     shared: &'a Shared,
     patience: Option<Duration>,
 }
 
-/// What came of waiting.
+/// Outcome of waiting.
 struct Waited<T> {
-    /// What the work gives back; none where its thread is gone, or it is waited for no more.
+    /// Result of the work; `None` if its thread has vanished or the work was abandoned.
     result: Option<std::thread::Result<T>>,
-    /// The exception that ended it.
+    /// Python exception that ended the work.
     raised: Option<PyErr>,
 }
 
@@ -224,7 +224,7 @@ impl<'a> Listener<'a> {
         }
     }
 
-    /// Waits for the work, and listens meanwhile.
+    /// Waits for the work, and handles signals and progress meanwhile.
     fn wait<T>(&self, ended: &Receiver<std::thread::Result<T>>) -> Waited<T> {
         let (mut raised, mut since) = (None, None);
         loop {
@@ -247,7 +247,7 @@ impl<'a> Listener<'a> {
         }
     }
 
-    /// Passes progress on, and lets Python handle its signals.
+    /// Passes on progress, and lets Python handle its signals.
     fn listen(&self) -> PyResult<()> {
         let news = self.shared.news.take();
         Python::attach(|py| {
@@ -265,7 +265,7 @@ impl<'a> Listener<'a> {
     }
 }
 
-/// Pools that no call uses, of the process that made them.
+/// Idle pools of the process that created them.
 static IDLE: Mutex<Idle> = Mutex::new(Idle {
     process: 0,
     pools: Vec::new(),
@@ -277,8 +277,8 @@ struct Idle {
 }
 
 impl Idle {
-    /// Forgets the pools of the process that this one was forked from: their threads do not exist
-    /// here, and would be waited for.
+    /// Discards pools of a parent process after a fork: their threads do not exist in this process,
+    /// so dropping the pools would wait forever.
     fn forget_others(&mut self) {
         let process = std::process::id();
         if self.process != process {
@@ -288,7 +288,7 @@ impl Idle {
     }
 }
 
-/// A pool that one call uses.
+/// Thread pool used by one call.
 #[derive(Clone)]
 struct Pool {
     size: usize,
@@ -296,7 +296,7 @@ struct Pool {
 }
 
 impl Pool {
-    /// A pool of that many threads, one for each core by default.
+    /// Takes a pool with this number of threads; by default one per core.
     fn take(threads: Option<usize>) -> PyResult<Self> {
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
         let size = threads.unwrap_or_else(cores);
@@ -309,7 +309,7 @@ impl Pool {
         }
     }
 
-    /// A pool that was kept.
+    /// Takes an idle pool of this size; `None` if there is none.
     fn kept(size: usize) -> Option<Self> {
         let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
         idle.forget_others();
