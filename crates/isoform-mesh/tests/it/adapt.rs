@@ -20,7 +20,7 @@ fn random() -> impl FnMut() -> f64 {
     }
 }
 
-/// A regular icosahedron with every face split in four, `times` over, on the unit sphere.
+/// Returns a regular icosahedron whose faces are split in four `times` times, on the unit sphere.
 fn icosphere(times: usize) -> Mesh {
     let t = 0.5 * (1.0 + 5f64.sqrt());
     let mut points: Vec<Point3> = Vec::new();
@@ -72,7 +72,7 @@ fn icosphere(times: usize) -> Mesh {
     Mesh::from_triangles(points, faces)
 }
 
-/// The faces of the cube from −1 to 1 as n × n squares of two triangles each.
+/// Returns the faces of the cube from −1 to 1 as n × n squares of two triangles each.
 fn grid_cube(n: usize) -> Mesh {
     let mut known: HashMap<[usize; 3], u32> = HashMap::new();
     let mut mesh = Mesh::default();
@@ -244,7 +244,7 @@ fn edges_of_a_cube_are_kept_and_found_again() {
     }
 }
 
-/// No edge of the mesh given runs along one of the cube.
+/// The edges of the given mesh do not run along those of the cube.
 #[test]
 fn a_sphere_becomes_a_cube() {
     let mut round = icosphere(4);
@@ -352,8 +352,8 @@ fn second_order_and_chordal_errors() {
     assert!(off < 0.005 && said <= 1.000_001 * off, "{off} {said}");
 }
 
-/// How far flat triangles with corners on the unit sphere lie inside of it: where all angles are
-/// acute their nearest point to the centre is the circumcentre, else the middle of the longest
+/// Returns the largest depth of flat triangles with corners on the unit sphere: where all angles
+/// are acute their nearest point to the centre is the circumcentre, else the midpoint of the longest
 /// edge.
 fn flat_off_sphere(mesh: &Mesh) -> f64 {
     let depth = |t: &[u32; 3]| {
@@ -372,7 +372,8 @@ fn flat_off_sphere(mesh: &Mesh) -> f64 {
     mesh.triangles.iter().map(depth).fold(0.0, f64::max)
 }
 
-/// How far triangles of second order lie off the unit sphere, at many places of each.
+/// Returns the largest distance of triangles of second order from the unit sphere, from many
+/// samples of each.
 fn curved_off_sphere(mesh: &Mesh) -> f64 {
     const N: usize = 12;
     let mut worst: f64 = 0.0;
@@ -451,7 +452,7 @@ fn bad_surfaces_are_refused_with_a_place() {
     );
 }
 
-/// Tetrahedra of the cube on a lattice turned against it: no edge of theirs is one of the cube's.
+/// Tetrahedra of the cube on a rotated lattice: none of their edges is an edge of the cube.
 #[test]
 fn tetrahedra_whose_edges_miss_those_of_the_model() {
     let round = "m(x[3], a[1]) { m = 1 - (x[1]^6 + x[2]^6 + x[3]^6)^(1/6); }";
@@ -483,8 +484,8 @@ fn tetrahedra_whose_edges_miss_those_of_the_model() {
     assert!(tets.dihedral_min > 10.0, "{}", tets.dihedral_min);
 }
 
-/// Off by up to a twentieth of the edge length in every coordinate: a neighbour's face is often the
-/// nearest.
+/// A mesh with errors of up to a twentieth of the edge length in every coordinate: often the face of
+/// a neighbour is the nearest.
 #[test]
 fn tetrahedra_with_rough_edges() {
     let first = mesh(

@@ -1,4 +1,4 @@
-//! Solids that tests share: programs, and formulas made by hand over every number type, joined by a
+//! Solids shared by the tests: programs, and formulas written for every number type, joined by a
 //! tree.
 
 use isoform_field::Pieces;
@@ -8,7 +8,7 @@ use isoform_num::{Interval, Jet1, Jet2, Real};
 
 /// The unit ball.
 pub(crate) const SPHERE: &str = "m(x[3], a[1]) { m = 1 - sqrt(x[1]^2 + x[2]^2 + x[3]^2); }";
-/// The block of [`part`] less its two cylinders.
+/// The block of [`part`] minus its two cylinders.
 pub(crate) const PART: &str = "m(x[3], a[1]) {
     array c[3], d[3], e[3];
     c = [-5, -4, -2]; d = [-2, -1.5, 0]; e = [3, 0.5, 0];
@@ -99,7 +99,7 @@ formulas! {
     };
 }
 
-/// What a plane is blended with.
+/// Surface with which a plane is blended.
 #[derive(Clone, Debug)]
 pub(crate) enum Other {
     Plane(Plane),

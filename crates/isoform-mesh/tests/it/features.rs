@@ -25,8 +25,8 @@ fn features(solid: &Made, half: f64, size: f64) -> Features {
     found
 }
 
-/// What holds of all features: points on both pieces, curves from corner to corner, dense, none
-/// twice.
+/// Checks properties of all features: points on both pieces, curves from corner to corner, dense,
+/// without duplicates.
 fn sound(solid: &Made, found: &Features, size: f64) {
     for curve in &found.curves {
         for p in &curve.points {

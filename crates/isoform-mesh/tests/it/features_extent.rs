@@ -105,7 +105,7 @@ fn of_program(text: &str) -> Pieces {
     Pieces::of_model(&model, &[0.0]).expect("an expression")
 }
 
-/// The coordinate from `at` along `r`, as a program has it.
+/// Returns the coordinate from `at` along `r`, as an expression of a program.
 fn along(r: Point3, at: Point3) -> String {
     let terms: Vec<String> = (0..3)
         .map(|i| format!("({:?})*(x[{}] - ({:?}))", r[i], i + 1, at[i]))
@@ -125,9 +125,9 @@ fn disk(at: Point3, rows: [Point3; 3]) -> Pieces {
     of_program(&text)
 }
 
-/// Disks that lie askew beyond the start box. Of the slabs around that some hold a part of the
-/// disk, others only a sliver that no sample meets: the part goes on behind it all the same, and
-/// the box must not end where the search did.
+/// Oblique disks beyond the start box. Some of the slabs around the box hold a part of the disk,
+/// others only a sliver that samples miss: the disk continues behind it, and the box must not end
+/// where the search did.
 #[test]
 fn what_goes_on_behind_a_sliver_is_in_the_box() {
     let rows = [
@@ -155,8 +155,8 @@ fn what_goes_on_behind_a_sliver_is_in_the_box() {
     }
 }
 
-/// A thin plate with a bore that lies askew in a shell beyond the start box: no sample meets it at
-/// the first tolerances, yet it is not empty.
+/// An oblique thin plate with a bore in a shell beyond the start box: samples miss it at the first
+/// tolerances, but it is not empty.
 #[test]
 fn a_thin_plate_with_a_bore_beyond_the_start_box_is_found() {
     let rows = [

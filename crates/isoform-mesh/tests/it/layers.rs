@@ -65,8 +65,7 @@ fn volume(made: &Meshed) -> f64 {
 const BALL: &str = "ball(x[3], a[1]) { array c[3]; c = [0, 0, 0]; ball = hfSphere(x, c, 1); }";
 const BLOCK: &str = "b(x[3], a[1]) { array c[3]; c = [0, 0, 0]; b = hfBlock(x, c, 1, 2, 3); }";
 
-/// On a ball layers are spheres: each node of the first one is at its height below the surface,
-/// and those of the next ones, too.
+/// On a ball layers are spheres: the nodes of each one are at its depth below the surface.
 #[test]
 fn a_ball_has_layers_of_the_thickness_asked_for() {
     let options = options(0.25, "*", 0.02, 1.5, 4);
@@ -102,7 +101,7 @@ fn a_block_has_layers_on_all_sides() {
     assert_eq!(made.mesh.corners.len(), 8);
 }
 
-/// One side alone: its layers stand on the four sides beside it, whose edges they go on along.
+/// One side alone: its layers stand on the four adjacent sides and extend along their edges.
 #[test]
 fn one_side_of_a_block_has_layers() {
     let model = solid(BLOCK);
@@ -151,7 +150,7 @@ fn a_pipe_has_layers_on_its_wall() {
     assert!(rim >= 40, "{rim}");
 }
 
-/// A step: an edge into which the solid turns by 270 degrees.
+/// A step: an edge with a solid angle of 270 degrees.
 #[test]
 fn layers_go_around_a_step() {
     let step = solid(
@@ -177,7 +176,7 @@ fn layers_lean_towards_edges_that_the_solid_turns_around() {
     }
 }
 
-/// Layers on one face of a step alone would end in the air.
+/// Layers on only one face of a step would have no side to end on.
 #[test]
 fn layers_that_end_nowhere_are_refused() {
     let step = solid(
@@ -203,10 +202,9 @@ fn layers_that_end_nowhere_are_refused() {
     assert_eq!(refusals, 2);
 }
 
-/// The core of an ellipsoid is near a parallel surface, but none: layers that leave a quarter of
-/// its least radius of curvature (0.08) are as thick as asked for to a tenth, else a warning would
-/// say so. As thick as the solid there are
-/// none that a certificate holds of.
+/// The core of an ellipsoid is only close to a parallel surface: layers that leave a quarter of its
+/// least radius of curvature (0.08) have the requested thickness to a tenth, without a warning.
+/// Layers as thick as the solid are refused or fail the certificate.
 #[test]
 fn layers_of_an_ellipsoid_are_as_thick_as_asked_for_or_refused() {
     let model = solid("e(x[3], a[1]) { e = 1 - x[1]^2/4 - x[2]^2 - x[3]^2/0.16; }");
@@ -219,7 +217,7 @@ fn layers_of_an_ellipsoid_are_as_thick_as_asked_for_or_refused() {
     }
 }
 
-/// A ball smaller than the layers has no core: it is missed, and layers are named as the reason.
+/// A ball smaller than the layers has no core: a warning names the layers as the reason.
 #[test]
 fn a_body_smaller_than_its_layers_is_told() {
     let two = solid(
@@ -232,8 +230,8 @@ fn a_body_smaller_than_its_layers_is_told() {
     assert_eq!(kinds, [&WarningKind::MissedByLayers]);
 }
 
-/// Layers from both sides of a gap that is too narrow for them have no room there; the end of the
-/// gap, which meets both at right angles, is not to blame.
+/// Layers from both sides of a gap that is too narrow for them have no room there; the error does
+/// not name the end of the gap, which meets both at right angles.
 #[test]
 fn a_gap_too_narrow_for_layers_is_told() {
     let gap = solid(

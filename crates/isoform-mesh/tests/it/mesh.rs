@@ -1,5 +1,5 @@
-//! Whole meshes: valid by the certificate, exact on the function, converging as theory says, the
-//! same for any number of threads.
+//! Whole meshes: valid by the certificate, exact on the function, converging as theory predicts,
+//! independent of the number of threads.
 
 use crate::common::{PART, SPHERE, solid};
 use isoform_check::{self as check, Certificate, certify};
@@ -168,7 +168,7 @@ fn thin_sheets_and_many_corners_stay_manifold() {
     assert_eq!(ears(&meshed.mesh), 0);
 }
 
-/// Triangles whose corners all lie on one curve: of the same two parts.
+/// Triangles whose corners all lie on one curve, between two parts.
 fn ears(mesh: &Mesh) -> usize {
     let mut parts = vec![std::collections::BTreeSet::new(); mesh.points.len()];
     for (t, part) in mesh.triangles.iter().zip(&mesh.triangle_parts) {
@@ -209,8 +209,8 @@ fn sizes_follow_the_chordal_error() {
     );
 }
 
-/// Curvature asks for edges of 0.8 radii at most, which are some 60 triangles around a ball, and
-/// bisection gives twice as many at the worst: whatever the size, above that of the ball.
+/// Curvature limits edges to 0.8 radii, which gives some 60 triangles around a ball, and bisection
+/// at most twice as many, for any size above that of the ball.
 #[test]
 fn a_ball_has_the_triangles_that_its_curvature_asks_for() {
     for size in [0.5, 0.9, 1.4, 2.0] {
@@ -471,7 +471,7 @@ fn a_mesh_off_the_model_is_brought_onto_it() {
         (8, 12)
     );
     assert!(certificate.tets.expect("tetrahedra").dihedral_min > 15.0);
-    // What is no mesh of the model is refused.
+    // A mesh of another model is refused.
     let other = Mesh {
         points: rough
             .points
@@ -561,7 +561,7 @@ fn a_rounded_box_is_certified_at_sizes_above_its_radius() {
     check_rounded_box(0.9, 0.05);
 }
 
-/// The certificate holds at a size, and so much of the volume is missing at most.
+/// Checks that the certificate holds at a size, and bounds the missing volume.
 fn check_rounded_box(size: f64, least: f64) {
     use std::f64::consts::PI;
     let options = Options {
@@ -675,8 +675,8 @@ fn what_meets_itself_is_meshed_finer_there() {
     }
 }
 
-/// The end of a narrow cone that the lattice loses in between is a valid body of its own: that the
-/// cone is in two pieces is told, or mended. Two balls with a narrow gap are two.
+/// The end of a narrow cone that the lattice loses in between is a valid body of its own: a warning
+/// reports that the cone is in two pieces, or it is mended. Two balls with a narrow gap are two.
 #[test]
 fn what_hangs_together_is_not_in_pieces_without_a_word() {
     let cone = "m(x[3], a[1]) { array p[3], d[3]; p[1] = x[1]; p[2] = x[2]; p[3] = x[3];

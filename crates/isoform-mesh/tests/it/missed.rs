@@ -1,4 +1,4 @@
-//! What meshes pass by: features far smaller than their triangles.
+//! Features far smaller than the triangles of a mesh, which it misses.
 
 use isoform_field::Pieces;
 use isoform_field::hyperfun::{Mode, Model};

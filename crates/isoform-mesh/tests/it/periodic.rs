@@ -1,4 +1,4 @@
-//! Unit cells: opposite sides are one, and all else is as it is for any mesh.
+//! Unit cells: opposite sides match, and everything else holds as for any mesh.
 
 use crate::common::solid;
 use isoform_check::{Options as CheckOptions, certify};
@@ -40,7 +40,7 @@ fn cell(region: Aabb, size: f64) -> Options {
     }
 }
 
-/// Meshes a unit cell, whose certificate must hold and whose sides must be one.
+/// Meshes a unit cell; the certificate must hold and the sides must match.
 fn meshed(solid: &dyn Solid, options: &Options) -> Meshed {
     let made = isoform_mesh::mesh(solid, options, &Control::default()).expect("a mesh");
     check(&made, solid, options);
@@ -129,8 +129,7 @@ fn mid_nodes_are_one_too() {
     assert!(mids > 0 && pairs.sum::<usize>() > 3 * 200);
 }
 
-/// A ball around a corner of the box is eight pieces of eight functions, each of which is right at
-/// one corner alone.
+/// A ball around a corner of the box consists of eight functions, each valid at one corner only.
 #[test]
 fn a_ball_that_goes_over_all_sides() {
     for (at, radius) in [([0.0; 3], 0.31), ([0.02, 0.97, 0.4], 0.37)] {
@@ -143,8 +142,8 @@ fn a_ball_that_goes_over_all_sides() {
     }
 }
 
-/// A surface that leans over a side: faces whose corners all lie on it belong to the piece on
-/// their own side.
+/// A surface inclined to a side: faces whose corners all lie on the side belong to the piece on
+/// their own side of it.
 #[test]
 fn surfaces_that_lean_over_a_side() {
     let region = Aabb {
@@ -162,7 +161,7 @@ fn surfaces_that_lean_over_a_side() {
 }
 
 /// Boxes with edges in no simple ratio, far from the origin, of any unit; coarser than an eighth of
-/// the box there are eight cells all the same.
+/// the box eight cells remain.
 #[test]
 fn boxes_of_any_shape_place_and_unit() {
     for (scale, lo, edges, size) in [
@@ -204,7 +203,7 @@ fn along_one_axis_alone() {
     }
 }
 
-/// A matrix that fills the box, with balls that go over its sides: the volumes add up to the box.
+/// A matrix that fills the box, with balls across its sides: the volumes add up to the box.
 #[test]
 fn regions_go_over_the_sides() {
     let matrix =
@@ -283,8 +282,8 @@ fn what_does_not_repeat_is_refused() {
     assert_eq!(error(&solid(GYROID), &[], &boxless), MeshError::NoBox);
 }
 
-/// Surfaces that miss each other across a side, too little for the signs to tell: no certificate,
-/// and a warning of how far they are apart. The ball's circle in the side is shifted by 1e-4.
+/// Surfaces that miss each other across a side by less than the signs show: no certificate, and a
+/// warning with their distance. The ball's circle in the side is shifted by 1e-4.
 #[test]
 fn surfaces_that_miss_each_other_at_a_side_have_no_certificate() {
     let off = "m(x[3], a[1]) { array c[3]; c = [0, 0.5, 0.5]; t = hfSphere(x, c, 0.3);
@@ -309,7 +308,7 @@ fn surfaces_that_miss_each_other_at_a_side_have_no_certificate() {
 }
 
 /// Curves in which balls meet end in the sides, where each ball is one function below and another
-/// one above. This cell was cut without end.
+/// one above. Cutting of this cell once did not terminate.
 #[test]
 fn curves_of_balls_go_over_the_sides() {
     let region = Aabb {

@@ -1,4 +1,4 @@
-//! Regions of a solid: conforming, in their places, of their volumes, and certified.
+//! Regions of a solid: conforming, in place, with exact volumes, and certified.
 
 use isoform_check::{Options as CheckOptions, certify};
 use isoform_field::Pieces;
@@ -8,7 +8,7 @@ use isoform_mesh::{Control, MeshError, Meshed, Options, Region, RegionSolid, War
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
-/// The objects of a program as solids: the model, and those that the names say.
+/// Returns objects of a program as solids: the model, and those with the given names.
 fn solids(program: &str, names: &[&str]) -> Vec<Pieces> {
     let model = Model::parse(program, Mode::Default).expect("a program");
     let all = std::iter::once(None).chain(names.iter().copied().map(Some));
@@ -97,7 +97,7 @@ fn volumes(mesh: &Mesh) -> BTreeMap<&str, f64> {
     volumes
 }
 
-/// What the certificates of all regions say against them.
+/// Returns the failures in the certificates of all regions.
 fn failures(program: &str, names: &[&str], made: &Meshed) -> Vec<String> {
     let solids = solids(program, names);
     let regions = regions(&solids, names);
@@ -220,7 +220,7 @@ fn thin_plies_around_a_hole() {
     assert_eq!(failures(program, &names, &made), [""; 0]);
 }
 
-/// A wall of parts that go over into each other smoothly, and curved elements on it.
+/// A wall of parts that continue each other smoothly, with curved elements on it.
 #[test]
 fn a_capsule_of_second_order() {
     let program = format!(
@@ -268,8 +268,8 @@ fn regions_of_nothing_and_of_all() {
     assert_eq!(meshed(BLOCK, &[], &sized(0.5)).mesh.regions, ["solid"]);
 }
 
-/// A region of two balls, one of them far smaller than the size and where the lattice does not see
-/// it, or so small that no mesh of it is made: that is said.
+/// A region of two balls, one of them far smaller than the size and missed by the lattice, or too
+/// small to be meshed at all: a warning reports it.
 #[test]
 fn what_a_region_misses_is_made_or_said() {
     for (radius, is_made) in [(0.02, true), (0.002, false)] {
@@ -314,7 +314,7 @@ fn the_surface_alone_has_no_regions() {
     ));
 }
 
-/// A region of a solid is what it says it is, wherever it is asked.
+/// The function of a region agrees with its definition everywhere.
 #[test]
 fn the_solid_of_a_region() {
     let program = format!(
@@ -352,7 +352,7 @@ fn the_solid_of_a_region() {
     }
 }
 
-/// Blocks, half spaces and balls at random in a block: whatever meets whatever.
+/// Random blocks, half spaces and balls in a block, with arbitrary contacts.
 #[test]
 fn regions_at_random_are_certified() {
     let mut state = 7u64;
