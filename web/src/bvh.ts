@@ -1,8 +1,8 @@
-// A tree of boxes over triangles, for the first one that a ray meets.
+// Bounding volume hierarchy over triangles, for the first intersection of a ray.
 
 import { cross, dot, sub, type V3 } from "./vector";
 
-/** Triangles in a leaf at most. */
+/** Maximum number of triangles in a leaf. */
 const LEAF = 6;
 
 export interface Meeting {
@@ -13,10 +13,10 @@ export interface Meeting {
 }
 
 export class Bvh {
-  /** Six numbers for each node: its box. */
+  /** Box of each node, as six numbers. */
   private readonly boxes: number[] = [];
-  /** For each node: the number of its second child, or minus its first place among leaves; and how
-   *  many triangles it has. */
+  /** For each node: the index of its second child, or minus the index of its first triangle for a
+   *  leaf; and its number of triangles. */
   private readonly links: number[] = [];
   private readonly order: Uint32Array;
 
@@ -40,7 +40,7 @@ export class Bvh {
   }
 
   private build(middles: Float32Array): void {
-    // A range of triangles, and the node whose second child it is.
+    // Range of triangles, and the node whose second child they become.
     const tasks: [number, number, number][] = [[0, this.order.length, -1]];
     for (let task = tasks.pop(); task; task = tasks.pop()) {
       const [from, to, parent] = task;
@@ -58,7 +58,7 @@ export class Bvh {
       part.sort((i, j) => middles[3 * i + axis] - middles[3 * j + axis]);
       this.links.push(0, 0);
       const middle = (from + to) >> 1;
-      // The first child comes next in the list.
+      // The first child follows its parent in the list.
       tasks.push([middle, to, node], [from, middle, -1]);
     }
   }
@@ -77,7 +77,7 @@ export class Bvh {
     return b;
   }
 
-  /** The first triangle that a ray meets behind a distance, at a place that counts. */
+  /** Returns the first intersection beyond a distance at a point that `counts` accepts. */
   meet(o: V3, d: V3, from: number, counts: (p: V3) => boolean): Meeting | null {
     let best: Meeting | null = null;
     const pending = this.links.length ? [0] : [];
@@ -107,7 +107,8 @@ export class Bvh {
       const inverse = 1 / d[k];
       const p = (this.boxes[6 * node + k] - o[k]) * inverse;
       const q = (this.boxes[6 * node + 3 + k] - o[k]) * inverse;
-      // A ray in the plane of a side gives 0 * infinity, which decides nothing.
+      // A ray in the plane of a side gives 0 * infinity; such a comparison is false and has no
+      // effect.
       if (p < q || p > q) {
         from = Math.max(from, Math.min(p, q));
         to = Math.min(to, Math.max(p, q));

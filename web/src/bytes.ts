@@ -18,7 +18,7 @@ async function inflate(bytes: Uint8Array<ArrayBuffer>): Promise<Uint8Array<Array
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-/** The bytes of an array; the element gives its memory back. */
+/** Returns the bytes of an array and empties its element to free memory. */
 async function bytesOf(ref: BlobRef): Promise<ArrayBuffer> {
   const element = document.querySelector(`[data-isoform-blob="${ref.blob}"]`);
   const bytes = fromBase64(element?.textContent ?? "");
@@ -45,7 +45,7 @@ async function plain(ref: BlobRef): Promise<Float32Array | Uint16Array> {
     : new Float32Array(await bytesOf(ref));
 }
 
-/** Coordinates as they came, with what turns them into those of the file. */
+/** Coordinates as stored, with the transformation to coordinates of the file. */
 export interface Coordinates {
   array: Float32Array | Uint16Array;
   from: number[];
@@ -58,7 +58,7 @@ export async function coordinates(doc: Positions): Promise<Coordinates> {
   return { array: await plain(doc.array), from: doc.from, step: doc.step, lo: doc.lo, hi: doc.hi };
 }
 
-/** Coordinates in double precision. */
+/** Returns coordinates in double precision. */
 export function doubles(c: Coordinates): Float64Array {
   const out = new Float64Array(c.array.length);
   for (let i = 0; i < out.length; i += 3) {

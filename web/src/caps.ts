@@ -1,11 +1,11 @@
-// The cut of a mesh by a plane: polygons of tetrahedra, or what the outline of a closed surface
-// encloses.
+// Cut of a mesh by a plane: polygons of tetrahedra, or the areas enclosed by the outlines of a
+// closed surface.
 
 import { ShapeUtils, Vector2 } from "three";
 import type { Section } from "./layer";
 import { cross, dot, unit, type V3 } from "./vector";
 
-/** Triangles of a cap, three numbers for each corner, in coordinates of the file. */
+/** Triangles of a cap, three coordinates of the file for each corner. */
 export type Cap = number[];
 
 function heights(points: Float64Array, section: Section): Float64Array {
@@ -22,7 +22,7 @@ function crossing(points: Float64Array, h: Float64Array, i: number, j: number): 
   ) as V3;
 }
 
-/** The polygons in which the plane cuts tetrahedra. */
+/** Returns the polygons in which the plane cuts tetrahedra. */
 export function ofTetrahedra(points: Float64Array, tets: Uint32Array, section: Section): Cap {
   const h = heights(points, section);
   const cap: Cap = [];
@@ -48,11 +48,11 @@ export function ofTetrahedra(points: Float64Array, tets: Uint32Array, section: S
   return cap;
 }
 
-/** The edge between two nodes as a number. */
+/** Returns the key of the edge between two nodes. */
 const key = (i: number, j: number, n: number) => (i < j ? i * n + j : j * n + i);
 
-/** The closed outlines in which the plane cuts triangles; the places are chained by the edges of
- *  the mesh that they are on, not by their coordinates. */
+/** Returns the closed outlines in which the plane cuts triangles; points are joined by the mesh
+ *  edges on which they lie, not by their coordinates. */
 function outlines(points: Float64Array, triangles: Uint32Array, section: Section): V3[][] {
   const h = heights(points, section);
   const n = points.length / 3;
@@ -97,8 +97,8 @@ const isWithin = (p: Vector2, loop: Vector2[]): boolean => {
   return inside;
 };
 
-/** What the outlines of a closed surface enclose in the plane. Outlines within outlines are holes,
- *  outlines within holes are islands. */
+/** Returns the areas that the outlines of a closed surface enclose in the plane. Outlines inside
+ *  outlines are holes, outlines inside holes are islands. */
 export function ofSurface(points: Float64Array, triangles: Uint32Array, section: Section): Cap {
   const loops = outlines(points, triangles, section);
   const x = unit(cross(section.normal, Math.abs(section.normal[0]) < 0.7 ? [1, 0, 0] : [0, 1, 0]));

@@ -1,7 +1,7 @@
-// Colours: of parts, of deviations, of sequential values. All are told apart by people who see
-// fewer colours.
+// Colours of parts, of deviations and of sequential values; all palettes suit colour-blind readers.
 
-/** Okabe and Ito's colours, without black, lighter where they would be too dark on a dark page. */
+/** Okabe and Ito's palette without black, with lighter colours where the originals are too dark on
+ *  a dark page. */
 const PARTS: [number, number, number][] = [
   [86, 180, 233],
   [230, 159, 0],
@@ -13,7 +13,7 @@ const PARTS: [number, number, number][] = [
   [148, 148, 158],
 ];
 
-/** The colour of part number i: eight hues, then the same ones darker and lighter. */
+/** Returns the colour of part number i: eight hues, then darker ones, then lighter ones. */
 export function partColor(i: number): [number, number, number] {
   const color = PARTS[i % PARTS.length];
   const turn = Math.floor(i / PARTS.length) % 3;
@@ -23,7 +23,8 @@ export function partColor(i: number): [number, number, number] {
 }
 
 type Stops = [number, number, number][];
-/** Blue, through the light grey of the band, to red (after ColorBrewer's RdBu). */
+/** Colours from blue through the light grey of the neutral band to red (after ColorBrewer's RdBu).
+ */
 const DIVERGING: Stops = [
   [20, 80, 160],
   [67, 147, 195],
@@ -33,7 +34,7 @@ const DIVERGING: Stops = [
   [214, 96, 77],
   [165, 15, 30],
 ];
-/** Viridis at seven places. */
+/** Viridis at seven evenly spaced values. */
 const SEQUENTIAL: Stops = [
   [68, 1, 84],
   [70, 50, 126],
@@ -44,7 +45,7 @@ const SEQUENTIAL: Stops = [
   [253, 231, 37],
 ];
 
-/** The share of a diverging scale around zero that is neutral. */
+/** Fraction of a diverging scale on either side of zero that is neutral. */
 export const NEUTRAL = 0.1;
 
 function mixed(stops: Stops, at: number): [number, number, number] {
@@ -55,7 +56,7 @@ function mixed(stops: Stops, at: number): [number, number, number] {
   return [channel(0), channel(1), channel(2)];
 }
 
-/** The colour of a value between the ends of its scale; grey where it is not a number. */
+/** Returns the colour of a value between the ends of its scale; grey if it is not finite. */
 export function scaleColor(
   value: number,
   lower: number,
@@ -78,7 +79,7 @@ export const share = (c: ArrayLike<number>): [number, number, number] => [
   c[2] / 255,
 ];
 
-/** 1, 2 or 5 times a power of ten, at or above. */
+/** Returns the smallest 1, 2 or 5 times a power of ten that is not below v. */
 export function roundUp(v: number): number {
   if (!(v > 0 && Number.isFinite(v))) return 1;
   const power = 10 ** Math.floor(Math.log10(v));

@@ -1,11 +1,11 @@
-// Mouse, touch and keys move the camera; a click picks.
+// Camera control by mouse, touch and keys; a click picks a point.
 
 import type { View } from "./view";
 
-/** Radians for a pixel of a drag, and for a press of an arrow key. */
+/** Rotation in radians per pixel of a drag, and per press of an arrow key. */
 const PER_PIXEL = 0.007;
 const PER_KEY = 0.1;
-/** A press that moves less than this many pixels is a click. */
+/** Maximum movement of a press, in pixels, that counts as a click. */
 const CLICK = 4;
 
 export function control(
@@ -35,7 +35,7 @@ export function control(
     moved += Math.abs(dx) + Math.abs(dy);
     const other = [...pointers].find(([id]) => id !== e.pointerId)?.[1];
     if (other) {
-      // Half of the move of one finger pans, the change of the gap zooms.
+      // Half of the movement of one finger pans, the change of the gap zooms.
       view.pan(dx / 2, dy / 2);
       const gap = (p: [number, number]) => Math.hypot(p[0] - other[0], p[1] - other[1]) || 1;
       view.zoom(gap(old) / gap(now), [(now[0] + other[0]) / 2, (now[1] + other[1]) / 2]);
@@ -53,7 +53,7 @@ export function control(
   pane.addEventListener(
     "wheel",
     (e) => {
-      // Within another page the wheel scrolls that page, until the pane is chosen.
+      // In an embedded view the wheel scrolls the surrounding page until the pane has the focus.
       const isChosen = document.activeElement === pane || e.ctrlKey;
       if (pane.closest("[data-isoform-view=embedded]") && !isChosen) return;
       e.preventDefault();

@@ -1,4 +1,4 @@
-// Elements. Texts of files go in as text nodes in <bdi>, never as HTML.
+// Elements of the page. Texts of files are inserted as text nodes in <bdi>, never as HTML.
 
 type Child = Node | string;
 type Attributes = Record<string, string | boolean | ((e: Event) => void)>;
@@ -18,10 +18,10 @@ export function h<K extends keyof HTMLElementTagNameMap>(
   return element;
 }
 
-/** A text from a file, which may run in any direction. */
+/** Returns an element with a text from a file, which may run in any direction. */
 export const foreign = (text: string): HTMLElement => h("bdi", {}, text);
 
-/** A number with as many digits as are worth reading. */
+/** Formats a number with few significant digits. */
 export function brief(v: number): string {
   if (!Number.isFinite(v)) return String(v);
   const text =
@@ -31,8 +31,8 @@ export function brief(v: number): string {
   return text.replaceAll("-", "\u2212");
 }
 export const place = (p: ArrayLike<number>): string => Array.from(p).map(brief).join(", ");
-/** A place in a scene of some size: far from the origin as many digits as near it, a hundred
- *  thousandth of the size. */
+/** Formats a point with decimals down to a hundred-thousandth of the scene's size, independent of
+ *  its distance from the origin. */
 export function placeWithin(p: ArrayLike<number>, size: number): string {
   const decimals = Math.max(0, Math.ceil(5 - Math.log10(size)));
   const far = (v: number): boolean => Math.abs(v) > 10 * size && decimals <= 20;

@@ -1,14 +1,14 @@
-// The pane of parameters: the whole projective plane as a square on its corner, whose opposite
-// sides are one line, that at infinity; or its affine part about the origin.
+// Pane of the parameter plane: the whole projective plane as a square standing on its corner, whose
+// opposite sides are identified as the line at infinity; or its affine part around the origin.
 
 import { css } from "./colors";
 import type { Hit } from "./layer";
 import type { V3 } from "./vector";
 import { CHARTS, type MapLayer, QUADRANTS } from "./map";
 
-/** Share of half the pane that the square takes. */
+/** Size of the square, as a fraction of half the pane. */
 const ROOM = 0.94;
-/** Half the width of the affine window, as it comes. */
+/** Initial half width of the affine window. */
 const WINDOW = 3;
 
 export class Domain {
@@ -41,7 +41,7 @@ export class Domain {
     );
   }
 
-  /** From the whole plane to its affine part and back. */
+  /** Switches between the whole plane and its affine part. */
   setAffine(isAffine: boolean): void {
     this.isAffine = isAffine;
     this.window = WINDOW;
@@ -52,7 +52,7 @@ export class Domain {
     return [this.pane.clientWidth / 2, this.pane.clientHeight / 2];
   }
 
-  /** The place in the pane of (s : t : w), whose last number is not negative. */
+  /** Returns the pane coordinates of (s : t : w) with w ≥ 0. */
   private place(h: ArrayLike<number>): [number, number] {
     const [x, y] = this.half;
     if (this.isAffine) {
@@ -63,20 +63,20 @@ export class Domain {
     return [x + (ROOM * x * h[0]) / sum, y - (ROOM * y * h[1]) / sum];
   }
 
-  /** Where a parameter is in the pane. */
+  /** Returns the pane coordinates of a parameter point. */
   project([s, t]: [number, number]): [number, number] {
     const [chart, u, v] = this.map.chartOf([s, t]);
     const [a, b] = QUADRANTS[chart];
     return this.place([a * u, b * v, 1 - u - v]);
   }
 
-  /** Where parameters (s : t : w) are in the pane. */
+  /** Returns the pane coordinates of homogeneous parameters (s : t : w). */
   projectHomogeneous([s, t, w]: V3): [number, number] {
     const q = Math.abs(w) < 1e-9 ? 0 : 1 / w;
     return q ? this.project([s * q, t * q]) : this.place([s, t, 0]);
   }
 
-  /** What is at a place of the pane. */
+  /** Returns the object at a point of the pane. */
   pick(px: number, py: number): Hit | null {
     const [x, y] = this.half;
     let [s, t, w] = [0, 0, 1];
@@ -145,7 +145,7 @@ export class Domain {
     c.restore();
   }
 
-  /** The corners of a triangle in the pane. */
+  /** Returns the pane coordinates of a corner of a triangle. */
   private corner(triangle: number, k: number): [number, number] {
     const [a, b] = QUADRANTS[this.map.charts[triangle]];
     const u = this.map.corners[6 * triangle + 2 * k];
@@ -172,8 +172,8 @@ export class Domain {
     }
   }
 
-  /** Edges of one triangle, where the drawn surface ends, and of more than two, where sheets
-   *  meet. */
+  /** Draws the edges of only one triangle, where the drawn surface ends, and those of more than
+   *  two, where sheets meet. */
   private edges(c: CanvasRenderingContext2D, ink: string): void {
     const { triangles } = this.map;
     const uses = new Map<number, number>();

@@ -1,10 +1,11 @@
-// Where a line of sight meets the surface of a face, near a triangle that stands for it.
+// Intersection of a line of sight with the exact surface of a face, near a triangle that
+// approximates it.
 
 import type { SurfaceDoc } from "./scene";
 import { along, cross, dot, sub, type V3 } from "./vector";
 
-/** How far from a surface a point is, in coordinates of its frame; signed, and near it exact to
- *  first order. */
+/** Signed distance of a point from a surface, in coordinates of the surface's frame; correct to
+ *  first order near the surface. */
 const AWAY: Record<SurfaceDoc["kind"], (p: V3, m: number[]) => number> = {
   plane: ([, , z]) => z,
   cylinder: ([x, y], [radius]) => Math.hypot(x, y) - radius,
@@ -15,11 +16,11 @@ const AWAY: Record<SurfaceDoc["kind"], (p: V3, m: number[]) => number> = {
   ellipsoid: ([x, y, z], [a, b, c]) => (Math.hypot(x / a, y / b, z / c) - 1) * Math.min(a, b, c),
 };
 
-/** Steps of the secant method: it doubles the digits in two of them. */
+/** Maximum number of secant steps; two steps double the number of correct digits. */
 const STEPS = 20;
 
-/** The distance along a ray at which it meets the surface, at most `reach` from `near`; none where
- *  it does not. */
+/** Returns the distance along a ray at which it meets the surface, at most `reach` away from
+ *  `near`; null if it does not. */
 export function meetSurface(
   surface: SurfaceDoc,
   o: V3,

@@ -1,13 +1,15 @@
-// A tape as GLSL: a function of the point p that gives the solid's value and the part that decides.
+// Translation of a tape to GLSL: a function of the point p that returns the value of the solid and
+// the part that determines it.
 
 import type { Step, Tape } from "./tape";
 
-/** What a slot is as a function of the coordinates. */
+/** Kinds of slots as functions of the coordinates. */
 const CONSTANT = 0;
 const AFFINE = 1;
 const OTHER = 2;
 
-/** Uniforms, in numbers, that a shader may have for one solid; any device has 224 vectors. */
+/** Maximum number of uniform components of the shader of one solid; every device has at least 224
+ *  vectors of four. */
 const MOST_UNIFORMS = 4 * 160;
 
 function kind(op: string, args: number[]): number {
@@ -20,7 +22,7 @@ function kind(op: string, args: number[]): number {
   return isLinear ? AFFINE : OTHER;
 }
 
-/** Which slots do not depend on the coordinates, or by an affine function. */
+/** Determines which slots are constant and which are affine functions of the coordinates. */
 function kinds(tape: Tape): Uint8Array {
   const all = new Uint8Array(tape.slots);
   all.fill(AFFINE, tape.firstX, tape.firstParameter);
@@ -36,7 +38,7 @@ function kinds(tape: Tape): Uint8Array {
 function literal(value: number): string {
   if (Number.isNaN(value)) return "0.0";
   const bounded = Math.max(-3e38, Math.min(3e38, value));
-  // Less than the least normal number is a literal that some compilers refuse.
+  // Some compilers reject literals below the smallest normal number.
   const text = Math.abs(bounded) < 1e-37 ? "0.0" : bounded.toExponential(8);
   return bounded < 0 ? `(${text})` : text;
 }
@@ -87,7 +89,7 @@ function power(a: string, n: number): string {
   return n < 0 ? `1.0 / (${signed})` : signed;
 }
 
-/** Functions with an iteration inside, for all solids of a shader. */
+/** Functions with inner iterations, shared by all solids of a shader. */
 export const NATIVE = `
 float ellipsoid(vec3 u, vec3 s) {
   u = abs(u); s = abs(s);
@@ -102,15 +104,16 @@ float ellipsoid(vec3 u, vec3 s) {
 }
 `;
 
-/** The value of a solid at a point in GLSL, for a tape whose results are its parts, joined by
- *  `tree`.
+/** Function in GLSL that returns the value of a solid at a point, for a tape whose results are its
+ *  parts, joined by `tree`.
  *
- *  Points come relative to a place near the solid, and numbers in single precision: far from the
- *  origin, x - c of a centre c would lose what the surface is made of. So of affine functions of
- *  the coordinates the shader computes the linear part alone; their values at the place, computed
- *  in double precision outside, are added where the functions are used otherwise. */
+ *  Points are given relative to a reference point near the solid, and numbers in single precision:
+ *  far from the origin, x - c for a centre c would lose the significant digits. Therefore the
+ *  shader computes only the linear part of affine functions of the coordinates; their values at the
+ *  reference point are computed in double precision outside and added where other steps use the
+ *  functions. */
 export class SolidShader {
-  /** The slots whose values, at the place that points are relative to, are the uniforms. */
+  /** Slots whose values at the reference point are the uniforms. */
   readonly slots: number[];
   private readonly kinds: Uint8Array;
 
@@ -121,19 +124,20 @@ export class SolidShader {
     this.kinds = kinds(tape);
     this.slots = this.uniforms();
     if (this.slots.length <= MOST_UNIFORMS) return;
-    // Too many: the coordinates alone are moved.
+    // With too many uniforms, only the coordinates are shifted.
     this.kinds.forEach((kind, slot) => {
       if (kind === AFFINE && slot >= tape.firstStep) this.kinds[slot] = OTHER;
     });
     this.slots = this.uniforms();
   }
 
-  /** Vectors of four that the uniforms take; at least one, as GLSL has no empty arrays. */
+  /** Returns the number of four-component vectors that hold the uniforms; at least one, as GLSL has
+   *  no empty arrays. */
   get vectors(): number {
     return Math.max(1, Math.ceil(this.slots.length / 4));
   }
 
-  /** Slots that are used by value: free ones, and affine ones. */
+  /** Returns the slots that are used by value: constant and affine ones. */
   private uniforms(): number[] {
     const { tape } = this;
     const used = new Set<number>();
@@ -143,7 +147,7 @@ export class SolidShader {
     tape.steps.forEach((step, k) => {
       const own = this.kinds[tape.firstStep + k];
       if (own === OTHER) step.args.forEach(use);
-      // The factor of a linear part.
+      // Factor of a linear part.
       else if (own === AFFINE && (step.op === "mul" || step.op === "div"))
         step.args.filter((a) => this.kinds[a] === CONSTANT).forEach(use);
     });
@@ -151,7 +155,7 @@ export class SolidShader {
     return [...used].sort((a, b) => a - b);
   }
 
-  /** The function of this name, whose uniforms are in an array. */
+  /** Returns the text of the function, with uniforms in an array. */
   text(name: string, uniforms: string): string {
     const value = this.values(uniforms);
     const lines: string[] = [];
@@ -170,14 +174,14 @@ return f${root};
 `;
   }
 
-  /** The linear part of a slot; none where it is constant. */
+  /** Returns the linear part of a slot; null if the slot is constant. */
   private part(slot: number): string | null {
     const { firstX, firstParameter } = this.tape;
     if (this.kinds[slot] === CONSTANT) return null;
     return slot < firstParameter ? `p.${"xyz"[slot - firstX]}` : `l${slot}`;
   }
 
-  /** What a slot is called where its value is used. */
+  /** Returns the expressions by which the values of slots are read. */
   private values(uniforms: string): (slot: number) => string {
     const places = new Map(this.slots.map((slot, at) => [slot, at]));
     return (slot) => {
@@ -190,7 +194,7 @@ return f${root};
     };
   }
 
-  /** The linear part of an affine step. */
+  /** Returns the linear part of an affine step. */
   private linear(step: Step, value: (slot: number) => string): string {
     const [a, b] = step.args.map((slot) => this.part(slot));
     switch (step.op) {
@@ -207,7 +211,7 @@ return f${root};
     }
   }
 
-  /** Adds lines that join the parts; the number of the root. */
+  /** Appends lines that join the parts; returns the number of the root. */
   private joined(lines: string[], value: (slot: number) => string): number {
     const stack: number[] = [];
     this.tree.forEach((step, joins) => {
@@ -228,7 +232,7 @@ return f${root};
   }
 }
 
-/** A step as an expression. */
+/** Returns a step as an expression. */
 function written(step: Step, value: (slot: number) => string): string {
   const args = step.args.map(value);
   if (step.op === "ellipsoid")

@@ -1,12 +1,12 @@
-// Ranges of a tape's slots over a box. They are rounded to nearest: what is a hair too narrow only
-// leaves out what is a hair from the surface, and a cell is some hundred pixels from that.
+// Ranges of a tape's slots over a box, rounded to nearest: a range that is too narrow by a rounding
+// error only omits surface that leaves a cell by that error, far below a pixel.
 
 import type { Step, Tape } from "./tape";
 
 export class Ranges {
   readonly lo: Float64Array;
   readonly hi: Float64Array;
-  /** A function for each step: it is chosen once, as there are many boxes. */
+  /** Function of each step, selected once because there are many boxes. */
   private readonly steps: Range[];
   constructor(readonly tape: Tape) {
     this.lo = new Float64Array(tape.slots);
@@ -17,7 +17,7 @@ export class Ranges {
     this.steps = tape.steps.map((step, k) => rangeOf(step, tape.firstStep + k));
   }
 
-  /** Sets the parameters; what depends on them alone is computed here. */
+  /** Sets the parameters and computes the slots that depend on them only. */
   set(values: ArrayLike<number>): void {
     for (let i = 0; i < this.tape.parameters; i++) {
       const slot = this.tape.firstParameter + i;
@@ -41,7 +41,7 @@ export class Ranges {
     for (let k = from; k < to; k++) {
       const slot = first + k;
       steps[k](lo, hi);
-      // What is not a number may be anything.
+      // The range of an undefined value is unbounded.
       if (!(lo[slot] <= hi[slot])) {
         lo[slot] = -Infinity;
         hi[slot] = Infinity;
@@ -52,7 +52,7 @@ export class Ranges {
 
 type Row = Float64Array;
 
-/** A function that rises. */
+/** Increasing functions. */
 const RISING: Record<string, (u: number) => number> = {
   sqrt: (u) => Math.sqrt(Math.max(u, 0)),
   exp: Math.exp,
@@ -69,7 +69,7 @@ const RISING: Record<string, (u: number) => number> = {
 
 type Range = (lo: Row, hi: Row) => void;
 
-/** The range of a step, into slot `out`. */
+/** Returns the function that computes the range of a step into slot `out`. */
 function rangeOf({ op, args: [a, b, c], n }: Step, out: number): Range {
   const rising = RISING[op];
   if (rising) return (lo, hi) => set(lo, hi, out, rising(lo[a]), rising(hi[a]));
@@ -124,7 +124,7 @@ function rangeOf({ op, args: [a, b, c], n }: Step, out: number): Range {
   }
 }
 
-/** A tangent rises between two poles, and takes all values across one. */
+/** Computes the range of a tangent: it increases between two poles and is unbounded across one. */
 function tangent(lo: Row, hi: Row, out: number, a: number): void {
   const branch = (u: number) => Math.floor(u / Math.PI + 0.5);
   const one = branch(lo[a]) === branch(hi[a]);
@@ -136,7 +136,7 @@ function set(lo: Row, hi: Row, out: number, l: number, h: number): void {
   hi[out] = h;
 }
 
-/** An R-function: it rises in both arguments. */
+/** Returns the range of an R-function, which increases in both arguments. */
 function joined(out: number, a: number, b: number, sign: number): Range {
   const f = (u: number, v: number) => u + v + sign * Math.sqrt(u * u + v * v);
   return (lo, hi) => set(lo, hi, out, f(lo[a], lo[b]), f(hi[a], hi[b]));
@@ -153,14 +153,14 @@ function select(lo: Row, hi: Row, out: number, a: number, b: number, c: number):
   else set(lo, hi, out, Math.min(lo[b], lo[c]), Math.max(hi[b], hi[c]));
 }
 
-/** A power of what is positive, with one exponent. */
+/** Computes the range of a power with positive base and constant exponent. */
 function power(lo: Row, hi: Row, out: number, a: number, b: number): void {
   if (!(lo[a] >= 0) || lo[b] !== hi[b]) return set(lo, hi, out, -Infinity, Infinity);
   const [p, q] = [lo[a] ** lo[b], hi[a] ** lo[b]];
   set(lo, hi, out, Math.min(p, q), Math.max(p, q));
 }
 
-/** A function that falls up to 0 and rises from there, alike on both sides. */
+/** Computes the range of an even function that increases from 0 on. */
 function even(lo: Row, hi: Row, out: number, a: number, f: (u: number) => number): void {
   const [p, q] = [f(lo[a]), f(hi[a])];
   const least = lo[a] <= 0 && hi[a] >= 0 ? f(0) : Math.min(p, q);
@@ -176,7 +176,7 @@ function integerPower(lo: Row, hi: Row, out: number, a: number, n: number): void
   }
 }
 
-/** The cosine. */
+/** Computes the range of the cosine. */
 function wave(lo: Row, hi: Row, out: number, from: number, to: number): void {
   const turn = 2 * Math.PI;
   const holds = (at: number) => Math.ceil((from - at) / turn) * turn + at <= to;

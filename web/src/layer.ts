@@ -1,30 +1,31 @@
-// What all layers share: their state, their colours, and what is asked of them.
+// Interface of all layers: state, colours and operations.
 
 import type { Object3D } from "three";
 import type { Box, V3 } from "./vector";
 
-/** A plane that cuts away what is beyond it, in coordinates of the file. */
+/** Section plane in coordinates of the file; what lies beyond it is hidden. */
 export interface Section {
   normal: V3;
   offset: number;
 }
 
-/** A pixel's line of sight, in coordinates of the file. */
+/** Line of sight of a pixel, in coordinates of the file. */
 export interface Ray {
   o: V3;
   d: V3;
-  /** The least distance that is seen. */
+  /** Smallest visible distance. */
   from: number;
   section: Section | null;
-  /** The pixel of the pane and the depth of a point; depth is that along d of the pane's middle. */
+  /** Returns the pixel and the depth of a point; depth is measured along the central line of sight.
+   */
   project(p: ArrayLike<number>): [number, number, number];
-  /** The pixel itself. */
+  /** Pixel of the line of sight. */
   pixel: [number, number];
 }
 
-/** What is seen at a pixel. */
+/** Visible point at a pixel. */
 export interface Hit {
-  /** Along the ray. */
+  /** Distance along the ray. */
   t: number;
   point: V3;
   part?: string;
@@ -45,7 +46,7 @@ export const COLOR_MODES = [
 ] as const;
 export type ColorMode = (typeof COLOR_MODES)[number];
 
-/** What the colours of a layer mean, for the bar beside them. */
+/** Meaning of a layer's colours, for its scale bar. */
 export interface Scale {
   title: string;
   lower: number;
@@ -53,28 +54,28 @@ export interface Scale {
   isDiverging: boolean;
   n: number;
   rms: number;
-  /** The largest value, or (isLeast) the least. */
+  /** Largest value; smallest value with isLeast. */
   max: number;
   isLeast?: boolean;
   left?: number;
 }
 
-/** A further choice of a layer: a switch (0 or 1), or a slider from 0 to 1. */
+/** Additional option of a layer: a switch (0 or 1), or a slider from 0 to 1. */
 export interface Extra {
-  /** Its key in the address of a page. */
+  /** Key of the option in the address of a page. */
   key: "edges" | "inside" | "quality" | "open" | "nets" | "lines";
   name: string;
   isSlider: boolean;
   value: number;
 }
 
-/** The value of a further choice; 0 where a layer does not have it. */
+/** Returns the value of an option; 0 if the layer does not have it. */
 export function chosen(extras: Extra[], key: Extra["key"]): number {
   return extras.find((extra) => extra.key === key)?.value ?? 0;
 }
 
 export interface Layer {
-  /** Further choices; may be missing. What they change is drawn by update. */
+  /** Additional options; undefined if there are none. `update` draws their effect. */
   readonly extras?: Extra[];
   readonly id: string;
   readonly name: string;
@@ -83,24 +84,24 @@ export interface Layer {
   visible: boolean;
   opacity: number;
   colorBy: ColorMode;
-  /** Colours that it has. */
+  /** Available colourings. */
   readonly modes: ColorMode[];
-  /** Whether its edges have one sample a pixel. */
+  /** True if edges have one sample per pixel. */
   readonly isSampled?: boolean;
-  /** What its signs mean; may be missing. */
+  /** Explanation of the signs; undefined if there is none. */
   readonly note?: string;
-  /** What is drawn, in coordinates of the scene. */
+  /** Displayed object, in coordinates of the scene. */
   readonly object: Object3D;
-  /** The names of its parts with their colours, while it is coloured so. */
+  /** Returns the names and colours of the parts while the layer is coloured by part. */
   legend(): [string, string][];
   scale(): Scale | null;
   bounds(): Box | null;
-  /** Brings what is drawn up to date with visible, opacity, colorBy and the plane. */
+  /** Updates the displayed object for visible, opacity, colorBy and the section plane. */
   update(section: Section | null, look: Look): void;
   pick(ray: Ray): Hit | null;
 }
 
-/** What the theme and the camera say of drawing. */
+/** Settings of theme and camera that affect drawing. */
 export interface Look {
   isDark: boolean;
   pixelRatio: number;

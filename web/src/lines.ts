@@ -1,4 +1,4 @@
-// Curves in space: pairs of points, about the origin of their layer.
+// Curves in space: pairs of points, relative to the origin of their layer.
 
 import {
   BufferAttribute,
@@ -44,7 +44,7 @@ void main() {
 
 export type Lines = LineSegments<BufferGeometry, ShaderMaterial>;
 
-/** Segments between pairs of points; dashes of a length where that is not 0. */
+/** Creates segments between pairs of points, dashed with the given length if that is not 0. */
 export function segments(pairs: Float32Array, color: [number, number, number], dash = 0): Lines {
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(pairs, 3));
@@ -74,7 +74,7 @@ export function segments(pairs: Float32Array, color: [number, number, number], d
   return lines;
 }
 
-/** Shows segments up to a plane, in coordinates of the layer. */
+/** Shows segments up to a plane given in coordinates of the layer. */
 export function showLines(lines: Lines, isVisible: boolean, plane: Vector4): void {
   lines.visible = isVisible;
   lines.material.uniforms.plane.value = plane;

@@ -1,4 +1,4 @@
-// Where the page begins: layers from the document, panes, panel, and window.isoform.
+// Start of the page: layers from the document, panes, panel, and window.isoform.
 
 import { Vector3 } from "three";
 import { control } from "./controls";
@@ -17,7 +17,7 @@ import { around, center, sub, type V3 } from "./vector";
 import { View, type Camera } from "./view";
 import { Viewer } from "./viewer";
 
-/** The box that a layer's document tells, in coordinates of the file. */
+/** Returns the box of a layer's document, in coordinates of the file. */
 function boxOf(doc: LayerDoc): { lo: V3; hi: V3 } {
   if (doc.kind === "model" && "tape" in doc) {
     const moved = (p: Vec3) => p.map((v, k) => v + doc.origin[k]) as V3;
@@ -28,8 +28,9 @@ function boxOf(doc: LayerDoc): { lo: V3; hi: V3 } {
   return { lo: positions.lo, hi: positions.hi };
 }
 
-/** A layer. Its coordinates are about the middle of its own box: single precision, in which they
- *  are drawn, does for what is small and far away, and for layers far from one another. */
+/** Creates a layer. Its coordinates are relative to the centre of its own box: in single precision,
+ *  in which they are drawn, this keeps small layers accurate that are far from the origin or from
+ *  one another. */
 async function layerOf(doc: LayerDoc, id: string, origin: V3): Promise<Layer> {
   if (doc.kind === "model" && "tape" in doc) return new ModelLayer(id, doc as ModelDoc, origin);
   const own = center(boxOf(doc));
@@ -51,7 +52,7 @@ async function arraysOf(doc: LayerDoc, id: string, origin: V3): Promise<Layer> {
   }
 }
 
-/** Shows what keeps the page from its work, in words. */
+/** Shows the error that prevents the page from working. */
 function refuse(root: Element, error: unknown): never {
   const message = error instanceof Error ? error.message : String(error);
   root.append(
@@ -114,7 +115,7 @@ async function start(root: HTMLElement): Promise<Viewer> {
   return viewer;
 }
 
-/** The pane of parameters beside space. */
+/** Adds the pane of parameters next to the pane of space. */
 function addDomain(viewer: Viewer, panes: HTMLElement): void {
   const pane = h("div", {
     "data-pane": "domain",
@@ -135,7 +136,7 @@ function addDomain(viewer: Viewer, panes: HTMLElement): void {
   pane.append(toggle);
 }
 
-/** Keys of the pane of space. */
+/** Handles keys of the pane of space. */
 function act(viewer: Viewer, panel: Panel, key: string): void {
   const { view } = viewer;
   const standard = STANDARD[Number(key) - 1];
@@ -145,8 +146,8 @@ function act(viewer: Viewer, panel: Panel, key: string): void {
   panel.refresh();
 }
 
-/** The page's interface: what programs may ask of it. Each verb resolves when its change is
- *  drawn. The list of layers is there at once when the page is ready. */
+/** Creates the programming interface of the page. Each method resolves when its change is drawn.
+ *  The list of layers is available when the page is ready. */
 function isoform(ready: Promise<Viewer>): Record<string, unknown> {
   let viewer: Viewer | undefined;
   const isReady = ready.then((v) => {

@@ -1,5 +1,4 @@
-// Rational maps: triangles in space and in the plane of parameters, with the map itself between
-// them.
+// Rational maps: triangles in space and in the parameter plane, and the map itself between them.
 
 import { Group } from "three";
 import * as bytes from "./bytes";
@@ -12,14 +11,14 @@ import { planeOf } from "./shaders";
 import { Surface } from "./triangles";
 import { type Box, along, cross, dot, scale, sub, unit, type V3 } from "./vector";
 
-/** The signs of s and t in the four unit triangles of the plane. */
+/** Signs of s and t in the four unit triangles of the parameter plane. */
 export const QUADRANTS = [
   [1, 1],
   [-1, 1],
   [-1, -1],
   [1, -1],
 ];
-/** The colours of the four triangles, as in the plane of parameters. */
+/** Colours of the four triangles, equal to those of the parameter pane. */
 export const CHARTS: [number, number, number][] = [
   [150, 190, 225],
   [238, 190, 130],
@@ -27,11 +26,11 @@ export const CHARTS: [number, number, number][] = [
   [205, 165, 205],
 ];
 
-/** How far from a pixel the double curve may be, in pixels. */
+/** Maximum distance of the double curve from a picked pixel, in pixels. */
 const REACH = 9;
-/** Steps of Newton's method. */
+/** Maximum number of Newton steps. */
 const STEPS = 12;
-/** The sine of the angle between parameters (s : t : w) above which they are two. */
+/** Sine of the angle between parameters (s : t : w) above which they are distinct. */
 const APART = 1e-4;
 
 export class MapLayer implements Layer {
@@ -52,7 +51,7 @@ export class MapLayer implements Layer {
     points: Float64Array,
     triangles: Uint32Array,
     readonly charts: Uint8Array,
-    /** u and v of the three corners of each triangle. */
+    /** Parameters u and v of the three corners of each triangle. */
     readonly corners: Float32Array,
     private readonly origin: V3,
   ) {
@@ -102,7 +101,7 @@ export class MapLayer implements Layer {
     this.object.add(lines);
   }
 
-  /** The homogeneous parameters (s : t : w) of a place in a unit triangle. */
+  /** Returns the homogeneous parameters (s : t : w) of a point of a unit triangle. */
   homogeneous(chart: number, u: number, v: number): V3 {
     const [s, t] = QUADRANTS[chart];
     const h: V3 = [s * u, t * v, 1 - u - v];
@@ -115,7 +114,7 @@ export class MapLayer implements Layer {
     return [s / w, t / w];
   }
 
-  /** The four forms at (s : t : w) with their derivatives by the three. */
+  /** Evaluates the four forms at (s : t : w), with their three derivatives. */
   private forms([s, t, w]: V3): number[][] {
     const d = this.doc.degree;
     return this.doc.forms.map((terms) => {
@@ -132,10 +131,10 @@ export class MapLayer implements Layer {
     });
   }
 
-  /** The place in space of parameters in a unit triangle, with the slopes along u and v. */
+  /** Returns the point with given parameters of a unit triangle, and its derivatives by u and v. */
   at(chart: number, u: number, v: number): Tangents {
     const forms = this.forms(this.homogeneous(chart, u, v));
-    // The way to (s : t : w) is linear in u and v.
+    // (s : t : w) is linear in u and v.
     const base = this.homogeneous(chart, 0, 0);
     const alongU = sub(this.homogeneous(chart, 1, 0), base);
     const alongV = sub(this.homogeneous(chart, 0, 1), base);
@@ -147,7 +146,7 @@ export class MapLayer implements Layer {
     );
   }
 
-  /** A vector across the surface; zero where there is none. */
+  /** Returns a normal of the surface; zero if it has none. */
   private slope(chart: number, u: number, v: number): V3 {
     const there = this.at(chart, u, v);
     const n = cross(there.u, there.v);
@@ -155,7 +154,7 @@ export class MapLayer implements Layer {
     return size > 0 && Number.isFinite(size) ? [n[0] / size, n[1] / size, n[2] / size] : [0, 0, 0];
   }
 
-  /** Whether a place is in the box in which the surface is drawn. */
+  /** Returns true if a point lies in the box in which the surface is drawn. */
   isInBox(p: V3): boolean {
     return p.every((v) => Math.abs(v) <= this.doc.halfWidth * (1 + 1e-9));
   }
@@ -223,7 +222,8 @@ export class MapLayer implements Layer {
     return { t: found.t, point: isUsable ? point : flat, parameter: this.parameter(chart, ...at) };
   }
 
-  /** The place of a parameter, for a pick in their plane; none outside of the box. */
+  /** Returns the point of a parameter that is picked in the parameter plane; null outside of the
+   *  box. */
   hit(chart: number, u: number, v: number): Hit | null {
     const { point } = this.at(chart, u, v);
     const parameter = this.parameter(chart, u, v);
@@ -232,7 +232,7 @@ export class MapLayer implements Layer {
     return { t: 0, point, parameter };
   }
 
-  /** The vertex of the double curve that is nearest to a pixel; none where all are far from it. */
+  /** Returns the vertex of the double curve nearest to a pixel; null if all are too far away. */
   nearDouble(ray: Ray): V3 | null {
     let [best, least]: [V3 | null, number] = [null, REACH];
     for (const p of this.doc.double.flat()) {
@@ -243,8 +243,8 @@ export class MapLayer implements Layer {
     return best;
   }
 
-  /** All parameters (s : t : w) that lead to a point of the surface, of length 1 and w not
-   *  negative: Newton's method from each triangle near it. */
+  /** Returns all parameters (s : t : w), of length 1 and with w ≥ 0, of a point of the surface:
+   *  Newton's method from each triangle near it. */
   preimages(p: V3): V3[] {
     const size = this.doc.halfWidth;
     const { points, triangles } = this.surface;
@@ -266,7 +266,8 @@ export class MapLayer implements Layer {
     return found;
   }
 
-  /** The parameters of a point, from a place near them; none where they are not found. */
+  /** Returns the parameters of a point, by Newton's method from parameters nearby; null if it does
+   *  not converge. */
   private foot(chart: number, u: number, v: number, p: V3): V3 | null {
     for (let k = 0; k < STEPS; k++) {
       const there = this.at(chart, u, v);
@@ -284,7 +285,7 @@ export class MapLayer implements Layer {
     return null;
   }
 
-  /** The unit triangle of parameters, and u and v there. */
+  /** Returns the unit triangle that contains a parameter point, with u and v there. */
   chartOf([s, t]: [number, number]): [number, number, number] {
     let h: V3 = [s, t, 1];
     const { frame } = this.doc;

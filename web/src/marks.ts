@@ -1,5 +1,5 @@
-// Marks over the panes: rings where something is picked. They are elements, so that a pick does not
-// draw the scene anew.
+// Marks over the panes: rings at picked points. They are elements, so that a pick does not redraw
+// the scene.
 
 import { h } from "./dom";
 import type { Viewer } from "./viewer";

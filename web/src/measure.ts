@@ -1,8 +1,9 @@
-// What three places tell.
+// Measures of three points.
 
 import { cross, dot, norm, sub, unit, type V3 } from "./vector";
 
-/** The angle at the second place in degrees, and the radius of the circle through all three. */
+/** Returns the angle at the second point in degrees, and the radius of the circle through all
+ *  three. */
 export function angleAndRadius([a, b, c]: [V3, V3, V3]): { angle: number; radius: number } {
   const [u, v, w] = [sub(a, b), sub(c, b), sub(a, c)];
   const cosine = Math.max(-1, Math.min(1, dot(unit(u), unit(v))));

@@ -25,14 +25,14 @@ import { type Box, along, cross, diagonal, dot, norm, sub, type V3 } from "./vec
 const PLAIN: [number, number, number] = [158, 170, 164];
 const CAP: [number, number, number] = [224, 164, 88];
 
-/** The quality of a triangle: 1 where it is equilateral, 0 where it has no area. */
+/** Returns the quality of a triangle: 1 if it is equilateral, 0 if it has no area. */
 function quality(a: ArrayLike<number>, b: ArrayLike<number>, c: ArrayLike<number>): number {
   const [u, v, w] = [sub(b, a), sub(c, b), sub(a, c)];
   return (2 * Math.sqrt(3) * norm(cross(u, v))) / (dot(u, u) + dot(v, v) + dot(w, w) || 1);
 }
 
-/** The quality of a tetrahedron: 1 where it is regular, 0 where it has no volume. It is the volume
- *  in proportion to the cube of the root mean square of the edges. */
+/** Returns the quality of a tetrahedron, 1 if it is regular and 0 if it has no volume: its volume
+ *  in proportion to the cube of the root mean square of its edges. */
 function tetQuality([a, b, c, d]: ArrayLike<number>[]): number {
   const edges = [sub(b, a), sub(c, a), sub(d, a), sub(c, b), sub(d, b), sub(d, c)];
   const mean = edges.reduce((s, e) => s + dot(e, e), 0) / 6;
@@ -40,12 +40,12 @@ function tetQuality([a, b, c, d]: ArrayLike<number>[]): number {
   return Math.max(0, (6 * Math.SQRT2 * volume) / (mean ** 1.5 || 1));
 }
 
-/** How far tetrahedra keep their size, and their faces. */
+/** Factor by which tetrahedra are shrunk, and indices of the corners of their faces. */
 const SHRUNK = 0.85;
 const FACES = [1, 2, 3, 0, 3, 2, 0, 1, 3, 0, 2, 1];
 
-/** How far along a line of sight a triangle may be from its face, as a share of the size: triangles
- *  are within a thousandth of it, and are seen aslant. */
+/** Maximum distance along a line of sight between a triangle and its face, as a fraction of the
+ *  size: triangles are within a thousandth of it, but may be seen at a small angle. */
 const NEAR_FACE = 0.02;
 
 export class MeshLayer implements Layer {
@@ -83,7 +83,7 @@ export class MeshLayer implements Layer {
     this.object.add(this.surface.object, this.cap);
     if (parts) this.modes.splice(1, 0, "part");
     if (doc.kind === "solid") {
-      // Its faces are exact: triangles only draw them.
+      // The faces are exact; their triangles are only for drawing.
       this.colorBy = parts ? "part" : "none";
       for (const extra of this.extras) extra.value = 0;
     }
@@ -194,7 +194,7 @@ export class MeshLayer implements Layer {
     return this.limits;
   }
 
-  /** The cap of the present plane. */
+  /** Updates the cap of the current plane. */
   private cut(section: Section | null): void {
     const by = JSON.stringify(section);
     if (by === this.cutBy) return;
@@ -239,7 +239,8 @@ export class MeshLayer implements Layer {
     this.cap.material.transparent = this.opacity < 1;
   }
 
-  /** The tetrahedra of a quality at most, each drawn in towards its middle and coloured by it. */
+  /** Shows the tetrahedra up to a quality, each shrunk towards its centre and coloured by its
+   *  quality. */
   private open(threshold: number): void {
     if (this.inside?.threshold === threshold) return;
     if (this.inside) {
@@ -267,7 +268,8 @@ export class MeshLayer implements Layer {
     this.inside = { surface, threshold };
   }
 
-  /** Where a ray meets the face of a triangle that it meets; a spline's is the triangle. */
+  /** Returns the distance at which a ray meets the exact face of a triangle; for splines, the
+   *  triangle itself. */
   private exactly(ray: Ray, found: Meeting): number {
     const surface = this.faces && this.doc.surfaces?.[this.faces[found.triangle]];
     if (!surface) return found.t;

@@ -1,4 +1,4 @@
-// A model: its surface is found by a shader at every pixel, for any values of the parameters.
+// Model layer: a shader finds the surface at every pixel, for any values of the parameters.
 
 import {
   BackSide,
@@ -43,10 +43,10 @@ void main() {
 }
 `;
 
-/** All places are relative to the middle of the brick, so that single precision does for models
- *  that are far from the origin. The ray goes from cell to cell of the brick. In a cell that may
- *  hold surface the function is evaluated at a few places; where its sign changes between two of
- *  them, the place is bisected. */
+/** Fragment shader. All positions are relative to the centre of the brick, so that single precision
+ *  suffices for models far from the origin. The ray passes from cell to cell of the brick. In a
+ *  cell that may contain surface the function is evaluated at a few points; where its sign changes
+ *  between two of them, the root is bisected. */
 const FRAGMENT = (solid: string, hasOpen: boolean) => `
 ${hasOpen ? "#define HAS_OPEN" : ""}
 precision highp float;
@@ -166,7 +166,8 @@ void main() {
 }
 `;
 
-/** Colours of a part by its number, as a texture; parts of one name are of one colour. */
+/** Returns the colours of parts by their numbers, as a texture; parts with equal names have equal
+ *  colours. */
 function paletteOf(parts: string[]): DataTexture {
   const names = [...new Set(parts)];
   const data = new Uint8Array(1024 * Math.max(1, Math.ceil(parts.length / 1024)) * 4);
@@ -176,14 +177,14 @@ function paletteOf(parts: string[]): DataTexture {
   return texture;
 }
 
-/** How far undetermined parameters are moved to see what moves with them: this share of their
- *  range, and for each of them this factor more, so that no two are alike and cancel. */
+/** Change of undetermined parameters by which their effect is found: a fraction of their range, and
+ *  a factor from one parameter to the next, so that no two changes are equal and cancel. */
 const TRIAL = 0.002;
 const UNLIKE = 1.17;
-/** What moves less than this share of the size with them stays where it is: single precision tells
- *  no less apart. */
+/** Relative displacement below which a point counts as fixed: the resolution of single precision.
+ */
 const MOVES = 2e-5;
-/** The width of two stripes, in pixels of the page. */
+/** Width of two stripes, in pixels of the page. */
 const STRIPE = 10;
 
 export class ModelLayer implements Layer {
@@ -199,7 +200,7 @@ export class ModelLayer implements Layer {
   readonly object: Mesh<BoxGeometry, ShaderMaterial>;
   private brick: Brick | null = null;
   private readonly shader: SolidShader;
-  /** The middle of the brick, in coordinates of the tape. */
+  /** Centre of the brick, in coordinates of the tape. */
   private middle: V3 = [0, 0, 0];
 
   constructor(
@@ -243,7 +244,7 @@ export class ModelLayer implements Layer {
     this.object.frustumCulled = false;
     this.object.onBeforeRender = (_r, _s, camera) => {
       const u = material.uniforms;
-      // In double precision: near the camera what is left is small.
+      // Computed in double precision: near the camera the difference is small.
       const { position } = this.object;
       const moved = new Matrix4().makeTranslation(position).premultiply(camera.matrixWorldInverse);
       u.clip.value = moved.premultiply(camera.projectionMatrix);
@@ -255,7 +256,7 @@ export class ModelLayer implements Layer {
     this.moved();
   }
 
-  /** The function of the solid; and once more, with undetermined parameters moved. */
+  /** Returns the function of the solid, and a second one with undetermined parameters changed. */
   private functions(): string {
     const moved = this.open.length ? this.shader.text("moved", "w") : "";
     return NATIVE + this.shader.text("solid", "u") + moved;
@@ -264,7 +265,7 @@ export class ModelLayer implements Layer {
     return Array.from({ length: this.shader.vectors }, () => new Vector4());
   }
 
-  /** Parameters that a fit left undetermined. */
+  /** Returns the parameters that a fit left undetermined. */
   private get open(): ParameterDoc[] {
     return this.doc.parameters.filter((p) => p.isOpen);
   }
@@ -285,19 +286,19 @@ export class ModelLayer implements Layer {
     return this.solid.values[p.index] + p.shift;
   }
 
-  /** Gives parameters their values, by their place in the list. */
+  /** Sets the values of parameters. */
   setValues(values: [ParameterDoc, number][]): void {
     for (const [p, value] of values) this.solid.values[p.index] = value - p.shift;
     this.solid.changed();
     this.moved();
   }
 
-  /** Whether the parameters are as they came. */
+  /** Returns true if the parameters have their original values. */
   get isAsGiven(): boolean {
     return this.solid.isAsGiven;
   }
 
-  /** The grid and the uniforms for the present values. */
+  /** Updates the grid and the uniforms for the current values. */
   private moved(): void {
     const u = this.object.material.uniforms;
     this.brick = this.solid.brick();
@@ -326,13 +327,14 @@ export class ModelLayer implements Layer {
     this.object.position.set(...sub(this.inFile(this.middle), this.origin));
   }
 
-  /** Puts the values of the shader's slots into its uniforms. */
+  /** Copies the values of the shader's slots into its uniforms. */
   private fill(vectors: Vector4[]): void {
     const values = this.solid.at(this.middle, this.shader.slots);
     values.forEach((value, k) => vectors[k >> 2].setComponent(k & 3, value));
   }
 
-  /** The same with undetermined parameters moved a little, to the farther end of their range. */
+  /** Fills the uniforms with undetermined parameters changed slightly, towards the farther end of
+   *  their range. */
   private tryOpen(vectors: Vector4[]): void {
     const { values } = this.solid;
     const kept = [...values];

@@ -1,4 +1,4 @@
-// The functions with an iteration inside, as crates/isoform-field/src/native.rs has them.
+// Functions with inner iterations, equal to those of crates/isoform-field/src/native.rs.
 
 function bisected(lo: number, hi: number, isBelow: (t: number) => boolean): number {
   for (let k = 0; k < 200; k++) {
@@ -10,7 +10,8 @@ function bisected(lo: number, hi: number, isBelow: (t: number) => boolean): numb
   return 0.5 * (lo + hi);
 }
 
-/** Signed distance to an ellipsoid about 0, positive inside: a point, then the half axes. */
+/** Returns the signed distance to an ellipsoid around 0, positive inside, for a point and the half
+ *  axes. */
 export function ellipsoidDistance(args: number[]): number {
   const u = args.slice(0, 3).map(Math.abs);
   const s = args.slice(3, 6).map(Math.abs);
@@ -48,7 +49,7 @@ function realRoots(c: number[]): number[] {
   return roots;
 }
 
-/** The second largest real root of the SARDF quartic. */
+/** Returns the second largest real root of the SARDF quartic. */
 export function sardfRoot([f, g, r]: number[]): number {
   if (!(f > 0 && g > 0 && r > 0)) return 0;
   const q = Math.sqrt(r);
@@ -56,14 +57,14 @@ export function sardfRoot([f, g, r]: number[]): number {
   return roots.length >= 2 ? roots[roots.length - 2] : 0;
 }
 
-/** C's fmod. */
+/** Returns the remainder as fmod of C. */
 export function fmod([u, v]: number[]): number {
   return u % v;
 }
 
 const MASK = (1n << 64n) - 1n;
 
-/** Perlin's noise with the mixing of bits that the Rust code has. */
+/** Returns Perlin's noise with the bit mixing of the Rust code. */
 export function perlin(args: number[]): number {
   const cell = args.map(Math.floor);
   const p = args.map((v, i) => v - cell[i]);

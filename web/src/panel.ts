@@ -1,4 +1,4 @@
-// The panel: layers, parameters, section, what is picked, the view.
+// Side panel: layers, parameters, section, picked point, view.
 
 import { css, scaleColor } from "./colors";
 import { brief, foreign, h, place, placeWithin } from "./dom";
@@ -17,9 +17,9 @@ const COLORS: Record<ColorMode, string> = {
   bound: "by bound",
   file: "as in the file",
 };
-/** Steps of a slider. */
+/** Number of steps of a slider. */
 const STEPS = 1000;
-/** Parts that are listed. */
+/** Maximum number of parts that are listed. */
 const MOST_PARTS = 40;
 
 export const STANDARD: [string, V3][] = [
@@ -29,7 +29,7 @@ export const STANDARD: [string, V3][] = [
   ["Top", [0, -1e-3, 1]],
 ];
 
-/** What a layer consists of, in words. */
+/** Describes the content of a layer in words. */
 function counted({ kind, count }: Layer): string {
   if (kind === "model" && count === 1) return "model";
   const one = kind === "points" ? "point" : kind === "patches" ? "patch" : "triangle";
@@ -115,7 +115,7 @@ export class Panel {
     );
   }
 
-  /** A further choice of a layer. */
+  /** Creates the control of an additional option. */
   private extra(extra: Extra): HTMLElement {
     const input = extra.isSlider
       ? h("input", { type: "range", min: "0", max: "1", step: "0.01" })
@@ -141,7 +141,7 @@ export class Panel {
       : h("label", { class: "extra iv-name" }, input, extra.name);
   }
 
-  /** What the colours mean. */
+  /** Creates the legend of a layer's colours. */
   private key(layer: Layer): Node[] {
     const legend = layer.legend();
     if (legend.length) {
@@ -344,7 +344,7 @@ export class Panel {
     return this.group("Picked", this.output, measure);
   }
 
-  /** Says what is picked; while measuring, what the last two or three places tell. */
+  /** Shows the picked point; while measuring, the measures of the last two or three points. */
   showPick(): void {
     const { picked } = this.viewer;
     const rows: [string, Node | string][] = [];

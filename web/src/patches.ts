@@ -20,15 +20,15 @@ import { planeOf } from "./shaders";
 import { Surface } from "./triangles";
 import { type Box, add, along, cross, diagonal, dot, scale, sub, type V3 } from "./vector";
 
-/** Squares of a chequered patch on each side. */
+/** Number of chequers along each side of a patch. */
 const CHEQUERS = 8;
-/** Segments of a line of constant u or v. */
+/** Number of segments of a line of constant u or v. */
 const LINE = 32;
-/** Steps of Newton's method from a triangle to the patch itself. */
+/** Maximum number of Newton steps from a triangle to the patch itself. */
 const STEPS = 8;
 
-/** Patches that lie on one another are drawn as far apart as this share of the whole; so many of
- *  them are told apart. */
+/** Distance, as a fraction of the whole, by which coincident patches are drawn apart, and the
+ *  number of patches that are distinguished. */
 const NEARER = 1e-3;
 const RANKS = 13;
 
@@ -38,7 +38,7 @@ export interface Tangents {
   v: V3;
 }
 
-/** Bernstein polynomials and their derivatives. */
+/** Returns the Bernstein polynomials and their derivatives. */
 function bernstein(n: number, t: number): [number[], number[]] {
   const of = (n: number): number[] => {
     const b = [1];
@@ -53,14 +53,14 @@ function bernstein(n: number, t: number): [number[], number[]] {
   return [of(n), of(n).map((_, i) => n * ((low[i - 1] ?? 0) - (low[i] ?? 0)))];
 }
 
-/** The quotient of a homogeneous point with its derivatives. */
+/** Returns the quotient of a homogeneous point, with its derivatives. */
 export function quotient(h: number[], hu: number[], hv: number[]): Tangents {
   const point = scale(h, 1 / h[3]);
   const slope = (d: number[]): V3 => scale(sub(d, scale(point, d[3])), 1 / h[3]);
   return { point, u: slope(hu), v: slope(hv) };
 }
 
-/** Moves a place of a surface onto a ray: Newton's method for o + t d = p(u, v). */
+/** Moves a point of a surface onto a ray, by Newton's method for o + t d = p(u, v). */
 export function ontoRay(
   at: (u: number, v: number) => Tangents,
   o: V3,
@@ -71,7 +71,7 @@ export function ontoRay(
   let now = at(u, v);
   for (let k = 0; k < STEPS; k++) {
     const r = sub(now.point, o);
-    // The part of r beside the ray is to vanish: r + u' du + v' dv is parallel to d.
+    // The component of r across the ray must vanish: r + u' du + v' dv is parallel to d.
     const n = cross(now.u, now.v);
     const det = dot(n, d);
     if (Math.abs(det) < 1e-300) break;
@@ -98,7 +98,7 @@ class Patch {
     private readonly control: Float64Array,
   ) {}
 
-  /** The legs of the control net, as pairs of points; those at infinity are left out. */
+  /** Returns the edges of the control net as pairs of points, without those at infinity. */
   net(): V3[] {
     const { m, n, control } = this;
     const point = (i: number, j: number): V3 => {
@@ -117,7 +117,7 @@ class Patch {
     return pairs;
   }
 
-  /** Lines of constant u and v, as pairs of points. */
+  /** Returns lines of constant u and v as pairs of points. */
   isolines(): V3[] {
     const pairs: V3[] = [];
     for (let k = 0; k <= CHEQUERS; k++)
@@ -164,7 +164,7 @@ export class PatchesLayer implements Layer {
   private readonly isolines: Lines;
   private painted = "";
   private limits: Scale | null = null;
-  /** Squares on each side of a patch, and u and v of all corners. */
+  /** Number of squares along each side of a patch, and parameters u and v of all corners. */
   private readonly squares: number;
   private readonly parameters: Float32Array;
 
@@ -213,7 +213,7 @@ export class PatchesLayer implements Layer {
     this.nets = segments(inScene(patches.flatMap((p) => p.net())), [200, 60, 40]);
     this.isolines = segments(inScene(patches.flatMap((p) => p.isolines())), [30, 36, 44]);
     this.object.add(this.surface.object, this.nets, this.isolines);
-    // Patches of a cover overlap, by less than their triangles are off them.
+    // Patches of a cover overlap and differ there by less than their triangles deviate from them.
     this.surface.rank(
       (corner) => this.patchOf(Math.floor(corner / 3)) % RANKS,
       NEARER * diagonal(this.bounds()),
@@ -245,7 +245,7 @@ export class PatchesLayer implements Layer {
     return Math.floor(triangle / (2 * this.squares * this.squares));
   }
 
-  /** Light and dark squares of a patch. */
+  /** Colours a patch in light and dark squares. */
   private chequered(corner: number, color: ArrayLike<number>): number[] {
     const square = Math.floor(corner / 6) % (this.squares * this.squares);
     const each = this.squares / CHEQUERS;
@@ -327,7 +327,7 @@ export class PatchesLayer implements Layer {
         found.v * (corner(2, i) - corner(0, i)),
     ) as [number, number];
     const [u, v, there] = ontoRay((u, v) => this.patches[k].at(u, v), ray.o, ray.d, place);
-    // At an edge the ray may miss the patch by less than a triangle is off it.
+    // At an edge the ray may miss the patch by less than its triangles deviate from it.
     const isOn = u >= 0 && u <= 1 && v >= 0 && v <= 1;
     const parameter: [number, number] = isOn ? [u, v] : place;
     const point = isOn ? there.point : this.patches[k].at(...place).point;

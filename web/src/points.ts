@@ -1,4 +1,4 @@
-// Points, as discs of a few pixels.
+// Points, drawn as discs of a few pixels.
 
 import {
   BufferAttribute,
@@ -16,13 +16,13 @@ import type { PointsDoc } from "./scene";
 import { planeOf } from "./shaders";
 import { type Box, dot, norm, sub, type V3 } from "./vector";
 
-/** How far from a pixel a point may be to be picked, in pixels. */
+/** Maximum distance of a picked point from the pixel, in pixels. */
 const REACH = 6;
-/** Share of the sorted deviations within the ends of the scale. */
+/** Fraction of the sorted deviations that lie within the ends of the scale. */
 const WITHIN = 0.95;
 const OUTLIER: [number, number, number] = [96, 96, 102];
 
-/** How much nearer points are drawn: a share of their distance, or of the whole. */
+/** Distance by which points are drawn nearer, as a fraction of their distance or of the whole. */
 const NEARER = 0.002;
 
 const VERTEX = `
@@ -67,7 +67,7 @@ export class PointsLayer implements Layer {
   opacity = 1;
   colorBy: ColorMode = "none";
   readonly object: Points<BufferGeometry, ShaderMaterial>;
-  /** What a model beside the points says of them; in place of the file's numbers. */
+  /** Deviations from a model of the scene, which replace those of the file. */
   private measured: Float32Array | null = null;
   private limits: Scale | null = null;
   private tinted = "";
@@ -78,7 +78,7 @@ export class PointsLayer implements Layer {
     private readonly coordinates: bytes.Coordinates,
     private readonly given: Float32Array | null,
     private readonly colors: Uint8Array | null,
-    /** 1 for points that no figure counts. */
+    /** Value 1 for points that no statistics count. */
     private readonly outliers: Uint8Array | null,
     private readonly origin: V3,
   ) {
@@ -139,12 +139,12 @@ export class PointsLayer implements Layer {
     return modes;
   }
 
-  /** Coordinates of all points, in double precision. */
+  /** Returns the coordinates of all points in double precision. */
   positions(): Float64Array {
     return bytes.doubles(this.coordinates);
   }
 
-  /** Takes the deviations from a model beside, or goes back to the file's. */
+  /** Sets the deviations from a model, or returns to those of the file. */
   measure(values: Float32Array | null): void {
     this.measured = values;
     this.limits = null;
@@ -205,7 +205,7 @@ export class PointsLayer implements Layer {
     material.transparent = this.opacity < 1;
   }
 
-  /** Of the points near the pixel the one in front; of those as near as it, the nearest to the
+  /** Returns the foremost of the points near the pixel; of equal depths, the one nearest to the
    *  pixel. */
   pick(ray: Ray): Hit | null {
     const { array, from, step } = this.coordinates;
@@ -236,7 +236,7 @@ export class PointsLayer implements Layer {
   }
 }
 
-/** Symmetric ends at a round number that most deviations are within. */
+/** Returns a scale with symmetric ends at a round number that most deviations do not exceed. */
 export function scaleOf(values: Float32Array, limit?: number): Scale {
   const sizes = values.filter(Number.isFinite).map(Math.abs).sort();
   const end = limit ?? roundUp(sizes[Math.floor(WITHIN * (sizes.length - 1))] ?? 1);

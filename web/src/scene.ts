@@ -1,4 +1,4 @@
-// The document of the scene, as the Rust crate writes it.
+// Document of the scene as written by the Rust crate.
 
 export type Vec3 = [number, number, number];
 
@@ -40,7 +40,7 @@ export interface ParameterDoc {
   lower: number;
   upper: number;
   shift: number;
-  /** Whether a fit left it undetermined. */
+  /** True if a fit left it undetermined. */
   isOpen: boolean;
 }
 
@@ -55,7 +55,7 @@ export interface ModelDoc {
   parameters: ParameterDoc[];
   bounds: [Vec3, Vec3];
   isCut: boolean;
-  /** Whether the box is one of the points beside, which the surface may leave. */
+  /** True if the box is that of points in the scene, which the surface may leave. */
   isLoose: boolean;
   origin: Vec3;
 }
@@ -71,7 +71,7 @@ export interface PointsDoc {
   colors?: BlobRef;
 }
 
-/** The surface of a face: a frame, and its measures in the order of exact.ts. */
+/** Surface of a face: a frame, and its measures in the order of exact.ts. */
 export interface SurfaceDoc {
   kind: "plane" | "cylinder" | "cone" | "sphere" | "torus" | "ellipsoid";
   origin: Vec3;
@@ -90,7 +90,7 @@ export interface MeshDoc {
   triangleParts?: BlobRef;
   tets?: BlobRef;
   edges?: BlobRef;
-  /** Of solids: the face of each triangle, and the surface of each face; null for splines. */
+  /** Only for solids: the face of each triangle, and the surface of each face; null for splines. */
   triangleFaces?: BlobRef;
   surfaces?: (SurfaceDoc | null)[];
   columns: { name: string; values: Numbers }[];

@@ -1,17 +1,17 @@
-// A page that `isoform view --serve` gives: it asks its server for news, loads itself again when
-// there is another page, and says what is wrong where there is none.
+// Page served by `isoform view --serve`: it polls its server, reloads when the page has changed,
+// and shows the error if no page could be made.
 
 import { h } from "./dom";
 
-/** What the server tells: how often something has changed, which page there is, and why there is
- *  no newer one. */
+/** State of the server: number of changes, identifier of the page, and the error that prevents a
+ *  newer one. */
 interface News {
   news: number;
   page: number;
   failure: string | null;
 }
 
-/** Milliseconds until a server that did not answer is asked again. */
+/** Milliseconds before the next request if the server did not answer. */
 const AGAIN = 1000;
 
 const own = Number(document.querySelector<HTMLMetaElement>("[name=isoform-version]")?.content);
@@ -28,7 +28,7 @@ function say(text: string | null): void {
   if (text !== null && told.textContent !== text) told.textContent = text;
 }
 
-/** Loads the page anew; what it shows, and from where, is kept in its address. */
+/** Reloads the page; its view is kept in its address. */
 async function reload(): Promise<void> {
   const viewer = (window as { isoform?: { ready: Promise<void>; state(): Promise<string> } })
     .isoform;
@@ -38,7 +38,8 @@ async function reload(): Promise<void> {
   location.reload();
 }
 
-/** Hidden pages do not ask: a browser has few connections to one server. */
+/** Resolves when the page is visible. Hidden pages do not poll, as a browser has few connections
+ *  per server. */
 const shown = () =>
   new Promise<void>((resolve) => {
     if (!document.hidden) return resolve();

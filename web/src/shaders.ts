@@ -1,10 +1,10 @@
-// What the shaders of all layers share.
+// Parts shared by the shaders of all layers.
 
 import { Vector4 } from "three";
 import type { Section } from "./layer";
 import { dot, type V3 } from "./vector";
 
-/** The light comes from beside the eye. Faces are lit on both sides. */
+/** Lighting from next to the eye, on both sides of faces. */
 export const LIGHT = `
 vec3 lit(vec3 color, vec3 n, vec3 toEye) {
   if (dot(n, toEye) < 0.0) n = -n;
@@ -17,15 +17,15 @@ vec3 lit(vec3 color, vec3 n, vec3 toEye) {
 }
 `;
 
-/** A cap is of one colour, with thin hatching. */
+/** Colour of caps, with thin hatching. */
 export const HATCH = `
 vec3 hatched(vec3 color) {
   return mod(floor(gl_FragCoord.x) + floor(gl_FragCoord.y), 10.0) < 1.0 ? 0.72 * color : color;
 }
 `;
 
-/** The plane of a section in coordinates about an origin; nothing is beyond it where there is
- *  none. */
+/** Returns the section plane in coordinates relative to an origin; without a section, a plane that
+ *  hides nothing. */
 export function planeOf(section: Section | null, origin: V3): Vector4 {
   if (!section) return new Vector4(0, 0, 0, 1);
   const [x, y, z] = section.normal;

@@ -1,24 +1,25 @@
-// A model in double precision: values, ranges, where a ray meets it, which cells hold its surface.
+// Models in double precision: values, ranges, intersections with rays, and the cells that contain
+// the surface.
 
 import { Ranges } from "./interval";
 import type { ModelDoc } from "./scene";
 import { Evaluator, LANES, Tape } from "./tape";
 import { type V3, add, along, box, diagonal, inBox, type Box } from "./vector";
 
-/** A segment shorter than this share of the box is looked at by its ends alone. */
+/** Length of segments, as a fraction of the range, below which only their ends are evaluated. */
 const FINEST = 1 / 4096;
-/** Segments of a ray that are looked at, at most. */
+/** Maximum number of segments of a ray. */
 const MOST_SEGMENTS = 20_000;
-/** The search for the surface reaches this much farther than the model as it was. */
+/** Factor by which the search region exceeds the original box of the model. */
 const REACH = 4;
-/** How often the region grows where the surface reaches its end. */
+/** Maximum number of times that the region grows if the surface reaches its border. */
 const GROWTHS = 5;
-/** The grid of the search. */
+/** Size of the search grid. */
 const SEARCH: V3 = [24, 24, 24];
-/** How often it shrinks at most. */
+/** Maximum number of times that the region shrinks. */
 const SHRINKS = 10;
 
-/** The cells of a grid over a box that may hold surface. */
+/** Grid over a box, with the cells that may contain surface. */
 export interface Brick {
   box: Box;
   n: V3;
@@ -30,7 +31,7 @@ export class Solid {
   private readonly point: Evaluator;
   private readonly ranges: Ranges;
   private readonly reading: Evaluator;
-  /** The values of the tape's parameters. */
+  /** Values of the tape's parameters. */
   readonly values: number[];
 
   constructor(readonly doc: ModelDoc) {
@@ -44,26 +45,26 @@ export class Solid {
     this.changed();
   }
 
-  /** To be called when values have changed. */
+  /** Updates the evaluators; must be called after a change of values. */
   changed(): void {
     this.point.set(this.values);
     this.ranges.set(this.values);
     this.reading.set(this.values);
   }
 
-  /** Whether the parameters are as they came. */
+  /** Returns true if the parameters have their original values. */
   get isAsGiven(): boolean {
     return this.doc.values.every((v, i) => v === this.values[i]);
   }
 
-  /** The values of slots at a point. */
+  /** Returns the values of slots at a point. */
   at(p: V3, slots: number[]): number[] {
     for (let k = 0; k < 3; k++) this.point.coordinate(k)[0] = p[k];
     this.point.run(1);
     return slots.map((slot) => this.point.row(slot)[0]);
   }
 
-  /** The values of the first `n` points of the block, whose coordinates are set. */
+  /** Returns the values of the first `n` points of the block, whose coordinates are set. */
   private joined(n: number): Float64Array {
     this.point.run(n);
     const stack: Float64Array[] = [];
@@ -85,7 +86,7 @@ export class Solid {
     return this.joined(1)[0];
   }
 
-  /** Whether the surface may be in a box: 0 where it is outside, 2 where inside, 1 where open. */
+  /** Classifies a box: 0 outside, 2 inside, 1 if it may contain surface. */
   private range(lo: V3, hi: V3): 0 | 1 | 2 {
     this.ranges.run(lo, hi);
     const stack: [number, number][] = [];
@@ -104,7 +105,8 @@ export class Solid {
     return stack[0][1] < 0 ? 0 : stack[0][0] > 0 ? 2 : 1;
   }
 
-  /** The signed distance, positive inside, and the part at each of some points. */
+  /** Computes, for each point, the signed distance, positive inside, and the part that determines
+   *  it. */
   read(points: ArrayLike<number>, each: (i: number, distance: number, part: number) => void): void {
     const n = points.length / 3;
     for (let from = 0; from < n; from += LANES) {
@@ -119,7 +121,7 @@ export class Solid {
     }
   }
 
-  /** The name of the part at a point. */
+  /** Returns the name of the part at a point. */
   partAt(p: V3): string {
     let name = "";
     this.read(p, (_, __, part) => {
@@ -128,7 +130,7 @@ export class Solid {
     return name;
   }
 
-  /** The first change of sign along a ray between two distances. */
+  /** Returns the first change of sign along a ray between two distances. */
   meet(o: V3, d: V3, from: number, to: number): number | null {
     const finest = (to - from) * FINEST;
     const segments: [number, number][] = [[from, to]];
@@ -160,8 +162,8 @@ export class Solid {
     return 0.5 * (a + b);
   }
 
-  /** The cells of a grid that may hold surface: the grid is halved as long as ranges leave it
-   *  open. */
+  /** Returns the cells of a grid that may contain surface: the grid is halved as long as ranges do
+   *  not decide. */
   private cells(at: Box, n: V3): Uint8Array {
     const cells = new Uint8Array(n[0] * n[1] * n[2]);
     const place = (k: number, i: number) => at.lo[k] + (at.hi[k] - at.lo[k]) * (i / n[k]);
@@ -185,7 +187,8 @@ export class Solid {
     return cells;
   }
 
-  /** The box of the cells that are set, and whether one is at the border of the grid. */
+  /** Returns the box of the cells that are set, and true if one of them lies at the border of the
+   *  grid. */
   private used(at: Box, n: V3, cells: Uint8Array): { box: Box; isAtBorder: boolean } | null {
     const lo = [...n];
     const hi = [-1, -1, -1];
@@ -209,7 +212,7 @@ export class Solid {
     };
   }
 
-  /** The grid of the surface for the present values; none where there is no surface. */
+  /** Returns the grid of the surface for the current values; null if there is no surface. */
   brick(): Brick | null {
     const found = this.doc.isCut
       ? { lo: this.doc.bounds[0], hi: this.doc.bounds[1] }
@@ -223,8 +226,8 @@ export class Solid {
     return { box: found, n, cells: this.cells(found, n) };
   }
 
-  /** A box of the surface: as it came, or one that grows where it is too small and shrinks while
-   *  that helps. */
+  /** Returns a box of the surface: the original one, or one that grows while it is too small and
+   *  shrinks while that reduces it. */
   private extent(): Box | null {
     const [lo, hi] = this.doc.bounds;
     if (this.isAsGiven && !this.doc.isLoose) return { lo, hi };

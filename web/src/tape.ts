@@ -1,5 +1,5 @@
-// The tape of a model: read from the document, cut to what some results need, and run in blocks of
-// points in double precision, as the Rust evaluators do.
+// Tape of a model: read from the document, reduced to the needs of some results, and evaluated in
+// blocks of points in double precision, as by the Rust evaluators.
 
 import { ellipsoidDistance, fmod, perlin, sardfRoot } from "./native";
 import type { TapeDoc } from "./scene";
@@ -10,7 +10,8 @@ export interface Step {
   n: number;
 }
 
-/** Steps on numbered slots: constants, coordinates, parameters, then one for each step. */
+/** Sequence of steps on numbered slots: constants, coordinates, parameters, then one slot per step.
+ */
 export class Tape {
   constructor(
     readonly constants: number[],
@@ -50,7 +51,7 @@ export class Tape {
     return this.firstStep + this.steps.length;
   }
 
-  /** The tape of some results alone, with nothing that they do not need. */
+  /** Returns the tape of some results, without the steps that they do not need. */
   only(results: number[]): Tape {
     const need = new Uint8Array(this.slots);
     for (const r of results) need[r] = 1;
@@ -171,10 +172,10 @@ const NATIVE: Record<string, (args: number[]) => number> = {
   perlin,
 };
 
-/** Points at a time. */
+/** Number of points of a block. */
 export const LANES = 128;
 
-/** Runs a tape on blocks of points; owns the memory of its slots. */
+/** Evaluator of a tape on blocks of points; owns the memory of its slots. */
 export class Evaluator {
   private readonly rows: Row[];
   constructor(readonly tape: Tape) {
@@ -182,27 +183,27 @@ export class Evaluator {
     tape.constants.forEach((c, s) => this.rows[s].fill(c));
   }
 
-  /** Sets the parameters; what depends on them alone is computed here. */
+  /** Sets the parameters and computes the slots that depend on them only. */
   set(values: ArrayLike<number>): void {
     const { tape } = this;
     for (let i = 0; i < tape.parameters; i++) this.rows[tape.firstParameter + i].fill(values[i]);
     this.apply(0, tape.uniform, LANES);
   }
 
-  /** The rows of the coordinates, to be filled. */
+  /** Returns the row of a coordinate, to be filled before a run. */
   coordinate(k: number): Row {
     return this.rows[this.tape.firstX + k];
   }
-  /** The row of a slot after a run. */
+  /** Returns the row of a slot after a run. */
   row(slot: number): Row {
     return this.rows[slot];
   }
-  /** The row of a result after a run. */
+  /** Returns the row of a result after a run. */
   result(k: number): Row {
     return this.rows[this.tape.results[k]];
   }
 
-  /** Computes all slots of the first `n` points of the block. */
+  /** Computes all slots for the first `n` points of the block. */
   run(n: number): void {
     this.apply(this.tape.uniform, this.tape.steps.length, n);
   }

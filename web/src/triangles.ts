@@ -1,4 +1,4 @@
-// Triangles: what meshes, patches and maps have in common.
+// Triangle surfaces, the common part of meshes, patches and maps.
 
 import {
   BufferAttribute,
@@ -17,7 +17,8 @@ import { type Lines, segments, showLines } from "./lines";
 import { HATCH, LIGHT, planeOf } from "./shaders";
 import { dot, type V3 } from "./vector";
 
-/** Above this many triangles their edges would be all that is seen. */
+/** Number of triangles above which their edges are not drawn, as they would hide everything else.
+ */
 const MOST_EDGES = 60_000;
 
 const VERTEX = `
@@ -96,7 +97,8 @@ export function surfaceMaterial(): ShaderMaterial {
   });
 }
 
-/** Tells the shader of triangles where it is looked from, in the coordinates of the corners. */
+/** Passes the position of the eye, in the coordinates of the corners, to the shader of triangles.
+ */
 function lookAt(mesh: Mesh<BufferGeometry, ShaderMaterial>): void {
   mesh.onBeforeRender = (_r, _s, camera) => {
     const u = mesh.material.uniforms;
@@ -109,7 +111,7 @@ function lookAt(mesh: Mesh<BufferGeometry, ShaderMaterial>): void {
   };
 }
 
-/** Triangles in coordinates of the file, drawn about an origin near them. */
+/** Triangles in coordinates of the file, drawn relative to an origin near them. */
 export class Surface {
   readonly object = new Group();
   private readonly mesh: Mesh<BufferGeometry, ShaderMaterial>;
@@ -144,21 +146,22 @@ export class Surface {
     return this.count <= MOST_EDGES;
   }
 
-  /** Surfaces that lie on one another: those of higher rank are seen, by so much nearer a rank. */
+  /** Sets the ranks of coincident surfaces: higher ranks are drawn in front, by the distance
+   *  `nearer` per rank. */
   rank(of: (corner: number) => number, nearer: number): void {
     const ranks = Float32Array.from({ length: this.triangles.length }, (_, i) => of(i));
     this.mesh.geometry.setAttribute("rank", new BufferAttribute(ranks, 1));
     this.mesh.material.uniforms.nearer.value = nearer;
   }
 
-  /** A colour for each corner of each triangle, or one for all. */
+  /** Sets one colour for each corner of each triangle. */
   paint(color: (corner: number) => ArrayLike<number>): void {
     const tints = new Uint8Array(3 * this.triangles.length);
     for (let i = 0; i < this.triangles.length; i++) tints.set(color(i) as number[], 3 * i);
     this.mesh.geometry.setAttribute("tint", new BufferAttribute(tints, 3, true));
   }
 
-  /** Draws curves on the surface: pairs of points of the file. */
+  /** Draws curves on the surface, as pairs of points of the file. */
   curves(pairs: Float32Array, color: [number, number, number]): void {
     this.lines = segments(pairs, color);
     this.object.add(this.lines);
@@ -183,7 +186,7 @@ export class Surface {
     if (this.lines) showLines(this.lines, hasCurves, u.plane.value);
   }
 
-  /** Gives back the memory of what is drawn. */
+  /** Frees the memory of the displayed objects. */
   dispose(): void {
     this.mesh.geometry.dispose();
     this.mesh.material.dispose();

@@ -34,7 +34,7 @@ export const along = (o: ArrayLike<number>, d: ArrayLike<number>, t: number): V3
 export const isFinite3 = (a: unknown): a is V3 =>
   Array.isArray(a) && a.length === 3 && a.every((v) => typeof v === "number" && Number.isFinite(v));
 
-/** The smallest box around points. */
+/** Returns the smallest box around points. */
 export function box(points: Iterable<ArrayLike<number>>): Box {
   const lo: V3 = [Infinity, Infinity, Infinity];
   const hi: V3 = [-Infinity, -Infinity, -Infinity];
@@ -47,7 +47,7 @@ export function box(points: Iterable<ArrayLike<number>>): Box {
   return { lo, hi };
 }
 
-/** A cube about a point. */
+/** Returns a cube around a point. */
 export function inBox(middle: V3, half: number): Box {
   return { lo: sub(middle, [half, half, half]), hi: add(middle, [half, half, half]) };
 }
@@ -55,12 +55,12 @@ export function inBox(middle: V3, half: number): Box {
 export const center = (b: Box): V3 => scale(add(b.lo, b.hi), 0.5);
 export const diagonal = (b: Box): number => norm(sub(b.hi, b.lo));
 
-/** The box around both. */
+/** Returns the smallest box around boxes. */
 export function around(boxes: Box[]): Box {
   return box(boxes.flatMap((b) => [b.lo, b.hi]));
 }
 
-/** Where a ray is in a box, from distance to distance; none where it misses it. */
+/** Returns the distances at which a ray enters and leaves a box; null if it misses the box. */
 export function through(b: Box, o: V3, d: V3): [number, number] | null {
   let from = -Infinity;
   let to = Infinity;

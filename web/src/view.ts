@@ -1,4 +1,4 @@
-// The pane of space: cameras, drawing, the line of sight of a pixel.
+// Pane of space: cameras, drawing, lines of sight.
 
 import {
   Color,
@@ -28,12 +28,12 @@ import {
   type V3,
 } from "./vector";
 
-/** The angle of view over the height of the pane, in degrees. */
+/** Vertical angle of view, in degrees. */
 const FOV = 35;
-/** Milliseconds of rest after which the picture is drawn finely, and how many times finer. */
+/** Milliseconds of rest before the picture is drawn finely, and the factor of resolution. */
 const REST = 250;
 const FINER = 2;
-/** Room around what fills the pane. */
+/** Factor by which the view exceeds its content. */
 const MARGIN = 1.06;
 
 export interface Camera {
@@ -56,7 +56,7 @@ export class View {
     height: 2,
   };
   section: Section | null = null;
-  /** Called after each drawing. */
+  /** Callback after each drawing. */
   onDrawn: () => void = () => {};
   private readonly renderer: WebGLRenderer;
   private readonly scene = new Scene();
@@ -70,7 +70,7 @@ export class View {
     private readonly layers: Layer[],
     readonly origin: V3,
   ) {
-    // Colours are those of the style sheet, as they are: nothing is converted.
+    // Colours are used exactly as in the style sheet, without conversion.
     ColorManagement.enabled = false;
     this.renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
     this.renderer.outputColorSpace = LinearSRGBColorSpace;
@@ -82,13 +82,13 @@ export class View {
     pane.addEventListener("pointerenter", () => this.refine());
   }
 
-  /** The pane's width and height, which need not be whole pixels. */
+  /** Returns the pane's width and height, which need not be whole pixels. */
   get size(): [number, number] {
     const { width, height } = this.pane.getBoundingClientRect();
     return [width, height];
   }
 
-  /** Draws soon, once for all changes until then. */
+  /** Requests a drawing, one for all changes until then. */
   want(): void {
     if (this.isWanted) return;
     this.isWanted = true;
@@ -99,15 +99,14 @@ export class View {
     });
   }
 
-  /** Draws finely after a rest: the edges of models, which have one sample a pixel, are smooth
-   *  then. */
+  /** Draws finely after a rest, which smooths the edges of models with one sample per pixel. */
   private refine(): void {
     clearTimeout(this.rest);
     if (!this.layers.some((l) => l.visible && l.isSampled)) return;
     this.rest = setTimeout(() => this.draw(FINER), REST) as unknown as number;
   }
 
-  /** Draws now, so many times finer than the screen. */
+  /** Draws immediately, with a multiple of the screen's resolution. */
   draw(finer = 1): void {
     clearTimeout(this.rest);
     this.isWanted = false;
@@ -125,7 +124,7 @@ export class View {
     this.onDrawn();
   }
 
-  /** The box of what is visible. */
+  /** Returns the box of all visible layers. */
   bounds(): Box | null {
     const boxes = this.layers
       .filter((l) => l.visible)
@@ -134,7 +133,7 @@ export class View {
     return boxes.length ? around(boxes) : null;
   }
 
-  /** The camera that three.js draws with. */
+  /** Returns the camera for three.js. */
   private three(): PerspectiveCamera | OrthographicCamera {
     const { position, target, up, orthographic, fov, height } = this.camera;
     const aspect = this.size[0] / this.size[1];
@@ -169,7 +168,7 @@ export class View {
     return camera;
   }
 
-  /** Right, up and ahead. */
+  /** Returns the unit vectors to the right, up and ahead. */
   axes(): [V3, V3, V3] {
     const ahead = unit(sub(this.camera.target, this.camera.position));
     let right = cross(ahead, this.camera.up);
@@ -178,7 +177,7 @@ export class View {
     return [right, cross(right, ahead), ahead];
   }
 
-  /** Units of space for a pixel at the target. */
+  /** Returns the size of a pixel at the target, in model units. */
   perPixel(): number {
     const { position, target, orthographic, fov, height } = this.camera;
     const whole = orthographic
@@ -187,7 +186,7 @@ export class View {
     return whole / Math.max(1, this.size[1]);
   }
 
-  /** The line of sight of a pixel of the pane. */
+  /** Returns the line of sight of a pixel of the pane. */
   ray(x: number, y: number): Ray {
     const [right, up, ahead] = this.axes();
     const [width, height] = this.size;
@@ -210,12 +209,12 @@ export class View {
       : { o: position, d: unit(add(ahead, side)), from: 0, ...common };
   }
 
-  /** Where a point is in the pane. */
+  /** Returns the pane coordinates and depth of a point. */
   project(p: V3): [number, number, number] {
     return this.ray(0, 0).project(p);
   }
 
-  /** Turns about the target: right and up by angles. */
+  /** Rotates the camera around the target by angles to the right and up. */
   turn(right: number, up: number): void {
     const { target, position } = this.camera;
     const pole = unit(this.camera.up);
@@ -236,7 +235,7 @@ export class View {
     this.want();
   }
 
-  /** Moves across the line of sight, by pixels. */
+  /** Moves the camera across the line of sight, by pixels. */
   pan(x: number, y: number): void {
     const [right, up] = this.axes();
     const by = add(scale(right, -x * this.perPixel()), scale(up, y * this.perPixel()));
@@ -245,7 +244,7 @@ export class View {
     this.want();
   }
 
-  /** Comes nearer by a factor below 1; the place at a pixel stays where it is. */
+  /** Scales the distance from the target by a factor; the point at a given pixel stays in place. */
   zoom(factor: number, at?: [number, number]): void {
     if (at) {
       const [x, y] = [at[0] - this.size[0] / 2, at[1] - this.size[1] / 2];
@@ -260,7 +259,7 @@ export class View {
     this.want();
   }
 
-  /** All that is visible fills the pane; the direction stays, or is as given. */
+  /** Fits all visible layers into the pane; keeps the direction unless one is given. */
   fit(direction?: V3, up?: V3): void {
     const bounds = this.bounds();
     if (!bounds) return;
@@ -294,7 +293,7 @@ export class View {
     this.want();
   }
 
-  /** From perspective to parallel and back, with what is at the target of the same size. */
+  /** Switches between perspective and parallel projection; the size at the target is kept. */
   flatten(isFlat: boolean): void {
     if (isFlat === this.camera.orthographic) return;
     const height = this.perPixel() * this.size[1];

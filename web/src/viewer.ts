@@ -1,5 +1,5 @@
-// The viewer: its layers, what is picked and marked, its state. The panel and window.isoform are
-// two ways to the same verbs.
+// Viewer: layers, picked and marked points, state. The panel and window.isoform call the methods of
+// this class.
 
 import type { Domain } from "./domain";
 import { COLOR_MODES, type ColorMode, type Hit, type Layer, type Section } from "./layer";
@@ -18,8 +18,8 @@ export interface Picked {
   parameter?: [number, number];
   isCap?: boolean;
 }
-/** Partners are all parameters (s : t : w) of the place of the double curve that is nearest to the
- *  pick. */
+/** Marked point. Partners are all parameters (s : t : w) of the point of the double curve nearest
+ *  to the pick. */
 export interface Marked {
   space: V3;
   domain: [number, number];
@@ -33,10 +33,10 @@ export interface LayerState {
   opacity: number;
   count: number;
 }
-/** What the address of a page says, by names that stay. */
+/** State in the address of a page; its keys are stable. */
 interface State {
   camera: Camera;
-  /** By layer: what is seen of it, and its further choices by their keys. */
+  /** Visible settings of each layer, and its options by their keys. */
   layers: Record<string, unknown>[];
   section: Section | null;
   parameters: Record<string, number>;
@@ -51,11 +51,11 @@ export interface Parameter {
   isOpen: boolean;
 }
 
-/** How far a place of the double curve may be from the pick beside it, as a share of the distance
- *  of the eye. */
+/** Maximum distance of a point of the double curve from a pick near it, as a fraction of the
+ *  distance from the eye. */
 const BESIDE = 0.05;
 
-/** Steps of tapes that take less than a frame; and milliseconds until others follow. */
+/** Number of tape steps that take less than a frame, and milliseconds before larger updates. */
 const AT_ONCE = 3e6;
 const REST = 250;
 
@@ -66,7 +66,7 @@ export class Viewer {
   domain: Domain | null = null;
   marked: Marked | null = null;
   picked: Picked | null = null;
-  /** Called where something else than the camera has changed. */
+  /** Callback after changes of anything except the camera. */
   onChange: () => void = () => {};
   onPick: () => void = () => {};
 
@@ -76,12 +76,12 @@ export class Viewer {
   ) {
     this.layers = layers;
     this.measure();
-    // Points beside a model are there to be compared with it.
+    // Points shown with a model are coloured by their deviations from it.
     if (this.models.length)
       for (const layer of layers) if (layer instanceof PointsLayer) layer.colorBy = "deviation";
   }
 
-  /** Parameters that slide, until the next frame. */
+  /** Parameters moved by sliders, until the next frame. */
   private readonly slid = new Map<string, number>();
   private rest = 0;
 
@@ -109,7 +109,7 @@ export class Viewer {
     }));
   }
 
-  /** Changes a layer; what it has not is left as it is. */
+  /** Changes the given settings of a layer. */
   set(id: string, some: { visible?: unknown; opacity?: unknown; colorBy?: unknown }): void {
     const layer = this.layer(id);
     if (typeof some.visible === "boolean") layer.visible = some.visible;
@@ -124,7 +124,7 @@ export class Viewer {
     this.onChange();
   }
 
-  /** What is seen at a pixel of the pane of space. */
+  /** Picks the visible point at a pixel of the pane of space. */
   pickSpace(x: number, y: number): Picked | null {
     const ray = this.view.ray(x, y);
     let best: [Layer, Hit] | null = null;
@@ -142,8 +142,8 @@ export class Viewer {
     return this.mark(best && best[0], best && best[1], isBeside ? near : null);
   }
 
-  /** Takes a hit as what is picked, and marks it in both panes, with what is known of a place of
-   *  the double curve beside it. */
+  /** Stores a hit as the picked point and marks it in both panes, with the parameters of a point of
+   *  the double curve near it. */
   mark(layer: Layer | null, hit: Hit | null, double: V3 | null = null): Picked | null {
     this.picked = null;
     this.marked = null;
@@ -167,7 +167,7 @@ export class Viewer {
     return { position: [...position], target: [...target], up: [...up], orthographic, fov, height };
   }
 
-  /** Takes what is given of a camera and makes sense. */
+  /** Takes those of the given camera settings that are valid. */
   setCamera(some: Partial<Camera>): void {
     const { camera } = this.view;
     const next = { ...camera };
@@ -196,7 +196,7 @@ export class Viewer {
     this.onChange();
   }
 
-  /** The parameters of all models; one name moves all that have it. */
+  /** Returns the parameters of all models; equal names are one parameter. */
   parameters(): Parameter[] {
     const all = new Map<string, Parameter>();
     for (const model of this.models) {
@@ -216,7 +216,7 @@ export class Viewer {
     return [...all.values()];
   }
 
-  /** Moves a parameter by a slider: once for all moves until the next frame. */
+  /** Moves a parameter by a slider; all moves until the next frame are applied at once. */
   slide(name: string, value: number): void {
     if (!this.slid.size) {
       requestAnimationFrame(() => {
@@ -228,7 +228,8 @@ export class Viewer {
     this.slid.set(name, value);
   }
 
-  /** Gives parameters values. While they slide, deviations that take long follow after a rest. */
+  /** Sets values of parameters. While sliders move, deviations that take long are updated after a
+   *  rest. */
   setParameters(values: Record<string, unknown>, isSliding = false): void {
     for (const name of Object.keys(values)) {
       if (!isNumber(values[name])) throw new RangeError(`the value of ${name} is no number`);
@@ -255,14 +256,14 @@ export class Viewer {
     this.onChange();
   }
 
-  /** How many steps of tapes the deviations of all points take. */
+  /** Returns the number of tape steps for the deviations of all points. */
   private cost(): number {
     const points = this.layers.filter((l) => l instanceof PointsLayer);
     const steps = this.models[0]?.doc.tape.steps.length ?? 0;
     return steps * points.reduce((sum, layer) => sum + layer.count, 0);
   }
 
-  /** The parameters as they came. */
+  /** Resets the parameters to their original values. */
   resetParameters(): void {
     for (const model of this.models) model.setValues(model.parameters.map((p) => [p, p.value]));
     this.measure();
@@ -270,8 +271,8 @@ export class Viewer {
     this.onChange();
   }
 
-  /** Deviations of points from the first model beside them. Those of the file are kept as long as
-   *  the model is as it came. */
+  /** Computes deviations of points from the first model. Those of the file are kept as long as the
+   *  model is unchanged. */
   private measure(): void {
     const model = this.models[0];
     if (!model) return;
@@ -291,20 +292,20 @@ export class Viewer {
     }
   }
 
-  /** Parameters that are not as they came. */
+  /** Returns the parameters that differ from their original values. */
   private moved(): Parameter[] {
     const came = this.asCame();
     return this.parameters().filter((p) => p.value !== came[p.name]);
   }
 
-  /** The values of parameters as they came. */
+  /** Returns the original values of parameters. */
   private asCame(): Record<string, number> {
     const all = this.models.flatMap((m) => m.parameters).reverse();
     return Object.fromEntries(all.map((p) => [p.name, p.value]));
   }
 
-  /** What of the view a link keeps. Of parameters only those that were moved: where a file has
-   *  changed, the others are as it says now. */
+  /** Returns the part of the view that a link keeps. Of parameters only changed ones are kept, so
+   *  that the others follow a changed file. */
   state(): string {
     const layers = this.layers.map((l) => ({
       visible: l.visible,
@@ -326,7 +327,7 @@ export class Viewer {
       .replaceAll("=", "");
   }
 
-  /** Shows what a state says. One that makes no sense changes nothing; whether it made sense. */
+  /** Restores a state; returns false, without any change, if it is not valid. */
   restore(text: string): boolean {
     const before = this.state();
     try {
@@ -342,7 +343,7 @@ export class Viewer {
     }
   }
 
-  /** Takes a state: keys that are missing change nothing, others than these are passed over. */
+  /** Takes a state: missing keys change nothing, unknown ones are ignored. */
   private take({ camera, layers, section, parameters }: Partial<State>): void {
     if (camera) {
       const { position, target, up, fov, height } = camera;
@@ -369,13 +370,13 @@ export class Viewer {
     }
   }
 
-  /** The diagonal of what is visible. */
+  /** Returns the diagonal of the box of visible layers. */
   extent(): number {
     const b = this.view.bounds();
     return b ? norm(sub(b.hi, b.lo)) : 1;
   }
 
-  /** The middle of what is visible, for a section's first place. */
+  /** Returns the centre of the visible layers, the initial position of a section. */
   middle(): V3 {
     const b = this.view.bounds();
     return b ? (add(b.lo, b.hi).map((v) => v / 2) as V3) : [0, 0, 0];
