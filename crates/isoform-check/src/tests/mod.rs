@@ -1,4 +1,4 @@
-//! Known meshes, and what must be found wrong with them.
+//! Known meshes, and the defects that must be found in them.
 
 mod solids;
 
@@ -40,7 +40,7 @@ fn cube(o: Point3) -> Mesh {
     )
 }
 
-/// Both meshes, with nodes at the same place made one.
+/// Returns both meshes, with coincident nodes merged.
 fn welded(a: &Mesh, b: &Mesh) -> Mesh {
     let mut mesh = a.clone();
     let new: Vec<u32> = b
@@ -255,7 +255,7 @@ fn two_cubes_at_an_edge() {
     );
 }
 
-/// Three pages of a book hang together nowhere.
+/// Three triangles at one edge, like pages of a book, are not connected across it.
 #[test]
 fn three_triangles_at_an_edge() {
     let points = vec![
@@ -297,7 +297,7 @@ fn two_cubes_at_a_node() {
     );
 }
 
-/// Nodes at the same place that are not the same touch.
+/// Coincident nodes with different indices touch.
 #[test]
 fn two_cubes_that_touch() {
     for (at, pairs) in [([1.0; 3], 1), ([1.0, 0.25, 0.25], 1), ([3.0, 0.0, 0.0], 0)] {
@@ -423,7 +423,7 @@ fn what_can_be_wrong_with_tetrahedra() {
         broken(|m| m.triangles.truncate(47)),
         [("open-edge", 3), ("uncovered-face", 1)]
     );
-    // The middle node beyond the block: what it is in is turned over, and more.
+    // With the middle node beyond the block, tetrahedra around it are inverted.
     assert!(
         broken(|m| m.points[13][0] = 9.0)
             .iter()
@@ -600,8 +600,8 @@ fn intersections_of_a_crumpled_torus() {
     assert_eq!(found.triangles, hit.len());
 }
 
-/// Triangles through one axis, of which all 44,850 pairs cross: no more are looked for than asked
-/// for, but for what is on the way.
+/// Triangles through one axis, of which all 44,850 pairs cross: the search ends soon after the
+/// requested number of pairs.
 #[test]
 fn no_more_intersections_than_asked_for() {
     let mut mesh = Mesh::default();
@@ -707,7 +707,7 @@ fn any_number_of_threads_gives_the_same() {
 }
 
 proptest! {
-    /// No mesh whatever makes it panic.
+    /// The certificate does not panic on arbitrary meshes.
     #[test]
     fn nonsense_is_survived(
         mut points in prop::collection::vec(prop::array::uniform3(-2i32..3), 1..9),

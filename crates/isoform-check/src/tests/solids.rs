@@ -1,11 +1,11 @@
-//! Meshes compared with the solids that they are of.
+//! Meshes compared with their solids.
 
 use super::*;
 use isoform_geom::{Csg, Curve, Field, OnePiece, cross, dot, norm, sub};
 use isoform_num::{Interval, Jet2};
 
-/// (1 − |p|²)/2 times a factor: no distance, but for the factor 1 its first order distance is right
-/// to second order.
+/// (1 − |p|²)/2 times a factor: not a distance, but its first-order distance is accurate to second
+/// order with the factor 1.
 struct Ball(f64);
 
 impl Field for Ball {
@@ -71,7 +71,7 @@ impl Solid for Dome {
     }
 }
 
-/// All checks at once, of a mesh that may be anything.
+/// Runs all checks at once, on an arbitrary mesh.
 pub(super) fn against_everything(mesh: &Mesh) -> Certificate {
     let curves = vec![
         vec![[0.0; 3], [1.0, 1.0, 0.0]],
@@ -273,7 +273,7 @@ fn labels_curves_and_misclassified_nodes() {
             && d.parts[0].nodes.count + d.parts[1].nodes.count == d.nodes.count
     );
 
-    // A node of the rim lifted: it is on the ball no more, nor on the floor.
+    // A lifted node of the rim is neither on the ball nor on the floor.
     let mut lifted = good.clone();
     let node = lifted.edges[5][0];
     lifted.points[node as usize][2] += 1e-3;
@@ -321,7 +321,7 @@ fn labels_curves_and_misclassified_nodes() {
         (d.unknown_parts, codes(&c)),
         (vec!["roof".to_owned()], vec![("unknown-part", 1)])
     );
-    // Without labels the deciding pieces are asked.
+    // Without labels the deciding pieces are used.
     let bare = Mesh::from_triangles(good.points, good.triangles);
     let (d, c) = distances(&bare, &Dome::new());
     assert!(
