@@ -1,8 +1,8 @@
-//! How many patches become exact, and are named: `cargo run --release -p isoform-patch --example
-//! exact [-- SEEDS [SURFACE]]`.
+//! Numbers of patches that become exact and are recognised: `cargo run --release -p isoform-patch
+//! --example exact [-- SEEDS [SURFACE]]`.
 //!
 //! Each row is a surface and a degree; all with the paper's settings, from the first SEEDS seeds
-//! (20 unless told). The table is in Markdown.
+//! (20 by default). The table is in Markdown.
 
 use isoform_field::Polynomial;
 use isoform_geom::Aabb;
@@ -11,7 +11,7 @@ use std::time::Instant;
 
 type Term = ([u16; 3], f64);
 
-/// Radii 0.33 and 0.15: (x² + y² + z² + R² − r²)² = 4 R² (x² + y²).
+/// Torus with radii 0.33 and 0.15: (x² + y² + z² + R² − r²)² = 4 R² (x² + y²).
 fn torus() -> Vec<Term> {
     let (r, s) = (0.33f64.powi(2), 0.15f64.powi(2));
     let c = r - s;

@@ -1,9 +1,9 @@
-//! Table 1 of Wurm, Jüttler and Kim (2003) redone: `cargo run --release -p isoform-patch --example
-//! table1 [-- newton|frozen]`.
+//! Table 1 of Wurm, Jüttler and Kim (2003), recomputed: `cargo run --release -p isoform-patch
+//! --example table1 [-- newton|frozen]`.
 //!
-//! The paper does not print the equations of its surfaces of degree 8 and 12. Ours are a figure
-//! eight revolved about an axis beside it, and a Schwarz P surface whose cosines are Taylor
-//! polynomials. One thread; the table is in Markdown.
+//! The paper does not print the equations of its surfaces of degree 8 and 12. They are replaced by
+//! a figure eight revolved about an axis next to it, and by a Schwarz P surface whose cosines are
+//! Taylor polynomials. One thread; the table is in Markdown.
 
 use isoform_field::Polynomial;
 use isoform_geom::Aabb;
@@ -12,7 +12,7 @@ use std::time::Instant;
 
 type Terms = Vec<([u16; 3], f64)>;
 
-/// The product of two polynomials.
+/// Returns the product of two polynomials.
 fn times(a: &Terms, b: &Terms) -> Terms {
     let mut product: Terms = Vec::new();
     for (e, c) in a {
@@ -38,8 +38,8 @@ fn plus(a: &Terms, b: &Terms, s: f64) -> Terms {
     sum
 }
 
-/// The figure eight (ρ − R)⁴ − a²(ρ − R)² + z²/25 = 0 with ρ² = x² + y², R = 3/10 and a² = 1/25,
-/// rid of its root: A(ρ²) + ρ B(ρ²) = 0 becomes A² − ρ² B² = 0.
+/// Figure eight (ρ − R)⁴ − a²(ρ − R)² + z²/25 = 0 with ρ² = x² + y², R = 3/10 and a² = 1/25,
+/// without its root: A(ρ²) + ρ B(ρ²) = 0 becomes A² − ρ² B² = 0.
 fn figure8() -> Terms {
     let (r, a2) = (0.3, 0.04);
     let rho2: Terms = vec![([2, 0, 0], 1.0), ([0, 2, 0], 1.0)];
@@ -67,7 +67,7 @@ fn figure8() -> Terms {
     )
 }
 
-/// Σ cos(2πx) by Taylor polynomials of degree 12.
+/// Schwarz P surface Σ cos(2πx) by Taylor polynomials of degree 12.
 fn schwarz12() -> Terms {
     let mut terms: Terms = vec![([0, 0, 0], 3.0)];
     let (mut c, w) = (1.0, std::f64::consts::TAU);

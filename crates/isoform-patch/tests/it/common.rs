@@ -1,4 +1,4 @@
-//! Surfaces that tests share.
+//! Surfaces shared by the tests.
 
 use isoform_field::Polynomial;
 use isoform_geom::{Aabb, RationalPatch};
@@ -8,7 +8,7 @@ pub(crate) const CUBE: Aabb = Aabb {
     hi: [0.5; 3],
 };
 
-/// x² + y² + z² − r².
+/// Sphere x² + y² + z² − r².
 pub(crate) fn sphere(r: f64) -> Polynomial {
     Polynomial::new([
         ([2, 0, 0], 1.0),
@@ -21,7 +21,7 @@ pub(crate) fn sphere(r: f64) -> Polynomial {
 pub(crate) fn whitney() -> Polynomial {
     Polynomial::new([([2, 0, 0], 1.0), ([0, 2, 1], -1.0), ([0, 2, 0], -0.5)])
 }
-/// (x² + y² + z² + R² − r²)² = 4 R² (x² + y²).
+/// Torus (x² + y² + z² + R² − r²)² = 4 R² (x² + y²).
 pub(crate) fn torus(major: f64, minor: f64) -> Polynomial {
     let (r2, c) = (major * major, major * major - minor * minor);
     let mut terms = vec![
@@ -34,7 +34,7 @@ pub(crate) fn torus(major: f64, minor: f64) -> Polynomial {
     terms.extend([[2, 2, 0], [2, 0, 2], [0, 2, 2]].map(|e| (e, 2.0)));
     Polynomial::new(terms)
 }
-/// A quartic without symmetry.
+/// Quartic without symmetry.
 pub(crate) fn quartic() -> Polynomial {
     Polynomial::new([
         ([4, 0, 0], 1.0),
@@ -47,8 +47,8 @@ pub(crate) fn quartic() -> Polynomial {
     ])
 }
 
-/// The stereographic patch on the sphere of radius r: (2s, 2t, s² + t² − 1, s² + t² + 1) for s, t
-/// in [−a, a], from below.
+/// Stereographic patch on the sphere of radius r: (2s, 2t, s² + t² − 1, s² + t² + 1) for s, t in
+/// [−a, a], around the lowest point.
 pub(crate) fn stereographic(r: f64, a: f64) -> RationalPatch {
     // Bernstein coefficients of 1, s and s² on [−a, a].
     let (one, s, s2) = ([1.0; 3], [-a, 0.0, a], [a * a, -a * a, a * a]);

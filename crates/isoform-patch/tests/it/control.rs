@@ -1,4 +1,4 @@
-//! Options that are refused, work that is stopped, and what is told of its progress.
+//! Rejected options, stopped work and reports of progress.
 
 use crate::common;
 use isoform_field::Polynomial;
@@ -30,7 +30,7 @@ fn options() -> Options {
     Options::new((2, 2), 1e-2, region)
 }
 
-/// Both ways to patches refuse the same.
+/// Returns the error of invalid options, which both ways to patches report equally.
 fn refused(options: &Options) -> Error {
     let control = Control::default();
     let single = parameterize(&sphere(), options, &control).expect_err("refused");
@@ -93,7 +93,7 @@ fn a_cover_of_no_patches_is_refused() {
     );
 }
 
-/// A cover takes a second and more; what has not even begun is stopped, and not empty.
+/// A cover takes a second or more; work that has not begun is reported as stopped, not as empty.
 #[test]
 fn without_time_there_is_no_patch_but_not_for_lack_of_surface() {
     let fine = Options {
@@ -118,7 +118,7 @@ fn without_time_there_is_no_patch_but_not_for_lack_of_surface() {
     assert_eq!(made.expect_err("cancelled"), Error::Stopped);
 }
 
-/// The phases that are told while something is made.
+/// Returns the phases that are reported during some work.
 fn told(make: impl FnOnce(&Control<'_>)) -> Vec<String> {
     let told = shares_told(|hear| {
         make(&Control {

@@ -25,7 +25,7 @@ fn sphere() -> Polynomial {
     )
 }
 
-/// Places spread over the unit sphere.
+/// Returns points spread over the unit sphere.
 fn directions(count: u32) -> Vec<Point3> {
     (0..count)
         .map(|i| {
@@ -36,7 +36,7 @@ fn directions(count: u32) -> Vec<Point3> {
         .collect()
 }
 
-/// How far a point is from the border of a patch, by samples that are 1e-3 apart or less.
+/// Returns the distance of a point from the border of a patch, by samples at most 1e-3 apart.
 fn depth(patch: &RationalPatch, p: Point3) -> f64 {
     (0..=1000)
         .map(|i| f64::from(i) / 1000.0)
@@ -45,7 +45,7 @@ fn depth(patch: &RationalPatch, p: Point3) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-/// What is made on a pool of as many threads.
+/// Runs some work on a pool with a given number of threads.
 fn on_threads<T: Send>(threads: usize, make: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
@@ -68,7 +68,7 @@ fn patches(made: &[Parameterized]) -> Vec<&RationalPatch> {
     made.iter().map(|p| &p.grown.patch).collect()
 }
 
-/// A margin that is proved is there, by places of which the proof knows nothing.
+/// A proved margin holds at points that the proof does not use.
 #[test]
 fn a_margin_is_kept_everywhere() {
     let margin = 0.05;
@@ -88,12 +88,12 @@ fn a_margin_is_kept_everywhere() {
             .fold(0.0, f64::max);
         assert!(deepest >= margin, "{p:?}: {deepest}");
     }
-    // Threads change nothing.
+    // The number of threads changes nothing.
     let again = margin_of_sphere(margin, 1, 100);
     assert_eq!(patches(&made.patches), patches(&again.patches));
 }
 
-/// What is missing is told: one patch is no sphere.
+/// A missing margin is reported: one patch does not cover a sphere.
 #[test]
 fn a_margin_that_is_not_there_is_not_proved() {
     let made = margin_of_sphere(0.05, 2, 1);
@@ -108,7 +108,7 @@ fn a_margin_that_is_not_there_is_not_proved() {
     assert!(cover(&sphere(), &options, &bad, &Control::default()).is_err());
 }
 
-/// A cone is covered but for its apex, and that is said.
+/// A cone is covered except for its apex, and the apex is reported.
 #[test]
 fn singular_points_are_left_out() {
     let cone = Polynomial::new([([2, 0, 0], 1.0), ([0, 2, 0], 1.0), ([0, 0, 2], -1.0)]);

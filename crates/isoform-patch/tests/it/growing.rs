@@ -1,4 +1,4 @@
-//! Patches that grow, and what is proved of them.
+//! Growing patches, and the proofs of their properties.
 
 use crate::common::{CUBE, quartic, sphere, stereographic, torus, whitney};
 use isoform_algebra::RBig;
@@ -94,7 +94,7 @@ fn the_umbrella_is_dived_through_on_its_branch() {
                 if y.abs() < 0.03 {
                     continue;
                 }
-                // Where s is nearly 0, at the fold z = −1/2, its sign says nothing.
+                // The sign of s is lost in rounding where s is nearly 0, at the fold z = −1/2.
                 if let Some([x0, y0]) =
                     last.filter(|l| l[1] * y < 0.0 && l[0].abs().min(x.abs()) > 5e-3)
                 {
@@ -156,8 +156,8 @@ fn bounds_hold_and_are_tight() {
     assert!(exact.bound.expect("a proof") < 1e-13);
 }
 
-/// Across a double curve ∇F vanishes; a plane of F = x y, moved by d, is d away from it all the
-/// same.
+/// ∇F vanishes on a double curve; a plane of F = x y, moved by d, has the distance d from it there,
+/// too.
 #[test]
 fn bounds_hold_at_self_intersections() {
     let planes = isoform_field::Polynomial::new([([1, 1, 0], 1.0)]);
@@ -186,8 +186,8 @@ fn tolerances_are_kept() {
     assert!(made.grown.area(&CUBE) > 0.2 * std::f64::consts::PI);
 }
 
-/// A patch of higher degree is no smaller: on this torus one of degree 2,2 has an area of 0.23 at
-/// least.
+/// A patch of higher degree is not smaller: on this torus one of degree 2,2 has an area of at least
+/// 0.23.
 #[test]
 fn patches_to_a_tolerance_grow_as_large_as_they_can() {
     let text = "my_model(x[3], a[1]) { my_model = 0.15 - sqrt((sqrt(x[1]*x[1] + x[2]*x[2]) - 0.33)^2 + x[3]*x[3]); }";
@@ -210,8 +210,8 @@ fn patches_to_a_tolerance_grow_as_large_as_they_can() {
     }
 }
 
-/// Which pace suits is a matter of the surface: weights towards the border cost a tenth and more of
-/// the area here, many small steps do on the sphere.
+/// The best policy of growing depends on the surface: weights towards the border cost a tenth or
+/// more of the area here, many small steps do on the sphere.
 #[test]
 fn patches_to_a_tolerance_are_grown_at_several_paces() {
     let torus = torus(0.33, 0.15);
@@ -304,7 +304,7 @@ fn patches_on_quadrics_become_exact() {
 
 type Term = ([u16; 3], f64);
 
-/// From any side: ellipsoid, cylinder, cone, saddle, each with a seed of its own and its own angle.
+/// Ellipsoid, cylinder, cone and saddle, each with its own seed and angle.
 #[test]
 fn other_quadrics_become_exact_and_are_named() {
     let quadrics: [(&[Term], &str); 5] = [
@@ -368,8 +368,8 @@ fn other_quadrics_become_exact_and_are_named() {
     }
 }
 
-/// Where there is no exact patch of the degree nearby, one of lower degree is raised. The
-/// parameters are those of the polynomial.
+/// If no exact patch of the degree is nearby, one of lower degree is raised. The parameters are
+/// those of the polynomial.
 #[test]
 fn patches_on_tori_become_exact_and_are_named() {
     let field = torus(0.33, 0.15);
@@ -416,8 +416,8 @@ fn patches_on_tori_become_exact_and_are_named() {
     }
 }
 
-/// At the outer equator the patch that has grown is not near an exact one; with a tolerance shape
-/// terms weigh little.
+/// The grown patch at the outer equator is not near an exact one; with a tolerance shape terms
+/// weigh little.
 #[test]
 fn exact_patches_are_found_from_small_ones() {
     let field = torus(0.33, 0.15);
@@ -448,7 +448,7 @@ fn exact_patches_are_found_from_small_ones() {
     }
 }
 
-/// The patch's homogeneous point at rational parameters, in exact arithmetic.
+/// Returns the homogeneous point of a patch at rational parameters, in exact arithmetic.
 fn exact_point(patch: &RationalPatch, u: &RBig, v: &RBig) -> [RBig; 4] {
     let (m, n) = patch.degree();
     let bernstein = |n: usize, x: &RBig| -> Vec<RBig> {
@@ -476,9 +476,9 @@ fn exact_point(patch: &RationalPatch, u: &RBig, v: &RBig) -> [RBig; 4] {
     })
 }
 
-/// Largest distance of the patch's points from a torus, from exact values of its polynomial
-/// F = (x² + y² + z² + R² − r²)² − 4R² (x² + y²). With q = √(x² + y²) and the distance d from the
-/// middle circle, F is (d² − r²) ((q + R)² + z² − r²).
+/// Returns the largest distance of points of a patch from a torus, from exact values of its
+/// polynomial F = (x² + y² + z² + R² − r²)² − 4R² (x² + y²). With q = √(x² + y²) and the distance d
+/// from the central circle, F is (d² − r²) ((q + R)² + z² − r²).
 fn off_torus(patch: &RationalPatch, major: f64, minor: f64) -> f64 {
     let exact = |x: f64| RBig::try_from(x).expect("finite");
     let square = |x: &RBig| x * x;
@@ -503,7 +503,7 @@ fn off_torus(patch: &RationalPatch, major: f64, minor: f64) -> f64 {
     worst
 }
 
-/// The area of a patch by that of n × n cells, each the half of its diagonals' product.
+/// Returns the area of a patch as the sum over n × n cells of half the product of their diagonals.
 fn area_of_cells(patch: &RationalPatch, n: usize) -> f64 {
     let at = |i: usize, j: usize| patch.point(i as f64 / n as f64, j as f64 / n as f64);
     let mut area = 0.0;
@@ -554,9 +554,9 @@ fn patches_across_a_double_curve_become_exact() {
     assert_eq!(made.quadric, None);
 }
 
-/// The middle control point of a stereographic patch over (−a, a)² has the weight 1 − 2a²: near a²
+/// The central control point of a stereographic patch over (−a, a)² has the weight 1 − 2a²: near a²
 /// = 1/2 it is far away, but the patch is as near to the sphere as others. A bound on the distance
-/// from a program that is no polynomial must show that, too.
+/// from a function that is not a polynomial must show that, too.
 #[test]
 fn far_control_points_do_not_loosen_bounds() {
     let patch = stereographic(0.5, 0.7);
@@ -575,8 +575,8 @@ fn far_control_points_do_not_loosen_bounds() {
     assert!(bound < 1e-6, "{bound:e}");
 }
 
-/// Two planes that cross: patches on one of them, moved by d, are d away from it, and no bound may
-/// be less.
+/// Two crossing planes: patches on one of them, moved by d, are at the distance d from it, and no
+/// bound may be less.
 #[test]
 fn bounds_at_crossings_are_no_less_than_distances() {
     let planes = isoform_field::Polynomial::new([([1, 1, 0], 1.0)]);
@@ -593,7 +593,7 @@ fn bounds_at_crossings_are_no_less_than_distances() {
     }
 }
 
-/// A function that is not a number on one side.
+/// Function that is NaN on one side.
 struct HalfNan;
 impl Field for HalfNan {
     fn value(&self, p: Point3) -> f64 {
@@ -678,7 +678,7 @@ fn bad_input_is_refused_with_a_reason() {
         ),
         Error::NoThirdDerivatives
     );
-    // Beside the part without values there is a patch, and it stays out of it.
+    // A patch exists next to the region without values and avoids that region.
     let made = parameterize(
         &HalfNan,
         &Options {
@@ -698,7 +698,7 @@ fn bad_input_is_refused_with_a_reason() {
     assert_eq!(made.distances.bound, None);
 }
 
-/// A sphere whose jets take long while a patch grows, not when its distance is sampled.
+/// Sphere whose jets take long while a patch grows, but not when its distance is sampled.
 struct Slow(isoform_field::Polynomial);
 
 impl Field for Slow {
@@ -719,7 +719,7 @@ impl Field for Slow {
     }
 }
 
-/// Growing takes fifty such evaluations and more, but leaves time for the proof.
+/// Growing takes fifty such evaluations or more, but leaves time for the proof.
 #[test]
 fn a_patch_that_is_not_full_grown_in_time_has_a_bound() {
     let deadline = std::time::Instant::now() + std::time::Duration::from_millis(700);
@@ -737,8 +737,8 @@ fn a_patch_that_is_not_full_grown_in_time_has_a_bound() {
     );
 }
 
-/// Where min(0.3 − |x|, …) has an edge, projections of places outside end on it: from there no
-/// patch grows, but from other seeds.
+/// Projections end on the edge of min(0.3 − |x|, …): no patch grows from there, but from other
+/// seeds.
 #[test]
 fn seeds_on_edges_are_left_for_others() {
     let text =
@@ -761,8 +761,8 @@ fn seeds_on_edges_are_left_for_others() {
     }
 }
 
-/// Steiner's Roman surface has three double lines that meet in a triple point: where nothing can be
-/// proved near these, patches end before.
+/// Steiner's Roman surface has three double lines that meet in a triple point: patches end before
+/// regions in which nothing can be proved.
 #[test]
 fn patches_end_before_what_cannot_be_proved() {
     let terms = [
@@ -804,8 +804,8 @@ fn crossings_take_few_cells() {
     assert!((d..=1e-2).contains(&bound), "{bound}");
 }
 
-/// A torus about a point, of a size: the patch of one is that of another, scaled and moved, up to
-/// rounding, of the paper's bound as of a tolerance.
+/// A torus with given centre and size: patches are equal up to rounding after scaling and
+/// translation, with the paper's bound and with a tolerance.
 #[test]
 fn patches_do_not_depend_on_the_unit() {
     let torus = |size: f64| {

@@ -1,4 +1,4 @@
-//! The objective against closed forms and differences.
+//! Objective compared with closed forms and differences.
 
 use crate::common::{CUBE, quartic, sphere, stereographic, whitney};
 use isoform_geom::{Field, RationalPatch, cross, norm};
@@ -25,7 +25,7 @@ fn objective<'f>(field: &'f dyn Field, degree: (usize, usize), method: Method) -
     o
 }
 
-/// A patch with all weights different.
+/// Returns a patch with distinct weights.
 fn bent(m: usize, n: usize) -> RationalPatch {
     let at = |i: usize, j: usize| {
         let (s, t) = (i as f64 / m as f64, j as f64 / n as f64);
@@ -89,7 +89,7 @@ fn integrals_of_flat_patches_are_closed_forms() {
     }
     let at = o.evaluate(&patch).expect("a value");
     assert!((at.terms.j - 1.0 / 9.0).abs() < 1e-15, "{}", at.terms.j);
-    // The corners are where they were put.
+    // The corners keep their positions.
     let e: f64 = [
         [0.0, 0.0, 0.5],
         [0.3, 0.0, 0.5],
@@ -190,7 +190,7 @@ fn derivatives_agree_with_differences() {
     }
 }
 
-/// At a solution residuals vanish, and Gauss-Newton's second derivatives are the true ones.
+/// Residuals vanish at a solution, and Gauss-Newton's second derivatives are the true ones.
 #[test]
 fn gauss_newton_is_exact_where_residuals_vanish() {
     let field = sphere(0.5);

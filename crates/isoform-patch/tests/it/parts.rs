@@ -1,4 +1,4 @@
-//! Patches on surfaces with sharp edges, judged by closed forms.
+//! Patches on surfaces with sharp edges, compared with closed forms.
 
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_geom::{Aabb, Parts, Point3};
@@ -26,7 +26,7 @@ fn options() -> Options {
     }
 }
 
-/// Every bound holds against the distance given in closed form, and keeps the tolerance.
+/// Checks every bound against the distance given in closed form, and against the tolerance.
 fn check(patches: &[Parameterized], distance: &dyn Fn(Point3) -> f64) {
     check_within(patches, distance, TOLERANCE);
 }
@@ -50,7 +50,7 @@ fn check_within(patches: &[Parameterized], distance: &dyn Fn(Point3) -> f64, tol
     }
 }
 
-/// The share of points within the tolerance of a patch.
+/// Returns the fraction of points within the tolerance of a patch.
 fn share(patches: &[Parameterized], points: &[Point3]) -> f64 {
     let lists: Vec<Vec<bool>> = patches
         .iter()
@@ -62,7 +62,7 @@ fn share(patches: &[Parameterized], points: &[Point3]) -> f64 {
         / points.len() as f64
 }
 
-/// A cover made on a pool of as many threads.
+/// Makes a cover on a pool with a given number of threads.
 fn cover_parts(parts: &Parts, options: &Options, threads: usize) -> Result<Cover, Error> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let (covering, control) = (Covering::default(), Control::default());
@@ -77,7 +77,7 @@ fn parameterize_part(parts: &Parts, options: &Options) -> Result<Parameterized, 
 /// Halves of the edges of a box.
 const SIZE: Point3 = [0.4, 0.3, 0.2];
 
-/// The distance from the surface of that box.
+/// Returns the distance from the surface of that box.
 fn from_box(p: Point3) -> f64 {
     let q: Point3 = std::array::from_fn(|k| p[k].abs() - SIZE[k]);
     let outside = q.iter().map(|v| v.max(0.0).powi(2)).sum::<f64>().sqrt();
@@ -119,7 +119,7 @@ fn a_box_has_a_patch_for_each_face() {
     );
 }
 
-/// Triangles, whose corners no rectangle reaches.
+/// The faces are triangles, whose corners no rectangle reaches.
 #[test]
 fn an_octahedron_is_covered() {
     let made = cover_parts(
@@ -147,7 +147,7 @@ fn an_octahedron_is_covered() {
     assert!(made.patches.len() <= 40, "{}", made.patches.len());
 }
 
-/// A slab with a round hole: patches along the hole follow its circle.
+/// Slab with a round hole: patches along the hole follow its circle.
 #[test]
 fn a_round_hole_is_followed() {
     let model = parts("min(0.1 - abs(x[3]), sqrt(x[1]*x[1] + x[2]*x[2]) - 0.3)");
@@ -174,7 +174,8 @@ fn a_round_hole_is_followed() {
     assert!(arc > 0.8, "{arc}");
 }
 
-/// Where a blend begins the surface goes on smoothly, with another curvature: bounds hold across.
+/// The surface continues smoothly, with another curvature, at the beginning of a blend: bounds hold
+/// across it.
 #[test]
 fn blends_are_covered_and_proved() {
     // Two planes at a right angle, joined by a polynomial fillet.
@@ -196,8 +197,8 @@ fn blends_are_covered_and_proved() {
     );
 }
 
-/// Where blends begin and where faces end at a hole, bounds are not much more than what samples
-/// show: flat faces are flat to rounding.
+/// Bounds are not much larger than sampled distances at the beginning of blends and at the end of
+/// faces at a hole: flat faces are flat to rounding.
 #[test]
 fn bounds_near_edges_are_tight() {
     // A plate and a boss joined by a blend, minus a hole.
@@ -221,7 +222,7 @@ fn bounds_near_edges_are_tight() {
         // not begin yet.
         ([-2.92, 1.92, -0.5], 1e-3, [3.3, 2.3, 0.8, 2.8]),
         ([0.0, -1.81, -0.5], 1e-3, [3.3, 2.3, 0.8, 2.8]),
-        // Where the blend begins on the plate, and on it.
+        // One patch at the beginning of the blend on the plate, and one on the blend.
         ([-0.2, -1.39, 0.5], 1e-4, [3.5, 2.5, 1.0, 3.0]),
         ([1.86, 0.82, 0.5], 1e-4, [3.5, 2.5, 1.0, 3.0]),
         ([-0.89, 0.47, 0.81], 1e-4, [3.5, 2.5, 1.0, 3.0]),
@@ -260,8 +261,8 @@ fn bounds_near_edges_are_tight() {
     }
 }
 
-/// A fillet is reached from within, across its whole width and along a good part of its circle, and
-/// proved where its two halves meet.
+/// A patch from inside a fillet extends across its whole width and along a large part of its
+/// circle, and is proved where the two halves of the fillet meet.
 #[test]
 fn a_round_fillet_is_one_patch_wide() {
     let text = "my_model(x[3], a[1]) { r = sqrt(x[1]*x[1] + x[2]*x[2]); u = 0 - x[3]; v = 0.25 - r;
@@ -292,8 +293,7 @@ fn a_round_fillet_is_one_patch_wide() {
     }
 }
 
-/// Two functions that agree wherever one looks are two functions all the same: a dimple 0.004 wide
-/// in a plane.
+/// Two functions that agree at all samples are still two functions: a dimple 0.004 wide in a plane.
 #[test]
 fn functions_that_seem_the_same_prove_nothing() {
     let text = "my_model(x[3], a[1]) { d = (x[1] - 0.03)^2 + (x[2] - 0.02)^2;
@@ -321,8 +321,8 @@ fn functions_that_seem_the_same_prove_nothing() {
     }
 }
 
-/// Where a piece is a constant there is no surface, whatever its other functions would be there:
-/// cos(43 z) = −0.42 at z = 0.0995, but with max(z, 0.1) in place of z from z = 0.1927 on only.
+/// A piece that is constant contributes no surface, regardless of its other functions there: cos(43
+/// z) = −0.42 at z = 0.0995, but with max(z, 0.1) in place of z only from z = 0.1927 on.
 #[test]
 fn nothing_is_proved_of_what_is_constant() {
     let model = parts("cos(43*max(x[3], 0.1)) + 0.42");
@@ -351,8 +351,8 @@ fn nothing_is_proved_of_what_is_constant() {
     assert!(cover_parts(&model, &below, 2).is_err());
 }
 
-/// A ball less another one: at the edge, where the pieces meet at an acute angle, and off it bounds
-/// are no more than three times what a grid of closed forms finds.
+/// Ball minus another one: at the edge, where the pieces meet at an acute angle, and away from it
+/// bounds are at most three times the maximum of closed forms on a grid.
 #[test]
 fn bounds_at_edges_are_near_the_distance() {
     let ball = |x: f64, p: Point3| (p[0] - x).hypot(p[1]).hypot(p[2]);
@@ -374,8 +374,8 @@ fn bounds_at_edges_are_near_the_distance() {
     )
     .expect("a patch");
     let bound = made.distances.bound.expect("a proof");
-    // Of the edge's angle only the far side of the edge sees more; there patches reach by less than
-    // what is sampled.
+    // Only the far side of the edge contributes more; patches extend there by less than what is
+    // sampled.
     let distance = |k: usize| {
         let p = made
             .grown

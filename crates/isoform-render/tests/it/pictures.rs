@@ -1,4 +1,4 @@
-//! Pictures against closed forms: silhouettes, caps, hits, colours and lines.
+//! Pictures compared with closed forms: silhouettes, caps, hits, colours and lines.
 
 use isoform::field::hyperfun::{Mode, Model};
 use isoform::geom::{Aabb, Column, Mesh, Point3, PointCloud, RationalPatch};
@@ -11,7 +11,7 @@ use isoform_render::{
 const WHITE: [u8; 3] = [255; 3];
 const CAP: [u8; 3] = [224, 164, 88];
 
-/// A model from the body of a program in which `c` is the origin.
+/// Returns a model from the body of a program in which `c` is the origin.
 fn model(body: &str, bounds: Aabb, by: Option<ColorBy>) -> Layer {
     let text = format!("m(x[3], a[1]) {{ array c[3]; c = [0, 0, 0]; {body} }}");
     let program = Model::parse(&text, Mode::Default).expect("a program");
@@ -39,7 +39,7 @@ fn scene(layer: Layer, section: Option<Section>) -> Scene {
     }
 }
 
-/// A picture without lines.
+/// Renders a picture without lines.
 fn plain(scene: &Scene, camera: &Camera, size: [u32; 2]) -> Picture {
     let style = Style {
         lines: false,
@@ -52,7 +52,7 @@ fn looking(position: Point3, target: Point3, orthographic: bool) -> Camera {
     Camera::looking(position, target, 30.0, orthographic).expect("a camera")
 }
 
-/// How much of the picture is not background: pixels at borders count by their share.
+/// Returns the area of the picture that is not background; pixels at borders count by their share.
 fn covered(picture: &Picture, inner: [u8; 3]) -> f64 {
     let share = |p: &[u8; 3]| (255.0 - f64::from(p[2])) / (255.0 - f64::from(inner[2]));
     picture.pixels.iter().map(|p| share(p).min(1.0)).sum()
@@ -80,7 +80,7 @@ fn the_silhouette_of_a_ball_has_its_radius_at_every_scale_and_place() {
         let slope = 15.0_f64.to_radians().tan();
         let want = (1.0 / away).asin().tan() / slope * 120.0;
         let count = picture.pixels.iter().filter(|p| **p != WHITE).count();
-        // All pixels that the ball touches: half a pixel more than its radius.
+        // Number of pixels that the ball touches: half a pixel more than its radius.
         let found = (count as f64 / std::f64::consts::PI).sqrt();
         assert!((found - want).abs() < 0.8, "{scale} {far}: {found} {want}");
     }
@@ -97,12 +97,12 @@ fn the_cap_of_a_ball_has_its_area_and_one_colour() {
     camera.height = 2.4;
     let picture = plain(&ball, &camera, [480, 480]);
     let caps = picture.pixels.iter().filter(|p| **p == CAP).count();
-    // At z = 1/2 the radius is √3/2, of 200 pixels a unit.
+    // The radius at z = 1/2 is √3/2, with 200 pixels per unit.
     let want = std::f64::consts::PI * 0.75 * 200.0 * 200.0;
     assert!((caps as f64 / want - 1.0).abs() < 0.01, "{caps} {want}");
 }
 
-/// The first hit of a torus (2, 1) by small steps and halving.
+/// Returns the first intersection with a torus (2, 1), by small steps and bisection.
 fn torus(o: Point3, d: Point3) -> Option<Point3> {
     let at = |t: f64| -> Point3 { std::array::from_fn(|k| o[k] + t * d[k]) };
     let f = |p: Point3| 1.0 - (p[0].hypot(p[1]) - 2.0).hypot(p[2]);
@@ -247,7 +247,7 @@ fn colours_of_deviations_have_their_signs() {
     );
 }
 
-/// A cube from −1 to 1 as a mesh of twelve triangles.
+/// Cube from −1 to 1 as a mesh of twelve triangles.
 fn block() -> Mesh {
     let points = (0..8).map(|i| [0, 1, 2].map(|k| f64::from(2 * (i >> k & 1) - 1)));
     let quads: [[u32; 4]; 6] = [
@@ -278,7 +278,7 @@ fn drawn(scene: &Scene, hidden: bool) -> String {
     draw_svg(scene, &[pane], [400, 300], &drawing, &Control::default()).expect("no end")
 }
 
-/// Straight stretches of the lines of a class, longer than some pixels.
+/// Returns the lengths of the straight stretches of lines of a class, except for very short ones.
 fn stretches(svg: &str, class: &str) -> Vec<f64> {
     let mark = format!("<path class=\"{class}\" d=\"");
     let mut lengths = Vec::new();
@@ -315,14 +315,14 @@ fn a_cube_shows_nine_of_its_edges() {
         let (outline, edge) = (stretches(&svg, "outline"), stretches(&svg, "edge"));
         assert_eq!((outline.len(), edge.len()), (6, 3), "{svg}");
         assert!(stretches(&svg, "hidden").is_empty());
-        // The three that are hidden meet at the far corner.
+        // The three hidden edges meet at the far corner.
         assert_eq!(stretches(&drawn(&scene, true), "hidden").len(), 3);
     }
 }
 
 #[test]
 fn the_cut_of_a_mesh_is_filled_and_its_hole_is_not() {
-    // A cube within a cube, turned inside out: a hollow.
+    // A cube within a cube, turned inside out, is a cavity.
     let (mut mesh, inner) = (block(), block());
     let first = mesh.points.len() as u32;
     mesh.points
@@ -362,7 +362,7 @@ fn pictures_do_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn half_covered_pixels_are_mixed() {
-    // A plane's edge along a column of pixels: half of it is covered.
+    // The edge of a plane along a column of pixels covers half of it.
     let square = Mesh::from_triangles(
         vec![
             [-9.0, -9.0, 0.0],
@@ -372,11 +372,11 @@ fn half_covered_pixels_are_mixed() {
         ],
         vec![[0, 1, 2], [0, 2, 3]],
     );
-    // Of a solid, whose triangles have no edges in the picture.
+    // The triangles of a solid have no edges in the picture.
     let layer = Layer::solid("square", &square, None, None);
     let mut camera = looking([0.0, 0.0, 5.0], [0.0; 3], true);
     camera.height = 5.0;
-    // Five pixels of a unit each: the middle column is half covered.
+    // With five pixels per unit, the middle column is half covered.
     let picture = plain(&scene(layer, None), &camera, [5, 5]);
     let (inner, mixed) = (picture.pixel(0, 2), picture.pixel(2, 2));
     assert_eq!(picture.pixel(3, 2), WHITE);

@@ -1,4 +1,4 @@
-//! What a page holds is read back from its text and compared with what was put in.
+//! The content of a page is read back from its text and compared with the input.
 
 use isoform::field::hyperfun::{Mode, Model};
 use isoform::geom::{Column, Mesh, PointCloud, RationalPatch};
@@ -7,7 +7,7 @@ use isoform::{Control, LiveModel, templates, triangulate_map};
 use isoform_view::{Page, ShownPatch, ShownPoints};
 use serde_json::Value;
 
-/// The document of a page.
+/// Returns the document of a page.
 fn scene(html: &str) -> Value {
     let (_, rest) = html.split_once("data-isoform-scene>").expect("a scene");
     let (text, _) = rest.split_once("</script>").expect("its end");
@@ -15,7 +15,7 @@ fn scene(html: &str) -> Value {
     serde_json::from_str(text).expect("JSON")
 }
 
-/// The bytes of an array that the document names.
+/// Returns the bytes of an array that the document references.
 fn bytes(html: &str, array: &Value) -> Vec<u8> {
     let begin = format!("data-isoform-blob=\"{}\">", array["blob"]);
     let (_, rest) = html.split_once(&begin).expect("an array");
@@ -41,7 +41,7 @@ fn bytes(html: &str, array: &Value) -> Vec<u8> {
     out
 }
 
-/// The numbers of an array.
+/// Returns the numbers of an array.
 fn numbers(html: &str, array: &Value) -> Vec<f64> {
     let bytes = bytes(html, array);
     let all: Vec<f64> = match array["type"].as_str() {
@@ -67,7 +67,7 @@ fn numbers(html: &str, array: &Value) -> Vec<f64> {
     all
 }
 
-/// The coordinates of points.
+/// Returns the coordinates of points.
 fn positions(html: &str, positions: &Value) -> Vec<[f64; 3]> {
     let array = numbers(html, &positions["array"]);
     let number = |key: &str, k: usize| positions[key][k].as_f64().expect("a number");
@@ -75,7 +75,7 @@ fn positions(html: &str, positions: &Value) -> Vec<[f64; 3]> {
     array.chunks_exact(3).map(place).collect()
 }
 
-/// Points of a helix, far from the origin.
+/// Returns points of a helix far from the origin.
 fn helix(count: usize) -> PointCloud {
     let point = |i: usize| {
         let t = i as f64 / count as f64;
@@ -106,7 +106,7 @@ fn points_come_back_within_a_hundred_thousandth() {
         let back = positions(&html, &layer["positions"]);
         for (i, p) in back.iter().enumerate() {
             let q = cloud.absolute(i);
-            // The origin takes seven digits of the sixteen.
+            // The origin uses seven of sixteen digits.
             assert!(
                 (0..3).all(|k| (p[k] - q[k]).abs() <= 3.7 * most + 2e-9),
                 "{p:?} of {q:?}"
@@ -168,7 +168,7 @@ fn texts_of_files_are_data() {
     assert!(policy < html.find("<title>").expect("a title"));
 }
 
-/// A tape of the document, computed as the page does.
+/// Evaluates a tape of the document as the page does.
 fn run(tape: &Value, x: [f64; 3], a: &[f64]) -> Vec<f64> {
     let list = |key: &str| tape[key].as_array().expect("a list").clone();
     let number = |v: &Value| {
