@@ -1,8 +1,8 @@
-"""Isoform carries shapes between point clouds, implicit functions, rational patches and meshes.
+"""Isoform converts shapes between point clouds, implicit functions, rational patches and meshes.
 
 Points are arrays (n, 3) of float64 in the unit of their file; other numbers and lists are
-converted. Calls that take time release the lock of the interpreter, stop at Ctrl-C, and give the
-numbers of the program ``isoform`` to the last bit.
+converted. Long calls release the lock of the interpreter and stop at Ctrl-C. Results are identical
+to those of the program ``isoform``, to the last bit.
 
 >>> import isoform, numpy as np
 >>> ball = isoform.template("sphere")
@@ -95,7 +95,7 @@ __all__ = [
     "view",
 ]
 
-# They are of this package, wherever they are written.
+# Public names belong to this package, whichever module defines them.
 for _name in __all__:
     if callable(globals().get(_name)):
         globals()[_name].__module__ = __name__
@@ -103,7 +103,7 @@ del _name
 
 
 def __getattr__(name: str) -> Any:
-    """Loads what few need when it is asked for."""
+    """Import rarely used modules on first access."""
     if name == "distributed":
         import importlib
 

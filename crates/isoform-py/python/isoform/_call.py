@@ -1,4 +1,4 @@
-"""How verbs are called: their arguments, threads, a time limit, progress."""
+"""Calls of verbs: conversion of arguments, threads, time limit, progress."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from . import _isoform
 from ._errors import IsoformError
 from ._points import PointCloud, as_points
 
-#: Called with the name of a phase and the share of it that is done; False stops.
+#: Callback with the name of a phase and its completed share; a result of False stops the work.
 Progress = Union[Callable[[str, float], Any], bool, None]
-#: What the compiled half takes.
+#: Limits as the compiled half takes them: threads, seconds, callback.
 Asked = tuple[Union[int, None], Union[float, None], Union[Callable[[str, float], Any], None]]
 
 
 @dataclass
 class Answer:
-    """What a verb gives back: its document, warnings, and the result in memory."""
+    """Outcome of a verb: its document, warnings, and the result in memory."""
 
     document: str
     warnings: list[str]
@@ -37,18 +37,18 @@ def run(
     time_limit: float | None = None,
     progress: Progress = None,
 ) -> Answer:
-    """Run a verb; arguments that are None are left out."""
+    """Run a verb; arguments that are None are omitted."""
     with asked(threads, time_limit, progress) as limits:
         return Answer(*_isoform.run_verb(verb, given(arguments), limits))
 
 
 def given(arguments: dict[str, Any]) -> dict[str, Any]:
-    """The arguments that are there."""
+    """Select the arguments that are neither None nor False."""
     return {k: v for k, v in arguments.items() if v is not None and v is not False}
 
 
 def open_ended(bound: float) -> float | None:
-    """A bound, None where it is infinite."""
+    """Convert a bound; None if it is infinite."""
     return bound if math.isfinite(bound) else None
 
 
@@ -61,7 +61,7 @@ def written(
     time_limit: float | None = None,
     progress: Progress = None,
 ) -> Any:
-    """Run a verb that writes a file; a result of its content and the warnings."""
+    """Run a verb that writes a file, and wrap its content with the warnings."""
     file = _isoform.Output(ending)
     answer = run(verb, {**arguments, "output": file}, threads, time_limit, progress)
     made = kind(file.content())
@@ -70,7 +70,7 @@ def written(
 
 
 def handed(shape: Any) -> Any:
-    """A shape as a file in memory; paths as they are."""
+    """Convert a shape to a file in memory; paths are kept."""
     if shape is None:
         return None
     if isinstance(shape, (str, os.PathLike)):
@@ -87,7 +87,7 @@ def handed(shape: Any) -> Any:
 
 
 def layer_files(shapes: Sequence[Any]) -> list[Any]:
-    """Shapes as layers: a fit is its points and its model."""
+    """Convert shapes to layers; a fit becomes its points and its model."""
     found: list[Any] = []
     for shape in shapes:
         found += shape._layers() if hasattr(shape, "_layers") else [shape]
@@ -95,14 +95,14 @@ def layer_files(shapes: Sequence[Any]) -> list[Any]:
 
 
 def _shown(shape: Any) -> Any:
-    """A layer as a file in memory: of a triangulation the map itself."""
+    """Convert a layer to a file in memory; a triangulation is represented by its map."""
     if hasattr(shape, "_map"):
         return _isoform.Input("surface", shape._map)
     return handed(shape)
 
 
 def bounds_file(bounds: Any) -> Any:
-    """Bounds as a file in memory."""
+    """Convert bounds to a file in memory."""
     if not isinstance(bounds, Mapping):
         return bounds
     ends = {str(k): [open_ended(end) for end in _interval(k, v)] for k, v in bounds.items()}
@@ -110,14 +110,14 @@ def bounds_file(bounds: Any) -> Any:
 
 
 def region_files(regions: Any) -> Any:
-    """Regions as files in memory, names of objects as they are."""
+    """Convert regions to files in memory; names of objects are kept."""
     if not isinstance(regions, Mapping):
         return regions
     return [_region(name, region) for name, region in regions.items()]
 
 
 def _region(name: str, region: Any) -> Any:
-    """A region: a model, or one with values of its parameters."""
+    """Convert a region: a model, or a model with values of its parameters."""
     pair = region if isinstance(region, tuple) else (region, None)
     if len(pair) != 2 or not name or "," in name or "/" in name:
         hint = "a name without commas and slashes, and a Model, or a Model with its values"
@@ -129,7 +129,7 @@ def _region(name: str, region: Any) -> Any:
 
 
 def _interval(name: str, interval: Any) -> tuple[float, float]:
-    """Two numbers."""
+    """Convert an interval to two numbers."""
     try:
         lower, upper = interval
         return float(lower), float(upper)
@@ -138,7 +138,7 @@ def _interval(name: str, interval: Any) -> tuple[float, float]:
 
 
 def corners(box: Any) -> list[float] | None:
-    """The six numbers of a box: of its two corners, or of half its width."""
+    """Convert a box, given by two corners or by half its width, to six numbers."""
     if box is None:
         return None
     try:
@@ -157,7 +157,7 @@ def corners(box: Any) -> list[float] | None:
 
 
 def in_order(start: Any, model: Any) -> Any:
-    """Start values in the order of a model's parameters."""
+    """Order start values like the parameters of a model."""
     if not isinstance(start, Mapping):
         return start
     if not hasattr(model, "parameters"):
@@ -167,7 +167,7 @@ def in_order(start: Any, model: Any) -> Any:
         raise IsoformError(f"start has no value of {', '.join(missing)}")
     names = model._native.fitted_names(None)
     others = [name for name in start if name not in names]
-    # Those of a pose that is not the template's own come after the others.
+    # Parameters of a requested pose follow those of the template.
     try:
         return [float(start[name]) for name in [*(n for n in names if n in start), *others]]
     except (TypeError, ValueError) as e:
@@ -175,7 +175,7 @@ def in_order(start: Any, model: Any) -> Any:
 
 
 def whole(name: str, number: Any, least: int = 0) -> int:
-    """A whole number that the compiled half can take."""
+    """Convert to an integer in the range of the compiled half."""
     try:
         number = operator.index(number)
     except TypeError:
@@ -186,12 +186,12 @@ def whole(name: str, number: Any, least: int = 0) -> int:
 
 
 def some_whole(name: str, number: Any) -> int | None:
-    """A whole number that may be left out."""
+    """Convert an optional integer."""
     return None if number is None else whole(name, number)
 
 
 def there(asked: float | None) -> float | None:
-    """GiB that are there: where memory ends, an interpreter ends."""
+    """Check that the machine has this memory, in GiB; exceeding it would end the interpreter."""
     if asked is not None and hasattr(os, "sysconf"):
         there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / (1 << 30)
         if asked > there:
@@ -203,7 +203,7 @@ def there(asked: float | None) -> float | None:
 def asked(
     threads: int | None, time_limit: float | None, progress: Progress
 ) -> Iterator[Asked]:
-    """The arguments as the compiled half takes them; a bar ends with the call."""
+    """Convert limits for the compiled half; a progress bar is closed after the call."""
     if threads is not None:
         threads = whole("threads", threads, 1)
         if threads > 1024:
@@ -225,7 +225,7 @@ def asked(
 
 @contextlib.contextmanager
 def _bar() -> Iterator[Callable[[str, float], None]]:
-    """A bar of tqdm where that is installed, else lines on stderr."""
+    """Show a progress bar by tqdm if it is installed, else lines on stderr."""
     try:
         from tqdm.auto import tqdm  # type: ignore[import-untyped]
     except ImportError:
@@ -242,7 +242,7 @@ def _bar() -> Iterator[Callable[[str, float], None]]:
 
 
 def _lines() -> Callable[[str, float], None]:
-    """Says each phase once."""
+    """Create a callback that prints each phase once."""
     import sys
 
     said: list[str] = []

@@ -1,4 +1,4 @@
-"""What results have in common: their document, and a picture in notebooks."""
+"""Base classes of results: their document, and their display in notebooks."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from typing import Any
 
 
 class Documented:
-    """A result with the document that the program prints of it."""
+    """Result with the document that the program prints for it."""
 
     _document: str
 
     def to_dict(self) -> dict[str, Any]:
-        """Give the document that the program ``isoform`` prints with ``--json``.
+        """Return the document that the program ``isoform`` prints with ``--json``.
 
         Returns
         -------
         dict
-            Of plain types.
+            The document in plain types.
         """
         return json.loads(self._document)  # type: ignore[no-any-return]
 
 
 class Shown:
-    """What a notebook shows as a page."""
+    """Result that a notebook displays as an interactive page."""
 
     def _repr_html_(self) -> str:
         from ._verbs import view

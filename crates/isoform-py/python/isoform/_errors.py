@@ -6,36 +6,36 @@ from typing import Any
 
 
 class IsoformError(Exception):
-    """What Isoform refuses, or has no result for.
+    """Error of Isoform: invalid input, or a computation without a result.
 
-    Where Python has an exception of its own for that, it is one, too: ``ValueError`` for arguments
-    and input, ``FileNotFoundError`` and other ``OSError`` for files, ``TimeoutError`` for work that
-    was stopped.
+    It is also an instance of the matching built-in exception: ``ValueError`` for arguments and
+    input, ``FileNotFoundError`` and other ``OSError`` for files, ``TimeoutError`` for work that was
+    stopped.
 
     Parameters
     ----------
     message : str
-        What is wrong, with its place.
+        Description of the problem, with its position.
     code : str
-        A short word that stays the same, for programs: ``"syntax"``, ``"shape"``, ...
+        Short stable identifier, for programs: ``"syntax"``, ``"shape"``, ...
     hint : str, optional
-        What to try.
+        Suggested remedy.
     line, column : int, optional
-        The place in a program or file, counted from 1.
+        Position in a program or file, counted from 1.
 
     Attributes
     ----------
     code : str
-        The short word.
+        Short stable identifier.
     hint : str or None
-        What to try.
+        Suggested remedy.
     line, column : int or None
-        The place in a program or file, counted from 1.
+        Position in a program or file, counted from 1.
     """
 
     def __new__(cls, message: str = "", code: str = "usage", *_: Any) -> IsoformError:
         kind = _kind(code, message) if cls is IsoformError else cls
-        # Each class of Python's own makes its objects itself.
+        # Built-in exception classes create their own instances.
         return super().__new__(cls, message) if kind is cls else kind.__new__(kind, message, code)
 
     def __init__(
@@ -57,22 +57,22 @@ class IsoformError(Exception):
 
 
 class InvalidInput(IsoformError, ValueError):
-    """An argument, a text or points that cannot be taken."""
+    """Invalid argument, text or points."""
 
 
 class FileError(IsoformError, OSError):
-    """A file that cannot be read or written."""
+    """File that cannot be read or written."""
 
 
 class FileMissing(IsoformError, FileNotFoundError):
-    """A file that is not there."""
+    """Missing file."""
 
 
 class Stopped(IsoformError, TimeoutError):
-    """Work that was stopped before it had a result."""
+    """Work stopped before it had a result."""
 
 
-#: Codes of arguments and input that cannot be taken.
+#: Codes of invalid arguments and input.
 INVALID = frozenset(
     """bounds dimension few-points json model no-points not-finite not_patches other-kind points
     polynomial region request shape spline syntax template tie usage""".split()
@@ -80,7 +80,7 @@ INVALID = frozenset(
 
 
 def _kind(code: str, message: str) -> type[IsoformError]:
-    """The class of an error."""
+    """Select the class of an error by its code."""
     if code == "time-limit":
         return Stopped
     if code.startswith("file") or code == "not-writable":

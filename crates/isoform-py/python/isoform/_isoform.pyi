@@ -1,4 +1,4 @@
-"""The compiled half of the package; the other modules say what its parts are for."""
+"""Compiled half of the package; the other modules document its parts."""
 
 from collections.abc import Callable, Iterator
 from os import PathLike

@@ -1,4 +1,4 @@
-"""Fits of clouds in chunks. What is computed of a chunk is computed where the chunk is."""
+"""Fits of clouds in chunks. Each chunk is evaluated by the worker that holds it."""
 
 from __future__ import annotations
 
@@ -20,31 +20,31 @@ from ._points import PointCloud, as_points, read_points
 from ._results import FitResult
 from ._verbs import fit
 
-#: An array (n, 3), a path, or a function without arguments that gives an array.
+#: An array (n, 3), a path, or a function without arguments that returns an array.
 Chunk = Union[npt.ArrayLike, str, "os.PathLike[str]", PointCloud, Callable[[], npt.ArrayLike]]
-#: Chunks with their numbers and what they are asked.
+#: Chunks with their indices and the messages to them.
 Asked = Iterator[tuple[int, Any, bytes]]
 
 
 
 class Submits(Protocol):
-    """An executor: of `concurrent.futures`, or a client of Dask."""
+    """Executor of `concurrent.futures`, or client of Dask."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any) -> Any:
-        """Hand out a task; a future with `done` and `result`."""
+        """Submit a task; returns a future with `done` and `result`."""
 
 
-#: Who does the work: ``"ray"``, ``"dask"``, an executor, or this machine.
+#: Execution engine: ``"ray"``, ``"dask"``, an executor, or this machine (None).
 Engine = Union[str, Submits, None]
 
-#: How often a chunk is asked whose worker dies.
+#: Maximum number of attempts for a chunk whose worker dies.
 TRIES = 4
-#: Chunks that are asked at once for each core.
+#: Number of chunks in flight per core.
 AHEAD = 2
 
 
 def points_of(chunk: Any, number: int) -> npt.NDArray[np.float64]:
-    """The points of a chunk, (n, 3)."""
+    """Load the points of a chunk, (n, 3)."""
     try:
         if callable(chunk) and not isinstance(chunk, PointCloud):
             chunk = chunk()
@@ -58,13 +58,13 @@ def points_of(chunk: Any, number: int) -> npt.NDArray[np.float64]:
 
 
 def at_chunk(error: IsoformError, number: int) -> IsoformError:
-    """The error with its place."""
+    """Add the index of the chunk to an error."""
     place = (error.line, error.column)
     return IsoformError(f"chunk {number}: {error}", error.code, error.hint, *place)
 
 
 def answer(template: Model, chunk: Any, number: int, message: bytes) -> bytes:
-    """What a chunk answers to a message of the compiled half."""
+    """Compute the answer of a chunk to a message of the compiled half."""
     points = points_of(chunk, number)
     try:
         return _isoform.answer(template._native, points, message)
@@ -73,7 +73,7 @@ def answer(template: Model, chunk: Any, number: int, message: bytes) -> bytes:
 
 
 def _outcome(template: Model, chunk: Any, number: int, message: bytes) -> Any:
-    """What a task of a cluster does: the answer, or the exception in its place."""
+    """Run the task of a cluster: return the answer, or the exception."""
     try:
         return answer(template, chunk, number, message)
     except Exception as e:
@@ -81,18 +81,18 @@ def _outcome(template: Model, chunk: Any, number: int, message: bytes) -> Any:
 
 
 def _checked(outcome: Any) -> bytes:
-    """An answer, unless it is an exception."""
+    """Return an answer; raise an exception."""
     if isinstance(outcome, BaseException):
         raise outcome
     told: bytes = outcome
     return told
 
 
-# ---- who has the chunks ------------------------------------------------------------------------
+# ---- engines -----------------------------------------------------------------------------------
 
 
 class _Here:
-    """One chunk after the other in this process, each by all threads of the fit."""
+    """Evaluates chunks in turn in this process, each by all threads of the fit."""
 
     def __init__(self, template: Model, chunks: Sequence[Any]) -> None:
         self._template = template
@@ -104,7 +104,7 @@ class _Here:
 
 
 class _Ray:
-    """Tasks of Ray."""
+    """Evaluates chunks by tasks of Ray."""
 
     def __init__(self, template: Model, chunks: Sequence[Any]) -> None:
         self._ray = ray = need("ray")
@@ -113,7 +113,7 @@ class _Ray:
         self._template = ray.put(template)
         self._task = ray.remote(num_cpus=1, max_retries=TRIES)(_outcome)
         self._room = AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
-        # Arrays travel once.
+        # Arrays are sent once.
         self._sent: dict[int, Any] = {}
 
     def _place(self, number: int, chunk: Any) -> Any:
@@ -139,7 +139,7 @@ class _Ray:
 
 
 class _Dask:
-    """Tasks of Dask."""
+    """Evaluates chunks by tasks of Dask."""
 
     def __init__(self, template: Model, chunks: Sequence[Any]) -> None:
         self._client = need("distributed").get_client()
@@ -150,7 +150,7 @@ class _Dask:
         """Answers in the order of the chunks."""
 
         def hand_out(one: tuple[int, Any, bytes]) -> tuple[Any, Any]:
-            # Arrays go along each time: what is scattered dies with the worker that has it.
+            # Arrays are sent each time: scattered data are lost with their worker.
             number, chunk, message = one
             task = (self._template, chunk, number, message)
             return self._client.submit(_outcome, *task, pure=False, retries=TRIES), one
@@ -171,7 +171,7 @@ class _Dask:
 
 
 class _Pool:
-    """Tasks of an executor: what has `submit`."""
+    """Evaluates chunks by tasks of an executor."""
 
     def __init__(self, executor: Any, template: Model) -> None:
         self._executor = executor
@@ -194,7 +194,7 @@ class _Pool:
 
 
 def _window(asked: Asked, hand_out: Callable[[Any], Any], room: int) -> Iterator[Any]:
-    """What was handed out, in order; at most `room` at a time."""
+    """Yield submitted tasks in order, with at most `room` in flight."""
     pending: collections.deque[Any] = collections.deque()
     for one in asked:
         pending.append(hand_out(one))
@@ -203,7 +203,7 @@ def _window(asked: Asked, hand_out: Callable[[Any], Any], room: int) -> Iterator
     yield from pending
 
 
-#: By name, who is asked.
+#: Engines by name.
 ENGINES: dict[Union[str, None], Callable[[Model, Sequence[Any]], Any]] = {
     None: _Here,
     "ray": _Ray,
@@ -212,7 +212,7 @@ ENGINES: dict[Union[str, None], Callable[[Model, Sequence[Any]], Any]] = {
 
 
 class _Questions:
-    """What the compiled half asks, passed on until the fit is over."""
+    """Passes messages of the compiled half to the engine until the fit ends."""
 
     def __init__(self, engine: Any, chunks: Sequence[Any]) -> None:
         self._engine = engine
@@ -226,18 +226,18 @@ class _Questions:
     def _to_ask(self, messages: list[bytes | None]) -> Asked:
         for number, message in enumerate(messages):
             if self.is_over:
-                # After Ctrl-C: nobody waits for the fit any more.
+                # After Ctrl-C the fit has been abandoned.
                 raise IsoformError("the fit is over", "stopped")
             if message is not None:
                 yield number, self._chunks[number], message
 
 
-#: Options of `isoform.fit` that a cloud in chunks, and a fleet, may have.
+#: Options of `isoform.fit` that fits of clouds in chunks and of fleets accept.
 OPTIONS = frozenset(inspect.signature(fit).parameters) - {"points", "model", "threads", "progress"}
 
 
 def known(options: dict[str, Any]) -> None:
-    """Refuses options that `isoform.fit` does not have."""
+    """Refuse options that `isoform.fit` lacks."""
     unknown = ", ".join(sorted(set(options) - OPTIONS))
     if unknown:
         raise IsoformError(f"fit has no option {unknown}", "usage", ", ".join(sorted(OPTIONS)))
@@ -253,59 +253,58 @@ def fit_large(
     progress: Progress = None,
     **options: Any,
 ) -> FitResult:
-    """Fit a template to a cloud in chunks that no machine holds whole.
+    """Fit a template to a cloud in chunks that exceeds the memory of a machine.
 
-    The result is that of `isoform.fit` of all points in the order of the chunks, to rounding.
+    Up to rounding, the result is that of `isoform.fit` of all points in the order of the chunks.
 
     Parameters
     ----------
     chunks : sequence of array_like, path or callable
-        Each an array (n, 3), a file of points, or a function without arguments that gives an
-        array; chunks without points are none the worse. Each is asked 10 to 120 times, and loaded
-        as often: a function must give the same points each time. On a cluster, workers must see
-        files by the same names.
+        Each an array (n, 3), a file of points, or a function without arguments that returns an
+        array; chunks may be empty. Each is evaluated, and loaded, 10 to 120 times: a function must
+        return identical points each time. On a cluster, all workers must see files under equal
+        names.
     template : Model
         The template.
     engine : str or executor, optional
-        ``"ray"`` or ``"dask"``: the connection that is there (``ray.init``,
-        ``distributed.Client``); or an executor, such as a ``ProcessPoolExecutor``; by default this
-        process, one chunk after the other, each by all
-        threads.
+        ``"ray"`` or ``"dask"``: the existing connection (``ray.init``, ``distributed.Client``); or
+        an executor, such as a ``ProcessPoolExecutor``; by default this process evaluates the
+        chunks in turn, each by all threads.
     threads : int, optional
-        How many of this process, by default all cores.
+        Number of threads of this process, by default all cores.
     time_limit : float, optional
-        Seconds after which the best so far is taken; what is then told of all points still takes
-        its time.
+        Seconds after which the search ends with the best result so far; the final statistics of
+        all points take additional time.
     progress : callable or bool, optional
         As for `isoform.fit`.
     **options
-        Those of `isoform.fit`: start, bounds, seed, fixed, pose, loss, ...
+        Options of `isoform.fit`: start, bounds, seed, fixed, pose, loss, ...
 
     Returns
     -------
     FitResult
-        As `isoform.fit` gives it. Of a cloud of more than 200,000 points ``.points``, (m, 3),
-        ``.deviation`` and ``.outliers``, (m,), are those of a random sample of that many.
+        As by `isoform.fit`. For a cloud of more than 200,000 points ``.points``, (m, 3),
+        ``.deviation`` and ``.outliers``, (m,), are those of a random sample of 200,000.
 
     Raises
     ------
     IsoformError
-        If there is nothing to fit, an argument does not suit the template, or a chunk cannot be
-        taken: the message begins with its number, from 0.
+        If there are no points, an argument does not suit the template, or a chunk cannot be read:
+        the message begins with its index, from 0.
     Exception
-        What a function raises that gives a chunk.
+        Exceptions of functions that return chunks.
     KeyboardInterrupt
         After Ctrl-C, within two seconds.
 
     Notes
     -----
-    Up to 200,000 points are gathered, and fitted as they are. Of larger clouds that many are
-    gathered, at random: what needs neighbours, and the search, work on them, as they do in
-    `isoform.fit`. All else are sums over chunks, added in the order of the chunks, so that the
-    answer does not depend on which is ready first. Beside a chunk and the sample the process keeps
-    twelve bytes a point at most, half of the cloud, while it draws the sample.
+    Clouds of up to 200,000 points are gathered and fitted directly. From larger clouds a random
+    sample of 200,000 is gathered for the search and for everything that needs neighbours, as in
+    `isoform.fit`. All other figures are sums over chunks, added in the order of the chunks, so that
+    the result does not depend on which is ready first. In addition to a chunk and the sample the
+    process holds at most twelve bytes per point, half of the cloud, while it draws the sample.
 
-    Of meshes the vertices are taken. Planes and objects beside the part are told of, but only
+    For meshes the vertices are used. Planes and objects around the part are reported, but only
     clouds of up to 200,000 points are fitted without them.
 
     Examples
@@ -335,7 +334,7 @@ def fit_large(
 
 
 def _engine(engine: Engine, template: Model, chunks: Sequence[Any]) -> Any:
-    """Who is asked."""
+    """Return the engine for a name or an executor."""
     if not isinstance(engine, str) and engine is not None:
         return _Pool(engine, template)
     have = ENGINES.get(engine)
@@ -346,7 +345,7 @@ def _engine(engine: Engine, template: Model, chunks: Sequence[Any]) -> Any:
 
 
 def fit_arguments(template: Model, options: dict[str, Any]) -> dict[str, Any]:
-    """Options of a fit as the compiled half takes them."""
+    """Convert the options of a fit for the compiled half."""
     known(options)
     if not isinstance(template, Model):
         raise TypeError(f"template: a Model is expected, not {type(template).__name__}")
@@ -356,7 +355,7 @@ def fit_arguments(template: Model, options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _listed(chunks: Any) -> list[Any]:
-    """The chunks; one cloud in their place is a slip."""
+    """List the chunks; refuse a single cloud, which is a likely mistake."""
     if isinstance(chunks, (str, os.PathLike, PointCloud)) or callable(chunks):
         raise TypeError(f"chunks: a sequence is expected, not {type(chunks).__name__}")
     if isinstance(chunks, np.ndarray) and chunks.ndim < 3:

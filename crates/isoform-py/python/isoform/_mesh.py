@@ -18,7 +18,7 @@ from ._points import Path
 
 
 class Triangles(Shown):
-    """What has nodes and triangles, and goes to files.
+    """Mesh with nodes and triangles that can be saved and converted.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Triangles(Shown):
     triangles : numpy.ndarray
         (m, 3) uint32, or (m, 6) with nodes in the middles of edges; counterclockwise from outside.
     triangle_parts : numpy.ndarray
-        (m,) uint32: which of ``part_names`` each triangle is of.
+        (m,) uint32: part of each triangle, an index into ``part_names``.
     part_names : list of str
         Names of the parts of the surface.
     """
@@ -59,24 +59,24 @@ class Triangles(Shown):
         path : str or os.PathLike
             Its ending names the format: .msh, .vtu, .inp, .obj, .ply, .stl, .glb, ...
         format : str, optional
-            The format, where the ending does not tell it.
+            The format, if the ending does not determine it.
 
         Raises
         ------
         IsoformError
-            If it cannot be written, or there is no such format.
+            If the file cannot be written, or the format is unknown.
         """
         for warning in self._mesh.save(os.fspath(path), format):
             warnings.warn(f"{os.fspath(path)}: {warning}", stacklevel=2)
 
     def to_trimesh(self) -> Any:
-        """Give the surface as a mesh of trimesh.
+        """Convert the surface to a mesh of trimesh.
 
         Returns
         -------
         trimesh.Trimesh
-            The triangles by their corners, quadrilaterals as two; nodes that no triangle has are
-            left out.
+            Triangles by their corners, with quadrilaterals split in two; nodes that no triangle
+            uses are omitted.
         """
         trimesh = need("trimesh")
         flat = self._simplices().triangles[:, :3].astype(np.int64)
@@ -84,24 +84,24 @@ class Triangles(Shown):
         return trimesh.Trimesh(self.points[used], faces.reshape(-1, 3), process=False)
 
     def to_meshio(self) -> Any:
-        """Give all elements as a mesh of meshio, with the numbers of parts and regions.
+        """Convert all elements to a mesh of meshio, with the indices of parts and regions.
 
         Returns
         -------
         meshio.Mesh
-            The same nodes; ``cell_data["part"]`` counts as ``part_names`` do.
+            With identical nodes; ``cell_data["part"]`` are indices into ``part_names``.
         """
         meshio = need("meshio")
         cells, data = self._cells()
         return meshio.Mesh(self.points, cells, cell_data={"part": data})
 
     def to_pyvista(self) -> Any:
-        """Give all elements as a grid of PyVista.
+        """Convert all elements to a grid of PyVista.
 
         Returns
         -------
         pyvista.UnstructuredGrid
-            The same nodes; ``cell_data["part"]`` counts as ``part_names`` do.
+            With identical nodes; ``cell_data["part"]`` are indices into ``part_names``.
         """
         pyvista = need("pyvista")
         kinds = {"triangle": 5, "triangle6": 22, "quad": 9, "tetra": 10, "tetra10": 24, "wedge": 13}
@@ -115,15 +115,15 @@ class Triangles(Shown):
         return grid
 
     def _handed(self) -> tuple[str, Any]:
-        """Its name and what the compiled half holds."""
+        """Return the name of the file in memory, and the compiled object."""
         return "mesh", self._mesh
 
     def _simplices(self) -> Triangles:
-        """The same mesh of triangles and tetrahedra alone."""
+        """Convert to a mesh of triangles and tetrahedra only."""
         return self
 
     def _cells(self) -> tuple[list[tuple[str, npt.NDArray[Any]]], list[npt.NDArray[Any]]]:
-        """Elements by kind, and the part or region of each."""
+        """Return the elements by kind, and the part or region of each."""
         triangles = self.triangles.astype(np.int64)
         kind = "triangle6" if triangles.shape[1] == 6 else "triangle"
         parts = self.triangle_parts if len(self.triangle_parts) else np.zeros(len(triangles))
@@ -131,13 +131,13 @@ class Triangles(Shown):
 
 
 def _kept(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """An array that shows what is saved, and is not to be changed."""
+    """Make an array read-only, since changes would not be saved."""
     array.setflags(write=False)
     return array
 
 
 class Mesh(Triangles, Documented):
-    """The mesh of a model: nodes, labelled triangles of its surface, tetrahedra, a certificate.
+    """Mesh of a model: nodes, labelled triangles of its surface, tetrahedra, a certificate.
 
     Attributes
     ----------
@@ -148,26 +148,26 @@ class Mesh(Triangles, Documented):
     tetrahedra : numpy.ndarray
         (k, 4) uint32, or (k, 10) of order 2; of positive volume.
     wedges : numpy.ndarray
-        (w, 6) uint32, of boundary layers: the three nodes nearer to the surface, then those over
-        them; of positive volume.
+        (w, 6) uint32, in boundary layers: the three nodes nearer to the surface, then the
+        corresponding three; of positive volume.
     quads : numpy.ndarray
         (q, 4) uint32: quadrilaterals of the surface, where layers end; counterclockwise from
         outside.
     triangle_parts : numpy.ndarray
-        (m,) uint32: which of ``part_names`` each triangle is of.
+        (m,) uint32: part of each triangle, an index into ``part_names``.
     quad_parts : numpy.ndarray
-        (q,) uint32: which of ``part_names`` each quadrilateral is of.
+        (q,) uint32: part of each quadrilateral, an index into ``part_names``.
     part_names : list of str
         Names of the parts of the surface.
     regions : numpy.ndarray
-        (k,) uint32: which of ``region_names`` each tetrahedron is of.
+        (k,) uint32: region of each tetrahedron, an index into ``region_names``.
     opposite : dict of numpy.ndarray
-        Of a unit cell, (n, 2) uint32 for each axis along which it repeats, as ``"x"``: the nodes
-        on its lower side, and those at the same places on the upper one.
+        For a unit cell, (n, 2) uint32 for each axis of repetition, such as ``"x"``: the nodes on
+        its lower side, and the corresponding ones on the upper side.
     certificate : dict
-        What is proved of the mesh.
+        Verified properties of the mesh.
     warnings : list of str
-        What may be wrong.
+        Possible problems.
     """
 
     def __init__(self, answer: Answer) -> None:
@@ -178,22 +178,22 @@ class Mesh(Triangles, Documented):
 
     @property
     def volume(self) -> float | None:
-        """The volume within the surface; None where it was not measured."""
+        """The volume within the surface; None if it was not measured."""
         return self.certificate.get("volume")
 
     @property
     def area(self) -> float | None:
-        """The area of the surface; None where it was not measured."""
+        """The area of the surface; None if it was not measured."""
         return self.certificate.get("area")
 
     @property
     def is_watertight(self) -> bool:
-        """True if the surface is closed and manifold, by its certificate."""
+        """True if the certificate states that the surface is closed and manifold."""
         return bool(self.certificate.get("closed") and self.certificate.get("manifold"))
 
     @property
     def bounds(self) -> npt.NDArray[np.float64]:
-        """The lower and the upper corner of the nodes' box, (2, 3)."""
+        """The lower and the upper corner of the bounding box of the nodes, (2, 3)."""
         return np.array([self.points.min(axis=0), self.points.max(axis=0)])
 
     @cached_property
@@ -227,12 +227,12 @@ class Mesh(Triangles, Documented):
         return {"xyz"[axis]: _kept(nodes) for axis, nodes in self._mesh.opposite()}
 
     def to_skfem(self) -> Any:
-        """Give the tetrahedra as a mesh of scikit-fem, with its boundaries named.
+        """Convert the tetrahedra to a mesh of scikit-fem with named boundaries.
 
         Returns
         -------
         skfem.MeshTet
-            Nodes as columns, boundaries by the names of the parts. A wedge is three tetrahedra.
+            Nodes as columns, boundaries named after the parts. A wedge becomes three tetrahedra.
         """
         skfem = need("skfem")
         flat = self._simplices()

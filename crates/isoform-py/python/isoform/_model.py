@@ -1,4 +1,4 @@
-"""HyperFun programs: functions of space that are positive inside of a solid."""
+"""HyperFun programs: functions of space that are positive inside a solid."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ class Parameter:
     Attributes
     ----------
     name : str
-        Its name, as annotated, else ``a[1]``, ``a[2]``, ...
+        Name, as annotated, else ``a[1]``, ``a[2]``, ...
     kind : str
         ``x``, ``y``, ``z``, ``length``, ``angle``, ``ratio`` or ``number``.
     value : float or None
-        Its value where none is given, as annotated.
+        Annotated default value.
     lower, upper : float or None
-        Its bounds; None where it is open, or depends on the scan.
+        Bounds; None if open, or dependent on the scan.
     unit : str or None
-        Its unit, as annotated.
+        Unit, as annotated.
     description : str
-        What it is, as annotated.
+        Description, as annotated.
     """
 
     name: str
@@ -59,12 +59,12 @@ class Model:
     object : str, optional
         The object to evaluate; by default ``my_model``, else the first one.
     name : str, optional
-        What it is called in documents; `Model.load` takes the path.
+        Name in documents; `Model.load` uses the path.
 
     Raises
     ------
     IsoformError
-        If the text is no program, with ``line:column`` and what was expected there.
+        If the text is not a program, with ``line:column`` and what was expected there.
 
     Examples
     --------
@@ -106,7 +106,7 @@ class Model:
         Raises
         ------
         IsoformError
-            If there is no such file, or it holds no program.
+            If the file is missing or is not a program.
         """
         path = os.fspath(path)
         try:
@@ -130,13 +130,13 @@ class Model:
         points : array_like or PointCloud
             (n, 3), in the model's unit, finite.
         params : dict or sequence of float, optional
-            Values of the parameters by name, or in their order; missing ones are as annotated.
+            Values of the parameters by name, or in their order; missing ones take their annotated
+            defaults.
 
         Returns
         -------
         numpy.ndarray
-            (n,) float64: f at each point, positive inside. NaN, with a warning, where f has no
-            value.
+            (n,) float64: f at each point, positive inside. NaN, with a warning, if f has no value.
         """
         array, given = as_points(points), self._given(params)
         return self._checked(self._native.values(array, given), array, given)
@@ -154,12 +154,12 @@ class Model:
         Returns
         -------
         numpy.ndarray
-            (n, 3) float64. It points inside.
+            (n, 3) float64, pointing inside.
         """
         return self._native.gradients(as_points(points), self._given(params))
 
     def metric(self, points: Points, params: Values = None) -> npt.NDArray[np.float64]:
-        """Measure how far points are from the surface, to first order.
+        """Compute signed distances from the surface, to first order.
 
         Parameters
         ----------
@@ -172,7 +172,7 @@ class Model:
         -------
         numpy.ndarray
             (n,) float64: signed distances in the model's unit, positive inside. NaN, with a
-            warning, where the function has no value.
+            warning, if the function has no value.
         """
         array, given = as_points(points), self._given(params)
         return self._checked(self._native.metric(array, given), array, given)
@@ -196,11 +196,11 @@ class Model:
         return np.array(names or [""])[numbers]
 
     def _handed(self) -> tuple[str, Any]:
-        """Its name and what the compiled half holds."""
+        """Return the name of the file in memory, and the compiled object."""
         return self.name, self._native
 
     def _given(self, params: Values) -> list[float]:
-        """Values as the compiled half takes them."""
+        """Convert values for the compiled half."""
         if params is None:
             return []
         if not isinstance(params, Mapping):
@@ -211,7 +211,7 @@ class Model:
         return self._native.filled(given)
 
     def _index(self, name: str) -> int:
-        """The number of a parameter."""
+        """Return the index of a parameter."""
         names = [p.name for p in self.parameters]
         if name not in names:
             raise IsoformError(
@@ -225,8 +225,8 @@ class Model:
         points: npt.NDArray[np.float64],
         given: list[float],
     ) -> npt.NDArray[np.float64]:
-        """The values; a warning says where the first that is not a number comes from."""
-        # A sum is NaN where a value is, and one pass without a copy.
+        """Return the values; warn about NaN and explain the first."""
+        # The sum is NaN if a value is; it takes one pass and no copy.
         if values.size and np.isnan(np.add.reduce(values)):
             missing = np.flatnonzero(np.isnan(values))
             if missing.size:
@@ -246,7 +246,7 @@ class Model:
 
 
 def template(name: str) -> Model:
-    """Give a template out of the gallery: a model whose parameters a fit finds.
+    """Return a template of the gallery: a model whose parameters a fit determines.
 
     Parameters
     ----------
@@ -279,6 +279,6 @@ def templates() -> list[str]:
     Returns
     -------
     list of str
-        What `template`, `fit` and `recover` take.
+        Names accepted by `template`, `fit` and `recover`.
     """
     return list(_isoform.templates())

@@ -1,4 +1,4 @@
-"""Packages that are taken where they are installed."""
+"""Optional dependencies."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def need(name: str) -> Any:
-    """A package, or an error that says how to get it."""
+    """Import a package, or raise an error that states how to install it."""
     try:
         return importlib.import_module(name)
     except ImportError as e:

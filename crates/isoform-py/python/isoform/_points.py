@@ -1,4 +1,4 @@
-"""Clouds of points, out of files and arrays."""
+"""Clouds of points from files and arrays."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ import numpy.typing as npt
 from . import _isoform
 from ._errors import IsoformError
 
-#: What is taken as a path.
+#: Types accepted as a path.
 Path = Union[str, "os.PathLike[str]"]
-#: What is taken as points.
+#: Types accepted as points.
 Points = Union["PointCloud", npt.NDArray[Any], Sequence[Sequence[float]], "HasArray"]
 
 
 class HasArray(Protocol):
-    """What numpy makes an array of: tables of pandas, tensors."""
+    """Object that numpy converts to an array, such as a table of pandas or a tensor."""
 
     def __array__(self) -> Any: ...
 
 
 
 def as_points(points: Any) -> npt.NDArray[np.float64]:
-    """An array (n, 3) of float64, the given one where it is such."""
+    """Convert points to an array (n, 3) of float64, without a copy if possible."""
     if isinstance(points, PointCloud):
         return points.points
     array = np.asarray(points)
@@ -42,15 +42,15 @@ def as_points(points: Any) -> npt.NDArray[np.float64]:
 
 
 def _kind(points: Any, array: npt.NDArray[Any]) -> str:
-    """What was given in the place of points."""
+    """Describe an argument that was given as points."""
     return type(points).__name__ if array.ndim == 0 else f"an array of {array.dtype}"
 
 
 class PointCloud:
-    """Points out of a file, with what else it says of them.
+    """Points of a file, with their attributes.
 
-    `read_points` makes it. Every function of the package takes it in the place of an array, and
-    `numpy.asarray` gives its points.
+    `read_points` creates it. Every function of the package accepts it in place of an array, and
+    `numpy.asarray` returns its points.
 
     Attributes
     ----------
@@ -61,15 +61,15 @@ class PointCloud:
     colors : numpy.ndarray or None
         Red, green and blue, (n, 3), uint8.
     triangles : numpy.ndarray or None
-        Corners of triangles between the points, (m, 3), uint32, where the file is a mesh.
+        Corners of triangles between the points, (m, 3), uint32; None if the file is not a mesh.
     columns : dict
-        Further numbers of each point, (n,), by name.
+        Further values of each point, (n,), by name.
     unit : str or None
-        The unit of length that the file states: ``"mm"``, ``"m"``, ...
+        Unit of length stated by the file: ``"mm"``, ``"m"``, ...
     format : str
         The format of the file.
     warnings : list of str
-        What is odd about the file.
+        Warnings about the file.
     """
 
     def __init__(self, native: _isoform.Cloud, name: str = "") -> None:
@@ -83,7 +83,7 @@ class PointCloud:
         self.columns: dict[str, npt.NDArray[np.float64]] = {
             k: np.array(v) for k, v in native.columns()
         }
-        # Writing into these would change nothing of what is computed with.
+        # Computations use the compiled copy, which changes here would not reach.
         self.points.setflags(write=False)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> npt.NDArray[Any]:
@@ -108,22 +108,22 @@ def read_points(
     path : str or os.PathLike
         PLY, XYZ, CSV, OBJ, OFF, STL, 3MF, PCD, LAS, LAZ or E57.
     format : str, optional
-        The format, where neither name nor content tell it.
+        The format, if neither name nor content reveal it.
     max_points : int, optional
-        Take at most that many points, a random sample.
+        Maximum number of points; larger files are sampled at random.
     seed : int
-        Of the sample.
+        Random seed of the sample.
 
     Returns
     -------
     PointCloud
         With ``.points``, (n, 3) float64 in the unit of the file, ``.normals``, ``.colors`` and
-        ``.unit``, each None where the file has none.
+        ``.unit``, each None if the file lacks it.
 
     Raises
     ------
     IsoformError
-        If there is no such file, or it cannot be read; with line and column in texts.
+        If the file is missing or cannot be read; with line and column in texts.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What verbs give back, but for meshes."""
+"""Results of verbs, except meshes."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from ._points import Path, PointCloud, Points, as_points
 
 
 class Report(Documented):
-    """The document of a verb.
+    """Document of a verb.
 
     Attributes
     ----------
     warnings : list of str
-        What may be wrong.
+        Possible problems.
     native : object
-        What the compiled half gives along, if anything.
+        Result of the compiled half; None without one.
     """
 
     def __init__(self, answer: Answer) -> None:
@@ -46,31 +46,31 @@ class Report(Documented):
 
 
 class FitResult(Documented, Shown):
-    """A template fitted to points.
+    """Template fitted to points.
 
     Attributes
     ----------
     values, sd, ci95, status : dict
-        By parameter: its value, standard deviation (None where the points leave it open), 95 %
-        interval and what the points say of it, in the unit of the points.
+        By parameter: its value, standard deviation (None if the points do not determine it), 95 %
+        confidence interval and status, in the unit of the points.
     rms : float
         Root mean square distance of the points used, in their unit.
     verdict : str
         ``"accepted"``, ``"doubtful"`` or ``"refused"``.
     acceptable : bool
-        Whether the fit is accepted.
+        True if the fit is accepted.
     reasons : list of str
-        What stands against it.
+        Reasons against acceptance.
     warnings : list of str
-        What may be wrong.
+        Possible problems.
     deviation : numpy.ndarray
-        (n,) float64: how far each point is from the model, positive outside.
+        (n,) float64: signed distance of each point from the model, positive outside.
     points : numpy.ndarray
-        (n, 3) float64: the points that were fitted.
+        (n, 3) float64: fitted points.
     outliers : numpy.ndarray
-        (n,) bool: which of them were left out.
+        (n,) bool: True for points excluded as outliers.
     model : Model
-        The template with the values, where the points are.
+        The template with the fitted values, in the pose of the points.
     """
 
     def __init__(self, answer: Answer) -> None:
@@ -91,23 +91,23 @@ class FitResult(Documented, Shown):
 
     @property
     def _here(self) -> _isoform.Fit:
-        """What the compiled half holds."""
+        """The compiled object."""
         assert self._native is not None, "what was sent has been asked before"
         return self._native
 
     @cached_property
     def deviation(self) -> npt.NDArray[np.float64]:
-        """How far each point is from the model, (n,), positive outside."""
+        """The signed distance of each point from the model, (n,), positive outside."""
         return self._here.deviation()
 
     @cached_property
     def outliers(self) -> npt.NDArray[np.bool_]:
-        """Which points were left out, (n,)."""
+        """True for each point excluded as an outlier, (n,)."""
         return self._here.outliers()
 
     @cached_property
     def points(self) -> npt.NDArray[np.float64]:
-        """The points that were fitted, (n, 3)."""
+        """The fitted points, (n, 3)."""
         return self._here.points()
 
     @cached_property
@@ -117,7 +117,7 @@ class FitResult(Documented, Shown):
 
     @property
     def model(self) -> Model:
-        """The template with the values, where the points are."""
+        """The template with the fitted values, in the pose of the points."""
         return Model(self._program, name=self._name)
 
     def save(
@@ -128,18 +128,18 @@ class FitResult(Documented, Shown):
         Parameters
         ----------
         path : str or os.PathLike
-            Its ending says which: .hf the fitted program, .step or .brep.json a solid, .py or .scad
-            a program for CAD, .ply, .xyz or .csv the points with their deviations, .html a report,
-            .json the document.
+            Its ending selects the content: .hf the fitted program, .step or .brep.json a solid,
+            .py or .scad a program for CAD, .ply, .xyz or .csv the points with their deviations,
+            .html a report, .json the document.
         time_limit : float, optional
-            Seconds after which a solid is given up.
+            Time limit for a solid, in seconds.
         progress : callable or bool, optional
-            Called with the name of a phase and the share of it that is done. True shows a bar.
+            Called with the name of a phase and its completed share. True shows a bar.
 
         Raises
         ------
         IsoformError
-            If nothing is written with this ending, or there is no such solid.
+            If the ending is unknown, or the solid cannot be constructed.
         """
         if self._native is None:
             raise IsoformError("a fit that was sent here is saved where it was made", "usage")
@@ -147,7 +147,7 @@ class FitResult(Documented, Shown):
             self._native.save(os.fspath(path), limits)
 
     def to_frame(self) -> Any:
-        """Give the parameters as a table of pandas.
+        """Convert the parameters to a table of pandas.
 
         Returns
         -------
@@ -160,7 +160,7 @@ class FitResult(Documented, Shown):
         return pandas.DataFrame(self.to_dict()["parameters"]).set_index("name")
 
     def plot(self) -> Any:
-        """Draw how the deviations are distributed, with matplotlib.
+        """Draw a histogram of the deviations, with matplotlib.
 
         Returns
         -------
@@ -179,18 +179,18 @@ class FitResult(Documented, Shown):
         return figure
 
     def _layers(self) -> list[Any]:
-        """What a page or a picture shows: the points, unless they stayed elsewhere, and the model."""
+        """Return the layers of a page or picture: the points, if held here, and the model."""
         model = self.model
         if self._native is None:
             return [model]
         return [PointCloud(self._native.cloud(), "points"), model]
 
     def _handed(self) -> tuple[str, Any]:
-        """The fitted model, and what the compiled half holds of it."""
+        """Return the fitted model as a file in memory."""
         return self.model._handed()
 
     def __getstate__(self) -> dict[str, Any]:
-        # What the compiled half holds stays here; what it tells goes along.
+        # The compiled object cannot be pickled; its arrays and program are.
         told = {k: getattr(self, k) for k in ("deviation", "outliers", "points", "_program")}
         return {**self.__dict__, **told, "_native": None}
 
@@ -200,9 +200,9 @@ class FitResult(Documented, Shown):
 
 
 class Implicit(Documented, Shown):
-    """A function of space that was fitted to points: f = 0 is their surface, f >= 0 inside.
+    """Implicit function fitted to points: f = 0 is their surface, f >= 0 inside.
 
-    `implicitize` makes it; `mesh`, `parameterize`, `compare` and `view` take it as a model.
+    `implicitize` creates it; `mesh`, `parameterize`, `compare` and `view` accept it as a model.
     """
 
     def __init__(self, answer: Answer) -> None:
@@ -212,23 +212,23 @@ class Implicit(Documented, Shown):
         self.name = "surface"
 
     def __call__(self, points: Points) -> npt.NDArray[np.float64]:
-        """Evaluate the function at points, (n, 3); (n,) values, positive inside."""
+        """Evaluate the function at points, (n, 3): (n,) values, positive inside."""
         return self._native.values(as_points(points))
 
     def gradient(self, points: Points) -> npt.NDArray[np.float64]:
-        """Evaluate the gradient at points, (n, 3); (n, 3), pointing inside."""
+        """Evaluate the gradient at points, (n, 3): (n, 3) vectors, pointing inside."""
         return self._native.gradients(as_points(points))
 
     def metric(self, points: Points) -> npt.NDArray[np.float64]:
-        """Measure signed distances to first order at points, (n, 3); (n,), positive inside."""
+        """Compute signed distances to first order at points, (n, 3): (n,), positive inside."""
         return self._native.distances(as_points(points))
 
     def save(self, path: Path) -> None:
-        """Write the function as JSON, which every verb of the program takes as a model."""
+        """Write the function as JSON, which every verb of the program accepts as a model."""
         self._native.save(os.fspath(path))
 
     def _handed(self) -> tuple[str, Any]:
-        """Its name and what the compiled half holds."""
+        """Return the name of the file in memory, and the compiled object."""
         return self.name, self._native
 
     def __repr__(self) -> str:
@@ -237,14 +237,14 @@ class Implicit(Documented, Shown):
 
 
 class Patch:
-    """A rational patch over the unit square.
+    """Rational patch over the unit square.
 
     Attributes
     ----------
     control : numpy.ndarray
         (m+1, n+1, 4) float64: homogeneous control points, x, y and z multiplied by the weight.
     bound : float or None
-        Proved bound on its distance from the surface; None where none is proved.
+        Proved bound on its distance from the surface; None without a proof.
     """
 
     def __init__(self, native: _isoform.Patches, index: int) -> None:
@@ -261,7 +261,7 @@ class Patch:
         Parameters
         ----------
         u, v : array_like
-            Parameters in [0, 1]; they are broadcast.
+            Parameters in [0, 1], broadcast against each other.
 
         Returns
         -------
@@ -307,14 +307,14 @@ class Patches(Sequence[Patch], Documented, Shown):
         path : str or os.PathLike
             Its ending names the format.
         units : str, optional
-            Unit of length that the file states; mm in STEP by default.
+            Unit of length stated in the file; mm in STEP by default.
         grid : int
-            Triangles come from so many squares along each side of a patch.
+            Number of squares along each side of a patch, each split into two triangles.
         """
         self._native.save(os.fspath(path), units, grid)
 
     def _handed(self) -> tuple[str, Any]:
-        """Its name and what the compiled half holds."""
+        """Return the name of the file in memory, and the compiled object."""
         return "patches", self._native
 
     def __repr__(self) -> str:
@@ -322,7 +322,7 @@ class Patches(Sequence[Patch], Documented, Shown):
 
 
 class Triangulation(Triangles, Documented):
-    """Triangles of a rational surface, with what is proved of them.
+    """Triangulated rational surface, with its verified properties.
 
     Attributes
     ----------
@@ -333,7 +333,7 @@ class Triangulation(Triangles, Documented):
     parameters : numpy.ndarray
         (n, 2) float64: s and t of each point; infinite ones are inf or NaN.
     report : dict
-        What is known of the surface: the document of ``isoform triangulate --report``.
+        Analysis of the surface: the document of ``isoform triangulate --report``.
     """
 
     def __init__(self, answer: Answer) -> None:
@@ -347,7 +347,7 @@ class Triangulation(Triangles, Documented):
 
     @property
     def _map(self) -> _isoform.Triangulation:
-        """What a page shows: the map beside its triangles."""
+        """The compiled object with the map, which pages display."""
         return self._native
 
     def __repr__(self) -> str:
@@ -356,22 +356,21 @@ class Triangulation(Triangles, Documented):
 
 
 class Recognition(Documented):
-    """What a scan consists of.
+    """Geometric entities recognised in a scan.
 
     Attributes
     ----------
     entities : list of dict
         Each with ``type``, ``parameters``, ``sd``, ``n_points`` and ``rms``.
     faces : list of dict
-        Connected pieces of the entities, each with ``entity``, ``n_points`` and ``beside``: the
-        indices of the faces at its boundary.
+        Connected pieces of the entities, each with ``entity``, ``n_points`` and ``beside``, the
+        indices of adjacent faces.
     labels : numpy.ndarray
         (n,) int64: the index of the entity of each point, -1 for none.
     face_labels : numpy.ndarray
         (n,) int64: the index of the face of each point, -1 for none.
     points : numpy.ndarray
-        (n, 3) float64: the points in which entities were sought, further ones on the faces of a
-        CAD mesh included.
+        (n, 3) float64: the examined points, including those added on the faces of a CAD mesh.
     """
 
     def __init__(self, answer: Answer) -> None:
@@ -386,12 +385,12 @@ class Recognition(Documented):
         self.points: npt.NDArray[np.float64] = native.points()
 
     def template(self, title: str = "Proposed") -> Model:
-        """Propose a model of the entities, for `fit` to polish.
+        """Propose a model of the entities, as a template for `fit`.
 
         Parameters
         ----------
         title : str
-            Its title.
+            Title of the model.
 
         Returns
         -------
@@ -413,11 +412,11 @@ class Brep(Documented, Shown):
     Attributes
     ----------
     volume, area : float
-        In cubic and square units of the model.
+        Volume and surface area, in cubic and square units of the model.
     faces : list of dict
         Each with ``part``, ``kind``, ``area`` and ``max_distance``.
     certificate : dict
-        What is proved.
+        Verified properties.
     """
 
     def __init__(self, answer: Answer) -> None:
@@ -431,21 +430,21 @@ class Brep(Documented, Shown):
         self.certificate: dict[str, Any] = told["certificate"]
 
     def save(self, path: Path, units: str | None = None, ap214: bool = False) -> None:
-        """Write a STEP file, or our own form without loss where the name ends in .brep.json.
+        """Write a STEP file, or the lossless native form if the name ends in .brep.json.
 
         Parameters
         ----------
         path : str or os.PathLike
             The file.
         units : str, optional
-            Unit of length to state; by default as annotated, else mm.
+            Unit of length stated in the file; by default as annotated, else mm.
         ap214 : bool
-            The older AP214 instead of AP242.
+            True for the older AP214 instead of AP242.
         """
         self._native.save(os.fspath(path), units, ap214)
 
     def _handed(self) -> tuple[str, Any]:
-        """Its name and what the compiled half holds."""
+        """Return the name of the file in memory, and the compiled object."""
         return "solid", self._native
 
     def __repr__(self) -> str:
@@ -453,7 +452,7 @@ class Brep(Documented, Shown):
 
 
 class Comparison(Documented):
-    """Distances between two shapes, both ways.
+    """Distances between two shapes in both directions.
 
     Attributes
     ----------
@@ -461,7 +460,7 @@ class Comparison(Documented):
         ``rms``, ``mean``, ``p95``, ``max``, ``samples`` and ``undefined``; lengths are in the unit
         of the shapes.
     within_tolerance : bool
-        Whether no distance is larger than the tolerance, if there was one.
+        True if no distance exceeds the tolerance, if one was given.
     """
 
     def __init__(self, answer: Answer) -> None:
@@ -478,14 +477,14 @@ class Comparison(Documented):
 
 
 class View:
-    """A page that shows shapes; a notebook shows it as it is.
+    """Interactive page of shapes, which notebooks display.
 
     Attributes
     ----------
     warnings : list of str
-        What may be wrong.
+        Possible problems.
     height : int
-        Pixels of the frame in a notebook.
+        Height of the frame in a notebook, in pixels.
     """
 
     warnings: list[str] = []
@@ -495,7 +494,7 @@ class View:
         self.height = 560
 
     def save(self, path: Path) -> None:
-        """Write the page: one file that fetches nothing and can be sent."""
+        """Write the page as one self-contained file."""
         _write(path, self._page.encode())
 
     def _repr_html_(self) -> str:
@@ -508,14 +507,14 @@ class View:
 
 
 class Picture:
-    """A picture as the bytes of a file; a notebook shows it as it is.
+    """Picture as the bytes of a file, which notebooks display.
 
     Attributes
     ----------
     data : bytes
-        The file: PNG, or SVG.
+        Content of the file: PNG or SVG.
     warnings : list of str
-        What may be wrong.
+        Possible problems.
     """
 
     warnings: list[str] = []
@@ -525,7 +524,7 @@ class Picture:
         self._svg = not data.startswith(b"\x89PNG")
 
     def save(self, path: Path) -> None:
-        """Write the file, whose name ends as its format does: .png, or .svg."""
+        """Write the file, whose ending must match the format: .png or .svg."""
         ending = ".svg" if self._svg else ".png"
         if not os.fspath(path).lower().endswith(ending):
             raise IsoformError(f"{path}: this picture is written as {ending}", "usage")
@@ -542,7 +541,7 @@ class Picture:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Writes a file."""
+    """Write a file."""
     try:
         FilePath(path).write_bytes(content)
     except OSError as e:

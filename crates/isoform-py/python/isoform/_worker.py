@@ -1,4 +1,4 @@
-"""A process that fits scans for `isoform.distributed`: a job, then sources in, rows out."""
+"""Worker process of `isoform.distributed`: reads a job, then sources, and writes rows."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import sys
 
 
 def main() -> None:
-    """Reads pickles until there are no more."""
-    # Ctrl-C is for the one who started this.
+    """Process pickled sources until the input ends."""
+    # The parent process handles Ctrl-C.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     rows = os.fdopen(os.dup(1), "wb")
-    # What else is printed must not come between the rows.
+    # Other output must not mix with the rows.
     os.dup2(2, 1)
     job = pickle.load(sys.stdin.buffer)
     while True:

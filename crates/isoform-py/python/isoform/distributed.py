@@ -1,12 +1,12 @@
 """Fleets of scans, huge clouds, and meshes in blocks, on local processes, Ray or Dask.
 
-Scans are fitted one by one, each by one thread of one process, so that a fleet takes as many of
-them at once as there are cores; the numbers are those of `isoform.fit`. Rows are written as they
-come. A cloud in chunks is fitted by sums over them (`fit_large`). Ray and Dask are taken where they
-are asked for, with the connection that is there.
+Each scan of a fleet is fitted by one thread of one process, as many at once as there are cores; the
+results are those of `isoform.fit`. Rows are written as they are completed. A cloud in chunks is
+fitted by sums over them (`fit_large`). Ray and Dask are used on request, with the existing
+connection.
 
-A huge model is meshed in blocks. The steps of its blocks are tasks as well, which read files of a
-folder beside the output and write others there; they are planned and their reports compared here.
+A huge model is meshed in blocks. The steps of its blocks are tasks as well, which read and write
+files in a folder next to the output; this process plans them and compares their reports.
 """
 
 from __future__ import annotations
@@ -44,46 +44,46 @@ from ._verbs import Box, fit
 
 __all__ = ["BlockedMesh", "fit_large", "fit_many", "mesh_blocks"]
 
-#: A row of the table.
+#: Row of the table of results.
 Row = dict[str, Any]
-#: Sources go in, and come out with their rows in the order in which they are done.
+#: Function from sources to pairs of source and row, in the order of completion.
 Engine = Callable[["Work", Iterable[str]], Iterator[tuple[str, Row]]]
 
-#: How often a source is tried whose worker dies: the worker may have been killed for another's
-#: sake, but a scan that kills each one must not go on for ever.
+#: Maximum number of attempts for a source whose worker dies: another source may have caused it, but
+#: a scan that kills every worker must not repeat forever.
 TRIES = 4
-#: Tasks that are handed out for each core: enough that none waits, few enough to be kept in memory.
+#: Number of tasks in flight per core: enough to keep it busy, few enough for memory.
 AHEAD = 3
 
 
 class Work(Protocol):
-    """What can be sent to workers."""
+    """Work that can be sent to workers."""
 
     def row(self, source: str) -> Row:
-        """What comes of a source; what is wrong with it is an entry."""
+        """Compute the row of a source; a problem of the source is an entry of the row."""
 
 
 class Job:
-    """Fits, as they are done with each source."""
+    """Fits of one or several templates to a source."""
 
     def __init__(self, templates: Sequence[Model], options: dict[str, Any]) -> None:
         self.templates = list(templates)
         self.options = options
 
     def key(self) -> str:
-        """Tells jobs apart that give other rows."""
+        """Compute a key that differs between jobs with different rows."""
         options = json.dumps(self.options, sort_keys=True, default=list)
         texts = [text for t in self.templates for text in (t.name, t.text)]
         return _digest("\0".join([_isoform.__version__, *texts, options]))
 
     def names(self) -> list[str]:
-        """The parameters of all templates, each once."""
+        """List the distinct parameters of all templates."""
         pose = self.options.get("pose")
         names = [n for t in self.templates for n in t._native.fitted_names(pose)]
         return list(dict.fromkeys(names))
 
     def row(self, source: str) -> Row:
-        """The row of a source; what is wrong with it is an entry."""
+        """Compute the row of a source; a problem of the source is an entry of the row."""
         try:
             points = read_points(source)
         except Exception as e:
@@ -109,7 +109,7 @@ class Job:
         }
 
     def _options_of(self, template: Model) -> dict[str, Any]:
-        """The options of one of several templates: what names a parameter counts where it is."""
+        """Select the options of one of several templates: those of its own parameters."""
         if len(self.templates) == 1:
             return self.options
         names = template._native.fitted_names(self.options.get("pose"))
@@ -121,7 +121,7 @@ class Job:
 
 
 def _rank(result: FitResult) -> tuple[int, float]:
-    """Orders fits of one scan, the best first: by the verdict, then by Bayes' criterion."""
+    """Rank the fits of one scan: by the verdict, then by the Bayesian information criterion."""
     n = int(np.count_nonzero(~result.outliers))
     told = sum(status == "determined" for status in result.status.values())
     cost = 2 * n * math.log(max(result.rms, 1e-300)) + told * math.log(max(n, 1))
@@ -134,7 +134,7 @@ def _told(error: Exception) -> str:
 
 
 def failed(source: str, error: str) -> Row:
-    """The row of a source without a result."""
+    """Create the row of a source without a result."""
     return {"source": source, "ok": False, "error": error}
 
 
@@ -143,7 +143,7 @@ def _digest(text: str) -> str:
 
 
 class _Table:
-    """A folder of parquet files, one for each row: what is there is whole."""
+    """Folder of parquet files, one per row; each file is complete."""
 
     def __init__(self, folder: FilePath, job: Job) -> None:
         pyarrow = need("pyarrow")
@@ -161,7 +161,7 @@ class _Table:
         except OSError as e:
             raise IsoformError(f"cannot make the folder {folder}: {e}", "not-writable") from None
         rows = [name.removesuffix(".parquet") for name in files if name.endswith(".parquet")]
-        # By source: the rows of this job, and those of others.
+        # Rows of this job, and of others, by source.
         self._there = {r.partition("-")[0] for r in rows if r.endswith(f"-{self._key}")}
         self._others = collections.defaultdict[str, list[str]](list)
         for row in rows:
@@ -169,11 +169,11 @@ class _Table:
                 self._others[row.partition("-")[0]].append(f"{row}.parquet")
 
     def holds(self, source: str) -> bool:
-        """Whether there is a row of the same source, template and options."""
+        """Return True if a row of this source, template and options exists."""
         return _digest(source) in self._there
 
     def write(self, row: Row) -> None:
-        """Writes a row, in the place of any other of its source."""
+        """Write a row, which replaces other rows of its source."""
         source = _digest(row["source"])
         file = self._folder / f"{source}-{self._key}.parquet"
         table = self._arrow.Table.from_pylist([row], schema=self._schema)
@@ -200,25 +200,25 @@ def fit_many(
     Parameters
     ----------
     sources : iterable of path
-        Files of points (n, 3); workers must see them by the same names.
+        Files of points (n, 3); all workers must see them under equal names.
     template : Model or sequence of Model
-        The template; of several the one with the best verdict, then the least value of Bayes'
-        criterion (2 n ln rms + parameters ln n).
+        The template; of several, the one with the best verdict is selected, then the one with the
+        smallest value of the Bayesian information criterion (2 n ln rms + parameters ln n).
     engine : str or executor, optional
-        ``"ray"`` or ``"dask"``: the connection that is there (``ray.init``,
-        ``distributed.Client``); or an executor, such as a ``ProcessPoolExecutor`` or a client of
-        Dask; by default processes of this machine.
+        ``"ray"`` or ``"dask"``: the existing connection (``ray.init``, ``distributed.Client``); or
+        an executor, such as a ``ProcessPoolExecutor`` or a client of Dask; by default processes of
+        this machine.
     out : path
-        A folder of parquet files, one row for each source, written as they come: ``source``,
-        ``ok``, ``error``, ``template``, ``rms``, ``acceptable``, ``json`` (the document of the fit
-        as text) and a column for each parameter of any template. ``pandas.read_parquet`` reads it.
+        Folder of parquet files, one row per source, written when completed: ``source``, ``ok``,
+        ``error``, ``template``, ``rms``, ``acceptable``, ``json`` (the document of the fit as text)
+        and a column for each parameter of any template. ``pandas.read_parquet`` reads it.
     resume : bool
-        Rows that are there with the same template and options stay; rows of others are made anew.
+        Keep existing rows with equal template and options; other rows are computed again.
     processes : int, optional
-        How many of this machine, by default one for each core.
+        Number of processes of this machine, by default one per core.
     **options
-        Those of `isoform.fit`: start, bounds, seed, fixed, pose, method, loss, keep, time_limit. Of
-        several templates, start, bounds and fixed count where a parameter has that name.
+        Options of `isoform.fit`: start, bounds, seed, fixed, pose, method, loss, keep, time_limit.
+        With several templates, start, bounds and fixed apply to those with such a parameter.
 
     Returns
     -------
@@ -228,12 +228,12 @@ def fit_many(
     Raises
     ------
     IsoformError
-        If there is no such engine, or the folder cannot be written. What is wrong with a scan is
+        If the engine is unknown, or the folder cannot be written. Problems of a scan are reported
         in its row.
 
     Notes
     -----
-    A worker that dies is replaced, and its scan tried again, four times at most.
+    A worker that dies is replaced; its scan is tried four times at most.
     """
     run = _engine(engine)
     known(options)
@@ -254,7 +254,7 @@ def fit_many(
 
 
 def _engine(name: Where) -> Engine:
-    """Who does the work: the engine of a name, or an executor."""
+    """Return the engine for a name or an executor."""
     if not isinstance(name, str) and name is not None:
         return _pool(name)
     run = ENGINES.get(name)
@@ -268,17 +268,17 @@ def _engine(name: Where) -> Engine:
 
 
 class BlockedMesh(Documented):
-    """The mesh of a huge model: files, and what is known of them.
+    """Mesh of a huge model: files and their properties.
 
     Attributes
     ----------
     path : pathlib.Path
-        The .pvtu, which names the .vtu of each block.
+        The .pvtu file, which refers to the .vtu file of each block.
     certificate : dict
-        What is proved of the whole: ``ok``, ``tets``, ``volume``, ``shared_faces`` and so on.
+        Verified properties of the entire mesh: ``ok``, ``tets``, ``volume``, ``shared_faces`` ...
     blocks : list of dict
-        What is known of each block, x fastest: its ``warnings``, and its ``figures`` with
-        ``file``, ``tets``, ``dihedral_angles``, ``failures`` and so on.
+        Properties of each block, x fastest: its ``warnings``, and its ``figures`` with ``file``,
+        ``tets``, ``dihedral_angles``, ``failures`` ...
     """
 
     def __init__(self, path: FilePath, document: str) -> None:
@@ -294,7 +294,7 @@ class BlockedMesh(Documented):
 
 
 class Blocks:
-    """Steps of blocks, done by one thread of a worker."""
+    """Steps of blocks, each executed by one thread of a worker."""
 
     def __init__(self, model: Model, params: Values, wanted: dict[str, Any]) -> None:
         self.model = model
@@ -302,14 +302,14 @@ class Blocks:
         self.wanted = wanted
 
     def row(self, source: str) -> Row:
-        """The report of a task; what is wrong is an entry."""
+        """Execute a task and return its report; a problem is an entry."""
         try:
             return {"ok": True, "report": self.report(source, (1, None, None))}
         except IsoformError as e:
             return {"ok": False, "error": str(e), "code": e.code, "hint": e.hint}
 
     def report(self, task: str, limits: tuple[int | None, float | None, Any]) -> str:
-        """The report of a task."""
+        """Execute a task and return its report."""
         shape = self.model._native, self.model._given(self.params)
         return _isoform.block_task(shape, self.wanted, task, limits)
 
@@ -330,51 +330,51 @@ def mesh_blocks(
     threads: int | None = None,
     progress: Progress = None,
 ) -> BlockedMesh:
-    """Mesh a huge model in blocks, which meet node for node.
+    """Mesh a huge model in blocks with matching nodes.
 
     Parameters
     ----------
     model : Model
-        What to mesh.
+        Model to be meshed.
     blocks : tuple of int
-        How many along x, y and z.
+        Numbers of blocks along x, y and z.
     out : path
-        A .pvtu; each block is a .vtu beside it. Files between the steps lie in a hidden folder
-        there, which workers must see by the same name.
+        A .pvtu file; each block is a .vtu file next to it. Intermediate files lie in a hidden
+        folder there, which all workers must see under an equal name.
     engine : str or executor, optional
-        ``"ray"`` or ``"dask"``: the connection that is there (``ray.init``,
-        ``distributed.Client``); by default blocks are done here, one after the other, in the
-        memory for one of them.
+        ``"ray"`` or ``"dask"``: the existing connection (``ray.init``, ``distributed.Client``); by
+        default this process meshes the blocks in turn, with memory for one of them.
     size : float, optional
-        Length of edges in the model's unit, the largest one where sizes vary; by default a
-        fortieth of the diagonal.
+        Length of edges in the model's unit, the maximum if sizes vary; by default a fortieth of the
+        diagonal.
     params : dict or sequence of float, optional
         Values of the model's parameters by name, or in their order.
     box : float or sequence, optional
-        Mesh what lies in it: half the width of a box around the origin, or its two corners.
+        Region to be meshed: half the width of a box around the origin, or its two corners.
     grade : float, optional
-        Smaller edges where a face would leave the surface by more than this length.
+        Maximum distance of faces from the surface; edges are shortened to respect it.
     angles : tuple of float, optional
-        Bounds of dihedral angles, degrees: worked towards, and required in the certificates.
+        Bounds of dihedral angles in degrees: targets of the optimisation, and requirements of the
+        certificates.
     memory : float, optional
-        Refuse blocks that take more than this many GiB each, by estimate; 16 by default.
+        Maximum estimated memory per block, in GiB; 16 by default. Larger blocks are refused.
     processes : int, optional
-        How many of this machine work on blocks, where there is no engine.
+        Number of processes of this machine that work on blocks, if no engine is given.
     threads : int, optional
-        How many to use here, where blocks are done one after the other; by default all cores.
+        Number of threads if blocks are meshed in turn; by default all cores.
     progress : callable or bool, optional
-        Called with the name of a step and the share of it that is done. True shows a bar.
+        Called with the name of a step and its completed share. True shows a bar.
 
     Returns
     -------
     BlockedMesh
-        With ``.path`` and ``.certificate``. The files are the same, byte for byte, with every
+        With ``.path`` and ``.certificate``. The files are identical, byte for byte, for every
         engine.
 
     Raises
     ------
     IsoformError
-        If there is no mesh, there are more blocks than cells, or blocks do not meet.
+        If the mesh is empty, there are more blocks than cells, or blocks do not match.
     KeyboardInterrupt
         After Ctrl-C.
 
@@ -417,7 +417,7 @@ def mesh_blocks(
 
 
 def _here(work: Blocks, step: str, tasks: list[str], limits: Asked) -> list[str]:
-    """The reports of tasks, one after the other in this process."""
+    """Execute tasks in turn in this process, and return their reports."""
     reports = []
     for done, task in enumerate(tasks):
         _tell(limits[2], step, done / len(tasks))
@@ -426,7 +426,7 @@ def _here(work: Blocks, step: str, tasks: list[str], limits: Asked) -> list[str]
 
 
 def _reports(rows: Iterator[Any], step: str, count: int, progress: Any) -> list[str]:
-    """The reports of tasks that workers do."""
+    """Collect the reports of tasks executed by workers."""
     reports: list[str] = []
     with contextlib.closing(rows) as rows:  # type: ignore[type-var]
         for _, row in rows:
@@ -446,7 +446,7 @@ def _tell(progress: Any, step: str, done: float) -> None:
 
 
 def _local(job: Work, sources: Iterable[str], processes: int | None = None) -> Iterator[Any]:
-    """Rows by processes of this machine, each fed by a thread."""
+    """Compute rows by processes of this machine, each fed by a thread."""
     count = processes or os.cpu_count() or 1
     waiting: queue.Queue[str | None] = queue.Queue(count * AHEAD)
     done: queue.Queue[tuple[str, Row]] = queue.Queue()
@@ -462,7 +462,7 @@ def _local(job: Work, sources: Iterable[str], processes: int | None = None) -> I
         for _ in range(left):
             yield _taken(done)
     finally:
-        # What nobody has begun is dropped, where an exception ends this.
+        # After an exception, tasks that are still waiting are dropped.
         with contextlib.suppress(queue.Empty):
             while True:
                 waiting.get_nowait()
@@ -473,7 +473,7 @@ def _local(job: Work, sources: Iterable[str], processes: int | None = None) -> I
 
 
 def _taken(done: queue.Queue[Any]) -> Any:
-    """The next row; looks up now and then, so that Ctrl-C is heard."""
+    """Return the next row; waits in short intervals, so that Ctrl-C is handled."""
     while True:
         try:
             return done.get(timeout=0.2)
@@ -482,7 +482,7 @@ def _taken(done: queue.Queue[Any]) -> Any:
 
 
 class _Feeder:
-    """A thread that gives sources to a process, and a new process where that dies."""
+    """Thread that feeds sources to a process, which it replaces if it dies."""
 
     def __init__(self, job: Work, waiting: queue.Queue[Any], done: queue.Queue[Any]) -> None:
         self._job = job
@@ -512,7 +512,7 @@ class _Feeder:
             worker.close()
 
     def end(self) -> None:
-        """Ends the process, whatever it does, and the thread."""
+        """End the process, even if busy, and the thread."""
         self._is_over = True
         if self._worker:
             self._worker.kill()
@@ -521,7 +521,7 @@ class _Feeder:
 
 
 class _Worker:
-    """A process that makes rows."""
+    """Process that computes rows."""
 
     def __init__(self) -> None:
         command = [sys.executable, "-m", "isoform._worker"]
@@ -529,7 +529,7 @@ class _Worker:
         self._job: Work | None = None
 
     def row(self, job: Work, source: str) -> Row:
-        """The row of a source."""
+        """Compute the row of a source."""
         assert self._process.stdin is not None and self._process.stdout is not None
         if self._job is not job:
             pickle.dump(job, self._process.stdin)
@@ -540,11 +540,11 @@ class _Worker:
         return row
 
     def kill(self) -> None:
-        """Lets the process die; who waits for it hears of that."""
+        """Kill the process; a thread that waits for its row gets an error."""
         self._process.kill()
 
     def close(self) -> None:
-        """Ends the process."""
+        """End the process."""
         self._process.kill()
         with contextlib.suppress(OSError):
             self._process.__exit__(None, None, None)
@@ -554,7 +554,7 @@ class _Worker:
 
 
 def _ray(job: Work, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
-    """Rows by tasks of Ray."""
+    """Compute rows by tasks of Ray."""
     ray = need("ray")
     if not ray.is_initialized():
         ray.init()
@@ -577,7 +577,7 @@ def _ray(job: Work, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
 
 
 def _dask(job: Work, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
-    """Rows by tasks of Dask."""
+    """Compute rows by tasks of Dask."""
     cluster = need("distributed")
     client = cluster.get_client()
     room = AHEAD * max(1, sum(client.ncores().values()))
@@ -585,7 +585,7 @@ def _dask(job: Work, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
     done, lost = cluster.as_completed(), collections.Counter[str]()
 
     def hand_out(source: str) -> None:
-        # The job goes along: what is scattered dies with the worker that has it.
+        # The job is sent each time: scattered data are lost with their worker.
         future = client.submit(_row, job, source, pure=False)
         names[future] = source
         done.add(future)
@@ -608,12 +608,12 @@ def _dask(job: Work, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
 
 
 def _row(job: Work, source: str) -> Row:
-    """What a task of a cluster does."""
+    """Run the task of a cluster."""
     return job.row(source)
 
 
 def _pool(executor: Submits) -> Engine:
-    """Rows by tasks of an executor: what has `submit`, and gives futures with `done`, `result`."""
+    """Compute rows by tasks of an executor (`submit`, with futures of `done` and `result`)."""
 
     def rows(job: Work, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
         waiting, pending = iter(sources), dict[Any, str]()
@@ -634,5 +634,5 @@ def _pool(executor: Submits) -> Engine:
     return rows
 
 
-#: By name, who does the work.
+#: Engines by name.
 ENGINES: dict[Union[str, None], Engine] = {None: _local, "ray": _ray, "dask": _dask}
