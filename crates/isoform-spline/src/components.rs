@@ -7,7 +7,7 @@ use isoform_geom::{Point3, PolynomialData, UnionFind};
 use rayon::prelude::*;
 
 /// Number of connected components of the surface f = 0 in the spline's box. Components that pass
-/// through a common cell are count_components as one.
+/// through a common cell are counted as one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Components {
     /// Components that pass through cells with data.

@@ -7,7 +7,7 @@
 //! 1/N Σ ( (f/h)² + α |∇f + n|² )  +  λ/M |second differences of c/h|²
 //! ```
 //!
-//! is least (Jüttler and Felis 2002, section 3: values, normals, tension). `solve` adds a small
+//! (Jüttler and Felis 2002, section 3: values, normals, tension). `solve` adds a small
 //! weight on the corrections themselves where data hardly touches a coefficient.
 
 use crate::bspline;

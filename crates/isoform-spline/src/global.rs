@@ -98,7 +98,7 @@ pub fn implicitize_globally(
     control.begin("normals")?;
     let (normals, sides) = oriented_normals(points, normals, control)?;
     control.begin("fitting")?;
-    let frame = UnitCube::around(Aabb::of(points));
+    let frame = UnitCube::around(Aabb::from_points(points));
     let problem = PolynomialProblem {
         basis: Basis::new(degree),
         frame,

@@ -333,7 +333,7 @@ pub(crate) fn check_points(points: &[Point3]) -> Result<(), Error> {
     if !points.iter().flatten().all(|v| v.is_finite()) {
         return Err(Error::NotFinite);
     }
-    let bounds = Aabb::of(points);
+    let bounds = Aabb::from_points(points);
     let size = bounds.diagonal();
     if size <= 0.0 || !size.is_finite() {
         return Err(Error::Degenerate { is_point: true });
@@ -371,7 +371,7 @@ impl Lattice {
     /// Returns a lattice coarse enough that its cells with points cover the sampled surface without
     /// gaps.
     pub(crate) fn seen(points: &[Point3]) -> Self {
-        let bounds = Aabb::of(points);
+        let bounds = Aabb::from_points(points);
         let (size, longest) = Self::size(bounds);
         // Ten points per cell leave no gaps between cells with points; a sample of twenty per cell
         // suffices to choose the spacing.
@@ -391,7 +391,7 @@ impl Lattice {
     }
 
     fn new(points: &[Point3], options: &Options) -> Self {
-        let bounds = Aabb::of(points);
+        let bounds = Aabb::from_points(points);
         let (size, longest) = Self::size(bounds);
         let Fineness::Cells(cells) = options.fineness else {
             return Self::around(bounds, size, longest / MAX_COARSEST_CELLS, 0);
