@@ -1,4 +1,4 @@
-//! What is in a point file: `cargo run --release -p isoform-io --example points -- FILE
+//! Prints a summary of a point file: `cargo run --release -p isoform-io --example points -- FILE
 //! [MAX_POINTS]`.
 
 use isoform_io::{ReadOptions, Source, inspect, read};

@@ -1,10 +1,10 @@
-//! The seeds of the fuzz targets `read_points` and `read_meshes`: every fixture, the first byte
-//! being the number of its format.
+//! Seeds of the fuzz targets `read_points` and `read_meshes`: every fixture, preceded by a byte
+//! with the index of its format.
 
 use crate::common;
 use std::path::Path;
 
-/// Writes them; run with `--ignored` after a fixture has changed.
+/// Writes the seeds of points; run with `--ignored` after a fixture has changed.
 #[test]
 #[ignore = "writes into fuzz/corpus"]
 fn write_seeds() {
@@ -24,7 +24,7 @@ fn write_seeds() {
     }
 }
 
-/// Likewise for meshes.
+/// Writes the seeds of meshes.
 #[test]
 #[ignore = "writes into fuzz/corpus"]
 fn write_mesh_seeds() {
@@ -43,7 +43,7 @@ fn write_mesh_seeds() {
     }
 }
 
-/// Models of 3MF packages, which the target packs.
+/// Writes models of 3MF packages, which the target packs.
 #[test]
 #[ignore = "writes into fuzz/corpus"]
 fn write_3mf_seeds() {
@@ -66,8 +66,8 @@ fn write_3mf_seeds() {
     }
 }
 
-/// Calls with the first byte and the rest of every file that fuzzing has kept; the repository holds
-/// some.
+/// Calls a function with the first byte and the rest of every file kept by fuzzing, some of which
+/// are in the repository.
 fn for_corpus(target: &str, visit: impl Fn(u8, &[u8])) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../fuzz/corpus")
@@ -83,7 +83,7 @@ fn for_corpus(target: &str, visit: impl Fn(u8, &[u8])) {
     assert!(visited > 0, "the corpus of {target} is empty");
 }
 
-/// All of it still reads, or is refused.
+/// Reads or refuses every file of the corpus, without a panic.
 #[test]
 fn the_corpus_survives() {
     for_corpus("read_points", |first, rest| {

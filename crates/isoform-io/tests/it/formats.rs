@@ -1,5 +1,5 @@
-//! Every format, by small files made here, by files of other programs in tests/data/formats, and by
-//! scans where they are at hand.
+//! Tests of every format on small files created in memory, on files of other programs in
+//! tests/data/formats, and on scans if they are available.
 
 use crate::common;
 use isoform_geom::PointCloud;
@@ -37,7 +37,7 @@ fn every_fixture_reads_and_is_recognised_without_its_name() {
             seen.points as u64 + seen.dropped_points,
             "{name}"
         );
-        // Binary STL has no mark at all.
+        // Binary STL has no signature.
         if name != "binary.stl" {
             let (again, unnamed) =
                 read_bytes("-", &bytes).unwrap_or_else(|e| panic!("{name}: {e}"));
@@ -124,7 +124,7 @@ fn las_and_laz_agree_with_another_implementation() {
                     .map(|c| c.values[i])
             };
             assert_eq!(column("intensity"), Some(f64::from(want.intensity)));
-            // The times of newer LAZ stay packed.
+            // The times of newer LAZ are not decompressed.
             let time = if compressed && format >= 6 {
                 None
             } else {
@@ -268,7 +268,7 @@ fn meshes_become_samples() {
     );
 }
 
-/// Files of other programs, of every format.
+/// Files of other programs in every format.
 #[cfg(all(feature = "laz", feature = "e57"))]
 mod foreign {
     use isoform_geom::PointCloud;
@@ -280,7 +280,7 @@ mod foreign {
         read(Source::Path(path), None, &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"))
     }
 
-    /// File, points (or the code of the refusal), triangles.
+    /// File, number of points (or the code of the error), number of triangles.
 #[rustfmt::skip]
 const FOREIGN: &[(&str, Result<usize, &str>, usize)] = &[
     ("cube-e57-1.0-unmodified-valid.e57", Ok(8), 0),
@@ -398,7 +398,7 @@ const FOREIGN: &[(&str, Result<usize, &str>, usize)] = &[
         assert_eq!(bool.columns[0].name, "is_green");
     }
 
-    /// What is too large for the repository.
+    /// Files too large for the repository.
     #[test]
     fn scans() {
         let Some(folder) = shared_data("data") else {

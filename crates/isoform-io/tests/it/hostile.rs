@@ -1,4 +1,5 @@
-//! Damaged and malicious files: an answer or an error, never a panic, and soon.
+//! Damaged and malicious files: reading gives a result or an error in bounded time, and never
+//! panics.
 
 use crate::common;
 use crate::common::damage::{apply, damage};
@@ -6,10 +7,10 @@ use isoform_io::{MeshPoints, ReadOptions, Source, inspect, read};
 use proptest::prelude::*;
 use std::time::{Duration, Instant};
 
-/// Far above what any of these small files takes, far below a hang.
+/// Time limit per file: far above the time that any of them takes, far below that of a hang.
 const SOON: Duration = Duration::from_secs(5);
 
-/// Pieces of tables: names, units, quotes, numbers, words and what stands between them.
+/// Fragments of tables: names, units, quotes, numbers, words and separators.
 const FIELDS: &[&str] = &[
     "x",
     "Y [mm]",
@@ -157,8 +158,8 @@ fn every_byte_of_the_binary_headers() {
             .iter()
             .any(|e| f.0.ends_with(e))
     }) {
-        // The decoder of LAZ takes milliseconds to start: there only the header and its records, by
-        // two values.
+        // The decoder of LAZ takes milliseconds to start; therefore only the header and its records
+        // are changed, to two values.
         let is_laz = name.ends_with("laz");
         for at in 0..bytes.len().min(if is_laz { 340 } else { 700 }) {
             for value in if is_laz {
@@ -204,7 +205,7 @@ fn e57_without_bits_and_with_deep_xml() {
         let mut logical = vec![0; 48];
         logical[..8].copy_from_slice(b"ASTM-E57");
         logical[8] = 1;
-        // A compressed vector section at 48 whose data starts at 80: one packet with one empty
+        // A compressed vector section at 48 whose data start at 80: one packet with one empty
         // stream.
         logical.extend([1, 0, 0, 0, 0, 0, 0, 0]);
         for v in [48_u64, 80, 0] {
@@ -253,8 +254,8 @@ fn e57_without_bits_and_with_deep_xml() {
     survive("deep.e57", None, &file(&deep));
 }
 
-/// A LAZ file whose second point switches between its series of GPS times half a million times:
-/// `laz` recurses for each.
+/// A LAZ file whose second point switches between its series of GPS times half a million times;
+/// `laz` recurses at each switch.
 #[cfg(feature = "laz")]
 #[test]
 fn laz_that_recurses_without_end() {
@@ -283,8 +284,8 @@ fn laz_that_recurses_without_end() {
     let table = (bytes.len() as u64).to_le_bytes();
     bytes[start..start + 8].copy_from_slice(&table);
     bytes.extend([0; 8]);
-    // Whether it recurses is the compiler's choice (the call is a tail call): an error if so, two
-    // points if not, an abort never.
+    // The compiler may turn the recursive call into a tail call: then the file has two points, else
+    // it is an error, but never an abort.
     match read(
         Source::Bytes {
             name: "a.laz",

@@ -1,4 +1,4 @@
-//! The integration tests of this crate, as one binary.
+//! Integration tests of this crate, as one binary.
 
 mod common;
 mod corpus;

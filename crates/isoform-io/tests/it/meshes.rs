@@ -1,5 +1,4 @@
-//! Meshes come back from every format as they went in, as far as it can hold them; damaged files
-//! are refused.
+//! Round trips of meshes through every format, up to what it stores, and refusal of damaged files.
 
 use crate::common::cube::block;
 use crate::common::damage::{apply, damage};
@@ -13,9 +12,9 @@ use isoform_io::{
 use proptest::prelude::*;
 use std::time::{Duration, Instant};
 
-/// Formats that keep everything but the names of parts of curves.
+/// Formats that keep everything except the names of parts of curves.
 const EXACT: [&str; 5] = ["msh", "msh-binary", "msh2", "vtu", "vtu-ascii"];
-/// Those that keep triangles and parts.
+/// Formats that keep triangles and parts.
 const SURFACES: [&str; 4] = ["obj", "ply", "ply-ascii", "3mf"];
 
 fn written(mesh: &Mesh, format: &str) -> Vec<u8> {
@@ -39,7 +38,7 @@ fn through(mesh: &Mesh, format: &str) -> Mesh {
     again
 }
 
-/// The block, with names that every format can hold.
+/// Returns the block with names that every format can store.
 fn plain_block(n: usize, order: u32) -> Mesh {
     let mut mesh = block(n, order);
     mesh.parts[1] = "rest & <--> of it".into();
@@ -56,7 +55,7 @@ fn a_block_comes_back() {
     }
 }
 
-/// The triangles with the coordinates of their corners, in an order of their own, by part.
+/// Returns the triangles by part and coordinates of their corners, in a canonical order.
 fn soup(mesh: &Mesh) -> Vec<(u32, [[u64; 3]; 3])> {
     let mut soup: Vec<_> = (0..mesh.triangles.len())
         .map(|i| {
@@ -126,7 +125,7 @@ fn abaqus_keeps_elements_surfaces_and_names_in_capitals() {
     }
 }
 
-/// The volume within the surface, outward: a third of the sum of position times area.
+/// Returns the volume within the surface: a third of the sum of position times outward area.
 fn volume_within(mesh: &Mesh) -> f64 {
     let corners = |t: &[u32; 3]| t.map(|n| mesh.points[n as usize]);
     let six = mesh.triangles.iter().map(corners).map(|[a, b, c]| {
@@ -174,7 +173,7 @@ fn wedges_come_back() {
     assert_eq!(soup(&floor), soup(&mesh));
 }
 
-/// Without a surface in the file, its sides become one.
+/// If the file lacks a surface, the sides of the volumes become one.
 #[test]
 fn wedges_get_a_boundary() {
     let mut bare = layers();
@@ -213,7 +212,7 @@ fn surfaces_of_wedges_are_triangles() {
     assert!(warnings[0].contains("22 triangles"), "{warnings:?}");
 }
 
-/// A surface alone is read as triangles, as ever.
+/// A surface alone is read as triangles.
 #[test]
 fn quadrilaterals_without_wedges_are_two_triangles_each() {
     let surface = Mesh {
@@ -241,7 +240,7 @@ fn quadrilaterals_without_wedges_are_two_triangles_each() {
     }
 }
 
-/// The words of every format for a wedge and a quadrilateral.
+/// Keywords of every format for wedges and quadrilaterals.
 #[test]
 fn how_wedges_are_called() {
     let mesh = layers();
@@ -265,7 +264,7 @@ fn how_wedges_are_called() {
         "msh2",
         &["\n25 6 2 1 1 1 2 3 5 6 7\n", "\n15 3 2 2 2 1 2 6 5\n"],
     );
-    // VTK: the first triangle looks out.
+    // VTK: the normal of the first triangle points out.
     has(
         "vtu-ascii",
         &["\n0 2 1 4 6 5 \n", "\n0 1 5 4 \n", "\n13 \n", "\n9 \n"],
@@ -288,8 +287,8 @@ fn how_wedges_are_called() {
     );
 }
 
-/// Every mid node of the bent block lies nearer to the middle of its edge than to that of any other
-/// edge of the element.
+/// Asserts that every mid node of the bent block is nearer to the middle of its edge than to that
+/// of any other edge of the element.
 fn mids_sit_right(mesh: &Mesh, format: &str) {
     let distance = |mid: u32, a: u32, b: u32| {
         let p = |n: u32| mesh.points[n as usize];
@@ -351,7 +350,7 @@ fn mid_nodes_sit_between_their_corners() {
     );
 }
 
-/// The order of Gmsh, word by word: the last two mid nodes change places.
+/// Order of nodes in Gmsh: the last two mid nodes are exchanged.
 #[test]
 fn the_order_of_gmsh() {
     let points = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
@@ -634,7 +633,7 @@ fn nothing_at_all_can_be_written() {
     }
 }
 
-/// Numbers of all sizes, and small whole ones.
+/// Generates numbers of all magnitudes, and small integers.
 fn number() -> impl Strategy<Value = f64> {
     prop_oneof![
         prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO,
@@ -660,7 +659,7 @@ fn names(count: usize, what: &'static str) -> impl Strategy<Value = Vec<String>>
     })
 }
 
-/// Anything that is a mesh, if tetrahedra may have any volume that is not clearly negative.
+/// Generates valid meshes; tetrahedra may have any volume that is not clearly negative.
 fn any_mesh() -> impl Strategy<Value = Mesh> {
     (1..12_usize, 1..4_usize, any::<[bool; 4]>()).prop_flat_map(
         |(n, groups, [second, parts, regions, curves])| {
@@ -734,7 +733,7 @@ fn any_mesh() -> impl Strategy<Value = Mesh> {
 }
 
 fn survive(name: &str, format: Option<&str>, bytes: &[u8]) {
-    /// Far above what any of these small files takes, far below a hang.
+    /// Time limit per file: far above the time that any of them takes, far below that of a hang.
     const SOON: Duration = Duration::from_secs(5);
     let start = Instant::now();
     match read_mesh(
@@ -743,7 +742,7 @@ fn survive(name: &str, format: Option<&str>, bytes: &[u8]) {
         &MeshReadOptions::default(),
     ) {
         Ok((mesh, _)) => {
-            // Whatever was read is a mesh: it can be written.
+            // A mesh that was read must be writable.
             write_mesh(&mesh, &mut Vec::new(), "vtu", &MeshWriteOptions::default()).expect(name);
         }
         Err(e) => assert!(
@@ -770,7 +769,7 @@ proptest! {
     fn all_surfaces_come_back(mesh in any_mesh()) {
         let parts = mesh.parts.iter().map(|p| p.replace(' ', "_").trim().to_owned()).collect();
         let mut mesh = Mesh { points: mesh.points, triangles: mesh.triangles, triangle_parts: mesh.triangle_parts, parts, ..Mesh::default() };
-        // Groups are written one after the other, and those without a triangle not at all.
+        // Groups are written in turn; groups without triangles are omitted.
         let mut order: Vec<usize> = (0..mesh.triangles.len()).collect();
         order.sort_by_key(|&i| mesh.triangle_parts.get(i));
         for format in SURFACES {
@@ -840,8 +839,8 @@ fn every_byte_of_binary_files() {
     }
 }
 
-/// Sets of millions of numbers named again and again: neither expanded nor walked over more often
-/// than there are faces.
+/// Sets of millions of numbers that are referenced many times: they are not expanded, and not
+/// traversed more often than there are faces.
 #[test]
 fn abaqus_sets_are_not_expanded() {
     let mut text = String::from(
@@ -889,7 +888,7 @@ fn names_find_formats() {
     assert!(mesh_format_named("xyz").is_none());
 }
 
-/// A bent square with parameters and another number per node.
+/// Returns a bent square with parameters and another number per node.
 fn parameterized() -> Mesh {
     let at = |k: usize| ((k / 3) as f64 / 2.0, (k % 3) as f64 / 2.0);
     let points: Vec<Point3> = (0..9).map(at).map(|(u, v)| [u, v, u * v]).collect();

@@ -1,11 +1,11 @@
-//! What is written reads back bit by bit, and files are whole or untouched.
+//! Round trips are exact to the bit, and files are replaced atomically.
 
 use isoform_geom::{Column, Point3, PointCloud};
 use isoform_io::{ReadOptions, Source, WriteOptions, read, write, write_atomic, write_path};
 use proptest::prelude::*;
 use std::path::PathBuf;
 
-/// Numbers of all sizes, and the small whole ones that make ties.
+/// Generates numbers of all magnitudes, and small integers, which produce ties.
 fn number() -> impl Strategy<Value = f64> {
     prop_oneof![
         prop::num::f64::NORMAL
@@ -43,7 +43,7 @@ fn cloud() -> impl Strategy<Value = PointCloud> {
             (
                 prop::collection::vec(prop::array::uniform3(number()), n),
                 prop::collection::vec(unit(), if normals { n } else { 0 }),
-                // The first colour tells bytes from shares.
+                // The first colour distinguishes bytes from fractions.
                 prop::collection::vec(any::<[u8; 3]>(), if colors { n } else { 0 }),
                 prop::collection::vec(prop::array::uniform3(0..n as u32), if mesh { 5 } else { 0 }),
                 prop::collection::vec(column, columns),
@@ -112,7 +112,7 @@ proptest! {
             }
             let values = |c: &PointCloud| c.columns.iter().map(|c| c.values.clone()).collect::<Vec<_>>();
             prop_assert_eq!(values(&again), values(&cloud));
-            // Names are settled after the first time.
+            // Names no longer change after the first round trip.
             let names = |c: &PointCloud| c.columns.iter().map(|c| c.name.clone()).collect::<Vec<_>>();
             prop_assert_eq!(names(&through(&again, format, ascii)), names(&again));
         }

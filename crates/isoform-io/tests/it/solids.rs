@@ -1,5 +1,4 @@
-//! Solids in their own form and in STEP: what is written is what is read, and what is damaged is
-//! refused.
+//! Round trips of solids in their native form and in STEP, and refusal of damaged files.
 
 use crate::common::damage::{apply, damage};
 use isoform_geom::brep::{
@@ -53,7 +52,7 @@ fn curve() -> impl Strategy<Value = Curve> {
     ]
 }
 
-/// A frame near the origin, for surfaces whose frames STEP tells through points.
+/// Generates a frame near the origin, for surfaces whose frames STEP stores through points.
 fn near_axes() -> impl Strategy<Value = Axes> {
     axes().prop_map(|axes| Axes {
         origin: axes.origin.map(|v| v.clamp(-2.0, 2.0)),
@@ -101,8 +100,8 @@ fn surface() -> impl Strategy<Value = Surface> {
     ]
 }
 
-/// Some pairs of faces with one edge in common: no solids of space, but of data. All but the first
-/// two pairs are voids.
+/// Generates pairs of faces with a common edge, which are consistent data but not solids in space.
+/// All pairs after the first two are voids.
 fn file() -> impl Strategy<Value = SolidFile> {
     let pair = (point(), curve(), surface(), surface(), any::<[bool; 2]>());
     let pairs = prop::collection::vec(pair, 1..6);
@@ -165,7 +164,7 @@ fn step_of(file: &SolidFile) -> String {
     step_solids(&file.brep, &file.properties, &options).expect("a file")
 }
 
-/// Everything of it can be worked on.
+/// Uses all parts of a file, to find out if one panics.
 fn work_on(file: &SolidFile) {
     let brep = &file.brep;
     for e in 0..brep.edges.len() as u32 {
@@ -189,7 +188,7 @@ proptest! {
         let bytes = write_solids(&file);
         let again = read_solids(&json_of(&bytes)).expect("our own file");
         prop_assert_eq!(&again, &file);
-        // Also the sign of zero, which the comparison does not see.
+        // The bytes also show the sign of zero, which the comparison ignores.
         prop_assert_eq!(write_solids(&again), bytes);
     }
 
@@ -248,7 +247,7 @@ proptest! {
         }
     }
 
-    /// Damage to bytes seldom leaves JSON; values that are something else do.
+    /// Damaged bytes are seldom JSON; replaced values are.
     #[test]
     fn wrong_values_are_read_or_refused(file in file(), at in any::<u32>(), to in value()) {
         let mut json = json_of(&write_solids(&file));
@@ -262,7 +261,7 @@ proptest! {
     }
 }
 
-/// Half of a ball's surface, and a plane: one edge.
+/// Returns half of a ball's surface and a plane, with one common edge.
 fn half_ball() -> SolidFile {
     let axes = Axes::along([0.0; 3], [0.0, 0.0, 1.0]);
     let face = |surface, agrees, forward| Face {
@@ -302,7 +301,7 @@ fn half_ball() -> SolidFile {
     }
 }
 
-/// What the fuzzing target does, on its seeds: files of models with planes, cylinders, spheres,
+/// Runs the fuzzing target on its seeds: files of models with planes, cylinders, spheres,
 /// ellipsoids and splines.
 #[test]
 fn the_corpus_is_read() {
@@ -374,7 +373,7 @@ fn what_is_no_file_of_solids_is_refused_with_the_reason() {
     assert_eq!(of(&json!({})), "kind: brep is expected");
 }
 
-/// Without a limit, a short file could ask for the product of two long lists.
+/// Without a limit, a short file could request the product of two long lists.
 #[test]
 fn long_lists_are_not_multiplied() {
     let step = step_of(&half_ball());
@@ -410,8 +409,8 @@ fn value() -> impl Strategy<Value = Value> {
     ])
 }
 
-/// Puts a value in the place of the n-th value inside of a document, counting `left` down; gives
-/// back what is left.
+/// Replaces the value with index `left` inside a document; returns the remaining count if there are
+/// fewer.
 fn replace(json: &mut Value, left: &mut u32, to: &Value) -> u32 {
     let inner: Vec<&mut Value> = match json {
         Value::Array(list) => list.iter_mut().collect(),

@@ -1,5 +1,5 @@
-//! STEP as text: whole, numbered, exact. That CAD systems take it is for the acceptance checks to
-//! say, with OpenCASCADE.
+//! STEP as text: complete, numbered, exact. The acceptance checks test with OpenCASCADE that CAD
+//! systems accept it.
 
 use isoform_geom::RationalPatch;
 use isoform_io::{StepFace, StepOptions, step, write_step_path};
@@ -13,7 +13,8 @@ fn face(patch: RationalPatch) -> StepFace {
     }
 }
 
-/// A piece of the sphere of radius 1/2 about a point, stereographic from it: biquadratic and exact.
+/// Returns a part of the sphere of radius 1/2 about a point by stereographic projection from its
+/// pole: biquadratic and exact.
 fn cap(center: [f64; 3]) -> RationalPatch {
     let a = 0.5;
     // 1, s, s² on [-a, a] in Bernstein form.
@@ -35,7 +36,7 @@ fn cap(center: [f64; 3]) -> RationalPatch {
     RationalPatch::new((2, 2), (0..9).map(|k| at(k / 3, k % 3)).collect()).expect("a patch")
 }
 
-/// The instances of the data section by their numbers.
+/// Returns the instances of the data section by number.
 fn instances(text: &str) -> BTreeMap<usize, String> {
     let (_, data) = text.split_once("DATA;\n").expect("data");
     let (data, end) = data.split_once("ENDSEC;\n").expect("an end");
@@ -99,7 +100,7 @@ fn every_reference_is_defined_and_used() {
             used.insert(r);
         }
     }
-    // Nothing points to these; all else hangs on them.
+    // Only these instances are not referenced by others.
     let tops: Vec<&str> = all
         .iter()
         .filter(|(id, _)| !used.contains(id))
@@ -183,7 +184,7 @@ fn negative_weights_become_knots() {
         weights.len() > 9 && weights.iter().all(|w| *w > 0.0),
         "{weights:?}"
     );
-    // Its weight is negative inside: no knots help.
+    // The weight function is negative inside, so inserting knots does not help.
     patch.control_mut()[4][3] = -4.0;
     assert_eq!(
         step(&[face(patch)], &StepOptions::default())

@@ -1,25 +1,25 @@
 //! Tables of points as instruments and spreadsheets write them: any order of columns, names, units,
-//! separators, quotes and numbers of points give the same cloud.
+//! separators, quotes and numbers of points give an identical cloud.
 
 use isoform_io::{ReadOptions, Source, read};
 use proptest::prelude::*;
 
-/// The style of a table.
+/// Style of a table.
 #[derive(Clone, Debug)]
 struct Style {
     /// Template of the names of coordinates; `#` stands for the letter of the axis.
     name: &'static str,
-    /// Unit that the names state.
+    /// Unit stated by the names.
     unit: Option<&'static str>,
-    /// Between fields; a decimal comma goes with `;` and tabs.
+    /// Separator of fields; `;` and tabs allow decimal commas.
     separator: char,
     is_comma: bool,
     is_quoted: bool,
-    /// Field before the coordinates: none, a number, or a word.
+    /// Kind of the field before the coordinates: 0 for none, a number, or a word.
     id: usize,
-    /// First of the numbers.
+    /// First row number.
     start: i64,
-    /// The order of the axes.
+    /// Order of the axes.
     order: [usize; 3],
     /// Lines before the names.
     before: &'static str,
@@ -69,7 +69,7 @@ fn style() -> impl Strategy<Value = Style> {
                     name: name.0,
                     unit: name.1.filter(|_| !is_bare),
                     separator,
-                    // Between commas only quotes tell decimal commas.
+                    // Between commas only quoted fields can have decimal commas.
                     is_comma: is_comma && (separator != ',' || is_quoted),
                     is_quoted,
                     id,
@@ -126,7 +126,7 @@ proptest! {
         style in style(),
         points in prop::collection::vec(prop::array::uniform3(-50_000..50_000_i32), 5..30),
     ) {
-        // Three decimals; the first point has fractions in all.
+        // Three decimals; all coordinates of the first point have fractions.
         let mut points: Vec<[f64; 3]> =
             points.into_iter().map(|p| p.map(|v| f64::from(v) / 1000.0)).collect();
         points[0] = [0.5, -1.25, 3.375];

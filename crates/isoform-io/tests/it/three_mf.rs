@@ -1,5 +1,4 @@
-//! 3MF packages: what is taken of those that others could have made, and what is refused of those
-//! that are meant to do harm.
+//! 3MF packages of other programs and malicious ones: the content that is read, and the errors.
 
 use crate::common::damage::{apply, damage};
 use crate::common::package::{Packing, RELATIONS, model, package, packed, tetrahedron};
@@ -28,7 +27,7 @@ fn refused(bytes: &[u8]) -> ReadError {
     try_mesh(bytes).expect_err("it must be refused")
 }
 
-/// Six times the volume inside of the triangles of a part, with its sign.
+/// Returns six times the signed volume inside the triangles of a part.
 fn six_volumes(mesh: &Mesh, part: u32) -> f64 {
     let of = |t: &[u32; 3]| {
         let [a, b, c]: [Point3; 3] = t.map(|n| mesh.points[n as usize]);
@@ -61,7 +60,7 @@ fn pythons_zipfile_and_every_packing() {
             .map(|p| mesh.triangle_parts.iter().filter(|&&q| q == p).count())
             .collect();
         assert_eq!(counts, [3, 1, 3, 1, 4]);
-        // All normals point outwards, behind the mirror too.
+        // All normals point outwards, also those of the mirrored copy.
         let volumes: [f64; 5] = std::array::from_fn(|p| six_volumes(&mesh, p as u32));
         let whole = [volumes[0] + volumes[1], volumes[2] + volumes[3], volumes[4]];
         assert_eq!(whole, [1.0, 1.0, 8.0], "{volumes:?}");
@@ -82,7 +81,7 @@ fn pythons_zipfile_and_every_packing() {
     }
 }
 
-/// A turn about z, then one about x with a shift: the order is that of row vectors.
+/// A rotation about z, then one about x with a shift, in the order of row vectors.
 #[test]
 fn maps_are_nested_from_inside_out() {
     let turn_z = "0 1 0 -1 0 0 0 0 1 0 0 0";
@@ -107,7 +106,7 @@ fn maps_are_nested_from_inside_out() {
 
 #[test]
 fn odd_packages_are_read_with_a_word() {
-    // A prefix for everything, single quotes, comments, no relations, and a name of its own.
+    // A prefix for everything, single quotes, comments, missing relationships, and an unusual name.
     let odd = "<?xml version='1.0'?><!-- <model> --><c:model unit='foot' xmlns:c='core' \
         requiredextensions='s' \
         xmlns:s='http://schemas.microsoft.com/3dmanufacturing/slice/2015/07'>\
@@ -123,7 +122,7 @@ fn odd_packages_are_read_with_a_word() {
         "{report:?}"
     );
 
-    // As points, sampled, and with invalid numbers.
+    // A vertex that is not a number, read as points and as samples.
     let text = model(
         &tetrahedron(1).replace("x=\"1\"", "x=\"nan\""),
         "<item objectid=\"1\"/>",
@@ -209,8 +208,7 @@ fn what_is_wrong_is_said_with_its_place() {
     assert!(e.why.contains("declaration"), "{e}");
 }
 
-/// How long any of the packages below may take: they are small, and refused before they are
-/// expanded.
+/// Time limit for the packages below, which are small and refused before they are expanded.
 const SOON: Duration = Duration::from_secs(5);
 
 #[test]
@@ -226,14 +224,14 @@ fn circles_and_multitudes_are_refused() {
     let circle = assembly(1, &[2, 2]) + &assembly(2, &[1, 1]);
     let e = refused(&package(&model(&circle, "<item objectid=\"1\"/>")));
     assert!(e.why.contains("circle"), "{e}");
-    // Forty doublings, of a mesh and of nothing at all.
+    // Forty doublings, of a mesh and of nothing.
     for first in [tetrahedron(1), assembly(1, &[])] {
         let doublings = (2..42).map(|id| assembly(id, &[id - 1, id - 1]));
         let text = first + &doublings.collect::<String>();
         let e = refused(&package(&model(&text, "<item objectid=\"41\"/>")));
         assert_eq!(e.code(), "too-large", "{e}");
     }
-    // A chain that no single object shows, since each is built by itself.
+    // A chain that no single object reveals, since each is built by itself.
     let chain: String = (2..5000).map(|id| assembly(id, &[id - 1])).collect();
     let items: String = (1..5000)
         .map(|id| format!("<item objectid=\"{id}\"/>"))
@@ -261,7 +259,7 @@ fn bombs_are_refused() {
     assert!(bytes.len() < 1 << 20);
     let e = refused(&bytes);
     assert!(e.code() == "too-large" && e.why.contains("far more"), "{e}");
-    // One that says it is small.
+    // A member whose stated size is too small.
     let mut liar = bytes.clone();
     let directory = liar
         .windows(4)
@@ -273,7 +271,7 @@ fn bombs_are_refused() {
         e.code() == "file-corrupt" && e.why.contains("more than"),
         "{e}"
     );
-    // A hundred members that share the bytes of one, all of which the model needs.
+    // A hundred members that share the bytes of one; the model needs all of them.
     let mut paths = String::new();
     for i in 0..100 {
         paths += &format!("<component objectid=\"1\" p:path=\"/m{i}.model\"/>");
@@ -316,7 +314,7 @@ fn a_damaged_member_is_noticed() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
 
-    /// Damage that the checksum does not see, because it was there before.
+    /// Damage that precedes the checksum, which therefore agrees.
     #[test]
     fn damaged_models(damages in prop::collection::vec(damage(), 1..4)) {
         let object = "<object id=\"2\"><components><component objectid=\"1\" \

@@ -1,11 +1,11 @@
-//! A bent block of tetrahedra with parts, curves, corners and regions, linear or of second order.
+//! Bent block of tetrahedra with parts, curves, corners and regions, of first or second order.
 
 use isoform_geom::{Curve, Mesh, Point3, TET_EDGES, TRIANGLE_EDGES};
 use std::collections::HashMap;
 
-/// A block of n × n × n cells of six tetrahedra each, bent: two regions (left, right), two parts
-/// (the top, the rest), the curve between them, and its four corners. In the second order mid nodes
-/// lie on the bent block, off the chords.
+/// Returns a bent block of n × n × n cells of six tetrahedra each: two regions (left, right), two
+/// parts (the top, the rest), the curve between them, and its four corners. In the second order the
+/// mid nodes lie on the bent block, off the chords.
 pub(crate) fn block(n: usize, order: u32) -> Mesh {
     let steps = n + 1;
     let number = |i: usize, j: usize, k: usize| (i + steps * (j + steps * k)) as u32;
@@ -33,7 +33,8 @@ pub(crate) fn block(n: usize, order: u32) -> Mesh {
         ..Mesh::default()
     };
     for (k, j, i) in (0..n * n * n).map(|c| (c / n / n, c / n % n, c % n)) {
-        // Kuhn: along the axes in every order from one corner to the opposite one.
+        // Kuhn subdivision: one tetrahedron per order of the axes, from one corner to the opposite
+        // one.
         for axes in [
             [0, 1, 2],
             [1, 2, 0],

@@ -1,8 +1,8 @@
-//! Ways to damage a file.
+//! Random damage to files.
 
 use proptest::prelude::*;
 
-/// A change of a file: at a share of its length, by what.
+/// Change of a file at a position given as a share of its length.
 #[derive(Clone, Debug)]
 pub(crate) enum Damage {
     Cut(f64),

@@ -1,10 +1,11 @@
-//! A block with two layers of wedges at its floor.
+//! Block with two layers of wedges at its floor.
 
 use isoform_geom::{Curve, Mesh, Point3};
 
-/// A square column: two layers of two wedges each on the floor, and two tetrahedra over them, which
-/// meet in a point. The parts are the floor, of triangles, and the side, of quadrilaterals and
-/// triangles; the curve between them has four edges and four corners. Its volume is 8/15.
+/// Returns a square column: two layers of two wedges each on the floor, and two tetrahedra over
+/// them, which meet in a point. The parts are the floor, of triangles, and the side, of
+/// quadrilaterals and triangles; the curve between them has four edges and four corners. The volume
+/// is 8/15.
 pub(crate) fn layers() -> Mesh {
     let square = |z: f64| [[0.0, 0.0, z], [1.0, 0.0, z], [1.0, 1.0, z], [0.0, 1.0, z]];
     let points: Vec<Point3> = [0.0, 0.1, 0.3].into_iter().flat_map(square).collect();

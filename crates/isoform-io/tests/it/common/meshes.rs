@@ -1,4 +1,5 @@
-//! Small mesh files of every format that is read: of our writers, and as others write them.
+//! Small mesh files of every readable format, written by this crate and in the style of other
+//! programs.
 
 use super::cube::block;
 use super::layers::layers;
@@ -7,7 +8,7 @@ use isoform_io::{MeshWriteOptions, write_mesh};
 /// Name, format and bytes of a file.
 pub(crate) type MeshFixture = (String, &'static str, Vec<u8>);
 
-/// Text that Gmsh, Abaqus, meshio and others could have written.
+/// Texts that Gmsh, Abaqus, meshio and others could have written: name, format, content.
 pub(crate) const FOREIGN: [(&str, &str, &str); 8] = [
     ("meshio-zlib.vtu", "vtu", ZLIB),
     ("meshio-base64.vtu", "vtu", BASE64),
@@ -99,7 +100,7 @@ const SETS: &str = "*HEADING\nby hand, units: mm\n** Units: mm\n*Part, name=P\n*
 
 const SHELLS: &str = "*NODE, NSET=ALL\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n*ELEMENT,TYPE=STRI3,ELSET=A\n1,1,2,3\n*ELEMENT,TYPE=S3R,ELSET=b\n2,1,3,4\n*ELEMENT,TYPE=CPS4\n3,1,2,3,4\n";
 
-/// One file per format and variant.
+/// Returns one file per format and variant.
 pub(crate) fn mesh_fixtures() -> Vec<MeshFixture> {
     let mut all: Vec<MeshFixture> = Vec::new();
     for order in [1, 2] {

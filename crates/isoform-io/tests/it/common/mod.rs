@@ -1,4 +1,4 @@
-//! Small valid files of every format, made here, and one cloud that most of them hold.
+//! Small valid files of every format, created in memory, and a cloud that most of them contain.
 
 pub(crate) mod cube;
 pub(crate) mod damage;
@@ -9,10 +9,10 @@ pub(crate) mod package;
 use isoform_geom::{Column, PointCloud};
 use std::io::Cursor;
 
-/// A fixture: name with the usual ending, bytes.
+/// Name with the usual ending, and content of a file.
 pub(crate) type Fixture = (&'static str, Vec<u8>);
 
-/// A tetrahedron with normals, colours and a column.
+/// Returns a tetrahedron with normals, colours and a column.
 pub(crate) fn cloud() -> PointCloud {
     PointCloud {
         points: vec![
@@ -37,7 +37,7 @@ pub(crate) fn cloud() -> PointCloud {
     }
 }
 
-/// One file per format and variant.
+/// Returns one file per format and variant.
 pub(crate) fn fixtures() -> Vec<Fixture> {
     let written = |format: &str, ascii: bool| {
         let mut bytes = Vec::new();
@@ -163,12 +163,12 @@ fn pcd() -> [Fixture; 3] {
     ]
 }
 
-/// Written by the crate `las`.
+/// Returns a file of `n` points written by the crate `las`.
 pub(crate) fn las_file(format: u8, compressed: bool, n: usize) -> Vec<u8> {
     las_file_of(format, compressed, (0..n).map(|i| las_point(format, i)))
 }
 
-/// Likewise for any points.
+/// Returns a file of the given points written by the crate `las`.
 pub(crate) fn las_file_of(
     format: u8,
     compressed: bool,
@@ -197,7 +197,7 @@ pub(crate) fn las_file_of(
     writer.into_inner().expect("closed").into_inner()
 }
 
-/// Point `i` of [`las_file`].
+/// Returns point `i` of [`las_file`].
 pub(crate) fn las_point(format: u8, i: usize) -> las::Point {
     let t = i as f64;
     las::Point {
@@ -217,7 +217,7 @@ pub(crate) fn las_point(format: u8, i: usize) -> las::Point {
     }
 }
 
-/// Written by the crate `e57`: a turned and a spherical scan.
+/// Returns a file of a rotated and a spherical scan, written by the crate `e57`.
 #[cfg(feature = "e57")]
 pub(crate) fn e57_file() -> Vec<u8> {
     use e57::{
@@ -245,7 +245,7 @@ pub(crate) fn e57_file() -> Vec<u8> {
         },
     ];
     let mut scan = writer.add_pointcloud("turned", prototype).expect("valid");
-    // A quarter turn about z, then 10 along x.
+    // A quarter turn about z, then a translation by 10 along x.
     let half = std::f64::consts::FRAC_1_SQRT_2;
     scan.set_transform(Some(Transform {
         rotation: Quaternion {
@@ -302,7 +302,8 @@ pub(crate) fn e57_file() -> Vec<u8> {
     file.into_inner()
 }
 
-/// Corrects the checksums of all pages (CRC-32C, big endian), so that damage gets past them.
+/// Corrects the checksums of all pages (CRC-32C, big endian), so that damage passes their
+/// verification.
 pub(crate) fn mend_e57(bytes: &mut [u8]) {
     for page in bytes.chunks_exact_mut(1024) {
         let mut crc = !0_u32;

@@ -1,33 +1,33 @@
-//! 3MF packages made here, byte by byte: the referee of what the reader takes, and what it refuses.
+//! 3MF packages built byte by byte, to test the reader independently of the writer.
 
 use flate2::{Compression, Crc, write::DeflateEncoder};
 use std::io::Write;
 
-/// How a package is made.
+/// Variant of a package's encoding.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Packing {
     pub(crate) is_deflated: bool,
-    /// Sizes and places stand in fields of 64 bits alone.
+    /// True if sizes and positions are stored in 64-bit fields only.
     pub(crate) is_zip64: bool,
 }
 
-/// The relations that lead to the usual model.
+/// Relationships that lead to the usual model.
 pub(crate) const RELATIONS: &str = "<Relationships xmlns=\"http://schemas.openxmlformats.org/\
     package/2006/relationships\"><Relationship Target=\"/3D/3dmodel.model\" Id=\"r\" \
     Type=\"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel\"/></Relationships>";
 
-/// A package of one model, stored.
+/// Returns a package of one stored model.
 pub(crate) fn package(model: &str) -> Vec<u8> {
     let members = [("_rels/.rels", RELATIONS), ("3D/3dmodel.model", model)];
     packed(&members, Packing::default())
 }
 
-/// A package of an object with the number 1, which is built.
+/// Returns a package that builds the object with number 1.
 pub(crate) fn built(object: &str) -> Vec<u8> {
     package(&model(object, "<item objectid=\"1\"/>"))
 }
 
-/// A package of members.
+/// Returns a package of members.
 pub(crate) fn packed(members: &[(&str, &str)], packing: Packing) -> Vec<u8> {
     let (mut bytes, mut directory) = (Vec::new(), Vec::new());
     for (name, text) in members {
@@ -65,7 +65,7 @@ pub(crate) fn packed(members: &[(&str, &str)], packing: Packing) -> Vec<u8> {
         bytes.extend(name.as_bytes());
         bytes.extend(data);
         let extra: Vec<u8> = if packing.is_zip64 {
-            // A field of another kind first, then 1: unpacked, packed, start.
+            // A field of another kind, then field 1: decompressed size, compressed size, start.
             let head = [9_u16, 3].map(u16::to_le_bytes).concat();
             let kind = [1_u16, 24].map(u16::to_le_bytes).concat();
             let wide = [sizes[1], sizes[0], start].map(u64::to_le_bytes).concat();
@@ -89,7 +89,7 @@ pub(crate) fn packed(members: &[(&str, &str)], packing: Packing) -> Vec<u8> {
     bytes
 }
 
-/// Writes the directory and the records behind it.
+/// Writes the directory and the end records.
 fn end(bytes: &mut Vec<u8>, directory: &[u8], count: u64, packing: Packing) {
     let start = bytes.len() as u64;
     bytes.extend(directory);
@@ -116,7 +116,7 @@ fn end(bytes: &mut Vec<u8>, directory: &[u8], count: u64, packing: Packing) {
     bytes.extend([0; 2]);
 }
 
-/// A model of these resources and items, in millimetres.
+/// Returns a model with these resources and items, in millimetres.
 pub(crate) fn model(resources: &str, build: &str) -> String {
     format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<model unit=\"millimeter\" xmlns=\"http://\
@@ -125,7 +125,7 @@ pub(crate) fn model(resources: &str, build: &str) -> String {
     )
 }
 
-/// A tetrahedron as an object of a number.
+/// Returns a tetrahedron as an object with this number.
 pub(crate) fn tetrahedron(id: u32) -> String {
     let vertices: String = ["0 0 0", "1 0 0", "0 1 0", "0 0 1"]
         .map(|p| {
