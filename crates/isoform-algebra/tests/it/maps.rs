@@ -160,7 +160,7 @@ fn equations_of_higher_degree() {
             assert_eq!(found.equation.eval(&at), RBig::ZERO);
         }
     }
-    // The same surface has the same equation.
+    // Equal surfaces have equal equations.
     let [once, again] = [&general, &twice].map(|m| {
         implicit(m, 16, &Control::default())
             .expect("a surface")

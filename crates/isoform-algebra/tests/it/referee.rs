@@ -1,4 +1,4 @@
-//! Answers of FLINT (through python-flint) to the same questions; tests/golden/flint.txt is what
+//! Results of FLINT (through python-flint) for these problems; tests/golden/flint.txt is what
 //! this script prints:
 //!
 //! ```text

@@ -187,7 +187,7 @@ fn findings_stand_against_claims() {
     assert_eq!(crossings(&s), Verdict::Open);
 }
 
-/// What people have read so far, in the same words.
+/// Findings keep their published wording.
 #[test]
 fn findings_in_words() {
     let point = [0.5, 1.0, 0.0];

@@ -1,4 +1,4 @@
-//! Options that are refused, surfaces without triangles, and what is told of progress.
+//! Options that are refused, surfaces without triangles, and reports of progress.
 
 use isoform_algebra::RBig;
 use isoform_geom::RationalPatch;
@@ -113,7 +113,7 @@ fn patches_are_certified_with_their_own_options() {
     assert!(surface.is_certified(), "{:?}", surface.findings);
 }
 
-/// The phases that are told while something is made.
+/// Returns the phases that are reported during a computation.
 fn told(make: impl FnOnce(&Control<'_>)) -> Vec<String> {
     let told = shares_told(|hear| {
         make(&Control {

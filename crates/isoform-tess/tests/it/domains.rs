@@ -313,10 +313,10 @@ fn double_curves_that_end() {
         .map(|p| p[2])
         .fold(0.0, f64::max);
     assert!((top - 0.25).abs() < 1e-12, "{top}");
-    // Along a side, partners on the same one: the side is closed up.
+    // Along a side whose partners lie on that side, the side is closed up.
     let m = certified(umbrella, "2", &polygon("0,-1 1,-1 1,1 0,1"), 1e-2);
     assert_eq!(topology(&m), [1, 1, 1]);
-    // Along a side, partners inside: edges of three triangles are no result that is proved.
+    // Along a side whose partners lie inside, edges have three triangles: the result is not proved.
     let m = over(
         umbrella,
         "2",

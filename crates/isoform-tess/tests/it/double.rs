@@ -253,7 +253,7 @@ fn real_parameters_on_a_part() {
         &arcs(&even, 1.0, 1e-2),
         &[[0.0, 0.0, -0.25, 0.0, 0.0, -1.0]],
     );
-    // Below the lower one of the minima, at the roots of 5t² + t − 1, there are no real parameters.
+    // Below the lower one of the minima, at the roots of 5t² + t − 1, parameters are not real.
     let skew = parse(["s", "s*t", "t^4 + 4/15*t^3 - 2/5*t^2", "1"]);
     let q = |t: f64| t.powi(4) + 4.0 / 15.0 * t.powi(3) - 0.4 * t * t;
     let t = (-1.0 - 21f64.sqrt()) / 10.0;
@@ -429,8 +429,8 @@ fn what_cannot_be_done() {
     );
 }
 
-/// Random maps of degree 2 and 3: singular points only, and the same ones in other coordinates of
-/// the parameter plane.
+/// Random maps of degree 2 and 3: all points found are singular, and equal to those found in other
+/// coordinates of the parameter plane.
 #[test]
 fn random_maps() {
     let mut rng = fastrand::Rng::with_seed(5);

@@ -142,8 +142,8 @@ fn sheets_that_meet_in_a_contracted_point_stay_apart() {
     assert_eq!((euler_and_open(&s), s.sheets), ((1, 0), 1));
 }
 
-/// In other parameters, where several contracted curves have the image (0, 0, 0), it is one vertex:
-/// that is no projective plane, and said.
+/// In other parameters, several contracted curves have the image (0, 0, 0), which becomes one
+/// vertex: the result is not a projective plane, and a finding says so.
 #[test]
 fn what_may_be_of_another_sheet_is_said() {
     let s = drawn(

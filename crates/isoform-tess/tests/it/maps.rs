@@ -75,7 +75,7 @@ fn invalid_maps_are_refused_with_the_reason() {
     }
 }
 
-/// Texts and files are refused for the same reason, in the same words.
+/// Texts and files are refused for equal reasons, with equal messages.
 #[test]
 fn texts_are_refused_as_their_file_is() {
     for bad in ["1/s", "s+q", "s +", "s^2000"] {

@@ -391,8 +391,8 @@ fn seams_that_run_twice() {
     );
 }
 
-/// The double curves of general cubic maps are traced as arcs of pairs; decomposed by their equations
-/// of degree 18 in place of that, they are drawn by an arrangement. Both make the same surface.
+/// The double curves of general cubic maps are traced as arcs of pairs; decomposed by their
+/// equations of degree 18 instead, they are drawn by an arrangement. Both give equal surfaces.
 #[test]
 fn traced_and_decomposed_double_curves_agree() {
     let maps = [

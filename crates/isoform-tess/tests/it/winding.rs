@@ -22,15 +22,15 @@ fn drawn(texts: [&str; 4], half_width: i64, mode: Mode) -> Surface {
         .0
 }
 
-/// Six times the volume of a surface without a border.
+/// Returns the volume of a surface without a border.
 fn volume(s: &Surface) -> f64 {
     let corners = |t: &[u32; 3]| t.map(|v| s.points[v as usize]);
     let one = |[p, q, r]: [Point3; 3]| dot(p, cross(q, r)) / 6.0;
     s.triangles.iter().map(|t| one(corners(t))).sum()
 }
 
-/// The edges with two triangles that run the same way, and those with more that do not run as often
-/// each way.
+/// Returns the edges whose two triangles traverse them in one direction, and the number of edges
+/// with more triangles that traverse them in unbalanced directions.
 fn wrong(s: &Surface) -> (BTreeSet<[u32; 2]>, usize) {
     let mut ways: BTreeMap<[u32; 2], [usize; 2]> = BTreeMap::new();
     for t in &s.triangles {
@@ -116,7 +116,8 @@ fn sheets_that_cross_are_wound_by_themselves() {
     }
 }
 
-/// Surfaces with a Möbius band have a cut, along which alone neighbours run the same way.
+/// Surfaces with a Möbius band have a cut, and only along it neighbours traverse an edge in one
+/// direction.
 #[test]
 fn surfaces_that_are_not_orientable_have_a_cut() {
     let roman = ["2*s*t", "2*t", "2*s", "s^2 + t^2 + 1"];
