@@ -36,14 +36,14 @@ use dashu_ratio::RBig;
 use isoform_control::Control;
 use isoform_num::Interval;
 use std::collections::BTreeMap;
-use work::{Standing, Work};
+use work::{ArrangementWork, PreparedWall};
 
-/// The variable that changes from wall to wall.
+/// Index of the variable that changes from wall to wall.
 const U: usize = 0;
-/// The variable along a wall.
+/// Index of the variable along a wall.
 const V: usize = 1;
 
-/// Why there is no arrangement.
+/// Reason why an arrangement could not be computed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ArrangementError {
     /// Two curves share a component.
@@ -74,8 +74,8 @@ pub struct WallPoint {
 pub struct Wall {
     /// The critical value.
     pub u: RealRoot,
-    /// Its points from the side v = 0 to the side u + v = 1, both of which have one. At u = 1 they
-    /// are the same.
+    /// Points from the side v = 0 to the side u + v = 1, both of which have one. At u = 1 both
+    /// coincide.
     pub points: Vec<WallPoint>,
     /// Curves that contain the whole line.
     pub vertical: Vec<usize>,
@@ -124,7 +124,7 @@ pub struct Arrangement {
     /// The curves' terms with coefficients known to rounding, and to twice as many digits.
     terms: Vec<Terms<Interval>>,
     wide: Vec<Terms<Wide>>,
-    /// Whether each curve contains the sides u = 0, v = 0, u + v = 1.
+    /// True if each curve contains the sides u = 0, v = 0, u + v = 1.
     pub sides: Vec<[bool; 3]>,
     /// The walls from u = 0 to u = 1, both included.
     pub walls: Vec<Wall>,
@@ -150,9 +150,9 @@ impl Arrangement {
             prepared.push(Curve::new(rest, control)?);
         }
         let critical = critical_values(&prepared, control)?;
-        let mut work = Work::new(prepared);
+        let mut work = ArrangementWork::new(prepared);
         let last = critical.len() - 1;
-        let mut standing: Vec<Standing> = Vec::new();
+        let mut standing: Vec<PreparedWall> = Vec::new();
         for (k, u) in critical.into_iter().enumerate() {
             let wall = work.wall(u, control)?;
             if k == 0 || k == last || !wall.is_regular() {
@@ -179,16 +179,16 @@ impl Arrangement {
         })
     }
 
-    /// The number that stands for the side v = 0 among curves.
+    /// Returns the index of the side v = 0 among curves.
     pub fn lower(&self) -> usize {
         self.curves.len()
     }
-    /// The number that stands for the side u + v = 1 among curves.
+    /// Returns the index of the side u + v = 1 among curves.
     pub fn upper(&self) -> usize {
         self.curves.len() + 1
     }
-    /// v on every arc of a slab over some u strictly between its walls, from bottom to top, to
-    /// 1e-13 of its size; none if u is not between them.
+    /// Returns v on every arc of a slab over some u strictly between its walls, from bottom to top,
+    /// with a relative error of 1e-13; `None` if u is not between them.
     pub fn arcs_over(&self, slab: usize, u: &RBig) -> Option<Vec<f64>> {
         let [left, right] = [slab, slab + 1].map(|k| self.walls[k].u.cmp_rational(u));
         if !(left.is_lt() && right.is_gt()) {
@@ -214,14 +214,14 @@ impl Arrangement {
         };
         arcs.iter().map(height).collect()
     }
-    /// The roots of a curve over u between 0 and `top`, correctly rounded.
+    /// Returns the roots of a curve over u between 0 and `top`, correctly rounded.
     fn exact_roots(&self, curve: usize, u: &RBig, top: &RBig) -> Vec<f64> {
         roots_between_sides(&self.curves[curve], u, top)
             .map(|r| r.to_f64())
             .collect()
     }
-    /// The roots in floating point, if that proves them: with the digits of doubles where they are
-    /// enough, and with twice as many for curves of high degree.
+    /// Returns the roots if they are proved in floating point: with the digits of doubles where
+    /// these suffice, and with twice as many for curves of high degree.
     fn near_roots(&self, curve: usize, u: &RBig, top: &RBig, count: usize) -> Option<Vec<f64>> {
         let (x, top) = (u.to_f64().value(), top.to_f64().value());
         // Values of u that are doubles are met exactly.
@@ -236,14 +236,14 @@ impl Arrangement {
             is_double.then(|| proved_roots(&wide(), top, count))?
         })
     }
-    /// The polynomial of a curve, squarefree, without sides and vertical lines.
+    /// Returns the polynomial of a curve, squarefree, without sides and vertical lines.
     pub fn curve(&self, k: usize) -> &Poly {
         &self.curves[k]
     }
 }
 
-/// The squarefree part of a curve without the sides u = 0, v = 0 and u + v = 1, and which of these
-/// it contains.
+/// Returns the squarefree part of a curve without the sides u = 0, v = 0 and u + v = 1, and which
+/// of these it contains.
 fn without_sides(f: &Poly) -> (Poly, [bool; 3]) {
     let (u, v) = (Poly::var(U), Poly::var(V));
     let upper = &u + &v - Poly::one();
@@ -262,7 +262,8 @@ mod tests {
     use super::*;
     use std::time::{Duration, Instant};
 
-    /// A circle that the arrangement has lost: its arcs are missed, not left out.
+    /// A curve that is dropped from the arrangement causes a panic: its arcs are missed, not left
+    /// out.
     #[test]
     #[should_panic(expected = "as many roots as arcs over a slab")]
     fn a_curve_that_is_dropped_is_noticed() {
@@ -279,7 +280,7 @@ mod tests {
         let _ = a.arcs_over(slab, &middle);
     }
 
-    /// Every loop of growing precision asks whether to stop.
+    /// Every loop of growing precision checks whether to stop.
     #[test]
     fn decompositions_can_be_stopped_anywhere() {
         let p = |text| Poly::parse(text, &["u", "v"]).expect("a polynomial");

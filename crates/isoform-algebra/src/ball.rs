@@ -4,8 +4,7 @@ use dashu_base::Abs;
 use dashu_int::IBig;
 use std::cmp::Ordering;
 
-/// The numbers within radius/2^precision of middle/2^precision; the precision is agreed upon by the
-/// caller.
+/// Numbers within radius/2^precision of middle/2^precision; the caller keeps the precision.
 #[derive(Clone, Debug)]
 pub(crate) struct Ball {
     pub(crate) middle: IBig,
@@ -13,18 +12,18 @@ pub(crate) struct Ball {
 }
 
 impl Ball {
-    /// A number that is known exactly.
+    /// Returns the ball of an exact number.
     pub(crate) fn exact(middle: IBig) -> Self {
         Self {
             middle,
             radius: IBig::ZERO,
         }
     }
-    /// An integer at a precision.
+    /// Returns the ball of an integer at a precision.
     pub(crate) fn integer(n: &IBig, precision: usize) -> Self {
         Self::exact(n << precision)
     }
-    /// The sign, if all numbers of the ball have one sign.
+    /// Returns the sign, if all numbers of the ball have one sign.
     pub(crate) fn sign(&self) -> Option<Ordering> {
         if self.radius.is_zero() || (&self.middle).abs() > self.radius {
             Some(crate::upoly::sign(&self.middle))
@@ -32,21 +31,21 @@ impl Ball {
             None
         }
     }
-    /// The sum: errors add up.
+    /// Returns the sum; errors add up.
     pub(crate) fn add(&self, o: &Self) -> Self {
         Self {
             middle: &self.middle + &o.middle,
             radius: &self.radius + &o.radius,
         }
     }
-    /// The difference: errors add up.
+    /// Returns the difference; errors add up.
     pub(crate) fn sub(&self, o: &Self) -> Self {
         Self {
             middle: &self.middle - &o.middle,
             radius: &self.radius + &o.radius,
         }
     }
-    /// The product, rounded; with one more unit of error for the rounding, and another one where
+    /// Returns the product, rounded, with one unit of error for the rounding, and another one if
     /// the factors have errors.
     pub(crate) fn mul(&self, o: &Self, precision: usize) -> Self {
         let middle = (&self.middle * &o.middle) >> precision;
@@ -64,7 +63,7 @@ impl Ball {
             radius: (radius >> precision) + 2,
         }
     }
-    /// The quotient; none if the divisor may be zero.
+    /// Returns the quotient; `None` if the divisor may be zero.
     pub(crate) fn div(&self, o: &Self, precision: usize) -> Option<Self> {
         let far = (&o.middle).abs();
         if far <= o.radius {
@@ -77,14 +76,14 @@ impl Ball {
             radius: error / (far * near) + 2,
         })
     }
-    /// A bound on the absolute values from above, and one from below.
+    /// Returns an upper and a lower bound of the absolute values.
     pub(crate) fn magnitude(&self) -> (IBig, IBig) {
         let m = (&self.middle).abs();
         (&m + &self.radius, (m - &self.radius).max(IBig::ZERO))
     }
 }
 
-/// The value of a polynomial at a ball, by Horner's rule.
+/// Returns the value of a polynomial at a ball, by Horner's rule.
 pub(crate) fn eval(coefficients: &[Ball], x: &Ball, precision: usize) -> Ball {
     let zero = Ball::exact(IBig::ZERO);
     coefficients
@@ -93,7 +92,7 @@ pub(crate) fn eval(coefficients: &[Ball], x: &Ball, precision: usize) -> Ball {
         .fold(zero, |sum, c| sum.mul(x, precision).add(c))
 }
 
-/// The polynomial a(x + c).
+/// Returns the polynomial a(x + c).
 pub(crate) fn shift(coefficients: &[Ball], c: &Ball, precision: usize) -> Vec<Ball> {
     let mut a = coefficients.to_vec();
     for i in 0..a.len() {

@@ -12,12 +12,13 @@ use crate::poly::{Exponents, MAX_VARS, Poly};
 use dashu_base::UnsignedAbs;
 use dashu_int::{IBig, UBig};
 
-/// Terms of the outer polynomial times terms of the result, above which the grid is faster than
-/// Horner's rule (measured).
-const GRID_FROM: usize = 2000;
+/// Product of the numbers of terms of the outer polynomial and of the result above which the grid
+/// is faster than Horner's rule (measured).
+const MIN_GRID_WORK: usize = 2000;
 
 impl Poly {
-    /// This polynomial with `parts[i]` in place of variable i; variables beyond the slice stay.
+    /// Returns this polynomial with `parts[i]` in place of variable i; variables beyond the slice
+    /// remain.
     pub fn compose(&self, parts: &[Self]) -> Self {
         let inner: [Self; MAX_VARS] =
             std::array::from_fn(|v| parts.get(v).cloned().unwrap_or_else(|| Self::var(v)));
@@ -34,8 +35,8 @@ impl Poly {
             return self.compose(&flat).homogenise(variables[2], degree);
         }
         if variables.len() <= 2
-            && let grid = Grid::new(self, &inner, &variables)
-            && self.terms().len() * grid.points() > GRID_FROM
+            && let grid = CompositionGrid::new(self, &inner, &variables)
+            && self.terms().len() * grid.points() > MIN_GRID_WORK
         {
             return grid.compose();
         }
@@ -45,8 +46,8 @@ impl Poly {
         ))
     }
 
-    /// Whether this polynomial with `parts[i]` in place of variable i vanishes, proven by values on
-    /// a grid modulo primes.
+    /// Returns true if this polynomial with `parts[i]` in place of variable i vanishes, proved by
+    /// values on a grid modulo primes.
     pub(crate) fn composes_to_zero(&self, parts: &[Self]) -> bool {
         let inner: [Self; MAX_VARS] =
             std::array::from_fn(|v| parts.get(v).cloned().unwrap_or_else(|| Self::var(v)));
@@ -57,12 +58,12 @@ impl Poly {
         if variables.len() > 2 {
             return self.compose(parts).is_zero();
         }
-        Grid::new(self, &inner, &variables).vanishes()
+        CompositionGrid::new(self, &inner, &variables).vanishes()
     }
 }
 
-/// The degree of the result if the outer polynomial and the inner ones that are used are forms, the
-/// latter of one degree.
+/// Returns the degree of the result if the outer polynomial is a form, and the inner ones that
+/// occur are forms of one degree.
 fn common_degree(outer: &Poly, inner: &[Poly; MAX_VARS], used: &[usize]) -> Option<usize> {
     let degree = inner[*used.first()?].total_degree();
     let forms = used.iter().all(|&u| {
@@ -71,7 +72,8 @@ fn common_degree(outer: &Poly, inner: &[Poly; MAX_VARS], used: &[usize]) -> Opti
     (forms && outer.is_homogeneous()).then_some(degree * outer.total_degree())
 }
 
-/// Horner's rule in the variables from `var` on; the terms agree in the exponents before it.
+/// Evaluates terms by Horner's rule in the variables from `var`; the terms agree in the exponents
+/// before it.
 fn horner(terms: &[(Exponents, IBig)], var: usize, inner: &[Poly; MAX_VARS]) -> Poly {
     if var == MAX_VARS {
         return terms
@@ -91,13 +93,13 @@ fn horner(terms: &[(Exponents, IBig)], var: usize, inner: &[Poly; MAX_VARS]) -> 
     result * inner[var].pow(u32::from(exponent))
 }
 
-/// A composition with at most two variables in its result, as values at the points (i, j), j <
+/// Composition with at most two variables in its result, as values at the points (i, j), j <
 /// rows[i].
-struct Grid<'a> {
-    /// The outer polynomial's terms, made homogeneous by powers of the inner ones' common
-    /// denominator.
+struct CompositionGrid<'a> {
+    /// Terms of the outer polynomial, made homogeneous by powers of the common denominator of the
+    /// inner ones.
     outer: Vec<(Exponents, IBig)>,
-    /// The inner polynomials over their common denominator: terms (power of u, power of v,
+    /// Inner polynomials over their common denominator: terms (power of u, power of v,
     /// coefficient).
     inner: Vec<Vec<(usize, usize, IBig)>>,
     variables: &'a [usize],
@@ -105,7 +107,7 @@ struct Grid<'a> {
     denominator: UBig,
 }
 
-/// The least common multiple of denominators.
+/// Returns the least common multiple of denominators.
 fn common_denominator<'p>(polynomials: impl Iterator<Item = &'p Poly>) -> UBig {
     polynomials.fold(UBig::ONE, |common, p| {
         let d = p.denominator();
@@ -113,7 +115,8 @@ fn common_denominator<'p>(polynomials: impl Iterator<Item = &'p Poly>) -> UBig {
     })
 }
 
-/// The terms of an inner polynomial over a denominator: power of u, power of v, coefficient.
+/// Returns the terms of an inner polynomial over a denominator: power of u, power of v,
+/// coefficient.
 fn inner_terms(p: &Poly, variables: &[usize], common: &UBig) -> Vec<(usize, usize, IBig)> {
     let factor = IBig::from(common / p.denominator());
     let power = |e: &Exponents, k: usize| variables.get(k).map_or(0, |&v| usize::from(e[v]));
@@ -123,8 +126,8 @@ fn inner_terms(p: &Poly, variables: &[usize], common: &UBig) -> Vec<(usize, usiz
         .collect()
 }
 
-/// The number of coefficients of powers of v that the composition may have beside each power of u:
-/// from bounds on its degrees in u, in v, and in both.
+/// Returns the maximum number of coefficients of powers of v for each power of u in the
+/// composition, from bounds on its degrees in u, in v, and in both.
 fn rows(outer: &Poly, inner: &[Poly; MAX_VARS], variables: &[usize]) -> Vec<usize> {
     let bound = |of: &dyn Fn(usize) -> usize| {
         let of_parts: [usize; MAX_VARS] = std::array::from_fn(of);
@@ -144,7 +147,7 @@ fn rows(outer: &Poly, inner: &[Poly; MAX_VARS], variables: &[usize]) -> Vec<usiz
     (0..=du.min(total)).map(|i| dv.min(total - i) + 1).collect()
 }
 
-impl<'a> Grid<'a> {
+impl<'a> CompositionGrid<'a> {
     fn new(outer: &Poly, inner: &[Poly; MAX_VARS], variables: &'a [usize]) -> Self {
         let used = outer.variables();
         let common = common_denominator(used.iter().map(|&u| &inner[u]));
@@ -175,7 +178,7 @@ impl<'a> Grid<'a> {
         self.rows.iter().sum()
     }
 
-    /// A bound on the coefficients' absolute values: the sum of absolute coefficients is
+    /// Returns a bound on the coefficients' absolute values: the sum of absolute coefficients is
     /// submultiplicative.
     fn bound(&self) -> UBig {
         let norms: Vec<UBig> = self
@@ -235,7 +238,7 @@ impl<'a> Grid<'a> {
         Poly::from_integers(terms, self.denominator.clone())
     }
 
-    /// Values of the composition at all points modulo a prime, row by row.
+    /// Returns the values of the composition at all points modulo a prime, row by row.
     fn values(&self, f: &Fp) -> Vec<u64> {
         let inner: Vec<Vec<(usize, usize, u64)>> = self
             .inner
@@ -274,7 +277,7 @@ impl<'a> Grid<'a> {
     }
 }
 
-/// The univariate polynomial in v that is left with a number in place of u.
+/// Returns the univariate polynomial in v for a given value of u.
 fn restrict(f: &Fp, p: &[(usize, usize, u64)], u: u64) -> Vec<u64> {
     let (du, dv) = p
         .iter()
@@ -290,8 +293,8 @@ fn restrict(f: &Fp, p: &[(usize, usize, u64)], u: u64) -> Vec<u64> {
     line
 }
 
-/// The value of terms in lexicographic order from tables of powers; products of leading powers are
-/// kept from term to term.
+/// Returns the value of terms in lexicographic order from tables of powers; products of leading
+/// powers are reused from term to term.
 pub(crate) fn eval_terms(f: &Fp, terms: &[(Exponents, u64)], powers: &[Vec<u64>; MAX_VARS]) -> u64 {
     let mut prefix = [f.one(); MAX_VARS + 1];
     let mut last: Option<Exponents> = None;
@@ -311,7 +314,7 @@ pub(crate) fn eval_terms(f: &Fp, terms: &[(Exponents, u64)], powers: &[Vec<u64>;
     sum
 }
 
-/// Values at the points (origin + i, origin + j), j < rows[i], rows never growing, become
+/// Converts values at the points (origin + i, origin + j), j < rows[i], rows never growing, to
 /// coefficients of uⁱ vʲ, in place.
 pub(crate) fn interpolate(f: &Fp, rows: &[usize], values: &mut [u64], origin: u64) {
     let width = rows.first().copied().unwrap_or(0);
@@ -327,8 +330,8 @@ pub(crate) fn interpolate(f: &Fp, rows: &[usize], values: &mut [u64], origin: u6
             }
         }
     };
-    // Both directions to Newton's basis first, where shorter rows have the same leading
-    // coefficients as longer ones; then both to powers, over the same staircase.
+    // First both directions to Newton's basis, in which the leading coefficients of a row do not
+    // depend on its length; then both to powers, over the staircase.
     along_rows_and_columns(rows, values, differences);
     along_rows_and_columns(rows, values, |line| {
         modpoly::newton_to_monomial(f, &nodes, line)

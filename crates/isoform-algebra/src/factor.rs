@@ -13,10 +13,10 @@ use bivariate::factor_bivariate;
 use isoform_control::{Control, Stopped};
 use univariate::factor_univariate;
 
-/// The reason why there is no factorisation.
+/// Reason why a polynomial could not be factored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FactorError {
-    /// More than two variables, or three in a polynomial that is no form.
+    /// More than two variables, or three in a polynomial that is not a form.
     #[error(
         "factorisation of polynomials in more than two variables, or of forms in more than three"
     )]
@@ -33,7 +33,8 @@ impl From<Stopped> for FactorError {
 }
 
 impl FactorError {
-    /// Where the number of variables is right, only [`Stopped`] is left.
+    /// Converts the error to [`Stopped`], the only one possible if the number of variables is
+    /// right.
     ///
     /// # Panics
     /// If there were too many variables.
@@ -44,8 +45,9 @@ impl FactorError {
 }
 
 impl Poly {
-    /// The irreducible factors with multiplicities: primitive, by ascending total degree, then in
-    /// the order of terms. Their product is this polynomial up to a constant; constants have none.
+    /// Returns the irreducible factors with multiplicities: primitive, by ascending total degree,
+    /// then in the order of terms. Their product is this polynomial up to a constant; constants
+    /// have none.
     ///
     /// ```
     /// use isoform_algebra::Poly;
@@ -75,7 +77,7 @@ impl Poly {
 }
 
 impl UPoly {
-    /// The irreducible factors with multiplicities: primitive, by ascending degree, then by
+    /// Returns the irreducible factors with multiplicities: primitive, by ascending degree, then by
     /// coefficients from below.
     ///
     /// # Errors
@@ -96,7 +98,7 @@ impl UPoly {
     }
 }
 
-/// The irreducible factors of a polynomial that is primitive, squarefree and not constant.
+/// Returns the irreducible factors of a polynomial that is primitive, squarefree and not constant.
 fn factor_squarefree(p: &Poly, control: &Control<'_>) -> Result<Vec<Poly>, FactorError> {
     let variables = p.variables();
     match variables[..] {
@@ -108,7 +110,8 @@ fn factor_squarefree(p: &Poly, control: &Control<'_>) -> Result<Vec<Poly>, Facto
     }
 }
 
-/// The factors of a form: the homogenised factors of its values at `var` = 1, and `var` itself.
+/// Returns the factors of a form: the homogenised factors of its values at `var` = 1, and `var`
+/// itself.
 fn factor_form(p: &Poly, var: usize, control: &Control<'_>) -> Result<Vec<Poly>, FactorError> {
     let flat = p.dehomogenise(var);
     let power = p.total_degree() - flat.total_degree();
@@ -117,14 +120,14 @@ fn factor_form(p: &Poly, var: usize, control: &Control<'_>) -> Result<Vec<Poly>,
     Ok(forms.chain((power > 0).then(|| Poly::var(var))).collect())
 }
 
-/// The factors of a polynomial in one variable.
+/// Returns the factors of a polynomial in one variable.
 fn factor_in(p: &Poly, x: usize, control: &Control<'_>) -> Result<Vec<Poly>, FactorError> {
     let dense = p.to_upoly(x).expect("one variable");
     let factors = factor_univariate(&dense, control)?;
     Ok(factors.iter().map(|q| Poly::from_upoly(q, x)).collect())
 }
 
-/// The factors of a polynomial in two variables: first those in one of them alone.
+/// Returns the factors of a polynomial in two variables, those in one of them alone first.
 fn factor_in_two(
     p: &Poly,
     [x, y]: [usize; 2],

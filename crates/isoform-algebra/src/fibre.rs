@@ -28,7 +28,7 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
-/// Why there is no fibre.
+/// Reason why a fibre could not be computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FibreError {
     /// Every coefficient vanishes: the whole line belongs to the curve.
@@ -39,78 +39,79 @@ pub enum FibreError {
     Resultant(#[from] ResultantError),
 }
 
-/// A polynomial in two variables prepared for asking about its roots over points of one of them.
+/// Polynomial in two variables prepared for queries about its roots over points of one of them.
 pub struct Fibres {
     f: Poly,
     var: usize,
     other: usize,
     /// Coefficients of powers of y as integer polynomials in x.
     coefficients: Vec<UPoly>,
-    /// Of f and its derivative, if the degree in y is at least two.
+    /// Subresultants of f and its derivative, if the degree in y is at least two.
     chain: Option<Subresultants>,
-    /// Whole subresultants that were asked for, as coefficients of powers of y.
+    /// Complete subresultants computed so far, as coefficients of powers of y.
     whole: Mutex<BTreeMap<usize, Vec<UPoly>>>,
 }
 
-/// A real root over a point.
+/// Real root over a point.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FibreRoot {
-    /// The root is strictly between `lo` and `hi`, and no other root is between or at them.
+    /// Lower bound: the root is strictly between `lo` and `hi`, and all other roots are outside of
+    /// the closed interval.
     pub lo: RBig,
     /// Upper bound.
     pub hi: RBig,
-    /// Its multiplicity in f(α, y).
+    /// Multiplicity in f(α, y).
     pub multiplicity: usize,
 }
 
-/// The real roots of f(α, y).
+/// Real roots of f(α, y).
 pub struct Fibre {
     alpha: RealRoot,
-    /// Coefficients in y of f without those that vanish at α at the top, and the common divisor
-    /// with the derivative.
+    /// Coefficients in y of f, without leading ones that vanish at α; `divisor` is the common
+    /// divisor with the derivative.
     coefficients: Vec<UPoly>,
     divisor: Divisor,
-    /// Both at α, as last asked for.
-    near: Option<Near>,
-    /// The real roots in ascending order.
+    /// Both at α, at the precision of the last query.
+    near: Option<Approximation>,
+    /// Real roots in ascending order.
     pub roots: Vec<FibreRoot>,
-    /// The number of distinct complex roots.
+    /// Number of distinct complex roots.
     pub distinct_complex: usize,
-    /// The degree of f(α, y); less than that of f if a root went to infinity.
+    /// Degree of f(α, y); less than that of f if a root is at infinity.
     pub degree: usize,
 }
 
-/// The common divisor of f(α, y) and its derivative.
+/// Common divisor of f(α, y) and its derivative.
 enum Divisor {
     /// 1: all roots are simple.
     None,
-    /// It is linear: Euclid's algorithm gives it to any precision.
+    /// A linear divisor, which Euclid's algorithm gives to any precision.
     Linear,
-    /// Its coefficients in y as polynomials in x.
+    /// Coefficients in y as polynomials in x.
     Whole(Vec<UPoly>),
 }
 
 /// Coefficients in y at α to a precision.
-struct Near {
+struct Approximation {
     precision: usize,
     f: Vec<Ball>,
-    /// The quotient with simple roots.
+    /// Quotient with simple roots.
     simple: Vec<Ball>,
 }
 
-/// Number of bits to begin with; doubled until everything is decided.
+/// Initial number of bits; doubled until everything is decided.
 const FIRST_PRECISION: usize = 128;
-/// The bits per degree that Euclid's algorithm begins with beyond the bits that are asked for:
-/// random curves of degree 18 lose some 10 of them.
-const EUCLID: usize = 16;
-/// The number of attempts of Euclid's algorithm, each with twice the bits of the one before.
-const EUCLID_TRIES: usize = 3;
-/// Bits of α beyond the precision of what is computed with it.
-const GUARD: usize = 4;
-/// To how many bits fibres ask for α first.
-pub(crate) const FIRST_BITS: usize = FIRST_PRECISION + GUARD;
+/// Number of guard bits per degree with which Euclid's algorithm begins: random curves of degree 18
+/// lose about 10 of them.
+const EUCLID_BITS_PER_DEGREE: usize = 16;
+/// Maximum number of attempts of Euclid's algorithm, each with twice the bits of the one before.
+const MAX_EUCLID_ATTEMPTS: usize = 3;
+/// Number of bits of α beyond the precision of results computed with it.
+const GUARD_BITS: usize = 4;
+/// Number of bits of α that fibres request first.
+pub(crate) const FIRST_BITS: usize = FIRST_PRECISION + GUARD_BITS;
 
-/// To how many bits roots are asked for first: as many as need no higher precision.
+/// Number of bits of roots that are requested first: the maximum that needs no higher precision.
 pub(crate) const FIRST_FIBRE_BITS: usize = FIRST_PRECISION / 2;
 
 impl Fibres {
@@ -139,16 +140,16 @@ impl Fibres {
             whole: Mutex::default(),
         })
     }
-    /// The coefficient of the highest power of y, as a polynomial in x.
+    /// Returns the coefficient of the highest power of y, as a polynomial in x.
     pub(crate) fn leading(&self) -> &UPoly {
         &self.coefficients[self.coefficients.len() - 1]
     }
-    /// The subresultants of f and its derivative, if the degree is at least two.
+    /// Returns the subresultants of f and its derivative, if the degree is at least two.
     pub fn subresultants(&self) -> Option<&Subresultants> {
         self.chain.as_ref()
     }
 
-    /// The real roots over a point, isolated, with multiplicities.
+    /// Returns the real roots over a point, isolated, with multiplicities.
     ///
     /// # Errors
     /// [`FibreError`].
@@ -158,8 +159,8 @@ impl Fibres {
             .find(|&i| alpha.sign_of(&self.coefficients[i]).is_ne());
         let degree = kept.ok_or(FibreError::Vertical)?;
         if degree + 1 < self.coefficients.len() {
-            // Over α the polynomial without its vanishing top is the same, and its chain
-            // specialises.
+            // Over α the polynomial without its vanishing leading terms has equal roots, and its
+            // chain specialises.
             let truncated = self
                 .f
                 .coefficients_in(self.var)
@@ -200,7 +201,8 @@ impl Fibres {
         Ok(fibre)
     }
 
-    /// The common divisor over a rational number, by univariate polynomials, and its degree.
+    /// Returns the common divisor over a rational number, by univariate polynomials, and its
+    /// degree.
     fn rational_divisor(&self, x: &RBig) -> (Divisor, usize) {
         let over = self.f.set(self.other, x).to_upoly(self.var);
         let over = over.expect("one variable is left");
@@ -209,7 +211,7 @@ impl Fibres {
         let divisor = coefficients.map(|c| UPoly::new(vec![c.clone()])).collect();
         (Divisor::Whole(divisor), common.degree())
     }
-    /// The common divisor over a point where the resultant vanishes, and its degree.
+    /// Returns the common divisor over a point where the resultant vanishes, and its degree.
     fn divisor(
         &self,
         chain: &Subresultants,
@@ -244,8 +246,8 @@ impl Fibres {
         Ok(made)
     }
 
-    /// The number of real roots over a point where the leading coefficient does not vanish, by the
-    /// signs of the principal subresultants alone (Sturm–Habicht); `None` where it vanishes.
+    /// Returns the number of real roots over a point where the leading coefficient does not vanish,
+    /// by the signs of the principal subresultants alone (Sturm–Habicht); `None` where it vanishes.
     ///
     /// # Errors
     /// [`ResultantError::Stopped`].
@@ -268,10 +270,10 @@ impl Fibres {
     }
 }
 
-/// The number of distinct real roots of a polynomial of degree n from the signs of its leading
-/// coefficient and of the principal subresultant coefficients S₀ … Sₙ₋₂ of it and its derivative:
-/// generalised permanences minus variations (S. Basu, R. Pollack, M.-F. Roy, *Algorithms in Real
-/// Algebraic Geometry*, theorem 4.32).
+/// Returns the number of distinct real roots of a polynomial of degree n from the signs of its
+/// leading coefficient and of the principal subresultant coefficients S₀ … Sₙ₋₂ of it and its
+/// derivative: generalised permanences minus variations (S. Basu, R. Pollack, M.-F. Roy,
+/// *Algorithms in Real Algebraic Geometry*, theorem 4.32).
 pub fn count_by_signs(lead: Ordering, principal: &[Ordering]) -> usize {
     let n = principal.len() + 1;
     let alternating = |i: usize| {
@@ -320,7 +322,7 @@ impl Fibre {
     /// [`ResultantError::Stopped`].
     ///
     /// # Panics
-    /// If there is no root of that index.
+    /// If the index is out of range.
     pub fn refine(
         &mut self,
         index: usize,
@@ -355,8 +357,8 @@ impl Fibre {
         true
     }
 
-    /// Coefficients of f(α, y) and of its quotient with simple roots; false if that precision is
-    /// too low.
+    /// Computes the coefficients of f(α, y) and of its quotient with simple roots; returns false if
+    /// that precision is too low.
     fn approximate(&mut self, precision: usize) -> bool {
         if self
             .near
@@ -364,12 +366,12 @@ impl Fibre {
             .is_none_or(|near| near.precision != precision)
         {
             // Kept, so that it is refined once.
-            self.alpha.refine(precision + GUARD);
+            self.alpha.refine(precision + GUARD_BITS);
             self.near = self.at_precision(precision);
         }
         self.near.is_some()
     }
-    fn at_precision(&self, precision: usize) -> Option<Near> {
+    fn at_precision(&self, precision: usize) -> Option<Approximation> {
         let f = self.specialised(&self.coefficients, precision);
         let simple = match &self.divisor {
             Divisor::None => f.clone(),
@@ -379,16 +381,16 @@ impl Fibre {
             }
         };
         simple.last()?.sign().filter(|s| s.is_ne())?;
-        Some(Near {
+        Some(Approximation {
             precision,
             f,
             simple,
         })
     }
-    /// Polynomials in x at α.
+    /// Returns polynomials in x, evaluated at α.
     fn specialised(&self, polynomials: &[UPoly], precision: usize) -> Vec<Ball> {
         let mut alpha = self.alpha.clone();
-        alpha.refine(precision + GUARD);
+        alpha.refine(precision + GUARD_BITS);
         let (lo, hi) = alpha.interval();
         let middle = to_fixed(&((&lo + &hi) / RBig::from(2)), precision);
         let x = if lo == hi && from_fixed(&middle, precision) == lo {
@@ -409,16 +411,16 @@ impl Fibre {
         };
         polynomials.iter().map(specialise).collect()
     }
-    /// The divisor y − y₀ of f(α, y) and its derivative, whose resultant is known to vanish, if it
-    /// is of degree 1: Euclid's algorithm, in which no leading coefficient but the last one can
-    /// vanish then. It loses digits at each step, and begins with more.
+    /// Returns the divisor y − y₀ of f(α, y) and its derivative, whose resultant vanishes, if it is
+    /// of degree 1. In Euclid's algorithm only the last leading coefficient can vanish then. The
+    /// algorithm loses digits at each step, and begins with more.
     fn linear_divisor(&self, precision: usize) -> Option<Vec<Ball>> {
         let n = self.coefficients.len() - 1;
-        let mut working = 2 * precision + EUCLID * n;
-        for _ in 0..EUCLID_TRIES {
+        let mut working = 2 * precision + EUCLID_BITS_PER_DEGREE * n;
+        for _ in 0..MAX_EUCLID_ATTEMPTS {
             let f = self.specialised(&self.coefficients, working);
             let y0 = euclid(&f, working).filter(|y0| {
-                // So little that as many bits are left as were asked for.
+                // The radius is small enough for the requested number of bits.
                 y0[0].radius <= IBig::ONE << (working - precision)
             });
             if let Some(divisor) = y0 {
@@ -434,10 +436,10 @@ impl Fibre {
         None
     }
 
-    /// Everything at one precision, or nothing if that does not decide.
+    /// Isolates all roots at one precision; `None` if that does not decide.
     fn isolate(&mut self, precision: usize, attempt: usize) -> Option<Vec<FibreRoot>> {
         self.approximate(precision);
-        let Near { f, simple, .. } = self.near.as_ref()?;
+        let Approximation { f, simple, .. } = self.near.as_ref()?;
         if simple.len() == 1 {
             return Some(Vec::new());
         }
@@ -468,7 +470,7 @@ impl Fibre {
     }
 }
 
-/// The rational number that a root obviously is.
+/// Returns the rational value of a number, if it is obvious.
 fn known(alpha: &RealRoot) -> Option<RBig> {
     let (lo, hi) = alpha.interval();
     if lo == hi {
@@ -486,7 +488,7 @@ fn from_fixed(n: &IBig, precision: usize) -> RBig {
 }
 
 impl FibreRoot {
-    /// The middle of the interval.
+    /// Returns the middle of the interval.
     pub fn middle(&self) -> RBig {
         (&self.lo + &self.hi) / RBig::from(2)
     }

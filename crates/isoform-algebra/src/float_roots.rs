@@ -1,30 +1,30 @@
-//! Real roots in floating point, proved by sign changes: where it is known how many there are, many
-//! samples of a curve need no exact arithmetic.
+//! Real roots in floating point, proved by sign changes: if their number is known, most samples of
+//! a curve need no exact arithmetic.
 
 use dashu_ratio::RBig;
 use isoform_num::{DoubleDouble, Interval};
 use std::ops::{Add, Mul};
 
-/// The most halvings of the range in search of roots.
-const HALVINGS: usize = 40;
-/// The width of a bracket that proves a root, per size of the root.
-const WIDTH: f64 = 1e-13;
+/// Maximum number of bisections of the range in the search for roots.
+const MAX_ROOT_BISECTIONS: usize = 40;
+/// Maximum width of a bracket that proves a root, relative to the root.
+const MAX_BRACKET_WIDTH: f64 = 1e-13;
 
-/// The degree up to which products on the way to binomial coefficients are below 2⁵³, so that these
-/// are exact; above it no sign is certain.
-const WHOLE: usize = 51;
+/// Maximum degree at which binomial coefficients, and the products that lead to them, are exact, as
+/// they are below 2⁵³; above it no sign is certain.
+const MAX_EXACT_DEGREE: usize = 51;
 
-/// A number that Bernstein coefficients are made of.
+/// Number type of Bernstein coefficients.
 pub(crate) trait Number: Copy + Add<Output = Self> + Mul<Output = Self> {
-    /// A double, exactly.
+    /// Returns a double as an exact number.
     fn exact(x: f64) -> Self;
-    /// 1/x of a double that is not 0.
+    /// Returns 1/x of a non-zero double.
     fn reciprocal(x: f64) -> Self;
 }
 
-/// A number to search with.
+/// Number type for the search for roots, without bounds.
 pub(crate) trait Approximate: Number {
-    /// Rounded to a double.
+    /// Returns the number rounded to a double.
     fn rounded(self) -> f64;
 }
 
@@ -58,19 +58,19 @@ impl Approximate for DoubleDouble {
     }
 }
 
-/// 1/x, by one step of Newton's iteration from the rounded quotient.
+/// Returns 1/x, by one step of Newton's iteration from the rounded quotient.
 fn newton_reciprocal<T: Number>(x: f64) -> T {
     let near = T::exact(1.0 / x);
     near * (T::exact(2.0) + T::exact(-x) * near)
 }
 
-/// A number that is known within bounds.
+/// Number type with error bounds.
 pub(crate) trait Bounded: Number {
-    /// The number without bounds with which roots are searched.
+    /// Number type without bounds with which roots are searched.
     type Middle: Approximate;
-    /// A number within the bounds.
+    /// Returns a number within the bounds.
     fn middle(self) -> Self::Middle;
-    /// −1 or 1 if all numbers within the bounds have that sign, otherwise 0.
+    /// Returns −1 or 1 if all numbers within the bounds have that sign, otherwise 0.
     fn sign(self) -> i8;
 }
 
@@ -93,23 +93,23 @@ impl Bounded for Interval {
     }
 }
 
-/// The numbers within `radius` of a sum of two doubles.
+/// Numbers within `radius` of a sum of two doubles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Wide {
     middle: DoubleDouble,
     radius: f64,
 }
 
-/// Bounds the error of a sum or product of two sums of doubles, per size of the result: the
-/// algorithms used are within 3 and 7 times 2^−106 (M. Joldes, J.-M. Muller, V. Popescu, ACM Trans.
-/// Math. Softw. 44, 2017, theorems 3.1 and 5.1), and the rest covers what the radii lose.
+/// Relative error bound of a sum or product of two sums of doubles: the algorithms used are within
+/// 3 and 7 times 2^−106 (M. Joldes, J.-M. Muller, V. Popescu, ACM Trans. Math. Softw. 44, 2017,
+/// theorems 3.1 and 5.1); the rest covers rounding of the radii.
 const WIDE_ERROR: f64 = f64::EPSILON * f64::EPSILON * 16.0;
 
 impl Wide {
     fn new(middle: DoubleDouble, radius: f64) -> Self {
         Self { middle, radius }
     }
-    /// The numbers from one to another.
+    /// Returns the range between two numbers.
     pub(crate) fn between(lo: &RBig, hi: &RBig) -> Self {
         let near = lo.to_f64().value();
         let Ok(exact) = RBig::try_from(near) else {
@@ -121,13 +121,13 @@ impl Wide {
         let radius = (above - below) + rounding + f64::MIN_POSITIVE;
         Self::new(DoubleDouble::new(near, below), radius)
     }
-    /// Doubles below and above all of the numbers.
+    /// Returns doubles below and above all numbers of the range.
     pub(crate) fn bounds(self) -> [f64; 2] {
         let at = self.middle.value();
         let beyond = (self.radius + 2.0 * f64::EPSILON * at.abs()).next_up();
         [(at - beyond).next_down(), (at + beyond).next_up()]
     }
-    /// A bound on the radius of a result of that size, which underflow is not to shrink.
+    /// Returns a result with a bound on its radius that is safe against underflow.
     fn around(middle: DoubleDouble, size: f64, radius: f64) -> Self {
         let radius = radius * (1.0 + 8.0 * f64::EPSILON) + size * WIDE_ERROR + f64::MIN_POSITIVE;
         Self { middle, radius }
@@ -176,11 +176,11 @@ impl Bounded for Wide {
     }
 }
 
-/// The roots in (0, `top`) of a polynomial with coefficients c₀, c₁, … that are known to rounding,
-/// if there are `count` of them, each simple.
+/// Returns the roots in (0, `top`) of a polynomial with coefficients c₀, c₁, … that are known up to
+/// rounding, if there are `count` of them, each simple.
 ///
 /// As many disjoint brackets with certain sign changes as there are roots hold one each, so that
-/// the search itself (Descartes' rule on Bernstein coefficients) needs no proof. None where
+/// the search itself (Descartes' rule on Bernstein coefficients) needs no proof. `None` where
 /// rounding leaves a doubt.
 pub(crate) fn proved_roots<T: Bounded>(
     coefficients: &[T],
@@ -204,7 +204,7 @@ pub(crate) fn proved_roots<T: Bounded>(
     Some(roots)
 }
 
-/// Where a root in a cell is, and how far to both sides of it the signs differ.
+/// Returns a root in a cell, with the distance to both sides at which the signs differ.
 fn bracket<T: Bounded>(coefficients: &[T], (lo, hi): (f64, f64)) -> Option<(f64, f64)> {
     let middles = || coefficients.iter().map(|c| c.middle());
     let value = |v: f64| value_at(middles(), T::Middle::exact(v)).rounded();
@@ -217,20 +217,20 @@ fn bracket<T: Bounded>(coefficients: &[T], (lo, hi): (f64, f64)) -> Option<(f64,
         }
         width *= 4.0;
         // Next to zero no width is left, and what is not a number has none.
-        if !(width > 0.0 && width <= WIDTH * v) {
+        if !(width > 0.0 && width <= MAX_BRACKET_WIDTH * v) {
             return None;
         }
     }
 }
 
-/// The value of a polynomial, by Horner's rule.
+/// Returns the value of a polynomial, by Horner's rule.
 fn value_at<T: Number>(coefficients: impl DoubleEndedIterator<Item = T>, v: T) -> T {
     coefficients.rev().fold(T::exact(0.0), |sum, c| sum * v + c)
 }
 
-/// All roots in (0, 1) of a polynomial with coefficients c₀, c₁, … that are known within bounds, as
-/// disjoint open intervals in ascending order. None where the bounds leave a doubt: there are no
-/// roots at 0 and 1 then, and those between are simple.
+/// Returns all roots in (0, 1) of a polynomial with coefficients c₀, c₁, … that are known within
+/// bounds, as disjoint open intervals in ascending order; `None` if the bounds do not decide.
+/// Otherwise 0 and 1 are not roots, and all roots in between are simple.
 ///
 /// Descartes' rule on Bernstein coefficients whose signs are certain (after A. Eigenwillig and
 /// others, CASC 2005).
@@ -253,7 +253,7 @@ pub(crate) fn all_roots<T: Bounded>(coefficients: &[T]) -> Option<Vec<[f64; 2]>>
                 last = v + width;
                 found.push([v - width, v + width]);
             }
-            _ if depth == HALVINGS => return None,
+            _ if depth == MAX_ROOT_BISECTIONS => return None,
             _ => {
                 let middle = 0.5 * (lo + hi);
                 let (left, right) = halves(b);
@@ -265,7 +265,7 @@ pub(crate) fn all_roots<T: Bounded>(coefficients: &[T]) -> Option<Vec<[f64; 2]>>
     Some(found)
 }
 
-/// The coefficients of p(`by` x) of a polynomial p.
+/// Returns the coefficients of p(`by` x) of a polynomial p.
 pub(crate) fn stretched<T: Number>(coefficients: &[T], by: T) -> Vec<T> {
     let mut scale = T::exact(1.0);
     let stretched = coefficients.iter().map(|&c| {
@@ -276,13 +276,13 @@ pub(crate) fn stretched<T: Number>(coefficients: &[T], by: T) -> Vec<T> {
     stretched.collect()
 }
 
-/// The Bernstein coefficients on \[0, 1\], whose signs can be trusted; none of a polynomial whose
-/// degree is too high for that.
+/// Returns the Bernstein coefficients on \[0, 1\], whose signs are certain; `None` if the degree is
+/// too high for that.
 pub(crate) fn certain_bernstein<T: Bounded>(coefficients: &[T]) -> Option<Vec<T>> {
-    (coefficients.len() <= WHOLE + 1).then(|| in_bernstein(coefficients))
+    (coefficients.len() <= MAX_EXACT_DEGREE + 1).then(|| in_bernstein(coefficients))
 }
 
-/// The Bernstein coefficients on \[0, 1\]: b_j is the sum of C(j, m)/C(n, m) c_m.
+/// Returns the Bernstein coefficients on \[0, 1\]: b_j is the sum of C(j, m)/C(n, m) c_m.
 fn in_bernstein<T: Number>(coefficients: &[T]) -> Vec<T> {
     let n = coefficients.len() - 1;
     let mut bernstein = vec![T::exact(0.0); n + 1];
@@ -300,8 +300,7 @@ fn in_bernstein<T: Number>(coefficients: &[T]) -> Vec<T> {
     bernstein
 }
 
-/// The number of sign changes, if the coefficients whose signs are not certain leave no choice, or
-/// it is two at least.
+/// Returns the number of sign changes, if it does not depend on uncertain signs or is at least two.
 fn variations<T: Bounded>(b: &[T]) -> Option<usize> {
     let (mut changes, mut last, mut open) = (0, 0, 0);
     for sign in b.iter().map(|x| x.sign()) {
@@ -320,7 +319,7 @@ fn variations<T: Bounded>(b: &[T]) -> Option<usize> {
     Some(changes)
 }
 
-/// The coefficients on both halves, by de Casteljau.
+/// Returns the coefficients on both halves, by de Casteljau's algorithm.
 fn halves<T: Number>(b: Vec<T>) -> (Vec<T>, Vec<T>) {
     let half = T::exact(0.5);
     let n = b.len() - 1;
@@ -334,8 +333,8 @@ fn halves<T: Number>(b: Vec<T>) -> (Vec<T>, Vec<T>) {
     (left, right)
 }
 
-/// Intervals in (0, `top`) with one sign variation of the Bernstein coefficients each, ascending;
-/// None if they are not `count`.
+/// Returns intervals in (0, `top`) with one sign variation of the Bernstein coefficients each,
+/// ascending; `None` if their number is not `count`.
 fn isolate<T: Approximate>(near: &[T], top: f64, count: usize) -> Option<Vec<(f64, f64)>> {
     let changes_sign = |w: &&[T]| (w[0].rounded() < 0.0) != (w[1].rounded() < 0.0);
     let variations = |b: &[T]| b.windows(2).filter(changes_sign).count();
@@ -346,7 +345,9 @@ fn isolate<T: Approximate>(near: &[T], top: f64, count: usize) -> Option<Vec<(f6
         match variations(&b) {
             0 => {}
             1 => found.push((lo, hi)),
-            _ if depth == HALVINGS || b.iter().any(|x| x.rounded().is_nan()) => return None,
+            _ if depth == MAX_ROOT_BISECTIONS || b.iter().any(|x| x.rounded().is_nan()) => {
+                return None;
+            }
             _ => {
                 let middle = 0.5 * (lo + hi);
                 let (left, right) = halves(b);
@@ -358,7 +359,8 @@ fn isolate<T: Approximate>(near: &[T], top: f64, count: usize) -> Option<Vec<(f6
     (found.len() == count).then_some(found)
 }
 
-/// A zero between two places with different signs: by halving, and by chords where they do better.
+/// Returns a zero between two places with different signs, by bisection, and by secants where they
+/// are better.
 fn refine(value: &dyn Fn(f64) -> f64, mut lo: f64, mut hi: f64) -> f64 {
     let (mut at_lo, mut at_hi) = (value(lo), value(hi));
     for round in 0..200 {
@@ -428,7 +430,8 @@ mod tests {
         );
     }
 
-    /// The product of v − k/(n + 1), k = 1 … n, with coefficients rounded to sums of two doubles.
+    /// Returns the product of v − k/(n + 1), k = 1 … n, with coefficients rounded to sums of two
+    /// doubles.
     fn comb(n: i64) -> (Vec<RBig>, Vec<Wide>) {
         let mut exact = vec![RBig::ONE];
         for k in 1..=n {
@@ -468,8 +471,8 @@ mod tests {
         assert_eq!(roots(&[0.1, -0.6, 0.9]), None);
     }
 
-    /// An uncertain sign counts as whatever it may be: one coefficient between different signs has
-    /// no choice, two may add two changes.
+    /// An uncertain sign counts as either: one coefficient between different signs does not matter,
+    /// two may add two changes.
     #[test]
     fn changes_of_sign() {
         let of = |signs: &str| {
@@ -487,11 +490,12 @@ mod tests {
         assert_eq!([of("+?-"), of("+?+"), of("+??-")], [Some(1), None, None]);
     }
 
-    /// C(n, m) by the same products is what Pascal's triangle says, as far as is claimed.
+    /// Binomial coefficients by these products agree with Pascal's triangle up to the claimed
+    /// degree.
     #[test]
     fn binomial_coefficients_are_exact() {
         let mut row = vec![1u128];
-        for n in 1..=WHOLE {
+        for n in 1..=MAX_EXACT_DEGREE {
             row = (0..=n)
                 .map(|m| {
                     [m.wrapping_sub(1), m]
@@ -507,10 +511,10 @@ mod tests {
             }
         }
         let is_certain = |n: usize| certain_bernstein(&exact(&vec![1.0; n + 1])).is_some();
-        assert!(is_certain(WHOLE) && !is_certain(WHOLE + 1));
+        assert!(is_certain(MAX_EXACT_DEGREE) && !is_certain(MAX_EXACT_DEGREE + 1));
     }
 
-    /// Both ends of a range are within the bounds, whatever of them is rounded.
+    /// Both ends of a range are within the bounds, even if they are rounded.
     #[test]
     fn ranges_are_within_the_bounds() {
         let mut rng = fastrand::Rng::with_seed(3);
@@ -536,7 +540,7 @@ mod tests {
         }
     }
 
-    /// Sums, products and reciprocals against exact arithmetic: what is exact is within the bounds.
+    /// Sums, products and reciprocals agree with exact arithmetic within the bounds.
     #[test]
     fn bounds_hold() {
         let mut rng = fastrand::Rng::with_seed(7);

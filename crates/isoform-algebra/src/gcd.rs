@@ -13,11 +13,11 @@ use dashu_base::Gcd;
 use dashu_int::{IBig, UBig};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Terms modulo a prime, in descending lexicographic order, none zero.
+/// Terms modulo a prime, in descending lexicographic order, all non-zero.
 type Terms = Vec<(Exponents, u64)>;
 
 impl Poly {
-    /// The greatest common divisor over Q, primitive; 0 only of two zeros.
+    /// Returns the greatest common divisor over Q, primitive; 0 only of two zeros.
     ///
     /// ```
     /// use isoform_algebra::Poly;
@@ -47,8 +47,8 @@ impl Poly {
         }
     }
 
-    /// The greatest common divisor of the coefficients of this polynomial in the powers of a
-    /// variable, primitive.
+    /// Returns the greatest common divisor of the coefficients of this polynomial in the powers of
+    /// a variable, primitive.
     pub fn content_in(&self, var: usize) -> Self {
         let mut common = Self::zero();
         let mut coefficients = self.coefficients_in(var);
@@ -63,7 +63,7 @@ impl Poly {
         common
     }
 
-    /// Primitive squarefree polynomials, coprime in pairs, not constant, with different
+    /// Returns the primitive squarefree polynomials, coprime in pairs, not constant, with different
     /// multiplicities in ascending order: this polynomial is the product of their powers up to a
     /// constant. Empty for constants.
     pub fn squarefree(&self) -> Vec<(Self, usize)> {
@@ -72,7 +72,8 @@ impl Poly {
         parts.into_iter().map(|(n, p)| (p.primitive(), n)).collect()
     }
 
-    /// The product of the distinct irreducible factors, primitive; 1 for constants, 0 for 0.
+    /// Returns the product of the distinct irreducible factors, primitive; 1 for constants, 0 for
+    /// 0.
     pub fn squarefree_part(&self) -> Self {
         if self.is_zero() {
             return Self::zero();
@@ -114,8 +115,8 @@ fn quotient(a: &Poly, b: &Poly) -> Poly {
     a.div_exact(b).expect("a divisor found before")
 }
 
-/// Forms lose a variable: their common divisor is the common divisor of the polynomials at the
-/// value 1 of the variable, made homogeneous, times its common power.
+/// Returns the greatest common divisor of forms: that of the polynomials at the value 1 of a
+/// variable, made homogeneous, times their common power of the variable.
 fn gcd_of_forms(a: &Poly, b: &Poly, var: usize) -> Poly {
     let power = |p: &Poly| p.terms().iter().map(|(e, _)| e[var]).min().unwrap_or(0);
     let flat = a.dehomogenise(var).gcd(&b.dehomogenise(var));
@@ -123,7 +124,8 @@ fn gcd_of_forms(a: &Poly, b: &Poly, var: usize) -> Poly {
     flat.homogenise(var, flat.total_degree()) * Poly::var(var).pow(common)
 }
 
-/// The greatest common divisor of two polynomials that are primitive over Z and not constant.
+/// Returns the greatest common divisor of two polynomials that are primitive over Z and not
+/// constant.
 fn gcd_primitive(a: &Poly, b: &Poly, variables: &[usize]) -> Poly {
     let (lead_a, lead_b) = (&a.terms()[0].1, &b.terms()[0].1);
     let lead = IBig::from(lead_a.gcd(lead_b));
@@ -164,15 +166,15 @@ fn nonzero_residues(f: &Fp, p: &Poly) -> Terms {
         .collect()
 }
 
-/// A polynomial over Z by its images modulo primes.
+/// Polynomial over Z, by its images modulo primes.
 struct Images {
-    /// The exponents of all terms found so far, descending.
+    /// Exponents of all terms found so far, descending.
     exponents: Vec<Exponents>,
     crt: Crt,
 }
 
 impl Images {
-    /// The start: no image yet, but the exponents of the first one.
+    /// Creates the polynomial without an image, but with the exponents of the first one.
     fn new(image: &Terms) -> Self {
         Self {
             exponents: image.iter().map(|t| t.0).collect(),
@@ -180,8 +182,8 @@ impl Images {
         }
     }
 
-    /// Adds an image, and says whether the coefficients may be known: at the first prime, and where
-    /// a prime changes nothing.
+    /// Adds an image. Returns true if the coefficients may be complete: at the first prime, and if
+    /// a prime changes none.
     fn push(&mut self, f: &Fp, image: &Terms) -> bool {
         let exponents = image.iter().map(|t| &t.0);
         if !exponents.eq(&self.exponents) {
@@ -198,8 +200,8 @@ impl Images {
         !changed || first
     }
 
-    /// The images with the terms of one in which some vanish: other terms are left out, and terms
-    /// that only this one lacks have the coefficient 0.
+    /// Restricts the images to the terms of one in which some vanish: other terms are removed, and
+    /// terms that only this image lacks have the coefficient 0.
     fn begin_again(&mut self, image: &Terms) {
         let known = self.exponents.iter().copied();
         let all: BTreeSet<Exponents> = known.chain(image.iter().map(|t| t.0)).collect();
@@ -207,14 +209,14 @@ impl Images {
         self.crt = Crt::new(self.exponents.len());
     }
 
-    /// The primitive polynomial with the least coefficients that has these images.
+    /// Returns the primitive polynomial with the least coefficients that has these images.
     fn candidate(&self) -> Poly {
         let terms = self.exponents.iter().copied().zip(self.crt.symmetric());
         Poly::from_integers(terms, UBig::ONE).primitive()
     }
 }
 
-/// A polynomial in the variables before `var` with dense coefficients in `var`, modulo a prime.
+/// Polynomial in the variables before `var` with dense coefficients in `var`, modulo a prime.
 type InLast = BTreeMap<Exponents, Vec<u64>>;
 
 fn in_last(terms: &[(Exponents, u64)], var: usize) -> InLast {
@@ -232,8 +234,8 @@ fn in_last(terms: &[(Exponents, u64)], var: usize) -> InLast {
     grouped
 }
 
-/// Takes the content out of a polynomial with coefficients in the last variable and returns it,
-/// monic.
+/// Divides a polynomial with coefficients in the last variable by its content, and returns the
+/// content, monic.
 fn take_content(f: &Fp, p: &mut InLast) -> Vec<u64> {
     let mut content: Vec<u64> = Vec::new();
     for c in p.values() {
@@ -248,18 +250,18 @@ fn take_content(f: &Fp, p: &mut InLast) -> Vec<u64> {
     content
 }
 
-/// The leading coefficient of the highest term in the other variables.
+/// Returns the leading coefficient of the highest term in the other variables.
 fn leading(p: &InLast) -> &Vec<u64> {
     let (_, lead) = p.last_key_value().expect("a polynomial that is not zero");
     lead
 }
 
-/// The degree in the last variable, plus 1.
+/// Returns the degree in the last variable, plus 1.
 fn length(p: &InLast) -> usize {
     p.values().map(Vec::len).max().unwrap_or(0)
 }
 
-/// The values at a point of the last variable.
+/// Returns the values at a point of the last variable.
 fn at(f: &Fp, p: &InLast, point: u64) -> Terms {
     let values = p
         .iter()
@@ -268,14 +270,14 @@ fn at(f: &Fp, p: &InLast, point: u64) -> Terms {
     values.filter(|(_, c)| *c != 0).collect()
 }
 
-/// The exponents with a power of one more variable.
+/// Returns the exponents with a power of one more variable.
 fn with_power(e: &Exponents, var: usize, n: usize) -> Exponents {
     let mut e = *e;
     e[var] = n as u16;
     e
 }
 
-/// The terms of a polynomial, descending.
+/// Returns the terms of a polynomial, descending.
 fn terms_of(p: &InLast, var: usize) -> Terms {
     let mut terms: Terms = Vec::new();
     for (e, c) in p.iter().rev() {
@@ -285,15 +287,15 @@ fn terms_of(p: &InLast, var: usize) -> Terms {
     terms
 }
 
-/// The terms divided by the leading coefficient.
+/// Returns the terms divided by the leading coefficient.
 fn monic(f: &Fp, mut terms: Terms) -> Terms {
     let inverse = terms.first().map_or(0, |t| f.inv(t.1));
     terms.iter_mut().for_each(|(_, c)| *c = f.mul(*c, inverse));
     terms
 }
 
-/// The greatest common divisor modulo a prime, its lexicographic leading coefficient 1. Not proven:
-/// evaluation points may be unlucky, which the division by the caller would show.
+/// Returns the greatest common divisor modulo a prime, its lexicographic leading coefficient 1. Not
+/// proven: evaluation points may be unlucky, which the division by the caller would show.
 fn gcd_modular(
     f: &Fp,
     a: &[(Exponents, u64)],
@@ -312,11 +314,11 @@ fn gcd_modular(
     }
 }
 
-/// The first point at which polynomials are evaluated. It goes on by x ↦ x² + x, without pattern:
-/// at small integers polynomials that people write agree by design.
+/// First point at which polynomials are evaluated; further ones follow by x ↦ x² + x, without a
+/// pattern: simple polynomials often agree at small integers.
 const FIRST_POINT: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// The greatest common divisor modulo a prime from those at points of the last variable.
+/// Returns the greatest common divisor modulo a prime from those at points of the last variable.
 fn gcd_by_points(f: &Fp, mut pair: [InLast; 2], rest: &[usize], var: usize) -> Terms {
     let [content_a, content_b] = pair.each_mut().map(|p| take_content(f, p));
     let content = modpoly::gcd(f, &content_a, &content_b);
@@ -354,9 +356,9 @@ fn gcd_by_points(f: &Fp, mut pair: [InLast; 2], rest: &[usize], var: usize) -> T
     }
 }
 
-/// A polynomial that is interpolated in its last variable v, by Newton's formula.
+/// Polynomial that is interpolated in its last variable v, by Newton's formula.
 struct Interpolated {
-    /// The leading exponents of all values.
+    /// Leading exponents of all values.
     highest: Exponents,
     sum: InLast,
     /// ∏ (v − x) over the points x so far.
@@ -372,7 +374,7 @@ impl Interpolated {
         }
     }
 
-    /// Adds the value `image` · `scale` at a point, and says whether that changes the polynomial.
+    /// Adds the value `image` · `scale` at a point. Returns true if that changes the polynomial.
     fn push(&mut self, f: &Fp, point: u64, image: Terms, scale: u64) -> bool {
         let inverse = f.inv(modpoly::eval(f, &self.nodes, point));
         let mut image: BTreeMap<Exponents, u64> = image.into_iter().collect();
@@ -393,7 +395,7 @@ impl Interpolated {
         changed
     }
 
-    /// The polynomial with another content.
+    /// Returns the polynomial with another content.
     fn with_content(&mut self, f: &Fp, content: &[u64]) -> InLast {
         let mut p = std::mem::take(&mut self.sum);
         p.retain(|_, c| !c.is_empty());
@@ -406,7 +408,7 @@ impl Interpolated {
 }
 
 impl UPoly {
-    /// The greatest common divisor over Q, primitive; 0 only of two zeros.
+    /// Returns the greatest common divisor over Q, primitive; 0 only of two zeros.
     pub fn gcd(&self, other: &Self) -> Self {
         if self.is_zero() || other.is_zero() {
             return if self.is_zero() {
@@ -448,14 +450,14 @@ impl UPoly {
         unreachable!("there are enough primes below 2^62")
     }
 
-    /// Residues of the coefficients, without zeros at the top.
+    /// Returns residues of the coefficients, without zeros at the top.
     pub(crate) fn residues(&self, f: &Fp) -> Vec<u64> {
         let mut residues: Vec<u64> = self.coefficients().iter().map(|c| f.of_ibig(c)).collect();
         modpoly::trim(&mut residues);
         residues
     }
 
-    /// Primitive squarefree polynomials, coprime in pairs, not constant, with different
+    /// Returns the primitive squarefree polynomials, coprime in pairs, not constant, with different
     /// multiplicities in ascending order: this polynomial is the product of their powers up to a
     /// constant. Empty for constants.
     pub fn squarefree(&self) -> Vec<(Self, usize)> {
@@ -482,7 +484,8 @@ impl UPoly {
         parts
     }
 
-    /// The product of the distinct irreducible factors, primitive; 1 for constants, 0 for 0.
+    /// Returns the product of the distinct irreducible factors, primitive; 1 for constants, 0 for
+    /// 0.
     pub fn squarefree_part(&self) -> Self {
         let p = self.primitive();
         let common = p.gcd(&p.derivative());
@@ -494,9 +497,9 @@ impl UPoly {
     }
 }
 
-/// The squarefree polynomials, pairwise coprime, of which given ones are products up to
-/// multiplicities and constants; and for each given one the numbers of its divisors among them,
-/// ascending. Constants have none.
+/// Returns pairwise coprime squarefree polynomials of which the given ones are products, up to
+/// multiplicities and constants, and for each given one the indices of its divisors among them,
+/// ascending. Constants have no divisors.
 ///
 /// ```
 /// use isoform_algebra::{Poly, coprime_base};

@@ -8,7 +8,7 @@
 //!
 //! The equation of a low degree is the kernel of the matrix of all monomials at as many points,
 //! modulo primes, put together by Chinese remainders and rational reconstruction. From degree 5 on
-//! it is interpolated from its values on lines, which the same resultants give: the matrix of
+//! it is interpolated from its values on lines, which these resultants give: the matrix of
 //! degree 16 has 969 columns and costs a hundred times more.
 
 mod kernel;
@@ -22,7 +22,7 @@ use kernel::{Kernel, equation_of_degree};
 use lines::equation_by_lines;
 use pullback::{Residues, count_degrees, eval_at};
 
-/// Why a map has no implicit equation.
+/// Reason why an implicit equation could not be computed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MapError {
     /// All four polynomials are zero.
@@ -43,47 +43,49 @@ pub enum MapError {
         /// 0 for a point, 1 for a curve.
         dimension: usize,
     },
-    /// Counts at random points did not agree, which no map is known to cause.
-    #[error("the degrees could not be counted: no two of {COUNTS} counts at random points agree")]
+    /// Counts at random points did not agree; maps that cause this are not known.
+    #[error(
+        "the degrees could not be counted: no two of {MAX_DEGREE_COUNTS} counts at random points agree"
+    )]
     Undecided,
     /// The work was cancelled, or its deadline is over.
     #[error("stopped")]
     Stopped,
 }
 
-/// The most counts of the degrees, each at a random point, before giving up. Two in a row that
-/// agree suffice; nearly always the first two do.
-const COUNTS: usize = 64;
+/// Maximum number of counts of the degrees, each at a random point. Two successive counts that
+/// agree suffice; the first two nearly always do.
+const MAX_DEGREE_COUNTS: usize = 64;
 
 /// Degrees of a rational map onto a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MapDegrees {
-    /// The largest total degree of the four polynomials, n.
+    /// Degree n of the map: the largest total degree of the four polynomials.
     pub degree: usize,
     /// Number of preimages, complex ones included, of a general point of the image.
     pub map_degree: usize,
     /// Degree of the implicit equation.
     pub implicit_degree: usize,
-    /// The base points' multiplicities added up, points at infinity included: n² − map degree ·
+    /// Sum of the multiplicities of the base points, points at infinity included: n² − map degree ·
     /// implicit degree.
     pub base_multiplicity: usize,
 }
 
-/// The implicit equation of a rational map onto a surface.
+/// Implicit equation of a rational map onto a surface.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Implicit {
-    /// A primitive form in x, y, z, w (variables 0 … 3) that is irreducible over Q.
+    /// Primitive form in x, y, z, w (variables 0 … 3) that is irreducible over Q.
     pub equation: Poly,
     /// Degrees of the map; the implicit degree is that of the equation.
     pub degrees: MapDegrees,
 }
 
-/// Bound on the implicit degree of [`implicit`] that is advised: 969 monomials.
+/// Recommended bound on the implicit degree of [`implicit`]: 969 monomials.
 pub const DEFAULT_MAX_DEGREE: usize = 16;
 
-/// The dimension of the closure of the image of (s, t) ↦ (X : Y : Z : W): 0, 1 or 2. Proven: a
-/// lower bound by the rank of the cone's Jacobian at points modulo a prime, an upper bound by
-/// minors that vanish identically.
+/// Returns the dimension of the closure of the image of (s, t) ↦ (X : Y : Z : W): 0, 1 or 2.
+/// Proven: a lower bound by the rank of the cone's Jacobian at points modulo a prime, an upper
+/// bound by minors that vanish identically.
 ///
 /// # Errors
 /// [`MapError::Zero`], [`MapError::TooManyVariables`].
@@ -99,7 +101,7 @@ pub fn image_dimension(map: &[Poly; 4]) -> Result<usize, MapError> {
     )
 }
 
-/// The cone over the image in four dimensions, by the columns of its Jacobian: the map and its
+/// Cone over the image in four dimensions, by the columns of its Jacobian: the map and its
 /// derivatives by s and t.
 struct Cone([[Poly; 4]; 3]);
 
@@ -109,7 +111,7 @@ impl Cone {
         Self([map.clone(), by(0), by(1)])
     }
 
-    /// Whether the rank is 3 at one of three random points modulo primes, which proves it.
+    /// Returns true if the rank is 3 at one of three random points modulo primes; that is a proof.
     fn has_full_rank_somewhere(&self) -> bool {
         let mut stream = Residues::new(1);
         primes().take(3).any(|field| {
@@ -123,13 +125,13 @@ impl Cone {
         })
     }
 
-    /// The minor of two columns and two rows.
+    /// Returns the minor of two columns and two rows.
     fn minor(&self, c: [usize; 2], r: [usize; 2]) -> Poly {
         let [a, b] = c.map(|c| &self.0[c]);
         &a[r[0]] * &b[r[1]] - &a[r[1]] * &b[r[0]]
     }
 
-    /// Whether the rank over Q(s, t) is 3: a minor of three rows does not vanish.
+    /// Returns true if the rank over Q(s, t) is 3: a minor of three rows does not vanish.
     fn has_minor_of_three(&self) -> bool {
         let without = |skip: usize| {
             let r: Vec<usize> = (0..4).filter(|&i| i != skip).collect();
@@ -141,7 +143,7 @@ impl Cone {
         (0..4).any(|skip| !without(skip).is_zero())
     }
 
-    /// Whether the rank over Q(s, t) is 2 at least.
+    /// Returns true if the rank over Q(s, t) is at least 2.
     fn has_minor_of_two(&self) -> bool {
         let rows = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
         let columns = [[0, 1], [0, 2], [1, 2]];
@@ -151,9 +153,9 @@ impl Cone {
     }
 }
 
-/// The degrees of a map onto a surface, counted at random points modulo primes until two counts
-/// agree. A count is wrong only if a point is not general, which has a probability of about n⁴/2⁶²
-/// each time; [`implicit`] proves the implicit degree.
+/// Returns the degrees of a map onto a surface, counted at random points modulo primes until two
+/// counts agree. A count is wrong only if a point is not general, which has a probability of about
+/// n⁴/2⁶² each time; [`implicit`] proves the implicit degree.
 ///
 /// # Errors
 /// [`MapError`].
@@ -169,7 +171,7 @@ pub fn map_degrees(map: &[Poly; 4], control: &Control<'_>) -> Result<MapDegrees,
     }
     let mut last = None;
     let mut stream = Residues::new(2);
-    for field in primes().take(COUNTS) {
+    for field in primes().take(MAX_DEGREE_COUNTS) {
         if control.is_stopped() {
             return Err(MapError::Stopped);
         }
@@ -182,11 +184,12 @@ pub fn map_degrees(map: &[Poly; 4], control: &Control<'_>) -> Result<MapDegrees,
     Err(MapError::Undecided)
 }
 
-/// The implicit equation of a map onto a surface, or nothing if its degree exceeds the bound.
+/// Returns the implicit equation of a map onto a surface; `None` if its degree exceeds the bound.
 ///
-/// Proven: the equation vanishes on the map (modulo enough primes for a bound on the coefficients),
-/// and it is irreducible over Q and of the least degree: the matrix modulo a prime leaves one form
-/// only of its degree, or a line meets the image in as many points.
+/// The result is proved: the equation vanishes on the map (modulo enough primes for a bound on the
+/// coefficients), and it is irreducible over Q and of minimum degree: either the matrix modulo a
+/// prime has a single form of that degree in its kernel, or a line meets the image in a number of
+/// points equal to the degree.
 ///
 /// ```
 /// use isoform_algebra::{Poly, implicit};
@@ -209,7 +212,7 @@ pub fn implicit(
         if degree > max_degree {
             return Ok(None);
         }
-        if degree >= LINES_FROM
+        if degree >= MIN_LINES_DEGREE
             && degree == degrees.implicit_degree
             && let Some(equation) = equation_by_lines(map, &degrees, control)?
         {
@@ -220,17 +223,17 @@ pub fn implicit(
                 degrees.implicit_degree = degree;
                 return Ok(Some(Implicit { equation, degrees }));
             }
-            // Only after a wrong count.
+            // This occurs only after a wrong count.
             Kernel::None => degree += 1,
             Kernel::More => degree -= 1,
         }
     }
 }
 
-/// Implicit degree from which lines are faster than the matrix of all monomials (measured).
-const LINES_FROM: usize = 5;
+/// Minimum implicit degree at which lines are faster than the matrix of all monomials (measured).
+const MIN_LINES_DEGREE: usize = 5;
 
-/// The degree of the map.
+/// Returns the degree of the map, or an error if the map is invalid.
 fn validate(map: &[Poly; 4]) -> Result<usize, MapError> {
     if map.iter().any(|p| p.degree(2) + p.degree(3) > 0) {
         return Err(MapError::TooManyVariables);

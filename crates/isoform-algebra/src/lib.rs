@@ -1,4 +1,4 @@
-//! Exact algebra: what decides the topology of rational surfaces.
+//! Exact algebra that decides the topology of rational surfaces.
 //!
 //! - [`Poly`]: polynomials over Q in up to four variables: arithmetic, composition, text, greatest
 //!   common divisors, squarefree parts, factors; [`UPoly`]: dense univariate ones over the
@@ -10,8 +10,8 @@
 //! - [`implicit`], [`map_degrees`], [`image_dimension`]: rational maps (s, t) ↦ (X : Y : Z : W).
 //! - [`modular`]: residues modulo primes and the way back, on which all of this rests.
 //!
-//! Nothing here depends on chance, time or the order of threads: primes and pseudo-random points
-//! are always the same. What can last takes a [`Control`](isoform_control::Control).
+//! Results do not depend on chance, time or the order of threads: primes and pseudo-random points
+//! are fixed. Functions that may take long take a [`Control`](isoform_control::Control).
 //!
 //! The real points over the critical values of a curve:
 //!

@@ -53,7 +53,7 @@ pub(crate) fn mul(f: &Fp, a: &[u64], b: &[u64]) -> Vec<u64> {
     product
 }
 
-/// a becomes the remainder of a by b; the quotient is returned. b must not be zero.
+/// Replaces a by the remainder of a by b, and returns the quotient. b must not be zero.
 pub(crate) fn div_rem(f: &Fp, a: &mut Vec<u64>, b: &[u64]) -> Vec<u64> {
     if a.len() < b.len() {
         return Vec::new();
@@ -88,7 +88,7 @@ pub(crate) fn monic(f: &Fp, a: &[u64]) -> Vec<u64> {
     }
 }
 
-/// The monic greatest common divisor; empty if both are zero.
+/// Returns the monic greatest common divisor; empty if both are zero.
 pub(crate) fn gcd(f: &Fp, a: &[u64], b: &[u64]) -> Vec<u64> {
     let (mut a, mut b) = (a.to_vec(), b.to_vec());
     if a.len() < b.len() {
@@ -101,8 +101,8 @@ pub(crate) fn gcd(f: &Fp, a: &[u64], b: &[u64]) -> Vec<u64> {
     monic(f, &a)
 }
 
-/// The extended Euclidean algorithm: (g, u, v) with u·a + v·b = g, the monic greatest common
-/// divisor.
+/// Returns (g, u, v) with u·a + v·b = g, the monic greatest common divisor, by the extended
+/// Euclidean algorithm.
 pub(crate) fn gcd_extended(f: &Fp, a: &[u64], b: &[u64]) -> (Vec<u64>, Vec<u64>, Vec<u64>) {
     let (mut r0, mut r1) = (a.to_vec(), b.to_vec());
     let (mut u0, mut u1) = (vec![f.one()], Vec::new());
@@ -132,7 +132,7 @@ pub(crate) fn derivative(f: &Fp, a: &[u64]) -> Vec<u64> {
     d
 }
 
-/// The power base^n modulo `modulus`, by squaring.
+/// Returns the power base^n modulo `modulus`, by squaring.
 pub(crate) fn pow_mod(f: &Fp, base: &[u64], mut n: u64, modulus: &[u64]) -> Vec<u64> {
     let mut result = rem(f, vec![f.one()], modulus);
     let mut base = rem(f, base.to_vec(), modulus);
@@ -148,9 +148,8 @@ pub(crate) fn pow_mod(f: &Fp, base: &[u64], mut n: u64, modulus: &[u64]) -> Vec<
     result
 }
 
-/// a becomes the remainder by b of its product with a power of the leading coefficient of b; the
-/// exponent is returned. There is no inverse to compute, which costs as much as some hundred
-/// products.
+/// Replaces a by the remainder by b of its product with a power of the leading coefficient of b,
+/// and returns the exponent. This avoids an inverse, which costs as much as some hundred products.
 fn pseudo_rem(f: &Fp, a: &mut Vec<u64>, b: &[u64]) -> u64 {
     let n = b.len() - 1;
     let lead = b[n];
@@ -172,7 +171,7 @@ fn pseudo_rem(f: &Fp, a: &mut Vec<u64>, b: &[u64]) -> u64 {
     exponent
 }
 
-/// Res(a, b) of two polynomials by Euclid's algorithm; zero if one of them is zero.
+/// Returns Res(a, b) of two polynomials by Euclid's algorithm; zero if one of them is zero.
 pub(crate) fn resultant(f: &Fp, a: &[u64], b: &[u64]) -> u64 {
     if a.is_empty() || b.is_empty() {
         return 0;
@@ -210,7 +209,7 @@ pub(crate) fn resultant(f: &Fp, a: &[u64], b: &[u64]) -> u64 {
     }
 }
 
-/// The inverses 1/k for k = 1 … n, at index k; index 0 is unused.
+/// Returns the inverses 1/k for k = 1 … n, at index k; index 0 is unused.
 pub(crate) fn small_inverses(f: &Fp, n: usize) -> Vec<u64> {
     let mut factorials = vec![f.one(); n + 1];
     for k in 1..=n {
@@ -225,9 +224,9 @@ pub(crate) fn small_inverses(f: &Fp, n: usize) -> Vec<u64> {
     result
 }
 
-/// The polynomial of degree below n with the values at the increasing integers `nodes`; `inverses`
-/// from [`small_inverses`] up to the largest difference of nodes. By Newton's divided differences,
-/// then Horner's rule.
+/// Returns the polynomial of degree below n with given values at the increasing integers `nodes`,
+/// by Newton's divided differences and Horner's rule; `inverses` are from [`small_inverses`], up to
+/// the largest difference of nodes.
 pub(crate) fn interpolate(f: &Fp, nodes: &[usize], values: &[u64], inverses: &[u64]) -> Vec<u64> {
     let n = values.len();
     let mut c = values.to_vec();
@@ -242,8 +241,8 @@ pub(crate) fn interpolate(f: &Fp, nodes: &[usize], values: &[u64], inverses: &[u
     c
 }
 
-/// Coefficients in the basis 1, (x − x₀), (x − x₀)(x − x₁), … become coefficients in powers of x;
-/// the length is kept.
+/// Converts coefficients in the basis 1, (x − x₀), (x − x₀)(x − x₁), … to coefficients of powers of
+/// x, in place.
 pub(crate) fn newton_to_monomial(f: &Fp, nodes: &[u64], c: &mut [u64]) {
     let n = c.len();
     for i in (0..n.saturating_sub(1)).rev() {

@@ -5,7 +5,7 @@
 //! residue a is stored as a·2⁶⁴ mod p. Rational numbers come back by the half-way Euclidean
 //! algorithm (P. S. Wang, SYMSAC 1981, pages 212–217).
 //!
-//! The primes are always the same ones, descending from 2⁶²: results do not depend on chance.
+//! The primes are fixed, descending from 2⁶²: results are deterministic.
 
 use crate::poly::{Exponents, Poly};
 use dashu_base::{Gcd, Sign, UnsignedAbs};
@@ -27,7 +27,7 @@ pub struct Fp {
 }
 
 impl Fp {
-    /// The field modulo `p`, which the caller knows to be prime.
+    /// Creates the field modulo `p`, which has to be prime.
     ///
     /// # Panics
     /// If p is even, below 3 or not below 2⁶³.
@@ -51,7 +51,7 @@ impl Fp {
         }
     }
 
-    /// The prime p.
+    /// Returns the prime p.
     pub fn prime(&self) -> u64 {
         self.p
     }
@@ -60,12 +60,12 @@ impl Fp {
     pub fn one(&self) -> u64 {
         self.one
     }
-    /// The element that `a` represents.
+    /// Returns the element that `a` represents.
     #[inline]
     pub fn of_u64(&self, a: u64) -> u64 {
         self.mul(if a < self.p { a } else { a % self.p }, self.r2)
     }
-    /// The element that `a` represents.
+    /// Returns the element that `a` represents.
     pub fn of_i64(&self, a: i64) -> u64 {
         let magnitude = self.of_u64(a.unsigned_abs());
         if a < 0 {
@@ -74,7 +74,7 @@ impl Fp {
             magnitude
         }
     }
-    /// The residue of a large integer.
+    /// Returns the residue of a large integer.
     pub fn of_ubig(&self, a: &UBig) -> u64 {
         // Horner in base 2^64: multiplication by r2 in Montgomery form is multiplication by 2^64 of
         // plain residues.
@@ -84,7 +84,7 @@ impl Fp {
         }
         self.mul(sum, self.r2)
     }
-    /// The residue of a large integer with sign.
+    /// Returns the residue of a large integer with sign.
     pub fn of_ibig(&self, a: &IBig) -> u64 {
         let (sign, words) = a.as_sign_words();
         let mut sum = 0;
@@ -98,12 +98,12 @@ impl Fp {
             magnitude
         }
     }
-    /// The residue of a rational number, or nothing if p divides its denominator.
+    /// Returns the residue of a rational number; `None` if p divides its denominator.
     pub fn of_rbig(&self, a: &RBig) -> Option<u64> {
         let denominator = self.of_ubig(a.denominator());
         (denominator != 0).then(|| self.mul(self.of_ibig(a.numerator()), self.inv(denominator)))
     }
-    /// The representative 0 ≤ a < p.
+    /// Returns the representative 0 ≤ a < p.
     #[inline]
     pub fn value(&self, a: u64) -> u64 {
         self.reduce(u128::from(a))
@@ -115,28 +115,28 @@ impl Fp {
         let u = ((t + u128::from(m) * u128::from(self.p)) >> 64) as u64;
         if u >= self.p { u - self.p } else { u }
     }
-    /// a + b.
+    /// Returns a + b.
     #[inline]
     pub fn add(&self, a: u64, b: u64) -> u64 {
         let s = a + b;
         if s >= self.p { s - self.p } else { s }
     }
-    /// a − b.
+    /// Returns a − b.
     #[inline]
     pub fn sub(&self, a: u64, b: u64) -> u64 {
         if a >= b { a - b } else { a + self.p - b }
     }
-    /// −a.
+    /// Returns −a.
     #[inline]
     pub fn neg(&self, a: u64) -> u64 {
         if a == 0 { 0 } else { self.p - a }
     }
-    /// a·b.
+    /// Returns a·b.
     #[inline]
     pub fn mul(&self, a: u64, b: u64) -> u64 {
         self.reduce(u128::from(a) * u128::from(b))
     }
-    /// a^n.
+    /// Returns a^n.
     pub fn pow(&self, mut a: u64, mut n: u64) -> u64 {
         let mut result = self.one;
         while n > 0 {
@@ -148,7 +148,7 @@ impl Fp {
         }
         result
     }
-    /// 1/a.
+    /// Returns 1/a.
     ///
     /// # Panics
     /// If a is zero.
@@ -168,7 +168,7 @@ impl Fp {
         };
         self.mul(self.mul(inverse, self.r2), self.r2)
     }
-    /// a/b.
+    /// Returns a/b.
     ///
     /// # Panics
     /// If b is zero.
@@ -177,8 +177,8 @@ impl Fp {
     }
 }
 
-/// Whether n is prime: Miller–Rabin with the first twelve primes as bases, which is a proof below
-/// 3.3·10²⁴ (J. Sorenson, J. Webster, Math. Comp. 86, 2017, pages 985–1003).
+/// Returns true if n is prime, by the Miller–Rabin test with the first twelve primes as bases,
+/// which is a proof below 3.3·10²⁴ (J. Sorenson, J. Webster, Math. Comp. 86, 2017, pages 985–1003).
 pub fn is_prime(n: u64) -> bool {
     /// The first twelve primes.
     const BASES: [u64; 12] = [2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37];
@@ -206,8 +206,8 @@ pub fn is_prime(n: u64) -> bool {
     })
 }
 
-/// The primes below 2⁶² in descending order, one field after the other; they are found once and
-/// remembered.
+/// Iterates over the primes below 2⁶² in descending order, as fields; they are computed once and
+/// cached.
 pub fn primes() -> impl Iterator<Item = Fp> {
     static KNOWN: Mutex<Vec<u64>> = Mutex::new(Vec::new());
     (0..).map(|i| {
@@ -223,7 +223,7 @@ pub fn primes() -> impl Iterator<Item = Fp> {
     })
 }
 
-/// Integers that become known modulo one prime after the other (Garner's algorithm, one list at a
+/// Integers determined by residues modulo successive primes (Garner's algorithm, one list at a
 /// time).
 #[derive(Clone, Debug)]
 pub struct Crt {
@@ -232,19 +232,19 @@ pub struct Crt {
 }
 
 impl Crt {
-    /// `count` integers of which nothing is known.
+    /// Creates `count` undetermined integers.
     pub fn new(count: usize) -> Self {
         Self {
             modulus: UBig::ONE,
             values: vec![UBig::ZERO; count],
         }
     }
-    /// The product of the primes so far.
+    /// Returns the product of the primes so far.
     pub fn modulus(&self) -> &UBig {
         &self.modulus
     }
-    /// Takes in the integers' residues modulo one more prime; whether that changed any integer,
-    /// read symmetrically about zero.
+    /// Adds the residues of the integers modulo one more prime. Returns true if that changes the
+    /// symmetric representative of any integer.
     ///
     /// # Panics
     /// If the number of residues differs from the number of integers, or the prime was used before.
@@ -260,8 +260,8 @@ impl Crt {
         let mut changed = false;
         for (value, &residue) in self.values.iter_mut().zip(residues) {
             let step = field.value(field.mul(field.sub(residue, field.of_ubig(value)), inverse));
-            // A symmetric value v ≥ 0 stays as it is by step 0; v < 0 is stored as M + v and stays
-            // by step p − 1.
+            // A symmetric value v ≥ 0 is unchanged by step 0; v < 0 is stored as M + v and is
+            // unchanged by step p − 1.
             changed |= step != if *value > half { field.prime() - 1 } else { 0 };
             if step != 0 {
                 *value += &self.modulus * step;
@@ -270,7 +270,7 @@ impl Crt {
         self.modulus = modulus.unsigned_abs();
         changed
     }
-    /// The integers of least absolute value with the residues taken in.
+    /// Returns the integers of minimum absolute value with these residues.
     pub fn symmetric(&self) -> Vec<IBig> {
         let half = &self.modulus >> 1;
         let lift = |v: &UBig| {
@@ -282,9 +282,9 @@ impl Crt {
         };
         self.values.iter().map(lift).collect()
     }
-    /// A common denominator d and integers nᵢ such that nᵢ/d has the residues taken in, |nᵢ| and d
-    /// below √(M/2); nothing if there is none. Wang's reconstruction, the denominator found so far
-    /// multiplied into the next value before it.
+    /// Returns a common denominator d and integers nᵢ such that nᵢ/d has these residues, |nᵢ| and d
+    /// below √(M/2); `None` if they do not exist. By Wang's reconstruction, where each value is
+    /// first multiplied by the denominator found so far.
     pub fn rational(&self) -> Option<(Vec<IBig>, UBig)> {
         let mut denominator = UBig::ONE;
         let mut numerators: Vec<IBig> = Vec::with_capacity(self.values.len());
@@ -304,8 +304,8 @@ impl Crt {
     }
 }
 
-/// Terms modulo a prime; a denominator that vanishes gives other residues than the polynomial's,
-/// which proofs do not rest on.
+/// Returns the terms modulo a prime. A denominator that vanishes gives residues of another
+/// polynomial; proofs do not rely on them.
 pub fn residues(f: &Fp, p: &Poly) -> Vec<(Exponents, u64)> {
     let d = f.of_ubig(p.denominator());
     let inverse = if d == 0 { 0 } else { f.inv(d) };
@@ -315,21 +315,21 @@ pub fn residues(f: &Fp, p: &Poly) -> Vec<(Exponents, u64)> {
         .collect()
 }
 
-/// Rows in echelon form modulo a prime, indexed by their pivots, which are 1.
+/// Matrix in echelon form modulo a prime: rows, indexed by their pivots, which are 1.
 pub struct Echelon {
     rows: Vec<Option<Vec<u64>>>,
     rank: usize,
 }
 
 impl Echelon {
-    /// No rows yet, of this number of columns.
+    /// Creates a matrix without rows, with this number of columns.
     pub fn new(columns: usize) -> Self {
         Self {
             rows: vec![None; columns],
             rank: 0,
         }
     }
-    /// Takes in a row; whether the rank grew.
+    /// Adds a row. Returns true if the rank grew.
     pub fn insert(&mut self, f: &Fp, mut row: Vec<u64>) -> bool {
         for c in 0..row.len() {
             let factor = row[c];
@@ -351,12 +351,12 @@ impl Echelon {
         }
         false
     }
-    /// The number of independent rows.
+    /// Returns the number of independent rows.
     pub fn rank(&self) -> usize {
         self.rank
     }
-    /// The column without pivot and the kernel's vector with 1 there, if the rank is one less than
-    /// full.
+    /// Returns the column without a pivot, and the vector of the kernel with 1 there, if the kernel
+    /// has dimension 1.
     pub fn kernel(&self, f: &Fp) -> Option<(usize, Vec<u64>)> {
         if self.rank + 1 != self.rows.len() {
             return None;
@@ -377,7 +377,8 @@ impl Echelon {
     }
 }
 
-/// The fraction n/d ≡ u modulo m with |n| and d at most √(m/2), if there is one; it is unique.
+/// Returns the fraction n/d ≡ u modulo m with |n| and d at most √(m/2), if there is one; it is
+/// unique.
 pub fn rational_reconstruction(u: &UBig, m: &UBig) -> Option<RBig> {
     let bound = sqrt_floor(&(m >> 1));
     let (mut r0, mut r1) = (m.clone(), u % m);
@@ -394,7 +395,7 @@ pub fn rational_reconstruction(u: &UBig, m: &UBig) -> Option<RBig> {
     Some(RBig::from_parts(IBig::from_parts(sign, r1), d))
 }
 
-/// ⌊√n⌋ by Newton's iteration from above.
+/// Returns ⌊√n⌋ by Newton's iteration from above.
 pub(crate) fn sqrt_floor(n: &UBig) -> UBig {
     if n.is_zero() {
         return UBig::ZERO;
@@ -409,12 +410,12 @@ pub(crate) fn sqrt_floor(n: &UBig) -> UBig {
     }
 }
 
-/// Number of bits of n; 0 for zero.
+/// Returns the number of bits of n; 0 for zero.
 pub(crate) fn bit_len(n: &UBig) -> usize {
     dashu_base::BitTest::bit_len(n)
 }
 
-/// Number of bits of |n|; 0 for zero.
+/// Returns the number of bits of |n|; 0 for zero.
 pub(crate) fn bits(n: &IBig) -> usize {
     let (_, words) = n.as_sign_words();
     words

@@ -1,4 +1,4 @@
-//! Reads polynomials from text, and writes them.
+//! Parsing and formatting of polynomials.
 //!
 //! ```text
 //! sum     = term { ("+" | "-") term }
@@ -18,47 +18,48 @@ use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
 use std::fmt;
 
-/// The deepest nesting of parentheses: far more than people write, far less than the stack holds.
+/// Maximum nesting of parentheses: far more than in written texts, far less than the stack can
+/// hold.
 const MAX_DEPTH: usize = 200;
-/// The largest total degree at any stage of reading.
+/// Maximum total degree at any stage of parsing.
 pub const MAX_DEGREE: usize = 1000;
-/// The largest number of terms at any stage of reading: a dense polynomial of degree 400 in two
-/// variables.
+/// Maximum number of terms at any stage of parsing: a dense polynomial of degree 400 in two
+/// variables has fewer.
 const MAX_TERMS: usize = 100_000;
-/// The largest number of bits of a coefficient at any stage of reading.
+/// Maximum number of bits of a coefficient at any stage of parsing.
 const MAX_BITS: usize = 200_000;
-/// The largest absolute decimal exponent, beyond the exponent of any `f64`.
+/// Maximum absolute decimal exponent, beyond the exponent of any `f64`.
 const MAX_DECIMAL_EXPONENT: usize = 5000;
-/// The work of multiplying out a text, in products of machine words: about a second.
+/// Maximum work of expanding a text, in products of machine words: about a second.
 const MAX_WORK: usize = 200_000_000;
 
-/// The error of a text that is no polynomial.
+/// Error of a text that is not a polynomial.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("column {column}: {problem}")]
 pub struct ParseError {
-    /// The place, in characters counted from 1.
+    /// Position, in characters counted from 1.
     pub column: usize,
-    /// The problem there.
+    /// Problem at that position.
     pub problem: ParseProblem,
 }
 
-/// The problem of a text that is no polynomial.
+/// Problem of a text that is not a polynomial.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ParseProblem {
-    /// A character where another should be.
+    /// An unexpected character.
     #[error("expected {expected}, found {}", found.map_or("the end".to_owned(), |c| format!("'{}'", c.escape_debug())))]
     Unexpected {
-        /// The characters that may stand here.
+        /// Characters that are allowed there.
         expected: &'static str,
-        /// The character that does; none at the end of the text.
+        /// Character found; `None` at the end of the text.
         found: Option<char>,
     },
-    /// A name that is no variable.
+    /// A name that is not a variable.
     #[error("'{name}' is not one of the variables {}", known.join(", "))]
     UnknownName {
-        /// The name.
+        /// Name found.
         name: String,
-        /// The variables there are.
+        /// Names of the variables.
         known: Vec<String>,
     },
     /// The divisor contains a variable.
@@ -70,15 +71,15 @@ pub enum ParseProblem {
     /// A bound on the size of polynomials is exceeded.
     #[error("{what} above {limit}")]
     TooLarge {
-        /// The quantity.
+        /// Quantity that is too large.
         what: &'static str,
-        /// Its bound.
+        /// Bound of the quantity.
         limit: usize,
     },
 }
 
 impl Poly {
-    /// Reads a polynomial; variable i has the name `names[i]`.
+    /// Parses a polynomial; variable i has the name `names[i]`.
     ///
     /// # Errors
     /// [`ParseError`] with the column and what was expected there.
@@ -100,8 +101,8 @@ impl Poly {
         }
     }
 
-    /// This polynomial as text, variable i under the name `names[i]`, that [`Poly::parse`] reads
-    /// back.
+    /// Formats this polynomial, variable i under the name `names[i]`, as text that [`Poly::parse`]
+    /// can read.
     ///
     /// # Panics
     /// When written, if a variable without name occurs.
@@ -126,7 +127,7 @@ impl Poly {
     }
 }
 
-/// Writes a term with a positive coefficient, which is left out where it is 1.
+/// Writes a term with a positive coefficient, which is omitted if it is 1.
 fn write_term(
     f: &mut fmt::Formatter<'_>,
     coefficient: &RBig,
@@ -150,54 +151,54 @@ fn write_term(
 }
 
 impl fmt::Display for Poly {
-    /// In the variables x, y, z, w.
+    /// Formats the polynomial in the variables x, y, z, w.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.display(&["x", "y", "z", "w"]))
     }
 }
 
-/// A text while it is read, by recursive descent: each rule of the grammar is a function.
+/// Parser by recursive descent: each rule of the grammar is a method.
 struct Parser<'a> {
     text: Vec<char>,
-    /// The place of the next character.
+    /// Index of the next character.
     at: usize,
     names: &'a [&'a str],
-    /// The work of multiplying out so far.
+    /// Work of expansion so far.
     work: usize,
 }
 
 impl Parser<'_> {
-    /// A problem at a place.
+    /// Returns the error for a problem at a position.
     fn error(&self, at: usize, problem: ParseProblem) -> ParseError {
         ParseError {
             column: at + 1,
             problem,
         }
     }
-    /// The error that the next character is not as expected.
+    /// Returns the error about an unexpected next character.
     fn unexpected(&mut self, expected: &'static str) -> ParseError {
         let found = self.peek();
         self.error(self.at, ParseProblem::Unexpected { expected, found })
     }
-    /// The error that a quantity is above its bound.
+    /// Returns the error about a quantity above its bound.
     fn too_large(&self, at: usize, what: &'static str, limit: usize) -> ParseError {
         self.error(at, ParseProblem::TooLarge { what, limit })
     }
-    /// The next character that is no space.
+    /// Skips spaces and returns the next character.
     fn peek(&mut self) -> Option<char> {
         while self.text.get(self.at).is_some_and(|c| c.is_whitespace()) {
             self.at += 1;
         }
         self.text.get(self.at).copied()
     }
-    /// Whether the next character is the wanted one, which is taken then.
+    /// Consumes the next character if it is a given one; returns true if it is.
     fn take(&mut self, wanted: char) -> bool {
         let found = self.peek() == Some(wanted);
         self.at += usize::from(found);
         found
     }
 
-    /// A sum of terms, at a depth of parentheses.
+    /// Parses a sum of terms, at a depth of parentheses.
     fn sum(&mut self, depth: usize) -> Result<Poly, ParseError> {
         // Partial sums of 1, 2, 4, … terms as in merge sort: adding up one by one is quadratic in
         // the length of the text.
@@ -223,7 +224,7 @@ impl Parser<'_> {
         }
         Ok(parts.pop().map_or(Poly::zero(), |(_, p)| p))
     }
-    /// Adds the last two partial sums up.
+    /// Adds the last two partial sums.
     fn merge(&mut self, parts: &mut Vec<(u32, Poly)>) -> Result<(), ParseError> {
         if let (Some((_, b)), Some((level, a))) = (parts.pop(), parts.pop()) {
             // A sum may bring both to a new denominator.
@@ -237,7 +238,7 @@ impl Parser<'_> {
         Ok(())
     }
 
-    /// A product of factors, or a quotient by constants.
+    /// Parses a product of factors, or a quotient by constants.
     fn term(&mut self, depth: usize) -> Result<Poly, ParseError> {
         let mut product = self.factor(depth)?;
         loop {
@@ -265,7 +266,7 @@ impl Parser<'_> {
         }
     }
 
-    /// A power of an atom, with signs before it.
+    /// Parses a power of an atom, preceded by signs.
     fn factor(&mut self, depth: usize) -> Result<Poly, ParseError> {
         let mut negative = false;
         while let Some(sign @ ('+' | '-')) = self.peek() {
@@ -283,7 +284,7 @@ impl Parser<'_> {
         Ok(if negative { -base } else { base })
     }
 
-    /// The exponent of a power.
+    /// Parses the exponent of a power.
     fn exponent(&mut self) -> Result<usize, ParseError> {
         self.peek();
         let start = self.at;
@@ -293,7 +294,7 @@ impl Parser<'_> {
             self.unexpected("a whole number as exponent")
         })
     }
-    /// The digits from here on as a number, nothing if there are none.
+    /// Parses the following digits as a number; `None` if there are none.
     fn integer(&mut self, limit: usize, what: &'static str) -> Result<Option<usize>, ParseError> {
         let start = self.at;
         let mut n = 0;
@@ -307,7 +308,7 @@ impl Parser<'_> {
         Ok((self.at > start).then_some(n))
     }
 
-    /// A number, a variable, or a sum in parentheses.
+    /// Parses a number, a variable, or a sum in parentheses.
     fn atom(&mut self, depth: usize) -> Result<Poly, ParseError> {
         match self.peek() {
             Some('(') => {
@@ -328,7 +329,7 @@ impl Parser<'_> {
         }
     }
 
-    /// The variable whose name, of letters, digits and underscores, begins here.
+    /// Parses the name of a variable, of letters, digits and underscores.
     fn variable(&mut self) -> Result<Poly, ParseError> {
         let start = self.at;
         while self
@@ -348,7 +349,7 @@ impl Parser<'_> {
         }
     }
 
-    /// A number, exact: its digits as an integer, times a power of ten.
+    /// Parses a number exactly: its digits as an integer, times a power of ten.
     fn number(&mut self) -> Result<Poly, ParseError> {
         let start = self.at;
         let (digits, decimals) = self.digits();
@@ -365,8 +366,8 @@ impl Parser<'_> {
         let value = RBig::from_parts(mantissa * ten.pow(up), ten.pow(decimals + down));
         self.bounded(start, Poly::constant(value))
     }
-    /// The digits from here on, with a decimal point among them or none, and how many of them are
-    /// behind the point.
+    /// Parses the following digits with an optional decimal point; returns them and the number of
+    /// digits after the point.
     fn digits(&mut self) -> (String, usize) {
         let mut digits = String::new();
         let mut decimals = 0usize;
@@ -384,7 +385,8 @@ impl Parser<'_> {
         }
         (digits, decimals)
     }
-    /// The powers of ten that a decimal exponent multiplies and divides by; 0 where there is none.
+    /// Parses a decimal exponent; returns the exponents of the powers of ten by which to multiply
+    /// and to divide, both 0 without an exponent.
     fn decimal_exponent(&mut self) -> Result<[usize; 2], ParseError> {
         let Some('e' | 'E') = self.text.get(self.at) else {
             return Ok([0, 0]);
@@ -397,7 +399,8 @@ impl Parser<'_> {
         Ok(if negative { [0, n] } else { [n, 0] })
     }
 
-    /// A power by squaring, unless its degree or its coefficients would be too large.
+    /// Returns a power, by repeated squaring, unless its degree or its coefficients would be too
+    /// large.
     fn power(&mut self, at: usize, base: &Poly, n: usize) -> Result<Poly, ParseError> {
         if n * base.total_degree() > MAX_DEGREE {
             return Err(self.too_large(at, "a degree", MAX_DEGREE));
@@ -420,7 +423,7 @@ impl Parser<'_> {
         }
         Ok(power)
     }
-    /// A product, unless it would be too large or too much work.
+    /// Returns a product, unless it would be too large or too much work.
     fn product(&mut self, at: usize, a: &Poly, b: &Poly) -> Result<Poly, ParseError> {
         if a.total_degree() + b.total_degree() > MAX_DEGREE {
             return Err(self.too_large(at, "a degree", MAX_DEGREE));
@@ -433,7 +436,7 @@ impl Parser<'_> {
         self.charge(at, pairs.saturating_mul(words(a) * words(b) + 4))?;
         self.bounded(at, a * b)
     }
-    /// Counts work in, up to its bound.
+    /// Adds to the work; returns an error above its bound.
     fn charge(&mut self, at: usize, work: usize) -> Result<(), ParseError> {
         self.work = self.work.saturating_add(work);
         if self.work > MAX_WORK {
@@ -442,7 +445,7 @@ impl Parser<'_> {
             Ok(())
         }
     }
-    /// A polynomial, unless it has too many terms or too long coefficients.
+    /// Returns a polynomial, or an error if it has too many terms or too long coefficients.
     fn bounded(&self, at: usize, p: Poly) -> Result<Poly, ParseError> {
         if p.terms().len() > MAX_TERMS {
             return Err(self.too_large(at, "a number of terms", MAX_TERMS));
@@ -454,7 +457,8 @@ impl Parser<'_> {
     }
 }
 
-/// Machine words of the longest coefficient or the denominator, at least one.
+/// Returns the number of machine words, at least one, of the longest coefficient or of the
+/// denominator.
 fn words(p: &Poly) -> usize {
     let longest = p
         .terms()

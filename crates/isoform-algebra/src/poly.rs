@@ -5,8 +5,8 @@
 //! without conversions, and homogenising is choosing a number.
 //!
 //! Coefficients are integers over one common denominator without common factor; terms are in
-//! descending lexicographic order. Equal polynomials are equal values, and everything made from
-//! them comes in the same order each time.
+//! descending lexicographic order. Equal polynomials are equal values, and the order of all results
+//! derived from them is deterministic.
 
 use crate::UPoly;
 use dashu_base::{Gcd, Signed, UnsignedAbs};
@@ -16,13 +16,13 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::ops::{Add, Mul, Neg, Sub};
 
-/// The largest number of variables.
+/// Maximum number of variables.
 pub const MAX_VARS: usize = 4;
 
-/// The exponents of the four variables in a term.
+/// Exponents of the four variables in a term.
 pub type Exponents = [u16; MAX_VARS];
 
-/// A polynomial over Q in the variables x₀ … x₃.
+/// Polynomial over Q in the variables x₀ … x₃.
 ///
 /// ```
 /// use isoform_algebra::Poly;
@@ -47,22 +47,22 @@ impl Default for Poly {
 }
 
 impl Poly {
-    /// 0.
+    /// Returns 0.
     pub fn zero() -> Self {
         Self {
             terms: Vec::new(),
             denominator: UBig::ONE,
         }
     }
-    /// 1.
+    /// Returns 1.
     pub fn one() -> Self {
         Self::constant(1)
     }
-    /// A constant.
+    /// Returns a constant.
     pub fn constant(c: impl Into<RBig>) -> Self {
         Self::term(c, [0; MAX_VARS])
     }
-    /// The variable with a number.
+    /// Returns the variable with an index.
     ///
     /// # Panics
     /// If var is not below [`MAX_VARS`].
@@ -71,7 +71,7 @@ impl Poly {
         exponents[var] = 1;
         Self::term(1, exponents)
     }
-    /// A constant times a product of powers.
+    /// Returns a constant times a product of powers.
     pub fn term(c: impl Into<RBig>, exponents: Exponents) -> Self {
         let (n, denominator) = c.into().into_parts();
         if n.is_zero() {
@@ -83,7 +83,7 @@ impl Poly {
             }
         }
     }
-    /// The sum of terms in any order, in which exponents may repeat.
+    /// Returns the sum of terms in any order, in which exponents may repeat.
     pub fn from_terms(terms: impl IntoIterator<Item = (Exponents, RBig)>) -> Self {
         let mut sum: BTreeMap<Exponents, RBig> = BTreeMap::new();
         for (e, c) in terms {
@@ -100,7 +100,8 @@ impl Poly {
         let terms = lifted.filter(|(_, c)| !c.is_zero()).collect();
         Self { terms, denominator }
     }
-    /// The sum of integer terms over a denominator, in any order, in which exponents may repeat.
+    /// Returns the sum of integer terms over a denominator, in any order, in which exponents may
+    /// repeat.
     ///
     /// # Panics
     /// If the denominator is zero.
@@ -120,9 +121,9 @@ impl Poly {
             denominator,
         )
     }
-    /// The sum of terms with coefficients read as the exact numbers that they are.
+    /// Returns the sum of terms whose coefficients are the exact values of doubles.
     ///
-    /// None if one is infinite or NaN.
+    /// `None` if a coefficient is infinite or NaN.
     pub fn from_f64(terms: impl IntoIterator<Item = (Exponents, f64)>) -> Option<Self> {
         let exact: Option<Vec<_>> = terms
             .into_iter()
@@ -131,8 +132,8 @@ impl Poly {
         exact.map(Self::from_terms)
     }
 
-    /// The polynomial of terms in descending order, without zeros, over a denominator, of which the
-    /// factors that all coefficients have are cancelled.
+    /// Returns the polynomial of non-zero terms in descending order over a denominator, after
+    /// cancelling common factors of all coefficients and the denominator.
     pub(crate) fn normalised(mut terms: Vec<(Exponents, IBig)>, mut denominator: UBig) -> Self {
         assert!(!denominator.is_zero(), "a zero denominator");
         if terms.is_empty() {
@@ -156,37 +157,37 @@ impl Poly {
         Self { terms, denominator }
     }
 
-    /// The integer coefficients over [`Poly::denominator`], in descending lexicographic order of
-    /// exponents, none zero.
+    /// Returns the terms with integer coefficients over [`Poly::denominator`], all non-zero, in
+    /// descending lexicographic order of exponents.
     pub fn terms(&self) -> &[(Exponents, IBig)] {
         &self.terms
     }
-    /// The least common denominator of the coefficients.
+    /// Returns the least common denominator of the coefficients.
     pub fn denominator(&self) -> &UBig {
         &self.denominator
     }
-    /// The coefficient of a product of powers.
+    /// Returns the coefficient of a product of powers.
     pub fn coefficient(&self, exponents: Exponents) -> RBig {
         match self.terms.binary_search_by(|(e, _)| exponents.cmp(e)) {
             Ok(i) => RBig::from_parts(self.terms[i].1.clone(), self.denominator.clone()),
             Err(_) => RBig::ZERO,
         }
     }
-    /// The coefficient of the lexicographically highest term; 0 for the zero polynomial.
+    /// Returns the coefficient of the lexicographically highest term; 0 for the zero polynomial.
     pub fn leading_coefficient(&self) -> RBig {
         self.terms.first().map_or(RBig::ZERO, |(_, c)| {
             RBig::from_parts(c.clone(), self.denominator.clone())
         })
     }
-    /// Whether this is 0.
+    /// Returns true if this is 0.
     pub fn is_zero(&self) -> bool {
         self.terms.is_empty()
     }
-    /// Whether no variable occurs.
+    /// Returns true if no variable occurs.
     pub fn is_constant(&self) -> bool {
         self.as_constant().is_some()
     }
-    /// The value if no variable occurs.
+    /// Returns the value if no variable occurs.
     pub fn as_constant(&self) -> Option<RBig> {
         match &self.terms[..] {
             [] => Some(RBig::ZERO),
@@ -196,15 +197,16 @@ impl Poly {
             _ => None,
         }
     }
-    /// The largest sum of exponents; 0 for the zero polynomial.
+    /// Returns the largest sum of exponents; 0 for the zero polynomial.
     pub fn total_degree(&self) -> usize {
         self.terms.iter().map(|(e, _)| sum(e)).max().unwrap_or(0)
     }
-    /// The least sum of exponents, the order of vanishing at the origin; 0 for the zero polynomial.
+    /// Returns the least sum of exponents, the order of vanishing at the origin; 0 for the zero
+    /// polynomial.
     pub fn order(&self) -> usize {
         self.terms.iter().map(|(e, _)| sum(e)).min().unwrap_or(0)
     }
-    /// The largest exponent of a variable; 0 for the zero polynomial.
+    /// Returns the largest exponent of a variable; 0 for the zero polynomial.
     pub fn degree(&self, var: usize) -> usize {
         self.terms
             .iter()
@@ -212,15 +214,15 @@ impl Poly {
             .max()
             .unwrap_or(0)
     }
-    /// The largest exponents of all variables.
+    /// Returns the largest exponents of all variables.
     pub fn degrees(&self) -> [usize; MAX_VARS] {
         std::array::from_fn(|v| self.degree(v))
     }
-    /// Whether all terms have the same sum of exponents.
+    /// Returns true if the sum of exponents is equal for all terms.
     pub fn is_homogeneous(&self) -> bool {
         self.total_degree() == self.order()
     }
-    /// The terms whose sum of exponents is `degree`.
+    /// Returns the terms whose sum of exponents is `degree`.
     pub fn homogeneous_part(&self, degree: usize) -> Self {
         let terms = self
             .terms
@@ -231,7 +233,7 @@ impl Poly {
         Self::normalised(terms, self.denominator.clone())
     }
 
-    /// This polynomial times a number.
+    /// Returns this polynomial times a number.
     pub fn scale(&self, c: &RBig) -> Self {
         if c.is_zero() {
             return Self::zero();
@@ -243,7 +245,7 @@ impl Poly {
             .collect();
         Self::normalised(terms, &self.denominator * c.denominator())
     }
-    /// This polynomial to a power; the zeroth is 1.
+    /// Returns this polynomial to a power; the zeroth is 1.
     ///
     /// # Panics
     /// If an exponent exceeds 65535.
@@ -257,7 +259,7 @@ impl Poly {
         }
         result
     }
-    /// The partial derivative.
+    /// Returns the partial derivative.
     pub fn derivative(&self, var: usize) -> Self {
         let lower = |(e, c): &(Exponents, IBig)| {
             let mut lowered = *e;
@@ -269,7 +271,7 @@ impl Poly {
             self.denominator.clone(),
         )
     }
-    /// The value where variable i is `at[i]`; variables beyond the slice must not occur.
+    /// Returns the value where variable i is `at[i]`; variables beyond the slice must not occur.
     ///
     /// # Panics
     /// If a variable beyond the slice occurs.
@@ -298,7 +300,7 @@ impl Poly {
         }
         RBig::from_parts(numerator, denominator)
     }
-    /// This polynomial with a number in place of a variable.
+    /// Returns this polynomial with a number in place of a variable.
     pub fn set(&self, var: usize, value: &RBig) -> Self {
         let degree = self.degree(var);
         let table = fraction_powers(value, degree);
@@ -312,13 +314,13 @@ impl Poly {
             &self.denominator * value.denominator().pow(degree),
         )
     }
-    /// This polynomial with a polynomial in place of a variable.
+    /// Returns this polynomial with a polynomial in place of a variable.
     pub fn substitute(&self, var: usize, by: &Self) -> Self {
         let mut parts: Vec<Self> = (0..MAX_VARS).map(Self::var).collect();
         parts[var] = by.clone();
         self.compose(&parts)
     }
-    /// This polynomial with variable `permutation[i]` in place of variable i.
+    /// Returns this polynomial with variable `permutation[i]` in place of variable i.
     pub fn rename(&self, permutation: [usize; MAX_VARS]) -> Self {
         let moved = self.terms.iter().map(|(e, c)| {
             let mut target = [0; MAX_VARS];
@@ -329,8 +331,8 @@ impl Poly {
         });
         Self::from_integers(moved, self.denominator.clone())
     }
-    /// The form of a degree of which this polynomial is left with 1 in place of a variable: each
-    /// term is filled up by a power of the variable.
+    /// Returns the form of a degree that becomes this polynomial with 1 in place of a variable:
+    /// each term is multiplied by a power of the variable.
     ///
     /// # Panics
     /// If the degree is below the total degree.
@@ -345,11 +347,12 @@ impl Poly {
         });
         Self::from_integers(filled, self.denominator.clone())
     }
-    /// This polynomial with 1 in place of a variable.
+    /// Returns this polynomial with 1 in place of a variable.
     pub fn dehomogenise(&self, var: usize) -> Self {
         self.set(var, &RBig::ONE)
     }
-    /// The coefficients of the powers of a variable, lowest first; empty for the zero polynomial.
+    /// Returns the coefficients of the powers of a variable, lowest first; empty for the zero
+    /// polynomial.
     pub fn coefficients_in(&self, var: usize) -> Vec<Self> {
         if self.is_zero() {
             return Vec::new();
@@ -366,12 +369,12 @@ impl Poly {
             .collect()
     }
 
-    /// The content: the positive number that [`Poly::primitive`] has to be multiplied by to give
-    /// this polynomial up to sign; 0 for the zero polynomial.
+    /// Returns the content: the positive number that [`Poly::primitive`] has to be multiplied by to
+    /// give this polynomial up to sign; 0 for the zero polynomial.
     pub fn content(&self) -> RBig {
         RBig::from_parts(IBig::from(self.integer_content()), self.denominator.clone())
     }
-    /// The greatest common divisor of the integer coefficients; 0 for the zero polynomial.
+    /// Returns the greatest common divisor of the integer coefficients; 0 for the zero polynomial.
     fn integer_content(&self) -> UBig {
         let mut common = UBig::ZERO;
         for (_, c) in &self.terms {
@@ -386,8 +389,8 @@ impl Poly {
         }
         common
     }
-    /// The primitive part: the multiple with integer coefficients without common factor and with a
-    /// positive leading coefficient.
+    /// Returns the primitive part: the multiple with integer coefficients without common factor and
+    /// with a positive leading coefficient.
     pub fn primitive(&self) -> Self {
         let Some((_, lead)) = self.terms.first() else {
             return Self::zero();
@@ -402,11 +405,12 @@ impl Poly {
             denominator: UBig::ONE,
         }
     }
-    /// Whether one is a constant, not zero, times the other.
+    /// Returns true if one polynomial is a non-zero constant times the other.
     pub fn is_associate(&self, other: &Self) -> bool {
         self.primitive() == other.primitive()
     }
-    /// The quotient if `divisor` divides this polynomial over Q; division by zero has none.
+    /// Returns the quotient if `divisor` divides this polynomial over Q; `None` otherwise, and for
+    /// a zero divisor.
     pub fn div_exact(&self, divisor: &Self) -> Option<Self> {
         if divisor.is_zero() {
             return None;
@@ -426,8 +430,8 @@ impl Poly {
                 / quotient.leading_coefficient()),
         ))
     }
-    /// The quotient of two polynomials with integer coefficients, if it is one, by long division in
-    /// the order of the terms.
+    /// Returns the quotient of two polynomials with integer coefficients, if it is one, by long
+    /// division in the order of the terms.
     fn integer_quotient(&self, divisor: &Self) -> Option<Self> {
         let (degrees, divisor_degrees) = (self.degrees(), divisor.degrees());
         let mut rest = Accumulator::new(&degrees, self.terms.len());
@@ -458,12 +462,12 @@ impl Poly {
             denominator: UBig::ONE,
         })
     }
-    /// Whether `divisor` divides this polynomial over Q.
+    /// Returns true if `divisor` divides this polynomial over Q.
     pub fn is_multiple_of(&self, divisor: &Self) -> bool {
         self.div_exact(divisor).is_some()
     }
 
-    /// The terms with coefficients rounded to nearest, ties to even.
+    /// Returns the terms with coefficients rounded to nearest, ties to even.
     pub fn to_f64(&self) -> Vec<(Exponents, f64)> {
         let round = |c: &IBig| {
             RBig::from_parts(c.clone(), self.denominator.clone())
@@ -472,8 +476,8 @@ impl Poly {
         };
         self.terms.iter().map(|(e, c)| (*e, round(c))).collect()
     }
-    /// The primitive univariate polynomial of which this is a multiple, if no variable but `var`
-    /// occurs.
+    /// Returns the primitive univariate polynomial of which this is a multiple, if no variable but
+    /// `var` occurs.
     pub fn to_upoly(&self, var: usize) -> Option<UPoly> {
         let mut coefficients = vec![IBig::ZERO; self.degree(var) + 1];
         for (e, c) in &self.terms {
@@ -484,7 +488,7 @@ impl Poly {
         }
         Some(UPoly::new(coefficients).primitive())
     }
-    /// The polynomial of a univariate one in a variable.
+    /// Returns the polynomial of a univariate one in a variable.
     pub fn from_upoly(p: &UPoly, var: usize) -> Self {
         let terms = p.coefficients().iter().enumerate().map(|(i, c)| {
             let mut e = [0; MAX_VARS];
@@ -493,26 +497,26 @@ impl Poly {
         });
         Self::from_integers(terms, UBig::ONE)
     }
-    /// The numbers of the variables that occur, ascending.
+    /// Returns the indices of the variables that occur, ascending.
     pub fn variables(&self) -> Vec<usize> {
         (0..MAX_VARS).filter(|&v| self.degree(v) > 0).collect()
     }
 
-    /// The sum with ± another polynomial, over the least common denominator.
+    /// Returns the sum with ± another polynomial, over the least common denominator.
     fn add_scaled(&self, other: &Self, sign: i8) -> Self {
         let denominator = lcm(&self.denominator, &other.denominator);
-        let one = Scaled {
+        let one = ScaledTerms {
             terms: &self.terms,
             by: IBig::from(&denominator / &self.denominator),
         };
-        let two = Scaled {
+        let two = ScaledTerms {
             terms: &other.terms,
             by: IBig::from(&denominator / &other.denominator) * sign,
         };
         Self::normalised(one.plus(&two), denominator)
     }
 
-    /// The product, term by term.
+    /// Returns the product, term by term.
     ///
     /// # Panics
     /// If an exponent exceeds 65535.
@@ -532,12 +536,12 @@ impl Poly {
     }
 }
 
-/// The total degree of a term.
+/// Returns the total degree of a term.
 fn sum(e: &Exponents) -> usize {
     e.iter().map(|&n| usize::from(n)).sum()
 }
 
-/// The least common multiple; denominators are often equal, or 1.
+/// Returns the least common multiple; denominators are often equal, or 1.
 fn lcm(a: &UBig, b: &UBig) -> UBig {
     if a == b || b.is_one() {
         a.clone()
@@ -548,7 +552,7 @@ fn lcm(a: &UBig, b: &UBig) -> UBig {
     }
 }
 
-/// The products n^i d^(degree − i) for i = 0 … degree, where r = n/d.
+/// Returns the products n^i d^(degree − i) for i = 0 … degree, where r = n/d.
 pub(crate) fn fraction_powers(r: &RBig, degree: usize) -> Vec<IBig> {
     let mut table = vec![IBig::ONE; degree + 1];
     for i in 1..=degree {
@@ -564,14 +568,14 @@ pub(crate) fn fraction_powers(r: &RBig, degree: usize) -> Vec<IBig> {
     table
 }
 
-/// Terms, highest first, of which each coefficient is to be multiplied by an integer.
-struct Scaled<'a> {
+/// Terms, highest first, each of whose coefficients is to be multiplied by an integer.
+struct ScaledTerms<'a> {
     terms: &'a [(Exponents, IBig)],
     by: IBig,
 }
 
-impl Scaled<'_> {
-    /// The coefficient of the term at a place.
+impl ScaledTerms<'_> {
+    /// Returns the coefficient of the term at an index.
     #[inline]
     fn coefficient(&self, place: usize) -> IBig {
         let c = &self.terms[place].1;
@@ -581,7 +585,7 @@ impl Scaled<'_> {
             c * &self.by
         }
     }
-    /// The terms of the sum, highest first, by merging.
+    /// Returns the terms of the sum, highest first, by merging.
     fn plus(&self, other: &Self) -> Vec<(Exponents, IBig)> {
         let mut sum = Vec::with_capacity(self.terms.len() + other.terms.len());
         let (mut i, mut j) = (0, 0);
@@ -609,8 +613,8 @@ impl Scaled<'_> {
     }
 }
 
-/// Terms being summed up: an array over the box of exponents where that is not much larger than the
-/// number of terms, a sorted map otherwise.
+/// Sum of terms: an array over the box of exponents where that is not much larger than the number
+/// of terms, a sorted map otherwise.
 enum Accumulator {
     Dense {
         strides: [usize; MAX_VARS],
@@ -619,12 +623,12 @@ enum Accumulator {
     Sparse(BTreeMap<Exponents, IBig>),
 }
 
-/// The most cells of the array per term that will be added: in an array with more of them most are
+/// Maximum number of cells of the array per term that will be added: with more, most cells are
 /// empty, and the map is faster.
-const CELLS_PER_TERM: usize = 8;
+const MAX_CELLS_PER_TERM: usize = 8;
 
 impl Accumulator {
-    /// No terms yet, for a number of additions of terms up to some degrees.
+    /// Creates a sum without terms, for a number of additions of terms up to some degrees.
     fn new(degrees: &[usize; MAX_VARS], additions: usize) -> Self {
         let mut strides = [0; MAX_VARS];
         let mut size = 1usize;
@@ -632,7 +636,11 @@ impl Accumulator {
             strides[v] = size;
             size = size.saturating_mul(degrees[v] + 1);
         }
-        if size <= additions.saturating_mul(CELLS_PER_TERM).saturating_add(16) {
+        if size
+            <= additions
+                .saturating_mul(MAX_CELLS_PER_TERM)
+                .saturating_add(16)
+        {
             Self::Dense {
                 strides,
                 cells: vec![IBig::ZERO; size],
@@ -652,7 +660,7 @@ impl Accumulator {
             Self::Sparse(map) => *map.entry(e).or_insert(IBig::ZERO) += c,
         }
     }
-    /// The exponents of a cell of the array.
+    /// Returns the exponents of a cell of the array.
     fn exponents(strides: &[usize; MAX_VARS], mut index: usize) -> Exponents {
         strides.map(|stride| {
             let n = index / stride;
@@ -677,7 +685,7 @@ impl Accumulator {
             },
         }
     }
-    /// The terms that are not zero, highest first.
+    /// Returns the terms that are not zero, highest first.
     fn into_terms(mut self) -> Vec<(Exponents, IBig)> {
         std::iter::from_fn(|| self.pop_highest()).collect()
     }

@@ -1,25 +1,25 @@
-//! Precision that grows until it decides: the one loop of that kind, which ends.
+//! Computation with growing precision, up to a limit, until the result is decided.
 
 use isoform_control::{Control, Stopped};
 
-/// Bits beyond which nothing is looked at more closely.
+/// Maximum number of bits of any computation.
 ///
-/// The numbers refined here differ, and are known to: numbers without a common polynomial, roots
+/// The numbers refined here are known to differ: numbers without a common polynomial, or roots
 /// whose number is known. Roots of a polynomial of degree d with coefficients of τ bits are more
-/// than about 2^−d(τ + log d) apart (K. Mahler, Michigan Math. J. 11, 1964), and resultants of the
-/// curves that anybody draws decide within some thousand bits. A million bits mean an error of this
-/// program. A lower bound could stop what only is hard; a higher one would let an error run for
-/// hours before it is said.
-pub(crate) const MOST_BITS: usize = 1 << 20;
+/// than about 2^−d(τ + log d) apart (K. Mahler, Michigan Math. J. 11, 1964), and resultants of
+/// typical curves decide within some thousand bits. A million bits mean an internal error. A
+/// smaller bound could stop a computation that is merely hard; a larger one would let an error run
+/// for hours before it is reported.
+pub(crate) const MAX_PRECISION_BITS: usize = 1 << 20;
 
-/// The growth of the number of bits from one attempt to the next.
+/// Growth of the number of bits from one attempt to the next.
 pub type Growth = fn(usize) -> usize;
 
-/// Twice as many bits: the last attempt costs about as much as all before.
+/// Doubling of the number of bits: the last attempt costs about as much as all previous ones.
 pub const DOUBLED: Growth = |bits| 2 * bits;
 
-/// The result of the first attempt that decides, with `bits` bits and more. `control` is asked
-/// before each attempt.
+/// Returns the result of the first attempt that decides, starting with `bits` bits. `control` is
+/// checked before each attempt.
 ///
 /// ```
 /// use isoform_algebra::{DOUBLED, RBig, real_roots, refine_until, Poly};
@@ -57,7 +57,7 @@ pub fn refine_until<T, E: From<Stopped>>(
             return Ok(found);
         }
         assert!(
-            bits < MOST_BITS,
+            bits < MAX_PRECISION_BITS,
             "{bits} bits do not tell apart what differs: an error of the exact kernel"
         );
         bits = growth(bits).max(bits + 1);
@@ -113,6 +113,6 @@ mod tests {
     #[test]
     #[should_panic(expected = "an error of the exact kernel")]
     fn it_ends() {
-        decide(MOST_BITS - 3, |bits| bits, |_| None::<()>);
+        decide(MAX_PRECISION_BITS - 3, |bits| bits, |_| None::<()>);
     }
 }

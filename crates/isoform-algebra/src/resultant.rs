@@ -28,10 +28,10 @@ use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::sync::{Mutex, PoisonError};
 
-/// Points between two looks whether to stop.
-const LOOKS: usize = 64;
+/// Number of points between two checks of the control.
+const POINTS_PER_CHECK: usize = 64;
 
-/// Why there is no resultant.
+/// Reason why a resultant could not be computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ResultantError {
     /// More than one variable besides the eliminated one.
@@ -43,7 +43,8 @@ pub enum ResultantError {
 }
 
 impl ResultantError {
-    /// Where the number of variables is right, only [`Stopped`] is left.
+    /// Converts the error to [`Stopped`], the only one possible if the number of variables is
+    /// right.
     ///
     /// # Panics
     /// If there were too many variables.
@@ -59,7 +60,7 @@ impl From<Stopped> for ResultantError {
     }
 }
 
-/// The resultant of two polynomials with respect to a variable; they have at most one other
+/// Returns the resultant of two polynomials with respect to a variable; they have at most one other
 /// variable. It is zero if one of the polynomials is, and the other's power if one of them lacks
 /// the variable.
 ///
@@ -79,7 +80,7 @@ pub fn resultant(
     var: usize,
     control: &Control<'_>,
 ) -> Result<Poly, ResultantError> {
-    let (other, pair) = Pair::new(f, g, var)?;
+    let (other, pair) = PolynomialPair::new(f, g, var)?;
     if f.is_zero() || g.is_zero() {
         return Ok(Poly::zero());
     }
@@ -91,8 +92,8 @@ pub fn resultant(
     )))
 }
 
-/// The discriminant with respect to a variable, (−1)^(n(n−1)/2) Res(f, f′)/lc(f); 1 for degree 1
-/// and below.
+/// Returns the discriminant with respect to a variable, (−1)^(n(n−1)/2) Res(f, f′)/lc(f); 1 for
+/// degree 1 and below.
 ///
 /// # Errors
 /// [`ResultantError`].
@@ -113,7 +114,7 @@ pub fn discriminant(f: &Poly, var: usize, control: &Control<'_>) -> Result<Poly,
     })
 }
 
-/// The resultant of two univariate polynomials.
+/// Returns the resultant of two univariate polynomials.
 pub fn resultant_univariate(f: &UPoly, g: &UPoly) -> IBig {
     if f.is_zero() || g.is_zero() {
         return IBig::ZERO;
@@ -141,13 +142,13 @@ pub fn resultant_univariate(f: &UPoly, g: &UPoly) -> IBig {
     crt.symmetric().swap_remove(0)
 }
 
-/// Twice √(f^m g^n) rounded up: a modulus above it decides.
+/// Returns twice √(f^m g^n), rounded up: a modulus above it suffices.
 fn hadamard(f: &UBig, m: usize, g: &UBig, n: usize) -> UBig {
     (sqrt_floor(&(f.pow(m) * g.pow(n))) + UBig::ONE) << 1
 }
 
-/// Res of two polynomials whose formal degrees are their lengths less one, whatever vanishes at the
-/// top.
+/// Returns the resultant of two polynomials with formal degrees, their lengths less one, even if
+/// leading coefficients vanish.
 fn resultant_at(f: &Fp, a: &[u64], b: &[u64]) -> u64 {
     let (n, m) = (a.len() - 1, b.len() - 1);
     let (mut a, mut b) = (a.to_vec(), b.to_vec());
@@ -177,8 +178,9 @@ fn resultant_at(f: &Fp, a: &[u64], b: &[u64]) -> u64 {
     r
 }
 
-/// All subresultants Sⱼ, j < m, of two polynomials of exact degrees n ≥ m, Euclid's algorithm on
-/// Sⱼ(a, b) = (−1)^((n−j)(m−j)) lc(b)^(n−k) Sⱼ(b, r), where r = a mod b has degree k ≥ j.
+/// Returns all subresultants Sⱼ, j < m, of two polynomials of exact degrees n ≥ m, by Euclid's
+/// algorithm: Sⱼ(a, b) = (−1)^((n−j)(m−j)) lc(b)^(n−k) Sⱼ(b, r), where r = a mod b has degree k ≥
+/// j.
 pub(crate) fn subresultants_at(f: &Fp, a: &[u64], b: &[u64]) -> Vec<Vec<u64>> {
     let mut chain = vec![Vec::new(); b.len() - 1];
     let (mut a, mut b) = (a.to_vec(), b.to_vec());
@@ -208,8 +210,8 @@ pub(crate) fn subresultants_at(f: &Fp, a: &[u64], b: &[u64]) -> Vec<Vec<u64>> {
     chain
 }
 
-/// Two polynomials in y with integer coefficients in x: coefficient of yⁱ at index i.
-struct Pair {
+/// Pair of polynomials in y with integer coefficients in x: coefficient of yⁱ at index i.
+struct PolynomialPair {
     f: Vec<UPoly>,
     g: Vec<UPoly>,
     /// Total degrees.
@@ -218,7 +220,8 @@ struct Pair {
     norms: (UBig, UBig),
 }
 
-/// The integer multiple by the denominator, as polynomials in `other` for each power of `var`.
+/// Returns the integer multiple by the denominator, as polynomials in `other` for each power of
+/// `var`.
 fn coefficients(p: &Poly, var: usize, other: usize) -> Vec<UPoly> {
     let mut rows = vec![vec![IBig::ZERO; p.degree(other) + 1]; p.degree(var) + 1];
     for (e, c) in p.terms() {
@@ -227,15 +230,15 @@ fn coefficients(p: &Poly, var: usize, other: usize) -> Vec<UPoly> {
     rows.into_iter().map(UPoly::new).collect()
 }
 
-/// Σ‖cᵢ‖₁² over the coefficients.
+/// Returns Σ‖cᵢ‖₁² over the coefficients.
 fn squared_norm(p: &[UPoly]) -> UBig {
     let absolute = |c: &IBig| c.clone().unsigned_abs();
     let norm = |c: &UPoly| c.coefficients().iter().map(absolute).sum::<UBig>();
     p.iter().map(|c| norm(c).pow(2)).sum()
 }
 
-impl Pair {
-    /// The variable beside `var`, and the coefficients of both polynomials in it.
+impl PolynomialPair {
+    /// Returns the variable other than `var`, and the coefficients of both polynomials in it.
     fn new(f: &Poly, g: &Poly, var: usize) -> Result<(usize, Self), ResultantError> {
         let mut others: Vec<usize> = f
             .variables()
@@ -255,8 +258,8 @@ impl Pair {
         Ok((other, Self { f, g, total, norms }))
     }
 
-    /// A bound on the degree in x of the coefficient of yⁱ in Sⱼ: by degrees in x, and by total
-    /// degrees.
+    /// Returns a bound on the degree in x of the coefficient of yⁱ in Sⱼ: by degrees in x, and by
+    /// total degrees.
     fn degree_bound(&self, j: usize, i: usize) -> usize {
         let (n, m) = (self.f.len() - 1, self.g.len() - 1);
         let along = |p: &[UPoly]| p.iter().map(UPoly::degree).max().unwrap_or(0);
@@ -271,8 +274,8 @@ impl Pair {
         by_x.min(by_total)
     }
 
-    /// Twice a bound on the coefficients of Sⱼ: its rows are rows of S₀, and none of them is
-    /// shorter than 1.
+    /// Returns twice a bound on the coefficients of Sⱼ: its rows are rows of S₀, each at least of
+    /// length 1.
     fn modulus_bound(&self, j: usize) -> UBig {
         hadamard(
             &self.norms.0,
@@ -282,7 +285,7 @@ impl Pair {
         )
     }
 
-    /// S₀.
+    /// Returns S₀.
     fn resultant(&self, control: &Control<'_>) -> Result<UPoly, ResultantError> {
         let mut values = self.lift(&[(0, 0)], false, control, |field, a, b| {
             vec![resultant_at(field, a, b)]
@@ -290,9 +293,10 @@ impl Pair {
         Ok(values.swap_remove(0))
     }
 
-    /// The coefficients of yⁱ in Sⱼ for pairs (j, i) as integer polynomials in x, from their values
-    /// at points modulo primes, which `at` gives from the values of the coefficients of f and g.
-    /// With `exact` points are left out where a leading coefficient vanishes.
+    /// Returns the coefficients of yⁱ in Sⱼ for pairs (j, i) as integer polynomials in x, from
+    /// their values at points modulo primes, which `at` computes from the values of the
+    /// coefficients of f and g. With `exact`, points at which a leading coefficient vanishes are
+    /// left out.
     fn lift(
         &self,
         wanted: &[(usize, usize)],
@@ -300,7 +304,10 @@ impl Pair {
         control: &Control<'_>,
         at: impl Fn(&Fp, &[u64], &[u64]) -> Vec<u64>,
     ) -> Result<Vec<UPoly>, ResultantError> {
-        let mut lifts: Vec<Lift> = wanted.iter().map(|&w| Lift::new(self, w)).collect();
+        let mut lifts: Vec<CoefficientLift> = wanted
+            .iter()
+            .map(|&w| CoefficientLift::new(self, w))
+            .collect();
         for field in primes() {
             control.check()?;
             let open = lifts.iter().filter(|l| l.is_open());
@@ -318,7 +325,7 @@ impl Pair {
                 if !lift.is_open() {
                     continue;
                 }
-                if degree > LOOKS {
+                if degree > POINTS_PER_CHECK {
                     control.check()?;
                 }
                 lift.push(&field, &samples.nodes, values, &inverses);
@@ -331,17 +338,17 @@ impl Pair {
     }
 }
 
-/// An integer polynomial of bounded degree and coefficients, lifted from its images modulo primes.
-struct Lift {
+/// Integer polynomial of bounded degree and coefficients, lifted from its images modulo primes.
+struct CoefficientLift {
     degree: usize,
-    /// A modulus above it decides.
+    /// Bound on the modulus: a modulus above it suffices.
     bound: UBig,
     crt: Crt,
 }
 
-impl Lift {
-    /// Of the coefficient of yⁱ in Sⱼ.
-    fn new(pair: &Pair, (j, i): (usize, usize)) -> Self {
+impl CoefficientLift {
+    /// Creates the lift of the coefficient of yⁱ in Sⱼ.
+    fn new(pair: &PolynomialPair, (j, i): (usize, usize)) -> Self {
         let degree = pair.degree_bound(j, i);
         Self {
             degree,
@@ -354,7 +361,7 @@ impl Lift {
         *self.crt.modulus() <= self.bound
     }
 
-    /// Adds the image that has these values at the nodes, of which there are enough.
+    /// Adds the image with these values at the nodes, whose number has to suffice.
     fn push(&mut self, field: &Fp, nodes: &[usize], values: &[u64], inverses: &[u64]) {
         let points = self.degree + 1;
         let (nodes, values) = (&nodes[..points], &values[..points]);
@@ -364,7 +371,7 @@ impl Lift {
     }
 }
 
-/// A pair modulo a prime.
+/// Pair modulo a prime.
 struct ImagePair {
     field: Fp,
     f: Vec<Vec<u64>>,
@@ -372,14 +379,14 @@ struct ImagePair {
 }
 
 /// Values at points of x.
-struct Samples {
+struct PairSamples {
     nodes: Vec<usize>,
-    /// For every number that is asked for, its values at the nodes.
+    /// Values at the nodes of each requested number.
     columns: Vec<Vec<u64>>,
 }
 
 impl ImagePair {
-    fn new(field: Fp, pair: &Pair) -> Self {
+    fn new(field: Fp, pair: &PolynomialPair) -> Self {
         let residues = |p: &[UPoly]| -> Vec<Vec<u64>> {
             p.iter()
                 .map(|c| c.coefficients().iter().map(|c| field.of_ibig(c)).collect())
@@ -392,7 +399,7 @@ impl ImagePair {
         }
     }
 
-    /// Whether a leading coefficient vanishes modulo the prime.
+    /// Returns true if a leading coefficient vanishes modulo the prime.
     fn loses_degree(&self) -> bool {
         let vanishes = |lead: &Vec<u64>| lead.iter().all(|&c| c == 0);
         [&self.f, &self.g]
@@ -400,15 +407,15 @@ impl ImagePair {
             .any(|p| p.last().is_none_or(vanishes))
     }
 
-    /// The values of `at` at the first points x = 0, 1, …; with `exact` without those where a
-    /// leading coefficient vanishes.
+    /// Returns the values of `at` at the first points x = 0, 1, …; with `exact`, without points at
+    /// which a leading coefficient vanishes.
     fn sample(
         &self,
         count: usize,
         exact: bool,
         control: &Control<'_>,
         at: &impl Fn(&Fp, &[u64], &[u64]) -> Vec<u64>,
-    ) -> Result<Samples, ResultantError> {
+    ) -> Result<PairSamples, ResultantError> {
         let field = &self.field;
         let mut nodes = Vec::with_capacity(count);
         let mut columns: Vec<Vec<u64>> = Vec::new();
@@ -416,7 +423,7 @@ impl ImagePair {
             if nodes.len() == count {
                 break;
             }
-            if nodes.len().is_multiple_of(LOOKS) {
+            if nodes.len().is_multiple_of(POINTS_PER_CHECK) {
                 control.check()?;
             }
             let point = field.of_u64(x as u64);
@@ -434,27 +441,27 @@ impl ImagePair {
             }
             nodes.push(x);
         }
-        Ok(Samples { nodes, columns })
+        Ok(PairSamples { nodes, columns })
     }
 }
 
-/// The subresultants of two polynomials in y with coefficients in x, taken as their integer
-/// multiples by the (positive) denominators, so that signs are kept.
+/// Subresultants of two polynomials in y with coefficients in x, taken as their integer multiples
+/// by the (positive) denominators, so that signs are kept.
 pub struct Subresultants {
-    /// S₀, as a polynomial in x.
+    /// Resultant S₀, as a polynomial in x.
     pub resultant: UPoly,
-    /// Principal coefficients that were asked for. Most chains are asked for S₀ alone, and all the
-    /// others cost ten times as much together.
+    /// Principal coefficients computed so far. Most chains are used for S₀ alone, and all others
+    /// cost ten times as much together.
     principal: Mutex<BTreeMap<usize, UPoly>>,
-    /// Their number: the lower degree in y.
+    /// Number of subresultants: the lower degree in y.
     count: usize,
-    pair: Pair,
+    pair: PolynomialPair,
     var: usize,
     other: usize,
 }
 
 impl Subresultants {
-    /// The chain of f and g with respect to a variable; their degrees in it are n ≥ m ≥ 1.
+    /// Creates the chain of f and g with respect to a variable; their degrees in it are n ≥ m ≥ 1.
     ///
     /// # Errors
     /// [`ResultantError`].
@@ -467,7 +474,7 @@ impl Subresultants {
         var: usize,
         control: &Control<'_>,
     ) -> Result<Self, ResultantError> {
-        let (other, pair) = Pair::new(f, g, var)?;
+        let (other, pair) = PolynomialPair::new(f, g, var)?;
         let (n, m) = (pair.f.len() - 1, pair.g.len() - 1);
         assert!(n >= m && m >= 1, "subresultants of degrees {n} and {m}");
         Ok(Self {
@@ -479,12 +486,12 @@ impl Subresultants {
             other,
         })
     }
-    /// The number of subresultants: S₀ … Sₘ₋₁ for the lower degree m.
+    /// Returns the number of subresultants: S₀ … Sₘ₋₁ for the lower degree m.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// The coefficient of yʲ in Sⱼ, as a polynomial in x.
+    /// Returns the coefficient of yʲ in Sⱼ, as a polynomial in x.
     ///
     /// # Errors
     /// [`ResultantError::Stopped`].
@@ -509,7 +516,7 @@ impl Subresultants {
         Ok(made)
     }
 
-    /// The whole polynomial Sⱼ.
+    /// Returns the whole polynomial Sⱼ.
     ///
     /// # Errors
     /// [`ResultantError::Stopped`].
@@ -526,7 +533,7 @@ impl Subresultants {
         Ok(powers.fold(Poly::zero(), |sum, t| sum + t))
     }
 
-    /// Coefficients of powers of y in Sⱼ.
+    /// Returns the coefficients of powers of y in Sⱼ.
     fn coefficients(
         &self,
         j: usize,

@@ -1,4 +1,4 @@
-//! Real roots of integer polynomials: isolation and exact computing with them.
+//! Real roots of integer polynomials: isolation, and exact computation with them.
 //!
 //! Isolation bisects with Descartes' rule of signs (G. E. Collins, A. G. Akritas, SYMSAC 1976): the
 //! sign changes of (1 + x)ⁿ q(1/(1 + x)) bound the number of roots of q in (0, 1), and 0 and 1 are
@@ -7,7 +7,7 @@
 //! iteration. All ends of intervals are dyadic numbers, and all decisions are exact.
 
 use crate::modular::bits;
-use crate::precision::MOST_BITS;
+use crate::precision::MAX_PRECISION_BITS;
 use crate::upoly::{UPoly, sign};
 use dashu_base::{Abs, Signed};
 use dashu_int::{IBig, UBig};
@@ -16,7 +16,7 @@ use isoform_num::Interval;
 use std::cmp::Ordering;
 use std::sync::Arc;
 
-/// A real algebraic number: a squarefree polynomial and an interval that holds exactly one of its
+/// Real algebraic number: a squarefree polynomial and an interval that contains exactly one of its
 /// roots.
 ///
 /// Comparisons are exact, also between roots of different polynomials.
@@ -30,16 +30,16 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct RealRoot {
     poly: Arc<UPoly>,
-    /// The root is lo/2^shift if lo = hi; otherwise it lies strictly between lo/2^shift and
-    /// hi/2^shift, where the polynomial has different signs, none zero.
+    /// Lower end: the root is lo/2^shift if lo = hi; otherwise it lies strictly between lo/2^shift
+    /// and hi/2^shift, where the polynomial has different signs, both non-zero.
     lo: IBig,
     hi: IBig,
     shift: usize,
-    /// The next refinement divides the interval into 2^gear parts.
+    /// Number of bits of the next refinement: it divides the interval into 2^gear parts.
     gear: usize,
 }
 
-/// The distinct real roots of a polynomial in ascending order; none for constants.
+/// Returns the distinct real roots of a polynomial in ascending order; `None` for constants.
 ///
 /// # Panics
 /// For the zero polynomial.
@@ -69,14 +69,14 @@ pub fn real_roots(p: &UPoly) -> Vec<RealRoot> {
     roots
 }
 
-/// The polynomial p(−x).
+/// Returns the polynomial p(−x).
 fn mirrored(p: &UPoly) -> UPoly {
     let coefficients = p.coefficients().iter().enumerate();
     let signed = coefficients.map(|(i, c)| if i % 2 == 1 { -c } else { c.clone() });
     UPoly::new(signed.collect())
 }
 
-/// The number of distinct real roots in the open interval.
+/// Returns the number of distinct real roots in the open interval.
 pub fn count_roots_between(p: &UPoly, lo: &RBig, hi: &RBig) -> usize {
     real_roots(p)
         .iter()
@@ -84,8 +84,8 @@ pub fn count_roots_between(p: &UPoly, lo: &RBig, hi: &RBig) -> usize {
         .count()
 }
 
-/// A number k ≥ 0 for which M. Fujiwara's bound 2 max |aᵢ/aₙ|^(1/(n−i)), taken on bit lengths,
-/// proves all roots below 2^k in absolute value.
+/// Returns a number k ≥ 0 such that all roots are below 2^k in absolute value, by M. Fujiwara's
+/// bound 2 max |aᵢ/aₙ|^(1/(n−i)) on bit lengths.
 fn root_bound_bits(p: &UPoly) -> usize {
     let c = p.coefficients();
     let n = p.degree();
@@ -99,13 +99,14 @@ fn root_bound_bits(p: &UPoly) -> usize {
         + 1
 }
 
-/// The intervals (lo, hi)/2^shift in ascending order that hold one positive root each of a
-/// squarefree polynomial with all roots below 2^bound and none at 0; lo = hi is a root.
+/// Returns the intervals (lo, hi)/2^shift, in ascending order, with one positive root each, of a
+/// squarefree polynomial all of whose roots are below 2^bound, and 0 is not a root; an interval
+/// with lo = hi is a root.
 fn isolate_positive(p: &UPoly, bound: usize) -> Vec<(IBig, IBig, usize)> {
     let n = p.degree();
     let coefficients = p.coefficients().iter().enumerate();
     let mut found = Vec::new();
-    let mut stack = vec![Cell {
+    let mut stack = vec![BisectionCell {
         poly: coefficients.map(|(i, c)| c << (bound * i)).collect(),
         number: IBig::ZERO,
         depth: 0,
@@ -130,22 +131,22 @@ fn isolate_positive(p: &UPoly, bound: usize) -> Vec<(IBig, IBig, usize)> {
     found
 }
 
-/// The cell (c, c + 1)/2^depth of the bisection of the unit interval, or its point c/2^depth.
-struct Cell {
-    /// A polynomial with roots in (0, 1) where the bisected one has roots in the cell; without
+/// Cell (c, c + 1)/2^depth of the bisection of the unit interval, or its point c/2^depth.
+struct BisectionCell {
+    /// Polynomial with roots in (0, 1) where the bisected one has roots in the cell; without
     /// coefficients for a root that bisection hit.
     poly: Vec<IBig>,
-    /// The integer c.
+    /// Integer c.
     number: IBig,
     depth: usize,
 }
 
-impl Cell {
-    /// Whether this is a root that bisection hit.
+impl BisectionCell {
+    /// Returns true if this is a root that bisection hit.
     fn is_point(&self) -> bool {
         self.poly.is_empty()
     }
-    /// The interval (lo, hi, shift) that the cell is in the interval (0, 2^bound).
+    /// Returns the interval (lo, hi, shift) of the cell within the interval (0, 2^bound).
     fn scaled(self, bound: usize) -> (IBig, IBig, usize) {
         let end = match self.is_point() {
             true => self.number.clone(),
@@ -158,7 +159,7 @@ impl Cell {
             (self.number << up, end << up, 0)
         }
     }
-    /// The right half, the middle if it is a root, and the left half.
+    /// Iterates over the right half, the middle if it is a root, and the left half.
     fn halves(self) -> impl Iterator<Item = Self> {
         let mut left = self.poly;
         let depth = self.depth + 1;
@@ -212,7 +213,7 @@ fn shift_by_one(q: &mut [IBig]) {
     }
 }
 
-/// The quotient of q by x − 1, of which it is a multiple.
+/// Returns the quotient of q by x − 1, of which it is a multiple.
 fn divide_by_x_minus_one(q: &[IBig]) -> Vec<IBig> {
     let mut quotient = q[1..].to_vec();
     for i in (0..quotient.len().saturating_sub(1)).rev() {
@@ -222,7 +223,8 @@ fn divide_by_x_minus_one(q: &[IBig]) -> Vec<IBig> {
     quotient
 }
 
-/// The number of sign changes in the coefficients of (1 + x)ⁿ q(1/(1 + x)), counted up to two.
+/// Returns the number of sign changes in the coefficients of (1 + x)ⁿ q(1/(1 + x)), counted up to
+/// two.
 fn variations_in_unit(q: &[IBig]) -> usize {
     let count = |q: &[IBig]| {
         let mut last = Ordering::Equal;
@@ -258,30 +260,30 @@ fn variations_in_unit(q: &[IBig]) -> usize {
     changes
 }
 
-/// The bits to which no number is refined: a number that is asked for to more of them shows an
-/// error of this program. [`refine_until`](crate::precision::refine_until) asks for numbers with
-/// some more bits than it computes with; comparisons refine numbers that are known to differ
-/// without a loop of that kind, and end here, too.
-const MOST_SHIFT: usize = 8 * MOST_BITS;
+/// Limit of the number of bits of any number: beyond it lies an internal error.
+/// [`refine_until`](crate::precision::refine_until) requests numbers with somewhat more bits than
+/// it computes with; comparisons refine numbers that are known to differ without such a loop, and
+/// end here, too.
+const MAX_SHIFT: usize = 8 * MAX_PRECISION_BITS;
 
-/// The largest gear: 2^16 bits are gained in one step, and beyond that nothing is saved.
-const MOST_GEAR: usize = 1 << 16;
+/// Maximum gear: 2^16 bits are gained in one step, and more would not be faster.
+const MAX_GEAR: usize = 1 << 16;
 
-/// The isolating interval of a root, divided into 2^gear parts for a step of quadratic interval
+/// Isolating interval of a root, divided into 2^gear parts for a step of quadratic interval
 /// refinement; numbers are in units of 2^−shift.
-struct Grid {
+struct RefinementGrid {
     lo: IBig,
     hi: IBig,
-    /// The width of a part.
+    /// Width of a part.
     part: IBig,
     shift: usize,
-    /// The sign of the polynomial at the lower end.
+    /// Sign of the polynomial at the lower end.
     left: Ordering,
 }
 
-impl Grid {
-    /// The part beside an inner point of the grid on the hand where the sign changes, and whether
-    /// it holds the root; otherwise the rest of the interval beyond that part.
+impl RefinementGrid {
+    /// Returns the part next to an inner point of the grid on the side of the sign change, with
+    /// true if it contains the root; otherwise the rest of the interval beyond that part.
     fn narrowed(self, point: IBig, poly: &UPoly) -> (IBig, IBig, bool) {
         let Self {
             lo,
@@ -316,8 +318,8 @@ impl Grid {
     }
 }
 
-/// The zero of the secant through the values at the ends of an interval of 2^gear parts, as the
-/// number of the nearest point of the grid inside the interval.
+/// Returns the zero of the secant through the values at the ends of an interval of 2^gear parts, as
+/// the index of the nearest point of the grid inside the interval.
 fn secant_zero(at_lo: IBig, at_hi: IBig, gear: usize) -> IBig {
     let parts = IBig::ONE << gear;
     let slope = &at_lo - at_hi;
@@ -326,7 +328,8 @@ fn secant_zero(at_lo: IBig, at_hi: IBig, gear: usize) -> IBig {
 }
 
 impl RealRoot {
-    /// The root in an open interval that holds exactly one, and may have other roots as ends.
+    /// Returns the root in an open interval that contains exactly one, and whose ends may be other
+    /// roots.
     fn isolated(poly: &Arc<UPoly>, lo: IBig, hi: IBig, shift: usize) -> Self {
         let mut root = Self {
             poly: Arc::clone(poly),
@@ -354,14 +357,14 @@ impl RealRoot {
         }
         root
     }
-    /// Writes the interval with one more binary digit.
+    /// Scales the ends of the interval to one more binary digit.
     fn double(&mut self) {
         self.lo <<= 1;
         self.hi <<= 1;
         self.shift += 1;
     }
 
-    /// A rational number.
+    /// Creates a rational number.
     pub fn from_rational(r: &RBig) -> Self {
         let poly = Arc::new(UPoly::new(vec![
             -r.numerator(),
@@ -386,26 +389,26 @@ impl RealRoot {
             gear: 1,
         }
     }
-    /// The squarefree primitive polynomial of which this is a root; it need not be irreducible.
+    /// Returns the squarefree primitive polynomial of the root; it need not be irreducible.
     pub fn poly(&self) -> &UPoly {
         &self.poly
     }
-    /// The ends of the isolating interval: equal to the root if they are equal, otherwise the root
-    /// is strictly between them.
+    /// Returns the ends of the isolating interval: either both are the root, or the root is
+    /// strictly between them.
     pub fn interval(&self) -> (RBig, RBig) {
         (self.dyadic(&self.lo), self.dyadic(&self.hi))
     }
-    /// The number n/2^shift.
+    /// Returns the number n/2^shift.
     fn dyadic(&self, n: &IBig) -> RBig {
         RBig::from_parts(n.clone(), UBig::ONE << self.shift)
     }
-    /// Whether the number is known exactly: it is dyadic then.
+    /// Returns true if the number is known exactly; it is dyadic then.
     fn is_exact(&self) -> bool {
         self.lo == self.hi
     }
-    /// Whether two numbers are one, from the overlap of their intervals: a common root lies in both
-    /// intervals, where the common divisor of the polynomials changes its sign there and only
-    /// there.
+    /// Returns true if two numbers are equal, given the overlap of their intervals: a common root
+    /// lies in both intervals, where the common divisor of the polynomials changes its sign there
+    /// and only there.
     fn is_root_of_both(&self, other: &Self, [lo, hi]: [RBig; 2]) -> bool {
         let common = if Arc::ptr_eq(&self.poly, &other.poly) {
             (*self.poly).clone()
@@ -421,18 +424,18 @@ impl RealRoot {
             self.step();
         }
     }
-    /// One step of quadratic interval refinement; nothing if the root is known exactly.
+    /// Performs one step of quadratic interval refinement, unless the root is known exactly.
     fn step(&mut self) {
         if self.is_exact() {
             return;
         }
         assert!(
-            self.shift < MOST_SHIFT,
-            "a number is asked for to {MOST_SHIFT} bits: an error of the exact kernel"
+            self.shift < MAX_SHIFT,
+            "a number is asked for to {MAX_SHIFT} bits: an error of the exact kernel"
         );
         let gear = self.gear;
         let (at_lo, at_hi) = self.at_ends();
-        let grid = Grid {
+        let grid = RefinementGrid {
             lo: &self.lo << gear,
             hi: &self.hi << gear,
             part: &self.hi - &self.lo,
@@ -444,15 +447,15 @@ impl RealRoot {
         let (lo, hi, is_hit) = grid.narrowed(point, &self.poly);
         // In the lowest gear the two parts are always decided.
         self.gear = if is_hit {
-            (2 * gear).min(MOST_GEAR)
+            (2 * gear).min(MAX_GEAR)
         } else {
             (gear / 2).max(1)
         };
         (self.lo, self.hi, self.shift) = (lo, hi, shift);
     }
 
-    /// The values at the ends up to a common factor, whose signs are certain and whose errors are
-    /// smaller than the parts of the next refinement.
+    /// Returns the values at the ends up to a common factor: their signs are certain, and their
+    /// errors are smaller than the parts of the next refinement.
     fn at_ends(&self) -> (IBig, IBig) {
         let mut precision = 64 + self.shift + self.gear;
         while precision < self.poly.whole_precision(self.shift) {
@@ -470,7 +473,7 @@ impl RealRoot {
             .into()
     }
 
-    /// The sign of a polynomial at this number, exact.
+    /// Returns the sign of a polynomial at this number; exact.
     pub fn sign_of(&self, g: &UPoly) -> Ordering {
         if g.degree() == 0 {
             return sign(&g.leading());
@@ -484,8 +487,8 @@ impl RealRoot {
                 return sign;
             }
             if round == 1 {
-                // The commonest case of a zero: g is a multiple of the polynomial, perhaps with a
-                // constant factor missing.
+                // The most frequent case of a zero: g is a multiple of the polynomial, up to a
+                // constant factor.
                 if g.primitive().div_exact(&root.poly.primitive()).is_some() {
                     return Ordering::Equal;
                 }
@@ -503,7 +506,7 @@ impl RealRoot {
         unreachable!("the interval shrinks until the sign is decided")
     }
 
-    /// The sign of a polynomial on the interval, if it is proved to have one there.
+    /// Returns the sign of a polynomial on the interval, if it provably has one there.
     fn sign_on_interval(&self, g: &UPoly) -> Option<Ordering> {
         // |g(x) − g(m)| ≤ (hi − lo)/2 Σ i|gᵢ| R^(i−1) on the interval around its middle m, R the
         // larger absolute end.
@@ -525,7 +528,7 @@ impl RealRoot {
         }
     }
 
-    /// Comparison with a rational number, exact.
+    /// Compares with a rational number; exact.
     pub fn cmp_rational(&self, r: &RBig) -> Ordering {
         if self.dyadic(&self.lo) >= *r {
             return if self.is_exact() && self.dyadic(&self.lo) == *r {
@@ -545,7 +548,7 @@ impl RealRoot {
         }
     }
 
-    /// The rational number that this is, if it is one.
+    /// Returns the rational value, if this is a rational number.
     pub fn to_rational(&self) -> Option<RBig> {
         let mut root = self.clone();
         if root.poly.degree() == 1 {
@@ -568,7 +571,7 @@ impl RealRoot {
         (inside && root.poly.sign_at(&candidate).is_eq()).then_some(candidate)
     }
 
-    /// The nearest `f64`, ties to even.
+    /// Returns the nearest `f64`, ties to even.
     pub fn to_f64(&self) -> f64 {
         let mut root = self.clone();
         if let Some(r) = (root.poly.degree() == 1)
@@ -602,7 +605,7 @@ impl RealRoot {
             "the interval shrinks until both ends round to the same number or to neighbours"
         )
     }
-    /// An interval with `f64` ends that holds the number; they are neighbours or equal.
+    /// Returns an interval with `f64` ends, adjacent or equal, that contains the number.
     pub fn to_interval(&self) -> Interval {
         let nearest = self.to_f64();
         match RBig::try_from(nearest).map(|r| self.cmp_rational(&r)) {
@@ -614,8 +617,8 @@ impl RealRoot {
         }
     }
 
-    /// The rational number of least denominator (of these the least in absolute value) that the
-    /// refinement of both intervals finds strictly between this number and a larger one.
+    /// Returns the rational number of least denominator (of these the least in absolute value)
+    /// strictly between the refined intervals of this number and a larger one.
     ///
     /// # Panics
     /// If the other number is not larger.
@@ -679,7 +682,7 @@ impl Ord for RealRoot {
     }
 }
 
-/// ⌊r⌋.
+/// Returns ⌊r⌋.
 pub(crate) fn floor(r: &RBig) -> IBig {
     let d = IBig::from(r.denominator().clone());
     let q = r.numerator() / &d;
@@ -690,8 +693,8 @@ pub(crate) fn floor(r: &RBig) -> IBig {
     }
 }
 
-/// The rational number of least denominator strictly between two, of these the one of least
-/// absolute value (Stern–Brocot).
+/// Returns the rational number of least denominator strictly between two numbers, of these the one
+/// of least absolute value (Stern–Brocot).
 ///
 /// # Panics
 /// If lo ≥ hi.
@@ -704,8 +707,8 @@ pub fn simplest_between(lo: &RBig, hi: &RBig) -> RBig {
     }
 }
 
-/// The simplest number between 0 ≤ lo < hi: by the continued fraction that both begin with, in a
-/// loop, since it may have as many terms as the numbers have digits.
+/// Returns the simplest number between 0 ≤ lo < hi, by the common beginning of their continued
+/// fractions, in a loop, as these may have as many terms as the numbers have digits.
 fn simplest_positive(lo: &RBig, hi: &RBig) -> RBig {
     let (mut lo, mut hi) = (lo.clone(), hi.clone());
     let mut wholes = Vec::new();

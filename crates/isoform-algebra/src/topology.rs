@@ -7,24 +7,25 @@ use dashu_ratio::RBig;
 use isoform_control::Control;
 use std::collections::BTreeMap;
 
-/// The components of a real curve.
+/// Components of a real curve, counted by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CurveTopology {
-    /// Closed components without branching that do not change the sides of the plane: each bounds a
-    /// disk. Cusps do not count as branching.
+    /// Number of closed components without branching that do not change the sides of the plane:
+    /// each bounds a disc. Cusps do not count as branching.
     pub ovals: usize,
-    /// Closed components without branching along which the plane is a Möbius strip, such as lines.
+    /// Number of closed components without branching along which the plane is a Möbius strip, such
+    /// as lines.
     pub pseudolines: usize,
-    /// Components with points where more than two branches end.
+    /// Number of components with points where more than two branches end.
     pub singular: usize,
-    /// Isolated points.
+    /// Number of isolated points.
     pub isolated: usize,
 }
 
 /// Signs of s and t in the four unit triangles: (s : t : w) = (±u : ±v : 1 − u − v).
 pub const QUADRANTS: [[i64; 2]; 4] = [[1, 1], [-1, 1], [-1, -1], [1, -1]];
 
-/// A form in variables 0, 1, 2 (s, t, w) as a polynomial in u, v (0, 1) of one of the unit
+/// Returns a form in variables 0, 1, 2 (s, t, w) as a polynomial in u, v (0, 1) of one of the unit
 /// triangles.
 pub fn in_triangle(form: &Poly, quadrant: usize) -> Poly {
     let [s, t] = QUADRANTS[quadrant];
@@ -33,18 +34,20 @@ pub fn in_triangle(form: &Poly, quadrant: usize) -> Poly {
     form.compose(&[u.scale(&RBig::from(s)), v.scale(&RBig::from(t)), w])
 }
 
-/// Points of the curve, the same in every triangle that they belong to.
+/// Points of the curve, with one name in all triangles to which they belong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Node {
-    /// Inside a triangle: wall and point.
+enum CurveNode {
+    /// Point inside a triangle: wall and point.
     Inner(usize, usize, usize),
-    /// On s = 0, by the sign of t and the order; on t = 0, by that of s; on w = 0, by that of s t.
+    /// Point on a side: on s = 0, by the sign of t and the order; on t = 0, by that of s; on w = 0,
+    /// by that of s t.
     Side(usize, i64, usize),
-    /// (0:0:1), (1:0:0), (0:1:0).
+    /// Corner (0:0:1), (1:0:0) or (0:1:0).
     Corner(usize),
 }
 
-/// The components of the zero set of a form in variables 0, 1, 2; multiple components count once.
+/// Returns the components of the zero set of a form in variables 0, 1, 2; multiple components count
+/// once.
 ///
 /// ```
 /// use isoform_algebra::{Poly, curve_topology};
@@ -63,7 +66,7 @@ pub fn curve_topology(
     form: &Poly,
     control: &Control<'_>,
 ) -> Result<CurveTopology, ArrangementError> {
-    let mut graph = Graph::default();
+    let mut graph = CurveGraph::default();
     if !form.is_constant() {
         for quadrant in 0..4 {
             let arrangement = Arrangement::new(&[in_triangle(form, quadrant)], control)?;
@@ -73,33 +76,33 @@ pub fn curve_topology(
     Ok(graph.components())
 }
 
-/// A point of one triangle: the number of its wall, and its number on the wall.
-type Spot = (usize, usize);
+/// Point of one triangle: index of its wall, and index on the wall.
+type TrianglePoint = (usize, usize);
 
-/// A point as it is seen from one triangle.
+/// Point of the curve in the coordinates of one triangle.
 #[derive(Clone, Copy)]
-struct Seen {
-    node: Node,
-    /// Whether the triangle takes (s, t, w) for −(s, t, w): points with w = 0 are counted with
+struct NamedPoint {
+    node: CurveNode,
+    /// True if the triangle represents the point by −(s, t, w): points with w = 0 are counted with
     /// s > 0, or s = 0 and t > 0.
     is_opposite: bool,
 }
 
-/// The part of a curve in one triangle.
-struct Triangle<'a> {
+/// Part of a curve in one triangle.
+struct CurveInTriangle<'a> {
     arrangement: &'a Arrangement,
     quadrant: usize,
 }
 
-impl Triangle<'_> {
-    /// Whether a point of a wall lies on the curve.
-    fn has(&self, (k, p): Spot) -> bool {
+impl CurveInTriangle<'_> {
+    /// Returns true if a point of a wall lies on the curve.
+    fn has(&self, (k, p): TrianglePoint) -> bool {
         let wall = &self.arrangement.walls[k];
         wall.points[p].curves.contains(&0) || wall.vertical.contains(&0)
     }
 
-    /// All points of walls, ascending. What lies on sides has one name from both sides of them.
-    fn points(&self) -> BTreeMap<Spot, Seen> {
+    /// Returns all points of walls, ascending. Points on sides have one name in both triangles.
+    fn points(&self) -> BTreeMap<TrianglePoint, NamedPoint> {
         let mut on_sides = [0; 3];
         let spots = self.arrangement.walls.iter().enumerate();
         spots
@@ -108,21 +111,22 @@ impl Triangle<'_> {
             .collect()
     }
 
-    /// The name of the next point; `on_sides` counts the points of the curve on each side so far.
-    fn seen(&self, (k, p): Spot, on_sides: &mut [usize; 3]) -> Seen {
+    /// Returns the name of the next point; `on_sides` counts the points of the curve on each side
+    /// so far.
+    fn seen(&self, (k, p): TrianglePoint, on_sides: &mut [usize; 3]) -> NamedPoint {
         let [s, t] = QUADRANTS[self.quadrant];
         let walls = &self.arrangement.walls;
         let top = walls[k].points.len() - 1;
         let mut on_side = |side: usize, sign: i64| {
             on_sides[side] += usize::from(self.has((k, p)));
-            Node::Side(side, sign, on_sides[side])
+            CurveNode::Side(side, sign, on_sides[side])
         };
         let (node, is_opposite) = if k == walls.len() - 1 {
-            (Node::Corner(1), s < 0)
+            (CurveNode::Corner(1), s < 0)
         } else if k == 0 && p == 0 {
-            (Node::Corner(0), false)
+            (CurveNode::Corner(0), false)
         } else if k == 0 && p == top {
-            (Node::Corner(2), t < 0)
+            (CurveNode::Corner(2), t < 0)
         } else if k == 0 {
             (on_side(0, t), false)
         } else if p == 0 {
@@ -130,13 +134,13 @@ impl Triangle<'_> {
         } else if p == top {
             (on_side(2, s * t), s < 0)
         } else {
-            (Node::Inner(self.quadrant, k, p), false)
+            (CurveNode::Inner(self.quadrant, k, p), false)
         };
-        Seen { node, is_opposite }
+        NamedPoint { node, is_opposite }
     }
 
-    /// Pairs of points that an arc, or a part of a vertical line, joins.
-    fn inner_edges(&self) -> Vec<[Spot; 2]> {
+    /// Returns the pairs of points that an arc, or a part of a vertical line, joins.
+    fn inner_edges(&self) -> Vec<[TrianglePoint; 2]> {
         let mut edges = Vec::new();
         for (k, slab) in self.arrangement.slabs.iter().enumerate() {
             let arcs = slab.arcs.iter().filter(|a| a.curve == 0);
@@ -149,9 +153,9 @@ impl Triangle<'_> {
         edges
     }
 
-    /// Pairs of neighbours on sides that belong to the curve, each side from one of its two
-    /// triangles.
-    fn side_edges(&self) -> Vec<[Spot; 2]> {
+    /// Returns the pairs of neighbours on sides that belong to the curve, each side from one of its
+    /// two triangles.
+    fn side_edges(&self) -> Vec<[TrianglePoint; 2]> {
         let [s, _] = QUADRANTS[self.quadrant];
         let walls = &self.arrangement.walls;
         let sides = self.arrangement.sides[0];
@@ -169,31 +173,32 @@ impl Triangle<'_> {
         edges
     }
 
-    /// Neighbours among the corners and the points of other components on a side.
-    fn along(&self, mut side: Vec<Spot>) -> Vec<[Spot; 2]> {
+    /// Returns the pairs of neighbours among the corners and the points of other components on a
+    /// side.
+    fn along(&self, mut side: Vec<TrianglePoint>) -> Vec<[TrianglePoint; 2]> {
         let ends = [side[0], side[side.len() - 1]];
         side.retain(|spot| self.has(*spot) || ends.contains(spot));
         side.windows(2).map(|w| [w[0], w[1]]).collect()
     }
 }
 
-/// The curve as a graph of points and arcs.
+/// Curve as a graph of points and arcs.
 #[derive(Default)]
-struct Graph {
-    nodes: BTreeMap<Node, usize>,
-    /// Ends, and whether the way from one to the other changes between (s, t, w) and −(s, t, w).
+struct CurveGraph {
+    nodes: BTreeMap<CurveNode, usize>,
+    /// Ends, with true if the path from one to the other changes between (s, t, w) and −(s, t, w).
     edges: Vec<(usize, usize, bool)>,
 }
 
-impl Graph {
-    fn node(&mut self, node: Node) -> usize {
+impl CurveGraph {
+    fn node(&mut self, node: CurveNode) -> usize {
         let next = self.nodes.len();
         *self.nodes.entry(node).or_insert(next)
     }
 
     /// Adds the part of the curve in one triangle.
     fn add(&mut self, arrangement: &Arrangement, quadrant: usize) {
-        let triangle = Triangle {
+        let triangle = CurveInTriangle {
             arrangement,
             quadrant,
         };
@@ -209,7 +214,7 @@ impl Graph {
         }
     }
 
-    /// The component that each node belongs to, by the number of one of its nodes.
+    /// Returns the component to which each node belongs, as the index of one of its nodes.
     fn component_of_nodes(&self) -> Vec<usize> {
         let mut of: Vec<usize> = (0..self.nodes.len()).collect();
         for &(a, b, _) in &self.edges {
@@ -219,8 +224,8 @@ impl Graph {
         }
         of
     }
-    /// The components by kind: a component of nodes with two edges each is a closed curve, an oval
-    /// if it crosses the line at infinity an even number of times.
+    /// Counts the components by kind: a component of nodes with two edges each is a closed curve,
+    /// an oval if it crosses the line at infinity an even number of times.
     fn components(&self) -> CurveTopology {
         let n = self.nodes.len();
         let of = self.component_of_nodes();
@@ -322,8 +327,8 @@ mod tests {
         );
     }
 
-    /// The pole curves of the zoo, whose topology was computed elsewhere, by an exact sweep in
-    /// another frame.
+    /// The pole curves of the zoo have the topology that was computed independently, by an exact
+    /// sweep in another frame.
     #[test]
     fn pole_curves_of_the_zoo() {
         let mut compared = 0;

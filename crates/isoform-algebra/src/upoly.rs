@@ -9,48 +9,48 @@ use std::cmp::Ordering;
 use std::fmt;
 use std::ops::{Add, Mul, Neg, Sub};
 
-/// A univariate polynomial with integer coefficients, lowest first; the highest is not zero.
+/// Univariate polynomial with integer coefficients, lowest first; the highest is not zero.
 ///
-/// Roots, factors and divisors do not change by a constant factor: polynomials over Q travel as
-/// their primitive multiples.
+/// Roots, factors and divisors do not change by a constant factor: polynomials over Q are
+/// represented by their primitive multiples.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Default)]
 pub struct UPoly {
     coefficients: Vec<IBig>,
 }
 
 impl UPoly {
-    /// The polynomial with these coefficients, lowest first; zeros at the top are dropped.
+    /// Creates the polynomial with these coefficients, lowest first; leading zeros are dropped.
     pub fn new(mut coefficients: Vec<IBig>) -> Self {
         while coefficients.last().is_some_and(IBig::is_zero) {
             coefficients.pop();
         }
         Self { coefficients }
     }
-    /// The polynomial with these small coefficients, lowest first.
+    /// Creates the polynomial with these small coefficients, lowest first.
     pub fn from_i64(coefficients: &[i64]) -> Self {
         Self::new(coefficients.iter().map(|&c| IBig::from(c)).collect())
     }
-    /// 1.
+    /// Returns 1.
     pub fn one() -> Self {
         Self::from_i64(&[1])
     }
-    /// Coefficients, lowest first; empty for 0.
+    /// Returns the coefficients, lowest first; empty for 0.
     pub fn coefficients(&self) -> &[IBig] {
         &self.coefficients
     }
-    /// Whether this is 0.
+    /// Returns true if this is 0.
     pub fn is_zero(&self) -> bool {
         self.coefficients.is_empty()
     }
-    /// The degree; 0 for constants and for 0.
+    /// Returns the degree; 0 for constants and for 0.
     pub fn degree(&self) -> usize {
         self.coefficients.len().saturating_sub(1)
     }
-    /// The leading coefficient; 0 for the zero polynomial.
+    /// Returns the leading coefficient; 0 for the zero polynomial.
     pub fn leading(&self) -> IBig {
         self.coefficients.last().cloned().unwrap_or(IBig::ZERO)
     }
-    /// The greatest common divisor of the coefficients.
+    /// Returns the greatest common divisor of the coefficients.
     pub fn content(&self) -> UBig {
         let mut common = UBig::ZERO;
         for c in &self.coefficients {
@@ -66,7 +66,8 @@ impl UPoly {
         }
         common
     }
-    /// The multiple without common factor of coefficients and with positive leading coefficient.
+    /// Returns the multiple without common factor of coefficients and with positive leading
+    /// coefficient.
     pub fn primitive(&self) -> Self {
         if self.is_zero() {
             return Self::default();
@@ -82,11 +83,11 @@ impl UPoly {
             coefficients: self.coefficients.iter().map(|c| c / &divisor).collect(),
         }
     }
-    /// This polynomial times a number.
+    /// Returns this polynomial times a number.
     pub fn scale(&self, c: &IBig) -> Self {
         Self::new(self.coefficients.iter().map(|v| v * c).collect())
     }
-    /// The derivative.
+    /// Returns the derivative.
     pub fn derivative(&self) -> Self {
         Self::new(
             self.coefficients
@@ -97,12 +98,12 @@ impl UPoly {
                 .collect(),
         )
     }
-    /// The value at a rational number.
+    /// Returns the value at a rational number.
     pub fn eval(&self, x: &RBig) -> RBig {
         RBig::from_parts(self.eval_homogeneous(x), x.denominator().pow(self.degree()))
     }
-    /// The value at x times the positive number denominator(x)^degree: an integer with the sign of
-    /// the value.
+    /// Returns the value at x times the positive number denominator(x)^degree: an integer with the
+    /// sign of the value.
     fn eval_homogeneous(&self, x: &RBig) -> IBig {
         if x.denominator().is_one() {
             return self
@@ -117,11 +118,11 @@ impl UPoly {
             .map(|(p, c)| p * c)
             .sum()
     }
-    /// The sign of the value at a rational number.
+    /// Returns the sign of the value at a rational number.
     pub fn sign_at(&self, x: &RBig) -> Ordering {
         sign(&self.eval_homogeneous(x))
     }
-    /// The value at numerator/2^shift times 2^(shift·degree).
+    /// Returns the value at numerator/2^shift times 2^(shift·degree).
     pub(crate) fn eval_dyadic(&self, numerator: &IBig, shift: usize) -> IBig {
         let mut sum = IBig::ZERO;
         for (i, c) in self.coefficients.iter().rev().enumerate() {
@@ -129,8 +130,8 @@ impl UPoly {
         }
         sum
     }
-    /// The value at numerator/2^shift and a bound of its error, both in units of 2^(t − precision)
-    /// where t is the bit length of the largest coefficient.
+    /// Returns the value at numerator/2^shift and a bound on its error, both in units of 2^(t −
+    /// precision), where t is the bit length of the largest coefficient.
     pub(crate) fn eval_near(
         &self,
         numerator: &IBig,
@@ -147,8 +148,8 @@ impl UPoly {
         }
         (sum, error)
     }
-    /// A bound of the slopes between any points up to numerator/2^shift in absolute value, in the
-    /// same units.
+    /// Returns a bound on the slopes between any points up to numerator/2^shift in absolute value,
+    /// in units of 2^(t − precision), too.
     pub(crate) fn slope_bound(&self, numerator: &IBig, shift: usize, precision: usize) -> IBig {
         let (lost, gained) = self.unit(precision);
         let mut sum = IBig::ZERO;
@@ -159,17 +160,16 @@ impl UPoly {
         }
         sum
     }
-    /// The numbers of bits that coefficients lose, or gain, when written in units of 2^(t −
-    /// precision).
+    /// Returns the numbers of bits that coefficients lose, or gain, in units of 2^(t − precision).
     fn unit(&self, precision: usize) -> (usize, usize) {
         let top = self.coefficients.iter().map(bits).max().unwrap_or(0);
         (top.saturating_sub(precision), precision.saturating_sub(top))
     }
-    /// The precision at which nothing is gained over the exact value at numbers with that shift.
+    /// Returns the precision at which values at numbers with that shift are exact.
     pub(crate) fn whole_precision(&self, shift: usize) -> usize {
         self.coefficients.iter().map(bits).max().unwrap_or(0) + shift * self.degree()
     }
-    /// The sign at numerator/2^shift, exact: by a precision that grows until it decides.
+    /// Returns the sign at numerator/2^shift; exact, by growing precision.
     pub(crate) fn sign_dyadic(&self, numerator: &IBig, shift: usize) -> Ordering {
         let mut precision = 64 + shift;
         while precision < self.whole_precision(shift) {
@@ -181,7 +181,7 @@ impl UPoly {
         }
         sign(&self.eval_dyadic(numerator, shift))
     }
-    /// p(x + a) for an integer a.
+    /// Returns p(x + a) for an integer a.
     pub fn shift(&self, a: &IBig) -> Self {
         let mut c = self.coefficients.clone();
         for i in 0..c.len() {
@@ -192,11 +192,11 @@ impl UPoly {
         }
         Self::new(c)
     }
-    /// x^degree p(1/x).
+    /// Returns x^degree p(1/x).
     pub fn reversed(&self) -> Self {
         Self::new(self.coefficients.iter().rev().cloned().collect())
     }
-    /// Quotient over Z if `divisor` divides this polynomial over Z.
+    /// Returns the quotient over Z if `divisor` divides this polynomial over Z.
     pub fn div_exact(&self, divisor: &Self) -> Option<Self> {
         let lead = divisor.coefficients.last()?;
         if self.is_zero() {
@@ -224,8 +224,8 @@ impl UPoly {
             .all(IBig::is_zero)
             .then(|| Self::new(quotient))
     }
-    /// The remainder of lc(divisor)^k times this polynomial for some even k, so that signs are
-    /// kept.
+    /// Returns the remainder of lc(divisor)^k times this polynomial for some even k, so that signs
+    /// are kept.
     ///
     /// # Panics
     /// If the divisor is 0.
@@ -253,14 +253,14 @@ impl UPoly {
             rest
         }
     }
-    /// This polynomial as text in a variable of that name.
+    /// Returns this polynomial as text in a variable of that name.
     pub fn display<'a>(&'a self, name: &'a str) -> impl fmt::Display + 'a {
         let poly = crate::Poly::from_upoly(self, 0);
         fmt::from_fn(move |f| write!(f, "{}", poly.display(&[name])))
     }
 }
 
-/// The sign of an integer against zero.
+/// Returns the sign of an integer against zero.
 pub(crate) fn sign(a: &IBig) -> Ordering {
     match a.sign() {
         _ if a.is_zero() => Ordering::Equal,
@@ -353,7 +353,8 @@ mod tests {
             prop_assert_eq!(a.sign_dyadic(&IBig::from(n), 5), a.sign_at(&at));
         }
 
-        /// Near roots, where low precisions cannot decide, and errors and slopes have to be bounds.
+        /// Approximate values near roots, where low precisions cannot decide: errors and slopes are
+        /// bounds.
         #[test]
         fn approximate_values_are_within_their_errors(a in any_poly(), root in -4000i32..4000, off in -3i32..3, shift in 5usize..40, precision in 1usize..90) {
             // A root at root/2^11.

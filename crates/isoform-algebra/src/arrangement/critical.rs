@@ -9,7 +9,7 @@ use crate::upoly::UPoly;
 use dashu_ratio::RBig;
 use isoform_control::Control;
 
-/// An event at a critical value.
+/// Event at a critical value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Event {
     /// A curve has a vertical tangent or a singular point, goes to infinity, or meets the side v =
@@ -21,14 +21,15 @@ pub(super) enum Event {
     Other,
 }
 
-/// A critical value, and all that happens there.
+/// Critical value, with the events there.
 pub(super) struct Critical {
     pub(super) u: RealRoot,
     events: Vec<Event>,
 }
 
 impl Critical {
-    /// Whether a curve is not just crossed there by the line over u.
+    /// Returns true if something happens to a curve there, other than a simple crossing of the line
+    /// over u.
     pub(super) fn is_special(&self, curve: usize) -> bool {
         self.events.iter().any(|e| match *e {
             Event::Alone(k) => k == curve,
@@ -41,12 +42,12 @@ impl Critical {
     }
 }
 
-/// The critical values in \[0, 1\], ascending, with 0 and 1.
+/// Returns the critical values in \[0, 1\], ascending, with 0 and 1.
 pub(super) fn critical_values(
     curves: &[Curve],
     control: &Control<'_>,
 ) -> Result<Vec<Critical>, ArrangementError> {
-    let mut base = Base::default();
+    let mut base = EventBase::default();
     for (p, event) in projection(curves, control)? {
         if control.is_stopped() {
             return Err(ResultantError::Stopped.into());
@@ -56,8 +57,8 @@ pub(super) fn critical_values(
     Ok(base.roots(control)?)
 }
 
-/// Polynomials in u whose roots are the critical values, and what happens there: the projection of
-/// the cylindrical decomposition.
+/// Returns polynomials in u whose roots are the critical values, with their events: the projection
+/// of the cylindrical decomposition.
 fn projection(
     curves: &[Curve],
     control: &Control<'_>,
@@ -89,16 +90,15 @@ fn projection(
     Ok(found)
 }
 
-/// Squarefree polynomials without common roots, and what happens at the roots of each: no two roots
-/// are equal then, and signs at them are cheap.
+/// Squarefree polynomials without common roots, with the events at the roots of each: all roots are
+/// distinct, and signs at them are cheap.
 #[derive(Default)]
-struct Base(Vec<(UPoly, Vec<Event>)>);
+struct EventBase(Vec<(UPoly, Vec<Event>)>);
 
-impl Base {
+impl EventBase {
     /// Splits every polynomial into the part with roots of p and the part without.
     fn add(&mut self, p: &UPoly, event: Event) {
-        // Sides, vertical lines and multiple factors were split off, so that nothing happens
-        // everywhere.
+        // Sides, vertical lines and multiple factors were split off, so that events are isolated.
         assert!(!p.is_zero(), "critical values of a curve are finitely many");
         if p.degree() == 0 {
             return;
@@ -123,7 +123,7 @@ impl Base {
         self.0 = next;
     }
 
-    /// The roots in \[0, 1\], ascending, their intervals disjoint.
+    /// Returns the roots in \[0, 1\], ascending, their intervals disjoint.
     fn roots(&self, control: &Control<'_>) -> Result<Vec<Critical>, ResultantError> {
         let mut roots: Vec<Critical> = Vec::new();
         for (p, events) in &self.0 {
@@ -133,7 +133,8 @@ impl Base {
                 events: events.clone(),
             }));
         }
-        // They differ: refined until apart, which spares the test for equality.
+        // The roots are distinct: refining them until their intervals are disjoint avoids a test
+        // for equality.
         refine_until(24, DOUBLED, control, |bits| {
             roots.iter_mut().for_each(|r| r.u.refine(bits));
             roots.sort_by(|a, b| a.u.interval().0.cmp(&b.u.interval().0));
@@ -145,7 +146,7 @@ impl Base {
     }
 }
 
-/// Whether a number is in \[0, 1\].
+/// Returns true if a number is in \[0, 1\].
 fn is_in_unit(r: &RealRoot) -> bool {
     r.cmp_rational(&RBig::ZERO).is_ge() && r.cmp_rational(&RBig::ONE).is_le()
 }

@@ -1,4 +1,4 @@
-//! One curve of an arrangement, prepared for exact and for quick questions.
+//! One curve of an arrangement, prepared for exact and for floating-point queries.
 
 use super::{ArrangementError, U, V};
 use crate::fibre::Fibres;
@@ -12,31 +12,32 @@ use dashu_ratio::RBig;
 use isoform_control::Control;
 use isoform_num::Interval;
 
-/// A curve without the lines that are treated apart.
+/// Curve without the lines that are handled separately.
 pub(super) struct Curve {
-    /// Without sides and vertical lines.
+    /// Polynomial without sides and vertical lines.
     pub(super) rest: Poly,
     /// Product of its vertical lines, as a polynomial in u.
     pub(super) vertical: UPoly,
     pub(super) fibres: Option<Fibres>,
-    /// On v = 0 and on u + v = 1.
+    /// Polynomials on v = 0 and on u + v = 1.
     pub(super) on_lower: UPoly,
     pub(super) on_upper: UPoly,
-    /// For quick tests: terms with coefficients known to rounding, multiplied by a power of two.
+    /// Terms for floating-point tests: coefficients as intervals of doubles, multiplied by a power
+    /// of two.
     pub(super) terms: Terms<Interval>,
-    /// The terms with twice as many digits, multiplied by the same power.
+    /// Terms with twice as many digits, multiplied by that power of two, too.
     pub(super) wide: Terms<Wide>,
 }
 
 /// Exponents of u and v, and coefficients.
 pub(super) type Terms<T> = Vec<([usize; 2], T)>;
 
-/// Bits of coefficients that are kept in floating point: above them powers of two are taken out.
-/// Half of what a double's exponent holds leaves room for sums of products.
+/// Maximum number of bits of coefficients in floating point; larger ones are divided by a power of
+/// two. Half of the range of exponents leaves room for sums of products.
 const COEFFICIENT_BITS: usize = 500;
 
-/// The coefficients of powers of one variable where the other one, of index `fixed`, has a value;
-/// one at least.
+/// Returns the coefficients, at least one, of powers of one variable where the other one, of index
+/// `fixed`, has a value.
 pub(super) fn over<T: Bounded>(terms: &Terms<T>, fixed: usize, value: T) -> Vec<T> {
     let degree = terms.iter().map(|t| t.0[1 - fixed]).max().unwrap_or(0);
     let mut coefficients = vec![T::exact(0.0); 1 + degree];
@@ -51,16 +52,16 @@ pub(super) fn over<T: Bounded>(terms: &Terms<T>, fixed: usize, value: T) -> Vec<
     coefficients
 }
 
-/// A polynomial in which v was eliminated, or has a value.
+/// Returns a polynomial in which v was eliminated, or has a value.
 pub(super) fn over_u(p: &Poly) -> UPoly {
     p.to_upoly(U).expect("no variable but u is left")
 }
-/// A polynomial in which u has a value.
+/// Returns a polynomial in which u has a value.
 pub(super) fn over_v(p: &Poly) -> UPoly {
     p.to_upoly(V).expect("no variable but v is left")
 }
 
-/// The roots over a rational u that lie between the sides v = 0 and v = `top`, ascending.
+/// Returns the roots over a rational u that lie between the sides v = 0 and v = `top`, ascending.
 pub(super) fn roots_between_sides(
     f: &Poly,
     u: &RBig,
@@ -106,12 +107,12 @@ impl Curve {
         })
     }
 
-    /// The roots between the sides over a u that is known within bounds, if floating point proves
-    /// them: all of them, each simple, in disjoint intervals.
+    /// Returns the roots between the sides over a u that is known within bounds, if floating point
+    /// proves all of them, each simple, in disjoint intervals.
     pub(super) fn roots_over(&self, u: Wide) -> Option<Vec<[RBig; 2]>> {
         let top = Wide::exact(1.0) + Wide::exact(-1.0) * u;
         let coefficients = stretched(&over(&self.wide, U, u), top);
-        // From shares of the height to heights.
+        // From fractions of the height to heights.
         let top = top.bounds();
         let height = |x: f64, top: f64, outward: fn(f64) -> f64| RBig::try_from(outward(x * top));
         all_roots(&coefficients)?
@@ -124,12 +125,12 @@ impl Curve {
             .collect()
     }
 
-    /// Whether the polynomial is proved to have no zero on v = c for u from one number to another.
+    /// Returns true if the polynomial provably has no zero on v = c for u between two numbers.
     pub(super) fn misses(&self, [from, to]: [&RBig; 2], c: &RBig) -> bool {
         let length = to - from;
         let (from, length) = (Wide::between(from, from), Wide::between(&length, &length));
         let mut coefficients = over(&self.wide, V, Wide::between(c, c));
-        // In shares of the way.
+        // In fractions of the interval.
         let n = coefficients.len();
         for i in 0..n {
             for j in (i..n - 1).rev() {

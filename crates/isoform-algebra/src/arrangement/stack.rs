@@ -11,7 +11,7 @@ use crate::roots::RealRoot;
 use dashu_ratio::RBig;
 use isoform_control::Control;
 
-/// Where a number of the stack comes from.
+/// Origin of a number of the stack.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Origin {
     Root { curve: usize, index: usize },
@@ -19,13 +19,13 @@ enum Origin {
     Upper,
 }
 
-/// The roots of a curve over a critical value.
+/// Roots of a curve over a critical value.
 pub(super) enum Roots {
-    /// The curve has none, as it does not depend on v.
+    /// The curve does not depend on v and has no roots.
     None,
-    /// The roots between the sides, proved in floating point: all of them are simple.
+    /// The roots between the sides, all simple, proved in floating point.
     Near(Vec<[RBig; 2]>),
-    /// All real ones.
+    /// All real roots, exactly.
     Exact(Fibre),
 }
 
@@ -37,7 +37,7 @@ impl Roots {
             Self::Exact(fibre) => fibre.roots.len(),
         }
     }
-    /// The range of a root, to as many bits as can be had, `bits` at most.
+    /// Returns the range of a root, to at most `bits` bits, or as many as are known.
     fn range(
         &mut self,
         index: usize,
@@ -61,20 +61,20 @@ impl Roots {
     }
 }
 
-/// The number of points that each two of the curves and the sides have in common, for j < k. After
-/// the n curves, the side v = 0 has the number n, the side u + v = 1 the number n + 1.
+/// Number of common points of each two of the curves and the sides, for j < k. After the n curves,
+/// the side v = 0 has the index n, the side u + v = 1 the index n + 1.
 pub(super) type Common = Vec<Vec<usize>>;
 
-/// The numbers over a critical value.
+/// Numbers over a critical value.
 pub(super) struct Stack {
     fibres: Vec<Roots>,
     origins: Vec<Origin>,
 }
 
-/// The numbers of a stack, as they are known to some precision.
-pub(super) struct Placed {
+/// Numbers of a stack, known to a precision.
+pub(super) struct PlacedNumbers {
     ranges: Vec<(RBig, RBig)>,
-    /// For each number the group of those that it is equal to.
+    /// Group of equal numbers to which each number belongs.
     groups: Vec<usize>,
 }
 
@@ -87,7 +87,7 @@ impl Stack {
         Self { fibres, origins }
     }
 
-    /// The number of a curve or a side.
+    /// Returns the index of a curve or a side.
     fn curve(&self, origin: Origin) -> usize {
         match origin {
             Origin::Root { curve, .. } => curve,
@@ -96,20 +96,20 @@ impl Stack {
         }
     }
 
-    /// The numbers to some bits, if only those touch that are equal.
+    /// Returns the numbers to some bits; `None` if intervals of distinct numbers touch.
     pub(super) fn placed(
         &mut self,
         u: &mut RealRoot,
         bits: usize,
         common: &Common,
         control: &Control<'_>,
-    ) -> Result<Option<Placed>, ResultantError> {
+    ) -> Result<Option<PlacedNumbers>, ResultantError> {
         let ranges = self.ranges(u, bits, control)?;
         let (meetings, groups) = self.meetings(&ranges);
-        Ok((meetings == *common).then_some(Placed { ranges, groups }))
+        Ok((meetings == *common).then_some(PlacedNumbers { ranges, groups }))
     }
 
-    /// The ranges of the numbers, to `bits` bits where these can be had.
+    /// Returns the ranges of the numbers, to `bits` bits where that is possible.
     fn ranges(
         &mut self,
         u: &mut RealRoot,
@@ -129,8 +129,9 @@ impl Stack {
         self.origins.iter().map(range).collect()
     }
 
-    /// The most numbers that each two curves and sides may have in common, and for each number the
-    /// group of those that it may be equal to. Roots of one curve differ, but may still touch.
+    /// Returns the maximum number of common numbers of each two curves and sides, and the group of
+    /// possibly equal numbers to which each number belongs. Roots of one curve are distinct, but
+    /// their intervals may touch.
     fn meetings(&self, ranges: &[(RBig, RBig)]) -> (Common, Vec<usize>) {
         let n = self.fibres.len();
         let all = &self.origins;
@@ -152,9 +153,9 @@ impl Stack {
         (meetings, groups)
     }
 
-    /// The points from the lower side to the upper one, and whether a curve touches the wall in one
-    /// of them.
-    pub(super) fn points(&self, placed: &Placed) -> (Vec<WallPoint>, bool) {
+    /// Returns the points from the lower side to the upper one, with true if a curve touches the
+    /// wall in one of them.
+    pub(super) fn points(&self, placed: &PlacedNumbers) -> (Vec<WallPoint>, bool) {
         let mut points: Vec<(WallPoint, bool)> = Vec::new();
         let mut done = vec![false; self.origins.len()];
         for first in 0..self.origins.len() {
@@ -178,7 +179,7 @@ impl Stack {
         (points, touches)
     }
 
-    /// The point of equal numbers, and whether it is a multiple root of a curve.
+    /// Returns the point of equal numbers, with true if it is a multiple root of a curve.
     fn point(&self, members: &[usize], ranges: &[(RBig, RBig)]) -> (WallPoint, bool) {
         let (mut lo, mut hi) = ranges[members[0]].clone();
         let (mut curves, mut touches) = (Vec::new(), false);

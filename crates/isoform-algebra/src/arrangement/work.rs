@@ -1,5 +1,5 @@
-//! The work on an arrangement: walls over critical values, slabs between them, and which arc ends
-//! in which point.
+//! Construction of an arrangement: walls over critical values, slabs between them, and the points
+//! in which arcs end.
 
 use super::critical::{Critical, Event};
 use super::curve::{Curve, over_u, roots_between_sides};
@@ -19,23 +19,23 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
-pub(super) struct Work {
+pub(super) struct ArrangementWork {
     pub(super) curves: Vec<Curve>,
-    /// Subresultants of pairs of curves, as far as they were asked for.
+    /// Subresultants of pairs of curves, computed on demand.
     pairs: BTreeMap<(usize, usize), Subresultants>,
 }
 
-/// A wall with what the slabs beside it need.
-pub(super) struct Standing {
+/// Wall with the data that the adjacent slabs need.
+pub(super) struct PreparedWall {
     pub(super) wall: Wall,
-    /// Rational numbers between the points of the wall, one fewer than these.
+    /// Rational numbers between successive points of the wall.
     separators: Vec<RBig>,
-    /// Whether a curve touches the wall in one of the points.
+    /// True if a curve touches the wall in one of the points.
     touches: bool,
 }
 
-impl Standing {
-    /// Whether curves cross the wall one by one, so that nothing happens there.
+impl PreparedWall {
+    /// Returns true if curves cross the wall one by one, without an event.
     pub(super) fn is_regular(&self) -> bool {
         self.wall.vertical.is_empty()
             && self.wall.points.iter().all(|p| p.curves.len() == 1)
@@ -43,25 +43,25 @@ impl Standing {
     }
 }
 
-/// A number v between two rational ones, and the curve or side that it belongs to.
-struct Located {
+/// Number v between two rational ones, with the curve or side to which it belongs.
+struct LocatedNumber {
     lo: RBig,
     hi: RBig,
     curve: usize,
 }
 
-/// A polynomial over a u at which its leading coefficients in v may vanish.
-struct Specialised {
-    /// Without the powers of v whose coefficients vanish.
+/// Polynomial over a u at which its leading coefficients in v may vanish.
+struct SpecialisedCurve {
+    /// Polynomial without the powers of v whose coefficients vanish.
     poly: Poly,
-    /// In v.
+    /// Degree in v.
     degree: usize,
-    /// Whether no power was left out.
+    /// True if all powers are kept.
     is_whole: bool,
 }
 
-impl Specialised {
-    /// None where all coefficients vanish.
+impl SpecialisedCurve {
+    /// Returns the polynomial over u; `None` if all coefficients vanish.
     fn new(f: &Poly, u: &RealRoot) -> Option<Self> {
         let rows = f.coefficients_in(V);
         let degree = (0..rows.len())
@@ -80,7 +80,7 @@ impl Specialised {
     }
 }
 
-impl Work {
+impl ArrangementWork {
     pub(super) fn new(curves: Vec<Curve>) -> Self {
         Self {
             curves,
@@ -88,8 +88,8 @@ impl Work {
         }
     }
 
-    /// The roots of the curves over a critical value. Curves that are just crossed there get them
-    /// in floating point, unless `exact`.
+    /// Returns the roots of the curves over a critical value. Curves that only cross the wall there
+    /// have them computed in floating point, unless `exact`.
     fn roots_at(
         &self,
         critical: &Critical,
@@ -115,13 +115,13 @@ impl Work {
         self.curves.iter().enumerate().map(roots).collect()
     }
 
-    /// The points over a critical value and the numbers between them.
+    /// Returns the points over a critical value and the separators between them.
     pub(super) fn wall(
         &mut self,
         mut critical: Critical,
         control: &Control<'_>,
-    ) -> Result<Standing, ArrangementError> {
-        // The approximation that all fibres begin with, found once.
+    ) -> Result<PreparedWall, ArrangementError> {
+        // The approximation with which all fibres begin, computed once.
         critical.u.refine(FIRST_BITS);
         let mut stack = Stack::new(self.roots_at(&critical, false, control)?);
         let common = self.common(&critical, control)?;
@@ -129,7 +129,7 @@ impl Work {
         let placed = match near {
             Some(placed) => placed,
             None => {
-                // Too near to each other for floating point.
+                // The numbers are too close for floating point.
                 stack = Stack::new(self.roots_at(&critical, true, control)?);
                 refine_until(FIRST_FIBRE_BITS, DOUBLED, control, |bits| {
                     stack.placed(&mut critical.u, bits, &common, control)
@@ -147,7 +147,7 @@ impl Work {
         };
         let vertical = (0..self.curves.len()).filter(contains_line).collect();
         let u = critical.u;
-        Ok(Standing {
+        Ok(PreparedWall {
             wall: Wall {
                 u,
                 points,
@@ -158,8 +158,8 @@ impl Work {
         })
     }
 
-    /// The number of points that each two of the curves and the sides have in common over a
-    /// critical value.
+    /// Returns the number of common points of each two of the curves and the sides over a critical
+    /// value.
     fn common(
         &mut self,
         critical: &Critical,
@@ -187,14 +187,14 @@ impl Work {
         Ok(common)
     }
 
-    /// A curve over u; none where it has no roots there.
-    fn specialised(&self, k: usize, u: &RealRoot) -> Option<Specialised> {
+    /// Returns a curve over u; `None` if it has no roots there.
+    fn specialised(&self, k: usize, u: &RealRoot) -> Option<SpecialisedCurve> {
         let curve = &self.curves[k];
         curve.fibres.as_ref()?;
-        Specialised::new(&curve.rest, u).filter(|s| s.degree > 0)
+        SpecialisedCurve::new(&curve.rest, u).filter(|s| s.degree > 0)
     }
 
-    /// The number of real numbers v at which both curves vanish over u.
+    /// Returns the number of real numbers v at which both curves vanish over u.
     fn common_roots(
         &mut self,
         j: usize,
@@ -235,11 +235,11 @@ impl Work {
         }
     }
 
-    /// The slab between two neighbouring walls.
+    /// Returns the slab between two neighbouring walls.
     pub(super) fn slab(
         &self,
-        left: &Standing,
-        right: &Standing,
+        left: &PreparedWall,
+        right: &PreparedWall,
         control: &Control<'_>,
     ) -> Result<Slab, ResultantError> {
         if control.is_stopped() {
@@ -265,8 +265,9 @@ impl Work {
         Ok(Slab { u, arcs, between })
     }
 
-    /// The curves and sides over a rational u that is not critical, ascending, in disjoint ranges.
-    fn over(&self, u: &RBig, control: &Control<'_>) -> Result<Vec<Located>, ResultantError> {
+    /// Returns the curves and sides over a rational u that is not critical, ascending, in disjoint
+    /// ranges.
+    fn over(&self, u: &RBig, control: &Control<'_>) -> Result<Vec<LocatedNumber>, ResultantError> {
         let top = RBig::ONE - u;
         let near = self.near_roots_at(u).map(|r| self.with_sides(r, &top));
         if let Some(found) = near.filter(|found| are_apart(found)) {
@@ -278,7 +279,7 @@ impl Work {
             let range = |(r, curve): &mut (RealRoot, usize)| {
                 r.refine(bits);
                 let (lo, hi) = r.interval();
-                Located {
+                LocatedNumber {
                     lo,
                     hi,
                     curve: *curve,
@@ -289,23 +290,24 @@ impl Work {
         })
     }
 
-    /// The roots of the curves between the sides, if floating point proves them; by curves.
-    fn near_roots_at(&self, u: &RBig) -> Option<Vec<Located>> {
+    /// Returns the roots of the curves between the sides, in the order of the curves, if floating
+    /// point proves them.
+    fn near_roots_at(&self, u: &RBig) -> Option<Vec<LocatedNumber>> {
         let at = Wide::between(u, u);
         let mut found = Vec::new();
         let curves = self.curves.iter().enumerate();
         for (curve, c) in curves.filter(|(_, c)| c.fibres.is_some()) {
             let roots = c.roots_over(at)?.into_iter();
-            found.extend(roots.map(|[lo, hi]| Located { lo, hi, curve }));
+            found.extend(roots.map(|[lo, hi]| LocatedNumber { lo, hi, curve }));
         }
         Some(found)
     }
 
-    /// With the sides v = 0 and v = `top`, ascending.
-    fn with_sides(&self, mut found: Vec<Located>, top: &RBig) -> Vec<Located> {
+    /// Adds the sides v = 0 and v = `top` to numbers, and sorts them in ascending order.
+    fn with_sides(&self, mut found: Vec<LocatedNumber>, top: &RBig) -> Vec<LocatedNumber> {
         let n = self.curves.len();
         let sides = [(RBig::ZERO, n), (top.clone(), n + 1)];
-        found.extend(sides.map(|(v, curve)| Located {
+        found.extend(sides.map(|(v, curve)| LocatedNumber {
             lo: v.clone(),
             hi: v,
             curve,
@@ -314,7 +316,8 @@ impl Work {
         found
     }
 
-    /// The roots of the curves between the sides over a rational u, by curves.
+    /// Returns the roots of the curves between the sides over a rational u, in the order of the
+    /// curves.
     fn exact_roots_at(&self, u: &RBig, top: &RBig) -> Vec<(RealRoot, usize)> {
         let curves = self.curves.iter().enumerate();
         curves
@@ -323,11 +326,11 @@ impl Work {
             .collect()
     }
 
-    /// The points of the wall in which the arcs on one side of it end: on the right side if `side`
-    /// is `Greater`. `sample` is in the slab there.
+    /// Returns the points of the wall in which the arcs on one side of it end: on the right side if
+    /// `side` is `Greater`. `sample` is in the slab there.
     fn ends(
         &self,
-        standing: &Standing,
+        standing: &PreparedWall,
         sample: &RBig,
         side: Ordering,
         control: &Control<'_>,
@@ -350,42 +353,43 @@ impl Work {
         Ok(ends)
     }
 
-    /// A u so close to a wall that no curve crosses a separator between them: `sample`, or one
-    /// nearer.
+    /// Returns a u, `sample` or one nearer to a wall, such that no curve crosses a separator
+    /// between it and the wall.
     fn clear_place(
         &self,
-        standing: &Standing,
+        standing: &PreparedWall,
         sample: &RBig,
         side: Ordering,
         control: &Control<'_>,
     ) -> Result<RBig, ResultantError> {
-        /// The share of the way to the wall that is left after the first sample, in bits.
-        const FIRST: usize = 8;
-        /// The growth of the bits from one look to the next: by steps after which a rough look may
-        /// do.
-        const NEARER: Growth = |bits| bits + bits / 4;
-        /// The bits from which on a look is exact: a look that does not decide then shows that the
+        /// Number of bits of the fraction of the way to the wall that is left after the first
+        /// sample.
+        const FIRST_PLACE_BITS: usize = 8;
+        /// Growth of the number of bits from one attempt to the next, in steps small enough for an
+        /// approximate test to succeed.
+        const PLACE_BITS_GROWTH: Growth = |bits| bits + bits / 4;
+        /// Number of bits above which the test is exact: a negative result then means that the
         /// place is too far from the wall.
-        const ROUGH: usize = 48;
+        const MAX_APPROXIMATE_BITS: usize = 48;
         let mut u = standing.wall.u.clone();
-        refine_until(FIRST, NEARER, control, |bits| {
-            let at = if bits > FIRST {
+        refine_until(FIRST_PLACE_BITS, PLACE_BITS_GROWTH, control, |bits| {
+            let at = if bits > FIRST_PLACE_BITS {
                 u.refine(2 * bits);
                 nearer(&u, sample, side, bits)
             } else {
                 Some(sample.clone())
             };
-            // Walls may be closer together than the wall is known yet.
+            // Walls may be closer together than their current precision.
             let Some(at) = at else {
                 return Ok(None);
             };
-            let is_clear = |c: &RBig| self.is_clear(&u, &at, c, bits > ROUGH);
+            let is_clear = |c: &RBig| self.is_clear(&u, &at, c, bits > MAX_APPROXIMATE_BITS);
             Ok(standing.separators.iter().all(is_clear).then_some(at))
         })
     }
 
-    /// Of each root between the sides over u the number of separators below it, if floating point
-    /// tells.
+    /// Returns the number of separators below each root between the sides over u, if floating point
+    /// decides.
     fn near_gaps(&self, u: &RBig, separators: &[RBig]) -> Option<Vec<usize>> {
         let at = Wide::between(u, u);
         let mut found = Vec::new();
@@ -398,8 +402,8 @@ impl Work {
         Some(found)
     }
 
-    /// Whether no curve crosses the line v = c from the wall as far as `at`. Without `exact` a
-    /// false answer may only mean too rough a look.
+    /// Returns true if no curve crosses the line v = c from the wall up to `at`. Without `exact`,
+    /// false may also mean that the test was too coarse.
     fn is_clear(&self, u: &RealRoot, at: &RBig, c: &RBig, exact: bool) -> bool {
         let (lo, hi) = u.interval();
         let (lo, hi) = (lo.min(at.clone()), hi.max(at.clone()));
@@ -415,7 +419,7 @@ impl Work {
                     g.degree() == 0
                         || real_roots(&g).iter().all(|r| {
                             let (from, to) = (r.cmp(u), r.cmp_rational(at));
-                            // On the same side of both, and not on the wall, by the choice of c.
+                            // On one side of both, and not on the wall, by the choice of c.
                             from == to && to.is_ne()
                         })
                 }
@@ -423,13 +427,13 @@ impl Work {
     }
 }
 
-/// Whether ranges in ascending order are disjoint.
-fn are_apart(found: &[Located]) -> bool {
+/// Returns true if ranges in ascending order are disjoint.
+fn are_apart(found: &[LocatedNumber]) -> bool {
     found.windows(2).all(|w| w[0].hi < w[1].lo)
 }
 
-/// A simple number between a wall and the 2^−bits part of the way from it to `sample`, on the given
-/// side of the wall; none if the sample may be within what is known of the wall.
+/// Returns a simple number within 2^−bits of the way from a wall to `sample`, on the given side of
+/// the wall; `None` if the sample may lie within the interval of the wall.
 fn nearer(wall: &RealRoot, sample: &RBig, side: Ordering, bits: usize) -> Option<RBig> {
     let (lo, hi) = wall.interval();
     let near = if side.is_gt() { hi } else { lo };

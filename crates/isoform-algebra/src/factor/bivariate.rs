@@ -17,10 +17,12 @@ use dashu_int::UBig;
 use dashu_ratio::RBig;
 use isoform_control::Control;
 
-/// Numbers tried in place of a variable; the one that leaves the fewest factors is taken.
-const POINTS_TRIED: usize = 3;
+/// Maximum number of values tried in place of a variable; the one that leaves the fewest factors is
+/// taken.
+const MAX_TRIED_POINTS: usize = 3;
 
-/// Primitive over Z, squarefree, without factors in one variable alone.
+/// Returns the factors of a polynomial that is primitive over Z, squarefree, and without factors in
+/// one variable alone.
 pub(super) fn factor_bivariate(
     p: &Poly,
     x: usize,
@@ -53,7 +55,7 @@ pub(super) fn factor_bivariate(
     Ok(factors.iter().map(back).collect())
 }
 
-/// The number in place of y that leaves the fewest univariate factors, with these; none if one
+/// Returns the value of y that leaves the fewest univariate factors, with these; `None` if one
 /// leaves a single factor, which proves irreducibility.
 fn best_line(
     f: &Poly,
@@ -76,7 +78,7 @@ fn best_line(
             best = Some((point, factors));
         }
         tried += 1;
-        if tried == POINTS_TRIED {
+        if tried == MAX_TRIED_POINTS {
             break;
         }
     }
@@ -87,7 +89,7 @@ fn best_line(
     Ok(best)
 }
 
-/// The factors of a polynomial from those at y = 0.
+/// Returns the factors of a polynomial from those at y = 0.
 fn factors_from_line(
     f: Poly,
     x: usize,
@@ -95,7 +97,7 @@ fn factors_from_line(
     lines: &[UPoly],
     control: &Control<'_>,
 ) -> Result<Vec<Poly>, FactorError> {
-    let first = Lifted::new(&f, x, y, lines).next().expect("a prime");
+    let first = LiftedFactors::new(&f, x, y, lines).next().expect("a prime");
     let mut rest = f;
     let (mut factors, left) = by_subsets(lines.len(), control, |chosen| {
         if !first.is_plausible(chosen) {
@@ -116,20 +118,20 @@ fn factors_from_line(
     Ok(factors)
 }
 
-/// Whether a univariate factor belongs to what is left at y = 0.
+/// Returns true if a univariate factor divides the remaining polynomial at y = 0.
 fn divides_line(rest: &Poly, x: usize, y: usize, line: &UPoly) -> bool {
     rest.set(y, &RBig::ZERO)
         .to_upoly(x)
         .is_some_and(|r| r.div_exact(line).is_some())
 }
 
-/// 0, 1, −1, 2, −2, …
+/// Iterates over 0, 1, −1, 2, −2, …
 fn small_numbers() -> impl Iterator<Item = RBig> {
     (0i64..).map(|i| RBig::from(if i % 2 == 1 { (i + 1) / 2 } else { -i / 2 }))
 }
 
-/// The coefficients of y⁰, y¹, … as polynomials in x, modulo a prime and monic in x; none if the
-/// prime divides the leading coefficient in x.
+/// Returns the coefficients of y⁰, y¹, … as polynomials in x, modulo a prime and monic in x; `None`
+/// if the prime divides the leading coefficient in x.
 fn monic_rows(field: &Fp, f: &Poly, x: usize, y: usize) -> Option<Vec<Vec<u64>>> {
     let degree = f.total_degree();
     let mut rows = vec![vec![0; degree + 1]; degree + 1];
@@ -146,15 +148,15 @@ fn monic_rows(field: &Fp, f: &Poly, x: usize, y: usize) -> Option<Vec<Vec<u64>>>
 }
 
 /// Factors of a polynomial f(x, y)/lc as power series in y modulo a prime, monic in x.
-struct Lifted {
+struct LiftedFactors {
     field: Fp,
-    /// For every factor the coefficients of y⁰, y¹, … as polynomials in x.
+    /// Coefficients of y⁰, y¹, … of each factor, as polynomials in x.
     series: Vec<Vec<Vec<u64>>>,
 }
 
-impl Lifted {
-    /// The lifts modulo one prime after the other; the lines are coprime and their product is f(x,
-    /// 0) up to a constant.
+impl LiftedFactors {
+    /// Iterates over the lifts modulo successive primes; the lines are coprime and their product is
+    /// f(x, 0) up to a constant.
     fn new(f: &Poly, x: usize, y: usize, lines: &[UPoly]) -> impl Iterator<Item = Self> {
         primes().filter_map(move |field| {
             let rows = monic_rows(&field, f, x, y)?;
@@ -170,8 +172,8 @@ impl Lifted {
         })
     }
 
-    /// Whether the product of the chosen series ends like a factor: the coefficient of x^(d−m) has
-    /// degree at most m in y.
+    /// Returns true if the product of the chosen series may be a factor: the coefficient of x^(d−m)
+    /// has degree at most m in y.
     fn is_plausible(&self, chosen: &[usize]) -> bool {
         let f = &self.field;
         let precision = self.series[0].len();
@@ -193,7 +195,7 @@ impl Lifted {
             .all(|(k, row)| row.is_empty() || row.len() + k <= d + 1)
     }
 
-    /// The coefficients of the first factor up to a total degree, in the order of
+    /// Returns the coefficients of the first factor up to a total degree, in the order of
     /// [`places_up_to`].
     fn of_first(&self, degree: usize) -> Vec<u64> {
         let series = &self.series[0];
@@ -202,7 +204,7 @@ impl Lifted {
             .map(|place| at(place).unwrap_or(0))
             .collect()
     }
-    /// The product of chosen factors as a power series in y, to the precision of the lifts.
+    /// Returns the product of chosen factors as a power series in y, to the precision of the lifts.
     fn product(&self, chosen: &[usize]) -> Vec<Vec<u64>> {
         let f = &self.field;
         let precision = self.series[0].len();
@@ -221,7 +223,8 @@ impl Lifted {
     }
 }
 
-/// For each polynomial 1/∏ of the others modulo it, if they are coprime modulo the prime.
+/// Returns 1/∏ of the other polynomials modulo each polynomial, if they are coprime modulo the
+/// prime.
 fn cofactors(f: &Fp, bases: &[Vec<u64>]) -> Option<Vec<Vec<u64>>> {
     let cofactor = |(i, base): (usize, &Vec<u64>)| {
         let others = bases.iter().enumerate().filter(|(j, _)| *j != i);
@@ -234,7 +237,7 @@ fn cofactors(f: &Fp, bases: &[Vec<u64>]) -> Option<Vec<Vec<u64>>> {
     bases.iter().enumerate().map(cofactor).collect()
 }
 
-/// Linear Hensel lifting of all factors together: at y^k the error e is Σ σᵢ ∏ⱼ≠ᵢ with σᵢ =
+/// Lifts all factors together by linear Hensel lifting: at y^k the error e is Σ σᵢ ∏ⱼ≠ᵢ with σᵢ =
 /// e·cofactorᵢ modulo the i-th.
 fn lift_series(
     f: &Fp,
@@ -268,7 +271,7 @@ fn lift_series(
 struct PartialProducts(Vec<Vec<Vec<u64>>>);
 
 impl PartialProducts {
-    /// With the coefficients of y⁰.
+    /// Creates the products from the coefficients of y⁰.
     fn new(f: &Fp, precision: usize, bases: &[Vec<u64>]) -> Self {
         let mut one = vec![Vec::new(); precision];
         one[0] = vec![f.one()];
@@ -280,7 +283,7 @@ impl PartialProducts {
         Self(products)
     }
 
-    /// Computes the coefficients of y^k, anew if they are there.
+    /// Computes the coefficients of y^k, replacing existing ones.
     fn set(&mut self, f: &Fp, k: usize, series: &[Vec<Vec<u64>>]) {
         for (i, s) in series.iter().enumerate() {
             let sum = (0..=k).fold(Vec::new(), |sum, a| {
@@ -291,20 +294,20 @@ impl PartialProducts {
         }
     }
 
-    /// The coefficient of y^k in the product of all series.
+    /// Returns the coefficient of y^k in the product of all series.
     fn whole(&self, k: usize) -> &[u64] {
         &self.0[self.0.len() - 1][k]
     }
 }
 
-/// The exponents (i, k) of x and y up to a total degree, by rows of one k.
+/// Iterates over the exponents (i, k) of x and y up to a total degree, in rows of one k.
 fn places_up_to(degree: usize) -> impl Iterator<Item = [usize; 2]> {
     (0..=degree).flat_map(move |k| (0..=degree - k).map(move |i| [i, k]))
 }
 
-/// Bits of a modulus that determines every monic factor of f. The heights of factors multiply up to
-/// at most 2^(sum of degrees) times the height of the product (A. O. Gelfond), which bounds
-/// numerators and denominators of the monic factor, too.
+/// Returns the number of bits of a modulus that determines every monic factor of f. The heights of
+/// factors multiply up to at most 2^(sum of degrees) times the height of the product (A. O.
+/// Gelfond), which bounds numerators and denominators of the monic factor, too.
 fn enough_bits(f: &Poly) -> usize {
     let sizes = f.terms().iter();
     let sizes = sizes.map(|(_, c)| bit_len(&c.clone().abs().unsigned_abs()));
@@ -312,8 +315,8 @@ fn enough_bits(f: &Poly) -> usize {
     2 * (height + 2 * f.total_degree() + 2) + 2
 }
 
-/// The factor of f whose line is the first group, from lifts modulo more and more primes; nothing
-/// if coefficients as large as a factor can have do not give one.
+/// Returns the factor of f whose line is the first group, from lifts modulo successive primes;
+/// `None` if coefficients of the maximum size of a factor do not give one.
 fn reconstruct(f: &Poly, x: usize, y: usize, groups: &[UPoly]) -> Option<Poly> {
     let d = groups[0].degree();
     if groups[1].degree() == 0 {
@@ -321,7 +324,7 @@ fn reconstruct(f: &Poly, x: usize, y: usize, groups: &[UPoly]) -> Option<Poly> {
     }
     let enough = enough_bits(f);
     let mut crt: Option<Crt> = None;
-    for lifted in Lifted::new(f, x, y, groups) {
+    for lifted in LiftedFactors::new(f, x, y, groups) {
         let residues = lifted.of_first(d);
         let crt = crt.get_or_insert_with(|| Crt::new(residues.len()));
         crt.push(&lifted.field, &residues);

@@ -3,10 +3,11 @@
 use super::FactorError;
 use isoform_control::Control;
 
-/// Subsets that are tried between two looks whether to stop.
-const LOOKS: usize = 256;
+/// Number of subsets between two checks of the control.
+const SUBSETS_PER_CHECK: usize = 256;
 
-/// The next subset of 0 … n − 1 of its size in lexicographic order; false after the last one.
+/// Replaces a subset of 0 … n − 1 by the next one of its size in lexicographic order; returns false
+/// after the last one.
 fn next_subset(subset: &mut [usize], n: usize) -> bool {
     let k = subset.len();
     for i in (0..k).rev() {
@@ -21,9 +22,9 @@ fn next_subset(subset: &mut [usize], n: usize) -> bool {
     false
 }
 
-/// Takes factors off `rest` that are products of subsets, small ones first: `test` returns the
-/// factor that a subset of the indices gives, if it is one. The second result are the indices that
-/// are left.
+/// Divides `rest` by factors that are products of subsets, small subsets first: `test` returns the
+/// factor that a subset of the indices gives, if it is one. The second result is the list of
+/// remaining indices.
 pub(super) fn by_subsets<F: Clone>(
     count: usize,
     control: &Control<'_>,
@@ -44,7 +45,7 @@ pub(super) fn by_subsets<F: Clone>(
     Ok((factors, left))
 }
 
-/// The first subset of a size that gives a factor, with the factor.
+/// Returns the first subset of a size that gives a factor, with the factor.
 fn first_factor<F>(
     left: &[usize],
     size: usize,
@@ -55,7 +56,7 @@ fn first_factor<F>(
     let mut trials = 0usize;
     loop {
         trials += 1;
-        if trials.is_multiple_of(LOOKS) {
+        if trials.is_multiple_of(SUBSETS_PER_CHECK) {
             control.check()?;
         }
         let chosen: Vec<usize> = subset.iter().map(|&i| left[i]).collect();
@@ -72,7 +73,7 @@ fn first_factor<F>(
 mod tests {
     use super::*;
 
-    /// 2 · 3 · 5 · 7 · 11 from the divisors 6, 35 and 11, which leave nothing.
+    /// The divisors 6, 35 and 11 of 2 · 3 · 5 · 7 · 11 are found without a remainder.
     #[test]
     fn small_products_come_first() {
         let primes = [2, 3, 5, 7, 11];

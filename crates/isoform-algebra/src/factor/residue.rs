@@ -3,11 +3,11 @@
 use dashu_base::RemEuclid;
 use dashu_int::IBig;
 
-/// Coefficients from 0 to m − 1.
+/// Reduces coefficients to 0 … m − 1.
 pub(super) fn reduce(a: Vec<IBig>, m: &IBig) -> Vec<IBig> {
     a.into_iter().map(|c| IBig::from(c.rem_euclid(m))).collect()
 }
-/// a b.
+/// Returns a·b.
 pub(super) fn mul(a: &[IBig], b: &[IBig], m: &IBig) -> Vec<IBig> {
     if a.is_empty() || b.is_empty() {
         return Vec::new();
@@ -20,7 +20,7 @@ pub(super) fn mul(a: &[IBig], b: &[IBig], m: &IBig) -> Vec<IBig> {
     }
     reduce(product, m)
 }
-/// a + b, or a − b for the sign −1.
+/// Returns a + b, or a − b for the sign −1.
 pub(super) fn combine(a: &[IBig], b: &[IBig], sign: i32, m: &IBig) -> Vec<IBig> {
     let mut sum = a.to_vec();
     sum.resize(a.len().max(b.len()), IBig::ZERO);
@@ -29,7 +29,7 @@ pub(super) fn combine(a: &[IBig], b: &[IBig], sign: i32, m: &IBig) -> Vec<IBig> 
     }
     reduce(sum, m)
 }
-/// Quotient and remainder by a monic polynomial.
+/// Returns the quotient and remainder by a monic polynomial.
 pub(super) fn div_rem(mut a: Vec<IBig>, b: &[IBig], m: &IBig) -> (Vec<IBig>, Vec<IBig>) {
     let n = b.len() - 1;
     let mut quotient = vec![IBig::ZERO; a.len().saturating_sub(n)];

@@ -15,12 +15,12 @@ use dashu_int::{IBig, UBig};
 use isoform_control::Control;
 use isoform_num::Random;
 
-/// Small primes tried for a polynomial; the one with the fewest factors is taken.
-const PRIMES_TRIED: usize = 6;
-/// Where the search for small primes begins.
+/// Maximum number of small primes tried for a polynomial; the one with the fewest factors is taken.
+const MAX_TRIED_PRIMES: usize = 6;
+/// Start of the search for small primes.
 const FIRST_PRIME: u64 = 1009;
 
-/// The irreducible factors of a primitive squarefree polynomial.
+/// Returns the irreducible factors of a primitive squarefree polynomial.
 pub(super) fn factor_univariate(
     p: &UPoly,
     control: &Control<'_>,
@@ -45,20 +45,20 @@ pub(super) fn factor_univariate(
         modulus = modulus.pow(2);
         squarings += 1;
     }
-    let lifting = Lifting { field, squarings };
+    let lifting = HenselLifting { field, squarings };
     let mut lifted = Vec::new();
     lifting.lift(p.coefficients().to_vec(), &modular, &mut lifted);
     recombine(p, &lifted, &IBig::from(modulus), control)
 }
 
-/// Twice a bound on the coefficients of a factor times lc(p), |lc| 2ⁿ ‖p‖₂ (Mignotte).
+/// Returns twice a bound on the coefficients of a factor times lc(p), |lc| 2ⁿ ‖p‖₂ (Mignotte).
 fn modulus_bound(p: &UPoly) -> UBig {
     let squares = p.coefficients().iter().map(|c| c.clone().unsigned_abs());
     let norm = sqrt_floor(&squares.map(|c| c.pow(2)).sum::<UBig>()) + UBig::ONE;
     ((norm * p.leading().unsigned_abs()) << p.degree()) << 1
 }
 
-/// The monic irreducible factors of a monic squarefree polynomial modulo a small odd prime.
+/// Returns the monic irreducible factors of a monic squarefree polynomial modulo a small odd prime.
 fn factor_modular(f: &Fp, p: &[u64]) -> Vec<Vec<u64>> {
     let mut factors = Vec::new();
     let mut rest = p.to_vec();
@@ -85,7 +85,7 @@ fn factor_modular(f: &Fp, p: &[u64]) -> Vec<Vec<u64>> {
     factors
 }
 
-/// Splits a product of irreducible factors of one degree by a random polynomial, and so on.
+/// Splits a product of irreducible factors of one degree by random polynomials, recursively.
 fn split_equal_degrees(
     f: &Fp,
     p: Vec<u64>,
@@ -118,11 +118,11 @@ fn split_equal_degrees(
     }
 }
 
-/// A field and the monic factors of a polynomial over it.
+/// Field, with the monic factors of a polynomial over it.
 type Modular = (Fp, Vec<Vec<u64>>);
 
-/// The field and the monic factors for the small prime that leaves the fewest, nothing if one
-/// proves irreducibility.
+/// Returns the field and the monic factors for the small prime that leaves the fewest; `None` if
+/// one proves irreducibility.
 fn best_small_prime(p: &UPoly, control: &Control<'_>) -> Result<Option<Modular>, FactorError> {
     let mut best: Option<Modular> = None;
     // Sums of degrees of modular factors that are possible for all primes so far.
@@ -144,14 +144,14 @@ fn best_small_prime(p: &UPoly, control: &Control<'_>) -> Result<Option<Modular>,
             best = Some((field, factors));
         }
         tried += 1;
-        if tried == PRIMES_TRIED {
+        if tried == MAX_TRIED_PRIMES {
             break;
         }
     }
     Ok(best)
 }
 
-/// The polynomial modulo a prime, monic, if it keeps its degree and stays squarefree.
+/// Returns the polynomial modulo a prime, monic, if it keeps its degree and stays squarefree.
 fn squarefree_image(field: &Fp, p: &UPoly) -> Option<Vec<u64>> {
     let image = p.residues(field);
     if image.len() != p.degree() + 1 {
@@ -162,7 +162,7 @@ fn squarefree_image(field: &Fp, p: &UPoly) -> Option<Vec<u64>> {
     (common.len() == 1).then_some(image)
 }
 
-/// Whether products of the factors have each of the degrees up to n.
+/// Returns true for each degree up to n that a product of the factors has.
 fn sums_of_degrees(factors: &[Vec<u64>], n: usize) -> Vec<bool> {
     let mut sums = vec![false; n + 1];
     sums[0] = true;
@@ -174,22 +174,22 @@ fn sums_of_degrees(factors: &[Vec<u64>], n: usize) -> Vec<bool> {
     sums
 }
 
-/// Hensel's lifting from a prime p to p^(2^squarings).
-struct Lifting {
+/// Hensel lifting from a prime p to p^(2^squarings).
+struct HenselLifting {
     field: Fp,
     squarings: usize,
 }
 
-impl Lifting {
-    /// Lifts the factorisation lc·∏ factors of a polynomial modulo the prime; the lifted monic
-    /// factors are appended. Two halves at a time.
+impl HenselLifting {
+    /// Lifts the factorisation lc·∏ factors of a polynomial modulo the prime, by halves; the lifted
+    /// monic factors are appended.
     fn lift(&self, p: Vec<IBig>, factors: &[Vec<u64>], lifted: &mut Vec<Vec<IBig>>) {
         let (first, second) = factors.split_at(factors.len() / 2);
         if first.is_empty() {
             lifted.push(self.monic(&p));
             return;
         }
-        let mut halves = Halves::new(&self.field, &p, first, second);
+        let mut halves = FactorPair::new(&self.field, &p, first, second);
         let mut m = IBig::from(self.field.prime());
         for _ in 0..self.squarings {
             m = &m * &m;
@@ -199,7 +199,7 @@ impl Lifting {
         self.lift(halves.h, second, lifted);
     }
 
-    /// One factor is the polynomial itself, made monic by Newton's iteration for 1/lc.
+    /// Returns the only factor, the polynomial itself, made monic by Newton's iteration for 1/lc.
     fn monic(&self, p: &[IBig]) -> Vec<IBig> {
         let lead = p.last().expect("not zero");
         let field = &self.field;
@@ -214,16 +214,16 @@ impl Lifting {
     }
 }
 
-/// A factorisation g h of a polynomial modulo m, h monic, with s g + t h = 1.
-struct Halves {
+/// Factorisation g h of a polynomial modulo m, h monic, with s g + t h = 1.
+struct FactorPair {
     g: Vec<IBig>,
     h: Vec<IBig>,
     s: Vec<IBig>,
     t: Vec<IBig>,
 }
 
-impl Halves {
-    /// Modulo the prime; the leading coefficient goes to g.
+impl FactorPair {
+    /// Creates the factorisation modulo the prime; the leading coefficient goes to g.
     fn new(field: &Fp, p: &[IBig], first: &[Vec<u64>], second: &[Vec<u64>]) -> Self {
         let plain =
             |a: &[u64]| -> Vec<IBig> { a.iter().map(|&c| IBig::from(field.value(c))).collect() };
@@ -243,7 +243,7 @@ impl Halves {
         }
     }
 
-    /// From a modulus to its square m (algorithm 15.10).
+    /// Lifts the factorisation from a modulus to its square m (algorithm 15.10).
     fn square(&mut self, p: &[IBig], m: &IBig) {
         let mul = |a: &[IBig], b: &[IBig]| residue::mul(a, b, m);
         let add = |a: &[IBig], b: &[IBig]| residue::combine(a, b, 1, m);
@@ -265,7 +265,8 @@ impl Halves {
     }
 }
 
-/// The factors over Z from the monic ones modulo a number beyond twice their coefficients.
+/// Returns the factors over Z from the monic ones modulo a number that exceeds twice their
+/// coefficients.
 fn recombine(
     p: &UPoly,
     lifted: &[Vec<IBig>],

@@ -1,17 +1,17 @@
 //! Polynomials with ball coefficients: division, isolation of simple roots, counting of multiple
-//! ones. Every function says nothing rather than something uncertain.
+//! ones. Every function returns `None` rather than an uncertain result.
 
 use crate::ball::{self, Ball};
 use dashu_base::BitTest;
 use dashu_int::IBig;
 use std::cmp::Ordering;
 
-/// Bits of the ends between which bisection begins: enough to keep its points off numbers that
-/// people write.
-const GRAIN: usize = 64;
+/// Number of bits of the interval's ends at the start of bisection: enough to keep its points off
+/// simple numbers, which are often roots.
+const GRAIN_BITS: usize = 64;
 
-/// The last remainder but the one that is known to vanish of a polynomial and its derivative, made
-/// monic; nothing if its degree may be other than 1.
+/// Returns the last remainder before the one known to vanish, of a polynomial and its derivative,
+/// made monic; `None` if its degree may differ from 1.
 pub(super) fn euclid(f: &[Ball], precision: usize) -> Option<Vec<Ball>> {
     let derivative = f.iter().enumerate().skip(1).map(|(i, c)| Ball {
         middle: &c.middle * IBig::from(i),
@@ -28,7 +28,7 @@ pub(super) fn euclid(f: &[Ball], precision: usize) -> Option<Vec<Ball>> {
     Some(b)
 }
 
-/// A polynomial divided by its leading coefficient; nothing if that may vanish.
+/// Returns a polynomial divided by its leading coefficient; `None` if that may vanish.
 fn monic(p: &[Ball], precision: usize) -> Option<Vec<Ball>> {
     let lead = p.last()?;
     let rest: Option<Vec<Ball>> = p[..p.len() - 1]
@@ -43,7 +43,7 @@ fn monic(p: &[Ball], precision: usize) -> Option<Vec<Ball>> {
     )
 }
 
-/// The remainder by a monic polynomial, of one degree less than that has.
+/// Returns the remainder by a monic polynomial, of one degree less than the latter.
 fn remainder(mut a: Vec<Ball>, b: &[Ball], precision: usize) -> Vec<Ball> {
     let n = b.len() - 1;
     while a.len() > n {
@@ -56,8 +56,8 @@ fn remainder(mut a: Vec<Ball>, b: &[Ball], precision: usize) -> Vec<Ball> {
     a
 }
 
-/// The quotient of a polynomial by a divisor whose leading coefficient is certain, made monic
-/// first: subresultants are huge, and a quotient by them would vanish in the last place.
+/// Returns the quotient by a divisor whose leading coefficient is certain. The divisor is made
+/// monic first: subresultants are huge, and a quotient by them would vanish in the last place.
 pub(super) fn divide(f: &[Ball], g: &[Ball], precision: usize) -> Option<Vec<Ball>> {
     let n = g.len() - 1;
     let monic: Option<Vec<Ball>> = g[..n].iter().map(|c| c.div(&g[n], precision)).collect();
@@ -74,8 +74,8 @@ pub(super) fn divide(f: &[Ball], g: &[Ball], precision: usize) -> Option<Vec<Bal
     Some(quotient)
 }
 
-/// Open intervals with one real root each, together with all, of a polynomial with simple roots;
-/// ends are no roots.
+/// Returns open intervals with one real root each, in total all, of a polynomial with simple roots;
+/// their ends are not roots.
 pub(super) fn isolate_simple(
     p: &[Ball],
     precision: usize,
@@ -93,7 +93,8 @@ pub(super) fn isolate_simple(
     Some(found)
 }
 
-/// Bits of the roots of a polynomial: Fujiwara's bound 2 max |aᵢ/aₙ|^(1/(n−i)) on bit lengths.
+/// Returns a bound on the number of bits of the roots of a polynomial: Fujiwara's bound 2 max
+/// |aᵢ/aₙ|^(1/(n−i)) on bit lengths.
 fn root_bits(p: &[Ball]) -> usize {
     let n = p.len() - 1;
     let top = crate::modular::bits(&p[n].magnitude().1);
@@ -105,30 +106,30 @@ fn root_bits(p: &[Ball]) -> usize {
     (0..n).map(size).max().unwrap_or(0) + 1
 }
 
-/// The bisection of an interval that holds all real roots, by Descartes' rule of signs.
+/// Bisection of an interval that contains all real roots, by Descartes' rule of signs.
 struct Bisection {
     precision: usize,
     start: IBig,
     width: IBig,
-    /// Halvings after which places are no longer exact.
+    /// Number of bisections after which places are not exact any more.
     deepest: usize,
 }
 
 impl Bisection {
-    /// Ends on both sides of all roots, in 17ths of the bound: not symmetric and not round, as
-    /// bisection is not to meet a root that people write.
+    /// Ends on both sides of all roots, in 17ths of the bound: neither symmetric nor round, so that
+    /// bisection does not hit simple roots.
     const ODD: [(u32, u32); 5] = [(22, 23), (31, 20), (24, 37), (29, 43), (41, 19)];
 
-    /// None if the roots have too many bits for the precision.
+    /// Creates the bisection; `None` if the roots have too many bits for the precision.
     fn new(p: &[Ball], precision: usize, attempt: usize) -> Option<Self> {
         let bound = root_bits(p);
-        if bound + GRAIN > precision {
+        if bound + GRAIN_BITS > precision {
             return None;
         }
         let (left, right) = Self::ODD[attempt % Self::ODD.len()];
         // A multiple of 2^deepest, so that the points of bisection are exact.
-        let deepest = precision - GRAIN;
-        let unit: IBig = ((IBig::ONE << (GRAIN + bound)) / 17) << deepest;
+        let deepest = precision - GRAIN_BITS;
+        let unit: IBig = ((IBig::ONE << (GRAIN_BITS + bound)) / 17) << deepest;
         Some(Self {
             precision,
             start: &unit * IBig::from(left) * -1,
@@ -137,7 +138,7 @@ impl Bisection {
         })
     }
 
-    /// q(x) = p(start + width·x), for (0, 1).
+    /// Returns q(x) = p(start + width·x), for (0, 1).
     fn on_unit(&self, p: &[Ball]) -> Vec<Ball> {
         let mut q = ball::shift(p, &Ball::exact(self.start.clone()), self.precision);
         let width = Ball::exact(self.width.clone());
@@ -149,12 +150,12 @@ impl Bisection {
         q
     }
 
-    /// The place c/2^depth of (0, 1).
+    /// Returns the place c/2^depth of (0, 1).
     fn place(&self, c: &IBig, depth: usize) -> IBig {
         &self.start + ((&self.width * c) >> depth)
     }
 
-    /// Intervals with one root each, ascending; none if the precision does not decide.
+    /// Returns intervals with one root each, ascending; `None` if the precision does not decide.
     fn isolate(&self, q: Vec<Ball>) -> Option<Vec<(IBig, IBig)>> {
         let mut found = Vec::new();
         let mut stack = vec![(q, IBig::ZERO, 0usize)];
@@ -174,7 +175,8 @@ impl Bisection {
     }
 }
 
-/// The polynomial on (0, 1/2) and on (1/2, 1), each stretched to (0, 1); none if 1/2 may be a root.
+/// Returns the polynomial on (0, 1/2) and on (1/2, 1), each stretched to (0, 1); `None` if 1/2 may
+/// be a root.
 fn halves(q: &[Ball]) -> Option<[Vec<Ball>; 2]> {
     let n = q.len() - 1;
     // 2ⁿ q(x/2) would grow: halve the higher coefficients instead, rounding outwards.
@@ -206,8 +208,8 @@ fn halve(v: &Ball, times: usize) -> Ball {
     }
 }
 
-/// Sign changes of (1 + x)ⁿ q(1/(1 + x)), counted up to two; nothing if a sign is uncertain before
-/// that.
+/// Returns the number of sign changes of (1 + x)ⁿ q(1/(1 + x)), counted up to two; `None` if a sign
+/// is uncertain before that.
 fn variations_in_unit(q: &[Ball]) -> Option<usize> {
     let mut r: Vec<Ball> = q.iter().rev().cloned().collect();
     let n = r.len();
@@ -229,8 +231,8 @@ fn variations_in_unit(q: &[Ball]) -> Option<usize> {
     Some(changes)
 }
 
-/// The part of an interval with a sign change that is at most 2^−bits wide and has one too; nothing
-/// if a sign is uncertain.
+/// Returns a part of an interval with a sign change, at most 2^−bits wide, in which the sign
+/// changes; `None` if a sign is uncertain.
 ///
 /// Bisection, and where chords predict well the cells of finer and finer grids (J. Abbott's
 /// quadratic interval refinement).
@@ -258,7 +260,7 @@ pub(super) fn narrow(
             }
             continue;
         }
-        // A root may be the middle itself: try other places of the inner half then.
+        // The middle may be a root: other places of the inner half are tried.
         let width = &hi - &lo;
         let inner = [8, 7, 9, 6, 10]
             .into_iter()
@@ -279,11 +281,11 @@ pub(super) fn narrow(
     Some((lo, hi))
 }
 
-/// A place and the value there.
+/// Place, with the value there.
 type At = (IBig, Ball);
 
-/// The cell of a grid of 2^gear cells in which the chord vanishes, if signs at its ends prove that
-/// it holds the zero.
+/// Returns the cell of a grid of 2^gear cells in which the chord vanishes, if signs at its ends
+/// prove that it contains the zero.
 fn predicted(
     (lo, at_lo): (&IBig, &Ball),
     (hi, at_hi): (&IBig, &Ball),
@@ -319,8 +321,8 @@ fn predicted(
     })
 }
 
-/// Bounds from above and below of the absolute values cₖ·radius^k, where cₖ are the coefficients of
-/// the expansion around a centre.
+/// Returns upper and lower bounds of the absolute values cₖ·radius^k, where cₖ are the coefficients
+/// of the expansion around a centre.
 fn sizes_on_circle(
     p: &[Ball],
     centre: &Ball,
@@ -337,8 +339,8 @@ fn sizes_on_circle(
     scaled.collect()
 }
 
-/// The number of roots of f in a disk that holds the interval and exactly one root of the
-/// polynomial with simple roots.
+/// Returns the number of roots of f in a disk that contains the interval and exactly one root of
+/// the polynomial with simple roots.
 pub(super) fn pellet(
     f: &[Ball],
     simple: &[Ball],
@@ -353,7 +355,7 @@ pub(super) fn pellet(
     let dominant = |p: &[Ball]| {
         let t = sizes_on_circle(p, &centre, &radius, precision);
         let total: IBig = t.iter().map(|(above, _)| above).sum();
-        // The lower bound of one exceeds the sum of the others' upper bounds.
+        // The lower bound of one term exceeds the sum of the upper bounds of the others.
         t.iter().position(|(above, below)| *below > &total - above)
     };
     (dominant(simple)? == 1)

@@ -15,11 +15,11 @@ pub(super) enum Kernel {
     More,
 }
 
-/// Rows beyond the number of columns: the kernel must not shrink by them.
+/// Number of rows in excess of the number of columns: the kernel must not shrink by them.
 const EXTRA_ROWS: usize = 2;
 
-/// The forms of a degree that vanish on a map. One that is found is proved to; that there is none,
-/// or more than one, is likely from random points modulo a prime.
+/// Returns the forms of a degree that vanish on a map. A form that is found is proved; the absence
+/// of forms, or their multiplicity, is probable, by random points modulo a prime.
 pub(super) fn equation_of_degree(
     map: &[Poly; 4],
     degree: usize,
@@ -33,7 +33,7 @@ pub(super) fn equation_of_degree(
         let echelon = support.values(&f, map, &mut stream, control)?;
         let Some((column, vector)) = echelon.kernel(&f) else {
             if crt.is_some() {
-                // A prime that divides something it should not.
+                // The prime divides a number that has to be invertible.
                 continue;
             }
             return Ok(if echelon.rank() == support.monomials.len() {
@@ -60,16 +60,17 @@ pub(super) fn equation_of_degree(
     unreachable!("there are enough primes below 2^62")
 }
 
-/// The monomials of x, y, z, w that an equation consists of.
+/// Monomials of x, y, z, w of an equation.
 struct Support {
     degree: usize,
     monomials: Vec<Exponents>,
-    /// The monomial whose coefficient is 1, once the first kernel has told which occur.
+    /// Monomial whose coefficient is 1, once the first kernel has determined the monomials that
+    /// occur.
     free: Option<usize>,
 }
 
 impl Support {
-    /// All monomials of a degree.
+    /// Returns all monomials of a degree.
     fn whole(degree: usize) -> Self {
         let d = degree as u16;
         let of_x = |i| {
@@ -82,7 +83,7 @@ impl Support {
         }
     }
 
-    /// The matrix of the monomials at images of random points.
+    /// Returns the matrix of the monomials at images of random points.
     fn values(
         &self,
         f: &Fp,
@@ -106,9 +107,9 @@ impl Support {
         Ok(echelon)
     }
 
-    /// A kernel vector with the coefficient 1 at the free monomial; none for a prime modulo which
-    /// that vanishes. The first vector tells which monomials occur: from there on only these are
-    /// looked at, so that sparse equations are cheap modulo the further primes.
+    /// Returns a kernel vector with the coefficient 1 at the free monomial; `None` for a prime
+    /// modulo which that vanishes. The first vector determines the monomials that occur; only these
+    /// are used afterwards, so that sparse equations are cheap modulo further primes.
     fn scaled(&mut self, f: &Fp, column: usize, vector: Vec<u64>) -> Option<Vec<u64>> {
         match self.free {
             None => {

@@ -22,11 +22,11 @@ use crate::resultant::subresultants_at;
 use dashu_int::{IBig, UBig};
 use isoform_control::Control;
 
-/// A point (1 : a : b : c) through which lines go.
+/// Point (1 : a : b : c) through which lines pass.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Centre([i64; 3]);
 
-/// Points off which a surface lies; one of them is off any surface of low degree that people write.
+/// Points that are tried as centres; at least one of them is off any typical surface of low degree.
 const CENTRES: [Centre; 6] = [
     Centre([0, 0, 0]),
     Centre([1, 0, 0]),
@@ -37,18 +37,18 @@ const CENTRES: [Centre; 6] = [
 ];
 
 impl Centre {
-    /// The coordinate a, b or c that belongs to variable 1, 2 or 3, times a sign.
+    /// Returns the coordinate a, b or c that belongs to variable 1, 2 or 3, times a sign.
     fn tilt(self, v: usize, sign: i64) -> Poly {
         Poly::constant(sign * self.0[v - 1])
     }
-    /// The map in coordinates in which this is the point (1 : 0 : 0 : 0).
+    /// Returns the map in coordinates in which this is the point (1 : 0 : 0 : 0).
     fn moved(self, map: &[Poly; 4]) -> [Poly; 4] {
         std::array::from_fn(|v| match v {
             0 => map[0].clone(),
             _ => &map[v] - &map[0] * self.tilt(v, 1),
         })
     }
-    /// An equation in these coordinates, in the given ones.
+    /// Converts an equation in these coordinates to the given ones.
     fn back(self, equation: Poly) -> Poly {
         if self.0 == [0; 3] {
             return equation;
@@ -61,10 +61,10 @@ impl Centre {
     }
 }
 
-/// The equation of a map of degree 2 or more; nothing where the numbers of points are not as
-/// counted.
+/// Returns the equation of a map of degree 2 or more; `None` if the numbers of points differ from
+/// the counts.
 ///
-/// The equation is of the least degree: on some line modulo some prime its roots are distinct, and
+/// The equation has the minimum degree: on some line modulo some prime its roots are distinct, and
 /// all of them are roots of every equation.
 pub(super) fn equation_by_lines(
     map: &[Poly; 4],
@@ -79,7 +79,7 @@ pub(super) fn equation_by_lines(
     Ok(None)
 }
 
-/// The equation by lines through (1 : 0 : 0 : 0), if that is off the surface.
+/// Returns the equation by lines through (1 : 0 : 0 : 0), if that is off the surface.
 fn equation_about_origin(
     map: &[Poly; 4],
     degrees: &MapDegrees,
@@ -113,8 +113,8 @@ fn equation_about_origin(
     Ok(None)
 }
 
-/// The primitive equation of degree d with these coefficients over the one of x^d, in the order of
-/// [`OnLines`].
+/// Returns the primitive equation of degree d with these coefficients over the one of x^d, in the
+/// order of [`OnLines`].
 fn equation_of(d: usize, numerators: Vec<IBig>, denominator: UBig) -> Poly {
     let places = (1..=d).flat_map(|k| {
         (0..=k).flat_map(move |i| (0..=k - i).map(move |j| [d - k, i, j, k - i - j]))
@@ -125,11 +125,11 @@ fn equation_of(d: usize, numerators: Vec<IBig>, denominator: UBig) -> Poly {
     Poly::from_integers(terms, UBig::ONE).primitive()
 }
 
-/// The equation monic in x modulo a prime.
+/// Equation that is monic in x, modulo a prime.
 struct OnLines {
-    /// Of x^(d−k) yⁱ zʲ w^(k−i−j), k from 1 to d.
+    /// Coefficients of x^(d−k) yⁱ zʲ w^(k−i−j), k from 1 to d.
     coefficients: Vec<u64>,
-    /// On some line.
+    /// True if the roots are distinct on some line.
     are_roots_distinct: bool,
 }
 
@@ -141,7 +141,7 @@ fn residues_by_lines(
     control: &Control<'_>,
 ) -> Result<Option<OnLines>, MapError> {
     let pullback = Pullback::new(f, map, degrees.degree, stream);
-    let Some(lines) = Lines::new(&pullback, degrees, stream) else {
+    let Some(lines) = LineValues::new(&pullback, degrees, stream) else {
         return Ok(None);
     };
     let d = lines.degree;
@@ -182,22 +182,22 @@ fn residues_by_lines(
     }))
 }
 
-/// The values that all lines through (1 : 0 : 0 : 0) share.
-struct Lines<'p> {
+/// Values shared by all lines through (1 : 0 : 0 : 0).
+struct LineValues<'p> {
     pullback: &'p Pullback,
-    /// A polynomial in s whose roots are the base points.
+    /// Polynomial in s whose roots are the base points.
     base: Vec<u64>,
-    /// Preimages of a point.
+    /// Number of preimages of a general point.
     map_degree: usize,
-    /// Of the equation.
+    /// Degree of the equation.
     degree: usize,
     /// X and W as polynomials in t with coefficients in s.
     x: Vec<Vec<u64>>,
     w: Vec<Vec<u64>>,
 }
 
-impl<'p> Lines<'p> {
-    /// None if the base points are not as many as counted.
+impl<'p> LineValues<'p> {
+    /// Computes the values; `None` if the number of base points differs from the count.
     fn new(pullback: &'p Pullback, degrees: &MapDegrees, stream: &mut Residues) -> Option<Self> {
         let base = pullback.base(stream)?;
         (base.len() == degrees.base_multiplicity + 1).then(|| Self {
@@ -210,8 +210,8 @@ impl<'p> Lines<'p> {
         })
     }
 
-    /// The monic polynomial whose roots are the values of X/W at the moving common points of Y + ηW
-    /// and Z + ζW, each taken as often as the map degree.
+    /// Returns the monic polynomial whose roots are the values of X/W at the moving common points
+    /// of Y + ηW and Z + ζW, each taken as often as the map degree.
     fn equation(&self, line: [u64; 2]) -> Option<Vec<u64>> {
         let f = &self.pullback.field;
         let (points, t) = self.common_points(line)?;
@@ -228,7 +228,8 @@ impl<'p> Lines<'p> {
         Some(self.with_power_sums(&traces))
     }
 
-    /// The moving common points on a line: functions on them, and t as one of these.
+    /// Returns the moving common points on a line: the ring of functions on them, and t as one of
+    /// these.
     fn common_points(&self, [eta, zeta]: [u64; 2]) -> Option<(Functions<'p>, Vec<u64>)> {
         let f = &self.pullback.field;
         let pairs = self
@@ -256,7 +257,7 @@ impl<'p> Lines<'p> {
         Some((points, t))
     }
 
-    /// The monic polynomial with roots of these power sums, by Newton's identities.
+    /// Returns the monic polynomial with roots of these power sums, by Newton's identities.
     fn with_power_sums(&self, sums: &[u64]) -> Vec<u64> {
         let (f, d) = (&self.pullback.field, self.degree);
         let mut p = vec![0; d + 1];
@@ -269,7 +270,7 @@ impl<'p> Lines<'p> {
     }
 }
 
-/// Functions on the roots of a polynomial in s, as polynomials modulo it.
+/// Ring of functions on the roots of a polynomial in s, as polynomials modulo it.
 struct Functions<'f> {
     f: &'f Fp,
     points: Vec<u64>,
@@ -280,14 +281,14 @@ impl Functions<'_> {
         modpoly::rem(self.f, modpoly::mul(self.f, a, b), &self.points)
     }
 
-    /// None for a function that vanishes at a point.
+    /// Returns the inverse of a function; `None` if it vanishes at a point.
     fn inverse(&self, a: &[u64]) -> Option<Vec<u64>> {
         let reduced = modpoly::rem(self.f, a.to_vec(), &self.points);
         let (g, u, _) = modpoly::gcd_extended(self.f, &reduced, &self.points);
         (g.len() == 1).then_some(u)
     }
 
-    /// A polynomial in t with coefficients in s, where t is a function.
+    /// Returns a polynomial in t with coefficients in s, where t is a function.
     fn value(&self, p: &[Vec<u64>], t: &[u64]) -> Vec<u64> {
         p.iter().rev().fold(Vec::new(), |sum: Vec<u64>, c| {
             let next = modpoly::add(self.f, &self.times(&sum, t), c);
@@ -295,7 +296,8 @@ impl Functions<'_> {
         })
     }
 
-    /// The sums of the powers of s over the points, from the 0-th on: the traces of the powers.
+    /// Returns the sums of the powers of s over the points, from exponent 0: the traces of the
+    /// powers.
     fn power_sums(&self) -> Vec<u64> {
         let f = self.f;
         let top = self.points.len() - 1;
@@ -310,7 +312,7 @@ impl Functions<'_> {
     }
 }
 
-/// The sum of the values of a function, from the power sums.
+/// Returns the sum of the values of a function, from the power sums.
 fn trace(f: &Fp, function: &[u64], sums: &[u64]) -> u64 {
     let terms = function.iter().zip(sums);
     terms.fold(0, |s, (&a, &b)| f.add(s, f.mul(a, b)))

@@ -19,7 +19,7 @@ impl Residues {
     }
 }
 
-/// The value of a form in three variables at a point.
+/// Returns the value of a form in three variables at a point.
 pub(super) fn eval_at(f: &Fp, terms: &[(Exponents, u64)], at: &[u64; 3]) -> u64 {
     let tables: [Vec<u64>; MAX_VARS] = std::array::from_fn(|v| {
         let degree = terms
@@ -27,13 +27,13 @@ pub(super) fn eval_at(f: &Fp, terms: &[(Exponents, u64)], at: &[u64; 3]) -> u64 
             .map(|(e, _)| usize::from(e[v]))
             .max()
             .unwrap_or(0);
-        // The fourth variable does not occur: of its powers only the 0-th is asked for.
+        // The fourth variable does not occur: only its power 0 is used.
         powers(f, at.get(v).copied().unwrap_or(0), degree)
     });
     eval_terms(f, terms, &tables)
 }
 
-/// 1, x, x² … up to a degree.
+/// Returns the powers 1, x, x², … up to a degree.
 pub(super) fn powers(f: &Fp, x: u64, degree: usize) -> Vec<u64> {
     let mut table = vec![f.one(); degree + 1];
     for k in 1..=degree {
@@ -42,19 +42,19 @@ pub(super) fn powers(f: &Fp, x: u64, degree: usize) -> Vec<u64> {
     table
 }
 
-/// A map modulo a prime in a random frame of the parameter plane: no base point at infinity, no two
-/// on a vertical line.
+/// Map modulo a prime in a random frame of the parameter plane, without base points at infinity and
+/// without two of them on a vertical line.
 pub(super) struct Pullback {
     pub(super) field: Fp,
-    /// The degree of the map.
+    /// Degree of the map.
     n: usize,
     frame: [[u64; 3]; 3],
     forms: Vec<Vec<(Exponents, u64)>>,
-    /// The lines s = 0 … n².
+    /// Lines s = 0 … n².
     nodes: Vec<usize>,
-    /// The inverses of small numbers, for interpolation.
+    /// Inverses of small numbers, for interpolation.
     pub(super) inverses: Vec<u64>,
-    /// The four forms on these lines as polynomials in t.
+    /// The four forms on these lines, as polynomials in t.
     lines: Vec<[Vec<u64>; 4]>,
 }
 
@@ -76,7 +76,8 @@ impl Pullback {
         pullback.lines = lines;
         pullback
     }
-    /// The four forms in t on the line of a value of s, from their values at the first nodes.
+    /// Returns the four forms in t on the line of a value of s, from their values at the first
+    /// nodes.
     fn line(&self, s: usize) -> [Vec<u64>; 4] {
         let f = &self.field;
         let values: Vec<[u64; 4]> = (0..=self.n)
@@ -94,7 +95,7 @@ impl Pullback {
             .map(|r| f.add(f.add(f.mul(r[0], s), f.mul(r[1], t)), r[2]));
         std::array::from_fn(|i| eval_at(f, &self.forms[i], &point))
     }
-    /// The pullbacks of two planes on every line, if they keep their degrees.
+    /// Returns the pullbacks of two planes on every line, if they keep their degrees.
     pub(super) fn planes(&self, a: &[u64; 4], b: &[u64; 4]) -> Option<Vec<(Vec<u64>, Vec<u64>)>> {
         let f = &self.field;
         let on = |line: &[Vec<u64>; 4], c: &[u64; 4]| {
@@ -116,7 +117,8 @@ impl Pullback {
             &self.inverses,
         )
     }
-    /// The resultant of the pullbacks of two planes: s of the common points, with multiplicities.
+    /// Returns the resultant of the pullbacks of two planes, whose roots are s of the common
+    /// points, with multiplicities.
     fn meet(&self, a: &[u64; 4], b: &[u64; 4]) -> Option<Vec<u64>> {
         let values: Vec<u64> = self
             .planes(a, b)?
@@ -126,11 +128,11 @@ impl Pullback {
         let r = self.interpolate(&values);
         (r.len() == self.nodes.len()).then_some(r)
     }
-    /// The number of points that two pullbacks have in common, n².
+    /// Returns the number of points that two pullbacks have in common, n².
     pub(super) fn points(&self) -> usize {
         self.nodes.len() - 1
     }
-    /// A form of the map as a polynomial in t whose coefficients are polynomials in s.
+    /// Returns a form of the map as a polynomial in t whose coefficients are polynomials in s.
     pub(super) fn in_t(&self, form: usize) -> Vec<Vec<u64>> {
         let coefficient = |line: &[Vec<u64>; 4], j: usize| line[form].get(j).copied().unwrap_or(0);
         let lines = &self.lines[..=self.n];
@@ -141,7 +143,8 @@ impl Pullback {
             })
             .collect()
     }
-    /// The base points' s with multiplicities, from two general pairs of planes.
+    /// Returns the polynomial in s whose roots are the base points, with multiplicities, from two
+    /// general pairs of planes.
     pub(super) fn base(&self, stream: &mut Residues) -> Option<Vec<u64>> {
         let [a, b, c, d] = [(); 4].map(|()| [(); 4].map(|()| stream.next(&self.field)));
         Some(modpoly::gcd(
@@ -152,7 +155,7 @@ impl Pullback {
     }
 }
 
-/// One count of all degrees modulo a prime.
+/// Counts all degrees modulo a prime.
 pub(super) fn count_degrees(
     f: &Fp,
     map: &[Poly; 4],
@@ -161,7 +164,7 @@ pub(super) fn count_degrees(
 ) -> Option<MapDegrees> {
     let pullback = Pullback::new(f, map, n, stream);
     let base_multiplicity = pullback.base(stream)?.len() - 1;
-    // Planes through the image of a point: one coefficient is solved for.
+    // Planes through the image of a point: one coefficient is determined by the others.
     let at = pullback.image(stream.next(f), stream.next(f));
     let pivot = at.iter().position(|&v| v != 0)?;
     let [a, b, c, d] = [(); 4].map(|()| {
