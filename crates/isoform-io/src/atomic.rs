@@ -46,7 +46,7 @@ pub fn write_atomic(
         }
     }
     let (file, temporary) =
-        temporary_beside(&target).map_err(|e| fail("cannot make a file in the folder", &e))?;
+        create_temporary(&target).map_err(|e| fail("cannot make a file in the folder", &e))?;
     write_whole(file, old.map(|old| old.permissions()), write)
         .and_then(|()| fs::rename(&temporary, &target))
         .map_err(|e| {
@@ -74,7 +74,7 @@ fn write_whole(
 
 /// Creates a hidden file in the folder of the target. Its name contains the process and a counter,
 /// so that it is unique among processes and threads.
-fn temporary_beside(target: &Path) -> io::Result<(File, PathBuf)> {
+fn create_temporary(target: &Path) -> io::Result<(File, PathBuf)> {
     /// Number of temporary files that this process has named so far.
     static NUMBER: AtomicU64 = AtomicU64::new(0);
     let name = target

@@ -3,7 +3,7 @@
 
 /// Type of a number in a binary file.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Type {
+pub(crate) enum NumberType {
     I8,
     U8,
     I16,
@@ -16,7 +16,7 @@ pub(crate) enum Type {
     F64,
 }
 
-impl Type {
+impl NumberType {
     /// Returns the type for a name used by PLY and other formats, in lower case.
     pub(crate) fn named(name: &str) -> Option<Self> {
         Some(match name {

@@ -1,16 +1,14 @@
 //! Choice of the format of a file: by request, else by content, else by the ending of its name,
 //! else by likelihood.
 
-use crate::format::{Foreign, Format, Sniff, extension};
+use crate::format::{Foreign, Format, SNIFFED_BYTES, Sniff, extension};
 use crate::input::{Input, Result, shorten};
 use crate::registry::{foreign, format_named, formats};
 use crate::{At, ErrorKind, ReadError, three_mf};
 
-/// Number of bytes examined at the start of a file.
-const HEAD: usize = 4096;
 /// Minimum length of a signature that overrides the name of a file. Shorter ones occur by chance.
-const SURE_MAGIC: usize = 4;
-const WHAT: &str = "cannot tell how to read the file";
+pub(crate) const MIN_SIGNATURE_BYTES: usize = 4;
+const FORMAT_CHOICE_FAILURE: &str = "cannot tell how to read the file";
 
 /// Returns the format of a file; oddities are added to the warnings.
 pub(crate) fn choose(
@@ -21,7 +19,7 @@ pub(crate) fn choose(
     if let Some(asked) = asked {
         return format_named(asked).ok_or_else(|| no_such_format(input, asked));
     }
-    let head = input.head(HEAD)?;
+    let head = input.head(SNIFFED_BYTES)?;
     if head.is_empty() {
         return Err(input.error(
             ErrorKind::Empty,
@@ -88,8 +86,8 @@ fn unless_foreign(
     head: &[u8],
 ) -> Result<&'static Format> {
     // A 3MF package is an archive; its reader explains what an invalid one lacks.
-    let is_package = format.name == three_mf::NAME;
-    match foreign_by_magic(head, SURE_MAGIC) {
+    let is_package = format.name == three_mf::FORMAT_NAME;
+    match foreign_by_magic(head, MIN_SIGNATURE_BYTES) {
         Some(foreign) if !is_package && (format.sniff)(head) != Sniff::Yes => {
             Err(unsupported(input, foreign))
         }
@@ -106,7 +104,7 @@ fn readable() -> String {
         .join("; ")
 }
 
-const CONVERT: &str =
+const CONVERSION_HINT: &str =
     "convert it to one of these, or name the format if the file has another ending";
 
 /// Returns the error for a foreign format, which names it.
@@ -114,7 +112,13 @@ fn unsupported(input: &Input<'_>, foreign: &Foreign) -> ReadError {
     let what = foreign.what;
     let why = format!("it is {what}. Formats that can be read: {}", readable());
     let failed = "this kind of file is not read here";
-    input.error(ErrorKind::UnsupportedFormat, At::File, failed, why, CONVERT)
+    input.error(
+        ErrorKind::UnsupportedFormat,
+        At::File,
+        failed,
+        why,
+        CONVERSION_HINT,
+    )
 }
 
 /// Returns the error for a file whose format neither name nor content reveal.
@@ -123,7 +127,13 @@ fn unknown(input: &Input<'_>) -> ReadError {
         "neither its name nor its content is of a known kind. Formats that can be read: {}",
         readable()
     );
-    input.error(ErrorKind::UnknownFormat, At::File, WHAT, why, CONVERT)
+    input.error(
+        ErrorKind::UnknownFormat,
+        At::File,
+        FORMAT_CHOICE_FAILURE,
+        why,
+        CONVERSION_HINT,
+    )
 }
 
 /// Returns the error for a requested format that is foreign or unknown.
@@ -135,7 +145,13 @@ fn no_such_format(input: &Input<'_>, asked: &str) -> ReadError {
     let (name, readable) = (shorten(asked), readable());
     let why = format!("no format is called \"{name}\". There are: {readable}");
     let hint = "use one of these names";
-    input.error(ErrorKind::UnknownFormat, At::File, WHAT, why, hint)
+    input.error(
+        ErrorKind::UnknownFormat,
+        At::File,
+        FORMAT_CHOICE_FAILURE,
+        why,
+        hint,
+    )
 }
 
 #[cfg(test)]

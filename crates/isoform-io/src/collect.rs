@@ -8,7 +8,7 @@
 
 use crate::input::{Input, Result};
 use crate::{At, ErrorKind, MeshPoints, Place, ReadError, ReadOptions, ReadReport};
-use isoform_geom::{Aabb, Column, Point3, PointCloud, dot, far_center};
+use isoform_geom::{Aabb, Column, Point3, PointCloud, dot, recentering_origin};
 
 /// Maximum deviation of the length of a normal from 1 that is not corrected; single precision stays
 /// below it.
@@ -56,14 +56,14 @@ pub(crate) struct Collector {
     /// Largest row index in a triangle, and its position in the file.
     highest: Option<(u64, At)>,
     /// Groups of the triangles so far.
-    parts: Parts,
+    parts: TriangleParts,
     /// Part of the triangles to come.
     part: Option<u32>,
 }
 
 /// Groups of triangles that a file names.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Parts {
+pub(crate) struct TriangleParts {
     /// Part of every triangle; empty if the file has no groups.
     pub(crate) of_triangle: Vec<u32>,
     /// Names of the parts.
@@ -87,7 +87,7 @@ impl Collector {
             is_mesh: false,
             bounds: Aabb::EMPTY,
             highest: None,
-            parts: Parts::default(),
+            parts: TriangleParts::default(),
             part: None,
         }
     }
@@ -230,18 +230,18 @@ impl Collector {
         input: &Input<'_>,
         options: &ReadOptions,
         report: &mut ReadReport,
-    ) -> Result<(PointCloud, Parts)> {
+    ) -> Result<(PointCloud, TriangleParts)> {
         self.check_corners(input)?;
         report.rows = self.rows;
         report.dropped_points = self.dropped;
         report.subsampled = self.is_sampled();
         self.finish_triangles(report);
-        self.tell_dropped(report);
+        self.report_dropped(report);
         self.finish_colors(report);
         finish_normals(&mut self.cloud.normals, report);
         finish_columns(&mut self.cloud.columns, report);
         if options.recenter {
-            self.cloud = self.cloud.about(far_center(&self.bounds));
+            self.cloud = self.cloud.about(recentering_origin(&self.bounds));
         }
         Ok((self.cloud, self.parts))
     }
@@ -291,7 +291,7 @@ impl Collector {
     }
 
     /// Warns of dropped points and triangles.
-    fn tell_dropped(&self, report: &mut ReadReport) {
+    fn report_dropped(&self, report: &mut ReadReport) {
         if self.dropped > 0 {
             report.warnings.push(format!(
                 "{} of {} points have coordinates that are not finite and were dropped",

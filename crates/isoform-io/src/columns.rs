@@ -1,11 +1,11 @@
 //! Rows of a cloud as text: names and values.
 
-use crate::text::has_role;
+use crate::text::names::has_role;
 use isoform_geom::PointCloud;
 use std::io::{self, Write};
 
 /// Names of all values of a row, chosen so that reading restores their roles.
-pub(crate) struct Names {
+pub(crate) struct ColumnNames {
     /// Names of the coordinates.
     pub(crate) positions: [&'static str; 3],
     /// Names of the components of normals; empty without normals.
@@ -16,7 +16,7 @@ pub(crate) struct Names {
     pub(crate) columns: Vec<String>,
 }
 
-impl Names {
+impl ColumnNames {
     /// Returns all names in the order of a row: positions, normals, colours, columns.
     pub(crate) fn all(&self) -> Vec<&str> {
         let columns = self.columns.iter().map(String::as_str);
@@ -32,7 +32,7 @@ impl Names {
 
 /// Returns names for a header. Blanks and separators become `_`; a name that is taken, or that
 /// would be read as another role, gets a trailing `_`.
-pub(crate) fn column_names(cloud: &PointCloud) -> Names {
+pub(crate) fn column_names(cloud: &PointCloud) -> ColumnNames {
     let mut columns: Vec<String> = Vec::new();
     for column in &cloud.columns {
         let mut name = plain(&column.name);
@@ -48,7 +48,7 @@ pub(crate) fn column_names(cloud: &PointCloud) -> Names {
             Vec::new()
         }
     };
-    Names {
+    ColumnNames {
         positions: ["x", "y", "z"],
         normals: three(!cloud.normals.is_empty(), ["nx", "ny", "nz"]),
         colors: three(!cloud.colors.is_empty(), ["red", "green", "blue"]),

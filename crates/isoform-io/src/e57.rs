@@ -44,7 +44,7 @@ pub(crate) use with_crate::read;
 mod with_crate {
     use super::*;
     use crate::collect::{Collector, ColorScale};
-    use crate::roles::{Layout, Role};
+    use crate::roles::{Role, RowLayout};
     use crate::{At, ErrorKind, ReadError};
     use e57::{E57Reader, Error, RecordDataType, RecordName, RecordValue};
     use isoform_geom::Point3;
@@ -52,11 +52,11 @@ mod with_crate {
     use std::panic::{AssertUnwindSafe, catch_unwind};
 
     /// Maximum number of fields of a point; the standard defines about 20.
-    const MAX_FIELDS: usize = 256;
+    const MAX_POINT_FIELDS: usize = 256;
 
     /// Meaning of a field.
     #[derive(Clone, Copy, Debug, PartialEq)]
-    enum Field {
+    enum PointField {
         /// x, y or z.
         Cartesian(usize),
         /// Range, azimuth or elevation.
@@ -74,27 +74,29 @@ mod with_crate {
     }
 
     /// Returns the meaning of a field, by its name in the standard or in the extension for normals.
-    fn field(name: &RecordName) -> Field {
+    fn field(name: &RecordName) -> PointField {
         match name {
-            RecordName::CartesianX => Field::Cartesian(0),
-            RecordName::CartesianY => Field::Cartesian(1),
-            RecordName::CartesianZ => Field::Cartesian(2),
-            RecordName::SphericalRange => Field::Spherical(0),
-            RecordName::SphericalAzimuth => Field::Spherical(1),
-            RecordName::SphericalElevation => Field::Spherical(2),
-            RecordName::CartesianInvalidState | RecordName::SphericalInvalidState => Field::Invalid,
-            RecordName::ColorRed => Field::Color(0),
-            RecordName::ColorGreen => Field::Color(1),
-            RecordName::ColorBlue => Field::Color(2),
-            RecordName::Intensity => Field::Intensity,
+            RecordName::CartesianX => PointField::Cartesian(0),
+            RecordName::CartesianY => PointField::Cartesian(1),
+            RecordName::CartesianZ => PointField::Cartesian(2),
+            RecordName::SphericalRange => PointField::Spherical(0),
+            RecordName::SphericalAzimuth => PointField::Spherical(1),
+            RecordName::SphericalElevation => PointField::Spherical(2),
+            RecordName::CartesianInvalidState | RecordName::SphericalInvalidState => {
+                PointField::Invalid
+            }
+            RecordName::ColorRed => PointField::Color(0),
+            RecordName::ColorGreen => PointField::Color(1),
+            RecordName::ColorBlue => PointField::Color(2),
+            RecordName::Intensity => PointField::Intensity,
             // Extension http://www.libe57.org/E57_NOR_surface_normals.txt.
             RecordName::Unknown { name, .. } => match name.as_str() {
-                "normalX" => Field::Normal(0),
-                "normalY" => Field::Normal(1),
-                "normalZ" => Field::Normal(2),
-                _ => Field::Other,
+                "normalX" => PointField::Normal(0),
+                "normalY" => PointField::Normal(1),
+                "normalZ" => PointField::Normal(2),
+                _ => PointField::Other,
             },
-            _ => Field::Other,
+            _ => PointField::Other,
         }
     }
 
@@ -171,11 +173,15 @@ mod with_crate {
         let scans = reader.pointclouds();
         let declared = scans.iter().map(|s| s.records);
         report.declared = Some(declared.fold(0_u64, u64::saturating_add));
-        let all: Vec<Scan> = scans.iter().zip(0..).map(Scan::of).collect();
+        let all: Vec<PosedScan> = scans
+            .iter()
+            .zip(0..)
+            .map(PosedScan::from_numbered)
+            .collect();
         let layout = layout(&all, report);
-        let mut rows = Rows::new(layout, collector);
+        let mut rows = PointRows::new(layout, collector);
         for scan in all.iter().filter(|s| s.cloud.records > 0) {
-            if scan.fields.len() > MAX_FIELDS || !scan.has_bits() {
+            if scan.fields.len() > MAX_POINT_FIELDS || !scan.has_bits() {
                 return Err(invalid(
                     "the points have no fields that hold data, or too many",
                 ));
@@ -188,16 +194,16 @@ mod with_crate {
     }
 
     /// Returns the values of a point: the union over all scans.
-    fn layout(scans: &[Scan<'_>], report: &mut ReadReport) -> Layout {
-        let any = |f: fn(&Field) -> bool| scans.iter().flat_map(|s| &s.fields).any(f);
+    fn layout(scans: &[PosedScan<'_>], report: &mut ReadReport) -> RowLayout {
+        let any = |f: fn(&PointField) -> bool| scans.iter().flat_map(|s| &s.fields).any(f);
         let mut names = vec!["x", "y", "z"];
-        if any(|f| matches!(f, Field::Normal(_))) {
+        if any(|f| matches!(f, PointField::Normal(_))) {
             names.extend(["nx", "ny", "nz"]);
         }
-        if any(|f| matches!(f, Field::Color(_))) {
+        if any(|f| matches!(f, PointField::Color(_))) {
             names.extend(["red", "green", "blue"]);
         }
-        if any(|f| matches!(f, Field::Intensity)) {
+        if any(|f| matches!(f, PointField::Intensity)) {
             names.push("intensity");
         }
         if scans.len() > 1 {
@@ -207,27 +213,27 @@ mod with_crate {
                 scans.len()
             ));
         }
-        let mut layout = Layout::named(names);
+        let mut layout = RowLayout::named(names);
         layout.scale = Some(ColorScale::Byte);
         layout
     }
 
     /// Scan of the file with the data needed for its points.
-    struct Scan<'s> {
+    struct PosedScan<'s> {
         /// Scan as read by the crate `e57`.
         cloud: &'s e57::PointCloud,
         /// Index of the scan, from 0.
         number: u32,
         /// Meaning of each field of a record.
-        fields: Vec<Field>,
+        fields: Vec<PointField>,
         /// Transformation from the frame of the scan to that of the file.
-        pose: Pose,
+        pose: ScanPose,
         /// Minimum and maximum of each colour component.
         colors: [(f64, f64); 3],
     }
 
     /// Values of a point, in the frame of the file.
-    struct Values {
+    struct PointValues {
         point: Point3,
         normal: Point3,
         color: [f64; 3],
@@ -235,14 +241,14 @@ mod with_crate {
         scan: f64,
     }
 
-    impl<'s> Scan<'s> {
+    impl<'s> PosedScan<'s> {
         /// Prepares a scan, given with its index in the file.
-        fn of((cloud, number): (&'s e57::PointCloud, u32)) -> Self {
+        fn from_numbered((cloud, number): (&'s e57::PointCloud, u32)) -> Self {
             Self {
                 cloud,
                 number,
                 fields: cloud.prototype.iter().map(|r| field(&r.name)).collect(),
-                pose: Pose::of(cloud),
+                pose: ScanPose::from_scan(cloud),
                 colors: color_ranges(cloud),
             }
         }
@@ -251,23 +257,23 @@ mod with_crate {
             self.cloud.prototype.iter().any(|r| has_bits(&r.data_type))
         }
         /// Decodes the values of a point from its record.
-        fn values(&self, raw: &[RecordValue]) -> std::result::Result<Values, Error> {
+        fn values(&self, raw: &[RecordValue]) -> std::result::Result<PointValues, Error> {
             let (mut cartesian, mut spherical) = ([f64::NAN; 3], [f64::NAN; 3]);
             let (mut normal, mut color) = ([0.0; 3], [0.0; 3]);
             let (mut intensity, mut is_invalid) = (f64::NAN, false);
             for (i, f) in self.fields.iter().enumerate() {
                 let value = || raw[i].to_f64(&self.cloud.prototype[i].data_type);
                 match *f {
-                    Field::Cartesian(k) => cartesian[k] = value()?,
-                    Field::Spherical(k) => spherical[k] = value()?,
-                    Field::Invalid => is_invalid |= value()? != 0.0,
-                    Field::Normal(k) => normal[k] = value()?,
-                    Field::Color(k) => {
+                    PointField::Cartesian(k) => cartesian[k] = value()?,
+                    PointField::Spherical(k) => spherical[k] = value()?,
+                    PointField::Invalid => is_invalid |= value()? != 0.0,
+                    PointField::Normal(k) => normal[k] = value()?,
+                    PointField::Color(k) => {
                         let (dark, bright) = self.colors[k];
                         color[k] = (value()? - dark) / (bright - dark) * 255.0;
                     }
-                    Field::Intensity => intensity = value()?,
-                    Field::Other => {}
+                    PointField::Intensity => intensity = value()?,
+                    PointField::Other => {}
                 }
             }
             let point = if is_invalid {
@@ -277,7 +283,7 @@ mod with_crate {
             } else {
                 from_spherical(spherical)
             };
-            Ok(Values {
+            Ok(PointValues {
                 point: self.pose.point(point),
                 normal: self.pose.rotate(normal),
                 color,
@@ -288,17 +294,17 @@ mod with_crate {
     }
 
     /// Offers points as rows of a layout.
-    struct Rows {
-        layout: Layout,
+    struct PointRows {
+        layout: RowLayout,
         /// True if a scan has intensities; they precede the index of the scan.
         has_intensity: bool,
         /// Present row.
         row: Vec<f64>,
     }
 
-    impl Rows {
+    impl PointRows {
         /// Announces a layout to the collector.
-        fn new(mut layout: Layout, collector: &mut Collector) -> Self {
+        fn new(mut layout: RowLayout, collector: &mut Collector) -> Self {
             layout.announce(collector);
             Self {
                 has_intensity: layout.columns.iter().any(|c| c == "intensity"),
@@ -307,7 +313,7 @@ mod with_crate {
             }
         }
         /// Offers a point; values that only other scans have are NaN.
-        fn offer(&mut self, values: &Values, collector: &mut Collector) {
+        fn offer(&mut self, values: &PointValues, collector: &mut Collector) {
             let columns = [values.intensity, values.scan];
             let mut columns = columns.into_iter().skip(usize::from(!self.has_intensity));
             for (v, role) in self.row.iter_mut().zip(&self.layout.roles) {
@@ -370,7 +376,7 @@ mod with_crate {
 
     /// Returns the limits of the type of colour component k.
     fn range_of_type(scan: &e57::PointCloud, k: usize) -> Option<(f64, f64)> {
-        let is_color = |name| field(name) == Field::Color(k);
+        let is_color = |name| field(name) == PointField::Color(k);
         let record = scan.prototype.iter().find(|r| is_color(&r.name))?;
         match &record.data_type {
             RecordDataType::Integer { min, max } => Some((*min as f64, *max as f64)),
@@ -381,15 +387,15 @@ mod with_crate {
     }
 
     /// Rigid motion p ↦ R p + t, with R from a unit quaternion.
-    struct Pose {
+    struct ScanPose {
         rotation: [Point3; 3],
         translation: Point3,
     }
 
-    impl Pose {
+    impl ScanPose {
         /// Returns the pose of a scan. The quaternion is normalised; for a zero quaternion R is the
         /// identity.
-        fn of(scan: &e57::PointCloud) -> Self {
+        fn from_scan(scan: &e57::PointCloud) -> Self {
             let t = scan.transform.clone().unwrap_or_default();
             let q = &t.rotation;
             let length = (q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z).sqrt();

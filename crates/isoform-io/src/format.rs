@@ -7,6 +7,9 @@ use crate::options::{ReadOptions, ReadReport, WriteOptions};
 use isoform_geom::PointCloud;
 use std::io::{self, Write};
 
+/// Number of bytes at the start of a file on which content is tested.
+pub(crate) const SNIFFED_BYTES: usize = 4096;
+
 /// Certainty of a content test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Sniff {

@@ -10,9 +10,9 @@ use std::path::Path;
 
 /// Maximum length of a line, in bytes: enough for a polygon with a million corners, and bounded for
 /// memory.
-const MAX_LINE: usize = 16 << 20;
+const MAX_LINE_BYTES: usize = 16 << 20;
 /// Size of the read buffer, in bytes.
-const BLOCK: usize = 1 << 18;
+const READ_BUFFER_BYTES: usize = 1 << 18;
 
 /// Result of the readers.
 pub(crate) type Result<T> = std::result::Result<T, ReadError>;
@@ -33,13 +33,13 @@ pub enum Source<'a> {
 }
 
 /// Buffered reading and seeking, as readers need it.
-pub(crate) trait Stream: BufRead + Seek + Send + Sync {}
-impl<T: BufRead + Seek + Send + Sync> Stream for T {}
+pub(crate) trait SeekableInput: BufRead + Seek + Send + Sync {}
+impl<T: BufRead + Seek + Send + Sync> SeekableInput for T {}
 
 /// Source of bytes with its name and the present position.
 pub(crate) struct Input<'a> {
     /// Underlying stream.
-    stream: Box<dyn Stream + 'a>,
+    stream: Box<dyn SeekableInput + 'a>,
     /// Name in messages.
     pub(crate) name: String,
     /// Length in bytes.
@@ -54,23 +54,23 @@ pub(crate) struct Input<'a> {
 }
 
 /// Stream and its length in bytes.
-type Opened<'a> = (Box<dyn Stream + 'a>, u64);
+type SizedStream<'a> = (Box<dyn SeekableInput + 'a>, u64);
 
 /// Wraps bytes in memory as a stream.
-fn held<'a>(bytes: impl AsRef<[u8]> + Send + Sync + 'a) -> Opened<'a> {
+fn held<'a>(bytes: impl AsRef<[u8]> + Send + Sync + 'a) -> SizedStream<'a> {
     let size = bytes.as_ref().len() as u64;
     (Box::new(Cursor::new(bytes)), size)
 }
 
 /// Opens a file as a stream. A pipe or a device, which cannot be sought, is read into memory.
-fn open_file<'a>(path: &Path) -> std::io::Result<Opened<'a>> {
+fn open_file<'a>(path: &Path) -> std::io::Result<SizedStream<'a>> {
     let mut file = std::fs::File::open(path)?;
     let meta = file.metadata()?;
     if meta.is_dir() {
         return Err(std::io::Error::other("it is a folder, not a file"));
     }
     if meta.is_file() {
-        let stream = BufReader::with_capacity(BLOCK, file);
+        let stream = BufReader::with_capacity(READ_BUFFER_BYTES, file);
         return Ok((Box::new(stream), meta.len()));
     }
     let mut bytes = Vec::new();
@@ -190,7 +190,7 @@ impl<'a> Input<'a> {
         self.size.saturating_sub(self.offset)
     }
     /// Returns the underlying stream, for readers that seek on their own.
-    pub(crate) fn stream(&mut self) -> &mut (dyn Stream + 'a) {
+    pub(crate) fn stream(&mut self) -> &mut (dyn SeekableInput + 'a) {
         &mut *self.stream
     }
 
@@ -270,7 +270,7 @@ impl<'a> Input<'a> {
             bytes.extend_from_slice(&block[..at.unwrap_or(block.len())]);
             self.stream.consume(used);
             self.offset += used as u64;
-            if bytes.len() > MAX_LINE {
+            if bytes.len() > MAX_LINE_BYTES {
                 return Err(self.line_too_long());
             }
             if at.is_some() {
@@ -279,12 +279,12 @@ impl<'a> Input<'a> {
         }
     }
 
-    /// Returns the error for a line of more than [`MAX_LINE`] bytes.
+    /// Returns the error for a line of more than [`MAX_LINE_BYTES`] bytes.
     fn line_too_long(&self) -> ReadError {
         let why = format!(
             "line {} is longer than {} MiB",
             self.line + 1,
-            MAX_LINE >> 20
+            MAX_LINE_BYTES >> 20
         );
         let hint = "this is probably not a text file; name the format";
         self.error(

@@ -5,7 +5,7 @@ use isoform_geom::{Aabb, KdTree, PointCloud};
 
 /// Number of points whose nearest neighbour is searched: the rank of the sample median is within
 /// 3 % of the true one (binomial, 99 %).
-const QUERIES: usize = 2000;
+const MAX_SPACING_QUERIES: usize = 2000;
 
 /// Name and range of a per-point value.
 #[derive(Clone, Debug, PartialEq)]
@@ -113,13 +113,19 @@ fn duplicates(cloud: &PointCloud) -> usize {
     keys.windows(2).filter(|w| w[0] == w[1]).count()
 }
 
-/// Returns the median distance to the nearest distinct point, over at most [`QUERIES`] points;
-/// `None` if all coincide.
+/// Returns the median distance to the nearest distinct point, over at most [`MAX_SPACING_QUERIES`]
+/// points; `None` if all coincide.
 fn spacing(cloud: &PointCloud) -> Option<f64> {
     let tree = KdTree::new(&cloud.points);
     let mut rng = fastrand::Rng::with_seed(1);
     let n = cloud.points.len();
-    let queries = (0..n.min(QUERIES)).map(|i| if n <= QUERIES { i } else { rng.usize(0..n) });
+    let queries = (0..n.min(MAX_SPACING_QUERIES)).map(|i| {
+        if n <= MAX_SPACING_QUERIES {
+            i
+        } else {
+            rng.usize(0..n)
+        }
+    });
     let mut found = Vec::new();
     let mut distances: Vec<f64> = queries
         .filter_map(|i| {
@@ -144,12 +150,12 @@ fn column_range(column: &isoform_geom::Column) -> ColumnRange {
 }
 
 /// Range of extents of parts drawn in inches. Parts outside it are not tested for inches.
-const INCHES: std::ops::Range<f64> = 0.2..120.0;
+const INCH_PART_EXTENTS: std::ops::Range<f64> = 0.2..120.0;
 /// Minimum number of vertices at one level that indicate a flat face; fewer may be chance.
-const LEVEL_VERTICES: usize = 6;
+const MIN_LEVEL_VERTICES: usize = 6;
 /// Minimum number of levels at odd fractions of an inch that indicate inches. No CAD file in
 /// millimetres or metres that we have seen has three.
-const INCH_LEVELS: usize = 3;
+const MIN_INCH_LEVELS: usize = 3;
 
 /// Returns the unit that the file states, else the one suggested by extent and levels of a mesh.
 fn guess_unit(cloud: &PointCloud, bounds: &Aabb, report: &ReadReport) -> UnitGuess {
@@ -166,7 +172,7 @@ fn guess_unit(cloud: &PointCloud, bounds: &Aabb, report: &ReadReport) -> UnitGue
         is_stated: false,
         reason,
     };
-    if INCHES.contains(&extent)
+    if INCH_PART_EXTENTS.contains(&extent)
         && let Some(reason) = inches(cloud, bounds)
     {
         return guess("in", reason);
@@ -225,7 +231,7 @@ fn inches(cloud: &PointCloud, bounds: &Aabb) -> Option<String> {
     }
     odd.sort_by(f64::total_cmp);
     odd.dedup_by(|a, b| (*a - *b).abs() < 1e-3);
-    (odd.len() >= INCH_LEVELS).then(|| {
+    (odd.len() >= MIN_INCH_LEVELS).then(|| {
         let few: Vec<String> = odd.iter().take(3).map(f64::to_string).collect();
         format!(
             "a guess: {} flat faces lie at 32nds of an inch, such as {}",
@@ -240,7 +246,7 @@ fn levels(mut values: Vec<f64>) -> Vec<f64> {
     values.sort_by(f64::total_cmp);
     values
         .chunk_by(|a, b| b - a < 1e-6)
-        .filter(|level| level.len() >= LEVEL_VERTICES)
+        .filter(|level| level.len() >= MIN_LEVEL_VERTICES)
         .map(|level| level[0])
         .collect()
 }

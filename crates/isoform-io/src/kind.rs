@@ -1,6 +1,8 @@
 //! Recognition of a file's kind, for programs that were given a file of an unexpected kind.
 
-use crate::choose::{by_content, by_ending, foreign_by_ending, foreign_by_magic};
+use crate::choose::{
+    MIN_SIGNATURE_BYTES, by_content, by_ending, foreign_by_ending, foreign_by_magic,
+};
 use crate::format::{Format, Sniff, extension};
 use crate::mesh::{MeshFormat, mesh_by_content, mesh_format_named};
 use crate::text;
@@ -17,9 +19,8 @@ pub enum FileKind {
     Foreign(&'static str),
 }
 
-const SURE_MAGIC: usize = 4;
 /// Endings of kinds that have their own readers elsewhere.
-const ELSEWHERE: [&str; 5] = ["hf", "json", "step", "stp", "brep"];
+const ENDINGS_READ_ELSEWHERE: [&str; 5] = ["hf", "json", "step", "stp", "brep"];
 
 /// Determines the kind of a file from its name and first bytes: by the signature, else by the
 /// ending, else by the appearance of the content. Text counts as points only if a row of numbers
@@ -34,9 +35,9 @@ const ELSEWHERE: [&str; 5] = ["hf", "json", "step", "stp", "brep"];
 pub fn file_kind(name: &str, head: &[u8]) -> Option<FileKind> {
     let stated = by_content(head, Sniff::Yes).map(FileKind::Points);
     let stated = stated.or_else(|| mesh_by_content(head, Sniff::Yes).map(FileKind::Mesh));
-    let ending = extension(name).filter(|e| !ELSEWHERE.contains(&e.as_str()));
+    let ending = extension(name).filter(|e| !ENDINGS_READ_ELSEWHERE.contains(&e.as_str()));
     let stated = stated.or_else(|| ending.as_deref().and_then(|e| by_name(e, head)));
-    let magic = || foreign_by_magic(head, SURE_MAGIC).map(|f| FileKind::Foreign(f.what));
+    let magic = || foreign_by_magic(head, MIN_SIGNATURE_BYTES).map(|f| FileKind::Foreign(f.what));
     stated
         .or_else(magic)
         .or_else(|| by_content(head, Sniff::Maybe).map(FileKind::Points))

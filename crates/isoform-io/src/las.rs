@@ -13,13 +13,13 @@ mod compressed;
 use crate::collect::{Collector, ColorScale};
 use crate::format::Sniff;
 use crate::input::{Input, Result};
-use crate::roles::{Layout, Role};
+use crate::roles::{Role, RowLayout};
 use crate::{At, ErrorKind, ReadError, ReadOptions, ReadReport};
 use isoform_geom::PointCloud;
 
-const WHAT: &str = "cannot read the LAS file";
+const LAS_FAILURE: &str = "cannot read the LAS file";
 /// Size in bytes of each point record format from 0 to 10, without extra bytes.
-const RECORD: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
+const RECORD_BYTES: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
 
 /// Returns `Yes` for the signature of LAS, which LAZ shares.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
@@ -44,7 +44,7 @@ fn f64_at(b: &[u8], at: usize) -> f64 {
 }
 
 /// Contents of the header that the points need.
-pub(crate) struct Header {
+pub(crate) struct LasHeader {
     /// Number of point records.
     pub(crate) points: u64,
     /// Byte offset of the first record.
@@ -69,33 +69,35 @@ fn corrupt(input: &Input<'_>, at: At, why: impl Into<String>) -> ReadError {
     input.error(
         ErrorKind::Corrupt,
         at,
-        WHAT,
+        LAS_FAILURE,
         why,
         "get the file again, or repair it with the software that made it",
     )
 }
 
 /// Size in bytes of the header of LAS 1.0, the minimum of all versions.
-const HEADER: usize = 227;
+const HEADER_BYTES: usize = 227;
 /// Size in bytes of the header of LAS 1.4, which counts points in 64 bits.
-const HEADER_14: usize = 375;
+const LAS_14_HEADER_BYTES: usize = 375;
 
 /// Reads and checks the header and the following records, which hold the unit and the parameters of
 /// LAZ.
-fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Header> {
-    let mut b = [0_u8; HEADER_14];
-    input.exact(&mut b[..HEADER], || "a LAS header has 227 bytes".into())?;
+fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<LasHeader> {
+    let mut b = [0_u8; LAS_14_HEADER_BYTES];
+    input.exact(&mut b[..HEADER_BYTES], || {
+        "a LAS header has 227 bytes".into()
+    })?;
     if &b[..4] != b"LASF" {
         return Err(corrupt(input, At::Byte(0), "it does not start with LASF"));
     }
     let (version, size) = ((b[24], b[25]), u16_at(&b, 94));
-    let is_14 = version >= (1, 4) && usize::from(size) >= HEADER_14;
+    let is_14 = version >= (1, 4) && usize::from(size) >= LAS_14_HEADER_BYTES;
     if is_14 {
         let missing = || "a LAS 1.4 header has 375 bytes".into();
-        input.exact(&mut b[HEADER..], missing)?;
+        input.exact(&mut b[HEADER_BYTES..], missing)?;
     }
     warn_of_oddities(&b, report);
-    let mut header = Header::of(&b, is_14);
+    let mut header = LasHeader::decode(&b, is_14);
     header.check(input, size)?;
     records(input, u64::from(size), u32_at(&b, 100), &mut header, report)?;
     Ok(header)
@@ -114,9 +116,9 @@ fn warn_of_oddities(b: &[u8], report: &mut ReadReport) {
     }
 }
 
-impl Header {
+impl LasHeader {
     /// Decodes the header; LAS 1.4 has a second, wider count of points.
-    fn of(b: &[u8], is_14: bool) -> Self {
+    fn decode(b: &[u8], is_14: bool) -> Self {
         let legacy = u64::from(u32_at(b, 107));
         let points = match is_14 {
             true => u64::from_le_bytes(std::array::from_fn(|i| b[247 + i])),
@@ -148,7 +150,7 @@ impl Header {
     fn check(&self, input: &Input<'_>, size: u16) -> Result<()> {
         let refuse = |at, why: String| Err(corrupt(input, At::Byte(at), why));
         let (format, record) = (self.format, self.record);
-        let Some(&least) = RECORD.get(usize::from(format)) else {
+        let Some(&least) = RECORD_BYTES.get(usize::from(format)) else {
             return refuse(104, format!("unknown point format {format}"));
         };
         if record < least {
@@ -161,7 +163,7 @@ impl Header {
             return refuse(131, format!("scale {scale:?} and offset {offset:?}"));
         }
         let (start, length) = (self.start, input.size);
-        if u64::from(size) > start || start > length || usize::from(size) < HEADER {
+        if u64::from(size) > start || start > length || usize::from(size) < HEADER_BYTES {
             let why = format!(
                 "a header of {size} bytes and points from byte {start} in a file of {length} bytes"
             );
@@ -176,7 +178,7 @@ fn records(
     input: &mut Input<'_>,
     from: u64,
     count: u32,
-    header: &mut Header,
+    header: &mut LasHeader,
     report: &mut ReadReport,
 ) -> Result<()> {
     input.seek(from)?;
@@ -240,10 +242,10 @@ fn well_known_text(text: &str, report: &mut ReadReport) {
 }
 
 /// Classes of noise: low points and high noise.
-const NOISE: [u8; 2] = [7, 18];
+const NOISE_CLASSES: [u8; 2] = [7, 18];
 
 /// Offsets of the fields of a record other than the coordinates.
-struct Fields {
+struct RecordFields {
     /// Bit of byte 15 that flags a withheld point.
     withheld: u8,
     /// Offset of the classification, and mask of its class bits.
@@ -256,9 +258,9 @@ struct Fields {
     color: Option<usize>,
 }
 
-impl Fields {
+impl RecordFields {
     /// Returns the offsets for a point record format: 0 to 5, or 6 to 10 with their longer core.
-    fn of(format: u8) -> Self {
+    fn for_format(format: u8) -> Self {
         let new = format >= 6;
         Self {
             withheld: if new { 0x04 } else { 0x80 },
@@ -279,9 +281,9 @@ impl Fields {
     }
 }
 
-impl Fields {
+impl RecordFields {
     /// Returns the values of a point, coordinates first.
-    fn layout(&self) -> Layout {
+    fn layout(&self) -> RowLayout {
         let mut names = vec![
             "x",
             "y",
@@ -294,7 +296,7 @@ impl Fields {
         if self.color.is_some() {
             names.extend(["red", "green", "blue"]);
         }
-        let mut layout = Layout::named(names);
+        let mut layout = RowLayout::named(names);
         layout.scale = layout.has(Role::Color(0)).then_some(ColorScale::Word);
         layout
     }
@@ -327,7 +329,7 @@ pub(crate) fn read(
 ) -> Result<PointCloud> {
     let header = header(input, report)?;
     report.declared = Some(header.points);
-    let mut fields = Fields::of(header.format);
+    let mut fields = RecordFields::for_format(header.format);
     if header.is_compressed && header.format >= 6 {
         fields.time = None; // not unpacked, see compressed.rs
     }
@@ -341,7 +343,7 @@ pub(crate) fn read(
             withheld += 1;
             return;
         }
-        if !header.is_first_version && NOISE.contains(&fields.class(record)) {
+        if !header.is_first_version && NOISE_CLASSES.contains(&fields.class(record)) {
             noise += 1;
             return;
         }
@@ -359,7 +361,7 @@ pub(crate) fn read(
             return Err(input.error(
                 ErrorKind::UnsupportedFormat,
                 At::File,
-                WHAT,
+                LAS_FAILURE,
                 "this build does not read LAZ",
                 hint,
             ));

@@ -74,6 +74,7 @@ mod text;
 mod three_mf;
 mod unzip;
 mod write;
+mod xml;
 
 pub use atomic::write_atomic;
 pub use color::deviation_colors;

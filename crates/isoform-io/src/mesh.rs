@@ -1,7 +1,7 @@
 //! Reading and writing of meshes with groups.
 //!
-//! [`write_mesh`] and [`read_mesh`] do for a [`Mesh`] what [`write()`](crate::write()) and
-//! [`read()`](crate::read()) do for points. Parts are groups of triangles and quadrilaterals,
+//! [`write_mesh`] and [`read_mesh`] do for a [`Mesh`] what `write` and
+//! `read` do for points. Parts are groups of triangles and quadrilaterals,
 //! curves are groups of edges, and regions are groups of tetrahedra. Each format stores as much of
 //! them as it can, and the [`WriteReport`] lists the rest. Tags of groups count from 1 in the order
 //! of the mesh's lists; 0 means no group.
@@ -32,7 +32,6 @@ mod stl;
 mod surface;
 mod three_mf;
 mod vtu;
-mod xml;
 mod zip;
 
 pub(crate) use choose::by_content as mesh_by_content;
@@ -40,12 +39,11 @@ pub use format::MeshFormat;
 pub use options::{MeshReadOptions, MeshWriteOptions};
 pub use pvtu::write_pvtu;
 pub use registry::{mesh_format_named, mesh_formats};
-pub(crate) use xml::{attribute, unescape};
 
 use crate::format::extension;
 use crate::input::Input;
 use crate::{ReadError, ReadReport, Source, WriteError, WriteReport, write_atomic};
-use format::{Columns, WriteFn};
+use format::{MeshWriteFn, StoredColumns};
 use isoform_geom::Mesh;
 use std::borrow::Cow;
 use std::io::Write;
@@ -105,7 +103,7 @@ pub fn write_mesh_path(
 fn writer(
     name: &str,
     options: &MeshWriteOptions,
-) -> Result<(&'static MeshFormat, WriteFn, MeshWriteOptions), WriteError> {
+) -> Result<(&'static MeshFormat, MeshWriteFn, MeshWriteOptions), WriteError> {
     let (bare, ascii) = format::encoding(name);
     let format = mesh_format_named(bare);
     let options = MeshWriteOptions {
@@ -173,9 +171,9 @@ fn report(mesh: &Mesh, format: &MeshFormat, options: &MeshWriteOptions) -> Write
             .iter()
             .map(|c| c.name.as_str())
             .filter(|name| match format.columns {
-                Columns::None => true,
-                Columns::Texture => mesh.parameters().is_none() || !["u", "v"].contains(name),
-                Columns::All => false,
+                StoredColumns::None => true,
+                StoredColumns::Texture => mesh.parameters().is_none() || !["u", "v"].contains(name),
+                StoredColumns::All => false,
             });
     let left_out: Vec<&str> = left_out.collect();
     if !left_out.is_empty() {

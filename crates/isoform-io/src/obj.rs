@@ -6,14 +6,14 @@
 //! agree, and omitted at creases. Colours after the coordinates are not part of the format, but
 //! many scanners write them.
 
-use crate::collect::{Collector, ColorScale, Parts};
+use crate::collect::{Collector, ColorScale, TriangleParts};
 use crate::format::Sniff;
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
 use crate::{ErrorKind, ReadOptions, ReadReport};
 use isoform_geom::{Point3, PointCloud};
 use std::collections::HashMap;
 
-const WHAT: &str = "cannot read the OBJ file";
+const OBJ_FAILURE: &str = "cannot read the OBJ file";
 /// Maximum number of corners of a polygon.
 const MAX_CORNERS: usize = 1 << 20;
 
@@ -35,7 +35,7 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
 }
 
 /// Normals as referenced by the corners of faces.
-struct Normals {
+struct CornerNormals {
     /// All `vn` of the file.
     given: Vec<Point3>,
     /// Index of the normal of each vertex; `u32::MAX` while unknown.
@@ -44,7 +44,7 @@ struct Normals {
     differ: bool,
 }
 
-impl Normals {
+impl CornerNormals {
     /// Records the normal of a corner of a face for its vertex.
     fn corner(&mut self, vertex: u64, normal: u64) {
         let (Ok(v), Ok(n)) = (usize::try_from(vertex), u32::try_from(normal)) else {
@@ -71,7 +71,7 @@ enum NormalBy {
     Face,
 }
 
-impl Normals {
+impl CornerNormals {
     /// Returns the assignment that gives each vertex one normal; `None` if neither does.
     fn per_point(&self, report: &mut ReadReport) -> Option<NormalBy> {
         if self.differ {
@@ -90,7 +90,7 @@ impl Normals {
         by_face.then_some(NormalBy::Face)
     }
     /// Returns the normal of a vertex; `None` if it has none.
-    fn of(&self, vertex: usize, by: NormalBy) -> Option<&Point3> {
+    fn normal(&self, vertex: usize, by: NormalBy) -> Option<&Point3> {
         let normal = match by {
             NormalBy::Order => vertex,
             NormalBy::Face => self.of_vertex[vertex] as usize,
@@ -113,9 +113,9 @@ pub(crate) fn read_parts(
     input: &mut Input<'_>,
     options: &ReadOptions,
     report: &mut ReadReport,
-) -> Result<(PointCloud, Parts)> {
-    let mut lines = Lines::default();
-    let mut reader = Reader::new(options);
+) -> Result<(PointCloud, TriangleParts)> {
+    let mut lines = ObjLines::default();
+    let mut reader = ObjReader::new(options);
     while lines.next(input, report)? {
         reader.line(&lines.text, input, report)?;
     }
@@ -125,7 +125,7 @@ pub(crate) fn read_parts(
 
 /// Logical lines: with continuations joined and comments removed.
 #[derive(Default)]
-struct Lines {
+struct ObjLines {
     /// Present line.
     text: String,
     /// Continuation of the present line.
@@ -133,7 +133,7 @@ struct Lines {
     bytes: Vec<u8>,
 }
 
-impl Lines {
+impl ObjLines {
     /// Reads the next line; returns false at the end. A unit stated in a comment is added to the
     /// report.
     fn next(&mut self, input: &mut Input<'_>, report: &mut ReadReport) -> Result<bool> {
@@ -158,33 +158,33 @@ impl Lines {
 }
 
 /// Vertex with its colour.
-struct Vertex {
+struct ColoredVertex {
     point: Point3,
     color: Option<[f32; 3]>,
 }
 
 /// State of reading. Points are passed to the collector at the end, when their properties are
 /// known.
-struct Reader {
+struct ObjReader {
     collector: Collector,
     /// All vertices of the file.
-    vertices: Vec<Vertex>,
+    vertices: Vec<ColoredVertex>,
     /// All normals, and their use by faces.
-    normals: Normals,
+    normals: CornerNormals,
     /// Part indices by name.
     parts: HashMap<String, u32>,
     /// Corners of the present face.
     corners: Vec<u64>,
 }
 
-impl Reader {
+impl ObjReader {
     fn new(options: &ReadOptions) -> Self {
         let mut collector = Collector::new(options);
         collector.mesh(options);
         Self {
             collector,
             vertices: Vec::new(),
-            normals: Normals {
+            normals: CornerNormals {
                 given: Vec::new(),
                 of_vertex: Vec::new(),
                 differ: false,
@@ -226,9 +226,9 @@ impl Reader {
         if n < 3 {
             let why = format!("a vertex needs three numbers, this one has {n}");
             let at = input.at_line(0);
-            return Err(input.error(ErrorKind::Number, at, WHAT, why, "correct the line"));
+            return Err(input.error(ErrorKind::Number, at, OBJ_FAILURE, why, "correct the line"));
         }
-        self.vertices.push(Vertex {
+        self.vertices.push(ColoredVertex {
             point: [v[0], v[1], v[2]],
             color: (n >= 6).then(|| [v[3] as f32, v[4] as f32, v[5] as f32]),
         });
@@ -280,7 +280,7 @@ impl Reader {
                 continue;
             };
             if let Some(by) = per_point {
-                let n = self.normals.of(i, by);
+                let n = self.normals.normal(i, by);
                 self.collector
                     .set_normal(slot, n.copied().unwrap_or_default());
             }
@@ -307,7 +307,7 @@ fn numbers<'t>(
             return Err(input.error(
                 ErrorKind::Number,
                 input.at_line(column),
-                WHAT,
+                OBJ_FAILURE,
                 why,
                 "correct the line",
             ));
@@ -324,7 +324,7 @@ fn index(input: &Input<'_>, word: &str, count: usize) -> Result<u64> {
         Err(input.error(
             ErrorKind::Index,
             input.at_line(0),
-            WHAT,
+            OBJ_FAILURE,
             why,
             "export the mesh again",
         ))

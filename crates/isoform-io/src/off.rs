@@ -11,7 +11,7 @@ use crate::input::{Input, Result, Words, parse_number, shorten};
 use crate::{ErrorKind, ReadOptions, ReadReport};
 use isoform_geom::PointCloud;
 
-const WHAT: &str = "cannot read the OFF file";
+const OFF_FAILURE: &str = "cannot read the OFF file";
 /// Maximum number of corners of a polygon.
 const MAX_CORNERS: u64 = 1 << 20;
 
@@ -65,12 +65,12 @@ fn keyword(word: &str) -> Option<Keyword> {
 }
 
 /// Non-empty line without comments.
-struct Lines {
+struct OffLines {
     text: String,
     bytes: Vec<u8>,
 }
 
-impl Lines {
+impl OffLines {
     /// Reads the next non-empty line; returns false at the end.
     fn next(&mut self, input: &mut Input<'_>) -> Result<bool> {
         while input.read_line(&mut self.text, &mut self.bytes)? {
@@ -91,11 +91,11 @@ pub(crate) fn read(
     options: &ReadOptions,
     report: &mut ReadReport,
 ) -> Result<PointCloud> {
-    let mut lines = Lines {
+    let mut lines = OffLines {
         text: String::new(),
         bytes: Vec::new(),
     };
-    let header = Header::read(input, &mut lines)?;
+    let header = OffHeader::read(input, &mut lines)?;
     report.declared = Some(header.vertices);
     let mut collector = Collector::new(options);
     collector.mesh(options);
@@ -105,22 +105,22 @@ pub(crate) fn read(
 }
 
 /// Content of the file before the vertices.
-struct Header {
+struct OffHeader {
     kind: Keyword,
     vertices: u64,
     faces: u64,
 }
 
-impl Header {
+impl OffHeader {
     /// Reads the keyword, which may be missing, and the counts, on one line or two.
-    fn read(input: &mut Input<'_>, lines: &mut Lines) -> Result<Self> {
+    fn read(input: &mut Input<'_>, lines: &mut OffLines) -> Result<Self> {
         if !lines.next(input)? {
             return Err(input.truncated("there is nothing but comments"));
         }
         let line = lines.text.trim_start();
         let first = line.split_ascii_whitespace().next().unwrap_or("");
         let Some(kind) = keyword(first) else {
-            return Self::of(NO_KEYWORD, line, input);
+            return Self::parse_counts(NO_KEYWORD, line, input);
         };
         let rest = line[first.len()..].trim();
         if kind.odd || rest.starts_with("BINARY") {
@@ -128,29 +128,29 @@ impl Header {
             return Err(input.error(
                 ErrorKind::UnsupportedFormat,
                 input.at_line(0),
-                WHAT,
+                OFF_FAILURE,
                 format!("the variant \"{first} {rest}\" is not read"),
                 "save it as plain OFF or PLY",
             ));
         }
         if !rest.is_empty() {
-            return Self::of(kind, rest, input);
+            return Self::parse_counts(kind, rest, input);
         }
         if !lines.next(input)? {
             return Err(input.truncated("the numbers of vertices and faces are missing"));
         }
-        Self::of(kind, &lines.text, input)
+        Self::parse_counts(kind, &lines.text, input)
     }
 
     /// Parses the line of counts of a variant; the number of edges may be missing.
-    fn of(kind: Keyword, counts: &str, input: &Input<'_>) -> Result<Self> {
+    fn parse_counts(kind: Keyword, counts: &str, input: &Input<'_>) -> Result<Self> {
         let words = counts.split_ascii_whitespace().take(3);
         let numbers: Vec<Option<u64>> = words.map(|w| w.parse().ok()).collect();
         let ([Some(vertices), Some(faces)] | [Some(vertices), Some(faces), _]) = numbers[..] else {
             let counts = shorten(counts.trim());
             let why = format!("\"{counts}\" should be the numbers of vertices, faces and edges");
             let (at, hint) = (input.at_line(0), "correct the line");
-            return Err(input.error(ErrorKind::Header, at, WHAT, why, hint));
+            return Err(input.error(ErrorKind::Header, at, OFF_FAILURE, why, hint));
         };
         Ok(Self {
             kind,
@@ -163,8 +163,8 @@ impl Header {
 /// Passes all vertices to the collector; the first decides if they have colours.
 fn read_vertices(
     input: &mut Input<'_>,
-    lines: &mut Lines,
-    header: &Header,
+    lines: &mut OffLines,
+    header: &OffHeader,
     collector: &mut Collector,
 ) -> Result<()> {
     let (kind, count) = (&header.kind, header.vertices);
@@ -179,7 +179,7 @@ fn read_vertices(
         if values.len() < 3 {
             let why = format!("vertex {i} has {} of 3 numbers", values.len());
             let (at, hint) = (input.at_line(0), "correct the line");
-            return Err(input.error(ErrorKind::Number, at, WHAT, why, hint));
+            return Err(input.error(ErrorKind::Number, at, OFF_FAILURE, why, hint));
         }
         if i == 0 {
             // Colours without the prefix C are common.
@@ -213,7 +213,7 @@ fn numbers(line: &str, input: &Input<'_>, values: &mut Vec<f64>) -> Result<()> {
             let column = (word.as_ptr() as usize).wrapping_sub(line.as_ptr() as usize) + 1;
             let why = format!("\"{}\" is not a number", shorten(word));
             let (at, hint) = (input.at_line(column), "correct the line");
-            return Err(input.error(ErrorKind::Number, at, WHAT, why, hint));
+            return Err(input.error(ErrorKind::Number, at, OFF_FAILURE, why, hint));
         };
         values.push(v);
     }
@@ -223,7 +223,7 @@ fn numbers(line: &str, input: &Input<'_>, values: &mut Vec<f64>) -> Result<()> {
 /// Reads all faces as polygons; values after their corners are skipped.
 fn read_faces(
     input: &mut Input<'_>,
-    mut lines: Lines,
+    mut lines: OffLines,
     count: u64,
     collector: &mut Collector,
 ) -> Result<()> {
@@ -239,7 +239,7 @@ fn read_faces(
             Err(input.error(
                 ErrorKind::Index,
                 input.at_line(0),
-                WHAT,
+                OFF_FAILURE,
                 format!("{v} is no {what}"),
                 "export the mesh again",
             ))

@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 
 /// Maximum sum of the two degrees of a patch: the largest degree of a map for which exact analysis
 /// is feasible. With a larger bound, files could be read but not processed.
-const MAX_DEGREE: u64 = 64;
+const MAX_DEGREE_SUM: u64 = 64;
 
 /// Reason why a JSON document is not a valid file of patches.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -116,7 +116,8 @@ impl FilePatch {
 pub struct PatchRecord {
     /// The patch.
     pub patch: RationalPatch,
-    /// Largest distance to the surface: a proved bound if `certified`, else the largest sampled one.
+    /// Largest distance to the surface: a proved bound if `certified`, else the largest sampled
+    /// one.
     pub max_distance: f64,
     /// True if the distance is proved and the patch has no folds.
     pub certified: bool,
@@ -189,7 +190,7 @@ pub fn read_patches(json: &Value) -> Result<Vec<FilePatch>> {
         patches.push(bezier(value, &format!("patch {}", k + 1))?);
     }
     let alone = json.get("knots_u").map(|_| json);
-    let mut room = nurbs::MAX_POINTS;
+    let mut room = nurbs::MAX_CONTROL_POINTS;
     for (k, value) in listed(json, "nurbs")?.iter().chain(alone).enumerate() {
         let pieces = nurbs::pieces(value, &format!("nurbs {}", k + 1), room)?;
         room -= pieces.iter().map(|p| p.control.len()).sum::<usize>();
@@ -213,7 +214,7 @@ fn listed<'j>(json: &'j Value, key: &str) -> Result<&'j [Value]> {
 /// Parses a Bézier patch.
 fn bezier(value: &Value, at: &str) -> Result<FilePatch> {
     let degree @ [m, n] = degree(value, at)?;
-    let net = Net::of(value, at)?;
+    let net = ControlNet::parse(value, at)?;
     if [net.rows, net.columns] != [m + 1, n + 1] {
         let problem = format!(
             "{} × {} points are expected, {} × {} are there",
@@ -239,27 +240,27 @@ fn degree(value: &Value, at: &str) -> Result<[usize; 2]> {
         return wrong(at, "two whole numbers are expected");
     };
     match [m, n].map(Value::as_u64) {
-        [Some(m), Some(n)] if m > 0 && n > 0 && m.saturating_add(n) <= MAX_DEGREE => {
+        [Some(m), Some(n)] if m > 0 && n > 0 && m.saturating_add(n) <= MAX_DEGREE_SUM => {
             Ok([m as usize, n as usize])
         }
         [Some(_), Some(_)] => wrong(
             at,
-            format!("both are at least 1, and at most {MAX_DEGREE} together"),
+            format!("both are at least 1, and at most {MAX_DEGREE_SUM} together"),
         ),
         _ => wrong(at, "two whole numbers are expected"),
     }
 }
 
 /// Grid of control points, at least one.
-struct Net {
+struct ControlNet {
     rows: usize,
     columns: usize,
     control: ControlPoints,
 }
 
-impl Net {
+impl ControlNet {
     /// Parses `control`, or `points` and `weights`.
-    fn of(value: &Value, at: &str) -> Result<Self> {
+    fn parse(value: &Value, at: &str) -> Result<Self> {
         if value.get("control").is_some() {
             Self::homogeneous(value, at)
         } else {

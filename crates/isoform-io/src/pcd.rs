@@ -7,14 +7,14 @@ mod lzf;
 use crate::collect::{Collector, ColorScale};
 use crate::format::Sniff;
 use crate::input::{Input, Result, Words, shorten};
-use crate::roles::{Layout, Role};
+use crate::roles::{Role, RowLayout};
 use crate::{At, ErrorKind, ReadOptions, ReadReport};
-use header::{Data, Field, Header};
+use header::{PcdEncoding, PcdField, PcdHeader};
 use isoform_geom::PointCloud;
 
-const WHAT: &str = "cannot read the PCD file";
+const PCD_FAILURE: &str = "cannot read the PCD file";
 /// Maximum number of values of a field that become columns; fields with more are descriptors.
-const MAX_COUNT: u64 = 8;
+const MAX_COLUMNS_PER_FIELD: u64 = 8;
 
 /// Returns `Yes` for the initial comment of the library, or for a version line within 512 bytes.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
@@ -34,15 +34,15 @@ pub(crate) fn read(
     options: &ReadOptions,
     report: &mut ReadReport,
 ) -> Result<PointCloud> {
-    let header = Header::read(input, report)?;
+    let header = PcdHeader::read(input, report)?;
     report.declared = Some(header.points);
-    let mut reader = Reader::new(&header, report);
+    let mut reader = PcdRowReader::new(&header, report);
     if let Some(name) = reader.layout.missing_coordinate() {
         let why = format!("there is no field \"{name}\"");
         return Err(input.error(
             ErrorKind::Header,
             At::File,
-            WHAT,
+            PCD_FAILURE,
             why,
             "points need x, y and z",
         ));
@@ -50,26 +50,26 @@ pub(crate) fn read(
     let mut collector = Collector::new(options);
     reader.layout.announce(&mut collector);
     match header.data {
-        Data::Ascii => reader.ascii(input, &header, &mut collector)?,
-        Data::Binary => reader.binary(input, &header, &mut collector)?,
-        Data::Compressed => reader.compressed(input, &header, &mut collector)?,
+        PcdEncoding::Ascii => reader.ascii(input, &header, &mut collector)?,
+        PcdEncoding::Binary => reader.binary(input, &header, &mut collector)?,
+        PcdEncoding::Compressed => reader.compressed(input, &header, &mut collector)?,
     }
     collector.finish(input, options, report)
 }
 
 /// Converter from values of fields to rows of the layout.
-struct Reader {
+struct PcdRowReader {
     /// Roles of the values of a row.
-    layout: Layout,
+    layout: RowLayout,
     /// Treatment of each field.
-    parts: Vec<Part>,
+    parts: Vec<FieldTreatment>,
     /// Present row.
     row: Vec<f64>,
 }
 
 /// Treatment of the values of a field.
 #[derive(Clone, Copy, PartialEq)]
-enum Part {
+enum FieldTreatment {
     /// Values of the row.
     Values,
     /// Packed colour, which gives three values of the row.
@@ -79,27 +79,27 @@ enum Part {
 }
 
 /// Returns the treatment of a field; a second packed colour is a column.
-fn part(field: &Field, has_color: bool, report: &mut ReadReport) -> Part {
+fn part(field: &PcdField, has_color: bool, report: &mut ReadReport) -> FieldTreatment {
     if field.is_packed_color() && !has_color {
-        return Part::Packed;
+        return FieldTreatment::Packed;
     }
     if field.name == "_" || field.count == 0 {
-        return Part::Nothing;
+        return FieldTreatment::Nothing;
     }
-    if field.count as u64 > MAX_COUNT {
+    if field.count as u64 > MAX_COLUMNS_PER_FIELD {
         report.warn(format!(
             "field \"{}\" with {} values per point was passed over",
             shorten(&field.name),
             field.count
         ));
-        return Part::Nothing;
+        return FieldTreatment::Nothing;
     }
-    Part::Values
+    FieldTreatment::Values
 }
 
 /// Returns the bits of a packed colour in text: an integer, or the float with these bits (which is
 /// tiny, or not an integer).
-fn color_bits(field: &Field, v: f64) -> u32 {
+fn color_bits(field: &PcdField, v: f64) -> u32 {
     let is_integer = v >= 1.0 && v.fract() == 0.0 && v <= f64::from(u32::MAX);
     if field.is_float() && !is_integer {
         (v as f32).to_bits()
@@ -108,25 +108,25 @@ fn color_bits(field: &Field, v: f64) -> u32 {
     }
 }
 
-impl Reader {
+impl PcdRowReader {
     /// Creates the converter of a header. A field of several values becomes as many columns.
-    fn new(header: &Header, report: &mut ReadReport) -> Self {
+    fn new(header: &PcdHeader, report: &mut ReadReport) -> Self {
         let mut names: Vec<String> = Vec::new();
-        let mut parts: Vec<Part> = Vec::new();
+        let mut parts: Vec<FieldTreatment> = Vec::new();
         for field in &header.fields {
-            let part = part(field, parts.contains(&Part::Packed), report);
+            let part = part(field, parts.contains(&FieldTreatment::Packed), report);
             match part {
-                Part::Packed => names.extend(["red", "green", "blue"].map(String::from)),
-                Part::Values if field.count == 1 => names.push(field.name.clone()),
-                Part::Values => {
+                FieldTreatment::Packed => names.extend(["red", "green", "blue"].map(String::from)),
+                FieldTreatment::Values if field.count == 1 => names.push(field.name.clone()),
+                FieldTreatment::Values => {
                     names.extend((0..field.count).map(|k| format!("{}_{k}", field.name)));
                 }
-                Part::Nothing => {}
+                FieldTreatment::Nothing => {}
             }
             parts.push(part);
         }
-        let mut layout = Layout::named(names.iter().map(String::as_str));
-        if parts.contains(&Part::Packed) && layout.roles.contains(&Role::Color(0)) {
+        let mut layout = RowLayout::named(names.iter().map(String::as_str));
+        if parts.contains(&FieldTreatment::Packed) && layout.roles.contains(&Role::Color(0)) {
             layout.scale = Some(ColorScale::Byte);
         }
         Self {
@@ -146,7 +146,7 @@ impl Reader {
     fn ascii(
         &mut self,
         input: &mut Input<'_>,
-        header: &Header,
+        header: &PcdHeader,
         collector: &mut Collector,
     ) -> Result<()> {
         let mut words = Words::new();
@@ -157,9 +157,9 @@ impl Reader {
                     let missing = || format!("{i} of {} points are there", header.points);
                     let v = words.number(input, missing)?;
                     match self.parts[f] {
-                        Part::Values => self.row.push(v),
-                        Part::Packed => self.packed(color_bits(field, v)),
-                        Part::Nothing => {}
+                        FieldTreatment::Values => self.row.push(v),
+                        FieldTreatment::Packed => self.packed(color_bits(field, v)),
+                        FieldTreatment::Nothing => {}
                     }
                 }
             }
@@ -172,7 +172,7 @@ impl Reader {
     fn binary(
         &mut self,
         input: &mut Input<'_>,
-        header: &Header,
+        header: &PcdHeader,
         collector: &mut Collector,
     ) -> Result<()> {
         let mut bytes = vec![0; header.stride()];
@@ -194,13 +194,13 @@ impl Reader {
     }
 
     /// Decodes a value of a field from the first bytes.
-    fn value(&mut self, field: &Field, part: Part, bytes: &[u8]) {
+    fn value(&mut self, field: &PcdField, part: FieldTreatment, bytes: &[u8]) {
         match part {
-            Part::Values => self.row.push(field.kind.decode(bytes, false)),
-            Part::Packed => {
+            FieldTreatment::Values => self.row.push(field.kind.decode(bytes, false)),
+            FieldTreatment::Packed => {
                 self.packed(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
             }
-            Part::Nothing => {}
+            FieldTreatment::Nothing => {}
         }
     }
 
@@ -208,7 +208,7 @@ impl Reader {
     fn compressed(
         &mut self,
         input: &mut Input<'_>,
-        header: &Header,
+        header: &PcdHeader,
         collector: &mut Collector,
     ) -> Result<()> {
         if header.points == 0 {
@@ -235,7 +235,7 @@ impl Reader {
 }
 
 /// Decompresses the data of a file: two sizes, then the compressed bytes.
-fn unpack(input: &mut Input<'_>, header: &Header) -> Result<Vec<u8>> {
+fn unpack(input: &mut Input<'_>, header: &PcdHeader) -> Result<Vec<u8>> {
     let start = input.at_byte();
     let corrupt = |input: &Input<'_>, why: String| {
         Err(input.error(

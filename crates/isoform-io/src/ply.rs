@@ -10,18 +10,18 @@ mod write;
 
 pub(crate) use write::write;
 
-use crate::binary::Type;
-use crate::collect::{Collector, ColorScale, Parts};
+use crate::binary::NumberType;
+use crate::collect::{Collector, ColorScale, TriangleParts};
 use crate::format::Sniff;
 use crate::input::{Input, Result, shorten};
-use crate::roles::{Layout, Role};
+use crate::roles::{Role, RowLayout};
 use crate::{At, ErrorKind, ReadError, ReadOptions, ReadReport};
-use header::{Element, Encoding, Header, PartNames, Property};
+use header::{PartNames, PlyElement, PlyEncoding, PlyHeader, Property};
 use isoform_geom::PointCloud;
-use rows::Rows;
+use rows::PlyRows;
 use std::collections::BTreeMap;
 
-const WHAT: &str = "cannot read the PLY header";
+const PLY_HEADER_FAILURE: &str = "cannot read the PLY header";
 
 /// Returns `Yes` for the magic word on a line of its own.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
@@ -46,23 +46,23 @@ pub(crate) fn read_parts(
     input: &mut Input<'_>,
     options: &ReadOptions,
     report: &mut ReadReport,
-) -> Result<(PointCloud, Parts)> {
-    let header = Header::read(input, report)?;
+) -> Result<(PointCloud, TriangleParts)> {
+    let header = PlyHeader::read(input, report)?;
     let vertex = header.vertices();
     let mut collector = Collector::new(options);
     match vertex {
         None => report.warn("the header declares no element \"vertex\""),
         Some(v) => report.declared = Some(header.elements[v].count),
     }
-    if header.elements.iter().any(Element::is_face) {
+    if header.elements.iter().any(PlyElement::is_face) {
         collector.mesh(options);
     }
-    let mut rows = Rows::new(header.encoding);
+    let mut rows = PlyRows::new(header.encoding);
     for (i, element) in header.elements.iter().enumerate() {
         if Some(i) == vertex {
             read_vertices(input, &mut rows, element, &mut collector, report)?;
         } else if element.is_face() {
-            let parts = FaceParts::of(element, &header.part_names, &mut collector);
+            let parts = FaceParts::from_element(element, &header.part_names, &mut collector);
             read_faces(input, &mut rows, element, parts, &mut collector, report)?;
         } else if element.count > 0 && !element.properties.is_empty() {
             report.warn(format!(
@@ -84,8 +84,8 @@ pub(crate) fn read_parts(
 /// Passes all vertices as rows of their properties to the collector.
 fn read_vertices(
     input: &mut Input<'_>,
-    rows: &mut Rows,
-    element: &Element,
+    rows: &mut PlyRows,
+    element: &PlyElement,
     collector: &mut Collector,
     report: &mut ReadReport,
 ) -> Result<()> {
@@ -96,7 +96,7 @@ fn read_vertices(
         }
         let why = format!("the vertices have no property \"{name}\"");
         let hint = "vertices need x, y and z";
-        return Err(input.error(ErrorKind::Header, At::File, WHAT, why, hint));
+        return Err(input.error(ErrorKind::Header, At::File, PLY_HEADER_FAILURE, why, hint));
     }
     layout.announce(collector);
     for i in 0..element.count {
@@ -107,8 +107,8 @@ fn read_vertices(
 }
 
 /// Returns the layout of the properties of the vertices; lists are skipped.
-fn vertex_layout(element: &Element, report: &mut ReadReport) -> Layout {
-    let mut layout = Layout::named(element.properties.iter().map(|p| p.name.as_str()));
+fn vertex_layout(element: &PlyElement, report: &mut ReadReport) -> RowLayout {
+    let mut layout = RowLayout::named(element.properties.iter().map(|p| p.name.as_str()));
     for (i, p) in element.properties.iter().enumerate() {
         if p.list.is_some() {
             report.warn(format!(
@@ -118,8 +118,8 @@ fn vertex_layout(element: &Element, report: &mut ReadReport) -> Layout {
             layout.ignore(i);
         } else if matches!(layout.roles[i], Role::Color(_)) {
             layout.scale = Some(match p.kind {
-                Type::U8 | Type::I8 => ColorScale::Byte,
-                Type::F32 | Type::F64 => ColorScale::Guess,
+                NumberType::U8 | NumberType::I8 => ColorScale::Byte,
+                NumberType::F32 | NumberType::F64 => ColorScale::Guess,
                 _ => ColorScale::Word,
             });
         }
@@ -137,7 +137,7 @@ struct FaceParts {
 
 impl FaceParts {
     /// Adds the parts named in comments to the collector; other tags get parts when they occur.
-    fn of(element: &Element, names: &PartNames, collector: &mut Collector) -> Self {
+    fn from_element(element: &PlyElement, names: &PartNames, collector: &mut Collector) -> Self {
         let is_part = |p: &Property| p.list.is_none() && p.name == "part";
         let property = element.properties.iter().position(is_part);
         // Faces without the list of corners are skipped, and their parts with them.
@@ -166,8 +166,8 @@ impl FaceParts {
 /// Reads all faces or strips of an element as polygons.
 fn read_faces(
     input: &mut Input<'_>,
-    rows: &mut Rows,
-    element: &Element,
+    rows: &mut PlyRows,
+    element: &PlyElement,
     mut parts: FaceParts,
     collector: &mut Collector,
     report: &mut ReadReport,
@@ -188,7 +188,7 @@ fn read_faces(
     for i in 0..element.count {
         let start = input.at_byte();
         rows.next(input, element, i, Some(corners))?;
-        let at = if rows.encoding == Encoding::Ascii {
+        let at = if rows.encoding == PlyEncoding::Ascii {
             input.at_line(0)
         } else {
             start

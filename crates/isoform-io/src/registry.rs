@@ -15,7 +15,7 @@ static FORMATS: [Format; 10] = [
     Format { name: "obj", extensions: &["obj"], title: "OBJ", sniff: obj::sniff, read: obj::read, write: None, keeps_triangles: false },
     Format { name: "xyz", extensions: &["xyz", "txt", "asc", "pts", "xyzn", "xyzrgb", "dat"], title: "XYZ text", sniff: text::sniff, read: text::read, write: Some(text::write_xyz), keeps_triangles: false },
     Format { name: "csv", extensions: &["csv", "tsv"], title: "CSV", sniff: |_| Sniff::No, read: text::read, write: Some(text::write_csv), keeps_triangles: false },
-    Format { name: three_mf::NAME, extensions: &["3mf"], title: "3MF", sniff: three_mf::sniff, read: three_mf::read, write: None, keeps_triangles: false },
+    Format { name: three_mf::FORMAT_NAME, extensions: &["3mf"], title: "3MF", sniff: three_mf::sniff, read: three_mf::read, write: None, keeps_triangles: false },
 ];
 
 /// Formats recognised by ending or signature, but not read.

@@ -36,7 +36,7 @@ pub(crate) fn role_named(name: &str) -> Option<Role> {
 
 /// Roles of the values of a row, in order.
 #[derive(Debug, Default)]
-pub(crate) struct Layout {
+pub(crate) struct RowLayout {
     /// Role of each value of a row.
     pub(crate) roles: Vec<Role>,
     /// Names of the columns, by column index.
@@ -49,7 +49,7 @@ pub(crate) struct Layout {
     colors: bool,
 }
 
-impl Layout {
+impl RowLayout {
     /// Creates the layout of named values; a repeated name becomes a column.
     pub(crate) fn named<'a>(names: impl IntoIterator<Item = &'a str>) -> Self {
         let mut layout = Self::default();

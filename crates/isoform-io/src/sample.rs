@@ -12,7 +12,7 @@ pub(crate) fn surface_samples(
     seed: u64,
     report: &mut ReadReport,
 ) -> PointCloud {
-    let areas = AreaSums::of(mesh);
+    let areas = AreaSums::from_mesh(mesh);
     let mut out = PointCloud {
         origin: mesh.origin,
         ..PointCloud::default()
@@ -51,7 +51,7 @@ struct AreaSums {
 
 impl AreaSums {
     /// Computes the sums of a mesh; a triangle whose area is not finite counts as 0.
-    fn of(mesh: &PointCloud) -> Self {
+    fn from_mesh(mesh: &PointCloud) -> Self {
         let mut total = 0.0;
         let sums = mesh
             .triangles

@@ -35,9 +35,9 @@ use serde_json::{Map, Value, json};
 use std::sync::Arc;
 
 /// Value of the key `kind`.
-const KIND: &str = "brep";
+const SOLID_KIND: &str = "brep";
 /// Version of the form. Files with a larger one are refused, as their meaning may differ.
-const SCHEMA: u64 = 1;
+const SCHEMA_VERSION: u64 = 1;
 
 /// Solids with the properties stated in their file.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,7 +73,7 @@ pub(crate) fn wrong(at: impl Into<String>, problem: impl Into<String>) -> SolidF
 
 /// Returns true if a JSON document contains solids.
 pub fn is_solid_file(json: &Value) -> bool {
-    json.get("kind").and_then(Value::as_str) == Some(KIND)
+    json.get("kind").and_then(Value::as_str) == Some(SOLID_KIND)
 }
 
 /// Writes a file of solids. Equal solids give equal bytes, and reading returns identical doubles.
@@ -117,8 +117,8 @@ pub fn write_solids(file: &SolidFile) -> Vec<u8> {
         .map(|s| json!({"outer": s.outer, "voids": s.voids}))
         .collect();
     let mut bytes = json!({
-        "schema": SCHEMA,
-        "kind": KIND,
+        "schema": SCHEMA_VERSION,
+        "kind": SOLID_KIND,
         "name": name,
         "unit": unit,
         "properties": {
@@ -210,10 +210,10 @@ pub fn read_solids(json: &Value) -> Result<SolidFile> {
     let Some(top) = json.as_object().filter(|_| is_solid_file(json)) else {
         return Err(wrong("kind", "brep is expected"));
     };
-    let top = Keys::new(top, "");
+    let top = KeyedObject::new(top, "");
     let schema: u64 = top.whole("schema")?;
-    if schema != SCHEMA {
-        let problem = format!("version {schema} is not known here, only {SCHEMA}");
+    if schema != SCHEMA_VERSION {
+        let problem = format!("version {schema} is not known here, only {SCHEMA_VERSION}");
         return Err(wrong("schema", problem));
     }
     let stated = top.inner("properties")?;
@@ -258,7 +258,7 @@ pub(crate) fn checked(file: SolidFile) -> Result<SolidFile> {
     }
 }
 
-fn edge(keys: &Keys) -> Result<Edge> {
+fn edge(keys: &KeyedObject) -> Result<Edge> {
     let curve = match keys.text("curve")? {
         "line" => Curve::Line,
         "circle" => Curve::Circle(keys.axes("axes")?, keys.number("radius")?),
@@ -280,7 +280,7 @@ fn edge(keys: &Keys) -> Result<Edge> {
     Ok(Edge { curve, ends })
 }
 
-fn face(keys: &Keys) -> Result<Face> {
+fn face(keys: &KeyedObject) -> Result<Face> {
     let loops = keys.list("loops")?.iter();
     let around = |l: &Value| l.as_array()?.iter().map(coedge).collect();
     let loops: Option<Vec<Vec<Coedge>>> = loops.map(around).collect();
@@ -306,7 +306,7 @@ fn coedge(pair: &Value) -> Option<Coedge> {
     })
 }
 
-fn surface(keys: &Keys) -> Result<Surface> {
+fn surface(keys: &KeyedObject) -> Result<Surface> {
     let axes = keys.axes("axes")?;
     Ok(match keys.text("surface")? {
         "plane" => Surface::Plane(axes),
@@ -336,7 +336,7 @@ fn surface(keys: &Keys) -> Result<Surface> {
     })
 }
 
-fn revolved(axes: Axes, keys: &Keys) -> Result<Surface> {
+fn revolved(axes: Axes, keys: &KeyedObject) -> Result<Surface> {
     let control = keys.list("control")?.iter().map(numbers);
     let pair = |c: Option<Vec<f64>>| <[f64; 2]>::try_from(c?).ok();
     let control: Option<Vec<[f64; 2]>> = control.map(pair).collect();
@@ -348,7 +348,7 @@ fn revolved(axes: Axes, keys: &Keys) -> Result<Surface> {
     })))
 }
 
-fn body(keys: &Keys) -> Result<Body> {
+fn body(keys: &KeyedObject) -> Result<Body> {
     let voids = keys.list("voids")?.iter().map(wholes);
     let voids: Option<Vec<Vec<u32>>> = voids.collect();
     Ok(Body {
@@ -358,12 +358,12 @@ fn body(keys: &Keys) -> Result<Body> {
 }
 
 /// JSON object with its position in the document.
-struct Keys<'j> {
+struct KeyedObject<'j> {
     object: &'j Map<String, Value>,
     at: String,
 }
 
-impl<'j> Keys<'j> {
+impl<'j> KeyedObject<'j> {
     fn new(object: &'j Map<String, Value>, at: impl Into<String>) -> Self {
         Self {
             object,
@@ -400,13 +400,13 @@ impl<'j> Keys<'j> {
         Ok(list)
     }
     /// Reads each object of a list.
-    fn each<T>(&self, key: &str, read: impl Fn(&Keys) -> Result<T>) -> Result<Vec<T>> {
+    fn each<T>(&self, key: &str, read: impl Fn(&KeyedObject) -> Result<T>) -> Result<Vec<T>> {
         let list = self.list(key)?.iter().enumerate();
         list.map(|(i, value)| {
             let at = format!("{key} {i}");
             let object = value.as_object();
             let object = object.ok_or_else(|| wrong(&at, "an object is expected"))?;
-            read(&Keys::new(object, at))
+            read(&KeyedObject::new(object, at))
         })
         .collect()
     }

@@ -24,10 +24,10 @@ use isoform_geom::{LevelData, Point3, PolynomialData, SplineData};
 use serde_json::{Value, json};
 
 /// Value of the key `kind` of a spline.
-const KIND: &str = "implicit_spline";
+const SPLINE_KIND: &str = "implicit_spline";
 
 /// Value of the key `kind` of a polynomial.
-const POLYNOMIAL: &str = "implicit_polynomial";
+const POLYNOMIAL_KIND: &str = "implicit_polynomial";
 
 /// Reason why a document is not an implicit spline or polynomial.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -41,12 +41,12 @@ pub struct SplineFileError {
 
 /// Returns true if a JSON document is an implicit spline.
 pub fn is_spline_file(json: &Value) -> bool {
-    json.get("kind").and_then(Value::as_str) == Some(KIND)
+    json.get("kind").and_then(Value::as_str) == Some(SPLINE_KIND)
 }
 
 /// Returns true if a JSON document is a polynomial fitted to points.
 pub fn is_polynomial_file(json: &Value) -> bool {
-    json.get("kind").and_then(Value::as_str) == Some(POLYNOMIAL)
+    json.get("kind").and_then(Value::as_str) == Some(POLYNOMIAL_KIND)
 }
 
 /// Writes an implicit spline. Equal splines give equal bytes.
@@ -76,7 +76,7 @@ pub fn write_spline(spline: &SplineData) -> Vec<u8> {
     let levels: Vec<Value> = spline.levels.iter().map(level).collect();
     let mut bytes = json!({
         "schema": 1,
-        "kind": KIND,
+        "kind": SPLINE_KIND,
         "degree": spline.degree,
         "corner": spline.corner,
         "spacing": spline.spacing,
@@ -135,7 +135,7 @@ pub fn read_spline(json: &Value) -> Result<SplineData, SplineFileError> {
 pub fn write_polynomial(polynomial: &PolynomialData) -> Vec<u8> {
     let mut bytes = json!({
         "schema": 1,
-        "kind": POLYNOMIAL,
+        "kind": POLYNOMIAL_KIND,
         "degree": polynomial.degree,
         "origin": polynomial.origin,
         "unit": polynomial.unit,

@@ -19,21 +19,22 @@ mod spline;
 use crate::{WriteError, write_atomic};
 pub use brep::{SolidOptions, SolidProperties, step_solids, write_step_solids};
 use isoform_geom::{Point3, Quadric, RationalPatch, distance_squared};
-use part21::Document;
-use placement::Placement;
+use part21::StepDocument;
+use placement::AxisPlacement;
 pub use read::read_step_solids;
 use spline::Spline;
 use std::io::Write;
 use std::path::Path;
 
 /// Maximum distance between coincident vertices, relative to the largest coordinate.
-const SAME: f64 = 1e-9;
+const VERTEX_MERGE_DISTANCE: f64 = 1e-9;
 /// Application protocol of the schema, with its year.
-const PROTOCOL: &str = "'international standard','ap242_managed_model_based_3d_engineering',2014";
+const AP242_PROTOCOL: &str =
+    "'international standard','ap242_managed_model_based_3d_engineering',2014";
 /// Accuracy of lengths stated in the file, in its unit.
-const UNCERTAINTY: f64 = 1e-7;
+const LENGTH_UNCERTAINTY: f64 = 1e-7;
 /// Default time stamp; it is constant, so that equal patches give equal files.
-const EPOCH: &str = "1970-01-01T00:00:00";
+const DEFAULT_TIME: &str = "1970-01-01T00:00:00";
 
 /// Patch to be written as a face.
 #[derive(Clone, Debug)]
@@ -87,7 +88,7 @@ pub fn write_step_path(
 
 /// Returns the text of the file, or an error that names the file.
 fn compose(faces: &[StepFace], options: &StepOptions, file: &str) -> Result<String, WriteError> {
-    let refuse = |refusal: Refusal| WriteError {
+    let refuse = |refusal: StepRefusal| WriteError {
         code: refusal.code,
         what: "cannot write STEP",
         file: file.to_owned(),
@@ -98,32 +99,35 @@ fn compose(faces: &[StepFace], options: &StepOptions, file: &str) -> Result<Stri
     let splines = splines(faces).map_err(refuse)?;
     let size = size(&splines).map_err(refuse)?;
 
-    let mut doc = Document::default();
+    let mut doc = StepDocument::default();
     let product = product(&mut doc, options, unit);
     let mut shells = Vec::with_capacity(faces.len());
     for (face, spline) in faces.iter().zip(&splines) {
-        let advanced = write_face(&mut doc, face, spline, SAME * size);
+        let advanced = write_face(&mut doc, face, spline, VERTEX_MERGE_DISTANCE * size);
         let (name, face) = (part21::text(&face.name), part21::id(advanced));
         shells.push(doc.add(&format!("OPEN_SHELL({name},({face}))")));
     }
     product.represent(&mut doc, &shells);
-    Ok(doc.file(&options.name, options.time.as_deref().unwrap_or(EPOCH)))
+    Ok(doc.file(
+        &options.name,
+        options.time.as_deref().unwrap_or(DEFAULT_TIME),
+    ))
 }
 
 /// Reason why patches cannot be written.
-struct Refusal {
+struct StepRefusal {
     code: &'static str,
     why: String,
     hint: &'static str,
 }
 
 /// Returns the unit of length if it is one of [`STEP_UNITS`].
-fn unit(options: &StepOptions) -> Result<&str, Refusal> {
+fn unit(options: &StepOptions) -> Result<&str, StepRefusal> {
     let unit = options.units.as_deref().unwrap_or("mm");
     if STEP_UNITS.contains(&unit) {
         return Ok(unit);
     }
-    Err(Refusal {
+    Err(StepRefusal {
         code: "unit-unknown",
         why: format!(
             "\"{}\" is not among its units of length: {}",
@@ -135,16 +139,16 @@ fn unit(options: &StepOptions) -> Result<&str, Refusal> {
 }
 
 /// Converts the patches, of which there must be at least one, to B-splines with positive weights.
-fn splines(faces: &[StepFace]) -> Result<Vec<Spline>, Refusal> {
+fn splines(faces: &[StepFace]) -> Result<Vec<Spline>, StepRefusal> {
     if faces.is_empty() {
-        return Err(Refusal {
+        return Err(StepRefusal {
             code: "empty",
             why: "there is no patch".to_owned(),
             hint: "a file of faces needs one",
         });
     }
     let positive = |(face, number): (&StepFace, usize)| {
-        Spline::positive(&face.patch).ok_or_else(|| Refusal {
+        Spline::positive(&face.patch).ok_or_else(|| StepRefusal {
             code: "weights",
             why: format!(
                 "patch {number}: no positive control weights were found; its weight comes near 0, or below, inside"
@@ -156,13 +160,13 @@ fn splines(faces: &[StepFace]) -> Result<Vec<Spline>, Refusal> {
 }
 
 /// Returns the largest absolute coordinate of all control points.
-fn size(splines: &[Spline]) -> Result<f64, Refusal> {
+fn size(splines: &[Spline]) -> Result<f64, StepRefusal> {
     let coordinates = splines.iter().flat_map(Spline::points).flatten();
     let size = coordinates.fold(0.0f64, |m, v| m.max(v.abs()));
     if size.is_finite() {
         return Ok(size);
     }
-    Err(Refusal {
+    Err(StepRefusal {
         code: "overflow",
         why: "a control point is beyond the largest number".to_owned(),
         hint: "a smaller patch",
@@ -170,7 +174,7 @@ fn size(splines: &[Spline]) -> Result<f64, Refusal> {
 }
 
 /// Instances of the product to which the faces belong.
-struct Product {
+struct StepProduct {
     /// Shape of the product, which the representation defines.
     shape: usize,
     /// Context with units and accuracy of the coordinates.
@@ -182,21 +186,21 @@ struct Product {
 }
 
 /// Adds the instances common to all files of patches: product, units and origin.
-fn product(doc: &mut Document, options: &StepOptions, unit: &str) -> Product {
+fn product(doc: &mut StepDocument, options: &StepOptions, unit: &str) -> StepProduct {
     let name = part21::text(if options.name.is_empty() {
         "surface"
     } else {
         &options.name
     });
-    Product::new(doc, &name, unit, PROTOCOL, UNCERTAINTY)
+    StepProduct::new(doc, &name, unit, AP242_PROTOCOL, LENGTH_UNCERTAINTY)
 }
 
-impl Product {
+impl StepProduct {
     /// Adds a product with a name (in quotes), unit of length, application protocol and accuracy.
-    fn new(doc: &mut Document, name: &str, unit: &str, protocol: &str, accuracy: f64) -> Self {
+    fn new(doc: &mut StepDocument, name: &str, unit: &str, protocol: &str, accuracy: f64) -> Self {
         let shape = shape(doc, name, protocol);
         let (context, length) = context(doc, unit, accuracy);
-        let origin = doc.placement(&Placement {
+        let origin = doc.placement(&AxisPlacement {
             origin: [0.0; 3],
             z: [0.0, 0.0, 1.0],
             x: [1.0, 0.0, 0.0],
@@ -209,7 +213,7 @@ impl Product {
         }
     }
     /// Defines the shape of the product by these shells.
-    fn represent(&self, doc: &mut Document, shells: &[usize]) {
+    fn represent(&self, doc: &mut StepDocument, shells: &[usize]) {
         let shells = part21::ids(shells);
         let model = doc.add(&format!("SHELL_BASED_SURFACE_MODEL('',{shells})"));
         let items = part21::ids(&[model, self.origin]);
@@ -226,7 +230,7 @@ impl Product {
 }
 
 /// Adds the product of this name, down to its shape.
-fn shape(doc: &mut Document, name: &str, protocol: &str) -> usize {
+fn shape(doc: &mut StepDocument, name: &str, protocol: &str) -> usize {
     let id = part21::id;
     let app = doc.add("APPLICATION_CONTEXT('managed model based 3d engineering')");
     doc.add(&format!(
@@ -260,7 +264,7 @@ fn shape(doc: &mut Document, name: &str, protocol: &str) -> usize {
 
 /// Adds the coordinate context, which states the units of length and angle and the accuracy.
 /// Returns the context and the unit of length.
-fn context(doc: &mut Document, unit: &str, accuracy: f64) -> (usize, usize) {
+fn context(doc: &mut StepDocument, unit: &str, accuracy: f64) -> (usize, usize) {
     let id = part21::id;
     let length = length_unit(doc, unit);
     let angle = doc.add("(NAMED_UNIT(*)PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.))");
@@ -281,9 +285,9 @@ fn context(doc: &mut Document, unit: &str, accuracy: f64) -> (usize, usize) {
 }
 
 /// Adds one of [`STEP_UNITS`].
-fn length_unit(doc: &mut Document, unit: &str) -> usize {
+fn length_unit(doc: &mut StepDocument, unit: &str) -> usize {
     let id = part21::id;
-    let si = |doc: &mut Document, prefix: &str| {
+    let si = |doc: &mut StepDocument, prefix: &str| {
         doc.add(&format!(
             "(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT({prefix},.METRE.))"
         ))
@@ -316,7 +320,7 @@ fn length_unit(doc: &mut Document, unit: &str) -> usize {
 }
 
 /// Border of a face.
-struct Border {
+struct FaceBorder {
     /// Homogeneous control points.
     control: Vec<[f64; 4]>,
     /// True if the border runs along u and has the knots of u.
@@ -326,11 +330,11 @@ struct Border {
 }
 
 /// Returns the borders of a face, counterclockwise as seen from outside.
-fn borders(spline: &Spline) -> [Border; 4] {
+fn borders(spline: &Spline) -> [FaceBorder; 4] {
     let (m, n) = spline.last();
     let row = |i: usize| (0..=n).map(|j| spline.at(i, j)).collect();
     let column = |j: usize| (0..=m).map(|i| spline.at(i, j)).collect();
-    let border = |control, along_u, forward| Border {
+    let border = |control, along_u, forward| FaceBorder {
         control,
         along_u,
         forward,
@@ -344,20 +348,20 @@ fn borders(spline: &Spline) -> [Border; 4] {
 }
 
 /// Vertices of a face written so far.
-struct Vertices {
+struct StepVertices {
     /// Maximum distance between coincident vertices.
     same: f64,
     /// Points of the vertices with their instances.
     written: Vec<(Point3, usize)>,
 }
 
-impl Vertices {
+impl StepVertices {
     /// Returns true if two points are one vertex.
     fn is_same(&self, p: Point3, q: Point3) -> bool {
         distance_squared(p, q) <= self.same * self.same
     }
     /// Returns the vertex at a point; adds it if it is new.
-    fn at(&mut self, doc: &mut Document, p: Point3) -> usize {
+    fn at(&mut self, doc: &mut StepDocument, p: Point3) -> usize {
         if let Some((_, vertex)) = self.written.iter().find(|(q, _)| self.is_same(*q, p)) {
             return *vertex;
         }
@@ -369,8 +373,8 @@ impl Vertices {
 }
 
 /// Adds a face with its surface, edges and vertices.
-fn write_face(doc: &mut Document, face: &StepFace, spline: &Spline, same: f64) -> usize {
-    let mut vertices = Vertices {
+fn write_face(doc: &mut StepDocument, face: &StepFace, spline: &Spline, same: f64) -> usize {
+    let mut vertices = StepVertices {
         same,
         written: Vec::new(),
     };
@@ -391,10 +395,10 @@ fn write_face(doc: &mut Document, face: &StepFace, spline: &Spline, same: f64) -
 
 /// Adds the edge of a border; `None` if the border is a point, such as the pole of a sphere.
 fn write_edge(
-    doc: &mut Document,
-    border: &Border,
+    doc: &mut StepDocument,
+    border: &FaceBorder,
     spline: &Spline,
-    vertices: &mut Vertices,
+    vertices: &mut StepVertices,
 ) -> Option<usize> {
     let points: Vec<Point3> = border.control.iter().map(spline::affine).collect();
     let (first, last) = (points[0], points[points.len() - 1]);
@@ -413,7 +417,7 @@ fn write_edge(
 
 /// Adds the named surface of the patch if it can be placed, else the spline. Returns true with it
 /// if its normal agrees with that of the patch.
-fn write_surface(doc: &mut Document, face: &StepFace, spline: &Spline) -> (usize, bool) {
+fn write_surface(doc: &mut StepDocument, face: &StepFace, spline: &Spline) -> (usize, bool) {
     let Some(placed) = face.surface.and_then(|s| placement::place(&s, &face.patch)) else {
         return (doc.surface(spline), true);
     };

@@ -4,20 +4,20 @@
 //! count as equal) become one vertex; corners are not merged by distance. Facet normals are
 //! ignored: they repeat the order of the corners, which is what other programs use.
 
-use crate::collect::{Collector, Parts};
+use crate::collect::{Collector, TriangleParts};
 use crate::format::Sniff;
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
 use crate::{At, ErrorKind, ReadOptions, ReadReport};
 use isoform_geom::{Point3, PointCloud};
 use std::collections::HashMap;
 
-const WHAT: &str = "cannot read the STL file";
+const STL_FAILURE: &str = "cannot read the STL file";
 /// Size of the part of a binary file before its facets, in bytes: 80 of text, and the number of
 /// facets.
-const HEADER: u64 = 84;
+const HEADER_BYTES: u64 = 84;
 /// Size of a facet in bytes: a normal and three corners of 32-bit numbers, and two bytes of
 /// attributes.
-const FACET: u64 = 50;
+const FACET_BYTES: u64 = 50;
 
 /// Returns `Maybe` at best: binary STL has no signature, and binary files may start with "solid"
 /// too.
@@ -39,14 +39,14 @@ fn is_ascii(head: &[u8]) -> bool {
 }
 
 /// Welder of equal corners into vertices.
-struct Weld<'c> {
+struct CornerWelder<'c> {
     /// Collector of vertices and triangles.
     collector: &'c mut Collector,
     /// Vertex indices by the bits of their coordinates.
     known: HashMap<[u64; 3], u64>,
 }
 
-impl Weld<'_> {
+impl CornerWelder<'_> {
     /// Returns the index of the vertex at a corner; a new vertex is passed to the collector.
     fn vertex(&mut self, p: Point3) -> u64 {
         // Adding 0 turns −0 into 0.
@@ -78,10 +78,10 @@ pub(crate) fn read_parts(
     input: &mut Input<'_>,
     options: &ReadOptions,
     report: &mut ReadReport,
-) -> Result<(PointCloud, Parts)> {
+) -> Result<(PointCloud, TriangleParts)> {
     let mut collector = Collector::new(options);
     collector.mesh(options);
-    let mut weld = Weld {
+    let mut weld = CornerWelder {
         collector: &mut collector,
         known: HashMap::new(),
     };
@@ -89,7 +89,7 @@ pub(crate) fn read_parts(
     let announced = head
         .get(80..84)
         .map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
-    let fits = announced.is_some_and(|n| HEADER + FACET * u64::from(n) == input.size);
+    let fits = announced.is_some_and(|n| HEADER_BYTES + FACET_BYTES * u64::from(n) == input.size);
     if !fits && (is_ascii(&head) || announced.is_none()) {
         read_ascii(input, &mut weld, report)?;
     } else {
@@ -99,14 +99,18 @@ pub(crate) fn read_parts(
 }
 
 /// Reads the facets of a binary file, whose number and possibly unit its header states.
-fn read_binary(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadReport) -> Result<()> {
-    let mut head = [0; HEADER as usize];
+fn read_binary(
+    input: &mut Input<'_>,
+    weld: &mut CornerWelder<'_>,
+    report: &mut ReadReport,
+) -> Result<()> {
+    let mut head = [0; HEADER_BYTES as usize];
     input.exact(&mut head, || {
         "a binary STL file has 84 bytes before its facets".into()
     })?;
     report.units = stated_unit(&String::from_utf8_lossy(&head[..80]));
     let n = u32::from_le_bytes([head[80], head[81], head[82], head[83]]);
-    let mut facet = [0; FACET as usize];
+    let mut facet = [0; FACET_BYTES as usize];
     for i in 0..n {
         let at = input.at_byte();
         input.exact(&mut facet, || format!("{i} of {n} facets are there"))?;
@@ -130,16 +134,20 @@ fn read_binary(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadRepo
 }
 
 /// Reads the solids of an ASCII file.
-fn read_ascii(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadReport) -> Result<()> {
+fn read_ascii(
+    input: &mut Input<'_>,
+    weld: &mut CornerWelder<'_>,
+    report: &mut ReadReport,
+) -> Result<()> {
     let (mut text, mut bytes) = (String::new(), Vec::new());
-    let mut solids = Solids::default();
+    let mut solids = AsciiSolids::default();
     while input.read_line(&mut text, &mut bytes)? {
         solids.line(&text, input, weld, report)?;
     }
     if solids.count == 0 {
         let hint = "check that it is an STL file";
         let why = "there is no \"solid\" in it";
-        return Err(input.error(ErrorKind::Header, At::File, WHAT, why, hint));
+        return Err(input.error(ErrorKind::Header, At::File, STL_FAILURE, why, hint));
     }
     if solids.is_open || !solids.corners.is_empty() {
         return Err(input.truncated("the line \"endsolid\" is missing"));
@@ -155,7 +163,7 @@ fn read_ascii(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadRepor
 
 /// State of reading an ASCII file.
 #[derive(Default)]
-struct Solids {
+struct AsciiSolids {
     /// Number of solids begun.
     count: u64,
     /// True from the start of a solid to its end.
@@ -166,13 +174,13 @@ struct Solids {
     polygons: u64,
 }
 
-impl Solids {
+impl AsciiSolids {
     /// Processes a line by its first word, in any case.
     fn line(
         &mut self,
         text: &str,
         input: &Input<'_>,
-        weld: &mut Weld<'_>,
+        weld: &mut CornerWelder<'_>,
         report: &mut ReadReport,
     ) -> Result<()> {
         let mut words = text.split_ascii_whitespace();
@@ -202,7 +210,7 @@ impl Solids {
                     shorten(text.trim())
                 );
                 let (at, hint) = (input.at_line(0), "check that it is an STL file");
-                return Err(input.error(ErrorKind::Header, at, WHAT, why, hint));
+                return Err(input.error(ErrorKind::Header, at, STL_FAILURE, why, hint));
             }
             other => report.warn(format!(
                 "line {}: unknown word \"{}\" was passed over",
@@ -214,7 +222,7 @@ impl Solids {
     }
 
     /// Adds the corners so far as a facet if there are three.
-    fn end_facet(&mut self, input: &Input<'_>, weld: &mut Weld<'_>) {
+    fn end_facet(&mut self, input: &Input<'_>, weld: &mut CornerWelder<'_>) {
         if let [a, b, c] = self.corners[..] {
             weld.facet([a, b, c], input.at_line(0));
         } else if !self.corners.is_empty() {
@@ -224,7 +232,7 @@ impl Solids {
     }
 
     /// Begins a solid, which is a part; an unnamed one is named by its number.
-    fn begin(&mut self, name: &str, weld: &mut Weld<'_>) {
+    fn begin(&mut self, name: &str, weld: &mut CornerWelder<'_>) {
         self.count += 1;
         self.is_open = true;
         let part = match name {
@@ -250,7 +258,7 @@ fn vertex<'t>(
             input.error(
                 ErrorKind::Number,
                 input.at_line(0),
-                WHAT,
+                STL_FAILURE,
                 why,
                 "correct the line",
             )

@@ -4,34 +4,34 @@
 //! fields, or if blanks do as in "1,5 2,5 3,5". Fields may be quoted; `#`, `//` and `%` start
 //! comments. A line of names before the numbers, or in a comment before them, defines the columns
 //! and may state their unit; lines before a line that names x, y and z are skipped. Without names
-//! the first three columns are coordinates, and the values of the first [`PROBE`] rows decide the
-//! others: triples of integers from 0 to 255 are colours, triples of length 1 are normals, and a
-//! first column that counts the rows is ignored.
+//! the first three columns are coordinates, and the values of the first [`MAX_PROBED_ROWS`] rows
+//! decide the others: triples of integers from 0 to 255 are colours, triples of length 1 are
+//! normals, and a first column that counts the rows is ignored.
 
 mod layout;
-mod names;
+pub(crate) mod names;
 mod separator;
+mod write;
 
 use crate::collect::Collector;
 use crate::format::{Sniff, extension};
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
-use crate::roles::{Layout, Role};
-use crate::{ErrorKind, ReadError, ReadOptions, ReadReport, WriteOptions};
+use crate::roles::{Role, RowLayout};
+use crate::{ErrorKind, ReadError, ReadOptions, ReadReport};
 use isoform_geom::PointCloud;
 use layout::{by_names, by_values};
-pub(crate) use names::has_role;
-use names::understood;
+use names::interpret_names;
 use separator::{Separator, is_decimal};
-use std::io::{self, Write};
+pub(crate) use write::{write_csv, write_xyz};
 
 /// Number of rows that decide the meaning of unnamed columns: enough that measurements are not
 /// integers by chance.
-const PROBE: usize = 1000;
+const MAX_PROBED_ROWS: usize = 1000;
 /// Maximum number of columns of a table of points.
-const MAX_COLUMNS: usize = 1000;
+const MAX_TABLE_COLUMNS: usize = 1000;
 /// Maximum number of lines searched for the names of columns after a line that is not a row.
-const MAX_PREAMBLE: u64 = 100;
-const WHAT: &str = "cannot read the points";
+const MAX_PREAMBLE_LINES: u64 = 100;
+const TABLE_FAILURE: &str = "cannot read the points";
 
 /// Returns `Maybe` if one of the first three lines that are not comments starts with three numbers,
 /// or names the coordinates while another contains three numbers.
@@ -43,7 +43,7 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
         .take(3)
         .collect();
     let numbers = |l: &&str, most: usize| {
-        let (separator, decimal) = Separator::of(l);
+        let (separator, decimal) = Separator::detect(l);
         let fields = separator.split(l).take(most);
         let mut scratch = String::new();
         fields
@@ -51,7 +51,7 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
             .count()
     };
     let is_table = lines.iter().any(|l| header(l).is_some_and(|h| h.1))
-        && lines.iter().any(|l| numbers(l, MAX_COLUMNS) >= 3);
+        && lines.iter().any(|l| numbers(l, MAX_TABLE_COLUMNS) >= 3);
     if !head.contains(&0) && (is_table || lines.iter().any(|l| numbers(l, 3) == 3)) {
         Sniff::Maybe
     } else {
@@ -62,10 +62,10 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
 /// Returns the names in a line without numbers, and true if they include the coordinates.
 fn header(line: &str) -> Option<(Vec<String>, bool)> {
     let fields = names::split(line);
-    if !(3..=MAX_COLUMNS).contains(&fields.len()) || fields.iter().any(|f| is_decimal(f)) {
+    if !(3..=MAX_TABLE_COLUMNS).contains(&fields.len()) || fields.iter().any(|f| is_decimal(f)) {
         return None;
     }
-    let is_named = understood(&fields).is_some();
+    let is_named = interpret_names(&fields).is_some();
     Some((fields, is_named))
 }
 
@@ -110,7 +110,7 @@ fn number(field: &str, decimal: bool, scratch: &mut String) -> Option<f64> {
 }
 
 /// State of reading a table.
-struct Reader<'i, 'a> {
+struct TableReader<'i, 'a> {
     input: &'i mut Input<'a>,
     /// Present line, and its bytes.
     text: String,
@@ -147,15 +147,15 @@ struct Reader<'i, 'a> {
     unit: Option<String>,
 }
 
-/// Reads a table of points. Up to [`PROBE`] rows decide the meaning of the columns, then all rows
-/// are read.
+/// Reads a table of points. Up to [`MAX_PROBED_ROWS`] rows decide the meaning of the columns, then
+/// all rows are read.
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
     report: &mut ReadReport,
 ) -> Result<PointCloud> {
     let is_pts = extension(&input.name).as_deref() == Some("pts");
-    let mut reader = Reader {
+    let mut reader = TableReader {
         input,
         text: String::new(),
         bytes: Vec::new(),
@@ -186,18 +186,22 @@ pub(crate) fn read(
     while reader.next()? {
         layout.offer(&mut collector, &reader.values);
     }
-    reader.tell(collector.rows, report);
+    reader.complete_report(collector.rows, report);
     collector.finish(input, options, report)
 }
 
-impl Reader<'_, '_> {
-    /// Reads the rows that decide the meaning of unnamed columns, at most [`PROBE`]; one row if
-    /// names include the coordinates or there are only three columns.
+impl TableReader<'_, '_> {
+    /// Reads the rows that decide the meaning of unnamed columns, at most [`MAX_PROBED_ROWS`]; one
+    /// row if names include the coordinates or there are only three columns.
     fn probe(&mut self) -> Result<Vec<Vec<f64>>> {
         let mut probe: Vec<Vec<f64>> = Vec::new();
         if self.next()? {
             probe.push(self.values.clone());
-            while !self.is_named && self.width > 3 && probe.len() < PROBE && self.next()? {
+            while !self.is_named
+                && self.width > 3
+                && probe.len() < MAX_PROBED_ROWS
+                && self.next()?
+            {
                 probe.push(self.values.clone());
             }
         }
@@ -208,7 +212,7 @@ impl Reader<'_, '_> {
     }
 
     /// Returns the roles of the columns; those that hold words are ignored.
-    fn layout(&mut self, probe: &[Vec<f64>], report: &mut ReadReport) -> Layout {
+    fn layout(&mut self, probe: &[Vec<f64>], report: &mut ReadReport) -> RowLayout {
         let named = match &self.names {
             Some(names) => by_names(names, report),
             None => None,
@@ -243,14 +247,14 @@ impl Reader<'_, '_> {
     }
 
     /// Records the positions of the coordinates, so that words there are refused.
-    fn place(&mut self, layout: &Layout) {
+    fn place(&mut self, layout: &RowLayout) {
         let place = |k| layout.roles.iter().position(|&r| r == Role::Position(k));
         self.coordinates = [0, 1, 2].map(|k| place(k).unwrap_or(k));
     }
 
     /// Completes the report with the statements of the file about its points and the irregularities
     /// of its `rows` rows.
-    fn tell(self, rows: u64, report: &mut ReadReport) {
+    fn complete_report(self, rows: u64, report: &mut ReadReport) {
         report.declared = self.declared;
         report.units = self.unit;
         if self.passed > 0 {
@@ -292,7 +296,7 @@ impl Reader<'_, '_> {
                 return Err(self.input.error(
                     ErrorKind::Corrupt,
                     self.input.at_line(0),
-                    WHAT,
+                    TABLE_FAILURE,
                     "the text is UTF-16",
                     hint,
                 ));
@@ -317,7 +321,7 @@ impl Reader<'_, '_> {
             if is_first {
                 self.unit = self.unit.take().or_else(|| stated_unit(start));
                 let names = names::split(start.trim_start_matches(['#', '%', '!', '/', ' ']));
-                if names.len() <= MAX_COLUMNS && understood(&names).is_some() {
+                if names.len() <= MAX_TABLE_COLUMNS && interpret_names(&names).is_some() {
                     self.commented = Some(names);
                 }
             }
@@ -372,7 +376,7 @@ impl Reader<'_, '_> {
             (Err(error), None) => error,
         };
         self.passed += 1;
-        if self.width > 0 || self.passed > MAX_PREAMBLE {
+        if self.width > 0 || self.passed > MAX_PREAMBLE_LINES {
             return Err(error);
         }
         (self.refused, self.separator) = (Some(error), None);
@@ -385,7 +389,7 @@ impl Reader<'_, '_> {
         self.input.error(
             ErrorKind::UnsupportedFormat,
             self.input.at_line(0),
-            WHAT,
+            TABLE_FAILURE,
             "it is an ESRI ASCII grid: heights on a raster, not points",
             "convert it to XYZ",
         )
@@ -420,7 +424,9 @@ impl Reader<'_, '_> {
     /// Parses a line of fields as a row of numbers; the first row sets the width.
     fn row(&mut self, line: &str) -> Result<bool> {
         let is_first = self.width == 0;
-        let (separator, decimal) = *self.separator.get_or_insert_with(|| Separator::of(line));
+        let (separator, decimal) = *self
+            .separator
+            .get_or_insert_with(|| Separator::detect(line));
         self.values.clear();
         if is_first {
             let fields = separator.split(line).count();
@@ -487,7 +493,7 @@ impl Reader<'_, '_> {
         let n = self.values.len();
         if self.width == 0 {
             let is_short = n < 3 || self.coordinates.iter().any(|&c| c >= n);
-            if is_short || n > MAX_COLUMNS {
+            if is_short || n > MAX_TABLE_COLUMNS {
                 let why = format!("a point needs three numbers; the line has {n} columns");
                 return Err(self.wrong(0, why));
             }
@@ -505,7 +511,8 @@ impl Reader<'_, '_> {
         let hint = "correct or remove the line; comments start with #, and a line of names, as \
                     in x,y,z, says which columns to take";
         let at = self.input.at_line(at + 1);
-        self.input.error(ErrorKind::Number, at, WHAT, why, hint)
+        self.input
+            .error(ErrorKind::Number, at, TABLE_FAILURE, why, hint)
     }
 
     /// Completes the names for rows of `width` values: takes those of a comment if their number
@@ -527,7 +534,7 @@ impl Reader<'_, '_> {
                 .chain(names[more + 1..].iter().cloned())
                 .collect();
             let is_better =
-                understood(&joined).is_some() && understood(&names[more + 1..]).is_some();
+                interpret_names(&joined).is_some() && interpret_names(&names[more + 1..]).is_some();
             match is_better && self.separator.is_some_and(|s| s.0 == Separator::Blank) {
                 true => *names = joined,
                 false => names.truncate(width),
@@ -536,44 +543,11 @@ impl Reader<'_, '_> {
         for i in names.len()..width {
             names.push(format!("column {}", i + 1));
         }
-        if let Some(told) = understood(names) {
+        if let Some(told) = interpret_names(names) {
             let place = |name| told.names.iter().position(|n| n == name).unwrap_or(0);
             self.coordinates = ["x", "y", "z"].map(place);
         }
     }
-}
-
-/// Writes lines of numbers separated by blanks, after a `#` line with their names.
-pub(crate) fn write_xyz(
-    cloud: &PointCloud,
-    out: &mut dyn Write,
-    options: &WriteOptions,
-) -> io::Result<()> {
-    if let Some(units) = &options.units {
-        writeln!(out, "# units: {}", units.replace(['\n', '\r'], " "))?;
-    }
-    write!(out, "# ")?;
-    lines(cloud, out, ' ')
-}
-
-/// Writes comma-separated values after a line with their names.
-pub(crate) fn write_csv(
-    cloud: &PointCloud,
-    out: &mut dyn Write,
-    _: &WriteOptions,
-) -> io::Result<()> {
-    lines(cloud, out, ',')
-}
-
-/// Writes a line of names and a line per point.
-fn lines(cloud: &PointCloud, out: &mut dyn Write, separator: char) -> io::Result<()> {
-    let names = crate::columns::column_names(cloud);
-    writeln!(out, "{}", names.all().join(&separator.to_string()))?;
-    let mut line = Vec::new();
-    for i in 0..cloud.points.len() {
-        crate::columns::row(out, separator as u8, cloud, i, &mut line)?;
-    }
-    Ok(())
 }
 
 #[cfg(test)]

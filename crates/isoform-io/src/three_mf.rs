@@ -15,22 +15,22 @@ mod model;
 mod tags;
 mod transform;
 
-use crate::collect::{Collector, Parts};
+use crate::collect::{Collector, TriangleParts};
 use crate::format::Sniff;
 use crate::input::{Input, Result};
-use crate::mesh::attribute;
 use crate::unzip::{Archive, Problem};
+use crate::xml::attribute;
 use crate::{At, ErrorKind, ReadError, ReadOptions, ReadReport};
 use isoform_geom::PointCloud;
-use model::{Component, MaterialId, Model, Object};
+use model::{Component, MaterialId, ModelObject, ModelPart};
 use std::collections::{BTreeMap, BTreeSet};
 use tags::{Tag, Tags};
 use transform::Transform;
 
 /// Name of the format in the registries.
-pub(crate) const NAME: &str = "3mf";
+pub(crate) const FORMAT_NAME: &str = "3mf";
 /// Units of length: names in this crate and in 3MF.
-pub(crate) const UNITS: [(&str, &str); 6] = [
+pub(crate) const UNIT_NAMES: [(&str, &str); 6] = [
     ("mm", "millimeter"),
     ("um", "micron"),
     ("cm", "centimeter"),
@@ -38,18 +38,18 @@ pub(crate) const UNITS: [(&str, &str); 6] = [
     ("in", "inch"),
     ("ft", "foot"),
 ];
-const WHAT: &str = "cannot read the 3MF package";
-const HINT: &str = "export the model again, or as STL or OBJ";
+const THREE_MF_FAILURE: &str = "cannot read the 3MF package";
+const THREE_MF_HINT: &str = "export the model again, or as STL or OBJ";
 /// Usual name of the model part.
-const USUAL: &str = "3D/3dmodel.model";
+const USUAL_MODEL_PART: &str = "3D/3dmodel.model";
 /// Part with the relationships of the package, and the end of the type of the relationship to the
 /// model.
-const RELATIONS: [&str; 2] = ["_rels/.rels", "/2013/01/3dmodel"];
+const MODEL_RELATIONSHIP: [&str; 2] = ["_rels/.rels", "/2013/01/3dmodel"];
 /// Maximum nesting depth of objects. Deeper nesting is a cycle or malicious.
-const DEEPEST: u32 = 64;
+const MAX_NESTING_DEPTH: u32 = 64;
 /// Maximum total number of vertices, triangles and objects of all copies, unless the file itself
 /// has more: half a gigabyte of them.
-const MOST_COPIES: u64 = 16_000_000;
+const MAX_EXPANDED_ITEMS: u64 = 16_000_000;
 
 /// Returns `Yes` for a ZIP archive if one of its first members is a model.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
@@ -82,7 +82,7 @@ pub(crate) fn read_parts(
     input: &mut Input<'_>,
     options: &ReadOptions,
     report: &mut ReadReport,
-) -> Result<(PointCloud, Parts)> {
+) -> Result<(PointCloud, TriangleParts)> {
     let package = Package::read(input)?;
     report.units = Some(package.root().unit.to_owned());
     package.warn(report);
@@ -94,26 +94,32 @@ pub(crate) fn read_parts(
         items => items,
     };
     let placed = package.placed(items).map_err(|p| error(input, p))?;
-    Filler::new(&mut collector, placed.len()).take_all(&placed);
+    PartFiller::new(&mut collector, placed.len()).take_all(&placed);
     collector.finish_with_parts(input, options, report)
 }
 
 fn error(input: &Input<'_>, problem: Problem) -> ReadError {
-    input.error(problem.kind, At::File, WHAT, problem.why, HINT)
+    input.error(
+        problem.kind,
+        At::File,
+        THREE_MF_FAILURE,
+        problem.why,
+        THREE_MF_HINT,
+    )
 }
 
 /// Model parts of a package by name.
 struct Package {
-    models: BTreeMap<String, Model>,
+    models: BTreeMap<String, ModelPart>,
     /// Name of the root model part, which has the build items.
     root: String,
 }
 
 /// Object of the package with its transform.
-struct Placed<'p> {
-    model: &'p Model,
+struct PlacedObject<'p> {
+    model: &'p ModelPart,
     id: u32,
-    object: &'p Object,
+    object: &'p ModelObject,
     transform: Option<Transform>,
 }
 
@@ -151,7 +157,7 @@ impl Package {
         Ok(Self { models, root })
     }
 
-    fn root(&self) -> &Model {
+    fn root(&self) -> &ModelPart {
         &self.models[&self.root]
     }
 
@@ -177,18 +183,18 @@ impl Package {
     fn placed<'a>(
         &'a self,
         items: &'a [Component],
-    ) -> std::result::Result<Vec<Placed<'a>>, Problem> {
-        let mut costs = Costs {
+    ) -> std::result::Result<Vec<PlacedObject<'a>>, Problem> {
+        let mut costs = ObjectSizes {
             package: self,
             known: BTreeMap::new(),
         };
         let mut total = 0_u64;
         for item in items {
-            total = total.saturating_add(costs.of(&self.root, item, 0)?.count);
+            total = total.saturating_add(costs.component(&self.root, item, 0)?.count);
         }
         let objects = self.models.values().flat_map(|m| m.objects.values());
-        let held: u64 = objects.map(Object::cost).sum();
-        if total > MOST_COPIES.max(held) {
+        let held: u64 = objects.map(ModelObject::cost).sum();
+        if total > MAX_EXPANDED_ITEMS.max(held) {
             let why = "copies of its objects come to more than 16 million vertices and triangles";
             return Err(Problem::new(ErrorKind::TooLarge, why));
         }
@@ -219,7 +225,7 @@ impl Package {
         &'a self,
         part: &'a str,
         component: &'a Component,
-    ) -> std::result::Result<(&'a str, &'a Object), Problem> {
+    ) -> std::result::Result<(&'a str, &'a ModelObject), Problem> {
         let part = component.path.as_deref().unwrap_or(part);
         let model = self.models.get(part);
         let object = model.and_then(|m| m.objects.get(&component.object));
@@ -236,7 +242,7 @@ impl Package {
         part: &'a str,
         component: &'a Component,
         outer: Option<Transform>,
-        placed: &mut Vec<Placed<'a>>,
+        placed: &mut Vec<PlacedObject<'a>>,
     ) -> std::result::Result<(), Problem> {
         let (part, object) = self.object(part, component)?;
         let own = component.transform.as_deref().copied();
@@ -245,7 +251,7 @@ impl Package {
             (own, outer) => own.or(outer),
         };
         if !object.vertices.is_empty() {
-            placed.push(Placed {
+            placed.push(PlacedObject {
                 model: &self.models[part],
                 id: component.object,
                 object,
@@ -260,7 +266,7 @@ impl Package {
 /// Returns the name of the model part: as stated by the relationships, else the usual one, else the
 /// first part named like a model.
 fn find_model(archive: &mut Archive, input: &mut Input<'_>) -> Result<Option<String>> {
-    let relations = archive.find(RELATIONS[0]).map(str::to_owned);
+    let relations = archive.find(MODEL_RELATIONSHIP[0]).map(str::to_owned);
     if let Some(relations) = relations {
         let target = archive.read(input, &relations, |text| target(&mut Tags::new(text)))?;
         let found = target.and_then(|t| archive.find(&t).map(str::to_owned));
@@ -270,7 +276,7 @@ fn find_model(archive: &mut Archive, input: &mut Input<'_>) -> Result<Option<Str
     }
     let is_model = |n: &&str| n.to_ascii_lowercase().ends_with(".model");
     let found = archive
-        .find(USUAL)
+        .find(USUAL_MODEL_PART)
         .or_else(|| archive.names().find(is_model));
     Ok(found.map(str::to_owned))
 }
@@ -279,7 +285,7 @@ fn find_model(archive: &mut Archive, input: &mut Input<'_>) -> Result<Option<Str
 fn target(tags: &mut Tags<'_>) -> std::result::Result<Option<String>, Problem> {
     while let Some(tag) = tags.next()? {
         if let Tag::Open { attributes, .. } = tag
-            && attribute(attributes, "Type").is_some_and(|t| t.ends_with(RELATIONS[1]))
+            && attribute(attributes, "Type").is_some_and(|t| t.ends_with(MODEL_RELATIONSHIP[1]))
             && let Some(target) = attribute(attributes, "Target")
         {
             return Ok(Some(target.trim_start_matches('/').to_owned()));
@@ -290,7 +296,7 @@ fn target(tags: &mut Tags<'_>) -> std::result::Result<Option<String>, Problem> {
 
 /// Size of an object with all its components.
 #[derive(Clone, Copy)]
-struct Cost {
+struct ObjectSize {
     /// Number of vertices, triangles and objects.
     count: u64,
     /// Number of levels of nested objects.
@@ -299,40 +305,40 @@ struct Cost {
 
 /// Cache of object sizes. Each is computed once, which is fast even if expansion would be
 /// exponential.
-struct Costs<'p> {
+struct ObjectSizes<'p> {
     package: &'p Package,
     /// Known sizes by model part and object.
-    known: BTreeMap<(&'p str, u32), Cost>,
+    known: BTreeMap<(&'p str, u32), ObjectSize>,
 }
 
-impl<'p> Costs<'p> {
+impl<'p> ObjectSizes<'p> {
     /// Returns the size of a component at a nesting depth.
-    fn of(
+    fn component(
         &mut self,
         part: &'p str,
         component: &'p Component,
         depth: u32,
-    ) -> std::result::Result<Cost, Problem> {
+    ) -> std::result::Result<ObjectSize, Problem> {
         let (part, object) = self.package.object(part, component)?;
         let key = (part, component.object);
         if let Some(&known) = self.known.get(&key) {
             return Ok(known);
         }
-        let mut cost = Cost {
+        let mut cost = ObjectSize {
             count: object.cost(),
             height: 0,
         };
         for inner in &object.components {
             // A cycle never reaches known heights, so it ends at the depth limit.
-            let inner = if depth < DEEPEST {
-                self.of(part, inner, depth + 1)?
+            let inner = if depth < MAX_NESTING_DEPTH {
+                self.component(part, inner, depth + 1)?
             } else {
                 return Err(too_deep());
             };
             cost.count = cost.count.saturating_add(inner.count);
             cost.height = cost.height.max(inner.height + 1);
         }
-        if cost.height > DEEPEST {
+        if cost.height > MAX_NESTING_DEPTH {
             return Err(too_deep());
         }
         self.known.insert(key, cost);
@@ -341,11 +347,13 @@ impl<'p> Costs<'p> {
 }
 
 fn too_deep() -> Problem {
-    let why = format!("objects hold one another in a circle, or more than {DEEPEST} levels deep");
+    let why = format!(
+        "objects hold one another in a circle, or more than {MAX_NESTING_DEPTH} levels deep"
+    );
     Problem::new(ErrorKind::Corrupt, why)
 }
 
-impl Object {
+impl ModelObject {
     /// Returns the size of the object itself.
     fn cost(&self) -> u64 {
         1 + self.vertices.len() as u64 + self.triangles.len() as u64
@@ -353,7 +361,7 @@ impl Object {
 }
 
 /// Passes placed objects to a collector, with their parts.
-struct Filler<'c> {
+struct PartFiller<'c> {
     collector: &'c mut Collector,
     /// True if there are several meshes, which get distinct labels.
     are_many: bool,
@@ -361,7 +369,7 @@ struct Filler<'c> {
     labels: BTreeMap<String, u32>,
 }
 
-impl<'c> Filler<'c> {
+impl<'c> PartFiller<'c> {
     fn new(collector: &'c mut Collector, count: usize) -> Self {
         Self {
             collector,
@@ -370,7 +378,7 @@ impl<'c> Filler<'c> {
         }
     }
 
-    fn take_all(&mut self, placed: &[Placed<'_>]) {
+    fn take_all(&mut self, placed: &[PlacedObject<'_>]) {
         for one in placed {
             let parts = self.parts(one);
             self.take(one, &parts);
@@ -378,8 +386,8 @@ impl<'c> Filler<'c> {
     }
 
     /// Adds the vertices and the triangles of a mesh.
-    fn take(&mut self, placed: &Placed<'_>, parts: &BTreeMap<Option<MaterialId>, u32>) {
-        let Placed {
+    fn take(&mut self, placed: &PlacedObject<'_>, parts: &BTreeMap<Option<MaterialId>, u32>) {
+        let PlacedObject {
             object, transform, ..
         } = placed;
         let first = self.collector.rows;
@@ -403,8 +411,8 @@ impl<'c> Filler<'c> {
     /// Adds the parts of a mesh, and returns them by material. For a single mesh its materials are
     /// the parts, in the order of their groups; it has no parts without materials. Each of several
     /// meshes is one part, or one part per material.
-    fn parts(&mut self, placed: &Placed<'_>) -> BTreeMap<Option<MaterialId>, u32> {
-        let Placed { model, object, .. } = placed;
+    fn parts(&mut self, placed: &PlacedObject<'_>) -> BTreeMap<Option<MaterialId>, u32> {
+        let PlacedObject { model, object, .. } = placed;
         let label = if self.are_many {
             Some(self.label(placed))
         } else {
@@ -444,7 +452,7 @@ impl<'c> Filler<'c> {
     }
 
     /// Returns a unique label for a mesh.
-    fn label(&mut self, placed: &Placed<'_>) -> String {
+    fn label(&mut self, placed: &PlacedObject<'_>) -> String {
         let name = match placed.object.name.trim() {
             "" => format!("object {}", placed.id),
             name => name.to_owned(),

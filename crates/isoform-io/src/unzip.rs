@@ -12,17 +12,17 @@ use flate2::Crc;
 use flate2::bufread::DeflateDecoder;
 use std::io::{self, BufRead, BufReader, ErrorKind as Io, Read};
 
-const WHAT: &str = "cannot read the package";
-const HINT: &str = "export the model again, or as STL or OBJ";
+const PACKAGE_FAILURE: &str = "cannot read the package";
+const PACKAGE_HINT: &str = "export the model again, or as STL or OBJ";
 /// Size of the end record without its comment, and of the longest comment, in bytes.
-const END: [u64; 2] = [22, 65_535];
+const END_RECORD_BYTES: [u64; 2] = [22, 65_535];
 /// Size of a directory entry and of a local header, without names and extra fields, in bytes.
-const FIXED: [usize; 2] = [46, 30];
+const FIXED_HEADER_BYTES: [usize; 2] = [46, 30];
 /// Maximum ratio of the total decompressed size to the size of the file. XML models need 5 to 30;
 /// deflate reaches 1000 for a single repeated byte.
-const RATIO: u64 = 100;
+const MAX_EXPANSION_RATIO: u64 = 100;
 /// Decompressed size allowed for any file, in bytes.
-const FLOOR: u64 = 64 << 20;
+const MIN_EXPANSION_BYTES: u64 = 64 << 20;
 
 /// Problem of a member; the reader of the file adds the position.
 #[derive(Debug)]
@@ -50,7 +50,7 @@ impl From<io::Error> for Problem {
 
 /// Member, as described by the directory.
 #[derive(Debug, Default)]
-struct Member {
+struct ZipMember {
     name: String,
     /// Compression method: 0 for stored, 8 for deflated.
     method: u16,
@@ -67,7 +67,7 @@ struct Member {
 /// Directory of an archive.
 #[derive(Debug)]
 pub(crate) struct Archive {
-    members: Vec<Member>,
+    members: Vec<ZipMember>,
     /// Remaining number of bytes that members may decompress to.
     left: u64,
 }
@@ -79,7 +79,13 @@ fn number<const N: usize>(bytes: &[u8], at: usize) -> u64 {
 }
 
 fn corrupt<T>(input: &Input<'_>, why: impl Into<String>) -> Result<T> {
-    Err(input.error(ErrorKind::Corrupt, At::File, WHAT, why, HINT))
+    Err(input.error(
+        ErrorKind::Corrupt,
+        At::File,
+        PACKAGE_FAILURE,
+        why,
+        PACKAGE_HINT,
+    ))
 }
 
 impl Archive {
@@ -102,7 +108,10 @@ impl Archive {
             members.push(member);
             rest = &rest[length..];
         }
-        let left = input.size.saturating_mul(RATIO).max(FLOOR);
+        let left = input
+            .size
+            .saturating_mul(MAX_EXPANSION_RATIO)
+            .max(MIN_EXPANSION_BYTES);
         Ok(Self { members, left })
     }
 
@@ -129,11 +138,23 @@ impl Archive {
         };
         if member.is_encrypted || ![0, 8].contains(&member.method) {
             let why = format!("{name} is encrypted, or packed in another way than by deflate");
-            return Err(input.error(ErrorKind::UnsupportedFormat, At::File, WHAT, why, HINT));
+            return Err(input.error(
+                ErrorKind::UnsupportedFormat,
+                At::File,
+                PACKAGE_FAILURE,
+                why,
+                PACKAGE_HINT,
+            ));
         }
         let Some(left) = self.left.checked_sub(member.unpacked) else {
             let why = format!("{name} unpacks to far more than a model needs");
-            return Err(input.error(ErrorKind::TooLarge, At::File, WHAT, why, HINT));
+            return Err(input.error(
+                ErrorKind::TooLarge,
+                At::File,
+                PACKAGE_FAILURE,
+                why,
+                PACKAGE_HINT,
+            ));
         };
         self.left = left;
         go_to(input, member)?;
@@ -142,19 +163,19 @@ impl Archive {
         input.seek(at)?;
         result.map_err(|p| {
             let why = format!("{name}: {}", p.why);
-            input.error(p.kind, At::File, WHAT, why, HINT)
+            input.error(p.kind, At::File, PACKAGE_FAILURE, why, PACKAGE_HINT)
         })
     }
 }
 
 /// Seeks to the compressed bytes of a member, after its local header.
-fn go_to(input: &mut Input<'_>, member: &Member) -> Result<()> {
+fn go_to(input: &mut Input<'_>, member: &ZipMember) -> Result<()> {
     let missing = || "a member lies beyond the end".to_owned();
     if member.header > input.size {
         return Err(input.truncated(missing()));
     }
     input.seek(member.header)?;
-    let mut local = [0; FIXED[1]];
+    let mut local = [0; FIXED_HEADER_BYTES[1]];
     input.exact(&mut local, missing)?;
     if !local.starts_with(b"PK\x03\x04") {
         return corrupt(input, "a member is not where the list says");
@@ -166,7 +187,7 @@ fn go_to(input: &mut Input<'_>, member: &Member) -> Result<()> {
 /// Decompresses a member from the present position.
 fn unpack<T>(
     input: &mut Input<'_>,
-    member: &Member,
+    member: &ZipMember,
     work: impl FnOnce(&mut dyn BufRead) -> std::result::Result<T, Problem>,
 ) -> std::result::Result<T, Problem> {
     let packed = input.stream().take(member.packed);
@@ -174,7 +195,7 @@ fn unpack<T>(
         0 => Box::new(packed),
         _ => Box::new(DeflateDecoder::new(packed)),
     };
-    let counted = Counted {
+    let counted = ChecksumReader {
         inner,
         crc: Crc::new(),
         count: 0,
@@ -183,7 +204,7 @@ fn unpack<T>(
     let mut reader = BufReader::new(counted);
     let made = work(&mut reader)?;
     io::copy(&mut reader, &mut io::sink())?;
-    let Counted { crc, count, .. } = reader.into_inner();
+    let ChecksumReader { crc, count, .. } = reader.into_inner();
     if count != member.unpacked || crc.sum() != member.crc {
         let why = "its length or its checksum is not what the package says";
         return Err(Problem::new(ErrorKind::Corrupt, why));
@@ -192,7 +213,7 @@ fn unpack<T>(
 }
 
 /// Reader that counts the bytes and computes their checksum.
-struct Counted<'r> {
+struct ChecksumReader<'r> {
     inner: Box<dyn Read + 'r>,
     crc: Crc,
     count: u64,
@@ -200,7 +221,7 @@ struct Counted<'r> {
     most: u64,
 }
 
-impl Read for Counted<'_> {
+impl Read for ChecksumReader<'_> {
     fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
         let n = self.inner.read(to)?;
         self.crc.update(&to[..n]);
@@ -214,13 +235,13 @@ impl Read for Counted<'_> {
 
 /// Returns the number of members, and the size and position of the directory.
 fn end_record(input: &mut Input<'_>) -> Result<[u64; 3]> {
-    let tail = input.size.min(END[0] + END[1]);
+    let tail = input.size.min(END_RECORD_BYTES[0] + END_RECORD_BYTES[1]);
     let start = input.size - tail;
     input.seek(start)?;
     let mut bytes = vec![0; tail as usize];
     input.exact(&mut bytes, || "its end is missing".into())?;
     let mark = bytes.windows(4).rposition(|w| w == b"PK\x05\x06");
-    let mark = mark.filter(|at| bytes.len() - at >= END[0] as usize);
+    let mark = mark.filter(|at| bytes.len() - at >= END_RECORD_BYTES[0] as usize);
     let Some(at) = mark else {
         return Err(input.truncated("the list of its members is missing"));
     };
@@ -251,15 +272,15 @@ fn end_record(input: &mut Input<'_>) -> Result<[u64; 3]> {
 }
 
 /// Parses the first entry of a directory, and returns it with its length in bytes.
-fn entry(bytes: &[u8]) -> Option<(Member, usize)> {
-    if bytes.len() < FIXED[0] || !bytes.starts_with(b"PK\x01\x02") {
+fn entry(bytes: &[u8]) -> Option<(ZipMember, usize)> {
+    if bytes.len() < FIXED_HEADER_BYTES[0] || !bytes.starts_with(b"PK\x01\x02") {
         return None;
     }
     let [name, extra, comment] = [28, 30, 32].map(|at| number::<2>(bytes, at) as usize);
-    let length = FIXED[0] + name + extra + comment;
-    let texts = bytes.get(FIXED[0]..length)?;
+    let length = FIXED_HEADER_BYTES[0] + name + extra + comment;
+    let texts = bytes.get(FIXED_HEADER_BYTES[0]..length)?;
     let (name, rest) = texts.split_at(name);
-    let mut member = Member {
+    let mut member = ZipMember {
         name: String::from_utf8_lossy(name).into_owned(),
         is_encrypted: number::<2>(bytes, 8) & 1 > 0,
         method: number::<2>(bytes, 10) as u16,
@@ -274,7 +295,7 @@ fn entry(bytes: &[u8]) -> Option<(Member, usize)> {
 
 /// Replaces numbers that need 64 bits by those in extra field 1, which lists, in this order, the
 /// ones stored as all ones in the entry.
-fn widen(member: &mut Member, mut extra: &[u8]) {
+fn widen(member: &mut ZipMember, mut extra: &[u8]) {
     while extra.len() >= 4 {
         let (kind, length) = (number::<2>(extra, 0), number::<2>(extra, 2) as usize);
         let Some(field) = extra.get(4..4 + length) else {

@@ -5,7 +5,7 @@
 //! the chunk table and all layer sizes are compared with the length of the file before it is
 //! called. Remaining panics in its arithmetic decoder are caught and reported as damage.
 
-use super::{Header, corrupt, u32_at};
+use super::{LasHeader, corrupt, u32_at};
 use crate::input::{Input, Result};
 use crate::{At, ErrorKind, ReadError};
 use laz::laszip::{ChunkTable, CompressorType};
@@ -15,14 +15,14 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Maximum number of points per byte of LAZ. Real files have at most a few; runs of equal points
 /// may have some hundred. Without the limit a small file could announce endless points.
-const POINTS_PER_BYTE: u64 = 1000;
+const MAX_POINTS_PER_BYTE: u64 = 1000;
 /// Stack size of the decoder's thread, in bytes; memory is committed only on use.
-const STACK: usize = 256 << 20;
+const DECODER_STACK_BYTES: usize = 256 << 20;
 /// Maximum stack depth of the decoder, in bytes; far below the stack size, which leaves room for
 /// the functions it calls.
-const MAX_DEPTH: usize = 32 << 20;
+const MAX_USED_STACK_BYTES: usize = 32 << 20;
 /// Number of points decompressed at a time.
-const BATCH: u64 = 1024;
+const POINTS_PER_BATCH: u64 = 1024;
 
 /// Returns the expected size of an item in bytes, and its number of layers (0 for versions without
 /// layers).
@@ -44,7 +44,7 @@ fn expected(item: &LazItem) -> (u16, u64) {
 /// Decompresses all records and passes each to `take`.
 pub(super) fn records(
     input: &mut Input<'_>,
-    header: &Header,
+    header: &LasHeader,
     take: &mut (impl FnMut(&[u8]) + Send),
 ) -> Result<()> {
     if header.points == 0 {
@@ -74,7 +74,7 @@ pub(super) fn records(
 }
 
 /// Reason why decompression stopped, and the number of points before it.
-struct Failure {
+struct DecoderFailure {
     /// Number of points decompressed before the failure.
     done: u64,
     why: String,
@@ -83,7 +83,7 @@ struct Failure {
 }
 
 /// Reader that fails if the stack of its caller is too deep.
-struct Guard<R> {
+struct StackGuard<R> {
     inner: BufReader<R>,
     /// Stack address at which the decoder starts.
     base: usize,
@@ -96,17 +96,17 @@ fn stack_address() -> usize {
     std::hint::black_box(&raw const mark) as usize
 }
 
-impl<R: Read> Read for Guard<R> {
+impl<R: Read> Read for StackGuard<R> {
     /// Reads, or fails if the decoder has recursed too deep.
     fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
-        if stack_address().abs_diff(self.base) > MAX_DEPTH {
+        if stack_address().abs_diff(self.base) > MAX_USED_STACK_BYTES {
             return Err(io::Error::other("the compressed data is damaged"));
         }
         self.inner.read(to)
     }
 }
 
-impl<R: Seek> Seek for Guard<R> {
+impl<R: Seek> Seek for StackGuard<R> {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         self.inner.seek(to)
     }
@@ -117,10 +117,10 @@ impl<R: Seek> Seek for Guard<R> {
 fn unpack(
     stream: impl Read + Seek + Send + Sync,
     vlr: LazVlr,
-    header: &Header,
+    header: &LasHeader,
     take: &mut (impl FnMut(&[u8]) + Send),
-) -> std::result::Result<(), Failure> {
-    let failure = |why: &str| Failure {
+) -> std::result::Result<(), DecoderFailure> {
+    let failure = |why: &str| DecoderFailure {
         done: 0,
         why: why.into(),
         is_end: false,
@@ -128,7 +128,7 @@ fn unpack(
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new()
             .name("laz".into())
-            .stack_size(STACK);
+            .stack_size(DECODER_STACK_BYTES);
         let running = thread.spawn_scoped(scope, || unpack_here(stream, vlr, header, take));
         let running = running.map_err(|e| failure(&format!("no thread could be started ({e})")))?;
         running
@@ -141,14 +141,14 @@ fn unpack(
 fn unpack_here(
     stream: impl Read + Seek + Send + Sync,
     vlr: LazVlr,
-    header: &Header,
+    header: &LasHeader,
     take: &mut impl FnMut(&[u8]),
-) -> std::result::Result<(), Failure> {
-    let stream = Guard {
+) -> std::result::Result<(), DecoderFailure> {
+    let stream = StackGuard {
         inner: BufReader::with_capacity(1 << 16, stream),
         base: stack_address(),
     };
-    let failure = |done, e: &io::Error| Failure {
+    let failure = |done, e: &io::Error| DecoderFailure {
         done,
         why: e.to_string(),
         is_end: e.kind() == io::ErrorKind::UnexpectedEof,
@@ -156,16 +156,17 @@ fn unpack_here(
     // The layers of the newer formats are decompressed from memory, which bypasses the guard. The
     // GPS time, whose decoder recurses, therefore stays compressed there.
     let fields = DecompressionSelection::all().skip_gps_time();
-    let mut decoder = LasZipDecompressor::selective(stream, vlr, fields).map_err(|e| Failure {
-        done: 0,
-        why: e.to_string(),
-        is_end: false,
-    })?;
+    let mut decoder =
+        LasZipDecompressor::selective(stream, vlr, fields).map_err(|e| DecoderFailure {
+            done: 0,
+            why: e.to_string(),
+            is_end: false,
+        })?;
     let record = usize::from(header.record);
-    let mut buffer = vec![0; BATCH as usize * record];
+    let mut buffer = vec![0; POINTS_PER_BATCH as usize * record];
     let mut done = 0;
     while done < header.points {
-        let n = BATCH.min(header.points - done);
+        let n = POINTS_PER_BATCH.min(header.points - done);
         let out = &mut buffer[..n as usize * record];
         decoder
             .decompress_many(out)
@@ -178,7 +179,7 @@ fn unpack_here(
 
 /// Returns the description of the items after comparing everything that `laz` would trust with the
 /// file.
-fn check(input: &mut Input<'_>, header: &Header) -> Result<LazVlr> {
+fn check(input: &mut Input<'_>, header: &LasHeader) -> Result<LazVlr> {
     let bad = |input: &Input<'_>, why: String| corrupt(input, At::Byte(header.start), why);
     let Some(data) = &header.laszip else {
         let why = "the record \"laszip encoded\" is missing";
@@ -194,7 +195,7 @@ fn check(input: &mut Input<'_>, header: &Header) -> Result<LazVlr> {
         );
         return Err(bad(input, why));
     }
-    if header.points > input.size.saturating_mul(POINTS_PER_BYTE) {
+    if header.points > input.size.saturating_mul(MAX_POINTS_PER_BYTE) {
         let why = format!("{} points cannot be in {} bytes", header.points, input.size);
         return Err(bad(input, why));
     }
@@ -246,7 +247,7 @@ fn item_is_good(item: &LazItem, is_first: bool, is_layered: bool) -> bool {
 }
 
 /// Checks the length of the chunk table and the sizes of all layers against the length of the file.
-fn check_chunks(input: &mut Input<'_>, header: &Header, vlr: &LazVlr) -> Result<()> {
+fn check_chunks(input: &mut Input<'_>, header: &LasHeader, vlr: &LazVlr) -> Result<()> {
     let table = chunk_table(input, header, vlr)?;
     if let Some(table) = &table {
         let mut counts = table.as_ref().iter().map(|c| c.point_count);
@@ -263,7 +264,7 @@ fn check_chunks(input: &mut Input<'_>, header: &Header, vlr: &LazVlr) -> Result<
     let (mut at, mut points, mut number) = (header.start + 8, 0_u64, 0_usize);
     while points < header.points {
         input.seek(at)?;
-        let chunk = Chunk::read(input, number, header.record, layers)?;
+        let chunk = LayeredChunk::read(input, number, header.record, layers)?;
         // Number of points that the decoder will take from this chunk, whatever the chunk states.
         let taken = match &table {
             Some(table) => table.as_ref().get(number).map_or(0, |c| c.point_count),
@@ -288,13 +289,13 @@ fn damaged(input: &Input<'_>, why: impl Into<String>) -> ReadError {
 }
 
 /// Header of a layered chunk.
-struct Chunk {
+struct LayeredChunk {
     points: u64,
     /// Size of all layers in bytes.
     bytes: u64,
 }
 
-impl Chunk {
+impl LayeredChunk {
     /// Reads past the first point, and decodes the number of points and the sizes of the layers.
     fn read(input: &mut Input<'_>, number: usize, record: u16, layers: u64) -> Result<Self> {
         let cut = || format!("LAZ chunk {number} is cut off");
@@ -318,7 +319,11 @@ impl Chunk {
 
 /// Returns the chunk table if chunks differ in their numbers of points; its length is checked in
 /// any case.
-fn chunk_table(input: &mut Input<'_>, header: &Header, vlr: &LazVlr) -> Result<Option<ChunkTable>> {
+fn chunk_table(
+    input: &mut Input<'_>,
+    header: &LasHeader,
+    vlr: &LazVlr,
+) -> Result<Option<ChunkTable>> {
     let start = header.start;
     let table = chunk_table_start(input, start)?;
     let is_there = table > start as i64 && (table as u64).saturating_add(8) <= input.size;

@@ -11,7 +11,7 @@ use isoform_geom::{Mesh, Point3};
 use std::io::{self, Write};
 
 /// Largest number of a node or an element: eight digits.
-const HIGHEST: usize = 99_999_999;
+const MAX_NUMBER: usize = 99_999_999;
 
 /// Writes nodes, faces and volumes as bulk data.
 pub(super) fn write(
@@ -20,9 +20,9 @@ pub(super) fn write(
     options: &MeshWriteOptions,
 ) -> io::Result<()> {
     let elements = face_count(mesh) + volume_count(mesh);
-    if mesh.points.len().max(elements) > HIGHEST {
+    if mesh.points.len().max(elements) > MAX_NUMBER {
         return Err(io::Error::other(format!(
-            "Nastran numbers nodes and elements up to {HIGHEST} only"
+            "Nastran numbers nodes and elements up to {MAX_NUMBER} only"
         )));
     }
     let mut out = Out::new(out);
@@ -66,7 +66,7 @@ fn write_node(number: usize, p: &Point3, out: &mut Out<'_>) -> io::Result<()> {
 }
 
 /// Element and its property, both numbered from 1.
-struct Card<'n> {
+struct ElementCard<'n> {
     /// Type of the element.
     name: &'static str,
     number: usize,
@@ -76,7 +76,7 @@ struct Card<'n> {
     nodes: &'n [u32],
 }
 
-impl Card<'_> {
+impl ElementCard<'_> {
     /// Writes ten fields of eight characters per line: the first is the name or a continuation
     /// mark, the last stays empty.
     fn write(&self, out: &mut Out<'_>) -> io::Result<()> {
@@ -102,7 +102,7 @@ impl Card<'_> {
 fn write_faces(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     for i in 0..face_count(mesh) {
         let (nodes, n) = face(mesh, i);
-        Card {
+        ElementCard {
             name: match n {
                 3 => "CTRIA3",
                 4 => "CQUAD4",
@@ -126,7 +126,7 @@ fn write_volumes(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     for i in 0..volume_count(mesh) {
         let (nodes, n) = volume(mesh, i);
         let region = volume_region(mesh, i).map_or(1, |r| r as usize + 1);
-        Card {
+        ElementCard {
             name: if n == 6 { "CPENTA" } else { "CTETRA" },
             number: face_count(mesh) + i + 1,
             property: parts + region,

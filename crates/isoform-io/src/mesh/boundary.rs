@@ -8,7 +8,7 @@ use std::collections::HashMap;
 /// Side of a volume: index of the volume (tetrahedra, then wedges), and index of the side. For a
 /// tetrahedron the latter is the opposite corner; for a wedge, 0 and 1 are [`WEDGE_TRIANGLES`] and
 /// 2 to 4 are [`WEDGE_QUADS`].
-pub(super) type Side = (u32, u8);
+pub(super) type ElementSide = (u32, u8);
 
 /// Sorts indices, for the comparison of faces and edges.
 fn sorted<T: Ord, const N: usize>(mut nodes: [T; N]) -> [T; N] {
@@ -54,7 +54,7 @@ fn same_turn<const N: usize>(a: [u32; N], b: [u32; N]) -> bool {
 
 /// Returns the volume side on each face (triangles, then quadrilaterals). Between two volumes it is
 /// the one for which the face is oriented outward.
-pub(super) fn sides_of_faces(mesh: &Mesh) -> Vec<Option<Side>> {
+pub(super) fn sides_of_faces(mesh: &Mesh) -> Vec<Option<ElementSide>> {
     let mut found = vec![None; face_count(mesh)];
     for_faces_on_volumes(mesh, |face, side, looks_out| {
         if found[face].is_none() || looks_out {
@@ -88,7 +88,7 @@ pub(super) fn parts_of_regions(mesh: &Mesh) -> Vec<Vec<u32>> {
 
 /// Calls `visit` with every pair of a surface face and a volume side with equal corner sets, and
 /// with true if their orientations are equal.
-fn for_faces_on_volumes(mesh: &Mesh, mut visit: impl FnMut(usize, Side, bool)) {
+fn for_faces_on_volumes(mesh: &Mesh, mut visit: impl FnMut(usize, ElementSide, bool)) {
     let mut on_surface = vec![false; mesh.points.len()];
     let mut known: HashMap<[u32; 3], u32> = HashMap::with_capacity(mesh.triangles.len());
     for (i, &t) in mesh.triangles.iter().enumerate() {
@@ -118,7 +118,7 @@ fn for_faces_on_volumes(mesh: &Mesh, mut visit: impl FnMut(usize, Side, bool)) {
 fn for_faces_on_wedges(
     mesh: &Mesh,
     triangles: &HashMap<[u32; 3], u32>,
-    mut visit: impl FnMut(usize, Side, bool),
+    mut visit: impl FnMut(usize, ElementSide, bool),
 ) {
     let known = mesh.quads.iter().enumerate();
     let quads: HashMap<[u32; 4], usize> = known.map(|(i, &q)| (sorted(q), i)).collect();

@@ -1,6 +1,6 @@
 //! Assembly of a [`Mesh`] from the nodes and elements of a file with their own numbers.
 //!
-//! Readers give a [`Builder`] nodes and elements in any order, each element with the tag of its
+//! Readers give a [`MeshBuilder`] nodes and elements in any order, each element with the tag of its
 //! group. The builder sorts both by their numbers, replaces numbers by indices into the list of
 //! nodes and tags by labels from 0, and reverses inverted tetrahedra and wedges.
 //!
@@ -13,17 +13,17 @@ use crate::{At, ErrorKind, ReadReport};
 use isoform_geom::{Curve, Mesh, Point3, cross, dot, sub};
 use std::collections::BTreeMap;
 
-const WHAT: &str = "cannot put the mesh together";
+const MESH_BUILD_FAILURE: &str = "cannot put the mesh together";
 /// Minimum negative volume at which tetrahedra and wedges are reversed, as a share of the cube of
 /// their longest edge. A smaller share would reverse flat elements because of rounding, a larger
 /// one would leave thin ones inverted.
-const INVERTED: f64 = 1e-12;
+const MIN_INVERTED_VOLUME: f64 = 1e-12;
 /// Maximum length of a table of node numbers, in multiples of the number of nodes; sparser numbers
 /// are found by binary search.
-const SPARSE: usize = 4;
+const MAX_TABLE_RATIO: usize = 4;
 
 /// Elements of one kind with C corners and M mid nodes.
-pub(super) struct Cells<const C: usize, const M: usize> {
+pub(super) struct ElementList<const C: usize, const M: usize> {
     /// Name of an element in messages.
     what: &'static str,
     /// Corners, as numbers of the file until they are resolved.
@@ -39,7 +39,7 @@ pub(super) struct Cells<const C: usize, const M: usize> {
     marks: Vec<(usize, At)>,
 }
 
-impl<const C: usize, const M: usize> Cells<C, M> {
+impl<const C: usize, const M: usize> ElementList<C, M> {
     fn new(what: &'static str) -> Self {
         Self {
             what,
@@ -113,7 +113,7 @@ impl<const C: usize, const M: usize> Cells<C, M> {
     }
 
     /// Replaces numbers of the file by indices into the list of nodes.
-    fn resolve(&mut self, nodes: &Nodes, input: &Input<'_>) -> Result<()> {
+    fn resolve(&mut self, nodes: &NodeIndex, input: &Input<'_>) -> Result<()> {
         let (what, marks) = (self.what, &self.marks);
         let row = |i: usize, id: &mut u32| match nodes.row(*id) {
             Some(row) => {
@@ -129,7 +129,13 @@ impl<const C: usize, const M: usize> Cells<C, M> {
                     "{what} {} (from 1; its block starts here) names node {id}, which is not there",
                     i + 1
                 );
-                Err(input.error(ErrorKind::Index, at, WHAT, why, "export the mesh again"))
+                Err(input.error(
+                    ErrorKind::Index,
+                    at,
+                    MESH_BUILD_FAILURE,
+                    why,
+                    "export the mesh again",
+                ))
             }
         };
         for (i, cell) in self.corners.iter_mut().enumerate() {
@@ -143,7 +149,7 @@ impl<const C: usize, const M: usize> Cells<C, M> {
 }
 
 /// Map from the number of a node to its index in the list.
-enum Nodes {
+enum NodeIndex {
     /// First number of consecutive ones, and their count.
     Row(u32, usize),
     /// Index by number.
@@ -152,16 +158,16 @@ enum Nodes {
     Sorted(Vec<u32>),
 }
 
-impl Nodes {
+impl NodeIndex {
     /// Chooses the smallest representation for ascending numbers; takes the list if it is kept.
-    fn of(ids: &mut Vec<u32>) -> Self {
+    fn from_numbers(ids: &mut Vec<u32>) -> Self {
         let n = ids.len();
         let (Some(&first), Some(&last)) = (ids.first(), ids.last()) else {
             return Self::Row(0, 0);
         };
         if (last - first) as usize == n - 1 {
             Self::Row(first, n)
-        } else if (last as usize) < SPARSE * n {
+        } else if (last as usize) < MAX_TABLE_RATIO * n {
             let mut table = vec![u32::MAX; last as usize + 1];
             for (row, &id) in ids.iter().enumerate() {
                 table[id as usize] = row as u32;
@@ -185,43 +191,43 @@ impl Nodes {
 }
 
 /// Accumulates nodes, elements and groups of a file in any order.
-pub(super) struct Builder {
+pub(super) struct MeshBuilder {
     /// Numbers of the nodes, in the order of the file.
     ids: Vec<u32>,
     /// Coordinates of the nodes.
     points: Vec<Point3>,
     /// Corners of the model.
-    pub(super) corners: Cells<1, 0>,
+    pub(super) corners: ElementList<1, 0>,
     /// Edges on curves.
-    pub(super) edges: Cells<2, 1>,
+    pub(super) edges: ElementList<2, 1>,
     /// Triangles.
-    pub(super) triangles: Cells<3, 3>,
+    pub(super) triangles: ElementList<3, 3>,
     /// Quadrilaterals, which are also among the triangles, as two each.
-    quads: Cells<4, 0>,
+    quads: ElementList<4, 0>,
     /// Index of the first of the two triangles of each quadrilateral.
     halves: Vec<usize>,
     /// Tetrahedra.
-    pub(super) tets: Cells<4, 6>,
+    pub(super) tets: ElementList<4, 6>,
     /// Wedges.
-    pub(super) wedges: Cells<6, 0>,
+    pub(super) wedges: ElementList<6, 0>,
     /// Names of groups by dimension and tag.
     pub(super) names: [BTreeMap<i64, String>; 4],
     /// Number of elements of kinds that a mesh cannot store.
     pub(super) others: u64,
 }
 
-impl Builder {
+impl MeshBuilder {
     pub(super) fn new() -> Self {
         Self {
             ids: Vec::new(),
             points: Vec::new(),
-            corners: Cells::new("corner"),
-            edges: Cells::new("edge"),
-            triangles: Cells::new("triangle"),
-            quads: Cells::new("quadrilateral"),
+            corners: ElementList::new("corner"),
+            edges: ElementList::new("edge"),
+            triangles: ElementList::new("triangle"),
+            quads: ElementList::new("quadrilateral"),
             halves: Vec::new(),
-            tets: Cells::new("tetrahedron"),
-            wedges: Cells::new("wedge"),
+            tets: ElementList::new("tetrahedron"),
+            wedges: ElementList::new("wedge"),
             names: Default::default(),
             others: 0,
         }
@@ -268,7 +274,7 @@ impl Builder {
     /// wedges, which are of first order, also drops mid nodes.
     fn part_quads(&mut self, report: &mut ReadReport) {
         if self.wedges.corners.is_empty() {
-            self.quads = Cells::new("quadrilateral");
+            self.quads = ElementList::new("quadrilateral");
             return;
         }
         let is_curved = !self.tets.mids.is_empty()
@@ -287,7 +293,7 @@ impl Builder {
     }
 
     /// Sorts the nodes by number, refusing duplicates, and returns the map from numbers to indices.
-    fn nodes(&mut self, input: &Input<'_>) -> Result<Nodes> {
+    fn nodes(&mut self, input: &Input<'_>) -> Result<NodeIndex> {
         if !self.ids.is_sorted_by(|a, b| a < b) {
             let mut order: Vec<usize> = (0..self.ids.len()).collect();
             order.sort_by_key(|&i| self.ids[i]);
@@ -298,13 +304,13 @@ impl Builder {
                 return Err(input.error(
                     ErrorKind::Corrupt,
                     At::File,
-                    WHAT,
+                    MESH_BUILD_FAILURE,
                     why,
                     "renumber the nodes",
                 ));
             }
         }
-        Ok(Nodes::of(&mut self.ids))
+        Ok(NodeIndex::from_numbers(&mut self.ids))
     }
 
     /// Assembles the mesh: numbers of the file become indices, elements are sorted by number, and
@@ -459,7 +465,7 @@ fn turn_inverted(mesh: &mut Mesh) -> usize {
             sub(d, c),
         ];
         let longest = edges.iter().fold(0.0_f64, |m, &e| m.max(dot(e, e))).sqrt();
-        if dot(edges[0], cross(edges[1], edges[2])) < -INVERTED * longest.powi(3) {
+        if dot(edges[0], cross(edges[1], edges[2])) < -MIN_INVERTED_VOLUME * longest.powi(3) {
             tet.swap(2, 3);
             if let Some(mids) = mesh.tet_mids.get_mut(i) {
                 // Edges 1–2 with 1–3 and 0–2 with 0–3, see TET_EDGES.
@@ -484,7 +490,7 @@ fn turn_inverted_wedges(mesh: &mut Mesh) -> usize {
         let longest = all.fold(0.0_f64, |m, &v| m.max(dot(v, v))).sqrt();
         let looks = [cross(sides[0], sides[1]), cross(sides[3], sides[4])];
         let looks_up = |n: Point3| heights.iter().map(|&h| dot(n, h)).sum::<f64>();
-        if looks_up(looks[0]) + looks_up(looks[1]) < -INVERTED * longest.powi(3) {
+        if looks_up(looks[0]) + looks_up(looks[1]) < -MIN_INVERTED_VOLUME * longest.powi(3) {
             *wedge = [0, 2, 1, 3, 5, 4].map(|k| wedge[k]);
             turned += 1;
         }
@@ -497,7 +503,7 @@ mod tests {
     use super::*;
     use crate::Source;
 
-    fn finish(builder: Builder) -> Result<(Mesh, ReadReport)> {
+    fn finish(builder: MeshBuilder) -> Result<(Mesh, ReadReport)> {
         let input = Input::open(Source::Bytes {
             name: "t",
             bytes: b"",
@@ -509,13 +515,13 @@ mod tests {
             .map(|mesh| (mesh, report))
     }
 
-    fn nodes(ids: &[u32]) -> Builder {
+    fn nodes(ids: &[u32]) -> MeshBuilder {
         let input = Input::open(Source::Bytes {
             name: "t",
             bytes: b"",
         })
         .expect("bytes");
-        let mut builder = Builder::new();
+        let mut builder = MeshBuilder::new();
         let places = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         for (&id, p) in ids.iter().zip(places) {
             builder.node(id, p, &input, At::File).expect("finite");
@@ -568,7 +574,7 @@ mod tests {
 
     /// Returns an inverted wedge, a quadrilateral and a triangle of other parts on it, and a
     /// tetrahedron.
-    fn wedge(regions: [i64; 2]) -> Builder {
+    fn wedge(regions: [i64; 2]) -> MeshBuilder {
         let mut builder = nodes(&[0, 1, 2, 3]);
         let input = Input::open(Source::Bytes {
             name: "t",
@@ -611,7 +617,7 @@ mod tests {
             (&["region 1".to_owned()][..], &[0][..])
         );
         let mut bare = wedge([1, 1]);
-        bare.wedges = Cells::new("wedge");
+        bare.wedges = ElementList::new("wedge");
         let (mesh, _) = finish(bare).expect("valid");
         assert_eq!(mesh.triangles, [[0, 2, 1], [0, 1, 4], [0, 4, 3]]);
         assert_eq!(

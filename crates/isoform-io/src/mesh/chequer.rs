@@ -5,21 +5,21 @@ use flate2::{Compression, Crc};
 use std::io::Write;
 
 /// Number of fields along each side.
-const FIELDS: usize = 8;
+const FIELDS_PER_SIDE: usize = 8;
 /// Grey values of the fields.
-const GREYS: [u8; 2] = [255, 150];
+const FIELD_GREYS: [u8; 2] = [255, 150];
 
 /// Returns the texture with one pixel per field, in 8-bit grey.
 pub(super) fn png() -> Vec<u8> {
     let mut rows = Vec::new();
-    for i in 0..FIELDS {
+    for i in 0..FIELDS_PER_SIDE {
         // Each row begins with the number of its filter: 0, none.
         rows.push(0);
-        rows.extend((0..FIELDS).map(|j| GREYS[(i + j) % 2]));
+        rows.extend((0..FIELDS_PER_SIDE).map(|j| FIELD_GREYS[(i + j) % 2]));
     }
     let mut packed = ZlibEncoder::new(Vec::new(), Compression::best());
     packed.write_all(&rows).expect("memory takes all");
-    let size = (FIELDS as u32).to_be_bytes();
+    let size = (FIELDS_PER_SIDE as u32).to_be_bytes();
     let mut png = b"\x89PNG\r\n\x1a\n".to_vec();
     chunk(
         &mut png,

@@ -1,22 +1,20 @@
 //! Choice of the format of a mesh file: by request, else by content, else by the ending of its
 //! name, else by likelihood.
 
-use super::format::{MeshFormat, ReadFn, encoding};
+use super::format::{MeshFormat, MeshReadFn, encoding};
 use super::registry::{mesh_format_named, mesh_formats};
-use crate::format::{Sniff, extension};
+use crate::format::{SNIFFED_BYTES, Sniff, extension};
 use crate::input::{Input, Result, shorten};
 use crate::{At, ErrorKind, ReadError};
 
-/// Number of bytes examined at the start of a file.
-const HEAD: usize = 4096;
-const WHAT: &str = "cannot tell how to read the mesh";
+const MESH_CHOICE_FAILURE: &str = "cannot tell how to read the mesh";
 
 /// Returns the format of a file and its reader; oddities are added to the warnings.
 pub(super) fn choose(
     input: &mut Input<'_>,
     asked: Option<&str>,
     warnings: &mut Vec<String>,
-) -> Result<(&'static MeshFormat, ReadFn)> {
+) -> Result<(&'static MeshFormat, MeshReadFn)> {
     let format = match asked {
         Some(asked) => {
             mesh_format_named(encoding(asked).0).ok_or_else(|| no_such_format(input, asked))?
@@ -29,7 +27,7 @@ pub(super) fn choose(
 
 /// Guesses the format of a file if none was requested.
 fn guess(input: &mut Input<'_>, warnings: &mut Vec<String>) -> Result<&'static MeshFormat> {
-    let head = input.head(HEAD)?;
+    let head = input.head(SNIFFED_BYTES)?;
     if head.is_empty() {
         return Err(input.error(
             ErrorKind::Empty,
@@ -80,7 +78,13 @@ fn not_read(input: &Input<'_>, format: &MeshFormat) -> ReadError {
         readable()
     );
     let hint = "convert it to one of these";
-    input.error(ErrorKind::UnsupportedFormat, At::File, WHAT, why, hint)
+    input.error(
+        ErrorKind::UnsupportedFormat,
+        At::File,
+        MESH_CHOICE_FAILURE,
+        why,
+        hint,
+    )
 }
 
 /// Returns the error for an unknown format name.
@@ -91,7 +95,13 @@ fn no_such_format(input: &Input<'_>, asked: &str) -> ReadError {
         readable()
     );
     let hint = "use one of these names";
-    input.error(ErrorKind::UnknownFormat, At::File, WHAT, why, hint)
+    input.error(
+        ErrorKind::UnknownFormat,
+        At::File,
+        MESH_CHOICE_FAILURE,
+        why,
+        hint,
+    )
 }
 
 /// Returns the error for a file whose format neither name nor content reveal.
@@ -101,5 +111,11 @@ fn unknown(input: &Input<'_>) -> ReadError {
         readable()
     );
     let hint = "convert it to one of these, or name the format";
-    input.error(ErrorKind::UnknownFormat, At::File, WHAT, why, hint)
+    input.error(
+        ErrorKind::UnknownFormat,
+        At::File,
+        MESH_CHOICE_FAILURE,
+        why,
+        hint,
+    )
 }

@@ -8,13 +8,13 @@ use isoform_geom::Mesh;
 use std::io::{self, Write};
 
 /// Writer of meshes.
-pub(super) type WriteFn = fn(&Mesh, &mut dyn Write, &MeshWriteOptions) -> io::Result<()>;
+pub(super) type MeshWriteFn = fn(&Mesh, &mut dyn Write, &MeshWriteOptions) -> io::Result<()>;
 /// Reader of meshes, which adds warnings to the report.
-pub(super) type ReadFn = fn(&mut Input<'_>, &mut ReadReport) -> Result<Mesh>;
+pub(super) type MeshReadFn = fn(&mut Input<'_>, &mut ReadReport) -> Result<Mesh>;
 
 /// Columns of a mesh that a format stores.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Columns {
+pub(super) enum StoredColumns {
     /// No columns.
     None,
     /// Parameters u and v, as texture coordinates.
@@ -39,15 +39,15 @@ pub struct MeshFormat {
     /// True if binary coordinates have 32 bits.
     pub single: bool,
     /// Columns that the format stores.
-    pub(super) columns: Columns,
+    pub(super) columns: StoredColumns,
     /// Summary of what is stored, for lists of formats.
     pub about: &'static str,
     /// Content test on the first bytes of a file.
     pub(super) sniff: fn(&[u8]) -> Sniff,
     /// Reader; `None` if the format is write-only.
-    pub(super) read: Option<ReadFn>,
+    pub(super) read: Option<MeshReadFn>,
     /// Writer.
-    pub(super) write: WriteFn,
+    pub(super) write: MeshWriteFn,
 }
 
 impl MeshFormat {

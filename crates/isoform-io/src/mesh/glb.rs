@@ -18,17 +18,17 @@ use serde_json::{Value, json};
 use std::io::{self, Write};
 
 /// Component type: floats of 32 bits. These numbers stem from OpenGL.
-const FLOAT: u32 = 5126;
+const GL_FLOAT: u32 = 5126;
 /// Component type: unsigned integers of 32 bits.
-const UNSIGNED: u32 = 5125;
+const GL_UNSIGNED_INT: u32 = 5125;
 /// Target of a buffer view with values per vertex.
-const VERTICES: u32 = 34962;
+const GL_ARRAY_BUFFER: u32 = 34962;
 /// Target of a buffer view with corners of triangles.
-const INDICES: u32 = 34963;
+const GL_ELEMENT_ARRAY_BUFFER: u32 = 34963;
 /// Texture filter that keeps pixels sharp.
-const NEAREST: u32 = 9728;
+const GL_NEAREST: u32 = 9728;
 /// Texture wrapping that repeats the texture beyond parameters 0 and 1.
-const REPEAT: u32 = 10497;
+const GL_REPEAT: u32 = 10497;
 
 /// Writes a mesh; without triangles it is a document without a scene.
 pub(super) fn write(
@@ -40,7 +40,7 @@ pub(super) fn write(
     if mesh.triangles.is_empty() {
         write_document(&json!({ "asset": asset() }), None, &mut out)?;
     } else {
-        let model = Model::of(mesh);
+        let model = GlbModel::from_mesh(mesh);
         let scale = metres(options.units.as_deref());
         write_document(&model.document(scale), Some(model.size()), &mut out)?;
         model.write_binary(&mut out)?;
@@ -70,7 +70,7 @@ fn padding(length: usize) -> usize {
 }
 
 /// Mesh with triangles, prepared for a viewer.
-struct Model<'m> {
+struct GlbModel<'m> {
     mesh: &'m Mesh,
     /// Nodes of the surface.
     nodes: SurfaceNodes,
@@ -82,12 +82,12 @@ struct Model<'m> {
     texture: Vec<u8>,
 }
 
-impl<'m> Model<'m> {
+impl<'m> GlbModel<'m> {
     /// Prepares a mesh, with a texture if it has parameters.
-    fn of(mesh: &'m Mesh) -> Self {
-        let nodes = SurfaceNodes::of(mesh);
+    fn from_mesh(mesh: &'m Mesh) -> Self {
+        let nodes = SurfaceNodes::from_mesh(mesh);
         Self {
-            center: Aabb::of(nodes.points(mesh)).center(),
+            center: Aabb::from_points(nodes.points(mesh)).center(),
             nodes,
             parts: Groups::parts(mesh),
             texture: match mesh.parameters() {
@@ -150,7 +150,8 @@ impl<'m> Model<'m> {
 
     /// Returns the JSON document that describes the binary chunk.
     fn document(&self, scale: f64) -> Value {
-        let mut buffer = Buffer::new(self.nodes.len(), self.mesh.triangles.len(), self.bounds());
+        let mut buffer =
+            BufferLayout::new(self.nodes.len(), self.mesh.triangles.len(), self.bounds());
         if !self.texture.is_empty() {
             buffer.numbers("TEXCOORD_0".to_owned(), "VEC2", 2);
         }
@@ -205,7 +206,8 @@ impl<'m> Model<'m> {
 /// Adds the texture whose image is a view of the binary chunk.
 fn add_texture(document: &mut Value, view: usize) {
     document["images"] = json!([{ "bufferView": view, "mimeType": "image/png" }]);
-    document["samplers"] = json!([{ "magFilter": NEAREST, "wrapS": REPEAT, "wrapT": REPEAT }]);
+    document["samplers"] =
+        json!([{ "magFilter": GL_NEAREST, "wrapS": GL_REPEAT, "wrapT": GL_REPEAT }]);
     document["textures"] = json!([{ "source": 0, "sampler": 0 }]);
 }
 
@@ -259,7 +261,7 @@ fn attribute_name(column: &str) -> String {
 }
 
 /// Layout of the binary chunk: views are byte ranges, accessors give their types.
-struct Buffer {
+struct BufferLayout {
     /// Byte ranges.
     views: Vec<Value>,
     /// Types and counts of the numbers in the views.
@@ -274,7 +276,7 @@ struct Buffer {
     indices: usize,
 }
 
-impl Buffer {
+impl BufferLayout {
     /// Starts with views for coordinates, with their bounds, and for triangles.
     fn new(nodes: usize, triangles: usize, bounds: [[f32; 3]; 2]) -> Self {
         let (vertices, indices) = (12 * nodes, 12 * triangles);
@@ -282,11 +284,11 @@ impl Buffer {
         attributes.insert("POSITION".to_owned(), json!(0));
         Self {
             accessors: vec![
-                json!({ "bufferView": 0, "componentType": FLOAT, "count": nodes, "type": "VEC3", "min": bounds[0], "max": bounds[1] }),
+                json!({ "bufferView": 0, "componentType": GL_FLOAT, "count": nodes, "type": "VEC3", "min": bounds[0], "max": bounds[1] }),
             ],
             views: vec![
-                json!({ "buffer": 0, "byteLength": vertices, "target": VERTICES }),
-                json!({ "buffer": 0, "byteOffset": vertices, "byteLength": indices, "target": INDICES }),
+                json!({ "buffer": 0, "byteLength": vertices, "target": GL_ARRAY_BUFFER }),
+                json!({ "buffer": 0, "byteOffset": vertices, "byteLength": indices, "target": GL_ELEMENT_ARRAY_BUFFER }),
             ],
             attributes,
             nodes,
@@ -297,15 +299,15 @@ impl Buffer {
     /// Adds `width` numbers per node.
     fn numbers(&mut self, name: String, kind: &str, width: usize) {
         let length = 4 * width * self.nodes;
-        self.views.push(json!({ "buffer": 0, "byteOffset": self.end, "byteLength": length, "target": VERTICES }));
+        self.views.push(json!({ "buffer": 0, "byteOffset": self.end, "byteLength": length, "target": GL_ARRAY_BUFFER }));
         self.attributes.insert(name, json!(self.accessors.len()));
-        self.accessors.push(json!({ "bufferView": self.views.len() - 1, "componentType": FLOAT, "count": self.nodes, "type": kind }));
+        self.accessors.push(json!({ "bufferView": self.views.len() - 1, "componentType": GL_FLOAT, "count": self.nodes, "type": kind }));
         self.end += length;
     }
     /// Adds the triangles of a part, given their number of corners.
     fn primitive(&mut self, material: usize, count: usize) -> Value {
         let primitive = json!({ "attributes": self.attributes, "indices": self.accessors.len(), "material": material, "mode": 4 });
-        self.accessors.push(json!({ "bufferView": 1, "byteOffset": 4 * self.indices, "componentType": UNSIGNED, "count": count, "type": "SCALAR" }));
+        self.accessors.push(json!({ "bufferView": 1, "byteOffset": 4 * self.indices, "componentType": GL_UNSIGNED_INT, "count": count, "type": "SCALAR" }));
         self.indices += count;
         primitive
     }

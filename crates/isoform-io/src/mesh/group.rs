@@ -4,7 +4,7 @@
 //! surface, and *volumes*, the tetrahedra followed by the wedges.
 //!
 //! A mesh has one label per element; formats store elements group by group ([`Groups`]), under
-//! distinct names with an alphabet and a length of their own ([`Names`]).
+//! distinct names with an alphabet and a length of their own ([`UniqueNames`]).
 
 use isoform_geom::Mesh;
 use std::borrow::Cow;
@@ -68,13 +68,13 @@ impl Groups {
         self.start.len() - 1
     }
     /// Returns the elements of a group.
-    pub(super) fn of(&self, group: usize) -> &[u32] {
+    pub(super) fn elements(&self, group: usize) -> &[u32] {
         &self.items[self.start[group]..self.start[group + 1]]
     }
     /// Returns indices and elements of the non-empty groups.
     pub(super) fn filled(&self) -> impl Iterator<Item = (usize, &[u32])> {
         (0..self.len())
-            .map(|g| (g, self.of(g)))
+            .map(|g| (g, self.elements(g)))
             .filter(|(_, e)| !e.is_empty())
     }
 }
@@ -152,7 +152,7 @@ pub(super) fn edge(mesh: &Mesh, i: usize) -> ([u32; 3], usize) {
 }
 
 /// Generator of distinct names that fit a format.
-pub(super) struct Names {
+pub(super) struct UniqueNames {
     /// Converts a name to the alphabet of the format.
     plain: fn(&str) -> String,
     /// Maximum length of a name, in bytes.
@@ -161,7 +161,7 @@ pub(super) struct Names {
     taken: HashSet<String>,
 }
 
-impl Names {
+impl UniqueNames {
     pub(super) fn new(longest: usize, plain: fn(&str) -> String) -> Self {
         Self {
             plain,
@@ -202,17 +202,22 @@ mod tests {
         let groups = Groups::new(&[2, 0, 2, 2, 0], 4, 5);
         assert_eq!(groups.len(), 4);
         assert_eq!(
-            [groups.of(0), groups.of(1), groups.of(2), groups.of(3)],
+            [
+                groups.elements(0),
+                groups.elements(1),
+                groups.elements(2),
+                groups.elements(3)
+            ],
             [&[1, 4][..], &[], &[0, 2, 3], &[]]
         );
         assert_eq!(groups.filled().map(|(g, _)| g).collect::<Vec<_>>(), [0, 2]);
-        assert_eq!(Groups::new(&[], 0, 2).of(0), [0, 1]);
+        assert_eq!(Groups::new(&[], 0, 2).elements(0), [0, 1]);
         assert_eq!(Groups::new(&[], 0, 0).len(), 0);
     }
 
     #[test]
     fn names_differ() {
-        let mut names = Names::new(6, |n| n.to_uppercase());
+        let mut names = UniqueNames::new(6, |n| n.to_uppercase());
         let given = ["top", "Top", "", "", "abcdefgh", "abcdefxx"].map(|n| names.give(n, "part"));
         assert_eq!(
             given,

@@ -11,8 +11,8 @@ mod read;
 
 pub(super) use read::read;
 
-use super::boundary::{Side, sides_of_faces};
-use super::group::{Groups, Names, edge, face, volume, volume_count};
+use super::boundary::{ElementSide, sides_of_faces};
+use super::group::{Groups, UniqueNames, edge, face, volume, volume_count};
 use super::options::MeshWriteOptions;
 use super::out::Out;
 use crate::format::Sniff;
@@ -20,15 +20,15 @@ use isoform_geom::Mesh;
 use std::io::{self, Write};
 
 /// Maximum length of a name in CalculiX.
-const LONGEST_NAME: usize = 80;
+const MAX_NAME_LENGTH: usize = 80;
 /// Maximum length of a number in CalculiX, in characters.
-const NUMBER: usize = 20;
+const MAX_NUMBER_LENGTH: usize = 20;
 /// Number of entries on a line of a set.
-const PER_LINE: usize = 16;
+const ENTRIES_PER_LINE: usize = 16;
 /// Number in Abaqus and CalculiX of the side of a tetrahedron opposite to each corner. Sides of a
-/// wedge are numbered as in [`Side`]: S1 has the nodes 1 2 3, S2 has 4 5 6, S3 has 1 2 5 4, S4 has
-/// 2 3 6 5 and S5 has 3 1 4 6.
-const TET_SIDE: [u8; 4] = [3, 4, 2, 1];
+/// wedge are numbered as in [`ElementSide`]: S1 has the nodes 1 2 3, S2 has 4 5 6, S3 has 1 2 5 4,
+/// S4 has 2 3 6 5 and S5 has 3 1 4 6.
+const TET_SIDE_NUMBERS: [u8; 4] = [3, 4, 2, 1];
 
 /// Returns `Yes` for a keyword line of nodes, or for the lines with which Abaqus begins a model.
 pub(super) fn sniff(head: &[u8]) -> Sniff {
@@ -81,8 +81,8 @@ struct GroupNames {
 
 impl GroupNames {
     /// Generates names in the order of the fields, and regions only if they have elements.
-    fn of(mesh: &Mesh, groups: &AllGroups) -> Self {
-        let mut names = Names::new(LONGEST_NAME, plain);
+    fn from_mesh(mesh: &Mesh, groups: &AllGroups) -> Self {
+        let mut names = UniqueNames::new(MAX_NAME_LENGTH, plain);
         let mut give =
             |given: Option<&String>, empty: &str| names.give(given.map_or(empty, |n| n), empty);
         Self {
@@ -124,7 +124,7 @@ pub(super) fn write(
         curves: Groups::curves(mesh),
         regions: Groups::regions(mesh),
     };
-    let names = GroupNames::of(mesh, &groups);
+    let names = GroupNames::from_mesh(mesh, &groups);
     let has_volumes = volume_count(mesh) > 0;
     if has_volumes {
         write_volumes(mesh, &groups.regions, &names.regions, &mut out)?;
@@ -152,7 +152,7 @@ fn write_nodes(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     for (i, p) in mesh.points.iter().enumerate() {
         out.int(i + 1);
         for &v in p {
-            out.str(", ").narrow(v, NUMBER);
+            out.str(", ").narrow(v, MAX_NUMBER_LENGTH);
         }
         out.line()?;
     }
@@ -249,7 +249,7 @@ fn node_set<const N: usize>(
     all.sort_unstable();
     all.dedup();
     out.str("*NSET, NSET=").str(name).line()?;
-    for line in all.chunks(PER_LINE) {
+    for line in all.chunks(ENTRIES_PER_LINE) {
         for (i, &n) in line.iter().enumerate() {
             out.str(if i == 0 { "" } else { ", " }).int(n + 1);
         }
@@ -281,9 +281,9 @@ fn surfaces(mesh: &Mesh, parts: &Groups, names: &[String], out: &mut Out<'_>) ->
 }
 
 /// Returns the number of a side of a volume, from 1.
-fn side_number(mesh: &Mesh, (volume, side): Side) -> u8 {
+fn side_number(mesh: &Mesh, (volume, side): ElementSide) -> u8 {
     if (volume as usize) < mesh.tets.len() {
-        TET_SIDE[usize::from(side)]
+        TET_SIDE_NUMBERS[usize::from(side)]
     } else {
         side + 1
     }

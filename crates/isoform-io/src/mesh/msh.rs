@@ -13,19 +13,19 @@ pub(super) use read::read;
 pub(super) use write2::write as write2;
 pub(super) use write4::write;
 
-use super::group::{Names, volume};
+use super::group::{UniqueNames, volume};
 use super::out::Out;
 use crate::format::Sniff;
 use isoform_geom::Mesh;
 use std::io;
 
 /// Maximum length of a name in Gmsh.
-const LONGEST_NAME: usize = 127;
+const MAX_NAME_LENGTH: usize = 127;
 /// Name of the physical group of the corners.
-const CORNERS: &str = "corners";
+const CORNER_GROUP: &str = "corners";
 /// Permutation, its own inverse, between our order of the nodes of a quadratic tetrahedron and
 /// Gmsh's, which swaps the last two mid nodes.
-const TET10: [usize; 10] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8];
+const TET10_PERMUTATION: [usize; 10] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8];
 
 /// Returns `Yes` for the first section of the format.
 pub(super) fn sniff(head: &[u8]) -> Sniff {
@@ -38,15 +38,15 @@ pub(super) fn sniff(head: &[u8]) -> Sniff {
 
 /// Names of the groups by dimension, all distinct: many readers of Gmsh files identify groups by
 /// name alone.
-struct Physical {
+struct PhysicalNames {
     /// Names by dimension: corners, curves, parts, regions.
     names: [Vec<String>; 4],
 }
 
-impl Physical {
+impl PhysicalNames {
     /// Collects the names of groups that label elements, and of the corners.
-    fn of(mesh: &Mesh) -> Self {
-        let mut names = Names::new(LONGEST_NAME, |n| {
+    fn from_mesh(mesh: &Mesh) -> Self {
+        let mut names = UniqueNames::new(MAX_NAME_LENGTH, |n| {
             n.chars()
                 .map(|c| if c == '"' || c.is_control() { '\'' } else { c })
                 .collect()
@@ -73,7 +73,10 @@ impl Physical {
             true => &mesh.tet_regions[..],
             false => &[0],
         };
-        let corners = mesh.corners.first().map(|_| names.give(CORNERS, CORNERS));
+        let corners = mesh
+            .corners
+            .first()
+            .map(|_| names.give(CORNER_GROUP, CORNER_GROUP));
         Self {
             names: [
                 corners.into_iter().collect(),
@@ -114,7 +117,7 @@ impl Physical {
 fn volume_in_gmsh_order(mesh: &Mesh, i: usize) -> ([u32; 10], usize) {
     let (nodes, n) = volume(mesh, i);
     let nodes = if n == 10 {
-        TET10.map(|k| nodes[k])
+        TET10_PERMUTATION.map(|k| nodes[k])
     } else {
         nodes
     };

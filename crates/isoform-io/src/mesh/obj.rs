@@ -1,6 +1,6 @@
 //! OBJ: vertices in double precision, faces in a group per part, parameters as texture coordinates.
 
-use super::group::{Groups, Names};
+use super::group::{Groups, UniqueNames};
 use super::options::MeshWriteOptions;
 use super::out::Out;
 use super::surface::SurfaceNodes;
@@ -8,7 +8,7 @@ use isoform_geom::Mesh;
 use std::io::{self, Write};
 
 /// Maximum length of a group's name, which keeps lines short.
-const LONGEST_NAME: usize = 200;
+const MAX_NAME_LENGTH: usize = 200;
 
 /// Converts a name to a single word.
 fn plain(name: &str) -> String {
@@ -32,7 +32,7 @@ pub(super) fn write(
     let mut out = Out::new(out);
     out.str("# mesh written by isoform").line()?;
     out.units("#", options)?;
-    let nodes = SurfaceNodes::of(mesh);
+    let nodes = SurfaceNodes::from_mesh(mesh);
     for p in nodes.points(mesh) {
         out.str("v ").point(p).line()?;
     }
@@ -50,7 +50,7 @@ pub(super) fn write(
 fn write_faces(mesh: &Mesh, nodes: &SurfaceNodes, out: &mut Out<'_>) -> io::Result<()> {
     let is_textured = mesh.parameters().is_some();
     let parts = Groups::parts(mesh);
-    let mut names = Names::new(LONGEST_NAME, plain);
+    let mut names = UniqueNames::new(MAX_NAME_LENGTH, plain);
     for (i, triangles) in parts.filled() {
         if !mesh.triangle_parts.is_empty() {
             let name = names.give(&mesh.parts[i], "part");

@@ -10,7 +10,7 @@ use std::io::{self, Write};
 /// Writes the surface.
 pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, _: &MeshWriteOptions) -> io::Result<()> {
     let mut out = Out::new(out);
-    let nodes = SurfaceNodes::of(mesh);
+    let nodes = SurfaceNodes::from_mesh(mesh);
     out.str("OFF\n")
         .int(nodes.len())
         .str(" ")

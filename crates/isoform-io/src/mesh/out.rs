@@ -5,7 +5,7 @@ use isoform_geom::Point3;
 use std::io::{self, Write};
 
 /// Buffer size in bytes.
-const BLOCK: usize = 1 << 16;
+const WRITE_BUFFER_BYTES: usize = 1 << 16;
 
 /// Buffer for lines of text or rows of bytes; [`Out::end`] writes it to the sink when it is full.
 pub(super) struct Out<'o> {
@@ -17,7 +17,7 @@ impl<'o> Out<'o> {
     pub(super) fn new(out: &'o mut dyn Write) -> Self {
         Self {
             out,
-            buffer: Vec::with_capacity(2 * BLOCK),
+            buffer: Vec::with_capacity(2 * WRITE_BUFFER_BYTES),
         }
     }
     /// Appends text.
@@ -79,7 +79,7 @@ impl<'o> Out<'o> {
     }
     /// Ends a row: writes the buffer out if it is full.
     pub(super) fn end(&mut self) -> io::Result<()> {
-        if self.buffer.len() >= BLOCK {
+        if self.buffer.len() >= WRITE_BUFFER_BYTES {
             self.flush()?;
         }
         Ok(())
@@ -112,7 +112,7 @@ pub(super) fn on_one_line(name: &str) -> String {
 pub(super) fn narrow(v: f64, width: usize, text: &mut Vec<u8>) {
     let start = text.len();
     text.extend_from_slice(zmij::Buffer::new().format(v).as_bytes());
-    tidy(text, start, width);
+    set_decimal_point(text, start, width);
     if text.len() - start <= width {
         return;
     }
@@ -129,13 +129,13 @@ pub(super) fn narrow(v: f64, width: usize, text: &mut Vec<u8>) {
             write!(text, "{v:.digits$e}")
         };
         done.expect("memory takes all");
-        tidy(text, start, width);
+        set_decimal_point(text, start, width);
         digits -= 1;
     }
 }
 
 /// Adds a missing decimal point, and drops a zero before it if the text is too long.
-fn tidy(text: &mut Vec<u8>, start: usize, width: usize) {
+fn set_decimal_point(text: &mut Vec<u8>, start: usize, width: usize) {
     if !text[start..].contains(&b'.') {
         let at = text[start..]
             .iter()

@@ -13,12 +13,12 @@ pub(super) fn write(
     out: &mut dyn Write,
     options: &MeshWriteOptions,
 ) -> io::Result<()> {
-    let mut values = Values {
+    let mut values = RowWriter {
         out: Out::new(out),
         ascii: options.ascii == Some(true),
         is_first: true,
     };
-    let nodes = SurfaceNodes::of(mesh);
+    let nodes = SurfaceNodes::from_mesh(mesh);
     write_header(mesh, nodes.len(), options, &mut values.out)?;
     write_nodes(mesh, &nodes, &mut values)?;
     write_faces(mesh, &nodes, &mut values)?;
@@ -60,7 +60,7 @@ fn write_header(
 }
 
 /// Writer of rows of numbers, in text or binary.
-struct Values<'o> {
+struct RowWriter<'o> {
     out: Out<'o>,
     /// True if the rows are text.
     ascii: bool,
@@ -68,7 +68,7 @@ struct Values<'o> {
     is_first: bool,
 }
 
-impl Values<'_> {
+impl RowWriter<'_> {
     /// Appends the blank before a number unless it starts a line.
     fn gap(&mut self) {
         if !std::mem::take(&mut self.is_first) {
@@ -114,7 +114,7 @@ impl Values<'_> {
 }
 
 /// Writes coordinates and columns of the nodes.
-fn write_nodes(mesh: &Mesh, nodes: &SurfaceNodes, values: &mut Values<'_>) -> io::Result<()> {
+fn write_nodes(mesh: &Mesh, nodes: &SurfaceNodes, values: &mut RowWriter<'_>) -> io::Result<()> {
     let columns = mesh.columns.iter().map(|c| nodes.values(&c.values));
     let mut columns: Vec<_> = columns.collect();
     for p in nodes.points(mesh) {
@@ -128,7 +128,7 @@ fn write_nodes(mesh: &Mesh, nodes: &SurfaceNodes, values: &mut Values<'_>) -> io
 }
 
 /// Writes corners and part tags of the faces.
-fn write_faces(mesh: &Mesh, nodes: &SurfaceNodes, values: &mut Values<'_>) -> io::Result<()> {
+fn write_faces(mesh: &Mesh, nodes: &SurfaceNodes, values: &mut RowWriter<'_>) -> io::Result<()> {
     for i in 0..mesh.triangles.len() {
         values.length(3);
         let tag = mesh.triangle_parts.get(i).map(|p| p + 1);

@@ -2,8 +2,8 @@
 //! "Parallel file formats").
 
 use super::out::{Out, on_one_line};
-use super::vtu::GROUPS;
-use super::xml::escape;
+use super::vtu::GROUP_NAMES;
+use crate::xml::escape;
 use crate::{WriteError, write_atomic};
 use std::io::{self, Write};
 use std::path::Path;
@@ -35,7 +35,7 @@ fn write(out: &mut dyn Write, pieces: &[String]) -> io::Result<()> {
     out.str("<PUnstructuredGrid GhostLevel=\"0\">\n<PPoints>\n");
     out.str("<PDataArray type=\"Float64\" Name=\"Points\" NumberOfComponents=\"3\"/>\n");
     out.str("</PPoints>\n<PCellData Scalars=\"part\">\n");
-    for name in GROUPS {
+    for name in GROUP_NAMES {
         out.str("<PDataArray type=\"Int32\" Name=\"").str(name);
         out.str("\" NumberOfComponents=\"1\"/>\n");
     }

@@ -1,26 +1,26 @@
 //! List of mesh formats, one line each.
 
-use super::format::{Columns, MeshFormat};
+use super::format::{MeshFormat, StoredColumns};
 use super::{bdf, glb, inp, msh, obj, off, ply, stl, surface, three_mf, vtu};
 use crate::format::Sniff;
 
 /// Content test of formats that are write-only or unrecognisable by content.
-const NO: fn(&[u8]) -> Sniff = |_| Sniff::No;
+const NO_SNIFF: fn(&[u8]) -> Sniff = |_| Sniff::No;
 
 /// All mesh formats.
 #[rustfmt::skip]
 static FORMATS: [MeshFormat; 11] = [
-    MeshFormat { name: "msh", extensions: &["msh"], title: "Gmsh 4.1", volume: true, second_order: true, single: false, columns: Columns::None, about: "parts, curves, regions and corners as physical groups; text, or binary as msh-binary", sniff: msh::sniff, read: Some(msh::read), write: msh::write },
-    MeshFormat { name: "msh2", extensions: &["msh2"], title: "Gmsh 2.2", volume: true, second_order: true, single: false, columns: Columns::None, about: "as msh, for older programs", sniff: msh::sniff, read: Some(msh::read), write: msh::write2 },
-    MeshFormat { name: "vtu", extensions: &["vtu"], title: "VTK", volume: true, second_order: true, single: false, columns: Columns::None, about: "for ParaView; tags of parts, regions and curves as cell data", sniff: vtu::sniff, read: Some(vtu::read), write: vtu::write },
-    MeshFormat { name: "inp", extensions: &["inp"], title: "Abaqus/CalculiX", volume: true, second_order: true, single: false, columns: Columns::None, about: "elements by region, node sets and surfaces by part, no step", sniff: inp::sniff, read: Some(inp::read), write: inp::write },
-    MeshFormat { name: "bdf", extensions: &["bdf", "nas"], title: "Nastran", volume: true, second_order: true, single: false, columns: Columns::None, about: "bulk data, a property per part and region", sniff: NO, read: None, write: bdf::write },
-    MeshFormat { name: "stl", extensions: &["stl"], title: "STL", volume: false, second_order: false, single: true, columns: Columns::None, about: "triangles in 32 bits; text with a solid per part as stl-ascii", sniff: crate::stl::sniff, read: Some(surface::read_stl), write: stl::write },
-    MeshFormat { name: "obj", extensions: &["obj"], title: "OBJ", volume: false, second_order: false, single: false, columns: Columns::Texture, about: "triangles in a group per part; parameters as texture coordinates", sniff: crate::obj::sniff, read: Some(surface::read_obj), write: obj::write },
-    MeshFormat { name: "ply", extensions: &["ply"], title: "PLY", volume: false, second_order: false, single: false, columns: Columns::All, about: "triangles with the tag of their part; all numbers per node", sniff: crate::ply::sniff, read: Some(surface::read_ply), write: ply::write },
-    MeshFormat { name: "off", extensions: &["off"], title: "OFF", volume: false, second_order: false, single: false, columns: Columns::None, about: "triangles without groups", sniff: crate::off::sniff, read: Some(surface::read_off), write: off::write },
-    MeshFormat { name: "3mf", extensions: &["3mf"], title: "3MF", volume: false, second_order: false, single: false, columns: Columns::None, about: "for printing; a material per part, with the unit", sniff: crate::three_mf::sniff, read: Some(surface::read_3mf), write: three_mf::write },
-    MeshFormat { name: "glb", extensions: &["glb"], title: "glTF", volume: false, second_order: false, single: true, columns: Columns::All, about: "for viewers; a coloured material per part, in 32 bits about the centre; a chequered texture along parameters, other numbers as attributes", sniff: NO, read: None, write: glb::write },
+    MeshFormat { name: "msh", extensions: &["msh"], title: "Gmsh 4.1", volume: true, second_order: true, single: false, columns: StoredColumns::None, about: "parts, curves, regions and corners as physical groups; text, or binary as msh-binary", sniff: msh::sniff, read: Some(msh::read), write: msh::write },
+    MeshFormat { name: "msh2", extensions: &["msh2"], title: "Gmsh 2.2", volume: true, second_order: true, single: false, columns: StoredColumns::None, about: "as msh, for older programs", sniff: msh::sniff, read: Some(msh::read), write: msh::write2 },
+    MeshFormat { name: "vtu", extensions: &["vtu"], title: "VTK", volume: true, second_order: true, single: false, columns: StoredColumns::None, about: "for ParaView; tags of parts, regions and curves as cell data", sniff: vtu::sniff, read: Some(vtu::read), write: vtu::write },
+    MeshFormat { name: "inp", extensions: &["inp"], title: "Abaqus/CalculiX", volume: true, second_order: true, single: false, columns: StoredColumns::None, about: "elements by region, node sets and surfaces by part, no step", sniff: inp::sniff, read: Some(inp::read), write: inp::write },
+    MeshFormat { name: "bdf", extensions: &["bdf", "nas"], title: "Nastran", volume: true, second_order: true, single: false, columns: StoredColumns::None, about: "bulk data, a property per part and region", sniff: NO_SNIFF, read: None, write: bdf::write },
+    MeshFormat { name: "stl", extensions: &["stl"], title: "STL", volume: false, second_order: false, single: true, columns: StoredColumns::None, about: "triangles in 32 bits; text with a solid per part as stl-ascii", sniff: crate::stl::sniff, read: Some(surface::read_stl), write: stl::write },
+    MeshFormat { name: "obj", extensions: &["obj"], title: "OBJ", volume: false, second_order: false, single: false, columns: StoredColumns::Texture, about: "triangles in a group per part; parameters as texture coordinates", sniff: crate::obj::sniff, read: Some(surface::read_obj), write: obj::write },
+    MeshFormat { name: "ply", extensions: &["ply"], title: "PLY", volume: false, second_order: false, single: false, columns: StoredColumns::All, about: "triangles with the tag of their part; all numbers per node", sniff: crate::ply::sniff, read: Some(surface::read_ply), write: ply::write },
+    MeshFormat { name: "off", extensions: &["off"], title: "OFF", volume: false, second_order: false, single: false, columns: StoredColumns::None, about: "triangles without groups", sniff: crate::off::sniff, read: Some(surface::read_off), write: off::write },
+    MeshFormat { name: "3mf", extensions: &["3mf"], title: "3MF", volume: false, second_order: false, single: false, columns: StoredColumns::None, about: "for printing; a material per part, with the unit", sniff: crate::three_mf::sniff, read: Some(surface::read_3mf), write: three_mf::write },
+    MeshFormat { name: "glb", extensions: &["glb"], title: "glTF", volume: false, second_order: false, single: true, columns: StoredColumns::All, about: "for viewers; a coloured material per part, in 32 bits about the centre; a chequered texture along parameters, other numbers as attributes", sniff: NO_SNIFF, read: None, write: glb::write },
 ];
 
 /// Returns all mesh formats.

@@ -1,12 +1,12 @@
 //! Surface meshes: reading by the readers of points, and the nodes that surface formats write.
 
-use crate::collect::Parts;
+use crate::collect::TriangleParts;
 use crate::input::{Input, Result};
 use crate::{ReadOptions, ReadReport, obj, off, ply, stl, three_mf};
 use isoform_geom::{Mesh, Point3, PointCloud};
 
 /// Options that keep all points and the coordinates of the file.
-const AS_THEY_ARE: ReadOptions = ReadOptions {
+const LOSSLESS_OPTIONS: ReadOptions = ReadOptions {
     max_points: None,
     seed: 1,
     mesh: crate::MeshPoints::Vertices,
@@ -15,8 +15,8 @@ const AS_THEY_ARE: ReadOptions = ReadOptions {
 
 /// Returns the mesh of points and triangles with their groups; groups without triangles are
 /// dropped.
-fn mesh((cloud, parts): (PointCloud, Parts)) -> Mesh {
-    let Parts { of_triangle, names } = parts;
+fn mesh((cloud, parts): (PointCloud, TriangleParts)) -> Mesh {
+    let TriangleParts { of_triangle, names } = parts;
     let names = if of_triangle.is_empty() {
         Vec::new()
     } else {
@@ -33,35 +33,35 @@ fn mesh((cloud, parts): (PointCloud, Parts)) -> Mesh {
 
 /// Reads OBJ; its groups become parts.
 pub(super) fn read_obj(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
-    obj::read_parts(input, &AS_THEY_ARE, report).map(mesh)
+    obj::read_parts(input, &LOSSLESS_OPTIONS, report).map(mesh)
 }
 
 /// Reads OFF, which has no parts.
 pub(super) fn read_off(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
-    off::read(input, &AS_THEY_ARE, report).map(|cloud| mesh((cloud, Parts::default())))
+    off::read(input, &LOSSLESS_OPTIONS, report).map(|cloud| mesh((cloud, TriangleParts::default())))
 }
 
 /// Reads PLY; parts are recognised in files written by this crate.
 pub(super) fn read_ply(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
-    ply::read_parts(input, &AS_THEY_ARE, report).map(mesh)
+    ply::read_parts(input, &LOSSLESS_OPTIONS, report).map(mesh)
 }
 
 /// Reads STL; its solids become parts, unless there is only one.
 pub(super) fn read_stl(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
-    let (cloud, parts) = stl::read_parts(input, &AS_THEY_ARE, report)?;
+    let (cloud, parts) = stl::read_parts(input, &LOSSLESS_OPTIONS, report)?;
     Ok(mesh((
         cloud,
         if parts.names.len() > 1 {
             parts
         } else {
-            Parts::default()
+            TriangleParts::default()
         },
     )))
 }
 
 /// Reads 3MF; parts are the base materials of its only mesh, or its meshes.
 pub(super) fn read_3mf(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
-    three_mf::read_parts(input, &AS_THEY_ARE, report).map(mesh)
+    three_mf::read_parts(input, &LOSSLESS_OPTIONS, report).map(mesh)
 }
 
 /// Nodes that a surface format writes, renumbered.
@@ -75,7 +75,7 @@ pub(super) struct SurfaceNodes {
 impl SurfaceNodes {
     /// Selects the corners of the triangles. Without tetrahedra and mid-edge nodes it selects all
     /// nodes, so that node numbers survive writing and reading.
-    pub(super) fn of(mesh: &Mesh) -> Self {
+    pub(super) fn from_mesh(mesh: &Mesh) -> Self {
         let mut used =
             vec![mesh.tets.is_empty() && mesh.triangle_mids.is_empty(); mesh.points.len()];
         mesh.triangles

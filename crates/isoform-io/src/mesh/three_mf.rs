@@ -8,26 +8,26 @@ use super::color::part_color;
 use super::options::MeshWriteOptions;
 use super::out::{Out, on_one_line};
 use super::surface::SurfaceNodes;
-use super::xml::escape;
 use super::zip::Zip;
-use crate::three_mf::UNITS;
+use crate::three_mf::UNIT_NAMES;
+use crate::xml::escape;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
 /// Package member that maps endings to content types.
-const TYPES: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+const CONTENT_TYPES: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
     <Types xmlns=\"http://schemas.openxmlformats.org/package/2006/content-types\">\
     <Default Extension=\"rels\" ContentType=\"application/vnd.openxmlformats-package.relationships+xml\"/>\
     <Default Extension=\"model\" ContentType=\"application/vnd.ms-package.3dmanufacturing-3dmodel+xml\"/></Types>\n";
 /// Package member that states the location of the model.
-const RELATIONS: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+const RELATIONSHIPS: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
     <Relationships xmlns=\"http://schemas.openxmlformats.org/package/2006/relationships\">\
     <Relationship Target=\"/3D/3dmodel.model\" Id=\"model\" Type=\"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel\"/>\
     </Relationships>\n";
 
 /// Returns the name of a unit in 3MF; millimetre, its default, if the unit is unknown.
 fn unit(unit: Option<&str>) -> &'static str {
-    let known = UNITS.iter().find(|(ours, _)| Some(*ours) == unit);
+    let known = UNIT_NAMES.iter().find(|(ours, _)| Some(*ours) == unit);
     known.map_or("millimeter", |(_, theirs)| theirs)
 }
 
@@ -38,8 +38,10 @@ pub(super) fn write(
     options: &MeshWriteOptions,
 ) -> io::Result<()> {
     let mut zip = Zip::new(out);
-    zip.member("[Content_Types].xml", |out| out.write_all(TYPES.as_bytes()))?;
-    zip.member("_rels/.rels", |out| out.write_all(RELATIONS.as_bytes()))?;
+    zip.member("[Content_Types].xml", |out| {
+        out.write_all(CONTENT_TYPES.as_bytes())
+    })?;
+    zip.member("_rels/.rels", |out| out.write_all(RELATIONSHIPS.as_bytes()))?;
     zip.member("3D/3dmodel.model", |out| write_model(mesh, out, options))?;
     zip.finish()
 }
@@ -78,7 +80,7 @@ fn write_materials(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
 /// Writes vertices and triangles, each with the material of its part.
 fn write_object(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     out.str("<mesh>\n<vertices>\n");
-    let nodes = SurfaceNodes::of(mesh);
+    let nodes = SurfaceNodes::from_mesh(mesh);
     for p in nodes.points(mesh) {
         out.str("<vertex x=\"").float(p[0]);
         out.str("\" y=\"").float(p[1]);

@@ -15,20 +15,20 @@ pub(super) use read::read;
 use super::group::{edge, face, face_count, face_part, volume, volume_count, volume_region};
 use super::options::MeshWriteOptions;
 use super::out::{Out, on_one_line};
-use super::xml;
 use crate::format::Sniff;
+use crate::xml;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
 /// Names of the tag arrays, and first words of the comment lines with names.
-pub(super) const GROUPS: [&str; 3] = ["part", "region", "curve"];
+pub(super) const GROUP_NAMES: [&str; 3] = ["part", "region", "curve"];
 /// Permutation, its own inverse, between our order of the nodes of a wedge and that of VTK_WEDGE.
 /// In VTK the normal of the first triangle points out of the wedge, away from the second
 /// (vtkWedge.h); ours points into it, as do those of Gmsh and Abaqus. meshio, which uses Gmsh's
 /// order, applies this permutation on reading, and the faces that VTK extracts from such wedges
 /// point outward. Only VTK's quality measures (9.7) expect the other order. VTK's higher-order
 /// wedges would not need the permutation.
-const WEDGE: [usize; 6] = [0, 2, 1, 3, 5, 4];
+const WEDGE_PERMUTATION: [usize; 6] = [0, 2, 1, 3, 5, 4];
 
 pub(super) fn sniff(head: &[u8]) -> Sniff {
     let text = String::from_utf8_lossy(head);
@@ -41,7 +41,7 @@ pub(super) fn sniff(head: &[u8]) -> Sniff {
 
 /// Array of the file.
 #[derive(Clone, Copy, PartialEq)]
-enum Kind {
+enum ArrayKind {
     /// Coordinates of the nodes.
     Points,
     /// Nodes of all cells, concatenated.
@@ -50,30 +50,30 @@ enum Kind {
     Offsets,
     /// VTK's number of the type of each cell.
     Types,
-    /// Tags of a kind of groups, an index into [`GROUPS`].
+    /// Tags of a kind of groups, an index into [`GROUP_NAMES`].
     Tags(usize),
 }
 
 /// Arrays in the order of the file.
-const ARRAYS: [Kind; 7] = [
-    Kind::Points,
-    Kind::Connectivity,
-    Kind::Offsets,
-    Kind::Types,
-    Kind::Tags(0),
-    Kind::Tags(1),
-    Kind::Tags(2),
+const ARRAY_ORDER: [ArrayKind; 7] = [
+    ArrayKind::Points,
+    ArrayKind::Connectivity,
+    ArrayKind::Offsets,
+    ArrayKind::Types,
+    ArrayKind::Tags(0),
+    ArrayKind::Tags(1),
+    ArrayKind::Tags(2),
 ];
 
 /// Writer of the values of an array.
-struct Values<'o> {
+struct ValueWriter<'o> {
     out: Out<'o>,
     ascii: bool,
     /// True if indices have 64 bits.
     wide: bool,
 }
 
-impl Values<'_> {
+impl ValueWriter<'_> {
     /// Appends a double.
     fn float(&mut self, v: f64) {
         match self.ascii {
@@ -115,31 +115,31 @@ impl Values<'_> {
 
 /// Cells of one type.
 #[derive(Clone, Copy)]
-struct Cells {
+struct CellBlock {
     /// Number of cells.
     count: usize,
     /// Number of nodes per cell.
     nodes: usize,
     /// VTK's number of the type.
     kind: u8,
-    /// Kind of the cells' groups, an index into [`GROUPS`]. Vertices count as lines beyond the
+    /// Kind of the cells' groups, an index into [`GROUP_NAMES`]. Vertices count as lines beyond the
     /// last, which have no group.
     group: usize,
 }
 
 /// Mesh as VTK's unstructured grid.
-struct Grid<'m> {
+struct UnstructuredGrid<'m> {
     mesh: &'m Mesh,
     /// Triangles, quadrilaterals, tetrahedra, wedges, edges, corners.
-    cells: [Cells; 6],
+    cells: [CellBlock; 6],
     /// True if indices have 64 bits.
     wide: bool,
 }
 
-impl<'m> Grid<'m> {
+impl<'m> UnstructuredGrid<'m> {
     /// Determines the cells of a mesh, with indices of 64 bits if 32 do not suffice.
-    fn of(mesh: &'m Mesh) -> Self {
-        let cells = |group, count, (nodes, kind): (usize, u8)| Cells {
+    fn from_mesh(mesh: &'m Mesh) -> Self {
+        let cells = |group, count, (nodes, kind): (usize, u8)| CellBlock {
             count,
             nodes,
             kind,
@@ -186,7 +186,7 @@ impl<'m> Grid<'m> {
 }
 
 /// Declaration of an array in its XML element.
-struct Declared {
+struct ArrayDeclaration {
     /// Name of the array.
     name: &'static str,
     /// Number of components per tuple.
@@ -197,9 +197,9 @@ struct Declared {
     bytes: u64,
 }
 
-impl Kind {
+impl ArrayKind {
     /// Returns the array's name, type and size.
-    fn declared(self, grid: &Grid<'_>) -> Declared {
+    fn declared(self, grid: &UnstructuredGrid<'_>) -> ArrayDeclaration {
         let cells = grid.count();
         let (index, width) = if grid.wide {
             ("Int64", 8)
@@ -211,9 +211,9 @@ impl Kind {
             Self::Connectivity => ("connectivity", 1, index, width * grid.indices()),
             Self::Offsets => ("offsets", 1, index, width * cells),
             Self::Types => ("types", 1, "UInt8", cells),
-            Self::Tags(group) => (GROUPS[group], 1, "Int32", 4 * cells),
+            Self::Tags(group) => (GROUP_NAMES[group], 1, "Int32", 4 * cells),
         };
-        Declared {
+        ArrayDeclaration {
             name,
             components,
             kind,
@@ -239,8 +239,8 @@ pub(super) fn write(
     out: &mut dyn Write,
     options: &MeshWriteOptions,
 ) -> io::Result<()> {
-    let grid = Grid::of(mesh);
-    let mut values = Values {
+    let grid = UnstructuredGrid::from_mesh(mesh);
+    let mut values = ValueWriter {
         out: Out::new(out),
         ascii: options.ascii == Some(true),
         wide: grid.wide,
@@ -264,9 +264,9 @@ pub(super) fn write(
 }
 
 /// Writes an element for each array, with its values if they are text.
-fn write_elements(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
+fn write_elements(grid: &UnstructuredGrid<'_>, values: &mut ValueWriter<'_>) -> io::Result<()> {
     let mut offset = 0;
-    for kind in ARRAYS {
+    for kind in ARRAY_ORDER {
         let (before, behind) = kind.around();
         let declared = kind.declared(grid);
         let out = &mut values.out;
@@ -288,9 +288,9 @@ fn write_elements(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
 }
 
 /// Writes all values as bytes, each array preceded by its size.
-fn write_appended(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
+fn write_appended(grid: &UnstructuredGrid<'_>, values: &mut ValueWriter<'_>) -> io::Result<()> {
     values.out.str("<AppendedData encoding=\"raw\">\n_");
-    for kind in ARRAYS {
+    for kind in ARRAY_ORDER {
         values.out.bytes(&kind.declared(grid).bytes.to_le_bytes());
         write_array(grid, kind, values)?;
     }
@@ -311,7 +311,7 @@ fn write_names(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
         return Ok(());
     }
     out.str("<!-- groups\n");
-    for (kind, names) in GROUPS.iter().zip(&lists) {
+    for (kind, names) in GROUP_NAMES.iter().zip(&lists) {
         for (i, name) in names.iter().enumerate() {
             out.str(kind)
                 .str(" ")
@@ -325,21 +325,25 @@ fn write_names(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
 }
 
 /// Writes the values of an array.
-fn write_array(grid: &Grid<'_>, kind: Kind, values: &mut Values<'_>) -> io::Result<()> {
+fn write_array(
+    grid: &UnstructuredGrid<'_>,
+    kind: ArrayKind,
+    values: &mut ValueWriter<'_>,
+) -> io::Result<()> {
     match kind {
-        Kind::Points => grid.mesh.points.iter().try_for_each(|p| {
+        ArrayKind::Points => grid.mesh.points.iter().try_for_each(|p| {
             p.iter().for_each(|&v| values.float(v));
             values.end()
         }),
-        Kind::Connectivity => write_connectivity(grid.mesh, values),
-        Kind::Offsets => write_offsets(grid, values),
-        Kind::Types => write_types(grid, values),
-        Kind::Tags(group) => write_tags(grid, group, values),
+        ArrayKind::Connectivity => write_connectivity(grid.mesh, values),
+        ArrayKind::Offsets => write_offsets(grid, values),
+        ArrayKind::Types => write_types(grid, values),
+        ArrayKind::Tags(group) => write_tags(grid, group, values),
     }
 }
 
 /// Writes the end of each cell in the connectivity.
-fn write_offsets(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
+fn write_offsets(grid: &UnstructuredGrid<'_>, values: &mut ValueWriter<'_>) -> io::Result<()> {
     let mut offset = 0;
     for cells in grid.cells {
         for _ in 0..cells.count {
@@ -352,7 +356,7 @@ fn write_offsets(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
 }
 
 /// Writes the type of each cell.
-fn write_types(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
+fn write_types(grid: &UnstructuredGrid<'_>, values: &mut ValueWriter<'_>) -> io::Result<()> {
     for cells in grid.cells {
         for _ in 0..cells.count {
             values.byte(cells.kind);
@@ -363,9 +367,13 @@ fn write_types(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
 }
 
 /// Writes the tags of one kind of groups; 0 for the cells of other kinds.
-fn write_tags(grid: &Grid<'_>, group: usize, values: &mut Values<'_>) -> io::Result<()> {
+fn write_tags(
+    grid: &UnstructuredGrid<'_>,
+    group: usize,
+    values: &mut ValueWriter<'_>,
+) -> io::Result<()> {
     let mesh = grid.mesh;
-    for kind in 0..GROUPS.len() {
+    for kind in 0..GROUP_NAMES.len() {
         let cells = grid.cells.iter().filter(|cells| cells.group == kind);
         for i in 0..cells.map(|cells| cells.count).sum() {
             let label = match kind {
@@ -382,8 +390,8 @@ fn write_tags(grid: &Grid<'_>, group: usize, values: &mut Values<'_>) -> io::Res
 }
 
 /// Writes the nodes of each cell: faces, volumes, lines, vertices.
-fn write_connectivity(mesh: &Mesh, values: &mut Values<'_>) -> io::Result<()> {
-    let put = |values: &mut Values<'_>, nodes: &[u32]| {
+fn write_connectivity(mesh: &Mesh, values: &mut ValueWriter<'_>) -> io::Result<()> {
+    let put = |values: &mut ValueWriter<'_>, nodes: &[u32]| {
         nodes.iter().for_each(|&n| values.index(u64::from(n)));
         values.end()
     };
@@ -394,7 +402,7 @@ fn write_connectivity(mesh: &Mesh, values: &mut Values<'_>) -> io::Result<()> {
     for i in 0..volume_count(mesh) {
         let (nodes, n) = volume(mesh, i);
         match n {
-            6 => put(values, &WEDGE.map(|k| nodes[k]))?,
+            6 => put(values, &WEDGE_PERMUTATION.map(|k| nodes[k]))?,
             _ => put(values, &nodes[..n])?,
         }
     }

@@ -10,21 +10,21 @@ use flate2::{Compression, Crc};
 use std::io::{self, Write};
 
 /// Compression method 8: deflate.
-const METHOD: u16 = 8;
+const DEFLATE_METHOD: u16 = 8;
 /// General flags: sizes and checksum follow the member (bit 3); names are UTF-8 (bit 11).
-const FLAGS: u16 = 1 << 3 | 1 << 11;
+const MEMBER_FLAGS: u16 = 1 << 3 | 1 << 11;
 /// Date of every member: 1 January 1980, the earliest date that ZIP can store. A fixed date makes
 /// the output reproducible.
-const DATE: u16 = 1 << 5 | 1;
+const MEMBER_DATE: u16 = 1 << 5 | 1;
 
 /// Sink that counts the bytes written.
-struct Counted<'o> {
+struct CountingWriter<'o> {
     out: &'o mut dyn Write,
     /// Number of bytes written.
     count: u64,
 }
 
-impl Write for Counted<'_> {
+impl Write for CountingWriter<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let n = self.out.write(bytes)?;
         self.count += n as u64;
@@ -36,7 +36,7 @@ impl Write for Counted<'_> {
 }
 
 /// Sink of a member: computes checksum and length, and compresses.
-struct Member<'d, W: Write> {
+struct MemberWriter<'d, W: Write> {
     deflate: &'d mut DeflateEncoder<W>,
     /// CRC-32 of the uncompressed bytes.
     crc: Crc,
@@ -44,7 +44,7 @@ struct Member<'d, W: Write> {
     length: u64,
 }
 
-impl<W: Write> Write for Member<'_, W> {
+impl<W: Write> Write for MemberWriter<'_, W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let n = self.deflate.write(bytes)?;
         self.crc.update(&bytes[..n]);
@@ -58,7 +58,7 @@ impl<W: Write> Write for Member<'_, W> {
 
 /// Writer of an archive, member by member.
 pub(super) struct Zip<'o> {
-    out: Counted<'o>,
+    out: CountingWriter<'o>,
     /// Central directory so far.
     directory: Vec<u8>,
     /// Number of members so far.
@@ -73,7 +73,7 @@ fn too_large(_: std::num::TryFromIntError) -> io::Error {
 impl<'o> Zip<'o> {
     pub(super) fn new(out: &'o mut dyn Write) -> Self {
         Self {
-            out: Counted { out, count: 0 },
+            out: CountingWriter { out, count: 0 },
             directory: Vec::new(),
             members: 0,
         }
@@ -87,7 +87,7 @@ impl<'o> Zip<'o> {
     ) -> io::Result<()> {
         let start = u32::try_from(self.out.count).map_err(too_large)?;
         // Version 2.0, flags, method, time and date.
-        let common: Vec<u8> = [20, FLAGS, METHOD, 0, DATE]
+        let common: Vec<u8> = [20, MEMBER_FLAGS, DEFLATE_METHOD, 0, MEMBER_DATE]
             .iter()
             .flat_map(|v| v.to_le_bytes())
             .collect();
@@ -125,7 +125,7 @@ impl<'o> Zip<'o> {
     ) -> io::Result<Vec<u8>> {
         let before = self.out.count;
         let mut deflate = DeflateEncoder::new(&mut self.out, Compression::fast());
-        let mut member = Member {
+        let mut member = MemberWriter {
             deflate: &mut deflate,
             crc: Crc::new(),
             length: 0,

@@ -3,7 +3,7 @@
 //! The Bézier points of a B-spline of degree p between the knots a and b are its polar form
 //! (blossom) at a and b: the i-th one at p − i times a and i times b, by de Boor's recursion.
 
-use super::{FilePatch, Net, Result, degree, numbers, wrong};
+use super::{ControlNet, FilePatch, Result, degree, numbers, wrong};
 use isoform_algebra::RBig;
 use serde_json::Value;
 
@@ -12,20 +12,20 @@ use serde_json::Value;
 const MAX_PATCHES: usize = 100_000;
 /// Maximum number of control points of all patches of a file, of about 200 bytes each: 40 per patch
 /// at [`MAX_PATCHES`], so that only high degrees reach this limit first.
-pub(super) const MAX_POINTS: usize = 40 * MAX_PATCHES;
+pub(super) const MAX_CONTROL_POINTS: usize = 40 * MAX_PATCHES;
 
 /// Homogeneous control point of rational numbers.
 type ExactPoint = [RBig; 4];
 
 /// Knots of one direction.
-struct Knots {
+struct KnotVector {
     degree: usize,
     values: Vec<RBig>,
 }
 
-impl Knots {
+impl KnotVector {
     /// Parses the knots of a key, for a number of control points in their direction.
-    fn of(value: &Value, key: &str, at: &str, degree: usize, points: usize) -> Result<Self> {
+    fn parse(value: &Value, key: &str, at: &str, degree: usize, points: usize) -> Result<Self> {
         let at = format!("{at}, {key}");
         let knots = numbers(value.get(key)).or_else(|problem| wrong(&at, problem))?;
         match problem(&knots, degree, points) {
@@ -88,9 +88,9 @@ fn problem(knots: &[f64], degree: usize, points: usize) -> Option<String> {
 /// Returns the Bézier patches of a surface, with at most `room` control points.
 pub(super) fn pieces(value: &Value, at: &str, room: usize) -> Result<Vec<FilePatch>> {
     let degree @ [p, q] = degree(value, at)?;
-    let net = Net::of(value, at)?;
-    let u = Knots::of(value, "knots_u", at, p, net.rows)?;
-    let v = Knots::of(value, "knots_v", at, q, net.columns)?;
+    let net = ControlNet::parse(value, at)?;
+    let u = KnotVector::parse(value, "knots_u", at, p, net.rows)?;
+    let v = KnotVector::parse(value, "knots_v", at, q, net.columns)?;
     let (in_u, in_v) = (u.spans(), v.spans());
     check_size(in_u.len() * in_v.len(), degree, room).or_else(|problem| wrong(at, problem))?;
     let points = net.control.exact();
@@ -115,14 +115,14 @@ fn check_size(patches: usize, [p, q]: [usize; 2], room: usize) -> std::result::R
         return Err(format!("more than {MAX_PATCHES} patches"));
     }
     if patches * (p + 1) * (q + 1) > room {
-        return Err(format!("more than {MAX_POINTS} control points"));
+        return Err(format!("more than {MAX_CONTROL_POINTS} control points"));
     }
     Ok(())
 }
 
 /// Returns the rows of control points between knot k in u and the next: Bézier in u, B-splines in
 /// v.
-fn strip(u: &Knots, points: &[ExactPoint], columns: usize, k: usize) -> Vec<Vec<ExactPoint>> {
+fn strip(u: &KnotVector, points: &[ExactPoint], columns: usize, k: usize) -> Vec<Vec<ExactPoint>> {
     let mut rows = vec![Vec::with_capacity(columns); u.degree + 1];
     for j in 0..columns {
         let column: Vec<ExactPoint> = points.iter().skip(j).step_by(columns).cloned().collect();

@@ -1,20 +1,20 @@
 //! Header of a PCD file: lines of a keyword and its values, up to the line DATA.
 
-use super::WHAT;
-use crate::binary::Type;
+use super::PCD_FAILURE;
+use crate::binary::NumberType;
 use crate::input::{Input, Result, shorten};
 use crate::{ErrorKind, ReadError, ReadReport};
 
 /// Maximum number of values of a row; descriptors such as VFH have 308.
-const MAX_VALUES: u64 = 4096;
+const MAX_VALUES_PER_ROW: u64 = 4096;
 /// Maximum number of lines up to the line DATA; real headers have about ten.
-const MAX_LINES: u64 = 100;
+const MAX_HEADER_LINES: u64 = 100;
 /// Viewpoint at the origin, without rotation.
-const NO_VIEWPOINT: [&str; 7] = ["0", "0", "0", "1", "0", "0", "0"];
+const IDENTITY_VIEWPOINT: [&str; 7] = ["0", "0", "0", "1", "0", "0", "0"];
 
 /// Encoding of the values.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Data {
+pub(super) enum PcdEncoding {
     /// Text, one point per line.
     Ascii,
     /// Bytes, point by point.
@@ -25,14 +25,14 @@ pub(super) enum Data {
 
 /// Named value or values of a point.
 #[derive(Clone, Debug)]
-pub(super) struct Field {
+pub(super) struct PcdField {
     pub(super) name: String,
-    pub(super) kind: Type,
+    pub(super) kind: NumberType,
     /// Number of values per point.
     pub(super) count: usize,
 }
 
-impl Field {
+impl PcdField {
     /// Returns the number of bytes per value.
     #[inline]
     pub(super) fn size(&self) -> usize {
@@ -40,7 +40,7 @@ impl Field {
     }
     /// Returns true if values are floating-point numbers.
     pub(super) fn is_float(&self) -> bool {
-        matches!(self.kind, Type::F32 | Type::F64)
+        matches!(self.kind, NumberType::F32 | NumberType::F64)
     }
     /// Returns true for a colour packed as 0xAARRGGBB in an integer or in the bits of a float.
     pub(super) fn is_packed_color(&self) -> bool {
@@ -49,31 +49,31 @@ impl Field {
 }
 
 /// Returns the type of numbers for a TYPE (F, I or U) and a SIZE.
-fn type_of(kind: u8, size: u64) -> Option<Type> {
+fn type_of(kind: u8, size: u64) -> Option<NumberType> {
     Some(match (kind, size) {
-        (b'F', 4) => Type::F32,
-        (b'F', 8) => Type::F64,
-        (b'I', 1) => Type::I8,
-        (b'I', 2) => Type::I16,
-        (b'I', 4) => Type::I32,
-        (b'I', 8) => Type::I64,
-        (b'U', 1) => Type::U8,
-        (b'U', 2) => Type::U16,
-        (b'U', 4) => Type::U32,
-        (b'U', 8) => Type::U64,
+        (b'F', 4) => NumberType::F32,
+        (b'F', 8) => NumberType::F64,
+        (b'I', 1) => NumberType::I8,
+        (b'I', 2) => NumberType::I16,
+        (b'I', 4) => NumberType::I32,
+        (b'I', 8) => NumberType::I64,
+        (b'U', 1) => NumberType::U8,
+        (b'U', 2) => NumberType::U16,
+        (b'U', 4) => NumberType::U32,
+        (b'U', 8) => NumberType::U64,
         _ => return None,
     })
 }
 
 /// Header of a file.
-pub(super) struct Header {
-    pub(super) fields: Vec<Field>,
+pub(super) struct PcdHeader {
+    pub(super) fields: Vec<PcdField>,
     /// Number of points: stated, or width times height.
     pub(super) points: u64,
-    pub(super) data: Data,
+    pub(super) data: PcdEncoding,
 }
 
-impl Header {
+impl PcdHeader {
     /// Returns the number of bytes of a point.
     pub(super) fn stride(&self) -> usize {
         self.fields.iter().map(|f| f.size() * f.count).sum()
@@ -82,9 +82,9 @@ impl Header {
     /// Reads the lines up to DATA.
     pub(super) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Self> {
         let (mut text, mut bytes) = (String::new(), Vec::new());
-        let mut lines = Lines::default();
+        let mut lines = PcdHeaderLines::default();
         loop {
-            if input.line > MAX_LINES || !input.read_line(&mut text, &mut bytes)? {
+            if input.line > MAX_HEADER_LINES || !input.read_line(&mut text, &mut bytes)? {
                 let why = "there is no line DATA within the first hundred";
                 return Err(bad(input, why));
             }
@@ -98,12 +98,12 @@ impl Header {
 /// Returns the error for an invalid header at the last line read.
 fn bad(input: &Input<'_>, why: impl Into<String>) -> ReadError {
     let hint = "save the file again";
-    input.error(ErrorKind::Header, input.at_line(0), WHAT, why, hint)
+    input.error(ErrorKind::Header, input.at_line(0), PCD_FAILURE, why, hint)
 }
 
 /// Values of the header lines before they are checked against each other.
 #[derive(Default)]
-struct Lines {
+struct PcdHeaderLines {
     /// FIELDS, in lower case.
     names: Vec<String>,
     /// SIZE: bytes per value.
@@ -121,16 +121,16 @@ struct Lines {
 }
 
 /// Words of a line after its key.
-struct Values<'l> {
+struct LineValues<'l> {
     /// First word of the line, for errors.
     key: &'l str,
-    /// Words after the key, at most one more than [`MAX_VALUES`].
+    /// Words after the key, at most one more than [`MAX_VALUES_PER_ROW`].
     words: Vec<&'l str>,
     /// Input, for errors.
     input: &'l Input<'l>,
 }
 
-impl Values<'_> {
+impl LineValues<'_> {
     /// Returns the first word.
     fn first(&self) -> Option<&str> {
         self.words.first().copied()
@@ -150,21 +150,21 @@ impl Values<'_> {
     }
 }
 
-impl Lines {
+impl PcdHeaderLines {
     /// Processes a line; returns the encoding if the line is DATA, which ends the header.
     fn take(
         &mut self,
         line: &str,
         input: &Input<'_>,
         report: &mut ReadReport,
-    ) -> Result<Option<Data>> {
+    ) -> Result<Option<PcdEncoding>> {
         let line = line.split('#').next().unwrap_or("");
         let mut words = line.split_ascii_whitespace();
         let Some(key) = words.next() else {
             return Ok(None);
         };
-        let words: Vec<&str> = words.take(MAX_VALUES as usize + 1).collect();
-        let values = Values { key, words, input };
+        let words: Vec<&str> = words.take(MAX_VALUES_PER_ROW as usize + 1).collect();
+        let values = LineValues { key, words, input };
         match key {
             "FIELDS" | "COLUMNS" => {
                 self.names = values.each(str::to_ascii_lowercase);
@@ -175,7 +175,7 @@ impl Lines {
             "WIDTH" => self.width = Some(values.number()?),
             "HEIGHT" => self.height = Some(values.number()?),
             "POINTS" => self.points = Some(values.number()?),
-            "VIEWPOINT" if values.words != NO_VIEWPOINT => {
+            "VIEWPOINT" if values.words != IDENTITY_VIEWPOINT => {
                 report.warn("the VIEWPOINT is not applied to the points");
             }
             "VIEWPOINT" | "VERSION" => {}
@@ -190,13 +190,13 @@ impl Lines {
     }
 
     /// Assembles the header from all lines.
-    fn header(mut self, data: Data, input: &Input<'_>) -> Result<Header> {
+    fn header(mut self, data: PcdEncoding, input: &Input<'_>) -> Result<PcdHeader> {
         let n = self.names.len();
         if n == 0 {
             return Err(bad(input, "the line FIELDS is missing"));
         }
         fill(&mut self.counts, n, 1);
-        if data == Data::Ascii {
+        if data == PcdEncoding::Ascii {
             // Text needs neither sizes nor types.
             fill(&mut self.sizes, n, 4);
             fill(&mut self.kinds, n, b'F');
@@ -208,7 +208,7 @@ impl Lines {
         }
         let fields = self.fields(input)?;
         match self.points.or_else(|| self.grid()) {
-            Some(points) => Ok(Header {
+            Some(points) => Ok(PcdHeader {
                 fields,
                 points,
                 data,
@@ -217,16 +217,16 @@ impl Lines {
         }
     }
 
-    /// Assembles the fields from names, types, sizes and counts, with at most [`MAX_VALUES`] values
-    /// per row.
-    fn fields(&mut self, input: &Input<'_>) -> Result<Vec<Field>> {
+    /// Assembles the fields from names, types, sizes and counts, with at most
+    /// [`MAX_VALUES_PER_ROW`] values per row.
+    fn fields(&mut self, input: &Input<'_>) -> Result<Vec<PcdField>> {
         let mut fields = Vec::new();
         let mut values = 0_u64;
         for (i, name) in std::mem::take(&mut self.names).into_iter().enumerate() {
             let (kind, size, count) = (self.kinds[i], self.sizes[i], self.counts[i]);
             values = values.saturating_add(count);
             match type_of(kind, size) {
-                Some(kind) if values <= MAX_VALUES => fields.push(Field {
+                Some(kind) if values <= MAX_VALUES_PER_ROW => fields.push(PcdField {
                     name,
                     kind,
                     count: count as usize,
@@ -264,11 +264,11 @@ fn number(input: &Input<'_>, key: &str, word: Option<&str>) -> Result<u64> {
 }
 
 /// Parses the encoding of a line DATA.
-fn data(input: &Input<'_>, word: Option<&str>) -> Result<Data> {
+fn data(input: &Input<'_>, word: Option<&str>) -> Result<PcdEncoding> {
     match word.map(str::to_ascii_lowercase).as_deref() {
-        Some("ascii") => Ok(Data::Ascii),
-        Some("binary") => Ok(Data::Binary),
-        Some("binary_compressed") => Ok(Data::Compressed),
+        Some("ascii") => Ok(PcdEncoding::Ascii),
+        Some("binary") => Ok(PcdEncoding::Binary),
+        Some("binary_compressed") => Ok(PcdEncoding::Compressed),
         _ => Err(bad(
             input,
             "DATA is none of ascii, binary, binary_compressed",

@@ -1,17 +1,17 @@
 //! Header of a PLY file: the encoding, and the elements with their properties.
 
-use super::WHAT;
-use crate::binary::Type;
+use super::PLY_HEADER_FAILURE;
+use crate::binary::NumberType;
 use crate::input::{Input, Result, shorten, stated_unit};
 use crate::{ErrorKind, ReadError, ReadReport};
 use std::collections::BTreeMap;
 
 /// Maximum number of header lines; real files have far fewer.
-const MAX_LINES: u64 = 10_000;
+const MAX_HEADER_LINES: u64 = 10_000;
 
 /// Encoding of the rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Encoding {
+pub(super) enum PlyEncoding {
     /// Text, one row per line.
     Ascii,
     /// Little-endian bytes.
@@ -25,14 +25,14 @@ pub(super) enum Encoding {
 pub(super) struct Property {
     pub(super) name: String,
     /// Type of the value, or of the items of the list.
-    pub(super) kind: Type,
+    pub(super) kind: NumberType,
     /// Type of the length of a list; `None` for a scalar.
-    pub(super) list: Option<Type>,
+    pub(super) list: Option<NumberType>,
 }
 
 /// Kind of rows, such as vertices or faces.
 #[derive(Debug)]
-pub(super) struct Element {
+pub(super) struct PlyElement {
     pub(super) name: String,
     /// Number of rows.
     pub(super) count: u64,
@@ -40,7 +40,7 @@ pub(super) struct Element {
     pub(super) properties: Vec<Property>,
 }
 
-impl Element {
+impl PlyElement {
     /// Returns the number of bytes of a row; `None` if it has lists.
     pub(super) fn stride(&self) -> Option<usize> {
         self.properties.iter().try_fold(0_usize, |sum, p| {
@@ -54,10 +54,10 @@ impl Element {
     /// Returns the index of the list of corners.
     pub(super) fn corners(&self) -> Option<usize> {
         /// Names of the list of corners: the standard one first, then common variants.
-        const NAMES: [&str; 3] = ["vertex_indices", "vertex_index", "vertex_indexes"];
+        const CORNER_LIST_NAMES: [&str; 3] = ["vertex_indices", "vertex_index", "vertex_indexes"];
         self.properties
             .iter()
-            .position(|p| p.list.is_some() && NAMES.contains(&p.name.as_str()))
+            .position(|p| p.list.is_some() && CORNER_LIST_NAMES.contains(&p.name.as_str()))
     }
 }
 
@@ -65,15 +65,15 @@ impl Element {
 pub(super) type PartNames = BTreeMap<i64, String>;
 
 /// Header of a file.
-pub(super) struct Header {
-    pub(super) encoding: Encoding,
+pub(super) struct PlyHeader {
+    pub(super) encoding: PlyEncoding,
     /// Elements in the order of the file.
-    pub(super) elements: Vec<Element>,
+    pub(super) elements: Vec<PlyElement>,
     /// Names of parts from comments.
     pub(super) part_names: PartNames,
 }
 
-impl Header {
+impl PlyHeader {
     /// Reads the lines up to `end_header`.
     pub(super) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Self> {
         let (mut text, mut bytes) = (String::new(), Vec::new());
@@ -82,19 +82,19 @@ impl Header {
             let why = format!("a PLY file starts with the line \"ply\", this one with \"{first}\"");
             return Err(bad(input, why));
         }
-        let mut lines = Lines::default();
+        let mut lines = PlyHeaderLines::default();
         loop {
             if !input.read_line(&mut text, &mut bytes)? {
                 return Err(input.error(
                     ErrorKind::Truncated,
                     input.at_byte(),
-                    WHAT,
+                    PLY_HEADER_FAILURE,
                     "there is no line \"end_header\"",
                     "get the file again",
                 ));
             }
-            if input.line > MAX_LINES {
-                let why = format!("the header has more than {MAX_LINES} lines");
+            if input.line > MAX_HEADER_LINES {
+                let why = format!("the header has more than {MAX_HEADER_LINES} lines");
                 return Err(bad(input, why));
             }
             if lines.take(&text, input, report)? {
@@ -114,18 +114,24 @@ impl Header {
 /// Returns the error for an invalid header at the last line read.
 fn bad(input: &Input<'_>, why: impl Into<String>) -> ReadError {
     let hint = "save the file again, as binary PLY if there is a choice";
-    input.error(ErrorKind::Header, input.at_line(0), WHAT, why, hint)
+    input.error(
+        ErrorKind::Header,
+        input.at_line(0),
+        PLY_HEADER_FAILURE,
+        why,
+        hint,
+    )
 }
 
 /// Declarations of the lines so far.
 #[derive(Default)]
-struct Lines {
-    encoding: Option<Encoding>,
-    elements: Vec<Element>,
+struct PlyHeaderLines {
+    encoding: Option<PlyEncoding>,
+    elements: Vec<PlyElement>,
     part_names: PartNames,
 }
 
-impl Lines {
+impl PlyHeaderLines {
     /// Processes a line; returns true if it ends the header.
     fn take(&mut self, text: &str, input: &Input<'_>, report: &mut ReadReport) -> Result<bool> {
         let words: Vec<&str> = text.split_ascii_whitespace().collect();
@@ -166,7 +172,7 @@ impl Lines {
             let why = format!("\"{}\" is not a number of elements", shorten(count));
             return Err(bad(input, why));
         };
-        self.elements.push(Element {
+        self.elements.push(PlyElement {
             name: name.to_ascii_lowercase(),
             count: rows,
             properties: Vec::new(),
@@ -176,7 +182,7 @@ impl Lines {
 
     /// Processes a line `property list length-type type name`.
     fn list(&mut self, types: [&str; 2], name: &str, input: &Input<'_>) -> Result<()> {
-        let [Some(length), Some(kind)] = types.map(Type::named) else {
+        let [Some(length), Some(kind)] = types.map(NumberType::named) else {
             let why = format!("unknown type in the list property \"{}\"", shorten(name));
             return Err(bad(input, why));
         };
@@ -185,7 +191,7 @@ impl Lines {
 
     /// Processes a line `property type name`.
     fn scalar(&mut self, kind: &str, name: &str, input: &Input<'_>) -> Result<()> {
-        let Some(known) = Type::named(kind) else {
+        let Some(known) = NumberType::named(kind) else {
             let (kind, name) = (shorten(kind), shorten(name));
             let why = format!("unknown type \"{kind}\" of the property \"{name}\"");
             return Err(bad(input, why));
@@ -197,8 +203,8 @@ impl Lines {
     fn property(
         &mut self,
         name: &str,
-        kind: Type,
-        list: Option<Type>,
+        kind: NumberType,
+        list: Option<NumberType>,
         input: &Input<'_>,
     ) -> Result<()> {
         let Some(element) = self.elements.last_mut() else {
@@ -213,11 +219,11 @@ impl Lines {
     }
 
     /// Assembles the header from all lines; the line `format` is required.
-    fn header(self, input: &Input<'_>) -> Result<Header> {
+    fn header(self, input: &Input<'_>) -> Result<PlyHeader> {
         let encoding = self
             .encoding
             .ok_or_else(|| bad(input, "the line \"format\" is missing"))?;
-        Ok(Header {
+        Ok(PlyHeader {
             encoding,
             elements: self.elements,
             part_names: self.part_names,
@@ -226,11 +232,11 @@ impl Lines {
 }
 
 /// Parses the encoding of a line `format`.
-fn encoding(kind: &str, input: &Input<'_>) -> Result<Encoding> {
+fn encoding(kind: &str, input: &Input<'_>) -> Result<PlyEncoding> {
     match kind {
-        "ascii" => Ok(Encoding::Ascii),
-        "binary_little_endian" => Ok(Encoding::Little),
-        "binary_big_endian" => Ok(Encoding::Big),
+        "ascii" => Ok(PlyEncoding::Ascii),
+        "binary_little_endian" => Ok(PlyEncoding::Little),
+        "binary_big_endian" => Ok(PlyEncoding::Big),
         _ => Err(bad(
             input,
             format!("unknown encoding \"{}\"", shorten(kind)),

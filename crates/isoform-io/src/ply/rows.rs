@@ -1,16 +1,16 @@
 //! Rows of a PLY file, in text and bytes. Rows without lists have a fixed length and are read or
 //! skipped in one step; lists are read item by item.
 
-use super::header::{Element, Encoding};
+use super::header::{PlyElement, PlyEncoding};
 use crate::ErrorKind;
-use crate::binary::Type;
+use crate::binary::NumberType;
 use crate::input::{Input, Result, Words, parse_number, shorten};
 
-const WHAT: &str = "cannot read the PLY data";
+const PLY_DATA_FAILURE: &str = "cannot read the PLY data";
 
 /// Reader of the rows of one element after another.
-pub(super) struct Rows {
-    pub(super) encoding: Encoding,
+pub(super) struct PlyRows {
+    pub(super) encoding: PlyEncoding,
     /// Words of a text file, across line ends.
     words: Words,
     /// Bytes of the present row.
@@ -21,8 +21,8 @@ pub(super) struct Rows {
     pub(super) list: Vec<f64>,
 }
 
-impl Rows {
-    pub(super) fn new(encoding: Encoding) -> Self {
+impl PlyRows {
+    pub(super) fn new(encoding: PlyEncoding) -> Self {
         Self {
             encoding,
             words: Words::new(),
@@ -35,7 +35,7 @@ impl Rows {
     /// Returns true if any content follows the rows.
     pub(super) fn has_more(&mut self, input: &mut Input<'_>) -> Result<bool> {
         match self.encoding {
-            Encoding::Ascii => Ok(self.words.next(input)?.is_some()),
+            PlyEncoding::Ascii => Ok(self.words.next(input)?.is_some()),
             _ => Ok(input.left() > 0),
         }
     }
@@ -44,7 +44,7 @@ impl Rows {
     pub(super) fn next(
         &mut self,
         input: &mut Input<'_>,
-        element: &Element,
+        element: &PlyElement,
         i: u64,
         wanted: Option<usize>,
     ) -> Result<()> {
@@ -57,7 +57,7 @@ impl Rows {
         };
         self.values.clear();
         self.list.clear();
-        if self.encoding != Encoding::Ascii
+        if self.encoding != PlyEncoding::Ascii
             && let Some(stride) = element.stride()
         {
             self.row.resize(stride, 0);
@@ -84,8 +84,8 @@ impl Rows {
 
     /// Decodes the scalars of the bytes in `row`.
     #[inline]
-    fn decode_row(&mut self, element: &Element) {
-        let big = self.encoding == Encoding::Big;
+    fn decode_row(&mut self, element: &PlyElement) {
+        let big = self.encoding == PlyEncoding::Big;
         let mut at = 0;
         for p in &element.properties {
             self.values.push(p.kind.decode(&self.row[at..], big));
@@ -97,7 +97,7 @@ impl Rows {
     fn list_length(
         &mut self,
         input: &mut Input<'_>,
-        kind: Type,
+        kind: NumberType,
         missing: impl Fn() -> String,
     ) -> Result<u64> {
         let place = input.at_byte();
@@ -106,22 +106,28 @@ impl Rows {
             return Ok(n as u64);
         }
         let why = format!("{n} is not the length of a list");
-        Err(input.error(ErrorKind::Corrupt, place, WHAT, why, "get the file again"))
+        Err(input.error(
+            ErrorKind::Corrupt,
+            place,
+            PLY_DATA_FAILURE,
+            why,
+            "get the file again",
+        ))
     }
 
     /// Reads the next number of a type, from text or bytes.
     fn number(
         &mut self,
         input: &mut Input<'_>,
-        kind: Type,
+        kind: NumberType,
         missing: impl Fn() -> String,
     ) -> Result<f64> {
-        if self.encoding == Encoding::Ascii {
+        if self.encoding == PlyEncoding::Ascii {
             return self.word(input, missing);
         }
         let mut bytes = [0; 8];
         input.exact(&mut bytes[..kind.size()], missing)?;
-        Ok(kind.decode(&bytes, self.encoding == Encoding::Big))
+        Ok(kind.decode(&bytes, self.encoding == PlyEncoding::Big))
     }
 
     /// Parses the next number of a text.
@@ -135,12 +141,12 @@ impl Rows {
         let why = format!("\"{}\" is not a number", shorten(word));
         let at = input.at_line(self.words.column);
         let hint = "correct the line, or save the file again";
-        Err(input.error(ErrorKind::Number, at, WHAT, why, hint))
+        Err(input.error(ErrorKind::Number, at, PLY_DATA_FAILURE, why, hint))
     }
 
     /// Skips all rows of an element.
-    pub(super) fn skip(&mut self, input: &mut Input<'_>, element: &Element) -> Result<()> {
-        if self.encoding != Encoding::Ascii
+    pub(super) fn skip(&mut self, input: &mut Input<'_>, element: &PlyElement) -> Result<()> {
+        if self.encoding != PlyEncoding::Ascii
             && let Some(stride) = element.stride()
         {
             let missing = || {

@@ -2,7 +2,7 @@
 //! triangles as lists of three.
 
 use crate::WriteOptions;
-use crate::columns::{Names, column_names, row};
+use crate::columns::{ColumnNames, column_names, row};
 use isoform_geom::PointCloud;
 use std::io::{self, Write};
 
@@ -62,7 +62,7 @@ fn write_header(cloud: &PointCloud, out: &mut dyn Write, options: &WriteOptions)
 }
 
 /// Writes the properties of the vertices, in the order of a row.
-fn write_properties(names: &Names, out: &mut dyn Write) -> io::Result<()> {
+fn write_properties(names: &ColumnNames, out: &mut dyn Write) -> io::Result<()> {
     for name in names.positions.iter().chain(&names.normals) {
         writeln!(out, "property double {name}")?;
     }

@@ -2,9 +2,9 @@
 //!
 //! Parameter curves are not written: readers compute them up to rounding, and inaccurate ones harm.
 
-use super::part21::{Document, flag, id, ids, integers, real, reals, text};
-use super::placement::Placement;
-use super::{EPOCH, Product, StepOptions, unit};
+use super::part21::{StepDocument, flag, id, ids, integers, real, reals, text};
+use super::placement::AxisPlacement;
+use super::{DEFAULT_TIME, StepOptions, StepProduct, unit};
 use crate::{WriteError, write_atomic};
 use isoform_geom::Point3;
 use isoform_geom::brep::{
@@ -14,7 +14,7 @@ use std::io::Write;
 use std::path::Path;
 
 /// Cyclic colours of parts: red, green and blue.
-const COLORS: [Point3; 6] = [
+const PART_COLORS: [Point3; 6] = [
     [0.62, 0.7, 0.8],
     [0.85, 0.65, 0.45],
     [0.55, 0.75, 0.6],
@@ -95,7 +95,7 @@ fn compose(
         let why = format!("{open} edges are not between two faces");
         return Err(refuse("open", why, "a closed shell is needed"));
     }
-    let mut doc = Document::default();
+    let mut doc = StepDocument::default();
     let name = text(if options.step.name.is_empty() {
         "solid"
     } else {
@@ -103,26 +103,26 @@ fn compose(
     });
     let schema = if options.ap214 { AP214 } else { AP242 };
     // Readers merge points within the stated accuracy.
-    let accuracy = (10.0 * properties.gap).max(super::UNCERTAINTY);
-    let product = Product::new(&mut doc, &name, unit, schema.protocol, accuracy);
-    let mut writer = Writer::new(doc, brep);
+    let accuracy = (10.0 * properties.gap).max(super::LENGTH_UNCERTAINTY);
+    let product = StepProduct::new(&mut doc, &name, unit, schema.protocol, accuracy);
+    let mut writer = SolidWriter::new(doc, brep);
     writer.solids(&product);
     writer.properties(properties, &product);
-    let time = options.step.time.as_deref().unwrap_or(EPOCH);
+    let time = options.step.time.as_deref().unwrap_or(DEFAULT_TIME);
     Ok(writer.doc.file_of(&options.step.name, time, schema.name))
 }
 
 /// Schema: its name in the header, and its application protocol with the year.
-struct Schema {
+struct StepSchema {
     name: &'static str,
     protocol: &'static str,
 }
 
-const AP242: Schema = Schema {
+const AP242: StepSchema = StepSchema {
     name: super::part21::AP242,
-    protocol: super::PROTOCOL,
+    protocol: super::AP242_PROTOCOL,
 };
-const AP214: Schema = Schema {
+const AP214: StepSchema = StepSchema {
     name: "AUTOMOTIVE_DESIGN { 1 0 10303 214 3 1 1 }",
     protocol: "'international standard','automotive_design',2010",
 };
@@ -142,8 +142,8 @@ fn open_edges(brep: &Brep) -> usize {
     uses.iter().filter(|u| **u != [1, 1]).count()
 }
 
-struct Writer<'a> {
-    doc: Document,
+struct SolidWriter<'a> {
+    doc: StepDocument,
     brep: &'a Brep,
     /// Instances of the edges.
     edges: Vec<usize>,
@@ -151,9 +151,9 @@ struct Writer<'a> {
     faces: Vec<usize>,
 }
 
-impl<'a> Writer<'a> {
+impl<'a> SolidWriter<'a> {
     /// Adds vertices, edges and faces.
-    fn new(mut doc: Document, brep: &'a Brep) -> Self {
+    fn new(mut doc: StepDocument, brep: &'a Brep) -> Self {
         let vertices: Vec<usize> = brep
             .vertices
             .iter()
@@ -183,7 +183,7 @@ impl<'a> Writer<'a> {
     }
 
     fn axes(&mut self, axes: &Axes) -> String {
-        id(self.doc.placement(&Placement {
+        id(self.doc.placement(&AxisPlacement {
             origin: axes.origin,
             z: axes.z,
             x: axes.x,
@@ -271,7 +271,7 @@ impl<'a> Writer<'a> {
     /// Adds the chart of an ellipsoid around the x axis of its sphere as a rational biquadratic
     /// patch.
     fn ellipsoid(&mut self, ball: &Ellipsoid) -> usize {
-        let (control, weights) = ball.chart(Ellipsoid::REACH);
+        let (control, weights) = ball.chart(Ellipsoid::CHART_HALF_WIDTH);
         let points = self.grid(control.as_flattened(), 3);
         let weights: Vec<String> = weights.iter().map(|row| reals(row)).collect();
         self.doc.add(&format!(
@@ -330,7 +330,7 @@ impl<'a> Writer<'a> {
     }
 
     /// Adds the solids, their representation and the colours of the faces.
-    fn solids(&mut self, product: &Product) {
+    fn solids(&mut self, product: &StepProduct) {
         let count = self.brep.solids.len();
         let mut items = vec![product.origin];
         for (i, body) in self.brep.solids.iter().enumerate() {
@@ -381,14 +381,14 @@ impl<'a> Writer<'a> {
     /// omits and one reader rejects, is not written.
     fn colors(&mut self, context: &str) {
         let parts = self.brep.parts.len();
-        let styles: Vec<usize> = COLORS
+        let styles: Vec<usize> = PART_COLORS
             .iter()
             .take(parts)
             .map(|color| self.style(*color))
             .collect();
         let mut items = Vec::with_capacity(self.faces.len());
         for (f, face) in self.brep.faces.iter().enumerate() {
-            let style = id(styles[face.part as usize % COLORS.len()]);
+            let style = id(styles[face.part as usize % PART_COLORS.len()]);
             let item = id(self.faces[f]);
             items.push(self.doc.add(&format!("STYLED_ITEM('',({style}),{item})")));
         }
@@ -417,7 +417,7 @@ impl<'a> Writer<'a> {
 
     /// Adds geometric validation properties (CAx-IF recommended practices 4.4): volume, area,
     /// centroid.
-    fn properties(&mut self, properties: &SolidProperties, product: &Product) {
+    fn properties(&mut self, properties: &SolidProperties, product: &StepProduct) {
         let (volume, area) = (real(properties.volume), real(properties.area));
         let units = &product.context;
         let measure = |name: &str, kind: &str, value: &str, unit: usize| {

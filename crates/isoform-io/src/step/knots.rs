@@ -1,12 +1,12 @@
 //! Knot vectors of the B-splines of a STEP file.
 
 /// Clamped uniform knots 0, 1/s, 2/s, … 1: multiplicity degree + 1 at the ends, 1 inside.
-pub(super) struct Knots {
+pub(super) struct ClampedKnots {
     pub(super) degree: usize,
     pub(super) spans: usize,
 }
 
-impl Knots {
+impl ClampedKnots {
     /// Returns all knots, repeated by multiplicity.
     pub(super) fn all(&self) -> Vec<f64> {
         self.counts()
@@ -37,11 +37,11 @@ impl Knots {
 
 #[cfg(test)]
 mod tests {
-    use super::Knots;
+    use super::ClampedKnots;
 
     #[test]
     fn clamped_and_even() {
-        let knots = Knots {
+        let knots = ClampedKnots {
             degree: 2,
             spans: 4,
         };

@@ -4,7 +4,7 @@ use crate::solids::{SolidFileError, wrong};
 use std::collections::BTreeMap;
 
 /// Maximum depth of nested lists, which bounds the stack. Files of this crate need four.
-const DEEPEST: usize = 16;
+const MAX_LIST_DEPTH: usize = 16;
 
 /// Argument of a record.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,7 +34,7 @@ pub(super) struct Record {
 
 /// Parsed file: records of the header, and the records of each instance by number.
 #[derive(Debug, Default)]
-pub(super) struct File {
+pub(super) struct StepFile {
     pub(super) header: Vec<Record>,
     pub(super) instances: BTreeMap<u64, Vec<Record>>,
 }
@@ -42,12 +42,12 @@ pub(super) struct File {
 type Result<T> = std::result::Result<T, SolidFileError>;
 
 /// Parses a file.
-pub(super) fn parse(text: &str) -> Result<File> {
-    let mut parser = Parser {
+pub(super) fn parse(text: &str) -> Result<StepFile> {
+    let mut parser = StepParser {
         bytes: text.as_bytes(),
         at: 0,
     };
-    let mut file = File::default();
+    let mut file = StepFile::default();
     parser.expect("ISO-10303-21;")?;
     parser.expect("HEADER;")?;
     while !parser.take("ENDSEC;") {
@@ -74,12 +74,12 @@ pub(super) fn parse(text: &str) -> Result<File> {
     Ok(file)
 }
 
-struct Parser<'t> {
+struct StepParser<'t> {
     bytes: &'t [u8],
     at: usize,
 }
 
-impl Parser<'_> {
+impl StepParser<'_> {
     /// Returns an error at the present position, given as line and column from 1.
     fn wrong(&self, problem: &str) -> SolidFileError {
         let before = &self.bytes[..self.at.min(self.bytes.len())];
@@ -152,7 +152,7 @@ impl Parser<'_> {
     }
     /// Parses arguments up to the closing parenthesis.
     fn list(&mut self, depth: usize) -> Result<Vec<Value>> {
-        if depth > DEEPEST {
+        if depth > MAX_LIST_DEPTH {
             return Err(self.wrong("too many brackets in one another"));
         }
         let mut values = Vec::new();

@@ -1,7 +1,7 @@
 //! Writer of ISO 10303-21: numbered instances, reals, strings.
 
-use super::knots::Knots;
-use super::placement::Placement;
+use super::knots::ClampedKnots;
+use super::placement::AxisPlacement;
 use super::spline::{Spline, affine};
 use isoform_geom::{Point3, norm, sub};
 use std::fmt::Write;
@@ -10,18 +10,18 @@ use std::fmt::Write;
 pub(super) const AP242: &str =
     "AP242_MANAGED_MODEL_BASED_3D_ENGINEERING_MIM_LF { 1 0 10303 442 1 1 4 }";
 /// Column after which lines are broken at the next comma.
-const WIDTH: usize = 120;
+const LINE_BREAK_COLUMN: usize = 120;
 
 /// Data section, built instance by instance.
 #[derive(Default)]
-pub(super) struct Document {
+pub(super) struct StepDocument {
     /// Text of the instances.
     data: String,
     /// Number of instances.
     count: usize,
 }
 
-impl Document {
+impl StepDocument {
     /// Adds an instance and returns its number.
     pub(super) fn add(&mut self, entity: &str) -> usize {
         self.count += 1;
@@ -33,7 +33,7 @@ impl Document {
             self.data.push(c);
             line += 1;
             quoted ^= c == '\'';
-            if c == ',' && !quoted && line > WIDTH {
+            if c == ',' && !quoted && line > LINE_BREAK_COLUMN {
                 self.data.push('\n');
                 line = 0;
             }
@@ -74,7 +74,7 @@ impl Document {
         self.add(&format!("LINE('',{},{})", id(point), id(vector)))
     }
     /// Adds axes with their origin and returns their number.
-    pub(super) fn placement(&mut self, axes: &Placement) -> usize {
+    pub(super) fn placement(&mut self, axes: &AxisPlacement) -> usize {
         let (origin, z, x) = (
             self.point(axes.origin),
             self.direction(axes.z),
@@ -93,7 +93,7 @@ impl Document {
         self.add(&format!("AXIS1_PLACEMENT('',{},{})", id(origin), id(z)))
     }
     /// Adds a rational B-spline curve.
-    pub(super) fn curve(&mut self, control: &[[f64; 4]], knots: &Knots) -> usize {
+    pub(super) fn curve(&mut self, control: &[[f64; 4]], knots: &ClampedKnots) -> usize {
         let points: Vec<usize> = control.iter().map(|c| self.point(affine(c))).collect();
         let weights: Vec<f64> = control.iter().map(|c| c[3]).collect();
         self.add(&format!(
@@ -224,7 +224,7 @@ mod tests {
 
     #[test]
     fn long_lines_are_broken_but_not_in_strings() {
-        let mut doc = Document::default();
+        let mut doc = StepDocument::default();
         doc.add(&format!("X('{}',1,2)", "a,".repeat(200)));
         assert_eq!(doc.data, format!("#1=X('{}',\n1,2);\n", "a,".repeat(200)));
     }

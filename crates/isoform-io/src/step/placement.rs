@@ -3,26 +3,26 @@
 use isoform_geom::{Point3, Quadric, RationalPatch, Tangents, dot, norm, sub};
 
 /// Number of samples of a patch in each direction.
-const SAMPLES: usize = 9;
+const SAMPLES_PER_SIDE: usize = 9;
 /// Cosine of the minimum angle between a patch and a seam.
-const AWAY: f64 = 0.98;
+const MAX_SEAM_COSINE: f64 = 0.98;
 /// Cosine of the maximum angle between a patch on a sphere and its middle (80°), as seen from the
 /// centre.
-const NEAR: f64 = 0.17;
+const MIN_SPHERE_COSINE: f64 = 0.17;
 
 /// Axes: an origin, and the directions of z and x.
-pub(super) struct Placement {
+pub(super) struct AxisPlacement {
     pub(super) origin: Point3,
     pub(super) z: Point3,
     pub(super) x: Point3,
 }
 
 /// Named surface as a STEP entity.
-pub(super) struct Placed {
+pub(super) struct PlacedSurface {
     /// Name of the entity in the schema.
     pub(super) entity: &'static str,
     /// Position and orientation.
-    pub(super) axes: Placement,
+    pub(super) axes: AxisPlacement,
     /// Parameters that follow the axes, such as radii.
     pub(super) numbers: Vec<f64>,
     /// True if the normal agrees with ∂p/∂u × ∂p/∂v.
@@ -30,7 +30,7 @@ pub(super) struct Placed {
 }
 
 /// Samples of a patch.
-struct View {
+struct PatchSamples {
     /// Points on a uniform grid of parameters.
     points: Vec<Point3>,
     /// Point and tangents at the middle.
@@ -39,14 +39,14 @@ struct View {
     outward: Point3,
 }
 
-impl View {
+impl PatchSamples {
     /// Samples a patch on a square grid of parameters.
-    fn of(patch: &RationalPatch) -> Self {
-        let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
+    fn from_patch(patch: &RationalPatch) -> Self {
+        let at = |i: usize| i as f64 / (SAMPLES_PER_SIDE - 1) as f64;
         let middle = patch.tangents(0.5, 0.5);
         Self {
-            points: (0..SAMPLES * SAMPLES)
-                .map(|k| patch.point(at(k / SAMPLES), at(k % SAMPLES)))
+            points: (0..SAMPLES_PER_SIDE * SAMPLES_PER_SIDE)
+                .map(|k| patch.point(at(k / SAMPLES_PER_SIDE), at(k % SAMPLES_PER_SIDE)))
                 .collect(),
             outward: middle.normal(),
             middle,
@@ -56,14 +56,14 @@ impl View {
     fn is_away_from_seam(&self, origin: Point3, axis: Point3, seam: Point3) -> bool {
         self.points
             .iter()
-            .all(|p| away(across(sub(*p, origin), axis), seam))
+            .all(|p| is_away_from(perpendicular(sub(*p, origin), axis), seam))
     }
 }
 
 /// Places a surface for a patch. Returns `None` if every placement puts a pole, an apex or the seam
 /// near the patch, and for quadrics without an entity.
-pub(super) fn place(surface: &Quadric, patch: &RationalPatch) -> Option<Placed> {
-    let view = View::of(patch);
+pub(super) fn place(surface: &Quadric, patch: &RationalPatch) -> Option<PlacedSurface> {
+    let view = PatchSamples::from_patch(patch);
     match *surface {
         Quadric::Plane { normal, offset } => plane(&view, normal, offset),
         Quadric::Sphere { center, radius } => sphere(&view, center, radius),
@@ -89,12 +89,12 @@ pub(super) fn place(surface: &Quadric, patch: &RationalPatch) -> Option<Placed> 
 }
 
 /// Places a plane; x is the direction of u at the middle of the patch.
-fn plane(view: &View, normal: Point3, offset: f64) -> Option<Placed> {
-    let x = unit(across(view.middle.u, normal))?;
+fn plane(view: &PatchSamples, normal: Point3, offset: f64) -> Option<PlacedSurface> {
+    let x = unit(perpendicular(view.middle.u, normal))?;
     let origin = normal.map(|v| offset * v);
-    Some(Placed {
+    Some(PlacedSurface {
         entity: "PLANE",
-        axes: Placement {
+        axes: AxisPlacement {
             origin,
             z: normal,
             x,
@@ -105,15 +105,15 @@ fn plane(view: &View, normal: Point3, offset: f64) -> Option<Placed> {
 }
 
 /// Places a sphere: its equator passes through the middle of the patch, and its seam is opposite.
-fn sphere(view: &View, center: Point3, radius: f64) -> Option<Placed> {
+fn sphere(view: &PatchSamples, center: Point3, radius: f64) -> Option<PlacedSurface> {
     let out = unit(sub(view.middle.point, center))?;
-    let z = unit(across(view.middle.v, out))?;
+    let z = unit(perpendicular(view.middle.v, out))?;
     let x = out.map(|v| -v);
     // Poles and seam are at least 90° from the middle; the patch must stay within 80°.
-    let is_near = |p: &Point3| dot(sub(*p, center), out) > NEAR * radius;
-    view.points.iter().all(is_near).then(|| Placed {
+    let is_near = |p: &Point3| dot(sub(*p, center), out) > MIN_SPHERE_COSINE * radius;
+    view.points.iter().all(is_near).then(|| PlacedSurface {
         entity: "SPHERICAL_SURFACE",
-        axes: Placement {
+        axes: AxisPlacement {
             origin: center,
             z,
             x,
@@ -124,64 +124,75 @@ fn sphere(view: &View, center: Point3, radius: f64) -> Option<Placed> {
 }
 
 /// Places a cylinder with the seam opposite to the middle of the patch.
-fn cylinder(view: &View, point: Point3, axis: Point3, radius: f64) -> Option<Placed> {
-    let out = unit(across(sub(view.middle.point, point), axis))?;
+fn cylinder(
+    view: &PatchSamples,
+    point: Point3,
+    axis: Point3,
+    radius: f64,
+) -> Option<PlacedSurface> {
+    let out = unit(perpendicular(sub(view.middle.point, point), axis))?;
     let x = out.map(|v| -v);
-    view.is_away_from_seam(point, axis, x).then(|| Placed {
-        entity: "CYLINDRICAL_SURFACE",
-        axes: Placement {
-            origin: point,
-            z: axis,
-            x,
-        },
-        numbers: vec![radius],
-        agrees: dot(out, view.outward) > 0.0,
-    })
+    view.is_away_from_seam(point, axis, x)
+        .then(|| PlacedSurface {
+            entity: "CYLINDRICAL_SURFACE",
+            axes: AxisPlacement {
+                origin: point,
+                z: axis,
+                x,
+            },
+            numbers: vec![radius],
+            agrees: dot(out, view.outward) > 0.0,
+        })
 }
 
 /// Places a cone with its origin at the height of the middle of the patch, and the seam opposite.
-fn cone(view: &View, apex: Point3, axis: Point3, half_angle: f64) -> Option<Placed> {
+fn cone(view: &PatchSamples, apex: Point3, axis: Point3, half_angle: f64) -> Option<PlacedSurface> {
     // Axis towards the patch, and the circle about it through the middle of the patch.
     let height = dot(sub(view.middle.point, apex), axis);
     let z = axis.map(|v| v * height.signum());
     let height = height.abs();
-    let out = unit(across(sub(view.middle.point, apex), z))?;
+    let out = unit(perpendicular(sub(view.middle.point, apex), z))?;
     let x = out.map(|v| -v);
-    let is_beyond_apex = |p: &Point3| dot(sub(*p, apex), z) > (1.0 - AWAY) * height;
+    let is_beyond_apex = |p: &Point3| dot(sub(*p, apex), z) > (1.0 - MAX_SEAM_COSINE) * height;
     if !view.points.iter().all(is_beyond_apex) || !view.is_away_from_seam(apex, z, x) {
         return None;
     }
     let origin = std::array::from_fn(|k| apex[k] + height * z[k]);
     let (sin, cos) = half_angle.sin_cos();
     let normal: Point3 = std::array::from_fn(|k| cos * out[k] - sin * z[k]);
-    Some(Placed {
+    Some(PlacedSurface {
         entity: "CONICAL_SURFACE",
-        axes: Placement { origin, z, x },
+        axes: AxisPlacement { origin, z, x },
         numbers: vec![height * half_angle.tan(), half_angle],
         agrees: dot(normal, view.outward) > 0.0,
     })
 }
 
 /// Places a torus with the seam about the axis opposite to the middle of the patch.
-fn torus(view: &View, center: Point3, axis: Point3, [major, minor]: [f64; 2]) -> Option<Placed> {
+fn torus(
+    view: &PatchSamples,
+    center: Point3,
+    axis: Point3,
+    [major, minor]: [f64; 2],
+) -> Option<PlacedSurface> {
     // Only the seam about the axis can be moved; the seam along the tube is the outer equator.
-    let out = unit(across(sub(view.middle.point, center), axis))?;
+    let out = unit(perpendicular(sub(view.middle.point, center), axis))?;
     let x = out.map(|v| -v);
     let from_tube = |p: Point3| -> Option<Point3> {
-        let round = unit(across(sub(p, center), axis))?;
+        let round = unit(perpendicular(sub(p, center), axis))?;
         Some(std::array::from_fn(|k| p[k] - center[k] - major * round[k]))
     };
     let normal = unit(from_tube(view.middle.point)?)?;
     let behind = normal.map(|v| -v);
-    let is_in_front = |p: &Point3| from_tube(*p).is_some_and(|d| away(d, behind));
+    let is_in_front = |p: &Point3| from_tube(*p).is_some_and(|d| is_away_from(d, behind));
     // A self-intersecting torus is another entity (DEGENERATE_TOROIDAL_SURFACE), which few readers
     // support.
-    let fits = minor < AWAY * major
+    let fits = minor < MAX_SEAM_COSINE * major
         && view.is_away_from_seam(center, axis, x)
         && view.points.iter().all(is_in_front);
-    fits.then(|| Placed {
+    fits.then(|| PlacedSurface {
         entity: "TOROIDAL_SURFACE",
-        axes: Placement {
+        axes: AxisPlacement {
             origin: center,
             z: axis,
             x,
@@ -192,12 +203,12 @@ fn torus(view: &View, center: Point3, axis: Point3, [major, minor]: [f64; 2]) ->
 }
 
 /// Returns true if a vector does not have the direction of the seam.
-fn away(d: Point3, seam: Point3) -> bool {
-    dot(d, seam) < AWAY * norm(d)
+fn is_away_from(d: Point3, seam: Point3) -> bool {
+    dot(d, seam) < MAX_SEAM_COSINE * norm(d)
 }
 
 /// Returns the component of a vector perpendicular to a unit vector.
-fn across(d: Point3, n: Point3) -> Point3 {
+fn perpendicular(d: Point3, n: Point3) -> Point3 {
     let along = dot(d, n);
     let flat: Point3 = std::array::from_fn(|k| d[k] - along * n[k]);
     // Readers require exact perpendicularity: a second projection removes the rounding error of the

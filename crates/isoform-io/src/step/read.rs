@@ -5,8 +5,8 @@
 //! cannot store them, so they are computed from the control points up to rounding. Parts come in
 //! the order of their first faces.
 
-use super::parse::{File, Record, Value, parse};
-use super::{SolidProperties, UNCERTAINTY};
+use super::parse::{Record, StepFile, Value, parse};
+use super::{LENGTH_UNCERTAINTY, SolidProperties};
 use crate::solids::{SolidFile, SolidFileError, checked, wrong};
 use isoform_geom::brep::{
     Axes, BSpline, Body, Brep, Coedge, Curve, Edge, Ellipsoid, Face, Graph, Revolved, Surface,
@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 /// Maximum deviation of recomputed control points from those of the file, relative to the size of
 /// the face: some hundred rounding errors.
-const SAME: f64 = 1e-12;
+const ROUND_TRIP_TOLERANCE: f64 = 1e-12;
 
 type Result<T> = std::result::Result<T, SolidFileError>;
 
@@ -28,7 +28,7 @@ type Result<T> = std::result::Result<T, SolidFileError>;
 pub fn read_step_solids(text: &str) -> Result<SolidFile> {
     let file = parse(text)?;
     is_ours(&file)?;
-    let mut reader = Reader::new(&file);
+    let mut reader = SolidReader::new(&file);
     checked(SolidFile {
         brep: reader.brep()?,
         name: reader.product()?,
@@ -38,7 +38,7 @@ pub fn read_step_solids(text: &str) -> Result<SolidFile> {
 }
 
 /// Returns an error if another program wrote the file.
-fn is_ours(file: &File) -> Result<()> {
+fn is_ours(file: &StepFile) -> Result<()> {
     let header = file.header.iter().find(|r| r.name == "FILE_NAME");
     let by = match header.and_then(|r| r.arguments.get(4)) {
         Some(Value::Text(by)) => by.as_str(),
@@ -52,8 +52,8 @@ fn is_ours(file: &File) -> Result<()> {
     Err(wrong("FILE_NAME", problem))
 }
 
-struct Reader<'f> {
-    file: &'f File,
+struct SolidReader<'f> {
+    file: &'f StepFile,
     /// Numbers of the instances by the names of their records, ascending.
     named: BTreeMap<&'f str, Vec<u64>>,
     /// Instances already consumed.
@@ -61,10 +61,10 @@ struct Reader<'f> {
 }
 
 /// Map from instance numbers to indices.
-type Indices = BTreeMap<u64, u32>;
+type InstanceIndices = BTreeMap<u64, u32>;
 
-impl<'f> Reader<'f> {
-    fn new(file: &'f File) -> Self {
+impl<'f> SolidReader<'f> {
+    fn new(file: &'f StepFile) -> Self {
         let mut named: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
         for (number, records) in &file.instances {
             for record in records {
@@ -90,11 +90,11 @@ impl<'f> Reader<'f> {
         self.named.get(name).map_or(&[], Vec::as_slice)
     }
     /// Returns the arguments of the record of this name in an instance.
-    fn of(&self, number: u64, name: &str) -> Result<Arguments<'f>> {
+    fn record(&self, number: u64, name: &str) -> Result<RecordArguments<'f>> {
         let records = self.file.instances.get(&number);
         let record = records.and_then(|r| r.iter().find(|r| r.name == name));
         record
-            .map(|record| Arguments { number, record })
+            .map(|record| RecordArguments { number, record })
             .ok_or_else(|| wrong(format!("#{number}"), format!("{name} is expected")))
     }
 
@@ -104,24 +104,24 @@ impl<'f> Reader<'f> {
             return Err(wrong("solids", problem));
         }
         let mut brep = Brep::default();
-        let mut at_vertex = Indices::new();
+        let mut at_vertex = InstanceIndices::new();
         let [vertices, edges, faces] =
             ["VERTEX_POINT", "EDGE_CURVE", "ADVANCED_FACE"].map(|name| self.all(name).to_vec());
         for number in vertices {
             at_vertex.insert(number, brep.vertices.len() as u32);
-            let point = self.of(number, "VERTEX_POINT")?.reference(1)?;
+            let point = self.record(number, "VERTEX_POINT")?.reference(1)?;
             brep.vertices.push(self.point(point)?);
         }
-        let mut at_edge = Indices::new();
+        let mut at_edge = InstanceIndices::new();
         for number in edges {
             at_edge.insert(number, brep.edges.len() as u32);
             brep.edges.push(self.edge(number, &at_vertex)?);
         }
-        let mut at_face = Indices::new();
+        let mut at_face = InstanceIndices::new();
         let mut parts = BTreeMap::new();
         for number in faces {
             at_face.insert(number, brep.faces.len() as u32);
-            let name = self.of(number, "ADVANCED_FACE")?.text(0)?;
+            let name = self.record(number, "ADVANCED_FACE")?.text(0)?;
             let (name, chart) = part_of(name);
             let part = *parts.entry(name).or_insert_with(|| {
                 brep.parts.push(name.to_owned());
@@ -138,13 +138,13 @@ impl<'f> Reader<'f> {
     }
 
     fn point(&self, number: u64) -> Result<Point3> {
-        self.of(number, "CARTESIAN_POINT")?.point(1)
+        self.record(number, "CARTESIAN_POINT")?.point(1)
     }
     fn direction(&self, number: u64) -> Result<Point3> {
-        self.of(number, "DIRECTION")?.point(1)
+        self.record(number, "DIRECTION")?.point(1)
     }
     fn axes(&self, number: u64) -> Result<Axes> {
-        let given = self.of(number, "AXIS2_PLACEMENT_3D")?;
+        let given = self.record(number, "AXIS2_PLACEMENT_3D")?;
         Ok(Axes {
             origin: self.point(given.reference(1)?)?,
             z: self.direction(given.reference(2)?)?,
@@ -152,8 +152,8 @@ impl<'f> Reader<'f> {
         })
     }
 
-    fn edge(&mut self, number: u64, at_vertex: &Indices) -> Result<Edge> {
-        let given = self.of(number, "EDGE_CURVE")?;
+    fn edge(&mut self, number: u64, at_vertex: &InstanceIndices) -> Result<Edge> {
+        let given = self.record(number, "EDGE_CURVE")?;
         let end = |k: usize| given.indexed(k, at_vertex);
         let curve = self.take(given.reference(3)?)?;
         Ok(Edge {
@@ -182,15 +182,15 @@ impl<'f> Reader<'f> {
     }
 
     /// Returns the first record of an instance.
-    fn only(&self, number: u64) -> Result<Arguments<'f>> {
+    fn only(&self, number: u64) -> Result<RecordArguments<'f>> {
         let records = self.file.instances.get(&number);
         let record = records.and_then(|r| r.first());
         record
-            .map(|record| Arguments { number, record })
+            .map(|record| RecordArguments { number, record })
             .ok_or_else(|| wrong(format!("#{number}"), "there is no such instance"))
     }
 
-    fn points(&self, list: &[Value], of: &Arguments) -> Result<Vec<Point3>> {
+    fn points(&self, list: &[Value], of: &RecordArguments) -> Result<Vec<Point3>> {
         let point = |v: &Value| match v {
             Value::Reference(number) => self.point(*number),
             _ => Err(of.wrong("references to points are expected")),
@@ -199,7 +199,7 @@ impl<'f> Reader<'f> {
     }
 
     /// Reads rows of control points.
-    fn grid(&self, list: &[Value], of: &Arguments) -> Result<Vec<Vec<Point3>>> {
+    fn grid(&self, list: &[Value], of: &RecordArguments) -> Result<Vec<Vec<Point3>>> {
         let row = |v: &Value| match v {
             Value::List(row) => self.points(row, of),
             _ => Err(of.wrong("rows of points are expected")),
@@ -207,8 +207,14 @@ impl<'f> Reader<'f> {
         list.iter().map(row).collect()
     }
 
-    fn face(&mut self, number: u64, at_edge: &Indices, part: u32, chart: u32) -> Result<Face> {
-        let given = self.of(number, "ADVANCED_FACE")?;
+    fn face(
+        &mut self,
+        number: u64,
+        at_edge: &InstanceIndices,
+        part: u32,
+        chart: u32,
+    ) -> Result<Face> {
+        let given = self.record(number, "ADVANCED_FACE")?;
         let mut loops = Vec::new();
         for bound in given.references(1)? {
             let bound = self.take(bound)?;
@@ -224,12 +230,12 @@ impl<'f> Reader<'f> {
         })
     }
 
-    fn around(&mut self, bound: u64, at_edge: &Indices) -> Result<Vec<Coedge>> {
+    fn around(&mut self, bound: u64, at_edge: &InstanceIndices) -> Result<Vec<Coedge>> {
         let around = self.only(bound)?.reference(1)?;
         let around = self.take(around)?;
-        let around = self.of(around, "EDGE_LOOP")?;
+        let around = self.record(around, "EDGE_LOOP")?;
         let coedge = |number: u64| {
-            let given = self.of(number, "ORIENTED_EDGE")?;
+            let given = self.record(number, "ORIENTED_EDGE")?;
             Ok(Coedge {
                 edge: given.indexed(3, at_edge)?,
                 forward: given.flag(4)?,
@@ -261,12 +267,12 @@ impl<'f> Reader<'f> {
     }
 
     /// Reads a surface of revolution, whose profile lies in a half-plane of the axis.
-    fn revolved(&self, given: &Arguments) -> Result<Surface> {
+    fn revolved(&self, given: &RecordArguments) -> Result<Surface> {
         let other = || given.wrong("this is no spline in a half-plane about the axis");
         let Curve::BSpline(spline) = self.curve(given.reference(1)?)? else {
             return Err(other());
         };
-        let axis = self.of(given.reference(2)?, "AXIS1_PLACEMENT")?;
+        let axis = self.record(given.reference(2)?, "AXIS1_PLACEMENT")?;
         let origin = self.point(axis.reference(1)?)?;
         let z = self.direction(axis.reference(2)?)?;
         let axes = Axes::along(origin, z);
@@ -296,7 +302,7 @@ impl<'f> Reader<'f> {
             knots,
             control: control.collect(),
         };
-        if !are_same(&spline.control, &turned.control_points()) {
+        if !agree_up_to_rounding(&spline.control, &turned.control_points()) {
             return Err(other());
         }
         Ok(Surface::Revolved(Arc::new(turned)))
@@ -304,25 +310,25 @@ impl<'f> Reader<'f> {
 
     /// Recovers the ellipsoid of a chart.
     fn ellipsoid(&self, number: u64) -> Result<Surface> {
-        let given = self.of(number, "B_SPLINE_SURFACE")?;
+        let given = self.record(number, "B_SPLINE_SURFACE")?;
         let rows = self.grid(given.list(2)?, &given)?;
         let other = || given.wrong("this is no chart of an ellipsoid");
         let rows: Option<Vec<[Point3; 3]>> = rows.into_iter().map(|r| r.try_into().ok()).collect();
         let control: Option<[[Point3; 3]; 3]> = rows.and_then(|r| r.try_into().ok());
         let control = control.ok_or_else(other)?;
-        let ball = Ellipsoid::of_chart(&control, Ellipsoid::REACH).ok_or_else(other)?;
-        let (again, weights) = ball.chart(Ellipsoid::REACH);
-        let stated = self.of(number, "RATIONAL_B_SPLINE_SURFACE")?;
+        let ball = Ellipsoid::of_chart(&control, Ellipsoid::CHART_HALF_WIDTH).ok_or_else(other)?;
+        let (again, weights) = ball.chart(Ellipsoid::CHART_HALF_WIDTH);
+        let stated = self.record(number, "RATIONAL_B_SPLINE_SURFACE")?;
         let stated: Option<Vec<Vec<f64>>> = stated.list(0)?.iter().map(numbers).collect();
         let are_stated = stated.is_some_and(|s| s == weights.map(Vec::from));
-        if !are_stated || !are_same(control.as_flattened(), again.as_flattened()) {
+        if !are_stated || !agree_up_to_rounding(control.as_flattened(), again.as_flattened()) {
             return Err(other());
         }
         Ok(Surface::Ellipsoid(ball))
     }
 
     /// Recovers the height graph with these control points.
-    fn graph(&self, given: &Arguments) -> Result<Surface> {
+    fn graph(&self, given: &RecordArguments) -> Result<Surface> {
         let other = || given.wrong("this is no graph over a plane");
         let degree = given.whole(1)?;
         let rows = self.grid(given.list(3)?, given)?;
@@ -343,13 +349,13 @@ impl<'f> Reader<'f> {
         }
         let control: Vec<Point3> = rows.into_iter().flatten().collect();
         let graph = Graph::of_control(degree, knots, &control).ok_or_else(other)?;
-        if !are_same(&control, &graph.control()) {
+        if !agree_up_to_rounding(&control, &graph.control()) {
             return Err(other());
         }
         Ok(Surface::Graph(Arc::new(graph)))
     }
 
-    fn body(&mut self, number: u64, at_face: &Indices) -> Result<Body> {
+    fn body(&mut self, number: u64, at_face: &InstanceIndices) -> Result<Body> {
         let given = self.only(number)?;
         let mut body = Body {
             outer: self.shell(given.reference(1)?, at_face)?,
@@ -357,16 +363,16 @@ impl<'f> Reader<'f> {
         };
         if given.record.name == "BREP_WITH_VOIDS" {
             for void in given.references(2)? {
-                let void = self.of(void, "ORIENTED_CLOSED_SHELL")?;
+                let void = self.record(void, "ORIENTED_CLOSED_SHELL")?;
                 body.voids.push(self.shell(void.reference(2)?, at_face)?);
             }
         }
         Ok(body)
     }
 
-    fn shell(&mut self, number: u64, at_face: &Indices) -> Result<Vec<u32>> {
+    fn shell(&mut self, number: u64, at_face: &InstanceIndices) -> Result<Vec<u32>> {
         let number = self.take(number)?;
-        let given = self.of(number, "CLOSED_SHELL")?;
+        let given = self.record(number, "CLOSED_SHELL")?;
         let faces = given.references(1)?.into_iter();
         faces
             .map(|f| {
@@ -380,21 +386,21 @@ impl<'f> Reader<'f> {
         let Some(&number) = self.all("PRODUCT").first() else {
             return Err(wrong("PRODUCT", "it is missing"));
         };
-        Ok(self.of(number, "PRODUCT")?.text(0)?.to_owned())
+        Ok(self.record(number, "PRODUCT")?.text(0)?.to_owned())
     }
 
     /// Returns the unit of length. A conversion-based unit takes precedence over its base unit.
     fn unit(&self) -> Result<String> {
         let unknown = || wrong("LENGTH_UNIT", "this unit of length is not known");
         if let Some(&number) = self.all("CONVERSION_BASED_UNIT").first() {
-            return match self.of(number, "CONVERSION_BASED_UNIT")?.text(0)? {
+            return match self.record(number, "CONVERSION_BASED_UNIT")?.text(0)? {
                 "INCH" => Ok("in".to_owned()),
                 "FOOT" => Ok("ft".to_owned()),
                 _ => Err(unknown()),
             };
         }
         let number = *self.all("LENGTH_UNIT").first().ok_or_else(unknown)?;
-        let unit = match self.of(number, "SI_UNIT")?.record.arguments.first() {
+        let unit = match self.record(number, "SI_UNIT")?.record.arguments.first() {
             Some(Value::Nothing) => "m",
             Some(Value::Word(prefix)) => match prefix.as_str() {
                 "MICRO" => "um",
@@ -413,7 +419,7 @@ impl<'f> Reader<'f> {
         let missing = |what: &str| wrong(what, "it is missing");
         let mut found = [None; 2];
         for &number in self.all("MEASURE_REPRESENTATION_ITEM") {
-            let given = self.of(number, "MEASURE_REPRESENTATION_ITEM")?;
+            let given = self.record(number, "MEASURE_REPRESENTATION_ITEM")?;
             match given.text(0)? {
                 "volume measure" => found[0] = Some(given.measure(1)?),
                 "surface area measure" => found[1] = Some(given.measure(1)?),
@@ -421,12 +427,14 @@ impl<'f> Reader<'f> {
             }
         }
         let points = self.all("CARTESIAN_POINT").iter();
-        let points = points.map(|n| self.of(*n, "CARTESIAN_POINT"));
+        let points = points.map(|n| self.record(*n, "CARTESIAN_POINT"));
         let mut named = points.filter_map(|p| p.ok().filter(|p| p.text(0) == Ok("centre point")));
         let centroid = named.next().ok_or_else(|| missing("centre point"))?;
         let accuracy = match self.all("UNCERTAINTY_MEASURE_WITH_UNIT").first() {
-            Some(&n) => self.of(n, "UNCERTAINTY_MEASURE_WITH_UNIT")?.measure(0)?,
-            None => UNCERTAINTY,
+            Some(&n) => self
+                .record(n, "UNCERTAINTY_MEASURE_WITH_UNIT")?
+                .measure(0)?,
+            None => LENGTH_UNCERTAINTY,
         };
         Ok(SolidProperties {
             volume: found[0].ok_or_else(|| missing("volume measure"))?,
@@ -457,20 +465,20 @@ fn flat(values: &[f64], counts: &[usize]) -> Option<Vec<f64>> {
 }
 
 /// Returns true if two lists of points agree up to rounding.
-fn are_same(given: &[Point3], found: &[Point3]) -> bool {
-    let size = Aabb::of(given).diagonal();
+fn agree_up_to_rounding(given: &[Point3], found: &[Point3]) -> bool {
+    let size = Aabb::from_points(given).diagonal();
     let far = given.iter().flatten().fold(size, |m, v| m.max(v.abs()));
-    let near = |(p, q): (&Point3, &Point3)| norm(sub(*p, *q)) <= SAME * far;
+    let near = |(p, q): (&Point3, &Point3)| norm(sub(*p, *q)) <= ROUND_TRIP_TOLERANCE * far;
     given.len() == found.len() && given.iter().zip(found).all(near)
 }
 
 /// Arguments of a record of an instance.
-struct Arguments<'f> {
+struct RecordArguments<'f> {
     number: u64,
     record: &'f Record,
 }
 
-impl<'f> Arguments<'f> {
+impl<'f> RecordArguments<'f> {
     fn wrong(&self, problem: &str) -> SolidFileError {
         wrong(format!("#{} {}", self.number, self.record.name), problem)
     }
@@ -492,7 +500,7 @@ impl<'f> Arguments<'f> {
         self.read(k, "references are expected", references)
     }
     /// Returns the index of the instance referred to by an argument.
-    fn indexed(&self, k: usize, indices: &Indices) -> Result<u32> {
+    fn indexed(&self, k: usize, indices: &InstanceIndices) -> Result<u32> {
         let index = |v: &'f Value| indices.get(&reference(v)?).copied();
         self.read(
             k,

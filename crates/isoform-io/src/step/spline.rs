@@ -5,21 +5,21 @@
 //! control weights towards the weight function until all are positive, and leaves the surface
 //! unchanged. New control points are blossoms of the old ones.
 
-use super::knots::Knots;
+use super::knots::ClampedKnots;
 use isoform_geom::{Point3, RationalPatch};
 
 /// Minimum ratio of the smallest control weight to the largest; smaller weights are treated as 0,
 /// since readers divide by them.
-const LEAST: f64 = 1e-6;
+const MIN_WEIGHT_RATIO: f64 = 1e-6;
 /// Maximum number of spans in each direction.
-const MOST_SPANS: usize = 64;
+const MAX_SPANS: usize = 64;
 
 /// Rational B-spline surface over [0, 1]² with homogeneous control points.
 pub(super) struct Spline {
     /// Knots in u.
-    u: Knots,
+    u: ClampedKnots,
     /// Knots in v.
-    v: Knots,
+    v: ClampedKnots,
     /// Homogeneous control points, row by row of equal i.
     control: Vec<[f64; 4]>,
 }
@@ -31,27 +31,27 @@ pub(super) fn affine(c: &[f64; 4]) -> Point3 {
 
 impl Spline {
     /// Converts a patch, refining the better direction until all control weights are positive;
-    /// `None` if [`MOST_SPANS`] do not suffice.
+    /// `None` if [`MAX_SPANS`] do not suffice.
     pub(super) fn positive(patch: &RationalPatch) -> Option<Self> {
-        let mut best = Self::of(patch, 1, 1);
+        let mut best = Self::with_spans(patch, 1, 1);
         while !best.is_positive() {
             let (u, v) = (best.u.spans, best.v.spans);
             let finer = [(2 * u, v), (u, 2 * v)]
                 .into_iter()
-                .filter(|(u, v)| *u.max(v) <= MOST_SPANS);
-            let finer = finer.map(|(u, v)| Self::of(patch, u, v));
+                .filter(|(u, v)| *u.max(v) <= MAX_SPANS);
+            let finer = finer.map(|(u, v)| Self::with_spans(patch, u, v));
             best = finer.reduce(|a, b| if a.worst() >= b.worst() { a } else { b })?;
         }
         Some(best)
     }
-    fn of(patch: &RationalPatch, u: usize, v: usize) -> Self {
+    fn with_spans(patch: &RationalPatch, u: usize, v: usize) -> Self {
         let (m, n) = patch.degree();
         let (u, v) = (
-            Knots {
+            ClampedKnots {
                 degree: m,
                 spans: u,
             },
-            Knots {
+            ClampedKnots {
                 degree: n,
                 spans: v,
             },
@@ -89,7 +89,7 @@ impl Spline {
         self.control[i * (self.last().1 + 1) + j]
     }
     /// Returns the knots along u or along v.
-    pub(super) fn knots(&self, along_u: bool) -> &Knots {
+    pub(super) fn knots(&self, along_u: bool) -> &ClampedKnots {
         if along_u { &self.u } else { &self.v }
     }
     /// Returns the Cartesian control points.
@@ -106,16 +106,16 @@ impl Spline {
             });
         if hi > 0.0 { lo / hi } else { f64::NEG_INFINITY }
     }
-    /// Returns true if the smallest weight exceeds [`LEAST`] of the largest, so that all are
-    /// positive.
+    /// Returns true if the smallest weight exceeds [`MIN_WEIGHT_RATIO`] of the largest, so that all
+    /// are positive.
     fn is_positive(&self) -> bool {
-        self.worst() > LEAST
+        self.worst() > MIN_WEIGHT_RATIO
     }
 }
 
 /// Returns the control points of a Bézier curve over refined knots: the i-th is the blossom at the
 /// knots i + 1, …, i + degree.
-fn insert(bezier: &[[f64; 4]], knots: &Knots) -> Vec<[f64; 4]> {
+fn insert(bezier: &[[f64; 4]], knots: &ClampedKnots) -> Vec<[f64; 4]> {
     let (degree, all) = (knots.degree, knots.all());
     let blossom = |at: &[f64]| {
         let mut c = bezier.to_vec();
@@ -138,7 +138,7 @@ mod tests {
     use super::*;
 
     /// Evaluates a B-spline by de Boor's algorithm.
-    fn evaluate(control: &[[f64; 4]], knots: &Knots, t: f64) -> [f64; 4] {
+    fn evaluate(control: &[[f64; 4]], knots: &ClampedKnots, t: f64) -> [f64; 4] {
         let (p, all) = (knots.degree, knots.all());
         let span = (p..p + knots.spans)
             .rev()
@@ -163,12 +163,12 @@ mod tests {
             [2.0, 0.3, 0.1, 0.7],
             [0.4, 0.2, 3.0, 1.5],
         ];
-        let whole = Knots {
+        let whole = ClampedKnots {
             degree: 3,
             spans: 1,
         };
         for spans in [2, 4, 8] {
-            let knots = Knots { degree: 3, spans };
+            let knots = ClampedKnots { degree: 3, spans };
             let finer = insert(&curve, &knots);
             assert_eq!(finer.len(), 3 + spans);
             for t in [0.0, 0.1, 0.5, 0.77, 0.99] {

@@ -1,25 +1,25 @@
 //! Roles of the columns of a table: by their names, or by the values of the first rows.
 //!
-//! Names are those of [`understood`]. Values distinguish colours (integers from 0 to 255), normals
-//! (triples of length 1) and row numbers from other columns. This is a guess, which the report
-//! states.
+//! Names are those of [`interpret_names`]. Values distinguish colours (integers from 0 to 255),
+//! normals (triples of length 1) and row numbers from other columns. This is a guess, which the
+//! report states.
 
-use super::names::{Named, are_angles, understood};
+use super::names::{InterpretedNames, are_angles, interpret_names};
 use crate::ReadReport;
 use crate::input::shorten;
-use crate::roles::Layout;
+use crate::roles::RowLayout;
 
 /// Minimum number of rows to detect a column of row numbers: three equal steps, which two
 /// coordinates lack.
-const COUNTED: usize = 4;
+const MIN_COUNTED_ROWS: usize = 4;
 
 /// Returns the layout of columns whose names include the coordinates, and their unit; `None` if
 /// they do not.
 pub(super) fn by_names(
     names: &[String],
     report: &mut ReadReport,
-) -> Option<(Layout, Option<String>)> {
-    let Named { names, units } = understood(names)?;
+) -> Option<(RowLayout, Option<String>)> {
+    let InterpretedNames { names, units } = interpret_names(names)?;
     let unit = match units[..] {
         [] => None,
         [unit] => Some(unit.to_owned()),
@@ -31,7 +31,7 @@ pub(super) fn by_names(
             None
         }
     };
-    Some((Layout::named(names.iter().map(String::as_str)), unit))
+    Some((RowLayout::named(names.iter().map(String::as_str)), unit))
 }
 
 /// Returns the layout of columns without the names of coordinates: the coordinates are the first
@@ -42,7 +42,7 @@ pub(super) fn by_values(
     words: usize,
     is_pts: bool,
     report: &mut ReadReport,
-) -> Layout {
+) -> RowLayout {
     let width = rows.first().map_or(3, Vec::len);
     let is_counted = words == 0 && width > 3 && counts(rows);
     let first = if is_counted { 1 } else { words };
@@ -52,7 +52,7 @@ pub(super) fn by_values(
              and z (a line of names before the numbers says otherwise)",
         );
     }
-    let mut columns = Columns {
+    let mut columns = NamedColumns {
         rows,
         is_pts,
         first,
@@ -93,7 +93,7 @@ pub(super) fn by_values(
             columns.guesses.join(" and ")
         ));
     }
-    let mut layout = Layout::named(columns.names.iter().map(String::as_str));
+    let mut layout = RowLayout::named(columns.names.iter().map(String::as_str));
     if is_counted {
         layout.ignore(0);
     }
@@ -111,14 +111,14 @@ fn counts(rows: &[Vec<f64>]) -> bool {
     let by_one = |c: usize| is_whole(c) && steps(c).all(|s| s == 1.0);
     let varies = |c: usize| steps(c).any(|s| s != 0.0);
     let others = || 1..4;
-    rows.len() >= COUNTED
+    rows.len() >= MIN_COUNTED_ROWS
         && ascends
         && others().all(varies)
         && (others().all(|c| !is_whole(c)) || (by_one(0) && !others().any(by_one)))
 }
 
 /// Columns that have a name so far.
-struct Columns<'r> {
+struct NamedColumns<'r> {
     /// First rows of the file.
     rows: &'r [Vec<f64>],
     is_pts: bool,
@@ -132,7 +132,7 @@ struct Columns<'r> {
     guesses: Vec<String>,
 }
 
-impl Columns<'_> {
+impl NamedColumns<'_> {
     /// Names the next column or columns, of which `left` are unnamed.
     fn next(&mut self, left: usize) {
         let c = self.names.len();

@@ -9,7 +9,7 @@ use crate::input::unit_named;
 use crate::roles::{Role, role_named};
 
 /// Words that may accompany the letter of an axis.
-const PLACE: [&str; 39] = [
+const COORDINATE_WORDS: [&str; 39] = [
     "coord",
     "coords",
     "coordinate",
@@ -51,11 +51,11 @@ const PLACE: [&str; 39] = [
     "좌표",
 ];
 /// Words that mark the component of a normal.
-const NORMAL: [&str; 5] = ["normal", "normals", "normale", "norm", "n"];
+const NORMAL_WORDS: [&str; 5] = ["normal", "normals", "normale", "norm", "n"];
 /// Words that may accompany the name of a colour.
-const COLOR: [&str; 5] = ["color", "colour", "rgb", "diffuse", "scan"];
+const COLOR_WORDS: [&str; 5] = ["color", "colour", "rgb", "diffuse", "scan"];
 /// Surveying terms by axis.
-const SURVEY: [&[&str]; 3] = [
+const SURVEY_WORDS: [&[&str]; 3] = [
     &[
         "easting",
         "eastings",
@@ -87,9 +87,9 @@ const SURVEY: [&[&str]; 3] = [
     ],
 ];
 /// Letters for axes in surveying.
-const LETTERS: [&str; 3] = ["e", "n", "h"];
+const SURVEY_LETTERS: [&str; 3] = ["e", "n", "h"];
 /// Words that may accompany surveying terms.
-const GRID: [&str; 7] = [
+const SURVEY_CONTEXT_WORDS: [&str; 7] = [
     "utm",
     "grid",
     "local",
@@ -101,7 +101,7 @@ const GRID: [&str; 7] = [
 
 /// Precedence of the role of a name; the first is preferred.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Rank {
+enum NamePrecedence {
     /// Bare name, or with a unit.
     Exact,
     /// Name with other words.
@@ -113,9 +113,9 @@ enum Rank {
 }
 
 /// Meaning of a name.
-struct Meaning {
+struct NameMeaning {
     /// Role and its precedence; `None` for a column.
-    role: Option<(Role, Rank)>,
+    role: Option<(Role, NamePrecedence)>,
     /// Unit in the name.
     unit: Option<&'static str>,
 }
@@ -145,20 +145,20 @@ fn axis(word: &str) -> Option<usize> {
 }
 
 /// Splits a word at an axis letter at either end, as in `xcoord` or `posx`: the axis and the rest.
-fn glued(word: &str) -> Option<(usize, &str)> {
+fn split_axis(word: &str) -> Option<(usize, &str)> {
     (0..3).find_map(|k| {
         let letter = ["x", "y", "z"][k];
         let rest = word
             .strip_prefix(letter)
             .or_else(|| word.strip_suffix(letter))?;
-        let is_known = PLACE.contains(&rest) || NORMAL.contains(&rest);
+        let is_known = COORDINATE_WORDS.contains(&rest) || NORMAL_WORDS.contains(&rest);
         (is_known || (rest.len() > 1 && unit_named(rest).is_some())).then_some((k, rest))
     })
 }
 
-impl Meaning {
+impl NameMeaning {
     /// Interprets a name. A name that ends in `_`, as written by this crate, is that of a column.
-    fn of(name: &str) -> Self {
+    fn interpret(name: &str) -> Self {
         if name.ends_with('_') {
             return Self {
                 role: None,
@@ -185,28 +185,32 @@ impl Meaning {
             _ => None,
         };
         let role = match whole.or_else(|| role_named(bare)) {
-            Some(role) => Some((role, Rank::Exact)),
-            None => Self::decorated(&words, &mut unit).or_else(|| Self::surveyed(&words)),
+            Some(role) => Some((role, NamePrecedence::Exact)),
+            None => Self::interpret_decorated(&words, &mut unit)
+                .or_else(|| Self::interpret_surveying(&words)),
         };
         Self { role, unit }
     }
 
     /// Finds an axis or a colour among known words.
-    fn decorated(words: &[String], unit: &mut Option<&'static str>) -> Option<(Role, Rank)> {
+    fn interpret_decorated(
+        words: &[String],
+        unit: &mut Option<&'static str>,
+    ) -> Option<(Role, NamePrecedence)> {
         let (mut k, mut is_normal, mut color) = (None, false, None);
         for word in words {
             let word = &**word;
             if let Some(a) = axis(word).filter(|_| k.is_none()) {
                 k = Some(a);
-            } else if let Some((a, rest)) = glued(word).filter(|_| k.is_none()) {
+            } else if let Some((a, rest)) = split_axis(word).filter(|_| k.is_none()) {
                 k = Some(a);
-                is_normal |= NORMAL.contains(&rest);
+                is_normal |= NORMAL_WORDS.contains(&rest);
                 *unit = unit.or(unit_named(rest));
             } else if let Some(c @ Role::Color(_)) = role_named(word).filter(|_| color.is_none()) {
                 color = Some(c);
-            } else if NORMAL.contains(&word) {
+            } else if NORMAL_WORDS.contains(&word) {
                 is_normal = true;
-            } else if !PLACE.contains(&word) && !COLOR.contains(&word) {
+            } else if !COORDINATE_WORDS.contains(&word) && !COLOR_WORDS.contains(&word) {
                 return None;
             }
         }
@@ -216,40 +220,40 @@ impl Meaning {
             (None, Some(color)) if !is_normal => color,
             _ => return None,
         };
-        Some((role, Rank::Decorated))
+        Some((role, NamePrecedence::Decorated))
     }
 
     /// Finds a surveying term among known words.
-    fn surveyed(words: &[String]) -> Option<(Role, Rank)> {
+    fn interpret_surveying(words: &[String]) -> Option<(Role, NamePrecedence)> {
         if let [letter] = words
-            && let Some(k) = LETTERS.iter().position(|l| l == letter)
+            && let Some(k) = SURVEY_LETTERS.iter().position(|l| l == letter)
         {
-            return Some((Role::Position(k), Rank::Letter));
+            return Some((Role::Position(k), NamePrecedence::Letter));
         }
         let mut found = None;
         for word in words.iter().map(|w| &**w) {
-            let k = SURVEY.iter().position(|names| names.contains(&word));
+            let k = SURVEY_WORDS.iter().position(|names| names.contains(&word));
             if k.is_some() && found.is_none() {
                 found = k;
-            } else if !PLACE.contains(&word) && !GRID.contains(&word) {
+            } else if !COORDINATE_WORDS.contains(&word) && !SURVEY_CONTEXT_WORDS.contains(&word) {
                 return None;
             }
         }
-        found.map(|k| (Role::Position(k), Rank::Survey))
+        found.map(|k| (Role::Position(k), NamePrecedence::Survey))
     }
 }
 
 /// Returns true if a column of this name, next to coordinates `x`, `y` and `z`, would be read as
 /// one of them, as a normal or as a colour.
 pub(crate) fn has_role(name: &str) -> bool {
-    match Meaning::of(name).role {
-        Some((Role::Position(_), rank)) => rank == Rank::Exact,
+    match NameMeaning::interpret(name).role {
+        Some((Role::Position(_), rank)) => rank == NamePrecedence::Exact,
         role => role.is_some(),
     }
 }
 
 /// Columns with recognised names.
-pub(super) struct Named {
+pub(super) struct InterpretedNames {
     /// Names, with recognised ones replaced by those of their roles: `x`, `ny`, `red`.
     pub(super) names: Vec<String>,
     /// Distinct units of the coordinates.
@@ -257,8 +261,8 @@ pub(super) struct Named {
 }
 
 /// Interprets the names of columns; `None` if a coordinate is missing.
-pub(super) fn understood(names: &[String]) -> Option<Named> {
-    let meanings: Vec<Meaning> = names.iter().map(|n| Meaning::of(n)).collect();
+pub(super) fn interpret_names(names: &[String]) -> Option<InterpretedNames> {
+    let meanings: Vec<NameMeaning> = names.iter().map(|n| NameMeaning::interpret(n)).collect();
     let first = |role: Role| {
         let ranks = meanings
             .iter()
@@ -274,7 +278,7 @@ pub(super) fn understood(names: &[String]) -> Option<Named> {
         return None;
     };
     // Single letters mean axes only in pairs: `n` may be a count.
-    if (x.0 == Rank::Letter) != (y.0 == Rank::Letter) {
+    if (x.0 == NamePrecedence::Letter) != (y.0 == NamePrecedence::Letter) {
         return None;
     }
     let mut told = names.to_vec();
@@ -298,7 +302,7 @@ pub(super) fn understood(names: &[String]) -> Option<Named> {
             }
         }
     }
-    Some(Named { names: told, units })
+    Some(InterpretedNames { names: told, units })
 }
 
 /// Returns true if the names include longitude and latitude.
@@ -313,7 +317,7 @@ pub(super) fn are_angles(names: &[String]) -> bool {
 
 /// Splits a line into names; a unit in brackets after a blank belongs to the preceding name.
 pub(super) fn split(line: &str) -> Vec<String> {
-    let (separator, _) = Separator::of(line);
+    let (separator, _) = Separator::detect(line);
     let mut names: Vec<String> = Vec::new();
     for (_, field) in separator.split(line) {
         let name = field
@@ -333,7 +337,7 @@ pub(super) fn split(line: &str) -> Vec<String> {
 
 /// Parses a line of units below the names: one per name, with or without brackets, or empty.
 pub(super) fn unit_row(line: &str) -> Option<Vec<&'static str>> {
-    let (separator, _) = Separator::of(line);
+    let (separator, _) = Separator::detect(line);
     let units = separator.split(line).map(|(_, field)| {
         let bare = field.trim_matches(['(', ')', '[', ']', ' ']).to_lowercase();
         match &*bare {
@@ -353,7 +357,7 @@ mod tests {
     fn names_of_many_instruments() {
         let places = |header: &str| {
             let names = split(header);
-            let told = understood(&names)?;
+            let told = interpret_names(&names)?;
             let at = |n: &str| told.names.iter().position(|m| m == n);
             Some(([at("x")?, at("y")?, at("z")?], told.units))
         };
@@ -421,7 +425,7 @@ mod tests {
     #[test]
     fn normals_and_colours_have_names_too() {
         let names = split("X,Y,Z,Normal_X,Normal Y,NormalZ,Color R,G,Blue (0-255),Intensity");
-        let told = understood(&names).expect("named").names;
+        let told = interpret_names(&names).expect("named").names;
         let want = [
             "x",
             "y",

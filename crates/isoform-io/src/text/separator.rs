@@ -55,7 +55,7 @@ pub(super) fn is_decimal(field: &str) -> bool {
 
 impl Separator {
     /// Detects the separator of a line, and returns true with it if commas are decimal.
-    pub(super) fn of(line: &str) -> (Self, bool) {
+    pub(super) fn detect(line: &str) -> (Self, bool) {
         let bare = masked(line);
         if bare.contains(';') {
             return (Self::Char(';'), true);

@@ -5,26 +5,26 @@ use super::tags::{Tag, Tags};
 use super::transform::Transform;
 use crate::ErrorKind;
 use crate::input::{parse_number, shorten};
-use crate::mesh::{attribute, unescape};
 use crate::unzip::Problem;
+use crate::xml::{attribute, unescape};
 use isoform_geom::Point3;
 use std::collections::BTreeMap;
 
 /// End of the namespace of the extension that splits a model into several parts of the package
 /// ("3MF production extension" 1.1).
-const PRODUCTION: &str = "/production/2015/06";
+const PRODUCTION_EXTENSION: &str = "/production/2015/06";
 /// Extensions that do not affect the content read here: materials, and the one above.
-const HARMLESS: [&str; 2] = ["/material/2015/02", PRODUCTION];
+const HARMLESS_EXTENSIONS: [&str; 2] = ["/material/2015/02", PRODUCTION_EXTENSION];
 
 /// Material: number of its group, and index in it.
 pub(super) type MaterialId = (u32, u32);
 
 /// Model part of a package.
 #[derive(Debug, Default)]
-pub(super) struct Model {
+pub(super) struct ModelPart {
     /// Unit of length, as named in this crate.
     pub(super) unit: &'static str,
-    pub(super) objects: BTreeMap<u32, Object>,
+    pub(super) objects: BTreeMap<u32, ModelObject>,
     /// Names of base materials by group.
     pub(super) materials: BTreeMap<u32, Vec<String>>,
     /// Build items.
@@ -35,7 +35,7 @@ pub(super) struct Model {
 
 /// Object: a mesh, or an assembly of other objects.
 #[derive(Debug, Default)]
-pub(super) struct Object {
+pub(super) struct ModelObject {
     pub(super) name: String,
     pub(super) vertices: Vec<Point3>,
     pub(super) triangles: Vec<[u32; 3]>,
@@ -59,13 +59,15 @@ pub(super) struct Component {
 /// Returns the unit of length, as named in this crate; the default is millimetres.
 fn unit(attributes: &str) -> &'static str {
     let stated = attribute(attributes, "unit").unwrap_or("millimeter");
-    let known = super::UNITS.iter().find(|(_, theirs)| *theirs == stated);
+    let known = super::UNIT_NAMES
+        .iter()
+        .find(|(_, theirs)| *theirs == stated);
     known.map_or("mm", |(ours, _)| ours)
 }
 
 /// Reads a model part.
-pub(super) fn read(tags: &mut Tags<'_>) -> Result<Model, Problem> {
-    let mut reader = Reader::default();
+pub(super) fn read(tags: &mut Tags<'_>) -> Result<ModelPart, Problem> {
+    let mut reader = ModelReader::default();
     while let Some(tag) = tags.next()? {
         let taken = match tag {
             Tag::Close(name) => reader.close(name),
@@ -94,12 +96,12 @@ pub(super) fn read(tags: &mut Tags<'_>) -> Result<Model, Problem> {
 }
 
 /// Kind and description of the problem of a tag.
-type Wrong = (ErrorKind, String);
+type TagProblem = (ErrorKind, String);
 
 /// State of reading a model.
 #[derive(Default)]
-struct Reader {
-    model: Model,
+struct ModelReader {
+    model: ModelPart,
     /// True after the start and after the end of the root element.
     is_model: bool,
     is_over: bool,
@@ -108,14 +110,14 @@ struct Reader {
     /// Name of the path attribute of the production extension, with its prefix.
     path: String,
     /// Present object with its number.
-    object: Option<(u32, Object)>,
+    object: Option<(u32, ModelObject)>,
     /// Present group of base materials.
     group: Option<u32>,
 }
 
-impl Reader {
+impl ModelReader {
     /// Processes the start of an element.
-    fn open(&mut self, name: &str, attributes: &str) -> Result<(), Wrong> {
+    fn open(&mut self, name: &str, attributes: &str) -> Result<(), TagProblem> {
         if !self.is_model {
             return self.root(name, attributes);
         }
@@ -153,7 +155,7 @@ impl Reader {
     }
 
     /// Processes the end of an element.
-    fn close(&mut self, name: &str) -> Result<(), Wrong> {
+    fn close(&mut self, name: &str) -> Result<(), TagProblem> {
         match name.strip_prefix(self.prefix.as_str()) {
             Some("object") => {
                 if let Some((id, object)) = self.object.take() {
@@ -174,7 +176,7 @@ impl Reader {
     }
 
     /// Processes the root, which states the unit and the extensions.
-    fn root(&mut self, name: &str, attributes: &str) -> Result<(), Wrong> {
+    fn root(&mut self, name: &str, attributes: &str) -> Result<(), TagProblem> {
         let Some(prefix) = name.strip_suffix("model") else {
             let why = format!("the first element is \"{}\", not a model", shorten(name));
             return Err((ErrorKind::Header, why));
@@ -186,36 +188,40 @@ impl Reader {
         let needed = attribute(attributes, "requiredextensions").unwrap_or("");
         for prefix in needed.split_ascii_whitespace() {
             let name = space(prefix).unwrap_or(prefix);
-            if !HARMLESS.iter().any(|known| name.ends_with(known)) {
+            if !HARMLESS_EXTENSIONS
+                .iter()
+                .any(|known| name.ends_with(known))
+            {
                 let short = name.rsplit("3dmanufacturing/").next().unwrap_or(name);
                 self.model.unknown.push(shorten(short));
             }
         }
         let spaces = attributes.split_ascii_whitespace();
         let mut prefixes = spaces.filter_map(|a| a.strip_prefix("xmlns:")?.split('=').next());
-        let production = prefixes.find(|p| space(p).is_some_and(|s| s.ends_with(PRODUCTION)));
+        let production =
+            prefixes.find(|p| space(p).is_some_and(|s| s.ends_with(PRODUCTION_EXTENSION)));
         self.path = format!("{}:path", production.unwrap_or("p"));
         Ok(())
     }
 
     /// Begins an object.
-    fn begin_object(&mut self, attributes: &str) -> Result<(), Wrong> {
+    fn begin_object(&mut self, attributes: &str) -> Result<(), TagProblem> {
         let id = whole(attributes, "id")?;
         if self.model.objects.contains_key(&id) {
             return Err((ErrorKind::Corrupt, format!("object {id} is there twice")));
         }
         let name = unescape(attribute(attributes, "name").unwrap_or(""));
-        let object = Object {
+        let object = ModelObject {
             name,
             default: material(attributes, "pindex", None)?,
-            ..Object::default()
+            ..ModelObject::default()
         };
         self.object = Some((id, object));
         Ok(())
     }
 
     /// Adds a vertex to the present object.
-    fn vertex(&mut self, attributes: &str) -> Result<(), Wrong> {
+    fn vertex(&mut self, attributes: &str) -> Result<(), TagProblem> {
         let Some((_, object)) = &mut self.object else {
             return Ok(());
         };
@@ -229,7 +235,7 @@ impl Reader {
     }
 
     /// Adds a triangle to the present object.
-    fn triangle(&mut self, attributes: &str) -> Result<(), Wrong> {
+    fn triangle(&mut self, attributes: &str) -> Result<(), TagProblem> {
         let Some((_, object)) = &mut self.object else {
             return Ok(());
         };
@@ -248,7 +254,7 @@ impl Reader {
     }
 
     /// Parses the reference to an object in a component or a build item.
-    fn component(&self, attributes: &str) -> Result<Component, Wrong> {
+    fn component(&self, attributes: &str) -> Result<Component, TagProblem> {
         let path = attribute(attributes, &self.path);
         let transform = attribute(attributes, "transform");
         let transform = transform.map(|text| {
@@ -275,9 +281,9 @@ impl Reader {
     }
 }
 
-impl Object {
+impl ModelObject {
     /// Returns an error if a triangle refers to a missing vertex.
-    fn check(&self, id: u32) -> Result<(), Wrong> {
+    fn check(&self, id: u32) -> Result<(), TagProblem> {
         let count = self.vertices.len();
         let is_wrong = |t: &[u32; 3]| t.iter().any(|&v| v as usize >= count);
         let Some(i) = self.triangles.iter().position(is_wrong) else {
@@ -292,13 +298,13 @@ impl Object {
     }
 }
 
-fn not_a_number(key: &str, text: &str) -> Wrong {
+fn not_a_number(key: &str, text: &str) -> TagProblem {
     let why = format!("{key}=\"{}\" is not a number", shorten(text));
     (ErrorKind::Number, why)
 }
 
 /// Parses a 32-bit unsigned integer.
-fn whole(attributes: &str, key: &str) -> Result<u32, Wrong> {
+fn whole(attributes: &str, key: &str) -> Result<u32, TagProblem> {
     let text = attribute(attributes, key).unwrap_or("");
     text.trim().parse().map_err(|_| not_a_number(key, text))
 }
@@ -308,7 +314,7 @@ fn material(
     attributes: &str,
     key: &str,
     usual: Option<MaterialId>,
-) -> Result<Option<MaterialId>, Wrong> {
+) -> Result<Option<MaterialId>, TagProblem> {
     if attribute(attributes, key).is_none() {
         return Ok(usual);
     }

@@ -8,27 +8,27 @@
 
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
 use crate::mesh::boundary::face_with_mids;
-use crate::mesh::build::Builder;
+use crate::mesh::build::MeshBuilder;
 use crate::{At, ErrorKind, ReadError, ReadReport};
 use isoform_geom::{Mesh, WEDGE_QUADS, WEDGE_TRIANGLES};
 use std::collections::HashMap;
 
-const WHAT: &str = "cannot read the Abaqus file";
+const ABAQUS_FAILURE: &str = "cannot read the Abaqus file";
 /// Maximum number of values stored for one element, over all its lines.
-const MAX_NUMBERS: usize = 64;
+const MAX_VALUES_PER_ELEMENT: usize = 64;
 
 /// Average number of times that element sets may be traversed for surfaces. Bounds the time for
 /// hostile files.
-const WORK: usize = 64;
+const MAX_SET_TRAVERSALS: usize = 64;
 
 /// Corner of a tetrahedron opposite to the faces S1 to S4.
-const CORNER: [usize; 4] = [3, 2, 0, 1];
+const OPPOSITE_CORNERS: [usize; 4] = [3, 2, 0, 1];
 
 /// Range of element numbers: first, last and step.
-type Run = [u32; 3];
+type NumberRange = [u32; 3];
 
 /// Elements whose faces a surface lists.
-enum Faces {
+enum FaceSource {
     /// One element, by number.
     Element(u32),
     /// All elements of a set, by its name in capitals.
@@ -36,13 +36,13 @@ enum Faces {
 }
 
 /// Meaning of the present data lines.
-enum Mode {
+enum DataMode {
     /// Lines that are ignored.
     Other,
     /// Nodes.
     Nodes,
     /// Elements of a kind, with the tag of their set.
-    Elements { kind: Kind, tag: i64 },
+    Elements { kind: ElementKind, tag: i64 },
     /// Element set, listed or generated.
     ElementSet { name: String, generate: bool },
     /// Faces of a surface with this tag.
@@ -51,7 +51,7 @@ enum Mode {
 
 /// Kind of an element that a mesh can store, with its number of nodes if that varies.
 #[derive(Clone, Copy, PartialEq)]
-enum Kind {
+enum ElementKind {
     Triangle { nodes: usize },
     Quad,
     Tet { nodes: usize },
@@ -60,7 +60,7 @@ enum Kind {
 }
 
 /// Returns the kind of an Abaqus element type: family, then number of nodes.
-fn kind_of(name: &str) -> Kind {
+fn kind_of(name: &str) -> ElementKind {
     let name = name.to_ascii_uppercase();
     let families = [
         ("C3D", 3),
@@ -81,37 +81,37 @@ fn kind_of(name: &str) -> Kind {
         };
         let digits: String = rest.chars().take_while(char::is_ascii_digit).collect();
         return match (dim, digits.as_str()) {
-            (3, "4") => Kind::Tet { nodes: 4 },
-            (3, "10") => Kind::Tet { nodes: 10 },
-            (3, "6") => Kind::Wedge,
-            (2, "3") => Kind::Triangle { nodes: 3 },
-            (2, "6" | "65") => Kind::Triangle { nodes: 6 },
-            (2, "4") => Kind::Quad,
+            (3, "4") => ElementKind::Tet { nodes: 4 },
+            (3, "10") => ElementKind::Tet { nodes: 10 },
+            (3, "6") => ElementKind::Wedge,
+            (2, "3") => ElementKind::Triangle { nodes: 3 },
+            (2, "6" | "65") => ElementKind::Triangle { nodes: 6 },
+            (2, "4") => ElementKind::Quad,
             _ => continue,
         };
     }
-    Kind::Other
+    ElementKind::Other
 }
 
 /// Tetrahedron or wedge, by its index among those of its kind.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Volume {
+enum VolumeElement {
     Tet(usize),
     Wedge(usize),
 }
 
 /// State of the reader.
-struct Reader<'i, 'a> {
+struct InpReader<'i, 'a> {
     input: &'i mut Input<'a>,
-    builder: Builder,
+    builder: MeshBuilder,
     /// Meaning of the present data lines.
-    mode: Mode,
+    mode: DataMode,
     /// Tetrahedra and wedges with their numbers, in the order of the file.
-    volumes: Vec<(u32, Volume)>,
+    volumes: Vec<(u32, VolumeElement)>,
     /// Ranges of element numbers by name of the set, in capitals.
-    sets: HashMap<String, Vec<Run>>,
+    sets: HashMap<String, Vec<NumberRange>>,
     /// Faces with the tags of their surfaces.
-    faces: Vec<(Faces, u8, i64)>,
+    faces: Vec<(FaceSource, u8, i64)>,
     /// Tags of element sets (regions, parts) and surfaces, by name.
     tags: HashMap<String, i64>,
     /// Numbers of the present element: its own, then those of its nodes.
@@ -120,10 +120,10 @@ struct Reader<'i, 'a> {
 
 /// Reads the lines, then converts surfaces to triangles and quadrilaterals.
 pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
-    let mut reader = Reader {
+    let mut reader = InpReader {
         input,
-        builder: Builder::new(),
-        mode: Mode::Other,
+        builder: MeshBuilder::new(),
+        mode: DataMode::Other,
         volumes: Vec::new(),
         sets: HashMap::new(),
         faces: Vec::new(),
@@ -163,7 +163,7 @@ fn parameter<'t>(line: &'t str, name: &str) -> Option<&'t str> {
     })
 }
 
-impl Reader<'_, '_> {
+impl InpReader<'_, '_> {
     /// Returns the tag of a name for a dimension, from 1 in the order of appearance.
     fn tag(&mut self, dim: usize, name: &str) -> i64 {
         let next = self.builder.names[dim].len() as i64 + 1;
@@ -186,11 +186,11 @@ impl Reader<'_, '_> {
             .trim()
             .to_ascii_uppercase();
         self.mode = match word.as_str() {
-            "NODE" => Mode::Nodes,
+            "NODE" => DataMode::Nodes,
             "ELEMENT" => self.elements(line, report),
             "ELSET" => {
                 let name = parameter(line, "ELSET").unwrap_or("").to_ascii_uppercase();
-                Mode::ElementSet {
+                DataMode::ElementSet {
                     name,
                     generate: parameter(line, "GENERATE").is_some(),
                 }
@@ -199,37 +199,37 @@ impl Reader<'_, '_> {
                 if parameter(line, "TYPE").is_none_or(|t| t.eq_ignore_ascii_case("ELEMENT")) =>
             {
                 let name = parameter(line, "NAME").unwrap_or("").to_owned();
-                Mode::Surface {
+                DataMode::Surface {
                     tag: self.tag(2, &name),
                 }
             }
             "INCLUDE" => {
                 report.warn("*INCLUDE was passed over: the file that it names was not read");
-                Mode::Other
+                DataMode::Other
             }
-            _ => Mode::Other,
+            _ => DataMode::Other,
         };
     }
 
     /// Interprets an `*ELEMENT` line, with type and set.
-    fn elements(&mut self, line: &str, report: &mut ReadReport) -> Mode {
+    fn elements(&mut self, line: &str, report: &mut ReadReport) -> DataMode {
         let name = parameter(line, "TYPE").unwrap_or("");
         let kind = kind_of(name);
         let dim = match kind {
-            Kind::Tet { .. } | Kind::Wedge => 3,
+            ElementKind::Tet { .. } | ElementKind::Wedge => 3,
             _ => 2,
         };
         let tag = match parameter(line, "ELSET") {
-            Some(set) if kind != Kind::Other => self.tag(dim, set),
+            Some(set) if kind != ElementKind::Other => self.tag(dim, set),
             _ => 0,
         };
-        if kind == Kind::Other {
+        if kind == ElementKind::Other {
             report.warn(format!(
                 "elements of the type \"{}\" were passed over",
                 shorten(name)
             ));
         }
-        Mode::Elements { kind, tag }
+        DataMode::Elements { kind, tag }
     }
 
     /// Parses the number of a node or an element.
@@ -242,7 +242,7 @@ impl Reader<'_, '_> {
             self.input.error(
                 ErrorKind::Number,
                 self.input.at_line(0),
-                WHAT,
+                ABAQUS_FAILURE,
                 why,
                 "correct the line",
             )
@@ -252,14 +252,15 @@ impl Reader<'_, '_> {
     /// Processes a data line.
     fn data(&mut self, line: &str) -> Result<()> {
         match &mut self.mode {
-            Mode::Other => Ok(()),
-            Mode::Nodes => self.node(line),
-            Mode::Elements {
-                kind: Kind::Other, ..
+            DataMode::Other => Ok(()),
+            DataMode::Nodes => self.node(line),
+            DataMode::Elements {
+                kind: ElementKind::Other,
+                ..
             } => Ok(()),
-            Mode::Elements { .. } => {
+            DataMode::Elements { .. } => {
                 for word in line.split(',').filter(|w| !w.trim().is_empty()) {
-                    if self.numbers.len() < MAX_NUMBERS {
+                    if self.numbers.len() < MAX_VALUES_PER_ELEMENT {
                         let n = self.number(word)?;
                         self.numbers.push(n);
                     }
@@ -271,11 +272,11 @@ impl Reader<'_, '_> {
                     self.end_element()
                 }
             }
-            Mode::ElementSet { name, generate } => {
+            DataMode::ElementSet { name, generate } => {
                 let (name, generate) = (name.clone(), *generate);
                 self.set_line(line, name, generate)
             }
-            Mode::Surface { tag } => {
+            DataMode::Surface { tag } => {
                 let tag = *tag;
                 self.surface_line(line, tag);
                 Ok(())
@@ -293,8 +294,8 @@ impl Reader<'_, '_> {
             return;
         };
         let faces = match whose.parse() {
-            Ok(number) => Faces::Element(number),
-            Err(_) => Faces::Set(whose.to_ascii_uppercase()),
+            Ok(number) => FaceSource::Element(number),
+            Err(_) => FaceSource::Set(whose.to_ascii_uppercase()),
         };
         self.faces.push((faces, face, tag));
     }
@@ -315,7 +316,7 @@ impl Reader<'_, '_> {
                     return Err(self.input.error(
                         ErrorKind::Number,
                         self.input.at_line(0),
-                        WHAT,
+                        ABAQUS_FAILURE,
                         why,
                         "correct the line",
                     ));
@@ -354,7 +355,7 @@ impl Reader<'_, '_> {
 
     /// Adds the element whose numbers have been collected.
     fn end_element(&mut self) -> Result<()> {
-        let Mode::Elements { kind, tag } = self.mode else {
+        let DataMode::Elements { kind, tag } = self.mode else {
             return Ok(());
         };
         let Some((&number, nodes)) = self.numbers.split_first() else {
@@ -362,35 +363,39 @@ impl Reader<'_, '_> {
         };
         let at = self.input.at_line(0);
         let want = match kind {
-            Kind::Triangle { nodes } | Kind::Tet { nodes } => nodes,
-            Kind::Wedge => 6,
+            ElementKind::Triangle { nodes } | ElementKind::Tet { nodes } => nodes,
+            ElementKind::Wedge => 6,
             _ => 4,
         };
         if nodes.len() < want {
             let why = format!("element {number} has {} of {want} nodes", nodes.len());
-            return Err(self
-                .input
-                .error(ErrorKind::Corrupt, at, WHAT, why, "correct the line"));
+            return Err(self.input.error(
+                ErrorKind::Corrupt,
+                at,
+                ABAQUS_FAILURE,
+                why,
+                "correct the line",
+            ));
         }
         match kind {
-            Kind::Triangle { nodes: n } => {
+            ElementKind::Triangle { nodes: n } => {
                 self.builder
                     .triangles
                     .push(&nodes[..n], tag, Some(number), at)
             }
-            Kind::Quad => self.builder.quad(&nodes[..4], tag, None, at),
-            Kind::Tet { nodes: n } => {
-                let place = Volume::Tet(self.builder.tets.len());
+            ElementKind::Quad => self.builder.quad(&nodes[..4], tag, None, at),
+            ElementKind::Tet { nodes: n } => {
+                let place = VolumeElement::Tet(self.builder.tets.len());
                 self.builder.tets.push(&nodes[..n], tag, Some(number), at);
                 self.volumes.push((number, place));
             }
-            Kind::Wedge => {
-                let place = Volume::Wedge(self.builder.wedges.len());
+            ElementKind::Wedge => {
+                let place = VolumeElement::Wedge(self.builder.wedges.len());
                 let wedges = &mut self.builder.wedges;
                 wedges.push(&nodes[..6], tag, Some(number), at);
                 self.volumes.push((number, place));
             }
-            Kind::Other => {}
+            ElementKind::Other => {}
         }
         self.numbers.clear();
         Ok(())
@@ -403,12 +408,12 @@ impl Reader<'_, '_> {
         by_number.sort_unstable();
         let runs = self.sets.values().map(Vec::len).sum::<usize>();
         let most = 4 * self.builder.tets.len() + 5 * self.builder.wedges.len();
-        let work_limit = 1000 + WORK * (runs + self.faces.len() + by_number.len());
+        let work_limit = 1000 + MAX_SET_TRAVERSALS * (runs + self.faces.len() + by_number.len());
         let (mut count, mut work) = (0, 0);
         for (faces, face, tag) in std::mem::take(&mut self.faces) {
             let runs = match &faces {
-                Faces::Element(number) => &[[*number, *number, 1]][..],
-                Faces::Set(name) => self.sets.get(name).map_or(&[][..], Vec::as_slice),
+                FaceSource::Element(number) => &[[*number, *number, 1]][..],
+                FaceSource::Set(name) => self.sets.get(name).map_or(&[][..], Vec::as_slice),
             };
             for &[first, last, step] in runs {
                 work += 1;
@@ -442,24 +447,24 @@ impl Reader<'_, '_> {
         );
         let hint = "check the surfaces";
         self.input
-            .error(ErrorKind::Corrupt, At::File, WHAT, why, hint)
+            .error(ErrorKind::Corrupt, At::File, ABAQUS_FAILURE, why, hint)
     }
 }
 
 /// Adds face S1 to S5 of a volume as a triangle or quadrilateral of the part `tag`; S5 of a
 /// tetrahedron is ignored.
-fn add_face(builder: &mut Builder, volume: Volume, face: u8, tag: i64) {
+fn add_face(builder: &mut MeshBuilder, volume: VolumeElement, face: u8, tag: i64) {
     let side = usize::from(face) - 1;
     match volume {
-        Volume::Tet(row) => {
-            let Some(&corner) = CORNER.get(side) else {
+        VolumeElement::Tet(row) => {
+            let Some(&corner) = OPPOSITE_CORNERS.get(side) else {
                 return;
             };
             let (corners, mids) = builder.tets.get(row);
             let (nodes, n) = face_with_mids(corners, mids, corner);
             builder.triangles.push(&nodes[..n], tag, None, At::File);
         }
-        Volume::Wedge(row) => {
+        VolumeElement::Wedge(row) => {
             let (&corners, _) = builder.wedges.get(row);
             if let Some(face) = WEDGE_TRIANGLES.get(side) {
                 let nodes = face.map(|c| corners[c]);

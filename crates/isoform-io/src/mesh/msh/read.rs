@@ -5,19 +5,19 @@
 //! every element states its group. Physical groups become parts, curves and regions; without any,
 //! the entities do.
 
-use super::TET10;
+use super::TET10_PERMUTATION;
 use crate::input::{Input, Result, Words, shorten};
-use crate::mesh::build::Builder;
+use crate::mesh::build::MeshBuilder;
 use crate::{At, ErrorKind, ReadReport};
 use isoform_geom::Mesh;
 use std::collections::HashMap;
 
-const WHAT: &str = "cannot read the Gmsh file";
+const GMSH_FAILURE: &str = "cannot read the Gmsh file";
 /// Maximum number of lines with physical names. Real files have far fewer.
-const MAX_NAMES: usize = 1 << 20;
+const MAX_PHYSICAL_NAMES: usize = 1 << 20;
 
 /// Stream of numbers, as words of text or binary fields.
-struct Scan<'i, 'a> {
+struct MshScanner<'i, 'a> {
     input: &'i mut Input<'a>,
     words: Words,
     /// True if a binary file is big endian; `None` for text.
@@ -26,7 +26,7 @@ struct Scan<'i, 'a> {
     size: usize,
 }
 
-impl Scan<'_, '_> {
+impl MshScanner<'_, '_> {
     /// Reads the next N bytes in little-endian order.
     fn bytes<const N: usize>(&mut self, big: bool) -> Result<[u8; N]> {
         let mut bytes = [0; N];
@@ -47,9 +47,13 @@ impl Scan<'_, '_> {
             None => {
                 let why = format!("\"{}\" is not {kind}", shorten(word));
                 let at = self.input.at_line(self.words.column);
-                Err(self
-                    .input
-                    .error(ErrorKind::Number, at, WHAT, why, "save the mesh again"))
+                Err(self.input.error(
+                    ErrorKind::Number,
+                    at,
+                    GMSH_FAILURE,
+                    why,
+                    "save the mesh again",
+                ))
             }
         }
     }
@@ -60,7 +64,7 @@ impl Scan<'_, '_> {
             None => self.word(|w| w.parse().ok(), "a whole number"),
         }
     }
-    /// Reads the next count or tag, which has [`Scan::size`] bytes in binary files.
+    /// Reads the next count or tag, which has [`MshScanner::size`] bytes in binary files.
     fn size(&mut self) -> Result<u64> {
         match self.binary {
             Some(big) if self.size == 4 => Ok(u64::from(u32::from_le_bytes(self.bytes(big)?))),
@@ -81,8 +85,13 @@ impl Scan<'_, '_> {
         let id = self.size()?;
         u32::try_from(id).map_err(|_| {
             let why = format!("the number {id} is larger than 4294967295");
-            self.input
-                .error(ErrorKind::TooLarge, at, WHAT, why, "renumber the mesh")
+            self.input.error(
+                ErrorKind::TooLarge,
+                at,
+                GMSH_FAILURE,
+                why,
+                "renumber the mesh",
+            )
         })
     }
     /// Returns the position of the next number.
@@ -119,19 +128,19 @@ impl Scan<'_, '_> {
 /// Returns the error for an unsupported variant of the format.
 fn unsupported(input: &Input<'_>, at: At, why: String) -> crate::ReadError {
     let hint = "save it as version 4.1, or as 2.2 in text";
-    input.error(ErrorKind::UnsupportedFormat, at, WHAT, why, hint)
+    input.error(ErrorKind::UnsupportedFormat, at, GMSH_FAILURE, why, hint)
 }
 
 /// Reads section after section.
 pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
-    let mut scan = Scan {
+    let mut scan = MshScanner {
         input,
         words: Words::new(),
         binary: None,
         size: 8,
     };
-    let mut file = File {
-        builder: Builder::new(),
+    let mut file = MshFile {
+        builder: MeshBuilder::new(),
         physical: HashMap::new(),
         version: None,
         had_nodes: false,
@@ -163,11 +172,11 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
 }
 
 /// Contents of the sections so far.
-struct File {
+struct MshFile {
     /// Nodes and elements so far.
-    builder: Builder,
+    builder: MeshBuilder,
     /// Physical groups of the entities.
-    physical: Physical,
+    physical: PhysicalTags,
     /// Version 2 or 4; `None` before the format section.
     version: Option<u32>,
     /// True after the section of nodes.
@@ -177,9 +186,9 @@ struct File {
 }
 
 /// Maximum number of unknown sections listed in an error.
-const NAMED: usize = 5;
+const MAX_LISTED_SECTIONS: usize = 5;
 
-impl File {
+impl MshFile {
     /// Returns the error for a file with unknown sections that lacks something.
     fn unknown(&self, input: &Input<'_>, missing: &str) -> crate::ReadError {
         let sections = self.passed.join(", ");
@@ -191,7 +200,7 @@ impl File {
     fn section(
         &mut self,
         name: &str,
-        scan: &mut Scan<'_, '_>,
+        scan: &mut MshScanner<'_, '_>,
         report: &mut ReadReport,
     ) -> Result<bool> {
         let four = self.version == Some(4);
@@ -202,7 +211,7 @@ impl File {
                 return Err(scan.input.error(
                     ErrorKind::Header,
                     scan.at(),
-                    WHAT,
+                    GMSH_FAILURE,
                     why,
                     "save the mesh again",
                 ));
@@ -221,7 +230,7 @@ impl File {
             "Elements" => read_elements2(scan, &mut self.builder)?,
             _ => {
                 report.warn(format!("section \"{}\" was passed over", shorten(name)));
-                if self.passed.len() < NAMED {
+                if self.passed.len() < MAX_LISTED_SECTIONS {
                     self.passed.push(format!("${}", shorten(name)));
                 }
                 return Ok(false);
@@ -232,7 +241,7 @@ impl File {
 }
 
 /// Reads the format section and returns the version, 2 or 4.
-fn read_format(scan: &mut Scan<'_, '_>) -> Result<u32> {
+fn read_format(scan: &mut MshScanner<'_, '_>) -> Result<u32> {
     let version = scan.double()?;
     let binary = scan.int()? != 0;
     scan.size = scan.int()? as usize;
@@ -257,9 +266,9 @@ fn read_format(scan: &mut Scan<'_, '_>) -> Result<u32> {
 }
 
 /// Reads lines `dimension tag "name"` up to the end of the section.
-fn read_names(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
+fn read_names(scan: &mut MshScanner<'_, '_>, builder: &mut MeshBuilder) -> Result<()> {
     let (mut text, mut bytes) = (String::new(), Vec::new());
-    for _ in 0..MAX_NAMES {
+    for _ in 0..MAX_PHYSICAL_NAMES {
         if !scan.input.read_line(&mut text, &mut bytes)? {
             return Err(scan
                 .input
@@ -281,17 +290,17 @@ fn read_names(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
     Err(scan.input.error(
         ErrorKind::TooLarge,
         scan.at(),
-        WHAT,
-        format!("more than {MAX_NAMES} names"),
+        GMSH_FAILURE,
+        format!("more than {MAX_PHYSICAL_NAMES} names"),
         "save the mesh again",
     ))
 }
 
 /// First physical group of every entity, by dimension and tag.
-type Physical = HashMap<(i64, i64), i64>;
+type PhysicalTags = HashMap<(i64, i64), i64>;
 
 /// Reads the entities, of which only the first physical group is kept.
-fn read_entities(scan: &mut Scan<'_, '_>, physical: &mut Physical) -> Result<()> {
+fn read_entities(scan: &mut MshScanner<'_, '_>, physical: &mut PhysicalTags) -> Result<()> {
     let counts = [scan.size()?, scan.size()?, scan.size()?, scan.size()?];
     for (dim, count) in counts.into_iter().enumerate() {
         for _ in 0..count {
@@ -314,7 +323,7 @@ fn read_entities(scan: &mut Scan<'_, '_>, physical: &mut Physical) -> Result<()>
 }
 
 /// Reads the nodes of version 4.1, in blocks of numbers followed by coordinates.
-fn read_nodes4(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
+fn read_nodes4(scan: &mut MshScanner<'_, '_>, builder: &mut MeshBuilder) -> Result<()> {
     let blocks = scan.size()?;
     for _ in 0..3 {
         scan.size()?;
@@ -343,7 +352,11 @@ fn read_nodes4(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
 
 /// Reads the nodes of version 2, each with its number. Parametric nodes are followed by their
 /// entity and parameters on the rest of the line.
-fn read_nodes2(scan: &mut Scan<'_, '_>, builder: &mut Builder, are_parametric: bool) -> Result<()> {
+fn read_nodes2(
+    scan: &mut MshScanner<'_, '_>,
+    builder: &mut MeshBuilder,
+    are_parametric: bool,
+) -> Result<()> {
     for _ in 0..scan.size()? {
         let id = scan.id()?;
         let p = [scan.double()?, scan.double()?, scan.double()?];
@@ -357,11 +370,11 @@ fn read_nodes2(scan: &mut Scan<'_, '_>, builder: &mut Builder, are_parametric: b
 
 /// Number of nodes of each element type of Gmsh.
 #[rustfmt::skip]
-const NODES: [u8; 32] = [0, 2, 3, 4, 4, 8, 6, 5, 3, 6, 9, 10, 27, 18, 14, 1, 8, 20, 15, 13, 9, 10, 12, 15, 15, 21, 4, 5, 6, 20, 35, 56];
+const NODE_COUNTS: [u8; 32] = [0, 2, 3, 4, 4, 8, 6, 5, 3, 6, 9, 10, 27, 18, 14, 1, 8, 20, 15, 13, 9, 10, 12, 15, 15, 21, 4, 5, 6, 20, 35, 56];
 
 /// Returns the number of nodes of an element type.
-fn node_count(scan: &Scan<'_, '_>, kind: i64) -> Result<usize> {
-    match usize::try_from(kind).ok().and_then(|k| NODES.get(k)) {
+fn node_count(scan: &MshScanner<'_, '_>, kind: i64) -> Result<usize> {
+    match usize::try_from(kind).ok().and_then(|k| NODE_COUNTS.get(k)) {
         Some(&n) if n > 0 => Ok(n.into()),
         _ => Err(scan.unsupported(format!("elements of type {kind} are not known"))),
     }
@@ -369,14 +382,16 @@ fn node_count(scan: &Scan<'_, '_>, kind: i64) -> Result<usize> {
 
 /// Adds an element: corners, edges, triangles and tetrahedra of first and second order,
 /// quadrilaterals and wedges; all others are counted.
-fn take(builder: &mut Builder, kind: i64, tag: i64, number: u32, nodes: &[u32], at: At) {
+fn take(builder: &mut MeshBuilder, kind: i64, tag: i64, number: u32, nodes: &[u32], at: At) {
     let number = Some(number);
     match kind {
         15 => builder.corners.push(nodes, tag, number, at),
         1 | 8 => builder.edges.push(nodes, tag, number, at),
         2 | 9 => builder.triangles.push(nodes, tag, number, at),
         4 => builder.tets.push(nodes, tag, number, at),
-        11 => builder.tets.push(&TET10.map(|k| nodes[k]), tag, number, at),
+        11 => builder
+            .tets
+            .push(&TET10_PERMUTATION.map(|k| nodes[k]), tag, number, at),
         3 => builder.quad(nodes, tag, number, at),
         6 => builder.wedges.push(nodes, tag, number, at),
         _ => builder.others += 1,
@@ -385,9 +400,9 @@ fn take(builder: &mut Builder, kind: i64, tag: i64, number: u32, nodes: &[u32], 
 
 /// Reads the elements of version 4.1, in blocks of one entity and one type.
 fn read_elements4(
-    scan: &mut Scan<'_, '_>,
-    builder: &mut Builder,
-    physical: &Physical,
+    scan: &mut MshScanner<'_, '_>,
+    builder: &mut MeshBuilder,
+    physical: &PhysicalTags,
 ) -> Result<()> {
     let blocks = scan.size()?;
     for _ in 0..3 {
@@ -418,7 +433,7 @@ fn read_elements4(
 }
 
 /// Reads the elements of version 2, each with its own tags: the group, then the entity.
-fn read_elements2(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
+fn read_elements2(scan: &mut MshScanner<'_, '_>, builder: &mut MeshBuilder) -> Result<()> {
     let mut nodes = Vec::new();
     for _ in 0..scan.size()? {
         let number = scan.id()?;

@@ -1,6 +1,6 @@
 //! Writer of version 2.2.
 
-use super::{Physical, element_type, volume_in_gmsh_order};
+use super::{PhysicalNames, element_type, volume_in_gmsh_order};
 use crate::mesh::group::{edge, face, face_count, face_part, volume_count, volume_region};
 use crate::mesh::options::MeshWriteOptions;
 use crate::mesh::out::Out;
@@ -15,27 +15,27 @@ pub(in crate::mesh) fn write(
 ) -> io::Result<()> {
     let mut out = Out::new(out);
     out.str("$MeshFormat\n2.2 0 8\n$EndMeshFormat").line()?;
-    let physical = Physical::of(mesh);
+    let physical = PhysicalNames::from_mesh(mesh);
     physical.write(&mut out)?;
     out.str("$Nodes\n").int(mesh.points.len()).line()?;
     for (i, p) in mesh.points.iter().enumerate() {
         out.int(i + 1).str(" ").point(p).line()?;
     }
     out.str("$EndNodes\n$Elements\n");
-    let mut elements = Elements { number: 0, out };
+    let mut elements = ElementWriter { number: 0, out };
     elements.write(mesh)?;
     elements.out.str("$EndElements").line()?;
     elements.out.flush()
 }
 
 /// Writer of elements, numbered from 1.
-struct Elements<'o> {
+struct ElementWriter<'o> {
     /// Number of the last element written.
     number: usize,
     out: Out<'o>,
 }
 
-impl Elements<'_> {
+impl ElementWriter<'_> {
     /// Writes all elements: corners, edges, faces, volumes.
     fn write(&mut self, mesh: &Mesh) -> io::Result<()> {
         let lines = mesh.corners.len() + mesh.edges.len();

@@ -1,10 +1,10 @@
 //! Writer of version 4.1.
 //!
 //! Nodes belong to the smallest entity on which they lie: a corner, else a curve, a part or a
-//! region. Elements are written in one block per entity and type. [`Fields`] hides the difference
-//! between text and binary fields.
+//! region. Elements are written in one block per entity and type. [`FieldWriter`] hides the
+//! difference between text and binary fields.
 
-use super::{Physical, element_type, volume_in_gmsh_order};
+use super::{PhysicalNames, element_type, volume_in_gmsh_order};
 use crate::mesh::boundary::parts_of_regions;
 use crate::mesh::group::{
     Groups, edge, face, face_count, face_part, volume, volume_count, volume_region,
@@ -16,13 +16,13 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io::{self, Write};
 
 /// Writer of text or binary fields.
-struct Fields<'o> {
+struct FieldWriter<'o> {
     out: Out<'o>,
     /// True if fields are binary, in little-endian order.
     binary: bool,
 }
 
-impl Fields<'_> {
+impl FieldWriter<'_> {
     /// Writes an integer of 32 bits.
     fn int(&mut self, v: i32) {
         match self.binary {
@@ -71,7 +71,7 @@ impl Fields<'_> {
 }
 
 /// Elements of each dimension by entity, and nodes by the smallest entity on which they lie.
-struct Entities {
+struct MeshEntities {
     /// Elements of curves, surfaces and volumes.
     groups: [Groups; 3],
     /// Nodes by the entity that owns them.
@@ -80,9 +80,9 @@ struct Entities {
     count: [usize; 4],
 }
 
-impl Entities {
+impl MeshEntities {
     /// Determines the entities of a mesh; a mesh without elements has one surface for its nodes.
-    fn of(mesh: &Mesh) -> Self {
+    fn from_mesh(mesh: &Mesh) -> Self {
         let groups = [
             Groups::curves(mesh),
             Groups::parts(mesh),
@@ -108,7 +108,11 @@ impl Entities {
     /// Returns the elements of entity `i` of a dimension from 1 to 3.
     fn elements(&self, dim: usize, i: usize) -> &[u32] {
         let group = &self.groups[dim - 1];
-        if i < group.len() { group.of(i) } else { &[] }
+        if i < group.len() {
+            group.elements(i)
+        } else {
+            &[]
+        }
     }
     /// Returns dimension and tag of an entity, given its index among all entities.
     fn name(&self, mut entity: usize) -> (usize, usize) {
@@ -163,7 +167,7 @@ pub(in crate::mesh) fn write(
     options: &MeshWriteOptions,
 ) -> io::Result<()> {
     let binary = options.ascii == Some(false);
-    let mut out = Fields {
+    let mut out = FieldWriter {
         out: Out::new(out),
         binary,
     };
@@ -176,9 +180,9 @@ pub(in crate::mesh) fn write(
         out.out.bytes(&1_i32.to_le_bytes()).line()?;
     }
     out.out.str("$EndMeshFormat").line()?;
-    let physical = Physical::of(mesh);
+    let physical = PhysicalNames::from_mesh(mesh);
     physical.write(&mut out.out)?;
-    let entities = Entities::of(mesh);
+    let entities = MeshEntities::from_mesh(mesh);
     write_entities(mesh, &entities, &physical, &mut out)?;
     write_nodes(mesh, &entities.nodes, &entities, &mut out)?;
     write_elements(mesh, &entities, &mut out)?;
@@ -190,9 +194,9 @@ pub(in crate::mesh) fn write(
 /// physical group and bounding entities.
 fn write_entities(
     mesh: &Mesh,
-    entities: &Entities,
-    physical: &Physical,
-    out: &mut Fields<'_>,
+    entities: &MeshEntities,
+    physical: &PhysicalNames,
+    out: &mut FieldWriter<'_>,
 ) -> io::Result<()> {
     out.section("Entities")?;
     entities.count.iter().for_each(|&n| out.size(n));
@@ -227,7 +231,7 @@ fn write_entities(
 }
 
 /// Returns the curves that bound each part.
-fn curves_of_parts(mesh: &Mesh, entities: &Entities) -> Vec<Vec<u32>> {
+fn curves_of_parts(mesh: &Mesh, entities: &MeshEntities) -> Vec<Vec<u32>> {
     let mut found = vec![Vec::new(); entities.count[2]];
     for (i, curve) in mesh.curves.iter().enumerate().take(entities.count[1]) {
         let [a, b] = curve.parts;
@@ -247,7 +251,7 @@ fn curves_of_parts(mesh: &Mesh, entities: &Entities) -> Vec<Vec<u32>> {
 
 /// Part on the upper side of a periodic cell with its translate on the lower side, and the pairs of
 /// corresponding nodes (upper, lower).
-struct Link {
+struct PeriodicLink {
     parts: [u32; 2],
     shift: Point3,
     nodes: Vec<[u32; 2]>,
@@ -266,7 +270,7 @@ fn sorted(mut nodes: Vec<u32>) -> Vec<u32> {
 }
 
 /// Returns the pairs of corresponding parts of a periodic cell.
-fn links(mesh: &Mesh) -> Vec<Link> {
+fn links(mesh: &Mesh) -> Vec<PeriodicLink> {
     let part = |k: usize| face_part(mesh, k).unwrap_or(0);
     let part_of: HashMap<Vec<u32>, u32> = (0..face_count(mesh))
         .map(|k| (sorted(corners(mesh, k)), part(k)))
@@ -294,7 +298,7 @@ fn links(mesh: &Mesh) -> Vec<Link> {
         };
         let shift =
             std::array::from_fn(|i| mesh.points[b as usize][i] - mesh.points[a as usize][i]);
-        links.extend(nodes.into_iter().map(|(parts, nodes)| Link {
+        links.extend(nodes.into_iter().map(|(parts, nodes)| PeriodicLink {
             parts,
             shift,
             nodes: nodes.into_iter().collect(),
@@ -305,7 +309,7 @@ fn links(mesh: &Mesh) -> Vec<Link> {
 
 /// Writes the section of periodic entities, if the mesh is a periodic cell: for each part on an
 /// upper side its translate on the lower side, the translation, and the nodes of both.
-fn write_periodic(mesh: &Mesh, out: &mut Fields<'_>) -> io::Result<()> {
+fn write_periodic(mesh: &Mesh, out: &mut FieldWriter<'_>) -> io::Result<()> {
     // Spares meshes that are not periodic, the majority, a list of their triangles.
     if mesh.opposite.is_empty() {
         return Ok(());
@@ -317,7 +321,7 @@ fn write_periodic(mesh: &Mesh, out: &mut Fields<'_>) -> io::Result<()> {
     out.section("Periodic")?;
     out.size(links.len());
     out.end()?;
-    for Link {
+    for PeriodicLink {
         parts,
         shift,
         nodes,
@@ -389,8 +393,8 @@ fn with_nodes(mesh: &Mesh, dim: usize, i: usize, visit: &mut impl FnMut(&[u32]))
 fn write_nodes(
     mesh: &Mesh,
     nodes: &Groups,
-    entities: &Entities,
-    out: &mut Fields<'_>,
+    entities: &MeshEntities,
+    out: &mut FieldWriter<'_>,
 ) -> io::Result<()> {
     let n = mesh.points.len();
     out.section("Nodes")?;
@@ -417,7 +421,11 @@ fn write_nodes(
 
 /// Writes the section of elements: points, each in a block of its own, then a block for every
 /// entity and element type. Elements are numbered from 1 by dimension and in the order of the mesh.
-fn write_elements(mesh: &Mesh, entities: &Entities, out: &mut Fields<'_>) -> io::Result<()> {
+fn write_elements(
+    mesh: &Mesh,
+    entities: &MeshEntities,
+    out: &mut FieldWriter<'_>,
+) -> io::Result<()> {
     let counts = [
         mesh.corners.len(),
         mesh.edges.len(),
@@ -443,7 +451,7 @@ fn write_elements(mesh: &Mesh, entities: &Entities, out: &mut Fields<'_>) -> io:
     let mut before = counts[0];
     for dim in 1..4 {
         for (i, elements) in blocks(mesh, entities, dim) {
-            let block = Block {
+            let block = ElementBlock {
                 dim,
                 tag: i as i32 + 1,
                 elements,
@@ -460,7 +468,7 @@ fn write_elements(mesh: &Mesh, entities: &Entities, out: &mut Fields<'_>) -> io:
 /// entity: triangles before quadrilaterals, tetrahedra before wedges.
 fn blocks<'e>(
     mesh: &Mesh,
-    entities: &'e Entities,
+    entities: &'e MeshEntities,
     dim: usize,
 ) -> impl Iterator<Item = (usize, &'e [u32])> {
     let simplices = [mesh.edges.len(), mesh.triangles.len(), mesh.tets.len()][dim - 1];
@@ -475,7 +483,7 @@ fn blocks<'e>(
 }
 
 /// Elements of one type in an entity.
-struct Block<'m> {
+struct ElementBlock<'m> {
     /// Dimension of the entity.
     dim: usize,
     /// Tag of the entity, from 1.
@@ -486,9 +494,9 @@ struct Block<'m> {
     before: usize,
 }
 
-impl Block<'_> {
+impl ElementBlock<'_> {
     /// Writes the header of the block, whose type is that of its first element, and the elements.
-    fn write(&self, mesh: &Mesh, out: &mut Fields<'_>) -> io::Result<()> {
+    fn write(&self, mesh: &Mesh, out: &mut FieldWriter<'_>) -> io::Result<()> {
         let mut size = 0;
         with_nodes(mesh, self.dim, self.elements[0] as usize, &mut |nodes| {
             size = nodes.len()

@@ -2,16 +2,16 @@
 //!
 //! Binary data are preceded by their size; compressed data consist of blocks, preceded by the
 //! number and sizes of the blocks. Sizes in the file are not trusted: reading ends with the bytes
-//! present, and decompression at the limit of [`Coding`].
+//! present, and decompression at the limit of [`ArrayCoding`].
 
-use crate::binary::Type;
+use crate::binary::NumberType;
 use crate::input::parse_number;
 use flate2::read::ZlibDecoder;
 use std::io::{self, Read};
 
 /// Encoding of the arrays of a file.
 #[derive(Clone, Copy)]
-pub(super) struct Coding {
+pub(super) struct ArrayCoding {
     /// True if numbers are big endian.
     pub(super) big_endian: bool,
     /// True if sizes have 64 bits instead of 32.
@@ -23,13 +23,13 @@ pub(super) struct Coding {
 }
 
 /// Decoded array.
-pub(super) struct Array {
+pub(super) struct VtkArray {
     bytes: Vec<u8>,
-    kind: Type,
+    kind: NumberType,
     big_endian: bool,
 }
 
-impl Array {
+impl VtkArray {
     /// Returns the number of values.
     pub(super) fn len(&self) -> usize {
         self.bytes.len() / self.kind.size()
@@ -59,7 +59,7 @@ impl Array {
 }
 
 /// Parses numbers in text.
-pub(super) fn from_text(text: &[u8]) -> Result<Array, String> {
+pub(super) fn from_text(text: &[u8]) -> Result<VtkArray, String> {
     let text = std::str::from_utf8(text).map_err(|_| "it is not text".to_owned())?;
     let mut bytes = Vec::new();
     for word in text.split_ascii_whitespace() {
@@ -67,22 +67,26 @@ pub(super) fn from_text(text: &[u8]) -> Result<Array, String> {
             .ok_or_else(|| format!("\"{}\" is not a number", crate::input::shorten(word)))?;
         bytes.extend_from_slice(&v.to_le_bytes());
     }
-    Ok(Array {
+    Ok(VtkArray {
         bytes,
-        kind: Type::F64,
+        kind: NumberType::F64,
         big_endian: false,
     })
 }
 
 /// Decodes an array that follows its size, or compressed blocks that follow their sizes.
-pub(super) fn from_bytes(source: impl Read, kind: Type, coding: Coding) -> Result<Array, String> {
+pub(super) fn from_bytes(
+    source: impl Read,
+    kind: NumberType,
+    coding: ArrayCoding,
+) -> Result<VtkArray, String> {
     let bytes = if coding.zlib {
         inflate(source, coding)
     } else {
         plain(source, coding)
     };
     let bytes = bytes.map_err(|e| e.to_string())?;
-    Ok(Array {
+    Ok(VtkArray {
         bytes,
         kind,
         big_endian: coding.big_endian,
@@ -90,7 +94,7 @@ pub(super) fn from_bytes(source: impl Read, kind: Type, coding: Coding) -> Resul
 }
 
 /// Reads a size of 32 or 64 bits.
-fn size(source: &mut impl Read, coding: Coding) -> io::Result<u64> {
+fn size(source: &mut impl Read, coding: ArrayCoding) -> io::Result<u64> {
     let mut bytes = [0; 8];
     let n = if coding.wide_header { 8 } else { 4 };
     source.read_exact(&mut bytes[..n])?;
@@ -101,7 +105,7 @@ fn size(source: &mut impl Read, coding: Coding) -> io::Result<u64> {
 }
 
 /// Reads uncompressed bytes that follow their size.
-fn plain(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
+fn plain(mut source: impl Read, coding: ArrayCoding) -> io::Result<Vec<u8>> {
     let n = size(&mut source, coding)?;
     let mut bytes = Vec::new();
     source.take(n).read_to_end(&mut bytes)?;
@@ -116,7 +120,7 @@ fn plain(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
 
 /// Decompresses an array. Its header is the number of blocks, the uncompressed size of all blocks
 /// but the last, that of the last, and the compressed size of each.
-fn inflate(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
+fn inflate(mut source: impl Read, coding: ArrayCoding) -> io::Result<Vec<u8>> {
     let blocks = size(&mut source, coding)?;
     size(&mut source, coding)?;
     size(&mut source, coding)?;
@@ -239,18 +243,18 @@ mod tests {
 
     #[test]
     fn sizes_are_not_believed() {
-        let coding = Coding {
+        let coding = ArrayCoding {
             big_endian: false,
             wide_header: true,
             zlib: false,
             limit: 1000,
         };
-        assert!(from_bytes(&[0xff; 20][..], Type::U8, coding).is_err());
+        assert!(from_bytes(&[0xff; 20][..], NumberType::U8, coding).is_err());
         assert!(
             from_bytes(
                 &[0xff; 20][..],
-                Type::U8,
-                Coding {
+                NumberType::U8,
+                ArrayCoding {
                     zlib: true,
                     ..coding
                 }
@@ -268,21 +272,23 @@ mod tests {
         assert!(
             from_bytes(
                 &file[..],
-                Type::U8,
-                Coding {
+                NumberType::U8,
+                ArrayCoding {
                     zlib: true,
                     ..coding
                 }
             )
             .is_err()
         );
-        let enough = Coding {
+        let enough = ArrayCoding {
             zlib: true,
             limit: 2000,
             ..coding
         };
         assert_eq!(
-            from_bytes(&file[..], Type::U8, enough).expect("fits").len(),
+            from_bytes(&file[..], NumberType::U8, enough)
+                .expect("fits")
+                .len(),
             2000
         );
     }

@@ -1,27 +1,27 @@
 //! Reader of VTK files: text, base64 and raw bytes, in place or appended, plain or compressed by
 //! zlib.
 //!
-//! A first pass over the XML elements records the position and encoding of each array ([`Place`]).
-//! Then the arrays of every piece are decoded: points, cells as connectivity with offsets and
-//! types, and the tags of groups.
+//! A first pass over the XML elements records the position and encoding of each array
+//! ([`ArrayPlace`]). Then the arrays of every piece are decoded: points, cells as connectivity with
+//! offsets and types, and the tags of groups.
 
-use super::array::{Array, Base64, Coding, from_bytes, from_text};
-use super::{GROUPS, WEDGE};
-use crate::binary::Type;
+use super::array::{ArrayCoding, Base64, VtkArray, from_bytes, from_text};
+use super::{GROUP_NAMES, WEDGE_PERMUTATION};
+use crate::binary::NumberType;
 use crate::input::{Input, Result, shorten};
-use crate::mesh::build::Builder;
-use crate::mesh::xml::{Item, Items, attribute, unescape};
+use crate::mesh::build::MeshBuilder;
+use crate::xml::{XmlItem, XmlItems, attribute, unescape};
 use crate::{At, ErrorKind, ReadReport};
 use isoform_geom::Mesh;
 
-const WHAT: &str = "cannot read the VTK file";
+const VTK_FAILURE: &str = "cannot read the VTK file";
 /// Maximum decompressed size of all arrays together: a constant in bytes, plus a multiple of the
 /// file size. A single array of constants can reach zlib's ratio of 1032, but the connectivity and
 /// the points next to it compress much less.
-const UNPACKED: (u64, u64) = (16 << 20, 256);
+const MAX_UNPACKED_BYTES: (u64, u64) = (16 << 20, 256);
 
 /// Position and encoding of an array in the file.
-struct Place<'b> {
+struct ArrayPlace<'b> {
     /// Enclosing element: Points, Cells, CellData, …
     section: &'b str,
     /// Unescaped name.
@@ -38,9 +38,9 @@ struct Place<'b> {
     at: usize,
 }
 
-impl<'b> Place<'b> {
+impl<'b> ArrayPlace<'b> {
     /// Describes the array whose element was read last.
-    fn of(section: &'b str, attributes: &'b str, items: &Items<'b>) -> Self {
+    fn from_element(section: &'b str, attributes: &'b str, items: &XmlItems<'b>) -> Self {
         let word = |name: &str| attribute(attributes, name);
         let offset = word("offset").and_then(|o| o.trim().parse().ok());
         Self {
@@ -57,14 +57,14 @@ impl<'b> Place<'b> {
 
 /// Piece of the grid: a block of points and cells.
 #[derive(Default)]
-struct Piece<'b> {
-    arrays: Vec<Place<'b>>,
+struct GridPiece<'b> {
+    arrays: Vec<ArrayPlace<'b>>,
 }
 
-impl<'b> Piece<'b> {
+impl<'b> GridPiece<'b> {
     /// Returns the first array of a section with this name, or its first array if the name is
     /// empty.
-    fn find(&self, section: &str, name: &str) -> Option<&Place<'b>> {
+    fn find(&self, section: &str, name: &str) -> Option<&ArrayPlace<'b>> {
         self.arrays
             .iter()
             .find(|p| p.section == section && (name.is_empty() || p.name == name))
@@ -72,23 +72,23 @@ impl<'b> Piece<'b> {
 }
 
 /// Decoded cells of a piece.
-struct Cells {
+struct PieceCells {
     /// Byte position of the connectivity, for errors.
     at: usize,
     /// Nodes of all cells, concatenated.
-    connectivity: Array,
+    connectivity: VtkArray,
     /// End of each cell in the connectivity.
-    offsets: Array,
+    offsets: VtkArray,
     /// VTK cell type of each cell.
-    types: Array,
+    types: VtkArray,
     /// Tags of parts, regions and curves.
-    tags: [Option<Array>; 3],
+    tags: [Option<VtkArray>; 3],
     /// Number of points of the piece, and of all pieces before it.
     points: usize,
     before: usize,
 }
 
-impl Cells {
+impl PieceCells {
     /// Writes the nodes of cell `i`, which begin at `start`, into `nodes`, and returns their end.
     fn nodes(
         &self,
@@ -118,7 +118,7 @@ impl Cells {
 
 /// Data appended after the grid.
 #[derive(Default)]
-struct Appended<'b> {
+struct AppendedData<'b> {
     /// Bytes after the marker `_`.
     bytes: &'b [u8],
     /// True if the data are base64.
@@ -126,19 +126,19 @@ struct Appended<'b> {
 }
 
 /// Input with the encoding of its arrays.
-struct File<'i, 'b> {
+struct VtuFile<'i, 'b> {
     input: &'i Input<'b>,
-    coding: Coding,
+    coding: ArrayCoding,
 }
 
 /// Reads all pieces in turn into one mesh, with consecutive numbers of points.
 pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
     let bytes = input.head(usize::MAX)?;
-    let mut builder = Builder::new();
-    let limit = UNPACKED.0 + UNPACKED.1 * bytes.len() as u64;
-    let mut file = File {
+    let mut builder = MeshBuilder::new();
+    let limit = MAX_UNPACKED_BYTES.0 + MAX_UNPACKED_BYTES.1 * bytes.len() as u64;
+    let mut file = VtuFile {
         input,
-        coding: Coding {
+        coding: ArrayCoding {
             big_endian: false,
             wide_header: false,
             zlib: false,
@@ -152,13 +152,13 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
     builder.finish(input, report)
 }
 
-impl File<'_, '_> {
+impl VtuFile<'_, '_> {
     /// Returns an error at a byte of the file.
     fn bad(&self, kind: ErrorKind, at: usize, why: impl Into<String>) -> crate::ReadError {
         self.input.error(
             kind,
             At::Byte(at as u64),
-            WHAT,
+            VTK_FAILURE,
             why,
             "save it again, as an unstructured grid (.vtu)",
         )
@@ -168,32 +168,34 @@ impl File<'_, '_> {
     fn walk<'b>(
         &mut self,
         bytes: &'b [u8],
-        builder: &mut Builder,
-    ) -> Result<(Vec<Piece<'b>>, Appended<'b>)> {
-        let mut items = Items::new(bytes);
-        let mut pieces: Vec<Piece<'b>> = Vec::new();
-        let mut appended = Appended::default();
+        builder: &mut MeshBuilder,
+    ) -> Result<(Vec<GridPiece<'b>>, AppendedData<'b>)> {
+        let mut items = XmlItems::new(bytes);
+        let mut pieces: Vec<GridPiece<'b>> = Vec::new();
+        let mut appended = AppendedData::default();
         let (mut section, mut is_vtk) = ("", false);
         while let Some(item) = items.next() {
             let (name, attributes) = match item {
-                Item::Open { name, attributes } => (name, attributes),
-                Item::Comment(text) => {
+                XmlItem::Open { name, attributes } => (name, attributes),
+                XmlItem::Comment(text) => {
                     read_names(text, builder);
                     continue;
                 }
-                Item::Close("VTKFile") => break,
-                Item::Close(_) => continue,
+                XmlItem::Close("VTKFile") => break,
+                XmlItem::Close(_) => continue,
             };
             match name {
                 "VTKFile" => {
                     self.header(attributes, items.at)?;
                     is_vtk = true;
                 }
-                "Piece" => pieces.push(Piece::default()),
+                "Piece" => pieces.push(GridPiece::default()),
                 "Points" | "Cells" | "CellData" | "PointData" | "FieldData" => section = name,
                 "DataArray" => {
                     if let Some(piece) = pieces.last_mut() {
-                        piece.arrays.push(Place::of(section, attributes, &items));
+                        piece
+                            .arrays
+                            .push(ArrayPlace::from_element(section, attributes, &items));
                     }
                 }
                 "AppendedData" => {
@@ -214,13 +216,18 @@ impl File<'_, '_> {
     }
 
     /// Returns the data appended after the element that ends at `at`: all bytes after a `_`.
-    fn appended<'b>(&self, bytes: &'b [u8], at: usize, attributes: &str) -> Result<Appended<'b>> {
+    fn appended<'b>(
+        &self,
+        bytes: &'b [u8],
+        at: usize,
+        attributes: &str,
+    ) -> Result<AppendedData<'b>> {
         let rest = &bytes[at..];
         let Some(start) = rest.iter().position(|&b| b == b'_') else {
             let why = "the appended data do not start with \"_\"";
             return Err(self.bad(ErrorKind::Corrupt, at, why));
         };
-        Ok(Appended {
+        Ok(AppendedData {
             bytes: &rest[start + 1..],
             base64: attribute(attributes, "encoding") != Some("raw"),
         })
@@ -250,8 +257,8 @@ impl File<'_, '_> {
     }
 
     /// Decodes an array and subtracts its size from the memory limit.
-    fn array(&mut self, place: &Place<'_>, appended: &Appended<'_>) -> Result<Array> {
-        let kind = Type::named(&place.kind.to_ascii_lowercase());
+    fn array(&mut self, place: &ArrayPlace<'_>, appended: &AppendedData<'_>) -> Result<VtkArray> {
+        let kind = NumberType::named(&place.kind.to_ascii_lowercase());
         let Some(kind) = kind else {
             let why = format!(
                 "array \"{}\" is of the unknown type \"{}\"",
@@ -285,9 +292,9 @@ impl File<'_, '_> {
     /// Reads the points and cells of a piece.
     fn read_piece(
         &mut self,
-        piece: &Piece<'_>,
-        appended: &Appended<'_>,
-        builder: &mut Builder,
+        piece: &GridPiece<'_>,
+        appended: &AppendedData<'_>,
+        builder: &mut MeshBuilder,
     ) -> Result<()> {
         let need = |section: &str, name: &str| {
             piece.find(section, name).ok_or_else(|| {
@@ -300,7 +307,7 @@ impl File<'_, '_> {
         let (offsets, types) = (need("Cells", "offsets")?, need("Cells", "types")?);
         let before = builder.node_count();
         let count = self.read_points(points, appended, builder)?;
-        let cells = Cells {
+        let cells = PieceCells {
             at: connectivity.at,
             connectivity: self.array(connectivity, appended)?,
             offsets: self.array(offsets, appended)?,
@@ -315,9 +322,9 @@ impl File<'_, '_> {
     /// Passes the points to the builder, and returns their number.
     fn read_points(
         &mut self,
-        place: &Place<'_>,
-        appended: &Appended<'_>,
-        builder: &mut Builder,
+        place: &ArrayPlace<'_>,
+        appended: &AppendedData<'_>,
+        builder: &mut MeshBuilder,
     ) -> Result<usize> {
         let (before, at) = (builder.node_count(), At::Byte(place.at as u64));
         let points = self.array(place, appended)?;
@@ -334,9 +341,13 @@ impl File<'_, '_> {
 
     /// Reads tags by kind of group. Names of arrays are tried in this order: those of this crate,
     /// of meshio, of Gmsh, and others.
-    fn tags(&mut self, piece: &Piece<'_>, appended: &Appended<'_>) -> Result<[Option<Array>; 3]> {
+    fn tags(
+        &mut self,
+        piece: &GridPiece<'_>,
+        appended: &AppendedData<'_>,
+    ) -> Result<[Option<VtkArray>; 3]> {
         let mut tags = [None, None, None];
-        for (tags, ours) in tags.iter_mut().zip(GROUPS) {
+        for (tags, ours) in tags.iter_mut().zip(GROUP_NAMES) {
             let known = [ours, "gmsh:physical", "CellEntityIds", "gmsh:geometrical"];
             if let Some(place) = known.iter().find_map(|name| piece.find("CellData", name)) {
                 *tags = Some(self.array(place, appended)?);
@@ -346,7 +357,7 @@ impl File<'_, '_> {
     }
 
     /// Passes the cells to the builder.
-    fn take_cells(&self, cells: &Cells, builder: &mut Builder) -> Result<()> {
+    fn take_cells(&self, cells: &PieceCells, builder: &mut MeshBuilder) -> Result<()> {
         let at = At::Byte(cells.at as u64);
         let (mut start, mut nodes) = (0, Vec::new());
         for i in 0..cells.types.len() {
@@ -361,7 +372,7 @@ impl File<'_, '_> {
 }
 
 /// Adds a cell, by its VTK type, to the builder.
-fn take(builder: &mut Builder, kind: u8, nodes: &[u32], tag: impl Fn(usize) -> i64, at: At) {
+fn take(builder: &mut MeshBuilder, kind: u8, nodes: &[u32], tag: impl Fn(usize) -> i64, at: At) {
     match (kind, nodes.len()) {
         (1, 1) => builder.corners.push(nodes, 0, None, at),
         (3, 2) | (21, 3) => builder.edges.push(nodes, tag(2), None, at),
@@ -373,13 +384,13 @@ fn take(builder: &mut Builder, kind: u8, nodes: &[u32], tag: impl Fn(usize) -> i
         (10, 4) | (24, 10) => builder.tets.push(nodes, tag(1), None, at),
         (13, 6) => builder
             .wedges
-            .push(&WEDGE.map(|k| nodes[k]), tag(1), None, at),
+            .push(&WEDGE_PERMUTATION.map(|k| nodes[k]), tag(1), None, at),
         _ => builder.others += 1,
     }
 }
 
 /// Reads lines `part 1 name` in the comment written by this crate.
-fn read_names(text: &str, builder: &mut Builder) {
+fn read_names(text: &str, builder: &mut MeshBuilder) {
     let Some(lines) = text.strip_prefix(" groups\n") else {
         return;
     };
@@ -387,7 +398,7 @@ fn read_names(text: &str, builder: &mut Builder) {
         let mut words = line.splitn(3, ' ');
         let kind = words
             .next()
-            .and_then(|w| GROUPS.iter().position(|g| *g == w));
+            .and_then(|w| GROUP_NAMES.iter().position(|g| *g == w));
         let tag = words.next().and_then(|w| w.parse().ok());
         if let (Some(kind), Some(tag), Some(name)) = (kind, tag, words.next()) {
             builder.names[[2, 3, 1][kind]].insert(tag, unescape(name));

@@ -5,7 +5,7 @@
 //! predefined ones and character references are left unchanged.
 
 /// Escapes text for XML.
-pub(super) fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")
@@ -45,7 +45,7 @@ fn character(number: &str) -> Option<char> {
 
 /// Tag or comment.
 #[derive(Debug)]
-pub(super) enum Item<'b> {
+pub(crate) enum XmlItem<'b> {
     /// `<name attributes>`, also `<name attributes/>`.
     Open {
         name: &'b str,
@@ -92,18 +92,18 @@ fn end_of_tag(rest: &[u8]) -> Option<usize> {
 }
 
 /// Iterator over the tags of a file.
-pub(super) struct Items<'b> {
+pub(crate) struct XmlItems<'b> {
     bytes: &'b [u8],
     /// Position after the last item.
-    pub(super) at: usize,
+    pub(crate) at: usize,
 }
 
-impl<'b> Items<'b> {
-    pub(super) fn new(bytes: &'b [u8]) -> Self {
+impl<'b> XmlItems<'b> {
+    pub(crate) fn new(bytes: &'b [u8]) -> Self {
         Self { bytes, at: 0 }
     }
     /// Returns the bytes up to the next tag, or those of a CDATA section at this position.
-    pub(super) fn content(&self) -> &'b [u8] {
+    pub(crate) fn content(&self) -> &'b [u8] {
         let (text, rest) = self.bytes[self.at..].split_at(self.until_tag());
         match rest.strip_prefix(CDATA) {
             Some(section) if text.trim_ascii().is_empty() => {
@@ -118,7 +118,7 @@ impl<'b> Items<'b> {
         find(rest, b"<").unwrap_or(rest.len())
     }
     /// Returns the next item; `None` at the end and at an unterminated tag.
-    pub(super) fn next(&mut self) -> Option<Item<'b>> {
+    pub(crate) fn next(&mut self) -> Option<XmlItem<'b>> {
         loop {
             let start = self.at + self.until_tag();
             let rest = self.bytes.get(start..).filter(|r| !r.is_empty())?;
@@ -129,11 +129,11 @@ impl<'b> Items<'b> {
                 continue;
             };
             if let Some(comment) = text.strip_prefix("<!--") {
-                return Some(Item::Comment(comment));
+                return Some(XmlItem::Comment(comment));
             }
             let text = text[1..].trim();
             if let Some(name) = text.strip_prefix('/') {
-                return Some(Item::Close(name.trim()));
+                return Some(XmlItem::Close(name.trim()));
             }
             if text.starts_with(['?', '!']) {
                 continue;
@@ -142,7 +142,7 @@ impl<'b> Items<'b> {
             let end = text
                 .find(|c: char| c.is_ascii_whitespace())
                 .unwrap_or(text.len());
-            return Some(Item::Open {
+            return Some(XmlItem::Open {
                 name: &text[..end],
                 attributes: &text[end..],
             });
@@ -172,8 +172,8 @@ mod tests {
     #[test]
     fn walks() {
         let mut items =
-            Items::new(b"<?xml?>\n<a b = 'x=1' c=\"&lt;\"> 1 2 <!-- <no> --><d/></a><cut");
-        let Some(Item::Open {
+            XmlItems::new(b"<?xml?>\n<a b = 'x=1' c=\"&lt;\"> 1 2 <!-- <no> --><d/></a><cut");
+        let Some(XmlItem::Open {
             name: "a",
             attributes,
         }) = items.next()
@@ -189,22 +189,23 @@ mod tests {
             (Some("x=1"), Some("&lt;"), None)
         );
         assert_eq!(items.content(), b" 1 2 ");
-        assert!(matches!(items.next(), Some(Item::Comment(" <no> "))));
+        assert!(matches!(items.next(), Some(XmlItem::Comment(" <no> "))));
         assert!(matches!(
             items.next(),
-            Some(Item::Open {
+            Some(XmlItem::Open {
                 name: "d",
                 attributes: ""
             })
         ));
-        assert!(matches!(items.next(), Some(Item::Close("a"))));
+        assert!(matches!(items.next(), Some(XmlItem::Close("a"))));
         assert!(items.next().is_none());
     }
 
     #[test]
     fn quotes_and_sections_hide_marks() {
-        let mut items = Items::new(b"<a n=\"x>y\" m='\">'> <![CDATA[1 <b> 2]]> </a><c d=\"open>");
-        let Some(Item::Open {
+        let mut items =
+            XmlItems::new(b"<a n=\"x>y\" m='\">'> <![CDATA[1 <b> 2]]> </a><c d=\"open>");
+        let Some(XmlItem::Open {
             name: "a",
             attributes,
         }) = items.next()
@@ -214,11 +215,14 @@ mod tests {
         assert_eq!(attribute(attributes, "n"), Some("x>y"));
         assert_eq!(attribute(attributes, "m"), Some("\">"));
         assert_eq!(items.content(), b"1 <b> 2");
-        assert!(matches!(items.next(), Some(Item::Close("a"))));
+        assert!(matches!(items.next(), Some(XmlItem::Close("a"))));
         // An unclosed quote hides nothing.
-        assert!(matches!(items.next(), Some(Item::Open { name: "c", .. })));
+        assert!(matches!(
+            items.next(),
+            Some(XmlItem::Open { name: "c", .. })
+        ));
         assert!(items.next().is_none());
-        assert!(Items::new(b"<![CDATA[<a>").next().is_none());
+        assert!(XmlItems::new(b"<![CDATA[<a>").next().is_none());
     }
 
     #[test]
