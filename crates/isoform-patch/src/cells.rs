@@ -5,27 +5,29 @@
 
 use isoform_geom::{Point3, RationalPatch, norm, sub};
 
-/// A cell that is longer by this factor in one direction is divided there only.
-const LONGER: f64 = 1.6;
-
 /// Ranges of the parameters u and v.
-pub(crate) type Place = [(f64, f64); 2];
+pub(crate) type ParameterBox = [(f64, f64); 2];
 
 /// Returns the parameters at the centre of a rectangle.
-pub(crate) fn middle_of(place: Place) -> (f64, f64) {
+pub(crate) fn middle_of(place: ParameterBox) -> (f64, f64) {
     let [u, v] = place.map(|(a, b)| 0.5 * (a + b));
     (u, v)
 }
 
 /// Splits a patch into halves across its longer direction, or into quarters if neither direction is
 /// much longer; returns each part with its parameter rectangle.
-pub(crate) fn divided(patch: &RationalPatch, place: Place) -> Vec<(RationalPatch, Place)> {
+pub(crate) fn divided(
+    patch: &RationalPatch,
+    place: ParameterBox,
+) -> Vec<(RationalPatch, ParameterBox)> {
     let (along_u, along_v) = lengths(patch);
+    // Keeps cells nearly square.
+    let max_ratio = 1.6;
     parts(
         patch,
         place,
-        along_v <= LONGER * along_u,
-        along_u <= LONGER * along_v,
+        along_v <= max_ratio * along_u,
+        along_u <= max_ratio * along_v,
     )
 }
 
@@ -53,10 +55,10 @@ pub(crate) fn lengths_between(corners: [Point3; 4]) -> (f64, f64) {
 /// Splits a patch at 1/2 in u, in v or in both by de Casteljau's algorithm.
 pub(crate) fn parts(
     patch: &RationalPatch,
-    place: Place,
+    place: ParameterBox,
     in_u: bool,
     in_v: bool,
-) -> Vec<(RationalPatch, Place)> {
+) -> Vec<(RationalPatch, ParameterBox)> {
     let all = [(false, false), (false, true), (true, false), (true, true)];
     all.into_iter()
         .filter(|(u, v)| (in_u || !u) && (in_v || !v))
@@ -74,7 +76,7 @@ pub(crate) fn parts(
 }
 
 /// Replaces a patch by its lower or upper half in u or v.
-fn halve(patch: &mut RationalPatch, place: &mut Place, in_u: bool, upper: bool) {
+fn halve(patch: &mut RationalPatch, place: &mut ParameterBox, in_u: bool, upper: bool) {
     let degree = patch.degree();
     let mean = |a: [f64; 4], b: [f64; 4]| std::array::from_fn(|d| 0.5 * (a[d] + b[d]));
     halve_net(patch.control_mut(), degree, in_u, upper, mean);

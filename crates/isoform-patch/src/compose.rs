@@ -9,14 +9,14 @@
 
 use isoform_geom::{RationalPatch, Terms};
 
-/// The highest degree d m or d n of a composition that is computed. Higher ones cost much, and
-/// rounding grows with the degree.
-const MOST_DEGREE: usize = 32;
+/// Maximum degree d m or d n of a composition that is computed: higher degrees take long, and
+/// rounding errors grow with the degree.
+const MAX_COMPOSITION_DEGREE: usize = 32;
 
 /// Scaled Bernstein coefficients (multiplied by binomials, so that products are convolutions) of
 /// degree (m, n).
 #[derive(Clone)]
-struct Scaled {
+struct ScaledPolynomial {
     degree: (usize, usize),
     /// Coefficients, each with the sum of the absolute values of its terms.
     values: Vec<[f64; 2]>,
@@ -25,7 +25,7 @@ struct Scaled {
     roundings: usize,
 }
 
-impl Scaled {
+impl ScaledPolynomial {
     /// The constant 1.
     fn one() -> Self {
         Self {
@@ -94,11 +94,11 @@ pub(crate) fn largest(terms: &Terms<'_>, patch: &RationalPatch) -> Option<f64> {
     let degree = |e: &[u16; 3]| e.iter().map(|v| usize::from(*v)).sum::<usize>();
     let d = terms.list.iter().map(|(e, _)| degree(e)).max()?;
     let (m, n) = patch.degree();
-    if d * m.max(n) > MOST_DEGREE || patch.control_weights().0 <= 0.0 {
+    if d * m.max(n) > MAX_COMPOSITION_DEGREE || patch.control_weights().0 <= 0.0 {
         return None;
     }
-    let powers: [Vec<Scaled>; 4] =
-        std::array::from_fn(|k| Scaled::coordinate(patch, k, terms).powers(d));
+    let powers: [Vec<ScaledPolynomial>; 4] =
+        std::array::from_fn(|k| ScaledPolynomial::coordinate(patch, k, terms).powers(d));
     let composed = composed(terms, &powers, d);
     let whole = &powers[3][d];
     let roundings = composed.roundings.max(whole.roundings) + terms.list.len() + 2;
@@ -112,9 +112,9 @@ pub(crate) fn largest(terms: &Terms<'_>, patch: &RationalPatch) -> Option<f64> {
 }
 
 /// Composes w^d F(X/w, Y/w, Z/w) from the powers of X, Y, Z and w.
-fn composed(terms: &Terms<'_>, powers: &[Vec<Scaled>; 4], d: usize) -> Scaled {
+fn composed(terms: &Terms<'_>, powers: &[Vec<ScaledPolynomial>; 4], d: usize) -> ScaledPolynomial {
     let whole = &powers[3][d];
-    let mut sum = Scaled {
+    let mut sum = ScaledPolynomial {
         degree: whole.degree,
         values: vec![[0.0; 2]; whole.values.len()],
         roundings: 0,
@@ -138,7 +138,7 @@ fn composed(terms: &Terms<'_>, powers: &[Vec<Scaled>; 4], d: usize) -> Scaled {
 mod tests {
     use super::*;
 
-    /// z − c on a plane z = h is h − c; x y² on the same square of side 1 is at most 1, and its
+    /// z − c on a plane z = h is h − c; x y² on that square of side 1 is at most 1, and its
     /// coefficients show it.
     #[test]
     fn bounds_of_compositions() {

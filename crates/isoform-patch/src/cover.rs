@@ -18,15 +18,12 @@ mod samples;
 
 use crate::options::{Covering, Error, Options};
 use crate::parameterized::Parameterized;
-use crate::progress::Rising;
+use crate::progress::MonotoneProgress;
 use crate::unit::UnitBox;
 use crate::whole::Whole;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Field, Parts, Point3};
-use rounds::Work;
-
-/// Sets of samples that are covered in turn.
-const MOST_ROUNDS: usize = 4;
+use rounds::CoverState;
 
 /// Result of the proof that the surface lies inside patches by a margin.
 #[derive(Clone, Debug)]
@@ -123,11 +120,11 @@ pub fn cover(
 ) -> Result<Cover, Error> {
     options.check()?;
     covering.check()?;
-    let unit = UnitBox::of(&options.region);
+    let unit = UnitBox::new(&options.region);
     let (inside, options) = (unit.field(field), unit.options(options));
     let within = unit.covering(covering);
     let whole = Whole::of_field(&inside);
-    Rising::during(control, |control| {
+    MonotoneProgress::during(control, |control| {
         cover_whole(&whole, &options, &within, control)
     })
     .map(|cover| cover.out(&unit, covering, |_| field))
@@ -149,11 +146,11 @@ pub fn cover_parts(
 ) -> Result<Cover, Error> {
     options.check()?;
     covering.check()?;
-    let unit = UnitBox::of(&options.region);
+    let unit = UnitBox::new(&options.region);
     let (inside, options) = (unit.parts(parts), unit.options(options));
     let whole = Whole::of_parts(&inside, &options.region);
     let within = unit.covering(covering);
-    Rising::during(control, |control| {
+    MonotoneProgress::during(control, |control| {
         cover_whole(&whole, &options, &within, control)
     })
     .map(|cover| {
@@ -169,8 +166,9 @@ fn cover_whole(
     covering: &Covering,
     control: &Control<'_>,
 ) -> Result<Cover, Error> {
-    let mut work = Work::new(whole, options, covering, *control)?;
-    work.cover_samples(MOST_ROUNDS);
+    let mut work = CoverState::new(whole, options, covering, *control)?;
+    // At most four sets of samples: each detects gaps between the samples of those before.
+    work.cover_samples(4);
     if work.patches.is_empty() {
         control.check()?;
         return Err(work.last_error);

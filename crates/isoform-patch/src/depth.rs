@@ -18,33 +18,27 @@ mod krawczyk;
 mod sheet;
 
 pub(crate) use border::Border;
-pub(crate) use sheet::Sheet;
+pub(crate) use sheet::DepthPatch;
 
 use crate::places::wider;
-use border::STRAIGHT;
+use border::MAX_BORDER_DEVIATION;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Field, Point3, norm, sub};
 use isoform_num::{Interval, Real};
 use krawczyk::across;
 use rayon::prelude::*;
 
-/// Cells smaller than this, in the depth asked for, are not divided.
-const SMALLEST: f64 = 1.0 / 64.0;
-/// Cells smaller than this no point of which lies deep in a patch are not divided; larger ones may
-/// hold none of the surface.
-const SMALL: f64 = 0.25;
-/// A patch may be this many times its proved distance away from a point along n; on cells where
-/// that is more the normal turns too much.
-const FARTHER: f64 = 1.5;
-/// Blocks along each edge of the region, proved in parallel. Fixed, so that the result does not
-/// depend on the number of threads.
-const BLOCKS: usize = 4;
-/// Places that are told where a proof fails, in each block.
-const MOST_OPEN: usize = 2000;
+/// Radius of cells, in required depths, below which cells are not divided further.
+const MIN_CELL_RADIUS: f64 = 1.0 / 64.0;
+/// Number of blocks along each edge of the region that are proved in parallel; fixed, so that the
+/// result does not depend on the number of threads.
+const PROOF_BLOCKS_PER_EDGE: usize = 4;
+/// Maximum number of open cells of a block; once it is reached, the proof of the block ends.
+const MAX_OPEN_CELLS: usize = 2000;
 
 /// Result of the proof of a depth.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Proof {
+pub(crate) struct DepthProof {
     /// Upper bound on the distance from a point of the surface, outside the open boxes, to a point
     /// of a patch at the required depth.
     pub(crate) distance: f64,
@@ -53,7 +47,7 @@ pub(crate) struct Proof {
 }
 
 /// Statement to be proved: the surface in a region lies `depth` inside patches.
-pub(crate) struct Question<'a> {
+pub(crate) struct DepthClaim<'a> {
     pub(crate) field: &'a dyn Field,
     pub(crate) region: Aabb,
     pub(crate) depth: f64,
@@ -63,7 +57,7 @@ pub(crate) struct Question<'a> {
 }
 
 /// Result for one cell.
-enum Outcome {
+enum CellOutcome {
     /// The cell contains no part of the surface, or only exempt parts.
     Empty,
     /// All of the surface in the cell is deep enough in a patch, which is at most this far away.
@@ -76,12 +70,16 @@ enum Outcome {
 
 /// Tries to prove that every point of the surface in a region lies at the required depth inside
 /// some patch. Cells that remain when the control stops the proof count as open.
-pub(crate) fn prove(question: &Question<'_>, sheets: &[Sheet<'_>], control: &Control<'_>) -> Proof {
-    let blocks: Vec<Proof> = (0..BLOCKS.pow(3))
+pub(crate) fn prove(
+    question: &DepthClaim<'_>,
+    sheets: &[DepthPatch<'_>],
+    control: &Control<'_>,
+) -> DepthProof {
+    let blocks: Vec<DepthProof> = (0..PROOF_BLOCKS_PER_EDGE.pow(3))
         .into_par_iter()
         .map(|number| prove_block(question, sheets, block(&question.region, number), control))
         .collect();
-    let mut all = Proof::default();
+    let mut all = DepthProof::default();
     for block in blocks {
         all.distance = all.distance.max(block.distance);
         all.open.extend(block.open);
@@ -93,13 +91,13 @@ pub(crate) fn prove(question: &Question<'_>, sheets: &[Sheet<'_>], control: &Con
 fn block(region: &Aabb, number: usize) -> Aabb {
     let Aabb { lo, hi } = region;
     let part = [
-        number % BLOCKS,
-        number / BLOCKS % BLOCKS,
-        number / BLOCKS / BLOCKS,
+        number % PROOF_BLOCKS_PER_EDGE,
+        number / PROOF_BLOCKS_PER_EDGE % PROOF_BLOCKS_PER_EDGE,
+        number / PROOF_BLOCKS_PER_EDGE / PROOF_BLOCKS_PER_EDGE,
     ];
     let at = |k: usize, i: usize| match i {
-        BLOCKS => hi[k],
-        i => lo[k] + (hi[k] - lo[k]) * i as f64 / BLOCKS as f64,
+        PROOF_BLOCKS_PER_EDGE => hi[k],
+        i => lo[k] + (hi[k] - lo[k]) * i as f64 / PROOF_BLOCKS_PER_EDGE as f64,
     };
     Aabb {
         lo: std::array::from_fn(|k| at(k, part[k])),
@@ -108,24 +106,24 @@ fn block(region: &Aabb, number: usize) -> Aabb {
 }
 
 fn prove_block(
-    question: &Question<'_>,
-    sheets: &[Sheet<'_>],
+    question: &DepthClaim<'_>,
+    sheets: &[DepthPatch<'_>],
     block: Aabb,
     control: &Control<'_>,
-) -> Proof {
-    let mut proof = Proof::default();
+) -> DepthProof {
+    let mut proof = DepthProof::default();
     let mut pending = vec![block];
     while let Some(cell) = pending.pop() {
-        let is_large = 0.5 * cell.diagonal() > SMALLEST * question.depth;
+        let is_large = 0.5 * cell.diagonal() > MIN_CELL_RADIUS * question.depth;
         match question.look(sheets, &cell) {
-            Outcome::Empty => {}
-            Outcome::Deep(distance) => proof.distance = proof.distance.max(distance),
-            Outcome::Unknown if is_large && !control.is_stopped() => {
+            CellOutcome::Empty => {}
+            CellOutcome::Deep(distance) => proof.distance = proof.distance.max(distance),
+            CellOutcome::Unknown if is_large && !control.is_stopped() => {
                 pending.extend(halves(&cell));
             }
-            Outcome::Unknown | Outcome::Open => {
+            CellOutcome::Unknown | CellOutcome::Open => {
                 proof.open.push(cell);
-                if proof.open.len() == MOST_OPEN {
+                if proof.open.len() == MAX_OPEN_CELLS {
                     proof.open.append(&mut pending);
                 }
             }
@@ -158,7 +156,7 @@ fn radius(cell: &Aabb) -> f64 {
 }
 
 /// Behaviour of F on a cell.
-enum Course {
+enum GradientBehaviour {
     /// F does not vanish.
     Away,
     /// Nothing is proved.
@@ -168,7 +166,7 @@ enum Course {
 }
 
 /// Patches near a cell.
-struct Nearness {
+struct NearbyPatches {
     /// Indices of patches in which the centre is deep enough, the deepest first, with the
     /// parameters of its foot.
     deep: Vec<(usize, (f64, f64))>,
@@ -176,25 +174,26 @@ struct Nearness {
     is_hopeless: bool,
 }
 
-impl Question<'_> {
-    fn look(&self, sheets: &[Sheet<'_>], cell: &Aabb) -> Outcome {
+impl DepthClaim<'_> {
+    fn look(&self, sheets: &[DepthPatch<'_>], cell: &Aabb) -> CellOutcome {
         if self.is_left_out(cell) {
-            return Outcome::Empty;
+            return CellOutcome::Empty;
         }
         let (n, is_inside) = match self.course(cell) {
-            Course::Away => return Outcome::Empty,
-            Course::Unknown => return Outcome::Unknown,
-            Course::Along { n, is_inside } => (n, is_inside),
+            GradientBehaviour::Away => return CellOutcome::Empty,
+            GradientBehaviour::Unknown => return CellOutcome::Unknown,
+            GradientBehaviour::Along { n, is_inside } => (n, is_inside),
         };
         let near = self.near(sheets, cell);
         let mut deep = near.deep.iter();
         let deep = deep.find_map(|(at, foot)| self.lies_in(&sheets[*at], cell, n, *foot));
         match deep {
-            Some(distance) => Outcome::Deep(distance),
-            None if near.is_hopeless && is_inside && radius(cell) < SMALL * self.depth => {
-                Outcome::Open
+            Some(distance) => CellOutcome::Deep(distance),
+            // Larger cells are divided first, as they may contain no surface.
+            None if near.is_hopeless && is_inside && radius(cell) < 0.25 * self.depth => {
+                CellOutcome::Open
             }
-            None => Outcome::Unknown,
+            None => CellOutcome::Unknown,
         }
     }
 
@@ -206,29 +205,29 @@ impl Question<'_> {
         !self.field.bounds(*cell).contains(0.0) || self.singular.iter().any(is_within)
     }
 
-    fn course(&self, cell: &Aabb) -> Course {
+    fn course(&self, cell: &Aabb) -> GradientBehaviour {
         let c = cell.center();
         let Some(e) = self.field.expansion(c, *cell) else {
-            return Course::Unknown;
+            return GradientBehaviour::Unknown;
         };
         let by = offsets(cell, c);
         let gradient = e.gradient_at(by);
         let value = (0..3).fold(e.value, |sum, k| sum + gradient[k] * by[k]);
         if !value.contains(0.0) {
-            return Course::Away;
+            return GradientBehaviour::Away;
         }
         let slope = gradient.map(|g| 0.5 * g.lo() + 0.5 * g.hi());
         let length = norm(slope);
         if !(length > 0.0 && length.is_finite()) {
-            return Course::Unknown;
+            return GradientBehaviour::Unknown;
         }
-        Course::Along {
+        GradientBehaviour::Along {
             n: slope.map(|g| g / length),
             is_inside: e.value.lo().abs() <= 0.5 * radius(cell) * length,
         }
     }
 
-    fn near(&self, sheets: &[Sheet<'_>], cell: &Aabb) -> Nearness {
+    fn near(&self, sheets: &[DepthPatch<'_>], cell: &Aabb) -> NearbyPatches {
         let (c, radius) = (cell.center(), radius(cell));
         // The pieces of borders deviate from straight lines by up to this fraction of the depth.
         let mut is_hopeless = true;
@@ -236,12 +235,12 @@ impl Question<'_> {
             .filter_map(|(sheet, at)| {
                 let foot = sheet.foot(c, radius)?;
                 let depth = sheet.border.distance(c);
-                is_hopeless &= depth + radius < self.depth * (1.0 - STRAIGHT);
+                is_hopeless &= depth + radius < self.depth * (1.0 - MAX_BORDER_DEVIATION);
                 (depth - radius >= self.depth).then_some((depth, at, foot))
             })
             .collect();
         deep.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        Nearness {
+        NearbyPatches {
             deep: deep.into_iter().map(|(_, at, foot)| (at, foot)).collect(),
             is_hopeless,
         }
@@ -249,7 +248,13 @@ impl Question<'_> {
 
     /// Returns an upper bound on the distance of the surface in a cell from a patch, measured along
     /// n and at parameters near those of a given foot of the centre; `None` if no bound is proved.
-    fn lies_in(&self, sheet: &Sheet<'_>, cell: &Aabb, n: Point3, foot: (f64, f64)) -> Option<f64> {
+    fn lies_in(
+        &self,
+        sheet: &DepthPatch<'_>,
+        cell: &Aabb,
+        n: Point3,
+        foot: (f64, f64),
+    ) -> Option<f64> {
         let c = cell.center();
         let part = across(sheet.patch, cell, n, foot)?;
         // The box contains the points of the patch there, those of the cell and all between them,
@@ -269,7 +274,8 @@ impl Question<'_> {
         let most = norm(gradient.map(|g| g.lo().abs().max(g.hi().abs())));
         // The factor 1 + 1e-9 allows for the rounding of the unit vector n.
         let farther = most / along.lo() * (1.0 + 1e-9);
-        (along.lo() > 0.0 && farther <= FARTHER).then_some(farther * sheet.bound)
+        // Where it exceeds 1.5, the normal turns too much on the cell.
+        (along.lo() > 0.0 && farther <= 1.5).then_some(farther * sheet.bound)
     }
 }
 
@@ -285,11 +291,11 @@ mod tests {
     }
 
     /// Proves a depth for z = 0 (or another function) in the cube of edge 1 with patches 1e-6 away.
-    fn of(field: &Polynomial, patches: &[RationalPatch], depth: f64) -> Proof {
-        let sheets: Vec<Sheet<'_>> = (patches.iter())
-            .map(|p| Sheet::new(p, 1e-6, depth).expect("positive weights"))
+    fn prove_depth(field: &Polynomial, patches: &[RationalPatch], depth: f64) -> DepthProof {
+        let sheets: Vec<DepthPatch<'_>> = (patches.iter())
+            .map(|p| DepthPatch::new(p, 1e-6, depth).expect("positive weights"))
             .collect();
-        let question = Question {
+        let question = DepthClaim {
             field,
             region: Aabb {
                 lo: [-0.5; 3],
@@ -310,11 +316,11 @@ mod tests {
         let wide = (-0.7, 0.7);
         let both = [square((-0.7, 0.1), wide), square((-0.1, 0.7), wide)];
         for depth in [0.01, 0.09, 0.098] {
-            let proof = of(&plane, &both, depth);
+            let proof = prove_depth(&plane, &both, depth);
             assert!(proof.open.is_empty(), "{depth}: {:?}", proof.open.first());
             assert!((1e-6..1.1e-6).contains(&proof.distance));
         }
-        let proof = of(&plane, &both, 0.102);
+        let proof = prove_depth(&plane, &both, 0.102);
         assert!(!proof.open.is_empty());
         // Only cells in the overlap are open.
         for cell in &proof.open {
@@ -327,11 +333,11 @@ mod tests {
     fn what_is_not_covered_is_open() {
         let plane = Polynomial::new([([0, 0, 1], 1.0)]);
         let one = [square((-0.7, 0.4), (-0.7, 0.7))];
-        let proof = of(&plane, &one, 0.05);
+        let proof = prove_depth(&plane, &one, 0.05);
         assert!(proof.open.iter().any(|b| b.hi[0] > 0.45));
         assert!(proof.open.iter().all(|b| b.hi[0] > 0.34));
         let planes = Polynomial::new([([0, 0, 2], 1.0), ([0, 0, 1], -0.02)]);
-        let proof = of(&planes, &[square((-0.7, 0.7), (-0.7, 0.7))], 0.05);
+        let proof = prove_depth(&planes, &[square((-0.7, 0.7), (-0.7, 0.7))], 0.05);
         assert!(proof.open.iter().all(|b| b.hi[2] > 0.015));
         assert!(proof.open.len() > 100);
     }

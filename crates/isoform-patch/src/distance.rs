@@ -33,17 +33,19 @@
 //! minima and maxima and consists of parts; the *bound* of a cell is a proved distance, the
 //! *target* a distance to be proved.
 
+mod bound;
 mod bounded;
 mod cell;
 mod crossing;
 mod products;
 mod proof;
+mod prover;
 mod sampling;
 mod smooth;
 mod taylor;
 
 pub use proof::prove;
-pub(crate) use proof::{Effort, proof};
+pub(crate) use proof::{Effort, MAX_PROOF_CELLS, proof};
 pub(crate) use sampling::sampled_on;
 pub use sampling::{foot_distances, sampled};
 
@@ -54,30 +56,19 @@ use isoform_geom::{Field, RationalPatch};
 use proof::prove_on;
 use sampling::largest_coordinate;
 
-/// Samples in each direction.
-const SAMPLES: usize = 41;
 /// Target bounds, as multiples of the sampled distance: the second is tried if the first cannot be
 /// proved.
-const SLACK: [f64; 2] = [1.8, 2.7];
-/// At edges, a bound below this multiple of the sampled distance is not made better.
-const ENOUGH: f64 = 2.5;
-/// Bounds below this share of the largest coordinate are lost in rounding.
-const ROUNDING: f64 = 1e-13;
-/// Smallest bound that is refined at edges, as a fraction of the largest coordinate: flat faces
-/// reach less with few cells.
-const LEAST_REFINED: f64 = 3e-14;
-/// A patch this near to the surface, in units of the largest coordinate, lies on it to rounding.
-const EXACT: f64 = 1e-12;
+const TARGET_RATIOS: [f64; 2] = [1.8, 2.7];
+/// Smallest target bound, as a fraction of the largest coordinate: smaller ones are lost in
+/// rounding.
+const MIN_PROVABLE_BOUND: f64 = 1e-13;
+/// Smallest bound that is refined at edges, as a fraction of the largest coordinate: on flat faces
+/// a few cells reach smaller ones.
+const MIN_REFINED_BOUND: f64 = 3e-14;
 /// Target bounds for a patch that lies on the surface to rounding, as fractions of the largest
 /// coordinate, each with its maximum number of cells; they are tried in turn. The first is near
 /// rounding, the second suits self-intersections, the third is what expansions alone can prove.
-const EXACT_TARGETS: [(f64, usize); 3] = [(1e-13, 2000), (1e-12, 2000), (1e-6, 60_000)];
-/// The most cells of a proof.
-const MOST_CELLS: usize = 60_000;
-/// The most cells of a first proof at edges.
-const MOST_CELLS_AT_EDGES: usize = 6000;
-/// The most cells where a bound at edges is made better cell by cell.
-const MOST_REFINED: usize = 16_000;
+const EXACT_TARGETS: [(f64, usize); 3] = [(1e-13, 2000), (1e-12, 2000), (1e-6, MAX_PROOF_CELLS)];
 
 /// Distances of a patch from the surface, in model units.
 ///
@@ -114,7 +105,7 @@ pub struct Distances {
 }
 
 /// Distances, and, if the bound is loose, the parameters of a point from which it comes.
-pub(crate) type Found = (Distances, Option<(f64, f64)>);
+pub(crate) type MeasuredDistances = (Distances, Option<(f64, f64)>);
 
 /// Measures and proves the distances of a patch. The bound is at least the sampled distance. It
 /// aims at 1.8 times that (at 2.7 times if the first cannot be proved), and at no more than the
@@ -132,9 +123,9 @@ pub(crate) fn distances_on(
     tolerance: Option<f64>,
     proved: Option<f64>,
     control: Control<'_>,
-) -> Found {
-    let (sampled, rms) = sampled_on(whole, patch, SAMPLES);
-    let search = Search {
+) -> MeasuredDistances {
+    let (sampled, rms) = sampled_on(whole, patch, 41);
+    let search = BoundSearch {
         whole,
         patch,
         sampled,
@@ -152,10 +143,10 @@ pub(crate) fn distances_on(
 }
 
 /// Proved bound, and, if it is loose, the parameters of a point from which it comes.
-type Bound = (f64, Option<(f64, f64)>);
+type BoundWithPlace = (f64, Option<(f64, f64)>);
 
 /// Search for a bound that is not much larger than the sampled distance.
-struct Search<'a> {
+struct BoundSearch<'a> {
     whole: &'a Whole<'a>,
     patch: &'a RationalPatch,
     sampled: f64,
@@ -166,9 +157,10 @@ struct Search<'a> {
     control: Control<'a>,
 }
 
-impl Search<'_> {
-    fn bound(&self, proved: Option<f64>) -> Option<Bound> {
-        if self.whole.is_single() && self.sampled <= EXACT * self.size {
+impl BoundSearch<'_> {
+    fn bound(&self, proved: Option<f64>) -> Option<BoundWithPlace> {
+        // Such a patch lies on the surface to rounding.
+        if self.whole.is_single() && self.sampled <= 1e-12 * self.size {
             return self.exact_bound().map(|b| (b, None));
         }
         // The target may be proved already.
@@ -179,9 +171,9 @@ impl Search<'_> {
             let at_once = |slack: &f64| {
                 let goal = self.goal(*slack);
                 let target = self.tolerance.map_or(goal, |t| goal.min(t));
-                self.prove(target, MOST_CELLS)
+                self.prove(target, MAX_PROOF_CELLS)
             };
-            if let Some(bound) = SLACK.iter().find_map(at_once) {
+            if let Some(bound) = TARGET_RATIOS.iter().find_map(at_once) {
                 return Some((bound, None));
             }
         }
@@ -197,23 +189,23 @@ impl Search<'_> {
     }
 
     /// Returns a bound refined from the worst cell on: at edges a few cells take most of the work.
-    fn refined_bound(&self, proved: Option<f64>) -> Option<Bound> {
-        let to_tolerance = || self.prove(self.tolerance?, MOST_CELLS_AT_EDGES);
+    fn refined_bound(&self, proved: Option<f64>) -> Option<BoundWithPlace> {
+        let to_tolerance = || self.prove(self.tolerance?, 6000);
         let start = proved.or_else(to_tolerance)?;
-        let goal = (ENOUGH * self.sampled).max(LEAST_REFINED * self.size);
-        let effort = self.effort(MOST_REFINED);
+        let goal = (2.5 * self.sampled).max(MIN_REFINED_BOUND * self.size);
+        let effort = self.effort(16_000);
         Some(refined(self.whole, self.patch, start, goal, effort))
     }
 
     fn goal(&self, slack: f64) -> f64 {
-        (slack * self.sampled).max(ROUNDING * self.size)
+        (slack * self.sampled).max(MIN_PROVABLE_BOUND * self.size)
     }
 
     fn is_enough(&self, bound: f64) -> bool {
         if self.whole.is_single() {
-            bound <= self.goal(SLACK[0])
+            bound <= self.goal(TARGET_RATIOS[0])
         } else {
-            bound <= (SLACK[1] * self.sampled).max(LEAST_REFINED * self.size)
+            bound <= (TARGET_RATIOS[1] * self.sampled).max(MIN_REFINED_BOUND * self.size)
         }
     }
 

@@ -7,62 +7,31 @@
 //! solution: directions along the manifold, whose singular values are of the order of the error,
 //! are damped out.
 
-use crate::grow::{Growth, LEAST_WEIGHT, MOST_GROWTH};
+use crate::grow::{Growth, MAX_EXTRAPOLATION, MIN_CONTROL_WEIGHT};
 use crate::grown::area;
 use crate::least_squares::damped_least_squares;
 use crate::objective::{Evaluated, Objective};
 use crate::places::grid;
 use crate::stretch::longer;
-use crate::surface::ON_SURFACE;
+use crate::surface::SURFACE_DISTANCE_TOLERANCE;
 use crate::terms::Targets;
 use isoform_geom::{Point3, RationalPatch, dot};
 
-/// The most steps; where there is a solution some twenty are needed, as convergence is linear until
-/// the error is small.
-const STEPS: usize = 80;
-/// A step that leaves less than this share of the best value makes progress.
-const PROGRESS: f64 = 0.9;
-/// The least damping, relative to the largest column: beyond what rounding leaves.
-const LEAST_DAMPING: f64 = 1e-14;
-/// Steps without progress after which there is nothing more to be had.
-const PATIENCE: usize = 5;
-/// A root of I below this, relative to the largest coordinate, is only rounding.
-const ENOUGH: f64 = 3e-16;
-
 /// Fractions by which a patch is shortened at each side, in turn, until an exact patch is found
 /// nearby: I is far smaller for the middle of a patch.
-const SHORTER: [f64; 3] = [0.0, 0.2, 0.35];
-/// Bisections of the extrapolation of an exact patch.
-const BISECTIONS: usize = 10;
-/// Extrapolations of an exact patch.
-const EXTRAPOLATIONS: usize = 12;
-/// The first extrapolation may take back this share of the patch: an exact one nearby may be too
-/// large.
-const TAKEN_BACK: f64 = 0.25;
-/// Samples in each direction at which normals are compared.
-const NORMALS: usize = 13;
+const SHORTENING_SHARES: [f64; 3] = [0.0, 0.2, 0.35];
+/// Number of samples in each direction at which normals are compared.
+const NORMAL_SAMPLES: usize = 13;
 /// Maximum degrees of the other patches from which exact ones are sought, in turn, and their
 /// fractions of the bound on S. With a fraction below 1, the shape terms of the paper apply even if
 /// a tolerance is given.
-const OTHERS: [(usize, f64); 5] = [(3, 1.0), (2, 1.0), (2, 0.5), (2, 1e-3), (2, 1e-6)];
-/// The cosine of the largest angle between a normal and that in the middle: the faces of STEP's own
-/// entities have to keep away from poles and seams.
-const LEAST_TURN: f64 = 0.175;
-/// An exact patch with this share of the area that it had before is large enough.
-const ENOUGH_AREA: f64 = 0.3;
-/// One with less than this share is none: patches that are small enough are near any surface.
-const LEAST_AREA: f64 = 0.05;
+const OTHER_SOURCES: [(usize, f64); 5] = [(3, 1.0), (2, 1.0), (2, 0.5), (2, 1e-3), (2, 1e-6)];
 /// Root of I, in units of the region, below which a patch counts as exact: rounding stays below it,
 /// and steps that converge slowly end above it.
-const RESOLVED: f64 = 5e-15;
-/// The share of the bound on S up to which an exact patch is extrapolated: polishing changes S a
-/// little.
-const AIM: f64 = 0.998;
-/// The least area element, as a share of the largest.
-const LEAST_ELEMENT: f64 = 1e-3;
+const MAX_EXACT_RESIDUAL: f64 = 5e-15;
 
 /// Patch with its targets and its value.
-struct Fitting {
+struct ExactCandidate {
     patch: RationalPatch,
     targets: Targets,
     at: Evaluated,
@@ -72,7 +41,7 @@ struct Fitting {
 /// leaves I at 0, as far as the bound on S and positive control weights admit. Returns true if it
 /// succeeded.
 ///
-/// If there is no exact patch nearby, or only a small one, `grow` makes patches of lower degrees in
+/// If no exact patch is nearby, or only a small one, `grow` makes patches of lower degrees in
 /// turn, each for a degree and a fraction of the bound on S, with small patches last. They are
 /// brought onto the surface, raised to the required degree and extrapolated: a large patch with
 /// wrong angles is not near an exact one.
@@ -82,8 +51,8 @@ pub(crate) fn make_exact<'f>(
 ) -> bool {
     let (m, n) = growth.patch.degree();
     let before = area(&growth.patch);
-    let mut best: Option<(f64, Fitting)> = None;
-    let others = OTHERS.map(|(k, share)| ((m.min(k), n.min(k)), share));
+    let mut best: Option<(f64, ExactCandidate)> = None;
+    let others = OTHER_SOURCES.map(|(k, share)| ((m.min(k), n.min(k)), share));
     let others = others
         .into_iter()
         .filter(|(d, share)| *share < 1.0 || *d != (m, n))
@@ -91,10 +60,12 @@ pub(crate) fn make_exact<'f>(
     // The patch itself comes first; the others are grown only when their turn comes.
     for source in std::iter::once(None).chain(others.map(Some)) {
         let source = source.as_ref().unwrap_or(growth);
-        let least = LEAST_AREA * before;
+        // Any surface has an exact patch nearby that is small enough: less than a twentieth of the
+        // area does not count.
+        let least = 0.05 * before;
         let least = best.as_ref().map_or(least, |b| least.max(b.0.next_up()));
         best = growth.exact_from(source, least).or(best);
-        if best.as_ref().is_some_and(|b| b.0 >= ENOUGH_AREA * before) {
+        if best.as_ref().is_some_and(|b| b.0 >= 0.3 * before) {
             break;
         }
     }
@@ -107,9 +78,9 @@ pub(crate) fn make_exact<'f>(
 
 impl Growth<'_> {
     /// Returns an exact patch near a source, and its area; `None` if its area is below `least`.
-    fn exact_from(&self, source: &Growth<'_>, least: f64) -> Option<(f64, Fitting)> {
+    fn exact_from(&self, source: &Growth<'_>, least: f64) -> Option<(f64, ExactCandidate)> {
         let degree = self.patch.degree();
-        SHORTER.into_iter().find_map(|share| {
+        SHORTENING_SHARES.into_iter().find_map(|share| {
             let nearby = source.exact_nearby(share)?;
             let found = self.extended(nearby.elevated(degree))?;
             let size = area(&found.patch);
@@ -121,15 +92,18 @@ impl Growth<'_> {
     /// fraction at each side.
     fn exact_nearby(&self, share: f64) -> Option<RationalPatch> {
         let (patch, root) = onto(&self.objective, &self.longer([-share; 4]));
-        (root <= RESOLVED * self.unit && patch.control_weights().0 > 0.0 && is_regular(&patch))
-            .then_some(patch)
+        (root <= MAX_EXACT_RESIDUAL * self.unit
+            && patch.control_weights().0 > 0.0
+            && is_regular(&patch))
+        .then_some(patch)
     }
 
     /// Extrapolates an exact patch as far as the bound on S, positive control weights and the
     /// region admit.
-    fn extended(&self, mut patch: RationalPatch) -> Option<Fitting> {
-        let (mut least, mut longest) = (-TAKEN_BACK, None);
-        for _ in 0..EXTRAPOLATIONS {
+    fn extended(&self, mut patch: RationalPatch) -> Option<ExactCandidate> {
+        // The first extrapolation may shorten the patch: an exact patch nearby may be too large.
+        let (mut least, mut longest) = (-0.25, None);
+        for _ in 0..12 {
             let inside = self.sides_inside(&patch);
             let (share, best) = self.farthest(&patch, inside, least);
             let Some(found) = best.and_then(|best| self.polished(&best)) else {
@@ -137,7 +111,7 @@ impl Growth<'_> {
             };
             patch = found.patch.clone();
             longest = Some(found);
-            if share < 0.5 * MOST_GROWTH || inside == [false; 4] {
+            if share < 0.5 * MAX_EXTRAPOLATION || inside == [false; 4] {
                 break;
             }
             least = 0.0;
@@ -152,16 +126,18 @@ impl Growth<'_> {
         patch: &RationalPatch,
         inside: [bool; 4],
         least: f64,
-    ) -> (f64, Option<Fitting>) {
+    ) -> (f64, Option<ExactCandidate>) {
         let longer = |share: f64| {
             let by = |inside: bool| if share < 0.0 || inside { share } else { 0.0 };
             longer(patch, inside.map(by))
         };
-        let (mut lo, mut hi) = (least, MOST_GROWTH);
-        let mut best = self.fitting(longer(lo), AIM);
-        for _ in 0..BISECTIONS {
+        let (mut lo, mut hi) = (least, MAX_EXTRAPOLATION);
+        // The bound on S is not used up, as polishing changes S a little.
+        let aim = 0.998;
+        let mut best = self.fitting(longer(lo), aim);
+        for _ in 0..10 {
             let share = 0.5 * (lo + hi);
-            match self.fitting(longer(share), AIM) {
+            match self.fitting(longer(share), aim) {
                 Some(found) => (lo, best) = (share, Some(found)),
                 None => hi = share,
             }
@@ -170,41 +146,41 @@ impl Growth<'_> {
     }
 
     /// Removes from a patch the rounding errors that extrapolation has amplified.
-    fn polished(&self, rough: &Fitting) -> Option<Fitting> {
+    fn polished(&self, rough: &ExactCandidate) -> Option<ExactCandidate> {
         let polished = onto(&self.objective, &rough.patch).0;
         self.fitting(polished, 1.0)
-            .filter(|f| f.at.terms.i.sqrt() <= RESOLVED * self.unit)
+            .filter(|f| f.at.terms.i.sqrt() <= MAX_EXACT_RESIDUAL * self.unit)
     }
 
     /// Returns a nearly exact patch with its value; `None` if it is not acceptable or exceeds a
     /// fraction of the bound on S.
-    fn fitting(&self, patch: RationalPatch, share: f64) -> Option<Fitting> {
+    fn fitting(&self, patch: RationalPatch, share: f64) -> Option<ExactCandidate> {
         let (targets, at) = self.retargeted(&patch)?;
         let fits = match self.options.tolerance {
             Some(_) => turns_little(&patch),
             None => self.objective.sum(&at.terms) <= share * self.limit(),
         };
-        let is_exact = at.terms.i.sqrt() <= ON_SURFACE * self.unit;
-        (fits && is_exact && patch.control_weights().0 > LEAST_WEIGHT && is_regular(&patch))
-            .then_some(Fitting { patch, targets, at })
+        let is_exact = at.terms.i.sqrt() <= SURFACE_DISTANCE_TOLERANCE * self.unit;
+        (fits && is_exact && patch.control_weights().0 > MIN_CONTROL_WEIGHT && is_regular(&patch))
+            .then_some(ExactCandidate { patch, targets, at })
     }
 }
 
 /// Returns the normals of a patch on a grid, row by row.
 fn normals(patch: &RationalPatch) -> Vec<Point3> {
     let normal = |(u, v): (f64, f64)| patch.tangents(u, v).normal();
-    grid(NORMALS).map(normal).collect()
+    grid(NORMAL_SAMPLES).map(normal).collect()
 }
 
-/// Returns true if every normal of a patch is at less than about a right angle to the normal at the
-/// centre.
+/// Returns true if every normal of a patch is at less than 80° to the normal at the centre: faces
+/// of STEP's own surfaces must avoid poles and seams.
 fn turns_little(patch: &RationalPatch) -> bool {
     let normals = normals(patch);
     let middle = normals[normals.len() / 2];
     let length = dot(middle, middle).sqrt();
     normals
         .iter()
-        .all(|n| dot(*n, middle) >= LEAST_TURN * length * dot(*n, *n).sqrt())
+        .all(|n| dot(*n, middle) >= 0.175 * length * dot(*n, *n).sqrt())
 }
 
 /// Returns true if a patch neither folds nor degenerates to a curve: such patches have I = 0, too.
@@ -215,11 +191,14 @@ fn is_regular(patch: &RationalPatch) -> bool {
         (lo.min(n), hi.max(n))
     });
     let turns = |k: usize, next: usize| dot(normals[k], normals[next]) <= 0.0;
-    let folds = (0..NORMALS * NORMALS).any(|k| {
-        (k % NORMALS + 1 < NORMALS && turns(k, k + 1))
-            || (k + NORMALS < NORMALS * NORMALS && turns(k, k + NORMALS))
+    let folds = (0..NORMAL_SAMPLES * NORMAL_SAMPLES).any(|k| {
+        (k % NORMAL_SAMPLES + 1 < NORMAL_SAMPLES && turns(k, k + 1))
+            || (k + NORMAL_SAMPLES < NORMAL_SAMPLES * NORMAL_SAMPLES
+                && turns(k, k + NORMAL_SAMPLES))
     });
-    lo > LEAST_ELEMENT * LEAST_ELEMENT * hi && !folds
+    // Minimum area element, as a fraction of the largest.
+    let least = 1e-3;
+    lo > least * least * hi && !folds
 }
 
 /// Iterates from a patch; returns the patch with the least I found, and the root of that I.
@@ -230,7 +209,9 @@ fn onto(objective: &Objective<'_>, patch: &RationalPatch) -> (RationalPatch, f64
     };
     let mut best = (patch.clone(), at.terms.i.sqrt());
     let mut since = 0;
-    for _ in 0..STEPS {
+    // About twenty steps suffice if there is a solution: convergence is linear until the error is
+    // small.
+    for _ in 0..80 {
         let scale = largest(&patch);
         let Some(next) = step(objective, &patch, &at, scale) else {
             break;
@@ -240,12 +221,13 @@ fn onto(objective: &Objective<'_>, patch: &RationalPatch) -> (RationalPatch, f64
         };
         (patch, at) = (next, value);
         let root = at.terms.i.sqrt();
-        let is_progress = root < PROGRESS * best.1;
+        let is_progress = root < 0.9 * best.1;
         since = if is_progress { 0 } else { since + 1 };
         if root < best.1 {
             best = (patch.clone(), root);
         }
-        if since >= PATIENCE || root <= ENOUGH * scale {
+        // A smaller root of I is only rounding.
+        if since >= 5 || root <= 3e-16 * scale {
             break;
         }
     }
@@ -269,7 +251,8 @@ fn step(
     let (rows, residuals) = objective.distance_rows(at);
     let square = |k: usize| rows.chunks(n).map(|row| row[k] * row[k]).sum::<f64>();
     let column = (0..n).map(square).fold(0.0, f64::max).sqrt();
-    let damping = column * (at.terms.i.sqrt() / scale).max(LEAST_DAMPING);
+    // The minimum is above the rounding errors of the columns.
+    let damping = column * (at.terms.i.sqrt() / scale).max(1e-14);
     let x = damped_least_squares(rows, &residuals, n, damping)?;
     let mut next = patch.clone();
     for (i, c) in next.control_mut().iter_mut().enumerate() {

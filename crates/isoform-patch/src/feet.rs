@@ -1,18 +1,8 @@
 //! Feet: the points of a patch nearest to given points.
 
-use crate::cells::{Place, middle_of};
+use crate::cells::{ParameterBox, middle_of};
 use crate::places::{contains, normalized, wider};
 use isoform_geom::{Aabb, KdTree, Point3, RationalPatch, Tangents, dot, norm, sub};
-
-/// Cells of a patch in each direction from whose middles feet of samples are sought.
-const GRID: usize = 32;
-/// How often cells are quartered where normals at their corners differ much: round sharp ridges
-/// Newton's method needs near starts.
-const MOST_QUARTERINGS: u32 = 4;
-/// The cosine of the angle, 30°, by which normals may differ in a cell that is not quartered.
-const ALIKE: f64 = 0.87;
-/// Newton steps towards the foot of a sample on a patch.
-const STEPS: usize = 12;
 
 /// Returns, for each point, whether it lies within `tolerance` of a patch. The foot is sought by
 /// Newton's method from the nearest of a set of start points, which are denser where the patch is
@@ -27,7 +17,7 @@ const STEPS: usize = 12;
 /// assert_eq!(reached(&square, &points, 0.01), [true, false, false]);
 /// ```
 pub fn reached(patch: &RationalPatch, points: &[Point3], tolerance: f64) -> Vec<bool> {
-    let starts = Starts::of(patch);
+    let starts = FootStarts::new(patch);
     let near = tolerance + starts.reach;
     let wide = beyond(patch, tolerance);
     let tree = KdTree::new(&starts.points);
@@ -57,31 +47,33 @@ fn beyond(patch: &RationalPatch, distance: f64) -> Aabb {
 
 /// Start points of a patch for the search of feet.
 #[derive(Default)]
-struct Starts {
+struct FootStarts {
     parameters: Vec<(f64, f64)>,
     points: Vec<Point3>,
     /// Estimated upper bound on the distance of a point of the patch from the nearest start point.
     reach: f64,
 }
 
-impl Starts {
-    /// Returns the centres of cells.
-    fn of(patch: &RationalPatch) -> Self {
-        let at = |i: usize| i as f64 / GRID as f64;
+impl FootStarts {
+    /// Returns the centres of 32 × 32 cells, more of them where the patch is strongly curved.
+    fn new(patch: &RationalPatch) -> Self {
+        let side = 32;
+        let at = |i: usize| i as f64 / side as f64;
         let mut starts = Self::default();
-        for k in 0..GRID * GRID {
-            let (i, j) = (k / GRID, k % GRID);
+        for k in 0..side * side {
+            let (i, j) = (k / side, k % side);
             starts.add(patch, [(at(i), at(i + 1)), (at(j), at(j + 1))], 0);
         }
         starts
     }
 
     /// Adds the centre of a cell, or of its quarters if its normals differ much.
-    fn add(&mut self, patch: &RationalPatch, cell: Place, depth: u32) {
+    fn add(&mut self, patch: &RationalPatch, cell: ParameterBox, depth: u32) {
         let [(u0, u1), (v0, v1)] = cell;
         let corners = [(u0, v0), (u0, v1), (u1, v0), (u1, v1)].map(|(u, v)| patch.tangents(u, v));
         let (u, v) = middle_of(cell);
-        if depth < MOST_QUARTERINGS && turns(&corners) {
+        // Around sharp ridges Newton's method needs start points nearby.
+        if depth < 4 && turns(&corners) {
             for side in [(u0, u), (u, u1)] {
                 for other in [(v0, v), (v, v1)] {
                     self.add(patch, [side, other], depth + 1);
@@ -101,13 +93,13 @@ impl Starts {
 /// Returns true if the normals at the corners differ by more than 30°.
 fn turns(corners: &[Tangents; 4]) -> bool {
     let normals = corners.each_ref().map(|t| normalized(t.normal()));
-    (1..4).any(|k| dot(normals[0], normals[k]) < ALIKE)
+    (1..4).any(|k| dot(normals[0], normals[k]) < 0.87)
 }
 
 /// Returns true if Newton's method for the foot of a point comes within `tolerance` of it.
 fn comes_to(patch: &RationalPatch, p: Point3, from: (f64, f64), tolerance: f64) -> bool {
     let (mut u, mut v) = from;
-    for _ in 0..STEPS {
+    for _ in 0..12 {
         let t = patch.tangents(u, v);
         let r = sub(p, t.point);
         if dot(r, r) <= tolerance * tolerance {

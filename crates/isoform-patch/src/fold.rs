@@ -10,34 +10,25 @@
 //! Where ∇F may vanish, as along a self-intersection, n·∇F may change its sign without a fold.
 //! There all normals of the cell must lie within 45° of one direction.
 
-use crate::cells::{Place, corners_of, half_of, halve_net, lengths_between, middle_of};
+use crate::cells::{ParameterBox, corners_of, half_of, halve_net, lengths_between, middle_of};
 use crate::compose::binomial;
 use crate::places::grid;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Field, Point3, RationalPatch, dot, norm};
 use isoform_num::{Interval, Real};
+use std::f64::consts::FRAC_1_SQRT_2;
 
-/// Points in each direction of the grid on which normals are compared. Sufficient for folds wider
-/// than a sixteenth of the patch; narrower ones are left to the proof.
-const SAMPLES: usize = 17;
-/// Halvings of a cell before its place counts as a fold: cells of a thousandth of the patch in
-/// each direction. Fewer would blame curved places, more only take time on folds.
-const MOST_HALVINGS: u32 = 20;
-/// Cells that may be looked at: a hundred times what a patch on a smooth surface takes.
-const MOST_CELLS: usize = 20_000;
-/// The cells that are looked at before a control ends the proof: enough for most patches.
-const CELLS_AT_LEAST: usize = 500;
-/// The cosine of the angle within which normals of a cell lie where ∇F may vanish: two of them
-/// are then less than a right angle apart, so that the cell cannot turn back.
-const COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
+/// Number of grid points in each direction at which normals are compared: sufficient for folds
+/// wider than a sixteenth of the patch; narrower ones are left to the proof.
+const FOLD_SAMPLES: usize = 17;
 
 /// Part of a patch with its normals.
-struct Cell {
+struct FoldCell {
     /// Control points (X, Y, Z, w) relative to the centre of the patch.
     control: Vec<[Interval; 4]>,
     /// Bernstein coefficients of n w³.
     normals: Vec<[Interval; 3]>,
-    place: Place,
+    place: ParameterBox,
     /// Number of halvings that led to the cell.
     depth: u32,
 }
@@ -47,16 +38,16 @@ struct Cell {
 /// one nearest to its side counts, and of equal distances the first.
 pub(crate) fn seen(patch: &RationalPatch) -> Option<usize> {
     let normal = |(u, v): (f64, f64)| patch.tangents(u, v).normal();
-    let normals: Vec<Point3> = grid(SAMPLES).map(normal).collect();
+    let normals: Vec<Point3> = grid(FOLD_SAMPLES).map(normal).collect();
     let mut first: Option<(usize, usize)> = None;
-    for k in 0..SAMPLES * SAMPLES {
-        let steps = [(k / SAMPLES, SAMPLES), (k % SAMPLES, 1)];
+    for k in 0..FOLD_SAMPLES * FOLD_SAMPLES {
+        let steps = [(k / FOLD_SAMPLES, FOLD_SAMPLES), (k % FOLD_SAMPLES, 1)];
         for (direction, (i, step)) in steps.into_iter().enumerate() {
-            if i + 1 == SAMPLES || dot(normals[k], normals[k + step]) >= 0.0 {
+            if i + 1 == FOLD_SAMPLES || dot(normals[k], normals[k + step]) >= 0.0 {
                 continue;
             }
             // Number of steps from the nearer side.
-            let (far, upper) = (i.min(SAMPLES - 2 - i), i >= SAMPLES / 2);
+            let (far, upper) = (i.min(FOLD_SAMPLES - 2 - i), i >= FOLD_SAMPLES / 2);
             if first.is_none_or(|f| far < f.0) {
                 first = Some((far, 2 * direction + usize::from(upper)));
             }
@@ -75,7 +66,7 @@ pub(crate) fn prove_none(
     let degree = patch.degree();
     let origin = patch.point(0.5, 0.5);
     let points = about(patch, origin);
-    let mut pending = vec![Cell {
+    let mut pending = vec![FoldCell {
         normals: normals(&points, degree),
         control: points,
         place: [(0.0, 1.0); 2],
@@ -87,8 +78,12 @@ pub(crate) fn prove_none(
         if is_unfolded(field, &cell, origin) {
             continue;
         }
-        let is_late = looked_at >= CELLS_AT_LEAST && control.is_stopped();
-        if cell.depth == MOST_HALVINGS || looked_at == MOST_CELLS || is_late {
+        // Most patches need fewer than 500 cells, which are examined even when time is over.
+        let is_late = looked_at >= 500 && control.is_stopped();
+        // 20 halvings leave cells of a thousandth of the patch in each direction: with fewer,
+        // strongly curved places would count as folds, and more only take time on folds. 20 000
+        // cells are a hundred times what a patch on a smooth surface takes.
+        if cell.depth == 20 || looked_at == 20_000 || is_late {
             return Err(middle_of(cell.place));
         }
         pending.extend(cell.halves(degree));
@@ -111,7 +106,7 @@ fn about(patch: &RationalPatch, origin: Point3) -> Vec<[Interval; 4]> {
 
 /// Returns true if all normals of a cell point to one side of the surface, or are nearly parallel
 /// where ∇F may vanish.
-fn is_unfolded(field: &dyn Field, cell: &Cell, origin: Point3) -> bool {
+fn is_unfolded(field: &dyn Field, cell: &FoldCell, origin: Point3) -> bool {
     let Some(gradient) = gradient(field, cell, origin) else {
         return false;
     };
@@ -133,7 +128,8 @@ fn has_one_sign(normals: &[[Interval; 3]], gradient: &[Interval; 3]) -> bool {
     true
 }
 
-/// Returns true if all normals lie within 45° of one direction.
+/// Returns true if all normals lie within 45° of one direction: two of them are then less than a
+/// right angle apart, so that the cell cannot turn back.
 fn are_alike(normals: &[[Interval; 3]]) -> bool {
     let mean = normals.iter().fold([0.0; 3], |sum, n| {
         std::array::from_fn(|k| sum[k] + 0.5 * (n[k].lo() + n[k].hi()))
@@ -148,12 +144,12 @@ fn are_alike(normals: &[[Interval; 3]]) -> bool {
         let size = |v: &Interval| v.lo().abs().max(v.hi().abs());
         let long = norm([size(&n[0]), size(&n[1]), size(&n[2])]);
         // The factor 1 + 1e-12 allows for the rounding of the axis and of the length.
-        along.lo() > COSINE * long * (1.0 + 1e-12)
+        along.lo() > FRAC_1_SQRT_2 * long * (1.0 + 1e-12)
     })
 }
 
 /// Returns a box around ∇F on a cell; `None` if F cannot be expanded or w may vanish.
-fn gradient(field: &dyn Field, cell: &Cell, origin: Point3) -> Option<[Interval; 3]> {
+fn gradient(field: &dyn Field, cell: &FoldCell, origin: Point3) -> Option<[Interval; 3]> {
     let region = cell.region(origin)?;
     let at: Point3 = std::array::from_fn(|k| 0.5 * region.lo[k] + 0.5 * region.hi[k]);
     let reach = |k: usize| Interval::new(region.lo[k], region.hi[k]) - Interval::constant(at[k]);
@@ -161,7 +157,7 @@ fn gradient(field: &dyn Field, cell: &Cell, origin: Point3) -> Option<[Interval;
     Some(expansion.gradient_at(std::array::from_fn(reach)))
 }
 
-impl Cell {
+impl FoldCell {
     /// Returns a box around the cell; `None` if w may vanish.
     fn region(&self, origin: Point3) -> Option<Aabb> {
         let mut region = Aabb::EMPTY;
@@ -349,7 +345,7 @@ mod tests {
         assert!(prove_none(&plane(), &patch, &Control::default()).is_err());
     }
 
-    /// On x y = 0 the plane x = 0 crosses the plane y = 0 along the z axis, where ∇F vanishes.
+    /// The planes x = 0 and y = 0 of x y = 0 cross in the z axis, where ∇F vanishes.
     #[test]
     fn a_self_intersection_is_no_fold() {
         let planes = Polynomial::new([([1, 1, 0], 1.0)]);
@@ -384,7 +380,7 @@ mod tests {
             let patch = RationalPatch::new(degree, control.collect()).expect("a patch");
             let origin = patch.point(0.5, 0.5);
             let control = about(&patch, origin);
-            let mut cell = Cell {
+            let mut cell = FoldCell {
                 normals: normals(&control, degree),
                 control,
                 place: [(0.0, 1.0); 2],

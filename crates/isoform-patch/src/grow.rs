@@ -22,9 +22,9 @@ mod keep;
 mod pace;
 mod start;
 
-pub(crate) use edges::Side;
-pub(crate) use pace::{MOST_GROWTH, Pace};
-pub(crate) use start::Start;
+pub(crate) use edges::SideState;
+pub(crate) use pace::{MAX_EXTRAPOLATION, StepSizePolicy};
+pub(crate) use start::GrowthStart;
 
 use crate::distance::{sampled, sampled_on};
 use crate::fold;
@@ -32,35 +32,21 @@ use crate::grown::{Grown, Phase, Row, area_within};
 use crate::objective::{Evaluated, Objective};
 use crate::options::Options;
 use crate::places::{contains, normalized, wider_by_share};
-use crate::solver::{Minimiser, Stop};
+use crate::solver::{Minimiser, StopRule};
 use crate::stretch::longer;
 use crate::surface::{Seed, project, project_along};
 use crate::terms::{CORNERS, Targets, Terms, Weights};
-use crate::whole::On;
-use edges::OVERLAP;
+use crate::whole::GrowthPart;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, RationalPatch, distance_squared, norm};
 
 /// Phase of growing in reports of progress.
 pub(crate) const GROWING: &str = "grow";
 /// Fraction of the region's size by which a side may leave the region before it stops.
-const SPILL: f64 = 0.2;
-/// Places of a side that are looked at for that.
-const SIDE_SAMPLES: usize = 9;
-/// The load of a patch that is folded over.
-const FOLDED: f64 = 1e6;
-/// The share of the tolerance that the sampled distance may be: what the proof adds must fit, too.
-const WITHIN: f64 = 0.93;
-/// That share for a surface with parts: at edges the proof may add as much again.
-const WITHIN_PART: f64 = 0.6;
-/// Samples of the distance in each direction while a patch grows.
-const GROWING_SAMPLES: usize = 17;
+const SIDE_STOP_EXCESS: f64 = 0.2;
 /// Minimum control weight of a patch: CAD systems silently drop faces with negative ones, and
 /// quotients by small ones are large.
-pub(crate) const LEAST_WEIGHT: f64 = 0.02;
-/// The largest distance of a corner from its foot, in edges of the patch. Without a foot nearby the
-/// patch has left the surface.
-const CORNER_REACH: f64 = 0.25;
+pub(crate) const MIN_CONTROL_WEIGHT: f64 = 0.02;
 
 /// Growing patch and its settings.
 pub(crate) struct Growth<'f> {
@@ -73,36 +59,36 @@ pub(crate) struct Growth<'f> {
     /// Number of times it was shortened for the proof of its tolerance.
     pub(crate) shortenings: usize,
     /// Last patch that kept the bound.
-    good: Option<State<'f>>,
+    good: Option<PatchState<'f>>,
     pub(crate) options: Options,
     /// Control that may stop growing.
     pub(crate) control: Control<'f>,
     /// Range of the phase's progress that growing covers.
     shares: [f64; 2],
-    pace: Pace,
+    pace: StepSizePolicy,
     minimiser: Minimiser,
     seed: Seed,
     /// Edge of the region: the unit of length of bounds.
     pub(crate) unit: f64,
     /// Part of the surface on which the patch grows.
-    on: On<'f>,
+    on: GrowthPart<'f>,
     /// States of the sides u = 0, u = 1, v = 0, v = 1.
-    sides: [Side<'f>; 4],
+    sides: [SideState<'f>; 4],
 }
 
 /// Patch with the targets and factors with which it was found.
 #[derive(Clone)]
-pub(crate) struct State<'f> {
+pub(crate) struct PatchState<'f> {
     patch: RationalPatch,
     at: Evaluated,
     targets: Targets,
     weights: Weights,
-    sides: [Side<'f>; 4],
+    sides: [SideState<'f>; 4],
 }
 
 impl<'f> Growth<'f> {
     /// Returns the part on which the patch grows.
-    pub(crate) fn on(&self) -> On<'f> {
+    pub(crate) fn on(&self) -> GrowthPart<'f> {
         self.on
     }
     /// Returns the surface point at which the patch was started.
@@ -129,31 +115,35 @@ impl<'f> Growth<'f> {
         self.objective.sum(&self.at.terms)
     }
 
-    /// Returns the load: S, or the distance from the surface, as a fraction of the allowed value.
+    /// Returns the load: S, or the distance from the surface, as a fraction of the allowed value; a
+    /// very large number for a patch that folds over.
     fn load(&self) -> f64 {
         if fold::seen(&self.patch).is_some() {
-            return FOLDED;
+            return 1e6;
         }
         let Some(tolerance) = self.options.tolerance else {
             return self.sum() / self.limit();
         };
-        let distance = sampled(self.objective.field(), &self.patch, GROWING_SAMPLES).0;
+        let samples = 17;
+        let distance = sampled(self.objective.field(), &self.patch, samples).0;
         if self.on.whole.is_single() {
-            return distance / (WITHIN * tolerance);
+            // The proof exceeds the sampled distance by a few per cent.
+            return distance / (0.93 * tolerance);
         }
-        let whole = sampled_on(self.on.whole, &self.patch, GROWING_SAMPLES).0;
-        (distance.max(whole) / (WITHIN_PART * tolerance))
-            .max(self.off_edges(self.on) / self.overlap())
+        let whole = sampled_on(self.on.whole, &self.patch, samples).0;
+        // At edges the proof may add nearly as much again.
+        (distance.max(whole) / (0.6 * tolerance)).max(self.off_edges(self.on) / self.overlap())
     }
 
-    /// Returns the distance by which the patch may extend beyond edges.
+    /// Returns the distance by which the patch may extend beyond edges, a fraction of the
+    /// tolerance.
     fn overlap(&self) -> f64 {
-        OVERLAP * self.options.tolerance.unwrap_or(self.limit().sqrt())
+        0.3 * self.options.tolerance.unwrap_or(self.limit().sqrt())
     }
 
-    fn set_sides(&mut self, sides: [Side<'f>; 4]) {
+    fn set_sides(&mut self, sides: [SideState<'f>; 4]) {
         self.sides = sides;
-        self.objective.sides = sides.map(Side::edge);
+        self.objective.sides = sides.map(SideState::edge);
     }
 
     fn row(objective: &Objective<'_>, phase: Phase, terms: &Terms) -> Row {
@@ -188,7 +178,8 @@ impl<'f> Growth<'f> {
         let field = self.objective.field();
         let t = patch.tangents(u, v);
         let n = t.normal();
-        let reach = CORNER_REACH * edge;
+        // A patch whose corners have no feet within this distance has left the surface.
+        let reach = 0.25 * edge;
         let along = (norm(n) > 0.0)
             .then(|| project_along(field, t.point, normalized(n), reach))
             .flatten();
@@ -197,12 +188,12 @@ impl<'f> Growth<'f> {
     }
 
     /// Takes Newton steps until `stop`.
-    fn descend(&mut self, stop: Stop) {
+    fn descend(&mut self, stop: StopRule) {
         let at = std::mem::take(&mut self.at);
         let trace = &mut self.trace;
         let taken = trace.iter().filter(|r| r.phase == Phase::Newton).count();
         let left = self.options.most_steps.saturating_sub(taken);
-        let stop = Stop {
+        let stop = StopRule {
             steps: stop.steps.min(left),
             ..stop
         };
@@ -228,8 +219,8 @@ impl<'f> Growth<'f> {
         true
     }
 
-    pub(crate) fn state(&self) -> State<'f> {
-        State {
+    pub(crate) fn state(&self) -> PatchState<'f> {
+        PatchState {
             patch: self.patch.clone(),
             at: self.at.clone(),
             targets: self.objective.targets,
@@ -239,12 +230,12 @@ impl<'f> Growth<'f> {
     }
 
     /// Returns true if the patch equals that of a state.
-    pub(crate) fn is_as(&self, state: &State<'f>) -> bool {
+    pub(crate) fn is_as(&self, state: &PatchState<'f>) -> bool {
         state.patch == self.patch
     }
 
     /// Returns to an earlier patch unless it equals the current one.
-    pub(crate) fn settle(&mut self, to: State<'f>) {
+    pub(crate) fn settle(&mut self, to: PatchState<'f>) {
         if !self.is_as(&to) {
             self.set_sides(to.sides);
             self.objective.weights = to.weights;
@@ -260,15 +251,16 @@ impl<'f> Growth<'f> {
     /// Returns, for the sides u = 0, u = 1, v = 0, v = 1 of a patch, true if most of the side lies
     /// in the region and none of it far outside.
     pub(crate) fn sides_inside(&self, patch: &RationalPatch) -> [bool; 4] {
-        let (region, wider) = (self.options.region, self.wider(SPILL));
+        let (region, wider) = (self.options.region, self.wider(SIDE_STOP_EXCESS));
+        let samples = 9;
         std::array::from_fn(|side| {
             let at = |i: usize| {
-                let t = i as f64 / (SIDE_SAMPLES - 1) as f64;
+                let t = i as f64 / (samples - 1) as f64;
                 let (u, v) = [(0.0, t), (1.0, t), (t, 0.0), (t, 1.0)][side];
                 patch.point(u, v)
             };
-            let inside = (0..SIDE_SAMPLES).filter(|&i| contains(&region, at(i)));
-            2 * inside.count() > SIDE_SAMPLES && (0..SIDE_SAMPLES).all(|i| contains(&wider, at(i)))
+            let inside = (0..samples).filter(|&i| contains(&region, at(i)));
+            2 * inside.count() > samples && (0..samples).all(|i| contains(&wider, at(i)))
         })
     }
 

@@ -4,9 +4,6 @@ use crate::places::{contains, middles};
 use crate::terms::{Targets, Terms, Weights};
 use isoform_geom::{Aabb, Point3, RationalPatch, dot};
 
-/// Area elements in each direction by which areas are summed.
-const ELEMENTS: usize = 24;
-
 /// Event after which a row of the trace is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
@@ -76,12 +73,13 @@ pub(crate) fn area_within(patch: &RationalPatch, region: &Aabb) -> f64 {
 /// Sums area elements on a grid, counting those for which `inside` holds.
 fn area_where(patch: &RationalPatch, inside: impl Fn(Point3) -> bool) -> f64 {
     let mut sum = 0.0;
-    for (u, v) in middles(ELEMENTS) {
+    let side = 24;
+    for (u, v) in middles(side) {
         let t = patch.tangents(u, v);
         if inside(t.point) {
             let n = t.normal();
             sum += dot(n, n).sqrt();
         }
     }
-    sum / (ELEMENTS * ELEMENTS) as f64
+    sum / (side * side) as f64
 }

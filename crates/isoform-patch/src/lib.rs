@@ -78,5 +78,6 @@ pub use quadric::{quadric, quadric_through};
 pub use single::{parameterize, parameterize_part};
 pub use terms::{Inner, K, Method, Targets, Terms, Weights};
 
-/// The largest degree of a patch: beyond it, systems are large and nothing is gained.
-pub const MOST_DEGREE: usize = 8;
+/// Maximum degree of a patch: with larger degrees, systems become large and patches do not become
+/// better.
+pub const MAX_PATCH_DEGREE: usize = 8;

@@ -9,26 +9,26 @@ mod form;
 pub(crate) use bend::{bend_of_distance, bend_of_shape};
 
 use crate::node::{Node, hessian_times, slope_of_distance};
-use crate::terms::{K, Method, Shape};
+use crate::terms::{K, Method, ShapeSettings};
 use form::Form;
 use isoform_geom::{Expansion, Point3, dot};
 use isoform_num::{Jet2, Jet3};
 
 /// Gradient and second derivatives of the integrand of S by z, times the quadrature weight.
 #[derive(Clone, Debug)]
-pub(crate) struct Local {
+pub(crate) struct NodeDerivatives {
     pub(crate) gradient: [f64; 12],
     pub(crate) hessian: [[f64; 12]; 12],
 }
 
 isoform_num::dispatch! {
     /// Adds the integrands of the shape terms at several nodes, each with its weight.
-    pub(crate) fn add_shapes_at(nodes: &[Node], shape: &Shape, weights: &[f64], to: &mut [Local]) =
+    pub(crate) fn add_shapes_at(nodes: &[Node], shape: &ShapeSettings, weights: &[f64], to: &mut [NodeDerivatives]) =
         shapes_at
 }
 
 #[inline(always)]
-fn shapes_at(nodes: &[Node], shape: &Shape, weights: &[f64], to: &mut [Local]) {
+fn shapes_at(nodes: &[Node], shape: &ShapeSettings, weights: &[f64], to: &mut [NodeDerivatives]) {
     for ((node, weight), local) in nodes.iter().zip(weights).zip(to) {
         local.add_shape(node, shape, *weight);
     }
@@ -42,18 +42,24 @@ isoform_num::dispatch! {
         jets: &[Jet2],
         method: Method,
         weights: &[f64],
-        to: &mut [Local],
+        to: &mut [NodeDerivatives],
     ) = distances_at
 }
 
 #[inline(always)]
-fn distances_at(nodes: &[Node], jets: &[Jet2], method: Method, weights: &[f64], to: &mut [Local]) {
+fn distances_at(
+    nodes: &[Node],
+    jets: &[Jet2],
+    method: Method,
+    weights: &[f64],
+    to: &mut [NodeDerivatives],
+) {
     for (((node, jet), weight), local) in nodes.iter().zip(jets).zip(weights).zip(to) {
         local.add_distance(node, jet, None, method, *weight);
     }
 }
 
-impl Default for Local {
+impl Default for NodeDerivatives {
     fn default() -> Self {
         Self {
             gradient: [0.0; 12],
@@ -62,7 +68,7 @@ impl Default for Local {
     }
 }
 
-impl Local {
+impl NodeDerivatives {
     /// Adds the integrand F²/|∇F|² of I; `third` is used by Newton's method only.
     #[inline(always)]
     pub(crate) fn add_distance(
@@ -89,7 +95,7 @@ impl Local {
 
     /// Adds the integrands of L and R, and that of J if J is an integral.
     #[inline(always)]
-    fn add_shape(&mut self, node: &Node, shape: &Shape, weight: f64) {
+    fn add_shape(&mut self, node: &Node, shape: &ShapeSettings, weight: f64) {
         let (targets, factors) = (&shape.targets, &shape.weights);
         let r = node.residuals(targets);
         if !shape.is_by_control {

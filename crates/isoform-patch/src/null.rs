@@ -2,17 +2,13 @@
 //! the matrix are rotated until they are orthogonal. The normal equations would square the small
 //! singular values and lose half of the digits.
 
-/// Columns with a smaller cosine are orthogonal.
-const ORTHOGONAL: f64 = 1e-15;
-/// Sweeps of rotations, at most; some ten are needed.
-const SWEEPS: usize = 40;
-
 /// Returns the unit vector a with a·m = 0 for all rows m if it is unique up to sign, else `None`;
 /// singular values of at most `zero` times the largest count as 0.
 pub(crate) fn null<const N: usize>(mut rows: Vec<[f64; N]>, zero: f64) -> Option<[f64; N]> {
     let mut v: [[f64; N]; N] =
         std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
-    for _ in 0..SWEEPS {
+    // About ten sweeps suffice.
+    for _ in 0..40 {
         if !sweep(&mut rows, &mut v) {
             break;
         }
@@ -52,7 +48,8 @@ fn rotation<const N: usize>(rows: &[[f64; N]], p: usize, q: usize) -> Option<(f6
     for r in rows {
         (pp, qq, pq) = (pp + r[p] * r[p], qq + r[q] * r[q], pq + r[p] * r[q]);
     }
-    if pq.abs() <= ORTHOGONAL * (pp * qq).sqrt() {
+    // Cosines below this are rounding errors.
+    if pq.abs() <= 1e-15 * (pp * qq).sqrt() {
         return None;
     }
     let zeta = (qq - pp) / (2.0 * pq);

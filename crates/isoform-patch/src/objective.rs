@@ -26,23 +26,19 @@ mod sides;
 mod tensor;
 
 use crate::node::Node;
-use crate::terms::{CORNERS, Inner, K, Method, Shape, Targets, Terms, Weights};
+use crate::terms::{CORNERS, Inner, K, Method, ShapeSettings, Targets, Terms, Weights};
 use isoform_geom::{Field, Point3, RationalPatch, cross, distance_squared, dot};
 use isoform_num::{Jet2, gauss_legendre};
-use quadrature::Rule;
-
-/// Nodes for L and R beyond the degree, in each direction: their integrands are nearly squares of
-/// polynomials of that degree less one. With two less, patches get smaller.
-const SHAPE_NODES: usize = 3;
+use quadrature::QuadratureRule;
 
 /// Objective for patches of one degree on one surface.
 pub struct Objective<'f> {
     field: &'f dyn Field,
     pub(crate) method: Method,
     degree: (usize, usize),
-    rule: Rule,
+    rule: QuadratureRule,
     /// Rule with fewer nodes for L and R, if their values need not be accurate.
-    shape_rule: Option<Rule>,
+    shape_rule: Option<QuadratureRule>,
     pub(crate) inner: Inner,
     /// Factors ω of the terms.
     pub weights: Weights,
@@ -102,7 +98,7 @@ impl std::fmt::Debug for Objective<'_> {
 }
 
 impl<'f> Objective<'f> {
-    /// Creates the objective for patches of degree (m, n) from 1 to [`crate::MAX_DEGREE`], with
+    /// Creates the objective for patches of degree (m, n) from 1 to [`crate::MAX_PATCH_DEGREE`], with
     /// `nodes` quadrature nodes in each direction; `None` chooses the number with which J is exact,
     /// K max(m, n)/2 + 1.
     ///
@@ -115,7 +111,7 @@ impl<'f> Objective<'f> {
         method: Method,
         nodes: Option<usize>,
     ) -> Self {
-        let range = 1..=crate::MOST_DEGREE;
+        let range = 1..=crate::MAX_PATCH_DEGREE;
         assert!(
             range.contains(&degree.0) && range.contains(&degree.1),
             "degree {degree:?}"
@@ -125,7 +121,7 @@ impl<'f> Objective<'f> {
             field,
             method,
             degree,
-            rule: Rule::new(degree, nodes.unwrap_or(exact).max(2)),
+            rule: QuadratureRule::new(degree, nodes.unwrap_or(exact).max(2)),
             shape_rule: None,
             inner: Inner::default(),
             weights: Weights::START,
@@ -152,23 +148,25 @@ impl<'f> Objective<'f> {
     }
     /// Replaces the quadrature rule.
     pub(crate) fn set_nodes(&mut self, nodes: usize) {
-        self.rule = Rule::new(self.degree, nodes);
+        self.rule = QuadratureRule::new(self.degree, nodes);
     }
     /// Adapts the objective to a tolerance: J by control points, and L and R, which only keep a
     /// patch in shape, with fewer nodes than the distance needs.
     pub(crate) fn keep_shape_loosely(&mut self) {
         self.is_by_control = true;
-        let nodes = self.degree.0.max(self.degree.1) + SHAPE_NODES;
+        // The integrands of L and R are nearly squares of polynomials of this degree less one; with
+        // two nodes less, patches get smaller.
+        let nodes = self.degree.0.max(self.degree.1) + 3;
         self.shape_rule =
-            (nodes < self.nodes_per_direction()).then(|| Rule::new(self.degree, nodes));
+            (nodes < self.nodes_per_direction()).then(|| QuadratureRule::new(self.degree, nodes));
     }
     /// Returns true if J is a mean over the control points.
     pub(crate) fn is_by_control(&self) -> bool {
         self.is_by_control
     }
     /// Collects the data, other than the patch, on which the integrands of J, L and R depend.
-    fn shape(&self) -> Shape {
-        Shape {
+    fn shape(&self) -> ShapeSettings {
+        ShapeSettings {
             method: self.method,
             inner: self.inner,
             weights: self.weights,
@@ -242,7 +240,7 @@ impl<'f> Objective<'f> {
     pub(crate) fn mean_lengths(&self, at: &Evaluated) -> (f64, f64) {
         self.mean(&at.samples.nodes)
     }
-    /// Returns the means of g₁₁ and g₂₂ of a patch that has not been evaluated; `None` if w ≤ 0 at
+    /// Returns the means of g₁₁ and g₂₂ of a patch without its other terms; `None` if w ≤ 0 at
     /// a node.
     pub(crate) fn lengths(&self, patch: &RationalPatch) -> Option<(f64, f64)> {
         Some(self.mean(&self.rule.nodes(patch.control())?))

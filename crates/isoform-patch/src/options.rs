@@ -10,15 +10,6 @@ pub const PAPER_LIMIT: f64 = 1e-6;
 /// Range of the number of quadrature nodes in each direction: one node is blind to curvature, and
 /// more than 64 only take time.
 pub const NODES: RangeInclusive<usize> = 2..=64;
-/// Thresholds of the factors ω for a tolerance D, relative to the paper's thresholds for S ≤ D².
-/// With larger ones the shape terms cost as much as errors of size D.
-const RELAXED: f64 = 0.1;
-/// The threshold of ω_J for a tolerance, relative to the other thresholds. J then counts control
-/// weights, and growing raises ω_J where they become too small.
-const BARRIER: f64 = 1e-4;
-/// The factor by which [`Options::most_steps`] is raised for a tolerance: long valleys of S take
-/// more Newton steps.
-const MORE_STEPS: usize = 4;
 
 /// Options of a patch. Lengths are in model units.
 ///
@@ -33,7 +24,7 @@ const MORE_STEPS: usize = 4;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Degrees (m, n) in u and v, each from 1 to [`crate::MAX_DEGREE`].
+    /// Degrees (m, n) in u and v, each from 1 to [`crate::MAX_PATCH_DEGREE`].
     pub degree: (usize, usize),
     /// Box in which the surface is parameterized: seeds lie in it, and sides of the patch that have
     /// left it do not grow.
@@ -102,14 +93,18 @@ impl Options {
         let Some(tolerance) = self.tolerance else {
             return *self;
         };
-        let share = (RELAXED * (tolerance / self.edge()).powi(2) / PAPER_LIMIT).min(1.0);
+        // With larger thresholds the shape terms cost as much as errors of size D.
+        let share = (0.1 * (tolerance / self.edge()).powi(2) / PAPER_LIMIT).min(1.0);
         let floor = self.floor.scaled(share);
         Self {
             floor: Weights {
-                j: BARRIER * floor.j,
+                // J then counts control weights, and growing raises ω_J where they become too
+                // small.
+                j: 1e-4 * floor.j,
                 ..floor
             },
-            most_steps: self.most_steps.saturating_mul(MORE_STEPS),
+            // Long valleys of S take more Newton steps.
+            most_steps: self.most_steps.saturating_mul(4),
             ..*self
         }
     }
@@ -119,7 +114,7 @@ impl Options {
         self.region.size().into_iter().fold(0.0, f64::max)
     }
 
-    /// Returns true if a proved distance keeps the tolerance, or if there is no tolerance.
+    /// Returns true if a proved distance keeps the tolerance, or if no tolerance is set.
     pub(crate) fn is_kept_by(&self, bound: f64) -> bool {
         self.tolerance.is_none_or(|t| bound <= t)
     }
@@ -127,7 +122,7 @@ impl Options {
     /// Checks that all options are in range.
     pub(crate) fn check(&self) -> Result<(), Error> {
         let (m, n) = self.degree;
-        let range = 1..=crate::MOST_DEGREE;
+        let range = 1..=crate::MAX_PATCH_DEGREE;
         if !range.contains(&m) || !range.contains(&n) {
             return Err(Error::Degree(m, n));
         }
@@ -219,11 +214,11 @@ fn positive(name: &'static str, value: Option<f64>) -> Result<(), Error> {
     }
 }
 
-/// Reason for which there is no patch.
+/// Reason why no patch was made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
     /// A degree is out of range.
-    #[error("degree {0},{1}: both must be between 1 and {max}", max = crate::MOST_DEGREE)]
+    #[error("degree {0},{1}: both must be between 1 and {max}", max = crate::MAX_PATCH_DEGREE)]
     Degree(usize, usize),
     /// An option is out of range.
     #[error("{name} is {value}, which is out of range")]

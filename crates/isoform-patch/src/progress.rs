@@ -5,13 +5,13 @@ use std::sync::Mutex;
 
 /// Relay of progress that reports the largest fraction of each phase so far: seeds without a patch
 /// are followed by others, which begin with the first phase again.
-pub(crate) struct Rising<'a> {
+pub(crate) struct MonotoneProgress<'a> {
     control: &'a Control<'a>,
     /// Phases reported so far, with their largest fractions.
     told: Mutex<Vec<(String, f64)>>,
 }
 
-impl<'a> Rising<'a> {
+impl<'a> MonotoneProgress<'a> {
     /// Runs `work` under a control whose fractions never decrease.
     pub(crate) fn during<T>(control: &'a Control<'a>, work: impl FnOnce(&Control<'_>) -> T) -> T {
         let rising = Self {

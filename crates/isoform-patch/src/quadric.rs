@@ -14,14 +14,12 @@ use isoform_geom::{
 };
 use isoform_num::linalg::symmetric_eigen;
 
-/// Samples in each direction.
-const SAMPLES: usize = 15;
 /// Fraction of the largest singular value below which singular values count as 0: rounding leaves
 /// about 10⁻¹⁵.
-const ZERO: f64 = 1e-13;
+const SINGULAR_VALUE_TOLERANCE: f64 = 1e-13;
 /// Fraction of the largest eigenvalue below which differences of eigenvalues of a quadric's matrix
 /// count as 0.
-const SAME: f64 = 1e-8;
+const EIGENVALUE_TOLERANCE: f64 = 1e-8;
 
 /// Returns the quadric on which a patch lies to rounding if that is unique, else the torus; `None`
 /// if it lies on neither.
@@ -42,7 +40,7 @@ const SAME: f64 = 1e-8;
 /// assert_eq!(quadric(&saddle).map(|q| q.name()), Some("hyperbolic paraboloid"));
 /// ```
 pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
-    let samples: Vec<Tangents> = grid(SAMPLES).map(|(u, v)| patch.tangents(u, v)).collect();
+    let samples: Vec<Tangents> = grid(15).map(|(u, v)| patch.tangents(u, v)).collect();
     let points: Vec<Point3> = samples.iter().map(|t| t.point).collect();
     let normals: Vec<Point3> = samples.iter().map(|t| normalized(t.normal())).collect();
     quadric_through(&points, &normals)
@@ -63,9 +61,9 @@ pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
 /// assert_eq!(quadric_through(&points, &normals).map(|q| q.name()), Some("cylinder"));
 /// ```
 pub fn quadric_through(points: &[Point3], normals: &[Point3]) -> Option<Quadric> {
-    let frame = Frame::of(points)?;
+    let frame = SampleFrame::around(points)?;
     let local: Vec<Point3> = points.iter().map(|p| frame.local(*p)).collect();
-    if let Some(normal) = null(local.clone(), ZERO) {
+    if let Some(normal) = null(local.clone(), SINGULAR_VALUE_TOLERANCE) {
         return Some(Quadric::Plane {
             normal,
             offset: dot(normal, frame.center),
@@ -74,7 +72,7 @@ pub fn quadric_through(points: &[Point3], normals: &[Point3]) -> Option<Quadric>
     let monomials = local
         .iter()
         .map(|&[x, y, z]| [x * x, y * y, z * z, x * y, y * z, z * x, x, y, z, 1.0]);
-    if let Some(coefficients) = null(monomials.collect(), ZERO) {
+    if let Some(coefficients) = null(monomials.collect(), SINGULAR_VALUE_TOLERANCE) {
         let equation = Equation::new(coefficients);
         let named = equation.of_revolution(&frame);
         return named.or_else(|| Some(equation.by_normal_form(&frame)));
@@ -83,14 +81,14 @@ pub fn quadric_through(points: &[Point3], normals: &[Point3]) -> Option<Quadric>
 }
 
 /// Coordinates in which samples lie around the origin and within the unit sphere.
-struct Frame {
+struct SampleFrame {
     center: Point3,
     scale: f64,
 }
 
-impl Frame {
+impl SampleFrame {
     /// Computes the frame of samples; `None` if they are one point or not finite.
-    fn of(points: &[Point3]) -> Option<Self> {
+    fn around(points: &[Point3]) -> Option<Self> {
         let count = points.len() as f64;
         let center: Point3 =
             std::array::from_fn(|k| points.iter().map(|p| p[k]).sum::<f64>() / count);
@@ -172,9 +170,12 @@ impl Equation {
         values.fold(0.0f64, |m, v| m.max(v.abs()))
     }
 
-    fn by_normal_form(&self, frame: &Frame) -> Quadric {
+    fn by_normal_form(&self, frame: &SampleFrame) -> Quadric {
         Quadric::Other {
-            form: self.diagonal.normal_form(SAME).map(|f| frame.form_out(f)),
+            form: self
+                .diagonal
+                .normal_form(EIGENVALUE_TOLERANCE)
+                .map(|f| frame.form_out(f)),
             origin: frame.center,
             scale: frame.scale,
             coefficients: self.coefficients,
@@ -182,15 +183,15 @@ impl Equation {
     }
 
     /// Returns the sphere, cylinder or cone; `None` if the quadric is none of these.
-    fn of_revolution(&self, frame: &Frame) -> Option<Quadric> {
+    fn of_revolution(&self, frame: &SampleFrame) -> Option<Quadric> {
         let size = self.size();
-        let is_zero = |v: f64| v.abs() <= SAME * size;
+        let is_zero = |v: f64| v.abs() <= EIGENVALUE_TOLERANCE * size;
         let values = self.diagonal.values;
         let same = |i: usize, j: usize| is_zero(values[i] - values[j]);
         // Index of the eigenvalue that differs from the other two, which are equal.
         let alone = (0..3).find(|&k| same((k + 1) % 3, (k + 2) % 3))?;
-        let reduced = Reduced::new(&self.diagonal, alone);
-        if reduced.twice <= SAME * size {
+        let reduced = ReducedEquation::new(&self.diagonal, alone);
+        if reduced.twice <= EIGENVALUE_TOLERANCE * size {
             return None;
         }
         if is_zero(reduced.single) {
@@ -207,7 +208,7 @@ impl Equation {
 }
 
 /// Equation with two equal eigenvalues, about a point.
-struct Reduced {
+struct ReducedEquation {
     point: Point3,
     /// Eigenvector of the single eigenvalue.
     axis: Point3,
@@ -221,7 +222,7 @@ struct Reduced {
     rest: f64,
 }
 
-impl Reduced {
+impl ReducedEquation {
     /// Moves the origin to the point that has no terms of degree 1 in the plane of the double
     /// eigenvalue.
     fn new(equation: &Diagonal, alone: usize) -> Self {
@@ -254,11 +255,11 @@ impl Reduced {
         }
     }
 
-    fn radius(&self, frame: &Frame) -> f64 {
+    fn radius(&self, frame: &SampleFrame) -> f64 {
         frame.scale * (-self.rest / self.twice).sqrt()
     }
 
-    fn cylinder(&self, frame: &Frame) -> Quadric {
+    fn cylinder(&self, frame: &SampleFrame) -> Quadric {
         Quadric::Cylinder {
             point: frame.out(self.point),
             axis: self.axis,
@@ -266,14 +267,14 @@ impl Reduced {
         }
     }
 
-    fn sphere(&self, frame: &Frame) -> Quadric {
+    fn sphere(&self, frame: &SampleFrame) -> Quadric {
         Quadric::Sphere {
             center: frame.out(self.point),
             radius: self.radius(frame),
         }
     }
 
-    fn cone(&self, frame: &Frame) -> Quadric {
+    fn cone(&self, frame: &SampleFrame) -> Quadric {
         Quadric::Cone {
             apex: frame.out(self.point),
             axis: self.axis,

@@ -8,16 +8,13 @@ pub(crate) use place::at;
 
 use crate::options::{Error, Options};
 use crate::parameterized::{Clock, Parameterized};
-use crate::progress::Rising;
+use crate::progress::MonotoneProgress;
 use crate::surface::{self, Seed};
 use crate::unit::UnitBox;
-use crate::whole::{NearSingular, On, Whole};
+use crate::whole::{GrowthPart, NearSingular, Whole};
 use attempt::turned;
 use isoform_control::Control;
 use isoform_geom::{Field, Parts};
-
-/// Seeds of its own that the tool tries until one admits a patch.
-const OTHER_SEEDS: u64 = 8;
 
 /// Grows one patch on the surface `field` = 0 and proves a bound on its distance from the surface.
 ///
@@ -59,9 +56,9 @@ pub fn parameterize(
     control: &Control<'_>,
 ) -> Result<Parameterized, Error> {
     options.check()?;
-    let unit = UnitBox::of(&options.region);
+    let unit = UnitBox::new(&options.region);
     let (inside, options) = (unit.field(field), unit.options(options));
-    Rising::during(control, |control| {
+    MonotoneProgress::during(control, |control| {
         parameterize_in_unit_box(&inside, &options, control)
     })
     .map(|made| unit.made_out(made, field))
@@ -78,7 +75,7 @@ fn parameterize_in_unit_box(
     let attempt = |seed: Seed, mut clock: Clock| {
         clock.phase("seed");
         control.report("seed", 1.0);
-        let on = On {
+        let on = GrowthPart {
             whole: &whole,
             part: 0,
             near_singular: NearSingular::Cross,
@@ -91,7 +88,7 @@ fn parameterize_in_unit_box(
         return attempt(seed, clock);
     }
     let mut made = Err(Error::NoSurface);
-    for other in 0..OTHER_SEEDS {
+    for other in 0..8u64 {
         let number = options.seed.wrapping_add(other << 32);
         let seed = surface::chosen(field, number, &options.region, control)?;
         made = attempt(seed, std::mem::take(&mut clock));
@@ -119,10 +116,10 @@ pub fn parameterize_part(
     control: &Control<'_>,
 ) -> Result<Parameterized, Error> {
     options.check()?;
-    let unit = UnitBox::of(&options.region);
+    let unit = UnitBox::new(&options.region);
     let inside = unit.options(options);
     let moved = unit.parts(parts);
-    Rising::during(control, |control| {
+    MonotoneProgress::during(control, |control| {
         parameterize_part_in_unit_box(&moved, &inside, control)
     })
     .map(|made| {
@@ -143,7 +140,7 @@ fn parameterize_part_in_unit_box(
         Some(p) => place::nearest(&whole, p, options).ok_or(Error::FarSeed { at: p })?,
         None => place::chosen(&whole, options, control)?,
     };
-    let on = On {
+    let on = GrowthPart {
         whole: &whole,
         part: place.part,
         near_singular: NearSingular::Cross,

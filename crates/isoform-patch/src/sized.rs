@@ -7,7 +7,7 @@ pub(crate) fn chunk<const N: usize>(values: &[f64]) -> &[f64; N] {
 }
 
 /// Calls a function with the number of control points in a row as a constant, so that its loops can
-/// be unrolled. The number is from 1 to [`crate::MAX_DEGREE`] + 1.
+/// be unrolled. The number is from 1 to [`crate::MAX_PATCH_DEGREE`] + 1.
 macro_rules! sized {
     ($n:expr, $f:ident($($argument:expr),*)) => {
         match $n {

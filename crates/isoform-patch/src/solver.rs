@@ -1,5 +1,5 @@
 //! Minimisation of the objective by damped Gauss-Newton steps (Levenberg 1944, Marquardt 1963), or
-//! Newton's with the same damping.
+//! Newton steps with equal damping.
 //!
 //! J has neither gradient nor second derivatives at w = 1, and scaling all control points changes J
 //! alone: the system is singular from the start, so there is always some damping. With the exact
@@ -13,34 +13,20 @@ use isoform_num::linalg::{cholesky, cholesky_solve};
 
 /// Initial damping of a phase, relative to the diagonal: small enough for steps of nearly full
 /// length from the start.
-const FIRST_DAMPING: f64 = 1e-4;
+const INITIAL_DAMPING: f64 = 1e-4;
 /// Minimum damping: smaller values no longer change steps but let rounding decide along the
 /// singular directions.
-const LEAST_DAMPING: f64 = 1e-9;
-/// Beyond this, steps are too short to be of use: the phase ends.
-const MOST_DAMPING: f64 = 1e8;
-/// What the diagonal entries are lifted to, as a share of the mean one, before they are multiplied
-/// by the damping.
-const LEAST_DIAGONAL: f64 = 1e-4;
-/// The acceleration a of a step v may be so long that 2|a| is this share of |v|, in lengths that
-/// damping has: with more, what bends the step is not to be had from second derivatives. The
-/// paper's value.
-const MOST_BENT: f64 = 0.75;
+const MIN_DAMPING: f64 = 1e-9;
+/// Maximum damping: with larger values steps are too short to be useful, and the phase ends.
+const MAX_DAMPING: f64 = 1e8;
 
-/// A factor is lowered while its term has more than this share of I. The paper says 1, which leaves
-/// terms that are nearly as large as I where they are, and with them a quarter of the area.
-const MOST_SHARE: f64 = 0.05;
-/// The share of I that E may have where there is a tolerance, relative to that of the others:
-/// corners that hold on to where they were keep a patch from its best proportions.
-const CORNERS: f64 = 0.02;
-/// The growth of damping after the first step that is rejected; it doubles with each one more.
-const REJECTED: f64 = 4.0;
-/// A step that should lower S by less than this share has converged: rounding would not show more.
-const CONVERGED: f64 = 1e-13;
+/// Maximum share of a term in I; the factor of a term with more is lowered. With 1, as in the
+/// paper, terms nearly as large as I keep their factors, which costs a quarter of the area.
+const MAX_TERM_SHARE: f64 = 0.05;
 
 /// Stopping rule of a phase of steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Stop {
+pub(crate) struct StopRule {
     /// Maximum number of steps.
     pub(crate) steps: usize,
     /// Relative decrease of S: the phase ends after a step with a smaller one, once all factors ω
@@ -57,12 +43,12 @@ pub(crate) struct Minimiser {
 }
 
 /// Callback for every accepted step.
-pub(crate) type Each<'a> = dyn FnMut(&Objective<'_>, &Terms) + 'a;
+pub(crate) type StepCallback<'a> = dyn FnMut(&Objective<'_>, &Terms) + 'a;
 
 impl Minimiser {
     pub(crate) fn new(floor: Weights) -> Self {
         Self {
-            damping: FIRST_DAMPING,
+            damping: INITIAL_DAMPING,
             floor,
         }
     }
@@ -75,10 +61,10 @@ impl Minimiser {
         objective: &mut Objective<'_>,
         patch: &mut RationalPatch,
         mut at: Evaluated,
-        stop: Stop,
-        each: &mut Each<'_>,
+        stop: StopRule,
+        each: &mut StepCallback<'_>,
     ) -> Evaluated {
-        self.damping = self.damping.clamp(LEAST_DAMPING, 1.0);
+        self.damping = self.damping.clamp(MIN_DAMPING, 1.0);
         for _ in 0..stop.steps {
             let before = objective.sum(&at.terms);
             let Some(step) = self.step(objective, patch, &at) else {
@@ -108,29 +94,31 @@ impl Minimiser {
         objective: &Objective<'_>,
         patch: &RationalPatch,
         at: &Evaluated,
-    ) -> Option<Step> {
+    ) -> Option<AcceptedStep> {
         let d = objective.derivatives(patch, at)?;
         let before = objective.sum(&at.terms);
-        let mut rejected_growth = REJECTED;
-        while self.damping <= MOST_DAMPING {
+        // Growth of damping after a rejected step, doubled with each further one.
+        let mut rejected_growth = 4.0;
+        while self.damping <= MAX_DAMPING {
             if let Some(trial) = damped_step(objective, &d, patch, at, self.damping)
                 && let Some(value) = objective.evaluate(&trial.patch)
             {
                 if objective.sum(&value.terms) < before {
-                    return Some(Step {
+                    return Some(AcceptedStep {
                         patch: trial.patch,
                         value,
                         expected: trial.expected,
                     });
                 }
-                if trial.expected <= CONVERGED * before {
+                // A smaller decrease is lost in rounding.
+                if trial.expected <= 1e-13 * before {
                     return None;
                 }
             }
             self.damping *= rejected_growth;
             rejected_growth *= 2.0;
         }
-        self.damping = FIRST_DAMPING;
+        self.damping = INITIAL_DAMPING;
         None
     }
 
@@ -139,12 +127,12 @@ impl Minimiser {
     fn relax(&mut self, decrease: f64, expected: f64) {
         let gain = decrease / expected.max(f64::MIN_POSITIVE);
         let factor = (1.0 - (2.0 * gain.clamp(0.0, 1.0) - 1.0).powi(3)).clamp(0.1, 2.0);
-        self.damping = (self.damping * factor).max(LEAST_DAMPING);
+        self.damping = (self.damping * factor).max(MIN_DAMPING);
     }
 }
 
 /// Accepted step.
-struct Step {
+struct AcceptedStep {
     patch: RationalPatch,
     value: Evaluated,
     /// Decrease of S predicted by the quadratic model.
@@ -154,9 +142,11 @@ struct Step {
 /// Lowers factors whose term exceeds its share of I (section 3.3), or of `little` if that is
 /// larger; returns true if any was lowered.
 fn lower(w: &mut Weights, t: &Terms, floor: &Weights, little: f64) -> bool {
-    let most = MOST_SHARE * t.i.max(little);
+    let most = MAX_TERM_SHARE * t.i.max(little);
     let mut lowered = false;
-    let corners = if little > 0.0 { CORNERS * most } else { most };
+    // With a tolerance, corners that are held in their places keep a patch from its best
+    // proportions.
+    let corners = if little > 0.0 { 0.02 * most } else { most };
     let mut one = |w: &mut f64, term: f64, most: f64, floor: f64| {
         if *w * term > most && *w > floor {
             *w = (0.1 * *w).max(floor);
@@ -171,7 +161,7 @@ fn lower(w: &mut Weights, t: &Terms, floor: &Weights, little: f64) -> bool {
     lowered
 }
 
-struct Trial {
+struct TrialStep {
     patch: RationalPatch,
     /// Decrease of S predicted by the quadratic model.
     expected: f64,
@@ -191,8 +181,8 @@ fn damped_step(
     patch: &RationalPatch,
     at: &Evaluated,
     damping: f64,
-) -> Option<Trial> {
-    let system = System::new(d, damping)?;
+) -> Option<TrialStep> {
+    let system = DampedSystem::new(d, damping)?;
     let step = system.solve(d.gradient.iter().map(|g| -g).collect());
     let expected = system.expected_decrease(d, &step);
     let back = if objective.bends {
@@ -200,15 +190,17 @@ fn damped_step(
     } else {
         vec![0.0; step.len()]
     };
-    let most = (0.5 * MOST_BENT).powi(2) * system.squared_length(&step);
+    // 2|a| ≤ 0.75 |v|, the paper's bound: longer accelerations are beyond what second derivatives
+    // can predict.
+    let most = (0.5f64 * 0.75).powi(2) * system.squared_length(&step);
     let is_trusted = system.squared_length(&back) <= most;
     let patch = moved(patch, &step, &back);
     let is_finite = expected.is_finite() && patch.control().iter().flatten().all(|v| v.is_finite());
-    (is_trusted && is_finite).then_some(Trial { patch, expected })
+    (is_trusted && is_finite).then_some(TrialStep { patch, expected })
 }
 
 /// Matrix H + λD, as its Cholesky factor.
-struct System {
+struct DampedSystem {
     factor: Vec<f64>,
     /// Diagonal of D.
     scale: Vec<f64>,
@@ -216,7 +208,7 @@ struct System {
     damping: f64,
 }
 
-impl System {
+impl DampedSystem {
     /// Factors H + λD; `None` if it is not positive definite.
     fn new(d: &Derivatives, damping: f64) -> Option<Self> {
         let n = d.gradient.len();
@@ -252,14 +244,12 @@ impl System {
     }
 }
 
-/// Returns the diagonal of H, with a lower bound.
+/// Returns the diagonal of H, each entry raised to at least 1e-4 times the mean.
 fn scales(d: &Derivatives) -> Vec<f64> {
     let n = d.gradient.len();
     let diagonal = |i: usize| d.hessian[i * n + i].abs();
     let mean = (0..n).map(diagonal).sum::<f64>() / n as f64;
-    (0..n)
-        .map(|i| diagonal(i).max(LEAST_DIAGONAL * mean))
-        .collect()
+    (0..n).map(|i| diagonal(i).max(1e-4 * mean)).collect()
 }
 
 /// Moves a patch by a step, less half of the acceleration `back`.

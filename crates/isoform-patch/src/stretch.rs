@@ -4,9 +4,6 @@
 use crate::places::grid;
 use isoform_geom::RationalPatch;
 
-/// Places in each direction at which weights are looked at.
-const BALANCE_SAMPLES: usize = 7;
-
 /// Returns the parameters of the point at `t` along a side and `e` beyond it.
 #[inline]
 pub(crate) fn beside(side: usize, t: f64, e: f64) -> (f64, f64) {
@@ -38,7 +35,7 @@ pub(crate) fn longer(patch: &RationalPatch, by: [f64; 4]) -> RationalPatch {
 /// where J is nearly least. The points of the patch do not change.
 pub(crate) fn balanced(mut patch: RationalPatch) -> RationalPatch {
     let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
-    for (u, v) in grid(BALANCE_SAMPLES) {
+    for (u, v) in grid(7) {
         let w = patch.homogeneous(u, v)[0][3];
         (lo, hi) = (lo.min(w), hi.max(w));
     }

@@ -6,50 +6,17 @@
 use crate::options::Error;
 use crate::places::{contains, moved};
 use isoform_control::Control;
-use isoform_geom::{Aabb, Field, Point3, across, cross, dot, norm};
+use isoform_geom::{Aabb, Field, Point3, cross, dot, norm, orthonormal_complement};
 use isoform_num::Jet2;
 
 /// Maximum number of Newton steps towards the surface.
-const STEPS: usize = 60;
+const MAX_PROJECTION_STEPS: usize = 60;
 /// Distance from the surface that counts as 0, in diagonals of the box.
-pub(crate) const ON_SURFACE: f64 = 1e-12;
-/// Steps towards a ridge, in radii of curvature or in diagonals of the box, whichever is less:
-/// longer ones could pass over it.
-const RIDGE_STEP: f64 = 0.25;
-/// The most steps towards a ridge: one that is farther is not near.
-const RIDGE_STEPS: usize = 60;
-/// A ridge is found to this share of its radius, which is little against a patch.
-const RIDGE_FOUND: f64 = 1e-4;
-/// The factor by which the surface is curved more on a ridge than beside it, at least: a little
-/// more does not hinder a patch.
-const RIDGE_MORE: f64 = 2.0;
-/// The curvature times the diagonal from which on every ridge counts: a patch has to lie on both
-/// sides of it alike to go round it at all.
-const RIDGE_SHARP: f64 = 100.0;
-/// A ridge farther away than this multiple of its radius does not matter to a patch.
-const RIDGE_FAR: f64 = 20.0;
-/// Newton steps below this, in diagonals of the box, that no longer get shorter come from rounding,
-/// as in a box far from the origin. A larger value would end before the surface, a smaller one miss
-/// the surface in boxes a million times as far away as they are large.
-const STALLED: f64 = 1e-8;
-/// A step of at least this share of the one before is no shorter: at self-intersections steps
-/// halve.
-const SHORTER: f64 = 0.9;
-/// The sine of the angle between a line and the surface below which the line is nearly in it, and
-/// the foot point along it not decided.
-const GRAZING: f64 = 0.05;
-/// The longest Newton step, in diagonals of the box: far from the surface the linear model is not
-/// to be trusted for more.
-const LONGEST: f64 = 0.1;
-/// A gradient below this share of the Hessian times the diagonal is taken for 0: the surface has no
-/// tangent plane to start on.
-const SINGULAR: f64 = 1e-7;
-/// Differences of curvatures below this share of their size are taken for 0.
-const UMBILIC: f64 = 1e-3;
-/// Random places tried in search of the surface.
-const PLACES: usize = 4000;
-/// Points of the surface among which the one with the gentlest surroundings becomes the seed.
-const CANDIDATES: usize = 8;
+pub(crate) const SURFACE_DISTANCE_TOLERANCE: f64 = 1e-12;
+/// Maximum number of random points that are projected in search of start points.
+pub(crate) const MAX_RANDOM_POINTS: usize = 4000;
+/// Number of points of the surface from which the best start point is chosen.
+pub(crate) const SEED_CANDIDATES: usize = 8;
 
 /// Point of the surface at which a patch starts, with a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,7 +54,7 @@ impl Random {
 /// the surface.
 pub(crate) fn project(field: &dyn Field, from: Point3, scale: f64) -> Option<Point3> {
     let (mut p, mut last) = (from, f64::INFINITY);
-    for _ in 0..STEPS {
+    for _ in 0..MAX_PROJECTION_STEPS {
         let j = field.jet(p);
         let g2 = dot(j.g, j.g);
         if j.v == 0.0 {
@@ -98,11 +65,12 @@ pub(crate) fn project(field: &dyn Field, from: Point3, scale: f64) -> Option<Poi
         if !length.is_finite() {
             return None;
         }
-        let damped = step * (LONGEST * scale / length).min(1.0);
+        // The linear model is not trusted for longer steps.
+        let damped = step * (0.1 * scale / length).min(1.0);
         for k in 0..3 {
             p[k] -= damped * j.g[k];
         }
-        if length <= ON_SURFACE * scale || has_stalled(length, last, scale) {
+        if length <= SURFACE_DISTANCE_TOLERANCE * scale || has_stalled(length, last, scale) {
             return Some(p);
         }
         last = length;
@@ -110,9 +78,12 @@ pub(crate) fn project(field: &dyn Field, from: Point3, scale: f64) -> Option<Poi
     None
 }
 
-/// Returns true if a step is as short as rounding allows.
+/// Returns true if a step is short and no shorter than 0.9 times the last one, as by rounding in
+/// boxes far from the origin; at self-intersections steps halve. With a larger bound than 1e-8
+/// iterations would end before the surface, with a smaller one they would miss it in boxes a
+/// million times as far away as they are large.
 fn has_stalled(step: f64, last: f64, scale: f64) -> bool {
-    step <= STALLED * scale && step >= SHORTER * last
+    step <= 1e-8 * scale && step >= 0.9 * last
 }
 
 /// Returns the point where the line p + t d meets the surface near t = 0; `None` if Newton's method
@@ -120,21 +91,23 @@ fn has_stalled(step: f64, last: f64, scale: f64) -> bool {
 pub(crate) fn project_along(field: &dyn Field, p: Point3, d: Point3, reach: f64) -> Option<Point3> {
     let at = |t: f64| moved(p, t, d);
     let (mut t, mut last) = (0.0, f64::INFINITY);
-    for _ in 0..STEPS {
+    for _ in 0..MAX_PROJECTION_STEPS {
         let j = field.jet(at(t));
         if j.v == 0.0 {
             return Some(at(t));
         }
         let slope = dot(j.g, d);
         let step = j.v / slope;
-        if !step.is_finite() || slope.abs() < GRAZING * norm(j.g) * norm(d) {
+        // The foot point is ill-conditioned if the line is nearly tangent to the surface.
+        if !step.is_finite() || slope.abs() < 0.05 * norm(j.g) * norm(d) {
             return None;
         }
         t -= step;
         if t.abs() > reach {
             return None;
         }
-        if step.abs() <= ON_SURFACE * reach || has_stalled(step.abs(), last, reach) {
+        if step.abs() <= SURFACE_DISTANCE_TOLERANCE * reach || has_stalled(step.abs(), last, reach)
+        {
             return Some(at(t));
         }
         last = step.abs();
@@ -143,7 +116,7 @@ pub(crate) fn project_along(field: &dyn Field, p: Point3, d: Point3, reach: f64)
 }
 
 /// Returns the frame of the principal directions at a point of the surface, rotated by an angle; an
-/// error if there is no tangent plane. Lines of curvature stay orthogonal farther away, so that a
+/// error if the surface is singular there. Lines of curvature stay orthogonal farther away, so that a
 /// patch along them has a small R.
 pub(crate) fn frame(
     field: &dyn Field,
@@ -156,14 +129,14 @@ pub(crate) fn frame(
     if !g.is_finite() || !h.is_finite() {
         return Err(Error::NotFinite { at: point });
     }
-    if g <= SINGULAR * h * scale || g == 0.0 {
+    if g <= 1e-7 * h * scale || g == 0.0 {
         return Err(Error::Singular { at: point });
     }
     let n = j.g.map(|v| v / g);
-    let [a, b] = across(n);
+    let [a, b] = orthonormal_complement(n);
     let (twist, difference) = (2.0 * form(&j, a, b), form(&j, a, a) - form(&j, b, b));
-    // At an umbilic point there are no principal directions.
-    let principal = if twist.hypot(difference) > UMBILIC * h {
+    // At an umbilic point principal directions are undefined.
+    let principal = if twist.hypot(difference) > 1e-3 * h {
         0.5 * twist.atan2(difference)
     } else {
         0.0
@@ -207,31 +180,34 @@ fn most_curved(field: &dyn Field, seed: &Seed) -> (f64, Point3) {
 /// A patch on a ridge must extend to both sides of it equally: started at one side, it could not
 /// bend around it.
 pub(crate) fn ridge(field: &dyn Field, point: Point3, scale: f64) -> Option<Point3> {
-    let start = Curved::at(field, point, scale)?;
-    let (mut at, mut share) = (start, RIDGE_STEP);
-    for _ in 0..RIDGE_STEPS {
-        let step = (share / at.curvature).min(RIDGE_STEP * scale);
+    let start = CurvedPoint::at(field, point, scale)?;
+    // Longer steps, in radii of curvature or diagonals of the box, could pass over the ridge.
+    let max_step = 0.25;
+    let (mut at, mut share) = (start, max_step);
+    for _ in 0..60 {
+        let step = (share / at.curvature).min(max_step * scale);
         match at.more_curved(field, step, scale) {
             Some(next) => at = next,
-            None if share < RIDGE_FOUND => break,
+            None if share < 1e-4 => break,
             None => share *= 0.5,
         }
     }
     let far = norm([0, 1, 2].map(|k| at.point[k] - point[k]));
-    let is_sharp =
-        at.curvature > RIDGE_MORE * start.curvature || at.curvature * scale > RIDGE_SHARP;
-    (is_sharp && far > 0.0 && far * at.curvature < RIDGE_FAR).then_some(at.point)
+    // Slightly more curvature does not hinder a patch, unless the radius is below a hundredth of
+    // the diagonal. A ridge farther than 20 of its radii does not matter.
+    let is_sharp = at.curvature > 2.0 * start.curvature || at.curvature * scale > 100.0;
+    (is_sharp && far > 0.0 && far * at.curvature < 20.0).then_some(at.point)
 }
 
 /// Point of the surface with the largest normal curvature along its tangents, and its direction.
 #[derive(Clone, Copy)]
-struct Curved {
+struct CurvedPoint {
     point: Point3,
     curvature: f64,
     along: Point3,
 }
 
-impl Curved {
+impl CurvedPoint {
     fn at(field: &dyn Field, point: Point3, scale: f64) -> Option<Self> {
         let seed = frame(field, point, 0.0, scale).ok()?;
         let (curvature, along) = most_curved(field, &seed);
@@ -277,7 +253,7 @@ pub(crate) fn chosen(
     let (mut random, scale) = (Random::new(k), region.diagonal());
     let (mut best, mut found): (Option<Seed>, usize) = (None, 0);
     let mut singular = None;
-    for _ in 0..PLACES {
+    for _ in 0..MAX_RANDOM_POINTS {
         if control.is_stopped() {
             return best.ok_or(Error::Stopped);
         }
@@ -294,7 +270,7 @@ pub(crate) fn chosen(
             }
             Err(error) => singular = Some(error),
         }
-        if found == CANDIDATES {
+        if found == SEED_CANDIDATES {
             break;
         }
     }

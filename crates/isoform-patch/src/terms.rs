@@ -147,7 +147,7 @@ pub enum Method {
 
 /// Data, other than the patch, on which the integrands of J, L and R depend.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Shape {
+pub(crate) struct ShapeSettings {
     pub(crate) method: Method,
     pub(crate) inner: Inner,
     pub(crate) weights: Weights,

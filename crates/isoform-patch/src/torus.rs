@@ -8,20 +8,15 @@
 use crate::least_squares::damped_least_squares;
 use crate::null::null;
 use crate::places::{moved, normalized};
-use isoform_geom::{Point3, Quadric, across, cross, dot, norm, sub};
+use isoform_geom::{Point3, Quadric, cross, dot, norm, orthonormal_complement, sub};
 
 /// Relative error of normals, some digits larger than that of points.
-const NORMALS: f64 = 1e-10;
-/// The patch is this near to the torus, in units of its own size: what is left of rounding where
-/// control weights differ much.
-const ON_TORUS: f64 = 5e-13;
-/// Gauss-Newton steps; they start a few digits away from rounding.
-const STEPS: usize = 4;
+const NORMAL_TOLERANCE: f64 = 1e-10;
 /// Number of parameters of a torus: three of its centre, two of its axis, two radii.
-const PARAMETERS: usize = 7;
+const TORUS_PARAMETERS: usize = 7;
 
 /// Returns the torus through points with normals, in coordinates in which their extent is about 1;
-/// `None` if there is no torus or more than one.
+/// `None` unless there is exactly one torus.
 pub(crate) fn torus(points: &[Point3], normals: &[Point3]) -> Option<Quadric> {
     let axis = Axis::through(points, normals)?;
     let circle = Circle::of_meridian(points, &axis)?;
@@ -50,11 +45,11 @@ impl Axis {
             let m = cross(*p, *n);
             [n[0], n[1], n[2], m[0], m[1], m[2]]
         });
-        let v = null(rows.collect(), NORMALS)?;
+        let v = null(rows.collect(), NORMAL_TOLERANCE)?;
         let (b, a) = ([v[0], v[1], v[2]], [v[3], v[4], v[5]]);
         let a2 = dot(a, a);
         // Screws and translations are excluded.
-        if a2 <= NORMALS || dot(a, b).abs() > NORMALS.sqrt() * a2 {
+        if a2 <= NORMAL_TOLERANCE || dot(a, b).abs() > NORMAL_TOLERANCE.sqrt() * a2 {
             return None;
         }
         Some(Self {
@@ -82,7 +77,7 @@ impl Circle {
             let out = norm(std::array::from_fn(|k| d[k] - height * axis.direction[k]));
             [out * out + height * height, out, height, 1.0]
         });
-        let c = null(rows.collect(), NORMALS)?;
+        let c = null(rows.collect(), NORMAL_TOLERANCE)?;
         let (out, height) = (-0.5 * c[1] / c[0], -0.5 * c[2] / c[0]);
         let r2 = out * out + height * height - c[3] / c[0];
         (out > 0.0 && r2 > 0.0).then(|| Self {
@@ -105,15 +100,18 @@ impl Torus {
     /// Minimises the squared distances of the points; `None` if not all of them lie on the
     /// resulting torus to rounding.
     fn refined(mut self, points: &[Point3]) -> Option<Quadric> {
-        for _ in 0..STEPS {
-            let tilts = across(self.axis);
+        // The start is accurate except for the last few digits.
+        for _ in 0..4 {
+            let tilts = orthonormal_complement(self.axis);
             let (rows, residuals) = self.residuals(points, tilts)?;
-            let by = damped_least_squares(rows, &residuals, PARAMETERS, 0.0)?;
+            let by = damped_least_squares(rows, &residuals, TORUS_PARAMETERS, 0.0)?;
             self.move_by(&by, tilts);
         }
-        let (_, residuals) = self.residuals(points, across(self.axis))?;
+        let (_, residuals) = self.residuals(points, orthonormal_complement(self.axis))?;
         let most = residuals.iter().fold(0.0f64, |m, r| m.max(r.abs()));
-        let is_torus = most <= ON_TORUS && self.major > 0.0 && self.minor > 0.0;
+        // Rounding leaves up to this distance, in units of the patch's size, where control weights
+        // differ much.
+        let is_torus = most <= 5e-13 && self.major > 0.0 && self.minor > 0.0;
         is_torus.then_some(Quadric::Torus {
             center: self.center,
             axis: self.axis,
@@ -126,7 +124,7 @@ impl Torus {
     /// towards two vectors across it and by both radii, and the distances; `None` if a point lies
     /// on the axis or on the central circle.
     fn residuals(&self, points: &[Point3], tilts: [Point3; 2]) -> Option<(Vec<f64>, Vec<f64>)> {
-        let mut rows = Vec::with_capacity(PARAMETERS * points.len());
+        let mut rows = Vec::with_capacity(TORUS_PARAMETERS * points.len());
         let mut residuals = Vec::with_capacity(points.len());
         for p in points {
             let d = sub(*p, self.center);

@@ -25,7 +25,7 @@ use std::sync::Arc;
 
 /// Fraction of the largest coordinate in space by which tolerances are reduced for the rounding of
 /// coordinates in the transformation out of the unit box: twice the error.
-const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
+const COORDINATE_ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 /// Unit box: a point p of it is at `center` + `edge` p in space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +36,7 @@ pub(crate) struct UnitBox {
 
 impl UnitBox {
     /// Returns the unit box of a region.
-    pub(crate) fn of(region: &Aabb) -> Self {
+    pub(crate) fn new(region: &Aabb) -> Self {
         Self {
             center: std::array::from_fn(|k| 0.5 * region.lo[k] + 0.5 * region.hi[k]),
             edge: region.size().into_iter().fold(0.0, f64::max),
@@ -62,7 +62,7 @@ impl UnitBox {
     /// Transforms a length to space and adds the amount by which rounding may increase a distance.
     pub(crate) fn length_out(&self, length: f64) -> f64 {
         let far = norm(self.center) + self.edge;
-        self.edge * length * (1.0 + 1e-12) + ROUNDINGS * far
+        self.edge * length * (1.0 + 1e-12) + COORDINATE_ROUNDING * far
     }
     /// Transforms a box to space.
     pub(crate) fn region_out(&self, region: &Aabb) -> Aabb {
@@ -75,7 +75,7 @@ impl UnitBox {
     /// of the transformation to space.
     pub(crate) fn covering(&self, covering: &Covering) -> Covering {
         let far = norm(self.center) + self.edge;
-        let margin = |m: f64| (m * (1.0 + 1e-12) + 2.0 * ROUNDINGS * far) / self.edge;
+        let margin = |m: f64| (m * (1.0 + 1e-12) + 2.0 * COORDINATE_ROUNDING * far) / self.edge;
         Covering {
             margin: covering.margin.map(margin),
             apart: covering.apart.map(|a| a / self.edge),
@@ -115,7 +115,8 @@ impl UnitBox {
     /// Transforms the options into the unit box.
     pub(crate) fn options(&self, options: &Options) -> Options {
         let far = norm(self.center) + self.edge;
-        let tolerance = |t: f64| ((1.0 - 1e-12) * t - ROUNDINGS * far).max(0.5 * t) / self.edge;
+        let tolerance =
+            |t: f64| ((1.0 - 1e-12) * t - COORDINATE_ROUNDING * far).max(0.5 * t) / self.edge;
         Options {
             region: Aabb {
                 lo: self.within(options.region.lo),

@@ -9,21 +9,21 @@
 mod edge;
 mod octree;
 
-pub(crate) use edge::Beyond;
+pub(crate) use edge::EdgeViolation;
 
-use crate::singular::Avoided;
+use crate::singular::AvoidedPoints;
 use isoform_geom::{Aabb, Csg, Field, Parts, Point3, norm};
 use isoform_num::Interval;
-use octree::{Cell, Local, Octree};
+use octree::{LocalParts, Octree, OctreeCell};
 use std::collections::BTreeSet;
 
 /// Distance, in units of the given scale, below which a point counts as on the surface. Points come
 /// from Newton's method on another function than the deciding one, so this is larger than the
 /// residual of that method.
-const NO_DISTANCE: f64 = 1e-9;
+const ON_PART_DISTANCE: f64 = 1e-9;
 
 /// Smooth function with the region in which it is valid.
-struct Part<'f> {
+struct FunctionPart<'f> {
     piece: u32,
     field: &'f dyn Field,
     /// First part known to have an equal function, into which the surface continues smoothly.
@@ -31,7 +31,7 @@ struct Part<'f> {
     limits: Vec<&'f dyn Field>,
 }
 
-impl Part<'_> {
+impl FunctionPart<'_> {
     /// Returns the smallest value of the part's limits at `p`; infinite if it has none. The part is
     /// not valid where it is negative.
     fn least_limit(&self, p: Point3) -> f64 {
@@ -47,14 +47,14 @@ impl Part<'_> {
 
 /// Surface made of parts; a single field is one part.
 pub(crate) struct Whole<'f> {
-    parts: Vec<Part<'f>>,
+    parts: Vec<FunctionPart<'f>>,
     /// Parts that matter anywhere.
-    all: Local,
+    all: LocalParts,
     octree: Octree,
 }
 
 /// Parts that can determine the sign in a region.
-pub(crate) struct Within {
+pub(crate) struct PartsInRegion {
     /// Tree without the pieces that cannot.
     pub(crate) tree: Csg,
     /// Parts of the tree, each function once.
@@ -65,7 +65,7 @@ pub(crate) struct Within {
 
 /// Part that determines the sign at a point.
 #[derive(Clone, Copy)]
-struct Deciding {
+struct DecidingPart {
     /// Signed distance to first order.
     distance: f64,
     part: usize,
@@ -73,14 +73,14 @@ struct Deciding {
 
 /// Part of a surface on which a patch grows.
 #[derive(Clone, Copy)]
-pub(crate) struct On<'f> {
+pub(crate) struct GrowthPart<'f> {
     pub(crate) whole: &'f Whole<'f>,
     pub(crate) part: usize,
     /// Policy near singular points.
     pub(crate) near_singular: NearSingular<'f>,
 }
 
-impl<'f> On<'f> {
+impl<'f> GrowthPart<'f> {
     /// Returns the function of the part.
     pub(crate) fn field(&self) -> &'f dyn Field {
         self.whole.field(self.part)
@@ -95,12 +95,12 @@ pub(crate) enum NearSingular<'f> {
     /// Grows across them with a small effort of proof, as there is an alternative.
     Try,
     /// Avoids them.
-    Avoid(&'f Avoided),
+    Avoid(&'f AvoidedPoints),
 }
 
 impl<'f> NearSingular<'f> {
     /// Returns the points to be avoided; `None` if there are none.
-    pub(crate) fn avoided(self) -> Option<&'f Avoided> {
+    pub(crate) fn avoided(self) -> Option<&'f AvoidedPoints> {
         match self {
             Self::Avoid(avoided) => Some(avoided),
             Self::Cross | Self::Try => None,
@@ -111,37 +111,37 @@ impl<'f> NearSingular<'f> {
 impl<'f> Whole<'f> {
     /// Returns the zero set of one function.
     pub(crate) fn of_field(field: &'f dyn Field) -> Self {
-        let all = Local {
+        let all = LocalParts {
             tree: Csg::Piece(0),
             pieces: vec![(0, vec![0])],
         };
         Self {
-            parts: vec![Part {
+            parts: vec![FunctionPart {
                 piece: 0,
                 field,
                 function: 0,
                 limits: Vec::new(),
             }],
-            octree: Octree::of_one(Cell::new(Aabb::EMPTY, all.clone())),
+            octree: Octree::of_one(OctreeCell::new(Aabb::EMPTY, all.clone())),
             all,
         }
     }
 
     /// Returns a surface of parts, with an octree over the region.
     pub(crate) fn of_parts(parts: &'f Parts, region: &Aabb) -> Self {
-        let list = parts.parts.iter().map(|p| Part {
+        let list = parts.parts.iter().map(|p| FunctionPart {
             piece: p.piece,
             field: p.field.as_ref(),
             function: p.function,
             limits: p.limits.iter().map(AsRef::as_ref).collect(),
         });
-        let list: Vec<Part<'f>> = list.collect();
+        let list: Vec<FunctionPart<'f>> = list.collect();
         let numbers: BTreeSet<u32> = parts.tree.pieces().into_iter().collect();
         let of = |piece: u32| {
             let all = 0..list.len();
             all.filter(|&k| list[k].piece == piece).collect()
         };
-        let all = Local {
+        let all = LocalParts {
             tree: parts.tree.clone(),
             pieces: (numbers.into_iter())
                 .map(|piece| (piece, of(piece)))
@@ -149,7 +149,7 @@ impl<'f> Whole<'f> {
         };
         let mut whole = Self {
             parts: list,
-            octree: Octree::of_one(Cell::new(octree::around(region), all.clone())),
+            octree: Octree::of_one(OctreeCell::new(octree::around(region), all.clone())),
             all,
         };
         whole.divide(0, 0);
@@ -204,10 +204,10 @@ impl<'f> Whole<'f> {
         (found.distance, found.part)
     }
 
-    fn deciding(&self, p: Point3) -> Deciding {
+    fn deciding(&self, p: Point3) -> DecidingPart {
         let of = |part: usize| {
             let j = self.parts[part].field.jet(p);
-            Deciding {
+            DecidingPart {
                 distance: j.v / norm(j.g),
                 part,
             }
@@ -215,19 +215,19 @@ impl<'f> Whole<'f> {
         if self.is_single() {
             return of(0);
         }
-        let none = Deciding {
+        let none = DecidingPart {
             distance: f64::NAN,
             part: 0,
         };
         let local = self.local(Aabb { lo: p, hi: p });
-        let all: Vec<(u32, Deciding)> = local
+        let all: Vec<(u32, DecidingPart)> = local
             .pieces
             .iter()
             .map(|(piece, parts)| (*piece, self.counting(parts, p).map_or(none, of)))
             .collect();
         let find = |piece: u32| all.iter().find(|a| a.0 == piece).map_or(none, |a| a.1);
         let (distance, piece) = local.tree.value_and_piece(&|piece| find(piece).distance);
-        Deciding {
+        DecidingPart {
             distance,
             ..find(piece)
         }
@@ -241,14 +241,14 @@ impl<'f> Whole<'f> {
         }
         let found = self.deciding(p);
         let is_within = || self.parts[part].limits.iter().all(|l| l.value(p) >= 0.0);
-        found.distance.abs() <= NO_DISTANCE * scale
+        found.distance.abs() <= ON_PART_DISTANCE * scale
             && (self.parts[found.part].function == self.parts[part].function || is_within())
     }
 
-    /// Returns the parts that can determine the sign in a region; `None` if there is no surface.
-    pub(crate) fn within(&self, region: Aabb) -> Option<Within> {
+    /// Returns the parts that can determine the sign in a region; `None` if it contains no surface.
+    pub(crate) fn within(&self, region: Aabb) -> Option<PartsInRegion> {
         if self.is_single() {
-            return Some(Within {
+            return Some(PartsInRegion {
                 tree: Csg::Piece(0),
                 parts: vec![0],
                 alone: vec![true],
@@ -265,7 +265,7 @@ impl<'f> Whole<'f> {
                 }
             }
         }
-        Some(Within {
+        Some(PartsInRegion {
             tree: local.tree,
             parts,
             alone,

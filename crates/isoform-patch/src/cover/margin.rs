@@ -1,26 +1,24 @@
 //! Proof that the surface lies inside patches by a margin.
 
 use super::Depth;
-use super::rounds::Work;
-use crate::depth::{Proof, Question, Sheet, prove};
+use super::rounds::CoverState;
+use crate::depth::{DepthClaim, DepthPatch, DepthProof, prove};
 use crate::places::{contains, wider};
 use crate::surface::project;
 use isoform_geom::{Aabb, Point3};
 
-/// Proofs of the margin, with patches for what the one before left open in between.
-const MOST_PROOFS: usize = 4;
-/// The margin is proved this much beyond the region, in its diagonals: a region some million times
-/// as far away as it is large has no sharper corners.
-const CORNER: f64 = 1e-9;
+/// Maximum number of proofs of the margin. Between two proofs, patches are added where the first
+/// one failed.
+const MAX_MARGIN_PROOFS: usize = 4;
 
-impl Work<'_> {
+impl CoverState<'_> {
     /// Tries to prove the margin for the whole surface, and adds patches where the proof fails.
     pub(super) fn prove_margin(&mut self, margin: f64) -> Depth {
         self.control.report("margin", 0.0);
         let mut proof = self.proof(margin);
-        for round in 1..MOST_PROOFS {
+        for round in 1..MAX_MARGIN_PROOFS {
             self.control
-                .report("margin", round as f64 / MOST_PROOFS as f64);
+                .report("margin", round as f64 / MAX_MARGIN_PROOFS as f64);
             let before = self.patches.len();
             let fresh = self.points_of(&proof.open);
             if fresh.is_empty() || self.control.is_stopped() {
@@ -52,17 +50,17 @@ impl Work<'_> {
             .collect()
     }
 
-    fn proof(&self, margin: f64) -> Proof {
-        let sheets: Vec<Sheet<'_>> = (self.patches.iter())
+    fn proof(&self, margin: f64) -> DepthProof {
+        let sheets: Vec<DepthPatch<'_>> = (self.patches.iter())
             .map(|p| &p.made)
-            .filter_map(|made| Sheet::new(&made.grown.patch, made.distances.bound?, margin))
+            .filter_map(|made| DepthPatch::new(&made.grown.patch, made.distances.bound?, margin))
             .collect();
         let is_left_out = self.samples.iter().any(|s| s.is_left_out);
         // The corners of the region are rounded on the way into the unit box. The added 1e-9
         // diagonals exceed that error for regions up to about a million times as far away as they
         // are large.
-        let more = CORNER * self.region.diagonal();
-        let question = Question {
+        let more = 1e-9 * self.region.diagonal();
+        let question = DepthClaim {
             field: self.whole.field(0),
             region: wider(&self.region, more),
             depth: margin,

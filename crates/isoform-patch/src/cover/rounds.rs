@@ -1,49 +1,37 @@
 //! Rounds of covering: patches grown in parallel at open samples.
 
-use super::samples::{Sample, next_seeds, update_far};
+use super::samples::{SurfaceSample, next_seeds, update_far};
 use crate::depth::Border;
 use crate::feet::reached;
 use crate::options::{Covering, Error, Options};
 use crate::parameterized::Parameterized;
 use crate::places::{contains, wider};
 use crate::single;
-use crate::singular::{self, Avoided};
+use crate::singular::{self, AvoidedPoints};
 use crate::surface::{Random, project};
-use crate::whole::{NearSingular, On, Whole};
+use crate::whole::{GrowthPart, NearSingular, Whole};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, distance_squared, norm, sub};
 use rayon::prelude::*;
 
-/// Random places that are projected to samples of a part.
-const PLACES: usize = 30_000;
-/// Random places for all parts of a surface together.
-const MOST_PLACES: usize = 150_000;
-/// Patches that are grown side by side; fixed, so that the result does not depend on the number of
+/// Number of patches grown in parallel; fixed, so that the result does not depend on the number of
 /// threads.
-const ROUND: usize = 4;
-/// No other set of samples is looked at once no more than this share of one was not covered
-/// already.
-const ENOUGH: f64 = 3e-4;
-/// Failures altogether after which samples at which no patch may be had are given up.
-const MOST_FAILURES: usize = 200;
-/// A patch that was made shorter this often before its distance could be proved has met something
-/// hard: if there are singular points, those after it stay away from them.
-const HARD: usize = 3;
-/// Factor on the margin for the depth of samples. The excess covers points between samples and the
-/// radius of the proof's cells; a smaller factor costs more and smaller cells.
-const DEEPER: f64 = 1.25;
-/// The largest distance from singular points within which the surface may be left out, unless
-/// given, in the region's largest edge.
-const APART: f64 = 0.01;
+const PATCHES_PER_ROUND: usize = 4;
+/// Maximum number of seeds without a patch; once it is reached, the samples that are still open are
+/// given up.
+const MAX_FAILED_SEEDS: usize = 200;
+/// Factor on the margin for the required depth of samples. The excess covers points between samples
+/// and the radius of the proof's cells; a smaller factor costs more and smaller cells.
+const MARGIN_FACTOR: f64 = 1.25;
 
 /// A patch and, by sample, whether it covers that.
-pub(super) struct Covered {
+pub(super) struct CoveringPatch {
     pub(super) made: Parameterized,
     covers: Vec<bool>,
 }
 
 /// State of a cover while patches are added.
-pub(super) struct Work<'w> {
+pub(super) struct CoverState<'w> {
     pub(super) whole: &'w Whole<'w>,
     /// Options of the patches, whose region is wider than the covered one if there is a margin.
     options: Options,
@@ -52,18 +40,18 @@ pub(super) struct Work<'w> {
     covering: &'w Covering,
     pub(super) control: Control<'w>,
     random: Random,
-    pub(super) samples: Vec<Sample>,
+    pub(super) samples: Vec<SurfaceSample>,
     /// Singular points near samples.
     pub(super) singular: Vec<Point3>,
     pub(super) apart: f64,
     /// Regions that patches avoid; `None` until a patch had trouble near a singular point.
-    avoided: Option<Avoided>,
-    pub(super) patches: Vec<Covered>,
+    avoided: Option<AvoidedPoints>,
+    pub(super) patches: Vec<CoveringPatch>,
     failures: usize,
     pub(super) last_error: Error,
 }
 
-impl<'w> Work<'w> {
+impl<'w> CoverState<'w> {
     pub(super) fn new(
         whole: &'w Whole<'w>,
         options: &Options,
@@ -75,7 +63,7 @@ impl<'w> Work<'w> {
             value: f64::NAN,
         })?;
         let region = options.region;
-        let beyond = DEEPER * covering.margin.unwrap_or(0.0);
+        let beyond = MARGIN_FACTOR * covering.margin.unwrap_or(0.0);
         let mut work = Self {
             whole,
             options: Options {
@@ -89,7 +77,7 @@ impl<'w> Work<'w> {
             random: Random::new(options.seed),
             samples: Vec::new(),
             singular: Vec::new(),
-            apart: covering.apart.unwrap_or(APART * options.edge()),
+            apart: covering.apart.unwrap_or(0.01 * options.edge()),
             avoided: None,
             patches: Vec::new(),
             failures: 0,
@@ -128,8 +116,9 @@ impl<'w> Work<'w> {
             let first = self.samples.len();
             self.more_samples();
             let fresh = &self.samples[first..];
+            // The cover ends once less than 0.03 % of a new set was uncovered.
             let missed = fresh.iter().filter(|s| s.is_open).count();
-            if (missed as f64) < ENOUGH * fresh.len() as f64 {
+            if (missed as f64) < 3e-4 * fresh.len() as f64 {
                 break;
             }
         }
@@ -145,7 +134,7 @@ impl<'w> Work<'w> {
     /// Returns true if no further patch may be tried.
     fn is_over(&self) -> bool {
         self.patches.len() >= self.covering.most
-            || self.failures >= MOST_FAILURES
+            || self.failures >= MAX_FAILED_SEEDS
             || self.control.is_stopped()
     }
 
@@ -158,7 +147,8 @@ impl<'w> Work<'w> {
         } else {
             whole.relevant()
         };
-        let places = PLACES.min(MOST_PLACES / relevant.len().max(1));
+        // Random points to be projected: 30 000 for each part, at most 150 000 for all parts.
+        let places = (150_000 / relevant.len().max(1)).min(30_000);
         let mut fresh = Vec::new();
         for part in relevant {
             for _ in 0..places {
@@ -178,9 +168,9 @@ impl<'w> Work<'w> {
     /// Adds points, each with the index of its part, as samples.
     pub(super) fn add(&mut self, fresh: &[(Point3, usize)]) {
         let first = self.samples.len();
-        let samples: Vec<Sample> = fresh
+        let samples: Vec<SurfaceSample> = fresh
             .iter()
-            .map(|&(p, part)| Sample::new(p, part, self.needed_depth(p, part)))
+            .map(|&(p, part)| SurfaceSample::new(p, part, self.needed_depth(p, part)))
             .collect();
         self.samples.extend(samples);
         let mut patches = std::mem::take(&mut self.patches);
@@ -201,7 +191,7 @@ impl<'w> Work<'w> {
 
     /// Returns the depth at which a point must lie inside a patch: 0 near edges, where patches end.
     fn needed_depth(&self, p: Point3, part: usize) -> f64 {
-        let depth = DEEPER * self.covering.margin.unwrap_or(0.0);
+        let depth = MARGIN_FACTOR * self.covering.margin.unwrap_or(0.0);
         let has_edges = depth > 0.0 && !self.whole.is_single();
         let edge = has_edges
             .then(|| self.whole.nearest_edge(part, p, self.region.diagonal()))
@@ -219,7 +209,7 @@ impl<'w> Work<'w> {
         let is_bounded = made.distances.bound.is_some();
         if let Some(margin) = self.covering.margin.filter(|_| is_bounded) {
             let border = Border::new(patch, margin);
-            let is_deep = |s: &Sample| s.needs == 0.0 || border.distance(s.point) >= s.needs;
+            let is_deep = |s: &SurfaceSample| s.needs == 0.0 || border.distance(s.point) >= s.needs;
             for (covers, sample) in covers.iter_mut().zip(samples) {
                 *covers = *covers && is_deep(sample);
             }
@@ -229,16 +219,16 @@ impl<'w> Work<'w> {
 
     /// Grows some patches in parallel.
     fn grow_some(&mut self) {
-        let count = ROUND.min(self.covering.most - self.patches.len());
+        let count = PATCHES_PER_ROUND.min(self.covering.most - self.patches.len());
         let seeds = next_seeds(&self.samples, count);
         let this = &*self;
-        let made: Vec<Result<Covered, Error>> =
+        let made: Vec<Result<CoveringPatch, Error>> =
             seeds.par_iter().map(|seed| this.grow_at(*seed)).collect();
         let mut done = seeds.clone();
         let was_avoided = self.avoided.is_some();
         for (seed, made) in seeds.into_iter().zip(made) {
             if self.is_hard(&made) && !self.singular.is_empty() {
-                self.avoided = Some(Avoided::new(&self.singular, self.apart));
+                self.avoided = Some(AvoidedPoints::new(&self.singular, self.apart));
             }
             // The seed counts as settled even if rounding puts it slightly off the patch.
             self.samples[seed].is_open = false;
@@ -260,9 +250,9 @@ impl<'w> Work<'w> {
     }
 
     /// Grows a patch at a sample and determines which samples it covers.
-    fn grow_at(&self, seed: usize) -> Result<Covered, Error> {
+    fn grow_at(&self, seed: usize) -> Result<CoveringPatch, Error> {
         let sample = &self.samples[seed];
-        let on = On {
+        let on = GrowthPart {
             whole: self.whole,
             part: sample.part,
             near_singular: self.near_singular(),
@@ -273,13 +263,14 @@ impl<'w> Work<'w> {
         };
         let made = single::at(on, sample.point, &self.options, &silent)?;
         let covers = self.covers(&made, 0);
-        Ok(Covered { made, covers })
+        Ok(CoveringPatch { made, covers })
     }
 
-    /// Returns true if a patch failed or was hard to prove, which suggests a singular point nearby.
-    fn is_hard(&self, made: &Result<Covered, Error>) -> bool {
+    /// Returns true if a patch failed or had to be shortened three times for its proof, which
+    /// suggests a singular point nearby: if there are such points, later patches avoid them.
+    fn is_hard(&self, made: &Result<CoveringPatch, Error>) -> bool {
         made.as_ref().map_or(true, |p| {
-            p.made.shortenings >= HARD || !p.made.keeps(&self.options)
+            p.made.shortenings >= 3 || !p.made.keeps(&self.options)
         })
     }
 
@@ -353,7 +344,7 @@ impl<'w> Work<'w> {
         let mut patches = std::mem::take(&mut self.patches);
         let mut open = vec![true; self.samples.len()];
         loop {
-            let gain = |p: &Covered| {
+            let gain = |p: &CoveringPatch| {
                 let each = p.covers.iter().zip(&open);
                 each.filter(|(c, o)| **c && **o).count()
             };

@@ -4,7 +4,7 @@ use isoform_geom::{KdTree, Point3, distance_squared};
 
 /// A point of the surface.
 #[derive(Clone, Copy)]
-pub(super) struct Sample {
+pub(super) struct SurfaceSample {
     pub(super) point: Point3,
     /// Index of the part on which it lies.
     pub(super) part: usize,
@@ -17,7 +17,7 @@ pub(super) struct Sample {
     pub(super) is_left_out: bool,
 }
 
-impl Sample {
+impl SurfaceSample {
     pub(super) fn new(point: Point3, part: usize, needs: f64) -> Self {
         Self {
             point,
@@ -31,7 +31,7 @@ impl Sample {
 }
 
 /// Updates the distances of open samples from samples that were settled just now.
-pub(super) fn update_far(samples: &mut [Sample], done: impl Iterator<Item = usize>) {
+pub(super) fn update_far(samples: &mut [SurfaceSample], done: impl Iterator<Item = usize>) {
     let done: Vec<Point3> = done
         .map(|i| &samples[i])
         .filter(|s| !s.is_open)
@@ -48,7 +48,7 @@ pub(super) fn update_far(samples: &mut [Sample], done: impl Iterator<Item = usiz
 }
 
 /// Returns open samples, each the farthest from what is covered and from those chosen before it.
-pub(super) fn next_seeds(samples: &[Sample], count: usize) -> Vec<usize> {
+pub(super) fn next_seeds(samples: &[SurfaceSample], count: usize) -> Vec<usize> {
     let mut far: Vec<f64> = samples.iter().map(|s| s.far).collect();
     let mut seeds: Vec<usize> = Vec::new();
     for _ in 0..count {
@@ -75,8 +75,8 @@ mod tests {
     /// one.
     #[test]
     fn seeds_are_far_from_what_is_covered_and_from_one_another() {
-        let mut samples: Vec<Sample> = (0..9)
-            .map(|i| Sample::new([f64::from(i), 0.0, 0.0], 0, 0.0))
+        let mut samples: Vec<SurfaceSample> = (0..9)
+            .map(|i| SurfaceSample::new([f64::from(i), 0.0, 0.0], 0, 0.0))
             .collect();
         samples[0].is_open = false;
         update_far(&mut samples, std::iter::once(0));

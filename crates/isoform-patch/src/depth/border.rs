@@ -3,20 +3,18 @@
 use crate::cells::halve_net;
 use isoform_geom::{Point3, RationalPatch, distance_to_segment};
 
-/// Deviation of border pieces from a straight line, as a fraction of the depth: depths are
-/// underestimated by as much.
-pub(super) const STRAIGHT: f64 = 0.01;
-/// Halvings of a border, at most.
-const MOST_HALVINGS: usize = 8;
+/// Maximum deviation of border pieces from a straight line, as a fraction of the depth: depths are
+/// underestimated by up to this fraction.
+pub(super) const MAX_BORDER_DEVIATION: f64 = 0.01;
 
 /// Piece of a border: no point of it is farther than `off` from the segment between its ends.
 #[derive(Clone, Copy, Debug)]
-struct Piece {
+struct BorderPiece {
     ends: [Point3; 2],
     off: f64,
 }
 
-impl Piece {
+impl BorderPiece {
     /// Returns a lower bound of its distance from a point.
     fn distance(&self, p: Point3) -> f64 {
         distance_to_segment(p, self.ends) - self.off
@@ -25,7 +23,7 @@ impl Piece {
 
 /// Border curves of a patch with positive control weights.
 #[derive(Clone, Debug)]
-pub(crate) struct Border(Vec<Piece>);
+pub(crate) struct Border(Vec<BorderPiece>);
 
 impl Border {
     /// Divides the border into pieces that are straight to a fraction of the depth.
@@ -36,7 +34,7 @@ impl Border {
         let along_u = |j: usize| (0..=m).map(|i| control[i * (n + 1) + j]).collect();
         let mut pieces = Vec::new();
         for curve in [along_v(0), along_v(m), along_u(0), along_u(n)] {
-            divide(curve, STRAIGHT * depth, 0, &mut pieces);
+            divide(curve, MAX_BORDER_DEVIATION * depth, 0, &mut pieces);
         }
         Self(pieces)
     }
@@ -48,7 +46,7 @@ impl Border {
 }
 
 /// Divides a curve into pieces; the curve lies in the convex hull of its control points.
-fn divide(curve: Vec<[f64; 4]>, straight: f64, halvings: usize, pieces: &mut Vec<Piece>) {
+fn divide(curve: Vec<[f64; 4]>, straight: f64, halvings: usize, pieces: &mut Vec<BorderPiece>) {
     let points: Vec<Point3> = (curve.iter())
         .map(|c| [c[0] / c[3], c[1] / c[3], c[2] / c[3]])
         .collect();
@@ -56,12 +54,13 @@ fn divide(curve: Vec<[f64; 4]>, straight: f64, halvings: usize, pieces: &mut Vec
     let off = (points.iter())
         .map(|p| distance_to_segment(*p, ends))
         .fold(0.0, f64::max);
-    if off <= straight || halvings == MOST_HALVINGS {
+    // At most eight halvings: 256 pieces.
+    if off <= straight || halvings == 8 {
         // The margin covers the rounding of coordinates in the halvings and of distances.
         let all = points.as_flattened().iter();
         let size = all.fold(0.0f64, |m, v| m.max(v.abs()));
         let off = off * (1.0 + 1e-9) + 1e-13 * size;
-        pieces.push(Piece { ends, off });
+        pieces.push(BorderPiece { ends, off });
         return;
     }
     let mean = |a: [f64; 4], b: [f64; 4]| std::array::from_fn(|k| 0.5 * (a[k] + b[k]));

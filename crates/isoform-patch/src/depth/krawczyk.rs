@@ -3,12 +3,6 @@
 use isoform_geom::{Aabb, Point3, RationalPatch, cross, dot, sub};
 use isoform_num::{Interval, Real};
 
-/// The places of W may be this many times as far from the known one as a linear patch would need.
-const WIDER: f64 = 1.5;
-/// W must hold what Krawczyk's operator makes of it with this share to spare: ten thousand times
-/// what is rounded on the way on the smallest cells of any use.
-const TO_SPARE: f64 = 1e-6;
-
 /// Returns a part of a patch, around given parameters, that every line along n through a point of a
 /// cell provably meets; `None` if Krawczyk's operator does not prove it.
 pub(super) fn across(
@@ -32,7 +26,8 @@ pub(super) fn across(
         let wide: f64 = (0..3).map(|k| row[k].abs() * half[k]).sum();
         dot(row, off).abs() + wide
     });
-    let [du, dv] = first.map(|f| WIDER * f);
+    // W extends 1.5 times as far from the known point as a linear patch would need.
+    let [du, dv] = first.map(|f| 1.5 * f);
     let ranges = [(u - du, u + du), (v - dv, v + dv)];
     if !(ranges.iter()).all(|r| r.0 >= 0.0 && r.1 <= 1.0 && r.0 < r.1) {
         return None;
@@ -54,7 +49,9 @@ fn is_contraction(first: [f64; 2], reach: [f64; 2], slopes: [[Interval; 2]; 2]) 
             let unit = if k == l { 1.0 } else { 0.0 };
             sum += (share.hi() - unit).max(unit - share.lo());
         }
-        sum <= 1.0 - TO_SPARE
+        // The margin is ten thousand times the rounding error of the sum on the smallest useful
+        // cells.
+        sum <= 1.0 - 1e-6
     })
 }
 

@@ -5,18 +5,8 @@ use crate::feet::step_to_foot;
 use crate::places::middles;
 use isoform_geom::{Aabb, Point3, RationalPatch, distance_squared, dot, norm, sub};
 
-/// Places of a patch in each direction from which feet are sought.
-const GRID: usize = 16;
-/// Newton steps towards a foot.
-const STEPS: usize = 8;
-/// The square of the share of the reach below which a step has found the foot.
-const FOUND: f64 = 1e-6;
-/// The distance from the nearest place, in distances between places, beyond which no foot is
-/// sought.
-const FAR: f64 = 4.0;
-
 /// Patch in which points may lie.
-pub(crate) struct Sheet<'p> {
+pub(crate) struct DepthPatch<'p> {
     pub(super) patch: &'p RationalPatch,
     /// Proved upper bound on its distance from the surface.
     pub(super) bound: f64,
@@ -29,15 +19,16 @@ pub(crate) struct Sheet<'p> {
     apart: f64,
 }
 
-impl<'p> Sheet<'p> {
+impl<'p> DepthPatch<'p> {
     /// Prepares a patch; `None` if a control weight is not positive.
     pub(crate) fn new(patch: &'p RationalPatch, bound: f64, depth: f64) -> Option<Self> {
         let region = patch.control_box()?;
-        let starts: Vec<((f64, f64), Point3)> = middles(GRID)
+        let side = 16;
+        let starts: Vec<((f64, f64), Point3)> = middles(side)
             .map(|(u, v)| ((u, v), patch.point(u, v)))
             .collect();
         let apart = |k: usize| norm(sub(starts[k].1, starts[k + 1].1));
-        let apart = (0..GRID * GRID - 1).map(apart).fold(0.0, f64::max);
+        let apart = (0..side * side - 1).map(apart).fold(0.0, f64::max);
         Some(Self {
             patch,
             bound,
@@ -53,11 +44,12 @@ impl<'p> Sheet<'p> {
     pub(super) fn foot(&self, p: Point3, reach: f64) -> Option<(f64, f64)> {
         let far = reach + self.bound;
         let (mut u, mut v) = self.start(p, far)?;
-        for _ in 0..STEPS {
+        for _ in 0..8 {
             let t = self.patch.tangents(u, v);
             let (du, dv) = step_to_foot(&t, sub(p, t.point));
             (u, v) = ((u + du).clamp(0.0, 1.0), (v + dv).clamp(0.0, 1.0));
-            if du * du * dot(t.u, t.u) + dv * dv * dot(t.v, t.v) <= FOUND * reach * reach {
+            // The step is shorter than a thousandth of the reach.
+            if du * du * dot(t.u, t.u) + dv * dv * dot(t.v, t.v) <= 1e-6 * reach * reach {
                 break;
             }
         }
@@ -75,6 +67,7 @@ impl<'p> Sheet<'p> {
         let distance = |q: &Point3| distance_squared(*q, p);
         let nearest =
             (self.starts.iter()).min_by(|a, b| distance(&a.1).total_cmp(&distance(&b.1)))?;
-        (distance(&nearest.1).sqrt() <= far + FAR * self.apart).then_some(nearest.0)
+        // A foot is at most four spacings from the nearest start point.
+        (distance(&nearest.1).sqrt() <= far + 4.0 * self.apart).then_some(nearest.0)
     }
 }

@@ -1,49 +1,42 @@
 //! Refinement of a proved bound: the cells with the largest bounds are divided first.
 
-use super::cell::{Prover, Rounding};
+use super::cell::Rounding;
 use super::proof::Effort;
-use crate::cells::{Place, lengths, middle_of, parts};
+use super::prover::Prover;
+use crate::cells::{ParameterBox, lengths, middle_of, parts};
 use crate::whole::Whole;
 use isoform_geom::RationalPatch;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// Halvings of the patch, in one direction at a time.
-const MOST_HALVINGS: u32 = 40;
-/// If halving in u and halving in v lower the bounds alike, within this factor, the longer
-/// direction is halved.
-const ALIKE: f64 = 1.2;
-/// Cells longer than this, in widths, are always halved across.
-const NARROW: f64 = 200.0;
-
 /// Cell with its proved bound. The greatest in the order has the largest bound; of equal bounds,
 /// the one that was made first.
-struct Bounded {
+struct BoundedCell {
     bound: f64,
     number: usize,
     cell: RationalPatch,
-    place: Place,
+    place: ParameterBox,
     depth: u32,
 }
 
-impl Ord for Bounded {
+impl Ord for BoundedCell {
     fn cmp(&self, other: &Self) -> Ordering {
         self.bound
             .total_cmp(&other.bound)
             .then(other.number.cmp(&self.number))
     }
 }
-impl PartialOrd for Bounded {
+impl PartialOrd for BoundedCell {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
-impl PartialEq for Bounded {
+impl PartialEq for BoundedCell {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other).is_eq()
     }
 }
-impl Eq for Bounded {}
+impl Eq for BoundedCell {}
 
 /// Divides the cells with the largest bounds until all are at most `goal` or the effort is spent.
 /// Returns the bound and, if it exceeds the goal, the parameters of the centre of the worst cell.
@@ -64,7 +57,8 @@ pub(super) fn refined(
     let mut all = BinaryHeap::from([root]);
     while let Some(worst) = all.pop() {
         let is_over = effort.is_spent(work.looked_at + 1);
-        if worst.bound <= goal || worst.depth == MOST_HALVINGS || is_over {
+        // At most 40 halvings, each in one direction.
+        if worst.bound <= goal || worst.depth == 40 || is_over {
             let at = middle_of(worst.place);
             return (worst.bound, (worst.bound > goal).then_some(at));
         }
@@ -82,12 +76,18 @@ struct Refinement<'a> {
 
 impl Refinement<'_> {
     /// Returns a cell with the best bound that can be proved for it; `known` is a valid one.
-    fn bounded(&mut self, cell: RationalPatch, place: Place, depth: u32, known: f64) -> Bounded {
+    fn bounded(
+        &mut self,
+        cell: RationalPatch,
+        place: ParameterBox,
+        depth: u32,
+        known: f64,
+    ) -> BoundedCell {
         self.looked_at += 1;
         let rounding = Rounding::of_part(self.patch, place);
         let of = |target: f64| self.prover.bound(&cell, rounding, target);
         let proved = of(self.goal).or_else(|| of(known));
-        Bounded {
+        BoundedCell {
             bound: proved.map_or(known, |b| b.min(known)),
             number: self.looked_at,
             cell,
@@ -98,14 +98,15 @@ impl Refinement<'_> {
 
     /// Returns the halves of a cell in the direction that lowers the bounds more: along an edge
     /// cells may stay long.
-    fn halves(&mut self, cell: &Bounded) -> Vec<Bounded> {
+    fn halves(&mut self, cell: &BoundedCell) -> Vec<BoundedCell> {
         let (in_u, in_v) = (self.halved(cell, true), self.halved(cell, false));
         let (sum_u, sum_v) = (self.sum(&in_u), self.sum(&in_v));
         let (along_u, along_v) = lengths(&cell.cell);
         // Edges oblique to the parameter lines gain a little from ever narrower cells, and much
-        // from shorter ones later.
-        let alike = sum_u.max(sum_v) <= ALIKE * sum_u.min(sum_v)
-            || along_u.max(along_v) > NARROW * along_u.min(along_v);
+        // from shorter ones later: so the longer direction is halved if both lower the bounds
+        // nearly equally, or if the cell is very narrow.
+        let alike = sum_u.max(sum_v) <= 1.2 * sum_u.min(sum_v)
+            || along_u.max(along_v) > 200.0 * along_u.min(along_v);
         let is_in_u = if alike {
             along_u >= along_v
         } else {
@@ -114,7 +115,7 @@ impl Refinement<'_> {
         if is_in_u { in_u } else { in_v }
     }
 
-    fn halved(&mut self, of: &Bounded, in_u: bool) -> Vec<Bounded> {
+    fn halved(&mut self, of: &BoundedCell, in_u: bool) -> Vec<BoundedCell> {
         let halves = parts(&of.cell, of.place, in_u, !in_u).into_iter();
         halves
             .map(|(cell, place)| self.bounded(cell, place, of.depth + 1, of.bound))
@@ -122,7 +123,7 @@ impl Refinement<'_> {
     }
 
     /// Returns the sum of bounds, each counted as at least the goal.
-    fn sum(&self, cells: &[Bounded]) -> f64 {
+    fn sum(&self, cells: &[BoundedCell]) -> f64 {
         cells
             .iter()
             .fold(0.0, |sum, h| sum + h.bound.max(self.goal))

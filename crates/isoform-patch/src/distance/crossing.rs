@@ -6,12 +6,6 @@ use isoform_geom::{Expansion, Point3, norm, sub};
 use isoform_num::Interval;
 use isoform_num::linalg::symmetric_eigen;
 
-/// Newton steps to a foot point about which the sign is looked at.
-const FOOT_STEPS: usize = 8;
-/// The part of |H| that rounding of eigenvectors may take from an eigenvalue; fifty units in the
-/// last place.
-const EIGEN_ROUNDING: f64 = 1e-14;
-
 /// Returns √(2M/λ) with M = `most`, if second derivatives have both signs with absolute values of
 /// at least λ within `wide` of the point of expansion.
 pub(super) fn crossing_bound(e: &Expansion, wide: Point3, most: f64) -> Option<f64> {
@@ -22,7 +16,9 @@ pub(super) fn crossing_bound(e: &Expansion, wide: Point3, most: f64) -> Option<f
     // Lower bound of |eᵀHe| for the k-th eigenvector e.
     let least = |k: usize| {
         let n = std::array::from_fn(|i| vectors[3 * k + i].abs());
-        values[k].abs() * (1.0 - 1e-12) - lost_along(e, n, wide, EIGEN_ROUNDING * size)
+        // Rounding of the eigenvectors changes an eigenvalue by less than fifty units in the last
+        // place of |H|.
+        values[k].abs() * (1.0 - 1e-12) - lost_along(e, n, wide, 1e-14 * size)
     };
     let lambda = least(0).min(least(2));
     if values[0] >= 0.0 || values[2] <= 0.0 || lambda.is_nan() || lambda <= 0.0 {
@@ -116,7 +112,7 @@ pub(super) fn changes_sign(whole: &Whole<'_>, c: Point3, t: f64) -> bool {
 /// Returns the end of a Newton iteration with the function that decides the sign.
 fn foot(whole: &Whole<'_>, from: Point3) -> Point3 {
     let mut q = from;
-    for _ in 0..FOOT_STEPS {
+    for _ in 0..8 {
         let j = whole.field(whole.first_order(q).1).jet(q);
         let step = j.v / j.g.iter().map(|g| g * g).sum::<f64>();
         if !step.is_finite() {

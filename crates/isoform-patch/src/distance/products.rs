@@ -1,6 +1,6 @@
 //! Products of three polynomials of degree (m, n) in the Bernstein basis.
 
-use crate::MOST_DEGREE;
+use crate::MAX_PATCH_DEGREE;
 use crate::compose::binomial;
 use crate::sized::{chunk, sized};
 
@@ -61,7 +61,7 @@ impl Products {
     /// Returns the coefficients of Σₖ aₖ Σᵢ aᵢ bᵢₖ, of degree (3m, 3n), each with the coefficient
     /// of the cube of the last coordinate of a: `a[c][k]` is coefficient c of aₖ, `b[c][i][k]` that
     /// of bᵢₖ.
-    pub(super) fn of(&self, a: &[Four], b: &[[Four; 4]]) -> Vec<[f64; 2]> {
+    pub(super) fn triple(&self, a: &[Four], b: &[[Four; 4]]) -> Vec<[f64; 2]> {
         sums(self, a, b)
     }
 
@@ -101,7 +101,11 @@ fn sums_body(products: &Products, a: &[Four], b: &[[Four; 4]]) -> Vec<[f64; 2]> 
     let two = products.pairs(a, b);
     // Patches from files may have any degree.
     let count = products.degree.1 + 1;
-    let count = if count <= MOST_DEGREE + 1 { count } else { 1 };
+    let count = if count <= MAX_PATCH_DEGREE + 1 {
+        count
+    } else {
+        1
+    };
     sized!(count, times_one_more(products, &two, a))
 }
 
@@ -182,7 +186,7 @@ mod tests {
         let all: Vec<[[f64; 4]; 4]> = (0..a.len())
             .map(|i| [0.9, 0.4, 2.1, 3.3].map(|seed| list(seed)[i]))
             .collect();
-        let product = products.of(&a, &all);
+        let product = products.triple(&a, &all);
         let of_a = |k: usize| value(&|i| a[i][k], m, n);
         let want: f64 = (0..4)
             .map(|k| {

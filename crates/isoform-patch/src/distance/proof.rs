@@ -1,6 +1,7 @@
 //! Proof that no point of a patch is farther from the surface than a target.
 
-use super::cell::{Prover, Rounding};
+use super::cell::Rounding;
+use super::prover::Prover;
 use super::sampling::largest_coordinate;
 use crate::cells::{divided, middle_of};
 use crate::compose::largest;
@@ -8,10 +9,11 @@ use crate::whole::Whole;
 use isoform_control::Control;
 use isoform_geom::{Field, RationalPatch};
 
-/// Compositions are worth their cost for bounds below this share of the largest coordinate.
-const COMPOSED: f64 = 1e-5;
-/// Divisions of the patch into halves or quarters.
-const MOST_DEPTH: u32 = 24;
+/// Maximum number of cells of a proof on a single function: ten times what patches on smooth
+/// surfaces take.
+pub(crate) const MAX_PROOF_CELLS: usize = 60_000;
+/// Maximum number of successive divisions of a patch into halves or quarters.
+const MAX_SUBDIVISION_DEPTH: u32 = 24;
 
 /// Returns a proved upper bound on the distance of all points of a patch from the surface; `None`
 /// if no bound of at most `target` can be proved with at most `cells` cells.
@@ -67,7 +69,7 @@ pub(crate) fn proof(
         }
         match prover.bound(&cell, Rounding::of_part(patch, place), target) {
             Some(b) => worst = worst.max(b),
-            None if depth == MOST_DEPTH => return Err(middle_of(place)),
+            None if depth == MAX_SUBDIVISION_DEPTH => return Err(middle_of(place)),
             None => {
                 let halves = divided(&cell, place).into_iter();
                 pending.extend(halves.map(|(c, place)| (c, place, depth + 1)));
@@ -79,7 +81,8 @@ pub(crate) fn proof(
 
 /// Returns an upper bound on |F| over the patch from the composition F∘p; infinite if unknown.
 fn known(whole: &Whole<'_>, patch: &RationalPatch, target: f64) -> f64 {
-    let is_worth_it = whole.is_single() && target < COMPOSED * largest_coordinate(patch);
+    // For larger targets, expansions suffice and cost less than the composition.
+    let is_worth_it = whole.is_single() && target < 1e-5 * largest_coordinate(patch);
     let terms = is_worth_it.then(|| whole.field(0).terms()).flatten();
     let known = terms.and_then(|t| largest(&t, patch));
     known.unwrap_or(f64::INFINITY)
@@ -90,7 +93,7 @@ mod tests {
     use super::*;
     use std::time::Instant;
 
-    /// Along a double curve a proof to 10⁻⁷ takes millions of cells: a deadline stops it.
+    /// A proof to 10⁻⁷ takes millions of cells on a double curve: a deadline stops it.
     #[test]
     fn a_deadline_ends_a_proof() {
         let planes = isoform_field::Polynomial::new([([1, 1, 0], 1.0)]);

@@ -1,17 +1,10 @@
 //! Sampled distances: foot points by Newton's method along gradients.
 
 use crate::places::grid;
-use crate::surface::ON_SURFACE;
+use crate::surface::SURFACE_DISTANCE_TOLERANCE;
 use crate::whole::Whole;
 use isoform_geom::{Field, Point3, RationalPatch, norm, sub};
 use isoform_num::Jet2;
-
-/// Newton steps towards the surface.
-const STEPS: usize = 25;
-/// Samples in each direction of the largest coordinate.
-const COORDINATES: usize = 9;
-/// Corrections of foot points.
-const CORRECTIONS: usize = 2;
 
 /// Samples the distance of a patch from the surface on a square grid with `samples` (at least 2)
 /// points in each direction; returns the largest distance and the root mean square over the area.
@@ -65,7 +58,8 @@ pub fn foot_distances(field: &dyn Field, points: &[Point3]) -> Vec<f64> {
     let mut jets = project_all(field, &mut feet);
     let all = feet.iter().zip(points);
     let mut best: Vec<f64> = all.map(|(q, p)| norm(sub(*p, *q))).collect();
-    for _ in 0..CORRECTIONS {
+    // Corrections of the foot points.
+    for _ in 0..2 {
         let each = points.iter().zip(&feet).zip(&jets);
         let mut moved: Vec<Point3> = each
             .map(|((p, q), j)| moved_in_plane(*p, *q, j.g))
@@ -98,7 +92,7 @@ fn project_all(field: &dyn Field, points: &mut [Point3]) -> Vec<Jet2> {
         h: [0.0; 6],
     };
     let mut jets = vec![zero; points.len()];
-    for _ in 0..STEPS {
+    for _ in 0..25 {
         field.jets(points, &mut jets);
         let mut most = 0.0f64;
         for (p, j) in points.iter_mut().zip(&jets) {
@@ -112,7 +106,7 @@ fn project_all(field: &dyn Field, points: &mut [Point3]) -> Vec<Jet2> {
                 p[k] -= step * j.g[k];
             }
         }
-        if most <= ON_SURFACE {
+        if most <= SURFACE_DISTANCE_TOLERANCE {
             break;
         }
     }
@@ -122,6 +116,6 @@ fn project_all(field: &dyn Field, points: &mut [Point3]) -> Vec<Jet2> {
 /// Returns the largest absolute coordinate of a patch, from samples: control points may be far
 /// away.
 pub(super) fn largest_coordinate(patch: &RationalPatch) -> f64 {
-    let all = grid(COORDINATES).flat_map(|(u, v)| patch.point(u, v));
+    let all = grid(9).flat_map(|(u, v)| patch.point(u, v));
     all.fold(0.0, |m, v| m.max(v.abs()))
 }

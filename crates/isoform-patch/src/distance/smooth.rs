@@ -1,14 +1,15 @@
 //! Bound M/G of a cell near which the surface is smooth or smooth parts meet in edges.
 
-use super::cell::{Cell, Prover};
-use super::taylor::{Limit, Taylor, cubic, magnitude, middle, radius, range, slopes};
-use crate::whole::{Whole, Within};
+use super::cell::PatchCell;
+use super::prover::Prover;
+use super::taylor::{PartLimit, Taylor, cubic, magnitude, middle, radius, range, slopes};
+use crate::whole::{PartsInRegion, Whole};
 use isoform_geom::{Aabb, Csg, Expansion, Field, Point3, norm};
 use isoform_num::Interval;
 
 /// Returns M/G; `None` if it exceeds `beyond` or cannot be proved.
-pub(super) fn smooth_bound(prover: &Prover<'_>, cell: &Cell, beyond: f64) -> Option<f64> {
-    let near = Near::new(prover, cell, beyond)?;
+pub(super) fn smooth_bound(prover: &Prover<'_>, cell: &PatchCell, beyond: f64) -> Option<f64> {
+    let near = NearbyParts::new(prover, cell, beyond)?;
     let (up, down) = near.slopes();
     let range = near.range();
     let most = if prover.whole.is_single() {
@@ -31,15 +32,15 @@ pub(super) fn smooth_bound(prover: &Prover<'_>, cell: &Cell, beyond: f64) -> Opt
 }
 
 /// Parts of the surface near a cell.
-struct Near<'a> {
+struct NearbyParts<'a> {
     prover: &'a Prover<'a>,
     whole: &'a Whole<'a>,
-    cell: &'a Cell,
+    cell: &'a PatchCell,
     /// Distance beyond the cell in which the surface is sought.
     beyond: f64,
     /// Box that extends as far beyond the cell.
     region: Aabb,
-    within: Within,
+    within: PartsInRegion,
     expansions: Vec<Expansion>,
     /// Length |∇F| of each part's gradient at c.
     lengths: Vec<f64>,
@@ -47,10 +48,10 @@ struct Near<'a> {
     normals: Vec<Point3>,
 }
 
-impl<'a> Near<'a> {
+impl<'a> NearbyParts<'a> {
     /// Prepares the parts near a cell; `None` if a part cannot be expanded or its gradient
     /// vanishes.
-    fn new(prover: &'a Prover<'a>, cell: &'a Cell, beyond: f64) -> Option<Self> {
+    fn new(prover: &'a Prover<'a>, cell: &'a PatchCell, beyond: f64) -> Option<Self> {
         let (whole, region) = (prover.whole, cell.around(beyond));
         let within = whole.within(region)?;
         let expand = |k: &usize| whole.field(*k).expansion(cell.c, region);
@@ -118,7 +119,7 @@ impl<'a> Near<'a> {
         let list: Vec<usize> = parts.collect();
         let n: Point3 = std::array::from_fn(|i| list.iter().map(|&k| self.normals[k][i]).sum());
         let length = norm(n);
-        let along = Along {
+        let along = SearchSet {
             n: n.map(|v| v / length),
             beyond: self.beyond,
             wide: self.cell.r.map(|v| v + self.beyond),
@@ -205,10 +206,10 @@ impl<'a> Near<'a> {
     }
 
     /// Expands a limit on the cell; `None` if it is not negative near there or cannot be expanded.
-    fn limit(&self, limit: &dyn Field) -> Option<Limit> {
+    fn limit(&self, limit: &dyn Field) -> Option<PartLimit> {
         let may_be_negative = limit.bounds(self.region).lo() < 0.0;
         let expansion = may_be_negative.then(|| limit.expansion(self.cell.c, self.region));
-        Limit::new(&expansion.flatten()?, self.cell)
+        PartLimit::new(&expansion.flatten()?, self.cell)
     }
 }
 
@@ -218,16 +219,16 @@ fn are_pieces(children: &[Csg]) -> bool {
 }
 
 /// Set in which the surface is sought: the points of a cell, moved along ±n.
-struct Along<'c> {
+struct SearchSet<'c> {
     n: Point3,
     /// Maximum distance of the move.
     beyond: f64,
     /// Bounds on the differences of its coordinates from those of c.
     wide: Point3,
-    cell: &'c Cell,
+    cell: &'c PatchCell,
 }
 
-impl Along<'_> {
+impl SearchSet<'_> {
     /// Returns a lower bound of n·∇F on the set.
     fn slope(&self, e: &Expansion) -> f64 {
         let (n, g, c) = (self.n, slopes(e), self.cell.c);

@@ -1,7 +1,7 @@
 //! F around a point as a Taylor polynomial with a remainder, its range on a cell, and limits of
 //! parts as linear functions.
 
-use super::cell::Cell;
+use super::cell::PatchCell;
 use super::products::Products;
 use isoform_geom::{Expansion, Point3};
 use isoform_num::Interval;
@@ -101,7 +101,7 @@ impl Taylor {
 
     /// Returns F + b (m − λ)(λ + ρ). Where the limit is not negative, the added term is at least 0
     /// for b ≥ 0 and at most 0 for b ≤ 0.
-    pub(super) fn bent(&self, l: &Limit, b: f64, r: Point3) -> Self {
+    pub(super) fn bent(&self, l: &PartLimit, b: f64, r: Point3) -> Self {
         let (above, below) = (l.most - l.value, l.value + l.off);
         let slope = b * (above - below);
         let size = (0..3).map(|k| l.g[k].abs() * r[k]).sum::<f64>();
@@ -159,10 +159,10 @@ impl Taylor {
 
 /// Returns bounds of F on a cell: the least and the largest quotient of the Bernstein coefficients
 /// of w³ F by those of w³, widened by the remainder and by rounding.
-pub(super) fn range(taylor: &Taylor, cell: &Cell, products: &Products) -> (f64, f64) {
+pub(super) fn range(taylor: &Taylor, cell: &PatchCell, products: &Products) -> (f64, f64) {
     let rights: Vec<[[f64; 4]; 4]> = cell.d.iter().map(|p| taylor.factors(p)).collect();
     let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
-    for [q, w3] in products.of(&cell.d, &rights) {
+    for [q, w3] in products.triple(&cell.d, &rights) {
         (lo, hi) = (lo.min(q / w3), hi.max(q / w3));
     }
     let most = products.roundings() * f64::EPSILON * taylor.size(cell.r) + taylor.off;
@@ -171,7 +171,7 @@ pub(super) fn range(taylor: &Taylor, cell: &Cell, products: &Products) -> (f64, 
 
 /// Limit of a part on a cell: where the part is valid, the linear function λ = value + g·δ is at
 /// least −off.
-pub(super) struct Limit {
+pub(super) struct PartLimit {
     value: f64,
     g: Point3,
     off: f64,
@@ -179,9 +179,9 @@ pub(super) struct Limit {
     pub(super) most: f64,
 }
 
-impl Limit {
+impl PartLimit {
     /// Expands a limit; `None` if it is not finite.
-    pub(super) fn new(e: &Expansion, cell: &Cell) -> Option<Self> {
+    pub(super) fn new(e: &Expansion, cell: &PatchCell) -> Option<Self> {
         let taylor = Taylor::square(e, cell.r);
         let (g, r) = (taylor.g, cell.r);
         let mut off = taylor.off;

@@ -1,48 +1,28 @@
 //! Control of growing: the actions that follow each extrapolation until the bound is reached.
 
-use super::{GROWING, Growth, LEAST_WEIGHT, Side};
+use super::{GROWING, Growth, MIN_CONTROL_WEIGHT, SideState};
 use crate::fold;
 use crate::objective::Objective;
 use crate::terms::{Method, Terms};
 
-/// What is near the bound, as a load.
-const NEAR: f64 = 0.3;
-/// The share of the bound on S at which the last extrapolations aim.
-const AIM: f64 = 0.997;
-/// A patch with S above this share of the bound is as large as it gets.
-const FULL: f64 = 0.985;
-/// Shortenings in a row before the last good patch is taken.
-const SHORTENINGS: usize = 4;
-/// Patches in a row that keep the bound and are no larger than another one before them. Twice as
-/// many take a quarter more steps for patches of the same area.
-const STALE: usize = 3;
-/// Factor by which S may exceed its bound after an extrapolation, before Newton steps.
-pub(super) const MOST_EXCESS: f64 = 30.0;
-/// How often L and R get more weight before a side stops for a fold.
-const EVENINGS: usize = 3;
-/// The factor by which they get more weight: a fold takes away what they cost.
-const MORE_EVEN: f64 = 30.0;
-/// How often ω_J is raised per extrapolation, at most, to keep control weights positive.
-const RAISES: usize = 8;
-/// ω_J is not raised while the load is above this: the patch is too large anyway.
-const MOST_RAISED: f64 = 1.5;
-/// Quadrature that is off by more than this share gets more nodes.
-const UNRESOLVED: f64 = 0.02;
-/// Quadrature is looked at from this load on.
-const RESOLVE: f64 = 0.05;
-/// With this many nodes in each direction quadrature gets no more.
-const ENOUGH_NODES: usize = 20;
-/// The exponent of the size in the load, if there is no history, and the range of what histories
-/// tell.
-const POWER: f64 = 6.0;
-const POWERS: (f64, f64) = (3.0, 12.0);
-/// Sizes with logarithms closer than this tell nothing of the exponent.
-const ALIKE: f64 = 1e-4;
-/// An extrapolation shortens the patch to this share at most.
-const SHORTEST: f64 = 0.8;
+/// Load above which a patch counts as near its bound: it then takes more Newton steps.
+const NEAR_BOUND_LOAD: f64 = 0.3;
+/// Load at which extrapolations aim.
+const TARGET_LOAD: f64 = 0.997;
+/// Load above which a patch counts as large as possible.
+const FULL_LOAD: f64 = 0.985;
+/// Maximum number of consecutive shortenings; after more, growing ends with the last good patch.
+const MAX_SHORTENINGS_IN_A_ROW: usize = 4;
+/// Maximum number of consecutive patches that keep the bound and are not larger than an earlier one.
+/// Twice as many take a quarter more steps for patches of equal area.
+const MAX_STALE_PATCHES: usize = 3;
+/// Maximum load after an extrapolation, before Newton steps.
+pub(super) const MAX_LOAD_AFTER_EXTRAPOLATION: f64 = 30.0;
+/// Relative change of the terms with more quadrature nodes above which there are too few nodes.
+const QUADRATURE_TOLERANCE: f64 = 0.02;
 
 /// State of the growth controller.
-struct Course {
+struct GrowthController {
     /// Logarithms of size and load.
     history: Vec<(f64, f64)>,
     /// Number of consecutive shortenings.
@@ -55,7 +35,7 @@ struct Course {
     caution: f64,
 }
 
-impl Course {
+impl GrowthController {
     fn new() -> Self {
         Self {
             history: Vec::new(),
@@ -74,13 +54,14 @@ impl Course {
         ));
     }
 
-    /// Returns the exponent p in load ∝ sizeᵖ, estimated from the last two patches.
+    /// Returns the exponent p in load ∝ sizeᵖ, estimated from the last two patches if their sizes
+    /// differ.
     fn power(&self) -> f64 {
         match self.history.as_slice() {
-            [.., (x0, y0), (x1, y1)] if (x1 - x0).abs() > ALIKE => {
-                ((y1 - y0) / (x1 - x0)).clamp(POWERS.0, POWERS.1)
+            [.., (x0, y0), (x1, y1)] if (x1 - x0).abs() > 1e-4 => {
+                ((y1 - y0) / (x1 - x0)).clamp(3.0, 12.0)
             }
-            _ => POWER,
+            _ => 6.0,
         }
     }
 }
@@ -89,7 +70,7 @@ impl Growth<'_> {
     /// Grows until the bound on S, or on the distance, is reached.
     pub(crate) fn grow_to_limit(&mut self) {
         self.descend(self.pace.few_steps);
-        let mut course = Course::new();
+        let mut course = GrowthController::new();
         let most = self.options.most_extrapolations;
         for count in 0..=most {
             if self.late() {
@@ -129,17 +110,18 @@ impl Growth<'_> {
     fn descend_near_bound(&mut self) -> f64 {
         self.trim();
         let mut load = self.load();
-        if load > NEAR {
+        if load > NEAR_BOUND_LOAD {
             self.descend(self.pace.many_steps);
             self.trim();
             load = self.load();
         }
-        if load > RESOLVE && self.refine() {
+        if load > 0.05 && self.refine() {
             self.descend(self.pace.many_steps);
             load = self.load();
         }
-        for _ in 0..RAISES {
-            if load > MOST_RAISED || !self.raise() {
+        for _ in 0..8 {
+            // Above a load of 1.5 the patch is too large in any case.
+            if load > 1.5 || !self.raise() {
                 break;
             }
             load = self.load();
@@ -150,12 +132,12 @@ impl Growth<'_> {
     /// Returns true if the patch meets all requirements.
     fn is_good(&self, load: f64) -> bool {
         load <= 1.0
-            && self.patch.control_weights().0 > LEAST_WEIGHT
+            && self.patch.control_weights().0 > MIN_CONTROL_WEIGHT
             && (self.options.tolerance.is_none() || self.is_near_region())
     }
 
     /// Stores a good patch if it is the largest so far; returns its load, `None` if growing ends.
-    fn keep_good(&mut self, load: f64, course: &mut Course) -> Option<f64> {
+    fn keep_good(&mut self, load: f64, course: &mut GrowthController) -> Option<f64> {
         let area = |growth: &Self, at| growth.objective.area(at);
         let is_larger =
             (self.good.as_ref()).is_none_or(|g| area(self, &self.at) > area(self, &g.at));
@@ -164,31 +146,35 @@ impl Growth<'_> {
             course.stale = 0;
         } else {
             course.stale += 1;
-            if course.stale > STALE {
+            if course.stale > MAX_STALE_PATCHES {
                 return None;
             }
         }
         course.shortened = 0;
         // With a tolerance, the proportions may still change, and with them the area.
-        let is_full = load >= FULL && (self.options.tolerance.is_none() || course.stale > 0);
+        let is_full = load >= FULL_LOAD && (self.options.tolerance.is_none() || course.stale > 0);
         (!is_full).then_some(load)
     }
 
     /// Returns to the last good patch if shortening would not repair the current one; returns the
     /// resulting load, `None` if growing ends.
-    fn turn_back(&mut self, load: f64, course: &mut Course) -> Option<f64> {
+    fn turn_back(&mut self, load: f64, course: &mut GrowthController) -> Option<f64> {
         course.shortened += 1;
-        if course.shortened > SHORTENINGS {
+        if course.shortened > MAX_SHORTENINGS_IN_A_ROW {
             return None;
         }
-        let Some(good) = self.good.clone().filter(|_| load > MOST_EXCESS) else {
+        let Some(good) = self
+            .good
+            .clone()
+            .filter(|_| load > MAX_LOAD_AFTER_EXTRAPOLATION)
+        else {
             return Some(load);
         };
         let fold = fold::seen(&self.patch);
         self.settle(good);
         let mut load = self.load();
         match fold {
-            Some(_) if self.options.tolerance.is_some() && course.evened < EVENINGS => {
+            Some(_) if self.options.tolerance.is_some() && course.evened < 3 => {
                 course.evened += 1;
                 self.even();
                 load = self.load();
@@ -204,11 +190,11 @@ impl Growth<'_> {
     /// fraction of the current patch, because Newton steps shorten what was extrapolated; but the
     /// proportions are those of the current patch, as the steps shorten more the direction in which
     /// length costs more.
-    fn next_edges(&self, edges: [f64; 2], load: f64, course: &Course) -> [f64; 2] {
+    fn next_edges(&self, edges: [f64; 2], load: f64, course: &GrowthController) -> [f64; 2] {
         let longest = 1.0 + 2.0 * self.pace.most_in_direction * course.caution;
-        let factor = (AIM / load)
+        let factor = (TARGET_LOAD / load)
             .powf(1.0 / course.power())
-            .clamp(SHORTEST, longest);
+            .clamp(0.8, longest);
         let reached = self.edges();
         let shift = ((reached[1] * edges[0]) / (reached[0] * edges[1])).sqrt();
         [edges[0] * factor / shift, edges[1] * factor * shift]
@@ -218,7 +204,7 @@ impl Growth<'_> {
     /// folds over.
     fn even(&mut self) {
         let (floor, weights) = (&mut self.options.floor, &mut self.objective.weights);
-        let raised = |w: f64| (MORE_EVEN * w).min(1.0);
+        let raised = |w: f64| (30.0 * w).min(1.0);
         (floor.l, floor.r) = (raised(weights.l), raised(weights.r));
         (weights.l, weights.r) = (floor.l, floor.r);
         if self.retake(self.patch.clone()) {
@@ -229,15 +215,15 @@ impl Growth<'_> {
 
     /// Stops a side, also in the last accepted patch.
     fn stop(&mut self, side: usize) {
-        self.sides[side] = Side::Stopped;
+        self.sides[side] = SideState::Stopped;
         if let Some(good) = &mut self.good {
-            good.sides[side] = Side::Stopped;
+            good.sides[side] = SideState::Stopped;
         }
     }
 
     /// Gives J more weight if a control weight is too small; returns true if it did.
     fn raise(&mut self) -> bool {
-        if !self.objective.is_by_control() || self.patch.control_weights().0 > LEAST_WEIGHT {
+        if !self.objective.is_by_control() || self.patch.control_weights().0 > MIN_CONTROL_WEIGHT {
             return false;
         }
         let Some((targets, at)) = self.retargeted(&self.patch) else {
@@ -257,7 +243,7 @@ impl Growth<'_> {
     fn refine(&mut self) -> bool {
         let nodes = self.objective.nodes_per_direction();
         let is_fixed = self.options.nodes.is_some() || self.options.tolerance.is_some();
-        if is_fixed || nodes >= ENOUGH_NODES || self.is_resolved(nodes * 9 / 5) {
+        if is_fixed || nodes >= 20 || self.is_resolved(nodes * 9 / 5) {
             return false;
         }
         self.objective.set_nodes(nodes * 8 / 5);
@@ -283,8 +269,8 @@ impl Growth<'_> {
     fn are_near(&self, b: &Terms) -> bool {
         let (a, w, sum) = (&self.at.terms, self.objective.weights, self.sum());
         let near = |a: f64, b: f64, factor: f64| {
-            (a - b).abs() <= UNRESOLVED * a.max(b)
-                || factor * (a - b).abs() <= 1e-3 * UNRESOLVED * sum
+            (a - b).abs() <= QUADRATURE_TOLERANCE * a.max(b)
+                || factor * (a - b).abs() <= 1e-3 * QUADRATURE_TOLERANCE * sum
         };
         // Targets of corners and sides change in each evaluation: they enter through the sum alone.
         let &Terms {
@@ -299,6 +285,6 @@ impl Growth<'_> {
             && near(a.j, j, w.j)
             && near(a.l, l, w.l)
             && near(a.r, r, w.r)
-            && (b.sum(&w) - sum).abs() <= 0.5 * UNRESOLVED * sum
+            && (b.sum(&w) - sum).abs() <= 0.5 * QUADRATURE_TOLERANCE * sum
     }
 }

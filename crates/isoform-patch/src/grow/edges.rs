@@ -9,13 +9,13 @@ mod trim;
 
 use super::Growth;
 use crate::stretch::{balanced, beside, extended};
-use crate::whole::{Beyond, On};
+use crate::whole::{EdgeViolation, GrowthPart};
 use isoform_geom::{Field, RationalPatch, norm};
 use put::put_on;
 
 /// State of a side of a patch.
 #[derive(Clone, Copy)]
-pub(crate) enum Side<'f> {
+pub(crate) enum SideState<'f> {
     /// The side moves outward.
     Free,
     /// The side lies on an edge, where this function vanishes.
@@ -24,7 +24,7 @@ pub(crate) enum Side<'f> {
     Stopped,
 }
 
-impl<'f> Side<'f> {
+impl<'f> SideState<'f> {
     pub(crate) fn is_at_edge(&self) -> bool {
         self.edge().is_some()
     }
@@ -44,18 +44,8 @@ impl<'f> Side<'f> {
     }
 }
 
-/// Fraction of the tolerance by which a patch may extend beyond edges.
-pub(crate) const OVERLAP: f64 = 0.3;
-/// Samples along a side.
-const SAMPLES: usize = 25;
-/// Places in each direction, less one, at which a start patch is looked at.
-const START_SAMPLES: usize = 4;
-/// Bisections towards an edge.
-const BISECTIONS: usize = 12;
-/// The share of a side that is near its end.
-const NEAR_END: f64 = 0.25;
-/// A side that gets no farther than this share of the patch has come to its edge.
-const STUCK: f64 = 0.02;
+/// Number of samples along a side.
+const SIDE_SAMPLES: usize = 25;
 
 /// Returns evenly spaced numbers from 0 to 1.
 fn evenly(count: usize) -> Vec<f64> {
@@ -63,7 +53,7 @@ fn evenly(count: usize) -> Vec<f64> {
 }
 
 /// Returns the states of the two neighbours of a side.
-fn neighbours<'f>(sides: &[Side<'f>; 4], side: usize) -> [Side<'f>; 2] {
+fn neighbours<'f>(sides: &[SideState<'f>; 4], side: usize) -> [SideState<'f>; 2] {
     if side < 2 {
         [sides[2], sides[3]]
     } else {
@@ -74,7 +64,7 @@ fn neighbours<'f>(sides: &[Side<'f>; 4], side: usize) -> [Side<'f>; 2] {
 /// Bisects from 0 to `hi`; returns an interval in which `is_below` changes from true to false.
 fn bisected(hi: f64, is_below: impl Fn(f64) -> bool) -> (f64, f64) {
     let (mut lo, mut hi) = (0.0, hi);
-    for _ in 0..BISECTIONS {
+    for _ in 0..12 {
         let share = 0.5 * (lo + hi);
         if is_below(share) {
             lo = share
@@ -87,8 +77,8 @@ fn bisected(hi: f64, is_below: impl Fn(f64) -> bool) -> (f64, f64) {
 
 /// Criterion for the position of a side.
 #[derive(Clone, Copy)]
-struct Look<'a, 'f> {
-    on: On<'f>,
+struct SideCriterion<'a, 'f> {
+    on: GrowthPart<'f>,
     side: usize,
     /// Distance by which it may lie beyond edges.
     allowed: f64,
@@ -96,13 +86,13 @@ struct Look<'a, 'f> {
     samples: &'a [f64],
     /// States of its neighbours: near its ends it may lie beyond the edges on which they are held,
     /// as Newton steps will correct that.
-    neighbours: [Side<'f>; 2],
+    neighbours: [SideState<'f>; 2],
 }
 
-impl<'f> Look<'_, 'f> {
+impl<'f> SideCriterion<'_, 'f> {
     /// Returns the worst violation of an edge by the side of a patch.
-    fn farthest(&self, patch: &RationalPatch) -> Option<Beyond<'f>> {
-        let mut worst: Option<Beyond<'f>> = None;
+    fn farthest(&self, patch: &RationalPatch) -> Option<EdgeViolation<'f>> {
+        let mut worst: Option<EdgeViolation<'f>> = None;
         for &t in self.samples {
             let (u, v) = beside(self.side, t, 0.0);
             let Some(beyond) = self.on.beyond(patch.point(u, v)) else {
@@ -116,11 +106,11 @@ impl<'f> Look<'_, 'f> {
         worst
     }
 
-    /// Returns true if a neighbour is held on the violated edge near this sample.
-    fn is_excused(&self, t: f64, beyond: &Beyond<'_>) -> bool {
+    /// Returns true if a neighbour is held on the violated edge and the sample lies in the quarter
+    /// of the side next to it.
+    fn is_excused(&self, t: f64, beyond: &EdgeViolation<'_>) -> bool {
         let [first, last] = self.neighbours;
-        t < NEAR_END && first.is_held_at(beyond.edge)
-            || t > 1.0 - NEAR_END && last.is_held_at(beyond.edge)
+        t < 0.25 && first.is_held_at(beyond.edge) || t > 0.75 && last.is_held_at(beyond.edge)
     }
 
     /// Returns true if the side of a patch lies beyond an edge.
@@ -132,13 +122,13 @@ impl<'f> Look<'_, 'f> {
 impl<'f> Growth<'f> {
     /// Returns the largest distance of the border beyond the edges of the part, or from the edges
     /// on which it is held.
-    pub(crate) fn off_edges(&self, on: On<'f>) -> f64 {
+    pub(crate) fn off_edges(&self, on: GrowthPart<'f>) -> f64 {
         let mut most = 0.0f64;
         for side in 0..4 {
-            for t in evenly(SAMPLES) {
+            for t in evenly(SIDE_SAMPLES) {
                 let (u, v) = beside(side, t, 0.0);
                 let p = self.patch.point(u, v);
-                if let Side::At(edge) = self.sides[side] {
+                if let SideState::At(edge) = self.sides[side] {
                     let j = edge.jet(p);
                     most = most.max(j.v.abs() / norm(j.g));
                 }
@@ -151,32 +141,33 @@ impl<'f> Growth<'f> {
     /// Returns true if a start patch lies on its part; the side on an edge is exempt, as it need
     /// not fit yet.
     pub(crate) fn starts_within(
-        on: On<'f>,
+        on: GrowthPart<'f>,
         patch: &RationalPatch,
         allowed: f64,
         at_edge: bool,
     ) -> bool {
-        let at = |i: usize| i as f64 / START_SAMPLES as f64;
+        let steps = 4;
+        let at = |i: usize| i as f64 / steps as f64;
         let is_within = |i: usize, j: usize| {
             let beyond = on.beyond(patch.point(at(i), at(j)));
             beyond.is_none_or(|b| b.by <= allowed)
         };
         let first = usize::from(at_edge);
-        (0..=START_SAMPLES).all(|i| (first..=START_SAMPLES).all(|j| is_within(i, j)))
+        (0..=steps).all(|i| (first..=steps).all(|j| is_within(i, j)))
     }
 
     /// Extends the patch by fractions of its edges at its four sides, but not beyond the part;
     /// returns the resulting states of its sides as well.
     pub(crate) fn within_edges(
         &self,
-        on: On<'f>,
+        on: GrowthPart<'f>,
         by: [f64; 4],
         allowed: f64,
-    ) -> (RationalPatch, [Side<'f>; 4]) {
+    ) -> (RationalPatch, [SideState<'f>; 4]) {
         let (mut patch, mut sides) = (self.patch.clone(), self.sides);
-        let samples = evenly(SAMPLES);
+        let samples = evenly(SIDE_SAMPLES);
         for side in 0..4 {
-            let look = Look {
+            let look = SideCriterion {
                 on,
                 side,
                 allowed,
@@ -197,9 +188,9 @@ impl<'f> Growth<'f> {
 /// side if that changes.
 fn moved_out<'f>(
     patch: &RationalPatch,
-    look: &Look<'_, 'f>,
+    look: &SideCriterion<'_, 'f>,
     share: f64,
-) -> (RationalPatch, Option<Side<'f>>) {
+) -> (RationalPatch, Option<SideState<'f>>) {
     let side = look.side;
     let longer = extended(patch, side, share);
     if share <= 0.0 {
@@ -209,10 +200,11 @@ fn moved_out<'f>(
         return (longer, None);
     };
     if let Some(put) = put_on(patch, side, share, beyond.edge) {
-        return (put, Some(Side::At(beyond.edge)));
+        return (put, Some(SideState::At(beyond.edge)));
     }
     let is_within = |share: f64| !look.is_beyond(&extended(patch, side, share));
     let (most, _) = bisected(share, is_within);
-    let end = (most < STUCK).then_some(Side::Stopped);
+    // A side that gains less than 2 % has come to the edge.
+    let end = (most < 0.02).then_some(SideState::Stopped);
     (extended(patch, side, most), end)
 }

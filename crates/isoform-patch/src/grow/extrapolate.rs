@@ -1,24 +1,12 @@
 //! Extrapolation: a patch extended or shortened at its sides by evaluating its own polynomials.
 
-use super::course::MOST_EXCESS;
-use super::{Growth, Side};
+use super::course::MAX_LOAD_AFTER_EXTRAPOLATION;
+use super::{Growth, SideState};
 use crate::objective::Evaluated;
 use isoform_geom::RationalPatch;
 
-/// A patch that is longer by this factor has come near a pole. On a plane its distance would not
-/// show it.
-const MOST_LONGER: f64 = 2.5;
-/// The most by which an extrapolation shortens a patch at one side, in edges.
-const MOST_SHORTER: f64 = 0.2;
-/// Secant steps towards the size that an extrapolation aims at.
-const SECANTS: usize = 4;
-/// Secant steps that change shares by more than this factor, or to less than its inverse, are none.
-const MOST_CORRECTED: f64 = 10.0;
-/// Bisections of an extrapolation until it is a start for Newton's method.
-const BISECTIONS: usize = 6;
-
 /// Goal of an extrapolation.
-struct Aim {
+struct ExtrapolationGoal {
     /// Roots of the present l₁ and l₂.
     present: [f64; 2],
     /// Roots of l₁ and l₂ that are aimed at.
@@ -29,11 +17,11 @@ struct Aim {
 
 impl Growth<'_> {
     /// Extrapolates (or shortens) at the sides that lie in the region until √l₁ and √l₂ are the
-    /// given edges, by less if the result is no start for Newton's method. Returns false if nothing
+    /// given edges, by less if the result is not a start for Newton's method. Returns false if nothing
     /// is gained.
     pub(super) fn extrapolate(&mut self, edges: [f64; 2]) -> bool {
         let present = self.edges();
-        let aim = Aim {
+        let aim = ExtrapolationGoal {
             present,
             edges,
             moves: self.moves(edges, present),
@@ -59,7 +47,7 @@ impl Growth<'_> {
     fn moves(&self, edges: [f64; 2], present: [f64; 2]) -> [bool; 4] {
         let inside = self.sides_inside(&self.patch);
         std::array::from_fn(|side| {
-            let is_free = matches!(self.sides[side], Side::Free);
+            let is_free = matches!(self.sides[side], SideState::Free);
             (inside[side] && is_free)
                 || (edges[side / 2] < present[side / 2] && !self.sides[side].is_at_edge())
         })
@@ -67,12 +55,12 @@ impl Growth<'_> {
 
     /// Clamps the fraction of an edge by which a side may move.
     fn in_range(&self, share: f64) -> f64 {
-        share.clamp(-MOST_SHORTER, self.pace.most_at_side)
+        share.clamp(-0.2, self.pace.most_at_side)
     }
 
     /// Returns the fraction by which each side moves, limited so that the patch avoids singular
     /// points.
-    fn by(&self, aim: &Aim, shares: [f64; 2]) -> [f64; 4] {
+    fn by(&self, aim: &ExtrapolationGoal, shares: [f64; 2]) -> [f64; 4] {
         let avoided = self.on.near_singular.avoided();
         std::array::from_fn(|side| {
             let share = shares[side / 2];
@@ -85,8 +73,8 @@ impl Growth<'_> {
     }
 
     /// Computes fractions with which the extrapolated patch has the target edges, by secant steps.
-    fn corrected(&self, aim: &Aim, mut shares: [f64; 2]) -> [f64; 2] {
-        for _ in 0..SECANTS {
+    fn corrected(&self, aim: &ExtrapolationGoal, mut shares: [f64; 2]) -> [f64; 2] {
+        for _ in 0..4 {
             let longer = self.longer(self.by(aim, shares));
             let Some(reached) = self.objective.lengths(&longer) else {
                 break;
@@ -94,7 +82,8 @@ impl Growth<'_> {
             for (k, l) in [reached.0, reached.1].into_iter().enumerate() {
                 let present = aim.present[k];
                 let factor = (aim.edges[k] - present) / (l.sqrt() - present);
-                if factor > 1.0 / MOST_CORRECTED && factor < MOST_CORRECTED {
+                // Larger corrections are discarded.
+                if factor > 0.1 && factor < 10.0 {
                     shares[k] = self.in_range(shares[k] * factor);
                 }
             }
@@ -104,14 +93,17 @@ impl Growth<'_> {
 
     /// Takes the patch extrapolated by fractions of its edges, halved until it is a start for
     /// Newton's method; returns true if there is one.
-    fn try_shares(&mut self, aim: &Aim, mut shares: [f64; 2]) -> bool {
-        for _ in 0..BISECTIONS {
+    fn try_shares(&mut self, aim: &ExtrapolationGoal, mut shares: [f64; 2]) -> bool {
+        // A patch that is longer by this factor has come near a pole; on a plane its distance would
+        // not show that.
+        let max_ratio = 2.5;
+        for _ in 0..6 {
             let before = self.sides;
             let patch = self.extrapolated(self.by(aim, shares));
             if let Some((targets, at)) = self.retargeted(&patch)
                 && (shares.iter().all(|s| *s < 0.0) || self.is_fair(&at))
-                && targets.l1.sqrt() <= MOST_LONGER * aim.present[0]
-                && targets.l2.sqrt() <= MOST_LONGER * aim.present[1]
+                && targets.l1.sqrt() <= max_ratio * aim.present[0]
+                && targets.l2.sqrt() <= max_ratio * aim.present[1]
             {
                 self.take(patch, targets, at);
                 return true;
@@ -135,8 +127,8 @@ impl Growth<'_> {
     /// Returns true if an extrapolated patch is a start for Newton's method.
     fn is_fair(&self, at: &Evaluated) -> bool {
         match self.options.tolerance {
-            Some(t) => at.terms.i.sqrt() <= MOST_EXCESS * t,
-            None => self.objective.sum(&at.terms) <= MOST_EXCESS * self.limit(),
+            Some(t) => at.terms.i.sqrt() <= MAX_LOAD_AFTER_EXTRAPOLATION * t,
+            None => self.objective.sum(&at.terms) <= MAX_LOAD_AFTER_EXTRAPOLATION * self.limit(),
         }
     }
 }

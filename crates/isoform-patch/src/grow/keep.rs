@@ -1,12 +1,12 @@
 //! Shortening of a grown patch until its tolerance can be proved.
 
 use super::Growth;
-use crate::distance::{Effort, proof, sampled_on};
+use crate::distance::{Effort, MAX_PROOF_CELLS, proof, sampled_on};
 use crate::fold;
 use crate::whole::NearSingular;
 
 /// Limits of the attempts to prove a tolerance.
-struct Trying {
+struct ProofLimits {
     /// Maximum number of cells of a proof.
     cells: usize,
     /// Maximum number of times that the patch is shortened.
@@ -15,30 +15,19 @@ struct Trying {
     share: f64,
 }
 
-/// Limits on a single function: ten times the cells that patches on smooth surfaces take. Across
-/// self-intersections there may be more; then the patch ends before them.
-const SMOOTH: Trying = Trying {
-    cells: 60_000,
+/// Limits on a single function. Proofs across self-intersections may need more cells; then the
+/// patch ends before them.
+const SMOOTH_LIMITS: ProofLimits = ProofLimits {
+    cells: MAX_PROOF_CELLS,
     times: 12,
     share: 0.01,
 };
 /// Limits on a surface with parts, where further attempts rarely succeed.
-const AT_EDGES: Trying = Trying {
+const EDGE_LIMITS: ProofLimits = ProofLimits {
     cells: 8000,
     times: 3,
     share: 0.06,
 };
-/// Cells and times where a patch is soon given up if it may be near singular points: twice what
-/// patches on smooth surfaces take.
-const TRIAL_CELLS: usize = 15_000;
-const TRIALS: usize = 3;
-/// After the first proof that fails, the most cells of another one.
-const LATER_CELLS: usize = SMOOTH.cells / 3;
-/// Samples of the distance in each direction before it is proved, on a surface with parts.
-const PROVED_SAMPLES: usize = 33;
-/// The share of the tolerance above which a sampled distance on a surface with parts is not worth a
-/// proof: near edges proofs need some room.
-const HOPELESS: f64 = 0.7;
 
 impl Growth<'_> {
     /// Proves that the patch does not fold over; if that fails, returns the parameters of a place
@@ -66,20 +55,22 @@ impl Growth<'_> {
                 return None;
             }
             self.shortenings += 1;
-            trying.cells = trying.cells.min(LATER_CELLS);
+            trying.cells = trying.cells.min(MAX_PROOF_CELLS / 3);
         }
         None
     }
 
-    fn trying(&self) -> Trying {
+    fn trying(&self) -> ProofLimits {
         let mut trying = if self.on.whole.is_single() {
-            SMOOTH
+            SMOOTH_LIMITS
         } else {
-            AT_EDGES
+            EDGE_LIMITS
         };
         if matches!(self.on.near_singular, NearSingular::Try) {
-            trying.cells = trying.cells.min(TRIAL_CELLS);
-            trying.times = TRIALS;
+            // A patch that may be near singular points is given up early: after twice the cells
+            // that patches on smooth surfaces take.
+            trying.cells = trying.cells.min(15_000);
+            trying.times = 3;
         }
         trying
     }
@@ -88,8 +79,9 @@ impl Growth<'_> {
     /// fails, the parameters of a point in a difficult cell, `None` if no proof was tried.
     fn proved(&self, tolerance: f64, cells: usize) -> Result<f64, Option<(f64, f64)>> {
         let whole = self.on.whole;
-        let is_hopeless = !whole.is_single()
-            && sampled_on(whole, &self.patch, PROVED_SAMPLES).0 > HOPELESS * tolerance;
+        // Near edges a proof needs some room above the sampled distance.
+        let is_hopeless =
+            !whole.is_single() && sampled_on(whole, &self.patch, 33).0 > 0.7 * tolerance;
         if is_hopeless {
             return Err(None);
         }

@@ -1,18 +1,18 @@
 //! Step sizes of growing and the Newton steps in between.
 
 use crate::options::Options;
-use crate::solver::Stop;
+use crate::solver::StopRule;
 
-/// Largest extrapolation at one side, in edges of the patch.
-pub(crate) const MOST_GROWTH: f64 = 0.16;
+/// Maximum extrapolation at one side, in edges of the patch.
+pub(crate) const MAX_EXTRAPOLATION: f64 = 0.16;
 
 /// Step sizes of growing and the Newton steps in between.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Pace {
+pub(crate) struct StepSizePolicy {
     /// Stopping rule of Newton steps after an extrapolation, far from the bound.
-    pub(super) few_steps: Stop,
+    pub(super) few_steps: StopRule,
     /// Stopping rule of Newton steps near the bound.
-    pub(super) many_steps: Stop,
+    pub(super) many_steps: StopRule,
     /// Half of the maximum growth in each direction, in edges: the growth at each of two moving
     /// sides.
     pub(super) most_in_direction: f64,
@@ -24,30 +24,30 @@ pub(crate) struct Pace {
     pub(super) border: f64,
 }
 
-impl Pace {
+impl StepSizePolicy {
     /// Policy for a bound on S.
     pub(crate) const QUICK: Self = Self {
-        few_steps: Stop {
+        few_steps: StopRule {
             steps: 3,
             decrease: 0.2,
         },
-        many_steps: Stop {
+        many_steps: StopRule {
             steps: 12,
             decrease: 4e-3,
         },
-        most_in_direction: MOST_GROWTH,
-        most_at_side: MOST_GROWTH,
+        most_in_direction: MAX_EXTRAPOLATION,
+        most_at_side: MAX_EXTRAPOLATION,
         border: 0.0,
     };
     /// Policy for a tolerance: distances are small compared with the patch and grow faster with its
     /// size, and the shape terms are so small that steps go far along the valleys that
     /// reparameterizations form.
     pub(crate) const STEADY: Self = Self {
-        many_steps: Stop {
+        many_steps: StopRule {
             steps: 80,
             decrease: 3e-3,
         },
-        most_in_direction: 0.5 * MOST_GROWTH,
+        most_in_direction: 0.5 * MAX_EXTRAPOLATION,
         ..Self::QUICK
     };
     /// Policy for a tolerance with weights for which the least-squares solution is near the minimax
@@ -58,7 +58,7 @@ impl Pace {
     };
 
     /// Returns the policy that suits most patches.
-    pub(crate) fn of(options: &Options) -> Self {
+    pub(crate) fn for_options(options: &Options) -> Self {
         if options.tolerance.is_some() {
             Self::EVEN
         } else {

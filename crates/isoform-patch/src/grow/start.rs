@@ -1,33 +1,23 @@
 //! Start patch: a small piece of the tangent plane at the seed.
 
-use super::{Growth, Pace, Side};
+use super::{Growth, SideState, StepSizePolicy};
 use crate::objective::{Evaluated, Objective};
 use crate::options::{Error, Options};
 use crate::solver::Minimiser;
 use crate::surface::Seed;
-use crate::whole::On;
+use crate::whole::GrowthPart;
 use isoform_control::Control;
 use isoform_geom::{Field, RationalPatch};
 
-/// Edge of the start patch, in edges of the region.
-const START_SIZE: f64 = 0.1;
-/// The start patch is halved until its planar self has at most this multiple of the allowed S.
-const START_EXCESS: f64 = 10.0;
-/// Halvings of the start patch: 2⁻³⁰ of the region is beyond any use.
-const HALVINGS: usize = 30;
-/// With a tolerance, a root mean square distance below this share of it is no reason to let go of
-/// the patch's shape.
-const LITTLE: f64 = 0.05;
-
 /// Start of a patch and its settings.
 #[derive(Clone, Copy)]
-pub(crate) struct Start<'f> {
-    pub(crate) on: On<'f>,
+pub(crate) struct GrowthStart<'f> {
+    pub(crate) on: GrowthPart<'f>,
     pub(crate) seed: Seed,
     /// Function that vanishes on the edge on which the seed lies, `None` if it lies on none; the
     /// patch starts to the left of the edge.
     pub(crate) edge: Option<&'f dyn Field>,
-    pub(crate) pace: Pace,
+    pub(crate) pace: StepSizePolicy,
     pub(crate) control: Control<'f>,
     /// Range of the phase's progress that growing covers.
     pub(crate) shares: [f64; 2],
@@ -37,12 +27,13 @@ impl<'f> Growth<'f> {
     /// Returns the start patch around a seed.
     pub(crate) fn start(
         objective: Objective<'f>,
-        start: Start<'f>,
+        start: GrowthStart<'f>,
         options: &Options,
     ) -> Result<Self, Error> {
         let mut growth = Self::new(objective, start, options);
-        let mut size = START_SIZE * growth.unit;
-        for _ in 0..HALVINGS {
+        let mut size = 0.1 * growth.unit;
+        // A patch that is smaller by 2⁻³⁰ would be useless.
+        for _ in 0..30 {
             let patch = start.square(options.degree, size);
             if let Some((targets, at)) = growth.retargeted(&patch)
                 && growth.is_start(&at)
@@ -50,7 +41,7 @@ impl<'f> Growth<'f> {
             {
                 let mut sides = growth.sides;
                 if let Some(edge) = start.edge {
-                    sides[2] = Side::At(edge);
+                    sides[2] = SideState::At(edge);
                 }
                 growth.set_sides(sides);
                 let Some(at) = growth.objective.evaluate_with(&patch, &targets) else {
@@ -67,8 +58,8 @@ impl<'f> Growth<'f> {
     }
 
     /// Sets up growing before there is a start patch.
-    fn new(objective: Objective<'f>, start: Start<'f>, options: &Options) -> Self {
-        let Start {
+    fn new(objective: Objective<'f>, start: GrowthStart<'f>, options: &Options) -> Self {
+        let GrowthStart {
             on,
             seed,
             pace,
@@ -93,12 +84,14 @@ impl<'f> Growth<'f> {
             seed,
             unit: options.edge(),
             on,
-            sides: [Side::Free; 4],
+            sides: [SideState::Free; 4],
         };
         let objective = &mut growth.objective;
         objective.weights = options.start;
         if let Some(tolerance) = options.tolerance {
-            objective.little = (LITTLE * tolerance).powi(2);
+            // Factors of shape terms are not lowered for root mean square distances below a
+            // twentieth of the tolerance.
+            objective.little = (0.05 * tolerance).powi(2);
             objective.keep_shape_loosely();
             objective.bends = true;
             objective.weigh_border(pace.border);
@@ -106,16 +99,18 @@ impl<'f> Growth<'f> {
         growth
     }
 
-    /// Returns true if a planar patch is small enough to start with.
+    /// Returns true if a planar patch is small enough to start with: at most ten times as far
+    /// from the surface as is allowed in the end.
     fn is_start(&self, at: &Evaluated) -> bool {
+        let excess = 10.0;
         match self.options.tolerance {
-            Some(t) => at.terms.i.sqrt() <= START_EXCESS * t,
-            None => at.terms.i <= START_EXCESS * self.limit(),
+            Some(t) => at.terms.i.sqrt() <= excess * t,
+            None => at.terms.i <= excess * self.limit(),
         }
     }
 
     /// Returns true if a start patch avoids singular points and lies on its part.
-    fn lies_well(&self, start: &Start<'f>, patch: &RationalPatch) -> bool {
+    fn lies_well(&self, start: &GrowthStart<'f>, patch: &RationalPatch) -> bool {
         let avoided = start.on.near_singular.avoided();
         let is_single = start.on.whole.is_single();
         !avoided.is_some_and(|a| a.is_near(patch))
@@ -124,7 +119,7 @@ impl<'f> Growth<'f> {
     }
 }
 
-impl Start<'_> {
+impl GrowthStart<'_> {
     /// Returns the square of a given edge length in the tangent plane, around the seed or to the
     /// left of its edge.
     fn square(&self, degree: (usize, usize), size: f64) -> RationalPatch {

@@ -6,7 +6,7 @@
 
 use super::form::{Form, Pair};
 use crate::node::{Node, hessian_times};
-use crate::terms::{Method, Shape};
+use crate::terms::{Method, ShapeSettings};
 use isoform_geom::{Point3, dot};
 use isoform_num::Jet2;
 
@@ -81,7 +81,12 @@ pub(crate) fn bend_of_distance(
 }
 
 /// Returns the corresponding sum over the residuals of L and R, with their factors.
-pub(crate) fn bend_of_shape(node: &Node, by: &[f64; 12], shape: &Shape, weight: f64) -> [f64; 12] {
+pub(crate) fn bend_of_shape(
+    node: &Node,
+    by: &[f64; 12],
+    shape: &ShapeSettings,
+    weight: f64,
+) -> [f64; 12] {
     let (targets, factors) = (&shape.targets, &shape.weights);
     let motion = Motion::new(node, by);
     let mut sum = [0.0; 12];

@@ -1,19 +1,19 @@
 //! Second derivatives of residuals along a step, summed over the nodes, for the solver's
 //! acceleration.
 
-use super::quadrature::Rule;
+use super::quadrature::QuadratureRule;
 use super::{Evaluated, Objective};
-use crate::MOST_DEGREE;
+use crate::MAX_PATCH_DEGREE;
 use crate::local::{bend_of_distance, bend_of_shape};
 use crate::terms::CORNERS;
 use isoform_geom::RationalPatch;
 
 /// Sums over v at one u, by control point in v: the factors of B and of B′ in u.
-type Row = [[[f64; 4]; 2]; MOST_DEGREE + 1];
+type FactorRow = [[[f64; 4]; 2]; MAX_PATCH_DEGREE + 1];
 
 impl Objective<'_> {
     /// Returns the gradient of S with every residual replaced by its second derivative along a step
-    /// of the unknowns. J, which is no sum of squared residuals, and the sides are left out.
+    /// of the unknowns. J, which is not a sum of squared residuals, and the sides are left out.
     pub(crate) fn bending(&self, patch: &RationalPatch, at: &Evaluated, step: &[f64]) -> Vec<f64> {
         let count = patch.control().len();
         let moved: Vec<[f64; 4]> = (0..count)
@@ -50,7 +50,7 @@ impl Objective<'_> {
     /// node's weight and the derivative of its z.
     fn add_bending(
         &self,
-        rule: &Rule,
+        rule: &QuadratureRule,
         moved: &[[f64; 4]],
         sums: &mut [f64],
         mut bend: impl FnMut(f64, &[f64; 12]) -> [f64; 12],
@@ -59,7 +59,7 @@ impl Objective<'_> {
         let motion = rule.homogeneous(moved);
         let mut motion = motion.iter();
         for (in_u, wu) in rule.u.b.iter().zip(&rule.u.weights) {
-            let mut row: Row = [[[0.0; 4]; 2]; MOST_DEGREE + 1];
+            let mut row: FactorRow = [[[0.0; 4]; 2]; MAX_PATCH_DEGREE + 1];
             for ((in_v, wv), by) in rule.v.b.iter().zip(&rule.v.weights).zip(&mut motion) {
                 add_node(&mut row[..=n], in_v, &bend(wu * wv, by));
             }

@@ -1,6 +1,6 @@
 //! Quadrature on the unit square: Gauss-Legendre rules with the Bernstein basis at their nodes.
 
-use crate::MOST_DEGREE;
+use crate::MAX_PATCH_DEGREE;
 use crate::node::Node;
 use isoform_geom::bernstein;
 use isoform_num::gauss_legendre;
@@ -26,16 +26,16 @@ impl Basis {
 }
 
 /// Curve in v at one u with its derivative by u, as control points: p* and p*ᵤ.
-type Curve = [[[f64; 4]; 2]; MOST_DEGREE + 1];
+type CurveAtNode = [[[f64; 4]; 2]; MAX_PATCH_DEGREE + 1];
 
 /// Product of a rule in u and one in v; nodes with equal u are consecutive.
 #[derive(Clone, Debug)]
-pub(super) struct Rule {
+pub(super) struct QuadratureRule {
     pub(super) u: Basis,
     pub(super) v: Basis,
 }
 
-impl Rule {
+impl QuadratureRule {
     /// Creates the rule with `nodes` nodes in each direction, for patches of degree (m, n).
     pub(super) fn new((m, n): (usize, usize), nodes: usize) -> Self {
         Self {
@@ -83,8 +83,8 @@ impl Rule {
 }
 
 /// Returns the curve at one node in u of a net with `count` control points in v.
-fn curve_at([a, da]: &[Vec<f64>; 2], control: &[[f64; 4]], count: usize) -> Curve {
-    let mut curve: Curve = [[[0.0; 4]; 2]; MOST_DEGREE + 1];
+fn curve_at([a, da]: &[Vec<f64>; 2], control: &[[f64; 4]], count: usize) -> CurveAtNode {
+    let mut curve: CurveAtNode = [[[0.0; 4]; 2]; MAX_PATCH_DEGREE + 1];
     for (i, controls) in control.chunks(count).enumerate() {
         for (point, c) in curve[..count].iter_mut().zip(controls) {
             for k in 0..4 {

@@ -5,16 +5,14 @@
 //! two coordinates k ≤ l and two control points; blocks with k > l are left to the caller.
 
 use super::Derivatives;
-use super::quadrature::Rule;
-use crate::local::Local;
+use super::quadrature::QuadratureRule;
+use crate::local::NodeDerivatives;
 use crate::sized::{chunk, sized};
 use std::ops::Range;
 
-/// Kinds of numbers in z: p*, p*ᵤ, p*ᵥ.
-const KINDS: usize = 3;
-/// The orders of the derivatives in u and in v from which a kind is made: (0, 0) for p*, (1, 0) for
-/// p*ᵤ and (0, 1) for p*ᵥ.
-const ORDERS: [(usize, usize); KINDS] = [(0, 0), (1, 0), (0, 1)];
+/// Orders of the derivatives in u and in v of the three kinds of numbers in z: (0, 0) for p*, (1,
+/// 0) for p*ᵤ and (0, 1) for p*ᵥ.
+const DERIVATIVE_ORDERS: [(usize, usize); 3] = [(0, 0), (1, 0), (0, 1)];
 
 /// Residual that depends on p* alone, with its derivatives by p* and twice its weight.
 pub(super) struct PointResidual {
@@ -27,7 +25,7 @@ pub(super) struct PointResidual {
 /// is one product of basis functions instead of nine. `residual` is called for each node with its
 /// index and twice its weight.
 pub(super) fn add_squares(
-    rule: &Rule,
+    rule: &QuadratureRule,
     d: &mut Derivatives,
     mut residual: impl FnMut(usize, f64) -> PointResidual,
 ) {
@@ -46,19 +44,19 @@ pub(super) fn add_squares(
 /// Adds the integrands at the nodes of a rule. For the nodes at one u, `locals` gets their indices
 /// and weights and adds their integrands; returns `None` if `locals` does.
 pub(super) fn add_locals(
-    rule: &Rule,
+    rule: &QuadratureRule,
     d: &mut Derivatives,
-    mut locals: impl FnMut(Range<usize>, &[f64], &mut [Local]) -> Option<()>,
+    mut locals: impl FnMut(Range<usize>, &[f64], &mut [NodeDerivatives]) -> Option<()>,
 ) -> Option<()> {
     let n = rule.v.b[0][0].len();
-    let mut sums = Sums {
+    let mut sums = RowSums {
         inner: vec![0.0; 4 * 16 * n * n],
         side: vec![0.0; 2 * 4 * n],
     };
     let count = rule.v.b.len();
-    let (mut row, mut weights) = (vec![Local::default(); count], vec![0.0; count]);
+    let (mut row, mut weights) = (vec![NodeDerivatives::default(); count], vec![0.0; count]);
     for (k, (a, wu)) in rule.u.b.iter().zip(&rule.u.weights).enumerate() {
-        row.fill(Local::default());
+        row.fill(NodeDerivatives::default());
         for (weight, wv) in weights.iter_mut().zip(&rule.v.weights) {
             *weight = wu * wv;
         }
@@ -81,10 +79,10 @@ isoform_num::dispatch! {
 isoform_num::dispatch! {
     /// Adds the integrands at the nodes of one u; `a` is B and B′ there.
     fn add_row_of_locals(
-        locals: &[Local],
+        locals: &[NodeDerivatives],
         basis: &[[Vec<f64>; 2]],
         a: &[Vec<f64>; 2],
-        sums: &mut Sums,
+        sums: &mut RowSums,
         d: &mut Derivatives,
     ) = row_of_locals
 }
@@ -104,10 +102,10 @@ fn row_of_squares(
 
 #[inline(always)]
 fn row_of_locals(
-    locals: &[Local],
+    locals: &[NodeDerivatives],
     basis: &[[Vec<f64>; 2]],
     a: &[Vec<f64>; 2],
-    sums: &mut Sums,
+    sums: &mut RowSums,
     d: &mut Derivatives,
 ) {
     sized!(
@@ -124,7 +122,7 @@ fn sized_row_of_squares<const N: usize>(
     a: &[f64],
     d: &mut Derivatives,
 ) {
-    let mut sums = Squares::<N>::zero();
+    let mut sums = SquareSums::<N>::zero();
     for ([b, _], residual) in basis.iter().zip(residuals) {
         sums.add(chunk(b), residual);
     }
@@ -134,10 +132,10 @@ fn sized_row_of_squares<const N: usize>(
 /// Adds the integrands for N control points in v.
 #[inline(always)]
 fn sized_row_of_locals<const N: usize>(
-    locals: &[Local],
+    locals: &[NodeDerivatives],
     basis: &[[Vec<f64>; 2]],
     a: &[Vec<f64>; 2],
-    sums: &mut Sums,
+    sums: &mut RowSums,
     d: &mut Derivatives,
 ) {
     sums.take::<N>(locals, basis);
@@ -145,7 +143,7 @@ fn sized_row_of_locals<const N: usize>(
 }
 
 /// Sums over v at one u.
-struct Sums {
+struct RowSums {
     /// Hessians as N × N matrices, by the orders (a, a′) in u and the coordinates (k, l).
     inner: Vec<f64>,
     /// Gradients as vectors, by a and k.
@@ -153,14 +151,14 @@ struct Sums {
 }
 
 /// Sums over v at one u of the Gauss-Newton terms.
-struct Squares<const N: usize> {
+struct SquareSums<const N: usize> {
     /// Gradients by coordinate and control point in v.
     side: [[f64; N]; 4],
     /// Hessians by two coordinates k ≤ l and two control points in v.
     inner: [[[[f64; N]; N]; 4]; 4],
 }
 
-impl<const N: usize> Squares<N> {
+impl<const N: usize> SquareSums<N> {
     #[inline(always)]
     fn zero() -> Self {
         Self {
@@ -233,10 +231,10 @@ impl Derivatives {
     }
 }
 
-impl Sums {
+impl RowSums {
     /// Sums over the nodes at one u.
     #[inline(always)]
-    fn take<const N: usize>(&mut self, locals: &[Local], basis: &[[Vec<f64>; 2]]) {
+    fn take<const N: usize>(&mut self, locals: &[NodeDerivatives], basis: &[[Vec<f64>; 2]]) {
         self.take_gradients::<N>(locals, basis);
         let inner = self.inner.as_chunks_mut::<N>().0;
         for k in 0..4 {
@@ -249,11 +247,15 @@ impl Sums {
     }
 
     #[inline(always)]
-    fn take_gradients<const N: usize>(&mut self, locals: &[Local], basis: &[[Vec<f64>; 2]]) {
+    fn take_gradients<const N: usize>(
+        &mut self,
+        locals: &[NodeDerivatives],
+        basis: &[[Vec<f64>; 2]],
+    ) {
         let side = self.side.as_chunks_mut::<N>().0;
         side.fill([0.0; N]);
         for (local, b) in locals.iter().zip(basis) {
-            for (s, &(a, bs)) in ORDERS.iter().enumerate() {
+            for (s, &(a, bs)) in DERIVATIVE_ORDERS.iter().enumerate() {
                 let b: &[f64; N] = chunk(&b[bs]);
                 for k in 0..4 {
                     let (g, out) = (local.gradient[4 * s + k], &mut side[a * 4 + k]);
@@ -311,7 +313,7 @@ impl Sums {
 /// ```
 #[inline(always)]
 fn second_sums<const N: usize>(
-    locals: &[Local],
+    locals: &[NodeDerivatives],
     basis: &[[Vec<f64>; 2]],
     k: usize,
     l: usize,

@@ -3,34 +3,32 @@
 
 use super::certify::certified;
 use crate::exact::make_exact;
-use crate::grow::{GROWING, Growth, Pace, Start};
+use crate::grow::{GROWING, Growth, GrowthStart, StepSizePolicy};
 use crate::objective::Objective;
 use crate::options::{Error, Options};
 use crate::parameterized::{Clock, Parameterized, both_times};
 use crate::surface::{self, Seed};
 use crate::terms::{Inner, Method};
-use crate::whole::On;
+use crate::whole::GrowthPart;
 use isoform_control::Control;
 use std::f64::consts::FRAC_PI_4;
 use std::time::Instant;
 
-/// The share of the time that growing may take: the rest is for the proof.
-const GROWING_TIME: f64 = 0.6;
-/// A patch counts as larger than another one only above this multiple of its area: where directions
-/// are alike, rounding is not to decide.
-const CLEARLY: f64 = 1.01;
+/// Factor by which a patch must exceed the area of another to count as larger: between directions
+/// that are equally good, rounding must not decide.
+const MIN_AREA_RATIO: f64 = 1.01;
 
 /// Grows patches from a seed and returns the largest. With a tolerance they grow along the lines of
 /// curvature, at 45° to them and along the seed's own directions, and with several policies, as the
 /// best choice depends on the surface.
 pub(super) fn turned(
-    on: On<'_>,
+    on: GrowthPart<'_>,
     seed: Seed,
     options: &Options,
     mut clock: Clock,
     control: &Control<'_>,
 ) -> Result<Parameterized, Error> {
-    let start = |seed: Seed, pace: Pace| Start {
+    let start = |seed: Seed, pace: StepSizePolicy| GrowthStart {
         on,
         seed,
         edge: None,
@@ -39,25 +37,29 @@ pub(super) fn turned(
         shares: [0.0, 1.0],
     };
     if options.tolerance.is_none() || options.exact {
-        return grown(start(seed, Pace::of(options)), options, clock);
+        return grown(
+            start(seed, StepSizePolicy::for_options(options)),
+            options,
+            clock,
+        );
     }
     let scale = options.region.diagonal();
     let frame = |angle: f64| surface::frame(on.field(), seed.point, angle, scale);
     let along = frame(0.0)?;
-    let own = (seed.tangents != along.tangents).then_some((seed, Pace::EVEN));
+    let own = (seed.tangents != along.tangents).then_some((seed, StepSizePolicy::EVEN));
     let starts = [
-        Some((along, Pace::EVEN)),
-        Some((frame(FRAC_PI_4)?, Pace::EVEN)),
+        Some((along, StepSizePolicy::EVEN)),
+        Some((frame(FRAC_PI_4)?, StepSizePolicy::EVEN)),
         own,
-        Some((seed, Pace::STEADY)),
-        Some((seed, Pace::QUICK)),
+        Some((seed, StepSizePolicy::STEADY)),
+        Some((seed, StepSizePolicy::QUICK)),
     ];
     let starts: Vec<_> = starts.into_iter().flatten().collect();
     let count = starts.len() as f64;
     let starts = starts
         .into_iter()
         .enumerate()
-        .map(|(k, (seed, pace))| Start {
+        .map(|(k, (seed, pace))| GrowthStart {
             shares: [k as f64 / count, (k + 1) as f64 / count],
             ..start(seed, pace)
         });
@@ -77,7 +79,7 @@ struct Candidates<'f> {
 
 impl<'f> Candidates<'f> {
     /// Grows one patch for each start, until time is over.
-    fn grown(starts: impl Iterator<Item = Start<'f>>, options: &Options) -> Self {
+    fn grown(starts: impl Iterator<Item = GrowthStart<'f>>, options: &Options) -> Self {
         let mut all = Self {
             list: Vec::new(),
             error: None,
@@ -108,13 +110,13 @@ impl<'f> Candidates<'f> {
         let mut made = self.error.map_or(none, Err);
         while let Some(most) = self.list.iter().map(|g| g.0).reduce(f64::max) {
             let is_enough = made.as_ref().is_ok_and(|m| {
-                let worth = Worth::of(m, options);
-                m.is_late || (worth.keeps && most <= CLEARLY * worth.area)
+                let worth = PatchRank::new(m, options);
+                m.is_late || (worth.keeps && most <= MIN_AREA_RATIO * worth.area)
             });
             if is_enough {
                 break;
             }
-            let next = (self.list.iter().position(|g| CLEARLY * g.0 >= most)).unwrap_or(0);
+            let next = (self.list.iter().position(|g| MIN_AREA_RATIO * g.0 >= most)).unwrap_or(0);
             let other = certified(self.list.remove(next).1, std::mem::take(&mut clock));
             made = match (made, other) {
                 (Ok(a), Ok(b)) => Ok(better(a, b, options)),
@@ -127,13 +129,13 @@ impl<'f> Candidates<'f> {
 }
 
 /// Criteria of comparison, the first one first.
-struct Worth {
+struct PatchRank {
     keeps: bool,
     area: f64,
 }
 
-impl Worth {
-    fn of(made: &Parameterized, options: &Options) -> Self {
+impl PatchRank {
+    fn new(made: &Parameterized, options: &Options) -> Self {
         Self {
             keeps: made.keeps(options),
             area: made.grown.area(&options.region),
@@ -143,9 +145,9 @@ impl Worth {
 
 /// Returns the better of two patches, with the times of both.
 fn better(a: Parameterized, b: Parameterized, options: &Options) -> Parameterized {
-    let (x, y) = (Worth::of(&a, options), Worth::of(&b, options));
+    let (x, y) = (PatchRank::new(&a, options), PatchRank::new(&b, options));
     let seconds = both_times(&a.seconds, &b.seconds);
-    let is_b = y.keeps && !x.keeps || y.keeps == x.keeps && y.area > CLEARLY * x.area;
+    let is_b = y.keeps && !x.keeps || y.keeps == x.keeps && y.area > MIN_AREA_RATIO * x.area;
     Parameterized {
         seconds,
         ..if is_b { b } else { a }
@@ -154,7 +156,7 @@ fn better(a: Parameterized, b: Parameterized, options: &Options) -> Parameterize
 
 /// Grows a patch and proves a bound on its distance from the surface.
 pub(super) fn grown(
-    start: Start<'_>,
+    start: GrowthStart<'_>,
     options: &Options,
     mut clock: Clock,
 ) -> Result<Parameterized, Error> {
@@ -164,7 +166,7 @@ pub(super) fn grown(
 }
 
 /// Grows a patch, exact if the options require it, without a proof.
-fn grow<'f>(mut start: Start<'f>, asked: &Options) -> Result<Growth<'f>, Error> {
+fn grow<'f>(mut start: GrowthStart<'f>, asked: &Options) -> Result<Growth<'f>, Error> {
     let options = &asked.relaxed();
     let (is_single, field) = (start.on.whole.is_single(), start.on.field());
     // An exact patch would leave the edges at which it ends.
@@ -177,7 +179,7 @@ fn grow<'f>(mut start: Start<'f>, asked: &Options) -> Result<Growth<'f>, Error> 
     if options.method == Method::Newton && field.jet3(start.seed.point).is_none() {
         return Err(Error::NoThirdDerivatives);
     }
-    let growing = Start {
+    let growing = GrowthStart {
         control: growing_time(&start.control),
         ..start
     };
@@ -198,7 +200,7 @@ fn grow<'f>(mut start: Start<'f>, asked: &Options) -> Result<Growth<'f>, Error> 
 }
 
 /// Creates the objective for patches of a degree.
-fn objective<'f>(on: On<'f>, degree: (usize, usize), options: &Options) -> Objective<'f> {
+fn objective<'f>(on: GrowthPart<'f>, degree: (usize, usize), options: &Options) -> Objective<'f> {
     // Patches along edges get long: L in squared lengths would be dominated by the long direction.
     let inner = if on.whole.is_single() {
         options.inner
@@ -208,24 +210,20 @@ fn objective<'f>(on: On<'f>, degree: (usize, usize), options: &Options) -> Objec
     Objective::new(on.field(), degree, options.method, options.nodes).with_inner(inner)
 }
 
-/// Returns a control that leaves time for the proof: a patch without a bound is worth less than a
-/// smaller one.
+/// Returns a control that leaves 40 % of the time for the proof: a patch without a bound is worth
+/// less than a smaller one.
 fn growing_time<'f>(control: &Control<'f>) -> Control<'f> {
     let Some(deadline) = control.deadline else {
         return *control;
     };
     let now = Instant::now();
-    control.until(
-        now + deadline
-            .saturating_duration_since(now)
-            .mul_f64(GROWING_TIME),
-    )
+    control.until(now + deadline.saturating_duration_since(now).mul_f64(0.6))
 }
 
 /// Grows a patch of another degree from which an exact one is sought. With a `share` below 1 it
 /// grows to that fraction of the bound on S, otherwise to the limits of the options.
 fn grow_another<'f>(
-    start: Start<'f>,
+    start: GrowthStart<'f>,
     degree: (usize, usize),
     share: f64,
     asked: &Options,
@@ -243,9 +241,9 @@ fn grow_another<'f>(
             ..asked.relaxed()
         }
     };
-    let start = Start {
+    let start = GrowthStart {
         edge: None,
-        pace: Pace::of(&options),
+        pace: StepSizePolicy::for_options(&options),
         ..start
     };
     let objective = objective(start.on, degree, &asked.relaxed());

@@ -5,26 +5,17 @@ use crate::fold;
 use crate::grow::Growth;
 use crate::options::Error;
 use crate::parameterized::{Clock, Parameterized};
+use crate::surface::SURFACE_DISTANCE_TOLERANCE;
 use crate::whole::NearSingular;
 
-/// Distance of samples from the surface, in diagonals of the region, below which a patch may be
-/// exact to rounding.
-const EXACT: f64 = 1e-12;
-/// It is so if it is proved to be this near everywhere: where it passes a self-intersection, or the
-/// function is no polynomial, proofs end here.
-const PROVED: f64 = 1e-6;
-/// Fractions by which patches are shortened, in turn, at each side as long as nothing can be
+/// Fractions by which patches are shortened at each side, in turn, as long as nothing can be
 /// proved.
-const RETREATS: [f64; 4] = [0.02, 0.03, 0.05, 0.1];
-/// A bound above this multiple of the sampled distance is loose.
-const LOOSE: f64 = 3.0;
-/// How often sides are taken back for a tighter bound.
-const TRIMMINGS: usize = 4;
+const RETREAT_SHARES: [f64; 4] = [0.02, 0.03, 0.05, 0.1];
 /// Fraction of the region's diagonal below which distances are rounding errors.
-const ROUNDING: f64 = 1e-13;
+const ROUNDING_DISTANCE: f64 = 1e-13;
 
 /// Proved and measured properties of a growing patch.
-struct Known {
+struct ProvedProperties {
     distances: Distances,
     /// Parameters of a point from which a loose bound comes.
     place: Option<(f64, f64)>,
@@ -32,10 +23,10 @@ struct Known {
     fold: Option<(f64, f64)>,
 }
 
-impl Known {
+impl ProvedProperties {
     /// Proves what can be proved of a patch. If `bound` is given, that bound and the absence of
     /// folds are already proved.
-    fn of(growth: &Growth<'_>, bound: Option<f64>) -> Self {
+    fn prove(growth: &Growth<'_>, bound: Option<f64>) -> Self {
         let (tolerance, whole) = (growth.options.tolerance, growth.on().whole);
         let (distances, place) =
             distances_on(whole, &growth.patch, tolerance, bound, growth.control);
@@ -58,7 +49,7 @@ impl Known {
     /// Returns true if the bound is much larger than the sampled distance, as when a side crosses
     /// an edge between samples.
     fn is_loose(&self, diagonal: f64) -> bool {
-        let most = LOOSE * self.distances.sampled + ROUNDING * diagonal;
+        let most = 3.0 * self.distances.sampled + ROUNDING_DISTANCE * diagonal;
         self.distances.bound.is_some_and(|b| b > most)
     }
 }
@@ -84,9 +75,9 @@ pub(super) fn certified(mut growth: Growth<'_>, mut clock: Clock) -> Result<Para
 
 /// Shortens a patch until it is proved, as a proof may succeed on a smaller one; returns its
 /// properties.
-fn retreated(growth: &mut Growth<'_>, proved: Option<f64>) -> Known {
-    let mut known = Known::of(growth, proved);
-    for share in RETREATS {
+fn retreated(growth: &mut Growth<'_>, proved: Option<f64>) -> ProvedProperties {
+    let mut known = ProvedProperties::prove(growth, proved);
+    for share in RETREAT_SHARES {
         if known.is_proved() || growth.is_over() {
             break;
         }
@@ -97,21 +88,21 @@ fn retreated(growth: &mut Growth<'_>, proved: Option<f64>) -> Known {
         if !left {
             break;
         }
-        known = Known::of(growth, None);
+        known = ProvedProperties::prove(growth, None);
     }
     known
 }
 
 /// Trims the sides of a patch on a surface with parts as long as that tightens a loose bound;
 /// returns its properties.
-fn trimmed(growth: &mut Growth<'_>, mut known: Known) -> Known {
+fn trimmed(growth: &mut Growth<'_>, mut known: ProvedProperties) -> ProvedProperties {
     let diagonal = growth.options.region.diagonal();
-    for _ in 0..TRIMMINGS {
+    for _ in 0..4 {
         if growth.on().whole.is_single() || !known.is_loose(diagonal) || growth.is_over() {
             break;
         }
         let before = growth.state();
-        let allowed = known.distances.sampled.max(ROUNDING * diagonal);
+        let allowed = known.distances.sampled.max(ROUNDING_DISTANCE * diagonal);
         growth.trim_finely(allowed, known.place);
         if growth.is_as(&before) {
             break;
@@ -125,7 +116,7 @@ fn trimmed(growth: &mut Growth<'_>, mut known: Known) -> Known {
             growth.settle(before);
             break;
         }
-        known = Known {
+        known = ProvedProperties {
             distances,
             place,
             fold: growth.prove_unfolded().err(),
@@ -135,12 +126,17 @@ fn trimmed(growth: &mut Growth<'_>, mut known: Known) -> Known {
 }
 
 /// Assembles the result.
-fn finished(growth: Growth<'_>, known: &Known, clock: Clock) -> Parameterized {
+fn finished(growth: Growth<'_>, known: &ProvedProperties, clock: Clock) -> Parameterized {
     let on = growth.on();
     let diagonal = growth.options.region.diagonal();
-    // On parts, samples show distances to first order only; so the proved bound must be near
-    // rounding, too.
-    let proved = if on.whole.is_single() { PROVED } else { EXACT };
+    // A single function is proved to this distance only across self-intersections and if it is not
+    // a polynomial. On parts, samples show distances to first order only; so the proved bound must
+    // be near rounding, too.
+    let proved = if on.whole.is_single() {
+        1e-6
+    } else {
+        SURFACE_DISTANCE_TOLERANCE
+    };
     let bound = known.distances.bound;
     Parameterized {
         part: on.part,
@@ -151,7 +147,7 @@ fn finished(growth: Growth<'_>, known: &Known, clock: Clock) -> Parameterized {
         grown: growth.finish(),
         distances: known.distances,
         is_unfolded: known.fold.is_none(),
-        is_exact: known.distances.sampled <= EXACT * diagonal
+        is_exact: known.distances.sampled <= SURFACE_DISTANCE_TOLERANCE * diagonal
             && bound.is_some_and(|b| b <= proved * diagonal),
         seconds: clock.seconds,
     }

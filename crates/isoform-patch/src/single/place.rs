@@ -2,36 +2,26 @@
 
 use super::attempt::grown;
 use crate::feet::reached;
-use crate::grow::{Pace, Start};
+use crate::grow::{GrowthStart, StepSizePolicy};
 use crate::options::{Error, Options};
 use crate::parameterized::{Clock, Parameterized};
 use crate::places::{contains, normalized};
 use crate::surface::{self, Seed};
-use crate::whole::{On, Whole};
+use crate::whole::{GrowthPart, Whole};
 use isoform_control::Control;
 use isoform_geom::{Field, Point3, cross, dot, norm, sub};
 
-/// Edges nearer than this, in edges of the region, are where patches start.
-const AT_EDGE: f64 = 0.01;
-/// Along an edge nearer than this, in radii of curvature, patches start also where they do not
-/// start at it.
-const NEAR_EDGE: f64 = 0.3;
-/// Places of a part among which the one farthest from its edges is chosen to start at.
-const CHOICE: usize = 8;
-/// Random places tried for them.
-const PLACES: usize = 4000;
-
 /// Point of the surface with the part on which it lies.
 #[derive(Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct SurfacePlace {
     pub(super) part: usize,
     pub(super) point: Point3,
 }
 
 /// Returns the point of the surface nearest to a point, among its projections to all parts.
-pub(super) fn nearest(whole: &Whole<'_>, p: Point3, options: &Options) -> Option<Place> {
+pub(super) fn nearest(whole: &Whole<'_>, p: Point3, options: &Options) -> Option<SurfacePlace> {
     let scale = options.region.diagonal();
-    let mut best: Option<(f64, Place)> = None;
+    let mut best: Option<(f64, SurfacePlace)> = None;
     for part in 0..whole.len() {
         let foot =
             surface::project(whole.field(part), p, scale).filter(|q| contains(&options.region, *q));
@@ -40,7 +30,7 @@ pub(super) fn nearest(whole: &Whole<'_>, p: Point3, options: &Options) -> Option
         };
         let d = norm(sub(point, p));
         if best.is_none_or(|b| d < b.0) {
-            best = Some((d, Place { part, point }));
+            best = Some((d, SurfacePlace { part, point }));
         }
     }
     best.map(|b| b.1)
@@ -52,12 +42,12 @@ pub(super) fn chosen(
     whole: &Whole<'_>,
     options: &Options,
     control: &Control<'_>,
-) -> Result<Place, Error> {
+) -> Result<SurfacePlace, Error> {
     let mut random = surface::Random::new(options.seed);
     let scale = options.region.diagonal();
-    let mut best: Option<(f64, Place)> = None;
+    let mut best: Option<(f64, SurfacePlace)> = None;
     let mut found = 0;
-    for _ in 0..PLACES {
+    for _ in 0..surface::MAX_RANDOM_POINTS {
         if control.is_stopped() {
             return best.map(|b| b.1).ok_or(Error::Stopped);
         }
@@ -70,7 +60,7 @@ pub(super) fn chosen(
             best = Some((d, place));
         }
         found += 1;
-        if found == CHOICE {
+        if found == surface::SEED_CANDIDATES {
             break;
         }
     }
@@ -88,7 +78,7 @@ struct Approach<'f> {
 
 impl<'f> Approach<'f> {
     /// Starts at an edge or a ridge nearby, if there is one, else around the point's own seed.
-    fn new(on: On<'f>, point: Point3, own: Seed, options: &Options) -> Result<Self, Error> {
+    fn new(on: GrowthPart<'f>, point: Point3, own: Seed, options: &Options) -> Result<Self, Error> {
         if !on.whole.is_single() {
             return Ok(Self::at_edge(on, point, own, options));
         }
@@ -106,21 +96,23 @@ impl<'f> Approach<'f> {
     }
 
     /// Starts at an edge that is very near, and along one that is near.
-    fn at_edge(on: On<'f>, point: Point3, own: Seed, options: &Options) -> Self {
+    fn at_edge(on: GrowthPart<'f>, point: Point3, own: Seed, options: &Options) -> Self {
         let scale = options.region.diagonal();
         let (mut seed, mut from) = (own, None);
         if let Some((foot, edge)) = on.whole.nearest_edge(on.part, point, scale)
             && let Some(tangents) = on.along(edge, foot, point)
         {
             let far = norm(sub(foot, point));
-            if far <= AT_EDGE * options.edge() {
+            // The patch starts at an edge within a hundredth of the region, and along one within
+            // 0.3 radii of curvature.
+            if far <= 0.01 * options.edge() {
                 seed = Seed {
                     point: foot,
                     tangents,
                     ..seed
                 };
                 from = Some(edge);
-            } else if far * seed.curvature <= NEAR_EDGE {
+            } else if far * seed.curvature <= 0.3 {
                 seed.tangents = in_plane(tangents, on.field().jet(point).g);
             }
         }
@@ -134,7 +126,7 @@ impl<'f> Approach<'f> {
 
 /// Grows a patch around a point of a part.
 pub(crate) fn at(
-    on: On<'_>,
+    on: GrowthPart<'_>,
     point: Point3,
     options: &Options,
     control: &Control<'_>,
@@ -144,11 +136,11 @@ pub(crate) fn at(
     let approach = Approach::new(on, point, own, options)?;
     clock.phase("seed");
     control.report("seed", 1.0);
-    let start = Start {
+    let start = GrowthStart {
         on,
         seed: approach.seed,
         edge: approach.edge,
-        pace: Pace::of(options),
+        pace: StepSizePolicy::for_options(options),
         control: *control,
         shares: [0.0, 1.0],
     };
@@ -166,7 +158,7 @@ pub(crate) fn at(
         let tangents = in_plane(approach.seed.tangents, on.field().jet(point).g);
         Seed { tangents, ..own }
     };
-    let about = Start {
+    let about = GrowthStart {
         seed,
         edge: None,
         ..start
@@ -180,7 +172,7 @@ pub(crate) fn at(
     }
 }
 
-/// Returns true if a patch reaches a point, or if there is no tolerance by which to judge that.
+/// Returns true if a patch reaches a point, or if no tolerance is set by which to judge that.
 fn comes_to(made: &Parameterized, point: Point3, options: &Options) -> bool {
     let comes = |t: f64| reached(&made.grown.patch, &[point], t)[0];
     options.tolerance.is_none_or(comes)

@@ -1,40 +1,31 @@
 //! Edges of parts: the distance of points beyond them, and the nearest ones.
 
-use super::{NO_DISTANCE, On, Part, Whole};
+use super::{FunctionPart, GrowthPart, ON_PART_DISTANCE, Whole};
 use crate::places::{moved, normalized};
 use isoform_geom::{Aabb, Field, Point3, cross, dot, norm, sub};
 
-/// Where it is looked on which side of an edge a part is, in the scale given.
-const ASIDE: f64 = 1e-6;
-/// Newton steps onto an edge.
-const STEPS: usize = 20;
-/// Foot points on edges are found to this, in the scale given.
-const ON_EDGE: f64 = 1e-11;
-/// The longest step towards an edge, in the scale given: farther away linear models are not to be
-/// trusted.
-const LONGEST: f64 = 0.2;
-/// Sine of the angle between normals below which two functions are tangent: no edge could be
+/// Sine of the angle between normals below which two functions are tangent, so that no edge can be
 /// located.
-const TANGENTIAL: f64 = 1e-3;
+const MIN_EDGE_SINE: f64 = 1e-3;
 
 /// Violation of an edge of a part by a point.
 #[derive(Clone, Copy)]
-pub(crate) struct Beyond<'f> {
+pub(crate) struct EdgeViolation<'f> {
     /// Distance of the surface to first order, or of the part's limit.
     pub(crate) by: f64,
     /// Function that vanishes on the violated edge.
     pub(crate) edge: &'f dyn Field,
 }
 
-impl<'f> Part<'f> {
+impl<'f> FunctionPart<'f> {
     /// Returns the most violated limit; `None` if no limit is negative.
-    fn worst_limit(&self, p: Point3) -> Option<Beyond<'f>> {
-        let mut worst: Option<Beyond<'f>> = None;
+    fn worst_limit(&self, p: Point3) -> Option<EdgeViolation<'f>> {
+        let mut worst: Option<EdgeViolation<'f>> = None;
         for limit in &self.limits {
             let j = limit.jet(p);
             let by = -j.v / norm(j.g);
             if by > worst.map_or(0.0, |w| w.by) {
-                worst = Some(Beyond { by, edge: *limit });
+                worst = Some(EdgeViolation { by, edge: *limit });
             }
         }
         worst
@@ -42,9 +33,9 @@ impl<'f> Part<'f> {
 }
 
 impl<'f> Whole<'f> {
-    /// Returns the violation of the part's edge by a point on the part's zero set; `None` if there
-    /// is no violation or it cannot be determined.
-    pub(crate) fn beyond(&self, part: usize, p: Point3) -> Option<Beyond<'f>> {
+    /// Returns the violation of the part's edge by a point on the part's zero set; `None` if the
+    /// edge is not violated or that cannot be determined.
+    pub(crate) fn beyond(&self, part: usize, p: Point3) -> Option<EdgeViolation<'f>> {
         if self.is_single() {
             return None;
         }
@@ -55,7 +46,7 @@ impl<'f> Whole<'f> {
             return None;
         }
         let j = own.field.jet(p);
-        let sharp = Beyond {
+        let sharp = EdgeViolation {
             by: found.distance.abs() - j.v.abs() / norm(j.g),
             edge: other.field,
         };
@@ -69,17 +60,17 @@ impl<'f> Whole<'f> {
     /// Returns the limit of the part nearby with the given function that the point violates least;
     /// `None` if one of these parts is valid. At smooth joins the distance is 0 on both sides and
     /// does not show the violation.
-    fn least_limit(&self, own: &Part<'f>, p: Point3) -> Option<Beyond<'f>> {
+    fn least_limit(&self, own: &FunctionPart<'f>, p: Point3) -> Option<EdgeViolation<'f>> {
         let local = self.local(Aabb { lo: p, hi: p });
         let near = local.pieces.iter().flat_map(|piece| &piece.1);
-        let mut least: Option<Option<Beyond<'f>>> = None;
+        let mut least: Option<Option<EdgeViolation<'f>>> = None;
         for &k in near {
             let same = &self.parts[k];
             if same.function != own.function {
                 continue;
             }
             let worst = same.worst_limit(p);
-            let by = |w: Option<Beyond<'f>>| w.map_or(0.0, |w| w.by);
+            let by = |w: Option<EdgeViolation<'f>>| w.map_or(0.0, |w| w.by);
             if least.is_none_or(|l| by(l) > by(worst)) {
                 least = Some(worst);
             }
@@ -103,7 +94,7 @@ impl<'f> Whole<'f> {
             };
             let d = norm(sub(q, p));
             if best.is_none_or(|b| d < b.0)
-                && self.first_order(q).0.abs() <= NO_DISTANCE * scale
+                && self.first_order(q).0.abs() <= ON_PART_DISTANCE * scale
                 && self.ends_at(own, edge, q, scale)
             {
                 best = Some((d, q, edge));
@@ -114,7 +105,10 @@ impl<'f> Whole<'f> {
 
     /// Returns the functions that may vanish at edges of a part: other functions, and limits of
     /// parts with its own function.
-    fn edges_of<'s>(&'s self, own: &'s Part<'f>) -> impl Iterator<Item = &'f dyn Field> + 's {
+    fn edges_of<'s>(
+        &'s self,
+        own: &'s FunctionPart<'f>,
+    ) -> impl Iterator<Item = &'f dyn Field> + 's {
         let others = self.parts.iter().enumerate();
         let others = others.filter(|(k, o)| o.function == *k && o.function != own.function);
         let same = self.parts.iter().filter(|o| o.function == own.function);
@@ -123,10 +117,10 @@ impl<'f> Whole<'f> {
     }
 
     /// Returns true if the part lies on exactly one side of an edge.
-    fn ends_at(&self, own: &Part<'f>, edge: &dyn Field, q: Point3, scale: f64) -> bool {
+    fn ends_at(&self, own: &FunctionPart<'f>, edge: &dyn Field, q: Point3, scale: f64) -> bool {
         let (f, g) = (own.field.jet(q).g, edge.jet(q).g);
         let across = cross(f, cross(f, g));
-        let step = ASIDE * scale / norm(across);
+        let step = 1e-6 * scale / norm(across);
         let is_there = |sign: f64| {
             let p = moved(q, sign * step, across);
             self.parts[self.first_order(p).1].function == own.function
@@ -139,11 +133,11 @@ impl<'f> Whole<'f> {
 /// length leads; `None` if it does not converge.
 fn onto_both(f: &dyn Field, g: &dyn Field, from: Point3, scale: f64) -> Option<Point3> {
     let mut p = from;
-    for _ in 0..STEPS {
+    for _ in 0..20 {
         let (a, b) = (f.jet(p), g.jet(p));
         let (aa, ab, bb) = (dot(a.g, a.g), dot(a.g, b.g), dot(b.g, b.g));
         let determinant = aa * bb - ab * ab;
-        if determinant.is_nan() || determinant <= (TANGENTIAL * TANGENTIAL) * aa * bb {
+        if determinant.is_nan() || determinant <= (MIN_EDGE_SINE * MIN_EDGE_SINE) * aa * bb {
             return None;
         }
         let (s, t) = (
@@ -152,9 +146,10 @@ fn onto_both(f: &dyn Field, g: &dyn Field, from: Point3, scale: f64) -> Option<P
         );
         let step: Point3 = std::array::from_fn(|k| s * a.g[k] + t * b.g[k]);
         let length = norm(step);
-        let damped = (LONGEST * scale / length).min(1.0);
+        // The linear models are not trusted for longer steps.
+        let damped = (0.2 * scale / length).min(1.0);
         p = std::array::from_fn(|k| p[k] - damped * step[k]);
-        if length <= ON_EDGE * scale {
+        if length <= 1e-11 * scale {
             return Some(p);
         }
         if !p.iter().all(|v| v.is_finite()) {
@@ -164,9 +159,9 @@ fn onto_both(f: &dyn Field, g: &dyn Field, from: Point3, scale: f64) -> Option<P
     None
 }
 
-impl<'f> On<'f> {
+impl<'f> GrowthPart<'f> {
     /// Returns the violation of the part's edge by a point.
-    pub(crate) fn beyond(&self, p: Point3) -> Option<Beyond<'f>> {
+    pub(crate) fn beyond(&self, p: Point3) -> Option<EdgeViolation<'f>> {
         self.whole.beyond(self.part, p)
     }
     /// Returns unit vectors along an edge at a point of it, and from there to the side of the edge
@@ -180,7 +175,7 @@ impl<'f> On<'f> {
         let (f, g) = (self.field().jet(at).g, edge.jet(at).g);
         let t = cross(f, g);
         let length = norm(t);
-        if length.is_nan() || length <= TANGENTIAL * norm(f) * norm(g) {
+        if length.is_nan() || length <= MIN_EDGE_SINE * norm(f) * norm(g) {
             return None;
         }
         let t = t.map(|v| v / length);

@@ -7,22 +7,15 @@ use isoform_num::Interval;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// What the octree reaches beyond the region, in its edges: patches reach beyond it.
-const MARGIN: f64 = 0.3;
-/// Halvings of its cells.
-const DEEPEST: usize = 6;
-/// Cells with no more parts than this are not divided.
-const FEW: usize = 2;
-
 /// Parts that matter in a cell.
 #[derive(Clone)]
-pub(super) struct Local {
+pub(super) struct LocalParts {
     pub(super) tree: Csg,
     /// Pieces of the tree, each with those of its parts that may be valid.
     pub(super) pieces: Vec<(u32, Vec<usize>)>,
 }
 
-impl Local {
+impl LocalParts {
     /// Returns the parts of a piece.
     pub(super) fn parts(&self, piece: u32) -> &[usize] {
         let found = self.pieces.iter().find(|p| p.0 == piece);
@@ -31,15 +24,15 @@ impl Local {
 }
 
 /// Cell of the octree.
-pub(super) struct Cell {
+pub(super) struct OctreeCell {
     pub(super) region: Aabb,
-    pub(super) local: Arc<Local>,
+    pub(super) local: Arc<LocalParts>,
     /// Index of the first of eight consecutive children; `None` for a leaf.
     children: Option<usize>,
 }
 
-impl Cell {
-    pub(super) fn new(region: Aabb, local: Local) -> Self {
+impl OctreeCell {
+    pub(super) fn new(region: Aabb, local: LocalParts) -> Self {
         Self {
             region,
             local: Arc::new(local),
@@ -70,25 +63,25 @@ impl Cell {
     }
 }
 
-/// Returns the box of the octree for a region.
+/// Returns the box of the octree for a region: larger than the region, as patches extend beyond it.
 pub(super) fn around(region: &Aabb) -> Aabb {
-    wider_by_share(region, MARGIN)
+    wider_by_share(region, 0.3)
 }
 
 /// Cells of the octree; the root is the first one.
-pub(super) struct Octree(Vec<Cell>);
+pub(super) struct Octree(Vec<OctreeCell>);
 
 impl Octree {
-    pub(super) fn of_one(root: Cell) -> Self {
+    pub(super) fn of_one(root: OctreeCell) -> Self {
         Self(vec![root])
     }
 
-    pub(super) fn leaves(&self) -> impl Iterator<Item = &Cell> {
+    pub(super) fn leaves(&self) -> impl Iterator<Item = &OctreeCell> {
         self.0.iter().filter(|c| c.children.is_none())
     }
 
     /// Returns the smallest cell that contains a region; `None` if the root does not.
-    fn smallest(&self, region: &Aabb) -> Option<&Cell> {
+    fn smallest(&self, region: &Aabb) -> Option<&OctreeCell> {
         let mut at = self.0.first().filter(|root| root.holds(region))?;
         while let Some(first) = at.children {
             let mut octants = self.0[first..first + 8].iter();
@@ -102,7 +95,7 @@ impl Octree {
 }
 
 impl Whole<'_> {
-    /// Divides a cell until few parts are left.
+    /// Divides a cell until at most two parts are left, by up to six halvings.
     pub(super) fn divide(&mut self, cell: usize, depth: usize) {
         let region = self.octree.0[cell].region;
         // A cell without surface keeps the parts of its parent.
@@ -112,7 +105,7 @@ impl Whole<'_> {
         let parts: usize = local.pieces.iter().map(|p| p.1.len()).sum();
         let cells = &mut self.octree.0;
         cells[cell].local = Arc::new(local);
-        if parts <= FEW || depth == DEEPEST {
+        if parts <= 2 || depth == 6 {
             return;
         }
         let first = cells.len();
@@ -126,9 +119,9 @@ impl Whole<'_> {
         }
     }
 
-    /// Restricts the parts that matter in a region to a subregion; `None` if there is no surface in
-    /// it.
-    pub(super) fn narrow(&self, of: &Local, region: Aabb) -> Option<Local> {
+    /// Restricts the parts that matter in a region to a subregion; `None` if it contains no
+    /// surface.
+    pub(super) fn narrow(&self, of: &LocalParts, region: Aabb) -> Option<LocalParts> {
         let known: Vec<(u32, Vec<usize>, Interval)> = of
             .pieces
             .iter()
@@ -143,14 +136,14 @@ impl Whole<'_> {
         let tree = narrowed(&of.tree, &range).ok()?;
         let left: BTreeSet<u32> = tree.pieces().into_iter().collect();
         let pieces = known.into_iter().filter(|k| left.contains(&k.0));
-        Some(Local {
+        Some(LocalParts {
             tree,
             pieces: pieces.map(|k| (k.0, k.1)).collect(),
         })
     }
 
     /// Returns the parts that matter in the smallest cell that contains a region.
-    pub(super) fn local(&self, region: Aabb) -> &Local {
+    pub(super) fn local(&self, region: Aabb) -> &LocalParts {
         let cell = self.octree.smallest(&region);
         cell.map_or(&self.all, |cell| &cell.local)
     }

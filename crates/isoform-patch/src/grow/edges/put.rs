@@ -4,16 +4,9 @@ use crate::stretch::beside;
 use isoform_geom::{Field, Point3, RationalPatch, Tangents, bernstein, dot, norm};
 use isoform_num::linalg::{cholesky, cholesky_solve};
 
-/// Newton steps to where a parameter line meets an edge.
-const STEPS: usize = 12;
-/// Steps below this share of the patch have come there.
-const MET: f64 = 1e-10;
-/// The largest distance from an edge, in lengths of tangents, at which a parameter line has met it.
-const ON_EDGE: f64 = 1e-6;
-/// How far in an edge may be that a side is put onto, in the patch's lengths,
-const REACH_IN: f64 = -0.6;
-/// and how far beyond an extrapolation.
-const REACH_OUT: f64 = 0.6;
+/// Maximum distance from a side of the patch inward, and beyond its extrapolation outward, at which
+/// an edge is sought onto which the side is moved; in lengths of the patch.
+const EDGE_REACH: f64 = 0.6;
 
 /// Moves a side of a patch onto an edge; `None` if parameter lines do not meet it nearby.
 pub(super) fn put_on(
@@ -62,22 +55,23 @@ impl ParameterLine<'_> {
     /// if it does not nearby.
     fn meets(&self, edge: &dyn Field, share: f64) -> Option<f64> {
         let mut e = 0.0f64;
-        for _ in 0..STEPS {
+        for _ in 0..12 {
             let at = self.at(e);
             let j = edge.jet(at.point);
             let step = j.v / dot(j.g, outward(&at, self.side));
-            e = (e - step).clamp(2.0 * REACH_IN, share + 2.0 * REACH_OUT);
+            e = (e - step).clamp(-2.0 * EDGE_REACH, share + 2.0 * EDGE_REACH);
             if !e.is_finite() {
                 return None;
             }
-            if step.abs() < MET {
+            if step.abs() < 1e-10 {
                 break;
             }
         }
         let (u, v) = beside(self.side, self.t, e);
         let j = edge.jet(self.patch.point(u, v));
-        let is_met = j.v.abs() <= ON_EDGE * norm(j.g) * norm(self.patch.tangents(u, v).u);
-        (e > REACH_IN && e < share + REACH_OUT && is_met).then_some(e)
+        // A millionth of the patch, as measured by its tangents.
+        let is_met = j.v.abs() <= 1e-6 * norm(j.g) * norm(self.patch.tangents(u, v).u);
+        (e > -EDGE_REACH && e < share + EDGE_REACH && is_met).then_some(e)
     }
 }
 

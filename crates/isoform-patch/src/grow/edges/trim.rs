@@ -1,26 +1,20 @@
 //! Trimming of sides that Newton steps have moved beyond edges or far beyond the region.
 
-use super::super::{Growth, SPILL};
-use super::{Look, SAMPLES, Side, bisected, evenly, neighbours};
+use super::super::{Growth, SIDE_STOP_EXCESS};
+use super::{SIDE_SAMPLES, SideCriterion, SideState, bisected, evenly, neighbours};
 use crate::places::contains;
 use crate::stretch::{balanced, beside, extended};
 use isoform_geom::{Aabb, RationalPatch};
 
-/// Samples along a side where nothing must lie between them.
-const FINE_SAMPLES: usize = 241;
-/// Additional samples near a place where something seems to lie between them,
-const CLOSE_SAMPLES: usize = 161;
-/// and the share of the side about the place in which they are.
-const CLOSE: f64 = 1.0 / 120.0;
 /// Maximum fraction of a patch that is trimmed at one side.
-const MOST_TRIMMED: f64 = 0.4;
-/// Fraction of the region's size beyond which a side is trimmed back to the region.
-const MOST_SPILL: f64 = 0.3;
+const MAX_TRIMMED_SHARE: f64 = 0.4;
+/// Fraction of the region's size by which a side may leave the region before it is trimmed back.
+const SIDE_TRIM_EXCESS: f64 = 0.3;
 
 impl<'f> Growth<'f> {
     /// Returns true if no side lies far beyond the region.
     pub(crate) fn is_near_region(&self) -> bool {
-        let wide = self.wider(MOST_SPILL);
+        let wide = self.wider(SIDE_TRIM_EXCESS);
         (0..4).all(|side| is_side_within(&self.patch, side, &wide))
     }
 
@@ -29,7 +23,7 @@ impl<'f> Growth<'f> {
         if self.options.tolerance.is_some() {
             self.trim_to_region();
         }
-        let samples = evenly(SAMPLES);
+        let samples = evenly(SIDE_SAMPLES);
         let samples = std::array::from_fn(|_| samples.clone());
         self.trim_to(self.overlap(), &samples, false);
     }
@@ -45,16 +39,16 @@ impl<'f> Growth<'f> {
     /// shifted along itself, such as a cylinder, nothing else bounds them. Applies only with a
     /// tolerance, for which steps go far.
     fn trim_to_region(&mut self) {
-        let (far, near) = (self.wider(MOST_SPILL), self.wider(SPILL));
+        let (far, near) = (self.wider(SIDE_TRIM_EXCESS), self.wider(SIDE_STOP_EXCESS));
         let mut patch = self.patch.clone();
         for side in 0..4 {
             let is_within = |share: f64, region: &Aabb| {
                 is_side_within(&extended(&patch, side, -share), side, region)
             };
-            if is_within(0.0, &far) || !is_within(MOST_TRIMMED, &near) {
+            if is_within(0.0, &far) || !is_within(MAX_TRIMMED_SHARE, &near) {
                 continue;
             }
-            let (_, share) = bisected(MOST_TRIMMED, |share| !is_within(share, &near));
+            let (_, share) = bisected(MAX_TRIMMED_SHARE, |share| !is_within(share, &near));
             patch = extended(&patch, side, -share);
         }
         self.put(patch);
@@ -71,14 +65,14 @@ impl<'f> Growth<'f> {
             if self.sides[side].is_at_edge() {
                 continue;
             }
-            let strict = Look {
+            let strict = SideCriterion {
                 on: self.on,
                 side,
                 allowed,
                 samples: &samples[side],
-                neighbours: [Side::Free; 2],
+                neighbours: [SideState::Free; 2],
             };
-            let lenient = Look {
+            let lenient = SideCriterion {
                 neighbours: neighbours(&self.sides, side),
                 ..strict
             };
@@ -104,21 +98,21 @@ impl<'f> Growth<'f> {
 
 /// Returns a patch that does not lie beyond edges at one side; `None` if too much would have to be
 /// trimmed.
-fn trimmed(patch: &RationalPatch, look: &Look<'_, '_>) -> Option<RationalPatch> {
+fn trimmed(patch: &RationalPatch, look: &SideCriterion<'_, '_>) -> Option<RationalPatch> {
     let shorter = |share: f64| extended(patch, look.side, -share);
     if !look.is_beyond(&shorter(0.0)) {
         return Some(patch.clone());
     }
-    if look.is_beyond(&shorter(MOST_TRIMMED)) {
+    if look.is_beyond(&shorter(MAX_TRIMMED_SHARE)) {
         return None;
     }
-    let (_, share) = bisected(MOST_TRIMMED, |share| look.is_beyond(&shorter(share)));
+    let (_, share) = bisected(MAX_TRIMMED_SHARE, |share| look.is_beyond(&shorter(share)));
     Some(shorter(share))
 }
 
 /// Returns true if samples of a side lie in a box.
 fn is_side_within(patch: &RationalPatch, side: usize, region: &Aabb) -> bool {
-    evenly(SAMPLES).into_iter().all(|t| {
+    evenly(SIDE_SAMPLES).into_iter().all(|t| {
         let (u, v) = beside(side, t, 0.0);
         contains(region, patch.point(u, v))
     })
@@ -126,11 +120,13 @@ fn is_side_within(patch: &RationalPatch, side: usize, region: &Aabb) -> bool {
 
 /// Returns samples along a side, with more of them near a point.
 fn fine_samples(side: usize, near: Option<(f64, f64)>) -> Vec<f64> {
-    let mut samples = evenly(FINE_SAMPLES);
+    let mut samples = evenly(241);
     if let Some((u, v)) = near {
         let t = if side < 2 { v } else { u };
-        let close = evenly(CLOSE_SAMPLES).into_iter();
-        let close = close.map(|s| t + (2.0 * s - 1.0) * CLOSE);
+        // Two of the spacings above on both sides.
+        let reach = 1.0 / 120.0;
+        let close = evenly(161).into_iter();
+        let close = close.map(|s| t + (2.0 * s - 1.0) * reach);
         samples.extend(close.filter(|t| (0.0..=1.0).contains(t)));
     }
     samples
