@@ -30,7 +30,7 @@ const ZERO: Row = Lane([0.0; LANES]);
 
 /// Derivatives that a reverse sweep computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Wanted {
+pub(crate) enum GradientInputs {
     /// Derivatives ∂f/∂a by the parameters.
     Params,
     /// Derivatives ∂f/∂x by the coordinates.
@@ -41,7 +41,7 @@ pub(crate) enum Wanted {
 
 /// Plan of the reverse sweep for one operation.
 #[derive(Clone, Copy, Debug, Default)]
-struct Step {
+struct AdjointStep {
     /// True if the operation has an adjoint that is used.
     live: bool,
     /// Bit k is set if argument k depends on an input whose derivative is requested.
@@ -55,7 +55,7 @@ struct Step {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Plan {
     /// Plan of each operation of the tape.
-    steps: Vec<Step>,
+    steps: Vec<AdjointStep>,
     /// Slots of the requested inputs on which the result does not depend: their adjoints are 0.
     unreached: Vec<u32>,
     /// True if an adjoint of 0 stays 0 also when it is multiplied by an infinite derivative.
@@ -64,7 +64,7 @@ pub(crate) struct Plan {
 
 impl Plan {
     /// Plans the sweep that computes the requested derivatives of the first result.
-    pub(crate) fn new(tape: &Tape, wanted: Wanted) -> Self {
+    pub(crate) fn new(tape: &Tape, wanted: GradientInputs) -> Self {
         let (steps, unreached) = plan(tape, wanted);
         // Operations of a branch that is not taken may be singular: 0 · ∞ must be 0 there.
         let guard = tape
@@ -234,12 +234,12 @@ impl<'t> Block<'t> {
 }
 
 /// Returns the slots of the inputs whose derivatives are requested.
-fn wanted_inputs(tape: &Tape, wanted: Wanted) -> std::ops::Range<usize> {
+fn wanted_inputs(tape: &Tape, wanted: GradientInputs) -> std::ops::Range<usize> {
     let (x, p, code) = (tape.first_x(), tape.first_param(), tape.first_code());
     match wanted {
-        Wanted::Params => p..code,
-        Wanted::Space => x..p,
-        Wanted::All => x..code,
+        GradientInputs::Params => p..code,
+        GradientInputs::Space => x..p,
+        GradientInputs::All => x..code,
     }
 }
 
@@ -255,13 +255,13 @@ fn active_slots(tape: &Tape, inputs: std::ops::Range<usize>) -> Vec<bool> {
 
 /// Returns the steps of the reverse sweep for the requested inputs, and the slots of those inputs
 /// that it does not reach.
-fn plan(tape: &Tape, wanted: Wanted) -> (Vec<Step>, Vec<u32>) {
+fn plan(tape: &Tape, wanted: GradientInputs) -> (Vec<AdjointStep>, Vec<u32>) {
     let code = tape.first_code();
     let inputs = wanted_inputs(tape, wanted);
     let active = active_slots(tape, inputs.clone());
     let mut reached = vec![false; tape.slots()];
     reached[tape.roots[0] as usize] = true;
-    let mut steps = vec![Step::default(); tape.code.len()];
+    let mut steps = vec![AdjointStep::default(); tape.code.len()];
     for (k, i) in tape.code.iter().enumerate().rev() {
         if !(reached[code + k] && active[code + k]) {
             continue;
@@ -395,8 +395,8 @@ fn powi(out: &mut Row, a: &Row, n: i32) {
     }
 }
 
-dispatch! { fn reverse_guarded(tape: &Tape, plan: &[Step], slots: &[Row], adjoints: &mut [Row]) = reverse_body::<true> }
-dispatch! { fn reverse_plain(tape: &Tape, plan: &[Step], slots: &[Row], adjoints: &mut [Row]) = reverse_body::<false> }
+dispatch! { fn reverse_guarded(tape: &Tape, plan: &[AdjointStep], slots: &[Row], adjoints: &mut [Row]) = reverse_body::<true> }
+dispatch! { fn reverse_plain(tape: &Tape, plan: &[AdjointStep], slots: &[Row], adjoints: &mut [Row]) = reverse_body::<false> }
 
 /// Adds `g · d` to an adjoint, or stores it if it is the first contribution. With GUARD, g = 0
 /// contributes 0 also if d is infinite or NaN.
@@ -420,7 +420,12 @@ fn pass<const GUARD: bool>(to: &mut Row, first: bool, g: &Row, d: impl Fn(usize)
 /// Propagates the adjoint of each live operation to its active arguments, from the last operation
 /// to the first. With GUARD, an adjoint of 0 contributes 0 also if a derivative is infinite.
 #[inline(always)]
-fn reverse_body<const GUARD: bool>(tape: &Tape, plan: &[Step], s: &[Row], adjoints: &mut [Row]) {
+fn reverse_body<const GUARD: bool>(
+    tape: &Tape,
+    plan: &[AdjointStep],
+    s: &[Row],
+    adjoints: &mut [Row],
+) {
     let first_code = tape.first_code();
     for (k, (i, step)) in tape.code.iter().zip(plan).enumerate().rev() {
         if !step.live {

@@ -18,12 +18,12 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Maximum number of parts of a piece; a piece with more is not divided.
-const MOST_BRANCHES: usize = 32;
+const MAX_PARTS_PER_PIECE: usize = 32;
 
 /// Returns the smooth parts of a model with the values `a` of its parameters. A piece of more than
 /// 32 parts is not divided.
 pub fn parts_of(model: &Model, a: &[f64]) -> Result<Parts, SolidError> {
-    parts_up_to(model, a, MOST_BRANCHES)
+    parts_up_to(model, a, MAX_PARTS_PER_PIECE)
 }
 
 /// Returns the smooth parts of a model with the values `a` of its parameters. A piece of more than
@@ -41,7 +41,7 @@ pub fn parts_of_pieces(pieces: &Pieces, most: usize) -> Parts {
     let mut graph = graph.clone();
     // Conditions that compare with 0 share this node, so that equal ones are decided once.
     graph.constant(0.0);
-    let (mut parts, mut known) = (Vec::new(), Known::default());
+    let (mut parts, mut known) = (Vec::new(), KnownFunctions::default());
     for (piece, root) in roots.iter().enumerate() {
         let root = graph.lowered(*root);
         let branches = branches(&mut graph, root, most).unwrap_or_else(|| vec![(root, Vec::new())]);
@@ -66,7 +66,7 @@ pub fn parts_of_pieces(pieces: &Pieces, most: usize) -> Parts {
 /// Functions of parts and their values at random points: different decisions often lead to equal
 /// functions in different notation.
 #[derive(Default)]
-struct Known {
+struct KnownFunctions {
     /// Compiled functions.
     by_node: HashMap<NodeId, Arc<dyn Field>>,
     /// Values of each distinct function, and the first part that has the function.
@@ -74,15 +74,15 @@ struct Known {
 }
 
 /// Number of random points at which functions are compared.
-const PLACES: usize = 24;
+const COMPARISON_POINTS: usize = 24;
 /// Minimum number of points at which both functions are defined for them to count as equal: roots
 /// are not defined everywhere.
-const FEWEST: usize = 6;
+const MIN_COMPARED_POINTS: usize = 6;
 /// Largest difference of two equal values, relative to 1 + |value|: above the rounding errors of a
 /// formula in two notations.
-const SAME: f64 = 1e-12;
+const EQUAL_VALUE_TOLERANCE: f64 = 1e-12;
 
-impl Known {
+impl KnownFunctions {
     /// Returns the function of a node, compiled once.
     fn field(&mut self, graph: &Graph, root: NodeId) -> Arc<dyn Field> {
         let new = || {
@@ -97,7 +97,7 @@ impl Known {
     /// Returns the first part whose function agrees with the function `field` of this part.
     fn function(&mut self, field: &dyn Field, part: usize) -> usize {
         let mut random = Random::new();
-        let values: Vec<f64> = (0..PLACES)
+        let values: Vec<f64> = (0..COMPARISON_POINTS)
             .map(|_| {
                 let p = random.place(3);
                 field.value([p[0], p[1], p[2]])
@@ -106,9 +106,10 @@ impl Known {
         let numbers = values.iter().filter(|v| v.is_finite()).count();
         let same = |other: &[f64]| {
             let near = |(a, b): (&f64, &f64)| {
-                (a - b).abs() <= SAME * (1.0 + a.abs().max(b.abs())) || a.is_nan() && b.is_nan()
+                (a - b).abs() <= EQUAL_VALUE_TOLERANCE * (1.0 + a.abs().max(b.abs()))
+                    || a.is_nan() && b.is_nan()
             };
-            numbers >= FEWEST && values.iter().zip(other).all(near)
+            numbers >= MIN_COMPARED_POINTS && values.iter().zip(other).all(near)
         };
         let found = self
             .by_values
@@ -123,14 +124,14 @@ impl Known {
 }
 
 /// Condition u ≥ v that decides a kink, as (u, v).
-type Question = (NodeId, NodeId);
+type KinkCondition = (NodeId, NodeId);
 
 /// Returns the functions of which a lowered expression consists, each with the limits that are ≥ 0
 /// where it is valid; `None` if there are more than `most`.
 fn branches(graph: &mut Graph, root: NodeId, most: usize) -> Option<Vec<(NodeId, Vec<NodeId>)>> {
     let (mut pending, mut done) = (vec![(root, Vec::new())], Vec::new());
     while let Some((root, limits)) = pending.pop() {
-        let Some(question) = first_question(graph, root) else {
+        let Some(condition) = first_condition(graph, root) else {
             // Constants are parts as well: without them the other functions would seem valid in the
             // region of a constant.
             done.push((root, limits));
@@ -139,13 +140,13 @@ fn branches(graph: &mut Graph, root: NodeId, most: usize) -> Option<Vec<(NodeId,
         if pending.len() + done.len() >= most {
             return None;
         }
-        for (yes, difference) in [(true, question), (false, (question.1, question.0))] {
+        for (yes, difference) in [(true, condition), (false, (condition.1, condition.0))] {
             let limit = graph.sub(&difference.0, &difference.1);
             // A condition on constants holds always or never.
             if graph.constant_value(limit).is_some_and(|v| v < 0.0) {
                 continue;
             }
-            let decided = decided(graph, root, question, yes);
+            let decided = decided(graph, root, condition, yes);
             let mut limits = limits.clone();
             limits.push(limit);
             pending.push((decided, limits));
@@ -155,30 +156,30 @@ fn branches(graph: &mut Graph, root: NodeId, most: usize) -> Option<Vec<(NodeId,
 }
 
 /// Returns the expression with one condition set to true or false.
-fn decided(graph: &mut Graph, root: NodeId, question: Question, yes: bool) -> NodeId {
+fn decided(graph: &mut Graph, root: NodeId, condition: KinkCondition, yes: bool) -> NodeId {
     let (x, a) = graph.input_nodes(graph.inputs(root));
     let source = graph.clone();
-    let mut target = Deciding {
+    let mut target = BranchBuilder {
         graph,
-        question,
+        condition,
         yes,
     };
     source.rewrite(root, &mut target, &x, &a, |_, _, _| {})
 }
 
 /// Returns the first condition of an expression, which does not depend on other conditions.
-fn first_question(graph: &Graph, root: NodeId) -> Option<Question> {
+fn first_condition(graph: &Graph, root: NodeId) -> Option<KinkCondition> {
     let need = graph.reachable(&[root]);
     need.iter()
         .enumerate()
         .filter(|(_, need)| **need)
-        .find_map(|(i, _)| question(graph, graph.node(NodeId(i as u32))).map(|q| q.0))
+        .find_map(|(i, _)| kink_condition(graph, graph.node(NodeId(i as u32))).map(|q| q.0))
 }
 
 /// Returns the condition of a node with a kink, and true if the node uses its reverse. |u − v|,
 /// max(u − v, v − u) and max(u, v) share one condition: separate ones could contradict each other,
 /// which gives parts that are valid only where u = v and make proofs fail there.
-fn question(graph: &Graph, node: &Node) -> Option<(Question, bool)> {
+fn kink_condition(graph: &Graph, node: &Node) -> Option<(KinkCondition, bool)> {
     let ordered = |u: NodeId, v: NodeId| {
         if u <= v {
             ((u, v), false)
@@ -214,34 +215,34 @@ fn is_negative(graph: &Graph, u: NodeId, v: NodeId) -> bool {
 }
 
 /// Builder of an expression with one condition set to true or false.
-struct Deciding<'g> {
+struct BranchBuilder<'g> {
     graph: &'g mut Graph,
-    question: Question,
+    condition: KinkCondition,
     yes: bool,
 }
 
-impl Deciding<'_> {
+impl BranchBuilder<'_> {
     /// Returns true if u ≥ v, false if not; `None` if the condition is another one.
-    fn answer(&self, node: &Node) -> Option<bool> {
-        let (asked, reversed) = question(self.graph, node)?;
-        (asked == self.question).then_some(self.yes != reversed)
+    fn is_at_least(&self, node: &Node) -> Option<bool> {
+        let (found, reversed) = kink_condition(self.graph, node)?;
+        (found == self.condition).then_some(self.yes != reversed)
     }
 }
 
-impl Ops for Deciding<'_> {
+impl Ops for BranchBuilder<'_> {
     type V = NodeId;
     fn constant(&mut self, c: f64) -> NodeId {
         self.graph.constant(c)
     }
     fn unary(&mut self, op: Unary, a: &NodeId) -> NodeId {
-        match self.answer(&Node::Unary(op, *a)) {
+        match self.is_at_least(&Node::Unary(op, *a)) {
             Some(true) => *a,
             Some(false) => self.graph.unary(Unary::Neg, a),
             None => self.graph.unary(op, a),
         }
     }
     fn binary(&mut self, op: Binary, a: &NodeId, b: &NodeId) -> NodeId {
-        match self.answer(&Node::Binary(op, *a, *b)) {
+        match self.is_at_least(&Node::Binary(op, *a, *b)) {
             Some(at_least) => self.graph.constant(if at_least { 0.0 } else { 1.0 }),
             None => self.graph.binary(op, a, b),
         }
@@ -250,7 +251,7 @@ impl Ops for Deciding<'_> {
         self.graph.powi(a, n)
     }
     fn set(&mut self, op: SetOp, a: &NodeId, b: &NodeId) -> NodeId {
-        match self.answer(&Node::Set(op, *a, *b)) {
+        match self.is_at_least(&Node::Set(op, *a, *b)) {
             Some(at_least) => {
                 if at_least == (op == SetOp::Max) {
                     *a
@@ -318,7 +319,7 @@ mod tests {
     /// Checks that one condition in two notations is decided once: parts that are valid only where
     /// u = v make proofs fail there.
     #[test]
-    fn one_question_is_asked_once() {
+    fn equal_conditions_are_decided_once() {
         let count = |size: &str| {
             let text = format!(
                 "my_model(x[3], a[1]) {{ u = x[1]; v = x[2]; k = 0.5; h = max(k - {size}, 0)/k; my_model = max(u, v) + h*h*k/4; }}"

@@ -5,8 +5,9 @@
 //! geometrically by [`crate::Shape`] and evaluated by a [`crate::Tape`]. [`Graph::eval`] evaluates
 //! it node by node in any [`Real`] type: slow, simple, and the reference for all faster evaluators.
 
+use crate::direct::Direct;
 use crate::library::{Library, Native};
-use crate::ops::{Binary, Direct, Ops, SetOp, Unary};
+use crate::ops::{Binary, Ops, SetOp, Unary};
 use isoform_num::Real;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, HashMap};

@@ -10,7 +10,7 @@ use isoform_geom::{ParamField, Point3};
 use isoform_num::{Jet1, Real};
 
 /// Number of parameters by which one run differentiates.
-const AT_ONCE: usize = 8;
+const PARAMETERS_PER_RUN: usize = 8;
 
 /// A program run statement by statement.
 #[derive(Clone, Debug)]
@@ -100,9 +100,9 @@ impl Interpreted {
 
 /// Returns the parameters as jets that differentiate by the parameters with indices `from` and
 /// above.
-fn seeded(a: &[f64], from: usize) -> Vec<Jet1<AT_ONCE>> {
+fn seeded(a: &[f64], from: usize) -> Vec<Jet1<PARAMETERS_PER_RUN>> {
     let jet = |(i, &v): (usize, &f64)| {
-        if (from..from + AT_ONCE).contains(&i) {
+        if (from..from + PARAMETERS_PER_RUN).contains(&i) {
             Jet1::variable(v, i - from)
         } else {
             Real::constant(v)
@@ -129,13 +129,13 @@ impl ParamField for Interpreted {
     fn jacobian(&self, points: &[Point3], a: &[f64], out: &mut [f64], jac: &mut [f64]) {
         let n = self.dim();
         let divisors = self.divisors(points, a);
-        let mut runner = self.runner::<Jet1<AT_ONCE>>();
-        for from in (0..n.max(1)).step_by(AT_ONCE) {
+        let mut runner = self.runner::<Jet1<PARAMETERS_PER_RUN>>();
+        for from in (0..n.max(1)).step_by(PARAMETERS_PER_RUN) {
             let seeded = seeded(a, from);
             for (k, (p, d)) in points.iter().zip(&divisors).enumerate() {
                 let f = runner.run(&p.map(Real::constant), &seeded);
                 out[k] = f.v / d;
-                for i in from..n.min(from + AT_ONCE) {
+                for i in from..n.min(from + PARAMETERS_PER_RUN) {
                     jac[k * n + i] = f.g[i - from] / d;
                 }
             }

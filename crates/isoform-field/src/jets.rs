@@ -22,7 +22,7 @@ const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 
 
 /// The jets of one slot.
 #[derive(Clone, Copy, Debug)]
-struct Slot {
+struct JetSlot {
     /// Values.
     v: Row,
     /// Gradients.
@@ -33,7 +33,7 @@ struct Slot {
 
 const ZERO: Row = Lane([0.0; LANES]);
 /// A slot without derivatives and with the value 0.
-const EMPTY: Slot = Slot {
+const EMPTY: JetSlot = JetSlot {
     v: ZERO,
     g: [ZERO; 3],
     h: [ZERO; 6],
@@ -47,7 +47,7 @@ type Mask = u16;
 #[derive(Clone, Debug)]
 pub(crate) struct JetBlock<'t> {
     tape: &'t Tape,
-    slots: Vec<Slot>,
+    slots: Vec<JetSlot>,
     /// Computed entries, by slot.
     masks: Vec<Mask>,
 }
@@ -139,11 +139,11 @@ fn mask_of(tape: &Tape, i: &Instruction, m: &[Mask]) -> Mask {
     }
 }
 
-dispatch! { fn run(tape: &Tape, masks: &[Mask], from: usize, to: usize, slots: &mut [Slot]) = run_body }
+dispatch! { fn run(tape: &Tape, masks: &[Mask], from: usize, to: usize, slots: &mut [JetSlot]) = run_body }
 
 /// Computes h(u) from its value and first two derivatives per lane.
 #[inline(always)]
-fn chain(out: &mut Slot, mask: Mask, u: &Slot, f: &[Row; 3]) {
+fn chain(out: &mut JetSlot, mask: Mask, u: &JetSlot, f: &[Row; 3]) {
     out.v = f[0];
     for i in 0..3 {
         if mask >> i & 1 == 1 {
@@ -163,7 +163,7 @@ fn chain(out: &mut Slot, mask: Mask, u: &Slot, f: &[Row; 3]) {
 
 /// Computes u + q v with a constant q.
 #[inline(always)]
-fn linear(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, q: f64) {
+fn linear(out: &mut JetSlot, mask: Mask, u: &JetSlot, v: &JetSlot, q: f64) {
     for l in 0..LANES {
         out.v.0[l] = u.v.0[l] + q * v.v.0[l];
     }
@@ -185,7 +185,7 @@ fn linear(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, q: f64) {
 
 /// Computes u v by the product rule.
 #[inline(always)]
-fn product(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot) {
+fn product(out: &mut JetSlot, mask: Mask, u: &JetSlot, v: &JetSlot) {
     for l in 0..LANES {
         out.v.0[l] = u.v.0[l] * v.v.0[l];
     }
@@ -212,7 +212,7 @@ fn product(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot) {
 /// root's Hessian n·(Hu, Hv) + (∇u∇uᵀ + ∇v∇vᵀ − ∇h∇hᵀ)/h. At u = v = 0 the root's derivatives are
 /// set to 0.
 #[inline(always)]
-fn r_function(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, sign: f64) {
+fn r_function(out: &mut JetSlot, mask: Mask, u: &JetSlot, v: &JetSlot, sign: f64) {
     let (mut r, mut p, mut q) = (ZERO, ZERO, ZERO);
     for l in 0..LANES {
         let h = (u.v.0[l] * u.v.0[l] + v.v.0[l] * v.v.0[l]).sqrt();
@@ -244,7 +244,7 @@ fn r_function(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, sign: f64) {
 
 /// Selects v in the lanes where `second` holds, else u.
 #[inline(always)]
-fn choose(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, second: impl Fn(usize) -> bool) {
+fn choose(out: &mut JetSlot, mask: Mask, u: &JetSlot, v: &JetSlot, second: impl Fn(usize) -> bool) {
     let mut take = [false; LANES];
     for (l, t) in take.iter_mut().enumerate() {
         *t = second(l);
@@ -268,7 +268,7 @@ fn choose(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, second: impl Fn(usize)
 }
 
 /// Returns the jet in one lane.
-fn jet_of(s: &Slot, l: usize) -> Jet2 {
+fn jet_of(s: &JetSlot, l: usize) -> Jet2 {
     Jet2 {
         v: s.v.0[l],
         g: std::array::from_fn(|i| s.g[i].0[l]),
@@ -278,7 +278,7 @@ fn jet_of(s: &Slot, l: usize) -> Jet2 {
 
 /// Computes a function by scalar jets, lane by lane, for want of a vectorized formula.
 #[inline(never)]
-fn by_lane(out: &mut Slot, f: impl Fn(usize) -> Jet2) {
+fn by_lane(out: &mut JetSlot, f: impl Fn(usize) -> Jet2) {
     for l in 0..LANES {
         let j = f(l);
         out.v.0[l] = j.v;
@@ -322,7 +322,7 @@ fn unary(op: Unary, u: &Row) -> [Row; 3] {
 
 /// Computes the operations `from..to` of the tape.
 #[inline(always)]
-fn run_body(tape: &Tape, masks: &[Mask], from: usize, to: usize, slots: &mut [Slot]) {
+fn run_body(tape: &Tape, masks: &[Mask], from: usize, to: usize, slots: &mut [JetSlot]) {
     let first = tape.first_code();
     for (k, i) in tape.code[from..to].iter().enumerate() {
         let at = first + from + k;

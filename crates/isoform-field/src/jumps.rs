@@ -15,7 +15,7 @@
 //! separately.
 
 use crate::graph::{Graph, Node, NodeId};
-use crate::hyperfun::{EPS, Place};
+use crate::hyperfun::{SourceToken, TRUTH_TOLERANCE};
 use crate::library::Native;
 use crate::ops::{Binary, Ops, SetOp, Unary};
 use crate::solid::Pieces;
@@ -26,24 +26,24 @@ use std::cell::OnceCell;
 use std::collections::BTreeSet;
 
 /// Number of samples along the longest side of the box in which jumps are sought.
-const SAMPLES: usize = 32;
+const SAMPLES_PER_SIDE: usize = 32;
 /// Maximum number of lattice edges on which jumps are located.
-const MOST_EDGES: usize = 4096;
+const MAX_SEARCHED_EDGES: usize = 4096;
 /// Distance over which the continuous change of a function is measured, to be distinguished from a
 /// jump, in diagonals of the box.
-const NEAR: f64 = 1e-7;
+const CONTINUITY_DISTANCE: f64 = 1e-7;
 /// Maximum number of values of one discontinuous node.
-const MOST_VALUES: usize = 256;
+const MAX_STEP_VALUES: usize = 256;
 /// Maximum number of functions that are joined; more have too many pieces to be meshed.
-const MOST_CELLS: usize = 1024;
+const MAX_JOINED_FUNCTIONS: usize = 1024;
 /// Number of slabs into which a box is cut to bound the region where a discontinuous node has a
 /// given value.
-const SLABS: usize = 32;
+const SLABS_PER_AXIS: usize = 32;
 /// Maximum number of boxes that are subdivided to prove that a motif does not leave its cell.
-const MOST_BOXES: usize = 2000;
+const MAX_SUBDIVIDED_BOXES: usize = 2000;
 /// Margin by which the box of the solid is enlarged, in diagonals: the function without jumps is
 /// valid only in the enlarged box, whose sides limit it.
-const MARGIN: f64 = 0.125;
+const BOX_MARGIN: f64 = 0.125;
 
 /// Point at which a function jumps across 0.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -60,11 +60,11 @@ pub struct Jump {
     /// Point next to the jump.
     pub at: Point3,
     /// Function or operator of the program that is discontinuous there; `None` if unknown.
-    pub what: Option<Place>,
+    pub what: Option<SourceToken>,
 }
 
 /// Result of a search for jumps.
-struct Found {
+struct DetectedJumps {
     /// Nodes at which a piece jumps across 0.
     nodes: BTreeSet<NodeId>,
     /// Point at which the solid's function jumps across 0.
@@ -105,23 +105,23 @@ impl Pieces {
     }
 
     /// Searches for jumps along the edges of a lattice.
-    fn found(&self, nodes: &[NodeId], region: Aabb) -> Found {
+    fn found(&self, nodes: &[NodeId], region: Aabb) -> DetectedJumps {
         let (graph, roots) = self.functions();
         let mut graph = graph.clone();
         let states: Vec<NodeId> = nodes.iter().map(|&id| state(&mut graph, id)).collect();
-        let line = Line {
+        let line = LineSampler {
             pieces: Tape::new(&graph, roots, 3, 0),
             states: Tape::new(&graph, &states, 3, 0),
         };
         // The lattice extends beyond the box, so that states at its sides are sampled.
-        let edges = line.edges(region.widened(region.diagonal() / SAMPLES as f64));
-        let mut found = Found {
+        let edges = line.edges(region.widened(region.diagonal() / SAMPLES_PER_SIDE as f64));
+        let mut found = DetectedJumps {
             nodes: BTreeSet::new(),
             whole: None,
         };
-        let near = NEAR * region.diagonal();
+        let near = CONTINUITY_DISTANCE * region.diagonal();
         let mut scratch = Vec::new();
-        for [p, q] in edges.iter().step_by(edges.len() / MOST_EDGES + 1) {
+        for [p, q] in edges.iter().step_by(edges.len() / MAX_SEARCHED_EDGES + 1) {
             for sides in line.changes(*p, *q, &mut scratch) {
                 let jumps = line.jumps(sides, near, self.tree(), &mut scratch);
                 if !jumps.piece {
@@ -147,12 +147,12 @@ impl Pieces {
     /// impossible.
     fn walled(&self, nodes: &BTreeSet<NodeId>, region: Aabb) -> Option<Self> {
         let (graph, root) = self.whole();
-        let mut walls = Walls {
+        let mut walls = WallBuilder {
             graph,
             tests: nodes.clone(),
             cells: 0,
         };
-        let wide = region.widened(MARGIN * region.diagonal());
+        let wide = region.widened(BOX_MARGIN * region.diagonal());
         let inner = walls.without(root, wide)?;
         let graph = &mut walls.graph;
         let mut all = inner;
@@ -180,7 +180,7 @@ impl Pieces {
 
     /// Returns true if two solids have equal signs at the points of a lattice.
     fn is_like(&self, other: &Self, region: Aabb) -> bool {
-        let points: Vec<Point3> = Lattice::new(region).points().collect();
+        let points: Vec<Point3> = SampleLattice::new(region).points().collect();
         let [mut own, mut others] = [(); 2].map(|()| vec![0.0; points.len()]);
         self.sign_values(&points, &mut own);
         other.sign_values(&points, &mut others);
@@ -233,16 +233,18 @@ fn state(graph: &mut Graph, id: NodeId) -> NodeId {
 }
 
 /// Regular lattice of points in a box, offset from symmetry planes and round numbers.
-struct Lattice {
+struct SampleLattice {
     region: Aabb,
     counts: [usize; 3],
 }
 
-impl Lattice {
+impl SampleLattice {
     fn new(region: Aabb) -> Self {
         let size = region.size();
         let longest = size.into_iter().fold(0.0, f64::max);
-        let count = |s: f64| ((SAMPLES as f64 * s / longest).ceil() as usize).clamp(4, SAMPLES);
+        let count = |s: f64| {
+            ((SAMPLES_PER_SIDE as f64 * s / longest).ceil() as usize).clamp(4, SAMPLES_PER_SIDE)
+        };
         Self {
             region,
             counts: size.map(count),
@@ -261,21 +263,21 @@ impl Lattice {
 }
 
 /// Evaluator of pieces and states along lines.
-struct Line {
+struct LineSampler {
     pieces: Tape,
     states: Tape,
 }
 
 /// Discontinuities between two neighbouring points.
-struct Jumping {
+struct JumpFlags {
     piece: bool,
     whole: bool,
 }
 
-impl Line {
+impl LineSampler {
     /// Returns the edges of a lattice between whose ends a state changes.
     fn edges(&self, region: Aabb) -> Vec<[Point3; 2]> {
-        let lattice = Lattice::new(region);
+        let lattice = SampleLattice::new(region);
         let mut scratch = Vec::new();
         let of = |p: Point3| self.states.eval_all(&p, &[], &mut scratch);
         let states: Vec<Vec<f64>> = lattice.points().map(of).collect();
@@ -334,7 +336,7 @@ impl Line {
         near: f64,
         tree: &isoform_geom::Csg,
         scratch: &mut Vec<f64>,
-    ) -> Jumping {
+    ) -> JumpFlags {
         // The points differ along one axis.
         let axis = (0..3).find(|k| p[*k] != q[*k]).unwrap_or(0);
         let moved = |p: Point3, by: f64| {
@@ -352,7 +354,7 @@ impl Line {
         };
         let mut pieces = (0..a.len()).map(|k| [a0[k], a[k], b[k], b0[k]]);
         let whole = [&a0, &a, &b, &b0].map(|v| tree.value(&|k| v[k as usize]));
-        Jumping {
+        JumpFlags {
             piece: pieces.any(is_jump),
             whole: is_jump(whole),
         }
@@ -360,7 +362,7 @@ impl Line {
 }
 
 /// Replacement of jumps by walls.
-struct Walls {
+struct WallBuilder {
     graph: Graph,
     /// Nodes to be removed, in addition to all piecewise constant ones.
     tests: BTreeSet<NodeId>,
@@ -370,13 +372,13 @@ struct Walls {
 
 /// Values of a piecewise constant node as a function of u: value 0 up to the first limit, value 1
 /// up to the second, and so on.
-struct Steps {
+struct StepValues {
     u: NodeId,
     limits: Vec<f64>,
     values: Vec<f64>,
 }
 
-impl Walls {
+impl WallBuilder {
     /// Returns an expression without jumps with the sign of `id` in a region.
     fn without(&mut self, id: NodeId, region: Aabb) -> Option<NodeId> {
         let Some(jump) = self.first_jump(id) else {
@@ -395,11 +397,11 @@ impl Walls {
         }
         let steps = self.steps(jump, region)?;
         self.cells += steps.values.len();
-        if self.cells > MOST_CELLS {
+        if self.cells > MAX_JOINED_FUNCTIONS {
             return None;
         }
         let u = Tape::new(&self.graph, &[steps.u], 3, 0);
-        let mut cells: Vec<Cell> = Vec::new();
+        let mut cells: Vec<StepCell> = Vec::new();
         for (i, value) in steps.values.iter().enumerate() {
             let lower = i.checked_sub(1).map(|i| steps.limits[i]);
             let upper = steps.limits.get(i).copied();
@@ -414,7 +416,7 @@ impl Walls {
             };
             match cells.last_mut() {
                 Some(last) if last.function == function => last.upper = upper,
-                _ => cells.push(Cell {
+                _ => cells.push(StepCell {
                     function,
                     lower,
                     upper,
@@ -424,7 +426,7 @@ impl Walls {
         // Patterns whose motifs do not touch the seams do not need walls.
         let functions: Vec<OnceCell<Tape>> = cells.iter().map(|_| OnceCell::new()).collect();
         for is_min in [true, false] {
-            let is_one_sided = |(cell, function): (&Cell, &OnceCell<Tape>)| {
+            let is_one_sided = |(cell, function): (&StepCell, &OnceCell<Tape>)| {
                 let compiled = || Tape::new(&self.graph, &[cell.function], 3, 0);
                 cell.is_one_sided(function.get_or_init(compiled), &u, is_min, region)
             };
@@ -449,12 +451,12 @@ impl Walls {
     }
 
     /// Returns the values of a discontinuous node in a region.
-    fn steps(&mut self, id: NodeId, region: Aabb) -> Option<Steps> {
+    fn steps(&mut self, id: NodeId, region: Aabb) -> Option<StepValues> {
         let (op, u) = match *self.graph.node(id) {
             Node::Unary(op, u) => (op, u),
             Node::Binary(Binary::Less | Binary::LessEq, a, b) if !self.is_guard(a, b) => {
                 let u = self.graph.sub(&b, &a);
-                return Some(Steps {
+                return Some(StepValues {
                     u,
                     limits: vec![0.0],
                     values: vec![0.0, 1.0],
@@ -463,14 +465,14 @@ impl Walls {
             _ => return None,
         };
         if op == Unary::Sign {
-            return Some(Steps {
+            return Some(StepValues {
                 u,
                 limits: vec![0.0],
                 values: vec![-1.0, 1.0],
             });
         }
         let range = self.range(u, region);
-        if !(range.lo().is_finite() && range.hi() - range.lo() < MOST_VALUES as f64) {
+        if !(range.lo().is_finite() && range.hi() - range.lo() < MAX_STEP_VALUES as f64) {
             return None;
         }
         let (first, last) = (range.lo().floor(), range.hi().floor());
@@ -486,7 +488,7 @@ impl Walls {
             (None, None) => range.middle(),
         };
         let values = (0..=limits.len()).map(|i| op.apply(&middle(i))).collect();
-        Some(Steps { u, limits, values })
+        Some(StepValues { u, limits, values })
     }
 
     /// Returns true if |w| is compared with the language's tolerance: the layer where the
@@ -494,7 +496,10 @@ impl Walls {
     fn is_guard(&self, a: NodeId, b: NodeId) -> bool {
         let is_thin = |size: NodeId, limit: NodeId| {
             matches!(self.graph.node(size), Node::Unary(Unary::Abs, _))
-                && self.graph.constant_value(limit).is_some_and(|c| c <= EPS)
+                && self
+                    .graph
+                    .constant_value(limit)
+                    .is_some_and(|c| c <= TRUTH_TOLERANCE)
         };
         is_thin(a, b) || is_thin(b, a)
     }
@@ -526,7 +531,7 @@ impl Walls {
     }
 
     /// Joins the functions of all cells, each in its own cell, with walls between them.
-    fn joined(&mut self, u: NodeId, cells: &[Cell]) -> NodeId {
+    fn joined(&mut self, u: NodeId, cells: &[StepCell]) -> NodeId {
         let graph = &mut self.graph;
         let mut all: Option<NodeId> = None;
         let mut add = |graph: &mut Graph, part: NodeId| {
@@ -554,12 +559,12 @@ fn contracted(region: Aabb, u: &Tape, lower: Option<f64>, upper: Option<f64>) ->
     let mut scratch = Vec::new();
     let mut inner = region;
     for axis in 0..3 {
-        let (from, step) = (inner.lo[axis], inner.size()[axis] / SLABS as f64);
+        let (from, step) = (inner.lo[axis], inner.size()[axis] / SLABS_PER_AXIS as f64);
         let mut left = Aabb::EMPTY;
-        for i in 0..SLABS {
+        for i in 0..SLABS_PER_AXIS {
             let mut slab = inner;
             slab.lo[axis] = from + i as f64 * step;
-            if i + 1 < SLABS {
+            if i + 1 < SLABS_PER_AXIS {
                 slab.hi[axis] = from + (i + 1) as f64 * step;
             }
             let range = u.range(&slab.sides(), &[], &mut scratch);
@@ -586,19 +591,19 @@ fn halves(b: Aabb, axis: usize) -> [Aabb; 2] {
 }
 
 /// Function with the limits of u between which it is valid.
-struct Cell {
+struct StepCell {
     function: NodeId,
     lower: Option<f64>,
     upper: Option<f64>,
 }
 
-impl Cell {
+impl StepCell {
     /// Returns true if intervals prove that the function is positive, or negative, in all of the
     /// region outside of the cell.
     fn is_one_sided(&self, function: &Tape, u: &Tape, positive: bool, region: Aabb) -> bool {
         let mut scratch = Vec::new();
         let mut range = |tape: &Tape, b: Aabb| tape.range(&b.sides(), &[], &mut scratch);
-        let (mut boxes, mut left) = (vec![region], MOST_BOXES);
+        let (mut boxes, mut left) = (vec![region], MAX_SUBDIVIDED_BOXES);
         while let Some(b) = boxes.pop() {
             let own = range(u, b);
             if self.lower.is_none_or(|t| own.lo() > t) && self.upper.is_none_or(|t| own.hi() < t) {

@@ -9,7 +9,7 @@ use crate::tape::{Op, Tape};
 
 /// Step of a tape; its arguments are slots.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Step {
+pub enum TapeStep {
     /// A function of one argument.
     Unary(Unary, u32),
     /// A function of two arguments.
@@ -24,7 +24,7 @@ pub enum Step {
     Native(Native, Vec<u32>),
 }
 
-impl Step {
+impl TapeStep {
     /// Returns the slots of the arguments.
     pub fn arguments(&self) -> Vec<u32> {
         match self {
@@ -46,25 +46,25 @@ impl Tape {
     /// on the coordinates.
     ///
     /// ```
-    /// use isoform_field::{Binary, Graph, Ops, Step, Tape};
+    /// use isoform_field::{Binary, Graph, Ops, Tape, TapeStep};
     /// let mut graph = Graph::new();
     /// let (x, a) = (graph.x(0), graph.param(0));
     /// let f = graph.sub(&a, &x);
     /// let tape = Tape::new(&graph, &[f], 3, 1);
     /// // Slots 0 to 2 are x, y and z, slot 3 is the parameter; the result is slot 4.
-    /// assert_eq!(tape.steps().collect::<Vec<_>>(), [Step::Binary(Binary::Sub, 3, 0)]);
+    /// assert_eq!(tape.steps().collect::<Vec<_>>(), [TapeStep::Binary(Binary::Sub, 3, 0)]);
     /// assert_eq!((tape.results(), tape.uniform_steps()), (&[4][..], 0));
     /// ```
-    pub fn steps(&self) -> impl Iterator<Item = Step> + '_ {
+    pub fn steps(&self) -> impl Iterator<Item = TapeStep> + '_ {
         self.code.iter().map(|i| match i.op {
-            Op::Unary(op) => Step::Unary(op, i.a),
-            Op::Binary(op) => Step::Binary(op, i.a, i.b),
-            Op::Set(op) => Step::Set(op, i.a, i.b),
-            Op::PowI => Step::PowI(i.a, i.c as i32),
-            Op::Select => Step::Select(i.a, i.b, i.c),
+            Op::Unary(op) => TapeStep::Unary(op, i.a),
+            Op::Binary(op) => TapeStep::Binary(op, i.a, i.b),
+            Op::Set(op) => TapeStep::Set(op, i.a, i.b),
+            Op::PowI => TapeStep::PowI(i.a, i.c as i32),
+            Op::Select => TapeStep::Select(i.a, i.b, i.c),
             Op::Native => {
                 let (function, arguments) = &self.natives[i.a as usize];
-                Step::Native(*function, arguments.to_vec())
+                TapeStep::Native(*function, arguments.to_vec())
             }
         })
     }

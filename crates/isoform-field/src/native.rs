@@ -8,9 +8,9 @@ use isoform_num::Real;
 
 /// Lower bound on t + s² in units of s² for computing the foot point u s²/(t + s²). Below it the
 /// root t equals −s² up to rounding: u lies on a principal plane inside the focal curve.
-const OFF_PLANE: f64 = 1e-9;
+const OFF_PLANE_RATIO: f64 = 1e-9;
 /// Maximum number of bisection steps. Most bisections end sooner, at neighbouring doubles.
-const MOST_HALVINGS: usize = 200;
+const MAX_BISECTIONS: usize = 200;
 
 /// Computes the signed distance to an axis-parallel ellipsoid about 0, positive inside: `u[0..3]`,
 /// half axes `u[3..6]`.
@@ -64,7 +64,7 @@ impl Ellipsoid {
     /// Returns true if coordinate i of the foot point can be computed as u s²/(t + s²).
     fn is_off_plane(&self, t: f64, i: usize) -> bool {
         let s2 = self.s[i] * self.s[i];
-        t + s2 > OFF_PLANE * self.s[i] * self.s[i]
+        t + s2 > OFF_PLANE_RATIO * self.s[i] * self.s[i]
     }
 
     /// Returns true if the point lies inside the ellipsoid: Σ (u/s)² ≤ 1.
@@ -203,7 +203,7 @@ fn real_roots(c: &[f64]) -> Vec<f64> {
 /// Finds the number between `lo` and `hi` at which `is_below` changes from true to false, by
 /// bisection down to neighbouring doubles.
 fn bisected(mut lo: f64, mut hi: f64, is_below: impl Fn(f64) -> bool) -> f64 {
-    for _ in 0..MOST_HALVINGS {
+    for _ in 0..MAX_BISECTIONS {
         let m = 0.5 * (lo + hi);
         if m <= lo || m >= hi {
             break;

@@ -1,12 +1,11 @@
 //! Operations of formulas, abstracted from their evaluation.
 //!
-//! Library functions and the HyperFun executor are written against [`Ops`]. With [`Direct`] they
+//! Library functions and the HyperFun executor are written against [`Ops`]. With [`crate::Direct`] they
 //! compute immediately, in any [`Real`] number type (the reference with which every evaluator must
 //! agree); with a [`crate::Graph`] they build the expression.
 
 use crate::library::{Library, Native};
 use isoform_num::Real;
-use std::marker::PhantomData;
 
 /// Functions of one argument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -257,48 +256,5 @@ pub trait Ops {
     /// Returns 1 where a ≤ b, else 0.
     fn less_eq(&mut self, a: &Self::V, b: &Self::V) -> Self::V {
         self.binary(Binary::LessEq, a, b)
-    }
-}
-
-/// Immediate evaluation in the number type `R`.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Direct<R>(PhantomData<R>);
-
-impl<R> Direct<R> {
-    /// Creates the evaluator, which is stateless.
-    pub fn new() -> Self {
-        Self(PhantomData)
-    }
-}
-
-impl<R: Real> Ops for Direct<R> {
-    type V = R;
-
-    fn constant(&mut self, c: f64) -> R {
-        R::constant(c)
-    }
-    fn unary(&mut self, op: Unary, a: &R) -> R {
-        op.apply(a)
-    }
-    fn binary(&mut self, op: Binary, a: &R, b: &R) -> R {
-        op.apply(a, b)
-    }
-    fn powi(&mut self, a: &R, n: i32) -> R {
-        a.powi(n)
-    }
-    fn set(&mut self, op: SetOp, a: &R, b: &R) -> R {
-        op.apply(a, b)
-    }
-    fn select(&mut self, condition: &R, a: &R, b: &R) -> R {
-        condition.select(a, b)
-    }
-    fn library(&mut self, f: Library, args: &[R]) -> R {
-        f.algebraic(self, args)
-    }
-    fn native(&mut self, f: Native, args: &[R]) -> R {
-        f.eval(args)
-    }
-    fn known(&self, v: &R) -> Option<f64> {
-        Some(v.value())
     }
 }

@@ -24,12 +24,12 @@ pub struct Polynomial {
 }
 
 /// The powers of the three coordinates, in any number type.
-struct Powers<R> {
+struct PowerTable<R> {
     /// Powers, by axis and exponent.
     of: [Vec<R>; 3],
 }
 
-impl<R: Real> Powers<R> {
+impl<R: Real> PowerTable<R> {
     fn new(at: [R; 3], degrees: [usize; 3]) -> Self {
         let mut axis = 0;
         let of = at.map(|x| {
@@ -114,11 +114,11 @@ impl Polynomial {
 }
 
 /// Powers of the coordinates with their derivatives up to order 3, by axis and exponent.
-struct Derivatives {
+struct DerivativeTable {
     of: [Vec<[f64; 4]>; 3],
 }
 
-impl Derivatives {
+impl DerivativeTable {
     fn new(at: Point3, degrees: [usize; 3]) -> Self {
         let mut all = Self {
             of: degrees.map(|n| vec![[0.0; 4]; n + 1]),
@@ -139,7 +139,7 @@ impl Derivatives {
         }
     }
     /// Returns the three factors of a monomial, each with its derivatives.
-    fn of(&self, e: &[u16; 3]) -> [[f64; 4]; 3] {
+    fn factors(&self, e: &[u16; 3]) -> [[f64; 4]; 3] {
         std::array::from_fn(|k| self.of[k][usize::from(e[k])])
     }
 }
@@ -152,14 +152,14 @@ impl Polynomial {
         (self.degrees.iter().sum::<usize>() + self.terms.len() + 16) as f64 * f64::EPSILON
     }
     /// Computes the value, gradient and Hessian from the derivatives of the powers.
-    fn jet_of(&self, d: &Derivatives) -> Jet2 {
+    fn jet_of(&self, d: &DerivativeTable) -> Jet2 {
         let mut j = Jet2 {
             v: 0.0,
             g: [0.0; 3],
             h: [0.0; 6],
         };
         for (e, c) in &self.terms {
-            let [x, y, z] = d.of(e);
+            let [x, y, z] = d.factors(e);
             let yz = c * y[0] * z[0];
             let (cx0, cx1) = (c * x[0], c * x[1]);
             j.v += x[0] * yz;
@@ -179,8 +179,8 @@ impl Polynomial {
     fn enclosed(&self, at: Point3) -> Interval {
         let d = [0; 3];
         let (here, near) = (
-            Powers::new(at, self.degrees),
-            Powers::new(at.map(f64::abs), self.degrees),
+            PowerTable::new(at, self.degrees),
+            PowerTable::new(at.map(f64::abs), self.degrees),
         );
         let (mut sum, mut absolute) = (0.0, 0.0);
         for (e, c) in &self.terms {
@@ -195,7 +195,7 @@ impl Polynomial {
 }
 
 /// Sums over the terms, for each derivative of [`ORDERS`].
-struct Sums {
+struct TermSums {
     /// The derivatives at a point.
     signed: [f64; 20],
     /// The sums of absolute values at the point.
@@ -207,7 +207,7 @@ struct Sums {
 impl Polynomial {
     /// Computes the sums of the terms, and of their absolute values, for a point and for the
     /// farthest corner of a region.
-    fn sums(&self, at: Point3, region: Aabb) -> Sums {
+    fn sums(&self, at: Point3, region: Aabb) -> TermSums {
         let reach: Point3 =
             std::array::from_fn(|k| (region.hi[k] - at[k]).max(at[k] - region.lo[k]).next_up());
         let [here, near, far] = [
@@ -215,10 +215,10 @@ impl Polynomial {
             at.map(f64::abs),
             std::array::from_fn(|k| (at[k].abs() + reach[k]).next_up()),
         ]
-        .map(|p| Derivatives::new(p, self.degrees));
+        .map(|p| DerivativeTable::new(p, self.degrees));
         let (mut signed, mut absolute, mut wide) = ([0.0f64; 20], [0.0f64; 20], [0.0f64; 10]);
         for (e, c) in &self.terms {
-            let (h, n, f) = (here.of(e), near.of(e), far.of(e));
+            let (h, n, f) = (here.factors(e), near.factors(e), far.factors(e));
             for (k, d) in ORDERS.iter().enumerate() {
                 let product = |t: &[[f64; 4]; 3]| t[0][d[0]] * t[1][d[1]] * t[2][d[2]];
                 signed[k] += c * product(&h);
@@ -229,7 +229,7 @@ impl Polynomial {
                 }
             }
         }
-        Sums {
+        TermSums {
             signed,
             absolute,
             wide,
@@ -246,13 +246,13 @@ impl Field for Polynomial {
         })
     }
     fn value(&self, p: Point3) -> f64 {
-        Powers::new(p, self.degrees).sum(&self.terms, [0; 3])
+        PowerTable::new(p, self.degrees).sum(&self.terms, [0; 3])
     }
     fn jet(&self, p: Point3) -> Jet2 {
-        self.jet_of(&Derivatives::new(p, self.degrees))
+        self.jet_of(&DerivativeTable::new(p, self.degrees))
     }
     fn jets(&self, points: &[Point3], out: &mut [Jet2]) {
-        let mut derivatives = Derivatives::new([0.0; 3], self.degrees);
+        let mut derivatives = DerivativeTable::new([0.0; 3], self.degrees);
         for (p, j) in points.iter().zip(out) {
             derivatives.set(*p);
             *j = self.jet_of(&derivatives);
@@ -263,10 +263,10 @@ impl Field for Polynomial {
             return self.enclosed(region.lo);
         }
         let at = region.sides();
-        Powers::new(at, self.degrees).sum(&self.terms, [0; 3])
+        PowerTable::new(at, self.degrees).sum(&self.terms, [0; 3])
     }
     fn jet3(&self, p: Point3) -> Option<Jet3> {
-        let powers = Powers::new(p, self.degrees);
+        let powers = PowerTable::new(p, self.degrees);
         let low = self.jet(p);
         let t = TRIPLES.map(|(i, j, k)| powers.sum(&self.terms, orders(&[i, j, k])));
         Some(Jet3 {
@@ -277,7 +277,7 @@ impl Field for Polynomial {
         })
     }
     fn expansion(&self, at: Point3, region: Aabb) -> Option<Expansion> {
-        let Sums {
+        let TermSums {
             signed: sums,
             absolute,
             wide,

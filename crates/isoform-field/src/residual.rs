@@ -1,12 +1,12 @@
 //! A compiled model as the residual of a fit: values, Jacobians, and the normal equations JᵀWJ and
 //! JᵀWf, in blocks of points and on several threads.
 //!
-//! Sums are accumulated over batches of [`PIECE`] points and then over the batches in order, so
-//! that they do not depend on the number of threads.
+//! Sums are accumulated over batches of [`BATCH_POINTS`] points and then over the batches in order,
+//! so that they do not depend on the number of threads.
 
-use crate::block::{Block, LANES, Lane, Plan, Wanted};
+use crate::block::{Block, GradientInputs, LANES, Lane, Plan};
 use crate::jets::{self, JetBlock};
-use crate::parted;
+use crate::partition;
 use crate::tape::Tape;
 use isoform_geom::{Aabb, Expansion, Field, ParamField, Point3};
 use isoform_num::{Interval, IntervalJet, Jet2, Jet3, Real, dispatch};
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 /// Number of points in a batch of work. Another number changes the order of summation, and hence
 /// the last digits of sums.
-const PIECE: usize = 32 * LANES;
+const BATCH_POINTS: usize = 32 * LANES;
 
 /// Evaluator of a tape in x, y, z and parameters, in blocks of points, on all threads of the
 /// current pool for large inputs.
@@ -32,8 +32,8 @@ impl Residual {
     /// Creates the residual f(x; a), the first result of the tape.
     pub fn new(tape: Tape) -> Self {
         Self {
-            by_params: Plan::new(&tape, Wanted::Params),
-            by_space: Plan::new(&tape, Wanted::Space),
+            by_params: Plan::new(&tape, GradientInputs::Params),
+            by_space: Plan::new(&tape, GradientInputs::Space),
             tape,
         }
     }
@@ -48,7 +48,7 @@ impl Residual {
     /// # Panics
     /// If `out` or `rows` is too short.
     pub fn all_gradients(&self, points: &[Point3], a: &[f64], out: &mut [f64], rows: &mut [f64]) {
-        let plan = Plan::new(&self.tape, Wanted::All);
+        let plan = Plan::new(&self.tape, GradientInputs::All);
         let mut block = Block::gradients(&self.tape, &plan);
         block.bind(a);
         let n = points.len();
@@ -77,19 +77,19 @@ fn for_pieces(
         return;
     }
     let piece = |k: usize, out: &mut [f64], rows: &mut [f64]| {
-        let from = k * PIECE;
+        let from = k * BATCH_POINTS;
         work(from..from + out.len(), out, rows);
     };
     let (out, rows) = (&mut out[..n], &mut rows[..n * width]);
-    if n <= PIECE || rayon::current_num_threads() == 1 {
+    if n <= BATCH_POINTS || rayon::current_num_threads() == 1 {
         work(0..n, out, rows);
     } else if width == 0 {
-        out.par_chunks_mut(PIECE)
+        out.par_chunks_mut(BATCH_POINTS)
             .enumerate()
             .for_each(|(k, o)| piece(k, o, &mut []));
     } else {
-        out.par_chunks_mut(PIECE)
-            .zip(rows.par_chunks_mut(PIECE * width))
+        out.par_chunks_mut(BATCH_POINTS)
+            .zip(rows.par_chunks_mut(BATCH_POINTS * width))
             .enumerate()
             .for_each(|(k, (o, r))| piece(k, o, r));
     }
@@ -97,11 +97,11 @@ fn for_pieces(
 
 /// Weighted products of the rows of (J, f) over some points, accumulated eight lanes wide, in
 /// squares of two rows by two.
-struct Sums {
+struct ProductSums {
     products: Vec<[f64; 8]>,
 }
 
-impl Sums {
+impl ProductSums {
     /// Creates empty sums, for an even number of rows.
     fn new(rows: usize) -> Self {
         let pairs = rows / 2;
@@ -127,7 +127,7 @@ impl Sums {
 
 dispatch! {
     /// Adds a block of rows (an even number of them) with weights `w`, 0 in unused lanes.
-    fn accumulate(sums: &mut Sums, rows: &[Lane<LANES>], w: &[f64; LANES]) = accumulate_body
+    fn accumulate(sums: &mut ProductSums, rows: &[Lane<LANES>], w: &[f64; LANES]) = accumulate_body
 }
 
 /// Adds the four products of two rows each, lane by lane: every row is loaded once for two
@@ -169,7 +169,7 @@ fn weighted(rows: [&Lane<LANES>; 2], w: &[f64; LANES]) -> [Lane<LANES>; 2] {
 /// derivatives, row n the values. A product above the diagonal is computed with its square and
 /// never read.
 #[inline(always)]
-fn accumulate_body(sums: &mut Sums, rows: &[Lane<LANES>], w: &[f64; LANES]) {
+fn accumulate_body(sums: &mut ProductSums, rows: &[Lane<LANES>], w: &[f64; LANES]) {
     let n = rows.len();
     for i in (0..n).step_by(2) {
         let pair = [&rows[i], &rows[i + 1]];
@@ -212,7 +212,7 @@ impl Residual {
         let mut block = Block::gradients(&self.tape, &self.by_params);
         block.bind(a);
         let even = (m + 1).next_multiple_of(2);
-        let (mut sums, mut rows) = (Sums::new(even), vec![Lane([0.0; LANES]); even]);
+        let (mut sums, mut rows) = (ProductSums::new(even), vec![Lane([0.0; LANES]); even]);
         for (k, chunk) in points.chunks(LANES).enumerate() {
             block.load(chunk);
             block.forward();
@@ -233,8 +233,8 @@ impl Residual {
         len: usize,
         work: impl Fn(std::ops::Range<usize>) -> Vec<f64> + Sync,
     ) -> Vec<f64> {
-        let pieces = n.div_ceil(PIECE);
-        let range = |k: usize| k * PIECE..((k + 1) * PIECE).min(n);
+        let pieces = n.div_ceil(BATCH_POINTS);
+        let range = |k: usize| k * BATCH_POINTS..((k + 1) * BATCH_POINTS).min(n);
         let mut sum = vec![0.0; len];
         let mut add = |part: Vec<f64>| sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);
         if pieces <= 1 || rayon::current_num_threads() == 1 {
@@ -256,8 +256,8 @@ impl ParamField for Residual {
     }
 
     fn values(&self, points: &[Point3], a: &[f64], out: &mut [f64]) {
-        if parted::pays(&self.tape, points) {
-            return parted::values(&self.tape, points, a, out);
+        if partition::pays(&self.tape, points) {
+            return partition::values(&self.tape, points, a, out);
         }
         for_pieces(points.len(), out, &mut [], 0, |range, out, _| {
             let mut block = Block::values(&self.tape);
@@ -345,7 +345,7 @@ impl ParamField for Residual {
         let sum = self.reduce(points.len(), 1, |range| {
             let mut block = Block::values(&self.tape);
             block.bind(a);
-            let (mut sums, mut rows) = (Sums::new(2), [Lane([0.0; LANES]); 2]);
+            let (mut sums, mut rows) = (ProductSums::new(2), [Lane([0.0; LANES]); 2]);
             for (k, chunk) in points[range.clone()].chunks(LANES).enumerate() {
                 block.load(chunk);
                 rows[0].0 = *block.forward();
@@ -405,12 +405,12 @@ impl Bound {
                 block.eval(p, o);
             }
         };
-        if points.len() <= PIECE || rayon::current_num_threads() == 1 {
+        if points.len() <= BATCH_POINTS || rayon::current_num_threads() == 1 {
             piece(points, out);
         } else {
             points
-                .par_chunks(PIECE)
-                .zip(out.par_chunks_mut(PIECE))
+                .par_chunks(BATCH_POINTS)
+                .zip(out.par_chunks_mut(BATCH_POINTS))
                 .for_each(|(p, o)| piece(p, o));
         }
     }

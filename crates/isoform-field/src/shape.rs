@@ -8,15 +8,15 @@
 //! min/max tree over these approximates a signed distance: at the minimum of a fit it attains the
 //! statistical limit, from which the values of R-functions deviate by 4 to 15 standard deviations.
 //!
-//! The smooth pieces of a face and their names are determined as those of a mesh ([`Naming`]), so
-//! that the parts of a fit, of a mesh and of patches have identical names. One piece may be several
-//! parts, if two bodies share a plane, or for the two faces of a slab.
+//! The smooth pieces of a face and their names are determined as those of a mesh ([`PieceNaming`]),
+//! so that the parts of a fit, of a mesh and of patches have identical names. One piece may be
+//! several parts, if two bodies share a plane, or for the two faces of a slab.
 
 use crate::graph::{Graph, Node, NodeId};
 use crate::library::{Family, Library};
 use crate::ops::{Binary, Ops, SetOp, Unary};
 use crate::smooth::Random;
-use crate::split::{Named, Naming};
+use crate::split::{NamedTree, PieceNaming};
 use crate::tape::Tape;
 use isoform_geom::Point3;
 use isoform_num::Jet1;
@@ -32,19 +32,19 @@ pub struct Part {
 
 /// Maximum number of parts; further subtrees are one part each. Each part takes time proportional
 /// to the size of the whole expression: with more, programs of many thousand bodies take minutes.
-const MOST_PARTS: usize = 4096;
+const MAX_PARTS: usize = 4096;
 
 /// Maximum number of parts up to which products are split into slabs and faces into several pieces,
 /// each of which costs a copy of the expression.
-const MOST_SPLIT: usize = 256;
+const MAX_SPLIT_PARTS: usize = 256;
 
 /// Number of sample points at which the pieces of a face must have its sign. If the sign of a
 /// parameter affects how they are joined, every second sample detects it.
-const SIGNS_TRIED: usize = 48;
+const SIGN_SAMPLES: usize = 48;
 
 /// Face of the solid: one distance, and one or several smooth parts.
 #[derive(Clone, Debug, PartialEq)]
-struct Face {
+struct ShapeFace {
     /// Approximate signed distance.
     distance: NodeId,
     /// Index of the deciding part, as an expression.
@@ -56,9 +56,9 @@ struct Face {
 /// Step of the tree of minima and maxima over faces, in the order of computation. A program may
 /// join thousands of bodies successively, and recursion over its tree would overflow the stack.
 #[derive(Clone, Debug, PartialEq)]
-enum Step {
+enum FaceStep {
     /// The value of a face.
-    Face(Face),
+    Face(ShapeFace),
     /// The minimum or maximum of the last two unused results.
     Join {
         /// True for the minimum.
@@ -79,23 +79,23 @@ pub enum Join {
 
 impl Join {
     /// Returns the minimum or the maximum.
-    fn of(is_min: bool) -> Self {
+    fn new(is_min: bool) -> Self {
         if is_min { Self::Min } else { Self::Max }
     }
 }
 
-impl Step {
+impl FaceStep {
     /// Returns the equivalent steps over parts.
     fn joins(&self) -> Vec<Join> {
         match self {
             Self::Face(face) => face.tree.clone(),
-            Self::Join { is_min } => vec![Join::of(*is_min)],
+            Self::Join { is_min } => vec![Join::new(*is_min)],
         }
     }
 }
 
 /// Pending task of the interpretation.
-enum Task {
+enum ReadTask {
     /// To interpret a node, or the negative of its function.
     Read { id: NodeId, negative: bool },
     /// To join the last two results.
@@ -141,7 +141,7 @@ pub struct Shape {
 impl Shape {
     /// Interprets the expression `root` of the graph, to which the new expressions are added.
     pub fn new(graph: &mut Graph, root: NodeId) -> Self {
-        let mut reader = Reader {
+        let mut reader = ShapeReader {
             graph,
             parts: Vec::new(),
             pieces: Vec::new(),
@@ -151,7 +151,7 @@ impl Shape {
         };
         // The naming works on a copy: node indices determine the order of sums in derivatives,
         // which must not depend on the names of parts.
-        reader.naming = Naming::new(reader.graph, root);
+        reader.naming = PieceNaming::new(reader.graph, root);
         let steps = reader.read(root);
         let (parts, pieces) = (reader.parts, reader.pieces);
         let (distance, part) = joined(graph, &steps);
@@ -160,16 +160,21 @@ impl Shape {
             distance,
             part,
             pieces,
-            tree: steps.iter().flat_map(Step::joins).collect(),
+            tree: steps.iter().flat_map(FaceStep::joins).collect(),
         }
     }
 }
 
 /// Value of the tree and the index of the deciding part.
-type Decided = (NodeId, NodeId);
+type ValueAndPart = (NodeId, NodeId);
 
 /// Returns the minimum or maximum of two values; of equal ones the first decides.
-fn decided(g: &mut Graph, is_min: bool, (u, pu): Decided, (v, pv): Decided) -> Decided {
+fn decided(
+    g: &mut Graph,
+    is_min: bool,
+    (u, pu): ValueAndPart,
+    (v, pv): ValueAndPart,
+) -> ValueAndPart {
     let second = if is_min {
         g.less(&v, &u)
     } else {
@@ -180,12 +185,12 @@ fn decided(g: &mut Graph, is_min: bool, (u, pu): Decided, (v, pv): Decided) -> D
 }
 
 /// Returns the tree's value and the index of the deciding part.
-fn joined(g: &mut Graph, steps: &[Step]) -> Decided {
-    let mut results: Vec<Decided> = Vec::new();
+fn joined(g: &mut Graph, steps: &[FaceStep]) -> ValueAndPart {
+    let mut results: Vec<ValueAndPart> = Vec::new();
     for step in steps {
         let result = match step {
-            Step::Face(face) => (face.distance, face.part),
-            Step::Join { is_min } => {
+            FaceStep::Face(face) => (face.distance, face.part),
+            FaceStep::Join { is_min } => {
                 let v = results.pop().expect("a join has two inputs");
                 let u = results.pop().expect("a join has two inputs");
                 decided(g, *is_min, u, v)
@@ -198,7 +203,7 @@ fn joined(g: &mut Graph, steps: &[Step]) -> Decided {
 
 /// Origin of a face in the expression.
 #[derive(Clone, Copy)]
-struct Source {
+struct FaceSource {
     /// The node.
     id: NodeId,
     /// Side of a primitive; `None` if the face is the whole node.
@@ -207,7 +212,7 @@ struct Source {
     negative: bool,
 }
 
-impl Source {
+impl FaceSource {
     /// Returns the origin of a face that is a whole node.
     fn whole(id: NodeId, negative: bool) -> Self {
         Self {
@@ -219,7 +224,7 @@ impl Source {
 }
 
 /// Interpretation of an expression, face by face.
-struct Reader<'a> {
+struct ShapeReader<'a> {
     graph: &'a mut Graph,
     /// The parts so far.
     parts: Vec<Part>,
@@ -227,25 +232,25 @@ struct Reader<'a> {
     pieces: Vec<NodeId>,
     /// Names of pieces; `None` for programs with too many pieces, whose parts have the names of
     /// their nodes.
-    naming: Option<Naming>,
+    naming: Option<PieceNaming>,
     /// Number of parts with the name of a node, by name.
     taken: HashMap<String, u32>,
     /// Derivatives by axis, shared between pieces.
     memo: [HashMap<NodeId, NodeId>; 3],
 }
 
-impl Reader<'_> {
+impl ShapeReader<'_> {
     /// Builds the tree of minima and maxima over faces.
-    fn read(&mut self, root: NodeId) -> Vec<Step> {
+    fn read(&mut self, root: NodeId) -> Vec<FaceStep> {
         let (mut steps, mut tasks) = (Vec::new(), Vec::new());
-        tasks.push(Task::Read {
+        tasks.push(ReadTask::Read {
             id: root,
             negative: false,
         });
         while let Some(task) = tasks.pop() {
             match task {
-                Task::Join { is_min } => steps.push(Step::Join { is_min }),
-                Task::Read { id, negative } => self.open(id, negative, &mut tasks, &mut steps),
+                ReadTask::Join { is_min } => steps.push(FaceStep::Join { is_min }),
+                ReadTask::Read { id, negative } => self.open(id, negative, &mut tasks, &mut steps),
             }
         }
         steps
@@ -253,22 +258,28 @@ impl Reader<'_> {
 
     /// Expands one level of a node into further tasks, to be done from last to first, or into
     /// steps.
-    fn open(&mut self, id: NodeId, negative: bool, tasks: &mut Vec<Task>, steps: &mut Vec<Step>) {
+    fn open(
+        &mut self,
+        id: NodeId,
+        negative: bool,
+        tasks: &mut Vec<ReadTask>,
+        steps: &mut Vec<FaceStep>,
+    ) {
         let pair = |u: NodeId, v: NodeId, maximum: bool| {
             [
-                Task::Join {
+                ReadTask::Join {
                     is_min: maximum == negative,
                 },
-                Task::Read { id: v, negative },
-                Task::Read { id: u, negative },
+                ReadTask::Read { id: v, negative },
+                ReadTask::Read { id: u, negative },
             ]
         };
-        if self.parts.len() >= MOST_PARTS {
-            return steps.push(Step::Face(self.leaf(id, negative)));
+        if self.parts.len() >= MAX_PARTS {
+            return steps.push(FaceStep::Face(self.leaf(id, negative)));
         }
         match self.graph.node(id).clone() {
             Node::Unary(Unary::Neg, u) => {
-                tasks.push(Task::Read {
+                tasks.push(ReadTask::Read {
                     id: u,
                     negative: !negative,
                 });
@@ -278,12 +289,12 @@ impl Reader<'_> {
             }
             Node::Binary(Binary::Mul, u, v) => {
                 if let Some((set, c)) = self.scaled_set(u, v) {
-                    tasks.push(Task::Read {
+                    tasks.push(ReadTask::Read {
                         id: set,
                         negative: negative != (c < 0.0),
                     });
                 } else if !self.slab(id, [u, v], negative, steps) {
-                    steps.push(Step::Face(self.leaf(id, negative)));
+                    steps.push(FaceStep::Face(self.leaf(id, negative)));
                 }
             }
             // A signed-distance set operation has the sharp zero set of max or min; each blend is a
@@ -292,10 +303,10 @@ impl Reader<'_> {
                 Family::Sardf { is_union } => tasks.extend(pair(args[0], args[1], is_union)),
                 Family::Primitive => self.primitive(id, f, &args, negative, steps),
                 Family::Circular { .. } | Family::Displaced => {
-                    steps.push(Step::Face(self.leaf(id, negative)));
+                    steps.push(FaceStep::Face(self.leaf(id, negative)));
                 }
             },
-            _ => steps.push(Step::Face(self.leaf(id, negative))),
+            _ => steps.push(FaceStep::Face(self.leaf(id, negative))),
         }
     }
 
@@ -323,26 +334,26 @@ impl Reader<'_> {
     }
 
     /// Returns the named pieces of a face.
-    fn named(&mut self, of: Source) -> Option<Named> {
+    fn named(&mut self, of: FaceSource) -> Option<NamedTree> {
         let naming = self.naming.as_mut()?;
         match of.side {
-            Some(side) => naming.of_side(of.id, side, of.negative),
-            None => naming.of(of.id, of.negative),
+            Some(side) => naming.name_side(of.id, side, of.negative),
+            None => naming.name_node(of.id, of.negative),
         }
     }
 
     /// Creates the face with this distance and the parts of its named pieces; the one part `piece`
     /// if the face is one piece or its pieces are unknown.
-    fn face(&mut self, of: Source, piece: NodeId, distance: NodeId) -> Face {
+    fn face(&mut self, of: FaceSource, piece: NodeId, distance: NodeId) -> ShapeFace {
         let (part, tree) = match self.named(of) {
-            Some(Named::Piece { name, .. }) => self.single(name.to_string(), piece),
+            Some(NamedTree::Piece { name, .. }) => self.single(name.to_string(), piece),
             Some(named) => match self.several(&named, piece) {
                 Some(several) => several,
                 None => self.single_of(of.id, piece),
             },
             None => self.single_of(of.id, piece),
         };
-        Face {
+        ShapeFace {
             distance,
             part,
             tree,
@@ -365,9 +376,9 @@ impl Reader<'_> {
     /// Adds several parts; returns the index of the deciding one and the tree of the face. `None`
     /// if there are too many parts, or if they form the face `whole` for some values of the
     /// parameters only.
-    fn several(&mut self, named: &Named, whole: NodeId) -> Option<(NodeId, Vec<Join>)> {
+    fn several(&mut self, named: &NamedTree, whole: NodeId) -> Option<(NodeId, Vec<Join>)> {
         let roots = named.pieces();
-        if self.parts.len() + roots.len() > MOST_SPLIT {
+        if self.parts.len() + roots.len() > MAX_SPLIT_PARTS {
             return None;
         }
         let from = self.naming.as_ref()?.graph();
@@ -384,12 +395,12 @@ impl Reader<'_> {
 
     /// Returns true if the pieces together have the sign of `whole` at pseudo-random points, for
     /// pseudo-random parameters of both signs.
-    fn has_sign(&self, named: &Named, pieces: &[NodeId], whole: NodeId) -> bool {
+    fn has_sign(&self, named: &NamedTree, pieces: &[NodeId], whole: NodeId) -> bool {
         let roots: Vec<NodeId> = pieces.iter().copied().chain([whole]).collect();
         let (nx, na) = self.graph.inputs_of(&roots);
         let tape = Tape::new(self.graph, &roots, nx, na);
         let (mut random, mut scratch) = (Random::new(), Vec::new());
-        (0..SIGNS_TRIED).all(|_| {
+        (0..SIGN_SAMPLES).all(|_| {
             let (x, a) = (random.place(nx), random.place(na));
             let mut values = tape.eval_all(&x, &a, &mut scratch);
             let whole = values.pop().expect("the whole is the last one");
@@ -403,23 +414,23 @@ impl Reader<'_> {
     /// deciding part.
     fn chosen(
         &mut self,
-        named: &Named,
+        named: &NamedTree,
         pieces: &mut impl Iterator<Item = NodeId>,
         tree: &mut Vec<Join>,
-    ) -> Decided {
+    ) -> ValueAndPart {
         match named {
-            Named::Piece { name, .. } => {
+            NamedTree::Piece { name, .. } => {
                 let piece = pieces.next().expect("one for each name");
                 let (part, join) = self.single(name.to_string(), piece);
                 tree.extend(join);
                 (piece, part)
             }
-            Named::Join { is_min, children } => {
+            NamedTree::Join { is_min, children } => {
                 let (first, rest) = children.split_first().expect("a join has children");
                 let mut result = self.chosen(first, pieces, tree);
                 for child in rest {
                     let next = self.chosen(child, pieces, tree);
-                    tree.push(Join::of(*is_min));
+                    tree.push(Join::new(*is_min));
                     result = decided(self.graph, *is_min, result, next);
                 }
                 result
@@ -452,12 +463,12 @@ impl Reader<'_> {
         f: Library,
         args: &[NodeId],
         negative: bool,
-        steps: &mut Vec<Step>,
+        steps: &mut Vec<FaceStep>,
     ) {
         let rigid = self.is_rigid([args[0], args[1], args[2]]);
         let sides = f.metric(self.graph, args);
         if sides.is_empty() {
-            return steps.push(Step::Face(self.leaf(id, negative)));
+            return steps.push(FaceStep::Face(self.leaf(id, negative)));
         }
         for (k, (_, d)) in sides.into_iter().enumerate() {
             let piece = self.graph.lowered(d);
@@ -469,14 +480,14 @@ impl Reader<'_> {
                 self.first_order(piece).unwrap_or(d)
             };
             let (piece, distance) = self.signed(negative, piece, distance);
-            let side = Source {
+            let side = FaceSource {
                 id,
                 side: Some(k),
                 negative,
             };
-            steps.push(Step::Face(self.face(side, piece, distance)));
+            steps.push(FaceStep::Face(self.face(side, piece, distance)));
             if k > 0 {
-                steps.push(Step::Join { is_min: !negative });
+                steps.push(FaceStep::Join { is_min: !negative });
             }
         }
     }
@@ -490,35 +501,35 @@ impl Reader<'_> {
         id: NodeId,
         [u, v]: [NodeId; 2],
         negative: bool,
-        steps: &mut Vec<Step>,
+        steps: &mut Vec<FaceStep>,
     ) -> bool {
-        if self.parts.len() >= MOST_SPLIT {
+        if self.parts.len() >= MAX_SPLIT_PARTS {
             return false;
         }
         let Some(factor) = self.opposite(u, v) else {
             return false;
         };
         let sign = self.slab_sign(u, v, factor);
-        let name = match self.named(Source::whole(id, negative)) {
-            Some(Named::Piece { name, .. }) => name.to_string(),
+        let name = match self.named(FaceSource::whole(id, negative)) {
+            Some(NamedTree::Piece { name, .. }) => name.to_string(),
             _ => self.own_name(id),
         };
         for factor in [u, v] {
             let function = self.graph.mul(&sign, &factor);
             let face = self.slab_face(function, negative, name.clone());
-            steps.push(Step::Face(face));
+            steps.push(FaceStep::Face(face));
         }
-        steps.push(Step::Join { is_min: !negative });
+        steps.push(FaceStep::Join { is_min: !negative });
         true
     }
 
     /// Returns the face of a slab where `function` vanishes.
-    fn slab_face(&mut self, function: NodeId, negative: bool, name: String) -> Face {
+    fn slab_face(&mut self, function: NodeId, negative: bool, name: String) -> ShapeFace {
         let face = self.graph.lowered(function);
         let distance = self.first_order(face).unwrap_or(face);
         let (piece, distance) = self.signed(negative, face, distance);
         let (part, tree) = self.single(name, piece);
-        Face {
+        ShapeFace {
             distance,
             part,
             tree,
@@ -580,14 +591,14 @@ impl Reader<'_> {
 
     /// Returns the face of a node g with the distance g/|∇g|, or g if a native function prevents
     /// differentiation.
-    fn leaf(&mut self, id: NodeId, negative: bool) -> Face {
+    fn leaf(&mut self, id: NodeId, negative: bool) -> ShapeFace {
         let g = self.graph.lowered(id);
         let mut distance = self.first_order(g).unwrap_or(g);
         if self.has_r_functions(g) {
             distance = self.second_step(g, distance).unwrap_or(distance);
         }
         let (piece, distance) = self.signed(negative, g, distance);
-        self.face(Source::whole(id, negative), piece, distance)
+        self.face(FaceSource::whole(id, negative), piece, distance)
     }
 
     /// Returns a piece's function and distance, negated if the piece is subtracted.
@@ -699,14 +710,14 @@ fn random_jets(na: usize, random: &mut Random) -> ([Jet1<3>; 3], Vec<Jet1<3>>) {
 
 /// Tolerance on rᵢ·rⱼ = 0 or 1 for orthonormal rows: rounding of a few rotations stays below 1e-14,
 /// and scales of real models are never this close to 1.
-const ORTHONORMAL: f64 = 1e-9;
+const ORTHONORMALITY_TOLERANCE: f64 = 1e-9;
 
 /// Returns true if three rows are orthogonal and of unit length.
 fn is_orthonormal(rows: [Point3; 3]) -> bool {
     (0..3).all(|i| {
         (0..=i).all(|j| {
             let s: f64 = (0..3).map(|k| rows[i][k] * rows[j][k]).sum();
-            (s - f64::from(u8::from(i == j))).abs() < ORTHONORMAL
+            (s - f64::from(u8::from(i == j))).abs() < ORTHONORMALITY_TOLERANCE
         })
     })
 }

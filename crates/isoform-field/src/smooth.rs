@@ -13,22 +13,22 @@ use isoform_num::Jet1;
 
 /// Number of pairs of sample points. A pair separates the sides of a kink with probability near 1/2
 /// at scales suited to the kink, about a quarter of all scales.
-const PAIRS: usize = 160;
+const SAMPLE_PAIRS: usize = 160;
 /// Range of scales in decades, on each side of 1, which covers sizes of models and widths of
 /// blends.
-const DECADES: f64 = 3.0;
+const SCALE_DECADES: f64 = 3.0;
 /// Additional range of scales in decades in the search for kinks not found before, for models in
 /// map coordinates.
-const FAR: f64 = 5.0;
+const FAR_SCALE_DECADES: f64 = 5.0;
 /// Tolerance on the difference of the gradients on two sides, relative to the larger of 1 and the
 /// gradient; jumps in real models are of order 1.
-const SAME: f64 = 1e-4;
+const GRADIENT_TOLERANCE: f64 = 1e-4;
 /// Number of bisection steps, after which the two sides are about 1e-12 of the segment apart.
-const HALVINGS: usize = 40;
+const KINK_BISECTIONS: usize = 40;
 /// Maximum number of kinks of a formula; blends have a handful.
-const MOST_KINKS: usize = 48;
+const MAX_KINKS: usize = 48;
 /// Number of derivatives computed at once.
-const AT_ONCE: usize = 4;
+const DERIVATIVES_PER_RUN: usize = 4;
 
 /// Pseudo-random numbers from 0 to 1 with a fixed seed (Marsaglia's xorshift).
 pub(crate) struct Random(u64);
@@ -47,7 +47,7 @@ impl Random {
     }
     /// Returns a point in a cube about 0 of random size.
     pub(crate) fn place(&mut self, n: usize) -> Vec<f64> {
-        let decade = DECADES * (2.0 * self.next() - 1.0);
+        let decade = SCALE_DECADES * (2.0 * self.next() - 1.0);
         self.scaled(n, decade)
     }
     /// Returns a point in a cube about 0 with half the edge length 10^decade.
@@ -58,13 +58,13 @@ impl Random {
 }
 
 /// Formula of n inputs, with the expressions whose signs determine the sides of its kinks.
-struct Kinked {
+struct KinkedFormula {
     /// Tape of the formula and these expressions.
     tape: Tape,
     n: usize,
 }
 
-impl Kinked {
+impl KinkedFormula {
     /// Compiles the formula; `None` if it contains jumps, or too many kinks.
     fn new(mut graph: Graph, root: NodeId, n: usize) -> Option<Self> {
         let root = graph.lowered(root);
@@ -82,7 +82,7 @@ impl Kinked {
             };
             roots.push(decided);
         }
-        if roots.len() > MOST_KINKS + 1 {
+        if roots.len() > MAX_KINKS + 1 {
             return None;
         }
         Some(Self {
@@ -100,18 +100,18 @@ impl Kinked {
     fn gradient(&self, at: &[f64]) -> Option<(f64, Vec<f64>)> {
         let (mut value, mut gradient) = (0.0, Vec::with_capacity(self.n));
         let mut scratch = Vec::new();
-        for from in (0..self.n).step_by(AT_ONCE) {
-            let x: Vec<Jet1<AT_ONCE>> = at
+        for from in (0..self.n).step_by(DERIVATIVES_PER_RUN) {
+            let x: Vec<Jet1<DERIVATIVES_PER_RUN>> = at
                 .iter()
                 .enumerate()
                 .map(|(i, &v)| match i.checked_sub(from) {
-                    Some(k) if k < AT_ONCE => Jet1::variable(v, k),
+                    Some(k) if k < DERIVATIVES_PER_RUN => Jet1::variable(v, k),
                     _ => isoform_num::Real::constant(v),
                 })
                 .collect();
             let jet = self.tape.eval(&x, &[], &mut scratch);
             value = jet.v;
-            gradient.extend_from_slice(&jet.g[..AT_ONCE.min(self.n - from)]);
+            gradient.extend_from_slice(&jet.g[..DERIVATIVES_PER_RUN.min(self.n - from)]);
         }
         (value.is_finite() && gradient.iter().all(|g| g.is_finite())).then_some((value, gradient))
     }
@@ -126,7 +126,7 @@ impl Kinked {
     ) -> (Vec<f64>, Vec<f64>) {
         let at = |t: f64| -> Vec<f64> { p.iter().zip(q).map(|(p, q)| p + t * (q - p)).collect() };
         let (mut lo, mut hi) = (0.0, 1.0);
-        for _ in 0..HALVINGS {
+        for _ in 0..KINK_BISECTIONS {
             let t = 0.5 * (lo + hi);
             let v = self.values(&at(t))[k];
             // Exactly on the kink the derivatives do not belong to either side.
@@ -144,7 +144,7 @@ impl Kinked {
 }
 
 /// Observed behaviour of a formula.
-struct Seen {
+struct FormulaObservations {
     /// True for further inputs in which the formula was increasing at some sample.
     rising: Vec<bool>,
     /// True for further inputs in which the formula was decreasing at some sample.
@@ -153,7 +153,7 @@ struct Seen {
     crossed: Vec<bool>,
 }
 
-impl Seen {
+impl FormulaObservations {
     /// Records a gradient; `None` if the formula was both increasing and decreasing in one input.
     fn slopes(&mut self, gradient: &[f64]) -> Option<()> {
         let size = gradient.iter().fold(1.0, |m: f64, g| m.max(g.abs()));
@@ -171,9 +171,9 @@ impl Seen {
 
     /// Tests pairs of random points. Returns the number of pairs at which the formula is defined;
     /// `None` if it has a kink or is not monotone.
-    fn pairs(&mut self, formula: &Kinked, random: &mut Random) -> Option<usize> {
+    fn pairs(&mut self, formula: &KinkedFormula, random: &mut Random) -> Option<usize> {
         let mut usable = 0;
-        for _ in 0..PAIRS {
+        for _ in 0..SAMPLE_PAIRS {
             let (p, q) = (random.place(formula.n), random.place(formula.n));
             let (Some((_, gp)), Some((_, gq))) = (formula.gradient(&p), formula.gradient(&q))
             else {
@@ -188,10 +188,10 @@ impl Seen {
     }
 
     /// Tests kinks between a point and points far away; `None` if one does not cancel.
-    fn far_kinks(&mut self, formula: &Kinked, random: &mut Random) -> Option<()> {
+    fn far_kinks(&mut self, formula: &KinkedFormula, random: &mut Random) -> Option<()> {
         let near = random.place(formula.n);
-        for _ in 0..PAIRS {
-            let decade = DECADES + random.next() * FAR;
+        for _ in 0..SAMPLE_PAIRS {
+            let decade = SCALE_DECADES + random.next() * FAR_SCALE_DECADES;
             let far = random.scaled(formula.n, decade);
             self.kinks(formula, &near, &far)?;
         }
@@ -199,7 +199,7 @@ impl Seen {
     }
 
     /// Tests the kinks between two points; `None` if one does not cancel.
-    fn kinks(&mut self, formula: &Kinked, p: &[f64], q: &[f64]) -> Option<()> {
+    fn kinks(&mut self, formula: &KinkedFormula, p: &[f64], q: &[f64]) -> Option<()> {
         let (dp, dq) = (formula.values(p), formula.values(q));
         for k in (1..dp.len()).filter(|&k| dp[k] * dq[k] < 0.0) {
             self.crossed[k] = true;
@@ -223,15 +223,19 @@ impl Seen {
 /// distance `apart`.
 fn is_smooth_across((va, ga): (f64, &[f64]), (vb, gb): (f64, &[f64]), apart: f64) -> bool {
     let size = ga.iter().chain(gb).fold(1.0, |m: f64, g| m.max(g.abs()));
-    let jumps = (va - vb).abs() > SAME * (va.abs() + 1.0) + 2.0 * size * apart;
-    !jumps && !ga.iter().zip(gb).any(|(a, b)| (a - b).abs() > SAME * size)
+    let jumps = (va - vb).abs() > GRADIENT_TOLERANCE * (va.abs() + 1.0) + 2.0 * size * apart;
+    !jumps
+        && !ga
+            .iter()
+            .zip(gb)
+            .any(|(a, b)| (a - b).abs() > GRADIENT_TOLERANCE * size)
 }
 
 /// Tests if `root`, a formula of x, y, z and the further inputs X(3), …, is C¹ and monotone in each
 /// further input. Returns true for those in which it increases; `None` if the test fails.
 pub(crate) fn smooth_and_monotone(graph: Graph, root: NodeId, further: usize) -> Option<Vec<bool>> {
-    let formula = Kinked::new(graph, root, 3 + further)?;
-    let mut seen = Seen {
+    let formula = KinkedFormula::new(graph, root, 3 + further)?;
+    let mut seen = FormulaObservations {
         rising: vec![false; further],
         falling: vec![false; further],
         crossed: vec![false; formula.tape.n_results()],
@@ -243,5 +247,5 @@ pub(crate) fn smooth_and_monotone(graph: Graph, root: NodeId, further: usize) ->
         seen.far_kinks(&formula, &mut random)?;
     }
     // A formula that is rarely defined was not tested.
-    (usable >= PAIRS / 8).then_some(seen.falling.iter().map(|f| !f).collect())
+    (usable >= SAMPLE_PAIRS / 8).then_some(seen.falling.iter().map(|f| !f).collect())
 }

@@ -6,9 +6,9 @@
 
 use crate::block::{Block, LANES};
 use crate::graph::{Graph, Node, NodeId};
-use crate::hyperfun::{Amount, Fixed, Model, NotCompilable, ParamInfo, Place, RunError};
+use crate::hyperfun::{Amount, Fixed, Model, NotCompilable, ParamInfo, RunError, SourceToken};
 use crate::ops::{Ops, Unary};
-use crate::split::{MOST_INPUTS, Monotone, Split, SplitError, split};
+use crate::split::{MAX_BLEND_ARGUMENTS, MonotoneFunction, Split, SplitError, split};
 use crate::tape::Tape;
 use isoform_geom::{Aabb, Csg, Field, Point3, Solid};
 use isoform_num::{Interval, IntervalJet, Jet1, Jet2, Real};
@@ -102,13 +102,13 @@ pub struct Pieces {
     each: Vec<Arc<Tape>>,
     all: Tape,
     own: Tape,
-    ranges: Ranges,
+    ranges: PieceRanges,
     /// Graph of the functions of the pieces, and of the whole expression.
     graph: Graph,
     roots: Vec<NodeId>,
     root: NodeId,
     /// Positions in the program of discontinuous nodes.
-    places: Vec<(NodeId, Place)>,
+    places: Vec<(NodeId, SourceToken)>,
 }
 
 impl Pieces {
@@ -122,7 +122,7 @@ impl Pieces {
     fn with_places(
         graph: &Graph,
         root: NodeId,
-        places: &[(NodeId, Place)],
+        places: &[(NodeId, SourceToken)],
         a: &[f64],
     ) -> Result<Self, SolidError> {
         let (nx, na) = graph.inputs(root);
@@ -139,7 +139,8 @@ impl Pieces {
         let x: Vec<NodeId> = (0..3).map(|i| bound.x(i)).collect();
         let a: Vec<NodeId> = a.iter().map(|&v| bound.constant(v)).collect();
         let need = graph.reachable(&[root]);
-        let placed: Vec<&(NodeId, Place)> = places.iter().filter(|(id, _)| need[id.at()]).collect();
+        let placed: Vec<&(NodeId, SourceToken)> =
+            places.iter().filter(|(id, _)| need[id.at()]).collect();
         let ids: Vec<NodeId> = std::iter::once(root)
             .chain(placed.iter().map(|(id, _)| *id))
             .collect();
@@ -160,7 +161,7 @@ impl Pieces {
         } = split(&mut bound, root)?;
         let all = Tape::new(&bound, &pieces, 3, 0);
         let each: Vec<Arc<Tape>> = (0..pieces.len()).map(|k| all.result(k).into()).collect();
-        let ranges = Ranges::new(&bound, &pieces, &each, &monotone);
+        let ranges = PieceRanges::new(&bound, &pieces, &each, &monotone);
         Ok(Self {
             names,
             tree,
@@ -198,7 +199,7 @@ impl Pieces {
     }
 
     /// Returns the position in the program of a discontinuous node.
-    pub(crate) fn place(&self, id: NodeId) -> Option<&Place> {
+    pub(crate) fn place(&self, id: NodeId) -> Option<&SourceToken> {
         let found = self.places.iter().find(|(of, _)| *of == id)?;
         Some(&found.1)
     }
@@ -213,22 +214,22 @@ impl Pieces {
 /// independent and overestimates its range; since a blend is monotone in each argument, the ends of
 /// their ranges determine the ends of its own.
 #[derive(Clone, Debug)]
-struct Ranges {
-    steps: Vec<RangeOf>,
+struct PieceRanges {
+    steps: Vec<RangeStep>,
     functions: Vec<Tape>,
     /// Steps of each piece's range, in the order of computation; the last one is the piece itself.
     pieces: Vec<Vec<usize>>,
 }
 
 #[derive(Clone, Debug)]
-enum RangeOf {
+enum RangeStep {
     Tape(Arc<Tape>),
     Negative(usize),
     /// A function of steps; true for those in which it is increasing.
     Monotone(usize, Vec<(usize, bool)>),
 }
 
-impl RangeOf {
+impl RangeStep {
     /// Returns the steps on which it depends.
     fn inputs(&self) -> Vec<usize> {
         match self {
@@ -239,23 +240,23 @@ impl RangeOf {
     }
 }
 
-impl Ranges {
+impl PieceRanges {
     /// Determines the steps for pieces with given tapes.
     fn new(
         graph: &Graph,
         pieces: &[NodeId],
         each: &[Arc<Tape>],
-        monotone: &HashMap<NodeId, Monotone>,
+        monotone: &HashMap<NodeId, MonotoneFunction>,
     ) -> Self {
         let need = needed(graph, pieces, monotone);
         let step: HashMap<NodeId, usize> =
             need.keys().enumerate().map(|(k, &id)| (id, k)).collect();
         let tapes = tapes_of(graph, &need, pieces, each);
         let (mut functions, mut compiled) = (Vec::new(), HashMap::new());
-        let steps: Vec<RangeOf> = need
+        let steps: Vec<RangeStep> = need
             .iter()
             .map(|(id, known)| match (known, graph.node(*id)) {
-                (Some(Monotone { function, inputs }), _) => {
+                (Some(MonotoneFunction { function, inputs }), _) => {
                     let at = *compiled.entry(Rc::as_ptr(function)).or_insert_with(|| {
                         functions.push(Tape::new(
                             &function.graph,
@@ -265,7 +266,7 @@ impl Ranges {
                         ));
                         functions.len() - 1
                     });
-                    RangeOf::Monotone(
+                    RangeStep::Monotone(
                         at,
                         inputs
                             .iter()
@@ -274,8 +275,8 @@ impl Ranges {
                             .collect(),
                     )
                 }
-                (None, Node::Unary(Unary::Neg, u)) => RangeOf::Negative(step[u]),
-                _ => RangeOf::Tape(tapes[id].clone()),
+                (None, Node::Unary(Unary::Neg, u)) => RangeStep::Negative(step[u]),
+                _ => RangeStep::Tape(tapes[id].clone()),
             })
             .collect();
         let pieces = pieces.iter().map(|id| order(&steps, step[id])).collect();
@@ -288,7 +289,7 @@ impl Ranges {
 
     /// Computes the range of a piece. The steps are computed iteratively, since recursion over a
     /// long chain of them could overflow the stack.
-    fn of(&self, piece: usize, x: &[Interval; 3], scratch: &mut Vec<Interval>) -> Interval {
+    fn bounds(&self, piece: usize, x: &[Interval; 3], scratch: &mut Vec<Interval>) -> Interval {
         let order = &self.pieces[piece];
         if let [only] = order[..] {
             return self.step(only, &[], &[], x, scratch);
@@ -314,10 +315,10 @@ impl Ranges {
             ranges[at.expect("what a step uses is in its piece's order")]
         };
         match &self.steps[step] {
-            RangeOf::Tape(tape) => tape.range(x, &[], scratch),
-            RangeOf::Negative(u) => -of(u),
-            RangeOf::Monotone(function, inputs) => {
-                let mut ends = [[Interval::ALL; 3 + MOST_INPUTS]; 2];
+            RangeStep::Tape(tape) => tape.range(x, &[], scratch),
+            RangeStep::Negative(u) => -of(u),
+            RangeStep::Monotone(function, inputs) => {
+                let mut ends = [[Interval::ALL; 3 + MAX_BLEND_ARGUMENTS]; 2];
                 for (k, (input, rises)) in inputs.iter().enumerate() {
                     let range = of(input);
                     let (low, high) = if *rises {
@@ -344,9 +345,9 @@ impl Ranges {
 fn needed(
     graph: &Graph,
     pieces: &[NodeId],
-    monotone: &HashMap<NodeId, Monotone>,
-) -> BTreeMap<NodeId, Option<Monotone>> {
-    let mut need: BTreeMap<NodeId, Option<Monotone>> = BTreeMap::new();
+    monotone: &HashMap<NodeId, MonotoneFunction>,
+) -> BTreeMap<NodeId, Option<MonotoneFunction>> {
+    let mut need: BTreeMap<NodeId, Option<MonotoneFunction>> = BTreeMap::new();
     let mut pending: Vec<NodeId> = pieces.to_vec();
     while let Some(id) = pending.pop() {
         if need.contains_key(&id) {
@@ -356,7 +357,7 @@ fn needed(
             .get(&id)
             .filter(|of| of.inputs.iter().all(|&u| u < id))
             .cloned()
-            .or_else(|| Monotone::of_blend(graph, id));
+            .or_else(|| MonotoneFunction::of_blend(graph, id));
         match (&known, graph.node(id)) {
             (Some(of), _) => pending.extend(&of.inputs),
             (None, Node::Unary(Unary::Neg, u)) => pending.push(*u),
@@ -371,13 +372,13 @@ fn needed(
 /// others.
 fn tapes_of(
     graph: &Graph,
-    need: &BTreeMap<NodeId, Option<Monotone>>,
+    need: &BTreeMap<NodeId, Option<MonotoneFunction>>,
     pieces: &[NodeId],
     each: &[Arc<Tape>],
 ) -> HashMap<NodeId, Arc<Tape>> {
     let mut tapes: HashMap<NodeId, Arc<Tape>> =
         pieces.iter().copied().zip(each.iter().cloned()).collect();
-    let is_tape = |id: &NodeId, known: &Option<Monotone>| {
+    let is_tape = |id: &NodeId, known: &Option<MonotoneFunction>| {
         known.is_none() && !matches!(graph.node(*id), Node::Unary(Unary::Neg, _))
     };
     let of_tapes = need.iter().filter(|(id, known)| is_tape(id, known));
@@ -394,7 +395,7 @@ fn tapes_of(
 }
 
 /// Returns a step and all steps on which it depends, in the order of computation.
-fn order(steps: &[RangeOf], last: usize) -> Vec<usize> {
+fn order(steps: &[RangeStep], last: usize) -> Vec<usize> {
     let (mut found, mut pending) = (BTreeSet::new(), vec![last]);
     while let Some(step) = pending.pop() {
         if found.insert(step) {
@@ -504,7 +505,7 @@ fn with<T, R>(
 }
 
 /// Number of points below which evaluation one by one is cheaper than in a block.
-const FEW: usize = 4;
+const MIN_BLOCK_POINTS: usize = 4;
 
 /// Evaluates results of a tape at the points: row r of `out` is result `result(r)`.
 fn values(
@@ -515,7 +516,7 @@ fn values(
     out: &mut [f64],
 ) {
     let n = points.len();
-    if n < FEW {
+    if n < MIN_BLOCK_POINTS {
         return with(&NUMBERS, |scratch| {
             for (i, p) in points.iter().enumerate() {
                 tape.eval(p, &[], scratch);
@@ -593,7 +594,7 @@ impl Solid for Pieces {
         let x: [Interval; 3] = std::array::from_fn(|i| Interval::new(region.lo[i], region.hi[i]));
         with(&RANGES, |scratch| {
             for (&piece, out) in which.iter().zip(out) {
-                *out = self.ranges.of(piece as usize, &x, scratch);
+                *out = self.ranges.bounds(piece as usize, &x, scratch);
             }
         });
     }

@@ -72,7 +72,7 @@ pub struct Tape {
 }
 
 /// Nodes of an expression in the order of a tape, each kind in the order of creation.
-struct Order {
+struct NodeOrder {
     /// Constants, coordinates and parameters.
     inputs: Vec<NodeId>,
     /// Operations that do not depend on the coordinates.
@@ -81,7 +81,7 @@ struct Order {
     varying: Vec<NodeId>,
 }
 
-impl Order {
+impl NodeOrder {
     /// Sorts the nodes that `need` marks.
     fn new(graph: &Graph, need: &[bool]) -> Self {
         let nodes = (0..graph.len()).filter(|&i| need[i]);
@@ -110,7 +110,7 @@ impl Tape {
         let mut g = graph.clone();
         let roots = g.lowered_all(roots);
         let need = g.reachable(&roots);
-        let order = Order::new(&g, &need);
+        let order = NodeOrder::new(&g, &need);
         let constants = order.inputs.iter().filter_map(|&id| g.constant_value(id));
         let mut tape = Self::with_inputs(n_x, n_params, constants.collect());
         tape.uniform = order.uniform.len();

@@ -17,7 +17,7 @@ pub use graph::{Basis, Graph, Height};
 pub use revolved::Revolved;
 
 use crate::quadric::{NormalForm, QuadricKind};
-use crate::{Point3, Quadric, across, cross, dot, sub};
+use crate::{Point3, Quadric, cross, dot, orthonormal_complement, sub};
 use std::sync::Arc;
 
 /// Right-handed orthonormal frame: an origin and the unit vectors z and x; y = z × x.
@@ -34,7 +34,7 @@ pub struct Axes {
 impl Axes {
     /// Returns a frame with the given z direction and an arbitrary x direction.
     pub fn along(origin: Point3, z: Point3) -> Self {
-        let [x, _] = across(z);
+        let [x, _] = orthonormal_complement(z);
         Self { origin, z, x }
     }
     /// Returns the frame rotated about z so that x points as nearly along `x` as possible;
@@ -106,7 +106,7 @@ pub enum Surface {
 impl Surface {
     /// Returns the surface of a plane, sphere, cylinder, cone, torus or ellipsoid, whose frame has
     /// an arbitrary rotation about z; `None` for other quadrics.
-    pub fn of(quadric: &Quadric) -> Option<Self> {
+    pub fn from_quadric(quadric: &Quadric) -> Option<Self> {
         Some(match *quadric {
             Quadric::Plane { normal, offset } => {
                 Self::Plane(Axes::along(normal.map(|v| v * offset), normal))

@@ -13,7 +13,7 @@ const AXIS_FAR_IN_DIAGONALS: f64 = 10.0;
 
 /// Returns the origin for points in this box: its rounded centre along the axes on which that is
 /// far from zero, else zero.
-pub fn far_center(bounds: &Aabb) -> Point3 {
+pub fn recentering_origin(bounds: &Aabb) -> Point3 {
     let (center, diagonal) = (bounds.center(), bounds.diagonal());
     let far = center.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     if bounds.is_empty()
@@ -87,7 +87,7 @@ impl PointCloud {
     /// values, but without triangles.
     #[must_use]
     pub fn select(&self, which: &[u32]) -> Self {
-        fn of<T: Clone>(values: &[T], which: &[u32]) -> Vec<T> {
+        fn selected<T: Clone>(values: &[T], which: &[u32]) -> Vec<T> {
             match values.is_empty() {
                 true => Vec::new(),
                 false => which.iter().map(|i| values[*i as usize].clone()).collect(),
@@ -95,23 +95,23 @@ impl PointCloud {
         }
         let column = |c: &Column| Column {
             name: c.name.clone(),
-            values: of(&c.values, which),
+            values: selected(&c.values, which),
         };
         Self {
-            points: of(&self.points, which),
+            points: selected(&self.points, which),
             origin: self.origin,
-            normals: of(&self.normals, which),
-            colors: of(&self.colors, which),
+            normals: selected(&self.normals, which),
+            colors: selected(&self.colors, which),
             triangles: Vec::new(),
             columns: self.columns.iter().map(column).collect(),
         }
     }
     /// Returns the smallest box around the points, relative to `origin`.
     pub fn bounds(&self) -> Aabb {
-        Aabb::of(&self.points)
+        Aabb::from_points(&self.points)
     }
-    /// Moves the origin of a cloud that lies far from it to [`far_center`], as readers of files do.
-    /// Absolute positions do not change.
+    /// Moves the origin of a cloud that lies far from it to [`recentering_origin`], as readers of
+    /// files do. Absolute positions do not change.
     ///
     /// The subtraction is exact by Sterbenz's lemma: on an axis that is moved, |p − center| is at
     /// most 1.5 diagonals and |center| above 9, so that p lies between center/2 and 2·center.
@@ -127,7 +127,7 @@ impl PointCloud {
     /// ```
     #[must_use]
     pub fn recentred(self) -> Self {
-        let center = far_center(&self.bounds());
+        let center = recentering_origin(&self.bounds());
         self.about(center)
     }
     /// Moves the origin by `center` and subtracts it from the points. Absolute positions do not

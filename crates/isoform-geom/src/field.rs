@@ -189,11 +189,11 @@ pub fn normal_equations_of(
     hessian.fill(0.0);
     let mut sum = 0.0;
     // Blocks of points are stored by columns: products of whole columns are fast.
-    let mut columns = vec![[0.0; COLUMN]; m + 1];
+    let mut columns = vec![[0.0; COLUMN_POINTS]; m + 1];
     let mut weighted = columns.clone();
-    for (c, f) in f.chunks(COLUMN).enumerate() {
-        let first = c * COLUMN;
-        if f.len() < COLUMN {
+    for (c, f) in f.chunks(COLUMN_POINTS).enumerate() {
+        let first = c * COLUMN_POINTS;
+        if f.len() < COLUMN_POINTS {
             columns.iter_mut().for_each(|c| c.fill(0.0));
             weighted.iter_mut().for_each(|c| c.fill(0.0));
         }
@@ -244,10 +244,10 @@ pub fn add_normal_equations(
 
 /// Number of points whose rows are multiplied together: a column fills a few vector registers, and
 /// the columns of dozens of parameters stay within the cache.
-const COLUMN: usize = 32;
+const COLUMN_POINTS: usize = 32;
 
 /// Returns Σ aₗ bₗ, as eight partial sums that vector instructions compute at once.
-fn product(a: &[f64; COLUMN], b: &[f64; COLUMN]) -> f64 {
+fn product(a: &[f64; COLUMN_POINTS], b: &[f64; COLUMN_POINTS]) -> f64 {
     let mut sums = [0.0; 8];
     for (a, b) in a.chunks_exact(8).zip(b.chunks_exact(8)) {
         for l in 0..8 {
@@ -330,7 +330,7 @@ pub struct Edge {
 
 impl Edge {
     /// Minimum width, in units of the reach.
-    pub const LEAST: f64 = 0.75;
+    pub const MIN_WIDTH_RATIO: f64 = 0.75;
 }
 
 /// Rigid frame: its point p lies at `translation` + `rotation` p in space.
@@ -403,8 +403,8 @@ pub trait DistanceField: ParamField {
         hessian: &mut [f64],
     ) -> f64;
     /// Returns the surroundings of each point of the surface. Other faces count if they are within
-    /// `reach`; they disturb an edge if they are within twice [`Edge::LEAST`] times the reach.
-    /// Edges are found up to the distance `strip`.
+    /// `reach`; they disturb an edge if they are within twice [`Edge::MIN_WIDTH_RATIO`] times the
+    /// reach. Edges are found up to the distance `strip`.
     fn nearby(&self, places: &[Foot], a: &[f64], reach: f64, strip: f64) -> Vec<Nearby>;
     /// Computes the Laplacian of the distance from the face of each point, at the point, by
     /// differences over `step`: the sum of the principal curvatures, positive where the solid is

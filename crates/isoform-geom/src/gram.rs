@@ -19,7 +19,7 @@ use crate::{Point3, dot};
 ///
 /// // 2 u + 3 v = (2, 5, 0) for u = (1, 1, 0), v = (0, 1, 0); what is normal to both is left out.
 /// let (u, v) = ([1.0, 1.0, 0.0], [0.0, 1.0, 0.0]);
-/// assert_eq!(Gram::of(u, v).shares(u, v, [2.0, 5.0, 7.0]), [2.0, 3.0]);
+/// assert_eq!(Gram::from_vectors(u, v).shares(u, v, [2.0, 5.0, 7.0]), [2.0, 3.0]);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gram {
@@ -35,7 +35,7 @@ impl Gram {
     /// Returns the Gram matrix of two vectors.
     #[inline]
     #[must_use]
-    pub fn of(u: Point3, v: Point3) -> Self {
+    pub fn from_vectors(u: Point3, v: Point3) -> Self {
         Self {
             uu: dot(u, u),
             uv: dot(u, v),
@@ -104,14 +104,14 @@ mod tests {
     #[test]
     fn the_determinant_is_the_square_of_an_area() {
         let area = norm(cross(U, V));
-        assert!((Gram::of(U, V).determinant() - area * area).abs() < 1e-13);
+        assert!((Gram::from_vectors(U, V).determinant() - area * area).abs() < 1e-13);
     }
 
     /// Checks that the residual of r is normal to both vectors.
     #[test]
     fn shares_leave_the_normal_part() {
         let r = [0.7, 0.1, -3.0];
-        let [x, y] = Gram::of(U, V).shares(U, V, r);
+        let [x, y] = Gram::from_vectors(U, V).shares(U, V, r);
         let rest = sub(r, std::array::from_fn(|k| x * U[k] + y * V[k]));
         assert!(dot(rest, U).abs() < 1e-14 && dot(rest, V).abs() < 1e-14);
     }
@@ -119,17 +119,17 @@ mod tests {
     /// Checks the combination of two gradients with given products.
     #[test]
     fn solutions_have_the_products_that_were_asked_for() {
-        let [x, y] = Gram::of(U, V).solve([0.4, -0.9]);
+        let [x, y] = Gram::from_vectors(U, V).solve([0.4, -0.9]);
         let d: Point3 = std::array::from_fn(|k| x * U[k] + y * V[k]);
         assert!((dot(U, d) - 0.4).abs() < 1e-14 && (dot(V, d) + 0.9).abs() < 1e-14);
     }
 
     #[test]
     fn parallel_vectors_are_not_regular() {
-        let parallel = Gram::of(U, U.map(|x| -2.0 * x));
-        assert!(!parallel.is_regular(1e-12) && Gram::of(U, V).is_regular(1e-12));
-        assert!(!Gram::of([f64::NAN; 3], V).is_regular(0.0));
-        let zero = Gram::of([0.0; 3], [0.0; 3]);
+        let parallel = Gram::from_vectors(U, U.map(|x| -2.0 * x));
+        assert!(!parallel.is_regular(1e-12) && Gram::from_vectors(U, V).is_regular(1e-12));
+        assert!(!Gram::from_vectors([f64::NAN; 3], V).is_regular(0.0));
+        let zero = Gram::from_vectors([0.0; 3], [0.0; 3]);
         assert_eq!(zero.solve_bounded([0.0; 2]), [0.0; 2]);
         assert!(zero.solve([0.0; 2])[0].is_nan());
     }

@@ -4,7 +4,7 @@ use crate::point::check_points;
 use crate::{Point3, distance_squared};
 
 /// Maximum number of points per leaf. Query times for 8 to 32 differ by less than a tenth.
-const LEAF: usize = 12;
+const MAX_LEAF_POINTS: usize = 12;
 
 /// Balanced, immutable kd-tree of points. It is built deterministically; of points at equal
 /// distances the one with the lower index comes first.
@@ -92,7 +92,7 @@ impl KdTree {
         off: Point3,
         visit: &mut impl FnMut(f64, u32) -> f64,
     ) -> f64 {
-        if to - from <= LEAF {
+        if to - from <= MAX_LEAF_POINTS {
             for at in from..to {
                 let d = distance_squared(q, self.points[at]);
                 if d <= reach {
@@ -141,10 +141,10 @@ fn insert(found: &mut [(f64, u32)], item: (f64, u32)) -> f64 {
 }
 
 fn build(items: &mut [(Point3, u32)], split: &mut [u8]) {
-    if items.len() <= LEAF {
+    if items.len() <= MAX_LEAF_POINTS {
         return;
     }
-    let size = crate::Aabb::of(items.iter().map(|item| &item.0)).size();
+    let size = crate::Aabb::from_points(items.iter().map(|item| &item.0)).size();
     let axis = (0..3).fold(0, |best, i| if size[i] > size[best] { i } else { best });
     let mid = items.len() / 2;
     match axis {

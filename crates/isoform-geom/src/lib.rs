@@ -23,7 +23,7 @@ mod solid;
 mod spline;
 mod union_find;
 
-pub use cloud::{Column, PointCloud, far_center};
+pub use cloud::{Column, PointCloud, recentering_origin};
 pub use field::{
     DistanceField, Edge, Expansion, Field, Foot, Frame, Nearby, NormalEquations, ParamField, Terms,
     add_normal_equations, normal_equations_of,
@@ -39,8 +39,8 @@ pub use parts::{Parts, SmoothPart};
 pub use patch::{PatchError, RationalPatch, Tangents, bernstein};
 pub use plane::Point2;
 pub use point::{
-    Aabb, Point3, across, cross, distance_squared, distance_to_segment, dot, middle, norm,
-    on_triangle, sub,
+    Aabb, Point3, cross, distance_squared, distance_to_segment, dot, middle, norm, on_triangle,
+    orthonormal_complement, sub,
 };
 pub use quadric::{NormalForm, Quadric, QuadricKind};
 pub use rounding::{rounding, rounding_if_decimal};

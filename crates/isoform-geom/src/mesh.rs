@@ -120,6 +120,6 @@ impl Mesh {
     }
     /// Returns the smallest box around the nodes.
     pub fn bounds(&self) -> Aabb {
-        Aabb::of(&self.points)
+        Aabb::from_points(&self.points)
     }
 }

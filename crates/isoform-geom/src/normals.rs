@@ -2,7 +2,7 @@
 //!
 //! The normal at a point is the direction of least variance of its nearest neighbours (Hoppe et al.
 //! 1992). The orientation is propagated from neighbour to neighbour along the minimum spanning tree
-//! of the cost `Pair::unsafety`.
+//! of the cost `OrientationPair::unsafety`.
 
 use crate::{KdTree, Point3, UnionFind, cross, dot, norm, sub};
 use isoform_num::linalg::symmetric_eigen;
@@ -10,15 +10,15 @@ use rayon::prelude::*;
 
 /// Number of nearest neighbours to which a point propagates its orientation. Fewer split a cloud of
 /// uneven density into pieces, more connect the opposite sides of thin walls.
-const PARTNERS: usize = 8;
+const ORIENTATION_NEIGHBOURS: usize = 8;
 
 /// Largest cosine of the angle between a normal and the direction of a neighbour at which the pair
 /// counts as flat: 60° from the normal. Steeper pairs are due to noise or across a wall.
-const FLAT: f64 = 0.5;
+const MAX_FLAT_COSINE: f64 = 0.5;
 
 /// Smallest cosine of the angle between the inward normal and the direction of a point that counts
 /// as behind: 87°. Rounding and noise exceed it only if points are as close as the noise.
-const BEHIND: f64 = 0.05;
+const MIN_BEHIND_COSINE: f64 = 0.05;
 
 /// Consistency of the orientation of normals.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,7 +79,7 @@ fn plane_of(points: &[Point3], found: &[(f64, u32)]) -> (Point3, f64) {
 }
 
 /// Pair of neighbouring points.
-struct Pair {
+struct OrientationPair {
     ends: [u32; 2],
     /// Larger one of the cosines between a normal and the direction of the other point.
     steepness: f64,
@@ -92,12 +92,12 @@ struct Pair {
     is_wall: bool,
 }
 
-fn pairs(points: &[Point3], normals: &[Point3], tree: &KdTree) -> Vec<Pair> {
+fn pairs(points: &[Point3], normals: &[Point3], tree: &KdTree) -> Vec<OrientationPair> {
     (0..points.len() as u32)
         .into_par_iter()
         .with_min_len(256)
         .map_init(Vec::new, |found, i| {
-            tree.nearest_k(points[i as usize], PARTNERS + 1, found);
+            tree.nearest_k(points[i as usize], ORIENTATION_NEIGHBOURS + 1, found);
             found
                 .iter()
                 .filter(|(_, j)| *j != i)
@@ -108,7 +108,7 @@ fn pairs(points: &[Point3], normals: &[Point3], tree: &KdTree) -> Vec<Pair> {
         .collect()
 }
 
-fn pair(points: &[Point3], normals: &[Point3], ends: [u32; 2]) -> Pair {
+fn pair(points: &[Point3], normals: &[Point3], ends: [u32; 2]) -> OrientationPair {
     let [i, j] = ends.map(|e| e as usize);
     let (a, b) = (normals[i], normals[j]);
     let along = sub(points[j], points[i]);
@@ -120,14 +120,14 @@ fn pair(points: &[Point3], normals: &[Point3], ends: [u32; 2]) -> Pair {
     };
     let (straight, steep) = (dot(a, b), [dot(a, e), dot(b, e)]);
     let steepness = steep[0].abs().max(steep[1].abs());
-    Pair {
+    OrientationPair {
         ends,
         steepness,
         unsafety: steepness + 1.0 - straight.abs(),
         // On circles, across edges and through walls, the reflection of b in the perpendicular
         // bisector plane of the points is a (König and Gumhold 2009).
         is_opposite: straight - 2.0 * steep[0] * steep[1] < 0.0,
-        is_wall: straight < 0.0 && steep[0] < -BEHIND && steep[1] > BEHIND,
+        is_wall: straight < 0.0 && steep[0] < -MIN_BEHIND_COSINE && steep[1] > MIN_BEHIND_COSINE,
     }
 }
 
@@ -135,7 +135,9 @@ fn pair(points: &[Point3], normals: &[Point3], ends: [u32; 2]) -> Pair {
 /// pairs across a wall are not counted.
 pub fn agreement(points: &[Point3], normals: &[Point3], tree: &KdTree) -> f64 {
     let pairs = pairs(points, normals, tree);
-    let flat = pairs.iter().filter(|p| p.steepness < FLAT && !p.is_wall);
+    let flat = pairs
+        .iter()
+        .filter(|p| p.steepness < MAX_FLAT_COSINE && !p.is_wall);
     let (all, agree) = flat.fold((0u32, 0), |(n, m), p| {
         (n + 1, m + u32::from(!p.is_opposite))
     });

@@ -4,14 +4,14 @@ use crate::point::check_points;
 use crate::{Aabb, Point3, distance_squared};
 
 /// Indices of a cell: layer, row and position in the row.
-type Cell = [i64; 3];
+type CellIndex = [i64; 3];
 /// Relative margin of the cell size above the reach, so that rounding never places near points two
-/// cells apart. It is far above the rounding error of indices up to [`MOST_CELLS`], and too small
-/// to add noticeable work.
-const LARGER: f64 = 1e-9;
+/// cells apart. It is far above the rounding error of indices up to [`MAX_CELLS_PER_AXIS`], and too
+/// small to add noticeable work.
+const CELL_SIZE_MARGIN: f64 = 1e-9;
 /// Maximum number of cells along an axis: the relative rounding error of cell indices is then far
-/// below [`LARGER`].
-const MOST_CELLS: f64 = 1e6;
+/// below [`CELL_SIZE_MARGIN`].
+const MAX_CELLS_PER_AXIS: f64 = 1e6;
 
 /// Rows of cells after a cell's own row whose points may be near, as offsets of layer and row.
 const ROWS_AFTER: [[i64; 2]; 4] = [[0, 1], [1, -1], [1, 0], [1, 1]];
@@ -34,18 +34,18 @@ const ROWS_AFTER: [[i64; 2]; 4] = [[0, 1], [1, -1], [1, 0], [1, 1]];
 /// If there are 2³² points or more, or a coordinate is not finite.
 pub fn near_pairs(points: &[Point3], reach: f64, mut visit: impl FnMut(usize, usize, f64)) {
     check_points(points);
-    let bounds = Aabb::of(points);
-    let size = (reach * (1.0 + LARGER)).max(bounds.diagonal() / MOST_CELLS);
+    let bounds = Aabb::from_points(points);
+    let size = (reach * (1.0 + CELL_SIZE_MARGIN)).max(bounds.diagonal() / MAX_CELLS_PER_AXIS);
     // A cast maps NaN to 0: if sizes overflow, all points are in one cell.
     let number = |p: Point3, axis: usize| ((p[axis] - bounds.lo[axis]) / size) as i64;
     let cell = |p: Point3| [number(p, 2), number(p, 1), number(p, 0)];
-    let mut sorted: Vec<(Cell, u32, Point3)> = points
+    let mut sorted: Vec<(CellIndex, u32, Point3)> = points
         .iter()
         .zip(0..)
         .map(|(p, i)| (cell(*p), i, *p))
         .collect();
     sorted.sort_unstable_by_key(|item| (item.0, item.1));
-    let mut meet = |a: &(Cell, u32, Point3), b: &(Cell, u32, Point3)| {
+    let mut meet = |a: &(CellIndex, u32, Point3), b: &(CellIndex, u32, Point3)| {
         let squared = distance_squared(a.2, b.2);
         if squared <= reach * reach {
             let (i, j) = (a.1.min(b.1), a.1.max(b.1));
@@ -57,14 +57,14 @@ pub fn near_pairs(points: &[Point3], reach: f64, mut visit: impl FnMut(usize, us
     for (k, a) in sorted.iter().enumerate() {
         let [layer, row, at] = a.0;
         let own = &sorted[k + 1..];
-        let is_near = |b: &&(Cell, u32, Point3)| b.0 <= [layer, row, at + 1];
+        let is_near = |b: &&(CellIndex, u32, Point3)| b.0 <= [layer, row, at + 1];
         own.iter().take_while(is_near).for_each(|b| meet(a, b));
         for (from, [up, along]) in from.iter_mut().zip(ROWS_AFTER) {
             let beside = |at: i64| [layer + up, row + along, at];
             while sorted.get(*from).is_some_and(|b| b.0 < beside(at - 1)) {
                 *from += 1;
             }
-            let is_near = |b: &&(Cell, u32, Point3)| b.0 <= beside(at + 1);
+            let is_near = |b: &&(CellIndex, u32, Point3)| b.0 <= beside(at + 1);
             let row = sorted[*from..].iter().take_while(is_near);
             row.for_each(|b| meet(a, b));
         }

@@ -84,7 +84,7 @@ impl Tangents {
     /// assert_eq!(tangents.step_to_foot(r), (0.25, 0.5));
     /// ```
     pub fn step_to_foot(&self, r: Point3) -> (f64, f64) {
-        let gram = Gram::of(self.u, self.v);
+        let gram = Gram::from_vectors(self.u, self.v);
         let [du, dv] = gram.solve_bounded([dot(self.u, r), dot(self.v, r)]);
         (du, dv)
     }

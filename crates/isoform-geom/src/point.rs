@@ -23,13 +23,13 @@ pub fn cross(a: Point3, b: Point3) -> Point3 {
 /// orthonormal basis.
 ///
 /// ```
-/// use isoform_geom::{across, cross};
+/// use isoform_geom::{cross, orthonormal_complement};
 ///
 /// let n = [0.6, 0.0, 0.8];
-/// let [u, v] = across(n);
+/// let [u, v] = orthonormal_complement(n);
 /// assert!((0..3).all(|k| (cross(u, v)[k] - n[k]).abs() < 1e-15));
 /// ```
-pub fn across(n: Point3) -> [Point3; 2] {
+pub fn orthonormal_complement(n: Point3) -> [Point3; 2] {
     let axis = (0..3)
         .min_by(|a, b| n[*a].abs().total_cmp(&n[*b].abs()))
         .unwrap_or(0);
@@ -97,7 +97,7 @@ pub fn middle<const N: usize>(points: [Point3; N]) -> Point3 {
 /// ```
 /// use isoform_geom::Aabb;
 ///
-/// let b = Aabb::of(&[[0.0, 0.0, 0.0], [1.0, 2.0, 2.0]]);
+/// let b = Aabb::from_points(&[[0.0, 0.0, 0.0], [1.0, 2.0, 2.0]]);
 /// assert_eq!((b.center(), b.diagonal()), ([0.5, 1.0, 1.0], 3.0));
 /// assert!(Aabb::EMPTY.is_empty() && !b.is_empty());
 /// ```
@@ -117,7 +117,7 @@ impl Aabb {
     };
 
     /// Returns the smallest box around the points.
-    pub fn of<'a>(points: impl IntoIterator<Item = &'a Point3>) -> Self {
+    pub fn from_points<'a>(points: impl IntoIterator<Item = &'a Point3>) -> Self {
         let mut b = Self::EMPTY;
         for p in points {
             b.add(*p);

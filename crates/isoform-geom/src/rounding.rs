@@ -3,29 +3,29 @@
 use crate::PointCloud;
 
 /// Approximate number of coordinates that are sampled. Fewer may all be round numbers by chance.
-const SAMPLE: usize = 12_000;
+const SAMPLED_COORDINATES: usize = 12_000;
 /// Relative rounding error of single precision, 2⁻²⁴.
-const SINGLE: f64 = 1.0 / 16_777_216.0;
+const SINGLE_PRECISION_ROUNDING: f64 = 1.0 / 16_777_216.0;
 /// Largest distance of a number from the nearest single at which it counts as one, as a share of
 /// the rounding error: decimal files give nine digits of singles. One in eight other numbers counts
 /// by chance.
-const NEAR_SINGLE: f64 = 0.125;
+const SINGLE_TOLERANCE: f64 = 0.125;
 /// Smallest share of singles among the coordinates of a mesh in single precision.
-const ALL: f64 = 0.99;
+const MIN_SINGLE_FRACTION: f64 = 0.99;
 /// Percentile of the magnitudes that counts as the largest; those above may be outliers.
-const NEARLY_ALL: usize = 98;
+const MAGNITUDE_PERCENTILE: usize = 98;
 /// Number of decimal digits of a coordinate from which coordinates count as not rounded to
 /// decimals.
-const UNROUNDED: i32 = 13;
+const MIN_UNROUNDED_DIGITS: i32 = 13;
 /// Largest decimal rounding error, in diagonals of the cloud, that counts as rounding: the round
 /// numbers of a designer are coarser. A smaller value would look for exact surfaces in files with
 /// four digits; a larger one would take a part with whole millimetres for a rounded one.
-const COARSEST: f64 = 2e-5;
+const MAX_DECIMAL_ROUNDING: f64 = 2e-5;
 
 /// Returns the largest rounding error of a coordinate: that of single precision or of decimals if
 /// the coordinates show either, else that of double precision.
 pub fn rounding(scan: &PointCloud) -> f64 {
-    rounding_with(scan, COARSEST * scan.bounds().diagonal())
+    rounding_with(scan, MAX_DECIMAL_ROUNDING * scan.bounds().diagonal())
 }
 
 /// Returns the largest rounding error like [`rounding`], but counts decimals of any coarseness as
@@ -37,14 +37,14 @@ pub fn rounding_if_decimal(scan: &PointCloud) -> f64 {
 /// Returns the largest rounding error, where errors of decimals count up to `coarsest`, in model
 /// units.
 fn rounding_with(scan: &PointCloud, coarsest: f64) -> f64 {
-    let step = (3 * scan.points.len()).div_ceil(SAMPLE).max(1);
+    let step = (3 * scan.points.len()).div_ceil(SAMPLED_COORDINATES).max(1);
     let absolute = |i: usize| scan.points[i / 3][i % 3] + scan.origin[i % 3];
     let numbers = (0..3 * scan.points.len()).step_by(step).map(absolute);
     let numbers: Vec<f64> = numbers.filter(|x| *x != 0.0 && x.is_finite()).collect();
     let largest = largest(&numbers);
     let singles = numbers.iter().filter(|x| is_single(**x)).count() as f64;
-    let single = match singles >= ALL * numbers.len() as f64 {
-        true => largest * SINGLE,
+    let single = match singles >= MIN_SINGLE_FRACTION * numbers.len() as f64 {
+        true => largest * SINGLE_PRECISION_ROUNDING,
         false => 0.0,
     };
     let decimal = decimal(&numbers, largest);
@@ -59,12 +59,12 @@ fn largest(numbers: &[f64]) -> f64 {
     if sizes.is_empty() {
         return 0.0;
     }
-    let rank = (sizes.len() - 1) * NEARLY_ALL / 100;
+    let rank = (sizes.len() - 1) * MAGNITUDE_PERCENTILE / 100;
     *sizes.select_nth_unstable_by(rank, f64::total_cmp).1
 }
 
 fn is_single(x: f64) -> bool {
-    (x - f64::from(x as f32)).abs() <= NEAR_SINGLE * SINGLE * x.abs()
+    (x - f64::from(x as f32)).abs() <= SINGLE_TOLERANCE * SINGLE_PRECISION_ROUNDING * x.abs()
 }
 
 /// Returns half a unit of the last decimal of the numbers: for fixed decimals the finest of any
@@ -76,7 +76,7 @@ fn decimal(numbers: &[f64], largest: f64) -> f64 {
         digits = digits.max(of);
         finest = finest.min(last);
     }
-    if digits >= UNROUNDED || numbers.is_empty() {
+    if digits >= MIN_UNROUNDED_DIGITS || numbers.is_empty() {
         return 0.0;
     }
     let of_largest = largest.log10().floor() as i32 + 1 - digits;
@@ -108,7 +108,10 @@ mod tests {
     #[test]
     fn single_precision_is_told_also_from_decimals_of_it() {
         let exact = rounding(&sphere(|x| f64::from(x as f32)));
-        assert!((0.9..=1.0).contains(&(exact / (20.0 * SINGLE))), "{exact}");
+        assert!(
+            (0.9..=1.0).contains(&(exact / (20.0 * SINGLE_PRECISION_ROUNDING))),
+            "{exact}"
+        );
         let nine = |x: f64| format!("{:.8e}", x as f32).parse().unwrap_or(x);
         assert!((rounding(&sphere(nine)) / exact - 1.0).abs() < 0.1);
     }

@@ -185,12 +185,12 @@ fn rotate(a: &mut [f64], v: &mut [f64], n: usize, p: usize, q: usize) {
     }
     let rotation = Rotation::diagonalizing(a[p * n + p], a[q * n + q], apq);
     for row in a.chunks_mut(n) {
-        (row[p], row[q]) = rotation.of(row[p], row[q]);
+        (row[p], row[q]) = rotation.rotate(row[p], row[q]);
     }
     let (low, high) = a.split_at_mut(q * n);
     rotation.apply(&mut low[p * n..][..n], &mut high[..n]);
     for row in v.chunks_mut(n) {
-        (row[p], row[q]) = rotation.of(row[p], row[q]);
+        (row[p], row[q]) = rotation.rotate(row[p], row[q]);
     }
 }
 
@@ -213,8 +213,9 @@ impl Rotation {
         Self { cos, sin: t * cos }
     }
 
+    /// Rotates the point (x, y).
     #[inline]
-    fn of(self, x: f64, y: f64) -> (f64, f64) {
+    fn rotate(self, x: f64, y: f64) -> (f64, f64) {
         (self.cos * x - self.sin * y, self.sin * x + self.cos * y)
     }
 
@@ -222,7 +223,7 @@ impl Rotation {
     #[inline]
     pub(crate) fn apply(self, x: &mut [f64], y: &mut [f64]) {
         for (x, y) in x.iter_mut().zip(y) {
-            (*x, *y) = self.of(*x, *y);
+            (*x, *y) = self.rotate(*x, *y);
         }
     }
 }

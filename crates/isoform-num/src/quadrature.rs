@@ -2,7 +2,7 @@
 
 /// Maximum number of Newton steps per node. Four suffice from the asymptotic start; the rest only
 /// bounds the loop.
-const STEPS: usize = 20;
+const MAX_NODE_STEPS: usize = 20;
 
 /// Returns the nodes, ascending, and the weights of the rule with `n` nodes on \[0, 1\], which is
 /// exact for polynomials up to degree 2n − 1.
@@ -19,7 +19,7 @@ pub fn gauss_legendre(n: usize) -> (Vec<f64>, Vec<f64>) {
     let (mut nodes, mut weights) = (vec![0.0; n], vec![0.0; n]);
     for k in 0..n.div_ceil(2) {
         let mut x = (std::f64::consts::PI * (k as f64 + 0.75) / (n as f64 + 0.5)).cos();
-        for _ in 0..STEPS {
+        for _ in 0..MAX_NODE_STEPS {
             let (p, d) = legendre(n, x);
             let step = p / d;
             x -= step;

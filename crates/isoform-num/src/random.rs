@@ -9,10 +9,10 @@
 //! - Linear congruential: multiplier and increment of D. E. Knuth's MMIX.
 
 /// Increment of SplitMix: 2⁶⁴ divided by the golden ratio, rounded to an odd number.
-const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
+const GOLDEN_INCREMENT: u64 = 0x9E37_79B9_7F4A_7C15;
 /// Factor of the seeds of SplitMix, which spreads the states of neighbouring seeds: the multiplier
 /// of a congruential generator with good spectral properties (G. L. Steele and S. Vigna 2021).
-const SPREAD: u64 = 0xD134_2543_DE82_EF95;
+const SEED_MULTIPLIER: u64 = 0xD134_2543_DE82_EF95;
 /// State of the xorshift stream with the seed 0. Any number except 0 would serve.
 const XORSHIFT_START: u64 = 0x2545_F491_4F6C_DD1D;
 
@@ -47,7 +47,9 @@ impl Random {
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self {
-            state: seed.wrapping_mul(SPREAD).wrapping_add(GOLDEN),
+            state: seed
+                .wrapping_mul(SEED_MULTIPLIER)
+                .wrapping_add(GOLDEN_INCREMENT),
             generator: Generator::SplitMix,
         }
     }
@@ -80,7 +82,7 @@ impl Random {
     pub fn bits(&mut self) -> u64 {
         match self.generator {
             Generator::SplitMix => {
-                self.state = self.state.wrapping_add(GOLDEN);
+                self.state = self.state.wrapping_add(GOLDEN_INCREMENT);
                 let z = self.state;
                 let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
                 let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);

@@ -9,9 +9,9 @@ use crate::linalg::Rotation;
 
 /// Largest cosine of the angle of two columns that count as orthogonal: a few ulps. Rounding would
 /// keep a smaller bound from being met; a larger one costs digits of small singular values.
-const ORTHOGONAL: f64 = 1e-15;
+const ORTHOGONALITY_TOLERANCE: f64 = 1e-15;
 /// Maximum number of sweeps over all pairs of columns. Some ten are needed.
-const MOST_SWEEPS: usize = 40;
+const MAX_SWEEPS: usize = 40;
 
 /// Singular value decomposition A = U Σ Vᵀ of a matrix with N columns.
 ///
@@ -40,7 +40,7 @@ impl<C: AsRef<[f64]> + AsMut<[f64]> + Default, const N: usize> Svd<C, N> {
     pub fn new(mut columns: [C; N]) -> Self {
         let mut right: [[f64; N]; N] =
             std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
-        for _ in 0..MOST_SWEEPS {
+        for _ in 0..MAX_SWEEPS {
             if !sweep(&mut columns, &mut right) {
                 break;
             }
@@ -84,7 +84,7 @@ fn sweep<C: AsRef<[f64]> + AsMut<[f64]>, const N: usize>(
             for (x, y) in columns[p].as_ref().iter().zip(columns[q].as_ref()) {
                 (pp, qq, pq) = (pp + x * x, qq + y * y, pq + x * y);
             }
-            if pq.abs() <= ORTHOGONAL * (pp * qq).sqrt() {
+            if pq.abs() <= ORTHOGONALITY_TOLERANCE * (pp * qq).sqrt() {
                 continue;
             }
             rotated = true;

@@ -4,8 +4,10 @@
 //!
 //! The loops over lanes are compiled for several instruction sets (see [`crate::block`]).
 
-use super::{
-    CLEARLY, Finder, NEARLY, ROUNDING, SETTLED, STEPS, STRAYED, Try, aside, first_order, solve,
+use super::finder::{CLEAR_DISTANCE_RATIO, FootFinder, NearestPiece};
+use super::search::{
+    ACCEPTED_STEP_RATIO, CONVERGED_STEP_RATIO, COORDINATE_ROUNDING, FootSearch, MAX_DISTANCE_RATIO,
+    MAX_FOOT_STEPS, aside, first_order, solve,
 };
 use crate::block::{LANES, Lane, Row};
 use crate::shape::Join;
@@ -13,21 +15,13 @@ use isoform_geom::{Foot, Point3, dot, sub};
 use isoform_num::dispatch;
 
 /// Distance, in test steps, beyond which a piece has one sign in all sectors of a foot point.
-/// Sectors extend over many steps if pieces meet at sharp angles (see [`super::PARALLEL`]).
-const CLEAR: f64 = 2e3;
+/// Sectors extend over many steps if pieces meet at sharp angles (see
+/// `PARALLEL_GRAM_DETERMINANT`).
+const CLEAR_TEST_STEPS: f64 = 2e3;
 const ZERO: Row = Lane([0.0; LANES]);
 
-/// Value of the tree in each lane, and the piece that decides it; of equal pieces the first.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Nearest {
-    /// Value of the tree.
-    pub(super) value: Row,
-    /// Piece that decides.
-    pub(super) piece: [u32; LANES],
-}
-
 /// Iteration of points to their foot points on one face.
-struct Walk {
+struct FaceIteration {
     /// Points.
     p: [Row; 3],
     /// Current positions of the foot points.
@@ -40,7 +34,7 @@ struct Walk {
     done: Row,
 }
 
-impl Finder<'_> {
+impl FootFinder<'_> {
     /// Computes the first-order distances of up to [`LANES`] points from all pieces into `off`.
     pub(super) fn first_order(&mut self, points: &[Point3]) {
         let mut rows = [ZERO; 3];
@@ -61,12 +55,12 @@ impl Finder<'_> {
 
     /// Returns the piece whose distance in `off` is the tree's value, and true if all others are
     /// clearly farther.
-    pub(super) fn nearest_faces(&mut self, points: &[Point3]) -> (Nearest, [bool; LANES]) {
+    pub(super) fn nearest_faces(&mut self, points: &[Point3]) -> (NearestPiece, [bool; LANES]) {
         let nearest = self.nearest();
         let mut reach = ZERO;
         for l in 0..LANES {
             let p = points[l.min(points.len() - 1)];
-            reach.0[l] = CLEARLY * nearest.value.0[l].abs() + aside(p);
+            reach.0[l] = CLEAR_DISTANCE_RATIO * nearest.value.0[l].abs() + aside(p);
         }
         let mut near = [0; LANES];
         for off in &self.off {
@@ -77,7 +71,7 @@ impl Finder<'_> {
     }
 
     /// Evaluates the tree over the distances in `off`.
-    fn nearest(&mut self) -> Nearest {
+    fn nearest(&mut self) -> NearestPiece {
         let mut stack = std::mem::take(&mut self.nearest);
         stack.clear();
         let mut steps = self.solid.tree.iter().peekable();
@@ -89,7 +83,7 @@ impl Finder<'_> {
                     if let (Some(join), Some(first)) = (joined, stack.last_mut()) {
                         choose(first, off, &[*k; LANES], sign(join));
                     } else {
-                        stack.push(Nearest {
+                        stack.push(NearestPiece {
                             value: *off,
                             piece: [*k; LANES],
                         });
@@ -108,7 +102,7 @@ impl Finder<'_> {
     }
 
     /// Returns the first-order foot on piece k of point p, lane l of the last block of
-    /// [`Finder::first_order`].
+    /// [`FootFinder::first_order`].
     pub(super) fn first_order_foot(&mut self, k: u32, l: usize, p: Point3) -> Foot {
         Foot {
             distance: self.off[k as usize].0[l],
@@ -128,14 +122,14 @@ impl Finder<'_> {
 
     /// Returns, for each search, true if its foot point lies on the surface of the solid: the tree
     /// takes both signs in the sectors that its pieces form around the foot point.
-    pub(super) fn on_surface(&mut self, tries: &[Try]) -> Vec<bool> {
+    pub(super) fn on_surface(&mut self, tries: &[FootSearch]) -> Vec<bool> {
         let good: Vec<usize> = (0..tries.len()).filter(|&t| tries[t].good).collect();
         let mut sound = vec![false; tries.len()];
         for good in good.chunks(LANES) {
             let at: Vec<Point3> = good.iter().map(|&t| tries[t].q).collect();
             self.first_order(&at);
             let (positive, close) = self.signs(&at);
-            let own: Vec<&Try> = good.iter().map(|&t| &tries[t]).collect();
+            let own: Vec<&FootSearch> = good.iter().map(|&t| &tries[t]).collect();
             let is_on = self.has_both_signs(&own, &positive);
             for (l, &t) in good.iter().enumerate() {
                 // Pieces as close as the step may have both signs near the foot point.
@@ -154,7 +148,7 @@ impl Finder<'_> {
     fn signs(&self, at: &[Point3]) -> (Vec<u32>, [u64; LANES]) {
         let (mut reach, mut close) = (ZERO, [0; LANES]);
         for l in 0..LANES {
-            reach.0[l] = CLEAR * aside(at[l.min(at.len() - 1)]);
+            reach.0[l] = CLEAR_TEST_STEPS * aside(at[l.min(at.len() - 1)]);
         }
         let positive = self.off.iter().map(|off| {
             count_near(off, &reach, &mut close);
@@ -166,7 +160,7 @@ impl Finder<'_> {
 
     /// Returns the lanes whose tree takes both signs if their own pieces take all combinations of
     /// signs and the others keep theirs.
-    fn has_both_signs(&mut self, own: &[&Try], positive: &[u32]) -> u32 {
+    fn has_both_signs(&mut self, own: &[&FootSearch], positive: &[u32]) -> u32 {
         let most = own.iter().map(|t| t.order).max().unwrap_or(0);
         let (mut inside, mut outside) = (0, 0);
         let mut stack = Vec::new();
@@ -186,9 +180,9 @@ impl Finder<'_> {
     }
 
     /// Returns true if the tree takes both signs a step away from the foot point in lane l, like
-    /// [`Finder::has_both_signs`].
-    fn is_boundary(&mut self, t: &Try, l: usize) -> bool {
-        let count = self.solid.sheets.len();
+    /// [`FootFinder::has_both_signs`].
+    fn is_boundary(&mut self, t: &FootSearch, l: usize) -> bool {
+        let count = self.solid.pieces.len();
         let m: Vec<Point3> = (0..count).map(|k| self.normal(k, l)).collect();
         let pieces = &t.pieces[..t.order as usize];
         let normals: Vec<Point3> = pieces.iter().map(|&k| m[k as usize]).collect();
@@ -226,9 +220,9 @@ impl Finder<'_> {
         points: &[Point3],
         out: &mut [Foot],
     ) {
-        let mut walk = Walk::new(wanted, points, out);
+        let mut walk = FaceIteration::new(wanted, points, out);
         let block = self.block(k);
-        for _ in 1..STEPS {
+        for _ in 1..MAX_FOOT_STEPS {
             block.load_rows(&walk.q);
             block.forward();
             block.reverse();
@@ -243,7 +237,7 @@ impl Finder<'_> {
     }
 }
 
-impl Walk {
+impl FaceIteration {
     /// Makes the first steps of the points in `wanted`, along the normals in `feet`.
     fn new(wanted: &[u32], points: &[Point3], feet: &[Foot]) -> Self {
         let mut walk = Self {
@@ -271,9 +265,10 @@ impl Walk {
         let away = sub(p, q);
         let far = dot(away, away).sqrt();
         let size = p.iter().fold(0.0_f64, |s, v| s.max(v.abs()));
-        let has_met = self.moved.0[l] <= NEARLY * far + 1e3 * ROUNDING * size;
+        let has_met =
+            self.moved.0[l] <= ACCEPTED_STEP_RATIO * far + 1e3 * COORDINATE_ROUNDING * size;
         // A larger ratio occurs only if the first-order distance is meaningless.
-        if has_met && far <= STRAYED * foot.distance.abs() + aside(p) {
+        if has_met && far <= MAX_DISTANCE_RATIO * foot.distance.abs() + aside(p) {
             foot.distance = dot(away, normal);
             (foot.at, foot.inward, foot.order) = (q, normal, 1);
         }
@@ -300,11 +295,11 @@ fn first_order_rows_body(value: &[f64; LANES], gradient: &[Row], out: &mut [f64;
 
 dispatch! {
     /// Selects the second value in lanes in which it is less, or with the `sign` −1, greater.
-    fn choose(first: &mut Nearest, value: &Row, piece: &[u32; LANES], sign: f64) = choose_body
+    fn choose(first: &mut NearestPiece, value: &Row, piece: &[u32; LANES], sign: f64) = choose_body
 }
 
 #[inline(always)]
-fn choose_body(first: &mut Nearest, value: &Row, piece: &[u32; LANES], sign: f64) {
+fn choose_body(first: &mut NearestPiece, value: &Row, piece: &[u32; LANES], sign: f64) {
     for l in 0..LANES {
         if sign * value.0[l] < sign * first.value.0[l] {
             first.value.0[l] = value.0[l];
@@ -332,11 +327,11 @@ fn count_near_body(off: &Row, reach: &Row, near: &mut [u64; LANES]) {
 
 dispatch! {
     /// Makes one step to the foot points, from the values and gradients at q.
-    fn step(walk: &mut Walk, value: &[f64; LANES], gradient: &[Row]) = step_body
+    fn step(walk: &mut FaceIteration, value: &[f64; LANES], gradient: &[Row]) = step_body
 }
 
 #[inline(always)]
-fn step_body(walk: &mut Walk, value: &[f64; LANES], gradient: &[Row]) {
+fn step_body(walk: &mut FaceIteration, value: &[f64; LANES], gradient: &[Row]) {
     let (gx, gy, gz) = (&gradient[0].0, &gradient[1].0, &gradient[2].0);
     for l in 0..LANES {
         let p: Point3 = [walk.p[0].0[l], walk.p[1].0[l], walk.p[2].0[l]];
@@ -357,7 +352,8 @@ fn step_body(walk: &mut Walk, value: &[f64; LANES], gradient: &[Row]) {
         let size = p[0].abs().max(p[1].abs()).max(p[2].abs());
         // NaN ends the iteration; the comparison of `settle` then fails, and the foot point is
         // rejected.
-        let has_settled = moved <= SETTLED * far + ROUNDING * size || moved.is_nan();
+        let has_settled =
+            moved <= CONVERGED_STEP_RATIO * far + COORDINATE_ROUNDING * size || moved.is_nan();
         let is_done = walk.done.0[l] == 1.0;
         let keep = |old: f64, new: f64| if is_done { old } else { new };
         for x in 0..3 {

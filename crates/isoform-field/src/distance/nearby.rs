@@ -5,16 +5,17 @@
 //! The Laplacian of the distance from a face is the divergence of its unit normal, computed by
 //! differences along the surface.
 
-use super::{Finder, STRAYED, Try, first_order};
+use super::finder::FootFinder;
+use super::search::{FootSearch, MAX_DISTANCE_RATIO, first_order};
 use crate::block::LANES;
 use isoform_geom::{Edge, Foot, Nearby, Point3, cross, distance_squared, dot, norm};
 
 /// Maximum number of pieces near a point whose signs are combined, one bit of a mask for each
 /// combination. More near pieces are more than an edge.
-const MOST_NEAR: usize = 5;
-/// Masks of all combinations of signs of [`MOST_NEAR`] pieces: bit c of mask i is the sign of piece
-/// i in combination c.
-const COMBINATIONS: [u32; MOST_NEAR] = [
+const MAX_SIGN_PIECES: usize = 5;
+/// Masks of all combinations of signs of [`MAX_SIGN_PIECES`] pieces: bit c of mask i is the sign of
+/// piece i in combination c.
+const COMBINATIONS: [u32; MAX_SIGN_PIECES] = [
     0xAAAA_AAAA,
     0xCCCC_CCCC,
     0xF0F0_F0F0,
@@ -23,14 +24,14 @@ const COMBINATIONS: [u32; MOST_NEAR] = [
 ];
 
 /// Distances from a point within which edges are sought.
-struct Reach {
+struct EdgeReach {
     /// Half width of the strip along an edge.
     strip: f64,
     /// Minimum width of an edge.
     least: f64,
 }
 
-impl Finder<'_> {
+impl FootFinder<'_> {
     /// Computes [`isoform_geom::DistanceField::nearby`].
     pub(super) fn nearby(&mut self, places: &[Foot], reach: f64, strip: f64, out: &mut [Nearby]) {
         let points: Vec<Point3> = places.iter().map(|f| f.at).collect();
@@ -38,9 +39,9 @@ impl Finder<'_> {
         self.descend(&points, &mut tries);
         let sound = self.on_surface(&tries);
         let met: Vec<usize> = (0..tries.len()).filter(|&t| sound[t]).collect();
-        let reach = Reach {
+        let reach = EdgeReach {
             strip,
-            least: Edge::LEAST * reach,
+            least: Edge::MIN_WIDTH_RATIO * reach,
         };
         for met in met.chunks(LANES) {
             let at: Vec<Point3> = met.iter().map(|&t| tries[t].q).collect();
@@ -63,7 +64,7 @@ impl Finder<'_> {
         points: &[Point3],
         [reach, strip]: [f64; 2],
         out: &mut [Nearby],
-    ) -> (Vec<Try>, Vec<usize>) {
+    ) -> (Vec<FootSearch>, Vec<usize>) {
         let (mut tries, mut crowds) = (Vec::new(), Vec::new());
         for (c, chunk) in points.chunks(LANES).enumerate() {
             self.first_order(chunk);
@@ -82,9 +83,9 @@ impl Finder<'_> {
                 }
                 let count = near.len();
                 for k in self.others(&[own], l, strip).unwrap_or(near) {
-                    tries.push(Try {
-                        most: STRAYED * strip,
-                        ..Try::new(i, [own, k, k], 2, points[i])
+                    tries.push(FootSearch {
+                        most: MAX_DISTANCE_RATIO * strip,
+                        ..FootSearch::new(i, [own, k, k], 2, points[i])
                     });
                     crowds.push(count);
                 }
@@ -97,11 +98,11 @@ impl Finder<'_> {
     /// `crowd` faces within reach.
     fn edge(
         &mut self,
-        met: &Try,
+        met: &FootSearch,
         point: Point3,
         crowd: usize,
         l: usize,
-        reach: &Reach,
+        reach: &EdgeReach,
     ) -> Option<Edge> {
         let [own, other, _] = met.pieces;
         let third = self.third([own, other], l, 2.0 * reach.strip, 2.0 * reach.least);
@@ -152,7 +153,7 @@ impl Finder<'_> {
             return Some(others);
         }
         let near: Vec<u32> = own.iter().chain(&others).copied().collect();
-        if near.len() > MOST_NEAR {
+        if near.len() > MAX_SIGN_PIECES {
             return None;
         }
         let inside = self.combined(&near, l);
@@ -189,7 +190,7 @@ impl Finder<'_> {
 
     /// Computes [`isoform_geom::DistanceField::bends`].
     pub(super) fn bends(&mut self, places: &[Foot], step: f64, out: &mut [f64]) {
-        let mut by_piece: Vec<Vec<usize>> = vec![Vec::new(); self.solid.sheets.len()];
+        let mut by_piece: Vec<Vec<usize>> = vec![Vec::new(); self.solid.pieces.len()];
         for (i, foot) in places.iter().enumerate() {
             by_piece[foot.pieces[0] as usize].push(i);
         }

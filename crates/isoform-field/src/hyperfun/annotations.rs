@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 
 /// Kind of quantity of a parameter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Kind {
+pub enum QuantityKind {
     /// A coordinate along x.
     X,
     /// A coordinate along y.
@@ -30,14 +30,14 @@ pub enum Kind {
     Number,
 }
 
-const KINDS: [(&str, Kind); 7] = [
-    ("x", Kind::X),
-    ("y", Kind::Y),
-    ("z", Kind::Z),
-    ("length", Kind::Length),
-    ("angle", Kind::Angle),
-    ("ratio", Kind::Ratio),
-    ("number", Kind::Number),
+const KINDS: [(&str, QuantityKind); 7] = [
+    ("x", QuantityKind::X),
+    ("y", QuantityKind::Y),
+    ("z", QuantityKind::Z),
+    ("length", QuantityKind::Length),
+    ("angle", QuantityKind::Angle),
+    ("ratio", QuantityKind::Ratio),
+    ("number", QuantityKind::Number),
 ];
 
 /// Group of motions that a fit may apply to the whole model in addition to its parameters.
@@ -144,7 +144,7 @@ pub struct ParamInfo {
     /// The annotated name, else "a\[i\]" with i from 1.
     pub name: String,
     /// Kind of quantity.
-    pub kind: Kind,
+    pub kind: QuantityKind,
     /// Lower bound.
     pub min: Option<Amount>,
     /// Upper bound.
@@ -195,11 +195,11 @@ pub struct FileInfo {
 pub(crate) struct Annotations {
     pub(crate) file: FileInfo,
     /// Annotated parameters, by object and index.
-    params: BTreeMap<(usize, usize), Param>,
+    params: BTreeMap<(usize, usize), AnnotatedParam>,
 }
 
 #[derive(Clone, Debug)]
-pub(crate) struct Param {
+pub(crate) struct AnnotatedParam {
     info: ParamInfo,
     /// Byte range of `start=…`, or the empty range where it would be inserted; `None` if the
     /// parameter has no line of its own.
@@ -217,7 +217,7 @@ impl Annotations {
             })
             .collect()
     }
-    pub(crate) fn param(&self, object: usize, index: usize) -> Option<&Param> {
+    pub(crate) fn param(&self, object: usize, index: usize) -> Option<&AnnotatedParam> {
         self.params.get(&(object, index))
     }
 }
@@ -226,7 +226,7 @@ fn plain(index: usize) -> ParamInfo {
     ParamInfo {
         index,
         name: format!("a[{}]", index + 1),
-        kind: Kind::Number,
+        kind: QuantityKind::Number,
         min: None,
         max: None,
         start: None,
@@ -240,12 +240,12 @@ fn plain(index: usize) -> ParamInfo {
 
 /// Part of a comment with its byte offset in the source.
 #[derive(Clone, Copy)]
-struct Piece<'s> {
+struct CommentText<'s> {
     text: &'s str,
     at: u32,
 }
 
-impl<'s> Piece<'s> {
+impl<'s> CommentText<'s> {
     fn trimmed(self) -> Self {
         let start = self.text.len() - self.text.trim_start().len();
         Self {
@@ -286,7 +286,7 @@ impl<'s> Piece<'s> {
     }
 }
 
-type Read<T> = Result<T, SyntaxError>;
+type ReadResult<T> = Result<T, SyntaxError>;
 
 /// Reads the annotations in the comments; one before or inside an object belongs to it.
 pub(crate) fn read(
@@ -294,16 +294,16 @@ pub(crate) fn read(
     objects: &mut [Object],
     comments: &[(u32, u32)],
     warnings: &mut Vec<Warning>,
-) -> Read<Annotations> {
+) -> ReadResult<Annotations> {
     let mut found = Annotations::default();
-    let mut ties: Vec<(usize, usize, Piece<'_>)> = Vec::new();
-    let mut values: Vec<(usize, Piece<'_>, Piece<'_>)> = Vec::new();
+    let mut ties: Vec<(usize, usize, CommentText<'_>)> = Vec::new();
+    let mut values: Vec<(usize, CommentText<'_>, CommentText<'_>)> = Vec::new();
     let mut object = 0;
     for &(start, end) in comments {
         while object < objects.len() && objects[object].span.1 <= start {
             object += 1;
         }
-        let comment = Piece {
+        let comment = CommentText {
             text: &source.text()[start as usize..end as usize],
             at: start,
         };
@@ -312,7 +312,7 @@ pub(crate) fn read(
             continue;
         };
         let text = rest.trimmed();
-        let own = |text: Piece<'_>| Some(text.text.to_owned());
+        let own = |text: CommentText<'_>| Some(text.text.to_owned());
         match name.to_ascii_lowercase().as_str() {
             "title" => found.file.title = own(text),
             "fits" => found.file.fits = own(text),
@@ -356,7 +356,7 @@ pub(crate) fn read(
 
 /// Relative difference from a tied value below which a default of it does not cause a warning:
 /// programs show a few digits only.
-const DIGITS: f64 = 1e-3;
+const TIED_DEFAULT_TOLERANCE: f64 = 1e-3;
 
 impl Annotations {
     /// Reads `@values ARRAY of OBJECT`: the constants of a local array of this object are the
@@ -365,10 +365,11 @@ impl Annotations {
         &mut self,
         source: &Source,
         objects: &mut [Object],
-        (object, key, text): (usize, Piece<'_>, Piece<'_>),
+        (object, key, text): (usize, CommentText<'_>, CommentText<'_>),
         warnings: &mut Vec<Warning>,
-    ) -> Read<()> {
-        let fail = |piece: Piece<'_>, message: String| Err(source.error(piece.at, message, ""));
+    ) -> ReadResult<()> {
+        let fail =
+            |piece: CommentText<'_>, message: String| Err(source.error(piece.at, message, ""));
         let Some(of) = objects.get(object) else {
             return fail(text, "no object follows that has these values".to_owned());
         };
@@ -415,7 +416,9 @@ impl Annotations {
         }
         for (info, value) in self.params(template, values.len()).into_iter().zip(values) {
             let tied = info.tie.as_ref().map(|tie| tie.value(values));
-            if let Some(tied) = tied.filter(|t| (t - value).abs() > DIGITS * t.abs()) {
+            if let Some(tied) =
+                tied.filter(|t| (t - value).abs() > TIED_DEFAULT_TOLERANCE * t.abs())
+            {
                 let (line, column) = source.position(array.at);
                 let message = format!(
                     "{} is tied: it is {tied} for these values, and the {value} here does not count",
@@ -433,7 +436,7 @@ impl Annotations {
                 fixed: info.fixed.map(|_| Fixed::At(*value)),
                 ..info
             };
-            let param = Param { info, start: None };
+            let param = AnnotatedParam { info, start: None };
             if self
                 .params
                 .insert((object, param.info.index), param)
@@ -454,9 +457,15 @@ impl Annotations {
     }
 
     /// Adds a parameter of an object; fails if its index or its name is annotated already.
-    fn add(&mut self, source: &Source, key: Piece<'_>, object: usize, param: Param) -> Read<()> {
+    fn add(
+        &mut self,
+        source: &Source,
+        key: CommentText<'_>,
+        object: usize,
+        param: AnnotatedParam,
+    ) -> ReadResult<()> {
         let (index, name) = (param.info.index, &param.info.name);
-        let is_twin = |((of, _), other): (&(usize, usize), &Param)| {
+        let is_twin = |((of, _), other): (&(usize, usize), &AnnotatedParam)| {
             *of == object && other.info.name.eq_ignore_ascii_case(name)
         };
         if self.params.iter().any(is_twin) {
@@ -471,7 +480,12 @@ impl Annotations {
     }
 }
 
-fn one_of<T: Copy>(source: &Source, word: Piece<'_>, table: &[(&str, T)], what: &str) -> Read<T> {
+fn one_of<T: Copy>(
+    source: &Source,
+    word: CommentText<'_>,
+    table: &[(&str, T)],
+    what: &str,
+) -> ReadResult<T> {
     if let Some((_, v)) = table
         .iter()
         .find(|(name, _)| word.text.eq_ignore_ascii_case(name))
@@ -488,7 +502,7 @@ fn one_of<T: Copy>(source: &Source, word: Piece<'_>, table: &[(&str, T)], what: 
 }
 
 /// Reads `[at X Y Z] [turned RX RY RZ]`: the model's origin, and a rotation vector in radians.
-fn placement(source: &Source, text: Piece<'_>) -> Read<Option<Placement>> {
+fn placement(source: &Source, text: CommentText<'_>) -> ReadResult<Option<Placement>> {
     let (mut translation, mut vector, mut is_placed) = ([0.0; 3], [0.0; 3], false);
     let mut rest = text.trimmed();
     while !rest.text.is_empty() {
@@ -524,9 +538,9 @@ const KEYS: &str = "min=, max=, start=, typical=, unit=, fixed, fixed=, tie=";
 /// its tie.
 fn param<'s>(
     source: &Source,
-    text: Piece<'s>,
+    text: CommentText<'s>,
     object: &Object,
-) -> Read<(Param, Option<Piece<'s>>)> {
+) -> ReadResult<(AnnotatedParam, Option<CommentText<'s>>)> {
     let (text, description) = match text.text.find(':') {
         Some(colon) => text.split(colon, 1),
         None => text.split(text.text.len(), 0),
@@ -540,7 +554,7 @@ fn param<'s>(
         info,
         tie: None,
         in_tie: false,
-        next: Plain::Name,
+        next: NextWord::Name,
         start: None,
     };
     let mut end = target.end();
@@ -554,7 +568,7 @@ fn param<'s>(
         end = word.end();
     }
     line.check(target)?;
-    let param = Param {
+    let param = AnnotatedParam {
         start: Some(line.start.unwrap_or((end, end))),
         info: line.info,
     };
@@ -563,7 +577,7 @@ fn param<'s>(
 
 /// Meaning of the next word without `=`.
 #[derive(Clone, Copy)]
-enum Plain {
+enum NextWord {
     Name,
     Kind,
     /// Neither: the name and the kind have been read.
@@ -574,18 +588,18 @@ enum Plain {
 struct ParamLine<'a, 's> {
     source: &'a Source,
     /// The line without its description.
-    text: Piece<'s>,
+    text: CommentText<'s>,
     info: ParamInfo,
-    tie: Option<Piece<'s>>,
+    tie: Option<CommentText<'s>>,
     /// True while the expression of a tie is read, which extends over spaces up to the next key.
     in_tie: bool,
-    next: Plain,
+    next: NextWord,
     /// Byte range of `start=…`.
     start: Option<(u32, u32)>,
 }
 
 impl<'s> ParamLine<'_, 's> {
-    fn read(&mut self, word: Piece<'s>) -> Read<()> {
+    fn read(&mut self, word: CommentText<'s>) -> ReadResult<()> {
         if let Some(eq) = word.text.find('=') {
             let (key, value) = word.split(eq, 1);
             self.in_tie = false;
@@ -607,7 +621,12 @@ impl<'s> ParamLine<'_, 's> {
     }
 
     /// Reads `key=value`.
-    fn value(&mut self, word: Piece<'s>, key: Piece<'s>, value: Piece<'s>) -> Read<()> {
+    fn value(
+        &mut self,
+        word: CommentText<'s>,
+        key: CommentText<'s>,
+        value: CommentText<'s>,
+    ) -> ReadResult<()> {
         let source = self.source;
         match key.text.to_ascii_lowercase().as_str() {
             "min" => self.info.min = Some(amount(source, value)?),
@@ -629,35 +648,35 @@ impl<'s> ParamLine<'_, 's> {
     }
 
     /// Reads the parameter's name or, after it, its kind.
-    fn plain(&mut self, word: Piece<'s>) -> Read<()> {
+    fn plain(&mut self, word: CommentText<'s>) -> ReadResult<()> {
         match self.next {
-            Plain::Name if !is_name(word.text) => {
+            NextWord::Name if !is_name(word.text) => {
                 let message = format!(
                     "`{}` is no name: letters, digits and underscores",
                     word.text
                 );
                 return Err(self.source.error(word.at, message, "a name"));
             }
-            Plain::Name => {
+            NextWord::Name => {
                 self.info.name = word.text.to_owned();
-                self.next = Plain::Kind;
+                self.next = NextWord::Kind;
             }
-            Plain::Kind => {
+            NextWord::Kind => {
                 self.info.kind = one_of(self.source, word, &KINDS, "a kind of parameter")?;
-                self.next = Plain::Nothing;
+                self.next = NextWord::Nothing;
             }
-            Plain::Nothing => return Err(self.unknown(word)),
+            NextWord::Nothing => return Err(self.unknown(word)),
         }
         Ok(())
     }
 
-    fn unknown(&self, key: Piece<'_>) -> SyntaxError {
+    fn unknown(&self, key: CommentText<'_>) -> SyntaxError {
         let message = format!("`{}` is no key of @param; known are {KEYS}", key.text);
         self.source.error(key.at, message, KEYS)
     }
 
     /// Checks the consistency of the values; errors are reported at the parameter, `target`.
-    fn check(&self, target: Piece<'_>) -> Read<()> {
+    fn check(&self, target: CommentText<'_>) -> ReadResult<()> {
         let wrong = |message| Err(self.source.error(target.at, message, ""));
         let (min, max) = (self.info.min, self.info.max);
         if min.is_some_and(|min| max.is_some_and(|max| min.is_above(max))) {
@@ -686,7 +705,7 @@ fn is_name(word: &str) -> bool {
 }
 
 /// Reads `a[i]`; returns the index from 0.
-fn index(source: &Source, word: Piece<'_>, object: &Object) -> Read<usize> {
+fn index(source: &Source, word: CommentText<'_>, object: &Object) -> ReadResult<usize> {
     let inner = word
         .text
         .strip_prefix(['a', 'A'])
@@ -711,7 +730,7 @@ fn index(source: &Source, word: Piece<'_>, object: &Object) -> Read<usize> {
 }
 
 /// Reads a number, or a number followed by %, %x, %y or %z.
-fn amount(source: &Source, word: Piece<'_>) -> Read<Amount> {
+fn amount(source: &Source, word: CommentText<'_>) -> ReadResult<Amount> {
     let Some(at) = word.text.find('%') else {
         return number(source, word).map(Amount::Value);
     };
@@ -731,7 +750,7 @@ fn amount(source: &Source, word: Piece<'_>) -> Read<Amount> {
     }
 }
 
-fn number(source: &Source, word: Piece<'_>) -> Read<f64> {
+fn number(source: &Source, word: CommentText<'_>) -> ReadResult<f64> {
     match word.text.parse::<f64>() {
         Ok(v) if v.is_finite() => Ok(v),
         _ => Err(source.error(
@@ -749,15 +768,15 @@ fn resolve_ties(
     source: &Source,
     objects: &[Object],
     found: &mut Annotations,
-    ties: &[(usize, usize, Piece<'_>)],
-) -> Read<()> {
+    ties: &[(usize, usize, CommentText<'_>)],
+) -> ReadResult<()> {
     for &(object, index, text) in ties {
         let names: BTreeMap<String, usize> = found
             .params
             .range((object, 0)..(object + 1, 0))
             .map(|((_, i), p)| (p.info.name.to_ascii_lowercase(), *i))
             .collect();
-        let mut reader = Linear {
+        let mut reader = TieParser {
             source,
             text,
             at: 0,
@@ -793,12 +812,12 @@ fn resolve_ties(
 }
 
 /// Affine function of the parameters, under construction.
-struct Form {
+struct AffineForm {
     constant: f64,
     terms: BTreeMap<usize, f64>,
 }
 
-impl Form {
+impl AffineForm {
     fn scaled(mut self, k: f64) -> Self {
         self.constant *= k;
         self.terms.values_mut().for_each(|f| *f *= k);
@@ -814,16 +833,16 @@ impl Form {
 }
 
 /// Parser of the expression of a tie: sums of products of numbers and parameters.
-struct Linear<'s> {
+struct TieParser<'s> {
     source: &'s Source,
-    text: Piece<'s>,
+    text: CommentText<'s>,
     at: usize,
     names: &'s BTreeMap<String, usize>,
     n: usize,
     depth: u32,
 }
 
-impl Linear<'_> {
+impl TieParser<'_> {
     fn peek(&mut self) -> Option<char> {
         let rest = &self.text.text[self.at..];
         self.at += rest.len() - rest.trim_start().len();
@@ -836,7 +855,7 @@ impl Linear<'_> {
         }
         is
     }
-    fn fail<T>(&self, message: &str) -> Read<T> {
+    fn fail<T>(&self, message: &str) -> ReadResult<T> {
         let at = self.text.at + self.at as u32;
         Err(self.source.error(
             at,
@@ -850,7 +869,7 @@ impl Linear<'_> {
         self.at += rest.find(|c| !f(c)).unwrap_or(rest.len());
         &self.text.text[from..self.at]
     }
-    fn sum(&mut self) -> Read<Form> {
+    fn sum(&mut self) -> ReadResult<AffineForm> {
         let mut form = self.product()?;
         loop {
             if self.take('+') {
@@ -862,7 +881,7 @@ impl Linear<'_> {
             }
         }
     }
-    fn product(&mut self) -> Read<Form> {
+    fn product(&mut self) -> ReadResult<AffineForm> {
         let mut form = self.primary()?;
         loop {
             if self.take('*') {
@@ -887,16 +906,16 @@ impl Linear<'_> {
             }
         }
     }
-    fn primary(&mut self) -> Read<Form> {
+    fn primary(&mut self) -> ReadResult<AffineForm> {
         self.depth += 1;
-        if self.depth > super::MAX_DEPTH {
+        if self.depth > super::MAX_NESTING_DEPTH {
             return self.fail("nested too deep");
         }
         let form = self.inner_primary();
         self.depth -= 1;
         form
     }
-    fn inner_primary(&mut self) -> Read<Form> {
+    fn inner_primary(&mut self) -> ReadResult<AffineForm> {
         if self.take('-') {
             return Ok(self.primary()?.scaled(-1.0));
         }
@@ -917,7 +936,7 @@ impl Linear<'_> {
             _ => self.fail("a number or a parameter expected"),
         }
     }
-    fn number(&mut self) -> Read<Form> {
+    fn number(&mut self) -> ReadResult<AffineForm> {
         let from = self.at;
         self.while_(|c| c.is_ascii_digit() || c == '.');
         let digits = self.at;
@@ -931,7 +950,7 @@ impl Linear<'_> {
             }
         }
         match self.text.text[from..self.at].parse::<f64>() {
-            Ok(constant) if constant.is_finite() => Ok(Form {
+            Ok(constant) if constant.is_finite() => Ok(AffineForm {
                 constant,
                 terms: BTreeMap::new(),
             }),
@@ -940,7 +959,7 @@ impl Linear<'_> {
     }
 
     /// Reads a parameter, by its name or as `a[i]`.
-    fn parameter(&mut self) -> Read<Form> {
+    fn parameter(&mut self) -> ReadResult<AffineForm> {
         let from = self.at;
         let name = self
             .while_(|c| c.is_alphanumeric() || c == '_')
@@ -953,14 +972,14 @@ impl Linear<'_> {
                 return self.fail(&format!("no parameter `{name}`"));
             }
         };
-        Ok(Form {
+        Ok(AffineForm {
             constant: 0.0,
             terms: BTreeMap::from([(index, 1.0)]),
         })
     }
 
     /// Reads `i]`; returns the index from 0.
-    fn index(&mut self) -> Read<usize> {
+    fn index(&mut self) -> ReadResult<usize> {
         let i = self.while_(|c| c.is_ascii_digit());
         let i = i.parse::<usize>().unwrap_or(0);
         if !self.take(']') || i == 0 || i > self.n {

@@ -55,7 +55,7 @@ impl Operator {
         ("or", Self::Or),
     ];
     /// Returns the operator with a given spelling.
-    pub(crate) fn of(text: &str) -> Option<Self> {
+    pub(crate) fn from_text(text: &str) -> Option<Self> {
         Self::ALL
             .iter()
             .find(|(t, _)| *t == text)

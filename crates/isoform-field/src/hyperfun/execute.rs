@@ -1,32 +1,34 @@
 //! Executor of programs, which defines the semantics of the language for every machine.
 
 use super::ast::{Argument, ArrayRef, Expr, Link, Object, Operator, Statement};
-use super::functions::{Arguments, Call, Formula, Function, Run, Sentinel, Shape};
-use super::machine::{EPS, Machine};
-use super::{MOST_NODES, Mode, Program};
+use super::functions::{
+    ArgumentShape, Arguments, Call, Formula, Function, Implementation, SENTINEL, Sentinel,
+};
+use super::machine::{Machine, TRUTH_TOLERANCE};
+use super::{MAX_EXPRESSION_NODES, Mode, Program};
 use crate::library::Library;
 use crate::ops::{Binary, SetOp, Unary};
 use std::cell::RefCell;
 
 /// Cause of the early end of a run, with a byte offset in the program.
 #[derive(Debug)]
-pub(crate) enum Stop {
+pub(crate) enum RunStop {
     /// The program is in error.
     Error { at: u32, message: String },
     /// A value is required that the machine does not know.
     Unknown { at: u32, why: String },
 }
 
-type Outcome<T> = Result<T, Box<Stop>>;
+type Outcome<T> = Result<T, Box<RunStop>>;
 
 fn error<T>(at: u32, message: impl Into<String>) -> Outcome<T> {
-    Err(Box::new(Stop::Error {
+    Err(Box::new(RunStop::Error {
         at,
         message: message.into(),
     }))
 }
 fn unknown<T>(at: u32, why: impl Into<String>) -> Outcome<T> {
-    Err(Box::new(Stop::Unknown {
+    Err(Box::new(RunStop::Unknown {
         at,
         why: why.into(),
     }))
@@ -160,7 +162,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         if self.m().is_too_large() {
             return unknown(
                 at,
-                format!("the expression has more than {MOST_NODES} nodes"),
+                format!("the expression has more than {MAX_EXPRESSION_NODES} nodes"),
             );
         }
         if self.steps <= self.limit {
@@ -444,7 +446,7 @@ impl<'p, M: Machine> Executor<'p, M> {
             Operator::GreaterEq => compare(m, Binary::LessEq, v, u),
             Operator::Equal | Operator::NotEqual => {
                 let d = m.sub(u, v);
-                let (d, eps) = (m.abs(&d), m.constant(EPS));
+                let (d, eps) = (m.abs(&d), m.constant(TRUTH_TOLERANCE));
                 if link.operator == Operator::Equal {
                     compare(m, Binary::Less, &d, &eps)
                 } else {
@@ -543,20 +545,27 @@ impl<'p, M: Machine> Executor<'p, M> {
         let mut args = Arguments::<M::V>::default();
         let items = self.arguments(object, arguments, &mut args)?;
         // Each item of an array causes a formula, whose expression remains in memory.
-        self.step(at, if M::CHECKED { items } else { ITEM_COST * items })?;
+        self.step(
+            at,
+            if M::CHECKED {
+                items
+            } else {
+                STEPS_PER_ITEM * items
+            },
+        )?;
         // In the default mode the parser rejects such arguments.
         if self.is_strict() && entry.has_wrong_point(arguments) {
             return Ok(self.m().constant(SENTINEL));
         }
         self.m().stands_at(at);
         let v = match entry.run {
-            Run::Primitive(library, sentinel) => {
+            Implementation::Primitive(library, sentinel) => {
                 let v = self.primitive(entry, &args, library, sentinel);
                 self.m()
                     .suggest(&v, || part_name(object, entry.names[0], arguments));
                 v
             }
-            Run::Formula(run) => self.formula(at, run, &args)?,
+            Implementation::Formula(run) => self.formula(at, run, &args)?,
         };
         if M::CHECKED && !self.is_strict() && self.is_unusable(entry, &args, &v) {
             let name = entry.names[0];
@@ -602,7 +611,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         flat.clear();
         for (i, (_, shape)) in entry.arguments.iter().enumerate() {
             match &args.numbers[i] {
-                Some(v) if *shape == Shape::Number => flat.push(v.clone()),
+                Some(v) if *shape == ArgumentShape::Number => flat.push(v.clone()),
                 _ => {
                     let start = args.arrays[i].0;
                     flat.extend(self.memory[start..start + 3].iter().flatten().cloned());
@@ -659,10 +668,7 @@ impl<'p, M: Machine> Executor<'p, M> {
 /// Number of steps charged per array item passed to a function in the construction of an
 /// expression: about the number of nodes that it creates. The maximum is 150 nodes per 9 items, for
 /// triangles.
-const ITEM_COST: usize = 16;
-
-/// Value that the reference implementation returns for invalid arguments.
-pub(crate) const SENTINEL: f64 = -1111111111111.0;
+const STEPS_PER_ITEM: usize = 16;
 
 /// Returns the name of an inline primitive: that of its centre if it is a local array, else that of
 /// the function without "hf".
@@ -678,9 +684,13 @@ fn part_name(object: &Object, function: &str, arguments: &[Argument]) -> String 
     }
 }
 
-/// Returns u / v; an error if v is known to be 0, in strict mode if |v| < EPS.
+/// Returns u / v; an error if v is known to be 0, in strict mode if |v| < TRUTH_TOLERANCE.
 fn quotient<M: Machine>(m: &mut M, at: u32, strict: bool, u: &M::V, v: &M::V) -> Outcome<M::V> {
-    let least = if strict { EPS } else { f64::MIN_POSITIVE };
+    let least = if strict {
+        TRUTH_TOLERANCE
+    } else {
+        f64::MIN_POSITIVE
+    };
     if M::CHECKED && m.known(v).is_some_and(|v| v.abs() < least) {
         return error(at, "division by zero");
     }
@@ -710,8 +720,8 @@ fn negation<M: Machine>(m: &mut M, condition: &M::V) -> M::V {
     m.boolean(n)
 }
 
-/// Returns u ^ v: an integer power if v − ⌊v⌋ < EPS, else exp(v ln u). In strict mode u counts as 0
-/// if |u| < EPS.
+/// Returns u ^ v: an integer power if v − ⌊v⌋ < TRUTH_TOLERANCE, else exp(v ln u). In strict mode u
+/// counts as 0 if |u| < TRUTH_TOLERANCE.
 fn power<M: Machine>(
     m: &mut M,
     at: u32,
@@ -723,16 +733,16 @@ fn power<M: Machine>(
     let Some(exponent) = m.known(v) else {
         return Ok(open_power(m, strict, u, v));
     };
-    let whole = exponent - exponent.floor() < EPS;
+    let whole = exponent - exponent.floor() < TRUTH_TOLERANCE;
     if M::CHECKED
         && let Some(base) = m.known(u)
     {
         let is_zero = if strict {
-            base.abs() < EPS
+            base.abs() < TRUTH_TOLERANCE
         } else {
             base == 0.0
         };
-        if is_zero && exponent <= EPS {
+        if is_zero && exponent <= TRUTH_TOLERANCE {
             return error(at, "power of zero with an exponent that is not positive");
         }
         if is_zero && strict {
@@ -775,9 +785,9 @@ fn with_slope<M: Machine>(m: &mut M, u: &M::V, v: &M::V, value: f64, p: &M::V) -
     m.add(p, &change)
 }
 
-/// Returns 0 where |u| < EPS, else p.
+/// Returns 0 where |u| < TRUTH_TOLERANCE, else p.
 fn flattened<M: Machine>(m: &mut M, u: &M::V, p: &M::V) -> M::V {
-    let (size, eps, zero) = (m.abs(u), m.constant(EPS), m.constant(0.0));
+    let (size, eps, zero) = (m.abs(u), m.constant(TRUTH_TOLERANCE), m.constant(0.0));
     let c = m.less(&size, &eps);
     m.select(&c, &zero, p)
 }
@@ -789,7 +799,7 @@ fn open_power<M: Machine>(m: &mut M, strict: bool, u: &M::V, v: &M::V) -> M::V {
         m.constant(0.0),
         m.constant(1.0),
         m.constant(f64::NAN),
-        m.constant(EPS),
+        m.constant(TRUTH_TOLERANCE),
     );
     let positive = m.less(&zero, u);
     let size = m.abs(u);

@@ -61,11 +61,11 @@ const SYMBOLS: [&str; 24] = [
 ];
 
 /// Length in bytes from which names are rejected, as by the reference implementation.
-const MAX_NAME: usize = 256;
+const MAX_NAME_LENGTH: usize = 256;
 
 /// The kind of a token, with its value.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Kind {
+pub(crate) enum TokenKind {
     Word(Word),
     Name,
     Number(f64),
@@ -80,7 +80,7 @@ pub(crate) enum Kind {
 /// A token and its byte range in the text.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Token {
-    pub(crate) kind: Kind,
+    pub(crate) kind: TokenKind,
     pub(crate) start: u32,
     pub(crate) end: u32,
 }
@@ -114,7 +114,7 @@ pub(crate) fn tokens(source: &Source) -> (Vec<Token>, Vec<(u32, u32)>) {
     }
     let end = bytes.len() as u32;
     found.push(Token {
-        kind: Kind::End,
+        kind: TokenKind::End,
         start: end,
         end,
     });
@@ -122,7 +122,7 @@ pub(crate) fn tokens(source: &Source) -> (Vec<Token>, Vec<(u32, u32)>) {
 }
 
 /// Reads the first token of a text; returns its kind and its length in bytes.
-fn token(text: &str) -> (Kind, usize) {
+fn token(text: &str) -> (TokenKind, usize) {
     let bytes = text.as_bytes();
     match bytes[0] {
         b'a'..=b'z' | b'A'..=b'Z' => word(text),
@@ -131,35 +131,35 @@ fn token(text: &str) -> (Kind, usize) {
         b'"' => {
             let end = bytes[1..].iter().position(|&b| b == b'"' || b == b'\n');
             match end {
-                Some(n) if bytes[1 + n] == b'"' => (Kind::Text, n + 2),
-                _ => (Kind::Unknown, 1),
+                Some(n) if bytes[1 + n] == b'"' => (TokenKind::Text, n + 2),
+                _ => (TokenKind::Unknown, 1),
             }
         }
         _ => match SYMBOLS.iter().find(|s| text.starts_with(**s)) {
-            Some(symbol) => (Kind::Symbol(symbol), symbol.len()),
+            Some(symbol) => (TokenKind::Symbol(symbol), symbol.len()),
             None => {
                 let length = text.chars().next().map_or(1, char::len_utf8);
-                (Kind::Unknown, length)
+                (TokenKind::Unknown, length)
             }
         },
     }
 }
 
 /// Reads a reserved word or a name; returns its kind and its length in bytes.
-fn word(text: &str) -> (Kind, usize) {
+fn word(text: &str) -> (TokenKind, usize) {
     let is_part = |b: &u8| b.is_ascii_alphanumeric() || *b == b'_';
     let length = text.bytes().take_while(is_part).count();
     let name = &text[..length];
     let kind = match WORDS.iter().find(|(w, _)| name.eq_ignore_ascii_case(w)) {
-        Some((_, word)) => Kind::Word(*word),
-        None if length >= MAX_NAME => Kind::Unknown,
-        None => Kind::Name,
+        Some((_, word)) => TokenKind::Word(*word),
+        None if length >= MAX_NAME_LENGTH => TokenKind::Unknown,
+        None => TokenKind::Name,
     };
     (kind, length)
 }
 
 /// Reads a number; returns its kind and its length in bytes.
-fn number_token(text: &str) -> (Kind, usize) {
+fn number_token(text: &str) -> (TokenKind, usize) {
     let length = number_end(text.as_bytes(), 0);
     (number(&text[..length]), length)
 }
@@ -186,10 +186,10 @@ fn number_end(bytes: &[u8], start: usize) -> usize {
 }
 
 /// Converts a number with correct rounding; `Unknown` if it exceeds the range of f64.
-fn number(text: &str) -> Kind {
+fn number(text: &str) -> TokenKind {
     match text.parse::<f64>() {
-        Ok(v) if v.is_finite() => Kind::Number(v),
-        _ => Kind::Unknown,
+        Ok(v) if v.is_finite() => TokenKind::Number(v),
+        _ => TokenKind::Unknown,
     }
 }
 
@@ -197,7 +197,7 @@ fn number(text: &str) -> Kind {
 mod tests {
     use super::*;
 
-    fn kinds(text: &str) -> Vec<Kind> {
+    fn kinds(text: &str) -> Vec<TokenKind> {
         tokens(&Source::new(text))
             .0
             .into_iter()
@@ -216,22 +216,34 @@ mod tests {
             ("2E+3", 2000.0),
             ("1.5e2", 150.0),
         ] {
-            assert_eq!(kinds(text), [Kind::Number(value), Kind::End], "{text}");
+            assert_eq!(
+                kinds(text),
+                [TokenKind::Number(value), TokenKind::End],
+                "{text}"
+            );
         }
-        assert_eq!(kinds("2e")[0], Kind::Number(2.0));
-        assert_eq!(kinds("1e999")[0], Kind::Unknown);
-        assert_eq!(kinds("1e999999999999999999999")[0], Kind::Unknown);
+        assert_eq!(kinds("2e")[0], TokenKind::Number(2.0));
+        assert_eq!(kinds("1e999")[0], TokenKind::Unknown);
+        assert_eq!(kinds("1e999999999999999999999")[0], TokenKind::Unknown);
     }
 
     #[test]
     fn two_dashes_comment_to_the_end_of_the_line() {
         assert_eq!(
             kinds("a--b\n;"),
-            [Kind::Word(Word::A), Kind::Symbol(";"), Kind::End]
+            [
+                TokenKind::Word(Word::A),
+                TokenKind::Symbol(";"),
+                TokenKind::End
+            ]
         );
         assert_eq!(
             kinds("- -"),
-            [Kind::Symbol("-"), Kind::Symbol("-"), Kind::End]
+            [
+                TokenKind::Symbol("-"),
+                TokenKind::Symbol("-"),
+                TokenKind::End
+            ]
         );
     }
 
@@ -240,12 +252,12 @@ mod tests {
         assert_eq!(
             kinds("é?_\"x"),
             [
-                Kind::Unknown,
-                Kind::Unknown,
-                Kind::Unknown,
-                Kind::Unknown,
-                Kind::Word(Word::X),
-                Kind::End
+                TokenKind::Unknown,
+                TokenKind::Unknown,
+                TokenKind::Unknown,
+                TokenKind::Unknown,
+                TokenKind::Word(Word::X),
+                TokenKind::End
             ]
         );
     }

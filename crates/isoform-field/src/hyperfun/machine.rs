@@ -1,16 +1,17 @@
 //! Machines that run a program: immediate evaluation ([`Direct`]) or construction of its expression
 //! ([`Symbolic`]).
 
-use super::MOST_NODES;
+use super::MAX_EXPRESSION_NODES;
+use crate::direct::Direct;
 use crate::graph::{Graph, Node, NodeId};
 use crate::jumps::jumps;
 use crate::library::{Library, Native};
-use crate::ops::{Binary, Direct, Ops, SetOp, Unary};
+use crate::ops::{Binary, Ops, SetOp, Unary};
 use isoform_num::Real;
 use std::collections::{BTreeMap, HashSet};
 
-/// HyperFun's tolerance: truth is |v| ≥ EPS, equality |u − v| < EPS.
-pub(crate) const EPS: f64 = 1e-6;
+/// HyperFun's tolerance: truth is |v| ≥ TRUTH_TOLERANCE, equality |u − v| < TRUTH_TOLERANCE.
+pub(crate) const TRUTH_TOLERANCE: f64 = 1e-6;
 
 /// Operations that the executor needs in addition to formulas.
 pub(crate) trait Machine: Ops + 'static {
@@ -46,7 +47,7 @@ pub(crate) trait Machine: Ops + 'static {
         if self.is_boolean(v) {
             return v.clone();
         }
-        let (eps, size) = (self.constant(EPS), self.abs(v));
+        let (eps, size) = (self.constant(TRUTH_TOLERANCE), self.abs(v));
         let t = self.less_eq(&eps, &size);
         self.boolean(t)
     }
@@ -123,7 +124,7 @@ impl Machine for Symbolic {
         }
     }
     fn is_too_large(&self) -> bool {
-        self.graph.len() > MOST_NODES
+        self.graph.len() > MAX_EXPRESSION_NODES
     }
     fn same(&self, a: &NodeId, b: &NodeId) -> bool {
         a == b

@@ -30,31 +30,31 @@ mod source;
 mod sums;
 mod uses;
 
-pub use annotations::{Amount, FileInfo, Fixed, Kind, ParamInfo, Pose, Tie};
+pub use annotations::{Amount, FileInfo, Fixed, ParamInfo, Pose, QuantityKind, Tie};
 pub use functions::{FunctionHelp, library};
 pub use print::Placement;
 pub use source::{SyntaxError, Warning};
 
+use crate::direct::Direct;
 use crate::graph::{Graph, NodeId};
-use crate::ops::Direct;
 use annotations::Annotations;
 use ast::Object;
-use execute::{Executor, Stop};
+use execute::{Executor, RunStop};
 use isoform_num::Real;
-pub(crate) use machine::EPS;
 use machine::Symbolic;
+pub(crate) use machine::TRUTH_TOLERANCE;
 use source::Source;
 use std::fmt;
 
 /// Maximum nesting depth of expressions, statements and calls of objects together. The executor
 /// recurses to this depth, which fits into 2 MiB of stack and far exceeds what programs need.
-pub(crate) const MAX_DEPTH: u32 = 200;
+pub(crate) const MAX_NESTING_DEPTH: u32 = 200;
 
 /// Maximum number of items in all arrays of a program: 16 MB of memory per evaluation.
-pub(crate) const MAX_ITEMS: u64 = 1_000_000;
+pub(crate) const MAX_ARRAY_ITEMS: u64 = 1_000_000;
 
 /// Maximum length of a program, in bytes.
-const MAX_SOURCE: usize = 1 << 26;
+const MAX_SOURCE_LENGTH: usize = 1 << 26;
 
 /// Default limit on the steps (operations and statements) of an evaluation, or of the construction
 /// of an expression ([`Model::set_step_limit`]). An evaluation reaches it in less than a second, a
@@ -64,7 +64,7 @@ pub const STEP_LIMIT: u64 = 50_000_000;
 /// Maximum number of nodes of an expression, about 2 GB of memory, beyond which compilation is
 /// aborted. A primitive has about ten nodes; an endless loop creates nodes until memory is
 /// exhausted.
-pub(crate) const MOST_NODES: usize = 12_000_000;
+pub(crate) const MAX_EXPRESSION_NODES: usize = 12_000_000;
 
 /// Name of the object that is evaluated by default.
 pub const DEFAULT_OBJECT: &str = "my_model";
@@ -163,7 +163,7 @@ pub struct NotCompilable {
 
 /// Word or operator of a program with its position. Lines and columns count from 1.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct SourceToken {
     /// Line number.
     pub line: usize,
     /// Column number, in characters.
@@ -216,10 +216,10 @@ impl Model {
     /// Reads and checks a program as [`Model::parse`] does, with a given precedence of set
     /// operators.
     pub fn parse_with(text: &str, mode: Mode, precedence: Precedence) -> Result<Self, SyntaxError> {
-        if text.len() > MAX_SOURCE {
+        if text.len() > MAX_SOURCE_LENGTH {
             return Err(Source::new("").error(
                 0,
-                format!("the program is longer than {MAX_SOURCE} bytes"),
+                format!("the program is longer than {MAX_SOURCE_LENGTH} bytes"),
                 "",
             ));
         }
@@ -353,8 +353,8 @@ impl Model {
     }
 
     /// Converts the cause of a run's end into an error with its position in the program.
-    fn run_error(&self, stop: Stop) -> RunError {
-        let (Stop::Error { at, message } | Stop::Unknown { at, why: message }) = stop;
+    fn run_error(&self, stop: RunStop) -> RunError {
+        let (RunStop::Error { at, message } | RunStop::Unknown { at, why: message }) = stop;
         let (line, column) = self.program.source.position(at);
         RunError {
             line,
@@ -396,7 +396,7 @@ impl Model {
     pub(crate) fn compile_with_places(
         &self,
         graph: &mut Graph,
-    ) -> Result<(NodeId, Vec<(NodeId, Place)>), NotCompilable> {
+    ) -> Result<(NodeId, Vec<(NodeId, SourceToken)>), NotCompilable> {
         let (nx, na, ns) = (self.dimension(), self.n_params(), self.chosen().n_s());
         let x: Vec<NodeId> = (0..nx).map(|i| graph.x(i)).collect();
         let a: Vec<NodeId> = (0..na).map(|i| graph.param(i)).collect();
@@ -414,8 +414,8 @@ impl Model {
         let placed = |(id, at): (NodeId, u32)| (id, self.program.source.place(at));
         let result = result.map(|root| (root, places.into_iter().map(placed).collect()));
         result.map_err(|stop| {
-            let fails = is_certain && matches!(*stop, Stop::Error { .. });
-            let (Stop::Error { at, message: why } | Stop::Unknown { at, why }) = *stop;
+            let fails = is_certain && matches!(*stop, RunStop::Error { .. });
+            let (RunStop::Error { at, message: why } | RunStop::Unknown { at, why }) = *stop;
             let (line, column) = self.program.source.position(at);
             NotCompilable {
                 line,
@@ -529,7 +529,7 @@ impl BlockEvaluator<'_> {
                 .executor
                 .begin(object, x.as_ref(), a, &evaluator.s);
         }
-        let mut stopped: Vec<Option<Box<Stop>>> = points.iter().map(|_| None).collect();
+        let mut stopped: Vec<Option<Box<RunStop>>> = points.iter().map(|_| None).collect();
         for statement in 0..model.chosen().body.len() {
             for (evaluator, stopped) in each.iter_mut().zip(&mut stopped) {
                 if stopped.is_none() {

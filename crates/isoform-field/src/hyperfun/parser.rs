@@ -8,17 +8,17 @@
 use super::ast::{
     Argument, Array, ArrayRef, Expr, HEAD_ARRAYS, Level, Link, Object, Operator, Statement,
 };
-use super::functions::{self, Shape};
-use super::lexer::{Kind, Token, Word};
+use super::functions::{self, ArgumentShape};
+use super::lexer::{Token, TokenKind, Word};
 use super::source::{Source, SyntaxError, Warning};
-use super::{MAX_DEPTH, MAX_ITEMS, Mode, Precedence};
+use super::{MAX_ARRAY_ITEMS, MAX_NESTING_DEPTH, Mode, Precedence};
 use std::collections::HashMap;
 
-type Parsed<T> = Result<T, SyntaxError>;
+type ParseResult<T> = Result<T, SyntaxError>;
 
 /// Meaning of a name in an object.
 #[derive(Clone, Copy)]
-enum Name {
+enum NameMeaning {
     Variable(u32),
     Array(ArrayRef),
 }
@@ -29,7 +29,7 @@ pub(crate) fn parse(
     (tokens, comments): (&[Token], &[(u32, u32)]),
     mode: Mode,
     precedence: Precedence,
-) -> Parsed<(Vec<Object>, Vec<Warning>)> {
+) -> ParseResult<(Vec<Object>, Vec<Warning>)> {
     let mut parser = Parser {
         source,
         tokens,
@@ -49,7 +49,7 @@ pub(crate) fn parse(
         deepest: 0,
         warnings: Vec::new(),
     };
-    while parser.kind() != Kind::End || parser.objects.is_empty() {
+    while parser.kind() != TokenKind::End || parser.objects.is_empty() {
         let object = parser.object()?;
         parser
             .object_names
@@ -75,7 +75,7 @@ struct Parser<'s> {
     /// Index of each object, by name.
     object_names: HashMap<String, u32>,
     /// Names defined in the present object.
-    names: HashMap<String, Name>,
+    names: HashMap<String, NameMeaning>,
     /// Name of the present object.
     own_name: String,
     /// Arrays of the present object.
@@ -99,7 +99,7 @@ impl Parser<'_> {
         self.tokens[self.at]
     }
     /// Returns the kind of the present token.
-    fn kind(&self) -> Kind {
+    fn kind(&self) -> TokenKind {
         self.token().kind
     }
     /// Returns the byte offset of the present token.
@@ -109,7 +109,7 @@ impl Parser<'_> {
     /// Advances to the next token; returns the present one.
     fn advance(&mut self) -> Token {
         let token = self.token();
-        if token.kind != Kind::End {
+        if token.kind != TokenKind::End {
             self.at += 1;
         }
         token
@@ -121,18 +121,18 @@ impl Parser<'_> {
     }
     /// Returns true if the present token is the given symbol.
     fn is_symbol(&self, symbol: &str) -> bool {
-        matches!(self.kind(), Kind::Symbol(s) if s == symbol)
+        matches!(self.kind(), TokenKind::Symbol(s) if s == symbol)
     }
     /// Returns true if the present token is the given reserved word.
     fn is_word(&self, word: Word) -> bool {
-        self.kind() == Kind::Word(word)
+        self.kind() == TokenKind::Word(word)
     }
 
     /// Returns the text of the present token for messages.
     fn found(&self) -> String {
         let token = self.token();
         match token.kind {
-            Kind::End => "the end of the program".to_owned(),
+            TokenKind::End => "the end of the program".to_owned(),
             _ => {
                 let text = &self.source.text()[token.start as usize..token.end as usize];
                 let short: String = text.chars().take(40).flat_map(char::escape_debug).collect();
@@ -142,7 +142,7 @@ impl Parser<'_> {
     }
     /// Returns the error that something else was expected. If a comment has hidden an intended
     /// operand, the message says so.
-    fn expected<T>(&self, what: &str) -> Parsed<T> {
+    fn expected<T>(&self, what: &str) -> ParseResult<T> {
         if let Some(at) = self.swallowed(self.at) {
             let (line, column) = self.source.position(at);
             let message = format!(
@@ -164,7 +164,7 @@ impl Parser<'_> {
         let before = self.tokens[token.checked_sub(1)?];
         let ends_operand = matches!(
             before.kind,
-            Kind::Number(_) | Kind::Name | Kind::Symbol("]" | ")")
+            TokenKind::Number(_) | TokenKind::Name | TokenKind::Symbol("]" | ")")
         );
         let next = self.comments.partition_point(|c| c.0 < before.end);
         let &(start, end) = self.comments.get(next).filter(|_| ends_operand)?;
@@ -195,15 +195,15 @@ impl Parser<'_> {
     /// Returns the meaning of the present token if it is a reserved name.
     fn reserved(&self) -> Option<&'static str> {
         match self.kind() {
-            Kind::Word(word) => Some(word.meaning()),
-            Kind::Name if functions::find(&self.text()).is_some() => {
+            TokenKind::Word(word) => Some(word.meaning()),
+            TokenKind::Name if functions::find(&self.text()).is_some() => {
                 Some("a function of the library")
             }
             _ => None,
         }
     }
     /// Returns the error that a name was expected, with the meaning of a reserved one in its place.
-    fn expected_name<T>(&self, what: &str) -> Parsed<T> {
+    fn expected_name<T>(&self, what: &str) -> ParseResult<T> {
         match self.reserved() {
             Some(meaning) => self.fail(
                 self.start(),
@@ -216,11 +216,11 @@ impl Parser<'_> {
         }
     }
     /// Returns an error at a byte offset.
-    fn fail<T>(&self, at: u32, message: impl Into<String>) -> Parsed<T> {
+    fn fail<T>(&self, at: u32, message: impl Into<String>) -> ParseResult<T> {
         Err(self.source.error(at, message, ""))
     }
     /// Reads a symbol; `what` is its name in the message if it is missing.
-    fn symbol(&mut self, symbol: &str, what: &str) -> Parsed<()> {
+    fn symbol(&mut self, symbol: &str, what: &str) -> ParseResult<()> {
         if self.is_symbol(symbol) {
             self.advance();
             return Ok(());
@@ -228,7 +228,7 @@ impl Parser<'_> {
         self.expected(what)
     }
     /// Reads a reserved word; `what` is its name in the message if it is missing.
-    fn word(&mut self, word: Word, what: &str) -> Parsed<()> {
+    fn word(&mut self, word: Word, what: &str) -> ParseResult<()> {
         if self.is_word(word) {
             self.advance();
             return Ok(());
@@ -236,7 +236,7 @@ impl Parser<'_> {
         self.expected(what)
     }
     /// Parses one nesting level deeper.
-    fn nested<T>(&mut self, inner: impl FnOnce(&mut Self) -> Parsed<T>) -> Parsed<T> {
+    fn nested<T>(&mut self, inner: impl FnOnce(&mut Self) -> ParseResult<T>) -> ParseResult<T> {
         self.go_deeper(1)?;
         self.depth += 1;
         let result = inner(self);
@@ -245,11 +245,13 @@ impl Parser<'_> {
     }
     /// Records a depth of nesting; fails beyond the limit, which prevents stack overflow in
     /// evaluation.
-    fn go_deeper(&mut self, by: u32) -> Parsed<()> {
-        if self.depth + by > MAX_DEPTH {
+    fn go_deeper(&mut self, by: u32) -> ParseResult<()> {
+        if self.depth + by > MAX_NESTING_DEPTH {
             return self.fail(
                 self.start(),
-                format!("nested more than {MAX_DEPTH} levels deep (calls of objects included)"),
+                format!(
+                    "nested more than {MAX_NESTING_DEPTH} levels deep (calls of objects included)"
+                ),
             );
         }
         self.deepest = self.deepest.max(self.depth + by);
@@ -257,9 +259,9 @@ impl Parser<'_> {
     }
 
     /// Reads an object: name head { array declarations, statements, name = expression; }
-    fn object(&mut self) -> Parsed<Object> {
+    fn object(&mut self) -> ParseResult<Object> {
         let start = self.start();
-        if self.kind() != Kind::Name {
+        if self.kind() != TokenKind::Name {
             return self.expected_name("the name of an object");
         }
         let name = self.text();
@@ -288,7 +290,7 @@ impl Parser<'_> {
         let first_variable = self.memory;
         let body = self.block()?;
         let result_at = self.start();
-        if self.kind() != Kind::Name || self.text() != name {
+        if self.kind() != TokenKind::Name || self.text() != name {
             return self.expected(&format!("a statement or the result `{name} = ...`"));
         }
         self.advance();
@@ -313,7 +315,7 @@ impl Parser<'_> {
     }
 
     /// Reads a head: (x\[n\], a\[n\] \[, s\[n\]\]); returns true if it declares s.
-    fn head(&mut self) -> Parsed<bool> {
+    fn head(&mut self) -> ParseResult<bool> {
         self.symbol("(", "left parenthesis `(`")?;
         self.word(Word::X, "the coordinates `x[...]`")?;
         self.head_array("x", 1)?;
@@ -339,16 +341,16 @@ impl Parser<'_> {
         Ok(has_s)
     }
     /// Reads the size of an array of the head.
-    fn head_array(&mut self, name: &str, least: u32) -> Parsed<()> {
+    fn head_array(&mut self, name: &str, least: u32) -> ParseResult<()> {
         self.symbol("[", "left bracket `[`")?;
         let len = self.size(least)?;
         self.declare(name, len)?;
         self.symbol("]", "right bracket `]`")
     }
     /// Reads the size of an array: a number, rounded to the nearest integer.
-    fn size(&mut self, least: u32) -> Parsed<u32> {
+    fn size(&mut self, least: u32) -> ParseResult<u32> {
         let at = self.start();
-        let Kind::Number(value) = self.kind() else {
+        let TokenKind::Number(value) = self.kind() else {
             return self.expected("the size, a number");
         };
         let size = (value + 0.5).floor();
@@ -358,10 +360,10 @@ impl Parser<'_> {
                 format!("the size must be at least {least}, not {value}"),
             );
         }
-        if size > MAX_ITEMS as f64 || self.items + size as u64 > MAX_ITEMS {
+        if size > MAX_ARRAY_ITEMS as f64 || self.items + size as u64 > MAX_ARRAY_ITEMS {
             return self.fail(
                 at,
-                format!("the arrays of a program may have {MAX_ITEMS} items in all"),
+                format!("the arrays of a program may have {MAX_ARRAY_ITEMS} items in all"),
             );
         }
         self.advance();
@@ -369,7 +371,7 @@ impl Parser<'_> {
         Ok(size as u32)
     }
     /// Adds an array to the memory of the object.
-    fn declare(&mut self, name: &str, len: u32) -> Parsed<()> {
+    fn declare(&mut self, name: &str, len: u32) -> ParseResult<()> {
         let array = ArrayRef {
             id: self.arrays.len() as u32,
             start: self.memory,
@@ -380,14 +382,15 @@ impl Parser<'_> {
             name: name.to_owned(),
             len,
         });
-        self.names.insert(name.to_owned(), Name::Array(array));
+        self.names
+            .insert(name.to_owned(), NameMeaning::Array(array));
         Ok(())
     }
     /// Reads name\[size\] (, name\[size\])* ; after the word `array`.
-    fn declaration(&mut self) -> Parsed<()> {
+    fn declaration(&mut self) -> ParseResult<()> {
         loop {
             let at = self.start();
-            if self.kind() != Kind::Name {
+            if self.kind() != TokenKind::Name {
                 return self.expected_name("the name of an array");
             }
             let name = self.text();
@@ -419,14 +422,14 @@ impl Parser<'_> {
     }
 
     /// Reads statements, up to a token that cannot begin one.
-    fn block(&mut self) -> Parsed<Vec<Statement>> {
+    fn block(&mut self) -> ParseResult<Vec<Statement>> {
         let mut statements = Vec::new();
         loop {
             let statement = match self.kind() {
-                Kind::Word(Word::If) => self.nested(Self::if_statement)?,
-                Kind::Word(Word::While) => self.nested(Self::while_statement)?,
-                Kind::Word(Word::S) => self.assignment()?,
-                Kind::Name => {
+                TokenKind::Word(Word::If) => self.nested(Self::if_statement)?,
+                TokenKind::Word(Word::While) => self.nested(Self::while_statement)?,
+                TokenKind::Word(Word::S) => self.assignment()?,
+                TokenKind::Name => {
                     let name = self.text();
                     if name == self.own_name || functions::find(&name).is_some() {
                         self.check_assigned()?;
@@ -443,11 +446,11 @@ impl Parser<'_> {
         }
     }
     /// Fails at an assignment to a reserved name, which cannot begin a statement.
-    fn check_assigned(&self) -> Parsed<()> {
+    fn check_assigned(&self) -> ParseResult<()> {
         let next = self.tokens.get(self.at + 1).map(|t| t.kind);
-        let is_item = matches!(self.kind(), Kind::Word(Word::X | Word::A));
-        let is_assigned = matches!(next, Some(Kind::Symbol("=")))
-            || (is_item && matches!(next, Some(Kind::Symbol("["))));
+        let is_item = matches!(self.kind(), TokenKind::Word(Word::X | Word::A));
+        let is_assigned = matches!(next, Some(TokenKind::Symbol("=")))
+            || (is_item && matches!(next, Some(TokenKind::Symbol("["))));
         match self.reserved().filter(|_| is_assigned) {
             Some(meaning) => self.fail(
                 self.start(),
@@ -462,7 +465,7 @@ impl Parser<'_> {
     }
 
     /// Reads if condition then block \[else block\] endif;
-    fn if_statement(&mut self) -> Parsed<Statement> {
+    fn if_statement(&mut self) -> ParseResult<Statement> {
         let at = self.advance().start;
         let condition = self.condition()?.0;
         self.word(Word::Then, "`then`")?;
@@ -491,7 +494,7 @@ impl Parser<'_> {
     }
 
     /// Reads while condition loop block endloop;
-    fn while_statement(&mut self) -> Parsed<Statement> {
+    fn while_statement(&mut self) -> ParseResult<Statement> {
         let at = self.advance().start;
         let condition = self.condition()?.0;
         self.word(Word::Loop, "`loop`")?;
@@ -506,12 +509,12 @@ impl Parser<'_> {
     }
 
     /// Reads name = expression; or array\[index\] = expression; or array = \[numbers\];
-    fn assignment(&mut self) -> Parsed<Statement> {
+    fn assignment(&mut self) -> ParseResult<Statement> {
         let name = self.text();
         let is_attributes = self.is_word(Word::S);
         let start = self.advance().start;
         let statement = match self.names.get(&name).copied() {
-            Some(Name::Array(array)) if self.is_symbol("[") => {
+            Some(NameMeaning::Array(array)) if self.is_symbol("[") => {
                 self.advance();
                 let index = self.nested(Self::expr)?;
                 self.symbol("]", "right bracket `]`")?;
@@ -522,7 +525,7 @@ impl Parser<'_> {
                     value: self.expr()?,
                 }
             }
-            Some(Name::Array(array)) => {
+            Some(NameMeaning::Array(array)) => {
                 self.symbol("=", "`[` or `=`")?;
                 if is_attributes && !self.is_symbol("[") {
                     let found = self.found();
@@ -545,7 +548,7 @@ impl Parser<'_> {
                 // The variable is defined after its value: a name is undefined in its own first
                 // value.
                 let slot = match known {
-                    Some(Name::Variable(slot)) => slot,
+                    Some(NameMeaning::Variable(slot)) => slot,
                     _ => self.new_variable(name)?,
                 };
                 Statement::Assign { slot, value }
@@ -555,16 +558,16 @@ impl Parser<'_> {
         Ok(statement)
     }
     /// Reserves a slot in memory for a new variable.
-    fn new_variable(&mut self, name: String) -> Parsed<u32> {
+    fn new_variable(&mut self, name: String) -> ParseResult<u32> {
         let slot = self.memory;
         self.memory += 1;
-        self.names.insert(name.clone(), Name::Variable(slot));
+        self.names.insert(name.clone(), NameMeaning::Variable(slot));
         self.variables.push(name);
         Ok(slot)
     }
 
     /// Reads \[ number, … \] with exactly `len` signed numbers.
-    fn literal(&mut self, len: u32) -> Parsed<Vec<f64>> {
+    fn literal(&mut self, len: u32) -> ParseResult<Vec<f64>> {
         self.symbol("[", "left bracket `[`")?;
         let mut values = Vec::new();
         for i in 0..len {
@@ -578,7 +581,7 @@ impl Parser<'_> {
             if negative || self.is_symbol("+") {
                 self.advance();
             }
-            let Kind::Number(value) = self.kind() else {
+            let TokenKind::Number(value) = self.kind() else {
                 return self.expected("a number");
             };
             self.advance();
@@ -591,9 +594,9 @@ impl Parser<'_> {
     /// Returns the operator of the present token, if `those` accepts it.
     fn operator(&self, those: impl Fn(Operator) -> bool) -> Option<Operator> {
         let operator = match self.kind() {
-            Kind::Symbol(symbol) => Operator::of(symbol)?,
-            Kind::Word(Word::And) => Operator::And,
-            Kind::Word(Word::Or) => Operator::Or,
+            TokenKind::Symbol(symbol) => Operator::from_text(symbol)?,
+            TokenKind::Word(Word::And) => Operator::And,
+            TokenKind::Word(Word::Or) => Operator::Or,
             _ => return None,
         };
         those(operator).then_some(operator)
@@ -604,8 +607,8 @@ impl Parser<'_> {
         &mut self,
         those: impl Fn(Operator) -> bool,
         first: Expr,
-        mut operand: impl FnMut(&mut Self) -> Parsed<Expr>,
-    ) -> Parsed<Expr> {
+        mut operand: impl FnMut(&mut Self) -> ParseResult<Expr>,
+    ) -> ParseResult<Expr> {
         let mut rest = Vec::new();
         while let Some(operator) = self.operator(&those) {
             let at = self.advance().start;
@@ -627,7 +630,7 @@ impl Parser<'_> {
 
     /// Reads a condition; returns it, and true if it is a plain expression. A plain expression in
     /// parentheses may begin a longer one: `(x[1]+1)*2 > 3`.
-    fn condition(&mut self) -> Parsed<(Expr, bool)> {
+    fn condition(&mut self) -> ParseResult<(Expr, bool)> {
         let (first, plain) = self.comparison()?;
         let plain = plain && self.operator(|o| o.level() == Level::Logic).is_none();
         Ok((
@@ -640,7 +643,7 @@ impl Parser<'_> {
         ))
     }
     /// Reads expressions joined by comparisons; returns them, and true for a plain expression.
-    fn comparison(&mut self) -> Parsed<(Expr, bool)> {
+    fn comparison(&mut self) -> ParseResult<(Expr, bool)> {
         let (first, plain) = self.condition_primary()?;
         let plain = plain && self.operator(|o| o.level() == Level::Comparison).is_none();
         Ok((
@@ -654,7 +657,7 @@ impl Parser<'_> {
     }
     /// Reads not condition, (condition), or an expression; returns it, and true for a plain
     /// expression.
-    fn condition_primary(&mut self) -> Parsed<(Expr, bool)> {
+    fn condition_primary(&mut self) -> ParseResult<(Expr, bool)> {
         let at = self.start();
         if self.is_word(Word::Not) {
             self.advance();
@@ -679,11 +682,11 @@ impl Parser<'_> {
     }
 
     /// Reads an expression.
-    fn expr(&mut self) -> Parsed<Expr> {
+    fn expr(&mut self) -> ParseResult<Expr> {
         self.expr_from(None)
     }
     /// Reads an expression, whose first primary may have been read already.
-    fn expr_from(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
+    fn expr_from(&mut self, begun: Option<Expr>) -> ParseResult<Expr> {
         let first = self.sum(begun)?;
         if self.precedence == Precedence::Documented {
             return self.chain(|o| o.is_set_operator(), first, |p| p.sum(None));
@@ -693,19 +696,19 @@ impl Parser<'_> {
     }
     /// Reads a sum of products; set operators have equal precedence unless the documented one is
     /// requested.
-    fn sum(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
+    fn sum(&mut self, begun: Option<Expr>) -> ParseResult<Expr> {
         let first = self.product(begun)?;
         let only_sums = self.precedence == Precedence::Documented;
         let here = |o: Operator| o.level() == Level::Sum && !(only_sums && o.is_set_operator());
         self.chain(here, first, |p| p.product(None))
     }
     /// Reads powers joined by * and /.
-    fn product(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
+    fn product(&mut self, begun: Option<Expr>) -> ParseResult<Expr> {
         let first = self.power(begun)?;
         self.chain(|o| o.level() == Level::Product, first, |p| p.power(None))
     }
     /// Reads primaries joined by ^, from left to right.
-    fn power(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
+    fn power(&mut self, begun: Option<Expr>) -> ParseResult<Expr> {
         let first = match begun {
             Some(expr) => expr,
             None => self.unary()?,
@@ -714,11 +717,11 @@ impl Parser<'_> {
     }
 
     /// Reads a signed primary, a parenthesis, a number, or a named primary.
-    fn unary(&mut self) -> Parsed<Expr> {
+    fn unary(&mut self) -> ParseResult<Expr> {
         let token = self.token();
         let at = token.start;
         match token.kind {
-            Kind::Symbol(sign @ ("+" | "-" | "~")) => {
+            TokenKind::Symbol(sign @ ("+" | "-" | "~")) => {
                 self.advance();
                 Ok(Expr::Sign {
                     at,
@@ -726,23 +729,23 @@ impl Parser<'_> {
                     operand: Box::new(self.nested(Self::unary)?),
                 })
             }
-            Kind::Symbol("(") => {
+            TokenKind::Symbol("(") => {
                 self.advance();
                 let inner = Box::new(self.nested(Self::expr)?);
                 self.symbol(")", "right parenthesis `)`")?;
                 Ok(Expr::Group { at, inner })
             }
-            Kind::Number(value) => {
+            TokenKind::Number(value) => {
                 self.advance();
                 Ok(Expr::Number { at, value })
             }
-            Kind::Name | Kind::Word(Word::X | Word::A | Word::S) => self.named(at),
+            TokenKind::Name | TokenKind::Word(Word::X | Word::A | Word::S) => self.named(at),
             _ => self.expected("an expression"),
         }
     }
 
     /// Reads a call of a function or an object, a variable, or an item of an array.
-    fn named(&mut self, at: u32) -> Parsed<Expr> {
+    fn named(&mut self, at: u32) -> ParseResult<Expr> {
         let name = self.text();
         if let Some(function) = functions::find(&name) {
             self.advance();
@@ -751,7 +754,7 @@ impl Parser<'_> {
         let next_is_parenthesis = matches!(
             self.tokens.get(self.at + 1),
             Some(Token {
-                kind: Kind::Symbol("("),
+                kind: TokenKind::Symbol("("),
                 ..
             })
         );
@@ -763,11 +766,11 @@ impl Parser<'_> {
                 self.advance();
                 self.call(at, object)
             }
-            (Some(Name::Variable(slot)), _) => {
+            (Some(NameMeaning::Variable(slot)), _) => {
                 self.advance();
                 Ok(Expr::Variable { at, slot })
             }
-            (Some(Name::Array(array)), _) => {
+            (Some(NameMeaning::Array(array)), _) => {
                 self.advance();
                 self.symbol("[", "left bracket `[`")?;
                 let index = Box::new(self.nested(Self::expr)?);
@@ -782,7 +785,7 @@ impl Parser<'_> {
         }
     }
     /// Returns the error that a name is undefined.
-    fn unassigned<T>(&self, at: u32, name: &str, called: bool) -> Parsed<T> {
+    fn unassigned<T>(&self, at: u32, name: &str, called: bool) -> ParseResult<T> {
         let message = if name == self.own_name {
             format!("`{name}` is the result of this object and has no value here")
         } else if called {
@@ -794,7 +797,7 @@ impl Parser<'_> {
     }
 
     /// Reads the arguments of a library function and checks them against its signature.
-    fn function(&mut self, at: u32, function: u16) -> Parsed<Expr> {
+    fn function(&mut self, at: u32, function: u16) -> ParseResult<Expr> {
         self.symbol("(", "left parenthesis `(`")?;
         let shapes = functions::entry(function).arguments;
         let mut arguments = Vec::with_capacity(shapes.len());
@@ -803,7 +806,7 @@ impl Parser<'_> {
             if i > 0 {
                 self.symbol(",", &format!("comma `,` and the argument `{what}`"))?;
             }
-            if *shape == Shape::Number {
+            if *shape == ArgumentShape::Number {
                 arguments.push(Argument::Number(self.nested(Self::expr)?));
                 continue;
             }
@@ -829,13 +832,13 @@ impl Parser<'_> {
     }
 
     /// Reads the bare name of an array.
-    fn array_argument(&mut self, what: &str) -> Parsed<(u32, ArrayRef)> {
+    fn array_argument(&mut self, what: &str) -> ParseResult<(u32, ArrayRef)> {
         let at = self.start();
         let name = match self.kind() {
-            Kind::Name | Kind::Word(Word::X | Word::A | Word::S) => self.text(),
+            TokenKind::Name | TokenKind::Word(Word::X | Word::A | Word::S) => self.text(),
             _ => return self.expected(&format!("the name of an array for `{what}`")),
         };
-        let Some(Name::Array(array)) = self.names.get(&name).copied() else {
+        let Some(NameMeaning::Array(array)) = self.names.get(&name).copied() else {
             return self.expected(&format!("the name of an array for `{what}`"));
         };
         self.advance();
@@ -849,7 +852,7 @@ impl Parser<'_> {
     }
 
     /// Reads the arguments of an object defined before: whole arrays of the sizes in its head.
-    fn call(&mut self, at: u32, object: u32) -> Parsed<Expr> {
+    fn call(&mut self, at: u32, object: u32) -> ParseResult<Expr> {
         let called = &self.objects[object as usize];
         let (depth, name) = (called.depth, called.name.clone());
         let wanted: Vec<(String, u32)> = called.arrays[..HEAD_ARRAYS]

@@ -5,7 +5,7 @@ use super::ast::{ArrayRef, Expr, HEAD_ARRAYS, Link, Object, Operator, Statement}
 use super::print::Placement;
 
 /// Tolerance on the orthonormality of the rows of a rotation: rounding of products of rotations.
-const ORTHONORMAL: f64 = 1e-12;
+const ROTATION_TOLERANCE: f64 = 1e-12;
 
 /// Affine function of x, y and z: its linear part, and its value at the origin.
 type Affine = ([f64; 3], f64);
@@ -145,7 +145,7 @@ fn placement(rows: &[Affine; 3]) -> Option<Placement> {
     let axes = rows.map(|row| row.0.map(|v| v * scale));
     let is_unit = |i: usize, j: usize| {
         let wanted = if i == j { 1.0 } else { 0.0 };
-        (dot(&axes[i], &axes[j]) - wanted).abs() <= ORTHONORMAL
+        (dot(&axes[i], &axes[j]) - wanted).abs() <= ROTATION_TOLERANCE
     };
     let [x, y, z] = axes;
     let volume = x[0] * (y[1] * z[2] - y[2] * z[1])

@@ -2,7 +2,7 @@
 
 use super::ast::{Argument, ArrayRef, Expr, HEAD_ARRAYS, Object, Statement};
 use super::functions;
-use super::lexer::{self, Kind};
+use super::lexer::{self, TokenKind};
 use super::{DEFAULT_OBJECT, Program};
 use std::fmt::Write;
 
@@ -156,10 +156,10 @@ fn placed(p: &str, at: &Placement) -> String {
 }
 
 /// List of replacements of byte ranges of a text.
-type Changes = Vec<((u32, u32), String)>;
+type TextReplacements = Vec<((u32, u32), String)>;
 
 /// Applies the replacements to a text.
-fn changed(text: &str, mut changes: Changes) -> String {
+fn changed(text: &str, mut changes: TextReplacements) -> String {
     changes.sort();
     let mut out = String::with_capacity(text.len() + 32 * changes.len());
     let mut done = 0;
@@ -173,13 +173,13 @@ fn changed(text: &str, mut changes: Changes) -> String {
 }
 
 /// Returns the replacements that rename an object: in its head, its result and its calls.
-fn renamed(program: &Program, object: usize, new: &str) -> Changes {
+fn renamed(program: &Program, object: usize, new: &str) -> TextReplacements {
     let (chosen, text) = (&program.objects[object], program.source.text());
     let tokens = lexer::tokens(&program.source).0;
     let is_place = |pair: &&[lexer::Token]| {
         let word = &text[pair[0].start as usize..pair[0].end as usize];
-        let is_name = pair[0].kind == Kind::Name && word.eq_ignore_ascii_case(&chosen.name);
-        let is_called = pair[1].kind == Kind::Symbol("(");
+        let is_name = pair[0].kind == TokenKind::Name && word.eq_ignore_ascii_case(&chosen.name);
+        let is_called = pair[1].kind == TokenKind::Symbol("(");
         is_name && (is_called || pair[0].start == chosen.result_at)
     };
     let places = tokens.windows(2).filter(is_place);

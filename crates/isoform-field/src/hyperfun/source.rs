@@ -1,6 +1,6 @@
 //! The program text and positions in it.
 
-use super::Place;
+use super::SourceToken;
 use std::fmt;
 
 /// The text of a program without a byte order mark, with the starts of its lines.
@@ -41,7 +41,7 @@ impl Source {
         (line, column + 1)
     }
     /// Returns the word or operator at a byte offset.
-    pub(crate) fn place(&self, offset: u32) -> Place {
+    pub(crate) fn place(&self, offset: u32) -> SourceToken {
         let (line, column) = self.position(offset);
         let rest = &self.text[offset as usize..];
         let is_word = |c: char| c.is_alphanumeric() || c == '_';
@@ -51,7 +51,7 @@ impl Source {
         } else {
             rest.find(|c| !is_operator(c))
         };
-        Place {
+        SourceToken {
             line,
             column,
             text: rest[..end.unwrap_or(rest.len())].to_owned(),
@@ -72,14 +72,14 @@ impl Source {
         &self,
         offset: u32,
         message: impl Into<String>,
-        expected: impl Into<String>,
+        hint: impl Into<String>,
     ) -> SyntaxError {
         let (line, column) = self.position(offset);
         SyntaxError {
             line,
             column,
             message: message.into(),
-            expected: expected.into(),
+            hint: hint.into(),
         }
     }
 }
@@ -93,8 +93,8 @@ pub struct SyntaxError {
     pub column: usize,
     /// Description of the error.
     pub message: String,
-    /// Expected token or construct; empty if unspecified.
-    pub expected: String,
+    /// Suggested remedy; empty if the message implies it.
+    pub hint: String,
 }
 
 impl fmt::Display for SyntaxError {

@@ -8,13 +8,13 @@
 //! power, an absolute value or a comparison are taken to be intended.
 
 use super::ast::{Argument, Expr, Link, Object, Operator, Statement};
-use super::functions::{self, Run};
+use super::functions::{self, Implementation};
 use super::source::{Source, Warning};
 use std::collections::BTreeMap;
 
 /// The kind of an expression.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum ExprKind {
     /// Constant in space.
     Number,
     /// A function of space.
@@ -25,7 +25,7 @@ enum Kind {
     Sum(u32, &'static str),
 }
 
-impl Kind {
+impl ExprKind {
     /// Returns the kind of a value that either of two branches assigned.
     fn or(self, other: Self) -> Self {
         match (self, other) {
@@ -38,11 +38,11 @@ impl Kind {
 
 /// Warns of sums of solids that are used as solids.
 pub(super) fn warn(source: &Source, objects: &[Object], warnings: &mut Vec<Warning>) {
-    let mut results: Vec<Kind> = Vec::with_capacity(objects.len());
+    let mut results: Vec<ExprKind> = Vec::with_capacity(objects.len());
     let mut called = vec![false; objects.len()];
     let mut found: Vec<(u32, &'static str)> = Vec::new();
     for object in objects {
-        let mut reader = Reader {
+        let mut reader = SumAnalysis {
             results: &results,
             called: &mut called,
             variables: BTreeMap::new(),
@@ -55,7 +55,7 @@ pub(super) fn warn(source: &Source, objects: &[Object], warnings: &mut Vec<Warni
         results.push(result);
     }
     for (result, _) in results.iter().zip(&called).filter(|(_, called)| !**called) {
-        if let Kind::Sum(at, operator) = result {
+        if let ExprKind::Sum(at, operator) = result {
             found.push((*at, operator));
         }
     }
@@ -79,22 +79,22 @@ pub(super) fn warn(source: &Source, objects: &[Object], warnings: &mut Vec<Warni
 }
 
 /// Analysis of the statements of an object, in their order.
-struct Reader<'a> {
+struct SumAnalysis<'a> {
     /// Kinds of the objects above.
-    results: &'a [Kind],
+    results: &'a [ExprKind],
     /// True for objects that others call.
     called: &'a mut [bool],
     /// Kinds of the variables, by slot.
-    variables: BTreeMap<u32, Kind>,
+    variables: BTreeMap<u32, ExprKind>,
     /// Common kind of the items of each array.
-    arrays: BTreeMap<u32, Kind>,
+    arrays: BTreeMap<u32, ExprKind>,
     /// Sums that were used as solids.
     found: &'a mut Vec<(u32, &'static str)>,
     /// True within the body of a loop.
     is_in_loop: bool,
 }
 
-impl Reader<'_> {
+impl SumAnalysis<'_> {
     fn block(&mut self, statements: &[Statement]) {
         for statement in statements {
             self.statement(statement);
@@ -148,22 +148,22 @@ impl Reader<'_> {
     }
 
     /// Records an expression of this kind that is used as a solid.
-    fn used_as_solid(&mut self, kind: Kind) {
-        if let Kind::Sum(at, operator) = kind {
+    fn used_as_solid(&mut self, kind: ExprKind) {
+        if let ExprKind::Sum(at, operator) = kind {
             self.found.push((at, operator));
         }
     }
 
-    fn kind(&mut self, expr: &Expr) -> Kind {
+    fn kind(&mut self, expr: &Expr) -> ExprKind {
         match expr {
-            Expr::Number { .. } => Kind::Number,
-            Expr::Variable { slot, .. } => *self.variables.get(slot).unwrap_or(&Kind::Field),
+            Expr::Number { .. } => ExprKind::Number,
+            Expr::Variable { slot, .. } => *self.variables.get(slot).unwrap_or(&ExprKind::Field),
             Expr::Item { array, index, .. } => {
                 self.kind(index);
                 match array.id {
-                    0 => Kind::Field,
-                    1 => Kind::Number,
-                    id => *self.arrays.get(&id).unwrap_or(&Kind::Number),
+                    0 => ExprKind::Field,
+                    1 => ExprKind::Number,
+                    id => *self.arrays.get(&id).unwrap_or(&ExprKind::Number),
                 }
             }
             Expr::Group { inner, .. } => self.kind(inner),
@@ -171,13 +171,13 @@ impl Reader<'_> {
                 let kind = self.kind(operand);
                 if *sign == "~" {
                     self.used_as_solid(kind);
-                    return Kind::Solid;
+                    return ExprKind::Solid;
                 }
                 kind
             }
             Expr::Not { operand, .. } => {
                 self.kind(operand);
-                Kind::Field
+                ExprKind::Field
             }
             Expr::Chain { first, rest } => self.chain(first, rest),
             Expr::Function {
@@ -192,59 +192,61 @@ impl Reader<'_> {
         }
     }
 
-    fn function(&mut self, function: u16, arguments: &[Argument]) -> Kind {
+    fn function(&mut self, function: u16, arguments: &[Argument]) -> ExprKind {
         let mut kinds = Vec::with_capacity(arguments.len());
         for argument in arguments {
             kinds.push(match argument {
                 Argument::Number(number) => self.kind(number),
-                Argument::Array(..) => Kind::Field,
+                Argument::Array(..) => ExprKind::Field,
             });
         }
-        let is_sum = |kind: &&Kind| matches!(kind, Kind::Sum(..));
+        let is_sum = |kind: &&ExprKind| matches!(kind, ExprKind::Sum(..));
         let row = functions::entry(function);
-        if matches!(row.run, Run::Primitive(..)) || row.names[0] == "hfDSub" {
+        if matches!(row.run, Implementation::Primitive(..)) || row.names[0] == "hfDSub" {
             kinds.iter().for_each(|kind| self.used_as_solid(*kind));
-            return Kind::Solid;
+            return ExprKind::Solid;
         }
-        let all = |kind: Kind| kinds.iter().all(|k| *k == kind);
+        let all = |kind: ExprKind| kinds.iter().all(|k| *k == kind);
         match row.names[0] {
             // max(u - v, 0) is part of a formula.
-            "min" | "max" if !kinds.contains(&Kind::Number) => match kinds.iter().find(is_sum) {
-                Some(sum) => *sum,
-                None if kinds.contains(&Kind::Solid) => Kind::Solid,
-                None => Kind::Field,
-            },
-            _ if all(Kind::Number) => Kind::Number,
-            _ => Kind::Field,
+            "min" | "max" if !kinds.contains(&ExprKind::Number) => {
+                match kinds.iter().find(is_sum) {
+                    Some(sum) => *sum,
+                    None if kinds.contains(&ExprKind::Solid) => ExprKind::Solid,
+                    None => ExprKind::Field,
+                }
+            }
+            _ if all(ExprKind::Number) => ExprKind::Number,
+            _ => ExprKind::Field,
         }
     }
 
-    fn chain(&mut self, first: &Expr, rest: &[Link]) -> Kind {
+    fn chain(&mut self, first: &Expr, rest: &[Link]) -> ExprKind {
         let mut left = self.kind(first);
         // Number of solids added since the last set operation.
-        let mut solids = usize::from(matches!(left, Kind::Solid | Kind::Sum(..)));
+        let mut solids = usize::from(matches!(left, ExprKind::Solid | ExprKind::Sum(..)));
         for link in rest {
             let right = self.kind(&link.operand);
             left = match link.operator {
                 Operator::Add | Operator::Subtract => {
-                    solids += usize::from(matches!(right, Kind::Solid | Kind::Sum(..)));
+                    solids += usize::from(matches!(right, ExprKind::Solid | ExprKind::Sum(..)));
                     match (left, right) {
-                        (Kind::Field, _) | (_, Kind::Field) => Kind::Field,
-                        (Kind::Number, Kind::Number) => Kind::Number,
-                        (sum @ Kind::Sum(..), _) => sum,
-                        (Kind::Number, sum @ Kind::Sum(..)) => sum,
-                        _ if solids > 1 => Kind::Sum(link.at, link.operator.text()),
-                        _ => Kind::Solid,
+                        (ExprKind::Field, _) | (_, ExprKind::Field) => ExprKind::Field,
+                        (ExprKind::Number, ExprKind::Number) => ExprKind::Number,
+                        (sum @ ExprKind::Sum(..), _) => sum,
+                        (ExprKind::Number, sum @ ExprKind::Sum(..)) => sum,
+                        _ if solids > 1 => ExprKind::Sum(link.at, link.operator.text()),
+                        _ => ExprKind::Solid,
                     }
                 }
                 _ if link.operator.is_set_operator() => {
                     self.used_as_solid(left);
                     self.used_as_solid(right);
                     solids = 1;
-                    Kind::Solid
+                    ExprKind::Solid
                 }
-                _ if (left, right) == (Kind::Number, Kind::Number) => Kind::Number,
-                _ => Kind::Field,
+                _ if (left, right) == (ExprKind::Number, ExprKind::Number) => ExprKind::Number,
+                _ => ExprKind::Field,
             };
         }
         left

@@ -191,14 +191,14 @@ fn nesting_is_bounded() {
         ))
     };
     for (open, close) in [("(", ")"), ("- ", ""), ("abs(", ")"), ("x[", "]")] {
-        let deep = model(&nested(MAX_DEPTH as usize, open, close));
+        let deep = model(&nested(MAX_NESTING_DEPTH as usize, open, close));
         let _ = (
             deep.eval(&[1.0; 3], &[0.0], &[]),
             deep.pretty(),
             deep.compile(&mut Graph::new()),
         );
         assert!(
-            refused(&nested(MAX_DEPTH as usize + 1, open, close))
+            refused(&nested(MAX_NESTING_DEPTH as usize + 1, open, close))
                 .message
                 .contains("deep"),
             "{open}"
@@ -217,7 +217,7 @@ fn nesting_is_bounded() {
             ")".repeat(n)
         ))
     };
-    let _ = model(&conditions(MAX_DEPTH as usize - 1)).eval(&[1.0; 3], &[0.0], &[]);
+    let _ = model(&conditions(MAX_NESTING_DEPTH as usize - 1)).eval(&[1.0; 3], &[0.0], &[]);
     assert!(refused(&conditions(100_000)).message.contains("deep"));
     let ifs = |n: usize| {
         body(&format!(
@@ -226,7 +226,7 @@ fn nesting_is_bounded() {
             "endif;".repeat(n)
         ))
     };
-    let _ = model(&ifs(MAX_DEPTH as usize - 1)).compile(&mut Graph::new());
+    let _ = model(&ifs(MAX_NESTING_DEPTH as usize - 1)).compile(&mut Graph::new());
     assert!(refused(&ifs(100_000)).message.contains("deep"));
     // Calls are nested, too; a long sum is not.
     let mut chain = "o0(x[1], a[1]) { o0 = 1; }\n".to_owned();
@@ -391,7 +391,7 @@ fn annotations_describe_parameters() {
     let value = |v: f64| Some(Amount::Value(v));
     assert_eq!(
         (p[0].kind, p[0].min, p[0].max, p[0].start),
-        (Kind::Length, value(0.1), value(50.0), value(5.0))
+        (QuantityKind::Length, value(0.1), value(50.0), value(5.0))
     );
     assert_eq!(
         (p[0].unit.as_deref(), p[0].description.as_str()),
@@ -404,7 +404,10 @@ fn annotations_describe_parameters() {
             terms: vec![(0, 2.0), (2, 0.25)]
         })
     );
-    assert_eq!((p[3].fixed, p[3].kind), (Some(Fixed::At(0.5)), Kind::Angle));
+    assert_eq!(
+        (p[3].fixed, p[3].kind),
+        (Some(Fixed::At(0.5)), QuantityKind::Angle)
+    );
     assert_eq!(m.info().pose, Some(Pose::Rigid));
     assert_eq!(m.info().title.as_deref(), Some("A ball on a rod"));
     assert_eq!(m.info().place, None);
@@ -821,7 +824,7 @@ fn a_comment_that_looks_like_a_difference_is_said() {
         );
         let said = format!("the `--` in line {line}, column {column} begins a comment");
         assert!(e.message.contains(&said), "{text}: {e}");
-        assert_eq!(e.expected, "");
+        assert_eq!(e.hint, "");
     }
     // Comments that do not look like operands do not cause warnings.
     for text in [

@@ -3,7 +3,7 @@
 use super::ast::{Argument, ArrayRef, Expr, Object, Statement};
 
 /// Index of the parameters among the arrays of an object.
-const A: u32 = 1;
+const PARAMETER_ARRAY: u32 = 1;
 
 impl Expr {
     /// Calls `f` for the expression and all of its subexpressions.
@@ -67,7 +67,9 @@ pub(super) fn parameters(objects: &[Object], last: usize) -> Vec<bool> {
     for (k, object) in objects[..=last].iter().enumerate() {
         let mut used = vec![false; object.n_params()];
         let defaults = object.defaults.filter(|_| k == last);
-        let is_a = |array: &ArrayRef| array.id == A || defaults.is_some_and(|d| d.array == *array);
+        let is_a = |array: &ArrayRef| {
+            array.id == PARAMETER_ARRAY || defaults.is_some_and(|d| d.array == *array)
+        };
         let mut see = |expr: &Expr| match expr {
             Expr::Item { array, index, .. } if is_a(array) => match **index {
                 Expr::Number { value, .. } => {
@@ -94,7 +96,7 @@ pub(super) fn parameters(objects: &[Object], last: usize) -> Vec<bool> {
                     }
                     let theirs = &uses[*called as usize];
                     for (i, used) in used.iter_mut().enumerate() {
-                        *used |= place as u32 != A || theirs[i];
+                        *used |= place as u32 != PARAMETER_ARRAY || theirs[i];
                     }
                 }
             }

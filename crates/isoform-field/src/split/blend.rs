@@ -5,36 +5,42 @@
 //! arguments and tested at pseudo-random points ([`crate::smooth`]): it must be C¹, and monotone in
 //! each argument.
 
-use super::name::{Context, named};
-use super::tree::{Leaf, Tree};
-use super::{
-    Function, MOST_FAILURES, MOST_FOUND, MOST_INPUTS, MOST_PRODUCTS, Monotone, Reader, stand_in,
-};
+use super::monotone::{BlendFunction, MAX_BLEND_ARGUMENTS, MonotoneFunction};
+use super::name::{NameContext, named};
+use super::splitter::{MAX_FAILED_SEARCHES, Splitter, parameter_substitute};
+use super::tree::{PieceLeaf, PieceTree};
 use crate::graph::{Graph, Node, NodeId};
 use crate::ops::{Binary, Ops, SetOp, Unary};
 use crate::smooth::smooth_and_monotone;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
 
+/// Maximum number of products of a blend, one for each combination of pieces of its arguments; a
+/// blend with more products is not split.
+const MAX_PRODUCTS: usize = 4096;
+/// Maximum number of candidate nodes for the arguments of a blend. The search is aborted with more,
+/// since it compares all pairs.
+const MAX_CANDIDATES: usize = 24;
+
 /// Node to be distributed over the pieces of its inputs.
-struct Product<'a> {
+struct BlendProduct<'a> {
     id: NodeId,
     /// The nodes that depend on the inputs, up to `id`.
     above: &'a [NodeId],
     inputs: &'a [NodeId],
-    function: Option<Rc<Function>>,
-    context: &'a Context,
+    function: Option<Rc<BlendFunction>>,
+    context: &'a NameContext,
 }
 
-impl Reader<'_> {
+impl Splitter<'_> {
     /// Distributes the node over the trees of the expressions with kinks that it uses more than
     /// once; `None` unless it is a smooth function of these.
-    pub(super) fn blend(&mut self, id: NodeId, context: &Context) -> Option<Tree> {
-        if self.failures > MOST_FAILURES {
+    pub(super) fn blend(&mut self, id: NodeId, context: &NameContext) -> Option<PieceTree> {
+        if self.failures > MAX_FAILED_SEARCHES {
             return None;
         }
         let shared = self.shared(id);
-        let tree = if shared.is_empty() || shared.len() > MOST_INPUTS {
+        let tree = if shared.is_empty() || shared.len() > MAX_BLEND_ARGUMENTS {
             None
         } else {
             self.blended(id, &shared, context)
@@ -43,7 +49,12 @@ impl Reader<'_> {
         tree
     }
 
-    pub(super) fn blended(&mut self, id: NodeId, of: &[NodeId], context: &Context) -> Option<Tree> {
+    pub(super) fn blended(
+        &mut self,
+        id: NodeId,
+        of: &[NodeId],
+        context: &NameContext,
+    ) -> Option<PieceTree> {
         let interior = self.interior(id, of);
         let (alone, root) = self.alone(id, &interior, of);
         let rises = smooth_and_monotone(alone, root, of.len())?;
@@ -114,7 +125,7 @@ impl Reader<'_> {
                     pending.extend(self.graph.arguments(node));
                 }
             }
-            if found.len() > MOST_FOUND {
+            if found.len() > MAX_CANDIDATES {
                 break;
             }
             // A node that depends on another one is not an input.
@@ -155,7 +166,7 @@ impl Reader<'_> {
         }
         for &node in interior {
             let new = match self.graph.node(node) {
-                Node::Param(i) => graph.constant(stand_in(*i)),
+                Node::Param(i) => graph.constant(parameter_substitute(*i)),
                 other => rebuilt(&mut graph, other, &copy),
             };
             copy.insert(node, new);
@@ -169,30 +180,30 @@ impl Reader<'_> {
         id: NodeId,
         above: &[NodeId],
         inputs: &[(NodeId, bool)],
-        context: &Context,
-    ) -> Tree {
+        context: &NameContext,
+    ) -> PieceTree {
         // The pieces of a single input inherit the context; combinations of pieces of several
         // inputs have names of their own.
         let below = if inputs.len() > 1 {
-            Context::default()
+            NameContext::default()
         } else {
             self.below(context)
         };
-        let trees: Vec<(Tree, bool)> = inputs
+        let trees: Vec<(PieceTree, bool)> = inputs
             .iter()
             .map(|&(u, rises)| (self.value(u, &below), rises))
             .collect();
         let products = trees
             .iter()
             .fold(1usize, |n, (t, _)| n.saturating_mul(t.leaves()));
-        if products == 1 || products > MOST_PRODUCTS {
+        if products == 1 || products > MAX_PRODUCTS {
             return self.leaf(id, context);
         }
         let (inputs, rises): (Vec<NodeId>, Vec<bool>) = inputs.iter().copied().unzip();
         let function = (inputs.len() > 1)
             .then(|| self.function(id, &inputs, rises))
             .flatten();
-        let product = Product {
+        let product = BlendProduct {
             id,
             above,
             inputs: &inputs,
@@ -204,58 +215,63 @@ impl Reader<'_> {
 
     /// Returns the node as a function of the inputs alone; `None` if it also depends on the
     /// coordinates directly.
-    fn function(&self, id: NodeId, inputs: &[NodeId], rises: Vec<bool>) -> Option<Rc<Function>> {
+    fn function(
+        &self,
+        id: NodeId,
+        inputs: &[NodeId],
+        rises: Vec<bool>,
+    ) -> Option<Rc<BlendFunction>> {
         let (graph, root) = self.alone(id, &self.interior(id, inputs), inputs);
         let need = graph.reachable(&[root]);
         let in_space = need
             .iter()
             .enumerate()
             .any(|(i, need)| *need && matches!(graph.node(NodeId(i as u32)), Node::X(0..3)));
-        (!in_space).then(|| Rc::new(Function { graph, root, rises }))
+        (!in_space).then(|| Rc::new(BlendFunction { graph, root, rises }))
     }
 
     fn product(
         &mut self,
-        of: &Product<'_>,
-        trees: &[(Tree, bool)],
-        chosen: &mut Vec<Leaf>,
-    ) -> Tree {
+        of: &BlendProduct<'_>,
+        trees: &[(PieceTree, bool)],
+        chosen: &mut Vec<PieceLeaf>,
+    ) -> PieceTree {
         match trees.split_first() {
-            Some(((Tree::Leaf(leaf), _), rest)) => {
+            Some(((PieceTree::Leaf(leaf), _), rest)) => {
                 chosen.push(leaf.clone());
                 let tree = self.product(of, rest, chosen);
                 chosen.pop();
                 tree
             }
-            Some(((Tree::Join(join), rises), rest)) => {
-                let with = |child: &Tree| {
+            Some(((PieceTree::Join(join), rises), rest)) => {
+                let with = |child: &PieceTree| {
                     std::iter::once((child.clone(), *rises))
                         .chain(rest.iter().cloned())
                         .collect::<Vec<_>>()
                 };
-                let parts: Vec<Tree> = join
+                let parts: Vec<PieceTree> = join
                     .children
                     .iter()
                     .map(|child| self.product(of, &with(child), chosen))
                     .collect();
-                Tree::join(join.is_min == *rises, parts)
+                PieceTree::join(join.is_min == *rises, parts)
             }
             None => {
                 let value = self.product_value(of, chosen);
                 if let Some(function) = &of.function {
                     let inputs = chosen.iter().map(|l| l.value).collect();
-                    self.monotone.entry(value).or_insert(Monotone {
+                    self.monotone.entry(value).or_insert(MonotoneFunction {
                         function: function.clone(),
                         inputs,
                     });
                 }
-                Tree::Leaf(self.product_leaf(value, chosen, of.context))
+                PieceTree::Leaf(self.product_leaf(value, chosen, of.context))
             }
         }
     }
 
     /// Computes the node from one piece of each input.
-    fn product_value(&mut self, of: &Product<'_>, chosen: &[Leaf]) -> NodeId {
+    fn product_value(&mut self, of: &BlendProduct<'_>, chosen: &[PieceLeaf]) -> NodeId {
         let mut copy: HashMap<NodeId, NodeId> = of
             .inputs
             .iter()
@@ -274,19 +290,19 @@ impl Reader<'_> {
         copy[&of.id]
     }
 
-    fn product_leaf(&self, value: NodeId, of: &[Leaf], context: &Context) -> Leaf {
-        let with_names: Vec<&Leaf> = of
+    fn product_leaf(&self, value: NodeId, of: &[PieceLeaf], context: &NameContext) -> PieceLeaf {
+        let with_names: Vec<&PieceLeaf> = of
             .iter()
             .filter(|l| !l.name.is_empty() || !l.side.is_empty())
             .collect();
         match with_names[..] {
-            [] => Leaf {
+            [] => PieceLeaf {
                 value,
                 name: self.below(context).name,
                 is_own: false,
                 side: "".into(),
             },
-            [one] => Leaf {
+            [one] => PieceLeaf {
                 value,
                 ..one.clone()
             },
@@ -296,7 +312,7 @@ impl Reader<'_> {
                     .map(|l| named(self.graph, l))
                     .collect::<Vec<_>>()
                     .join("+");
-                Leaf {
+                PieceLeaf {
                     value,
                     name: name.into(),
                     is_own: true,

@@ -5,9 +5,8 @@
 //! (`plate+boss`). The name of the whole solid is not used. A piece without a name is `piece3`, and
 //! the second piece with one name is `hole#2`.
 
-use super::Reader;
 use super::nodes::along_axis;
-use super::tree::{Leaf, Tree};
+use super::tree::{PieceLeaf, PieceTree};
 use crate::graph::{Graph, Node, NodeId};
 use crate::ops::{Binary, Unary};
 use isoform_geom::Csg;
@@ -16,37 +15,9 @@ use std::rc::Rc;
 
 /// Name inherited by the nodes below a node.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Context {
+pub(super) struct NameContext {
     pub(super) name: Rc<str>,
     pub(super) is_own: bool,
-}
-
-impl Reader<'_> {
-    /// Returns the context of a node. A variable that contains the node takes precedence over a
-    /// suggested name.
-    pub(super) fn context(&self, id: NodeId, above: &Context) -> Context {
-        let is_better = !above.name.is_empty() && self.graph.has_suggested_name(id);
-        match self.graph.name(id) {
-            Some(name) if !is_better => Context {
-                name: name.into(),
-                is_own: true,
-            },
-            _ => above.clone(),
-        }
-    }
-
-    /// Returns the context of one part of several, without the name of the whole solid.
-    pub(super) fn below(&self, context: &Context) -> Context {
-        let is_root = self.graph.name(self.root) == Some(&*context.name);
-        Context {
-            name: if is_root {
-                "".into()
-            } else {
-                context.name.clone()
-            },
-            is_own: false,
-        }
-    }
 }
 
 pub(super) fn axis_side(axis: usize, is_lower: bool) -> String {
@@ -58,7 +29,7 @@ pub(super) fn axis_side(axis: usize, is_lower: bool) -> String {
 }
 
 /// Returns the side of a piece relative to the object after which it is named; may be empty.
-pub(super) fn side_of(graph: &Graph, leaf: &Leaf) -> Rc<str> {
+pub(super) fn side_of(graph: &Graph, leaf: &PieceLeaf) -> Rc<str> {
     match along_axis(graph, leaf.value) {
         // The inside is where the function is positive: if it increases along the axis, the face is
         // the lower one.
@@ -68,7 +39,7 @@ pub(super) fn side_of(graph: &Graph, leaf: &Leaf) -> Rc<str> {
 }
 
 /// Returns the name of a piece; empty if unknown.
-pub(super) fn named(graph: &Graph, leaf: &Leaf) -> String {
+pub(super) fn named(graph: &Graph, leaf: &PieceLeaf) -> String {
     if leaf.is_own {
         return leaf.name.to_string();
     }
@@ -108,7 +79,7 @@ fn argument_name(graph: &Graph, mut id: NodeId) -> Option<&str> {
 }
 
 /// Assigns indices to the pieces, in the order of the tree, and distinct names.
-pub(super) struct Numbering<'a> {
+pub(super) struct PieceNumbering<'a> {
     pub(super) graph: &'a Graph,
     pub(super) names: Vec<String>,
     taken: HashSet<String>,
@@ -118,7 +89,7 @@ pub(super) struct Numbering<'a> {
     pub(super) known: HashMap<NodeId, u32>,
 }
 
-impl<'a> Numbering<'a> {
+impl<'a> PieceNumbering<'a> {
     pub(super) fn new(graph: &'a Graph) -> Self {
         Self {
             graph,
@@ -130,10 +101,10 @@ impl<'a> Numbering<'a> {
         }
     }
 
-    pub(super) fn tree(&mut self, tree: &Tree) -> Csg {
+    pub(super) fn tree(&mut self, tree: &PieceTree) -> Csg {
         let join = match tree {
-            Tree::Leaf(leaf) => return Csg::Piece(self.piece(leaf)),
-            Tree::Join(join) => join,
+            PieceTree::Leaf(leaf) => return Csg::Piece(self.piece(leaf)),
+            PieceTree::Join(join) => join,
         };
         let mut known = HashSet::new();
         let mut children: Vec<Csg> = join.children.iter().map(|child| self.tree(child)).collect();
@@ -151,7 +122,7 @@ impl<'a> Numbering<'a> {
         }
     }
 
-    fn piece(&mut self, leaf: &Leaf) -> u32 {
+    fn piece(&mut self, leaf: &PieceLeaf) -> u32 {
         if let Some(&known) = self.known.get(&leaf.value) {
             return known;
         }

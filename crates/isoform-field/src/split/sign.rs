@@ -3,10 +3,10 @@
 //! R-functions are minima and maxima here, factors of constant sign are dropped, and primitives are
 //! the intersections of their sides. Other expressions are split by value.
 
-use super::name::Context;
-use super::nodes::Join2;
-use super::tree::{Leaf, Tree};
-use super::{DEEPEST, MOST_PIECES, Reader};
+use super::name::NameContext;
+use super::nodes::BinaryJoin;
+use super::splitter::{MAX_LEAVES, MAX_SPLIT_DEPTH, Splitter};
+use super::tree::{PieceLeaf, PieceTree};
 use crate::graph::{Graph, Node, NodeId};
 use crate::library::{Family, Library, Native};
 use crate::ops::{Binary, Ops, SetOp, Unary};
@@ -16,21 +16,27 @@ fn is_odd_and_rising(op: Unary) -> bool {
     matches!(op, Unary::Sinh | Unary::Tanh | Unary::Atan)
 }
 
-impl Reader<'_> {
-    pub(super) fn sign(&mut self, id: NodeId, above: &Context) -> Tree {
+impl Splitter<'_> {
+    /// Splits the whole expression by sign; `None` if it is too large.
+    pub(super) fn whole(&mut self) -> Option<PieceTree> {
+        let tree = self.sign(self.root, &NameContext::default());
+        (!self.too_large && tree.leaves() <= MAX_LEAVES).then_some(tree)
+    }
+
+    pub(super) fn sign(&mut self, id: NodeId, above: &NameContext) -> PieceTree {
         if let Some(tree) = self.signs.get(&id) {
             return tree.clone();
         }
         let context = self.context(id, above);
         self.depth += 1;
-        let tree = if self.depth > DEEPEST {
+        let tree = if self.depth > MAX_SPLIT_DEPTH {
             self.too_large = true;
             self.leaf(id, &context)
         } else {
             self.sign_of(id, &context)
         };
         self.depth -= 1;
-        if tree.leaves() > MOST_PIECES {
+        if tree.leaves() > MAX_LEAVES {
             self.too_large = true;
         }
         if self.too_large {
@@ -40,15 +46,16 @@ impl Reader<'_> {
         tree
     }
 
-    fn sign_of(&mut self, id: NodeId, context: &Context) -> Tree {
+    fn sign_of(&mut self, id: NodeId, context: &NameContext) -> PieceTree {
         if let Some(join) = self.sign_join(id) {
-            let is_min = matches!(join, Join2::Min(..));
-            let operands = self.operands(id, context, |reader, id| reader.sign_join(id), is_min);
-            let parts: Vec<Tree> = operands
+            let is_min = matches!(join, BinaryJoin::Min(..));
+            let operands =
+                self.operands(id, context, |splitter, id| splitter.sign_join(id), is_min);
+            let parts: Vec<PieceTree> = operands
                 .into_iter()
                 .map(|(id, context)| self.sign(id, &context))
                 .collect();
-            return Tree::join(is_min, parts);
+            return PieceTree::join(is_min, parts);
         }
         match self.graph.node(id).clone() {
             Node::Unary(Unary::Neg, u) => {
@@ -71,16 +78,16 @@ impl Reader<'_> {
         }
     }
 
-    fn signed(&mut self, u: NodeId, positive: bool, context: &Context) -> Tree {
+    fn signed(&mut self, u: NodeId, positive: bool, context: &NameContext) -> PieceTree {
         let tree = self.sign(u, context);
         if positive { tree } else { self.negated(&tree) }
     }
 
     /// Returns the minimum or maximum with the sign of the node.
-    fn sign_join(&mut self, id: NodeId) -> Option<Join2> {
+    fn sign_join(&mut self, id: NodeId) -> Option<BinaryJoin> {
         match self.graph.node(id) {
-            Node::Set(SetOp::RUnion, u, v) => Some(Join2::Max(*u, *v)),
-            Node::Set(SetOp::RIntersection, u, v) => Some(Join2::Min(*u, *v)),
+            Node::Set(SetOp::RUnion, u, v) => Some(BinaryJoin::Max(*u, *v)),
+            Node::Set(SetOp::RIntersection, u, v) => Some(BinaryJoin::Min(*u, *v)),
             Node::Library(f, args) => {
                 let (u, v) = (args[0], args[1]);
                 // A blend of width 0 is a plain minimum or maximum.
@@ -92,10 +99,10 @@ impl Reader<'_> {
                 match f.family() {
                     Family::Circular { .. } if !is_zero(2) => None,
                     Family::Circular { is_union: true } | Family::Sardf { is_union: true } => {
-                        Some(Join2::Max(u, v))
+                        Some(BinaryJoin::Max(u, v))
                     }
                     Family::Circular { is_union: false } | Family::Sardf { is_union: false } => {
-                        Some(Join2::Min(u, v))
+                        Some(BinaryJoin::Min(u, v))
                     }
                     Family::Displaced | Family::Primitive => None,
                 }
@@ -105,26 +112,32 @@ impl Reader<'_> {
     }
 
     /// Splits a primitive into its sides, whose intersection it is.
-    fn primitive(&mut self, id: NodeId, f: Library, args: &[NodeId], context: &Context) -> Tree {
+    fn primitive(
+        &mut self,
+        id: NodeId,
+        f: Library,
+        args: &[NodeId],
+        context: &NameContext,
+    ) -> PieceTree {
         let sides = match f {
             // The distance is computed by iteration; the quadric has an identical zero set.
             Library::DistanceEllipsoid => vec![("", self.graph.library(Library::Ellipsoid, args))],
-            _ => f.metric(&mut Sizes(self.graph), args),
+            _ => f.metric(&mut PositiveSizes(self.graph), args),
         };
         if sides.is_empty() {
             return self.by_value(id, context);
         }
         let is_whole = sides.len() == 1;
-        let parts: Vec<Tree> = sides
+        let parts: Vec<PieceTree> = sides
             .into_iter()
             .map(|(side, value)| {
                 let context = match &*context.name {
                     _ if is_whole => context.clone(),
-                    "" => Context {
+                    "" => NameContext {
                         name: side.into(),
                         is_own: true,
                     },
-                    name => Context {
+                    name => NameContext {
                         name: format!("{name}.{side}").into(),
                         is_own: true,
                     },
@@ -137,16 +150,16 @@ impl Reader<'_> {
             })
             .collect();
         self.sides.insert(id, parts.clone());
-        Tree::join(true, parts)
+        PieceTree::join(true, parts)
     }
 
-    fn by_value(&mut self, id: NodeId, context: &Context) -> Tree {
+    fn by_value(&mut self, id: NodeId, context: &NameContext) -> PieceTree {
         let tree = self.value(id, context);
-        if let Tree::Leaf(_) = tree {
+        if let PieceTree::Leaf(_) = tree {
             return tree;
         }
         // Positive factors left in the pieces do not affect the surface.
-        tree.map(false, &mut |leaf| Leaf {
+        tree.map(false, &mut |leaf| PieceLeaf {
             value: self.without_factor(leaf.value),
             ..leaf.clone()
         })
@@ -164,9 +177,9 @@ impl Reader<'_> {
 
 /// Builder of a graph that assumes sizes to be positive: |a| is a, and a − a is 0. Sides that
 /// coincide for positive sizes are then one node.
-struct Sizes<'a>(&'a mut Graph);
+struct PositiveSizes<'a>(&'a mut Graph);
 
-impl Sizes<'_> {
+impl PositiveSizes<'_> {
     /// Returns true for parameters, positive constants, and their sums, products and quotients.
     fn is_size(&self, id: NodeId) -> bool {
         match self.0.node(id) {
@@ -180,7 +193,7 @@ impl Sizes<'_> {
     }
 }
 
-impl Ops for Sizes<'_> {
+impl Ops for PositiveSizes<'_> {
     type V = NodeId;
     fn constant(&mut self, c: f64) -> NodeId {
         self.0.constant(c)

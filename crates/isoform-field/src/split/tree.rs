@@ -3,15 +3,12 @@
 //! Trees of expressions that are used more than once are shared. A minimum within a minimum is
 //! merged with it.
 
-use super::Reader;
-use super::name::{Context, side_of};
-use super::nodes::negative;
 use crate::graph::{Graph, NodeId};
 use std::rc::Rc;
 
 /// Smooth piece with the components of its name.
 #[derive(Clone, Debug)]
-pub(super) struct Leaf {
+pub(super) struct PieceLeaf {
     pub(super) value: NodeId,
     /// Name of the expression itself, or of the innermost named one that contains it; may be empty.
     pub(super) name: Rc<str>,
@@ -22,19 +19,19 @@ pub(super) struct Leaf {
 }
 
 #[derive(Clone, Debug)]
-pub(super) enum Tree {
-    Leaf(Leaf),
-    Join(Rc<Join>),
+pub(super) enum PieceTree {
+    Leaf(PieceLeaf),
+    Join(Rc<PieceJoin>),
 }
 
 #[derive(Debug)]
-pub(super) struct Join {
+pub(super) struct PieceJoin {
     pub(super) is_min: bool,
-    pub(super) children: Vec<Tree>,
+    pub(super) children: Vec<PieceTree>,
     pub(super) leaves: usize,
 }
 
-impl Tree {
+impl PieceTree {
     pub(super) fn join(is_min: bool, parts: impl IntoIterator<Item = Self>) -> Self {
         let mut children = Vec::new();
         for part in parts {
@@ -51,7 +48,7 @@ impl Tree {
         let leaves = children
             .iter()
             .fold(0usize, |n, c| n.saturating_add(c.leaves()));
-        Self::Join(Rc::new(Join {
+        Self::Join(Rc::new(PieceJoin {
             is_min,
             children,
             leaves,
@@ -66,7 +63,7 @@ impl Tree {
     }
 
     /// Maps the tree by a function of its value that increases, or decreases if `falls`.
-    pub(super) fn map(&self, falls: bool, f: &mut impl FnMut(&Leaf) -> Leaf) -> Self {
+    pub(super) fn map(&self, falls: bool, f: &mut impl FnMut(&PieceLeaf) -> PieceLeaf) -> Self {
         match self {
             Self::Leaf(leaf) => Self::Leaf(f(leaf)),
             Self::Join(join) => Self::join(
@@ -80,40 +77,16 @@ impl Tree {
     }
 }
 
-impl Reader<'_> {
-    pub(super) fn leaf(&self, id: NodeId, context: &Context) -> Tree {
-        Tree::Leaf(Leaf {
-            value: id,
-            name: context.name.clone(),
-            is_own: context.is_own,
-            side: "".into(),
-        })
-    }
-
-    /// Negates a tree. Sides keep their names: after subtraction of a slab, its upper face is a
-    /// lower face of the remainder.
-    pub(super) fn negated(&mut self, tree: &Tree) -> Tree {
-        tree.map(true, &mut |leaf| {
-            let side = side_of(self.graph, leaf);
-            Leaf {
-                value: negative(self.graph, leaf.value),
-                side,
-                ..leaf.clone()
-            }
-        })
-    }
-}
-
 /// Removes constants from a tree; the error, for a tree of constants, is true if all of space is
 /// inside.
-pub(super) fn without_constants(graph: &Graph, tree: &Tree) -> Result<Tree, bool> {
+pub(super) fn without_constants(graph: &Graph, tree: &PieceTree) -> Result<PieceTree, bool> {
     let join = match tree {
-        Tree::Leaf(leaf) => {
+        PieceTree::Leaf(leaf) => {
             return graph
                 .constant_value(leaf.value)
                 .map_or_else(|| Ok(tree.clone()), |c| Err(c >= 0.0));
         }
-        Tree::Join(join) => join,
+        PieceTree::Join(join) => join,
     };
     let mut children = Vec::with_capacity(join.children.len());
     for child in &join.children {
@@ -128,6 +101,6 @@ pub(super) fn without_constants(graph: &Graph, tree: &Tree) -> Result<Tree, bool
     if children.is_empty() {
         Err(join.is_min)
     } else {
-        Ok(Tree::join(join.is_min, children))
+        Ok(PieceTree::join(join.is_min, children))
     }
 }

@@ -3,18 +3,20 @@
 //! A monotone function is distributed over the tree of its argument: an increasing function of a
 //! minimum is the minimum of its values, a decreasing one the maximum.
 
-use super::name::{Context, axis_side, side_of};
-use super::nodes::{Join2, along_axis};
-use super::tree::{Leaf, Tree};
-use super::{DEEPEST, MOST_FAILURES, MOST_PIECES, Reader, stand_in};
+use super::name::{NameContext, axis_side, side_of};
+use super::nodes::{BinaryJoin, along_axis};
+use super::splitter::{
+    MAX_FAILED_SEARCHES, MAX_LEAVES, MAX_SPLIT_DEPTH, Splitter, parameter_substitute,
+};
+use super::tree::{PieceLeaf, PieceTree};
 use crate::graph::{Node, NodeId};
 use crate::library::{Family, Library};
 use crate::ops::{Binary, Ops, Unary};
 use crate::smooth::Random;
 use crate::tape::Tape;
 
-impl Reader<'_> {
-    pub(super) fn value(&mut self, id: NodeId, above: &Context) -> Tree {
+impl Splitter<'_> {
+    pub(super) fn value(&mut self, id: NodeId, above: &NameContext) -> PieceTree {
         let context = self.context(id, above);
         if !self.is_kinked(id) {
             return self.leaf(id, &context);
@@ -23,14 +25,14 @@ impl Reader<'_> {
             return tree.clone();
         }
         self.depth += 1;
-        let tree = if self.depth > DEEPEST {
+        let tree = if self.depth > MAX_SPLIT_DEPTH {
             self.too_large = true;
             self.leaf(id, &context)
         } else {
             self.value_of(id, &context)
         };
         self.depth -= 1;
-        let tree = if tree.leaves() > MOST_PIECES {
+        let tree = if tree.leaves() > MAX_LEAVES {
             self.leaf(id, &context)
         } else {
             tree
@@ -39,21 +41,22 @@ impl Reader<'_> {
         tree
     }
 
-    fn value_of(&mut self, id: NodeId, context: &Context) -> Tree {
+    fn value_of(&mut self, id: NodeId, context: &NameContext) -> PieceTree {
         if let Some(join) = self.value_join(id) {
-            let is_min = matches!(join, Join2::Min(..));
-            let operands = self.operands(id, context, |reader, id| reader.value_join(id), is_min);
-            let parts: Vec<Tree> = operands
+            let is_min = matches!(join, BinaryJoin::Min(..));
+            let operands =
+                self.operands(id, context, |splitter, id| splitter.value_join(id), is_min);
+            let parts: Vec<PieceTree> = operands
                 .into_iter()
                 .map(|(id, context)| self.value(id, &context))
                 .collect();
-            return Tree::join(is_min, parts);
+            return PieceTree::join(is_min, parts);
         }
         if let Some(u) = self.absolute(id) {
             return self.sides(u, context);
         }
         // If all kinks cancel, a cut at them would only be a superfluous seam.
-        if !self.shows_kinks(id) && self.failures <= MOST_FAILURES {
+        if !self.shows_kinks(id) && self.failures <= MAX_FAILED_SEARCHES {
             match self.blended(id, &[], context) {
                 Some(tree) => return tree,
                 None => self.failures += 1,
@@ -71,7 +74,13 @@ impl Reader<'_> {
         }
     }
 
-    fn library(&mut self, id: NodeId, f: Library, args: &[NodeId], context: &Context) -> Tree {
+    fn library(
+        &mut self,
+        id: NodeId,
+        f: Library,
+        args: &[NodeId],
+        context: &NameContext,
+    ) -> PieceTree {
         match f.family() {
             // Both arguments are split, with or without kinks: a blend is named after both.
             Family::Circular { .. } => {
@@ -98,14 +107,14 @@ impl Reader<'_> {
     }
 
     /// Splits |u| as max(u, −u), over the pieces of u.
-    fn sides(&mut self, u: NodeId, context: &Context) -> Tree {
+    fn sides(&mut self, u: NodeId, context: &NameContext) -> PieceTree {
         if self.ranges_of(u).lo() >= 0.0 {
             return self.value(u, context);
         }
         let below = self.below(context);
         let tree = self.value(u, &below);
-        let is_one = matches!(tree, Tree::Leaf(_));
-        let side = |tree: &Tree, sign: &str, is_upper: bool| {
+        let is_one = matches!(tree, PieceTree::Leaf(_));
+        let side = |tree: &PieceTree, sign: &str, is_upper: bool| {
             tree.map(false, &mut |leaf| {
                 let (name, side) = match along_axis(self.graph, leaf.value) {
                     Some((axis, rises)) if is_one => {
@@ -114,7 +123,7 @@ impl Reader<'_> {
                     _ if leaf.is_own => (&below.name, format!("{}{sign}", leaf.name)),
                     _ => (&leaf.name, format!("{}{sign}", side_of(self.graph, leaf))),
                 };
-                Leaf {
+                PieceLeaf {
                     value: leaf.value,
                     name: name.clone(),
                     is_own: false,
@@ -126,10 +135,16 @@ impl Reader<'_> {
         let upper = side(&tree, "+", true);
         let lower = side(&tree, "-", false);
         let lower = self.negated(&lower);
-        Tree::join(false, [upper, lower])
+        PieceTree::join(false, [upper, lower])
     }
 
-    pub(super) fn unary(&mut self, id: NodeId, op: Unary, u: NodeId, context: &Context) -> Tree {
+    pub(super) fn unary(
+        &mut self,
+        id: NodeId,
+        op: Unary,
+        u: NodeId,
+        context: &NameContext,
+    ) -> PieceTree {
         match op {
             Unary::Neg => {
                 let tree = self.value(u, context);
@@ -147,7 +162,7 @@ impl Reader<'_> {
         }
     }
 
-    fn power(&mut self, id: NodeId, u: NodeId, n: i32, context: &Context) -> Tree {
+    fn power(&mut self, id: NodeId, u: NodeId, n: i32, context: &NameContext) -> PieceTree {
         if n > 0 && n % 2 == 1 {
             return self.passed(id, &[(u, true)], context);
         }
@@ -160,7 +175,7 @@ impl Reader<'_> {
             let tree = self.value(u, context);
             return tree.map(false, &mut |leaf| {
                 let size = self.graph.abs(&leaf.value);
-                Leaf {
+                PieceLeaf {
                     value: self.graph.mul(&leaf.value, &size),
                     ..leaf.clone()
                 }
@@ -175,8 +190,8 @@ impl Reader<'_> {
         op: Binary,
         u: NodeId,
         v: NodeId,
-        context: &Context,
-    ) -> Tree {
+        context: &NameContext,
+    ) -> PieceTree {
         let both = self.is_kinked(u) && self.is_kinked(v);
         if both && let Some(tree) = self.blend(id, context) {
             return tree;
@@ -209,7 +224,12 @@ impl Reader<'_> {
 
     /// Distributes the node over the trees of its inputs, in each of which it increases (true) or
     /// decreases.
-    fn passed(&mut self, id: NodeId, inputs: &[(NodeId, bool)], context: &Context) -> Tree {
+    fn passed(
+        &mut self,
+        id: NodeId,
+        inputs: &[(NodeId, bool)],
+        context: &NameContext,
+    ) -> PieceTree {
         let inputs: Vec<(NodeId, bool)> = inputs
             .iter()
             .copied()
@@ -220,7 +240,13 @@ impl Reader<'_> {
 
     /// Distributes a function that is not defined everywhere over the tree of its argument, unless
     /// a sample shows a piece outside of the domain at a point where the function is defined.
-    fn passed_in_domain(&mut self, id: NodeId, u: NodeId, rises: bool, context: &Context) -> Tree {
+    fn passed_in_domain(
+        &mut self,
+        id: NodeId,
+        u: NodeId,
+        rises: bool,
+        context: &NameContext,
+    ) -> PieceTree {
         let tree = self.passed(id, &[(u, rises)], context);
         let mut pieces = vec![id];
         let _ = tree.map(false, &mut |leaf| {
@@ -230,7 +256,9 @@ impl Reader<'_> {
         if pieces.len() == 2 {
             return tree;
         }
-        let a: Vec<f64> = (0..self.params).map(|i| stand_in(i as u32)).collect();
+        let a: Vec<f64> = (0..self.params)
+            .map(|i| parameter_substitute(i as u32))
+            .collect();
         let tape = Tape::new(self.graph, &pieces, 3, a.len());
         let (mut random, mut scratch) = (Random::new(), Vec::new());
         for _ in 0..64 {

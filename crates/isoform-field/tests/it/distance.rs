@@ -5,7 +5,7 @@ use isoform_geom::{
     Aabb, DistanceField, Edge, Foot, Frame, Nearby, ParamField, Point3, distance_squared,
 };
 
-/// A solid with parameters, not moved.
+/// Distance of an unmoved solid with parameters.
 fn distance(build: impl Fn(&mut Graph) -> NodeId, n_params: usize) -> Distance {
     let mut graph = Graph::new();
     let root = build(&mut graph);
@@ -28,7 +28,7 @@ fn product_block(g: &mut Graph) -> NodeId {
     g.set(SetOp::RIntersection, &two, &slabs[2])
 }
 
-/// Inside positive.
+/// Positive inside.
 fn block_distance(p: Point3, a: &[f64]) -> f64 {
     let q: Point3 = std::array::from_fn(|i| p[i].abs() - 0.5 * a[i]);
     let outside = q.iter().map(|v| v.max(0.0).powi(2)).sum::<f64>().sqrt();
@@ -46,7 +46,7 @@ fn random_points(n: usize, half: Point3, seed: u64) -> Vec<Point3> {
 fn a_block_of_products_has_its_exact_distance_and_derivatives() {
     let d = distance(product_block, 3);
     let a = [7.0, 4.0, 2.0];
-    // Up to where a face is clearly nearer than the one opposite.
+    // Points at which one face is clearly nearer than the opposite one.
     let points: Vec<Point3> = random_points(4000, [4.5, 3.0, 2.0], 1)
         .into_iter()
         .filter(|p| block_distance(*p, &a) < 0.6)
@@ -78,7 +78,7 @@ fn a_block_of_products_has_its_exact_distance_and_derivatives() {
 fn normal_equations_are_the_sums_of_rows() {
     let d = distance(product_block, 3);
     let a = [7.0, 4.0, 2.0];
-    // Several pieces of work, the last one not full.
+    // Several batches, the last one not full.
     let points = random_points(5003, [4.5, 3.0, 2.0], 5);
     let weights: Vec<f64> = (0..points.len()).map(|i| (i % 4) as f64).collect();
     let (mut f, mut jac) = (vec![0.0; points.len()], vec![0.0; 3 * points.len()]);
@@ -142,7 +142,8 @@ fn a_seam_between_stacked_cylinders_is_no_surface() {
     let mut asked = 0;
     for (p, foot) in points.iter().zip(&feet) {
         let t = truth(p[0].hypot(p[1]), p[2]);
-        // Near the surface, which is where points of a scan are; slabs as products know no middle.
+        // Near the surface, as points of a scan are; slabs written as products have no medial
+        // plane.
         if t.abs() < 0.35 {
             asked += 1;
             assert!((foot.distance - t).abs() < 1e-7, "{p:?}: {foot:?} for {t}");
@@ -163,8 +164,8 @@ fn samples_of_the_surface_are_even_by_area() {
     let samples = d.area_samples(&a, &Frame::SPACE, region, 20_000, 3);
     assert!(samples.len() >= 20_000);
     let n = samples.len() as f64;
-    // Shares of the pairs of faces by area: 8, 14 and 28 of 50; and of a strip beside an edge.
-    // A product is two pieces, one a face.
+    // Fractions of the area on the pairs of faces: 8, 14 and 28 of 50; and on a strip along an
+    // edge. A product is two pieces, one per face.
     for (pair, share) in [(0, 8.0), (1, 14.0), (2, 28.0)] {
         let count = samples.iter().filter(|s| s.pieces[0] / 2 == pair).count() as f64;
         let p = share / 50.0;
@@ -210,8 +211,8 @@ fn edges_are_met_along_their_length_with_their_angle() {
             }
         }
     }
-    // All but what is nearer to the corners than twice the least width.
-    let wanted = 4.0 * (7.0 + 4.0 + 2.0) - 24.0 * 2.0 * Edge::LEAST * reach;
+    // All of the edges except the parts nearer to corners than twice the minimum width.
+    let wanted = 4.0 * (7.0 + 4.0 + 2.0) - 24.0 * 2.0 * Edge::MIN_WIDTH_RATIO * reach;
     assert!(
         (length / wanted - 1.0).abs() < 0.03,
         "{length} for {wanted}"

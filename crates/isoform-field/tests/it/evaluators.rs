@@ -1,5 +1,5 @@
-//! Every evaluator against the generic oracle (the graph, node by node), on all golden models and
-//! on trees made here.
+//! Comparison of every evaluator with the reference (the graph, node by node), on all golden models
+//! and on generated trees.
 
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_field::{Bound, Graph, Residual, Shape, Tape};
@@ -69,7 +69,8 @@ fn same(a: f64, b: f64) -> bool {
     a == b || (a.is_nan() && b.is_nan())
 }
 
-/// Close relative to the sizes met; derivatives pass through different formulas.
+/// Returns true if two numbers agree relative to `scale`: derivatives are computed by different
+/// formulas.
 fn close(a: f64, b: f64, scale: f64) -> bool {
     same(a, b) || !b.is_finite() || (a - b).abs() <= 1e-9 * (scale + b.abs())
 }
@@ -172,7 +173,7 @@ fn all_evaluators_agree_with_the_oracle() {
     assert!(compared > 200, "{compared} points compared");
 }
 
-/// Bounds hold all values, and the shortened tape gives the same values inside the box.
+/// Checks that bounds enclose all values, and that the simplified tape has equal values in the box.
 #[test]
 fn bounds_contain_and_pruning_keeps_values() {
     let mut pruned = 0;
@@ -215,7 +216,8 @@ fn bounds_contain_and_pruning_keeps_values() {
     assert!(pruned > 1000, "{pruned} values of pruned tapes");
 }
 
-/// Normal equations against the Jacobian, with weights, for any number of threads the same bits.
+/// Compares weighted normal equations with the Jacobian; they are bitwise identical for any number
+/// of threads.
 #[test]
 fn normal_equations_are_the_jacobians() {
     let model = Model::parse(PART, Mode::Default).expect("the part");
@@ -259,7 +261,8 @@ fn normal_equations_are_the_jacobians() {
     }
 }
 
-/// The interval type itself must not claim more than a native function's iteration can.
+/// Checks that ranges of native functions are unbounded, since intervals cannot enclose their
+/// iterations.
 #[test]
 fn native_functions_claim_nothing() {
     let model = Model::parse(NATIVE, Mode::Default).expect("a program");
@@ -277,18 +280,18 @@ fn native_functions_claim_nothing() {
     );
 }
 
-/// Many disjoint balls, and what may be no number or is told apart by a selection: all values at
-/// many points are those of the whole function at each, bit for bit, on any number of threads.
+/// Checks that values at many points are bitwise those of the whole function at each, for any
+/// number of threads: for many disjoint balls, for values that may be NaN, and for selections.
 #[test]
 fn values_at_many_points_are_those_at_each() {
     let mut text = "my_model(x[3], a[2]) { t = 0 - 9;\n".to_owned();
     for k in 0..216 {
         let [x, y, z] = [k % 6, k / 6 % 6, k / 36];
-        // No two alike, which would share operations.
+        // All are different, since equal ones would share operations.
         let by = 1e-4 * f64::from(k);
         let away = format!("(x[1] - {x} - {by})^2 + (x[2] - {y} - {by})^2");
         let away = format!("{away} + (x[3] - {z} - {by} + a[2])^2");
-        // Some of the last are no number beyond a distance of 1.2, every fifth has another formula.
+        // Some of the last are NaN beyond a distance of 1.2, every fifth has another formula.
         text += &match k {
             k if k > 170 && k % 7 == 3 => format!("t = max(sqrt(1.44 - {away}) - 1, t);\n"),
             k if k % 5 == 2 => {

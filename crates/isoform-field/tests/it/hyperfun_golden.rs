@@ -1,4 +1,5 @@
-//! HyperFun programs against values of the reference implementation, in tests/data/hyperfun.
+//! Comparison of HyperFun programs with values of the reference implementation, in
+//! tests/data/hyperfun.
 
 use isoform_field::Graph;
 use isoform_field::hyperfun::{Mode, Model};
@@ -53,8 +54,8 @@ fn model(path: &Path, mode: Mode) -> Model {
     Model::parse(&text, mode).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
-/// The strict value and the attributes against the table; the expression against the interpreter,
-/// in both modes. Returns how many values were compared.
+/// Compares the strict value and the attributes with the table, and the expression with the
+/// interpreter in both modes. Returns the number of compared values.
 fn check(hf: &Path) -> usize {
     let table = golden(&hf.with_extension("csv"));
     let mut compared = 0;
@@ -96,7 +97,7 @@ fn check(hf: &Path) -> usize {
                 }
             }
         }
-        // What is printed means the same.
+        // Printed programs are equivalent.
         let pretty = m.pretty();
         let again = Model::parse(&pretty, mode)
             .unwrap_or_else(|e| panic!("{}: {e}\n{pretty}", hf.display()));

@@ -1,5 +1,5 @@
-//! Whatever is fed to the language, it answers: no panic, no hang, and what it accepts it prints so
-//! that it reads the same.
+//! Property tests of the language: no input causes a panic or an endless loop, and printed programs
+//! are read back identically.
 
 use isoform_field::Graph;
 use isoform_field::hyperfun::{Mode, Model};
@@ -82,7 +82,7 @@ const WORDS: [&str; 60] = [
     "é",
 ];
 
-/// Everything that one does with a program.
+/// Calls all operations on a program.
 fn exercise(text: &str) {
     for mode in [Mode::Default, Mode::Strict] {
         let Ok(mut m) = Model::parse(text, mode) else {
@@ -144,7 +144,7 @@ proptest! {
     }
 }
 
-/// Words, numbers and single characters; put together again they are the text.
+/// Splits a text into words, numbers and single characters, whose concatenation is the text.
 fn split(text: &str) -> Vec<String> {
     let mut words: Vec<String> = Vec::new();
     let mut in_word = false;

@@ -1,4 +1,4 @@
-//! Functions that jump, and the same solids with walls.
+//! Discontinuous functions, and equivalent solids with walls.
 
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_field::{Jump, Pieces};
@@ -16,7 +16,7 @@ const BOX: Aabb = Aabb {
     hi: [4.1, 1.2, 2.9],
 };
 
-/// Points that are spread by the golden ratio's relatives, on no round number.
+/// Returns points of a low-discrepancy sequence, none of which has round coordinates.
 fn points() -> impl Iterator<Item = Point3> {
     (1..4000).map(|i| {
         let share = |by: f64| (0.5 + f64::from(i) * by).fract();
@@ -29,7 +29,8 @@ fn points() -> impl Iterator<Item = Point3> {
     })
 }
 
-/// With walls the solid has the sign of the program everywhere, and no piece jumps any more.
+/// Checks that the solid with walls has the sign of the program everywhere, and that its pieces are
+/// continuous.
 #[test]
 fn walls_keep_the_sign() {
     for body in [
@@ -64,7 +65,8 @@ fn walls_keep_the_sign() {
     }
 }
 
-/// The pattern of a motif that stays within its cell is the union or intersection of the motifs.
+/// Checks that the pattern of a motif that does not leave its cell is the union or intersection of
+/// the motifs.
 #[test]
 fn patterns_within_their_cells_have_no_walls() {
     let (_, holes) = pieces(
@@ -80,7 +82,7 @@ fn what_does_not_jump_stays_as_it_is() {
     for body in [
         "my_model = 1 - x[1]^2 - x[2]^2 - x[3]^2;",
         "my_model = min(abs(x[1]), 1 - x[2]);",
-        // Continuous choices.
+        // Continuous selections.
         "array p[3], c[3]; c = [-1, -1, 0]; p[1] = x[1]; p[2] = x[2]; p[3] = x[3]; \
          ok = hfTaperZ(p, 0, 2, 1, 0.5); my_model = hfBlock(p, c, 2, 2, 2);",
         "if x[1] < 0 then h = 1; else h = 1 + x[1]; endif; my_model = h - x[3];",
@@ -90,7 +92,7 @@ fn what_does_not_jump_stays_as_it_is() {
     }
 }
 
-/// Jumps that make no wall are told with their places in space and in the program.
+/// Checks that jumps without walls are reported with their positions in space and in the program.
 #[test]
 fn other_jumps_are_told() {
     let jump = |body: &str, region: Aabb| -> Jump {
@@ -104,7 +106,7 @@ fn other_jumps_are_told() {
         ("atan2", 1, 43)
     );
     assert!(seam.at[1].abs() < 1e-9 && seam.at[0] < 0.0, "{seam}");
-    // A taper to nothing has size 1 where its scale is below the tolerance of the language.
+    // A taper to 0 has scale 1 where its scale is below the tolerance of the language.
     let taper = "array p[3], c[3]; c = [-1, -1, 0]; p[1] = x[1]; p[2] = x[2]; p[3] = x[3]; \
                  ok = hfTaperZ(p, 0, 2, 1, 0); my_model = hfBlock(p, c, 2, 2, 2);";
     let around = Aabb {

@@ -1,5 +1,4 @@
-//! Models as solids: what is a piece, what it is called, and that the pieces say what the model
-//! says.
+//! Models as solids: their pieces and names, and the agreement of the pieces with the model.
 
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_field::{Pieces, RunField, SolidError};
@@ -35,7 +34,7 @@ const GYROID: &str = "my_model(x[3], a[1])
   my_model = min(cube, (0.6 - abs(g)) / (1.5*w));
 }";
 
-/// R-functions, turned and shifted leaves, slabs, and a cone of which one half is used.
+/// R-functions, rotated and shifted leaves, slabs, and one half of a double cone.
 const TREE: &str = "my_model(x[3], a[1])
 {
   array o[3], q1[3], q2[3], q4[3], v4[3];
@@ -73,8 +72,8 @@ const BLENDS: &str = "my_model(x[3], a[1])
   my_model = max(f2, min(0.3*hfEllipsoid(x, o, 0.6, 0.9, 2.2), 1.8 - x[3]));
 }";
 
-/// Other ways to write what has no kinks: a weight between 0 and 1, a choice, the root of a square,
-/// exponentials.
+/// Other notations of functions without kinks: a weight between 0 and 1, a selection, the root of a
+/// square, exponentials.
 const SMOOTHS: &str = "my_model(x[3], a[1])
 {
   a1 = min(1 - abs(x[1]), min(1 - abs(x[2]), 1 - abs(x[3])));
@@ -116,8 +115,8 @@ fn own(solid: &Pieces, p: Point3) -> f64 {
     out[0]
 }
 
-/// The greatest jump of a piece's gradient between p and q, sought by bisection towards the greater
-/// change.
+/// Returns the largest jump of a piece's gradient between p and q, located by bisection towards the
+/// larger change.
 fn jump(solid: &Pieces, piece: u32, mut p: Point3, mut q: Point3) -> (f64, Point3) {
     let gradient = |p| solid.gradient(piece, p).1;
     for _ in 0..26 {
@@ -132,8 +131,8 @@ fn jump(solid: &Pieces, piece: u32, mut p: Point3, mut q: Point3) -> (f64, Point
     (norm(sub(gradient(p), gradient(q))), p)
 }
 
-/// The tree has the model's sign; on the surface the piece that decides vanishes, with a gradient
-/// that does neither vanish nor jump.
+/// Checks that the tree has the model's sign, and that on the surface the deciding piece vanishes,
+/// with a gradient that is continuous and not 0.
 fn check(text: &str, reach: f64) -> Pieces {
     let solid = pieces(text);
     let which: Vec<u32> = (0..solid.names().len() as u32).collect();
@@ -188,7 +187,7 @@ fn check(text: &str, reach: f64) -> Pieces {
     solid
 }
 
-/// One by one, in blocks, in jets and as ranges the same.
+/// Checks that pointwise evaluation, blocks, jets and ranges agree.
 fn check_evaluators(solid: &Pieces, reach: f64) {
     let mut random = Random(3);
     let points: Vec<Point3> = (0..70).map(|_| random.point(reach)).collect();
@@ -285,7 +284,7 @@ fn a_smooth_maximum_is_a_piece_for_each_pair_of_sides() {
     assert_eq!(solid.names()[13], "plate.z_max+boss.z_max");
     assert_eq!(solid.names()[18], "r");
     assert_eq!(*solid.tree(), Csg::Min((0..19).map(Csg::Piece).collect()));
-    // Where the blend is at work: plate 0 and boss 0 give k/4.
+    // Inside the blend, plate = 0 and boss = 0 give k/4.
     let side = 12;
     assert_eq!(solid.names()[side], "plate.z_max+boss");
     let (v, g) = solid.gradient(side as u32, [1.0, 0.0, 0.5]);
@@ -297,7 +296,7 @@ fn a_smooth_maximum_is_a_piece_for_each_pair_of_sides() {
 
 #[test]
 fn ranges_of_blends_are_tight() {
-    // A blend rises in both of its arguments: its range is that between its values for the ends of
+    // A blend increases in both arguments: its range extends between its values at the ends of
     // theirs.
     let text = "my_model(x[3], a[1]) { my_model = hfDBlendUni(1 - x[1], 1 - x[2], 0.5); }";
     let solid = pieces(text);
@@ -345,14 +344,14 @@ fn formulas_without_kinks_of_their_own_stay_one_piece() {
     let rounded = "my_model(x[3], a[1]) { u = max(abs(x[1]) - 1, 0); v = max(abs(x[2]) - 1, 0); w = max(abs(x[3]) - 1, 0);
         my_model = 0.4 - sqrt(u*u + v*v + w*w); }";
     assert_eq!(check(rounded, 2.0).names().len(), 1);
-    // A superellipsoid: its |u| meet with flat ends, and a cut there would be a seam.
+    // A superellipsoid: the two sides of its |u| join smoothly, and a cut there would be a seam.
     let round = "my_model(x[3], a[1]) { array o[3]; o = [0, 0, 0]; my_model = hfSuperell(x, o, 1, 1.5, 2, 0.7, 0.6) & (0.5 - x[3]); }";
     assert_eq!(check(round, 2.5).names(), ["o", "z_max"]);
-    // A choice that meets smoothly: a cylinder with a dome.
+    // A selection with a smooth transition: a cylinder with a dome.
     let dome = "my_model(x[3], a[1]) { r2 = x[1]^2 + x[2]^2; if x[3] > 0 then f = 1 - r2 - x[3]^2; else f = 1 - r2; endif;
         my_model = min(f, x[3] + 1); }";
     assert_eq!(check(dome, 2.0).names(), ["f", "z_min"]);
-    // One that does not, but is the smaller of two.
+    // A selection with a kink, which is a minimum.
     let choice = "my_model(x[3], a[1]) { if x[1] < x[2] then f = x[1]; else f = x[2]; endif; my_model = f; }";
     assert_eq!(check(choice, 2.0).names(), ["x_min", "y_min"]);
 }
@@ -376,7 +375,7 @@ fn factors_and_monotone_functions_pass() {
         ),
         (12, "b.x_max+", "b.x_max-")
     );
-    // The same of one expression is one piece.
+    // The minimum of an expression with itself is one piece.
     let twice = "my_model(x[3], a[1]) { u = 1 - x[1]; my_model = min(u, max(u, x[2])) | min(u, 0 - x[3]); }";
     assert_eq!(check(twice, 3.0).names().len(), 3);
 }
@@ -390,7 +389,7 @@ fn parameters_are_fixed() {
     .expect("a program");
     let solid = |a: &[f64]| Pieces::of_model(&model, a);
     assert!(matches!(solid(&[2.0, 1.0]).expect("a solid").tree(), Csg::Min(all) if all.len() == 4));
-    // A negative factor turns the solid inside out.
+    // A negative factor inverts the solid.
     assert!(
         matches!(solid(&[-2.0, 1.0]).expect("a solid").tree(), Csg::Max(all) if all.len() == 4)
     );
@@ -470,8 +469,8 @@ fn solid_of(text: &str) -> Pieces {
     Pieces::of_model(&model, &[0.0]).expect("a solid")
 }
 
-/// A program that a generator wrote: of 20,000 balls of one name each is a piece with a name of its
-/// own, and a ball costs the same as among few.
+/// Checks a generated program: 20,000 balls with one name are pieces with distinct names, and the
+/// cost per ball is that of a small program.
 #[test]
 fn twenty_thousand_balls() {
     let mut text = String::from("balls(x[3], a[1]) { array c[3]; c = [0, 0, 0];");
@@ -487,8 +486,8 @@ fn twenty_thousand_balls() {
     assert_eq!(solid.cost(19_999), solid.cost(2));
 }
 
-/// What is computed lies within the bounds of values, rounding included; where it is no number the
-/// bounds say so, although exact values have a range there.
+/// Checks that computed values lie within the bounds of values, including rounding; if a value is
+/// NaN the bounds are infinite, although exact values have a finite range there.
 #[test]
 fn bounds_of_values_hold_what_is_computed() {
     let text = "m(x[3], a[1]) {
@@ -526,7 +525,7 @@ fn bounds_of_values_hold_what_is_computed() {
             assert!(values.iter().all(holds), "{range:?} in [{lo}, {hi}]");
         }
     }
-    // All three pieces in four of the boxes; in the large one the root has no value at −2, and the
-    // quotient's divisor a zero.
+    // All three pieces in four of the boxes; in the large one the root is undefined at −2, and the
+    // divisor of the quotient has a zero.
     assert_eq!(known, 13);
 }

@@ -7,14 +7,14 @@ use std::fmt;
 
 /// Upper bound of the magnitude of numbers; its inverse is the lower bound of lengths, in model
 /// units. The cube of any such length, a volume, is within the range of doubles.
-const LARGEST: f64 = 1e100;
+const MAX_MAGNITUDE: f64 = 1e100;
 /// Tolerance of the squared lengths and of the cosine of a frame's directions. Larger deviations
 /// are not rounding errors: the vectors were not meant as a frame.
-const FRAME: f64 = 1e-9;
+const FRAME_TOLERANCE: f64 = 1e-9;
 /// Maximum degree of the curve of an edge. Isoform makes curves of degree 5.
-const MOST_DEGREE: usize = 25;
+const MAX_CURVE_DEGREE: usize = 25;
 /// Maximum degree of a graph: arrays of its B-splines have a fixed size.
-const MOST_GRAPH_DEGREE: usize = 7;
+const MAX_GRAPH_DEGREE: usize = 7;
 
 /// Defect of a boundary representation, with its location.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -33,10 +33,10 @@ impl fmt::Display for Defect {
 
 impl std::error::Error for Defect {}
 
-type Checked = Result<(), &'static str>;
+type CheckResult = Result<(), &'static str>;
 
 /// Returns `problem` as an error unless the condition holds.
-fn need(is: bool, problem: &'static str) -> Checked {
+fn need(is: bool, problem: &'static str) -> CheckResult {
     if is { Ok(()) } else { Err(problem) }
 }
 
@@ -75,7 +75,7 @@ impl Brep {
         self.check_shells()
     }
 
-    fn check_edge(&self, edge: &Edge) -> Checked {
+    fn check_edge(&self, edge: &Edge) -> CheckResult {
         let exist = |v: &u32| (*v as usize) < self.vertices.len();
         need(edge.ends.iter().all(exist), "there is no such vertex")?;
         match &edge.curve {
@@ -154,32 +154,35 @@ impl Brep {
     }
 }
 
-fn number(v: f64) -> Checked {
-    need(v.abs() <= LARGEST, "a number is not finite, or too large")
+fn number(v: f64) -> CheckResult {
+    need(
+        v.abs() <= MAX_MAGNITUDE,
+        "a number is not finite, or too large",
+    )
 }
 
-fn points(all: &[Point3]) -> Checked {
+fn points(all: &[Point3]) -> CheckResult {
     all.iter().flatten().try_for_each(|v| number(*v))
 }
 
-fn length(v: f64) -> Checked {
+fn length(v: f64) -> CheckResult {
     need(
-        (1.0 / LARGEST..=LARGEST).contains(&v),
+        (1.0 / MAX_MAGNITUDE..=MAX_MAGNITUDE).contains(&v),
         "a length is not positive, or not of a sane size",
     )
 }
 
-fn frame(axes: &Axes) -> Checked {
+fn frame(axes: &Axes) -> CheckResult {
     points(&[axes.origin])?;
     let Axes { z, x, .. } = axes;
     let right = [dot(*z, *z) - 1.0, dot(*x, *x) - 1.0, dot(*z, *x)];
     need(
-        right.iter().all(|v| v.abs() <= FRAME),
+        right.iter().all(|v| v.abs() <= FRAME_TOLERANCE),
         "the directions of a frame are not of length 1 and at right angles",
     )
 }
 
-fn surface(surface: &Surface) -> Checked {
+fn surface(surface: &Surface) -> CheckResult {
     frame(surface.axes())?;
     match surface {
         Surface::Plane(_) => Ok(()),
@@ -210,10 +213,10 @@ fn surface(surface: &Surface) -> Checked {
     }
 }
 
-fn check_graph(graph: &Graph) -> Checked {
+fn check_graph(graph: &Graph) -> CheckResult {
     let degree = graph.degree;
     need(
-        (1..=MOST_GRAPH_DEGREE).contains(&degree),
+        (1..=MAX_GRAPH_DEGREE).contains(&degree),
         "the degree is not from 1 to 7",
     )?;
     for all in &graph.knots {
@@ -228,7 +231,7 @@ fn check_graph(graph: &Graph) -> Checked {
     )
 }
 
-fn check_revolved(turned: &Revolved) -> Checked {
+fn check_revolved(turned: &Revolved) -> CheckResult {
     let Revolved {
         degree,
         knots,
@@ -236,7 +239,7 @@ fn check_revolved(turned: &Revolved) -> Checked {
         ..
     } = turned;
     need(
-        (1..=MOST_GRAPH_DEGREE).contains(degree),
+        (1..=MAX_GRAPH_DEGREE).contains(degree),
         "the degree is not from 1 to 7",
     )?;
     knots.iter().try_for_each(|t| number(*t))?;
@@ -254,7 +257,7 @@ fn check_revolved(turned: &Revolved) -> Checked {
     )
 }
 
-fn curve(spline: &BSpline) -> Checked {
+fn curve(spline: &BSpline) -> CheckResult {
     let BSpline {
         degree,
         knots,
@@ -262,7 +265,7 @@ fn curve(spline: &BSpline) -> Checked {
         control,
     } = spline;
     need(
-        (1..=MOST_DEGREE).contains(degree),
+        (1..=MAX_CURVE_DEGREE).contains(degree),
         "the degree is not from 1 to 25",
     )?;
     points(control)?;
@@ -283,7 +286,7 @@ fn curve(spline: &BSpline) -> Checked {
 
 /// Checks that a knot vector ascends, with degree + 1 equal knots at both ends and at most `degree`
 /// equal ones inside.
-fn clamped(knots: &[f64], degree: usize) -> Checked {
+fn clamped(knots: &[f64], degree: usize) -> CheckResult {
     let runs: Vec<&[f64]> = knots.chunk_by(|a, b| a == b).collect();
     let rises = runs.windows(2).all(|w| w[0][0] < w[1][0]);
     need(rises && runs.len() >= 2, "the knots do not rise")?;

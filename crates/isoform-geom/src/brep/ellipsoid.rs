@@ -22,7 +22,7 @@ pub struct Ellipsoid {
 impl Ellipsoid {
     /// Half the width of the stereographic chart in files: it covers all directions within 63.6° of
     /// its centre. From 1/√2 on its weights are not all positive.
-    pub const REACH: f64 = 0.62;
+    pub const CHART_HALF_WIDTH: f64 = 0.62;
 
     /// Returns the parameters s and t of a point in the stereographic chart ([`Self::chart`]); they
     /// are large for points on the opposite side.
@@ -132,7 +132,7 @@ impl Ellipsoid {
             return None;
         }
         let radius = (1.0 - off * off).sqrt();
-        let [e, f] = crate::across(n);
+        let [e, f] = crate::orthonormal_complement(n);
         // Conjugate half diameters u and v; the rotation by `angle` makes them orthogonal.
         let [u, v] = [e, f].map(|e| self.stretched(e.map(|k| radius * k)));
         let angle = 0.5 * (2.0 * dot(u, v)).atan2(dot(u, u) - dot(v, v));
@@ -214,7 +214,7 @@ impl Ellipsoid {
     /// vector in the space of the unit sphere.
     #[must_use]
     pub fn facing(self, direction: Point3) -> Self {
-        let [z, _] = crate::across(direction);
+        let [z, _] = crate::orthonormal_complement(direction);
         let x = direction.map(|v| -v);
         let sphere = Axes {
             origin: [0.0; 3],
@@ -286,9 +286,10 @@ mod tests {
         // Three different half axes, and a spheroid, whose frame is free to turn.
         for half in [[0.9, 0.6, 0.4], [0.5, 0.9, 0.5]] {
             let ball = Ellipsoid { half, ..tilted() };
-            let (control, _) = ball.chart(Ellipsoid::REACH);
-            let again = Ellipsoid::of_chart(&control, Ellipsoid::REACH).expect("a chart");
-            let (back, _) = again.chart(Ellipsoid::REACH);
+            let (control, _) = ball.chart(Ellipsoid::CHART_HALF_WIDTH);
+            let again =
+                Ellipsoid::of_chart(&control, Ellipsoid::CHART_HALF_WIDTH).expect("a chart");
+            let (back, _) = again.chart(Ellipsoid::CHART_HALF_WIDTH);
             for (p, q) in control.as_flattened().iter().zip(back.as_flattened()) {
                 assert!(norm(sub(*p, *q)) < 1e-14, "{p:?} {q:?}");
             }
@@ -299,7 +300,10 @@ mod tests {
         }
         let mut flat = [[[0.0; 3]; 3]; 3];
         (0..9).for_each(|n| flat[n / 3][n % 3] = [n as f64, (n / 3) as f64, 0.0]);
-        assert_eq!(Ellipsoid::of_chart(&flat, Ellipsoid::REACH), None);
+        assert_eq!(
+            Ellipsoid::of_chart(&flat, Ellipsoid::CHART_HALF_WIDTH),
+            None
+        );
     }
 
     #[test]

@@ -32,14 +32,14 @@ pub struct Height {
 }
 
 /// Maximum number of B-splines that do not vanish at a point: the maximum degree plus 1.
-const MOST: usize = 8;
+const MAX_ACTIVE_SPLINES: usize = 8;
 
 /// Values of the B-splines that do not vanish at a parameter.
 pub struct Basis {
     /// Index of the first one.
     pub first: usize,
     /// Values, first and second derivatives; the first degree + 1 entries of each are used.
-    pub values: [[f64; MOST]; 3],
+    pub values: [[f64; MAX_ACTIVE_SPLINES]; 3],
 }
 
 impl Basis {
@@ -49,8 +49,8 @@ impl Basis {
         let last = knots.len() - degree - 2;
         let inner = &knots[degree + 1..=last];
         let span = degree + inner.partition_point(|k| *k <= t);
-        let mut levels = [[0.0; MOST]; 3];
-        let mut n = [0.0; MOST];
+        let mut levels = [[0.0; MAX_ACTIVE_SPLINES]; 3];
+        let mut n = [0.0; MAX_ACTIVE_SPLINES];
         n[0] = 1.0;
         for p in 1..=degree {
             if p + 2 > degree {
@@ -66,11 +66,11 @@ impl Basis {
             n[p] = saved;
         }
         let first = span - degree;
-        let mut values = [n, [0.0; MOST], [0.0; MOST]];
+        let mut values = [n, [0.0; MAX_ACTIVE_SPLINES], [0.0; MAX_ACTIVE_SPLINES]];
         // First derivatives are differences of the B-splines of one degree less, second ones
         // differences of differences of those of two degrees less.
-        let difference = |lower: &[f64; MOST], p: usize| {
-            let mut out = [0.0; MOST];
+        let difference = |lower: &[f64; MAX_ACTIVE_SPLINES], p: usize| {
+            let mut out = [0.0; MAX_ACTIVE_SPLINES];
             let from = span - p;
             for (j, out) in out.iter_mut().enumerate().take(p + 1) {
                 let width = |i: usize| knots[i + p] - knots[i];
@@ -100,11 +100,11 @@ impl Basis {
 
 /// Tolerance of the squared lengths and of the cosine of a frame's directions. They are computed
 /// from rounded control points, which determine them less accurately the flatter the graph is.
-const FRAME: f64 = 1e-6;
+const FITTED_FRAME_TOLERANCE: f64 = 1e-6;
 /// Ratio of the smallest to the largest singular value of the control points at or below which they
 /// count as flat: the unit length of the directions then determines their components across the
 /// plane more accurately than the points do.
-const FLAT: f64 = 1e-6;
+const FLATNESS_RATIO: f64 = 1e-6;
 
 /// Returns the directions x and y along which points have the given coordinates, by least squares:
 /// the sums of (uₖ·b / σₖ) vₖ. If the points are flat, the components along their normal v₃ are
@@ -120,7 +120,7 @@ fn directions(svd: &Svd<Vec<f64>, 3>, sides: &[Vec<f64>; 2]) -> [Point3; 2] {
     };
     let shares = sides.each_ref().map(|b| [0, 1, 2].map(|k| share(k, b)));
     let mut across = shares.map(|s| s[2]);
-    if svd.values[2] <= FLAT * svd.values[0] {
+    if svd.values[2] <= FLATNESS_RATIO * svd.values[0] {
         let [[a, b, p], [c, d, q]] = shares;
         let rest = |e: f64, f: f64| (1.0 - e * e - f * f).max(0.0).sqrt();
         let (u, mut v) = (rest(a, b), rest(c, d));
@@ -249,7 +249,7 @@ impl Graph {
         let lengths = [dot(x, x), dot(y, y), 1.0 + dot(x, y)];
         if lengths
             .iter()
-            .any(|l| (l - 1.0).abs() > FRAME || l.is_nan())
+            .any(|l| (l - 1.0).abs() > FITTED_FRAME_TOLERANCE || l.is_nan())
         {
             return None;
         }

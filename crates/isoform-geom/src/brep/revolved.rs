@@ -21,12 +21,12 @@ pub struct Revolved {
 }
 
 /// Maximum number of Newton steps to the foot of a point; near the curve a handful suffices.
-const STEPS: usize = 24;
+const MAX_MERIDIAN_STEPS: usize = 24;
 /// Length of a Newton step, in lengths of the domain, at or below which the iteration ends.
-const LAST: f64 = 1e-15;
+const CONVERGED_STEP_LENGTH: f64 = 1e-15;
 /// Margin beyond the ends of the domain, in lengths of the domain, in which feet are sought: the
 /// outermost polynomials are continued there, and diverge from the surface farther out.
-const BEYOND: f64 = 0.05;
+const DOMAIN_MARGIN: f64 = 0.05;
 
 impl Revolved {
     /// Returns the interval of the curve's parameter.
@@ -58,8 +58,8 @@ impl Revolved {
         let i = nearest.map_or(0, |n| n.0);
         let greville = self.knots[i + 1..=i + self.degree].iter().sum::<f64>();
         let mut t = greville / self.degree as f64;
-        let reach = BEYOND * (last - first);
-        for _ in 0..STEPS {
+        let reach = DOMAIN_MARGIN * (last - first);
+        for _ in 0..MAX_MERIDIAN_STEPS {
             let [c, d, dd] = self.profile(t);
             let off: [f64; 2] = from_fn(|k| place[k] - c[k]);
             let speed = d[0] * d[0] + d[1] * d[1];
@@ -74,7 +74,7 @@ impl Revolved {
             let next = (t + step).clamp(first - reach, last + reach);
             let way = (next - t).abs();
             t = next;
-            if way.is_nan() || way <= LAST * (last - first) {
+            if way.is_nan() || way <= CONVERGED_STEP_LENGTH * (last - first) {
                 break;
             }
         }
@@ -89,14 +89,14 @@ impl Revolved {
     }
     /// Returns the signed distance of a point close to the surface, and the unit normal.
     pub fn distance(&self, p: Point3) -> (f64, Point3) {
-        let at = Meridian::of(&self.axes, p);
+        let at = Meridian::from_point(&self.axes, p);
         let (c, n) = self.below(&at);
         let value = (at.out - c[0]) * n[0] + (at.height - c[1]) * n[1];
         (value, combined(n[0], at.radial, n[1], self.axes.z))
     }
     /// Returns the second derivative of the distance along a tangent, at a point of the surface.
     pub fn bending(&self, p: Point3, along: Point3) -> f64 {
-        let at = Meridian::of(&self.axes, p);
+        let at = Meridian::from_point(&self.axes, p);
         let [_, d, dd] = self.profile(self.foot([at.out, at.height]));
         let speed = d[0] * d[0] + d[1] * d[1];
         let n = [d[1], -d[0]].map(|v| v / speed.sqrt());
@@ -107,7 +107,7 @@ impl Revolved {
     /// Returns the parameters of the nearest point of the surface: the angle, from 0 to 2π, and the
     /// parameter of the curve.
     pub fn parameters(&self, p: Point3) -> [f64; 2] {
-        let at = Meridian::of(&self.axes, p);
+        let at = Meridian::from_point(&self.axes, p);
         let [x, y, _] = self.axes.local(p);
         let angle = y.atan2(x).rem_euclid(std::f64::consts::TAU);
         [angle, self.foot([at.out, at.height])]

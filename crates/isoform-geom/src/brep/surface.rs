@@ -14,7 +14,8 @@ pub(super) struct Meridian {
 }
 
 impl Meridian {
-    pub(super) fn of(axes: &Axes, p: Point3) -> Self {
+    /// Returns the cylindrical coordinates of a point.
+    pub(super) fn from_point(axes: &Axes, p: Point3) -> Self {
         let [x, y, height] = axes.local(p);
         let out = x.hypot(y);
         let radial = if out > 0.0 {
@@ -45,11 +46,11 @@ impl Surface {
         match *self {
             Self::Plane(axes) => (axes.local(p)[2], axes.z),
             Self::Cylinder(axes, radius) => {
-                let at = Meridian::of(&axes, p);
+                let at = Meridian::from_point(&axes, p);
                 (at.out - radius, at.radial)
             }
             Self::Cone(axes, radius, half_angle) => {
-                let (at, (sin, cos)) = (Meridian::of(&axes, p), half_angle.sin_cos());
+                let (at, (sin, cos)) = (Meridian::from_point(&axes, p), half_angle.sin_cos());
                 let value = cos * (at.out - radius) - sin * at.height;
                 (value, combined(cos, at.radial, -sin, axes.z))
             }
@@ -60,7 +61,7 @@ impl Surface {
                 (r - radius, normal)
             }
             Self::Torus(axes, major, minor) => {
-                let at = Meridian::of(&axes, p);
+                let at = Meridian::from_point(&axes, p);
                 let q = at.out - major;
                 let r = q.hypot(at.height);
                 let (c, s) = if r > 0.0 {
@@ -80,7 +81,7 @@ impl Surface {
     /// revolution and graphs, the point must be on the surface and the vector tangent to it.
     pub fn bending(&self, p: Point3, along: Point3) -> f64 {
         let axes = self.axes();
-        let at = Meridian::of(axes, p);
+        let at = Meridian::from_point(axes, p);
         let round = dot(along, crate::cross(axes.z, at.radial)).powi(2);
         match *self {
             Self::Plane(_) => 0.0,
@@ -178,7 +179,7 @@ impl Surface {
             Self::Ellipsoid(ball) => return ball.rate_of_u(p, velocity),
             _ => {}
         }
-        let at = Meridian::of(axes, p);
+        let at = Meridian::from_point(axes, p);
         dot(velocity, crate::cross(axes.z, at.radial)) / at.out
     }
 

@@ -1,6 +1,6 @@
 //! Attribute functions: colours and other values attached to a shape.
 
-use super::{Call, Fault, Outcome, shapes};
+use super::{Call, FormulaError, Outcome, shapes};
 use crate::hyperfun::formula::{E, norm2};
 use crate::hyperfun::machine::Machine;
 use crate::library::Native;
@@ -157,7 +157,7 @@ fn table_rows<M: Machine>(
     out: usize,
     table: usize,
     entries: usize,
-) -> Result<usize, Fault> {
+) -> Result<usize, FormulaError> {
     let rows = (c.len(table) / c.len(out)).min(c.len(entries));
     if rows == 0 {
         return c.fail(format!(
@@ -278,7 +278,7 @@ fn by_chance<'c, M: Machine>(
     p: &E<'c, M>,
     table: usize,
     entries: usize,
-) -> Result<(), Fault> {
+) -> Result<(), FormulaError> {
     let (width, rows) = (c.len(1), table_rows(c, 1, table, entries)?);
     for i in 0..rows.min(c.len(entries).saturating_sub(1)) {
         let here = c

@@ -2,7 +2,7 @@
 //! and rendering convolution surfaces, Computer Graphics Forum 17, 1998). Each value is the sum of
 //! the integrals over the elements minus T.
 
-use super::{Call, Fault, Outcome};
+use super::{Call, FormulaError, Outcome};
 use crate::hyperfun::formula::{E, E3, cross, dot, minus, norm2};
 use crate::hyperfun::machine::Machine;
 
@@ -90,9 +90,14 @@ pub(super) fn mesh<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
 }
 
 /// Returns the index, from 0, of corner k of triangle i among `points` points.
-fn corner<M: Machine>(c: &Call<'_, M>, i: usize, k: usize, points: usize) -> Result<usize, Fault> {
+fn corner<M: Machine>(
+    c: &Call<'_, M>,
+    i: usize,
+    k: usize,
+    points: usize,
+) -> Result<usize, FormulaError> {
     let Some(index) = c.item(2, 3 * i + k).known() else {
-        return Err(Fault {
+        return Err(FormulaError {
             message: "a corner's index depends on the point or the parameters".to_owned(),
             unknown: true,
         });

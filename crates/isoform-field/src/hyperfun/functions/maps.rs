@@ -3,7 +3,7 @@
 
 use super::{Call, Outcome};
 use crate::hyperfun::formula::{E, minus};
-use crate::hyperfun::machine::{EPS, Machine};
+use crate::hyperfun::machine::{Machine, TRUTH_TOLERANCE};
 use crate::library::Axis;
 
 pub(super) fn scale<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
@@ -51,7 +51,7 @@ pub(super) fn taper<'c, M: Machine>(c: &mut Call<'c, M>, axis: Axis) -> Outcome<
     let scale = z
         .less_eq(&c.n(1))
         .select(&s1, &c.n(2).less_eq(&z).select(&s2, &inside));
-    let scale = scale.abs().below(EPS).select(&c.c(1.0), &scale);
+    let scale = scale.abs().below(TRUTH_TOLERANCE).select(&c.c(1.0), &scale);
     for i in [p, q] {
         c.put(0, i, c.item(0, i) / &scale);
     }

@@ -6,7 +6,7 @@ use crate::library::Native;
 use crate::ops::Unary;
 
 /// Bound on |cos u| below which the tangent is rejected, as in the reference implementation.
-const TAN_POLE: f64 = 1e-6;
+const MIN_TANGENT_COSINE: f64 = 1e-6;
 
 pub(super) fn sqrt<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     match c.value(&c.n(0)) {
@@ -28,7 +28,7 @@ pub(super) fn logd<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
 
 pub(super) fn tan<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     match c.value(&c.n(0)) {
-        Some(u) if u.cos().abs() < TAN_POLE => {
+        Some(u) if u.cos().abs() < MIN_TANGENT_COSINE => {
             c.fail(format!("tangent of {u}, where it has a pole"))
         }
         _ => Ok(c.n(0).unary(Unary::Tan)),

@@ -16,18 +16,21 @@ use super::Mode;
 use super::ast::Argument;
 use super::formula::{E, E3};
 use super::machine::Machine;
+use crate::direct::Direct;
 use crate::library::Library;
-use crate::ops::Direct;
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::sync::LazyLock;
+
+/// Value that the reference implementation returns for invalid arguments.
+pub(crate) const SENTINEL: f64 = -1111111111111.0;
 
 /// Maximum number of arguments of a function.
 const MAX_ARGUMENTS: usize = 8;
 
 /// Type of an argument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Shape {
+pub(crate) enum ArgumentShape {
     Number,
     /// A point of space: an array of three items.
     Point,
@@ -42,7 +45,7 @@ pub(crate) enum Shape {
     Chain,
 }
 
-impl Shape {
+impl ArgumentShape {
     /// Returns a description of the required array if one of `len` items does not match.
     pub(crate) fn refuses(self, len: u32, elements: u32, mode: Mode) -> Option<String> {
         match self {
@@ -74,16 +77,16 @@ impl Shape {
 }
 
 /// Error of a formula.
-pub(crate) struct Fault {
+pub(crate) struct FormulaError {
     pub(crate) message: String,
     /// True if the program is valid, but an unknown value is required.
     pub(crate) unknown: bool,
 }
 
-type Outcome<'c, M> = Result<E<'c, M>, Fault>;
+type Outcome<'c, M> = Result<E<'c, M>, FormulaError>;
 
 /// Implementation of a function.
-pub(crate) enum Run<M: Machine> {
+pub(crate) enum Implementation<M: Machine> {
     Primitive(Library, Sentinel),
     Formula(Formula<M>),
 }
@@ -105,10 +108,10 @@ impl Sentinel {
     pub(crate) fn apply<M: Machine>(self, m: &mut M, flat: &[M::V], mut v: M::V) -> M::V {
         let (which, limit) = match self {
             Self::Never => return v,
-            Self::Small(which) => (which, super::machine::EPS),
+            Self::Small(which) => (which, super::machine::TRUTH_TOLERANCE),
             Self::Negative(which) => (which, 0.0),
         };
-        let (limit, sentinel) = (m.constant(limit), m.constant(super::execute::SENTINEL));
+        let (limit, sentinel) = (m.constant(limit), m.constant(SENTINEL));
         for &i in which {
             let size = if matches!(self, Self::Small(_)) {
                 m.abs(&flat[i])
@@ -126,8 +129,8 @@ impl Sentinel {
 pub(crate) struct Function<M: Machine> {
     /// Documented name, followed by synonyms.
     pub(crate) names: &'static [&'static str],
-    pub(crate) arguments: &'static [(&'static str, Shape)],
-    pub(crate) run: Run<M>,
+    pub(crate) arguments: &'static [(&'static str, ArgumentShape)],
+    pub(crate) run: Implementation<M>,
     /// Index of the argument that is modified in place.
     pub(crate) writes: Option<usize>,
     /// True if an infinite value is admissible, since further arithmetic may make it finite.
@@ -159,11 +162,11 @@ pub(crate) fn entry(function: u16) -> &'static Function<Direct<f64>> {
 impl<M: Machine> Function<M> {
     /// Returns true if an array argument for a point does not have three items.
     pub(crate) fn has_wrong_point(&self, arguments: &[Argument]) -> bool {
-        let is_wrong = |(argument, (_, shape)): (&Argument, &(&str, Shape))| {
+        let is_wrong = |(argument, (_, shape)): (&Argument, &(&str, ArgumentShape))| {
             let Argument::Array(_, array) = argument else {
                 return false;
             };
-            *shape == Shape::Point && array.len != 3
+            *shape == ArgumentShape::Point && array.len != 3
         };
         arguments.iter().zip(self.arguments).any(is_wrong)
     }
@@ -281,25 +284,25 @@ impl<'c, M: Machine> Call<'c, M> {
     fn value(&self, v: &E<'c, M>) -> Option<f64> {
         if M::CHECKED { v.known() } else { None }
     }
-    fn fail<T>(&self, message: impl Into<String>) -> Result<T, Fault> {
-        Err(Fault {
+    fn fail<T>(&self, message: impl Into<String>) -> Result<T, FormulaError> {
+        Err(FormulaError {
             message: message.into(),
             unknown: false,
         })
     }
     /// Returns the value of argument `i`, on which the structure of the formula depends.
-    fn need(&self, i: usize, what: &str) -> Result<f64, Fault> {
+    fn need(&self, i: usize, what: &str) -> Result<f64, FormulaError> {
         let known = self.n(i).known();
-        known.ok_or_else(|| Fault {
+        known.ok_or_else(|| FormulaError {
             message: format!("{what} depends on the point or the parameters"),
             unknown: true,
         })
     }
     /// Counts steps; fails beyond the step limit.
-    fn spend(&mut self, steps: u64) -> Result<(), Fault> {
+    fn spend(&mut self, steps: u64) -> Result<(), FormulaError> {
         self.spent = self.spent.saturating_add(steps);
         if self.spent > self.left {
-            return Err(Fault {
+            return Err(FormulaError {
                 message: "stopped: too many steps".to_owned(),
                 unknown: !M::CHECKED,
             });
@@ -330,11 +333,11 @@ mod tests {
             for name in row.names {
                 assert!(seen.insert(name.to_ascii_lowercase()), "{name} twice");
             }
-            if let Run::Primitive(library, sentinel) = &row.run {
+            if let Implementation::Primitive(library, sentinel) = &row.run {
                 let flat: usize = row
                     .arguments
                     .iter()
-                    .map(|(_, s)| if *s == Shape::Number { 1 } else { 3 })
+                    .map(|(_, s)| if *s == ArgumentShape::Number { 1 } else { 3 })
                     .sum();
                 assert_eq!(flat, library.arity(), "{:?}", row.names);
                 if let Sentinel::Small(which) | Sentinel::Negative(which) = sentinel {
@@ -342,7 +345,7 @@ mod tests {
                 }
             }
             if let Some(i) = row.writes {
-                assert_ne!(row.arguments[i].1, Shape::Number);
+                assert_ne!(row.arguments[i].1, ArgumentShape::Number);
             }
         }
     }

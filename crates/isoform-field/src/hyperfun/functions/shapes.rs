@@ -1,6 +1,6 @@
 //! Blobby models, noise, Bézier volumes and other shapes.
 
-use super::{Call, Fault, Outcome};
+use super::{Call, FormulaError, Outcome};
 use crate::hyperfun::formula::{E, norm2};
 use crate::hyperfun::machine::Machine;
 use crate::library::Library;
@@ -73,7 +73,7 @@ pub(super) fn noise<'c, M: Machine>(
 }
 
 /// Maximum number of control values in one direction, as in the reference implementation.
-const MAX_CONTROL: usize = 21;
+const MAX_CONTROL_VALUES: usize = 21;
 
 /// Returns Σ Bᵢ(t₁) Bⱼ(t₃) Bₖ(t₂) w[(i m + j) n + k], R-intersected with the box; m belongs to z
 /// and n to y.
@@ -106,13 +106,13 @@ pub(super) fn bezier_volume<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, 
 }
 
 /// Reads the numbers of control values in the three directions; fails if the array has fewer.
-fn control_counts<M: Machine>(c: &mut Call<'_, M>) -> Result<[usize; 3], Fault> {
+fn control_counts<M: Machine>(c: &mut Call<'_, M>) -> Result<[usize; 3], FormulaError> {
     let mut counts = [0; 3];
     for (i, count) in counts.iter_mut().enumerate() {
         let n = (c.need(i + 1, "a number of control values")? + 0.5).floor();
-        if !(1.0..=MAX_CONTROL as f64).contains(&n) {
+        if !(1.0..=MAX_CONTROL_VALUES as f64).contains(&n) {
             return c.fail(format!(
-                "{n} control values in one direction; 1 to {MAX_CONTROL} are possible"
+                "{n} control values in one direction; 1 to {MAX_CONTROL_VALUES} are possible"
             ));
         }
         *count = n as usize;

@@ -1,19 +1,19 @@
 //! Table of the library. A new function is one row here and its formula (or its variant of
 //! [`Library`]).
 
-use super::Shape::{Array, Chain, Each, Elements, Number, Point};
-use super::{Call, Function, Outcome, Run, Sentinel, Shape};
+use super::ArgumentShape::{Array, Chain, Each, Elements, Number, Point};
+use super::{ArgumentShape, Call, Function, Implementation, Outcome, Sentinel};
 use super::{attributes as at, convolution as cv, maps, math, shapes};
 use crate::hyperfun::machine::Machine;
 use crate::library::{Axis, Library};
 use crate::ops::{Binary, Unary};
 
-type Shapes = &'static [(&'static str, Shape)];
+type ArgumentShapes = &'static [(&'static str, ArgumentShape)];
 
 const fn row<M: Machine>(
     names: &'static [&'static str],
-    arguments: Shapes,
-    run: Run<M>,
+    arguments: ArgumentShapes,
+    run: Implementation<M>,
     help: &'static str,
 ) -> Function<M> {
     Function {
@@ -27,42 +27,47 @@ const fn row<M: Machine>(
 }
 const fn primitive<M: Machine>(
     names: &'static [&'static str],
-    arguments: Shapes,
+    arguments: ArgumentShapes,
     f: Library,
     help: &'static str,
 ) -> Function<M> {
-    row(names, arguments, Run::Primitive(f, Sentinel::Never), help)
+    row(
+        names,
+        arguments,
+        Implementation::Primitive(f, Sentinel::Never),
+        help,
+    )
 }
 /// Creates the row of a primitive for which the reference implementation may return its sentinel.
 const fn guarded<M: Machine>(
     names: &'static [&'static str],
-    arguments: Shapes,
+    arguments: ArgumentShapes,
     f: Library,
     bad: Sentinel,
     help: &'static str,
 ) -> Function<M> {
-    row(names, arguments, Run::Primitive(f, bad), help)
+    row(names, arguments, Implementation::Primitive(f, bad), help)
 }
 const fn formula<M: Machine>(
     names: &'static [&'static str],
-    arguments: Shapes,
+    arguments: ArgumentShapes,
     run: for<'c> fn(&mut Call<'c, M>) -> Outcome<'c, M>,
     help: &'static str,
 ) -> Function<M> {
-    row(names, arguments, Run::Formula(run), help)
+    row(names, arguments, Implementation::Formula(run), help)
 }
 /// Creates the row of a function that modifies argument `i`.
 const fn writing<M: Machine>(
     i: usize,
     names: &'static [&'static str],
-    arguments: Shapes,
+    arguments: ArgumentShapes,
     run: for<'c> fn(&mut Call<'c, M>) -> Outcome<'c, M>,
     help: &'static str,
 ) -> Function<M> {
     Function {
         names,
         arguments,
-        run: Run::Formula(run),
+        run: Implementation::Formula(run),
         writes: Some(i),
         may_overflow: false,
         help,
@@ -71,43 +76,43 @@ const fn writing<M: Machine>(
 /// Creates the row of a mathematical function.
 const fn plain<M: Machine>(
     names: &'static [&'static str],
-    arguments: Shapes,
+    arguments: ArgumentShapes,
     run: for<'c> fn(&mut Call<'c, M>) -> Outcome<'c, M>,
     help: &'static str,
 ) -> Function<M> {
     Function {
         names,
         arguments,
-        run: Run::Formula(run),
+        run: Implementation::Formula(run),
         writes: None,
         may_overflow: true,
         help,
     }
 }
 
-const U: Shapes = &[("u", Number)];
-const UV: Shapes = &[("u", Number), ("v", Number)];
-const ROUND: Shapes = &[("x", Point), ("center", Array(3)), ("R", Number)];
-const TORUS: Shapes = &[
+const U: ArgumentShapes = &[("u", Number)];
+const UV: ArgumentShapes = &[("u", Number), ("v", Number)];
+const ROUND: ArgumentShapes = &[("x", Point), ("center", Array(3)), ("R", Number)];
+const TORUS: ArgumentShapes = &[
     ("x", Point),
     ("center", Array(3)),
     ("R", Number),
     ("r", Number),
 ];
-const ELLIPTIC: Shapes = &[
+const ELLIPTIC: ArgumentShapes = &[
     ("x", Point),
     ("center", Array(3)),
     ("a", Number),
     ("b", Number),
 ];
-const ELLIPSOID: Shapes = &[
+const ELLIPSOID: ArgumentShapes = &[
     ("x", Point),
     ("center", Array(3)),
     ("a", Number),
     ("b", Number),
     ("c", Number),
 ];
-const SUPER: Shapes = &[
+const SUPER: ArgumentShapes = &[
     ("x", Point),
     ("center", Array(3)),
     ("a", Number),
@@ -116,50 +121,50 @@ const SUPER: Shapes = &[
     ("s1", Number),
     ("s2", Number),
 ];
-const BLOCK: Shapes = &[
+const BLOCK: ArgumentShapes = &[
     ("x", Point),
     ("vertex", Array(3)),
     ("dx", Number),
     ("dy", Number),
     ("dz", Number),
 ];
-const BLEND: Shapes = &[
+const BLEND: ArgumentShapes = &[
     ("f1", Number),
     ("f2", Number),
     ("a0", Number),
     ("a1", Number),
     ("a2", Number),
 ];
-const DBLEND: Shapes = &[("f1", Number), ("f2", Number), ("r", Number)];
-const SARDF: Shapes = &[
+const DBLEND: ArgumentShapes = &[("f1", Number), ("f2", Number), ("r", Number)];
+const SARDF: ArgumentShapes = &[
     ("f1", Number),
     ("f2", Number),
     ("R", Number),
     ("alpha", Number),
 ];
-const ANGLE: Shapes = &[("p", Point), ("angle", Number)];
-const THREE: Shapes = &[("p", Point), ("x", Number), ("y", Number), ("z", Number)];
-const TWIST: Shapes = &[
+const ANGLE: ArgumentShapes = &[("p", Point), ("angle", Number)];
+const THREE: ArgumentShapes = &[("p", Point), ("x", Number), ("y", Number), ("z", Number)];
+const TWIST: ArgumentShapes = &[
     ("p", Point),
     ("z1", Number),
     ("z2", Number),
     ("angle1", Number),
     ("angle2", Number),
 ];
-const TAPER: Shapes = &[
+const TAPER: ArgumentShapes = &[
     ("p", Point),
     ("z1", Number),
     ("z2", Number),
     ("scale1", Number),
     ("scale2", Number),
 ];
-const SPACE_MAP: Shapes = &[
+const SPACE_MAP: ArgumentShapes = &[
     ("p", Point),
     ("source", Elements(3)),
     ("target", Each(3)),
     ("b", Each(3)),
 ];
-const MIX: Shapes = &[
+const MIX: ArgumentShapes = &[
     ("out", Array(1)),
     ("in1", Array(1)),
     ("in2", Array(1)),
@@ -167,13 +172,13 @@ const MIX: Shapes = &[
     ("t0", Number),
     ("t1", Number),
 ];
-const LOOK_UP: Shapes = &[
+const LOOK_UP: ArgumentShapes = &[
     ("t", Number),
     ("out", Array(1)),
     ("table", Array(1)),
     ("entries", Array(1)),
 ];
-const COLOURS: Shapes = &[("in", Array(3)), ("out", Array(3))];
+const COLOURS: ArgumentShapes = &[("in", Array(3)), ("out", Array(3))];
 
 const SMALL2: Sentinel = Sentinel::Small(&[6, 7]);
 const SMALL3: Sentinel = Sentinel::Small(&[6, 7, 8]);

@@ -13,7 +13,7 @@ use isoform_num::Interval;
 
 /// Part of an operation that is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Choice {
+enum KeptBranch {
     /// Nothing: the result is not used.
     Neither,
     /// The first branch only.
@@ -27,12 +27,12 @@ enum Choice {
 /// Range in which a slot's exact value is relevant; values outside of it may be replaced by any
 /// others on that side.
 #[derive(Clone, Copy)]
-struct Matter {
+struct RelevantRange {
     floor: f64,
     ceiling: f64,
 }
 
-impl Matter {
+impl RelevantRange {
     /// Empty range of an unused slot.
     const NONE: Self = Self {
         floor: f64::INFINITY,
@@ -66,34 +66,34 @@ impl Matter {
 
     /// Returns the branch that decides a maximum of two numbers, and the relevant range of the
     /// arguments.
-    fn of_maximum(self, [a, b]: [Interval; 2]) -> (Choice, Self) {
+    fn of_maximum(self, [a, b]: [Interval; 2]) -> (KeptBranch, Self) {
         let floor = self.floor.max(a.lo()).max(b.lo());
         let choice = if b.hi() < floor {
-            Choice::First
+            KeptBranch::First
         } else if a.hi() < floor {
-            Choice::Second
+            KeptBranch::Second
         } else {
-            Choice::Both
+            KeptBranch::Both
         };
         (choice, Self { floor, ..self })
     }
 
     /// Returns the branch that decides a minimum of two numbers, and the relevant range of the
     /// arguments.
-    fn of_minimum(self, both: [Interval; 2]) -> (Choice, Self) {
+    fn of_minimum(self, both: [Interval; 2]) -> (KeptBranch, Self) {
         let (choice, matter) = self.mirrored().of_maximum(both.map(|range| -range));
         (choice, matter.mirrored())
     }
 }
 
 /// Returns the branch that a condition selects.
-fn of_selection(condition: Interval) -> Choice {
+fn of_selection(condition: Interval) -> KeptBranch {
     if !condition.contains(0.0) {
-        Choice::First
+        KeptBranch::First
     } else if condition.lo() == 0.0 && condition.hi() == 0.0 {
-        Choice::Second
+        KeptBranch::Second
     } else {
-        Choice::Both
+        KeptBranch::Both
     }
 }
 
@@ -106,7 +106,7 @@ impl Tape {
         let range = self.range(x, a, &mut s);
         let numbers = self.numbers(&s);
         let (choices, matter) = self.choices(&s, &numbers);
-        let is_shorter = choices.iter().any(|choice| *choice != Choice::Both);
+        let is_shorter = choices.iter().any(|choice| *choice != KeptBranch::Both);
         (
             range,
             is_shorter.then(|| self.simplified(&choices, &matter)),
@@ -116,13 +116,13 @@ impl Tape {
     /// Returns the kept part of each operation and the relevant range of each slot, given the
     /// ranges `s` of the slots and the slots that are certainly not NaN, `numbers`. Ranges do not
     /// account for NaN: max(3, NaN) is 3.
-    fn choices(&self, s: &[Interval], numbers: &[bool]) -> (Vec<Choice>, Vec<Matter>) {
+    fn choices(&self, s: &[Interval], numbers: &[bool]) -> (Vec<KeptBranch>, Vec<RelevantRange>) {
         let first = self.first_code();
-        let mut matter = vec![Matter::NONE; self.slots()];
+        let mut matter = vec![RelevantRange::NONE; self.slots()];
         for &root in &self.roots {
-            matter[root as usize] = Matter::ALL;
+            matter[root as usize] = RelevantRange::ALL;
         }
-        let mut choices = vec![Choice::Neither; self.code.len()];
+        let mut choices = vec![KeptBranch::Neither; self.code.len()];
         for (k, i) in self.code.iter().enumerate().rev() {
             let of = matter[first + k];
             if of.is_any() {
@@ -137,10 +137,10 @@ impl Tape {
     fn choice(
         &self,
         i: &Instruction,
-        of: Matter,
+        of: RelevantRange,
         (s, numbers): (&[Interval], &[bool]),
-        matter: &mut [Matter],
-    ) -> Choice {
+        matter: &mut [RelevantRange],
+    ) -> KeptBranch {
         let [a, b, c] = [i.a, i.b, i.c].map(|slot| slot as usize);
         let ((choice, passed), [one, two]) = match i.op {
             Op::Set(SetOp::Max) if numbers[a] && numbers[b] => {
@@ -152,20 +152,20 @@ impl Tape {
             Op::Select if numbers[a] => ((of_selection(s[a]), of), [b, c]),
             Op::Unary(Unary::Neg) => {
                 matter[a].add(of.mirrored());
-                return Choice::Both;
+                return KeptBranch::Both;
             }
             _ => {
-                self.for_arguments(i, |slot| matter[slot as usize] = Matter::ALL);
-                return Choice::Both;
+                self.for_arguments(i, |slot| matter[slot as usize] = RelevantRange::ALL);
+                return KeptBranch::Both;
             }
         };
-        if i.op == Op::Select && choice == Choice::Both {
-            matter[a] = Matter::ALL;
+        if i.op == Op::Select && choice == KeptBranch::Both {
+            matter[a] = RelevantRange::ALL;
         }
-        if choice != Choice::Second {
+        if choice != KeptBranch::Second {
             matter[one].add(passed);
         }
-        if choice != Choice::First {
+        if choice != KeptBranch::First {
             matter[two].add(passed);
         }
         choice
@@ -179,9 +179,9 @@ impl Tape {
     pub(crate) fn numbers(&self, s: &[Interval]) -> Vec<bool> {
         let first = self.first_code();
         let is_finite = |r: &Interval| r.lo().is_finite() && r.hi().is_finite();
-        let mut known: Vec<Sure> = s[..first]
+        let mut known: Vec<ValueFacts> = s[..first]
             .iter()
-            .map(|r| Sure {
+            .map(|r| ValueFacts {
                 number: is_finite(r),
                 positive: is_finite(r) && r.lo() >= 0.0,
             })
@@ -191,13 +191,13 @@ impl Tape {
             self.for_arguments(i, |a| all &= known[a as usize].number);
             let number = all && is_finite(&s[first + k]) && self.is_defined(i, s, &known);
             let positive = number && (s[first + k].lo() >= 0.0 || is_positive(i, &known));
-            known.push(Sure { number, positive });
+            known.push(ValueFacts { number, positive });
         }
         known.into_iter().map(|sure| sure.number).collect()
     }
 
     /// Returns true if an operation is defined for all arguments in their ranges.
-    fn is_defined(&self, i: &Instruction, s: &[Interval], known: &[Sure]) -> bool {
+    fn is_defined(&self, i: &Instruction, s: &[Interval], known: &[ValueFacts]) -> bool {
         let within = |a: u32, lo: f64, hi: f64| {
             let r = &s[a as usize];
             lo <= r.lo() && r.hi() <= hi
@@ -226,7 +226,7 @@ impl Tape {
     }
 
     /// Builds the tape of the kept operations.
-    fn simplified(&self, choices: &[Choice], matter: &[Matter]) -> Self {
+    fn simplified(&self, choices: &[KeptBranch], matter: &[RelevantRange]) -> Self {
         let (first, inputs) = (self.first_code(), self.first_x());
         let constants: Vec<usize> = (0..inputs).filter(|&s| matter[s].is_any()).collect();
         let values = constants.iter().map(|&s| self.constants[s]);
@@ -241,10 +241,10 @@ impl Tape {
                 _ => [i.a, i.b],
             };
             place[first + k] = match choice {
-                Choice::Neither => continue,
-                Choice::First => place[branches[0] as usize],
-                Choice::Second => place[branches[1] as usize],
-                Choice::Both => {
+                KeptBranch::Neither => continue,
+                KeptBranch::First => place[branches[0] as usize],
+                KeptBranch::Second => place[branches[1] as usize],
+                KeptBranch::Both => {
                     let moved = self.moved(i, |s| place[s as usize], &mut tape.natives);
                     tape.code.push(moved);
                     tape.uniform += usize::from(k < self.uniform);
@@ -259,7 +259,7 @@ impl Tape {
 
 /// Certain properties of the value in a slot.
 #[derive(Clone, Copy, Debug)]
-struct Sure {
+struct ValueFacts {
     /// True if the value is finite.
     number: bool,
     /// True if the value is finite and nonnegative.
@@ -268,7 +268,7 @@ struct Sure {
 
 /// Returns true if an operation on finite numbers is nonnegative for any rounding; ranges of sums
 /// of squares begin slightly below 0.
-fn is_positive(i: &Instruction, known: &[Sure]) -> bool {
+fn is_positive(i: &Instruction, known: &[ValueFacts]) -> bool {
     let both = || known[i.a as usize].positive && known[i.b as usize].positive;
     match i.op {
         Op::Unary(Unary::Abs | Unary::Square | Unary::Sqrt | Unary::Exp | Unary::Cosh) => true,
