@@ -1,16 +1,16 @@
 //! A bounding volume hierarchy: finds the boxes that meet a given one, and the pairs that meet.
 //!
 //! The boxes are sorted along the Morton curve of their centres; a complete binary tree stands over
-//! runs of [`LEAF`] of them. Building takes one sort, the shape of the tree depends only on the
-//! number of boxes, and no pointers are stored.
+//! runs of [`BOXES_PER_LEAF`] of them. Building takes one sort, the shape of the tree depends only
+//! on the number of boxes, and no pointers are stored.
 
 use isoform_geom::{Aabb, Point3};
 use rayon::prelude::*;
 
 /// Number of boxes in a leaf. Values from 2 to 8 differ by less than a third in time.
-const LEAF: usize = 4;
+const BOXES_PER_LEAF: usize = 4;
 /// Maximum coordinate in a Morton key: 21 bits, so that three of them fit 64 bits.
-const KEY_MAX: u64 = 0x1f_ffff;
+const MAX_KEY_COORDINATE: u64 = 0x1f_ffff;
 
 /// Bounding volume hierarchy of an array of boxes.
 #[derive(Debug)]
@@ -41,7 +41,7 @@ fn join(a: &Aabb, b: &Aabb) -> Aabb {
 
 /// Spreads the lowest 21 bits of `v`, two zeros after each.
 fn spread(v: u64) -> u64 {
-    let mut x = v & KEY_MAX;
+    let mut x = v & MAX_KEY_COORDINATE;
     for (shift, mask) in [
         (32, 0x1f_0000_0000_ffff),
         (16, 0x1f_0000_ff00_00ff),
@@ -57,10 +57,14 @@ fn spread(v: u64) -> u64 {
 /// Returns the indices of the boxes in the Morton order of their centres.
 fn morton_order(boxes: &[Aabb]) -> Vec<u32> {
     let centers: Vec<Point3> = boxes.par_iter().map(Aabb::center).collect();
-    let all = Aabb::of(&centers);
-    let scale = all
-        .size()
-        .map(|s| if s > 0.0 { KEY_MAX as f64 / s } else { 0.0 });
+    let all = Aabb::from_points(&centers);
+    let scale = all.size().map(|s| {
+        if s > 0.0 {
+            MAX_KEY_COORDINATE as f64 / s
+        } else {
+            0.0
+        }
+    });
     // The cast saturates, so that any number gives a valid key, infinite ones too.
     let key = |p: &Point3| {
         (0..3).fold(0, |k, i| {
@@ -82,9 +86,9 @@ impl BoxTree {
     pub(super) fn new(boxes: &[Aabb]) -> Self {
         let order = morton_order(boxes);
         let boxes: Vec<Aabb> = order.iter().map(|&i| boxes[i as usize]).collect();
-        let leaves = boxes.len().div_ceil(LEAF).next_power_of_two();
+        let leaves = boxes.len().div_ceil(BOXES_PER_LEAF).next_power_of_two();
         let mut nodes = vec![Aabb::EMPTY; 2 * leaves];
-        for (node, run) in nodes[leaves..].iter_mut().zip(boxes.chunks(LEAF)) {
+        for (node, run) in nodes[leaves..].iter_mut().zip(boxes.chunks(BOXES_PER_LEAF)) {
             *node = run.iter().fold(Aabb::EMPTY, |a, b| join(&a, b));
         }
         for k in (1..leaves).rev() {
@@ -124,8 +128,8 @@ impl BoxTree {
 
     /// Returns the range of a leaf's boxes in `boxes`.
     fn run(&self, leaf: usize) -> std::ops::Range<usize> {
-        let from = (leaf * LEAF).min(self.boxes.len());
-        from..(from + LEAF).min(self.boxes.len())
+        let from = (leaf * BOXES_PER_LEAF).min(self.boxes.len());
+        from..(from + BOXES_PER_LEAF).min(self.boxes.len())
     }
 
     /// Visits the boxes that meet `b`, in an order that depends only on the boxes of the tree.
@@ -141,7 +145,7 @@ impl BoxTree {
 
     /// Returns the number of leaves, for [`Self::pairs_of_leaf`].
     pub(super) fn leaves(&self) -> usize {
-        self.boxes.len().div_ceil(LEAF)
+        self.boxes.len().div_ceil(BOXES_PER_LEAF)
     }
 
     /// Visits the pairs of boxes that meet, one of them in this leaf and the other in this leaf or

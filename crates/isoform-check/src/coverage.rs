@@ -9,7 +9,7 @@ use rayon::prelude::*;
 /// Distance from a curve, in element sizes, within which an edge counts as lying along it. It must
 /// exceed the chord error of edges on the curve, and be less than the distance of the neighbouring
 /// edges.
-const NEAR: f64 = 0.15;
+const NEAR_CURVE_SIZES: f64 = 0.15;
 
 /// Coverage of the feature curves and corners by a mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -44,7 +44,7 @@ pub(super) fn measure(
     let room = options.places;
     let mut out = Coverage {
         covered: 1.0,
-        tolerance: NEAR * size,
+        tolerance: NEAR_CURVE_SIZES * size,
         corners: options.corners.len(),
         ..Coverage::default()
     };
@@ -139,7 +139,7 @@ impl Edges {
                 None => segments.push([a, b]),
             }
         }
-        let boxes: Vec<Aabb> = segments.iter().map(Aabb::of).collect();
+        let boxes: Vec<Aabb> = segments.iter().map(Aabb::from_points).collect();
         Self {
             tree: BoxTree::new(&boxes),
             segments,
@@ -163,7 +163,7 @@ impl Edges {
     /// half of it.
     fn compare(&self, curve: &[Point3], tolerance: f64, room: usize) -> Stretches {
         let mut out = Stretches::default();
-        let mut bare = Bare::default();
+        let mut bare = UncoveredStretch::default();
         let mut last: Option<bool> = None;
         for step in curve.windows(2) {
             let length = norm(sub(step[1], step[0]));
@@ -211,13 +211,13 @@ fn parts(length: f64, tolerance: f64) -> usize {
 
 /// Current stretch without edges.
 #[derive(Default)]
-struct Bare {
+struct UncoveredStretch {
     points: Vec<Point3>,
     /// Total length of the half steps in it.
     length: f64,
 }
 
-impl Bare {
+impl UncoveredStretch {
     /// Records the stretch if it has a point, and starts a new one.
     fn end(&mut self, uncovered: &mut Defects, room: usize) {
         if let Some(&at) = self.points.get(self.points.len() / 2) {

@@ -11,11 +11,11 @@ use isoform_num::Interval;
 use rayon::prelude::*;
 
 /// Number of points evaluated in one call.
-const TASK: usize = 256;
+const POINTS_PER_CALL: usize = 256;
 /// Number of points that are not split further: bounding a piece costs as much as about ten values.
-const POINTS: usize = 32;
+const MAX_LEAF_POINTS: usize = 32;
 /// Number of pieces that are not pruned further.
-const PIECES: usize = 8;
+const MAX_LEAF_PIECES: usize = 8;
 
 /// Returns the piece that decides at each point, the first in the tree if several do; an arbitrary
 /// one for points not reached before a stop.
@@ -24,28 +24,28 @@ pub(crate) fn deciding_pieces(
     points: &[Point3],
     control: &Control<'_>,
 ) -> Vec<u32> {
-    let search = Search {
+    let search = DecidingSearch {
         solid,
         points,
         control,
     };
     let mut order: Vec<u32> = (0..points.len() as u32).collect();
     let mut out = vec![0; points.len()];
-    for (i, piece) in search.pieces(&mut order, &Room::of(solid.tree().clone())) {
+    for (i, piece) in search.pieces(&mut order, &PrunedTree::new(solid.tree().clone())) {
         out[i as usize] = piece;
     }
     out
 }
 
 /// Part of a tree that decides in a box.
-struct Room {
+struct PrunedTree {
     tree: Csg,
     /// Pieces of the tree, sorted, without duplicates.
     pieces: Vec<u32>,
 }
 
-impl Room {
-    fn of(tree: Csg) -> Self {
+impl PrunedTree {
+    fn new(tree: Csg) -> Self {
         let mut pieces = tree.pieces();
         pieces.sort_unstable();
         pieces.dedup();
@@ -59,25 +59,25 @@ impl Room {
     }
 }
 
-struct Search<'a> {
+struct DecidingSearch<'a> {
     solid: &'a dyn Solid,
     points: &'a [Point3],
     control: &'a Control<'a>,
 }
 
-impl Search<'_> {
+impl DecidingSearch<'_> {
     /// Returns pairs of point index and deciding piece for the points in `order`, in any order.
-    fn pieces(&self, order: &mut [u32], room: &Room) -> Vec<(u32, u32)> {
+    fn pieces(&self, order: &mut [u32], room: &PrunedTree) -> Vec<(u32, u32)> {
         if self.control.is_stopped() {
             return Vec::new();
         }
-        if room.pieces.len() <= PIECES || order.len() <= POINTS {
-            let tasks = order.par_chunks(TASK);
+        if room.pieces.len() <= MAX_LEAF_PIECES || order.len() <= MAX_LEAF_POINTS {
+            let tasks = order.par_chunks(POINTS_PER_CALL);
             return tasks.flat_map_iter(|task| self.asked(task, room)).collect();
         }
         let place = |i: &u32| self.points[*i as usize];
         let of_order: Vec<Point3> = order.iter().map(place).collect();
-        let cell = Aabb::of(&of_order);
+        let cell = Aabb::from_points(&of_order);
         let room = self.narrowed(room, cell);
         let (size, middle) = (cell.size(), cell.center());
         let axis = (0..3).fold(0, |best, i| if size[i] > size[best] { i } else { best });
@@ -86,7 +86,7 @@ impl Search<'_> {
         let (lower, upper) = order.split_at_mut(half);
         if lower.is_empty() || upper.is_empty() {
             // All points coincide.
-            let tasks = order.par_chunks(TASK);
+            let tasks = order.par_chunks(POINTS_PER_CALL);
             return tasks
                 .flat_map_iter(|task| self.asked(task, &room))
                 .collect();
@@ -98,15 +98,15 @@ impl Search<'_> {
     }
 
     /// Returns the part of a pruned tree that can decide in a cell.
-    fn narrowed(&self, room: &Room, cell: Aabb) -> Room {
+    fn narrowed(&self, room: &PrunedTree, cell: Aabb) -> PrunedTree {
         let mut ranges = vec![Interval::ALL; room.pieces.len()];
         self.solid.value_bounds(&room.pieces, cell, &mut ranges);
-        Room::of(room.tree.deciding(&|piece| ranges[room.at(piece)]))
+        PrunedTree::new(room.tree.deciding(&|piece| ranges[room.at(piece)]))
     }
 
     /// Returns the deciding piece of each of some points, from the values of all pieces of a pruned
     /// tree.
-    fn asked(&self, task: &[u32], room: &Room) -> Vec<(u32, u32)> {
+    fn asked(&self, task: &[u32], room: &PrunedTree) -> Vec<(u32, u32)> {
         let points: Vec<Point3> = task.iter().map(|&i| self.points[i as usize]).collect();
         let mut values = vec![0.0; room.pieces.len() * points.len()];
         self.solid.values(&room.pieces, &points, &mut values);
@@ -127,7 +127,7 @@ mod tests {
     use isoform_num::{Jet2, Random, Real};
     use std::sync::atomic::{AtomicUsize, Ordering};
 
-    /// A union of balls in a row, some of them no number on one side, that counts what it is asked.
+    /// A union of balls in a row, some of them NaN on one side, that counts its evaluations.
     struct Balls {
         names: Vec<String>,
         tree: Csg,
@@ -204,7 +204,7 @@ mod tests {
         places
     }
 
-    /// The piece is that of the whole tree, also where a piece is no number.
+    /// The piece is that of the whole tree, also where the value of a piece is NaN.
     #[test]
     fn what_is_left_out_does_not_decide() {
         let balls = Balls::new(300);

@@ -26,7 +26,7 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// Returns true if there are no defects.
+    /// Returns true if the list of defects is empty.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }

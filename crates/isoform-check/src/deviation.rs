@@ -16,10 +16,10 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Number of nodes or triangles in a task.
-const TASK: usize = 256;
+const ITEMS_PER_TASK: usize = 256;
 /// Samples of a face, in barycentric coordinates times 3: the centre, the midpoints of the edges,
 /// and three points in between.
-const SAMPLES: [Point3; 7] = [
+const FACE_SAMPLES: [Point3; 7] = [
     [1.0, 1.0, 1.0],
     [1.5, 1.5, 0.0],
     [0.0, 1.5, 1.5],
@@ -30,9 +30,9 @@ const SAMPLES: [Point3; 7] = [
 ];
 /// Maximum ratio of the second value to the first; above it the secant is not trusted, and the
 /// sample gets gradients of its own.
-const NEARER: f64 = 0.5;
+const MAX_SECANT_RATIO: f64 = 0.5;
 /// Marker of a label whose name is not a piece of the solid.
-const UNKNOWN: u32 = u32::MAX;
+const UNKNOWN_LABEL: u32 = u32::MAX;
 
 /// Distances of a mesh from a solid, in model units.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -100,7 +100,7 @@ pub struct Distances {
 
 /// Partial sums for [`Distances`], joined in a fixed order.
 #[derive(Default)]
-struct Sums {
+struct DistanceSums {
     /// Number of points.
     count: usize,
     /// Sum of the weights.
@@ -113,7 +113,7 @@ struct Sums {
     worst: Option<Place>,
 }
 
-impl Sums {
+impl DistanceSums {
     /// Adds a distance with its weight; NaN counts as infinite.
     fn add(&mut self, distance: f64, weight: f64, place: impl FnOnce() -> Place) {
         let distance = if distance.is_nan() {
@@ -171,7 +171,7 @@ pub(super) fn measure(
     let diagonal = mesh.bounds().diagonal();
     let labels = Labels::new(mesh, triangles, solid, control);
     let mut out = Deviation::new(diagonal, &labels);
-    let compared = Compared {
+    let compared = Comparison {
         mesh,
         triangles,
         solid,
@@ -186,7 +186,7 @@ pub(super) fn measure(
         out.mids = joined(compared.nodes(&mids), |_, _| {});
     }
     // Feature edges lie on both of their parts, whatever the angle between these.
-    let on_curves = Compared {
+    let on_curves = Comparison {
         enough: f64::INFINITY,
         ..compared
     };
@@ -200,7 +200,7 @@ pub(super) fn measure(
 struct Labels<'c> {
     /// Name of each label.
     names: Vec<String>,
-    /// Piece of each label, or [`UNKNOWN`].
+    /// Piece of each label, or [`UNKNOWN_LABEL`].
     pieces: Vec<u32>,
     /// Label of each triangle.
     of_triangles: Vec<u32>,
@@ -245,7 +245,7 @@ impl<'c> Labels<'c> {
     fn by_name(mesh: &Mesh, solid: &dyn Solid, control: &'c Control<'c>) -> Self {
         let names = solid.names().iter().zip(0..);
         let known: HashMap<&str, u32> = names.map(|(n, piece)| (n.as_str(), piece)).collect();
-        let piece = |name: &String| known.get(name.as_str()).copied().unwrap_or(UNKNOWN);
+        let piece = |name: &String| known.get(name.as_str()).copied().unwrap_or(UNKNOWN_LABEL);
         let pieces: Vec<u32> = mesh.parts.iter().map(piece).collect();
         let mut used = vec![false; pieces.len()];
         let on_curves = mesh.curves.iter().flat_map(|c| c.parts);
@@ -253,7 +253,7 @@ impl<'c> Labels<'c> {
             used[label as usize] = true;
         }
         let unknown = (0..pieces.len())
-            .filter(|&k| used[k] && pieces[k] == UNKNOWN)
+            .filter(|&k| used[k] && pieces[k] == UNKNOWN_LABEL)
             .map(|k| mesh.parts[k].clone())
             .collect();
         Self {
@@ -328,8 +328,8 @@ fn curve_nodes(mesh: &Mesh) -> Vec<(u32, u32)> {
 }
 
 /// Returns the statistics over all labels, and passes those of each label to `each`.
-fn joined(by_label: Vec<(u32, Sums)>, mut each: impl FnMut(usize, Distances)) -> Distances {
-    let mut all = Sums::default();
+fn joined(by_label: Vec<(u32, DistanceSums)>, mut each: impl FnMut(usize, Distances)) -> Distances {
+    let mut all = DistanceSums::default();
     for (label, sums) in by_label {
         all.append(&sums);
         each(label as usize, sums.distances());
@@ -355,7 +355,7 @@ fn distance(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
 /// Cosine of the largest angle, 20 degrees, between two pieces that count as one smooth surface:
 /// next to the seam of pieces that touch tangentially, a node of a face may lie on the neighbouring
 /// piece. Half an edge away from the seam, the angle is about that subtended by an edge.
-const SMOOTH: f64 = 0.94;
+const MIN_SMOOTH_COSINE: f64 = 0.94;
 
 /// Returns the distance of a node from its piece; where another piece bounds the solid and forms
 /// one smooth surface with it, the lesser of both distances.
@@ -368,7 +368,7 @@ fn node_distance(solid: &dyn Solid, piece: u32, p: Point3, enough: f64) -> f64 {
         .tree()
         .value_and_piece(&|k| signed_distance(solid, k, p));
     let [a, b] = [piece, other].map(|k| solid.gradient(k, p).1);
-    if other != piece && dot(a, b) > SMOOTH * norm(a) * norm(b) {
+    if other != piece && dot(a, b) > MIN_SMOOTH_COSINE * norm(a) * norm(b) {
         d.min(distance(solid, other, p))
     } else {
         d
@@ -380,17 +380,21 @@ fn by_label<T: Sync>(
     items: &[T],
     label: impl Fn(&T) -> u32,
     labels: &Labels<'_>,
-    work: impl Fn(u32, &[T]) -> Sums + Sync,
-) -> Vec<(u32, Sums)> {
+    work: impl Fn(u32, &[T]) -> DistanceSums + Sync,
+) -> Vec<(u32, DistanceSums)> {
     let tasks: Vec<(u32, &[T])> = items
         .chunk_by(|a, b| label(a) == label(b))
-        .filter(|group| labels.pieces[label(&group[0]) as usize] != UNKNOWN)
-        .flat_map(|group| group.chunks(TASK).map(|chunk| (label(&chunk[0]), chunk)))
+        .filter(|group| labels.pieces[label(&group[0]) as usize] != UNKNOWN_LABEL)
+        .flat_map(|group| {
+            group
+                .chunks(ITEMS_PER_TASK)
+                .map(|chunk| (label(&chunk[0]), chunk))
+        })
         .collect();
-    let done: Vec<(u32, Sums)> = tasks
+    let done: Vec<(u32, DistanceSums)> = tasks
         .into_par_iter()
         .map(|(label, chunk)| match labels.control.is_stopped() {
-            true => (label, Sums::default()),
+            true => (label, DistanceSums::default()),
             false => (label, work(labels.pieces[label as usize], chunk)),
         })
         .collect();
@@ -398,8 +402,8 @@ fn by_label<T: Sync>(
 }
 
 /// Joins the sums of consecutive chunks with one label.
-fn joined_by_label(chunks: Vec<(u32, Sums)>) -> Vec<(u32, Sums)> {
-    let mut out: Vec<(u32, Sums)> = Vec::new();
+fn joined_by_label(chunks: Vec<(u32, DistanceSums)>) -> Vec<(u32, DistanceSums)> {
+    let mut out: Vec<(u32, DistanceSums)> = Vec::new();
     for (label, sums) in chunks {
         match out.last_mut() {
             Some(last) if last.0 == label => last.1.append(&sums),
@@ -411,7 +415,7 @@ fn joined_by_label(chunks: Vec<(u32, Sums)>) -> Vec<(u32, Sums)> {
 
 /// A mesh and the solid that it is compared with.
 #[derive(Clone, Copy)]
-struct Compared<'m> {
+struct Comparison<'m> {
     mesh: &'m Mesh,
     triangles: &'m [[u32; 3]],
     solid: &'m dyn Solid,
@@ -429,12 +433,12 @@ struct Approach {
     values: [Vec<f64>; 2],
 }
 
-impl Compared<'_> {
+impl Comparison<'_> {
     /// Measures the distances of nodes from the parts they are labelled with, by label. The pairs
     /// must be sorted; pairs with unknown labels are left out.
-    fn nodes(&self, pairs: &[(u32, u32)]) -> Vec<(u32, Sums)> {
+    fn nodes(&self, pairs: &[(u32, u32)]) -> Vec<(u32, DistanceSums)> {
         let distances = |piece: u32, chunk: &[(u32, u32)]| {
-            let mut sums = Sums::default();
+            let mut sums = DistanceSums::default();
             for &(_, node) in chunk {
                 let at = self.mesh.points[node as usize];
                 let d = node_distance(self.solid, piece, at, self.enough);
@@ -450,7 +454,7 @@ impl Compared<'_> {
     }
 
     /// Measures the distances of samples of the faces from their parts, by label.
-    fn faces(&self) -> Vec<(u32, Sums)> {
+    fn faces(&self) -> Vec<(u32, DistanceSums)> {
         let labels = self.labels.of_triangles.iter().enumerate();
         let mut order: Vec<(u32, u32)> = labels.map(|(k, &label)| (label, k as u32)).collect();
         order.par_sort_unstable();
@@ -459,14 +463,14 @@ impl Compared<'_> {
     }
 
     /// Measures the distances of samples of faces, given with their label, from a piece.
-    fn distances_of_faces(&self, piece: u32, faces: &[(u32, u32)]) -> Sums {
+    fn distances_of_faces(&self, piece: u32, faces: &[(u32, u32)]) -> DistanceSums {
         let approach = self.approach(piece, faces);
-        let mut sums = Sums::default();
+        let mut sums = DistanceSums::default();
         for (i, &p) in approach.samples.iter().enumerate() {
             let d = approach
                 .distance(i)
                 .unwrap_or_else(|| distance(self.solid, piece, p));
-            let k = faces[i / SAMPLES.len()].1;
+            let k = faces[i / FACE_SAMPLES.len()].1;
             let t = self.triangles[k as usize];
             let [a, b, c] = t.map(|i| self.mesh.points[i as usize]);
             let area = 0.5 * norm(cross(sub(b, a), sub(c, a)));
@@ -491,11 +495,11 @@ impl Compared<'_> {
             let gg = dot(g, g);
             g.map(|v| v / gg)
         };
-        let normals: Vec<Point3> = samples.chunks(SAMPLES.len()).map(normal).collect();
+        let normals: Vec<Point3> = samples.chunks(FACE_SAMPLES.len()).map(normal).collect();
         let mut first = vec![0.0; samples.len()];
         self.solid.values(&[piece], &samples, &mut first);
         let step = |i: usize, s: f64| -> Point3 {
-            std::array::from_fn(|c| samples[i][c] - s * normals[i / SAMPLES.len()][c])
+            std::array::from_fn(|c| samples[i][c] - s * normals[i / FACE_SAMPLES.len()][c])
         };
         let moved: Vec<Point3> = (0..samples.len()).map(|i| step(i, first[i])).collect();
         let mut second = vec![0.0; samples.len()];
@@ -520,7 +524,7 @@ impl Compared<'_> {
         let place = |i: &u32| self.mesh.points[*i as usize];
         let points: Vec<Point3> = nodes.iter().map(place).collect();
         let deciding = deciding_pieces(self.solid, &points, self.labels.control);
-        let parts: Vec<Defects> = blocks(nodes.len(), TASK)
+        let parts: Vec<Defects> = blocks(nodes.len(), ITEMS_PER_TASK)
             .into_par_iter()
             .map(|range| match self.labels.control.is_stopped() {
                 true => Defects::default(),
@@ -563,8 +567,8 @@ impl Approach {
         let [v, w] = [&self.values[0], &self.values[1]].map(|values| values[i]);
         if v == 0.0 {
             Some(0.0)
-        } else if w.abs() < NEARER * v.abs() {
-            Some((v * v / (v - w)).abs() * norm(self.normals[i / SAMPLES.len()]))
+        } else if w.abs() < MAX_SECANT_RATIO * v.abs() {
+            Some((v * v / (v - w)).abs() * norm(self.normals[i / FACE_SAMPLES.len()]))
         } else {
             None
         }
@@ -578,7 +582,7 @@ fn samples(mesh: &Mesh, triangles: &[[u32; 3]], k: usize) -> [Point3; 7] {
         .triangle_mids
         .get(k)
         .map(|m| m.map(|i| mesh.points[i as usize]));
-    SAMPLES.map(|s| {
+    FACE_SAMPLES.map(|s| {
         let l = s.map(|v| v / 3.0);
         match mids {
             None => std::array::from_fn(|i| l[0] * p[0][i] + l[1] * p[1][i] + l[2] * p[2][i]),

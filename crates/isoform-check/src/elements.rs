@@ -8,15 +8,15 @@ use isoform_geom::{Mesh, Point3, TET_EDGES, cross, distance_squared, dot, norm, 
 use rayon::prelude::*;
 
 /// Number of elements in a task.
-const TASK: usize = 4096;
+const ELEMENTS_PER_TASK: usize = 4096;
 /// Distance of a mid node from the midpoint of its edge, in lengths of the edge, up to which the
 /// edge counts as straight. This only saves time: the Jacobian of a straight tetrahedron is
 /// constant, and that of a nearly straight one varies by a share of this order.
-const STRAIGHT: f64 = 1e-12;
+const STRAIGHT_EDGE_TOLERANCE: f64 = 1e-12;
 /// Samples of the Jacobian: (λ₁, λ₂, λ₃) of the corners, the midpoints of the edges, and the
 /// centre.
 #[rustfmt::skip]
-const SAMPLES: [Point3; 11] = [
+const JACOBIAN_SAMPLES: [Point3; 11] = [
     [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0],
     [0.5, 0.0, 0.0], [0.5, 0.5, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.5], [0.5, 0.0, 0.5], [0.0, 0.5, 0.5],
     [0.25, 0.25, 0.25],
@@ -96,13 +96,13 @@ pub struct CurvedQuality {
 
 /// Minimum, sum and maximum of values.
 #[derive(Clone, Copy)]
-struct Range {
+struct ValueRange {
     min: f64,
     sum: f64,
     max: f64,
 }
 
-impl Range {
+impl ValueRange {
     /// Range without values.
     const EMPTY: Self = Self {
         min: f64::INFINITY,
@@ -124,36 +124,36 @@ impl Range {
 }
 
 /// Partial sums over elements, joined in the order of the mesh.
-struct Sums {
+struct ElementSums {
     /// Number of elements.
     elements: usize,
     /// Cosines of angles.
-    cosine: Range,
+    cosine: ValueRange,
     /// Number of dihedral angles in each ten degrees.
     histogram: [u64; 18],
     /// Biased minimum sines.
-    sine: Range,
+    sine: ValueRange,
     /// Radius ratios.
-    ratio: Range,
+    ratio: ValueRange,
     /// Aspect ratios.
-    aspect: Range,
+    aspect: ValueRange,
     /// Edge lengths.
-    edge: Range,
+    edge: ValueRange,
     /// Elements with the lowest values.
     worst: Lowest,
 }
 
-impl Sums {
+impl ElementSums {
     /// Returns the sums over zero elements.
     fn new() -> Self {
         Self {
             elements: 0,
-            cosine: Range::EMPTY,
+            cosine: ValueRange::EMPTY,
             histogram: [0; 18],
-            sine: Range::EMPTY,
-            ratio: Range::EMPTY,
-            aspect: Range::EMPTY,
-            edge: Range::EMPTY,
+            sine: ValueRange::EMPTY,
+            ratio: ValueRange::EMPTY,
+            aspect: ValueRange::EMPTY,
+            edge: ValueRange::EMPTY,
             worst: Lowest::default(),
         }
     }
@@ -191,19 +191,19 @@ impl Sums {
 }
 
 /// Sums `one` over `n` elements, in parallel.
-fn sums(n: usize, room: usize, one: impl Fn(&mut Sums, usize) + Sync) -> Sums {
-    let parts: Vec<Sums> = blocks(n, TASK)
+fn sums(n: usize, room: usize, one: impl Fn(&mut ElementSums, usize) + Sync) -> ElementSums {
+    let parts: Vec<ElementSums> = blocks(n, ELEMENTS_PER_TASK)
         .into_par_iter()
         .map(|range| {
-            let mut part = Sums {
+            let mut part = ElementSums {
                 elements: range.len(),
-                ..Sums::new()
+                ..ElementSums::new()
             };
             range.for_each(|k| one(&mut part, k));
             part
         })
         .collect();
-    let mut all = Sums::new();
+    let mut all = ElementSums::new();
     parts.into_iter().for_each(|part| all.append(room, part));
     all
 }
@@ -243,7 +243,7 @@ fn edge_lengths(p: [Point3; 3]) -> [f64; 3] {
     ]
 }
 
-impl Sums {
+impl ElementSums {
     /// Adds the shape of a triangle.
     fn add_triangle(&mut self, room: usize, k: u32, p: [Point3; 3]) {
         let c = triangle_cosines(p);
@@ -311,7 +311,7 @@ pub(super) fn tets(
     let room = options.places;
     let bounds: [f64; 17] = std::array::from_fn(|k| (10.0 * (k + 1) as f64).to_radians().cos());
     let all = sums(tets.len(), room, |s, k| {
-        let shape = Shape::of(tets[k].map(|i| points[i as usize]));
+        let shape = Shape::new(tets[k].map(|i| points[i as usize]));
         s.add_tetrahedron(room, k as u32, &shape, &bounds);
     });
     let mean = |sum: f64| sum / all.elements as f64;
@@ -355,7 +355,7 @@ fn determinant([a, b, c]: [Point3; 3]) -> f64 {
 /// Returns the minimum and the largest absolute value of the Jacobian at the samples.
 fn sampled(columns: &[[Point3; 3]; 4]) -> (f64, f64) {
     let (mut least, mut size) = (f64::INFINITY, 0.0f64);
-    for [r, s, t] in SAMPLES {
+    for [r, s, t] in JACOBIAN_SAMPLES {
         let l = [1.0 - r - s - t, r, s, t];
         let j = determinant(
             [0, 1, 2]
@@ -395,7 +395,7 @@ pub(super) fn curved(mesh: &Mesh, options: &Options<'_>) -> Option<CurvedQuality
     if mesh.tet_mids.is_empty() {
         return None;
     }
-    let parts: Vec<(CurvedQuality, Lowest)> = blocks(mesh.tets.len(), TASK)
+    let parts: Vec<(CurvedQuality, Lowest)> = blocks(mesh.tets.len(), ELEMENTS_PER_TASK)
         .into_par_iter()
         .map(|range| {
             let (mut part, mut worst) = (CurvedQuality::none(), Lowest::default());
@@ -419,7 +419,7 @@ pub(super) fn curved(mesh: &Mesh, options: &Options<'_>) -> Option<CurvedQuality
 fn is_straight(p: [Point3; 4], m: [Point3; 6]) -> bool {
     TET_EDGES.iter().zip(m).all(|(&[a, b], m)| {
         distance_squared(middle([p[a], p[b]]), m)
-            <= STRAIGHT * STRAIGHT * distance_squared(p[a], p[b])
+            <= STRAIGHT_EDGE_TOLERANCE * STRAIGHT_EDGE_TOLERANCE * distance_squared(p[a], p[b])
     })
 }
 

@@ -92,7 +92,7 @@ pub fn triangles_meet(points: &[Point3], a: [u32; 3], b: [u32; 3]) -> bool {
 /// Decides whether two triangles with a common edge meet elsewhere: `a`, whose first corner is the
 /// one not shared, and the triangle with the free corner `q`.
 ///
-/// Beyond the edge they meet only if they are coplanar and on the same side of the edge. In
+/// Beyond the edge they meet only if they are coplanar and on one side of the edge. In
 /// different planes, all common points lie on the line of intersection of the planes, which
 /// contains the edge; in one plane, each triangle fills its side of the edge next to the edge.
 /// Projected along an axis, points of a plane on one side of the edge stay on one side (or all fall

@@ -14,12 +14,12 @@ use std::ops::Range;
 
 /// Number of leaves between two checks of `control` and of the number of pairs found. Larger rounds
 /// stop later after a cancellation, smaller ones synchronize the threads more often.
-const ROUND: usize = 1 << 12;
+const LEAVES_PER_ROUND: usize = 1 << 12;
 /// Number of leaves in a task, about ten microseconds of work; smaller tasks cost more to schedule
 /// than to run.
-const TASK: usize = 64;
+const LEAVES_PER_TASK: usize = 64;
 /// Number of pairs that a task decides between two checks of `control`.
-const LOOKS: usize = 256;
+const PAIRS_PER_STOP_CHECK: usize = 256;
 
 /// Self-intersections of the surface.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -46,7 +46,7 @@ pub(super) fn find(
     options: &Options<'_>,
     control: &Control<'_>,
 ) -> Intersections {
-    let search = Search {
+    let search = PairSearch {
         of,
         skip,
         tree,
@@ -72,7 +72,7 @@ pub(super) fn find(
 
 /// Returns a point between two triangles: the centre of the intersection of their boxes.
 fn place(of: Triangles<'_>, (a, b): Pair) -> Place {
-    let [x, y] = [a, b].map(|t| Aabb::of(&of.corners(of.triangles[t as usize])));
+    let [x, y] = [a, b].map(|t| Aabb::from_points(&of.corners(of.triangles[t as usize])));
     let common = Aabb {
         lo: std::array::from_fn(|i| x.lo[i].max(y.lo[i])),
         hi: std::array::from_fn(|i| x.hi[i].min(y.hi[i])),
@@ -85,7 +85,7 @@ fn place(of: Triangles<'_>, (a, b): Pair) -> Place {
 }
 
 /// Search for pairs of triangles that meet.
-struct Search<'m> {
+struct PairSearch<'m> {
     of: Triangles<'m>,
     /// True for triangles that are left out because they have no area.
     skip: &'m [bool],
@@ -95,21 +95,21 @@ struct Search<'m> {
     control: &'m Control<'m>,
 }
 
-impl Search<'_> {
+impl PairSearch<'_> {
     /// Returns the pairs that meet, and true if all candidates were tested.
     fn pairs(&self) -> (Vec<Pair>, bool) {
         let leaves = self.tree.leaves();
         let mut pairs = Vec::new();
         let mut complete = true;
-        for round in (0..leaves).step_by(ROUND) {
+        for round in (0..leaves).step_by(LEAVES_PER_ROUND) {
             if pairs.len() > self.most || self.control.is_stopped() {
                 return (pairs, false);
             }
-            let to = (round + ROUND).min(leaves);
-            let starts: Vec<usize> = (round..to).step_by(TASK).collect();
+            let to = (round + LEAVES_PER_ROUND).min(leaves);
+            let starts: Vec<usize> = (round..to).step_by(LEAVES_PER_TASK).collect();
             let found: Vec<(Vec<Pair>, bool)> = starts
                 .into_par_iter()
-                .map(|from| self.pairs_of_leaves(from..(from + TASK).min(to)))
+                .map(|from| self.pairs_of_leaves(from..(from + LEAVES_PER_TASK).min(to)))
                 .collect();
             for (found, is_whole) in found {
                 pairs.extend(found);
@@ -131,7 +131,7 @@ impl Search<'_> {
             self.tree.pairs_of_leaf(leaf, |a, b| {
                 looked += 1;
                 over |= found.len() > self.most
-                    || looked.is_multiple_of(LOOKS) && self.control.is_stopped();
+                    || looked.is_multiple_of(PAIRS_PER_STOP_CHECK) && self.control.is_stopped();
                 let pair = (a.min(b), a.max(b));
                 if !over && self.meet(pair) {
                     found.push(pair);
@@ -154,7 +154,7 @@ pub(super) fn tree(of: Triangles<'_>) -> BoxTree {
     let boxes: Vec<Aabb> = of
         .triangles
         .par_iter()
-        .map(|t| Aabb::of(&of.corners(*t)))
+        .map(|t| Aabb::from_points(&of.corners(*t)))
         .collect();
     BoxTree::new(&boxes)
 }

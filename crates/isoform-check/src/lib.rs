@@ -131,8 +131,8 @@ impl Default for Limits {
             dihedral_max: 180.0,
             angle_min: 0.0,
             scaled_jacobian_min: 0.0,
-            // An iteration in doubles ends far nearer to the surface, and no part is manufactured to
-            // such a tolerance.
+            // An iteration in doubles ends far nearer to the surface, and no part is manufactured
+            // to such a tolerance.
             node_distance: 1e-9,
             chord: f64::INFINITY,
             covered: 0.999,
@@ -182,7 +182,7 @@ impl Certificate {
     pub fn failures(&self) -> Vec<Failure> {
         failure::failures(self)
     }
-    /// Returns true if there are no failures and all checks ran to their end.
+    /// Returns true if the list of failures is empty and all checks ran to their end.
     pub fn is_ok(&self) -> bool {
         self.failures().is_empty()
     }

@@ -47,12 +47,12 @@ pub fn dihedral_edges([a, b, c, d]: [Point3; 4]) -> [f64; 6] {
 /// Returns the cosines of the six [`DIHEDRALS`]: within [−1, 1] up to rounding, 0 where a face has
 /// no area.
 pub fn dihedral_cosines(p: [Point3; 4]) -> [f64; 6] {
-    cosines(&Shape::of(p))
+    cosines(&Shape::new(p))
 }
 
 /// Returns the sines of the six [`DIHEDRALS`], with the sign of the volume.
 pub fn dihedral_sines(p: [Point3; 4]) -> [f64; 6] {
-    sines(&Shape::of(p))
+    sines(&Shape::new(p))
 }
 
 /// Quantities from which all measures of a tetrahedron are computed.
@@ -62,7 +62,7 @@ pub fn dihedral_sines(p: [Point3; 4]) -> [f64; 6] {
 ///
 /// // The regular tetrahedron in a cube of edge 2.
 /// let p = [[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0], [-1.0, -1.0, 1.0]];
-/// let shape = Shape::of(p);
+/// let shape = Shape::new(p);
 /// assert!((shape.six_volume - 16.0).abs() < 1e-12 && (shape.radius_ratio() - 1.0).abs() < 1e-12);
 /// let angle = degrees(dihedral_cosines(p)[0]);
 /// assert!((angle - (1.0f64 / 3.0).acos().to_degrees()).abs() < 1e-12);
@@ -83,7 +83,7 @@ pub struct Shape {
 
 impl Shape {
     /// Computes the shape of the tetrahedron with these corners.
-    pub fn of(p: [Point3; 4]) -> Self {
+    pub fn new(p: [Point3; 4]) -> Self {
         let normals = face_normals(p);
         let (u, v, w) = (sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0]));
         let (uu, vv, ww) = (dot(u, u), dot(v, v), dot(w, w));
@@ -192,7 +192,7 @@ mod tests {
                 .iter()
                 .all(|&d| near(d, (1.0f64 / 3.0).acos().to_degrees()))
         );
-        let s = Shape::of(p);
+        let s = Shape::new(p);
         assert!(near(s.six_volume, 16.0) && near(s.radius_ratio(), 1.0) && near(s.aspect(), 1.0));
         assert!(
             near(s.biased_minimum_sine(), 8f64.sqrt() / 3.0) && near(s.mean_edge(), 8f64.sqrt())
@@ -236,7 +236,7 @@ mod tests {
             "{d:?}"
         );
         assert!(near(
-            Shape::of(p).radius_ratio(),
+            Shape::new(p).radius_ratio(),
             3.0 * (3.0 - 3f64.sqrt()) / 6.0 / (3f64.sqrt() / 2.0)
         ));
     }
@@ -249,7 +249,7 @@ mod tests {
             [0.0, 1.0, 0.0],
             [1.0, 1.0, 0.0],
         ];
-        let s = Shape::of(flat);
+        let s = Shape::new(flat);
         assert!(
             s.six_volume == 0.0
                 && s.radius_ratio() == 0.0
@@ -262,9 +262,9 @@ mod tests {
             [1.0, 0.0, 0.0],
             [0.0, 0.0, 1.0],
         ];
-        let s = Shape::of(inverted);
+        let s = Shape::new(inverted);
         assert!(s.six_volume == -1.0 && s.radius_ratio() < 0.0 && s.biased_minimum_sine() < 0.0);
-        let s = Shape::of([[0.5; 3]; 4]);
+        let s = Shape::new([[0.5; 3]; 4]);
         assert!(
             s.radius_ratio() == 0.0 && cosines(&s) == [0.0; 6] && s.biased_minimum_sine() == 0.0
         );

@@ -38,7 +38,7 @@ impl Stars {
     }
 
     /// Returns the elements around a node; an element that has the node twice occurs twice.
-    pub(super) fn of(&self, node: usize) -> &[u32] {
+    pub(super) fn elements_at(&self, node: usize) -> &[u32] {
         &self.elements[self.offsets[node] as usize..self.offsets[node + 1] as usize]
     }
 }
@@ -60,7 +60,9 @@ mod tests {
     fn elements_of_each_node() {
         let stars = Stars::new(5, &[[0, 1, 2], [2, 1, 4], [1, 1, 0]]);
         assert_eq!(
-            (0..5).map(|i| stars.of(i).to_vec()).collect::<Vec<_>>(),
+            (0..5)
+                .map(|i| stars.elements_at(i).to_vec())
+                .collect::<Vec<_>>(),
             [vec![0, 2], vec![0, 1, 2, 2], vec![0, 1], vec![], vec![1]]
         );
         assert!(Stars::new::<3>(0, &[]).offsets == [0]);

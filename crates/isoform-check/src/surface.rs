@@ -12,13 +12,13 @@ use super::boxes::BoxTree;
 use super::exact::is_flat;
 use super::stars::{Stars, blocks};
 use super::{Defects, Options, Place};
-use fans::{Run, Surroundings, Work};
+use fans::{FanBuffers, FanRun, Surroundings};
 use isoform_geom::Point3;
 use rayon::prelude::*;
 use shells::{Shells, misplaced};
 
 /// Number of nodes or triangles in a task.
-const TASK: usize = 8192;
+const ITEMS_PER_TASK: usize = 8192;
 
 /// Topology, volume and area of the surface.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -33,7 +33,7 @@ pub struct Surface {
     pub open_edges: Defects,
     /// Edges of more than two triangles.
     pub crowded_edges: Defects,
-    /// Edges of two triangles that run along them in the same direction.
+    /// Edges of two triangles that run along them in one direction.
     pub misoriented_edges: Defects,
     /// Nodes whose triangles do not form a single fan, closed or open.
     pub pinched_nodes: Defects,
@@ -156,10 +156,10 @@ pub(super) fn examine(
         room,
     };
     surface.add_loose_edges(&around, features);
-    let runs: Vec<Run> = blocks(of.points.len(), TASK)
+    let runs: Vec<FanRun> = blocks(of.points.len(), ITEMS_PER_TASK)
         .into_par_iter()
         .map(|range| {
-            let (mut run, mut work) = (Run::default(), Work::default());
+            let (mut run, mut work) = (FanRun::default(), FanBuffers::default());
             for node in range {
                 around.look_at(node, &mut work, &mut run);
             }
@@ -210,7 +210,7 @@ impl Surface {
     }
 
     /// Adds the defects of the runs of nodes, and completes the shells by their edges.
-    fn add_runs(&mut self, runs: Vec<Run>, shells: &mut [Shell], room: usize) {
+    fn add_runs(&mut self, runs: Vec<FanRun>, shells: &mut [Shell], room: usize) {
         let mut broken = vec![false; shells.len()];
         for run in runs {
             self.nodes += run.nodes;

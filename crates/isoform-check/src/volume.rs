@@ -17,15 +17,15 @@ use super::exact::volume_sign;
 use super::stars::{Stars, blocks};
 use super::{Defects, Options, Place};
 use crate::quality::{Shape, six_volume};
-use faces::{Elements, Run, Work};
+use faces::{Elements, NodeBuffers, NodeRun};
 use isoform_geom::Mesh;
 use rayon::prelude::*;
 
 /// Number of nodes or tetrahedra in a task.
-const TASK: usize = 4096;
+const ITEMS_PER_TASK: usize = 4096;
 /// Quantile that [`Volume::size_ratio`] reports; the largest ratio would tell of a single pair
 /// only.
-const MOST: f64 = 0.999;
+const SIZE_RATIO_QUANTILE: f64 = 0.999;
 
 /// Topology and volume of the tetrahedra.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -44,7 +44,7 @@ pub struct Volume {
     pub flat: Defects,
     /// Faces of more than two tetrahedra.
     pub crowded_faces: Defects,
-    /// Faces whose two tetrahedra lie on the same side.
+    /// Faces whose two tetrahedra lie on one side.
     pub folded_faces: Defects,
     /// True if the mesh has triangles of its own; if not, the surface is taken from the tetrahedra.
     pub has_surface: bool,
@@ -101,10 +101,10 @@ pub(super) fn examine(mesh: &Mesh, options: &Options<'_>) -> (Volume, Vec<[u32; 
         lengths,
         room,
     };
-    let runs: Vec<Run> = blocks(points.len(), TASK)
+    let runs: Vec<NodeRun> = blocks(points.len(), ITEMS_PER_TASK)
         .into_par_iter()
         .map(|range| {
-            let (mut run, mut work) = (Run::default(), Work::default());
+            let (mut run, mut work) = (NodeRun::default(), NodeBuffers::default());
             for node in range {
                 elements.look_at(node, &mut work, &mut run);
             }
@@ -118,7 +118,7 @@ pub(super) fn examine(mesh: &Mesh, options: &Options<'_>) -> (Volume, Vec<[u32; 
         boundary.extend(run.boundary);
         ratios.extend(run.ratios);
     }
-    volume.size_ratio = quantile(&mut ratios, MOST).unwrap_or(1.0);
+    volume.size_ratio = quantile(&mut ratios, SIZE_RATIO_QUANTILE).unwrap_or(1.0);
     (volume, boundary)
 }
 
@@ -143,12 +143,12 @@ fn measure(mesh: &Mesh, options: &Options<'_>) -> (Volume, Vec<f64>) {
     let room = options.places;
     let mut lengths = vec![0.0; mesh.tets.len()];
     let parts: Vec<Volume> = lengths
-        .par_chunks_mut(TASK)
+        .par_chunks_mut(ITEMS_PER_TASK)
         .enumerate()
         .map(|(chunk, lengths)| {
             let mut part = Volume::default();
             for (k, length) in lengths.iter_mut().enumerate() {
-                *length = part.add_tetrahedron(mesh, chunk * TASK + k, room);
+                *length = part.add_tetrahedron(mesh, chunk * ITEMS_PER_TASK + k, room);
             }
             part
         })
@@ -183,7 +183,7 @@ impl Volume {
             0 => self.flat.add(room, place),
             _ => self.inverted.add(room, place),
         }
-        Shape::of(p).mean_edge()
+        Shape::new(p).mean_edge()
     }
 }
 

@@ -9,7 +9,7 @@ use isoform_geom::{Mesh, Point3, cross, dot, norm, sub};
 
 /// Jacobian at a corner of the ideal wedge, whose edges at the corner are unit vectors: √3/2, twice
 /// the area of an equilateral triangle.
-const BEST: f64 = 0.866_025_403_784_438_6;
+const IDEAL_CORNER_JACOBIAN: f64 = 0.866_025_403_784_438_6;
 
 /// Shape of wedges.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,7 +78,7 @@ fn scaled_jacobian(p: [Point3; 6]) -> f64 {
         let (base, next, last) = (i - i % 3, (i + 1) % 3, (i + 2) % 3);
         let (below, above) = (i % 3, i % 3 + 3);
         let normal = cross(unit(i, base + next), unit(i, base + last));
-        dot(unit(below, above), normal) / BEST
+        dot(unit(below, above), normal) / IDEAL_CORNER_JACOBIAN
     };
     let corners = (0..6).map(at);
     corners.fold(f64::INFINITY, |least, value| {

@@ -11,14 +11,14 @@ use isoform_geom::UnionFind;
 
 /// Results for one run of nodes; the defects are explained at [`Surface`](super::Surface).
 #[derive(Default)]
-pub(super) struct Run {
+pub(super) struct FanRun {
     /// Number of nodes in triangles.
     pub(super) nodes: usize,
     /// Edges of one triangle.
     pub(super) open: Defects,
     /// Edges of more than two triangles.
     pub(super) crowded: Defects,
-    /// Edges of two triangles that run along them in the same direction.
+    /// Edges of two triangles that run along them in one direction.
     pub(super) misoriented: Defects,
     /// Nodes with more than one fan.
     pub(super) pinched: Defects,
@@ -39,7 +39,7 @@ type Apex = ([u32; 2], u32);
 
 /// Buffers reused for each node.
 #[derive(Default)]
-pub(super) struct Work {
+pub(super) struct FanBuffers {
     /// Spokes, sorted so that all of one edge are adjacent.
     spokes: Vec<Spoke>,
     /// Union-find over the triangles around the node.
@@ -48,7 +48,7 @@ pub(super) struct Work {
     apexes: Vec<Apex>,
 }
 
-impl Work {
+impl FanBuffers {
     /// Collects the spokes and apexes of a node.
     fn collect(&mut self, triangles: &[[u32; 3]], around: &[u32], u: u32) {
         self.spokes.clear();
@@ -95,13 +95,13 @@ pub(super) struct Surroundings<'m> {
 impl Surroundings<'_> {
     /// Returns true if a triangle has both nodes.
     pub(super) fn has_edge(&self, a: u32, b: u32) -> bool {
-        let mut around = self.stars.of(a as usize).iter();
+        let mut around = self.stars.elements_at(a as usize).iter();
         around.any(|&k| self.of.triangles[k as usize].contains(&b))
     }
 
     /// Examines one node and its edges to nodes of higher index.
-    pub(super) fn look_at(&self, node: usize, work: &mut Work, run: &mut Run) {
-        let around = self.stars.of(node);
+    pub(super) fn look_at(&self, node: usize, work: &mut FanBuffers, run: &mut FanRun) {
+        let around = self.stars.elements_at(node);
         work.collect(self.of.triangles, around, node as u32);
         if work.spokes.is_empty() {
             return;
@@ -143,8 +143,8 @@ impl Surroundings<'_> {
 
     /// Counts the edges to nodes of higher index and adds their defects. Also returns true if each
     /// has two triangles that run along it in opposite directions.
-    fn edges(&self, node: usize, spokes: &[Spoke], run: &mut Run) -> (u32, bool) {
-        let (u, around) = (node as u32, self.stars.of(node));
+    fn edges(&self, node: usize, spokes: &[Spoke], run: &mut FanRun) -> (u32, bool) {
+        let (u, around) = (node as u32, self.stars.elements_at(node));
         let (mut edges, mut whole) = (0, true);
         for group in spokes.chunk_by(|a, b| a.0 == b.0) {
             let w = group[0].0;

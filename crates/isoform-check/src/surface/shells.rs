@@ -1,6 +1,6 @@
 //! Connected parts of the surface, and their nesting.
 
-use super::{Shell, TASK, Triangles, is_degenerate};
+use super::{ITEMS_PER_TASK, Shell, Triangles, is_degenerate};
 use crate::boxes::BoxTree;
 use crate::exact::volume_sign;
 use crate::stars::blocks;
@@ -10,13 +10,13 @@ use rayon::prelude::*;
 
 /// Maximum number of rays tried until one meets no edge. Each fails only by coincidence; if all
 /// fail, the shell gets no winding number.
-const RAYS: u32 = 32;
+const MAX_RAYS: u32 = 32;
 /// Tilt of the first ray, in diagonals of the surface; later rays are tilted farther. A larger tilt
 /// makes the box around the ray thicker, and more triangles are tested.
-const TILT: f64 = 1e-3;
+const FIRST_RAY_TILT: f64 = 1e-3;
 /// Increments of two low-discrepancy sequences: 1/φ and √2 − 1. Both are badly approximable, so
 /// that rays do not return to the slopes of a regular mesh.
-const TURNS: [f64; 2] = [0.618_033_988_749_894_9, 0.414_213_562_373_095_03];
+const RAY_SEQUENCE_STEPS: [f64; 2] = [0.618_033_988_749_894_9, 0.414_213_562_373_095_03];
 
 /// Shells of a surface: the connected components of its nodes.
 pub(super) struct Shells {
@@ -72,7 +72,7 @@ impl Shells {
     /// centre of all shells, which keeps cancellation small.
     pub(super) fn measure(&self, of: Triangles<'_>) -> Vec<Shell> {
         let o = bounds(of).center();
-        let parts: Vec<Vec<Sum>> = blocks(of.triangles.len(), TASK)
+        let parts: Vec<Vec<Sum>> = blocks(of.triangles.len(), ITEMS_PER_TASK)
             .into_par_iter()
             .map(|range| self.sums(of, &of.triangles[range], o))
             .collect();
@@ -121,7 +121,7 @@ impl Shells {
 
 /// Returns the box around the corners of all triangles.
 fn bounds(of: Triangles<'_>) -> Aabb {
-    Aabb::of(
+    Aabb::from_points(
         of.triangles
             .iter()
             .flatten()
@@ -147,7 +147,7 @@ pub(super) fn misplaced(
         .par_iter()
         .map(|shell| {
             let from = of.point(shell.node);
-            let mut rays = (0..RAYS).map(|k| ray_end(from, &bounds, k));
+            let mut rays = (0..MAX_RAYS).map(|k| ray_end(from, &bounds, k));
             rays.find_map(|end| winding(of, numbers, tree, shell.node, end))
         })
         .collect();
@@ -170,8 +170,8 @@ pub(super) fn misplaced(
 /// box around the ray is thin.
 fn ray_end(from: Point3, bounds: &Aabb, k: u32) -> Point3 {
     let reach = bounds.diagonal();
-    let [s, t] = TURNS.map(|turn| f64::from(k + 1) * turn);
-    let tilt = TILT * reach * f64::from(k + 1);
+    let [s, t] = RAY_SEQUENCE_STEPS.map(|turn| f64::from(k + 1) * turn);
+    let tilt = FIRST_RAY_TILT * reach * f64::from(k + 1);
     [
         bounds.hi[0] + reach,
         from[1] + tilt * (s.fract() - 0.5),
@@ -200,7 +200,7 @@ fn winding(
 ) -> Option<i32> {
     let from = of.point(node);
     let (mut count, mut certain) = (0, true);
-    tree.query(&Aabb::of(&[from, end]), |k| {
+    tree.query(&Aabb::from_points(&[from, end]), |k| {
         let t = of.triangles[k as usize];
         if shells.of[t[0] as usize] == shells.of[node as usize] {
             return;

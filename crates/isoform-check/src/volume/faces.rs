@@ -10,7 +10,7 @@ use isoform_geom::{Mesh, TET_EDGES, TET_FACES, TRIANGLE_EDGES};
 
 /// Results for one run of nodes.
 #[derive(Default)]
-pub(super) struct Run {
+pub(super) struct NodeRun {
     /// Counts and defects.
     pub(super) volume: Volume,
     /// Faces of one tetrahedron, counterclockwise seen from outside.
@@ -23,7 +23,7 @@ pub(super) struct Run {
 
 /// Buffers reused for each node.
 #[derive(Default)]
-pub(super) struct Work {
+pub(super) struct NodeBuffers {
     faces: Vec<Face>,
     /// Edges at the node: (other end, mid node).
     edges: Vec<(u32, u32)>,
@@ -85,11 +85,11 @@ pub(super) struct Elements<'m> {
 
 impl Elements<'_> {
     /// Examines the faces and edges of which a node is the lowest.
-    pub(super) fn look_at(&self, node: usize, work: &mut Work, run: &mut Run) {
+    pub(super) fn look_at(&self, node: usize, work: &mut NodeBuffers, run: &mut NodeRun) {
         work.faces.clear();
         work.edges.clear();
         self.collect_tetrahedra(node, work);
-        run.volume.nodes += usize::from(!self.tets.of(node).is_empty());
+        run.volume.nodes += usize::from(!self.tets.elements_at(node).is_empty());
         work.edges.sort_unstable();
         work.edges.dedup();
         run.volume.edges += work.edges.chunk_by(|a, b| a.0 == b.0).count();
@@ -106,9 +106,9 @@ impl Elements<'_> {
     }
 
     /// Collects the faces and edges of the tetrahedra that have `node` as their lowest node.
-    fn collect_tetrahedra(&self, node: usize, work: &mut Work) {
+    fn collect_tetrahedra(&self, node: usize, work: &mut NodeBuffers) {
         let u = node as u32;
-        for &k in self.tets.of(node) {
+        for &k in self.tets.elements_at(node) {
             let t = self.mesh.tets[k as usize];
             for f in TET_FACES {
                 work.faces.extend(face_at(u, f.map(|i| t[i]), k, false));
@@ -125,9 +125,9 @@ impl Elements<'_> {
 
     /// Collects the triangles of the surface that have `node` as their lowest node, and their edges
     /// if the mesh is of second order.
-    fn collect_triangles(&self, node: usize, work: &mut Work) {
+    fn collect_triangles(&self, node: usize, work: &mut NodeBuffers) {
         let u = node as u32;
-        for &k in self.triangles.of(node) {
+        for &k in self.triangles.elements_at(node) {
             let t = self.mesh.triangles[k as usize];
             work.faces.extend(face_at(u, t, k, true));
             let mids = self.mesh.triangle_mids.get(k as usize);
@@ -144,7 +144,7 @@ impl Elements<'_> {
     }
 
     /// Collects the mid nodes of edges on which all elements agree; the other edges are defects.
-    fn mids(&self, node: usize, edges: &mut Vec<(u32, u32)>, run: &mut Run) {
+    fn mids(&self, node: usize, edges: &mut Vec<(u32, u32)>, run: &mut NodeRun) {
         let u = node as u32;
         edges.sort_unstable();
         edges.dedup();
@@ -164,7 +164,7 @@ impl Elements<'_> {
     }
 
     /// Examines one face, given the tetrahedra and the triangles of the surface that have it.
-    fn face(&self, lowest: u32, group: &[Face], run: &mut Run) {
+    fn face(&self, lowest: u32, group: &[Face], run: &mut NodeRun) {
         let (tets, triangles) = group.split_at(group.partition_point(|f| !f.is_triangle));
         let place = || self.place(lowest, tets);
         let volume = &mut run.volume;
