@@ -7,50 +7,41 @@
 //! blend (the axis of a cylinder, the circle of a torus, the centre of a sphere) from both surfaces
 //! is the radius.
 
-use crate::chart::{Kind, Surface};
+use crate::chart::{Primitive, PrimitiveKind, ROUNDING_DEVIATION};
 use crate::entity::Blend;
-use crate::relations::Known;
+use crate::noise::CHANCE_DEVIATIONS;
+use crate::relations::UncertainSurface;
 use isoform_geom::{Point3, dot};
 use std::collections::BTreeMap;
 
-/// Number of samples of a torus's circle at which the distance is tested. A plane that cuts the
-/// torus is at the distance of the radius at no more than three of them.
-const PLACES: usize = 8;
-/// Two surfaces touch where the middle curve is off the radius by at most this many deviations.
-const WITHIN: f64 = 4.0;
-/// The share of the radius by which it may be off at most: of a badly determined radius everything
-/// would be a blend.
-const OFF: f64 = 0.05;
-/// The least deviation, in diagonals: what rounding leaves.
-const ROUNDING: f64 = 1e-8;
+/// Maximum distance of a touched surface from the radius of a blend, as a share of the radius: of a
+/// badly determined radius everything would be a blend.
+pub(crate) const MAX_TOUCH_OFFSET: f64 = 0.05;
 /// Minimum number of pairs of neighbouring points between two adjacent entities of a cloud.
 /// Entities that meet only in a corner have one or two.
-pub(crate) const PAIRS: usize = 4;
-/// |cosine| of the normals at the two contacts above which the entity is no rounded edge but the
-/// round end of a slot.
-const OPPOSITE: f64 = 0.99;
+pub(crate) const MIN_BORDER_PAIRS: usize = 4;
 
 /// Returns the blends among entities, in the order of the entities, with lengths in units of
 /// `unit`. `points` are those of each entity; `pairs` holds two entities for each place where they
 /// are adjacent, and neighbours have at least `fewest` such places.
 pub(crate) fn blends(
-    known: &[Known],
+    known: &[UncertainSurface],
     points: &[Vec<Point3>],
     (pairs, fewest): (impl Iterator<Item = (usize, usize)>, usize),
     unit: f64,
 ) -> Vec<Blend> {
     let beside = neighbours(pairs, fewest);
     let mut blends = Vec::new();
-    for (i, Known { surface: s, .. }) in known.iter().enumerate() {
+    for (i, UncertainSurface { surface: s, .. }) in known.iter().enumerate() {
         let radius = match s.kind {
-            Kind::Cylinder | Kind::Sphere => s.size,
-            Kind::Torus => s.other,
-            Kind::Plane | Kind::Cone => continue,
+            PrimitiveKind::Cylinder | PrimitiveKind::Sphere => s.size,
+            PrimitiveKind::Torus => s.other,
+            PrimitiveKind::Plane | PrimitiveKind::Cone => continue,
         };
         let middle = middle(s, &points[i]);
-        let sd = |k: usize| deviation(&known[k]).max(ROUNDING);
+        let sd = |k: usize| deviation(&known[k]).max(ROUNDING_DEVIATION);
         let touches = |j: &usize| {
-            let limit = (WITHIN * sd(i).hypot(sd(*j))).min(OFF * radius);
+            let limit = (CHANCE_DEVIATIONS * sd(i).hypot(sd(*j))).min(MAX_TOUCH_OFFSET * radius);
             let off = |p: &Point3| (known[*j].surface.distance(*p).abs() - radius).abs();
             *j != i && middle.iter().all(|p| off(p) <= limit)
         };
@@ -69,32 +60,35 @@ pub(crate) fn blends(
 
 /// Returns true if the normals of two of the surfaces make an angle at their contacts. If not, the
 /// entity is the round end of a slot.
-fn has_angle(known: &[Known], between: &[usize], p: Point3) -> bool {
+fn has_angle(known: &[UncertainSurface], between: &[usize], p: Point3) -> bool {
     let normal = |i: &usize| known[*i].surface.normal(p);
     let first = normal(&between[0]);
+    // With opposite normals at the two contacts the entity is the round end of a slot.
     between[1..]
         .iter()
-        .any(|j| dot(first, normal(j)).abs() < OPPOSITE)
+        .any(|j| dot(first, normal(j)).abs() < 0.99)
 }
 
 /// Returns the largest standard deviation of those parameters of a surface that are lengths.
-fn deviation(known: &Known) -> f64 {
+fn deviation(known: &UncertainSurface) -> f64 {
     let of = |k: usize| known.covariance[k][k].sqrt();
     known.surface.kind.lengths().map(of).fold(0.0, f64::max)
 }
 
 /// Returns samples of the spine; of a cylinder, the ends of the part of the axis that its points
 /// cover.
-fn middle(s: &Surface, points: &[Point3]) -> Vec<Point3> {
+fn middle(s: &Primitive, points: &[Point3]) -> Vec<Point3> {
     let [e, f] = s.frame();
     match s.kind {
-        Kind::Torus => (0..PLACES)
+        // A plane that cuts the torus is at the distance of the radius at no more than three of
+        // eight points of its circle.
+        PrimitiveKind::Torus => (0..8)
             .map(|k| {
-                let (sin, cos) = (k as f64 * std::f64::consts::TAU / PLACES as f64).sin_cos();
+                let (sin, cos) = (k as f64 * std::f64::consts::TAU / 8.0).sin_cos();
                 std::array::from_fn(|i| s.place[i] + s.size * (cos * e[i] + sin * f[i]))
             })
             .collect(),
-        Kind::Cylinder => {
+        PrimitiveKind::Cylinder => {
             let ends = s.extent(points);
             let at = |h: f64| -> Point3 { std::array::from_fn(|k| s.place[k] + h * s.axis[k]) };
             ends.map(at).to_vec()

@@ -2,24 +2,26 @@
 
 use isoform_geom::{Point3, Quadric, cross, dot, norm, sub};
 
+/// Step of central differences, in radians and diagonals: about the cube root of the rounding.
+pub(crate) const DIFFERENCE_STEP: f64 = 1e-6;
+/// Standard deviation that rounding causes in a parameter, in radians and diagonals.
+pub(crate) const ROUNDING_DEVIATION: f64 = 1e-8;
 /// Maximum number of parameters of a surface: those of a torus.
-pub(crate) const MOST: usize = 7;
+pub(crate) const MAX_PARAMETERS: usize = 7;
 
 /// A row of the Jacobian; entries beyond the surface's own parameters are 0.
-pub(crate) type Row = [f64; MOST];
+pub(crate) type ParameterRow = [f64; MAX_PARAMETERS];
 
 /// Maximum radius, in diagonals of the scan: over the diagonal its arc has a sagitta of an eighth
 /// of a thousandth of the diagonal, and a plane fits as well.
-const LARGEST: f64 = 1000.0;
+const MAX_RADIUS: f64 = 1000.0;
 /// Minimum radius, in standard deviations of the noise. Blobs of points within three deviations are
 /// followed by circles of two; a larger bound loses fillets.
-pub(crate) const TIGHTEST: f64 = 4.0;
-/// The largest half angle of a cone: 86°. Wider ones are planes.
-const WIDEST: f64 = 1.5;
+pub(crate) const MIN_RADIUS_DEVIATIONS: f64 = 4.0;
 
 /// Kinds of surfaces, ordered by their number of parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Kind {
+pub(crate) enum PrimitiveKind {
     Plane,
     Sphere,
     Cylinder,
@@ -27,7 +29,7 @@ pub(crate) enum Kind {
     Torus,
 }
 
-impl Kind {
+impl PrimitiveKind {
     pub(crate) const ALL: &'static [Self; 5] = &[
         Self::Plane,
         Self::Sphere,
@@ -66,8 +68,8 @@ impl Kind {
 /// A surface about a reference point of its own. A cone is given by its radius at that point, so
 /// that it passes into a cylinder without a singularity.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Surface {
-    pub(crate) kind: Kind,
+pub(crate) struct Primitive {
+    pub(crate) kind: PrimitiveKind,
     /// Reference point: a point of the plane, the centre, or a point of the axis.
     pub(crate) place: Point3,
     /// Unit normal of the plane, or unit vector along the axis.
@@ -80,7 +82,7 @@ pub(crate) struct Surface {
 }
 
 /// Cylindrical coordinates of a point about an axis.
-struct Around {
+struct CylindricalPoint {
     /// Coordinate along the axis.
     height: f64,
     /// Distance from the axis.
@@ -90,50 +92,50 @@ struct Around {
 }
 
 /// Evaluator of the distances of many points from one surface.
-pub(crate) struct Distances<'a> {
-    surface: &'a Surface,
+pub(crate) struct PrimitiveDistances<'a> {
+    surface: &'a Primitive,
     /// Sine and cosine of a cone's half angle; 0 and 1 of other kinds.
     sin: f64,
     cos: f64,
 }
 
-impl Distances<'_> {
-    /// Returns [`Surface::distance`].
+impl PrimitiveDistances<'_> {
+    /// Returns [`Primitive::distance`].
     #[inline]
     pub(crate) fn at(&self, p: Point3) -> f64 {
         let surface = self.surface;
         let d = sub(p, surface.place);
         match surface.kind {
-            Kind::Plane => return dot(d, surface.axis),
-            Kind::Sphere => return norm(d) - surface.size,
-            Kind::Cylinder | Kind::Cone | Kind::Torus => {}
+            PrimitiveKind::Plane => return dot(d, surface.axis),
+            PrimitiveKind::Sphere => return norm(d) - surface.size,
+            PrimitiveKind::Cylinder | PrimitiveKind::Cone | PrimitiveKind::Torus => {}
         }
         let height = dot(d, surface.axis);
         let across: Point3 = std::array::from_fn(|k| d[k] - height * surface.axis[k]);
         let r = norm(across) - surface.size;
         match surface.kind {
-            Kind::Cone => r * self.cos - height * self.sin,
-            Kind::Torus => length(r, height) - surface.other,
+            PrimitiveKind::Cone => r * self.cos - height * self.sin,
+            PrimitiveKind::Torus => length(r, height) - surface.other,
             _ => r,
         }
     }
 
-    /// Returns [`Surface::normal`].
+    /// Returns [`Primitive::normal`].
     pub(crate) fn normal(&self, p: Point3) -> Point3 {
         let surface = self.surface;
-        let along = |q: &Around, r: f64, h: f64| -> Point3 {
+        let along = |q: &CylindricalPoint, r: f64, h: f64| -> Point3 {
             std::array::from_fn(|k| r * q.away[k] + h * surface.axis[k])
         };
         match surface.kind {
-            Kind::Plane => surface.axis,
-            Kind::Sphere => {
+            PrimitiveKind::Plane => surface.axis,
+            PrimitiveKind::Sphere => {
                 let d = sub(p, surface.place);
                 let length = norm(d).max(f64::MIN_POSITIVE);
                 d.map(|x| x / length)
             }
-            Kind::Cylinder => surface.around(p).away,
-            Kind::Cone => along(&surface.around(p), self.cos, -self.sin),
-            Kind::Torus => {
+            PrimitiveKind::Cylinder => surface.around(p).away,
+            PrimitiveKind::Cone => along(&surface.around(p), self.cos, -self.sin),
+            PrimitiveKind::Torus => {
                 let q = surface.around(p);
                 let (r, h) = (q.radius - surface.size, q.height);
                 let length = length(r, h).max(f64::MIN_POSITIVE);
@@ -143,37 +145,37 @@ impl Distances<'_> {
     }
 }
 
-/// Evaluator of distances with their derivatives by the parameters of [`Surface::moved`].
-pub(crate) struct Rows<'a> {
-    surface: &'a Surface,
-    /// The two vectors of [`Surface::frame`].
+/// Evaluator of distances with their derivatives by the parameters of [`Primitive::moved`].
+pub(crate) struct DistanceJacobian<'a> {
+    surface: &'a Primitive,
+    /// The two vectors of [`Primitive::frame`].
     across: [Point3; 2],
     /// Sine and cosine of a cone's half angle; 0 and 1 of other kinds.
     sin: f64,
     cos: f64,
 }
 
-impl Rows<'_> {
+impl DistanceJacobian<'_> {
     /// Returns the distance of a point and its derivatives. `kind` is that of the surface: a loop
     /// for a kind known at compile time takes half the time.
     #[inline(always)]
-    pub(crate) fn at(&self, kind: Kind, p: Point3) -> (f64, Row) {
+    pub(crate) fn at(&self, kind: PrimitiveKind, p: Point3) -> (f64, ParameterRow) {
         let [e, f] = &self.across;
         let surface = self.surface;
         let d = sub(p, surface.place);
         let height = dot(d, surface.axis);
         match kind {
-            Kind::Plane => {
+            PrimitiveKind::Plane => {
                 let row = [dot(d, *e), dot(d, *f), -1.0, 0.0, 0.0, 0.0, 0.0];
                 return (height, row);
             }
-            Kind::Sphere => {
+            PrimitiveKind::Sphere => {
                 let length = at_least(norm(d));
                 let n = d.map(|x| x / length);
                 let row = [-n[0], -n[1], -n[2], -1.0, 0.0, 0.0, 0.0];
                 return (length - surface.size, row);
             }
-            Kind::Cylinder | Kind::Cone | Kind::Torus => {}
+            PrimitiveKind::Cylinder | PrimitiveKind::Cone | PrimitiveKind::Torus => {}
         }
         let v: Point3 = std::array::from_fn(|k| d[k] - height * surface.axis[k]);
         let radius = norm(v);
@@ -181,7 +183,7 @@ impl Rows<'_> {
         let divisor = at_least(radius);
         let (ue, uf) = (dot(v, *e) / divisor, dot(v, *f) / divisor);
         let r = radius - surface.size;
-        if kind == Kind::Torus {
+        if kind == PrimitiveKind::Torus {
             let length = at_least(length(r, height));
             let tilt = height * surface.size / length;
             let n: Point3 = std::array::from_fn(|k| {
@@ -194,7 +196,7 @@ impl Rows<'_> {
         let (sin, cos) = (self.sin, self.cos);
         let tilt = -(height * cos + radius * sin);
         let turn = match kind {
-            Kind::Cone => -r * sin - height * cos,
+            PrimitiveKind::Cone => -r * sin - height * cos,
             _ => 0.0,
         };
         let row = [tilt * ue, tilt * uf, -ue * cos, -uf * cos, -cos, turn, 0.0];
@@ -216,11 +218,11 @@ fn length(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
 }
 
-impl Surface {
+impl Primitive {
     /// Returns the plane through a point with a unit normal.
     pub(crate) fn plane(place: Point3, normal: Point3) -> Self {
         Self {
-            kind: Kind::Plane,
+            kind: PrimitiveKind::Plane,
             place,
             axis: normal,
             size: 0.0,
@@ -233,7 +235,7 @@ impl Surface {
         frame(self.axis)
     }
 
-    fn around(&self, p: Point3) -> Around {
+    fn around(&self, p: Point3) -> CylindricalPoint {
         let d = sub(p, self.place);
         let height = dot(d, self.axis);
         let v: Point3 = std::array::from_fn(|k| d[k] - height * self.axis[k]);
@@ -242,7 +244,7 @@ impl Surface {
             true => v.map(|x| x / radius),
             false => self.frame()[0],
         };
-        Around {
+        CylindricalPoint {
             height,
             radius,
             away,
@@ -256,9 +258,9 @@ impl Surface {
     }
 
     /// Returns an evaluator of the distances of many points.
-    pub(crate) fn distances(&self) -> Distances<'_> {
+    pub(crate) fn distances(&self) -> PrimitiveDistances<'_> {
         let (sin, cos) = self.slope();
-        Distances {
+        PrimitiveDistances {
             surface: self,
             sin,
             cos,
@@ -268,7 +270,7 @@ impl Surface {
     /// Returns the sine and cosine of a cone's half angle; 0 and 1 of other kinds.
     fn slope(&self) -> (f64, f64) {
         match self.kind {
-            Kind::Cone => self.other.sin_cos(),
+            PrimitiveKind::Cone => self.other.sin_cos(),
             _ => (0.0, 1.0),
         }
     }
@@ -281,10 +283,10 @@ impl Surface {
     /// Returns the largest absolute curvature near a point.
     pub(crate) fn curvature(&self, p: Point3) -> f64 {
         let radius = match self.kind {
-            Kind::Plane => return 0.0,
-            Kind::Sphere | Kind::Cylinder => self.size,
-            Kind::Cone => self.around(p).radius / self.other.cos(),
-            Kind::Torus => self.other,
+            PrimitiveKind::Plane => return 0.0,
+            PrimitiveKind::Sphere | PrimitiveKind::Cylinder => self.size,
+            PrimitiveKind::Cone => self.around(p).radius / self.other.cos(),
+            PrimitiveKind::Torus => self.other,
         };
         radius.abs().recip()
     }
@@ -296,9 +298,9 @@ impl Surface {
     }
 
     /// Returns an evaluator of the derivatives of the distances of many points.
-    pub(crate) fn rows(&self) -> Rows<'_> {
+    pub(crate) fn rows(&self) -> DistanceJacobian<'_> {
         let (sin, cos) = self.slope();
-        Rows {
+        DistanceJacobian {
             surface: self,
             across: self.frame(),
             sin,
@@ -309,7 +311,7 @@ impl Surface {
     /// Returns the surface after a step of its parameters: the axis tilted along the two vectors of
     /// the frame, the reference point moved (of a plane along its normal, of cylinders and cones
     /// across the axis), the sizes changed.
-    pub(crate) fn moved(&self, step: &Row) -> Self {
+    pub(crate) fn moved(&self, step: &ParameterRow) -> Self {
         let [e, f] = self.frame();
         let tilted = || {
             unit(std::array::from_fn(|k| {
@@ -318,22 +320,22 @@ impl Surface {
         };
         let mut new = *self;
         match self.kind {
-            Kind::Plane => {
+            PrimitiveKind::Plane => {
                 new.axis = tilted();
                 new.place = std::array::from_fn(|k| self.place[k] + step[2] * self.axis[k]);
             }
-            Kind::Sphere => {
+            PrimitiveKind::Sphere => {
                 new.place = std::array::from_fn(|k| self.place[k] + step[k]);
                 new.size += step[3];
             }
-            Kind::Cylinder | Kind::Cone => {
+            PrimitiveKind::Cylinder | PrimitiveKind::Cone => {
                 new.axis = tilted();
                 let shift = |k: usize| step[2] * e[k] + step[3] * f[k];
                 new.place = std::array::from_fn(|k| self.place[k] + shift(k));
                 new.size += step[4];
                 new.other += step[5];
             }
-            Kind::Torus => {
+            PrimitiveKind::Torus => {
                 new.axis = tilted();
                 new.place = std::array::from_fn(|k| self.place[k] + step[2 + k]);
                 new.size += step[5];
@@ -348,18 +350,18 @@ impl Surface {
     pub(crate) fn about(&self, p: Point3) -> Self {
         let mut new = *self;
         match self.kind {
-            Kind::Plane => {
+            PrimitiveKind::Plane => {
                 let d = self.distance(p);
                 new.place = std::array::from_fn(|k| p[k] - d * self.axis[k]);
             }
-            Kind::Cylinder | Kind::Cone => {
+            PrimitiveKind::Cylinder | PrimitiveKind::Cone => {
                 let h = dot(sub(p, self.place), self.axis);
                 new.place = std::array::from_fn(|k| self.place[k] + h * self.axis[k]);
-                if self.kind == Kind::Cone {
+                if self.kind == PrimitiveKind::Cone {
                     new.size += h * self.other.tan();
                 }
             }
-            Kind::Sphere | Kind::Torus => {}
+            PrimitiveKind::Sphere | PrimitiveKind::Torus => {}
         }
         new
     }
@@ -367,7 +369,7 @@ impl Surface {
     /// Returns the surface in a unit of length that is `factor` times as small.
     pub(crate) fn scaled(&self, factor: f64) -> Self {
         let other = match self.kind {
-            Kind::Cone => self.other,
+            PrimitiveKind::Cone => self.other,
             _ => factor * self.other,
         };
         Self {
@@ -380,33 +382,37 @@ impl Surface {
 
     /// Returns true if the surface has an axis.
     pub(crate) fn is_round(&self) -> bool {
-        matches!(self.kind, Kind::Cylinder | Kind::Cone | Kind::Torus)
+        matches!(
+            self.kind,
+            PrimitiveKind::Cylinder | PrimitiveKind::Cone | PrimitiveKind::Torus
+        )
     }
 
     /// Returns true if the parameters are valid: finite, radii positive and bounded, the half angle
     /// of a cone below a right angle.
     pub(crate) fn is_proper(&self) -> bool {
         let are_finite = self.place.iter().chain(&self.axis).all(|x| x.is_finite());
-        let radius = |r: f64| r > 0.0 && r < LARGEST;
+        let radius = |r: f64| r > 0.0 && r < MAX_RADIUS;
         are_finite
             && match self.kind {
-                Kind::Plane => true,
-                Kind::Sphere | Kind::Cylinder => radius(self.size),
-                Kind::Cone => self.other.abs() < WIDEST && self.size.abs() < LARGEST,
+                PrimitiveKind::Plane => true,
+                PrimitiveKind::Sphere | PrimitiveKind::Cylinder => radius(self.size),
+                // Cones of a larger half angle, 86°, are planes.
+                PrimitiveKind::Cone => self.other.abs() < 1.5 && self.size.abs() < MAX_RADIUS,
                 // Also for a tube that passes its axis (a spindle torus).
-                Kind::Torus => radius(self.size) && radius(self.other),
+                PrimitiveKind::Torus => radius(self.size) && radius(self.other),
             }
     }
 
-    /// Returns true if the radius is large enough to be told from noise. A tube whose radius is
-    /// twice the noise follows any blob of points better than a face does.
+    /// Returns true if the radius is large enough to be distinguished from noise. A tube whose
+    /// radius is twice the noise follows any blob of points better than a face does.
     pub(crate) fn is_wider_than(&self, noise: f64) -> bool {
         let radius = match self.kind {
-            Kind::Plane | Kind::Cone => f64::INFINITY,
-            Kind::Sphere | Kind::Cylinder => self.size,
-            Kind::Torus => self.other,
+            PrimitiveKind::Plane | PrimitiveKind::Cone => f64::INFINITY,
+            PrimitiveKind::Sphere | PrimitiveKind::Cylinder => self.size,
+            PrimitiveKind::Torus => self.other,
         };
-        radius >= TIGHTEST * noise
+        radius >= MIN_RADIUS_DEVIATIONS * noise
     }
 
     /// Returns the surface in units `unit` times as large about another origin, in the terms of CAD
@@ -415,25 +421,25 @@ impl Surface {
         let at = |p: Point3| -> Point3 { std::array::from_fn(|k| p[k] * unit + origin[k]) };
         let place = at(self.place);
         match self.kind {
-            Kind::Plane => Quadric::Plane {
+            PrimitiveKind::Plane => Quadric::Plane {
                 normal: self.axis,
                 offset: dot(self.axis, place),
             },
-            Kind::Sphere => Quadric::Sphere {
+            PrimitiveKind::Sphere => Quadric::Sphere {
                 center: place,
                 radius: self.size * unit,
             },
-            Kind::Cylinder => Quadric::Cylinder {
+            PrimitiveKind::Cylinder => Quadric::Cylinder {
                 point: place,
                 axis: self.axis,
                 radius: self.size * unit,
             },
-            Kind::Cone => Quadric::Cone {
+            PrimitiveKind::Cone => Quadric::Cone {
                 apex: at(self.apex()),
                 axis: self.axis.map(|x| x * self.other.signum()),
                 half_angle: self.other.abs(),
             },
-            Kind::Torus => Quadric::Torus {
+            PrimitiveKind::Torus => Quadric::Torus {
                 center: place,
                 axis: self.axis,
                 major: self.size * unit,
@@ -446,9 +452,9 @@ impl Surface {
     /// otherwise from the reference point; 0 for planes and spheres.
     pub(crate) fn extent(&self, points: &[Point3]) -> [f64; 2] {
         let from = match self.kind {
-            Kind::Plane | Kind::Sphere => return [0.0; 2],
-            Kind::Cone => self.apex(),
-            Kind::Cylinder | Kind::Torus => self.place,
+            PrimitiveKind::Plane | PrimitiveKind::Sphere => return [0.0; 2],
+            PrimitiveKind::Cone => self.apex(),
+            PrimitiveKind::Cylinder | PrimitiveKind::Torus => self.place,
         };
         let heights = points.iter().map(|p| dot(sub(*p, from), self.axis));
         heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], h| {
@@ -484,13 +490,20 @@ pub(crate) fn frame(axis: Point3) -> [Point3; 2] {
     [f, cross(axis, f)]
 }
 
+/// Returns a vector rotated about a unit vector.
+pub(crate) fn turned(v: Point3, axis: Point3, angle: f64) -> Point3 {
+    let (sin, cos) = angle.sin_cos();
+    let (along, across) = (dot(v, axis), cross(axis, v));
+    std::array::from_fn(|k| cos * v[k] + sin * across[k] + (1.0 - cos) * along * axis[k])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn shapes() -> Vec<Surface> {
+    fn shapes() -> Vec<Primitive> {
         let axis = unit([1.0, 2.0, -0.5]);
-        let of = |kind, size, other| Surface {
+        let of = |kind, size, other| Primitive {
             kind,
             place: [0.3, -0.2, 0.1],
             axis,
@@ -498,11 +511,11 @@ mod tests {
             other,
         };
         vec![
-            of(Kind::Plane, 0.0, 0.0),
-            of(Kind::Sphere, 0.7, 0.0),
-            of(Kind::Cylinder, 0.4, 0.0),
-            of(Kind::Cone, 0.4, 0.3),
-            of(Kind::Torus, 0.9, 0.25),
+            of(PrimitiveKind::Plane, 0.0, 0.0),
+            of(PrimitiveKind::Sphere, 0.7, 0.0),
+            of(PrimitiveKind::Cylinder, 0.4, 0.0),
+            of(PrimitiveKind::Cone, 0.4, 0.3),
+            of(PrimitiveKind::Torus, 0.9, 0.25),
         ]
     }
 
@@ -511,10 +524,10 @@ mod tests {
         let p = [0.9, 0.5, -0.4];
         for shape in shapes() {
             let (_, row) = shape.rows().at(shape.kind, p);
-            for k in 0..MOST {
+            for k in 0..MAX_PARAMETERS {
                 let h = 1e-6;
                 let at = |s: f64| {
-                    let mut step = [0.0; MOST];
+                    let mut step = [0.0; MAX_PARAMETERS];
                     step[k] = s;
                     shape.moved(&step).distance(p)
                 };

@@ -1,51 +1,24 @@
 //! Model selection: the simplest kind of surface that explains a region as well as any other.
 
-use crate::chart::{Kind, Surface};
+use crate::chart::{Primitive, PrimitiveKind};
 use crate::cloud::Cloud;
 use crate::fit::{Precision, fit, squares};
-use crate::grow::{Region, are_rows, correlation, grow, peeled};
-use crate::start::{Line, bent_squares};
+use crate::grow::{SurfaceRegion, are_rows, correlation, grow, peeled};
+use crate::noise::{CHANCE_DEVIATIONS, MAX_EXACT_NOISE};
+use crate::start::{Axis, bent_squares};
 use isoform_geom::dot;
 use rayon::prelude::*;
 
-/// What a parameter more has to gain in Σ r²/σ²: ln n, as the criterion of Bayes says, and 2 more.
-const EACH: f64 = 0.0;
-/// What another kind has to gain at least. Many kinds are tried at many places: by chance 30 is
-/// passed once in 10⁶ trials.
-const AT_LEAST: f64 = 8.0;
-/// Two surfaces whose distance is below this share of the noise (squared here: 0.1²) are one to
-/// any use; without this bound a form error of a scan would count as evidence.
-const MATERIAL: f64 = 0.01;
-/// That share where the user allows more than the noise of the points: what is left over then is
-/// the form of a real object, which one surface of many follows better by some of it. With less,
-/// balls come as tori, with 1 shallow cones as cylinders.
-const MATERIAL_OF_FORM: f64 = 0.25;
-/// A kind with more parameters also wins where it explains this many times as many points: the
-/// simpler one then is a strip of it.
-const WIDER: f64 = 1.6;
-/// Number of standard deviations of an estimate within which a difference is taken for chance.
-const CORRELATED: f64 = 0.045;
-const CHANCE: f64 = 4.0;
-/// Maximum root mean square distance of rounded points, in deviations of rounding.
-const ROUNDED: f64 = 1.2;
 /// Sizes of the sets of neighbours that regions grow from: small sets lie within small faces, large
 /// ones reveal curvature in noise. The flag restricts a set to neighbours with similar normals,
 /// which keeps it on one side of an edge.
-const SEEDS: [(usize, bool); 5] = [
+const SEED_SET_SIZES: [(usize, bool); 5] = [
     (48, true),
     (24, true),
     (12, true),
     (128, false),
     (48, false),
 ];
-/// A region that has grown to this many times its seed needs no other seed.
-const GROWN: usize = 3;
-/// Points of a plane's core that show a bend if there is one.
-const FLAT: usize = 150;
-/// Neighbours out of which seeds are taken.
-const CANDIDATES: usize = 128;
-/// The least |cosine| of like normals: 40°.
-const ALIKE: f64 = 0.77;
 
 /// Standard deviation of the points, and its uncertainty.
 #[derive(Clone, Copy, Debug)]
@@ -63,60 +36,60 @@ impl Noise {
     /// points of other surfaces are never taken, and distances under a tolerance of form do not
     /// average to zero.
     pub(crate) fn can_peel(self) -> bool {
-        !self.is_form && (EXACT..PEELED).contains(&self.deviation)
+        // More noise carries the points of other faces over strips as wide as small faces are: the
+        // borders of these are all off.
+        !self.is_form && (MAX_EXACT_NOISE..0.003).contains(&self.deviation)
     }
 
     /// Returns the share of the variance per point below which a difference in Σ r² is irrelevant:
     /// two such surfaces are equally good.
     fn material(self) -> f64 {
         if self.is_form {
-            MATERIAL_OF_FORM
+            // Residuals are then the form of a real object, which one surface of many follows
+            // better in part. With less, balls come as tori, with 1 shallow cones as cylinders.
+            0.25
         } else {
-            MATERIAL
+            // Surfaces whose distance is below a tenth of the noise (squared here) are one to any
+            // use; without this bound a form error of a scan would count as evidence.
+            0.01
         }
     }
 }
 
-/// Noise above this, in diagonals, carries the points of other faces over strips as wide as small
-/// faces are: the borders of these are all off.
-const PEELED: f64 = 0.003;
-/// Maximum noise of points that are exact up to rounding, in diagonals.
-pub(crate) const EXACT: f64 = 1e-7;
-
 /// Returns the minimum number of points of an entity by kind: more than five times the number of
 /// parameters. With fewer, curved kinds follow any smooth scrap.
-pub(crate) fn least_points(kind: Kind, noise: f64) -> usize {
-    let is_exact = noise < EXACT;
+pub(crate) fn least_points(kind: PrimitiveKind, noise: f64) -> usize {
+    let is_exact = noise < MAX_EXACT_NOISE;
     match kind {
-        Kind::Plane => {
+        PrimitiveKind::Plane => {
             if is_exact {
                 16
             } else {
                 35
             }
         }
-        Kind::Sphere => {
+        PrimitiveKind::Sphere => {
             if is_exact {
                 20
             } else {
                 70
             }
         }
-        Kind::Cylinder => {
+        PrimitiveKind::Cylinder => {
             if is_exact {
                 24
             } else {
                 50
             }
         }
-        Kind::Cone => {
+        PrimitiveKind::Cone => {
             if is_exact {
                 30
             } else {
                 70
             }
         }
-        Kind::Torus => {
+        PrimitiveKind::Torus => {
             if is_exact {
                 40
             } else {
@@ -140,7 +113,9 @@ pub(crate) fn is_called_for(
     let free = points.saturating_sub(parameters).max(1) as f64;
     let variance = noise.deviation.powi(2).max(bent / free);
     let gain = (simple - bent) / variance;
-    let asked = more as f64 * (n.ln() + EACH) + AT_LEAST;
+    // Each parameter costs ln n, as in Bayes's criterion. The eight more are for the many kinds
+    // that are tried at many places: by chance a gain of 30 is passed once in 10⁶ trials.
+    let asked = more as f64 * n.ln() + 8.0;
     gain > asked.max(noise.material() * n)
 }
 
@@ -152,14 +127,14 @@ pub(crate) fn may_be_called_for(more: usize, points: usize, simple: f64, noise: 
 
 /// Known surfaces, and the label of each point.
 #[derive(Clone, Copy, Default)]
-pub(crate) struct Known<'a> {
-    pub(crate) surfaces: &'a [Surface],
+pub(crate) struct KnownSurfaces<'a> {
+    pub(crate) surfaces: &'a [Primitive],
     pub(crate) labels: &'a [u32],
 }
 
-impl Known<'_> {
+impl KnownSurfaces<'_> {
     /// Returns the axes of the surfaces that some points lie on.
-    pub(crate) fn axes(self, points: &[u32]) -> Vec<Line> {
+    pub(crate) fn axes(self, points: &[u32]) -> Vec<Axis> {
         let label = |i: &u32| self.labels.get(*i as usize).copied();
         let mut labels: Vec<u32> = points.iter().filter_map(label).collect();
         labels.sort_unstable();
@@ -173,27 +148,33 @@ impl Known<'_> {
 }
 
 /// Sets of free points about a seed from which regions grow.
-struct Sets {
+struct SeedSets {
     near: Vec<u32>,
     /// Points with normals similar to the seed's.
     alike: Vec<u32>,
     /// Axes of known surfaces nearby, about which chamfers, fillets and bores mostly lie.
-    axes: Vec<Line>,
+    axes: Vec<Axis>,
 }
 
-impl Sets {
-    fn about(cloud: &Cloud, seed: u32, known: Known<'_>, is_free: &impl Fn(u32) -> bool) -> Self {
-        let mut near = cloud.around(seed, CANDIDATES);
+impl SeedSets {
+    fn about(
+        cloud: &Cloud,
+        seed: u32,
+        known: KnownSurfaces<'_>,
+        is_free: &impl Fn(u32) -> bool,
+    ) -> Self {
+        let mut near = cloud.around(seed, 128);
         let axes = known.axes(&near);
         near.retain(|i| is_free(*i));
         let normal = cloud.normals[seed as usize];
-        let is_alike = |i: &&u32| dot(cloud.normals[**i as usize], normal).abs() >= ALIKE;
+        // Similar normals differ by at most 40°.
+        let is_alike = |i: &&u32| dot(cloud.normals[**i as usize], normal).abs() >= 0.77;
         let alike = near.iter().filter(is_alike).copied().collect();
         Self { near, alike, axes }
     }
 
     fn all(&self) -> Vec<&[u32]> {
-        SEEDS
+        SEED_SET_SIZES
             .iter()
             .map(|(size, is_smooth)| (*size, if *is_smooth { &self.alike } else { &self.near }))
             .filter(|(size, from)| *size <= from.len())
@@ -206,13 +187,13 @@ impl Sets {
 pub(crate) fn best_region(
     cloud: &Cloud,
     seed: u32,
-    kinds: &[Kind],
+    kinds: &[PrimitiveKind],
     noise: Noise,
-    known: Known<'_>,
+    known: KnownSurfaces<'_>,
     is_free: &(impl Fn(u32) -> bool + Sync),
-) -> Option<Region> {
-    let sets = Sets::about(cloud, seed, known, is_free);
-    let grown = |kind: Kind| largest(cloud, &sets, kind, noise, is_free);
+) -> Option<SurfaceRegion> {
+    let sets = SeedSets::about(cloud, seed, known, is_free);
+    let grown = |kind: PrimitiveKind| largest(cloud, &sets, kind, noise, is_free);
     let (first, others) = kinds.split_first()?;
     let simple = grown(*first);
     if simple
@@ -221,7 +202,7 @@ pub(crate) fn best_region(
     {
         return simple;
     }
-    let bent: Vec<Option<Region>> = others.par_iter().map(|kind| grown(*kind)).collect();
+    let bent: Vec<Option<SurfaceRegion>> = others.par_iter().map(|kind| grown(*kind)).collect();
     choose(cloud, [simple].into_iter().chain(bent).flatten(), noise)
 }
 
@@ -229,12 +210,12 @@ pub(crate) fn best_region(
 /// beyond itself.
 fn largest(
     cloud: &Cloud,
-    sets: &Sets,
-    kind: Kind,
+    sets: &SeedSets,
+    kind: PrimitiveKind,
     noise: Noise,
     is_free: &(impl Fn(u32) -> bool + Sync),
-) -> Option<Region> {
-    let mut best: Option<Region> = None;
+) -> Option<SurfaceRegion> {
+    let mut best: Option<SurfaceRegion> = None;
     for set in sets.all() {
         let Some(region) = grow(cloud, set, &sets.axes, kind, noise.deviation, is_free) else {
             continue;
@@ -254,7 +235,8 @@ fn largest(
         {
             continue;
         }
-        let has_grown = region.points.len() >= GROWN * set.len();
+        // A region that has grown to three times its seed needs no other seed.
+        let has_grown = region.points.len() >= 3 * set.len();
         if best
             .as_ref()
             .is_none_or(|b| region.points.len() > b.points.len())
@@ -269,9 +251,10 @@ fn largest(
 }
 
 /// Returns true if a plane is large and shows no curvature, so that other kinds need not be tried.
-fn is_plainly_flat(cloud: &Cloud, region: &Region, noise: Noise) -> bool {
+fn is_plainly_flat(cloud: &Cloud, region: &SurfaceRegion, noise: Noise) -> bool {
     let surface = &region.surface;
-    if surface.kind != Kind::Plane || region.core.len() < FLAT {
+    // 150 points of the core of a plane show a bend if there is one.
+    if surface.kind != PrimitiveKind::Plane || region.core.len() < 150 {
         return false;
     }
     let points = cloud.at(&region.core);
@@ -281,8 +264,12 @@ fn is_plainly_flat(cloud: &Cloud, region: &Region, noise: Noise) -> bool {
 }
 
 /// Returns the simplest of regions, given by rising kind, that no other one beats.
-fn choose(cloud: &Cloud, regions: impl Iterator<Item = Region>, noise: Noise) -> Option<Region> {
-    let mut best: Option<Region> = None;
+fn choose(
+    cloud: &Cloud,
+    regions: impl Iterator<Item = SurfaceRegion>,
+    noise: Noise,
+) -> Option<SurfaceRegion> {
+    let mut best: Option<SurfaceRegion> = None;
     for region in regions {
         best = match best {
             None => Some(region),
@@ -299,7 +286,7 @@ fn choose(cloud: &Cloud, regions: impl Iterator<Item = Region>, noise: Noise) ->
 pub(crate) fn follows(
     cloud: &Cloud,
     [core, points]: [&[u32]; 2],
-    surface: &Surface,
+    surface: &Primitive,
     noise: Noise,
 ) -> bool {
     let is_one = |points: &[u32]| {
@@ -313,26 +300,30 @@ pub(crate) fn follows(
 
 /// Returns true if points are off a surface by no more than rounding (that of the modeller
 /// included), which may be correlated between neighbours.
-fn is_rounding(cloud: &Cloud, points: &[u32], surface: &Surface) -> bool {
-    let most = EXACT.max(ROUNDED * cloud.grid);
+fn is_rounding(cloud: &Cloud, points: &[u32], surface: &Primitive) -> bool {
+    // Rounded points may deviate by 1.2 deviations of rounding (root mean square).
+    let most = MAX_EXACT_NOISE.max(1.2 * cloud.grid);
     squares(surface, &cloud.at(points)) <= most * most * points.len() as f64
 }
 
 /// Returns true if points deviate by no more than the noise.
-fn is_near(cloud: &Cloud, points: &[u32], surface: &Surface, noise: Noise) -> bool {
+fn is_near(cloud: &Cloud, points: &[u32], surface: &Primitive, noise: Noise) -> bool {
     let parameters = surface.kind.parameters();
     let free = points.len().saturating_sub(parameters).max(1) as f64;
     let rms = (squares(surface, &cloud.at(points)) / free).sqrt() / noise.deviation;
-    surface.is_wider_than(noise.deviation) && rms <= noise.slack + CHANCE / (2.0 * free).sqrt()
+    surface.is_wider_than(noise.deviation)
+        && rms <= noise.slack + CHANCE_DEVIATIONS / (2.0 * free).sqrt()
 }
 
 fn is_independent((correlation, deviation): (f64, f64)) -> bool {
-    correlation <= CORRELATED + CHANCE * deviation
+    correlation <= 0.045 + CHANCE_DEVIATIONS * deviation
 }
 
 /// Returns true if a region of a kind with more parameters explains the points better.
-fn beats(cloud: &Cloud, bent: &Region, simple: &Region, noise: Noise) -> bool {
-    if bent.core.len() as f64 >= WIDER * simple.core.len() as f64 {
+fn beats(cloud: &Cloud, bent: &SurfaceRegion, simple: &SurfaceRegion, noise: Noise) -> bool {
+    // A kind with more parameters also wins if it explains 1.6 times as many points: the simpler
+    // one is then a strip of it.
+    if bent.core.len() as f64 >= 1.6 * simple.core.len() as f64 {
         return true;
     }
     if bent.core.len() * 10 < simple.core.len() * 9 {

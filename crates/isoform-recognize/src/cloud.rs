@@ -1,9 +1,10 @@
 //! The point cloud prepared for recognition: normalised, sorted, with neighbours, normals and an
 //! estimate of its noise.
 
-use crate::chart::Kind;
+use crate::chart::PrimitiveKind;
 use crate::fit::{Precision, fit};
-use crate::local::{Local, local};
+use crate::local::{LocalEstimates, local};
+use crate::noise::{MAX_EXACT_NOISE, MIN_NOISE};
 use crate::pose::Pose;
 use crate::start::starts;
 use isoform_geom::{Aabb, KdTree, Point3, dot, orient_normals, sub};
@@ -11,37 +12,29 @@ use rayon::prelude::*;
 
 /// Number of neighbours along which regions grow and labels compete. Fewer tear regions apart where
 /// points lie unevenly; more carry labels over narrow gaps.
-pub(crate) const NEIGHBOURS: usize = 12;
+pub(crate) const MAX_NEIGHBOURS: usize = 12;
 /// Number of points in a neighbourhood, the centre included, that give its normal and its noise: a
 /// quadratic height has 6 coefficients, which leaves 19 degrees of freedom.
-const AROUND: usize = 25;
-/// A neighbour lies on another sheet, across a wall, where it is this many deviations of the noise
-/// off the tangent planes of both, steeper than this tangent, and the normals are parallel to this
-/// cosine. Two points of one smooth surface lie off both planes to opposite sides, and the mean is
-/// of third order; across a wall it is the thickness. Fewer deviations tear noisy sheets apart,
-/// more let seeds and labels through thin walls.
-const ACROSS: (f64, f64, f64) = (4.0, 0.5, 0.8);
-/// Maximum number of places at which the noise is estimated.
-const TRIALS: (usize, usize) = (400, 14);
-/// Points lie exactly on surfaces where at this share of the trials some kind of surface is met
-/// this many times better than smooth heights are.
-const EXACT: (f64, f64) = (0.15, 0.1);
-/// The share of points that lie on smooth places at least, whose quadratic heights tell the noise.
-const SMOOTH_SHARE: f64 = 0.2;
-/// That quantile of χ²/f for f = 19.
-const SMOOTH_QUANTILE: f64 = 0.72;
-/// Noise above this share of the neighbourhoods' radius may be that of points in a volume: of
-/// points strewn in a cube, a ball or a cloud of Gauss it is 0.32 to 0.4, of most scans below 0.3.
-/// Less doubts dense noisy scans, more takes volumes for surfaces.
-const THICK: f64 = 0.3;
-/// Points of larger neighbourhoods, and how many times larger the deviation is in these at least
-/// where points fill a volume: 1.57 to 1.69 was measured there, about 1.25 on surfaces.
-const VOLUME: (usize, f64) = (75, 1.45);
-/// How many times as far as rounding alone would leave them exact points may lie off at first: the
-/// modeller has rounded before. Entities tell how far they do.
-const INEXACT: f64 = 8.0;
-/// Minimum noise, in diagonals: the rounding that a few operations leave.
-pub(crate) const FLOOR: f64 = 1e-9;
+const NEIGHBOURHOOD_POINTS: usize = 25;
+/// Minimum distance of a neighbour on another sheet, across a wall, from the tangent planes of both
+/// points, in deviations of the noise; the minimum tangent of its direction against them, and the
+/// minimum cosine between the normals. Two points of one smooth surface lie off both planes to
+/// opposite sides, and the mean is of third order; across a wall it is the thickness. Fewer
+/// deviations tear noisy sheets apart, more let seeds and labels through thin walls.
+const ACROSS_WALL_LIMITS: (f64, f64, f64) = (4.0, 0.5, 0.8);
+/// Maximum number of places at which the noise of exact points is estimated, and the number of
+/// points at each.
+const NOISE_TRIALS: (usize, usize) = (400, 14);
+/// Minimum share of the trials that show exact points, and the maximum ratio of their deviation
+/// from some kind of surface to that from smooth heights.
+const EXACTNESS_LIMITS: (f64, f64) = (0.15, 0.1);
+/// Maximum noise of points on surfaces, as a share of the radius of their neighbourhoods. Of points
+/// in a cube, a ball or a normal cloud it is 0.32 to 0.4, of most scans below 0.3. A smaller bound
+/// doubts dense noisy scans, a larger one takes volumes for surfaces.
+const MAX_SHEET_NOISE: f64 = 0.3;
+/// Number of points in a large neighbourhood, and the minimum ratio of its deviation to that of a
+/// small one if points fill a volume: 1.57 to 1.69 was measured there, about 1.25 on surfaces.
+const VOLUME_LIMITS: (usize, f64) = (75, 1.45);
 
 /// The point cloud, scaled to a diagonal of 1 about the middle of its box, without duplicates and
 /// sorted by coordinates: results do not depend on unit, position and order.
@@ -49,7 +42,7 @@ pub(crate) struct Cloud {
     pub(crate) points: Vec<Point3>,
     /// Unit normals that point outwards.
     pub(crate) normals: Vec<Point3>,
-    /// Nearest neighbours of each point on its own sheet, at most [`NEIGHBOURS`] each.
+    /// Nearest neighbours of each point on its own sheet, at most [`MAX_NEIGHBOURS`] each.
     neighbours: Vec<u32>,
     /// Index of the first neighbour of each point in `neighbours`.
     first: Vec<u32>,
@@ -79,8 +72,8 @@ pub(crate) struct Scaling {
 
 impl Scaling {
     /// Returns the scaling of some points; `None` if they have no extent.
-    pub(crate) fn of(points: &[Point3]) -> Option<Self> {
-        let bounds = Aabb::of(points);
+    pub(crate) fn from_points(points: &[Point3]) -> Option<Self> {
+        let bounds = Aabb::from_points(points);
         let unit = bounds.diagonal();
         let is_usable = !bounds.is_empty() && unit.is_normal() && (1.0 / unit).is_normal();
         is_usable.then(|| Self {
@@ -120,13 +113,13 @@ impl Cloud {
     /// `rounding`, and of at most `grid` if all decimals are rounding: errors of rounded numbers
     /// are uniform over ± this bound, with the standard deviation bound / √3.
     pub(crate) fn new(points: Vec<Point3>, rounding: f64, grid: f64) -> Self {
-        let [floor, grid] = [rounding, grid].map(|most| FLOOR.max(most / 3.0_f64.sqrt()));
+        let [floor, grid] = [rounding, grid].map(|most| MIN_NOISE.max(most / 3.0_f64.sqrt()));
         let tree = KdTree::new(&points);
-        let found: Vec<(Vec<u32>, Local)> = (0..points.len())
+        let found: Vec<(Vec<u32>, LocalEstimates)> = (0..points.len())
             .into_par_iter()
             .with_min_len(64)
             .map_init(Vec::new, |found, i| {
-                tree.nearest_k(points[i], AROUND, found);
+                tree.nearest_k(points[i], NEIGHBOURHOOD_POINTS, found);
                 let near = found.iter().map(|f| f.1).filter(|j| *j != i as u32);
                 (near.collect(), local(&points, i, found))
             })
@@ -142,7 +135,7 @@ impl Cloud {
                 near.iter()
                     .copied()
                     .filter(|j| !is_across(j))
-                    .take(NEIGHBOURS),
+                    .take(MAX_NEIGHBOURS),
             );
             first.push(neighbours.len() as u32);
         }
@@ -192,7 +185,7 @@ impl Cloud {
     }
 
     /// Returns the points that have this one among their neighbours.
-    pub(crate) fn beside(&self, i: u32) -> &[u32] {
+    pub(crate) fn adjacent(&self, i: u32) -> &[u32] {
         let [from, to] = [i as usize, i as usize + 1].map(|k| self.beside.1[k] as usize);
         &self.beside.0[from..to]
     }
@@ -257,7 +250,9 @@ impl Cloud {
 
 /// Returns the noise below which points are exact, given the deviation that rounding alone causes.
 fn exact(floor: f64) -> f64 {
-    crate::choose::EXACT.max(INEXACT * floor)
+    // At first exact points may be off by eight times what rounding alone explains: the modeller
+    // has rounded before. Entities show how far they are.
+    MAX_EXACT_NOISE.max(8.0 * floor)
 }
 
 /// Transposes a relation given as concatenated lists and the index of the first item of each:
@@ -281,12 +276,12 @@ fn reversed(lists: &[u32], first: &[u32]) -> (Vec<u32>, Vec<u32>) {
 /// Returns true if the points fill a volume: a deviation that grows with the neighbourhood is not
 /// noise.
 fn fill_a_volume(points: &[Point3], roughness: &[f64], tree: &KdTree) -> bool {
-    let step = points.len().div_ceil(TRIALS.0).max(1);
+    let step = points.len().div_ceil(NOISE_TRIALS.0).max(1);
     let tried = (0..points.len()).into_par_iter().step_by(step);
     // The radius of each neighbourhood, and the deviations in the small and in the large one.
     let of = |found: &mut Vec<(f64, u32)>, i: usize| {
-        tree.nearest_k(points[i], VOLUME.0.min(points.len()), found);
-        let at = found.get(AROUND.min(found.len()).saturating_sub(1));
+        tree.nearest_k(points[i], VOLUME_LIMITS.0.min(points.len()), found);
+        let at = found.get(NEIGHBOURHOOD_POINTS.min(found.len()).saturating_sub(1));
         let d = at.map_or([0.0; 3], |f| sub(points[f.1 as usize], points[i]));
         let wide = local(points, i, found).roughness;
         (dot(d, d).sqrt(), roughness[i], wide)
@@ -298,7 +293,7 @@ fn fill_a_volume(points: &[Point3], roughness: &[f64], tree: &KdTree) -> bool {
         smooth_noise(&found.iter().map(|f| f.2).collect::<Vec<_>>()),
     ];
     let mean = radii.iter().sum::<f64>() / radii.len().max(1) as f64;
-    small > THICK * mean && large > VOLUME.1 * small
+    small > MAX_SHEET_NOISE * mean && large > VOLUME_LIMITS.1 * small
 }
 
 /// Returns every m-th number below `n`, with m such that at most `most` remain.
@@ -314,18 +309,24 @@ fn smooth_noise(roughness: &[f64]) -> f64 {
         .filter(|s| s.is_finite())
         .collect();
     if values.is_empty() {
-        return FLOOR;
+        return MIN_NOISE;
     }
-    let at = (values.len() as f64 * SMOOTH_SHARE) as usize;
+    // At least a fifth of the points lie on smooth places, whose quadratic heights show the noise:
+    // 0.72 is this quantile of χ²/f for f = 19.
+    let at = (values.len() as f64 * 0.2) as usize;
     let low = *values.select_nth_unstable_by(at, f64::total_cmp).1;
-    (low / SMOOTH_QUANTILE.sqrt()).max(FLOOR)
+    (low / 0.72_f64.sqrt()).max(MIN_NOISE)
 }
 
 /// Returns the noise of points that lie on surfaces of the supported kinds more exactly than
 /// quadratic heights show, which miss the curvature within a neighbourhood; `None` if the points
 /// are noisy.
-fn exact_noise(points: &[Point3], normals: &[Point3], found: &[(Vec<u32>, Local)]) -> Option<f64> {
-    let (trials, size) = TRIALS;
+fn exact_noise(
+    points: &[Point3],
+    normals: &[Point3],
+    found: &[(Vec<u32>, LocalEstimates)],
+) -> Option<f64> {
+    let (trials, size) = NOISE_TRIALS;
     let step = points.len().div_ceil(trials).max(1);
     let smooth = smooth_noise(&found.iter().map(|f| f.1.roughness).collect::<Vec<_>>());
     let mut least: Vec<f64> = (0..points.len())
@@ -336,22 +337,25 @@ fn exact_noise(points: &[Point3], normals: &[Point3], found: &[(Vec<u32>, Local)
             let near: Vec<usize> = near.chain([i]).collect();
             let at: Vec<Point3> = near.iter().map(|j| points[*j]).collect();
             let n: Vec<Point3> = near.iter().map(|j| normals[*j]).collect();
-            Kind::ALL.iter().copied().fold(f64::INFINITY, |best, kind| {
-                let free = (at.len() as f64 - kind.parameters() as f64).max(1.0);
-                let fits = starts(kind, &at, &n).into_iter();
-                let fits = fits.filter_map(|s| fit(&s, &at, Precision::Full));
-                fits.fold(best, |best, f| best.min((f.1 / free).sqrt()))
-            })
+            PrimitiveKind::ALL
+                .iter()
+                .copied()
+                .fold(f64::INFINITY, |best, kind| {
+                    let free = (at.len() as f64 - kind.parameters() as f64).max(1.0);
+                    let fits = starts(kind, &at, &n).into_iter();
+                    let fits = fits.filter_map(|s| fit(&s, &at, Precision::Full));
+                    fits.fold(best, |best, f| best.min((f.1 / free).sqrt()))
+                })
         })
         .collect();
-    let at = (least.len() as f64 * EXACT.0) as usize;
+    let at = (least.len() as f64 * EXACTNESS_LIMITS.0) as usize;
     let low = *least.select_nth_unstable_by(at, f64::total_cmp).1;
-    (low < EXACT.1 * smooth).then_some(low.max(FLOOR))
+    (low < EXACTNESS_LIMITS.1 * smooth).then_some(low.max(MIN_NOISE))
 }
 
 /// Returns true if two neighbours lie on opposite sides of a wall.
 fn is_across(points: &[Point3], normals: &[Point3], [i, j]: [usize; 2], noise: f64) -> bool {
-    let (deviations, tangent, cosine) = ACROSS;
+    let (deviations, tangent, cosine) = ACROSS_WALL_LIMITS;
     let (m, n) = (normals[i], normals[j]);
     let turned = dot(m, n);
     let d = sub(points[j], points[i]);

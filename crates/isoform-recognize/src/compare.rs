@@ -4,29 +4,14 @@
 //! A model predicts each entity's surface from common parameters θ. The differences r of the
 //! entities from it, whitened by their covariances, are minimised in least squares (Gauss–Newton).
 //! Their sum of squares has a χ² distribution if the model is true; its decrease without one
-//! entity, rᵀ(1 − H)⁻¹r with the leverage H, tells whether that entity belongs to the model
+//! entity, rᵀ(1 − H)⁻¹r with the leverage H, decides whether that entity belongs to the model
 //! (deletion of one observation: R. Cook, S. Weisberg, Residuals and Influence in Regression, 1982,
 //! ch. 2).
 
-use crate::chart::{Kind, MOST, Row, Surface};
-use crate::relations::{CHI_SQUARED, Known};
+use crate::chart::{DIFFERENCE_STEP, MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind};
+use crate::relations::{CHI_SQUARED, UncertainSurface};
 use isoform_geom::{Point3, dot, sub};
 use isoform_num::linalg::{cholesky, cholesky_solve, symmetric_eigen};
-
-/// Step of central differences, in radians and diagonals.
-pub(crate) const STEP: f64 = 1e-6;
-/// Steps of Gauss–Newton at most; two or three are usual, as models start close by.
-const STEPS: usize = 12;
-/// A step that moves no parameter by more than this is the last, in radians and diagonals.
-const STILL: f64 = 1e-12;
-/// A step larger than this leaves the place where the model was looked for.
-const FAR: f64 = 0.5;
-/// What keeps 1 − H regular where an entity alone determines a parameter.
-const OWN: f64 = 1e-9;
-/// Of a covariance of unit scale: directions of less variance are those that cannot differ.
-const NONE: f64 = 1e-4;
-/// The normal deviate that is exceeded once in 10⁵, for χ² of many degrees of freedom.
-const DEVIATE: f64 = 4.265;
 
 /// Returns the χ² that `n` components exceed once in 10⁵ (E. Wilson and M. Hilferty, The
 /// distribution of chi-square, PNAS 17, 1931, beyond the table).
@@ -35,23 +20,24 @@ pub(crate) fn limit(n: usize) -> f64 {
         return *of;
     }
     let variance = 2.0 / (9.0 * n.max(1) as f64);
-    n as f64 * (1.0 - variance + DEVIATE * variance.sqrt()).powi(3)
+    // This normal deviate is exceeded once in 10⁵.
+    n as f64 * (1.0 - variance + 4.265 * variance.sqrt()).powi(3)
 }
 
 /// Returns the difference of the parameters of `other` from those of a surface of its kind, in the
-/// terms of [`Surface::moved`].
-pub(crate) fn difference(surface: &Surface, other: &Surface) -> Row {
+/// terms of [`Primitive::moved`].
+pub(crate) fn difference(surface: &Primitive, other: &Primitive) -> ParameterRow {
     let way = sub(other.place, surface.place);
     let sizes = [other.size - surface.size, other.other - surface.other];
-    if surface.kind == Kind::Sphere {
+    if surface.kind == PrimitiveKind::Sphere {
         return [way[0], way[1], way[2], sizes[0], 0.0, 0.0, 0.0];
     }
     let [e, f] = surface.frame();
     let cosine = dot(surface.axis, other.axis);
     let tilt = [dot(other.axis, e) / cosine, dot(other.axis, f) / cosine];
     match surface.kind {
-        Kind::Torus => [tilt[0], tilt[1], way[0], way[1], way[2], sizes[0], sizes[1]],
-        Kind::Plane => {
+        PrimitiveKind::Torus => [tilt[0], tilt[1], way[0], way[1], way[2], sizes[0], sizes[1]],
+        PrimitiveKind::Plane => {
             let off = dot(way, other.axis) / cosine;
             [tilt[0], tilt[1], off, 0.0, 0.0, 0.0, 0.0]
         }
@@ -61,7 +47,7 @@ pub(crate) fn difference(surface: &Surface, other: &Surface) -> Row {
             let shift: Point3 = std::array::from_fn(|k| way[k] + h * other.axis[k]);
             let angle = cosine.signum() * other.other - surface.other;
             let (widens, turn) = match surface.kind {
-                Kind::Cone => (h * other.other.tan(), angle),
+                PrimitiveKind::Cone => (h * other.other.tan(), angle),
                 _ => (0.0, 0.0),
             };
             let size = sizes[0] + widens;
@@ -72,22 +58,26 @@ pub(crate) fn difference(surface: &Surface, other: &Surface) -> Row {
 }
 
 /// Adds the covariance of a value that depends on a surface, by linear propagation.
-pub(crate) fn add_covariance(sum: &mut [Row; MOST], of: &Known, value: impl Fn(&Surface) -> Row) {
+pub(crate) fn add_covariance(
+    sum: &mut [ParameterRow; MAX_PARAMETERS],
+    of: &UncertainSurface,
+    value: impl Fn(&Primitive) -> ParameterRow,
+) {
     let n = of.surface.kind.parameters();
-    let derivative = |k: usize| -> Row {
+    let derivative = |k: usize| -> ParameterRow {
         let at = |h: f64| {
-            let mut step = [0.0; MOST];
+            let mut step = [0.0; MAX_PARAMETERS];
             step[k] = h;
             value(&of.surface.moved(&step))
         };
-        let (plus, minus) = (at(STEP), at(-STEP));
-        std::array::from_fn(|i| (plus[i] - minus[i]) / (2.0 * STEP))
+        let (plus, minus) = (at(DIFFERENCE_STEP), at(-DIFFERENCE_STEP));
+        std::array::from_fn(|i| (plus[i] - minus[i]) / (2.0 * DIFFERENCE_STEP))
     };
-    let rows: Vec<Row> = (0..n).map(derivative).collect();
+    let rows: Vec<ParameterRow> = (0..n).map(derivative).collect();
     for (p, row) in rows.iter().enumerate() {
         for (q, other) in rows.iter().enumerate() {
-            for i in 0..MOST {
-                for j in 0..MOST {
+            for i in 0..MAX_PARAMETERS {
+                for j in 0..MAX_PARAMETERS {
                     sum[i][j] += row[i] * of.covariance[p][q] * other[j];
                 }
             }
@@ -96,20 +86,24 @@ pub(crate) fn add_covariance(sum: &mut [Row; MOST], of: &Known, value: impl Fn(&
 }
 
 /// Returns true if a parameter is an angle.
-pub(crate) fn is_angle(kind: Kind, k: usize) -> bool {
-    (kind != Kind::Sphere && k < 2) || (kind == Kind::Cone && k == 5)
+pub(crate) fn is_angle(kind: PrimitiveKind, k: usize) -> bool {
+    (kind != PrimitiveKind::Sphere && k < 2) || (kind == PrimitiveKind::Cone && k == 5)
 }
 
 /// Whitening transformation: makes differences independent and of unit variance.
 #[derive(Clone)]
 pub(crate) struct Whitener {
-    rows: Vec<Row>,
+    rows: Vec<ParameterRow>,
 }
 
 impl Whitener {
     /// Builds the transformation of differences with this covariance in the parameters of `which`.
     /// `scale` holds variances; directions with negligible variance in these units are left out.
-    pub(crate) fn of(covariance: &[Row; MOST], which: &[usize], scale: Option<&Row>) -> Self {
+    pub(crate) fn from_covariance(
+        covariance: &[ParameterRow; MAX_PARAMETERS],
+        which: &[usize],
+        scale: Option<&ParameterRow>,
+    ) -> Self {
         let n = which.len();
         let unit: Vec<f64> = which
             .iter()
@@ -122,9 +116,10 @@ impl Whitener {
         let entry = |k: usize| covariance[which[k / n]][which[k % n]] / (unit[k / n] * unit[k % n]);
         let matrix: Vec<f64> = (0..n * n).map(entry).collect();
         let (values, vectors) = symmetric_eigen(&matrix, n);
-        let least = if scale.is_some() { NONE } else { 0.0 };
+        // Directions of less variance cannot differ if the covariance has unit scale.
+        let least = if scale.is_some() { 1e-4 } else { 0.0 };
         let row = |i: usize| {
-            let mut row = [0.0; MOST];
+            let mut row = [0.0; MAX_PARAMETERS];
             for (k, of) in which.iter().enumerate() {
                 row[*of] = vectors[i * n + k] / (unit[k] * values[i].sqrt());
             }
@@ -134,19 +129,19 @@ impl Whitener {
         Self { rows }
     }
 
-    fn apply(&self, difference: &Row) -> Vec<f64> {
-        let of = |row: &Row| row.iter().zip(difference).map(|(a, b)| a * b).sum();
+    fn apply(&self, difference: &ParameterRow) -> Vec<f64> {
+        let of = |row: &ParameterRow| row.iter().zip(difference).map(|(a, b)| a * b).sum();
         self.rows.iter().map(of).collect()
     }
 
     /// Returns the sum of squares of the whitened difference.
-    pub(crate) fn squared(&self, difference: &Row) -> f64 {
+    pub(crate) fn squared(&self, difference: &ParameterRow) -> f64 {
         self.apply(difference).iter().map(|x| x * x).sum()
     }
 }
 
 /// Difference from a model, as a function of θ.
-type Difference<'a> = Box<dyn Fn(&[f64]) -> Row + 'a>;
+type Difference<'a> = Box<dyn Fn(&[f64]) -> ParameterRow + 'a>;
 
 /// An entity, or a pair of them, that a model makes a prediction about.
 pub(crate) struct Observation<'a> {
@@ -155,7 +150,7 @@ pub(crate) struct Observation<'a> {
 }
 
 /// A model with the parameters that fit best.
-pub(crate) struct Fitted {
+pub(crate) struct ModelFit {
     pub(crate) theta: Vec<f64>,
     /// Covariance of θ, by rows.
     pub(crate) covariance: Vec<f64>,
@@ -166,7 +161,7 @@ pub(crate) struct Fitted {
     free: usize,
 }
 
-impl Fitted {
+impl ModelFit {
     /// Returns true if the entities, together and one by one, lie within their uncertainty.
     pub(crate) fn holds(&self) -> bool {
         self.squared <= limit(self.free) && self.excess.iter().all(|x| *x <= 1.0)
@@ -179,12 +174,12 @@ impl Fitted {
 }
 
 /// A whitened difference with its derivatives by θ, a row for each component.
-struct Linear {
+struct LinearizedDifference {
     values: Vec<f64>,
     rows: Vec<Vec<f64>>,
 }
 
-fn linear(of: &Observation<'_>, theta: &[f64]) -> Linear {
+fn linear(of: &Observation<'_>, theta: &[f64]) -> LinearizedDifference {
     let values = of.whitener.apply(&(of.difference)(theta));
     let mut rows = vec![vec![0.0; theta.len()]; values.len()];
     let mut at = theta.to_vec();
@@ -195,16 +190,16 @@ fn linear(of: &Observation<'_>, theta: &[f64]) -> Linear {
             at[k] = theta[k];
             values
         };
-        let (plus, minus) = (side(STEP), side(-STEP));
+        let (plus, minus) = (side(DIFFERENCE_STEP), side(-DIFFERENCE_STEP));
         for (row, (p, m)) in rows.iter_mut().zip(plus.iter().zip(&minus)) {
-            row[k] = (p - m) / (2.0 * STEP);
+            row[k] = (p - m) / (2.0 * DIFFERENCE_STEP);
         }
     }
-    Linear { values, rows }
+    LinearizedDifference { values, rows }
 }
 
 /// Returns the Cholesky factor of the normal equations, and their right side.
-fn normal(all: &[Linear], m: usize) -> Option<(Vec<f64>, Vec<f64>)> {
+fn normal(all: &[LinearizedDifference], m: usize) -> Option<(Vec<f64>, Vec<f64>)> {
     let (mut matrix, mut side) = (vec![0.0; m * m], vec![0.0; m]);
     for (row, value) in all.iter().flat_map(|l| l.rows.iter().zip(&l.values)) {
         for i in 0..m {
@@ -218,25 +213,28 @@ fn normal(all: &[Linear], m: usize) -> Option<(Vec<f64>, Vec<f64>)> {
 }
 
 /// Fits a model of `m` parameters, which start at 0; `None` if they are not determined.
-pub(crate) fn fit_model(m: usize, of: &[Observation<'_>]) -> Option<Fitted> {
+pub(crate) fn fit_model(m: usize, of: &[Observation<'_>]) -> Option<ModelFit> {
     let mut theta = vec![0.0; m];
-    for _ in 0..STEPS {
-        let all: Vec<Linear> = of.iter().map(|o| linear(o, &theta)).collect();
+    // Two or three steps of Gauss–Newton are usual, as models start close to the solution.
+    for _ in 0..12 {
+        let all: Vec<LinearizedDifference> = of.iter().map(|o| linear(o, &theta)).collect();
         let (factor, mut step) = normal(&all, m)?;
         cholesky_solve(&factor, m, &mut step);
         let largest = step.iter().fold(0.0, |l: f64, s| l.max(s.abs()));
-        if largest.is_nan() || largest > FAR {
+        // A larger step leaves the region in which the model was sought.
+        if largest.is_nan() || largest > 0.5 {
             return None;
         }
         theta.iter_mut().zip(&step).for_each(|(t, s)| *t += s);
-        if largest < STILL {
+        // Converged, in radians and diagonals.
+        if largest < 1e-12 {
             break;
         }
     }
-    let all: Vec<Linear> = of.iter().map(|o| linear(o, &theta)).collect();
+    let all: Vec<LinearizedDifference> = of.iter().map(|o| linear(o, &theta)).collect();
     let (factor, _) = normal(&all, m)?;
     let count: usize = all.iter().map(|l| l.values.len()).sum();
-    Some(Fitted {
+    Some(ModelFit {
         covariance: inverse(&factor, m),
         excess: all.iter().map(|l| excess(l, &factor, m)).collect(),
         squared: all.iter().flat_map(|l| &l.values).map(|x| x * x).sum(),
@@ -256,7 +254,7 @@ fn inverse(factor: &[f64], m: usize) -> Vec<f64> {
 }
 
 /// Returns rᵀ(1 − H)⁻¹r over its limit.
-fn excess(of: &Linear, factor: &[f64], m: usize) -> f64 {
+fn excess(of: &LinearizedDifference, factor: &[f64], m: usize) -> f64 {
     let n = of.values.len();
     let mut rest = vec![0.0; n * n];
     for i in 0..n {
@@ -264,7 +262,8 @@ fn excess(of: &Linear, factor: &[f64], m: usize) -> f64 {
         cholesky_solve(factor, m, &mut x);
         for j in 0..n {
             let leverage: f64 = x.iter().zip(&of.rows[j]).map(|(a, b)| a * b).sum();
-            rest[i * n + j] = f64::from(u8::from(i == j)) * (1.0 + OWN) - leverage;
+            // The addend keeps 1 − H regular where an entity alone determines a parameter.
+            rest[i * n + j] = f64::from(u8::from(i == j)) * (1.0 + 1e-9) - leverage;
         }
     }
     let mut solved = of.values.clone();
@@ -284,8 +283,8 @@ mod tests {
     #[test]
     fn a_difference_is_the_move_that_makes_it() {
         let step = [2e-5, -1e-5, 3e-5, 1e-5, -2e-5, 2e-5, 1e-5];
-        for kind in Kind::ALL.iter().copied() {
-            let surface = Surface {
+        for kind in PrimitiveKind::ALL.iter().copied() {
+            let surface = Primitive {
                 kind,
                 place: [0.3, -0.2, 0.1],
                 axis: unit([1.0, 2.0, -0.5]),
@@ -293,7 +292,7 @@ mod tests {
                 other: 0.2,
             };
             let mut moved = surface.moved(&step);
-            if kind != Kind::Torus {
+            if kind != PrimitiveKind::Torus {
                 moved.axis = moved.axis.map(|x| -x);
                 moved.other = -moved.other;
             }
@@ -319,12 +318,12 @@ mod tests {
     /// A mean of numbers of deviation 1, one of which is off.
     #[test]
     fn one_that_does_not_belong_is_told() {
-        let mut unit = [[0.0; MOST]; MOST];
+        let mut unit = [[0.0; MAX_PARAMETERS]; MAX_PARAMETERS];
         unit[0][0] = 1.0;
         let excess = |off: f64| {
             let of = |x: f64| Observation {
                 difference: Box::new(move |t: &[f64]| [t[0] - x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
-                whitener: Whitener::of(&unit, &[0], None),
+                whitener: Whitener::from_covariance(&unit, &[0], None),
             };
             let all: Vec<_> = [0.0, 0.0, 0.0, off].map(of).into_iter().collect();
             fit_model(1, &all).expect("a mean").excess

@@ -5,45 +5,36 @@
 //! the fewest that determine a surface define it, and each further point lies on it by chance only
 //! with the probability rounding / (size of the face).
 
-use crate::chart::{Distances, Kind, Surface};
+use crate::chart::{Primitive, PrimitiveDistances, PrimitiveKind};
 use crate::choose::follows;
 use crate::cloud::{Cloud, thinned};
 use crate::cost::Cost;
 use crate::fit::{Precision, covariance, fit};
 use crate::grow::are_rows;
-use crate::profile::{Curve, Place};
-use crate::segment::{EVIDENCE, Limits, NONE, SLACK, Segmentation};
+use crate::labels::UNLABELLED;
+use crate::profile::{PlanePoint, ProfileCurve};
+use crate::segment::{Limits, MIN_EVIDENCE, NOISE_SLACK, Segmentation};
 use crate::start::{plane, starts};
 use crate::sweep::Sweep;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, Point3};
 use rayon::prelude::*;
 
-/// Points around a seed on which surfaces are tried.
-const AROUND: usize = 40;
-/// Points without an entity out of which surfaces are made: the nearest ones.
-const NEAREST: usize = 9;
-/// Maximum number of seeds in a round, and of rounds.
-const SEEDS: usize = 4000;
-const ROUNDS: usize = 3;
-/// Minimum number of points on a surface beyond those that determine it.
-const MORE: usize = 4;
-/// Maximum standard deviation by which a surface is known, as a share of the size of its points:
-/// points on a line leave a plane open.
-const KNOWN: f64 = 1e-3;
+/// Minimum number of points on a surface in addition to those that determine it.
+const MIN_EXCESS_POINTS: usize = 4;
 
 /// A surface through a few points.
-struct Tried {
-    surface: Surface,
+struct SurfaceTrial {
+    surface: Primitive,
     /// Number of values that the points determined; the other parameters are those of known
     /// entities.
     values: usize,
 }
 
 /// The best surface about a seed.
-struct Found {
+struct SurfaceCandidate {
     seed: u32,
-    tried: Tried,
+    tried: SurfaceTrial,
     /// Number of nearby points on the surface beyond those that determine it.
     more: usize,
 }
@@ -59,14 +50,14 @@ impl Segmentation {
         if !cloud.is_exact(self.noise) || self.is_form {
             return Ok(());
         }
-        for _ in 0..ROUNDS {
+        for _ in 0..3 {
             control.check()?;
             let open: Vec<u32> = (0..self.labels.len() as u32)
-                .filter(|i| self.labels[*i as usize] == NONE)
+                .filter(|i| self.labels[*i as usize] == UNLABELLED)
                 .collect();
             let sweeps = self.sweeps();
-            let seeds: Vec<u32> = thinned(open.len(), SEEDS).map(|k| open[k]).collect();
-            let mut found: Vec<Found> = seeds
+            let seeds: Vec<u32> = thinned(open.len(), 4000).map(|k| open[k]).collect();
+            let mut found: Vec<SurfaceCandidate> = seeds
                 .par_iter()
                 .filter_map(|seed| self.best_about(cloud, *seed, &sweeps))
                 .collect();
@@ -84,21 +75,23 @@ impl Segmentation {
 
     /// Returns the surface through the seed and points near it that most of the other points nearby
     /// lie on.
-    fn best_about(&self, cloud: &Cloud, seed: u32, sweeps: &[Sweep]) -> Option<Found> {
-        let near = cloud.around(seed, AROUND);
-        let is_open = |i: &&u32| self.labels[**i as usize] == NONE && **i != seed;
-        let open: Vec<Point3> = (near.iter().filter(is_open).take(NEAREST))
+    fn best_about(&self, cloud: &Cloud, seed: u32, sweeps: &[Sweep]) -> Option<SurfaceCandidate> {
+        // Surfaces are tried on the 40 points around the seed.
+        let near = cloud.around(seed, 40);
+        let is_open = |i: &&u32| self.labels[**i as usize] == UNLABELLED && **i != seed;
+        // Surfaces pass through some of the nine nearest points without an entity.
+        let open: Vec<Point3> = (near.iter().filter(is_open).take(9))
             .map(|i| cloud.points[*i as usize])
             .collect();
         let near = cloud.at(&near);
-        let tolerance = Cost::of(self.noise).reach();
-        let mut best: Option<Found> = None;
-        let mut try_it = |tried: Tried| {
+        let tolerance = Cost::with_noise(self.noise).reach();
+        let mut best: Option<SurfaceCandidate> = None;
+        let mut try_it = |tried: SurfaceTrial| {
             let distances = tried.surface.distances();
             let met = near.iter().filter(|p| distances.at(**p).abs() <= tolerance);
             let more = met.count().saturating_sub(tried.values);
-            if more >= MORE && best.as_ref().is_none_or(|b| more > b.more) {
-                best = Some(Found { seed, tried, more });
+            if more >= MIN_EXCESS_POINTS && best.as_ref().is_none_or(|b| more > b.more) {
+                best = Some(SurfaceCandidate { seed, tried, more });
             }
         };
         let p = cloud.points[seed as usize];
@@ -107,14 +100,14 @@ impl Segmentation {
         }
         for (k, a) in open.iter().enumerate() {
             for (l, b) in open.iter().enumerate().skip(k + 1) {
-                try_it(Tried {
+                try_it(SurfaceTrial {
                     surface: plane(&[p, *a, *b]),
                     values: 3,
                 });
                 for c in &open[l + 1..] {
-                    let spheres = starts(Kind::Sphere, &[p, *a, *b, *c], &[]);
+                    let spheres = starts(PrimitiveKind::Sphere, &[p, *a, *b, *c], &[]);
                     spheres.into_iter().for_each(|surface| {
-                        try_it(Tried { surface, values: 4 });
+                        try_it(SurfaceTrial { surface, values: 4 });
                     });
                 }
             }
@@ -124,12 +117,12 @@ impl Segmentation {
 
     /// Adds a surface with the points that are reached on it from its seed, if these are sufficient
     /// evidence. Returns true if it was added.
-    fn accept(&mut self, cloud: &Cloud, limits: Limits, found: &Found) -> bool {
-        if self.labels[found.seed as usize] != NONE {
+    fn accept(&mut self, cloud: &Cloud, limits: Limits, found: &SurfaceCandidate) -> bool {
+        if self.labels[found.seed as usize] != UNLABELLED {
             return false;
         }
-        let tolerance = Cost::of(self.noise).reach();
-        let reached = |surface: &Surface| {
+        let tolerance = Cost::with_noise(self.noise).reach();
+        let reached = |surface: &Primitive| {
             let distances = surface.distances();
             reached(cloud, found.seed, &distances, tolerance)
         };
@@ -142,23 +135,23 @@ impl Segmentation {
         let open: Vec<u32> = of
             .iter()
             .copied()
-            .filter(|i| self.labels[*i as usize] == NONE)
+            .filter(|i| self.labels[*i as usize] == UNLABELLED)
             .collect();
         let points = cloud.at(&of);
-        let size = Aabb::of(&points).diagonal();
+        let size = Aabb::from_points(&points).diagonal();
         // A surface costs as many numbers as it has values, and saves one for each point.
         let saved = open.len() as f64 - found.tried.values as f64;
-        let is_evidence = saved * (size / self.noise).ln() > EVIDENCE
-            && of.len() >= (surface.kind.parameters() + MORE).max(limits.min_points);
+        let is_evidence = saved * (size / self.noise).ln() > MIN_EVIDENCE
+            && of.len() >= (surface.kind.parameters() + MIN_EXCESS_POINTS).max(limits.min_points);
         if !is_evidence
             || are_rows(cloud, &of)
-            || !follows(cloud, [&of; 2], &surface, self.deviation(SLACK))
+            || !follows(cloud, [&of; 2], &surface, self.deviation(NOISE_SLACK))
             || !is_determined(&surface, &points, self.noise, size)
         {
             return false;
         }
         // Pieces of one surface are one entity.
-        let explains = |s: &Surface| {
+        let explains = |s: &Primitive| {
             let distances = s.distances();
             points.iter().all(|p| distances.at(*p).abs() <= tolerance)
         };
@@ -174,40 +167,48 @@ impl Segmentation {
 
 /// Returns the surfaces that a motion leaves invariant, or that lie across it, through a point and
 /// up to two of the others.
-fn through(sweep: &Sweep, p: Point3, others: &[Point3]) -> Vec<Tried> {
+fn through(sweep: &Sweep, p: Point3, others: &[Point3]) -> Vec<SurfaceTrial> {
     let mut all = Vec::new();
-    let mut add = |kind: Kind, curve: Curve, values: usize| {
+    let mut add = |kind: PrimitiveKind, curve: ProfileCurve, values: usize| {
         let surface = sweep.surface(kind, &curve);
-        all.extend(surface.map(|surface| Tried { surface, values }));
+        all.extend(surface.map(|surface| SurfaceTrial { surface, values }));
     };
     let is_about = matches!(sweep, Sweep::About(_));
     let (slope, arc) = match is_about {
-        true => (Kind::Cone, Kind::Torus),
-        false => (Kind::Plane, Kind::Cylinder),
+        true => (PrimitiveKind::Cone, PrimitiveKind::Torus),
+        false => (PrimitiveKind::Plane, PrimitiveKind::Cylinder),
     };
     let at = sweep.section(p);
     if is_about {
-        add(Kind::Plane, Curve::Line(at, [0.0, 1.0]), 1);
-        add(Kind::Cylinder, Curve::Line(at, [1.0, 0.0]), 1);
+        add(PrimitiveKind::Plane, ProfileCurve::Line(at, [0.0, 1.0]), 1);
+        add(
+            PrimitiveKind::Cylinder,
+            ProfileCurve::Line(at, [1.0, 0.0]),
+            1,
+        );
     }
-    let others: Vec<Place> = others.iter().map(|q| sweep.section(*q)).collect();
+    let others: Vec<PlanePoint> = others.iter().map(|q| sweep.section(*q)).collect();
     for (k, q) in others.iter().enumerate() {
         let way = [q[0] - at[0], q[1] - at[1]];
         let length = way[0].hypot(way[1]);
-        add(slope, Curve::Line(at, way.map(|x| x / length)), 2);
+        add(slope, ProfileCurve::Line(at, way.map(|x| x / length)), 2);
         if is_about {
             let center = (at[0] + q[0] + (q[1] * q[1] - at[1] * at[1]) / way[0]) / 2.0;
             let radius = (at[0] - center).hypot(at[1]);
-            add(Kind::Sphere, Curve::Circle([center, 0.0], radius), 2);
+            add(
+                PrimitiveKind::Sphere,
+                ProfileCurve::Circle([center, 0.0], radius),
+                2,
+            );
         }
         for r in &others[k + 1..] {
             let (center, radius) = circle([at, *q, *r]);
-            add(arc, Curve::Circle(center, radius), 3);
+            add(arc, ProfileCurve::Circle(center, radius), 3);
         }
     }
     if let Sweep::Along(direction) = sweep {
-        all.push(Tried {
-            surface: Surface::plane(p, *direction),
+        all.push(SurfaceTrial {
+            surface: Primitive::plane(p, *direction),
             values: 1,
         });
     }
@@ -216,7 +217,7 @@ fn through(sweep: &Sweep, p: Point3, others: &[Point3]) -> Vec<Tried> {
 
 /// Returns the centre and the radius of the circle through three points; they are not finite if
 /// these are collinear.
-fn circle([a, b, c]: [Place; 3]) -> (Place, f64) {
+fn circle([a, b, c]: [PlanePoint; 3]) -> (PlanePoint, f64) {
     let [u, v] = [b, c].map(|q| [q[0] - a[0], q[1] - a[1]]);
     let [uu, vv] = [u, v].map(|w| w[0] * w[0] + w[1] * w[1]);
     let twice = 2.0 * (u[0] * v[1] - u[1] * v[0]);
@@ -229,7 +230,7 @@ fn circle([a, b, c]: [Place; 3]) -> (Place, f64) {
 
 /// Returns the points on a surface that are connected to a seed along neighbours, in ascending
 /// order.
-fn reached(cloud: &Cloud, seed: u32, surface: &Distances<'_>, tolerance: f64) -> Vec<u32> {
+fn reached(cloud: &Cloud, seed: u32, surface: &PrimitiveDistances<'_>, tolerance: f64) -> Vec<u32> {
     let mut all = vec![seed];
     let mut is_seen = std::collections::HashSet::from([seed]);
     let mut at = 0;
@@ -247,12 +248,13 @@ fn reached(cloud: &Cloud, seed: u32, surface: &Distances<'_>, tolerance: f64) ->
 }
 
 /// Returns true if points determine all parameters of a surface to a small share of their size.
-fn is_determined(surface: &Surface, points: &[Point3], noise: f64, size: f64) -> bool {
+fn is_determined(surface: &Primitive, points: &[Point3], noise: f64, size: f64) -> bool {
     let lengths = surface.kind.lengths();
     covariance(surface, points).is_some_and(|c| {
         (0..surface.kind.parameters()).all(|k| {
             let deviation = c[k][k].sqrt() * noise;
-            deviation <= KNOWN * if lengths.contains(&k) { size } else { 1.0 }
+            // Points on a line leave a plane open.
+            deviation <= 1e-3 * if lengths.contains(&k) { size } else { 1.0 }
         })
     })
 }
@@ -277,7 +279,7 @@ mod tests {
         for sweep in [Sweep::About(([0.1, 0.0, -0.3], axis)), Sweep::Along(axis)] {
             let all = through(&sweep, p, &others);
             assert!(all.len() >= 4, "{}", all.len());
-            for Tried { surface, values } in all {
+            for SurfaceTrial { surface, values } in all {
                 let on = |q: &[f64; 3]| surface.distance(*q).abs() < 1e-12;
                 let count = 1 + others.iter().filter(|q| on(q)).count();
                 assert!(on(&p) && count >= values, "{surface:?} {values}");

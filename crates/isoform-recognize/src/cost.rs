@@ -1,7 +1,6 @@
 //! Cost of points in a description, in nats.
 
-use crate::choose::EXACT;
-use crate::grow::WITHIN;
+use crate::noise::{EXPLAINED_DEVIATIONS, MAX_EXACT_NOISE};
 
 /// Cost of points with a given noise: r²/2σ² at a distance r from their surface, and at most that
 /// of points without one.
@@ -10,18 +9,19 @@ pub(crate) struct Cost {
     /// 1/2σ².
     scale: f64,
     /// Cost of a point without a surface. Of exact points it is ln(1/σ), since they may lie
-    /// anywhere along the diagonal, which is 1; with noise it is that of [`WITHIN`] deviations.
+    /// anywhere along the diagonal, which is 1; with noise it is that of a distance of
+    /// [`EXPLAINED_DEVIATIONS`].
     pub(crate) most: f64,
 }
 
 impl Cost {
     /// Returns the cost of points with this noise, in diagonals.
-    pub(crate) fn of(noise: f64) -> Self {
+    pub(crate) fn with_noise(noise: f64) -> Self {
         Self {
             scale: 1.0 / (2.0 * noise * noise),
-            most: match noise < EXACT {
+            most: match noise < MAX_EXACT_NOISE {
                 true => -noise.ln(),
-                false => WITHIN * WITHIN / 2.0,
+                false => EXPLAINED_DEVIATIONS * EXPLAINED_DEVIATIONS / 2.0,
             },
         }
     }
@@ -60,7 +60,7 @@ mod tests {
     #[test]
     fn points_belong_where_they_cost_less() {
         for (noise, deviations) in [(0.01, 3.0), (1e-8, (2.0 * 1e8_f64.ln()).sqrt())] {
-            let cost = Cost::of(noise);
+            let cost = Cost::with_noise(noise);
             assert!((cost.reach() / noise - deviations).abs() < 1e-9);
             assert!(cost.if_near(0.999 * cost.reach()) <= cost.most);
             assert_eq!(cost.if_near(1.001 * cost.reach()), f64::INFINITY);

@@ -4,20 +4,25 @@ use crate::choose::least_points;
 use crate::cloud::Cloud;
 use crate::cost::Cost;
 use crate::entity::Face;
-use crate::segment::{NONE, Segmentation};
+use crate::labels::UNLABELLED;
+use crate::segment::Segmentation;
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
 
-/// Entity of each face, and index of the face of each point; [`NONE`] for points outside all faces.
-pub(crate) struct Faces {
+/// Entity of each face, and index of the face of each point; [`UNLABELLED`] for points outside all
+/// faces.
+pub(crate) struct FaceLabels {
     entities: Vec<u32>,
     labels: Vec<u32>,
 }
 
-impl Faces {
+impl FaceLabels {
     /// Builds the faces from pieces of entities, given as the entity and the points of each piece.
-    pub(crate) fn of(pieces: impl Iterator<Item = (u32, Vec<u32>)>, points: usize) -> Self {
-        let (mut entities, mut labels) = (Vec::new(), vec![NONE; points]);
+    pub(crate) fn from_pieces(
+        pieces: impl Iterator<Item = (u32, Vec<u32>)>,
+        points: usize,
+    ) -> Self {
+        let (mut entities, mut labels) = (Vec::new(), vec![UNLABELLED; points]);
         for (entity, of) in pieces {
             let face = entities.len() as u32;
             of.iter().for_each(|i| labels[*i as usize] = face);
@@ -40,7 +45,7 @@ impl Faces {
             pieces.retain(|of| of.len() >= fewest.max(min_points));
             pieces.into_iter().map(move |of| (entity, of))
         });
-        Self::of(pieces, cloud.points.len())
+        Self::from_pieces(pieces, cloud.points.len())
     }
 
     /// Assigns exact points that lie on several faces to the smallest of them, whose parameters
@@ -50,7 +55,7 @@ impl Faces {
             return;
         }
         let counts = self.counts(&self.labels);
-        let reach = Cost::of(found.noise).reach();
+        let reach = Cost::with_noise(found.noise).reach();
         let smallest = |i: u32| {
             let own = self.labels[i as usize];
             let lies_on = |face: &u32| {
@@ -58,17 +63,17 @@ impl Faces {
                 surface.distance(cloud.points[i as usize]).abs() <= reach
             };
             let near = cloud.near(i).iter().map(|j| self.labels[*j as usize]);
-            let others = near.filter(|face| *face != NONE && *face != own && lies_on(face));
+            let others = near.filter(|face| *face != UNLABELLED && *face != own && lies_on(face));
             let size = |face: &u32| (counts[*face as usize], *face);
-            let faces = others.chain((own != NONE).then_some(own));
-            faces.min_by_key(size).unwrap_or(NONE)
+            let faces = others.chain((own != UNLABELLED).then_some(own));
+            faces.min_by_key(size).unwrap_or(UNLABELLED)
         };
         let smallest: Vec<u32> = (0..self.labels.len() as u32).map(smallest).collect();
         let left = self.counts(&smallest);
         for (i, face) in smallest.into_iter().enumerate() {
             let own = self.labels[i];
             // A face all of whose points also lie on others keeps them.
-            if face != own && (own == NONE || 2 * left[own as usize] > counts[own as usize]) {
+            if face != own && (own == UNLABELLED || 2 * left[own as usize] > counts[own as usize]) {
                 self.labels[i] = face;
                 found.labels[i] = self.entities[face as usize];
             }
@@ -78,7 +83,7 @@ impl Faces {
     /// Returns the number of points of each face.
     fn counts(&self, labels: &[u32]) -> Vec<usize> {
         let mut counts = vec![0; self.entities.len()];
-        let known = labels.iter().filter(|face| **face != NONE);
+        let known = labels.iter().filter(|face| **face != UNLABELLED);
         known.for_each(|face| counts[*face as usize] += 1);
         counts
     }
@@ -92,7 +97,7 @@ impl Faces {
         index: impl Iterator<Item = u32>,
         pairs: impl Iterator<Item = (u32, u32)>,
     ) -> (Vec<Face>, Vec<Option<u32>>) {
-        let of = |i: u32| self.labels.get(i as usize).copied().unwrap_or(NONE);
+        let of = |i: u32| self.labels.get(i as usize).copied().unwrap_or(UNLABELLED);
         let labels: Vec<u32> = index.map(of).collect();
         let counts = self.counts(&labels);
         let mut order: Vec<(u32, Reverse<usize>, usize)> = (0..counts.len())

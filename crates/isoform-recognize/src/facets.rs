@@ -1,19 +1,20 @@
 //! Recognition of meshes made from CAD models, by their triangles.
 //!
 //! The vertices of such a mesh lie on the surfaces of the model, up to rounding, and its facets are
-//! chords. Neighbourhoods in space say little (a long cylinder is two rings of points), but
-//! adjacent triangles say much: surfaces are fitted to a few of them and grown over edges as far as
-//! vertices lie on them and facets are their chords ([`part`]). The evidence that a curved surface
-//! needs is defined in [`evidence`]; the angle between facets above which they are planes of their
-//! own is [`part::TURN`].
+//! chords. Neighbourhoods in space contain little information (a long cylinder is two rings of
+//! points), adjacent triangles much: surfaces are fitted to a few of them and grown over edges as
+//! far as vertices lie on them and facets are their chords ([`part`]). The evidence that a curved
+//! surface needs is defined in [`evidence`]; the angle between facets above which they are planes
+//! of their own is [`part::MIN_FACET_COSINE`].
 //!
 //! A scanned mesh has noisy vertices, and its facets do not fit together in this way. A mesh counts
-//! as one of a CAD model if the recognised parts cover [`LEAST_COVERED`] of its area; any other is
-//! treated as a point cloud.
+//! as one of a CAD model if the recognised parts cover [`MIN_COVERED_SHARE`] of its area; any other
+//! is treated as a point cloud.
 
 mod claim;
 mod evidence;
 mod flat;
+mod free;
 mod mesh;
 mod part;
 mod points;
@@ -22,27 +23,25 @@ mod seeds;
 
 use crate::cloud::Scaling;
 use crate::entity::Recognition;
+use crate::labels::UNLABELLED;
 use crate::recognize::{Error, Options};
 use claim::{Claims, claim};
 use flat::Flats;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, PointCloud};
-use mesh::{Facets, NONE};
-use points::Inside;
+use mesh::Facets;
+use points::FacetPoint;
 use report::report;
 
 /// Minimum share of the area of a CAD mesh that its parts cover: those of scans cover less than a
 /// hundredth. A smaller bound would take a scan that was cut flat for a model, a larger one would
 /// treat models with many free-form faces as clouds.
-const LEAST_COVERED: f64 = 0.2;
-
-/// Minimum number of points of a part, vertices and those inside, unless the user gives one.
-const FEWEST: usize = 20;
+const MIN_COVERED_SHARE: f64 = 0.2;
 
 impl Options {
     /// Returns the minimum number of points of a part.
     fn fewest_of_part(&self) -> usize {
-        self.min_points.unwrap_or(FEWEST)
+        self.min_points.unwrap_or(20)
     }
 }
 
@@ -56,26 +55,26 @@ pub struct FacetRecognition {
 }
 
 /// Facets of a CAD mesh and the parts that explain them.
-struct Explained {
+struct ClaimedFacets {
     scaling: Scaling,
     facets: Facets,
     claims: Claims,
 }
 
-impl Explained {
+impl ClaimedFacets {
     /// Explains a mesh all of whose corners are points; `None` unless it is that of a CAD model.
-    fn of(mesh: &PointCloud, control: &Control<'_>) -> Result<Option<Self>, Error> {
+    fn from_mesh(mesh: &PointCloud, control: &Control<'_>) -> Result<Option<Self>, Error> {
         if !mesh.points.iter().flatten().all(|x| x.is_finite()) {
             return Err(Error::NotFinite);
         }
         control.begin("facets")?;
-        let scaling = Scaling::of(&mesh.points).ok_or(Error::Line)?;
+        let scaling = Scaling::from_points(&mesh.points).ok_or(Error::Line)?;
         let facets = Facets::new(mesh, &scaling);
         let flats = Flats::new(&facets);
         let claims = claim(&facets, &flats, control)?;
         let covered: f64 = claims.parts.iter().map(|p| facets.area(&p.triangles)).sum();
         let all: f64 = facets.areas.iter().sum();
-        let is_cad = covered >= LEAST_COVERED * all && !claims.parts.is_empty();
+        let is_cad = covered >= MIN_COVERED_SHARE * all && !claims.parts.is_empty();
         Ok(is_cad.then_some(Self {
             scaling,
             facets,
@@ -84,8 +83,8 @@ impl Explained {
     }
 
     /// Maps points from the scaled coordinates to those of the mesh.
-    fn placed(&self, points: &[Inside]) -> Vec<Point3> {
-        let back = |p: &Inside| -> Point3 {
+    fn placed(&self, points: &[FacetPoint]) -> Vec<Point3> {
+        let back = |p: &FacetPoint| -> Point3 {
             std::array::from_fn(|k| p.at[k] * self.scaling.unit + self.scaling.origin[k])
         };
         points.iter().map(back).collect()
@@ -104,7 +103,7 @@ pub fn recognize_facets(
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Option<FacetRecognition>, Error> {
-    let Some(mut found) = Explained::of(mesh, control)? else {
+    let Some(mut found) = ClaimedFacets::from_mesh(mesh, control)? else {
         return Ok(None);
     };
     let inside = points::inside(
@@ -117,7 +116,7 @@ pub fn recognize_facets(
     for k in 0..3 {
         found.scaling.origin[k] += mesh.origin[k];
     }
-    let Explained {
+    let ClaimedFacets {
         scaling,
         facets,
         claims,
@@ -142,7 +141,7 @@ pub fn points_on_facets(
     if mesh.triangles.is_empty() || wanted == 0 {
         return Ok(None);
     }
-    let found = match Explained::of(mesh, control) {
+    let found = match ClaimedFacets::from_mesh(mesh, control) {
         Ok(Some(found)) => found,
         Err(Error::Stopped(stopped)) => return Err(stopped),
         // Degenerate input, such as coincident points, has no faces.
@@ -150,7 +149,7 @@ pub fn points_on_facets(
     };
     let fewest = Options::default().fewest_of_part();
     let mut inside = points::inside(&found.facets, &found.claims, wanted, fewest);
-    inside.retain(|p| p.part != NONE);
+    inside.retain(|p| p.part != UNLABELLED);
     let exactness = found.facets.exactness() * found.scaling.unit;
     Ok(Some((found.placed(&inside), exactness)))
 }

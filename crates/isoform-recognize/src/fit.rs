@@ -1,23 +1,13 @@
 //! Least squares on orthogonal distances, with the covariance of the parameters.
 
-use crate::chart::{Kind, MOST, Row, Surface};
+use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind};
 use isoform_geom::Point3;
 use isoform_num::dispatch;
 use isoform_num::linalg::{cholesky, cholesky_solve};
 
-/// Steps of Levenberg–Marquardt; six are usual. A fit that needs more creeps along a valley, and
-/// its surface is hardly determined.
-const STEPS: usize = 40;
-/// Steps of a rough fit.
-const ROUGH_STEPS: usize = 12;
 /// Convergence limit of a fit: the maximum distance by which a step moves any point of the surface,
 /// in diagonals (some units in the last place).
-const STILL: f64 = 1e-14;
-/// Steps that move no point by more than this, in diagonals, are of the size that rounding leaves
-/// of a place of least squares: √ε of noise at most.
-const SMALL: f64 = 1e-9;
-/// The fit of a growing region has converged when the sum of squares falls by less than this share.
-const LITTLE: f64 = 1e-3;
+const MAX_CONVERGED_MOVE: f64 = 1e-14;
 /// The first damping, as a share of the diagonal of JᵀJ, and its least and largest values.
 const DAMPING: [f64; 3] = [1e-3, 1e-12, 1e8];
 
@@ -31,39 +21,45 @@ pub(crate) enum Precision {
 }
 
 /// Normal equations of the distances: JᵀJ, Jᵀr and rᵀr.
-struct Normal {
-    matrix: [[f64; MOST]; MOST],
-    side: Row,
+struct NormalEquations {
+    matrix: [[f64; MAX_PARAMETERS]; MAX_PARAMETERS],
+    side: ParameterRow,
     squares: f64,
     /// Largest |J| by column, from which the motion of the surface in a step is estimated.
-    reach: Row,
+    reach: ParameterRow,
 }
 
 /// Number of points whose rows are computed at once, one per lane of vector registers. Samples of
 /// growing regions have 20 to 200 points: larger blocks leave lanes of the last one empty, smaller
 /// ones need more loops.
-const BLOCK: usize = 16;
+const POINTS_PER_BLOCK: usize = 16;
 /// Number of partial sums of each entry of the equations, so that products do not wait for each
 /// other: two registers of two. More take registers from the products.
-const LANES: usize = 4;
+const PARTIAL_SUMS: usize = 4;
 
 /// One value for each point of a block.
-type Column = [f64; BLOCK];
+type Column = [f64; POINTS_PER_BLOCK];
 
 dispatch! {
     /// Returns the normal equations of a surface and weighted points.
-    fn normal(surface: &Surface, points: &[Point3], weights: Option<&[f64]>) -> Normal
+    fn normal(surface: &Primitive, points: &[Point3], weights: Option<&[f64]>) -> NormalEquations
         = normal_by_kind
 }
 
 #[inline(always)]
-fn normal_by_kind(surface: &Surface, points: &[Point3], weights: Option<&[f64]>) -> Normal {
+fn normal_by_kind(
+    surface: &Primitive,
+    points: &[Point3],
+    weights: Option<&[f64]>,
+) -> NormalEquations {
     match surface.kind {
-        Kind::Plane => normal_of::<3>(surface, Kind::Plane, points, weights),
-        Kind::Sphere => normal_of::<4>(surface, Kind::Sphere, points, weights),
-        Kind::Cylinder => normal_of::<5>(surface, Kind::Cylinder, points, weights),
-        Kind::Cone => normal_of::<6>(surface, Kind::Cone, points, weights),
-        Kind::Torus => normal_of::<7>(surface, Kind::Torus, points, weights),
+        PrimitiveKind::Plane => normal_of::<3>(surface, PrimitiveKind::Plane, points, weights),
+        PrimitiveKind::Sphere => normal_of::<4>(surface, PrimitiveKind::Sphere, points, weights),
+        PrimitiveKind::Cylinder => {
+            normal_of::<5>(surface, PrimitiveKind::Cylinder, points, weights)
+        }
+        PrimitiveKind::Cone => normal_of::<6>(surface, PrimitiveKind::Cone, points, weights),
+        PrimitiveKind::Torus => normal_of::<7>(surface, PrimitiveKind::Torus, points, weights),
     }
 }
 
@@ -71,27 +67,30 @@ fn normal_by_kind(surface: &Surface, points: &[Point3], weights: Option<&[f64]>)
 /// known length, for a kind known at compile time, take a third of the time.
 #[inline(always)]
 fn normal_of<const N: usize>(
-    surface: &Surface,
-    kind: Kind,
+    surface: &Primitive,
+    kind: PrimitiveKind,
     points: &[Point3],
     weights: Option<&[f64]>,
-) -> Normal {
+) -> NormalEquations {
     let rows = surface.rows();
-    let mut matrix = [[[0.0_f64; LANES]; N]; N];
-    let (mut side, mut squares) = ([[0.0; LANES]; N], [0.0; LANES]);
-    let mut reach = [[0.0_f64; LANES]; N];
-    for start in (0..points.len()).step_by(BLOCK) {
-        let some = &points[start..points.len().min(start + BLOCK)];
+    let mut matrix = [[[0.0_f64; PARTIAL_SUMS]; N]; N];
+    let (mut side, mut squares) = ([[0.0; PARTIAL_SUMS]; N], [0.0; PARTIAL_SUMS]);
+    let mut reach = [[0.0_f64; PARTIAL_SUMS]; N];
+    for start in (0..points.len()).step_by(POINTS_PER_BLOCK) {
+        let some = &points[start..points.len().min(start + POINTS_PER_BLOCK)];
         // The last point fills the block, without weight.
-        let (mut weight, mut block) = ([0.0; BLOCK], [some[some.len() - 1]; BLOCK]);
+        let (mut weight, mut block) = (
+            [0.0; POINTS_PER_BLOCK],
+            [some[some.len() - 1]; POINTS_PER_BLOCK],
+        );
         block[..some.len()].copy_from_slice(some);
         match weights {
             Some(weights) => weight[..some.len()].copy_from_slice(&weights[start..][..some.len()]),
             None => weight[..some.len()].fill(1.0),
         }
-        let mut columns: [Column; N] = [[0.0; BLOCK]; N];
-        let mut distance: Column = [0.0; BLOCK];
-        for lane in 0..BLOCK {
+        let mut columns: [Column; N] = [[0.0; POINTS_PER_BLOCK]; N];
+        let mut distance: Column = [0.0; POINTS_PER_BLOCK];
+        for lane in 0..POINTS_PER_BLOCK {
             let (r, row) = rows.at(kind, block[lane]);
             distance[lane] = r;
             for i in 0..N {
@@ -105,19 +104,19 @@ fn normal_of<const N: usize>(
             }
             add_products(&mut side[i], &weighted, &distance);
             for (lane, x) in columns[i].iter().enumerate() {
-                let most = &mut reach[i][lane % LANES];
+                let most = &mut reach[i][lane % PARTIAL_SUMS];
                 *most = if x.abs() > *most { x.abs() } else { *most };
             }
         }
         let weighted: Column = std::array::from_fn(|lane| weight[lane] * distance[lane]);
         add_products(&mut squares, &weighted, &distance);
     }
-    let total = |lanes: [f64; LANES]| lanes.iter().sum::<f64>();
-    let mut sum = Normal {
-        matrix: [[0.0; MOST]; MOST],
-        side: [0.0; MOST],
+    let total = |lanes: [f64; PARTIAL_SUMS]| lanes.iter().sum::<f64>();
+    let mut sum = NormalEquations {
+        matrix: [[0.0; MAX_PARAMETERS]; MAX_PARAMETERS],
+        side: [0.0; MAX_PARAMETERS],
         squares: total(squares),
-        reach: [0.0; MOST],
+        reach: [0.0; MAX_PARAMETERS],
     };
     for i in 0..N {
         sum.side[i] = total(side[i]);
@@ -131,14 +130,14 @@ fn normal_of<const N: usize>(
 
 /// Adds the products of two columns to partial sums.
 #[inline(always)]
-fn add_products(sums: &mut [f64; LANES], a: &Column, b: &Column) {
-    for lane in 0..BLOCK {
-        sums[lane % LANES] += a[lane] * b[lane];
+fn add_products(sums: &mut [f64; PARTIAL_SUMS], a: &Column, b: &Column) {
+    for lane in 0..POINTS_PER_BLOCK {
+        sums[lane % PARTIAL_SUMS] += a[lane] * b[lane];
     }
 }
 
 /// Returns Σ r² over points.
-pub(crate) fn squares(surface: &Surface, points: &[Point3]) -> f64 {
+pub(crate) fn squares(surface: &Primitive, points: &[Point3]) -> f64 {
     let distances = surface.distances();
     points.iter().map(|p| distances.at(*p).powi(2)).sum()
 }
@@ -157,20 +156,20 @@ pub(crate) fn mean(points: &[Point3]) -> Point3 {
 /// Fits a surface to points by least squares of the distances, from a start near it; returns it
 /// with Σ r². `None` if there are too few points, or the sizes become invalid.
 pub(crate) fn fit(
-    start: &Surface,
+    start: &Primitive,
     points: &[Point3],
     precision: Precision,
-) -> Option<(Surface, f64)> {
+) -> Option<(Primitive, f64)> {
     fit_weighted(start, points, None, precision)
 }
 
 /// Fits as [`fit`] does, with a weight for each square.
 pub(crate) fn fit_weighted(
-    start: &Surface,
+    start: &Primitive,
     points: &[Point3],
     weights: Option<&[f64]>,
     precision: Precision,
-) -> Option<(Surface, f64)> {
+) -> Option<(Primitive, f64)> {
     if points.len() < start.kind.parameters() {
         return None;
     }
@@ -178,10 +177,13 @@ pub(crate) fn fit_weighted(
     let mut now = normal(&surface, points, weights);
     let [mut damping, least, most] = DAMPING;
     let steps = match precision {
-        Precision::Rough => ROUGH_STEPS,
-        Precision::Full => STEPS,
+        Precision::Rough => 12,
+        // Six steps are usual. A fit that needs more than 40 creeps along a valley, and its surface
+        // is hardly determined.
+        Precision::Full => 40,
     };
-    let mut before = SMALL;
+    // In diagonals: √ε of the noise, by which rounding moves a minimum of squares.
+    let mut before = 1e-9;
     for _ in 0..steps {
         let Some(step) = solve(&now, surface.kind.parameters(), damping) else {
             damping *= 10.0;
@@ -192,20 +194,22 @@ pub(crate) fn fit_weighted(
         };
         let tried = surface.moved(&step);
         let next = tried.is_proper().then(|| normal(&tried, points, weights));
-        let moves: f64 = (0..MOST).map(|k| (step[k] * now.reach[k]).abs()).sum();
+        let moves: f64 = (0..MAX_PARAMETERS)
+            .map(|k| (step[k] * now.reach[k]).abs())
+            .sum();
         match next {
             // Near the minimum rounding hides the decrease: steps that shrink are accepted.
             Some(next) if next.squares <= now.squares || moves < before => {
                 let gain = now.squares - next.squares;
-                let is_over = precision == Precision::Rough && gain <= LITTLE * now.squares;
+                let is_over = precision == Precision::Rough && gain <= 1e-3 * now.squares;
                 (surface, now) = (tried, next);
                 before = before.min(moves);
                 damping = (damping / 10.0).max(least);
-                if is_over || moves < STILL {
+                if is_over || moves < MAX_CONVERGED_MOVE {
                     break;
                 }
             }
-            _ if moves < STILL => break,
+            _ if moves < MAX_CONVERGED_MOVE => break,
             _ => {
                 damping *= 10.0;
                 if damping > most {
@@ -219,8 +223,8 @@ pub(crate) fn fit_weighted(
 }
 
 /// Returns the damped step; `None` if the equations are singular.
-fn solve(normal: &Normal, n: usize, damping: f64) -> Option<Row> {
-    let mut a = [0.0; MOST * MOST];
+fn solve(normal: &NormalEquations, n: usize, damping: f64) -> Option<ParameterRow> {
+    let mut a = [0.0; MAX_PARAMETERS * MAX_PARAMETERS];
     for i in 0..n {
         for j in 0..n {
             a[i * n + j] = normal.matrix[i.max(j)][i.min(j)];
@@ -237,9 +241,12 @@ fn solve(normal: &Normal, n: usize, damping: f64) -> Option<Row> {
 }
 
 /// Returns (JᵀJ)⁻¹ of the distances of points: the covariance of the parameters of
-/// [`Surface::moved`] for points of unit deviation. `None` if the points leave a parameter
+/// [`Primitive::moved`] for points of unit deviation. `None` if the points leave a parameter
 /// undetermined.
-pub(crate) fn covariance(surface: &Surface, points: &[Point3]) -> Option<[Row; MOST]> {
+pub(crate) fn covariance(
+    surface: &Primitive,
+    points: &[Point3],
+) -> Option<[ParameterRow; MAX_PARAMETERS]> {
     let n = surface.kind.parameters();
     let normal = normal(surface, points, None);
     let mut a: Vec<f64> = (0..n * n)
@@ -248,7 +255,7 @@ pub(crate) fn covariance(surface: &Surface, points: &[Point3]) -> Option<[Row; M
     if !cholesky(&mut a, n) {
         return None;
     }
-    let mut inverse = [[0.0; MOST]; MOST];
+    let mut inverse = [[0.0; MAX_PARAMETERS]; MAX_PARAMETERS];
     for k in 0..n {
         inverse[k][k] = 1.0;
         cholesky_solve(&a, n, &mut inverse[k][..n]);
@@ -283,9 +290,9 @@ mod tests {
         (0..count).map(|_| point()).collect()
     }
 
-    fn start() -> Surface {
-        Surface {
-            kind: Kind::Sphere,
+    fn start() -> Primitive {
+        Primitive {
+            kind: PrimitiveKind::Sphere,
             place: [0.15, -0.05, -0.1],
             axis: [0.0, 0.0, 1.0],
             size: 0.4,
@@ -333,7 +340,7 @@ mod tests {
     /// Blocks of points count each once, with its weight: a whole one, and one point.
     #[test]
     fn equations_are_sums_over_all_points() {
-        let points = sphere(BLOCK + 1, 0.05, 3);
+        let points = sphere(POINTS_PER_BLOCK + 1, 0.05, 3);
         let weights: Vec<f64> = (0..points.len()).map(|k| 0.5 + 0.1 * k as f64).collect();
         let surface = start();
         let sum = normal(&surface, &points, Some(&weights));
@@ -354,7 +361,7 @@ mod tests {
     #[test]
     fn open_parameters_have_no_covariance() {
         let points: Vec<Point3> = (0..9).map(|k| [f64::from(k), 0.0, 0.0]).collect();
-        let plane = Surface::plane([0.0; 3], [0.0, 0.0, 1.0]);
+        let plane = Primitive::plane([0.0; 3], [0.0, 0.0, 1.0]);
         assert!(covariance(&plane, &points).is_none());
     }
 }

@@ -1,56 +1,28 @@
 //! Region growing: regions grow from a seed along neighbours, as far as a surface explains the
 //! points.
 
-use crate::chart::{Distances, Kind, Surface};
-use crate::choose::EXACT;
+use crate::chart::{Primitive, PrimitiveDistances, PrimitiveKind};
 use crate::cloud::{Cloud, thinned};
 use crate::cost::Cost;
 use crate::fit::{Precision, fit, squares};
 use crate::local::moments;
-use crate::start::{Line, start_about, starts};
+use crate::noise::{CHANCE_DEVIATIONS, MAX_EXACT_NOISE};
+use crate::start::{Axis, start_about, starts};
 use isoform_geom::{KdTree, Point3, dot};
 use isoform_num::linalg::symmetric_eigen_3;
 use std::collections::HashSet;
 
-/// Points within this many deviations of a surface are explained by it: 0.3 % of normal errors are
-/// larger. Fewer lose points, more take those of neighbours at flat edges.
-pub(crate) const WITHIN: f64 = 3.0;
 /// Minimum |cosine| between the normal of a point and that of the surface: 55°. Normals near an
 /// edge are the mean of both sides, 45° off at a right angle.
-pub(crate) const ALIGNED: f64 = 0.57;
-/// A region grows by this factor between two fits: the surface is known well enough to be carried
-/// on as far again.
-const GROWTH: f64 = 1.7;
-/// Fits of a region until it has to stand still.
-const ROUNDS: usize = 24;
-/// Maximum number of points that fits of a growing region take: the error of such a fit is far
-/// below the tolerance.
-const SAMPLE: usize = 200;
-/// Rounds of points that are left out of a region, the worst first, and fits.
-const TRIMS: usize = 6;
-/// The mean distance of a point's surroundings is chance up to this many of its deviations. Of
-/// ten thousand places one reaches 4 by chance; more lets fillets in.
-const LOCAL: f64 = 5.0;
-/// The mean distance of a border is chance up to this many of its deviations. Less peels faces
-/// that are whole, more leaves strips of others that bend the surface.
-const BORDER: f64 = 4.0;
-/// Layers that are peeled off a region at most: the strip of a fillet is some points wide.
-const LAYERS: usize = 12;
-/// As many independent distances have the deviation of the mean over neighbours of neighbours, by
-/// simulation of points strewn in a plane.
-const AVERAGED: f64 = 23.0;
-/// A first guess about a known axis may deviate by this many times the noise: the axis is known to
-/// a part of it. More fits many surfaces that lie elsewhere, which takes a third of the time.
-const COAXIAL_RMS: f64 = 3.0;
-/// The first fit may deviate by this many times the noise, and a region by this many: the first is
-/// uncertain with few points.
-const FIRST_RMS: f64 = 2.0;
-const RMS: f64 = 1.35;
+pub(crate) const MIN_NORMAL_AGREEMENT: f64 = 0.57;
+/// Maximum number of points in a fit of a growing region: the error of such a fit is far below the
+/// tolerance.
+const MAX_FITTED_POINTS: usize = 200;
 
 /// Points that a surface explains.
 #[derive(Clone, Debug)]
-pub(crate) struct Region {
-    pub(crate) surface: Surface,
+pub(crate) struct SurfaceRegion {
+    pub(crate) surface: Primitive,
     pub(crate) points: Vec<u32>,
     /// Interior points: those nearly all of whose neighbours belong to the region, so that edges
     /// with other faces are left out. All points if too few are interior.
@@ -63,19 +35,21 @@ pub(crate) struct Region {
 pub(crate) fn grow(
     cloud: &Cloud,
     seed: &[u32],
-    axes: &[Line],
-    kind: Kind,
+    axes: &[Axis],
+    kind: PrimitiveKind,
     noise: f64,
     is_free: &(impl Fn(u32) -> bool + Sync),
-) -> Option<Region> {
+) -> Option<SurfaceRegion> {
     let (points, normals) = (cloud.at(seed), cloud.normals_at(seed));
-    let precision = match noise < EXACT {
+    let precision = match noise < MAX_EXACT_NOISE {
         true => Precision::Full,
         false => Precision::Rough,
     };
-    let mut best: Option<Region> = None;
+    let mut best: Option<SurfaceRegion> = None;
     // A surface that truly lies about the axis follows the points before any fit.
-    let most = (COAXIAL_RMS * noise).powi(2) * points.len() as f64;
+    // The axis is known to a part of the noise. More fits many surfaces that lie elsewhere, which
+    // takes a third of the time.
+    let most = (3.0 * noise).powi(2) * points.len() as f64;
     let coaxial = axes
         .iter()
         .filter_map(|axis| start_about(kind, &points, *axis))
@@ -85,7 +59,8 @@ pub(crate) fn grow(
             continue;
         };
         let free = (points.len() - kind.parameters()).max(1) as f64;
-        if left > (FIRST_RMS * noise).powi(2) * free {
+        // The first fit is uncertain with few points.
+        if left > (2.0 * noise).powi(2) * free {
             continue;
         }
         let Some(region) = spread(cloud, seed, surface, noise, is_free) else {
@@ -102,24 +77,26 @@ pub(crate) fn grow(
 }
 
 /// Returns true if a surface explains a point.
-fn explains(surface: &Distances<'_>, cloud: &Cloud, i: u32, tolerance: f64) -> bool {
+fn explains(surface: &PrimitiveDistances<'_>, cloud: &Cloud, i: u32, tolerance: f64) -> bool {
     let p = cloud.points[i as usize];
     surface.at(p).abs() <= tolerance
-        && dot(surface.normal(p), cloud.normals[i as usize]).abs() >= ALIGNED
+        && dot(surface.normal(p), cloud.normals[i as usize]).abs() >= MIN_NORMAL_AGREEMENT
 }
 
 /// Alternates between collecting points and fitting until nothing changes.
 fn spread(
     cloud: &Cloud,
     seed: &[u32],
-    mut surface: Surface,
+    mut surface: Primitive,
     noise: f64,
     is_free: &(impl Fn(u32) -> bool + Sync),
-) -> Option<Region> {
+) -> Option<SurfaceRegion> {
     let mut points = seed.to_vec();
     let mut is_whole = false;
-    for _ in 0..ROUNDS {
-        let most = (points.len() as f64 * GROWTH) as usize + NEIGHBOURHOOD;
+    for _ in 0..24 {
+        // The surface is known well enough to be extrapolated as far again; a small seed gains a
+        // ring of ten points.
+        let most = (points.len() as f64 * 1.7) as usize + 10;
         let (new, reached_end) = collect(cloud, &points, &surface, noise, most, is_free);
         if new.len() < kind_least(surface.kind) || new.len() * 2 < points.len() {
             return None;
@@ -134,13 +111,13 @@ fn spread(
     }
     let core = core(cloud, &points, surface.kind);
     let some = cloud.at(&sample(&core));
-    let precision = match noise < EXACT {
+    let precision = match noise < MAX_EXACT_NOISE {
         true => Precision::Full,
         false => Precision::Rough,
     };
     let (surface, squares) = fit(&surface, &some, precision)?;
     let free = some.len().saturating_sub(surface.kind.parameters()).max(1) as f64;
-    (squares <= (RMS * noise).powi(2) * free).then_some(Region {
+    (squares <= (1.35 * noise).powi(2) * free).then_some(SurfaceRegion {
         surface,
         points,
         core,
@@ -151,16 +128,19 @@ fn spread(
 /// significant. Points of the adjacent face lie within the tolerance next to an edge, or far along
 /// a fillet, and bend the surface. Only together do they show that they belong to another surface:
 /// the mean over a border of a hundred points resolves a tenth of the noise.
-pub(crate) fn peeled(cloud: &Cloud, region: Region, noise: f64) -> Region {
+pub(crate) fn peeled(cloud: &Cloud, region: SurfaceRegion, noise: f64) -> SurfaceRegion {
     let (mut kept, mut surface) = (region.points.clone(), region.surface);
     let mut is_in = vec![false; cloud.points.len()];
     kept.iter().for_each(|i| is_in[*i as usize] = true);
-    for _ in 0..LAYERS {
+    // The strip of a fillet is some points wide.
+    for _ in 0..12 {
         let mut is_off = false;
         for border in borders(cloud, &kept, &is_in) {
             let distance = |i: &u32| surface.distance(cloud.points[*i as usize]);
             let sum: f64 = border.iter().map(distance).sum();
-            if sum.abs() > BORDER * noise * (border.len() as f64).sqrt() {
+            // A smaller bound peels faces that are whole, a larger one leaves strips of others that
+            // bend the surface.
+            if sum.abs() > CHANCE_DEVIATIONS * noise * (border.len() as f64).sqrt() {
                 border.iter().for_each(|i| is_in[*i as usize] = false);
                 is_off = true;
             }
@@ -174,7 +154,7 @@ pub(crate) fn peeled(cloud: &Cloud, region: Region, noise: f64) -> Region {
             _ => return region,
         }
     }
-    Region {
+    SurfaceRegion {
         core: core(cloud, &kept, surface.kind),
         surface,
         points: kept,
@@ -194,15 +174,18 @@ fn borders(cloud: &Cloud, points: &[u32], is_in: &[bool]) -> Vec<Vec<u32>> {
 pub(crate) fn trimmed(
     cloud: &Cloud,
     points: &[u32],
-    surface: &Surface,
+    surface: &Primitive,
     noise: f64,
-) -> (Surface, Vec<u32>) {
+) -> (Primitive, Vec<u32>) {
     let (mut kept, mut now) = (points.to_vec(), *surface);
-    if noise < EXACT {
+    if noise < MAX_EXACT_NOISE {
         return (now, kept);
     }
-    let most = LOCAL * noise / AVERAGED.sqrt();
-    for _ in 0..TRIMS {
+    // The mean over neighbours of neighbours has the deviation of 23 independent distances, by
+    // simulation of points in a plane. Of ten thousand places one reaches four deviations by
+    // chance; a bound above five includes fillets.
+    let most = 5.0 * noise / 23.0_f64.sqrt();
+    for _ in 0..6 {
         let off = smoothed(cloud, points, &now);
         let worst = off.iter().fold(0.0, |w: f64, x| w.max(x.abs()));
         if worst <= most {
@@ -224,7 +207,7 @@ pub(crate) fn trimmed(
 
 /// Returns the distances of points from a surface, smoothed twice by the mean over the neighbours
 /// among them.
-fn smoothed(cloud: &Cloud, points: &[u32], surface: &Surface) -> Vec<f64> {
+fn smoothed(cloud: &Cloud, points: &[u32], surface: &Primitive) -> Vec<f64> {
     let mut at = vec![f64::NAN; cloud.points.len()];
     for i in points {
         at[*i as usize] = surface.distance(cloud.points[*i as usize]);
@@ -248,12 +231,13 @@ fn smoothed(cloud: &Cloud, points: &[u32], surface: &Surface) -> Vec<f64> {
 
 /// Returns the points nearly all of whose neighbours belong to the region; all points if these are
 /// fewer than three times the parameters.
-pub(crate) fn core(cloud: &Cloud, points: &[u32], kind: Kind) -> Vec<u32> {
+pub(crate) fn core(cloud: &Cloud, points: &[u32], kind: PrimitiveKind) -> Vec<u32> {
     let mut is_in = vec![false; cloud.points.len()];
     points.iter().for_each(|i| is_in[*i as usize] = true);
     let is_inner = |i: &u32| {
         let near = cloud.near(*i);
-        near.iter().filter(|j| !is_in[**j as usize]).count() <= STRAY
+        // One neighbour may be an outlier.
+        near.iter().filter(|j| !is_in[**j as usize]).count() <= 1
     };
     let core: Vec<u32> = points.iter().copied().filter(is_inner).collect();
     if core.len() < 3 * kind.parameters() {
@@ -263,17 +247,11 @@ pub(crate) fn core(cloud: &Cloud, points: &[u32], kind: Kind) -> Vec<u32> {
     }
 }
 
-/// Points whose neighbours are compared at most: the correlation is known to 2 % then.
-const COMPARED: usize = 2000;
-/// Points beside each that its distance is compared with. Fewer say less, more reach farther, where
-/// distances are less alike.
-const COMPARED_WITH: usize = 6;
-
 /// Returns the correlation between the distances of neighbours, and its standard deviation for
 /// independent noise. It is Moran's coefficient: 0 for independent noise, towards 1 if the surface
 /// does not follow the points. Neighbours are those whose projections onto the surface are near:
 /// points nearest in space have similar distances wherever noise is as large as the spacing.
-pub(crate) fn correlation(cloud: &Cloud, points: &[u32], surface: &Surface) -> (f64, f64) {
+pub(crate) fn correlation(cloud: &Cloud, points: &[u32], surface: &Primitive) -> (f64, f64) {
     let at = cloud.at(points);
     let distances: Vec<f64> = at.iter().map(|p| surface.distance(*p)).collect();
     let foot = |(p, r): (&Point3, &f64)| -> Point3 {
@@ -283,8 +261,10 @@ pub(crate) fn correlation(cloud: &Cloud, points: &[u32], surface: &Surface) -> (
     let feet: Vec<Point3> = at.iter().zip(&distances).map(foot).collect();
     let tree = KdTree::new(&feet);
     let (mut products, mut pairs, mut near) = (0.0, 0.0, Vec::new());
-    for i in (0..feet.len()).step_by(feet.len().div_ceil(COMPARED).max(1)) {
-        tree.nearest_k(feet[i], COMPARED_WITH + 1, &mut near);
+    // The correlation of 2000 points is known to 2 %. Of each the point itself and six neighbours
+    // are found: more reach farther, where distances are less alike.
+    for i in (0..feet.len()).step_by(feet.len().div_ceil(2000).max(1)) {
+        tree.nearest_k(feet[i], 7, &mut near);
         for (_, j) in near.iter().filter(|f| f.1 as usize != i) {
             products += distances[i] * distances[*j as usize];
             pairs += 1.0;
@@ -308,47 +288,35 @@ pub(crate) fn are_rows(cloud: &Cloud, points: &[u32]) -> bool {
         let near = cloud.near(*i).iter().filter(|j| of.contains(j));
         beside.extend(near.map(|j| cloud.points[*j as usize]));
         let (variances, _) = symmetric_eigen_3(&moments(&beside));
-        variances[1] < IN_LINE * IN_LINE * variances[2]
+        // The width of collinear points is less than a tenth of their length.
+        variances[1] < 0.1 * 0.1 * variances[2]
     };
     let some: Vec<u32> = sample(points);
     2 * some.iter().filter(|i| is_in_line(i)).count() > some.len()
 }
 
-/// Maximum width of collinear points, as a share of their length.
-const IN_LINE: f64 = 0.1;
-
-/// Neighbours of a point of the core that may lie outside of its region: outliers.
-const STRAY: usize = 1;
-
-/// Points that a region may gain beyond its growth: a ring about a small seed.
-const NEIGHBOURHOOD: usize = 10;
-
 /// Returns the minimum number of points of a region of a kind while it grows: twice its parameters.
-fn kind_least(kind: Kind) -> usize {
+fn kind_least(kind: PrimitiveKind) -> usize {
     2 * kind.parameters()
 }
 
-/// Returns every m-th point, with m such that at most [`SAMPLE`] remain.
+/// Returns every m-th point, with m such that at most [`MAX_FITTED_POINTS`] remain.
 fn sample(points: &[u32]) -> Vec<u32> {
-    let some = thinned(points.len(), SAMPLE);
+    let some = thinned(points.len(), MAX_FITTED_POINTS);
     some.map(|k| points[k]).collect()
 }
-
-/// Numbers are sorted by marking where they are more than one in so many: a sort takes as long as
-/// looking at 10 to 20 marks for each.
-const MARKED: usize = 12;
 
 /// Returns the points that the surface explains, reached from others along neighbours, in ascending
 /// order, and a flag: true if all of them were reached before there were `most`.
 fn collect(
     cloud: &Cloud,
     from: &[u32],
-    surface: &Surface,
+    surface: &Primitive,
     noise: f64,
     most: usize,
     is_free: &(impl Fn(u32) -> bool + Sync),
 ) -> (Vec<u32>, bool) {
-    let tolerance = Cost::of(noise).reach();
+    let tolerance = Cost::with_noise(noise).reach();
     let distances = surface.distances();
     let takes = |i: u32| is_free(i) && explains(&distances, cloud, i, tolerance);
     let mut is_seen = vec![false; cloud.points.len()];
@@ -375,7 +343,8 @@ fn collect(
 
 /// Sorts distinct numbers below `n`: dense sets by marking them.
 fn ascending(mut numbers: Vec<u32>, n: usize) -> Vec<u32> {
-    if numbers.len() * MARKED < n {
+    // A sort takes as long as a check of 10 to 20 marks for each number.
+    if numbers.len() * 12 < n {
         numbers.sort_unstable();
         return numbers;
     }

@@ -1,32 +1,29 @@
 //! Choice of the kind of surface through given points.
 
-use crate::chart::{Kind, Surface};
+use crate::chart::{Primitive, PrimitiveKind};
 use crate::choose::{Noise, is_called_for, least_points, may_be_called_for};
 use crate::cloud::{Cloud, thinned};
 use crate::fit::{Precision, fit, fit_weighted, squares};
-use crate::share::Shares;
-use crate::start::{Line, start_about, starts};
+use crate::share::MembershipWeights;
+use crate::start::{Axis, start_about, starts};
 use isoform_geom::Point3;
-
-/// First guesses take at most this many points.
-const SAMPLE: usize = 400;
 
 /// Returns the simplest kind of surface that explains the points as well as any other.
 pub(crate) fn best_kind(
     cloud: &Cloud,
-    shares: &Shares,
-    surface: &Surface,
+    shares: &MembershipWeights,
+    surface: &Primitive,
     noise: Noise,
-) -> Surface {
+) -> Primitive {
     let (of, weights): (Vec<u32>, Vec<f64>) = shares.iter().copied().unzip();
     let points = cloud.at(&of);
     let count = weights.iter().sum::<f64>() as usize;
-    let mut best: Option<(Surface, f64)> = None;
-    for kind in Kind::ALL.iter().copied() {
+    let mut best: Option<(Primitive, f64)> = None;
+    for kind in PrimitiveKind::ALL.iter().copied() {
         if count < least_points(kind, noise.deviation) {
             continue;
         }
-        let asked = |simple: Surface| kind.parameters() - simple.kind.parameters();
+        let asked = |simple: Primitive| kind.parameters() - simple.kind.parameters();
         if best.is_some_and(|(s, more)| !may_be_called_for(asked(s), count, more, noise)) {
             continue;
         }
@@ -34,14 +31,14 @@ pub(crate) fn best_kind(
             true => Some(*surface),
             false => first_guess(cloud, shares, kind),
         };
-        let full = |s: Surface| fit_weighted(&s, &points, Some(&weights), Precision::Full);
+        let full = |s: Primitive| fit_weighted(&s, &points, Some(&weights), Precision::Full);
         let Some((fitted, squares)) = start
             .and_then(full)
             .filter(|(s, _)| s.is_wider_than(noise.deviation))
         else {
             continue;
         };
-        let is_better = best.is_none_or(|(simple, more): (Surface, f64)| {
+        let is_better = best.is_none_or(|(simple, more): (Primitive, f64)| {
             is_called_for(
                 asked(simple),
                 count,
@@ -60,8 +57,8 @@ pub(crate) fn best_kind(
 
 /// Returns the cone about one of some axes that follows points best; with its axis given it has two
 /// parameters of its own.
-pub(crate) fn coaxial_cone(points: &[Point3], axes: &[Line]) -> Option<Surface> {
-    let about = |axis: &Line| start_about(Kind::Cone, points, *axis);
+pub(crate) fn coaxial_cone(points: &[Point3], axes: &[Axis]) -> Option<Primitive> {
+    let about = |axis: &Axis| start_about(PrimitiveKind::Cone, points, *axis);
     let cones = axes
         .iter()
         .filter_map(about)
@@ -73,32 +70,36 @@ pub(crate) fn coaxial_cone(points: &[Point3], axes: &[Line]) -> Option<Surface> 
 /// `None` if the sphere is better.
 pub(crate) fn zone(
     cloud: &Cloud,
-    shares: &Shares,
-    sphere: &Surface,
+    shares: &MembershipWeights,
+    sphere: &Primitive,
     noise: Noise,
-) -> Option<Surface> {
+) -> Option<Primitive> {
     let (of, weights): (Vec<u32>, Vec<f64>) = shares.iter().copied().unzip();
     let points = cloud.at(&of);
-    let full = |s: Surface| fit_weighted(&s, &points, Some(&weights), Precision::Full);
+    let full = |s: Primitive| fit_weighted(&s, &points, Some(&weights), Precision::Full);
     let (_, before) = full(*sphere)?;
-    let cone = first_guess(cloud, shares, Kind::Cone).and_then(full)?;
+    let cone = first_guess(cloud, shares, PrimitiveKind::Cone).and_then(full)?;
     if cone.1 > before {
         return None;
     }
-    let cylinder = first_guess(cloud, shares, Kind::Cylinder).and_then(full);
+    let cylinder = first_guess(cloud, shares, PrimitiveKind::Cylinder).and_then(full);
     let simple = cylinder.filter(|c| !is_called_for(1, points.len(), c.1, cone.1, 6, noise));
     Some(simple.unwrap_or(cone).0)
 }
 
 /// Returns a surface of a kind through a sample of the points that mostly belong to it.
-fn first_guess(cloud: &Cloud, shares: &Shares, kind: Kind) -> Option<Surface> {
+fn first_guess(
+    cloud: &Cloud,
+    shares: &MembershipWeights,
+    kind: PrimitiveKind,
+) -> Option<Primitive> {
     let own: Vec<u32> = shares.iter().filter(|s| s.1 > 0.5).map(|s| s.0).collect();
     guess(cloud, &own, kind)
 }
 
 /// Returns a surface of a kind through a sample of points.
-pub(crate) fn guess(cloud: &Cloud, own: &[u32], kind: Kind) -> Option<Surface> {
-    let some: Vec<u32> = thinned(own.len(), SAMPLE).map(|k| own[k]).collect();
+pub(crate) fn guess(cloud: &Cloud, own: &[u32], kind: PrimitiveKind) -> Option<Primitive> {
+    let some: Vec<u32> = thinned(own.len(), 400).map(|k| own[k]).collect();
     let (points, normals) = (cloud.at(&some), cloud.normals_at(&some));
     starts(kind, &points, &normals)
         .iter()

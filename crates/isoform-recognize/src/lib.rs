@@ -1,5 +1,6 @@
 //! Recognition of the planes, spheres, cylinders, cones and tori that a scan consists of.
 
+mod accuracy;
 mod blends;
 mod chart;
 mod choose;
@@ -15,7 +16,9 @@ mod fit;
 mod form;
 mod grow;
 mod kinds;
+mod labels;
 mod local;
+mod noise;
 mod orient;
 mod patchwork;
 mod patterns;

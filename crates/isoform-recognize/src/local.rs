@@ -6,24 +6,10 @@ use isoform_geom::{Point3, dot, sub};
 use isoform_num::linalg::{cholesky, cholesky_solve, symmetric_eigen_3};
 
 /// Number of points whose plane gives the normal. More average noise and round off edges.
-const PLANE: usize = 13;
-/// The fewest points of a one-sided plane.
-const ONE_SIDED: usize = 9;
-/// A one-sided plane is taken where its variance is below this share of the plain one's: by chance
-/// one in fifty of six such planes is.
-const CLEARLY: f64 = 0.2;
-/// How far beyond the point one side reaches, as a share of the radius of the neighbourhood.
-const BEYOND: f64 = 0.25;
-/// Neighbours farther from the plane than this many times their median lie on another sheet.
-const OTHER_SHEET: f64 = 5.0;
-/// The rounding of a bound of variances, as a share of their sum: some ulps. With more bounds rule
-/// nothing out, with less planes that are exact to rounding.
-const ROUNDING: f64 = 1e-14;
-/// The fewest neighbours for a quadratic height, whose coefficients are 6.
-const QUADRATIC: usize = 14;
+const NORMAL_POINTS: usize = 13;
 
 /// Local estimates at a point.
-pub(crate) struct Local {
+pub(crate) struct LocalEstimates {
     /// Unit normal of arbitrary sign.
     pub(crate) normal: Point3,
     /// Standard deviation of the neighbours from the quadratic height that fits them best; infinite
@@ -33,13 +19,13 @@ pub(crate) struct Local {
 
 /// Estimates the normal and the roughness from a point and its neighbours (the point included,
 /// nearest first).
-pub(crate) fn local(points: &[Point3], i: usize, found: &[(f64, u32)]) -> Local {
+pub(crate) fn local(points: &[Point3], i: usize, found: &[(f64, u32)]) -> LocalEstimates {
     let offsets: Vec<Point3> = found
         .iter()
         .map(|f| sub(points[f.1 as usize], points[i]))
         .collect();
     let normal = unit(normal(&offsets));
-    Local {
+    LocalEstimates {
         normal,
         roughness: roughness(&offsets, normal),
     }
@@ -49,17 +35,19 @@ pub(crate) fn local(points: &[Point3], i: usize, found: &[(f64, u32)]) -> Local 
 /// clearly flatter: next to an edge the normal is then that of the face.
 fn normal(offsets: &[Point3]) -> Point3 {
     let (axes, _) = spread(offsets);
-    let near = &offsets[..PLANE.min(offsets.len())];
+    let near = &offsets[..NORMAL_POINTS.min(offsets.len())];
     let (plain, variance) = spread(near);
-    let mut best = (variance * CLEARLY, plain[0]);
-    let mut side = Vec::with_capacity(PLANE);
+    // By chance one in fifty of six one-sided planes has a smaller share of the variance.
+    let mut best = (variance * 0.2, plain[0]);
+    let mut side = Vec::with_capacity(NORMAL_POINTS);
     let radius = offsets.last().map_or(0.0, |d| dot(*d, *d).sqrt());
     for axis in axes {
         for sign in [1.0, -1.0] {
             side.clear();
-            let to_side = |d: &&Point3| sign * dot(**d, axis) >= -BEYOND * radius;
-            side.extend(offsets.iter().filter(to_side).take(PLANE));
-            if side.len() < ONE_SIDED {
+            // One side reaches beyond the point by a quarter of the radius.
+            let to_side = |d: &&Point3| sign * dot(**d, axis) >= -0.25 * radius;
+            side.extend(offsets.iter().filter(to_side).take(NORMAL_POINTS));
+            if side.len() < 9 {
                 continue;
             }
             let moments = moments(&side);
@@ -108,7 +96,9 @@ fn least_variance(moments: &[[f64; 3]; 3], count: usize) -> f64 {
     let determinant =
         xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
     let trace = xx + yy + zz;
-    let least = 4.0 * determinant / (trace * trace) - ROUNDING * trace;
+    // The bound is rounded by some ulps of the sum of the variances. With more, bounds exclude
+    // nothing, with less they exclude planes that are exact to rounding.
+    let least = 4.0 * determinant / (trace * trace) - 1e-14 * trace;
     if least.is_nan() {
         0.0
     } else {
@@ -127,10 +117,11 @@ fn roughness(offsets: &[Point3], normal: Point3) -> f64 {
     let mut heights: Vec<f64> = offsets.iter().map(|d| dot(*d, normal).abs()).collect();
     let half = heights.len() / 2;
     let median = *heights.select_nth_unstable_by(half, f64::total_cmp).1;
-    let is_near = |d: &&Point3| dot(**d, normal).abs() <= OTHER_SHEET * median;
+    // Neighbours farther away lie on another sheet.
+    let is_near = |d: &&Point3| dot(**d, normal).abs() <= 5.0 * median;
     let own: Vec<&Point3> = offsets.iter().filter(is_near).collect();
     let scale = own.last().map_or(0.0, |d| dot(**d, **d).sqrt());
-    if own.len() < QUADRATIC || scale == 0.0 {
+    if own.len() < 14 || scale == 0.0 {
         return f64::INFINITY;
     }
     quadratic(&own, normal, scale)

@@ -4,26 +4,13 @@
 //! Propagation along spanning trees of neighbours fails at edges and on thin walls. Rays meet the
 //! surfaces of entities exactly; a crossing counts if the entity has points there.
 
-use crate::chart::Surface;
+use crate::chart::Primitive;
 use crate::cloud::thinned;
 use isoform_geom::{Aabb, KdTree, Point3, dot, sub};
 use rayon::prelude::*;
 
-/// Rays of a group of points, at most.
-const RAYS: usize = 48;
-/// Where rays begin, in diagonals.
-const BEGIN: f64 = 1e-3;
-/// Minimum step along a ray, in diagonals: surfaces closer to one another are met as one.
-const STEP: f64 = 2e-4;
-/// The least cosine between a ray and the normal of a plane at which the part stands: 45°.
-const STEEP: f64 = 0.7;
-/// Steps along a ray until it counts as having left.
-const STEPS: usize = 400;
-/// A surface has points where one of this many nearest is its own, within this many spacings.
-const NEAREST: usize = 6;
-const NEAR: f64 = 3.0;
-/// A group of points is turned where the votes for that are this many times those against.
-const CLEAR: f64 = 2.0;
+/// Minimum step along a ray, in diagonals: surfaces closer to each other are met as one.
+const MIN_RAY_STEP: f64 = 2e-4;
 
 /// Turns normals outwards; those of one entity that face one way are turned together. Planes on
 /// which the part stands (a point and the normal of each) close it.
@@ -31,7 +18,7 @@ pub(crate) fn orient(
     points: &[Point3],
     normals: &mut [Point3],
     labels: &[Option<usize>],
-    surfaces: &[Surface],
+    surfaces: &[Primitive],
     supports: &[(Point3, Point3)],
 ) {
     let rays = Rays {
@@ -39,7 +26,7 @@ pub(crate) fn orient(
         surfaces,
         supports,
         tree: KdTree::new(points),
-        size: Aabb::of(points).diagonal(),
+        size: Aabb::from_points(points).diagonal(),
     };
     let spacing = spacing(points, &rays.tree);
     let group = |i: usize| {
@@ -54,7 +41,7 @@ pub(crate) fn orient(
     let is_turned: Vec<bool> = groups
         .par_iter()
         .map(|of| {
-            let votes = thinned(of.len(), RAYS).map(|k| {
+            let votes = thinned(of.len(), 48).map(|k| {
                 let i = of[k];
                 let [out, back] = [1.0, -1.0].map(|s| {
                     let way = normals[i].map(|x| s * x);
@@ -66,7 +53,7 @@ pub(crate) fn orient(
             let votes: Vec<f64> = votes.collect();
             let right: f64 = votes.iter().filter(|v| **v > 0.0).sum();
             let wrong: f64 = -votes.iter().filter(|v| **v < 0.0).sum::<f64>();
-            wrong > CLEAR * right
+            wrong > 2.0 * right
         })
         .collect();
     for (of, _) in groups.iter().zip(&is_turned).filter(|(_, t)| **t) {
@@ -92,7 +79,7 @@ fn spacing(points: &[Point3], tree: &KdTree) -> f64 {
 /// The scene that rays are cast in.
 struct Rays<'a> {
     labels: &'a [Option<usize>],
-    surfaces: &'a [Surface],
+    surfaces: &'a [Primitive],
     supports: &'a [(Point3, Point3)],
     tree: KdTree,
     size: f64,
@@ -105,7 +92,8 @@ impl Rays<'_> {
         // Rays along a plane leave the part before they meet it.
         let is_met = |(at, n): &&(Point3, Point3)| {
             let cosine = dot(way, *n);
-            cosine.abs() > STEEP && dot(sub(*at, from), *n) * cosine > 0.0
+            // The part stands on a plane whose normal is within 45° of the ray.
+            cosine.abs() > 0.7 && dot(sub(*at, from), *n) * cosine > 0.0
         };
         let supports = self.supports.iter().filter(is_met).count();
         (0..self.surfaces.len()).map(of).sum::<usize>() + supports
@@ -116,10 +104,11 @@ impl Rays<'_> {
     fn crossings_of(&self, which: usize, from: Point3, way: Point3, spacing: f64) -> usize {
         let surface = &self.surfaces[which];
         let at = |t: f64| -> Point3 { std::array::from_fn(|k| from[k] + t * way[k]) };
-        let (mut t, mut count) = (BEGIN * self.size, 0);
+        let (mut t, mut count) = (1e-3 * self.size, 0);
         let mut before = surface.distance(at(t));
-        for _ in 0..STEPS {
-            t += before.abs().max(STEP * self.size);
+        // A ray that takes more steps has left.
+        for _ in 0..400 {
+            t += before.abs().max(MIN_RAY_STEP * self.size);
             if t > 1.1 * self.size {
                 break;
             }
@@ -134,8 +123,9 @@ impl Rays<'_> {
 
     fn has_points(&self, which: usize, at: Point3, spacing: f64) -> bool {
         let mut found = Vec::new();
-        self.tree.nearest_k(at, NEAREST, &mut found);
-        let limit = (NEAR * spacing + STEP * self.size).powi(2);
+        // A surface has points where one of the six nearest is its own, within three spacings.
+        self.tree.nearest_k(at, 6, &mut found);
+        let limit = (3.0 * spacing + MIN_RAY_STEP * self.size).powi(2);
         found
             .iter()
             .any(|f| f.0 <= limit && self.labels[f.1 as usize] == Some(which))

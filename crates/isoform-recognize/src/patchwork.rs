@@ -1,30 +1,16 @@
 //! Patches of a free-form surface: entities that meet others without an edge where none was
 //! designed.
 
-use crate::blends::{PAIRS, blends};
-use crate::chart::{Kind, Surface};
+use crate::accuracy::uncertain_surface;
+use crate::blends::{MIN_BORDER_PAIRS, blends};
+use crate::chart::{Primitive, PrimitiveKind};
 use crate::cloud::Cloud;
 use crate::fit::squares;
 use crate::kinds::guess;
-use crate::recognize::known;
-use crate::relations::Known;
+use crate::relations::UncertainSurface;
 use crate::segment::Segmentation;
 use isoform_geom::{Point3, dot};
 use std::collections::BTreeMap;
-
-/// The cosine of the angle below which two surfaces meet without an edge: 15°. Patches that follow
-/// a bent form within a tolerance meet at 10° at most.
-const SMOOTH: f64 = 0.966;
-/// That cosine where a free form is told of: 8°, since tapers of parts meet cylinders at 10 to 15°.
-const FREE: f64 = 0.99;
-/// Pairs of neighbours across a border for it to count, in square roots of the points of the
-/// smaller entity: a border all round it has about 16.
-const BORDER: f64 = 2.0;
-/// The largest mean distance between two surfaces at their border, in deviations of the noise:
-/// patches meet within 3, with more there is a step.
-const STEP: f64 = 5.0;
-/// Maximum number of points of a round, as a share of those of the adjacent face.
-const ROUND: f64 = 0.5;
 
 /// Returns for each entity whether it is a patch: true if it meets another one smoothly although a
 /// plane, sphere, cylinder or cone follows both within this tolerance, which a designer would have
@@ -36,7 +22,9 @@ pub(crate) fn patches(cloud: &Cloud, found: &Segmentation, tolerance: f64) -> Ve
     for ((a, b), border) in borders(cloud, found) {
         let pair = [a as usize, b as usize];
         let is_new = pair.iter().any(|k| !is_patch[*k]);
-        if is_new && meet_smoothly(found, &members, &blends, pair, &border, SMOOTH) {
+        // Patches that follow a bent form within a tolerance meet at 10° at most, and 15° are
+        // allowed.
+        if is_new && meet_smoothly(found, &members, &blends, pair, &border, 0.966) {
             let both = [&members[pair[0]][..], &members[pair[1]]].concat();
             if is_simple(cloud, &both, tolerance) {
                 pair.iter().for_each(|k| is_patch[*k] = true);
@@ -55,8 +43,9 @@ pub(crate) fn free_share(cloud: &Cloud, found: &Segmentation) -> f64 {
     for ((a, b), border) in borders(cloud, found) {
         let pair = [a as usize, b as usize];
         let [one, two] = pair.map(|k| found.surfaces[k].kind);
-        let is_usual = are_rounded(one, two) || [one, two].contains(&Kind::Cone);
-        if !is_usual && meet_smoothly(found, &members, &blends, pair, &border, FREE) {
+        let is_usual = are_rounded(one, two) || [one, two].contains(&PrimitiveKind::Cone);
+        // Tapers of parts meet cylinders at 10 to 15°: a free form is reported below 8°.
+        if !is_usual && meet_smoothly(found, &members, &blends, pair, &border, 0.99) {
             pair.iter().for_each(|k| is_free[*k] = true);
         }
     }
@@ -75,30 +64,30 @@ fn meet_smoothly(
     members: &[Vec<u32>],
     is_blend: &[bool],
     pair: [usize; 2],
-    border: &Border,
+    border: &BorderSums,
     smooth: f64,
 ) -> bool {
     let [one, two] = pair.map(|k| found.surfaces[k].kind);
     let counts = pair.map(|k| members[k].len() as f64);
     let (large, small) = (counts[0].max(counts[1]), counts[0].min(counts[1]));
-    let is_small = small <= ROUND * large || pair.iter().any(|k| is_blend[*k]);
+    let is_small = small <= 0.5 * large || pair.iter().any(|k| is_blend[*k]);
     let is_round = is_small && are_rounded(one, two);
     border.cosines >= smooth * border.pairs
-        && border.gaps <= STEP * found.noise * border.pairs
-        && border.pairs >= BORDER * small.sqrt()
+        && border.gaps <= 5.0 * found.noise * border.pairs
+        && border.pairs >= 2.0 * small.sqrt()
         && !is_round
-        && (one, two) != (Kind::Plane, Kind::Plane)
+        && (one, two) != (PrimitiveKind::Plane, PrimitiveKind::Plane)
 }
 
 /// Returns for each entity whether it is a blend: surfaces that touch two others exactly are
 /// designed.
 fn blends_of(cloud: &Cloud, found: &Segmentation, members: &[Vec<u32>]) -> Vec<bool> {
-    let known: Vec<Known> = (members.iter().enumerate())
-        .map(|(label, of)| known(cloud, found, of, label))
+    let known: Vec<UncertainSurface> = (members.iter().enumerate())
+        .map(|(label, of)| uncertain_surface(cloud, found, of, label))
         .collect();
     let points: Vec<Vec<Point3>> = members.iter().map(|of| cloud.at(of)).collect();
     let mut is_blend = vec![false; members.len()];
-    let pairs = (found.neighbours(cloud), PAIRS);
+    let pairs = (found.neighbours(cloud), MIN_BORDER_PAIRS);
     for blend in blends(&known, &points, pairs, 1.0) {
         is_blend[blend.entity] = true;
     }
@@ -109,8 +98,8 @@ fn blends_of(cloud: &Cloud, found: &Segmentation, members: &[Vec<u32>]) -> Vec<b
 pub(crate) fn is_simple(cloud: &Cloud, points: &[u32], tolerance: f64) -> bool {
     let at = cloud.at(points);
     let most = tolerance * tolerance * points.len() as f64;
-    let follows = |s: Surface| squares(&s, &at) <= most;
-    let simple = Kind::Torus.simpler().iter();
+    let follows = |s: Primitive| squares(&s, &at) <= most;
+    let simple = PrimitiveKind::Torus.simpler().iter();
     simple
         .filter_map(|kind| guess(cloud, points, *kind))
         .any(follows)
@@ -118,7 +107,7 @@ pub(crate) fn is_simple(cloud: &Cloud, points: &[u32], tolerance: f64) -> bool {
 
 /// The common border of two entities.
 #[derive(Default)]
-struct Border {
+struct BorderSums {
     /// Number of pairs of neighbours across it.
     pairs: f64,
     /// Sum of the |cosine| between the normals there.
@@ -128,8 +117,8 @@ struct Border {
 }
 
 /// Returns the borders of entities, by their indices.
-fn borders(cloud: &Cloud, found: &Segmentation) -> BTreeMap<(u32, u32), Border> {
-    let mut borders: BTreeMap<(u32, u32), Border> = BTreeMap::new();
+fn borders(cloud: &Cloud, found: &Segmentation) -> BTreeMap<(u32, u32), BorderSums> {
+    let mut borders: BTreeMap<(u32, u32), BorderSums> = BTreeMap::new();
     let surface = |label: u32| found.surfaces.get(label as usize);
     for (i, own) in found.labels.iter().enumerate() {
         for j in cloud.near(i as u32) {
@@ -154,15 +143,15 @@ fn borders(cloud: &Cloud, found: &Segmentation) -> BTreeMap<(u32, u32), Border> 
 }
 
 /// Returns the distance at a point between two surfaces whose normals are nearly parallel there.
-fn gap(one: &Surface, two: &Surface, p: Point3) -> f64 {
+fn gap(one: &Primitive, two: &Primitive, p: Point3) -> f64 {
     let side = dot(one.normal(p), two.normal(p)).signum();
     (one.distance(p) - side * two.distance(p)).abs()
 }
 
 /// Returns true if surfaces of these kinds meet smoothly on designed parts: one rounds an edge of
 /// the other or ends it, such as the torus at the foot of a cylinder.
-fn are_rounded(one: Kind, two: Kind) -> bool {
-    use Kind::{Cone, Cylinder, Plane, Sphere, Torus};
+fn are_rounded(one: PrimitiveKind, two: PrimitiveKind) -> bool {
+    use PrimitiveKind::{Cone, Cylinder, Plane, Sphere, Torus};
     matches!(
         (one.min(two), one.max(two)),
         (Plane, Cylinder | Torus) | (Sphere, Cylinder | Cone | Torus) | (Cylinder | Cone, Torus)

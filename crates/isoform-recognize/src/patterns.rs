@@ -9,27 +9,18 @@ mod circles;
 mod rows;
 mod sites;
 
-use crate::chart::Surface;
+use crate::chart::Primitive;
 use crate::entity::{Layout, Pattern};
-use crate::symmetry::Set;
+use crate::relations::EntitySet;
 use chain::Chain;
-pub(crate) use chain::turned;
 use isoform_geom::{Point3, cross, norm, sub};
-use sites::{Sites, classes};
-
-/// Maximum multiple of each of two rows' steps in the step of a diagonal.
-const STEPS: i32 = 3;
-const OFF: f64 = 0.05;
-/// Circles of this many members and less come from grids.
-const SQUARE: usize = 4;
-/// An arc that has this many members with another circle in common is a worse guess of that.
-const ARC: usize = 3;
+use sites::{MAX_STEP_ERROR, Sites, classes};
 
 /// Returns the patterns among entities; lengths are in units of `unit` about `origin`.
-pub(crate) fn patterns(set: &Set<'_>, (unit, origin): (f64, Point3)) -> Vec<Pattern> {
+pub(crate) fn patterns(set: &EntitySet<'_>, (unit, origin): (f64, Point3)) -> Vec<Pattern> {
     let mut found = Vec::new();
     for class in classes(set.known, set.outward, set.noise) {
-        let sites = Sites::of(set.known, &class);
+        let sites = Sites::new(set.known, &class);
         let rows = accepted(rows::rows(&sites), &sites, Vec::new());
         let all = accepted(circles::circles(&sites, &rows), &sites, rows);
         found.extend(all.iter().map(|c| pattern(c, &sites, unit, origin)));
@@ -73,10 +64,12 @@ fn is_implied(chain: &Chain, all: &[Chain]) -> bool {
         let beside = [(k + 1) % n, (k + n - 1) % n].map(|b| chain.members[b]);
         of(chain.members[k]).any(|r| beside.iter().any(|b| r.members.contains(b)))
     };
-    let is_square = n <= SQUARE && chain.members.iter().all(|m| of(*m).count() > 0);
+    // Circles of at most four members come from grids.
+    let is_square = n <= 4 && chain.members.iter().all(|m| of(*m).count() > 0);
     let leaves = |c: &Chain| {
         let shared = chain.members.iter().filter(|m| c.members.contains(m));
-        c.circle.is_some() && shared.count() >= ARC
+        // An arc that shares three members with another circle is a worse guess of that one.
+        c.circle.is_some() && shared.count() >= 3
     };
     let is_branch = !circle.is_closed && all.iter().any(leaves);
     is_square || (0..n).all(is_beside) || is_branch
@@ -90,16 +83,18 @@ fn is_made(step: Point3, all: &[Chain]) -> bool {
         .filter(|r| r.circle.is_none())
         .map(|r| r.step)
         .collect();
-    let multiples = || (-STEPS..=STEPS).filter(|k| *k != 0).map(f64::from);
+    // The step of a diagonal contains at most three of each row.
+    let multiples = || (-3..=3).filter(|k| *k != 0).map(f64::from);
     let is_sum = |p: &Point3, q: &Point3| {
         multiples().any(|a| {
             multiples().any(|b| {
                 let off = |k: usize| step[k] - a * p[k] - b * q[k];
-                norm(std::array::from_fn(off)) <= OFF * norm(step)
+                norm(std::array::from_fn(off)) <= MAX_STEP_ERROR * norm(step)
             })
         })
     };
-    let are_across = |p: &Point3, q: &Point3| norm(cross(*p, *q)) > OFF * norm(*p) * norm(*q);
+    let are_across =
+        |p: &Point3, q: &Point3| norm(cross(*p, *q)) > MAX_STEP_ERROR * norm(*p) * norm(*q);
     let mut pairs = steps.iter().flat_map(|p| steps.iter().map(move |q| (p, q)));
     pairs.any(|(p, q)| are_across(p, q) && is_sum(p, q))
 }
@@ -113,7 +108,7 @@ fn pattern(chain: &Chain, sites: &Sites<'_>, unit: f64, origin: Point3) -> Patte
             spacing_deviation: chain.deviations[0] * unit,
         },
         Some(circle) => {
-            let foot = Surface::about(&circle.line, chain.first.place).place;
+            let foot = Primitive::about(&circle.line, chain.first.place).place;
             let radius = norm(sub(chain.first.place, foot));
             Layout::Circle {
                 center: std::array::from_fn(|k| foot[k] * unit + origin[k]),
@@ -137,40 +132,47 @@ fn pattern(chain: &Chain, sites: &Sites<'_>, unit: f64, origin: Point3) -> Patte
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chart::{Kind, MOST, frame};
-    use crate::relations::Known;
+    use crate::chart::{MAX_PARAMETERS, PrimitiveKind, frame};
+    use crate::relations::UncertainSurface;
     use std::f64::consts::TAU;
 
     /// Standard deviations of the parameters in these tests.
-    const SIGMA: f64 = 1e-4;
+    const PARAMETER_DEVIATION: f64 = 1e-4;
 
-    fn surface(kind: Kind, place: Point3, axis: Point3) -> Surface {
-        Surface {
+    fn surface(kind: PrimitiveKind, place: Point3, axis: Point3) -> Primitive {
+        Primitive {
             kind,
             place,
             axis,
             size: 0.05,
-            other: if kind == Kind::Torus { 0.01 } else { 0.4 },
+            other: if kind == PrimitiveKind::Torus {
+                0.01
+            } else {
+                0.4
+            },
         }
     }
 
     /// Patterns of surfaces, each moved by up to a deviation or so in all parameters.
-    fn found(surfaces: &[Surface]) -> Vec<Pattern> {
+    fn found(surfaces: &[Primitive]) -> Vec<Pattern> {
         let mut random = isoform_num::Random::new(3);
-        let known = |s: &Surface| {
-            let mut covariance = [[0.0; MOST]; MOST];
-            (0..s.kind.parameters()).for_each(|k| covariance[k][k] = SIGMA * SIGMA);
-            Known {
-                surface: s.moved(&[(); MOST].map(|()| SIGMA * random.symmetric())),
+        let known = |s: &Primitive| {
+            let mut covariance = [[0.0; MAX_PARAMETERS]; MAX_PARAMETERS];
+            (0..s.kind.parameters())
+                .for_each(|k| covariance[k][k] = PARAMETER_DEVIATION * PARAMETER_DEVIATION);
+            UncertainSurface {
+                surface: s.moved(
+                    &[(); MAX_PARAMETERS].map(|()| PARAMETER_DEVIATION * random.symmetric()),
+                ),
                 covariance,
             }
         };
-        let known: Vec<Known> = surfaces.iter().map(known).collect();
-        let set = Set {
+        let known: Vec<UncertainSurface> = surfaces.iter().map(known).collect();
+        let set = EntitySet {
             known: &known,
             outward: &vec![1; known.len()],
             points: &[],
-            noise: SIGMA,
+            noise: PARAMETER_DEVIATION,
         };
         patterns(&set, (1.0, [0.0; 3]))
     }
@@ -188,15 +190,20 @@ mod tests {
     #[test]
     fn balls_cones_and_tori_on_a_circle_are_one() {
         let axis = crate::chart::unit([1.0, -2.0, 0.5]);
-        for kind in [Kind::Sphere, Kind::Cylinder, Kind::Cone, Kind::Torus] {
-            let all: Vec<Surface> = places(5, axis)
+        for kind in [
+            PrimitiveKind::Sphere,
+            PrimitiveKind::Cylinder,
+            PrimitiveKind::Cone,
+            PrimitiveKind::Torus,
+        ] {
+            let all: Vec<Primitive> = places(5, axis)
                 .into_iter()
                 .enumerate()
                 .map(|(k, p)| {
                     // Cones may begin at different heights, and axes point either way.
                     let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
                     let mut s = surface(kind, p, axis.map(|x| sign * x));
-                    if kind == Kind::Cone {
+                    if kind == PrimitiveKind::Cone {
                         s.other *= sign;
                         s.size += 0.01 * k as f64;
                     }
@@ -213,10 +220,10 @@ mod tests {
                 panic!("{pattern:?}");
             };
             assert!(
-                is_closed && (radius - 0.3).abs() < 3.0 * SIGMA,
+                is_closed && (radius - 0.3).abs() < 3.0 * PARAMETER_DEVIATION,
                 "{pattern:?}"
             );
-            assert!(pattern.deviation > 0.0 && pattern.deviation < 4.0 * SIGMA);
+            assert!(pattern.deviation > 0.0 && pattern.deviation < 4.0 * PARAMETER_DEVIATION);
             // One out of the circle: what is left of five is an arc of four.
             let mut off = all.clone();
             off[2].place = std::array::from_fn(|k| all[2].place[k] * 1.05 - 0.005);
@@ -228,9 +235,9 @@ mod tests {
     #[test]
     fn tori_along_an_axis_and_balls_on_a_line_are_rows() {
         let axis = crate::chart::unit([1.0, -2.0, 0.5]);
-        for kind in [Kind::Sphere, Kind::Torus] {
+        for kind in [PrimitiveKind::Sphere, PrimitiveKind::Torus] {
             let at = |k: f64| surface(kind, axis.map(|x| 0.07 * k * x), axis);
-            let all: Vec<Surface> = [3.0, 0.0, 2.0, 1.0, 5.0].map(at).to_vec();
+            let all: Vec<Primitive> = [3.0, 0.0, 2.0, 1.0, 5.0].map(at).to_vec();
             let [pattern] = &found(&all)[..] else {
                 panic!("{kind:?}: {:?}", found(&all));
             };
@@ -238,19 +245,19 @@ mod tests {
             let Layout::Row { spacing, .. } = pattern.layout else {
                 panic!("{pattern:?}");
             };
-            assert!((spacing - 0.07).abs() < 3.0 * SIGMA);
+            assert!((spacing - 0.07).abs() < 3.0 * PARAMETER_DEVIATION);
         }
     }
 
     #[test]
     fn pieces_of_one_bore_are_one_member_and_other_radii_none() {
-        let at = |x: f64, z: f64| surface(Kind::Cylinder, [x, 0.0, z], [0.0, 0.0, 1.0]);
+        let at = |x: f64, z: f64| surface(PrimitiveKind::Cylinder, [x, 0.0, z], [0.0, 0.0, 1.0]);
         let mut all = [at(0.0, 0.0), at(0.1, 0.0), at(0.2, 0.0), at(0.1, 0.3)].to_vec();
-        let members = |all: &[Surface]| -> Vec<Vec<Vec<usize>>> {
+        let members = |all: &[Primitive]| -> Vec<Vec<Vec<usize>>> {
             found(all).into_iter().map(|p| p.members).collect()
         };
         assert_eq!(members(&all), [[vec![0], vec![1, 3], vec![2]]]);
-        all[2].size += 20.0 * SIGMA;
+        all[2].size += 20.0 * PARAMETER_DEVIATION;
         assert_eq!(members(&all), [] as [Vec<Vec<usize>>; 0]);
     }
 }

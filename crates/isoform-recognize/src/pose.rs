@@ -3,14 +3,14 @@
 //! Regions grow from seeds in an order, and fits take samples of points by their index: if two
 //! descriptions are nearly equally good, that order decides.
 
-use crate::chart::{Surface, unit};
+use crate::chart::{Primitive, unit};
 use isoform_geom::{Point3, cross, dot, sub};
 use isoform_num::linalg::symmetric_eigen;
 
-/// Vectors of a rotation away from the principal axes, by no special angle about no special axis:
-/// faces are often perpendicular to principal axes, and the order of their points by coordinates
-/// would be that of rounding.
-const ASIDE: [Point3; 2] = [[0.81, 0.37, -0.29], [-0.23, 0.71, 0.53]];
+/// Two vectors in general position, by which the scan is rotated away from its principal axes:
+/// faces are often perpendicular to these, and rounding would decide on the order of their points
+/// by coordinates.
+const TILTED_AXES: [Point3; 2] = [[0.81, 0.37, -0.29], [-0.23, 0.71, 0.53]];
 
 /// A rotation: the axes of the new frame in the old one.
 pub(crate) struct Pose([Point3; 3]);
@@ -18,7 +18,7 @@ pub(crate) struct Pose([Point3; 3]);
 impl Pose {
     /// Returns the pose from the principal axes of points, directed towards their longer tails; it
     /// turns with the points.
-    pub(crate) fn of(points: &[Point3]) -> Self {
+    pub(crate) fn from_points(points: &[Point3]) -> Self {
         let count = points.len().max(1) as f64;
         let sum = |of: &dyn Fn(&Point3) -> f64| points.iter().map(of).sum::<f64>();
         let center: Point3 = std::array::from_fn(|k| sum(&|p| p[k]) / count);
@@ -36,8 +36,8 @@ impl Pose {
         let turned = |v: Point3| -> Point3 {
             std::array::from_fn(|k| (0..3).map(|i| v[i] * axes[i][k]).sum())
         };
-        let first = unit(turned(ASIDE[0]));
-        let third = unit(cross(first, turned(ASIDE[1])));
+        let first = unit(turned(TILTED_AXES[0]));
+        let third = unit(cross(first, turned(TILTED_AXES[1])));
         Self([first, cross(third, first), third])
     }
 
@@ -52,8 +52,8 @@ impl Pose {
     }
 
     /// Maps a surface of the new frame to the old one.
-    pub(crate) fn surface_back(&self, surface: &Surface) -> Surface {
-        Surface {
+    pub(crate) fn surface_back(&self, surface: &Primitive) -> Primitive {
+        Primitive {
             place: self.back(surface.place),
             axis: self.back(surface.axis),
             ..*surface
@@ -79,9 +79,10 @@ mod tests {
     #[test]
     fn turned_points_come_to_lie_as_they_did() {
         let points = points();
-        let other = Pose::of(&[[1.0, 0.2, 0.1], [0.0; 3], [-2.0, 1.5, 0.3], [0.1, 0.3, 0.9]]);
+        let other =
+            Pose::from_points(&[[1.0, 0.2, 0.1], [0.0; 3], [-2.0, 1.5, 0.3], [0.1, 0.3, 0.9]]);
         let turned: Vec<Point3> = points.iter().map(|p| other.turn(*p)).collect();
-        let (one, two) = (Pose::of(&points), Pose::of(&turned));
+        let (one, two) = (Pose::from_points(&points), Pose::from_points(&turned));
         for (p, q) in points.iter().zip(&turned) {
             assert!(norm(sub(one.turn(*p), two.turn(*q))) < 1e-12);
             assert!(norm(sub(one.back(one.turn(*p)), *p)) < 1e-14);

@@ -5,142 +5,26 @@
 //! description of a whole sequence are found by dynamic programming: narrow faces compete with all
 //! others at once, instead of growing from seeds within noise.
 
-use crate::chart::{Kind, TIGHTEST};
+use crate::chart::PrimitiveKind;
 use crate::choose::least_points;
-use crate::cost::Cost;
-use crate::segment::EVIDENCE;
-use chains::{Link, chains};
+use crate::segment::MIN_EVIDENCE;
+use chains::{ChainLink, chains};
 use fillet::fill;
 use moments::Moments;
 use std::ops::Range;
 
 mod chains;
+mod curve;
 mod fillet;
 mod moments;
+mod piece;
 
-/// A point of a profile; for a body of revolution its coordinate along the axis and its distance
-/// from it.
-pub(crate) type Place = [f64; 2];
-
-/// A piece of a profile: a straight line or a circle.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Curve {
-    /// A point and the unit direction.
-    Line(Place, Place),
-    /// Centre and radius.
-    Circle(Place, f64),
-}
-
-impl Curve {
-    /// Returns the signed distance of a point.
-    pub(crate) fn distance(&self, p: Place) -> f64 {
-        match self {
-            Self::Line(place, [a, b]) => {
-                let d = minus(p, *place);
-                d[1] * a - d[0] * b
-            }
-            Self::Circle(center, radius) => norm(minus(p, *center)) - radius,
-        }
-    }
-
-    /// Returns true if the radius can be told from noise, as [`Surface::is_wider_than`] does.
-    ///
-    /// [`Surface::is_wider_than`]: crate::chart::Surface::is_wider_than
-    fn is_wider_than(&self, noise: f64) -> bool {
-        !matches!(self, Self::Circle(_, radius) if *radius < TIGHTEST * noise)
-    }
-}
-
-/// Family of curves that a piece may belong to.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Shape {
-    /// A line along the first axis.
-    Along,
-    /// A line along the second axis.
-    Across,
-    Line,
-    Circle,
-    /// A circle with its centre on the first axis.
-    Centred,
-}
-
-impl Shape {
-    /// Returns the number of parameters, as priced.
-    fn numbers(self) -> usize {
-        match self {
-            Self::Along | Self::Across => 1,
-            Self::Line => 2,
-            // A circle centred on the axis has two, but zones of spheres are rare compared with
-            // chamfers, which short ones resemble.
-            Self::Centred | Self::Circle => 3,
-        }
-    }
-}
-
-/// Prices of pieces in a description.
-pub(crate) struct Price<'a> {
-    noise: f64,
-    cost: Cost,
-    shapes: &'a [(Shape, Kind)],
-    is_proper: &'a dyn Fn(Kind, &Curve) -> bool,
-}
-
-impl<'a> Price<'a> {
-    /// Builds the prices of pieces of these shapes and kinds that are proper, through points with
-    /// the given noise.
-    pub(crate) fn new(
-        noise: f64,
-        shapes: &'a [(Shape, Kind)],
-        is_proper: &'a dyn Fn(Kind, &Curve) -> bool,
-    ) -> Self {
-        Self {
-            noise,
-            cost: Cost::of(noise),
-            shapes,
-            is_proper,
-        }
-    }
-
-    /// Returns the cost of a point at a distance from its piece.
-    pub(crate) fn of_distance(&self, r: f64) -> f64 {
-        self.cost.of_distance(r).min(self.cost.most)
-    }
-
-    /// Returns the cost of each parameter of a piece through `count` points.
-    pub(crate) fn of_number(&self, count: usize) -> f64 {
-        (count.max(1) as f64).ln() / 2.0 + CHOICE
-    }
-
-    /// Returns the kind of surface that an arc may be the section of.
-    pub(crate) fn kind_of_arc(&self, curve: &Curve) -> Option<Kind> {
-        let is_arc = |(shape, kind): &&(Shape, Kind)| {
-            matches!(shape, Shape::Circle) && (self.is_proper)(*kind, curve)
-        };
-        let (_, kind) = self.shapes.iter().find(is_arc)?;
-        curve.is_wider_than(self.noise).then_some(*kind)
-    }
-}
-
-/// A piece, with the kind of surface that it is the section of, and its points.
-#[derive(Debug)]
-pub(crate) struct Piece {
-    pub(crate) kind: Kind,
-    pub(crate) curve: Curve,
-    pub(crate) points: Vec<u32>,
-}
-
-/// What each number of a piece costs beyond its digits: as many stretches are tried, some shape
-/// with one more follows one of them better by chance.
-const CHOICE: f64 = 3.0;
-/// The share of what shorter pieces left that longer ones leave at least: of circles Σ r² is known
-/// nearly.
-const LEFT: f64 = 0.5;
-/// Steps along a chain at most: time grows with their square.
-const STEPS: usize = 1000;
+pub(crate) use curve::{CurveFamily, PlanePoint, ProfileCurve};
+pub(crate) use piece::{Price, ProfilePiece};
 
 /// Divides plane points into pieces of these shapes and kinds with the shortest description, and
 /// returns its length, too.
-pub(crate) fn pieces(points: &[Place], price: &Price<'_>) -> (Vec<Piece>, f64) {
+pub(crate) fn pieces(points: &[PlanePoint], price: &Price<'_>) -> (Vec<ProfilePiece>, f64) {
     let (mut pieces, mut length, mut left) = (Vec::new(), 0.0, points.len());
     for chain in chains(points, price.noise) {
         let (mut some, cost) = divided(points, &chain, price);
@@ -153,11 +37,16 @@ pub(crate) fn pieces(points: &[Place], price: &Price<'_>) -> (Vec<Piece>, f64) {
 }
 
 /// Returns the pieces of one chain, and the length of their description.
-fn divided(points: &[Place], chain: &[Link], price: &Price<'_>) -> (Vec<Piece>, f64) {
+fn divided(
+    points: &[PlanePoint],
+    chain: &[ChainLink],
+    price: &Price<'_>,
+) -> (Vec<ProfilePiece>, f64) {
     let Some((first, last)) = chain.first().zip(chain.last()) else {
         return (Vec::new(), 0.0);
     };
-    let step = price.noise.max((last.0 - first.0) / STEPS as f64);
+    // Time grows with the square of the number of steps.
+    let step = price.noise.max((last.0 - first.0) / 1000.0);
     // The number of points before each step, and sums over them.
     let (mut firsts, mut sums, mut sum) = (vec![0], vec![Moments::default()], Moments::default());
     let mut rest = chain;
@@ -173,11 +62,11 @@ fn divided(points: &[Place], chain: &[Link], price: &Price<'_>) -> (Vec<Piece>, 
         price,
         left: vec![0.0; sums.len()],
         sums,
-        best: vec![Best::default()],
+        best: vec![BestDivision::default()],
     };
     (1..firsts.len()).for_each(|to| division.advance(to));
     let pieces = division.pieces();
-    let piece = |(steps, kind, curve): (Range<usize>, Kind, Curve)| Piece {
+    let piece = |(steps, kind, curve): (Range<usize>, PrimitiveKind, ProfileCurve)| ProfilePiece {
         kind,
         curve,
         points: (chain[firsts[steps.start]..firsts[steps.end]].iter())
@@ -190,10 +79,10 @@ fn divided(points: &[Place], chain: &[Link], price: &Price<'_>) -> (Vec<Piece>, 
 
 /// Shortest description of the first steps of a chain; its last piece begins at `from`.
 #[derive(Clone, Copy, Default)]
-struct Best {
+struct BestDivision {
     cost: f64,
     from: usize,
-    piece: Option<(Kind, Curve)>,
+    piece: Option<(PrimitiveKind, ProfileCurve)>,
 }
 
 /// Shortest descriptions of the steps of a chain, by dynamic programming (R. Bellman 1961).
@@ -202,7 +91,7 @@ struct Division<'a> {
     /// Sums over the points before each step.
     sums: Vec<Moments>,
     /// Shortest description of the points before each step.
-    best: Vec<Best>,
+    best: Vec<BestDivision>,
     /// Smallest Σ r² of the pieces from each step when they were last fitted; longer pieces leave
     /// no less.
     left: Vec<f64>,
@@ -213,7 +102,7 @@ impl Division<'_> {
     fn advance(&mut self, to: usize) {
         let last = self.best[to - 1];
         let single = self.sums[to].less(&self.sums[to - 1]);
-        let mut least = Best {
+        let mut least = BestDivision {
             cost: last.cost + self.price.cost.most * single.count,
             from: to - 1,
             piece: None,
@@ -227,10 +116,12 @@ impl Division<'_> {
     }
 
     /// Tries pieces between two steps.
-    fn try_from(&mut self, from: usize, to: usize, least: &mut Best) {
+    fn try_from(&mut self, from: usize, to: usize, least: &mut BestDivision) {
         let Price { noise, cost, .. } = *self.price;
-        let before = self.best[from].cost + EVIDENCE;
-        if before + LEFT * cost.of_squares(self.left[from]) >= least.cost {
+        let before = self.best[from].cost + MIN_EVIDENCE;
+        // Σ r² of circles is known only nearly: longer pieces leave at least half of what shorter
+        // ones left.
+        if before + 0.5 * cost.of_squares(self.left[from]) >= least.cost {
             return;
         }
         let of = self.sums[to].less(&self.sums[from]);
@@ -253,7 +144,7 @@ impl Division<'_> {
                 && of.is_long(&curve, noise)
                 && (self.price.is_proper)(*kind, &curve)
             {
-                *least = Best {
+                *least = BestDivision {
                     cost,
                     from,
                     piece: Some((*kind, curve)),
@@ -266,10 +157,10 @@ impl Division<'_> {
     }
 
     /// Returns the pieces of the shortest description of all steps.
-    fn pieces(&self) -> Vec<(Range<usize>, Kind, Curve)> {
+    fn pieces(&self) -> Vec<(Range<usize>, PrimitiveKind, ProfileCurve)> {
         let (mut pieces, mut to) = (Vec::new(), self.best.len() - 1);
         while to > 0 {
-            let Best { from, piece, .. } = self.best[to];
+            let BestDivision { from, piece, .. } = self.best[to];
             pieces.extend(piece.map(|(kind, curve)| (from..to, kind, curve)));
             to = from;
         }
@@ -277,31 +168,20 @@ impl Division<'_> {
     }
 }
 
-fn minus(a: Place, b: Place) -> Place {
-    [a[0] - b[0], a[1] - b[1]]
-}
-
-fn inner(a: Place, b: Place) -> f64 {
-    a[0] * b[0] + a[1] * b[1]
-}
-
-fn norm(a: Place) -> f64 {
-    a[0].hypot(a[1])
-}
-
 #[cfg(test)]
 mod tests {
+    use super::curve::{minus, norm};
     use super::*;
     use isoform_num::Random;
     use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
-    const NOISE: f64 = 0.005;
-    const SHAPES: [(Shape, Kind); 5] = [
-        (Shape::Across, Kind::Plane),
-        (Shape::Along, Kind::Cylinder),
-        (Shape::Line, Kind::Cone),
-        (Shape::Centred, Kind::Sphere),
-        (Shape::Circle, Kind::Torus),
+    const SAMPLE_NOISE: f64 = 0.005;
+    const SHAPES: [(CurveFamily, PrimitiveKind); 5] = [
+        (CurveFamily::Across, PrimitiveKind::Plane),
+        (CurveFamily::Along, PrimitiveKind::Cylinder),
+        (CurveFamily::Line, PrimitiveKind::Cone),
+        (CurveFamily::Centred, PrimitiveKind::Sphere),
+        (CurveFamily::Circle, PrimitiveKind::Torus),
     ];
 
     /// Returns a normal deviate (Box and Muller).
@@ -311,11 +191,11 @@ mod tests {
     }
 
     /// Returns points of a line with noise across it.
-    fn strewn(random: &mut Random, [a, b]: [Place; 2], count: usize) -> Vec<Place> {
+    fn strewn(random: &mut Random, [a, b]: [PlanePoint; 2], count: usize) -> Vec<PlanePoint> {
         let d = minus(b, a);
         let along = d.map(|x| x / norm(d));
         let point = |_| {
-            let (t, off) = (random.unit(), NOISE * normal(random));
+            let (t, off) = (random.unit(), SAMPLE_NOISE * normal(random));
             [
                 a[0] + t * d[0] - off * along[1],
                 a[1] + t * d[1] + off * along[0],
@@ -324,9 +204,9 @@ mod tests {
         (0..count).map(point).collect()
     }
 
-    fn divided_by_kind(points: &[Place]) -> Vec<(Kind, usize)> {
-        let is_proper = |_: Kind, _: &Curve| true;
-        let (pieces, _) = pieces(points, &Price::new(NOISE, &SHAPES, &is_proper));
+    fn divided_by_kind(points: &[PlanePoint]) -> Vec<(PrimitiveKind, usize)> {
+        let is_proper = |_: PrimitiveKind, _: &ProfileCurve| true;
+        let (pieces, _) = pieces(points, &Price::new(SAMPLE_NOISE, &SHAPES, &is_proper));
         pieces.iter().map(|p| (p.kind, p.points.len())).collect()
     }
 
@@ -334,7 +214,7 @@ mod tests {
     #[test]
     fn a_profile_is_divided_into_its_faces() {
         let mut random = Random::new(5);
-        let width = 10.0 * NOISE * FRAC_1_SQRT_2;
+        let width = 10.0 * SAMPLE_NOISE * FRAC_1_SQRT_2;
         let corners = [
             [0.0, 0.5],
             [0.6, 0.5],
@@ -347,10 +227,14 @@ mod tests {
         }
         let mut found = divided_by_kind(&points);
         found.sort_by_key(|(_, count)| *count);
-        let kinds: Vec<Kind> = found.iter().map(|f| f.0).collect();
+        let kinds: Vec<PrimitiveKind> = found.iter().map(|f| f.0).collect();
         assert_eq!(
             kinds,
-            [Kind::Cone, Kind::Plane, Kind::Cylinder],
+            [
+                PrimitiveKind::Cone,
+                PrimitiveKind::Plane,
+                PrimitiveKind::Cylinder
+            ],
             "{found:?}"
         );
         assert!((180..330).contains(&found[0].1), "{found:?}");
@@ -363,7 +247,7 @@ mod tests {
         let points = strewn(&mut random, [[0.0, 0.4], [0.3, 0.4]], 6000);
         let found = divided_by_kind(&points);
         assert_eq!(found.len(), 1, "{found:?}");
-        assert_eq!(found[0].0, Kind::Cylinder);
+        assert_eq!(found[0].0, PrimitiveKind::Cylinder);
         assert!(found[0].1 > 5900, "{found:?}");
     }
 

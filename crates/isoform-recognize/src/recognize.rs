@@ -1,21 +1,23 @@
 //! Recognition of a scan.
 
-use crate::blends::{PAIRS, blends};
-use crate::chart::{Kind, MOST, Row, Surface, unit};
-use crate::choose::EXACT;
+use crate::accuracy::{degrees_of_freedom, uncertain_surface};
+use crate::blends::{MIN_BORDER_PAIRS, blends};
+use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind, unit};
 use crate::cloud::{Cloud, Scaling, sorted};
 use crate::entity::{Deviations, Entity, Recognition};
-use crate::faces::Faces;
+use crate::faces::FaceLabels;
 use crate::fit::{covariance, squares};
 use crate::form::within_noise_or_form;
 use crate::grow::core;
+use crate::labels::UNLABELLED;
+use crate::noise::MAX_EXACT_NOISE;
 use crate::orient::orient;
 use crate::patchwork::free_share;
 use crate::patterns::patterns;
 use crate::pose::Pose;
-use crate::relations::{Known, relations};
-use crate::segment::{Allowed, Limits, NONE, Segmentation, segment};
-use crate::symmetry::{Set, symmetries};
+use crate::relations::{EntitySet, UncertainSurface, relations};
+use crate::segment::{DistanceTolerance, Limits, Segmentation, segment};
+use crate::symmetry::symmetries;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, PointCloud, cross, dot, norm, rounding, rounding_if_decimal, sub};
 
@@ -54,7 +56,7 @@ pub enum Error {
 }
 
 /// Minimum number of distinct points of a scan.
-const FEWEST: usize = 16;
+const MIN_SCAN_POINTS: usize = 16;
 
 /// Recognises the planes, spheres, cylinders, cones and tori of a scan.
 ///
@@ -72,12 +74,12 @@ pub fn recognize(
         return Err(Error::Noise(noise));
     }
     control.begin("neighbours")?;
-    let Placed {
+    let NormalizedScan {
         places,
         index,
         pose,
         scaling,
-    } = Placed::of(scan)?;
+    } = NormalizedScan::from_scan(scan)?;
     let mut cloud = Cloud::new(
         places,
         rounding(scan) / scaling.unit,
@@ -90,7 +92,7 @@ pub fn recognize(
     let mut found = match options.noise.map(|n| n / scaling.unit) {
         None => within_noise_or_form(&cloud, min_points, control)?,
         Some(noise) => {
-            let allowed = Allowed::Given(noise.max(cloud.floor));
+            let allowed = DistanceTolerance::Given(noise.max(cloud.floor));
             segment(
                 &cloud,
                 Limits {
@@ -102,7 +104,7 @@ pub fn recognize(
         }
     };
     control.check()?;
-    let mut faces = Faces::of_cloud(&cloud, &found, min_points);
+    let mut faces = FaceLabels::of_cloud(&cloud, &found, min_points);
     faces.settle_shared(&cloud, &mut found);
     let given = given_normals(scan, &index, cloud.points.len(), &pose);
     let is_oriented = given.is_some_and(|given| turn_as_given(&mut cloud, &found, &given));
@@ -110,7 +112,7 @@ pub fn recognize(
         turn_outwards(&mut cloud, &found);
     }
     cloud.turn_back(&pose);
-    let back = |s: &mut Surface| *s = pose.surface_back(s);
+    let back = |s: &mut Primitive| *s = pose.surface_back(s);
     found.surfaces.iter_mut().for_each(back);
     Ok(Recognition {
         is_oriented,
@@ -153,14 +155,16 @@ fn turn_as_given(cloud: &mut Cloud, found: &Segmentation, given: &[Point3]) -> b
         agreeing += ahead.max(members.len() - ahead);
         all += members.len();
     }
-    if all == 0 || (agreeing as f64) < AGREE * all as f64 {
+    // Normals without a consistent side agree at half of the points.
+    if all == 0 || (agreeing as f64) < 0.9 * all as f64 {
         return false;
     }
     let sum = |of: &dyn Fn(usize) -> f64| (0..given.len()).map(of).sum::<f64>();
     let count = given.len() as f64;
     let mean: Point3 = std::array::from_fn(|k| sum(&|i| given[i][k]) / count);
     let volume = sum(&|i| dot(cloud.points[i], given[i]));
-    let sign = if norm(mean) < CLOSED && volume < 0.0 {
+    // The mean normal of a sphere seen from one side has the length 1/2.
+    let sign = if norm(mean) < 0.1 && volume < 0.0 {
         -1.0
     } else {
         1.0
@@ -173,15 +177,8 @@ fn turn_as_given(cloud: &mut Cloud, found: &Segmentation, given: &[Point3]) -> b
     true
 }
 
-/// The share of points whose given normals face the way of most on their surface, at least: normals
-/// without a side have half.
-const AGREE: f64 = 0.9;
-/// The length of the mean normal below which a surface counts as closed: seen from one side, a
-/// sphere has 1/2.
-const CLOSED: f64 = 0.1;
-
 /// A scan in its canonical pose, unit and order.
-struct Placed {
+struct NormalizedScan {
     /// Distinct points, sorted.
     places: Vec<Point3>,
     /// Index in `places` of each point of the scan.
@@ -191,24 +188,24 @@ struct Placed {
     scaling: Scaling,
 }
 
-impl Placed {
-    fn of(scan: &PointCloud) -> Result<Self, Error> {
-        let upright = Scaling::of(&scan.points);
+impl NormalizedScan {
+    fn from_scan(scan: &PointCloud) -> Result<Self, Error> {
+        let upright = Scaling::from_points(&scan.points);
         let few = |points| Err(Error::Few { points });
         let Some(upright) = upright else {
             let (places, _) = sorted(&scan.points);
-            return match places.len() < FEWEST {
+            return match places.len() < MIN_SCAN_POINTS {
                 true => few(places.len()),
                 false => Err(Error::Line),
             };
         };
         let points: Vec<Point3> = scan.points.iter().map(|p| upright.apply(*p)).collect();
         // The order is fixed first: sums over the points depend on it by rounding.
-        let pose = Pose::of(&sorted(&points).0);
+        let pose = Pose::from_points(&sorted(&points).0);
         let turned: Vec<Point3> = points.iter().map(|p| pose.turn(*p)).collect();
-        let scaling = Scaling::of(&turned).ok_or(Error::Line)?;
+        let scaling = Scaling::from_points(&turned).ok_or(Error::Line)?;
         let (places, index) = sorted(&turned);
-        if places.len() < FEWEST {
+        if places.len() < MIN_SCAN_POINTS {
             return few(places.len());
         }
         let origin = pose.back(scaling.origin);
@@ -227,7 +224,7 @@ impl Placed {
 
 /// Turns the normals outwards, by casting rays at the surfaces found.
 fn turn_outwards(cloud: &mut Cloud, found: &Segmentation) {
-    let label = |l: &u32| (*l != NONE).then_some(*l as usize);
+    let label = |l: &u32| (*l != UNLABELLED).then_some(*l as usize);
     let labels: Vec<Option<usize>> = found.labels.iter().map(label).collect();
     let normals = &mut cloud.normals;
     orient(&cloud.points, normals, &labels, &found.surfaces, &[]);
@@ -240,14 +237,14 @@ fn is_line(points: &[Point3]) -> bool {
     };
     let along = unit(sub(*last, *first));
     let off = |p: &Point3| norm(cross(sub(*p, *first), along));
-    points.iter().all(|p| off(p) <= crate::cloud::FLOOR)
+    points.iter().all(|p| off(p) <= crate::noise::MIN_NOISE)
 }
 
 /// Reports the result in the scan's unit and order.
 fn report(
     cloud: &Cloud,
     found: &Segmentation,
-    faces: &Faces,
+    faces: &FaceLabels,
     index: &[u32],
     scaling: &Scaling,
 ) -> Recognition {
@@ -255,7 +252,7 @@ fn report(
     let mut counts = vec![0; members.len()];
     for place in index {
         let label = found.labels[*place as usize];
-        if label != NONE {
+        if label != UNLABELLED {
             counts[label as usize] += 1;
         }
     }
@@ -267,15 +264,15 @@ fn report(
         .enumerate()
         .for_each(|(new, old)| rank[*old] = new as u32);
     let entity = |i: &usize| entity(cloud, found, &members[*i], *i, counts[*i], scaling);
-    let known: Vec<Known> = order
+    let known: Vec<UncertainSurface> = order
         .iter()
-        .map(|i| known(cloud, found, &members[*i], *i))
+        .map(|i| uncertain_surface(cloud, found, &members[*i], *i))
         .collect();
     let points: Vec<Vec<Point3>> = order.iter().map(|i| cloud.at(&members[*i])).collect();
     let ranked = |(a, b): (usize, usize)| (rank[a] as usize, rank[b] as usize);
     let pairs = found.neighbours(cloud).map(ranked);
     let label = |place: &u32| match found.labels[*place as usize] {
-        NONE => None,
+        UNLABELLED => None,
         label => Some(rank[label as usize]),
     };
     let entities: Vec<Entity> = order.iter().map(entity).collect();
@@ -283,7 +280,7 @@ fn report(
     let rms = entities.iter().map(|e| e.rms).filter(|_| found.is_form);
     let noise = rms.fold(found.noise * scaling.unit, f64::max);
     let outward: Vec<i8> = entities.iter().map(|e| e.outward).collect();
-    let set = Set {
+    let set = EntitySet {
         known: &known,
         outward: &outward,
         points: &points,
@@ -303,7 +300,7 @@ fn report(
         patterns,
         labels: index.iter().map(label).collect(),
         normals: index.iter().map(|i| cloud.normals[*i as usize]).collect(),
-        blends: blends(&known, &points, (pairs, PAIRS), scaling.unit),
+        blends: blends(&known, &points, (pairs, MIN_BORDER_PAIRS), scaling.unit),
         relations: relations(&known, found.noise, scaling.unit),
         noise,
         is_form: found.is_form,
@@ -312,34 +309,10 @@ fn report(
     }
 }
 
-/// Returns the degrees of freedom of the distances from a fitted surface, at least 1.
-fn free(surface: &Surface, points: usize) -> f64 {
-    points.saturating_sub(surface.kind.parameters()).max(1) as f64
-}
-
-/// Returns a surface about the centroid of its points, with its covariance: infinite if it is
-/// undetermined.
-pub(crate) fn known(cloud: &Cloud, found: &Segmentation, members: &[u32], label: usize) -> Known {
-    let points = cloud.at(members);
-    let surface = found.surfaces[label].about(crate::fit::mean(&points));
-    let variance = match found.is_form {
-        // Some objects of a scan follow their surfaces up to the noise, even if others need a
-        // tolerance of form.
-        true => squares(&surface, &points) / free(&surface, points.len()),
-        false => found.noise * found.noise,
-    };
-    let open = [[f64::INFINITY; MOST]; MOST];
-    let covariance = covariance(&surface, &points);
-    Known {
-        surface,
-        covariance: covariance.map_or(open, |c| c.map(|row| row.map(|x| x * variance))),
-    }
-}
-
 /// Returns the points that determine the accuracy of a surface: with noise, only interior ones,
 /// since the assignment of points at an edge is uncertain.
 fn sure_points(cloud: &Cloud, found: &Segmentation, members: &[u32], label: usize) -> Vec<Point3> {
-    if found.noise < EXACT {
+    if found.noise < MAX_EXACT_NOISE {
         return cloud.at(members);
     }
     cloud.at(&core(cloud, members, found.surfaces[label].kind))
@@ -355,12 +328,12 @@ fn entity(
 ) -> Entity {
     let points = cloud.at(members);
     let mut surface = found.surfaces[label].about(crate::fit::mean(&points));
-    if surface.kind == Kind::Cone && surface.other < 0.0 {
+    if surface.kind == PrimitiveKind::Cone && surface.other < 0.0 {
         surface.axis = surface.axis.map(|x| -x);
         surface.other = -surface.other;
     }
     let rms = (squares(&surface, &points) / points.len() as f64).sqrt();
-    let sigma = rms * (points.len() as f64 / free(&surface, points.len())).sqrt();
+    let sigma = rms * (points.len() as f64 / degrees_of_freedom(&surface, points.len())).sqrt();
     let side: f64 = members
         .iter()
         .map(|i| {
@@ -391,7 +364,7 @@ fn entity(
 /// Returns the standard deviations of the parameters in the terms of CAD systems, from the
 /// covariance of the minimal parameters.
 pub(crate) fn deviations(
-    surface: &Surface,
+    surface: &Primitive,
     points: &[Point3],
     sigma: f64,
     scaling: &Scaling,
@@ -405,14 +378,14 @@ pub(crate) fn deviations(
 
 /// Returns [`deviations`] for a given covariance of the minimal parameters.
 pub(crate) fn deviations_of(
-    surface: &Surface,
-    covariance: &[Row; MOST],
+    surface: &Primitive,
+    covariance: &[ParameterRow; MAX_PARAMETERS],
     scaling: &Scaling,
 ) -> Deviations {
     let unit = scaling.unit;
     let n = surface.kind.parameters();
     // The standard deviation of a value with these derivatives by the minimal parameters.
-    let of = |row: &Row| -> f64 {
+    let of = |row: &ParameterRow| -> f64 {
         let mut sum = 0.0;
         for i in 0..n {
             for j in 0..n {
@@ -423,14 +396,14 @@ pub(crate) fn deviations_of(
     };
     let [e, f] = surface.frame();
     let row = |at: &[(usize, f64)]| {
-        let mut row = [0.0; MOST];
+        let mut row = [0.0; MAX_PARAMETERS];
         at.iter().for_each(|(k, v)| row[*k] = *v);
         of(&row)
     };
     let direction = std::array::from_fn(|k| row(&[(0, e[k]), (1, f[k])]));
     let a = surface.axis;
     match surface.kind {
-        Kind::Plane => Deviations {
+        PrimitiveKind::Plane => Deviations {
             direction,
             size: {
                 // d = n·x at the centroid of the points; a tilt about it also changes d.
@@ -440,18 +413,18 @@ pub(crate) fn deviations_of(
             },
             ..Deviations::default()
         },
-        Kind::Sphere => Deviations {
+        PrimitiveKind::Sphere => Deviations {
             place: std::array::from_fn(|k| unit * row(&[(k, 1.0)])),
             size: unit * row(&[(3, 1.0)]),
             ..Deviations::default()
         },
-        Kind::Cylinder => Deviations {
+        PrimitiveKind::Cylinder => Deviations {
             direction,
             place: std::array::from_fn(|k| unit * row(&[(2, e[k]), (3, f[k])])),
             size: unit * row(&[(4, 1.0)]),
             ..Deviations::default()
         },
-        Kind::Cone => {
+        PrimitiveKind::Cone => {
             let (tan, sin) = (surface.other.tan(), surface.other.sin());
             let h = -surface.size / tan;
             let place = std::array::from_fn(|k| {
@@ -471,7 +444,7 @@ pub(crate) fn deviations_of(
                 minor: 0.0,
             }
         }
-        Kind::Torus => Deviations {
+        PrimitiveKind::Torus => Deviations {
             direction,
             place: std::array::from_fn(|k| unit * row(&[(2 + k, 1.0)])),
             size: unit * row(&[(5, 1.0)]),

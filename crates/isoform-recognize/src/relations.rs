@@ -4,7 +4,9 @@
 //! S of g, gᵀ S⁻¹ g has a χ² distribution with as many degrees of freedom as g has components
 //! (Wald's test).
 
-use crate::chart::{Kind, MOST, Row, Surface};
+use crate::chart::{
+    DIFFERENCE_STEP, MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind, ROUNDING_DEVIATION,
+};
 use crate::entity::{Relation, RelationKind};
 use isoform_geom::{Point3, dot, sub};
 use isoform_num::linalg::{cholesky, cholesky_solve};
@@ -14,37 +16,41 @@ use std::f64::consts::TAU;
 /// χ² that 1, 2, 3, 4 components exceed once in 10⁵: hardly any true relation is lost among some
 /// thousand pairs.
 pub(crate) const CHI_SQUARED: [f64; 4] = [19.5, 23.0, 25.9, 28.5];
-/// Standard deviation that rounding causes, in radians and diagonals.
-pub(crate) const ROUNDING: f64 = 1e-8;
 /// Maximum standard deviation of directions of which a relation is decidable: the larger of an
 /// angle (radians) and a multiple of the noise over the diagonal. Directions known less well are
 /// parallel to anything.
-pub(crate) const DIRECTION: (f64, f64) = (0.01, 15.0);
-/// Maximum standard deviation of places and radii likewise, in diagonals and as a multiple of the
-/// noise.
-pub(crate) const PLACE: (f64, f64) = (1e-6, 1.0);
-/// By how much two axes have to be likelier to be one than any two, whose directions fill half a
-/// sphere and whose distances the square of the diagonal: exp(−gᵀ S⁻¹ g/2)/(2π √det S).
-/// Less takes two poorly known axes for one by chance, 10⁶ loses short cones, whose directions are
-/// open by some degrees but which pass the axis exactly.
-const ODDS: f64 = 1e4;
-/// The deviation of the distance of two axes at which it can be told that they are one, in units of
-/// the noise. Of 660 pairs of bands about one axis, many short and from one side, 616 are found
-/// with 4, 600 with 2; without a bound a bore 24 deviations beside an axis comes to lie on it.
-const AXIS: f64 = 4.0;
+pub(crate) const MAX_DIRECTION_DEVIATION: (f64, f64) = (0.01, 15.0);
+/// Maximum standard deviation of places and radii of which a relation is decidable: the larger of a
+/// length in diagonals and a multiple of the noise.
+pub(crate) const MAX_PLACE_DEVIATION: (f64, f64) = (1e-6, 1.0);
+/// Minimum odds of two axes to be one rather than any two, whose directions fill half a sphere and
+/// whose distances fill the square of the diagonal: exp(−gᵀ S⁻¹ g/2)/(2π √det S). Smaller odds take
+/// two poorly known axes for one by chance, 10⁶ loses short cones, whose directions are uncertain
+/// by some degrees but which pass the axis exactly.
+const MIN_COAXIAL_ODDS: f64 = 1e4;
+/// Maximum standard deviation of the distance of two axes that may be one, in units of the noise.
+/// Of 660 pairs of bands about one axis, many short and from one side, 616 are found with 4, 600
+/// with 2; without a bound a bore 24 deviations from an axis is moved onto it.
+const MAX_AXIS_DEVIATIONS: f64 = 4.0;
 /// Maximum angle between directions that are tested for parallelism (radians).
-pub(crate) const FAR: f64 = 0.1;
-/// Step of central differences, in radians and diagonals.
-const STEP: f64 = 1e-6;
+pub(crate) const MAX_PARALLEL_ANGLE: f64 = 0.1;
 
 /// A surface with the covariance of its parameters.
-pub(crate) struct Known {
-    pub(crate) surface: Surface,
-    pub(crate) covariance: [Row; MOST],
+pub(crate) struct UncertainSurface {
+    pub(crate) surface: Primitive,
+    pub(crate) covariance: [ParameterRow; MAX_PARAMETERS],
+}
+
+/// Entities among which patterns and symmetries are sought.
+pub(crate) struct EntitySet<'a> {
+    pub(crate) known: &'a [UncertainSurface],
+    pub(crate) outward: &'a [i8],
+    pub(crate) points: &'a [Vec<Point3>],
+    pub(crate) noise: f64,
 }
 
 /// Returns the relations that hold, in the order of their entities; lengths in units of `unit`.
-pub(crate) fn relations(known: &[Known], noise: f64, unit: f64) -> Vec<Relation> {
+pub(crate) fn relations(known: &[UncertainSurface], noise: f64, unit: f64) -> Vec<Relation> {
     let pairs = |i: usize| {
         (i + 1..known.len())
             .flat_map(|j| {
@@ -81,18 +87,22 @@ fn is_angle(kind: RelationKind) -> bool {
 }
 
 /// Returns the deviation from a relation; `None` if it does not hold within the uncertainty.
-fn deviation(kind: RelationKind, pair: [&Known; 2], noise: f64) -> Option<f64> {
+fn deviation(kind: RelationKind, pair: [&UncertainSurface; 2], noise: f64) -> Option<f64> {
     let surfaces = pair.map(|k| &k.surface);
     if !has_meaning(kind, surfaces) {
         return None;
     }
-    let frame = Frame::of(surfaces);
+    let frame = PairFrame::from_pair(surfaces);
     let g = failure(kind, &frame, surfaces);
     let n = g.count;
     let covariance = covariance(kind, &frame, pair);
     let is_angle = |k: usize| k < g.angles;
     let is_known = |k: usize| {
-        let (least, noises) = if is_angle(k) { DIRECTION } else { PLACE };
+        let (least, noises) = if is_angle(k) {
+            MAX_DIRECTION_DEVIATION
+        } else {
+            MAX_PLACE_DEVIATION
+        };
         covariance[k * n + k].sqrt() <= least.max(noises * noise)
     };
     if kind != RelationKind::Coaxial && !(0..n).all(is_known) {
@@ -114,7 +124,7 @@ fn deviation(kind: RelationKind, pair: [&Known; 2], noise: f64) -> Option<f64> {
     (squared <= CHI_SQUARED[n - 1]).then_some(size)
 }
 
-/// Returns true if two axes can be told to be one. `factor` is the Cholesky factor of the
+/// Returns true if two axes can be identified as one. `factor` is the Cholesky factor of the
 /// covariance of their tilts and distances, whose second block is the uncertainty of the distances
 /// given the tilts; `squared` is gᵀ S⁻¹ g.
 fn is_one_axis(factor: &[f64], squared: f64, noise: f64) -> bool {
@@ -127,38 +137,42 @@ fn is_one_axis(factor: &[f64], squared: f64, noise: f64) -> bool {
     };
     let root: f64 = (0..4).map(|k| factor[5 * k]).product();
     let odds = (-squared / 2.0).exp() / (TAU * root);
-    open(0) <= FAR && open(2) <= PLACE.0.max(AXIS * noise) && odds >= ODDS
+    open(0) <= MAX_PARALLEL_ANGLE
+        && open(2) <= MAX_PLACE_DEVIATION.0.max(MAX_AXIS_DEVIATIONS * noise)
+        && odds >= MIN_COAXIAL_ODDS
 }
 
 /// Returns true if a relation is defined for two surfaces, and they are close to it.
-fn has_meaning(kind: RelationKind, [a, b]: [&Surface; 2]) -> bool {
+fn has_meaning(kind: RelationKind, [a, b]: [&Primitive; 2]) -> bool {
     let cosine = dot(a.axis, b.axis).abs();
-    let have_directions = a.kind != Kind::Sphere && b.kind != Kind::Sphere;
-    let are_along = have_directions && cosine > 1.0 - FAR * FAR / 2.0;
-    let have_axes = a.kind > Kind::Sphere && b.kind > Kind::Sphere;
-    let has_center = |s: &Surface| matches!(s.kind, Kind::Sphere | Kind::Torus);
+    let have_directions = a.kind != PrimitiveKind::Sphere && b.kind != PrimitiveKind::Sphere;
+    let are_along = have_directions && cosine > 1.0 - MAX_PARALLEL_ANGLE * MAX_PARALLEL_ANGLE / 2.0;
+    let have_axes = a.kind > PrimitiveKind::Sphere && b.kind > PrimitiveKind::Sphere;
+    let has_center = |s: &Primitive| matches!(s.kind, PrimitiveKind::Sphere | PrimitiveKind::Torus);
     match kind {
         RelationKind::Parallel => are_along,
-        RelationKind::Perpendicular => have_directions && cosine < FAR,
+        RelationKind::Perpendicular => have_directions && cosine < MAX_PARALLEL_ANGLE,
         RelationKind::Coaxial => are_along && have_axes,
-        RelationKind::Coplanar => are_along && a.kind == Kind::Plane && b.kind == Kind::Plane,
+        RelationKind::Coplanar => {
+            are_along && a.kind == PrimitiveKind::Plane && b.kind == PrimitiveKind::Plane
+        }
         RelationKind::Concentric => has_center(a) && has_center(b),
         RelationKind::EqualRadius => {
-            a.kind == b.kind && matches!(a.kind, Kind::Sphere | Kind::Cylinder)
+            a.kind == b.kind && matches!(a.kind, PrimitiveKind::Sphere | PrimitiveKind::Cylinder)
         }
     }
 }
 
 /// A fixed frame, so that small moves change coordinates only through the surfaces.
-pub(crate) struct Frame {
+pub(crate) struct PairFrame {
     axis: Point3,
     across: [Point3; 2],
     /// −1 if the second direction is reversed, else 1.
     sign: f64,
 }
 
-impl Frame {
-    pub(crate) fn of([a, b]: [&Surface; 2]) -> Self {
+impl PairFrame {
+    pub(crate) fn from_pair([a, b]: [&Primitive; 2]) -> Self {
         Self {
             axis: a.axis,
             across: a.frame(),
@@ -174,7 +188,7 @@ pub(crate) struct Failure {
     pub(crate) angles: usize,
 }
 
-pub(crate) fn failure(kind: RelationKind, frame: &Frame, [a, b]: [&Surface; 2]) -> Failure {
+pub(crate) fn failure(kind: RelationKind, frame: &PairFrame, [a, b]: [&Primitive; 2]) -> Failure {
     let [e, f] = frame.across;
     let turn: Point3 = std::array::from_fn(|k| frame.sign * b.axis[k] - a.axis[k]);
     let tilt = [dot(turn, e), dot(turn, f)];
@@ -190,7 +204,7 @@ pub(crate) fn failure(kind: RelationKind, frame: &Frame, [a, b]: [&Surface; 2]) 
         RelationKind::Coaxial => {
             // Points of both axes halfway between the two reference points.
             let h = dot(way, frame.axis) / 2.0;
-            let at = |s: &Surface, h: f64, sign: f64| -> Point3 {
+            let at = |s: &Primitive, h: f64, sign: f64| -> Point3 {
                 std::array::from_fn(|k| s.place[k] + h * sign * s.axis[k])
             };
             let apart = sub(at(b, -h, frame.sign), at(a, h, 1.0));
@@ -206,7 +220,7 @@ pub(crate) fn failure(kind: RelationKind, frame: &Frame, [a, b]: [&Surface; 2]) 
 }
 
 /// Returns the covariance of the failure, by central differences.
-fn covariance(kind: RelationKind, frame: &Frame, pair: [&Known; 2]) -> Vec<f64> {
+fn covariance(kind: RelationKind, frame: &PairFrame, pair: [&UncertainSurface; 2]) -> Vec<f64> {
     let surfaces = pair.map(|k| k.surface);
     let n = failure(kind, frame, [&surfaces[0], &surfaces[1]]).count;
     let mut sum = vec![0.0; n * n];
@@ -214,14 +228,14 @@ fn covariance(kind: RelationKind, frame: &Frame, pair: [&Known; 2]) -> Vec<f64> 
         let parameters = known.surface.kind.parameters();
         let derivative = |k: usize| -> [f64; 4] {
             let at = |h: f64| {
-                let mut step = [0.0; MOST];
+                let mut step = [0.0; MAX_PARAMETERS];
                 step[k] = h;
                 let mut moved = surfaces;
                 moved[which] = known.surface.moved(&step);
                 failure(kind, frame, [&moved[0], &moved[1]]).values
             };
-            let (plus, minus) = (at(STEP), at(-STEP));
-            std::array::from_fn(|i| (plus[i] - minus[i]) / (2.0 * STEP))
+            let (plus, minus) = (at(DIFFERENCE_STEP), at(-DIFFERENCE_STEP));
+            std::array::from_fn(|i| (plus[i] - minus[i]) / (2.0 * DIFFERENCE_STEP))
         };
         let rows: Vec<[f64; 4]> = (0..parameters).map(derivative).collect();
         for i in 0..n {
@@ -235,7 +249,7 @@ fn covariance(kind: RelationKind, frame: &Frame, pair: [&Known; 2]) -> Vec<f64> 
         }
     }
     for k in 0..n {
-        sum[k * n + k] += ROUNDING * ROUNDING;
+        sum[k * n + k] += ROUNDING_DEVIATION * ROUNDING_DEVIATION;
     }
     sum
 }
@@ -245,12 +259,12 @@ mod tests {
     use super::*;
     use crate::fit;
 
-    const NOISE: f64 = 1e-3;
+    const BAND_NOISE: f64 = 1e-3;
 
     /// Returns a band about an axis parallel to z, as determined by points on `arc` radians of it.
-    fn band(surface: Surface, [from, to]: [f64; 2], arc: f64) -> Known {
+    fn band(surface: Primitive, [from, to]: [f64; 2], arc: f64) -> UncertainSurface {
         let tan = match surface.kind {
-            Kind::Cone => surface.other.tan(),
+            PrimitiveKind::Cone => surface.other.tan(),
             _ => 0.0,
         };
         let point = |k: usize| -> Point3 {
@@ -266,41 +280,41 @@ mod tests {
         let points: Vec<Point3> = (0..200).map(point).collect();
         let surface = surface.about(fit::mean(&points));
         let unit = fit::covariance(&surface, &points).expect("all parameters are determined");
-        Known {
+        UncertainSurface {
             surface,
-            covariance: unit.map(|row| row.map(|x| x * NOISE * NOISE)),
+            covariance: unit.map(|row| row.map(|x| x * BAND_NOISE * BAND_NOISE)),
         }
     }
 
-    fn is_told(kind: RelationKind, pair: [&Known; 2]) -> bool {
-        deviation(kind, pair, NOISE).is_some()
+    fn is_found(kind: RelationKind, pair: [&UncertainSurface; 2]) -> bool {
+        deviation(kind, pair, BAND_NOISE).is_some()
     }
 
     /// The direction of a chamfer is known only to some degrees, but its axis passes that of the
     /// adjacent cylinder.
     #[test]
     fn short_cones_are_about_the_axes_beside_them() {
-        let cylinder = Surface {
-            kind: Kind::Cylinder,
+        let cylinder = Primitive {
+            kind: PrimitiveKind::Cylinder,
             place: [0.0; 3],
             axis: [0.0, 0.0, 1.0],
             size: 0.1,
             other: 0.0,
         };
-        let chamfer = |off: f64| Surface {
-            kind: Kind::Cone,
+        let chamfer = |off: f64| Primitive {
+            kind: PrimitiveKind::Cone,
             place: [off, 0.0, 0.3],
             other: -0.8,
             ..cylinder
         };
         let long = band(cylinder, [0.0, 0.3], 3.0);
         let short = band(chamfer(0.0), [0.3, 0.32], 3.0);
-        assert!(is_told(RelationKind::Coaxial, [&long, &short]));
-        assert!(!is_told(RelationKind::Parallel, [&long, &short]));
-        let beside = band(chamfer(20.0 * NOISE), [0.3, 0.32], 3.0);
-        assert!(!is_told(RelationKind::Coaxial, [&long, &beside]));
-        // Of a narrow arc the axis may lie anywhere.
+        assert!(is_found(RelationKind::Coaxial, [&long, &short]));
+        assert!(!is_found(RelationKind::Parallel, [&long, &short]));
+        let beside = band(chamfer(20.0 * BAND_NOISE), [0.3, 0.32], 3.0);
+        assert!(!is_found(RelationKind::Coaxial, [&long, &beside]));
+        // The axis of a narrow arc may lie anywhere.
         let scrap = band(chamfer(0.0), [0.3, 0.32], 0.4);
-        assert!(!is_told(RelationKind::Coaxial, [&long, &scrap]));
+        assert!(!is_found(RelationKind::Coaxial, [&long, &scrap]));
     }
 }

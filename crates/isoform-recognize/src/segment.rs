@@ -1,58 +1,38 @@
 //! Segmentation: the assignment of points to surfaces, by region growing first and then by joint
 //! relaxation of labels and fits.
 
-use crate::chart::{Distances, Kind, Surface};
-use crate::choose::{Known, Noise, best_region, follows, is_called_for, least_points};
-use crate::cloud::{Cloud, NEIGHBOURS};
+use crate::chart::{Primitive, PrimitiveDistances, PrimitiveKind};
+use crate::choose::{KnownSurfaces, Noise, best_region, follows, is_called_for, least_points};
+use crate::cloud::{Cloud, MAX_NEIGHBOURS};
 use crate::cost::Cost;
 use crate::fit::{Precision, fit, fit_weighted, squares};
-use crate::grow::{ALIGNED, Region, core};
+use crate::grow::{MIN_NORMAL_AGREEMENT, SurfaceRegion, core};
 use crate::kinds::best_kind;
-use crate::share::{Shares, shares, sided};
-use crate::split::{Whole, split};
+use crate::labels::{ISOLATION_COST, UNLABELLED};
+use crate::noise::NORMAL_MEDIAN;
+use crate::share::{MembershipWeights, labels_by_side, shares};
+use crate::split::{FailedSplits, split};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, dot};
 use rayon::prelude::*;
 
-/// Label of points without an entity.
-pub(crate) const NONE: u32 = u32::MAX;
-/// Cost of a point all of whose neighbours have other labels: that of 3 standard deviations. A
-/// larger cost smooths borders of small faces away, a smaller one lets crossing planes cut strips
-/// out of walls.
-pub(crate) const APART: f64 = 4.5;
-/// Sweeps over the points until labels stand still.
-const SWEEPS: usize = 8;
-/// Labels and fits in turn at most; labels along tangent faces move slowly.
-const RELAXATIONS: usize = 10;
 /// Maximum number of rounds of labels, fits, mergers and new regions.
-const ROUNDS: usize = 3;
-/// What the user allows is a tolerance of form where it is this many times the noise of the points.
-const FORM: f64 = 1.5;
-/// By what factor the noise may be larger than estimated: before any surface is known, and after.
-const FIRST_SLACK: f64 = 1.1;
-pub(crate) const SLACK: f64 = 1.03;
+const MAX_ROUNDS_OF_REGIONS: usize = 3;
+/// Factor by which the noise may be larger than estimated once surfaces are known.
+pub(crate) const NOISE_SLACK: f64 = 1.03;
 /// Maximum factor by which the noise may exceed its first estimate.
-pub(crate) const MOST_NOISE: f64 = 1.5;
-const CREPT: f64 = 1.4;
-/// About how many places are tried with half the noise, and the share (its inverse) of the points
-/// that a region has which counts: small ones follow any noise.
-const HALVING: (usize, usize) = (24, 30);
+pub(crate) const MAX_NOISE_GROWTH: f64 = 1.5;
+/// Number of seeds that are tried at half the noise level, and inverse of the minimum share of the
+/// points of a region that counts: small regions follow any noise.
+const HALF_NOISE_TRIALS: (usize, usize) = (24, 30);
 /// Minimum increase of the cost of its points without an entity, beyond the cost of its parameters,
-/// for which the entity is kept.
-pub(crate) const EVIDENCE: f64 = 20.0;
-/// Neighbours of a seed that fails which are not tried.
-const BESIDE_SEED: usize = 3;
-/// Points of two entities, about, whose fit shows first whether one surface may explain both; and
-/// by what factor it has to leave more than that may. Of 800 points Σ r² is known to 5 %.
-const JOINED: usize = 800;
-const APART_BY_FAR: f64 = 2.0;
-/// Median of |x| of a standard normal deviate.
-pub(crate) const MEDIAN: f64 = 0.6745;
+/// for which the entity is kept, in nats.
+pub(crate) const MIN_EVIDENCE: f64 = 20.0;
 
 /// Entities found so far, and the label of each point: the index of its entity.
 #[derive(Clone)]
 pub(crate) struct Segmentation {
-    pub(crate) surfaces: Vec<Surface>,
+    pub(crate) surfaces: Vec<Primitive>,
     pub(crate) labels: Vec<u32>,
     pub(crate) noise: f64,
     /// Noise estimated before any surface was known.
@@ -66,12 +46,12 @@ pub(crate) struct Segmentation {
     /// True if further rounds cannot find anything.
     pub(crate) is_finished: bool,
     /// Entities that could not be split.
-    whole: Whole,
+    whole: FailedSplits,
 }
 
 /// Tolerance of the distance of points from their surfaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Allowed {
+pub(crate) enum DistanceTolerance {
     /// The noise that the points themselves show.
     Shown,
     /// A length given by the user: a tolerance of form if the points show less noise.
@@ -86,7 +66,7 @@ pub(crate) struct Limits {
     /// Minimum number of points of an entity.
     pub(crate) min_points: usize,
     /// Tolerance of the distance of points from their surfaces.
-    pub(crate) allowed: Allowed,
+    pub(crate) allowed: DistanceTolerance,
 }
 
 /// Finds the surfaces of a cloud.
@@ -99,9 +79,9 @@ pub(crate) fn segment(
 }
 
 /// Returns the distinct directions of planes and axes.
-pub(crate) fn directions(surfaces: &[Surface]) -> Vec<Point3> {
+pub(crate) fn directions(surfaces: &[Primitive]) -> Vec<Point3> {
     let mut directions: Vec<Point3> = Vec::new();
-    for surface in surfaces.iter().filter(|s| s.kind != Kind::Sphere) {
+    for surface in surfaces.iter().filter(|s| s.kind != PrimitiveKind::Sphere) {
         let is_known = |d: &Point3| dot(*d, surface.axis).abs() > 0.999;
         if !directions.iter().any(is_known) {
             directions.push(surface.axis);
@@ -173,7 +153,8 @@ fn next_seeds(
         let seed = order[at];
         if !std::mem::replace(&mut is_tried[seed as usize], true) {
             next.push(at);
-            let near = cloud.near(seed).iter().take(BESIDE_SEED);
+            // Three neighbours of a seed that fails are not tried.
+            let near = cloud.near(seed).iter().take(3);
             near.for_each(|j| is_tried[*j as usize] = true);
         }
         at += 1;
@@ -185,22 +166,22 @@ fn next_seeds(
 /// that reach over thin walls make it look larger.
 fn lower_noise(cloud: &Cloud, noise: f64) -> f64 {
     let order = seeds(cloud, noise);
-    let step = (order.len() / HALVING.0).max(1);
+    let step = (order.len() / HALF_NOISE_TRIALS.0).max(1);
     let succeeds = |noise: f64, seed: &u32| {
         let noise = Noise {
             deviation: noise,
-            slack: SLACK,
+            slack: NOISE_SLACK,
             is_form: false,
         };
         best_region(
             cloud,
             *seed,
-            &Kind::ALL[..3],
+            &PrimitiveKind::ALL[..3],
             noise,
-            Known::default(),
+            KnownSurfaces::default(),
             &|_| true,
         )
-        .is_some_and(|r| r.points.len() * HALVING.1 >= cloud.points.len())
+        .is_some_and(|r| r.points.len() * HALF_NOISE_TRIALS.1 >= cloud.points.len())
     };
     let mut noise = noise;
     for _ in 0..2 {
@@ -224,20 +205,20 @@ fn lower_noise(cloud: &Cloud, noise: f64) -> f64 {
 fn cheapest(
     cloud: &Cloud,
     labels: &[u32],
-    distances: &[Distances<'_>],
+    distances: &[PrimitiveDistances<'_>],
     i: usize,
     cost: Cost,
 ) -> u32 {
     let near = cloud.near(i as u32);
-    let share = APART / near.len().max(1) as f64;
-    let mut tried = [NONE; NEIGHBOURS + 2];
+    let share = ISOLATION_COST / near.len().max(1) as f64;
+    let mut tried = [UNLABELLED; MAX_NEIGHBOURS + 2];
     let tried = &mut tried[..near.len() + 2];
     tried[0] = labels[i];
     for (to, j) in tried[1..].iter_mut().zip(near) {
         *to = labels[*j as usize];
     }
     tried.sort_unstable();
-    let mut best = (f64::INFINITY, NONE);
+    let mut best = (f64::INFINITY, UNLABELLED);
     for (k, label) in tried.iter().enumerate() {
         if k > 0 && tried[k - 1] == *label {
             continue;
@@ -267,13 +248,15 @@ impl Segmentation {
     ) -> Result<Self, Stopped> {
         let (noise, is_form) = match limits.allowed {
             _ if cloud.is_volume => (cloud.noise, false),
-            Allowed::Shown => (lower_noise(cloud, cloud.noise), false),
-            Allowed::Given(noise) => (noise, noise > FORM * lower_noise(cloud, cloud.noise)),
-            Allowed::Form(noise) => (noise, true),
+            DistanceTolerance::Shown => (lower_noise(cloud, cloud.noise), false),
+            DistanceTolerance::Given(noise) => {
+                (noise, noise > 1.5 * lower_noise(cloud, cloud.noise))
+            }
+            DistanceTolerance::Form(noise) => (noise, true),
         };
         let now = Self::first_round(cloud, limits, (noise, is_form), control)?;
         // Surfaces found with less noise may show that it was too little.
-        let is_more = limits.allowed == Allowed::Shown && now.noise > CREPT * noise;
+        let is_more = limits.allowed == DistanceTolerance::Shown && now.noise > 1.4 * noise;
         if is_more && noise < cloud.noise {
             return Self::first_round(cloud, limits, (cloud.noise, false), control);
         }
@@ -281,10 +264,15 @@ impl Segmentation {
     }
 
     /// Builds a segmentation of given surfaces, labels of all points, and noise.
-    pub(crate) fn of(surfaces: Vec<Surface>, labels: Vec<u32>, noise: f64, is_form: bool) -> Self {
+    pub(crate) fn new(
+        surfaces: Vec<Primitive>,
+        labels: Vec<u32>,
+        noise: f64,
+        is_form: bool,
+    ) -> Self {
         Self {
             surfaces,
-            whole: Whole::of(labels.len()),
+            whole: FailedSplits::new(labels.len()),
             labels,
             noise,
             first_noise: noise,
@@ -301,7 +289,12 @@ impl Segmentation {
         (noise, is_form): (f64, bool),
         control: &Control<'_>,
     ) -> Result<Self, Stopped> {
-        let mut now = Self::of(Vec::new(), vec![NONE; cloud.points.len()], noise, is_form);
+        let mut now = Self::new(
+            Vec::new(),
+            vec![UNLABELLED; cloud.points.len()],
+            noise,
+            is_form,
+        );
         if !cloud.is_volume {
             now.advance(cloud, limits, 0, control)?;
         }
@@ -319,7 +312,7 @@ impl Segmentation {
             return Ok(self);
         }
         self.sweep(cloud, limits, control)?;
-        for round in 1..ROUNDS {
+        for round in 1..MAX_ROUNDS_OF_REGIONS {
             if self.is_finished {
                 break;
             }
@@ -332,7 +325,7 @@ impl Segmentation {
         self.relax(cloud, limits);
         if !cloud.is_exact(self.noise) {
             for _ in 0..2 {
-                self.labels = sided(cloud, &self.surfaces, &self.labels, self.noise);
+                self.labels = labels_by_side(cloud, &self.surfaces, &self.labels, self.noise);
             }
         }
         self.complete(cloud, limits, control)?;
@@ -347,8 +340,9 @@ impl Segmentation {
         round: usize,
         control: &Control<'_>,
     ) -> Result<(), Stopped> {
-        control.report("recognize", round as f64 / ROUNDS as f64);
-        let slack = if round == 0 { FIRST_SLACK } else { SLACK };
+        control.report("recognize", round as f64 / MAX_ROUNDS_OF_REGIONS as f64);
+        // Before any surface is known the noise is known less well.
+        let slack = if round == 0 { 1.1 } else { NOISE_SLACK };
         self.add_regions(cloud, slack, limits, control)?;
         self.settle(cloud, limits);
         if round == 0 && self.add_scattered_planes(cloud, limits) {
@@ -375,14 +369,15 @@ impl Segmentation {
     /// pieces, such as the floors of counterbores. Returns true if any was added.
     fn add_scattered_planes(&mut self, cloud: &Cloud, limits: Limits) -> bool {
         let open: Vec<u32> = (0..self.labels.len() as u32)
-            .filter(|i| self.labels[*i as usize] == NONE)
+            .filter(|i| self.labels[*i as usize] == UNLABELLED)
             .collect();
         let mut is_new = false;
         for axis in directions(&self.surfaces) {
             // Rows of a regular sample on other faces may also have one height.
             let is_open = |i: &&u32| {
                 let i = **i as usize;
-                self.labels[i] == NONE && dot(cloud.normals[i], axis).abs() >= ALIGNED
+                self.labels[i] == UNLABELLED
+                    && dot(cloud.normals[i], axis).abs() >= MIN_NORMAL_AGREEMENT
             };
             let mut heights: Vec<(f64, u32)> = open
                 .iter()
@@ -392,10 +387,11 @@ impl Segmentation {
             heights.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             while let Some(layer) = fullest(&heights, 4.0 * self.noise) {
                 let of: Vec<u32> = heights[layer.clone()].iter().map(|h| h.1).collect();
-                if of.len() < least_points(Kind::Plane, self.noise).max(limits.min_points) {
+                if of.len() < least_points(PrimitiveKind::Plane, self.noise).max(limits.min_points)
+                {
                     break;
                 }
-                self.add(&Region {
+                self.add(&SurfaceRegion {
                     surface: crate::start::plane(&cloud.at(&of)),
                     core: of.clone(),
                     points: of,
@@ -417,7 +413,7 @@ impl Segmentation {
     ) -> Result<(), Stopped> {
         let noise = self.deviation(slack);
         let order = seeds(cloud, self.noise);
-        let mut is_tried: Vec<bool> = self.labels.iter().map(|l| *l != NONE).collect();
+        let mut is_tried: Vec<bool> = self.labels.iter().map(|l| *l != UNLABELLED).collect();
         let most = 2 * rayon::current_num_threads();
         // Several seeds are tried at a time as long as they fail. Those after one that succeeds are
         // tried again, since its points are taken now.
@@ -426,13 +422,22 @@ impl Segmentation {
             control.check()?;
             let before = is_tried.clone();
             let (tried, next) = next_seeds(cloud, &order[at..], width, &mut is_tried);
-            let known = Known {
+            let known = KnownSurfaces {
                 surfaces: &self.surfaces,
                 labels: &self.labels,
             };
-            let is_free = |i: u32| known.labels[i as usize] == NONE;
-            let regions: Vec<Option<Region>> = (tried.par_iter())
-                .map(|k| best_region(cloud, order[at + k], Kind::ALL, noise, known, &is_free))
+            let is_free = |i: u32| known.labels[i as usize] == UNLABELLED;
+            let regions: Vec<Option<SurfaceRegion>> = (tried.par_iter())
+                .map(|k| {
+                    best_region(
+                        cloud,
+                        order[at + k],
+                        PrimitiveKind::ALL,
+                        noise,
+                        known,
+                        &is_free,
+                    )
+                })
                 .map(|region| region.filter(|r| r.points.len() >= limits.min_points))
                 .collect();
             match regions.iter().position(Option::is_some) {
@@ -455,7 +460,7 @@ impl Segmentation {
         Ok(())
     }
 
-    fn add(&mut self, region: &Region) {
+    fn add(&mut self, region: &SurfaceRegion) {
         let label = self.surfaces.len() as u32;
         self.surfaces.push(region.surface);
         for i in &region.points {
@@ -465,9 +470,9 @@ impl Segmentation {
 
     /// Removes entities that do not follow their points. Returns true if there were any.
     pub(crate) fn dissolve(&mut self, cloud: &Cloud) -> bool {
-        let noise = self.deviation(SLACK);
+        let noise = self.deviation(NOISE_SLACK);
         let members = self.members();
-        let kept: Vec<Option<Surface>> = members
+        let kept: Vec<Option<Primitive>> = members
             .par_iter()
             .zip(&self.surfaces)
             .map(|(points, surface)| {
@@ -475,9 +480,9 @@ impl Segmentation {
                 follows(cloud, [&core, points], surface, noise).then_some(*surface)
             })
             .collect();
-        for label in self.labels.iter_mut().filter(|l| **l != NONE) {
+        for label in self.labels.iter_mut().filter(|l| **l != UNLABELLED) {
             if kept[*label as usize].is_none() {
-                *label = NONE;
+                *label = UNLABELLED;
             }
         }
         self.keep(&kept);
@@ -488,7 +493,7 @@ impl Segmentation {
     pub(crate) fn members(&self) -> Vec<Vec<u32>> {
         let mut members = vec![Vec::new(); self.surfaces.len()];
         for (i, label) in self.labels.iter().enumerate() {
-            if *label != NONE {
+            if *label != UNLABELLED {
                 members[*label as usize].push(i as u32);
             }
         }
@@ -504,7 +509,7 @@ impl Segmentation {
         let of = |i: u32| self.labels[i as usize];
         let pairs = cloud.pairs().map(move |(i, j)| (of(i), of(j)));
         pairs
-            .filter(|(a, b)| a != b && *a != NONE && *b != NONE)
+            .filter(|(a, b)| a != b && *a != UNLABELLED && *b != UNLABELLED)
             .map(|(a, b)| (a as usize, b as usize))
     }
 
@@ -524,7 +529,8 @@ impl Segmentation {
 
     /// Alternates between labels, surfaces and noise until labels hardly change.
     pub(crate) fn relax(&mut self, cloud: &Cloud, limits: Limits) {
-        for _ in 0..RELAXATIONS {
+        // Labels along tangent faces move slowly.
+        for _ in 0..10 {
             let before = self.labels.clone();
             self.compete(cloud);
             self.refit(cloud, limits);
@@ -538,11 +544,12 @@ impl Segmentation {
 
     /// Assigns each point to the surface of a neighbour that explains it best.
     fn compete(&mut self, cloud: &Cloud) {
-        let cost = Cost::of(self.noise);
-        let distances: Vec<Distances<'_>> = self.surfaces.iter().map(Surface::distances).collect();
+        let cost = Cost::with_noise(self.noise);
+        let distances: Vec<PrimitiveDistances<'_>> =
+            self.surfaces.iter().map(Primitive::distances).collect();
         // A point is visited again when the label of a neighbour has changed.
         let mut is_due = vec![true; cloud.points.len()];
-        for _ in 0..SWEEPS {
+        for _ in 0..8 {
             let mut is_changed = false;
             for i in 0..cloud.points.len() {
                 if !std::mem::take(&mut is_due[i]) {
@@ -552,7 +559,7 @@ impl Segmentation {
                 if best != self.labels[i] {
                     self.labels[i] = best;
                     is_changed = true;
-                    let beside = cloud.beside(i as u32).iter();
+                    let beside = cloud.adjacent(i as u32).iter();
                     beside.for_each(|j| is_due[*j as usize] = true);
                 }
             }
@@ -565,10 +572,10 @@ impl Segmentation {
     /// Fits each surface to its points, and drops those with too few.
     fn refit(&mut self, cloud: &Cloud, limits: Limits) {
         let mut counts = vec![0; self.surfaces.len()];
-        let known = self.labels.iter().filter(|l| **l != NONE);
+        let known = self.labels.iter().filter(|l| **l != UNLABELLED);
         known.for_each(|l| counts[*l as usize] += 1);
         let shares = shares(cloud, &self.surfaces, &self.labels, self.noise);
-        let fitted: Vec<Option<Surface>> = shares
+        let fitted: Vec<Option<Primitive>> = shares
             .par_iter()
             .zip(&self.surfaces)
             .zip(&counts)
@@ -586,8 +593,8 @@ impl Segmentation {
     }
 
     /// Replaces the surfaces by these; those that are `None` are dropped and their labels cleared.
-    pub(crate) fn keep(&mut self, surfaces: &[Option<Surface>]) {
-        let mut new = vec![NONE; surfaces.len()];
+    pub(crate) fn keep(&mut self, surfaces: &[Option<Primitive>]) {
+        let mut new = vec![UNLABELLED; surfaces.len()];
         self.surfaces.clear();
         for (old, surface) in surfaces.iter().enumerate() {
             if let Some(surface) = surface {
@@ -595,14 +602,14 @@ impl Segmentation {
                 self.surfaces.push(*surface);
             }
         }
-        for label in self.labels.iter_mut().filter(|l| **l != NONE) {
+        for label in self.labels.iter_mut().filter(|l| **l != UNLABELLED) {
             *label = new[*label as usize];
         }
     }
 
     /// Drops surfaces without points.
     pub(crate) fn drop_empty(&mut self) {
-        let kept: Vec<Option<Surface>> = (self.members().iter())
+        let kept: Vec<Option<Primitive>> = (self.members().iter())
             .zip(&self.surfaces)
             .map(|(of, surface)| (!of.is_empty()).then_some(*surface))
             .collect();
@@ -613,12 +620,12 @@ impl Segmentation {
     /// of the entity with the most: planes along the axes of coordinates have none, and surfaces
     /// that a modeller approximates have more than rounding.
     fn measure_noise(&mut self, cloud: &Cloud, limits: Limits) {
-        if limits.allowed != Allowed::Shown {
+        if limits.allowed != DistanceTolerance::Shown {
             return;
         }
         if cloud.is_exact(self.first_noise) {
             let members = self.members();
-            let deviation = |(surface, of): (&Surface, &Vec<u32>)| {
+            let deviation = |(surface, of): (&Primitive, &Vec<u32>)| {
                 let free = of.len().saturating_sub(surface.kind.parameters()).max(1);
                 (squares(surface, &cloud.at(of)) / free as f64).sqrt()
             };
@@ -626,7 +633,7 @@ impl Segmentation {
             self.noise = each.fold(cloud.floor, f64::max).min(cloud.exact());
             return;
         }
-        let explained = (0..cloud.points.len()).filter(|i| self.labels[*i] != NONE);
+        let explained = (0..cloud.points.len()).filter(|i| self.labels[*i] != UNLABELLED);
         let distance = |i: usize| {
             let surface = &self.surfaces[self.labels[i] as usize];
             surface.distance(cloud.points[i]).abs()
@@ -637,15 +644,16 @@ impl Segmentation {
         }
         let half = distances.len() / 2;
         let median = *distances.select_nth_unstable_by(half, f64::total_cmp).1;
-        self.noise = (median / MEDIAN)
-            .min(MOST_NOISE * self.first_noise)
+        self.noise = (median / NORMAL_MEDIAN)
+            .min(MAX_NOISE_GROWTH * self.first_noise)
             .max(cloud.floor);
     }
 
     /// Merges entities of one kind that one surface explains. Returns true if any were merged.
     fn merge(&mut self, cloud: &Cloud) -> bool {
         let mut members = self.members();
-        let mut surfaces: Vec<Option<Surface>> = self.surfaces.iter().copied().map(Some).collect();
+        let mut surfaces: Vec<Option<Primitive>> =
+            self.surfaces.iter().copied().map(Some).collect();
         let mut order: Vec<usize> = (0..surfaces.len()).collect();
         order.sort_by_key(|i| (std::cmp::Reverse(members[*i].len()), *i));
         let mut changed = false;
@@ -672,7 +680,7 @@ impl Segmentation {
     }
 
     /// Returns the common surface of two entities; `None` if they are not pieces of one.
-    fn joined(&self, cloud: &Cloud, two: [&Surface; 2], of: [&[u32]; 2]) -> Option<Surface> {
+    fn joined(&self, cloud: &Cloud, two: [&Primitive; 2], of: [&[u32]; 2]) -> Option<Primitive> {
         let [large, small] = two;
         if large.kind < small.kind {
             return None;
@@ -691,11 +699,12 @@ impl Segmentation {
         ];
         let are_two = |joint: f64| {
             let count = both.len().min(4 * second.len());
-            is_called_for(p, count, joint, alone, q, self.deviation(SLACK))
+            is_called_for(p, count, joint, alone, q, self.deviation(NOISE_SLACK))
         };
         // A fit of a sample already separates most pairs: it leaves a residual far larger than a
         // joint surface may leave.
-        let step = (both.len() / JOINED).max(1);
+        // Σ r² of 800 points is known to 5 %.
+        let step = (both.len() / 800).max(1);
         if step > 1 {
             let some = |points: &[Point3]| -> Vec<Point3> {
                 points.iter().step_by(step).copied().collect()
@@ -704,7 +713,7 @@ impl Segmentation {
             let each = squares(large, &some_first) + squares(small, &some_second);
             let some: Vec<_> = some_first.into_iter().chain(some_second).collect();
             let (_, joint) = fit(large, &some, Precision::Full)?;
-            if are_two(alone + (joint - each) * step as f64 / APART_BY_FAR) {
+            if are_two(alone + (joint - each) * step as f64 / 2.0) {
                 return None;
             }
         }
@@ -718,17 +727,18 @@ impl Segmentation {
         let members = self.members();
         let mut order: Vec<usize> = (0..members.len()).collect();
         order.sort_by_key(|i| (members[*i].len(), *i));
-        let mut surfaces: Vec<Option<Surface>> = self.surfaces.iter().copied().map(Some).collect();
+        let mut surfaces: Vec<Option<Primitive>> =
+            self.surfaces.iter().copied().map(Some).collect();
         for label in order {
             let gain = self.gain(cloud, label as u32, &members[label]);
             let p = self.surfaces[label].kind.parameters() as f64;
             let n = members[label].len().max(1) as f64;
-            if gain < p * n.ln() / 2.0 + EVIDENCE || members[label].len() < limits.min_points {
+            if gain < p * n.ln() / 2.0 + MIN_EVIDENCE || members[label].len() < limits.min_points {
                 surfaces[label] = None;
                 // Points go to the neighbours' surfaces when labels compete next.
                 members[label]
                     .iter()
-                    .for_each(|i| self.labels[*i as usize] = NONE);
+                    .for_each(|i| self.labels[*i as usize] = UNLABELLED);
             }
         }
         let removed = surfaces.iter().any(Option::is_none);
@@ -739,12 +749,12 @@ impl Segmentation {
     /// Returns the increase of the cost of its points without an entity, with the surfaces of
     /// entities nearby.
     fn gain(&self, cloud: &Cloud, label: u32, members: &[u32]) -> f64 {
-        let cost = Cost::of(self.noise);
+        let cost = Cost::with_noise(self.noise);
         let mut around: Vec<u32> = members
             .iter()
             .flat_map(|i| cloud.near(*i))
             .map(|j| self.labels[*j as usize])
-            .filter(|l| *l != label && *l != NONE)
+            .filter(|l| *l != label && *l != UNLABELLED)
             .collect();
         around.sort_unstable();
         around.dedup();
@@ -758,9 +768,9 @@ impl Segmentation {
 
     /// Changes the kind of entities whose points justify another one. Returns true if any changed.
     fn change_kinds(&mut self, cloud: &Cloud) -> bool {
-        let noise = self.deviation(SLACK);
+        let noise = self.deviation(NOISE_SLACK);
         let shares = shares(cloud, &self.surfaces, &self.labels, self.noise);
-        let change = |of: &Shares, surface: &Surface| {
+        let change = |of: &MembershipWeights, surface: &Primitive| {
             let new = best_kind(cloud, of, surface, noise);
             let is_less = new.kind < surface.kind;
             match is_less && !self.simpler_kinds(surface).contains(&new.kind) {
@@ -768,7 +778,7 @@ impl Segmentation {
                 false => new,
             }
         };
-        let new: Vec<Surface> = (shares.par_iter().zip(&self.surfaces))
+        let new: Vec<Primitive> = (shares.par_iter().zip(&self.surfaces))
             .map(|(of, surface)| change(of, surface))
             .collect();
         let changed = new
@@ -789,8 +799,8 @@ impl Segmentation {
     /// Splits entities whose points simpler ones explain better. Returns true if any were split.
     fn split(&mut self, cloud: &Cloud, limits: Limits) -> bool {
         let members = self.members();
-        let noise = self.deviation(SLACK);
-        let tried: Vec<Option<Option<Vec<Region>>>> = members
+        let noise = self.deviation(NOISE_SLACK);
+        let tried: Vec<Option<Option<Vec<SurfaceRegion>>>> = members
             .par_iter()
             .zip(&self.surfaces)
             .map(|(of, surface)| {
@@ -804,7 +814,7 @@ impl Segmentation {
             }
         }
         let parts = tried.into_iter().map(Option::flatten);
-        let is_large = |r: &Region| r.points.len() >= limits.min_points;
+        let is_large = |r: &SurfaceRegion| r.points.len() >= limits.min_points;
         let mut changed = false;
         for (label, parts) in parts.enumerate() {
             let Some(parts) = parts.filter(|p| p.iter().all(is_large)) else {

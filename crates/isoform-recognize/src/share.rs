@@ -2,54 +2,44 @@
 //! Fits with these weights are not drawn over the edge, unlike fits to points that are assigned to
 //! the nearer surface.
 
-use crate::chart::{Distances, Surface, unit};
-use crate::cloud::{Cloud, NEIGHBOURS};
+use crate::chart::{Primitive, PrimitiveDistances, unit};
+use crate::cloud::{Cloud, MAX_NEIGHBOURS};
 use crate::cost::Cost;
 use crate::fit::mean;
-use crate::segment::{APART, NONE};
+use crate::labels::{ISOLATION_COST, UNLABELLED};
 use isoform_geom::{Point3, dot, sub};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Points this many deviations off another surface tell on which side of it a face lies.
-const TELLING: f64 = 1.5;
-/// The share of these points that have to lie on one side, and how many there have to be.
-const ONE_SIDED: (f64, usize) = (0.9, 6);
-/// A foot this many deviations beyond an edge counts e times less: the noise along the surface.
-const EDGE: f64 = 0.3;
-/// Surfaces whose normals have a cosine above this touch or nearly do: below 26°.
-const TANGENT: f64 = 0.9;
-/// Weights below this are left out.
-const LEAST: f64 = 1e-3;
-
-/// Points that one thread looks at together: fewer take longer to hand out, more leave threads
-/// without work at the end.
-const TOGETHER: usize = 1024;
+/// Minimum share of the points next to another surface that lie on one side of it, and their
+/// minimum number.
+const MIN_ONE_SIDED: (f64, usize) = (0.9, 6);
 
 /// Points with their weights.
-pub(crate) type Shares = Vec<(u32, f64)>;
+pub(crate) type MembershipWeights = Vec<(u32, f64)>;
 
 /// Side of a surface (first) on which a face (second) lies: +1 or −1; absent if it lies on both.
-type Sides = BTreeMap<(u32, u32), f64>;
+type FaceSides = BTreeMap<(u32, u32), f64>;
 
 /// Returns the points of each surface with the probability that they are its own.
 pub(crate) fn shares(
     cloud: &Cloud,
-    surfaces: &[Surface],
+    surfaces: &[Primitive],
     labels: &[u32],
     noise: f64,
-) -> Vec<Shares> {
-    let faces = Faces::of(cloud, surfaces, labels, noise);
+) -> Vec<MembershipWeights> {
+    let faces = FaceLikelihoods::new(cloud, surfaces, labels, noise);
     // By threads, in the order of points.
+    // Fewer points per thread take longer to hand out, more leave threads without work at the end.
     let found: Vec<Vec<(u32, u32, f64)>> = (0..labels.len())
         .into_par_iter()
-        .with_min_len(TOGETHER)
+        .with_min_len(1024)
         .fold(Vec::new, |mut found, i| {
             faces.add_shares(i, &mut found);
             found
         })
         .collect();
-    let mut shares = vec![Shares::new(); surfaces.len()];
+    let mut shares = vec![MembershipWeights::new(); surfaces.len()];
     for (label, i, share) in found.into_iter().flatten() {
         shares[label as usize].push((i, share));
     }
@@ -59,11 +49,16 @@ pub(crate) fn shares(
 /// Returns the labels of points, where those next to an edge belong to the face on whose side of
 /// the other surface they lie, however near the other is. Sides are ignored if the faces are
 /// tangent.
-pub(crate) fn sided(cloud: &Cloud, surfaces: &[Surface], labels: &[u32], noise: f64) -> Vec<u32> {
-    let faces = Faces::of(cloud, surfaces, labels, noise);
+pub(crate) fn labels_by_side(
+    cloud: &Cloud,
+    surfaces: &[Primitive],
+    labels: &[u32],
+    noise: f64,
+) -> Vec<u32> {
+    let faces = FaceLikelihoods::new(cloud, surfaces, labels, noise);
     let likeliest = |i: usize| {
         let own = labels[i];
-        if own == NONE || is_inside(cloud, labels, i) {
+        if own == UNLABELLED || is_inside(cloud, labels, i) {
             return own;
         }
         let around = around(cloud, labels, i);
@@ -76,7 +71,7 @@ pub(crate) fn sided(cloud: &Cloud, surfaces: &[Surface], labels: &[u32], noise: 
                 .iter()
                 .filter(|j| labels[**j as usize] != label)
                 .count();
-            let cost = APART * apart as f64 / near.len() as f64;
+            let cost = ISOLATION_COST * apart as f64 / near.len() as f64;
             faces.likelihood(&around, label, i) * (-cost).exp()
         };
         let mut best = (likely(own), own);
@@ -93,18 +88,18 @@ pub(crate) fn sided(cloud: &Cloud, surfaces: &[Surface], labels: &[u32], noise: 
 
 /// Returns true if all labelled neighbours of a point belong to its own face.
 fn is_inside(cloud: &Cloud, labels: &[u32], i: usize) -> bool {
-    let is_own = |j: &u32| [labels[i], NONE].contains(&labels[*j as usize]);
+    let is_own = |j: &u32| [labels[i], UNLABELLED].contains(&labels[*j as usize]);
     cloud.near(i as u32).iter().all(is_own)
 }
 
 /// Distinct labels in ascending order.
 #[derive(Default)]
-struct Labels {
-    all: [u32; NEIGHBOURS + 1],
+struct LabelSet {
+    all: [u32; MAX_NEIGHBOURS + 1],
     count: usize,
 }
 
-impl Labels {
+impl LabelSet {
     fn add(&mut self, label: u32) {
         if let Err(at) = self.all[..self.count].binary_search(&label) {
             self.all.copy_within(at..self.count, at + 1);
@@ -119,27 +114,28 @@ impl Labels {
 }
 
 /// Returns the labels of a point and its neighbours.
-fn around(cloud: &Cloud, labels: &[u32], i: usize) -> Labels {
+fn around(cloud: &Cloud, labels: &[u32], i: usize) -> LabelSet {
     let near = cloud.near(i as u32).iter().map(|j| labels[*j as usize]);
-    let mut around = Labels::default();
+    let mut around = LabelSet::default();
     near.chain([labels[i]])
-        .filter(|l| *l != NONE)
+        .filter(|l| *l != UNLABELLED)
         .for_each(|l| around.add(l));
     around
 }
 
 /// The faces of the current segmentation.
-struct Faces<'a> {
+struct FaceLikelihoods<'a> {
     cloud: &'a Cloud,
-    surfaces: Vec<Distances<'a>>,
+    surfaces: Vec<PrimitiveDistances<'a>>,
     labels: &'a [u32],
-    sides: Sides,
+    sides: FaceSides,
     noise: f64,
 }
 
-impl<'a> Faces<'a> {
-    fn of(cloud: &'a Cloud, surfaces: &'a [Surface], labels: &'a [u32], noise: f64) -> Self {
-        let surfaces: Vec<Distances<'a>> = surfaces.iter().map(Surface::distances).collect();
+impl<'a> FaceLikelihoods<'a> {
+    fn new(cloud: &'a Cloud, surfaces: &'a [Primitive], labels: &'a [u32], noise: f64) -> Self {
+        let surfaces: Vec<PrimitiveDistances<'a>> =
+            surfaces.iter().map(Primitive::distances).collect();
         Self {
             cloud,
             labels,
@@ -152,7 +148,7 @@ impl<'a> Faces<'a> {
     /// Adds the surfaces on which a point may be, with the point and the probability of each.
     fn add_shares(&self, i: usize, shares: &mut Vec<(u32, u32, f64)>) {
         let own = self.labels[i];
-        if own == NONE {
+        if own == UNLABELLED {
             return;
         }
         if is_inside(self.cloud, self.labels, i) {
@@ -160,20 +156,20 @@ impl<'a> Faces<'a> {
             return;
         }
         let around = around(self.cloud, self.labels, i);
-        let mut likely = [0.0; NEIGHBOURS + 1];
+        let mut likely = [0.0; MAX_NEIGHBOURS + 1];
         for (likely, label) in likely.iter_mut().zip(around.iter()) {
             *likely = self.likelihood(&around, *label, i);
         }
         let sum: f64 = likely.iter().sum();
         for (label, l) in around.iter().zip(likely) {
-            if l > LEAST * sum {
+            if l > 1e-3 * sum {
                 shares.push((*label, i as u32, l / sum));
             }
         }
     }
 
     /// Returns true if two of some faces are nearly tangent at a point.
-    fn are_tangent(&self, around: &Labels, i: usize) -> bool {
+    fn are_tangent(&self, around: &LabelSet, i: usize) -> bool {
         let normal = |label: &u32| self.surfaces[*label as usize].normal(self.cloud.points[i]);
         let normals: Vec<Point3> = around.iter().map(normal).collect();
         let mut rest = normals.as_slice();
@@ -188,10 +184,10 @@ impl<'a> Faces<'a> {
 
     /// Returns the likelihood of a point on a surface: by its distance, and by the probability that
     /// its projection is on the face.
-    fn likelihood(&self, around: &Labels, label: u32, i: usize) -> f64 {
+    fn likelihood(&self, around: &LabelSet, label: u32, i: usize) -> f64 {
         let (p, surface) = (self.cloud.points[i], &self.surfaces[label as usize]);
         let r = surface.at(p);
-        if r.abs() > Cost::of(self.noise).reach() {
+        if r.abs() > Cost::with_noise(self.noise).reach() {
             return 0.0;
         }
         let n = surface.normal(p);
@@ -206,7 +202,8 @@ impl<'a> Faces<'a> {
                 side.map(|side| side * next.at(foot))
             };
             if let Some(inside) = inside {
-                likely /= 1.0 + (-inside / (EDGE * self.noise)).exp();
+                // Points beyond an edge are there by the noise along the surface.
+                likely /= 1.0 + (-inside / (0.3 * self.noise)).exp();
             }
         }
         likely
@@ -215,7 +212,8 @@ impl<'a> Faces<'a> {
 
 /// Returns true if the normals are those of nearly tangent surfaces.
 fn are_along(m: Point3, n: Point3) -> bool {
-    dot(m, n).abs() > TANGENT
+    // Surfaces that meet below 26° touch or nearly do.
+    dot(m, n).abs() > 0.9
 }
 
 /// Returns the distance of a point from the curve in which two surfaces touch or meet, positive on
@@ -227,7 +225,7 @@ fn before_contact(
     labels: &[u32],
     i: usize,
     [own, other]: [u32; 2],
-    [first, second]: [&Distances<'_>; 2],
+    [first, second]: [&PrimitiveDistances<'_>; 2],
 ) -> Option<f64> {
     let p = cloud.points[i];
     let middle = |label: u32| {
@@ -245,20 +243,26 @@ fn before_contact(
 }
 
 /// Returns the sides of their neighbours' surfaces on which faces lie.
-fn sides(cloud: &Cloud, surfaces: &[Distances<'_>], labels: &[u32], noise: f64) -> Sides {
+fn sides(
+    cloud: &Cloud,
+    surfaces: &[PrimitiveDistances<'_>],
+    labels: &[u32],
+    noise: f64,
+) -> FaceSides {
     let mut counts: BTreeMap<(u32, u32), [usize; 2]> = BTreeMap::new();
     for (i, own) in labels.iter().enumerate() {
-        if *own == NONE || is_inside(cloud, labels, i) {
+        if *own == UNLABELLED || is_inside(cloud, labels, i) {
             continue;
         }
         for other in around(cloud, labels, i).iter().copied() {
             let r = surfaces[other as usize].at(cloud.points[i]);
-            if other != *own && r.abs() > TELLING * noise {
+            // Points this far from another surface show on which side of it a face lies.
+            if other != *own && r.abs() > 1.5 * noise {
                 counts.entry((other, *own)).or_default()[usize::from(r > 0.0)] += 1;
             }
         }
     }
-    let (share, least) = ONE_SIDED;
+    let (share, least) = MIN_ONE_SIDED;
     let side = |[minus, plus]: [usize; 2]| {
         let all = minus + plus;
         let most = minus.max(plus);
@@ -278,12 +282,12 @@ mod tests {
 
     #[test]
     fn labels_are_in_order_and_once() {
-        let mut labels = Labels::default();
+        let mut labels = LabelSet::default();
         [7, 2, 9, 2, 7, 0, 8]
             .into_iter()
             .for_each(|l| labels.add(l));
         assert!(labels.iter().eq(&[0, 2, 7, 8, 9]));
         (20..28).for_each(|l| labels.add(l));
-        assert_eq!(labels.count, NEIGHBOURS + 1);
+        assert_eq!(labels.count, MAX_NEIGHBOURS + 1);
     }
 }

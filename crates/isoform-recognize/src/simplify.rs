@@ -4,28 +4,19 @@
 //! In large noise a plane with a strip of the adjacent face is a sphere, and follows its points.
 //! That is revealed only if the points beyond the plane have a surface of their own.
 
-use crate::chart::{Kind, Surface};
-use crate::choose::{Known, Noise, follows, least_points};
+use crate::chart::{Primitive, PrimitiveKind};
+use crate::choose::{KnownSurfaces, Noise, follows, least_points};
 use crate::cloud::Cloud;
+use crate::description::MIN_SHORTENING;
 use crate::grow::trimmed;
 use crate::kinds::{coaxial_cone, guess, zone};
-use crate::segment::{Limits, NONE, SLACK, Segmentation, directions};
+use crate::labels::UNLABELLED;
+use crate::segment::{Limits, NOISE_SLACK, Segmentation, directions};
 use crate::share::shares;
-use crate::start::Line;
+use crate::start::Axis;
 use isoform_control::{Control, Stopped};
 use isoform_geom::dot;
 use rayon::prelude::*;
-
-/// Rounds in which bent surfaces are given up: what is found beside them may be bent, too.
-const ROUNDS: usize = 3;
-/// The numbers of an axis that is known: its direction and its place.
-const AXIS: u32 = 4;
-/// By how much a description has to be shorter to take the place of another.
-const GAIN: f64 = 1.0;
-/// The least cosine between the axis of a zone and one that others have: 8°.
-const BESIDE: f64 = 0.99;
-/// The share of its points that a simpler surface keeps at least.
-const KEPT: f64 = 0.6;
 
 impl Segmentation {
     /// Replaces curved surfaces by simpler ones and by what is found next to these, if that
@@ -36,10 +27,11 @@ impl Segmentation {
         limits: Limits,
         control: &Control<'_>,
     ) -> Result<(), Stopped> {
-        let noise = self.deviation(SLACK);
-        for _ in 0..ROUNDS {
+        let noise = self.deviation(NOISE_SLACK);
+        // Surfaces found next to bent ones that were given up may be bent, too.
+        for _ in 0..3 {
             let members = self.members();
-            let simpler: Vec<Option<(Surface, Vec<u32>)>> = (members.par_iter())
+            let simpler: Vec<Option<(Primitive, Vec<u32>)>> = (members.par_iter())
                 .zip(&self.surfaces)
                 .map(|(of, surface)| simpler(cloud, of, &self.simpler_kinds(surface), noise))
                 .collect();
@@ -67,20 +59,21 @@ impl Segmentation {
         &self,
         cloud: &Cloud,
         limits: Limits,
-        simpler: Vec<(usize, Surface, Vec<u32>)>,
+        simpler: Vec<(usize, Primitive, Vec<u32>)>,
         control: &Control<'_>,
     ) -> Result<Option<Self>, Stopped> {
         let mut other = self.clone();
         for (label, surface, kept) in simpler {
             let of = other.labels.iter_mut().filter(|l| **l == label as u32);
-            of.for_each(|l| *l = NONE);
+            of.for_each(|l| *l = UNLABELLED);
             kept.iter()
                 .for_each(|i| other.labels[*i as usize] = label as u32);
             other.surfaces[label] = surface;
         }
-        other.add_regions(cloud, SLACK, limits, control)?;
+        other.add_regions(cloud, NOISE_SLACK, limits, control)?;
         other.settle(cloud, limits);
-        let is_shorter = other.length(cloud, self.noise) + GAIN < self.length(cloud, self.noise);
+        let is_shorter =
+            other.length(cloud, self.noise) + MIN_SHORTENING < self.length(cloud, self.noise);
         Ok(is_shorter.then_some(other))
     }
 
@@ -89,7 +82,7 @@ impl Segmentation {
     /// four.
     pub(crate) fn turn_into_coaxial(&mut self, cloud: &Cloud, limits: Limits) {
         for label in 0..self.surfaces.len() {
-            if self.surfaces[label].kind != Kind::Sphere {
+            if self.surfaces[label].kind != PrimitiveKind::Sphere {
                 continue;
             }
             let of = self.members_of(label);
@@ -100,7 +93,8 @@ impl Segmentation {
             let mut other = self.clone();
             other.surfaces[label] = cone;
             other.relax(cloud, limits);
-            let saved = f64::from(AXIS) * (points.len().max(1) as f64).ln() / 2.0;
+            // The direction and the place of an axis that is known.
+            let saved = 4.0 * (points.len().max(1) as f64).ln() / 2.0;
             let is_whole = other.surfaces.len() == self.surfaces.len();
             let length = |s: &Self| s.length(cloud, self.noise);
             if is_whole && length(&other) - saved < length(self) {
@@ -112,15 +106,16 @@ impl Segmentation {
     /// Turns spheres of which only a narrow zone is present, about an axis that others have, into
     /// cones or cylinders that fit as well: chamfers and short bores.
     pub(crate) fn turn_zones(&mut self, cloud: &Cloud) {
-        let noise = self.deviation(SLACK);
+        let noise = self.deviation(NOISE_SLACK);
         let known = directions(&self.surfaces);
         let shares = shares(cloud, &self.surfaces, &self.labels, self.noise);
         for (surface, of) in self.surfaces.iter_mut().zip(&shares) {
-            if surface.kind != Kind::Sphere {
+            if surface.kind != PrimitiveKind::Sphere {
                 continue;
             }
             let other = zone(cloud, of, surface, noise);
-            let is_along = |s: &Surface| known.iter().any(|d| dot(*d, s.axis).abs() > BESIDE);
+            // The axis of a zone is within 8° of one that others have.
+            let is_along = |s: &Primitive| known.iter().any(|d| dot(*d, s.axis).abs() > 0.99);
             if let Some(other) = other.filter(is_along) {
                 *surface = other;
             }
@@ -128,13 +123,13 @@ impl Segmentation {
     }
 
     /// Returns the axes of the entities adjacent to some points.
-    fn axes_beside(&self, cloud: &Cloud, points: &[u32]) -> Vec<Line> {
+    fn axes_beside(&self, cloud: &Cloud, points: &[u32]) -> Vec<Axis> {
         let beside: Vec<u32> = points
             .iter()
             .flat_map(|i| cloud.near(*i))
             .copied()
             .collect();
-        let known = Known {
+        let known = KnownSurfaces {
             surfaces: &self.surfaces,
             labels: &self.labels,
         };
@@ -146,13 +141,13 @@ impl Segmentation {
 fn simpler(
     cloud: &Cloud,
     members: &[u32],
-    kinds: &[Kind],
+    kinds: &[PrimitiveKind],
     noise: Noise,
-) -> Option<(Surface, Vec<u32>)> {
-    let of = |kind: &Kind| {
+) -> Option<(Primitive, Vec<u32>)> {
+    let of = |kind: &PrimitiveKind| {
         let start = guess(cloud, members, *kind)?;
         let (surface, kept) = trimmed(cloud, members, &start, noise.deviation);
-        let is_most = kept.len() as f64 >= KEPT * members.len() as f64;
+        let is_most = kept.len() as f64 >= 0.6 * members.len() as f64;
         let is_enough = kept.len() >= least_points(*kind, noise.deviation);
         let is_good = is_most && is_enough && follows(cloud, [&kept; 2], &surface, noise);
         is_good.then_some((surface, kept))

@@ -10,28 +10,21 @@
 //! Relations implied by others are left out of g. A condition without which the sum would be less
 //! by more than χ² allows contradicts the points: its relations are dropped, worst first.
 
-use crate::chart::{Kind, MOST, Row, Surface};
+use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind};
 use crate::cloud::{Scaling, sorted};
 use crate::entity::{Recognition, Relation, RelationKind};
-use crate::fit::{covariance, mean, squares};
+use crate::fit::squares;
 use crate::recognize::deviations_of;
-use crate::relations::{CHI_SQUARED, Frame, Known, failure};
+use crate::relations::{PairFrame, failure};
 use conditions::{Condition, conditions, split};
+use entity::{SnapEntity, snap_entity};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, PointCloud};
-use solve::System;
+use solve::EquationSystem;
 
 mod conditions;
+mod entity;
 mod solve;
-
-/// Steps at most; four or five are usual.
-const STEPS: usize = 30;
-/// A step that moves no parameter by more than this, in radians and diagonals, is the last.
-const STILL: f64 = 1e-15;
-/// Maximum deviation from a relation that holds, in radians and diagonals.
-const EXACT: f64 = 1e-12;
-/// Step of central differences, in radians and diagonals.
-const STEP: f64 = 1e-6;
 
 /// Changes made by [`snap`].
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -49,29 +42,6 @@ pub struct Snap {
     pub dropped: Vec<Relation>,
 }
 
-/// An entity with its points, in diagonals of the scan about its middle.
-struct Own {
-    known: Known,
-    points: Vec<Point3>,
-    /// Standard deviation of the points along their normals.
-    sigma: f64,
-}
-
-impl Own {
-    /// Returns the gradient of half the sum of squares, less that at the start, in variances.
-    fn gradient(&self, now: &Surface) -> Row {
-        let start = &self.known.surface;
-        let rows = start.rows();
-        let mut sum = [0.0; MOST];
-        for p in &self.points {
-            let (r, row) = rows.at(start.kind, *p);
-            let change = now.distance(*p) - r;
-            sum.iter_mut().zip(row).for_each(|(s, j)| *s += change * j);
-        }
-        sum.map(|s| s / (self.sigma * self.sigma))
-    }
-}
-
 /// Refits the entities recognised in a scan so that their relations hold to rounding; relations
 /// that cannot hold are dropped.
 ///
@@ -84,7 +54,7 @@ pub fn snap(
 ) -> Result<(Recognition, Snap), Stopped> {
     control.begin("snap")?;
     let (places, index) = sorted(&scan.points);
-    let Some(mut scaling) = Scaling::of(&places) else {
+    let Some(mut scaling) = Scaling::from_points(&places) else {
         return Ok((found.clone(), Snap::default()));
     };
     let mut members = vec![Vec::new(); found.entities.len()];
@@ -101,7 +71,9 @@ pub fn snap(
         scaling.origin[k] += scan.origin[k];
     }
     let all = members.into_iter().enumerate();
-    let owns: Vec<Own> = all.map(|(i, p)| own(found, i, p, &scaling)).collect();
+    let owns: Vec<SnapEntity> = all
+        .map(|(i, p)| snap_entity(found, i, p, &scaling))
+        .collect();
     let (relations, dropped, solved) = consistent(&owns, &found.relations, control)?;
     let new = report(found, &owns, relations, &solved, &scaling);
     let snap = Snap {
@@ -111,50 +83,20 @@ pub fn snap(
     Ok((new, snap))
 }
 
-/// Returns an entity about the centroid of its points, with its covariance: infinite if it is
-/// undetermined.
-fn own(found: &Recognition, i: usize, points: Vec<Point3>, scaling: &Scaling) -> Own {
-    let surface = Surface::of(&found.entities[i].surface, scaling.origin);
-    let surface = surface.scaled(1.0 / scaling.unit).about(mean(&points));
-    let n = surface.kind.parameters();
-    let free = points.len().saturating_sub(n).max(1) as f64;
-    let least = match found.is_form {
-        // A tolerance of form is not the noise of those objects that follow their surfaces.
-        true => 0.0,
-        // Few points may lie on a surface by chance more exactly than they were rounded.
-        false => found.noise / scaling.unit / 3.0_f64.sqrt(),
-    };
-    let sigma = (squares(&surface, &points) / free)
-        .sqrt()
-        .max(least)
-        .max(f64::EPSILON);
-    let open = [[f64::INFINITY; MOST]; MOST];
-    let variance = |c: [Row; MOST]| c.map(|row| row.map(|x| x * sigma * sigma));
-    let covariance = covariance(&surface, &points).map_or(open, variance);
-    Own {
-        known: Known {
-            surface,
-            covariance,
-        },
-        points,
-        sigma,
-    }
-}
-
 /// Entities that satisfy the conditions.
-struct Solved {
-    surfaces: Vec<Surface>,
-    steps: Vec<Row>,
-    covariances: Vec<[Row; MOST]>,
+struct SnapSolution {
+    surfaces: Vec<Primitive>,
+    steps: Vec<ParameterRow>,
+    covariances: Vec<[ParameterRow; MAX_PARAMETERS]>,
     conditions: usize,
 }
 
 /// Returns the relations that hold together, those that do not, and the entities.
 fn consistent(
-    owns: &[Own],
+    owns: &[SnapEntity],
     relations: &[Relation],
     control: &Control<'_>,
-) -> Result<(Vec<Relation>, Vec<Relation>, Solved), Stopped> {
+) -> Result<(Vec<Relation>, Vec<Relation>, SnapSolution), Stopped> {
     let is_known = |r: &&Relation| {
         let of = |i: usize| owns[i].known.covariance[0][0].is_finite();
         r.entities.into_iter().all(of)
@@ -176,20 +118,21 @@ fn consistent(
 
 /// Returns the entities under conditions, and the condition that contradicts most; `None` if all
 /// are consistent.
-fn solve(owns: &[Own], conditions: &[Condition]) -> (Solved, Option<usize>) {
-    let mut steps = vec![[0.0; MOST]; owns.len()];
-    let moved = |steps: &[Row]| -> Vec<Surface> {
+fn solve(owns: &[SnapEntity], conditions: &[Condition]) -> (SnapSolution, Option<usize>) {
+    let mut steps = vec![[0.0; MAX_PARAMETERS]; owns.len()];
+    let moved = |steps: &[ParameterRow]| -> Vec<Primitive> {
         let all = owns.iter().zip(steps);
         all.map(|(o, s)| o.known.surface.moved(s)).collect()
     };
     let (mut surfaces, mut system, mut lambda) = (moved(&steps), None, Vec::new());
-    for _ in 0..STEPS {
-        let gradients: Vec<Row> = owns
+    // Four or five steps are usual.
+    for _ in 0..30 {
+        let gradients: Vec<ParameterRow> = owns
             .iter()
             .zip(&surfaces)
             .map(|(o, s)| o.gradient(s))
             .collect();
-        let now = System::new(owns, &steps, conditions);
+        let now = EquationSystem::new(owns, &steps, conditions);
         let change;
         (lambda, change) = now.step(owns, &gradients);
         let mut largest = 0.0_f64;
@@ -201,7 +144,7 @@ fn solve(owns: &[Own], conditions: &[Condition]) -> (Solved, Option<usize>) {
         }
         surfaces = moved(&steps);
         system = Some(now);
-        if largest < STILL || !largest.is_finite() {
+        if largest < 1e-15 || !largest.is_finite() {
             break;
         }
     }
@@ -213,10 +156,11 @@ fn solve(owns: &[Own], conditions: &[Condition]) -> (Solved, Option<usize>) {
         worst.into_iter().map(size).fold(0.0, f64::max)
     };
     // Conditions that others seemed to imply, but do not.
-    let open = (0..conditions.len()).filter(|k| off(*k) > EXACT);
+    // In radians and diagonals.
+    let open = (0..conditions.len()).filter(|k| off(*k) > 1e-12);
     let worst = open.max_by(|a, b| off(*a).total_cmp(&off(*b)));
     let worst = worst.or_else(|| system.contradiction(&lambda));
-    let solved = Solved {
+    let solved = SnapSolution {
         covariances: system.covariances(owns),
         conditions: system.rank(),
         surfaces,
@@ -228,16 +172,16 @@ fn solve(owns: &[Own], conditions: &[Condition]) -> (Solved, Option<usize>) {
 /// Returns the recognition with the new surfaces.
 fn report(
     found: &Recognition,
-    owns: &[Own],
+    owns: &[SnapEntity],
     mut relations: Vec<Relation>,
-    solved: &Solved,
+    solved: &SnapSolution,
     scaling: &Scaling,
 ) -> Recognition {
     let mut new = found.clone();
     for (i, entity) in new.entities.iter_mut().enumerate() {
         let points = &owns[i].points;
         let surface = solved.surfaces[i];
-        if points.is_empty() || solved.steps[i] == [0.0; MOST] {
+        if points.is_empty() || solved.steps[i] == [0.0; MAX_PARAMETERS] {
             continue;
         }
         entity.surface = surface.quadric(scaling.unit, scaling.origin);
@@ -247,7 +191,7 @@ fn report(
     }
     for blend in &mut new.blends {
         let s = &solved.surfaces[blend.entity];
-        let radius = if s.kind == Kind::Torus {
+        let radius = if s.kind == PrimitiveKind::Torus {
             s.other
         } else {
             s.size
@@ -256,7 +200,7 @@ fn report(
     }
     for r in &mut relations {
         let pair = r.entities.map(|i| &solved.surfaces[i]);
-        let g = failure(r.kind, &Frame::of(pair), pair);
+        let g = failure(r.kind, &PairFrame::from_pair(pair), pair);
         let shown = if g.angles == g.count { 0 } else { g.angles };
         let size: f64 = g.values[shown..g.count].iter().map(|v| v * v).sum();
         let is_angle = matches!(r.kind, RelationKind::Parallel | RelationKind::Perpendicular);
@@ -267,7 +211,7 @@ fn report(
 }
 
 /// Returns the motion of the entities, and its cost.
-fn changes(owns: &[Own], solved: &Solved, scaling: &Scaling) -> Snap {
+fn changes(owns: &[SnapEntity], solved: &SnapSolution, scaling: &Scaling) -> Snap {
     let (mut sums, mut count, mut chi_squared) = ([0.0; 2], 0, 0.0);
     let mut moved = Vec::new();
     for (o, s) in owns.iter().zip(&solved.surfaces) {
@@ -279,7 +223,9 @@ fn changes(owns: &[Own], solved: &Solved, scaling: &Scaling) -> Snap {
     }
     for (o, (s, step)) in owns.iter().zip(solved.surfaces.iter().zip(&solved.steps)) {
         let gradient = o.gradient(s);
-        chi_squared += (0..MOST).map(|k| gradient[k] * step[k]).sum::<f64>();
+        chi_squared += (0..MAX_PARAMETERS)
+            .map(|k| gradient[k] * step[k])
+            .sum::<f64>();
     }
     Snap {
         moved,
@@ -293,12 +239,14 @@ fn changes(owns: &[Own], solved: &Solved, scaling: &Scaling) -> Snap {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::covariance;
+    use crate::relations::UncertainSurface;
 
     /// Returns a square of side 1 through the origin, tilted, with known errors.
-    fn square(tilt: f64) -> Own {
+    fn square(tilt: f64) -> SnapEntity {
         let sigma = 1e-3;
         let axis = [tilt.sin(), 0.0, tilt.cos()];
-        let surface = Surface::plane([0.0; 3], axis);
+        let surface = Primitive::plane([0.0; 3], axis);
         let [e, f] = surface.frame();
         let at = |k: i32| f64::from(k) / 10.0 - 0.5;
         let cells = (0..11).flat_map(|i| (0..11).map(move |j| [at(i), at(j)]));
@@ -306,8 +254,8 @@ mod tests {
             .map(|[u, v]| std::array::from_fn(|k| u * e[k] + v * f[k]))
             .collect();
         let unit = covariance(&surface, &points).expect("all is determined");
-        Own {
-            known: Known {
+        SnapEntity {
+            known: UncertainSurface {
                 surface,
                 covariance: unit.map(|row| row.map(|x| x * sigma * sigma)),
             },

@@ -1,47 +1,41 @@
 //! Splitting of surfaces that bend over an edge into the faces there.
 
-use crate::chart::{Kind, Surface};
-use crate::choose::{Known, Noise, best_region, is_called_for, least_points};
+use crate::chart::{Primitive, PrimitiveKind};
+use crate::choose::{KnownSurfaces, Noise, best_region, is_called_for, least_points};
 use crate::cloud::Cloud;
 use crate::cost::Cost;
-use crate::grow::Region;
+use crate::grow::SurfaceRegion;
 use crate::kinds::best_kind;
-use crate::share::Shares;
+use crate::share::MembershipWeights;
 use rayon::prelude::*;
 
-/// Maximum number of faces that an entity is split into.
-const MOST: usize = 3;
-/// The share of its points that these explain at least.
-const EXPLAINED: f64 = 0.85;
-/// Rounds of points and surfaces of the parts.
-const SETTLING: usize = 3;
 /// Number of seeds that are tried for each part.
-const SEEDS: usize = 6;
+const SEEDS_PER_FACE: usize = 6;
 
 /// Maximum relative change of its points, and of the noise, at which an entity that could not be
 /// split is not tried again: labels at borders fluctuate. A smaller limit tries most entities in
 /// each round, a larger one skips entities that have changed.
-const WAVERING: f64 = 0.02;
+const MAX_RELATIVE_CHANGE: f64 = 0.02;
 
 /// Sets of points that could not be split.
 #[derive(Clone)]
-pub(crate) struct Whole {
+pub(crate) struct FailedSplits {
     /// Last set that each point was in.
     last: Vec<Option<u32>>,
-    sets: Vec<Tried>,
+    sets: Vec<FailedSplit>,
 }
 
 /// A set of points that could not be split.
 #[derive(Clone)]
-struct Tried {
-    kind: Kind,
+struct FailedSplit {
+    kind: PrimitiveKind,
     size: usize,
     noise: f64,
 }
 
-impl Whole {
+impl FailedSplits {
     /// Creates an empty collection for a number of points.
-    pub(crate) fn of(points: usize) -> Self {
+    pub(crate) fn new(points: usize) -> Self {
         Self {
             last: vec![None; points],
             sets: Vec::new(),
@@ -49,16 +43,16 @@ impl Whole {
     }
 
     /// Adds a set that could not be split at the given noise.
-    pub(crate) fn add(&mut self, kind: Kind, members: &[u32], noise: f64) {
+    pub(crate) fn add(&mut self, kind: PrimitiveKind, members: &[u32], noise: f64) {
         let set = Some(self.sets.len() as u32);
         members.iter().for_each(|i| self.last[*i as usize] = set);
         let size = members.len();
-        self.sets.push(Tried { kind, size, noise });
+        self.sets.push(FailedSplit { kind, size, noise });
     }
 
     /// Returns true if points are nearly those of one set, on a surface of the given kind, with
     /// nearly its noise.
-    pub(crate) fn holds(&self, kind: Kind, members: &[u32], noise: f64) -> bool {
+    pub(crate) fn holds(&self, kind: PrimitiveKind, members: &[u32], noise: f64) -> bool {
         // A set of nearly all points mostly contains the middle one; otherwise it is tried again.
         let Some(set) = members
             .get(members.len() / 2)
@@ -69,8 +63,8 @@ impl Whole {
         let tried = &self.sets[set as usize];
         let is_in = |i: &&u32| self.last[**i as usize] == Some(set);
         let common = members.iter().filter(is_in).count() as f64;
-        let least = (1.0 - WAVERING) * members.len().max(tried.size) as f64;
-        let is_like = (noise - tried.noise).abs() <= WAVERING * tried.noise;
+        let least = (1.0 - MAX_RELATIVE_CHANGE) * members.len().max(tried.size) as f64;
+        let is_like = (noise - tried.noise).abs() <= MAX_RELATIVE_CHANGE * tried.noise;
         tried.kind == kind && is_like && common >= least
     }
 }
@@ -80,23 +74,31 @@ impl Whole {
 pub(crate) fn split(
     cloud: &Cloud,
     members: &[u32],
-    surface: &Surface,
-    kinds: &[Kind],
+    surface: &Primitive,
+    kinds: &[PrimitiveKind],
     noise: Noise,
-) -> Option<Vec<Region>> {
+) -> Option<Vec<SurfaceRegion>> {
     if kinds.is_empty() || members.is_empty() {
         return None;
     }
     let mut is_free = vec![false; cloud.points.len()];
     members.iter().for_each(|i| is_free[*i as usize] = true);
-    let mut parts: Vec<Region> = Vec::new();
+    let mut parts: Vec<SurfaceRegion> = Vec::new();
     let mut left = members.to_vec();
-    while parts.len() < MOST && !left.is_empty() {
+    // An entity is split into three faces at most.
+    while parts.len() < 3 && !left.is_empty() {
         // Seeds evenly spread over the remaining points, which are sorted by their coordinates.
-        let seed = |k: usize| left[(2 * k + 1) * left.len() / (2 * SEEDS)];
+        let seed = |k: usize| left[(2 * k + 1) * left.len() / (2 * SEEDS_PER_FACE)];
         let is_open = |i: u32| is_free[i as usize];
-        let region = (0..SEEDS).into_par_iter().find_map_first(|k| {
-            best_region(cloud, seed(k), kinds, noise, Known::default(), &is_open)
+        let region = (0..SEEDS_PER_FACE).into_par_iter().find_map_first(|k| {
+            best_region(
+                cloud,
+                seed(k),
+                kinds,
+                noise,
+                KnownSurfaces::default(),
+                &is_open,
+            )
         });
         let Some(region) = region else { break };
         for i in &region.points {
@@ -106,7 +108,8 @@ pub(crate) fn split(
         parts.push(region);
     }
     let explained = (members.len() - left.len()) as f64;
-    let is_whole = parts.len() > 1 && explained >= EXPLAINED * members.len() as f64;
+    // The parts have to explain 85 % of the points.
+    let is_whole = parts.len() > 1 && explained >= 0.85 * members.len() as f64;
     (is_whole && is_better(cloud, members, surface, &mut parts, noise)).then_some(parts)
 }
 
@@ -115,23 +118,23 @@ pub(crate) fn split(
 fn is_better(
     cloud: &Cloud,
     members: &[u32],
-    surface: &Surface,
-    parts: &mut [Region],
+    surface: &Primitive,
+    parts: &mut [SurfaceRegion],
     noise: Noise,
 ) -> bool {
-    let most = Cost::of(noise.deviation).reach().powi(2);
+    let most = Cost::with_noise(noise.deviation).reach().powi(2);
     let one: f64 = squares_of(cloud, members, &[*surface], most);
-    for _ in 0..SETTLING {
+    for _ in 0..3 {
         share_out(cloud, members, parts);
         for part in parts.iter_mut() {
-            if part.points.len() < least_points(Kind::Plane, noise.deviation) {
+            if part.points.len() < least_points(PrimitiveKind::Plane, noise.deviation) {
                 return false;
             }
-            let shares: Shares = part.points.iter().map(|i| (*i, 1.0)).collect();
+            let shares: MembershipWeights = part.points.iter().map(|i| (*i, 1.0)).collect();
             part.surface = best_kind(cloud, &shares, &part.surface, noise);
         }
     }
-    let surfaces: Vec<Surface> = parts.iter().map(|p| p.surface).collect();
+    let surfaces: Vec<Primitive> = parts.iter().map(|p| p.surface).collect();
     let many = squares_of(cloud, members, &surfaces, most);
     let all: usize = surfaces.iter().map(|s| s.kind.parameters()).sum();
     let more = all.saturating_sub(surface.kind.parameters());
@@ -139,7 +142,7 @@ fn is_better(
 }
 
 /// Returns Σ of squared distances to the nearest of surfaces, each at most `most`.
-fn squares_of(cloud: &Cloud, members: &[u32], surfaces: &[Surface], most: f64) -> f64 {
+fn squares_of(cloud: &Cloud, members: &[u32], surfaces: &[Primitive], most: f64) -> f64 {
     let square = |i: &u32| {
         let p = cloud.points[*i as usize];
         let squares = surfaces.iter().map(|s| s.distance(p).powi(2));
@@ -149,7 +152,7 @@ fn squares_of(cloud: &Cloud, members: &[u32], surfaces: &[Surface], most: f64) -
 }
 
 /// Assigns each point to the nearest part.
-fn share_out(cloud: &Cloud, members: &[u32], parts: &mut [Region]) {
+fn share_out(cloud: &Cloud, members: &[u32], parts: &mut [SurfaceRegion]) {
     let mut points = vec![Vec::new(); parts.len()];
     for i in members {
         let p = cloud.points[*i as usize];
@@ -168,17 +171,17 @@ mod tests {
 
     #[test]
     fn entities_that_changed_are_tried_again() {
-        let mut whole = Whole::of(1000);
+        let mut whole = FailedSplits::new(1000);
         let all: Vec<u32> = (0..500).collect();
-        assert!(!whole.holds(Kind::Torus, &all, 1.0));
-        whole.add(Kind::Torus, &all, 1.0);
-        assert!(whole.holds(Kind::Torus, &all, 1.01));
-        assert!(whole.holds(Kind::Torus, &all[5..], 1.0));
-        assert!(!whole.holds(Kind::Cone, &all, 1.0));
-        assert!(!whole.holds(Kind::Torus, &all, 0.9));
-        assert!(!whole.holds(Kind::Torus, &all[20..], 1.0));
+        assert!(!whole.holds(PrimitiveKind::Torus, &all, 1.0));
+        whole.add(PrimitiveKind::Torus, &all, 1.0);
+        assert!(whole.holds(PrimitiveKind::Torus, &all, 1.01));
+        assert!(whole.holds(PrimitiveKind::Torus, &all[5..], 1.0));
+        assert!(!whole.holds(PrimitiveKind::Cone, &all, 1.0));
+        assert!(!whole.holds(PrimitiveKind::Torus, &all, 0.9));
+        assert!(!whole.holds(PrimitiveKind::Torus, &all[20..], 1.0));
         let more: Vec<u32> = (0..520).collect();
-        assert!(!whole.holds(Kind::Torus, &more, 1.0));
-        assert!(!whole.holds(Kind::Torus, &[], 1.0));
+        assert!(!whole.holds(PrimitiveKind::Torus, &more, 1.0));
+        assert!(!whole.holds(PrimitiveKind::Torus, &[], 1.0));
     }
 }

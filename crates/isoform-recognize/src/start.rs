@@ -1,40 +1,40 @@
 //! Initial guesses of surfaces from points and their normals.
 
-use crate::chart::{Kind, Surface, frame, unit};
+use crate::chart::{Primitive, PrimitiveKind, frame, unit};
 use crate::fit::mean;
 use isoform_geom::{Point3, cross, dot, norm, sub};
 use isoform_num::linalg::{cholesky, cholesky_solve, symmetric_eigen};
 
 /// Returns initial guesses for a kind of surface; several if the points are ambiguous.
-pub(crate) fn starts(kind: Kind, points: &[Point3], normals: &[Point3]) -> Vec<Surface> {
+pub(crate) fn starts(kind: PrimitiveKind, points: &[Point3], normals: &[Point3]) -> Vec<Primitive> {
     match kind {
-        Kind::Plane => vec![plane(points)],
-        Kind::Sphere => sphere(points).into_iter().collect(),
-        Kind::Cylinder => axes(points, normals)
+        PrimitiveKind::Plane => vec![plane(points)],
+        PrimitiveKind::Sphere => sphere(points).into_iter().collect(),
+        PrimitiveKind::Cylinder => axes(points, normals)
             .into_iter()
             .filter_map(|axis| cylinder(points, axis))
             .collect(),
-        Kind::Cone => cones(points, normals),
-        Kind::Torus => tori(points, normals),
+        PrimitiveKind::Cone => cones(points, normals),
+        PrimitiveKind::Torus => tori(points, normals),
     }
 }
 
 /// An axis: a point of it and its direction.
-pub(crate) type Line = (Point3, Point3);
+pub(crate) type Axis = (Point3, Point3);
 
 /// Returns the initial guess for a kind of surface about a known axis: a straight line or a circle
 /// through the profile of the points, whatever the normals are. `None` for kinds without an axis.
-pub(crate) fn start_about(kind: Kind, points: &[Point3], axis: Line) -> Option<Surface> {
+pub(crate) fn start_about(kind: PrimitiveKind, points: &[Point3], axis: Axis) -> Option<Primitive> {
     match kind {
-        Kind::Plane | Kind::Sphere => None,
-        Kind::Cylinder | Kind::Cone => cone_about(kind, points, axis),
-        Kind::Torus => torus_about(points, axis.0, axis.1),
+        PrimitiveKind::Plane | PrimitiveKind::Sphere => None,
+        PrimitiveKind::Cylinder | PrimitiveKind::Cone => cone_about(kind, points, axis),
+        PrimitiveKind::Torus => torus_about(points, axis.0, axis.1),
     }
 }
 
 /// Returns the cone about an axis, or the cylinder: the regression line of the radius over the
 /// height.
-fn cone_about(kind: Kind, points: &[Point3], (place, axis): Line) -> Option<Surface> {
+fn cone_about(kind: PrimitiveKind, points: &[Point3], (place, axis): Axis) -> Option<Primitive> {
     let middle = dot(sub(mean(points), place), axis);
     let profile = points.iter().map(|p| {
         let d = sub(*p, place);
@@ -46,13 +46,13 @@ fn cone_about(kind: Kind, points: &[Point3], (place, axis): Line) -> Option<Surf
         slope += r * h;
         squares += h * h;
     }
-    let surface = Surface {
+    let surface = Primitive {
         kind,
         place: std::array::from_fn(|k| place[k] + middle * axis[k]),
         axis,
         size: radius,
         other: match kind {
-            Kind::Cone => (slope / squares).atan(),
+            PrimitiveKind::Cone => (slope / squares).atan(),
             _ => 0.0,
         },
     };
@@ -60,13 +60,13 @@ fn cone_about(kind: Kind, points: &[Point3], (place, axis): Line) -> Option<Surf
 }
 
 /// Returns the least-squares plane.
-pub(crate) fn plane(points: &[Point3]) -> Surface {
+pub(crate) fn plane(points: &[Point3]) -> Primitive {
     let place = mean(points);
     let mut moments = [0.0; 9];
     for p in points {
         add_square(&mut moments, sub(*p, place));
     }
-    Surface::plane(place, least_direction(&moments))
+    Primitive::plane(place, least_direction(&moments))
 }
 
 fn add_square(moments: &mut [f64; 9], d: Point3) {
@@ -83,7 +83,7 @@ fn least_direction(moments: &[f64; 9]) -> Point3 {
 }
 
 /// Returns the sphere of least algebraic distance: |x|² = 2 c·x + k is linear in c and k.
-fn sphere(points: &[Point3]) -> Option<Surface> {
+fn sphere(points: &[Point3]) -> Option<Primitive> {
     let about = mean(points);
     let rows = points.iter().map(|p| {
         let d = sub(*p, about);
@@ -91,8 +91,8 @@ fn sphere(points: &[Point3]) -> Option<Surface> {
     });
     let [x, y, z, k] = least_squares(rows)?;
     let size = (k + x * x + y * y + z * z).sqrt();
-    let surface = Surface {
-        kind: Kind::Sphere,
+    let surface = Primitive {
+        kind: PrimitiveKind::Sphere,
         place: std::array::from_fn(|i| about[i] + [x, y, z][i]),
         axis: [0.0, 0.0, 1.0],
         size,
@@ -102,14 +102,14 @@ fn sphere(points: &[Point3]) -> Option<Surface> {
 }
 
 /// Returns the sphere of least algebraic distance with its centre on an axis.
-pub(crate) fn centred_sphere(points: &[Point3], (place, axis): Line) -> Option<Surface> {
+pub(crate) fn centred_sphere(points: &[Point3], (place, axis): Axis) -> Option<Primitive> {
     let rows = points.iter().map(|p| {
         let d = sub(*p, place);
         ([2.0 * dot(d, axis), 1.0], dot(d, d))
     });
     let [h, k] = least_squares(rows)?;
-    let surface = Surface {
-        kind: Kind::Sphere,
+    let surface = Primitive {
+        kind: PrimitiveKind::Sphere,
         place: std::array::from_fn(|i| place[i] + h * axis[i]),
         axis: [0.0, 0.0, 1.0],
         size: (k + h * h).sqrt(),
@@ -183,7 +183,7 @@ fn curvature_directions(points: &[Point3]) -> Option<[Point3; 2]> {
 }
 
 /// Returns Σ r² of points from the quadratic height over a plane that fits them best.
-pub(crate) fn bent_squares(plane: &Surface, points: &[Point3]) -> f64 {
+pub(crate) fn bent_squares(plane: &Primitive, points: &[Point3]) -> f64 {
     let [e, f] = plane.frame();
     let row = |p: &Point3| {
         let d = sub(*p, plane.place);
@@ -201,7 +201,7 @@ pub(crate) fn bent_squares(plane: &Surface, points: &[Point3]) -> f64 {
 }
 
 /// Returns the cylinder along an axis: a circle of least algebraic distance across it.
-pub(crate) fn cylinder(points: &[Point3], axis: Point3) -> Option<Surface> {
+pub(crate) fn cylinder(points: &[Point3], axis: Point3) -> Option<Primitive> {
     let about = mean(points);
     let [e, f] = frame(axis);
     let rows = points.iter().map(|p| {
@@ -210,8 +210,8 @@ pub(crate) fn cylinder(points: &[Point3], axis: Point3) -> Option<Surface> {
         ([2.0 * u, 2.0 * v, 1.0], u * u + v * v)
     });
     let [u, v, k] = least_squares(rows)?;
-    let surface = Surface {
-        kind: Kind::Cylinder,
+    let surface = Primitive {
+        kind: PrimitiveKind::Cylinder,
         place: std::array::from_fn(|i| about[i] + u * e[i] + v * f[i]),
         axis,
         size: (k + u * u + v * v).sqrt(),
@@ -222,12 +222,12 @@ pub(crate) fn cylinder(points: &[Point3], axis: Point3) -> Option<Surface> {
 
 /// Returns cones: one whose normals make a constant angle with the axis and whose tangent planes
 /// all pass through the apex, and each cylinder, as a cone with the half angle 0.
-fn cones(points: &[Point3], normals: &[Point3]) -> Vec<Surface> {
-    let mut cones: Vec<Surface> = axes(points, normals)
+fn cones(points: &[Point3], normals: &[Point3]) -> Vec<Primitive> {
+    let mut cones: Vec<Primitive> = axes(points, normals)
         .into_iter()
         .filter_map(|axis| cylinder(points, axis))
-        .map(|c| Surface {
-            kind: Kind::Cone,
+        .map(|c| Primitive {
+            kind: PrimitiveKind::Cone,
             ..c
         })
         .collect();
@@ -250,15 +250,15 @@ fn cones(points: &[Point3], normals: &[Point3]) -> Vec<Surface> {
 }
 
 /// Returns the cone with this apex and axis, with the mean angle of the points.
-fn cone_at(apex: Point3, axis: Point3, points: &[Point3]) -> Option<Surface> {
+fn cone_at(apex: Point3, axis: Point3, points: &[Point3]) -> Option<Primitive> {
     let h: f64 = points.iter().map(|p| dot(sub(*p, apex), axis)).sum();
     let axis = if h < 0.0 { axis.map(|x| -x) } else { axis };
     let angle = points.iter().map(|p| {
         let d = sub(*p, apex);
         norm(cross(d, axis)).atan2(dot(d, axis))
     });
-    let cone = Surface {
-        kind: Kind::Cone,
+    let cone = Primitive {
+        kind: PrimitiveKind::Cone,
         place: apex,
         axis,
         size: 0.0,
@@ -271,10 +271,10 @@ fn cone_at(apex: Point3, axis: Point3, points: &[Point3]) -> Option<Surface> {
 /// Returns tori: one about the axis of revolution (the normal lines of a surface of revolution meet
 /// its axis, which is linear in the coordinates of that line, Pottmann and Wallner 2001), with a
 /// circle as its section, and one whose tube has the larger curvature of the points.
-fn tori(points: &[Point3], normals: &[Point3]) -> Vec<Surface> {
+fn tori(points: &[Point3], normals: &[Point3]) -> Vec<Primitive> {
     let mut lines = vec![];
     lines.extend(axis_of_revolution(points, normals));
-    let mut tori: Vec<Surface> = lines
+    let mut tori: Vec<Primitive> = lines
         .into_iter()
         .filter_map(|(place, axis)| torus_about(points, place, axis))
         .collect();
@@ -312,7 +312,7 @@ fn axis_of_revolution(points: &[Point3], normals: &[Point3]) -> Option<(Point3, 
 
 /// Returns the torus about an axis: the circle of least algebraic distance through (radius,
 /// height).
-fn torus_about(points: &[Point3], place: Point3, axis: Point3) -> Option<Surface> {
+fn torus_about(points: &[Point3], place: Point3, axis: Point3) -> Option<Primitive> {
     let profile = points.iter().map(|p| {
         let d = sub(*p, place);
         let h = dot(d, axis);
@@ -320,8 +320,8 @@ fn torus_about(points: &[Point3], place: Point3, axis: Point3) -> Option<Surface
     });
     let rows = profile.map(|(r, h)| ([2.0 * r, 2.0 * h, 1.0], r * r + h * h));
     let [r, h, k] = least_squares(rows)?;
-    let surface = Surface {
-        kind: Kind::Torus,
+    let surface = Primitive {
+        kind: PrimitiveKind::Torus,
         place: std::array::from_fn(|i| place[i] + h * axis[i]),
         axis,
         size: r,
@@ -332,7 +332,7 @@ fn torus_about(points: &[Point3], place: Point3, axis: Point3) -> Option<Surface
 
 /// Returns the torus with the principal curvatures of the points: its tube in the direction of the
 /// larger, its circle in the other.
-fn tube(points: &[Point3]) -> Option<Surface> {
+fn tube(points: &[Point3]) -> Option<Primitive> {
     let plane = plane(points);
     let [strong, weak] = curvature_directions(points)?;
     let rows = points.iter().map(|p| {
@@ -347,8 +347,8 @@ fn tube(points: &[Point3]) -> Option<Surface> {
     }
     // The centre of the tube's section lies 1/k along the normal, the axis 1/l.
     let axis_at: Point3 = std::array::from_fn(|i| plane.place[i] + (c + 1.0 / l) * plane.axis[i]);
-    let surface = Surface {
-        kind: Kind::Torus,
+    let surface = Primitive {
+        kind: PrimitiveKind::Torus,
         place: axis_at,
         axis: strong,
         size: (1.0 / l - 1.0 / k).abs(),

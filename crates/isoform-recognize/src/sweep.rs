@@ -1,59 +1,53 @@
 //! Swept faces, found together in their plane section: bodies of revolution and extrusions.
 
-use crate::chart::{Kind, Surface, frame};
-use crate::choose::EXACT;
+use crate::chart::{Primitive, PrimitiveKind, frame};
 use crate::cloud::Cloud;
+use crate::description::MIN_SHORTENING;
 use crate::fit::{Precision, fit};
-use crate::grow::WITHIN;
-use crate::profile::{Curve, Place, Price, Shape, pieces};
-use crate::segment::{EVIDENCE, Limits, NONE, SLACK, Segmentation, directions};
-use crate::start::Line;
+use crate::labels::UNLABELLED;
+use crate::noise::{EXPLAINED_DEVIATIONS, MAX_EXACT_NOISE};
+use crate::profile::{CurveFamily, PlanePoint, Price, ProfileCurve, pieces};
+use crate::segment::{Limits, MIN_EVIDENCE, NOISE_SLACK, Segmentation, directions};
+use crate::start::Axis;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, cross, dot, norm, sub};
 use rayon::prelude::*;
 
 /// Sections of surfaces about an axis, by a half plane through it.
-const ROUND: [(Shape, Kind); 5] = [
-    (Shape::Across, Kind::Plane),
-    (Shape::Along, Kind::Cylinder),
-    (Shape::Line, Kind::Cone),
-    (Shape::Centred, Kind::Sphere),
-    (Shape::Circle, Kind::Torus),
+const SECTIONS_ABOUT_AXIS: [(CurveFamily, PrimitiveKind); 5] = [
+    (CurveFamily::Across, PrimitiveKind::Plane),
+    (CurveFamily::Along, PrimitiveKind::Cylinder),
+    (CurveFamily::Line, PrimitiveKind::Cone),
+    (CurveFamily::Centred, PrimitiveKind::Sphere),
+    (CurveFamily::Circle, PrimitiveKind::Torus),
 ];
 /// Sections of surfaces along a direction, by a plane across it.
-const STRAIGHT: [(Shape, Kind); 2] = [(Shape::Line, Kind::Plane), (Shape::Circle, Kind::Cylinder)];
+const SECTIONS_ALONG_DIRECTION: [(CurveFamily, PrimitiveKind); 2] = [
+    (CurveFamily::Line, PrimitiveKind::Plane),
+    (CurveFamily::Circle, PrimitiveKind::Cylinder),
+];
 /// Maximum number of axes, and of directions, that are tried, those with most points first.
-const MOST: usize = 4;
-/// Axes are one up to this cosine, and this many deviations apart.
-const PARALLEL: f64 = 0.999;
-const APART: f64 = 6.0;
-/// The cosine between a normal and the motion at most; more lets normals of others in, less keeps
-/// those near edges out.
-const ACROSS: f64 = 0.35;
-/// The share of the points of an entity that have such normals.
-const MOSTLY: f64 = 0.8;
-/// By how much a description has to be shorter to take the place of another.
-const GAIN: f64 = 1.0;
+const MAX_SWEEP_AXES: usize = 4;
 
 /// A continuous motion that leaves surfaces invariant.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Sweep {
     /// Rotations about an axis.
-    About(Line),
+    About(Axis),
     /// Translations along a unit direction.
     Along(Point3),
 }
 
 impl Sweep {
-    fn shapes(&self) -> &'static [(Shape, Kind)] {
+    fn shapes(&self) -> &'static [(CurveFamily, PrimitiveKind)] {
         match self {
-            Self::About(_) => &ROUND,
-            Self::Along(_) => &STRAIGHT,
+            Self::About(_) => &SECTIONS_ABOUT_AXIS,
+            Self::Along(_) => &SECTIONS_ALONG_DIRECTION,
         }
     }
 
     /// Returns the point of the section that the motion carries a point to.
-    pub(crate) fn section(&self, p: Point3) -> Place {
+    pub(crate) fn section(&self, p: Point3) -> PlanePoint {
         match self {
             Self::About((place, axis)) => {
                 let d = sub(p, *place);
@@ -69,36 +63,38 @@ impl Sweep {
             Self::About((place, axis)) => cross(*axis, sub(p, *place)),
             Self::Along(direction) => *direction,
         };
-        dot(motion, normal).abs() <= ACROSS * norm(motion)
+        // A larger bound lets normals of other entities in, a smaller one keeps those near edges
+        // out.
+        dot(motion, normal).abs() <= 0.35 * norm(motion)
     }
 
     /// Returns the surface of which a piece is the section.
-    pub(crate) fn surface(&self, kind: Kind, curve: &Curve) -> Option<Surface> {
+    pub(crate) fn surface(&self, kind: PrimitiveKind, curve: &ProfileCurve) -> Option<Primitive> {
         let (place, axis, size, other) = match self {
             Self::About((place, axis)) => {
                 let at = |h: f64| std::array::from_fn(|k| place[k] + h * axis[k]);
                 match *curve {
-                    Curve::Line([h, r], [along, away]) => match kind {
-                        Kind::Plane => (at(h), *axis, 0.0, 0.0),
-                        Kind::Cone => (at(h), *axis, r, (away / along).atan()),
+                    ProfileCurve::Line([h, r], [along, away]) => match kind {
+                        PrimitiveKind::Plane => (at(h), *axis, 0.0, 0.0),
+                        PrimitiveKind::Cone => (at(h), *axis, r, (away / along).atan()),
                         _ => (at(h), *axis, r, 0.0),
                     },
-                    Curve::Circle([h, r], radius) => match kind {
-                        Kind::Torus => (at(h), *axis, r, radius),
+                    ProfileCurve::Circle([h, r], radius) => match kind {
+                        PrimitiveKind::Torus => (at(h), *axis, r, radius),
                         _ => (at(h), *axis, radius, 0.0),
                     },
                 }
             }
             Self::Along(direction) => {
                 let [e, f] = frame(*direction);
-                let at = |[u, v]: Place| std::array::from_fn(|k| u * e[k] + v * f[k]);
+                let at = |[u, v]: PlanePoint| std::array::from_fn(|k| u * e[k] + v * f[k]);
                 match *curve {
-                    Curve::Line(place, [a, b]) => (at(place), at([-b, a]), 0.0, 0.0),
-                    Curve::Circle(center, radius) => (at(center), *direction, radius, 0.0),
+                    ProfileCurve::Line(place, [a, b]) => (at(place), at([-b, a]), 0.0, 0.0),
+                    ProfileCurve::Circle(center, radius) => (at(center), *direction, radius, 0.0),
                 }
             }
         };
-        let surface = Surface {
+        let surface = Primitive {
             kind,
             place,
             axis,
@@ -132,7 +128,7 @@ impl Segmentation {
         if self.is_form || std::mem::replace(&mut self.is_swept, true) {
             return Ok(());
         }
-        if self.noise >= EXACT {
+        if self.noise >= MAX_EXACT_NOISE {
             self.try_sweeps(cloud, limits, control)?;
         }
         self.is_finished = !self.dissolve(cloud);
@@ -159,7 +155,7 @@ impl Segmentation {
                 }
                 let other = self.cut(cloud, limits, &sweeps[k])?;
                 let found = length(&other);
-                (found + GAIN < least).then_some((k, other, found))
+                (found + MIN_SHORTENING < least).then_some((k, other, found))
             };
             let first = (next..sweeps.len()).into_par_iter().find_map_first(shorter);
             control.check()?;
@@ -170,7 +166,7 @@ impl Segmentation {
         }
         if is_new {
             let mut settled = self.clone();
-            settled.add_regions(cloud, SLACK, limits, control)?;
+            settled.add_regions(cloud, NOISE_SLACK, limits, control)?;
             settled.settle(cloud, limits);
             if length(&settled) < least {
                 *self = settled;
@@ -183,15 +179,16 @@ impl Segmentation {
     /// first.
     pub(crate) fn sweeps(&self) -> Vec<Sweep> {
         let members = self.members();
-        let mut sorted: Vec<(usize, &Surface)> =
+        let mut sorted: Vec<(usize, &Primitive)> =
             members.iter().map(Vec::len).zip(&self.surfaces).collect();
         sorted.sort_by_key(|(count, _)| std::cmp::Reverse(*count));
-        let sorted: Vec<Surface> = sorted.into_iter().map(|(_, s)| *s).collect();
-        let mut axes: Vec<Line> = Vec::new();
+        let sorted: Vec<Primitive> = sorted.into_iter().map(|(_, s)| *s).collect();
+        let mut axes: Vec<Axis> = Vec::new();
         for surface in sorted.iter().filter(|s| s.is_round()) {
-            let is_one = |(place, axis): &Line| {
+            let is_one = |(place, axis): &Axis| {
                 let off = norm(cross(sub(surface.place, *place), *axis));
-                dot(surface.axis, *axis).abs() > PARALLEL && off < APART * self.noise
+                // Axes of this cosine and less than six deviations apart are one.
+                dot(surface.axis, *axis).abs() > 0.999 && off < 6.0 * self.noise
             };
             if !axes.iter().any(is_one) {
                 axes.push((surface.place, upright(surface.axis)));
@@ -200,10 +197,10 @@ impl Segmentation {
         let along = directions(&sorted);
         let along = along
             .into_iter()
-            .take(MOST)
+            .take(MAX_SWEEP_AXES)
             .map(|d| Sweep::Along(upright(d)));
         axes.into_iter()
-            .take(MOST)
+            .take(MAX_SWEEP_AXES)
             .map(Sweep::About)
             .chain(along)
             .collect()
@@ -213,11 +210,12 @@ impl Segmentation {
     /// if the section alone describes its points no shorter.
     fn cut(&self, cloud: &Cloud, limits: Limits, sweep: &Sweep) -> Option<Self> {
         let (of, entities) = self.kept_by(cloud, sweep);
-        let section: Vec<Place> = of
+        let section: Vec<PlanePoint> = of
             .iter()
             .map(|i| sweep.section(cloud.points[*i as usize]))
             .collect();
-        let is_proper = |kind: Kind, curve: &Curve| sweep.surface(kind, curve).is_some();
+        let is_proper =
+            |kind: PrimitiveKind, curve: &ProfileCurve| sweep.surface(kind, curve).is_some();
         let price = Price::new(self.noise, sweep.shapes(), &is_proper);
         let (pieces, length) = pieces(&section, &price);
         if length > entities + self.length_of(cloud, of.iter().copied(), self.noise) {
@@ -225,14 +223,16 @@ impl Segmentation {
         }
         let mut other = self.clone();
         other.is_free = false;
-        of.iter().for_each(|i| other.labels[*i as usize] = NONE);
+        of.iter()
+            .for_each(|i| other.labels[*i as usize] = UNLABELLED);
         for piece in pieces {
             let Some(surface) = sweep.surface(piece.kind, &piece.curve) else {
                 continue;
             };
             let distances = surface.distances();
-            let is_near =
-                |i: &u32| distances.at(cloud.points[*i as usize]).abs() <= WITHIN * self.noise;
+            let is_near = |i: &u32| {
+                distances.at(cloud.points[*i as usize]).abs() <= EXPLAINED_DEVIATIONS * self.noise
+            };
             let own = piece.points.iter().map(|k| of[*k as usize]);
             let own: Vec<u32> = own.filter(is_near).collect();
             // Rounding in sums over a section is far above that of a fit in space.
@@ -250,13 +250,12 @@ impl Segmentation {
     /// entity, and the cost of describing these entities.
     fn kept_by(&self, cloud: &Cloud, sweep: &Sweep) -> (Vec<u32>, f64) {
         let keeps = |i: &u32| sweep.keeps(cloud.points[*i as usize], cloud.normals[*i as usize]);
-        let is_kept = |of: &Vec<u32>| {
-            of.iter().filter(|i| keeps(i)).count() as f64 >= MOSTLY * of.len() as f64
-        };
+        let is_kept =
+            |of: &Vec<u32>| of.iter().filter(|i| keeps(i)).count() as f64 >= 0.8 * of.len() as f64;
         let members = self.members();
         let are_kept: Vec<bool> = members.iter().map(is_kept).collect();
-        let cost = |(surface, of): (&Surface, &Vec<u32>)| {
-            EVIDENCE + surface.kind.parameters() as f64 * (of.len() as f64).ln() / 2.0
+        let cost = |(surface, of): (&Primitive, &Vec<u32>)| {
+            MIN_EVIDENCE + surface.kind.parameters() as f64 * (of.len() as f64).ln() / 2.0
         };
         let costs = self.surfaces.iter().zip(&members).map(cost);
         let entities = costs.zip(&are_kept).filter(|(_, is_kept)| **is_kept);
@@ -264,7 +263,7 @@ impl Segmentation {
         let all = 0..self.labels.len() as u32;
         let kept = all.filter(|i| {
             let label = self.labels[*i as usize];
-            let is_open = || label == NONE && keeps(i);
+            let is_open = || label == UNLABELLED && keeps(i);
             are_kept
                 .get(label as usize)
                 .copied()

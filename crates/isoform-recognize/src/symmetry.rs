@@ -9,12 +9,12 @@ mod candidates;
 mod cover;
 mod motion;
 
-use crate::chart::{Kind, MOST, Surface};
+use crate::chart::{MAX_PARAMETERS, Primitive, PrimitiveKind, ROUNDING_DEVIATION};
 use crate::compare::{
-    Fitted, Observation, Whitener, add_covariance, difference, fit_model, is_angle,
+    ModelFit, Observation, Whitener, add_covariance, difference, fit_model, is_angle,
 };
 use crate::entity::{Pattern, Symmetry, SymmetryKind};
-use crate::relations::{DIRECTION, Known, PLACE, ROUNDING};
+use crate::relations::{EntitySet, MAX_DIRECTION_DEVIATION, MAX_PLACE_DEVIATION, UncertainSurface};
 use candidates::{lines_of_mirrors, lines_of_patterns, lines_of_surfaces, mirrors};
 use cover::Cover;
 use isoform_geom::{Point3, dot, norm, sub};
@@ -24,72 +24,65 @@ use std::f64::consts::TAU;
 
 /// Bounds on the entities without an image: maximum share of the points, maximum share of the
 /// entities, and a number of entities that is always allowed.
-const WITHOUT: (f64, f64, usize) = (0.05, 0.1, 2);
+const WITHOUT_IMAGE_LIMITS: (f64, f64, usize) = (0.05, 0.1, 2);
 /// Maximum difference between an entity and an image that are matched, in radians and diagonals.
-const LOOSE: (f64, f64) = (0.03, 0.02);
+const MAX_IMAGE_DIFFERENCE: (f64, f64) = (0.03, 0.02);
 /// Number of entities, those with most points, that candidates are made from.
-const LARGEST: usize = 24;
-/// The largest order of a rotation looked for.
-const ORDERS: u32 = 12;
-/// A turn by this share of a full one maps only bodies of revolution to themselves.
-const ANY: f64 = 0.381_966;
-/// Rounds of fitting and mapping.
-const ROUNDS: usize = 4;
-
-/// The entities that symmetries are sought among.
-pub(crate) struct Set<'a> {
-    pub(crate) known: &'a [Known],
-    pub(crate) outward: &'a [i8],
-    pub(crate) points: &'a [Vec<Point3>],
-    pub(crate) noise: f64,
-}
+const MAX_SOURCE_ENTITIES: usize = 24;
 
 /// Returns the symmetries of all or nearly all entities; lengths in units of `unit` about `origin`.
 pub(crate) fn symmetries(
-    set: &Set<'_>,
+    set: &EntitySet<'_>,
     patterns: &[Pattern],
     (unit, origin): (f64, Point3),
 ) -> Vec<Symmetry> {
     let whole: usize = set.points.iter().map(Vec::len).sum();
-    let search = Search {
+    let search = SymmetrySearch {
         set,
-        cover: Cover::of(set.points),
+        cover: Cover::new(set.points),
         most_without: (
-            (WITHOUT.0 * whole as f64) as usize,
-            WITHOUT.2.max((WITHOUT.1 * set.known.len() as f64) as usize),
+            (WITHOUT_IMAGE_LIMITS.0 * whole as f64) as usize,
+            WITHOUT_IMAGE_LIMITS
+                .2
+                .max((WITHOUT_IMAGE_LIMITS.1 * set.known.len() as f64) as usize),
         ),
     };
-    let surfaces: Vec<Surface> = set.known.iter().map(|k| k.surface).collect();
-    let mut found = search.distinct(mirrors(&surfaces, LARGEST).into_iter().map(Motion::mirror));
-    let mut lines = lines_of_surfaces(&surfaces, LARGEST);
+    let surfaces: Vec<Primitive> = set.known.iter().map(|k| k.surface).collect();
+    let mut found = search.distinct(
+        mirrors(&surfaces, MAX_SOURCE_ENTITIES)
+            .into_iter()
+            .map(Motion::mirror),
+    );
+    let mut lines = lines_of_surfaces(&surfaces, MAX_SOURCE_ENTITIES);
     lines.extend(lines_of_patterns(patterns, unit, origin));
-    let planes: Vec<Surface> = found.iter().map(|f| f.motion.element).collect();
+    let planes: Vec<Primitive> = found.iter().map(|f| f.motion.element).collect();
     lines.extend(lines_of_mirrors(&planes));
     let rotations = search.rotations(&lines);
     found.extend(rotations.into_iter().filter(|f| !f.is_product(&planes)));
-    let said = found.into_iter().map(|f| f.said(unit, origin));
-    said.collect()
+    let symmetries = found.into_iter().map(|f| f.into_symmetry(unit, origin));
+    symmetries.collect()
 }
 
 /// A motion under which the set is symmetric.
-struct Found {
+struct SymmetryMatch {
     motion: Motion,
     images: Vec<Option<usize>>,
     off: f64,
 }
 
-impl Found {
+impl SymmetryMatch {
     /// Returns true if the motion is a half turn and the product of two reflections in
     /// perpendicular planes.
-    fn is_product(&self, mirrors: &[Surface]) -> bool {
+    fn is_product(&self, mirrors: &[Primitive]) -> bool {
         let line = &self.motion.element;
-        let holds = |m: &&Surface| {
-            dot(m.axis, line.axis).abs() < LOOSE.0 && m.distance(line.place).abs() < LOOSE.1
+        let holds = |m: &&Primitive| {
+            dot(m.axis, line.axis).abs() < MAX_IMAGE_DIFFERENCE.0
+                && m.distance(line.place).abs() < MAX_IMAGE_DIFFERENCE.1
         };
-        let through: Vec<&Surface> = mirrors.iter().filter(holds).collect();
-        let is_right = |a: &&Surface| {
+        let through: Vec<&Primitive> = mirrors.iter().filter(holds).collect();
+        let is_right = |a: &&Primitive| {
             let mut others = through.iter();
-            others.any(|b| dot(a.axis, b.axis).abs() < LOOSE.0)
+            others.any(|b| dot(a.axis, b.axis).abs() < MAX_IMAGE_DIFFERENCE.0)
         };
         self.motion.order == Some(2) && through.iter().any(is_right)
     }
@@ -99,11 +92,12 @@ impl Found {
         self.images.iter().all(Option::is_some)
     }
 
-    fn said(self, unit: f64, origin: Point3) -> Symmetry {
+    /// Returns the symmetry in the scan's unit.
+    fn into_symmetry(self, unit: f64, origin: Point3) -> Symmetry {
         let element = self.motion.element;
         let point: Point3 = std::array::from_fn(|k| element.place[k] * unit + origin[k]);
         let kind = match element.kind {
-            Kind::Plane => SymmetryKind::Mirror {
+            PrimitiveKind::Plane => SymmetryKind::Mirror {
                 normal: element.axis,
                 offset: dot(element.axis, point),
             },
@@ -122,29 +116,30 @@ impl Found {
 }
 
 /// The search for symmetries of a set.
-struct Search<'a> {
-    set: &'a Set<'a>,
+struct SymmetrySearch<'a> {
+    set: &'a EntitySet<'a>,
     cover: Cover,
     /// Maximum number of points of entities without an image, and maximum number of such entities.
     most_without: (usize, usize),
 }
 
-impl Search<'_> {
+impl SymmetrySearch<'_> {
     /// Returns the candidates that hold, one for each mapping.
-    fn distinct(&self, candidates: impl Iterator<Item = Motion>) -> Vec<Found> {
+    fn distinct(&self, candidates: impl Iterator<Item = Motion>) -> Vec<SymmetryMatch> {
         let candidates: Vec<Motion> = candidates.collect();
-        let all: Vec<Option<Found>> = candidates.into_par_iter().map(|m| self.tried(m)).collect();
-        let mut found: Vec<Found> = Vec::new();
+        let all: Vec<Option<SymmetryMatch>> =
+            candidates.into_par_iter().map(|m| self.tried(m)).collect();
+        let mut found: Vec<SymmetryMatch> = Vec::new();
         for one in all.into_iter().flatten() {
-            // Of two that differ in the entities left out the more complete one is kept; axes may
+            // If two differ only in the omitted entities, the more complete one is kept; axes may
             // point either way.
-            let agree = |f: &Found| {
+            let agree = |f: &SymmetryMatch| {
                 let mut pairs = f.images.iter().zip(&one.images);
-                f.motion.is_near(&one.motion, LOOSE)
-                    && (f.motion.element.kind != Kind::Plane
+                f.motion.is_near(&one.motion, MAX_IMAGE_DIFFERENCE)
+                    && (f.motion.element.kind != PrimitiveKind::Plane
                         || pairs.all(|(a, b)| a == b || a.is_none() || b.is_none()))
             };
-            let count = |f: &Found| f.images.iter().flatten().count();
+            let count = |f: &SymmetryMatch| f.images.iter().flatten().count();
             match found.iter_mut().find(|f| agree(f)) {
                 Some(same) if count(same) < count(&one) => *same = one,
                 Some(_) => {}
@@ -156,19 +151,26 @@ impl Search<'_> {
 
     /// Returns for each axis the rotation of the highest order, and those whose order does not
     /// divide it.
-    fn rotations(&self, lines: &[Surface]) -> Vec<Found> {
-        let mut found: Vec<Found> = Vec::new();
-        let bodies = self.distinct(lines.iter().map(|l| Motion::turn(*l, ANY * TAU, None)));
-        let is_on = |l: &Surface, f: &Found| Motion::turn(*l, 0.0, None).is_near(&f.motion, LOOSE);
-        let lines: Vec<Surface> = lines
+    fn rotations(&self, lines: &[Primitive]) -> Vec<SymmetryMatch> {
+        let mut found: Vec<SymmetryMatch> = Vec::new();
+        // A turn by this share of a full one maps only bodies of revolution to themselves.
+        let bodies = self.distinct(
+            lines
+                .iter()
+                .map(|l| Motion::turn(*l, 0.381_966 * TAU, None)),
+        );
+        let is_on = |l: &Primitive, f: &SymmetryMatch| {
+            Motion::turn(*l, 0.0, None).is_near(&f.motion, MAX_IMAGE_DIFFERENCE)
+        };
+        let lines: Vec<Primitive> = lines
             .iter()
             .filter(|l| !bodies.iter().any(|f| f.is_whole() && is_on(l, f)))
             .copied()
             .collect();
-        for order in (2..=ORDERS).rev() {
+        for order in (2..=12).rev() {
             let angle = TAU / f64::from(order);
-            let is_left = |l: &&Surface| {
-                let divides = |f: &Found| f.motion.order.is_some_and(|o| o % order == 0);
+            let is_left = |l: &&Primitive| {
+                let divides = |f: &SymmetryMatch| f.motion.order.is_some_and(|o| o % order == 0);
                 !found.iter().any(|f| divides(f) && is_on(l, f))
             };
             let left = lines.iter().filter(is_left);
@@ -176,22 +178,22 @@ impl Search<'_> {
             found.extend(more.into_iter().filter(Self::moves_some));
         }
         let is_more =
-            |b: &Found| b.is_whole() || !found.iter().any(|f| is_on(&b.motion.element, f));
+            |b: &SymmetryMatch| b.is_whole() || !found.iter().any(|f| is_on(&b.motion.element, f));
         let bodies = bodies.into_iter().filter(|b| !Self::moves_some(b));
-        let bodies: Vec<Found> = bodies.filter(is_more).collect();
+        let bodies: Vec<SymmetryMatch> = bodies.filter(is_more).collect();
         found.extend(bodies);
         found
     }
 
-    fn moves_some(found: &Found) -> bool {
+    fn moves_some(found: &SymmetryMatch) -> bool {
         let mut all = found.images.iter().enumerate();
         all.any(|(i, image)| image.is_some_and(|j| j != i))
     }
 
     /// Returns a candidate with its fitted plane or axis; `None` if it does not hold.
-    fn tried(&self, mut motion: Motion) -> Option<Found> {
+    fn tried(&self, mut motion: Motion) -> Option<SymmetryMatch> {
         let (mut out, mut images) = (Vec::new(), self.images(&motion, &[])?);
-        for round in 0..ROUNDS + images.len() {
+        for round in 0..4 + images.len() {
             let pairs = self.pairs(&motion, &images);
             let fit = self.fitted(&motion, &pairs)?;
             motion = motion.moved(&fit.theta);
@@ -202,7 +204,7 @@ impl Search<'_> {
             }
             let next = self.images(&motion, &out)?;
             if next == images && *worst.1 <= 1.0 {
-                return match fit.holds() && self.is_told(&fit, &motion) {
+                return match fit.holds() && self.is_determined(&fit, &motion) {
                     true => self.found(motion, images),
                     false => None,
                 };
@@ -212,13 +214,13 @@ impl Search<'_> {
         None
     }
 
-    fn found(&self, motion: Motion, images: Vec<Option<usize>>) -> Option<Found> {
+    fn found(&self, motion: Motion, images: Vec<Option<usize>>) -> Option<SymmetryMatch> {
         let is_covered =
             |(i, image): (usize, Option<usize>)| image.filter(|j| self.cover.holds(&motion, i, *j));
         let images = images.into_iter().enumerate().map(is_covered).collect();
         let images = self.one_to_one(&motion, images)?;
         let off = self.largest(&motion, &images);
-        Some(Found {
+        Some(SymmetryMatch {
             motion,
             images,
             off,
@@ -255,7 +257,7 @@ impl Search<'_> {
         let mut count = vec![0; images.len()];
         images.iter().flatten().for_each(|j| count[*j] += 1);
         let is_one = |i: usize, j: usize| {
-            count[j] == 1 && (motion.element.kind != Kind::Plane || images[j] == Some(i))
+            count[j] == 1 && (motion.element.kind != PrimitiveKind::Plane || images[j] == Some(i))
         };
         let kept = images.iter().enumerate();
         let kept = kept.map(|(i, image)| image.filter(|j| is_one(i, *j)));
@@ -287,7 +289,7 @@ impl Search<'_> {
 
     /// Returns entities of known position with their images; of reflections each pair once.
     fn pairs(&self, motion: &Motion, images: &[Option<usize>]) -> Vec<(usize, usize)> {
-        let is_mirror = motion.element.kind == Kind::Plane;
+        let is_mirror = motion.element.kind == PrimitiveKind::Plane;
         let is_known = |i: usize| self.set.known[i].covariance[0][0].is_finite();
         let all = images.iter().enumerate();
         let all = all.filter_map(|(i, image)| image.map(|j| (i, j)));
@@ -295,7 +297,7 @@ impl Search<'_> {
             .collect()
     }
 
-    fn fitted(&self, motion: &Motion, pairs: &[(usize, usize)]) -> Option<Fitted> {
+    fn fitted(&self, motion: &Motion, pairs: &[(usize, usize)]) -> Option<ModelFit> {
         let observation = |(i, j): &(usize, usize)| {
             let [a, b] = [*i, *j].map(|k| &self.set.known[k]);
             Observation {
@@ -310,9 +312,13 @@ impl Search<'_> {
     }
 
     /// Returns true if the plane or axis is known well enough.
-    fn is_told(&self, fit: &Fitted, motion: &Motion) -> bool {
+    fn is_determined(&self, fit: &ModelFit, motion: &Motion) -> bool {
         (0..motion.freedom()).all(|k| {
-            let (least, noises) = if k < 2 { DIRECTION } else { PLACE };
+            let (least, noises) = if k < 2 {
+                MAX_DIRECTION_DEVIATION
+            } else {
+                MAX_PLACE_DEVIATION
+            };
             fit.deviation(k) <= least.max(noises * self.set.noise)
         })
     }
@@ -322,7 +328,7 @@ impl Search<'_> {
         let off = |(i, j): (usize, usize)| {
             let [a, b] = [i, j].map(|k| &self.set.known[k].surface);
             let off = difference(b, &motion.apply(a));
-            let lengths = (0..MOST).filter(|k| !is_angle(b.kind, *k));
+            let lengths = (0..MAX_PARAMETERS).filter(|k| !is_angle(b.kind, *k));
             lengths.map(|k| off[k].abs()).fold(0.0, f64::max)
         };
         let pairs = self.pairs(motion, images).into_iter();
@@ -331,20 +337,20 @@ impl Search<'_> {
 }
 
 /// Returns true if the outer sides of two surfaces of one kind agree, as far as they are known.
-fn faces_alike(a: &Surface, b: &Surface, facing: i8) -> bool {
-    let is_against = a.kind == Kind::Plane && dot(a.axis, b.axis) < 0.0;
+fn faces_alike(a: &Primitive, b: &Primitive, facing: i8) -> bool {
+    let is_against = a.kind == PrimitiveKind::Plane && dot(a.axis, b.axis) < 0.0;
     facing == 0 || (facing < 0) == is_against
 }
 
 /// Returns the distance of two surfaces of one kind in parameters and position; `None` beyond
-/// [`LOOSE`].
-fn distance(a: &Surface, b: &Surface) -> Option<f64> {
+/// [`MAX_IMAGE_DIFFERENCE`].
+fn distance(a: &Primitive, b: &Primitive) -> Option<f64> {
     let off = difference(a, b);
     let limit = |k: usize| {
         if is_angle(a.kind, k) {
-            LOOSE.0
+            MAX_IMAGE_DIFFERENCE.0
         } else {
-            LOOSE.1
+            MAX_IMAGE_DIFFERENCE.1
         }
     };
     let is_near = (0..a.kind.parameters()).all(|k| off[k].abs() <= limit(k));
@@ -355,26 +361,35 @@ fn distance(a: &Surface, b: &Surface) -> Option<f64> {
 /// Returns the whitener for the difference of an entity from the image of another, or of itself:
 /// then the covariance is (1 − J) C (1 − J)ᵀ with the derivatives J of the image, in which the
 /// directions invariant under the motion vanish.
-fn whitener(motion: &Motion, a: &Known, b: &Known, is_same: bool) -> Whitener {
+fn whitener(
+    motion: &Motion,
+    a: &UncertainSurface,
+    b: &UncertainSurface,
+    is_same: bool,
+) -> Whitener {
     let which: Vec<usize> = (0..b.surface.kind.parameters()).collect();
-    let mut sum = [[0.0; MOST]; MOST];
+    let mut sum = [[0.0; MAX_PARAMETERS]; MAX_PARAMETERS];
     if is_same {
         add_covariance(&mut sum, a, |s| {
             let (image, own) = (motion.apply(s), difference(&b.surface, s));
             let of = difference(&b.surface, &image);
             std::array::from_fn(|k| of[k] - own[k])
         });
-        let scale = std::array::from_fn(|k| a.covariance[k][k].max(ROUNDING * ROUNDING));
-        return Whitener::of(&rounded(sum), &which, Some(&scale));
+        let scale = std::array::from_fn(|k| {
+            a.covariance[k][k].max(ROUNDING_DEVIATION * ROUNDING_DEVIATION)
+        });
+        return Whitener::from_covariance(&rounded(sum), &which, Some(&scale));
     }
     add_covariance(&mut sum, a, |s| difference(&b.surface, &motion.apply(s)));
     for (row, more) in sum.iter_mut().zip(&b.covariance) {
         row.iter_mut().zip(more).for_each(|(x, y)| *x += y);
     }
-    Whitener::of(&rounded(sum), &which, None)
+    Whitener::from_covariance(&rounded(sum), &which, None)
 }
 
-fn rounded(mut covariance: [[f64; MOST]; MOST]) -> [[f64; MOST]; MOST] {
-    (0..MOST).for_each(|k| covariance[k][k] += ROUNDING * ROUNDING);
+fn rounded(
+    mut covariance: [[f64; MAX_PARAMETERS]; MAX_PARAMETERS],
+) -> [[f64; MAX_PARAMETERS]; MAX_PARAMETERS] {
+    (0..MAX_PARAMETERS).for_each(|k| covariance[k][k] += ROUNDING_DEVIATION * ROUNDING_DEVIATION);
     covariance
 }

@@ -1,41 +1,27 @@
 //! Scans of a single surface, which is tried first, from all points at once.
 
-use crate::chart::{Kind, Surface};
+use crate::chart::{Primitive, PrimitiveKind};
 use crate::choose::{Noise, follows};
 use crate::cloud::{Cloud, thinned};
 use crate::fit::{Precision, fit};
 use crate::kinds::{best_kind, guess};
-use crate::segment::{MEDIAN, MOST_NOISE, NONE, SLACK, Segmentation};
-use crate::share::Shares;
+use crate::labels::UNLABELLED;
+use crate::noise::NORMAL_MEDIAN;
+use crate::segment::{MAX_NOISE_GROWTH, NOISE_SLACK, Segmentation};
+use crate::share::MembershipWeights;
 use isoform_geom::{Aabb, Point3};
 use rayon::prelude::*;
 
-/// Guesses come from all points, and from parts of them about these places in their order: one in
-/// so many points. Of whole tori normals tell the axis, of strips of them these parts.
-const PLACES: [f64; 4] = [0.125, 0.375, 0.625, 0.875];
-const PART: usize = 16;
-/// Points by which guesses are compared.
-const SAMPLE: usize = 400;
-/// The kurtosis of even noise, and the largest error of its estimate times the root of the number
-/// of points: five deviations.
-const EVEN: f64 = 1.8;
-const CHANCE: f64 = 4.0;
+/// Positions, in the order of the points, of the parts of a scan that guesses come from, in
+/// addition to all points. Normals determine the axis of whole tori, these parts that of strips of
+/// them.
+const GUESS_POSITIONS: [f64; 4] = [0.125, 0.375, 0.625, 0.875];
 /// Number of points of a block by whose mean a surface is judged: about as many as a small face
 /// has.
-const BLOCK: usize = 48;
-/// Rounds in which what lies off the sides of a wall is left out, and distance from them in
-/// deviations of the noise.
-const TRIMS: usize = 5;
-const OFF: f64 = 3.5;
-/// Share of the points of a wall that lie on its two sides at least.
-const SIDES: f64 = 0.8;
-/// Points of a place: few, since dents of a form may be small; of noise their mean tells 1/12.
-const PLACE: usize = 12;
-/// Share of scans of one surface of which a block is off by chance.
-const BY_CHANCE: f64 = 1e-3;
+const LEVEL_BLOCK_POINTS: usize = 48;
 /// Maximum noise, in diagonals, of a surface whose points fill the neighbourhoods: those of a ball
 /// are 0.06 off a sphere.
-const THICKEST: f64 = 0.03;
+const MAX_VOLUME_NOISE: f64 = 0.03;
 
 impl Segmentation {
     /// Returns the single surface that all points follow up to independent noise no larger than
@@ -47,8 +33,8 @@ impl Segmentation {
         let one = Self::one(cloud, false)?;
         // Neighbourhoods smaller than the noise show only a part of it.
         let most = match cloud.is_volume {
-            true => THICKEST,
-            false => MOST_NOISE * cloud.noise.max(cloud.grid),
+            true => MAX_VOLUME_NOISE,
+            false => MAX_NOISE_GROWTH * cloud.noise.max(cloud.grid),
         };
         let all: Vec<u32> = (0..cloud.points.len() as u32).collect();
         let surface = one.surfaces[0];
@@ -57,7 +43,7 @@ impl Segmentation {
         }
         let is_one = one.noise <= cloud.grid || has_one_sheet(cloud, &surface);
         let found = match is_one {
-            true if follows(cloud, [&all; 2], &surface, one.deviation(SLACK)) => one,
+            true if follows(cloud, [&all; 2], &surface, one.deviation(NOISE_SLACK)) => one,
             true => return None,
             // Neighbours on one side are off the middle surface in one direction.
             false => Self::wall(cloud, &surface)?,
@@ -71,13 +57,13 @@ impl Segmentation {
     /// the neighbours of a point.
     fn is_level(&self, cloud: &Cloud) -> bool {
         let noise = self.noise.max(cloud.grid);
-        let count = self.labels.len() as f64 / BLOCK as f64;
+        let count = self.labels.len() as f64 / LEVEL_BLOCK_POINTS as f64;
         // For a standard normal deviate, |z| > most has at most the probability exp(−most²/2).
-        let most = (2.0 * (count.max(1.0) / BY_CHANCE).ln()).sqrt();
+        let most = (2.0 * (count.max(1.0) / 1e-3).ln()).sqrt();
         let members = self.members();
         let mut all = self.surfaces.iter().zip(&members);
         all.all(|(surface, points)| {
-            blocks(&mut feet(surface, &cloud.at(points)), BLOCK).all(|block| {
+            blocks(&mut feet(surface, &cloud.at(points)), LEVEL_BLOCK_POINTS).all(|block| {
                 let sum: f64 = block.iter().map(|f| f.1).sum();
                 sum.abs() <= most * noise * (block.len() as f64).sqrt()
             })
@@ -86,7 +72,7 @@ impl Segmentation {
 
     /// Returns the two sides of a wall about a surface, thinner than the spacing of the points;
     /// points between them, on its ends, have no label.
-    fn wall(cloud: &Cloud, middle: &Surface) -> Option<Self> {
+    fn wall(cloud: &Cloud, middle: &Primitive) -> Option<Self> {
         let points = &cloud.points;
         let side: Vec<usize> = (points.iter())
             .map(|p| usize::from(middle.distance(*p) > 0.0))
@@ -94,7 +80,7 @@ impl Segmentation {
         let mut surfaces = [*middle; 2];
         let mut is_on = vec![true; points.len()];
         let mut noise = f64::INFINITY;
-        for _ in 0..TRIMS {
+        for _ in 0..5 {
             let of = |k: usize| {
                 let all = points.iter().zip(side.iter().zip(&is_on));
                 all.filter(move |(_, (s, on))| **s == k && **on)
@@ -108,13 +94,14 @@ impl Segmentation {
             let mut sorted = off.clone();
             let half = sorted.len() / 2;
             let median = *sorted.select_nth_unstable_by(half, f64::total_cmp).1;
-            noise = (median / MEDIAN).max(cloud.floor);
-            is_on = off.iter().map(|r| *r <= OFF * noise).collect();
+            noise = (median / NORMAL_MEDIAN).max(cloud.floor);
+            is_on = off.iter().map(|r| *r <= 3.5 * noise).collect();
         }
-        let label = |(k, on): (&usize, &bool)| if *on { *k as u32 } else { NONE };
+        let label = |(k, on): (&usize, &bool)| if *on { *k as u32 } else { UNLABELLED };
         let labels = side.iter().zip(&is_on).map(label).collect();
-        let is_most = is_on.iter().filter(|on| **on).count() as f64 >= SIDES * points.len() as f64;
-        is_most.then(|| Self::of(surfaces.to_vec(), labels, noise, false))
+        // The two sides have to hold 80 % of the points.
+        let is_most = is_on.iter().filter(|on| **on).count() as f64 >= 0.8 * points.len() as f64;
+        is_most.then(|| Self::new(surfaces.to_vec(), labels, noise, false))
     }
 
     /// Returns the single surface with the least distances of all points, of the simplest justified
@@ -122,34 +109,34 @@ impl Segmentation {
     pub(crate) fn one(cloud: &Cloud, is_form: bool) -> Option<Self> {
         let points = &cloud.points;
         let all: Vec<u32> = (0..points.len() as u32).collect();
-        let parts = PLACES.map(|at| {
+        let parts = GUESS_POSITIONS.map(|at| {
             let seed = (at * points.len() as f64) as u32;
-            cloud.around(seed, points.len() / PART)
+            cloud.around(seed, points.len() / 16)
         });
-        let some: Vec<Point3> = thinned(points.len(), SAMPLE).map(|k| points[k]).collect();
-        let fitted = |kind: &Kind| {
+        let some: Vec<Point3> = thinned(points.len(), 400).map(|k| points[k]).collect();
+        let fitted = |kind: &PrimitiveKind| {
             let guesses = parts.iter().chain([&all]);
             let guesses = guesses.filter_map(|of| guess(cloud, of, *kind));
             let rough = guesses.filter_map(|start| fit(&start, &some, Precision::Full));
             let (start, squares) = rough.min_by(|a, b| a.1.total_cmp(&b.1))?;
             // Most scans consist of several surfaces.
-            if squares > THICKEST * THICKEST * some.len() as f64 {
+            if squares > MAX_VOLUME_NOISE * MAX_VOLUME_NOISE * some.len() as f64 {
                 return None;
             }
             let (surface, squares) = fit(&start, points, Precision::Full)?;
             let free = points.len().saturating_sub(kind.parameters()).max(1) as f64;
             Some((surface, (squares / free).sqrt()))
         };
-        let fits: Vec<_> = Kind::ALL.par_iter().filter_map(fitted).collect();
+        let fits: Vec<_> = PrimitiveKind::ALL.par_iter().filter_map(fitted).collect();
         let (surface, deviation) = fits.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
         let noise = Noise {
             deviation: deviation.max(cloud.floor),
-            slack: SLACK,
+            slack: NOISE_SLACK,
             is_form,
         };
-        let shares: Shares = all.iter().map(|i| (*i, 1.0)).collect();
+        let shares: MembershipWeights = all.iter().map(|i| (*i, 1.0)).collect();
         let surface = best_kind(cloud, &shares, &surface, noise);
-        Some(Self::of(
+        Some(Self::new(
             vec![surface],
             vec![0; all.len()],
             noise.deviation,
@@ -161,10 +148,11 @@ impl Segmentation {
 /// Returns the share of the squared distances of points from a surface that is a function of their
 /// position on it: near 1 for a deviation of form, near 0 for noise and for the two sides of a
 /// plate.
-pub(crate) fn share_of_place(surface: &Surface, points: &[Point3]) -> f64 {
+pub(crate) fn share_of_place(surface: &Primitive, points: &[Point3]) -> f64 {
     let mut feet = feet(surface, points);
     let all: f64 = feet.iter().map(|f| f.1 * f.1).sum();
-    let means = blocks(&mut feet, PLACE).map(|block| {
+    // Dents of a form may be small; of noise the mean of twelve shows 1/12.
+    let means = blocks(&mut feet, 12).map(|block| {
         let sum: f64 = block.iter().map(|f| f.1).sum();
         sum * sum / block.len() as f64
     });
@@ -173,7 +161,7 @@ pub(crate) fn share_of_place(surface: &Surface, points: &[Point3]) -> f64 {
 }
 
 /// Returns the projections of points onto a surface, with their distances.
-fn feet(surface: &Surface, points: &[Point3]) -> Vec<(Point3, f64)> {
+fn feet(surface: &Primitive, points: &[Point3]) -> Vec<(Point3, f64)> {
     let foot = |p: &Point3| (surface.foot(*p), surface.distance(*p));
     points.iter().map(foot).collect()
 }
@@ -188,7 +176,7 @@ fn blocks(
         return Box::new(std::iter::once(&*feet));
     }
     let places: Vec<Point3> = feet.iter().map(|f| f.0).collect();
-    let extent = Aabb::of(&places).size();
+    let extent = Aabb::from_points(&places).size();
     let widest = (0..3)
         .max_by(|&i, &j| extent[i].total_cmp(&extent[j]))
         .unwrap_or(0);
@@ -200,7 +188,7 @@ fn blocks(
 
 /// Returns false if the distances of all points from a surface are those of points on both sides of
 /// a wall: their kurtosis is 1, that of uniform noise 9/5, of normal noise 3.
-fn has_one_sheet(cloud: &Cloud, surface: &Surface) -> bool {
+fn has_one_sheet(cloud: &Cloud, surface: &Primitive) -> bool {
     let count = cloud.points.len() as f64;
     let moment = |power: i32| {
         let powers = cloud
@@ -209,5 +197,6 @@ fn has_one_sheet(cloud: &Cloud, surface: &Surface) -> bool {
             .map(|p| surface.distance(*p).powi(power));
         powers.sum::<f64>() / count
     };
-    moment(4) >= (EVEN - CHANCE / count.sqrt()) * moment(2).powi(2)
+    // Uniform noise has the kurtosis 1.8; the second term is five deviations of its estimate.
+    moment(4) >= (1.8 - 4.0 / count.sqrt()) * moment(2).powi(2)
 }

@@ -2,10 +2,11 @@
 //! the remaining flat pieces, and finally pieces of one surface merged.
 
 use super::flat::{Flats, has_many_corners};
-use super::mesh::{Facets, NONE};
-use super::part::{Part, exact, follows, normals, turn};
-use super::seeds::Free;
-use crate::chart::{Kind, Surface};
+use super::free::FreeFacets;
+use super::mesh::Facets;
+use super::part::{FacetPart, exact, follows, normals, turn};
+use crate::chart::{Primitive, PrimitiveKind};
+use crate::labels::UNLABELLED;
 use isoform_control::{Control, Stopped};
 use isoform_geom::Point3;
 use rayon::prelude::*;
@@ -13,24 +14,16 @@ use rayon::prelude::*;
 /// Maximum number of seed facets that lead to no curved surface before the search ends, and its
 /// increase for each surface found: free-form faces have thousands of facets, each of which takes
 /// some milliseconds.
-const FAILURES: (usize, usize) = (60, 10);
+const MAX_FAILED_SEEDS: (usize, usize) = (60, 10);
 /// Maximum number of passes over the facets; a pass that finds no surface is the last.
-const PASSES: usize = 5;
+const MAX_PASSES_OVER_FACETS: usize = 5;
 /// Maximum number of flat pieces connected over smooth edges that are each taken for a plane; more
 /// of them are a free-form face.
-const FEW: usize = 3;
-/// A facet over which the surface turns this many times as far as over nearly all others of its
-/// part is a flat cut into it.
-const FLAT_CUT: f64 = 2.5;
-/// How many of a hundred facets those are.
-const NEARLY_ALL: usize = 90;
-/// Two pieces of one surface are no farther from each other's than this many tolerances: each is
-/// carried on from where it is known.
-const APART: f64 = 1000.0;
+const MAX_CONNECTED_PLANES: usize = 3;
 
 /// Parts of a mesh, and the part of each triangle.
 pub(crate) struct Claims {
-    pub(crate) parts: Vec<Part>,
+    pub(crate) parts: Vec<FacetPart>,
     pub(crate) taken: Vec<u32>,
 }
 
@@ -42,7 +35,7 @@ pub(crate) fn claim(
 ) -> Result<Claims, Stopped> {
     let mut claims = Claims {
         parts: Vec::new(),
-        taken: vec![NONE; mesh.triangles.len()],
+        taken: vec![UNLABELLED; mesh.triangles.len()],
     };
     let plain = |k: &u32| flats.is_plain(mesh, *k);
     let pieces = 0..flats.pieces.len() as u32;
@@ -59,7 +52,7 @@ pub(crate) fn claim(
 }
 
 impl Claims {
-    fn add(&mut self, part: Part) {
+    fn add(&mut self, part: FacetPart) {
         let id = self.parts.len() as u32;
         for t in &part.triangles {
             self.taken[*t as usize] = id;
@@ -81,19 +74,19 @@ impl Claims {
         let area = |k: &u32| flats.areas[*k as usize];
         order.sort_by(|a, b| area(b).total_cmp(&area(a)).then(a.cmp(b)));
         let (mut found, mut failures) = (0, 0);
-        for pass in 0..PASSES {
-            control.report("recognize", pass as f64 / PASSES as f64);
+        for pass in 0..MAX_PASSES_OVER_FACETS {
+            control.report("recognize", pass as f64 / MAX_PASSES_OVER_FACETS as f64);
             let before = found;
             for piece in &order {
                 let seed = flats.pieces[*piece as usize].triangles[0];
-                if self.taken[seed as usize] != NONE {
+                if self.taken[seed as usize] != UNLABELLED {
                     continue;
                 }
                 control.check()?;
-                if failures >= FAILURES.0 + FAILURES.1 * found {
+                if failures >= MAX_FAILED_SEEDS.0 + MAX_FAILED_SEEDS.1 * found {
                     return Ok(());
                 }
-                let free = Free {
+                let free = FreeFacets {
                     mesh,
                     flats,
                     taken: &self.taken,
@@ -115,9 +108,11 @@ impl Claims {
     }
 
     /// Returns the curved surfaces found so far, with the indices of their parts.
-    fn bent(&self) -> Vec<(usize, Surface)> {
+    fn bent(&self) -> Vec<(usize, Primitive)> {
         let surfaces = self.parts.iter().map(|p| p.surface).enumerate();
-        surfaces.filter(|s| s.1.kind != Kind::Plane).collect()
+        surfaces
+            .filter(|s| s.1.kind != PrimitiveKind::Plane)
+            .collect()
     }
 
     /// Moves parts all of whose facets follow larger curved parts to these, the smallest first:
@@ -126,14 +121,14 @@ impl Claims {
     fn give_rings(&mut self, mesh: &Facets) {
         let bent = self.bent();
         let mut order: Vec<usize> = (0..self.parts.len()).collect();
-        let size = |parts: &[Part], k: usize| parts[k].triangles.len();
+        let size = |parts: &[FacetPart], k: usize| parts[k].triangles.len();
         order.sort_by_key(|k| (size(&self.parts, *k), *k));
         for old in order {
             let part = &self.parts[old];
-            let larger: Vec<&(usize, Surface)> = bent
+            let larger: Vec<&(usize, Primitive)> = bent
                 .iter()
                 .filter(|(k, _)| {
-                    let is_plane = part.surface.kind == Kind::Plane;
+                    let is_plane = part.surface.kind == PrimitiveKind::Plane;
                     *k != old && (is_plane || size(&self.parts, *k) > part.triangles.len())
                 })
                 .collect();
@@ -147,8 +142,8 @@ impl Claims {
             };
             // The top ring of a torus is flat; a flat on a sphere is not one of its facets.
             let is_one = new.iter().all(|k| *k == new[0]);
-            let is_torus = self.parts[new[0]].surface.kind == Kind::Torus;
-            let is_plane = part.surface.kind == Kind::Plane;
+            let is_torus = self.parts[new[0]].surface.kind == PrimitiveKind::Torus;
+            let is_plane = part.surface.kind == PrimitiveKind::Plane;
             if is_plane
                 && is_one
                 && !is_torus
@@ -167,7 +162,8 @@ impl Claims {
     /// Adds free triangles that lie on a bent surface apart from its part.
     fn complete(&mut self, mesh: &Facets) {
         let surfaces = self.bent();
-        let open = (0..mesh.triangles.len() as u32).filter(|t| self.taken[*t as usize] == NONE);
+        let open =
+            (0..mesh.triangles.len() as u32).filter(|t| self.taken[*t as usize] == UNLABELLED);
         let open: Vec<u32> = open.collect();
         let of = |t: &u32| {
             let mut on = surfaces.iter().filter(|s| follows(mesh, &s.1, *t));
@@ -188,7 +184,7 @@ impl Claims {
     fn add_flat(&mut self, mesh: &Facets, flats: &Flats) {
         let is_left = |k: u32| {
             let first = flats.pieces[k as usize].triangles[0];
-            self.taken[first as usize] == NONE
+            self.taken[first as usize] == UNLABELLED
         };
         let mut rows = isoform_geom::UnionFind::new(flats.pieces.len());
         for t in 0..mesh.triangles.len() as u32 {
@@ -203,11 +199,14 @@ impl Claims {
         (0..flats.pieces.len() as u32).for_each(|k| sizes[rows.root(k) as usize] += 1);
         let pieces = (0..flats.pieces.len() as u32).filter(|k| {
             let of = &flats.pieces[*k as usize].triangles;
-            is_left(*k) && sizes[rows.root(*k) as usize] <= FEW && is_face(mesh, flats, of)
+            is_left(*k)
+                && sizes[rows.root(*k) as usize] <= MAX_CONNECTED_PLANES
+                && is_face(mesh, flats, of)
         });
-        let new: Vec<Part> = pieces.map(|k| flats.pieces[k as usize].clone()).collect();
+        let new: Vec<FacetPart> = pieces.map(|k| flats.pieces[k as usize].clone()).collect();
         for mut part in new {
-            part.triangles.retain(|t| self.taken[*t as usize] == NONE);
+            part.triangles
+                .retain(|t| self.taken[*t as usize] == UNLABELLED);
             self.add(part);
         }
     }
@@ -216,9 +215,9 @@ impl Claims {
     fn join(&mut self, mesh: &Facets) {
         let mut order = std::mem::take(&mut self.parts);
         order.retain(|p| !p.triangles.is_empty());
-        let key = |p: &Part| (std::cmp::Reverse(p.triangles.len()), p.triangles[0]);
+        let key = |p: &FacetPart| (std::cmp::Reverse(p.triangles.len()), p.triangles[0]);
         order.sort_by_key(key);
-        let mut joined: Vec<Part> = Vec::new();
+        let mut joined: Vec<FacetPart> = Vec::new();
         for part in order {
             let same = joined.iter().enumerate().find_map(|(k, large)| {
                 let one = together(mesh, large, &part)?;
@@ -232,7 +231,7 @@ impl Claims {
                 None => joined.push(part),
             }
         }
-        self.taken.fill(NONE);
+        self.taken.fill(UNLABELLED);
         for mut part in joined {
             part.triangles.sort_unstable();
             self.add(part);
@@ -259,28 +258,31 @@ fn has_smooth_edge(mesh: &Facets, flats: &Flats, piece: u32) -> bool {
 }
 
 /// Removes facets that are flat cuts into the surface of a part.
-fn without_cuts(mesh: &Facets, mut part: Part) -> Part {
+fn without_cuts(mesh: &Facets, mut part: FacetPart) -> FacetPart {
     let normals = |t: &u32| normals(&part.surface, mesh.corners(*t), mesh.tolerance);
     let of = |t: &u32| turn(normals(t)).acos();
     let turns: Vec<f64> = part.triangles.iter().map(of).collect();
     let mut sorted = turns.clone();
     sorted.sort_by(f64::total_cmp);
-    let usual = sorted[(sorted.len() - 1) * NEARLY_ALL / 100];
+    let usual = sorted[(sorted.len() - 1) * 90 / 100];
     let mut turns = turns.into_iter();
+    // A facet over which the surface turns 2.5 times as far as over 90 % of the facets is a flat
+    // cut into it.
     part.triangles
-        .retain(|_| turns.next().is_some_and(|turn| turn <= FLAT_CUT * usual));
+        .retain(|_| turns.next().is_some_and(|turn| turn <= 2.5 * usual));
     part
 }
 
 /// Returns the common surface of two parts; `None` if they are not pieces of one.
-fn together(mesh: &Facets, large: &Part, small: &Part) -> Option<Surface> {
+fn together(mesh: &Facets, large: &FacetPart, small: &FacetPart) -> Option<Primitive> {
     if large.surface.kind != small.surface.kind {
         return None;
     }
-    let near = |a: &Part, b: &Part| {
-        let some = b.triangles.iter().take(FEW);
+    let near = |a: &FacetPart, b: &FacetPart| {
+        let some = b.triangles.iter().take(MAX_CONNECTED_PLANES);
         let mut corners = some.flat_map(|t| mesh.corners(*t));
-        corners.all(|p| a.surface.distance(p).abs() <= APART * mesh.tolerance)
+        // Each piece of a surface is extrapolated from where it is known.
+        corners.all(|p| a.surface.distance(p).abs() <= 1000.0 * mesh.tolerance)
     };
     if !near(large, small) && !near(small, large) {
         return None;

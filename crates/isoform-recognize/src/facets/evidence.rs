@@ -7,39 +7,31 @@
 //! surface continues tangentially into its neighbours, their tangent planes are further evidence
 //! and replace a row.
 
-use super::part::{Part, ends_clearly};
-use super::seeds::Free;
-use crate::chart::{Kind, Surface};
+use super::free::FreeFacets;
+use super::part::{FacetPart, ends_clearly};
+use crate::chart::{Primitive, PrimitiveKind};
 use crate::start::plane;
 use isoform_geom::{Point3, cross, dot, norm, sub};
 use std::collections::BTreeMap;
 
 /// Minimum number of rows of a cylinder and of each circle of a torus: one more than determines
 /// them.
-const ROWS: usize = 4;
-/// Rows of a cone, which has a parameter more: on two rings any four of them may lie on one.
-const CONE_ROWS: usize = 5;
+const MIN_ROWS_AROUND: usize = 4;
 /// Minimum number of vertices of a sphere: twice as many as determine it, and one more than a box
 /// has.
-const SPHERE: usize = 9;
-/// Vertices of a torus: twice as many as determine it.
-const TORUS: usize = 14;
+const MIN_SPHERE_VERTICES: usize = 9;
 /// Maximum angle between vertices of one row, in radians: 60 000 rows to a circle.
-const ROW: f64 = 1e-4;
-/// The largest angle between tangent planes, in radians: what rounding leaves on faces of a
-/// thousandth of the size.
-const TANGENT: f64 = 2e-3;
-/// A bent part leaves its plane by this many tolerances.
-const BENT: f64 = 10.0;
+const MAX_ROW_ANGLE: f64 = 1e-4;
 
 /// Returns true if the vertices of a part and the surfaces next to it are evidence of its surface.
-pub(crate) fn shows(free: &Free<'_>, part: &Part) -> bool {
+pub(crate) fn shows(free: &FreeFacets<'_>, part: &FacetPart) -> bool {
     let mesh = free.mesh;
     let surface = &part.surface;
     let points = mesh.at(&mesh.vertices(&part.triangles));
     let flat = plane(&points);
     let bend = points.iter().map(|p| flat.distance(*p).abs());
-    if bend.fold(0.0, f64::max) <= BENT * mesh.tolerance
+    // A bent part leaves its plane by ten tolerances.
+    if bend.fold(0.0, f64::max) <= 10.0 * mesh.tolerance
         || !ends_clearly(mesh, part, |t| free.is_free(t))
     {
         return false;
@@ -48,20 +40,24 @@ pub(crate) fn shows(free: &Free<'_>, part: &Part) -> bool {
     let fewer = usize::from(is_blend);
     let around = |rows: usize| has_rows(points.iter().map(|p| around(surface, *p)), rows);
     match surface.kind {
-        Kind::Plane => true,
-        Kind::Cylinder => around(ROWS - fewer),
-        Kind::Cone => around(CONE_ROWS),
-        Kind::Sphere if is_blend => points.len() > SPHERE / 2,
-        Kind::Sphere => points.len() >= SPHERE && mesh.surround_a_vertex(&part.triangles),
-        Kind::Torus => {
+        PrimitiveKind::Plane => true,
+        PrimitiveKind::Cylinder => around(MIN_ROWS_AROUND - fewer),
+        // A cone has a parameter more: any four rows on two rings may lie on one.
+        PrimitiveKind::Cone => around(5),
+        PrimitiveKind::Sphere if is_blend => points.len() > MIN_SPHERE_VERTICES / 2,
+        PrimitiveKind::Sphere => {
+            points.len() >= MIN_SPHERE_VERTICES && mesh.surround_a_vertex(&part.triangles)
+        }
+        PrimitiveKind::Torus => {
             let tube = points.iter().map(|p| section(surface, *p));
-            points.len() >= TORUS && around(ROWS) && has_rows(tube, ROWS - fewer)
+            // Twice as many vertices as determine a torus.
+            points.len() >= 14 && around(MIN_ROWS_AROUND) && has_rows(tube, MIN_ROWS_AROUND - fewer)
         }
     }
 }
 
 /// Returns the number of adjacent parts that a part continues into tangentially.
-fn tangent_parts(free: &Free<'_>, part: &Part) -> usize {
+fn tangent_parts(free: &FreeFacets<'_>, part: &FacetPart) -> usize {
     let mesh = free.mesh;
     let mut is_tangent: BTreeMap<u32, bool> = BTreeMap::new();
     for t in &part.triangles {
@@ -70,7 +66,9 @@ fn tangent_parts(free: &Free<'_>, part: &Part) -> usize {
             let surfaces = [&part.surface, &free.parts[other as usize].surface];
             let has_one_plane = |v: u32| {
                 let [m, n] = surfaces.map(|s| s.normal(mesh.points[v as usize]));
-                norm(cross(m, n)) <= TANGENT
+                // Rounding turns tangent planes by this angle (radians) on faces of a thousandth of
+                // the size.
+                norm(cross(m, n)) <= 2e-3
             };
             *is_tangent.entry(other).or_insert(true) &= mesh.shared(*t, *u).all(has_one_plane);
         }
@@ -79,14 +77,14 @@ fn tangent_parts(free: &Free<'_>, part: &Part) -> usize {
 }
 
 /// Returns the angle of a point about the axis.
-fn around(surface: &Surface, p: Point3) -> f64 {
+fn around(surface: &Primitive, p: Point3) -> f64 {
     let [e, f] = surface.frame();
     let d = sub(p, surface.place);
     dot(d, f).atan2(dot(d, e))
 }
 
 /// Returns the angle of a point about the circle of a torus, in a meridian plane.
-fn section(torus: &Surface, p: Point3) -> f64 {
+fn section(torus: &Primitive, p: Point3) -> f64 {
     let d = sub(p, torus.place);
     let radius = norm(cross(d, torus.axis));
     dot(d, torus.axis).atan2(radius - torus.size)
@@ -96,8 +94,11 @@ fn section(torus: &Surface, p: Point3) -> f64 {
 fn has_rows(angles: impl Iterator<Item = f64>, rows: usize) -> bool {
     let mut angles: Vec<f64> = angles.collect();
     angles.sort_by(f64::total_cmp);
-    let turns = angles.windows(2).filter(|w| w[1] - w[0] > ROW).count();
+    let turns = angles
+        .windows(2)
+        .filter(|w| w[1] - w[0] > MAX_ROW_ANGLE)
+        .count();
     let whole = angles.first().zip(angles.last());
-    let closes = whole.is_some_and(|(a, b)| a + std::f64::consts::TAU - b <= ROW);
+    let closes = whole.is_some_and(|(a, b)| a + std::f64::consts::TAU - b <= MAX_ROW_ANGLE);
     turns + 1 - usize::from(closes && turns > 0) >= rows
 }

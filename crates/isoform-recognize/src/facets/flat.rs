@@ -1,24 +1,25 @@
 //! Flat pieces of a mesh: adjacent triangles in one plane. Each is a plane of the object, or a
 //! facet of a curved surface.
 
-use super::mesh::{Facets, NONE};
-use super::part::{Part, TURN, ends_clearly};
-use crate::chart::Surface;
+use super::mesh::Facets;
+use super::part::{FacetPart, MIN_FACET_COSINE, ends_clearly};
+use crate::chart::Primitive;
+use crate::labels::UNLABELLED;
 use crate::start::plane;
 use isoform_geom::{Point3, dot, sub};
 
 /// A triangle belongs to a plane if the angle between the normals is below the sum of this angle
 /// (radians) and this many tolerances over the triangle's height.
-const OFF: (f64, f64) = (1e-4, 2.0);
+const PLANE_ANGLE_TOLERANCE: (f64, f64) = (1e-4, 2.0);
 /// Minimum number of corners of a piece that is a plane of the object. A facet of a curved surface
 /// has four, and up to five if the border cuts a corner off.
-const MANY_CORNERS: usize = 6;
+const MIN_PLANE_CORNERS: usize = 6;
 /// Maximum ratio of the areas of adjacent facets of one surface: a mesh is graded slowly.
-pub(crate) const COMPARABLE: f64 = 8.0;
+pub(crate) const MAX_AREA_RATIO: f64 = 8.0;
 
 /// The flat pieces of a mesh.
 pub(crate) struct Flats {
-    pub(crate) pieces: Vec<Part>,
+    pub(crate) pieces: Vec<FacetPart>,
     /// Index of the piece of each triangle.
     pub(crate) of: Vec<u32>,
     pub(crate) areas: Vec<f64>,
@@ -33,11 +34,11 @@ impl Flats {
         order.sort_by(|&a, &b| area(b).total_cmp(&area(a)).then(a.cmp(&b)));
         let mut flats = Self {
             pieces: Vec::new(),
-            of: vec![NONE; count],
+            of: vec![UNLABELLED; count],
             areas: Vec::new(),
         };
         for seed in order {
-            if flats.of[seed as usize] == NONE {
+            if flats.of[seed as usize] == UNLABELLED {
                 let piece = flats.grown(mesh, seed);
                 flats.areas.push(mesh.area(&piece.triangles));
                 flats.pieces.push(piece);
@@ -47,14 +48,14 @@ impl Flats {
     }
 
     /// Grows the piece about a triangle, and marks its triangles with the index of the next piece.
-    fn grown(&mut self, mesh: &Facets, seed: u32) -> Part {
+    fn grown(&mut self, mesh: &Facets, seed: u32) -> FacetPart {
         let id = self.pieces.len() as u32;
-        let mut surface = Surface::plane(mesh.corners(seed)[0], mesh.normals[seed as usize]);
+        let mut surface = Primitive::plane(mesh.corners(seed)[0], mesh.normals[seed as usize]);
         self.of[seed as usize] = id;
         let (mut triangles, mut at, mut fitted) = (vec![seed], 0, 1);
         while at < triangles.len() {
             for u in mesh.near(triangles[at]) {
-                if self.of[*u as usize] == NONE && lies_in(mesh, &surface, *u) {
+                if self.of[*u as usize] == UNLABELLED && lies_in(mesh, &surface, *u) {
                     self.of[*u as usize] = id;
                     triangles.push(*u);
                 }
@@ -72,19 +73,19 @@ impl Flats {
             }
         }
         triangles.sort_unstable();
-        Part { surface, triangles }
+        FacetPart { surface, triangles }
     }
 
     /// Returns true if two adjacent triangles may be facets of one curved surface: the angle
     /// between them is small, and their pieces are of about equal area.
     pub(crate) fn are_alike(&self, mesh: &Facets, pair: [u32; 2]) -> bool {
-        self.are_within(mesh, pair, COMPARABLE)
+        self.are_within(mesh, pair, MAX_AREA_RATIO)
     }
 
     /// Returns [`are_alike`](Self::are_alike) with a given maximum ratio of the areas.
     pub(crate) fn are_within(&self, mesh: &Facets, [t, u]: [u32; 2], factor: f64) -> bool {
         let [a, b] = [t, u].map(|t| self.areas[self.of[t as usize] as usize]);
-        a.max(b) <= factor * a.min(b) && mesh.cosine(t, u) >= TURN
+        a.max(b) <= factor * a.min(b) && mesh.cosine(t, u) >= MIN_FACET_COSINE
     }
 
     /// Returns true if a piece cannot be a facet of a curved surface.
@@ -95,24 +96,24 @@ impl Flats {
 }
 
 /// Returns true if triangles in a plane have more corners than a facet of a curved surface.
-pub(crate) fn has_many_corners(mesh: &Facets, plane: &Surface, of: &[u32]) -> bool {
-    if of.len() + 2 < MANY_CORNERS {
+pub(crate) fn has_many_corners(mesh: &Facets, plane: &Primitive, of: &[u32]) -> bool {
+    if of.len() + 2 < MIN_PLANE_CORNERS {
         return false;
     }
     let [e, f] = plane.frame();
     let flat = |p: &Point3| [dot(*p, e), dot(*p, f)];
     let points = mesh.at(&mesh.vertices(of));
-    hull(points.iter().map(flat).collect(), mesh.tolerance).len() >= MANY_CORNERS
+    hull(points.iter().map(flat).collect(), mesh.tolerance).len() >= MIN_PLANE_CORNERS
 }
 
 /// Returns true if a triangle lies in a plane.
-fn lies_in(mesh: &Facets, plane: &Surface, t: u32) -> bool {
+fn lies_in(mesh: &Facets, plane: &Primitive, t: u32) -> bool {
     let corners = mesh.corners(t);
     let tolerance = mesh.tolerance;
     let n = mesh.normals[t as usize];
     let sine = 1.0 - dot(n, plane.axis).min(1.0);
     let off = (2.0 * sine).sqrt();
-    off <= OFF.0 + OFF.1 * tolerance / mesh.heights[t as usize]
+    off <= PLANE_ANGLE_TOLERANCE.0 + PLANE_ANGLE_TOLERANCE.1 * tolerance / mesh.heights[t as usize]
         && corners
             .iter()
             .all(|p| plane.distance(*p).abs() <= tolerance)

@@ -3,6 +3,7 @@
 
 use crate::chart::unit;
 use crate::cloud::{Scaling, sorted};
+use crate::labels::UNLABELLED;
 use isoform_geom::{KdTree, Point3, PointCloud, UnionFind, cross, dot, norm, rounding, sub};
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -10,14 +11,7 @@ use std::collections::VecDeque;
 /// Maximum distance of a vertex from its surface, in rounding errors: three coordinates were
 /// rounded, and the programs that made them computed no better. Fewer lose facets, more join facets
 /// of different surfaces.
-const WITHIN: f64 = 10.0;
-/// The least tolerance, in diagonals: how exactly modellers compute where two surfaces meet, and
-/// five roundings of single precision, which a mesh has that was scaled after it had been rounded.
-const LEAST: f64 = 3e-7;
-/// The most triangles at an edge that are neighbours: more are a bundle of sheets.
-const MOST_AT_EDGE: usize = 4;
-/// Index that stands for no triangle, no cluster and no entity.
-pub(crate) const NONE: u32 = u32::MAX;
+const TOLERANCE_IN_ROUNDINGS: f64 = 10.0;
 
 /// A mesh of triangles about the middle of its box, scaled to a diagonal of 1.
 pub(crate) struct Facets {
@@ -42,13 +36,16 @@ pub(crate) struct Facets {
 
 /// Ends of an edge in ascending order, its triangle, and a flag: true if the triangle runs from the
 /// first to the second.
-type Side = ([u32; 2], u32, bool);
+type EdgeSide = ([u32; 2], u32, bool);
 
 impl Facets {
     /// Prepares a mesh whose corners are points; degenerate triangles are left out.
     pub(crate) fn new(scan: &PointCloud, scaling: &Scaling) -> Self {
         let rounding = rounding(scan) / scaling.unit;
-        let tolerance = (WITHIN * rounding).max(LEAST);
+        // In diagonals: the accuracy with which modellers compute where two surfaces meet, and five
+        // roundings of single precision, which a mesh has that was scaled after it had been
+        // rounded.
+        let tolerance = (TOLERANCE_IN_ROUNDINGS * rounding).max(3e-7);
         let (places, mut index) = sorted(&scan.points);
         let points: Vec<Point3> = places.iter().map(|p| scaling.apply(*p)).collect();
         let mut triangles = distinct(&scan.triangles, &index, &points, tolerance);
@@ -85,7 +82,7 @@ impl Facets {
 
     /// Returns the distance of vertices from their surface that rounding and modellers allow.
     pub(crate) fn exactness(&self) -> f64 {
-        self.tolerance / WITHIN
+        self.tolerance / TOLERANCE_IN_ROUNDINGS
     }
 
     /// Returns the triangles across the edges of one.
@@ -103,7 +100,7 @@ impl Facets {
     /// Returns the edge-connected pieces of parts, each with its part, given the part of each
     /// triangle.
     pub(crate) fn pieces(&self, parts: &[u32]) -> Vec<(u32, Vec<u32>)> {
-        let mut is_open: Vec<bool> = parts.iter().map(|part| *part != NONE).collect();
+        let mut is_open: Vec<bool> = parts.iter().map(|part| *part != UNLABELLED).collect();
         let mut pieces = Vec::new();
         for seed in 0..parts.len() {
             if !std::mem::take(&mut is_open[seed]) {
@@ -200,23 +197,23 @@ fn shape([a, b, c]: [Point3; 3]) -> (Point3, f64, f64) {
 }
 
 /// Returns the sides of triangles, sorted by edge.
-fn sides(triangles: &[[u32; 3]]) -> Vec<Side> {
+fn sides(triangles: &[[u32; 3]]) -> Vec<EdgeSide> {
     let of = |(t, v): (usize, &[u32; 3])| {
         let [a, b, c] = *v;
         [[a, b], [b, c], [c, a]].map(|[a, b]| ([a.min(b), a.max(b)], t as u32, a < b))
     };
-    let mut sides: Vec<Side> = triangles.iter().enumerate().flat_map(of).collect();
+    let mut sides: Vec<EdgeSide> = triangles.iter().enumerate().flat_map(of).collect();
     sides.par_sort_unstable();
     sides
 }
 
 /// Groups sides by edge.
-fn edges(sides: &[Side]) -> impl Iterator<Item = &[Side]> {
+fn edges(sides: &[EdgeSide]) -> impl Iterator<Item = &[EdgeSide]> {
     sides.chunk_by(|a, b| a.0 == b.0)
 }
 
 /// Returns the vertices at edges of only one triangle.
-fn open_vertices(sides: &[Side]) -> Vec<u32> {
+fn open_vertices(sides: &[EdgeSide]) -> Vec<u32> {
     let open = edges(sides).filter(|e| e.len() == 1);
     let mut vertices: Vec<u32> = open.flat_map(|e| e[0].0).collect();
     vertices.sort_unstable();
@@ -245,7 +242,7 @@ fn welded(points: &[Point3], open: &[u32], tolerance: f64) -> Option<Vec<u32>> {
 
 /// Reverses triangles such that neighbours run along their edge in opposite directions; in each
 /// piece the minority is reversed.
-fn turn_alike(triangles: &mut [[u32; 3]], sides: &[Side]) {
+fn turn_alike(triangles: &mut [[u32; 3]], sides: &[EdgeSide]) {
     let mut near: Vec<(u32, u32, bool)> = Vec::new();
     for edge in edges(sides).filter(|e| e.len() == 2) {
         let (a, b) = (&edge[0], &edge[1]);
@@ -292,9 +289,10 @@ fn volume(points: &[Point3], triangles: &[[u32; 3]]) -> f64 {
 
 /// Returns the triangles across the edges of each triangle, concatenated, and the index of the
 /// first of each.
-fn neighbours(sides: &[Side], count: usize) -> (Vec<u32>, Vec<u32>) {
+fn neighbours(sides: &[EdgeSide], count: usize) -> (Vec<u32>, Vec<u32>) {
     let mut pairs: Vec<(u32, u32)> = Vec::new();
-    for edge in edges(sides).filter(|e| e.len() <= MOST_AT_EDGE) {
+    // More triangles at an edge are a bundle of sheets.
+    for edge in edges(sides).filter(|e| e.len() <= 4) {
         for a in edge {
             pairs.extend(edge.iter().filter(|b| b.1 != a.1).map(|b| (a.1, b.1)));
         }

@@ -8,7 +8,7 @@
 //! side.
 
 use super::mesh::Facets;
-use crate::chart::{Kind, Surface, unit};
+use crate::chart::{Primitive, PrimitiveKind, unit};
 use crate::fit::{Precision, fit};
 use isoform_geom::{Point3, cross, dot, middle, norm, sub};
 
@@ -16,45 +16,31 @@ use isoform_geom::{Point3, cross, dot, middle, norm, sub};
 /// sides turns by 40° from side to side and one of 10 by 36°: fewer than 10 sides are planes.
 /// Modellers allow 30° at most by default, and designers draw hexagons and octagons; a smaller
 /// angle would lose coarse bores, a larger one would round off octagons.
-pub(crate) const TURN: f64 = 0.766_05;
-/// That for surfaces that turn both ways, √2 · 40°, from corner to corner of a facet. It keeps out
-/// the icosahedron, whose corners turn by 63°.
-const BOTH_WAYS: f64 = 0.551;
+pub(crate) const MIN_FACET_COSINE: f64 = 0.766_05;
 /// Maximum angle between a facet's normal and the mean normal of its surface beyond what the
 /// circumradius explains: the sum of an angle (radians) and a number of tolerances over the height
 /// of the facet.
-const OFF: (f64, f64) = (2e-3, 3.0);
-/// A triangle less high than this many tolerances has no normal to speak of.
-const SLIVER: f64 = 20.0;
-/// Growth of a part between two fits: by this factor, and by some triangles more.
-const GROWTH: (f64, usize) = (1.7, 4);
-/// Fits of a part at most: a million triangles are reached after 30.
-const ROUNDS: usize = 60;
+const NORMAL_ANGLE_TOLERANCE: (f64, f64) = (2e-3, 3.0);
+/// Growth of a part between two fits: a factor, and a number of triangles that is added.
+const PART_GROWTH: (f64, usize) = (1.7, 4);
 /// Maximum number of triangles whose corners are fitted; all vertices are exact, so that more add
 /// little.
-pub(crate) const SAMPLE: usize = 70;
-
-/// Where a part ends, what follows leaves its surface by this many tolerances at least: in a fine
-/// mesh of another shape it leaves little by little. Fewer would take patches of free forms, more
-/// would lose faces of fine meshes that pass into others smoothly.
-const LEAVES: f64 = 10.0;
-/// The share of the border along which it has to.
-const MOSTLY: f64 = 0.8;
+pub(crate) const MAX_FITTED_TRIANGLES: usize = 70;
 
 /// Triangles that one surface explains.
 #[derive(Clone, Debug)]
-pub(crate) struct Part {
-    pub(crate) surface: Surface,
+pub(crate) struct FacetPart {
+    pub(crate) surface: Primitive,
     /// Triangles in ascending order.
     pub(crate) triangles: Vec<u32>,
 }
 
 /// Returns true if a triangle is a facet of the surface.
-pub(crate) fn follows(mesh: &Facets, surface: &Surface, t: u32) -> bool {
+pub(crate) fn follows(mesh: &Facets, surface: &Primitive, t: u32) -> bool {
     follows_within(mesh, surface, t, mesh.tolerance)
 }
 
-fn follows_within(mesh: &Facets, surface: &Surface, t: u32, tolerance: f64) -> bool {
+fn follows_within(mesh: &Facets, surface: &Primitive, t: u32, tolerance: f64) -> bool {
     let corners = mesh.corners(t);
     if corners
         .iter()
@@ -66,18 +52,25 @@ fn follows_within(mesh: &Facets, surface: &Surface, t: u32, tolerance: f64) -> b
     let normals = normals(surface, corners, tolerance);
     let turn = turn(normals);
     let most = match surface.kind {
-        Kind::Sphere | Kind::Torus => BOTH_WAYS,
-        _ => TURN,
+        // √2 · 40° from corner to corner of a facet, which excludes the icosahedron, whose corners
+        // turn by 63°.
+        PrimitiveKind::Sphere | PrimitiveKind::Torus => 0.551,
+        _ => MIN_FACET_COSINE,
     };
     if turn < most || !is_chord(surface, corners, angle(turn), tolerance) {
         return false;
     }
-    if height < SLIVER * tolerance {
+    // The normal of a lower triangle is undetermined.
+    if height < 20.0 * tolerance {
         return true;
     }
     let mean = unit(std::array::from_fn(|k| normals.iter().map(|n| n[k]).sum()));
     let off = dot(mean, mesh.normals[t as usize]).abs();
-    let allowed = || roundness(corners) * angle(turn) + OFF.0 + OFF.1 * tolerance / height;
+    let allowed = || {
+        roundness(corners) * angle(turn)
+            + NORMAL_ANGLE_TOLERANCE.0
+            + NORMAL_ANGLE_TOLERANCE.1 * tolerance / height
+    };
     off >= turn || off >= most && angle(off) <= allowed()
 }
 
@@ -88,9 +81,9 @@ pub(crate) fn turn([a, b, c]: [Point3; 3]) -> f64 {
 
 /// Returns the surface's normals at the corners of a facet. The tip of a cone has no normal: the
 /// mean of the other two replaces it.
-pub(crate) fn normals(surface: &Surface, corners: [Point3; 3], tolerance: f64) -> [Point3; 3] {
+pub(crate) fn normals(surface: &Primitive, corners: [Point3; 3], tolerance: f64) -> [Point3; 3] {
     let mut normals = corners.map(|p| surface.normal(p));
-    if surface.kind == Kind::Cone {
+    if surface.kind == PrimitiveKind::Cone {
         let (apex, near) = (surface.apex(), tolerance / surface.other.sin().abs());
         if let Some(tip) = (0..3).find(|k| norm(sub(corners[*k], apex)) <= near) {
             let [m, n] = [1, 2].map(|k| normals[(tip + k) % 3]);
@@ -103,7 +96,7 @@ pub(crate) fn normals(surface: &Surface, corners: [Point3; 3], tolerance: f64) -
 /// Returns true if the distance of the surface from a facet is at most that of a chord along which
 /// it turns by `turn`: side × angle / 8 on circles, twice that in general. Three points on the
 /// circle in which a plane touches a torus have one normal, but their plane leaves the torus.
-fn is_chord(surface: &Surface, [a, b, c]: [Point3; 3], turn: f64, tolerance: f64) -> bool {
+fn is_chord(surface: &Primitive, [a, b, c]: [Point3; 3], turn: f64, tolerance: f64) -> bool {
     let sides = [[a, b], [b, c], [c, a]];
     let longest = sides
         .map(|[p, q]| norm(sub(p, q)))
@@ -131,16 +124,17 @@ fn angle(cosine: f64) -> f64 {
 pub(crate) fn grow(
     mesh: &Facets,
     seed: &[u32],
-    surface: Surface,
+    surface: Primitive,
     is_free: &(impl Fn(u32) -> bool + Sync),
-) -> Option<Part> {
-    let mut part = Part {
+) -> Option<FacetPart> {
+    let mut part = FacetPart {
         surface,
         triangles: seed.to_vec(),
     };
     let (mut is_seen, mut is_whole) = (vec![false; mesh.triangles.len()], false);
-    for _ in 0..ROUNDS {
-        let most = (part.triangles.len() as f64 * GROWTH.0) as usize + GROWTH.1;
+    // A million triangles are reached after 30 fits.
+    for _ in 0..60 {
+        let most = (part.triangles.len() as f64 * PART_GROWTH.0) as usize + PART_GROWTH.1;
         let (new, reached_end) = collect(mesh, &part, most, &mut is_seen, is_free);
         new.iter().for_each(|t| is_seen[*t as usize] = false);
         if new.is_empty() || new.len() * 2 < part.triangles.len() {
@@ -158,7 +152,7 @@ pub(crate) fn grow(
 }
 
 /// Returns the surface fitted to the corners of a sample of triangles, if all of these lie on it.
-pub(crate) fn exact(mesh: &Facets, start: &Surface, of: &[u32]) -> Option<Surface> {
+pub(crate) fn exact(mesh: &Facets, start: &Primitive, of: &[u32]) -> Option<Primitive> {
     let points = corners(mesh, of);
     let (surface, _) = fit(start, &points, Precision::Full)?;
     let is_on = |p: &Point3| surface.distance(*p).abs() <= mesh.tolerance;
@@ -167,11 +161,14 @@ pub(crate) fn exact(mesh: &Facets, start: &Surface, of: &[u32]) -> Option<Surfac
 
 /// Returns true if only few of the free triangles beyond the border of a part leave its surface
 /// gradually. Triangles of other parts lie on surfaces of their own.
-pub(crate) fn ends_clearly(mesh: &Facets, part: &Part, is_free: impl Fn(u32) -> bool) -> bool {
+pub(crate) fn ends_clearly(mesh: &Facets, part: &FacetPart, is_free: impl Fn(u32) -> bool) -> bool {
     let is_outside = |t: &u32| part.triangles.binary_search(t).is_err();
     let follows = |t: u32, tolerance| follows_within(mesh, &part.surface, t, tolerance);
     let nearly = |t: u32| {
-        follows(t, LEAVES * mesh.tolerance)
+        // In a fine mesh of another shape facets leave the surface gradually. Fewer tolerances
+        // would take patches of free forms, more would lose faces of fine meshes that continue
+        // smoothly into others.
+        follows(t, 10.0 * mesh.tolerance)
             && !follows(t, mesh.tolerance)
             && !bends_away(&part.surface, mesh.corners(t))
     };
@@ -181,13 +178,14 @@ pub(crate) fn ends_clearly(mesh: &Facets, part: &Part, is_free: impl Fn(u32) -> 
         all += 1.0;
         vague += f64::from(u8::from(is_free(*t) && nearly(*t)));
     }
-    vague <= (1.0 - MOSTLY) * all
+    // The part has to end clearly along 80 % of its border.
+    vague <= (1.0 - 0.8) * all
 }
 
 /// Returns true if a facet beyond the border leaves a curved surface as one of another curvature
 /// does: by more than a quarter of the distance to which the surface's tangent planes leave it over
 /// the facet's height.
-fn bends_away(surface: &Surface, corners: [Point3; 3]) -> bool {
+fn bends_away(surface: &Primitive, corners: [Point3; 3]) -> bool {
     let distances = corners.map(|p| surface.distance(p).abs());
     let far = (0..3).fold(0, |m, k| if distances[k] > distances[m] { k } else { m });
     let [p, a, b] = [0, 1, 2].map(|k| corners[(far + k) % 3]);
@@ -197,9 +195,9 @@ fn bends_away(surface: &Surface, corners: [Point3; 3]) -> bool {
     curvature > 0.0 && distances[far] > curvature * height * height / 8.0
 }
 
-/// Returns the corners of at most [`SAMPLE`] of some triangles.
+/// Returns the corners of at most [`MAX_FITTED_TRIANGLES`] of some triangles.
 pub(crate) fn corners(mesh: &Facets, of: &[u32]) -> Vec<Point3> {
-    let step = of.len().div_ceil(SAMPLE).max(1);
+    let step = of.len().div_ceil(MAX_FITTED_TRIANGLES).max(1);
     let some = of.iter().step_by(step);
     some.flat_map(|t| mesh.corners(*t)).collect()
 }
@@ -209,7 +207,7 @@ pub(crate) fn corners(mesh: &Facets, of: &[u32]) -> Vec<Point3> {
 /// left true for the triangles returned, false for all others.
 fn collect(
     mesh: &Facets,
-    part: &Part,
+    part: &FacetPart,
     most: usize,
     is_seen: &mut [bool],
     is_free: &(impl Fn(u32) -> bool + Sync),

@@ -6,23 +6,20 @@
 //! ends where the adjacent surface begins.
 
 use super::claim::Claims;
-use super::mesh::{Facets, NONE};
-use crate::chart::{Kind, Surface};
+use super::mesh::Facets;
+use crate::chart::{Primitive, PrimitiveKind};
+use crate::labels::UNLABELLED;
 use isoform_geom::{Point3, dot, middle, on_triangle};
 use std::collections::BTreeMap;
 
-/// The share of facets on the wrong side of a surface up to which a face ends there: what chords
-/// reach beyond it.
-const ONE_SIDED: f64 = 0.01;
-
 /// A point inside a facet.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Inside {
+pub(crate) struct FacetPoint {
     pub(crate) at: Point3,
     /// Outward normal of the surface.
     pub(crate) normal: Point3,
-    /// Part on whose surface the point is; [`NONE`] for points of facets without a part, which lie
-    /// on the facet.
+    /// Part on whose surface the point is; [`UNLABELLED`] for points of facets without a part,
+    /// which lie on the facet.
     pub(crate) part: u32,
     /// Facet over which the point lies.
     pub(crate) triangle: u32,
@@ -30,7 +27,12 @@ pub(crate) struct Inside {
 
 /// Returns about `wanted` points inside facets, and at least `fewest` inside each part, unless its
 /// facets are all next to a curved edge.
-pub(crate) fn inside(mesh: &Facets, claims: &Claims, wanted: usize, fewest: usize) -> Vec<Inside> {
+pub(crate) fn inside(
+    mesh: &Facets,
+    claims: &Claims,
+    wanted: usize,
+    fewest: usize,
+) -> Vec<FacetPoint> {
     let spacing = (mesh.areas.iter().sum::<f64>() / wanted.max(1) as f64).sqrt();
     let mut points = Vec::new();
     if wanted == 0 || spacing <= 0.0 {
@@ -41,19 +43,19 @@ pub(crate) fn inside(mesh: &Facets, claims: &Claims, wanted: usize, fewest: usiz
         let area = mesh.area(&part.triangles);
         // Twice as many, because some fall beyond the border.
         let spacing = spacing.min((area / (2 * fewest).max(1) as f64).sqrt());
-        let near = borders.range((k as u32, 0)..=(k as u32, NONE));
-        let near: Vec<(&Surface, &Border)> = near
+        let near = borders.range((k as u32, 0)..=(k as u32, UNLABELLED));
+        let near: Vec<(&Primitive, &PartBorder)> = near
             .map(|((_, other), b)| (&claims.parts[*other as usize].surface, b))
             .collect();
         let is_on_face = |p: &Point3| near.iter().all(|(s, b)| b.is_kept(s.distance(*p), mesh));
         let on_surface = |(triangle, p): (u32, Point3)| {
             let at = match part.surface.kind {
-                Kind::Plane => p,
+                PrimitiveKind::Plane => p,
                 _ => part.surface.foot(p),
             };
             let normal = part.surface.normal(at);
             let sign = dot(normal, mesh.normals[triangle as usize]).signum();
-            Inside {
+            FacetPoint {
                 at,
                 normal: normal.map(|x| sign * x),
                 part: k as u32,
@@ -63,12 +65,12 @@ pub(crate) fn inside(mesh: &Facets, claims: &Claims, wanted: usize, fewest: usiz
         let of = all_over(mesh, &part.triangles, spacing).into_iter();
         points.extend(of.map(on_surface).filter(|p| is_on_face(&p.at)));
     }
-    let left = (0..mesh.triangles.len() as u32).filter(|t| claims.taken[*t as usize] == NONE);
+    let left = (0..mesh.triangles.len() as u32).filter(|t| claims.taken[*t as usize] == UNLABELLED);
     let left = all_over(mesh, &left.collect::<Vec<_>>(), spacing).into_iter();
-    points.extend(left.map(|(triangle, at)| Inside {
+    points.extend(left.map(|(triangle, at)| FacetPoint {
         at,
         normal: mesh.normals[triangle as usize],
-        part: NONE,
+        part: UNLABELLED,
         triangle,
     }));
     points
@@ -76,20 +78,21 @@ pub(crate) fn inside(mesh: &Facets, claims: &Claims, wanted: usize, fewest: usiz
 
 /// The edges that a part shares with another one.
 #[derive(Default)]
-struct Border {
+struct PartBorder {
     /// Maximum distance of the edges from the two surfaces: the height of the chords.
     height: f64,
     /// Areas of the part's facets at the border on the two sides of the other surface.
     areas: [f64; 2],
 }
 
-impl Border {
+impl PartBorder {
     /// Returns true if a point of the part at this distance from the other surface is on the part's
     /// face.
     fn is_kept(&self, distance: f64, mesh: &Facets) -> bool {
         let [below, above] = self.areas;
         // The face continues on both sides, like a plane that a pipe meets.
-        let is_two_sided = below.min(above) > ONE_SIDED * below.max(above);
+        // Chords reach beyond the end of a face by one facet in a hundred.
+        let is_two_sided = below.min(above) > 0.01 * below.max(above);
         let is_far = distance.abs() > self.height + mesh.tolerance;
         let inwards = if above > below { distance } else { -distance };
         is_far || !is_two_sided && inwards > mesh.tolerance
@@ -97,13 +100,13 @@ impl Border {
 }
 
 /// Returns the borders of the parts, by the part and its neighbour.
-fn borders(mesh: &Facets, claims: &Claims) -> BTreeMap<(u32, u32), Border> {
-    let mut borders: BTreeMap<(u32, u32), Border> = BTreeMap::new();
+fn borders(mesh: &Facets, claims: &Claims) -> BTreeMap<(u32, u32), PartBorder> {
+    let mut borders: BTreeMap<(u32, u32), PartBorder> = BTreeMap::new();
     for t in 0..mesh.triangles.len() as u32 {
         let own = claims.taken[t as usize];
         for u in mesh.near(t) {
             let other = claims.taken[*u as usize];
-            if own == NONE || other == NONE || own == other {
+            if own == UNLABELLED || other == UNLABELLED || own == other {
                 continue;
             }
             let [a, b] = [own, other].map(|k| &claims.parts[k as usize].surface);
@@ -139,12 +142,17 @@ fn all_over(mesh: &Facets, of: &[u32], spacing: f64) -> Vec<(u32, Point3)> {
 /// Returns the part of each vertex: of those that meet there the one with the fewest triangles, so
 /// that narrow faces keep their points.
 pub(crate) fn at_vertices(mesh: &Facets, claims: &Claims) -> Vec<u32> {
-    let mut of = vec![NONE; mesh.points.len()];
+    let mut of = vec![UNLABELLED; mesh.points.len()];
     let size = |k: u32| (claims.parts[k as usize].triangles.len(), k);
-    for (t, part) in claims.taken.iter().enumerate().filter(|t| *t.1 != NONE) {
+    for (t, part) in claims
+        .taken
+        .iter()
+        .enumerate()
+        .filter(|t| *t.1 != UNLABELLED)
+    {
         for v in mesh.triangles[t] {
             let now = &mut of[v as usize];
-            if *now == NONE || size(*part) < size(*now) {
+            if *now == UNLABELLED || size(*part) < size(*now) {
                 *now = *part;
             }
         }

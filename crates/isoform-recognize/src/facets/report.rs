@@ -1,31 +1,32 @@
 //! Report on the parts of a mesh, in the mesh's unit and order.
 
 use super::claim::Claims;
-use super::mesh::{Facets, NONE};
-use super::part::Part;
-use super::points::{Inside, at_vertices};
+use super::mesh::Facets;
+use super::part::FacetPart;
+use super::points::{FacetPoint, at_vertices};
 use crate::blends::blends;
-use crate::chart::{Kind, MOST, Surface};
+use crate::chart::{MAX_PARAMETERS, Primitive, PrimitiveKind};
 use crate::cloud::Scaling;
 use crate::entity::{Deviations, Entity, Face, Recognition};
-use crate::faces::Faces;
+use crate::faces::FaceLabels;
 use crate::fit::{Precision, covariance, fit, mean, squares};
+use crate::labels::UNLABELLED;
 use crate::patterns::patterns;
 use crate::recognize::{Options, deviations_of};
-use crate::relations::{Known, relations};
-use crate::symmetry::{Set, symmetries};
+use crate::relations::{EntitySet, UncertainSurface, relations};
+use crate::symmetry::symmetries;
 use isoform_geom::{Point3, dot};
 use rayon::prelude::*;
 
 /// Minimum share of its area by which the facets of a part face more to one side of the surface
 /// than to the other; with less the side is undecided.
-const CLEARLY: f64 = 0.5;
+const MIN_SIDE_SHARE: f64 = 0.5;
 
 /// Returns the recognition of the mesh's own points and of those inside faces.
 pub(crate) fn report(
     mesh: &Facets,
     claims: &Claims,
-    inside: &[Inside],
+    inside: &[FacetPoint],
     options: &Options,
     scaling: &Scaling,
 ) -> Recognition {
@@ -33,7 +34,7 @@ pub(crate) fn report(
     let vertices = mesh.index.iter().map(|v| at_vertices[*v as usize]);
     let labels: Vec<u32> = vertices.chain(inside.iter().map(|p| p.part)).collect();
     let mut counts = vec![0; claims.parts.len()];
-    let known = labels.iter().filter(|l| **l != NONE);
+    let known = labels.iter().filter(|l| **l != UNLABELLED);
     known.for_each(|l| counts[*l as usize] += 1);
     let mut order: Vec<usize> = (0..counts.len()).collect();
     order.retain(|k| counts[*k] >= options.fewest_of_part());
@@ -44,9 +45,9 @@ pub(crate) fn report(
     }
     let noise = options.noise.map_or(mesh.rounding, |n| n / scaling.unit);
     let noise = noise.max(f64::EPSILON);
-    let said = |k: &usize| said(mesh, &claims.parts[*k], counts[*k], noise, scaling);
-    let said: Vec<(Entity, Known)> = order.par_iter().map(said).collect();
-    let (entities, known): (Vec<Entity>, Vec<Known>) = said.into_iter().unzip();
+    let described = |k: &usize| describe(mesh, &claims.parts[*k], counts[*k], noise, scaling);
+    let described: Vec<(Entity, UncertainSurface)> = order.par_iter().map(described).collect();
+    let (entities, known): (Vec<Entity>, Vec<UncertainSurface>) = described.into_iter().unzip();
     let rank = |l: &u32| rank.get(*l as usize).copied().flatten();
     let points: Vec<Vec<Point3>> = order
         .iter()
@@ -56,7 +57,7 @@ pub(crate) fn report(
     let pairs = mesh.pairs().filter_map(|(t, u)| Some((of(t)?, of(u)?)));
     let pairs = pairs.filter(|(a, b)| a != b);
     let outward: Vec<i8> = entities.iter().map(|e| e.outward).collect();
-    let set = Set {
+    let set = EntitySet {
         known: &known,
         outward: &outward,
         points: &points,
@@ -87,12 +88,13 @@ fn faces(
     mesh: &Facets,
     claims: &Claims,
     at_vertices: &[u32],
-    inside: &[Inside],
+    inside: &[FacetPoint],
     rank: impl Fn(&u32) -> Option<u32>,
 ) -> (Vec<Face>, Vec<Option<u32>>) {
-    let faces = Faces::of(mesh.pieces(&claims.taken).into_iter(), mesh.triangles.len());
+    let faces =
+        FaceLabels::from_pieces(mesh.pieces(&claims.taken).into_iter(), mesh.triangles.len());
     // A facet of the vertex's part, for each vertex.
-    let mut facets = vec![NONE; mesh.points.len()];
+    let mut facets = vec![UNLABELLED; mesh.points.len()];
     for (t, corners) in (0..).zip(&mesh.triangles) {
         for v in corners {
             if claims.taken[t as usize] == at_vertices[*v as usize] {
@@ -106,17 +108,17 @@ fn faces(
 }
 
 /// Describes a part as an entity, and returns its surface with the covariance of its parameters.
-fn said(
+fn describe(
     mesh: &Facets,
-    part: &Part,
+    part: &FacetPart,
     count: usize,
     noise: f64,
     scaling: &Scaling,
-) -> (Entity, Known) {
+) -> (Entity, UncertainSurface) {
     let points = mesh.at(&mesh.vertices(&part.triangles));
     let fitted = fit(&part.surface, &points, Precision::Full);
     let mut surface = fitted.map_or(part.surface, |f| f.0).about(mean(&points));
-    if surface.kind == Kind::Cone && surface.other < 0.0 {
+    if surface.kind == PrimitiveKind::Cone && surface.other < 0.0 {
         surface.axis = surface.axis.map(|x| -x);
         surface.other = -surface.other;
     }
@@ -149,23 +151,23 @@ fn said(
     };
     (
         entity,
-        Known {
+        UncertainSurface {
             surface,
-            covariance: covariance.unwrap_or([[f64::INFINITY; MOST]; MOST]),
+            covariance: covariance.unwrap_or([[f64::INFINITY; MAX_PARAMETERS]; MAX_PARAMETERS]),
         },
     )
 }
 
 /// Returns the outer side of the surface by its facets: +1 that of its normal, −1 the opposite one,
 /// 0 undecided.
-fn outward(mesh: &Facets, part: &Part, surface: &Surface) -> i8 {
+fn outward(mesh: &Facets, part: &FacetPart, surface: &Primitive) -> i8 {
     let side = |t: &u32| {
         let n = surface.normal(middle_of(mesh, *t));
         mesh.areas[*t as usize] * dot(n, mesh.normals[*t as usize]).signum()
     };
     let sides: f64 = part.triangles.iter().map(side).sum();
     let share = sides / mesh.area(&part.triangles);
-    i8::from(share > CLEARLY) - i8::from(share < -CLEARLY)
+    i8::from(share > MIN_SIDE_SHARE) - i8::from(share < -MIN_SIDE_SHARE)
 }
 
 fn middle_of(mesh: &Facets, t: u32) -> Point3 {
@@ -174,7 +176,7 @@ fn middle_of(mesh: &Facets, t: u32) -> Point3 {
 
 /// Returns unit normals: at the mesh's points the mean of the adjacent facets weighted by area,
 /// inside faces those of the surface.
-fn normals(mesh: &Facets, inside: &[Inside]) -> Vec<Point3> {
+fn normals(mesh: &Facets, inside: &[FacetPoint]) -> Vec<Point3> {
     let mut sums = vec![[0.0; 3]; mesh.points.len()];
     for (t, corners) in mesh.triangles.iter().enumerate() {
         for v in corners {

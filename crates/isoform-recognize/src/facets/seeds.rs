@@ -2,10 +2,11 @@
 //! hold, and the one that explains most is kept.
 
 use super::evidence::shows;
-use super::flat::{COMPARABLE, Flats};
+use super::flat::MAX_AREA_RATIO;
+use super::free::FreeFacets;
 use super::mesh::Facets;
-use super::part::{Part, SAMPLE, corners, exact, follows, grow};
-use crate::chart::{Kind, Surface, unit};
+use super::part::{FacetPart, MAX_FITTED_TRIANGLES, corners, exact, follows, grow};
+use crate::chart::{Primitive, PrimitiveKind, unit};
 use crate::fit::{Precision, fit};
 use crate::start::starts;
 use isoform_geom::{Point3, dot};
@@ -14,59 +15,44 @@ use rayon::prelude::*;
 /// Maximum number of triangles of each set that hypotheses are made from, and the maximum ratio of
 /// the areas of neighbours in it. Small sets stay within small faces, large ones show the curvature
 /// of fine meshes; one face often has facets of one size.
-const BALLS: [(usize, f64); 7] = [
+const HYPOTHESIS_SETS: [(usize, f64); 7] = [
     (7, 1.5),
     (24, 1.5),
-    (7, COMPARABLE),
-    (14, COMPARABLE),
-    (48, COMPARABLE),
+    (7, MAX_AREA_RATIO),
+    (14, MAX_AREA_RATIO),
+    (48, MAX_AREA_RATIO),
     (200, f64::INFINITY),
     (800, f64::INFINITY),
 ];
-/// Facets beside one that are tried in pairs.
-const BESIDE: usize = 6;
-/// Vertices of a rough fit farther from it than this many tolerances do not lie on such a surface.
-/// Fewer would lose those that converge slowly, more take time at free-form faces.
-const ROUGHLY: f64 = 100.0;
-/// A kind with more parameters wins where it explains this many times as many triangles.
-const MORE: f64 = 1.15;
-/// The least cosine between normals of one surface, given twice: 0.08°. Less would take a torus for the
-/// cone of a narrow ring of it.
-const SAME: f64 = 0.999_999;
 /// Curved kinds, the simplest first. Developable ones come before the sphere, though that has fewer
 /// parameters, since any two rings of vertices lie on a sphere.
-const KINDS: [Kind; 4] = [Kind::Cylinder, Kind::Cone, Kind::Sphere, Kind::Torus];
+const KINDS: [PrimitiveKind; 4] = [
+    PrimitiveKind::Cylinder,
+    PrimitiveKind::Cone,
+    PrimitiveKind::Sphere,
+    PrimitiveKind::Torus,
+];
 
-/// The mesh with its flat pieces and the parts found so far.
-pub(crate) struct Free<'a> {
-    pub(crate) mesh: &'a Facets,
-    pub(crate) flats: &'a Flats,
-    /// Part of each triangle.
-    pub(crate) taken: &'a [u32],
-    pub(crate) parts: &'a [Part],
-}
-
-impl Free<'_> {
-    pub(crate) fn is_free(&self, t: u32) -> bool {
-        self.taken[t as usize] == super::mesh::NONE
-    }
-
+impl FreeFacets<'_> {
     /// Returns the curved surface about a flat piece that explains the most triangles.
-    pub(crate) fn best(&self, piece: u32) -> Option<Part> {
+    pub(crate) fn best(&self, piece: u32) -> Option<FacetPart> {
         let sets = self.sets(piece);
         let mut found = Vec::new();
         for kind in KINDS {
             found.extend(self.largest(kind, &sets, &found));
         }
         let best = simplest(found.into_iter())?;
-        if !matches!(best.surface.kind, Kind::Cylinder | Kind::Cone) {
+        if !matches!(
+            best.surface.kind,
+            PrimitiveKind::Cylinder | PrimitiveKind::Cone
+        ) {
             return Some(best);
         }
         // Each ring of facets of a sphere or a torus is also a cone.
         let wider = [self.widened(&best.triangles)];
         let known = [best];
         let found = KINDS[2..].iter();
-        let found: Vec<Part> = found
+        let found: Vec<FacetPart> = found
             .filter_map(|kind| self.largest(*kind, &wider, &known))
             .collect();
         simplest(known.into_iter().chain(found))
@@ -85,7 +71,8 @@ impl Free<'_> {
                 }
             }
         }
-        beside.truncate(BESIDE);
+        // Pairs are tried with six adjacent facets.
+        beside.truncate(6);
         let beside: Vec<Vec<u32>> = beside.iter().map(|p| self.large(*p)).collect();
         let mut sets = Vec::new();
         for (k, a) in beside.iter().enumerate() {
@@ -93,7 +80,7 @@ impl Free<'_> {
                 sets.push([&own[..], a, b].concat());
             }
         }
-        for (most, factor) in BALLS {
+        for (most, factor) in HYPOTHESIS_SETS {
             let set = self.ball(own[0], most, factor);
             if !sets.contains(&set) {
                 sets.push(set);
@@ -108,7 +95,8 @@ impl Free<'_> {
         let all = self.flats.pieces[piece as usize].triangles.iter().copied();
         let area = |t: u32| self.mesh.areas[t as usize];
         let largest = all.clone().map(area).fold(0.0, f64::max);
-        all.filter(|t| COMPARABLE * area(*t) >= largest).collect()
+        all.filter(|t| MAX_AREA_RATIO * area(*t) >= largest)
+            .collect()
     }
 
     /// Returns the free triangles nearest to one, across smooth edges at which areas differ by less
@@ -147,15 +135,20 @@ impl Free<'_> {
     }
 
     /// Returns the largest part of a kind that the sets lead to, other than those known.
-    fn largest(&self, kind: Kind, sets: &[Vec<u32>], known: &[Part]) -> Option<Part> {
-        let tried: Vec<Vec<Surface>> = sets
+    fn largest(
+        &self,
+        kind: PrimitiveKind,
+        sets: &[Vec<u32>],
+        known: &[FacetPart],
+    ) -> Option<FacetPart> {
+        let tried: Vec<Vec<Primitive>> = sets
             .par_iter()
             .map(|set| self.hypotheses(kind, set))
             .collect();
-        let mut best: Option<Part> = None;
+        let mut best: Option<FacetPart> = None;
         for (set, surfaces) in sets.iter().zip(tried) {
             for surface in surfaces {
-                let is_known = |part: &Part| {
+                let is_known = |part: &FacetPart| {
                     is_same(self.mesh, [&surface, &part.surface], &part.triangles)
                         || is_same(self.mesh, [&surface, &part.surface], set)
                 };
@@ -165,7 +158,7 @@ impl Free<'_> {
                 let Some(part) = grow(self.mesh, set, surface, &|t| self.is_free(t)) else {
                     continue;
                 };
-                let is_larger = |b: &Part| part.triangles.len() > b.triangles.len();
+                let is_larger = |b: &FacetPart| part.triangles.len() > b.triangles.len();
                 if best.as_ref().is_none_or(is_larger) && shows(self, &part) {
                     best = Some(part);
                 }
@@ -175,7 +168,7 @@ impl Free<'_> {
     }
 
     /// Returns surfaces of a kind that all vertices of a set lie on.
-    fn hypotheses(&self, kind: Kind, set: &[u32]) -> Vec<Surface> {
+    fn hypotheses(&self, kind: PrimitiveKind, set: &[u32]) -> Vec<Primitive> {
         let mesh = self.mesh;
         let vertices = mesh.vertices(set);
         if vertices.len() <= kind.parameters() {
@@ -183,17 +176,19 @@ impl Free<'_> {
         }
         let (tangent, facets) = self.tangent_planes(set);
         let smooth = self.smooth(set, &vertices);
-        let step = vertices.len().div_ceil(SAMPLE).max(1);
+        let step = vertices.len().div_ceil(MAX_FITTED_TRIANGLES).max(1);
         let some = |of: &[Point3]| -> Vec<Point3> { of.iter().copied().step_by(step).collect() };
         let (points, smooth) = (some(&mesh.at(&vertices)), some(&smooth));
         let mut from = match kind {
-            Kind::Cylinder | Kind::Cone => starts(kind, &tangent, &facets),
+            PrimitiveKind::Cylinder | PrimitiveKind::Cone => starts(kind, &tangent, &facets),
             _ => Vec::new(),
         };
         from.extend(starts(kind, &points, &smooth));
-        let roughly = |s: &Surface| -> Option<Surface> {
+        let roughly = |s: &Primitive| -> Option<Primitive> {
             let (surface, squares) = fit(s, &points, Precision::Rough)?;
-            let limit = (ROUGHLY * mesh.tolerance).powi(2) * points.len() as f64;
+            // A smaller limit would lose surfaces whose fit converges slowly, a larger one takes
+            // time at free-form faces.
+            let limit = (100.0 * mesh.tolerance).powi(2) * points.len() as f64;
             (squares <= limit).then_some(surface)
         };
         let fitted = from.iter().filter_map(roughly);
@@ -206,7 +201,7 @@ impl Free<'_> {
     /// Returns corners of facets, each with the normal of its facet: tangent planes of developable
     /// surfaces.
     fn tangent_planes(&self, set: &[u32]) -> (Vec<Point3>, Vec<Point3>) {
-        let step = (3 * set.len()).div_ceil(SAMPLE).max(1);
+        let step = (3 * set.len()).div_ceil(MAX_FITTED_TRIANGLES).max(1);
         let of = |t: &u32| {
             let n = self.mesh.normals[*t as usize];
             self.mesh.corners(*t).map(|p| (p, n))
@@ -231,18 +226,21 @@ impl Free<'_> {
 }
 
 /// Returns true if two surfaces coincide over triangles that lie on one of them.
-fn is_same(mesh: &Facets, [a, b]: [&Surface; 2], of: &[u32]) -> bool {
+fn is_same(mesh: &Facets, [a, b]: [&Primitive; 2], of: &[u32]) -> bool {
     let mut corners = corners(mesh, of).into_iter();
     corners.all(|p| {
         let are_near = [a, b].map(|s| s.distance(p).abs() <= mesh.tolerance);
-        are_near == [true; 2] && dot(a.normal(p), b.normal(p)).abs() > SAME
+        // Normals of one surface, given twice, differ by less than 0.08°. A smaller cosine would
+        // take a torus for the cone of a narrow ring of it.
+        are_near == [true; 2] && dot(a.normal(p), b.normal(p)).abs() > 0.999_999
     })
 }
 
 /// Returns the first of parts, by rising kind, unless another one explains many more triangles.
-fn simplest(parts: impl Iterator<Item = Part>) -> Option<Part> {
-    parts.fold(None, |best: Option<Part>, part| match best {
-        Some(b) if (part.triangles.len() as f64) < MORE * b.triangles.len() as f64 => Some(b),
+fn simplest(parts: impl Iterator<Item = FacetPart>) -> Option<FacetPart> {
+    parts.fold(None, |best: Option<FacetPart>, part| match best {
+        // A kind with more parameters has to explain 15 % more triangles.
+        Some(b) if (part.triangles.len() as f64) < 1.15 * b.triangles.len() as f64 => Some(b),
         _ => Some(part),
     })
 }

@@ -1,18 +1,17 @@
 //! Chains of places at equal steps, and their common fit.
 
 use super::sites::{Sites, way};
-use crate::chart::{Kind, MOST, Row, Surface};
-use crate::compare::{Fitted, Observation, Whitener, difference, fit_model};
-use isoform_geom::{Point3, cross, dot, norm, sub};
-
-/// Two rows that have two members in common are on one line.
-const LINE: usize = 2;
+use crate::chart::{
+    DIFFERENCE_STEP, MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind, turned,
+};
+use crate::compare::{ModelFit, Observation, Whitener, difference, fit_model};
+use isoform_geom::{Point3, dot, norm, sub};
 
 /// The circle of a chain.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Circle {
     /// Axis of the circle, as a cylinder of unspecified radius.
-    pub(super) line: Surface,
+    pub(super) line: Primitive,
     /// Angle from a member to the next, anticlockwise about the axis.
     pub(super) angle: f64,
     /// True if members occupy a full turn.
@@ -26,7 +25,7 @@ pub(super) struct Circle {
 pub(super) struct Chain {
     pub(super) members: Vec<usize>,
     /// Surface at the first member, from the common fit.
-    pub(super) first: Surface,
+    pub(super) first: Primitive,
     /// Vector from a member to the next; of circles from the first to the second.
     pub(super) step: Point3,
     pub(super) circle: Option<Circle>,
@@ -37,7 +36,7 @@ pub(super) struct Chain {
 }
 
 /// Parameters of a chain in addition to those of its first surface.
-enum Own {
+enum ChainParameters {
     /// Coordinates of a row's step along these vectors.
     Step(Vec<Point3>),
     /// Shifts of a circle's axis along two vectors, its tilt if members have no axis, and its angle
@@ -45,16 +44,16 @@ enum Own {
     Circle { is_tilted: bool, is_open: bool },
 }
 
-impl Own {
-    fn of(first: &Surface, circle: Option<&Circle>) -> Self {
+impl ChainParameters {
+    fn for_chain(first: &Primitive, circle: Option<&Circle>) -> Self {
         let [e, f] = first.frame();
         match (circle, first.kind) {
             (Some(c), kind) => Self::Circle {
-                is_tilted: kind == Kind::Sphere,
+                is_tilted: kind == PrimitiveKind::Sphere,
                 is_open: !c.is_closed,
             },
-            (None, Kind::Plane) => Self::Step(vec![first.axis]),
-            (None, Kind::Cylinder | Kind::Cone) => Self::Step(vec![e, f]),
+            (None, PrimitiveKind::Plane) => Self::Step(vec![first.axis]),
+            (None, PrimitiveKind::Cylinder | PrimitiveKind::Cone) => Self::Step(vec![e, f]),
             (None, _) => {
                 let unit = |k: usize| std::array::from_fn(|i| f64::from(u8::from(i == k)));
                 Self::Step((0..3).map(unit).collect())
@@ -95,20 +94,21 @@ impl Chain {
     pub(super) fn is_part_of(&self, other: &Self) -> bool {
         let shared = self.members.iter().filter(|m| other.members.contains(m));
         let most = match self.circle {
-            None => LINE,
+            // Two rows that have two members in common are on one line.
+            None => 2,
             Some(_) => self.members.len(),
         };
         self.circle.is_some() == other.circle.is_some() && shared.count() >= most
     }
 
     /// Returns the first surface, the step and the circle for common parameters.
-    fn moved(&self, own: &Own, theta: &[f64]) -> (Surface, Point3, Option<Circle>) {
+    fn moved(&self, own: &ChainParameters, theta: &[f64]) -> (Primitive, Point3, Option<Circle>) {
         let n = self.first.kind.parameters();
-        let mut step = [0.0; MOST];
+        let mut step = [0.0; MAX_PARAMETERS];
         step[..n].copy_from_slice(&theta[..n]);
         let (first, rest) = (self.first.moved(&step), &theta[n..]);
         match (own, self.circle) {
-            (Own::Circle { is_tilted, is_open }, Some(mut circle)) => {
+            (ChainParameters::Circle { is_tilted, is_open }, Some(mut circle)) => {
                 let tilt = if *is_tilted {
                     [rest[2], rest[3]]
                 } else {
@@ -126,7 +126,7 @@ impl Chain {
                 }
                 (first, self.step, Some(circle))
             }
-            (Own::Step(along), _) => {
+            (ChainParameters::Step(along), _) => {
                 let mut way = self.step;
                 for (v, t) in along.iter().zip(rest) {
                     (0..3).for_each(|k| way[k] += t * v[k]);
@@ -138,17 +138,21 @@ impl Chain {
     }
 
     /// Returns the predicted surface of the member `k`.
-    fn expected(&self, own: &Own, theta: &[f64], k: f64) -> Surface {
+    fn expected(&self, own: &ChainParameters, theta: &[f64], k: f64) -> Primitive {
         let (first, step, circle) = self.moved(own, theta);
         moved_on(&first, step, circle.as_ref(), k)
     }
 
     /// Returns the surface predicted `k` steps after the first.
-    pub(super) fn next(&self, k: f64) -> Surface {
+    pub(super) fn next(&self, k: f64) -> Primitive {
         moved_on(&self.first, self.step, self.circle.as_ref(), k)
     }
 
-    fn observations<'a>(&'a self, sites: &'a Sites<'_>, own: &'a Own) -> Vec<Observation<'a>> {
+    fn observations<'a>(
+        &'a self,
+        sites: &'a Sites<'_>,
+        own: &'a ChainParameters,
+    ) -> Vec<Observation<'a>> {
         let mut all = Vec::new();
         for (k, place) in self.members.iter().enumerate() {
             for i in sites.entities(*place) {
@@ -165,7 +169,11 @@ impl Chain {
             let known = &sites.known[i];
             all.push(Observation {
                 difference: Box::new(move |theta| self.axis_off(own, theta, &known.surface)),
-                whitener: Whitener::of(&known.covariance, axis_of(known.surface.kind), None),
+                whitener: Whitener::from_covariance(
+                    &known.covariance,
+                    axis_of(known.surface.kind),
+                    None,
+                ),
             });
         }
         all
@@ -173,14 +181,14 @@ impl Chain {
 
     /// Returns the difference of the circle's axis from an entity's, in the parameters of the
     /// entity.
-    fn axis_off(&self, own: &Own, theta: &[f64], surface: &Surface) -> Row {
+    fn axis_off(&self, own: &ChainParameters, theta: &[f64], surface: &Primitive) -> ParameterRow {
         let Some(circle) = self.moved(own, theta).2 else {
-            return [0.0; MOST];
+            return [0.0; MAX_PARAMETERS];
         };
         let mut line = circle.line;
-        line.kind = Kind::Cylinder;
-        let axis = Surface {
-            kind: Kind::Cylinder,
+        line.kind = PrimitiveKind::Cylinder;
+        let axis = Primitive {
+            kind: PrimitiveKind::Cylinder,
             ..*surface
         };
         difference(&axis, &line)
@@ -188,12 +196,12 @@ impl Chain {
 
     /// Returns the chain with the parameters that fit best, if it is consistent.
     pub(super) fn fitted(&self, sites: &Sites<'_>) -> Option<Self> {
-        let own = Own::of(&self.first, self.circle.as_ref());
+        let own = ChainParameters::for_chain(&self.first, self.circle.as_ref());
         let n = self.first.kind.parameters();
         let free = match self.first.kind {
             // The position of a cone along its axis is ignored.
-            Kind::Cone => 4,
-            _ => MOST,
+            PrimitiveKind::Cone => 4,
+            _ => MAX_PARAMETERS,
         };
         let all = self.observations(sites, &own);
         let all = all
@@ -202,7 +210,7 @@ impl Chain {
             .collect::<Vec<_>>();
         let m = n - usize::from(free < n) + own.count();
         let full = |theta: &[f64]| with(theta, free);
-        let fit = fit_model(m, &all).filter(Fitted::holds)?;
+        let fit = fit_model(m, &all).filter(ModelFit::holds)?;
         let theta = full(&fit.theta);
         let (first, step, circle) = self.moved(&own, &theta);
         let mut chain = Self {
@@ -228,7 +236,7 @@ impl Chain {
 
     /// Returns the standard deviations of spacing, or of radius and angle, from the covariance of
     /// the fit.
-    fn deviations(&self, own: &Own, fit: &Fitted, free: usize) -> [f64; 2] {
+    fn deviations(&self, own: &ChainParameters, fit: &ModelFit, free: usize) -> [f64; 2] {
         let m = fit.theta.len();
         let sizes = |theta: &[f64]| -> [f64; 2] {
             let (first, step, circle) = self.moved(own, &with(theta, free));
@@ -244,7 +252,7 @@ impl Chain {
                 theta[k] += h;
                 sizes(&theta)
             };
-            let h = crate::compare::STEP;
+            let h = DIFFERENCE_STEP;
             let (plus, minus) = (at(h), at(-h));
             *row = std::array::from_fn(|i| (plus[i] - minus[i]) / (2.0 * h));
         }
@@ -259,8 +267,8 @@ impl Chain {
 }
 
 /// Returns the indices of the parameters that determine an entity's axis.
-fn axis_of(kind: Kind) -> &'static [usize] {
-    if kind == Kind::Torus {
+fn axis_of(kind: PrimitiveKind) -> &'static [usize] {
+    if kind == PrimitiveKind::Torus {
         &[0, 1]
     } else {
         &[0, 1, 2, 3]
@@ -270,7 +278,7 @@ fn axis_of(kind: Kind) -> &'static [usize] {
 /// Returns θ with a 0 inserted for the parameter that is ignored.
 fn with(theta: &[f64], free: usize) -> Vec<f64> {
     let mut all = theta.to_vec();
-    if free < MOST {
+    if free < MAX_PARAMETERS {
         all.insert(free, 0.0);
     }
     all
@@ -285,12 +293,12 @@ fn without(of: Observation<'_>, free: usize) -> Observation<'_> {
 }
 
 /// Returns the vector from the projection of a point onto the axis to the point.
-fn away(line: &Surface, p: Point3) -> Point3 {
+fn away(line: &Primitive, p: Point3) -> Point3 {
     sub(p, line.about(p).place)
 }
 
 /// Returns the surface moved on by `k` steps.
-fn moved_on(first: &Surface, step: Point3, circle: Option<&Circle>, k: f64) -> Surface {
+fn moved_on(first: &Primitive, step: Point3, circle: Option<&Circle>, k: f64) -> Primitive {
     let mut new = *first;
     match circle {
         None => new.place = std::array::from_fn(|i| first.place[i] + k * step[i]),
@@ -298,17 +306,10 @@ fn moved_on(first: &Surface, step: Point3, circle: Option<&Circle>, k: f64) -> S
             let foot = c.line.about(first.place).place;
             let arm = turned(sub(first.place, foot), c.line.axis, k * c.angle);
             new.place = std::array::from_fn(|i| foot[i] + arm[i]);
-            if first.kind != Kind::Sphere {
+            if first.kind != PrimitiveKind::Sphere {
                 new.axis = turned(first.axis, c.line.axis, k * c.angle);
             }
         }
     }
     new
-}
-
-/// Returns a vector rotated about a unit vector.
-pub(crate) fn turned(v: Point3, axis: Point3, angle: f64) -> Point3 {
-    let (sin, cos) = angle.sin_cos();
-    let (along, across) = (dot(v, axis), cross(axis, v));
-    std::array::from_fn(|k| cos * v[k] + sin * across[k] + (1.0 - cos) * along * axis[k])
 }

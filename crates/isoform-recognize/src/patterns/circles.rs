@@ -1,29 +1,19 @@
 //! Equal surfaces on a circle at equal angles.
 
 use super::chain::{Chain, Circle};
-use super::sites::{Sites, way};
-use crate::chart::{Kind, Surface, unit};
-use crate::relations::FAR;
+use super::sites::{MAX_STEP_ERROR, Sites, way};
+use crate::chart::{Primitive, PrimitiveKind, unit};
+use crate::relations::MAX_PARALLEL_ANGLE;
 use isoform_geom::{Point3, cross, dot, norm, sub};
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
-/// Neighbours of a place that may be the next on a circle.
-const NEIGHBOURS: usize = 24;
-/// Tolerance of equal steps and of predicted places, as a share of the step.
-const OFF: f64 = 0.05;
-/// The least angle from a member to the next: less is a row.
-const LEAST: f64 = 0.03;
-/// The largest: of three on a circle.
-const MOST: f64 = TAU / 3.0 + OFF;
-/// An arc has this many members; one about the axis of another kind of entity three.
-const ARC: usize = 4;
-/// Tolerance of the angle of a closed circle, as a share of a full turn over the members.
-const CLOSE: f64 = 0.02;
+/// Maximum error of the angle of a closed circle, relative to a full turn over the members.
+const MAX_CLOSING_ERROR: f64 = 0.02;
 
 /// Returns the longest circles and arcs from each three places; `rows` are known.
 pub(super) fn circles(sites: &Sites<'_>, rows: &[Chain]) -> Vec<Chain> {
-    if sites.count() < 3 || sites.surface(0).kind == Kind::Plane {
+    if sites.count() < 3 || sites.surface(0).kind == PrimitiveKind::Plane {
         return Vec::new();
     }
     let in_grid: Vec<bool> = (0..sites.count())
@@ -32,7 +22,8 @@ pub(super) fn circles(sites: &Sites<'_>, rows: &[Chain]) -> Vec<Chain> {
     let mut found: Vec<Chain> = Vec::new();
     let mut known = BTreeSet::new();
     for j in 0..sites.count() {
-        let near = sites.near(j, NEIGHBOURS);
+        // The next place on a circle is one of 24 neighbours.
+        let near = sites.near(j, 24);
         for (n, i) in near.iter().enumerate() {
             for k in &near[n + 1..] {
                 let three = [*i, j, *k];
@@ -84,8 +75,9 @@ fn longest(sites: &Sites<'_>, three: [usize; 3]) -> Option<Chain> {
     let has_axis = chain
         .circle
         .is_some_and(|c| c.coaxial.is_some_and(is_other));
-    let is_told = circle.is_closed || chain.members.len() >= ARC || has_axis;
-    is_told.then_some(chain)
+    // Four members make an arc; three suffice about the axis of another kind of entity.
+    let is_complete = circle.is_closed || chain.members.len() >= 4 || has_axis;
+    is_complete.then_some(chain)
 }
 
 /// Returns the circle through three places of which the second is equally far from the other two.
@@ -94,7 +86,8 @@ fn through(sites: &Sites<'_>, [i, j, k]: [usize; 3]) -> Option<Circle> {
     let (a, b) = (norm(p), norm(q));
     let cosine = dot(p, q) / (a * b);
     let angle = std::f64::consts::PI - cosine.clamp(-1.0, 1.0).acos();
-    if (a - b).abs() > OFF * a || !(LEAST..=MOST).contains(&angle) {
+    // Smaller angles are those of a row; the largest is that of three places on a circle.
+    if (a - b).abs() > MAX_STEP_ERROR * a || !(0.03..=TAU / 3.0 + MAX_STEP_ERROR).contains(&angle) {
         return None;
     }
     let radius = (a + b) / (4.0 * (angle / 2.0).sin());
@@ -102,14 +95,15 @@ fn through(sites: &Sites<'_>, [i, j, k]: [usize; 3]) -> Option<Circle> {
     let inwards = unit(std::array::from_fn(|k| halves.0[k] + halves.1[k]));
     let middle = sites.surface(j);
     let axis = unit(cross(p.map(|x| -x), q));
-    let line = Surface {
-        kind: Kind::Cylinder,
+    let line = Primitive {
+        kind: PrimitiveKind::Cylinder,
         place: std::array::from_fn(|k| middle.place[k] + radius * inwards[k]),
         axis,
         size: 0.0,
         other: 0.0,
     };
-    let is_along = middle.kind == Kind::Sphere || dot(axis, middle.axis).abs() > 1.0 - FAR;
+    let is_along = middle.kind == PrimitiveKind::Sphere
+        || dot(axis, middle.axis).abs() > 1.0 - MAX_PARALLEL_ANGLE;
     is_along.then_some(Circle {
         line,
         angle,
@@ -124,7 +118,7 @@ fn is_promising(sites: &Sites<'_>, chain: &Chain) -> bool {
     let Some(circle) = chain.circle else {
         return false;
     };
-    let is_whole = (3.0 * circle.angle - TAU).abs() <= CLOSE * TAU;
+    let is_whole = (3.0 * circle.angle - TAU).abs() <= MAX_CLOSING_ERROR * TAU;
     is_whole
         || next(sites, chain).is_some()
         || next(sites, &turned_round(sites, chain)).is_some()
@@ -137,7 +131,7 @@ fn next(sites: &Sites<'_>, chain: &Chain) -> Option<usize> {
     let last = chain.members[n - 1];
     let expected = chain.next(n as f64);
     let place = way(sites.surface(last), &expected);
-    let found = sites.at(last, place, OFF * norm(place))?;
+    let found = sites.at(last, place, MAX_STEP_ERROR * norm(place))?;
     (!chain.members.contains(&found)).then_some(found)
 }
 
@@ -167,7 +161,7 @@ fn closed(sites: &Sites<'_>, chain: &Chain) -> Option<Chain> {
     let mut circle = chain.circle?;
     let n = chain.members.len();
     let angle = TAU / n as f64;
-    if (circle.angle - angle).abs() > CLOSE * angle {
+    if (circle.angle - angle).abs() > MAX_CLOSING_ERROR * angle {
         return None;
     }
     circle.angle = angle;
@@ -184,12 +178,13 @@ fn closed(sites: &Sites<'_>, chain: &Chain) -> Option<Chain> {
 fn axes(sites: &Sites<'_>, circle: &Circle, step: f64) -> Vec<usize> {
     let near = |i: &usize| {
         let s = &sites.known[*i].surface;
-        let is_along = dot(s.axis, circle.line.axis).abs() > 1.0 - FAR * FAR / 2.0;
+        let is_along = dot(s.axis, circle.line.axis).abs()
+            > 1.0 - MAX_PARALLEL_ANGLE * MAX_PARALLEL_ANGLE / 2.0;
         let off = sub(circle.line.about(s.place).place, s.place);
-        s.kind > Kind::Sphere
+        s.kind > PrimitiveKind::Sphere
             && sites.known[*i].covariance[0][0].is_finite()
             && is_along
-            && norm(off) <= OFF * step
+            && norm(off) <= MAX_STEP_ERROR * step
     };
     (0..sites.known.len()).filter(near).collect()
 }

@@ -1,23 +1,17 @@
 //! Rows of equal surfaces at equal distances.
 
 use super::chain::Chain;
-use super::sites::Sites;
+use super::sites::{MAX_STEP_ERROR, Sites};
 use isoform_geom::norm;
 use std::collections::BTreeSet;
-
-/// Neighbours to which a row may go on from a place: of larger fields those far off are left out.
-const NEIGHBOURS: usize = 40;
-/// The next place is looked for within this share of the step.
-const OFF: f64 = 0.05;
-/// The fewest members.
-const FEWEST: usize = 3;
 
 /// Returns the longest rows from each pair of places.
 pub(super) fn rows(sites: &Sites<'_>) -> Vec<Chain> {
     let mut found = Vec::new();
     let mut known = BTreeSet::new();
     for i in 0..sites.count() {
-        for j in sites.near(i, NEIGHBOURS) {
+        // In larger fields places beyond the 40 nearest are ignored.
+        for j in sites.near(i, 40) {
             if known.contains(&(i, j)) {
                 continue;
             }
@@ -44,7 +38,7 @@ fn longest(sites: &Sites<'_>, i: usize, j: usize) -> Option<Chain> {
     while let Some(longer) = grown(sites, &row) {
         row = longer;
     }
-    if row.members.len() < FEWEST {
+    if row.members.len() < 3 {
         return None;
     }
     // The direction is that from the end of the smaller index, for either start.
@@ -59,7 +53,7 @@ fn grown(sites: &Sites<'_>, row: &Chain) -> Option<Chain> {
     let n = row.members.len();
     let (before, last) = (row.members[n - 2], row.members[n - 1]);
     let step = sites.way(before, last);
-    let next = sites.at(last, step, OFF * norm(step))?;
+    let next = sites.at(last, step, MAX_STEP_ERROR * norm(step))?;
     if row.members.contains(&next) {
         return None;
     }

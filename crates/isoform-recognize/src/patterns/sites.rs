@@ -1,40 +1,42 @@
 //! Classes of equal entities, and their places: pieces of one plane or one bore share a place.
 
-use crate::chart::{Kind, MOST, Row, Surface};
+use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind, ROUNDING_DEVIATION};
 use crate::compare::{Whitener, add_covariance, difference, is_angle, limit};
-use crate::relations::{DIRECTION, FAR, Known, PLACE, ROUNDING};
+use crate::relations::{
+    MAX_DIRECTION_DEVIATION, MAX_PARALLEL_ANGLE, MAX_PLACE_DEVIATION, UncertainSurface,
+};
 use isoform_geom::{Point3, UnionFind, dot, norm};
 
-/// Sizes of equal entities differ by at most this many deviations before all are looked at.
-const WITHIN: f64 = 6.0;
+/// Maximum error of equal steps, and of predicted places, relative to the step.
+pub(super) const MAX_STEP_ERROR: f64 = 0.05;
 
 /// Returns the parameters in which members of a pattern are equal: the position of a cone along its
 /// axis is ignored.
-pub(super) fn compared(kind: Kind) -> &'static [usize] {
+pub(super) fn compared(kind: PrimitiveKind) -> &'static [usize] {
     match kind {
-        Kind::Plane => &[0, 1, 2],
-        Kind::Sphere => &[0, 1, 2, 3],
-        Kind::Cylinder => &[0, 1, 2, 3, 4],
-        Kind::Cone => &[0, 1, 2, 3, 5],
-        Kind::Torus => &[0, 1, 2, 3, 4, 5, 6],
+        PrimitiveKind::Plane => &[0, 1, 2],
+        PrimitiveKind::Sphere => &[0, 1, 2, 3],
+        PrimitiveKind::Cylinder => &[0, 1, 2, 3, 4],
+        PrimitiveKind::Cone => &[0, 1, 2, 3, 5],
+        PrimitiveKind::Torus => &[0, 1, 2, 3, 4, 5, 6],
     }
 }
 
 /// Returns the parameters that are sizes.
-fn sizes(kind: Kind) -> &'static [usize] {
+fn sizes(kind: PrimitiveKind) -> &'static [usize] {
     match kind {
-        Kind::Plane => &[],
-        Kind::Sphere => &[3],
-        Kind::Cylinder => &[4],
-        Kind::Cone => &[5],
-        Kind::Torus => &[5, 6],
+        PrimitiveKind::Plane => &[],
+        PrimitiveKind::Sphere => &[3],
+        PrimitiveKind::Cylinder => &[4],
+        PrimitiveKind::Cone => &[5],
+        PrimitiveKind::Torus => &[5, 6],
     }
 }
 
 /// Returns classes of three or more entities that are equal up to their places.
-pub(super) fn classes(known: &[Known], outward: &[i8], noise: f64) -> Vec<Vec<usize>> {
+pub(super) fn classes(known: &[UncertainSurface], outward: &[i8], noise: f64) -> Vec<Vec<usize>> {
     let told: Vec<usize> = (0..known.len())
-        .filter(|i| outward[*i] != 0 && is_told(&known[*i], noise))
+        .filter(|i| outward[*i] != 0 && is_determined(&known[*i], noise))
         .collect();
     let mut sets = UnionFind::new(known.len());
     for (n, i) in told.iter().enumerate() {
@@ -57,41 +59,49 @@ pub(super) fn classes(known: &[Known], outward: &[i8], noise: f64) -> Vec<Vec<us
 }
 
 /// Returns true if an entity is known accurately enough to be a member of a pattern.
-fn is_told(known: &Known, noise: f64) -> bool {
+fn is_determined(known: &UncertainSurface, noise: f64) -> bool {
     let kind = known.surface.kind;
     compared(kind).iter().all(|k| {
-        let (least, noises) = if is_angle(kind, *k) { DIRECTION } else { PLACE };
+        let (least, noises) = if is_angle(kind, *k) {
+            MAX_DIRECTION_DEVIATION
+        } else {
+            MAX_PLACE_DEVIATION
+        };
         known.covariance[*k][*k].sqrt() <= least.max(noises * noise)
     })
 }
 
 /// Returns true if two entities have equal sizes within some deviations and parallel axes, and
 /// their outer sides agree (`facing` is the product of both).
-fn are_equal(a: &Known, b: &Known, facing: i8) -> bool {
+fn are_equal(a: &UncertainSurface, b: &UncertainSurface, facing: i8) -> bool {
     let (s, t) = (&a.surface, &b.surface);
     if s.kind != t.kind {
         return false;
     }
     let cosine = dot(s.axis, t.axis);
-    if s.kind != Kind::Sphere && cosine.abs() < 1.0 - FAR * FAR / 2.0 {
+    if s.kind != PrimitiveKind::Sphere
+        && cosine.abs() < 1.0 - MAX_PARALLEL_ANGLE * MAX_PARALLEL_ANGLE / 2.0
+    {
         return false;
     }
-    let along = if s.kind == Kind::Plane && cosine < 0.0 {
+    let along = if s.kind == PrimitiveKind::Plane && cosine < 0.0 {
         -1
     } else {
         1
     };
     let off = difference(s, t);
     let is_near = |k: &usize| {
-        let variance = a.covariance[*k][*k] + b.covariance[*k][*k] + ROUNDING * ROUNDING;
-        off[*k].abs() <= WITHIN * variance.sqrt()
+        let variance =
+            a.covariance[*k][*k] + b.covariance[*k][*k] + ROUNDING_DEVIATION * ROUNDING_DEVIATION;
+        // Sizes of equal entities differ by at most six deviations.
+        off[*k].abs() <= 6.0 * variance.sqrt()
     };
     facing * along > 0 && sizes(s.kind).iter().all(is_near)
 }
 
 /// The places of a class.
 pub(super) struct Sites<'a> {
-    pub(super) known: &'a [Known],
+    pub(super) known: &'a [UncertainSurface],
     /// Entities of each place, those with most points first.
     places: Vec<Vec<usize>>,
     /// Whitener of each entity of the class; `None` for all others.
@@ -99,7 +109,7 @@ pub(super) struct Sites<'a> {
 }
 
 impl<'a> Sites<'a> {
-    pub(super) fn of(known: &'a [Known], class: &[usize]) -> Self {
+    pub(super) fn new(known: &'a [UncertainSurface], class: &[usize]) -> Self {
         let mut places: Vec<Vec<usize>> = Vec::new();
         for i in class {
             let same = places
@@ -114,7 +124,7 @@ impl<'a> Sites<'a> {
         for i in class {
             let of = rounded(&known[*i].covariance);
             let which = compared(known[*i].surface.kind);
-            whiteners[*i] = Some(Whitener::of(&of, which, None));
+            whiteners[*i] = Some(Whitener::from_covariance(&of, which, None));
         }
         Self {
             known,
@@ -136,7 +146,7 @@ impl<'a> Sites<'a> {
         self.places[place].clone()
     }
 
-    pub(super) fn surface(&self, place: usize) -> &'a Surface {
+    pub(super) fn surface(&self, place: usize) -> &'a Primitive {
         &self.known[self.places[place][0]].surface
     }
 
@@ -176,29 +186,29 @@ impl<'a> Sites<'a> {
 }
 
 /// Returns the vector from a surface to an equal one.
-pub(super) fn way(from: &Surface, to: &Surface) -> Point3 {
+pub(super) fn way(from: &Primitive, to: &Primitive) -> Point3 {
     let off = difference(from, to);
     let [e, f] = from.frame();
     match from.kind {
-        Kind::Plane => from.axis.map(|x| x * off[2]),
-        Kind::Sphere => [off[0], off[1], off[2]],
-        Kind::Torus => [off[2], off[3], off[4]],
+        PrimitiveKind::Plane => from.axis.map(|x| x * off[2]),
+        PrimitiveKind::Sphere => [off[0], off[1], off[2]],
+        PrimitiveKind::Torus => [off[2], off[3], off[4]],
         _ => std::array::from_fn(|k| off[2] * e[k] + off[3] * f[k]),
     }
 }
 
-fn rounded(covariance: &[Row; MOST]) -> [Row; MOST] {
+fn rounded(covariance: &[ParameterRow; MAX_PARAMETERS]) -> [ParameterRow; MAX_PARAMETERS] {
     let mut sum = *covariance;
-    (0..MOST).for_each(|k| sum[k][k] += ROUNDING * ROUNDING);
+    (0..MAX_PARAMETERS).for_each(|k| sum[k][k] += ROUNDING_DEVIATION * ROUNDING_DEVIATION);
     sum
 }
 
 /// Returns true if two entities are pieces of one surface within the uncertainty. Equal tori and
 /// spheres at one position are one entity.
-fn are_one(a: &Known, b: &Known) -> bool {
+fn are_one(a: &UncertainSurface, b: &UncertainSurface) -> bool {
     let which = compared(a.surface.kind);
     let mut sum = rounded(&a.covariance);
     add_covariance(&mut sum, b, |s| difference(&a.surface, s));
     let off = difference(&a.surface, &b.surface);
-    Whitener::of(&sum, which, None).squared(&off) <= limit(which.len())
+    Whitener::from_covariance(&sum, which, None).squared(&off) <= limit(which.len())
 }

@@ -1,61 +1,47 @@
 //! Chains: plane points ordered along the curves on which they lie.
 
+use super::curve::{PlanePoint, ProfileCurve, inner, minus, norm};
 use super::moments::Moments;
-use super::{Curve, Place, inner, minus, norm};
+use crate::noise::CHANCE_DEVIATIONS;
 use isoform_geom::{KdTree, Point3, UnionFind, near_pairs};
 use std::collections::BTreeMap;
 
-/// The width of the cells into which points are gathered, in deviations. Smaller ones are rarely
-/// occupied, larger ones hide the order at narrow faces.
-const CELL: f64 = 2.0;
-/// How far, in cells, the direction of the curve is taken from: noise is as wide as narrow faces,
-/// and what smooths it rounds edges.
-const REACH: f64 = 2.0;
-/// How often cells are moved onto the lines through what lies about them.
-const PASSES: usize = 2;
-/// A cell counts with this many points: single ones are outliers.
-const OCCUPIED: f64 = 2.0;
-/// Points that a cell has on average at least.
-const FILLED: f64 = 6.0;
-/// By how much cells grow until they are filled.
-const WIDEN: f64 = 1.3;
 /// Maximum distance between adjacent cells, in widths of a cell.
-const LINKED: f64 = 2.5;
-/// A chain of cells is at least this many widths long: shorter ones are twigs of noise.
-const CHAIN: f64 = 4.0;
-/// Points farther from their chain, in deviations, are left out.
-const OFF: f64 = 4.0;
+const MAX_LINK_WIDTHS: f64 = 2.5;
 
 /// A point of a chain: its arc length, and its index.
-pub(super) type Link = (f64, u32);
+pub(super) type ChainLink = (f64, u32);
 
 /// A cell of points.
 #[derive(Clone, Copy)]
-struct Node {
-    at: Place,
+struct CellNode {
+    at: PlanePoint,
     count: f64,
     /// Unit direction of the curve.
-    along: Place,
+    along: PlanePoint,
 }
 
 /// A node of a chain.
-struct Stop {
+struct ChainStop {
     chain: usize,
     /// Arc length along the chain.
     at: f64,
-    node: Node,
+    node: CellNode,
 }
 
 /// Returns the points ordered along the curves on which they lie.
-pub(super) fn chains(points: &[Place], noise: f64) -> Vec<Vec<Link>> {
+pub(super) fn chains(points: &[PlanePoint], noise: f64) -> Vec<Vec<ChainLink>> {
     let Some((mut nodes, width)) = gathered(points, noise) else {
         return Vec::new();
     };
-    for _ in 0..PASSES {
-        nodes = straightened(&nodes, REACH * width);
+    for _ in 0..2 {
+        // The direction of the curve is taken within two cells: noise is as wide as narrow faces,
+        // and smoothing rounds edges.
+        nodes = straightened(&nodes, 2.0 * width);
     }
-    let paths = paths(&nodes, LINKED * width, CHAIN * width);
-    let stops: Vec<Stop> = (0..)
+    // Shorter chains are branches caused by noise.
+    let paths = paths(&nodes, MAX_LINK_WIDTHS * width, 4.0 * width);
+    let stops: Vec<ChainStop> = (0..)
         .zip(&paths)
         .flat_map(|(chain, path)| stops(&nodes, chain, path))
         .collect();
@@ -65,11 +51,11 @@ pub(super) fn chains(points: &[Place], noise: f64) -> Vec<Vec<Link>> {
         let Some((k, _)) = tree.nearest(raised(*p)) else {
             continue;
         };
-        let Stop { chain, at, node } = &stops[k];
+        let ChainStop { chain, at, node } = &stops[k];
         let d = minus(*p, node.at);
         let off = d[0] * node.along[1] - d[1] * node.along[0];
         let on = inner(d, node.along);
-        if off.abs() <= OFF * noise && on.abs() <= LINKED * width {
+        if off.abs() <= CHANCE_DEVIATIONS * noise && on.abs() <= MAX_LINK_WIDTHS * width {
             chains[*chain].push((at + on, i));
         }
     }
@@ -80,7 +66,7 @@ pub(super) fn chains(points: &[Place], noise: f64) -> Vec<Vec<Link>> {
 }
 
 /// Returns the nodes of a path, directed along it.
-fn stops(nodes: &[Node], chain: usize, path: &[u32]) -> Vec<Stop> {
+fn stops(nodes: &[CellNode], chain: usize, path: &[u32]) -> Vec<ChainStop> {
     let at = |k: usize| nodes[path[k] as usize].at;
     let (mut length, mut stops) = (0.0, Vec::with_capacity(path.len()));
     for k in 0..path.len() {
@@ -88,10 +74,10 @@ fn stops(nodes: &[Node], chain: usize, path: &[u32]) -> Vec<Stop> {
         length += norm(minus(at(k), last));
         let node = &nodes[path[k] as usize];
         let sense = inner(node.along, minus(next, last)).signum();
-        stops.push(Stop {
+        stops.push(ChainStop {
             chain,
             at: length,
-            node: Node {
+            node: CellNode {
                 along: node.along.map(|x| x * sense),
                 ..*node
             },
@@ -101,11 +87,12 @@ fn stops(nodes: &[Node], chain: usize, path: &[u32]) -> Vec<Stop> {
 }
 
 /// Returns the means of the points in the cells of a grid, and the width of the cells.
-fn gathered(points: &[Place], noise: f64) -> Option<(Vec<Node>, f64)> {
+fn gathered(points: &[PlanePoint], noise: f64) -> Option<(Vec<CellNode>, f64)> {
     if points.is_empty() {
         return None;
     }
-    let most = points.len() as f64 / FILLED;
+    // Cells have at least six points on average.
+    let most = points.len() as f64 / 6.0;
     // A curve is at least as long as the diagonal of its box.
     let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
     for p in points {
@@ -114,7 +101,8 @@ fn gathered(points: &[Place], noise: f64) -> Option<(Vec<Node>, f64)> {
         }
     }
     let diagonal = norm(bounds.map(|[lo, hi]| hi - lo));
-    let mut width = (CELL * noise).max(diagonal / most);
+    // Smaller cells are rarely occupied, larger ones hide the order at narrow faces.
+    let mut width = (2.0 * noise).max(diagonal / most);
     loop {
         let mut cells: BTreeMap<[i64; 2], [f64; 3]> = BTreeMap::new();
         for p in points {
@@ -123,8 +111,9 @@ fn gathered(points: &[Place], noise: f64) -> Option<(Vec<Node>, f64)> {
             *sum = [sum[0] + 1.0, sum[1] + p[0], sum[2] + p[1]];
         }
         if cells.len() as f64 <= most.max(1.0) || width > 1.0 {
-            let is_occupied = |sum: &&[f64; 3]| sum[0] >= OCCUPIED;
-            let node = |sum: &[f64; 3]| Node {
+            // Single points are outliers.
+            let is_occupied = |sum: &&[f64; 3]| sum[0] >= 2.0;
+            let node = |sum: &[f64; 3]| CellNode {
                 at: [sum[1] / sum[0], sum[2] / sum[0]],
                 count: sum[0],
                 along: [1.0, 0.0],
@@ -134,23 +123,26 @@ fn gathered(points: &[Place], noise: f64) -> Option<(Vec<Node>, f64)> {
                 width,
             ));
         }
-        width *= WIDEN;
+        width *= 1.3;
     }
 }
 
 /// Returns the nodes projected onto local regression lines.
-fn straightened(nodes: &[Node], reach: f64) -> Vec<Node> {
-    let mut about: Vec<Moments> = nodes.iter().map(|n| Moments::of(n.at, n.count)).collect();
+fn straightened(nodes: &[CellNode], reach: f64) -> Vec<CellNode> {
+    let mut about: Vec<Moments> = nodes
+        .iter()
+        .map(|n| Moments::from_point(n.at, n.count))
+        .collect();
     near_pairs(&raised_all(nodes), reach, |i, j, _| {
         about[i].add(nodes[j].at, nodes[j].count);
         about[j].add(nodes[i].at, nodes[i].count);
     });
-    let moved = |(node, about): (&Node, &Moments)| {
-        let Some((Curve::Line(place, along), _)) = about.line() else {
+    let moved = |(node, about): (&CellNode, &Moments)| {
+        let Some((ProfileCurve::Line(place, along), _)) = about.line() else {
             return *node;
         };
         let on = inner(minus(node.at, place), along);
-        Node {
+        CellNode {
             at: [place[0] + on * along[0], place[1] + on * along[1]],
             along,
             ..*node
@@ -159,12 +151,12 @@ fn straightened(nodes: &[Node], reach: f64) -> Vec<Node> {
     nodes.iter().zip(&about).map(moved).collect()
 }
 
-fn raised_all(nodes: &[Node]) -> Vec<Point3> {
+fn raised_all(nodes: &[CellNode]) -> Vec<Point3> {
     nodes.iter().map(|n| raised(n.at)).collect()
 }
 
 /// Returns the long paths in a minimum spanning tree of nodes.
-fn paths(nodes: &[Node], reach: f64, least: f64) -> Vec<Vec<u32>> {
+fn paths(nodes: &[CellNode], reach: f64, least: f64) -> Vec<Vec<u32>> {
     let mut edges = Vec::new();
     near_pairs(&raised_all(nodes), reach, |i, j, squared| {
         edges.push((squared, i as u32, j as u32));
@@ -227,6 +219,6 @@ fn farthest(
     (far.0, back)
 }
 
-fn raised(p: Place) -> Point3 {
+fn raised(p: PlanePoint) -> Point3 {
     [p[0], p[1], 0.0]
 }

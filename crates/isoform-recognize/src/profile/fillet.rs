@@ -3,28 +3,20 @@
 //! In noise a short line follows the middle of an arc nearly as well, and the adjacent faces take
 //! its ends. An arc tangent to both has one parameter of its own, a line two.
 
-use super::{Curve, Piece, Place, Price, inner, minus, norm};
-
-/// The least sine of the angle between lines that a fillet joins: 17°. At flatter edges arcs and
-/// lines do not differ.
-const BENT: f64 = 0.3;
-/// Number of radii larger, and smaller, than that of the arc through the middle of the line that
-/// are tried for a fillet, in a geometric series: the best is known to 4 %, and the fit in space
-/// refines it.
-const RADII: i32 = 12;
-const FACTOR: f64 = 1.08;
+use super::curve::{PlanePoint, ProfileCurve, inner, minus, norm};
+use super::piece::{Price, ProfilePiece};
 
 /// Replaces lines between two others by fillets if that shortens the description.
-pub(super) fn fill(points: &[Place], price: &Price<'_>, pieces: &mut [Piece]) {
+pub(super) fn fill(points: &[PlanePoint], price: &Price<'_>, pieces: &mut [ProfilePiece]) {
     for k in 1..pieces.len().saturating_sub(1) {
         let three = &mut pieces[k - 1..=k + 1];
-        let Some(corner) = Corner::between(points, three) else {
+        let Some(corner) = LineCorner::between(points, three) else {
             continue;
         };
         let all: Vec<u32> = (three.iter())
             .flat_map(|piece| piece.points.iter().copied())
             .collect();
-        let own = |piece: &Piece| -> f64 {
+        let own = |piece: &ProfilePiece| -> f64 {
             let distance = |i: &u32| piece.curve.distance(points[*i as usize]);
             let each = piece.points.iter().map(distance);
             each.map(|r| price.of_distance(r)).sum()
@@ -34,8 +26,9 @@ pub(super) fn fill(points: &[Place], price: &Price<'_>, pieces: &mut [Piece]) {
             let distance = |i: &u32| corner.place(points[*i as usize], arc).1;
             all.iter().map(distance).map(|r| price.of_distance(r)).sum()
         };
-        let arcs = (-RADII..=RADII).filter_map(|n| {
-            let arc = corner.arc(FACTOR.powi(n))?;
+        // This geometric series yields the best radius to 4 %, and the fit in space refines it.
+        let arcs = (-12..=12).filter_map(|n| {
+            let arc = corner.arc(1.08_f64.powi(n))?;
             let kind = price.kind_of_arc(&arc.curve())?;
             Some((cost(&arc), kind, arc))
         });
@@ -57,12 +50,12 @@ pub(super) fn fill(points: &[Place], price: &Price<'_>, pieces: &mut [Piece]) {
 }
 
 /// Corner of two lines of a profile, cut by a third.
-struct Corner {
-    at: Place,
+struct LineCorner {
+    at: PlanePoint,
     /// Unit directions away from the corner along both lines, and how far their points extend.
-    sides: [(Place, f64); 2],
+    sides: [(PlanePoint, f64); 2],
     /// Unit direction of the bisector, and the sine and cosine of half the angle.
-    inwards: Place,
+    inwards: PlanePoint,
     sin: f64,
     cos: f64,
     /// Radius of the arc whose middle lies on the third line.
@@ -71,41 +64,42 @@ struct Corner {
 
 /// An arc tangent to both lines of a corner.
 struct Arc {
-    center: Place,
+    center: PlanePoint,
     radius: f64,
     /// Distance of its points of contact from the corner.
     from: f64,
 }
 
 impl Arc {
-    fn curve(&self) -> Curve {
-        Curve::Circle(self.center, self.radius)
+    fn curve(&self) -> ProfileCurve {
+        ProfileCurve::Circle(self.center, self.radius)
     }
 }
 
-impl Corner {
-    fn between(points: &[Place], pieces: &[Piece]) -> Option<Self> {
+impl LineCorner {
+    fn between(points: &[PlanePoint], pieces: &[ProfilePiece]) -> Option<Self> {
         let [
-            Curve::Line(p, d),
-            Curve::Line(middle, cut),
-            Curve::Line(q, e),
+            ProfileCurve::Line(p, d),
+            ProfileCurve::Line(middle, cut),
+            ProfileCurve::Line(q, e),
         ] = [0, 1, 2].map(|k| pieces[k].curve)
         else {
             return None;
         };
         let cross = d[0] * e[1] - d[1] * e[0];
-        if cross.abs() < BENT {
+        // At edges flatter than 17° arcs and lines do not differ.
+        if cross.abs() < 0.3 {
             return None;
         }
         let t = ((q[0] - p[0]) * e[1] - (q[1] - p[1]) * e[0]) / cross;
         let at = [p[0] + t * d[0], p[1] + t * d[1]];
-        let away = |mean: Place| {
+        let away = |mean: PlanePoint| {
             let v = minus(mean, at);
             let length = norm(v);
             v.map(|x| x / length)
         };
         let [a, b] = [away(p), away(q)];
-        let reach = |piece: &Piece, along: Place| {
+        let reach = |piece: &ProfilePiece, along: PlanePoint| {
             let far = |i: &u32| inner(minus(points[*i as usize], at), along);
             (along, piece.points.iter().map(far).fold(0.0, f64::max))
         };
@@ -143,7 +137,7 @@ impl Corner {
 
     /// Returns the index of the piece (line, arc, line) that a point belongs to, and its distance
     /// from this piece.
-    fn place(&self, p: Place, arc: &Arc) -> (usize, f64) {
+    fn place(&self, p: PlanePoint, arc: &Arc) -> (usize, f64) {
         let d = minus(p, self.at);
         let [a, b] = self.sides.map(|(along, _)| inner(d, along) - arc.from);
         let off = |side: usize| {
@@ -163,13 +157,13 @@ impl Corner {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chart::Kind;
-    use crate::profile::Shape;
+    use crate::chart::PrimitiveKind;
+    use crate::profile::curve::CurveFamily;
     use isoform_num::Random;
 
     /// Returns points of two lines along the axes and of the arc of radius 1 between them; noise
     /// 0.05.
-    fn corner(arc: f64) -> Vec<Place> {
+    fn corner(arc: f64) -> Vec<PlanePoint> {
         let mut random = Random::new(3);
         let mut noise = move || 0.05 * (-6.0 + (0..12).map(|_| random.unit()).sum::<f64>());
         let mut points = Vec::new();
@@ -187,13 +181,16 @@ mod tests {
     #[test]
     fn a_line_across_an_arc_becomes_the_arc() {
         let points = corner(1.0);
-        let is_proper = |_: Kind, _: &Curve| true;
-        let shapes = [(Shape::Line, Kind::Plane), (Shape::Circle, Kind::Cylinder)];
+        let is_proper = |_: PrimitiveKind, _: &ProfileCurve| true;
+        let shapes = [
+            (CurveFamily::Line, PrimitiveKind::Plane),
+            (CurveFamily::Circle, PrimitiveKind::Cylinder),
+        ];
         let price = Price::new(0.05, &shapes, &is_proper);
         let middle = 1.0 - 0.5_f64.sqrt();
-        let line = |place, along| Piece {
-            kind: Kind::Plane,
-            curve: Curve::Line(place, along),
+        let line = |place, along| ProfilePiece {
+            kind: PrimitiveKind::Plane,
+            curve: ProfileCurve::Line(place, along),
             points: Vec::new(),
         };
         let half = 0.5_f64.sqrt();
@@ -208,8 +205,8 @@ mod tests {
             pieces[nearest].points.push(i);
         }
         fill(&points, &price, &mut pieces);
-        assert_eq!(pieces[1].kind, Kind::Cylinder);
-        let Curve::Circle(center, radius) = pieces[1].curve else {
+        assert_eq!(pieces[1].kind, PrimitiveKind::Cylinder);
+        let ProfileCurve::Circle(center, radius) = pieces[1].curve else {
             panic!("no arc");
         };
         assert!((radius - 1.0).abs() < 0.1, "{radius}");

@@ -1,30 +1,25 @@
 //! Moments of plane points, and the lines and circles fitted from them.
 
-use super::{Curve, Place, Shape, inner, minus, norm};
-
-/// The variance of points along their piece, in those of the noise, at least: a face of about four
-/// deviations. Short stretches of noise are wider than long, and lines across them follow it well:
-/// their points have the variance 1 along these.
-const LONG: f64 = 1.5;
+use super::curve::{CurveFamily, PlanePoint, ProfileCurve, inner, minus, norm};
 
 /// Sums over points: of 1, x, y, xx, xy, yy, and with z = xx + yy of zx, zy, zz.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Moments {
     pub(super) count: f64,
-    first: Place,
+    first: PlanePoint,
     second: [f64; 3],
-    third: Place,
+    third: PlanePoint,
     fourth: f64,
 }
 
 impl Moments {
-    pub(super) fn of(p: Place, weight: f64) -> Self {
+    pub(super) fn from_point(p: PlanePoint, weight: f64) -> Self {
         let mut new = Self::default();
         new.add(p, weight);
         new
     }
 
-    pub(super) fn add(&mut self, p: Place, weight: f64) {
+    pub(super) fn add(&mut self, p: PlanePoint, weight: f64) {
         let [x, y] = p;
         let z = x * x + y * y;
         self.count += weight;
@@ -49,7 +44,7 @@ impl Moments {
         }
     }
 
-    fn mean(&self) -> Place {
+    fn mean(&self) -> PlanePoint {
         self.first.map(|x| x / self.count)
     }
 
@@ -62,23 +57,23 @@ impl Moments {
     }
 
     /// Returns the curve of a shape through the points, and the sum of their squared distances.
-    pub(super) fn fitted(&self, shape: Shape) -> Option<(Curve, f64)> {
+    pub(super) fn fitted(&self, shape: CurveFamily) -> Option<(ProfileCurve, f64)> {
         let [xx, _, yy] = self.spread();
         match shape {
-            Shape::Along => Some((Curve::Line(self.mean(), [1.0, 0.0]), yy.max(0.0))),
-            Shape::Across => Some((Curve::Line(self.mean(), [0.0, 1.0]), xx.max(0.0))),
-            Shape::Line => self.line(),
-            Shape::Circle => self.circle(),
-            Shape::Centred => self.centred_circle(),
+            CurveFamily::Along => Some((ProfileCurve::Line(self.mean(), [1.0, 0.0]), yy.max(0.0))),
+            CurveFamily::Across => Some((ProfileCurve::Line(self.mean(), [0.0, 1.0]), xx.max(0.0))),
+            CurveFamily::Line => self.line(),
+            CurveFamily::Circle => self.circle(),
+            CurveFamily::Centred => self.centred_circle(),
         }
     }
 
     /// Returns true if a curve is wide enough for the noise, and the points extend farther along it
     /// than noise does across it.
-    pub(super) fn is_long(&self, curve: &Curve, noise: f64) -> bool {
+    pub(super) fn is_long(&self, curve: &ProfileCurve, noise: f64) -> bool {
         let [a, b] = match curve {
-            Curve::Line(_, along) => *along,
-            Curve::Circle(center, _) => {
+            ProfileCurve::Line(_, along) => *along,
+            ProfileCurve::Circle(center, _) => {
                 let away = minus(self.mean(), *center);
                 let size = norm(away);
                 [-away[1] / size, away[0] / size]
@@ -86,10 +81,12 @@ impl Moments {
         };
         let [xx, xy, yy] = self.spread();
         let squares = a * a * xx + 2.0 * a * b * xy + b * b * yy;
-        curve.is_wider_than(noise) && squares >= LONG * noise * noise * self.count
+        // A face is about four deviations long. Short stretches of noise are wider than long, and
+        // lines across them follow it well: their points have the variance 1 along these.
+        curve.is_wider_than(noise) && squares >= 1.5 * noise * noise * self.count
     }
 
-    pub(super) fn line(&self) -> Option<(Curve, f64)> {
+    pub(super) fn line(&self) -> Option<(ProfileCurve, f64)> {
         let [xx, xy, yy] = self.spread();
         // Half the difference of the principal moments, and the sine and cosine of twice the angle.
         let half = (((xx - yy) / 2.0).powi(2) + xy * xy).sqrt();
@@ -105,7 +102,7 @@ impl Moments {
             true => [root, other.copysign(sin)],
             false => [other, root.copysign(sin)],
         };
-        (self.count > 1.0).then(|| (Curve::Line(self.mean(), along), squares.max(0.0)))
+        (self.count > 1.0).then(|| (ProfileCurve::Line(self.mean(), along), squares.max(0.0)))
     }
 
     /// Returns the central moments of z with x, y and z.
@@ -121,14 +118,14 @@ impl Moments {
 
     /// Returns the circle of least algebraic distance (Kåsa 1976): z = 2ax + 2by + c is linear in
     /// a, b, c.
-    fn circle(&self) -> Option<(Curve, f64)> {
+    fn circle(&self) -> Option<(ProfileCurve, f64)> {
         let ([xx, xy, yy], [zx, zy, zz]) = (self.spread(), self.spread_of_z());
         let d = xx * yy - xy * xy;
         let (a, b) = ((zx * yy - zy * xy) / d, (zy * xx - zx * xy) / d);
         self.circle_about([a / 2.0, b / 2.0], zz - a * zx - b * zy)
     }
 
-    fn centred_circle(&self) -> Option<(Curve, f64)> {
+    fn centred_circle(&self) -> Option<(ProfileCurve, f64)> {
         let ([xx, ..], [zx, _, zz]) = (self.spread(), self.spread_of_z());
         let a = zx / xx;
         self.circle_about([a / 2.0, 0.0], zz - a * zx)
@@ -136,14 +133,14 @@ impl Moments {
 
     /// Returns the circle about a centre; `rest` is the sum of the squared residuals of its
     /// equation.
-    fn circle_about(&self, center: Place, rest: f64) -> Option<(Curve, f64)> {
+    fn circle_about(&self, center: PlanePoint, rest: f64) -> Option<(ProfileCurve, f64)> {
         let [x, y] = self.mean();
         let z = (self.second[0] + self.second[2]) / self.count;
         let squared = z - 2.0 * (center[0] * x + center[1] * y) + inner(center, center);
         let is_proper = squared > 0.0 && squared.is_finite() && rest.is_finite();
         is_proper.then(|| {
             let squares = rest.max(0.0) / (4.0 * squared);
-            (Curve::Circle(center, squared.sqrt()), squares)
+            (ProfileCurve::Circle(center, squared.sqrt()), squares)
         })
     }
 }
@@ -162,7 +159,7 @@ mod tests {
                 let (t, off) = (f64::from(t), if t % 2 == 0 { 0.01 } else { -0.012 });
                 sums.add([0.3 + t * cos - off * sin, t * sin + off * cos], 1.0);
             }
-            let Some((Curve::Line(_, [a, b]), squares)) = sums.line() else {
+            let Some((ProfileCurve::Line(_, [a, b]), squares)) = sums.line() else {
                 panic!("there is a line");
             };
             assert!((a * a + b * b - 1.0).abs() < 1e-14);

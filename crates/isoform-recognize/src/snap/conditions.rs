@@ -1,9 +1,8 @@
 //! Relations as independent equations: those implied by others are left out.
 
-use super::STEP;
-use crate::chart::{MOST, Row, Surface};
+use crate::chart::{DIFFERENCE_STEP, MAX_PARAMETERS, ParameterRow, Primitive};
 use crate::entity::{Relation, RelationKind};
-use crate::relations::{Frame, Known, failure};
+use crate::relations::{PairFrame, UncertainSurface, failure};
 use isoform_geom::UnionFind;
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -20,22 +19,22 @@ impl Condition {
         self.rows.len()
     }
 
-    pub(super) fn values(&self, pair: [&Surface; 2]) -> Vec<f64> {
-        failure(self.kind, &Frame::of(pair), pair).values[self.rows.clone()].to_vec()
+    pub(super) fn values(&self, pair: [&Primitive; 2]) -> Vec<f64> {
+        failure(self.kind, &PairFrame::from_pair(pair), pair).values[self.rows.clone()].to_vec()
     }
 
     /// Returns values and derivatives by the parameters of both, at the given steps from the
     /// starts.
     pub(super) fn linearised(
         &self,
-        starts: [&Known; 2],
-        steps: [&Row; 2],
-    ) -> (Vec<f64>, Vec<[Row; 2]>) {
-        let at = |which: usize, step: &Row| starts[which].surface.moved(step);
+        starts: [&UncertainSurface; 2],
+        steps: [&ParameterRow; 2],
+    ) -> (Vec<f64>, Vec<[ParameterRow; 2]>) {
+        let at = |which: usize, step: &ParameterRow| starts[which].surface.moved(step);
         let now = [at(0, steps[0]), at(1, steps[1])];
-        let frame = Frame::of([&now[0], &now[1]]);
-        let value = |s: &[Surface; 2]| failure(self.kind, &frame, [&s[0], &s[1]]).values;
-        let mut rows = vec![[[0.0; MOST]; 2]; self.count()];
+        let frame = PairFrame::from_pair([&now[0], &now[1]]);
+        let value = |s: &[Primitive; 2]| failure(self.kind, &frame, [&s[0], &s[1]]).values;
+        let mut rows = vec![[[0.0; MAX_PARAMETERS]; 2]; self.count()];
         for which in 0..2 {
             for k in 0..starts[which].surface.kind.parameters() {
                 let side = |h: f64| {
@@ -44,9 +43,9 @@ impl Condition {
                     moved[which] = at(which, &step);
                     value(&moved)
                 };
-                let (plus, minus) = (side(STEP), side(-STEP));
+                let (plus, minus) = (side(DIFFERENCE_STEP), side(-DIFFERENCE_STEP));
                 for (row, i) in rows.iter_mut().zip(self.rows.clone()) {
-                    row[which][k] = (plus[i] - minus[i]) / (2.0 * STEP);
+                    row[which][k] = (plus[i] - minus[i]) / (2.0 * DIFFERENCE_STEP);
                 }
             }
         }
@@ -56,7 +55,7 @@ impl Condition {
 
 /// A property that a relation makes common to two entities.
 #[derive(Clone, Copy, PartialEq)]
-enum Shared {
+enum SharedProperty {
     Direction,
     Line,
     Plane,
@@ -64,15 +63,15 @@ enum Shared {
     Radius,
 }
 
-const SHARED: [Shared; 5] = [
-    Shared::Direction,
-    Shared::Line,
-    Shared::Plane,
-    Shared::Center,
-    Shared::Radius,
+const SHARED_PROPERTIES: [SharedProperty; 5] = [
+    SharedProperty::Direction,
+    SharedProperty::Line,
+    SharedProperty::Plane,
+    SharedProperty::Center,
+    SharedProperty::Radius,
 ];
 
-impl Shared {
+impl SharedProperty {
     /// Returns true if a relation makes this property common.
     fn is_of(self, kind: RelationKind) -> bool {
         use RelationKind::{Coaxial, Concentric, Coplanar, EqualRadius, Parallel};
@@ -96,8 +95,8 @@ impl Shared {
         }
     }
 
-    fn of(condition: &Condition) -> Option<Self> {
-        SHARED
+    fn from_condition(condition: &Condition) -> Option<Self> {
+        SHARED_PROPERTIES
             .into_iter()
             .find(|s| s.equations().0 == condition.kind)
     }
@@ -108,7 +107,7 @@ impl Shared {
 pub(super) fn conditions(relations: &[Relation], entities: usize) -> Vec<Condition> {
     let mut found = Vec::new();
     let mut directions = UnionFind::new(entities);
-    for shared in SHARED {
+    for shared in SHARED_PROPERTIES {
         let (kind, rows) = shared.equations();
         let mut sets = UnionFind::new(entities);
         for r in relations.iter().filter(|r| shared.is_of(r.kind)) {
@@ -121,7 +120,7 @@ pub(super) fn conditions(relations: &[Relation], entities: usize) -> Vec<Conditi
                 });
             }
         }
-        if shared == Shared::Direction {
+        if shared == SharedProperty::Direction {
             directions = sets;
         }
     }
@@ -151,11 +150,11 @@ pub(super) fn split(
     entities: usize,
 ) -> (Vec<Relation>, Vec<Relation>) {
     let condition = &conditions[worst];
-    let shared = Shared::of(condition).unwrap_or(Shared::Direction);
+    let shared = SharedProperty::from_condition(condition).unwrap_or(SharedProperty::Direction);
     // The classes that remain without the condition.
     let mut sets = UnionFind::new(entities);
     for (k, c) in conditions.iter().enumerate() {
-        if k != worst && Shared::of(c) == Some(shared) {
+        if k != worst && SharedProperty::from_condition(c) == Some(shared) {
             sets.unite(c.entities[0] as u32, c.entities[1] as u32);
         }
     }

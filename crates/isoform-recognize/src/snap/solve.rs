@@ -1,38 +1,38 @@
 //! Linear equations of a step.
 
 use super::conditions::Condition;
-use super::{CHI_SQUARED, Own};
-use crate::chart::{MOST, Row};
+use super::entity::SnapEntity;
+use crate::chart::{MAX_PARAMETERS, ParameterRow, ROUNDING_DEVIATION};
+use crate::relations::CHI_SQUARED;
 use isoform_num::linalg::{cholesky, cholesky_solve};
 
-/// An equation of which less than this share of the variance is its own follows from others.
-/// Smaller would divide by what curvature leaves of it, larger would take equations for others'.
-const OWN: f64 = 1e-7;
-/// Standard deviation of rounding that each relation allows for, in radians and diagonals.
-const ROUNDING: f64 = 1e-8;
+/// Minimum share of its variance that is not explained by other equations; with less an equation
+/// follows from them. A smaller bound would divide by what curvature leaves of it, a larger one
+/// would drop independent equations.
+const MIN_OWN_VARIANCE: f64 = 1e-7;
 
 /// One equation: the entities, the derivatives by the parameters of both, and its value.
 struct Equation {
     condition: usize,
     entities: [usize; 2],
-    rows: [Row; 2],
+    rows: [ParameterRow; 2],
     value: f64,
 }
 
 /// The independent equations, scaled to unit variance, with the Cholesky factor of their
 /// correlations.
-pub(super) struct System {
+pub(super) struct EquationSystem {
     equations: Vec<Equation>,
     correlations: Vec<f64>,
     factor: Vec<f64>,
 }
 
 /// Returns the product of a vector with W, to which the rounding that relations allow for is added.
-fn weighted(own: &Own, row: &Row) -> Row {
+fn weighted(own: &SnapEntity, row: &ParameterRow) -> ParameterRow {
     let n = own.known.surface.kind.parameters();
     std::array::from_fn(|i| {
         let of = |j: usize| own.known.covariance[i][j] * row[j];
-        let rounding = ROUNDING * ROUNDING / 2.0 * row[i];
+        let rounding = ROUNDING_DEVIATION * ROUNDING_DEVIATION / 2.0 * row[i];
         if i < n {
             (0..n).map(of).sum::<f64>() + rounding
         } else {
@@ -41,12 +41,16 @@ fn weighted(own: &Own, row: &Row) -> Row {
     })
 }
 
-fn product(a: &Row, b: &Row) -> f64 {
+fn product(a: &ParameterRow, b: &ParameterRow) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-impl System {
-    pub(super) fn new(owns: &[Own], steps: &[Row], conditions: &[Condition]) -> Self {
+impl EquationSystem {
+    pub(super) fn new(
+        owns: &[SnapEntity],
+        steps: &[ParameterRow],
+        conditions: &[Condition],
+    ) -> Self {
         let mut equations = Vec::new();
         for (condition, c) in conditions.iter().enumerate() {
             let [i, j] = c.entities;
@@ -93,13 +97,17 @@ impl System {
     }
 
     /// Returns λ and the step of each entity, for the gradients of the sums of squares.
-    pub(super) fn step(&self, owns: &[Own], gradients: &[Row]) -> (Vec<f64>, Vec<Row>) {
-        let free: Vec<Row> = owns
+    pub(super) fn step(
+        &self,
+        owns: &[SnapEntity],
+        gradients: &[ParameterRow],
+    ) -> (Vec<f64>, Vec<ParameterRow>) {
+        let free: Vec<ParameterRow> = owns
             .iter()
             .zip(gradients)
             .map(|(o, b)| match o.known.covariance[0][0].is_finite() {
                 true => weighted(o, b),
-                false => [0.0; MOST],
+                false => [0.0; MAX_PARAMETERS],
             })
             .collect();
         let side = self.equations.iter().map(|e| {
@@ -108,7 +116,7 @@ impl System {
         });
         let mut lambda: Vec<f64> = side.collect();
         cholesky_solve(&self.factor, self.rank(), &mut lambda);
-        let mut steps: Vec<Row> = free.iter().map(|f| f.map(|x| -x)).collect();
+        let mut steps: Vec<ParameterRow> = free.iter().map(|f| f.map(|x| -x)).collect();
         for (e, l) in self.equations.iter().zip(&lambda) {
             for (i, row) in e.entities.iter().zip(&e.rows) {
                 let by = weighted(&owns[*i], row);
@@ -164,7 +172,7 @@ impl System {
     }
 
     /// Returns the covariances of the entities under the equations: P W Pᵀ.
-    pub(super) fn covariances(&self, owns: &[Own]) -> Vec<[Row; MOST]> {
+    pub(super) fn covariances(&self, owns: &[SnapEntity]) -> Vec<[ParameterRow; MAX_PARAMETERS]> {
         let mut touching = vec![Vec::new(); owns.len()];
         for (k, e) in self.equations.iter().enumerate() {
             (0..2).for_each(|w| touching[e.entities[w]].push((k, w)));
@@ -177,7 +185,11 @@ impl System {
 
     /// Returns W − (G W)ᵀ (G W Gᵀ)⁻¹ G W of one entity; `touching` lists the equations, and their
     /// sides, that involve it.
-    fn covariance(&self, own: &Own, touching: &[(usize, usize)]) -> [Row; MOST] {
+    fn covariance(
+        &self,
+        own: &SnapEntity,
+        touching: &[(usize, usize)],
+    ) -> [ParameterRow; MAX_PARAMETERS] {
         let mut covariance = own.known.covariance;
         let n = own.known.surface.kind.parameters();
         let mut columns = vec![vec![0.0; self.rank()]; n];
@@ -188,7 +200,7 @@ impl System {
         if touching.is_empty() {
             return covariance;
         }
-        let before: Row = std::array::from_fn(|i| covariance[i][i]);
+        let before: ParameterRow = std::array::from_fn(|i| covariance[i][i]);
         for j in 0..n {
             let mut solved = columns[j].clone();
             cholesky_solve(&self.factor, self.rank(), &mut solved);
@@ -206,7 +218,7 @@ impl System {
 }
 
 /// Returns G W Gᵀ of scaled equations.
-fn correlations(owns: &[Own], equations: &[Equation]) -> Vec<f64> {
+fn correlations(owns: &[SnapEntity], equations: &[Equation]) -> Vec<f64> {
     let n = equations.len();
     let mut touching = vec![Vec::new(); owns.len()];
     for (k, e) in equations.iter().enumerate() {
@@ -236,7 +248,7 @@ fn independent(correlations: &[f64], n: usize) -> Vec<usize> {
             row.push((correlations[i * n + j] - done) / above[m]);
         }
         let left = correlations[i * n + i] - row.iter().map(|x| x * x).sum::<f64>();
-        if left > OWN {
+        if left > MIN_OWN_VARIANCE {
             row.push(left.sqrt());
             factor.push(row);
             kept.push(i);

@@ -1,19 +1,19 @@
 //! Candidates for planes and axes of symmetries.
 
-use crate::chart::{Kind, Surface, unit};
+use crate::chart::{Primitive, PrimitiveKind, unit};
 use crate::entity::{Layout, Pattern};
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
 /// Tolerance for parallel directions, and for coincident places, in radians and diagonals.
-const SAME: f64 = 0.02;
+const MAX_COINCIDENCE_ERROR: f64 = 0.02;
 
-fn plane(place: Point3, normal: Point3) -> Surface {
-    Surface::plane(place, unit(normal))
+fn plane(place: Point3, normal: Point3) -> Primitive {
+    Primitive::plane(place, unit(normal))
 }
 
-fn line(place: Point3, axis: Point3) -> Surface {
-    Surface {
-        kind: Kind::Cylinder,
+fn line(place: Point3, axis: Point3) -> Primitive {
+    Primitive {
+        kind: PrimitiveKind::Cylinder,
         ..plane(place, axis)
     }
 }
@@ -24,14 +24,14 @@ fn middle(a: Point3, b: Point3) -> Point3 {
 
 /// Returns planes that exchange two surfaces, or keep each, over all pairs with one of the first
 /// `most`.
-pub(super) fn mirrors(surfaces: &[Surface], most: usize) -> Vec<Surface> {
+pub(super) fn mirrors(surfaces: &[Primitive], most: usize) -> Vec<Primitive> {
     let mut found = Vec::new();
     for (i, a) in surfaces.iter().enumerate().take(most) {
         for b in &surfaces[i + 1..] {
             if a.kind == b.kind {
                 exchanging(a, b, &mut found);
             }
-            if a.kind > Kind::Sphere || b.kind > Kind::Sphere {
+            if a.kind > PrimitiveKind::Sphere || b.kind > PrimitiveKind::Sphere {
                 keeping(a, b, &mut found);
             }
         }
@@ -40,12 +40,12 @@ pub(super) fn mirrors(surfaces: &[Surface], most: usize) -> Vec<Surface> {
 }
 
 /// Adds the planes whose reflections exchange two surfaces.
-fn exchanging(a: &Surface, b: &Surface, found: &mut Vec<Surface>) {
+fn exchanging(a: &Primitive, b: &Primitive, found: &mut Vec<Primitive>) {
     let way = sub(b.place, a.place);
     match a.kind {
-        Kind::Plane => {
+        PrimitiveKind::Plane => {
             let cosine = dot(a.axis, b.axis);
-            if cosine.abs() > 1.0 - SAME * SAME {
+            if cosine.abs() > 1.0 - MAX_COINCIDENCE_ERROR * MAX_COINCIDENCE_ERROR {
                 let there = dot(way, a.axis);
                 let place = std::array::from_fn(|k| a.place[k] + there / 2.0 * a.axis[k]);
                 found.push(plane(place, a.axis));
@@ -54,22 +54,24 @@ fn exchanging(a: &Surface, b: &Surface, found: &mut Vec<Surface>) {
                 found.push(plane(at, std::array::from_fn(|k| a.axis[k] + b.axis[k])));
             }
         }
-        Kind::Sphere if norm(way) > SAME => found.push(plane(middle(a.place, b.place), way)),
-        Kind::Sphere => {}
+        PrimitiveKind::Sphere if norm(way) > MAX_COINCIDENCE_ERROR => {
+            found.push(plane(middle(a.place, b.place), way))
+        }
+        PrimitiveKind::Sphere => {}
         _ => exchanging_axes(a, b, found),
     }
 }
 
-fn exchanging_axes(a: &Surface, b: &Surface, found: &mut Vec<Surface>) {
+fn exchanging_axes(a: &Primitive, b: &Primitive, found: &mut Vec<Primitive>) {
     let way = sub(b.place, a.place);
-    if dot(a.axis, b.axis).abs() > 1.0 - SAME * SAME {
+    if dot(a.axis, b.axis).abs() > 1.0 - MAX_COINCIDENCE_ERROR * MAX_COINCIDENCE_ERROR {
         let along = dot(way, a.axis);
         let across: Point3 = std::array::from_fn(|k| way[k] - along * a.axis[k]);
         let at = middle(a.place, b.place);
-        if norm(across) > SAME {
+        if norm(across) > MAX_COINCIDENCE_ERROR {
             found.push(plane(at, across));
         }
-        if along.abs() > SAME {
+        if along.abs() > MAX_COINCIDENCE_ERROR {
             // Exchanges two pieces, or ends, along their common axis.
             found.push(plane(apart(a, b), a.axis));
         }
@@ -81,9 +83,9 @@ fn exchanging_axes(a: &Surface, b: &Surface, found: &mut Vec<Surface>) {
 }
 
 /// Returns the middle of the points that fix two surfaces along their axes: apexes of cones.
-fn apart(a: &Surface, b: &Surface) -> Point3 {
-    let of = |s: &Surface| {
-        if s.kind == Kind::Cone {
+fn apart(a: &Primitive, b: &Primitive) -> Point3 {
+    let of = |s: &Primitive| {
+        if s.kind == PrimitiveKind::Cone {
             s.apex()
         } else {
             s.place
@@ -93,31 +95,31 @@ fn apart(a: &Surface, b: &Surface) -> Point3 {
 }
 
 /// Adds the planes through the axis of one of two surfaces that keep the other.
-fn keeping(a: &Surface, b: &Surface, found: &mut Vec<Surface>) {
+fn keeping(a: &Primitive, b: &Primitive, found: &mut Vec<Primitive>) {
     for (s, t) in [(a, b), (b, a)] {
-        if s.kind <= Kind::Sphere {
+        if s.kind <= PrimitiveKind::Sphere {
             continue;
         }
         let normal = cross(s.axis, t.axis);
-        let is_across = t.kind != Kind::Sphere && norm(normal) > SAME;
+        let is_across = t.kind != PrimitiveKind::Sphere && norm(normal) > MAX_COINCIDENCE_ERROR;
         if is_across {
             found.push(plane(s.place, normal));
         }
-        if t.kind != Kind::Plane && !is_across {
+        if t.kind != PrimitiveKind::Plane && !is_across {
             let way = sub(t.place, s.place);
             let normal = cross(s.axis, way);
-            if norm(normal) > SAME {
+            if norm(normal) > MAX_COINCIDENCE_ERROR {
                 found.push(plane(s.place, normal));
             }
         }
-        if s.kind == Kind::Torus {
+        if s.kind == PrimitiveKind::Torus {
             found.push(plane(s.place, s.axis));
         }
     }
 }
 
 /// Returns a point on both of two planes, nearest to the first one's reference point.
-fn common(a: &Surface, b: &Surface) -> Option<Point3> {
+fn common(a: &Primitive, b: &Primitive) -> Option<Point3> {
     let along = cross(a.axis, b.axis);
     let inwards = cross(along, a.axis);
     let slope = dot(inwards, b.axis);
@@ -127,13 +129,13 @@ fn common(a: &Surface, b: &Surface) -> Option<Point3> {
 }
 
 /// Returns the axes of the first `most` surfaces that have one.
-pub(super) fn lines_of_surfaces(surfaces: &[Surface], most: usize) -> Vec<Surface> {
-    let with = surfaces.iter().filter(|s| s.kind > Kind::Sphere);
+pub(super) fn lines_of_surfaces(surfaces: &[Primitive], most: usize) -> Vec<Primitive> {
+    let with = surfaces.iter().filter(|s| s.kind > PrimitiveKind::Sphere);
     distinct(with.take(most).map(|s| line(s.place, s.axis)).collect())
 }
 
 /// Returns the axes of circular patterns, which are in units of `unit` about `origin`.
-pub(super) fn lines_of_patterns(patterns: &[Pattern], unit: f64, origin: Point3) -> Vec<Surface> {
+pub(super) fn lines_of_patterns(patterns: &[Pattern], unit: f64, origin: Point3) -> Vec<Primitive> {
     let of = |p: &Pattern| match p.layout {
         Layout::Circle { center, axis, .. } => {
             let place = std::array::from_fn(|k| (center[k] - origin[k]) / unit);
@@ -145,12 +147,12 @@ pub(super) fn lines_of_patterns(patterns: &[Pattern], unit: f64, origin: Point3)
 }
 
 /// Returns the lines of intersection of pairs of planes.
-pub(super) fn lines_of_mirrors(planes: &[Surface]) -> Vec<Surface> {
+pub(super) fn lines_of_mirrors(planes: &[Primitive]) -> Vec<Primitive> {
     let mut found = Vec::new();
     for (i, a) in planes.iter().enumerate() {
         for b in &planes[i + 1..] {
             let along = cross(a.axis, b.axis);
-            if norm(along) > SAME
+            if norm(along) > MAX_COINCIDENCE_ERROR
                 && let Some(at) = common(a, b)
             {
                 found.push(line(at, along));
@@ -160,13 +162,14 @@ pub(super) fn lines_of_mirrors(planes: &[Surface]) -> Vec<Surface> {
     distinct(found)
 }
 
-/// Returns planes or lines without near duplicates: within a tenth of [`SAME`].
-fn distinct(all: Vec<Surface>) -> Vec<Surface> {
-    let mut found: Vec<Surface> = Vec::new();
+/// Returns planes or lines without near duplicates: within a tenth of [`MAX_COINCIDENCE_ERROR`].
+fn distinct(all: Vec<Primitive>) -> Vec<Primitive> {
+    let mut found: Vec<Primitive> = Vec::new();
     for s in all {
         let s = s.about([0.0; 3]);
-        let is_same = |f: &Surface| {
-            norm(cross(f.axis, s.axis)) < SAME / 10.0 && norm(sub(f.place, s.place)) < SAME / 10.0
+        let is_same = |f: &Primitive| {
+            norm(cross(f.axis, s.axis)) < MAX_COINCIDENCE_ERROR / 10.0
+                && norm(sub(f.place, s.place)) < MAX_COINCIDENCE_ERROR / 10.0
         };
         if !found.iter().any(is_same) {
             found.push(s);

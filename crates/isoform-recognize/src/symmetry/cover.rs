@@ -6,12 +6,7 @@ use isoform_geom::{KdTree, Point3};
 use rayon::prelude::*;
 
 /// Maximum number of points kept of an entity, among which neighbours are sought.
-const LOOKED: usize = 64;
-const KEPT: usize = 4000;
-/// A place is covered where a point is within this many spacings.
-const NEAR: f64 = 4.0;
-/// The share of places that are covered: at corners there may be none.
-const COVERED: f64 = 0.85;
+const MAX_KEPT_POINTS: usize = 4000;
 
 /// Points of each entity.
 pub(super) struct Cover {
@@ -22,13 +17,14 @@ pub(super) struct Cover {
 }
 
 impl Cover {
-    pub(super) fn of(points: &[Vec<Point3>]) -> Self {
-        let some = |p: &Vec<Point3>| thinned(p.len(), KEPT).map(|k| p[k]).collect();
+    pub(super) fn new(points: &[Vec<Point3>]) -> Self {
+        let some = |p: &Vec<Point3>| thinned(p.len(), MAX_KEPT_POINTS).map(|k| p[k]).collect();
         let kept: Vec<Vec<Point3>> = points.iter().map(some).collect();
         let trees: Vec<KdTree> = kept.par_iter().map(|p| KdTree::new(p)).collect();
         let near = kept.iter().zip(&trees);
-        let near = near.map(|(p, t)| NEAR * NEAR * spacing(p, t)).collect();
-        let few = |p: &Vec<Point3>| thinned(p.len(), LOOKED).map(|k| p[k]).collect();
+        // Places within four spacings of a point are covered.
+        let near = near.map(|(p, t)| 4.0 * 4.0 * spacing(p, t)).collect();
+        let few = |p: &Vec<Point3>| thinned(p.len(), 64).map(|k| p[k]).collect();
         Self {
             places: kept.iter().map(few).collect(),
             trees,
@@ -43,14 +39,15 @@ impl Cover {
             nearest.is_some_and(|n| n.1 <= self.near[to].max(self.near[from]))
         };
         let all = &self.places[from];
-        all.iter().filter(is_near).count() as f64 >= COVERED * all.len() as f64
+        // At corners some places may have no points.
+        all.iter().filter(is_near).count() as f64 >= 0.85 * all.len() as f64
     }
 }
 
 /// Returns the median of the squared distance from a point to the nearest other.
 fn spacing(points: &[Point3], tree: &KdTree) -> f64 {
     let mut found = Vec::new();
-    let mut squares: Vec<f64> = thinned(points.len(), KEPT / 4)
+    let mut squares: Vec<f64> = thinned(points.len(), MAX_KEPT_POINTS / 4)
         .map(|k| {
             tree.nearest_k(points[k], 2, &mut found);
             found.last().map_or(0.0, |f| f.0)

@@ -1,20 +1,19 @@
 //! Reflections and rotations of surfaces.
 
-use crate::chart::{Kind, MOST, Surface};
-use crate::patterns::turned;
+use crate::chart::{MAX_PARAMETERS, Primitive, PrimitiveKind, turned};
 use isoform_geom::{Point3, dot, norm, sub};
 
 /// A reflection in a plane, or a rotation about the axis of a cylinder of unspecified radius.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {
-    pub(super) element: Surface,
+    pub(super) element: Primitive,
     angle: f64,
     /// Order of the rotation.
     pub(super) order: Option<u32>,
 }
 
 impl Motion {
-    pub(super) fn mirror(plane: Surface) -> Self {
+    pub(super) fn mirror(plane: Primitive) -> Self {
         Self {
             element: plane,
             angle: 0.0,
@@ -22,7 +21,7 @@ impl Motion {
         }
     }
 
-    pub(super) fn turn(line: Surface, angle: f64, order: Option<u32>) -> Self {
+    pub(super) fn turn(line: Primitive, angle: f64, order: Option<u32>) -> Self {
         Self {
             element: line,
             angle,
@@ -32,7 +31,7 @@ impl Motion {
 
     /// Returns the number of parameters of the plane or the axis.
     pub(super) fn freedom(&self) -> usize {
-        if self.element.kind == Kind::Plane {
+        if self.element.kind == PrimitiveKind::Plane {
             3
         } else {
             4
@@ -41,7 +40,7 @@ impl Motion {
 
     /// Returns the motion with its plane or axis moved.
     pub(super) fn moved(&self, theta: &[f64]) -> Self {
-        let mut step = [0.0; MOST];
+        let mut step = [0.0; MAX_PARAMETERS];
         step[..theta.len()].copy_from_slice(theta);
         Self {
             element: self.element.moved(&step),
@@ -50,7 +49,7 @@ impl Motion {
     }
 
     /// Returns the image of a surface.
-    pub(super) fn apply(&self, s: &Surface) -> Surface {
+    pub(super) fn apply(&self, s: &Primitive) -> Primitive {
         let mut image = *s;
         image.place = self.point(s.place);
         image.axis = self.vector(s.axis);
@@ -64,7 +63,7 @@ impl Motion {
 
     fn vector(&self, v: Point3) -> Point3 {
         let axis = self.element.axis;
-        if self.element.kind == Kind::Plane {
+        if self.element.kind == PrimitiveKind::Plane {
             let h = dot(v, axis);
             return std::array::from_fn(|k| v[k] - 2.0 * h * axis[k]);
         }

@@ -3,8 +3,8 @@
 //! the oriented points (Barill et al., Fast winding numbers for soups and clouds, ACM Trans.
 //! Graphics 37, 2018; here summed directly).
 
-use super::half::Half;
-use super::solid::{Bits, Cell};
+use super::half::HalfSpace;
+use super::solid::{Bits, SolidCell};
 use crate::cloud::thinned;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, KdTree, Point3, dot, norm, sub};
@@ -12,45 +12,22 @@ use isoform_num::Random;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Places all over the box. A cell that has a hundred-thousandth of the box is hardly met.
-const PLACES: usize = 30_000;
-/// Points whose dipoles are summed, at most.
-const DIPOLES: usize = 3000;
-/// Points on both sides of which places are taken, at most.
-const BESIDE: usize = 8000;
-/// Distance of those places from the surface, in diagonals and in deviations of the noise.
-const OFF: (f64, f64) = (1e-3, 2.0);
-/// Least distance in diagonals: single precision has seven digits.
-const LEAST_OFF: f64 = 1e-6;
-/// Number of points of each entity at which places may be closer to the surface: those farthest
-/// from all other surfaces, so that small faces have places, too.
-const FEW: usize = 8;
-/// By how much the box of the places is larger than that of the points, as a share of its diagonal.
-const MARGIN: f64 = 0.05;
-/// Winding numbers closer to 1/2 tell nothing.
-const CLEAR: f64 = 0.25;
-/// The vector area over the area above which a scan counts as open: a box without one face has a
-/// fifth, one seen from a corner 0.58.
-const OPEN: f64 = 0.3;
+/// Distance of the samples on both sides of a point from its surface, in diagonals and in
+/// deviations of the noise.
+const SAMPLE_DISTANCE: (f64, f64) = (1e-3, 2.0);
 /// Number of neighbours whose distance determines the area of a point.
-const NEIGHBOURS: usize = 8;
-/// Places closer to the points than this many times their spacing are left to those beside points.
-const NEAR: f64 = 2.0;
-/// Cells with less weight are left open: a few places may be on the wrong side.
-const LEAST: f64 = 3.0;
-/// What a place beside a point counts; one elsewhere counts 1.
-const BESIDE_WEIGHT: f64 = 2.0;
+const AREA_NEIGHBOURS: usize = 8;
 
 /// A sample of space whose side of the solid is known.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct SideSample {
     pub(super) at: Point3,
     pub(super) is_inside: bool,
     pub(super) weight: f64,
 }
 
 /// Points with outward unit normals and the indices of their half spaces.
-pub(super) struct Oriented<'a> {
+pub(super) struct OrientedPoints<'a> {
     pub(super) points: &'a [Point3],
     pub(super) normals: &'a [Point3],
     pub(super) halves: &'a [Option<usize>],
@@ -59,12 +36,12 @@ pub(super) struct Oriented<'a> {
 
 /// Returns samples whose side is known.
 pub(super) fn places(
-    cloud: &Oriented<'_>,
-    halves: &[Half],
+    cloud: &OrientedPoints<'_>,
+    halves: &[HalfSpace],
     control: &Control<'_>,
-) -> Result<Vec<Place>, Stopped> {
-    let bounds = Aabb::of(cloud.points);
-    let mut places = beside(cloud, halves, bounds.diagonal());
+) -> Result<Vec<SideSample>, Stopped> {
+    let bounds = Aabb::from_points(cloud.points);
+    let mut places = samples_on_both_sides(cloud, halves, bounds.diagonal());
     control.check()?;
     places.extend(all_over(cloud, &bounds));
     control.check()?;
@@ -82,9 +59,14 @@ struct Foot {
 }
 
 /// Returns samples on both sides of points, away from all other surfaces.
-fn beside(cloud: &Oriented<'_>, halves: &[Half], diagonal: f64) -> Vec<Place> {
-    let least = (LEAST_OFF * diagonal).max(OFF.1 * cloud.noise);
-    let off = least.max(OFF.0 * diagonal);
+fn samples_on_both_sides(
+    cloud: &OrientedPoints<'_>,
+    halves: &[HalfSpace],
+    diagonal: f64,
+) -> Vec<SideSample> {
+    // Single precision has seven digits.
+    let least = (1e-6 * diagonal).max(SAMPLE_DISTANCE.1 * cloud.noise);
+    let off = least.max(SAMPLE_DISTANCE.0 * diagonal);
     let foot = |i: usize| {
         let own = cloud.halves[i]?;
         let (p, surface) = (cloud.points[i], &halves[own].surface);
@@ -104,12 +86,14 @@ fn beside(cloud: &Oriented<'_>, halves: &[Half], diagonal: f64) -> Vec<Place> {
             clearance: clearance.fold(f64::INFINITY, f64::min),
         })
     };
-    let numbers: Vec<usize> = thinned(cloud.points.len(), BESIDE).collect();
+    let numbers: Vec<usize> = thinned(cloud.points.len(), 8000).collect();
     let mut feet: Vec<Foot> = numbers.into_par_iter().filter_map(foot).collect();
     feet.sort_by(|a, b| (a.own.cmp(&b.own)).then(b.clearance.total_cmp(&a.clearance)));
-    let of_entity = |feet: &[Foot]| -> Vec<Place> {
+    let of_entity = |feet: &[Foot]| -> Vec<SideSample> {
+        // Samples may be closer to the surface at the eight points of an entity that are farthest
+        // from all other surfaces, so that small faces have samples, too.
         let is_free =
-            |(k, foot): &(usize, &Foot)| foot.clearance > 2.0 * if *k < FEW { least } else { off };
+            |(k, foot): &(usize, &Foot)| foot.clearance > 2.0 * if *k < 8 { least } else { off };
         let free = feet.iter().enumerate().filter(is_free);
         free.flat_map(|(_, foot)| on_both_sides(foot, off.min(foot.clearance / 2.0)))
             .collect()
@@ -119,13 +103,14 @@ fn beside(cloud: &Oriented<'_>, halves: &[Half], diagonal: f64) -> Vec<Place> {
         .collect()
 }
 
-fn on_both_sides(foot: &Foot, off: f64) -> [Place; 2] {
+fn on_both_sides(foot: &Foot, off: f64) -> [SideSample; 2] {
     [true, false].map(|is_inside| {
         let way = if is_inside { -off } else { off };
-        Place {
+        SideSample {
             at: std::array::from_fn(|k| foot.at[k] + way * foot.normal[k]),
             is_inside,
-            weight: BESIDE_WEIGHT,
+            // A sample away from the points has the weight 1.
+            weight: 2.0,
         }
     })
 }
@@ -133,16 +118,16 @@ fn on_both_sides(foot: &Foot, off: f64) -> [Place; 2] {
 /// Returns the area that each point represents, from the distance of a few neighbours.
 pub(super) fn areas(points: &[Point3], tree: &KdTree) -> Vec<f64> {
     let of = |found: &mut Vec<(f64, u32)>, p: &Point3| {
-        tree.nearest_k(*p, NEIGHBOURS + 1, found);
+        tree.nearest_k(*p, AREA_NEIGHBOURS + 1, found);
         let squared = found.last().map_or(0.0, |f| f.0);
-        std::f64::consts::PI * squared / NEIGHBOURS as f64
+        std::f64::consts::PI * squared / AREA_NEIGHBOURS as f64
     };
     points.par_iter().map_init(Vec::new, of).collect()
 }
 
 /// Returns samples throughout the box, away from the points.
-fn all_over(cloud: &Oriented<'_>, bounds: &Aabb) -> Vec<Place> {
-    let some: Vec<usize> = thinned(cloud.points.len(), DIPOLES).collect();
+fn all_over(cloud: &OrientedPoints<'_>, bounds: &Aabb) -> Vec<SideSample> {
+    let some: Vec<usize> = thinned(cloud.points.len(), 3000).collect();
     let points: Vec<Point3> = some.iter().map(|i| cloud.points[*i]).collect();
     let tree = KdTree::new(&points);
     let areas = areas(&points, &tree);
@@ -157,10 +142,13 @@ fn all_over(cloud: &Oriented<'_>, bounds: &Aabb) -> Vec<Place> {
             .map(|(i, a)| a * cloud.normals[*i][k]);
         of.sum()
     });
-    let is_open = norm(vector) > OPEN * all;
+    // The vector area of a box without one face is a fifth of its area, that of one seen from a
+    // corner 0.58.
+    let is_open = norm(vector) > 0.3 * all;
     let [lo, hi] = widened(bounds);
     let mut random = Random::new(1);
-    let at: Vec<Point3> = (0..PLACES)
+    // A cell that has a hundred-thousandth of the box is hardly met.
+    let at: Vec<Point3> = (0..30_000)
         .map(|_| std::array::from_fn(|k| lo[k] + random.unit() * (hi[k] - lo[k])))
         .collect();
     let winding = |at: Point3| -> f64 {
@@ -177,11 +165,13 @@ fn all_over(cloud: &Oriented<'_>, bounds: &Aabb) -> Vec<Place> {
             return None;
         }
         let near = tree.nearest(at).map_or(0.0, |f| f.1.sqrt());
-        if near < NEAR * spacing {
+        // Closer samples are those on both sides of the points.
+        if near < 2.0 * spacing {
             return None;
         }
         let w = winding(at);
-        ((w - 0.5).abs() > CLEAR).then_some(Place {
+        // Winding numbers close to 1/2 are undecided.
+        ((w - 0.5).abs() > 0.25).then_some(SideSample {
             at,
             is_inside: w > 0.5,
             weight: 1.0,
@@ -192,21 +182,21 @@ fn all_over(cloud: &Oriented<'_>, bounds: &Aabb) -> Vec<Place> {
 
 /// Returns the corners of the box in which samples are taken.
 fn widened(bounds: &Aabb) -> [Point3; 2] {
-    let more = MARGIN * bounds.diagonal();
+    let more = 0.05 * bounds.diagonal();
     [bounds.lo.map(|x| x - more), bounds.hi.map(|x| x + more)]
 }
 
 /// Returns the half spaces that contain each sample.
-pub(super) fn sides(halves: &[Half], places: &[Place]) -> Vec<Bits> {
-    let of = |place: &Place| {
-        let add = |bits: Bits, (k, h): (usize, &Half)| bits | bit(h, k, place);
+pub(super) fn sides(halves: &[HalfSpace], places: &[SideSample]) -> Vec<Bits> {
+    let of = |place: &SideSample| {
+        let add = |bits: Bits, (k, h): (usize, &HalfSpace)| bits | bit(h, k, place);
         halves.iter().enumerate().fold(0, add)
     };
     places.par_iter().map(of).collect()
 }
 
 /// Returns the bit of half space `k` if it contains a sample, else 0.
-pub(super) fn bit(half: &Half, k: usize, place: &Place) -> Bits {
+pub(super) fn bit(half: &HalfSpace, k: usize, place: &SideSample) -> Bits {
     Bits::from(half.value(place.at) > 0.0) << k
 }
 
@@ -214,7 +204,7 @@ pub(super) fn bit(half: &Half, k: usize, place: &Place) -> Bits {
 type Votes = BTreeMap<Bits, [f64; 2]>;
 
 /// Sums the weights of samples by cell.
-pub(super) fn votes(sides: &[Bits], places: &[Place]) -> Votes {
+pub(super) fn votes(sides: &[Bits], places: &[SideSample]) -> Votes {
     let mut votes = Votes::new();
     for (place, bits) in places.iter().zip(sides) {
         votes.entry(*bits).or_default()[usize::from(place.is_inside)] += place.weight;
@@ -223,10 +213,11 @@ pub(super) fn votes(sides: &[Bits], places: &[Place]) -> Votes {
 }
 
 /// Returns the cells whose side is known with enough weight.
-pub(super) fn cells(votes: &Votes) -> Vec<Cell> {
+pub(super) fn cells(votes: &Votes) -> Vec<SolidCell> {
     let cell = |(bits, [outside, inside]): (&Bits, &[f64; 2])| {
         let weight = inside.max(*outside);
-        (weight >= LEAST).then_some(Cell {
+        // A few samples may be on the wrong side.
+        (weight >= 3.0).then_some(SolidCell {
             bits: *bits,
             is_inside: inside > outside,
             weight,

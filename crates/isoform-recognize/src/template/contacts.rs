@@ -3,7 +3,10 @@
 //! A centre is tied to one plane when it gets its parameter. Further planes that it touches give
 //! further equations between parameters, each of which eliminates one parameter.
 
-use super::dimensions::{Dimensions, Linear, Parameter, TIED, Term, WITHIN, sum};
+use super::dimensions::{
+    CoordinateTerm, Dimensions, LinearForm, MAX_TIED_DIFFERENCE, TemplateParameter, sum,
+};
+use crate::noise::CHANCE_DEVIATIONS;
 
 /// Names of parameters that a designer states first: the extents of the part.
 const EXTENTS: [&str; 3] = ["length", "width", "height"];
@@ -36,13 +39,15 @@ impl Dimensions<'_> {
             let off = sum(&[
                 (1.0, self.linear(center)),
                 (-1.0, self.linear(plane)),
-                (-touch.side, self.linear(Term::Of(radius))),
+                (-touch.side, self.linear(CoordinateTerm::Of(radius))),
             ]);
             let value: f64 = off
                 .iter()
                 .map(|(k, by)| by * self.parameters[*k].start)
                 .sum();
-            if value.abs() <= (WITHIN * touch.sd).min(TIED * self.diagonal) {
+            if value.abs()
+                <= (CHANCE_DEVIATIONS * touch.sd).min(MAX_TIED_DIFFERENCE * self.diagonal)
+            {
                 self.eliminate(&off);
             }
         }
@@ -50,14 +55,14 @@ impl Dimensions<'_> {
 
     /// Eliminates from a linear form that must vanish the parameter that a designer would state
     /// last.
-    fn eliminate(&mut self, form: &Linear) {
-        let is_open = |p: &Parameter| !p.is_fixed && !EXTENTS.contains(&p.name.as_str());
+    fn eliminate(&mut self, form: &LinearForm) {
+        let is_open = |p: &TemplateParameter| !p.is_fixed && !EXTENTS.contains(&p.name.as_str());
         let open = form.iter().filter(|(k, _)| is_open(&self.parameters[*k]));
         let Some(&(last, factor)) = open.max_by_key(|(k, _)| *k) else {
             return;
         };
         let others = form.iter().filter(|(k, _)| *k != last);
-        let tie: Linear = others.map(|(k, by)| (*k, -by / factor)).collect();
+        let tie: LinearForm = others.map(|(k, by)| (*k, -by / factor)).collect();
         for parameter in &mut self.parameters {
             if let Some(old) = &parameter.tie
                 && let Some((_, by)) = old.iter().find(|(k, _)| *k == last)

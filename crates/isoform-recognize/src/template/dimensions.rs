@@ -1,56 +1,52 @@
 //! Parameters of a template: positions of its surfaces in its own frame, and their sizes.
 
-use super::frame::Frame;
-use crate::chart::{Kind, Surface};
+use super::frame::PartFrame;
+use crate::chart::{Primitive, PrimitiveKind};
 use crate::entity::{Blend, Entity, Recognition, RelationKind};
+use crate::noise::CHANCE_DEVIATIONS;
 use isoform_geom::{UnionFind, cross, dot, norm, sub};
 
-/// Maximum difference of two lengths that are one, in standard deviations of the difference.
-pub(super) const WITHIN: f64 = 4.0;
 /// Maximum difference of two lengths that are one, as a share of the diagonal: lengths known less
 /// well are not tied.
-pub(super) const TIED: f64 = 2e-3;
+pub(super) const MAX_TIED_DIFFERENCE: f64 = 2e-3;
 /// Minimum standard deviation of a length, as a share of the diagonal: what rounding leaves.
-const ROUNDING: f64 = 1e-7;
+const MIN_LENGTH_DEVIATION: f64 = 1e-7;
 /// Half the range of a position, as a share of the diagonal, and of a size, as a share of the size.
 /// A template whose bounds are wider than some 5 % of its size can converge to a wrong minimum;
 /// narrower ones would not contain the next part of the kind.
-const RANGE: (f64, f64) = (0.02, 0.1);
+const HALF_RANGE_SHARES: (f64, f64) = (0.02, 0.1);
 /// Minimum of half the range of a parameter, in its standard deviations.
-const DEVIATIONS: f64 = 10.0;
+const MIN_RANGE_DEVIATIONS: f64 = 10.0;
 /// Half the range of an angle in radians: 2.9°.
-const TURN: f64 = 0.05;
-/// The share of the distance to the next parallel face that the range takes, so that they keep
-/// their order.
-const APART: f64 = 0.45;
+const ANGLE_RANGE: f64 = 0.05;
 
 /// The quantity that a parameter measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Measure {
+pub(super) enum ParameterQuantity {
     Length,
     Angle,
 }
 
 /// A parameter of the template.
 #[derive(Clone, Debug)]
-pub(super) struct Parameter {
+pub(super) struct TemplateParameter {
     pub(super) name: String,
-    pub(super) measure: Measure,
+    pub(super) measure: ParameterQuantity,
     pub(super) start: f64,
     pub(super) range: [f64; 2],
     pub(super) about: String,
     /// True if the parameter is held because the scan does not determine it.
     pub(super) is_fixed: bool,
     /// Sum of free parameters with factors that determines this one; `None` if it is free.
-    pub(super) tie: Option<Linear>,
+    pub(super) tie: Option<LinearForm>,
 }
 
 /// A linear form: indices of parameters, each with its factor.
-pub(super) type Linear = Vec<(usize, f64)>;
+pub(super) type LinearForm = Vec<(usize, f64)>;
 
 /// Expression for a coordinate in the program.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Term {
+pub(super) enum CoordinateTerm {
     /// The origin of the frame.
     Zero,
     /// The parameter of this index.
@@ -58,13 +54,13 @@ pub(super) enum Term {
 }
 
 /// A coordinate that several surfaces may share.
-struct Shared {
+struct SharedCoordinate {
     system: usize,
     axis: usize,
     is_plane: bool,
     value: f64,
     sd: f64,
-    term: Term,
+    term: CoordinateTerm,
 }
 
 /// A plane that a ball or a tube touches.
@@ -81,12 +77,12 @@ pub(super) struct Touch {
 
 /// The parameters defined so far, and the origin of the frame.
 pub(super) struct Dimensions<'a> {
-    pub(super) frame: &'a Frame,
+    pub(super) frame: &'a PartFrame,
     pub(super) entities: &'a [Entity],
-    pub(super) parameters: Vec<Parameter>,
+    pub(super) parameters: Vec<TemplateParameter>,
     /// Origin, in the frame's coordinates about the middle of the scan.
     pub(super) origin: [f64; 3],
-    shared: Vec<Shared>,
+    shared: Vec<SharedCoordinate>,
     /// Legs of the chamfers so far, with their standard deviations and parameters.
     chamfers: Vec<(f64, f64, usize)>,
     /// Outer side of each entity's surface: 1 if its normal points outwards, −1 otherwise.
@@ -105,7 +101,7 @@ impl<'a> Dimensions<'a> {
     /// Creates the dimensions without parameters, with the origin at the reference of the used
     /// entities.
     pub(super) fn new(
-        frame: &'a Frame,
+        frame: &'a PartFrame,
         found: &'a Recognition,
         used: &[bool],
         outward: &'a [f64],
@@ -153,25 +149,27 @@ impl<'a> Dimensions<'a> {
     /// about a point of the axis, or about a circle that the axis touches.
     fn goes_over(&self, bent: usize, cylinder: usize) -> bool {
         let [s, c] = [bent, cylinder].map(|i| self.frame.surfaces[i]);
-        if c.kind != Kind::Cylinder {
+        if c.kind != PrimitiveKind::Cylinder {
             return false;
         }
-        let rounding = ROUNDING * self.diagonal;
+        let rounding = MIN_LENGTH_DEVIATION * self.diagonal;
         let size_sd = self
             .size_sd(bent)
             .hypot(self.size_sd(cylinder))
             .hypot(rounding);
         let place_sd = self.deviation(bent).hypot(self.deviation(cylinder));
-        let is_none = |off: f64, sd: f64| off.abs() <= (WITHIN * sd).min(TIED * self.diagonal);
+        let is_none = |off: f64, sd: f64| {
+            off.abs() <= (CHANCE_DEVIATIONS * sd).min(MAX_TIED_DIFFERENCE * self.diagonal)
+        };
         let way = sub(s.place, c.place);
         match s.kind {
-            Kind::Sphere => {
+            PrimitiveKind::Sphere => {
                 is_none(s.size - c.size, size_sd) && is_none(norm(cross(way, c.axis)), place_sd)
             }
-            Kind::Torus => {
+            PrimitiveKind::Torus => {
                 let across = cross(s.axis, c.axis);
                 let sd = place_sd.hypot(size_sd);
-                dot(s.axis, c.axis).abs() < ROUNDING
+                dot(s.axis, c.axis).abs() < MIN_LENGTH_DEVIATION
                     && is_none(s.other - c.size, size_sd)
                     && is_none(dot(way, s.axis), place_sd)
                     && is_none(dot(way, across).abs() - s.size, sd)
@@ -185,7 +183,7 @@ impl<'a> Dimensions<'a> {
     fn place_origin(&mut self, used: &[bool]) {
         let surfaces = &self.frame.surfaces;
         let own = |i: usize| self.frame.along[i].filter(|w| w.0 == 0).map(|w| w.1);
-        let is_axial = |i: &usize| used[*i] && surfaces[*i].kind > Kind::Sphere;
+        let is_axial = |i: &usize| used[*i] && surfaces[*i].kind > PrimitiveKind::Sphere;
         let along_z = |i: &usize| is_axial(i) && own(*i) == Some(2);
         let points = |i: usize| self.entities[i].points;
         let main = (0..surfaces.len())
@@ -194,7 +192,7 @@ impl<'a> Dimensions<'a> {
         let about_main: usize = main.map_or(0, |m| {
             let is_coaxial = |i: &usize| {
                 let [p, q] = [m, *i].map(|j| surfaces[j].place);
-                (p[0] - q[0]).hypot(p[1] - q[1]) <= TIED * self.diagonal
+                (p[0] - q[0]).hypot(p[1] - q[1]) <= MAX_TIED_DIFFERENCE * self.diagonal
             };
             (0..surfaces.len())
                 .filter(along_z)
@@ -202,7 +200,7 @@ impl<'a> Dimensions<'a> {
                 .map(points)
                 .sum()
         });
-        let is_plane = |i: &usize| used[*i] && surfaces[*i].kind == Kind::Plane;
+        let is_plane = |i: &usize| used[*i] && surfaces[*i].kind == PrimitiveKind::Plane;
         let planes = |k: usize| {
             (0..surfaces.len())
                 .filter(is_plane)
@@ -235,8 +233,8 @@ impl<'a> Dimensions<'a> {
         let surfaces = &self.frame.surfaces;
         let has_place = |i: &usize| {
             let s = &surfaces[*i];
-            let slides = matches!(s.kind, Kind::Cylinder) && s.axis[k].abs() == 1.0;
-            used[*i] && s.kind != Kind::Plane && !slides
+            let slides = matches!(s.kind, PrimitiveKind::Cylinder) && s.axis[k].abs() == 1.0;
+            used[*i] && s.kind != PrimitiveKind::Plane && !slides
         };
         (0..surfaces.len())
             .find(has_place)
@@ -244,18 +242,18 @@ impl<'a> Dimensions<'a> {
     }
 
     /// Adds a parameter, and returns its index.
-    pub(super) fn add(&mut self, parameter: Parameter) -> usize {
+    pub(super) fn add(&mut self, parameter: TemplateParameter) -> usize {
         self.parameters.push(parameter);
         self.parameters.len() - 1
     }
 
     /// Adds a parameter for an angle.
     pub(super) fn add_angle(&mut self, name: String, start: f64, about: &str) -> usize {
-        self.add(Parameter {
+        self.add(TemplateParameter {
             name,
-            measure: Measure::Angle,
+            measure: ParameterQuantity::Angle,
             start,
-            range: [start - TURN, start + TURN],
+            range: [start - ANGLE_RANGE, start + ANGLE_RANGE],
             about: about.to_owned(),
             is_fixed: false,
             tie: None,
@@ -263,7 +261,7 @@ impl<'a> Dimensions<'a> {
     }
 
     /// Returns the coordinate of a surface's reference point in a system, from the origin.
-    fn coordinate(&self, system: usize, axis: usize, s: &Surface) -> f64 {
+    fn coordinate(&self, system: usize, axis: usize, s: &Primitive) -> f64 {
         let row = self.frame.systems[system].rows[axis];
         dot(row, s.place) - dot(row, self.origin)
     }
@@ -279,7 +277,7 @@ impl<'a> Dimensions<'a> {
         } else {
             mean
         };
-        sd.max(ROUNDING * self.diagonal)
+        sd.max(MIN_LENGTH_DEVIATION * self.diagonal)
     }
 
     /// Returns the coordinate of an entity along an axis of a system: zero, a known parameter, or a
@@ -290,35 +288,40 @@ impl<'a> Dimensions<'a> {
         [system, axis]: [usize; 2],
         name: &str,
         about: &str,
-    ) -> Term {
+    ) -> CoordinateTerm {
         let surface = self.frame.surfaces[entity];
         let value = self.coordinate(system, axis, &surface);
-        let (is_plane, sd) = (surface.kind == Kind::Plane, self.deviation(entity));
-        let limit = TIED * self.diagonal;
-        let is_one =
-            |v: f64, other: f64| (v - value).abs() <= (WITHIN * sd.hypot(other)).min(limit);
-        let fits = |s: &&Shared| {
+        let (is_plane, sd) = (surface.kind == PrimitiveKind::Plane, self.deviation(entity));
+        let limit = MAX_TIED_DIFFERENCE * self.diagonal;
+        let is_one = |v: f64, other: f64| {
+            (v - value).abs() <= (CHANCE_DEVIATIONS * sd.hypot(other)).min(limit)
+        };
+        let fits = |s: &&SharedCoordinate| {
             s.system == system && s.axis == axis && s.is_plane == is_plane && is_one(s.value, s.sd)
         };
         if let Some(shared) = self.shared.iter().find(fits) {
             return shared.term;
         }
         let term = if let Some(tie) = self.contact(entity, [system, axis]) {
-            Term::Of(self.add_tied(name, tie, "where it touches"))
+            CoordinateTerm::Of(self.add_tied(name, tie, "where it touches"))
         } else if let Some(tie) = self.chamfer(entity, [system, axis]) {
-            Term::Of(self.add_tied(name, tie, "of the chamfer"))
+            CoordinateTerm::Of(self.add_tied(name, tie, "of the chamfer"))
         } else if system == 0 && is_one(0.0, sd) {
-            Term::Zero
+            CoordinateTerm::Zero
         } else if let Some(tie) = self.mirrored([system, axis], is_plane, value, sd) {
-            Term::Of(self.add_tied(name, tie, "opposite"))
+            CoordinateTerm::Of(self.add_tied(name, tie, "opposite"))
         } else {
-            Term::Of(self.add_position(value, sd, is_plane, [system, axis], name, about))
+            CoordinateTerm::Of(self.add_position(value, sd, is_plane, [system, axis], name, about))
         };
-        self.shared.push(Shared {
+        self.shared.push(SharedCoordinate {
             system,
             axis,
             is_plane,
-            value: if term == Term::Zero { 0.0 } else { value },
+            value: if term == CoordinateTerm::Zero {
+                0.0
+            } else {
+                value
+            },
             sd,
             term,
         });
@@ -326,29 +329,29 @@ impl<'a> Dimensions<'a> {
     }
 
     /// Returns the coordinate of a term as a linear form of free parameters.
-    pub(super) fn linear(&self, term: Term) -> Linear {
+    pub(super) fn linear(&self, term: CoordinateTerm) -> LinearForm {
         match term {
-            Term::Zero => Vec::new(),
-            Term::Of(k) => self.parameters[k].tie.clone().unwrap_or(vec![(k, 1.0)]),
+            CoordinateTerm::Zero => Vec::new(),
+            CoordinateTerm::Of(k) => self.parameters[k].tie.clone().unwrap_or(vec![(k, 1.0)]),
         }
     }
 
     /// Returns the term of the plane of an entity.
-    pub(super) fn plane_term(&self, plane: usize) -> Option<Term> {
+    pub(super) fn plane_term(&self, plane: usize) -> Option<CoordinateTerm> {
         let (system, axis) = self.frame.along[plane]?;
         self.known_term(plane, [system, axis])
     }
 
     /// Returns the nearest of the known terms to an entity's coordinate along an axis, within the
     /// tolerance.
-    pub(super) fn known_term(&self, entity: usize, way: [usize; 2]) -> Option<Term> {
+    pub(super) fn known_term(&self, entity: usize, way: [usize; 2]) -> Option<CoordinateTerm> {
         let surface = &self.frame.surfaces[entity];
         let place = self.coordinate(way[0], way[1], surface);
-        let is_plane = surface.kind == Kind::Plane;
-        let off = |s: &Shared| (s.value - place).abs();
-        let is_its = |s: &&Shared| {
+        let is_plane = surface.kind == PrimitiveKind::Plane;
+        let off = |s: &SharedCoordinate| (s.value - place).abs();
+        let is_its = |s: &&SharedCoordinate| {
             let is_along = s.is_plane == is_plane && [s.system, s.axis] == way;
-            is_along && off(s) <= TIED * self.diagonal
+            is_along && off(s) <= MAX_TIED_DIFFERENCE * self.diagonal
         };
         let its = self.shared.iter().filter(is_its);
         its.min_by(|a, b| off(a).total_cmp(&off(b))).map(|s| s.term)
@@ -360,17 +363,19 @@ impl<'a> Dimensions<'a> {
         let s = self.frame.surfaces[entity];
         let own = self.frame.along[entity].map(|(system, axis)| [system, axis]);
         let radius = match s.kind {
-            Kind::Sphere => s.size,
-            Kind::Cylinder if own.is_some_and(|o| o[0] == way[0] && o[1] != way[1]) => s.size,
-            Kind::Torus if own == Some(way) => s.other,
+            PrimitiveKind::Sphere => s.size,
+            PrimitiveKind::Cylinder if own.is_some_and(|o| o[0] == way[0] && o[1] != way[1]) => {
+                s.size
+            }
+            PrimitiveKind::Torus if own == Some(way) => s.other,
             _ => return Vec::new(),
         };
         let between = self.blend_of(entity).map_or(&[][..], |b| &b.between);
         let at = self.coordinate(way[0], way[1], &s);
-        let limit = TIED * self.diagonal;
+        let limit = MAX_TIED_DIFFERENCE * self.diagonal;
         let touch = |plane: usize| {
             let is_across = self.frame.along[plane] == Some((way[0], way[1]));
-            if !is_across || self.frame.surfaces[plane].kind != Kind::Plane {
+            if !is_across || self.frame.surfaces[plane].kind != PrimitiveKind::Plane {
                 return None;
             }
             let above = at - self.coordinate(way[0], way[1], &self.frame.surfaces[plane]);
@@ -380,7 +385,7 @@ impl<'a> Dimensions<'a> {
                 .hypot(self.size_sd(entity));
             let most = match between.contains(&plane) {
                 true => limit,
-                false => (WITHIN * sd).min(limit),
+                false => (CHANCE_DEVIATIONS * sd).min(limit),
             };
             let touch = Touch {
                 plane,
@@ -397,7 +402,7 @@ impl<'a> Dimensions<'a> {
 
     /// Returns the coordinate of an entity that touches planes across an axis: midway between two,
     /// one radius off one.
-    fn contact(&mut self, entity: usize, way: [usize; 2]) -> Option<Linear> {
+    fn contact(&mut self, entity: usize, way: [usize; 2]) -> Option<LinearForm> {
         if let Some([low, high]) = self.sides(entity, way) {
             return Some(sum(&[(0.5, low), (0.5, high)]));
         }
@@ -418,20 +423,23 @@ impl<'a> Dimensions<'a> {
 
     /// Returns the coordinate of the centre of a torus that continues into a cylinder: the radius
     /// of its circle off the cylinder's axis.
-    fn ring_contact(&mut self, entity: usize, way: [usize; 2]) -> Option<Linear> {
+    fn ring_contact(&mut self, entity: usize, way: [usize; 2]) -> Option<LinearForm> {
         let (surfaces, system) = (&self.frame.surfaces, way[0]);
         let cylinder = self.tube_of(entity, way)?;
         let [at, place] = [entity, cylinder].map(|i| self.coordinate(system, way[1], &surfaces[i]));
-        let is_its = |s: &&Shared| {
+        let is_its = |s: &&SharedCoordinate| {
             !s.is_plane
                 && [s.system, s.axis] == way
-                && (s.value - place).abs() <= TIED * self.diagonal
+                && (s.value - place).abs() <= MAX_TIED_DIFFERENCE * self.diagonal
         };
         let axis = self.linear(self.shared.iter().find(is_its)?.term);
         let circle = self.circle_radius(entity);
         Some(sum(&[
             (1.0, axis),
-            ((at - place).signum(), self.linear(Term::Of(circle))),
+            (
+                (at - place).signum(),
+                self.linear(CoordinateTerm::Of(circle)),
+            ),
         ]))
     }
 
@@ -439,7 +447,7 @@ impl<'a> Dimensions<'a> {
     fn tube_of(&self, ring: usize, way: [usize; 2]) -> Option<usize> {
         let along = &self.frame.along;
         let (system, own) = along[ring]?;
-        let is_ring = self.frame.surfaces[ring].kind == Kind::Torus;
+        let is_ring = self.frame.surfaces[ring].kind == PrimitiveKind::Torus;
         if !is_ring || own == way[1] || system != way[0] {
             return None;
         }
@@ -461,7 +469,7 @@ impl<'a> Dimensions<'a> {
     }
 
     /// Returns the two planes across an axis between which an entity lies, touching both.
-    fn sides(&self, entity: usize, way: [usize; 2]) -> Option<[Linear; 2]> {
+    fn sides(&self, entity: usize, way: [usize; 2]) -> Option<[LinearForm; 2]> {
         let side = |sign: f64| {
             let all = self.touched(entity, way);
             let mut ours = all.iter().filter(|t| t.side == sign);
@@ -472,7 +480,7 @@ impl<'a> Dimensions<'a> {
 
     /// Returns half the distance of two planes between which an entity lies, or another one of its
     /// radius.
-    fn half_width(&self, entity: usize) -> Option<Linear> {
+    fn half_width(&self, entity: usize) -> Option<LinearForm> {
         let alike = (0..self.entities.len()).filter(|j| self.radii[*j] == self.radii[entity]);
         let ways = |j: usize| {
             let system = self.frame.along[j].map_or(0, |along| along.0);
@@ -485,22 +493,24 @@ impl<'a> Dimensions<'a> {
     /// Returns the coordinate of a plane that cuts the edge of two planes along axes of the part's
     /// own frame, or the corner of three, by known angles: as a linear form of the planes'
     /// coordinates and the leg of the chamfer, measured along all axes but the first.
-    fn chamfer(&mut self, entity: usize, [system, axis]: [usize; 2]) -> Option<Linear> {
+    fn chamfer(&mut self, entity: usize, [system, axis]: [usize; 2]) -> Option<LinearForm> {
         let s = self.frame.surfaces[entity];
         let turns = &self.frame.systems[system].turns;
         let is_design = !turns.is_empty() && turns.iter().all(|turn| turn.is_design);
-        if s.kind != Kind::Plane || !is_design {
+        if s.kind != PrimitiveKind::Plane || !is_design {
             return None;
         }
         let row = self.frame.systems[system].rows[axis];
         let sign = dot(row, s.axis).signum() * self.outward[entity];
-        let axes: Vec<usize> = (0..3).filter(|k| row[*k].abs() > ROUNDING).collect();
+        let axes: Vec<usize> = (0..3)
+            .filter(|k| row[*k].abs() > MIN_LENGTH_DEVIATION)
+            .collect();
         let slope: f64 = axes.iter().skip(1).map(|k| row[*k].abs()).sum();
         if slope == 0.0 {
             return None;
         }
         let at = self.coordinate(system, axis, &s);
-        // Of the planes that face the right way, those whose edge or corner is cut off the least.
+        // Planes that face the right way, and whose edge or corner is cut off the least.
         let mut met: Vec<(Vec<usize>, f64)> = vec![(Vec::new(), 0.0)];
         for k in &axes {
             let mut more = Vec::new();
@@ -518,7 +528,7 @@ impl<'a> Dimensions<'a> {
             (sign * (corner - at) / slope, sd / slope, planes)
         });
         let (leg, sd, planes) = legs
-            .filter(|(leg, sd, _)| *leg > WITHIN * sd)
+            .filter(|(leg, sd, _)| *leg > CHANCE_DEVIATIONS * sd)
             .min_by(|a, b| a.0.total_cmp(&b.0))?;
         let mut terms = Vec::new();
         for (k, plane) in axes.iter().zip(planes) {
@@ -532,7 +542,8 @@ impl<'a> Dimensions<'a> {
     fn faces(&self, axis: usize, way: f64) -> impl Iterator<Item = usize> {
         let is_one = move |i: &usize| {
             let s = &self.frame.surfaces[*i];
-            let is_along = s.kind == Kind::Plane && self.frame.along[*i] == Some((0, axis));
+            let is_along =
+                s.kind == PrimitiveKind::Plane && self.frame.along[*i] == Some((0, axis));
             is_along && s.axis[axis] * self.outward[*i] * way > 0.0
         };
         (0..self.entities.len()).filter(is_one)
@@ -540,9 +551,9 @@ impl<'a> Dimensions<'a> {
 
     /// Returns the parameter of a chamfer's leg: a known one, or a new one.
     fn leg(&mut self, leg: f64, sd: f64) -> usize {
-        let limit = TIED * self.diagonal;
+        let limit = MAX_TIED_DIFFERENCE * self.diagonal;
         let is_one = |(other, its, _): &&(f64, f64, usize)| {
-            (other - leg).abs() <= (WITHIN * sd.hypot(*its)).min(limit)
+            (other - leg).abs() <= (CHANCE_DEVIATIONS * sd.hypot(*its)).min(limit)
         };
         if let Some(known) = self.chamfers.iter().find(is_one) {
             return known.2;
@@ -554,16 +565,16 @@ impl<'a> Dimensions<'a> {
     }
 
     /// Returns the negative of a coordinate that lies as far on the other side of the origin.
-    fn mirrored(&self, way: [usize; 2], is_plane: bool, value: f64, sd: f64) -> Option<Linear> {
-        let limit = TIED * self.diagonal;
-        let is_opposite = |s: &&Shared| {
+    fn mirrored(&self, way: [usize; 2], is_plane: bool, value: f64, sd: f64) -> Option<LinearForm> {
+        let limit = MAX_TIED_DIFFERENCE * self.diagonal;
+        let is_opposite = |s: &&SharedCoordinate| {
             let off = (s.value + value).abs();
             [s.system, s.axis] == way
                 && s.is_plane == is_plane
-                && off <= (WITHIN * sd.hypot(s.sd)).min(limit)
+                && off <= (CHANCE_DEVIATIONS * sd.hypot(s.sd)).min(limit)
         };
         let other = self.shared.iter().find(is_opposite)?.term;
-        (other != Term::Zero).then(|| sum(&[(-1.0, self.linear(other))]))
+        (other != CoordinateTerm::Zero).then(|| sum(&[(-1.0, self.linear(other))]))
     }
 
     /// Returns the blend that an entity is; `None` if it is not a blend.
@@ -573,26 +584,26 @@ impl<'a> Dimensions<'a> {
 
     /// Returns the radius of the circle of a torus that touches a coaxial cylinder: the cylinder's
     /// radius plus or minus the tube's.
-    fn circle_contact(&mut self, entity: usize) -> Option<Linear> {
+    fn circle_contact(&mut self, entity: usize) -> Option<LinearForm> {
         let blend = self.blend_of(entity)?;
-        let is_cylinder = |j: &&usize| self.frame.surfaces[**j].kind == Kind::Cylinder;
+        let is_cylinder = |j: &&usize| self.frame.surfaces[**j].kind == PrimitiveKind::Cylinder;
         let cylinder = *blend.between.iter().find(is_cylinder)?;
         let own = self.radius_of[self.radii[cylinder]]?;
         let tube = self.radius(entity);
         let is_wider = self.frame.surfaces[entity].size > self.frame.surfaces[cylinder].size;
         let sign = if is_wider { 1.0 } else { -1.0 };
         Some(sum(&[
-            (1.0, self.linear(Term::Of(own))),
+            (1.0, self.linear(CoordinateTerm::Of(own))),
             (sign, self.linear(tube)),
         ]))
     }
 
     /// Adds a parameter that is determined by others.
-    pub(super) fn add_tied(&mut self, name: &str, tie: Linear, about: &str) -> usize {
+    pub(super) fn add_tied(&mut self, name: &str, tie: LinearForm, about: &str) -> usize {
         let name = self.free(name);
-        self.add(Parameter {
+        self.add(TemplateParameter {
             name,
-            measure: Measure::Length,
+            measure: ParameterQuantity::Length,
             start: 0.0,
             range: [0.0; 2],
             about: about.to_owned(),
@@ -622,12 +633,12 @@ impl<'a> Dimensions<'a> {
         match (self.frame.surfaces[i].kind, is_hollow) {
             (_, true) if self.blend_of(i).is_some() => "fillet",
             (_, false) if self.blend_of(i).is_some() => "round",
-            (Kind::Plane, _) => "face",
-            (Kind::Sphere, _) => "ball",
-            (Kind::Cylinder, true) => "hole",
-            (Kind::Cylinder, false) => "boss",
-            (Kind::Cone, _) => "cone",
-            (Kind::Torus, _) => "ring",
+            (PrimitiveKind::Plane, _) => "face",
+            (PrimitiveKind::Sphere, _) => "ball",
+            (PrimitiveKind::Cylinder, true) => "hole",
+            (PrimitiveKind::Cylinder, false) => "boss",
+            (PrimitiveKind::Cone, _) => "cone",
+            (PrimitiveKind::Torus, _) => "ring",
         }
     }
 
@@ -637,7 +648,8 @@ impl<'a> Dimensions<'a> {
         let role = self.role(i);
         let has_it = |j: &usize| self.radii[*j] == self.radii[i];
         let count = self.of_role(role).filter(has_it).count();
-        let is_ring = self.frame.surfaces[i].kind == Kind::Torus && self.blend_of(i).is_none();
+        let is_ring =
+            self.frame.surfaces[i].kind == PrimitiveKind::Torus && self.blend_of(i).is_none();
         let tube = if is_ring { "tube_" } else { "" };
         let base = match self.of_role(role).count() == count {
             true => role.to_owned(),
@@ -664,18 +676,19 @@ impl<'a> Dimensions<'a> {
         let next = (0..self.frame.surfaces.len())
             .filter(|i| {
                 let is_parallel = self.frame.along[*i] == Some((system, axis));
-                is_plane && is_parallel && self.frame.surfaces[*i].kind == Kind::Plane
+                is_plane && is_parallel && self.frame.surfaces[*i].kind == PrimitiveKind::Plane
             })
             .map(|i| (self.coordinate(system, axis, &self.frame.surfaces[i]) - value).abs())
-            .filter(|d| *d > TIED * self.diagonal)
+            .filter(|d| *d > MAX_TIED_DIFFERENCE * self.diagonal)
             .fold(f64::INFINITY, f64::min);
-        let half = (RANGE.0 * self.diagonal)
-            .min(APART * next)
-            .max(DEVIATIONS * sd);
+        // Parallel faces keep their order.
+        let half = (HALF_RANGE_SHARES.0 * self.diagonal)
+            .min(0.45 * next)
+            .max(MIN_RANGE_DEVIATIONS * sd);
         let name = self.free(name);
-        self.add(Parameter {
+        self.add(TemplateParameter {
             name,
-            measure: Measure::Length,
+            measure: ParameterQuantity::Length,
             start: value,
             range: [value - half, value + half],
             about: about.to_owned(),
@@ -685,13 +698,13 @@ impl<'a> Dimensions<'a> {
     }
 
     /// Returns the radius of an entity: that of entities of equal radius, or a new parameter.
-    pub(super) fn radius(&mut self, entity: usize) -> Term {
+    pub(super) fn radius(&mut self, entity: usize) -> CoordinateTerm {
         let root = self.radii[entity];
         if let Some(parameter) = self.radius_of[root] {
-            return Term::Of(parameter);
+            return CoordinateTerm::Of(parameter);
         }
         let s = self.frame.surfaces[entity];
-        let size = if s.kind == Kind::Torus {
+        let size = if s.kind == PrimitiveKind::Torus {
             s.other
         } else {
             s.size
@@ -702,7 +715,7 @@ impl<'a> Dimensions<'a> {
             None => self.size(entity, size, &name, &about),
         };
         self.radius_of[root] = Some(parameter);
-        Term::Of(parameter)
+        CoordinateTerm::Of(parameter)
     }
 
     /// Adds a parameter for a size of an entity.
@@ -719,10 +732,10 @@ impl<'a> Dimensions<'a> {
     }
 
     fn add_size(&mut self, name: String, size: f64, sd: f64, about: &str) -> usize {
-        let half = (RANGE.1 * size).max((DEVIATIONS * sd).min(size / 2.0));
-        self.add(Parameter {
+        let half = (HALF_RANGE_SHARES.1 * size).max((MIN_RANGE_DEVIATIONS * sd).min(size / 2.0));
+        self.add(TemplateParameter {
             name,
-            measure: Measure::Length,
+            measure: ParameterQuantity::Length,
             start: size,
             range: [size - half, size + half],
             about: about.to_owned(),
@@ -737,14 +750,14 @@ impl<'a> Dimensions<'a> {
             place - self.origin[axis],
             if is_upper { "high" } else { "low" },
         );
-        let name = self.free(&format!("unseen_{}_{side}", LETTERS[axis]));
-        self.add(Parameter {
+        let name = self.free(&format!("unseen_{}_{side}", AXIS_LETTERS[axis]));
+        self.add(TemplateParameter {
             name,
-            measure: Measure::Length,
+            measure: ParameterQuantity::Length,
             start,
             range: [
-                start - RANGE.0 * self.diagonal,
-                start + RANGE.0 * self.diagonal,
+                start - HALF_RANGE_SHARES.0 * self.diagonal,
+                start + HALF_RANGE_SHARES.0 * self.diagonal,
             ],
             about: "no face was seen here: the end of the data".to_owned(),
             is_fixed: true,
@@ -764,7 +777,7 @@ impl<'a> Dimensions<'a> {
 }
 
 /// Returns the sum of linear forms, each with a factor.
-pub(super) fn sum(of: &[(f64, Linear)]) -> Linear {
+pub(super) fn sum(of: &[(f64, LinearForm)]) -> LinearForm {
     let mut all: std::collections::BTreeMap<usize, f64> = std::collections::BTreeMap::new();
     for (factor, form) in of {
         for (k, own) in form {
@@ -781,13 +794,11 @@ fn are_alike(found: &Recognition, first: &Blend, second: &Blend) -> bool {
         if d.minor > 0.0 { d.minor } else { d.size }
     };
     let off = (first.radius - second.radius).abs();
-    off <= (WITHIN * sd(first).hypot(sd(second))).max(ROUNDING * first.radius)
-        && off <= ALIKE * first.radius.min(second.radius)
+    // Radii of blends are known less well than others before they are tied to what they touch.
+    off <= (CHANCE_DEVIATIONS * sd(first).hypot(sd(second)))
+        .max(MIN_LENGTH_DEVIATION * first.radius)
+        && off <= 0.1 * first.radius.min(second.radius)
 }
 
-/// The share by which radii of blends may differ that are taken for one: they are known less well
-/// than others before they are tied to what they touch.
-const ALIKE: f64 = 0.1;
-
 /// Names of the axes.
-pub(super) const LETTERS: [char; 3] = ['x', 'y', 'z'];
+pub(super) const AXIS_LETTERS: [char; 3] = ['x', 'y', 'z'];

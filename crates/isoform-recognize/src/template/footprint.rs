@@ -7,11 +7,6 @@
 use super::cells::areas;
 use isoform_geom::{Aabb, KdTree, Point3};
 
-/// Height of the border, in spacings of the points: some rows of them.
-const HEIGHT: f64 = 6.0;
-/// Places of the footprint along the longer side of its box.
-const PLACES: usize = 64;
-
 /// Returns points of the hidden face, and its outward normal: `axis` is across the table, which the
 /// end of the box lies on.
 pub(super) fn footprint(
@@ -26,7 +21,8 @@ pub(super) fn footprint(
     let step = (areas.iter().sum::<f64>() / areas.len().max(1) as f64).sqrt();
     let heights = points.iter().map(|p| (p[axis] - end).abs());
     let lowest = heights.fold(f64::INFINITY, f64::min);
-    let height = HEIGHT * step;
+    // Some rows of points.
+    let height = 6.0 * step;
     let is_border = |k: &usize| (points[*k][axis] - end).abs() <= lowest + height;
     let border: Vec<usize> = (0..points.len()).filter(is_border).collect();
     let winding = |q: [f64; 2]| -> f64 {
@@ -38,7 +34,7 @@ pub(super) fn footprint(
         border.iter().map(of).sum::<f64>() / (std::f64::consts::TAU * height)
     };
     let extent = [bounds.hi[i] - bounds.lo[i], bounds.hi[j] - bounds.lo[j]];
-    let cell = extent[0].max(extent[1]) / PLACES as f64;
+    let cell = extent[0].max(extent[1]) / 64.0;
     let counts = extent.map(|e| (e / cell).ceil() as usize);
     let mut face = Vec::new();
     for u in 0..counts[0] {

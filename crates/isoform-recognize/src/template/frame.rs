@@ -1,57 +1,52 @@
 //! Frame of a part: its axes are the directions that most of its surface has; each class of
 //! parallel entities has one direction.
 
-use crate::chart::{Kind, Surface, frame, unit};
+use crate::chart::{Primitive, PrimitiveKind, frame, unit};
 use crate::entity::{Entity, Recognition, RelationKind};
+use crate::noise::CHANCE_DEVIATIONS;
 use isoform_geom::{Point3, Quadric, UnionFind, cross, dot, sub};
 use std::f64::consts::{PI, SQRT_2};
 
-/// What a point of an entity with an axis counts against one of a plane: a part is drawn along its
-/// bores.
-const AXIAL: f64 = 2.0;
-/// Maximum deviation of an angle from a multiple of [`STEP`] for which it is taken, in standard
-/// deviations.
-const WITHIN: f64 = 4.0;
 /// Step of the angles that designers choose, in radians: 15°.
-const STEP: f64 = PI / 12.0;
+const DESIGN_ANGLE_STEP: f64 = PI / 12.0;
 /// Minimum standard deviation of an angle (radians): what rounding leaves.
-const ROUNDING: f64 = 1e-6;
-/// Maximum standard deviation of an angle that may be taken for a multiple of [`STEP`], in radians:
-/// half a degree.
-const TOLD: f64 = 0.009;
+const MIN_ANGLE_DEVIATION: f64 = 1e-6;
+/// Maximum standard deviation of an angle that may be taken for a multiple of
+/// [`DESIGN_ANGLE_STEP`], in radians: half a degree.
+const MAX_ANGLE_DEVIATION: f64 = 0.009;
 
 /// A system of coordinates, turned relative to the part's own.
 #[derive(Clone, Debug)]
-pub(super) struct System {
+pub(super) struct CoordinateSystem {
     /// Rotations about axes of the frame (0 to 2), applied one after another.
-    pub(super) turns: Vec<Turn>,
+    pub(super) turns: Vec<AxisRotation>,
     /// Axes of the system in the frame's coordinates.
     pub(super) rows: [Point3; 3],
 }
 
 /// A rotation about an axis; `is_design` is true if its angle is one that designers choose.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Turn {
+pub(super) struct AxisRotation {
     pub(super) about: usize,
     pub(super) angle: f64,
     pub(super) is_design: bool,
 }
 
 /// The frame, and the entities in it.
-pub(super) struct Frame {
+pub(super) struct PartFrame {
     /// Axes of the frame in the scan's coordinates.
     pub(super) rows: [Point3; 3],
     /// Surfaces of the entities in the frame's coordinates about the middle of the scan.
-    pub(super) surfaces: Vec<Surface>,
+    pub(super) surfaces: Vec<Primitive>,
     /// The part's own system of coordinates, and further ones.
-    pub(super) systems: Vec<System>,
+    pub(super) systems: Vec<CoordinateSystem>,
     /// System and axis that each entity is along; `None` for entities without a direction.
     pub(super) along: Vec<Option<(usize, usize)>>,
     /// True if the first axis is that of an entity, or points to one away from the main axis.
     pub(super) is_first_known: bool,
 }
 
-impl Frame {
+impl PartFrame {
     /// Maps a point of the scan to the frame's coordinates about `middle`.
     pub(super) fn apply(&self, p: Point3, middle: Point3) -> Point3 {
         let d = sub(p, middle);
@@ -59,19 +54,19 @@ impl Frame {
     }
 
     /// Returns the frame of the entities recognised in a scan with this middle.
-    pub(super) fn of(found: &Recognition, middle: Point3) -> Self {
-        let surfaces: Vec<Surface> = found
+    pub(super) fn from_recognition(found: &Recognition, middle: Point3) -> Self {
+        let surfaces: Vec<Primitive> = found
             .entities
             .iter()
-            .map(|e| Surface::of(&e.surface, middle))
+            .map(|e| Primitive::from_quadric(&e.surface, middle))
             .collect();
-        let classes = Classes::of(found, &surfaces);
+        let classes = Classes::new(found, &surfaces);
         let (rows, is_first_known) = classes.axes(&surfaces);
         let turned = |v: Point3| rows.map(|r| dot(r, v));
         let mut new = Self {
             rows,
             surfaces: Vec::new(),
-            systems: vec![System {
+            systems: vec![CoordinateSystem {
                 turns: Vec::new(),
                 rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
             }],
@@ -89,7 +84,7 @@ impl Frame {
                 axis = exact.map(|x| x * dot(exact, axis).signum());
             }
             new.along.push(way);
-            new.surfaces.push(Surface {
+            new.surfaces.push(Primitive {
                 place: turned(s.place),
                 axis,
                 ..*s
@@ -100,19 +95,20 @@ impl Frame {
 
     /// Returns the system, existing or new, and its axis along which a class lies.
     fn system_for(&mut self, classes: &Classes, class: usize, direction: Point3) -> (usize, usize) {
-        let sd = classes.deviations[class].max(ROUNDING);
-        let is_along = |s: &System, k: usize| {
+        let sd = classes.deviations[class].max(MIN_ANGLE_DEVIATION);
+        let is_along = |s: &CoordinateSystem, k: usize| {
             let off = dot(cross(s.rows[k], direction), cross(s.rows[k], direction)).sqrt();
-            off <= WITHIN * sd && off < TOLD
+            off <= CHANCE_DEVIATIONS * sd && off < MAX_ANGLE_DEVIATION
         };
         for (i, system) in self.systems.iter().enumerate() {
             if let Some(k) = (0..3).find(|k| is_along(system, *k)) {
                 return (i, k);
             }
         }
-        let is_across = |k: &usize| direction[*k].abs() <= (WITHIN * sd).min(TOLD);
+        let is_across =
+            |k: &usize| direction[*k].abs() <= (CHANCE_DEVIATIONS * sd).min(MAX_ANGLE_DEVIATION);
         let turn = |about: usize, angle: f64| {
-            let round = (angle / STEP).round() * STEP;
+            let round = (angle / DESIGN_ANGLE_STEP).round() * DESIGN_ANGLE_STEP;
             // The angles of a cube's space diagonal with its edges: cut-off corners have them.
             let diagonal = SQRT_2.atan();
             let diagonals = [diagonal, PI - diagonal].map(|a| a.copysign(angle));
@@ -124,8 +120,9 @@ impl Frame {
                 }
             };
             let design = diagonals.into_iter().fold(round, nearer);
-            let is_design = (angle - design).abs() <= WITHIN * sd && sd < TOLD;
-            Turn {
+            let is_design =
+                (angle - design).abs() <= CHANCE_DEVIATIONS * sd && sd < MAX_ANGLE_DEVIATION;
+            AxisRotation {
                 about,
                 angle: if is_design { design } else { angle },
                 is_design,
@@ -142,13 +139,13 @@ impl Frame {
             }
         };
         let rows = turned_axes(&turns);
-        self.systems.push(System { turns, rows });
+        self.systems.push(CoordinateSystem { turns, rows });
         (self.systems.len() - 1, axis)
     }
 }
 
 /// Returns the axes of the frame after rotations, of which the first is applied last.
-pub(super) fn turned_axes(turns: &[Turn]) -> [Point3; 3] {
+pub(super) fn turned_axes(turns: &[AxisRotation]) -> [Point3; 3] {
     let mut rows: [Point3; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     for turn in turns.iter().rev() {
         let (sin, cos) = turn.angle.sin_cos();
@@ -174,7 +171,7 @@ struct Classes {
 }
 
 impl Classes {
-    fn of(found: &Recognition, surfaces: &[Surface]) -> Self {
+    fn new(found: &Recognition, surfaces: &[Primitive]) -> Self {
         let n = surfaces.len();
         let mut sets = UnionFind::new(n);
         for r in &found.relations {
@@ -195,7 +192,7 @@ impl Classes {
         };
         let mut class_of_root = vec![None; n];
         for (i, s) in surfaces.iter().enumerate() {
-            if s.kind == Kind::Sphere {
+            if s.kind == PrimitiveKind::Sphere {
                 continue;
             }
             let root = sets.root(i as u32) as usize;
@@ -221,7 +218,7 @@ impl Classes {
     }
 
     /// Averages directions weighted by their deviations, and sums the weights of the classes.
-    fn average(&mut self, entities: &[Entity], surfaces: &[Surface]) {
+    fn average(&mut self, entities: &[Entity], surfaces: &[Primitive]) {
         let mut sums = vec![([0.0; 3], 0.0); self.directions.len()];
         for ((e, s), class) in entities.iter().zip(surfaces).zip(&self.of_entity) {
             let Some(c) = *class else { continue };
@@ -233,7 +230,12 @@ impl Classes {
                 sums[c].0[k] += weight * sign * s.axis[k];
             }
             sums[c].1 += weight;
-            let each = if s.kind == Kind::Plane { 1.0 } else { AXIAL };
+            // A part is drawn along its bores.
+            let each = if s.kind == PrimitiveKind::Plane {
+                1.0
+            } else {
+                2.0
+            };
             self.weights[c] += each * e.points as f64;
         }
         for (c, (sum, weight)) in sums.into_iter().enumerate() {
@@ -244,7 +246,7 @@ impl Classes {
 
     fn are_across(&self, a: usize, b: usize) -> bool {
         self.across.contains(&(a, b))
-            || dot(self.directions[a], self.directions[b]).abs() < ROUNDING
+            || dot(self.directions[a], self.directions[b]).abs() < MIN_ANGLE_DEVIATION
     }
 
     /// Returns the class of largest weight among some.
@@ -256,7 +258,7 @@ impl Classes {
     /// Returns the axes of the frame, and true if the first is known. The third is along the class
     /// of largest weight, the first along the heaviest class perpendicular to it, otherwise from
     /// the main axis to another one.
-    fn axes(&self, surfaces: &[Surface]) -> ([Point3; 3], bool) {
+    fn axes(&self, surfaces: &[Primitive]) -> ([Point3; 3], bool) {
         let Some(main) = self.heaviest(|_| true) else {
             let plain = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
             return (plain, false);
@@ -276,11 +278,12 @@ impl Classes {
 
     /// Returns the vector from the axis of the entity with the most points along a class to the
     /// first entity clearly away from it.
-    fn off_axis(&self, main: usize, surfaces: &[Surface]) -> Option<Point3> {
+    fn off_axis(&self, main: usize, surfaces: &[Primitive]) -> Option<Point3> {
         let z = self.directions[main];
         let is_along = |i: &usize| {
             let s = &surfaces[*i];
-            s.kind == Kind::Sphere || s.kind > Kind::Sphere && self.of_entity[*i] == Some(main)
+            s.kind == PrimitiveKind::Sphere
+                || s.kind > PrimitiveKind::Sphere && self.of_entity[*i] == Some(main)
         };
         let mut beside = (0..surfaces.len())
             .filter(is_along)
@@ -291,14 +294,12 @@ impl Classes {
             let d = sub(p, middle);
             let h = dot(d, z);
             let v: Point3 = std::array::from_fn(|k| d[k] - h * z[k]);
-            (dot(v, v).sqrt() > BESIDE * size).then_some(v)
+            // Axes closer to the main axis coincide with it.
+            (dot(v, v).sqrt() > 0.02 * size).then_some(v)
         };
         beside.find_map(way)
     }
 }
-
-/// An axis this share of the largest radius off the main axis lies beside it.
-const BESIDE: f64 = 0.02;
 
 /// Returns the axis along which a vector has its largest component.
 pub(super) fn longest(d: Point3) -> usize {
@@ -311,9 +312,9 @@ fn upwards(d: Point3) -> Point3 {
     if d[k] < 0.0 { d.map(|x| -x) } else { d }
 }
 
-impl Surface {
+impl Primitive {
     /// Returns a recognised surface relative to a point.
-    pub(crate) fn of(quadric: &Quadric, about: Point3) -> Self {
+    pub(crate) fn from_quadric(quadric: &Quadric, about: Point3) -> Self {
         let of = |kind, place, axis, size, other| Self {
             kind,
             place: sub(place, about),
@@ -326,25 +327,27 @@ impl Surface {
             Quadric::Plane { normal, offset } => {
                 let h = offset - dot(normal, about);
                 let place = std::array::from_fn(|k| about[k] + h * normal[k]);
-                of(Kind::Plane, place, normal, 0.0, 0.0)
+                of(PrimitiveKind::Plane, place, normal, 0.0, 0.0)
             }
-            Quadric::Sphere { center, radius } => of(Kind::Sphere, center, any, radius, 0.0),
+            Quadric::Sphere { center, radius } => {
+                of(PrimitiveKind::Sphere, center, any, radius, 0.0)
+            }
             Quadric::Cylinder {
                 point,
                 axis,
                 radius,
-            } => of(Kind::Cylinder, point, axis, radius, 0.0),
+            } => of(PrimitiveKind::Cylinder, point, axis, radius, 0.0),
             Quadric::Cone {
                 apex,
                 axis,
                 half_angle,
-            } => of(Kind::Cone, apex, axis, 0.0, half_angle),
+            } => of(PrimitiveKind::Cone, apex, axis, 0.0, half_angle),
             Quadric::Torus {
                 center,
                 axis,
                 major,
                 minor,
-            } => of(Kind::Torus, center, axis, major, minor),
+            } => of(PrimitiveKind::Torus, center, axis, major, minor),
             Quadric::Other { .. } => unreachable!("entities are of the five kinds"),
         }
     }

@@ -1,13 +1,13 @@
 //! Half spaces: one for each entity, and separators for regions that the entities' surfaces do not
 //! separate, in the coordinates of the part's frame.
 
-use super::corner::Wall;
-use crate::chart::{Kind, Surface};
+use super::corner::CornerWall;
+use crate::chart::{Primitive, PrimitiveKind};
 use isoform_geom::{Aabb, Point3};
 
 /// Origin of a half space.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Source {
+pub(super) enum HalfSpaceSource {
     /// The entity of this index.
     Entity(usize),
     /// The corner that the entity of this index rounds.
@@ -22,7 +22,7 @@ pub(super) enum Source {
     Side(usize, bool),
 }
 
-impl Source {
+impl HalfSpaceSource {
     /// Returns the index of the entity that it belongs to.
     pub(super) fn entity(self) -> Option<usize> {
         match self {
@@ -34,15 +34,15 @@ impl Source {
 
 /// A half space bounded by a surface, intersected with walls.
 #[derive(Clone, Debug)]
-pub(super) struct Half {
-    pub(super) surface: Surface,
+pub(super) struct HalfSpace {
+    pub(super) surface: Primitive,
     /// 1 if the half space lies on the side of the surface's normal, −1 if on the other.
     pub(super) sign: f64,
-    pub(super) source: Source,
-    pub(super) walls: Vec<Wall>,
+    pub(super) source: HalfSpaceSource,
+    pub(super) walls: Vec<CornerWall>,
 }
 
-impl Half {
+impl HalfSpace {
     /// Returns the distance from the surface or a wall, positive inside.
     pub(super) fn value(&self, p: Point3) -> f64 {
         let own = self.sign * self.surface.distance(p);
@@ -52,33 +52,33 @@ impl Half {
     }
 
     /// Returns the corner within walls that an entity rounds.
-    pub(super) fn corner(surface: &Surface, number: usize, walls: Vec<Wall>) -> Self {
+    pub(super) fn corner(surface: &Primitive, number: usize, walls: Vec<CornerWall>) -> Self {
         Self {
             surface: *surface,
             sign: 1.0,
-            source: Source::Corner(number),
+            source: HalfSpaceSource::Corner(number),
             walls,
         }
     }
 
     /// Returns the half space of an entity: for a plane the side of the material, for other
     /// surfaces that of their axis or centre.
-    pub(super) fn of_entity(surface: &Surface, outward: f64, number: usize) -> Self {
-        let is_along = surface.kind == Kind::Plane && outward < 0.0;
+    pub(super) fn of_entity(surface: &Primitive, outward: f64, number: usize) -> Self {
+        let is_along = surface.kind == PrimitiveKind::Plane && outward < 0.0;
         Self {
             surface: *surface,
             sign: if is_along { 1.0 } else { -1.0 },
-            source: Source::Entity(number),
+            source: HalfSpaceSource::Entity(number),
             walls: Vec::new(),
         }
     }
 
     /// Returns the side of a plane away from its normal, which is an axis of the frame.
-    fn below(place: Point3, axis: usize, source: Source) -> Self {
+    fn below(place: Point3, axis: usize, source: HalfSpaceSource) -> Self {
         let mut normal = [0.0; 3];
         normal[axis] = 1.0;
         Self {
-            surface: Surface::plane(place, normal),
+            surface: Primitive::plane(place, normal),
             sign: -1.0,
             source,
             walls: Vec::new(),
@@ -89,20 +89,20 @@ impl Half {
 /// Returns half spaces that may be needed in addition to those of the entities. Where a sphere
 /// continues into a cylinder, or a torus into a plane, no entity's surface separates them; where
 /// nothing was seen, the box of the data is the boundary.
-pub(super) fn separators(surfaces: &[Surface], bounds: &Aabb) -> Vec<Half> {
+pub(super) fn separators(surfaces: &[Primitive], bounds: &Aabb) -> Vec<HalfSpace> {
     let mut halves = Vec::new();
     for (i, s) in surfaces.iter().enumerate() {
-        if s.kind == Kind::Plane {
+        if s.kind == PrimitiveKind::Plane {
             continue;
         }
-        if s.kind == Kind::Torus {
-            halves.push(Half {
-                surface: Surface {
-                    kind: Kind::Cylinder,
+        if s.kind == PrimitiveKind::Torus {
+            halves.push(HalfSpace {
+                surface: Primitive {
+                    kind: PrimitiveKind::Cylinder,
                     ..*s
                 },
                 sign: -1.0,
-                source: Source::Around(i),
+                source: HalfSpaceSource::Around(i),
                 walls: Vec::new(),
             });
         }
@@ -110,19 +110,23 @@ pub(super) fn separators(surfaces: &[Surface], bounds: &Aabb) -> Vec<Half> {
             // Planes through the axis of a cylinder or cone; also the plane of a torus's circle.
             let cosine = s.axis[k].abs();
             let suits = match s.kind {
-                Kind::Sphere => true,
-                Kind::Torus => cosine == 1.0 || cosine == 0.0,
+                PrimitiveKind::Sphere => true,
+                PrimitiveKind::Torus => cosine == 1.0 || cosine == 0.0,
                 _ => cosine == 0.0,
             };
             if suits {
-                halves.push(Half::below(s.place, k, Source::Through(i, k)));
+                halves.push(HalfSpace::below(s.place, k, HalfSpaceSource::Through(i, k)));
             }
         }
     }
     for k in 0..3 {
-        let low = Half::below(bounds.lo, k, Source::Side(k, false));
-        halves.push(Half { sign: 1.0, ..low });
-        halves.push(Half::below(bounds.hi, k, Source::Side(k, true)));
+        let low = HalfSpace::below(bounds.lo, k, HalfSpaceSource::Side(k, false));
+        halves.push(HalfSpace { sign: 1.0, ..low });
+        halves.push(HalfSpace::below(
+            bounds.hi,
+            k,
+            HalfSpaceSource::Side(k, true),
+        ));
     }
     halves
 }

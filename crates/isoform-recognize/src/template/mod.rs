@@ -11,30 +11,28 @@ mod half;
 mod program;
 mod solid;
 
-use crate::chart::Surface;
+use crate::chart::Primitive;
 use crate::entity::Recognition;
 use crate::orient::orient;
-use cells::{Oriented, Place, bit, cells, contradiction, places, sides, votes};
+use cells::{OrientedPoints, SideSample, bit, cells, contradiction, places, sides, votes};
 use footprint::footprint;
-use frame::{Frame, longest};
-use half::{Half, Source, separators};
+use frame::{PartFrame, longest};
+use half::{HalfSpace, HalfSpaceSource, separators};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, Point3, PointCloud, dot};
-use program::Part;
-use solid::{Bits, MOST_HALVES, Solid, ones, solid};
+use program::ProgramInput;
+use solid::{Bits, MAX_HALVES, SolidFormula, ones, solid};
 
 /// Maximum number of half spaces that are added if the entities' own do not separate the solid.
-const MOST_ADDED: usize = 24;
+const MAX_ADDED_HALVES: usize = 24;
 /// Maximum number of entities of a template: it leaves room for the half spaces that are added.
-const MOST_ENTITIES: usize = MOST_HALVES - MOST_ADDED;
-/// One is added where it takes this share of the contradictions away, and this much of their weight
-/// at least: a few places may be on the wrong side.
-const HELPS: (f64, f64) = (0.05, 4.0);
-/// The solid is closed where at most this share of the places' weight is contradictory.
-const OPEN: f64 = 0.01;
-/// Lengths of the program are rounded to this share of the diagonal, or of the noise where that is
-/// more: a fit starts from there, and need not find back what rounding took.
-const DIGITS: (f64, f64) = (1e-10, 1e-2);
+const MAX_TEMPLATE_ENTITIES: usize = MAX_HALVES - MAX_ADDED_HALVES;
+/// Minimum share of the contradictions that an added half space removes, and the minimum decrease
+/// of their weight: a few samples may be on the wrong side.
+const MIN_CONTRADICTION_DECREASE: (f64, f64) = (0.05, 4.0);
+/// Rounding of lengths in the program, as a share of the diagonal, or of the noise if that is more:
+/// a fit starts from there, and need not recover what rounding removed.
+const LENGTH_ROUNDING: (f64, f64) = (1e-10, 1e-2);
 
 /// A template proposed for a scan.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,10 +47,6 @@ pub struct Proposal {
     pub gaps: Vec<Gap>,
 }
 
-/// The share of points on no entity up to which a template is complete: noise at edges leaves up to
-/// one in a hundred.
-const COMPLETE: f64 = 0.02;
-
 impl Proposal {
     /// Returns true if the template closes with faces that were seen and explains all but a
     /// fiftieth of the points.
@@ -62,7 +56,8 @@ impl Proposal {
 
     /// Returns the gaps for which it is not complete.
     pub fn faults(&self) -> impl Iterator<Item = &Gap> {
-        let is_explained = self.explained >= 1.0 - COMPLETE;
+        // Noise at edges leaves up to one point in a hundred.
+        let is_explained = self.explained >= 1.0 - 0.02;
         self.gaps.iter().filter(move |gap| match gap {
             Gap::Unassigned(_) | Gap::Unused { .. } => !is_explained,
             Gap::Standing(..) => false,
@@ -144,7 +139,7 @@ pub enum ProposeError {
     #[error("no entity was recognised")]
     NoEntities,
     /// More entities than a template can hold.
-    #[error("{0} entities are too many for a template, which holds {MOST_ENTITIES}")]
+    #[error("{0} entities are too many for a template, which holds {MAX_TEMPLATE_ENTITIES}")]
     Many(usize),
     /// The entities bound no solid.
     #[error("the entities bound no solid")]
@@ -170,30 +165,31 @@ pub fn propose(
     if count == 0 {
         return Err(ProposeError::NoEntities);
     }
-    if count > MOST_ENTITIES {
+    if count > MAX_TEMPLATE_ENTITIES {
         return Err(ProposeError::Many(count));
     }
     control.report("template", 0.0);
     let middle: Point3 = {
-        let center = Aabb::of(&scan.points).center();
+        let center = Aabb::from_points(&scan.points).center();
         std::array::from_fn(|k| center[k] + scan.origin[k])
     };
-    let frame = Frame::of(found, middle);
-    let upright = Upright::of(scan, found, &frame, supports);
+    let frame = PartFrame::from_recognition(found, middle);
+    let upright = PosedPoints::new(scan, found, &frame, supports);
     let outward = upright.outward(&frame.surfaces);
-    let halves: Vec<Half> = (0..count)
-        .map(|i| Half::of_entity(&frame.surfaces[i], outward[i], i))
+    let halves: Vec<HalfSpace> = (0..count)
+        .map(|i| HalfSpace::of_entity(&frame.surfaces[i], outward[i], i))
         .collect();
     let places = places(&upright.oriented(found.noise), &halves, control)?;
     // With the corner of a blend known, the rest of its surface is seldom needed.
-    let corners: Vec<Half> = corners(found, &frame).collect();
-    let has_corner = |of: &Half| {
+    let corners: Vec<HalfSpace> = corners(found, &frame).collect();
+    let has_corner = |of: &HalfSpace| {
         let mut others = corners.iter();
         others.any(|c| c.source.entity() == of.source.entity())
     };
-    let (mut more, mut halves): (Vec<Half>, Vec<Half>) = halves.into_iter().partition(has_corner);
+    let (mut more, mut halves): (Vec<HalfSpace>, Vec<HalfSpace>) =
+        halves.into_iter().partition(has_corner);
     halves.extend(corners);
-    halves.truncate(MOST_HALVES - MOST_ADDED);
+    halves.truncate(MAX_HALVES - MAX_ADDED_HALVES);
     let mut sides = sides(&halves, &places);
     let bounds = upright.bounds;
     more.extend(separators(&frame.surfaces, &bounds));
@@ -203,13 +199,13 @@ pub fn propose(
     let all: f64 = places.iter().map(|p| p.weight).sum();
     let open = contradiction(&votes) / all.max(1.0);
     let solid = solid(&cells(&votes), halves.len());
-    let is_side = |k: &usize| matches!(halves[*k].source, Source::Side(..));
+    let is_side = |k: &usize| matches!(halves[*k].source, HalfSpaceSource::Side(..));
     let (unseen, seen): (Vec<usize>, Vec<usize>) = ones(solid.halves()).partition(is_side);
     // A sheet, for example. The two sides of a wall end on four sides of the box of the data.
     if seen.is_empty() || 2 * seen.len() < unseen.len() {
         return Err(ProposeError::NoSolid);
     }
-    let part = Part {
+    let part = ProgramInput {
         frame: &frame,
         found,
         halves: &halves,
@@ -245,7 +241,7 @@ fn stand_on(bounds: &mut Aabb, at: Point3, normal: Point3) -> (usize, bool) {
 }
 
 /// The points in the frame of the part, with the faces that tables hide.
-struct Upright {
+struct PosedPoints {
     points: Vec<Point3>,
     /// Unit normals, outwards.
     normals: Vec<Point3>,
@@ -256,19 +252,19 @@ struct Upright {
     stands: Vec<(usize, bool)>,
 }
 
-impl Upright {
-    fn of(
+impl PosedPoints {
+    fn new(
         scan: &PointCloud,
         found: &Recognition,
-        frame: &Frame,
+        frame: &PartFrame,
         supports: &[(Point3, Point3)],
     ) -> Self {
-        let center = Aabb::of(&scan.points).center();
+        let center = Aabb::from_points(&scan.points).center();
         let points = scan.points.iter().map(|p| frame.apply(*p, center));
         let turned = |n: &Point3| -> Point3 { frame.rows.map(|r| dot(r, *n)) };
         let points: Vec<Point3> = points.collect();
         let mut new = Self {
-            bounds: Aabb::of(&points),
+            bounds: Aabb::from_points(&points),
             points,
             normals: found.normals.iter().map(turned).collect(),
             labels: found.labels.iter().map(|l| l.map(|l| l as usize)).collect(),
@@ -299,8 +295,8 @@ impl Upright {
         self.stands.push(end);
     }
 
-    fn oriented(&self, noise: f64) -> Oriented<'_> {
-        Oriented {
+    fn oriented(&self, noise: f64) -> OrientedPoints<'_> {
+        OrientedPoints {
             points: &self.points,
             normals: &self.normals,
             halves: &self.labels,
@@ -309,7 +305,7 @@ impl Upright {
     }
 
     /// Returns the side of each surface on which most of the outward normals lie: 1 or −1.
-    fn outward(&self, surfaces: &[Surface]) -> Vec<f64> {
+    fn outward(&self, surfaces: &[Primitive]) -> Vec<f64> {
         let mut sums = vec![0.0; surfaces.len()];
         for (i, label) in self.labels.iter().enumerate() {
             if let Some(l) = label {
@@ -322,17 +318,20 @@ impl Upright {
 }
 
 /// Returns the corners that blends round.
-fn corners<'a>(found: &'a Recognition, frame: &'a Frame) -> impl Iterator<Item = Half> + 'a {
+fn corners<'a>(
+    found: &'a Recognition,
+    frame: &'a PartFrame,
+) -> impl Iterator<Item = HalfSpace> + 'a {
     found.blends.iter().filter_map(|blend| {
         let walls = corner::walls(blend, &found.blends, frame)?;
         let surface = &frame.surfaces[blend.entity];
-        Some(Half::corner(surface, blend.entity, walls))
+        Some(HalfSpace::corner(surface, blend.entity, walls))
     })
 }
 
 /// Returns the number of decimals of lengths.
 fn digits(diagonal: f64, noise: f64) -> usize {
-    let least = (diagonal * DIGITS.0).max(noise * DIGITS.1);
+    let least = (diagonal * LENGTH_ROUNDING.0).max(noise * LENGTH_ROUNDING.1);
     (-least.log10()).ceil().clamp(0.0, 18.0) as usize
 }
 
@@ -342,16 +341,21 @@ fn share<T>(of: &[T], is_counted: impl Fn(&T) -> bool) -> f64 {
 
 /// Adds half spaces greedily while each reduces the contradictions, and records on which side the
 /// samples lie.
-fn separate(halves: &mut Vec<Half>, sides: &mut [Bits], candidates: &[Half], places: &[Place]) {
-    for _ in 0..MOST_ADDED {
+fn separate(
+    halves: &mut Vec<HalfSpace>,
+    sides: &mut [Bits],
+    candidates: &[HalfSpace],
+    places: &[SideSample],
+) {
+    for _ in 0..MAX_ADDED_HALVES {
         let before = votes(sides, places);
         let now = contradiction(&before);
         // Samples in cells that hold both sides.
         let is_torn = |i: &usize| before[&sides[*i]].iter().all(|w| *w > 0.0);
         let of_torn: Vec<usize> = (0..places.len()).filter(is_torn).collect();
-        let torn: Vec<Place> = of_torn.iter().map(|i| places[*i]).collect();
+        let torn: Vec<SideSample> = of_torn.iter().map(|i| places[*i]).collect();
         let k = halves.len();
-        let left = |candidate: &Half| {
+        let left = |candidate: &HalfSpace| {
             let more = of_torn
                 .iter()
                 .map(|i| sides[*i] | bit(candidate, k, &places[*i]));
@@ -361,7 +365,11 @@ fn separate(halves: &mut Vec<Half>, sides: &mut [Bits], candidates: &[Half], pla
         let Some((left, best)) = best.min_by(|a, b| a.0.total_cmp(&b.0)) else {
             break;
         };
-        if now - left < HELPS.1.max(HELPS.0 * now) {
+        if now - left
+            < MIN_CONTRADICTION_DECREASE
+                .1
+                .max(MIN_CONTRADICTION_DECREASE.0 * now)
+        {
             break;
         }
         for (bits, place) in sides.iter_mut().zip(places) {
@@ -373,7 +381,7 @@ fn separate(halves: &mut Vec<Half>, sides: &mut [Bits], candidates: &[Half], pla
 
 fn gaps(
     found: &Recognition,
-    (halves, solid): (&[Half], &Solid),
+    (halves, solid): (&[HalfSpace], &SolidFormula),
     used: &[bool],
     open: f64,
     stands: &[(usize, bool)],
@@ -384,14 +392,15 @@ fn gaps(
         gaps.push(Gap::Unassigned(unassigned));
     }
     for k in ones(solid.halves()) {
-        if let Source::Side(axis, is_upper) = halves[k].source {
+        if let HalfSpaceSource::Side(axis, is_upper) = halves[k].source {
             gaps.push(match stands.contains(&(axis, is_upper)) {
                 true => Gap::Standing(axis, is_upper),
                 false => Gap::Unseen(axis, is_upper),
             });
         }
     }
-    if open > OPEN {
+    // The solid is closed if at most a hundredth of the weight of the samples is contradictory.
+    if open > 0.01 {
         gaps.push(Gap::Open(open));
     }
     let unused = used.iter().filter(|u| !**u).count();

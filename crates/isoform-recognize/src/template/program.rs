@@ -1,21 +1,21 @@
 //! Output of a template as a HyperFun program.
 
-use super::corner::Role;
-use super::dimensions::{Dimensions, LETTERS, Linear, Measure, Term};
-use super::frame::{Frame, System, Turn};
-use super::half::{Half, Source};
-use super::solid::{Solid, ones};
-use crate::chart::Kind;
+use super::corner::WallRole;
+use super::dimensions::{AXIS_LETTERS, CoordinateTerm, Dimensions, LinearForm, ParameterQuantity};
+use super::frame::{AxisRotation, CoordinateSystem, PartFrame};
+use super::half::{HalfSpace, HalfSpaceSource};
+use super::solid::{SolidFormula, ones};
+use crate::chart::PrimitiveKind;
 use crate::entity::Recognition;
 use isoform_geom::{Aabb, Point3, dot, rotation};
 use std::fmt::Write;
 
 /// Input of a program.
-pub(super) struct Part<'a> {
-    pub(super) frame: &'a Frame,
+pub(super) struct ProgramInput<'a> {
+    pub(super) frame: &'a PartFrame,
     pub(super) found: &'a Recognition,
-    pub(super) halves: &'a [Half],
-    pub(super) solid: &'a Solid,
+    pub(super) halves: &'a [HalfSpace],
+    pub(super) solid: &'a SolidFormula,
     /// Outer side of each entity's surface: 1 if its normal points outwards, −1 otherwise.
     pub(super) outward: &'a [f64],
     /// Middle of the scan in its file's coordinates, and the box in the frame's about it.
@@ -27,14 +27,14 @@ pub(super) struct Part<'a> {
 
 /// State of a program that is being written.
 struct Writer<'a> {
-    part: &'a Part<'a>,
+    part: &'a ProgramInput<'a>,
     dimensions: Dimensions<'a>,
     body: String,
     /// Names of the half spaces' variables.
     names: Vec<String>,
 }
 
-impl Part<'_> {
+impl ProgramInput<'_> {
     /// Returns the program, with a title.
     pub(super) fn program(&self, title: &str) -> String {
         let used = self.used();
@@ -101,10 +101,10 @@ impl Writer<'_> {
     }
 
     /// Returns the text of a term.
-    fn term(&self, term: Term) -> String {
+    fn term(&self, term: CoordinateTerm) -> String {
         match term {
-            Term::Zero => "0".to_owned(),
-            Term::Of(k) => self.dimensions.parameters[k].name.clone(),
+            CoordinateTerm::Zero => "0".to_owned(),
+            CoordinateTerm::Of(k) => self.dimensions.parameters[k].name.clone(),
         }
     }
 
@@ -123,8 +123,8 @@ impl Writer<'_> {
         }
     }
 
-    fn turns(&mut self, i: usize, system: &System) {
-        for Turn {
+    fn turns(&mut self, i: usize, system: &CoordinateSystem) {
+        for AxisRotation {
             about,
             angle,
             is_design,
@@ -133,12 +133,12 @@ impl Writer<'_> {
             let by = if *is_design {
                 number(*angle)
             } else {
-                let name = format!("angle_{i}_{}", LETTERS[*about]);
+                let name = format!("angle_{i}_{}", AXIS_LETTERS[*about]);
                 self.dimensions
                     .add_angle(name.clone(), *angle, "of faces and axes askew");
                 name
             };
-            let axis = LETTERS[*about].to_ascii_uppercase();
+            let axis = AXIS_LETTERS[*about].to_ascii_uppercase();
             self.line(&format!("ok = hfRotate3D{axis}({}, {by});", array(i)));
         }
     }
@@ -151,13 +151,13 @@ impl Writer<'_> {
             let s = &half.surface;
             // Balls follow the tubes that they join.
             let (i, is_corner) = match half.source {
-                Source::Entity(i) => (i, 0),
-                Source::Corner(i) => (i, 1 + usize::from(s.kind == Kind::Sphere)),
+                HalfSpaceSource::Entity(i) => (i, 0),
+                HalfSpaceSource::Corner(i) => (i, 1 + usize::from(s.kind == PrimitiveKind::Sphere)),
                 _ => return (9, 0, 0, 0.0),
             };
             let (system, axis) = self.part.frame.along[i].unwrap_or((0, 0));
             match s.kind {
-                Kind::Plane => (0, system, axis, s.place[axis]),
+                PrimitiveKind::Plane => (0, system, axis, s.place[axis]),
                 _ => (
                     1 + is_corner,
                     s.kind as usize,
@@ -180,11 +180,11 @@ impl Writer<'_> {
     fn half(&mut self, k: usize) {
         let half = self.part.halves[k].clone();
         let value = match half.source {
-            Source::Entity(i) => self.entity(k, i, &half),
-            Source::Corner(i) => self.corner(k, i, &half),
-            Source::Through(i, axis) => self.through(k, i, axis),
-            Source::Around(i) => self.around(k, i),
-            Source::Side(axis, is_upper) => self.side(k, axis, is_upper),
+            HalfSpaceSource::Entity(i) => self.entity(k, i, &half),
+            HalfSpaceSource::Corner(i) => self.corner(k, i, &half),
+            HalfSpaceSource::Through(i, axis) => self.through(k, i, axis),
+            HalfSpaceSource::Around(i) => self.around(k, i),
+            HalfSpaceSource::Side(axis, is_upper) => self.side(k, axis, is_upper),
         };
         let name = self.names[k].clone();
         self.line(&format!("{name} = {value};"));
@@ -194,7 +194,7 @@ impl Writer<'_> {
         let bounds = &self.part.bounds;
         let place = if is_upper { bounds.hi } else { bounds.lo }[axis];
         let parameter = self.dimensions.unseen(axis, is_upper, place);
-        let at = self.term(Term::Of(parameter));
+        let at = self.term(CoordinateTerm::Of(parameter));
         self.names[k] = format!("{at}_face");
         let x = format!("x[{}]", axis + 1);
         if is_upper {
@@ -206,8 +206,8 @@ impl Writer<'_> {
 
     fn through(&mut self, k: usize, i: usize, axis: usize) -> String {
         let base = self.dimensions.name_of(i);
-        self.names[k] = format!("{base}_middle_{}", LETTERS[axis]);
-        let name = format!("{base}_{}", LETTERS[axis]);
+        self.names[k] = format!("{base}_middle_{}", AXIS_LETTERS[axis]);
+        let name = format!("{base}_{}", AXIS_LETTERS[axis]);
         let at = self.dimensions.position(i, [0, axis], &name, "");
         let at = self.term(at);
         format!("{at} - x[{}]", axis + 1)
@@ -222,19 +222,19 @@ impl Writer<'_> {
         cylinder([system, axis], &radius)
     }
 
-    fn entity(&mut self, k: usize, i: usize, half: &Half) -> String {
+    fn entity(&mut self, k: usize, i: usize, half: &HalfSpace) -> String {
         let s = self.part.frame.surfaces[i];
-        if s.kind == Kind::Plane {
+        if s.kind == PrimitiveKind::Plane {
             return self.plane(k, i, half);
         }
         let base = self.dimensions.name_of(i);
         self.names[k].clone_from(&base);
         let (center, (system, axis)) = self.center(i, &base);
-        let letter = LETTERS[axis].to_ascii_uppercase();
+        let letter = AXIS_LETTERS[axis].to_ascii_uppercase();
         let p = array(system);
         match s.kind {
-            Kind::Cone => self.cone(i, &base, [system, axis]),
-            Kind::Torus => {
+            PrimitiveKind::Cone => self.cone(i, &base, [system, axis]),
+            PrimitiveKind::Torus => {
                 let major = self.circle_radius(i);
                 let minor = self.dimensions.radius(i);
                 let minor = self.term(minor);
@@ -246,7 +246,7 @@ impl Writer<'_> {
                 let radius = self.term(radius);
                 self.line(&center);
                 match kind {
-                    Kind::Sphere => format!("hfSphere({p}, c, {radius})/(2*{radius})"),
+                    PrimitiveKind::Sphere => format!("hfSphere({p}, c, {radius})/(2*{radius})"),
                     _ => cylinder([system, axis], &radius),
                 }
             }
@@ -254,7 +254,7 @@ impl Writer<'_> {
     }
 
     /// Returns the text of a corner: between its walls and outside the blend.
-    fn corner(&mut self, k: usize, i: usize, half: &Half) -> String {
+    fn corner(&mut self, k: usize, i: usize, half: &HalfSpace) -> String {
         let base = self.dimensions.name_of(i);
         let ball = self.entity(k, i, half);
         let walls: Vec<String> = half.walls.iter().map(|w| self.wall(i, w.role)).collect();
@@ -263,10 +263,10 @@ impl Writer<'_> {
     }
 
     /// Returns the text of a wall of a corner.
-    fn wall(&mut self, i: usize, role: Role) -> String {
+    fn wall(&mut self, i: usize, role: WallRole) -> String {
         match role {
-            Role::Beyond(of, way, is_up) => {
-                let name = format!("{}_{}", self.dimensions.name_of(of), LETTERS[way[1]]);
+            WallRole::Beyond(of, way, is_up) => {
+                let name = format!("{}_{}", self.dimensions.name_of(of), AXIS_LETTERS[way[1]]);
                 let at = self.dimensions.position(of, way, &name, "");
                 let (x, at) = (format!("{}[{}]", array(way[0]), way[1] + 1), self.term(at));
                 match is_up {
@@ -274,7 +274,7 @@ impl Writer<'_> {
                     false => format!("({at} - {x})"),
                 }
             }
-            Role::Around(is_outside) => {
+            WallRole::Around(is_outside) => {
                 let (system, axis) = self.part.frame.along[i].unwrap_or((0, 2));
                 let inside = cylinder([system, axis], &self.circle_radius(i));
                 match is_outside {
@@ -288,7 +288,7 @@ impl Writer<'_> {
     /// Returns the name of the radius of a torus's circle.
     fn circle_radius(&mut self, i: usize) -> String {
         let radius = self.dimensions.circle_radius(i);
-        self.term(Term::Of(radius))
+        self.term(CoordinateTerm::Of(radius))
     }
 
     /// Returns the statements of the centre c of an entity, or of a point of its axis, and its
@@ -296,13 +296,13 @@ impl Writer<'_> {
     fn center(&mut self, i: usize, base: &str) -> (String, (usize, usize)) {
         let s = self.part.frame.surfaces[i];
         let (system, axis) = self.part.frame.along[i].unwrap_or((0, 2));
-        let slides = s.kind == Kind::Cylinder || s.kind == Kind::Cone;
+        let slides = s.kind == PrimitiveKind::Cylinder || s.kind == PrimitiveKind::Cone;
         let mut statements = Vec::new();
         for k in 0..3 {
             let at = if slides && k == axis {
-                Term::Zero
+                CoordinateTerm::Zero
             } else {
-                let name = format!("{base}_{}", LETTERS[k]);
+                let name = format!("{base}_{}", AXIS_LETTERS[k]);
                 self.dimensions.position(i, [system, k], &name, "")
             };
             statements.push(format!("c[{}] = {};", k + 1, self.term(at)));
@@ -323,17 +323,17 @@ impl Writer<'_> {
         let angle = format!("{base}_half_angle");
         self.dimensions
             .add_angle(angle.clone(), s.other, "between axis and side");
-        let about = format!("at {} = {}", LETTERS[axis], self.part.length(at));
+        let about = format!("at {} = {}", AXIS_LETTERS[axis], self.part.length(at));
         let radius = self
             .dimensions
             .size(i, radius, &format!("{base}_radius"), &about);
-        let radius = self.term(Term::Of(radius));
+        let radius = self.term(CoordinateTerm::Of(radius));
         let (center, _) = self.center(i, base);
         self.line(&center);
         self.line(&format!("slope = tan({angle});"));
         let (way, letter) = (
             if sign > 0.0 { "-" } else { "+" },
-            LETTERS[axis].to_ascii_uppercase(),
+            AXIS_LETTERS[axis].to_ascii_uppercase(),
         );
         let p = array(system);
         self.line(&format!(
@@ -357,7 +357,7 @@ impl Writer<'_> {
     }
 
     /// Returns the text of a plane, with its position as a parameter.
-    fn plane(&mut self, k: usize, i: usize, half: &Half) -> String {
+    fn plane(&mut self, k: usize, i: usize, half: &HalfSpace) -> String {
         let (system, axis) = self.part.frame.along[i].unwrap_or((0, 2));
         let row = self.part.frame.systems[system].rows[axis];
         let is_above = dot(row, half.surface.axis) * half.sign > 0.0;
@@ -366,8 +366,8 @@ impl Writer<'_> {
         self.names[k] = face;
         let x = format!("{}[{}]", array(system), axis + 1);
         match (at, is_above) {
-            (Term::Zero, true) => x,
-            (Term::Zero, false) => format!("0 - {x}"),
+            (CoordinateTerm::Zero, true) => x,
+            (CoordinateTerm::Zero, false) => format!("0 - {x}"),
             (_, true) => format!("{x} - {}", self.term(at)),
             (_, false) => format!("{} - {x}", self.term(at)),
         }
@@ -380,7 +380,8 @@ impl Writer<'_> {
         let row = frame.systems[system].rows[axis];
         let height = |j: usize| dot(row, frame.surfaces[j].place);
         let is_parallel = |j: &usize| {
-            frame.along[*j] == Some((system, axis)) && frame.surfaces[*j].kind == Kind::Plane
+            frame.along[*j] == Some((system, axis))
+                && frame.surfaces[*j].kind == PrimitiveKind::Plane
         };
         let parallel = || (0..frame.surfaces.len()).filter(is_parallel);
         let lower = parallel().filter(|j| height(*j) < height(i)).count();
@@ -392,8 +393,8 @@ impl Writer<'_> {
             && lower == 1
             && parallel().any(|j| height(j) < height(i) && !faces_up(j));
         let letter = match system {
-            0 => LETTERS[axis].to_string(),
-            _ => format!("{}{system}", LETTERS[axis]),
+            0 => AXIS_LETTERS[axis].to_string(),
+            _ => format!("{}{system}", AXIS_LETTERS[axis]),
         };
         if system == 0 && is_highest {
             let extent = ["length", "width", "height"][axis];
@@ -412,29 +413,31 @@ impl Writer<'_> {
     /// Writes the solid, step by step.
     fn solid(&mut self) {
         let solid = self.part.solid.clone();
-        let Solid::All(mut operands) = solid else {
+        let SolidFormula::All(mut operands) = solid else {
             let text = self.expression(&solid);
             self.line(&format!("my_model = {text};"));
             return;
         };
-        let rank = |s: &Solid| match s {
-            Solid::Half(_) => 0,
-            Solid::All(_) => 1,
-            Solid::Any(_) => 2,
-            Solid::Not(_) => 3,
+        let rank = |s: &SolidFormula| match s {
+            SolidFormula::Half(_) => 0,
+            SolidFormula::All(_) => 1,
+            SolidFormula::Any(_) => 2,
+            SolidFormula::Not(_) => 3,
         };
         operands.sort_by_key(rank);
-        let kept: Vec<Solid> = operands.iter().filter(|s| rank(s) < 3).cloned().collect();
+        let kept: Vec<SolidFormula> = operands.iter().filter(|s| rank(s) < 3).cloned().collect();
         if kept.is_empty() {
             // No operand is left to subtract the others from.
-            let text = self.expression(&Solid::All(operands));
+            let text = self.expression(&SolidFormula::All(operands));
             self.line(&format!("my_model = {text};"));
             return;
         }
-        let body = self.expression(&Solid::All(kept));
+        let body = self.expression(&SolidFormula::All(kept));
         self.line(&format!("body = {body};"));
         for operand in operands {
-            let Solid::Not(of) = operand else { continue };
+            let SolidFormula::Not(of) = operand else {
+                continue;
+            };
             let removed = self.expression(&of);
             self.line(&format!("body = body \\ {removed};"));
         }
@@ -442,23 +445,24 @@ impl Writer<'_> {
     }
 
     /// Returns the text of set operations in parentheses.
-    fn expression(&self, solid: &Solid) -> String {
+    fn expression(&self, solid: &SolidFormula) -> String {
         match solid {
-            Solid::Half(k) => self.names[*k].clone(),
-            Solid::Not(of) => format!("(~{})", self.expression(of)),
-            Solid::All(of) => self.joined(of, "&"),
-            Solid::Any(of) => self.joined(of, "|"),
+            SolidFormula::Half(k) => self.names[*k].clone(),
+            SolidFormula::Not(of) => format!("(~{})", self.expression(of)),
+            SolidFormula::All(of) => self.joined(of, "&"),
+            SolidFormula::Any(of) => self.joined(of, "|"),
         }
     }
 
-    fn joined(&self, of: &[Solid], sign: &str) -> String {
+    fn joined(&self, of: &[SolidFormula], sign: &str) -> String {
         let mut text = String::new();
-        let mut ordered: Vec<&Solid> = of.iter().collect();
-        ordered.sort_by_key(|s| matches!(s, Solid::Not(_)));
+        let mut ordered: Vec<&SolidFormula> = of.iter().collect();
+        ordered.sort_by_key(|s| matches!(s, SolidFormula::Not(_)));
         for operand in ordered {
-            let is_taken = matches!(operand, Solid::Not(_)) && sign == "&" && !text.is_empty();
+            let is_taken =
+                matches!(operand, SolidFormula::Not(_)) && sign == "&" && !text.is_empty();
             text = match (operand, is_taken) {
-                (Solid::Not(of), true) => format!("({text} \\ {})", self.expression(of)),
+                (SolidFormula::Not(of), true) => format!("({text} \\ {})", self.expression(of)),
                 _ if text.is_empty() => self.expression(operand),
                 _ => format!("({text} {sign} {})", self.expression(operand)),
             };
@@ -467,7 +471,7 @@ impl Writer<'_> {
     }
 
     /// Returns the text of a linear form of parameters.
-    fn sum(&self, of: &Linear) -> String {
+    fn sum(&self, of: &LinearForm) -> String {
         let mut text = String::new();
         for (k, factor) in of {
             text += match (text.is_empty(), *factor < 0.0) {
@@ -494,12 +498,13 @@ impl Writer<'_> {
         let mut text = format!("-- @title {title}\n-- @pose {pose}\n");
         for (k, p) in parameters.iter().enumerate() {
             let kind = match p.measure {
-                Measure::Length => "length",
-                Measure::Angle => "angle",
+                ParameterQuantity::Length => "length",
+                ParameterQuantity::Angle => "angle",
             };
             let digits = match p.measure {
-                Measure::Length => self.part.digits,
-                Measure::Angle => ANGLE_DIGITS,
+                ParameterQuantity::Length => self.part.digits,
+                // A millionth of a radian moves nothing visibly.
+                ParameterQuantity::Angle => 7,
             };
             let [start, min, max] = [p.start, p.range[0], p.range[1]].map(|v| {
                 let rounded = format!("{v:.digits$}");
@@ -533,13 +538,10 @@ impl Writer<'_> {
     }
 }
 
-/// Digits of angles behind the point: a millionth of a radian moves nothing that shows.
-const ANGLE_DIGITS: usize = 7;
-
 /// Returns the text of the distance inside a cylinder about c along an axis of a system, to first
 /// order.
 fn cylinder([system, axis]: [usize; 2], radius: &str) -> String {
-    let (letter, p) = (LETTERS[axis].to_ascii_uppercase(), array(system));
+    let (letter, p) = (AXIS_LETTERS[axis].to_ascii_uppercase(), array(system));
     format!("hfCylinder{letter}({p}, c, {radius})/(2*{radius})")
 }
 

@@ -10,17 +10,14 @@
 use std::collections::BTreeSet;
 
 /// Maximum number of half spaces of a solid: the bits of a cell.
-pub(super) const MOST_HALVES: usize = 128;
-/// Cells from which products are grown in each round, those of most weight. More find better
-/// products in parts of hundreds of faces, and take longer.
-const SEEDS: usize = 24;
+pub(super) const MAX_HALVES: usize = 128;
 
 /// A set of half spaces, or the sides of all of them: bit k is half space k.
 pub(super) type Bits = u128;
 
 /// The region on given sides of all half spaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Cell {
+pub(super) struct SolidCell {
     /// Half spaces that contain it.
     pub(super) bits: Bits,
     /// True if it lies inside the solid.
@@ -31,7 +28,7 @@ pub(super) struct Cell {
 
 /// A solid.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Solid {
+pub(super) enum SolidFormula {
     /// A half space.
     Half(usize),
     /// The complement.
@@ -42,7 +39,7 @@ pub(super) enum Solid {
     Any(Vec<Self>),
 }
 
-impl Solid {
+impl SolidFormula {
     /// Returns true if a point with these sides is inside.
     pub(super) fn holds(&self, bits: Bits) -> bool {
         match self {
@@ -108,44 +105,44 @@ impl Product {
         (bits ^ self.bits) & self.mask == 0
     }
 
-    fn solid(&self) -> Solid {
-        let factor = |k: usize| Solid::literal(k, self.bits >> k & 1 == 1);
-        let mut factors: Vec<Solid> = ones(self.mask).map(factor).collect();
+    fn solid(&self) -> SolidFormula {
+        let factor = |k: usize| SolidFormula::literal(k, self.bits >> k & 1 == 1);
+        let mut factors: Vec<SolidFormula> = ones(self.mask).map(factor).collect();
         match factors.len() {
             1 => factors.remove(0),
-            _ => Solid::All(factors),
+            _ => SolidFormula::All(factors),
         }
     }
 }
 
 /// Returns the indices of the bits that are set.
 pub(super) fn ones(bits: Bits) -> impl Iterator<Item = usize> {
-    (0..MOST_HALVES).filter(move |k| bits >> k & 1 == 1)
+    (0..MAX_HALVES).filter(move |k| bits >> k & 1 == 1)
 }
 
 /// Returns a solid of `count` half spaces with all cells on their sides.
-pub(super) fn solid(cells: &[Cell], count: usize) -> Solid {
+pub(super) fn solid(cells: &[SolidCell], count: usize) -> SolidFormula {
     let solid = flat(rest(cells.to_vec(), count));
-    let is_right = |new: &Solid, old: &Solid| {
-        let holds = |s: &Solid, c: &Cell| s.holds(c.bits) == c.is_inside;
+    let is_right = |new: &SolidFormula, old: &SolidFormula| {
+        let holds = |s: &SolidFormula, c: &SolidCell| s.holds(c.bits) == c.is_inside;
         cells.iter().all(|c| holds(new, c) || !holds(old, c))
     };
     let solid = flat(irredundant(solid, is_right));
     let known = cells.iter().map(|c| c.bits).collect();
-    let is_sound = |s: &Solid| ones(s.halves()).all(|k| hazard(s, &known, k).is_none());
+    let is_sound = |s: &SolidFormula| ones(s.halves()).all(|k| hazard(s, &known, k).is_none());
     if is_sound(&solid) {
         return solid;
     }
     let seal = |solid, k| sealed(solid, k, cells, &known);
     let solid = flat(ones(solid.halves()).fold(solid, seal));
-    let is_as_good = |new: &Solid, old: &Solid| is_right(new, old) && is_sound(new);
+    let is_as_good = |new: &SolidFormula, old: &SolidFormula| is_right(new, old) && is_sound(new);
     flat(irredundant(solid, is_as_good))
 }
 
 /// Returns a cell outside half space `k` that agrees with the adjacent one within it, although the
 /// solid's function is 0 between them: a sheet or a crack (a static hazard of logic circuits: E. J.
 /// McCluskey, Bell Syst. Tech. J. 35, 1956).
-fn hazard(solid: &Solid, known: &BTreeSet<Bits>, k: usize) -> Option<Bits> {
+fn hazard(solid: &SolidFormula, known: &BTreeSet<Bits>, k: usize) -> Option<Bits> {
     let within = |bits: Bits| bits | 1 << k;
     let is_fault = |bits: &Bits| {
         *bits != within(*bits)
@@ -158,42 +155,49 @@ fn hazard(solid: &Solid, known: &BTreeSet<Bits>, k: usize) -> Option<Bits> {
 
 /// Adds products across half space `k` wherever there is a hazard, in the smallest subexpression
 /// that contains it.
-fn sealed(solid: Solid, k: usize, cells: &[Cell], known: &BTreeSet<Bits>) -> Solid {
-    let has_it = |s: &Solid| s.halves() >> k & 1 == 1;
-    let is_all = matches!(solid, Solid::All(_));
+fn sealed(
+    solid: SolidFormula,
+    k: usize,
+    cells: &[SolidCell],
+    known: &BTreeSet<Bits>,
+) -> SolidFormula {
+    let has_it = |s: &SolidFormula| s.halves() >> k & 1 == 1;
+    let is_all = matches!(solid, SolidFormula::All(_));
     let mut solid = match solid {
-        Solid::Not(of) => return Solid::Not(Box::new(sealed(*of, k, cells, known))),
-        Solid::All(of) | Solid::Any(of) if of.iter().filter(|s| has_it(s)).count() == 1 => {
+        SolidFormula::Not(of) => return SolidFormula::Not(Box::new(sealed(*of, k, cells, known))),
+        SolidFormula::All(of) | SolidFormula::Any(of)
+            if of.iter().filter(|s| has_it(s)).count() == 1 =>
+        {
             let seal = |s| match has_it(&s) {
                 true => sealed(s, k, cells, known),
                 false => s,
             };
             let of = of.into_iter().map(seal).collect();
             return if is_all {
-                Solid::All(of)
+                SolidFormula::All(of)
             } else {
-                Solid::Any(of)
+                SolidFormula::Any(of)
             };
         }
         solid => solid,
     };
     while let Some(bits) = hazard(&solid, known, k) {
         let is_inside = solid.holds(bits);
-        let (own, other): (Vec<Cell>, Vec<Cell>) =
+        let (own, other): (Vec<SolidCell>, Vec<SolidCell>) =
             cells.iter().partition(|c| solid.holds(c.bits) == is_inside);
         let other: Vec<Bits> = other.iter().map(|c| c.bits).collect();
         let product = grown(bits, solid.halves() & !(1 << k), &own, &other).solid();
         solid = match is_inside {
-            true => Solid::Any(vec![solid, product]),
-            false => Solid::All(vec![solid, Solid::Not(Box::new(product))]),
+            true => SolidFormula::Any(vec![solid, product]),
+            false => SolidFormula::All(vec![solid, SolidFormula::Not(Box::new(product))]),
         };
     }
     solid
 }
 
 /// Returns the solid of the remaining cells.
-fn rest(mut cells: Vec<Cell>, count: usize) -> Solid {
-    let all: Bits = if count == MOST_HALVES {
+fn rest(mut cells: Vec<SolidCell>, count: usize) -> SolidFormula {
+    let all: Bits = if count == MAX_HALVES {
         Bits::MAX
     } else {
         (1 << count) - 1
@@ -202,18 +206,24 @@ fn rest(mut cells: Vec<Cell>, count: usize) -> Solid {
     if !is_inside || cells.iter().all(|c| c.is_inside) {
         let nothing = Vec::new();
         return if is_inside {
-            Solid::All(nothing)
+            SolidFormula::All(nothing)
         } else {
-            Solid::Any(nothing)
+            SolidFormula::Any(nothing)
         };
     }
     if let Some((k, is_positive)) = dominating(&cells, all, true) {
         cells.retain(|c| (c.bits >> k & 1 == 1) == is_positive);
-        return Solid::All(vec![Solid::literal(k, is_positive), rest(cells, count)]);
+        return SolidFormula::All(vec![
+            SolidFormula::literal(k, is_positive),
+            rest(cells, count),
+        ]);
     }
     if let Some((k, is_positive)) = dominating(&cells, all, false) {
         cells.retain(|c| (c.bits >> k & 1 == 1) != is_positive);
-        return Solid::Any(vec![Solid::literal(k, is_positive), rest(cells, count)]);
+        return SolidFormula::Any(vec![
+            SolidFormula::literal(k, is_positive),
+            rest(cells, count),
+        ]);
     }
     let taken = best_product(&cells, all, false);
     let added = best_product(&cells, all, true);
@@ -227,21 +237,21 @@ fn rest(mut cells: Vec<Cell>, count: usize) -> Solid {
         }
         (Some((p, _)), None) => (p, true),
         (None, Some((q, _))) => (q, false),
-        (None, None) => return Solid::Any(Vec::new()),
+        (None, None) => return SolidFormula::Any(Vec::new()),
     };
     cells.retain(|c| !product.holds(c.bits));
     let others = rest(cells, count);
     if is_taken {
-        Solid::All(vec![others, Solid::Not(Box::new(product.solid()))])
+        SolidFormula::All(vec![others, SolidFormula::Not(Box::new(product.solid()))])
     } else {
-        Solid::Any(vec![others, product.solid()])
+        SolidFormula::Any(vec![others, product.solid()])
     }
 }
 
 /// Returns the half space, or complement of one, that contains all cells inside and excludes the
 /// most weight outside; or (`of_inside` false) that contains no cell outside and the most weight
 /// inside.
-fn dominating(cells: &[Cell], all: Bits, of_inside: bool) -> Option<(usize, bool)> {
+fn dominating(cells: &[SolidCell], all: Bits, of_inside: bool) -> Option<(usize, bool)> {
     let (mut always, mut ever) = (all, 0);
     for c in cells.iter().filter(|c| c.is_inside == of_inside) {
         always &= c.bits;
@@ -253,7 +263,7 @@ fn dominating(cells: &[Cell], all: Bits, of_inside: bool) -> Option<(usize, bool
     let mut best: Option<(f64, (usize, bool))> = None;
     for (candidates, is_positive) in [(positive, true), (negative, false)] {
         for k in ones(candidates) {
-            let decides = |c: &&Cell| {
+            let decides = |c: &&SolidCell| {
                 c.is_inside != of_inside && ((c.bits >> k & 1 == 1) == is_positive) != of_inside
             };
             let weight: f64 = cells.iter().filter(decides).map(|c| c.weight).sum();
@@ -267,8 +277,8 @@ fn dominating(cells: &[Cell], all: Bits, of_inside: bool) -> Option<(usize, bool
 
 /// Returns the product that contains the most weight on one side and no cell of the other, with its
 /// share of the weight.
-fn best_product(cells: &[Cell], all: Bits, is_inside: bool) -> Option<(Product, f64)> {
-    let mut own: Vec<Cell> = cells
+fn best_product(cells: &[SolidCell], all: Bits, is_inside: bool) -> Option<(Product, f64)> {
+    let mut own: Vec<SolidCell> = cells
         .iter()
         .copied()
         .filter(|c| c.is_inside == is_inside)
@@ -293,14 +303,15 @@ fn best_product(cells: &[Cell], all: Bits, is_inside: bool) -> Option<(Product, 
             best = Some((product, weight));
         }
         seeds += 1;
-        if seeds == SEEDS {
+        // More seeds find better products in parts of hundreds of faces, and take longer.
+        if seeds == 24 {
             break;
         }
     }
     best.map(|(product, weight)| (product, weight / total))
 }
 
-fn weight_of(product: &Product, cells: &[Cell]) -> f64 {
+fn weight_of(product: &Product, cells: &[SolidCell]) -> f64 {
     cells
         .iter()
         .filter(|c| product.holds(c.bits))
@@ -310,7 +321,7 @@ fn weight_of(product: &Product, cells: &[Cell]) -> f64 {
 
 /// Returns the product of all sides of a cell without those that may be dropped, each time the one
 /// whose removal gains the most weight.
-fn grown(bits: Bits, all: Bits, own: &[Cell], other: &[Bits]) -> Product {
+fn grown(bits: Bits, all: Bits, own: &[SolidCell], other: &[Bits]) -> Product {
     let mut product = Product { mask: all, bits };
     // Sides that alone exclude a cell of the other side have to stay.
     let mut open = all;
@@ -345,7 +356,10 @@ fn grown(bits: Bits, all: Bits, own: &[Cell], other: &[Bits]) -> Product {
 
 /// Removes operands without which the solid is as good, the last first: they were found when less
 /// was known.
-fn irredundant(solid: Solid, is_as_good: impl Fn(&Solid, &Solid) -> bool) -> Solid {
+fn irredundant(
+    solid: SolidFormula,
+    is_as_good: impl Fn(&SolidFormula, &SolidFormula) -> bool,
+) -> SolidFormula {
     let mut solid = solid;
     let mut path = Vec::new();
     while let Some(next) = last_before(&solid, &path) {
@@ -359,17 +373,17 @@ fn irredundant(solid: Solid, is_as_good: impl Fn(&Solid, &Solid) -> bool) -> Sol
 }
 
 /// Returns the operands of a node.
-fn operands(solid: &Solid) -> &[Solid] {
+fn operands(solid: &SolidFormula) -> &[SolidFormula] {
     match solid {
-        Solid::All(of) | Solid::Any(of) => of,
-        Solid::Not(of) => std::slice::from_ref(of),
-        Solid::Half(_) => &[],
+        SolidFormula::All(of) | SolidFormula::Any(of) => of,
+        SolidFormula::Not(of) => std::slice::from_ref(of),
+        SolidFormula::Half(_) => &[],
     }
 }
 
 /// Collects the paths of all operands of sets, in the order of the text.
-fn paths(solid: &Solid, path: &mut Vec<usize>, found: &mut Vec<Vec<usize>>) {
-    let is_set = matches!(solid, Solid::All(_) | Solid::Any(_));
+fn paths(solid: &SolidFormula, path: &mut Vec<usize>, found: &mut Vec<Vec<usize>>) {
+    let is_set = matches!(solid, SolidFormula::All(_) | SolidFormula::Any(_));
     for (k, of) in operands(solid).iter().enumerate() {
         path.push(k);
         if is_set {
@@ -381,7 +395,7 @@ fn paths(solid: &Solid, path: &mut Vec<usize>, found: &mut Vec<Vec<usize>>) {
 }
 
 /// Returns the last path before another one, or the last of all if that is empty.
-fn last_before(solid: &Solid, path: &[usize]) -> Option<Vec<usize>> {
+fn last_before(solid: &SolidFormula, path: &[usize]) -> Option<Vec<usize>> {
     let mut found = Vec::new();
     paths(solid, &mut Vec::new(), &mut found);
     let is_before = |p: &Vec<usize>| path.is_empty() || p.as_slice() < path;
@@ -389,9 +403,9 @@ fn last_before(solid: &Solid, path: &[usize]) -> Option<Vec<usize>> {
 }
 
 /// Returns the solid without the operand at a path.
-fn removed(solid: &Solid, path: &[usize]) -> Solid {
+fn removed(solid: &SolidFormula, path: &[usize]) -> SolidFormula {
     let (first, rest) = (path[0], &path[1..]);
-    let without = |of: &[Solid]| -> Vec<Solid> {
+    let without = |of: &[SolidFormula]| -> Vec<SolidFormula> {
         let mut new = of.to_vec();
         if rest.is_empty() {
             new.remove(first);
@@ -401,55 +415,61 @@ fn removed(solid: &Solid, path: &[usize]) -> Solid {
         new
     };
     match solid {
-        Solid::All(of) => Solid::All(without(of)),
-        Solid::Any(of) => Solid::Any(without(of)),
-        Solid::Not(of) => Solid::Not(Box::new(removed(of, rest))),
-        Solid::Half(k) => Solid::Half(*k),
+        SolidFormula::All(of) => SolidFormula::All(without(of)),
+        SolidFormula::Any(of) => SolidFormula::Any(without(of)),
+        SolidFormula::Not(of) => SolidFormula::Not(Box::new(removed(of, rest))),
+        SolidFormula::Half(k) => SolidFormula::Half(*k),
     }
 }
 
 /// Flattens nested sets of one kind, replaces sets of one operand by it, and removes double
 /// complements.
-fn flat(solid: Solid) -> Solid {
+fn flat(solid: SolidFormula) -> SolidFormula {
     match solid {
-        Solid::Half(_) => solid,
-        Solid::Not(of) => match flat(*of) {
-            Solid::Not(inner) => *inner,
-            Solid::All(of) if of.is_empty() => Solid::Any(of),
-            Solid::Any(of) if of.is_empty() => Solid::All(of),
-            of => Solid::Not(Box::new(of)),
+        SolidFormula::Half(_) => solid,
+        SolidFormula::Not(of) => match flat(*of) {
+            SolidFormula::Not(inner) => *inner,
+            SolidFormula::All(of) if of.is_empty() => SolidFormula::Any(of),
+            SolidFormula::Any(of) if of.is_empty() => SolidFormula::All(of),
+            of => SolidFormula::Not(Box::new(of)),
         },
-        Solid::All(of) => joined(of, true),
-        Solid::Any(of) => joined(of, false),
+        SolidFormula::All(of) => joined(of, true),
+        SolidFormula::Any(of) => joined(of, false),
     }
 }
 
-fn joined(of: Vec<Solid>, is_all: bool) -> Solid {
+fn joined(of: Vec<SolidFormula>, is_all: bool) -> SolidFormula {
     let mut operands = Vec::new();
     for operand in of {
         match (flat(operand), is_all) {
-            (Solid::All(inner), true) | (Solid::Any(inner), false) => operands.extend(inner),
+            (SolidFormula::All(inner), true) | (SolidFormula::Any(inner), false) => {
+                operands.extend(inner)
+            }
             // All of space in a union, or the empty set in an intersection.
-            (Solid::All(inner), false) if inner.is_empty() => return Solid::All(inner),
-            (Solid::Any(inner), true) if inner.is_empty() => return Solid::Any(inner),
+            (SolidFormula::All(inner), false) if inner.is_empty() => {
+                return SolidFormula::All(inner);
+            }
+            (SolidFormula::Any(inner), true) if inner.is_empty() => {
+                return SolidFormula::Any(inner);
+            }
             (operand, _) => operands.push(operand),
         }
     }
-    let is_literal = |s: &Solid| matches!(s, Solid::Half(_) | Solid::Not(_));
-    let is_taken = operands.iter().any(|s| matches!(s, Solid::Not(_)));
+    let is_literal = |s: &SolidFormula| matches!(s, SolidFormula::Half(_) | SolidFormula::Not(_));
+    let is_taken = operands.iter().any(|s| matches!(s, SolidFormula::Not(_)));
     match (operands.len(), is_all) {
         (1, _) => operands.remove(0),
-        (_, true) => Solid::All(operands),
+        (_, true) => SolidFormula::All(operands),
         // A union that is subtracted, such as a bore down to its floor, is written as a complement.
         (_, false) if is_taken && operands.iter().all(is_literal) => {
-            let opposite = |s: Solid| match s {
-                Solid::Not(of) => *of,
-                s => Solid::Not(Box::new(s)),
+            let opposite = |s: SolidFormula| match s {
+                SolidFormula::Not(of) => *of,
+                s => SolidFormula::Not(Box::new(s)),
             };
             let taken = operands.into_iter().map(opposite).collect();
-            Solid::Not(Box::new(joined(taken, true)))
+            SolidFormula::Not(Box::new(joined(taken, true)))
         }
-        (_, false) => Solid::Any(operands),
+        (_, false) => SolidFormula::Any(operands),
     }
 }
 
@@ -459,8 +479,8 @@ mod tests {
     use isoform_num::Random;
 
     /// Returns all cells of `n` half spaces, on the sides that a function gives.
-    fn cells(n: usize, is_inside: impl Fn(&dyn Fn(usize) -> bool) -> bool) -> Vec<Cell> {
-        let cell = |bits: Bits| Cell {
+    fn cells(n: usize, is_inside: impl Fn(&dyn Fn(usize) -> bool) -> bool) -> Vec<SolidCell> {
+        let cell = |bits: Bits| SolidCell {
             bits,
             is_inside: is_inside(&|k| bits >> k & 1 == 1),
             weight: 1.0,
@@ -473,12 +493,15 @@ mod tests {
         // Half spaces 0 to 2 hold the plate, 3 is the bore, 4 and 5 cylinder and space above.
         let plate = cells(6, |h| h(0) && h(1) && h(2) && !h(3) && !(h(4) && h(5)));
         let found = solid(&plate, 6);
-        let Solid::All(of) = &found else {
+        let SolidFormula::All(of) = &found else {
             panic!("{found:?}")
         };
         assert_eq!(of.len(), 5, "{found:?}");
-        let counterbore = Solid::All(vec![Solid::Half(4), Solid::Half(5)]);
-        assert!(of.contains(&Solid::Not(Box::new(counterbore))), "{found:?}");
+        let counterbore = SolidFormula::All(vec![SolidFormula::Half(4), SolidFormula::Half(5)]);
+        assert!(
+            of.contains(&SolidFormula::Not(Box::new(counterbore))),
+            "{found:?}"
+        );
     }
 
     #[test]
@@ -526,8 +549,8 @@ mod tests {
 
     #[test]
     fn nothing_and_everything_are_solids() {
-        assert_eq!(solid(&cells(2, |_| true), 2), Solid::All(vec![]));
-        assert_eq!(solid(&cells(2, |_| false), 2), Solid::Any(vec![]));
-        assert_eq!(solid(&[], 128), Solid::Any(vec![]));
+        assert_eq!(solid(&cells(2, |_| true), 2), SolidFormula::All(vec![]));
+        assert_eq!(solid(&cells(2, |_| false), 2), SolidFormula::Any(vec![]));
+        assert_eq!(solid(&[], 128), SolidFormula::Any(vec![]));
     }
 }

@@ -1,4 +1,4 @@
-//! Clouds made here, whose surfaces are known.
+//! Clouds with known surfaces, constructed here.
 
 use isoform_control::Control;
 use isoform_geom::{Point3, PointCloud, Quadric};
@@ -14,13 +14,13 @@ impl Random {
         (self.0 >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Nearly normal: the sum of twelve.
+    /// Returns a nearly normal deviate: the sum of twelve uniform ones.
     fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.next()).sum::<f64>() - 6.0
     }
 }
 
-/// A square plate at z = 0 and a ball of radius 0.4 above it.
+/// Returns a square plate at z = 0 and a ball of radius 0.4 above it.
 fn plate_and_ball(noise: f64) -> Vec<Point3> {
     let mut random = Random(3);
     let mut points = Vec::new();
@@ -49,7 +49,7 @@ fn run(points: Vec<Point3>) -> Result<Recognition, Error> {
     recognize(&scan, &Options::default(), &Control::default())
 }
 
-/// The radius of the only ball beside the only plane.
+/// Returns the radius of the only ball next to the only plane.
 fn radius(found: &Recognition) -> f64 {
     assert_eq!(found.entities.len(), 2, "{:?}", found.entities);
     let surfaces = found.entities.iter().map(|e| e.surface);

@@ -1,4 +1,4 @@
-//! Faces, small ones among them, of exact points in the digits of files; scans of one surface.
+//! Faces, also small ones, of exact points in the digits of files; scans of one surface.
 
 use isoform_control::Control;
 use isoform_geom::{Point3, PointCloud, Quadric};
@@ -11,12 +11,12 @@ fn recognised(points: Vec<Point3>) -> Recognition {
     recognize(&scan, &Options::default(), &Control::default()).expect("a scan")
 }
 
-/// Draws a normal deviate, nearly.
+/// Returns a nearly normal deviate.
 fn normal(random: &mut Random) -> f64 {
     (0..12).map(|_| random.unit()).sum::<f64>() - 6.0
 }
 
-/// Points a + u b + v c of a grid over the unit square, its sides included.
+/// Returns the points a + u b + v c of a grid over the unit square, including its sides.
 fn grid(a: Point3, b: Point3, c: Point3, counts: [u32; 2]) -> Vec<Point3> {
     let at = |i: u32, count: u32| f64::from(i) / f64::from(count - 1);
     let cells = (0..counts[0]).flat_map(|i| (0..counts[1]).map(move |j| (i, j)));
@@ -28,8 +28,8 @@ fn grid(a: Point3, b: Point3, c: Point3, counts: [u32; 2]) -> Vec<Point3> {
         .collect()
 }
 
-/// The top of a block with a slot across it, in a pose along no axis: two pieces of one plane, two
-/// walls and a floor.
+/// Returns the top of a block with a slot across it, in a general pose: two pieces of one plane,
+/// two walls and a floor.
 fn slot() -> Vec<Point3> {
     let [along, across] = [[0.0, 2.0, 0.0], [1.0, 0.0, 0.0]];
     let faces = [
@@ -58,8 +58,8 @@ fn pieces_of_a_plane_are_faces_of_their_own() {
     let of_top: Vec<usize> = (0..5).filter(|f| found.faces[*f].entity == 0).collect();
     assert_eq!(of_top.len(), 2, "{:?}", found.faces);
     for face in &found.faces {
-        // The floor has two walls beside it, a wall a piece of the top and the floor, a piece of
-        // the top one wall.
+        // The floor is adjacent to two walls, a wall to a piece of the top and the floor, a piece
+        // of the top one wall.
         let beside = if face.entity == 0 { 1 } else { 2 };
         assert_eq!(face.beside.len(), beside, "{:?}", found.faces);
         assert!(
@@ -83,7 +83,7 @@ fn pieces_of_a_plane_are_faces_of_their_own() {
     );
 }
 
-/// The digits that files keep are no noise, and change nothing.
+/// Rounding to the digits of files counts as no noise, and changes nothing.
 #[test]
 fn rounded_points_have_the_same_faces() {
     let digits = |points: Vec<Point3>, round: &dyn Fn(f64) -> f64| -> Vec<Point3> {
@@ -117,7 +117,7 @@ fn rounded_points_have_the_same_faces() {
     }
 }
 
-/// A strip of three rows between two rounds of five rows each, each border shared.
+/// A strip of three rows lies between two rounds of five rows each, and shares each border.
 #[test]
 fn strips_between_rounds_are_found() {
     let mut points = grid([0.0, 0.0, 3.0], [40.0, 0.0, 0.0], [0.0, 9.0, 0.0], [81, 19]);
@@ -154,7 +154,8 @@ fn strips_between_rounds_are_found() {
     assert_eq!(found.entities.len(), 5, "{:?}", found.entities);
 }
 
-/// Of a narrow piece with noise above the spacing neighbourhoods tell nothing; all points do.
+/// Neighbourhoods show nothing of a narrow piece with noise above the spacing; all points together
+/// do.
 #[test]
 fn one_surface_is_found_in_noise_above_the_spacing() {
     let mut random = Random::new(3);
@@ -180,8 +181,8 @@ fn one_surface_is_found_in_noise_above_the_spacing() {
     assert!((found.noise / noise - 1.0).abs() < 0.05, "{}", found.noise);
 }
 
-/// Points on both sides of a wall are no noise about the surface between them, also where the wall
-/// is thinner than they are apart.
+/// Points on both sides of a wall are not taken for noise about the surface between them, even if
+/// the wall is thinner than their spacing.
 #[test]
 fn a_tube_has_two_sides() {
     for (wall, noise, points) in [

@@ -1,15 +1,15 @@
-//! CAD meshes whose surfaces are known: made here, with the sides asked for, rounded to single
-//! precision.
+//! CAD meshes with known surfaces, constructed here with given numbers of sides and rounded to
+//! single precision.
 
 use isoform_control::Control;
 use isoform_geom::{Point3, PointCloud, Quadric};
 use isoform_recognize::{FacetRecognition, Options, recognize_facets};
 use std::f64::consts::TAU;
 
-/// Points that are asked for inside faces.
+/// Number of points requested inside faces.
 const WANTED: usize = 2000;
 
-/// A mesh turned out of the axes and rounded to single precision.
+/// Returns a mesh rotated into a general pose and rounded to single precision.
 fn mesh(points: Vec<Point3>, triangles: Vec<[u32; 3]>) -> PointCloud {
     let (s, c) = 0.7_f64.sin_cos();
     let turned = |[x, y, z]: Point3| {
@@ -24,7 +24,7 @@ fn mesh(points: Vec<Point3>, triangles: Vec<[u32; 3]>) -> PointCloud {
     }
 }
 
-/// A point of a mesh back in the axes.
+/// Returns a point of a mesh, rotated back to the axes.
 fn upright([x, y, z]: Point3) -> Point3 {
     let (s, c) = 0.7_f64.sin_cos();
     let [x, y] = [x - 3.0, y + 1.0];
@@ -32,8 +32,8 @@ fn upright([x, y, z]: Point3) -> Point3 {
     [x, c * y + s * z, c * z - s * y]
 }
 
-/// The surface that a profile of (radius, height) sweeps about an axis, in `sides`; closed profiles
-/// join their ends, open ones get flat caps.
+/// Returns the surface that a profile of (radius, height) sweeps about an axis, with `sides` sides;
+/// closed profiles join their ends, open ones get flat caps.
 fn turned(profile: &[[f64; 2]], sides: u32, is_closed: bool) -> PointCloud {
     let rings = profile.len() as u32;
     let at = |k: u32, r: f64| {
@@ -70,7 +70,7 @@ fn found(mesh: &PointCloud) -> FacetRecognition {
         .expect("a CAD mesh")
 }
 
-/// How many entities there are of a kind.
+/// Returns the number of entities of a kind.
 fn count(found: &FacetRecognition, kind: &str) -> usize {
     let entities = found.recognition.entities.iter();
     entities.filter(|e| e.surface.name() == kind).count()
@@ -161,7 +161,7 @@ fn a_torus_is_one_face_although_its_top_is_flat() {
     assert!((major - 5.0).abs() < 1e-6 && (minor - 2.0).abs() < 1e-6);
 }
 
-/// A pin of radius 5 and height 8 whose upper edge is rounded by 2, in `steps` steps.
+/// Returns a pin of radius 5 and height 8 whose upper edge is rounded by 2, in `steps` steps.
 fn pin(steps: u32, sides: u32) -> PointCloud {
     let at = |k: u32| {
         let (s, c) = (0.25 * TAU * f64::from(k) / f64::from(steps)).sin_cos();
@@ -175,7 +175,7 @@ fn pin(steps: u32, sides: u32) -> PointCloud {
 
 #[test]
 fn a_round_and_the_plane_that_it_touches_are_two_faces() {
-    // The plane's facets have all corners on the torus, whose normal is the same there.
+    // All corners of the plane's facets are on the torus, which has an equal normal there.
     for (steps, sides) in [(12, 60), (6, 48), (3, 24)] {
         let found = found(&pin(steps, sides));
         let counts = ["plane", "cylinder", "torus"].map(|kind| count(&found, kind));
@@ -223,7 +223,7 @@ fn points_inside_faces_are_on_them() {
     assert!(flat > 100 && bent > 100, "{flat} {bent}");
 }
 
-/// A tube: a bore in a cylinder, with flat rings between them.
+/// Returns a tube: a bore in a cylinder, with flat rings between them.
 fn tube() -> PointCloud {
     turned(&[[3.0, 0.0], [3.0, 5.0], [1.0, 5.0], [1.0, 0.0]], 32, true)
 }

@@ -1,5 +1,5 @@
 //! Real objects deviate from their surfaces by more than the noise of their points, and by smooth
-//! amounts: they are found all the same, and the tolerance that this took is told.
+//! amounts: they are recognised nevertheless, and the required tolerance is reported.
 
 use isoform_control::Control;
 use isoform_geom::{Point3, PointCloud, Quadric};
@@ -26,13 +26,13 @@ fn kinds(found: &Recognition) -> Vec<&'static str> {
     found.entities.iter().map(|e| e.surface.name()).collect()
 }
 
-/// A normal deviate (Box and Muller).
+/// Returns a normal deviate (Box and Muller).
 fn normal(random: &mut Random) -> f64 {
     let (u, turn) = (1.0 - random.unit(), TAU * random.unit());
     (-2.0 * u.ln()).sqrt() * turn.cos()
 }
 
-/// A ball of radius 1 whose surface goes up and down by `height`, four to six times around.
+/// Returns a ball of radius 1 whose surface rises and falls by `height`, four to six times around.
 fn dented_ball(height: f64) -> Vec<Point3> {
     let mut random = Random::new(5);
     let mut point = || -> Point3 {
@@ -48,7 +48,7 @@ fn dented_ball(height: f64) -> Vec<Point3> {
     (0..6000).map(|_| point()).collect()
 }
 
-/// A block of 3 × 2 × 1 whose faces go up and down by `height`.
+/// Returns a block of 3 × 2 × 1 whose faces rise and fall by `height`.
 fn wavy_block(height: f64) -> Vec<Point3> {
     let mut random = Random::new(6);
     let size = [3.0, 2.0, 1.0];
@@ -99,7 +99,7 @@ fn a_wavy_block_has_six_planes() {
     assert!(found.is_form && planes == 6, "{:?}", kinds(&found));
 }
 
-/// With a tolerance that the user gives, whatever the form.
+/// The user gives the tolerance, whatever the form.
 #[test]
 fn a_tolerance_allows_form() {
     let found = recognised(dented_ball(0.01), Some(0.01));
@@ -108,8 +108,8 @@ fn a_tolerance_allows_form() {
     assert_eq!(kinds(&found)[..6], ["plane"; 6]);
 }
 
-/// Two round balls of radii 0.5 and 0.5008, some 50 deviations apart, beside a block whose
-/// faces deviate by far more: the tolerance that the block asks for does not make the balls equal.
+/// Two round balls of radii 0.5 and 0.5008, some 50 deviations apart, lie next to a block whose
+/// faces deviate by far more: the tolerance of the block does not make the balls equal.
 #[test]
 fn a_tolerance_of_form_makes_no_relations_of_those_that_follow_their_surfaces() {
     let mut points = wavy_block(0.02);
@@ -141,7 +141,8 @@ fn a_tolerance_of_form_makes_no_relations_of_those_that_follow_their_surfaces() 
     assert_eq!(found.relations.iter().find(equal), None);
 }
 
-/// A step of 40 deviations in an exact face stays two planes, whatever a block beside it asks for.
+/// A step of 40 deviations in an exact face stays two planes, whatever tolerance a block next to it
+/// requires.
 #[test]
 fn a_step_beside_a_bent_block_is_two_planes() {
     let mut points = wavy_block(0.02);
@@ -161,7 +162,7 @@ fn a_step_beside_a_bent_block_is_two_planes() {
     assert_eq!(exact, 2, "{:?}", found.entities);
 }
 
-/// A rotation by `angle` about x, then about z, and a unit.
+/// Rotates points by `angle` about x, then about z, and scales them to a unit.
 fn placed(points: &[Point3], angle: f64, unit: f64) -> Vec<Point3> {
     let (sin, cos) = angle.sin_cos();
     let turn = |[x, y, z]: Point3| {
@@ -171,8 +172,8 @@ fn placed(points: &[Point3], angle: f64, unit: f64) -> Vec<Point3> {
     points.iter().map(|p| turn(*p)).collect()
 }
 
-/// Points strewn on a body of revolution about z whose profile of (z, r) is a polyline, moved by
-/// `off` of the segment, the height and the angle along the normal.
+/// Returns random points on a body of revolution about z whose profile of (z, r) is a polyline,
+/// displaced along the normal by `off` of the segment, the height and the angle.
 fn turned(
     profile: &[[f64; 2]],
     count: usize,
@@ -225,7 +226,7 @@ fn what_is_found_depends_neither_on_the_position_nor_on_the_unit() {
     }
 }
 
-/// Within the noise the side is four cylinders or more, side by side.
+/// Within the noise the side is four adjacent cylinders or more.
 #[test]
 fn an_oval_can_is_a_can() {
     let off = |k: usize, _: f64, turn: f64| {
@@ -240,7 +241,7 @@ fn an_oval_can_is_a_can() {
     assert_eq!(kinds(&found), ["cylinder", "plane", "plane"]);
 }
 
-/// Within the noise the side is a dozen cones, one above the other.
+/// Within the noise the side is a stack of a dozen cones.
 #[test]
 fn a_barrel_is_a_can() {
     let off = |k: usize, z: f64, _: f64| {
@@ -255,7 +256,7 @@ fn a_barrel_is_a_can() {
     assert_eq!(kinds(&found), ["cylinder", "plane", "plane"]);
 }
 
-/// A taper of 3° beside a cylinder is smooth, and exact.
+/// A taper of 3° next to a cylinder is smooth, and exact.
 #[test]
 fn a_taper_of_an_exact_part_stays() {
     let profile = [[0.0, 0.0], [0.0, 1.0], [1.5, 1.0], [3.0, 0.92], [3.0, 0.0]];
@@ -266,8 +267,8 @@ fn a_taper_of_an_exact_part_stays() {
     assert_eq!(kinds, ["cone", "cylinder", "plane", "plane"]);
 }
 
-/// Steps of 30 deviations in a shaft and folds of 6° in a sheet are smaller than tolerances of form,
-/// and exact.
+/// Steps of 30 deviations in a shaft and folds of 6° in a sheet are smaller than tolerances of
+/// form, and exact.
 #[test]
 fn steps_and_folds_of_exact_parts_stay() {
     let noise = 2e-3;
@@ -298,7 +299,7 @@ fn steps_and_folds_of_exact_parts_stay() {
     assert!(!found.is_form && found.free == 0.0);
 }
 
-/// Spheres, cones and tori follow an ellipsoid; that their sizes mean nothing is said.
+/// Spheres, cones and tori follow an ellipsoid; the result reports that their sizes mean nothing.
 #[test]
 fn a_free_form_is_said_to_be_free() {
     let mut random = Random::new(10);
@@ -318,7 +319,7 @@ fn a_free_form_is_said_to_be_free() {
     assert!(can.free < 0.01, "{}", can.free);
 }
 
-/// A tolerance as wide as a bent plate is thick does not make one plane of its two faces.
+/// A tolerance as wide as the thickness of a bent plate does not make one plane of its two faces.
 #[test]
 fn the_faces_of_a_bent_plate_stay_apart() {
     let mut random = Random::new(11);
@@ -338,7 +339,7 @@ fn the_faces_of_a_bent_plate_stay_apart() {
 }
 
 /// At 0.5 % of noise a plane with half a fillet is a sphere, and a cylinder with the other half a
-/// torus, until both are given up for what is simpler.
+/// torus, until both are replaced by simpler surfaces.
 #[test]
 fn a_fillet_in_noise_is_found_between_its_faces() {
     let fillet = 4.0;
@@ -362,8 +363,8 @@ fn a_fillet_in_noise_is_found_between_its_faces() {
     );
 }
 
-/// A turned shaft of (z, r): steps, chamfers, and fillets of 1.32 and 1.13 about circles of 10.82
-/// and 14.86.
+/// Returns the profile (z, r) of a turned shaft: steps, chamfers, and fillets of 1.32 and 1.13
+/// about circles of 10.82 and 14.86.
 fn shaft() -> Vec<[f64; 2]> {
     let arc = |z: f64, r: f64, fillet: f64| {
         (0..=12).map(move |k| {
@@ -391,8 +392,8 @@ fn shaft() -> Vec<[f64; 2]> {
     profile
 }
 
-/// Chamfers are cones about the axis of the cylinders beside them: a local fit of so short a cone
-/// creeps along a valley and does not get there.
+/// Chamfers are cones about the axis of the adjacent cylinders: a local fit of such a short cone
+/// creeps along a valley and does not reach it.
 #[test]
 fn chamfers_of_exact_points_are_cones() {
     let chamfered = [
@@ -416,8 +417,8 @@ fn chamfers_of_exact_points_are_cones() {
     assert!(found.labels.iter().all(Option::is_some));
 }
 
-/// With a thousandth of noise the faces beside a fillet take its ends, bend, and hide it, until
-/// their borders are seen to lie off: then no wide tolerance of form describes the shaft in less.
+/// With a thousandth of noise the faces next to a fillet absorb its ends, bend, and hide it, until
+/// their borders prove to be off: then no wide tolerance of form describes the shaft in less.
 #[test]
 fn noise_is_no_form() {
     let found = recognised(turned(&shaft(), 10_000, 0.063, |_, _, _| 0.0), None);

@@ -9,9 +9,9 @@ use std::f64::consts::TAU;
 /// A plate in the plane of x and y.
 #[derive(Clone)]
 pub(crate) struct Plate {
-    /// Its corners, anticlockwise; none for a disk.
+    /// Corners, anticlockwise; empty for a disk.
     pub(crate) outline: Vec<[f64; 2]>,
-    /// The radius of a disk.
+    /// Radius of a disk.
     pub(crate) radius: f64,
     /// Centre and radius of holes.
     pub(crate) holes: Vec<[f64; 3]>,
@@ -60,7 +60,7 @@ impl Plate {
         (0..n).filter(passes).count() % 2 == 1
     }
 
-    /// Points at random with their normals, so many for each unit of area.
+    /// Returns random points with their normals, `density` of them per unit of area.
     fn points(&self, density: f64, random: &mut Random) -> Vec<[Point3; 2]> {
         let mut all = Vec::new();
         let reach = self.outline.iter().flatten();
@@ -100,16 +100,17 @@ impl Plate {
         all
     }
 
-    /// What is recognised in points with noise, as a share of the diagonal, in a pose of the seed.
+    /// Returns the recognition of points with noise, as a share of the diagonal, in a pose of the
+    /// seed.
     pub(crate) fn recognised(&self, noise: f64, seed: u64) -> Recognition {
         recognised(&self.scan(noise, seed))
     }
 
-    /// The points in a pose of the seed.
+    /// Returns the points in a pose of the seed.
     pub(crate) fn scan(&self, noise: f64, seed: u64) -> Vec<Point3> {
         let mut random = Random::new(seed);
         let all = self.points(900.0, &mut random);
-        let bounds = isoform_geom::Aabb::of(all.iter().map(|p| &p[0]));
+        let bounds = isoform_geom::Aabb::from_points(all.iter().map(|p| &p[0]));
         let sigma = noise * bounds.diagonal();
         let axis: Point3 = [(); 3].map(|()| random.symmetric());
         let length = isoform_geom::norm(axis);
@@ -147,7 +148,7 @@ impl Pose {
     }
 }
 
-/// `n` places on a circle.
+/// Returns `n` places on a circle.
 pub(crate) fn circle(n: usize, radius: f64, start: f64) -> impl Iterator<Item = [f64; 2]> {
     (0..n).map(move |k| {
         let (sin, cos) = (start + TAU * k as f64 / n as f64).sin_cos();

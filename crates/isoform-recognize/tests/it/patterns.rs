@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 /// Noise as a share of the diagonal.
 const NOISES: [f64; 2] = [0.0, 0.001];
 
-/// A flange with a bore and holes on a circle.
+/// Returns a flange with a bore and holes on a circle.
 fn flange(holes: usize) -> Plate {
     let places = circle(holes, 0.7, 0.1);
     Plate::disk(1.0)
@@ -15,7 +15,7 @@ fn flange(holes: usize) -> Plate {
         .with(places.map(|[x, y]| [x, y, 0.1]))
 }
 
-/// A plate with a grid of holes.
+/// Returns a plate with a grid of holes.
 fn grid(columns: u32, rows: u32) -> Plate {
     let at = |k: u32| 0.3 + 0.4 * f64::from(k);
     let cells = (0..columns).flat_map(|i| (0..rows).map(move |j| (i, j)));
@@ -23,7 +23,7 @@ fn grid(columns: u32, rows: u32) -> Plate {
         .with(cells.map(|(i, j)| [at(i), at(j), 0.1]))
 }
 
-/// Teeth side by side, with a longer end.
+/// Returns adjacent teeth with a longer end.
 fn rack(teeth: u32, end: f64) -> Plate {
     let length = 0.4 * f64::from(teeth) + end;
     let mut outline = vec![[0.0, 0.0], [length, 0.0], [length, 0.3]];
@@ -43,7 +43,7 @@ fn rack(teeth: u32, end: f64) -> Plate {
     }
 }
 
-/// A plate whose holes have nothing in common but their radius.
+/// Returns a plate whose holes have nothing in common but their radius.
 fn scattered() -> Plate {
     let holes = [
         [0.31, 0.28],
@@ -66,13 +66,13 @@ fn spacing(p: &Pattern) -> Option<(f64, f64)> {
     }
 }
 
-/// How many rows of so many members there are.
+/// Returns the number of rows with this number of members.
 fn rows(found: &Recognition, members: usize) -> usize {
     let is_row = |p: &&Pattern| spacing(p).is_some() && p.members.len() == members;
     found.patterns.iter().filter(is_row).count()
 }
 
-/// How many mirrors, and the orders of rotations.
+/// Returns the number of mirrors, and the orders of the rotations.
 fn symmetries(found: &Recognition) -> (usize, Vec<Option<u32>>) {
     let mirrors = found.symmetries.iter();
     let mirrors = mirrors.filter(|s| matches!(s.kind, SymmetryKind::Mirror { .. }));
@@ -83,7 +83,7 @@ fn symmetries(found: &Recognition) -> (usize, Vec<Option<u32>>) {
     (mirrors.count(), orders.collect())
 }
 
-/// Every part at every noise with these seeds.
+/// Checks a plate at every noise with these seeds.
 fn each(plate: &Plate, seeds: std::ops::Range<u64>, check: impl Fn(&Recognition, f64)) {
     for noise in NOISES {
         for seed in seeds.clone() {
@@ -92,7 +92,7 @@ fn each(plate: &Plate, seeds: std::ops::Range<u64>, check: impl Fn(&Recognition,
     }
 }
 
-/// The holes of these radii, by the circle that they are on.
+/// Returns the number of holes, the radius, and the closedness of each circle of holes.
 fn circles(found: &Recognition) -> Vec<(usize, f64, bool)> {
     let circle = |p: &Pattern| match p.layout {
         Layout::Circle {
@@ -103,7 +103,7 @@ fn circles(found: &Recognition) -> Vec<(usize, f64, bool)> {
     found.patterns.iter().filter_map(circle).collect()
 }
 
-/// Entities without an image in any symmetry.
+/// Returns the number of entities without an image in any symmetry.
 fn unmatched(found: &Recognition) -> usize {
     let without = |s: &isoform_recognize::Symmetry| s.images.iter().filter(|i| i.is_none()).count();
     found.symmetries.iter().map(without).sum()
@@ -177,7 +177,7 @@ fn what_has_no_pattern_gets_none() {
     });
 }
 
-/// A plate with one hole moved, in deviations that a place of a hole has at a noise of 0.1 %.
+/// Moves one hole of a plate by some standard deviations of its place at a noise of 0.1 %.
 fn moved(mut plate: Plate, hole: usize, deviations: f64) -> Plate {
     let sigma = 0.001 * 2.3;
     // 900 points for a unit of area, of which half tell about one direction.

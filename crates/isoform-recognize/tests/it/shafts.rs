@@ -1,4 +1,4 @@
-//! Turned shafts made at random: each face is found, and nothing else.
+//! Random turned shafts: each face is found, and nothing else.
 
 use isoform_control::Control;
 use isoform_geom::{Point3, PointCloud};
@@ -6,18 +6,18 @@ use isoform_num::Random;
 use isoform_recognize::{Options, Recognition, recognize};
 use std::f64::consts::TAU;
 
-/// Points of a shaft.
+/// Number of points of a shaft.
 const POINTS: f64 = 10_000.0;
-/// Faces with fewer points are not asked for.
+/// Minimum number of points of a face that has to be found.
 const FEWEST: usize = 100;
-/// The share of the points of a face that its entity has at least. Of a face ten deviations wide a
-/// sixth of the points lie nearer to the faces beside it.
+/// Minimum share of the points of a face that its entity holds. A sixth of the points of a face ten
+/// deviations wide lie nearer to the adjacent faces.
 const KEPT: f64 = 0.75;
 
-/// A face by its section.
+/// A face, given by its section.
 #[derive(Clone, Copy)]
 enum Face {
-    /// From one (height, radius) to another.
+    /// A line from one (height, radius) to another.
     Line([f64; 2], [f64; 2]),
     /// A quarter of a circle with this centre and radius, from a cylinder inside to a plane.
     Fillet([f64; 2], f64),
@@ -40,7 +40,7 @@ impl Face {
         }
     }
 
-    /// A point of the section with its normal.
+    /// Returns a point of the section with its normal.
     fn point(self, random: &mut Random) -> ([f64; 2], [f64; 2]) {
         let u = random.unit();
         match self {
@@ -62,7 +62,7 @@ impl Face {
     }
 }
 
-/// Steps with shoulders, tapers, fillets or chamfers, a chamfer at each end, and a bore.
+/// Returns steps with shoulders, tapers, fillets or chamfers, a chamfer at each end, and a bore.
 fn shaft(random: &mut Random) -> Vec<Face> {
     let mut between = |lo: f64, hi: f64| lo + (hi - lo) * random.unit();
     let (mut h, mut r) = (0.0, between(5.0, 9.0));
@@ -112,7 +112,7 @@ fn shaft(random: &mut Random) -> Vec<Face> {
     faces
 }
 
-/// Points of faces with noise, and of which face each is.
+/// Returns points of faces with noise, and the face of each.
 fn scanned(faces: &[Face], noise: f64, random: &mut Random) -> (Vec<Point3>, Vec<usize>) {
     let all: f64 = faces.iter().map(|f| f.area()).sum();
     let (mut points, mut of) = (Vec::new(), Vec::new());
@@ -129,7 +129,7 @@ fn scanned(faces: &[Face], noise: f64, random: &mut Random) -> (Vec<Point3>, Vec
     (points, of)
 }
 
-/// How many faces there are, how many of them are found, and how many entities are no face.
+/// Returns the number of faces, of faces that are found, and of entities that are not a face.
 fn score(faces: &[Face], of: &[usize], found: &Recognition) -> [usize; 3] {
     let (mut all, mut is_face) = (0, vec![false; found.entities.len()]);
     for (k, face) in faces.iter().enumerate() {
@@ -154,7 +154,7 @@ fn score(faces: &[Face], of: &[usize], found: &Recognition) -> [usize; 3] {
     [all, hits, large.count().saturating_sub(hits)]
 }
 
-/// Shafts at a share of noise of their size.
+/// Scores shafts at a noise that is a share of their size.
 fn run(seeds: std::ops::Range<u64>, noise: f64) -> [usize; 3] {
     let mut sum = [0; 3];
     for seed in seeds {
