@@ -6,31 +6,31 @@
 //! point decides; and a closed surface on the surface of the model is all of it, component by
 //! component.
 
-use crate::build::Built;
-use crate::check::TOLERANCE;
+use crate::build::MeshedBrep;
 use crate::facets::{FacetOptions, Facets, facets};
 use crate::locus::Distance;
 use crate::newton::{gap, meet};
+use crate::tolerance::READER_TOLERANCE;
 use crate::whole::Boundary;
 use isoform_control::Control;
 use isoform_geom::{Point3, Solid, cross, distance_to_segment, middle, norm, sub};
 
 /// Maximum distance of an edge from its chords, in sizes of the model. Points of feature curves
 /// that are on both surfaces of an edge belong to it within twice this distance.
-const CHORD: f64 = 1e-4;
+const MAX_CHORD_HEIGHT: f64 = 1e-4;
 
 /// Returns true if all faces lie on exact surfaces, edges run along all feature curves (sampled by
 /// `curves`), and a point inside each face is on the surface of the model. False if that is not
 /// shown.
 #[must_use]
 pub fn stands_alone(
-    built: &Built,
+    built: &MeshedBrep,
     solid: &dyn Solid,
     curves: impl IntoIterator<Item = Point3>,
     control: &Control<'_>,
 ) -> bool {
     let options = FacetOptions {
-        chord: CHORD * built.size,
+        chord: MAX_CHORD_HEIGHT * built.size,
         longest: f64::INFINITY,
     };
     let made = built
@@ -39,25 +39,25 @@ pub fn stands_alone(
     let Some(facets) = made.flatten() else {
         return false;
     };
-    let alone = Alone {
+    let alone = StandaloneCheck {
         built,
         facets,
-        limit: 0.1 * TOLERANCE * built.size,
+        limit: 0.1 * READER_TOLERANCE * built.size,
     };
     curves.into_iter().all(|p| alone.is_on_edge(p)) && alone.are_faces_on(&Boundary(solid))
 }
 
-struct Alone<'a> {
-    built: &'a Built,
+struct StandaloneCheck<'a> {
+    built: &'a MeshedBrep,
     facets: Facets,
     /// Maximum distance of a point from a surface that it lies on, in model units.
     limit: f64,
 }
 
-impl Alone<'_> {
+impl StandaloneCheck<'_> {
     /// Returns true if an edge runs through the point.
     fn is_on_edge(&self, p: Point3) -> bool {
-        let reach = 2.0 * CHORD * self.built.size;
+        let reach = 2.0 * MAX_CHORD_HEIGHT * self.built.size;
         let is_near = |along: &[(f64, u32)]| {
             along.windows(2).any(|ends| {
                 let ends = [ends[0], ends[1]].map(|n| self.facets.points[n.1 as usize]);

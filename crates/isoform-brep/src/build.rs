@@ -1,18 +1,21 @@
 //! Construction of faces, edges and vertices from a labelled mesh and the surfaces of its parts.
 
-use crate::charts::Smooth;
-use crate::check::largest_kink;
-use crate::curves::{Wanted, curve};
-use crate::cut::{Cut, Labelled, crossing, cuts_of, imprint, outlines};
+use crate::charts::SmoothFace;
+use crate::curves::{CurveRequest, curve};
+use crate::cut::{Cut, LabelledMesh, crossing, cuts_of, imprint, outlines};
 use crate::fit::normal_of;
 use crate::locus::Locus;
 use crate::measure::of_loops;
-use crate::newton::gap;
-use crate::pieces::{Piece, Pieces};
+use crate::newton::{POINT_TOLERANCE, gap};
+use crate::piece::SmoothPiece;
+use crate::pieces::Pieces;
 use crate::place::place;
 use crate::seams::{largest_angle, seam};
 use crate::shells::solids;
-use crate::topology::{Chain, Side, Topology, across_sides, components, ends_of, sides_of};
+use crate::tolerance::largest_kink;
+use crate::topology::{
+    BorderChain, Topology, TriangleSide, across_sides, components, ends_of, sides_of,
+};
 use crate::vertices::{open_contacts, vertex};
 use crate::{BrepError, Control, collapse, reading, revolution};
 use isoform_geom::brep::{Brep, Coedge, Edge, Face, Graph, Surface};
@@ -20,32 +23,13 @@ use isoform_geom::{Aabb, Frame, Point3, UnionFind, cross, dot, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// Surfaces whose points are this near to one another, in sizes of the model, are one.
-const SAME: f64 = 1e-10;
-/// A node of the mesh this near to the apex of a cone, in sizes, is the apex.
-const APEX: f64 = 1e-6;
-/// A mesh cuts off no more than this of the tip of a cone, in lengths of its edges there.
-const TIP: f64 = 3.0;
-/// A vertex is this near to all of its surfaces, in sizes.
-const ON: f64 = 1e-9;
-/// Neighbours whose normals differ by no more than this all along a border join smoothly there
-/// (radians): their edge is no crossing of the two.
-const TOUCHING: f64 = 0.02;
-/// A part with less than this share of a surface that it shares with others does not name it:
-/// slivers beside a blend belong to the part that goes on.
-const NAMED: f64 = 0.1;
 /// Tolerance of splines, as a share of the requested one: edges and samples do not cover
 /// everything.
-const NEARER: f64 = 0.25;
-/// Surfaces that meet at a smaller angle (radians) and along no limit have no edge: one that is
-/// larger multiplies roundings by no more than a thousand.
-const GRAZING: f64 = 1e-3;
-/// Share of the largest kink that each spline may be turned by: two of them meet, between samples.
-const TURN: f64 = 0.4;
+const SPLINE_TOLERANCE_SHARE: f64 = 0.25;
 
 /// A boundary representation, and the triangles that represent its faces.
 #[derive(Clone, Debug)]
-pub struct Built {
+pub struct MeshedBrep {
     /// The solids.
     pub brep: Brep,
     /// Nodes of the triangles, on the faces' surfaces except for edges that were divided.
@@ -70,14 +54,14 @@ pub struct Built {
     pub contacts: Vec<(Point3, f64)>,
 }
 
-impl Built {
+impl MeshedBrep {
     /// Returns true if all faces lie on exact surfaces, none on an approximating spline.
     pub fn is_exact(&self) -> bool {
         self.brep.faces.iter().all(|f| !f.surface.is_near_only())
     }
 
     /// Returns the solids, given in coordinates of a frame, in space. The loci of edges are
-    /// dropped: a [`check`](crate::check()) must come before.
+    /// dropped: a `check` must come before.
     #[must_use]
     pub fn placed(self, frame: &Frame) -> Self {
         let out = |p: &Point3| frame.out(*p);
@@ -101,13 +85,18 @@ impl Built {
 /// # Errors
 /// Fails if the mesh is not closed, faces touch without an angle, no splines fit a smooth face, or
 /// the work is stopped.
-pub fn brep(pieces: Pieces, tolerance: f64, control: &Control<'_>) -> Result<Built, BrepError> {
+pub fn brep(
+    pieces: Pieces,
+    tolerance: f64,
+    control: &Control<'_>,
+) -> Result<MeshedBrep, BrepError> {
     control.begin("faces")?;
     let Pieces { mesh, list, names } = pieces;
-    let [x, y, z] = Aabb::of(&mesh.points).size();
+    let [x, y, z] = Aabb::from_points(&mesh.points).size();
     let size = x.max(y).max(z);
     let across = across_sides(&mesh.triangles)?;
-    let sheets = Sheets::new(&mesh, &list, &names, &across, SAME * size);
+    // Surfaces that differ by less than this are one.
+    let sheets = Sheets::new(&mesh, &list, &names, &across, 1e-10 * size);
     let mesh = sheets.labelled(mesh, &across);
     let mut builder = Builder {
         sheets: &sheets,
@@ -147,10 +136,10 @@ struct Sheets {
 impl Sheets {
     /// Merges adjacent pieces that lie on one surface within `same`.
     fn new(
-        mesh: &Labelled,
-        list: &[Piece],
+        mesh: &LabelledMesh,
+        list: &[SmoothPiece],
         parts: &[String],
-        across: &[[Side; 3]],
+        across: &[[TriangleSide; 3]],
         same: f64,
     ) -> Self {
         let mut meet = BTreeSet::new();
@@ -195,7 +184,9 @@ impl Sheets {
             for j in own {
                 made.of_piece[j] = sheet;
                 let name = parts[list[j].part as usize].as_str();
-                if area[j] >= NAMED * whole && !of.contains(&name) {
+                // A part with less than a tenth of a shared surface does not name it: slivers next
+                // to a blend belong to the part that continues.
+                if area[j] >= 0.1 * whole && !of.contains(&name) {
                     of.push(name);
                 }
             }
@@ -217,11 +208,11 @@ impl Sheets {
     }
 
     /// Returns the mesh, labelled by sheets and their components.
-    fn labelled(&self, mesh: Labelled, across: &[[Side; 3]]) -> Labelled {
+    fn labelled(&self, mesh: LabelledMesh, across: &[[TriangleSide; 3]]) -> LabelledMesh {
         let pieces = mesh.sheets.iter();
         let of: Vec<u32> = pieces.map(|p| self.of_piece[*p as usize]).collect();
         let (components, count) = components(across, |a, b| of[a as usize] == of[b as usize]);
-        Labelled {
+        LabelledMesh {
             charts: vec![0; of.len()],
             sheets: of,
             components,
@@ -233,10 +224,10 @@ impl Sheets {
 
 struct Builder<'a> {
     sheets: &'a Sheets,
-    pieces: &'a [Piece],
+    pieces: &'a [SmoothPiece],
     part_names: &'a [String],
-    mesh: Labelled,
-    across: Vec<[Side; 3]>,
+    mesh: LabelledMesh,
+    across: Vec<[TriangleSide; 3]>,
     /// Nodes at apexes of cones.
     apexes: BTreeSet<u32>,
     /// Smooth components that are surfaces of revolution.
@@ -300,9 +291,11 @@ impl Builder<'_> {
         for (apex, far, v, edge) in self.nearest_to_apexes().into_values() {
             let corners = self.mesh.triangles.iter().enumerate();
             let mut around = corners.filter(|(_, c)| c.contains(&v)).map(|c| c.0);
-            let near = APEX * self.size;
+            // A node within a millionth of the size of the apex is the apex.
+            let near = 1e-6 * self.size;
             let meets = |t: usize| self.surface_of(t).is_some_and(|s| gap([s], apex) <= near);
-            if far <= near || (far <= TIP * edge && around.all(meets)) {
+            // A mesh cuts off up to three of its edges from the tip of a cone.
+            if far <= near || (far <= 3.0 * edge && around.all(meets)) {
                 self.mesh.points[v as usize] = apex;
                 self.apexes.insert(v);
             }
@@ -374,11 +367,13 @@ impl Builder<'_> {
                         topology = self.topology();
                         continue;
                     }
-                    let smooth = Smooth {
+                    let smooth = SmoothFace {
                         component,
                         field,
-                        tolerance: NEARER * self.tolerance,
-                        turn: TURN * largest_kink(self.tolerance, self.size).to_radians(),
+                        tolerance: SPLINE_TOLERANCE_SHARE * self.tolerance,
+                        // Two splines meet in an edge, and their angles are sampled: each gets less
+                        // than half of the allowed kink.
+                        turn: 0.4 * largest_kink(self.tolerance, self.size).to_radians(),
                     };
                     let made = smooth.charts(&mut self.mesh, &mut self.across, control)?;
                     let made = made.ok_or_else(|| BrepError::NoSpline {
@@ -405,11 +400,11 @@ impl Builder<'_> {
             }
             _ => None,
         });
-        let piece = revolution::Piece {
+        let piece = revolution::ProfileInput {
             locus,
             triangles: &triangles,
             axes: &axes.collect::<Vec<_>>(),
-            tolerance: NEARER * self.tolerance,
+            tolerance: SPLINE_TOLERANCE_SHARE * self.tolerance,
             size: self.size,
         };
         piece.revolved()
@@ -475,7 +470,7 @@ impl Builder<'_> {
         met.chain(self.apexes.iter().copied()).collect()
     }
 
-    fn build(&self, control: &Control<'_>) -> Result<Built, BrepError> {
+    fn build(&self, control: &Control<'_>) -> Result<MeshedBrep, BrepError> {
         let topology = self.topology();
         let mut meeting: Vec<[Locus; 2]> = topology
             .chains
@@ -518,7 +513,7 @@ impl Builder<'_> {
             &self.across,
             &topology.face_of,
         )?;
-        Ok(Built {
+        Ok(MeshedBrep {
             brep,
             points: mesh.points.clone(),
             triangles: mesh.triangles.clone(),
@@ -534,7 +529,7 @@ impl Builder<'_> {
 
     /// Returns the loci that intersect in a chain: those of two sheets, or of one and a cut, or of
     /// one and the limit along which it joins the other smoothly.
-    fn meeting(&self, chain: &Chain) -> Result<[Locus; 2], BrepError> {
+    fn meeting(&self, chain: &BorderChain) -> Result<[Locus; 2], BrepError> {
         let [t, other] = self.beside(chain);
         let sheets = self.sheets_beside(chain);
         let [a, b] = &self.loci(chain);
@@ -552,36 +547,40 @@ impl Builder<'_> {
             &points[..]
         };
         let angle = largest_angle([a, b], inner);
-        if angle > TOUCHING {
+        // Neighbours whose normals differ by at most 0.02 (radians) all along a border join
+        // smoothly there: their edge is not their intersection.
+        if angle > 0.02 {
             return Ok([a.clone(), b.clone()]);
         }
         let pieces = sheets.map(|s| &self.pieces[self.sheets.pieces[s] as usize]);
         let on = if b.surface().is_some() { b } else { a };
+        // Surfaces that meet at an angle below 1e-3 (radians) and along no limit have no edge: at a
+        // larger one roundings grow at most a thousandfold.
         seam(pieces, [a, b], &points)
             .map(|limit| [on.clone(), limit])
-            .or_else(|| (angle > GRAZING).then(|| [a.clone(), b.clone()]))
+            .or_else(|| (angle > 1e-3).then(|| [a.clone(), b.clone()]))
             .ok_or_else(|| self.no_curve(sheets, chain))
     }
 
     /// Returns the triangles on both sides of the first edge of a chain.
-    fn beside(&self, chain: &Chain) -> [u32; 2] {
+    fn beside(&self, chain: &BorderChain) -> [u32; 2] {
         let (t, k) = chain.sides[0];
         [t, self.across[t as usize][k as usize].0]
     }
 
     /// Returns the sheets on both sides of a chain.
-    fn sheets_beside(&self, chain: &Chain) -> [usize; 2] {
+    fn sheets_beside(&self, chain: &BorderChain) -> [usize; 2] {
         self.beside(chain)
             .map(|t| self.mesh.sheets[t as usize] as usize)
     }
 
     /// Returns the loci of the sheets on both sides of a chain.
-    fn loci(&self, chain: &Chain) -> [Locus; 2] {
+    fn loci(&self, chain: &BorderChain) -> [Locus; 2] {
         self.sheets_beside(chain)
             .map(|s| self.sheets.loci[s].clone())
     }
 
-    fn no_curve(&self, sheets: [usize; 2], chain: &Chain) -> BrepError {
+    fn no_curve(&self, sheets: [usize; 2], chain: &BorderChain) -> BrepError {
         BrepError::NoCurve {
             parts: sheets.map(|s| self.name(s).to_owned()),
             at: self.mesh.points[chain.nodes[chain.nodes.len() / 2] as usize],
@@ -593,7 +592,7 @@ impl Builder<'_> {
         &self,
         topology: &Topology,
         meeting: &[[Locus; 2]],
-    ) -> Result<Vertices, BrepError> {
+    ) -> Result<VertexTable, BrepError> {
         let mut around: BTreeMap<u32, Vec<Locus>> = BTreeMap::new();
         for (chain, surfaces) in topology.chains.iter().zip(meeting) {
             for v in [chain.nodes[0], chain.nodes[chain.nodes.len() - 1]] {
@@ -605,7 +604,7 @@ impl Builder<'_> {
                 }
             }
         }
-        let mut placed = Vertices::default();
+        let mut placed = VertexTable::default();
         for (v, surfaces) in around {
             let at = self.mesh.points[v as usize];
             let (p, is_contact) = if self.apexes.contains(&v) {
@@ -617,7 +616,8 @@ impl Builder<'_> {
             // A function has no gradient at a tip; its surface was tested instead.
             let is_off = |s: &Locus| {
                 let by = gap([s], p);
-                by > ON * self.size && !(self.apexes.contains(&v) && s.surface().is_none())
+                by > POINT_TOLERANCE * self.size
+                    && !(self.apexes.contains(&v) && s.surface().is_none())
             };
             if surfaces.iter().any(is_off) || norm(sub(p, at)) > reach {
                 return Err(BrepError::NoVertex { at });
@@ -632,7 +632,7 @@ impl Builder<'_> {
 
     fn edge(
         &self,
-        chain: &Chain,
+        chain: &BorderChain,
         surfaces: &[Locus; 2],
         number: &BTreeMap<u32, u32>,
         vertices: &[Point3],
@@ -643,7 +643,7 @@ impl Builder<'_> {
             .iter()
             .map(|v| self.mesh.points[*v as usize])
             .collect();
-        let wanted = Wanted {
+        let wanted = CurveRequest {
             surfaces: [&surfaces[0], &surfaces[1]],
             ends: ends.map(|v| vertices[v as usize]),
             between: &between,
@@ -712,7 +712,7 @@ impl Builder<'_> {
 
 /// The vertices.
 #[derive(Default)]
-struct Vertices {
+struct VertexTable {
     vertices: Vec<Point3>,
     /// Index of the vertex of each node of the mesh.
     number: BTreeMap<u32, u32>,

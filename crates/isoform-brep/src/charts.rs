@@ -5,32 +5,25 @@
 //! that it stays away from vertices. A piece whose normals lie within a cone is a graph; if no
 //! spline is near enough it is cut once more.
 
-use crate::cut::{Cut, Labelled, crossing, imprint};
-use crate::fit::{Region, cone, normal_of};
+use crate::cut::{Cut, LabelledMesh, crossing, imprint};
+use crate::fit::{HeightRegion, cone, normal_of};
 use crate::locus::{Distance, Locus};
-use crate::topology::{Side, across_sides, ends_of, sides_of};
+use crate::topology::{TriangleSide, across_sides, ends_of, sides_of};
 use crate::{BrepError, Control};
 use isoform_geom::brep::{Axes, Graph, Surface};
-use isoform_geom::{Aabb, Field, Point3, across, cross, dot, middle, norm, sub};
+use isoform_geom::{Aabb, Field, Point3, cross, dot, middle, norm, orthonormal_complement, sub};
 use isoform_num::linalg::symmetric_eigen;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// Minimum cosine between the normals of a chart and its direction, 50°: a larger one makes more
 /// charts, a smaller one steep graphs, whose splines need more spans.
-const CONE: f64 = 0.64;
-/// Cuts of a component at most: as many as `Labelled::charts` has bits.
-const MOST_CUTS: u32 = 127;
-/// Shares of a piece's extent at which planes are tried.
-const OFFSETS: [f64; 7] = [0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74];
+const MIN_NORMAL_COSINE: f64 = 0.64;
 /// Number of directions that are tried in addition to the axes of the piece and of space.
-const SPREAD: usize = 12;
-/// What is wanted of a cut: the sine between plane and surface, the slope at which borders are
-/// crossed, and the distance of vertices in sizes of the piece.
-const WANTED: [f64; 3] = [0.5, 0.4, 0.04];
+const EXTRA_DIRECTIONS: usize = 12;
 
 /// A smooth face without a known surface.
-pub(crate) struct Smooth<'a> {
+pub(crate) struct SmoothFace<'a> {
     /// Component of the face.
     pub(crate) component: u32,
     /// Function whose zero set it lies on.
@@ -41,7 +34,7 @@ pub(crate) struct Smooth<'a> {
     pub(crate) turn: f64,
 }
 
-impl Smooth<'_> {
+impl SmoothFace<'_> {
     /// Cuts the component into charts and finds their splines, each with a triangle of its chart
     /// that later cuts keep there. `None` if it has too many charts, or one without a spline.
     ///
@@ -49,8 +42,8 @@ impl Smooth<'_> {
     /// Fails if the mesh is not closed, or the work is stopped.
     pub(crate) fn charts(
         &self,
-        mesh: &mut Labelled,
-        across: &mut Vec<[Side; 3]>,
+        mesh: &mut LabelledMesh,
+        across: &mut Vec<[TriangleSide; 3]>,
         control: &Control<'_>,
     ) -> Result<Option<Vec<(u32, Graph)>>, BrepError> {
         let first = mesh.components.iter().position(|c| *c == self.component);
@@ -65,11 +58,12 @@ impl Smooth<'_> {
                 continue;
             }
             let bit = mesh.cuts[self.component as usize].len() as u32;
-            if bit >= MOST_CUTS {
+            // `LabelledMesh::charts` has 128 bits.
+            if bit >= 127 {
                 return Ok(None);
             }
             let junctions = junctions(mesh);
-            let Some(plane) = Chooser::new(mesh, across, &own, &junctions).best() else {
+            let Some(plane) = PlaneChooser::new(mesh, across, &own, &junctions).best() else {
                 return Ok(None);
             };
             let plane = Locus::Exact(plane);
@@ -95,7 +89,7 @@ impl Smooth<'_> {
 
     /// Returns the spline of a piece; `None` if its normals do not lie within a cone, or no spline
     /// fits.
-    fn graph(&self, mesh: &Labelled, own: &[u32]) -> Option<Graph> {
+    fn graph(&self, mesh: &LabelledMesh, own: &[u32]) -> Option<Graph> {
         let mut seen = BTreeSet::new();
         let corners = own.iter().flat_map(|t| mesh.triangles[*t as usize]);
         let nodes = corners.filter(|v| seen.insert(*v));
@@ -105,16 +99,16 @@ impl Smooth<'_> {
             .filter(|n| n.iter().all(|v| v.is_finite()))
             .collect();
         // Two directions of a cone differ by at most its aperture.
-        let apart = 2.0 * CONE * CONE - 1.0;
+        let apart = 2.0 * MIN_NORMAL_COSINE * MIN_NORMAL_COSINE - 1.0;
         let first = *normals.first()?;
         if normals.iter().any(|n| dot(*n, first) < apart) {
             return None;
         }
         let (direction, cosine) = cone(&normals);
-        if cosine < CONE {
+        if cosine < MIN_NORMAL_COSINE {
             return None;
         }
-        let region = Region {
+        let region = HeightRegion {
             field: self.field.as_ref(),
             triangles: own.iter().map(|t| mesh.corners(*t)).collect(),
             direction,
@@ -124,7 +118,7 @@ impl Smooth<'_> {
 }
 
 /// Returns the piece around a triangle: neighbours of one component and chart.
-fn connected(mesh: &Labelled, across: &[[Side; 3]], seed: u32) -> Vec<u32> {
+fn connected(mesh: &LabelledMesh, across: &[[TriangleSide; 3]], seed: u32) -> Vec<u32> {
     let label = |t: u32| (mesh.components[t as usize], mesh.charts[t as usize]);
     let (mut own, mut seen) = (vec![seed], BTreeSet::from([seed]));
     let mut at = 0;
@@ -140,7 +134,11 @@ fn connected(mesh: &Labelled, across: &[[Side; 3]], seed: u32) -> Vec<u32> {
 }
 
 /// Returns a triangle of each piece that some triangles belong to.
-fn seeds(mesh: &Labelled, across: &[[Side; 3]], triangles: impl Iterator<Item = u32>) -> Vec<u32> {
+fn seeds(
+    mesh: &LabelledMesh,
+    across: &[[TriangleSide; 3]],
+    triangles: impl Iterator<Item = u32>,
+) -> Vec<u32> {
     let (mut found, mut seen) = (Vec::new(), BTreeSet::new());
     for t in triangles {
         if !seen.contains(&t) {
@@ -152,7 +150,7 @@ fn seeds(mesh: &Labelled, across: &[[Side; 3]], triangles: impl Iterator<Item = 
 }
 
 /// Returns the nodes in which at least three faces meet.
-fn junctions(mesh: &Labelled) -> BTreeSet<u32> {
+fn junctions(mesh: &LabelledMesh) -> BTreeSet<u32> {
     let mut labels: BTreeMap<u32, Vec<(u32, u128)>> = BTreeMap::new();
     for (t, corners) in mesh.triangles.iter().enumerate() {
         let label = (mesh.components[t], mesh.charts[t]);
@@ -168,8 +166,8 @@ fn junctions(mesh: &Labelled) -> BTreeSet<u32> {
 }
 
 /// Chooses the plane that cuts a piece.
-struct Chooser<'a> {
-    mesh: &'a Labelled,
+struct PlaneChooser<'a> {
+    mesh: &'a LabelledMesh,
     own: &'a [u32],
     /// Middles and area vectors of the triangles.
     middles: Vec<Point3>,
@@ -180,11 +178,11 @@ struct Chooser<'a> {
     size: f64,
 }
 
-impl<'a> Chooser<'a> {
+impl<'a> PlaneChooser<'a> {
     /// Creates a chooser for the triangles `own`; `junctions` are those of the whole mesh.
     fn new(
-        mesh: &'a Labelled,
-        across: &[[Side; 3]],
+        mesh: &'a LabelledMesh,
+        across: &[[TriangleSide; 3]],
         own: &'a [u32],
         junctions: &BTreeSet<u32>,
     ) -> Self {
@@ -201,7 +199,7 @@ impl<'a> Chooser<'a> {
         }
         let corners = |t: &u32| mesh.corners(*t);
         let nodes = sides_of(&mesh.triangles, own);
-        let size = Aabb::of(nodes.iter().map(|s| &mesh.points[s[0] as usize])).diagonal();
+        let size = Aabb::from_points(nodes.iter().map(|s| &mesh.points[s[0] as usize])).diagonal();
         Self {
             mesh,
             own,
@@ -224,7 +222,8 @@ impl<'a> Chooser<'a> {
             let heights: Vec<f64> = self.middles.iter().map(|p| dot(*p, direction)).collect();
             let lo = heights.iter().copied().fold(f64::INFINITY, f64::min);
             let hi = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            for share in OFFSETS {
+            // Shares of the piece's extent at which planes are tried, the middle first.
+            for share in [0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74] {
                 let offset = lo + share * (hi - lo);
                 let least = best.as_ref().map_or(f64::NEG_INFINITY, |b| b.0);
                 let score = self.score(direction, offset, &heights, least);
@@ -253,10 +252,10 @@ impl<'a> Chooser<'a> {
             let (_, vectors) = symmetric_eigen(&spread, 3);
             all.extend((0..3).map(|k| std::array::from_fn(|i| vectors[3 * k + i])));
         }
-        all.extend((0..SPREAD).map(|k| {
-            let z = 1.0 - (k as f64 + 0.5) / SPREAD as f64;
+        all.extend((0..EXTRA_DIRECTIONS).map(|k| {
+            let z = 1.0 - (k as f64 + 0.5) / EXTRA_DIRECTIONS as f64;
             let (sin, cos) = (2.399_963_229_728_653 * k as f64).sin_cos();
-            let [x, y] = across([0.0, 0.0, 1.0]);
+            let [x, y] = orthonormal_complement([0.0, 0.0, 1.0]);
             let r = (1.0 - z * z).sqrt();
             std::array::from_fn(|i| r * (cos * x[i] + sin * y[i]) + if i == 2 { z } else { 0.0 })
         }));
@@ -264,8 +263,8 @@ impl<'a> Chooser<'a> {
         all
     }
 
-    /// Returns the score of a plane, the larger, the better; `None` if all is on one side, or if the
-    /// score is at most `least` whichever triangles the plane crosses.
+    /// Returns the score of a plane, higher for better ones; `None` if all is on one side, or if
+    /// the score is at most `least` whichever triangles the plane crosses.
     fn score(&self, direction: Point3, offset: f64, heights: &[f64], least: f64) -> Option<f64> {
         let mut sums = [(0.0, [0.0; 3]); 2];
         for (h, n) in heights.iter().zip(&self.normals) {
@@ -276,7 +275,7 @@ impl<'a> Chooser<'a> {
         if sums.iter().any(|s| s.0 == 0.0) {
             return None;
         }
-        // The share of area vectors that cancels because of their spread, before and after.
+        // Share of the area vectors that cancels because of their spread, before and after.
         let whole: Point3 = std::array::from_fn(|k| sums[0].1[k] + sums[1].1[k]);
         let area = sums[0].0 + sums[1].0;
         let before = 1.0 - norm(whole) / area;
@@ -289,7 +288,8 @@ impl<'a> Chooser<'a> {
             return None;
         }
         let [angle, slope, away] = self.quality(direction, offset);
-        let [a, b, c] = WANTED;
+        // Above a sine of 0.5, a slope of 0.4 and a distance of 0.04 a cut is safe.
+        let [a, b, c] = [0.5, 0.4, 0.04];
         Some(total(of(angle, a).min(of(slope, b)).min(of(away, c))))
     }
 

@@ -2,12 +2,13 @@
 //!
 //! Counts are exact; distances, angles and areas are taken at samples.
 
-use crate::build::Built;
+use crate::build::MeshedBrep;
 use crate::locus::{Distance, Locus};
 use crate::measure::{Measure, of_face, total};
-use crate::newton::meet;
+use crate::newton::{POINT_TOLERANCE, meet};
 use crate::reading::deviations;
 use crate::shells::volume;
+use crate::tolerance::{READER_TOLERANCE, largest_kink, worse};
 use crate::topology::ends_of;
 use crate::whole::Boundary;
 use isoform_geom::brep::{Brep, Ellipsoid, Surface};
@@ -16,30 +17,9 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 /// Number of samples of a piece of an edge.
-const SAMPLES: usize = 8;
-/// Distance within which readers merge points, in sizes of the model; gaps and distances stay ten
-/// times below.
-pub(crate) const TOLERANCE: f64 = 1e-7;
+const SAMPLES_PER_PIECE: usize = 8;
 /// Minimum length of an edge, and of the root of the area of a face, in reader tolerances.
-const SHORTEST: f64 = 10.0;
-/// Faces that meet at less than this are smooth there (degrees), and may differ by no more than the
-/// second number; by up to the third where a tolerance above 1e-6 of the size is asked for.
-const SMOOTH: [f64; 3] = [5.0, 0.01, 0.1];
-/// The volume agrees with the limit of the meshes within the first share of it, and the second of
-/// what halving the triangles changed: what their extrapolation is worth, and some more where nodes
-/// beside seams are off their surface.
-const VOLUME: [f64; 2] = [1e-4, 0.1];
-/// The area of a face agrees with that of its triangles within this share of it, and this share of
-/// the square of the size: chords of a small face may be long.
-const AREA: [f64; 2] = [0.15, 1e-4];
-/// How far beside the nodes of a face it may go on, in sizes of the model: chords of its borders
-/// miss it by less.
-const BESIDE: f64 = 0.02;
-/// Witnesses this near to the surface of the model, in sizes of it, are on it: they were brought
-/// there to rounding, and readers take points a hundred times as far apart for one.
-const ON_MODEL: f64 = 1e-9;
-/// Places at which a face is compared with its function, at most.
-const PLACES: usize = 200;
+const MIN_LENGTH_IN_TOLERANCES: f64 = 10.0;
 
 /// A defect, or a question left open.
 #[derive(Clone, Debug, PartialEq)]
@@ -265,32 +245,27 @@ impl Finding {
     }
 }
 
-/// Returns the larger of two figures; infinity if the second is NaN.
-pub(crate) fn worse(a: f64, b: f64) -> f64 {
-    if b.is_nan() { f64::INFINITY } else { a.max(b) }
-}
-
 /// Checks a boundary representation. Edges and faces on splines may be `tolerance` away from one
 /// another and from the model, in model units; exact ones by a tenth of the readers' tolerance, and
 /// no more than `tolerance`. `witnesses` are points of the model's surface that have to be on
 /// faces, `open` is what the certificate of the mesh leaves open.
 pub fn check(
-    built: &Built,
+    built: &MeshedBrep,
     solid: &dyn Solid,
     tolerance: f64,
     witnesses: &[Point3],
     open: Vec<String>,
 ) -> Certificate {
-    let Built { brep, size, .. } = built;
+    let MeshedBrep { brep, size, .. } = built;
     let mut made = Certificate {
-        center: Aabb::of(&brep.vertices).center(),
+        center: Aabb::from_points(&brep.vertices).center(),
         is_read_alike: true,
         failures: open.into_iter().map(Finding::Mesh).collect(),
         ..Certificate::default()
     };
     examine_topology(built, &mut made);
     examine_domains(brep, &mut made);
-    let limit = (0.1 * TOLERANCE * size).min(tolerance);
+    let limit = (0.1 * READER_TOLERANCE * size).min(tolerance);
     examine_edges(built, [limit, tolerance], &mut made);
     made.distances = (0..brep.faces.len())
         .map(|f| distance_of_face(built, solid, f))
@@ -302,7 +277,7 @@ pub fn check(
     examine_places(built, solid, tolerance, &mut made);
     let moved: Vec<Point3> = witnesses
         .iter()
-        .map(|p| on_model(solid, *p, ON_MODEL * size))
+        .map(|p| on_model(solid, *p, POINT_TOLERANCE * size))
         .collect();
     examine_witnesses(built, &moved, [limit, tolerance], &mut made);
     for (f, &by) in made.distances.iter().enumerate() {
@@ -316,7 +291,7 @@ pub fn check(
 }
 
 /// Checks the uses of edges, and Euler numbers.
-fn examine_topology(built: &Built, made: &mut Certificate) {
+fn examine_topology(built: &MeshedBrep, made: &mut Certificate) {
     let brep = &built.brep;
     let mut uses = vec![[0usize; 2]; brep.edges.len()];
     let faces = brep.faces.iter();
@@ -366,7 +341,7 @@ fn examine_domains(brep: &Brep, made: &mut Certificate) {
             }
             Surface::Ellipsoid(ball) => {
                 let at = ball.in_chart(p);
-                at.iter().all(|v| v.abs() < Ellipsoid::REACH)
+                at.iter().all(|v| v.abs() < Ellipsoid::CHART_HALF_WIDTH)
             }
             _ => true,
         };
@@ -397,7 +372,7 @@ fn euler(triangles: &[[u32; 3]]) -> i64 {
 }
 
 /// Returns the Euler number of the interior of a face: −(inner edges) + triangles + inner nodes.
-/// That of a disc is 1, and each further border reduces it by one, also if borders meet in a node.
+/// A disc has 1, and each further border reduces the number by one, also if borders meet in a node.
 fn open_euler(triangles: &[[u32; 3]]) -> i64 {
     let mut count: BTreeMap<[u32; 2], usize> = BTreeMap::new();
     for corners in triangles {
@@ -422,9 +397,9 @@ fn open_euler(triangles: &[[u32; 3]]) -> i64 {
 }
 
 /// Checks gaps, lengths and angles along edges; the limits are those of exact edges, and of others.
-fn examine_edges(built: &Built, limits: [f64; 2], made: &mut Certificate) {
+fn examine_edges(built: &MeshedBrep, limits: [f64; 2], made: &mut Certificate) {
     let (brep, size) = (&built.brep, built.size);
-    let mut sides: Vec<Vec<Side<'_>>> = vec![Vec::new(); brep.edges.len()];
+    let mut sides: Vec<Vec<EdgeSide<'_>>> = vec![Vec::new(); brep.edges.len()];
     for face in &brep.faces {
         for coedge in face.loops.iter().flatten() {
             let sense = if face.agrees { 1.0 } else { -1.0 };
@@ -440,7 +415,7 @@ fn examine_edges(built: &Built, limits: [f64; 2], made: &mut Certificate) {
             made.exact_gap = made.exact_gap.max(found.gap);
         }
         made.shortest_edge = made.shortest_edge.min(found.length);
-        if found.length < SHORTEST * TOLERANCE * size {
+        if found.length < MIN_LENGTH_IN_TOLERANCES * READER_TOLERANCE * size {
             let (length, at) = (found.length, brep.ends(e as u32)[0]);
             made.failures.push(Finding::ShortEdge { length, at });
         }
@@ -456,23 +431,16 @@ fn examine_edges(built: &Built, limits: [f64; 2], made: &mut Certificate) {
     let seen = deviations(brep).into_iter().enumerate();
     // Edges may lie off their surfaces by a gap, which is checked separately.
     if let Some((e, by)) = seen.max_by(|a, b| a.1.total_cmp(&b.1)) {
-        made.is_read_alike = by <= TOLERANCE * size;
-        if by > TOLERANCE * size + limits[1] {
+        made.is_read_alike = by <= READER_TOLERANCE * size;
+        if by > READER_TOLERANCE * size + limits[1] {
             let at = brep.ends(e as u32)[0];
             made.failures.push(Finding::Reading { by, at });
         }
     }
 }
 
-/// Returns the maximum angle along smooth edges (degrees) if splines may be `tolerance` away from a
-/// model of this size.
-pub(crate) fn largest_kink(tolerance: f64, size: f64) -> f64 {
-    let kink = SMOOTH[1] * (tolerance / (1e-6 * size)).max(1.0);
-    kink.min(SMOOTH[2])
-}
-
 /// The surface of a face at an edge, and the sign of its own normal against the outward one.
-type Side<'a> = (&'a Surface, f64);
+type EdgeSide<'a> = (&'a Surface, f64);
 
 /// Measurements along an edge: the largest gap, the length, and the largest angle of a smooth edge
 /// (degrees).
@@ -483,7 +451,7 @@ struct AlongEdge {
     angle: f64,
 }
 
-fn examine_edge(built: &Built, e: u32, sides: &[Side<'_>]) -> AlongEdge {
+fn examine_edge(built: &MeshedBrep, e: u32, sides: &[EdgeSide<'_>]) -> AlongEdge {
     let brep = &built.brep;
     let mut found = AlongEdge::default();
     let mut last: Option<Point3> = None;
@@ -501,7 +469,8 @@ fn examine_edge(built: &Built, e: u32, sides: &[Side<'_>]) -> AlongEdge {
             let n = [a, b].map(|s| s.distance(p).1);
             let cos = sense_a * sense_b * dot(n[0], n[1]);
             let angle = norm(cross(n[0], n[1])).atan2(cos).to_degrees();
-            if angle < SMOOTH[0] {
+            // Faces that meet at less than five degrees are meant to be smooth.
+            if angle < 5.0 {
                 // An edge of the model itself, at a small angle, is not a kink.
                 let own = angle_between(&built.beside[e as usize], p);
                 found.angle = found.angle.max((angle - own).abs());
@@ -524,7 +493,7 @@ fn angle_between(loci: &[Locus; 2], p: Point3) -> f64 {
 fn samples(breaks: &[f64]) -> Vec<f64> {
     let within = |w: &[f64]| {
         let (a, b) = (w[0], w[1]);
-        (0..SAMPLES).map(move |k| a + (b - a) * k as f64 / SAMPLES as f64)
+        (0..SAMPLES_PER_PIECE).map(move |k| a + (b - a) * k as f64 / SAMPLES_PER_PIECE as f64)
     };
     let inner = breaks.windows(2).flat_map(within);
     inner.chain(breaks.last().copied()).collect()
@@ -532,13 +501,14 @@ fn samples(breaks: &[f64]) -> Vec<f64> {
 
 /// Returns the largest distance of a face from the function of its part: |F| / |∇F| at points of
 /// the surface near the middles of its triangles.
-fn distance_of_face(built: &Built, solid: &dyn Solid, face: usize) -> f64 {
-    let Built { brep, .. } = built;
+fn distance_of_face(built: &MeshedBrep, solid: &dyn Solid, face: usize) -> f64 {
+    let MeshedBrep { brep, .. } = built;
     let surface = &brep.faces[face].surface;
     let own: Vec<usize> = (0..built.triangles.len())
         .filter(|t| built.face_of[*t] as usize == face)
         .collect();
-    let every = own.len().div_ceil(PLACES).max(1);
+    // About 200 triangles of a face are compared.
+    let every = own.len().div_ceil(200).max(1);
     let mut worst = 0.0f64;
     for t in own.into_iter().step_by(every) {
         let name = &built.part_names[built.part_of[t] as usize];
@@ -555,7 +525,7 @@ fn distance_of_face(built: &Built, solid: &dyn Solid, face: usize) -> f64 {
 
 /// Checks that edges and vertices are on the surface of the model, not only on the pieces that meet
 /// there.
-fn examine_places(built: &Built, solid: &dyn Solid, tolerance: f64, made: &mut Certificate) {
+fn examine_places(built: &MeshedBrep, solid: &dyn Solid, tolerance: f64, made: &mut Certificate) {
     let brep = &built.brep;
     let along = (0..brep.edges.len() as u32).flat_map(|e| {
         let places = samples(&brep.breaks(e)).into_iter();
@@ -585,12 +555,12 @@ fn on_model(solid: &dyn Solid, witness: Point3, near: f64) -> Point3 {
 /// Checks that points of the model's surface are on faces; the limits are those of exact faces, and
 /// of splines.
 fn examine_witnesses(
-    built: &Built,
+    built: &MeshedBrep,
     witnesses: &[Point3],
     limits: [f64; 2],
     made: &mut Certificate,
 ) {
-    let mut boxes = vec![Aabb::of([]); built.brep.faces.len()];
+    let mut boxes = vec![Aabb::from_points([]); built.brep.faces.len()];
     for (corners, f) in built.triangles.iter().zip(&built.face_of) {
         for v in corners {
             boxes[*f as usize].add(built.points[*v as usize]);
@@ -600,7 +570,8 @@ fn examine_witnesses(
         .into_iter()
         .zip(built.brep.faces.iter().map(|f| &f.surface))
         .collect();
-    let reach = BESIDE * built.size;
+    // A face may extend beyond its nodes by less than this: what the chords of its borders cut off.
+    let reach = 0.02 * built.size;
     // The distance of the nearest face, and true if it is too large.
     let next = |p: Point3| {
         let near = faces.iter().filter(|(own, _)| {
@@ -622,8 +593,8 @@ fn examine_witnesses(
 }
 
 /// Compares areas and the volume with those of the mesh.
-fn examine_measures(built: &Built, made: &mut Certificate) {
-    let Built {
+fn examine_measures(built: &MeshedBrep, made: &mut Certificate) {
+    let MeshedBrep {
         brep,
         points,
         triangles,
@@ -641,19 +612,22 @@ fn examine_measures(built: &Built, made: &mut Certificate) {
         let found = made.faces[f].area;
         let face = brep.face_name(f);
         made.smallest_face = made.smallest_face.min(found);
-        let allowed = AREA[0] * mesh + AREA[1] * size * size;
+        // Chords of a small face may be long.
+        let allowed = 0.15 * mesh + 1e-4 * size * size;
         if found.is_nan() || (found - mesh).abs() > allowed {
             let face = face.clone();
             made.failures.push(Finding::Area { face, found, mesh });
         }
-        if found < (SHORTEST * TOLERANCE * size).powi(2) {
+        if found < (MIN_LENGTH_IN_TOLERANCES * READER_TOLERANCE * size).powi(2) {
             made.failures.push(Finding::SmallFace { face, area: found });
         }
     }
     let (limit, change) = limit_of_volume(built);
     made.mesh_limit = limit;
     let found = made.total.volume;
-    let allowed = VOLUME[0] * limit.abs() + VOLUME[1] * change;
+    // A tenth of the change is the accuracy of the extrapolation; nodes next to seams may be off
+    // their surfaces, which takes a little more.
+    let allowed = 1e-4 * limit.abs() + 0.1 * change;
     if found.is_nan() || (found - made.mesh_limit).abs() > allowed {
         let limit = made.mesh_limit;
         made.failures.push(Finding::Volume { found, limit });
@@ -663,7 +637,7 @@ fn examine_measures(built: &Built, made: &mut Certificate) {
 /// Returns the limit of the volumes of finer meshes, by Richardson extrapolation from the mesh and
 /// the one with nodes added on the surfaces at the middles of its edges, and the difference of
 /// these two volumes.
-fn limit_of_volume(built: &Built) -> (f64, f64) {
+fn limit_of_volume(built: &MeshedBrep) -> (f64, f64) {
     let (brep, faces) = (&built.brep, &built.face_of);
     let surface = |t: usize| &brep.faces[faces[t] as usize].surface;
     let mut sides: BTreeMap<[u32; 2], Vec<usize>> = BTreeMap::new();

@@ -4,28 +4,23 @@
 //! the point of contact. A mesh does not resolve them: boss and side have a short common border
 //! there, both ends of which represent the point of contact. The border is contracted.
 
-use crate::cut::{Labelled, replace};
+use crate::cut::{LabelledMesh, replace};
 use crate::locus::{Distance, Locus};
-use crate::newton::meet;
-use crate::topology::{Chain, Side, ends_of};
+use crate::newton::{POINT_TOLERANCE, meet};
+use crate::topology::{BorderChain, TriangleSide, ends_of};
 use crate::vertices::vertex;
 use isoform_geom::{Point3, cross, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Ends of a border this near to one another, in sizes of the model, are one point.
-const SAME: f64 = 1e-9;
-/// Sine of the angle below which two surfaces touch in a point.
-const TOUCHING: f64 = 1e-6;
-
 /// A border that represents a point.
-pub(crate) struct Collapsed {
+pub(crate) struct PointBorder {
     nodes: Vec<u32>,
     at: Point3,
 }
 
-impl Collapsed {
+impl PointBorder {
     /// Returns the point, and the largest distance of the nodes of the border from it.
-    pub(crate) fn extent(&self, mesh: &Labelled) -> (Point3, f64) {
+    pub(crate) fn extent(&self, mesh: &LabelledMesh) -> (Point3, f64) {
         let nodes = self.nodes.iter().map(|v| mesh.points[*v as usize]);
         let reach = nodes.map(|p| norm(sub(p, self.at))).fold(0.0, f64::max);
         (self.at, reach)
@@ -34,12 +29,12 @@ impl Collapsed {
 
 /// Finds a chain that represents a point; `loci` are those of the sheets.
 pub(crate) fn find(
-    mesh: &Labelled,
-    across: &[[Side; 3]],
-    chains: &[Chain],
+    mesh: &LabelledMesh,
+    across: &[[TriangleSide; 3]],
+    chains: &[BorderChain],
     loci: &[Locus],
     size: f64,
-) -> Option<Collapsed> {
+) -> Option<PointBorder> {
     let mut around: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
     for chain in chains {
         for v in [chain.nodes[0], chain.nodes[chain.nodes.len() - 1]] {
@@ -71,18 +66,19 @@ pub(crate) fn find(
         };
         let [at, other] = [contact(ends[0])?, contact(ends[1])?];
         let sine = norm(cross(a.distance(at).1, b.distance(at).1));
-        let is_point = norm(sub(at, other)) <= SAME * size && sine <= TOUCHING;
+        // Surfaces at a sine below 1e-6 touch in the point.
+        let is_point = norm(sub(at, other)) <= POINT_TOLERANCE * size && sine <= 1e-6;
         let nodes = chain.nodes.clone();
-        is_point.then_some(Collapsed { nodes, at })
+        is_point.then_some(PointBorder { nodes, at })
     })
 }
 
 /// Contracts the border to a node. The edges that lead to it are divided first, so that no two of
 /// them become one.
 pub(crate) fn contract(
-    mesh: &mut Labelled,
-    across: &[[Side; 3]],
-    border: &Collapsed,
+    mesh: &mut LabelledMesh,
+    across: &[[TriangleSide; 3]],
+    border: &PointBorder,
     loci: &[Locus],
 ) {
     let own: BTreeSet<u32> = border.nodes.iter().copied().collect();

@@ -6,26 +6,14 @@
 //! only half the digits. Hence the piece that separates them is sought in the tree, and the border
 //! is moved onto it.
 
-use crate::cut::{Cut, Labelled, crossing, imprint};
+use crate::cut::{Cut, LabelledMesh, crossing, imprint};
 use crate::locus::{Distance, Locus};
-use crate::newton::meet;
+use crate::newton::{POINT_TOLERANCE, meet};
 use crate::topology::{ends_of, longest_side};
-use crate::whole::Whole;
+use crate::whole::SolidPiece;
 use isoform_geom::{Field, Point3, Solid, UnionFind, cross, norm};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-
-/// Sine of the angle between two parts at a node of their border, above which they do not touch
-/// there: a node that a tenth of a radius lies between it and the contact still counts.
-const TOUCHING: f64 = 0.3;
-/// A part passes through a point that is this near to it, in sizes of the model.
-const ON: f64 = 1e-9;
-/// A node belongs to the nearer part if the other one is this many times as far away.
-const CLEAR: f64 = 10.0;
-/// Nodes this near to a limit, in lengths of the longest edge there, say nothing of its sides.
-const BESIDE: f64 = 0.1;
-/// Rings of triangles about the border in which nodes have to be on their side of the contact.
-const RINGS: usize = 2;
 
 /// Two labels that touch along the zeros of a function.
 pub(crate) struct Contact {
@@ -34,15 +22,15 @@ pub(crate) struct Contact {
 }
 
 /// The limit that separates two labels, and true if the first lies beyond it, where it is negative.
-struct Separating {
+struct SeparatingLimit {
     limit: Arc<dyn Field>,
     is_first_beyond: bool,
 }
 
 /// Input of the search for contacts.
-pub(crate) struct Touching<'a> {
+pub(crate) struct ContactSearch<'a> {
     pub(crate) solid: &'a dyn Solid,
-    /// Piece of the solid by label of the triangles (`Labelled::sheets`).
+    /// Piece of the solid by label of the triangles (`LabelledMesh::sheets`).
     pub(crate) piece_of: &'a [u32],
     /// Part of the mesh by label.
     pub(crate) part_of: &'a [u32],
@@ -53,11 +41,11 @@ pub(crate) struct Touching<'a> {
 }
 
 /// Two labels, with the nodes of a connected run of their border along which they touch.
-type Run = ([u32; 2], BTreeSet<u32>);
+type ContactRun = ([u32; 2], BTreeSet<u32>);
 
-impl Touching<'_> {
+impl ContactSearch<'_> {
     /// Moves the borders along which parts touch onto the pieces of the tree that separate them.
-    pub(crate) fn separate(&self, mesh: &mut Labelled) -> Vec<Contact> {
+    pub(crate) fn separate(&self, mesh: &mut LabelledMesh) -> Vec<Contact> {
         let mut made = Vec::new();
         for (labels, run) in self.runs(mesh) {
             let band = band(mesh, labels, &run);
@@ -77,19 +65,21 @@ impl Touching<'_> {
         ([a.0.abs(), b.0.abs()], norm(cross(a.1, b.1)))
     }
 
-    fn whole(&self, label: u32) -> Whole<'_> {
-        Whole {
+    fn whole(&self, label: u32) -> SolidPiece<'_> {
+        SolidPiece {
             solid: self.solid,
             piece: self.piece_of[label as usize],
         }
     }
 
     /// Returns the runs of borders along which pieces touch.
-    fn runs(&self, mesh: &Labelled) -> Vec<Run> {
+    fn runs(&self, mesh: &LabelledMesh) -> Vec<ContactRun> {
         let mut border: BTreeMap<[u32; 2], Vec<[u32; 2]>> = BTreeMap::new();
         for (labels, ends) in borders(mesh) {
             let [a, b] = labels.map(|k| self.piece_of[k as usize]);
-            let touches = |v: &u32| self.at(labels, mesh.points[*v as usize]).1 <= TOUCHING;
+            // At a larger sine the parts do not touch. A node that a tenth of a radius lies between
+            // it and the contact still counts.
+            let touches = |v: &u32| self.at(labels, mesh.points[*v as usize]).1 <= 0.3;
             if a != b && ends.iter().all(touches) {
                 border.entry(labels).or_default().push(ends);
             }
@@ -105,12 +95,12 @@ impl Touching<'_> {
     /// border; the one nearest to the border.
     fn separating(
         &self,
-        mesh: &Labelled,
+        mesh: &LabelledMesh,
         labels: [u32; 2],
         run: &BTreeSet<u32>,
         band: &[u32],
-    ) -> Option<Separating> {
-        let sided = self.sided(mesh, labels, band);
+    ) -> Option<SeparatingLimit> {
+        let sided = self.nodes_by_label(mesh, labels, band);
         let reach = longest_side(band.iter().map(|t| mesh.corners(*t)));
         let nearest = |limit: &Arc<dyn Field>| {
             let locus = Locus::Zero(limit.clone());
@@ -127,7 +117,7 @@ impl Touching<'_> {
             .iter()
             .filter_map(|c| Some((nearest(c)?, c)));
         let ((_, is_first_beyond), limit) = all.min_by(|a, b| a.0.0.total_cmp(&b.0.0))?;
-        Some(Separating {
+        Some(SeparatingLimit {
             limit: limit.clone(),
             is_first_beyond,
         })
@@ -135,7 +125,12 @@ impl Touching<'_> {
 
     /// Returns the nodes of triangles that clearly belong to one of the labels, with true for the
     /// first.
-    fn sided(&self, mesh: &Labelled, labels: [u32; 2], band: &[u32]) -> Vec<(Point3, bool)> {
+    fn nodes_by_label(
+        &self,
+        mesh: &LabelledMesh,
+        labels: [u32; 2],
+        band: &[u32],
+    ) -> Vec<(Point3, bool)> {
         let nodes: BTreeSet<u32> = corners(mesh, band).collect();
         let points = nodes.into_iter().map(|v| mesh.points[v as usize]);
         points
@@ -147,7 +142,8 @@ impl Touching<'_> {
     /// `None` if both are near.
     fn is_first(&self, labels: [u32; 2], p: Point3) -> Option<bool> {
         let [a, b] = self.at(labels, p).0;
-        let is_clear = a.max(b) > ON * self.size && a.max(b) > CLEAR * a.min(b);
+        // A node clearly belongs to the nearer part if the other one is ten times as far away.
+        let is_clear = a.max(b) > POINT_TOLERANCE * self.size && a.max(b) > 10.0 * a.min(b);
         is_clear.then_some(a < b)
     }
 
@@ -155,11 +151,17 @@ impl Touching<'_> {
     fn meet_there(&self, labels: [u32; 2], limit: &Locus, p: Point3) -> bool {
         let q = meet::<dyn Distance>([&self.whole(labels[0]) as &dyn Distance, limit], p);
         let distances = self.at(labels, q).0;
-        distances.iter().all(|d| *d <= ON * self.size)
+        distances.iter().all(|d| *d <= POINT_TOLERANCE * self.size)
     }
 
     /// Divides a band of triangles along a limit, and labels them by their side of it.
-    fn move_border(&self, mesh: &mut Labelled, labels: [u32; 2], band: &[u32], found: &Separating) {
+    fn move_border(
+        &self,
+        mesh: &mut LabelledMesh,
+        labels: [u32; 2],
+        band: &[u32],
+        found: &SeparatingLimit,
+    ) {
         let locus = Locus::Zero(found.limit.clone());
         for t in band {
             mesh.charts[*t as usize] = 0;
@@ -183,7 +185,7 @@ impl Touching<'_> {
 }
 
 /// Returns the edges between triangles of two labels, with these, the smaller label first.
-fn borders(mesh: &Labelled) -> Vec<([u32; 2], [u32; 2])> {
+fn borders(mesh: &LabelledMesh) -> Vec<([u32; 2], [u32; 2])> {
     let mut beside: BTreeMap<[u32; 2], u32> = BTreeMap::new();
     let mut found = Vec::new();
     for (corners, &label) in mesh.triangles.iter().zip(&mesh.sheets) {
@@ -217,14 +219,15 @@ fn connected(sides: &[[u32; 2]]) -> Vec<BTreeSet<u32>> {
 }
 
 /// Returns the triangles of two labels within some rings about nodes.
-fn band(mesh: &Labelled, labels: [u32; 2], nodes: &BTreeSet<u32>) -> Vec<u32> {
+fn band(mesh: &LabelledMesh, labels: [u32; 2], nodes: &BTreeSet<u32>) -> Vec<u32> {
     let all = 0..mesh.triangles.len() as u32;
     let own: Vec<u32> = all
         .filter(|t| labels.contains(&mesh.sheets[*t as usize]))
         .collect();
     let mut nodes = nodes.clone();
     let mut band = Vec::new();
-    for _ in 0..RINGS {
+    // Nodes in two rings of triangles have to be on their side of the contact.
+    for _ in 0..2 {
         let touches = |t: &&u32| {
             let corners = mesh.triangles[**t as usize];
             corners.iter().any(|v| nodes.contains(v))
@@ -239,11 +242,12 @@ fn band(mesh: &Labelled, labels: [u32; 2], nodes: &BTreeSet<u32>) -> Vec<u32> {
 /// before it, false for the reverse; `None` if the limit does not separate them. Points close to it
 /// are ignored: meshes have them on either label.
 fn is_first_beyond(limit: &Locus, sided: &[(Point3, bool)], longest: f64) -> Option<bool> {
-    // By side of the limit: true if points of the second, and of the first, label are there.
+    // True if points of the second, and of the first, label are there, by side of the limit.
     let mut there = [[false; 2]; 2];
     for (p, is_first) in sided {
         let off = limit.distance(*p).0;
-        if off.abs() > BESIDE * longest {
+        // Nodes within a tenth of an edge of the limit are ambiguous.
+        if off.abs() > 0.1 * longest {
             there[usize::from(off > 0.0)][usize::from(*is_first)] = true;
         }
     }
@@ -255,6 +259,6 @@ fn is_first_beyond(limit: &Locus, sided: &[(Point3, bool)], longest: f64) -> Opt
 }
 
 /// Returns the corners of triangles, with repetitions.
-fn corners<'a>(mesh: &'a Labelled, of: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
+fn corners<'a>(mesh: &'a LabelledMesh, of: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
     of.iter().flat_map(|t| mesh.triangles[*t as usize])
 }

@@ -7,38 +7,17 @@
 //! surfaces.
 
 use crate::locus::{Distance, Locus};
-use crate::newton::{gap, meet};
+use crate::newton::{MEETING_ROUNDING, gap, meet};
 use isoform_geom::brep::{Axes, BSpline, Curve, Surface};
 use isoform_geom::{Point3, cross, dot, norm, sub};
 use isoform_num::gauss_legendre;
 
-/// Points this near to a line, circle or ellipse, in sizes of the model, lie on it: the rounding of
-/// the iteration, times a hundred.
-const ON: f64 = 1e-12;
-/// Maximum distance of a spline from its surfaces, in sizes of the model: far below what readers
-/// resolve (1e-8). A smaller one makes splines longer without a benefit.
-pub(crate) const SPLINE_GAP: f64 = 5e-10;
-/// It may leave the zero set of a function by this: the face there is a spline itself, and a
-/// hundred times farther away.
-const FUNCTION_GAP: f64 = 1e-8;
 /// Minimum number of pieces between points from which a curve is recognised: any three points are
 /// on a circle.
-const FEWEST: usize = 8;
-/// Tangents turn by less than this between points that splines start with: cosine of 30°.
-const TURN: f64 = 0.866;
-/// How often a piece of a spline is halved at most.
-const DEPTH: usize = 12;
-/// Distance from an end without a direction, in sizes of the model, at which the curve has one:
-/// what its curvature misses on the way is of the third power.
-const NEAR: f64 = 1e-6;
-/// Tangents at an end and near it, moved back, that differ by more than this are of a tip: else
-/// they differ by what curvatures change on the way.
-const TURNED: f64 = 1e-4;
-/// Sines of the angle between two surfaces below this leave the direction of the curve open.
-const TANGENT: f64 = 1e-6;
+const MIN_CURVE_PIECES: usize = 8;
 
 /// Input for the curve of an edge.
-pub(crate) struct Wanted<'a> {
+pub(crate) struct CurveRequest<'a> {
     /// Loci that intersect in it.
     pub(crate) surfaces: [&'a Locus; 2],
     /// Ends of the edge.
@@ -50,11 +29,11 @@ pub(crate) struct Wanted<'a> {
 }
 
 /// Returns the curve; `None` if no spline was found that lies on both surfaces.
-pub(crate) fn curve(wanted: &Wanted<'_>) -> Option<Curve> {
+pub(crate) fn curve(wanted: &CurveRequest<'_>) -> Option<Curve> {
     let mut path = vec![wanted.ends[0]];
     path.extend_from_slice(wanted.between);
     path.push(wanted.ends[1]);
-    let parts = FEWEST.div_ceil(path.len() - 1).max(2);
+    let parts = MIN_CURVE_PIECES.div_ceil(path.len() - 1).max(2);
     let mut near: Vec<(Point3, Point3)> = Vec::with_capacity(parts * path.len());
     for (i, w) in path.windows(2).enumerate() {
         let ahead = sub(path[(i + 2).min(path.len() - 1)], path[i.max(1) - 1]);
@@ -69,10 +48,10 @@ pub(crate) fn curve(wanted: &Wanted<'_>) -> Option<Curve> {
         .into_iter()
         .map(|(p, ahead)| (meet(wanted.surfaces, p), ahead));
     let mut points = forward(wanted.ends, near);
-    while points.len() <= FEWEST {
+    while points.len() <= MIN_CURVE_PIECES {
         points = with_middles(&points, wanted.surfaces);
     }
-    let on = ON * wanted.size;
+    let on = MEETING_ROUNDING * wanted.size;
     if is_line(&points, on) {
         return Some(Curve::Line);
     }
@@ -266,7 +245,8 @@ pub(crate) fn jet(surfaces: [&Locus; 2], p: Point3, direction: Point3) -> Option
     let [a, b] = surfaces.map(|s| s.distance(p).1);
     let c = cross(a, b);
     let sin = norm(c);
-    if sin.is_nan() || sin < TANGENT {
+    // Surfaces that are nearly tangent leave the direction of the curve open.
+    if sin.is_nan() || sin < 1e-6 {
         return None;
     }
     let sign = if dot(c, direction) < 0.0 { -1.0 } else { 1.0 };
@@ -355,22 +335,23 @@ fn piece(a: &Jet, b: &Jet) -> Bezier {
 }
 
 /// Returns the spline through points of a curve, ends included, that lies on both surfaces.
-fn spline(wanted: &Wanted<'_>, points: &[Point3]) -> Option<BSpline> {
+fn spline(wanted: &CurveRequest<'_>, points: &[Point3]) -> Option<BSpline> {
     Some(joined(&pieces(wanted, points)?))
 }
 
 /// Returns the pieces of that spline.
-pub(crate) fn pieces(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Bezier>> {
+pub(crate) fn pieces(wanted: &CurveRequest<'_>, points: &[Point3]) -> Option<Vec<Bezier>> {
     let start = starts(wanted, points)?;
     let mut pieces = Vec::new();
     for pair in start.windows(2) {
-        refine(wanted, [pair[0], pair[1]], DEPTH, &mut pieces)?;
+        // Each piece is halved at most twelve times.
+        refine(wanted, [pair[0], pair[1]], 12, &mut pieces)?;
     }
     Some(pieces)
 }
 
 /// Returns points of the curve between which tangents turn little.
-fn starts(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Jet>> {
+fn starts(wanted: &CurveRequest<'_>, points: &[Point3]) -> Option<Vec<Jet>> {
     let last = points.len() - 1;
     let jets: Option<Vec<Jet>> = (0..=last)
         .map(|i| {
@@ -384,7 +365,9 @@ fn starts(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Jet>> {
             };
             let other = other.map(|jet| if i == 0 { jet } else { jet.turned() });
             match (found, other) {
-                (Some(a), Some(b)) if norm(sub(a.t, b.t)) <= TURNED => Some(a),
+                // A larger difference of the tangents at an end and near it (moved back) shows a
+                // tip; otherwise it is the change of the curvature on the way.
+                (Some(a), Some(b)) if norm(sub(a.t, b.t)) <= 1e-4 => Some(a),
                 (_, Some(b)) => Some(b),
                 (a, None) => a,
             }
@@ -393,7 +376,8 @@ fn starts(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Jet>> {
     let jets = jets?;
     let mut kept = vec![jets[0]];
     for i in 1..last {
-        if dot(kept[kept.len() - 1].t, jets[i + 1].t) < TURN {
+        // Between points that splines start with, tangents turn by less than 30°.
+        if dot(kept[kept.len() - 1].t, jets[i + 1].t) < 0.866 {
             kept.push(jets[i]);
         }
     }
@@ -403,8 +387,10 @@ fn starts(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Jet>> {
 
 /// Returns the jet at an end of the curve where a surface has no normal, as at a tip: that of a
 /// point near it in a direction, moved back.
-fn near_end(wanted: &Wanted<'_>, end: Point3, direction: Point3) -> Option<Jet> {
-    let by = NEAR * wanted.size / norm(direction);
+fn near_end(wanted: &CurveRequest<'_>, end: Point3, direction: Point3) -> Option<Jet> {
+    // A millionth of the size away the curve has a direction, and the error of moving its tangent
+    // back is of the third power of this distance.
+    let by = 1e-6 * wanted.size / norm(direction);
     let near = std::array::from_fn(|k| end[k] + by * direction[k]);
     let Jet { p, t, k } = jet(wanted.surfaces, meet(wanted.surfaces, near), direction)?;
     let way = norm(sub(p, end));
@@ -413,18 +399,21 @@ fn near_end(wanted: &Wanted<'_>, end: Point3, direction: Point3) -> Option<Jet> 
 }
 
 /// Returns the maximum distance of a spline from its surfaces, in sizes of the model.
-fn spline_gap(wanted: &Wanted<'_>) -> f64 {
+fn spline_gap(wanted: &CurveRequest<'_>) -> f64 {
     if wanted.surfaces.iter().all(|s| s.surface().is_some()) {
-        SPLINE_GAP
+        // Far below what readers resolve (1e-8); a smaller gap makes splines longer without a
+        // benefit.
+        5e-10
     } else {
-        FUNCTION_GAP
+        // Faces on functions are splines themselves, a hundred times farther away.
+        1e-8
     }
 }
 
 /// Adds pieces between two jets that lie on both surfaces; `None` if `depth` halvings do not
 /// suffice.
 fn refine(
-    wanted: &Wanted<'_>,
+    wanted: &CurveRequest<'_>,
     [a, b]: [Jet; 2],
     depth: usize,
     pieces: &mut Vec<Bezier>,
@@ -483,8 +472,8 @@ mod tests {
         surfaces: [&'a Locus; 2],
         between: &'a [Point3],
         guess: [Point3; 2],
-    ) -> Wanted<'a> {
-        Wanted {
+    ) -> CurveRequest<'a> {
+        CurveRequest {
             surfaces,
             ends: guess.map(|p| meet(surfaces, p)),
             between,

@@ -11,30 +11,26 @@ use crate::locus::{Distance, Locus};
 use crate::newton::meet;
 use crate::topology::{ends_of, sides_of};
 use isoform_geom::brep::{Axes, Surface};
-use isoform_geom::{Aabb, Point3, across, cross, distance_squared, dot, norm, sub};
+use isoform_geom::{Aabb, Point3, cross, distance_squared, dot, norm, orthonormal_complement, sub};
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Minimum gap in the angles of a face that need not be cut (radians).
-const ROUND: f64 = 0.6;
+const MIN_FREE_ANGLE: f64 = 0.6;
 /// Minimum cosine between a direction and the points of a face on a sphere that need not be cut:
 /// 75°.
-pub(crate) const CAP: f64 = 0.26;
+pub(crate) const MIN_CAP_COSINE: f64 = 0.26;
 /// Minimum cosine between a direction and the points of a face on an ellipsoid, mapped to the unit
 /// sphere, that need not be cut: 60°. Its chart covers 63°, and an octant needs 55°.
-pub(crate) const ELLIPSOID_CAP: f64 = 0.5;
+pub(crate) const MIN_ELLIPSOID_CAP_COSINE: f64 = 0.5;
 /// Number of candidates for a cut.
-const TRIED: usize = 64;
+const CUT_CANDIDATES: usize = 64;
 /// Number of candidate frames of the three planes on a sphere.
-const TURNS: usize = 200;
-/// Nodes this near to a cut, in lengths of the edges there, are taken for points of it.
-const SNAP: f64 = 0.05;
-/// Share of the size of a face that a crossing at a right angle is worth.
-const CROSSING: f64 = 0.3;
+const FRAME_CANDIDATES: usize = 200;
 
 /// Labelled triangles of a mesh that is being cut.
 #[derive(Debug, Default)]
-pub(crate) struct Labelled {
+pub(crate) struct LabelledMesh {
     pub(crate) points: Vec<Point3>,
     pub(crate) triangles: Vec<[u32; 3]>,
     /// Part of the mesh that each triangle belongs to.
@@ -50,7 +46,7 @@ pub(crate) struct Labelled {
     pub(crate) cuts: Vec<Vec<Locus>>,
 }
 
-impl Labelled {
+impl LabelledMesh {
     /// Returns the corners of a triangle.
     pub(crate) fn corners(&self, triangle: u32) -> [Point3; 3] {
         self.triangles[triangle as usize].map(|v| self.points[v as usize])
@@ -78,8 +74,8 @@ pub(crate) struct Outline {
 }
 
 /// Returns the cuts that a component needs.
-pub(crate) fn cuts_of(mesh: &Labelled, surface: &Surface, outline: &Outline) -> Vec<Surface> {
-    let chooser = Chooser::new(mesh, surface, outline);
+pub(crate) fn cuts_of(mesh: &LabelledMesh, surface: &Surface, outline: &Outline) -> Vec<Surface> {
+    let chooser = CutChooser::new(mesh, surface, outline);
     let axes = *surface.axes();
     match *surface {
         Surface::Plane(_) | Surface::Graph(_) => Vec::new(),
@@ -91,12 +87,14 @@ pub(crate) fn cuts_of(mesh: &Labelled, surface: &Surface, outline: &Outline) -> 
         }
         Surface::Sphere(_, radius) => {
             let out = |p: Point3| sub(p, axes.origin).map(|v| v / radius);
-            chooser.octants(&out, CAP, radius, |n| n)
+            chooser.octants(&out, MIN_CAP_COSINE, radius, |n| n)
         }
         Surface::Ellipsoid(ball) => {
             let out = |p: Point3| ball.shrunk(p);
             let least = ball.half[0].min(ball.half[1]).min(ball.half[2]);
-            chooser.octants(&out, ELLIPSOID_CAP, least, |n| ball.plane_normal(n))
+            chooser.octants(&out, MIN_ELLIPSOID_CAP_COSINE, least, |n| {
+                ball.plane_normal(n)
+            })
         }
     }
 }
@@ -105,7 +103,8 @@ pub(crate) fn cuts_of(mesh: &Labelled, surface: &Surface, outline: &Outline) -> 
 /// width of the largest interval that its triangles leave free.
 pub(crate) fn gaps_of(surface: &Surface, points: &[Point3], sides: &[[u32; 2]]) -> [(f64, f64); 2] {
     let mut arcs = [Arcs::default(), Arcs::default()];
-    let scale = Aabb::of(sides.as_flattened().iter().map(|v| &points[*v as usize])).diagonal();
+    let scale =
+        Aabb::from_points(sides.as_flattened().iter().map(|v| &points[*v as usize])).diagonal();
     let is_on_axis = |p: Point3| {
         let [x, y, _] = surface.axes().local(p);
         x.hypot(y) <= 1e-9 * scale
@@ -133,8 +132,8 @@ pub(crate) fn cap_direction(points: impl Iterator<Item = Point3>, cap: f64) -> O
 }
 
 /// Chooses cuts of a component.
-struct Chooser<'a> {
-    mesh: &'a Labelled,
+struct CutChooser<'a> {
+    mesh: &'a LabelledMesh,
     surface: &'a Surface,
     outline: &'a Outline,
     sides: Vec<[u32; 2]>,
@@ -142,10 +141,10 @@ struct Chooser<'a> {
     size: f64,
 }
 
-impl<'a> Chooser<'a> {
-    fn new(mesh: &'a Labelled, surface: &'a Surface, outline: &'a Outline) -> Self {
+impl<'a> CutChooser<'a> {
+    fn new(mesh: &'a LabelledMesh, surface: &'a Surface, outline: &'a Outline) -> Self {
         let sides = sides_of(&mesh.triangles, &outline.triangles);
-        let size = Aabb::of(sides.iter().map(|s| &mesh.points[s[0] as usize])).diagonal();
+        let size = Aabb::from_points(sides.iter().map(|s| &mesh.points[s[0] as usize])).diagonal();
         Self {
             mesh,
             surface,
@@ -161,25 +160,25 @@ impl<'a> Chooser<'a> {
 
     /// Returns a plane through the axis, if the face wraps around it.
     fn axial(&self, axes: &Axes) -> Vec<Surface> {
-        if gaps_of(self.surface, &self.mesh.points, &self.sides)[0].1 >= ROUND {
+        if gaps_of(self.surface, &self.mesh.points, &self.sides)[0].1 >= MIN_FREE_ANGLE {
             return Vec::new();
         }
         let plane = |k: usize| {
-            let angle = PI * (k as f64 + 0.5) / TRIED as f64;
+            let angle = PI * (k as f64 + 0.5) / CUT_CANDIDATES as f64;
             let normal = axes.vector([angle.cos(), angle.sin(), 0.0]);
             vec![Surface::Plane(Axes::along(axes.origin, normal))]
         };
-        self.best((0..TRIED).map(plane))
+        self.best((0..CUT_CANDIDATES).map(plane))
     }
 
     /// Returns a cut along the tube of a torus, if the face wraps around it: the lines through the
     /// middle of the tube at one angle, which are a cylinder or a cone.
     fn about_tube(&self, axes: &Axes, major: f64) -> Vec<Surface> {
-        if gaps_of(self.surface, &self.mesh.points, &self.sides)[1].1 >= ROUND {
+        if gaps_of(self.surface, &self.mesh.points, &self.sides)[1].1 >= MIN_FREE_ANGLE {
             return Vec::new();
         }
         let cut = |k: usize| {
-            let angle = FRAC_PI_2 * (k as f64 / TRIED as f64);
+            let angle = FRAC_PI_2 * (k as f64 / CUT_CANDIDATES as f64);
             vec![if k == 0 {
                 Surface::Cylinder(*axes, major)
             } else {
@@ -187,7 +186,7 @@ impl<'a> Chooser<'a> {
                 Surface::Cone(*axes, major, angle)
             }]
         };
-        self.best((0..TRIED * 3 / 4).map(cut))
+        self.best((0..CUT_CANDIDATES * 3 / 4).map(cut))
     }
 
     /// Returns three perpendicular planes through the centre of a sphere, unless the face lies
@@ -207,7 +206,7 @@ impl<'a> Chooser<'a> {
         }
         let normals = |k: usize| {
             let z = spread(k);
-            let [x, y] = across(z);
+            let [x, y] = orthonormal_complement(z);
             let (sin, cos) = (2.399_963 * k as f64).sin_cos();
             let x: Point3 = std::array::from_fn(|i| cos * x[i] + sin * y[i]);
             [x, cross(z, x), z]
@@ -223,7 +222,7 @@ impl<'a> Chooser<'a> {
             2.0 * radius * (1.0 - nearest).max(0.0)
         };
         let mut best = (f64::NEG_INFINITY, Vec::new());
-        for normals in (0..TURNS).map(normals) {
+        for normals in (0..FRAME_CANDIDATES).map(normals) {
             let planes = normals.map(|n| Surface::Plane(Axes::along(center, in_space(n))));
             let each = planes.iter().map(|c| self.score(c));
             let score = each.fold(poles_away(normals), f64::min);
@@ -270,7 +269,9 @@ impl<'a> Chooser<'a> {
                 if (a < 0.0) != (b < 0.0) {
                     let [p, q] = [i, (i + 1) % n].map(|j| self.point(around[j]));
                     let slope = (b - a).abs() / norm(sub(q, p)).max(f64::MIN_POSITIVE);
-                    score = score.min(CROSSING * self.size * slope);
+                    // A perpendicular crossing is worth as much as a distance of 30 % of the size
+                    // of the face.
+                    score = score.min(0.3 * self.size * slope);
                 }
             }
         }
@@ -280,7 +281,7 @@ impl<'a> Chooser<'a> {
 
 /// Returns direction k of a uniform sequence on the sphere.
 fn spread(k: usize) -> Point3 {
-    let z = 1.0 - 2.0 * (k as f64 + 0.5) / TURNS as f64;
+    let z = 1.0 - 2.0 * (k as f64 + 0.5) / FRAME_CANDIDATES as f64;
     let (sin, cos) = (2.399_963_229_728_653 * k as f64).sin_cos();
     let r = (1.0 - z * z).sqrt();
     [r * cos, r * sin, z]
@@ -303,7 +304,7 @@ pub(crate) struct Cut<'a> {
 
 /// Imprints a cut: divides the triangles that it passes, and those across the border with them.
 /// Returns the new triangles that came from the cut's own.
-pub(crate) fn imprint(mesh: &mut Labelled, cut: &Cut<'_>) -> Vec<u32> {
+pub(crate) fn imprint(mesh: &mut LabelledMesh, cut: &Cut<'_>) -> Vec<u32> {
     let signs = signs(mesh, cut);
     let mut inserted: BTreeMap<[u32; 2], u32> = BTreeMap::new();
     let mut is_own = vec![false; mesh.triangles.len()];
@@ -331,7 +332,7 @@ pub(crate) fn imprint(mesh: &mut Labelled, cut: &Cut<'_>) -> Vec<u32> {
 }
 
 /// Returns the side of the cut on which each of its nodes lies; 0 on it.
-fn signs(mesh: &Labelled, cut: &Cut<'_>) -> BTreeMap<u32, i32> {
+fn signs(mesh: &LabelledMesh, cut: &Cut<'_>) -> BTreeMap<u32, i32> {
     let mut shortest: BTreeMap<u32, f64> = BTreeMap::new();
     for corners in cut.own.iter().map(|t| &mesh.triangles[*t as usize]) {
         for k in 0..3 {
@@ -346,7 +347,8 @@ fn signs(mesh: &Labelled, cut: &Cut<'_>) -> BTreeMap<u32, i32> {
     }
     let sign = |(v, shortest): (u32, f64)| {
         let g = cut.locus.distance(mesh.points[v as usize]).0;
-        let near = if (cut.is_vertex)(v) { 1e-7 } else { SNAP };
+        // Nodes within 5 % of their shortest edge from the cut are taken for points of it.
+        let near = if (cut.is_vertex)(v) { 1e-7 } else { 0.05 };
         let is_on = g.abs() <= near * shortest;
         (
             v,
@@ -378,7 +380,7 @@ pub(crate) fn crossing(ends: [Point3; 2], surface: &dyn Distance, cut: &dyn Dist
 /// Divides triangle t at the nodes inserted on its sides. `bit` is that of the cut, if the triangle
 /// belongs to the component that is cut.
 fn divide(
-    mesh: &mut Labelled,
+    mesh: &mut LabelledMesh,
     t: usize,
     inserted: &BTreeMap<[u32; 2], u32>,
     bit: Option<u32>,
@@ -418,7 +420,7 @@ fn divide(
 }
 
 /// Replaces triangle t by convex polygons, as fans, with their charts.
-pub(crate) fn replace(mesh: &mut Labelled, t: usize, polygons: &[(Vec<u32>, u128)]) {
+pub(crate) fn replace(mesh: &mut LabelledMesh, t: usize, polygons: &[(Vec<u32>, u128)]) {
     let (part, sheet, component) = (mesh.parts[t], mesh.sheets[t], mesh.components[t]);
     let mut is_first = true;
     for (nodes, chart) in polygons {
@@ -439,7 +441,7 @@ pub(crate) fn replace(mesh: &mut Labelled, t: usize, polygons: &[(Vec<u32>, u128
 
 /// Returns the borders of faces as outlines, without their triangles.
 pub(crate) fn outlines(
-    chains: &[crate::topology::Chain],
+    chains: &[crate::topology::BorderChain],
     loops: &[Vec<Vec<(u32, bool)>>],
     is_vertex: &dyn Fn(u32) -> bool,
 ) -> Vec<Outline> {

@@ -3,7 +3,7 @@
 //! points inside if they are curved.
 
 use crate::Control;
-use crate::flat::{Flat, STEEP};
+use crate::flat::{Flat, MAX_GRAPH_STRETCH};
 use isoform_control::Stopped;
 use isoform_geom::brep::{Brep, Coedge, Curve, Face, Surface};
 use isoform_geom::{Mesh, Point3, distance_to_segment, dot, middle, norm, sub};
@@ -12,24 +12,16 @@ use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Number of points of a piece of an edge that are compared with its chord.
-const PROBES: usize = 7;
-/// A piece of an edge turns by no more than this (the cosine of 30°).
-const TURN: f64 = 0.866;
-/// How often a piece of an edge is halved, at most.
-const HALVED: usize = 12;
+const PROBES_PER_PIECE: usize = 7;
 /// Maximum distance of triangles from the surface, in chords of the options: beyond it the lattice
 /// is refined.
-const FAR: f64 = 2.0;
+const MAX_DEVIATION_IN_CHORDS: f64 = 2.0;
 /// Maximum number of refinements of a lattice, and of all edges if borders cross as polygons.
-const FINER: usize = 3;
-/// Nodes on edges, at most.
-const MOST_NODES: usize = 1 << 22;
+const MAX_REFINEMENTS: usize = 3;
 /// Smallest coordinate other than 0 that spade accepts.
-const TINY: f64 = 1e-40;
+const MIN_COORDINATE: f64 = 1e-40;
 /// Maximum number of points of the lattice of a face.
-const MOST: f64 = 100_000.0;
-/// The lattice ends this far from the border, in its own steps: nearer points make thin triangles.
-const MARGIN: f64 = 0.45;
+const MAX_LATTICE_POINTS: f64 = 100_000.0;
 
 /// Size of triangles.
 #[derive(Clone, Copy, Debug)]
@@ -98,7 +90,7 @@ pub fn facets(
     loop {
         match at(brep, &options, control) {
             // Polygons may cross although the curves do not.
-            Err(FacetsError::Face { .. }) if tried < FINER => options.chord /= 4.0,
+            Err(FacetsError::Face { .. }) if tried < MAX_REFINEMENTS => options.chord /= 4.0,
             other => return other,
         }
         tried += 1;
@@ -112,7 +104,7 @@ fn at(brep: &Brep, options: &FacetOptions, control: &Control<'_>) -> Result<Face
     };
     for e in 0..brep.edges.len() as u32 {
         control.begin("triangles")?;
-        if made.points.len() > MOST_NODES {
+        if made.points.len() > 1 << 22 {
             return Err(FacetsError::TooMany);
         }
         made.divide(brep, e, options);
@@ -148,7 +140,8 @@ impl Facets {
             _ => brep.breaks(edge),
         };
         for piece in coarse.windows(2) {
-            halve(brep, edge, [piece[0], piece[1]], HALVED, options, &mut all);
+            // Each piece is halved at most twelve times.
+            halve(brep, edge, [piece[0], piece[1]], 12, options, &mut all);
         }
         let [first, last] = brep.edges[edge as usize].ends;
         let end = all.len() - 1;
@@ -192,7 +185,7 @@ impl Facets {
         let points = |l: &Vec<u32>| l.iter().map(|v| self.points[*v as usize]).collect();
         let in_space: Vec<Vec<Point3>> = loops.iter().map(points).collect();
         let flat = Flat::new(surface, *agrees, &in_space).ok_or("it goes round")?;
-        let border = Border::new(&flat, loops, &in_space);
+        let border = ChartLoops::new(&flat, loops, &in_space);
         let mut step = step_of(surface, in_space.iter().flatten(), options);
         let mut tried = 0;
         loop {
@@ -200,7 +193,7 @@ impl Facets {
             let triangles = border.triangles(&inner, self.points.len() as u32)?;
             let inner: Vec<Point3> = inner.iter().map(|at| flat.point(*at)).collect();
             let far = deviation(surface, &triangles, &self.points, &inner);
-            if far > FAR * options.chord && tried < FINER {
+            if far > MAX_DEVIATION_IN_CHORDS * options.chord && tried < MAX_REFINEMENTS {
                 step /= 2.0;
                 tried += 1;
                 continue;
@@ -225,13 +218,14 @@ fn halve(
 ) {
     let ((p, v), (q, w)) = (brep.along(edge, a), brep.along(edge, b));
     let is_line = matches!(brep.edges[edge as usize].curve, Curve::Line);
-    let probe = |k: usize| a + (b - a) * k as f64 / (PROBES + 1) as f64;
+    let probe = |k: usize| a + (b - a) * k as f64 / (PROBES_PER_PIECE + 1) as f64;
     let is_far = |k: usize| {
         let x = brep.along(edge, probe(k)).0;
         distance_to_segment(x, [p, q]) > options.chord
     };
-    let turns = dot(v, w) < TURN * norm(v) * norm(w);
-    let bends = !is_line && (turns || (1..=PROBES).any(is_far));
+    // A piece of an edge turns by at most 30°.
+    let turns = dot(v, w) < 0.866 * norm(v) * norm(w);
+    let bends = !is_line && (turns || (1..=PROBES_PER_PIECE).any(is_far));
     if depth > 0 && (bends || norm(sub(p, q)) > options.longest) {
         let half = 0.5 * (a + b);
         halve(brep, edge, [a, half], depth - 1, options, all);
@@ -250,14 +244,14 @@ fn step_of<'p>(
 ) -> f64 {
     let has_tips = matches!(surface, Surface::Revolved(t) if t.tips().contains(&true));
     let steep = if has_tips || matches!(surface, Surface::Graph(_)) {
-        STEEP
+        MAX_GRAPH_STRETCH
     } else {
         1.0
     };
     let mut bends: Vec<f64> = border
         .map(|p| {
             let n = surface.distance(*p).1;
-            let [e, f] = isoform_geom::across(n);
+            let [e, f] = isoform_geom::orthonormal_complement(n);
             let along = |(a, b)| {
                 let t = std::array::from_fn(|k| a * e[k] + b * f[k]);
                 surface.bending(*p, t).abs()
@@ -295,29 +289,31 @@ fn deviation(surface: &Surface, triangles: &[[u32; 3]], outer: &[Point3], inner:
 
 /// A node in the plane.
 #[derive(Clone, Copy)]
-struct Node {
+struct PlaneNode {
     at: [f64; 2],
     number: u32,
 }
 
-impl HasPosition for Node {
+impl HasPosition for PlaneNode {
     type Scalar = f64;
     fn position(&self) -> Point2<f64> {
         Point2::new(self.at[0], self.at[1])
     }
 }
 
-type Cdt = ConstrainedDelaunayTriangulation<Node>;
+type Cdt = ConstrainedDelaunayTriangulation<PlaneNode>;
 
 /// The loops of a face in its chart.
-struct Border {
-    loops: Vec<Vec<Node>>,
+struct ChartLoops {
+    loops: Vec<Vec<PlaneNode>>,
 }
 
-impl Border {
+impl ChartLoops {
     fn new(flat: &Flat, loops: Vec<Vec<u32>>, points: &[Vec<Point3>]) -> Self {
-        let node = |(number, p): (u32, &Point3)| Node {
-            at: flat.place(*p).map(|v| if v.abs() < TINY { 0.0 } else { v }),
+        let node = |(number, p): (u32, &Point3)| PlaneNode {
+            at: flat
+                .place(*p)
+                .map(|v| if v.abs() < MIN_COORDINATE { 0.0 } else { v }),
             number,
         };
         let loops = loops.into_iter().zip(points);
@@ -329,7 +325,7 @@ impl Border {
     }
 
     /// Returns the sides, one after another.
-    fn sides(&self) -> impl Iterator<Item = [Node; 2]> {
+    fn sides(&self) -> impl Iterator<Item = [PlaneNode; 2]> {
         self.loops.iter().flat_map(|l| {
             let next = l.iter().cycle().skip(1);
             l.iter().zip(next).map(|(a, b)| [*a, *b])
@@ -347,7 +343,9 @@ impl Border {
             }
         }
         let [width, height] = [hi[0] - lo[0], hi[1] - lo[1]];
-        let least = (width * height / MOST).sqrt().max(width.max(height) / MOST);
+        let least = (width * height / MAX_LATTICE_POINTS)
+            .sqrt()
+            .max(width.max(height) / MAX_LATTICE_POINTS);
         let step = step.max(least);
         if !step.is_finite() || step <= 0.0 {
             return Vec::new();
@@ -365,9 +363,11 @@ impl Border {
 
     /// Adds the points of a row that are inside and away from the border.
     fn add_row(&self, y: f64, from: f64, step: f64, places: &mut Vec<[f64; 2]>) {
-        let near = MARGIN * step;
+        // Points of the lattice nearer to the border than 45 % of its step would make thin
+        // triangles.
+        let near = 0.45 * step;
         let mut crossings = Vec::new();
-        let mut beside: Vec<[Node; 2]> = Vec::new();
+        let mut beside: Vec<[PlaneNode; 2]> = Vec::new();
         for side in self.sides() {
             let [a, b] = side.map(|n| n.at);
             if (a[1] > y) != (b[1] > y) {
@@ -383,11 +383,11 @@ impl Border {
             while from + k * step < within[1] {
                 let at = [from + k * step, y];
                 let space = |p: [f64; 2]| [p[0], p[1], 0.0];
-                let is_near = |side: &[Node; 2]| {
+                let is_near = |side: &[PlaneNode; 2]| {
                     distance_to_segment(space(at), side.map(|n| space(n.at))) < near
                 };
                 if !beside.iter().any(is_near) {
-                    places.push(at.map(|v| if v.abs() < TINY { 0.0 } else { v }));
+                    places.push(at.map(|v| if v.abs() < MIN_COORDINATE { 0.0 } else { v }));
                 }
                 k += 1.0;
             }
@@ -411,7 +411,7 @@ impl Border {
         }
         for (i, at) in inner.iter().enumerate() {
             let number = first + i as u32;
-            let node = Node { at: *at, number };
+            let node = PlaneNode { at: *at, number };
             cdt.insert(node).map_err(|_| "it has no extent")?;
         }
         for [a, b] in self.sides() {
@@ -551,7 +551,9 @@ pub(crate) mod tests {
         assert_eq!(can().validate(), Ok(()));
         let errors = [1e-2, 2.5e-3].map(|chord| {
             let made = made(chord, f64::INFINITY);
-            assert!(made.deviation <= FAR * chord && made.deviation > 0.1 * chord);
+            assert!(
+                made.deviation <= MAX_DEVIATION_IN_CHORDS * chord && made.deviation > 0.1 * chord
+            );
             let mut sides: BTreeSet<[u32; 2]> = BTreeSet::new();
             for [a, b, c] in &made.triangles {
                 for side in [[*a, *b], [*b, *c], [*c, *a]] {

@@ -11,32 +11,12 @@ use isoform_num::linalg::banded_solve;
 use std::collections::VecDeque;
 
 /// Degree of the splines: with 5 the error falls with the sixth power of the width of the spans.
-const DEGREE: usize = 5;
+const SPLINE_DEGREE: usize = 5;
 /// Numbers of spans along the longer side that are tried, one after another.
-const SPANS: [usize; 7] = [4, 6, 9, 13, 19, 28, 40];
-/// Beyond the first numbers of spans the error has to fall to this share of the one before, or the
-/// part is cut: it falls to a tenth where the surface is smooth, and to a half where its curvature
-/// jumps.
-const STALLED: f64 = 0.6;
-/// Up to this number of spans the error may rise: a coarse lattice has few points on a narrow part.
-const FIRST: usize = 13;
-/// Points of the lattice in a span.
-const PER_SPAN: usize = 3;
-/// The domain reaches beyond the part by the first share of its own side, and no less than the
-/// second one of its longer side: a narrow part would else be lost in its margin.
-const MARGIN: [f64; 2] = [0.06, 0.015];
-/// Sides of a narrow part: the longer one is this many times the other. More would leave out
-/// fillets; fewer fit many parts twice.
-const NARROW: usize = 4;
-/// Normals keep this cosine with z where heights are taken.
-const STEEP: f64 = 0.2;
-/// Weight of third differences of coefficients beside heights: what is known outweighs it, and
-/// without it coefficients far from the part would be open. With 1e-7 errors of 1e-9 are twice as
-/// large.
-const SMOOTHING: f64 = 1e-9;
+const SPAN_COUNTS: [usize; 7] = [4, 6, 9, 13, 19, 28, 40];
 
 /// A part of a smooth surface.
-pub(crate) struct Region<'a> {
+pub(crate) struct HeightRegion<'a> {
     /// Function whose zero set it is.
     pub(crate) field: &'a dyn Field,
     /// Corners of its triangles.
@@ -45,7 +25,7 @@ pub(crate) struct Region<'a> {
     pub(crate) direction: Point3,
 }
 
-impl Region<'_> {
+impl HeightRegion<'_> {
     /// Returns a spline within `tolerance` at samples of the part, and turned by at most `turn`
     /// (radians) as far as more spans reduce the angle; `None` if the finest is farther away, or
     /// the part is not a graph.
@@ -58,9 +38,9 @@ impl Region<'_> {
             .collect();
         let domain = domain(&local);
         let (mut last, mut near) = (f64::INFINITY, None);
-        for spans in SPANS {
+        for spans in SPAN_COUNTS {
             let mut best: Option<(Graph, [f64; 2])> = None;
-            for lattice in Lattice::of(domain, spans) {
+            for lattice in HeightLattice::for_spans(domain, spans) {
                 let heights = lattice.heights(self.field, &frame, &local);
                 let graph = lattice.least_squares(frame, &heights)?;
                 let found = self.worst(&graph);
@@ -79,7 +59,10 @@ impl Region<'_> {
             // The deciding measure: the distance, or the angle once the distance is small enough.
             let worst = if is_near { turned / turn } else { off };
             let is_first = is_near && near.is_none();
-            if spans > FIRST && !is_first && worst > STALLED * last {
+            // Beyond 13 spans the error has to fall to 0.6 of the one before: it falls to a tenth
+            // if the surface is smooth, and to a half where its curvature jumps. Before, it may
+            // rise: a coarse lattice has few points on a narrow part.
+            if spans > 13 && !is_first && worst > 0.6 * last {
                 break;
             }
             last = worst;
@@ -160,30 +143,32 @@ fn domain(local: &[[Point3; 3]]) -> [[f64; 2]; 2] {
     });
     let longer = ends.iter().map(|[lo, hi]| hi - lo).fold(0.0, f64::max);
     ends.map(|[lo, hi]| {
-        let margin = (MARGIN[0] * (hi - lo)).max(MARGIN[1] * longer);
+        // The bound by the longer side keeps a margin for narrow parts.
+        let margin = (0.06 * (hi - lo)).max(0.015 * longer);
         [lo - margin, hi + margin]
     })
 }
 
 /// A point of the lattice with its height and slope.
-type Reached = (usize, f64, [f64; 2]);
+type LatticeHeight = (usize, f64, [f64; 2]);
 
 /// Points of a rectangle at which heights are computed.
-struct Lattice {
+struct HeightLattice {
     domain: [[f64; 2]; 2],
     /// Numbers of spans in x and in y.
     spans: [usize; 2],
 }
 
-impl Lattice {
+impl HeightLattice {
     /// Returns lattices with spans of about one width in both directions, and, on a narrow part
     /// (sides of at least 4 to 1), also with equal numbers: tubes bend across much more than along.
-    fn of(domain: [[f64; 2]; 2], spans: usize) -> Vec<Self> {
+    fn for_spans(domain: [[f64; 2]; 2], spans: usize) -> Vec<Self> {
         let sides = domain.map(|[lo, hi]| hi - lo);
         let width = sides[0].max(sides[1]) / spans as f64;
         let one_width = sides.map(|side| ((side / width).ceil() as usize).clamp(1, spans));
         let mut all = vec![one_width];
-        if one_width[0].min(one_width[1]) * NARROW <= spans {
+        // A larger ratio would leave out fillets; a smaller one fits many parts twice.
+        if one_width[0].min(one_width[1]) * 4 <= spans {
             all.push([spans; 2]);
         }
         all.into_iter()
@@ -192,7 +177,8 @@ impl Lattice {
     }
 
     fn count(&self, k: usize) -> usize {
-        self.spans[k] * PER_SPAN + 1
+        // Three points of the lattice in each span.
+        self.spans[k] * 3 + 1
     }
 
     fn step(&self, k: usize) -> f64 {
@@ -210,13 +196,14 @@ impl Lattice {
         let mut heights: Vec<Option<f64>> = vec![None; nx * ny];
         let near = 2.0 * self.step(0).max(self.step(1));
         let mut queue = VecDeque::new();
-        let put = |n: usize, guess: f64, queue: &mut VecDeque<Reached>, heights: &mut Vec<_>| {
-            let at = [self.at(0, n / ny), self.at(1, n % ny)];
-            if let Some((z, slope)) = height(field, axes, at, guess, near) {
-                heights[n] = Some(z);
-                queue.push_back((n, z, slope));
-            }
-        };
+        let put =
+            |n: usize, guess: f64, queue: &mut VecDeque<LatticeHeight>, heights: &mut Vec<_>| {
+                let at = [self.at(0, n / ny), self.at(1, n % ny)];
+                if let Some((z, slope)) = height(field, axes, at, guess, near) {
+                    heights[n] = Some(z);
+                    queue.push_back((n, z, slope));
+                }
+            };
         for corners in local {
             for (n, guess) in self.below(corners) {
                 if heights[n].is_none() {
@@ -276,29 +263,32 @@ impl Lattice {
     /// Returns the graph by least squares.
     fn least_squares(&self, axes: Axes, heights: &[Option<f64>]) -> Option<Graph> {
         let knots = [0, 1].map(|k| self.knots(k));
-        let columns = knots[1].len() - DEGREE - 1;
-        let rows = knots[0].len() - DEGREE - 1;
-        let (count, band) = (rows * columns, DEGREE * columns + DEGREE);
+        let columns = knots[1].len() - SPLINE_DEGREE - 1;
+        let rows = knots[0].len() - SPLINE_DEGREE - 1;
+        let (count, band) = (rows * columns, SPLINE_DEGREE * columns + SPLINE_DEGREE);
         let mut matrix = vec![0.0; count * (band + 1)];
         let mut right = vec![0.0; count];
         let bases = [0, 1].map(|k| -> Vec<Basis> {
-            let each = (0..self.count(k)).map(|i| Basis::at(&knots[k], DEGREE, self.at(k, i)));
+            let each =
+                (0..self.count(k)).map(|i| Basis::at(&knots[k], SPLINE_DEGREE, self.at(k, i)));
             each.collect()
         });
         let ny = self.count(1);
         for (n, z) in heights.iter().enumerate() {
             let Some(z) = z else { continue };
             let (u, v) = (&bases[0][n / ny], &bases[1][n % ny]);
-            let mut row = [(0, 0.0); (DEGREE + 1) * (DEGREE + 1)];
-            for i in 0..=DEGREE {
-                for j in 0..=DEGREE {
+            let mut row = [(0, 0.0); (SPLINE_DEGREE + 1) * (SPLINE_DEGREE + 1)];
+            for i in 0..=SPLINE_DEGREE {
+                for j in 0..=SPLINE_DEGREE {
                     let column = (u.first + i) * columns + v.first + j;
-                    row[i * (DEGREE + 1) + j] = (column, u.values[0][i] * v.values[0][j]);
+                    row[i * (SPLINE_DEGREE + 1) + j] = (column, u.values[0][i] * v.values[0][j]);
                 }
             }
             add_row(&mut matrix, &mut right, band, &row, *z);
         }
-        let weight = SMOOTHING.sqrt();
+        // Known heights outweigh this weight of the third differences; without it coefficients far
+        // from the part would be undetermined. With 1e-7 errors of 1e-9 are twice as large.
+        let weight = 1e-9_f64.sqrt();
         let third = [-1.0, 3.0, -3.0, 1.0].map(|c| c * weight);
         for i in 0..rows {
             for j in 0..columns {
@@ -313,7 +303,7 @@ impl Lattice {
         }
         banded_solve(&mut matrix, band, &mut right).then_some(Graph {
             axes,
-            degree: DEGREE,
+            degree: SPLINE_DEGREE,
             knots,
             heights: right,
         })
@@ -322,7 +312,7 @@ impl Lattice {
     fn knots(&self, k: usize) -> Vec<f64> {
         let [lo, hi] = self.domain[k];
         let inner = (1..self.spans[k]).map(|i| lo + (hi - lo) * i as f64 / self.spans[k] as f64);
-        let end = |t: f64| std::iter::repeat_n(t, DEGREE + 1);
+        let end = |t: f64| std::iter::repeat_n(t, SPLINE_DEGREE + 1);
         end(lo).chain(inner).chain(end(hi)).collect()
     }
 }
@@ -362,7 +352,8 @@ fn height(
         let (value, g) = gradient(field, axes, [x, y, z]);
         let length = dot(g, g).sqrt();
         // Also false if a value is NaN.
-        if !(g[2].abs() >= STEEP * length && length > 0.0) {
+        // The normal has to keep this cosine with z.
+        if !(g[2].abs() >= 0.2 * length && length > 0.0) {
             return None;
         }
         let step = value / g[2];
@@ -434,7 +425,7 @@ mod tests {
 
     /// Returns the cap of the unit sphere about `direction` within a square of half width 0.45, as
     /// triangles.
-    fn cap(direction: Point3) -> Region<'static> {
+    fn cap(direction: Point3) -> HeightRegion<'static> {
         let axes = Axes::along([0.0; 3], direction);
         let n = 12;
         let at = |i: usize, j: usize| {
@@ -446,7 +437,7 @@ mod tests {
             let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
             [[a, b, c], [a, c, d]]
         });
-        Region {
+        HeightRegion {
             field: &Ball,
             triangles: triangles.collect(),
             direction,
@@ -463,10 +454,11 @@ mod tests {
                 let off = (norm(graph.point([x, y])) - 1.0).abs();
                 assert!(off <= tolerance, "{off:e} for {tolerance:e}");
             }
-            graph.rows() - DEGREE
+            graph.rows() - SPLINE_DEGREE
         };
         let (coarse, fine) = (spans(1e-5), spans(1e-8));
-        // Of order six in the end; a thousand times nearer takes less than five times the spans.
+        // The order is six in the end: a thousandth of the error takes less than five times the
+        // spans.
         assert!(coarse < fine && fine < 5 * coarse, "{coarse} {fine}");
     }
 

@@ -3,7 +3,8 @@
 //! Planes and graphs are projected along z, cylinders and cones are unrolled, tori and revolved
 //! surfaces are mapped by their two parameters, spheres and ellipsoids by the stereographic
 //! projection from the far side; revolved surfaces with tips by the lengths of their parallels.
-//! Distances in space are at most about those in the chart ([`STEEP`] times as large on graphs).
+//! Distances in space are at most about those in the chart ([`MAX_GRAPH_STRETCH`] times as large on
+//! graphs).
 
 use crate::arcs::Arcs;
 use isoform_geom::Point3;
@@ -11,9 +12,7 @@ use isoform_geom::brep::{Axes, Ellipsoid, Revolved, Surface};
 use std::f64::consts::{PI, TAU};
 
 /// Maximum ratio of a length on a graph to that in its chart: normals are within 50° of its z.
-pub(crate) const STEEP: f64 = 1.6;
-/// A face that leaves less of a turn free than this goes round: no chart holds it.
-const ROUND: f64 = 1e-3;
+pub(crate) const MAX_GRAPH_STRETCH: f64 = 1.6;
 
 /// A chart in which faces lie counterclockwise, seen from outside.
 pub(crate) struct Flat {
@@ -166,7 +165,8 @@ fn free_angle(surface: &Surface, loops: &[Vec<Point3>], k: usize) -> Option<f64>
         }
     }
     let (middle, width) = arcs.gap();
-    (width > ROUND).then_some(middle)
+    // A face that leaves almost no angle free has no chart.
+    (width > 1e-3).then_some(middle)
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@
 //! and are not a graph over a plane. [`check`](check()) searches for everything that could be wrong
 //! with the result, and measures it without the mesh; [`stands_alone`] shows that it does not
 //! depend on the nodes of the mesh. [`facets`](facets()) triangulates it, closed if it is, and
-//! [`Skin`] finds the nearest points of its faces.
+//! [`FaceProjector`] finds the nearest points of its faces.
 //!
 //! Lengths are in model units, angles in radians unless stated otherwise.
 #![forbid(unsafe_code)]
@@ -29,6 +29,7 @@ mod locus;
 mod measure;
 mod nearest;
 mod newton;
+mod piece;
 mod pieces;
 mod place;
 mod reading;
@@ -37,18 +38,19 @@ mod seams;
 mod shells;
 mod stray;
 mod surfaces;
+mod tolerance;
 mod topology;
 mod vertices;
 mod whole;
 
 pub use alone::stands_alone;
-pub use build::{Built, brep};
+pub use build::{MeshedBrep, brep};
 pub use check::{Certificate, Finding, check};
 pub use facets::{FacetOptions, Facets, FacetsError, facets};
 pub use isoform_control::Control;
 pub use locus::Locus;
 pub use measure::{Measure, of_face, total};
-pub use nearest::Skin;
+pub use nearest::FaceProjector;
 pub use pieces::{Pieces, pieces};
 pub use surfaces::Recognize;
 

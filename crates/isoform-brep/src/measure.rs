@@ -11,14 +11,8 @@ use isoform_geom::{Point3, dot, norm, sub};
 use isoform_num::gauss_legendre;
 use std::f64::consts::TAU;
 
-/// Nodes of Gauss quadrature along a piece of an edge, and from the base of v to the edge.
-const NODES: [usize; 2] = [10, 20];
-/// Parts of a piece of an edge on a spline, at most.
-const MOST_PARTS: f64 = 200.0;
 /// Share of an edge from a tip at which its angle is taken.
-const NEAR: f64 = 1e-5;
-/// Nodes from knot to knot of a spline.
-const SPAN_NODES: usize = 6;
+const TIP_SHARE: f64 = 1e-5;
 
 /// Measures of a face, or of all of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -49,7 +43,7 @@ pub fn total<'m>(measures: impl IntoIterator<Item = &'m Measure>) -> Measure {
 
 /// Returns the measure of the face within each of its loops; those of holes are negative.
 pub(crate) fn of_loops(brep: &Brep, face: &Face, center: Point3) -> Vec<Measure> {
-    let work = Work::new(brep, face, center);
+    let work = FaceQuadrature::new(brep, face, center);
     face.loops.iter().map(|l| work.of_loop(l)).collect()
 }
 
@@ -58,27 +52,30 @@ pub fn of_face(brep: &Brep, face: usize, center: Point3) -> Measure {
     total(&of_loops(brep, &brep.faces[face], center))
 }
 
-struct Work<'a> {
+struct FaceQuadrature<'a> {
     brep: &'a Brep,
     face: &'a Face,
     center: Point3,
     /// Start of the angles about the tube of a torus, and of v of a spline.
     start_of_v: f64,
+    /// Nodes and weights of Gauss quadrature along a piece of an edge.
     outer: (Vec<f64>, Vec<f64>),
+    /// Nodes and weights from the base of v to the edge.
     inner: (Vec<f64>, Vec<f64>),
+    /// Nodes and weights from knot to knot of a graph.
     spans: (Vec<f64>, Vec<f64>),
 }
 
-impl<'a> Work<'a> {
+impl<'a> FaceQuadrature<'a> {
     fn new(brep: &'a Brep, face: &'a Face, center: Point3) -> Self {
         Self {
             brep,
             face,
             center,
             start_of_v: start_of_v(brep, face),
-            outer: gauss_legendre(NODES[0]),
-            inner: gauss_legendre(NODES[1]),
-            spans: gauss_legendre(SPAN_NODES),
+            outer: gauss_legendre(10),
+            inner: gauss_legendre(20),
+            spans: gauss_legendre(6),
         }
     }
 
@@ -123,8 +120,8 @@ impl<'a> Work<'a> {
                 surface.parameters(self.brep.along(c.edge, s).0)[0]
             };
             // The angle exists near the tip, not at it.
-            let before = angle(coedge, 1.0 - NEAR);
-            let turn = angle(&around[(i + 1) % around.len()], NEAR) - before;
+            let before = angle(coedge, 1.0 - TIP_SHARE);
+            let turn = angle(&around[(i + 1) % around.len()], TIP_SHARE) - before;
             for (x, weight) in self.outer.0.iter().zip(&self.outer.1) {
                 sum.add(&self.up_to([before + turn * x, v]), -turn * weight);
             }
@@ -145,7 +142,7 @@ impl<'a> Work<'a> {
         for w in breaks.windows(2) {
             let half = 0.5 * (w[0] + w[1]);
             let far = (u(half) - u(w[0])).abs() + (u(w[1]) - u(half)).abs();
-            let parts = (2.0 * far / span).ceil().clamp(1.0, MOST_PARTS) as usize;
+            let parts = (2.0 * far / span).ceil().clamp(1.0, 200.0) as usize;
             let at = |n: usize| w[0] + (w[1] - w[0]) * n as f64 / parts as f64;
             finer.extend((1..=parts).map(at));
         }

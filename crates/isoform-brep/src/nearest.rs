@@ -9,27 +9,18 @@ use crate::facets::Facets;
 use isoform_geom::brep::{Brep, Coedge, Curve, Face, Surface};
 use isoform_geom::{Point3, cross, distance_squared, distance_to_segment, dot, norm, sub};
 
-/// Steps of the golden section: it narrows an interval to a ten-thousandth of a millionth, and the
-/// distance is flat there.
-const SECTIONS: usize = 48;
-/// Steps of the iteration for feet on ellipsoids and splines.
-const STEPS: usize = 40;
-/// Steps from a point near a surface onto it.
-const LIFTS: usize = 8;
-/// Shares of a step that are tried, at least.
-const SHORTEST: f64 = 1e-3;
 /// Length of a negligible step, relative to the coordinates.
-const SAME: f64 = 1e-14;
+const MIN_RELATIVE_STEP: f64 = 1e-14;
 
 /// Faces and edges of a solid, with the triangles that give starting points.
 #[derive(Debug)]
-pub struct Skin<'a> {
+pub struct FaceProjector<'a> {
     brep: &'a Brep,
     facets: &'a Facets,
 }
 
 /// A point on a border.
-struct Place {
+struct BorderPoint {
     at: Point3,
     /// Index of the loop, and of the coedge in it.
     of: [usize; 2],
@@ -37,7 +28,7 @@ struct Place {
     s: f64,
 }
 
-impl<'a> Skin<'a> {
+impl<'a> FaceProjector<'a> {
     /// Creates the projector of a solid and its triangles.
     pub fn new(brep: &'a Brep, facets: &'a Facets) -> Self {
         Self { brep, facets }
@@ -96,7 +87,7 @@ impl<'a> Skin<'a> {
 
     /// Returns the point of the loops of a face that is nearest to `p`: on the curve of the nearest
     /// piece of their polygons.
-    fn on_border(&self, face: usize, p: Point3) -> Option<Place> {
+    fn on_border(&self, face: usize, p: Point3) -> Option<BorderPoint> {
         let mut best: Option<(f64, [usize; 2], usize)> = None;
         for (l, around) in self.brep.faces[face].loops.iter().enumerate() {
             for (c, coedge) in around.iter().enumerate() {
@@ -116,7 +107,7 @@ impl<'a> Skin<'a> {
         let (from, to) = (i.saturating_sub(1), (i + 2).min(along.len() - 1));
         let s = self.on_edge(edge, [along[from].0, along[to].0], p);
         let at = self.brep.along(edge, s).0;
-        Some(Place { at, of, s })
+        Some(BorderPoint { at, of, s })
     }
 
     /// Returns the parameter between two others at which an edge is nearest to `p`.
@@ -130,7 +121,9 @@ impl<'a> Skin<'a> {
         let ends = [a, b];
         let (mut s, mut t) = (b - golden * (b - a), a + golden * (b - a));
         let (mut at_s, mut at_t) = (far(s), far(t));
-        for _ in 0..SECTIONS {
+        // Golden-section search: 48 steps narrow an interval to 1e-10 of it, and the distance is
+        // flat there.
+        for _ in 0..48 {
             if at_s < at_t {
                 (b, t, at_t) = (t, s, at_s);
                 s = b - golden * (b - a);
@@ -179,7 +172,7 @@ fn foot(surface: &Surface, p: Point3, near: Point3) -> Point3 {
 
 /// Projects a point near a surface onto it.
 fn lifted(surface: &Surface, mut x: Point3) -> Point3 {
-    for _ in 0..LIFTS {
+    for _ in 0..8 {
         let (d, n) = surface.distance(x);
         let next: Point3 = std::array::from_fn(|k| x[k] - d * n[k]);
         if next.iter().any(|v| !v.is_finite()) {
@@ -187,7 +180,7 @@ fn lifted(surface: &Surface, mut x: Point3) -> Point3 {
         }
         let way = norm(sub(next, x));
         x = next;
-        if way <= SAME * norm(x) {
+        if way <= MIN_RELATIVE_STEP * norm(x) {
             break;
         }
     }
@@ -199,12 +192,12 @@ fn lifted(surface: &Surface, mut x: Point3) -> Point3 {
 fn iterated(surface: &Surface, p: Point3, near: Point3) -> Point3 {
     let mut x = lifted(surface, near);
     let mut far = norm(sub(p, x));
-    for _ in 0..STEPS {
+    for _ in 0..40 {
         let step = tangent_step(surface, p, x);
         let mut next = lifted(surface, moved(x, step, 1.0));
         // A step that increases the distance is too long.
         let mut share = 1.0;
-        while norm(sub(p, next)) > far && share > SHORTEST {
+        while norm(sub(p, next)) > far && share > 1e-3 {
             share *= 0.5;
             next = lifted(surface, moved(x, step, share));
         }
@@ -214,7 +207,7 @@ fn iterated(surface: &Surface, p: Point3, near: Point3) -> Point3 {
         }
         let way = norm(sub(next, x));
         (x, far) = (next, now);
-        if way <= SAME * norm(x) {
+        if way <= MIN_RELATIVE_STEP * norm(x) {
             break;
         }
     }
@@ -231,7 +224,7 @@ fn moved(x: Point3, step: Point3, share: f64) -> Point3 {
 /// off b) t = rₜ.
 fn tangent_step(surface: &Surface, p: Point3, x: Point3) -> Point3 {
     let n = surface.distance(x).1;
-    let [e, f] = isoform_geom::across(n);
+    let [e, f] = isoform_geom::orthonormal_complement(n);
     let r = sub(p, x);
     let (off, a, c) = (dot(r, n), dot(r, e), dot(r, f));
     let bend = |t: Point3| surface.bending(x, t);
@@ -269,14 +262,14 @@ mod tests {
     #[test]
     fn distances_from_a_can_are_the_closed_form() {
         let brep = can();
-        // However coarse the triangles are: they only say where to begin.
+        // The triangles may be coarse: they only give starting points.
         for chord in [0.2, 1e-3] {
             let options = FacetOptions {
                 chord,
                 longest: f64::INFINITY,
             };
             let facets = facets(&brep, &options, &Control::default()).expect("triangles");
-            let skin = Skin::new(&brep, &facets);
+            let skin = FaceProjector::new(&brep, &facets);
             for i in 0..500 {
                 let at = |k: f64| 5.0 * (k * f64::from(i)).fract() - 2.0;
                 let p = [at(0.754_877), at(0.569_840), at(0.430_159)];
@@ -295,7 +288,7 @@ mod tests {
             longest: f64::INFINITY,
         };
         let facets = facets(&brep, &options, &Control::default()).expect("triangles");
-        let skin = Skin::new(&brep, &facets);
+        let skin = FaceProjector::new(&brep, &facets);
         // Between the polygon and the circle, and just outside of the circle.
         for i in 0..64 {
             let (sin, cos) = (0.1 * f64::from(i)).sin_cos();
@@ -343,7 +336,7 @@ mod tests {
             longest: f64::INFINITY,
         };
         let facets = facets(&brep, &options, &Control::default()).expect("triangles");
-        let skin = Skin::new(&brep, &facets);
+        let skin = FaceProjector::new(&brep, &facets);
         // To the left of one border each, but on the right of the other.
         for face in [0, 1] {
             for y in [0.3, -0.3] {
@@ -369,7 +362,8 @@ mod tests {
                 let near = std::array::from_fn(|k| q[k] + 0.05 * axes.x[k]);
                 let found = foot(&surface, p, near);
                 let away = norm(sub(found, q));
-                // The distance is flat at its least: it tells the foot to half of the digits.
+                // The distance is flat at its minimum: it determines the foot to half of the
+                // digits.
                 assert!(away < 1e-8, "{at:?} {d} {away}");
                 assert!(
                     (norm(sub(found, p)) - f64::abs(d)).abs() < 1e-14,

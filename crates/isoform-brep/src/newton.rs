@@ -4,11 +4,11 @@ use crate::locus::Distance;
 use isoform_geom::{Point3, dot, norm};
 use isoform_num::linalg::symmetric_eigen;
 
-/// Steps at most; some five are needed where surfaces cross, more where they nearly touch.
-const STEPS: usize = 40;
-/// Directions in which all distances together change less than this share of the largest change
-/// (squared) are not stepped along: there the point is free.
-const FREE: f64 = 1e-10;
+/// Distance below which a point lies on a surface, and two points are one, in sizes of the model:
+/// readers merge points a hundred times as far apart.
+pub(crate) const POINT_TOLERANCE: f64 = 1e-9;
+/// Rounding of the iteration times a hundred, in sizes of the model.
+pub(crate) const MEETING_ROUNDING: f64 = 1e-12;
 
 /// Returns the point near `start` that lies on all the surfaces, or as nearly as the iteration
 /// gets: Gauss–Newton steps, of minimal norm where the point is not determined.
@@ -17,7 +17,8 @@ pub(crate) fn meet<'s, S: Distance + ?Sized + 's>(
     start: Point3,
 ) -> Point3 {
     let mut p = start;
-    for _ in 0..STEPS {
+    // Some five steps suffice if surfaces cross, more are needed if they nearly touch.
+    for _ in 0..40 {
         let Some(step) = step(surfaces.clone(), p) else {
             break;
         };
@@ -63,7 +64,9 @@ fn step<'s, S: Distance + ?Sized + 's>(
     let (values, vectors) = symmetric_eigen(&matrix, 3);
     let most = values.iter().fold(0.0f64, |m, v| m.max(*v));
     let mut step = [0.0; 3];
-    for (k, value) in values.iter().enumerate().filter(|v| *v.1 > FREE * most) {
+    // Along directions in which the distances hardly change (a ratio of 1e-5 to the largest change,
+    // squared here) the point is not determined, and takes no step.
+    for (k, value) in values.iter().enumerate().filter(|v| *v.1 > 1e-10 * most) {
         let vector: Point3 = std::array::from_fn(|i| vectors[3 * k + i]);
         let along = dot(vector, right) / value;
         (0..3).for_each(|i| step[i] += along * vector[i]);

@@ -5,41 +5,24 @@
 //! divide the part ([`SmoothPart::limits`]).
 
 use crate::BrepError;
-use crate::contacts::{Contact, Touching};
-use crate::cut::Labelled;
+use crate::contacts::{Contact, ContactSearch};
+use crate::cut::LabelledMesh;
 use crate::locus::Locus;
+use crate::piece::{SmoothPiece, triangles_of_part};
 use crate::seams::Seams;
 use crate::stray::parts_on_surface;
-use crate::surfaces::{Part, Recognize};
+use crate::surfaces::{Recognize, SurfacePart};
 use crate::topology::{across_sides, components};
-use crate::whole::{Whole, piece_named};
+use crate::whole::{SolidPiece, piece_named};
 use isoform_geom::brep::Surface;
 use isoform_geom::{Aabb, Field, Mesh, Parts, Point3, SmoothPart, Solid};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Fewer nodes away from the borders of a piece say nothing of its surface.
-const FEW: usize = 12;
-
-/// A smooth piece of a surface.
-#[derive(Clone)]
-pub(crate) struct Piece {
-    /// Part of the mesh that it belongs to.
-    pub(crate) part: u32,
-    /// Locus of the piece.
-    pub(crate) locus: Locus,
-    /// Nodes on it, away from its borders if there are such.
-    pub(crate) nodes: Vec<Point3>,
-    /// Functions that may bound it within its part.
-    pub(crate) limits: Vec<Arc<dyn Field>>,
-    /// Index of its function: equal for pieces of one function; `None` without one.
-    pub(crate) function: Option<usize>,
-}
-
 /// The surface of a solid as triangles that are labelled by their smooth pieces.
 pub struct Pieces {
-    pub(crate) mesh: Labelled,
-    pub(crate) list: Vec<Piece>,
+    pub(crate) mesh: LabelledMesh,
+    pub(crate) list: Vec<SmoothPiece>,
     /// Names of the parts of the mesh.
     pub(crate) names: Vec<String>,
 }
@@ -59,7 +42,7 @@ pub fn pieces(
     recognize: &Recognize<'_>,
 ) -> Result<Pieces, BrepError> {
     let parts = parts_on_surface(mesh, solid)?;
-    let mut labelled = Labelled {
+    let mut labelled = LabelledMesh {
         points: mesh.points.clone(),
         triangles: mesh.triangles.clone(),
         parts: parts.clone(),
@@ -68,7 +51,7 @@ pub fn pieces(
         charts: vec![0; mesh.triangles.len()],
         cuts: Vec::new(),
     };
-    let mut found: Vec<Found<'_>> = Vec::new();
+    let mut found: Vec<PieceCandidate<'_>> = Vec::new();
     for (part, name) in mesh.parts.iter().enumerate() {
         let piece = piece_named(solid, name);
         let of_piece = |p: &&SmoothPart| p.piece == piece;
@@ -79,9 +62,9 @@ pub fn pieces(
             continue;
         }
         if branches.iter().all(|p| p.function == branches[0].function) {
-            let own = own(&labelled, part);
+            let own = triangles_of_part(&labelled, part);
             label(&mut labelled, &own, found.len());
-            found.push(Found {
+            found.push(PieceCandidate {
                 part,
                 piece,
                 branches: branches.into_iter().take(1).collect(),
@@ -89,11 +72,11 @@ pub fn pieces(
             });
             continue;
         }
-        let of =
-            Seams::new(&labelled, part, Whole { solid, piece }, &branches).divide(&mut labelled);
+        let of = Seams::new(&labelled, part, SolidPiece { solid, piece }, &branches)
+            .divide(&mut labelled);
         for (branches, triangles) in of.into_values() {
             label(&mut labelled, &triangles, found.len());
-            found.push(Found {
+            found.push(PieceCandidate {
                 part,
                 piece,
                 branches,
@@ -128,9 +111,9 @@ pub fn pieces(
 /// Splits a piece that is on no single surface into its connected components, if its function has
 /// no limits: the product of two planes, for example, vanishes on both.
 fn take_apart(
-    mesh: &mut Labelled,
-    found: &mut Vec<Found<'_>>,
-    is_known: impl Fn(&Found<'_>, &[Point3]) -> bool,
+    mesh: &mut LabelledMesh,
+    found: &mut Vec<PieceCandidate<'_>>,
+    is_known: impl Fn(&PieceCandidate<'_>, &[Point3]) -> bool,
 ) -> Result<(), BrepError> {
     let across = across_sides(&mesh.triangles)?;
     let of = &mesh.sheets;
@@ -157,16 +140,16 @@ fn take_apart(
 
 /// Moves the borders along which pieces touch onto the functions of the tree that separate them.
 fn separate(
-    mesh: &mut Labelled,
+    mesh: &mut LabelledMesh,
     solid: &dyn Solid,
     smooth: Option<&Parts>,
-    found: &[Found<'_>],
+    found: &[PieceCandidate<'_>],
     bounds: Aabb,
 ) -> Vec<Contact> {
     let parts = smooth.map_or(&[][..], |s| &s.parts);
     let candidates: Vec<Arc<dyn Field>> = parts.iter().map(|p| p.field.clone()).collect();
     let [x, y, z] = bounds.size();
-    let touching = Touching {
+    let touching = ContactSearch {
         solid,
         piece_of: &found.iter().map(|f| f.piece).collect::<Vec<_>>(),
         part_of: &found.iter().map(|f| f.part).collect::<Vec<_>>(),
@@ -177,7 +160,7 @@ fn separate(
 }
 
 /// Labels triangles by their piece.
-fn label(mesh: &mut Labelled, triangles: &[u32], piece: usize) {
+fn label(mesh: &mut LabelledMesh, triangles: &[u32], piece: usize) {
     for t in triangles {
         mesh.sheets[*t as usize] = piece as u32;
     }
@@ -185,7 +168,7 @@ fn label(mesh: &mut Labelled, triangles: &[u32], piece: usize) {
 
 /// A piece whose locus is not known yet.
 #[derive(Clone)]
-struct Found<'a> {
+struct PieceCandidate<'a> {
     part: u32,
     /// Piece of the solid.
     piece: u32,
@@ -195,7 +178,7 @@ struct Found<'a> {
     is_apart: bool,
 }
 
-impl Found<'_> {
+impl PieceCandidate<'_> {
     /// Returns true if a point is where the function is that of the piece.
     fn holds(&self, p: Point3) -> bool {
         let all = |b: &&SmoothPart| b.limits.iter().all(|l| l.value(p) >= 0.0);
@@ -218,7 +201,7 @@ impl Found<'_> {
             }
             None => solid.gradient(self.piece, p),
         };
-        let of = Part {
+        let of = SurfacePart {
             function: &function,
             bounds,
             name,
@@ -234,7 +217,7 @@ impl Found<'_> {
         bounds: Aabb,
         solid: &dyn Solid,
         recognize: &Recognize<'_>,
-    ) -> Result<Piece, BrepError> {
+    ) -> Result<SmoothPiece, BrepError> {
         let smooth = self.branches.first();
         let surface = self.surface(&nodes, name, bounds, solid, recognize);
         let locus = match (surface, smooth) {
@@ -243,7 +226,7 @@ impl Found<'_> {
             (Err(_), Some(smooth)) => Locus::Zero(smooth.field.clone()),
         };
         let limits = self.branches.iter().flat_map(|b| b.limits.iter().cloned());
-        Ok(Piece {
+        Ok(SmoothPiece {
             part: self.part,
             locus,
             nodes,
@@ -256,7 +239,7 @@ impl Found<'_> {
 /// Returns the nodes that each piece is recognised from: those at which its own function applies,
 /// or, for a part with one function, those that it shares with no other piece, since nodes lie near
 /// a smooth seam and not on it. All nodes if only a few remain.
-fn found_nodes(mesh: &Labelled, found: &[Found<'_>]) -> Vec<Vec<Point3>> {
+fn found_nodes(mesh: &LabelledMesh, found: &[PieceCandidate<'_>]) -> Vec<Vec<Point3>> {
     let mut of: Vec<Vec<u32>> = vec![Vec::new(); mesh.points.len()];
     for (corners, piece) in mesh.triangles.iter().zip(&mesh.sheets) {
         for v in corners {
@@ -282,12 +265,13 @@ fn found_nodes(mesh: &Labelled, found: &[Found<'_>]) -> Vec<Vec<Point3>> {
         }
     }
     let each = inner.into_iter().zip(all);
-    each.map(|(inner, all)| if inner.len() < FEW { all } else { inner })
+    // Fewer nodes away from the borders do not determine a surface.
+    each.map(|(inner, all)| if inner.len() < 12 { all } else { inner })
         .collect()
 }
 
 /// Copies the surface of a larger piece to pieces of equal function without one, such as slivers.
-fn share_surfaces(list: &mut [Piece]) {
+fn share_surfaces(list: &mut [SmoothPiece]) {
     let known: BTreeMap<usize, Locus> = list
         .iter()
         .filter(|p| p.locus.surface().is_some())
@@ -298,11 +282,4 @@ fn share_surfaces(list: &mut [Piece]) {
             piece.locus = locus.clone();
         }
     }
-}
-
-/// Returns the triangles of a part.
-pub(crate) fn own(mesh: &Labelled, part: u32) -> Vec<u32> {
-    let all = 0..mesh.triangles.len() as u32;
-    all.filter(|t| mesh.components[*t as usize] == part)
-        .collect()
 }

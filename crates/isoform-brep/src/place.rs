@@ -1,8 +1,8 @@
 //! Placement of the frame of a face's surface: seams and poles away from the face.
 
-use crate::cut::{CAP, ELLIPSOID_CAP, cap_direction, gaps_of};
+use crate::cut::{MIN_CAP_COSINE, MIN_ELLIPSOID_CAP_COSINE, cap_direction, gaps_of};
 use isoform_geom::brep::{Axes, Revolved, Surface};
-use isoform_geom::{Point3, across, dot, sub};
+use isoform_geom::{Point3, dot, orthonormal_complement, sub};
 use std::sync::Arc;
 
 /// Returns the surface with its frame placed for a face, given by the sides of its triangles.
@@ -58,15 +58,15 @@ pub(crate) fn place(
         }
         Surface::Sphere(_, radius) => {
             let out = nodes.map(|p| sub(p, axes.origin));
-            let direction = cap_direction(out, CAP).unwrap_or(axes.x);
-            let [z, _] = across(direction);
+            let direction = cap_direction(out, MIN_CAP_COSINE).unwrap_or(axes.x);
+            let [z, _] = orthonormal_complement(direction);
             let axes = Axes::along(axes.origin, z).turned(direction.map(|v| -v));
             Surface::Sphere(axes, radius)
         }
         Surface::Torus(_, major, minor) => Surface::Torus(seam_free(axes), major, minor),
         Surface::Ellipsoid(ball) => {
             let out = nodes.map(|p| ball.shrunk(p));
-            let direction = cap_direction(out, ELLIPSOID_CAP).unwrap_or([1.0, 0.0, 0.0]);
+            let direction = cap_direction(out, MIN_ELLIPSOID_CAP_COSINE).unwrap_or([1.0, 0.0, 0.0]);
             Surface::Ellipsoid(ball.facing(direction))
         }
         Surface::Revolved(ref turned) => Surface::Revolved(Arc::new(Revolved {

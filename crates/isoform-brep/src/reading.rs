@@ -7,20 +7,16 @@
 //! the curve is long, or passes near a pole, the two are far apart between the points. Edges are
 //! divided until they agree.
 
-use crate::check::{TOLERANCE, worse};
+use crate::tolerance::{READER_TOLERANCE, worse};
 use crate::vertices::follow;
 use isoform_geom::brep::{Brep, Curve, Edge, Surface};
 use isoform_geom::{Point3, cross, norm, sub};
 use std::f64::consts::{PI, TAU};
 
 /// Number of steps between the points of an edge that readers project; multiples of it for splines.
-const STEPS: usize = 22;
+const READER_STEPS: usize = 22;
 /// Number of parts of a step at whose ends the curves are compared.
-const PLACES: usize = 4;
-/// Parts of an edge at most: the error falls with the fourth power of their number.
-const MOST: usize = 32;
-/// Maximum number of divisions of an edge.
-const ROUNDS: usize = 3;
+const PARTS_PER_STEP: usize = 4;
 
 /// Returns by edge the largest distance from its images in the parameters of its faces.
 pub(crate) fn deviations(brep: &Brep) -> Vec<f64> {
@@ -38,16 +34,17 @@ pub(crate) fn deviations(brep: &Brep) -> Vec<f64> {
 /// Divides edges whose images leave them by more than readers resolve in a model of this size;
 /// returns the divided edges in the order of the edges that are added.
 pub(crate) fn divide(brep: &mut Brep, size: f64) -> Vec<usize> {
-    let limit = TOLERANCE * size;
+    let limit = READER_TOLERANCE * size;
     let mut divided = Vec::new();
-    for _ in 0..ROUNDS {
+    for _ in 0..3 {
         let worst = deviations(brep);
         let before = brep.edges.len();
         for (e, off) in worst.into_iter().enumerate() {
             if off > limit {
                 let parts = (off / limit).powf(0.25).ceil();
-                // This includes infinity: such an edge is divided as far as is allowed.
-                let parts = parts.min(MOST as f64) as usize;
+                // The error falls with the fourth power of the number of parts. The bound also
+                // holds for infinity.
+                let parts = parts.min(32.0) as usize;
                 divided.extend(std::iter::repeat_n(e, divide_edge(brep, e, parts)));
             }
         }
@@ -98,9 +95,9 @@ fn deviation(brep: &Brep, edge: u32, surface: &Surface) -> f64 {
     let steps = match curve {
         Curve::BSpline(spline) => {
             let points = (spline.knots.len() - 1) * (spline.degree + 1);
-            STEPS * (points - 1).div_ceil(STEPS)
+            READER_STEPS * (points - 1).div_ceil(READER_STEPS)
         }
-        _ => STEPS,
+        _ => READER_STEPS,
     };
     let at = |x: f64| brep.along(edge, x / steps as f64);
     let points: Vec<Point3> = (0..=steps).map(|k| at(k as f64).0).collect();
@@ -108,8 +105,8 @@ fn deviation(brep: &Brep, edge: u32, surface: &Surface) -> f64 {
     let slopes = [0, 1].map(|k| slopes(&parameters.iter().map(|q| q[k]).collect::<Vec<_>>()));
     let mut worst = 0.0f64;
     for i in 0..steps {
-        for n in 1..PLACES {
-            let x = n as f64 / PLACES as f64;
+        for n in 1..PARTS_PER_STEP {
+            let x = n as f64 / PARTS_PER_STEP as f64;
             let seen = point(
                 surface,
                 [0, 1].map(|k| {
@@ -278,7 +275,11 @@ mod tests {
         let divided = divide(&mut brep, 2.0);
         assert_eq!(brep.edges.len(), 2 + divided.len());
         assert!(!divided.is_empty() && divided.iter().all(|e| *e < brep.edges.len()));
-        assert!(deviations(&brep).into_iter().all(|d| d <= 2.0 * TOLERANCE));
+        assert!(
+            deviations(&brep)
+                .into_iter()
+                .all(|d| d <= 2.0 * READER_TOLERANCE)
+        );
         // The loop runs through all edges once, from each to the next, and all are on the circle.
         let around = &brep.faces[0].loops[0];
         assert_eq!(around.len(), brep.edges.len());

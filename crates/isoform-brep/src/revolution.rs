@@ -5,9 +5,9 @@
 //! Wallner, Computational Line Geometry, 2001, section 4.1), or taken from a neighbour, and tested
 //! on the function itself. The profile is followed in a half-plane about the axis.
 
-use crate::curves::{Bezier, Wanted, joined, pieces};
+use crate::curves::{Bezier, CurveRequest, joined, pieces};
 use crate::locus::{Distance, Locus};
-use crate::newton::{gap, meet};
+use crate::newton::{POINT_TOLERANCE, gap, meet};
 use crate::topology::longest_side;
 use isoform_geom::brep::{Axes, Revolved, Surface};
 use isoform_geom::{Aabb, Point3, cross, dot, sub};
@@ -15,41 +15,19 @@ use isoform_num::linalg::symmetric_eigen;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Nodes from which the axis is found and at which it is tried.
-const SAMPLES: usize = 200;
 /// Number of rotations by which the nodes are tested.
-const TURNS: usize = 5;
-/// Nodes that are moved about the axis stay as near to the surface as this, in sizes: rounding.
-const ROUND: f64 = 1e-11;
-/// Steps along the profile for the diagonal of its box.
-const STEPS: f64 = 48.0;
-/// Steps at most: profiles that wind more are cut into graphs.
-const MOST_STEPS: usize = 1000;
-/// A step onto the profile this short, in lengths of the steps along it, is the last: the next one
-/// would be about its square.
-const CLOSE: f64 = 1e-7;
+const TEST_ROTATIONS: usize = 5;
 /// Maximum distance of a node from the profile that counts as passing it, in steps.
-const PASSED: f64 = 0.3;
-/// Steps for the longest edge of the mesh after which the walk ends where no node was passed.
-const EMPTY: f64 = 2.0;
-/// Functions are followed up to this distance from the axis, in steps: nearer to it they may have
-/// no gradient.
-const POLE: f64 = 0.05;
+const MAX_PASSING_DISTANCE: f64 = 0.3;
 /// Maximum distance to the axis, in steps, from the last point that is followed: profiles that meet
 /// it at more than six degrees reach it.
-const LAST: f64 = 10.0;
-/// Distance from the axis, in sizes of the model, at which a profile is taken to go on as the
-/// polynomial that it is by then: what this misses is of its third power.
-const TIP: f64 = 1e-6;
-/// The point there is this near to the surface, in sizes: a function that vanishes twice at its tip
-/// is good to half of the digits near it.
-const ON: f64 = 1e-9;
+const MAX_STEPS_TO_AXIS: f64 = 10.0;
 /// Minimum sine between the normal and the axis direction, or its normal, at a tip. Below it the
 /// profile reaches the axis at a right angle, a smooth pole without a tip, or along it, a cusp.
-const SMOOTH: f64 = 0.02;
+const MIN_TIP_SINE: f64 = 0.02;
 
 /// A piece of a smooth surface.
-pub(crate) struct Piece<'a> {
+pub(crate) struct ProfileInput<'a> {
     /// Zero set of its function.
     pub(crate) locus: &'a Locus,
     /// Corners of its triangles.
@@ -62,11 +40,12 @@ pub(crate) struct Piece<'a> {
     pub(crate) size: f64,
 }
 
-impl Piece<'_> {
+impl ProfileInput<'_> {
     /// Returns the surface of revolution that the piece is; `None` if it is not one.
     pub(crate) fn revolved(&self) -> Option<Surface> {
         let all = self.triangles.as_flattened();
-        let every = all.len().div_ceil(SAMPLES).max(1);
+        // About 200 nodes determine and test the axis.
+        let every = all.len().div_ceil(200).max(1);
         let nodes = all.iter().step_by(every).copied();
         // The normal does not exist at a tip.
         let has_normal = |p: &Point3| self.locus.distance(*p).1.iter().all(|v| v.is_finite());
@@ -83,7 +62,7 @@ impl Piece<'_> {
     /// Returns the axis of the motion that leaves the surface invariant: c × p + d with normals n
     /// has the components c·(p × n) + d·n.
     fn axis(&self, nodes: &[Point3]) -> Option<Axes> {
-        let bounds = Aabb::of(nodes);
+        let bounds = Aabb::from_points(nodes);
         let (center, scale) = (bounds.center(), bounds.diagonal());
         let mut matrix = [0.0; 36];
         for p in nodes {
@@ -113,10 +92,11 @@ impl Piece<'_> {
         let off = |p: Point3| self.locus.distance(p).0;
         nodes.iter().all(|p| {
             let ([x, y, z], before) = (axes.local(*p), off(*p));
-            (1..=TURNS).all(|k| {
-                let (sin, cos) = (k as f64 * TAU / (TURNS + 1) as f64).sin_cos();
+            (1..=TEST_ROTATIONS).all(|k| {
+                let (sin, cos) = (k as f64 * TAU / (TEST_ROTATIONS + 1) as f64).sin_cos();
                 let turned = axes.point([cos * x - sin * y, sin * x + cos * y, z]);
-                (off(turned) - before).abs() <= ROUND * self.size
+                // Rounding only.
+                (off(turned) - before).abs() <= 1e-11 * self.size
             })
         })
     }
@@ -130,12 +110,12 @@ impl Piece<'_> {
                 [x.hypot(y), z]
             })
             .collect();
-        let Path { points, ends } = Walk::new(self, axes, &places).path()?;
+        let ProfilePath { points, ends } = ProfileWalk::new(self, axes, &places).path()?;
         let in_space = |q: &[f64; 2]| axes.point([q[0], 0.0, q[1]]);
         let points: Vec<Point3> = points.iter().map(in_space).collect();
         let half_plane = Locus::Exact(Surface::Plane(Axes::along(axes.origin, axes.y())));
         let last = points.len() - 1;
-        let wanted = Wanted {
+        let wanted = CurveRequest {
             surfaces: [self.locus, &half_plane],
             ends: [points[0], points[last]],
             between: &points[1..last],
@@ -180,7 +160,7 @@ fn to_axis(piece: &Bezier, axes: &Axes) -> Option<Bezier> {
 
 /// End of a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum End {
+enum ProfileEnd {
     /// The profile continues beyond the piece.
     Beyond,
     /// The profile reaches the axis at an angle, and is followed up to a point near it.
@@ -189,41 +169,41 @@ enum End {
     Pole,
 }
 
-impl End {
+impl ProfileEnd {
     fn is_on_axis(self) -> bool {
         self != Self::Beyond
     }
 }
 
 /// Points of a profile in order, and the kinds of its first and its last end.
-struct Path {
+struct ProfilePath {
     points: Vec<[f64; 2]>,
-    ends: [End; 2],
+    ends: [ProfileEnd; 2],
 }
 
 /// State of following the profile of a surface of revolution.
-struct Walk<'a> {
-    piece: &'a Piece<'a>,
+struct ProfileWalk<'a> {
+    piece: &'a ProfileInput<'a>,
     axes: &'a Axes,
     /// Distances from the axis, and heights, of the nodes of the piece.
     places: &'a [[f64; 2]],
     step: f64,
 }
 
-impl<'a> Walk<'a> {
-    fn new(piece: &'a Piece<'a>, axes: &'a Axes, places: &'a [[f64; 2]]) -> Self {
+impl<'a> ProfileWalk<'a> {
+    fn new(piece: &'a ProfileInput<'a>, axes: &'a Axes, places: &'a [[f64; 2]]) -> Self {
         let flat: Vec<Point3> = places.iter().map(|q| [q[0], q[1], 0.0]).collect();
         Self {
             piece,
             axes,
             places,
-            step: Aabb::of(&flat).diagonal() / STEPS,
+            step: Aabb::from_points(&flat).diagonal() / 48.0,
         }
     }
 
     /// Returns the profile past all nodes, and a step beyond or up to the axis; `None` if it is
     /// closed, has smooth poles and no tip, or does not pass all nodes.
-    fn path(&self) -> Option<Path> {
+    fn path(&self) -> Option<ProfilePath> {
         let is_off = |q: &&[f64; 2]| q[0] > self.step;
         let (start, tangent) = self.onto(*self.places.iter().find(is_off)?)?;
         let mut passed = vec![false; self.places.len()];
@@ -232,10 +212,10 @@ impl<'a> Walk<'a> {
         let (behind, last) = self.half(start, tangent, &mut passed)?;
         points.extend(behind.into_iter().skip(1));
         let ends = [first, last];
-        if ends.contains(&End::Pole) && !ends.contains(&End::Tip) {
+        if ends.contains(&ProfileEnd::Pole) && !ends.contains(&ProfileEnd::Tip) {
             return None;
         }
-        (points.len() > 2 && passed.into_iter().all(|p| p)).then_some(Path { points, ends })
+        (points.len() > 2 && passed.into_iter().all(|p| p)).then_some(ProfilePath { points, ends })
     }
 
     /// Returns the profile in one direction, with its start.
@@ -244,16 +224,19 @@ impl<'a> Walk<'a> {
         start: [f64; 2],
         mut tangent: [f64; 2],
         passed: &mut [bool],
-    ) -> Option<(Vec<[f64; 2]>, End)> {
+    ) -> Option<(Vec<[f64; 2]>, ProfileEnd)> {
+        // The search ends two edges of the mesh after the last node that was passed.
         let empty =
-            1 + (EMPTY * longest_side(self.piece.triangles.iter().copied()) / self.step) as usize;
+            1 + (2.0 * longest_side(self.piece.triangles.iter().copied()) / self.step) as usize;
         let (mut path, mut last_passed) = (vec![start], 0);
         while path.len() - last_passed <= empty + 1 {
             let from = path[path.len() - 1];
             let ahead = std::array::from_fn(|k| from[k] + self.step * tangent[k]);
             let Some((to, new)) = self.onto(ahead) else {
                 if let Some((last, tip, end)) = self.tip(from, tangent) {
-                    let near = |q: &[f64; 2]| to_segment(*q, [from, tip]) <= PASSED * self.step;
+                    let near = |q: &[f64; 2]| {
+                        to_segment(*q, [from, tip]) <= MAX_PASSING_DISTANCE * self.step
+                    };
                     let pass = self.places.iter().zip(passed.iter_mut());
                     pass.for_each(|(q, passed)| *passed |= near(q));
                     path.push(last);
@@ -268,12 +251,13 @@ impl<'a> Walk<'a> {
             };
             tangent = new.map(|v| side * v);
             let is_closed = path.len() > 2 && apart(to, start) < self.step;
-            if is_closed || path.len() > MOST_STEPS {
+            // Profiles that wind more are cut into graphs.
+            if is_closed || path.len() > 1000 {
                 return None;
             }
             path.push(to);
             for (place, passed) in self.places.iter().zip(passed.iter_mut()) {
-                if !*passed && to_segment(*place, [from, to]) <= PASSED * self.step {
+                if !*passed && to_segment(*place, [from, to]) <= MAX_PASSING_DISTANCE * self.step {
                     *passed = true;
                     last_passed = path.len() - 1;
                 }
@@ -281,15 +265,17 @@ impl<'a> Walk<'a> {
         }
         // One step beyond the last node: trimmed edges lie inside the surface.
         path.truncate(last_passed + 2);
-        Some((path, End::Beyond))
+        Some((path, ProfileEnd::Beyond))
     }
 
     /// Returns the point of the profile near the axis, the point on it, and the kind of end, in the
     /// direction of a tangent; `None` if the axis is not reached, or no node is near.
-    fn tip(&self, from: [f64; 2], tangent: [f64; 2]) -> Option<([f64; 2], [f64; 2], End)> {
-        let out = TIP * self.piece.size;
+    fn tip(&self, from: [f64; 2], tangent: [f64; 2]) -> Option<([f64; 2], [f64; 2], ProfileEnd)> {
+        // Nearer to the axis than a millionth of the size the profile is continued by its
+        // polynomial, with an error of the third power of this distance.
+        let out = 1e-6 * self.piece.size;
         let steps = (out - from[0]) / tangent[0];
-        if !(0.0 < steps && steps <= LAST * self.step) {
+        if !(0.0 < steps && steps <= MAX_STEPS_TO_AXIS * self.step) {
             return None;
         }
         let exact = [
@@ -305,15 +291,16 @@ impl<'a> Walk<'a> {
         let [nr, nz] = [dot(n, self.axes.x), dot(n, self.axes.z)];
         let tip = [0.0, z + nr / nz * r];
         let longest = longest_side(self.piece.triangles.iter().copied());
-        let is_reached = gap(all, p) <= ON * self.piece.size
+        // A function that vanishes twice at its tip is accurate to half of the digits near it.
+        let is_reached = gap(all, p) <= POINT_TOLERANCE * self.piece.size
             && r > 0.0
-            && apart([r, z], from) <= 2.0 * LAST * self.step
-            && nz.abs() > SMOOTH
+            && apart([r, z], from) <= 2.0 * MAX_STEPS_TO_AXIS * self.step
+            && nz.abs() > MIN_TIP_SINE
             && self.places.iter().any(|q| apart(*q, tip) <= 2.0 * longest);
-        let end = if nr.abs() > SMOOTH {
-            End::Tip
+        let end = if nr.abs() > MIN_TIP_SINE {
+            ProfileEnd::Tip
         } else {
-            End::Pole
+            ProfileEnd::Pole
         };
         is_reached.then_some(([r, z], tip, end))
     }
@@ -322,7 +309,8 @@ impl<'a> Walk<'a> {
     fn onto(&self, near: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
         let mut q = near;
         for _ in 0..32 {
-            if q[0] < POLE * self.step {
+            // Nearer to the axis functions may have no gradient.
+            if q[0] < 0.05 * self.step {
                 return None;
             }
             let (d, n) = self
@@ -336,7 +324,8 @@ impl<'a> Walk<'a> {
             if !way.is_finite() || apart(q, near) > self.step {
                 return None;
             }
-            if way.abs() <= CLOSE * self.step {
+            // The next step would be about the square of such a short one.
+            if way.abs() <= 1e-7 * self.step {
                 return Some((q, [-n[1] / length, n[0] / length]));
             }
         }

@@ -3,26 +3,19 @@
 //! Each function of a part has limits, beyond which another one applies. A limit divides only
 //! triangles in which the function changes: most limits have no effect on the surface.
 
-use crate::cut::{Cut, Labelled, crossing, imprint};
+use crate::cut::{Cut, LabelledMesh, crossing, imprint};
 use crate::locus::{Distance, Locus};
 use crate::newton::meet;
-use crate::pieces::{Piece, own};
+use crate::piece::{SmoothPiece, triangles_of_part};
 use crate::topology::ends_of;
-use crate::whole::Whole;
+use crate::whole::SolidPiece;
 use isoform_geom::brep::{Axes, Surface};
 use isoform_geom::{Field, Point3, SmoothPart, cross, dot, middle, norm, sub};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Limits whose values differ by no more than this share of the largest are one, or opposite.
-const SAME: f64 = 1e-12;
-/// Nodes at which limits are compared, at most.
-const COMPARED: usize = 48;
-/// Questions of a part at most: limits beyond are left alone.
-const MOST: usize = 128;
-
 /// A question: the sign of a limit. The negative of the limit may be another limit.
-struct Question {
+struct LimitSign {
     limit: Arc<dyn Field>,
     /// Values at some nodes of the part.
     values: Vec<f64>,
@@ -31,16 +24,16 @@ struct Question {
 /// The seams of a part.
 pub(crate) struct Seams<'a> {
     part: u32,
-    whole: Whole<'a>,
+    whole: SolidPiece<'a>,
     branches: Vec<&'a SmoothPart>,
-    questions: Vec<Question>,
+    questions: Vec<LimitSign>,
     /// Questions of each branch, with true if the limit is that of the question, false if it is its
     /// negative.
     asked: Vec<Vec<(usize, bool)>>,
 }
 
 /// The answers at a node, and the function that follows from them.
-struct Answers {
+struct NodeSigns {
     values: Vec<f64>,
     function: usize,
 }
@@ -48,13 +41,14 @@ struct Answers {
 impl<'a> Seams<'a> {
     /// Creates the seams of a part with the smooth parts of its piece.
     pub(crate) fn new(
-        mesh: &Labelled,
+        mesh: &LabelledMesh,
         part: u32,
-        whole: Whole<'a>,
+        whole: SolidPiece<'a>,
         branches: &[&'a SmoothPart],
     ) -> Self {
-        let own = own(mesh, part);
-        let every = own.len().div_ceil(COMPARED).max(1);
+        let own = triangles_of_part(mesh, part);
+        // Limits are compared at about 48 nodes.
+        let every = own.len().div_ceil(48).max(1);
         let corners = own.iter().step_by(every);
         let points: Vec<Point3> = corners
             .map(|t| mesh.points[mesh.triangles[*t as usize][0] as usize])
@@ -77,16 +71,17 @@ impl<'a> Seams<'a> {
     /// Returns the index of the question that a limit answers, and true if it is the question's
     /// limit, false if it is its negative.
     fn ask(&mut self, limit: &Arc<dyn Field>, points: &[Point3]) -> Option<(usize, bool)> {
-        let is_it = |q: &Question| Arc::ptr_eq(&q.limit, limit);
+        let is_it = |q: &LimitSign| Arc::ptr_eq(&q.limit, limit);
         if let Some(k) = self.questions.iter().position(is_it) {
             return Some((k, true));
         }
         let values: Vec<f64> = points.iter().map(|p| limit.value(*p)).collect();
         let scale = values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         let near = |sign: f64| {
-            let is_near = |known: &Question| {
+            let is_near = |known: &LimitSign| {
                 let mut each = known.values.iter().zip(&values);
-                each.all(|(a, b)| (a - sign * b).abs() <= SAME * scale)
+                // Limits that differ only by rounding are one, or opposite.
+                each.all(|(a, b)| (a - sign * b).abs() <= 1e-12 * scale)
             };
             self.questions.iter().position(is_near)
         };
@@ -94,17 +89,18 @@ impl<'a> Seams<'a> {
         if let Some(known) = known.or_else(|| near(-1.0).map(|k| (k, false))) {
             return Some(known);
         }
-        if self.questions.len() >= MOST {
+        // Limits beyond 128 questions are ignored.
+        if self.questions.len() >= 128 {
             return None;
         }
         let limit = limit.clone();
-        self.questions.push(Question { limit, values });
+        self.questions.push(LimitSign { limit, values });
         Some((self.questions.len() - 1, true))
     }
 
     /// Returns the answers at a point. The branch is that whose least limit is largest: if none
     /// holds, as just off a seam, the nearest one.
-    fn answers(&self, p: Point3) -> Answers {
+    fn answers(&self, p: Point3) -> NodeSigns {
         let questions = self.questions.iter();
         let values: Vec<f64> = questions.map(|q| q.limit.value(p)).collect();
         let least = |b: usize| {
@@ -117,16 +113,16 @@ impl<'a> Seams<'a> {
             by_limit.then(b.cmp(a))
         });
         let function = self.branches[best.unwrap_or(0)].function;
-        Answers { values, function }
+        NodeSigns { values, function }
     }
 
     /// Divides the part where its function changes; returns by function its branches and its
     /// triangles.
     pub(crate) fn divide(
         &self,
-        mesh: &mut Labelled,
+        mesh: &mut LabelledMesh,
     ) -> BTreeMap<usize, (Vec<&'a SmoothPart>, Vec<u32>)> {
-        let mut answers: BTreeMap<u32, Answers> = BTreeMap::new();
+        let mut answers: BTreeMap<u32, NodeSigns> = BTreeMap::new();
         for k in 0..self.questions.len() {
             let changing = self.changing(mesh, k, &mut answers);
             if changing.is_empty() {
@@ -143,7 +139,7 @@ impl<'a> Seams<'a> {
             let _new = imprint(mesh, &cut);
         }
         let mut made: BTreeMap<usize, (Vec<&SmoothPart>, Vec<u32>)> = BTreeMap::new();
-        for t in own(mesh, self.part) {
+        for t in triangles_of_part(mesh, self.part) {
             let p = middle(mesh.corners(t));
             let function = self.answers(p).function;
             made.entry(function).or_default().1.push(t);
@@ -160,11 +156,11 @@ impl<'a> Seams<'a> {
     /// question change.
     fn changing(
         &self,
-        mesh: &Labelled,
+        mesh: &LabelledMesh,
         k: usize,
-        answers: &mut BTreeMap<u32, Answers>,
+        answers: &mut BTreeMap<u32, NodeSigns>,
     ) -> Vec<u32> {
-        let mut own = own(mesh, self.part);
+        let mut own = triangles_of_part(mesh, self.part);
         for v in own.iter().flat_map(|t| mesh.triangles[*t as usize]) {
             let at = || self.answers(mesh.points[v as usize]);
             answers.entry(v).or_insert_with(at);
@@ -182,7 +178,11 @@ impl<'a> Seams<'a> {
 /// Returns the locus along which two pieces that touch join, near some points in order: a limit of
 /// one, or a surface that crosses both where they touch; `None` if none is within the points'
 /// distances.
-pub(crate) fn seam(pieces: [&Piece; 2], loci: [&Locus; 2], points: &[Point3]) -> Option<Locus> {
+pub(crate) fn seam(
+    pieces: [&SmoothPiece; 2],
+    loci: [&Locus; 2],
+    points: &[Point3],
+) -> Option<Locus> {
     let reach = points
         .windows(2)
         .map(|w| norm(sub(w[0], w[1])))

@@ -1,7 +1,7 @@
 //! Shells, and the voids of each.
 
 use crate::BrepError;
-use crate::topology::{Side, components};
+use crate::topology::{TriangleSide, components};
 use isoform_geom::brep::Body;
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
@@ -10,7 +10,7 @@ use isoform_geom::{Point3, cross, dot, norm, sub};
 pub(crate) fn solids(
     points: &[Point3],
     triangles: &[[u32; 3]],
-    across: &[[Side; 3]],
+    across: &[[TriangleSide; 3]],
     face_of: &[u32],
 ) -> Result<Vec<Body>, BrepError> {
     let (shell_of, count) = components(across, |_, _| true);

@@ -2,10 +2,9 @@
 
 use crate::BrepError;
 use crate::locus::Distance;
-use crate::newton::meet;
-use crate::surfaces::ON;
-use crate::topology::{Side, across_sides, components, ends_of};
-use crate::whole::{Boundary, Whole, piece_named};
+use crate::newton::{POINT_TOLERANCE, meet};
+use crate::topology::{TriangleSide, across_sides, components, ends_of};
+use crate::whole::{Boundary, SolidPiece, piece_named};
 use isoform_geom::{Mesh, Point3, Solid, distance_squared, middle};
 use std::collections::BTreeMap;
 
@@ -38,11 +37,11 @@ pub(crate) fn parts_on_surface(mesh: &Mesh, solid: &dyn Solid) -> Result<Vec<u32
 /// middle, or all of its nodes.
 fn is_triangle_on(mesh: &Mesh, solid: &dyn Solid, t: usize) -> bool {
     let [x, y, z] = mesh.bounds().size();
-    let limit = ON * x.max(y).max(z);
+    let limit = POINT_TOLERANCE * x.max(y).max(z);
     let is_on = |p: Point3| Boundary(solid).distance(p).0.abs() <= limit;
     let corners = mesh.triangles[t].map(|v| mesh.points[v as usize]);
     let piece = piece_named(solid, &mesh.parts[mesh.triangle_parts[t] as usize]);
-    let nearest = meet([&Whole { solid, piece }], middle(corners));
+    let nearest = meet([&SolidPiece { solid, piece }], middle(corners));
     is_on(nearest) || corners.into_iter().all(is_on)
 }
 
@@ -50,7 +49,7 @@ fn is_triangle_on(mesh: &Mesh, solid: &dyn Solid, t: usize) -> bool {
 /// surface.
 fn longest_borders(
     mesh: &Mesh,
-    across: &[[Side; 3]],
+    across: &[[TriangleSide; 3]],
     set_of: &[u32],
     is_on: &[bool],
 ) -> BTreeMap<u32, u32> {

@@ -1,10 +1,11 @@
 //! Exact surfaces of the parts of a mesh.
 //!
 //! A surface is recognised from points of the part's own function, found by Newton's method
-//! throughout the box of the model: a small patch of a cone or a torus says little about the whole.
+//! throughout the box of the model: a small patch of a cone or a torus determines it poorly.
 //! If that fails, the nodes of the mesh are used.
 
 use crate::BrepError;
+use crate::newton::POINT_TOLERANCE;
 use isoform_geom::brep::{Axes, Surface};
 use isoform_geom::{Aabb, Point3, Quadric, dot, norm, sub};
 
@@ -12,16 +13,7 @@ use isoform_geom::{Aabb, Point3, Quadric, dot, norm, sub};
 pub type Recognize<'a> = dyn Fn(&[Point3], &[Point3]) -> Option<Quadric> + 'a;
 
 /// Number of starting points in each direction of the lattice from which points are sought.
-const LATTICE: usize = 7;
-/// Nodes of the mesh that are looked at, at most.
-const NODES: usize = 400;
-/// Steps of Newton's method at most.
-const STEPS: usize = 30;
-/// Nodes of the mesh are this near to the surface of their part, in sizes of the model.
-pub(crate) const ON: f64 = 1e-9;
-/// A torus whose tube is thicker than this share of its circle's radius counts as reaching the
-/// axis.
-const SPINDLE: f64 = 0.98;
+const LATTICE_SIZE: usize = 7;
 
 /// Returns the surface with its axis turned towards the points if it is a cone: a cone has two
 /// nappes, its surface is only the one along its axis.
@@ -42,7 +34,7 @@ fn towards(surface: Surface, points: &[Point3]) -> Surface {
 }
 
 /// A smooth part of a surface, and the input for recognising its surface.
-pub(crate) struct Part<'a> {
+pub(crate) struct SurfacePart<'a> {
     /// Value and gradient of its function.
     pub(crate) function: &'a dyn Fn(Point3) -> (f64, Point3),
     /// Box of the model.
@@ -51,7 +43,7 @@ pub(crate) struct Part<'a> {
     pub(crate) name: &'a str,
 }
 
-impl Part<'_> {
+impl SurfacePart<'_> {
     /// Returns the exact surface that the part lies on, from nodes of the mesh.
     ///
     /// # Errors
@@ -62,11 +54,11 @@ impl Part<'_> {
         recognize: &Recognize<'_>,
     ) -> Result<Surface, BrepError> {
         let [x, y, z] = self.bounds.size();
-        let limit = ON * x.max(y).max(z);
+        let limit = POINT_TOLERANCE * x.max(y).max(z);
         let part = self.name.to_owned();
         let mut why = BrepError::NoSurface { part, kind: None };
         let nodes = &self.nodes_on(nodes, limit);
-        let every = nodes.len().div_ceil(NODES).max(1);
+        let every = nodes.len().div_ceil(400).max(1);
         let some: Vec<Point3> = nodes.iter().copied().step_by(every).collect();
         for starts in [self.lattice(), some] {
             let found: Vec<(Point3, Point3)> = starts
@@ -104,10 +96,11 @@ impl Part<'_> {
         name: &str,
     ) -> Result<Surface, BrepError> {
         let (part, kind) = (name.to_owned(), quadric.name());
-        if matches!(quadric, Quadric::Torus { major, minor, .. } if *minor > SPINDLE * major) {
+        // A tube of almost the radius of its circle counts as reaching the axis.
+        if matches!(quadric, Quadric::Torus { major, minor, .. } if *minor > 0.98 * major) {
             return Err(BrepError::Spindle { part });
         }
-        let Some(surface) = Surface::of(quadric) else {
+        let Some(surface) = Surface::from_quadric(quadric) else {
             let kind = Some(kind);
             return Err(BrepError::NoSurface { part, kind });
         };
@@ -125,15 +118,15 @@ impl Part<'_> {
     fn lattice(&self) -> Vec<Point3> {
         let size = self.bounds.size();
         let at = |k: usize, i: usize| {
-            let share = (i as f64 + 0.37) / LATTICE as f64;
+            let share = (i as f64 + 0.37) / LATTICE_SIZE as f64;
             self.bounds.lo[k] + share * size[k]
         };
-        let all = 0..LATTICE.pow(3);
+        let all = 0..LATTICE_SIZE.pow(3);
         all.map(|n| {
             [
-                at(0, n % LATTICE),
-                at(1, n / LATTICE % LATTICE),
-                at(2, n / LATTICE / LATTICE),
+                at(0, n % LATTICE_SIZE),
+                at(1, n / LATTICE_SIZE % LATTICE_SIZE),
+                at(2, n / LATTICE_SIZE / LATTICE_SIZE),
             ]
         })
         .collect()
@@ -145,7 +138,7 @@ impl Part<'_> {
         let reach = self.bounds.diagonal();
         let mut p = start;
         let mut last = f64::INFINITY;
-        for _ in 0..STEPS {
+        for _ in 0..30 {
             let (value, g) = (self.function)(p);
             let g2 = dot(g, g);
             if !(g2 > 0.0 && g2.is_finite() && value.is_finite()) {

@@ -10,11 +10,11 @@ use isoform_geom::{Point3, UnionFind, distance_squared};
 use std::collections::BTreeSet;
 
 /// A triangle and the index of one of its sides: side k runs from corner k to corner k + 1.
-pub(crate) type Side = (u32, u8);
+pub(crate) type TriangleSide = (u32, u8);
 
 /// Returns the side of the other triangle, by triangle and side.
-pub(crate) fn across_sides(triangles: &[[u32; 3]]) -> Result<Vec<[Side; 3]>, BrepError> {
-    let mut sides: Vec<([u32; 2], bool, Side)> = Vec::with_capacity(3 * triangles.len());
+pub(crate) fn across_sides(triangles: &[[u32; 3]]) -> Result<Vec<[TriangleSide; 3]>, BrepError> {
+    let mut sides: Vec<([u32; 2], bool, TriangleSide)> = Vec::with_capacity(3 * triangles.len());
     for (t, corners) in triangles.iter().enumerate() {
         for k in 0..3u8 {
             let [a, b] = ends_of(corners, k);
@@ -61,7 +61,7 @@ pub(crate) fn sides_of(triangles: &[[u32; 3]], own: &[u32]) -> Vec<[u32; 2]> {
 /// Returns the indices of the components of triangles that are connected across sides where
 /// `is_open`, and their number.
 pub(crate) fn components(
-    across: &[[Side; 3]],
+    across: &[[TriangleSide; 3]],
     is_open: impl Fn(u32, u32) -> bool,
 ) -> (Vec<u32>, usize) {
     let mut sets = UnionFind::new(across.len());
@@ -89,11 +89,11 @@ pub(crate) fn components(
 
 /// Borders between two junctions.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Chain {
+pub(crate) struct BorderChain {
     /// Nodes from junction to junction.
     pub(crate) nodes: Vec<u32>,
     /// Sides along it, of the face on its left.
-    pub(crate) sides: Vec<Side>,
+    pub(crate) sides: Vec<TriangleSide>,
     /// Faces on its left and on its right.
     pub(crate) faces: [u32; 2],
 }
@@ -106,7 +106,7 @@ pub(crate) struct Topology {
     /// Number of faces.
     pub(crate) faces: usize,
     /// Chains of borders.
-    pub(crate) chains: Vec<Chain>,
+    pub(crate) chains: Vec<BorderChain>,
     /// Loops by face: chains, each with true if it is passed forward.
     pub(crate) loops: Vec<Vec<Vec<(u32, bool)>>>,
 }
@@ -117,12 +117,12 @@ impl Topology {
     pub(crate) fn new(
         points: &[Point3],
         triangles: &[[u32; 3]],
-        across: &[[Side; 3]],
+        across: &[[TriangleSide; 3]],
         is_border: impl Fn(u32, u32) -> bool,
         junctions: &BTreeSet<u32>,
     ) -> Self {
         let (face_of, faces) = components(across, |a, b| !is_border(a, b));
-        let mut walk = Walk {
+        let mut walk = BorderWalk {
             points,
             triangles,
             across,
@@ -144,19 +144,19 @@ impl Topology {
 }
 
 /// State of following borders.
-struct Walk<'a> {
+struct BorderWalk<'a> {
     points: &'a [Point3],
     triangles: &'a [[u32; 3]],
-    across: &'a [[Side; 3]],
+    across: &'a [[TriangleSide; 3]],
     face_of: &'a [u32],
     /// Sides on borders that leave each node.
-    borders: Vec<Vec<Side>>,
+    borders: Vec<Vec<TriangleSide>>,
     /// Chain of each side on a border, true if the side runs along it, and its position in it.
     chain_of: Vec<[Option<(u32, bool, usize)>; 3]>,
-    chains: Vec<Chain>,
+    chains: Vec<BorderChain>,
 }
 
-impl Walk<'_> {
+impl BorderWalk<'_> {
     fn find_borders(&mut self, is_border: &impl Fn(u32, u32) -> bool) {
         for (t, others) in self.across.iter().enumerate() {
             for k in 0..3u8 {
@@ -168,11 +168,11 @@ impl Walk<'_> {
         }
     }
 
-    fn to(&self, (t, k): Side) -> u32 {
+    fn to(&self, (t, k): TriangleSide) -> u32 {
         ends_of(&self.triangles[t as usize], k)[1]
     }
 
-    fn opposite(&self, (t, k): Side) -> Side {
+    fn opposite(&self, (t, k): TriangleSide) -> TriangleSide {
         self.across[t as usize][k as usize]
     }
 
@@ -204,7 +204,7 @@ impl Walk<'_> {
     }
 
     /// Returns the node of a closed chain that is farthest from its first.
-    fn farthest_along(&self, start: u32, first: Side) -> u32 {
+    fn farthest_along(&self, start: u32, first: TriangleSide) -> u32 {
         let from = self.points[start as usize];
         let (mut best, mut side) = ((0.0, start), first);
         loop {
@@ -221,7 +221,7 @@ impl Walk<'_> {
     }
 
     /// Returns the side that continues from the end of one at which only two borders meet.
-    fn next_of(&self, side: Side) -> Side {
+    fn next_of(&self, side: TriangleSide) -> TriangleSide {
         let back = self.opposite(side);
         let leaving = &self.borders[self.to(side) as usize];
         let on = leaving.iter().find(|s| **s != back);
@@ -245,7 +245,7 @@ impl Walk<'_> {
         }
     }
 
-    fn add(&mut self, nodes: Vec<u32>, sides: Vec<Side>) {
+    fn add(&mut self, nodes: Vec<u32>, sides: Vec<TriangleSide>) {
         let chain = self.chains.len() as u32;
         let back = self.opposite(sides[0]);
         for (i, &(t, k)) in sides.iter().enumerate() {
@@ -254,7 +254,7 @@ impl Walk<'_> {
             self.chain_of[t as usize][k as usize] = Some((chain, false, i));
         }
         let faces = [sides[0], back].map(|(t, _)| self.face_of[t as usize]);
-        self.chains.push(Chain {
+        self.chains.push(BorderChain {
             nodes,
             sides,
             faces,
@@ -262,7 +262,7 @@ impl Walk<'_> {
     }
 
     /// Returns the next side on the border of a face.
-    fn around(&self, (t, k): Side) -> Side {
+    fn around(&self, (t, k): TriangleSide) -> TriangleSide {
         let mut side = (t, (k + 1) % 3);
         while self.chain_of[side.0 as usize][side.1 as usize].is_none() {
             let (t, k) = self.opposite(side);
@@ -276,7 +276,7 @@ impl Walk<'_> {
         let mut done = vec![[false; 3]; self.triangles.len()];
         for t in 0..self.triangles.len() as u32 {
             for k in 0..3u8 {
-                let is_new = |s: Side| !done[s.0 as usize][s.1 as usize];
+                let is_new = |s: TriangleSide| !done[s.0 as usize][s.1 as usize];
                 if !self.begins_chain((t, k)) || !is_new((t, k)) {
                     continue;
                 }
@@ -299,7 +299,7 @@ impl Walk<'_> {
     }
 
     /// Returns true if a side is the first of its chain in a loop.
-    fn begins_chain(&self, (t, k): Side) -> bool {
+    fn begins_chain(&self, (t, k): TriangleSide) -> bool {
         match self.chain_of[t as usize][k as usize] {
             Some((_, true, i)) => i == 0,
             Some((chain, false, i)) => i + 1 == self.chains[chain as usize].sides.len(),

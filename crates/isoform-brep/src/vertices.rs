@@ -1,31 +1,25 @@
 //! Vertices: points common to all surfaces that meet there.
 
-use crate::curves::{Jet, Wanted, curve, jet};
+use crate::curves::{CurveRequest, Jet, curve, jet};
 use crate::locus::{Distance, Locus};
-use crate::newton::{gap, meet};
+use crate::newton::{MEETING_ROUNDING, gap, meet};
 use isoform_geom::brep::{BSpline, Brep, Coedge, Curve, Edge};
 use isoform_geom::{Point3, cross, dot, norm, sub};
 use std::collections::BTreeSet;
 
-/// A surface touches a curve whose nearest point is this near to it, in sizes of the model: the
-/// rounding of the iteration, times a hundred. A curve that enters the surface by less crosses it
-/// twice within some 1e-6 of the size, which no reader of solids keeps apart.
-const TOUCHES: f64 = 1e-12;
 /// Maximum sine between a curve and a surface that are tested for contact: at such an angle their
 /// intersection loses as many digits as it has left. Also the maximum length of a step towards the
 /// contact, in sizes of the model.
-const FLAT: f64 = 1e-3;
+const MAX_CONTACT_SINE: f64 = 1e-3;
 /// Angle (radians) by which edges that would have one tangent leave a contact. It kept readers from
 /// finding crossings in all solids tried; with a tenth they found some in most of them, with a
 /// hundred times as much edges leave their surfaces by a reader's tolerance.
-const OPEN: f64 = 1e-6;
+const CONTACT_ANGLE: f64 = 1e-6;
 /// Share of a spline between a contact and the vertex at which it is divided.
-const SHARE: f64 = 1.0 / 32.0;
+const PARTING_SHARE: f64 = 1.0 / 32.0;
 /// Number of pieces of a divided spline between points that its parts start with: enough for a
 /// whole turn.
-const PIECES: u32 = 32;
-/// Steps at most: five are enough where the curve and the surface differ in curvature.
-const STEPS: usize = 20;
+const SAMPLES_PER_PART: u32 = 32;
 
 /// Returns the point near `start` that lies on all surfaces, and true if one of them touches the
 /// curve of two others there. Then it is the point of contact, and all edges that end in it have
@@ -48,19 +42,22 @@ fn contact(surfaces: &[Locus], p: Point3, size: f64) -> Option<Point3> {
     let pair = [&surfaces[i], &surfaces[j]];
     let tangent = cross(normals[i], normals[j]).map(|v| v / sine(&(i, j)));
     let others = (0..surfaces.len()).filter(|k| *k != i && *k != j);
-    let is_flat = |k: &usize| dot(tangent, normals[*k]).abs() <= FLAT;
+    let is_flat = |k: &usize| dot(tangent, normals[*k]).abs() <= MAX_CONTACT_SINE;
     if !others.clone().all(|k| is_flat(&k)) {
         return None;
     }
     let mut found = others.filter_map(|k| stationary(pair, &surfaces[k], p, size));
-    found.find(|q| gap(surfaces, *q) <= TOUCHES * size)
+    // A curve that enters the surface by less crosses it twice within some 1e-6 of the size, which
+    // readers do not resolve.
+    found.find(|q| gap(surfaces, *q) <= MEETING_ROUNDING * size)
 }
 
 /// Returns the point of the curve of two surfaces, near `start`, at which the distance from a third
 /// one is stationary: there the tangent lies in the third.
 fn stationary(pair: [&Locus; 2], third: &Locus, start: Point3, size: f64) -> Option<Point3> {
     let (mut p, mut direction) = (start, [0.0; 3]);
-    for _ in 0..STEPS {
+    // Five steps suffice if the curve and the surface differ in curvature.
+    for _ in 0..20 {
         let jet = jet(pair, p, direction)?;
         direction = jet.t;
         let normal = third.distance(p).1;
@@ -68,7 +65,7 @@ fn stationary(pair: [&Locus; 2], third: &Locus, start: Point3, size: f64) -> Opt
         let bend = dot(jet.k, normal) + third.bending(p, jet.t);
         let step = slope / bend;
         // A curve that stays on the third surface has no stationary point.
-        if step.is_nan() || step.abs() > FLAT * size {
+        if step.is_nan() || step.abs() > MAX_CONTACT_SINE * size {
             return None;
         }
         let q = meet(pair, std::array::from_fn(|k| p[k] - step * jet.t[k]));
@@ -88,7 +85,7 @@ fn stationary(pair: [&Locus; 2], third: &Locus, start: Point3, size: f64) -> Opt
 /// Readers compute curves in the parameters of the faces by interpolation between some twenty
 /// points of an edge, whose tangents are then off by 1e-6; of edges with one tangent they find
 /// crossings near the vertex, and cut the face in two there. Of short parts they know the tangents
-/// to 1e-8, and find no crossings if they leave the vertex [`OPEN`] apart.
+/// to 1e-8, and find no crossings if they leave the vertex [`CONTACT_ANGLE`] apart.
 pub(crate) fn open_contacts(
     contacts: &BTreeSet<u32>,
     brep: &mut Brep,
@@ -137,13 +134,13 @@ fn away<'a>(
     (length > 0.0).then(|| apart.map(|v| v / length))
 }
 
-/// Turns a spline by [`OPEN`] at its beginning or its end.
+/// Turns a spline by [`CONTACT_ANGLE`] at its beginning or its end.
 fn open(spline: &mut BSpline, is_end: bool, away: Point3) {
     let last = spline.control.len() - 1;
     let [end, next] = if is_end { [last, last - 1] } else { [0, 1] };
     let arm = norm(sub(spline.control[next], spline.control[end]));
     for (v, d) in spline.control[next].iter_mut().zip(away) {
-        *v += OPEN * arm * d;
+        *v += CONTACT_ANGLE * arm * d;
     }
 }
 
@@ -160,7 +157,11 @@ fn part(
     let Curve::BSpline(spline) = curve else {
         return None;
     };
-    let share = if is_end { 1.0 - SHARE } else { SHARE };
+    let share = if is_end {
+        1.0 - PARTING_SHARE
+    } else {
+        PARTING_SHARE
+    };
     let vertices = ends.map(|v| brep.vertices[v as usize]);
     let (middle, [before, behind]) = halves(spline, share, surfaces, vertices, size)?;
     let new = brep.vertices.len() as u32;
@@ -189,12 +190,12 @@ fn halves(
     let at = |t: f64| meet(surfaces, spline.evaluate(t * length).0);
     let middle = at(share);
     let between = |from: f64, to: f64| -> Vec<Point3> {
-        let inner = 1..PIECES;
-        let shares = inner.map(|k| from + (to - from) * f64::from(k) / f64::from(PIECES));
+        let inner = 1..SAMPLES_PER_PART;
+        let shares = inner.map(|k| from + (to - from) * f64::from(k) / f64::from(SAMPLES_PER_PART));
         shares.map(at).collect()
     };
     let part = |ends: [Point3; 2], between: &[Point3]| {
-        curve(&Wanted {
+        curve(&CurveRequest {
             surfaces,
             ends,
             between,
@@ -277,7 +278,7 @@ mod tests {
             [0.5, 0.0, 0.2],
         ];
         let edge = |surfaces: [&Locus; 2], last: u32, near: Point3| Edge {
-            curve: curve(&Wanted {
+            curve: curve(&CurveRequest {
                 surfaces,
                 ends: [contact, ends[last as usize]],
                 between: &[meet(surfaces, near)],
@@ -303,7 +304,7 @@ mod tests {
         // The cross bore lies below the circle, whose tangent is along x.
         let (_, tangent) = near.evaluate(0.0);
         let angle = -tangent[2] / tangent[0];
-        assert!((angle / OPEN - 1.0).abs() < 1e-3, "{angle}");
+        assert!((angle / CONTACT_ANGLE - 1.0).abs() < 1e-3, "{angle}");
         let length = near.knots[near.knots.len() - 1];
         for i in 0..=100 {
             let (p, _) = near.evaluate(length * f64::from(i) / 100.0);

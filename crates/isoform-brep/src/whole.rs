@@ -4,12 +4,12 @@ use crate::locus::{Distance, outward};
 use isoform_geom::{Point3, Solid};
 
 /// A piece of a solid with all of its functions.
-pub(crate) struct Whole<'a> {
+pub(crate) struct SolidPiece<'a> {
     pub(crate) solid: &'a dyn Solid,
     pub(crate) piece: u32,
 }
 
-impl Distance for Whole<'_> {
+impl Distance for SolidPiece<'_> {
     fn distance(&self, p: Point3) -> (f64, Point3) {
         let (value, gradient) = self.solid.gradient(self.piece, p);
         outward(value, gradient)
@@ -29,7 +29,7 @@ impl Distance for Boundary<'_> {
     /// counts as vanishing.
     fn distance(&self, p: Point3) -> (f64, Point3) {
         let solid = self.0;
-        let of = |piece| Whole { solid, piece }.distance(p);
+        let of = |piece| SolidPiece { solid, piece }.distance(p);
         let inward = |piece| {
             let off = of(piece).0;
             if off.is_finite() { -off } else { 0.0 }
