@@ -18,17 +18,17 @@ mod remesh;
 mod sizes;
 mod skin;
 
-use crate::assemble::{Joined, Labelled, assemble_surface};
+use crate::assemble::{CoreConnection, LabelledMesh, assemble_surface};
 use crate::error::{MeshError, Warning, WarningKind};
 use crate::features::{ExtentError, Features, extent_within};
 use crate::inside::Inside;
-use crate::lattice::{CELL, IN, Lattice, OUT};
+use crate::lattice::{CELL_EDGE, INSIDE_CELL, Lattice, OUTSIDE_CELL};
 use crate::mesher::{Meshed, features_of, improve};
-use crate::missed::missed;
 use crate::options::Options;
-use crate::points::along;
+use crate::points::lerp;
 use crate::second::raise_order;
 use crate::surface::Surface;
+use crate::unmeshed::find_unmeshed;
 use align::{align, edges_of};
 use boundary::Boundary;
 pub use given::check_nodes;
@@ -38,7 +38,7 @@ use isoform_control::Control;
 use isoform_geom::{Aabb, KdTree, Mesh, Point3, Solid, norm, sub};
 use remesh::Remesher;
 pub use sizes::{mean_edge, own_sizes};
-use skin::Skin;
+use skin::EditableSurface;
 
 /// Improves a mesh on a solid near its surface: moves its vertices onto the parts, lays edges of
 /// the surface along those of the solid, optimises the elements, and splits edges that leave the
@@ -93,7 +93,7 @@ pub fn adapt(
         return Err(wrong(format!("leaves out a part of the model near {at}")));
     }
     control.begin("what the mesh misses")?;
-    let missed = missed(solid, &mesh, region, options.size, control);
+    let missed = find_unmeshed(solid, &mesh, region, options.size, control);
     warnings.extend(missed.warning());
     Ok(Meshed {
         missed,
@@ -118,7 +118,7 @@ fn lattice_around(
     let off = distance(mesh, solid, region.diagonal())?;
     // Cells are at least twice as large as the mesh is off the model, so that its vertices lie in
     // cells with surface.
-    let cell = (CELL * options.size).max(2.0 * off);
+    let cell = (CELL_EDGE * options.size).max(2.0 * off);
     // The cells of the lattice, 12 bytes each, are all that grows with the model's box here.
     options.check_memory((Lattice::cells(region, cell) * 12.0) as u64)?;
     Lattice::new(solid, region, cell, control)
@@ -135,7 +135,7 @@ fn of_triangles(
     let control = surface.control;
     control.begin("surface")?;
     let n = bare.points.len();
-    let mut skin = Skin::new(bare.points, bare.triangles);
+    let mut skin = EditableSurface::new(bare.points, bare.triangles);
     let aligned = align(&mut skin, surface, features);
     warnings.extend(settled(&aligned, n)?);
     skin.label(&aligned.labels);
@@ -147,7 +147,7 @@ fn of_triangles(
     let skin = &remesher.skin;
     let mut labelled = assemble_surface(surface, &skin.labelled_faces(), &skin.points);
     warnings.extend(raise_order(&mut labelled, surface, options)?);
-    let Labelled { mesh, .. } = labelled;
+    let LabelledMesh { mesh, .. } = labelled;
     Ok(mesh)
 }
 
@@ -160,7 +160,7 @@ fn of_tetrahedra(
     warnings: &mut Vec<Warning>,
 ) -> Result<Mesh, MeshError> {
     surface.control.begin("surface")?;
-    let mut boundary = Boundary::of(bare);
+    let mut boundary = Boundary::from_mesh(bare);
     // A closed surface of n vertices has about 2 n triangles.
     let on_boundary = boundary.faces().len() / 2;
     let aligned = align(&mut boundary, surface, features);
@@ -173,7 +173,13 @@ fn of_tetrahedra(
         number: Vec::new(),
         stray: Vec::new(),
     };
-    improve(inside, surface, options, Joined::default(), warnings)
+    improve(
+        inside,
+        surface,
+        options,
+        CoreConnection::default(),
+        warnings,
+    )
 }
 
 /// Finds a point of the solid's surface that the mesh does not reach. Every cell with surface
@@ -186,7 +192,7 @@ fn left_out(mesh: &Mesh, surface: &Surface<'_>) -> Option<Point3> {
     let reach = longest.fold(0.0, f64::max).max(surface.lattice.a);
     let states = surface.lattice.state.iter().enumerate();
     states
-        .filter(|(_, s)| **s != IN && **s != OUT)
+        .filter(|(_, s)| **s != INSIDE_CELL && **s != OUTSIDE_CELL)
         .filter_map(|(k, _)| root_in_cell(surface, k))
         .find(|&p| tree.nearest(p).is_some_and(|n| n.1 > reach * reach))
 }
@@ -202,5 +208,5 @@ fn root_in_cell(surface: &Surface<'_>, cell: usize) -> Option<Point3> {
         return None;
     }
     let (t, _) = surface.root((p, f), (q, g))?;
-    Some(along(p, q, t))
+    Some(lerp(p, q, t))
 }

@@ -3,15 +3,16 @@
 
 use crate::band::Core;
 use crate::complex::{Complex, Face, NONE, labelled_edges};
+use crate::distance::first_order_at;
 use crate::error::MeshError;
 use crate::features::Corner;
 use crate::points::{midpoint, pairs, unique};
-use crate::surface::{Surface, first_order_at, meet_at_an_angle};
+use crate::surface::{Surface, meet_at_an_angle};
 use isoform_geom::{Curve, Mesh, Point3, Solid};
 use std::collections::HashSet;
 
 /// A mesh with the pieces of the solid on which its parts lie.
-pub(crate) struct Labelled {
+pub(crate) struct LabelledMesh {
     pub(crate) mesh: Mesh,
     /// Piece of each part.
     pub(crate) pieces: Vec<u32>,
@@ -19,7 +20,7 @@ pub(crate) struct Labelled {
 
 /// The core, and its connection to the complex around it.
 #[derive(Default)]
-pub(crate) struct Joined {
+pub(crate) struct CoreConnection {
     pub(crate) core: Core,
     /// Number of vertices of the band; lower vertex indices of the core refer to the band.
     pub(crate) band_points: usize,
@@ -59,7 +60,7 @@ pub(crate) fn assemble_surface(
     surface: &Surface<'_>,
     faces: &[Face],
     points: &[Point3],
-) -> Labelled {
+) -> LabelledMesh {
     let mut numbering = Numbering::new(points.len());
     for &v in faces.iter().flat_map(|(f, _)| f) {
         numbering.add(v, points[v as usize]);
@@ -75,11 +76,11 @@ pub(crate) fn assemble_surface(
 pub(crate) fn assemble_volume(
     surface: &Surface<'_>,
     complex: &Complex,
-    joined: Joined,
-) -> Result<Labelled, MeshError> {
+    joined: CoreConnection,
+) -> Result<LabelledMesh, MeshError> {
     let faces = complex.faces();
     let mut numbering = Numbering::new(complex.points.len());
-    // `tet_of` is no test of use: where bodies touch in a single point, as for discontinuous
+    // `tet_of` does not tell if a vertex is used: where bodies touch in a single point, as for discontinuous
     // functions, the recorded tetrahedron may have been removed while others remain.
     let mut is_used = vec![false; complex.points.len()];
     for t in complex.live() {
@@ -120,7 +121,7 @@ pub(crate) fn assemble_volume(
 }
 
 /// Checks that the complex still uses the vertices that the core shares with the band around it.
-fn check_core(joined: &Joined, is_there: impl Fn(u32) -> bool) -> Result<(), MeshError> {
+fn check_core(joined: &CoreConnection, is_there: impl Fn(u32) -> bool) -> Result<(), MeshError> {
     let shared = joined.core.tets.iter().flatten();
     let mut shared = shared.filter(|&&v| (v as usize) < joined.band_points);
     match shared.find(|&&v| !is_there(joined.number[v as usize])) {
@@ -138,7 +139,7 @@ fn label(
     faces: &[Face],
     node: impl Fn(u32) -> u32,
     mut mesh: Mesh,
-) -> Labelled {
+) -> LabelledMesh {
     let names = surface.solid.names();
     let mut part_of = vec![NONE; names.len()];
     let used = faces
@@ -158,7 +159,7 @@ fn label(
     let found = feature_edges(surface.solid, surface.zero, &pieces, &mesh);
     add_curves(&mut mesh, &found);
     mesh.corners = corners(&mesh, &surface.apexes);
-    Labelled { mesh, pieces }
+    LabelledMesh { mesh, pieces }
 }
 
 /// An edge between two parts: the parts, followed by its ends.

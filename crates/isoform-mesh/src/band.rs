@@ -1,7 +1,7 @@
 //! Splits the lattice into a band around the surface, as a complex, and a core of plain tetrahedra.
 
 use crate::complex::{Complex, NONE};
-use crate::lattice::{IN, Lattice, OUT};
+use crate::lattice::{INSIDE_CELL, Lattice, OUTSIDE_CELL};
 use crate::torus::Torus;
 use isoform_control::Control;
 use isoform_geom::Point3;
@@ -38,7 +38,7 @@ impl Band {
         all: bool,
         control: &Control<'_>,
     ) -> Self {
-        let faces = Faces {
+        let faces = CellFaces {
             lattice,
             deep: if all {
                 vec![false; lattice.state.len()]
@@ -89,7 +89,7 @@ impl Band {
     /// Creates the band of a unit cell: everything may change, and the sides consist of faces of
     /// tetrahedra.
     pub(crate) fn on_torus(lattice: &Lattice, torus: Torus, control: &Control<'_>) -> Self {
-        let faces = Faces {
+        let faces = CellFaces {
             lattice,
             deep: vec![false; lattice.state.len()],
             control,
@@ -149,14 +149,14 @@ impl TorusVertices<'_> {
 type AroundFace = [[[usize; 3]; 4]; 4];
 
 /// Faces between cells of which at least one is not outside.
-struct Faces<'l> {
+struct CellFaces<'l> {
     lattice: &'l Lattice,
     /// True for each cell of the core.
     deep: Vec<bool>,
     control: &'l Control<'l>,
 }
 
-impl Faces<'_> {
+impl CellFaces<'_> {
     /// Calls `show` with the tetrahedra around each face; true if both of its cells are deep.
     fn visit(&self, mut show: impl FnMut(&AroundFace, bool)) {
         self.visit_pairs(|cell, axis, deep| show(&Lattice::tets(cell, axis), deep));
@@ -195,7 +195,7 @@ impl Faces<'_> {
         }
         let (s, t) = (self.lattice.at(cell), self.lattice.at(next));
         let state = &self.lattice.state;
-        (state[s] != OUT || state[t] != OUT).then(|| self.deep[s] && self.deep[t])
+        (state[s] != OUTSIDE_CELL || state[t] != OUTSIDE_CELL).then(|| self.deep[s] && self.deep[t])
     }
 }
 
@@ -255,7 +255,7 @@ impl<'l> Vertices<'l> {
 /// Marks the inner cells that have only inner cells within [`OPTIMISED_CELL_LAYERS`].
 fn deep_cells(lattice: &Lattice) -> Vec<bool> {
     let n = lattice.n;
-    let mut deep: Vec<bool> = lattice.state.iter().map(|&s| s == IN).collect();
+    let mut deep: Vec<bool> = lattice.state.iter().map(|&s| s == INSIDE_CELL).collect();
     let step = [1, n[0], n[0] * n[1]];
     for axis in 0..3 {
         for _ in 0..OPTIMISED_CELL_LAYERS {

@@ -30,7 +30,7 @@
 //! ```
 //! use isoform_field::Pieces;
 //! use isoform_field::hyperfun::{Mode, Model};
-//! use isoform_mesh::blocks::{Gathered, DEFAULT_HALO_CELLS, Interfaces, Plan, close, make};
+//! use isoform_mesh::blocks::{MergedTetrahedra, DEFAULT_HALO_CELLS, Interfaces, Plan, close, make};
 //! use isoform_mesh::{Control, Options};
 //!
 //! let program = "ball(x[3], a[1]) { ball = 1 - x[1]^2 - x[2]^2 - x[3]^2; }";
@@ -40,7 +40,7 @@
 //!
 //! let plan = Plan::new(&solid, [2, 1, 1], &options, &control)?;
 //! let mut between = Interfaces::default();
-//! let mut all = Gathered::default();
+//! let mut all = MergedTetrahedra::default();
 //! for k in 0..plan.blocks() {
 //!     let made = make(&solid, &plan, &options, k, DEFAULT_HALO_CELLS, &control)?;
 //!     between.add(&made.faces);
@@ -60,12 +60,12 @@ mod mending;
 mod plan;
 mod tetrahedra;
 
-pub use closing::{Closed, close};
+pub use closing::{BlockMesh, close};
 pub use faces::{Interfaces, OpenFace, open_faces};
-pub use making::{DEFAULT_HALO_CELLS, Made, make};
+pub use making::{BlockStart, DEFAULT_HALO_CELLS, make};
 pub use mending::mend;
 pub use plan::{BLOCK_ROUNDS, Plan, PlannedCurve};
-pub use tetrahedra::{Gathered, INNER, Tetrahedra};
+pub use tetrahedra::{INNER, MergedTetrahedra, Tetrahedra};
 
 use crate::complex::{Complex, OPEN};
 use crate::options::Options;

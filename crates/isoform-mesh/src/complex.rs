@@ -7,7 +7,7 @@
 //! Terms used here, and in all modules that work on the complex:
 //! - the *star* of a vertex: all tetrahedra that have it as a corner;
 //! - the *ring* of an edge: all tetrahedra that have it as an edge, in order around it;
-//! - the *link* of an edge: the vertices of its ring except its ends, in the same order;
+//! - the *link* of an edge: the vertices of its ring except its ends, in its order;
 //! - a *cavity*: the space that removed tetrahedra leave and new ones fill;
 //! - the *label* of a face on the boundary: the piece of the solid that it lies on.
 //!
@@ -130,7 +130,7 @@ impl Complex {
 
     /// Builds a complex like [`Self::new`]. After a stop by `control` neighbours are missing.
     pub(crate) fn within(points: Vec<Point3>, tets: Vec<[u32; 4]>, control: &Control<'_>) -> Self {
-        let adjacent = neighbours::of(points.len(), &tets, control);
+        let adjacent = neighbours::adjacency(points.len(), &tets, control);
         let mut tet_of = vec![NONE; points.len()];
         for (t, v) in tets.iter().enumerate() {
             for &k in v {

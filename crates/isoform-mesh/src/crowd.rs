@@ -53,7 +53,7 @@ impl Wishes {
 
     /// Adds curves next to each other.
     fn add_curves(&mut self, features: &Features) {
-        let samples = Samples::of(features, self.size);
+        let samples = Samples::from_features(features, self.size);
         let tree = KdTree::new(&samples.points);
         let mut found = Vec::new();
         for (&p, &k) in samples.points.iter().zip(&samples.curves) {
@@ -79,7 +79,7 @@ struct Samples {
 }
 
 impl Samples {
-    fn of(features: &Features, size: f64) -> Self {
+    fn from_features(features: &Features, size: f64) -> Self {
         let mut samples = Self {
             points: Vec::new(),
             curves: Vec::new(),

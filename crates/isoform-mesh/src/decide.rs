@@ -153,7 +153,7 @@ pub(crate) struct Local {
 
 /// Result of [`Local::narrow`].
 #[derive(Clone, Debug)]
-pub(crate) enum Narrowed {
+pub(crate) enum NarrowedTree {
     Inside,
     Outside,
     Mixed(Local),
@@ -216,7 +216,7 @@ impl Local {
         solid: &dyn Solid,
         region: Aabb,
         scratch: &mut Scratch,
-    ) -> Narrowed {
+    ) -> NarrowedTree {
         let n = self.pieces.len();
         solid.bounds(&self.pieces, region, &mut scratch.ranges[..n]);
         for (i, r) in self.pieces.iter().zip(&scratch.ranges) {
@@ -227,16 +227,16 @@ impl Local {
         scratch.out.clear();
         let range = decisive(&self.tree, &ranges, &mut scratch.out);
         if range.lo() >= 0.0 {
-            Narrowed::Inside
+            NarrowedTree::Inside
         } else if range.hi() < 0.0 {
-            Narrowed::Outside
+            NarrowedTree::Outside
         } else if scratch.out.len() == n {
-            Narrowed::Mixed(self.clone())
+            NarrowedTree::Mixed(self.clone())
         } else {
             match reduced(&self.tree, &ranges) {
-                Sign::Inside => Narrowed::Inside,
-                Sign::Outside => Narrowed::Outside,
-                Sign::Mixed(tree) => Narrowed::Mixed(Self {
+                Sign::Inside => NarrowedTree::Inside,
+                Sign::Outside => NarrowedTree::Outside,
+                Sign::Mixed(tree) => NarrowedTree::Mixed(Self {
                     tree: Arc::new(tree),
                     pieces: scratch.out.as_slice().into(),
                 }),

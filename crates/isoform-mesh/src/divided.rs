@@ -21,7 +21,7 @@ pub struct Region<'a> {
 }
 
 /// Solids of all layers, with one numbering of their pieces.
-pub(crate) struct Divided<'a> {
+pub(crate) struct DividedSolid<'a> {
     solids: Vec<&'a dyn Solid>,
     /// First piece of each layer.
     first: Vec<u32>,
@@ -29,7 +29,7 @@ pub(crate) struct Divided<'a> {
     trees: Vec<Csg>,
 }
 
-impl<'a> Divided<'a> {
+impl<'a> DividedSolid<'a> {
     /// Combines a whole and its dividers. A piece whose name is already in use is prefixed by the
     /// name of its divider.
     pub(crate) fn new(whole: &'a dyn Solid, regions: &[Region<'a>]) -> Self {
@@ -141,7 +141,7 @@ fn shifted(tree: &Csg, by: u32) -> Csg {
 /// One layer of a divided solid: its own tree, with the pieces of all layers.
 #[derive(Clone, Copy)]
 pub(crate) struct Layer<'a> {
-    of: &'a Divided<'a>,
+    of: &'a DividedSolid<'a>,
     layer: usize,
 }
 
@@ -190,7 +190,7 @@ impl Solid for Layer<'_> {
 ///
 /// The last region, after all given ones, is the remainder.
 pub struct RegionSolid<'a> {
-    all: Divided<'a>,
+    all: DividedSolid<'a>,
     /// Names of the pieces, followed by those of their negatives.
     names: Vec<String>,
     tree: Csg,
@@ -201,7 +201,7 @@ pub struct RegionSolid<'a> {
 impl<'a> RegionSolid<'a> {
     /// Creates region number `k`.
     pub fn new(whole: &'a dyn Solid, regions: &[Region<'a>], k: usize) -> Self {
-        let all = Divided::new(whole, regions);
+        let all = DividedSolid::new(whole, regions);
         let before = (1..=k.min(regions.len())).collect::<Vec<_>>();
         let inner = std::iter::once(0).chain((k < regions.len()).then_some(k + 1));
         let inner: Vec<usize> = inner.collect();

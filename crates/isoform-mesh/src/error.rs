@@ -1,7 +1,7 @@
 //! Errors and warnings of the mesher.
 
 use crate::features::ExtentError;
-use crate::regions::REST;
+use crate::names::REST;
 use isoform_control::Stopped;
 use isoform_geom::Point3;
 

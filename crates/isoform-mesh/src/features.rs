@@ -1,20 +1,21 @@
-//! Feature curves and corners of a solid, and its box.
+//! Feature curves and corners of a solid, and its bounding box.
 //!
-//! A feature curve is where two pieces vanish together, both bound the solid, and their normals
-//! differ. [`find`] looks for them in three steps. Cells of an octree are dropped where intervals
+//! A feature curve is a curve on which two pieces vanish together, both bound the solid, and their
+//! normals differ. [`find`] searches in three steps. Cells of an octree are dropped where intervals
 //! prove that fewer than two pieces can decide the sign (`octree`), so that the cost grows with the
-//! curves' length and not with the volume. In the cells that are left (`search`) Newton's method
-//! finds corners, where three pieces or two curves meet, and points of curves (`newton`); what they
-//! are is read off the tree with the pieces made linear (`junction`). From corner to corner, and
-//! from points that no curve has come by yet, curves are followed (`trace`). At the end intervals
-//! prove, as far as they can, that nothing was left out (`proof`).
+//! length of the curves and not with the volume. In the remaining cells (`search`) Newton's method
+//! finds corners, where three pieces or two curves meet, and points of curves (`newton`); their
+//! kind is read off the tree with linearised pieces (`junction`). Curves are traced from corner to
+//! corner, and from points that no traced curve passes yet (`trace`). Finally intervals prove, as
+//! far as they can, that no feature was missed (`proof`).
 //!
-//! - A *sheet* is a plane that one or several pieces have in common at a point.
+//! - A *sheet* is a common tangent plane of one or several pieces at a point.
 //! - A *half-line* is a feature curve as it leaves a corner.
-//! - A *leaf* is a cell of the octree that may hold features and is not split any more.
+//! - A *leaf* is a cell of the octree that may hold features and is not split further.
 
 mod apex;
 mod complement;
+mod context;
 mod extent;
 mod junction;
 pub(crate) mod newton;
@@ -26,20 +27,21 @@ mod trace;
 pub use complement::Complement;
 pub use extent::{Extent, ExtentError, START, extent, extent_within};
 
+use context::FeatureContext;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid};
-use search::Search;
 
-/// What [`find`] is to do.
+/// Options of [`find`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct FeatureOptions {
-    /// Typical distance of mesh points to come: cells are half as large.
+    /// Typical distance of the mesh points to come, in model units; leaves of the octree are at
+    /// most half as large.
     pub size: f64,
-    /// By how much the chords of a curve's points may miss it, as a part of the size.
+    /// Maximum distance between a curve and the chords of its points, as a fraction of the size.
     pub chord: f64,
-    /// Normals that differ by less make no feature (radians).
+    /// Minimum angle between normals that makes a feature (radians).
     pub smallest_angle: f64,
-    /// Cells that may be looked at.
+    /// Maximum number of cells examined.
     pub cells: usize,
 }
 
@@ -54,37 +56,37 @@ impl Default for FeatureOptions {
     }
 }
 
-/// Why a point is a corner.
+/// Reason why a point is a corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CornerKind {
     /// Three or more pieces meet.
     Meeting,
     /// A piece touches the curve of two others.
     Tangent,
-    /// Curves of the same two pieces cross, where the pieces have a common normal.
+    /// Curves of two pieces cross at a point where the pieces have a common normal.
     Branch,
-    /// A piece goes over smoothly into another one beside the curve.
+    /// Another piece continues a piece smoothly next to the curve.
     Seam,
-    /// The curve fades out: the pieces' normals become equal.
+    /// The curve ends because the pieces' normals become equal.
     Fading,
-    /// The tip of a cone: the gradient of a piece vanishes or jumps. It may have no curve.
+    /// Tip of a cone: the gradient of a piece vanishes or jumps. Curves need not end there.
     Apex,
 }
 
 /// A point where curves end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Corner {
-    /// Where.
+    /// Position.
     pub point: Point3,
-    /// The pieces that vanish there and matter, ascending.
+    /// Indices of the pieces that vanish there and bound the solid, ascending.
     pub pieces: Vec<u32>,
-    /// Why.
+    /// Reason why the point is a corner.
     pub kind: CornerKind,
 }
 
 impl Corner {
-    /// Whether a mesh must have a node there: not where a curve fades out, or goes on with another
-    /// piece in the same direction.
+    /// Returns true if a mesh needs a node there; false where a curve fades out, or where another
+    /// piece continues it in an unchanged direction.
     pub fn needs_node(&self) -> bool {
         !matches!(self.kind, CornerKind::Fading | CornerKind::Seam)
     }
@@ -93,50 +95,51 @@ impl Corner {
 /// A curve where two pieces meet at an angle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FeatureCurve {
-    /// The pieces, ascending. Where several coincide along the curve, the first of them stands for
-    /// all.
+    /// Indices of the pieces, ascending. Where several coincide along the curve, the first stands
+    /// for all.
     pub pieces: [u32; 2],
     /// Points in order, on both pieces up to rounding. The last point of a closed curve repeats the
     /// first.
     pub points: Vec<Point3>,
-    /// Whether it ends where it began.
+    /// True if the curve is closed.
     pub closed: bool,
-    /// The corners at the ends of the curve: none if it is closed without a corner, and none where
-    /// it leaves the region.
+    /// Corners at the ends of the curve; `None` if it is closed without a corner, and at an end
+    /// where it leaves the region.
     pub corners: [Option<u32>; 2],
-    /// Least and greatest angle between the pieces' normals (radians): 0 is smooth, π a knife's
-    /// edge or a slit.
+    /// Minimum and maximum angle between the pieces' normals (radians): 0 is smooth, π a knife edge
+    /// or a slit.
     pub angles: [f64; 2],
 }
 
-/// What [`find`] found.
+/// Feature curves and corners of a solid, and the extent to which they are proved complete.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Features {
-    /// Ends of curves.
+    /// Ends of curves, and tips of cones.
     pub corners: Vec<Corner>,
-    /// The curves.
+    /// Feature curves.
     pub curves: Vec<FeatureCurve>,
-    /// Whether intervals prove that there is no feature farther than one and a half sizes from
-    /// those found. It does not prove that no two curves run closer together than that, and pieces
-    /// that coincide at samples count as one.
+    /// True if intervals prove that no feature is farther than 1.5 sizes from those found. The
+    /// proof does not exclude a second curve closer than that, and pieces that coincide at samples
+    /// count as one.
     pub certified: bool,
     /// Cells where the proof is missing.
     pub uncertified: Vec<Aabb>,
     /// Cells where the proof is missing because two pieces run along each other, as at the seams of
-    /// blends. At samples they meet without an angle; intervals of values cannot tell.
+    /// blends: they meet without an angle at samples, and intervals of values cannot separate them.
     pub tangential: Vec<Aabb>,
-    /// Whether the search came to its end: not stopped, the budget not spent, no curve given up.
+    /// True if the search was completed: not stopped, budget not spent, every curve traced to its
+    /// end.
     pub complete: bool,
-    /// Cells looked at.
+    /// Number of cells examined.
     pub cells: usize,
 }
 
 impl Features {
-    /// Corners that are tips of cones.
+    /// Returns the corners that are tips of cones.
     pub(crate) fn apexes(&self) -> Vec<Corner> {
         self.of_kind(CornerKind::Apex)
     }
-    /// Corners in which a piece touches the curve of two others.
+    /// Returns the corners in which a piece touches the curve of two others.
     pub(crate) fn contacts(&self) -> Vec<Corner> {
         self.of_kind(CornerKind::Tangent)
     }
@@ -146,7 +149,7 @@ impl Features {
     }
 }
 
-/// All feature curves and corners of a solid in a region.
+/// Finds all feature curves and corners of a solid in a region.
 ///
 /// Features much smaller than size/32 can be missed within a cell that intervals do not decide; see
 /// [`Features::certified`].
@@ -183,5 +186,5 @@ pub fn find(
     if region.is_empty() || !(size > 0.0 && size.is_finite()) || !bounds().all(|v| v.is_finite()) {
         return Features::default();
     }
-    Search::new(solid, region, options, control).run()
+    FeatureContext::new(solid, region, options, control).run()
 }

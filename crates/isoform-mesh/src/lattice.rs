@@ -1,13 +1,14 @@
 //! The body-centred cubic lattice over a solid, with the part of the tree that matters in each
 //! cell.
 //!
-//! Cells are decided by intervals from large boxes down: inside, outside, or a reduced tree of the
-//! pieces that can still decide the sign there. Only cells of the third kind see the surface; the
-//! others are never evaluated at all (Labelle and Shewchuk, Isosurface stuffing, 2007, use the same
-//! lattice; the pruning is that of Duff, Interval arithmetic and recursive subdivision, 1992).
+//! Boxes of cells are decided by intervals and halved: each cell is inside, outside, or has a
+//! reduced tree of the pieces that can still decide the sign there. Only cells of the third kind
+//! see the surface; the others are never evaluated (Labelle and Shewchuk, Isosurface stuffing,
+//! 2007, use this lattice, too; the pruning is that of Duff, Interval arithmetic and recursive
+//! subdivision, 1992).
 //!
 //! Lattice points are the corners and the centres of the cells. Around each face between two cells
-//! four tetrahedra share the edge between the two centres; each has one edge of the face besides.
+//! four tetrahedra share the edge between the two centres; each also has one edge of the face.
 
 use crate::decide::{Sign, reduced};
 use crate::error::MeshError;
@@ -20,71 +21,61 @@ use isoform_num::Interval;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Edge of a lattice cell for tetrahedra as large as regular ones of edge 1: a³/12 = √2/12.
-pub(crate) const CELL: f64 = 1.122_462_048_309_373;
+/// Edge of a lattice cell whose tetrahedra are as large as regular ones of edge 1: a³/12 = √2/12.
+pub(crate) const CELL_EDGE: f64 = 1.122_462_048_309_373;
 
-/// Cell surely inside.
-pub(crate) const IN: u32 = 0;
-/// Cell surely outside.
-pub(crate) const OUT: u32 = 1;
-/// Cells from here on are undecided: the number of the cell's reduced tree, plus this.
-const MIXED: u32 = 2;
-/// Cells are looked at with this margin (in cells) around them, so that what is found for a cell
-/// also holds for vertices moved there.
-const MARGIN: f64 = 0.75;
-/// Cells per side of the blocks that are shared among threads.
-const BLOCK: usize = 16;
-/// The lattice begins this many cells and one more before the region, in x, y and z: off the round
-/// numbers that models are full of, for lattice planes on faces of the solid leave every tie to
-/// rounding.
-const OFFSET: [f64; 3] = [0.618, 0.414, 0.732];
-/// Share of a cell by which the cells of a unit cell may be larger than asked for, for rounding.
-const SLIGHTLY: f64 = 1e-6;
-/// Cells by which the lattice goes on behind the region.
-const BEHIND: f64 = 1.6;
-/// Cells that the lattice has beyond the region in each direction, at most.
-const BEYOND: f64 = 4.0;
+/// State of a cell that is surely inside.
+pub(crate) const INSIDE_CELL: u32 = 0;
+/// State of a cell that is surely outside.
+pub(crate) const OUTSIDE_CELL: u32 = 1;
+/// First state of an undecided cell: the index of the cell's reduced tree is added to it.
+const FIRST_MIXED_STATE: u32 = 2;
+/// Margin around a cell, in cells, for which it is decided: the result also holds for vertices that
+/// are moved there.
+const CELL_MARGIN: f64 = 0.75;
+/// Number of cells per side of the blocks that are shared among threads.
+const BLOCK_CELLS: usize = 16;
+/// Distance from the lattice's origin to one cell before the region, in cells, in x, y and z. It is
+/// uneven because models are full of round coordinates: with lattice planes on faces of the solid,
+/// rounding would decide every tie.
+const LATTICE_OFFSET_CELLS: [f64; 3] = [0.618, 0.414, 0.732];
 
-/// Bytes that a cell takes at least: its state, and the numbers of its corner and of its centre.
-const LEAST: u64 = 12;
-/// Bytes that the tetrahedra of an undecided cell take at least: a dozen of them, each with four
-/// corners, four neighbours and a mark.
-const LEAST_MIXED: u64 = 12 * 36;
+/// Least number of bytes per cell: its state, and the indices of its corner and of its centre.
+const MIN_CELL_BYTES: u64 = 12;
 
-/// The part of a solid's tree that can decide the sign in a cell.
+/// Part of a solid's tree that can decide the sign in a cell.
 #[derive(Debug)]
-pub(crate) struct Reduced {
+pub(crate) struct ReducedTree {
     pub(crate) tree: Csg,
-    /// The pieces of the tree, sorted, each once.
+    /// Pieces of the tree, sorted, without duplicates.
     pub(crate) pieces: Vec<u32>,
 }
 
-/// A box of cells: by axis the first one and the one behind the last.
+/// A box of cells: by axis the first one and the one after the last.
 pub(crate) type Cells = [[usize; 2]; 3];
 
 /// All cells over a region.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Grid {
+pub(crate) struct CellGrid {
     pub(crate) origin: Point3,
-    /// Edge of a cell, the shortest one.
+    /// Shortest edge of a cell.
     pub(crate) a: f64,
     /// Edges of a cell by axis.
     pub(crate) edges: [f64; 3],
     /// Cells by axis.
     pub(crate) n: [usize; 3],
-    /// Whether behind the last cell along an axis comes the first one again.
+    /// True for an axis along which the lattice is periodic.
     pub(crate) repeats: [bool; 3],
 }
 
-impl Grid {
-    /// The cells of edge `a` over a region.
+impl CellGrid {
+    /// Creates the cells of edge `a` over a region.
     pub(crate) fn over(region: Aabb, a: f64) -> Self {
-        let offset = OFFSET.map(|o| (1.0 + o) * a);
+        let offset = LATTICE_OFFSET_CELLS.map(|o| (1.0 + o) * a);
         let origin: Point3 = std::array::from_fn(|i| region.lo[i] - offset[i]);
         let n = std::array::from_fn(|i| {
-            ((region.hi[i] + BEHIND * a - origin[i]) / a)
-                .ceil()
-                .max(3.0) as usize
+            // The lattice ends at least 1.6 cells behind the region.
+            ((region.hi[i] + 1.6 * a - origin[i]) / a).ceil().max(3.0) as usize
         });
         Self {
             origin,
@@ -95,15 +86,15 @@ impl Grid {
         }
     }
 
-    /// The cells of a unit cell, with edges of `a` or less along axes that repeat, where a whole
-    /// number of them fits in; `a` is at most what [`Torus::largest_size`] allows.
+    /// Creates the cells of a unit cell. Along periodic axes their edges are `a` or a little less,
+    /// so that a whole number of cells fits; `a` is at most what `largest_size` allows.
     pub(crate) fn on_torus(torus: &Torus, a: f64) -> Self {
         let size = torus.region.size();
         let mut grid = Self::over(torus.region, a);
         grid.repeats = torus.axes;
         for i in (0..3).filter(|&i| torus.axes[i]) {
-            // Rounded up but for rounding: a whole number of cells is that number.
-            grid.n[i] = (size[i] / a - SLIGHTLY).ceil() as usize;
+            // The slack is for rounding: a whole number of cells stays that number.
+            grid.n[i] = (size[i] / a - 1e-6).ceil() as usize;
             grid.origin[i] = torus.region.lo[i];
             grid.edges[i] = size[i] / grid.n[i] as f64;
         }
@@ -116,31 +107,33 @@ impl Grid {
     }
 }
 
-/// The cells of the lattice over a box, or some of them.
+/// The cells of the lattice over a box, or a window of them.
 #[derive(Debug)]
 pub(crate) struct Lattice {
-    /// Where the first cell of all begins.
+    /// Lower corner of the first cell of the whole lattice.
     pub(crate) origin: Point3,
-    /// Edge of a cell, the lattice's long edge; the shortest one.
+    /// Shortest edge of a cell, the lattice's long edge.
     pub(crate) a: f64,
     /// Edges of a cell by axis.
     edges: [f64; 3],
-    /// Whether behind the last cell along an axis comes the first one again.
+    /// True for an axis along which the lattice is periodic.
     repeats: [bool; 3],
-    /// The first of these cells, by axis.
+    /// Index of the first cell of the window, by axis.
     first: [usize; 3],
     /// Cells by axis.
     pub(crate) n: [usize; 3],
-    /// Whether the whole goes on before the first cells and behind the last ones, by axis.
+    /// True if the whole lattice continues before the first and after the last cell of the window,
+    /// by axis.
     goes_on: [[bool; 2]; 3],
-    /// [`IN`], [`OUT`], or the number of a reduced tree after these, x fastest.
+    /// [`INSIDE_CELL`], [`OUTSIDE_CELL`], or the index of a reduced tree plus `FIRST_MIXED_STATE`;
+    /// x fastest.
     pub(crate) state: Vec<u32>,
-    trees: Vec<Reduced>,
+    trees: Vec<ReducedTree>,
 }
 
 impl Lattice {
-    /// The lattice with cells of edge `a` over the region, which must hold the solid. On a stop by
-    /// `control` cells are left undecided, and the lattice must not be used.
+    /// Creates the lattice with cells of edge `a` over the region, which must hold the solid. On a
+    /// stop by `control` cells remain undecided, and the lattice must not be used.
     ///
     /// # Errors
     /// [`MeshError::NoMemory`].
@@ -150,11 +143,11 @@ impl Lattice {
         a: f64,
         control: &Control<'_>,
     ) -> Result<Self, MeshError> {
-        let grid = Grid::over(region, a);
+        let grid = CellGrid::over(region, a);
         Self::window(solid, grid, grid.all(), control)
     }
 
-    /// The lattice of a unit cell, with cells of edge `a` or a little less.
+    /// Creates the lattice of a unit cell, with cells of edge `a` or a little less.
     ///
     /// # Errors
     /// [`MeshError::NoMemory`].
@@ -164,24 +157,24 @@ impl Lattice {
         a: f64,
         control: &Control<'_>,
     ) -> Result<Self, MeshError> {
-        let grid = Grid::on_torus(torus, a);
+        let grid = CellGrid::on_torus(torus, a);
         Self::window(solid, grid, grid.all(), control)
     }
 
-    /// Some cells of the lattice over a region, with the points and states that they have in the
-    /// whole, bit for bit. What is beyond them counts as it does in the nearest of them.
+    /// Creates a window of the lattice over a region, with bitwise the points and states of the
+    /// whole. Cells beyond the whole count like the nearest of its cells.
     ///
     /// # Errors
     /// [`MeshError::NoMemory`].
     pub(crate) fn window(
         solid: &dyn Solid,
-        grid: Grid,
+        grid: CellGrid,
         cells: Cells,
         control: &Control<'_>,
     ) -> Result<Self, MeshError> {
         let n = cells.map(|c| c[1] - c[0]);
         let count = n.iter().fold(1, |count: usize, n| count.saturating_mul(*n));
-        memory::check((count as u64).saturating_mul(LEAST))?;
+        memory::check((count as u64).saturating_mul(MIN_CELL_BYTES))?;
         let mut lattice = Self {
             origin: grid.origin,
             a: grid.a,
@@ -190,10 +183,10 @@ impl Lattice {
             first: cells.map(|c| c[0]),
             n,
             goes_on: std::array::from_fn(|i| [cells[i][0] > 0, cells[i][1] < grid.n[i]]),
-            state: memory::table(OUT, count)?,
+            state: memory::table(OUTSIDE_CELL, count)?,
             trees: Vec::new(),
         };
-        let whole = Whole {
+        let whole = WholeLattice {
             solid,
             n: grid.n,
             window: cells,
@@ -201,40 +194,47 @@ impl Lattice {
         };
         let (tree, pieces) = (solid.tree(), unique(solid.tree().pieces()));
         let mut found = lattice.decide_blocks(&whole, whole.blocks(), tree, &pieces);
-        // By blocks, x fastest: trees have the same numbers however the blocks are come by.
-        found.sort_by_key(|(cells, _)| [2, 1, 0].map(|i| cells[i][0] / BLOCK));
+        // Sorted by blocks, x fastest: the indices of trees do not depend on the order of the
+        // threads.
+        found.sort_by_key(|(cells, _)| [2, 1, 0].map(|i| cells[i][0] / BLOCK_CELLS));
         lattice.set(found.into_iter());
         memory::check(lattice.least_memory())?;
         Ok(lattice)
     }
 
-    /// Bytes that a mesh of the surface takes at least: for its own tables of all cells, and for
-    /// the tetrahedra of the undecided ones.
+    /// Returns a lower bound on the bytes that a mesh of the surface takes: for its own tables of
+    /// all cells, and for the tetrahedra of the undecided ones.
     fn least_memory(&self) -> u64 {
-        let mixed = self.state.par_iter().filter(|s| **s >= MIXED).count();
-        LEAST * self.state.len() as u64 + LEAST_MIXED * mixed as u64
+        let mixed = self
+            .state
+            .par_iter()
+            .filter(|s| **s >= FIRST_MIXED_STATE)
+            .count();
+        // An undecided cell has a dozen tetrahedra, each with four corners, four neighbours and a
+        // mark.
+        MIN_CELL_BYTES * self.state.len() as u64 + 12 * 36 * mixed as u64
     }
 
-    /// Writes down what was found for boxes of cells; equal trees are kept once.
+    /// Records the signs of boxes of cells; equal trees are stored once.
     fn set(&mut self, found: impl Iterator<Item = (Cells, Sign)>) {
         let mut known: HashMap<Csg, u32> = HashMap::new();
         for (cells, sign) in found {
             let state = match sign {
-                Sign::Inside => IN,
-                Sign::Outside => OUT,
+                Sign::Inside => INSIDE_CELL,
+                Sign::Outside => OUTSIDE_CELL,
                 Sign::Mixed(tree) => *known.entry(tree).or_insert_with_key(|tree| {
-                    self.trees.push(Reduced {
+                    self.trees.push(ReducedTree {
                         tree: tree.clone(),
                         pieces: unique(tree.pieces()),
                     });
-                    MIXED + self.trees.len() as u32 - 1
+                    FIRST_MIXED_STATE + self.trees.len() as u32 - 1
                 }),
             };
             self.fill(cells, state);
         }
     }
 
-    /// Sets the state of those cells of the whole that are here.
+    /// Sets the state of those cells of the whole that lie in the window.
     fn fill(&mut self, cells: Cells, state: u32) {
         let cells: Cells = std::array::from_fn(|i| {
             let local = |c: usize| c.saturating_sub(self.first[i]).min(self.n[i]);
@@ -248,24 +248,27 @@ impl Lattice {
         }
     }
 
-    /// About how many cells the lattice would have, as a number that cannot overflow.
+    /// Returns an upper bound on the number of cells of the lattice, as a number that cannot
+    /// overflow.
     pub(crate) fn cells(region: Aabb, a: f64) -> f64 {
         region
             .size()
             .iter()
-            .map(|s| (s / a + BEYOND).ceil())
+            // The lattice has at most four cells beyond the region along an axis.
+            .map(|s| (s / a + 4.0).ceil())
             .product()
     }
 
-    /// Decides a box of blocks of the whole by intervals, by halves where all of it is undecided;
-    /// blocks without cells of the window are left out.
+    /// Decides a box of blocks of the whole by intervals, and its halves if it is undecided; blocks
+    /// without cells of the window are skipped.
     ///
-    /// A block starts from the tree of the box that it is half of: from the whole tree, each block
-    /// of a model of many thousand pieces would go over all of them. The boxes are those of the
-    /// whole, whatever the window, so that each block comes to the same trees.
+    /// A block starts from the reduced tree of the box that it is half of: starting from the whole
+    /// tree, each block of a model of many thousand pieces would visit all of them. The boxes are
+    /// those of the whole, whatever the window, so that the trees of a block are equal in all
+    /// windows.
     fn decide_blocks(
         &self,
-        whole: &Whole<'_>,
+        whole: &WholeLattice<'_>,
         blocks: Cells,
         tree: &Csg,
         pieces: &[u32],
@@ -291,7 +294,7 @@ impl Lattice {
         }
     }
 
-    /// Decides a box of cells of the whole by intervals, by halves where the whole is undecided.
+    /// Decides a box of cells of the whole by intervals, and its halves if it is undecided.
     fn decide(
         &self,
         solid: &dyn Solid,
@@ -315,15 +318,15 @@ impl Lattice {
         }
     }
 
-    /// What intervals tell of the sign in a box of cells of the whole and the margin around it.
-    /// The pieces are those of the tree, sorted.
+    /// Returns the sign that intervals prove in a box of cells of the whole and the margin around
+    /// it. `pieces` are those of the tree, sorted.
     fn sign(&self, solid: &dyn Solid, cells: Cells, tree: &Csg, pieces: &[u32]) -> Sign {
         let corner = |k: usize, margin: f64| {
             std::array::from_fn(|i| self.origin[i] + (cells[i][k] as f64 + margin) * self.edges[i])
         };
         let region = Aabb {
-            lo: corner(0, -MARGIN),
-            hi: corner(1, MARGIN),
+            lo: corner(0, -CELL_MARGIN),
+            hi: corner(1, CELL_MARGIN),
         };
         let mut ranges = vec![Interval::ALL; pieces.len()];
         solid.bounds(pieces, region, &mut ranges);
@@ -337,13 +340,13 @@ impl Lattice {
         (k * self.n[1] + j) * self.n[0] + i
     }
 
-    /// The indices by axis of a cell.
+    /// Returns the indices by axis of a cell.
     pub(crate) fn indices(&self, cell: usize) -> [usize; 3] {
         let [nx, ny, _] = self.n;
         [cell % nx, cell / nx % ny, cell / (nx * ny)]
     }
 
-    /// State of a cell; outside the grid there is nothing.
+    /// Returns the state of a cell; cells beyond the whole lattice are outside.
     pub(crate) fn cell(&self, c: [isize; 3]) -> u32 {
         let mut near = [0; 3];
         for i in 0..3 {
@@ -354,45 +357,46 @@ impl Lattice {
             let last = self.n[i] as isize - 1;
             let is_out = [c[i] < 0, c[i] > last];
             if (0..2).any(|end| is_out[end] && !self.goes_on[i][end]) {
-                return OUT;
+                return OUTSIDE_CELL;
             }
             near[i] = c[i].clamp(0, last) as usize;
         }
         self.state[self.at(near)]
     }
 
-    /// State of the cell that holds a point.
+    /// Returns the state of the cell that holds a point.
     pub(crate) fn state_at(&self, p: Point3) -> u32 {
         self.cell(std::array::from_fn(|i| {
             ((p[i] - self.origin[i]) / self.edges[i]).floor() as isize - self.first[i] as isize
         }))
     }
 
-    /// The reduced tree of a state; none for a decided one.
-    pub(crate) fn reduced(&self, state: u32) -> Option<&Reduced> {
-        self.trees.get(state.checked_sub(MIXED)? as usize)
+    /// Returns the reduced tree of a state; `None` for a decided one.
+    pub(crate) fn reduced(&self, state: u32) -> Option<&ReducedTree> {
+        self.trees
+            .get(state.checked_sub(FIRST_MIXED_STATE)? as usize)
     }
 
-    /// The reduced tree of the cell that holds a point; none if the cell is decided.
-    pub(crate) fn reduced_at(&self, p: Point3) -> Option<&Reduced> {
+    /// Returns the reduced tree of the cell that holds a point; `None` if the cell is decided.
+    pub(crate) fn reduced_at(&self, p: Point3) -> Option<&ReducedTree> {
         self.reduced(self.state_at(p))
     }
 
-    /// Position of a lattice point in half cells: even coordinates are corners of cells, odd ones
-    /// centres.
+    /// Returns the position of a lattice point given in half cells: even coordinates are corners of
+    /// cells, odd ones centres.
     pub(crate) fn point(&self, half: [usize; 3]) -> Point3 {
         std::array::from_fn(|i| {
             self.origin[i] + 0.5 * self.edges[i] * (half[i] + 2 * self.first[i]) as f64
         })
     }
 
-    /// Whether behind the last cell along an axis comes the first one again.
+    /// Returns true if the lattice is periodic along an axis.
     pub(crate) fn repeats(&self, axis: usize) -> bool {
         self.repeats[axis]
     }
 
-    /// The four tetrahedra around the face between cell `c` and the next one along `axis`, by
-    /// lattice points in half cells.
+    /// Returns the four tetrahedra around the face between cell `c` and the next one along `axis`,
+    /// by lattice points in half cells.
     pub(crate) fn tets(c: [usize; 3], axis: usize) -> [[[usize; 3]; 4]; 4] {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let centre = c.map(|i| 2 * i + 1);
@@ -410,34 +414,34 @@ impl Lattice {
     }
 }
 
-/// What the blocks of a lattice are decided of.
-struct Whole<'a> {
+/// Context in which the blocks of a lattice are decided.
+struct WholeLattice<'a> {
     solid: &'a dyn Solid,
-    /// Cells of the whole by axis.
+    /// Number of cells of the whole, by axis.
     n: [usize; 3],
-    /// The cells that are asked for.
+    /// Cells of the window.
     window: Cells,
     control: &'a Control<'a>,
 }
 
-impl Whole<'_> {
-    /// All blocks, numbered by axis; the last ones may be shorter.
+impl WholeLattice<'_> {
+    /// Returns all blocks, numbered by axis; the last ones may be shorter.
     fn blocks(&self) -> Cells {
-        self.n.map(|n| [0, n.div_ceil(BLOCK)])
+        self.n.map(|n| [0, n.div_ceil(BLOCK_CELLS)])
     }
 
-    /// The cells of a box of blocks.
+    /// Returns the cells of a box of blocks.
     fn cells(&self, blocks: Cells) -> Cells {
-        std::array::from_fn(|i| blocks[i].map(|b| (b * BLOCK).min(self.n[i])))
+        std::array::from_fn(|i| blocks[i].map(|b| (b * BLOCK_CELLS).min(self.n[i])))
     }
 
-    /// Whether a box of cells holds some of those asked for.
+    /// Returns true if a box of cells holds cells of the window.
     fn is_seen(&self, cells: Cells) -> bool {
         (0..3).all(|i| cells[i][0] < self.window[i][1] && self.window[i][0] < cells[i][1])
     }
 }
 
-/// The halves of a box of cells across its longest side; none of a single cell.
+/// Halves a box of cells across its longest side; `None` for a single cell.
 fn halves(cells: Cells) -> Option<[Cells; 2]> {
     let size = cells.map(|c| c[1] - c[0]);
     let axis = (0..3).fold(0, |best, i| if size[i] > size[best] { i } else { best });
@@ -552,7 +556,7 @@ mod tests {
     fn blocks_and_halves_hold_every_cell_once() {
         let solid = OnePiece::new(Nothing, "nothing");
         let control = Control::default();
-        let whole = |n: [usize; 3], window: Cells| Whole {
+        let whole = |n: [usize; 3], window: Cells| WholeLattice {
             solid: &solid,
             n,
             window,

@@ -1,37 +1,27 @@
 //! Layers of wedges along parts of the surface.
 //!
-//! The *core*, the solid without its layers, is meshed as any solid: where pieces have layers it
-//! ends one thickness before them. The triangles of the core on these pieces are then brought
-//! outward onto the pieces themselves, and the gap is filled with wedges between each triangle and
-//! its image: no tetrahedron is squeezed, and edges and corners of the core become those of the
-//! solid. Where a piece with layers meets one without, the *columns* of nodes stand on the latter,
-//! and their sides are quadrilaterals of it.
+//! The *core*, the solid without its layers, is meshed like any solid: pieces with layers are moved
+//! inward by the thickness of the layers. The triangles of the core on these pieces are then
+//! projected outward onto the pieces themselves, and the gap is filled with wedges between each
+//! triangle and its image: tetrahedra are not squeezed, and edges and corners of the core become
+//! those of the solid. Where a piece with layers meets one without, the *columns* of nodes stand on
+//! the latter, and their sides are quadrilaterals of it.
 
 mod core;
 mod grow;
 
 use self::core::Core;
+use crate::distance::distance_at;
 use crate::error::{MeshError, Warning, WarningKind};
 use crate::features::{Extent, extent_within};
 use crate::mesher::{Meshed, Model, features_of, mesh_within, with_caps};
-use crate::missed::missed;
 use crate::options::{Layers, Options};
-use crate::surface::distance_at;
 use crate::torn::torn;
+use crate::unmeshed::find_unmeshed;
 use grow::grow;
 use isoform_check::Capped;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Solid};
-
-/// Edges of the mesh that tells which parts the surface has, in sizes: a ninth of the triangles.
-const COARSE: f64 = 3.0;
-/// Share of the thickness asked for below which layers are told to be thinner, and below which
-/// they have no room: offsets of a surface with a radius ten times the thickness are 5 % off.
-const THIN: f64 = 0.9;
-const NO_ROOM: f64 = 0.5;
-/// Least thickness of a layer, as a share of the largest coordinate: of a thinner one rounding, by
-/// 1e-16 of that, leaves less than four digits.
-const LEAST: f64 = 1e-12;
 
 /// Meshes a solid with layers of wedges along parts of its surface.
 pub(crate) fn mesh_layered(
@@ -48,7 +38,7 @@ pub(crate) fn mesh_layered(
     check_thickness(layers, region)?;
     let layered = layered(solid, &parts_of(solid, &extent, options, control)?, layers)?;
     let core = Core::new(solid, &layered, layers.thickness(), region)?;
-    let made = mesh_within(Model::of(&core, &[]), None, &extent, options, control);
+    let made = mesh_within(Model::new(&core, &[]), None, &extent, options, control);
     let mut meshed = made.map_err(|error| match error {
         MeshError::TooCoarse { .. } => MeshError::NoRoom {
             thickness: layers.thickness(),
@@ -61,11 +51,14 @@ pub(crate) fn mesh_layered(
     meshed.mesh = grown.mesh;
     if let Some((thickness, at)) = grown.thinnest {
         let share = thickness / layers.thickness();
-        if share < NO_ROOM {
+        // There is room for less than half of the layers.
+        if share < 0.5 {
             let (thickness, at) = (layers.thickness(), Some(at));
             return Err(MeshError::NoRoom { thickness, at });
         }
-        if share < THIN {
+        // Smaller deviations are normal: offsets of a surface with a radius ten times the thickness
+        // are 5 % off.
+        if share < 0.9 {
             let kind = WarningKind::ThinLayers { thickness };
             meshed.warnings.push(Warning::at(kind, at));
         }
@@ -73,7 +66,7 @@ pub(crate) fn mesh_layered(
     meshed.features = features_of(solid, region, options, control);
     control.begin("what the mesh misses")?;
     let simplices = meshed.mesh.simplices();
-    meshed.missed = missed(solid, &simplices, region, options.size, control);
+    meshed.missed = find_unmeshed(solid, &simplices, region, options.size, control);
     let apart = torn(|p| distance_at(solid, p), &simplices, options.size, control);
     let missed = meshed.missed.places().next();
     let missed = missed.map(|at| Warning::at(WarningKind::MissedByLayers, at));
@@ -84,12 +77,14 @@ pub(crate) fn mesh_layered(
     Ok(with_caps(meshed))
 }
 
-/// Whether layers are thick enough for coordinates, and thin enough for a solid within a box.
+/// Checks that layers are thick enough for the rounding of coordinates, and thinner than the
+/// solid's box.
 fn check_thickness(layers: &Layers, region: Aabb) -> Result<(), MeshError> {
     let corners = region.lo.into_iter().chain(region.hi);
     let largest = corners.fold(0.0, |most: f64, x| most.max(x.abs()));
     let last = layers.first * layers.growth.powi(layers.count as i32 - 1);
-    if layers.first.min(last) < LEAST * largest {
+    // Rounding, 1e-16 of the largest coordinate, leaves less than four digits of thinner layers.
+    if layers.first.min(last) < 1e-12 * largest {
         return Err(MeshError::Option {
             name: "layers' thickness",
             wanted: "above the rounding of coordinates, 1e-12 of the largest",
@@ -107,8 +102,8 @@ fn check_thickness(layers: &Layers, region: Aabb) -> Result<(), MeshError> {
     }
 }
 
-/// The parts of a solid's surface, as far as coarse triangles show them: pieces hidden in a union
-/// are none.
+/// Returns the parts of a solid's surface, as far as coarse triangles show them; pieces hidden in a
+/// union are excluded.
 fn parts_of(
     solid: &dyn Solid,
     extent: &Extent,
@@ -116,7 +111,8 @@ fn parts_of(
     control: &Control<'_>,
 ) -> Result<Vec<String>, MeshError> {
     let coarse = Options {
-        size: COARSE * options.size,
+        // A coarse mesh, with a ninth of the triangles, suffices to tell the parts of the surface.
+        size: 3.0 * options.size,
         surface_only: true,
         region: options.region,
         memory: options.memory,
@@ -126,19 +122,19 @@ fn parts_of(
         progress: None,
         ..*control
     };
-    let made = mesh_within(Model::of(solid, &[]), None, extent, &coarse, &quiet);
+    let made = mesh_within(Model::new(solid, &[]), None, extent, &coarse, &quiet);
     control.check()?;
     Ok(match made {
         Ok(made) => made.mesh.parts,
-        // Too thin for it: any piece may be on the surface.
+        // Too thin for the coarse mesh: any piece may be on the surface.
         Err(_) => solid.names().to_vec(),
     })
 }
 
-/// Which of a solid's pieces have layers, of those that are `parts` of its surface.
+/// Returns a flag for each of a solid's pieces: true if it is one of `parts` and has layers.
 ///
 /// # Errors
-/// [`MeshError::NoPart`] if a name fits none.
+/// [`MeshError::NoPart`] if a pattern matches none of the parts.
 fn layered(solid: &dyn Solid, parts: &[String], layers: &Layers) -> Result<Vec<bool>, MeshError> {
     let names = solid.names();
     let mut found = vec![false; names.len()];
@@ -158,7 +154,7 @@ fn layered(solid: &dyn Solid, parts: &[String], layers: &Layers) -> Result<Vec<b
     Ok(found)
 }
 
-/// Whether a name fits a pattern, in which `*` stands for any characters.
+/// Returns true if a name matches a pattern, in which `*` stands for any characters.
 fn fits(pattern: &str, name: &str) -> bool {
     let mut parts = pattern.split('*');
     let Some(mut rest) = parts.next().and_then(|first| name.strip_prefix(first)) else {

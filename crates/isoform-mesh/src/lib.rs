@@ -1,8 +1,8 @@
-//! Labelled surface meshes and tetrahedra of any solid that can say its parts.
+//! Labelled surface meshes and tetrahedra of any solid that names its pieces.
 //!
-//! [`mesh`] makes them, [`adapt`] improves a given one, [`features`] finds the edges,
-//! corners and the box of a solid. Lengths are in model units, angles in degrees where an option
-//! says so and in radians else. What a mesh is worth, the certificate of isoform-check tells.
+//! [`mesh`] creates meshes, [`adapt`] improves a given one, [`features`] finds the edges, corners
+//! and the box of a solid. Lengths are in model units; angles are in degrees where an option says
+//! so and in radians otherwise. The certificate of isoform-check tells how good a mesh is.
 //!
 //! ```
 //! use isoform_field::Pieces;
@@ -33,6 +33,7 @@ mod complex;
 mod crowd;
 mod cut;
 pub mod decide;
+mod distance;
 mod divided;
 mod error;
 pub mod features;
@@ -42,7 +43,8 @@ mod layers;
 mod measure;
 mod memory;
 mod mesher;
-mod missed;
+mod meshing;
+mod names;
 mod optimise;
 mod options;
 mod points;
@@ -52,12 +54,15 @@ mod second;
 mod surface;
 mod torn;
 mod torus;
+mod unit_cell;
+mod unmeshed;
 
 pub use adapt::{adapt, check_nodes, mean_edge, own_sizes};
 pub use divided::{Region, RegionSolid};
 pub use error::{MeshError, Warning, WarningKind};
 pub use isoform_control::Control;
-pub use mesher::{Meshed, mesh, mesh_regions};
-pub use missed::{Missed, Witness};
+pub use mesher::Meshed;
+pub use meshing::{mesh, mesh_regions};
+pub use names::REST;
 pub use options::{Layers, Options, Sizes};
-pub use regions::REST;
+pub use unmeshed::{UnmeshedSurface, Witness};

@@ -1,7 +1,7 @@
 //! The measure that meshes are optimised for: the biased minimum sine of the dihedral angles.
 //!
 //! sin θ for acute angles, 0.7 sin θ for obtuse ones (Klingner and Shewchuk, Aggressive tetrahedral
-//! mesh improvement, 2007): one number that falls to 0 for every kind of bad tetrahedron, and holds
+//! mesh improvement, 2007): one number that falls to 0 for every kind of bad tetrahedron, and rates
 //! 20° and 150° equally bad.
 
 use isoform_check::quality::OBTUSE_WEIGHT;
@@ -17,8 +17,8 @@ const EDGES: [[usize; 4]; 6] = [
     [2, 3, 0, 1],
 ];
 
-/// Outward area vectors (twice the area) of the faces opposite to each vertex, and six times the
-/// volume.
+/// Returns the outward area vectors (twice the area) of the faces opposite to each vertex, and six
+/// times the volume.
 fn faces(p: [Point3; 4]) -> ([Point3; 4], f64) {
     let (u, v, w) = (sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0]));
     let (n1, n2, n3) = (cross(w, v), cross(u, w), cross(v, u));
@@ -30,13 +30,14 @@ fn faces(p: [Point3; 4]) -> ([Point3; 4], f64) {
     ([n0, n1, n2, n3], -dot(u, n1))
 }
 
-/// Smallest biased sine of the six dihedral angles; ≤ 0 for a flat or inverted tetrahedron.
+/// Returns the smallest biased sine of the six dihedral angles; ≤ 0 for a flat or inverted
+/// tetrahedron.
 pub(crate) fn biased_sine(p: [Point3; 4]) -> f64 {
-    Opposite::of([p[1], p[2], p[3]]).biased_sine(p[0])
+    OppositeFace::new([p[1], p[2], p[3]]).biased_sine(p[0])
 }
 
-/// The square of [`OBTUSE_WEIGHT`] for outward normals at less than a right angle: the dihedral
-/// angle is obtuse.
+/// Returns the squared weight of a dihedral angle, from the dot product of the outward normals:
+/// [`OBTUSE_WEIGHT`] squared if it is positive, as the angle is obtuse.
 fn weight(normals: f64) -> f64 {
     if normals > 0.0 {
         OBTUSE_WEIGHT * OBTUSE_WEIGHT
@@ -45,10 +46,10 @@ fn weight(normals: f64) -> f64 {
     }
 }
 
-/// The face of a tetrahedron opposite to the vertex that is to be placed, with all that does not
-/// depend on the place.
+/// The face of a tetrahedron opposite to the vertex that is to be placed, with all quantities that
+/// do not depend on the vertex.
 #[derive(Clone, Copy, Debug)]
-struct Opposite {
+struct OppositeFace {
     q: [Point3; 3],
     /// Outward area vector, twice the area long.
     n: Point3,
@@ -57,9 +58,10 @@ struct Opposite {
     edges: [f64; 3],
 }
 
-impl Opposite {
-    /// The tetrahedron is positive with the vertex before the three corners.
-    fn of(q: [Point3; 3]) -> Self {
+impl OppositeFace {
+    /// Creates the face opposite to a vertex. The tetrahedron is positive with the vertex before
+    /// the three corners.
+    fn new(q: [Point3; 3]) -> Self {
         let (e, f, g) = (sub(q[1], q[0]), sub(q[2], q[0]), sub(q[2], q[1]));
         let n = cross(e, f);
         Self {
@@ -70,9 +72,10 @@ impl Opposite {
         }
     }
 
-    /// The smallest biased sine, squared, with the sign of the volume; −1 where it is no number.
+    /// Returns the square of the smallest biased sine, with the sign of the volume; −1 where it is
+    /// not a number.
     ///
-    /// Squares need no roots, and with the common denominator of the six only one division: sin²θ =
+    /// Squares avoid roots, and the common denominator of the six needs only one division: sin²θ =
     /// V² |e|²/(a_k a_l), where a are the squared areas.
     fn square(&self, p: Point3) -> f64 {
         let [u, v, w] = self.q.map(|q| sub(q, p));
@@ -91,7 +94,7 @@ impl Opposite {
         let t = weight(dot(self.n, n3)) * self.edges[2] * a12;
         let worst = least(least(least(x, y), least(z, r)), least(s, t)) * volume * volume.abs()
             / (a01 * a23);
-        // A repeated vertex gives no number, and must not pass.
+        // A repeated vertex gives NaN, and must not pass.
         if worst.is_nan() || worst == 0.0 {
             -1.0
         } else {
@@ -104,57 +107,49 @@ impl Opposite {
     }
 }
 
-/// The root of a square that bears the sign.
+/// Returns the square root of the absolute value, with the sign of the argument.
 fn root(s: f64) -> f64 {
     s.abs().sqrt().copysign(s)
 }
 
-/// The tetrahedra and faces of the surface around a vertex, while places for it are tried.
+/// Tetrahedra and faces of the surface around a vertex, while positions for it are tried.
 #[derive(Default)]
-pub(crate) struct Around {
-    tets: Vec<Opposite>,
-    /// The other two corners of each face of the surface, in its sense.
+pub(crate) struct VertexStar {
+    tets: Vec<OppositeFace>,
+    /// Other two corners of each face of the surface, in its orientation.
     faces: Vec<[Point3; 2]>,
     /// Measures that are not far above the worst one, with their gradients.
     terms: Vec<(f64, Point3)>,
-    /// The gradients of the measures that are nearly as bad as the worst one.
+    /// Gradients of the measures that are nearly as bad as the worst one.
     active: Vec<Point3>,
 }
 
-/// Most rounds of Gilbert's iteration.
-const HULL: usize = 16;
-/// Terms this close to the worst one decide the direction of a move together with it.
-const ACTIVE: f64 = 0.04;
-/// Growth of the worst terms over the length of the shortest edge below which a vertex stays where it
-/// is.
-const LEVEL: f64 = 1e-4;
-/// Share of a vector's squared length that no gradient of the hull falls short of, when it is
-/// short enough.
-const SHORT: f64 = 0.95;
-/// Terms farther than this from the worst one do not limit the length of a move.
-const FAR: f64 = 0.25;
+/// Distance from the worst term within which terms decide the direction of a move together with it.
+const ACTIVE_TERM_RANGE: f64 = 0.04;
+/// Distance from the worst term within which terms limit the length of a move.
+const LIMITING_TERM_RANGE: f64 = 0.25;
 
-impl Around {
+impl VertexStar {
     pub(crate) fn clear(&mut self) {
         self.tets.clear();
         self.faces.clear();
     }
 
-    /// A tetrahedron with corners `p`, of which the one at `x` is to be placed.
+    /// Adds a tetrahedron with corners `p`, of which the one at `x` is to be placed.
     pub(crate) fn push(&mut self, p: [Point3; 4], x: usize) {
         // Even permutations that bring x to the front.
         const OTHERS: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
-        self.tets.push(Opposite::of(OTHERS[x].map(|k| p[k])));
+        self.tets.push(OppositeFace::new(OTHERS[x].map(|k| p[k])));
     }
 
-    /// A face of the surface, by its other two corners.
+    /// Adds a face of the surface, by its other two corners.
     pub(crate) fn push_face(&mut self, others: [Point3; 2]) {
         self.faces.push(others);
     }
 
-    /// The mean of the tetrahedra's centres, weighted by their volumes: where the vertex stands
-    /// best in the sense of Chen's optimal Delaunay triangulations, but for centres of mass in the
-    /// place of circumcentres, which do not run off in flat tetrahedra.
+    /// Returns the mean of the tetrahedra's centroids, weighted by their volumes: the optimum of
+    /// Chen's optimal Delaunay triangulations, but with centroids in place of circumcentres, which
+    /// run off in flat tetrahedra.
     pub(crate) fn centre(&self, p: Point3) -> Point3 {
         let (mut sum, mut total) = ([0.0; 3], 0.0);
         for t in &self.tets {
@@ -167,14 +162,15 @@ impl Around {
         std::array::from_fn(|i| p[i] + 0.25 * sum[i] / total)
     }
 
-    /// The worst measure with the vertex at `p`; anything up to `bound` if it is not above that.
+    /// Returns the worst measure with the vertex at `p`; any value up to `bound` if the worst is
+    /// not above that.
     pub(crate) fn worst(&mut self, p: Point3, bound: f64) -> f64 {
         let limit = bound * bound.abs();
         let mut worst = f64::INFINITY;
         for (k, t) in self.tets.iter().enumerate() {
             let s = t.square(p);
             if s <= limit {
-                // Most likely the first one to fail the next time as well.
+                // Most likely also the first one to fail the next time.
                 self.tets.swap(0, k);
                 return root(s);
             }
@@ -190,9 +186,9 @@ impl Around {
         worst
     }
 
-    /// The direction in which the worst terms all grow (the shortest vector in the hull of their
-    /// gradients), and a length to try. Gradients are projected by `tangent` onto the directions in
-    /// which the vertex may move.
+    /// Returns the direction in which the worst terms all grow (the shortest vector in the convex
+    /// hull of their gradients), and a length to try; `None` at a maximum. Gradients are projected
+    /// by `tangent` onto the directions in which the vertex may move.
     pub(crate) fn direction(
         &mut self,
         p: Point3,
@@ -202,14 +198,15 @@ impl Around {
         let shortest = self.collect_terms(p, worst, tangent);
         let d = shortest_in_hull(&self.active);
         let slope = dot(d, d);
-        if slope.is_nan() || slope.sqrt() * shortest < LEVEL {
+        // The worst terms would hardly grow over the length of the shortest edge: the vertex stays.
+        if slope.is_nan() || slope.sqrt() * shortest < 1e-4 {
             return None;
         }
-        // As far as the linear model says that no other term falls below the active ones.
+        // As far as no other term falls below the active ones in the linear model.
         let mut step = 0.5 * shortest / slope.sqrt();
         for (s, g) in &self.terms {
             let rate = slope - dot(*g, d);
-            if *s > worst + ACTIVE && rate > 0.0 {
+            if *s > worst + ACTIVE_TERM_RANGE && rate > 0.0 {
                 step = step.min((s - worst) / rate);
             }
         }
@@ -228,16 +225,16 @@ impl Around {
         terms.clear();
         active.clear();
         let mut push = |s: f64, g: Point3| {
-            if s < worst + FAR {
+            if s < worst + LIMITING_TERM_RANGE {
                 let g = tangent(g);
                 terms.push((s, g));
-                if s <= worst + ACTIVE {
+                if s <= worst + ACTIVE_TERM_RANGE {
                     active.push(g);
                 }
             }
         };
         let mut shortest = f64::INFINITY;
-        let limit = (worst + FAR) * (worst + FAR).abs();
+        let limit = (worst + LIMITING_TERM_RANGE) * (worst + LIMITING_TERM_RANGE).abs();
         for t in tets.iter() {
             for q in t.q {
                 let e = sub(q, p);
@@ -257,8 +254,8 @@ impl Around {
     }
 }
 
-/// The shortest vector in the convex hull of the gradients: along it all of them grow. Gilbert's
-/// iteration; a rough answer will do.
+/// Returns approximately the shortest vector in the convex hull of the gradients, by Gilbert's
+/// iteration: along it all of them grow.
 fn shortest_in_hull(gradients: &[Point3]) -> Point3 {
     let mut d: Point3 = [0.0; 3];
     let mut least = f64::INFINITY;
@@ -268,7 +265,8 @@ fn shortest_in_hull(gradients: &[Point3]) -> Point3 {
             (d, least) = (*g, n);
         }
     }
-    for _ in 0..HULL {
+    // A rough answer suffices.
+    for _ in 0..16 {
         let (mut lowest, mut g) = (f64::INFINITY, d);
         for h in gradients {
             let k = dot(*h, d);
@@ -276,7 +274,8 @@ fn shortest_in_hull(gradients: &[Point3]) -> Point3 {
                 (lowest, g) = (k, *h);
             }
         }
-        if lowest >= SHORT * dot(d, d) {
+        // No gradient falls far short of the vector: it is nearly the shortest.
+        if lowest >= 0.95 * dot(d, d) {
             break;
         }
         let e = sub(g, d);
@@ -286,7 +285,7 @@ fn shortest_in_hull(gradients: &[Point3]) -> Point3 {
     d
 }
 
-/// The six biased sines with their derivatives by the position of vertex `x`.
+/// Returns the six biased sines with their derivatives by the position of vertex `x`.
 pub(crate) fn biased_sines(p: [Point3; 4], x: usize) -> [(f64, Point3); 6] {
     let (n, volume) = faces(p);
     let area = n.map(norm);
@@ -318,8 +317,8 @@ pub(crate) fn biased_sines(p: [Point3; 4], x: usize) -> [(f64, Point3); 6] {
     })
 }
 
-/// ∇|n_k| for the faces that hold vertex `x`: (q − r) × n̂ for its other vertices q, r in the sense
-/// of n.
+/// Returns ∇|n_k| for the faces that hold vertex `x`: (q − r) × n̂ for its other vertices q, r in
+/// the orientation of n.
 #[inline]
 fn area_gradients(p: [Point3; 4], x: usize, n: [Point3; 4], area: [f64; 4]) -> [Point3; 4] {
     let mut da = [[0.0; 3]; 4];
@@ -333,12 +332,12 @@ fn area_gradients(p: [Point3; 4], x: usize, n: [Point3; 4], area: [f64; 4]) -> [
     da
 }
 
-/// Sine of the smallest angle of a triangle.
+/// Returns the sine of the smallest angle of a triangle.
 pub(crate) fn smallest_sine(p: [Point3; 3]) -> f64 {
     smallest_sine_and_derivative(p).0
 }
 
-/// Sine of the smallest angle of a triangle, with its derivative by the first vertex.
+/// Returns the sine of the smallest angle of a triangle, with its derivative by the first vertex.
 pub(crate) fn smallest_sine_and_derivative(p: [Point3; 3]) -> (f64, Point3) {
     // The smallest angle is opposite to the shortest edge: its sine is twice the area over the
     // product of the other two.

@@ -1,25 +1,22 @@
-//! What memory there is, and tables that say when there is not enough.
+//! Bounds on the available memory, and checked allocation of large tables.
 //!
-//! An allocation that fails ends the process, and one that does not fail may end it later, where
-//! the system gives out more than it has. So tables that grow with the number of lattice cells are
-//! compared with the memory of the machine first.
+//! An allocation that fails ends the process, and one that succeeds may end it later, as systems
+//! overcommit memory. So tables that grow with the number of lattice cells are compared with the
+//! memory of the machine first.
 
 use crate::error::MeshError;
 
-/// Bytes of a MiB.
-const MIB: u64 = 1 << 20;
-
-/// Bytes of memory that this process may have: of the machine, swap included, or of the container
-/// that it runs in. No bound where the system does not tell.
+/// Returns the bytes of memory that this process may have: of the machine, swap included, or of the
+/// container in which it runs. `u64::MAX` if the system does not report it.
 pub(crate) fn of_machine() -> u64 {
     let read = |path: &str| std::fs::read_to_string(path).ok();
     let all = read("/proc/meminfo").and_then(|text| total(&text));
-    // Control groups of version 2; "max" where there is no bound.
+    // Control groups of version 2; "max" means unbounded.
     let group = read("/sys/fs/cgroup/memory.max").and_then(|text| text.trim().parse().ok());
     all.unwrap_or(u64::MAX).min(group.unwrap_or(u64::MAX))
 }
 
-/// The memory and swap that a text as of /proc/meminfo tells, in bytes.
+/// Returns the memory and swap reported by a text in the format of /proc/meminfo, in bytes.
 fn total(text: &str) -> Option<u64> {
     let of = |name: &str| -> Option<u64> {
         let line = text.lines().find_map(|line| line.strip_prefix(name))?;
@@ -29,7 +26,7 @@ fn total(text: &str) -> Option<u64> {
     Some(of("MemTotal:")?.saturating_add(of("SwapTotal:").unwrap_or(0)))
 }
 
-/// Whether the machine has so many bytes. For sizes that surely are taken.
+/// Checks that the machine has this many bytes, which must be a lower bound of what is used.
 ///
 /// # Errors
 /// [`MeshError::NoMemory`].
@@ -40,10 +37,10 @@ pub(crate) fn check(needed: u64) -> Result<(), MeshError> {
     Ok(())
 }
 
-/// A table of `n` equal values.
+/// Allocates a table of `n` equal values.
 ///
 /// # Errors
-/// [`MeshError::NoMemory`] where the system does not give so much.
+/// [`MeshError::NoMemory`] if the system cannot provide it.
 pub(crate) fn table<T: Copy>(value: T, n: usize) -> Result<Vec<T>, MeshError> {
     let bytes = (n as u64).saturating_mul(size_of::<T>() as u64);
     check(bytes)?;
@@ -55,7 +52,8 @@ pub(crate) fn table<T: Copy>(value: T, n: usize) -> Result<Vec<T>, MeshError> {
 
 fn none(needed: u64) -> MeshError {
     MeshError::NoMemory {
-        needed: needed / MIB,
+        // In MiB.
+        needed: needed / (1 << 20),
     }
 }
 

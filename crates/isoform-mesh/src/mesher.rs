@@ -1,210 +1,73 @@
-//! The way from a solid to a mesh.
+//! The pipeline from a solid to a mesh.
 //!
 //! Extent → lattice → features → sizes → cutting → optimisation → assembly → second order. Each
-//! phase takes the values of those before it and announces itself to the [`Control`].
+//! phase takes the values of the phases before it and reports itself to the [`Control`].
 
-use crate::assemble::{Joined, assemble_surface, assemble_volume};
+use crate::assemble::{CoreConnection, assemble_surface, assemble_volume};
 use crate::band::{Band, Core};
 use crate::crowd::Crowd;
 use crate::cut::Cutter;
-use crate::divided::{Divided, Layer, Region};
+use crate::divided::{DividedSolid, Layer, Region};
 use crate::error::{MeshError, Warning, WarningKind};
-use crate::features::{Extent, FeatureOptions, Features, extent_within, find};
+use crate::features::{Extent, FeatureOptions, Features, find};
 use crate::inside::Inside;
-use crate::lattice::{CELL, Lattice};
-use crate::layers::mesh_layered;
-use crate::missed::{Missed, missed};
+use crate::lattice::{CELL_EDGE, Lattice};
 use crate::optimise::Optimiser;
 use crate::options::{self, Options};
 use crate::refine::Refiner;
-use crate::regions::{REST, Regions};
+use crate::regions::Regions;
 use crate::second::{raise_order, turned};
-use crate::surface::{LayerCells, MAX_DIVIDED_LAYERS, Surface};
+use crate::surface::{LayerCells, Surface};
 use crate::torn::torn;
-use crate::torus::{AXES, Misfit, Torus, Wrapped, apart, misfit};
-use isoform_check::{self as check, Capped, Failure, certify};
+use crate::torus::Torus;
+use crate::unit_cell::{pair_sides, sides_of};
+use crate::unmeshed::{UnmeshedSurface, find_unmeshed};
+use isoform_check::{self as check, Failure, certify};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3, Solid};
 
-/// Rounds in which the lattice is halved where it proves too coarse to be cut.
-const FINER: usize = 3;
-/// Rounds, one behind the other, that leave no fewer findings, after which no other is tried.
-const IN_VAIN: usize = 2;
-/// Triangles per finding, from which on the mesh is wrong all over: bodies that touch have more
-/// findings, a needle that is to be mended some one in ten.
-const ALL_OVER: usize = 8;
-/// Places of each kind of failure that are meshed finer at once.
-const PLACES: usize = 1000;
-/// What edges become there, as a share of what they were.
-const HALF: f64 = 0.5;
-/// Tetrahedra of the lattice per cell, and bytes that each takes if it is not near the surface.
-const BYTES: [f64; 2] = [12.0, 60.0];
+/// Number of consecutive rounds without fewer defects after which no further mesh is tried.
+const MAX_STALLED_ROUNDS: usize = 2;
+/// Number of triangles per defect at or below which the mesh counts as wrong everywhere, and is not
+/// refined locally: touching bodies have more defects, a needle that can be mended about one in ten
+/// triangles.
+const GLOBAL_FAILURE_RATIO: usize = 8;
+/// Number of tetrahedra per cell of the lattice, and of bytes per tetrahedron that is not near the
+/// surface.
+const CELL_TETS_AND_BYTES: [f64; 2] = [12.0, 60.0];
 
-/// A mesh and how it came about.
+/// A mesh with the box, features and warnings of its construction.
 #[derive(Clone, Debug)]
 pub struct Meshed {
     /// The mesh.
     pub mesh: Mesh,
-    /// The box that was meshed.
+    /// Box that was meshed.
     pub region: Aabb,
-    /// Whether intervals prove that nothing of the solid lies outside of the box.
+    /// True if intervals prove that the solid has no points outside of the box.
     pub region_certified: bool,
     /// Names of the caps where the box cuts the solid.
     pub caps: Vec<String>,
-    /// The feature curves and corners of the solid.
+    /// Feature curves and corners of the solid.
     pub features: Features,
-    /// Those of each region that was asked for, and of the rest.
+    /// Features of each requested region, and of the rest.
     pub region_features: Vec<Features>,
-    /// What of the solid the mesh may pass by.
-    pub missed: Missed,
-    /// Places where the solid could not be resolved, with what happened there.
+    /// Parts of the solid that the mesh may have missed.
+    pub missed: UnmeshedSurface,
+    /// Places where the solid could not be resolved, with the reason.
     pub warnings: Vec<Warning>,
 }
 
-/// Meshes a solid: tetrahedra with the labelled surface, or the surface alone.
-///
-/// # Errors
-/// If the solid is empty, unbounded or not a number, if an option has no meaning, the memory does
-/// not suffice, or on a stop.
-pub fn mesh(
-    solid: &dyn Solid,
-    options: &Options,
-    control: &Control<'_>,
-) -> Result<Meshed, MeshError> {
-    mesh_regions(solid, &[], options, control)
-}
-
-/// Meshes a solid in several regions: each takes what of the solid lies in its own solid and in
-/// that of no region before it, and what is left is one more, called `rest`. Tetrahedra of two
-/// regions share the nodes of the faces between them. These faces are triangles of the mesh, too,
-/// outward of the region that comes first, on the parts of its solid.
-///
-/// # Errors
-/// As [`mesh`], and if two regions have one name or one has that of the rest, but for capitals, if
-/// there are more regions than 999, or `options` ask for the surface alone.
-pub fn mesh_regions(
-    solid: &dyn Solid,
-    regions: &[Region<'_>],
-    options: &Options,
-    control: &Control<'_>,
-) -> Result<Meshed, MeshError> {
-    options.check()?;
-    check_regions(regions, options)?;
-    control.begin("extent")?;
-    if let Some(layers) = &options.layers {
-        return match regions.is_empty() {
-            true => mesh_layered(solid, layers, options, control),
-            false => Err(MeshError::NoLayers { what: "in regions" }),
-        };
-    }
-    if let Some(region) = options.region.filter(|_| options.periodic.contains(&true)) {
-        return mesh_cell(solid, regions, region, options, control);
-    }
-    if let Some(region) = options.region {
-        let capped = Capped::new(solid, region);
-        let extent = extent_within(&capped, region, options.size, control)?;
-        let meshed = mesh_within(Model::of(&capped, regions), None, &extent, options, control)?;
-        Ok(with_caps(meshed))
-    } else {
-        let extent = extent_within(solid, options.start, options.size, control)?;
-        mesh_within(Model::of(solid, regions), None, &extent, options, control)
-    }
-}
-
-/// Meshes a unit cell.
-fn mesh_cell(
-    solid: &dyn Solid,
-    regions: &[Region<'_>],
-    region: Aabb,
-    options: &Options,
-    control: &Control<'_>,
-) -> Result<Meshed, MeshError> {
-    let torus = Torus::new(region, options.periodic);
-    let capped = Capped::new(solid, region);
-    let ends = Capped::across(solid, region, options.periodic.map(|repeats| !repeats));
-    let whole = Wrapped::new(&ends, torus);
-    let wrapped = regions.iter().map(|r| Wrapped::new(r.solid, torus));
-    let wrapped: Vec<Wrapped<'_>> = wrapped.collect();
-    let divide = regions.iter().zip(&wrapped);
-    let divide = divide.map(|(r, solid)| Region {
-        name: r.name,
-        solid,
-    });
-    let divide: Vec<Region<'_>> = divide.collect();
-    let options = &Options {
-        size: options.size.min(torus.largest_size()),
-        ..options.clone()
-    };
-    let extent = extent_within(&capped, region, options.size, control)?;
-    let places = torus.places(options.size);
-    let all = regions.iter().map(|r| (r.name, r.solid));
-    for (name, solid) in std::iter::once(("", &ends as &dyn Solid)).chain(all) {
-        if let Some((misfit, axis, at)) = misfit(solid, &torus, &places) {
-            let axis = AXES[axis];
-            let region = name.to_owned();
-            return Err(match misfit {
-                Misfit::Differs => MeshError::NotPeriodic { axis, at, region },
-                Misfit::InSide => MeshError::InSide { axis, at, region },
-            });
-        }
-    }
-    let extent = Extent {
-        bounds: region,
-        ..extent
-    };
-    let model = Model {
-        solid: &whole,
-        regions: &divide,
-        wanted: (&capped, regions),
-    };
-    let mut meshed = mesh_within(model, Some(torus), &extent, options, control)?;
-    let solids = std::iter::once(&ends as &dyn Solid).chain(regions.iter().map(|r| r.solid));
-    for (axis, at, by) in solids.flat_map(|solid| apart(solid, &torus, &meshed.mesh)) {
-        let axis = AXES[axis];
-        meshed
-            .warnings
-            .push(Warning::at(WarningKind::SidesApart { axis, by }, at));
-    }
-    Ok(with_caps(meshed))
-}
-
-/// A mesh with the names of its caps.
+/// Sets the names of the caps of a mesh.
 pub(crate) fn with_caps(mut meshed: Meshed) -> Meshed {
     let is_cap = |name: &&String| name.starts_with("cap.");
     meshed.caps = meshed.mesh.parts.iter().filter(is_cap).cloned().collect();
     meshed
 }
 
-/// Whether a solid can be divided as asked for.
-fn check_regions(regions: &[Region<'_>], options: &Options) -> Result<(), MeshError> {
-    for (k, region) in regions.iter().enumerate() {
-        let before = regions[..k].iter().map(|r| r.name);
-        if before
-            .chain([REST])
-            .any(|name| name.eq_ignore_ascii_case(region.name))
-        {
-            let name = region.name.to_owned();
-            return Err(MeshError::RegionName { name });
-        }
-    }
-    let (wanted, value) = match regions.len() {
-        0 => return Ok(()),
-        n if n >= MAX_DIVIDED_LAYERS => ("fewer than 1000", n as f64),
-        n if options.surface_only => ("none with the surface alone", n as f64),
-        _ => return Ok(()),
-    };
-    let name = "regions";
-    Err(MeshError::Option {
-        name,
-        wanted,
-        value,
-    })
-}
-
-/// Meshes a solid whose extent is known. Where the certificate would hold something against the
-/// surface, and where vertices held on seams between pieces that touch keep others off it, it is
-/// meshed once more, finer there; and at last without holding any on seams. The mesh with the
-/// fewest findings counts.
+/// Meshes a solid whose extent is known. Where the certificate finds defects of the surface, and
+/// where vertices held on seams between pieces that touch keep others off it, the solid is meshed
+/// again, finer there; finally without holding vertices on seams. Returns the mesh with the fewest
+/// defects.
 pub(crate) fn mesh_within(
     model: Model<'_>,
     torus: Option<Torus>,
@@ -213,9 +76,9 @@ pub(crate) fn mesh_within(
     control: &Control<'_>,
 ) -> Result<Meshed, MeshError> {
     let Model { solid, regions, .. } = model;
-    let (whole, whole_regions) = model.wanted;
-    let sides = torus.map_or_else(Vec::new, |torus| torus.sides());
-    let mut divided = Divided::new(solid, regions);
+    let (whole, whole_regions) = model.target;
+    let sides = torus.map_or_else(Vec::new, sides_of);
+    let mut divided = DividedSolid::new(solid, regions);
     for side in &sides {
         divided.add(side, "side");
     }
@@ -228,7 +91,7 @@ pub(crate) fn mesh_within(
     for solid in &solids {
         let lattice = lattice_over(*solid, extent.bounds, torus, options, control)?;
         let of = |lattice| Surface::new(*solid, lattice, extent.bounds, control);
-        // A divider may be no number where nothing of the whole is.
+        // A divider may be NaN outside of the whole.
         let whole = lattices
             .first()
             .map(|whole| Surface::new(solids[0], whole, extent.bounds, control));
@@ -243,7 +106,7 @@ pub(crate) fn mesh_within(
     let features = features_of(whole, extent.bounds, options, control);
     let find = |solid: &dyn Solid| features_of(solid, extent.bounds, options, control);
     let parts = Regions::new(whole, whole_regions, find);
-    let ground = Ground {
+    let ground = MeshJob {
         whole,
         solid: solids[0],
         torus,
@@ -255,7 +118,7 @@ pub(crate) fn mesh_within(
         options,
         control,
     };
-    let mut course = Course {
+    let mut course = AttemptSettings {
         seams: true,
         finer: Vec::new(),
     };
@@ -267,7 +130,7 @@ pub(crate) fn mesh_within(
     if wrong.places.is_empty() {
         return Ok(best.meshed);
     }
-    // What is stopped on the way leaves the mesh that there is.
+    // A stop on the way leaves the best mesh so far.
     let mut fewest = wrong.count;
     let mut in_vain = 0;
     for _ in 0..options.rounds {
@@ -283,14 +146,14 @@ pub(crate) fn mesh_within(
         if wrong.count == [0, 0] {
             return Ok(best.meshed);
         }
-        if wrong.places.is_empty() || in_vain >= IN_VAIN {
+        if wrong.places.is_empty() || in_vain >= MAX_STALLED_ROUNDS {
             break;
         }
     }
     if !best.has_seams || best.off().is_empty() {
         return Ok(best.meshed);
     }
-    let without = Course {
+    let without = AttemptSettings {
         seams: false,
         finer: Vec::new(),
     };
@@ -300,50 +163,51 @@ pub(crate) fn mesh_within(
     }
 }
 
-/// What is meshed.
+/// Solid and regions to be meshed.
 pub(crate) struct Model<'a> {
-    solid: &'a dyn Solid,
-    regions: &'a [Region<'a>],
-    /// What the mesh must be of: the solid and the regions, or those of a unit cell in its box.
-    wanted: (&'a dyn Solid, &'a [Region<'a>]),
+    pub(crate) solid: &'a dyn Solid,
+    pub(crate) regions: &'a [Region<'a>],
+    /// Solid and regions that the mesh must represent: those given, or those of a unit cell in its
+    /// box.
+    pub(crate) target: (&'a dyn Solid, &'a [Region<'a>]),
 }
 
 impl<'a> Model<'a> {
-    pub(crate) fn of(solid: &'a dyn Solid, regions: &'a [Region<'a>]) -> Self {
+    pub(crate) fn new(solid: &'a dyn Solid, regions: &'a [Region<'a>]) -> Self {
         Self {
             solid,
             regions,
-            wanted: (solid, regions),
+            target: (solid, regions),
         }
     }
 }
 
-/// How a solid is meshed.
-struct Course {
-    /// Whether vertices are held on seams between pieces that touch.
+/// Settings of one attempt to mesh a solid.
+struct AttemptSettings {
+    /// True if vertices are held on seams between pieces that touch.
     seams: bool,
-    /// Places where edges shall be shorter, and how long.
+    /// Places for shorter edges, with the length.
     finer: Vec<(Point3, f64)>,
 }
 
-impl Course {
-    /// Adds places where the mesh is wrong, to be meshed with half the edges they have there.
+impl AttemptSettings {
+    /// Adds places with defects, to be meshed with edges half as long as before.
     fn add(&mut self, wrong: &[Point3], size: f64) {
         let before = Crowd::of_places(&self.finer, size);
-        let halved = |at: &Point3| (*at, HALF * before.size_at(*at, &mut Vec::new()).min(size));
+        let halved = |at: &Point3| (*at, 0.5 * before.size_at(*at, &mut Vec::new()).min(size));
         self.finer.extend(wrong.iter().map(halved));
     }
 }
 
-/// What a course leads to.
-struct Outcome {
+/// Result of an attempt.
+struct Attempt {
     meshed: Meshed,
-    /// Whether there are seams between pieces that touch.
+    /// True if there are seams between pieces that touch.
     has_seams: bool,
 }
 
-impl Outcome {
-    /// Vertices that could not be brought onto the surface.
+impl Attempt {
+    /// Returns the vertices that could not be moved onto the surface.
     fn off(&self) -> Vec<Point3> {
         let warnings = self.meshed.warnings.iter();
         let off = warnings.filter(|w| w.kind == WarningKind::VertexOff);
@@ -351,7 +215,7 @@ impl Outcome {
     }
 }
 
-/// Places where mid nodes turn tetrahedra over, or are off the surface.
+/// Returns the places where mid nodes invert tetrahedra, or are off the surface.
 fn bent_wrong(meshed: &Meshed) -> Vec<Point3> {
     let off = meshed
         .warnings
@@ -362,38 +226,38 @@ fn bent_wrong(meshed: &Meshed) -> Vec<Point3> {
         .collect()
 }
 
-/// What is wrong with a mesh.
-struct Wrong {
-    /// How much: findings of the certificate, and warnings; then those of mid nodes.
+/// Defects of a mesh.
+struct Defects {
+    /// Number of defects found by the certificate and warnings; then number of those of mid nodes.
     count: [usize; 2],
-    /// Places to be meshed finer: none where the mesh is wrong all over.
+    /// Places to be meshed finer; empty if the mesh is wrong everywhere.
     places: Vec<Point3>,
 }
 
-/// What all courses of a solid have in common.
-struct Ground<'a> {
-    /// What is meshed.
+/// Input that all attempts for a solid share.
+struct MeshJob<'a> {
+    /// Solid that the mesh must represent.
     whole: &'a dyn Solid,
-    /// The whole, with the pieces of all layers.
+    /// The solid with the pieces of all layers.
     solid: &'a dyn Solid,
-    /// The box of a unit cell.
+    /// Box of a unit cell.
     torus: Option<Torus>,
     extent: &'a Extent,
     lattice: &'a Lattice,
-    /// The layers of a solid that is divided into regions; none of one that is not.
+    /// Layers of a solid that is divided into regions; empty otherwise.
     layers: &'a [LayerCells<'a>],
-    /// The regions that it is divided into.
+    /// Regions into which the solid is divided.
     regions: &'a Regions<'a>,
     features: &'a Features,
     options: &'a Options,
     control: &'a Control<'a>,
 }
 
-impl Ground<'_> {
-    /// What is wrong with the surface, and where the mesh misses a part of the solid. Where it is
-    /// wrong all over, as that of bodies that touch or of functions that jump, no size helps, but
-    /// may help vertices off the surface if there are seams.
-    fn wrong(&self, of: &Outcome) -> Wrong {
+impl MeshJob<'_> {
+    /// Returns the defects of the surface, and the places where the mesh misses a part of the
+    /// solid. If the defects are everywhere, as with touching bodies or functions that jump, no
+    /// size helps, except for vertices off the surface if there are seams.
+    fn wrong(&self, of: &Attempt) -> Defects {
         let Meshed {
             mesh,
             missed,
@@ -409,35 +273,36 @@ impl Ground<'_> {
         let mut places: Vec<Point3> = told.chain(missed.places()).collect();
         let bent = bent_wrong(&of.meshed);
         let count = places.len() + failures.iter().map(|f| f.count).sum::<usize>();
-        if count >= mesh.triangles.len().div_ceil(ALL_OVER) {
+        if count >= mesh.triangles.len().div_ceil(GLOBAL_FAILURE_RATIO) {
             let places = if of.has_seams { of.off() } else { Vec::new() };
             let count = [count, bent.len()];
-            return Wrong { count, places };
+            return Defects { count, places };
         }
         let found = failures
             .iter()
             .flat_map(|f| f.place.iter().chain(&f.others));
         places.extend(found.map(|p| p.at));
-        // Mid nodes come second: as long as the mesh itself is wrong, they say little.
-        let is_bent_here = count == 0 && bent.len() < mesh.triangles.len().div_ceil(ALL_OVER);
+        // Mid nodes come second: while the mesh itself has defects, they mean little.
+        let is_bent_here =
+            count == 0 && bent.len() < mesh.triangles.len().div_ceil(GLOBAL_FAILURE_RATIO);
         let count = [count, bent.len()];
         if is_bent_here {
             places = bent;
         }
-        Wrong { count, places }
+        Defects { count, places }
     }
 
-    /// What the certificate of the surface would hold against it, and that of each region.
+    /// Returns the failures in the certificate of the surface, and of each region.
     fn surface_failures(&self, mesh: &Mesh) -> Vec<Failure> {
         let outer = mesh.without_walls();
         let mut failures = self.failures_of(&outer, self.whole, self.features);
-        for part in self.regions.of(mesh) {
+        for part in self.regions.parts_of(mesh) {
             failures.extend(self.failures_of(&part.mesh, part.solid, part.features));
         }
         failures
     }
 
-    /// What the certificate of a surface alone would hold against it.
+    /// Returns the failures in the certificate of a surface alone.
     fn failures_of(&self, mesh: &Mesh, solid: &dyn Solid, features: &Features) -> Vec<Failure> {
         let surface = Mesh {
             points: mesh.points.clone(),
@@ -455,7 +320,7 @@ impl Ground<'_> {
         let corners = features.corners.iter();
         let corners = corners.filter(|c| c.needs_node());
         let options = check::Options {
-            places: PLACES,
+            places: 1000,
             size: Some(self.options.size),
             region: self.options.region,
             // Regions are certified without their sides.
@@ -467,7 +332,7 @@ impl Ground<'_> {
             corners: &corners.map(|c| c.point).collect::<Vec<_>>(),
             ..check::Options::default()
         };
-        // The mesh is certified once more at last, with progress.
+        // The final mesh is certified again, with progress.
         let control = Control {
             progress: None,
             ..*self.control
@@ -475,8 +340,8 @@ impl Ground<'_> {
         certify(&surface, Some(solid), &options, &control).failures()
     }
 
-    /// Meshes the solid in one of the courses.
-    fn meshed(&self, course: &Course) -> Result<Outcome, MeshError> {
+    /// Meshes the solid with the settings of one attempt.
+    fn meshed(&self, course: &AttemptSettings) -> Result<Attempt, MeshError> {
         let Self {
             solid,
             lattice,
@@ -530,7 +395,7 @@ impl Ground<'_> {
             options,
             &mut warnings,
         )?;
-        let joined = Joined {
+        let joined = CoreConnection {
             core: band.core,
             band_points,
             number: inside.number.clone(),
@@ -539,13 +404,13 @@ impl Ground<'_> {
         warnings.extend(self.regions.name(&mut mesh));
         control.begin("what the mesh misses")?;
         let outer = mesh.without_walls();
-        let mut all = missed(self.whole, &outer, region, options.size, control);
+        let mut all = find_unmeshed(self.whole, &outer, region, options.size, control);
         let within = |p| self.torus.map_or(f64::INFINITY, |torus| torus.depth(p));
         let value = |p| within(p).min(surface.value(p).0);
         let mut apart = torn(value, &outer, options.size, control);
-        for part in self.regions.of(&mesh) {
+        for part in self.regions.parts_of(&mesh) {
             let value = |p| within(p).min(surface.value_of_region(part.region, p));
-            all.add(missed(
+            all.add(find_unmeshed(
                 part.solid,
                 &part.mesh,
                 region,
@@ -566,14 +431,14 @@ impl Ground<'_> {
             region_features: self.regions.features.clone(),
             warnings,
         };
-        Ok(Outcome {
+        Ok(Attempt {
             meshed,
             has_seams: surface.has_seams.into_inner(),
         })
     }
 }
 
-/// The lattice for the size asked for, if the memory suffices.
+/// Creates the lattice for the requested size, if the memory suffices.
 fn lattice_over(
     solid: &dyn Solid,
     region: Aabb,
@@ -581,13 +446,13 @@ fn lattice_over(
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Lattice, MeshError> {
-    let cell = CELL * options.size;
+    let cell = CELL_EDGE * options.size;
     // In a unit cell any tetrahedron may change.
     let each = match torus {
-        Some(_) => options::BYTES as f64,
-        None => BYTES[1],
+        Some(_) => options::BYTES_PER_TETRAHEDRON as f64,
+        None => CELL_TETS_AND_BYTES[1],
     };
-    options.check_memory((Lattice::cells(region, cell) * BYTES[0] * each) as u64)?;
+    options.check_memory((Lattice::cells(region, cell) * CELL_TETS_AND_BYTES[0] * each) as u64)?;
     control.begin("lattice")?;
     let lattice = match torus {
         Some(torus) => Lattice::on_torus(solid, &torus, cell, control)?,
@@ -597,7 +462,7 @@ fn lattice_over(
     Ok(lattice)
 }
 
-/// The feature curves and corners that matter at the size asked for.
+/// Finds the feature curves and corners that matter at the requested size.
 pub(crate) fn features_of(
     solid: &dyn Solid,
     region: Aabb,
@@ -611,7 +476,8 @@ pub(crate) fn features_of(
     find(solid, region, &options, control)
 }
 
-/// Smaller tetrahedra where features crowd, where sizes are asked for, and where something hides.
+/// Refines tetrahedra where features are crowded, where sizes are requested, and where details are
+/// hidden.
 pub(crate) fn refine(
     refiner: &mut Refiner<'_>,
     surface: &Surface<'_>,
@@ -623,7 +489,7 @@ pub(crate) fn refine(
     let mut warnings = Vec::new();
     if !crowd.is_empty() {
         let mut found = Vec::new();
-        refiner.bisect(|complex, t| CELL * crowd.size_at(complex.middle(t), &mut found));
+        refiner.bisect(|complex, t| CELL_EDGE * crowd.size_at(complex.middle(t), &mut found));
     }
     control.begin("sizes")?;
     if refiner.follow(surface, options) {
@@ -638,7 +504,7 @@ pub(crate) fn refine(
     Ok(warnings)
 }
 
-/// The tetrahedra inside of the solid, with faces along its pieces.
+/// Cuts out the tetrahedra inside of the solid, with faces along its pieces.
 fn cut(
     refiner: Refiner<'_>,
     surface: &Surface<'_>,
@@ -658,7 +524,7 @@ fn cut(
     Ok(inside)
 }
 
-/// The tetrahedra inside and outside of the solid, cut along its pieces.
+/// Cuts tetrahedra inside and outside of the solid along its pieces.
 pub(crate) fn cut_along<'s>(
     mut refiner: Refiner<'_>,
     surface: &'s Surface<'s>,
@@ -672,7 +538,8 @@ pub(crate) fn cut_along<'s>(
     }
     control.check()?;
     cutter.run(dividers);
-    for _ in 0..FINER {
+    // The lattice is halved where it proves too coarse to be cut.
+    for _ in 0..3 {
         if cutter.undecided.is_empty() || control.is_stopped() {
             break;
         }
@@ -695,18 +562,18 @@ fn cutter_of<'s>(refiner: &Refiner<'_>, surface: &'s Surface<'s>) -> Cutter<'s> 
     )
 }
 
-/// One warning of all tetrahedra that cutting left undecided.
+/// Returns one warning for all tetrahedra that cutting left undecided.
 fn undecided(places: &[Point3]) -> Option<Warning> {
     let kind = WarningKind::NotCut(places.len());
     places.first().map(|&at| Warning::at(kind, at))
 }
 
-/// Optimises the tetrahedra inside the solid, and makes the mesh of them.
+/// Optimises the tetrahedra inside the solid, and assembles the mesh.
 pub(crate) fn improve(
     inside: Inside,
     surface: &Surface<'_>,
     options: &Options,
-    joined: Joined,
+    joined: CoreConnection,
     warnings: &mut Vec<Warning>,
 ) -> Result<Mesh, MeshError> {
     let control = surface.control;
@@ -723,7 +590,7 @@ pub(crate) fn improve(
     };
     warnings.extend(raise_order(&mut labelled, surface, options)?);
     if let Some(torus) = &surface.torus {
-        torus.pair(&mut labelled.mesh);
+        pair_sides(torus, &mut labelled.mesh);
     }
     Ok(labelled.mesh)
 }

@@ -1,20 +1,20 @@
-//! Better tetrahedra: constrained moves, flips, collapses and insertions, each kept only where the
-//! worst of what it touches improves.
+//! Optimisation of tetrahedra: constrained moves, flips, collapses and insertions, each kept only
+//! if the worst element that it touches improves.
 //!
 //! After Freitag and Ollivier-Gooch (Tetrahedral mesh improvement using swapping and smoothing,
-//! 1997) and Klingner and Shewchuk (Aggressive tetrahedral mesh improvement, 2007). What is ours:
+//! 1997) and Klingner and Shewchuk (Aggressive tetrahedral mesh improvement, 2007). New here:
 //! vertices on the surface and on curves move too, by projection onto their pieces, so that they
-//! stay exact; and the measure looks at the angles of the surface triangles as well.
+//! stay exact; and the measure includes the angles of the surface triangles.
 //!
-//! - `holds`: what holds each vertex, and whether it is there;
-//! - `moves`: vertices go to better places;
+//! - `holds`: the pieces that hold each vertex, and if it lies on them;
+//! - `moves`: vertices move to better positions;
 //! - `flips`: edges and faces are removed, the vertices stay;
-//! - `collapses`: a vertex is pulled onto its neighbour (`link` says where that is allowed);
+//! - `collapses`: a vertex is pulled onto its neighbour (`link` decides where that is allowed);
 //! - `insertions`: edges are split, because tetrahedra are bad or because they leave the surface;
 //! - `mending`: all of these on the worst tetrahedra, in rounds;
-//! - `settling`: vertices that are off the surface are brought onto it;
-//! - `apexes`: the tips of cones get vertices.
-//! - `contacts`: borders that stand for a point of contact are contracted.
+//! - `settling`: vertices that are off the surface are moved onto it;
+//! - `apexes`: vertices are moved onto the tips of cones;
+//! - `contacts`: borders that represent a point of contact are contracted.
 
 mod apexes;
 mod collapses;
@@ -35,22 +35,21 @@ use crate::options::Options;
 use crate::points::centroid;
 use crate::surface::{On, Surface};
 use holds::Hold;
-use insertions::TURN;
+use insertions::MAX_SAGITTA_RATIOS;
 use isoform_control::Control;
 use isoform_geom::{Point3, TET_FACES, cross, dot, norm, sub};
-use moves::Move;
+use moves::MoveBuffers;
 
-/// Least share of an improvement that counts.
-const GAIN: f64 = 1e-4;
-/// Least cosine between a face of the surface and its piece; a face that was worse may stay but not
-/// get worse.
-const FACING: f64 = 0.5;
-/// Operations on single tetrahedra between two looks at the clock: each takes up to a millisecond.
-const LOOK: usize = 16;
-/// Faces whose corners lie on one curve are split where this share of the goal is kept.
-const EARS: f64 = 0.5;
+/// Minimum increase of the worst measure that counts as an improvement.
+const MIN_GAIN: f64 = 1e-4;
+/// Minimum cosine between the normals of a face of the surface and of its piece; a face with a
+/// smaller one may stay but not get worse.
+const MIN_FACING_COSINE: f64 = 0.5;
+/// Number of operations on single tetrahedra between two stop checks; each takes up to a
+/// millisecond.
+const OPERATIONS_PER_STOP_CHECK: usize = 16;
 
-/// Tetrahedra under work, with what holds their vertices.
+/// The tetrahedra being optimised, with the pieces that hold their vertices.
 pub(crate) struct Optimiser<'s> {
     surface: &'s Surface<'s>,
     control: &'s Control<'s>,
@@ -59,35 +58,35 @@ pub(crate) struct Optimiser<'s> {
     /// Labels of the faces at each vertex of the surface; there may be more labels than pieces that
     /// hold the vertex.
     labels: Vec<On>,
-    /// Edge length wanted.
+    /// Target edge length.
     size: f64,
-    /// Chordal error wanted.
+    /// Maximum chordal error.
     error: f64,
-    /// Largest sagitta of an edge of the surface, as a share of its length.
+    /// Maximum sagitta of an edge of the surface, as a fraction of its length.
     turn: f64,
-    /// When each vertex was last moved or given other tetrahedra, by the `clock`.
+    /// Value of `clock` when each vertex was last moved or its tetrahedra changed.
     touched: Vec<u32>,
-    /// When each tetrahedron was last tried in vain: where no vertex was touched since it need not
-    /// be tried again.
+    /// Value of `clock` when each tetrahedron was last tried in vain; it is skipped until a vertex
+    /// of it is touched.
     tried: Vec<u32>,
     clock: u32,
-    /// A measure from which nothing is moved any more.
+    /// Measure at which vertices are good enough and do not move.
     enough: f64,
-    /// Tetrahedra that may be below the goal, together with those that the complex has logged
+    /// Tetrahedra that may be below the goal, in addition to those that the complex has logged
     /// since.
     suspects: Vec<u32>,
-    /// Vertices that were off the surface in the beginning.
+    /// Vertices that were off the surface initially.
     first_off: Vec<u32>,
-    scratch: Scratch,
+    scratch: OptimiserBuffers,
 }
 
-/// Memory that operations use again.
+/// Buffers that operations reuse.
 #[derive(Default)]
-struct Scratch {
+struct OptimiserBuffers {
     star: Vec<u32>,
     made: Vec<u32>,
     ring: Ring,
-    moving: Move,
+    moving: MoveBuffers,
 }
 
 impl<'s> Optimiser<'s> {
@@ -109,14 +108,14 @@ impl<'s> Optimiser<'s> {
             labels: vec![On::default(); n],
             size,
             error: f64::INFINITY,
-            turn: TURN[0],
+            turn: MAX_SAGITTA_RATIOS[0],
             touched: vec![0; n],
             tried: Vec::new(),
             clock: 0,
             enough: f64::INFINITY,
             suspects: Vec::new(),
             first_off: Vec::new(),
-            scratch: Scratch::default(),
+            scratch: OptimiserBuffers::default(),
         };
         this.hold_vertices(&frozen);
         this.hold_apexes();
@@ -125,18 +124,19 @@ impl<'s> Optimiser<'s> {
 }
 
 impl Optimiser<'_> {
-    /// Optimises, brings every vertex onto the surface, and splits what leaves it too far. Returns
-    /// a warning for each vertex that is still off the surface.
+    /// Optimises, moves every vertex onto the surface, and splits edges that leave it too far.
+    /// Returns a warning for each vertex that is still off the surface.
     pub(crate) fn improve(&mut self, options: &Options) -> Vec<Warning> {
         let goal = options.goal();
-        self.turn = TURN[usize::from(options.order > 1)];
+        self.turn = MAX_SAGITTA_RATIOS[usize::from(options.order > 1)];
         self.run(goal);
         self.take_contacts(goal);
         let off = self.settle(goal);
         self.take_apexes(goal);
         self.refine_surface(options.grade.unwrap_or(f64::INFINITY), goal);
-        self.split_ears(EARS * goal);
-        // Where a model does not fit to itself on the sides of a unit cell bodies touch in points.
+        // Splits must keep half of the goal.
+        self.split_ears(0.5 * goal);
+        // If a model does not match itself on the sides of a unit cell, bodies touch in points.
         #[cfg(debug_assertions)]
         if self.complex.is_divided() && self.complex.torus.is_none() {
             assert_eq!(self.complex.fault(), None);
@@ -154,7 +154,7 @@ impl Optimiser<'_> {
         self.complex.points_of(vertices)
     }
 
-    /// The measure of a tetrahedron: its angles, and those of its faces on the surface.
+    /// Returns the measure of a tetrahedron: its angles, and those of its faces on the surface.
     fn measure(&self, t: u32) -> f64 {
         let p = self.complex.corners(t);
         let mut q = biased_sine(p);
@@ -172,8 +172,8 @@ impl Optimiser<'_> {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Cosine between the normals of a face of the surface and of its piece; 1 if the face lies on
-    /// no single piece.
+    /// Returns the cosine between the normals of a face of the surface and of its piece; 1 if the
+    /// face does not lie on a single piece.
     fn facing(&self, p: [Point3; 3], label: u32) -> f64 {
         if label >= crate::complex::STRAY {
             return 1.0;
@@ -183,11 +183,11 @@ impl Optimiser<'_> {
         -dot(n, g) / (norm(n) * norm(g)).max(1e-300)
     }
 
-    /// Whether a face of the surface that goes over into another one on the same piece would no
-    /// longer look outward, and less so than before.
+    /// Returns true if the new position of a face of the surface faces away from its piece, and
+    /// more so than the old one.
     fn turns_away(&self, old: [Point3; 3], new: [Point3; 3], label: u32) -> bool {
         let c = self.facing(new, label);
-        c < FACING && c < self.facing(old, label)
+        c < MIN_FACING_COSINE && c < self.facing(old, label)
     }
 
     fn faces_at(&self, star: &[u32], v: u32) -> Vec<Face> {

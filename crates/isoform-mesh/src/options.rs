@@ -1,4 +1,4 @@
-//! What the mesher is asked to make.
+//! Options of the mesher.
 
 use crate::error::MeshError;
 use crate::features::START;
@@ -6,50 +6,46 @@ use crate::memory;
 use isoform_geom::{Aabb, KdTree, Point3};
 use std::sync::Arc;
 
-/// Bytes that a tetrahedron near the surface takes by estimate, with all that is known of it.
-pub(crate) const BYTES: u64 = 400;
-/// Bytes that the mesher may use unless told otherwise, if the machine has as many.
-const MEMORY: u64 = 16 << 30;
-/// Most layers of wedges: boundary layers have a few dozen at most.
-const MOST_LAYERS: usize = 100;
-/// Weight of a sine of an obtuse angle in the measure that is optimised, see
-/// [`OBTUSE_WEIGHT`](isoform_check::quality::OBTUSE_WEIGHT).
-const OBTUSE: f64 = isoform_check::quality::OBTUSE_WEIGHT;
+/// Estimated number of bytes per tetrahedron near the surface, with all its data.
+pub(crate) const BYTES_PER_TETRAHEDRON: u64 = 400;
+/// Default maximum memory of the mesher, in bytes; less if the machine has less.
+const DEFAULT_MEMORY_BYTES: u64 = 16 << 30;
 
-/// What to make.
+/// Options of [`mesh`](crate::mesh).
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Edge length wanted, the largest one where sizes vary.
+    /// Target edge length; the largest one where sizes vary.
     pub size: f64,
-    /// Smaller edges where a face would leave the surface by more than this (chordal error, model
-    /// units).
+    /// Maximum chordal error, in model units: edges are shorter where a face would leave the
+    /// surface by more.
     pub grade: Option<f64>,
-    /// Smaller edges where this says so, by place.
+    /// Edge lengths by position; edges are shorter where they are smaller than `size`.
     pub sizes: Option<Sizes>,
-    /// 1 for straight edges, 2 for nodes in their middles, on the true surface.
+    /// Order of the elements: 1 for straight edges, 2 for mid nodes, on the true surface.
     pub order: u32,
-    /// Only the surface.
+    /// True if only the surface is meshed.
     pub surface_only: bool,
-    /// The box to mesh in: what sticks out is cut off, the cuts are parts named `cap.x_min` and so
-    /// on. The solid's own box if not given.
+    /// Box to mesh in: the solid is cut off at its sides, and the cuts are parts named `cap.x_min`
+    /// and so on. Default: the solid's own box.
     pub region: Option<Aabb>,
-    /// The axes along which the box is a unit cell: the mesh of its upper side is that of its lower
-    /// side, node for node. The function must say so, too; it counts in the box alone.
+    /// Axes along which the box is a unit cell: the mesh of its upper side equals that of its lower
+    /// side, node for node. The function must be periodic, too; only its values in the box count.
     pub periodic: [bool; 3],
     /// Layers of wedges along parts of the surface.
     pub layers: Option<Layers>,
-    /// The box in which the solid is looked for first where there is no `region`: about where it is,
+    /// Box in which the search for the solid starts without a `region`: its approximate position,
     /// if that is known.
     pub start: Aabb,
-    /// Tetrahedra are optimised until their angles lie within these bounds (degrees), or nothing
-    /// helps any more.
+    /// Bounds on the angles of tetrahedra (degrees): optimisation ends when all angles are within,
+    /// or nothing helps any more.
     pub angles: [f64; 2],
-    /// Maximum number of further meshes, with shorter edges where one is wrong: most rounded boxes
-    /// whose seams are about a size apart are mended by the first, 30 blended balls by the fourth.
+    /// Maximum number of further meshes, with shorter edges where one has defects: most rounded
+    /// boxes whose seams are about a size apart are mended by the first, 30 blended balls by the
+    /// fourth.
     pub rounds: usize,
-    /// Bytes that the mesher may use at most, by its own estimate. The 16 GiB by default are no
-    /// more than the machine has; what is asked for is tried, and refused where the machine surely
-    /// has not enough.
+    /// Maximum memory in bytes, by the mesher's own estimate. The default of 16 GiB is reduced to
+    /// the memory of the machine; other values are tried, and refused where the machine surely has
+    /// less.
     pub memory: u64,
 }
 
@@ -67,13 +63,13 @@ impl Default for Options {
             start: START,
             angles: [21.0, 149.0],
             rounds: 4,
-            memory: MEMORY,
+            memory: DEFAULT_MEMORY_BYTES,
         }
     }
 }
 
 impl Options {
-    /// Whether every number has a meaning.
+    /// Checks that every number is valid.
     pub(crate) fn check(&self) -> Result<(), MeshError> {
         positive("size", self.size)?;
         if let Some(grade) = self.grade {
@@ -95,10 +91,10 @@ impl Options {
         Ok(())
     }
 
-    /// Whether `needed` bytes are allowed.
+    /// Checks that `needed` bytes are allowed.
     pub(crate) fn check_memory(&self, needed: u64) -> Result<(), MeshError> {
         let allowed = match self.memory {
-            MEMORY => MEMORY.min(memory::of_machine()),
+            DEFAULT_MEMORY_BYTES => DEFAULT_MEMORY_BYTES.min(memory::of_machine()),
             asked => asked,
         };
         if needed > allowed {
@@ -111,36 +107,36 @@ impl Options {
         Ok(())
     }
 
-    /// Tetrahedra that the memory allows.
+    /// Returns the number of tetrahedra that the memory allows.
     pub(crate) fn most_tetrahedra(&self) -> usize {
-        (self.memory / BYTES) as usize
+        (self.memory / BYTES_PER_TETRAHEDRON) as usize
     }
 
-    /// The measure of a tetrahedron whose angles just lie within the bounds.
+    /// Returns the measure of a tetrahedron whose angles just lie within the bounds.
     pub(crate) fn goal(&self) -> f64 {
         self.angles[0]
             .to_radians()
             .sin()
-            .max(OBTUSE * self.angles[1].to_radians().sin())
+            .max(isoform_check::quality::OBTUSE_WEIGHT * self.angles[1].to_radians().sin())
     }
 }
 
 /// Layers of wedges (prisms) inside of the solid, along parts of its surface: a boundary layer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layers {
-    /// Names of the parts, or patterns of them: `*` stands for any characters. A part whose name
-    /// fits one of them has layers.
+    /// Names of the parts, or patterns with `*` for any characters. Every part whose name matches
+    /// one of them has layers.
     pub parts: Vec<String>,
     /// Thickness of the layer on the surface, in model units.
     pub first: f64,
-    /// How many times as thick as the layer before each one is.
+    /// Ratio of the thickness of each layer to that of the layer before it.
     pub growth: f64,
-    /// How many layers there are.
+    /// Number of layers.
     pub count: usize,
 }
 
 impl Layers {
-    /// Thickness of all layers, and of as many as there are below each of them: from 0 on.
+    /// Returns the total thickness of the first k layers, for k from 0 to the number of layers.
     ///
     /// ```
     /// use isoform_mesh::Layers;
@@ -159,16 +155,17 @@ impl Layers {
         heights
     }
 
-    /// Thickness of all layers.
+    /// Returns the total thickness of the layers.
     pub fn thickness(&self) -> f64 {
         self.heights().pop().unwrap_or(0.0)
     }
 
-    /// Whether every number has a meaning, also beside the other options.
+    /// Checks that every number is valid, also in combination with the other options.
     fn check(&self, options: &Options) -> Result<(), MeshError> {
         positive("layers' first thickness", self.first)?;
         positive("layers' growth", self.growth)?;
-        if !(1..=MOST_LAYERS).contains(&self.count) {
+        // Boundary layers have a few dozen at most.
+        if !(1..=100).contains(&self.count) {
             return Err(MeshError::Option {
                 name: "number of layers",
                 wanted: "between 1 and 100",
@@ -198,8 +195,7 @@ fn positive(name: &'static str, value: f64) -> Result<(), MeshError> {
     }
 }
 
-/// Edge lengths wanted by place, in model units. What is not positive or no number counts as no
-/// wish.
+/// Edge lengths by position, in model units. Values that are not positive numbers impose no limit.
 #[derive(Clone)]
 pub struct Sizes(pub Arc<dyn Fn(Point3) -> f64 + Send + Sync>);
 
@@ -210,15 +206,15 @@ impl std::fmt::Debug for Sizes {
 }
 
 impl Sizes {
-    /// From samples: the size of the nearest one, growing with the distance to it by no more than
-    /// `growth` per length. Without samples there is no wish anywhere.
+    /// Creates sizes from samples: the size of the nearest one, plus `growth` times the distance
+    /// from it. Without samples lengths are unlimited.
     ///
     /// ```
     /// use isoform_mesh::Sizes;
     ///
     /// let sizes = Sizes::nearest(&[([0.0; 3], 0.1), ([10.0, 0.0, 0.0], 1.0)], 0.5);
     /// assert_eq!((sizes.0)([0.0; 3]), 0.1);
-    /// // Two units beside the first sample: 0.1 + 0.5 · 2.
+    /// // Two units away from the first sample: 0.1 + 0.5 · 2.
     /// assert_eq!((sizes.0)([0.0, 2.0, 0.0]), 1.1);
     /// assert_eq!((sizes.0)([10.0, 0.0, 0.0]), 1.0);
     /// ```
@@ -231,7 +227,7 @@ impl Sizes {
         }))
     }
 
-    /// The edge length wanted at a point, infinite without a wish.
+    /// Returns the edge length at a point; infinite without a limit.
     pub(crate) fn at(&self, p: Point3) -> f64 {
         let s = (self.0)(p);
         if s > 0.0 { s } else { f64::INFINITY }

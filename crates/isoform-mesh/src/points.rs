@@ -1,48 +1,49 @@
-//! Points between points, and what else vectors are asked for all over the mesher.
+//! Midpoints, hashes and other small functions of points that the whole mesher uses.
 //!
-//! Sums are taken in one order everywhere, so that the middle of an edge is the same number
-//! whoever asks for it.
+//! Sums are taken in one order everywhere, so that the midpoint of an edge is bitwise equal for
+//! every caller.
 
 use isoform_geom::{Point3, norm};
 
-/// The pairs of entries of a list, in its order.
+/// Returns the pairs of entries of a list, in its order.
 pub(crate) fn pairs(list: &[u32]) -> impl Iterator<Item = [u32; 2]> + '_ {
     let with = |(k, &a): (usize, &u32)| list[k + 1..].iter().map(move |&b| [a, b]);
     list.iter().enumerate().flat_map(with)
 }
 
-/// The middle of two points.
+/// Returns the midpoint of two points.
 #[inline]
 pub(crate) fn midpoint(p: Point3, q: Point3) -> Point3 {
     std::array::from_fn(|i| 0.5 * (p[i] + q[i]))
 }
 
-/// The point at share `t` of the way from `p` to `q`.
+/// Returns the point at share `t` of the way from `p` to `q`.
 #[inline]
-pub(crate) fn along(p: Point3, q: Point3, t: f64) -> Point3 {
+pub(crate) fn lerp(p: Point3, q: Point3, t: f64) -> Point3 {
     std::array::from_fn(|i| p[i] + t * (q[i] - p[i]))
 }
 
-/// The centroid of a triangle.
+/// Returns the centroid of a triangle.
 #[inline]
 pub(crate) fn centroid(p: [Point3; 3]) -> Point3 {
     std::array::from_fn(|i| (p[0][i] + p[1][i] + p[2][i]) / 3.0)
 }
 
-/// The vector divided by its length; nothing is done to a vector of length 0.
+/// Returns the vector divided by its length; a vector of length 0 is unchanged.
 #[inline]
 pub(crate) fn unit(v: Point3) -> Point3 {
     let n = norm(v).max(1e-300);
     v.map(|x| x / n)
 }
 
-/// 64 bits that look random, of a point's coordinates to the last bit.
+/// Returns 64 pseudorandom bits, computed from all bits of a point's coordinates.
 pub(crate) fn hash(p: Point3) -> u64 {
     hash_words(&p.map(f64::to_bits), 0x6a09_e667_f3bc_c908)
 }
 
-/// 64 bits that look random, by multiplications and shifts (Steele, Lea and Flood, Fast splittable
-/// pseudorandom number generators, 2014); `start` tells several such hashes apart.
+/// Returns 64 pseudorandom bits of words, by multiplications and shifts (Steele, Lea and Flood,
+/// Fast splittable pseudorandom number generators, 2014); `start` selects one of several such
+/// hashes.
 pub(crate) fn hash_words(words: &[u64], start: u64) -> u64 {
     let mix = |mut z: u64| {
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -55,7 +56,7 @@ pub(crate) fn hash_words(words: &[u64], start: u64) -> u64 {
         .fold(start, |h, &w| mix(h.wrapping_add(step) ^ mix(w ^ start)))
 }
 
-/// The list sorted, each number once.
+/// Returns the list sorted, without duplicates.
 pub(crate) fn unique<T: Ord>(mut v: Vec<T>) -> Vec<T> {
     v.sort_unstable();
     v.dedup();
@@ -70,7 +71,7 @@ mod tests {
     fn half_of_the_way_is_the_middle() {
         let (p, q) = ([0.0, 1.0, -2.0], [4.0, 3.0, 2.0]);
         assert_eq!(midpoint(p, q), [2.0, 2.0, 0.0]);
-        assert_eq!(along(p, q, 0.5), midpoint(p, q));
+        assert_eq!(lerp(p, q, 0.5), midpoint(p, q));
         assert_eq!(centroid([p, q, [2.0, 2.0, 3.0]]), [2.0, 2.0, 1.0]);
         assert_eq!(unit([0.0, 3.0, 4.0]), [0.0, 0.6, 0.8]);
         assert_eq!(unit([0.0; 3]), [0.0; 3]);

@@ -3,11 +3,9 @@
 use crate::divided::{Region, RegionSolid};
 use crate::error::{Warning, WarningKind};
 use crate::features::{Corner, Features};
+use crate::names::REST;
 use crate::points::unique;
 use isoform_geom::{Mesh, Solid};
-
-/// Name of the region outside of all requested regions.
-pub const REST: &str = "rest";
 
 /// Regions into which a solid is divided, the remainder last; empty if it is not divided.
 pub(crate) struct Regions<'a> {
@@ -18,7 +16,7 @@ pub(crate) struct Regions<'a> {
 }
 
 /// A region with its mesh.
-pub(crate) struct Part<'m> {
+pub(crate) struct RegionMesh<'m> {
     /// Index of the region; the remainder is last.
     pub(crate) region: usize,
     /// Mesh of the region alone.
@@ -66,10 +64,10 @@ impl<'a> Regions<'a> {
     }
 
     /// Iterates over the regions that have tetrahedra.
-    pub(crate) fn of<'m>(&'m self, mesh: &'m Mesh) -> impl Iterator<Item = Part<'m>> {
+    pub(crate) fn parts_of<'m>(&'m self, mesh: &'m Mesh) -> impl Iterator<Item = RegionMesh<'m>> {
         mesh.regions.iter().zip(0..).filter_map(|(name, number)| {
             let k = self.names.iter().position(|other| other == name)?;
-            Some(Part {
+            Some(RegionMesh {
                 region: k,
                 mesh: mesh.region(number),
                 solid: &self.solids[k],

@@ -4,7 +4,7 @@
 //! 1) xᵢ + Σ 4 λᵢλⱼ xᵢⱼ in barycentric coordinates λ. If all edges are straight, its Jacobian
 //!    determinant is the constant 6 V.
 
-use crate::assemble::Labelled;
+use crate::assemble::LabelledMesh;
 use crate::error::{MeshError, Warning, WarningKind};
 use crate::options::Options;
 use crate::points::midpoint;
@@ -20,7 +20,7 @@ const SEARCH_STEP_RANGE: [f64; 2] = [0.1, 0.004];
 /// Adds mid-edge nodes, if requested. Returns a warning for each that could not be projected onto
 /// the surface.
 pub(crate) fn raise_order(
-    labelled: &mut Labelled,
+    labelled: &mut LabelledMesh,
     surface: &Surface<'_>,
     options: &Options,
 ) -> Result<Vec<Warning>, MeshError> {
@@ -62,7 +62,7 @@ fn ends(edge: u64) -> [u32; 2] {
 struct Edges(Vec<u64>);
 
 impl Edges {
-    fn of(mesh: &Mesh) -> Self {
+    fn from_mesh(mesh: &Mesh) -> Self {
         let mut edges = Vec::with_capacity(6 * mesh.tets.len() + 3 * mesh.triangles.len());
         for t in &mesh.tets {
             edges.extend(TET_EDGES.map(|[i, j]| key(t[i], t[j])));
@@ -94,7 +94,7 @@ impl Edges {
 /// Adds a node at the middle of every edge. `pieces` are the pieces of the mesh's parts. Returns
 /// the midpoints of edges that could not be projected onto the surface.
 fn add_middles(mesh: &mut Mesh, surface: &Surface<'_>, pieces: &[u32]) -> Vec<Point3> {
-    let edges = Edges::of(mesh);
+    let edges = Edges::from_mesh(mesh);
     let mut middles = edges.middles(mesh);
     let mut fixed = vec![false; middles.len()];
     let mut off = Vec::new();
@@ -112,7 +112,7 @@ fn add_middles(mesh: &mut Mesh, surface: &Surface<'_>, pieces: &[u32]) -> Vec<Po
         .par_iter()
         .map(|t| TET_EDGES.map(|[i, j]| edges.at(t[i], t[j]) as u32))
         .collect();
-    let curved = Curved {
+    let curved = CurvedTets {
         mesh,
         mids: &mids,
         fixed: &fixed,
@@ -194,7 +194,7 @@ fn smooth_pieces(surface: &Surface<'_>, pieces: &[u32], ends: [Point3; 2]) -> Ve
 }
 
 /// Tetrahedra with curved edges.
-struct Curved<'m> {
+struct CurvedTets<'m> {
     mesh: &'m Mesh,
     /// Indices of the mid nodes of each tetrahedron.
     mids: &'m [[u32; 6]],
@@ -202,7 +202,7 @@ struct Curved<'m> {
     fixed: &'m [bool],
 }
 
-impl Curved<'_> {
+impl CurvedTets<'_> {
     fn quality(&self, t: usize, middles: &[Point3]) -> f64 {
         scaled_jacobian(&std::array::from_fn(|k| {
             if k < 4 {

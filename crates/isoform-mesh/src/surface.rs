@@ -11,9 +11,10 @@ mod newton;
 mod on;
 
 use crate::complex::STRAY;
+use crate::distance::{first_order_at, zero_in};
 use crate::features::Corner;
-use crate::lattice::{IN, Lattice, OUT, Reduced};
-use crate::points::{along, centroid, hash, unique};
+use crate::lattice::{INSIDE_CELL, Lattice, OUTSIDE_CELL, ReducedTree};
+use crate::points::{centroid, hash, lerp, unique};
 use crate::torus::Torus;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid, cross, dot, norm, sub};
@@ -124,37 +125,6 @@ pub(crate) struct Surface<'s> {
 /// A point and the solid's value there.
 pub(crate) type Valued = (Point3, f64);
 
-/// Returns the first-order distance g/|∇g|.
-pub(crate) fn first_order(g: f64, gradient: Point3) -> f64 {
-    let n = norm(gradient);
-    if n > 0.0 {
-        g / n
-    } else if g == 0.0 {
-        0.0
-    } else {
-        g.signum() * f64::MAX
-    }
-}
-
-/// Returns the distance below which values in a region are rounding errors.
-pub(crate) fn zero_in(region: Aabb) -> f64 {
-    let reach = region.lo.into_iter().chain(region.hi);
-    let far = reach.fold(0.0, |far: f64, v| far.max(v.abs()));
-    // A few roundings of the three coordinates count where the box is far from the origin.
-    (1e-13 * region.diagonal()).max((8.0 * f64::EPSILON) * far)
-}
-
-/// Returns the first-order distance of a point from a piece.
-pub(crate) fn first_order_at(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
-    let (g, d) = solid.gradient(piece, p);
-    first_order(g, d)
-}
-
-/// Returns the first-order distance of a point from a solid's surface, negative outside.
-pub(crate) fn distance_at(solid: &dyn Solid, p: Point3) -> f64 {
-    solid.tree().value(&|piece| first_order_at(solid, piece, p))
-}
-
 impl<'s> Surface<'s> {
     /// Creates the surface of a solid in a box.
     pub(crate) fn new(
@@ -207,7 +177,9 @@ impl<'s> Surface<'s> {
     /// differs between opposite sides of a unit cell.
     pub(crate) fn distance_from(&self, piece: u32, p: Point3, from: Point3) -> f64 {
         match &self.torus {
-            Some(torus) if !self.is_side(piece) => self.distance(piece, torus.beside(p, from)),
+            Some(torus) if !self.is_side(piece) => {
+                self.distance(piece, torus.moved_off_side(p, from))
+            }
             _ => self.distance(piece, p),
         }
     }
@@ -242,8 +214,8 @@ impl<'s> Surface<'s> {
     pub(crate) fn value_in(&self, layer: usize, p: Point3) -> (f64, u32) {
         let lattice = self.lattice_of(layer);
         match lattice.state_at(p) {
-            IN => (f64::INFINITY, NO_PIECE),
-            OUT => (f64::NEG_INFINITY, NO_PIECE),
+            INSIDE_CELL => (f64::INFINITY, NO_PIECE),
+            OUTSIDE_CELL => (f64::NEG_INFINITY, NO_PIECE),
             k => lattice
                 .reduced(k)
                 .expect("undecided cells have a tree")
@@ -311,7 +283,7 @@ impl<'s> Surface<'s> {
 
     /// Returns the part of a layer's tree that matters around a point; `None` if the cell is
     /// decided.
-    pub(crate) fn reduced_in(&self, layer: usize, p: Point3) -> Option<&'s Reduced> {
+    pub(crate) fn reduced_in(&self, layer: usize, p: Point3) -> Option<&'s ReducedTree> {
         self.lattice_of(layer).reduced_at(p)
     }
 
@@ -337,7 +309,7 @@ impl<'s> Surface<'s> {
         let is_on_side = torus.is_on_side(p);
         let axes = (0..3).filter(|&axis| is_on_side[axis]);
         let pieces: Vec<u32> = axes.filter_map(|axis| self.side_piece(axis)).collect();
-        On::of(&pieces)
+        On::from_pieces(&pieces)
     }
 
     /// Restricts candidate pieces of a face to those near it on the side of `within`: corners on a
@@ -349,7 +321,7 @@ impl<'s> Surface<'s> {
             .iter()
             .map(|&p| norm(sub(p, middle)))
             .fold(0.0, f64::max);
-        let beside = torus.beside(middle, within);
+        let beside = torus.moved_off_side(middle, within);
         let is_near = |&i: &u32| self.distance(i, beside).abs() <= reach;
         if pieces.iter().any(is_near) {
             pieces.retain(is_near);
@@ -472,9 +444,9 @@ impl<'s> Surface<'s> {
         f: impl Fn(Point3) -> (f64, u32),
     ) -> Option<(f64, u32)> {
         let mut bracket = Bracket::new(a.1, b.1);
-        for _ in 0..Bracket::STEPS {
+        for _ in 0..Bracket::MAX_BRACKET_STEPS {
             let m = bracket.guess();
-            let (v, piece) = f(along(a.0, b.0, m));
+            let (v, piece) = f(lerp(a.0, b.0, m));
             if v.is_nan() {
                 return None;
             }

@@ -18,7 +18,7 @@ const PATH_STEPS_PER_GAP: f64 = 8.0;
 const SAMPLES_PER_PATH_STEP: usize = 4;
 
 /// Squared distance and nearest nodes of two shells.
-type Pair = (f64, [Point3; 2]);
+type NearestNodes = (f64, [Point3; 2]);
 
 /// Returns points between shells of the mesh that are connected in the solid, whose value is
 /// negative outside.
@@ -28,7 +28,7 @@ pub(crate) fn torn(
     size: f64,
     control: &Control<'_>,
 ) -> Vec<Point3> {
-    let shells = Shells::of(mesh);
+    let shells = Shells::from_mesh(mesh);
     if shells.volumes.len() < 2 {
         return Vec::new();
     }
@@ -54,7 +54,7 @@ struct Shells {
 }
 
 impl Shells {
-    fn of(mesh: &Mesh) -> Self {
+    fn from_mesh(mesh: &Mesh) -> Self {
         let mut sets = UnionFind::new(mesh.points.len());
         for &[a, b, c] in &mesh.triangles {
             sets.unite(a, b);
@@ -62,7 +62,7 @@ impl Shells {
         }
         let mut number: BTreeMap<u32, u32> = BTreeMap::new();
         let (mut nodes, mut volumes) = (Vec::new(), Vec::new());
-        let middle = Aabb::of(&mesh.points).center();
+        let middle = Aabb::from_points(&mesh.points).center();
         for triangle in &mesh.triangles {
             let next = number.len() as u32;
             let shell = *number.entry(sets.root(triangle[0])).or_insert(next);
@@ -80,10 +80,10 @@ impl Shells {
     }
 
     /// Returns the pairs of shells closer than `reach`, with their nearest nodes.
-    fn near(&self, mesh: &Mesh, reach: f64) -> BTreeMap<[u32; 2], Pair> {
+    fn near(&self, mesh: &Mesh, reach: f64) -> BTreeMap<[u32; 2], NearestNodes> {
         let at = |n: usize| mesh.points[self.nodes[n].0 as usize];
         let places: Vec<Point3> = (0..self.nodes.len()).map(at).collect();
-        let mut near: BTreeMap<[u32; 2], Pair> = BTreeMap::new();
+        let mut near: BTreeMap<[u32; 2], NearestNodes> = BTreeMap::new();
         near_pairs(&places, reach, |i, j, squared| {
             let (i, j) = if self.nodes[i].1 < self.nodes[j].1 {
                 (i, j)

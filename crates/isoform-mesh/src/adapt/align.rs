@@ -13,7 +13,7 @@ mod splitting;
 
 use crate::complex::{Face, edge};
 use crate::features::Features;
-use crate::points::along;
+use crate::points::lerp;
 use crate::surface::{SKIN, Surface};
 use isoform_geom::{Point3, TRIANGLE_EDGES};
 use std::collections::HashSet;
@@ -77,7 +77,7 @@ fn common([a, b, c]: [&[u32]; 3]) -> Vec<u32> {
 }
 
 /// A corner of the solid.
-struct Corner {
+struct CornerTarget {
     at: Point3,
     pieces: Vec<u32>,
     /// True if a vertex was moved there.
@@ -91,7 +91,7 @@ struct Aligner<'a, M> {
     on: Vec<Vec<u32>>,
     /// Target position of each vertex; tetrahedra may prevent it from moving there at once.
     places: Vec<Point3>,
-    corners: Vec<Corner>,
+    corners: Vec<CornerTarget>,
     /// Edges that cross a seam between pieces that touch tangentially.
     smooth: HashSet<[u32; 2]>,
     /// Edges whose crossing was not found.
@@ -143,11 +143,11 @@ pub(super) fn align<M: Cuttable>(
 }
 
 /// Returns the corners at which a mesh must have a vertex.
-fn corners_of(features: &Features) -> Vec<Corner> {
+fn corners_of(features: &Features) -> Vec<CornerTarget> {
     let corners = features.corners.iter();
     corners
         .filter(|c| c.needs_node())
-        .map(|c| Corner {
+        .map(|c| CornerTarget {
             at: c.point,
             pieces: c.pieces.clone(),
             is_taken: false,
@@ -174,7 +174,7 @@ impl<M: Cuttable> Aligner<'_, M> {
     /// Splits an edge at a fraction of its length, for a vertex whose target is `p`.
     fn split(&mut self, [u, v]: [u32; 2], share: f64, p: Point3, on: Vec<u32>) -> bool {
         let [a, b] = [u, v].map(|k| self.mesh.points()[k as usize]);
-        let is_split = self.mesh.split([u, v], along(a, b, share), p).is_some();
+        let is_split = self.mesh.split([u, v], lerp(a, b, share), p).is_some();
         if is_split {
             self.places.push(p);
             self.on.push(on);

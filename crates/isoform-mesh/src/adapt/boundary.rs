@@ -3,7 +3,7 @@
 use super::align::Cuttable;
 use crate::complex::{BOUNDARY, Complex, Face, Ring, STRAY};
 use crate::measure::biased_sine;
-use crate::points::{along, midpoint, unique};
+use crate::points::{lerp, midpoint, unique};
 use isoform_control::Control;
 use isoform_geom::{Mesh, Point3, norm, sub};
 use std::collections::HashMap;
@@ -18,7 +18,7 @@ pub(super) struct Boundary {
 
 impl Boundary {
     /// Creates the boundary of a mesh's tetrahedra; every boundary face gets the label 0.
-    pub(super) fn of(mesh: Mesh) -> Self {
+    pub(super) fn from_mesh(mesh: Mesh) -> Self {
         let mut complex = Complex::new(mesh.points, mesh.tets);
         let live: Vec<u32> = complex.live().collect();
         for t in live {
@@ -90,7 +90,7 @@ impl Boundary {
             let p = if share == 1.0 {
                 goal
             } else {
-                along(old, goal, share)
+                lerp(old, goal, share)
             };
             if self.worst_at(v, p) >= least {
                 self.complex.points[v as usize] = p;
@@ -184,7 +184,7 @@ impl Cuttable for Boundary {
         // Fractions of the way to the surface; the optimiser makes room before it moves the vertex
         // farther.
         for share in [1.0, 0.5, 0.25] {
-            if self.move_to(v, along(old, p, share)) {
+            if self.move_to(v, lerp(old, p, share)) {
                 return;
             }
         }

@@ -1,9 +1,9 @@
 //! Validation of given meshes, and problems that alignment leaves.
 
 use super::align::Aligned;
+use crate::distance::distance_at;
 use crate::error::{MeshError, Warning, WarningKind};
 use crate::points::centroid;
-use crate::surface::distance_at;
 use isoform_check::Certificate;
 use isoform_geom::{Mesh, Point3, Solid};
 use std::collections::HashMap;

@@ -9,7 +9,7 @@
 mod angles;
 mod lengths;
 
-use super::skin::Skin;
+use super::skin::EditableSurface;
 use crate::options::Options;
 use crate::points::{centroid, midpoint, unique};
 use crate::surface::{On, SKIN, Surface, meet_at_an_angle};
@@ -37,7 +37,7 @@ enum Hold {
 
 /// Triangles being optimised, with the constraints on their vertices.
 pub(super) struct Remesher<'s> {
-    pub(super) skin: Skin,
+    pub(super) skin: EditableSurface,
     hold: Vec<Hold>,
     surface: &'s Surface<'s>,
     options: &'s Options,
@@ -55,7 +55,7 @@ struct Middle {
 
 impl<'s> Remesher<'s> {
     pub(super) fn new(
-        skin: Skin,
+        skin: EditableSurface,
         surface: &'s Surface<'s>,
         options: &'s Options,
         control: &'s Control<'s>,
@@ -115,13 +115,13 @@ impl Remesher<'_> {
             let p = self.skin.at(v);
             let is_off =
                 self.surface.distance(one, p) != 0.0 || self.surface.distance(SKIN, p) != 0.0;
-            return Hold::On(On::of(&[if is_off { SKIN } else { one }]));
+            return Hold::On(On::from_pieces(&[if is_off { SKIN } else { one }]));
         }
         let neighbours = self.skin.neighbours(v).into_iter();
         let sharp: Vec<[u32; 2]> = neighbours.filter_map(|w| self.sharp(v, w)).collect();
         match sharp.as_slice() {
-            [] => Hold::On(On::of(&[SKIN])),
-            [a, b] if a == b => Hold::On(On::of(a)),
+            [] => Hold::On(On::from_pieces(&[SKIN])),
+            [a, b] if a == b => Hold::On(On::from_pieces(a)),
             _ => Hold::Fixed,
         }
     }
@@ -167,9 +167,9 @@ impl Remesher<'_> {
     fn middle(&self, a: u32, b: u32) -> Option<Middle> {
         let sides = self.skin.sides(a, b)?.map(|f| self.skin.label_of(f));
         let on = match self.sharp(a, b) {
-            Some(pieces) => On::of(&pieces),
-            None if sides[0] == sides[1] => On::of(&[self.piece_at([a, b], sides[0])]),
-            None => On::of(&[SKIN]),
+            Some(pieces) => On::from_pieces(&pieces),
+            None if sides[0] == sides[1] => On::from_pieces(&[self.piece_at([a, b], sides[0])]),
+            None => On::from_pieces(&[SKIN]),
         };
         let flat = midpoint(self.skin.at(a), self.skin.at(b));
         let at = self.surface.project(on.slice(), flat)?;

@@ -9,7 +9,7 @@ use isoform_geom::{Point3, cross, dot, norm, sub};
 /// Triangles with the faces around each vertex. Slots are reused; a slot whose first vertex is
 /// [`NONE`] is empty.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Skin {
+pub(super) struct EditableSurface {
     pub(super) points: Vec<Point3>,
     pub(super) faces: Vec<[u32; 3]>,
     pub(super) labels: Vec<u32>,
@@ -32,7 +32,7 @@ fn turned(old: [Point3; 3], new: [Point3; 3]) -> f64 {
     }
 }
 
-impl Skin {
+impl EditableSurface {
     pub(super) fn new(points: Vec<Point3>, faces: Vec<[u32; 3]>) -> Self {
         let mut around = vec![Vec::new(); points.len()];
         for (k, f) in faces.iter().enumerate() {
@@ -210,7 +210,7 @@ impl Skin {
     }
 }
 
-impl Cuttable for Skin {
+impl Cuttable for EditableSurface {
     fn points(&self) -> &[Point3] {
         &self.points
     }

@@ -3,14 +3,14 @@
 use super::faces::{OpenFace, open_faces};
 use super::plan::Plan;
 use super::tetrahedra::{INNER, Tetrahedra};
-use super::{Gathered, holds, within};
+use super::{MergedTetrahedra, holds, within};
 use crate::assemble::{FeatureEdge, corners, feature_edges};
 use crate::complex::edge;
+use crate::distance::zero_in;
 use crate::error::{MeshError, Warning};
-use crate::missed::missed;
 use crate::options::Options;
 use crate::points::centroid;
-use crate::surface::zero_in;
+use crate::unmeshed::find_unmeshed;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Curve, Mesh, Point3, Solid, TET_FACES, TRIANGLE_EDGES};
 use std::cmp::Ordering;
@@ -18,7 +18,7 @@ use std::collections::HashMap;
 
 /// A finished block.
 #[derive(Clone, Debug)]
-pub struct Closed {
+pub struct BlockMesh {
     /// Tetrahedra of the block, with the triangles of the surface on them. All pieces of the solid
     /// are parts, in their order, so that tags agree between blocks.
     pub mesh: Mesh,
@@ -43,23 +43,23 @@ pub fn close(
     k: usize,
     given: &Tetrahedra,
     control: &Control<'_>,
-) -> Result<Closed, MeshError> {
+) -> Result<BlockMesh, MeshError> {
     let room = plan.room(0, k);
     within(solid, options, |solid| {
         control.begin("assembly")?;
-        let mut all = Gathered::default();
+        let mut all = MergedTetrahedra::default();
         all.add(given, |c| holds(&room, c));
         let own = all.clone().tetrahedra();
         all.add(given, |c| !holds(&room, c));
-        let block = Labelled::new(solid, plan, all.tetrahedra(), &own);
+        let block = LabelledBlock::new(solid, plan, all.tetrahedra(), &own);
         control.begin("what the mesh misses")?;
         let region = Aabb {
             lo: std::array::from_fn(|i| room.lo[i].max(plan.region.lo[i])),
             hi: std::array::from_fn(|i| room.hi[i].min(plan.region.hi[i])),
         };
-        let missed = missed(solid, &block.around, region, options.size, control);
+        let missed = find_unmeshed(solid, &block.around, region, options.size, control);
         control.check()?;
-        Ok(Closed {
+        Ok(BlockMesh {
             mesh: block.own(own.points.len()),
             around: block.around,
             faces: open_faces(&own),
@@ -69,7 +69,7 @@ pub fn close(
 }
 
 /// A labelled block with its surroundings.
-struct Labelled {
+struct LabelledBlock {
     around: Mesh,
     /// Tetrahedron of each triangle.
     tet_of: Vec<u32>,
@@ -77,7 +77,7 @@ struct Labelled {
     own: usize,
 }
 
-impl Labelled {
+impl LabelledBlock {
     fn new(solid: &dyn Solid, plan: &Plan, all: Tetrahedra, own: &Tetrahedra) -> Self {
         let names = solid.names();
         let mut around = Mesh {

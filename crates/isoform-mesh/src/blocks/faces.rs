@@ -36,12 +36,14 @@ pub fn open_faces(all: &Tetrahedra) -> Vec<OpenFace> {
         let tet = all.tets[place as usize / 4];
         TET_FACES[place as usize % 4].map(|k| all.points[tet[k] as usize])
     };
-    alone.map(|f| OpenFace::of(face(f[0].1))).collect()
+    alone
+        .map(|f| OpenFace::from_corners(face(f[0].1)))
+        .collect()
 }
 
 impl OpenFace {
     /// Creates the face with these corners, outward.
-    fn of(corners: [Point3; 3]) -> Self {
+    fn from_corners(corners: [Point3; 3]) -> Self {
         let mut bits = corners.map(|p| p.map(f64::to_bits));
         let mut is_turned = false;
         for (i, j) in [(0, 1), (1, 2), (0, 1)] {
@@ -134,9 +136,9 @@ mod tests {
     #[test]
     fn the_other_side_is_the_other_sense() {
         let [a, b, c] = CORNERS;
-        let face = OpenFace::of([a, b, c]);
+        let face = OpenFace::from_corners([a, b, c]);
         for (same, is_turned) in [([b, c, a], false), ([b, a, c], true), ([a, c, b], true)] {
-            let other = OpenFace::of(same);
+            let other = OpenFace::from_corners(same);
             assert_eq!((other.key, other.at), (face.key, face.at));
             assert_eq!(other.is_turned != face.is_turned, is_turned);
         }
@@ -147,13 +149,19 @@ mod tests {
         let [a, b, c] = CORNERS;
         let moved = [a[0], a[1], a[2].next_up()];
         let mut between = Interfaces::default();
-        between.add(&[OpenFace::of([a, b, c]), OpenFace::of([b, moved, c])]);
+        between.add(&[
+            OpenFace::from_corners([a, b, c]),
+            OpenFace::from_corners([b, moved, c]),
+        ]);
         assert_eq!((between.apart().len(), between.pairs()), (2, 0));
-        // Three times the same face: one is left over.
-        between.add(&[OpenFace::of([b, a, c]), OpenFace::of([a, b, c])]);
+        // A face three times: one remains.
+        between.add(&[
+            OpenFace::from_corners([b, a, c]),
+            OpenFace::from_corners([a, b, c]),
+        ]);
         assert_eq!((between.apart().len(), between.pairs()), (2, 1));
-        // In the same sense twice.
-        between.add(&[OpenFace::of([a, b, c])]);
+        // Twice with one orientation.
+        between.add(&[OpenFace::from_corners([a, b, c])]);
         assert_eq!(between.apart().len(), 3);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::faces::{OpenFace, open_faces};
 use super::plan::Plan;
-use super::tetrahedra::{Gathered, INNER, Tetrahedra, centroid};
+use super::tetrahedra::{INNER, MergedTetrahedra, Tetrahedra, centroid};
 use super::{holds, on_open_faces, within};
 use crate::band::{Band, Core};
 use crate::error::{MeshError, Warning, WarningKind};
@@ -24,7 +24,7 @@ pub const DEFAULT_HALO_CELLS: usize = 4;
 
 /// Result of the first step for a block.
 #[derive(Clone, Debug, Default)]
-pub struct Made {
+pub struct BlockStart {
     /// Finished tetrahedra.
     pub still: Tetrahedra,
     /// Tetrahedra near the block's sides, which later rounds modify.
@@ -48,7 +48,7 @@ pub fn make(
     k: usize,
     halo: usize,
     control: &Control<'_>,
-) -> Result<Made, MeshError> {
+) -> Result<BlockStart, MeshError> {
     let room = plan.room(0, k);
     let cells = plan.cells(room, halo);
     let count: f64 = cells.iter().map(|c| (c[1] - c[0]) as f64).product();
@@ -75,7 +75,7 @@ pub fn make(
         let (cut, warnings) = block.cut(cells)?;
         let all = block.optimised(cut)?;
         let [live, still] = all.parted(plan.unsettled(1));
-        Ok(Made {
+        Ok(BlockStart {
             faces: open_faces(&all),
             still,
             live,
@@ -142,8 +142,8 @@ impl Block<'_> {
         let mut optimiser = Optimiser::new(self.surface, inside, self.options.size, control);
         optimiser.improve(self.options);
         control.check()?;
-        let mut all = Gathered::default();
-        all.add(&Tetrahedra::of(&optimiser.complex), |_| true);
+        let mut all = MergedTetrahedra::default();
+        all.add(&Tetrahedra::from_complex(&optimiser.complex), |_| true);
         all.add(&core, |c| holds(&self.room, c));
         Ok(all.tetrahedra())
     }

@@ -1,7 +1,7 @@
 //! Mending: tetrahedra near the sides of blocks are optimised again, within other sides.
 
 use super::plan::Plan;
-use super::tetrahedra::{Gathered, Tetrahedra};
+use super::tetrahedra::{MergedTetrahedra, Tetrahedra};
 use super::{on_open_faces, within};
 use crate::error::MeshError;
 use crate::inside::Inside;
@@ -28,7 +28,7 @@ pub fn mend(
     control: &Control<'_>,
 ) -> Result<Tetrahedra, MeshError> {
     let [poor, rest] = given.parted(plan.unsettled(round));
-    let mut all = Gathered::default();
+    let mut all = MergedTetrahedra::default();
     if !poor.tets.is_empty() {
         let better = within(solid, options, |solid| {
             optimised(solid, plan, options, poor, control)
@@ -48,7 +48,7 @@ fn optimised(
 ) -> Result<Tetrahedra, MeshError> {
     control.begin("lattice")?;
     // Cells of the lattice around the tetrahedra in which their vertices may be projected.
-    let cells = plan.cells(Aabb::of(&given.points), 3);
+    let cells = plan.cells(Aabb::from_points(&given.points), 3);
     let lattice = Lattice::window(solid, plan.grid(), cells, control)?;
     control.check()?;
     let surface = Surface {
@@ -74,5 +74,5 @@ fn optimised(
     let mut optimiser = Optimiser::new(&surface, inside, options.size, control);
     optimiser.improve(options);
     control.check()?;
-    Ok(Tetrahedra::of(&optimiser.complex))
+    Ok(Tetrahedra::from_complex(&optimiser.complex))
 }

@@ -4,7 +4,7 @@ use super::{holds, within};
 use crate::crowd::Crowd;
 use crate::error::MeshError;
 use crate::features::{Corner, Features, extent_within};
-use crate::lattice::{CELL, Cells, Grid};
+use crate::lattice::{CELL_EDGE, CellGrid, Cells};
 use crate::mesher::features_of;
 use crate::options::Options;
 use isoform_control::Control;
@@ -69,7 +69,7 @@ impl Plan {
         let start = options.region.unwrap_or(options.start);
         within(solid, options, |solid| {
             let extent = extent_within(solid, start, options.size, control)?;
-            let grid = Grid::over(extent.bounds, CELL * options.size);
+            let grid = CellGrid::over(extent.bounds, CELL_EDGE * options.size);
             check_counts(counts, extent.bounds, grid)?;
             control.begin("features")?;
             let found = features_of(solid, extent.bounds, options, control);
@@ -158,8 +158,8 @@ impl Plan {
     }
 
     /// Returns the whole lattice.
-    pub(super) fn grid(&self) -> Grid {
-        Grid::over(self.region, CELL * self.size)
+    pub(super) fn grid(&self) -> CellGrid {
+        CellGrid::over(self.region, CELL_EDGE * self.size)
     }
 
     /// Returns the points near a room where features are close together.
@@ -211,7 +211,7 @@ fn check_kind(options: &Options) -> Result<(), MeshError> {
 }
 
 /// Checks that there is at least one block per axis, and a cell for each.
-fn check_counts(asked: [usize; 3], region: Aabb, grid: Grid) -> Result<(), MeshError> {
+fn check_counts(asked: [usize; 3], region: Aabb, grid: CellGrid) -> Result<(), MeshError> {
     let most = region.size().map(|s| ((s / grid.a) as usize).max(1));
     if (0..3).all(|i| (1..=most[i]).contains(&asked[i])) {
         Ok(())

@@ -22,7 +22,7 @@ pub struct Tetrahedra {
 
 impl Tetrahedra {
     /// Extracts the tetrahedra of a complex.
-    pub(super) fn of(complex: &Complex) -> Self {
+    pub(super) fn from_complex(complex: &Complex) -> Self {
         let mut out = Self {
             points: complex.points.clone(),
             ..Self::default()
@@ -59,13 +59,13 @@ impl Tetrahedra {
     /// Returns the smallest box around the centroids.
     pub fn bounds(&self) -> Aabb {
         let centroids: Vec<Point3> = (0..self.tets.len()).map(|t| self.centroid(t)).collect();
-        Aabb::of(&centroids)
+        Aabb::from_points(&centroids)
     }
 
     /// Splits the tetrahedra into those whose centroids `first` admits, and the others.
     pub(super) fn parted(&self, first: impl Fn(Point3) -> bool) -> [Self; 2] {
         [true, false].map(|side| {
-            let mut part = Gathered::default();
+            let mut part = MergedTetrahedra::default();
             part.add(self, |c| first(c) == side);
             part.all
         })
@@ -83,13 +83,13 @@ pub(super) fn centroid(p: [Point3; 4]) -> Point3 {
 
 /// Tetrahedra of several origins, with merged nodes.
 #[derive(Clone, Debug, Default)]
-pub struct Gathered {
+pub struct MergedTetrahedra {
     all: Tetrahedra,
     /// Nodes by the bits of their coordinates.
     node: HashMap<[u64; 3], u32>,
 }
 
-impl Gathered {
+impl MergedTetrahedra {
     /// Adds the tetrahedra whose centroids are admitted. Returns their number.
     pub fn add(&mut self, more: &Tetrahedra, admits: impl Fn(Point3) -> bool) -> usize {
         let Self { all, node } = self;
@@ -134,7 +134,7 @@ mod tests {
 
     #[test]
     fn equal_bits_are_one_node() {
-        let mut both = Gathered::default();
+        let mut both = MergedTetrahedra::default();
         for one in two() {
             assert_eq!(both.add(&one, |_| true), 1);
         }
@@ -142,7 +142,7 @@ mod tests {
         assert_eq!((both.points.len(), both.tets.len()), (5, 2));
         let complex = both.clone().complex(&Control::default()).expect("two");
         assert_eq!(complex.faces().len(), 6);
-        assert_eq!(Tetrahedra::of(&complex), both);
+        assert_eq!(Tetrahedra::from_complex(&complex), both);
         let [right, left] = both.parted(|c| c[0] > 0.0);
         assert_eq!((right.centroid(0)[0], left.centroid(0)[0]), (0.25, -0.25));
         assert_eq!((right.points.len(), left.points.len()), (4, 4));
@@ -152,7 +152,7 @@ mod tests {
     fn a_label_between_two_tetrahedra_is_a_fault() {
         let [a, mut b] = two();
         b.labels[0][3] = 5;
-        let mut both = Gathered::default();
+        let mut both = MergedTetrahedra::default();
         both.add(&a, |_| true);
         both.add(&b, |_| true);
         assert!(both.tetrahedra().complex(&Control::default()).is_none());

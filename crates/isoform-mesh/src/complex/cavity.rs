@@ -1,18 +1,18 @@
-//! Cavities: replacing tetrahedra by others that fill the same space.
+//! Cavities: replacing tetrahedra by others that fill an equal space.
 
 use super::{BOUNDARY, Complex, MAX_SCANNED_ITEMS, NONE, OPEN, Ring, sorted};
 use std::collections::HashMap;
 
 /// Faces waiting for the tetrahedron on their other side, each with a number.
 #[derive(Clone, Debug, Default)]
-struct Faces {
+struct PendingFaces {
     list: Vec<([u32; 3], u32)>,
     /// Position of each face in the list, if the list is long.
     table: HashMap<[u32; 3], usize>,
     is_indexed: bool,
 }
 
-impl Faces {
+impl PendingFaces {
     fn clear(&mut self) {
         self.list.clear();
         self.table.clear();
@@ -53,17 +53,17 @@ impl Faces {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cavity {
     /// Faces around the cavity, with the neighbour beyond or the label.
-    outer: Faces,
+    outer: PendingFaces,
     /// Faces of new tetrahedra without a neighbour so far, encoded as four times the tetrahedron
     /// plus the opposite vertex.
-    inner: Faces,
+    inner: PendingFaces,
     /// Possible walls without a label so far: (new tetrahedron, opposite vertex); used only with
     /// regions.
     joined: Vec<(u32, usize)>,
 }
 
 impl Complex {
-    /// Replaces the tetrahedra `old` by `new`, which fill the same cavity (or one that differs by
+    /// Replaces the tetrahedra `old` by `new`, which fill an equal cavity (or one that differs by
     /// boundary faces), within one region. New boundary faces get the label that `label` returns
     /// for their vertices (sorted). The slots of the new tetrahedra are written to `made`.
     pub(crate) fn replace(
@@ -126,7 +126,7 @@ impl Complex {
 
     /// Lists the outer faces of the tetrahedra `old`, each with the neighbour behind it or, on the
     /// boundary, its label.
-    fn list_outer_faces(&mut self, old: &[u32], outer: &mut Faces) {
+    fn list_outer_faces(&mut self, old: &[u32], outer: &mut PendingFaces) {
         outer.clear();
         let epoch = self.next_epoch();
         for &t in old {
@@ -248,7 +248,7 @@ impl Complex {
     }
 
     /// Updates `tet_of` of cavity vertices that only neighbours of the cavity use now.
-    fn keep_vertices(&mut self, outer: &Faces) {
+    fn keep_vertices(&mut self, outer: &PendingFaces) {
         for &(face, n) in &outer.list {
             if n < BOUNDARY {
                 for k in face {

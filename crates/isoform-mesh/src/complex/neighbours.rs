@@ -10,7 +10,11 @@ type HalfFace = ([u32; 2], u32);
 
 /// Computes the neighbour opposite to each vertex of each tetrahedron, [`OPEN`] on the boundary.
 /// After a stop by `control` neighbours are missing.
-pub(super) fn of(vertices: usize, tets: &[[u32; 4]], control: &Control<'_>) -> Vec<[u32; 4]> {
+pub(super) fn adjacency(
+    vertices: usize,
+    tets: &[[u32; 4]],
+    control: &Control<'_>,
+) -> Vec<[u32; 4]> {
     let mut adjacent = vec![[OPEN; 4]; tets.len()];
     let (from, mut faces) = by_lowest_vertex(vertices, tets);
     for (lowest, w) in from.windows(2).enumerate() {

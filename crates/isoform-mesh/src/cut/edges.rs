@@ -3,7 +3,7 @@
 use super::sign::Side;
 use super::{Cutter, ITEMS_PER_STOP_CHECK};
 use crate::complex::Ring;
-use crate::points::along;
+use crate::points::lerp;
 use crate::surface::{NO_PIECE, On};
 use isoform_geom::{Point3, norm, sub};
 use std::collections::VecDeque;
@@ -21,7 +21,7 @@ const MIN_SLIDE_QUALITY: f64 = 0.08;
 
 /// An edge to be cut, where the solid's value or that of a single piece changes sign.
 #[derive(Clone, Copy)]
-struct Crossing {
+struct CrossedEdge {
     ends: [u32; 2],
     piece: Option<u32>,
 }
@@ -106,7 +106,7 @@ impl Cutter<'_> {
     /// Returns the longest edge of a tetrahedron that the surface crosses, or that a piece crosses
     /// which leaves it undecided. If an edge may cross a thin sheet from outside to outside, both
     /// kinds compete: cutting only the shorter ones around it would not terminate.
-    fn crossing(&mut self, t: u32) -> Option<Crossing> {
+    fn crossing(&mut self, t: u32) -> Option<CrossedEdge> {
         if self.is_settled(t) {
             return None;
         }
@@ -122,10 +122,10 @@ impl Cutter<'_> {
             }
         }
         if let (Some((_, ends)), false) = (best.0, through) {
-            return Some(Crossing { ends, piece: None });
+            return Some(CrossedEdge { ends, piece: None });
         }
         let piece = self.offer_pieces(t, &mut best);
-        best.0.map(|(_, ends)| Crossing { ends, piece })
+        best.0.map(|(_, ends)| CrossedEdge { ends, piece })
     }
 
     /// Offers the edges crossed by pieces that leave the tetrahedron undecided, but not by the
@@ -152,7 +152,7 @@ impl Cutter<'_> {
 
     /// Cuts an edge where the surface (or one piece) crosses it, or moves an end of the edge to the
     /// crossing. Returns the tetrahedra that changed.
-    fn cut_edge(&mut self, t: u32, crossing: Crossing, ring: &mut Ring) -> Vec<u32> {
+    fn cut_edge(&mut self, t: u32, crossing: CrossedEdge, ring: &mut Ring) -> Vec<u32> {
         let [u, w] = crossing.ends;
         let found = self.root(t, crossing);
         let (share, piece) = found.unwrap_or((0.5, crossing.piece.unwrap_or(NO_PIECE)));
@@ -176,7 +176,7 @@ impl Cutter<'_> {
         if piece != NO_PIECE && found.is_some() {
             on = on.with(piece).unwrap_or(on);
         }
-        let m = self.add_vertex(along(a, b, share), crossing.ends);
+        let m = self.add_vertex(lerp(a, b, share), crossing.ends);
         self.complex.ring(t, u, w, ring);
         let mut made = std::mem::take(&mut self.made);
         self.complex.split(ring, u, w, m, &mut made);
@@ -188,7 +188,7 @@ impl Cutter<'_> {
 
     /// Returns the crossing of an edge: the fraction of its length, and the piece that vanishes
     /// there.
-    fn root(&mut self, t: u32, crossing: Crossing) -> Option<(f64, u32)> {
+    fn root(&mut self, t: u32, crossing: CrossedEdge) -> Option<(f64, u32)> {
         let [u, w] = crossing.ends;
         match crossing.piece {
             None => {
@@ -245,7 +245,7 @@ impl Cutter<'_> {
     /// Marks the end of an edge that is nearer to the surface (or to a single piece) as lying on
     /// it, if a cut would only leave a short edge or a flat tetrahedron; the optimiser moves it
     /// there. Returns the tetrahedra to be examined again; `None` if the end is too far away.
-    fn touch(&mut self, t: u32, crossing: Crossing, found: u32) -> Option<Vec<u32>> {
+    fn touch(&mut self, t: u32, crossing: CrossedEdge, found: u32) -> Option<Vec<u32>> {
         let [u, w] = crossing.ends;
         let [du, dw] = [u, w].map(|v| self.depth(t, v, crossing.piece));
         let (end, depth) = if du <= dw { (u, du) } else { (w, dw) };

@@ -7,7 +7,7 @@ use crate::points::{centroid, unique};
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
 /// Kept vertices, renumbered contiguously.
-struct Kept {
+struct KeptVertices {
     /// New index of each old vertex.
     number: Vec<u32>,
     points: Vec<Point3>,
@@ -30,7 +30,7 @@ impl Cutter<'_> {
             .live()
             .filter(|&t| inside[t as usize] && kept[t as usize])
             .collect();
-        let Kept {
+        let KeptVertices {
             number,
             points,
             mut frozen,
@@ -57,14 +57,14 @@ impl Cutter<'_> {
     }
 
     /// Collects the vertices of the tetrahedra `live`, in their old order.
-    fn kept(&self, live: &[u32]) -> Kept {
+    fn kept(&self, live: &[u32]) -> KeptVertices {
         let mut used = vec![false; self.complex.points.len()];
         for &t in live {
             for v in self.complex.tets[t as usize] {
                 used[v as usize] = true;
             }
         }
-        let mut kept = Kept {
+        let mut kept = KeptVertices {
             number: vec![NONE; used.len()],
             points: Vec::new(),
             frozen: Vec::new(),

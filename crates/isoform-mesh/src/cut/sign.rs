@@ -1,7 +1,7 @@
 //! Sign of a tree in a tetrahedron, from the values of the pieces at its vertices.
 
 use super::Cutter;
-use crate::lattice::{IN, OUT};
+use crate::lattice::{INSIDE_CELL, OUTSIDE_CELL};
 use crate::surface::Surface;
 use isoform_geom::Csg;
 
@@ -34,8 +34,12 @@ impl Cutter<'_> {
         let lattice = surface.lattice_of(layer);
         let state = lattice.state_at(self.complex.middle(t));
         let Some(reduced) = lattice.reduced(state) else {
-            debug_assert!(state == IN || state == OUT);
-            return if state == IN { Side::In } else { Side::Out };
+            debug_assert!(state == INSIDE_CELL || state == OUTSIDE_CELL);
+            return if state == INSIDE_CELL {
+                Side::In
+            } else {
+                Side::Out
+            };
         };
         let ranges: Vec<Range> = reduced
             .pieces

@@ -1,7 +1,7 @@
 //! Snapping: lattice vertices are moved to nearby corners, curves and the surface.
 
 use super::{Cutter, ITEMS_PER_STOP_CHECK};
-use crate::points::along;
+use crate::points::lerp;
 use crate::surface::On;
 use crate::torus::Torus;
 use isoform_geom::{Point3, norm, sub};
@@ -139,7 +139,7 @@ impl Cutter<'_> {
         } else {
             self.surface.is_corner_or_end([on[0], on[1], on[2]], at)
         };
-        let on = On::of(on);
+        let on = On::from_pieces(on);
         holds.then_some(Candidate {
             distance,
             v,
@@ -240,7 +240,7 @@ impl Cutter<'_> {
         }
         let g = self.value[across as usize];
         let (t, piece) = surface.root((p, f), (q, g))?;
-        let q = surface.project(with(piece)?.slice(), along(p, q, t))?;
+        let q = surface.project(with(piece)?.slice(), lerp(p, q, t))?;
         Some((q, piece))
     }
 }

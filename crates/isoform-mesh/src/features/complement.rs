@@ -4,14 +4,14 @@ use crate::divided::negated;
 use isoform_geom::{Aabb, Csg, Point3, Solid};
 use isoform_num::{Interval, Jet2};
 
-/// The complement of a solid: all points where its function is negative, or 0.
+/// Complement of a solid: all points where its function is negative or 0.
 pub struct Complement<'a> {
     of: &'a dyn Solid,
     tree: Csg,
 }
 
 impl<'a> Complement<'a> {
-    /// The complement of a solid. Its pieces have the names of the solid's own.
+    /// Creates the complement of a solid. Its pieces keep their names.
     pub fn new(of: &'a dyn Solid) -> Self {
         let tree = negated(of.tree(), 0);
         Self { of, tree }

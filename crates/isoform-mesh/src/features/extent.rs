@@ -1,80 +1,68 @@
-//! The box of a solid, proved by intervals.
+//! Bounding box of a solid, proved by intervals.
 //!
 //! Boxes that are not proved empty are split; points of the solid met on the way span a hull, and
-//! what lies within the hull, widened by the tolerance, need not be looked at. Boxes are cut where
-//! the hull's faces pass through them, so that a flat face of the solid costs as much as a corner,
-//! whatever the tolerance.
+//! boxes within the hull, widened by the tolerance, are skipped. Boxes are cut along the planes of
+//! the hull's faces, so that a flat face of the solid costs as much as a corner, whatever the
+//! tolerance.
 //!
-//! First the region searched grows until the solid lies within it; then shells farther out are
-//! searched for other parts of the solid, each twice as large as the one before. Where a part is
-//! met there but the proof fails beside it, the part may go on behind, and the region grows again.
-//! Last, the box is made as tight as asked for.
+//! First the region searched grows until the solid lies within it. Then shells around it, each
+//! twice as large as the last, are searched for other parts of the solid. If a part is met there
+//! but the proof fails next to it, the part may extend farther, and the region grows again. Finally
+//! the box is tightened to the requested tolerance.
 
 mod boxes;
 
-use crate::decide::{Local, Narrowed, Scratch};
-use boxes::{clipped, doubled, shell, split, touches, union, within};
+use crate::decide::{Local, NarrowedTree, Scratch};
+use boxes::{clipped, doubled, is_within, shell, split, touches, union};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid};
 
-/// Where the search ends, in model units, unless the box to begin with reaches farther: then twice as
-/// far out as it does.
-const LIMIT: f64 = 1e6;
-/// The largest coordinate of a box to begin with: squares of larger ones, of distances say, are no
-/// numbers.
-const LARGEST: f64 = 1e150;
-/// The box searched first where none is given: the default bounds of HyperFun programs.
+/// Distance from the origin at which the search ends, in model units. If the start box reaches
+/// farther, the search ends at twice its distance.
+const MIN_SEARCH_LIMIT: f64 = 1e6;
+/// Default start box: the default bounds of HyperFun programs.
 pub const START: Aabb = Aabb {
     lo: [-10.0; 3],
     hi: [10.0; 3],
 };
-/// Boxes that one search may look at. A cube takes about a hundred, a gyroid some thousands; at the
-/// end of the budget the boxes left are taken as if the solid filled them.
-const BUDGET: usize = 400_000;
-/// Boxes that the search in one side of a shell farther out may look at.
-const SHELL_BUDGET: usize = 1000;
-/// Outside of the start box the solid is searched to this part of the box's size first.
-const COARSE: f64 = 1.0 / 64.0;
-/// Part of the size asked for to which the box is found.
-const FINE: f64 = 0.25;
-/// Parts of that for a solid which no sample has met: it is thinner, or nothing at all.
-const THIN: f64 = 8.0;
-/// Times that points of the solid are met at the border, up to the largest box, from which on it is
-/// taken to have no end. Once or twice may be a solid that just fills the boxes.
-const ENDLESS: usize = 2;
-/// Boxes between two looks at the clock: one takes up to a tenth of a millisecond.
-const LOOK: usize = 64;
+/// Maximum number of boxes per search of a region. A cube takes about a hundred, a gyroid some
+/// thousands; when the budget is spent, the remaining boxes count as filled.
+const MAX_REGION_BOXES: usize = 400_000;
+/// Maximum number of boxes per search of one side of a shell farther out.
+const MAX_SLAB_BOXES: usize = 1000;
+/// Tolerance of the box, as a fraction of the requested size.
+const EXTENT_TOLERANCE_FACTOR: f64 = 0.25;
 
-/// The box of a solid.
+/// Bounding box of a solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extent {
-    /// Holds the solid.
+    /// Box that holds the solid.
     pub bounds: Aabb,
-    /// Whether intervals prove that the solid is empty everywhere else, as far out as 10⁶, or twice
-    /// as far as the start box reaches where that is more. Else
-    /// they do for the start box (or the one it was enlarged to), and nothing was found beyond.
+    /// True if intervals prove the solid empty everywhere else, up to a distance of 10⁶ or, if that
+    /// is more, twice the distance that the start box reaches. Otherwise the proof covers the start
+    /// box only (or the box to which it was enlarged), and no other part was found beyond.
     pub certified: bool,
 }
 
-/// Why a solid has no box.
+/// Reason why a solid has no box.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ExtentError {
-    /// There is no inside.
+    /// The solid has no inside.
     #[error("the solid is empty{}", if *.certified { "" } else { ", as far as samples can tell" })]
     Empty {
-        /// Whether intervals prove it.
+        /// True if intervals prove it.
         certified: bool,
     },
-    /// The solid goes on to the end of the search.
+    /// The solid extends to the end of the search.
     #[error("the solid has no end within {limit}")]
     Unbounded {
-        /// How far out the search went.
+        /// Distance from the origin at which the search ended.
         limit: f64,
     },
     /// The function is not a number where the box was sought, and intervals prove nothing there.
     #[error("the function is not a number at ({}, {}, {})", .at[0], .at[1], .at[2])]
     NotANumber {
-        /// A place where it is none.
+        /// Point at which it is not a number.
         at: Point3,
     },
     /// Stopped from outside or by time.
@@ -83,18 +71,17 @@ pub enum ExtentError {
     /// The start box is empty, not finite or beyond 10¹⁵⁰, or the size not positive.
     #[error("cannot search the box {start:?} at size {size}")]
     Start {
-        /// As given.
+        /// Start box, as given.
         start: Aabb,
-        /// As given.
+        /// Size, as given.
         size: f64,
     },
 }
 
-/// The smallest box outside of which intervals prove the solid empty, to about size/2.
+/// Returns the smallest box outside of which intervals prove the solid empty, to about size/2.
 ///
-/// The search begins in `start` ([`START`] where nothing better is known) and goes on in boxes
-/// twice as large while the solid touches their border, then looks for parts of the solid farther
-/// out.
+/// The search begins in `start` ([`START`] if nothing better is known), continues in boxes twice as
+/// large while the solid touches their border, and then covers shells farther out.
 ///
 /// ```
 /// use isoform_field::Pieces;
@@ -118,7 +105,7 @@ pub fn extent(solid: &dyn Solid, start: Aabb, size: f64) -> Result<Extent, Exten
     extent_within(solid, start, size, &Control::default())
 }
 
-/// The box of a solid like [`extent`], as long as `control` lets it.
+/// Returns the box of a solid like [`extent`], unless stopped by `control`.
 ///
 /// # Errors
 /// If the solid is empty, has no end, or is not a number, if the start box or the size has no
@@ -129,7 +116,8 @@ pub fn extent_within(
     size: f64,
     control: &Control<'_>,
 ) -> Result<Extent, ExtentError> {
-    let sane = |v: f64| v.abs() <= LARGEST;
+    // Squares of larger coordinates, as in distances, overflow.
+    let sane = |v: f64| v.abs() <= 1e150;
     if control.is_stopped() {
         return Err(ExtentError::Stopped);
     }
@@ -139,7 +127,7 @@ pub fn extent_within(
     {
         return Err(ExtentError::Start { start, size });
     }
-    let found = Search::new(solid, size, limit_of(start), control).find(start);
+    let found = ExtentSearch::new(solid, size, limit_of(start), control).find(start);
     if control.is_stopped() {
         // Boxes were left out.
         return Err(ExtentError::Stopped);
@@ -147,82 +135,82 @@ pub fn extent_within(
     found
 }
 
-/// Where the search from a box ends.
+/// Returns the distance from the origin at which the search from a box ends.
 fn limit_of(start: Aabb) -> f64 {
     let reach = start.lo.into_iter().chain(start.hi);
     let farthest = reach.fold(0.0, |far: f64, v| far.max(v.abs()));
-    if farthest <= LIMIT {
-        LIMIT
+    if farthest <= MIN_SEARCH_LIMIT {
+        MIN_SEARCH_LIMIT
     } else {
         2.0 * farthest
     }
 }
 
-/// What a search came to.
-struct Found {
-    /// Holds the solid's part in the region.
+/// Result of the search of a region.
+struct RegionHull {
+    /// Box that holds the solid's part in the region.
     bounds: Aabb,
-    /// Whether all was looked at to the tolerance.
+    /// True if the region was searched completely, to the tolerance.
     complete: bool,
-    /// Whether points of the solid were met in this region.
+    /// True if points of the solid were met in this region.
     met: bool,
 }
 
-/// What looking farther out came to.
-enum Beyond {
-    /// Nothing else is there, or nothing more is to be found out.
+/// Result of the search beyond the region.
+enum OuterSearch {
+    /// No other part exists, or none can be decided.
     Done,
-    /// In a slab the proof failed where no sample met anything. A part met beside it may go on
-    /// there and beyond; or nothing at all is known yet, and the solid is thin. The region is to be
-    /// searched as a whole.
+    /// Region to be searched as a whole: the proof failed in a slab where no sample met the solid.
+    /// A part met next to it may extend there and beyond; or no part is known yet, and the solid is
+    /// thin.
     Unproved(Aabb),
 }
 
-/// The part of the solid that is known so far.
+/// Part of the solid that is known so far.
 #[derive(Clone, Copy)]
-struct Known {
+struct KnownPart {
     bounds: Aabb,
-    /// Whether intervals prove that there is nothing else.
+    /// True if intervals prove that no other part exists.
     certified: bool,
 }
 
-struct Search<'a> {
+struct ExtentSearch<'a> {
     solid: &'a dyn Solid,
     size: f64,
-    /// How far out it goes.
+    /// Distance from the origin at which the search ends.
     limit: f64,
     scratch: Scratch,
     everything: Local,
     /// Hull of the points known to be inside.
     inside: Aabb,
     control: &'a Control<'a>,
-    /// A place at which the function gave no number, if one was met.
+    /// A point at which the function was not a number; `None` if none was met.
     not_a_number: Option<Point3>,
 }
 
-/// How one region is searched.
+/// Parameters of the search of one region.
 #[derive(Clone, Copy)]
-struct Task {
+struct RegionTask {
     region: Aabb,
     tolerance: f64,
-    /// Boxes that may be looked at.
+    /// Maximum number of boxes examined.
     budget: usize,
-    /// Whether the hull of what is known inside elsewhere does not count.
+    /// True if the hull of points known inside from other searches is not used.
     separate: bool,
 }
 
-/// What is known of a region while it is searched.
-struct Looked {
-    /// Hull of what is inside.
+/// State of the search of a region.
+struct RegionState {
+    /// Hull of the points known to be inside.
     hull: Aabb,
-    /// Hull of what is not proved empty.
+    /// Hull of the boxes not proved empty.
     unproved: Aabb,
     met: bool,
-    /// Boxes that may still be looked at.
+    /// Number of boxes that may still be examined.
     left: usize,
 }
 
-impl<'a> Search<'a> {
+impl<'a> ExtentSearch<'a> {
     fn new(solid: &'a dyn Solid, size: f64, limit: f64, control: &'a Control<'a>) -> Self {
         Self {
             solid,
@@ -237,8 +225,8 @@ impl<'a> Search<'a> {
     }
 }
 
-impl Search<'_> {
-    /// Whether a region is all that is searched.
+impl ExtentSearch<'_> {
+    /// Returns true if a region reaches the limit in all directions.
     fn is_all(&self, region: Aabb) -> bool {
         let limit = self.limit;
         region.lo.iter().all(|v| *v <= -limit) && region.hi.iter().all(|v| *v >= limit)
@@ -246,8 +234,8 @@ impl Search<'_> {
 
     fn find(&mut self, start: Aabb) -> Result<Extent, ExtentError> {
         let (mut region, mut known) = self.grow(start)?;
-        // Each time around the region is at least twice as large: the limit ends it.
-        while let Beyond::Unproved(outer) = self.look_beyond(&mut region, &mut known) {
+        // Each iteration at least doubles the region: the limit ends the loop.
+        while let OuterSearch::Unproved(outer) = self.search_beyond(&mut region, &mut known) {
             (region, known) = self.grow(outer)?;
         }
         if touches(known.bounds, region) && !self.inside.is_empty() && self.is_all(region) {
@@ -256,48 +244,48 @@ impl Search<'_> {
         self.tighten(known)
     }
 
-    /// The region, twice as large each time, that the solid does not reach the border of, and the
+    /// Doubles the region until the solid no longer reaches its border. Returns the region and the
     /// solid's part in it.
-    fn grow(&mut self, start: Aabb) -> Result<(Aabb, Known), ExtentError> {
+    fn grow(&mut self, start: Aabb) -> Result<(Aabb, KnownPart), ExtentError> {
         let mut region = start;
-        // How often points of the solid were met at the border: a thin solid without an end is lost
-        // sight of in the largest boxes.
+        // Number of times that points of the solid were met at the border: in the largest boxes
+        // samples miss a thin unbounded solid.
         let mut reached = 0;
         loop {
             let coarse = self.coarse(region);
-            let found = self.look_at(region, coarse);
+            let found = self.search_region(region, coarse);
             let certified = found.complete;
             if let Some(at) = self.not_a_number.filter(|_| !certified) {
                 return Err(ExtentError::NotANumber { at });
             }
             let bounds = found.bounds;
             if !touches(bounds, region) {
-                return Ok((region, Known { bounds, certified }));
+                return Ok((region, KnownPart { bounds, certified }));
             }
             reached += usize::from(touches(self.inside.widened(coarse), region));
             if !self.is_all(region) {
                 region = doubled(region, self.limit);
                 continue;
             }
-            if reached > ENDLESS {
+            // Once or twice may be a solid that just fills the boxes.
+            if reached > 2 {
                 return Err(ExtentError::Unbounded { limit: self.limit });
             }
-            // Nothing can be proved far out: the solid as it is in the start box and where it was
-            // met.
+            // The proof fails far out: the result is the start box and the points met.
             let bounds = union(start, self.inside);
             let certified = false;
-            return Ok((bounds, Known { bounds, certified }));
+            return Ok((bounds, KnownPart { bounds, certified }));
         }
     }
 
-    /// Looks for other parts of the solid farther out, as long as the proof holds, and enlarges the
-    /// region searched and what is known.
-    fn look_beyond(&mut self, region: &mut Aabb, known: &mut Known) -> Beyond {
+    /// Searches for other parts of the solid farther out, while the proof holds; enlarges the
+    /// searched region and the known part.
+    fn search_beyond(&mut self, region: &mut Aabb, known: &mut KnownPart) -> OuterSearch {
         let mut met = false;
         while known.certified && !self.is_all(*region) {
             let outer = doubled(*region, self.limit);
             for slab in shell(*region, outer) {
-                let found = self.look_into(slab, self.coarse(outer));
+                let found = self.search_slab(slab, self.coarse(outer));
                 if found.met {
                     known.bounds = union(known.bounds, found.bounds);
                 }
@@ -308,20 +296,20 @@ impl Search<'_> {
         }
         let may_go_on = met || self.inside.is_empty();
         if may_go_on && !known.certified && !self.is_all(*region) && !self.control.is_stopped() {
-            Beyond::Unproved(*region)
+            OuterSearch::Unproved(*region)
         } else {
-            Beyond::Done
+            OuterSearch::Done
         }
     }
 
-    /// Searches a slab of a shell. If no sample meets what is there, searches again, with a smaller
+    /// Searches a slab of a shell. If no sample meets its content, searches again with a smaller
     /// tolerance and a smaller slab.
-    fn look_into(&mut self, slab: Aabb, tolerance: f64) -> Found {
-        let fine = FINE * self.size;
-        let mut task = Task {
+    fn search_slab(&mut self, slab: Aabb, tolerance: f64) -> RegionHull {
+        let fine = EXTENT_TOLERANCE_FACTOR * self.size;
+        let mut task = RegionTask {
             region: slab,
             tolerance,
-            budget: SHELL_BUDGET,
+            budget: MAX_SLAB_BOXES,
             separate: true,
         };
         let mut found = self.run(task);
@@ -333,16 +321,17 @@ impl Search<'_> {
         found
     }
 
-    /// The box to the tolerance asked for.
-    fn tighten(&mut self, known: Known) -> Result<Extent, ExtentError> {
+    /// Tightens the box to the requested tolerance.
+    fn tighten(&mut self, known: KnownPart) -> Result<Extent, ExtentError> {
         let certified = known.certified;
         if known.bounds.is_empty() {
             return Err(ExtentError::Empty { certified });
         }
-        let fine = FINE * self.size;
-        let mut found = self.look_at(known.bounds, fine);
+        let fine = EXTENT_TOLERANCE_FACTOR * self.size;
+        let mut found = self.search_region(known.bounds, fine);
         if self.inside.is_empty() && !found.bounds.is_empty() {
-            found = self.look_at(found.bounds, fine / THIN);
+            // No sample has met the solid: it is thinner than the tolerance, or empty.
+            found = self.search_region(found.bounds, fine / 8.0);
         }
         if self.inside.is_empty() {
             return Err(ExtentError::Empty {
@@ -355,25 +344,26 @@ impl Search<'_> {
         })
     }
 
-    /// The tolerance of the first search of a region.
+    /// Returns the tolerance of the first search of a region.
     fn coarse(&self, region: Aabb) -> f64 {
         let longest = region.size().into_iter().fold(0.0, f64::max);
-        (COARSE * longest).max(FINE * self.size)
+        // The first search of a region resolves 1/64 of its size.
+        (1.0 / 64.0 * longest).max(EXTENT_TOLERANCE_FACTOR * self.size)
     }
 
-    /// The solid in a region, to a tolerance.
-    fn look_at(&mut self, region: Aabb, tolerance: f64) -> Found {
-        self.run(Task {
+    /// Returns the part of the solid in a region, to a tolerance.
+    fn search_region(&mut self, region: Aabb, tolerance: f64) -> RegionHull {
+        self.run(RegionTask {
             region,
             tolerance,
-            budget: BUDGET,
+            budget: MAX_REGION_BOXES,
             separate: false,
         })
     }
 
-    fn run(&mut self, task: Task) -> Found {
+    fn run(&mut self, task: RegionTask) -> RegionHull {
         let region = task.region;
-        let mut looked = Looked {
+        let mut state = RegionState {
             hull: if task.separate {
                 Aabb::EMPTY
             } else {
@@ -383,82 +373,83 @@ impl Search<'_> {
             met: false,
             left: task.budget,
         };
-        // Level by level: the hull has grown from large boxes before small ones are looked at.
+        // Level by level: the hull has grown from large boxes before small ones are examined.
         let (mut level, mut next) = (vec![(region, self.everything.clone())], Vec::new());
         while !level.is_empty() {
             for (cell, local) in level.drain(..) {
-                if let Some(parts) = self.look(cell, &local, task.tolerance, &mut looked) {
+                if let Some(parts) = self.examine(cell, &local, task.tolerance, &mut state) {
                     next.extend(parts);
                 }
             }
             std::mem::swap(&mut level, &mut next);
         }
-        if looked.met {
-            self.inside = union(self.inside, looked.hull);
+        if state.met {
+            self.inside = union(self.inside, state.hull);
         }
-        let bounds = if looked.hull.is_empty() {
-            looked.unproved
+        let bounds = if state.hull.is_empty() {
+            state.unproved
         } else {
-            let all = union(looked.hull, looked.unproved);
+            let all = union(state.hull, state.unproved);
             clipped(all.widened(task.tolerance), region)
         };
-        Found {
+        RegionHull {
             bounds,
-            complete: looked.left > 0,
-            met: looked.met,
+            complete: state.left > 0,
+            met: state.met,
         }
     }
 
-    /// Looks at one box. Returns its parts, if they are to be looked at next.
-    fn look(
+    /// Examines one box. Returns its parts if they are to be examined next.
+    fn examine(
         &mut self,
         cell: Aabb,
         local: &Local,
         tolerance: f64,
-        looked: &mut Looked,
+        state: &mut RegionState,
     ) -> Option<[(Aabb, Local); 2]> {
         // While no point of the solid is known, each box may hold the first.
-        let known = if looked.hull.is_empty() {
+        let known = if state.hull.is_empty() {
             Aabb::EMPTY
         } else {
-            union(looked.hull, looked.unproved)
+            union(state.hull, state.unproved)
         };
-        if within(cell, known.widened(tolerance)) {
+        if is_within(cell, known.widened(tolerance)) {
             return None;
         }
-        if looked.left == 0 {
-            looked.unproved = union(looked.unproved, cell);
+        if state.left == 0 {
+            state.unproved = union(state.unproved, cell);
             return None;
         }
-        looked.left -= 1;
-        if looked.left.is_multiple_of(LOOK) && self.control.is_stopped() {
-            looked.left = 0;
+        state.left -= 1;
+        // A box takes up to 0.1 ms.
+        if state.left.is_multiple_of(64) && self.control.is_stopped() {
+            state.left = 0;
         }
         let local = match local.narrow(self.solid, cell, &mut self.scratch) {
-            Narrowed::Outside => return None,
-            Narrowed::Inside => {
-                looked.hull = union(looked.hull, cell);
-                looked.met = true;
+            NarrowedTree::Outside => return None,
+            NarrowedTree::Inside => {
+                state.hull = union(state.hull, cell);
+                state.met = true;
                 return None;
             }
-            Narrowed::Mixed(local) => local,
+            NarrowedTree::Mixed(local) => local,
         };
-        self.sample(cell.center(), &local, looked);
+        self.sample(cell.center(), &local, state);
         if cell.size().iter().all(|s| *s <= tolerance) {
-            looked.unproved = union(looked.unproved, cell);
+            state.unproved = union(state.unproved, cell);
             return None;
         }
-        let known = union(looked.hull, looked.unproved).widened(tolerance);
+        let known = union(state.hull, state.unproved).widened(tolerance);
         let (a, b) = split(cell, known);
         Some([(a, local.clone()), (b, local)])
     }
 
-    /// Takes note of the sign at a point.
-    fn sample(&mut self, p: Point3, local: &Local, looked: &mut Looked) {
+    /// Records the sign at a point.
+    fn sample(&mut self, p: Point3, local: &Local, state: &mut RegionState) {
         let value = local.value(self.solid, p, &mut self.scratch);
         if value >= 0.0 {
-            looked.hull.add(p);
-            looked.met = true;
+            state.hull.add(p);
+            state.met = true;
         }
         if value.is_nan() {
             self.not_a_number.get_or_insert(p);

@@ -1,10 +1,10 @@
-//! What a solid looks like about a point, to first order.
+//! First-order structure of a solid about a point.
 //!
-//! The pieces that vanish at the point are planes through it there; those with parallel normals
-//! form one sheet. The tree, with the sheets' signs in a direction and the others' signs at the
-//! point, says whether that direction leads inside. Around a line in which sheets meet the solid
-//! consists of sectors, and the line is a feature where the sign changes at the faces of two
-//! different sheets.
+//! The pieces that vanish at the point are replaced by their tangent planes; those with parallel
+//! normals form one sheet. The tree, with the sheets' signs in a direction and the other pieces'
+//! signs at the point, decides if that direction leads inside. Around a line in which sheets meet
+//! the solid consists of sectors, and the line is a feature where the sign changes at the faces of
+//! two different sheets.
 //!
 //! ```text
 //!         outside | inside          Looking along a line in which the sheets 0 and 1 meet. The
@@ -15,44 +15,41 @@
 //!                 1
 //! ```
 
-use super::newton::{along, branch, normalised, onto_two, unit};
-use super::search::Search;
+use super::context::FeatureContext;
+use super::newton::{add_scaled, branch, normalised, onto_two, unit};
 use crate::decide::{Local, decisive};
 use crate::points::unique;
-use isoform_geom::{Point3, across, cross, dot, norm, sub};
+use isoform_geom::{Point3, cross, dot, norm, orthonormal_complement, sub};
 use isoform_num::Interval;
 use std::f64::consts::{PI, TAU};
 
-/// Sheets whose normal is at a right angle to a line, to this sine, hold the line.
-const IN_LINE: f64 = 1e-6;
-/// Where there is a choice of curves, they are looked at this part of the size away from the point.
-const PROBE: f64 = 1.0 / 64.0;
-/// Distances of the probes, in the nearest, on curves that cross: there the angle between the pieces
-/// grows from 0 on, and may be large enough for a feature only farther away.
-const FARTHER: [f64; 4] = [1.0, 4.0, 16.0, 48.0];
-/// Part of the way to a probe by which a curve may miss its tangent there.
-const MISS: f64 = 0.3;
-/// Part of the way to the nearest probe within which a branch point is the point itself, and within
-/// which two probes are one: they are exact to rounding, and curves that touch are apart there by
-/// the way times half of the difference of their curvatures.
-const SAME: [f64; 2] = [0.01, 1e-6];
-/// Cosine, but for this, above which two half-lines are one.
-const ONE_LINE: f64 = 1e-9;
+/// Maximum |n · t| for a sheet that contains a line; n is its unit normal, t the unit direction.
+const MAX_IN_SHEET_SLOPE: f64 = 1e-6;
+/// Distance from a point at which the curves that leave it are probed, in sizes.
+const CURVE_PROBE_DISTANCE: f64 = 1.0 / 64.0;
+/// Distances of the probes on curves that cross, in multiples of the first: the angle between the
+/// pieces grows from 0 there, and may be large enough for a feature only farther away.
+const CROSSING_PROBE_MULTIPLES: [f64; 4] = [1.0, 4.0, 16.0, 48.0];
+/// Distances, in the nearest probe's distance, within which a branch point is the point itself, and
+/// within which two probes are one. Probes are exact to rounding; at a probe, curves that touch are
+/// apart by its distance times half of the difference of their curvatures.
+const COINCIDENT_PROBE_DISTANCES: [f64; 2] = [0.01, 1e-6];
 
-/// Pieces that vanish at a point with the same plane.
+/// Pieces that vanish at a point and have a common tangent plane there.
 #[derive(Clone, Debug)]
 pub(crate) struct Sheet {
     pub(crate) n: Point3,
-    /// The pieces, each with the sign of its normal against `n`.
+    /// Pieces, each with the sign of its normal relative to `n`.
     pub(crate) members: Vec<(u32, f64)>,
 }
 
-/// What a piece is at a point.
+/// Role of a piece at a point.
 #[derive(Clone, Copy, Debug)]
-enum Role {
-    /// It does not vanish; its sign.
+enum PieceRole {
+    /// The piece does not vanish; holds its sign.
     Fixed(f64),
-    /// It belongs to a sheet; the sign of its normal against the sheet's.
+    /// The piece belongs to a sheet; holds its index, and the sign of the piece's normal relative
+    /// to the sheet's.
     Sheet(usize, f64),
 }
 
@@ -60,44 +57,44 @@ enum Role {
 #[derive(Debug)]
 pub(crate) struct Touch<'a> {
     local: &'a Local,
-    roles: Vec<(u32, Role)>,
+    roles: Vec<(u32, PieceRole)>,
     pub(crate) sheets: Vec<Sheet>,
 }
 
-/// A point of a feature curve.
+/// Pieces and faces by which a curve is a feature at one of its points.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct State {
-    /// The pieces of the two sheets.
+pub(crate) struct CurveState {
+    /// Pieces of the two sheets.
     pub(crate) a: Vec<u32>,
     pub(crate) b: Vec<u32>,
-    /// On which sides of the other piece the faces of a and b are, two bits each.
+    /// Sides of the other piece on which the faces of a and b lie, two bits each.
     pub(crate) faces: u8,
 }
 
-/// A feature curve as it leaves a point.
+/// Start of a feature curve at a point that it leaves.
 #[derive(Clone, Debug)]
 pub(crate) struct HalfLine {
     pub(crate) direction: Point3,
     pub(crate) pair: [u32; 2],
     pub(crate) a: Vec<u32>,
     pub(crate) b: Vec<u32>,
-    /// A point on it, where the direction alone would not do.
+    /// A point of the curve, if the direction alone does not determine it.
     pub(crate) by: Option<Point3>,
 }
 
-/// A face of a sheet beside a line.
-struct Face {
+/// A face of a sheet next to a line.
+struct SheetFace {
     sheet: usize,
     angle: f64,
-    /// Whether the sign changes there.
+    /// True if the sign changes there.
     change: bool,
 }
 
 /// A piece that vanishes at a point, with its unit normal.
 type Vanishing = (u32, Point3);
 
-impl Search<'_> {
-    /// The solid near `p`; none if no feature can pass there.
+impl FeatureContext<'_> {
+    /// Returns the solid near `p` to first order; `None` if no feature can pass there.
     pub(crate) fn touch(&self, p: Point3) -> Option<Touch<'_>> {
         let local = self.octree.at(p)?;
         let mut vanishing: Vec<Vanishing> = Vec::with_capacity(4);
@@ -108,7 +105,7 @@ impl Search<'_> {
             if v.abs() <= self.tolerance * length {
                 vanishing.push((*k, g.map(|c| c / length)));
             }
-            roles.push((*k, Role::Fixed(if v >= 0.0 { 1.0 } else { -1.0 })));
+            roles.push((*k, PieceRole::Fixed(if v >= 0.0 { 1.0 } else { -1.0 })));
         }
         if vanishing.len() < 2 {
             return None;
@@ -125,9 +122,9 @@ impl Search<'_> {
         Some(touch)
     }
 
-    /// The state of the curve of the pieces `pair` at one of its points, seen in the direction `t`
-    /// of travel; none if the curve is no feature there.
-    pub(crate) fn state(&self, p: Point3, pair: [u32; 2], t: Point3) -> Option<State> {
+    /// Returns the state of the curve of the pieces `pair` at one of its points, seen in the
+    /// direction `t` of travel; `None` if the curve is not a feature there.
+    pub(crate) fn state(&self, p: Point3, pair: [u32; 2], t: Point3) -> Option<CurveState> {
         let touch = self.touch(p)?;
         let (a, b) = (touch.sheet_of(pair[0])?, touch.sheet_of(pair[1])?);
         if a == b {
@@ -140,12 +137,12 @@ impl Search<'_> {
         touch.state_in(line, [a, b], pair)
     }
 
-    /// Whether a piece vanishes at a point.
+    /// Returns true if a piece vanishes at a point.
     pub(crate) fn lies_on(&self, p: Point3, piece: u32) -> bool {
         normalised(self.solid, piece, p).is_some_and(|g| g.d.abs() <= self.tolerance)
     }
 
-    /// The feature curves that leave `q`.
+    /// Returns the feature curves that leave `q`.
     pub(crate) fn half_lines(&self, q: Point3) -> Vec<HalfLine> {
         let Some(touch) = self.touch(q) else {
             return Vec::new();
@@ -157,10 +154,10 @@ impl Search<'_> {
         }
     }
 
-    /// The feature curves that leave `q` where sheets consist of several pieces, which may part: by
-    /// looking a little way along every curve.
+    /// Returns the feature curves that leave `q` where sheets consist of several pieces, which may
+    /// diverge: probes every curve at a small distance.
     fn probed_lines(&self, q: Point3, touch: &Touch<'_>) -> Vec<HalfLine> {
-        let delta = PROBE * self.options.size;
+        let delta = CURVE_PROBE_DISTANCE * self.options.size;
         let mut lines: Vec<HalfLine> = Vec::new();
         let sheets = touch.sheets.iter().enumerate();
         let members: Vec<(u32, usize)> = sheets
@@ -169,17 +166,22 @@ impl Search<'_> {
         for (x, &(i, s)) in members.iter().enumerate() {
             for &(j, r) in &members[x + 1..] {
                 let (directions, reaches) = if s == r {
-                    (self.directions_at_branch([i, j], q), &FARTHER[..])
+                    (
+                        self.directions_at_branch([i, j], q),
+                        &CROSSING_PROBE_MULTIPLES[..],
+                    )
                 } else {
                     let t = unit(cross(touch.sheets[s].n, touch.sheets[r].n));
-                    (vec![t], &FARTHER[..1])
+                    (vec![t], &CROSSING_PROBE_MULTIPLES[..1])
                 };
                 for t in directions.into_iter().flat_map(|t| [t, t.map(|v| -v)]) {
                     let Some(line) = self.probe(q, t, [i, j], reaches) else {
                         continue;
                     };
                     let is_other = |l: &HalfLine| match (l.by, line.by) {
-                        (Some(a), Some(b)) => norm(sub(a, b)) > SAME[1] * delta,
+                        (Some(a), Some(b)) => {
+                            norm(sub(a, b)) > COINCIDENT_PROBE_DISTANCES[1] * delta
+                        }
                         _ => true,
                     };
                     if lines.iter().all(is_other) {
@@ -191,22 +193,23 @@ impl Search<'_> {
         lines
     }
 
-    /// The directions in which curves of two pieces with a common normal leave a point; none if
-    /// they do not cross there.
+    /// Returns the directions in which curves of two pieces with a common normal leave a point;
+    /// empty if they do not cross there.
     fn directions_at_branch(&self, pair: [u32; 2], q: Point3) -> Vec<Point3> {
-        let delta = PROBE * self.options.size;
+        let delta = CURVE_PROBE_DISTANCE * self.options.size;
         branch(self.solid, pair, q, delta)
-            .filter(|b| norm(sub(b.0, q)) < SAME[0] * delta)
+            .filter(|b| norm(sub(b.0, q)) < COINCIDENT_PROBE_DISTANCES[0] * delta)
             .map_or(Vec::new(), |(_, both)| both.to_vec())
     }
 
-    /// The half-line of two pieces in a direction, if the curve is a feature at one of the probes.
+    /// Returns the half-line of two pieces in a direction, if the curve is a feature at a probe.
     fn probe(&self, q: Point3, t: Point3, pair: [u32; 2], reaches: &[f64]) -> Option<HalfLine> {
-        let delta = PROBE * self.options.size;
+        let delta = CURVE_PROBE_DISTANCE * self.options.size;
         reaches.iter().find_map(|r| {
-            let ahead = along(q, t, r * delta);
-            let (p, _) = onto_two(self.solid, pair, ahead, MISS * r * delta)?;
-            let State { a, b, .. } = self.state(p, pair, t)?;
+            let ahead = add_scaled(q, t, r * delta);
+            // The curve may miss its tangent by this part of the way.
+            let (p, _) = onto_two(self.solid, pair, ahead, 0.3 * r * delta)?;
+            let CurveState { a, b, .. } = self.state(p, pair, t)?;
             Some(HalfLine {
                 direction: t,
                 pair,
@@ -218,14 +221,14 @@ impl Search<'_> {
     }
 }
 
-/// Drops those vanishing pieces whose signs do not matter, given the signs of the other pieces.
-fn keep_decisive(local: &Local, roles: &[(u32, Role)], vanishing: &mut Vec<Vanishing>) {
+/// Drops the vanishing pieces whose signs do not matter, given the signs of the other pieces.
+fn keep_decisive(local: &Local, roles: &[(u32, PieceRole)], vanishing: &mut Vec<Vanishing>) {
     let range = |k: u32| {
         if vanishing.iter().any(|v| v.0 == k) {
             return Interval::new(-1.0, 1.0);
         }
         match roles.iter().find(|r| r.0 == k) {
-            Some((_, Role::Fixed(s))) => Interval::new(*s, *s),
+            Some((_, PieceRole::Fixed(s))) => Interval::new(*s, *s),
             _ => Interval::new(-1.0, 1.0),
         }
     };
@@ -235,8 +238,8 @@ fn keep_decisive(local: &Local, roles: &[(u32, Role)], vanishing: &mut Vec<Vanis
 }
 
 impl Touch<'_> {
-    /// Puts a piece into the sheet whose normal differs from `n` by less than `sine`, else into a
-    /// new sheet.
+    /// Adds a piece to the sheet whose normal differs from `n` by less than `sine`, or to a new
+    /// sheet.
     fn add(&mut self, piece: u32, n: Point3, sine: f64) {
         let known = self.sheets.iter().position(|s| norm(cross(s.n, n)) < sine);
         let at = known.unwrap_or(self.sheets.len());
@@ -250,19 +253,19 @@ impl Touch<'_> {
         let sign = if is_opposite { -1.0 } else { 1.0 };
         self.sheets[at].members.push((piece, sign));
         if let Some(role) = self.roles.iter_mut().find(|r| r.0 == piece) {
-            role.1 = Role::Sheet(at, sign);
+            role.1 = PieceRole::Sheet(at, sign);
         }
     }
 
-    /// The sheet of a piece.
+    /// Returns the sheet of a piece; `None` if the piece does not vanish.
     pub(crate) fn sheet_of(&self, piece: u32) -> Option<usize> {
         match self.roles.iter().find(|r| r.0 == piece)?.1 {
-            Role::Sheet(s, _) => Some(s),
-            Role::Fixed(_) => None,
+            PieceRole::Sheet(s, _) => Some(s),
+            PieceRole::Fixed(_) => None,
         }
     }
 
-    /// The pieces that vanish here and matter.
+    /// Returns the vanishing pieces that matter, ascending.
     pub(crate) fn pieces(&self) -> Vec<u32> {
         let members = self.sheets.iter().flat_map(|s| &s.members);
         let mut all: Vec<u32> = members.map(|m| m.0).collect();
@@ -270,34 +273,34 @@ impl Touch<'_> {
         all
     }
 
-    /// Whether the solid is inside where the sheets have these signs.
+    /// Returns true if the solid is inside where the sheets have these signs.
     fn is_inside(&self, sheet_sign: impl Fn(usize) -> f64) -> bool {
         let value = |k: u32| match self.roles.iter().find(|r| r.0 == k) {
-            Some((_, Role::Fixed(s))) => *s,
-            Some((_, Role::Sheet(at, s))) => s * sheet_sign(*at),
+            Some((_, PieceRole::Fixed(s))) => *s,
+            Some((_, PieceRole::Sheet(at, s))) => s * sheet_sign(*at),
             None => 0.0,
         };
         self.local.tree.value(&value) >= 0.0
     }
 
-    /// The slopes of all sheets along a direction.
+    /// Returns the slopes of all sheets along a direction.
     fn slopes(&self, t: Point3) -> Vec<f64> {
         self.sheets.iter().map(|s| dot(s.n, t)).collect()
     }
 
-    /// The faces beside the half-line along `t`, in order around it.
-    fn around(&self, t: Point3) -> Vec<Face> {
-        let [e1, e2] = across(t);
+    /// Returns the faces next to the half-line along `t`, in order around it.
+    fn faces_around(&self, t: Point3) -> Vec<SheetFace> {
+        let [e1, e2] = orthonormal_complement(t);
         let slope = self.slopes(t);
         let mut faces = Vec::with_capacity(4);
         for (sheet, s) in self.sheets.iter().enumerate() {
-            if slope[sheet].abs() >= IN_LINE {
+            if slope[sheet].abs() >= MAX_IN_SHEET_SLOPE {
                 continue;
             }
             let u = cross(t, s.n);
             let angle = dot(u, e2).atan2(dot(u, e1));
             for angle in [angle, angle + PI] {
-                faces.push(Face {
+                faces.push(SheetFace {
                     sheet,
                     angle: angle.rem_euclid(TAU),
                     change: false,
@@ -313,8 +316,8 @@ impl Touch<'_> {
         faces
     }
 
-    /// Whether the sector behind each face is inside.
-    fn sectors(&self, faces: &[Face], slope: &[f64], [e1, e2]: [Point3; 2]) -> Vec<bool> {
+    /// Returns for each face, if the sector behind it is inside.
+    fn sectors(&self, faces: &[SheetFace], slope: &[f64], [e1, e2]: [Point3; 2]) -> Vec<bool> {
         let n = faces.len();
         (0..n)
             .map(|m| {
@@ -326,7 +329,7 @@ impl Touch<'_> {
                 let (sine, cosine) = (0.5 * (faces[m].angle + next)).sin_cos();
                 let w: Point3 = std::array::from_fn(|i| cosine * e1[i] + sine * e2[i]);
                 self.is_inside(|s| {
-                    if slope[s].abs() < IN_LINE {
+                    if slope[s].abs() < MAX_IN_SHEET_SLOPE {
                         dot(self.sheets[s].n, w).signum()
                     } else {
                         slope[s].signum()
@@ -336,29 +339,30 @@ impl Touch<'_> {
             .collect()
     }
 
-    /// The feature in the line `t`, of two sheets, as the pieces `pair` see it.
-    fn state_in(&self, t: Point3, [a, b]: [usize; 2], pair: [u32; 2]) -> Option<State> {
-        let faces = self.around(t);
+    /// Returns the state of the feature along the line `t` of two sheets, relative to the pieces
+    /// `pair`.
+    fn state_in(&self, t: Point3, [a, b]: [usize; 2], pair: [u32; 2]) -> Option<CurveState> {
+        let faces = self.faces_around(t);
         let of_a = self.sides(&faces, t, a, (b, pair[1]))?;
         let of_b = self.sides(&faces, t, b, (a, pair[0]))?;
         let pieces = |s: usize| self.sheets[s].members.iter().map(|m| m.0).collect();
-        Some(State {
+        Some(CurveState {
             a: pieces(a),
             b: pieces(b),
             faces: of_a | of_b << 2,
         })
     }
 
-    /// On which sides of a piece of another sheet the faces of a sheet are at which the sign
-    /// changes: bit 0 for behind, bit 1 for in front of it. None if there are no such faces.
+    /// Returns the sides of a piece of another sheet on which those faces of a sheet lie at which
+    /// the sign changes: bit 0 for behind, bit 1 for in front of it. `None` without such faces.
     fn sides(
         &self,
-        faces: &[Face],
+        faces: &[SheetFace],
         t: Point3,
         sheet: usize,
         (other, piece): (usize, u32),
     ) -> Option<u8> {
-        let [e1, e2] = across(t);
+        let [e1, e2] = orthonormal_complement(t);
         let other = &self.sheets[other];
         let member = other.members.iter().find(|m| m.0 == piece);
         let orientation = member.map_or(1.0, |m| m.1);
@@ -371,7 +375,7 @@ impl Touch<'_> {
         (bits != 0).then_some(bits)
     }
 
-    /// The feature half-lines from the point, where every sheet is one piece.
+    /// Returns the feature half-lines from the point, where every sheet is one piece.
     fn lines(&self) -> Vec<HalfLine> {
         let mut lines: Vec<HalfLine> = Vec::new();
         let n = self.sheets.len();
@@ -379,7 +383,8 @@ impl Touch<'_> {
             for y in x + 1..n {
                 let t = unit(cross(self.sheets[x].n, self.sheets[y].n));
                 for t in [t, t.map(|v| -v)] {
-                    let is_known = |l: &HalfLine| dot(l.direction, t) > 1.0 - ONE_LINE;
+                    // Half-lines in one direction are one.
+                    let is_known = |l: &HalfLine| dot(l.direction, t) > 1.0 - 1e-9;
                     if !lines.iter().any(is_known) {
                         lines.extend(self.line(t));
                     }
@@ -389,9 +394,9 @@ impl Touch<'_> {
         lines
     }
 
-    /// The half-line along `t`, if the sign changes at the faces of two sheets.
+    /// Returns the half-line along `t`, if the sign changes at the faces of two sheets.
     fn line(&self, t: Point3) -> Option<HalfLine> {
-        let faces = self.around(t);
+        let faces = self.faces_around(t);
         let changed = faces.iter().filter(|f| f.change).map(|f| f.sheet as u32);
         let [a, b, ..] = unique(changed.collect())[..] else {
             return None;

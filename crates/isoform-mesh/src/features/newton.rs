@@ -1,9 +1,9 @@
 //! Newton's method onto one, two and three pieces at once.
 //!
-//! Pieces count by their distance to first order, d = g/|∇g|; steps are the shortest ones that make
-//! all linearised distances zero. Iterations end where a step is as short as rounding makes it
-//! ([`rounding`], times the condition of the step), or is no longer than a few times that after
-//! many steps.
+//! Pieces are measured by their first-order distance d = g/|∇g|; steps are the shortest ones that
+//! make all linearised distances zero. An iteration ends when a step is as short as rounding makes
+//! it ([`rounding`], times the condition of the step), or after many steps at a few times that
+//! length.
 
 mod touching;
 
@@ -11,64 +11,51 @@ pub(crate) use touching::{branch, onto_touching};
 
 use isoform_geom::{Point3, Solid, cross, dot, norm, sub};
 
-/// Steps of every iteration, at most; a handful is usual.
-const STEPS: usize = 40;
-/// Two pieces are parallel if the sine between them is below this: a step in the normal plane of
-/// their curve would be rounding errors divided by the sine.
-const PARALLEL: f64 = 1e-7;
-/// Three pieces touch if the determinant of their normals is below this: a step would be rounding
-/// errors divided by it.
-const TOUCHING: f64 = 1e-9;
-/// Distance, as a share of the reach, within which three pieces that touch count as meeting. There
-/// Newton's method finds places to half the digits, and distances, being of second order, to nearly
-/// all of them.
-const MEETING: f64 = 1e-10;
-/// Steps after which an iteration onto two pieces may end with steps of a few roundings.
-const PATIENCE_TWO: usize = 8;
-/// Steps after which an iteration onto three pieces may end with steps of a few roundings.
-const PATIENCE_THREE: usize = 12;
-/// After many steps onto two pieces the last step may be this many roundings long, as it goes back
-/// and forth.
-const LOOSE_TWO: f64 = 32.0;
-/// After many steps onto three pieces the last step may be this many roundings long.
-const LOOSE_THREE: f64 = 64.0;
+/// Maximum number of steps of every iteration; a handful is usual.
+const MAX_FEATURE_NEWTON_STEPS: usize = 40;
+/// Minimum sine between the normals of two pieces that meet in a curve: below it, a step in the
+/// normal plane of the curve would be rounding errors divided by the sine.
+const MIN_CURVE_SINE: f64 = 1e-7;
+/// Minimum determinant of the normals of three pieces that meet in a point: below it they touch,
+/// and a step would be rounding errors divided by it.
+const MIN_POINT_DETERMINANT: f64 = 1e-9;
 
-/// A piece near its zero set, to first order.
+/// First-order distance and normal of a piece near its zero set.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Distance {
+pub(crate) struct PieceDistance {
     /// g/|∇g|.
     pub(crate) d: f64,
     /// ∇g/|∇g|.
     pub(crate) n: Point3,
 }
 
-/// a + s b.
-pub(crate) fn along(a: Point3, b: Point3, s: f64) -> Point3 {
+/// Returns a + s b.
+pub(crate) fn add_scaled(a: Point3, b: Point3, s: f64) -> Point3 {
     std::array::from_fn(|i| a[i] + s * b[i])
 }
 
-/// The vector divided by its length; the vector itself where that is 0.
+/// Returns the vector divided by its length; the vector itself if that is 0.
 pub(crate) fn unit(a: Point3) -> Point3 {
     let l = norm(a);
     if l > 0.0 { a.map(|v| v / l) } else { a }
 }
 
-/// A piece's distance and normal; none where the gradient vanishes or is no number.
-pub(crate) fn normalised(solid: &dyn Solid, piece: u32, p: Point3) -> Option<Distance> {
+/// Returns a piece's distance and normal; `None` where the gradient vanishes or is not finite.
+pub(crate) fn normalised(solid: &dyn Solid, piece: u32, p: Point3) -> Option<PieceDistance> {
     let (v, g) = solid.gradient(piece, p);
     let length = norm(g);
-    (length > 0.0 && length.is_finite() && v.is_finite()).then(|| Distance {
+    (length > 0.0 && length.is_finite() && v.is_finite()).then(|| PieceDistance {
         d: v / length,
         n: g.map(|c| c / length),
     })
 }
 
-/// Rounding of a point's coordinates.
+/// Returns the rounding error of a point's coordinates.
 pub(crate) fn rounding(p: Point3) -> f64 {
     f64::EPSILON * p.into_iter().fold(0.0, |m: f64, v| m.max(v.abs()))
 }
 
-/// A step no longer than `reach`, with the length that it had.
+/// Shortens a step to `reach`; returns it with its original length.
 fn limited(step: Point3, reach: f64) -> (Point3, f64) {
     let length = norm(step);
     if length > reach {
@@ -78,12 +65,12 @@ fn limited(step: Point3, reach: f64) -> (Point3, f64) {
     }
 }
 
-/// The point of one piece near `p`, at most `reach` away.
+/// Returns the point of one piece near `p`; `None` if none is found within `reach`.
 pub(crate) fn onto_one(solid: &dyn Solid, piece: u32, p: Point3, reach: f64) -> Option<Point3> {
     onto_one_within(solid, piece, p, reach, 1e-15 * reach)
 }
 
-/// A point of one piece, or a place nearer to it than the tolerance, as [`onto_one`] finds it.
+/// Returns a point of one piece, or a point nearer to it than the tolerance, like [`onto_one`].
 pub(crate) fn onto_one_within(
     solid: &dyn Solid,
     piece: u32,
@@ -92,9 +79,9 @@ pub(crate) fn onto_one_within(
     tolerance: f64,
 ) -> Option<Point3> {
     let mut q = p;
-    for _ in 0..STEPS {
+    for _ in 0..MAX_FEATURE_NEWTON_STEPS {
         let g = normalised(solid, piece, q)?;
-        q = along(q, g.n, -g.d);
+        q = add_scaled(q, g.n, -g.d);
         if norm(sub(q, p)) > reach {
             return None;
         }
@@ -105,7 +92,8 @@ pub(crate) fn onto_one_within(
     None
 }
 
-/// A common point of two pieces near `p`, at most `reach` away, and their normals there.
+/// Returns a common point of two pieces near `p`, at most `reach` away, and their normals there;
+/// `None` if the iteration fails.
 pub(crate) fn onto_two(
     solid: &dyn Solid,
     [i, j]: [u32; 2],
@@ -113,40 +101,41 @@ pub(crate) fn onto_two(
     reach: f64,
 ) -> Option<(Point3, [Point3; 2])> {
     let mut q = p;
-    for step in 0..STEPS {
+    for step in 0..MAX_FEATURE_NEWTON_STEPS {
         let (a, b) = (normalised(solid, i, q)?, normalised(solid, j, q)?);
         let sine = norm(cross(a.n, b.n));
-        if sine < PARALLEL {
+        if sine < MIN_CURVE_SINE {
             return None;
         }
         let (move_by, length) = limited(step_to_line(a, b, sine), reach);
-        q = along(q, move_by, 1.0);
+        q = add_scaled(q, move_by, 1.0);
         if norm(sub(q, p)) > reach {
             return None;
         }
         let noise = (2.0 * rounding(q) + 1e-16 * reach) / sine;
-        if length <= noise || (step > PATIENCE_TWO && length <= LOOSE_TWO * noise) {
+        // After many steps, the iteration may alternate within a few roundings.
+        if length <= noise || (step > 8 && length <= 32.0 * noise) {
             return Some((q, [a.n, b.n]));
         }
     }
     None
 }
 
-/// The shortest way to the line in which two linearised pieces vanish: x nₐ + y n_b with the sine s
-/// and cosine c between the normals, x = (c d_b − dₐ)/s², y = (c dₐ − d_b)/s².
+/// Returns the shortest step to the line in which two linearised pieces vanish: x nₐ + y n_b with
+/// the sine s and cosine c between the normals, x = (c d_b − dₐ)/s², y = (c dₐ − d_b)/s².
 #[inline]
-fn step_to_line(a: Distance, b: Distance, sine: f64) -> Point3 {
+fn step_to_line(a: PieceDistance, b: PieceDistance, sine: f64) -> Point3 {
     let c = dot(a.n, b.n);
     let s2 = sine * sine;
     let (x, y) = ((c * b.d - a.d) / s2, (c * a.d - b.d) / s2);
     std::array::from_fn(|k| x * a.n[k] + y * b.n[k])
 }
 
-/// A common point of three pieces near `p`, at most `reach` away, and the determinant of their
-/// normals there.
+/// Returns a common point of three pieces near `p`, at most `reach` away, and the determinant of
+/// their normals there; `None` if the iteration fails.
 ///
-/// Where the pieces touch each other the determinant is about 0 and the point good to half the
-/// digits.
+/// Where the pieces touch each other the determinant is about 0, and the point is accurate to half
+/// the digits.
 pub(crate) fn onto_three(
     solid: &dyn Solid,
     [i, j, k]: [u32; 3],
@@ -154,26 +143,29 @@ pub(crate) fn onto_three(
     reach: f64,
 ) -> Option<(Point3, f64)> {
     let mut q = p;
-    for step in 0..STEPS {
+    for step in 0..MAX_FEATURE_NEWTON_STEPS {
         let a = normalised(solid, i, q)?;
         let b = normalised(solid, j, q)?;
         let c = normalised(solid, k, q)?;
         let (bc, ca, ab) = (cross(b.n, c.n), cross(c.n, a.n), cross(a.n, b.n));
         let det = dot(a.n, bc);
-        if det.abs() < TOUCHING {
+        if det.abs() < MIN_POINT_DETERMINANT {
             // The last steps before were short where this is a touching point.
             let distances = [a.d, b.d, c.d].into_iter();
             let far = distances.fold(0.0, |m: f64, d| m.max(d.abs()));
-            return (step > 0 && far < MEETING * reach).then_some((q, det));
+            // Newton's method finds touching points to half the digits, and distances, being of
+            // second order, to nearly all of them.
+            return (step > 0 && far < 1e-10 * reach).then_some((q, det));
         }
         let to_point = |m: usize| -(a.d * bc[m] + b.d * ca[m] + c.d * ab[m]) / det;
         let (move_by, length) = limited(std::array::from_fn(to_point), reach);
-        q = along(q, move_by, 1.0);
+        q = add_scaled(q, move_by, 1.0);
         if norm(sub(q, p)) > reach {
             return None;
         }
         let noise = (4.0 * rounding(q) + 1e-16 * reach) / det.abs();
-        if length <= noise || (step > PATIENCE_THREE && length <= LOOSE_THREE * noise) {
+        // After many steps, the iteration may alternate within a few roundings.
+        if length <= noise || (step > 12 && length <= 64.0 * noise) {
             return Some((q, det));
         }
     }

@@ -1,48 +1,30 @@
-//! Cells that may hold a feature: where two pieces can be zero and decide the sign.
+//! Octree of the cells that may hold a feature: cells in which two pieces can be zero and decide
+//! the sign.
 
 use super::newton::{normalised, onto_one};
-use crate::decide::{Local, Narrowed, Scratch};
+use crate::decide::{Local, NarrowedTree, Scratch};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid, cross, dot, norm};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Cells are widened by this part of their size when they are bounded, so that a feature on a face
-/// belongs to the cells on both sides.
-const SLACK: f64 = 1e-5;
-/// Where cells are gone over for apexes, in sizes.
-const COARSE: f64 = 4.0;
-/// Largest leaves, in sizes.
-const LEAF: f64 = 0.5;
-/// Levels below size/2 for cells in which three surfaces may meet.
-const CORNER_LEVELS: u32 = 2;
-/// Levels below size/2 for cells in which a surface turns by more than [`TURN`]: features of
-/// size/32 are still found.
-const CURVED_LEVELS: u32 = 4;
-/// Cosine of the angle by which normals may turn within a simple cell, 35 degrees.
-const TURN: f64 = 0.82;
-/// Where in a cell surfaces are compared, in its own coordinates from −1 to 1: no two on a line
-/// with the centre.
-pub(crate) const PROBES: [Point3; 4] = [
+/// Size of the cells that are searched for tips of cones, in sizes.
+const COARSE_CELL_SIZE: f64 = 4.0;
+/// Maximum size of a leaf, in sizes.
+const MAX_LEAF_SIZE: f64 = 0.5;
+/// Minimum cosine between normals within a nearly flat cell, 35 degrees.
+const MIN_FLAT_COSINE: f64 = 0.82;
+/// Points of a cell at which surfaces are compared, in its own coordinates from −1 to 1: no two are
+/// collinear with the centre.
+pub(crate) const CELL_PROBES: [Point3; 4] = [
     [0.71, 0.37, -0.53],
     [-0.43, 0.67, 0.59],
     [0.31, -0.73, 0.41],
     [-0.61, -0.29, -0.67],
 ];
-/// In a small cell, surfaces do not meet in a corner if the sine between them is below this (3.4
-/// degrees).
-const PARALLEL: f64 = 0.06;
-/// Sine of the normals at a cell's centre above which two pieces are surely not one surface.
-const DIFFERENT: f64 = 0.3;
-/// Pieces nearer than this part of a cell at all probes are one surface.
-const SAME: f64 = 1e-8;
-/// Rounding, as a part of the largest coordinate; and how many such roundings two pieces of one
-/// surface may differ by.
-const ROUNDING: [f64; 2] = [1e-15, 64.0];
-/// Sides of a cell longer than this part of its longest one are halved.
-const LONG: f64 = 0.6;
-/// Cells that a thread takes at once.
-const CHUNK: usize = 32;
+/// Rounding error relative to the largest coordinate, and the number of such errors by which two
+/// pieces of one surface may differ.
+const COINCIDENCE_ROUNDINGS: [f64; 2] = [1e-15, 64.0];
 
 /// A cell with the part of the solid that matters in it.
 #[derive(Clone, Debug)]
@@ -52,14 +34,14 @@ pub(crate) struct Node {
     children: Range<u32>,
 }
 
-/// A cell that is not split any more.
+/// A cell that is not split further.
 #[derive(Clone, Debug)]
 pub(crate) struct Leaf {
     pub(crate) cell: Aabb,
     pub(crate) local: Local,
-    /// The pieces in the cell; of pieces that coincide only the first.
+    /// Pieces in the cell; of coincident pieces only the first.
     pub(crate) surfaces: Vec<u32>,
-    /// Whether the surfaces are nearly flat here, so that two of them have at most one curve in
+    /// True if the surfaces are nearly flat here, so that two of them have at most one curve in
     /// common.
     pub(crate) simple: bool,
 }
@@ -69,25 +51,25 @@ pub(crate) struct Leaf {
 pub(crate) struct Octree {
     nodes: Vec<Node>,
     pub(crate) leaves: Vec<Leaf>,
-    /// Cells of [`COARSE`] times the size, or larger where a single piece matters, with the pieces
-    /// that do.
+    /// Cells of [`COARSE_CELL_SIZE`] sizes, or larger ones where a single piece matters, with the
+    /// pieces that matter.
     pub(crate) coarse: Vec<(Aabb, Local)>,
-    /// Cells that were not looked at: the budget was spent.
+    /// Cells that were not examined because the budget was spent.
     pub(crate) skipped: Vec<Aabb>,
     pub(crate) visited: usize,
 }
 
 /// A part of a cell in which a piece matters.
-struct Part {
+struct CellPart {
     node: Node,
-    /// Whether more than one surface may.
+    /// True if more than one surface may matter there.
     holds_more: bool,
 }
 
-/// What becomes of a cell.
-enum Fate {
+/// Outcome of the examination of a cell.
+enum CellFate {
     Leaf(Leaf),
-    Split(Vec<Part>),
+    Split(Vec<CellPart>),
 }
 
 impl Octree {
@@ -106,12 +88,12 @@ impl Octree {
                 break;
             }
             let nodes = tree.nodes[level.clone()].par_iter();
-            let fates: Vec<Fate> = nodes
-                .with_min_len(CHUNK)
+            let fates: Vec<CellFate> = nodes
+                .with_min_len(32)
                 .map_init(
                     || Scratch::new(solid),
                     |scratch, node| match control.is_stopped() {
-                        true => Fate::Split(Vec::new()),
+                        true => CellFate::Split(Vec::new()),
                         false => fate(solid, node, size, scratch),
                     },
                 )
@@ -123,8 +105,8 @@ impl Octree {
             let first = tree.nodes.len();
             for (i, fate) in level.zip(fates) {
                 match fate {
-                    Fate::Leaf(leaf) => tree.leaves.push(leaf),
-                    Fate::Split(parts) => tree.add(i, parts, size),
+                    CellFate::Leaf(leaf) => tree.leaves.push(leaf),
+                    CellFate::Split(parts) => tree.add(i, parts, size),
                 }
             }
             level = first..tree.nodes.len();
@@ -132,7 +114,7 @@ impl Octree {
         tree
     }
 
-    /// The root alone, if a piece matters in the region at all.
+    /// Creates the tree of the root alone; it is empty if no piece matters in the region.
     fn of_region(solid: &dyn Solid, region: Aabb, size: f64) -> Self {
         let mut tree = Self {
             nodes: Vec::new(),
@@ -143,8 +125,8 @@ impl Octree {
         };
         let mut scratch = Scratch::new(solid);
         let all = Local::everywhere(solid);
-        if let Narrowed::Mixed(local) = all.narrow(solid, slack(region), &mut scratch) {
-            if longest(&region) <= COARSE * size {
+        if let NarrowedTree::Mixed(local) = all.narrow(solid, slack(region), &mut scratch) {
+            if longest(&region) <= COARSE_CELL_SIZE * size {
                 tree.coarse.push((region, local.clone()));
             }
             tree.nodes.push(Node {
@@ -156,19 +138,19 @@ impl Octree {
         tree
     }
 
-    /// Leaves the cells of a level unseen.
+    /// Records the cells of a level as not examined.
     fn skip(&mut self, level: Range<usize>) {
         let cells = self.nodes[level].iter().map(|n| n.cell);
         self.skipped.extend(cells);
     }
 
     /// Adds the parts of a cell.
-    fn add(&mut self, i: usize, parts: Vec<Part>, size: f64) {
-        let is_coarse = longest(&self.nodes[i].cell) > COARSE * size;
+    fn add(&mut self, i: usize, parts: Vec<CellPart>, size: f64) {
+        let is_coarse = longest(&self.nodes[i].cell) > COARSE_CELL_SIZE * size;
         self.visited += 8;
         let start = self.nodes.len() as u32;
-        for Part { node, holds_more } in parts {
-            if is_coarse && (!holds_more || longest(&node.cell) <= COARSE * size) {
+        for CellPart { node, holds_more } in parts {
+            if is_coarse && (!holds_more || longest(&node.cell) <= COARSE_CELL_SIZE * size) {
                 self.coarse.push((node.cell, node.local.clone()));
             }
             if holds_more {
@@ -176,8 +158,7 @@ impl Octree {
             }
         }
         self.nodes[i].children = start..self.nodes.len() as u32;
-        // An inner node all of whose children were dropped holds no feature: it must not look like
-        // a leaf.
+        // An inner node without children holds no feature: it must not look like a leaf.
         if self.nodes[i].children.is_empty() {
             self.nodes[i].local = Local {
                 tree: self.nodes[i].local.tree.clone(),
@@ -186,7 +167,7 @@ impl Octree {
         }
     }
 
-    /// The part of the solid that matters at a point; none where no feature can be.
+    /// Returns the part of the solid that matters at a point; `None` where no feature can be.
     pub(crate) fn at(&self, p: Point3) -> Option<&Local> {
         let mut node = self.nodes.first().filter(|n| holds(&n.cell, p))?;
         while !node.children.is_empty() {
@@ -198,24 +179,26 @@ impl Octree {
     }
 }
 
-/// Whether a point lies in a cell, or on its border.
+/// Returns true if a point lies in a cell, or on its border.
 pub(crate) fn holds(cell: &Aabb, p: Point3) -> bool {
     (0..3).all(|i| cell.lo[i] <= p[i] && p[i] <= cell.hi[i])
 }
 
-/// A cell widened by its slack.
+/// Widens a cell by its slack.
 pub(crate) fn slack(cell: Aabb) -> Aabb {
-    cell.widened(SLACK * longest(&cell))
+    // So a feature on a face belongs to the cells on both sides.
+    cell.widened(1e-5 * longest(&cell))
 }
 
-/// The longest side of a cell.
+/// Returns the longest side of a cell.
 pub(crate) fn longest(cell: &Aabb) -> f64 {
     cell.size().into_iter().fold(0.0, f64::max)
 }
 
-/// Halves along all long sides.
+/// Halves a cell along all long sides.
 pub(crate) fn split(cell: Aabb) -> impl Iterator<Item = Aabb> {
-    let (size, center, long) = (cell.size(), cell.center(), LONG * longest(&cell));
+    // Sides much shorter than the longest one stay.
+    let (size, center, long) = (cell.size(), cell.center(), 0.6 * longest(&cell));
     let cut: [bool; 3] = std::array::from_fn(|i| size[i] > long);
     let is_upper = |part: usize, i: usize| part >> i & 1 == 1;
     (0..8usize)
@@ -233,24 +216,26 @@ pub(crate) fn split(cell: Aabb) -> impl Iterator<Item = Aabb> {
         })
 }
 
-/// Whether a cell is a leaf: small enough for what surfaces do in it.
-fn fate(solid: &dyn Solid, node: &Node, size: f64, scratch: &mut Scratch) -> Fate {
+/// Examines a cell: it is a leaf if it is small enough for the surfaces in it.
+fn fate(solid: &dyn Solid, node: &Node, size: f64, scratch: &mut Scratch) -> CellFate {
     let side = longest(&node.cell);
-    if side > LEAF * size || node.local.pieces.len() < 2 {
-        return Fate::Split(parts(solid, node, scratch));
+    if side > MAX_LEAF_SIZE * size || node.local.pieces.len() < 2 {
+        return CellFate::Split(parts(solid, node, scratch));
     }
-    let levels = (LEAF * size / side).log2().floor() as u32;
+    let levels = (MAX_LEAF_SIZE * size / side).log2().floor() as u32;
     let surfaces = surfaces(solid, &node.local.pieces, node.cell);
     let simple = surfaces
         .iter()
         .all(|i| is_nearly_flat(solid, *i, node.cell));
-    let meet = levels < CORNER_LEVELS
-        && surfaces.len() > 2
-        && directions(solid, &surfaces, node.cell.center()) > 2;
-    if surfaces.len() > 1 && (meet || (!simple && levels < CURVED_LEVELS)) {
-        return Fate::Split(parts(solid, node, scratch));
+    // Cells in which three surfaces may meet are two levels smaller.
+    let meet =
+        levels < 2 && surfaces.len() > 2 && directions(solid, &surfaces, node.cell.center()) > 2;
+    // Cells with a curved surface are up to four levels smaller: features of size/32 are still
+    // found.
+    if surfaces.len() > 1 && (meet || (!simple && levels < 4)) {
+        return CellFate::Split(parts(solid, node, scratch));
     }
-    Fate::Leaf(Leaf {
+    CellFate::Leaf(Leaf {
         cell: node.cell,
         local: node.local.clone(),
         surfaces,
@@ -258,11 +243,11 @@ fn fate(solid: &dyn Solid, node: &Node, size: f64, scratch: &mut Scratch) -> Fat
     })
 }
 
-/// The parts of a cell in which a piece matters.
-fn parts(solid: &dyn Solid, node: &Node, scratch: &mut Scratch) -> Vec<Part> {
+/// Returns the parts of a cell in which a piece matters.
+fn parts(solid: &dyn Solid, node: &Node, scratch: &mut Scratch) -> Vec<CellPart> {
     let mut parts = Vec::new();
     for cell in split(node.cell) {
-        if let Narrowed::Mixed(local) = node.local.narrow(solid, slack(cell), scratch) {
+        if let NarrowedTree::Mixed(local) = node.local.narrow(solid, slack(cell), scratch) {
             let holds_more =
                 local.pieces.len() > 1 && !is_one_function(solid, &local.pieces, cell, scratch);
             let node = Node {
@@ -270,14 +255,14 @@ fn parts(solid: &dyn Solid, node: &Node, scratch: &mut Scratch) -> Vec<Part> {
                 local,
                 children: 0..0,
             };
-            parts.push(Part { node, holds_more });
+            parts.push(CellPart { node, holds_more });
         }
     }
     parts
 }
 
-/// Whether pieces have equal ranges and equal values in a cell. Away from a blend, the pieces that
-/// the blend was distributed over are one function.
+/// Returns true if pieces have equal ranges and equal values in a cell. Away from a blend, the
+/// pieces over which the blend was distributed are one function.
 pub(crate) fn is_one_function(
     solid: &dyn Solid,
     pieces: &[u32],
@@ -288,45 +273,46 @@ pub(crate) fn is_one_function(
     if pieces[1..].iter().any(|k| scratch.range(*k) != first) {
         return false;
     }
-    let points = PROBES.map(|at| inside(&cell, at));
+    let points = CELL_PROBES.map(|at| inside(&cell, at));
     let mut values = vec![0.0; pieces.len() * points.len()];
     solid.values(pieces, &points, &mut values);
     let (one, others) = values.split_at(points.len());
     others.chunks(points.len()).all(|v| v == one)
 }
 
-/// How many different normals the surfaces have at a point.
+/// Counts the different normals of the surfaces at a point.
 fn directions(solid: &dyn Solid, surfaces: &[u32], p: Point3) -> usize {
     let mut found: Vec<Point3> = Vec::with_capacity(surfaces.len());
     for g in surfaces.iter().filter_map(|i| normalised(solid, *i, p)) {
-        if found.iter().all(|n| norm(cross(*n, g.n)) > PARALLEL) {
+        // Within 3.4 degrees surfaces of a small cell do not meet in a corner.
+        if found.iter().all(|n| norm(cross(*n, g.n)) > 0.06) {
             found.push(g.n);
         }
     }
     found.len()
 }
 
-/// A point of a cell, from its own coordinates.
+/// Returns the point of a cell with the given coordinates in the cell.
 pub(crate) fn inside(cell: &Aabb, at: Point3) -> Point3 {
     let (center, size) = (cell.center(), cell.size());
     std::array::from_fn(|i| center[i] + 0.5 * at[i] * size[i])
 }
 
-/// Whether a piece's normals differ little within a cell.
+/// Returns true if a piece's normals differ little within a cell.
 fn is_nearly_flat(solid: &dyn Solid, piece: u32, cell: Aabb) -> bool {
     let Some(here) = normalised(solid, piece, cell.center()) else {
         return false;
     };
-    PROBES.iter().all(|at| {
+    CELL_PROBES.iter().all(|at| {
         normalised(solid, piece, inside(&cell, *at))
-            .is_some_and(|there| dot(here.n, there.n) > TURN)
+            .is_some_and(|there| dot(here.n, there.n) > MIN_FLAT_COSINE)
     })
 }
 
-/// One piece for each surface: pieces that coincide at the probes are one surface.
+/// Selects one piece per surface: pieces that coincide at the probes are one surface.
 pub(crate) fn surfaces(solid: &dyn Solid, pieces: &[u32], cell: Aabb) -> Vec<u32> {
     let center = cell.center();
-    let points = PROBES.map(|at| inside(&cell, at));
+    let points = CELL_PROBES.map(|at| inside(&cell, at));
     let mut values = vec![0.0; pieces.len() * points.len()];
     solid.values(pieces, &points, &mut values);
     let value = |k: usize| &values[k * points.len()..(k + 1) * points.len()];
@@ -338,7 +324,8 @@ pub(crate) fn surfaces(solid: &dyn Solid, pieces: &[u32], cell: Aabb) -> Vec<u32
         let n = normalised(solid, piece, center).map(|g| g.n);
         let is_same = |other: &(u32, Option<Point3>)| match (n, other.1) {
             (Some(a), Some(b)) => {
-                norm(cross(a, b)) < DIFFERENT && coincide(solid, other.0, piece, cell)
+                // Pieces with a larger sine at the centre are surely not one surface.
+                norm(cross(a, b)) < 0.3 && coincide(solid, other.0, piece, cell)
             }
             _ => false,
         };
@@ -349,14 +336,14 @@ pub(crate) fn surfaces(solid: &dyn Solid, pieces: &[u32], cell: Aabb) -> Vec<u32
     found.into_iter().map(|(i, _)| i).collect()
 }
 
-/// Whether one piece vanishes where another one does, at all probes.
+/// Returns true if one piece vanishes where another one does, at all probes.
 fn coincide(solid: &dyn Solid, a: u32, b: u32, cell: Aabb) -> bool {
     let side = longest(&cell);
     let coordinates = cell.lo.into_iter().chain(cell.hi);
-    let far = ROUNDING[0] * coordinates.fold(0.0, |m: f64, v| m.max(v.abs()));
-    PROBES.iter().all(|at| {
+    let far = COINCIDENCE_ROUNDINGS[0] * coordinates.fold(0.0, |m: f64, v| m.max(v.abs()));
+    CELL_PROBES.iter().all(|at| {
         let q = onto_one(solid, a, inside(&cell, *at), 2.0 * side);
         q.and_then(|q| normalised(solid, b, q))
-            .is_some_and(|g| g.d.abs() <= SAME * side + ROUNDING[1] * far)
+            .is_some_and(|g| g.d.abs() <= 1e-8 * side + COINCIDENCE_ROUNDINGS[1] * far)
     })
 }

@@ -1,52 +1,47 @@
-//! The proof that no feature was left out: intervals decide the cells away from those found.
+//! Proof that no feature was missed: intervals decide the cells away from the features found.
 
+use super::context::FeatureContext;
 use super::newton::{normalised, onto_one};
 use super::octree::{self, Leaf};
-use super::search::Search;
 use super::trace::Tracer;
-use crate::decide::{Local, Narrowed, Scratch};
+use crate::decide::{Local, NarrowedTree, Scratch};
 use isoform_geom::{Aabb, Point3, cross, norm};
 use rayon::prelude::*;
 
-/// How often a cell is split to prove that it holds no feature.
-const LEVELS: u32 = 3;
-/// Distance, in sizes of a cell, within which surfaces that are nearly parallel run along each
-/// other.
-const ALONG: f64 = 0.2;
-/// The distance for cells that are not split any more.
-const ALONG_AT_LAST: f64 = 1.0;
-/// Distance from a probe, in sizes of a cell, within which a surface must be.
-const REACH: f64 = 2.0;
+/// Maximum number of times that a cell is split to prove that it holds no feature.
+const MAX_PROOF_LEVELS: u32 = 3;
+/// Distance, in sizes of a cell, within which nearly parallel surfaces run along each other.
+const TANGENTIAL_DISTANCE: f64 = 0.2;
 
-/// A part of a leaf in which the proof is missing yet.
-struct Part {
+/// A part of a leaf in which the proof is still missing.
+struct OpenCell {
     cell: Aabb,
     local: Local,
     depth: u32,
 }
 
-impl Search<'_> {
-    /// Cells away from all features in which intervals prove nothing, and whether surfaces run
-    /// along each other there.
+impl FeatureContext<'_> {
+    /// Returns the cells away from all features in which intervals prove nothing; the flag is true
+    /// if surfaces run along each other there.
     pub(super) fn unproved(&self, tracer: &Tracer<'_>) -> Vec<(Aabb, bool)> {
         let leaves = self.octree.leaves.par_iter();
         let left = |scratch: &mut Scratch, leaf: &Leaf| {
-            let is_tangential = self.what_is_left(leaf, tracer, scratch)?;
+            let is_tangential = self.find_unknown_feature(leaf, tracer, scratch)?;
             Some((leaf.cell, is_tangential))
         };
         let found: Vec<Option<_>> = leaves.map_init(|| Scratch::new(self.solid), left).collect();
         found.into_iter().flatten().collect()
     }
 
-    /// Whether the features found come near a cell.
+    /// Returns true if the features found come near a cell.
     fn is_known(&self, cell: &Aabb, tracer: &Tracer<'_>) -> bool {
         let (c, reach) = (cell.center(), self.size());
         tracer.passes(c, reach, None) || tracer.corner_at(c, reach).is_some()
     }
 
-    /// None if a leaf holds no feature that is not known; else whether surfaces run along each
-    /// other in it.
-    fn what_is_left(
+    /// Searches a leaf for unknown features. Returns `None` if it holds none; otherwise true if
+    /// surfaces run along each other in it.
+    fn find_unknown_feature(
         &self,
         leaf: &Leaf,
         tracer: &Tracer<'_>,
@@ -56,10 +51,15 @@ impl Search<'_> {
         {
             return None;
         }
-        if self.runs_along(&leaf.surfaces, leaf.cell, &octree::PROBES, ALONG) {
+        if self.runs_along(
+            &leaf.surfaces,
+            leaf.cell,
+            &octree::CELL_PROBES,
+            TANGENTIAL_DISTANCE,
+        ) {
             return Some(true);
         }
-        let mut open = vec![Part {
+        let mut open = vec![OpenCell {
             cell: leaf.cell,
             local: leaf.local.clone(),
             depth: 0,
@@ -69,11 +69,12 @@ impl Search<'_> {
                 return Some(false);
             }
             for next in self.undecided_parts(part, tracer, scratch) {
-                let is_last = next.depth == LEVELS;
-                let near = if is_last { ALONG_AT_LAST } else { ALONG };
+                let is_last = next.depth == MAX_PROOF_LEVELS;
+                // Cells of the last level are not split further: a wider distance decides.
+                let near = if is_last { 1.0 } else { TANGENTIAL_DISTANCE };
                 let here = |k: &u32| next.local.pieces.contains(k);
                 let surfaces: Vec<u32> = leaf.surfaces.iter().copied().filter(here).collect();
-                let probe = &octree::PROBES[..1];
+                let probe = &octree::CELL_PROBES[..1];
                 let is_tangential = self.runs_along(&surfaces, next.cell, probe, near);
                 if is_tangential || is_last {
                     return Some(is_tangential);
@@ -84,23 +85,22 @@ impl Search<'_> {
         None
     }
 
-    /// The parts of a cell that intervals do not decide, and features found do not explain, one
-    /// after the other.
+    /// Returns the parts of a cell that neither intervals decide nor known features explain.
     fn undecided_parts<'p>(
         &'p self,
-        Part { cell, local, depth }: Part,
+        OpenCell { cell, local, depth }: OpenCell,
         tracer: &'p Tracer<'_>,
         scratch: &'p mut Scratch,
-    ) -> impl Iterator<Item = Part> + 'p {
+    ) -> impl Iterator<Item = OpenCell> + 'p {
         octree::split(cell).filter_map(move |cell| {
-            let Narrowed::Mixed(local) = local.narrow(self.solid, octree::slack(cell), scratch)
+            let NarrowedTree::Mixed(local) = local.narrow(self.solid, octree::slack(cell), scratch)
             else {
                 return None;
             };
             let is_decided = local.pieces.len() < 2
                 || self.is_known(&cell, tracer)
                 || octree::is_one_function(self.solid, &local.pieces, cell, scratch);
-            (!is_decided).then_some(Part {
+            (!is_decided).then_some(OpenCell {
                 cell,
                 local,
                 depth: depth + 1,
@@ -108,23 +108,25 @@ impl Search<'_> {
         })
     }
 
-    /// Whether two of the surfaces are near each other and nearly parallel at one of the probes.
+    /// Returns true if two of the surfaces are near each other and nearly parallel at one of the
+    /// probes.
     ///
-    /// Near is within `near` of the cell's size, nearly is by a sine of `near`/2.
+    /// "Near" is a distance of `near` times the cell's size, "nearly parallel" a sine of `near`/2.
     fn runs_along(&self, surfaces: &[u32], cell: Aabb, probes: &[Point3], near: f64) -> bool {
         let side = octree::longest(&cell);
         probes.iter().any(|at| {
             let p = octree::inside(&cell, *at);
             (0..surfaces.len()).any(|x| {
                 let others = &surfaces[x + 1..];
-                self.has_beside(surfaces[x], others, p, near, side)
+                self.has_parallel_surface(surfaces[x], others, p, near, side)
                     .unwrap_or(false)
             })
         })
     }
 
-    /// Whether a surface near `p` has others along it there.
-    fn has_beside(
+    /// Returns true if one of the other surfaces runs along a surface near `p`; `None` if the
+    /// surface is not found there.
+    fn has_parallel_surface(
         &self,
         surface: u32,
         others: &[u32],
@@ -132,7 +134,8 @@ impl Search<'_> {
         near: f64,
         side: f64,
     ) -> Option<bool> {
-        let q = onto_one(self.solid, surface, p, REACH * side)?;
+        // The surface may lie outside of the cell.
+        let q = onto_one(self.solid, surface, p, 2.0 * side)?;
         let a = normalised(self.solid, surface, q)?;
         let along = |k: &u32| {
             normalised(self.solid, *k, q)

@@ -1,82 +1,20 @@
-//! The search for corners and curves in the cells that may hold some.
+//! Search for corners and curves in the cells that may hold some.
 
+use super::context::FeatureContext;
 use super::newton::{branch, normalised, onto_three, onto_touching, onto_two};
-use super::octree::{self, Leaf, Octree};
-use super::trace::{Junction, Traced, Tracer};
-use super::{Corner, CornerKind, FeatureCurve, FeatureOptions, Features};
+use super::octree::{self, Leaf};
+use super::trace::{Junction, TracedCurve, Tracer};
+use super::{Corner, CornerKind, FeatureCurve, Features};
 use crate::decide::Local;
-use isoform_control::Control;
-use isoform_geom::{Aabb, Point3, Solid, cross, dot, norm};
+use isoform_geom::{Aabb, Point3, cross, norm};
 use rayon::prelude::*;
 
-/// The region begins and ends this many sizes farther out. That is off the round numbers which
-/// solids like: a face of the solid is not to lie on the cells' faces.
-const SHIFT: [f64; 2] = [0.0137, 0.0211];
-/// Share of the size below which a piece vanishes, and the number of roundings of the largest
-/// coordinate that are added to it.
-const VANISHING: [f64; 2] = [1e-9, 64.0];
-/// Determinant of three normals above which their pieces meet in a point and do not touch.
-const TRANSVERSAL: f64 = 1e-3;
-/// Sine below which a piece that touches a curve is parallel to one of the curve's pieces.
-const PARALLEL: f64 = 0.01;
-/// Sine between two normals at a cell's centre below which they may be parallel somewhere in it.
-const NEARLY_PARALLEL: f64 = 0.6;
-/// Distance from a leaf's centre within which corners are sought, in diagonals.
-const CORNER_REACH: f64 = 1.5;
-/// Distance within which points of curves are sought, in diagonals.
-const CURVE_REACH: f64 = 0.75;
-/// Distance from a known curve, in chordal errors, within which a point is on that curve.
-const COVERED: f64 = 2.5;
+/// Maximum distance of corners from the centre of the leaf in which they are sought, in diagonals.
+const CORNER_SEARCH_DIAGONALS: f64 = 1.5;
 
-/// What the parts of the search share.
-pub(crate) struct Search<'a> {
-    pub(super) solid: &'a dyn Solid,
-    pub(super) octree: Octree,
-    pub(super) options: FeatureOptions,
-    region: Aabb,
-    pub(super) control: &'a Control<'a>,
-    /// Pieces nearer than this vanish.
-    pub(super) tolerance: f64,
-    /// Sine of the smallest angle.
-    pub(super) sine: f64,
-}
-
-impl<'a> Search<'a> {
-    pub(super) fn new(
-        solid: &'a dyn Solid,
-        region: Aabb,
-        options: &FeatureOptions,
-        control: &'a Control<'a>,
-    ) -> Self {
-        let size = options.size;
-        let region = Aabb {
-            lo: region.lo.map(|v| v - SHIFT[0] * size),
-            hi: region.hi.map(|v| v + SHIFT[1] * size),
-        };
-        let bounds = region.lo.iter().chain(&region.hi);
-        let far = bounds.fold(0.0, |m: f64, v| m.max(v.abs()));
-        Self {
-            solid,
-            octree: Octree::new(solid, region, size, options.cells, control),
-            options: options.clone(),
-            region,
-            control,
-            tolerance: VANISHING[0] * size + VANISHING[1] * f64::EPSILON * far,
-            sine: options.smallest_angle.sin(),
-        }
-    }
-}
-
-impl Search<'_> {
-    pub(super) fn size(&self) -> f64 {
-        self.options.size
-    }
-
-    pub(super) fn holds(&self, p: Point3) -> bool {
-        octree::holds(&self.region, p)
-    }
-
-    /// Corners first, then the curves from corner to corner, then those without a corner.
+impl FeatureContext<'_> {
+    /// Finds all features: corners first, then the curves from corner to corner, then closed curves
+    /// without a corner.
     pub(super) fn run(&self) -> Features {
         let mut tracer = Tracer::new(self);
         self.add_corners(&mut tracer);
@@ -142,8 +80,8 @@ impl Search<'_> {
         }
     }
 
-    /// Where corners may be: common points of three surfaces, and points where two have a common
-    /// normal.
+    /// Returns candidates for corners: common points of three surfaces, and points where two have a
+    /// common normal.
     fn corners_in(&self, leaf: &Leaf) -> Vec<(Point3, CornerKind)> {
         let mut found = Vec::new();
         let s = &leaf.surfaces;
@@ -162,11 +100,12 @@ impl Search<'_> {
         found
     }
 
-    /// The point in which three surfaces meet, or one touches the curve of the others.
+    /// Returns the point in which three surfaces meet, or one touches the curve of the others.
     fn meeting(&self, leaf: &Leaf, [a, b, c]: [u32; 3]) -> Option<(Point3, CornerKind)> {
-        let reach = CORNER_REACH * leaf.cell.diagonal();
+        let reach = CORNER_SEARCH_DIAGONALS * leaf.cell.diagonal();
         let (p, det) = onto_three(self.solid, [a, b, c], leaf.cell.center(), reach)?;
-        if det.abs() > TRANSVERSAL {
+        // The pieces meet transversally; otherwise they touch.
+        if det.abs() > 1e-3 {
             return Some((p, CornerKind::Meeting));
         }
         let sine = |a: u32, b: u32| self.angle_at(p, [a, b]).map_or(0.0, f64::sin);
@@ -174,7 +113,7 @@ impl Search<'_> {
             .into_iter()
             .find_map(|[i, j, k]| {
                 // k touches the curve of i and j; it is parallel to one of them.
-                if sine(i, j) > self.sine && sine(i, k).min(sine(j, k)) < PARALLEL {
+                if sine(i, j) > self.sine && sine(i, k).min(sine(j, k)) < 0.01 {
                     let q = onto_touching(self.solid, [i, j], k, p, reach)?;
                     return Some((q, CornerKind::Tangent));
                 }
@@ -182,20 +121,22 @@ impl Search<'_> {
             })
     }
 
-    /// The point in which two curves of the same surfaces cross.
+    /// Returns the point in which two curves of the two surfaces cross.
     fn branch_in(&self, leaf: &Leaf, [i, j]: [u32; 2]) -> Option<(Point3, CornerKind)> {
         let center = leaf.cell.center();
         let a = normalised(self.solid, i, center)?;
         let b = normalised(self.solid, j, center)?;
-        if norm(cross(a.n, b.n)) >= NEARLY_PARALLEL {
+        // The normals may be parallel elsewhere in the cell only if they are nearly so at its
+        // centre.
+        if norm(cross(a.n, b.n)) >= 0.6 {
             return None;
         }
-        let reach = CORNER_REACH * leaf.cell.diagonal();
+        let reach = CORNER_SEARCH_DIAGONALS * leaf.cell.diagonal();
         let (p, _) = branch(self.solid, [i, j], center, reach)?;
         Some((p, CornerKind::Branch))
     }
 
-    /// Follows the curves of a cell that are not known yet.
+    /// Traces the curves of a cell that are not known yet.
     fn seed(&self, leaf: &Leaf, tracer: &mut Tracer<'_>) {
         let s = &leaf.surfaces;
         for x in 0..s.len() {
@@ -208,17 +149,19 @@ impl Search<'_> {
         }
     }
 
-    /// Follows the curve of two surfaces in a cell, if it is not known yet.
+    /// Traces the curve of two surfaces in a cell, if it is not known yet.
     fn seed_pair(&self, leaf: &Leaf, pair: [u32; 2], tracer: &mut Tracer<'_>) {
         let (center, side) = (leaf.cell.center(), octree::longest(&leaf.cell));
         if leaf.simple && tracer.passes(center, 0.5 * side, Some(pair)) {
             return;
         }
-        let reach = CURVE_REACH * leaf.cell.diagonal();
+        // Points of curves are sought a little beyond the cell.
+        let reach = 0.75 * leaf.cell.diagonal();
         let Some((p, _)) = onto_two(self.solid, pair, center, reach) else {
             return;
         };
-        let covered = COVERED * self.options.chord * self.size();
+        // Points this near, in chordal errors, are on a known curve.
+        let covered = 2.5 * self.options.chord * self.size();
         if !tracer.passes(p, covered, None)
             && tracer.corner_at(p, covered).is_none()
             && self.holds(p)
@@ -228,21 +171,12 @@ impl Search<'_> {
         }
     }
 
-    /// The tips of the pieces that matter in a cell.
+    /// Returns the tips of the pieces that matter in a cell.
     fn apexes_in(&self, cell: Aabb, local: &Local) -> Vec<(Point3, u32)> {
         let one = octree::surfaces(self.solid, &local.pieces, cell);
         one.into_iter()
             .filter_map(|k| self.apex(cell, k).map(|p| (p, k)))
             .collect()
-    }
-
-    /// The angle between the normals of two pieces.
-    pub(super) fn angle_at(&self, p: Point3, [i, j]: [u32; 2]) -> Option<f64> {
-        let (a, b) = (
-            normalised(self.solid, i, p)?.n,
-            normalised(self.solid, j, p)?.n,
-        );
-        Some(norm(cross(a, b)).atan2(dot(a, b)))
     }
 }
 
@@ -254,7 +188,7 @@ fn corner(found: Junction) -> Corner {
     }
 }
 
-fn curve(found: Traced) -> FeatureCurve {
+fn curve(found: TracedCurve) -> FeatureCurve {
     let first = |s: &[u32]| s.iter().copied().min().unwrap_or(0);
     let mut pieces = [first(&found.a), first(&found.b)];
     pieces.sort_unstable();

@@ -1,35 +1,28 @@
-//! Feature curves from corner to corner.
+//! Tracing of feature curves from corner to corner.
 //!
-//! A curve is followed by steps along n₁ × n₂, each corrected onto both pieces (`walk`). It ends at
-//! a corner: one that is known already and lies ahead, or one that is found because the solid about
-//! the curve has changed on a step (`event`). Then points are put between its points until chords
-//! are near enough to it (`dense`).
+//! A curve is traced by steps along n₁ × n₂, each corrected onto both pieces (`walk`). It ends at a
+//! corner: a known one that lies ahead, or one that is found because the solid about the curve has
+//! changed within a step (`event`). Then points are inserted until chords are close enough to the
+//! curve (`dense`).
 
 mod dense;
 mod event;
 mod walk;
 
 use super::CornerKind;
-use super::junction::{HalfLine, State};
-use super::newton::{along, onto_two, unit};
-use super::search::Search;
+use super::context::FeatureContext;
+use super::junction::{CurveState, HalfLine};
+use super::newton::{add_scaled, onto_two, unit};
 use isoform_geom::{Point3, cross, dot, norm, sub};
 use std::collections::HashMap;
-use walk::{Home, Walk};
+use walk::{CurveStart, Walk};
 
-/// Corners nearer than this part of the size are one.
-const SAME: f64 = 1e-7;
-/// Ends of curves nearer to a corner than this part of the size are moved there.
-const AT_CORNER: f64 = 1e-9;
-/// Cosine, but for the sign, of two half-lines above which they are one curve that goes on.
-const STRAIGHT: f64 = 1e-6;
-/// Cosine of the direction in which a curve has come to a corner and of a half-line there, above
-/// which the two belong together.
-const ARRIVING: f64 = 0.8;
-/// Curves of one solid; beyond, the search is given up.
-const CURVES: usize = 1_000_000;
-/// Largest number of a bin, far beyond any region.
-const FARTHEST: f64 = 1e15;
+/// Distance, in sizes, within which corners are one.
+const COINCIDENT_CORNER_DISTANCE: f64 = 1e-7;
+/// Distance from a corner, in sizes, within which ends of curves are moved there.
+const END_SNAP_DISTANCE: f64 = 1e-9;
+/// Maximum number of curves of one solid; the search stops there as incomplete.
+const MAX_TRACED_CURVES: usize = 1_000_000;
 
 /// A corner with the curves that leave it.
 #[derive(Clone, Debug)]
@@ -43,8 +36,8 @@ pub(crate) struct Junction {
 
 /// A traced curve.
 #[derive(Clone, Debug)]
-pub(crate) struct Traced {
-    /// Pieces that vanish all along, of the one sheet and of the other.
+pub(crate) struct TracedCurve {
+    /// Pieces that vanish all along, of one sheet and of the other.
     pub(crate) a: Vec<u32>,
     pub(crate) b: Vec<u32>,
     pub(crate) points: Vec<Point3>,
@@ -54,32 +47,32 @@ pub(crate) struct Traced {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum End {
+enum CurveEnd {
     Corner(usize),
     Closed,
-    /// The border of the region, or the tracer's limits.
+    /// Border of the region, or a limit of the tracer.
     Open,
 }
 
-/// Corners and curves in bins as large as the size.
+/// Corners and curves, in bins as large as the size.
 pub(crate) struct Tracer<'a> {
-    search: &'a Search<'a>,
+    search: &'a FeatureContext<'a>,
     pub(crate) corners: Vec<Junction>,
-    /// The corners of each bin.
+    /// Corners by bin.
     at: HashMap<[i64; 3], Vec<usize>>,
-    pub(crate) curves: Vec<Traced>,
-    /// The chords of all curves, with their curve.
+    pub(crate) curves: Vec<TracedCurve>,
+    /// Chords of all curves, each with the index of its curve.
     segments: Vec<(Point3, Point3, u32)>,
-    /// The chords that begin or end in each bin.
+    /// Chords that begin or end in a bin, by bin.
     near: HashMap<[i64; 3], Vec<u32>>,
-    /// Whether a curve was given up before its end.
+    /// True if a curve was abandoned before its end.
     pub(crate) lost: bool,
-    /// Corners before this one have had all their curves followed.
+    /// Number of leading corners all of whose curves have been traced.
     traced: usize,
 }
 
 impl<'a> Tracer<'a> {
-    pub(crate) fn new(search: &'a Search<'a>) -> Self {
+    pub(crate) fn new(search: &'a FeatureContext<'a>) -> Self {
         Self {
             search,
             corners: Vec::new(),
@@ -95,27 +88,30 @@ impl<'a> Tracer<'a> {
 
 impl Tracer<'_> {
     fn bin(&self, p: Point3) -> [i64; 3] {
-        p.map(|v| (v / self.search.size()).floor().clamp(-FARTHEST, FARTHEST) as i64)
+        // The limits are far beyond any region.
+        p.map(|v| (v / self.search.size()).floor().clamp(-1e15, 1e15) as i64)
     }
 
-    /// The bins around a point.
-    fn around(&self, p: Point3) -> impl Iterator<Item = [i64; 3]> {
+    /// Returns the bins around a point.
+    fn bins_around(&self, p: Point3) -> impl Iterator<Item = [i64; 3]> {
         let b = self.bin(p);
         (0..27).map(move |k| [b[0] + k % 3 - 1, b[1] + k / 3 % 3 - 1, b[2] + k / 9 - 1])
     }
 
-    /// Adds a corner, if `p` is one that is not yet known. Returns the number of the corner at `p`.
+    /// Adds a corner unless `p` is a regular point of a curve. Returns the index of the corner at
+    /// `p`, known or new.
     pub(crate) fn add_corner(&mut self, p: Point3, kind: CornerKind) -> Option<usize> {
-        if let Some(known) = self.corner_at(p, SAME * self.search.size()) {
+        if let Some(known) = self.corner_at(p, COINCIDENT_CORNER_DISTANCE * self.search.size()) {
             return Some(known);
         }
         let pieces = self.search.touch(p)?.pieces();
         let lines = self.search.half_lines(p);
         let passes = match &lines[..] {
             [] => true,
-            // A curve that goes on as it came.
+            // A curve that continues through the point.
             [u, v] => {
-                dot(u.direction, v.direction) < -1.0 + STRAIGHT
+                // The two half-lines are one curve that continues straight.
+                dot(u.direction, v.direction) < -1.0 + 1e-6
                     && meet(u, v)
                     && kind != CornerKind::Branch
             }
@@ -124,21 +120,21 @@ impl Tracer<'_> {
         (!passes).then(|| self.push_corner(p, pieces, kind, lines))
     }
 
-    /// Adds a corner whether the solid shows one or not; the curve is open where nothing of it is.
-    fn force_corner(&mut self, p: Point3, kind: CornerKind) -> End {
-        if let Some(known) = self.corner_at(p, SAME * self.search.size()) {
-            return End::Corner(known);
+    /// Adds a corner even if the solid shows none; the curve ends open if `p` is off the surface.
+    fn force_corner(&mut self, p: Point3, kind: CornerKind) -> CurveEnd {
+        if let Some(known) = self.corner_at(p, COINCIDENT_CORNER_DISTANCE * self.search.size()) {
+            return CurveEnd::Corner(known);
         }
         let Some(pieces) = self.search.touch(p).map(|t| t.pieces()) else {
-            return End::Open;
+            return CurveEnd::Open;
         };
         let lines = self.search.half_lines(p);
-        End::Corner(self.push_corner(p, pieces, kind, lines))
+        CurveEnd::Corner(self.push_corner(p, pieces, kind, lines))
     }
 
     /// Adds the tip of a piece.
     pub(crate) fn add_apex(&mut self, p: Point3, piece: u32) {
-        match self.corner_at(p, SAME * self.search.size()) {
+        match self.corner_at(p, COINCIDENT_CORNER_DISTANCE * self.search.size()) {
             Some(known) if self.corners[known].kind == CornerKind::Apex => {
                 let pieces = &mut self.corners[known].pieces;
                 if let Err(at) = pieces.binary_search(&piece) {
@@ -152,9 +148,12 @@ impl Tracer<'_> {
         }
     }
 
-    /// The first corner within `reach` (at most the size) of a point.
+    /// Returns the first corner within `reach` (at most the size) of a point.
     pub(crate) fn corner_at(&self, p: Point3, reach: f64) -> Option<usize> {
-        let candidates = self.around(p).filter_map(|b| self.at.get(&b)).flatten();
+        let candidates = self
+            .bins_around(p)
+            .filter_map(|b| self.at.get(&b))
+            .flatten();
         candidates
             .copied()
             .filter(|c| norm(sub(self.corners[*c].point, p)) <= reach)
@@ -181,10 +180,10 @@ impl Tracer<'_> {
         self.corners.len() - 1
     }
 
-    /// Whether a curve passes within `reach` of `p` (at most the size); of any pieces, or with one
-    /// of each given sheet.
+    /// Returns true if a curve passes within `reach` of `p` (at most the size). With `pair`, only
+    /// curves of these two pieces count.
     pub(crate) fn passes(&self, p: Point3, reach: f64, pair: Option<[u32; 2]>) -> bool {
-        self.around(p)
+        self.bins_around(p)
             .filter_map(|b| self.near.get(&b))
             .flatten()
             .any(|s| {
@@ -197,11 +196,11 @@ impl Tracer<'_> {
             })
     }
 
-    /// Follows all curves that leave corners, those found on the way included.
+    /// Traces all curves that leave corners, including corners found on the way.
     pub(crate) fn trace_corners(&mut self) {
         while self.traced < self.corners.len() {
             for l in 0..self.corners[self.traced].lines.len() {
-                if self.curves.len() >= CURVES || self.search.control.is_stopped() {
+                if self.curves.len() >= MAX_TRACED_CURVES || self.search.control.is_stopped() {
                     self.lost = true;
                     return;
                 }
@@ -213,7 +212,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// Follows a half-line from its corner.
+    /// Traces a half-line from its corner.
     fn trace_line(&mut self, c: usize, l: usize) {
         self.corners[c].used[l] = true;
         let (origin, line) = (self.corners[c].point, self.corners[c].lines[l].clone());
@@ -230,16 +229,16 @@ impl Tracer<'_> {
             state: walk.state.clone(),
         };
         let (end, last) = match self.corner_ahead(&first, norm(sub(walk.p, origin)), Some(c)) {
-            Some(end) => (End::Corner(end), first),
+            Some(end) => (CurveEnd::Corner(end), first),
             None => {
                 points.push(walk.p);
                 self.follow(walk, &mut points, None)
             }
         };
-        self.finish(points, [End::Corner(c), end], last);
+        self.finish(points, [CurveEnd::Corner(c), end], last);
     }
 
-    /// Follows the curve through `p`, a point of no traced curve and of no corner.
+    /// Traces the curve through `p`, a point of no traced curve and of no corner.
     pub(crate) fn trace_seed(&mut self, p: Point3, pair: [u32; 2]) {
         let Some((p, n)) = onto_two(self.search.solid, pair, p, self.search.size()) else {
             return;
@@ -250,13 +249,13 @@ impl Tracer<'_> {
         };
         let mut points = vec![p];
         let walk = Walk { p, t, pair, state };
-        let (end, last) = self.follow(walk, &mut points, Some(Home { p, t }));
-        if end == End::Closed {
-            self.finish(points, [End::Closed, End::Closed], last);
+        let (end, last) = self.follow(walk, &mut points, Some(CurveStart { p, t }));
+        if end == CurveEnd::Closed {
+            self.finish(points, [CurveEnd::Closed, CurveEnd::Closed], last);
             return;
         }
-        // The sheets' pieces are those left at the other end.
-        let Some(walk) = self.search.back(p, t, &last) else {
+        // The sheets keep only the pieces that remained at the other end.
+        let Some(walk) = self.search.reversed(p, t, &last) else {
             return;
         };
         let mut rest = vec![p];
@@ -267,10 +266,10 @@ impl Tracer<'_> {
         self.finish(rest, [start, end], last);
     }
 
-    /// The nearest corner to which the curve leads.
+    /// Returns the nearest corner to which the curve leads.
     fn corner_ahead(&self, walk: &Walk, reach: f64, except: Option<usize>) -> Option<usize> {
         let mut best: Option<(f64, usize)> = None;
-        let around = self.around(walk.p).filter_map(|b| self.at.get(&b));
+        let around = self.bins_around(walk.p).filter_map(|b| self.at.get(&b));
         for &c in around.flatten() {
             let corner = &self.corners[c];
             let distance = norm(sub(corner.point, walk.p));
@@ -287,7 +286,7 @@ impl Tracer<'_> {
         best.map(|b| b.1)
     }
 
-    /// Whether both pieces of a curve pass through a corner, and the curve leads there.
+    /// Returns true if both pieces of a curve pass through a corner, and the curve leads there.
     fn leads_to_corner(&self, walk: &Walk, corner: &Junction, reach: f64) -> bool {
         let search = self.search;
         let on = |k: u32| corner.pieces.contains(&k) || search.lies_on(corner.point, k);
@@ -295,31 +294,37 @@ impl Tracer<'_> {
         walk.pair.into_iter().all(on) && search.leads_to(walk, corner.point, reach, may_fade)
     }
 
-    /// Makes the curve dense and puts it with the others.
-    fn finish(&mut self, mut points: Vec<Point3>, ends: [End; 2], last: Walk) {
+    /// Densifies a curve and adds it to the others.
+    fn finish(&mut self, mut points: Vec<Point3>, ends: [CurveEnd; 2], last: Walk) {
         self.end_at(&mut points, ends, &last.state);
         if points.len() < 2 {
             return;
         }
-        let closed = ends[0] == End::Closed || (ends[0] == ends[1] && ends[0] != End::Open);
+        let closed =
+            ends[0] == CurveEnd::Closed || (ends[0] == ends[1] && ends[0] != CurveEnd::Open);
         let (points, angles) = self.search.dense(&points, last.pair);
         self.add_segments(&points);
-        let State { a, b, .. } = last.state;
-        self.curves.push(Traced {
+        let CurveState { a, b, .. } = last.state;
+        self.curves.push(TracedCurve {
             a,
             b,
             points,
             angles,
-            corners: ends.map(End::corner),
+            corners: ends.map(CurveEnd::corner),
             closed,
         });
     }
 
-    /// Lets the points of a curve begin and end in its corners; a closed one ends where it began.
-    fn end_at(&mut self, points: &mut Vec<Point3>, [start, end]: [End; 2], state: &State) {
-        if let End::Corner(c) = start {
+    /// Moves the ends of a curve to its corners; closes a closed one.
+    fn end_at(
+        &mut self,
+        points: &mut Vec<Point3>,
+        [start, end]: [CurveEnd; 2],
+        state: &CurveState,
+    ) {
+        if let CurveEnd::Corner(c) = start {
             let corner = self.corners[c].point;
-            if norm(sub(points[0], corner)) > AT_CORNER * self.search.size() {
+            if norm(sub(points[0], corner)) > END_SNAP_DISTANCE * self.search.size() {
                 points.insert(0, corner);
             } else if points.len() > 1 {
                 points[0] = corner;
@@ -327,22 +332,22 @@ impl Tracer<'_> {
             let next = points[1.min(points.len() - 1)];
             self.arrive(c, unit(sub(next, corner)), state);
         }
-        if let End::Corner(c) = end {
+        if let CurveEnd::Corner(c) = end {
             let corner = self.corners[c].point;
             let at = points.len() - 1;
-            if norm(sub(points[at], corner)) > AT_CORNER * self.search.size() {
+            if norm(sub(points[at], corner)) > END_SNAP_DISTANCE * self.search.size() {
                 points.push(corner);
             } else if points.len() > 1 {
                 points[at] = corner;
             }
             let before = points[points.len().saturating_sub(2)];
             self.arrive(c, unit(sub(before, corner)), state);
-        } else if end == End::Closed {
+        } else if end == CurveEnd::Closed {
             points.push(points[0]);
         }
     }
 
-    /// Puts the chords of the next curve into bins.
+    /// Adds the chords of the next curve to the bins.
     fn add_segments(&mut self, points: &[Point3]) {
         let curve = self.curves.len() as u32;
         for w in points.windows(2) {
@@ -357,11 +362,12 @@ impl Tracer<'_> {
     }
 
     /// Marks the half-line by which a curve has come to a corner.
-    fn arrive(&mut self, c: usize, away: Point3, state: &State) {
+    fn arrive(&mut self, c: usize, away: Point3, state: &CurveState) {
         let corner = &mut self.corners[c];
         let cosine = |l: &usize| dot(corner.lines[*l].direction, away);
         let best = (0..corner.lines.len())
-            .filter(|l| corner.lines[*l].has_sheets_of(state) && cosine(l) > ARRIVING)
+            // The half-line must point back along the curve.
+            .filter(|l| corner.lines[*l].has_sheets_of(state) && cosine(l) > 0.8)
             .max_by(|x, y| cosine(x).total_cmp(&cosine(y)));
         if let Some(l) = best {
             corner.used[l] = true;
@@ -369,7 +375,7 @@ impl Tracer<'_> {
     }
 }
 
-impl End {
+impl CurveEnd {
     fn corner(self) -> Option<u32> {
         match self {
             Self::Corner(c) => Some(c as u32),
@@ -379,14 +385,14 @@ impl End {
 }
 
 impl HalfLine {
-    /// Whether its sheets share pieces with those of a curve, one with the one and one with the
-    /// other.
-    fn has_sheets_of(&self, state: &State) -> bool {
+    /// Returns true if the sheets of the half-line share pieces with those of a curve, one with
+    /// each.
+    fn has_sheets_of(&self, state: &CurveState) -> bool {
         share_sheets([&self.a, &self.b], [&state.a, &state.b])
     }
 }
 
-/// Whether the sheets of two half-lines share pieces.
+/// Returns true if the sheets of two half-lines share pieces.
 fn meet(u: &HalfLine, v: &HalfLine) -> bool {
     share_sheets([&u.a, &u.b], [&v.a, &v.b])
 }
@@ -396,17 +402,17 @@ fn share_sheets([a, b]: [&[u32]; 2], [c, d]: [&[u32]; 2]) -> bool {
     (share(a, c) && share(b, d)) || (share(a, d) && share(b, c))
 }
 
-/// ±t, so that it points along `way`.
-fn toward(t: Point3, way: Point3) -> Point3 {
+/// Returns t or −t, whichever points along `way`.
+fn aligned_with(t: Point3, way: Point3) -> Point3 {
     if dot(t, way) < 0.0 { t.map(|v| -v) } else { t }
 }
 
-/// What both lists hold.
-fn both(a: &[u32], b: &[u32]) -> Vec<u32> {
+/// Returns the elements that both lists hold.
+fn common_elements(a: &[u32], b: &[u32]) -> Vec<u32> {
     a.iter().copied().filter(|k| b.contains(k)).collect()
 }
 
-/// The distance of a point from a segment.
+/// Returns the distance of a point from a segment.
 fn to_segment(p: Point3, a: Point3, b: Point3) -> f64 {
     let (ab, ap) = (sub(b, a), sub(p, a));
     let l2 = dot(ab, ab);
@@ -415,5 +421,5 @@ fn to_segment(p: Point3, a: Point3, b: Point3) -> f64 {
     } else {
         0.0
     };
-    norm(sub(p, along(a, ab, s)))
+    norm(sub(p, add_scaled(a, ab, s)))
 }

@@ -4,25 +4,25 @@ use crate::error::MeshError;
 use isoform_geom::{Aabb, Csg, Point3, Solid, dot, norm};
 use isoform_num::{Interval, Jet2, Real};
 
-/// A solid whose pieces with layers lie one thickness further inside.
+/// A solid whose pieces with layers are moved inward by one thickness.
 ///
 /// A piece g becomes g(p − T ∇g/|∇g|): it vanishes where a step of one thickness T against the
-/// gradient ends on the surface. Of planes, balls, cylinders and all functions whose gradients keep
-/// their direction along themselves this is the parallel surface. Of others it is near to it;
-/// columns of nodes end where it is.
+/// gradient ends on the surface. For planes, spheres, cylinders and all functions whose gradients
+/// are constant along their own direction this is the parallel surface. For others it is an
+/// approximation; columns of nodes end on it.
 pub(crate) struct Core<'a> {
     solid: &'a dyn Solid,
-    /// Whether each piece has layers.
+    /// Flag per piece: true if it has layers.
     layered: &'a [bool],
-    /// Thickness of all layers.
+    /// Total thickness of the layers.
     thickness: f64,
 }
 
 impl<'a> Core<'a> {
-    /// The core of a solid in a box.
+    /// Creates the core of a solid in a box.
     ///
     /// # Errors
-    /// [`MeshError::NoSlopes`] if a piece's gradient is not bounded over boxes.
+    /// [`MeshError::NoSlopes`] if a piece's gradient has no bounds over boxes.
     pub(crate) fn new(
         solid: &'a dyn Solid,
         layered: &'a [bool],
@@ -46,7 +46,7 @@ impl<'a> Core<'a> {
         self.layered.get(piece as usize) == Some(&true)
     }
 
-    /// Where a step of one thickness against the gradient ends.
+    /// Returns the end of a step of one thickness against the gradient.
     fn step(&self, p: Point3, gradient: Point3) -> Point3 {
         let share = self.thickness / norm(gradient);
         std::array::from_fn(|i| p[i] - share * gradient[i])
@@ -55,18 +55,19 @@ impl<'a> Core<'a> {
     fn value(&self, piece: u32, p: Point3) -> f64 {
         let (v, g) = self.solid.gradient(piece, p);
         match norm(g) {
-            // Outside a step may reach over what is outside, to the surface behind it.
+            // A step from outside may cross a gap and reach the surface behind it.
             slope if v <= 0.0 => v - self.thickness * slope,
             0.0 => v,
             _ => self.solid.gradient(piece, self.step(p, g)).0,
         }
     }
 
-    /// What holds a piece with layers over a box, from what holds the solid's piece there.
+    /// Returns bounds of a piece with layers over a box, from the bounds of the solid's piece
+    /// there.
     ///
-    /// On the way of the step the gradient is none of those in the box, but one of those in the box
-    /// and around it. Along that at p it is at least |∇g(p)| less the differences between them, and
-    /// at most as long as the longest.
+    /// Along the step the gradient may leave the box; it stays in the box widened by the thickness.
+    /// Its component along the gradient at p is at least |∇g(p)| less the variation of the
+    /// gradient, and at most the length of the longest one.
     fn moved(&self, piece: u32, region: Aabb, values: Interval) -> Interval {
         let around = Aabb {
             lo: region.lo.map(|x| x - self.thickness),
@@ -111,8 +112,8 @@ impl Solid for Core<'_> {
             false => self.solid.gradient(piece, p),
         }
     }
-    /// Of a piece with layers the second derivatives are those of the solid's piece: they tell how
-    /// it bends, from which sizes follow, to first order in the thickness.
+    /// Returns the jet of a piece. With layers the second derivatives are those of the solid's
+    /// piece: they give the curvature, from which sizes follow, to first order in the thickness.
     fn jet(&self, piece: u32, p: Point3) -> Jet2 {
         let jet = self.solid.jet(piece, p);
         let slope = norm(jet.g);
@@ -191,7 +192,7 @@ mod tests {
         }
     }
 
-    /// The gradient that is told is that of the values: differences of these over 2e-5 agree with
+    /// The gradient is that of the values: differences of these over 2e-5 agree with
     /// it to some 1e-9.
     #[test]
     fn gradients_are_those_of_the_values() {

@@ -1,93 +1,85 @@
 //! Wedges between the surface of the core and that of the solid.
 
+use crate::distance::{first_order_at, zero_in};
 use crate::error::MeshError;
 use crate::options::Layers;
-use crate::points::{along, unique, unit};
-use crate::surface::{first_order_at, newton, zero_in};
+use crate::points::{lerp, unique, unit};
+use crate::surface::newton;
 use isoform_geom::{Aabb, Mesh, Point3, Solid, dot, norm, sub};
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-/// Steps of Newton's method onto the solid's surface, at most; some five are usual.
-const STEPS: usize = 50;
-/// Distance from the solid's surface, as a share of the diagonal, from which a node is not on it:
-/// what the certificate takes for rounding.
-const OFF: f64 = 1e-9;
-/// Cosine of the angle between normals above which a part meets another one smoothly: 30 degrees,
-/// at which columns are twice as long as layers are thick.
-const SMOOTH: f64 = 0.866;
-/// Thicknesses over which the ways of nodes turn into those of an edge: more lean farther into
-/// faces, less squeeze them near edges into which the solid turns by more than half a turn.
-const TURNING: f64 = 2.0;
-/// Rounds in which ways follow those of their neighbours, at most; a round carries them by one
+/// Distance over which the ways of nodes turn into those of an edge, in thicknesses: a larger one
+/// makes ways lean farther into faces, a smaller one squeezes layers near concave edges.
+const LEAN_RANGE_THICKNESSES: f64 = 2.0;
+/// Maximum number of rounds in which ways are averaged over neighbours; a round carries them by one
 /// edge, and layers are seldom as thick as a dozen edges.
-const TURNS: usize = 300;
-/// Change of the ways, in thicknesses, below which they are settled.
-const STILL: f64 = 1e-4;
-/// The least share of its thickness that is left to the last layer. With less, thicknesses are
-/// shares of what there is: offsets of surfaces that bend much are thinner than asked for.
-const LEAST_LAST: f64 = 0.3;
+const MAX_LEAN_ROUNDS: usize = 300;
+/// Minimum share of its thickness that is left to the last layer. With less, all layers are scaled
+/// to the available thickness: offsets of strongly curved surfaces are thinner than requested.
+const MIN_LAST_LAYER_SHARE: f64 = 0.3;
 
-/// The pieces of the surface that a node of the core lies on.
+/// Pieces of the surface on which a node of the core lies.
 #[derive(Clone, Default)]
-struct Stand {
-    /// Those with layers.
+struct NodePieces {
+    /// Pieces with layers.
     layered: Vec<u32>,
-    /// Those without.
+    /// Pieces without layers.
     others: Vec<u32>,
 }
 
-impl Stand {
-    /// All pieces.
+impl NodePieces {
+    /// Returns all pieces.
     fn all(&self) -> Vec<u32> {
         self.layered.iter().chain(&self.others).copied().collect()
     }
 }
 
-/// A neighbour whose way that of a node follows.
+/// A neighbour that the way of a node follows.
 struct Neighbour {
     node: usize,
-    /// What it counts for: one over the square of its distance.
+    /// Weight in the average: one over the square of its distance.
     weight: f64,
-    /// How its way leans as seen from the node's pieces, where it lies on more of them.
+    /// Fixed lean of the neighbour's way as seen from the node's pieces, if the neighbour lies on
+    /// more of them.
     end: Option<Point3>,
 }
 
 /// A mesh with layers.
-pub(crate) struct Grown {
+pub(crate) struct LayeredMesh {
     pub(crate) mesh: Mesh,
-    /// How thick all layers are where they are thinnest, and a place there.
+    /// Minimum total thickness of the layers, and a point where it occurs.
     pub(crate) thinnest: Option<(f64, Point3)>,
 }
 
-/// What layers are grown with.
+/// Context in which layers are grown.
 struct Grower<'a> {
     solid: &'a dyn Solid,
     layers: &'a Layers,
-    /// Whether each piece of the solid has layers.
+    /// Flag per piece of the solid: true if it has layers.
     layered: &'a [bool],
-    /// The piece of each part of the mesh, if it is one.
+    /// Piece of each part of the mesh; `None` if the part is not a piece.
     pieces: Vec<Option<u32>>,
-    /// Whether each part has layers.
+    /// Flag per part: true if it has layers.
     is_layered: Vec<bool>,
-    /// Below this distance a node is on a piece: rounding.
+    /// Distance up to which a node is on a piece: rounding.
     zero: f64,
-    /// Above this distance it is not.
+    /// Distance above which a node is off a piece.
     off: f64,
 }
 
-/// Grows layers of wedges from the surface of a core to that of its solid: of a mesh of the core
-/// one of the solid is made.
+/// Grows layers of wedges from the surface of a core to that of its solid; converts a mesh of the
+/// core to one of the solid.
 ///
 /// # Errors
-/// [`MeshError::LayersEnd`] where parts without layers meet those with some in no edge on which
-/// layers could stand.
+/// [`MeshError::LayersEnd`] where parts without layers meet those with layers, but not in an edge
+/// on which layers could stand.
 pub(crate) fn grow(
     core: &Mesh,
     solid: &dyn Solid,
     layered: &[bool],
     layers: &Layers,
     region: Aabb,
-) -> Result<Grown, MeshError> {
+) -> Result<LayeredMesh, MeshError> {
     let number: HashMap<&str, u32> = (0u32..)
         .zip(solid.names())
         .map(|(i, name)| (name.as_str(), i))
@@ -105,7 +97,8 @@ pub(crate) fn grow(
         is_layered: pieces.iter().map(of).collect(),
         pieces,
         zero: zero_in(region),
-        off: OFF * region.diagonal(),
+        // The certificate takes this for rounding.
+        off: 1e-9 * region.diagonal(),
     };
     let stands = grower.stands(core);
     grower.check_others(core, &stands)?;
@@ -113,20 +106,20 @@ pub(crate) fn grow(
     let thin = columns
         .iter()
         .min_by(|a, b| a.1.reach.total_cmp(&b.1.reach));
-    Ok(Grown {
+    Ok(LayeredMesh {
         mesh: grower.filled(core, &columns),
         thinnest: thin.map(|(&v, column)| (column.reach, core.points[v as usize])),
     })
 }
 
-/// What nodes of the core stand on, of those on parts with layers.
-type Stands = BTreeMap<u32, Stand>;
+/// Pieces of the nodes of the core that are on parts with layers, by node.
+type PiecesByNode = BTreeMap<u32, NodePieces>;
 
 /// The nodes over a node of the core.
 struct Column {
-    /// From the surface of the solid to that of the core.
+    /// Nodes from the surface of the solid to that of the core.
     nodes: Vec<Point3>,
-    /// How far the core is from the surface there.
+    /// Distance of the core from the surface there.
     reach: f64,
 }
 
@@ -134,21 +127,21 @@ struct Column {
 type Columns = BTreeMap<u32, Column>;
 
 impl Grower<'_> {
-    /// Whether a triangle of the core has layers.
+    /// Returns true if a triangle of the core has layers.
     fn has_layers(&self, core: &Mesh, triangle: usize) -> bool {
         let part = core.triangle_parts.get(triangle);
         part.is_some_and(|&part| self.is_layered[part as usize])
     }
 
-    /// Distance of a place to the surface of the solid, with the piece that decides it.
+    /// Returns the distance of a point to the surface of the solid, with the piece that decides it.
     fn value(&self, p: Point3) -> (f64, u32) {
         let of = |piece| first_order_at(self.solid, piece, p);
         self.solid.tree().value_and_piece(&of)
     }
 
-    /// Looks for triangles of parts without layers that are not on the solid's surface: those of a
-    /// part that the core goes on along where the layers of another one would have to end.
-    fn check_others(&self, core: &Mesh, stands: &Stands) -> Result<(), MeshError> {
+    /// Searches for triangles of parts without layers that are off the solid's surface: those of a
+    /// part along which the core continues where the layers of another part would have to end.
+    fn check_others(&self, core: &Mesh, stands: &PiecesByNode) -> Result<(), MeshError> {
         for (k, triangle) in core.triangles.iter().enumerate() {
             if self.has_layers(core, k) {
                 continue;
@@ -165,7 +158,8 @@ impl Grower<'_> {
         Ok(())
     }
 
-    /// The error of layers that end at a piece, near a place: those on the nearest piece with some.
+    /// Creates the error of layers that end at a piece, near a point; the layers named are those on
+    /// the nearest piece with layers.
     fn ends(&self, other: u32, at: Point3) -> MeshError {
         let distance = |piece: &u32| first_order_at(self.solid, *piece, at).abs();
         let layered = self.pieces.iter().zip(&self.is_layered);
@@ -179,12 +173,12 @@ impl Grower<'_> {
         }
     }
 
-    /// What the nodes on parts with layers stand on.
-    fn stands(&self, core: &Mesh) -> Stands {
+    /// Collects the pieces on which the nodes on parts with layers lie.
+    fn stands(&self, core: &Mesh) -> PiecesByNode {
         let triangles = core.triangles.iter().enumerate();
         let layered = triangles.clone().filter(|(k, _)| self.has_layers(core, *k));
         let nodes = layered.flat_map(|(_, triangle)| *triangle);
-        let mut stands: Stands = nodes.map(|v| (v, Stand::default())).collect();
+        let mut stands: PiecesByNode = nodes.map(|v| (v, NodePieces::default())).collect();
         for (k, triangle) in triangles {
             let Some(piece) = self.pieces[core.triangle_parts[k] as usize] else {
                 continue;
@@ -205,11 +199,13 @@ impl Grower<'_> {
         stands
     }
 
-    /// The nearest place on some pieces: on the first three, which meet in a point.
+    /// Returns the nearest point on the first three pieces, which meet in a point; `None` if
+    /// Newton's method fails.
     fn foot(&self, pieces: &[u32], from: Point3) -> Option<Point3> {
         let pieces = &pieces[..pieces.len().min(3)];
         let mut p = from;
-        for _ in 0..STEPS {
+        // Some five steps of Newton's method are usual.
+        for _ in 0..50 {
             let (step, off) = newton(&|i, p| self.solid.gradient(i, p), pieces, p)?;
             if off <= self.zero {
                 return Some(p);
@@ -219,10 +215,10 @@ impl Grower<'_> {
         None
     }
 
-    /// The columns of nodes between the core and the solid's surface.
-    fn columns(&self, core: &Mesh, stands: Stands) -> Result<Columns, MeshError> {
+    /// Returns the columns of nodes between the core and the solid's surface.
+    fn columns(&self, core: &Mesh, stands: PiecesByNode) -> Result<Columns, MeshError> {
         let nodes: Vec<u32> = stands.keys().copied().collect();
-        let stands: Vec<Stand> = stands.into_values().collect();
+        let stands: Vec<NodePieces> = stands.into_values().collect();
         let ways = self.ways(core, &nodes, &stands);
         let columns = nodes.iter().zip(&stands).zip(ways);
         let column = |((&v, stand), way)| {
@@ -232,20 +228,20 @@ impl Grower<'_> {
         columns.map(column).collect()
     }
 
-    /// The way from a place to the nearest one on some pieces; none where there is none.
+    /// Returns the vector from a point to the nearest one on some pieces; 0 if there is none.
     fn way(&self, pieces: &[u32], from: Point3) -> Point3 {
         let foot = self.foot(pieces, from);
         foot.map_or([0.0; 3], |p| sub(p, from))
     }
 
-    /// The ways from nodes of the core to the solid's surface.
+    /// Returns the vectors ("ways") from nodes of the core to the solid's surface.
     ///
-    /// On a face this is the way to the nearest place. Where the core's edges are not where the
-    /// nearest places of the solid's edges are, faces of the two are not equally wide: ways *lean*
-    /// towards the edge, less the farther it is, over [`TURNING`] thicknesses. Along edges they
-    /// lean towards corners likewise, and faces follow edges that do.
-    fn ways(&self, core: &Mesh, nodes: &[u32], stands: &[Stand]) -> Vec<Point3> {
-        let all: Vec<Vec<u32>> = stands.iter().map(Stand::all).collect();
+    /// On a face this is the vector to the nearest point. Where the core's edges are not opposite
+    /// the nearest points of the solid's edges, faces of the two differ in width: ways *lean*
+    /// towards the edge, decreasing with the distance from it, over [`LEAN_RANGE_THICKNESSES`]
+    /// thicknesses. Along edges they lean towards corners likewise, and faces follow edges that do.
+    fn ways(&self, core: &Mesh, nodes: &[u32], stands: &[NodePieces]) -> Vec<Point3> {
+        let all: Vec<Vec<u32>> = stands.iter().map(NodePieces::all).collect();
         let places: Vec<Point3> = nodes.iter().map(|&v| core.points[v as usize]).collect();
         let near = self.neighbours(core, nodes, &all);
         let upright = all.iter().zip(&places).map(|(all, p)| self.way(all, *p));
@@ -272,13 +268,14 @@ impl Grower<'_> {
         ways
     }
 
-    /// How the ways of some nodes lean: as the mean of their neighbours, and none at all.
+    /// Returns the leans of the ways of some nodes: weighted means of their neighbours' leans and
+    /// of 0.
     fn leans(&self, n: usize, followers: &[usize], near: &[Vec<Neighbour>]) -> Vec<Point3> {
         let thickness = self.layers.thickness();
-        // A neighbour one reach away weighs as much as not leaning at all.
-        let upright = (TURNING * thickness).powi(-2);
+        // A neighbour one range away weighs as much as an upright way.
+        let upright = (LEAN_RANGE_THICKNESSES * thickness).powi(-2);
         let mut leans = vec![[0.0; 3]; n];
-        for _ in 0..TURNS {
+        for _ in 0..MAX_LEAN_ROUNDS {
             let mut change = 0.0f64;
             let before = leans.clone();
             for (&v, near) in followers.iter().zip(near) {
@@ -292,15 +289,16 @@ impl Grower<'_> {
                 change = change.max(norm(sub(next, leans[v])));
                 leans[v] = next;
             }
-            if change <= STILL * thickness {
+            // The ways are settled.
+            if change <= 1e-4 * thickness {
                 break;
             }
         }
         leans
     }
 
-    /// The neighbours of each node of the core that its way follows: those along an edge which lie
-    /// on all pieces that the node lies on. A corner follows none.
+    /// Returns the neighbours of each node of the core that its way follows: those along an edge
+    /// which lie on all pieces of the node. A corner follows none.
     fn neighbours(&self, core: &Mesh, nodes: &[u32], all: &[Vec<u32>]) -> Vec<Vec<usize>> {
         let number: HashMap<u32, usize> = nodes.iter().copied().zip(0..).collect();
         let mut near: Vec<Vec<usize>> = vec![Vec::new(); nodes.len()];
@@ -318,8 +316,8 @@ impl Grower<'_> {
         near.into_iter().map(unique).collect()
     }
 
-    /// Where a column stands on the surface of the solid, its node of the core at `top`.
-    fn base(&self, top: Point3, way: Point3, stand: &Stand) -> Result<Point3, MeshError> {
+    /// Returns the foot of a column on the surface of the solid, for the node of the core at `top`.
+    fn base(&self, top: Point3, way: Point3, stand: &NodePieces) -> Result<Point3, MeshError> {
         let mut others = stand.others.iter();
         if let Some(&smooth) = others.find(|i| self.is_smooth(stand, **i, top)) {
             return Err(self.ends(smooth, top));
@@ -327,7 +325,7 @@ impl Grower<'_> {
         if let Some(&piece) = stand.others.first()
             && self.value(top).0 > self.off
         {
-            // The core goes on along the piece where the solid does not end at it.
+            // The core continues along the piece where the solid does not end at it.
             return Err(self.ends(piece, top));
         }
         let from = std::array::from_fn(|i| top[i] + way[i]);
@@ -337,14 +335,14 @@ impl Grower<'_> {
         base.ok_or_else(|| self.no_room(stand, foot, top))
     }
 
-    /// The nodes of one column, from the surface of the solid to the node of the core.
-    fn column(&self, top: Point3, way: Point3, stand: &Stand) -> Result<Column, MeshError> {
+    /// Returns the nodes of one column, from the surface of the solid to the node of the core.
+    fn column(&self, top: Point3, way: Point3, stand: &NodePieces) -> Result<Column, MeshError> {
         let base = self.base(top, way, stand)?;
         let reach = self.reach(stand, base, top);
         let mut nodes: Vec<Point3> = self
             .shares(reach)
             .into_iter()
-            .map(|share| along(base, top, share))
+            .map(|share| lerp(base, top, share))
             .collect();
         if let ([_, inner @ .., _], false) = (nodes.as_mut_slice(), stand.others.is_empty()) {
             for p in inner {
@@ -357,19 +355,20 @@ impl Grower<'_> {
         Ok(Column { nodes, reach })
     }
 
-    /// Whether a piece without layers meets one with some so smoothly that columns on it would lie
-    /// almost along the surface.
-    fn is_smooth(&self, stand: &Stand, other: u32, p: Point3) -> bool {
+    /// Returns true if a piece without layers meets one with layers so smoothly that columns on it
+    /// would lie almost along the surface.
+    fn is_smooth(&self, stand: &NodePieces, other: u32, p: Point3) -> bool {
         let normal = |piece: u32| unit(self.solid.gradient(piece, p).1);
         let n = normal(other);
         let mut normals = stand.layered.iter().map(|&piece| normal(piece));
-        normals.any(|m| dot(n, m) > SMOOTH)
+        // 30 degrees, at which columns are twice as long as layers are thick.
+        normals.any(|m| dot(n, m) > 0.866)
     }
 
-    /// The error of a node of the core whose parts have no surface of the solid over it: they end
-    /// sooner, at one without layers, or the layers are too thick for what is there. `base` is the
-    /// nearest place on the parts, if they meet at all.
-    fn no_room(&self, stand: &Stand, base: Option<Point3>, top: Point3) -> MeshError {
+    /// Creates the error of a node of the core whose parts have no surface of the solid over it:
+    /// they end earlier, at a part without layers, or the layers are too thick. `base` is the
+    /// nearest point on the parts, if they meet at all.
+    fn no_room(&self, stand: &NodePieces, base: Option<Point3>, top: Point3) -> MeshError {
         let decided = base.map(|base| self.value(base).1);
         match decided.filter(|&piece| !self.layered[piece as usize]) {
             Some(piece) if stand.others.is_empty() => self.ends(piece, top),
@@ -380,8 +379,9 @@ impl Grower<'_> {
         }
     }
 
-    /// How far a node of the core is from the surface, as the mean over its pieces with layers.
-    fn reach(&self, stand: &Stand, base: Point3, top: Point3) -> f64 {
+    /// Returns the distance of a node of the core from the surface, as the mean over its pieces
+    /// with layers.
+    fn reach(&self, stand: &NodePieces, base: Point3, top: Point3) -> f64 {
         let feet = stand.layered.iter().filter_map(|&i| self.foot(&[i], top));
         let distances: Vec<f64> = feet.map(|q| norm(sub(top, q))).collect();
         match distances.len() {
@@ -390,13 +390,13 @@ impl Grower<'_> {
         }
     }
 
-    /// Where the nodes of a column are, as shares of its reach: layers have the thickness asked
-    /// for, all but the last one, which ends where the core begins.
+    /// Returns the positions of the nodes of a column, as shares of its reach: layers have the
+    /// requested thickness, except the last one, which ends at the core.
     fn shares(&self, reach: f64) -> Vec<f64> {
         let heights = self.layers.heights();
         let n = self.layers.count;
         let last = heights[n] - heights[n - 1];
-        let whole = match reach - heights[n - 1] >= LEAST_LAST * last {
+        let whole = match reach - heights[n - 1] >= MIN_LAST_LAYER_SHARE * last {
             true => reach,
             false => heights[n],
         };
@@ -404,7 +404,7 @@ impl Grower<'_> {
         inner.chain([1.0]).collect()
     }
 
-    /// The mesh of the core with its columns as wedges.
+    /// Returns the mesh of the core with its columns as wedges.
     fn filled(&self, core: &Mesh, columns: &Columns) -> Mesh {
         let mut mesh = core.clone();
         let n = self.layers.count;
@@ -421,7 +421,7 @@ impl Grower<'_> {
         mesh
     }
 
-    /// Wedges over the triangles with layers, which move to the solid's surface.
+    /// Adds wedges over the triangles with layers, which move to the solid's surface.
     fn wedges(&self, core: &Mesh, nodes: &HashMap<u32, Vec<u32>>, mesh: &mut Mesh) {
         for (k, triangle) in core.triangles.iter().enumerate() {
             if !self.has_layers(core, k) {
@@ -429,13 +429,13 @@ impl Grower<'_> {
             }
             let [a, b, c] = triangle.map(|v| &nodes[&v]);
             mesh.triangles[k] = [a[0], b[0], c[0]];
-            // The base of a wedge looks into the solid.
+            // The base of a wedge faces into the solid.
             let wedge = |i: usize| [a[i], c[i], b[i], a[i + 1], c[i + 1], b[i + 1]];
             mesh.wedges.extend((0..self.layers.count).map(wedge));
         }
     }
 
-    /// Quadrilaterals on parts without layers, where columns stand.
+    /// Adds quadrilaterals on parts without layers, where columns stand.
     fn sides(&self, core: &Mesh, nodes: &HashMap<u32, Vec<u32>>, mesh: &mut Mesh) {
         let mut ends: HashSet<[u32; 2]> = HashSet::new();
         for (k, &[a, b, c]) in core.triangles.iter().enumerate() {
@@ -460,8 +460,8 @@ impl Grower<'_> {
         }
     }
 
-    /// Edges and corners on parts with layers move to the solid's surface; curves that end there
-    /// go on along columns.
+    /// Moves edges and corners on parts with layers to the solid's surface; extends curves that end
+    /// there along columns.
     fn features(&self, core: &Mesh, nodes: &HashMap<u32, Vec<u32>>, mesh: &mut Mesh) {
         for (edge, &curve) in core.edges.iter().zip(&core.edge_curves) {
             let parts = core.curves[curve as usize].parts;

@@ -1,34 +1,23 @@
-//! Tips of cones get vertices.
+//! Vertices at the tips of cones.
 //!
-//! A tip is on no curve that cutting would follow, and no vertex is held on it: without more a mesh
-//! cuts it off, some half a size below. The vertex of the surface there that leaves the best
-//! tetrahedra is moved onto it, and stays.
+//! Cutting follows curves, and a tip is on none: by itself a mesh cuts it off, about half a size
+//! below. The vertex of the surface there that leaves the best tetrahedra is moved onto the tip,
+//! and stays.
 
 use super::Optimiser;
 use super::holds::Hold;
 use crate::complex::{NONE, STRAY};
 use crate::features::Corner;
-use crate::points::{along, unique};
+use crate::points::{lerp, unique};
 use isoform_check::triangles_meet;
 use isoform_geom::{Point3, norm, sub};
 use std::collections::HashMap;
 
-/// Distance, in sizes, from a tip within which a vertex is moved onto it. Of a cone of an angle of
-/// 10 degrees the mesh cuts off a size and a half.
-const REACH: f64 = 2.0;
-/// Vertices that are tried for a tip, the nearest ones.
-const TRIED: usize = 24;
 /// Shares of the way to a tip that are tried: the whole of it if possible.
-const SHARES: [f64; 3] = [1.0, 0.5, 0.25];
-/// Steps towards a tip at most.
-const STEPS: usize = 6;
-/// Rounds of mending around the tips.
-const MENDING: usize = 8;
-/// Worst measure that a move onto a tip may leave: what is around gets better afterwards.
-const LEAST: f64 = 0.02;
+const TIP_STEP_SHARES: [f64; 3] = [1.0, 0.5, 0.25];
 
 impl Optimiser<'_> {
-    /// Vertices that stand at tips stay there.
+    /// Fixes vertices that stand at tips.
     pub(super) fn hold_apexes(&mut self) {
         if self.surface.apexes.is_empty() {
             return;
@@ -40,7 +29,7 @@ impl Optimiser<'_> {
         }
     }
 
-    /// Moves vertices onto the tips of cones, and onto points of contact where there is none yet.
+    /// Moves vertices onto the tips of cones, and onto points of contact that have none yet.
     pub(super) fn take_apexes(&mut self, goal: f64) {
         let corners = self.surface.apexes.iter();
         self.take(corners.map(|c| (c.clone(), None)).collect(), goal);
@@ -48,11 +37,11 @@ impl Optimiser<'_> {
         self.take(across, goal);
     }
 
-    /// Moves vertices onto corners, those given with them or any that may go there, and mends what
-    /// is around them; step by step where that does not allow the whole way yet.
+    /// Moves vertices onto corners (those given with them, or any suitable one), step by step where
+    /// the whole way is not possible yet, and mends their surroundings.
     pub(super) fn take(&mut self, corners: Vec<(Corner, Option<u32>)>, goal: f64) {
         let (apexes, mut on_the_way): (Vec<Corner>, Vec<Option<u32>>) = corners.into_iter().unzip();
-        for _ in 0..STEPS {
+        for _ in 0..6 {
             if apexes.is_empty() || self.control.is_stopped() {
                 break;
             }
@@ -68,7 +57,7 @@ impl Optimiser<'_> {
                 break;
             }
             self.make_room(&moved);
-            self.mend_all(goal, MENDING);
+            self.mend_all(goal, 8);
         }
         for (apex, v) in apexes.iter().zip(on_the_way) {
             if let Some(v) = v.filter(|&v| self.point(v) != apex.point) {
@@ -78,9 +67,10 @@ impl Optimiser<'_> {
         }
     }
 
-    /// The vertices of the surface around each tip with their distances, nearest first.
+    /// Returns the vertices of the surface around each tip with their distances, nearest first.
     pub(super) fn near_apexes(&self, apexes: &[Corner]) -> Vec<Vec<(f64, u32)>> {
-        let reach = REACH * self.size;
+        // Of a cone with an angle of 10 degrees the mesh cuts off a size and a half.
+        let reach = 2.0 * self.size;
         let bin = |p: Point3| p.map(|v| (v / reach).floor() as i64);
         let mut bins: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
         for (k, apex) in apexes.iter().enumerate() {
@@ -113,8 +103,8 @@ impl Optimiser<'_> {
         near
     }
 
-    /// Moves a vertex towards a tip, the one on the way there or else the one that leaves the best
-    /// tetrahedra, and a surface that does not meet itself; none where one is there, or none may
+    /// Moves a vertex towards a tip: the one already on the way, or else the one that leaves the
+    /// best tetrahedra and a surface without self-intersection. `None` if one is there, or none can
     /// move.
     fn approach(
         &mut self,
@@ -130,11 +120,12 @@ impl Optimiser<'_> {
             Some(v) => vec![v],
             None => {
                 let may = around.iter().copied().filter(|v| self.may_take(apex, *v));
-                may.take(TRIED).collect()
+                // Only the nearest vertices are tried.
+                may.take(24).collect()
             }
         };
         let faces = self.faces_around(&around);
-        SHARES.into_iter().find_map(|share| {
+        TIP_STEP_SHARES.into_iter().find_map(|share| {
             let (v, p, star) = self.best_move(apex, &tried, share, &faces)?;
             self.suspects.extend_from_slice(&star);
             self.touched[v as usize] = self.clock + 1;
@@ -144,8 +135,8 @@ impl Optimiser<'_> {
         })
     }
 
-    /// Of some vertices the one that leaves the best tetrahedra, and a surface that does not meet
-    /// itself, if it moves a share of the way to a tip; with its place there, and its star.
+    /// Returns the vertex that leaves the best tetrahedra, and a surface without self-intersection,
+    /// if it moves a share of the way to a tip; with its position there, and its star.
     fn best_move(
         &mut self,
         apex: &Corner,
@@ -159,12 +150,13 @@ impl Optimiser<'_> {
             let q = if share == 1.0 {
                 apex.point
             } else {
-                along(p, apex.point, share)
+                lerp(p, apex.point, share)
             };
             let mut star = Vec::new();
             self.complex.star(v, &mut star);
             let worst = self.worst_at(v, q, &star, &self.faces_at(&star, v));
-            if worst > LEAST {
+            // The surroundings improve afterwards.
+            if worst > 0.02 {
                 fit.push((worst, (v, q, star)));
             }
         }
@@ -173,7 +165,7 @@ impl Optimiser<'_> {
         fit.find(|(v, q, _)| !self.crosses(*v, *q, faces))
     }
 
-    /// The faces of the surface at some vertices.
+    /// Returns the faces of the surface at some vertices.
     fn faces_around(&mut self, vertices: &[u32]) -> Vec<[u32; 3]> {
         let mut all = Vec::new();
         let mut star = Vec::new();
@@ -181,7 +173,7 @@ impl Optimiser<'_> {
             self.complex.star(v, &mut star);
             all.extend(self.faces_at(&star, v).into_iter().map(|f| f.0));
         }
-        // Faces of one tetrahedron have their vertices in one order.
+        // Faces of one tetrahedron have a fixed order of vertices.
         let order = |f: &[u32; 3]| {
             let first = (0..3).min_by_key(|k| f[*k]).unwrap_or(0);
             [f[first], f[(first + 1) % 3], f[(first + 2) % 3]]
@@ -189,7 +181,7 @@ impl Optimiser<'_> {
         unique(all.iter().map(order).collect())
     }
 
-    /// Whether the faces at a vertex would meet others if it stood at `p`.
+    /// Returns true if the faces at a vertex would intersect others with the vertex at `p`.
     fn crosses(&mut self, v: u32, p: Point3, faces: &[[u32; 3]]) -> bool {
         let before = std::mem::replace(&mut self.complex.points[v as usize], p);
         let points = &self.complex.points;
@@ -201,7 +193,7 @@ impl Optimiser<'_> {
         found
     }
 
-    /// Whether all that a vertex lies on passes through a tip.
+    /// Returns true if all pieces on which a vertex lies pass through a tip.
     fn may_take(&self, apex: &Corner, v: u32) -> bool {
         let is_there = |l: &u32| *l < STRAY && apex.pieces.contains(l);
         self.hold[v as usize] != Hold::Fixed && self.labels[v as usize].slice().iter().all(is_there)

@@ -1,25 +1,25 @@
-//! A vertex is pulled onto its neighbour, and the tetrahedra between them vanish.
+//! Edge collapses: a vertex is pulled onto its neighbour, and the tetrahedra between them vanish.
 
 use super::holds::Hold;
 use super::link::keeps_topology;
-use super::{GAIN, LOOK, Optimiser};
+use super::{MIN_GAIN, OPERATIONS_PER_STOP_CHECK, Optimiser};
 use crate::complex::{EDGES, Face, NONE, Ring, label_in};
 use crate::measure::{biased_sine, smallest_sine};
 use crate::surface::On;
 use isoform_geom::{dot, norm, sub};
 
-/// Edges shorter than this share of the size asked for are collapsed without asking for better
-/// angles.
-const MICRO: f64 = 0.004;
-/// Measure that the collapse of such an edge must leave: this share of what was there, or this.
-const MICRO_LEAST: [f64; 2] = [0.5, 0.05];
+/// Length of an edge, in sizes, below which it is collapsed even if angles do not improve.
+const MICRO_EDGE_SIZES: f64 = 0.004;
+/// Measure that the collapse of such an edge must leave: this share of the previous one, or this
+/// value.
+const MICRO_COLLAPSE_MEASURES: [f64; 2] = [0.5, 0.05];
 
-/// Longest edge of a wall or of the surface beside it that a collapse may make, in sizes: longer
-/// ones are what is left of a thin gap between a wall and another surface, whose flat tetrahedra
-/// nothing but collapses mends. Edges of 1.6 sizes are usual.
-const LONGEST: f64 = 2.0;
+/// Maximum edge of a wall or of the surface next to it that a collapse may create, in sizes: longer
+/// ones are remains of a thin gap between a wall and another surface, whose flat tetrahedra only
+/// collapses mend. Edges of 1.6 sizes are usual.
+const MAX_WALL_EDGE_SIZES: f64 = 2.0;
 
-/// Vertex `u` pulled onto its neighbour `w`.
+/// Collapse of vertex `u` onto its neighbour `w`.
 #[derive(Clone, Copy)]
 pub(super) struct Pull {
     pub(super) u: u32,
@@ -27,26 +27,27 @@ pub(super) struct Pull {
 }
 
 impl Pull {
-    /// What becomes of a vertex.
-    fn of(self, k: u32) -> u32 {
+    /// Returns the vertex that replaces `k`.
+    fn image(self, k: u32) -> u32 {
         if k == self.u { self.w } else { k }
     }
 }
 
-/// What a collapse leaves.
-struct Collapsed {
+/// Tetrahedra and faces after a collapse.
+struct CollapseResult {
     tets: Vec<[u32; 4]>,
-    /// The regions of these, if there are regions.
+    /// Regions of the tetrahedra, if there are regions.
     regions: Vec<u16>,
     /// Faces of the surface, vertices sorted.
     labels: Vec<Face>,
-    /// The worst measure of all these.
+    /// Worst measure of all these.
     worst: f64,
 }
 
 impl Optimiser<'_> {
-    /// Whether vertex `u` may be pulled onto its neighbour `w`: not across the solid from one side
-    /// of the surface to the other, on the surface only along it, and on a curve only along that.
+    /// Returns true if vertex `u` may be pulled onto its neighbour `w`: not across the solid from
+    /// one side of the surface to the other, on the surface only along it, and on a curve only
+    /// along that.
     fn may_collapse(&self, Pull { u, w }: Pull, ring: &Ring) -> bool {
         let Hold::On(on) = self.hold[u as usize] else {
             return false;
@@ -64,7 +65,7 @@ impl Optimiser<'_> {
         };
         let is_within = labels.is_within(&self.labels[w as usize]);
         if self.is_skin(u) && on.len() == 1 {
-            // Seams between pieces that touch tangentially may go where they like.
+            // Seams between pieces that touch tangentially may go anywhere.
             return is_within || matches!(self.hold[w as usize], Hold::On(held) if held.len() == 1);
         }
         is_within
@@ -75,9 +76,9 @@ impl Optimiser<'_> {
             }
     }
 
-    /// The worst measure after `u` of tetrahedron `t` is pulled onto `w`, if the worst around `u`
-    /// improves, or at least stays above `least` where that is given; if so and `apply` is set it
-    /// is done.
+    /// Pulls `u` of tetrahedron `t` onto `w` if `apply` is set and the worst measure around `u`
+    /// improves, or stays above `least` if that is given. Returns the worst measure afterwards;
+    /// `None` if it does not improve.
     pub(super) fn collapse(
         &mut self,
         t: u32,
@@ -95,7 +96,7 @@ impl Optimiser<'_> {
         }
         let mut star = Vec::new();
         self.complex.star(u, &mut star);
-        let bound = least.unwrap_or_else(|| self.worst(&star) + GAIN);
+        let bound = least.unwrap_or_else(|| self.worst(&star) + MIN_GAIN);
         let mut left = self.collapsed(&star, pull, bound)?;
         let faces = self.faces_at(&star, u);
         self.collapse_faces(&faces, pull, bound, &mut left)?;
@@ -113,8 +114,8 @@ impl Optimiser<'_> {
         Some(left.worst)
     }
 
-    /// Pulls `u` onto `w` whatever holds them, if all tetrahedra stay upright and the complex a
-    /// manifold; `ring` is that of their edge. True if that is done.
+    /// Pulls `u` onto `w` even if they are held, provided that all tetrahedra stay positive and the
+    /// complex a manifold; `ring` is that of their edge. Returns true if the collapse was done.
     pub(super) fn contract(&mut self, pull: Pull, ring: &Ring) -> bool {
         let (mut star, mut other) = (Vec::new(), Vec::new());
         self.complex.star(pull.u, &mut star);
@@ -131,10 +132,10 @@ impl Optimiser<'_> {
         is_fit
     }
 
-    /// The tetrahedra that a collapse would leave of the star of `u`; none if any of them is not
-    /// better than `bound`.
-    fn collapsed(&self, star: &[u32], pull: Pull, bound: f64) -> Option<Collapsed> {
-        let mut left = Collapsed {
+    /// Returns the tetrahedra that a collapse would leave of the star of `u`; `None` unless all of
+    /// them are better than `bound`.
+    fn collapsed(&self, star: &[u32], pull: Pull, bound: f64) -> Option<CollapseResult> {
+        let mut left = CollapseResult {
             tets: Vec::with_capacity(star.len()),
             regions: Vec::new(),
             labels: Vec::new(),
@@ -145,7 +146,7 @@ impl Optimiser<'_> {
             if v.contains(&pull.w) {
                 continue;
             }
-            let v = v.map(|k| pull.of(k));
+            let v = v.map(|k| pull.image(k));
             left.worst = left.worst.min(biased_sine(self.points_of(v)));
             if left.worst <= bound {
                 return None;
@@ -158,18 +159,18 @@ impl Optimiser<'_> {
         Some(left)
     }
 
-    /// Adds the faces of the surface that a collapse would leave; none if one of them is not better
-    /// than `bound`, or turns away from its piece.
+    /// Adds the faces of the surface that a collapse would leave; `None` unless all are better than
+    /// `bound` and face their pieces.
     fn collapse_faces(
         &self,
         faces: &[Face],
         pull: Pull,
         bound: f64,
-        left: &mut Collapsed,
+        left: &mut CollapseResult,
     ) -> Option<()> {
         left.labels.reserve(faces.len());
         for &(f, label) in faces.iter().filter(|(f, _)| !f.contains(&pull.w)) {
-            let mut g = f.map(|k| pull.of(k));
+            let mut g = f.map(|k| pull.image(k));
             let [old, new] = [f, g].map(|f| self.points_of(f));
             left.worst = left.worst.min(smallest_sine(new));
             if left.worst <= bound || self.turns_away(old, new, label) {
@@ -181,14 +182,15 @@ impl Optimiser<'_> {
         Some(())
     }
 
-    /// Whether a free vertex between two sheets, pulled onto one, would join them in an edge or
-    /// face of the surface.
+    /// Returns true if a free vertex between two sheets, pulled onto one, would join them in an
+    /// edge or face of the surface.
     fn joins_sheets(&self, Pull { u, w }: Pull, new: &[[u32; 4]]) -> bool {
         let is_free = |v: u32| self.labels[v as usize].is_empty();
         is_free(u) && !is_free(w) && new.iter().any(|v| v.iter().all(|&k| !is_free(k)))
     }
 
-    /// Whether a new edge would be too far from the surface: such an edge would be split again.
+    /// Returns true if a new edge would be too far from the surface: such an edge would be split
+    /// again.
     fn leaves_surface(&self, pull: Pull, faces: &[Face]) -> bool {
         let curve = match self.hold[pull.u as usize] {
             Hold::On(on) if on.len() == 2 => Some([on.slice()[0], on.slice()[1]]),
@@ -199,7 +201,7 @@ impl Optimiser<'_> {
             let on = |v: u32, i: u32| self.labels[v as usize].contains(i);
             pieces.iter().all(|&i| on(x, i) && on(w, i))
         };
-        let is_long = |x: u32| self.complex.edge_length(w, x) > LONGEST * self.size;
+        let is_long = |x: u32| self.complex.edge_length(w, x) > MAX_WALL_EDGE_SIZES * self.size;
         let new_faces = faces.iter().filter(|(f, _)| !f.contains(&w));
         let mut new_edges = new_faces.flat_map(|(f, label)| f.map(|x| (x, *label)));
         new_edges.any(|(x, label)| {
@@ -214,9 +216,9 @@ impl Optimiser<'_> {
         })
     }
 
-    /// Collapses `u` into `w`. Open faces of the band, those towards the lattice beyond, stay as
-    /// they are: their vertices are fixed, so `u` is on none of them.
-    fn apply_collapse(&mut self, Pull { u, w }: Pull, star: &[u32], left: &Collapsed) {
+    /// Collapses `u` into `w`. Open faces of the band, those towards the lattice beyond, are
+    /// unaffected: their vertices are fixed, so `u` is on none of them.
+    fn apply_collapse(&mut self, Pull { u, w }: Pull, star: &[u32], left: &CollapseResult) {
         let mut made = std::mem::take(&mut self.scratch.made);
         let label = |face| label_in(&left.labels, face);
         let new = (left.tets.as_slice(), left.regions.as_slice());
@@ -232,12 +234,12 @@ impl Optimiser<'_> {
         }
     }
 
-    /// Collapses edges that are far shorter than any edge wanted; cuts leave such edges where
+    /// Collapses edges that are far shorter than any requested edge; cuts leave such edges where
     /// pieces nearly touch.
     pub(super) fn collapse_micro(&mut self) {
         let mut ring = Ring::default();
         for (k, ends) in self.micro_edges().into_iter().enumerate() {
-            if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+            if k.is_multiple_of(OPERATIONS_PER_STOP_CHECK) && self.control.is_stopped() {
                 return;
             }
             let [a, b] = ends;
@@ -250,9 +252,9 @@ impl Optimiser<'_> {
         }
     }
 
-    /// The edges far shorter than any wanted, shortest first.
+    /// Returns the micro edges, shortest first.
     fn micro_edges(&self) -> Vec<[u32; 2]> {
-        let micro = MICRO * self.size;
+        let micro = MICRO_EDGE_SIZES * self.size;
         let mut short: Vec<(f64, [u32; 2])> = Vec::new();
         for t in self.complex.live() {
             let (edges, p) = (self.complex.edges(t), self.complex.corners(t));
@@ -268,7 +270,8 @@ impl Optimiser<'_> {
         short.into_iter().map(|s| s.1).collect()
     }
 
-    /// Pulls one end of a short edge onto the other; true if that is done or there is no such edge.
+    /// Pulls one end of a short edge onto the other. Returns true if that was done or the edge no
+    /// longer exists.
     fn collapse_short(&mut self, pull: Pull, ring: &mut Ring) -> bool {
         let Pull { u, w } = pull;
         if !self.complex.ring_of(u, w, ring) {
@@ -277,7 +280,7 @@ impl Optimiser<'_> {
         if !self.labels[u as usize].is_empty() {
             self.free(u, true);
         }
-        let [share, least] = MICRO_LEAST;
+        let [share, least] = MICRO_COLLAPSE_MEASURES;
         let least = (share * self.worst(&ring.tets)).min(least);
         let done = self.collapse(ring.tets[0], pull, Some(least), true);
         if done.is_some() {

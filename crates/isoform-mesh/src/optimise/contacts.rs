@@ -1,9 +1,9 @@
-//! Borders that stand for a point of contact.
+//! Borders that represent a point of contact.
 //!
-//! Where a boss is flush with the side of its block the face between them runs out in two cusps.
-//! Cutting does not resolve these: boss and side get a short border in common, at both ends of
-//! which three pieces meet that have the point of contact in common only. Or the face goes on
-//! between them, where it has no width. The border, or an edge across the face, is contracted.
+//! Where a boss is flush with the side of its block the face between them ends in two cusps.
+//! Cutting does not resolve these: boss and side get a short common border, at both ends of which
+//! three pieces meet that have only the point of contact in common. Or the face continues between
+//! them, where it has no width. The border, or an edge across the face, is contracted.
 
 use super::Optimiser;
 use super::collapses::Pull;
@@ -14,13 +14,11 @@ use crate::surface::On;
 use isoform_geom::{Point3, cross, norm, sub};
 use std::collections::BTreeSet;
 
-/// Distance from a contact, in sizes, within which its border lies.
-const REACH: f64 = 3.0;
-/// Sine of the angle between two pieces at a vertex above which they do not touch near it.
-const NEARLY: f64 = 0.6;
-/// Sines of the angle between two pieces at a contact: below the first they touch, above the second
-/// they cross.
-const SINES: [f64; 2] = [1e-6, 0.2];
+/// Maximum distance of a contact's border from the contact, in sizes.
+const CONTACT_REACH_SIZES: f64 = 3.0;
+/// Sines of the angle between two pieces at a contact: up to the first they touch, from the second
+/// on they cross.
+const CONTACT_SINES: [f64; 2] = [1e-6, 0.2];
 
 /// A point of contact, and the pieces that touch there.
 struct Contact {
@@ -29,10 +27,10 @@ struct Contact {
 }
 
 impl Optimiser<'_> {
-    /// Contracts the borders that stand for points of contact, and moves the vertices that are left
+    /// Contracts the borders that represent points of contact, and moves the remaining vertices
     /// there.
     pub(super) fn take_contacts(&mut self, goal: f64) {
-        // Walls and sides of unit cells touch what they like.
+        // Walls and sides of unit cells may touch anything.
         if self.complex.is_divided() || self.complex.torus.is_some() {
             return;
         }
@@ -48,8 +46,8 @@ impl Optimiser<'_> {
         self.take(made, goal);
     }
 
-    /// Contracts edges across the face that runs out at contacts without a vertex; gives these
-    /// with what is left of the edges.
+    /// Contracts edges across the face that ends at contacts without a vertex; returns these
+    /// contacts with the remaining vertices.
     pub(super) fn contract_across(&mut self) -> Vec<(Corner, Option<u32>)> {
         let is_contact = |c: &Corner| c.kind == CornerKind::Tangent;
         if !self.surface.apexes.iter().any(is_contact) {
@@ -72,7 +70,7 @@ impl Optimiser<'_> {
         made
     }
 
-    /// Points of contact near vertices in which three pieces meet.
+    /// Returns points of contact near vertices in which three pieces meet.
     fn contacts(&self) -> Vec<Contact> {
         let mut found: Vec<Contact> = Vec::new();
         for v in self.surface_vertices() {
@@ -83,7 +81,8 @@ impl Optimiser<'_> {
                     continue;
                 };
                 let at = contact.corner.point;
-                let is_known = |f: &Contact| norm(sub(f.corner.point, at)) <= SINES[0] * self.size;
+                let is_known =
+                    |f: &Contact| norm(sub(f.corner.point, at)) <= CONTACT_SINES[0] * self.size;
                 if !found.iter().any(is_known) {
                     found.push(contact);
                 }
@@ -92,7 +91,7 @@ impl Optimiser<'_> {
         found
     }
 
-    /// Vertices of the surface on pieces.
+    /// Returns the vertices of the surface all of whose labels are pieces.
     fn surface_vertices(&self) -> Vec<u32> {
         let is_there = |v: &u32| {
             let labels = &self.labels[*v as usize];
@@ -110,28 +109,29 @@ impl Optimiser<'_> {
         norm(cross(n, m))
     }
 
-    /// The two of three pieces that touch at a point where the third one crosses both.
+    /// Returns the two of three pieces that touch at a point where the third one crosses both.
     fn touching(&self, pieces: &[u32], p: Point3) -> Option<[u32; 2]> {
         let &[a, b, c] = pieces else { return None };
         [[a, b, c], [b, c, a], [c, a, b]]
             .into_iter()
             .find(|&[i, j, k]| {
-                self.sine([i, j], p) <= SINES[0]
-                    && self.sine([i, k], p) >= SINES[1]
-                    && self.sine([j, k], p) >= SINES[1]
+                self.sine([i, j], p) <= CONTACT_SINES[0]
+                    && self.sine([i, k], p) >= CONTACT_SINES[1]
+                    && self.sine([j, k], p) >= CONTACT_SINES[1]
             })
             .map(|[i, j, _]| [i, j])
     }
 
-    /// The point near `p` where a piece touches the curve of two others.
+    /// Returns the point near `p` where a piece touches the curve of two others.
     fn contact(&self, curve: [u32; 2], piece: u32, p: Point3) -> Option<Contact> {
         let [i, j] = curve;
-        if self.sine(curve, p) < SINES[1]
-            || self.sine([i, piece], p).min(self.sine([j, piece], p)) > NEARLY
+        if self.sine(curve, p) < CONTACT_SINES[1]
+            // At larger sines the pieces do not touch near the vertex.
+            || self.sine([i, piece], p).min(self.sine([j, piece], p)) > 0.6
         {
             return None;
         }
-        let reach = REACH * self.size;
+        let reach = CONTACT_REACH_SIZES * self.size;
         let point = onto_touching(self.surface.solid, curve, piece, p, reach)?;
         let mut pieces = vec![i, j, piece];
         pieces.sort_unstable();
@@ -146,25 +146,25 @@ impl Optimiser<'_> {
         (is_near && pieces.iter().all(is_on)).then_some(Contact { corner, touching })
     }
 
-    /// The vertices of the surface near a point, nearest first, that lie on some pieces.
+    /// Returns the vertices of the surface near a point that lie on some pieces, nearest first.
     fn near(&self, at: Point3, pieces: &[u32]) -> Vec<u32> {
         let far = |v: u32| norm(sub(self.point(v), at));
         let is_on = |v: &u32| {
             let labels = &self.labels[*v as usize];
-            far(*v) <= REACH * self.size && pieces.iter().all(|l| labels.contains(*l))
+            far(*v) <= CONTACT_REACH_SIZES * self.size && pieces.iter().all(|l| labels.contains(*l))
         };
         let mut near: Vec<u32> = self.surface_vertices().into_iter().filter(is_on).collect();
         near.sort_by(|a, b| far(*a).total_cmp(&far(*b)).then(a.cmp(b)));
         near
     }
 
-    /// Contracts the border near a contact of the pieces that touch there; the vertex that is left.
+    /// Contracts the border of the touching pieces near a contact. Returns the remaining vertex.
     fn contract_border(&mut self, contact: &Contact) -> Option<u32> {
         let near = self.near(contact.corner.point, &contact.touching);
         let border = self.connected(*near.first()?, &near);
-        let all = On::of(&contact.corner.pieces);
+        let all = On::from_pieces(&contact.corner.pieces);
         let is_end = |v: &&u32| all.is_within(&self.labels[**v as usize]);
-        // A seam, along which the two go over into one another, has one end here.
+        // A seam along which one piece continues the other has one end here.
         let is_border = border
             .iter()
             .all(|v| self.labels[*v as usize].is_within(&all));
@@ -172,8 +172,8 @@ impl Optimiser<'_> {
         is_point.then(|| self.contract_all(&border, all)).flatten()
     }
 
-    /// Contracts the edge across the face between two pieces that is nearest to where they touch;
-    /// the vertex that is left.
+    /// Contracts the edge across the face between two pieces that is nearest to their contact.
+    /// Returns the remaining vertex.
     fn contract_edge(&mut self, corner: &Corner, touching: [u32; 2]) -> Option<u32> {
         let third = *corner.pieces.iter().find(|i| !touching.contains(i))?;
         let [mine, theirs] = touching.map(|i| self.near(corner.point, &[i, third]));
@@ -186,12 +186,12 @@ impl Optimiser<'_> {
             .map(|[u, w]| (far(u) + far(w), [u, w]))
             .collect();
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let all = On::of(&corner.pieces);
+        let all = On::from_pieces(&corner.pieces);
         let mut pairs = pairs.into_iter();
         pairs.find_map(|(_, pair)| self.contract_all(&pair, all))
     }
 
-    /// Those of some vertices that edges of the surface link to the first.
+    /// Returns the vertices of a list that edges of the surface connect to the first.
     fn connected(&self, first: u32, all: &[u32]) -> Vec<u32> {
         let mut ring = Ring::default();
         let (mut border, mut at) = (vec![first], 0);
@@ -209,8 +209,8 @@ impl Optimiser<'_> {
         border
     }
 
-    /// Contracts vertices, nearest to the contact first, to one, which lies on `all` then; none
-    /// where that is not possible.
+    /// Contracts vertices, nearest to the contact first, to one, which then lies on `all`; `None`
+    /// if that is not possible.
     fn contract_all(&mut self, border: &[u32], all: On) -> Option<u32> {
         let mut left: BTreeSet<u32> = border.iter().copied().collect();
         let mut ring = Ring::default();

@@ -1,6 +1,6 @@
-//! Edges and faces are removed, with the vertices where they are.
+//! Removal of edges and faces by flips; vertices do not move.
 
-use super::{FACING, GAIN, Optimiser};
+use super::{MIN_FACING_COSINE, MIN_GAIN, Optimiser};
 use crate::complex::{BOUNDARY, OPEN, Ring, STRAY};
 use crate::measure::{biased_sine, smallest_sine};
 use crate::optimise::holds::Hold;
@@ -8,30 +8,27 @@ use crate::surface::On;
 use isoform_check::quality::six_volume;
 use isoform_geom::Point3;
 
-/// Longest ring whose edge is removed; longer ones never improved a mesh in our trials.
-const RING: usize = 9;
-/// Largest measure of a tetrahedron that is taken off the surface. Dropping a good one would change
-/// the solid; a flat one lies within the chordal error anyway.
-const FLAT: f64 = 0.3;
+/// Maximum length of a ring whose edge is removed; longer ones never improved a mesh in trials.
+const MAX_RING_LENGTH: usize = 9;
 
 /// Klincsek's table for the best triangulation of the link of an edge (Minimal triangulations of
 /// polygonal domains, 1980), where each triangle makes two tetrahedra with the ends of the edge.
 struct Triangulation {
-    /// The best worst measure of the polygon from vertex i to vertex j.
-    best: [[f64; RING + 1]; RING + 1],
-    /// The third vertex of its triangle at the edge from i to j.
-    apex: [[u8; RING + 1]; RING + 1],
+    /// Best worst measure of the polygon from vertex i to vertex j.
+    best: [[f64; MAX_RING_LENGTH + 1]; MAX_RING_LENGTH + 1],
+    /// Third vertex of its triangle at the edge from i to j.
+    apex: [[u8; MAX_RING_LENGTH + 1]; MAX_RING_LENGTH + 1],
     n: usize,
 }
 
 impl Triangulation {
-    /// Of the link given, as long as it is better than `before`. On the `surface` the edge from the
-    /// first to the last vertex is one of it, and the faces there count, too.
+    /// Triangulates a link, as far as the result is better than `before`. On the `surface` the edge
+    /// from the first to the last vertex lies on it, and the faces there count, too.
     fn new(link: &[Point3], [a, b]: [Point3; 2], before: f64, surface: bool) -> Self {
         let n = link.len();
         let mut this = Self {
-            best: [[f64::INFINITY; RING + 1]; RING + 1],
-            apex: [[0u8; RING + 1]; RING + 1],
+            best: [[f64::INFINITY; MAX_RING_LENGTH + 1]; MAX_RING_LENGTH + 1],
+            apex: [[0u8; MAX_RING_LENGTH + 1]; MAX_RING_LENGTH + 1],
             n,
         };
         for span in 2..n {
@@ -61,12 +58,12 @@ impl Triangulation {
         this
     }
 
-    /// The worst measure of the best triangulation.
+    /// Returns the worst measure of the best triangulation.
     fn worst(&self) -> f64 {
         self.best[0][self.n - 1]
     }
 
-    /// The tetrahedra of the best triangulation.
+    /// Returns the tetrahedra of the best triangulation.
     fn tetrahedra(&self, link: &[u32], [a, b]: [u32; 2]) -> Vec<[u32; 4]> {
         let mut new = Vec::with_capacity(2 * self.n);
         let mut todo = vec![(0, self.n - 1)];
@@ -85,8 +82,8 @@ impl Triangulation {
 }
 
 impl Optimiser<'_> {
-    /// The worst measure after the edge from `a` to `b` of tetrahedron `t` is removed, if that is
-    /// better than before; if so and `apply` is set it is removed.
+    /// Removes the edge from `a` to `b` of tetrahedron `t` if `apply` is set and the worst measure
+    /// improves. Returns the worst measure afterwards; `None` if it does not improve.
     pub(super) fn remove_edge(&mut self, t: u32, ends: [u32; 2], apply: bool) -> Option<f64> {
         let mut ring = std::mem::take(&mut self.scratch.ring);
         self.complex.ring(t, ends[0], ends[1], &mut ring);
@@ -96,7 +93,7 @@ impl Optimiser<'_> {
     }
 
     fn remove_ring(&mut self, ring: &mut Ring, ends: [u32; 2], apply: bool) -> Option<f64> {
-        if ring.tets.len() > RING || (ring.closed && ring.link.len() < 3) {
+        if ring.tets.len() > MAX_RING_LENGTH || (ring.closed && ring.link.len() < 3) {
             return None;
         }
         let before = self.worst(&ring.tets);
@@ -120,14 +117,14 @@ impl Optimiser<'_> {
                 return self.remove_flat(ring, ends, label, apply);
             }
         }
-        let mut link = [[0.0; 3]; RING + 1];
+        let mut link = [[0.0; 3]; MAX_RING_LENGTH + 1];
         let link = &mut link[..ring.link.len()];
         for (p, &v) in link.iter_mut().zip(&ring.link) {
             *p = self.point(v);
         }
         let triangulation = Triangulation::new(link, [a, b], before, label.is_some());
         let after = self.with_faces(triangulation.worst(), ring, before);
-        if after <= before + GAIN {
+        if after <= before + MIN_GAIN {
             return None;
         }
         if apply {
@@ -137,19 +134,20 @@ impl Optimiser<'_> {
         Some(after)
     }
 
-    /// Whether an edge of the surface may be flipped on it: its faces become those across it, which
-    /// must look outward, and the edge across must not be there already.
+    /// Returns true if an edge of the surface may be flipped on it: the new faces must face
+    /// outward, and the new edge must not exist already.
     fn may_flip(&self, link: &[u32], [a, b]: [u32; 2], label: u32) -> bool {
         // Counterclockwise link seen from b: the solid lies between c and d.
         let (c, d) = (link[0], link[link.len() - 1]);
-        let looks_outward = |f: [u32; 3]| self.facing(self.points_of(f), label) >= FACING;
+        let looks_outward =
+            |f: [u32; 3]| self.facing(self.points_of(f), label) >= MIN_FACING_COSINE;
         looks_outward([a, c, d])
             && looks_outward([b, d, c])
             && (link.len() == 2 || !self.complex.are_neighbours(c, d))
     }
 
-    /// The value after a flip, with the faces of the surface around the cavity that stay as they
-    /// are (they cannot improve).
+    /// Returns the worst measure after a flip, including the unchanged faces of the surface around
+    /// the cavity.
     fn with_faces(&self, after: f64, ring: &Ring, before: f64) -> f64 {
         let mut worst = after;
         for &t in &ring.tets {
@@ -159,9 +157,9 @@ impl Optimiser<'_> {
                 }
                 let f = self.complex.face(t, i);
                 let s = smallest_sine(self.points_of(f));
-                // Faces at the edge itself go away; of the others only those that hold back the
-                // gain matter.
-                if s <= before + GAIN && !goes_away(ring, f) {
+                // Faces at the edge itself are removed; of the others only those matter that limit
+                // the gain.
+                if s <= before + MIN_GAIN && !goes_away(ring, f) {
                     worst = worst.min(s);
                 }
             }
@@ -169,8 +167,8 @@ impl Optimiser<'_> {
         worst
     }
 
-    /// The label of the faces that take the place of those at an edge of the surface, if that may
-    /// be flipped: the one on both sides.
+    /// Returns the label of the faces that replace those at an edge of the surface, if the edge may
+    /// be flipped: the common label of both sides.
     pub(super) fn surface_edge(&self, ring: &Ring, ends: [u32; 2]) -> Option<u32> {
         let labels = if self.complex.is_divided() {
             *self.complex.labels_at(ring).as_array()?
@@ -189,7 +187,8 @@ impl Optimiser<'_> {
         self.beyond_flat(ring, ends, labels)
     }
 
-    /// The label beyond a face that has all its vertices on one seam, and so nothing of its piece.
+    /// Returns the label behind a face whose vertices all lie on one seam, so that it covers
+    /// nothing of its piece.
     fn beyond_flat(&self, ring: &Ring, ends: [u32; 2], labels: [u32; 2]) -> Option<u32> {
         let curve = self.hold[ends[0] as usize];
         let is_seam = |on: On| on.len() == 2 && !labels.iter().all(|&l| on.contains(l));
@@ -205,7 +204,7 @@ impl Optimiser<'_> {
     }
 
     /// Flips an edge on a wall between two regions: each region has its part of the ring, and the
-    /// edge across is in both.
+    /// new edge is in both.
     fn flip_on_wall(
         &mut self,
         ring: &Ring,
@@ -241,7 +240,7 @@ impl Optimiser<'_> {
             let link: Vec<Point3> = arc.link.iter().map(|&v| self.point(v)).collect();
             let triangulation = Triangulation::new(&link, [a, b], before, true);
             after = after.min(self.with_faces(triangulation.worst(), &arc, before));
-            if after <= before + GAIN {
+            if after <= before + MIN_GAIN {
                 return None;
             }
             let tetrahedra = triangulation.tetrahedra(&arc.link, ends);
@@ -258,20 +257,22 @@ impl Optimiser<'_> {
         Some(after)
     }
 
-    /// Takes a single tetrahedron with two faces on the same piece off the surface.
+    /// Removes a single tetrahedron that has two faces on one piece from the surface.
     fn remove_flat(&mut self, ring: &Ring, ends: [u32; 2], label: u32, apply: bool) -> Option<f64> {
         let t = ring.tets[0];
         if !self.may_take_off(t, ends, [ring.link[0], ring.link[1]]) {
             return None;
         }
-        // What the neighbours lose by new faces on the surface.
+        // The measure that neighbours get from new faces on the surface.
         let (c, d) = (ring.link[0], ring.link[1]);
         let after = ends
             .iter()
             .map(|&v| smallest_sine(self.points_of([v, c, d])))
             .fold(f64::INFINITY, f64::min);
         let before = self.measure(t);
-        if after <= before + GAIN || biased_sine(self.complex.corners(t)) > FLAT {
+        // Dropping a good tetrahedron would change the solid; a flat one lies within the chordal
+        // error.
+        if after <= before + MIN_GAIN || biased_sine(self.complex.corners(t)) > 0.3 {
             return None;
         }
         if apply {
@@ -280,8 +281,9 @@ impl Optimiser<'_> {
         Some(after)
     }
 
-    /// Whether a tetrahedron with two faces on the surface may be taken off: its other two faces
-    /// and the edge between them lie within, and it has no vertex of the lattice beyond the band.
+    /// Returns true if a tetrahedron with two faces on the surface may be removed: its other two
+    /// faces and the edge between them lie within, and it has no vertex of the lattice beyond the
+    /// band.
     fn may_take_off(&self, t: u32, ends: [u32; 2], inner: [u32; 2]) -> bool {
         let is_outer = |v: u32| {
             let place = self.complex.place(t, v);
@@ -299,8 +301,8 @@ impl Optimiser<'_> {
                 .any(|&v| is_frozen(v as usize))
     }
 
-    /// The worst measure after an edge is put in the place of the face opposite to vertex `i`, if
-    /// that is better than before; if so and `apply` is set it is done.
+    /// Replaces the face opposite to vertex `i` by an edge if `apply` is set and the worst measure
+    /// improves. Returns the worst measure afterwards; `None` if it does not improve.
     pub(super) fn remove_face(&mut self, t: u32, i: usize, apply: bool) -> Option<f64> {
         let n = self.complex.adjacent[t as usize][i];
         if n >= BOUNDARY || self.complex.is_wall(t, i) {
@@ -318,12 +320,12 @@ impl Optimiser<'_> {
         let mut after = f64::INFINITY;
         for v in &new {
             after = after.min(biased_sine(self.points_of(*v)));
-            if after <= before + GAIN {
+            if after <= before + MIN_GAIN {
                 return None;
             }
         }
         after = after.min(self.worst_face(t)).min(self.worst_face(n));
-        if after <= before + GAIN {
+        if after <= before + MIN_GAIN {
             return None;
         }
         if apply {
@@ -332,7 +334,7 @@ impl Optimiser<'_> {
         Some(after)
     }
 
-    /// The worst measure of the faces of a tetrahedron on the surface.
+    /// Returns the worst measure of the faces of a tetrahedron on the surface.
     fn worst_face(&self, t: u32) -> f64 {
         (0..4)
             .filter(|&k| self.complex.label(t, k).is_some())
@@ -341,7 +343,7 @@ impl Optimiser<'_> {
     }
 }
 
-/// Whether a face has the edge of an open ring.
+/// Returns true if a face has the edge of an open ring.
 fn goes_away(ring: &Ring, f: [u32; 3]) -> bool {
     !ring.closed && f.iter().filter(|k| !ring.link.contains(k)).count() == 2
 }

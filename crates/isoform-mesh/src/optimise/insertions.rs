@@ -1,60 +1,42 @@
-//! Edges are split in the middle: in bad tetrahedra that nothing else mends, where they leave the
+//! Edge splits at the midpoint: in bad tetrahedra that nothing else mends, where edges leave the
 //! surface, and where faces have all corners on one curve.
 
 use super::holds::Hold;
-use super::{LOOK, Optimiser};
+use super::{OPERATIONS_PER_STOP_CHECK, Optimiser};
 use crate::complex::{Face, Ring, STRAY, edge, label_in, labelled_edges};
 use crate::points::centroid;
 use crate::surface::On;
 use isoform_geom::{Point3, norm, sub};
 use rayon::prelude::*;
 
-/// Improvement of the worst tetrahedron that pays for a vertex more.
-const WORTH: f64 = 0.01;
-/// Farthest that a new vertex goes from the middle of its edge onto the surface, in lengths of the
-/// edge. What is farther away is another sheet.
-const REACH: f64 = 0.3;
-/// Largest sagitta of an edge of the surface, as a share of its length, for elements of order 1 and
-/// of order 2. An arc of 53 degrees is what sizes by curvature ask for (less doubles the triangles
-/// of each small ball, for optimising to place); one of 37 is the most for good curved elements.
-pub(super) const TURN: [f64; 2] = [0.12, 0.08];
-/// Largest sagitta of an edge on a feature curve, as a share of the size asked for.
-const CURVE: f64 = 0.08;
-/// If one step of Newton's method gives less than this share of the largest sagitta allowed, the
-/// edge is surely near enough to the surface.
-const WELL: f64 = 0.6;
-/// If the middle of an edge is farther from the surface than this share of the edge's length, it is
-/// not near it at all: the edge runs across the solid, or an iteration failed.
-const LOST: f64 = 0.4;
-/// Worst measure that a split for the sake of the surface may leave.
-const LEAST: f64 = 0.02;
-/// Rounds of splits for the sake of the surface.
-const ROUNDS: usize = 8;
-/// Rounds of mending after each round of splits.
-const MENDING: usize = 12;
-/// Share of the measure of bad tetrahedra that a split of an ear must keep.
-const KEEP: f64 = 0.9;
+/// Maximum sagitta of an edge of the surface, as a fraction of its length, for elements of order 1
+/// and of order 2. The first is an arc of 53 degrees, as sizes by curvature produce (less doubles
+/// the triangles of each small ball, which optimisation would have to place); the second one of 37,
+/// the largest for good curved elements.
+pub(super) const MAX_SAGITTA_RATIOS: [f64; 2] = [0.12, 0.08];
 
-/// A vertex that is to be inserted.
-struct Fresh {
+/// A vertex to be inserted.
+struct NewVertex {
     at: Point3,
     hold: On,
     labels: On,
 }
 
 impl Optimiser<'_> {
-    /// Splits the edge from `a` to `b` in the middle and moves the new vertex to its best place;
-    /// undone if the worst does not improve.
+    /// Splits the edge from `a` to `b` at its midpoint and moves the new vertex to its best
+    /// position; undone if the worst measure does not improve.
     pub(super) fn insert(&mut self, [a, b]: [u32; 2]) -> bool {
         let mut ring = Ring::default();
         if !self.complex.ring_of(a, b, &mut ring) {
             return false;
         }
         let before = self.worst(&ring.tets);
-        self.insert_in(&ring, [a, b], before + WORTH)
+        // A new vertex must pay for itself.
+        self.insert_in(&ring, [a, b], before + 0.01)
     }
 
-    /// Splits the edge of a ring like [`Self::insert`], kept if the worst is better than `least`.
+    /// Splits the edge of a ring like [`Self::insert`], kept if the worst measure is better than
+    /// `least`.
     fn insert_in(&mut self, ring: &Ring, ends: [u32; 2], least: f64) -> bool {
         let Some(fresh) = self.middle_vertex(ring, ends) else {
             return false;
@@ -82,12 +64,12 @@ impl Optimiser<'_> {
         false
     }
 
-    /// The vertex in the middle of an edge, on the surface if the edge is; none where that is not
-    /// near.
-    fn middle_vertex(&self, ring: &Ring, ends: [u32; 2]) -> Option<Fresh> {
+    /// Returns the vertex in the middle of an edge, on the surface if the edge is; `None` if the
+    /// surface is not near.
+    fn middle_vertex(&self, ring: &Ring, ends: [u32; 2]) -> Option<NewVertex> {
         let middle = self.middle_of(ends);
         if !self.complex.is_on_surface(ring) {
-            return Some(Fresh {
+            return Some(NewVertex {
                 at: middle,
                 hold: On::default(),
                 labels: On::default(),
@@ -99,16 +81,17 @@ impl Optimiser<'_> {
         }
         let hold = self.pieces_of_edge(ends, labels);
         let at = self.surface.project(hold.slice(), middle)?;
-        let reach = REACH * self.complex.edge_length(ends[0], ends[1]);
-        (norm(sub(at, middle)) <= reach).then(|| Fresh {
+        // A point farther away is on another sheet.
+        let reach = 0.3 * self.complex.edge_length(ends[0], ends[1]);
+        (norm(sub(at, middle)) <= reach).then(|| NewVertex {
             at,
             hold,
-            labels: On::of(&labels),
+            labels: On::from_pieces(&labels),
         })
     }
 
-    /// The faces of tetrahedra on the boundary, vertices sorted, with what stands for the neighbour
-    /// there, and those on walls with their labels.
+    /// Returns the boundary faces of tetrahedra, vertices sorted, with the marker of the neighbour
+    /// there, and faces on walls with their labels.
     fn boundary_of(&self, tets: &[u32]) -> Vec<Face> {
         let mut faces = Vec::new();
         for &t in tets {
@@ -123,14 +106,14 @@ impl Optimiser<'_> {
         faces
     }
 
-    fn add_vertex(&mut self, fresh: Fresh) -> u32 {
+    fn add_vertex(&mut self, fresh: NewVertex) -> u32 {
         self.hold.push(Hold::On(fresh.hold));
         self.labels.push(fresh.labels);
         self.touched.push(self.clock);
         self.complex.add_point(fresh.at)
     }
 
-    /// Takes back the vertex that was added last; no tetrahedron has it any more.
+    /// Removes the vertex that was added last, after all its tetrahedra.
     fn remove_last_vertex(&mut self) {
         self.complex.points.pop();
         self.complex.tet_of.pop();
@@ -139,12 +122,12 @@ impl Optimiser<'_> {
         self.touched.pop();
     }
 
-    /// Splits edges of the surface whose middles are farther from it than `error`, or that turn too
-    /// far, until there are none.
+    /// Splits edges of the surface whose midpoints are farther from it than `error`, or that turn
+    /// too far, until there are none.
     pub(super) fn refine_surface(&mut self, error: f64, goal: f64) {
         self.error = error;
         let mut fewest = usize::MAX;
-        for _ in 0..ROUNDS {
+        for _ in 0..8 {
             if self.control.is_stopped() {
                 return;
             }
@@ -156,26 +139,27 @@ impl Optimiser<'_> {
             wanted.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
             match self.split_all(&wanted) {
                 None | Some(0) => return,
-                Some(_) => self.mend_all(goal, MENDING),
+                Some(_) => self.mend_all(goal, 12),
             }
         }
     }
 
-    /// Splits edges of the surface. Returns how many; none on a stop.
+    /// Splits edges of the surface. Returns their number; `None` on a stop.
     fn split_all(&mut self, edges: &[(f64, [u32; 2])]) -> Option<usize> {
         let (mut ring, mut done) = (Ring::default(), 0);
         for (k, &(_, [a, b])) in edges.iter().enumerate() {
-            if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+            if k.is_multiple_of(OPERATIONS_PER_STOP_CHECK) && self.control.is_stopped() {
                 return None;
             }
             if self.complex.ring_of(a, b, &mut ring) && self.complex.is_on_surface(&ring) {
-                done += usize::from(self.insert_in(&ring, [a, b], LEAST));
+                done += usize::from(self.insert_in(&ring, [a, b], 0.02));
             }
         }
         Some(done)
     }
 
-    /// Edges of the surface that leave it too far, each with the factor by which it does.
+    /// Returns the edges of the surface that leave it too far, each with the ratio of the deviation
+    /// to its limit.
     fn edges_to_split(&self, error: f64) -> Vec<(f64, [u32; 2])> {
         let faces = self.complex.faces();
         let edges = labelled_edges(faces.iter().copied());
@@ -187,15 +171,15 @@ impl Optimiser<'_> {
             })
             .collect();
         if error.is_finite() {
-            // Faces whose edges are all right but whose middle is not.
+            // Faces whose edges are all right but whose centroid is not.
             let on_pieces = faces.par_iter().filter(|f| f.1 < STRAY);
             wanted.par_extend(on_pieces.filter_map(|f| self.longest_of_bulging(f, error)));
         }
         wanted
     }
 
-    /// The longest edge of a face whose middle is farther from the surface than `error`, with the
-    /// factor by which it is.
+    /// Returns the longest edge of a face whose centroid is farther from the surface than `error`,
+    /// with the ratio of the two.
     fn longest_of_bulging(&self, (f, label): &Face, error: f64) -> Option<(f64, [u32; 2])> {
         let middle = centroid(self.points_of(*f));
         let on = self.piece_at(f, *label);
@@ -210,7 +194,8 @@ impl Optimiser<'_> {
         (off > error).then_some((off / error, edge(a, b)))
     }
 
-    /// By how much an edge of the surface leaves it more than it may; none if it does not.
+    /// Returns the ratio of an edge's deviation from the surface to its limit; `None` if it is
+    /// within.
     pub(super) fn excess(&self, ends: [u32; 2], labels: [u32; 2], error: f64) -> Option<f64> {
         if labels.iter().any(|&l| l >= STRAY) {
             return None;
@@ -219,36 +204,38 @@ impl Optimiser<'_> {
         let on = self.pieces_of_edge(ends, labels);
         let length = self.complex.edge_length(ends[0], ends[1]);
         let most = (self.turn * length).min(error).min(if on.len() == 2 {
-            CURVE * self.size
+            // Edges on feature curves follow them closely.
+            0.08 * self.size
         } else {
             f64::INFINITY
         });
-        // The first step of Newton's method tells of most edges that they are well within what they
-        // may.
-        if norm(sub(self.surface.nearer(on.slice(), middle)?, middle)) < WELL * most {
+        // For most edges the first step of Newton's method already shows that they are within.
+        // The edge is surely near enough to the surface.
+        if norm(sub(self.surface.nearer(on.slice(), middle)?, middle)) < 0.6 * most {
             return None;
         }
         let off = norm(sub(self.surface.project(on.slice(), middle)?, middle));
-        (off > most && off < LOST * length).then_some(off / most)
+        // Farther away, the edge runs across the solid, or an iteration failed.
+        (off > most && off < 0.4 * length).then_some(off / most)
     }
 
-    /// Splits faces of the surface whose corners all lie on one curve, at their edge that is no
-    /// piece of it: three points do not say on which side of the curve such a face is, and there is
-    /// room for a better one.
+    /// Splits faces of the surface whose corners all lie on one curve, at their edge that is not an
+    /// edge of the curve: three points do not tell on which side of the curve such a face is, and
+    /// there is room for a better one.
     pub(super) fn split_ears(&mut self, least: f64) {
         let mut ring = Ring::default();
         for (k, [a, b]) in self.ears().into_iter().enumerate() {
-            if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+            if k.is_multiple_of(OPERATIONS_PER_STOP_CHECK) && self.control.is_stopped() {
                 return;
             }
             if self.complex.ring_of(a, b, &mut ring) {
                 let before = self.worst(&ring.tets);
-                self.insert_in(&ring, [a, b], least.min(KEEP * before));
+                self.insert_in(&ring, [a, b], least.min(0.9 * before));
             }
         }
     }
 
-    /// The edges within a piece of faces whose corners all lie on one curve.
+    /// Returns the edges within a piece of faces whose corners all lie on one curve.
     fn ears(&self) -> Vec<[u32; 2]> {
         let mut ears = Vec::new();
         let mut ring = Ring::default();

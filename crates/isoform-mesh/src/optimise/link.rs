@@ -1,18 +1,18 @@
-//! The link condition: whether an edge can be collapsed without changing the topology.
+//! The link condition: decides if an edge can be collapsed without changing the topology.
 
 use crate::complex::{BOUNDARY, Complex, NONE, Ring, edge};
 
-/// Stands for all that lies beyond the boundary: a vertex joined to each of its faces.
-const BEYOND: u32 = NONE;
-/// Stands, in the same way, for a vertex joined to each face of a wall between regions: what keeps
-/// the topology of the complex must keep that of its walls.
-const WALL: u32 = NONE - 1;
+/// Symbolic vertex beyond the boundary, joined to each boundary face.
+const BEYOND_VERTEX: u32 = NONE;
+/// Symbolic vertex joined to each face of a wall between regions: a collapse must also keep the
+/// topology of the walls.
+const WALL_VERTEX: u32 = NONE - 1;
 
-/// Whether pulling one vertex onto the other leaves the complex a manifold: the link condition
-/// (Dey, Edelsbrunner, Guha and Nekhayev, Topology preserving edge contraction, 1999). What the
-/// links of both have in common must be the link of their edge.
+/// Returns true if pulling one vertex onto the other leaves the complex a manifold: the link
+/// condition (Dey, Edelsbrunner, Guha and Nekhayev, Topology preserving edge contraction, 1999).
+/// The intersection of the links of both must be the link of their edge.
 ///
-/// Vertices alone do not tell: where the solid is thin, three vertices of the surface may have
+/// Vertices alone do not decide: where the solid is thin, three vertices of the surface may have
 /// edges on it and yet an inner face, and its collapse would leave two sheets that meet in an edge.
 pub(super) fn keeps_topology(complex: &Complex, ends: [(u32, &[u32]); 2], ring: &Ring) -> bool {
     let [mine, theirs] = ends.map(|(v, star)| Link::of_vertex(complex, v, star));
@@ -22,12 +22,12 @@ pub(super) fn keeps_topology(complex: &Complex, ends: [(u32, &[u32]); 2], ring: 
         && common(&mine.triangles, &theirs.triangles).next().is_none()
 }
 
-/// What two sorted lists have in common.
+/// Returns the common elements of two sorted lists.
 fn common<'l, T: Ord>(a: &'l [T], b: &'l [T]) -> impl Iterator<Item = &'l T> {
     a.iter().filter(|x| b.binary_search(x).is_ok())
 }
 
-/// What lies opposite in the simplices at a vertex or an edge, sorted.
+/// Link of a vertex or an edge: the opposite simplices, sorted.
 #[derive(Default)]
 struct Link {
     vertices: Vec<u32>,
@@ -43,9 +43,9 @@ impl Link {
             link.triangles.push(complex.face(t, place));
             for i in (0..4).filter(|&i| i != place) {
                 let apex = if complex.adjacent[t as usize][i] >= BOUNDARY {
-                    BEYOND
+                    BEYOND_VERTEX
                 } else if complex.owns(t, i) {
-                    WALL
+                    WALL_VERTEX
                 } else {
                     continue;
                 };
@@ -78,15 +78,16 @@ impl Link {
         if ring.closed {
             link.edges.push(edge(first, last));
         } else {
-            link.vertices.push(BEYOND);
-            link.edges.extend([[first, BEYOND], [last, BEYOND]]);
+            link.vertices.push(BEYOND_VERTEX);
+            link.edges
+                .extend([[first, BEYOND_VERTEX], [last, BEYOND_VERTEX]]);
         }
         if complex.is_divided() {
             let arcs = complex.arcs(ring);
             let walls = if ring.closed && arcs.len() > 1 { 0 } else { 1 };
             for arc in arcs.iter().skip(walls) {
-                link.vertices.push(WALL);
-                link.edges.push(edge(arc.link[0], WALL));
+                link.vertices.push(WALL_VERTEX);
+                link.edges.push(edge(arc.link[0], WALL_VERTEX));
             }
             link.vertices.dedup();
         }

@@ -1,36 +1,20 @@
-//! Bad tetrahedra are mended in rounds, worst first, by whatever helps most.
+//! Mending of bad tetrahedra in rounds, worst first, by the operation that helps most.
 
 use super::collapses::Pull;
-use super::{LOOK, Optimiser};
+use super::{OPERATIONS_PER_STOP_CHECK, Optimiser};
 use crate::complex::EDGES;
 use crate::points::unique;
 use isoform_geom::{dot, sub};
 use rayon::prelude::*;
 
-/// Vertices around which no tetrahedron is worse than this factor times the goal are left where
-/// they are, and moves that get there end: the worst tetrahedra count, and most of the others are
-/// good from the start.
-const ENOUGH: f64 = 1.25;
-/// Rounds of mending in the beginning.
-const ROUNDS: usize = 30;
-/// Round from which vertices are inserted: flips and collapses come first.
-const INSERT_FROM: usize = 3;
-/// Bad tetrahedra up to which vertices are inserted in meshes of any size.
-const MANY: usize = 200;
-/// Tetrahedra per bad one from which on vertices are inserted in large meshes.
-const MANY_OF: usize = 200;
-/// Edges of a bad tetrahedron that are tried for an insertion, longest first.
-const TRIED: usize = 4;
-/// Least improvement of the worst tetrahedron that is progress.
-const PROGRESS: f64 = 1e-4;
-/// Bad tetrahedra per one less that count as progress, too: two of a hundred.
-const FEWER: usize = 50;
-/// Rounds without progress after which mending ends.
-const IDLE: usize = 4;
-/// Tetrahedra that a thread takes at once.
-const CHUNK: usize = 1024;
+/// Factor of the goal from which on a measure is good enough: vertices around which no tetrahedron
+/// is worse do not move, and moves that get there end. The worst tetrahedra count, and most of the
+/// others are good from the start.
+const ENOUGH_GOAL_FACTOR: f64 = 1.25;
+/// First round in which vertices are inserted: flips and collapses come first.
+const FIRST_INSERTION_ROUND: usize = 3;
 
-/// One way to mend a tetrahedron.
+/// An operation that may mend a tetrahedron.
 #[derive(Clone, Copy)]
 enum Remedy {
     Edge([u32; 2]),
@@ -38,20 +22,20 @@ enum Remedy {
     Collapse(Pull),
 }
 
-/// A tetrahedron and its measure.
-type Bad = (f64, u32);
+/// A tetrahedron with its measure.
+type MeasuredTet = (f64, u32);
 
-/// How mending gets on from round to round.
-struct Course {
-    /// The best worst measure so far.
+/// Progress of mending from round to round.
+struct MendingProgress {
+    /// Best worst measure so far.
     best: f64,
-    /// Fewest bad tetrahedra so far.
+    /// Minimum number of bad tetrahedra so far.
     fewest: usize,
-    /// Rounds without progress.
+    /// Number of rounds without progress.
     idle: usize,
 }
 
-impl Course {
+impl MendingProgress {
     fn new() -> Self {
         Self {
             best: f64::NEG_INFINITY,
@@ -60,9 +44,10 @@ impl Course {
         }
     }
 
-    /// Takes note of a round. Progress is a better worst tetrahedron or fewer bad ones.
+    /// Records a round. Progress is a better worst tetrahedron or fewer bad ones.
     fn note(&mut self, worst: f64, bad: usize) {
-        if worst > self.best + PROGRESS || bad < self.fewest - self.fewest / FEWER {
+        // A better worst tetrahedron, or 2 % fewer bad ones.
+        if worst > self.best + 1e-4 || bad < self.fewest - self.fewest / 50 {
             self.idle = 0;
         } else {
             self.idle += 1;
@@ -75,13 +60,13 @@ impl Course {
 impl Optimiser<'_> {
     /// Optimises until no tetrahedron is below `goal` or nothing helps any more.
     pub(super) fn run(&mut self, goal: f64) {
-        self.enough = ENOUGH * goal;
+        self.enough = ENOUGH_GOAL_FACTOR * goal;
         self.collapse_micro();
         let off = self.off(|_| true);
         let live: Vec<u32> = self.complex.live().collect();
         let poor: Vec<u32> = live
             .into_par_iter()
-            .with_min_len(CHUNK)
+            .with_min_len(1024)
             .filter(|&t| self.measure(t) < self.enough)
             .collect();
         let mut is_near = vec![false; self.complex.points.len()];
@@ -95,17 +80,17 @@ impl Optimiser<'_> {
         let near: Vec<u32> = (0..is_near.len() as u32)
             .filter(|&v| is_near[v as usize])
             .collect();
-        // From here on, what is touched may have become off the surface or come onto it.
+        // From here on, touched vertices may have left the surface or come onto it.
         self.clock = 1;
         self.smooth(&near);
         self.make_room(&off);
         self.first_off = off;
-        self.mend_all(goal, ROUNDS);
+        self.mend_all(goal, 30);
     }
 
     /// Mends tetrahedra below `goal` in rounds, with moves of the vertices around them.
     pub(super) fn mend_all(&mut self, goal: f64, rounds: usize) {
-        let mut course = Course::new();
+        let mut course = MendingProgress::new();
         for round in 0..rounds {
             let bad = self.bad(goal);
             let Some(&(worst, _)) = bad.first() else {
@@ -120,14 +105,14 @@ impl Optimiser<'_> {
             let around = self.wide_surroundings(&bad);
             let moved = self.smooth(&around);
             course.note(worst, bad.len());
-            if course.idle >= IDLE || (mended == 0 && moved == 0) {
+            if course.idle >= 4 || (mended == 0 && moved == 0) {
                 return;
             }
         }
     }
 
-    /// The tetrahedra below `goal`, worst first.
-    fn bad(&mut self, goal: f64) -> Vec<Bad> {
+    /// Returns the tetrahedra below `goal`, worst first.
+    fn bad(&mut self, goal: f64) -> Vec<MeasuredTet> {
         let mut suspects = std::mem::take(&mut self.suspects);
         if let Some(log) = &mut self.complex.log {
             suspects.append(log);
@@ -135,9 +120,9 @@ impl Optimiser<'_> {
         suspects.par_sort_unstable();
         suspects.dedup();
         suspects.retain(|&t| self.complex.is_there(t));
-        let mut bad: Vec<Bad> = suspects
+        let mut bad: Vec<MeasuredTet> = suspects
             .par_iter()
-            .with_min_len(CHUNK)
+            .with_min_len(1024)
             .map(|&t| (self.measure(t), t))
             .filter(|b| b.0 < goal)
             .collect();
@@ -146,19 +131,19 @@ impl Optimiser<'_> {
         bad
     }
 
-    /// Tries to mend each tetrahedron once. Returns how many were; none on a stop.
-    fn mend_round(&mut self, bad: &[Bad], goal: f64, round: usize) -> Option<usize> {
-        // Insertions are for what is left over; where much is bad they only make more of it.
-        let insertions =
-            round >= INSERT_FROM && bad.len() < MANY.max(self.complex.tets.len() / MANY_OF);
+    /// Tries to mend each tetrahedron once. Returns the number of successes; `None` on a stop.
+    fn mend_round(&mut self, bad: &[MeasuredTet], goal: f64, round: usize) -> Option<usize> {
+        // Insertions are for the remaining few; where many tetrahedra are bad they only add more.
+        let insertions = round >= FIRST_INSERTION_ROUND
+            && bad.len() < 200usize.max(self.complex.tets.len() / 200);
         self.clock += 1;
         self.tried.resize(self.complex.tets.len(), 0);
-        if round == INSERT_FROM {
+        if round == FIRST_INSERTION_ROUND {
             self.tried.fill(0);
         }
         let mut done = 0;
         for (k, &(_, t)) in bad.iter().enumerate() {
-            if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+            if k.is_multiple_of(OPERATIONS_PER_STOP_CHECK) && self.control.is_stopped() {
                 return None;
             }
             if !self.complex.is_there(t) || self.measure(t) >= goal || self.was_in_vain(t) {
@@ -180,22 +165,22 @@ impl Optimiser<'_> {
         Some(done)
     }
 
-    /// Whether a tetrahedron was tried, and nothing was touched since.
+    /// Returns true if a tetrahedron was tried, and nothing was touched since.
     fn was_in_vain(&self, t: u32) -> bool {
         let tried = self.tried[t as usize];
         let mut vertices = self.complex.tets[t as usize].iter();
         tried > 0 && vertices.all(|&k| self.touched[k as usize] < tried)
     }
 
-    /// The vertices of all tetrahedra around the bad ones.
-    fn wide_surroundings(&mut self, bad: &[Bad]) -> Vec<u32> {
+    /// Returns the vertices of all tetrahedra around the bad ones.
+    fn wide_surroundings(&mut self, bad: &[MeasuredTet]) -> Vec<u32> {
         let there = bad.iter().filter(|b| self.complex.is_there(b.1));
         let near = there.flat_map(|b| self.complex.tets[b.1 as usize]);
         let near = unique(near.collect());
         self.complex.vertices_around(&near)
     }
 
-    /// Tries everything on a bad tetrahedron; returns whether something was done.
+    /// Tries all operations on a bad tetrahedron. Returns true if one was applied.
     fn mend(&mut self, t: u32, insertions: bool) -> bool {
         match self.best_remedy(t) {
             Some(remedy) => self.try_remedy(t, remedy, true).is_some(),
@@ -203,7 +188,8 @@ impl Optimiser<'_> {
         }
     }
 
-    /// What leaves the best worst measure, of all that improves it; of equals the first.
+    /// Returns the operation that leaves the best worst measure, of all that improve it; of equals
+    /// the first.
     fn best_remedy(&mut self, t: u32) -> Option<Remedy> {
         let v = self.complex.tets[t as usize];
         let pull = |i: usize, j: usize| Remedy::Collapse(Pull { u: v[i], w: v[j] });
@@ -225,7 +211,8 @@ impl Optimiser<'_> {
         best.map(|b| b.1)
     }
 
-    /// The worst measure after the remedy, if it improves that; done if `apply` is set.
+    /// Returns the worst measure after an operation; `None` if it does not improve. Applies it if
+    /// `apply` is set.
     fn try_remedy(&mut self, t: u32, remedy: Remedy, apply: bool) -> Option<f64> {
         match remedy {
             Remedy::Edge(ends) => self.remove_edge(t, ends, apply),
@@ -243,6 +230,6 @@ impl Optimiser<'_> {
             (dot(d, d), [v[i], v[j]])
         });
         edges.sort_by(|a, b| b.0.total_cmp(&a.0));
-        edges.iter().take(TRIED).any(|&(_, ends)| self.insert(ends))
+        edges.iter().take(4).any(|&(_, ends)| self.insert(ends))
     }
 }

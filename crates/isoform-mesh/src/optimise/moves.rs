@@ -1,86 +1,83 @@
-//! Vertices go to better places: within the solid freely, on pieces by projection.
+//! Moves of vertices to better positions: freely within the solid, by projection on pieces.
 
 use super::holds::Hold;
-use super::{FACING, GAIN, Optimiser};
+use super::{MIN_FACING_COSINE, MIN_GAIN, Optimiser};
 use crate::complex::Face;
-use crate::measure::{Around, biased_sine, smallest_sine};
+use crate::measure::{VertexStar, biased_sine, smallest_sine};
 use crate::points::{midpoint, unit};
 use crate::surface::On;
 use isoform_geom::{Point3, cross, dot};
 use rayon::prelude::*;
 
-/// Steps of a move.
-const ROUNDS: usize = 4;
-/// Lengths that are tried for a step, each half as long as the one before.
-const LENGTHS: usize = 6;
-/// Batches of vertices: proposals are made together within a batch, so that the result does not
-/// depend on threads. Neighbours seldom share a batch of eight, and where they do the second one
-/// is looked at again.
-const BATCHES: u32 = 8;
-/// Vertices that a thread takes at once.
-const CHUNK: usize = 64;
+/// Maximum number of steps of a move.
+const MAX_MOVE_STEPS: usize = 4;
+/// Number of batches of vertices: positions are proposed together within a batch, so that the
+/// result does not depend on threads. Neighbours seldom share one of eight batches, and where they
+/// do the second one is checked again.
+const VERTEX_BATCHES: u32 = 8;
 
-/// What the move of a vertex works with.
+/// Buffers for the move of a vertex.
 #[derive(Default)]
-pub(super) struct Move {
+pub(super) struct MoveBuffers {
     star: Vec<u32>,
     faces: Vec<Face>,
-    around: Around,
+    around: VertexStar,
 }
 
-/// A place with the worst measure around a vertex there.
+/// A position with the worst measure around a vertex there.
 #[derive(Clone, Copy)]
-struct Judged {
+struct RatedPosition {
     at: Point3,
     worst: f64,
 }
 
-/// The batch of a vertex, by the leading three bits of a multiplicative hash.
+/// Returns the batch of a vertex, by the leading three bits of a multiplicative hash.
 fn batch_of(v: u32) -> u32 {
     v.wrapping_mul(0x9E37_79B9) >> 29
 }
 
 impl Optimiser<'_> {
-    /// A better place for a vertex, if there is one.
-    pub(super) fn better_place(&self, v: u32, moving: &mut Move) -> Option<Point3> {
+    /// Returns a better position for a vertex, if there is one.
+    pub(super) fn better_place(&self, v: u32, moving: &mut MoveBuffers) -> Option<Point3> {
         let Hold::On(on) = self.hold[v as usize] else {
             return None;
         };
         if on.len() > 2 {
             return None;
         }
-        self.look_around(v, &on, moving)?;
+        self.collect_star(v, &on, moving)?;
         let around = &mut moving.around;
         let start = self.point(v);
         let first = around.worst(start, f64::NEG_INFINITY);
         if on.is_empty() {
             let last = self.climb_freely(start, first, around);
-            return (last.worst > first + GAIN).then_some(last.at);
+            return (last.worst > first + MIN_GAIN).then_some(last.at);
         }
-        let mut places = [start; ROUNDS];
+        let mut places = [start; MAX_MOVE_STEPS];
         let mut n = 0;
-        let mut last = Judged {
+        let mut last = RatedPosition {
             at: start,
             worst: first,
         };
-        while n < ROUNDS
+        while n < MAX_MOVE_STEPS
             && let Some(next) = self.step(&on, last, around)
         {
             places[n] = next.at;
             n += 1;
             last = next;
         }
-        // The last place counts that stands when it is brought onto the surface to rounding.
+        // The last position counts that is still valid when it is projected onto the surface up to
+        // rounding.
         places[..n].iter().rev().find_map(|&p| {
             let p = self.surface.project(on.slice(), p)?;
-            let is_better = around.worst(p, first + GAIN) > first + GAIN;
+            let is_better = around.worst(p, first + MIN_GAIN) > first + MIN_GAIN;
             (is_better && self.may_stand(v, p, &moving.faces)).then_some(p)
         })
     }
 
     /// Collects the tetrahedra and the faces of the surface around a vertex.
-    fn look_around(&self, v: u32, on: &On, moving: &mut Move) -> Option<()> {
-        let Move {
+    fn collect_star(&self, v: u32, on: &On, moving: &mut MoveBuffers) -> Option<()> {
+        let MoveBuffers {
             star,
             faces,
             around,
@@ -104,7 +101,7 @@ impl Optimiser<'_> {
         Some(())
     }
 
-    /// The corners of a tetrahedron as seen from one of them.
+    /// Returns the corners of a tetrahedron as seen from one of them.
     #[inline]
     fn corners_seen_from(&self, v: u32, t: u32) -> [Point3; 4] {
         let mut corners = self.complex.corners(t);
@@ -117,21 +114,21 @@ impl Optimiser<'_> {
         corners
     }
 
-    /// The best place for a vertex within the solid.
-    fn climb_freely(&self, start: Point3, first: f64, around: &mut Around) -> Judged {
-        let mut last = Judged {
+    /// Returns the best position for a vertex within the solid.
+    fn climb_freely(&self, start: Point3, first: f64, around: &mut VertexStar) -> RatedPosition {
+        let mut last = RatedPosition {
             at: start,
             worst: first,
         };
         if first < self.enough {
-            // As good as a search by gradients in most cases, and far cheaper.
+            // In most cases equal to a search by gradients, and far cheaper.
             let at = around.centre(start);
-            let worst = around.worst(at, first + GAIN);
-            if worst > first + GAIN {
-                last = Judged { at, worst };
+            let worst = around.worst(at, first + MIN_GAIN);
+            if worst > first + MIN_GAIN {
+                last = RatedPosition { at, worst };
             }
         }
-        for _ in 0..ROUNDS {
+        for _ in 0..MAX_MOVE_STEPS {
             match self.step(&On::default(), last, around) {
                 Some(next) => last = next,
                 None => break,
@@ -140,20 +137,21 @@ impl Optimiser<'_> {
         last
     }
 
-    /// A place that is better than the last one, in the direction in which the worst tetrahedra
-    /// improve; none where that is good enough, or there is none.
-    fn step(&self, on: &On, last: Judged, around: &mut Around) -> Option<Judged> {
-        let Judged { at, worst } = last;
+    /// Returns a better position than the last one, in the direction in which the worst tetrahedra
+    /// improve; `None` if the last one is good enough, or no better one is found.
+    fn step(&self, on: &On, last: RatedPosition, around: &mut VertexStar) -> Option<RatedPosition> {
+        let RatedPosition { at, worst } = last;
         if worst >= self.enough || worst.is_nan() {
             return None;
         }
         let (direction, step) = around.direction(at, worst, self.tangent(on, at))?;
         let mut found = None;
-        let (mut s, mut bound) = (step, worst + GAIN);
-        for _ in 0..LENGTHS {
+        let (mut s, mut bound) = (step, worst + MIN_GAIN);
+        // Step lengths are halved.
+        for _ in 0..6 {
             let raw = std::array::from_fn(|i| at[i] + s * direction[i]);
-            // One step of Newton's method does to judge a place by; the one that is taken is
-            // brought to the surface to rounding.
+            // One step of Newton's method suffices to judge a position; the chosen one is projected
+            // onto the surface up to rounding.
             let place = if on.is_empty() {
                 Some(raw)
             } else {
@@ -162,7 +160,7 @@ impl Optimiser<'_> {
             if let Some(at) = place {
                 let worst = around.worst(at, bound);
                 if worst > bound {
-                    found = Some(Judged { at, worst });
+                    found = Some(RatedPosition { at, worst });
                     bound = worst;
                 } else if found.is_some() {
                     break;
@@ -173,7 +171,7 @@ impl Optimiser<'_> {
         found
     }
 
-    /// The projection of vectors onto the directions in which a vertex may move.
+    /// Returns the projection of vectors onto the directions in which a vertex may move.
     fn tangent(&self, on: &On, p: Point3) -> impl Fn(Point3) -> Point3 + use<> {
         let normal = |k: usize| unit(self.surface.gradient(on.slice()[k], p).1);
         let n = on.len();
@@ -193,23 +191,23 @@ impl Optimiser<'_> {
         }
     }
 
-    /// Whether a vertex of the surface may stand at `p`: all that holds it vanishes there and its
-    /// faces look outward.
+    /// Returns true if a vertex of the surface may stand at `p`: all pieces that hold it vanish
+    /// there and its faces face outward.
     fn may_stand(&self, v: u32, p: Point3, faces: &[Face]) -> bool {
         let at = self.with(v, p);
         !self.is_off(v, p)
             && faces.iter().all(|&(f, label)| {
                 let c = self.facing(self.complex.together(f.map(&at)), label);
-                c >= FACING || c >= self.facing(self.points_of(f), label)
+                c >= MIN_FACING_COSINE || c >= self.facing(self.points_of(f), label)
             })
     }
 
-    /// The places of vertices, with `v` at `p`.
+    /// Returns the positions of vertices, with `v` at `p`.
     fn with(&self, v: u32, p: Point3) -> impl Fn(u32) -> Point3 {
         move |k| if k == v { p } else { self.point(k) }
     }
 
-    /// The worst measure of tetrahedra and faces, with `v` at `p`.
+    /// Returns the worst measure of tetrahedra and faces, with `v` at `p`.
     pub(super) fn worst_at(&self, v: u32, p: Point3, star: &[u32], faces: &[Face]) -> f64 {
         let at = self.with(v, p);
         let mut worst = f64::INFINITY;
@@ -225,11 +223,11 @@ impl Optimiser<'_> {
         worst
     }
 
-    /// Moves the vertices given, each where that improves the worst tetrahedron at it. Returns how
-    /// many moved.
+    /// Moves vertices where that improves the worst tetrahedron at them. Returns the number of
+    /// moves.
     pub(super) fn smooth(&mut self, vertices: &[u32]) -> usize {
         let mut moved = 0;
-        for batch in 0..BATCHES {
+        for batch in 0..VERTEX_BATCHES {
             let these: Vec<u32> = vertices
                 .iter()
                 .copied()
@@ -247,9 +245,9 @@ impl Optimiser<'_> {
         moved
     }
 
-    /// Better places for vertices, as long as the others stay where they are.
+    /// Returns better positions for vertices, provided that the others stay.
     fn better_places(&self, vertices: &[u32]) -> Vec<Option<Point3>> {
-        let propose = |moving: &mut Move, &v: &u32| {
+        let propose = |moving: &mut MoveBuffers, &v: &u32| {
             if self.control.is_stopped() {
                 None
             } else {
@@ -258,12 +256,12 @@ impl Optimiser<'_> {
         };
         vertices
             .par_iter()
-            .with_min_len(CHUNK)
-            .map_init(Move::default, propose)
+            .with_min_len(64)
+            .map_init(MoveBuffers::default, propose)
             .collect()
     }
 
-    /// Moves a vertex if what is around it is better for it; says whether it did.
+    /// Moves a vertex if its surroundings improve. Returns true if it moved.
     fn move_if_better(&mut self, v: u32, p: Point3) -> bool {
         let mut star = std::mem::take(&mut self.scratch.star);
         self.complex.star(v, &mut star);
@@ -279,7 +277,7 @@ impl Optimiser<'_> {
         is_better
     }
 
-    /// The middle of an edge.
+    /// Returns the midpoint of an edge.
     pub(super) fn middle_of(&self, [a, b]: [u32; 2]) -> Point3 {
         let [p, q] = self.points_of([a, b]);
         midpoint(p, q)

@@ -1,36 +1,19 @@
-//! Vertices that cutting had to leave off the surface are brought onto it.
+//! Moves of vertices that cutting had to leave off the surface onto it.
 
 use super::holds::Hold;
-use super::{LOOK, Optimiser};
+use super::{OPERATIONS_PER_STOP_CHECK, Optimiser};
 use crate::complex::{NONE, STRAY};
-use crate::points::{along, centroid};
+use crate::points::{centroid, lerp};
 use crate::surface::{On, is_skin};
 use isoform_geom::{Point3, norm, sub};
 use rayon::prelude::*;
 
-/// Rounds of settling.
-const ROUNDS: i32 = 6;
-/// Worst measure that a step onto the surface may leave in the first round; half of it in each
-/// round that follows.
-const LEAST: f64 = 0.05;
-/// Share of the worst measure before a slight step that is enough after it as well, however bad it
-/// was: such a step mends nothing and spoils nothing but that the vertex gets onto the surface.
-const KEPT: f64 = 0.9;
-/// Length of a slight step, in sizes.
-const SLIGHT: f64 = 0.01;
 /// Shares of the way to the surface that are tried: the whole of it if possible.
-const SHARES: [f64; 3] = [1.0, 0.5, 0.25];
-/// Vertices off the surface that are tried in every round. Many that do not get fewer are a solid
-/// too fine for the size; a few are worth every round.
-const FEW: usize = 16;
-/// Rounds in which vertices are held on seams between pieces that touch. After them those that do
-/// not get there are held on the solid alone, which is right beside the seam as well.
-const SEAMS: i32 = 3;
-/// Rounds of mending after each round.
-const MENDING: usize = 8;
+const SETTLING_STEP_SHARES: [f64; 3] = [1.0, 0.5, 0.25];
 
 impl Optimiser<'_> {
-    /// The vertices off the surface, in order; only vertices that `may` admits are looked at.
+    /// Returns the vertices off the surface, in order; only vertices that `may` admits are
+    /// examined.
     pub(super) fn off(&self, may: impl Fn(u32) -> bool + Sync) -> Vec<u32> {
         let is_off = |&v: &u32| {
             self.complex.tet_of[v as usize] != NONE
@@ -43,30 +26,34 @@ impl Optimiser<'_> {
             .collect()
     }
 
-    /// Moves vertices that the cutting could not put on their pieces onto these, making room by
-    /// mending. Returns the places of those that are still off.
+    /// Moves vertices that the cutting could not place on their pieces onto these, making room by
+    /// mending. Returns the positions of those that are still off.
     pub(super) fn settle(&mut self, goal: f64) -> Vec<Point3> {
         let mut left = std::mem::take(&mut self.first_off);
         let mut fewest = usize::MAX;
         let mut since = 0;
-        for round in 0..ROUNDS {
+        for round in 0..6 {
             if self.control.is_stopped() {
                 break;
             }
             let off =
                 self.off(|v| self.touched[v as usize] > since || left.binary_search(&v).is_ok());
             since = self.clock;
-            left = self.bring_all(off, LEAST * 0.5f64.powi(round));
-            let are_many = left.len() > FEW.max(fewest - fewest / 10);
+            // Worse tetrahedra are allowed in every further round.
+            left = self.bring_all(off, 0.05 * 0.5f64.powi(round));
+            // Many vertices whose number does not fall mean a solid too fine for the size.
+            let are_many = left.len() > 16usize.max(fewest - fewest / 10);
             if (left.is_empty() && round > 0) || are_many {
                 break;
             }
             fewest = left.len();
-            let seams_hold = round < SEAMS;
+            // After three rounds vertices that do not reach their seam are held on the solid alone,
+            // which is also right next to the seam.
+            let seams_hold = round < 3;
             left.iter().for_each(|&v| self.free(v, seams_hold));
             self.collapse_micro();
             self.make_room(&left);
-            self.mend_all(goal, MENDING);
+            self.mend_all(goal, 8);
         }
         left.into_iter()
             .filter(|&v| self.complex.tet_of[v as usize] != NONE)
@@ -79,7 +66,7 @@ impl Optimiser<'_> {
     fn bring_all(&mut self, off: Vec<u32>, least: f64) -> Vec<u32> {
         let mut left = Vec::new();
         for (k, v) in off.into_iter().enumerate() {
-            if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+            if k.is_multiple_of(OPERATIONS_PER_STOP_CHECK) && self.control.is_stopped() {
                 break;
             }
             if !self.bring(v, least) {
@@ -89,7 +76,7 @@ impl Optimiser<'_> {
         left
     }
 
-    /// Moves a vertex towards the pieces that hold it. Returns whether it is on them.
+    /// Moves a vertex towards the pieces that hold it. Returns true if it is on them.
     pub(super) fn bring(&mut self, v: u32, least: f64) -> bool {
         if self.is_hidden(v) {
             self.hold[v as usize] = Hold::On(self.skin_at(v));
@@ -101,26 +88,27 @@ impl Optimiser<'_> {
         let mut star = Vec::new();
         self.complex.star(v, &mut star);
         let faces = self.faces_at(&star, v);
-        let least = if norm(sub(p, q)) < SLIGHT * self.size {
+        let least = if norm(sub(p, q)) < 0.01 * self.size {
             least
-                .min(KEPT * self.worst_at(v, p, &star, &faces))
+                // A slight step may leave most of the previous measure, however bad that was.
+                .min(0.9 * self.worst_at(v, p, &star, &faces))
                 .max(0.0)
         } else {
             least
         };
-        let share = SHARES
+        let share = SETTLING_STEP_SHARES
             .into_iter()
-            .find(|&t| self.worst_at(v, along(p, q, t), &star, &faces) > least);
+            .find(|&t| self.worst_at(v, lerp(p, q, t), &star, &faces) > least);
         if let Some(t) = share {
             self.suspects.extend_from_slice(&star);
             self.touched[v as usize] = self.clock + 1;
-            self.complex.points[v as usize] = if t == 1.0 { q } else { along(p, q, t) };
+            self.complex.points[v as usize] = if t == 1.0 { q } else { lerp(p, q, t) };
         }
         share == Some(1.0)
     }
 
-    /// Where a vertex belongs: the nearest point on all that holds it, if there is one within the
-    /// size asked for.
+    /// Returns the nearest point on all pieces that hold a vertex; `None` if there is none within
+    /// the size.
     fn place_of(&self, v: u32) -> Option<Point3> {
         let p = self.point(v);
         self.surface
@@ -128,8 +116,7 @@ impl Optimiser<'_> {
             .filter(|q| norm(sub(*q, p)) < self.size)
     }
 
-    /// Moves the vertices around those given as far as it helps, also where they are good enough
-    /// otherwise.
+    /// Moves the vertices around some vertices as far as it helps, even if they are good enough.
     pub(super) fn make_room(&mut self, vertices: &[u32]) {
         let near = self.complex.vertices_around(vertices);
         self.clock += 1;
@@ -138,10 +125,10 @@ impl Optimiser<'_> {
         self.enough = enough;
     }
 
-    /// Frees a vertex whose labels have no edge or corner of the solid in common near it, as where
-    /// pieces touch tangentially: it is held on the solid alone, and the faces around it are
-    /// labelled anew, as the solid is at their middles. Seams between pieces count as edges if they
-    /// are to hold.
+    /// Frees a vertex whose labels have no common edge or corner of the solid near it, as where
+    /// pieces touch tangentially: it is held on the solid alone, and the faces around it get new
+    /// labels, from the solid at their centroids. Seams between pieces count as edges if
+    /// `seams_hold` is set.
     pub(super) fn free(&mut self, v: u32, seams_hold: bool) {
         let on = self.holding(v);
         if on.is_empty()
@@ -164,7 +151,7 @@ impl Optimiser<'_> {
                     let within = self.complex.middle(t);
                     let label = self.label_anew(v, self.complex.face(t, i), within, old);
                     self.complex.set_label(t, i, label);
-                    // A face on no piece, as where a function jumps, holds its vertices nowhere.
+                    // A face on no piece, as where a function jumps, does not hold its vertices.
                     if label < STRAY {
                         labels = labels.with(label).unwrap_or(labels);
                     }
@@ -174,7 +161,8 @@ impl Optimiser<'_> {
         self.labels[v as usize] = labels;
     }
 
-    /// Whether pieces meet at a point in an edge or corner of the solid, if there are several.
+    /// Returns true if pieces meet at a point in an edge or corner of the solid, if there are
+    /// several.
     fn is_real(&self, on: On, q: Point3, seams_hold: bool) -> bool {
         match on.slice() {
             held if held.iter().any(|&i| is_skin(i)) => true,
@@ -185,9 +173,9 @@ impl Optimiser<'_> {
         }
     }
 
-    /// The piece that a face at a vertex lies on, as the solid is at its middle: of the vertex's
-    /// pieces and the one that decides there the one that the face faces best. `within` is a place
-    /// in the tetrahedron that the face belongs to.
+    /// Returns the piece on which a face at a vertex lies, from the solid at its centroid: of the
+    /// vertex's pieces and the one that decides there the one that the face faces best. `within` is
+    /// a point in the tetrahedron that has the face.
     fn label_anew(&self, v: u32, face: [u32; 3], within: Point3, old: u32) -> u32 {
         let c = self.points_of(face);
         if old >= STRAY && self.complex.is_divided() {

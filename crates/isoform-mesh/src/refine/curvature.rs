@@ -2,11 +2,12 @@
 
 use super::{LENGTH_TOLERANCE_FACTOR, MIN_TETS_PER_TASK, Refiner, longest};
 use crate::complex::Complex;
-use crate::lattice::{CELL, Reduced};
+use crate::distance::first_order;
+use crate::lattice::{CELL_EDGE, ReducedTree};
 use crate::options::Options;
 use crate::points::unit;
-use crate::surface::{Surface, first_order};
-use isoform_geom::{Point3, Solid, across, dot, norm, sub};
+use crate::surface::Surface;
+use isoform_geom::{Point3, Solid, dot, norm, orthonormal_complement, sub};
 use isoform_num::Jet2;
 use rayon::prelude::*;
 
@@ -26,7 +27,7 @@ fn bends(j: &Jet2) -> [f64; 2] {
     if !(l > 0.0 && l.is_finite()) {
         return [0.0; 2];
     }
-    let [u, v] = across(j.g.map(|v| v / l));
+    let [u, v] = orthonormal_complement(j.g.map(|v| v / l));
     let times = |w: Point3| -> Point3 {
         std::array::from_fn(|i| (0..3).map(|k| j.second(i, k) * w[k]).sum())
     };
@@ -75,7 +76,7 @@ fn curved_size(surface: &Surface<'_>, complex: &Complex, t: u32, error: f64, siz
 
 /// Returns the edge length of [`curved_size`] for one layer.
 fn curved_size_of(
-    reduced: &Reduced,
+    reduced: &ReducedTree,
     surface: &Surface<'_>,
     complex: &Complex,
     t: u32,
@@ -110,7 +111,7 @@ fn curved_size_of(
 
 /// Evaluates a tree where one piece vanishes and the others have the given values: near 0 only if
 /// the piece bounds the solid, or nearly so.
-fn value_without(reduced: &Reduced, values: &[f64], piece: u32) -> f64 {
+fn value_without(reduced: &ReducedTree, values: &[f64], piece: u32) -> f64 {
     let place = |i: u32| reduced.pieces.iter().position(|&p| p == i);
     reduced.tree.value(&|i| {
         if i == piece {
@@ -121,8 +122,8 @@ fn value_without(reduced: &Reduced, values: &[f64], piece: u32) -> f64 {
     })
 }
 
-/// Returns the target edge length in a tetrahedron of the lattice, whose cells of edge [`CELL`]
-/// contain edges of length 1: by curvature and prescribed sizes.
+/// Returns the target edge length in a tetrahedron of the lattice, whose cells of edge
+/// [`CELL_EDGE`] contain edges of length 1: by curvature and prescribed sizes.
 fn wanted(surface: &Surface<'_>, options: &Options, complex: &Complex, t: u32) -> f64 {
     // The chordal error is measured on the final mesh, and what exceeds it is split: the lattice
     // may exceed it a little.
@@ -132,7 +133,7 @@ fn wanted(surface: &Surface<'_>, options: &Options, complex: &Complex, t: u32) -
         let c = complex.corners(t);
         c.iter().map(|p| sizes.at(*p)).fold(f64::INFINITY, f64::min)
     });
-    CELL * curved.min(wished)
+    CELL_EDGE * curved.min(wished)
 }
 
 impl Refiner<'_> {
@@ -197,7 +198,7 @@ mod tests {
         }
     }
 
-    /// Of a ball and of what is around it, asked inside and outside, near and far.
+    /// The curvature radius of a ball and of its complement, from points inside and outside.
     #[test]
     fn radius_of_a_ball_from_anywhere() {
         for sign in ["1 -", "0 - 1 +"] {

@@ -4,7 +4,7 @@
 use super::Refiner;
 use super::curvature::curvature;
 use crate::complex::{Complex, Ring};
-use crate::points::{along, unit};
+use crate::points::{lerp, unit};
 use crate::surface::Surface;
 use isoform_geom::{Point3, dot, norm, sub};
 use rayon::prelude::*;
@@ -18,7 +18,7 @@ const RIDGE_WALK_STEPS: usize = 16;
 const MAX_RESOLVE_ROUNDS: usize = 4;
 
 /// A piece that passes near the centroid of a tetrahedron.
-struct Sheet {
+struct PieceSheet {
     piece: u32,
     /// First-order distance.
     distance: f64,
@@ -36,22 +36,22 @@ fn is_close_call(surface: &Surface<'_>, complex: &Complex, t: u32) -> bool {
         return false;
     }
     let length = norm(sub(c[0], c[1])).max(norm(sub(c[2], c[3])));
-    let near: Vec<Sheet> = reduced
+    let near: Vec<PieceSheet> = reduced
         .pieces
         .iter()
         .filter_map(|&piece| {
             let (g, d) = surface.solid.gradient(piece, middle);
             let l = norm(d);
             // A piece farther away than 0.7 edge lengths does not pass through the tetrahedron.
-            (l > 0.0 && g.abs() < 0.7 * length * l).then(|| Sheet {
+            (l > 0.0 && g.abs() < 0.7 * length * l).then(|| PieceSheet {
                 piece,
                 distance: g / l,
                 normal: d.map(|v| v / l),
             })
         })
         .collect();
-    let bend = |sheet: &Sheet| curvature(&surface.solid.jet(sheet.piece, middle));
-    let too_close = |a: &Sheet, b: &Sheet| {
+    let bend = |sheet: &PieceSheet| curvature(&surface.solid.jet(sheet.piece, middle));
+    let too_close = |a: &PieceSheet, b: &PieceSheet| {
         let gap = (a.distance + b.distance).abs();
         // Two pieces face each other if the angle between their normals is above 143 degrees.
         dot(a.normal, b.normal) < -0.8
@@ -68,10 +68,10 @@ fn is_close_call(surface: &Surface<'_>, complex: &Complex, t: u32) -> bool {
 
 /// A tetrahedron with its vertices. Slots are reused by halves, which are searched in the next
 /// round: a result is valid as long as the vertices are unchanged.
-type Found = (u32, [u32; 4]);
+type TetSnapshot = (u32, [u32; 4]);
 
 /// Search for features hidden between lattice points, from round to round.
-struct Search<'s> {
+struct HiddenSearch<'s> {
     surface: &'s Surface<'s>,
     /// Value of the solid at each vertex.
     values: Vec<f64>,
@@ -81,12 +81,12 @@ struct Search<'s> {
     /// Edges that a piece crosses twice, sorted.
     twice: Vec<[u32; 2]>,
     /// Tetrahedra in which two pieces face each other closely.
-    close: Vec<Found>,
+    close: Vec<TetSnapshot>,
 }
 
-impl Search<'_> {
+impl HiddenSearch<'_> {
     /// Searches all new tetrahedra and edges.
-    fn look(&mut self, complex: &Complex) {
+    fn search_new(&mut self, complex: &Complex) {
         let (surface, known) = (self.surface, self.values.len());
         self.values.par_extend(
             complex.points[known..]
@@ -142,7 +142,7 @@ impl Search<'_> {
         let [p, q] = complex.points_of([a, b]);
         let length = norm(sub(p, q));
         PROBE_FRACTIONS.iter().any(|&t| {
-            let (v, piece) = self.surface.value(along(p, q, t));
+            let (v, piece) = self.surface.value(lerp(p, q, t));
             v * self.values[a as usize] < 0.0
                 // A smaller depth is the sagitta of a curved surface.
                 && v.abs() > 0.08 * length
@@ -158,7 +158,7 @@ impl Search<'_> {
         let [p, q] = complex.points_of([a, b]);
         let length = norm(sub(p, q));
         let side = -self.values[a as usize].signum();
-        let places = PROBE_FRACTIONS.map(|t| along(p, q, t));
+        let places = PROBE_FRACTIONS.map(|t| lerp(p, q, t));
         let depth = |p: Point3| side * self.surface.value(p).0;
         let deepest = places
             .into_iter()
@@ -198,7 +198,7 @@ impl Refiner<'_> {
     /// links. Returns points where the last round still found such an edge, except those that cut
     /// off a ridge.
     pub(crate) fn resolve(&mut self, surface: &Surface<'_>) -> Vec<Point3> {
-        let mut search = Search {
+        let mut search = HiddenSearch {
             surface,
             values: Vec::new(),
             before: Vec::new(),
@@ -206,7 +206,7 @@ impl Refiner<'_> {
             close: Vec::new(),
         };
         for round in 0..=MAX_RESOLVE_ROUNDS {
-            search.look(&self.complex);
+            search.search_new(&self.complex);
             if search.twice.is_empty() && search.close.is_empty() {
                 return Vec::new();
             }

@@ -18,7 +18,7 @@ fn far(value: f64) -> f64 {
 }
 
 /// A piece that vanishes at the examined point of another piece.
-struct Beside {
+struct VanishingPiece {
     piece: u32,
     normal: Point3,
 }
@@ -103,11 +103,11 @@ impl Surface<'_> {
         };
         let normal = |i: u32| unit(self.solid.gradient(i, p).1);
         let n = normal(piece);
-        let beside: Vec<Beside> = reduced
+        let beside: Vec<VanishingPiece> = reduced
             .pieces
             .iter()
             .filter(|&&i| i != piece && self.distance(i, p) == 0.0)
-            .map(|&piece| Beside {
+            .map(|&piece| VanishingPiece {
                 piece,
                 normal: normal(piece),
             })
@@ -150,7 +150,7 @@ fn is_inside(tree: &Csg, value: &impl Fn(u32) -> f64) -> bool {
     tree.value(value) >= 0.0
 }
 
-impl Beside {
+impl VanishingPiece {
     /// Returns the piece's value in a direction within the face with normal `n`, on one side of the
     /// face.
     fn value(&self, n: Point3, along: Point3, side: f64) -> f64 {

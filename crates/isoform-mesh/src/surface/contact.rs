@@ -7,8 +7,8 @@
 //! intersection with one of them, and one of the two bounds the solid on each side of it.
 
 use super::{MAX_TANGENT_SINE, On, Surface, is_skin};
-use crate::features::newton::along;
-use crate::lattice::CELL;
+use crate::features::newton::add_scaled;
+use crate::lattice::CELL_EDGE;
 use crate::points::unit;
 use crate::refine::{curvature, turn_size};
 use isoform_geom::{Point3, cross, norm, sub};
@@ -71,7 +71,7 @@ impl Surface<'_> {
         let by = seams.iter().map(|seam| &seam[1]);
         let mut parted = vec![kept];
         parted.extend(rest.chain(by));
-        On::of(&parted)
+        On::from_pieces(&parted)
     }
 
     /// Returns true if two pieces meet at `p` in an edge of the solid, or in a seam.
@@ -108,7 +108,7 @@ impl Surface<'_> {
             let n = pair.map(|k| self.gradient(k, p).1);
             let t = unit(cross(n[0], n[1]));
             let is_there = |s: f64| {
-                let q = self.project(&pair, along(p, t, s));
+                let q = self.project(&pair, add_scaled(p, t, s));
                 q.is_some_and(|q| self.are_bounded_at(&pair, q) && self.is_seam(pair, q))
             };
             is_there(step) != is_there(-step)
@@ -131,8 +131,8 @@ impl Surface<'_> {
         }
         let bends = pieces.map(|i| curvature(&self.solid.jet(i, p)));
         let radius = 1.0 / bends[0].max(bends[1]);
-        let size = self.lattice.a / CELL;
-        CELL * turn_size(radius, size).min(size)
+        let size = self.lattice.a / CELL_EDGE;
+        CELL_EDGE * turn_size(radius, size).min(size)
     }
 
     pub(super) fn are_parallel(&self, pair: [u32; 2], p: Point3) -> bool {
@@ -155,14 +155,14 @@ impl Surface<'_> {
         let w = unit(cross(n, cross(n, across)));
         let cell = self.cell_at([a, b], p);
         let parting = |s: f64| {
-            let q = along(p, w, s * SEAM_CONTACT_LIMITS[0] * cell);
+            let q = add_scaled(p, w, s * SEAM_CONTACT_LIMITS[0] * cell);
             (self.distance(a, q) - self.distance(b, q)).abs()
         };
         if parting(1.0).max(parting(-1.0)) > SEAM_CONTACT_LIMITS[1] * cell {
             return false;
         }
         let step = SEAM_PROBE_DISTANCE * cell;
-        let bounds = self.bounding([a, b, by], p, [step, -step].map(|s| along(p, w, s)));
+        let bounds = self.bounding([a, b, by], p, [step, -step].map(|s| add_scaled(p, w, s)));
         bounds.into_iter().any(|[here, there, without]| {
             let are_both = [here, there] == [a, b] || [here, there] == [b, a];
             are_both && without != here

@@ -70,11 +70,11 @@ pub(super) struct Bracket {
     lower: (f64, f64),
     upper: (f64, f64),
     /// End that was moved last.
-    moved: End,
+    moved: BracketEnd,
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum End {
+enum BracketEnd {
     None,
     Lower,
     Upper,
@@ -82,14 +82,14 @@ enum End {
 
 impl Bracket {
     /// Maximum number of steps, always sufficient to reach neighbouring numbers.
-    pub(super) const STEPS: usize = 100;
+    pub(super) const MAX_BRACKET_STEPS: usize = 100;
 
     /// Creates a bracket from the values at 0 and 1.
     pub(super) fn new(at_0: f64, at_1: f64) -> Self {
         Self {
             lower: (0.0, at_0),
             upper: (1.0, at_1),
-            moved: End::None,
+            moved: BracketEnd::None,
         }
     }
 
@@ -116,16 +116,16 @@ impl Bracket {
     pub(super) fn narrow(&mut self, m: f64, v: f64) {
         if (v > 0.0) == (self.lower.1 > 0.0) {
             self.lower = (m, v);
-            if self.moved == End::Lower {
+            if self.moved == BracketEnd::Lower {
                 self.upper.1 *= 0.5;
             }
-            self.moved = End::Lower;
+            self.moved = BracketEnd::Lower;
         } else {
             self.upper = (m, v);
-            if self.moved == End::Upper {
+            if self.moved == BracketEnd::Upper {
                 self.lower.1 *= 0.5;
             }
-            self.moved = End::Upper;
+            self.moved = BracketEnd::Upper;
         }
     }
 }

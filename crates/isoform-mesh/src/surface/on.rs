@@ -8,7 +8,7 @@ pub(crate) struct On {
 }
 
 impl On {
-    pub(crate) fn of(pieces: &[u32]) -> Self {
+    pub(crate) fn from_pieces(pieces: &[u32]) -> Self {
         let mut on = Self::default();
         for &p in pieces {
             on = on.with(p).unwrap_or(on);
@@ -62,11 +62,13 @@ mod tests {
 
     #[test]
     fn three_pieces_at_most() {
-        let on = On::of(&[7, 3, 7, 5, 9]);
+        let on = On::from_pieces(&[7, 3, 7, 5, 9]);
         assert_eq!(on.slice(), [7, 3, 5]);
         assert_eq!(on.with(3), Some(on));
         assert_eq!(on.with(9), None);
-        assert_eq!(on.common(&On::of(&[5, 7])).slice(), [7, 5]);
-        assert!(On::of(&[5, 7]).is_within(&on) && !on.is_within(&On::of(&[5, 7])));
+        assert_eq!(on.common(&On::from_pieces(&[5, 7])).slice(), [7, 5]);
+        assert!(
+            On::from_pieces(&[5, 7]).is_within(&on) && !on.is_within(&On::from_pieces(&[5, 7]))
+        );
     }
 }

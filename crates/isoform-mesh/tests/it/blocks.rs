@@ -1,11 +1,11 @@
-//! Meshes in blocks: together they are one mesh, as good as the whole, whatever the cuts.
+//! Meshes in blocks: together they are one mesh, of the quality of the whole, whatever the cuts.
 
 use crate::common::{PART, solid};
 use isoform_check::{self as check, Certificate, certify};
 use isoform_geom::{Mesh, Point3, Solid};
 use isoform_mesh::blocks::{
-    BLOCK_ROUNDS, DEFAULT_HALO_CELLS, Gathered, INNER, Interfaces, Plan, Tetrahedra, close, holds,
-    make, mend,
+    BLOCK_ROUNDS, DEFAULT_HALO_CELLS, INNER, Interfaces, MergedTetrahedra, Plan, Tetrahedra, close,
+    holds, make, mend,
 };
 use isoform_mesh::{Control, MeshError, Options, mesh};
 
@@ -15,7 +15,7 @@ const GYROID: &str = "m(x[3], a[1]) {
     m = min(0.95 - max(max(abs(x[1]), abs(x[2])), abs(x[3])), (0.6 - abs(g)) / (1.5*w));
 }";
 
-/// A model in blocks, held in memory.
+/// A model in blocks, in memory.
 struct Blocks<'s> {
     solid: &'s dyn Solid,
     options: Options,
@@ -51,12 +51,12 @@ impl<'s> Blocks<'s> {
         this
     }
 
-    /// All rounds between blocks.
+    /// Runs all rounds between blocks.
     fn mended(mut self) -> Self {
         for round in 1..BLOCK_ROUNDS {
             let room = |k| self.plan.room(round, k);
             let rooms = (0..self.plan.blocks()).map(|k| {
-                let mut given = Gathered::default();
+                let mut given = MergedTetrahedra::default();
                 for live in &self.live {
                     given.add(live, |c| holds(&room(k), c));
                 }
@@ -76,16 +76,16 @@ impl<'s> Blocks<'s> {
         self
     }
 
-    /// Everything in one.
+    /// Merges all tetrahedra.
     fn all(&self) -> Tetrahedra {
-        let mut all = Gathered::default();
+        let mut all = MergedTetrahedra::default();
         for part in self.still.iter().chain(&self.live) {
             all.add(part, |_| true);
         }
         all.tetrahedra()
     }
 
-    /// The labelled meshes of all blocks, after their faces were compared.
+    /// Returns the labelled meshes of all blocks, after comparing their faces.
     fn closed(&self) -> Vec<Mesh> {
         let (all, mut between) = (self.all(), Interfaces::default());
         let meshes = (0..self.plan.blocks()).map(|k| {
@@ -102,7 +102,7 @@ impl<'s> Blocks<'s> {
     }
 }
 
-/// All blocks as one mesh, with its certificate.
+/// Returns all blocks as one mesh, with its certificate.
 fn certificate(solid: &dyn Solid, all: &Tetrahedra) -> Certificate {
     let mut mesh = Mesh {
         points: all.points.clone(),
@@ -185,7 +185,7 @@ fn a_gyroid_in_blocks() {
     is_as_good_as_whole(GYROID, [2, 2, 2], 0.08);
 }
 
-/// Without a halo cells at the sides do not know what neighbours do: the faces tell.
+/// Without a halo cells at the sides do not see their neighbours, and faces of blocks differ.
 #[test]
 fn too_small_a_halo_is_seen() {
     let solid = solid(PART);
@@ -196,7 +196,7 @@ fn too_small_a_halo_is_seen() {
     assert!(apart.iter().all(|p| (p[0] - side).abs() < 1.0));
 }
 
-/// A node that is moved by a bit on one side of an interface parts the blocks.
+/// A node that differs in one bit on one side of an interface is detected.
 #[test]
 fn one_bit_is_seen() {
     let solid = solid(PART);
@@ -204,7 +204,7 @@ fn one_bit_is_seen() {
     let mut between = Interfaces::default();
     let mut faces = Vec::new();
     for k in 0..2 {
-        let mut all = Gathered::default();
+        let mut all = MergedTetrahedra::default();
         all.add(&blocks.still[k], |_| true);
         all.add(&blocks.live[k], |_| true);
         let mut all = all.tetrahedra();

@@ -7,7 +7,7 @@ use crate::MeshModelOptions;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid};
 use isoform_io::{MeshWriteOptions, write_mesh_path};
-use isoform_mesh::blocks::{self, BLOCK_MARGIN_SIZES, Gathered, Plan, Tetrahedra, holds};
+use isoform_mesh::blocks::{self, BLOCK_MARGIN_SIZES, MergedTetrahedra, Plan, Tetrahedra, holds};
 use isoform_mesh::{MeshError, Options, Warning};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// One step of one block. It can be sent to another process as JSON.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct BlockTask {
-    pub(super) step: Step,
+    pub(super) step: BlockStep,
     /// Index of the block or room, with the index in x running fastest.
     pub(super) block: usize,
     /// Rooms of the previous round that may hold tetrahedra for this one.
@@ -28,7 +28,7 @@ pub struct BlockTask {
 
 /// Step of a block.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
-pub(super) enum Step {
+pub(super) enum BlockStep {
     /// Meshing of the block with a halo.
     Make {
         /// Number of cells of the halo.
@@ -89,16 +89,16 @@ impl BlockWarning {
 }
 
 /// Returns the name of the file of tetrahedra near the sides.
-pub(super) fn live(folder: &Path, round: usize, block: usize) -> PathBuf {
+pub(super) fn live_file(folder: &Path, round: usize, block: usize) -> PathBuf {
     folder.join(format!("live-{round}-{block}"))
 }
-pub(super) fn faces(folder: &Path, block: usize) -> PathBuf {
+pub(super) fn faces_file(folder: &Path, block: usize) -> PathBuf {
     folder.join(format!("faces-{block}"))
 }
-pub(super) fn plan(folder: &Path) -> PathBuf {
+pub(super) fn plan_file(folder: &Path) -> PathBuf {
     folder.join("plan")
 }
-fn still(folder: &Path, block: usize) -> PathBuf {
+fn still_file(folder: &Path, block: usize) -> PathBuf {
     folder.join(format!("still-{block}"))
 }
 
@@ -113,12 +113,12 @@ pub fn run_block_task(
     task: &BlockTask,
     control: &Control<'_>,
 ) -> Result<BlockReport, BlocksError> {
-    let plan = read_plan(&plan(&task.folder))?;
+    let plan = read_plan(&plan_file(&task.folder))?;
     let inner = Options {
         size: plan.size,
         ..options.mesh.clone()
     };
-    let worker = Worker {
+    let runner = TaskRunner {
         solid,
         plan,
         options,
@@ -127,14 +127,14 @@ pub fn run_block_task(
         control,
     };
     match task.step {
-        Step::Make { halo } => worker.make(halo),
-        Step::Mend { round } => worker.mend(round),
-        Step::Close { round } => worker.close(round),
+        BlockStep::Make { halo } => runner.make(halo),
+        BlockStep::Mend { round } => runner.mend(round),
+        BlockStep::Close { round } => runner.close(round),
     }
 }
 
 /// Data of a running task.
-struct Worker<'w> {
+struct TaskRunner<'w> {
     solid: &'w dyn Solid,
     plan: Plan,
     options: &'w MeshModelOptions,
@@ -143,14 +143,14 @@ struct Worker<'w> {
     control: &'w Control<'w>,
 }
 
-impl Worker<'_> {
+impl TaskRunner<'_> {
     fn make(&self, halo: usize) -> Result<BlockReport, BlocksError> {
         let BlockTask { block, folder, .. } = self.task;
         let (plan, inner) = (&self.plan, &self.inner);
         let made = blocks::make(self.solid, plan, inner, *block, halo, self.control)?;
-        write_tetrahedra(&still(folder, *block), &made.still)?;
-        write_tetrahedra(&live(folder, 0, *block), &made.live)?;
-        write_faces(&faces(folder, *block), &made.faces)?;
+        write_tetrahedra(&still_file(folder, *block), &made.still)?;
+        write_tetrahedra(&live_file(folder, 0, *block), &made.live)?;
+        write_faces(&faces_file(folder, *block), &made.faces)?;
         Ok(BlockReport {
             block: *block,
             still: made.still.tets.len(),
@@ -167,7 +167,7 @@ impl Worker<'_> {
         let given = given.tetrahedra();
         let (plan, inner) = (&self.plan, &self.inner);
         let better = blocks::mend(self.solid, plan, inner, round, &given, self.control)?;
-        write_tetrahedra(&live(&self.task.folder, round, block), &better)?;
+        write_tetrahedra(&live_file(&self.task.folder, round, block), &better)?;
         Ok(BlockReport {
             block,
             live: [given.tets.len(), better.tets.len()],
@@ -183,11 +183,11 @@ impl Worker<'_> {
             .room(0, *block)
             .widened(BLOCK_MARGIN_SIZES * plan.size);
         let mut given = self.gathered(wide, round)?;
-        let rest = read_tetrahedra(&still(folder, *block))?;
+        let rest = read_tetrahedra(&still_file(folder, *block))?;
         given.add(&rest, |_| true);
         let given = given.tetrahedra();
         let closed = blocks::close(self.solid, plan, inner, *block, &given, self.control)?;
-        write_faces(&faces(folder, *block), &closed.faces)?;
+        write_faces(&faces_file(folder, *block), &closed.faces)?;
         let figures = figures(
             &closed,
             self.solid,
@@ -217,10 +217,10 @@ impl Worker<'_> {
     }
 
     /// Reads the tetrahedra near sides that a round left in a room.
-    fn gathered(&self, room: Aabb, round: usize) -> Result<Gathered, BlocksError> {
-        let mut all = Gathered::default();
+    fn gathered(&self, room: Aabb, round: usize) -> Result<MergedTetrahedra, BlocksError> {
+        let mut all = MergedTetrahedra::default();
         for &source in &self.task.sources {
-            let more: Tetrahedra = read_tetrahedra(&live(&self.task.folder, round, source))?;
+            let more: Tetrahedra = read_tetrahedra(&live_file(&self.task.folder, round, source))?;
             all.add(&more, |c| holds(&room, c));
         }
         Ok(all)

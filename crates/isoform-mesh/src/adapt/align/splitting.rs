@@ -1,7 +1,7 @@
 //! Splitting of edges that cross curves of the solid, and of faces that contain a corner.
 
 use super::{Aligner, Cuttable, common, edges_of, shared};
-use crate::points::{along, centroid};
+use crate::points::{centroid, lerp};
 use crate::surface::meet_at_an_angle;
 use isoform_geom::{Point3, TRIANGLE_EDGES, distance_squared, dot, norm, sub};
 
@@ -14,7 +14,7 @@ const SPLIT_FRACTIONS_AT_CURVE: [f64; 2] = [0.02, 0.98];
 const SPLIT_FRACTIONS_AT_CORNER: [f64; 2] = [0.1, 0.9];
 
 /// Feature of the solid crossed by an edge between vertices without a common piece.
-enum Crossing {
+enum EdgeCrossing {
     /// A curve of the solid: the fraction of the edge, and the point of the curve.
     Curve(f64, Point3),
     /// A seam between pieces that touch tangentially.
@@ -36,12 +36,12 @@ impl<M: Cuttable> Aligner<'_, M> {
             return false;
         }
         let (t, q) = match self.crossing(ends) {
-            Crossing::Curve(t, q) => (t, q),
-            Crossing::Smooth => {
+            EdgeCrossing::Curve(t, q) => (t, q),
+            EdgeCrossing::Smooth => {
                 self.smooth.insert(ends);
                 return false;
             }
-            Crossing::Unknown => {
+            EdgeCrossing::Unknown => {
                 self.give_up(ends);
                 return false;
             }
@@ -83,7 +83,7 @@ impl<M: Cuttable> Aligner<'_, M> {
     fn give_up(&mut self, ends: [u32; 2]) {
         if self.given_up.insert(ends) {
             let [p, q] = ends.map(|v| self.at(v));
-            self.lost.push(along(p, q, 0.5));
+            self.lost.push(lerp(p, q, 0.5));
         }
     }
 
@@ -96,10 +96,10 @@ impl<M: Cuttable> Aligner<'_, M> {
     }
 
     /// Finds the feature of the solid that an edge crosses.
-    fn crossing(&self, ends: [u32; 2]) -> Crossing {
+    fn crossing(&self, ends: [u32; 2]) -> EdgeCrossing {
         let [p, q] = ends.map(|v| self.at(v));
         let Some((x, there)) = self.turning_point(ends) else {
-            return Crossing::Unknown;
+            return EdgeCrossing::Unknown;
         };
         let (mut best, mut is_smooth): (Option<(f64, Point3)>, bool) = (None, true);
         for &a in &self.on[ends[0] as usize] {
@@ -120,10 +120,10 @@ impl<M: Cuttable> Aligner<'_, M> {
         match best {
             Some((_, y)) => {
                 let e = sub(q, p);
-                Crossing::Curve((dot(sub(y, p), e) / dot(e, e)).clamp(0.0, 1.0), y)
+                EdgeCrossing::Curve((dot(sub(y, p), e) / dot(e, e)).clamp(0.0, 1.0), y)
             }
-            None if is_smooth => Crossing::Smooth,
-            None => Crossing::Unknown,
+            None if is_smooth => EdgeCrossing::Smooth,
+            None => EdgeCrossing::Unknown,
         }
     }
 
@@ -137,14 +137,14 @@ impl<M: Cuttable> Aligner<'_, M> {
         // Newton's method refines the result of the bisection.
         for _ in 0..30 {
             let m = 0.5 * (lo + hi);
-            let (_, on) = self.nearest(along(p, q, m))?;
+            let (_, on) = self.nearest(lerp(p, q, m))?;
             if shared(&on, here).is_some() {
                 lo = m;
             } else {
                 (hi, there) = (m, on);
             }
         }
-        Some((along(p, q, 0.5 * (lo + hi)), there))
+        Some((lerp(p, q, 0.5 * (lo + hi)), there))
     }
 
     /// Splits faces that contain a corner of the solid: each two of their vertices have a common
@@ -177,7 +177,7 @@ impl<M: Cuttable> Aligner<'_, M> {
                 let e = sub(p[j], p[i]);
                 let t = dot(sub(c, p[i]), e) / dot(e, e);
                 let t = t.clamp(SPLIT_FRACTIONS_AT_CORNER[0], SPLIT_FRACTIONS_AT_CORNER[1]);
-                (distance_squared(along(p[i], p[j], t), c), [f[i], f[j]], t)
+                (distance_squared(lerp(p[i], p[j], t), c), [f[i], f[j]], t)
             })
             .into_iter()
             .min_by(|a, b| a.0.total_cmp(&b.0));

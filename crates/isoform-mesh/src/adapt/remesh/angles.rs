@@ -3,7 +3,7 @@
 use super::{Hold, MIN_COLLAPSE_SINE, MIN_FACING_COSINE, MIN_SINE_GAIN, Remesher};
 use crate::complex::Face;
 use crate::measure::smallest_sine;
-use crate::points::{along, unit};
+use crate::points::{lerp, unit};
 use crate::surface::{On, SKIN};
 use isoform_geom::{Point3, cross, norm, sub};
 
@@ -107,7 +107,7 @@ impl Remesher<'_> {
         let n = others.len() as f64;
         let sum = |i: usize| others.iter().map(|&w| self.skin.at(w)[i]).sum::<f64>();
         // Damped Laplacian smoothing: the vertex moves this fraction of the way.
-        let target = along(p, std::array::from_fn(|i| sum(i) / n), 0.7);
+        let target = lerp(p, std::array::from_fn(|i| sum(i) / n), 0.7);
         let least = if freely {
             0.5 * before.min(MIN_COLLAPSE_SINE)
         } else {

@@ -91,7 +91,10 @@ impl Remesher<'_> {
         let Some(sides) = self.skin.sides(u, w) else {
             return false;
         };
-        let is_along = || self.sharp(u, w).is_some_and(|pieces| On::of(&pieces) == on);
+        let is_along = || {
+            self.sharp(u, w)
+                .is_some_and(|pieces| On::from_pieces(&pieces) == on)
+        };
         if on.len() == 2 && !is_along() {
             return false;
         }

@@ -1,37 +1,40 @@
-//! Boxes within boxes.
+//! Operations on axis-aligned boxes.
 
 use isoform_geom::Aabb;
 
-/// How thin slabs over a face of the solid may get: larger values suit faces along the axes,
-/// smaller ones oblique faces.
-const OUTWARD: f64 = 16.0;
-/// A cut leaves at least this part of the longest side on both sides.
-const LEAST: f64 = 1e-3;
-/// The least half side of a box, so that doubling it makes it grow.
-const LEAST_HALF: f64 = 1e-3;
+/// Weight of the sides of a box that protrude from the known part when the longest side is chosen:
+/// slabs over a face of the solid get thin up to this ratio. Larger values suit faces along the
+/// axes, smaller ones oblique faces.
+const PROTRUDING_SIDE_WEIGHT: f64 = 16.0;
 
-/// Two parts of a cell, cut where a face of `known` passes well through it, else in the middle of
-/// the longest side. Sides that stick out count [`OUTWARD`] times: thin slabs over a face of the
-/// solid are halved outwards before they are cut up along it.
+/// Splits a cell at a face of `known` that passes well through it, else in the middle of the
+/// longest side. Protruding sides count `PROTRUDING_SIDE_WEIGHT` times: thin slabs over a face of
+/// the solid are halved outwards before they are cut along it.
 pub(super) fn split(cell: Aabb, known: Aabb) -> (Aabb, Aabb) {
     let size = cell.size();
     let weight = |i: usize| {
         let sticks_out = cell.lo[i] < known.lo[i] || cell.hi[i] > known.hi[i];
-        size[i] * if sticks_out { OUTWARD } else { 1.0 }
+        size[i]
+            * if sticks_out {
+                PROTRUDING_SIDE_WEIGHT
+            } else {
+                1.0
+            }
     };
     let longest = (0..3)
         .max_by(|a, b| weight(*a).total_cmp(&weight(*b)))
         .unwrap_or(0);
     let middle = (longest, cell.center()[longest]);
-    let (axis, at) = best_face(cell, known, LEAST * size[longest]).unwrap_or(middle);
+    // A cut leaves a share of the side on both sides.
+    let (axis, at) = best_face(cell, known, 1e-3 * size[longest]).unwrap_or(middle);
     let (mut a, mut b) = (cell, cell);
     a.hi[axis] = at;
     b.lo[axis] = at;
     (a, b)
 }
 
-/// The axis and place of the face of `known` that leaves most of a cell on both sides, more than
-/// `least`.
+/// Returns the axis and coordinate of the face of `known` that leaves most of a cell on both sides;
+/// `None` if none leaves more than `least`.
 fn best_face(cell: Aabb, known: Aabb, least: f64) -> Option<(usize, f64)> {
     let overlap = |i: usize| known.lo[i] < cell.hi[i] && known.hi[i] > cell.lo[i];
     if known.is_empty() || !(0..3).all(overlap) {
@@ -49,12 +52,12 @@ fn best_face(cell: Aabb, known: Aabb, least: f64) -> Option<(usize, f64)> {
     cut
 }
 
-/// Whether a part reaches the border of a region.
+/// Returns true if a part reaches the border of a region.
 pub(super) fn touches(part: Aabb, region: Aabb) -> bool {
     !part.is_empty() && (0..3).any(|i| part.lo[i] <= region.lo[i] || part.hi[i] >= region.hi[i])
 }
 
-/// The smallest box around both.
+/// Returns the smallest box around two boxes.
 pub(super) fn union(a: Aabb, b: Aabb) -> Aabb {
     Aabb {
         lo: std::array::from_fn(|i| a.lo[i].min(b.lo[i])),
@@ -62,7 +65,7 @@ pub(super) fn union(a: Aabb, b: Aabb) -> Aabb {
     }
 }
 
-/// What both have in common.
+/// Returns the intersection of two boxes.
 pub(super) fn clipped(a: Aabb, b: Aabb) -> Aabb {
     Aabb {
         lo: std::array::from_fn(|i| a.lo[i].max(b.lo[i])),
@@ -70,22 +73,24 @@ pub(super) fn clipped(a: Aabb, b: Aabb) -> Aabb {
     }
 }
 
-/// Whether the first box lies within the second.
-pub(super) fn within(a: Aabb, b: Aabb) -> bool {
+/// Returns true if the first box lies within the second.
+pub(super) fn is_within(a: Aabb, b: Aabb) -> bool {
     (0..3).all(|i| b.lo[i] <= a.lo[i] && a.hi[i] <= b.hi[i])
 }
 
-/// A cube about the same centre, twice as large as the longest side, not beyond the limit.
+/// Returns a cube about the centre of a box, twice as large as its longest side, clipped at the
+/// limit.
 pub(super) fn doubled(b: Aabb, limit: f64) -> Aabb {
     let (c, s) = (b.center(), b.size());
-    let half = s.into_iter().fold(0.0, f64::max).max(LEAST_HALF);
+    // Doubling makes a degenerate box grow, too.
+    let half = s.into_iter().fold(0.0, f64::max).max(1e-3);
     Aabb {
         lo: std::array::from_fn(|i: usize| (c[i] - half).max(-limit)),
         hi: std::array::from_fn(|i: usize| (c[i] + half).min(limit)),
     }
 }
 
-/// What `outer` holds beyond `inner`, as six boxes.
+/// Splits the part of `outer` outside of `inner` into at most six boxes.
 pub(super) fn shell(inner: Aabb, outer: Aabb) -> Vec<Aabb> {
     let mut rest = outer;
     let mut slabs = Vec::with_capacity(6);

@@ -1,31 +1,17 @@
-//! Points where pieces touch: a third piece the curve of two others, or two pieces each other.
+//! Points where a third piece touches the curve of two others, or where two pieces touch.
 
-use super::{STEPS, along, normalised, onto_two, rounding, unit};
-use isoform_geom::{Point3, Solid, across, cross, dot, norm, sub};
-
-/// First step along the curve, in shares of the reach, of the secant method for its extremum.
-const FIRST: f64 = 0.01;
-/// Distance, in shares of the reach, below which the third piece touches the curve.
-const TOUCHES: f64 = 1e-9;
-/// Distance, in shares of the reach, within which both pieces vanish at a branch point.
-const ON_BOTH: f64 = 1e-10;
-/// Sine within which their normals are parallel there.
-const PARALLEL: f64 = 1e-6;
-/// The two relative curvatures must have different signs, and each must differ from 0 by more than
-/// this share of the larger.
-const INDEFINITE: f64 = 1e-3;
-/// Two pieces are one surface if their relative curvature times the reach is below this.
-const CURVED: f64 = 1e-6;
+use super::{MAX_FEATURE_NEWTON_STEPS, add_scaled, normalised, onto_two, rounding, unit};
+use isoform_geom::{Point3, Solid, cross, dot, norm, orthonormal_complement, sub};
 
 /// A point of a curve, its tangent, and the slope of a third piece along it.
-struct Slope {
+struct CurveSlope {
     at: Point3,
     tangent: Point3,
     slope: f64,
 }
 
-/// Where a piece `k` touches the curve of `i` and `j`: the distance from `k` along the curve has an
-/// extremum there, and is 0. None if the extremum is not 0.
+/// Finds the point where a piece `k` touches the curve of `i` and `j`: an extremum of the distance
+/// from `k` along the curve. `None` if the distance is not 0 there.
 pub(crate) fn onto_touching(
     solid: &dyn Solid,
     pair: [u32; 2],
@@ -37,11 +23,12 @@ pub(crate) fn onto_touching(
         let (at, [a, b]) = onto_two(solid, pair, q, reach)?;
         let tangent = unit(cross(a, b));
         let slope = dot(tangent, normalised(solid, k, at)?.n);
-        Some(Slope { at, tangent, slope })
+        Some(CurveSlope { at, tangent, slope })
     };
     let mut last = slope(p)?;
-    let mut here = slope(along(last.at, last.tangent, FIRST * reach))?;
-    for _ in 0..STEPS {
+    // First step of the secant method.
+    let mut here = slope(add_scaled(last.at, last.tangent, 0.01 * reach))?;
+    for _ in 0..MAX_FEATURE_NEWTON_STEPS {
         let step = dot(sub(here.at, last.at), here.tangent);
         if here.slope == last.slope || step == 0.0 {
             break;
@@ -50,7 +37,7 @@ pub(crate) fn onto_touching(
         if !next.is_finite() || next.abs() > reach {
             return None;
         }
-        let ahead = slope(along(here.at, here.tangent, next))?;
+        let ahead = slope(add_scaled(here.at, here.tangent, next))?;
         last = std::mem::replace(&mut here, ahead);
         if norm(sub(here.at, p)) > reach {
             return None;
@@ -59,15 +46,16 @@ pub(crate) fn onto_touching(
             break;
         }
     }
-    (normalised(solid, k, here.at)?.d.abs() <= TOUCHES * reach).then_some(here.at)
+    // At a larger distance the third piece misses the curve.
+    (normalised(solid, k, here.at)?.d.abs() <= 1e-9 * reach).then_some(here.at)
 }
 
-/// A point where two pieces vanish and their normals are parallel, and the directions in which
-/// their common curves leave it.
+/// Finds a point where two pieces vanish with parallel normals, and the directions in which their
+/// common curves leave it.
 ///
-/// Gauss–Newton on (dᵢ, dⱼ, e₁·(nᵢ ∓ nⱼ), e₂·(nᵢ ∓ nⱼ)) with e₁, e₂ across nᵢ. Near the point the
-/// pieces differ by the quadratic form of their relative curvature; where it is indefinite two
-/// curves cross, in the directions where it is zero.
+/// Gauss–Newton on (dᵢ, dⱼ, e₁·(nᵢ ∓ nⱼ), e₂·(nᵢ ∓ nⱼ)) with e₁, e₂ orthogonal to nᵢ. Near the
+/// point the pieces differ by the quadratic form of their relative curvature; where it is
+/// indefinite two curves cross, in the directions where it is zero.
 pub(crate) fn branch(
     solid: &dyn Solid,
     [i, j]: [u32; 2],
@@ -75,16 +63,16 @@ pub(crate) fn branch(
     reach: f64,
 ) -> Option<(Point3, [Point3; 2])> {
     let mut q = p;
-    for _ in 0..STEPS {
-        let pair = Pair(shape(solid, i, q)?, shape(solid, j, q)?);
+    for _ in 0..MAX_FEATURE_NEWTON_STEPS {
+        let pair = SurfacePair(shape(solid, i, q)?, shape(solid, j, q)?);
         let move_by = pair.step_to_branch(reach)?;
         let side = pair.side();
-        q = along(q, move_by, 1.0);
+        q = add_scaled(q, move_by, 1.0);
         if norm(sub(q, p)) > reach {
             return None;
         }
         if norm(move_by) <= 64.0 * rounding(q) + 1e-14 * reach {
-            let pair = Pair(shape(solid, i, q)?, shape(solid, j, q)?);
+            let pair = SurfacePair(shape(solid, i, q)?, shape(solid, j, q)?);
             return Some((q, pair.directions(side, reach)?));
         }
     }
@@ -92,10 +80,10 @@ pub(crate) fn branch(
 }
 
 /// Two surfaces to second order at a point.
-struct Pair(Shape, Shape);
+struct SurfacePair(QuadraticSurface, QuadraticSurface);
 
-impl Pair {
-    /// Whether the normals agree (1) or are opposite (−1).
+impl SurfacePair {
+    /// Returns 1 if the normals agree, −1 if they are opposite.
     fn side(&self) -> f64 {
         if dot(self.0.n, self.1.n) < 0.0 {
             -1.0
@@ -104,16 +92,16 @@ impl Pair {
         }
     }
 
-    /// The step of Gauss–Newton towards a common point with a common normal.
+    /// Returns the Gauss–Newton step towards a common point with a common normal.
     fn step_to_branch(&self, reach: f64) -> Option<Point3> {
         let (Self(a, b), side) = (self, self.side());
-        let [e1, e2] = across(a.n);
-        let difference = along(a.n, b.n, -side);
+        let [e1, e2] = orthonormal_complement(a.n);
+        let difference = add_scaled(a.n, b.n, -side);
         let turn = |e: Point3| -> Point3 {
             let (u, v) = (a.turn(e), b.turn(e));
             std::array::from_fn(|m| u[m] - side * v[m])
         };
-        // Lengths into the angles' units: a cell is about as large as the reach.
+        // Scale of lengths relative to angles: a cell is about as large as the reach.
         let w = 1.0 / reach;
         least_squares(&[
             (a.n.map(|v| v * w), a.d * w),
@@ -123,14 +111,15 @@ impl Pair {
         ])
     }
 
-    /// The directions in which the difference of curvatures is 0, if the pieces vanish here with a
-    /// common normal and it is indefinite by a margin.
+    /// Returns the directions in which the difference of curvatures is 0, if the pieces vanish here
+    /// with a common normal and it is indefinite by a margin.
     fn directions(&self, side: f64, reach: f64) -> Option<[Point3; 2]> {
         let Self(a, b) = self;
-        if a.d.abs().max(b.d.abs()) > ON_BOTH * reach || norm(cross(a.n, b.n)) > PARALLEL {
+        // Both pieces vanish here, with parallel normals.
+        if a.d.abs().max(b.d.abs()) > 1e-10 * reach || norm(cross(a.n, b.n)) > 1e-6 {
             return None;
         }
-        let [e1, e2] = across(a.n);
+        let [e1, e2] = orthonormal_complement(a.n);
         let form = |u: Point3, v: Point3| dot(u, a.turn(v)) - side * dot(u, b.turn(v));
         let (xx, xy, yy) = (
             form(e1, e1),
@@ -141,7 +130,9 @@ impl Pair {
         let m = 0.5 * (xx + yy);
         let r = (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt();
         let (high, low) = (m + r, m - r);
-        if !(high > INDEFINITE * r && low < -INDEFINITE * r && r * reach > CURVED) {
+        // The relative curvatures differ in sign, each by a margin from 0. Pieces with less
+        // relative curvature over the reach are one surface.
+        if !(high > 1e-3 * r && low < -1e-3 * r && r * reach > 1e-6) {
             return None;
         }
         let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
@@ -153,37 +144,38 @@ impl Pair {
 }
 
 /// A surface to second order.
-struct Shape {
+struct QuadraticSurface {
     d: f64,
     n: Point3,
     /// H/|∇g|.
     h: [Point3; 3],
 }
 
-impl Shape {
-    /// How the normal's component along `e` changes with the point.
+impl QuadraticSurface {
+    /// Returns the gradient of the normal's component along `e` by the point.
     fn turn(&self, e: Point3) -> Point3 {
-        let e = along(e, self.n, -dot(e, self.n));
+        let e = add_scaled(e, self.n, -dot(e, self.n));
         std::array::from_fn(|i| dot(self.h[i], e))
     }
 }
 
-/// The piece to second order; none where the gradient vanishes or the Hessian is no number.
-fn shape(solid: &dyn Solid, piece: u32, p: Point3) -> Option<Shape> {
+/// Returns the piece to second order; `None` where the gradient vanishes or the Hessian is not
+/// finite.
+fn shape(solid: &dyn Solid, piece: u32, p: Point3) -> Option<QuadraticSurface> {
     let j = solid.jet(piece, p);
     let length = norm(j.g);
     let h = std::array::from_fn(|r| std::array::from_fn(|c| j.second(r, c) / length));
-    (length > 0.0 && length.is_finite() && j.h.iter().all(|v| v.is_finite())).then(|| Shape {
-        d: j.v / length,
-        n: j.g.map(|v| v / length),
-        h,
+    (length > 0.0 && length.is_finite() && j.h.iter().all(|v| v.is_finite())).then(|| {
+        QuadraticSurface {
+            d: j.v / length,
+            n: j.g.map(|v| v / length),
+            h,
+        }
     })
 }
 
-/// The x with the least Σ (rᵢ·x + fᵢ)²; none where the rows do not determine it.
+/// Returns the x that minimises Σ (rᵢ·x + fᵢ)²; `None` if the rows do not determine it.
 fn least_squares(rows: &[(Point3, f64)]) -> Option<Point3> {
-    /// Determinant of the normal equations, in cubes of their trace, below which it is rounding.
-    const SINGULAR: f64 = 1e-14;
     let (mut m, mut b) = ([[0.0; 3]; 3], [0.0; 3]);
     for (r, f) in rows {
         for i in 0..3 {
@@ -196,7 +188,8 @@ fn least_squares(rows: &[(Point3, f64)]) -> Option<Point3> {
     let minors = [cross(m[1], m[2]), cross(m[2], m[0]), cross(m[0], m[1])];
     let det = dot(m[0], minors[0]);
     let trace = m[0][0] + m[1][1] + m[2][2];
-    if det.is_nan() || det.abs() <= SINGULAR * trace * trace * trace {
+    // Smaller determinants of the normal equations are rounding.
+    if det.is_nan() || det.abs() <= 1e-14 * trace * trace * trace {
         return None;
     }
     Some(std::array::from_fn(|i| {
@@ -225,17 +218,17 @@ mod tests {
     #[test]
     fn saddle_and_plane_cross_in_the_diagonals() {
         // z = x² − y² and z = 0 at the origin.
-        let saddle = Shape {
+        let saddle = QuadraticSurface {
             d: 0.0,
             n: [0.0, 0.0, 1.0],
             h: [[-2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0; 3]],
         };
-        let plane = Shape {
+        let plane = QuadraticSurface {
             d: 0.0,
             n: [0.0, 0.0, 1.0],
             h: [[0.0; 3]; 3],
         };
-        let pair = Pair(saddle, plane);
+        let pair = SurfacePair(saddle, plane);
         let [u, v] = pair.directions(pair.side(), 1.0).expect("two curves");
         assert!(dot(u, v).abs() < 1e-14);
         assert!((u[0].abs() - 0.5f64.sqrt()).abs() < 1e-14 && u[2] == 0.0);

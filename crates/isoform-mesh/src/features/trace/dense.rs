@@ -1,38 +1,29 @@
-//! More points on a curve, until chords are near enough to it.
+//! Densification of a curve, until chords are close enough to it.
 
-use super::toward;
+use super::aligned_with;
+use crate::features::context::FeatureContext;
 use crate::features::newton::{normalised, onto_two, unit};
-use crate::features::search::Search;
 use isoform_geom::{Point3, cross, dot, norm, sub};
-
-/// Sine between the normals above which their product is a good tangent.
-const CLEAR: f64 = 1e-3;
-/// Cosine between that tangent and the way to the neighbours above which it is believed.
-const BELIEVED: f64 = 0.9;
-/// Parts into which one chord is divided at most.
-const PARTS: f64 = 256.0;
-/// Distance, in lengths of the chord, within which a point of the cubic goes onto the curve.
-const REACH: f64 = 0.1;
 
 /// A point of a curve with a unit tangent.
 #[derive(Clone, Copy)]
-struct Tangent {
+struct TangentPoint {
     p: Point3,
     t: Point3,
 }
 
-impl Search<'_> {
-    /// The curve with points so near to one another that chords miss it by no more than asked for,
-    /// and the least and greatest angle of its faces' normals.
+impl FeatureContext<'_> {
+    /// Adds points to a curve until chords meet the chordal tolerance. Returns the points with the
+    /// minimum and maximum angle between the pieces' normals.
     pub(super) fn dense(&self, points: &[Point3], pair: [u32; 2]) -> (Vec<Point3>, [f64; 2]) {
         let mut angles = [f64::INFINITY, 0.0];
-        let tangents: Vec<Tangent> = (0..points.len())
+        let tangents: Vec<TangentPoint> = (0..points.len())
             .map(|k| {
                 let (t, angle) = self.tangent(points[k], way(points, k), pair);
                 if let Some(angle) = angle {
                     angles = [angles[0].min(angle), angles[1].max(angle)];
                 }
-                Tangent { p: points[k], t }
+                TangentPoint { p: points[k], t }
             })
             .collect();
         let mut out = vec![points[0]];
@@ -41,7 +32,8 @@ impl Search<'_> {
             let parts = self.parts(w[0], w[1]);
             for m in 1..parts {
                 let x = hermite(w[0], w[1], length, m as f64 / parts as f64);
-                if let Some((x, _)) = onto_two(self.solid, pair, x, REACH * length) {
+                // The cubic is much closer to the curve.
+                if let Some((x, _)) = onto_two(self.solid, pair, x, 0.1 * length) {
                     out.push(x);
                 }
             }
@@ -50,7 +42,7 @@ impl Search<'_> {
         (out, angles)
     }
 
-    /// The unit tangent of a curve along `way`, and the angle between its pieces' normals.
+    /// Returns the unit tangent of a curve along `way`, and the angle between its pieces' normals.
     fn tangent(&self, p: Point3, way: Point3, pair: [u32; 2]) -> (Point3, Option<f64>) {
         let [a, b] = pair.map(|k| normalised(self.solid, k, p));
         let (Some(a), Some(b)) = (a, b) else {
@@ -59,17 +51,19 @@ impl Search<'_> {
         let t = cross(a.n, b.n);
         let sine = norm(t);
         let angle = Some(sine.atan2(dot(a.n, b.n)));
-        let t = toward(unit(t), way);
-        if sine > CLEAR && dot(t, unit(way)) > BELIEVED {
+        let t = aligned_with(unit(t), way);
+        // The cross product of the normals is a good tangent, and agrees with the chord.
+        if sine > 1e-3 && dot(t, unit(way)) > 0.9 {
             (t, angle)
         } else {
             (unit(way), angle)
         }
     }
 
-    /// Into how many parts a chord is divided: an arc of length l that turns by θ has the sagitta
-    /// l θ/8, one of n parts of it l θ/8n²; and no part is longer than half the size.
-    fn parts(&self, a: Tangent, b: Tangent) -> usize {
+    /// Returns the number of parts into which a chord is divided: an arc of length l that turns by
+    /// θ has the sagitta l θ/8, one of n parts of it l θ/8n²; and no part is longer than half the
+    /// size.
+    fn parts(&self, a: TangentPoint, b: TangentPoint) -> usize {
         let tolerance = self.options.chord * self.size();
         let length = norm(sub(b.p, a.p));
         let turn = norm(cross(a.t, b.t)).atan2(dot(a.t, b.t));
@@ -77,12 +71,12 @@ impl Search<'_> {
             .sqrt()
             .max(2.0 * length / self.size() * (1.0 - 1e-9))
             .ceil()
-            .clamp(1.0, PARTS) as usize
+            .clamp(1.0, 256.0) as usize
     }
 }
 
-/// The way from the point before to the one after point `k` of a curve, which is closed if it ends
-/// where it begins.
+/// Returns the vector from the previous to the next point of point `k` of a curve, which is closed
+/// if its last point repeats the first.
 fn way(points: &[Point3], k: usize) -> Point3 {
     let n = points.len();
     let is_end = k == 0 || k == n - 1;
@@ -92,9 +86,9 @@ fn way(points: &[Point3], k: usize) -> Point3 {
     sub(points[(k + 1).min(n - 1)], points[k.saturating_sub(1)])
 }
 
-/// The cubic with these ends, tangents and chord length.
-fn hermite(from: Tangent, to: Tangent, length: f64, s: f64) -> Point3 {
-    let (Tangent { p, t: u }, Tangent { p: q, t: v }) = (from, to);
+/// Evaluates the cubic with these ends, tangents and chord length.
+fn hermite(from: TangentPoint, to: TangentPoint, length: f64, s: f64) -> Point3 {
+    let (TangentPoint { p, t: u }, TangentPoint { p: q, t: v }) = (from, to);
     let (s2, s3) = (s * s, s * s * s);
     let (a, b, c, d) = (
         2.0 * s3 - 3.0 * s2 + 1.0,
@@ -124,8 +118,8 @@ mod tests {
     fn the_cubic_of_a_straight_line_is_straight() {
         let t = [0.6, 0.8, 0.0];
         let (from, to) = (
-            Tangent { p: [0.0; 3], t },
-            Tangent {
+            TangentPoint { p: [0.0; 3], t },
+            TangentPoint {
                 p: [3.0, 4.0, 0.0],
                 t,
             },

@@ -1,80 +1,53 @@
 //! Steps along a curve.
 
-use super::{End, Tracer, both, toward};
+use super::{CurveEnd, Tracer, aligned_with, common_elements};
 use crate::features::CornerKind;
-use crate::features::junction::{HalfLine, State};
-use crate::features::newton::{along, branch, normalised, onto_two, unit};
-use crate::features::search::Search;
+use crate::features::context::FeatureContext;
+use crate::features::junction::{CurveState, HalfLine};
+use crate::features::newton::{add_scaled, branch, normalised, onto_two, unit};
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
-/// Cosine of the angle by which a curve may turn on a step, 10 degrees.
-const TURN: f64 = 0.985;
-/// Part of a step by which the corrected point may miss the tangent's.
-pub(super) const MISS: f64 = 0.3;
-/// Steps are not made shorter than this part of the size.
-const SHORTEST: f64 = 1e-3;
-/// A point ahead is where the curve is going if the direction to it differs by no more than 15
-/// degrees.
-const AHEAD: f64 = 0.966;
-/// Steps of one curve; at size/2 each that is far more than a solid of the largest allowed extent
-/// has.
-const STEPS: usize = 200_000;
-/// Steps between two looks at the clock.
-const LOOK: usize = 8;
-/// First step away from a corner, in sizes; shorter ones are each a quarter as long.
-const DEPARTURE: f64 = 0.125;
-/// First step of a curve, in sizes.
-const FIRST: f64 = 0.25;
-/// Longest step, in sizes.
-const LONGEST: f64 = 0.5;
-/// If the curve changes within a step longer than this, in sizes, a shorter step is tried before
-/// the change is looked for.
-const LONG: f64 = 0.3;
-/// Steps ahead within which the curve may end in a known point.
-const SIGHT: f64 = 1.5;
-/// The least part of a step by which the curve must advance along its tangent.
-const FORWARD: f64 = 0.5;
-/// Least cosine between the directions in which a closed curve leaves its beginning and comes back
-/// to it.
-const HOMEWARD: f64 = 0.5;
-/// The angle that the curve shall turn by in the next step (8 degrees), and the least turn that
-/// this is compared with.
-const NEXT_TURN: [f64; 2] = [0.14, 0.035];
-/// A target nearer than this part of the size is reached.
-const REACHED: f64 = 1e-6;
-/// Distance, in lengths of the way, by which the curve may miss the middle of a straight way.
-const BULGE: f64 = 0.15;
-/// A curve may be fading where the angle between its pieces is below this many times the smallest
-/// angle of a feature.
-const FADING: f64 = 4.0;
-/// Distance, in sizes, within which a branch point is sought where a curve becomes singular.
-const BRANCH_REACH: f64 = 0.1;
+/// Minimum cosine of the angle by which a curve turns on a step, 10 degrees.
+const MIN_STEP_COSINE: f64 = 0.985;
+/// Maximum distance between a point on the tangent and the corrected point, as a fraction of the
+/// step.
+pub(super) const MAX_TANGENT_MISS: f64 = 0.3;
+/// Minimum length of a step, in sizes.
+const MIN_TRACE_STEP: f64 = 1e-3;
+/// Maximum number of steps of one curve; at size/2 each that is far longer than the curves of a
+/// solid of the largest allowed extent.
+const MAX_TRACE_STEPS: usize = 200_000;
+/// Distance ahead at which known points may end the curve, in steps.
+const CORNER_SIGHT_STEPS: f64 = 1.5;
+/// Angle by which the curve should turn in the next step (8 degrees), and lower bound of the last
+/// turn with which it is compared.
+const NEXT_TURN_RADIANS: [f64; 2] = [0.14, 0.035];
 
-/// Where a curve is being followed.
+/// Current position of a trace: point, unit tangent, pieces and state of the curve.
 #[derive(Clone, Debug)]
 pub(super) struct Walk {
     pub(super) p: Point3,
     pub(super) t: Point3,
     pub(super) pair: [u32; 2],
-    pub(super) state: State,
+    pub(super) state: CurveState,
 }
 
-/// Where a curve began: it closes where it comes by there in this direction.
+/// Start of a curve, and the direction there; a closed curve returns to it in that direction.
 #[derive(Clone, Copy)]
-pub(super) struct Home {
+pub(super) struct CurveStart {
     pub(super) p: Point3,
     pub(super) t: Point3,
 }
 
-impl Search<'_> {
-    /// A walk in a curve through `p`, where it is a feature: on in the direction of `way`.
+impl FeatureContext<'_> {
+    /// Starts a walk at `p` in the direction of `way`; `None` if the curve is not a feature there.
     fn start(&self, p: Point3, pair: [u32; 2], n: [Point3; 2], way: Point3) -> Option<Walk> {
-        let t = toward(unit(cross(n[0], n[1])), way);
+        let t = aligned_with(unit(cross(n[0], n[1])), way);
         let state = self.state(p, pair, t)?;
         Some(Walk { p, t, pair, state })
     }
 
-    /// A first point of a curve that leaves a corner.
+    /// Returns the first point of a curve that leaves a corner.
     pub(super) fn depart(&self, origin: Point3, line: &HalfLine) -> Option<Walk> {
         let (size, pair) = (self.size(), line.pair);
         if let Some(p) = line.by {
@@ -82,10 +55,11 @@ impl Search<'_> {
             let b = normalised(self.solid, pair[1], p)?;
             return self.start(p, pair, [a.n, b.n], sub(p, origin));
         }
-        let mut step = DEPARTURE * size;
-        while step > SHORTEST * 0.1 * size {
-            let ahead = along(origin, line.direction, step);
-            if let Some((p, n)) = onto_two(self.solid, pair, ahead, MISS * step)
+        // Shorter steps follow, down to the minimum.
+        let mut step = 0.125 * size;
+        while step > MIN_TRACE_STEP * 0.1 * size {
+            let ahead = add_scaled(origin, line.direction, step);
+            if let Some((p, n)) = onto_two(self.solid, pair, ahead, MAX_TANGENT_MISS * step)
                 && let Some(walk) = self.start(p, pair, n, sub(p, origin))
             {
                 return Some(walk);
@@ -95,35 +69,40 @@ impl Search<'_> {
         None
     }
 
-    /// The walk from `p` back, with the pieces that a walk in the direction `t` had at its end.
-    pub(super) fn back(&self, p: Point3, t: Point3, last: &Walk) -> Option<Walk> {
+    /// Returns the walk from `p` backwards, with the pieces that a walk in the direction `t` had at
+    /// its end.
+    pub(super) fn reversed(&self, p: Point3, t: Point3, last: &Walk) -> Option<Walk> {
         let t = t.map(|v| -v);
         let state = self.state(p, last.pair, t)?;
         Some(Walk {
             p,
             t,
             pair: last.pair,
-            state: State {
-                a: both(&state.a, &last.state.a),
-                b: both(&state.b, &last.state.b),
+            state: CurveState {
+                a: common_elements(&state.a, &last.state.a),
+                b: common_elements(&state.b, &last.state.b),
                 ..state
             },
         })
     }
 
-    /// The next point of a curve and the tangent there; none where the step is too long for it.
+    /// Returns the next point of a curve and the tangent there; `None` if the step is too long.
     fn advance(&self, walk: &Walk, step: f64) -> Option<(Point3, Point3)> {
-        let ahead = along(walk.p, walk.t, step);
-        let (q, n) = onto_two(self.solid, walk.pair, ahead, MISS * step)?;
-        let t = toward(unit(cross(n[0], n[1])), walk.t);
+        let ahead = add_scaled(walk.p, walk.t, step);
+        let (q, n) = onto_two(self.solid, walk.pair, ahead, MAX_TANGENT_MISS * step)?;
+        let t = aligned_with(unit(cross(n[0], n[1])), walk.t);
         // Past a point where the normals are parallel their product points back.
-        (dot(t, walk.t) > TURN && dot(sub(q, walk.p), walk.t) > FORWARD * step).then_some((q, t))
+        (dot(t, walk.t) > MIN_STEP_COSINE && dot(sub(q, walk.p), walk.t) > 0.5 * step)
+            .then_some((q, t))
     }
 
-    /// The walk at `q`, if the curve is the same feature there as before.
+    /// Returns the walk at `q`; `None` if the curve is a different feature there.
     pub(super) fn goes_on(&self, walk: &Walk, q: Point3, t: Point3) -> Option<Walk> {
         let next = self.state(q, walk.pair, t)?;
-        let (a, b) = (both(&walk.state.a, &next.a), both(&walk.state.b, &next.b));
+        let (a, b) = (
+            common_elements(&walk.state.a, &next.a),
+            common_elements(&walk.state.b, &next.b),
+        );
         let kept = |sheet: &[u32], piece: u32| {
             let first = *sheet.first()?;
             Some(if sheet.contains(&piece) { piece } else { first })
@@ -139,63 +118,66 @@ impl Search<'_> {
             p: q,
             t,
             pair,
-            state: State { a, b, ..after },
+            state: CurveState { a, b, ..after },
         })
     }
 
-    /// Whether the curve goes straight to `target`, at most `reach` ahead. It may fade out on the
-    /// way if it `may_fade`.
+    /// Returns true if the curve leads straight to `target`, at most `reach` ahead. It may fade out
+    /// on the way if `may_fade` is set.
     pub(super) fn leads_to(&self, walk: &Walk, target: Point3, reach: f64, may_fade: bool) -> bool {
         let way = sub(target, walk.p);
         let length = norm(way);
-        if length > reach || dot(way, walk.t) < AHEAD * length {
+        // The direction differs by more than 15 degrees.
+        if length > reach || dot(way, walk.t) < 0.966 * length {
             return false;
         }
-        if length < REACHED * self.size() {
+        if length < 1e-6 * self.size() {
             return true;
         }
-        let middle = along(walk.p, way, 0.5);
-        let Some((m, _)) = onto_two(self.solid, walk.pair, middle, BULGE * length) else {
+        let middle = add_scaled(walk.p, way, 0.5);
+        // A straight way passes near the curve.
+        let Some((m, _)) = onto_two(self.solid, walk.pair, middle, 0.15 * length) else {
             return false;
         };
         match self.state(m, walk.pair, unit(way)) {
             Some(state) => state.faces == walk.state.faces,
             None => {
                 let angle = self.angle_at(m, walk.pair);
-                may_fade && angle.is_some_and(|a| a < FADING * self.options.smallest_angle)
+                // The curve may be fading.
+                may_fade && angle.is_some_and(|a| a < 4.0 * self.options.smallest_angle)
             }
         }
     }
 }
 
 impl Tracer<'_> {
-    /// Steps until the curve ends; `home` is where it would close.
+    /// Traces a curve until it ends; a curve closes at `home`.
     pub(super) fn follow(
         &mut self,
         mut walk: Walk,
         points: &mut Vec<Point3>,
-        home: Option<Home>,
-    ) -> (End, Walk) {
+        home: Option<CurveStart>,
+    ) -> (CurveEnd, Walk) {
         let search = self.search;
         let size = search.size();
-        let mut step = FIRST * size;
-        for n in 0..STEPS {
-            if n % LOOK == LOOK - 1 && search.control.is_stopped() {
+        let mut step = 0.25 * size;
+        for n in 0..MAX_TRACE_STEPS {
+            if n % 8 == 7 && search.control.is_stopped() {
                 break;
             }
-            if let Some(c) = self.corner_ahead(&walk, SIGHT * step, None) {
-                return (End::Corner(c), walk);
+            if let Some(c) = self.corner_ahead(&walk, CORNER_SIGHT_STEPS * step, None) {
+                return (CurveEnd::Corner(c), walk);
             }
-            let is_home = |home: Home| {
-                dot(home.t, walk.t) > HOMEWARD
-                    && search.leads_to(&walk, home.p, SIGHT * step, false)
+            let is_home = |home: CurveStart| {
+                dot(home.t, walk.t) > 0.5
+                    && search.leads_to(&walk, home.p, CORNER_SIGHT_STEPS * step, false)
             };
             if points.len() > 2 && home.is_some_and(is_home) {
-                return (End::Closed, walk);
+                return (CurveEnd::Closed, walk);
             }
             let Some((q, t)) = search.advance(&walk, step) else {
                 step *= 0.5;
-                if step > SHORTEST * size {
+                if step > MIN_TRACE_STEP * size {
                     continue;
                 }
                 return (self.singular_end(&walk), walk);
@@ -205,10 +187,12 @@ impl Tracer<'_> {
                     let turn = dot(t, walk.t).clamp(-1.0, 1.0).acos();
                     walk = next;
                     points.push(q);
-                    let longer = (NEXT_TURN[0] / turn.max(NEXT_TURN[1])).clamp(0.5, 2.0);
-                    step = (step * longer).min(LONGEST * size);
+                    let longer =
+                        (NEXT_TURN_RADIANS[0] / turn.max(NEXT_TURN_RADIANS[1])).clamp(0.5, 2.0);
+                    step = (step * longer).min(0.5 * size);
                 }
-                None if step > LONG * size => step *= 0.5,
+                // A shorter step is tried before the change is located.
+                None if step > 0.3 * size => step *= 0.5,
                 None => {
                     let end = self.event(&mut walk, q, points);
                     return (end, walk);
@@ -216,16 +200,16 @@ impl Tracer<'_> {
             }
         }
         self.lost = true;
-        (End::Open, walk)
+        (CurveEnd::Open, walk)
     }
 
-    /// Where no step is short enough: the normals become parallel.
-    fn singular_end(&mut self, walk: &Walk) -> End {
-        let reach = BRANCH_REACH * self.search.size();
+    /// Ends a curve where every step is too long: the normals become parallel.
+    fn singular_end(&mut self, walk: &Walk) -> CurveEnd {
+        let reach = 0.1 * self.search.size();
         if let Some((b, _)) = branch(self.search.solid, walk.pair, walk.p, reach)
             && let Some(c) = self.add_corner(b, CornerKind::Branch)
         {
-            return End::Corner(c);
+            return CurveEnd::Corner(c);
         }
         self.force_corner(walk.p, CornerKind::Fading)
     }
