@@ -130,13 +130,13 @@ impl Analysis {
 /// ```
 /// use isoform_tess::{Budget, Control, Map, analyse};
 ///
-/// A sphere without its pole: the parameters s and t are the slopes of lines through the pole.
+/// // A sphere without its pole: the parameters s and t are the slopes of lines through the pole.
 /// let map = Map::parse(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], Default::default())?;
 /// let found = analyse(&map, &Budget::default(), &Control::default());
 /// assert!(found.findings.is_empty());
 /// let implicit = found.implicit.expect("an equation");
 /// assert_eq!(implicit.degrees.implicit_degree, 2);
-/// Two complex base points prove that 2² − 2 = 1 · 2, and none is real.
+/// // Two complex base points prove that 2² − 2 = 1 · 2, and none is real.
 /// assert_eq!(implicit.degrees.base_multiplicity, 2);
 /// assert_eq!(found.base_points.map(|points| points.len()), Some(0));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -273,7 +273,6 @@ impl Analysis {
 /// infinitely near ones included, the double curve of parameters has the class (d − 4)·H − K by
 /// adjunction for the conductor, with H the class of plane sections and K the canonical class of
 /// the blown-up plane. Its intersection number with H is d (d − 4) + 3 n − Σ mᵢ.
-/// d (d − 4) + 3 n − Σ mᵢ points.
 fn double_section(map: &Map, degrees: MapDegrees, sum: usize) -> Option<usize> {
     let d = degrees.implicit_degree;
     let count = (d * d + 3 * map.degree()).checked_sub(4 * d + sum);

@@ -4,15 +4,16 @@
 //! W_q)(a : b) be their terms of degree q in local coordinates. Approached in the direction (a : b)
 //! the map tends to this point: the seam curve (C. L. Bajaj, A. Royappa, *Triangulation and display
 //! of rational parametric surfaces*, 1994, Theorem 1, there with the slope m = b/a). In a direction
-//! in which all four vanish there is no limit. The base point is then blown up by (u, v) = (u′,
-//! u′v′), or by (u′v′, v′) in the direction (0 : 1), and the forms are divided by the q-th power of
-//! the exceptional line. On that line lies a base point infinitely near to the first one, with a
-//! seam curve of its own. The squares of the multiplicities of all of them, complex ones included,
-//! add up to n² − (degree of the map)·(degree of the surface), so the process terminates.
+//! in which all four vanish a limit does not exist. The base point is then blown up by (u, v) =
+//! (u′, u′v′), or by (u′v′, v′) in the direction (0 : 1), and the forms are divided by the q-th
+//! power of the exceptional line. On that line lies a base point infinitely near to the first one,
+//! with a seam curve of its own. The squares of the multiplicities of all of them, complex ones
+//! included, add up to n² − (degree of the map)·(degree of the surface), so the process terminates.
 
+use crate::coefficients::{self, Coefficients};
 use crate::field::{Algebraic, Element, NumberField};
 use crate::map::Map;
-use crate::univariate::{self, Coefficients};
+use crate::univariate;
 use crate::zeros::{Chart, Zero, common_zeros};
 use isoform_algebra::{Poly, RBig, RealRoot, decide};
 use isoform_control::{Control, Stopped};
@@ -27,7 +28,7 @@ pub struct BinaryForm {
 }
 
 impl BinaryForm {
-    /// The degree d.
+    /// Returns the degree d.
     pub fn degree(&self) -> usize {
         self.coefficients.len() - 1
     }
@@ -45,7 +46,7 @@ impl BinaryForm {
         }
         Algebraic::new(first.field(), first.root(), value)
     }
-    /// Adds a multiple of a form of equal degree over the same field.
+    /// Adds a multiple of another form over this field, of equal degree.
     pub(crate) fn plus(&self, other: &Self, factor: &RBig) -> Self {
         let sum = |(x, y): (&Algebraic, &Algebraic)| {
             let element = x.element().add(&y.element().scaled(factor));
@@ -57,7 +58,7 @@ impl BinaryForm {
                 .collect(),
         }
     }
-    /// The coefficients rounded to nearest.
+    /// Returns the coefficients, rounded to nearest.
     pub fn to_f64(&self) -> Vec<f64> {
         self.coefficients.iter().map(Algebraic::to_f64).collect()
     }
@@ -123,11 +124,11 @@ pub struct BasePoint {
 }
 
 impl BasePoint {
-    /// The multiplicity q: the least order of the four forms.
+    /// Returns the multiplicity q: the least order of the four forms.
     pub fn multiplicity(&self) -> usize {
         self.seam.multiplicity
     }
-    /// The coordinates (s, t, w), rounded to nearest.
+    /// Returns the coordinates (s, t, w), rounded to nearest.
     pub fn to_f64(&self) -> [f64; 3] {
         self.point.each_ref().map(Algebraic::to_f64)
     }
@@ -181,7 +182,7 @@ impl Classes {
 /// ```
 /// use isoform_tess::{Control, Map, base_points};
 ///
-/// All four vanish in s = t = 0 only, to the first order.
+/// // All four vanish in s = t = 0 only, to the first order.
 /// let map = Map::parse(["s", "t", "s^2 - t^2", "s^2 + t^2"], Default::default())?;
 /// let found = base_points(&map, &Control::default())?;
 /// assert_eq!((found.len(), found[0].to_f64(), found[0].multiplicity()), (1, [0.0, 0.0, 1.0], 1));
@@ -198,7 +199,8 @@ pub fn base_points(map: &Map, control: &Control<'_>) -> Result<Vec<BasePoint>, S
 /// ones included. The degree of the map times the degree of the surface is n² less this number. The
 /// sum is proved, and independent of the counting modulo primes of `map_degrees`.
 ///
-/// # Errors [`Stopped`].
+/// # Errors
+/// [`Stopped`].
 pub fn base_multiplicity(map: &Map, control: &Control<'_>) -> Result<usize, Stopped> {
     Ok(Classes::new(map, false, control)?.multiplicity())
 }
@@ -429,7 +431,7 @@ impl Leading {
             .count();
         let common = common_divisor(k, &forms, control)?;
         let curve = forms.each_ref().map(|f| {
-            let (mut quotient, rest) = univariate::divide(k, f, &common);
+            let (mut quotient, rest) = coefficients::divide(k, f, &common);
             assert!(rest.is_empty(), "a common divisor divides");
             quotient.resize(q + 2 - common.len() - vertical, Element::zero());
             quotient
@@ -483,7 +485,7 @@ fn common_divisor(
     let mut common: Coefficients = Vec::new();
     for f in forms {
         let mut f = f.clone();
-        univariate::trim(&mut f);
+        coefficients::trim(&mut f);
         common = univariate::gcd(k, &common, &f, control)?;
     }
     Ok(common)
@@ -608,15 +610,15 @@ impl NearClass {
     }
     /// Returns the root of the field below over which a root of the field above lies.
     fn lies_over(&self, below: &Arc<NumberField>, above: usize) -> usize {
-        /// The bits by which θ gets closer from one attempt to the next.
-        const WORD: usize = 32;
+        /// Number of bits by which θ is refined from one attempt to the next.
+        const THETA_REFINEMENT_BITS: usize = 32;
         if Arc::ptr_eq(below, &self.class.field) {
             return above;
         }
         let theta = Algebraic::new(&self.class.field, above, self.theta.clone());
         decide(
-            WORD,
-            |bits| bits + WORD,
+            THETA_REFINEMENT_BITS,
+            |bits| bits + THETA_REFINEMENT_BITS,
             |bits| {
                 let (lo, hi) = theta.interval(bits);
                 // θ is one of the roots: the only one that meets the interval.

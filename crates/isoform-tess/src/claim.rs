@@ -318,7 +318,7 @@ impl Claim {
     /// ```
     /// use isoform_tess::{Basis, Claim, Verdict};
     ///
-    /// A search for triangles that cross is a proof; a look at the middles of edges is none.
+    /// // A search for triangles that cross is a proof; a look at the middles of edges is none.
     /// assert_eq!(Claim::Crossings.usual(), Verdict::Holds(Basis::Exact));
     /// assert_eq!(Claim::Distances.usual(), Verdict::Holds(Basis::Floating));
     /// assert!(matches!(Claim::Folds.usual(), Verdict::Assumed(_)));
@@ -475,7 +475,7 @@ impl Certificate {
         let all = Claim::ALL.into_iter().zip(self.0);
         all.filter(|(_, verdict)| !matches!(verdict, Verdict::NotApplicable(_)))
     }
-    /// True if no claim is open.
+    /// Returns true if no claim is open.
     pub fn is_closed(&self) -> bool {
         !self.0.contains(&Verdict::Open)
     }

@@ -89,7 +89,7 @@ pub(crate) fn along(p: &V, d: &V, h: f64) -> V {
     [0, 1, 2].map(|i| p[i] + d[i].times(h))
 }
 
-/// The Hermitian norm.
+/// Returns the Hermitian norm.
 pub(crate) fn norm<const N: usize>(a: &[C; N]) -> f64 {
     a.iter().map(|c| c.norm2()).sum::<f64>().sqrt()
 }
@@ -124,13 +124,19 @@ pub(crate) fn real_line(p: &V) -> [f64; 3] {
     [[1, 2], [2, 0], [0, 1]].map(|[i, j]| p[i].re * p[j].im - p[j].re * p[i].im)
 }
 
-/// The real coordinates of a real point.
+/// Maximum length of [`real_line`] at which a parameter counts as real, and maximum sine of the
+/// angle at which two parameters count as conjugate: half of the digits are lost where a parameter
+/// meets its conjugate. If it is larger, complex pairs are taken for real ones; if it is smaller,
+/// an arc is missed by a section, and found by another one.
+pub(crate) const MAX_REAL_SINE: f64 = 1e-6;
+
+/// Returns the real coordinates of a real point.
 pub(crate) fn real_point(v: &V) -> [f64; 3] {
     let phase = largest(v).inverse();
     v.map(|c| (c * phase).re)
 }
 
-/// The length of a real vector.
+/// Returns the length of a real vector.
 pub(crate) fn length(v: &[f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }

@@ -8,13 +8,13 @@
 //! on it, whose values at conjugate curves are conjugate.
 
 use crate::base::{Class, Classes};
+use crate::coefficients::Coefficients;
 use crate::field::{Element, NumberField};
 use crate::map::Map;
 use crate::singular::{CurveKind, RealPart, Singular};
-use crate::surface::Point3;
-use crate::univariate::Coefficients;
 use isoform_algebra::{Poly, RBig};
 use isoform_control::{Control, Stopped};
+use isoform_geom::Point3;
 
 /// Pairs of general planes: the values of x whose planes have the coefficients 1, x, x², x³.
 const PLANES: [[i64; 2]; 2] = [[2, -3], [5, -7]];

@@ -8,8 +8,9 @@
 //! direction of the involution the seam turns back: a pinch point.
 
 use crate::base::BinaryForm;
+use crate::coefficients::{Coefficients, divide, trim};
 use crate::field::{Algebraic, Element, NumberField};
-use crate::univariate::{Coefficients, divide, gcd, trim};
+use crate::univariate::gcd;
 use isoform_algebra::RBig;
 use isoform_control::{Control, Stopped};
 use std::cmp::Ordering;
@@ -29,8 +30,9 @@ type Condition = [Element; 3];
 impl Involution {
     /// Returns the involution of a seam curve, if the curve covers its image exactly twice.
     ///
-    /// # Errors [`Stopped`].
-    pub(crate) fn of(
+    /// # Errors
+    /// [`Stopped`].
+    pub(crate) fn find(
         curve: &[BinaryForm; 4],
         control: &Control<'_>,
     ) -> Result<Option<Self>, Stopped> {
@@ -63,7 +65,7 @@ impl Involution {
         }))
     }
 
-    /// Returns the other direction with the same image.
+    /// Returns the other direction with an identical image.
     pub(crate) fn partner(&self, [a, b]: [f64; 2]) -> [f64; 2] {
         let [x, y, z] = self.form;
         [x * b + y * a, -(y * b + z * a)]
@@ -82,7 +84,7 @@ impl Involution {
     }
 }
 
-/// Directions with the same image as a direction (1 : m).
+/// Directions whose image is that of a direction (1 : m).
 struct Fibre {
     /// Polynomial in y = b/a whose roots are the directions, (1 : m) included.
     common: Coefficients,
@@ -91,7 +93,8 @@ struct Fibre {
 }
 
 impl Fibre {
-    /// The fibre over the image of (1 : m): the common zeros of the minors of c(x) and c(1 : m).
+    /// Returns the fibre over the image of (1 : m): the common zeros of the minors of c(x) and c(1
+    /// : m).
     fn over(curve: &[BinaryForm; 4], m: &RBig, control: &Control<'_>) -> Result<Self, Stopped> {
         let field = curve[0].coefficients[0].field();
         let value = |f: &BinaryForm| f.eval(&RBig::ONE, m).element().clone();
@@ -137,7 +140,7 @@ fn meet(field: &NumberField, first: &Condition, second: &Condition) -> Option<[E
     form.iter().any(|e| !e.is_zero()).then_some(form)
 }
 
-/// The minor c₁(x)·a₂ − c₂(x)·a₁ of two coordinates of a curve and their values at a point.
+/// Returns the minor c₁(x)·a₂ − c₂(x)·a₁ of two coordinates of a curve and their values at a point.
 fn minor(coordinates: [&BinaryForm; 2], values: [&Element; 2]) -> Coefficients {
     let [first, second] = coordinates.map(|c| &c.coefficients);
     let field = first[0].field();
@@ -166,7 +169,7 @@ mod tests {
         })
     }
     fn involution(forms: [&[i64]; 4]) -> Option<Involution> {
-        Involution::of(&curve(forms), &Control::default()).expect("not stopped")
+        Involution::find(&curve(forms), &Control::default()).expect("not stopped")
     }
 
     /// The conoid of Plücker: z = 2ab/(a² + b²).

@@ -25,15 +25,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
 use transformations::transformations;
 
-/// Number of linear forms whose products are the quadratic ones: 78 products, with 6000 quotients,
-/// take a fraction of a second.
-const SQUARED: usize = 12;
-/// Number of quotients of quadratic forms among which the best one is taken.
-const ENOUGH: usize = 5;
-/// Sine of the angle up to which points (s : t : w), as vectors, are taken for one another.
-/// Partners on a border are found to some ten digits, of which half are lost next to folds;
-/// parameters with one image by chance are farther apart.
-const NEAR: f64 = 1e-5;
+/// Sine of the angle up to which two points (s : t : w), as vectors, are identified. Partners on a
+/// border are found to some ten digits, of which half are lost next to folds; distinct parameters
+/// that share an image by chance are farther apart.
+const SAME_POINT_SINE: f64 = 1e-5;
 
 /// Three forms in (s, t, w), of equal degree and without a common factor.
 type Transformation = [Poly; 3];
@@ -75,7 +70,7 @@ impl Border {
         }
         border
     }
-    /// The sum of the degrees.
+    /// Returns the sum of the degrees.
     fn degree(&self) -> usize {
         let sides = self.sides.iter().filter(|s| **s).count();
         sides + self.curves.iter().map(Poly::total_degree).sum::<usize>()
@@ -86,7 +81,8 @@ impl Deck {
     /// Returns the deck; `None` if no transformation but the identity is found, or if every
     /// fundamental domain tried has a real base point that is blown up to a part of its border.
     ///
-    /// # Errors [`Stopped`].
+    /// # Errors
+    /// [`Stopped`].
     pub(crate) fn new(
         map: &Map,
         base_points: &[BasePoint],
@@ -113,10 +109,13 @@ impl Deck {
             return Ok(found);
         }
         // Quadratic forms serve if linear ones do not, as when all base points are on a fold.
-        let squared = &lines[..lines.len().min(SQUARED)];
+        // Twelve linear forms have 78 products with 6000 quotients, which take a fraction of a
+        // second.
+        let squared = &lines[..lines.len().min(12)];
         let products = |i: usize| squared[..=i].iter().map(move |l| &squared[i] * l);
         let squares: Vec<Poly> = (0..squared.len()).flat_map(products).collect();
-        deck.least(&squares, &around, ENOUGH, control)
+        // The best of the first five quotients found is taken.
+        deck.least(&squares, &around, 5, control)
     }
     /// Returns the deck whose quotient of two forms gives the border of least degree, among the
     /// first `most` quotients that separate none of the pairs of points around base points.
@@ -169,10 +168,10 @@ impl Deck {
     pub(crate) fn others(&self, p: [f64; 3]) -> impl Iterator<Item = Option<[f64; 3]>> {
         self.transformations.iter().map(move |t| image(t, p))
     }
-    /// Returns true if a transformation maps one of two points (s : t : w) to within [`NEAR`] of
-    /// the other, or is undefined at both.
+    /// Returns true if a transformation maps one of two points (s : t : w) to within
+    /// [`SAME_POINT_SINE`] of the other, or is undefined at both.
     pub(crate) fn may_exchange(&self, p: [f64; 3], q: [f64; 3]) -> bool {
-        let is_near = |a, b| norm(cross(a, b)) <= NEAR * norm(a) * norm(b);
+        let is_near = |a, b| norm(cross(a, b)) <= SAME_POINT_SINE * norm(a) * norm(b);
         self.transformations
             .iter()
             .any(|t| match (image(t, p), image(t, q)) {
@@ -211,7 +210,7 @@ const LINEAR: [[i64; 3]; 9] = [
 /// Second points of the lines through a rational base point.
 const THROUGH: [[i64; 3]; 3] = [[1, 2, -1], [3, -1, 2], [-2, 1, 5]];
 
-/// The line through a point and another one: their cross product.
+/// Returns the line through a point and another one: their cross product.
 fn line_through([s, t, w]: &[&RBig; 3], other: [i64; 3]) -> [RBig; 3] {
     let [a, b, c] = other.map(RBig::from);
     [&b * *w - &c * *t, &c * *s - &a * *w, &a * *t - &b * *s]
@@ -254,19 +253,18 @@ fn beside(at: [f64; 3], largest: usize, angle: f64, distance: f64) -> [f64; 3] {
 /// Returns pairs of points on opposite sides of a base point, in several directions. If a pair is
 /// not on one side of a domain's border, the seam of the base point is a part of that border.
 fn across(p: &[Algebraic; 3]) -> Vec<[Point; 2]> {
-    /// Distance from the base point: larger than the rounding of the point. If other curves are
-    /// nearer, the domain is rejected.
-    const STEP: f64 = 1e-5;
-    /// Number of directions from 0 to π.
-    const DIRECTIONS: usize = 12;
+    /// Number of directions between 0 and π at which the surface is sampled around the base point.
+    const HALF_TURN_DIRECTIONS: usize = 12;
     let at = p.each_ref().map(Algebraic::to_f64);
     // The plane in which the largest coordinate is 1.
     let by_size = |i: &usize, j: &usize| at[*i].abs().total_cmp(&at[*j].abs());
     let largest = (0..3).max_by(by_size).unwrap_or(0);
-    let step = |angle: f64, sign: f64| beside(at, largest, angle, sign * STEP).map(exact);
-    let angle = |k: usize| (k as f64 + 0.37) * PI / DIRECTIONS as f64;
+    // The distance exceeds the rounding of the base point. If other curves are nearer, the domain
+    // is rejected.
+    let step = |angle: f64, sign: f64| beside(at, largest, angle, sign * 1e-5).map(exact);
+    let angle = |k: usize| (k as f64 + 0.37) * PI / HALF_TURN_DIRECTIONS as f64;
     let pair = |k: usize| [1.0, -1.0].map(|sign| step(angle(k), sign));
-    (0..DIRECTIONS).map(pair).collect()
+    (0..HALF_TURN_DIRECTIONS).map(pair).collect()
 }
 
 /// Returns true if a transformation fixes a point and all lines through it: its derivative there is
@@ -337,7 +335,7 @@ fn is_fixed(t: &Transformation, curve: &Poly) -> bool {
 /// Returns the image of a point; `None` if the transformation is undefined there.
 fn image(t: &Transformation, p: [f64; 3]) -> Option<[f64; 3]> {
     let at = t.each_ref().map(|form| value(form, p));
-    let is_lost = at.iter().all(|(x, size)| x.abs() <= NEAR * size);
+    let is_lost = at.iter().all(|(x, size)| x.abs() <= SAME_POINT_SINE * size);
     (!is_lost).then(|| at.map(|x| x.0))
 }
 

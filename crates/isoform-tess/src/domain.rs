@@ -83,7 +83,7 @@ impl Domain {
     /// let corners = |list: &[[i64; 2]]| list.iter().map(|p| p.map(RBig::from)).collect();
     /// let arrow = Domain::polygon(corners(&[[0, 0], [2, 1], [0, 2], [1, 1]]))?;
     /// assert_eq!(arrow.bounds(), [[0.into(), 2.into()], [0.into(), 2.into()]]);
-    /// A bow tie is not simple: its first and third sides cross.
+    /// // A bow tie is not simple: its first and third sides cross.
     /// let bow_tie = Domain::polygon(corners(&[[0, 0], [1, 1], [1, 0], [0, 1]]));
     /// assert_eq!(bow_tie, Err(DomainError::Crossing { first: 1, second: 3 }));
     /// # Ok::<(), DomainError>(())
@@ -150,11 +150,11 @@ impl Domain {
             [s0, t1],
         ])
     }
-    /// The corners, counterclockwise.
+    /// Returns the corners, counterclockwise.
     pub fn corners(&self) -> &[Parameters] {
         &self.corners
     }
-    /// The ends of a side.
+    /// Returns the ends of a side.
     pub(crate) fn side(&self, k: usize) -> [&Parameters; 2] {
         [
             &self.corners[k],
@@ -168,7 +168,7 @@ impl Domain {
             [all().min(), all().max()].map(|x| x.expect("a domain has corners"))
         })
     }
-    /// The lines of the sides, as forms in (s, t, w).
+    /// Returns the lines of the sides, as forms in (s, t, w).
     pub(crate) fn lines(&self) -> Vec<Poly> {
         let line = |k: usize| {
             let [[s0, t0], [s1, t1]] = self.side(k);
@@ -311,9 +311,6 @@ fn halve(line: &mut [RBig], second: bool) {
     }
 }
 
-/// Halvings of each of the two parameters before a sign is given up: cells of a sixteenth.
-const HALVINGS: usize = 4;
-
 /// Returns bounds of the image of a map over a domain, the minimum and maximum of each coordinate;
 /// `None` unless W is proved to have no zero in the rectangle around the domain.
 pub fn bounds_over(map: &Map, domain: &Domain) -> Option<[[RBig; 2]; 3]> {
@@ -339,7 +336,8 @@ pub(crate) fn image_bounds(
         .each_ref()
         .map(|p| Net::new(p, degree, rectangle));
     let mut bounds: Option<[[RBig; 2]; 3]> = None;
-    let mut stack = vec![(nets, 2 * HALVINGS)];
+    // Four halvings of each of the two parameters: cells of a sixteenth.
+    let mut stack = vec![(nets, 8)];
     while let Some((nets, depth)) = stack.pop() {
         if has_one_sign(&nets[3].coefficients) {
             for k in 0..nets[3].coefficients.len() {

@@ -2,7 +2,7 @@
 //! complex conjugate parameters.
 //!
 //! A map of degree 1 sends a non-real parameter p to a real point only if it sends the conjugate of
-//! p to the same point: p lies on the double locus D. Along an irreducible factor f of D that is
+//! p to that point: p lies on the double locus D. Along an irreducible factor f of D that is
 //! not contracted, real points are the solutions of f(p) = 0, Im φ(p) = 0. Of the second condition
 //! one real equation remains where f = 0 is smooth. At a singular point of f = 0, the second
 //! condition alone still has the rank 3 of a curve, as long as the sheets at p and at its conjugate
@@ -13,7 +13,7 @@
 //! transformation maps a parameter to its conjugate. Of these, only the points on D are found.
 //!
 //! A real base point is blown up to a line, of which a pair of conjugate directions may reach real
-//! points, too (the conoid of Plücker): its seam curves are traced in the same way, as maps of the
+//! points, too (the conoid of Plücker): its seam curves are traced likewise, as maps of the
 //! line c = 0 in a plane (a : b : c).
 //!
 //! Curves are found by sections (`section`): the points of f = 0 in a general complex plane of
@@ -42,14 +42,12 @@ use crate::finding::{Finding, Phase};
 use crate::map::Map;
 use crate::singular::{CurveKind, Singular, SingularCurve};
 use isoform_control::{Control, Stopped};
-use search::{Partner, Search};
+use search::{Partner, SolitarySearch};
 
 /// Sine of the angle up to which two parameters are taken for one: half of the digits are lost next
 /// to folds and pinch points. If it is larger, partners near a pinch point coincide; if it is
 /// smaller, a parameter is taken for a partner of itself.
-const SAME_PARAMETER: f64 = 1e-5;
-/// The tolerance of a search that follows no curves.
-const UNUSED_TOLERANCE: f64 = 1e-3;
+const SAME_PARAMETER_SINE: f64 = 1e-5;
 
 /// Finds the solitary curves in the box |x|, |y|, |z| ≤ `half_width`, as polylines whose vertices
 /// lie on them up to rounding and whose chords deviate by at most about `tolerance`. The findings,
@@ -62,7 +60,6 @@ const UNUSED_TOLERANCE: f64 = 1e-3;
 /// a seventh to a seventeenth of the box's diagonal apart: the fewer points have to be tracked, the
 /// denser they are. A curve that lies between two such planes and reaches neither a face nor a
 /// pinch point may be missed.
-/// nor a pinch point, may be missed.
 pub fn solitary_arcs(
     map: &Map,
     singular: &Singular,
@@ -73,7 +70,7 @@ pub fn solitary_arcs(
     if singular.double.is_none() {
         return (Vec::new(), vec![Finding::DoubleLocusUnknown]);
     }
-    let mut search = Search::new(tolerance / half_width);
+    let mut search = SolitarySearch::new(tolerance / half_width);
     if search.run(map, singular, half_width, control).is_err() {
         search.problems.push(Finding::Stopped(Phase::SolitaryArcs));
     }
@@ -85,7 +82,7 @@ pub fn solitary_arcs(
 
 /// Parameters of points of the double curve, found on demand.
 pub(crate) struct Fibres {
-    search: Search,
+    search: SolitarySearch,
     half_width: f64,
     /// Number of sources that are curves of parameters; the others are seams.
     curves: usize,
@@ -98,7 +95,8 @@ impl Fibres {
         half_width: f64,
         control: &Control<'_>,
     ) -> Result<Self, Stopped> {
-        let mut search = Search::new(UNUSED_TOLERANCE);
+        // No curves are traced, so that the tolerance is unused.
+        let mut search = SolitarySearch::new(1e-3);
         search.prepare(map, singular, half_width, control)?;
         let curves = curves_of(map, singular).count();
         Ok(Self {
@@ -118,7 +116,7 @@ impl Fibres {
         let found = self.over(p);
         let real: Vec<&V> = found.iter().filter(|f| f.is_real).map(|f| &f.p).collect();
         let is_one = |p: &V, q: &V| {
-            distance(p, q) < SAME_PARAMETER
+            distance(p, q) < SAME_PARAMETER_SINE
                 || deck.is_some_and(|d| d.may_exchange(real_point(p), real_point(q)))
         };
         found.len() > real.len() && real.windows(2).all(|w| is_one(w[0], w[1]))
@@ -133,7 +131,7 @@ impl Fibres {
     ) -> bool {
         let own = normalised(&own.map(|x| C::new(x, 0.0)));
         let mut others = self.over(p);
-        others.retain(|f| !f.is_real || distance(&f.p, &own) > SAME_PARAMETER);
+        others.retain(|f| !f.is_real || distance(&f.p, &own) > SAME_PARAMETER_SINE);
         let is_left_out =
             |f: &Partner| !f.is_real || f.source < self.curves && is_elsewhere(real_point(&f.p));
         !others.is_empty() && others.iter().all(is_left_out)

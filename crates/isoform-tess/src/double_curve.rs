@@ -8,14 +8,11 @@ use crate::double::{Fibres, curves_of, pinch_points, solitary_arcs};
 use crate::field::Algebraic;
 use crate::finding::{Finding, Phase};
 use crate::map::Map;
-use crate::mesh::traced::Traced;
+use crate::mesh::traced::TracedCurve;
 use crate::pairs::{self, Expected, Pairs};
 use crate::singular::{CurveKind, Singular, SingularCurve};
 use crate::surface::{Mode, Point3, TriangulateOptions};
 use isoform_control::{Control, Stopped};
-
-/// The share of the tolerance by which the chords of traced arcs may leave them.
-const SHARE: f64 = 0.3;
 
 /// Curves in space.
 type Polylines = Vec<Vec<Point3>>;
@@ -24,7 +21,7 @@ type Polylines = Vec<Vec<Point3>>;
 const NO_CURVE: &str = "there is no double curve";
 const NOT_JOINED: &str = "sheets that cross are not joined";
 
-/// Everything known of the double curve besides its equation.
+/// Results of the search for the double curve, besides its equation.
 pub(crate) struct DoubleCurve {
     /// Real parameters at which pairs of real parameters turn into conjugate pairs.
     pub(crate) pinches: Vec<[f64; 3]>,
@@ -33,7 +30,7 @@ pub(crate) struct DoubleCurve {
     /// Arcs of real points that only conjugate parameters reach.
     pub(crate) solitary: Polylines,
     /// Arcs with both parameters; `None` if the curve of parameters is used instead.
-    pub(crate) traced: Option<Traced>,
+    pub(crate) traced: Option<TracedCurve>,
     /// True if the arcs replace an implicit equation that is not known.
     pub(crate) needs_no_equation: bool,
     pub(crate) findings: Vec<Finding>,
@@ -60,7 +57,7 @@ impl DoubleCurve {
         let Some(singular) = &analysis.singular else {
             return found;
         };
-        let given = Given {
+        let given = DoubleCurveInput {
             map,
             analysis,
             singular,
@@ -80,8 +77,8 @@ impl DoubleCurve {
         found
     }
 
-    /// Sets the verdicts for arcs traced in floating point. If the double curve is known exactly to
-    /// have no component, there are no pinch points and no solitary arcs either.
+    /// Sets the verdicts for arcs traced in floating point. If the double curve provably has no
+    /// component, pinch points and solitary arcs do not exist either.
     fn judge_arcs(&mut self, is_known: bool, is_glued: bool, has_curve: bool) {
         let may_have_points = !is_known || has_curve;
         let floating = Verdict::Holds(Basis::Floating);
@@ -100,12 +97,12 @@ impl DoubleCurve {
     /// Takes everything from traced arcs.
     fn take_arcs(
         &mut self,
-        traced: Traced,
+        traced: TracedCurve,
         solitary: Polylines,
-        given: &Given,
+        given: &DoubleCurveInput,
         control: &Control<'_>,
     ) {
-        let &Given {
+        let &DoubleCurveInput {
             map,
             singular,
             half_width,
@@ -140,8 +137,8 @@ impl DoubleCurve {
         }
     }
     /// Finds pinch points exactly, and solitary arcs by sections of the curves of parameters.
-    fn search(&mut self, given: &Given, control: &Control<'_>) {
-        let &Given {
+    fn search(&mut self, given: &DoubleCurveInput, control: &Control<'_>) {
+        let &DoubleCurveInput {
             map,
             analysis,
             singular,
@@ -175,7 +172,7 @@ impl DoubleCurve {
             let tolerance = options.mesh.tolerance;
             let (arcs, problems) = solitary_arcs(map, singular, half_width, tolerance, control);
             self.solitary = arcs;
-            // Without a curve to follow there are no solitary arcs, exactly.
+            // Without a curve to follow, the absence of solitary arcs is exact.
             let has_base = analysis.base_points.as_ref().is_some_and(|b| !b.is_empty());
             let may_have = curves_of(map, singular).next().is_some() || has_base;
             self.verdicts[2] = Claim::SolitaryArcs.usual().or_not(may_have, NO_CURVE);
@@ -185,7 +182,7 @@ impl DoubleCurve {
     }
 
     /// Adds the lines to which conjugate base points are blown up.
-    fn add_seam_lines(&mut self, given: &Given) {
+    fn add_seam_lines(&mut self, given: &DoubleCurveInput) {
         for line in &given.analysis.seam_lines {
             if line.is_met(given.map, given.singular) {
                 self.findings.push(Finding::ComplexSeamMet);
@@ -198,7 +195,7 @@ impl DoubleCurve {
 }
 
 /// Input of the search for the double curve.
-struct Given<'a> {
+struct DoubleCurveInput<'a> {
     map: &'a Map,
     analysis: &'a Analysis,
     singular: &'a Singular,
@@ -206,21 +203,22 @@ struct Given<'a> {
     half_width: f64,
 }
 
-impl Given<'_> {
+impl DoubleCurveInput<'_> {
     /// Returns the arcs of the double curve and their solitary parts; `None` unless all of them
     /// were found.
-    fn arcs(&self, control: &Control<'_>) -> Result<Option<(Traced, Polylines)>, Stopped> {
+    fn arcs(&self, control: &Control<'_>) -> Result<Option<(TracedCurve, Polylines)>, Stopped> {
         let Some(expected) = self.expected() else {
             return Ok(None);
         };
         let fine = pairs::Fineness {
-            tolerance: SHARE * self.options.mesh.tolerance / self.half_width,
+            // Chords of traced arcs may use 0.3 of the tolerance.
+            tolerance: 0.3 * self.options.mesh.tolerance / self.half_width,
             longest: self.options.mesh.longest / self.half_width,
         };
         let pairs = Pairs::new(self.map, self.half_width);
         let arcs = pairs::arcs(&pairs, fine, &expected, control)?;
         let solitary = arcs.solitary().filter(|_| arcs.lost == 0);
-        Ok(solitary.map(|parts| (Traced { pairs, arcs }, parts)))
+        Ok(solitary.map(|parts| (TracedCurve { pairs, arcs }, parts)))
     }
 
     /// Returns the number of parameters that a general plane of space has on the double curve;
@@ -283,15 +281,14 @@ impl Given<'_> {
     /// Returns true if arcs may replace the curve of parameters: if it has no other special curves,
     /// and its degree is high.
     fn may_stand(&self) -> bool {
-        /// The degree of parameter curves from which their topology takes longer than to trace
-        /// them: the curves of quadratic maps have 3, of general cubic ones 18.
-        const HIGH: usize = 8;
         // More than two sheets meet, or they touch, along a curve with a higher multiplicity in
         // D.
         let is_double =
             |c: &SingularCurve| matches!(c.kind, CurveKind::Double) && c.in_double == Some(1);
         let degree: usize = self.finite_curves().map(|c| c.curve.total_degree()).sum();
-        self.finite_curves().all(is_double) && (degree > HIGH || self.singular.double.is_none())
+        // Above degree 8, the topology of parameter curves takes longer to compute than the curves
+        // take to trace: those of quadratic maps have degree 3, of general cubic maps 18.
+        self.finite_curves().all(is_double) && (degree > 8 || self.singular.double.is_none())
     }
 
     /// Iterates over the singular curves, without those that the map sends to infinity, where

@@ -19,17 +19,12 @@ use isoform_check::{Place, certify};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh};
 
-/// The number of times that the surface is made again, finer where its implicit equation finds
-/// triangles far away.
-const NEARER: usize = 2;
 /// Maximum number of repetitions because of crossing triangles, over all kinds of change.
-const ROUNDS: usize = 12;
-/// Number of finer tolerances without improvement after which the search ends.
-const IN_VAIN: usize = 2;
+const MAX_CROSSING_ROUNDS: usize = 12;
 
 /// Maximum number of crossing pairs that are repaired: more are not an accident of sheets that are
 /// close together.
-const MOST: usize = 2000;
+const MAX_CROSSING_PAIRS: usize = 2000;
 
 /// The crossing triangles of a surface.
 struct Crossings {
@@ -37,13 +32,13 @@ struct Crossings {
     count: usize,
     /// True if no pairs were left out.
     is_complete: bool,
-    /// The first [`MOST`] pairs, each with a point at which they cross.
+    /// The first [`MAX_CROSSING_PAIRS`] pairs, each with a point at which they cross.
     pairs: Vec<Crossing>,
 }
 
 impl Crossings {
     /// Finds the crossing triangles; `None` if the time is over before the search ends.
-    fn of(surface: &Surface, control: &Control<'_>) -> Option<Self> {
+    fn find(surface: &Surface, control: &Control<'_>) -> Option<Self> {
         if control.is_stopped() {
             return None;
         }
@@ -53,8 +48,8 @@ impl Crossings {
             ..Mesh::default()
         };
         let options = isoform_check::Options {
-            places: MOST,
-            pairs: MOST,
+            places: MAX_CROSSING_PAIRS,
+            pairs: MAX_CROSSING_PAIRS,
             ..isoform_check::Options::default()
         };
         let found = certify(&mesh, None, &options, &silent(control)).intersections?;
@@ -126,14 +121,14 @@ impl Change {
 /// ```
 /// use isoform_tess::{Claim, Control, Map, TriangulateOptions, triangulate};
 ///
-/// The unit sphere by stereographic projection.
+/// // The unit sphere by stereographic projection.
 /// let map = Map::parse(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], Default::default())?;
 /// let mut options = TriangulateOptions::around(2.into());
 /// options.mesh.tolerance = 0.02;
 /// let (surface, analysis) = triangulate(&map, &options, &Control::default())?;
 /// assert!(surface.is_certified() && surface.holds(Claim::Crossings));
 /// assert_eq!(analysis.degrees.map(|d| (d.map_degree, d.implicit_degree)), Some((1, 2)));
-/// Its vertices lie on it, including the north pole at infinite parameters, and V − E + F = 2.
+/// // Its vertices lie on it, including the north pole at infinite parameters, and V − E + F = 2.
 /// let radius = |p: &[f64; 3]| p.iter().map(|x| x * x).sum::<f64>().sqrt();
 /// assert!(surface.points.iter().all(|p| (radius(p) - 1.0).abs() < 1e-12));
 /// assert!(surface.points.contains(&[0.0, 0.0, 1.0]));
@@ -143,15 +138,16 @@ impl Change {
 ///
 /// The phases in `seconds` of the analysis are reported to the control.
 ///
-/// # Errors Options that are out of range, and [`TriangulateError::Stopped`] if not even the region
-/// of parameters was found in time.
+/// # Errors
+/// Options that are out of range, and [`TriangulateError::Stopped`] if not even the region of
+/// parameters was found in time.
 pub fn triangulate(
     map: &Map,
     options: &TriangulateOptions,
     control: &Control<'_>,
 ) -> Result<(Surface, Analysis), TriangulateError> {
     options.check()?;
-    let Some(frame) = Frame::of(map) else {
+    let Some(frame) = Frame::find(map) else {
         return in_place(map, options, control);
     };
     let inner = TriangulateOptions {
@@ -196,7 +192,7 @@ fn in_place(
             .decisions
             .decide([Claim::Sheets], [Claim::Sheets.usual()]);
         if !is_embedded {
-            surface.findings.push(Finding::SheetsUponEachOther);
+            surface.findings.push(Finding::OverlappingSheets);
         }
     }
     Ok((surface, prepared.analysis))
@@ -219,12 +215,12 @@ fn crossing_finding(found: Option<&Crossings>) -> Option<Finding> {
 }
 
 /// A surface and its crossing triangles.
-struct Tried {
+struct CrossingAttempt {
     surface: Surface,
     crossings: Crossings,
 }
 
-impl Tried {
+impl CrossingAttempt {
     /// Returns true if no triangles cross, or if the remaining findings cannot be repaired by other
     /// vertices.
     fn is_final(&self, options: &TriangulateOptions) -> bool {
@@ -242,7 +238,7 @@ impl Tried {
     fn boxes(&self) -> Vec<[Point3; 2]> {
         let s = &self.surface;
         let of_triangle = |t: u32| {
-            let b = Aabb::of(&s.triangles[t as usize].map(|v| s.points[v as usize]));
+            let b = Aabb::from_points(&s.triangles[t as usize].map(|v| s.points[v as usize]));
             [b.lo, b.hi]
         };
         let triangles = self.crossings.pairs.iter().flat_map(|c| c.triangles);
@@ -254,7 +250,9 @@ impl Prepared<'_> {
     /// Triangulates a surface again, with a finer tolerance where its implicit equation finds
     /// triangles far away.
     fn nearer(&mut self, mut surface: Surface, control: &Control<'_>) -> Surface {
-        for _ in 0..NEARER {
+        // The surface is triangulated at most twice more, finer where its implicit equation finds
+        // triangles too far away.
+        for _ in 0..2 {
             let far = self.far(&surface);
             if far.is_empty() || !surface.is_certified() || control.is_stopped() {
                 break;
@@ -273,12 +271,12 @@ impl Prepared<'_> {
     fn crossings(&mut self, surface: &Surface, control: &Control<'_>) -> Option<Crossings> {
         let control = silent(control);
         let running = Running::new(CROSSINGS, &control);
-        let found = Crossings::of(surface, &control);
+        let found = Crossings::find(surface, &control);
         self.analysis.took(running);
         found
     }
     /// Applies a change to the preparation of the next surface, where the triangles of one cross.
-    fn change(&mut self, change: Change, tried: &Tried) {
+    fn change(&mut self, change: Change, tried: &CrossingAttempt) {
         match change {
             Change::Finer => self.refine(&tried.boxes()),
             Change::Corners => self.match_sheets(&tried.surface, &tried.triangles()),
@@ -296,18 +294,19 @@ impl Prepared<'_> {
         let Some(crossings) = self.crossings(&surface, control) else {
             return (surface, None);
         };
-        let mut best = Tried { surface, crossings };
+        let mut best = CrossingAttempt { surface, crossings };
         // Earlier changes stay in effect in the next round, whether they helped or not. The best
         // surface is the result; the last one is kept in addition if it is not the best.
-        let mut last: Option<Tried> = None;
+        let mut last: Option<CrossingAttempt> = None;
         let mut change = Change::Corners;
         let mut in_vain = 0;
-        for round in 1..=ROUNDS {
+        for round in 1..=MAX_CROSSING_ROUNDS {
             let tried = last.as_ref().unwrap_or(&best);
-            if tried.is_final(self.options()) || in_vain == IN_VAIN || control.is_stopped() {
+            // Two finer tolerances without improvement end the search.
+            if tried.is_final(self.options()) || in_vain == 2 || control.is_stopped() {
                 break;
             }
-            control.report(CROSSINGS, round as f64 / (ROUNDS + 1) as f64);
+            control.report(CROSSINGS, round as f64 / (MAX_CROSSING_ROUNDS + 1) as f64);
             self.change(change, tried);
             let surface = self.surface(&silent(control));
             if !surface.is_certified() && change != Change::Finer {
@@ -322,7 +321,7 @@ impl Prepared<'_> {
             let is_better = surface.is_certified() && crossings.count < best.crossings.count;
             in_vain += usize::from(change == Change::Finer && !is_better);
             change = change.next(is_fewer);
-            let next = Tried { surface, crossings };
+            let next = CrossingAttempt { surface, crossings };
             if is_better {
                 (best, last) = (next, None);
                 in_vain = 0;
@@ -393,7 +392,7 @@ fn of_one_patch(options: &TriangulateOptions) -> TriangulateOptions {
 /// use isoform_geom::RationalPatch;
 /// use isoform_tess::{Control, Patch, SurfaceBox, TriangulateOptions, triangulate_patches};
 ///
-/// Two squares of the hyperbolic paraboloid z = x y, which have a side in common.
+/// // Two squares of the hyperbolic paraboloid z = x y, which have a side in common.
 /// let square = |x: f64| {
 ///     let corner = |i: f64, j: f64| [x + i, j, (x + i) * j, 1.0];
 ///     let corners = [corner(0.0, 0.0), corner(0.0, 1.0), corner(1.0, 0.0), corner(1.0, 1.0)];

@@ -4,10 +4,6 @@ use crate::surface::Point3;
 use isoform_algebra::Implicit;
 use isoform_geom::norm;
 
-/// Gradients shorter than this, per sum of the absolute values of the terms, say nothing: two
-/// sheets, or a singular point, are too near.
-const LEAST_GRADIENT: f64 = 1e-3;
-
 /// The form F(x, y, z, 1), scaled so that its largest coefficient is ±1.
 pub(crate) struct Equation {
     terms: Vec<([i32; 3], f64)>,
@@ -38,7 +34,9 @@ impl Equation {
             }
         }
         let slope = norm(gradient);
-        (slope > LEAST_GRADIENT * size).then(|| value.abs() / slope)
+        // A shorter gradient, relative to the terms, means that two sheets or a singular point are
+        // near.
+        (slope > 1e-3 * size).then(|| value.abs() / slope)
     }
 }
 

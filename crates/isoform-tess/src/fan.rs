@@ -21,6 +21,7 @@
 //! - *mark*: a direction of a node, with its target: a ray, a near point, or a corner.
 //! - *sector*: the part between a ray and the next one.
 
+mod blow_up;
 mod direction;
 mod image;
 mod marks;
@@ -39,11 +40,12 @@ use crate::finding::{Finding, Unopened};
 use crate::region::Region;
 use crate::surface::Point3;
 use crate::tangents::tangent_form;
+use blow_up::{Line, steps_of};
 use isoform_algebra::{Poly, RBig};
 use isoform_control::{Control, Stopped};
 use isoform_geom::plane::cross;
-use marks::{Around, Mark, Marked, Target, marks};
-use node::{Line, Node, steps_of};
+use marks::{FanInput, Mark, NodeMarks, Target, marks};
+use node::Node;
 use std::collections::BTreeSet;
 
 /// Two successive rays, counterclockwise in the local coordinates of the base point.
@@ -52,7 +54,7 @@ pub(crate) struct Sector {
     /// Indices of the directions, each with true if the ray is backward.
     pub(crate) rays: [(usize, bool); 2],
     /// Marks after the first ray and before the second one, each in the coordinates of the ray's
-    /// node: the respective other ray if both rays have one node and there is no mark between them.
+    /// node: the respective other ray if both rays have one node and are adjacent marks.
     marks: [[f64; 2]; 2],
     /// Common point of the two seams, as a direction; `None` if both rays belong to one node.
     pub(crate) corner: Option<Direction>,
@@ -88,7 +90,8 @@ impl Fan {
     /// Creates the fan with the directions of the curves that bound the region or are drawn in it,
     /// and of the sides of the unit triangles.
     ///
-    /// # Errors [`Stopped`].
+    /// # Errors
+    /// [`Stopped`].
     pub(crate) fn new(
         base: &BasePoint,
         region: &Region,
@@ -105,7 +108,7 @@ impl Fan {
         if lines.len() > 1 {
             fan.multiplicity = tangent_form(base, &[], w_form, control)?.degree();
         }
-        let around = Around {
+        let around = FanInput {
             base,
             region,
             control,
@@ -140,10 +143,10 @@ impl Fan {
         }
     }
     /// Adds the next node, with its directions.
-    fn add_node(&mut self, line: &Line<'_>, around: &Around<'_>) -> Result<(), Stopped> {
-        let cover = Involution::of(&line.seam.curve, around.control)?;
+    fn add_node(&mut self, line: &Line<'_>, around: &FanInput<'_>) -> Result<(), Stopped> {
+        let cover = Involution::find(&line.seam.curve, around.control)?;
         let (node, first_ray) = (self.nodes.len(), self.directions.len());
-        let Marked { marks, problem } = marks(node, line, cover, around, first_ray)?;
+        let NodeMarks { marks, problem } = marks(node, line, cover, around, first_ray)?;
         if let Some(why) = problem {
             self.problem = self.left_open(why);
         }
@@ -181,11 +184,10 @@ impl Fan {
     /// Returns a parameter (s : t : w) next to the seam, or to one of the two seams, of a sector:
     /// in the sector if `within`, else on the other side of the seam.
     fn beside(&self, sector: &Sector, piece: usize, within: bool) -> [RBig; 3] {
-        /// The distance from the seam, in the coordinates of its node: farther than rounding,
-        /// nearer than where the borders of the sector turn.
-        const NEAR: f64 = 1e-5;
         let (d, backward) = self.middle(sector, piece);
-        let off = self.lowered(d.node, d.at_distance(backward == within, NEAR, 0.0));
+        // Distance from the seam, in coordinates of the node: larger than rounding, smaller than
+        // the distance at which the borders of the sector turn.
+        let off = self.lowered(d.node, d.at_distance(backward == within, 1e-5, 0.0));
         let mut p = self.point.map(exact);
         for (k, off) in self.variables.into_iter().zip(off) {
             p[k] += exact(off);

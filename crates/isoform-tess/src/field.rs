@@ -17,12 +17,12 @@ use std::sync::Arc;
 /// use isoform_algebra::UPoly;
 /// use isoform_tess::{Algebraic, NumberField};
 ///
-/// The golden ratio x: x² = x + 1, and 1/x = x − 1.
+/// // The golden ratio x: x² = x + 1, and 1/x = x − 1.
 /// let (field, x) = NumberField::new(&UPoly::from_i64(&[-1, -1, 1]));
 /// let one = field.div(&x, &x);
 /// assert_eq!(field.mul(&x, &x), x.add(&one));
 /// assert_eq!(field.inverse(&x), x.sub(&one));
-/// At the larger of the two real roots.
+/// // At the larger of the two real roots.
 /// let golden = Algebraic::new(&field, 1, x);
 /// assert_eq!(golden.to_f64(), 0.5 * (1.0 + 5f64.sqrt()));
 /// ```
@@ -93,7 +93,7 @@ impl Element {
             _ => None,
         }
     }
-    /// The coefficient of a power of θ.
+    /// Returns the coefficient of a power of θ.
     pub fn coefficient(&self, power: usize) -> RBig {
         self.numerator.get(power).map_or(RBig::ZERO, |c| {
             RBig::from_parts(c.clone(), self.denominator.clone())
@@ -165,7 +165,8 @@ impl NumberField {
     /// Returns the field of a root x of an irreducible polynomial, with x as an element; θ is x
     /// times the leading coefficient.
     ///
-    /// # Panics If the polynomial is constant. Irreducibility is not checked.
+    /// # Panics
+    /// If the polynomial is constant. Irreducibility is not checked.
     pub fn new(p: &UPoly) -> (Arc<Self>, Element) {
         let p = p.primitive();
         let (d, lead) = (p.degree(), p.leading());
@@ -253,7 +254,8 @@ impl NumberField {
     }
     /// Returns 1/a.
     ///
-    /// # Panics If a is 0.
+    /// # Panics
+    /// If a is 0.
     pub fn inverse(&self, a: &Element) -> Element {
         assert!(!a.is_zero(), "division by zero");
         if let Some(r) = a.as_rational() {
@@ -333,7 +335,8 @@ impl NumberField {
 
     /// Returns a/b.
     ///
-    /// # Panics If b is 0.
+    /// # Panics
+    /// If b is 0.
     pub fn div(&self, a: &Element, b: &Element) -> Element {
         self.mul(a, &self.inverse(b))
     }
@@ -362,7 +365,8 @@ pub struct Algebraic {
 impl Algebraic {
     /// Returns an element at the real root with an index.
     ///
-    /// # Panics If the field has no such root.
+    /// # Panics
+    /// If the field has no such root.
     pub fn new(field: &Arc<NumberField>, root: usize, element: Element) -> Self {
         assert!(root < field.roots.len(), "a real root of the modulus");
         Self {
@@ -437,14 +441,14 @@ impl Algebraic {
     }
     /// Returns the nearest `f64`, ties to even.
     pub fn to_f64(&self) -> f64 {
-        /// The bits by which the interval gets smaller from one attempt to the next.
-        const WORD: usize = 64;
+        /// Number of bits by which the interval is refined from one attempt to the next.
+        const INTERVAL_REFINEMENT_BITS: usize = 64;
         if let Some(r) = self.as_rational() {
             return r.to_f64().value();
         }
         decide(
-            WORD,
-            |bits| bits + WORD,
+            INTERVAL_REFINEMENT_BITS,
+            |bits| bits + INTERVAL_REFINEMENT_BITS,
             |bits| {
                 // An irrational number is never a tie.
                 let (lo, hi) = self.interval(bits);
@@ -457,8 +461,9 @@ impl Algebraic {
 
 /// Returns the exact value of a double.
 ///
-/// # Panics If the double is not finite. Non-finite numbers have to be handled where they arise:
-/// taken for 0, they would stand for another place, or drop a curve.
+/// # Panics
+/// If the double is not finite. Non-finite numbers have to be handled where they arise: taken for
+/// 0, they would stand for another place, or drop a curve.
 pub(crate) fn exact(x: f64) -> RBig {
     RBig::try_from(x).expect("a finite number")
 }

@@ -223,7 +223,7 @@ pub enum Finding {
     NoPosition(usize),
     /// Several vertices have one position.
     #[error("{0} pairs of vertices lie upon each other")]
-    UponEachOther(usize),
+    CoincidentVertices(usize),
     /// Vertices are beyond the faces of the box.
     #[error("{0} vertices are outside of the box")]
     OutsideBox(usize),
@@ -253,14 +253,14 @@ pub enum Finding {
         "several parameters have the same image everywhere: sheets that lie upon each other are \
          not joined"
     )]
-    SheetsUponEachOther,
+    OverlappingSheets,
     /// Pairs of triangles cross.
     #[error("{0} pairs of triangles cross")]
     Crossings(usize),
     /// Too many pairs of triangles cross for all to be counted.
     #[error("more than {0} pairs of triangles cross")]
     CrossingsAbove(usize),
-    /// There was no time to test triangles for crossings.
+    /// The time was over before triangles were tested for crossings.
     #[error("whether triangles cross was not looked for")]
     CrossingsUnknown,
     /// Sides with equal control points have different vertices.
@@ -313,7 +313,7 @@ impl Finding {
             Self::SignUnproved => Claim::SignOfW,
             Self::TooCoarse => Claim::Distances,
             Self::NoPosition(_)
-            | Self::UponEachOther(_)
+            | Self::CoincidentVertices(_)
             | Self::OutsideBox(_)
             | Self::NoArea(_) => Claim::Shapes,
             Self::Winding(_) | Self::NeighboursUnknown(_) => Claim::Winding,
@@ -323,12 +323,12 @@ impl Finding {
             | Self::CrossingsAbove(_)
             | Self::CrossingsUnknown
             | Self::PatchesNotCut => Claim::Crossings,
-            Self::PinchedVertices(_) | Self::SheetsUponEachOther => Claim::Sheets,
+            Self::PinchedVertices(_) | Self::OverlappingSheets => Claim::Sheets,
             Self::OfPatch { finding, .. } => finding.claim(),
         }
     }
     /// Returns the finding, attributed to one patch.
-    pub(crate) fn of_patch(self, patch: &str) -> Self {
+    pub(crate) fn attributed_to(self, patch: &str) -> Self {
         Self::OfPatch {
             patch: patch.to_owned(),
             finding: Box::new(self),

@@ -17,24 +17,6 @@ use crate::zeros::Chart;
 use isoform_algebra::{Exponents, Poly, RBig};
 use isoform_geom::Gram;
 
-/// Steps of the descent at most: parameters off by a factor of 10⁶ take about ten. Where there is
-/// no least norm, more steps go farther without end.
-const STEPS: usize = 40;
-/// Doublings of a step, as long as the norm falls.
-const DOUBLINGS: usize = 6;
-/// The largest entry of μ without its trace, per squared norm and degree, at which it ends: a
-/// hundred times less changes nothing of what is drawn.
-const LEVEL: f64 = 0.05;
-/// Length of the shortest step, by the degree: a quarter of what is stable for a single monomial.
-const STEP: f64 = 0.25;
-/// Minimum reduction of the logarithm of the norm for which parameters are changed: a torus with s
-/// scaled by 10³ gains 4.4, typical maps gain less than 1.5 and keep their parameters.
-const WORTH: f64 = 4.0;
-
-/// The least squared sine of the angle between the slopes by s and t at which both are known, from
-/// doubles with half of their digits.
-const REGULAR: f64 = 1e-9;
-
 /// An affine change of the parameters: (s : t : w) = M·(s′ : t′ : w′), M upper triangular.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
@@ -114,13 +96,13 @@ fn moment(forms: &[Poly; 4]) -> (f64, Matrix) {
     (norm, moment.map(|row| row.map(|x| x / norm)))
 }
 
-/// The exponents of a form in s, t and w.
+/// Returns the exponents of a form in s, t and w.
 fn exponents(e: [usize; 3]) -> Exponents {
     let [i, j, k] = e.map(|n| n as u16);
     [i, j, k, 0]
 }
 
-/// The coefficient of a monomial.
+/// Returns the coefficient of a monomial.
 fn coefficient(terms: &[(Exponents, f64)], e: &Exponents) -> f64 {
     terms.iter().find(|t| t.0 == *e).map_or(0.0, |t| t.1)
 }
@@ -155,7 +137,8 @@ fn centre(map: &Map) -> Matrix {
 /// Solves normal equations; if they are singular, solves the one with the larger diagonal entry.
 fn least_squares([[uu, uv], [_, vv]]: [[f64; 2]; 2], right: [f64; 2]) -> [f64; 2] {
     let gram = Gram { uu, uv, vv };
-    if gram.is_regular(REGULAR) {
+    // The slopes are known from doubles with half of their digits.
+    if gram.is_regular(1e-9) {
         gram.solve(right)
     } else if uu >= vv && uu > 0.0 {
         [right[0] / uu, 0.0]
@@ -187,11 +170,13 @@ fn rounded(m: &Matrix) -> Option<Frame> {
 
 impl Frame {
     /// Returns the frame in which a map's coefficients are small, if they are much smaller there.
-    pub fn of(map: &Map) -> Option<Self> {
+    pub fn find(map: &Map) -> Option<Self> {
         let start = Self::level(map, &IDENTITY)?.0;
         let centre = centre(map);
         let centred = Self::level(map, &centre)?;
-        let is_worth = |level: f64| start - level > WORTH;
+        // A torus with s scaled by 10³ gains 4.4; typical maps gain less than 1.5 and keep their
+        // parameters.
+        let is_worth = |level: f64| start - level > 4.0;
         let found = Self::least(map, centre, centred).filter(|found| is_worth(found.0));
         let moved = || is_worth(centred.0).then_some(centre);
         found.map(|f| f.1).or_else(moved).and_then(|m| rounded(&m))
@@ -201,8 +186,10 @@ impl Frame {
     fn descend(map: &Map, matrix: &Matrix, gradient: &Matrix) -> Option<((f64, Matrix), Matrix)> {
         let degree = map.degree() as f64;
         let mut best: Option<((f64, Matrix), Matrix)> = None;
-        for k in 0..=DOUBLINGS {
-            let length = STEP / degree * f64::from(1 << k);
+        // Up to six doublings of the step.
+        for k in 0..=6 {
+            // The shortest step is a quarter of the stable one for a single monomial.
+            let length = 0.25 / degree * f64::from(1 << k);
             let step = exponential(&gradient.map(|row| row.map(|x| -length * x)));
             let next = triangular(&times(matrix, &step));
             let there = Self::level(map, &next)?;
@@ -217,13 +204,16 @@ impl Frame {
     /// does not converge.
     fn least(map: &Map, mut matrix: Matrix, mut here: (f64, Matrix)) -> Option<(f64, Matrix)> {
         let degree = map.degree() as f64;
-        for _ in 0..STEPS {
+        // Parameters off by a factor of 10⁶ take about ten steps. If no minimum exists, more
+        // steps diverge.
+        for _ in 0..40 {
             let mut rest = here.1;
             for (i, row) in rest.iter_mut().enumerate() {
                 row[i] -= degree / 3.0;
             }
             let largest = rest.iter().flatten().fold(0.0, |m: f64, x| m.max(x.abs()));
-            if largest < LEVEL * degree {
+            // A bound a hundred times smaller changes nothing visible.
+            if largest < 0.05 * degree {
                 return Some((here.0, matrix));
             }
             (here, matrix) = Self::descend(map, &matrix, &rest)?;
@@ -373,7 +363,7 @@ mod tests {
         for texts in [TORUS, SPHERE, WHITNEY] {
             for parameters in [["s", "t"], ["(2*s - t)", "(s + 3)"], ["(10*s)", "(t - 4)"]] {
                 assert_eq!(
-                    Frame::of(&map(texts, parameters)),
+                    Frame::find(&map(texts, parameters)),
                     None,
                     "{texts:?} {parameters:?}"
                 );
@@ -393,7 +383,7 @@ mod tests {
             (WHITNEY, ["(s - 123456)", "(t + 99999)"]),
         ] {
             let far = map(texts, parameters);
-            let frame = Frame::of(&far).expect("far away");
+            let frame = Frame::find(&far).expect("far away");
             let near = frame.map(&far);
             let size = |m: &Map| {
                 let terms = m.forms().iter().flat_map(|f| f.to_f64());
@@ -431,7 +421,7 @@ mod tests {
     #[test]
     fn domains_move_along() {
         let far = map(TORUS, ["(s - 100000)", "(t/1000)"]);
-        let frame = Frame::of(&far).expect("far away");
+        let frame = Frame::find(&far).expect("far away");
         let near = frame.map(&far);
         let corners = [[100_000, 0], [100_002, 0], [100_001, 3000]];
         let corners: Vec<Parameters> = corners.map(|c| c.map(RBig::from)).to_vec();

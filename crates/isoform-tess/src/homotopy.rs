@@ -3,13 +3,12 @@
 
 use crate::complex::C;
 
-/// The most that a prediction may be off by, told by the first step of Newton's method: other
-/// solutions are further away, so that paths are not confused.
-const MOST_OFF: f64 = 1e-4;
-/// A prediction as good as this lets steps grow.
-const LITTLE_OFF: f64 = 2e-6;
-/// Steps below this are none: the path comes to a singular point.
-const LEAST: f64 = 1e-7;
+/// Maximum length of a predictor or Newton step, in the affine chart around a solution: longer ones
+/// lead to another solution.
+pub(crate) const MAX_CHART_STEP: f64 = 0.3;
+/// Minimum norm of the forms at a solution, for parameters of norm 1: it is smaller at base points
+/// only, which are excluded.
+pub(crate) const MIN_FORM_NORM: f64 = 1e-8;
 
 /// A time step; its length is `by`, up to the rounding of its end `to`.
 #[derive(Clone, Copy, Debug)]
@@ -22,7 +21,8 @@ pub(crate) struct Span {
 /// Tracks a solution from the time 0 to the time 1; `step` advances it over a span and returns the
 /// error of its prediction.
 ///
-/// # Errors The time and the solution at which tracking stopped, if not at the end.
+/// # Errors
+/// The time and the solution at which tracking stopped, if not at the end.
 pub(crate) fn follow<T: Copy>(
     start: &T,
     step: impl Fn(&T, Span) -> Option<(T, f64)>,
@@ -32,14 +32,16 @@ pub(crate) fn follow<T: Copy>(
         let by = long.min(1.0 - time);
         let to = if by < 1.0 - time { time + by } else { 1.0 };
         let span = Span { from: time, by, to };
-        match step(&at, span).filter(|found| found.1 < MOST_OFF) {
+        // Other solutions are farther away, so that paths are not confused.
+        match step(&at, span).filter(|found| found.1 < 1e-4) {
             Some((next, error)) => {
                 (at, time) = (next, to);
-                long = if error < LITTLE_OFF { 2.0 * by } else { by };
+                long = if error < 2e-6 { 2.0 * by } else { by };
             }
             None => {
                 long = by / 2.0;
-                if long < LEAST {
+                // The path comes to a singular point.
+                if long < 1e-7 {
                     return Err((time, at));
                 }
             }
@@ -72,15 +74,14 @@ pub(crate) fn newton<T: Copy>(
     done: f64,
     step: impl Fn(&T) -> Option<(T, f64)>,
 ) -> Option<(T, f64)> {
-    /// The length of the first step from which the start is no approximation.
-    const FAR: f64 = 1e-3;
     let (mut at, mut first, mut last) = (*start, 0.0, f64::INFINITY);
     for i in 0..6 {
         let (next, size) = step(&at)?;
         at = next;
         if i == 0 {
             first = size;
-            if first > FAR {
+            // The start does not approximate a solution.
+            if first > 1e-3 {
                 return None;
             }
         }

@@ -18,10 +18,10 @@ use isoform_algebra::RBig;
 use std::collections::BTreeMap;
 use weld::{PatchVertex, weld};
 
-/// Distance up to which two places along a side, or two points in half widths of the box, are one:
-/// both sides are divided at equal doubles, up to rounding. If it is larger, vertices are joined
-/// over short edges; if it is smaller, edges stay open, which is counted.
-const SAME: f64 = 1e-9;
+/// Distance up to which two places along a side, or two points in half widths of the box, are
+/// identified: both sides are divided at equal doubles, up to rounding. If it is larger, vertices
+/// are joined over short edges; if it is smaller, edges stay open, which is counted.
+const SAME_PLACE_DISTANCE: f64 = 1e-9;
 
 /// Scales control points to a canonical representative: divides them by their first non-zero
 /// coordinate.
@@ -87,7 +87,7 @@ fn place(side: usize, [u, v]: [f64; 2]) -> f64 {
         _ => 1.0 - v / w,
     }
 }
-/// The parameters in the unit triangle at a place along a side.
+/// Returns the parameters in the unit triangle at a place along a side.
 fn parameters(side: usize, x: f64) -> [f64; 2] {
     let [s, t] = match side {
         0 => [x, 0.0],
@@ -111,7 +111,7 @@ struct SideEdge {
 type Corner = (u32, [f64; 2], u64);
 
 impl Surface {
-    /// The vertices on a side of a patch, ascending along the curve.
+    /// Returns the vertices on a side of a patch, ascending along the curve.
     fn along(&self, m: Member) -> Vec<(f64, u32)> {
         let mut found: BTreeMap<u32, f64> = BTreeMap::new();
         for ((t, corners), borders) in self.triangles.iter().zip(&self.corners).zip(&self.borders) {
@@ -155,8 +155,8 @@ impl Surface {
         number
     }
     /// Divides the triangle at a side, between two adjacent vertices, at further vertices, given by
-    /// place along the curve and position. Returns the new indices; `None` if there is no such
-    /// triangle.
+    /// place along the curve and position. Returns the new indices; `None` if such a triangle does
+    /// not exist.
     fn divide(&mut self, m: Member, ends: [u32; 2], new: &[(f64, Point3)]) -> Option<Vec<u32>> {
         let edge = self.edge_on(m, ends)?;
         let faces = self.faces[ends[0] as usize] & self.faces[ends[1] as usize];
@@ -230,7 +230,9 @@ impl Curve {
         let mut places: Vec<Shared> = Vec::new();
         for (place, k, v) in all {
             match places.last_mut() {
-                Some(last) if place - last.place < SAME && last.vertices[k].is_none() => {
+                Some(last)
+                    if place - last.place < SAME_PLACE_DISTANCE && last.vertices[k].is_none() =>
+                {
                     last.vertices[k] = Some(v);
                 }
                 _ => places.push(Shared::new(place, members.len(), (k, v))),
@@ -238,7 +240,7 @@ impl Curve {
         }
         Self { members, places }
     }
-    /// The vertices of a place.
+    /// Returns the vertices of a place.
     fn vertices(&self, place: usize) -> impl Iterator<Item = PatchVertex> {
         let vertices = self.places[place].vertices.iter().zip(&self.members);
         vertices.filter_map(|(v, m)| {
@@ -248,7 +250,7 @@ impl Curve {
             })
         })
     }
-    /// The position of a place.
+    /// Returns the position of a place.
     fn position(&self, surfaces: &[Surface], place: usize) -> Point3 {
         let first = self.vertices(place).next();
         let PatchVertex { patch, vertex } = first.expect("a vertex at every place");

@@ -132,7 +132,7 @@ pub struct Options {
 /// let sphere = Map::parse(sphere, Options::default())?;
 /// assert_eq!(sphere.degree(), 2);
 /// assert_eq!(sphere.forms()[0].display(&VARIABLES).to_string(), "2*s*w");
-/// A cone over a circle is a surface, but the circle itself is not.
+/// // A cone over a circle is a surface, but the circle itself is not.
 /// let circle = Map::parse(["2*s", "1 - s^2", "0", "1 + s^2"], Options::default());
 /// assert_eq!(circle, Err(MapError::NotASurface { dimension: 1 }));
 /// # Ok::<(), MapError>(())
@@ -148,10 +148,12 @@ pub struct Map {
 impl Map {
     /// Creates the map of four polynomials in s and t (variables 0 and 1).
     ///
-    /// # Errors [`MapError`]: too high a degree, all zero, zero denominator, image not a surface,
-    /// common factor, in this order.
+    /// # Errors
+    /// [`MapError`]: too high a degree, all zero, zero denominator, image not a surface, common
+    /// factor, in this order.
     ///
-    /// # Panics If another variable occurs.
+    /// # Panics
+    /// If another variable occurs.
     pub fn new(polynomials: [Poly; 4], options: Options) -> Result<Self, MapError> {
         assert!(
             polynomials.iter().all(|p| p.degree(2) + p.degree(3) == 0),
@@ -190,7 +192,8 @@ impl Map {
 
     /// Parses a map from four texts, X, Y, Z and W.
     ///
-    /// # Errors [`MapError`].
+    /// # Errors
+    /// [`MapError`].
     pub fn parse(texts: [&str; 4], options: Options) -> Result<Self, MapError> {
         let mut polynomials: [Poly; 4] = Default::default();
         for ((p, text), key) in polynomials.iter_mut().zip(texts).zip(KEYS) {
@@ -203,7 +206,8 @@ impl Map {
     /// Creates the map of terms (exponents of s and t, coefficient). Each coefficient is taken as
     /// the exact value of its double.
     ///
-    /// # Errors [`MapError`].
+    /// # Errors
+    /// [`MapError`].
     pub fn from_f64(terms: [&[([u16; 2], f64)]; 4], options: Options) -> Result<Self, MapError> {
         let mut polynomials: [Poly; 4] = Default::default();
         for ((p, terms), key) in polynomials.iter_mut().zip(terms).zip(KEYS) {

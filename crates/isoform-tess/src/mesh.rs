@@ -65,7 +65,9 @@ mod sides;
 mod special;
 mod stretch;
 mod strips;
+mod surface_builder;
 pub(crate) mod traced;
+mod triangles;
 mod unit;
 
 use crate::analysis::Analysis;
@@ -81,7 +83,7 @@ use drawing::drawn_unit;
 use fineness::Fineness;
 use glued::Glued;
 use isoform_control::Control;
-use matching::Place;
+use matching::InsertionPlace;
 use opening::{Fans, Openings};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use special::SpecialCurves;
@@ -92,27 +94,27 @@ pub(crate) const TRIANGLES: &str = "triangles";
 /// Progress of that phase when curves are found, base points opened, sheets matched and unit
 /// triangles drawn; the rest is refinement, which mostly takes longest.
 const SHARES: [f64; 4] = [0.1, 0.2, 0.3, 0.4];
-/// Number of bisections of a contracted curve because curves that leave it turn; the limit is
-/// needed as the turn may be abrupt.
-const TURNS: usize = 10;
-/// Number of bisections of an interval of an arc or side: ends with vertical tangents are
+/// Maximum number of bisections of a contracted curve because curves that leave it turn; the limit
+/// is needed as the turn may be abrupt.
+const MAX_TURN_BISECTIONS: usize = 10;
+/// Maximum number of bisections of an interval of an arc or side: ends with vertical tangents are
 /// approached to 2⁻⁴⁰ of the interval.
-const HALVINGS: usize = 40;
-/// Number of bisections of an interval if a base point is left open: no fineness suffices there,
-/// and the result is not certified anyway.
-const OPEN_HALVINGS: usize = 12;
+const MAX_BISECTIONS: usize = 40;
+/// Maximum number of bisections of an interval if a base point is left open: no fineness suffices
+/// there, and the result is not certified anyway.
+const MAX_OPEN_BISECTIONS: usize = 12;
 /// Maximum number of triangles if a base point is left open: more of them would not help, either.
-const OPEN_TRIANGLES: usize = 100_000;
+const MAX_OPEN_TRIANGLES: usize = 100_000;
 /// Maximum number of vertices of an interval: more of them arise only along a curve on which the
 /// map is not continuous.
-const VERTICES: usize = 1 << 14;
+const MAX_INTERVAL_VERTICES: usize = 1 << 14;
 
 /// Changes to the next mesh, where triangles of the last one crossed.
 #[derive(Default)]
 pub(crate) struct Changes {
     pub(crate) fineness: Fineness,
     /// Further vertices.
-    pub(crate) matched: Vec<Place>,
+    pub(crate) matched: Vec<InsertionPlace>,
 }
 
 /// Triangulates the part of the surface that is in the box. The region is decomposed by `curves`,

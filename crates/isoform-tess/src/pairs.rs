@@ -29,7 +29,7 @@ mod section;
 mod trace;
 
 pub(crate) use arcs::{Arcs, arcs};
-pub(crate) use real::Place;
+pub(crate) use real::ArcPlace;
 pub(crate) use section::Expected;
 pub(crate) use trace::Fineness;
 
@@ -37,7 +37,7 @@ use crate::complex::{
     C, Form, Monomials, Plane, Stream, V, along, distance, dot, eval_all, in_half_widths, inner,
     norm, normalised, rounded,
 };
-use crate::homotopy::{follow, newton, runge_kutta};
+use crate::homotopy::{MAX_CHART_STEP, MIN_FORM_NORM, follow, newton, runge_kutta};
 use crate::map::Map;
 
 /// A pair of parameters; m and e have the norm 1.
@@ -53,29 +53,17 @@ type Step = [C; 7];
 
 /// |λ| below which the two parts are computed from the coefficients in h rather than from two
 /// values, whose difference, divided by h, loses one digit there.
-const SMALL: f64 = 0.02;
+const SMALL_LAMBDA: f64 = 0.02;
 /// Radius of the circle of the values h used to compute the coefficients: of the size of m and e.
-const RADIUS: f64 = 0.5;
-/// Predictions farther away than this are none.
-const FARTHEST: f64 = 0.3;
-/// Length of the step after which Newton's method ends: the next one would be lost in rounding.
-const DONE: f64 = 1e-8;
-/// The least sine of the angle between the parameters of a pair that is not twice one parameter.
-const TWO_PARAMETERS: f64 = 1e-6;
-/// The least norm of the forms at a pair that is no base point.
-const NO_BASE_POINT: f64 = 1e-8;
-/// Newton steps from a random start: one that needs more is given up for another.
-const SEED_STEPS: usize = 25;
-/// The longest of these steps: longer ones would leave the part of space in which vectors have the
-/// norm 1.
-const SEED_STEP: f64 = 0.5;
-/// The last of these steps: pairs are followed from there with [`DONE`].
-const SEED_DONE: f64 = 1e-9;
+const SAMPLE_RADIUS: f64 = 0.5;
+/// Length of the step after which Newton's method for pairs ends: the next step would be lost in
+/// rounding.
+const MIN_NEWTON_STEP: f64 = 1e-8;
 
 /// Seven linear equations for a step: rows of coefficients, each with its right-hand side.
 type Rows = [[C; 8]; 7];
 
-/// The principal square root.
+/// Returns the principal square root.
 fn sqrt(c: C) -> C {
     let r = c.norm();
     let re = (0.5 * (r + c.re)).max(0.0).sqrt();
@@ -99,7 +87,7 @@ impl Circle {
         let n = pairs.degree + 1;
         let angle = std::f64::consts::TAU / n as f64;
         let value = |j: usize| {
-            let h = turn(angle * j as f64).times(RADIUS);
+            let h = turn(angle * j as f64).times(SAMPLE_RADIUS);
             pairs.at(&[0, 1, 2].map(|i| pair.m[i] + pair.e[i] * h))
         };
         Self {
@@ -111,7 +99,7 @@ impl Circle {
     /// discrete Fourier transform of the values.
     fn coefficient(&self, k: usize) -> ([C; 4], [V; 4]) {
         let n = self.values.len();
-        let scale = 1.0 / (n as f64 * RADIUS.powi(k as i32));
+        let scale = 1.0 / (n as f64 * SAMPLE_RADIUS.powi(k as i32));
         let mut c = [C::ZERO; 4];
         let mut d = [[C::ZERO; 3]; 4];
         for (j, (f, df)) in self.values.iter().enumerate() {
@@ -128,7 +116,7 @@ impl Circle {
 }
 
 /// The part E or O, with its derivatives.
-struct Part {
+struct PairPart {
     value: [C; 4],
     by_m: [V; 4],
     by_e: [V; 4],
@@ -137,8 +125,8 @@ struct Part {
 
 /// The even and the odd part.
 struct Parts {
-    even: Part,
-    odd: Part,
+    even: PairPart,
+    odd: PairPart,
 }
 
 impl Parts {
@@ -151,13 +139,13 @@ impl Parts {
         odd_by_l: [C; 4],
     ) -> Self {
         Self {
-            even: Part {
+            even: PairPart {
                 value: even,
                 by_m: even_by_m,
                 by_e: odd_by_m.map(|row| row.map(|c| c * pair.l)),
                 by_l: odd_by_m.map(|row| dot(&row, &pair.e).times(0.5)),
             },
-            odd: Part {
+            odd: PairPart {
                 value: odd,
                 by_m: odd_by_m,
                 by_e: even_by_m,
@@ -173,7 +161,7 @@ impl Pair {
         [h, -h].map(|h| [0, 1, 2].map(|i| self.m[i] + self.e[i] * h))
     }
     /// Creates the pair of two vectors with one image.
-    fn of(p: &V, q: &V) -> Self {
+    fn from_vectors(p: &V, q: &V) -> Self {
         let m = [0, 1, 2].map(|i| (p[i] + q[i]).times(0.5));
         let e = [0, 1, 2].map(|i| (p[i] - q[i]).times(0.5));
         Self { m, e, l: C::ONE }.scaled()
@@ -254,7 +242,7 @@ impl Pairs {
     }
 
     fn parts(&self, pair: &Pair) -> Parts {
-        if pair.l.norm() > SMALL {
+        if pair.l.norm() > SMALL_LAMBDA {
             self.parts_by_values(pair)
         } else {
             self.parts_by_coefficients(pair)
@@ -308,7 +296,7 @@ impl Pairs {
 
     /// Returns the rows of the equations that a part vanishes and that the norms of m and e are
     /// kept.
-    fn rows(&self, pair: &Pair, zero: &Part) -> Rows {
+    fn rows(&self, pair: &Pair, zero: &PairPart) -> Rows {
         let mut rows = [[C::ZERO; 8]; 7];
         for (i, row) in rows.iter_mut().enumerate().take(4) {
             row[..3].copy_from_slice(&zero.by_m[i]);
@@ -323,7 +311,7 @@ impl Pairs {
         rows
     }
     /// Returns the row of the equation that the image lies in a plane.
-    fn plane_row(image: &Part, plane: &Plane) -> [C; 8] {
+    fn plane_row(image: &PairPart, plane: &Plane) -> [C; 8] {
         let mut row = [C::ZERO; 8];
         for i in 0..4 {
             for k in 0..3 {
@@ -339,7 +327,7 @@ impl Pairs {
     /// Scales m and e to the norm 1, after replacing q by its multiple by a root of unity nearest
     /// to p.
     fn settled(&self, pair: &Pair) -> Pair {
-        if pair.l.norm() > SMALL {
+        if pair.l.norm() > SMALL_LAMBDA {
             let [p, q] = pair.parameters();
             let product = inner(&p, &q);
             let n = self.degree as f64;
@@ -347,7 +335,7 @@ impl Pairs {
             let k = (-product.im.atan2(product.re) * n / std::f64::consts::TAU).round();
             if k != 0.0 {
                 let root = turn(std::f64::consts::TAU * k / n);
-                return Pair::of(&p, &q.map(|c| c * root));
+                return Pair::from_vectors(&p, &q.map(|c| c * root));
             }
         }
         pair.scaled()
@@ -363,7 +351,8 @@ impl Pairs {
 
     /// Tracks a pair from the plane at the time 0 to the plane at the time 1.
     ///
-    /// # Errors The time and the pair at which tracking stopped, if not at the end.
+    /// # Errors
+    /// The time and the pair at which tracking stopped, if not at the end.
     fn follow(&self, plane: &dyn Fn(f64) -> [Plane; 2], start: &Pair) -> Result<Pair, (f64, Pair)> {
         follow(start, |pair, span| {
             let d = runge_kutta(span, |time, d, h| {
@@ -379,11 +368,11 @@ impl Pairs {
                 rows[4][7] = -dot(&speed, &parts.even.value);
                 solve(rows)
             })?;
-            if norm(&d) >= FARTHEST {
+            if norm(&d) >= MAX_CHART_STEP {
                 return None;
             }
             let [plane, _] = plane(span.to);
-            let found = newton(&pair.moved(&d, 1.0), DONE, |pair| {
+            let found = newton(&pair.moved(&d, 1.0), MIN_NEWTON_STEP, |pair| {
                 let d = self.step(&plane, pair)?;
                 Some((pair.moved(&d, 1.0).scaled(), norm(&d)))
             });
@@ -396,7 +385,8 @@ impl Pairs {
         let [p, q] = pair.parameters();
         let image = norm(&self.parts(pair).even.value);
         let apart = distance(&normalised(&p), &normalised(&q));
-        apart > TWO_PARAMETERS * (norm(&p) + norm(&q)) && image > NO_BASE_POINT
+        // The two parameters differ, and neither is a base point.
+        apart > 1e-6 * (norm(&p) + norm(&q)) && image > MIN_FORM_NORM
     }
 
     /// Finds a pair in a plane from a random start.
@@ -408,11 +398,14 @@ impl Pairs {
             l,
         }
         .scaled();
-        for _ in 0..SEED_STEPS {
+        // A start that needs more steps is given up for another one.
+        for _ in 0..25 {
             let d = self.step(plane, &pair)?;
             let size = norm(&d);
-            pair = pair.moved(&d, (SEED_STEP / size).min(1.0)).scaled();
-            if size < SEED_DONE {
+            // Longer steps would leave the region in which vectors have the norm 1.
+            pair = pair.moved(&d, (0.5 / size).min(1.0)).scaled();
+            // Tracking from here refines the pair up to `MIN_NEWTON_STEP`.
+            if size < 1e-9 {
                 let pair = self.settled(&pair);
                 return self.is_pair(&pair).then_some(pair);
             }
@@ -520,7 +513,7 @@ mod tests {
         let mut ends: Vec<[f64; 3]> = Vec::new();
         for arc in &found.arcs {
             let places = [&arc.places[0], &arc.places[arc.places.len() - 1]];
-            ends.extend(places.map(Place::point));
+            ends.extend(places.map(ArcPlace::point));
         }
         for (k, p) in ends.iter().enumerate() {
             let is_on_face = p.iter().any(|x| (x.abs() - 1.0).abs() < 1e-12);
@@ -532,8 +525,8 @@ mod tests {
         }
     }
 
-    /// At (0 : 1 : 0), whose image is (0, 0, −1), this map is like a cube: the branches of the
-    /// curve of pairs of cube roots of one number cross there, and tracing cannot tell how an arc
+    /// This map is like a cube at (0 : 1 : 0), whose image is (0, 0, −1): the branches of the curve
+    /// of pairs of cube roots of one number cross there, and tracing cannot tell how an arc
     /// continues.
     #[test]
     fn arcs_that_change_branches_are_lost() {
@@ -570,7 +563,7 @@ mod tests {
         let found = arcs(&Pairs::new(&map, 1.0), FINE, &expected, &Control::default()).unwrap();
         assert_eq!((found.lost, found.arcs.len()), (0, 1));
         let places = &found.arcs[0].places;
-        let [p, q] = [&places[0], &places[places.len() - 1]].map(Place::point);
+        let [p, q] = [&places[0], &places[places.len() - 1]].map(ArcPlace::point);
         let far = (0.00005f64 / 4.0).sqrt();
         assert!((p[0].abs() - far).abs() < 1e-12 && (p[0] + q[0]).abs() < 1e-12);
         assert!((p[1] - 1.0).abs() < 1e-12 && (q[1] - 1.0).abs() < 1e-12);
@@ -617,7 +610,7 @@ mod tests {
                 l: stream.phase().times(size),
             };
             let here = pairs.parts_by_coefficients(&pair);
-            if size > SMALL {
+            if size > SMALL_LAMBDA {
                 let other = pairs.parts_by_values(&pair);
                 for i in 0..4 {
                     assert!((here.odd.value[i] - other.odd.value[i]).norm() < 1e-12);
@@ -628,17 +621,18 @@ mod tests {
             let plane: Plane = stream.complex();
             let mut rows = pairs.rows(&pair, &here.odd);
             rows[4] = Pairs::plane_row(&here.even, &plane);
-            const H: f64 = 1e-6;
+            const DIFFERENCE_STEP: f64 = 1e-6;
             for k in 0..7 {
                 let mut d = [C::ZERO; 7];
                 d[k] = C::ONE;
-                let [a, b] = [H, -H].map(|h| pairs.parts_by_coefficients(&pair.moved(&d, h)));
+                let [a, b] = [DIFFERENCE_STEP, -DIFFERENCE_STEP]
+                    .map(|h| pairs.parts_by_coefficients(&pair.moved(&d, h)));
                 for i in 0..4 {
-                    let slope = (a.odd.value[i] - b.odd.value[i]).times(0.5 / H);
+                    let slope = (a.odd.value[i] - b.odd.value[i]).times(0.5 / DIFFERENCE_STEP);
                     assert!((slope - rows[i][k]).norm() < 1e-8, "{size} {i} {k}");
                 }
-                let slope =
-                    (dot(&plane, &a.even.value) - dot(&plane, &b.even.value)).times(0.5 / H);
+                let slope = (dot(&plane, &a.even.value) - dot(&plane, &b.even.value))
+                    .times(0.5 / DIFFERENCE_STEP);
                 assert!((slope - rows[4][k]).norm() < 1e-8, "{size} plane {k}");
             }
         }

@@ -15,7 +15,7 @@ pub type ControlPoint = [RBig; 4];
 /// use isoform_geom::RationalPatch;
 /// use isoform_tess::{Patch, patch_bounds};
 ///
-/// The hyperbolic paraboloid z = x y over the unit square.
+/// // The hyperbolic paraboloid z = x y over the unit square.
 /// let corners = [[0.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0], [1.0; 4]];
 /// let patch = Patch::from(&RationalPatch::new((1, 1), corners.to_vec())?);
 /// let map = patch.map()?;
@@ -46,7 +46,8 @@ impl Patch {
     /// Creates the patch of degrees m and n with (m + 1)(n + 1) control points, row by row of i = 0
     /// … m.
     ///
-    /// # Panics If a degree is 0, or the number of control points does not match.
+    /// # Panics
+    /// If a degree is 0, or the number of control points does not match.
     pub fn new(name: String, degree: [usize; 2], control: Vec<ControlPoint>) -> Self {
         let [m, n] = degree;
         assert!(m > 0 && n > 0, "degrees of at least 1");
@@ -59,7 +60,8 @@ impl Patch {
     }
     /// Returns the map over [0, 1]²; a common factor of its polynomials is removed.
     ///
-    /// # Errors [`MapError`]: the image is not a surface, or has no finite point.
+    /// # Errors
+    /// [`MapError`]: the image is not a surface, or has no finite point.
     pub fn map(&self) -> Result<Map, MapError> {
         Map::new(self.polynomials(), Options { reduce: true })
     }

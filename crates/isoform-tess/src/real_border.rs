@@ -9,13 +9,10 @@
 
 use crate::deck::{Deck, linear};
 use crate::map::{Map, Options};
-use crate::region::FOLD;
 use crate::singular::{RealPart, real_part};
-use crate::surface::{Point3, Surface};
-use crate::winding::polylines;
 use isoform_algebra::{Poly, RBig};
 use isoform_control::Control;
-use std::collections::BTreeSet;
+use isoform_geom::Point3;
 
 /// The border of the real image of an improper map, and the surface beyond it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -44,21 +41,9 @@ impl RealBorder {
             beyond: deck.linear().filter_map(|m| beyond(map, &m)).collect(),
         }
     }
-    /// True if nothing is known to be beyond the real image.
+    /// Returns true if nothing is known to be beyond the real image.
     pub fn is_empty(&self) -> bool {
         self.folds.is_empty() && self.lines.is_empty() && self.beyond.is_empty()
-    }
-}
-
-impl Surface {
-    /// Returns the folds in which the surface ends, as polylines.
-    pub(crate) fn fold_lines(&self) -> Vec<Vec<Point3>> {
-        let folds: Vec<[u64; 3]> = self.borders.iter().map(|b| b.map(|x| x & FOLD)).collect();
-        let edges = self.edges(&folds);
-        let ends = edges.iter().filter(|(_, (n, is_fold))| *n == 1 && *is_fold);
-        let ends: BTreeSet<[u32; 2]> = ends.map(|e| *e.0).collect();
-        let at = |line: Vec<u32>| line.iter().map(|&v| self.points[v as usize]).collect();
-        polylines(&ends).into_iter().map(at).collect()
     }
 }
 

@@ -44,7 +44,7 @@ pub struct Triangle {
 /// use isoform_algebra::RBig;
 /// use isoform_tess::{Control, Map, Region};
 ///
-/// A sphere of radius 2 around the cube of half width 1.5 sticks out of its six faces only.
+/// // A sphere of radius 2 around the cube of half width 1.5 sticks out of its six faces only.
 /// let sphere = ["4*s", "4*t", "2*s^2 + 2*t^2 - 2", "s^2 + t^2 + 1"];
 /// let map = Map::parse(sphere, Default::default())?;
 /// let half_width = RBig::from(3) / RBig::from(2);
@@ -82,7 +82,8 @@ impl Region {
     /// Decomposes the parameters that a map sends into the box \[−B, B\]³, with B = `half_width` >
     /// 0, by the faces of the box and by other curves: forms in (s, t, w).
     ///
-    /// # Errors [`ArrangementError`], if stopped.
+    /// # Errors
+    /// [`ArrangementError`], if stopped.
     pub fn new(
         map: &Map,
         half_width: &RBig,
@@ -94,7 +95,8 @@ impl Region {
     /// Decomposes the part of these parameters that is in a domain, and in the fundamental domain
     /// of deck transformations, whose seams are among the other curves.
     ///
-    /// # Errors [`ArrangementError`], if stopped.
+    /// # Errors
+    /// [`ArrangementError`], if stopped.
     pub(crate) fn within(
         map: &Map,
         half_width: &RBig,
@@ -176,7 +178,7 @@ impl Region {
             c => self.folds.contains(&c),
         };
         if is_fold {
-            return FOLD;
+            return FOLD_BIT;
         }
         let v = match curve {
             c if c == a.lower() => Some(RBig::ZERO),
@@ -187,7 +189,7 @@ impl Region {
         v.map_or(0, |v| self.side_at(quadrant, [u, &v]))
     }
     /// Returns the side of the domain, as a bit, on which the wall between a point and the next one
-    /// lies, or [`FOLD`].
+    /// lies, or [`FOLD_BIT`].
     pub(crate) fn side_of_wall(&self, quadrant: usize, wall: usize, point: usize) -> u64 {
         let w = &self.triangles[quadrant].arrangement.walls[wall];
         if point + 1 >= w.points.len() {
@@ -195,7 +197,7 @@ impl Region {
         }
         let has = |is_such: &dyn Fn(usize) -> bool| w.vertical.iter().any(|&f| is_such(f));
         if wall == 0 && self.is_fold_side(0) || has(&|f| self.folds.contains(&f)) {
-            return FOLD;
+            return FOLD_BIT;
         }
         // The side u = 0 of the unit triangle, or a vertical line.
         let is_line = wall == 0 || has(&|f| self.lines[f] != 0);
@@ -209,11 +211,11 @@ impl Region {
         self.side_at(quadrant, [&u, &v])
     }
     /// Returns the side of the domain, as a bit, on which a place on a side of a unit triangle
-    /// lies, or [`FOLD`]. No curve may pass through the place.
+    /// lies, or [`FOLD_BIT`]. No curve may pass through the place.
     pub(crate) fn side_of_place(&self, quadrant: usize, at: [f64; 2]) -> u64 {
         let side = at.iter().position(|x| *x == 0.0).unwrap_or(2);
         if self.is_fold_side(side) {
-            return FOLD;
+            return FOLD_BIT;
         }
         if self.domain.is_none() {
             return 0;
@@ -248,7 +250,7 @@ impl Region {
 
 /// Bit of the curves along which the surface is folded. It is also that of the first side of a
 /// domain, but maps over a domain have no folds.
-pub(crate) const FOLD: u64 = 1;
+pub(crate) const FOLD_BIT: u64 = 1;
 
 /// Returns the curves of parameters that are sent into the planes of the box's faces, in the order
 /// of [`Region::faces`].
@@ -388,14 +390,14 @@ impl Triangle {
     }
     /// Iterates over the cells inside whose closure contains a segment of a wall between two
     /// points, or a single point.
-    fn cells_at(&self, wall: usize, from: usize, to: usize) -> impl Iterator<Item = Cell> {
+    fn cells_at(&self, wall: usize, from: usize, to: usize) -> impl Iterator<Item = RegionCell> {
         let slabs = &self.arrangement.slabs;
         let slabs_beside = beside(wall).into_iter().filter(|s| s.0 < slabs.len());
         slabs_beside.flat_map(move |(slab, hand)| {
             let end = move |i: usize| hand.end(&slabs[slab].arcs[i]);
             (0..self.inside[slab].len())
                 .filter(move |&i| self.inside[slab][i] && end(i) <= from && to <= end(i + 1))
-                .map(move |place| Cell { slab, place })
+                .map(move |place| RegionCell { slab, place })
         })
     }
     /// Returns true if a curve other than the side itself passes through the point of the wall.
@@ -408,7 +410,7 @@ impl Triangle {
 
 /// A cell of a triangle, by its slab and its place there from the bottom.
 #[derive(Clone, Copy, Debug)]
-struct Cell {
+struct RegionCell {
     slab: usize,
     place: usize,
 }

@@ -6,8 +6,8 @@
 //! coefficient stays invertible, the degree modulo the prime is at least the true one; a candidate
 //! of that degree that divides both polynomials is proved.
 
+use crate::coefficients::{Coefficients, divide};
 use crate::field::{Element, NumberField};
-use crate::univariate::{Coefficients, divide};
 use isoform_algebra::modular::{Crt, Fp, primes};
 use isoform_algebra::{IBig, RBig, UBig};
 use isoform_control::{Control, Stopped};
@@ -156,7 +156,8 @@ impl Ring {
 
 /// Returns the monic greatest common divisor of two polynomials, of which at most one is zero.
 ///
-/// # Errors [`Stopped`].
+/// # Errors
+/// [`Stopped`].
 pub(crate) fn gcd(
     k: &NumberField,
     p: &Coefficients,

@@ -111,7 +111,8 @@ pub struct Singular {
 
 /// Finds the singular curves of a map; without an implicit equation only those that divide J.
 ///
-/// # Errors [`Stopped`].
+/// # Errors
+/// [`Stopped`].
 pub fn singular(
     map: &Map,
     implicit: Option<&Implicit>,

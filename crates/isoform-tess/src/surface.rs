@@ -5,12 +5,13 @@ use crate::claim::{Certificate, Claim, Decisions, Verdict};
 use crate::domain::Domain;
 use crate::finding::Finding;
 use crate::real_border::RealBorder;
+use crate::region::FOLD_BIT;
 use crate::surface_box::SurfaceBox;
-use crate::winding::Winding;
+use crate::winding::{Winding, polylines};
 use isoform_algebra::RBig;
 use isoform_control::Stopped;
 pub use isoform_geom::Point3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Treatment of sheets that cross.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,7 +113,7 @@ impl TriangulateOptions {
     /// ```
     /// use isoform_tess::{Mode, SurfaceBox, TriangulateOptions};
     ///
-    /// Patches of width 2 far from the origin.
+    /// // Patches of width 2 far from the origin.
     /// let around = SurfaceBox { half_width: 100.into(), size: 1.0 };
     /// let options = TriangulateOptions::of_patches(&around);
     /// assert_eq!((options.mode, options.mesh.longest), (Mode::Normalised, 0.25));
@@ -141,7 +142,7 @@ impl TriangulateOptions {
     }
 }
 
-/// Reason why there is no surface.
+/// Reason why a triangulation has no result.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TriangulateError {
     /// An option is out of range.
@@ -163,22 +164,22 @@ impl From<Stopped> for TriangulateError {
     }
 }
 
-/// The kind of a vertex.
+/// Kind of a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// In the interior of the surface.
+    /// Interior vertex.
     Ordinary,
-    /// On a face of the box.
+    /// Vertex on a face of the box.
     Box,
-    /// On the double curve, where sheets meet.
+    /// Vertex on the double curve, where sheets meet.
     Double,
-    /// On the seam curve of a base point.
+    /// Vertex on the seam curve of a base point.
     Seam,
     /// The common image of a whole contracted curve.
     Contracted,
-    /// On a curve, or at a point, at which the rank of the map drops.
+    /// Vertex on a curve, or at a point, at which the rank of the map drops.
     Cusp,
-    /// On a side of the domain, or on a fold of an improper map.
+    /// Vertex on a side of the domain, or on a fold of an improper map.
     Border,
 }
 
@@ -253,8 +254,8 @@ pub struct Surface {
 pub(crate) type Edges = BTreeMap<[u32; 2], (usize, bool)>;
 
 impl Surface {
-    /// True if no claim is open. A surface without triangles is certified only if it provably
-    /// misses the box.
+    /// Returns true if no claim is open. A surface without triangles is certified only if it
+    /// provably misses the box.
     pub fn is_certified(&self) -> bool {
         self.certificate().is_closed() && (!self.triangles.is_empty() || self.is_outside)
     }
@@ -294,6 +295,19 @@ impl Surface {
             .iter()
             .filter(|(e, (n, is_border))| *n == 1 && !is_border && !same_face(e))
             .count()
+    }
+    /// Returns the folds in which the surface ends, as polylines.
+    pub(crate) fn fold_lines(&self) -> Vec<Vec<Point3>> {
+        let folds: Vec<[u64; 3]> = self
+            .borders
+            .iter()
+            .map(|b| b.map(|x| x & FOLD_BIT))
+            .collect();
+        let edges = self.edges(&folds);
+        let ends = edges.iter().filter(|(_, (n, is_fold))| *n == 1 && *is_fold);
+        let ends: BTreeSet<[u32; 2]> = ends.map(|e| *e.0).collect();
+        let at = |line: Vec<u32>| line.iter().map(|&v| self.points[v as usize]).collect();
+        polylines(&ends).into_iter().map(at).collect()
     }
     /// Returns true if both ends of an edge are on the double curve.
     pub(crate) fn is_double(&self, edge: &[u32; 2]) -> bool {

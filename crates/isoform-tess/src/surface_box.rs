@@ -5,9 +5,9 @@ use crate::map::Map;
 use crate::patch::{Patch, patch_bounds};
 use isoform_algebra::{Poly, RBig};
 
-/// The room between a surface and its box, as a factor: without any, its extreme points would lie
-/// on faces of the box; with much more, the default tolerance would be coarse.
-const ROOM: f64 = 1.01;
+/// Ratio of the box to the extent of the surface: without a margin, extreme points would lie on
+/// faces of the box; with a much larger one, the default tolerance would be coarse.
+const BOX_MARGIN_FACTOR: f64 = 1.01;
 
 /// A box around the origin that contains a surface.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,8 +49,8 @@ impl SurfaceBox {
         let farthest = near.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
         let widths = near.iter().map(|[lo, hi]| 0.5 * (hi - lo));
         let size = widths.fold(0.0, f64::max);
-        let exponent = (ROOM * farthest).log10().floor() as i32 - 1;
-        let digits = (ROOM * farthest / 10f64.powi(exponent)).ceil();
+        let exponent = (BOX_MARGIN_FACTOR * farthest).log10().floor() as i32 - 1;
+        let digits = (BOX_MARGIN_FACTOR * farthest / 10f64.powi(exponent)).ceil();
         let text = format!("{digits:.0}e{exponent}");
         let half_width = Poly::parse(&text, &[]).ok()?.as_constant()?;
         let near = half_width.to_f64_fast();

@@ -1,8 +1,9 @@
 //! Tangents of curves at base points, exactly, over the fields of these points.
 
 use crate::base::{BasePoint, BinaryForm, BlowUp, Local, Near, expand, order};
+use crate::coefficients::{self, Coefficients};
 use crate::field::{Algebraic, Element, NumberField};
-use crate::univariate::{self, Coefficients};
+use crate::univariate;
 use crate::zeros::Zero;
 use isoform_algebra::{DOUBLED, Poly, RBig, RealRoot, real_roots, refine_until};
 use isoform_control::{Control, Stopped};
@@ -14,7 +15,8 @@ use std::sync::Arc;
 /// vanish on the exceptional lines are divided out. The degree is the multiplicity of the point on
 /// the curve, and the zeros are the tangents.
 ///
-/// # Errors [`Stopped`].
+/// # Errors
+/// [`Stopped`].
 pub(crate) fn tangent_form(
     base: &BasePoint,
     chain: &[&Near],
@@ -63,25 +65,25 @@ pub(crate) fn tangent_form(
 /// Returns the real zeros (a, b) of a binary form that is not 0, each once; their number is exact,
 /// their values are rounded.
 ///
-/// # Errors [`Stopped`].
+/// # Errors
+/// [`Stopped`].
 pub(crate) fn real_zeros(
     form: &BinaryForm,
     control: &Control<'_>,
 ) -> Result<Vec<[f64; 2]>, Stopped> {
-    /// The bits of the coefficients at first: as many as doubles have, and some more.
-    const BITS: usize = 64;
     let first = &form.coefficients[0];
     let (k, root) = (first.field(), first.root());
     let elements = form.coefficients.iter().map(|c| c.element().clone());
     let mut p: Coefficients = elements.collect();
     let is_vertical = p.last().is_some_and(Element::is_zero);
-    univariate::trim(&mut p);
+    coefficients::trim(&mut p);
     let mut found = Vec::new();
     if p.len() > 1 {
         let p = univariate::squarefree_part(k, &p, control)?;
         let count = count_real_roots(k, root, &p, control)?;
         // Simple roots stay real and distinct under sufficiently small changes of the coefficients.
-        let roots = refine_until(BITS, DOUBLED, control, |bits| {
+        // Coefficients start with 64 bits, slightly more than doubles have.
+        let roots = refine_until(64, DOUBLED, control, |bits| {
             let roots = roots_nearly(k, root, &p, bits);
             Ok::<_, Stopped>(roots.filter(|r| r.len() == count))
         })?;
@@ -134,7 +136,7 @@ fn count_real_roots(
             changes[i] += usize::from(now[i] != last[i]);
         }
         last = now;
-        let (_, rest) = univariate::divide(k, &before, &univariate::monic(k, &here));
+        let (_, rest) = coefficients::divide(k, &before, &coefficients::monic(k, &here));
         before = std::mem::replace(&mut here, rest.iter().map(Element::negated).collect());
     }
     Ok(changes[0] - changes[1])

@@ -22,11 +22,6 @@ use isoform_algebra::ArrangementError;
 use isoform_control::{Control, Stopped};
 use isoform_geom::Aabb;
 
-/// The distance of triangles from the surface by its implicit equation up to which they stay, in
-/// tolerances: more than 1, as the equation gives the distance to first order only, and only
-/// middles of triangles are held to it.
-const FAR: f64 = 1.5;
-
 /// Findings against a surface so far, and the verdicts on claims.
 #[derive(Default)]
 struct Judgement {
@@ -53,8 +48,9 @@ pub struct Prepared<'a> {
 impl<'a> Prepared<'a> {
     /// Analyses a map and finds the parameters of its surface in a box.
     ///
-    /// # Errors Options that are out of range, and [`TriangulateError::Stopped`] if not even the
-    /// region of parameters was found in time.
+    /// # Errors
+    /// Options that are out of range, and [`TriangulateError::Stopped`] if not even the region of
+    /// parameters was found in time.
     pub fn new(
         map: &'a Map,
         options: &'a TriangulateOptions,
@@ -146,7 +142,8 @@ impl<'a> Prepared<'a> {
 
     /// Decomposes the parameters by the equation of the double curve, in place of traced arcs.
     ///
-    /// # Errors [`Stopped`]; then nothing is changed.
+    /// # Errors
+    /// [`Stopped`]; then nothing is changed.
     pub fn decompose(&mut self, control: &Control<'_>) -> Result<(), Stopped> {
         let traced = self.curves.decompose(&self.analysis);
         let running = Running::new("region again", control);
@@ -210,14 +207,19 @@ impl<'a> Prepared<'a> {
             return Vec::new();
         };
         let equation = Equation::new(implicit);
-        let far = FAR * self.options.mesh.tolerance;
+        // The equation gives the distance to first order only, and only centres of triangles are
+        // tested: distances may exceed the tolerance by half.
+        let far = 1.5 * self.options.mesh.tolerance;
         let is_far = |[p, q, r]: &[Point3; 3]| {
             let center: Point3 = std::array::from_fn(|k| (p[k] + q[k] + r[k]) / 3.0);
             equation.distance(center).is_some_and(|d| d > far)
         };
         let corners = |t: &[u32; 3]| t.map(|v| surface.points[v as usize]);
         let found = surface.triangles.iter().map(corners).filter(is_far);
-        found.map(|t| Aabb::of(&t)).map(|b| [b.lo, b.hi]).collect()
+        found
+            .map(|t| Aabb::from_points(&t))
+            .map(|b| [b.lo, b.hi])
+            .collect()
     }
 
     /// Divides the tolerance by four in and around boxes, given by their minimum and maximum
@@ -299,8 +301,9 @@ fn deck_verdicts(deck: &Deck, base_points: usize) -> [Verdict; 2] {
 /// Analyses a map and triangulates its surface in a box once, without the test for crossing
 /// triangles that [`triangulate`](crate::triangulate) makes.
 ///
-/// # Errors Options that are out of range, and [`TriangulateError::Stopped`] if not even the region
-/// of parameters was found in time.
+/// # Errors
+/// Options that are out of range, and [`TriangulateError::Stopped`] if not even the region of
+/// parameters was found in time.
 pub fn triangulate_once(
     map: &Map,
     options: &TriangulateOptions,
@@ -314,7 +317,8 @@ pub fn triangulate_once(
 /// Joins the surfaces of patches, each over [0, 1]² and in one box, along sides with equal control
 /// points.
 ///
-/// # Panics If the numbers of surfaces and patches differ.
+/// # Panics
+/// If the numbers of surfaces and patches differ.
 pub fn join_patches(patches: &[Patch], surfaces: Vec<Surface>, half_width: f64) -> Surface {
     assert_eq!(patches.len(), surfaces.len(), "a surface for every patch");
     join(patches, surfaces, half_width)

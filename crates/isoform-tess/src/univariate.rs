@@ -1,57 +1,15 @@
 //! Univariate polynomials over a number field, and extensions of number fields.
 //!
-//! Coefficients are stored lowest first, the last one not zero; the zero polynomial is empty.
 //! Extensions follow B. M. Trager (SYMSAC 1976): the norm of a squarefree polynomial is squarefree
 //! after a shift by a multiple of the generator, and its factors over Q define the fields.
 
+use crate::coefficients::{Coefficients, divide, monic, trim};
 use crate::field::{Element, NumberField};
 use crate::residues;
 use dashu_base::Gcd;
 use isoform_algebra::{FactorError, IBig, Poly, RBig, ResultantError, UBig, UPoly, resultant};
 use isoform_control::{Control, Stopped};
 use std::sync::Arc;
-
-/// Coefficients, lowest first.
-pub(crate) type Coefficients = Vec<Element>;
-
-pub(crate) fn trim(p: &mut Coefficients) {
-    while p.last().is_some_and(Element::is_zero) {
-        p.pop();
-    }
-}
-
-/// Returns the multiple with the leading coefficient 1.
-pub(crate) fn monic(k: &NumberField, p: &Coefficients) -> Coefficients {
-    let Some(lead) = p.last() else {
-        return Vec::new();
-    };
-    let inverse = k.inverse(lead);
-    p.iter().map(|c| k.mul(c, &inverse)).collect()
-}
-
-/// Returns quotient and remainder by a monic divisor.
-pub(crate) fn divide(
-    k: &NumberField,
-    p: &Coefficients,
-    divisor: &Coefficients,
-) -> (Coefficients, Coefficients) {
-    let mut rest = p.clone();
-    let d = divisor.len() - 1;
-    let mut quotient = vec![Element::zero(); p.len().saturating_sub(d)];
-    while rest.len() > d {
-        let offset = rest.len() - 1 - d;
-        let top = rest.pop().expect("a coefficient above the degree");
-        if !top.is_zero() {
-            for (i, c) in divisor[..d].iter().enumerate() {
-                rest[offset + i] = rest[offset + i].sub(&k.mul(c, &top));
-            }
-        }
-        quotient[offset] = top;
-    }
-    trim(&mut rest);
-    trim(&mut quotient);
-    (quotient, rest)
-}
 
 /// Returns the monic greatest common divisor; empty if both are zero.
 pub(crate) fn gcd(
@@ -125,7 +83,8 @@ pub(crate) struct Extension {
 /// Returns the fields of the roots of a squarefree polynomial, one for each class of roots that are
 /// conjugate over Q; if `real`, only those with a real root and a real image of the generator.
 ///
-/// # Errors [`Stopped`].
+/// # Errors
+/// [`Stopped`].
 pub(crate) fn roots(
     k: &Arc<NumberField>,
     p: &Coefficients,

@@ -5,8 +5,9 @@
 //! factors define the fields that may contain a zero; over each of them, the greatest common
 //! divisor of the forms on the line decides. A shear under which two zeros share a θ is abandoned.
 
+use crate::coefficients::{self, Coefficients};
 use crate::field::{Algebraic, Element, NumberField};
-use crate::univariate::{self, Coefficients};
+use crate::univariate;
 use isoform_algebra::{FactorError, Poly, RBig, ResultantError, UPoly, resultant};
 use isoform_control::{Control, Stopped};
 use isoform_num::Random;
@@ -276,7 +277,7 @@ fn roots_over(
         let coefficients = form.coefficients_in(1);
         let values = coefficients.iter().map(|c| field.eval(c, 0, theta));
         let mut column: Coefficients = values.collect();
-        univariate::trim(&mut column);
+        coefficients::trim(&mut column);
         let next = match common {
             None => column,
             Some(g) => univariate::gcd(field, &g, &column, control)?,

@@ -7,14 +7,10 @@ use isoform_algebra::modular::{Echelon, Fp, residues};
 
 /// Maximum degree of the forms of a deck transformation. Typical maps have transformations of
 /// degree 1 or 2; each further degree costs twice the time of all lower ones together.
-pub(super) const MOST: usize = 4;
-/// Number of lines through a point along which a transformation is continued. Three forms of degree
-/// n have 3(n + 1) coefficients on a line, and n + 1 lines determine them; two more lines refute
-/// forms that agree by chance.
-const LINES: usize = MOST + 3;
+pub(super) const MAX_FORM_DEGREE: usize = 4;
 /// Number of terms of each power series. A term determines two coefficients on a line; the surplus
 /// refutes forms that agree by chance.
-const TERMS: usize = 2 * MOST + 4;
+const SERIES_TERMS: usize = 2 * MAX_FORM_DEGREE + 4;
 
 /// Lists the exponents of the monomials of a degree.
 pub(super) fn monomials(degree: usize) -> Vec<[u16; 3]> {
@@ -23,12 +19,12 @@ pub(super) fn monomials(degree: usize) -> Vec<[u16; 3]> {
     (0..=n).flat_map(row).collect()
 }
 
-/// A power series modulo a prime, [`TERMS`] terms.
-pub(super) type Series = [u64; TERMS];
+/// A power series modulo a prime, [`SERIES_TERMS`] terms.
+pub(super) type Series = [u64; SERIES_TERMS];
 
-/// Returns the product of two series, truncated to [`TERMS`] terms.
+/// Returns the product of two series, truncated to [`SERIES_TERMS`] terms.
 fn product(f: &Fp, a: &Series, b: &Series) -> Series {
-    let mut c = [0; TERMS];
+    let mut c = [0; SERIES_TERMS];
     for (i, &x) in a.iter().enumerate().filter(|(_, x)| **x != 0) {
         for (y, sum) in b.iter().zip(&mut c[i..]) {
             *sum = f.add(*sum, f.mul(x, *y));
@@ -40,7 +36,7 @@ fn product(f: &Fp, a: &Series, b: &Series) -> Series {
 /// Returns the powers of three series up to a degree.
 fn powers(f: &Fp, at: &[Series; 3], degree: usize) -> [Vec<Series>; 3] {
     at.each_ref().map(|x| {
-        let mut one = [0; TERMS];
+        let mut one = [0; SERIES_TERMS];
         one[0] = f.one();
         let mut list = vec![one];
         for k in 0..degree {
@@ -72,7 +68,7 @@ impl Forms {
     fn at(&self, f: &Fp, point: &[Series; 3]) -> [Series; 4] {
         let powers = powers(f, point, self.degree);
         self.terms.each_ref().map(|terms| {
-            let mut sum = [0; TERMS];
+            let mut sum = [0; SERIES_TERMS];
             for (e, c) in terms {
                 let term = monomial(f, &powers, [e[0], e[1], e[2]]);
                 for (sum, term) in sum.iter_mut().zip(term) {
@@ -89,7 +85,7 @@ pub(super) type Continued = [[Series; 3]; 2];
 
 /// Returns a constant as a series.
 fn constant(x: u64) -> Series {
-    let mut series = [0; TERMS];
+    let mut series = [0; SERIES_TERMS];
     series[0] = x;
     series
 }
@@ -109,7 +105,9 @@ pub(super) fn continued(f: &Fp, map: &Map, from: &Point, to: &Point) -> Option<V
         let source = forms.at(f, &p);
         Some([p, lifted(f, &forms, &source, to.map(constant))?])
     };
-    (0..LINES).map(along).collect()
+    // Three forms of degree n have 3(n + 1) coefficients on a line, and n + 1 lines determine them;
+    // two more lines refute forms that agree by chance.
+    (0..MAX_FORM_DEGREE + 3).map(along).collect()
 }
 
 /// Extends a point to a series at which the forms are proportional to given ones, by Newton's
@@ -129,7 +127,7 @@ fn lifted(f: &Fp, forms: &Forms, source: &[Series; 4], mut q: [Series; 3]) -> Op
     let mut pairs = [[0, 1], [0, 2], [1, 2]].into_iter();
     let rows = pairs.find(|&rows| minor(&slopes[0], &slopes[1], rows) != 0)?;
     let inverse = f.inv(minor(&slopes[0], &slopes[1], rows));
-    for order in 1..TERMS {
+    for order in 1..SERIES_TERMS {
         let r = proportion.residual(&q, order);
         let by_0 = minor(&r, &slopes[1], rows);
         let by_1 = minor(&slopes[0], &r, rows);
@@ -198,7 +196,7 @@ fn conditions(f: &Fp, [p, q]: &Continued, list: &[[u16; 3]], degree: usize) -> V
                 .collect::<Vec<Series>>()
         };
         let (on_i, on_j) = (times(&q[j]), times(&q[i]));
-        for k in 0..TERMS {
+        for k in 0..SERIES_TERMS {
             let mut row = vec![0; 3 * n];
             for c in 0..n {
                 row[i * n + c] = on_i[c][k];
@@ -211,8 +209,8 @@ fn conditions(f: &Fp, [p, q]: &Continued, list: &[[u16; 3]], degree: usize) -> V
 }
 
 /// Returns the three forms of a degree that map the points of all lines to their continued images,
-/// as the index of the coefficient normalised to 1 and all coefficients; `None` if there are no
-/// such forms.
+/// as the index of the coefficient normalised to 1 and all coefficients; `None` if such forms do
+/// not exist.
 pub(super) fn agreeing(f: &Fp, lines: &[Continued], degree: usize) -> Option<(usize, Vec<u64>)> {
     let list = monomials(degree);
     let n = list.len();

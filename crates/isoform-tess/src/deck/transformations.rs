@@ -2,17 +2,13 @@
 //!
 //! They are continued from the rational points of one fibre (`series`), and proved by φ∘σ = φ.
 
-use super::series::{MOST, agreeing, continued, monomials};
+use super::series::{MAX_FORM_DEGREE, agreeing, continued, monomials};
 use super::{Point, Transformation};
 use crate::map::Map;
 use crate::zeros::common_zeros;
 use isoform_algebra::modular::{Crt, primes};
 use isoform_algebra::{Poly, RBig};
 use isoform_control::{Control, Stopped};
-
-/// Maximum number of primes of 62 bits: enough for coefficients of about a hundred digits; those of
-/// transformations have about ten.
-const PRIMES: usize = 12;
 
 /// Returns the deck transformations with rational coefficients, without the identity.
 pub(super) fn transformations(
@@ -89,12 +85,15 @@ fn transformation(
     let mut degree = 1;
     // Index of the coefficient normalised to 1, and the residues of all.
     let mut known: Option<(usize, Crt)> = None;
-    for field in primes().take(PRIMES) {
+    // Twelve primes of 62 bits suffice for coefficients of about a hundred digits; those of typical
+    // transformations have about ten.
+    for field in primes().take(12) {
         control.check()?;
         let Some(lines) = continued(&field, map, from, to) else {
             continue;
         };
-        let solution = (degree..=MOST).find_map(|n| Some((n, agreeing(&field, &lines, n)?)));
+        let solution =
+            (degree..=MAX_FORM_DEGREE).find_map(|n| Some((n, agreeing(&field, &lines, n)?)));
         let Some((n, (one, values))) = solution else {
             return Ok(None);
         };

@@ -17,7 +17,7 @@ use isoform_control::{Control, Stopped};
 /// ```
 /// use isoform_tess::{Control, Map, pinch_points};
 ///
-/// The umbrella of Whitney, y² = x² z, has one pinch point in space, and one at infinity.
+/// // The umbrella of Whitney, y² = x² z, has one pinch point in space, and one at infinity.
 /// let map = Map::parse(["s", "s*t", "t^2", "1"], Default::default())?;
 /// let found = pinch_points(&map, &Control::default())?;
 /// let found: Vec<[f64; 3]> = found.iter().map(|p| p.each_ref().map(|x| x.to_f64())).collect();
@@ -31,7 +31,7 @@ pub fn pinch_points(map: &Map, control: &Control<'_>) -> Result<Vec<[Algebraic; 
     pinches(map, &reduced_minors(map, control)?, control)
 }
 
-/// The signed minors divided by their greatest common divisor.
+/// Returns the signed minors divided by their greatest common divisor.
 pub(super) fn reduced_minors(map: &Map, control: &Control<'_>) -> Result<[Poly; 4], Stopped> {
     let minors = signed_minors(map, control)?;
     let mut common = Poly::zero();
@@ -65,7 +65,7 @@ pub(super) fn pinches(
     Ok(found)
 }
 
-/// The value of a form in three variables at a point over a number field.
+/// Returns the value of a form in three variables at a point over a number field.
 fn value(field: &NumberField, form: &Poly, at: &[Element; 3]) -> Element {
     let powers = [0, 1, 2].map(|v| {
         let mut powers = vec![Element::rational(&RBig::ONE)];

@@ -3,12 +3,13 @@
 use super::curves_of;
 use super::pinch::{pinches, reduced_minors};
 use super::section::general_plane;
-use super::solution::State;
+use super::solution::SolutionState;
 use super::source::{Image, Source, is_same_point, real_image};
-use super::trace::{End, Traced, trace};
+use super::trace::{BranchEnd, TracedBranch, trace};
 use crate::base::{BasePoint, BinaryForm, Seam, base_points};
 use crate::complex::{
-    C, Plane, V, along, distance, inner, length, norm, normalised, real_line, real_plane, rounded,
+    C, MAX_REAL_SINE, Plane, V, along, distance, inner, length, norm, normalised, real_line,
+    real_plane, rounded,
 };
 use crate::finding::Finding;
 use crate::map::Map;
@@ -18,44 +19,19 @@ use isoform_control::{Control, Stopped};
 
 /// Minimum and maximum number of slices of the box in each of three directions.
 const SLICES: [usize; 2] = [7, 17];
-/// Number of points tracked from plane to plane in each direction: the number of slices is chosen
-/// so that this is about their total.
-const POINTS: usize = 500;
-/// Offset of the slices, as a share of the box's diagonal, so that no plane contains the centre of
-/// the box, about which surfaces are symmetric.
-const SHIFT: f64 = 0.013;
 /// Quaternion of the rotation to the normals of the slices, in general position.
 const DIRECTIONS: [f64; 4] = [5.0, 1.0, -2.0, 3.0];
-/// Maximum imaginary part of the coordinates of a real point of space: paths end with nine digits,
-/// some of which are lost in images.
-const REAL_IMAGE: f64 = 1e-7;
-/// Maximum length of [`real_line`] of a real parameter: half of the digits are lost where a
-/// parameter meets its conjugate.
-const REAL_PARAMETER: f64 = 1e-6;
-/// A solution that is farther from its section's point is another one.
-const SAME_SOLUTION: f64 = 1e-6;
-/// The distance from the box, in half widths, up to which points of a section are kept.
-const OUTSIDE: f64 = 1e-9;
-/// Maximum degree of the forms for which arcs are started at pinch points: at 6 there are 24
-/// conjugates, which take a fraction of a second.
-const PINCH_DEGREE: usize = 6;
-/// A gradient below this is zero: the curve is singular at the pinch point.
-const NO_GRADIENT: f64 = 1e-12;
-/// A curve goes through a pinch point if its form is below this there, in shares of the gradient.
-const ON_CURVE: f64 = 1e-6;
+/// Maximum imaginary part of the coordinates (norm 1) of a real point of space: paths end with nine
+/// digits, some of which are lost in images.
+const MAX_IMAGINARY_PART: f64 = 1e-7;
 /// Distances from a pinch point at which an arc is searched for: large enough for the equations to
 /// be regular, small enough to exclude other pinch points.
 const FROM_PINCH: [f64; 3] = [1e-3, 1e-4, 1e-5];
-/// The distance of the arc from its prediction there, in these distances, up to which it is the
-/// arc.
-const OFF_AT_PINCH: f64 = 0.2;
-/// Bisections between two nodes, where a real parameter joins: to the rounding of parameters.
-const BISECTIONS: usize = 30;
 
 /// A real point of a section with a non-real parameter.
 struct Hit {
     source: usize,
-    state: State,
+    state: SolutionState,
     /// True if a real parameter reaches the point, too.
     is_covered: bool,
     /// Non-real parameters of the point, with their sources.
@@ -79,7 +55,7 @@ struct RealPoints {
 }
 
 /// Sources of a map, and the solitary curves found so far.
-pub(super) struct Search {
+pub(super) struct SolitarySearch {
     sources: Vec<Source>,
     tolerance: f64,
     pub(super) arcs: Vec<Vec<[f64; 3]>>,
@@ -88,7 +64,7 @@ pub(super) struct Search {
 
 /// Returns true if a parameter is real.
 fn is_real(p: &V) -> bool {
-    length(&real_line(p)) < REAL_PARAMETER
+    length(&real_line(p)) < MAX_REAL_SINE
 }
 
 /// Returns an orthogonal matrix in general position, so that lines of symmetric surfaces are not
@@ -120,7 +96,8 @@ fn directions() -> [[f64; 3]; 3] {
 /// box as a list of one.
 fn pencils(slices: usize) -> Vec<Vec<Plane>> {
     let diagonal = 3f64.sqrt();
-    let offset = |i: usize| diagonal * ((2 * i + 1) as f64 / slices as f64 - 1.0 + SHIFT);
+    // The shift keeps all planes off the centre of the box, about which surfaces are symmetric.
+    let offset = |i: usize| diagonal * ((2 * i + 1) as f64 / slices as f64 - 1.0 + 0.013);
     let parallel = |normal| (0..slices).map(|i| real_plane(normal, offset(i))).collect();
     let mut pencils: Vec<Vec<Plane>> = directions().into_iter().map(parallel).collect();
     for i in 0..3 {
@@ -131,7 +108,7 @@ fn pencils(slices: usize) -> Vec<Vec<Plane>> {
     pencils
 }
 
-impl Search {
+impl SolitarySearch {
     /// Creates a search with a tolerance in half widths of the box.
     pub(super) fn new(tolerance: f64) -> Self {
         Self {
@@ -187,7 +164,7 @@ impl Search {
     ) -> Result<(), Stopped> {
         self.prepare(map, singular, half_width, control)?;
         let hits = self.hits(control)?;
-        let mut traced: Vec<Traced> = Vec::new();
+        let mut traced: Vec<TracedBranch> = Vec::new();
         for hit in &hits {
             control.check()?;
             // Several pairs may lead to one curve.
@@ -208,11 +185,12 @@ impl Search {
     fn trace_from_pinches(
         &mut self,
         map: &Map,
-        traced: &mut Vec<Traced>,
+        traced: &mut Vec<TracedBranch>,
         control: &Control<'_>,
     ) -> Result<(), Stopped> {
         let minors = reduced_minors(map, control)?;
-        if minors.iter().map(Poly::total_degree).max().unwrap_or(0) > PINCH_DEGREE {
+        // Forms of degree 6 have 24 conjugates, which take a fraction of a second.
+        if minors.iter().map(Poly::total_degree).max().unwrap_or(0) > 6 {
             return Ok(());
         }
         for pinch in pinches(map, &minors, control)? {
@@ -229,7 +207,8 @@ impl Search {
     /// Finds the non-real parameters of real points in the box, in all planes.
     fn hits(&self, control: &Control<'_>) -> Result<Vec<Hit>, Stopped> {
         let points: usize = self.sources.iter().map(|source| source.section.len()).sum();
-        let slices = (POINTS / points.max(1)).clamp(SLICES[0], SLICES[1]);
+        // About 500 points are tracked from plane to plane in each direction.
+        let slices = (500 / points.max(1)).clamp(SLICES[0], SLICES[1]);
         let mut hits = Vec::new();
         for pencil in pencils(slices) {
             let mut before: Vec<Option<Vec<V>>> = self.sources.iter().map(|_| None).collect();
@@ -252,7 +231,8 @@ impl Search {
     /// Returns the hit at a candidate.
     fn hit(&self, source: usize, p: &V, found: &RealPoints) -> Option<Hit> {
         let state = self.sources[source].settle(p)?;
-        if distance(&state.p, p) > SAME_SOLUTION {
+        // Newton's method has converged to another solution.
+        if distance(&state.p, p) > 1e-6 {
             return None;
         }
         let is_here = |image: &Image| is_same_point(image, &state.image);
@@ -266,18 +246,18 @@ impl Search {
     }
 
     /// Traces a curve, and records a finding if it is lost.
-    fn trace(&mut self, source: usize, start: &State) -> (Vec<State>, End) {
+    fn trace(&mut self, source: usize, start: &SolutionState) -> (Vec<SolutionState>, BranchEnd) {
         let (nodes, end) = trace(&self.sources[source], start, self.tolerance);
-        if end == End::Lost {
+        if end == BranchEnd::Lost {
             let at = nodes[nodes.len() - 1].point();
             self.problems.push(Finding::SolitaryLost { at });
         }
         (nodes, end)
     }
-    fn both_ways(&mut self, source: usize, start: &State) -> Traced {
+    fn both_ways(&mut self, source: usize, start: &SolutionState) -> TracedBranch {
         let (ahead, end) = self.trace(source, start);
-        if end == End::Closed {
-            return Traced {
+        if end == BranchEnd::Closed {
+            return TracedBranch {
                 source,
                 nodes: ahead,
             };
@@ -285,21 +265,32 @@ impl Search {
         let (mut nodes, _) = self.trace(source, &start.reversed());
         nodes.reverse();
         nodes.extend(&ahead[1..]);
-        Traced { source, nodes }
+        TracedBranch { source, nodes }
     }
 
     /// Returns a solution on the arc at a pinch point, and its distance along the tangent.
-    fn start_from_pinch(&self, source: usize, p: &V, first: &State) -> Option<(State, f64)> {
+    fn start_from_pinch(
+        &self,
+        source: usize,
+        p: &V,
+        first: &SolutionState,
+    ) -> Option<(SolutionState, f64)> {
         FROM_PINCH.into_iter().find_map(|far| {
             let predicted = normalised(&along(p, &first.tangent, far));
             let state = self.sources[source].settle(&predicted)?;
-            let is_near = distance(&state.p, &predicted) < OFF_AT_PINCH * far;
+            // Farther from its prediction, the solution lies on another arc.
+            let is_near = distance(&state.p, &predicted) < 0.2 * far;
             (is_near && state.is_inside()).then_some((state, far))
         })
     }
     /// Traces the solitary arc at a real parameter at which the rank of the Jacobian drops; `None`
     /// if it is known already.
-    fn arc_at_pinch(&mut self, source: usize, p: &V, traced: &[Traced]) -> Option<Traced> {
+    fn arc_at_pinch(
+        &mut self,
+        source: usize,
+        p: &V,
+        traced: &[TracedBranch],
+    ) -> Option<TracedBranch> {
         let first = at_pinch(&self.sources[source], p)?;
         let (mut start, far) = self.start_from_pinch(source, p, &first)?;
         let mut of_source = traced.iter().filter(|t| t.source == source);
@@ -314,7 +305,7 @@ impl Search {
             start = start.reversed();
         }
         let (nodes, _) = self.trace(source, &start);
-        Some(Traced {
+        Some(TracedBranch {
             source,
             nodes: [first].into_iter().chain(nodes).collect(),
         })
@@ -329,7 +320,7 @@ impl Search {
         for (k, source) in self.sources.iter().enumerate() {
             for p in source.section_by(&plane, None) {
                 let is_here = real_image(&source.eval(&p).g).is_some_and(|(other, imaginary)| {
-                    imaginary < REAL_IMAGE && is_same_point(&other, image)
+                    imaginary < MAX_IMAGINARY_PART && is_same_point(&other, image)
                 });
                 if is_here {
                     found.push(Partner {
@@ -350,7 +341,7 @@ impl Search {
     /// Adds the parts of a curve that no real parameters reach.
     fn keep_uncovered(
         &mut self,
-        arc: &Traced,
+        arc: &TracedBranch,
         hits: &[Hit],
         control: &Control<'_>,
     ) -> Result<(), Stopped> {
@@ -363,20 +354,24 @@ impl Search {
             if pair[0].1 {
                 part = vec![change.last.point()];
             } else {
-                part.extend(arc.nodes[from..=change.before].iter().map(State::point));
+                part.extend(
+                    arc.nodes[from..=change.before]
+                        .iter()
+                        .map(SolutionState::point),
+                );
                 part.push(change.first.point());
                 self.arcs.push(std::mem::take(&mut part));
             }
             from = change.before + 1;
         }
         if !known[known.len() - 1].1 {
-            part.extend(arc.nodes[from..].iter().map(State::point));
+            part.extend(arc.nodes[from..].iter().map(SolutionState::point));
             self.arcs.push(part);
         }
         Ok(())
     }
     /// Returns nodes of a curve, ascending and at least one, with true if the node is covered.
-    fn known_on(&self, arc: &Traced, hits: &[Hit]) -> Vec<(usize, bool)> {
+    fn known_on(&self, arc: &TracedBranch, hits: &[Hit]) -> Vec<(usize, bool)> {
         let of_source = hits.iter().filter(|hit| hit.source == arc.source);
         let mut known: Vec<(usize, bool)> = of_source
             .filter_map(|hit| Some((arc.place(&hit.state.p)?, hit.is_covered)))
@@ -392,12 +387,12 @@ impl Search {
     /// and then between two solutions. Real parameters appear and vanish there in pairs.
     fn change(
         &self,
-        arc: &Traced,
+        arc: &TracedBranch,
         (mut lo, mut hi): (usize, usize),
         was_covered: bool,
         control: &Control<'_>,
     ) -> Result<Change, Stopped> {
-        let is_before = |state: &State| self.is_covered(&state.image) == was_covered;
+        let is_before = |state: &SolutionState| self.is_covered(&state.image) == was_covered;
         while hi - lo > 1 {
             control.check()?;
             let middle = usize::midpoint(lo, hi);
@@ -408,7 +403,8 @@ impl Search {
             }
         }
         let (mut first, mut last) = (arc.nodes[lo], arc.nodes[hi]);
-        for _ in 0..BISECTIONS {
+        // Thirty bisections determine the parameter to rounding.
+        for _ in 0..30 {
             control.check()?;
             let Some(middle) = self.sources[arc.source].settle_between(&first, &last) else {
                 break;
@@ -432,27 +428,28 @@ struct Change {
     /// Index of the node before it.
     before: usize,
     /// Last solution before it.
-    first: State,
-    last: State,
+    first: SolutionState,
+    last: SolutionState,
 }
 
 /// Returns true if a parameter of a source lies on a traced curve.
-fn is_known(traced: &[Traced], source: usize, p: &V) -> bool {
+fn is_known(traced: &[TracedBranch], source: usize, p: &V) -> bool {
     let mut of_source = traced.iter().filter(|t| t.source == source);
     of_source.any(|t| t.place(p).is_some())
 }
 
 /// Returns a pinch point as a solution, if the curve of a source is smooth there. Along f = 0 the
 /// map is even at p, so imaginary steps lead to real points.
-fn at_pinch(source: &Source, p: &V) -> Option<State> {
+fn at_pinch(source: &Source, p: &V) -> Option<SolutionState> {
     let v = source.eval(p);
     let gradient = norm(&v.df);
-    if gradient < NO_GRADIENT || v.f.norm() > ON_CURVE * gradient {
+    // The curve is singular at the pinch point, or does not pass through it.
+    if gradient < 1e-12 || v.f.norm() > 1e-6 * gradient {
         return None;
     }
     let along_curve = [[1, 2], [2, 0], [0, 1]].map(|[i, j]| p[i] * v.df[j] - p[j] * v.df[i]);
     let (image, _) = real_image(&v.g)?;
-    Some(State {
+    Some(SolutionState {
         p: *p,
         tangent: normalised(&along_curve).map(|c| c * C::new(0.0, 1.0)),
         image,
@@ -466,8 +463,9 @@ impl RealPoints {
             let Some((image, imaginary)) = real_image(&source.eval(p).g) else {
                 continue;
             };
-            let is_outside = (0..3).any(|i| image[i].abs() > (1.0 + OUTSIDE) * image[3].abs());
-            if imaginary > REAL_IMAGE || is_outside {
+            // Points up to 1e-9 half widths outside of the box are kept, for rounding.
+            let is_outside = (0..3).any(|i| image[i].abs() > (1.0 + 1e-9) * image[3].abs());
+            if imaginary > MAX_IMAGINARY_PART || is_outside {
                 continue;
             }
             if is_real(p) {

@@ -2,29 +2,19 @@
 //!
 //! The first section is by a general complex plane. With forms of degree n, the curve is first
 //! intersected with n general lines of the parameter plane, by Aberth's method; a homotopy leads
-//! from the product of the lines to the pull-back of the plane, a form of the same degree n. Other
+//! from the product of the lines to the pull-back of the plane, a form of equal degree n. Other
 //! sections are tracked from a known one, through intermediate planes that are complex, too.
 
 use super::source::{Source, Values};
 use crate::complex::{
     C, Form, Monomials, Plane, Stream, V, along, conj, distance, dot, frame, in_frame, normalised,
 };
-use crate::homotopy::{follow, newton, runge_kutta};
+use crate::homotopy::{MAX_CHART_STEP, MIN_FORM_NORM, follow, newton, runge_kutta};
 use isoform_control::{Control, Stopped};
 
-/// Predictions farther away than this, in the affine chart around a point, are none.
-const FARTHEST: f64 = 0.3;
-/// Newton's method ends with steps below this: the next one would be lost in rounding.
-const DONE: f64 = 1e-9;
 /// First starting value of Aberth's method, and the factor from one to the next. The values have no
 /// symmetry that a real polynomial could share, and different absolute values.
 const ABERTH_START: [C; 2] = [C::new(0.8, 0.3), C::new(0.4, 0.9)];
-/// Most rounds of Aberth's method. Multiple roots converge slowly, and are found to some digits
-/// only.
-const ABERTH_ROUNDS: usize = 300;
-/// Changes of the roots, in shares of their size, that end Aberth's method: rounding is not much
-/// less.
-const ABERTH_DONE: f64 = 1e-14;
 /// Coefficients of two vectors on a line in a frame of it, all non-zero: with zeros, the single
 /// point of the curve on a coordinate line could be at infinity in the parametrization of that
 /// line.
@@ -32,24 +22,6 @@ const ON_LINE: [[C; 2]; 2] = [
     [C::new(0.6, 0.3), C::new(0.2, -0.7)],
     [C::new(-0.2, -0.7), C::new(0.6, -0.3)],
 ];
-/// Points of a section are apart by more than this: the ends of paths have at least nine digits.
-const APART: f64 = 1e-8;
-/// The forms have a norm above this, but at base points: these are no points of a section.
-const NO_BASE_POINT: f64 = 1e-8;
-/// Tries to find the first section, each with other lines and other planes in between.
-const TRIES: usize = 4;
-/// Paths that stop after this time have come to their end: to a multiple point at a base point, to
-/// which steps would get shorter and shorter.
-const NEARLY_THERE: f64 = 0.99;
-/// Paths that stop where the forms have a norm below this have come to a base point.
-const NEAR_BASE_POINT: f64 = 1e-4;
-/// The seeds of the lines of the first section, of its plane, and of the planes in between: any
-/// others would do.
-const LINES_SEED: u64 = 7;
-/// See [`LINES_SEED`].
-const PLANE_SEED: u64 = 11;
-/// See [`LINES_SEED`].
-const BETWEEN_SEED: u64 = 13;
 
 /// Second equation q = 0 besides f = 0 at a time: returns q, its gradient, and its time derivative.
 type Path<'a> = dyn Fn(f64, &V, &Values) -> (C, V, C) + 'a;
@@ -78,8 +50,9 @@ fn rows(basis: &[V; 2], v: &Values, dq: &V) -> [[C; 2]; 2] {
 
 /// Tracks a solution from the time 0 to the time 1.
 ///
-/// # Errors The time and the point at which tracking stopped, if not at the end: usually next to a
-/// singular point.
+/// # Errors
+/// The time and the point at which tracking stopped, if not at the end: usually next to a singular
+/// point.
 fn track(source: &Source, path: &Path<'_>, start: &V) -> Result<V, (f64, V)> {
     follow(start, |p, span| {
         let basis = frame(p);
@@ -89,11 +62,12 @@ fn track(source: &Source, path: &Path<'_>, start: &V) -> Result<V, (f64, V)> {
             let (_, dq, dt) = path(time, &at, &v);
             solve2(rows(&basis, &v, &dq), [C::ZERO, -dt])
         })?;
-        if d[0].norm() + d[1].norm() >= FARTHEST {
+        if d[0].norm() + d[1].norm() >= MAX_CHART_STEP {
             return None;
         }
         let predicted = normalised(&along(p, &in_frame(&basis, d), 1.0));
-        newton(&predicted, DONE, |p| {
+        // A step after one below 1e-9 would be lost in rounding.
+        newton(&predicted, 1e-9, |p| {
             let v = source.eval(p);
             let (q, dq, _) = path(span.to, p, &v);
             let basis = frame(p);
@@ -109,7 +83,8 @@ fn on_line(curve: &Form, degree: usize, a: &V, b: &V) -> Vec<V> {
     let start = std::iter::successors(Some(ABERTH_START[0]), |&x| Some(x * ABERTH_START[1]));
     let mut roots: Vec<C> = start.take(degree).collect();
     let at = |x: C| [0, 1, 2].map(|i| a[i] + b[i] * x);
-    for _ in 0..ABERTH_ROUNDS {
+    // Multiple roots converge slowly, and to some digits only.
+    for _ in 0..300 {
         let mut largest = 0.0f64;
         for k in 0..degree {
             let (f, df) = curve.eval(&Monomials::new(&at(roots[k]), degree));
@@ -119,7 +94,8 @@ fn on_line(curve: &Form, degree: usize, a: &V, b: &V) -> Vec<V> {
                 largest = largest.max(d.norm() / (1.0 + roots[k].norm()));
             }
         }
-        if largest < ABERTH_DONE {
+        // Relative changes of the roots; rounding is not much less.
+        if largest < 1e-14 {
             break;
         }
     }
@@ -206,7 +182,8 @@ impl Lines {
 fn distinct(source: &Source, points: impl IntoIterator<Item = V>) -> Vec<V> {
     let mut found: Vec<V> = Vec::new();
     for p in points {
-        if source.size(&p) > NO_BASE_POINT && found.iter().all(|q| distance(&p, q) > APART) {
+        // The ends of paths have at least nine digits.
+        if source.size(&p) > MIN_FORM_NORM && found.iter().all(|q| distance(&p, q) > 1e-8) {
             found.push(p);
         }
     }
@@ -215,7 +192,8 @@ fn distinct(source: &Source, points: impl IntoIterator<Item = V>) -> Vec<V> {
 
 /// Returns the plane of the first section.
 pub(super) fn general_plane() -> Plane {
-    Stream::new(PLANE_SEED).complex()
+    // Any other seed would do.
+    Stream::new(11).complex()
 }
 
 impl Source {
@@ -227,14 +205,17 @@ impl Source {
     }
     /// Computes the section by a general plane. Returns true if no path was lost.
     ///
-    /// # Errors [`Stopped`].
+    /// # Errors
+    /// [`Stopped`].
     pub(super) fn find_section(
         &mut self,
         plane: &Plane,
         control: &Control<'_>,
     ) -> Result<bool, Stopped> {
-        let mut stream = Stream::new(LINES_SEED);
-        for _ in 0..TRIES {
+        // Any other seed would do.
+        let mut stream = Stream::new(7);
+        // Each of the four attempts has other lines and other planes in between.
+        for _ in 0..4 {
             let lines = Lines::new(self.degree, &mut stream);
             let path = lines.to(plane);
             let mut ends = Vec::new();
@@ -244,7 +225,10 @@ impl Source {
                 match track(self, &path, &p) {
                     Ok(p) => ends.push(p),
                     Err((time, p)) => {
-                        is_lost |= time < NEARLY_THERE && self.size(&p) > NEAR_BASE_POINT;
+                        // A path that stops just before its end, or close to a base point, has come
+                        // to a multiple point at a base point, towards which steps become shorter
+                        // and shorter.
+                        is_lost |= time < 0.99 && self.size(&p) > 1e-4;
                     }
                 }
             }
@@ -263,7 +247,8 @@ impl Source {
     /// Returns the section by `plane`, tracked from the section `before`; if points are lost on the
     /// way, tracked from the general section.
     pub(super) fn section_by(&self, plane: &Plane, before: Option<(&Plane, &[V])>) -> Vec<V> {
-        let mut stream = Stream::new(BETWEEN_SEED);
+        // Any other seed would do.
+        let mut stream = Stream::new(13);
         let general = general_plane();
         let mut found = Vec::new();
         let known = (&general, &self.section[..]);

@@ -2,42 +2,19 @@
 
 use super::source::{Image, Source, Values, real_image};
 use crate::complex::{C, V, along, dot, frame, in_frame, normalised};
+use crate::homotopy::MAX_CHART_STEP;
 use isoform_num::Svd;
-
-/// Most steps of Gauss–Newton.
-const STEPS: usize = 12;
-/// The rounding errors of the forms' values, whose coefficients are at most 1.
-const ROUNDING: f64 = 1e-15;
-/// The largest residual of a solution, before what rounding adds to it.
-const RESIDUAL: f64 = 1e-11;
-/// The most that a residual may be, in rounding errors.
-const ROUNDINGS: f64 = 4.0;
-/// Singular values below this are zero: nothing is divided by them.
-const NO_VALUE: f64 = 1e-300;
-/// Steps longer than this, in the affine chart around a point, lead to another solution.
-const FARTHEST: f64 = 0.3;
-/// Near base points steps in the stiff directions come first, and longer ones in the others after
-/// them: steps may get longer by this factor.
-const LONGER: f64 = 2.0;
-/// Steps up to this length may be longer than those before.
-const SHORT: f64 = 1e-3;
-/// A step below this ends the iteration: convergence is quadratic.
-const DONE: f64 = 1e-10;
-/// A step below this ends the iteration where steps do not get much shorter any more.
-const NEARLY_DONE: f64 = 1e-6;
-/// Steps that are not shorter than this share of the step before do not converge quadratically.
-const STALLED: f64 = 0.3;
 
 /// A real point of space on the image of a source: a solution of f = 0, Im φ = 0.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct State {
+pub(super) struct SolutionState {
     pub(super) p: V,
     /// Unit tangent of the curve of solutions; the sign is arbitrary.
     pub(super) tangent: V,
     pub(super) image: Image,
 }
 
-impl State {
+impl SolutionState {
     /// Returns true if the point is in the box.
     pub(super) fn is_inside(&self) -> bool {
         (0..3).all(|i| self.image[i].abs() <= self.image[3].abs())
@@ -108,7 +85,9 @@ impl Linearised {
             columns: [[0.0; 5]; 4],
             right: [0.0; 5],
             image,
-            rounding: ROUNDING / c.norm(),
+            // Values of the forms, whose coefficients are at most 1, have rounding errors of about
+            // 1e-15.
+            rounding: 1e-15 / c.norm(),
         };
         system.set_real(0, v.f, &v.df);
         system.set_imaginary(1, v.f, &v.df);
@@ -154,7 +133,8 @@ fn shortest_step(svd: &Singular, right: &[f64; 5]) -> [f64; 4] {
     let mut d = [0.0; 4];
     for k in 0..3 {
         let size = svd.values[k];
-        if size > NO_VALUE {
+        // The pseudoinverse drops singular values that are zero.
+        if size > 1e-300 {
             let share = svd.along(k, right);
             for i in 0..4 {
                 d[i] -= share / size * svd.right[k][i];
@@ -166,17 +146,19 @@ fn shortest_step(svd: &Singular, right: &[f64; 5]) -> [f64; 4] {
 
 impl Source {
     /// Returns the solution of f = 0, Im φ = 0 next to a point, by the Gauss–Newton method.
-    pub(super) fn settle(&self, start: &V) -> Option<State> {
+    pub(super) fn settle(&self, start: &V) -> Option<SolutionState> {
         let mut p = *start;
         let mut is_done = false;
         let mut last = f64::INFINITY;
-        for _ in 0..STEPS {
+        // At most twelve Gauss–Newton steps.
+        for _ in 0..12 {
             let system = Linearised::at(self, &p)?;
             let svd = Singular::new(system.columns);
             let residual = system.residual();
             if is_done || residual < system.rounding {
-                let is_solution = residual < RESIDUAL + ROUNDINGS * system.rounding;
-                return is_solution.then(|| State {
+                // The residual may exceed its bound by a few rounding errors.
+                let is_solution = residual < 1e-11 + 4.0 * system.rounding;
+                return is_solution.then(|| SolutionState {
                     p,
                     tangent: system.vector(&svd.right[3]),
                     image: system.image,
@@ -184,17 +166,24 @@ impl Source {
             }
             let d = shortest_step(&svd, &system.right);
             let size = d.iter().map(|x| x * x).sum::<f64>().sqrt();
-            if !size.is_finite() || size > FARTHEST || size > (LONGER * last).max(SHORT) {
+            // Near base points steps in the stiff directions come first, and longer ones in the
+            // other directions after them; short steps may grow by any factor.
+            if !size.is_finite() || size > MAX_CHART_STEP || size > (2.0 * last).max(1e-3) {
                 return None;
             }
             p = normalised(&along(&p, &system.vector(&d), 1.0));
-            is_done = size < DONE || size < NEARLY_DONE && size > STALLED * last;
+            // Convergence is quadratic; where it stalls, a larger step must do.
+            is_done = size < 1e-10 || size < 1e-6 && size > 0.3 * last;
             last = size;
         }
         None
     }
     /// Returns the solution between two others, starting half way in the parameters.
-    pub(super) fn settle_between(&self, a: &State, b: &State) -> Option<State> {
+    pub(super) fn settle_between(
+        &self,
+        a: &SolutionState,
+        b: &SolutionState,
+    ) -> Option<SolutionState> {
         self.settle(&normalised(&along(&a.p, &b.p, 1.0)))
     }
 }

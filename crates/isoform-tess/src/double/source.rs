@@ -5,13 +5,6 @@ use crate::complex::{
 };
 use isoform_algebra::Poly;
 
-/// Values of the forms smaller than this have no direction: next to a base point they are rounding
-/// alone.
-const NO_IMAGE: f64 = 1e-13;
-/// Coordinates of points of space are equal if they differ by this share of the box: points come
-/// from parameters with half of their digits at pinch points.
-const SAME_POINT: f64 = 1e-6;
-
 /// Exponents and coefficient of a term.
 type Term = ([usize; 3], f64);
 
@@ -106,7 +99,8 @@ pub(super) type Image = [f64; 4];
 /// these, and the norm of the imaginary part that is dropped; `None` at base points.
 pub(super) fn real_image(g: &[C; 4]) -> Option<(Image, f64)> {
     let size = norm(g);
-    if size < NO_IMAGE {
+    // Smaller values, next to a base point, consist of rounding errors and have no direction.
+    if size < 1e-13 {
         return None;
     }
     let largest = largest(g);
@@ -118,5 +112,6 @@ pub(super) fn real_image(g: &[C; 4]) -> Option<(Image, f64)> {
 
 /// Returns true if two points of the box coincide.
 pub(super) fn is_same_point(a: &Image, b: &Image) -> bool {
-    (0..3).all(|i| (a[i] * b[3] - b[i] * a[3]).abs() < SAME_POINT * (a[3] * b[3]).abs())
+    // At pinch points, parameters have half of their digits.
+    (0..3).all(|i| (a[i] * b[3] - b[i] * a[3]).abs() < 1e-6 * (a[3] * b[3]).abs())
 }

@@ -1,60 +1,28 @@
 //! Tracing of solitary curves, by predictor steps along the tangents and correction.
 
-use super::solution::State;
+use super::solution::SolutionState;
 use super::source::Source;
 use crate::complex::{V, conj, distance, inner, length, normalised, real_line};
+use crate::stepping::{
+    ErrorBounds, FIRST_STEP_LENGTH, FREE_STEP_LENGTH, MAX_BRANCH_POINTS, halved_step,
+    is_short_detour,
+};
 use isoform_geom::distance_to_segment;
 
-/// The first step, in the affine chart around a point.
-const FIRST_STEP: f64 = 0.02;
-/// The longest step.
-const LONGEST_STEP: f64 = 0.1;
-/// A curve that needs a shorter step is lost: it comes to a base point or a singular point.
-const SHORTEST_STEP: f64 = 1e-10;
-/// The most solutions of a curve: one that has more is lost.
-const MOST_STEPS: usize = 100_000;
-/// The least cosine of the tangents at both ends of a step: 18 degrees.
-const LEAST_COSINE: f64 = 0.95;
-/// The largest distance of a prediction from its solution, in steps: more, and the solution may be
-/// on another branch.
-const MOST_OFF: f64 = 0.25;
-/// A prediction as good as this, in steps, lets them grow.
-const LITTLE_OFF: f64 = 0.05;
-/// The factor by which steps grow.
-const GROWTH: f64 = 1.5;
-/// Steps shorter than this need not be near to their chord: parameters next to a base point reach
-/// far in space.
-const FREE_STEP: f64 = 1e-7;
-/// The largest distance of the middle of a step from its chord, in tolerances.
-const BULGE: f64 = 0.5;
-/// The least cosine of the tangent with the way to the conjugate point for which the curve goes
-/// there: else f = 0 has conjugate branches at the real parameter.
-const STRAIGHT_BACK: f64 = 0.9;
+/// Bounds on prediction errors along solitary curves.
+const ERROR_BOUNDS: ErrorBounds = ErrorBounds {
+    rejecting: 0.25,
+    growing: 0.05,
+};
 /// Length at which bisection on a face of the box ends: absolute, and relative to the step.
 const FACE_PRECISION: [f64; 2] = [1e-15, 1e-14];
-/// Maximum ratio of the way through a point to the step on which it lies, up to
-/// [`ON_STEP_PRECISION`]. Tangents turn by at most 18 degrees, and an arc of that angle is 1.004
-/// times its chord.
-const ON_STEP: f64 = 1.03;
-/// Absolute term of [`ON_STEP`], for the rounding of parameters on very short steps.
-const ON_STEP_PRECISION: f64 = 1e-9;
 
-/// The most halvings of the distance from a real parameter.
-const HALVINGS: usize = 12;
 /// Accepted ratios of a halved distance to the distance before.
 const HALVED: std::ops::Range<f64> = 0.4..0.6;
-/// The farthest that a point may move while its distance from the real parameter, 1, is halved.
-const FARTHEST_HALVED: f64 = 2.0;
-/// Extrapolations from more values than this are taken as they are.
-const MANY_VALUES: usize = 4;
-/// Extrapolations from more values than this are taken if their error is small.
-const FEW_VALUES: usize = 2;
-/// The largest error of an extrapolation from few values, in half widths of the box.
-const SMALL_ERROR: f64 = 1e-8;
 
 /// End of a branch of a solitary curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum End {
+pub(super) enum BranchEnd {
     /// The curve meets a face of the box.
     Face,
     /// The curve meets a real parameter.
@@ -66,41 +34,43 @@ pub(super) enum End {
 }
 
 /// An accepted step.
-struct Advance {
-    next: State,
-    end: Option<End>,
+struct BranchStep {
+    next: SolutionState,
+    end: Option<BranchEnd>,
     /// Error of the prediction, in the affine chart.
     error: f64,
 }
 
 /// Traces a curve from a solution in the direction of its tangent, and returns its solutions.
-pub(super) fn trace(source: &Source, start: &State, tolerance: f64) -> (Vec<State>, End) {
+pub(super) fn trace(
+    source: &Source,
+    start: &SolutionState,
+    tolerance: f64,
+) -> (Vec<SolutionState>, BranchEnd) {
     let tracer = Tracer { source, tolerance };
     let mut nodes = vec![*start];
-    let mut step = FIRST_STEP;
-    while nodes.len() < MOST_STEPS {
+    let mut step = FIRST_STEP_LENGTH;
+    while nodes.len() < MAX_BRANCH_POINTS {
         let here = nodes[nodes.len() - 1];
-        let Some(Advance { next, end, error }) = tracer.advance(&here, step) else {
-            step /= 2.0;
-            if step < SHORTEST_STEP {
-                return (nodes, End::Lost);
-            }
+        let Some(BranchStep { next, end, error }) = tracer.advance(&here, step) else {
+            let Some(half) = halved_step(step) else {
+                return (nodes, BranchEnd::Lost);
+            };
+            step = half;
             continue;
         };
         let returns = |p: &V| is_on_step(p, &here.p, &next.p);
         if nodes.len() > 2 && (returns(&start.p) || returns(&conj(&start.p))) {
             nodes.push(*start);
-            return (nodes, End::Closed);
+            return (nodes, BranchEnd::Closed);
         }
         nodes.push(next);
         if let Some(end) = end {
             return (nodes, end);
         }
-        if error < LITTLE_OFF * step {
-            step = (GROWTH * step).min(LONGEST_STEP);
-        }
+        step = ERROR_BOUNDS.next_step(step, error);
     }
-    (nodes, End::Lost)
+    (nodes, BranchEnd::Lost)
 }
 
 /// The source whose curve is traced, and the tolerance in half widths of the box.
@@ -111,7 +81,7 @@ struct Tracer<'a> {
 
 impl Tracer<'_> {
     /// Makes a step; `None` if it is too long.
-    fn advance(&self, here: &State, step: f64) -> Option<Advance> {
+    fn advance(&self, here: &SolutionState, step: f64) -> Option<BranchStep> {
         let predicted = here.ahead(step);
         let mut next = self.source.settle(&predicted)?;
         let error = distance(&predicted, &next.p);
@@ -120,31 +90,33 @@ impl Tracer<'_> {
             next = next.reversed();
             cosine = -cosine;
         }
-        if cosine < LEAST_COSINE || error > MOST_OFF * step {
+        if ERROR_BOUNDS.rejects(step, cosine, error) {
             return None;
         }
         let mut end = None;
         if passes_real_parameter(here, &next) {
-            (next, end) = (real_end(self.source, here)?, Some(End::Real));
+            (next, end) = (real_end(self.source, here)?, Some(BranchEnd::Real));
         }
         if !next.is_inside() {
-            (next, end) = (self.at_face(here, step)?, Some(End::Face));
+            (next, end) = (self.at_face(here, step)?, Some(BranchEnd::Face));
         }
         match self.source.settle_between(here, &next) {
             Some(middle) => {
                 let off = distance_to_segment(middle.point(), [here.point(), next.point()]);
-                if step > FREE_STEP && off > BULGE * self.tolerance {
+                // Parameters next to a base point reach far in space: very short steps are
+                // accepted.
+                if step > FREE_STEP_LENGTH && off > 0.5 * self.tolerance {
                     return None;
                 }
             }
-            None if end == Some(End::Real) => {}
+            None if end == Some(BranchEnd::Real) => {}
             // Newton's method fails in the immediate neighbourhood of a base point.
             None => return None,
         }
-        Some(Advance { next, end, error })
+        Some(BranchStep { next, end, error })
     }
     /// Returns the last solution in the box on a step that leaves the box, moved onto the face.
-    fn at_face(&self, here: &State, step: f64) -> Option<State> {
+    fn at_face(&self, here: &SolutionState, step: f64) -> Option<SolutionState> {
         let (mut lo, mut hi, mut last) = (0.0, step, *here);
         while hi - lo > FACE_PRECISION[0] + FACE_PRECISION[1] * hi {
             let middle = 0.5 * (lo + hi);
@@ -164,20 +136,21 @@ impl Tracer<'_> {
     }
 }
 
-/// The scalar product of the real lines through two points and their conjugates.
+/// Returns the scalar product of the real lines through two points and their conjugates.
 fn product(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>()
 }
 
 /// Returns true if the curve passes a real parameter on a step: beyond it, the curve returns along
 /// the conjugate parameters.
-fn passes_real_parameter(here: &State, next: &State) -> bool {
+fn passes_real_parameter(here: &SolutionState, next: &SolutionState) -> bool {
     if product(&real_line(&here.p), &real_line(&next.p)) > 0.0 {
         return false;
     }
     let back = blend(&here.p, -1.0);
     let chord = [0, 1, 2].map(|i| back[i] - here.p[i]);
-    inner(&here.tangent, &chord).re > STRAIGHT_BACK * inner(&chord, &chord).re.sqrt()
+    // Otherwise f = 0 has conjugate branches at the real parameter.
+    inner(&here.tangent, &chord).re > 0.9 * inner(&chord, &chord).re.sqrt()
 }
 
 /// Neville's scheme, which extrapolates points to the parameter 0; one row for each point.
@@ -211,7 +184,9 @@ impl Neville {
     fn value(&self) -> Option<[f64; 3]> {
         let (error, value) = self.best?;
         let count = self.parameters.len();
-        let is_known = count > MANY_VALUES || count > FEW_VALUES && error < SMALL_ERROR;
+        // An extrapolation from three or four values counts if its error is small, in half widths
+        // of the box; one from five or more values always counts.
+        let is_known = count > 4 || count > 2 && error < 1e-8;
         is_known.then_some(value)
     }
 }
@@ -221,13 +196,13 @@ impl Neville {
 ///
 /// The curve continues along the conjugate parameters. For a coordinate u on the curve that changes
 /// its sign under conjugation, the image is an even function of u.
-/// sign with conjugation, the image is even in u.
-fn real_end(source: &Source, here: &State) -> Option<State> {
+fn real_end(source: &Source, here: &SolutionState) -> Option<SolutionState> {
     let side = real_line(&here.p);
     let coordinate = |p: &V| product(&real_line(p), &side) / length(&side);
     let mut last = *here;
     let mut scheme = Neville::default();
-    for _ in 0..HALVINGS {
+    // At most twelve halvings of the distance from the real parameter.
+    for _ in 0..12 {
         let u = coordinate(&last.p);
         scheme.add(u * u, last.point());
         // Halves the distance from the real parameter, using this point and its conjugate at an
@@ -236,14 +211,15 @@ fn real_end(source: &Source, here: &State) -> Option<State> {
             break;
         };
         let is_halved = (HALVED.start * u..HALVED.end * u).contains(&coordinate(&nearer.p));
-        if !is_halved || distance(&nearer.p, &last.p) > FARTHEST_HALVED * u {
+        // The step may be at most twice the distance from the real parameter.
+        if !is_halved || distance(&nearer.p, &last.p) > 2.0 * u {
             break;
         }
         last = nearer;
     }
     let x = scheme.value()?;
     let size = (1.0 + x.iter().map(|v| v * v).sum::<f64>()).sqrt();
-    Some(State {
+    Some(SolutionState {
         p: normalised(&blend(&last.p, 0.0)),
         tangent: last.tangent,
         image: [x[0], x[1], x[2], 1.0].map(|v| v / size),
@@ -260,24 +236,25 @@ fn blend(p: &V, at: f64) -> V {
 
 /// Returns true if a point lies on the step between two others, whose tangents differ by little.
 fn is_on_step(p: &V, a: &V, b: &V) -> bool {
-    distance(p, a) + distance(p, b) <= ON_STEP * distance(a, b) + ON_STEP_PRECISION
+    is_short_detour(distance(p, a) + distance(p, b), distance(a, b))
 }
 
 /// A traced solitary curve.
-pub(super) struct Traced {
+pub(super) struct TracedBranch {
     /// Index of its source.
     pub(super) source: usize,
-    pub(super) nodes: Vec<State>,
+    pub(super) nodes: Vec<SolutionState>,
 }
 
-impl Traced {
+impl TracedBranch {
     /// Returns the index of the node before a parameter, or before its conjugate, if that lies on
     /// the curve.
     pub(super) fn place(&self, p: &V) -> Option<usize> {
         let other = conj(p);
         let steps = self.nodes.windows(2);
-        let is_here =
-            |w: &[State]| is_on_step(p, &w[0].p, &w[1].p) || is_on_step(&other, &w[0].p, &w[1].p);
+        let is_here = |w: &[SolutionState]| {
+            is_on_step(p, &w[0].p, &w[1].p) || is_on_step(&other, &w[0].p, &w[1].p)
+        };
         steps.into_iter().position(is_here)
     }
     /// Returns true if an end of the curve is nearer to a parameter than a distance.

@@ -5,11 +5,6 @@ use isoform_geom::plane::{cross, dot};
 /// Name of a point of a seam: the index of its node, and the bits of its direction.
 pub(crate) type Key = (usize, [u64; 2]);
 
-/// Sine of the angle up to which two directions are taken for one, well above the rounding of a
-/// direction. If it is larger, two tangents coincide; if it is smaller, one tangent found in two
-/// ways becomes two.
-const SAME_DIRECTION: f64 = 1e-12;
-
 /// A unit vector (a, b) in the local coordinates of a node, with b > 0 or b = 0 < a.
 #[derive(Clone, Debug)]
 pub(crate) struct Direction {
@@ -45,7 +40,9 @@ impl Direction {
     }
     /// Returns true if both directions are equal up to rounding.
     pub(super) fn is_same(&self, other: &Self) -> bool {
-        cross(self.at, other.at).abs() < SAME_DIRECTION
+        // The bound is well above the rounding of a direction. If it were larger, two tangents
+        // would coincide; if it were smaller, one tangent found in two ways would become two.
+        cross(self.at, other.at).abs() < 1e-12
     }
     pub(super) fn angle(&self) -> f64 {
         self.at[1].atan2(self.at[0])
@@ -103,7 +100,7 @@ mod tests {
         assert!(backward);
     }
 
-    /// Along the x axis, a `bend` of 1/2 gives the parabola y = x²/2.
+    /// A `bend` of 1/2 along the x axis gives the parabola y = x²/2.
     #[test]
     fn rays_bend_to_the_left() {
         let mut d = Direction::new(0, [1.0, 0.0]);

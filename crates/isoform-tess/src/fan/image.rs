@@ -7,23 +7,7 @@ use isoform_geom::{dot, sub};
 use std::f64::consts::PI;
 
 /// Distance from its node at which the bend of a ray is determined, in the node's coordinates.
-const BENT: f64 = 1e-3;
-/// The largest curvature: rays that would need more stay straight.
-const MOST_BENT: f64 = 8.0;
-/// Newton steps to the curvature.
-const BENDING_STEPS: usize = 8;
-/// The difference of directions, to both sides, from which a seam's tangent is taken.
-const TANGENT_STEP: f64 = 1e-4;
-/// The difference beside a ray from which derivatives are taken, in shares of the distance from the
-/// node, for its curvature.
-const BEND_STEP: f64 = 1e-3;
-/// The difference beside a ray from which derivatives are taken, in shares of the distance from the
-/// node, where a face of the box is approached.
-const FACE_STEP: f64 = 1e-6;
-/// Newton steps to a face of the box.
-const FACE_STEPS: usize = 20;
-/// Where points of a seam begin, in shares of their distance: at no direction that is special.
-const FIRST_POINT: f64 = 0.31;
+const BEND_DISTANCE: f64 = 1e-3;
 
 /// Returns the point (X/W, Y/W, Z/W).
 #[inline]
@@ -51,7 +35,8 @@ impl Fan {
     /// Returns points of the seam of a node, in equally spaced directions.
     pub(crate) fn seam_points(&self, node: usize, count: usize) -> Vec<Point3> {
         let direction = |k: usize| {
-            let angle = PI * (k as f64 + FIRST_POINT) / count as f64;
+            // The offset of 0.31 avoids special directions.
+            let angle = PI * (k as f64 + 0.31) / count as f64;
             Direction::new(node, [angle.cos(), angle.sin()])
         };
         (0..count).map(|k| self.seam(&direction(k))).collect()
@@ -65,17 +50,24 @@ impl Fan {
             return d;
         }
         let [a, b] = d.at;
-        let [ahead, behind] =
-            [TANGENT_STEP, -TANGENT_STEP].map(|x| affine(node.seam_at([a - x * b, b + x * a])));
+        // Difference of directions, to both sides.
+        let [ahead, behind] = [1e-4, -1e-4].map(|x| affine(node.seam_at([a - x * b, b + x * a])));
         let (tangent, foot) = (sub(ahead, behind), affine(node.seam_at(d.at)));
         // Displacement of the image along the seam.
-        let along = |left: f64| dot(sub(affine(node.value(d.beside(BENT, left))), foot), tangent);
-        let (mut left, step) = (0.0, BEND_STEP * BENT);
-        for _ in 0..BENDING_STEPS {
+        let along = |left: f64| {
+            dot(
+                sub(affine(node.value(d.beside(BEND_DISTANCE, left))), foot),
+                tangent,
+            )
+        };
+        let (mut left, step) = (0.0, 1e-3 * BEND_DISTANCE);
+        // Newton steps to the curvature.
+        for _ in 0..8 {
             left -= along(left) * 2.0 * step / (along(left + step) - along(left - step));
         }
-        let bend = left / (BENT * BENT);
-        if bend.abs() < MOST_BENT {
+        let bend = left / (BEND_DISTANCE * BEND_DISTANCE);
+        // Rays that would need a larger curvature stay straight.
+        if bend.abs() < 8.0 {
             d.bend = bend;
         }
         d
@@ -102,8 +94,10 @@ impl Fan {
             x[face / 2] - bound * x[3]
         };
         let mut left = 0.0;
-        let step = FACE_STEP * distance;
-        for _ in 0..FACE_STEPS {
+        // Step of the difference quotients across the ray.
+        let step = 1e-6 * distance;
+        // Newton steps to the face of the box.
+        for _ in 0..20 {
             let slope = (beyond(left + step) - beyond(left - step)) / (2.0 * step);
             left -= beyond(left) / slope;
         }

@@ -1,8 +1,8 @@
 //! The marks of the directions of a node: rays, points infinitely near, and other exceptional
 //! lines.
 
+use super::blow_up::{Line, lifts, steps_of};
 use super::direction::Direction;
-use super::node::{Line, lifts, steps_of};
 use crate::base::{BasePoint, BinaryForm};
 use crate::cover::Involution;
 use crate::field::{Algebraic, exact};
@@ -18,8 +18,6 @@ use std::f64::consts::PI;
 /// next. Three are needed to separate the two sides of a seam; none is an axis or a diagonal, which
 /// often coincide with special directions.
 const GENERAL: [f64; 2] = [0.13, 0.25];
-/// The number of general directions.
-const GENERAL_COUNT: u32 = 4;
 
 /// The target of a direction of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,14 +47,14 @@ impl Mark {
 }
 
 /// Input that determines the directions of a base point.
-pub(super) struct Around<'a> {
+pub(super) struct FanInput<'a> {
     pub(super) base: &'a BasePoint,
     pub(super) region: &'a Region,
     pub(super) control: &'a Control<'a>,
 }
 
 /// Marks of the directions of one node.
-pub(super) struct Marked {
+pub(super) struct NodeMarks {
     /// Marks, ascending by angle in [0, π).
     pub(super) marks: Vec<Mark>,
     /// Reason why the node cannot be opened, if any.
@@ -67,15 +65,16 @@ pub(super) struct Marked {
 /// tangents of the curves that bound the region or are drawn in it, and of the sides of the unit
 /// triangles.
 ///
-/// # Errors [`Stopped`].
+/// # Errors
+/// [`Stopped`].
 pub(super) fn marks(
     node: usize,
     line: &Line<'_>,
     cover: Option<Involution>,
-    around: &Around<'_>,
+    around: &FanInput<'_>,
     first_ray: usize,
-) -> Result<Marked, Stopped> {
-    let mut collected = Collected {
+) -> Result<NodeMarks, Stopped> {
+    let mut collected = MarkCollection {
         node,
         found: Vec::new(),
     };
@@ -91,7 +90,7 @@ pub(super) fn marks(
     }
     let marks = collected.finish(line, around.region, first_ray);
     let problem = problem(&marks, line, in_face);
-    Ok(Marked { marks, problem })
+    Ok(NodeMarks { marks, problem })
 }
 
 /// Returns the reason why a node cannot be opened, if any; `in_face` is true if its seam lies in
@@ -115,13 +114,13 @@ fn problem(marks: &[Mark], line: &Line<'_>, in_face: bool) -> Option<Unopened> {
 }
 
 /// Directions of one node without duplicates, while they are collected.
-struct Collected {
+struct MarkCollection {
     node: usize,
     /// Directions, each with its target; `None` for a ray.
     found: Vec<(Direction, Option<Target>)>,
 }
 
-impl Collected {
+impl MarkCollection {
     /// Adds a direction; a known one keeps its target.
     fn add(&mut self, at: [f64; 2], target: Option<Target>) -> &mut Direction {
         let new = Direction::new(self.node, at);
@@ -160,7 +159,7 @@ impl Collected {
     }
     /// Adds the directions in which the seam crosses the faces of the box; returns true if the seam
     /// lies in the plane of one.
-    fn add_faces(&mut self, line: &Line<'_>, around: &Around<'_>) -> Result<bool, Stopped> {
+    fn add_faces(&mut self, line: &Line<'_>, around: &FanInput<'_>) -> Result<bool, Stopped> {
         let region = around.region;
         let curve = &line.seam.curve;
         let mut in_face = false;
@@ -187,7 +186,7 @@ impl Collected {
         Ok(in_face)
     }
     /// Adds the tangents of other curves and of folds.
-    fn add_curves(&mut self, line: &Line<'_>, around: &Around<'_>) -> Result<(), Stopped> {
+    fn add_curves(&mut self, line: &Line<'_>, around: &FanInput<'_>) -> Result<(), Stopped> {
         let (region, control) = (around.region, around.control);
         let drawn = region.extra.iter().flatten().copied();
         for f in drawn.chain(region.folds()) {
@@ -202,7 +201,8 @@ impl Collected {
         Ok(())
     }
     fn add_general(&mut self) {
-        for k in 0..GENERAL_COUNT {
+        // Four general directions.
+        for k in 0..4 {
             let angle = PI * (GENERAL[0] + GENERAL[1] * f64::from(k));
             self.add([angle.cos(), angle.sin()], None);
         }

@@ -1,15 +1,10 @@
 //! Coordinate changes between a base point's nodes and the unit triangles.
 
 use super::Fan;
+use super::blow_up::lifts;
 use super::direction::{Direction, Key};
-use super::node::lifts;
 use isoform_algebra::QUADRANTS;
 use isoform_geom::plane::{cross, dot};
-
-/// Distance from its node, in the node's coordinates, of the point that stands for the start of a
-/// ray of a tree: near enough for the base point's own coordinates to show the order of rays, and a
-/// power of two, so that scaling is exact.
-const BEGINNING: f64 = 1.0 / 1024.0;
 
 /// Multiplies homogeneous coordinates by the signs of a quadrant.
 #[inline]
@@ -80,7 +75,9 @@ impl Fan {
         if d.node == 0 {
             return self.direction_in(quadrant, d, backward);
         }
-        let near = d.signed(backward).map(|x| x * BEGINNING);
+        // Near enough for the base point's own coordinates to show the order of rays; a power of
+        // two, so that scaling is exact.
+        let near = d.signed(backward).map(|x| x * (1.0 / 1024.0));
         self.displaced(quadrant, self.lowered(d.node, near))
     }
     /// Returns true if the coordinates of the base point and of a unit triangle have one

@@ -10,10 +10,7 @@ type Proof<'a> = &'a dyn Fn(&Form, [[f64; 2]; 3], bool) -> bool;
 
 /// Factor by which the triangles of a proof are enlarged: well above rounding, and small enough not
 /// to spoil the proof.
-const ROOM: f64 = 1.02;
-/// The part of its rays that the triangle of a proof holds at least, in the coordinates of their
-/// node: it is not empty where no points are given.
-const LEAST: f64 = 1e-9;
+const ENLARGEMENT_FACTOR: f64 = 1.02;
 
 impl Fan {
     /// Returns true if W is proved to keep its sign between the two rays of a sector, from the base
@@ -70,11 +67,12 @@ fn cone_around([mut p, mut q]: [[f64; 2]; 2], points: &[[f64; 2]], turn: f64) ->
 /// points.
 fn triangle_around([a, b]: [[f64; 2]; 2], mut points: Vec<[f64; 2]>) -> Option<[[f64; 2]; 3]> {
     let turn = cross(a, b).signum();
-    points.extend([a, b].map(|x| x.map(|x| LEAST * x)));
+    // The triangle contains the beginning of both rays, so that it is not empty without points.
+    points.extend([a, b].map(|x| x.map(|x| 1e-9 * x)));
     let [p, q] = cone_around([a, b], &points, turn);
     let area = cross(p, q);
     let height = |&x: &[f64; 2]| cross(x, q) / area + cross(p, x) / area;
-    let reach = points.iter().map(height).fold(0.0, f64::max) * ROOM;
+    let reach = points.iter().map(height).fold(0.0, f64::max) * ENLARGEMENT_FACTOR;
     (turn * area > 0.0).then(|| [[0.0; 2], p.map(|x| reach * x), q.map(|x| reach * x)])
 }
 
@@ -126,7 +124,7 @@ impl Crossing {
         let low = off_line
             .map(|&x| slope(x))
             .fold(slope(self.split(self.ray)), f64::min);
-        let far = |i: usize| points.iter().map(|x| x[i]).fold(0.0, f64::max) * ROOM;
+        let far = |i: usize| points.iter().map(|x| x[i]).fold(0.0, f64::max) * ENLARGEMENT_FACTOR;
         let (high, wide) = (far(0).max(low * far(1)), far(1));
         let at = |x: f64, y: f64| [0, 1].map(|i| x * self.along[i] + y * self.beside[i]);
         let o = [0.0; 2];

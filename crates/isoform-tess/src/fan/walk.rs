@@ -1,8 +1,8 @@
 //! The walk around a base point along both sides of all of its exceptional lines.
 
+use super::blow_up::Step;
 use super::direction::Direction;
 use super::marks::{Mark, Target};
-use super::node::Step;
 use super::{Fan, Sector};
 use crate::finding::Unopened;
 

@@ -1,6 +1,6 @@
 //! Welding: coincident vertices of several surfaces get one index.
 
-use super::{SAME, Seams};
+use super::{SAME_PLACE_DISTANCE, Seams};
 use crate::claim::Claim;
 use crate::finding::Finding;
 use crate::patch::Patch;
@@ -30,7 +30,8 @@ fn corner_vertices(patch: &Patch, s: &Surface, half_width: f64) -> Vec<([RBig; 3
         let bits = 1u64 << side | 1 << ((side + 3) % 4);
         let is_near = |v: u32| {
             let off = sub(s.points[v as usize], at);
-            off.iter().all(|x| x.abs() <= SAME * half_width)
+            off.iter()
+                .all(|x| x.abs() <= SAME_PLACE_DISTANCE * half_width)
         };
         for (t, borders) in s.triangles.iter().zip(&s.borders) {
             for k in (0..3).filter(|&k| borders[k] & bits != 0 && is_near(t[k])) {
@@ -165,7 +166,7 @@ pub(super) fn weld(
             0 => joined.decisions = s.decisions,
             _ => joined.decisions.join(&s.decisions),
         }
-        let named = |f: Finding| f.of_patch(&patches[k].name);
+        let named = |f: Finding| f.attributed_to(&patches[k].name);
         joined.findings.extend(s.findings.into_iter().map(named));
     }
     let Welding {

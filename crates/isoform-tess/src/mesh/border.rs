@@ -5,7 +5,7 @@
 //! places are numbers with few binary digits along the side, and only the curve in space decides
 //! where the subdivision ends.
 
-use super::VERTICES;
+use super::MAX_INTERVAL_VERTICES;
 use super::atlas::Atlas;
 use super::geometry::{distance, middle};
 use super::places::on_side;
@@ -56,7 +56,7 @@ impl Atlas<'_> {
         [a / (a + b + 1.0), b / (a + b + 1.0)]
     }
     /// Returns the vertices of a piece of a side given by its bit, from end to end; `None` if the
-    /// bit is 0 or there is no domain.
+    /// bit is 0 or the domain is the whole plane.
     pub(super) fn border_line(
         &self,
         q: usize,
@@ -79,7 +79,7 @@ impl Atlas<'_> {
             };
             let mid = Self::on_border(q, ends, m);
             let is_full = depth >= halvings
-                || line.len() > VERTICES
+                || line.len() > MAX_INTERVAL_VERTICES
                 || self.control.is_stopped()
                 || m == x
                 || m == y;

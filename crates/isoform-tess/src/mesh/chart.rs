@@ -22,20 +22,12 @@ pub(super) struct Chart {
     w: Vec<f64>,
 }
 
-/// Least cosine of the angle between directions that count as near.
-const TURN: f64 = 0.97;
-/// The length of the step in the parameters, if there is room for it, that such a direction is
-/// taken from.
-const LEAVING: f64 = 1e-3;
-/// Rounding errors of values, in units of the box, from which on they are computed with more
-/// digits.
-const PRECISION: f64 = 1e-13;
-/// The distance from the image of a contracted curve that is rounding, in these.
-const ON_CURVE: f64 = 1e-3;
+/// Minimum cosine of the angle between directions that count as near.
+const MIN_TURN_COSINE: f64 = 0.97;
 /// Number of powers for low degrees, up to 8, which fit a short array.
-const FEW: usize = 9;
+const LOW_DEGREE_POWERS: usize = 9;
 /// Number of powers for the maximum degree.
-const MANY: usize = MAX_DEGREE + 1;
+const MAX_POWERS: usize = MAX_DEGREE + 1;
 
 impl Chart {
     /// Creates the chart; `size` is the unit of lengths in its tolerances.
@@ -46,7 +38,9 @@ impl Chart {
             low: terms.values().map(|both| both[1]).collect(),
             terms: terms.into_iter().map(|(e, both)| (e, both[0])).collect(),
             degree: map.degree(),
-            precision: PRECISION * size,
+            // Values with a larger rounding error, in units of the box, are computed with more
+            // digits.
+            precision: 1e-13 * size,
             w: bernstein_base(&map.forms()[3]),
         }
     }
@@ -75,10 +69,10 @@ impl Chart {
         [sum, size]
     }
     pub(super) fn at(&self, at: [f64; 2]) -> Point3 {
-        let [[x, y, z, w], size] = if self.degree < FEW {
-            self.forms::<FEW>(at)
+        let [[x, y, z, w], size] = if self.degree < LOW_DEGREE_POWERS {
+            self.forms::<LOW_DEGREE_POWERS>(at)
         } else {
-            self.forms::<MANY>(at)
+            self.forms::<MAX_POWERS>(at)
         };
         let p = [x / w, y / w, z / w];
         let error = (0..3)
@@ -129,10 +123,10 @@ impl Chart {
     }
     /// Returns the image and its derivatives by u and v.
     pub(super) fn tangents(&self, at: [f64; 2]) -> [Point3; 3] {
-        let [p, by_u, by_v] = if self.degree < FEW {
-            self.derivatives::<FEW>(at)
+        let [p, by_u, by_v] = if self.degree < LOW_DEGREE_POWERS {
+            self.derivatives::<LOW_DEGREE_POWERS>(at)
         } else {
-            self.derivatives::<MANY>(at)
+            self.derivatives::<MAX_POWERS>(at)
         };
         let tangent = |d: [f64; 4]| [0, 1, 2].map(|k| (d[k] - p[k] / p[3] * d[3]) / p[3]);
         [[0, 1, 2].map(|k| p[k] / p[3]), tangent(by_u), tangent(by_v)]
@@ -156,7 +150,8 @@ impl Chart {
             let [p, x, y] = self.tangents(at);
             // The point is on the curve up to rounding. Where derivatives vanish along all of it,
             // further steps would lead anywhere.
-            if norm(sub(image, p)) <= ON_CURVE * self.precision {
+            // A thousandth of the precision is rounding.
+            if norm(sub(image, p)) <= 1e-3 * self.precision {
                 return Some(at);
             }
             let slope: Point3 = std::array::from_fn(|k| x[k] * across[0] + y[k] * across[1]);
@@ -175,7 +170,8 @@ impl Chart {
     /// differ by more than about 14 degrees between three places of it.
     pub(super) fn turns(&self, [a, m, b]: [[f64; 2]; 3]) -> bool {
         let length = (a[0] - b[0]).hypot(a[1] - b[1]);
-        let share = LEAVING.min(length) / length;
+        // The step from which the direction is taken, if there is room for it.
+        let share = length.min(1e-3) / length;
         // A finite step rather than a derivative, which may vanish along the whole curve.
         let leaving = |at: [f64; 2]| {
             let beside = [at[0] + share * (a[1] - b[1]), at[1] + share * (b[0] - a[0])];
@@ -183,7 +179,7 @@ impl Chart {
             d.map(|c| c / norm(d))
         };
         let [p, q, r] = [a, m, b].map(leaving);
-        dot(p, q) < TURN || dot(q, r) < TURN
+        dot(p, q) < MIN_TURN_COSINE || dot(q, r) < MIN_TURN_COSINE
     }
     /// Returns true if the Bernstein coefficients of W on a triangle have one sign beyond rounding.
     /// Coefficients that vanish because W has a zero of the given multiplicity in the first corner
@@ -219,10 +215,10 @@ fn bernstein_base(form: &Poly) -> Vec<f64> {
     out
 }
 
-/// Minimum magnitude for a proof: below it underflow is no longer small against the bound on
+/// Minimum magnitude for a proof: below it underflow is not negligible against the bound on
 /// rounding. A coefficient takes fewer than 2¹⁸ products, each with an underflow error below
 /// 2⁻¹⁰⁷⁴, together below 2⁻¹⁰⁵⁶.
-const LEAST_SIZE: f64 = f64::from_bits((1023 - 960) << 52);
+const MIN_PROOF_MAGNITUDE: f64 = f64::from_bits((1023 - 960) << 52);
 
 /// Returns the minimum and maximum Bernstein coefficient on a triangle given by its corners, and a
 /// bound on their rounding errors, which is infinite if a coefficient is not finite. Coefficients
@@ -235,7 +231,7 @@ const LEAST_SIZE: f64 = f64::from_bits((1023 - 960) << 52);
 /// sum of three. So its relative error is θ with |θ| ≤ γ₃ₙ₊₁, where γₖ = k u/(1 − k u) (N. Higham,
 /// *Accuracy and Stability of Numerical Algorithms*, 2002, lemma 3.1), and the error of the
 /// coefficient is at most γ₃ₙ₊₁ M with M the sum of the absolute values of the terms. The magnitude
-/// that is computed along with it follows the same steps without cancellation, so that M ≤ (1 +
+/// that is computed along with it follows these steps without cancellation, so that M ≤ (1 +
 /// 2γ₃ₙ₊₁) magnitude. Both together are less than (3n + 2) u magnitude for all degrees of maps; 4 ε
 /// (n + 2) = (8n + 16) u is more than twice that, which covers the rounding of this product and of
 /// comparisons.
@@ -253,7 +249,7 @@ fn bernstein_range(
         is_known &= magnitude.is_finite();
     });
     let error = 4.0 * f64::EPSILON * (n + 2) as f64 * size;
-    match is_known && size >= LEAST_SIZE {
+    match is_known && size >= MIN_PROOF_MAGNITUDE {
         true => (lo, hi, error),
         false => (lo, hi, f64::INFINITY),
     }
@@ -305,11 +301,8 @@ fn each_coefficient(
     }
 }
 
-/// Bisections in the proof that a polynomial in two variables keeps its sign.
-const BISECTIONS: usize = 6;
-
 /// A triangle in the proof that a polynomial keeps its sign.
-struct Part {
+struct ProofTriangle {
     corners: [[f64; 2]; 3],
     /// True if the first corner is the origin.
     at_origin: bool,
@@ -317,7 +310,7 @@ struct Part {
     depth: usize,
 }
 
-impl Part {
+impl ProofTriangle {
     /// Divides the triangle: into one nearer to the origin and two others, or into halves at the
     /// longest edge.
     fn divided(&self) -> Vec<Self> {
@@ -362,10 +355,11 @@ fn bernstein_of(form: &Form) -> (Vec<f64>, usize) {
 pub(super) fn keeps_sign_on(form: &Form, corners: [[f64; 2]; 3], at_origin: bool) -> bool {
     let (base, n) = bernstein_of(form);
     let mut signs = [false; 2];
-    let mut stack = vec![Part {
+    let mut stack = vec![ProofTriangle {
         corners,
         at_origin,
-        depth: BISECTIONS,
+        // At most six bisections.
+        depth: 6,
     }];
     while let Some(part) = stack.pop() {
         let places = part.corners.map(|[u, v]| [u, v, 1.0]);
@@ -434,7 +428,7 @@ mod tests {
     use isoform_algebra::{IBig, UBig};
 
     /// Number of cells on which the bound on rounding is tested.
-    const CELLS: usize = 100_000;
+    const TEST_CELL_COUNT: usize = 100_000;
 
     /// Converts a double to an integer multiple of 2^−`shift`.
     fn scaled(x: f64, shift: usize) -> IBig {
@@ -528,7 +522,7 @@ mod tests {
     fn the_bound_on_rounding_holds() {
         let mut random = fastrand::Rng::with_seed(20_261_123);
         let (mut cells, mut certified, mut worst) = (0, 0, 0.0f64);
-        while cells < CELLS {
+        while cells < TEST_CELL_COUNT {
             let quadrant = QUADRANTS[random.usize(0..4)].map(|s| s as f64);
             let (w, center) = attacked(&mut random, quadrant);
             if w.is_zero() {
@@ -571,7 +565,7 @@ mod tests {
         // A test that comes nowhere near the bound, or near zeros, would prove nothing.
         assert!(worst > 0.02, "{worst} of the bound");
         assert!(
-            (CELLS / 10..9 * CELLS / 10).contains(&certified),
+            (TEST_CELL_COUNT / 10..9 * TEST_CELL_COUNT / 10).contains(&certified),
             "{certified}"
         );
     }

@@ -2,31 +2,10 @@
 
 use super::contraction::contract_flat;
 use super::geometry::distance;
+use super::triangles::{COINCIDENCE_DISTANCE, corners, is_flat, keep, leave_out};
 use crate::finding::Finding;
 use crate::surface::{Point3, Surface};
-use isoform_geom::{cross, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
-
-/// The distance from the box, per half its width, that vertices may have for rounding.
-const OUTSIDE: f64 = 1e-9;
-
-/// Twice the area below which a triangle has none, per squared half width of the box: rounding of
-/// its corners makes as much of a triangle of no area.
-const FLAT: f64 = 2e-14;
-/// Vertices that each one is compared with at most: a plane across the axis may hold all of them.
-const MOST_NEAR: usize = 1000;
-/// Distance below which two vertices coincide, in half widths of the box.
-pub(super) const UPON: f64 = 4e-9;
-
-pub(super) fn corners(s: &Surface, t: &[u32; 3]) -> [Point3; 3] {
-    t.map(|v| s.points[v as usize])
-}
-pub(super) fn normal([p, q, r]: [Point3; 3]) -> Point3 {
-    cross(sub(q, p), sub(r, p))
-}
-pub(super) fn is_flat(at: [Point3; 3], half_width: f64) -> bool {
-    norm(normal(at)) < FLAT * half_width * half_width
-}
 
 /// Checks that the surface stays in the box and ends on its faces only, that no edge outside of the
 /// double curve has more than two triangles, and that the winding is consistent.
@@ -38,12 +17,17 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
     let has_no_area = |t: &&[u32; 3]| is_flat(corners(s, t), half_width);
     let flat = s.triangles.iter().filter(has_no_area).count();
     if glued {
-        let twice = upon_each_other(s, uses.keys().flatten().copied(), UPON * half_width);
+        let twice = count_coincident(
+            s,
+            uses.keys().flatten().copied(),
+            COINCIDENCE_DISTANCE * half_width,
+        );
         if twice > 0 {
-            s.findings.push(Finding::UponEachOther(twice));
+            s.findings.push(Finding::CoincidentVertices(twice));
         }
     }
-    let is_outside = |p: &&Point3| p.iter().any(|x| x.abs() > (1.0 + OUTSIDE) * half_width);
+    // Vertices may lie outside by 1e-9 half widths for rounding.
+    let is_outside = |p: &&Point3| p.iter().any(|x| x.abs() > (1.0 + 1e-9) * half_width);
     let outside = s.points.iter().filter(is_outside).count();
     let counts = [
         (outside, Finding::OutsideBox(outside)),
@@ -57,7 +41,7 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
 }
 
 /// Returns the number of pairs of vertices that are nearer to each other than a distance.
-fn upon_each_other(s: &Surface, vertices: impl Iterator<Item = u32>, close: f64) -> usize {
+fn count_coincident(s: &Surface, vertices: impl Iterator<Item = u32>, close: f64) -> usize {
     // In the order along one axis, points that are near to each other are near, too.
     let used: BTreeSet<u32> = vertices.collect();
     let mut points: Vec<Point3> = used.iter().map(|&v| s.points[v as usize]).collect();
@@ -66,7 +50,9 @@ fn upon_each_other(s: &Surface, vertices: impl Iterator<Item = u32>, close: f64)
         let after = points[i + 1..]
             .iter()
             .take_while(|q| q[0] - points[i][0] < close)
-            .take(MOST_NEAR);
+            // A plane across the axis may contain all vertices; the number of comparisons is
+            // bounded.
+            .take(1000);
         after.filter(|q| distance(points[i], **q) < close).count()
     };
     (0..points.len()).map(near).sum()
@@ -94,18 +80,6 @@ pub(super) fn pinched(s: &Surface) -> usize {
         !left.is_empty()
     };
     around.iter().filter(is_pinched).count()
-}
-
-/// Removes all triangles except some, with their data.
-pub(super) fn keep(s: &mut Surface, is_kept: impl Fn(&Surface, &[u32; 3]) -> bool) {
-    let kept: Vec<usize> = (0..s.triangles.len())
-        .filter(|&k| is_kept(s, &s.triangles[k]))
-        .collect();
-    s.triangles = kept.iter().map(|&k| s.triangles[k]).collect();
-    s.charts = kept.iter().map(|&k| s.charts[k]).collect();
-    s.corners = kept.iter().map(|&k| s.corners[k]).collect();
-    s.borders = kept.iter().map(|&k| s.borders[k]).collect();
-    s.pieces = kept.iter().map(|&k| s.pieces[k]).collect();
 }
 
 /// Removes vertices without a position and the triangles at them, and adds a finding.
@@ -163,24 +137,6 @@ fn hand_on_borders(s: &mut Surface) {
             bits[j] |= side;
         }
     }
-}
-
-/// Removes vertices that no triangle uses.
-pub(super) fn leave_out(s: &mut Surface, left_out: &[bool]) {
-    let kept = |v: &usize| !left_out[*v];
-    let vertices: Vec<usize> = (0..s.points.len()).filter(kept).collect();
-    let mut new = vec![0; s.points.len()];
-    for (n, &v) in vertices.iter().enumerate() {
-        new[v] = n as u32;
-    }
-    let corners = s.triangles.iter_mut().flatten();
-    corners.for_each(|v| *v = new[*v as usize]);
-    s.winding
-        .renumber(|v| (!left_out[v as usize]).then(|| new[v as usize]));
-    s.points = vertices.iter().map(|&v| s.points[v]).collect();
-    s.kinds = vertices.iter().map(|&v| s.kinds[v]).collect();
-    s.faces = vertices.iter().map(|&v| s.faces[v]).collect();
-    s.double = vertices.iter().map(|&v| s.double[v]).collect();
 }
 
 /// Removes collapsed triangles, and triangles without area as far as their short edges can be

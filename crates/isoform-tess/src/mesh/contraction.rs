@@ -7,22 +7,17 @@
 //! homeomorphism if the common neighbours of the two vertices are just the corners opposite of the
 //! edge (T. K. Dey and others, *Topology preserving edge contraction*, 1999).
 
-use super::closing::{UPON, corners, is_flat, keep, leave_out, normal};
 use super::geometry::distance;
+use super::triangles::{COINCIDENCE_DISTANCE, corners, is_flat, keep, leave_out, normal};
 use crate::surface::{Kind, Point3, Surface};
 use isoform_geom::dot;
 use std::collections::BTreeSet;
 
-/// The longest edge that is contracted, in tolerances: so little that nothing else is to be proved
-/// again.
-const SHORT: f64 = 0.02;
-/// Rounds over the flat triangles: contracting one edge may leave another triangle flat.
-const ROUNDS: usize = 4;
-
 /// Contracts short edges of triangles that have no area.
 pub(super) fn contract_flat(s: &mut Surface, half_width: f64, tolerance: &dyn Fn(Point3) -> f64) {
     let mut gone = vec![false; s.points.len()];
-    for _ in 0..ROUNDS {
+    // Contracting one edge may leave another triangle flat.
+    for _ in 0..4 {
         let flat: Vec<usize> = (0..s.triangles.len())
             .filter(|&k| is_narrow(corners(s, &s.triangles[k]), half_width))
             .collect();
@@ -60,7 +55,7 @@ fn remove(s: &mut Surface, dead: &BTreeSet<usize>) {
 /// Returns true if a triangle has no area, or if two of its corners coincide.
 fn is_narrow(at: [Point3; 3], half_width: f64) -> bool {
     let [p, q, r] = at;
-    let near = |a: Point3, b: Point3| distance(a, b) < UPON * half_width;
+    let near = |a: Point3, b: Point3| distance(a, b) < COINCIDENCE_DISTANCE * half_width;
     is_flat(at, half_width) || near(p, q) || near(q, r) || near(r, p)
 }
 
@@ -191,7 +186,8 @@ fn may_move(
     let target = s.points[to as usize];
     if s.kinds[from as usize] != Kind::Ordinary
         || s.double[from as usize]
-        || distance(s.points[from as usize], target) > SHORT * tolerance(target)
+        // Contracting a longer edge would invalidate the proofs about its triangles.
+        || distance(s.points[from as usize], target) > 0.02 * tolerance(target)
     {
         return false;
     }
@@ -274,7 +270,7 @@ mod tests {
 
     /// Four vertices coincide: each contraction but the last one leaves flat triangles.
     #[test]
-    fn vertices_upon_each_other_become_one() {
+    fn coincident_vertices_become_one() {
         let mut s = fan(1e-6, Kind::Ordinary);
         let near = s.points[4];
         for v in [5, 6] {

@@ -1,6 +1,6 @@
 //! Curves of the parameters, other than those from the box, by which a region is decomposed.
 
-use super::traced::Traced;
+use super::traced::TracedCurve;
 use crate::analysis::Analysis;
 use crate::deck::Deck;
 use crate::double::Fibres;
@@ -28,7 +28,7 @@ pub(crate) struct Curves {
     /// Fibres, which distinguish a real parameter alone from one that meets conjugate ones.
     pub(super) fibres: Option<Fibres>,
     /// The double curve, if it was traced and is not to be decomposed.
-    pub(super) traced: Option<Traced>,
+    pub(super) traced: Option<TracedCurve>,
 }
 
 impl Curves {
@@ -39,7 +39,7 @@ impl Curves {
         deck: Option<Deck>,
         pinches: Vec<[f64; 3]>,
         fibres: Option<Fibres>,
-        traced: Option<Traced>,
+        traced: Option<TracedCurve>,
     ) -> Self {
         let is_fold = |c: &Poly| deck.as_ref().is_some_and(|d| d.folds.curves.contains(c));
         let mut found = Self {
@@ -115,13 +115,13 @@ impl Curves {
         self.traced.is_some()
     }
     /// Replaces double curves of parameters by traced arcs.
-    pub(crate) fn trace(&mut self, traced: Option<Traced>) {
+    pub(crate) fn trace(&mut self, traced: Option<TracedCurve>) {
         self.traced = traced;
         self.double.clear();
         self.double_sides = [false; 3];
     }
     /// Replaces traced arcs by double curves of parameters, and returns the arcs.
-    pub(crate) fn decompose(&mut self, analysis: &Analysis) -> Option<Traced> {
+    pub(crate) fn decompose(&mut self, analysis: &Analysis) -> Option<TracedCurve> {
         let curves = analysis.singular.as_ref().map_or(&[][..], |s| &s.curves);
         for c in curves.iter().filter(|c| c.is_double_arc()) {
             self.add_double(&c.curve);

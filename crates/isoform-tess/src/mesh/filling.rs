@@ -14,9 +14,9 @@
 use super::names::{Name, Ray, key};
 use super::opening::SeamId;
 use super::strips::{PathVertex, around, between};
-use super::unit::{Joined, Made};
+use super::surface_builder::{NewTriangle, SurfaceBuilder};
 use crate::fan::{Direction, Fan};
-use crate::region::FOLD;
+use crate::region::FOLD_BIT;
 use crate::surface::{Kind, Point3};
 
 /// Part of a unit triangle between two rays of a base point, from the rectangle to the seam.
@@ -39,7 +39,7 @@ struct Paths {
 }
 
 /// Triangulates a strip.
-pub(super) fn fill(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Vec<Made> {
+pub(super) fn fill(q: usize, strip: &Strip, joined: &mut SurfaceBuilder<'_>) -> Vec<NewTriangle> {
     let paths = paths(q, strip, joined);
     let (glued, apex) = (joined.glued, strip.apex);
     let fan = &glued.openings.fans[strip.fan];
@@ -51,8 +51,8 @@ pub(super) fn fill(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Vec<Made
     let is_straight = !fan.is_tree() || chart.keeps_sign([apex, a, b], fan.multiplicity);
     let folded = folded(strip, &paths, joined);
     let is_folded = |v: PathVertex| folded.iter().any(|&f| joined.are_one(f, v.0));
-    let border = |v: PathVertex| if is_folded(v) { FOLD } else { 0 };
-    let made = |t: [PathVertex; 3]| Made {
+    let border = |v: PathVertex| if is_folded(v) { FOLD_BIT } else { 0 };
+    let made = |t: [PathVertex; 3]| NewTriangle {
         vertices: t.map(|v| v.0),
         corners: t.map(|v| if is_straight { v.1 } else { apex }),
         borders: t.map(border),
@@ -60,7 +60,7 @@ pub(super) fn fill(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Vec<Made
     triangles.into_iter().map(made).collect()
 }
 
-fn paths(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Paths {
+fn paths(q: usize, strip: &Strip, joined: &mut SurfaceBuilder<'_>) -> Paths {
     let [mut first, second] = [0, 1].map(|i| path(q, strip, i, joined));
     let seams = [&first, &second].map(|path| path[path.len() - 1].0);
     // The strip leads from one seam to another one.
@@ -83,7 +83,7 @@ fn on_ray(
     strip: &Strip,
     i: usize,
     d: &Direction,
-    joined: &mut Joined<'_>,
+    joined: &mut SurfaceBuilder<'_>,
 ) -> Vec<PathVertex> {
     let openings = joined.glued.openings;
     let (ray, (vertex, at)) = (strip.rays[i], strip.ends[i]);
@@ -102,7 +102,7 @@ fn on_ray(
 }
 
 /// Returns the vertices of a ray from the rectangle to the seam, including those on a double curve.
-fn path(q: usize, strip: &Strip, i: usize, joined: &mut Joined<'_>) -> Vec<PathVertex> {
+fn path(q: usize, strip: &Strip, i: usize, joined: &mut SurfaceBuilder<'_>) -> Vec<PathVertex> {
     let glued = joined.glued;
     let (ray, (vertex, at)) = (strip.rays[i], strip.ends[i]);
     let mut path = vec![strip.ends[i]];
@@ -122,7 +122,12 @@ fn path(q: usize, strip: &Strip, i: usize, joined: &mut Joined<'_>) -> Vec<PathV
 }
 
 /// Returns the vertex of the seam in a direction.
-fn seam_end(strip: &Strip, d: &Direction, at: [f64; 2], joined: &mut Joined<'_>) -> PathVertex {
+fn seam_end(
+    strip: &Strip,
+    d: &Direction,
+    at: [f64; 2],
+    joined: &mut SurfaceBuilder<'_>,
+) -> PathVertex {
     let glued = joined.glued;
     let (place, point, faces) = glued.openings.seam_vertex(strip.fan, d);
     let name = glued.gluing.name(&key(place, 0, at)).unwrap_or(place);
@@ -142,7 +147,7 @@ fn seam_end(strip: &Strip, d: &Direction, at: [f64; 2], joined: &mut Joined<'_>)
 
 /// Returns the vertices of a strip in which the surface ends: on seams and rays along which it is
 /// folded.
-fn folded(strip: &Strip, paths: &Paths, joined: &Joined<'_>) -> Vec<u32> {
+fn folded(strip: &Strip, paths: &Paths, joined: &SurfaceBuilder<'_>) -> Vec<u32> {
     let openings = joined.glued.openings;
     let mut folded: Vec<u32> = Vec::new();
     for (k, path) in [&paths.first, &paths.second].into_iter().enumerate() {
@@ -181,7 +186,7 @@ fn triangles(
     strip: &Strip,
     fan: &Fan,
     Paths { first, second, .. }: &Paths,
-    joined: &Joined<'_>,
+    joined: &SurfaceBuilder<'_>,
 ) -> Vec<[PathVertex; 3]> {
     let points = &joined.surface.points;
     let mut made = beside_rectangle(strip, [first, second], points);

@@ -7,11 +7,6 @@
 use crate::surface::Point3;
 use std::collections::BTreeMap;
 
-/// Cells along the box.
-const CELLS: f64 = 128.0;
-/// Divisions by four at most.
-const MOST: u8 = 6;
-
 /// Number of divisions of the tolerance by four, by cells of space.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Fineness {
@@ -19,7 +14,8 @@ pub(crate) struct Fineness {
 }
 
 fn cell(p: Point3, half_width: f64) -> [i32; 3] {
-    p.map(|x| (0.5 * CELLS * (x / half_width)).floor() as i32)
+    // The box has 128 cells along each edge.
+    p.map(|x| (0.5 * 128.0 * (x / half_width)).floor() as i32)
 }
 
 impl Fineness {
@@ -38,7 +34,8 @@ impl Fineness {
         }
         for cell in cells {
             let level = self.levels.entry(cell).or_default();
-            *level = (*level + 1).min(MOST);
+            // Cells are divided by four up to six times.
+            *level = (*level + 1).min(6);
         }
     }
     /// Returns the factor of the tolerance at a point.

@@ -14,15 +14,6 @@ impl Openings<'_> {
     /// itself. A seam that coincides with a curve of parameters lacks a partner, which is noticed
     /// when they are joined.
     pub(super) fn folded_seams(&self) -> BTreeSet<SeamId> {
-        /// The distance from another seam that one of the points of a seam has to have, per half
-        /// width of the box, for the two to be different curves: more than rounding and the
-        /// distance of the other points of the seam.
-        const APART: f64 = 1e-2;
-        /// The number of points of a seam whose distances from another seam are taken.
-        const FEW: usize = 7;
-        /// The number of points that stand for the other seam: close enough together for a point
-        /// between two of them not to be apart.
-        const MANY: usize = 700;
         let Some(deck) = self
             .atlas
             .region
@@ -42,12 +33,15 @@ impl Openings<'_> {
             .collect();
         let points = |s: SeamId, count| self.fans[s.fan].seam_points(s.node, count);
         let is_apart = |a, b| {
-            let all = points(b, MANY);
+            // Dense enough for a point of the other curve to be near one of them.
+            let all = points(b, 700);
             let far = |p: &Point3| {
                 all.iter()
-                    .all(|q| distance(*p, *q) > APART * self.atlas.half_width)
+                    // Seams farther apart than rounding and the spacing of the points of the other
+                    // seam are different curves.
+                    .all(|q| distance(*p, *q) > 1e-2 * self.atlas.half_width)
             };
-            a == b || points(a, FEW).iter().any(far)
+            a == b || points(a, 7).iter().any(far)
         };
         // Exactly known for base points without infinitely near ones.
         let is_known = |a: SeamId| a.node == 0 && deck.folded.contains(&a.fan);

@@ -10,15 +10,15 @@ mod partners;
 mod pieces;
 mod settling;
 
-use super::closing::UPON;
 use super::geometry::distance;
 use super::names::{ClassId, Key, Name, Node, Ray};
 use super::opening::Openings;
 use super::sides::Sides;
+use super::triangles::COINCIDENCE_DISTANCE;
 use crate::double::Fibres;
 use crate::finding::{Finding, Phase};
 use crate::surface::{DoubleArc, Point3};
-use pieces::{Piece, Pieces};
+use pieces::{CurvePiece, CurvePieces};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Curve in the drawing to which a piece of the double curve belongs.
@@ -34,12 +34,12 @@ pub(super) enum Track {
     Seam(usize, usize),
 }
 
-/// Distance from its neighbours on a piece within which a vertex is left out, in half widths of the
-/// box: eight times that of coincident vertices.
-pub(super) const CROWDED: f64 = 8.0;
-/// Distance up to which two images are one, in half widths of the box. Newton's method brings
-/// partners ten times closer, and sheets nearer than this cannot be distinguished.
-const CLOSE: f64 = 1e-9;
+/// Ratio of the distance from its neighbours on a piece within which a vertex is left out to the
+/// distance of coincident vertices.
+pub(super) const CROWDING_FACTOR: f64 = 8.0;
+/// Distance up to which two images are identified, in half widths of the box. Newton's method
+/// brings partners ten times closer, and sheets nearer than this cannot be distinguished.
+const SAME_IMAGE_DISTANCE: f64 = 1e-9;
 
 /// A vertex between a rectangle and a seam: its class and parameters.
 type SpokeVertex = (ClassId, [f64; 2]);
@@ -131,7 +131,7 @@ impl Openings<'_> {
         fibres: Option<&Fibres>,
     ) -> Gluing {
         let mut gluing = Gluing::default();
-        let mut pieces = Pieces::new(self, sides);
+        let mut pieces = CurvePieces::new(self, sides);
         pieces.add_pinches(pinches);
         for fixed in [true, false] {
             if !pieces.join_all(fixed, &mut gluing) {
@@ -145,7 +145,7 @@ impl Openings<'_> {
     }
 }
 
-impl Pieces<'_> {
+impl CurvePieces<'_> {
     /// Gives classes to all vertices without one, either to the fixed or to the other ones. Returns
     /// false if stopped.
     fn join_all(&mut self, fixed: bool, gluing: &mut Gluing) -> bool {
@@ -172,11 +172,11 @@ impl Pieces<'_> {
 
     /// Returns true if a vertex nearly coincides with one next to it, so that it is better left
     /// out.
-    fn is_crowded(&self, piece: &Piece, j: usize) -> bool {
+    fn is_crowded(&self, piece: &CurvePiece, j: usize) -> bool {
         let near = |k: usize| {
             piece.knots.get(k).is_some_and(|other| {
                 distance(other.image, piece.knots[j].image)
-                    < CROWDED * UPON * self.open.atlas.half_width
+                    < CROWDING_FACTOR * COINCIDENCE_DISTANCE * self.open.atlas.half_width
             })
         };
         near(j.wrapping_sub(1)) || near(j + 1)

@@ -7,16 +7,16 @@
 //! − x|, found by the Gauss–Newton method.
 
 use super::chart::Chart;
-use super::closing::UPON;
 use super::geometry::{distance, longest};
 use super::places::{in_plane, place_in};
+use super::triangles::COINCIDENCE_DISTANCE;
 use crate::map::Map;
 use crate::surface::{Point3, Surface};
 use isoform_geom::{cross, dot, sub};
 
 /// Place at which a further vertex is inserted.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Place {
+pub(crate) struct InsertionPlace {
     /// Unit triangle.
     pub(super) quadrant: usize,
     /// Parameters in the unit triangle.
@@ -24,16 +24,6 @@ pub(crate) struct Place {
     /// Face of the box on which the vertex lies, as a bit; 0 if it is on no face.
     pub(super) faces: u8,
 }
-
-/// The distance of sheets up to which they get each other's vertices, per longest edge of the
-/// triangles that cross: sheets farther apart are not parallel, and vertices of one say nothing
-/// about the other.
-const CLOSE: f64 = 0.2;
-/// The most steps of Newton's method towards the foot of a perpendicular, each of which gains
-/// digits.
-const STEPS: usize = 8;
-/// The length in the parameters of the last step: vertices need not be at the foot to rounding.
-const STILL: f64 = 1e-9;
 
 /// Two triangles that cross.
 #[derive(Clone, Copy, Debug)]
@@ -51,15 +41,15 @@ pub(crate) fn matching(
     half_width: f64,
     surface: &Surface,
     pairs: &[Crossing],
-) -> Vec<Place> {
-    let sheets = Sheets {
+) -> Vec<InsertionPlace> {
+    let sheets = SheetMatcher {
         charts: std::array::from_fn(|q| Chart::new(map, q, half_width)),
         half_width,
         surface,
     };
     let found = pairs.iter().flat_map(|pair| sheets.feet(pair));
     // Of coincident places one suffices.
-    let mut places: Vec<(Place, Point3)> = Vec::new();
+    let mut places: Vec<(InsertionPlace, Point3)> = Vec::new();
     for (place, image) in found {
         if places.iter().all(|p| sheets.are_apart(p.1, image)) {
             places.push((place, image));
@@ -69,16 +59,16 @@ pub(crate) fn matching(
 }
 
 /// A surface, with the charts in which its sheets are evaluated.
-struct Sheets<'a> {
+struct SheetMatcher<'a> {
     charts: [Chart; 4],
     half_width: f64,
     surface: &'a Surface,
 }
 
-impl Sheets<'_> {
+impl SheetMatcher<'_> {
     /// Returns the feet of perpendiculars from the corners of two triangles to each other's sheet,
     /// and from the further vertex that both sheets get.
-    fn feet(&self, crossing: &Crossing) -> Vec<(Place, Point3)> {
+    fn feet(&self, crossing: &Crossing) -> Vec<(InsertionPlace, Point3)> {
         let surface = self.surface;
         let [a, b] = crossing.triangles;
         let mut found = Vec::new();
@@ -98,7 +88,7 @@ impl Sheets<'_> {
     }
     /// Returns the place on the sheet of a triangle nearest to a point, if it is close. If the
     /// point is on a face of the box, the place is on that face, too.
-    fn foot(&self, triangle: usize, x: Point3, faces: u8) -> Option<(Place, Point3)> {
+    fn foot(&self, triangle: usize, x: Point3, faces: u8) -> Option<(InsertionPlace, Point3)> {
         let surface = self.surface;
         let corners = surface.triangles[triangle].map(|v| surface.points[v as usize]);
         let quadrant = usize::from(surface.charts[triangle]);
@@ -109,12 +99,14 @@ impl Sheets<'_> {
             .map(|k| (quadrant + k) % 4)
             .find_map(|q| Some((q, place_in(q, there)?)))?;
         let image = self.charts[quadrant].at(at);
-        let place = Place {
+        let place = InsertionPlace {
             quadrant,
             at,
             faces,
         };
-        let is_close = distance(image, x) <= CLOSE * longest(corners);
+        // Sheets farther apart, per longest edge, are not parallel, and vertices of one do not
+        // matter to the other.
+        let is_close = distance(image, x) <= 0.2 * longest(corners);
         (is_close && self.has_room(&place, image)).then_some((place, image))
     }
     /// Returns the parameters of the place nearest to a point, in a quadrant or beyond its sides;
@@ -122,14 +114,16 @@ impl Sheets<'_> {
     fn nearest(&self, quadrant: usize, start: [f64; 2], x: Point3, faces: u8) -> Option<[f64; 2]> {
         let mut at = start;
         let mut last = f64::INFINITY;
-        for _ in 0..STEPS {
+        // Newton steps towards the foot of the perpendicular, each of which gains digits.
+        for _ in 0..8 {
             let step = self.step(quadrant, at, x, faces)?;
             let length = step[0].hypot(step[1]);
             if length.is_nan() || length > 2.0 * last {
                 return None;
             }
             at = [at[0] + step[0], at[1] + step[1]];
-            if length <= STILL {
+            // Vertices need not be at the foot to rounding.
+            if length <= 1e-9 {
                 break;
             }
             last = length;
@@ -138,7 +132,7 @@ impl Sheets<'_> {
     }
     /// Returns true if a vertex may be inserted at a place: in the unit triangle, in the box, and
     /// distinct from all other vertices.
-    fn has_room(&self, &Place { at, faces, .. }: &Place, image: Point3) -> bool {
+    fn has_room(&self, &InsertionPlace { at, faces, .. }: &InsertionPlace, image: Point3) -> bool {
         let is_inside = at[0] > 0.0 && at[1] > 0.0 && at[0] + at[1] < 1.0;
         let is_in_box = faces > 0 || image.iter().all(|x| x.abs() < self.half_width);
         is_inside
@@ -152,7 +146,7 @@ impl Sheets<'_> {
     /// Returns true if two points would not be coincident vertices, which are worse than crossing
     /// triangles.
     fn are_apart(&self, a: Point3, b: Point3) -> bool {
-        distance(a, b) > 2.0 * UPON * self.half_width
+        distance(a, b) > 2.0 * COINCIDENCE_DISTANCE * self.half_width
     }
 
     /// Returns a Gauss–Newton step towards the place nearest to a point. A point on a face of the

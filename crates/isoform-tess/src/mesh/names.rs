@@ -4,13 +4,11 @@
 use super::places::{side_of, sides_of};
 use crate::fan::Key as DirectionKey;
 
-/// An image of contracted curves: an index into [`SpecialCurves::images`].
-///
-/// [`SpecialCurves::images`]: super::special::SpecialCurves
+/// Image of contracted curves: an index into the images of `SpecialCurves`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct ImageId(pub(super) usize);
 
-/// A class of vertices that are one in space: an index into [`Gluing`](super::gluing::Gluing).
+/// Class of vertices that are one in space: an index into the classes of `Gluing`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct ClassId(pub(super) usize);
 

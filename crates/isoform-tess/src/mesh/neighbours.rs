@@ -4,8 +4,8 @@
 //! it in space. Triangles whose edges have different places but equal vertices are neighbours if
 //! just two of them remain: across the border of a fundamental domain.
 
-use super::closing::leave_out;
-use super::unit::Joined;
+use super::surface_builder::SurfaceBuilder;
+use super::triangles::leave_out;
 use crate::finding::Finding;
 use crate::surface::Surface;
 use crate::winding::{CutCurve, Neighbours, Relative, sorted};
@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 /// A triangle at an edge, with true if it traverses the edge from the smaller vertex to the larger.
 type Use = (u32, bool);
 
-impl Joined<'_> {
+impl SurfaceBuilder<'_> {
     /// Returns the surface with wound triangles, and one vertex for all places that share it.
     pub(super) fn wound(mut self) -> Surface {
         let (neighbours, unknown) = self.neighbours();

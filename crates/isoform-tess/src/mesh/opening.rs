@@ -15,7 +15,7 @@ use super::geometry::distance;
 use super::names::{ImageId, Name};
 use super::places::distance2;
 use super::special::SpecialCurves;
-use super::{HALVINGS, OPEN_HALVINGS};
+use super::{MAX_BISECTIONS, MAX_OPEN_BISECTIONS};
 use crate::base::BasePoint;
 use crate::fan::{Direction, Fan};
 use crate::finding::{Finding, Phase};
@@ -27,23 +27,7 @@ pub(super) use site::{Site, SiteArc};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Maximum half width of a rectangle, in the unit triangle.
-const WIDTH: f64 = 1.0 / 16.0;
-/// The number of rounds in which rectangles are made smaller, or directions are looked at, before a
-/// base point is left rough.
-const ROUNDS: usize = 60;
-/// Largest half width where base points are infinitely near: rays differ in high powers of the
-/// width there, which has to be large for them to be told apart.
-const NEAR_WIDTH: f64 = 1.0 / 4.0;
-/// The number of times that such a rectangle is made smaller at most.
-const NEAR_ROUNDS: usize = 40;
-
-/// The distance from the place of a base point, in a unit triangle, up to which a point of a wall
-/// is that base point: both are known to rounding.
-const ONE: f64 = 1e-9;
-
-/// The distance from the image of a contracted curve, per half width of the box, up to which a
-/// point of a seam is that image, where the curve leads there.
-const AT_IMAGE: f64 = 1e-6;
+const MAX_HALF_WIDTH: f64 = 1.0 / 16.0;
 
 /// The fans of the base points.
 pub(super) struct Fans {
@@ -82,7 +66,7 @@ impl Fans {
 }
 
 /// Bits of all faces of the box; only base points are on all of them.
-pub(super) const FULL: u8 = 0b11_1111;
+pub(super) const ALL_FACES: u8 = 0b11_1111;
 
 /// A point of a wall: quadrant, wall, and index on the wall.
 pub(super) type WallPoint = (usize, usize, usize);
@@ -125,11 +109,11 @@ impl<'a> Openings<'a> {
         let mut open = Self {
             atlas,
             curves,
-            widths: vec![WIDTH; fans.len()],
+            widths: vec![MAX_HALF_WIDTH; fans.len()],
             fans,
             sites: BTreeMap::new(),
             folded: BTreeSet::new(),
-            halvings: HALVINGS,
+            halvings: MAX_BISECTIONS,
             findings,
         };
         open.folded = open.folded_seams();
@@ -141,7 +125,7 @@ impl<'a> Openings<'a> {
             }
         }
         if !problems.is_empty() {
-            open.halvings = OPEN_HALVINGS;
+            open.halvings = MAX_OPEN_BISECTIONS;
         }
         open.findings.extend(problems);
         open
@@ -160,7 +144,7 @@ impl Openings<'_> {
         for (q, t) in region.triangles.iter().enumerate() {
             for (k, wall) in t.arrangement.walls.iter().enumerate() {
                 for p in 0..wall.points.len() {
-                    if t.holds_point(k, p) && self.atlas.faces_at(q, k, p) == FULL {
+                    if t.holds_point(k, p) && self.atlas.faces_at(q, k, p) == ALL_FACES {
                         match self.site_at(q, k, p) {
                             Ok(site) => {
                                 self.sites.insert((q, k, p), site);
@@ -181,7 +165,8 @@ impl Openings<'_> {
             return Err(Finding::BasePointOnSide);
         }
         let at = self.atlas.place(q, wall, point);
-        let is_here = |f: &Fan| f.place(q).is_some_and(|x| distance2(x, at) < ONE);
+        // Both are known to rounding.
+        let is_here = |f: &Fan| f.place(q).is_some_and(|x| distance2(x, at) < 1e-9);
         let fan = self
             .fans
             .iter()
@@ -198,10 +183,14 @@ impl Openings<'_> {
         self.widths = self
             .fans
             .iter()
-            .map(|f| if f.is_tree() { NEAR_WIDTH } else { WIDTH })
+            // Rays at infinitely near base points differ in high powers of the width only, which
+            // has to be large to separate them.
+            .map(|f| if f.is_tree() { 0.25 } else { MAX_HALF_WIDTH })
             .collect();
         let mut smaller = vec![0; self.fans.len()];
-        for _ in 0..ROUNDS {
+        // In each round, rectangles shrink or directions are added; base points that need more
+        // rounds are left rough.
+        for _ in 0..60 {
             if self.atlas.control.is_stopped() {
                 return false;
             }
@@ -212,7 +201,8 @@ impl Openings<'_> {
             if too_large.is_empty() {
                 return true;
             }
-            let is_hopeless = |&f: &usize| self.fans[f].is_tree() && smaller[f] == NEAR_ROUNDS;
+            // A rectangle of a tree shrinks at most forty times.
+            let is_hopeless = |&f: &usize| self.fans[f].is_tree() && smaller[f] == 40;
             if too_large.iter().any(is_hopeless) {
                 return false;
             }
@@ -247,7 +237,7 @@ impl Openings<'_> {
         if f.is_contracted(d) {
             images.extend(self.curves.images().map(|x| x.0));
         }
-        let close = AT_IMAGE * self.atlas.half_width;
+        let close = 1e-6 * self.atlas.half_width;
         let near = |k: &ImageId| distance(self.curves.image(*k), p) <= close;
         match images.into_iter().find(near) {
             Some(k) => (Name::Image(k), self.curves.image(k), 0),

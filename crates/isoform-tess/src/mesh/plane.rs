@@ -18,11 +18,10 @@
 use super::names::Node;
 use crate::surface::Point3;
 use robust::{Coord, orient2d};
-use shape::Shape;
+use shape::TriangleShape;
 use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
 
-mod breath;
 mod collapsing;
 mod flipping;
 mod improving;
@@ -31,6 +30,7 @@ mod measure;
 mod refining;
 mod shape;
 mod splitting;
+mod step_counter;
 #[cfg(test)]
 mod tests;
 
@@ -38,16 +38,13 @@ pub(super) use measure::{Measure, Shared};
 pub(super) use shape::is_turned;
 
 /// Index in place of a neighbour beyond a border.
-const NONE: u32 = u32::MAX;
-/// Priority above which an edge is to be split.
-const SPLIT: f64 = 1.0;
-/// The least area of flipped triangles in the parameters, per square of their longest edge: three
-/// parameters on a line but for rounding are no triangle.
-const THIN: f64 = 1e-11;
+const NO_TRIANGLE: u32 = u32::MAX;
+/// Excess above which an edge is to be split.
+const SPLIT_EXCESS: f64 = 1.0;
 
 /// Remaining defects after a refinement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Ended {
+pub(super) struct RefinementDefects {
     /// Number of triangles on which the sign of W is not proved.
     pub(super) unsound: usize,
     /// Number of triangles that are not near enough to the surface.
@@ -71,7 +68,7 @@ pub(super) struct Plane {
     /// True for each edge, opposite to a corner, that is fixed.
     fixed: Vec<[bool; 3]>,
     /// Shapes of the triangles, computed by [`Self::shape_of`] on demand.
-    shapes: Vec<Cell<Option<Shape>>>,
+    shapes: Vec<Cell<Option<TriangleShape>>>,
     /// True for each triangle that the pole curve provably misses.
     sound: Vec<bool>,
     /// Edges beyond which triangles are added at the end, smaller vertex first, and the vertices at
@@ -79,7 +76,7 @@ pub(super) struct Plane {
     rim: BTreeMap<[u32; 2], Option<u32>>,
     queued: Vec<bool>,
     queue: VecDeque<u32>,
-    ended: Ended,
+    ended: RefinementDefects,
 }
 
 /// The triangle beyond an edge, with true if the edge is fixed.
@@ -111,7 +108,7 @@ fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
             sides.insert((t[(i + 1) % 3], t[(i + 2) % 3]), k as u32);
         }
     }
-    let beyond = |a: u32, b: u32| sides.get(&(b, a)).copied().unwrap_or(NONE);
+    let beyond = |a: u32, b: u32| sides.get(&(b, a)).copied().unwrap_or(NO_TRIANGLE);
     let of = |t: &[u32; 3]| [0, 1, 2].map(|i| beyond(t[(i + 1) % 3], t[(i + 2) % 3]));
     triangles.iter().map(of).collect()
 }
@@ -128,7 +125,7 @@ impl Plane {
     ) -> Self {
         let adjacent = neighbours(&triangles);
         let stays = |(t, n): (&[u32; 3], &[u32; 3])| {
-            [0, 1, 2].map(|i| n[i] == NONE || fixed(t[(i + 1) % 3], t[(i + 2) % 3]))
+            [0, 1, 2].map(|i| n[i] == NO_TRIANGLE || fixed(t[(i + 1) % 3], t[(i + 2) % 3]))
         };
         let is_sound = |t: &[u32; 3]| measure.is_sound(t.map(|v| nodes[v as usize].at));
         let rim = rim.iter().map(|&[a, b]| ([a.min(b), a.max(b)], None));
@@ -141,7 +138,7 @@ impl Plane {
             rim: rim.collect(),
             queued: vec![true; triangles.len()],
             queue: (0..triangles.len() as u32).collect(),
-            ended: Ended::default(),
+            ended: RefinementDefects::default(),
             nodes,
             triangles,
             adjacent,
@@ -186,7 +183,8 @@ impl Plane {
     }
     /// Returns true if there is room for a new triangle, and for further vertices in it.
     fn has_room(&self, t: [u32; 3]) -> bool {
-        self.is_counterclockwise(t) && self.is_thick(t, THIN)
+        // Three parameters that are collinear up to rounding form a degenerate triangle.
+        self.is_counterclockwise(t) && self.is_thick(t, 1e-11)
     }
 
     /// Returns the corner of a triangle opposite to its edge with a neighbour.
@@ -254,7 +252,7 @@ impl Plane {
         self.fixed[t as usize] = fixed;
         self.shapes[t as usize].set(None);
         for (i, &n) in n.iter().enumerate() {
-            if n != NONE {
+            if n != NO_TRIANGLE {
                 // The edge as seen from the neighbour.
                 let [a, b] = self.ends(t, i);
                 if let Some(j) = (0..3).find(|&j| self.ends(n, j) == [b, a]) {
@@ -265,7 +263,7 @@ impl Plane {
     }
     fn new_triangle(&mut self) -> u32 {
         self.triangles.push([0; 3]);
-        self.adjacent.push([NONE; 3]);
+        self.adjacent.push([NO_TRIANGLE; 3]);
         self.fixed.push([false; 3]);
         self.shapes.push(Cell::new(None));
         self.sound.push(false);
@@ -299,7 +297,7 @@ impl Plane {
     fn fault_at(&self, t: u32, i: usize) -> Option<String> {
         let [a, b] = self.ends(t, i);
         let (n, fixed) = self.beyond(t, i);
-        if n == NONE {
+        if n == NO_TRIANGLE {
             let free = !fixed;
             return free.then(|| format!("edge {a} {b} of {t} is a border, but not fixed"));
         }

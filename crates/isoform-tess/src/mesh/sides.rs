@@ -2,7 +2,7 @@
 
 use super::opening::Openings;
 use super::places::{on_side, sides_of};
-use super::{TURNS, VERTICES};
+use super::{MAX_INTERVAL_VERTICES, MAX_TURN_BISECTIONS};
 use std::collections::BTreeMap;
 
 /// A side of unit triangles: s = 0, t = 0 or w = 0, by the sign of t, s or s t.
@@ -10,9 +10,6 @@ pub(super) type SideId = (usize, i64);
 
 /// Places along each side, each with true if the interval after it belongs to the region.
 pub(super) type Sides = BTreeMap<SideId, Vec<(f64, bool)>>;
-
-/// The longest stretch of a contracted side on which there is a base point.
-const CONTRACTED: f64 = 1.0 / 16.0;
 
 /// Adds a place to a side, unless it is there already or is an end.
 pub(super) fn add_place(sides: &mut Sides, side: SideId, x: f64) {
@@ -112,7 +109,7 @@ impl<'a> Division<'a> {
     }
     fn has_room(&self, depth: usize) -> bool {
         depth < self.open.halvings
-            && self.places.len() < VERTICES
+            && self.places.len() < MAX_INTERVAL_VERTICES
             && !self.open.atlas.control.is_stopped()
     }
     /// Returns true if an interval needs no more places.
@@ -132,9 +129,11 @@ impl<'a> Division<'a> {
             return false;
         }
         let to_base = |x: &f64| (a - x).abs().min((b - x).abs());
-        let near = self.bases.iter().map(to_base).fold(CONTRACTED, f64::min);
+        // A contracted side with a base point has intervals of at most this length.
+        let near = self.bases.iter().map(to_base).fold(1.0 / 16.0, f64::min);
         let chart = &self.open.atlas.charts[self.quadrants[0]];
-        b - a > near || depth < TURNS && chart.turns([a, 0.5 * (a + b), b].map(|x| self.on(x)))
+        b - a > near
+            || depth < MAX_TURN_BISECTIONS && chart.turns([a, 0.5 * (a + b), b].map(|x| self.on(x)))
     }
 }
 

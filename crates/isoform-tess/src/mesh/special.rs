@@ -12,13 +12,8 @@ use isoform_algebra::{Poly, RBig};
 use isoform_geom::{cross, norm};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Images nearer to each other than this, per half width of the box, are one: they are algebraic
-/// numbers that have been rounded.
-const ONE: f64 = 1e-12;
-/// Value of a form, relative to the size of its terms, up to which it is zero.
-const ZERO: f64 = 1e-7;
-/// The sine of the angle between two parameters (s : t : w) that are one.
-const ONE_PARAMETER: f64 = 1e-9;
+/// Magnitude of a form, relative to the size of its terms, up to which it is zero.
+const MAX_ZERO_RATIO: f64 = 1e-7;
 
 /// Roles of the factors of the region, and of the lines s = 0, t = 0, w = 0, besides poles and
 /// faces of the box: contracted curves, double curves and cuspidal edges.
@@ -69,7 +64,10 @@ impl<'a> SpecialCurves<'a> {
     /// Finds out which of the lines s = 0, t = 0, w = 0 the map contracts to a point.
     fn find_contracted_lines(&mut self, map: &Map) {
         for side in 0..3 {
-            let on: [Poly; 4] = map.forms().each_ref().map(|f| f.set(side, &RBig::ZERO));
+            let on: [Poly; 4] = map
+                .forms()
+                .each_ref()
+                .map(|f| f.set(side, &RBig::ZERO));
             let rest: Vec<&Poly> = on.iter().filter(|f| !f.is_zero()).collect();
             if rest.windows(2).all(|w| w[0].is_associate(w[1])) {
                 let [x, y, z, w] = on
@@ -106,14 +104,15 @@ impl<'a> SpecialCurves<'a> {
 
     /// Returns the index of an image, which is added if it is new.
     fn image_of(&mut self, p: Point3) -> ImageId {
-        let close = ONE * self.atlas.half_width;
+        // Images are rounded algebraic numbers.
+        let close = 1e-12 * self.atlas.half_width;
         let known = self.images.iter().position(|&q| distance(p, q) <= close);
         ImageId(known.unwrap_or_else(|| {
             self.images.push(p);
             self.images.len() - 1
         }))
     }
-    /// All images.
+    /// Returns all images.
     pub(super) fn images(&self) -> impl ExactSizeIterator<Item = (ImageId, Point3)> {
         let numbered = self.images.iter().enumerate();
         numbered.map(|(k, &p)| (ImageId(k), p))
@@ -178,11 +177,11 @@ impl<'a> SpecialCurves<'a> {
     pub(super) fn leads_to(&self, image: ImageId, p: [f64; 3]) -> bool {
         let is_on = |q: [f64; 3]| {
             let size = norm(q);
-            let on_side =
-                (0..3).any(|k| self.on_side[k] == Some(image) && q[k].abs() <= ZERO * size);
+            let on_side = (0..3)
+                .any(|k| self.on_side[k] == Some(image) && q[k].abs() <= MAX_ZERO_RATIO * size);
             let is_zero = |f: usize| {
                 let (x, size) = value(&self.atlas.region.factors[f], q);
-                x.abs() <= ZERO * size
+                x.abs() <= MAX_ZERO_RATIO * size
             };
             let mut factors = self.on_curve.iter().filter(|c| c.1.contains(&image));
             on_side || factors.any(|c| is_zero(*c.0))
@@ -205,7 +204,7 @@ impl<'a> SpecialCurves<'a> {
     /// Returns true if two parameters with one image may have one vertex: if sheets that cross are
     /// not joined, only equal ones and those exchanged by deck transformations.
     pub(super) fn may_share(&self, p: [f64; 3], q: [f64; 3]) -> bool {
-        let is_one = norm(cross(p, q)) <= ONE_PARAMETER * norm(p) * norm(q);
+        let is_one = norm(cross(p, q)) <= 1e-9 * norm(p) * norm(q);
         self.glued
             || is_one
             || self

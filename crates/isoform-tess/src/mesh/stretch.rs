@@ -3,14 +3,10 @@
 use super::geometry::{distance, middle};
 use super::names::Ray;
 use super::opening::{Openings, Site, SiteArc};
-use super::{TURNS, VERTICES};
+use super::{MAX_INTERVAL_VERTICES, MAX_TURN_BISECTIONS};
 use crate::field::exact;
 use isoform_algebra::Arrangement;
 use std::collections::BTreeMap;
-
-/// The distance of the middle of a chord from its curve up to which it is fine, per tolerance:
-/// triangles beside it have to be within the tolerance.
-const SAGITTA: f64 = 0.3;
 
 /// Heights of the arcs over a slab, cached by place.
 pub(super) struct Columns<'a> {
@@ -131,7 +127,7 @@ impl Openings<'_> {
         let bit = self.atlas.region.side_of_arc(q, over.slab, i);
         let ends = [stretch.from, stretch.to];
         if let Some(line) = self.atlas.border_line(q, bit, ends, self.halvings) {
-            *in_order &= line.len() <= VERTICES
+            *in_order &= line.len() <= MAX_INTERVAL_VERTICES
                 && is_drawn_in(&line)
                 && line.windows(2).all(|w| w[0][0] < w[1][0]);
             return line;
@@ -154,7 +150,7 @@ impl Openings<'_> {
         let mut stack = vec![(from, to, 0)];
         while let Some((left, right, depth)) = stack.pop() {
             let u = 0.5 * (left[0] + right[0]);
-            let is_full = line.len() > VERTICES || self.atlas.control.is_stopped();
+            let is_full = line.len() > MAX_INTERVAL_VERTICES || self.atlas.control.is_stopped();
             is_whole &= !is_full;
             let room = left[0] < u && u < right[0] && depth < self.halvings && !is_full;
             let Some(v) = room.then(|| over.at(u, i)).flatten() else {
@@ -162,8 +158,11 @@ impl Openings<'_> {
                 continue;
             };
             let mid = [u, v];
-            let turns =
-                || is_contracted && depth < TURNS && self.atlas.charts[q].turns([left, mid, right]);
+            let turns = || {
+                is_contracted
+                    && depth < MAX_TURN_BISECTIONS
+                    && self.atlas.charts[q].turns([left, mid, right])
+            };
             // At least one bisection: a chord may meet the middle by chance.
             if depth > 1 && self.is_fine_arc(q, [left, mid, right]) && !turns() {
                 line.push(right);
@@ -179,7 +178,8 @@ impl Openings<'_> {
         let chart = &self.atlas.charts[q];
         let (p, m, r) = (chart.at(left), chart.at(mid), chart.at(right));
         let chord = [mid[0], 0.5 * (left[1] + right[1])];
-        let sagitta = SAGITTA * self.atlas.tolerance_at(m);
+        // Triangles at a chord have to be within the tolerance, too.
+        let sagitta = 0.3 * self.atlas.tolerance_at(m);
         distance(p, r) <= self.atlas.options.longest
             && distance(m, middle(p, r)) <= sagitta
             // Adjacent triangles meet the chord in the parameters, not the arc.
@@ -216,8 +216,12 @@ impl Openings<'_> {
         let mut stack = vec![(from, to, 0)];
         while let Some((x, y, depth)) = stack.pop() {
             let m = 0.5 * (x + y);
-            let turns = || is_contracted && depth < TURNS && chart.turns([x, m, y].map(|v| [u, v]));
-            let is_full = line.len() >= VERTICES || self.atlas.control.is_stopped();
+            let turns = || {
+                is_contracted
+                    && depth < MAX_TURN_BISECTIONS
+                    && chart.turns([x, m, y].map(|v| [u, v]))
+            };
+            let is_full = line.len() >= MAX_INTERVAL_VERTICES || self.atlas.control.is_stopped();
             if depth < self.halvings && !is_full && (!self.atlas.is_fine(&at, x, y) || turns()) {
                 stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
             } else {

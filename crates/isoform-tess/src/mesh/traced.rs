@@ -5,16 +5,16 @@
 //! the box's faces, and at crossings of branches: at a triple point of the surface, three arcs with
 //! two parameters each share three parameters.
 
-use super::closing::UPON;
 use super::geometry::{distance, middle};
-use super::gluing::{CROWDED, Gluing, Track};
+use super::gluing::{CROWDING_FACTOR, Gluing, Track};
 use super::names::{ClassId, Node, key, name_of};
 use super::opening::Openings;
 use super::places::{distance2, place_beside, place_on, side_of, sides_of};
 use super::sides::{Sides, add_place};
 use super::stretch::Columns;
+use super::triangles::COINCIDENCE_DISTANCE;
 use crate::finding::{Finding, Phase};
-use crate::pairs::{Arcs, Pairs, Place};
+use crate::pairs::{ArcPlace, Arcs, Pairs};
 use crate::surface::DoubleArc;
 use isoform_control::Stopped;
 use isoform_geom::dot;
@@ -22,38 +22,22 @@ use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
 /// A traced double curve, in half widths of the box.
-pub(crate) struct Traced {
+pub(crate) struct TracedCurve {
     pub(crate) pairs: Pairs,
     pub(crate) arcs: Arcs,
 }
 
-/// The most halvings of a chord between two places that were traced; an arc that needs more of
-/// them is not drawn.
-const HALVINGS: usize = 30;
-/// The length of a chord, in tolerances, up to which it stays where no place is found between its
-/// ends: next to a singular end.
-const SHORT: f64 = 0.1;
-/// The most places of an arc; one that needs more of them is not drawn.
-const PLACES: usize = 1 << 14;
 /// Distance, in the parameters of unit triangles, up to which places of different arcs are one
 /// vertex: Newton's method leaves a difference in their last digits.
-const ONE: f64 = 1e-9;
+const SAME_PLACE_DISTANCE: f64 = 1e-9;
 
-/// Rounds in which crossings are looked for: a spot that is put in moves chords, which may cross
-/// elsewhere then.
-const ROUNDS: usize = 8;
 /// Fraction of a chord next to its end in which a crossing replaces the end: otherwise two vertices
 /// there would nearly coincide.
-const NEAR_END: f64 = 0.1;
+const END_FRACTION: f64 = 0.1;
 
-/// The most steps of Newton's method towards a crossing of two arcs.
-const NEWTON_STEPS: usize = 20;
-/// The distance of two parameters, in a unit triangle, at which Newton's method ends: the arcs have
-/// met.
-const MET: f64 = 1e-13;
-/// Half the step of difference quotients along an arc, in chords: rough slopes suffice for Newton's
-/// method to gain digits in each step.
-const STEP: f64 = 1e-4;
+/// Half the step of difference quotients along an arc, in chords: slopes need few digits for
+/// Newton's method to converge.
+const DIFFERENCE_STEP: f64 = 1e-4;
 /// Range of the chord's parameter within which an arc is followed towards a crossing; beyond it
 /// Newton's method diverges.
 const BESIDE_CHORD: RangeInclusive<f64> = -0.5..=1.5;
@@ -61,18 +45,10 @@ const BESIDE_CHORD: RangeInclusive<f64> = -0.5..=1.5;
 /// ends.
 const ON_SEGMENT: RangeInclusive<f64> = -1e-9..=1.0 + 1e-9;
 
-/// The coordinates of a parameter, per its length, that are 0 but for rounding.
-const SIDE: f64 = 1e-10;
-/// The distance of an arc from a place, along v, up to which the arc goes through it.
-const ON_ARC: f64 = 1e-7;
-/// The distance in the parameters up to which a vertex of a drawn line is moved to the end of an
-/// arc, instead of a further vertex beside it.
-const BESIDE_VERTEX: f64 = 1e-8;
-
 /// A place on an arc, as two vertices.
 #[derive(Clone, Copy, Debug)]
-struct Spot {
-    place: Place,
+struct ArcVertex {
+    place: ArcPlace,
     /// Homogeneous coordinates (s : t : w) of both parameters.
     parameters: [[f64; 3]; 2],
     /// Faces of the box on which it lies, as bits.
@@ -120,13 +96,18 @@ impl Chord {
     }
     /// Returns true if two chords cross elsewhere than in a common end.
     fn crosses(&self, other: &Self) -> bool {
-        let is_shared = |x: &[f64; 2]| other.ends.iter().any(|y| distance2(*x, *y) < 10.0 * ONE);
+        let is_shared = |x: &[f64; 2]| {
+            other
+                .ends
+                .iter()
+                .any(|y| distance2(*x, *y) < 10.0 * SAME_PLACE_DISTANCE)
+        };
         !self.ends.iter().any(is_shared) && crossing(self.ends, other.ends).is_some()
     }
 }
 
 /// Returns all chords of arcs that lie in a single unit triangle, for both of their parameters.
-fn chords_of(runs: &[Vec<Spot>]) -> Vec<Chord> {
+fn chords_of(runs: &[Vec<ArcVertex>]) -> Vec<Chord> {
     let mut chords = Vec::new();
     for (run, spots) in runs.iter().enumerate() {
         for (at, w) in spots.windows(2).enumerate() {
@@ -149,7 +130,7 @@ fn chords_of(runs: &[Vec<Spot>]) -> Vec<Chord> {
 /// A piece of an arc between two successive vertices, with one of its parameters.
 struct ArcPiece<'a> {
     pairs: &'a Pairs,
-    ends: [Spot; 2],
+    ends: [ArcVertex; 2],
     /// Index of the parameter: 0 or 1.
     which: usize,
     /// Unit triangle in whose coordinates the parameter is given.
@@ -158,26 +139,26 @@ struct ArcPiece<'a> {
 
 impl ArcPiece<'_> {
     /// Returns the vertex of the arc next to a fraction of its chord.
-    fn spot(&self, t: f64) -> Option<Spot> {
+    fn spot(&self, t: f64) -> Option<ArcVertex> {
         let [from, to] = &self.ends;
-        Spot::new(self.pairs.part(&from.place, &to.place, t)?)
+        ArcVertex::new(self.pairs.part(&from.place, &to.place, t)?)
     }
     /// Returns the parameter of a vertex.
-    fn parameter(&self, spot: &Spot) -> [f64; 2] {
+    fn parameter(&self, spot: &ArcVertex) -> [f64; 2] {
         place_beside(self.q, spot.parameters[self.which])
     }
     /// Returns the derivative of the parameter by the fraction of the chord, as a difference
     /// quotient.
     fn slope(&self, t: f64) -> Option<[f64; 2]> {
-        let [a, b] = [-STEP, STEP].map(|d| self.spot(t + d));
+        let [a, b] = [-DIFFERENCE_STEP, DIFFERENCE_STEP].map(|d| self.spot(t + d));
         let (a, b) = (self.parameter(&a?), self.parameter(&b?));
-        Some([0, 1].map(|i| (b[i] - a[i]) / (2.0 * STEP)))
+        Some([0, 1].map(|i| (b[i] - a[i]) / (2.0 * DIFFERENCE_STEP)))
     }
 }
 
 /// Returns the first parameter, and the coordinate of it, that changes its sign between two
 /// vertices.
-fn side_between(a: &Spot, b: &Spot) -> Option<(usize, usize)> {
+fn side_between(a: &ArcVertex, b: &ArcVertex) -> Option<(usize, usize)> {
     let mut sides = (0..2).flat_map(|which| {
         crossed(a.parameters[which], b.parameters[which]).map(move |k| (which, k))
     });
@@ -185,9 +166,14 @@ fn side_between(a: &Spot, b: &Spot) -> Option<(usize, usize)> {
 }
 
 /// Returns the vertex between two others at which coordinate k of a parameter is 0.
-fn spot_on_side(pairs: &Pairs, a: &Spot, b: &Spot, (which, k): (usize, usize)) -> Option<Spot> {
+fn spot_on_side(
+    pairs: &Pairs,
+    a: &ArcVertex,
+    b: &ArcVertex,
+    (which, k): (usize, usize),
+) -> Option<ArcVertex> {
     let place = pairs.on_side(&a.place, &b.place, which, k)?;
-    let mut spot = Spot::new(place)?;
+    let mut spot = ArcVertex::new(place)?;
     spot.parameters[which][k] = 0.0;
     Some(spot)
 }
@@ -199,7 +185,8 @@ fn put_on_line(line: &mut Vec<[f64; 2]>, at: [f64; 2]) -> bool {
     if k == 0 || k == line.len() {
         return false;
     }
-    let near = |k: &usize| distance2(line[*k], at) < BESIDE_VERTEX;
+    // A nearer vertex of the line is moved to the end of the arc.
+    let near = |k: &usize| distance2(line[*k], at) < 1e-8;
     match [k - 1, k].into_iter().find(near) {
         Some(0) => return false,
         Some(k) if k + 1 == line.len() => return false,
@@ -209,9 +196,9 @@ fn put_on_line(line: &mut Vec<[f64; 2]>, at: [f64; 2]) -> bool {
     true
 }
 
-impl Spot {
+impl ArcVertex {
     /// Creates the vertex of a place; `None` if its parameters are not real.
-    fn new(place: Place) -> Option<Self> {
+    fn new(place: ArcPlace) -> Option<Self> {
         let image = place.image();
         let faces = (0..3)
             .filter(|&i| image[i].abs() == image[3].abs())
@@ -220,7 +207,8 @@ impl Spot {
         // A parameter on a side of the unit triangles up to rounding is moved onto the side.
         let snapped = |p: [f64; 3]| {
             let size = dot(p, p).sqrt();
-            p.map(|x| if x.abs() < SIDE * size { 0.0 } else { x })
+            // Such coordinates are 0 up to rounding.
+            p.map(|x| if x.abs() < 1e-10 * size { 0.0 } else { x })
         };
         Some(Self {
             place,
@@ -249,16 +237,16 @@ impl Spot {
 
 /// Inserts a vertex into an arc at a fraction of a chord, replacing an end that is near, unless the
 /// arc has such a vertex already.
-fn put(run: &mut Vec<Spot>, at: usize, t: f64, spot: Spot) {
-    let is_there = |s: &Spot| s.place.distance(&spot.place) < ONE;
+fn put(run: &mut Vec<ArcVertex>, at: usize, t: f64, spot: ArcVertex) {
+    let is_there = |s: &ArcVertex| s.place.distance(&spot.place) < SAME_PLACE_DISTANCE;
     let around = at.saturating_sub(1)..(at + 3).min(run.len());
     if run[around].iter().any(is_there) {
         return;
     }
     let is_free = |k: usize| k > 0 && k + 1 < run.len() && !run[k].is_fixed();
-    if t < NEAR_END && is_free(at) {
+    if t < END_FRACTION && is_free(at) {
         run[at] = spot;
-    } else if t > 1.0 - NEAR_END && is_free(at + 1) {
+    } else if t > 1.0 - END_FRACTION && is_free(at + 1) {
         run[at + 1] = spot;
     } else if (0.0..1.0).contains(&t) {
         run.insert(at + 1, spot);
@@ -266,7 +254,7 @@ fn put(run: &mut Vec<Spot>, at: usize, t: f64, spot: Spot) {
 }
 
 /// A parameter of an arc vertex in a unit triangle.
-struct SpotVertex {
+struct UnitArcVertex {
     q: usize,
     at: [f64; 2],
     spot: usize,
@@ -275,13 +263,13 @@ struct SpotVertex {
 
 /// Returns both parameters of all vertices, in all unit triangles that contain them, from left to
 /// right.
-fn vertices_of(spots: &[&mut Spot]) -> Vec<SpotVertex> {
-    let mut vertices: Vec<SpotVertex> = Vec::new();
+fn vertices_of(spots: &[&mut ArcVertex]) -> Vec<UnitArcVertex> {
+    let mut vertices: Vec<UnitArcVertex> = Vec::new();
     for (spot, s) in spots.iter().enumerate() {
         for which in 0..2 {
             let vertex = |q: usize| {
                 let at = place_on(q, s.parameters[which])?;
-                Some(SpotVertex { q, at, spot, which })
+                Some(UnitArcVertex { q, at, spot, which })
             };
             vertices.extend((0..4).filter_map(vertex));
         }
@@ -292,14 +280,14 @@ fn vertices_of(spots: &[&mut Spot]) -> Vec<SpotVertex> {
 
 /// Unites vertices with a common parameter, and makes it identical: returns a forest in which each
 /// vertex is a root, or has a smaller index as its parent.
-fn unite_near(spots: &mut [&mut Spot]) -> Vec<usize> {
+fn unite_near(spots: &mut [&mut ArcVertex]) -> Vec<usize> {
     let vertices = vertices_of(spots);
     let mut up: Vec<usize> = (0..spots.len()).collect();
     for (i, a) in vertices.iter().enumerate() {
         let near = vertices[i + 1..]
             .iter()
-            .take_while(|b| b.q == a.q && b.at[0] - a.at[0] < ONE);
-        for b in near.filter(|b| distance2(a.at, b.at) < ONE) {
+            .take_while(|b| b.q == a.q && b.at[0] - a.at[0] < SAME_PLACE_DISTANCE);
+        for b in near.filter(|b| distance2(a.at, b.at) < SAME_PLACE_DISTANCE) {
             let [x, y] = [a.spot, b.spot].map(|k| root(&up, k));
             up[x.max(y)] = x.min(y);
             spots[b.spot].parameters[b.which] = spots[a.spot].parameters[a.which];
@@ -347,8 +335,8 @@ fn crossing(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> Option<[f64; 2]> {
 
 impl Openings<'_> {
     /// Returns the vertices of all arcs that can be drawn, and the number of the others.
-    fn runs(&self, traced: &Traced) -> Result<(Vec<Vec<Spot>>, usize), Stopped> {
-        let mut runs: Vec<Vec<Spot>> = Vec::new();
+    fn runs(&self, traced: &TracedCurve) -> Result<(Vec<Vec<ArcVertex>>, usize), Stopped> {
+        let mut runs: Vec<Vec<ArcVertex>> = Vec::new();
         let mut failed = 0;
         for part in traced.arcs.real_parts() {
             match self.refined(&traced.pairs, &part) {
@@ -361,7 +349,7 @@ impl Openings<'_> {
     }
     /// Computes the vertices of a traced double curve and their partners, and adds places to the
     /// sides of the unit triangles that it crosses.
-    pub(super) fn glue_traced(&self, traced: &Traced, sides: &mut Sides) -> Gluing {
+    pub(super) fn glue_traced(&self, traced: &TracedCurve, sides: &mut Sides) -> Gluing {
         let mut gluing = Gluing::default();
         let Ok((mut runs, mut failed)) = self.runs(traced) else {
             gluing.is_stopped = true;
@@ -384,20 +372,30 @@ impl Openings<'_> {
 
     /// Subdivides an arc until both chords are near enough to the surface, with vertices on the
     /// sides of the unit triangles.
-    fn refined(&self, pairs: &Pairs, part: &[Place]) -> Option<Vec<Spot>> {
-        let mut run = vec![Spot::new(part[0])?];
+    fn refined(&self, pairs: &Pairs, part: &[ArcPlace]) -> Option<Vec<ArcVertex>> {
+        let mut run = vec![ArcVertex::new(part[0])?];
         for w in part.windows(2) {
-            self.halve(pairs, [Spot::new(w[0])?, Spot::new(w[1])?], &mut run)?;
+            self.halve(
+                pairs,
+                [ArcVertex::new(w[0])?, ArcVertex::new(w[1])?],
+                &mut run,
+            )?;
         }
         self.thin(&mut run);
         Some(run)
     }
     /// Adds the vertices after the first of two places, up to the second one, with fine chords
     /// between them; `None` if they are too many.
-    fn halve(&self, pairs: &Pairs, [from, to]: [Spot; 2], run: &mut Vec<Spot>) -> Option<()> {
+    fn halve(
+        &self,
+        pairs: &Pairs,
+        [from, to]: [ArcVertex; 2],
+        run: &mut Vec<ArcVertex>,
+    ) -> Option<()> {
         let mut stack = vec![(from, to, 0)];
         while let Some((a, b, depth)) = stack.pop() {
-            if run.len() > PLACES || depth > HALVINGS || self.atlas.control.is_stopped() {
+            // An arc that needs more places or bisections is not drawn.
+            if run.len() > (1 << 14) || depth > 30 || self.atlas.control.is_stopped() {
                 return None;
             }
             let side = side_between(&a, &b);
@@ -408,7 +406,7 @@ impl Openings<'_> {
             let on_side = side.and_then(|side| spot_on_side(pairs, &a, &b, side));
             let spot = match on_side {
                 Some(spot) => spot,
-                None => Spot::new(pairs.part(&a.place, &b.place, 0.5)?)?,
+                None => ArcVertex::new(pairs.part(&a.place, &b.place, 0.5)?)?,
             };
             stack.push((spot, b, depth + 1));
             stack.push((a, spot, depth + 1));
@@ -417,10 +415,11 @@ impl Openings<'_> {
     }
 
     /// Removes vertices whose images coincide: at singular points the map may be flat.
-    fn thin(&self, run: &mut Vec<Spot>) {
-        let image = |s: &Spot| s.place.point().map(|x| x * self.atlas.half_width);
-        let is_near = |a: &Spot, b: &Spot| {
-            distance(image(a), image(b)) < CROWDED * UPON * self.atlas.half_width
+    fn thin(&self, run: &mut Vec<ArcVertex>) {
+        let image = |s: &ArcVertex| s.place.point().map(|x| x * self.atlas.half_width);
+        let is_near = |a: &ArcVertex, b: &ArcVertex| {
+            distance(image(a), image(b))
+                < CROWDING_FACTOR * COINCIDENCE_DISTANCE * self.atlas.half_width
         };
         let mut k = 1;
         while k + 1 < run.len() {
@@ -435,12 +434,13 @@ impl Openings<'_> {
 
     /// Returns true if straight segments, also in the parameters, may replace an arc between two
     /// places.
-    fn is_chord_fine(&self, pairs: &Pairs, a: &Spot, b: &Spot) -> bool {
-        let scale = |p: &Place| p.point().map(|x| x * self.atlas.half_width);
+    fn is_chord_fine(&self, pairs: &Pairs, a: &ArcVertex, b: &ArcVertex) -> bool {
+        let scale = |p: &ArcPlace| p.point().map(|x| x * self.atlas.half_width);
         let Some(m) = pairs.part(&a.place, &b.place, 0.5) else {
             // Next to a singular end no place can be computed in between.
             let ends = [a, b].map(|s| scale(&s.place));
-            return distance(ends[0], ends[1]) < SHORT * self.atlas.tolerance_at(ends[0]);
+            // Next to a singular end, a short chord may have no place between its ends.
+            return distance(ends[0], ends[1]) < 0.1 * self.atlas.tolerance_at(ends[0]);
         };
         let (p, m, r) = (scale(&a.place), scale(&m), scale(&b.place));
         let straight = middle(p, r);
@@ -460,10 +460,11 @@ impl Openings<'_> {
 
     /// Inserts a vertex into both arcs at every crossing of chords, and returns the number of
     /// failures.
-    fn cross(&self, pairs: &Pairs, runs: &mut [Vec<Spot>]) -> usize {
+    fn cross(&self, pairs: &Pairs, runs: &mut [Vec<ArcVertex>]) -> usize {
         let mut failed = 0;
-        for _ in 0..ROUNDS {
-            let mut found: Vec<(Chord, f64, Spot)> = Vec::new();
+        // A vertex that is inserted moves chords, which may then cross elsewhere.
+        for _ in 0..8 {
+            let mut found: Vec<(Chord, f64, ArcVertex)> = Vec::new();
             for [a, b] in self.crossings(runs) {
                 match self.triple(pairs, runs, &a, &b) {
                     Some([x, y]) => found.extend([(a, x.0, x.1), (b, y.0, y.1)]),
@@ -475,7 +476,7 @@ impl Openings<'_> {
             }
             // An insertion shifts the vertices after it, so the last ones come first.
             found.sort_by(|x, y| {
-                let of = |f: &(Chord, f64, Spot)| (f.0.run, f.0.at);
+                let of = |f: &(Chord, f64, ArcVertex)| (f.0.run, f.0.at);
                 of(y).cmp(&of(x)).then(y.1.total_cmp(&x.1))
             });
             for (chord, t, spot) in found {
@@ -486,7 +487,7 @@ impl Openings<'_> {
     }
 
     /// Returns the pairs of chords that cross elsewhere than in common vertices.
-    fn crossings(&self, runs: &[Vec<Spot>]) -> Vec<[Chord; 2]> {
+    fn crossings(&self, runs: &[Vec<ArcVertex>]) -> Vec<[Chord; 2]> {
         let mut chords = chords_of(runs);
         chords.sort_by(|a, b| a.q.cmp(&b.q).then(a.low(0).total_cmp(&b.low(0))));
         let mut found = Vec::new();
@@ -505,10 +506,10 @@ impl Openings<'_> {
     fn triple(
         &self,
         pairs: &Pairs,
-        runs: &[Vec<Spot>],
+        runs: &[Vec<ArcVertex>],
         a: &Chord,
         b: &Chord,
-    ) -> Option<[(f64, Spot); 2]> {
+    ) -> Option<[(f64, ArcVertex); 2]> {
         let mut parts = crossing(a.ends, b.ends)?;
         let arcs = [a, b].map(|chord| ArcPiece {
             pairs,
@@ -516,11 +517,11 @@ impl Openings<'_> {
             which: chord.which,
             q: a.q,
         });
-        for _ in 0..NEWTON_STEPS {
+        for _ in 0..20 {
             let spots = [arcs[0].spot(parts[0])?, arcs[1].spot(parts[1])?];
             let [x, y] = [0, 1].map(|k| arcs[k].parameter(&spots[k]));
-            if distance2(x, y) < MET {
-                let [x, mut y] = spots.map(|s| Spot {
+            if distance2(x, y) < 1e-13 {
+                let [x, mut y] = spots.map(|s| ArcVertex {
                     is_crossing: true,
                     ..s
                 });
@@ -540,8 +541,8 @@ impl Openings<'_> {
     }
 
     /// Gives one class to vertices with a common parameter, and makes that identical.
-    fn classify(&self, gluing: &mut Gluing, runs: &mut [Vec<Spot>]) {
-        let mut spots: Vec<&mut Spot> = runs.iter_mut().flatten().collect();
+    fn classify(&self, gluing: &mut Gluing, runs: &mut [Vec<ArcVertex>]) {
+        let mut spots: Vec<&mut ArcVertex> = runs.iter_mut().flatten().collect();
         let up = unite_near(&mut spots);
         let mut number: BTreeMap<usize, ClassId> = BTreeMap::new();
         for (k, spot) in spots.iter_mut().enumerate() {
@@ -554,7 +555,7 @@ impl Openings<'_> {
 
     /// Adds the chords of an arc to the unit triangles, and places to their sides; returns the
     /// number of failures.
-    fn put_run(&self, gluing: &mut Gluing, run: &[Spot], sides: &mut Sides) -> usize {
+    fn put_run(&self, gluing: &mut Gluing, run: &[ArcVertex], sides: &mut Sides) -> usize {
         let mut failed = 0;
         for which in 0..2 {
             for spot in run {
@@ -581,7 +582,7 @@ impl Openings<'_> {
     }
     /// Returns the curve of the box's faces, as an arc in a unit triangle, on which a parameter of
     /// an end lies, and its place there; `None` on a side, where it is a point of a wall already.
-    fn end_on_arc(&self, end: &Spot, which: usize) -> Option<(ArcId, [f64; 2])> {
+    fn end_on_arc(&self, end: &ArcVertex, which: usize) -> Option<(ArcId, [f64; 2])> {
         let p = end.parameters[which];
         let on_arc = |q: usize| {
             let at = place_on(q, p)?;
@@ -592,7 +593,7 @@ impl Openings<'_> {
     }
     /// Inserts vertices into the curves of the box's faces where arcs end on them; returns the
     /// number of failures.
-    fn put_ends(&self, gluing: &mut Gluing, runs: &[Vec<Spot>]) -> usize {
+    fn put_ends(&self, gluing: &mut Gluing, runs: &[Vec<ArcVertex>]) -> usize {
         let mut failed = 0;
         let mut on_arcs: BTreeMap<ArcId, Vec<[f64; 2]>> = BTreeMap::new();
         let ends = runs.iter().flatten().filter(|s| s.faces > 0);
@@ -633,6 +634,6 @@ impl Openings<'_> {
         let (off, i) = drawn
             .map(|i| (far(i, &mut over), i))
             .min_by(|a, b| a.0.total_cmp(&b.0))?;
-        (off < ON_ARC).then_some(ArcId { q, slab, place: i })
+        (off < 1e-7).then_some(ArcId { q, slab, place: i })
     }
 }

@@ -2,14 +2,14 @@
 
 use super::filling::{Strip, fill};
 use super::glued::Glued;
-use super::gluing::Gluing;
 use super::in_chart::InChart;
-use super::matching::Place;
-use super::names::{ClassId, Name, Node, Ray};
-use super::plane::{Ended, Measure, Plane};
-use super::{HALVINGS, OPEN_TRIANGLES};
+use super::matching::InsertionPlace;
+use super::names::{Name, Node, Ray};
+use super::plane::{Measure, Plane, RefinementDefects};
+use super::surface_builder::{NewTriangle, SurfaceBuilder};
+use super::{MAX_BISECTIONS, MAX_OPEN_TRIANGLES};
 use crate::finding::{Finding, Phase};
-use crate::surface::{Kind, Point3, Surface};
+use crate::surface::{Kind, Surface};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
 use std::collections::BTreeMap;
 
@@ -26,102 +26,7 @@ pub(super) struct Unit {
     pub(super) findings: Vec<Finding>,
 }
 
-/// A triangle of the surface.
-pub(super) struct Made {
-    pub(super) vertices: [u32; 3],
-    /// Parameters of the vertices.
-    pub(super) corners: [[f64; 2]; 3],
-    /// Sides of the domain on which the vertices lie, as bits.
-    pub(super) borders: [u64; 3],
-}
-
-/// Full name of a vertex: a vertex without a name of its own has its quadrant and index there.
-type FullName = (Name, usize, usize);
-
-/// The surface under construction. Its vertices are places of the parameters, by name: those of
-/// different sheets stay distinct until [`Joined::wound`].
-pub(super) struct Joined<'a> {
-    pub(super) surface: Surface,
-    pub(super) glued: &'a Glued<'a>,
-    places: BTreeMap<FullName, u32>,
-    /// First place of each vertex that sheets share.
-    vertices: BTreeMap<FullName, u32>,
-    /// First place with an equal vertex, by place.
-    pub(super) first: Vec<u32>,
-    /// True for each place on the seam of a base point.
-    pub(super) on_seam: Vec<bool>,
-}
-
-impl<'a> Joined<'a> {
-    fn new(glued: &'a Glued<'a>) -> Self {
-        Self {
-            surface: Surface {
-                findings: glued.openings.findings.clone(),
-                tolerance: glued.atlas.options.tolerance,
-                ..Surface::default()
-            },
-            glued,
-            places: BTreeMap::new(),
-            vertices: BTreeMap::new(),
-            first: Vec::new(),
-            on_seam: Vec::new(),
-        }
-    }
-    fn gluing(&self) -> &'a Gluing {
-        &self.glued.gluing
-    }
-    /// Returns the place with a name, and creates it if needed with its vertex in space.
-    fn vertex(
-        &mut self,
-        place: FullName,
-        vertex: FullName,
-        make: impl FnOnce() -> (Point3, u8, Kind),
-    ) -> u32 {
-        if let Some(&known) = self.places.get(&place) {
-            return known;
-        }
-        let (surface, gluing) = (&mut self.surface, &self.glued.gluing);
-        let new = surface.points.len() as u32;
-        let first = *self.vertices.entry(vertex).or_insert(new);
-        let (point, faces, kind) = match first as usize {
-            f if first < new => (surface.points[f], surface.faces[f], surface.kinds[f]),
-            _ => make(),
-        };
-        surface.points.push(point);
-        surface.faces.push(faces);
-        let is_double = matches!(vertex.0, Name::Double(k) if gluing.is_double(k));
-        surface.double.push(is_double);
-        surface.kinds.push(kind);
-        self.first.push(first);
-        self.on_seam.push(matches!(place.0, Name::Seam(..)));
-        self.places.insert(place, new);
-        new
-    }
-    /// Returns the place with a name, with the vertex of another name, shared by all unit
-    /// triangles.
-    pub(super) fn shared(
-        &mut self,
-        [place, vertex]: [Name; 2],
-        point: Point3,
-        faces: u8,
-        kind: Kind,
-    ) -> u32 {
-        self.vertex((place, 0, 0), (vertex, 0, 0), || (point, faces, kind))
-    }
-    /// Returns the place with a name, with the vertex of a class of parameters with one image.
-    pub(super) fn class_vertex(&mut self, place: Name, class: ClassId) -> u32 {
-        let gluing = self.gluing();
-        let kind = match gluing.is_double(class) {
-            true => Kind::Double,
-            false => Kind::Ordinary,
-        };
-        let image = gluing.image(class);
-        self.shared([place, Name::Double(class)], image, 0, kind)
-    }
-    /// Returns true if two places have one vertex.
-    pub(super) fn are_one(&self, a: u32, b: u32) -> bool {
-        self.first[a as usize] == self.first[b as usize]
-    }
+impl SurfaceBuilder<'_> {
     /// Returns the place of a node of a unit triangle.
     fn node_vertex(&mut self, measure: &InChart<'_, '_>, k: u32, node: &Node) -> u32 {
         let full = |name| match name {
@@ -150,10 +55,10 @@ impl<'a> Joined<'a> {
             q,
         };
         self.surface.findings.extend(unit.findings.iter().cloned());
-        let mut made: Vec<Made> = Vec::new();
+        let mut made: Vec<NewTriangle> = Vec::new();
         for t in &plane.triangles {
             let nodes = t.map(|v| &plane.nodes[v as usize]);
-            made.push(Made {
+            made.push(NewTriangle {
                 vertices: [0, 1, 2].map(|i| self.node_vertex(&measure, t[i], nodes[i])),
                 corners: nodes.map(|n| n.at),
                 borders: nodes.map(|n| n.borders),
@@ -173,7 +78,7 @@ impl<'a> Joined<'a> {
         }
     }
     /// Adds a triangle of a unit triangle to the surface.
-    fn push(&mut self, q: usize, triangle: Made) {
+    fn push(&mut self, q: usize, triangle: NewTriangle) {
         self.surface.borders.push(triangle.borders);
         self.surface.triangles.push(triangle.vertices);
         self.surface.charts.push(q as u8);
@@ -214,7 +119,7 @@ impl<'a> Joined<'a> {
 }
 
 /// Returns the findings for the remaining defects of a refinement.
-fn complaints(ended: Ended) -> impl Iterator<Item = Finding> {
+fn complaints(ended: RefinementDefects) -> impl Iterator<Item = Finding> {
     let all = [
         (ended.unsound, Finding::SignUnproved),
         (ended.clashes, Finding::EdgesClash),
@@ -234,14 +139,14 @@ pub(super) struct Refined {
 
 impl Refined {
     /// Refines unit triangles and inserts further vertices.
-    pub(super) fn new(glued: &Glued<'_>, mut units: Vec<Unit>, further: &[Place]) -> Self {
+    pub(super) fn new(glued: &Glued<'_>, mut units: Vec<Unit>, further: &[InsertionPlace]) -> Self {
         glued.refine(&mut units);
         glued.put(further, &mut units);
         Self { units }
     }
     /// Joins the unit triangles to one surface.
     pub(super) fn joined(&self, glued: &Glued<'_>) -> Surface {
-        let mut joined = Joined::new(glued);
+        let mut joined = SurfaceBuilder::new(glued);
         for unit in &self.units {
             joined.add(unit);
         }
@@ -252,8 +157,8 @@ impl Refined {
 impl Glued<'_> {
     /// Refines unit triangles in parallel, with a common limit on their triangles.
     fn refine(&self, units: &mut [Unit]) {
-        let most = if self.openings.halvings < HALVINGS {
-            self.atlas.options.triangles.min(OPEN_TRIANGLES)
+        let most = if self.openings.halvings < MAX_BISECTIONS {
+            self.atlas.options.triangles.min(MAX_OPEN_TRIANGLES)
         } else {
             self.atlas.options.triangles
         };
@@ -282,12 +187,13 @@ impl Glued<'_> {
     }
 
     /// Inserts further vertices into unit triangles.
-    fn put(&self, places: &[Place], units: &mut [Unit]) {
+    fn put(&self, places: &[InsertionPlace], units: &mut [Unit]) {
         let most = self.atlas.options.triangles;
         units.par_iter_mut().for_each(|u| {
             let q = u.quadrant;
             let measure = InChart { glued: self, q };
-            let here: Vec<Place> = places.iter().filter(|p| p.quadrant == q).copied().collect();
+            let here: Vec<InsertionPlace> =
+                places.iter().filter(|p| p.quadrant == q).copied().collect();
             if !here.is_empty() {
                 let ended = u.plane.insert(&here, most, &measure, self.atlas.control);
                 u.findings.extend(complaints(ended));

@@ -1,52 +1,35 @@
 //! Search for the arcs of the double curve in the box.
 
-use super::real::{Place, REAL, RealPair};
+use super::real::{ArcPlace, RealPair};
 use super::section::{Expected, Section};
-use super::trace::{End, Fineness, NEAR};
+use super::trace::{ArcEnd, Fineness, SNAP_DISTANCE};
 use super::{Pair, Pairs, between};
-use crate::complex::{C, Plane, Stream, length, normalised, real_line, real_plane};
+use crate::complex::{C, MAX_REAL_SINE, Plane, Stream, length, normalised, real_line, real_plane};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{dot, norm};
 use std::ops::Range;
 
 /// Number of slices of the box; an arc that meets none of their planes is found where it turns
 /// between two of them.
-const SLICES: usize = 16;
-/// Slices are shifted by this share of half their number's inverse, so that no plane goes through
-/// the centre of the box, in which surfaces are symmetric.
-const SHIFT: f64 = 0.013;
+const SLICE_COUNT: usize = 16;
 /// Normal of the slices, in general position, so that lines of symmetric surfaces are not parallel
 /// to them.
 const NORMAL: [f64; 3] = [0.512, -0.387, 0.767];
-/// The seed of the planes: any other would do.
-const SEED: u64 = 17;
-/// The most that pairs may be from being real, as a sine, where a path is given up that comes to
-/// where an arc turns: paths stop before that.
-const NEARLY_REAL: f64 = 0.03;
-/// A place that is farther from its section's pair belongs to another pair: half of the digits are
-/// lost where parameters come together.
-const SAME_PAIR: f64 = 1e-5;
-/// The distance from a face of the box within which a place of the face's section is put on it.
-const ON_FACE: f64 = 1e-9;
-/// Pairs of a section that are nearer to each other are one: paths end with eight digits.
-const APART: f64 = 1e-6;
-/// Coordinates of images are equal if they differ by this share of the box.
-const SAME_IMAGE: f64 = 1e-6;
-/// Places of an arc that are looked at where it may be doubled: what is doubled is so up to a
-/// crossing.
-const LOOKS: usize = 12;
+/// Number of places of an arc that are tested for a second passage: a doubled arc is doubled up to
+/// a crossing, so that few suffice.
+const DOUBLING_SAMPLES: usize = 12;
 
 /// An arc of pairs with real images, in the box.
 #[derive(Clone, Debug)]
 pub(crate) struct Arc {
     /// Places along the arc; the first one is repeated at the end of a closed arc.
-    pub(crate) places: Vec<Place>,
+    pub(crate) places: Vec<ArcPlace>,
     /// For each place that was tested, the place before it and true if a real parameter besides the
     /// pair reaches its point.
     covered: Vec<(usize, bool)>,
     /// True if the arc ends before a base point.
     is_cut_off: bool,
-    /// True if another arc has the same images.
+    /// True if another arc has identical images.
     is_repeated: bool,
 }
 
@@ -97,7 +80,8 @@ impl Arcs {
     fn count_doubled(&self, pairs: &Pairs) -> usize {
         let is_doubled = |&k: &usize| {
             let count = self.arcs[k].places.len();
-            let mut looks = (0..LOOKS).map(|i| count * (2 * i + 1) / (2 * LOOKS));
+            let mut looks =
+                (0..DOUBLING_SAMPLES).map(|i| count * (2 * i + 1) / (2 * DOUBLING_SAMPLES));
             looks.any(|at| self.is_passed_again(pairs, k, at))
         };
         (0..self.arcs.len()).filter(is_doubled).count()
@@ -134,7 +118,7 @@ impl Arcs {
             .collect()
     }
     /// Returns the parts reached by real parameters, with the pinch points at their ends.
-    pub(crate) fn real_parts(&self) -> Vec<Vec<Place>> {
+    pub(crate) fn real_parts(&self) -> Vec<Vec<ArcPlace>> {
         let mut found = Vec::new();
         for arc in &self.arcs {
             for part in arc.places.split(|p| p.pair.l < 0.0) {
@@ -155,7 +139,7 @@ impl Arcs {
                 if !is_covered {
                     let end = (part.end + 1).min(arc.places.len());
                     let places = &arc.places[part.start.saturating_sub(1)..end];
-                    found.push(places.iter().map(Place::point).collect());
+                    found.push(places.iter().map(ArcPlace::point).collect());
                 }
             }
         }
@@ -163,7 +147,7 @@ impl Arcs {
     }
     /// Makes singular ends of arcs that are near to each other identical.
     fn unite_ends(&mut self) {
-        let mut known: Vec<Place> = Vec::new();
+        let mut known: Vec<ArcPlace> = Vec::new();
         for arc in &mut self.arcs {
             for k in [0, arc.places.len() - 1] {
                 let end = &mut arc.places[k];
@@ -183,15 +167,16 @@ impl Arcs {
 }
 
 /// Returns true if two pinch points have one parameter, up to sign.
-fn is_same_parameter(a: &Place, b: &Place) -> bool {
+fn is_same_parameter(a: &ArcPlace, b: &ArcPlace) -> bool {
     let (a, b) = (a.pair.m, b.pair.m);
     let sign = if dot(a, b) < 0.0 { -1.0 } else { 1.0 };
-    norm([0, 1, 2].map(|i| a[i] - sign * b[i])) < NEAR
+    norm([0, 1, 2].map(|i| a[i] - sign * b[i])) < SNAP_DISTANCE
 }
 
 /// Finds the arcs of pairs in the box.
 ///
-/// # Errors [`Stopped`].
+/// # Errors
+/// [`Stopped`].
 pub(crate) fn arcs(
     pairs: &Pairs,
     fine: Fineness,
@@ -199,7 +184,8 @@ pub(crate) fn arcs(
     control: &Control<'_>,
 ) -> Result<Arcs, Stopped> {
     let mut found = Arcs::default();
-    let mut stream = Stream::new(SEED);
+    // Any other seed of the planes would do.
+    let mut stream = Stream::new(17);
     let general: Plane = stream.complex();
     if expected.parameters == 0 {
         return Ok(found);
@@ -209,7 +195,7 @@ pub(crate) fn arcs(
         found.lost += 1;
         return Ok(found);
     }
-    let mut search = Search {
+    let mut search = ArcSearch {
         pairs,
         fine,
         general,
@@ -227,12 +213,13 @@ pub(crate) fn arcs(
 
 /// Returns one of the planes that cut the box into slices.
 fn slice(k: usize) -> Plane {
-    let offset = 3f64.sqrt() * ((2 * k + 1) as f64 / SLICES as f64 - 1.0 + SHIFT);
+    // The shift keeps all planes off the centre of the box, about which surfaces are symmetric.
+    let offset = 3f64.sqrt() * ((2 * k + 1) as f64 / SLICE_COUNT as f64 - 1.0 + 0.013);
     real_plane(NORMAL.map(|x| x / norm(NORMAL)), offset)
 }
 
 /// State of the search for arcs.
-struct Search<'a> {
+struct ArcSearch<'a> {
     pairs: &'a Pairs,
     fine: Fineness,
     /// A general plane.
@@ -242,7 +229,7 @@ struct Search<'a> {
     found: Arcs,
 }
 
-impl Search<'_> {
+impl ArcSearch<'_> {
     /// Searches for arcs at the faces of the box.
     fn look_on_faces(&mut self, control: &Control<'_>) -> Result<(), Stopped> {
         for k in 0..6 {
@@ -258,7 +245,7 @@ impl Search<'_> {
     /// Searches for arcs in parallel planes, and between successive ones.
     fn look_in_slices(&mut self, control: &Control<'_>) -> Result<(), Stopped> {
         let mut before: Option<(Plane, Vec<Pair>)> = None;
-        for k in 0..SLICES {
+        for k in 0..SLICE_COUNT {
             control.check()?;
             let plane = slice(k);
             let here = self.section_by(&plane, before.as_ref());
@@ -294,8 +281,10 @@ impl Search<'_> {
             let Err((_, stuck)) = self.pairs.follow(&path, pair) else {
                 continue;
             };
-            let place = self.pairs.place_near(&stuck, NEARLY_REAL);
-            let Some(place) = place.filter(Place::is_inside) else {
+            // Paths stop before the turn of an arc, with parameters that are real or conjugate up
+            // to this sine.
+            let place = self.pairs.place_near(&stuck, 0.03);
+            let Some(place) = place.filter(ArcPlace::is_inside) else {
                 continue;
             };
             if !self.is_known(&place) {
@@ -311,7 +300,9 @@ impl Search<'_> {
             let Some(mut place) = self.pairs.place(pair) else {
                 continue;
             };
-            if place.pair.complex().distance(pair) > SAME_PAIR {
+            // The place belongs to another pair; half of the digits are lost where parameters
+            // coincide.
+            if place.pair.complex().distance(pair) > 1e-5 {
                 continue;
             }
             if is_face {
@@ -323,19 +314,22 @@ impl Search<'_> {
         }
     }
     /// Returns the other pairs of a section with the image of a place.
-    fn others<'s>(&self, section: &'s [Pair], pair: &Pair, place: &Place) -> Vec<&'s Pair> {
+    fn others<'s>(&self, section: &'s [Pair], pair: &Pair, place: &ArcPlace) -> Vec<&'s Pair> {
         let image = |p: &Pair| self.pairs.parts(p).even.value;
-        let others = section.iter().filter(|o| o.distance(pair) > APART);
+        // Paths end with eight digits: nearer pairs are identical.
+        let others = section.iter().filter(|o| o.distance(pair) > 1e-6);
         others
             .filter(|o| is_same_image(&image(o), &place.image))
             .collect()
     }
     /// Records on the arc of a place if it is covered; an unknown arc is traced.
-    fn add(&mut self, place: &Place, others: &[&Pair]) {
+    fn add(&mut self, place: &ArcPlace, others: &[&Pair]) {
         let pairs = self.pairs;
         let is_covered = others.iter().any(|other| {
             let parameters = other.parameters().map(|p| normalised(&p));
-            parameters.iter().any(|p| length(&real_line(p)) < REAL)
+            parameters
+                .iter()
+                .any(|p| length(&real_line(p)) < MAX_REAL_SINE)
         });
         let forms = pairs.forms(place);
         if let Some((k, at)) = self.found.find(pairs, &forms) {
@@ -349,16 +343,16 @@ impl Search<'_> {
         arc.is_repeated = places.any(|place| self.is_known(&place));
         self.found.arcs.push(arc);
     }
-    fn is_known(&self, place: &Place) -> bool {
+    fn is_known(&self, place: &ArcPlace) -> bool {
         let forms = self.pairs.forms(place);
         self.found.find(self.pairs, &forms).is_some()
     }
 
     /// Traces the arc through a place in both directions, and counts ends that are lost.
-    fn both_ways(&mut self, start: &Place) -> Arc {
+    fn both_ways(&mut self, start: &ArcPlace) -> Arc {
         let (mut places, end) = self.pairs.trace(start, self.fine);
         let mut ends = vec![end];
-        if end != End::Closed {
+        if end != ArcEnd::Closed {
             let (mut back, end) = self.pairs.trace(&start.turned(), self.fine);
             ends.push(end);
             back.reverse();
@@ -368,22 +362,22 @@ impl Search<'_> {
             back.extend(&places[1..]);
             places = back;
         }
-        self.found.lost += ends.iter().filter(|e| **e == End::Lost).count();
+        self.found.lost += ends.iter().filter(|e| **e == ArcEnd::Lost).count();
         Arc {
             places,
             covered: Vec::new(),
-            is_cut_off: ends.contains(&End::Base),
+            is_cut_off: ends.contains(&ArcEnd::Base),
             is_repeated: false,
         }
     }
 }
 
-impl Place {
+impl ArcPlace {
     /// Moves the image onto the faces of the box on which it lies up to rounding.
     fn put_on_faces(&mut self) {
         for i in 0..3 {
             let over = self.image[i].abs() / self.image[3].abs() - 1.0;
-            if over.abs() < ON_FACE {
+            if over.abs() < 1e-9 {
                 self.image[i] = self.image[3].abs() * self.image[i].signum();
             }
         }
@@ -392,6 +386,7 @@ impl Place {
 
 /// Returns true if the image of a pair equals the point of another one.
 fn is_same_image(a: &[C; 4], b: &[f64; 4]) -> bool {
-    let bound = SAME_IMAGE * (a[3].norm() * b[3].abs());
+    // Coordinates are compared up to 1e-6 half widths of the box.
+    let bound = 1e-6 * (a[3].norm() * b[3].abs());
     (0..3).all(|i| (a[i].times(b[3]) - a[3].times(b[i])).norm() < bound)
 }

@@ -1,40 +1,17 @@
 //! Pairs with real images: of real parameters, or of conjugate ones.
 
-use super::{Pair, Pairs, Parts, Rows, solve, turn};
+use super::{MIN_NEWTON_STEP, Pair, Pairs, Parts, Rows, solve, turn};
 use crate::complex::{
-    self, C, V, conj, distance, largest, length, normalised, real_line, real_point,
+    self, C, MAX_REAL_SINE, V, conj, distance, largest, length, normalised, real_line, real_point,
 };
+use crate::homotopy::MAX_CHART_STEP;
 use isoform_geom::norm;
-
-/// The sine of the angle between conjugate parameters below which they are one: half of the digits
-/// are lost where both come together. Larger, and complex pairs are taken for real ones; smaller,
-/// and an arc is missed, which another section has, too.
-pub(super) const REAL: f64 = 1e-6;
-/// λ of conjugate parameters from which on they keep their phase: they are far from λ = −1, where a
-/// pinch point may come in a wrong one, and near to 0 other phases need not be looked at.
-const NEARLY_REAL: f64 = -0.1;
-/// The multiple of the least |λ| from which on conjugate parameters get the phase of that one: at a
-/// pinch point λ must come to 0. With 1 they would change to and fro.
-const MORE_REAL: f64 = 2.0;
-/// The most steps of Newton's method to a place.
-const STEPS: usize = 8;
-/// Newton's method ends with a step below this: the next one would be lost in rounding.
-const DONE: f64 = 1e-8;
-/// A Newton step may be at most this share of the one before.
-const SHRINKING: f64 = 0.5;
-/// The longest Newton step: longer ones lead to another arc.
-const FARTHEST: f64 = 0.3;
-/// The length along a tangent at which the direction in space is looked at: half of the digits.
-const AHEAD: f64 = 1e-5;
-/// The quotient of the forms' sizes at the two parameters of a pair that comes to a base point: the
-/// quotient is the distance from it, and its inverse the loss of digits.
-const AT_BASE_POINT: f64 = 1e-9;
 
 /// A pair of real parameters (λ ≥ 0), or of conjugate ones, with a real image.
 ///
-/// The signs of real parameters are chosen such that m is no shorter than h e. Then φ(p) = φ(q), or
-/// φ(p) = −φ(q) if they are opposed: in that case (m, e, λ) is a solution of E = 0 in place of O =
-/// 0, and O is the image.
+/// The signs of real parameters are chosen such that m is at least as long as h e. Then φ(p) =
+/// φ(q), or φ(p) = −φ(q) if they are opposed: in that case (m, e, λ) is a solution of E = 0 in
+/// place of O = 0, and O is the image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RealPair {
     pub(super) m: [f64; 3],
@@ -45,7 +22,7 @@ pub(super) struct RealPair {
 
 /// A place on an arc.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
+pub(crate) struct ArcPlace {
     pub(super) pair: RealPair,
     /// Unit tangent of the arc.
     pub(super) tangent: [f64; 7],
@@ -63,7 +40,7 @@ impl RealPair {
         }
     }
     /// Creates the pair of two real vectors.
-    fn of(p: [f64; 3], q: [f64; 3], is_opposed: bool) -> Self {
+    fn from_vectors(p: [f64; 3], q: [f64; 3], is_opposed: bool) -> Self {
         let m = [0, 1, 2].map(|i| 0.5 * (p[i] + q[i]));
         let e = [0, 1, 2].map(|i| 0.5 * (p[i] - q[i]));
         Self {
@@ -119,7 +96,9 @@ impl RealPair {
     pub(super) fn is_at_base_point(&self, degree: usize) -> bool {
         self.real().is_some_and(|[p, q]| {
             let [p, q] = [norm(p), norm(q)];
-            (p.min(q) / p.max(q)).powi(degree as i32) < AT_BASE_POINT
+            // This quotient is the distance from the base point, and its inverse the loss of
+            // digits.
+            (p.min(q) / p.max(q)).powi(degree as i32) < 1e-9
         })
     }
     /// Returns the real parameters; `None` if they are conjugate.
@@ -175,25 +154,30 @@ impl Pairs {
 
     /// Returns the place near to a pair that meets a condition, and the length of the first step of
     /// Newton's method.
-    pub(super) fn correct(&self, start: &RealPair, condition: &Condition) -> Option<(Place, f64)> {
+    pub(super) fn correct(
+        &self,
+        start: &RealPair,
+        condition: &Condition,
+    ) -> Option<(ArcPlace, f64)> {
         let (mut x, mut first, mut last) = (*start, 0.0, f64::INFINITY);
-        for i in 0..STEPS {
+        // At most eight Newton steps; each has to halve the one before.
+        for i in 0..8 {
             let d = solve_real(self.rows_with(&x, condition))?;
             let size = dot7(&d, &d).sqrt();
             if i == 0 {
                 first = size;
             }
-            if size > SHRINKING * last || size > FARTHEST {
+            if size > 0.5 * last || size > MAX_CHART_STEP {
                 return None;
             }
             x = x.moved(&d, 1.0).scaled();
-            if size < DONE {
+            if size < MIN_NEWTON_STEP {
                 if matches!(condition, Condition::Pinch) {
                     x.l = 0.0;
                 }
                 let tangent = self.tangent(&x)?;
                 let (_, image) = self.real_rows(&x, None);
-                let place = Place {
+                let place = ArcPlace {
                     pair: x,
                     tangent,
                     image,
@@ -257,13 +241,16 @@ impl Pairs {
     }
 
     /// Returns a place with the proper signs of its pair, or the proper phases.
-    pub(super) fn righted(&self, place: &Place) -> Option<Place> {
+    pub(super) fn righted(&self, place: &ArcPlace) -> Option<ArcPlace> {
         let is_right = match place.pair.real() {
             Some([p, q]) => isoform_geom::dot(p, q) >= 0.0,
             None => {
                 let l = place.pair.l;
                 let best = || self.conjugates(&place.pair.complex().parameters()[0]).l;
-                l > NEARLY_REAL || l > MORE_REAL * best()
+                // λ vanishes at a pinch point. Near 0 the pair keeps its phase; elsewhere it takes
+                // the phase of least |λ|, if that is less than half of its own. With a factor of 1
+                // it would change to and fro.
+                l > -0.1 || l > 2.0 * best()
             }
         };
         if is_right {
@@ -274,11 +261,11 @@ impl Pairs {
     }
     /// Returns a place with the opposite sign of the second parameter. For conjugate parameters,
     /// returns it with the phase for which the first one is nearest to real.
-    pub(super) fn flipped(&self, place: &Place) -> Option<Place> {
+    pub(super) fn flipped(&self, place: &ArcPlace) -> Option<ArcPlace> {
         let x = match place.pair.real() {
             Some([p, q]) => {
                 let is_opposed = place.pair.is_opposed != (self.degree % 2 == 1);
-                RealPair::of(p, q.map(|c| -c), is_opposed)
+                RealPair::from_vectors(p, q.map(|c| -c), is_opposed)
             }
             None => self.conjugates(&place.pair.complex().parameters()[0]),
         };
@@ -287,7 +274,7 @@ impl Pairs {
         }
         let tangent = self.tangent(&x)?;
         let (_, image) = self.real_rows(&x, None);
-        let flipped = Place {
+        let flipped = ArcPlace {
             pair: x,
             tangent,
             image,
@@ -299,15 +286,16 @@ impl Pairs {
         Some(if is_turned { flipped.turned() } else { flipped })
     }
     /// Returns the vector from an image to the image ahead of a place.
-    fn way(&self, place: &Place, from: &[f64; 4]) -> [f64; 4] {
-        let (_, to) = self.real_rows(&place.pair.moved(&place.tangent, AHEAD), None);
+    fn way(&self, place: &ArcPlace, from: &[f64; 4]) -> [f64; 4] {
+        // A difference quotient has half of the digits.
+        let (_, to) = self.real_rows(&place.pair.moved(&place.tangent, 1e-5), None);
         let is_opposite = (0..4).map(|i| to[i] * from[i]).sum::<f64>() < 0.0;
         let sign = if is_opposite { -1.0 } else { 1.0 };
         [0, 1, 2, 3].map(|i| sign * to[i] - from[i])
     }
     /// Returns the forms in which arcs may contain a pair: with both signs of m, of e, and of the
     /// second parameter, or all phases of conjugate ones.
-    pub(super) fn forms(&self, place: &Place) -> Vec<RealPair> {
+    pub(super) fn forms(&self, place: &ArcPlace) -> Vec<RealPair> {
         let ways = match place.pair.real() {
             Some(_) => {
                 let flipped = self.flipped(place).map(|p| p.pair);
@@ -354,12 +342,12 @@ impl Pairs {
     }
 
     /// Returns the place of a pair in a section, if its parameters are real or conjugate.
-    pub(super) fn place(&self, pair: &Pair) -> Option<Place> {
-        self.place_near(pair, REAL)
+    pub(super) fn place(&self, pair: &Pair) -> Option<ArcPlace> {
+        self.place_near(pair, MAX_REAL_SINE)
     }
     /// Returns the place near to a pair whose parameters are real or conjugate up to the sine `far`
     /// of angles.
-    pub(super) fn place_near(&self, pair: &Pair, far: f64) -> Option<Place> {
+    pub(super) fn place_near(&self, pair: &Pair, far: f64) -> Option<ArcPlace> {
         let [p, q] = pair.parameters().map(|p| normalised(&p));
         let is_real = |p: &V| length(&real_line(p)) < far;
         let x = if is_real(&p) && is_real(&q) {
@@ -381,20 +369,20 @@ impl Pairs {
         let is_opposed = product < 0.0;
         if isoform_geom::dot(p, q) < 0.0 {
             let is_odd = self.degree % 2 == 1;
-            RealPair::of(p, q.map(|x| -x * scale), is_opposed != is_odd)
+            RealPair::from_vectors(p, q.map(|x| -x * scale), is_opposed != is_odd)
         } else {
-            RealPair::of(p, q.map(|x| x * scale), is_opposed)
+            RealPair::from_vectors(p, q.map(|x| x * scale), is_opposed)
         }
     }
 }
 
-/// A vector divided by its length.
+/// Returns a vector divided by its length.
 fn unit(v: [f64; 4]) -> [f64; 4] {
     let size = v.iter().map(|x| x * x).sum::<f64>().sqrt();
     v.map(|x| x / size)
 }
 
-impl Place {
+impl ArcPlace {
     pub(super) fn is_inside(&self) -> bool {
         (0..3).all(|i| self.image[i].abs() <= self.image[3].abs())
     }

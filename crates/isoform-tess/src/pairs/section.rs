@@ -8,41 +8,11 @@ use crate::complex::{C, Form, Monomials, Plane, Stream, V, distance, dot, norm, 
 use isoform_control::{Control, Stopped};
 use std::collections::BTreeMap;
 
-/// The number of times that all pairs of the section are led around at most.
-const LOOPS: usize = 30;
-/// The number of loops that may find nothing before the trace test is asked.
-const IN_VAIN: usize = 2;
-/// Random starts of a batch: pairs of components of low degree are rarely found, and monodromy does
-/// not lead from one component to another.
-const SEEDS: usize = 400;
-/// Batches of random starts, as long as there are too few pairs.
-const BATCHES: usize = 12;
-/// The seed of the random starts and loops: any other would do.
-const SEED: u64 = 5;
-/// The distance of the planes of the trace test, in half widths of the box.
-const FAR: f64 = 0.3;
-/// The largest bend of the sum of images in the trace test, in shares of the sizes of its terms:
-/// the errors of all paths together. Larger, and an incomplete section is taken for complete, which
-/// the number of pairs shows; smaller, and complete ones are refused.
-const BENT: f64 = 1e-7;
-/// The number of times that a section is tried, with other planes in between.
-const TRIES: usize = 3;
-/// Paths that stop after this time have come to their end: a singular point, which planes that are
-/// not general may meet.
-const NEARLY_THERE: f64 = 0.9;
-/// Images outside of this many boxes are far away.
-const FAR_AWAY: f64 = 2.0;
-/// W per norm of the forms that is taken for 0: rounding.
-const INFINITE: f64 = 1e-9;
-/// The largest distance of a parameter from a curve that it is on, as a sine: paths end with eight
-/// digits.
-const ON_CURVE: f64 = 1e-6;
+/// Distance of the planes of the trace test from the middle one, in half widths of the box.
+const TRACE_TEST_OFFSET: f64 = 0.3;
 /// Minimum distance between two pairs or parameters, as a sum of sines: paths end with eight
 /// digits.
-const APART: f64 = 1e-6;
-/// The width of cells by which near pairs are found: more than an invariant changes within
-/// [`APART`].
-const CELL: f64 = 1e-5;
+const SAME_PAIR_DISTANCE: f64 = 1e-6;
 
 impl Pairs {
     /// Finds the pairs in a general plane; the section is complete if it passes the trace test.
@@ -52,12 +22,15 @@ impl Pairs {
         expected: &Expected,
         control: &Control<'_>,
     ) -> Result<Section, Stopped> {
-        let mut stream = Stream::new(SEED);
+        // Any other seed would do.
+        let mut stream = Stream::new(5);
         let mut section = self.seeds(plane, expected, &mut stream, control)?;
         let mut in_vain = 0;
-        for _ in 0..LOOPS {
-            let is_enough = in_vain >= IN_VAIN
-                || section.parameters(self, expected.is_finite) == expected.parameters;
+        // All pairs are led around at most thirty loops.
+        for _ in 0..30 {
+            // After two loops without a new pair the trace test decides.
+            let is_enough =
+                in_vain >= 2 || section.parameters(self, expected.is_finite) == expected.parameters;
             if is_enough && self.passes_trace_test(plane, &section.pairs, &mut stream) {
                 section.is_complete = true;
                 break;
@@ -81,9 +54,12 @@ impl Pairs {
         control: &Control<'_>,
     ) -> Result<Section, Stopped> {
         let mut section = Section::new();
-        for _ in 0..BATCHES {
+        // Batches of random starts, as long as pairs are missing.
+        for _ in 0..12 {
             control.check()?;
-            for _ in 0..SEEDS {
+            // Random starts rarely find components of low degree, and monodromy does not lead from
+            // one component to another.
+            for _ in 0..400 {
                 if let Some(p) = self.seed(plane, stream) {
                     section.add(p);
                 }
@@ -144,22 +120,28 @@ impl Pairs {
             }
             Some((sum, size))
         };
-        let (Some(a), Some(b), Some(c)) = (sum(-FAR), sum(0.0), sum(FAR)) else {
+        let (Some(a), Some(b), Some(c)) =
+            (sum(-TRACE_TEST_OFFSET), sum(0.0), sum(TRACE_TEST_OFFSET))
+        else {
             return false;
         };
-        (a.0 + c.0 - b.0.times(2.0)).norm() <= BENT * (a.1 + b.1 + c.1)
+        // The bound covers the errors of all paths together. If it were larger, an incomplete
+        // section would pass, which the number of pairs shows; if it were smaller, complete ones
+        // would fail.
+        (a.0 + c.0 - b.0.times(2.0)).norm() <= 1e-7 * (a.1 + b.1 + c.1)
     }
 
     /// Returns true if the image of a pair is finite.
     fn is_finite(&self, pair: &Pair) -> bool {
         let image = self.parts(pair).even.value;
-        image[3].norm() > INFINITE * norm(&image)
+        // A smaller W is zero up to rounding.
+        image[3].norm() > 1e-9 * norm(&image)
     }
 
     /// Returns true if the image of a pair is far outside of the box.
     fn is_far(&self, pair: &Pair) -> bool {
         let image = self.parts(pair).even.value;
-        (0..3).any(|i| image[i].norm() > FAR_AWAY * image[3].norm())
+        (0..3).any(|i| image[i].norm() > 2.0 * image[3].norm())
     }
 
     /// Tracks a section from one plane to another; it is incomplete if paths are lost.
@@ -171,13 +153,15 @@ impl Pairs {
         stream: &mut Stream,
     ) -> Section {
         let mut best = Section::new();
-        for _ in 0..TRIES {
+        // Each of the three attempts has other planes in between.
+        for _ in 0..3 {
             let path = between(*from, *to, stream.phase());
             let mut found = Section::new();
             for p in pairs {
                 match self.follow(&path, p) {
                     Ok(p) => found.add(p),
-                    Err((time, p)) if time > NEARLY_THERE && self.is_far(&p) => found.outside += 1,
+                    // The path ends in a singular point, which special planes may meet.
+                    Err((time, p)) if time > 0.9 && self.is_far(&p) => found.outside += 1,
                     Err(_) => {}
                 }
             }
@@ -218,7 +202,8 @@ impl Expected {
             for p in pair.parameters().map(|p| normalised(&p)) {
                 let on = self.curves.iter().position(|(form, degree)| {
                     let (value, slope) = form.eval(&Monomials::new(&p, *degree));
-                    value.norm() <= ON_CURVE * norm(&slope)
+                    // Paths end with eight digits.
+                    value.norm() <= 1e-6 * norm(&slope)
                 });
                 match on {
                     Some(k) => has_any[k] = true,
@@ -260,7 +245,8 @@ impl<T> Distinct<T> {
     /// Adds a value unless another one is near to it, by an invariant and a test; returns true if
     /// it was added.
     fn add(&mut self, invariant: f64, value: T, is_near: impl Fn(&T, &T) -> bool) -> bool {
-        let cell = (invariant / CELL).floor() as i64;
+        // Cells are wider than the change of the invariant within `SAME_PAIR_DISTANCE`.
+        let cell = (invariant / 1e-5).floor() as i64;
         let mut around = (cell - 1..=cell + 1).filter_map(|c| self.cells.get(&c));
         if around.any(|known| known.iter().any(|other| is_near(other, &value))) {
             return false;
@@ -286,7 +272,7 @@ impl Section {
         let counted = self.pairs.iter().filter(is_counted);
         let mut found = Distinct::new();
         for p in counted.flat_map(Pair::parameters).map(|p| normalised(&p)) {
-            found.add(invariant(&p), p, |p, q| distance(p, q) < APART);
+            found.add(invariant(&p), p, |p, q| distance(p, q) < SAME_PAIR_DISTANCE);
         }
         found.count
     }
@@ -294,7 +280,7 @@ impl Section {
         let invariant = pair.parameters().iter().map(invariant).sum();
         if self
             .known
-            .add(invariant, pair, |p, q| p.distance(q) < APART)
+            .add(invariant, pair, |p, q| p.distance(q) < SAME_PAIR_DISTANCE)
         {
             self.pairs.push(pair);
         }

@@ -1,58 +1,31 @@
 //! Tracing of arcs of the double curve, by predictor steps along tangents and correction.
 
 use super::Pairs;
-use super::real::{Condition, Place, RealPair, dot7};
+use super::real::{ArcPlace, Condition, RealPair, dot7};
 use crate::complex::{C, V};
+use crate::stepping::{
+    ErrorBounds, FIRST_STEP_LENGTH, FREE_STEP_LENGTH, MAX_BRANCH_POINTS, halved_step,
+    is_short_detour,
+};
 use isoform_geom::{distance_to_segment, norm};
 
-/// The first step, in the coordinates m, e and λ of a pair.
-const FIRST_STEP: f64 = 0.02;
-/// The longest step.
-const LONGEST_STEP: f64 = 0.1;
-/// An arc that needs a shorter step has come to its end: to a singular place, or it is lost.
-const SHORTEST_STEP: f64 = 1e-10;
-/// The most places of an arc.
-const MOST_PLACES: usize = 100_000;
-/// The least cosine of the tangents at both ends of a step: 18 degrees.
-const LEAST_COSINE: f64 = 0.95;
-/// The largest distance of a prediction from its place, in steps: more, and the place may be on
+/// Bounds on prediction errors along arcs of the double curve, where a larger error may lead to
 /// another arc.
-const MOST_OFF: f64 = 0.1;
-/// A prediction as good as this, in steps, lets them grow.
-const LITTLE_OFF: f64 = 0.02;
-/// The factor by which steps grow.
-const GROWTH: f64 = 1.5;
-/// Steps shorter than this need not be fine in space: next to a base point images reach far.
-const FREE_STEP: f64 = 1e-7;
-/// The distance from a face of the box up to which a place is on the face: where an arc begins it
-/// need not go on.
-const ON_FACE: f64 = 1e-10;
-/// The length at which an arc that touches a face is looked at: farther than rounding, and nearer
-/// than steps.
-const LOOK: f64 = 1e-7;
-/// The length beyond two places, in shares of their distance, within which a place between them may
-/// be found.
-const BEYOND: f64 = 0.1;
-/// Maximum λ, and ratio of the second to the first singular value, at a singular end: both vanish
-/// like the distance from it, and tracing stops about 1e-9 before it.
-const ZERO: f64 = 1e-5;
-/// Size below which a coordinate of a singular end is 0: such places are often on the axes of the
-/// parameters.
-pub(super) const NEAR: f64 = 1e-7;
-/// The most that the way over a pair between two places may be longer by than the straight one:
-/// tangents turn by 18 degrees, an arc of which is 1.004 times its chord.
-const DETOUR: f64 = 1.03;
-/// See [`DETOUR`]: rounding on very short steps.
-const DETOUR_PRECISION: f64 = 1e-9;
+const ERROR_BOUNDS: ErrorBounds = ErrorBounds {
+    rejecting: 0.1,
+    growing: 0.02,
+};
+
+/// Distance up to which a coordinate of a singular end is rounded to 0, as such places are often on
+/// the axes of the parameters, and up to which two singular ends are identified.
+pub(super) const SNAP_DISTANCE: f64 = 1e-7;
 /// Maximum distance between successive places in consistent forms: if it is larger, the forms
 /// differ.
-const OTHER_FORM: f64 = 0.3;
-/// The distance from an arc that a pair on it may have for rounding: steps end with eight digits.
-const OFF_ARC: f64 = 1e-6;
+const MAX_FORM_DISTANCE: f64 = 0.3;
 
 /// Reason why an arc ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum End {
+pub(super) enum ArcEnd {
     /// The arc meets a face of the box.
     Face,
     /// The arc closes.
@@ -75,15 +48,15 @@ pub(crate) struct Fineness {
 }
 
 /// An accepted step along an arc.
-struct Advance {
+struct ArcStep {
     /// Places after its start: a pinch point that is passed, if any, and the end of the step.
-    way: Vec<Place>,
-    end: Option<End>,
+    way: Vec<ArcPlace>,
+    end: Option<ArcEnd>,
     /// Error of the prediction.
     error: f64,
 }
 
-impl Place {
+impl ArcPlace {
     /// Returns the place with its tangent oriented along a direction.
     fn toward(self, direction: &[f64; 7]) -> Self {
         if dot7(&self.tangent, direction) < 0.0 {
@@ -97,7 +70,7 @@ impl Place {
 impl Pairs {
     /// Returns the place of an arc next to its chord between two others, at a fraction of the
     /// chord.
-    pub(crate) fn part(&self, a: &Place, b: &Place, t: f64) -> Option<Place> {
+    pub(crate) fn part(&self, a: &ArcPlace, b: &ArcPlace, t: f64) -> Option<ArcPlace> {
         let b = self.like(a, b)?;
         let d = a.pair.to(&b.pair);
         let (place, _) = self.correct(&a.pair.moved(&d, t), &Condition::Across(d))?;
@@ -105,19 +78,25 @@ impl Pairs {
     }
     /// Returns the place between two others at which coordinate k of one of the real parameters
     /// vanishes.
-    pub(crate) fn on_side(&self, a: &Place, b: &Place, which: usize, k: usize) -> Option<Place> {
+    pub(crate) fn on_side(
+        &self,
+        a: &ArcPlace,
+        b: &ArcPlace,
+        which: usize,
+        k: usize,
+    ) -> Option<ArcPlace> {
         let b = self.like(a, b)?;
-        let value = |p: &Place| p.real().map(|r| r[which][k]);
+        let value = |p: &ArcPlace| p.real().map(|r| r[which][k]);
         let (x, y) = (value(a)?, value(&b)?);
         let d = a.pair.to(&b.pair);
         let start = a.pair.moved(&d, x / (x - y));
         let (place, _) = self.correct(&start, &Condition::Side(which, k))?;
         let t = dot7(&a.pair.to(&place.pair), &d) / dot7(&d, &d);
-        (t > -BEYOND && t < 1.0 + BEYOND).then_some(place)
+        (t > -0.1 && t < 1.1).then_some(place)
     }
     /// Returns a place in the form nearest to the place before it on an arc.
-    fn like(&self, a: &Place, b: &Place) -> Option<Place> {
-        let near = |b: &Place| {
+    fn like(&self, a: &ArcPlace, b: &ArcPlace) -> Option<ArcPlace> {
+        let near = |b: &ArcPlace| {
             let d = a.pair.to(&b.pair);
             dot7(&d, &d)
         };
@@ -125,33 +104,33 @@ impl Pairs {
         Some(if near(&other) < near(b) { other } else { *b })
     }
     /// Returns the place halfway between two others with equal signs.
-    fn halfway(&self, a: &Place, b: &Place) -> Option<Place> {
+    fn halfway(&self, a: &ArcPlace, b: &ArcPlace) -> Option<ArcPlace> {
         let d = a.pair.to(&b.pair);
         let found = self.correct(&a.pair.moved(&d, 0.5), &Condition::Across(d));
         found.map(|p| p.0)
     }
 
     /// Traces an arc in the direction of its tangent, and returns its places.
-    pub(super) fn trace(&self, start: &Place, fine: Fineness) -> (Vec<Place>, End) {
+    pub(super) fn trace(&self, start: &ArcPlace, fine: Fineness) -> (Vec<ArcPlace>, ArcEnd) {
         let forms = self.forms(start);
         let mut nodes = vec![*start];
-        let mut step = FIRST_STEP;
-        while nodes.len() < MOST_PLACES {
+        let mut step = FIRST_STEP_LENGTH;
+        while nodes.len() < MAX_BRANCH_POINTS {
             let here = nodes[nodes.len() - 1];
-            let Some(Advance { way, end, error }) = self.advance(&here, step, fine) else {
-                step /= 2.0;
-                if step < SHORTEST_STEP {
+            let Some(ArcStep { way, end, error }) = self.advance(&here, step, fine) else {
+                let Some(half) = halved_step(step) else {
                     let end = self.singular_end(&here);
                     nodes.extend(end);
-                    return (nodes, end.map_or(End::Lost, |_| End::Singular));
-                }
+                    return (nodes, end.map_or(ArcEnd::Lost, |_| ArcEnd::Singular));
+                };
+                step = half;
                 continue;
             };
             for next in way {
                 let last = nodes[nodes.len() - 1];
                 if nodes.len() > 2 && self.is_between(&forms, &last, &next) {
                     nodes.push(*start);
-                    return (nodes, End::Closed);
+                    return (nodes, ArcEnd::Closed);
                 }
                 nodes.push(next);
             }
@@ -160,34 +139,33 @@ impl Pairs {
             }
             let last = nodes.len() - 1;
             if nodes[last].pair.is_at_base_point(self.degree) {
-                return (nodes, End::Base);
+                return (nodes, ArcEnd::Base);
             }
             let Some(righted) = self.righted(&nodes[last]) else {
-                return (nodes, End::Lost);
+                return (nodes, ArcEnd::Lost);
             };
             nodes[last] = righted;
-            if error < LITTLE_OFF * step {
-                step = (GROWTH * step).min(LONGEST_STEP);
-            }
+            step = ERROR_BOUNDS.next_step(step, error);
         }
-        (nodes, End::Lost)
+        (nodes, ArcEnd::Lost)
     }
 
     /// Makes one step along an arc; `None` if it is too long.
-    fn advance(&self, here: &Place, step: f64, fine: Fineness) -> Option<Advance> {
+    fn advance(&self, here: &ArcPlace, step: f64, fine: Fineness) -> Option<ArcStep> {
         let predicted = here.pair.moved(&here.tangent, step);
         let (next, error) = self.correct(&predicted, &Condition::Across(here.tangent))?;
         let mut next = next.toward(&here.tangent);
-        if dot7(&here.tangent, &next.tangent) < LEAST_COSINE || error > MOST_OFF * step {
+        if ERROR_BOUNDS.rejects(step, dot7(&here.tangent, &next.tangent), error) {
             return None;
         }
         let mut end = None;
         let mut way = Vec::new();
         if !next.is_inside() {
-            (next, end) = (self.face_between(here, &next)?, Some(End::Face));
-            if here.pair.distance(&next.pair) < ON_FACE {
+            (next, end) = (self.face_between(here, &next)?, Some(ArcEnd::Face));
+            // Where an arc begins on a face it need not go on.
+            if here.pair.distance(&next.pair) < 1e-10 {
                 // A step that is too long may lead into the box and out again.
-                return (!self.goes_in(here)).then_some(Advance { way, end, error });
+                return (!self.goes_in(here)).then_some(ArcStep { way, end, error });
             }
         }
         if here.pair.l * next.pair.l < 0.0 {
@@ -197,15 +175,15 @@ impl Pairs {
         let mut from = here;
         for to in &way {
             let is_fine = self.is_fine(from, to, fine)?;
-            if !is_fine && step > FREE_STEP {
+            if !is_fine && step > FREE_STEP_LENGTH {
                 return None;
             }
             from = to;
         }
-        Some(Advance { way, end, error })
+        Some(ArcStep { way, end, error })
     }
     /// Returns true if the chord between two places is short, and near to the arc.
-    fn is_fine(&self, from: &Place, to: &Place, fine: Fineness) -> Option<bool> {
+    fn is_fine(&self, from: &ArcPlace, to: &ArcPlace, fine: Fineness) -> Option<bool> {
         let middle = self.halfway(from, to)?;
         let ends = [from.point(), to.point()];
         let long = norm([0, 1, 2].map(|i| ends[1][i] - ends[0][i]));
@@ -215,8 +193,9 @@ impl Pairs {
     }
 
     /// Returns true if an arc leads into the box from a place on a face.
-    fn goes_in(&self, here: &Place) -> bool {
-        let ahead = here.pair.moved(&here.tangent, LOOK);
+    fn goes_in(&self, here: &ArcPlace) -> bool {
+        // Farther than rounding, nearer than steps.
+        let ahead = here.pair.moved(&here.tangent, 1e-7);
         let found = self.correct(&ahead, &Condition::Across(here.tangent));
         found.is_some_and(|(place, _)| place.is_inside())
     }
@@ -228,19 +207,19 @@ impl Pairs {
         near: &RealPair,
         tangent: &[f64; 7],
         (i, side): (usize, f64),
-    ) -> Option<Place> {
+    ) -> Option<ArcPlace> {
         let (place, _) = self.correct(near, &Condition::Plane(face_plane(i, side)))?;
         let mut place = place.toward(tangent);
         place.image[i] = side * place.image[3];
         Some(place)
     }
     /// Returns the place at which an arc first leaves the box between two places.
-    fn face_between(&self, a: &Place, b: &Place) -> Option<Place> {
+    fn face_between(&self, a: &ArcPlace, b: &ArcPlace) -> Option<ArcPlace> {
         let d = a.pair.to(&b.pair);
-        let mut best: Option<(f64, Place)> = None;
+        let mut best: Option<(f64, ArcPlace)> = None;
         for (i, side) in (0..3).flat_map(|i| [(i, -1.0), (i, 1.0)]) {
             // The images are scaled to a positive W.
-            let value = |p: &Place| p.image[i] / p.image[3] - side;
+            let value = |p: &ArcPlace| p.image[i] / p.image[3] - side;
             let (x, y) = (value(a), value(b));
             if x * side > 0.0 || y * side <= 0.0 {
                 continue;
@@ -255,7 +234,7 @@ impl Pairs {
     }
 
     /// Returns the pinch point between two places.
-    fn pinch_between(&self, a: &Place, b: &Place) -> Option<Place> {
+    fn pinch_between(&self, a: &ArcPlace, b: &ArcPlace) -> Option<ArcPlace> {
         let t = a.pair.l / (a.pair.l - b.pair.l);
         let d = a.pair.to(&b.pair);
         let (place, _) = self.correct(&a.pair.moved(&d, t), &Condition::Pinch)?;
@@ -264,12 +243,17 @@ impl Pairs {
 
     /// Returns the end of an arc near to a place, if its two parameters coincide there and the
     /// differential has the rank 1.
-    fn singular_end(&self, here: &Place) -> Option<Place> {
+    fn singular_end(&self, here: &ArcPlace) -> Option<ArcPlace> {
         let m = here.pair.m.map(|x| C::new(x, 0.0));
         let (minors, size) = minors_and_size(&self.at(&m).1);
-        let snapped = here.pair.m.map(|x| if x.abs() < NEAR { 0.0 } else { x });
-        let is_singular = here.pair.l.abs() < ZERO && minors.sqrt() < ZERO * size;
-        is_singular.then_some(Place {
+        let snapped = here
+            .pair
+            .m
+            .map(|x| if x.abs() < SNAP_DISTANCE { 0.0 } else { x });
+        // Both values are proportional to the distance from the end, and tracing stops about 1e-9
+        // before it.
+        let is_singular = here.pair.l.abs() < 1e-5 && minors.sqrt() < 1e-5 * size;
+        is_singular.then_some(ArcPlace {
             pair: RealPair {
                 m: snapped,
                 l: 0.0,
@@ -284,25 +268,25 @@ impl Pairs {
     ///
     /// The comparison does not use its parameters: these differ by the root of λ, whose direction
     /// turns where λ vanishes.
-    pub(super) fn is_between(&self, forms: &[RealPair], a: &Place, b: &Place) -> bool {
+    pub(super) fn is_between(&self, forms: &[RealPair], a: &ArcPlace, b: &ArcPlace) -> bool {
         let (mut from, mut to) = (a.pair, b.pair);
-        if from.distance(&to) > OTHER_FORM {
+        if from.distance(&to) > MAX_FORM_DISTANCE {
             to = from.nearest(&self.forms(b));
         }
-        if from.distance(&to) > OTHER_FORM {
+        if from.distance(&to) > MAX_FORM_DISTANCE {
             (from, to) = (b.pair.nearest(&self.forms(a)), b.pair);
         }
         let (d, length) = (from.to(&to), from.distance(&to));
         let is_near = |x: &RealPair| {
             let detour = from.distance(x) + x.distance(&to);
-            detour <= DETOUR * length + DETOUR_PRECISION
+            is_short_detour(detour, length)
         };
         // Other pairs may be as near to a long step: the arc's place next to the pair decides.
         let is_on = |x: &RealPair| {
             let t = dot7(&from.to(x), &d) / (length * length);
             let here = self.correct(&from.moved(&d, t), &Condition::Across(d));
             // Scaling has moved the place along the arc.
-            length < OFF_ARC || here.is_none_or(|(here, _)| here.is_in_line(x, OFF_ARC))
+            length < 1e-6 || here.is_none_or(|(here, _)| here.is_in_line(x, 1e-6))
         };
         forms.iter().any(|x| is_near(x) && is_on(x))
     }

@@ -16,7 +16,7 @@
 //! = Corner(0)  line 1: t = 0
 //! ```
 
-use super::{Cell, Region, Triangle};
+use super::{Region, RegionCell, Triangle};
 use isoform_algebra::{Arc, QUADRANTS};
 use isoform_geom::UnionFind;
 use std::collections::{BTreeMap, BTreeSet};
@@ -54,7 +54,7 @@ struct Side {
 
 impl Side {
     /// Returns the sides of a unit triangle.
-    fn of(quadrant: usize) -> [Self; 3] {
+    fn sides_of_quadrant(quadrant: usize) -> [Self; 3] {
         let [s, t] = QUADRANTS[quadrant];
         let signs = [t, s, s * t];
         [0, 1, 2].map(|line| Self {
@@ -64,14 +64,14 @@ impl Side {
     }
     /// Returns the corners in which the side begins and ends, in the order of the walls and points
     /// on it.
-    fn corners(self) -> [Place; 2] {
-        [[0, 2], [0, 1], [2, 1]][self.line].map(Place::Corner)
+    fn corners(self) -> [RegionPiece; 2] {
+        [[0, 2], [0, 1], [2, 1]][self.line].map(RegionPiece::Corner)
     }
 }
 
 /// A piece of the decomposition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Place {
+enum RegionPiece {
     /// A cell: quadrant, slab, place.
     Cell(usize, usize, usize),
     /// A point of a wall inside a triangle: quadrant, wall, point.
@@ -91,7 +91,7 @@ struct Named<'a> {
     quadrant: usize,
     sides: [Side; 3],
     /// Names of the points, by walls.
-    names: Vec<Vec<Place>>,
+    names: Vec<Vec<RegionPiece>>,
 }
 
 impl<'a> Named<'a> {
@@ -99,7 +99,7 @@ impl<'a> Named<'a> {
         let mut named = Self {
             triangle,
             quadrant,
-            sides: Side::of(quadrant),
+            sides: Side::sides_of_quadrant(quadrant),
             names: Vec::new(),
         };
         let mut seen = [0; 3];
@@ -112,28 +112,28 @@ impl<'a> Named<'a> {
     }
     /// Returns the name of a point of a wall. Points have to be named in order: `seen` counts the
     /// points of each side through which a curve passes.
-    fn name(&self, wall: usize, point: usize, seen: &mut [usize; 3]) -> Place {
+    fn name(&self, wall: usize, point: usize, seen: &mut [usize; 3]) -> RegionPiece {
         let walls = &self.triangle.arrangement.walls;
         let is_top = point + 1 == walls[wall].points.len();
         let line = match (wall, point) {
-            _ if wall + 1 == walls.len() => return Place::Corner(1),
-            (0, 0) => return Place::Corner(0),
-            (0, _) if is_top => return Place::Corner(2),
+            _ if wall + 1 == walls.len() => return RegionPiece::Corner(1),
+            (0, 0) => return RegionPiece::Corner(0),
+            (0, _) if is_top => return RegionPiece::Corner(2),
             (0, _) => 0,
             (_, 0) => 1,
             _ if is_top => 2,
-            _ => return Place::Inner(self.quadrant, wall, point),
+            _ => return RegionPiece::Inner(self.quadrant, wall, point),
         };
         let side = self.sides[line];
         if self.triangle.is_real(wall, point) {
             seen[line] += 1;
-            Place::Point(side, seen[line])
+            RegionPiece::Point(side, seen[line])
         } else {
-            Place::Interval(side, seen[line])
+            RegionPiece::Interval(side, seen[line])
         }
     }
-    fn cell(&self, cell: Cell) -> Place {
-        Place::Cell(self.quadrant, cell.slab, cell.place)
+    fn cell(&self, cell: RegionCell) -> RegionPiece {
+        RegionPiece::Cell(self.quadrant, cell.slab, cell.place)
     }
     /// Returns the side on which an arc lies.
     fn side_of(&self, arc: &Arc) -> Option<Side> {
@@ -141,9 +141,9 @@ impl<'a> Named<'a> {
         Some(self.sides[1 + number])
     }
     /// Returns the names of all points of walls on a side, from its first corner to its last one.
-    fn along(&self, side: Side) -> impl Iterator<Item = Place> {
-        let last = |names: &Vec<Place>| names[names.len() - 1];
-        let names: Vec<Place> = match side.line {
+    fn along(&self, side: Side) -> impl Iterator<Item = RegionPiece> {
+        let last = |names: &Vec<RegionPiece>| names[names.len() - 1];
+        let names: Vec<RegionPiece> = match side.line {
             0 => self.names[0].clone(),
             1 => self.names.iter().map(|names| names[0]).collect(),
             _ => self.names.iter().map(last).collect(),
@@ -152,15 +152,15 @@ impl<'a> Named<'a> {
     }
     /// Returns the interval of a side that begins with one of its first points, counted along the
     /// walls.
-    fn interval(&self, side: Side, from: usize) -> Place {
+    fn interval(&self, side: Side, from: usize) -> RegionPiece {
         let points = self.along(side).take(from + 1).filter(is_point);
-        Place::Interval(side, points.count())
+        RegionPiece::Interval(side, points.count())
     }
 }
 
 /// Returns true if a piece is a point of a side through which a curve passes.
-fn is_point(place: &Place) -> bool {
-    matches!(place, Place::Point(..))
+fn is_point(place: &RegionPiece) -> bool {
+    matches!(place, RegionPiece::Point(..))
 }
 
 /// Sums over the pieces of the region: open cells separately for each triangle, pieces on sides
@@ -169,17 +169,17 @@ fn is_point(place: &Place) -> bool {
 struct Count {
     euler: i64,
     /// Pieces on the sides.
-    on_sides: BTreeSet<Place>,
+    on_sides: BTreeSet<RegionPiece>,
     /// Cells inside.
-    cells: Vec<Place>,
+    cells: Vec<RegionPiece>,
     /// Pairs of pieces that touch.
-    touching: Vec<(Place, Place)>,
+    touching: Vec<(RegionPiece, RegionPiece)>,
     /// Ends of pieces of the boundary.
-    bounding: Vec<(Place, Place)>,
+    bounding: Vec<(RegionPiece, RegionPiece)>,
     /// Quadrants, as bits, in which an interval of a side is adjacent to a cell inside.
-    side_cells: BTreeMap<Place, u8>,
+    side_cells: BTreeMap<RegionPiece, u8>,
     /// Ends of the intervals of the sides.
-    side_ends: BTreeMap<Place, (Place, Place)>,
+    side_ends: BTreeMap<RegionPiece, (RegionPiece, RegionPiece)>,
 }
 
 impl Count {
@@ -201,7 +201,7 @@ impl Count {
         for (slab, inside) in t.triangle.inside.iter().enumerate() {
             for place in (0..inside.len()).filter(|&i| inside[i]) {
                 self.euler += 1;
-                self.cells.push(t.cell(Cell { slab, place }));
+                self.cells.push(t.cell(RegionCell { slab, place }));
             }
         }
     }
@@ -211,7 +211,7 @@ impl Count {
         for (i, arc) in arcs.iter().enumerate() {
             let cell = |place: usize| {
                 let is_inside = inside.get(place).is_some_and(|&is| is);
-                is_inside.then(|| t.cell(Cell { slab, place }))
+                is_inside.then(|| t.cell(RegionCell { slab, place }))
             };
             let cells = [i.checked_sub(1).and_then(cell), cell(i)];
             if let Some(side) = t.side_of(arc) {
@@ -232,7 +232,7 @@ impl Count {
         }
     }
     /// Adds an interval of a side, adjacent to a cell inside.
-    fn add_beside(&mut self, t: &Named<'_>, interval: Place, cell: Place) {
+    fn add_beside(&mut self, t: &Named<'_>, interval: RegionPiece, cell: RegionPiece) {
         self.on_sides.insert(interval);
         self.touching.push((interval, cell));
         *self.side_cells.entry(interval).or_default() |= 1 << t.quadrant;
@@ -242,7 +242,7 @@ impl Count {
             if !t.triangle.holds_point(wall, p) {
                 continue;
             }
-            if matches!(name, Place::Inner(..)) {
+            if matches!(name, RegionPiece::Inner(..)) {
                 self.euler += 1;
             } else {
                 self.on_sides.insert(name);
@@ -256,7 +256,7 @@ impl Count {
         let is_curve = !t.triangle.arrangement.walls[wall].vertical.is_empty();
         for (p, ends) in t.names[wall].windows(2).enumerate() {
             let cells = t.triangle.cells_at(wall, p, p + 1).map(|c| t.cell(c));
-            let cells: Vec<Place> = cells.collect();
+            let cells: Vec<RegionPiece> = cells.collect();
             if wall == 0 {
                 for &cell in &cells {
                     self.add_beside(t, t.interval(t.sides[0], p), cell);
@@ -276,7 +276,7 @@ impl Count {
         let [mut before, last] = side.corners();
         let points = t.along(side).filter(is_point);
         for (number, next) in points.chain([last]).enumerate() {
-            let interval = Place::Interval(side, number);
+            let interval = RegionPiece::Interval(side, number);
             self.side_ends.insert(interval, (before, next));
             before = next;
         }
@@ -285,9 +285,9 @@ impl Count {
     fn finish(mut self) -> RegionTopology {
         for place in &self.on_sides {
             match place {
-                Place::Point(..) | Place::Corner(_) => self.euler += 1,
-                Place::Interval(..) => self.euler -= 1,
-                Place::Cell(..) | Place::Inner(..) => {}
+                RegionPiece::Point(..) | RegionPiece::Corner(_) => self.euler += 1,
+                RegionPiece::Interval(..) => self.euler -= 1,
+                RegionPiece::Cell(..) | RegionPiece::Inner(..) => {}
             }
         }
         // A side with the region on one side only belongs to the boundary.
@@ -308,8 +308,8 @@ impl Count {
 }
 
 /// Returns the number of connected components of a graph, given by its edges.
-fn groups(edges: impl Iterator<Item = (Place, Place)>) -> usize {
-    let mut numbers: BTreeMap<Place, u32> = BTreeMap::new();
+fn groups(edges: impl Iterator<Item = (RegionPiece, RegionPiece)>) -> usize {
+    let mut numbers: BTreeMap<RegionPiece, u32> = BTreeMap::new();
     let mut sets = UnionFind::default();
     for (a, b) in edges {
         let [a, b] = [a, b].map(|p| *numbers.entry(p).or_insert_with(|| sets.add()));

@@ -1,16 +1,16 @@
-//! Sides of the unit triangle, points of walls, arcs and stretches of walls, drawn.
+//! Drawing of the sides of a unit triangle, of points of walls, arcs, and segments of walls.
 
 use super::Drawing;
 use crate::mesh::gluing::Track;
 use crate::mesh::names::{Node, name_on};
-use crate::mesh::opening::FULL;
+use crate::mesh::opening::ALL_FACES;
 use crate::mesh::places::{on_side, sides_of};
 use crate::mesh::stretch::Columns;
 use spade::Triangulation;
 use std::collections::BTreeMap;
 
 impl Drawing<'_> {
-    /// The places on the sides, and the edges between them that are in the region.
+    /// Draws the sides: their places, and the edges between them that are in the region.
     pub(super) fn draw_sides(&mut self) {
         let (atlas, q) = (self.glued.atlas, self.q);
         let mut on_sides = BTreeMap::new();
@@ -43,8 +43,7 @@ impl Drawing<'_> {
         }
     }
 
-    /// Points of walls in the region, with the faces that they are on; those on sides are there
-    /// already.
+    /// Draws the points of walls in the region, with their faces; those on sides exist already.
     pub(super) fn draw_points(&mut self) {
         let a = &self.triangle.arrangement;
         let passed: Vec<(usize, usize)> = self
@@ -66,17 +65,17 @@ impl Drawing<'_> {
             }
         }
     }
-    /// A point of a wall, if anything but lines of sides goes through it.
+    /// Returns the node of a point of a wall; `None` if only lines of sides pass through it.
     fn point(&self, k: usize, p: usize) -> Option<Node> {
         let (atlas, curves, q) = (self.glued.atlas, self.glued.curves, self.q);
         let wall = &self.triangle.arrangement.walls[k];
         let faces = atlas.faces_at(q, k, p);
-        let apex = faces == FULL;
+        let apex = faces == ALL_FACES;
         let is_on_side = k == 0 || p == 0 || p + 1 == wall.points.len();
         if is_on_side && !self.triangle.is_real(k, p) && !apex {
             return None;
         }
-        // The line of a side goes on inside.
+        // The line of a side continues inside.
         let is_line = |f: &usize| {
             let line = atlas.region.lines.get(*f);
             line.is_none_or(|l| *l != 0 && !curves.is_drawn_inside(*f))
@@ -96,7 +95,7 @@ impl Drawing<'_> {
         })
     }
 
-    /// The arcs of a slab.
+    /// Draws the arcs of a slab.
     pub(super) fn draw_arcs(&mut self, k: usize) {
         let (glued, q, a) = (self.glued, self.q, &self.triangle.arrangement);
         let mut over = Columns::new(a, k);
@@ -122,7 +121,8 @@ impl Drawing<'_> {
         }
         self.lines.push(lines);
     }
-    /// A polyline of a curve, between points of walls, or new vertices where none is given.
+    /// Draws a polyline of a curve between points of walls, or between new vertices where none is
+    /// given.
     fn draw_arc(
         &mut self,
         line: &[[f64; 2]],
@@ -144,7 +144,7 @@ impl Drawing<'_> {
         }
         self.edge(before, last);
     }
-    /// A vertex on a curve.
+    /// Returns the node of a vertex on a curve.
     fn curve_node(&self, at: [f64; 2], curve: usize, borders: u64) -> Node {
         Node {
             image: self.glued.curves.nearest_image(self.q, curve, at),
@@ -153,7 +153,7 @@ impl Drawing<'_> {
         }
     }
 
-    /// Stretches of a wall that are drawn.
+    /// Draws the segments of a wall that bound or cross the region.
     pub(super) fn draw_upright(&mut self, wall: usize) {
         let (glued, q) = (self.glued, self.q);
         for p in 0..self.triangle.arrangement.walls[wall].points.len() - 1 {

@@ -1,14 +1,14 @@
-//! Base points with the rectangles around them, drawn.
+//! Drawing of base points with the rectangles around them.
 
 use super::Drawing;
 use crate::fan::{Direction, Fan};
 use crate::mesh::names::{Name, Node, Ray, name_on};
 use crate::mesh::opening::Site;
-use crate::region::FOLD;
+use crate::region::FOLD_BIT;
 use spade::handles::FixedVertexHandle;
 
 impl Drawing<'_> {
-    /// Triangles from base points to the edges of their rectangles.
+    /// Draws the triangles from base points to the edges of their rectangles.
     pub(super) fn draw_rectangles(&mut self) {
         let openings = self.glued.openings;
         for (&(_, k, p), site) in openings.sites_in(self.q) {
@@ -54,7 +54,7 @@ impl Drawing<'_> {
         }
     }
 
-    /// The edges of a triangle at a base point, if its corners are there.
+    /// Draws the edges of a triangle at a base point, if its corners exist.
     fn draw_triangle(
         &mut self,
         apex: FixedVertexHandle,
@@ -66,7 +66,7 @@ impl Drawing<'_> {
         }
     }
 
-    /// The vertex of a rectangle where a ray leaves it.
+    /// Returns the vertex of a rectangle where a ray leaves it, and records the ray.
     fn corner(&mut self, site: &Site, at: [f64; 2], ray: Ray) -> Option<FixedVertexHandle> {
         let (atlas, q) = (self.glued.atlas, self.q);
         let name = if at[0] == 0.0 {
@@ -88,7 +88,7 @@ impl Drawing<'_> {
         let v = self.vertex(Node {
             name,
             image,
-            borders: if is_fold { FOLD } else { 0 },
+            borders: if is_fold { FOLD_BIT } else { 0 },
             ..Node::inner(at, faces)
         })?;
         self.rays.insert((v.index(), site.fan), ray);

@@ -1,5 +1,5 @@
-//! Vertices in large triangles that do not look like the surface: flips and splits by what
-//! triangles are in space are of use only where they do.
+//! Insertion of vertices into large triangles that differ from the surface: flips and splits by the
+//! shapes of triangles in space are useful only where these resemble the surface.
 
 use super::{Cdt, Drawing, center, is_sliver};
 use crate::mesh::geometry::distance;
@@ -10,24 +10,15 @@ use crate::surface::Point3;
 use spade::Triangulation;
 use std::collections::BTreeSet;
 
-/// Rounds in which vertices are put into triangles.
-const ROUNDS: usize = 12;
-/// The number of triangles of a unit triangle at which no more vertices are put into them.
-const ENOUGH: usize = 20_000;
-/// The length of an edge in the parameters up to which a triangle is left to be split in space.
-const LONG: f64 = 0.03;
-/// The least distance of a further vertex from the corners of its triangle, in tolerances.
-const APART: f64 = 0.2;
-
-/// The image of a vertex, and what it shares with others.
-type Seen = (Point3, Option<Shared>);
+/// Image of a vertex, with the point of the surface that it shares with others.
+type VertexImage = (Point3, Option<Shared>);
 
 impl Drawing<'_> {
-    /// The middles of triangles in the region that are to be split; triangles that are `known`
-    /// already are passed over.
+    /// Returns the centres of triangles in the region that are to be split, except those that are
+    /// `known` already.
     fn places_to_spread(
         &self,
-        images: &[Seen],
+        images: &[VertexImage],
         known: &mut BTreeSet<[usize; 3]>,
         measure: &InChart<'_, '_>,
     ) -> Vec<[f64; 2]> {
@@ -48,16 +39,17 @@ impl Drawing<'_> {
         }
         places
     }
-    /// Puts vertices into large triangles that do not face the way the surface does, or have
-    /// another area.
+    /// Inserts vertices into large triangles whose normal or area differs from that of the surface.
     pub(super) fn spread(&mut self, measure: &InChart<'_, '_>) {
-        let mut images: Vec<Seen> = Vec::new();
+        let mut images: Vec<VertexImage> = Vec::new();
         let mut known = BTreeSet::new();
-        for _ in 0..ROUNDS {
+        // At most twelve rounds of insertions.
+        for _ in 0..12 {
             let new = self.cdt.vertices().skip(images.len());
             images.extend(new.map(|v| (measure.image(v.data()), measure.shared(v.data()))));
             let places = self.places_to_spread(&images, &mut known, measure);
-            let enough = ENOUGH.min(self.glued.atlas.options.triangles / 4);
+            // At most 20 000 triangles, and a quarter of the maximum, before refinement in space.
+            let enough = (self.glued.atlas.options.triangles / 4).min(20_000);
             if places.is_empty() || self.cdt.num_inner_faces() > enough {
                 break;
             }
@@ -66,33 +58,40 @@ impl Drawing<'_> {
     }
 }
 
-/// The distance of two places in the parameters.
+/// Returns the distance between two places in the parameters.
 fn length(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-/// Whether a triangle is large and does not look like the surface.
-fn is_to_be_split(at: [[f64; 2]; 3], [p, q, r]: [Seen; 3], measure: &InChart<'_, '_>) -> bool {
+/// Returns true if a triangle is large and its normal or area differs from that of the surface.
+fn is_to_be_split(
+    at: [[f64; 2]; 3],
+    [p, q, r]: [VertexImage; 3],
+    measure: &InChart<'_, '_>,
+) -> bool {
     let is_pinched = [(p.1, q.1), (q.1, r.1), (r.1, p.1)]
         .iter()
         .any(|(a, b)| a.is_some() && a == b);
-    let is_long = (0..3).any(|i| length(at[i], at[(i + 1) % 3]) > LONG);
-    // Next to contracted curves what is large in the parameters may be nothing in space.
+    // Triangles with shorter edges in the parameters are refined in space.
+    let is_long = (0..3).any(|i| length(at[i], at[(i + 1) % 3]) > 0.03);
+    // Next to contracted curves, a triangle that is large in the parameters may be degenerate in
+    // space.
     let is_apart = || {
         let there = measure.at(center(at));
-        let apart = APART * measure.tolerance(there);
+        // Minimum distance of a new vertex from the corners of its triangle.
+        let apart = 0.2 * measure.tolerance(there);
         [p.0, q.0, r.0].iter().all(|&x| distance(x, there) > apart)
     };
     is_long && !is_pinched && is_apart() && is_turned(at, [p.0, q.0, r.0], measure)
 }
 
-/// A triangulation with more vertices. They come before its constraints: in a constrained
-/// triangulation spade may walk in a circle as it looks for their triangles, and panic.
+/// Returns a triangulation with more vertices. They are inserted before the constraints: in a
+/// constrained triangulation, point location of spade may cycle and panic.
 fn with_more(cdt: &Cdt, places: &[[f64; 2]]) -> Cdt {
     let mut next = Cdt::new();
     let known = cdt.vertices().map(|v| *v.data());
     for node in known.chain(places.iter().map(|&at| Node::inner(at, 0))) {
-        // Known ones keep their numbers; others without a position are left out.
+        // Existing vertices keep their indices; others without a position are left out.
         let _ = next.insert(node);
     }
     for edge in cdt.undirected_edges().filter(|e| e.is_constraint_edge()) {

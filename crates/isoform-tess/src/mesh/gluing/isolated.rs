@@ -1,16 +1,13 @@
-//! Isolated real points of singular curves, and images of contracted ones, joined: those with one
-//! image become one vertex.
+//! Joining of isolated real points of singular curves, and of images of contracted curves: those
+//! with one image become one vertex.
 
-use super::{CLOSE, Gluing};
+use super::{Gluing, SAME_IMAGE_DISTANCE};
 use crate::mesh::geometry::distance;
 use crate::mesh::names::{ClassId, Name, key, name_of};
 use crate::mesh::opening::Openings;
 use crate::mesh::places::{distance2, in_plane, place_on};
 use crate::mesh::sides::{Sides, add_place};
 use crate::surface::Point3;
-
-/// Places of one unit triangle that are nearer than this are one parameter.
-const ONE: f64 = 1e-12;
 
 /// An isolated parameter in a unit triangle.
 struct Isolated {
@@ -21,7 +18,8 @@ struct Isolated {
 }
 
 impl Openings<'_> {
-    /// Gives classes to isolated parameters with one image, and to what meets contracted curves.
+    /// Assigns classes to isolated parameters with one image, and to curves that meet contracted
+    /// ones.
     pub(super) fn join_isolated(
         &self,
         gluing: &mut Gluing,
@@ -45,8 +43,8 @@ impl Openings<'_> {
         self.join_contracted(gluing);
     }
 
-    /// Isolated parameters in all the unit triangles that they are in, if they are in the domain
-    /// and their images in the box. Base points have no image.
+    /// Returns the isolated parameters in every unit triangle that contains them, if they are in
+    /// the domain and their images in the box. Base points have no image.
     fn isolated(&self, parameters: &[[f64; 3]]) -> Vec<Isolated> {
         let domain = self.atlas.region.domain.as_ref();
         let point = |p: [f64; 3], q: usize| {
@@ -61,21 +59,23 @@ impl Openings<'_> {
         everywhere.filter_map(|(p, q)| point(p, q)).collect()
     }
 
-    /// The name of the vertex that an isolated parameter has in common with a contracted curve, the
-    /// double curve or other isolated parameters; none if it is alone.
+    /// Returns the name of the vertex that an isolated parameter shares with a contracted curve,
+    /// the double curve or other isolated parameters; `None` if it shares none.
     fn shared_name(
         &self,
         point: &Isolated,
         points: &[Isolated],
         gluing: &mut Gluing,
     ) -> Option<Name> {
-        let is_near = |p: &Point3| distance(*p, point.image) < CLOSE * self.atlas.half_width;
+        let is_near =
+            |p: &Point3| distance(*p, point.image) < SAME_IMAGE_DISTANCE * self.atlas.half_width;
         let contracted = self.curves.images().find(|x| is_near(&x.1));
         let double = || gluing.images.iter().position(is_near);
         let known = contracted
             .map(|x| Name::Image(x.0))
             .or_else(|| double().map(|k| Name::Double(ClassId(k))));
-        let is_other = |o: &Isolated| o.q != point.q || distance2(o.at, point.at) > ONE;
+        // Nearer places of one unit triangle are one parameter.
+        let is_other = |o: &Isolated| o.q != point.q || distance2(o.at, point.at) > 1e-12;
         let mut near = points.iter().filter(|o| is_near(&o.image));
         let has_others = near.any(is_other);
         known.or_else(|| {
@@ -86,12 +86,13 @@ impl Openings<'_> {
         })
     }
 
-    /// Contracted curves with one image are one vertex already; a double curve may go through it.
+    /// Joins the double curve to contracted curves that it passes through. Contracted curves with
+    /// one image are a single vertex already.
     fn join_contracted(&self, gluing: &mut Gluing) {
         for (k, p) in self.curves.images() {
             let (images, parameters) = (&gluing.images, &gluing.parameters);
             let is_met = |ClassId(c): ClassId| {
-                distance(images[c], p) < CLOSE * self.atlas.half_width
+                distance(images[c], p) < SAME_IMAGE_DISTANCE * self.atlas.half_width
                     && (self.curves.glued || self.curves.leads_to(k, parameters[c]))
             };
             for name in gluing.classes.values_mut() {

@@ -1,52 +1,44 @@
-//! The pieces of the double curve, with the vertices on them.
+//! Pieces of the double curve, with the vertices on them.
 
 use super::Track;
 use crate::fan::Direction;
 use crate::mesh::geometry::distance;
 use crate::mesh::names::{ClassId, Key, Name, Ray, key, name_on};
-use crate::mesh::opening::{FULL, Openings};
+use crate::mesh::opening::{ALL_FACES, Openings};
 use crate::mesh::places::{distance2, in_plane, on_side, place_in};
 use crate::mesh::sides::{SideId, Sides, quadrants_at};
 use crate::mesh::stretch::{Columns, Stretch};
 use crate::surface::Point3;
 use isoform_algebra::Wall;
 
-/// The distance of a pinch point from the chord below it, in the parameters, up to which it lies on
-/// a piece.
-const ASIDE: f64 = 0.1;
-/// The distance from a vertex, in the parameters, up to which a pinch point is that vertex.
-const ONE: f64 = 1e-9;
-/// The distance from a place of a side, in the parameters, up to which a base point is there.
-const AT_PLACE: f64 = 1e-12;
-
-/// A vertex on a piece of the double curve.
+/// Vertex on a piece of the double curve.
 #[derive(Clone, Debug)]
-pub(super) struct Knot {
+pub(super) struct PieceVertex {
     pub(super) at: [f64; 2],
-    /// Its parameter (s : t : w), a base point for what is on a seam.
+    /// Parameter (s : t : w); for a vertex on a seam, the base point.
     pub(super) parameter: [f64; 3],
     pub(super) key: Key,
     pub(super) image: Point3,
-    /// Stays where it is.
+    /// True if the vertex may not be moved.
     pub(super) fixed: bool,
     pub(super) class: Option<ClassId>,
 }
 
-/// A piece of the double curve, in one unit triangle.
-pub(super) struct Piece {
+/// Piece of the double curve in one unit triangle.
+pub(super) struct CurvePiece {
     pub(super) track: Track,
     pub(super) q: usize,
-    pub(super) knots: Vec<Knot>,
-    /// The rays of base points in which it begins and ends.
+    pub(super) knots: Vec<PieceVertex>,
+    /// Rays of base points in which the piece begins and ends.
     pub(super) rays: [Option<(usize, Ray)>; 2],
 }
 
-impl Piece {
+impl CurvePiece {
     pub(super) fn is_seam(&self) -> bool {
         matches!(self.track, Track::Seam(..))
     }
-    /// The number of the knot that ends the segment over a place along the piece, and the point of
-    /// the segment there.
+    /// Returns the index of the vertex that ends the segment over a coordinate of the piece, and
+    /// the point of the segment there.
     fn place_over(&self, x: f64) -> Option<(usize, [f64; 2])> {
         let knot = |j: usize| self.knots[j].at;
         let is_over = |&j: &usize| self.along(knot(j - 1)) <= x && x <= self.along(knot(j));
@@ -55,21 +47,21 @@ impl Piece {
         let t = (x - self.along(a)) / (self.along(b) - self.along(a));
         Some((j, [0, 1].map(|i| a[i] + t * (b[i] - a[i]))))
     }
-    /// The coordinate along it.
+    /// Returns the coordinate of a point along the piece.
     pub(super) fn along(&self, at: [f64; 2]) -> f64 {
         match self.track {
             Track::Wall(..) | Track::Side(0, ..) => at[1],
             _ => at[0],
         }
     }
-    /// The name of a vertex on it.
+    /// Returns the name of a vertex on the piece.
     pub(super) fn name(&self, at: [f64; 2]) -> Name {
         match self.track {
             Track::Side(side, ..) => name_on(self.q, side, self.along(at)),
             _ => Name::Inner,
         }
     }
-    /// A place exactly on the side or wall that it lies on.
+    /// Moves a place exactly onto the side or wall on which the piece lies.
     pub(super) fn onto(&self, at: [f64; 2]) -> [f64; 2] {
         match self.track {
             Track::Side(side, ..) => on_side(side, self.along(at)),
@@ -79,13 +71,13 @@ impl Piece {
     }
 }
 
-/// All pieces of the double curve and of the border of a fundamental domain.
-pub(super) struct Pieces<'a> {
+/// Pieces of the double curve and of the border of a fundamental domain.
+pub(super) struct CurvePieces<'a> {
     pub(super) open: &'a Openings<'a>,
-    pub(super) pieces: Vec<Piece>,
+    pub(super) pieces: Vec<CurvePiece>,
 }
 
-impl<'a> Pieces<'a> {
+impl<'a> CurvePieces<'a> {
     pub(super) fn new(open: &'a Openings<'a>, sides: &Sides) -> Self {
         let mut pieces = Vec::new();
         for q in 0..4 {
@@ -97,14 +89,14 @@ impl<'a> Pieces<'a> {
                 open.wall_pieces(q, wall, &mut pieces);
             }
         }
-        // Curves that are contracted have one vertex.
+        // A contracted curve is a single vertex.
         let curves = open.curves;
         let is_double = |side: usize| curves.double_sides[side] && curves.on_side[side].is_none();
         for (&id, places) in sides.iter().filter(|s| is_double(s.0.0)) {
             open.side_pieces(id, places, &mut pieces);
         }
-        // Deck transformations take such a seam to itself, and the fundamental domain has one of
-        // the two points.
+        // Deck transformations map such a seam to itself, and the fundamental domain has one of the
+        // two points.
         let has_deck = open.atlas.region.deck.is_some();
         let is_used = |f: &usize| !has_deck && open.sites.values().any(|s| s.fan == *f);
         for fan in (0..open.fans.len()).filter(is_used) {
@@ -113,7 +105,7 @@ impl<'a> Pieces<'a> {
         Self { open, pieces }
     }
 
-    /// Makes vertices of the pinch points.
+    /// Makes the pinch points vertices of their pieces.
     pub(super) fn add_pinches(&mut self, pinches: &[[f64; 3]]) {
         for &p in pinches {
             for piece in self.pieces.iter_mut().filter(|p| !p.is_seam()) {
@@ -126,8 +118,15 @@ impl<'a> Pieces<'a> {
 }
 
 impl Openings<'_> {
-    pub(super) fn knot(&self, q: usize, at: [f64; 2], name: Name, faces: u8, fixed: bool) -> Knot {
-        Knot {
+    pub(super) fn knot(
+        &self,
+        q: usize,
+        at: [f64; 2],
+        name: Name,
+        faces: u8,
+        fixed: bool,
+    ) -> PieceVertex {
+        PieceVertex {
             at,
             parameter: in_plane(q, at),
             key: key(name, q, at),
@@ -136,10 +135,10 @@ impl Openings<'_> {
             class: None,
         }
     }
-    /// A vertex of a seam.
-    fn seam_knot(&self, at: [f64; 2], fan: usize, d: &Direction) -> Knot {
+    /// Returns the vertex of a seam in a direction.
+    fn seam_knot(&self, at: [f64; 2], fan: usize, d: &Direction) -> PieceVertex {
         let (name, image, _) = self.seam_vertex(fan, d);
-        Knot {
+        PieceVertex {
             at,
             parameter: self.fans[fan].point,
             key: key(name, 0, at),
@@ -148,15 +147,15 @@ impl Openings<'_> {
             class: None,
         }
     }
-    /// The vertex of a seam in which a ray ends.
-    fn ray_knot(&self, at: [f64; 2], fan: usize, ray: Ray) -> Option<Knot> {
+    /// Returns the vertex of a seam in which a ray ends.
+    fn ray_knot(&self, at: [f64; 2], fan: usize, ray: Ray) -> Option<PieceVertex> {
         let mut directions = self.fans[fan].directions.iter();
         let d = directions.find(|d| d.key() == ray.0)?;
         Some(self.seam_knot(at, fan, d))
     }
 
-    /// The arcs over a slab that have partners.
-    fn arc_pieces(&self, q: usize, slab: usize, pieces: &mut Vec<Piece>) {
+    /// Adds the arcs over a slab that have partners.
+    fn arc_pieces(&self, q: usize, slab: usize, pieces: &mut Vec<CurvePiece>) {
         let a = &self.atlas.region.triangles[q].arrangement;
         let mut over = Columns::new(a, slab);
         for i in self.curves.drawn(q, slab) {
@@ -169,8 +168,8 @@ impl Openings<'_> {
             }
         }
     }
-    /// The stretches of a wall that have partners.
-    fn wall_pieces(&self, q: usize, wall: usize, pieces: &mut Vec<Piece>) {
+    /// Adds the segments of a wall that have partners.
+    fn wall_pieces(&self, q: usize, wall: usize, pieces: &mut Vec<CurvePiece>) {
         let points = &self.atlas.region.triangles[q].arrangement.walls[wall].points;
         for p in 0..points.len() - 1 {
             let curve = self.curves.drawn_on(q, wall, p);
@@ -181,7 +180,8 @@ impl Openings<'_> {
             }
         }
     }
-    /// A polyline between two points of walls, or the rectangles in front of these.
+    /// Returns the piece of a polyline between two points of walls, or between the rectangles
+    /// around them.
     fn piece(
         &self,
         track: Track,
@@ -189,7 +189,7 @@ impl Openings<'_> {
         line: &[[f64; 2]],
         stretch: &Stretch,
         ends: [(usize, usize); 2],
-    ) -> Piece {
+    ) -> CurvePiece {
         let last = line.len() - 1;
         let on_wall = |at: [f64; 2], (wall, point): (usize, usize)| {
             let name = self.atlas.wall_name(q, wall, point);
@@ -213,7 +213,7 @@ impl Openings<'_> {
         };
         let inner = line.iter().enumerate().map(knot);
         let knots = seam(0).into_iter().chain(inner).chain(seam(1)).collect();
-        Piece {
+        CurvePiece {
             track,
             q,
             knots,
@@ -221,14 +221,15 @@ impl Openings<'_> {
         }
     }
 
-    /// The stretches in the box of seams that run twice through their points.
-    fn seam_pieces(&self, fan: usize, pieces: &mut Vec<Piece>) {
+    /// Returns the pieces, in the box, of seams that traverse each of their points twice.
+    fn seam_pieces(&self, fan: usize, pieces: &mut Vec<CurvePiece>) {
         let f = &self.fans[fan];
         let mut number = 0;
         for seam in f.doubled() {
             let n = seam.len();
             let inside = |k: usize| seam[k % n].1;
-            // All the way around it ends where it began: in a fold, if there is one.
+            // A seam that lies in the box as a whole ends where it began: in a fold, if there is
+            // one.
             let fold = || (0..n).find(|&k| f.is_fold(seam[k].0));
             let begins = |k: &usize| inside(*k) && !inside(k + n - 1);
             let first = (0..n).find(begins).or_else(fold).unwrap_or(0);
@@ -236,7 +237,7 @@ impl Openings<'_> {
                 let d = seam[k % n].0;
                 self.seam_knot(d.at, fan, d)
             };
-            let mut knots: Vec<Knot> = Vec::new();
+            let mut knots: Vec<PieceVertex> = Vec::new();
             for k in first..first + n {
                 if inside(k) {
                     if knots.is_empty() {
@@ -245,7 +246,7 @@ impl Openings<'_> {
                     knots.push(knot(k + 1));
                 }
                 if !knots.is_empty() && (!inside(k) || k + 1 == first + n) {
-                    pieces.push(Piece {
+                    pieces.push(CurvePiece {
                         track: Track::Seam(fan, number),
                         q: 0,
                         knots: std::mem::take(&mut knots),
@@ -257,13 +258,13 @@ impl Openings<'_> {
         }
     }
 
-    /// The stretches of a side in the region.
-    fn side_pieces(&self, id: SideId, places: &[(f64, bool)], pieces: &mut Vec<Piece>) {
+    /// Returns the pieces of a side in the region.
+    fn side_pieces(&self, id: SideId, places: &[(f64, bool)], pieces: &mut Vec<CurvePiece>) {
         let stop = SideStops::new(self, id);
         let runs = runs_inside(places, &|x| stop.is_base(x));
         for (number, run) in runs.into_iter().enumerate() {
-            // From the base point along the side: to larger places at the beginning, to smaller
-            // ones at the end.
+            // Along the side, away from the base point: to larger places at the beginning, to
+            // smaller ones at the end.
             let last = run.len() - 1;
             let rays = [(run[0], run[1]), (run[last], run[last - 1])]
                 .map(|(base, to)| stop.ray(self, base, to));
@@ -278,7 +279,7 @@ impl Openings<'_> {
                     None => Some(stop.knot(self, x, k == 0 || k == last)),
                 }
             };
-            pieces.push(Piece {
+            pieces.push(CurvePiece {
                 track: Track::Side(id.0, id.1, number),
                 q: stop.quadrants[0],
                 knots: run.iter().enumerate().filter_map(knot).collect(),
@@ -287,7 +288,8 @@ impl Openings<'_> {
         }
     }
 
-    /// Places of a side that curves go through, with the faces of the box that these belong to.
+    /// Returns the places of a side through which curves pass, with the faces of the box to which
+    /// the curves belong.
     fn wall_points_on(&self, side: usize, quadrants: &[usize]) -> Vec<(f64, u8)> {
         let mut found = Vec::new();
         for &q in quadrants {
@@ -298,26 +300,28 @@ impl Openings<'_> {
                 let at = self.atlas.place(q, k, p);
                 let faces = self.atlas.faces_at(q, k, p);
                 let place = if side == 0 { at[1] } else { at[0] };
-                found.push((place, if faces == FULL { 0 } else { faces }));
+                found.push((place, if faces == ALL_FACES { 0 } else { faces }));
             }
         }
         found
     }
 
-    /// Makes a vertex of a pinch point, if it is on a piece.
-    fn add_pinch(&self, piece: &mut Piece, at: [f64; 2]) {
+    /// Makes a pinch point a vertex, if it is on a piece.
+    fn add_pinch(&self, piece: &mut CurvePiece, at: [f64; 2]) {
         let x = piece.along(at);
         let Some((j, on)) = piece.place_over(x) else {
             return;
         };
-        // On the piece but for its sagitta.
+        // The point is on the piece up to its sagitta.
         let chart = &self.atlas.charts[piece.q];
         if distance(chart.at(on), chart.at(at)) > self.atlas.options.tolerance
-            || distance2(on, at) > ASIDE
+            // A pinch point on a piece is near the chord below it, in the parameters.
+            || distance2(on, at) > 0.1
         {
             return;
         }
-        let near = |k: &usize| distance2(piece.knots[*k].at, at) < ONE;
+        // A nearer vertex is the pinch point.
+        let near = |k: &usize| distance2(piece.knots[*k].at, at) < 1e-9;
         match [j - 1, j].into_iter().find(near) {
             Some(k) => piece.knots[k].fixed = true,
             None => {
@@ -328,7 +332,7 @@ impl Openings<'_> {
     }
 }
 
-/// The constraints of vertices on a side: rectangles of base points, and curves that go through it.
+/// Constraints on vertices of a side: rectangles of base points, and curves that pass through it.
 struct SideStops {
     id: SideId,
     quadrants: Vec<usize>,
@@ -350,21 +354,20 @@ impl SideStops {
     fn is_base(&self, x: f64) -> bool {
         self.rectangles.iter().any(|b| b.0 == x)
     }
-    /// The ray along the side from a base point towards a place.
+    /// Returns the ray along the side from a base point towards a place.
     fn ray(&self, open: &Openings<'_>, base: f64, to: f64) -> Option<(usize, Ray)> {
         let at = on_side(self.id.0, base);
         let mut sites = open.sites.iter().filter(|_| self.is_base(base));
-        let is_there = |q: usize, place: [f64; 2]| {
-            self.quadrants.contains(&q) && distance2(place, at) < AT_PLACE
-        };
+        let is_there =
+            |q: usize, place: [f64; 2]| self.quadrants.contains(&q) && distance2(place, at) < 1e-12;
         let (_, site) = sites.find(|(key, site)| is_there(key.0, site.at))?;
         let to = on_side(self.id.0, to);
         let ray = open.fans[site.fan].ray_along(self.quadrants[0], self.id.0, to)?;
         Some((site.fan, ray))
     }
-    /// The vertex at a place: fixed at ends, points of walls that a curve goes through, and
-    /// vertices of rectangles.
-    fn knot(&self, open: &Openings<'_>, x: f64, is_end: bool) -> Knot {
+    /// Returns the vertex at a place; it is fixed at ends, at points of walls through which a curve
+    /// passes, and at vertices of rectangles.
+    fn knot(&self, open: &Openings<'_>, x: f64, is_end: bool) -> PieceVertex {
         let (q, side) = (self.quadrants[0], self.id.0);
         let here = self.curves.iter().filter(|p| p.0 == x);
         let faces = here.clone().fold(0, |bits, p| bits | p.1);
@@ -374,7 +377,7 @@ impl SideStops {
     }
 }
 
-/// The runs of places whose stretches in between are in the region, from base point to base point.
+/// Returns the runs of places whose intervals are in the region, from base point to base point.
 fn runs_inside(places: &[(f64, bool)], is_base: &dyn Fn(f64) -> bool) -> Vec<Vec<f64>> {
     let mut runs = Vec::new();
     let mut run: Vec<f64> = Vec::new();
@@ -395,7 +398,7 @@ fn runs_inside(places: &[(f64, bool)], is_base: &dyn Fn(f64) -> bool) -> Vec<Vec
     runs
 }
 
-/// The points of walls that are on a side of the unit triangle, by wall and number.
+/// Returns the points of walls on a side of the unit triangle, by wall and index.
 fn points_on_side(walls: &[Wall], side: usize) -> Vec<(usize, usize)> {
     let all = 0..walls.len();
     match side {

@@ -1,6 +1,6 @@
-//! The vertices of the double curve in their places, and the arcs of it in space.
+//! Transfer of the vertices of the double curve to sides, lines and spokes, and its arcs in space.
 
-use super::pieces::{Knot, Piece, Pieces};
+use super::pieces::{CurvePiece, CurvePieces, PieceVertex};
 use super::{Gluing, Track};
 use crate::double::Fibres;
 use crate::finding::{Finding, JoinedCurve};
@@ -12,22 +12,22 @@ use crate::mesh::stretch::Columns;
 use crate::surface::{DoubleArc, Point3};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// An edge of the double curve: the classes of its ends, the lesser one first.
+/// Edge of the double curve: the classes of its ends, the smaller one first.
 type Edge = [ClassId; 2];
 
 fn edge(a: ClassId, b: ClassId) -> Edge {
     [a.min(b), a.max(b)]
 }
 
-/// The number of sheets that meet in each edge of the double curve.
-struct Sheets {
+/// Number of sheets that meet in each edge of the double curve.
+struct SheetCounts {
     of: BTreeMap<Edge, usize>,
-    /// The edges that belong to an arc.
+    /// Edges that belong to an arc.
     done: BTreeSet<Edge>,
 }
 
-impl Sheets {
-    fn new(pieces: &[Piece]) -> Self {
+impl SheetCounts {
+    fn new(pieces: &[CurvePiece]) -> Self {
         let mut of: BTreeMap<Edge, usize> = BTreeMap::new();
         for w in pieces.iter().flat_map(|p| p.knots.windows(2)) {
             if let [Some(a), Some(b)] = [w[0].class, w[1].class] {
@@ -40,15 +40,15 @@ impl Sheets {
     fn at(&self, edge: &Edge) -> usize {
         self.of.get(edge).copied().unwrap_or(0)
     }
-    /// Whether fewer than two meet in an edge, or its ends have no class.
-    fn is_single(&self, ends: &[Knot]) -> bool {
+    /// Returns true if fewer than two sheets meet in an edge, or if one of its ends has no class.
+    fn is_single(&self, ends: &[PieceVertex]) -> bool {
         match [ends[0].class, ends[1].class] {
             [Some(a), Some(b)] => self.at(&edge(a, b)) < 2,
             _ => true,
         }
     }
-    /// The arcs along a piece, given by the classes of its vertices, that no other piece had
-    /// before: runs of classes with as many sheets all along.
+    /// Returns the arcs along a piece, given by the classes of its vertices, that are not part of a
+    /// previous piece: runs of classes with a constant number of sheets.
     fn arcs(&mut self, classes: &[ClassId]) -> Vec<(Vec<ClassId>, usize)> {
         let mut found = Vec::new();
         let mut run: Vec<ClassId> = Vec::new();
@@ -75,17 +75,17 @@ impl Sheets {
     }
 }
 
-fn middle(ends: &[Knot]) -> [f64; 2] {
+fn middle(ends: &[PieceVertex]) -> [f64; 2] {
     [0, 1].map(|i| 0.5 * (ends[0].at[i] + ends[1].at[i]))
 }
 
-impl Pieces<'_> {
-    /// Names the vertices, and hands them over as places on sides, lines and spokes; the arcs in
-    /// space as far as sheets meet there.
+impl CurvePieces<'_> {
+    /// Names the vertices and stores them as places on sides, lines and spokes; stores the arcs in
+    /// space along which sheets meet.
     pub(super) fn settle(self, gluing: &mut Gluing, sides: &mut Sides, fibres: Option<&Fibres>) {
         let Self { open, pieces } = self;
-        let mut sheets = Sheets::new(&pieces);
-        let alone = |piece: &Piece| open.edges_without_partner(piece, &sheets, fibres);
+        let mut sheets = SheetCounts::new(&pieces);
+        let alone = |piece: &CurvePiece| open.edges_without_partner(piece, &sheets, fibres);
         let edges: usize = pieces.iter().map(alone).sum();
         gluing.findings.extend(open.partners_missing(edges));
         for mut piece in pieces {
@@ -105,8 +105,8 @@ impl Pieces<'_> {
     }
 }
 
-/// Puts the vertices of a piece into their side or line.
-fn hand_over(piece: &Piece, gluing: &mut Gluing, sides: &mut Sides) {
+/// Stores the vertices of a piece on its side or line.
+fn hand_over(piece: &CurvePiece, gluing: &mut Gluing, sides: &mut Sides) {
     match piece.track {
         Track::Side(side, sign, _) => {
             let places = sides.get_mut(&(side, sign)).expect("the side");
@@ -125,15 +125,15 @@ fn hand_over(piece: &Piece, gluing: &mut Gluing, sides: &mut Sides) {
 }
 
 impl Openings<'_> {
-    /// The image of a point of an edge that is no end of its piece, as far as there is one.
-    fn image_between(&self, piece: &Piece, ends: &[Knot]) -> Point3 {
+    /// Returns the image of a point of an edge, if possible of one that is not an end of its piece.
+    fn image_between(&self, piece: &CurvePiece, ends: &[PieceVertex]) -> Point3 {
         match ends.iter().find(|k| !k.fixed) {
             Some(knot) => knot.image,
             None if piece.is_seam() => ends[0].image,
             None => self.atlas.charts[piece.q].at(middle(ends)),
         }
     }
-    /// The finding about edges without a partner, if there are any.
+    /// Returns the finding about edges without a partner, if there are any.
     fn partners_missing(&self, edges: usize) -> Option<Finding> {
         let curve = match self.curves.glued {
             true => JoinedCurve::Double,
@@ -141,21 +141,21 @@ impl Openings<'_> {
         };
         (edges > 0).then_some(Finding::PartnersMissing { edges, curve })
     }
-    /// The number of edges of a piece that have one sheet and should have more. Each piece needs
-    /// two sheets, unless a pinch point folds one sheet onto itself or the partner parameters are
-    /// complex.
+    /// Returns the number of edges of a piece that have one sheet and should have more. Each piece
+    /// needs two sheets, unless a pinch point folds one sheet onto itself or the partner parameters
+    /// are complex.
     fn edges_without_partner(
         &self,
-        piece: &Piece,
-        sheets: &Sheets,
+        piece: &CurvePiece,
+        sheets: &SheetCounts,
         fibres: Option<&Fibres>,
     ) -> usize {
         if self.is_fold(piece) {
             return 0;
         }
         let edges = piece.knots.windows(2);
-        let mut single: Vec<&[Knot]> = edges.filter(|w| sheets.is_single(w)).collect();
-        // Partners may be outside of the domain on some of its length only.
+        let mut single: Vec<&[PieceVertex]> = edges.filter(|w| sheets.is_single(w)).collect();
+        // Partners may be outside of the domain along a part of the piece only.
         if let (Some(_), Some(fibres), false) = (&self.atlas.region.domain, fibres, piece.is_seam())
         {
             single.retain(|ends| !self.is_alone_in_domain(piece, ends, fibres));
@@ -170,8 +170,13 @@ impl Openings<'_> {
             false => single.len(),
         }
     }
-    /// Whether all partners of an edge are outside of the domain.
-    fn is_alone_in_domain(&self, piece: &Piece, ends: &[Knot], fibres: &Fibres) -> bool {
+    /// Returns true if all partners of an edge are outside of the domain.
+    fn is_alone_in_domain(
+        &self,
+        piece: &CurvePiece,
+        ends: &[PieceVertex],
+        fibres: &Fibres,
+    ) -> bool {
         let at = self.on_curve_of(piece, middle(ends));
         let domain = self.atlas.region.domain.as_ref();
         let is_outside = |p: [f64; 3]| domain.is_some_and(|d| d.is_outside(p));
@@ -179,8 +184,8 @@ impl Openings<'_> {
         fibres.is_alone(image, in_plane(piece.q, at), &is_outside)
     }
 
-    /// Takes the vertices between base points and their rectangles out of a piece.
-    fn take_spokes(&self, piece: &mut Piece, gluing: &mut Gluing) {
+    /// Moves the vertices between base points and their rectangles from a piece to the spokes.
+    fn take_spokes(&self, piece: &mut CurvePiece, gluing: &mut Gluing) {
         for (end, ray) in piece.rays.into_iter().enumerate() {
             let Some((fan, ray)) = ray else { continue };
             if end == 1 {
@@ -193,7 +198,7 @@ impl Openings<'_> {
                 .knots
                 .get(first)
                 .map_or([0; 2], |k| k.at.map(f64::to_bits));
-            let inner: Vec<Knot> = piece.knots.drain(..first).collect();
+            let inner: Vec<PieceVertex> = piece.knots.drain(..first).collect();
             let outward = inner[1..].iter().rev();
             let list = outward.filter_map(|k| Some((k.class?, k.at))).collect();
             gluing.spokes.insert((fan, ray, ring), list);
@@ -202,8 +207,8 @@ impl Openings<'_> {
             }
         }
     }
-    /// Whether a vertex of a piece is on a rectangle around a base point.
-    fn is_ring(&self, piece: &Piece, knot: &Knot) -> bool {
+    /// Returns true if a vertex of a piece is on a rectangle around a base point.
+    fn is_ring(&self, piece: &CurvePiece, knot: &PieceVertex) -> bool {
         let x = knot.at;
         self.sites
             .iter()
@@ -215,22 +220,23 @@ impl Openings<'_> {
             })
     }
 
-    /// Whether a piece is on the border of a fundamental domain, and goes on.
-    fn is_border(&self, piece: &Piece) -> bool {
+    /// Returns true if a piece is on the border of a fundamental domain and the surface continues
+    /// there.
+    fn is_border(&self, piece: &CurvePiece) -> bool {
         let deck = self.atlas.region.deck.as_ref();
         let is_side = |side: usize| deck.is_some_and(|d| d.seams.sides[side]);
         self.is_of(piece, &|f| self.curves.seams.contains(&f), &is_side)
     }
-    /// Whether the surface ends in a piece: others may end there, or not.
-    pub(super) fn is_fold(&self, piece: &Piece) -> bool {
+    /// Returns true if the surface ends in a piece: other pieces may end there or not.
+    pub(super) fn is_fold(&self, piece: &CurvePiece) -> bool {
         let region = self.atlas.region;
         let is_side = |side: usize| region.is_fold_side(side);
         self.is_of(piece, &|f| region.is_fold(f), &is_side)
     }
-    /// Whether a piece lies on some factors or sides of unit triangles.
+    /// Returns true if a piece lies on one of some factors or sides of unit triangles.
     fn is_of(
         &self,
-        piece: &Piece,
+        piece: &CurvePiece,
         is_factor: &dyn Fn(usize) -> bool,
         is_side: &dyn Fn(usize) -> bool,
     ) -> bool {
@@ -245,8 +251,8 @@ impl Openings<'_> {
             Track::Seam(..) => false,
         }
     }
-    /// The point of a piece over, or beside, one of its chords.
-    pub(super) fn on_curve_of(&self, piece: &Piece, at: [f64; 2]) -> [f64; 2] {
+    /// Returns the point of a piece above or below a point of one of its chords.
+    pub(super) fn on_curve_of(&self, piece: &CurvePiece, at: [f64; 2]) -> [f64; 2] {
         match piece.track {
             Track::Arc(q, slab, i) => {
                 let a = &self.atlas.region.triangles[q].arrangement;
@@ -265,9 +271,9 @@ mod tests {
     fn classes<const N: usize>(numbers: [usize; N]) -> Vec<ClassId> {
         numbers.map(ClassId).to_vec()
     }
-    fn sheets(edges: &[([usize; 2], usize)]) -> Sheets {
+    fn sheets(edges: &[([usize; 2], usize)]) -> SheetCounts {
         let of = edges.iter().map(|&(e, n)| (e.map(ClassId), n));
-        Sheets {
+        SheetCounts {
             of: of.collect(),
             done: BTreeSet::new(),
         }
@@ -279,13 +285,13 @@ mod tests {
         let mut s = sheets(&[([0, 1], 2), ([1, 2], 2), ([2, 3], 4), ([3, 4], 1)]);
         let all = [(classes([0, 1, 2]), 2), (classes([2, 3]), 4)];
         assert_eq!(s.arcs(&classes([0, 1, 2, 3, 4])), all);
-        // The other sheets go the same way, or back.
+        // The other sheets follow in either direction.
         assert!(
             s.arcs(&classes([4, 3, 2, 1, 0])).is_empty() && s.arcs(&classes([0, 1, 2])).is_empty()
         );
     }
 
-    /// A sheet that leaves an arc and comes back to it has what lies between for itself.
+    /// A sheet that leaves an arc and returns to it has the vertices in between for itself.
     #[test]
     fn arcs_are_told_apart_where_sheets_part() {
         let mut s = sheets(&[([0, 1], 2), ([1, 2], 2), ([1, 5], 2), ([2, 5], 2)]);

@@ -1,4 +1,4 @@
-//! Rectangles around base points that hold nothing but the arcs that end there.
+//! Rectangles around base points that contain only the arcs that end there.
 //!
 //! ```text
 //!     +-----------/---+   A rectangle of half width h has the height that arcs need to leave it
@@ -14,26 +14,22 @@ use super::{Openings, WallPoint};
 use isoform_algebra::{Arc, Arrangement, RBig};
 use std::collections::BTreeSet;
 
-/// Arcs that rise more than this, per half width of a rectangle, do not make it higher: they leave
-/// it at the top or the bottom.
-const STEEP: f64 = 4.0;
-/// The height of a rectangle, per rise of the highest arc that leaves it at a side.
-const ROOM: f64 = 1.25;
-/// The most steps of the secant method to the place where a steep arc leaves its rectangle.
-const SECANTS: usize = 12;
-/// The number of times that an arc that does not reach the side of its rectangle is looked at four
-/// times nearer to the base point, before the rectangle counts as too large.
-const SHORTENED: i32 = 6;
-/// The half widths or heights of a rectangle within which curves and points are in its way.
-const CLEARANCE: f64 = 1.2;
+/// Ratio of the height of a rectangle to the rise of the highest arc that leaves it at a side.
+const HEIGHT_FACTOR: f64 = 1.25;
+/// Maximum number of steps of the secant method to the place where a steep arc leaves its
+/// rectangle.
+const MAX_SECANT_STEPS: usize = 12;
+/// Distance from the centre of a rectangle, in half widths or heights, within which other curves
+/// and points are in its way.
+const CLEARANCE_FACTOR: f64 = 1.2;
 
 impl SiteArc {
-    /// Whether it is an arc over slabs, not a vertical line.
+    /// Returns true for an arc over slabs, false for a vertical line.
     fn is_over_slabs(&self) -> bool {
         !self.chain.is_empty()
     }
-    /// The arc that goes on with this one in the next slab, beyond a point of a wall; None if it is
-    /// not alone there.
+    /// Returns the continuation of the arc in the next slab, beyond a point of a wall; `None` if
+    /// another curve passes through the point or several arcs begin there.
     fn goes_on(&self, a: &Arrangement, (slab, i): (usize, usize)) -> Option<(usize, usize)> {
         let arc = a.slabs[slab].arcs[i];
         let (wall, point, next) = if self.right {
@@ -53,8 +49,8 @@ impl SiteArc {
             _ => None,
         }
     }
-    /// Takes it over walls on which nothing happens to it, as far as a place. False if it does not
-    /// get there.
+    /// Extends the arc over walls that it crosses alone, up to a place. Returns false if it ends
+    /// before.
     fn reach(&mut self, a: &Arrangement, to: f64) -> bool {
         self.chain.truncate(1);
         loop {
@@ -73,7 +69,7 @@ impl SiteArc {
             }
         }
     }
-    /// Its point over a place between walls that it has been taken to.
+    /// Returns the point of the arc over a place between walls, as far as it has been extended.
     fn over(&self, a: &Arrangement, u: f64) -> Option<[f64; 2]> {
         let is_over =
             |slab: usize| u > a.walls[slab].u.to_f64() && u < a.walls[slab + 1].u.to_f64();
@@ -81,7 +77,8 @@ impl SiteArc {
         let heights = a.arcs_over(slab, &RBig::try_from(u).ok()?)?;
         Some([u, *heights.get(i)?])
     }
-    /// Follows it from its base point to a distance beside that. False if it does not get there.
+    /// Follows the arc from its base point to a horizontal distance. Returns false if it ends
+    /// before.
     fn follow(&mut self, a: &Arrangement, base: [f64; 2], distance: f64) -> bool {
         let to = if self.right {
             base[0] + distance
@@ -91,7 +88,7 @@ impl SiteArc {
         if !self.reach(a, to) {
             return false;
         }
-        // On a wall by chance: near enough to the middle.
+        // The middle may lie on a wall by chance; a place next to it will do.
         let halfway = self
             .over(a, 0.5 * (base[0] + to))
             .or_else(|| self.over(a, base[0] + 0.51 * (to - base[0])));
@@ -101,15 +98,15 @@ impl SiteArc {
         (self.end, self.middle) = (end, middle);
         true
     }
-    /// Follows an arc that is on its way to the side of its rectangle to the top or the bottom, if
-    /// it rises as far. False if it does not get to either.
+    /// Follows an arc towards the side of its rectangle up to the top or the bottom, if it rises as
+    /// far. Returns false if it reaches neither.
     fn follow_to_border(
         &mut self,
         a: &Arrangement,
         base: [f64; 2],
         [width, height]: [f64; 2],
     ) -> bool {
-        for step in 0..=SECANTS {
+        for step in 0..=MAX_SECANT_STEPS {
             let reach = (self.end[0] - base[0]).abs();
             let rise = self.rise(base);
             let is_at_side = reach >= 0.99 * width && rise <= height;
@@ -118,7 +115,7 @@ impl SiteArc {
                 return true;
             }
             let to = reach * (1.005 * height / rise);
-            if step == SECANTS || to > width || !self.follow(a, base, to) {
+            if step == MAX_SECANT_STEPS || to > width || !self.follow(a, base, to) {
                 return false;
             }
         }
@@ -126,21 +123,22 @@ impl SiteArc {
     }
 }
 
-/// The height of a rectangle of some width, by the rises of its arcs over that width.
+/// Returns the height of a rectangle of a given width, from the rises of its arcs over that width.
 fn height(width: f64, mut rises: Vec<f64>) -> f64 {
     let mut height = width;
     rises.sort_by(f64::total_cmp);
     for rise in rises {
-        if ROOM * rise > height && (rise < STEEP * width || rise < 1.3 * height) {
-            height = ROOM * rise;
+        // Steeper arcs leave the rectangle at the top or the bottom, and do not make it higher.
+        if HEIGHT_FACTOR * rise > height && (rise < 4.0 * width || rise < 1.3 * height) {
+            height = HEIGHT_FACTOR * rise;
         }
     }
     height
 }
 
 impl Openings<'_> {
-    /// Heights of the rectangles for their widths, and the arcs followed to their sides. Returns
-    /// the base points whose rectangles hold more than what ends in them.
+    /// Sets the heights of the rectangles for their widths, and follows the arcs to their sides.
+    /// Returns the base points whose rectangles contain more than the arcs that end in them.
     pub(super) fn fit_rectangles(&mut self) -> Vec<usize> {
         let mut too_large = BTreeSet::new();
         let mut sites = std::mem::take(&mut self.sites);
@@ -162,19 +160,22 @@ impl Openings<'_> {
         too_large.into_iter().collect()
     }
 
-    /// Follows arcs as far as their rectangles are wide. Returns the heights that these need.
+    /// Follows arcs over the widths of their rectangles. Returns the heights that they need.
     fn follow_arcs(
         &self,
         sites: &mut dyn Iterator<Item = (&WallPoint, &mut Site)>,
         too_large: &mut BTreeSet<usize>,
     ) -> Vec<f64> {
-        // The rise of arcs over half the width, as far as they go.
+        // Rises of arcs over half the width, extrapolated where they end before.
         let mut rises: Vec<Vec<f64>> = vec![Vec::new(); self.fans.len()];
         for (key, site) in sites {
             let a = &self.atlas.region.triangles[key.0].arrangement;
             let (h, at) = (self.widths[site.fan], site.at);
             for arc in site.arcs.iter_mut().filter(|x| x.is_over_slabs()) {
-                let mut reaches = (0..SHORTENED).map(|k| h * 0.25f64.powi(k));
+                // An arc that does not reach the side of its rectangle is tried six times, each
+                // time four times nearer to the base point, before the rectangle counts as too
+                // large.
+                let mut reaches = (0..6).map(|k| h * 0.25f64.powi(k));
                 match reaches.find(|&reach| arc.follow(a, at, reach)) {
                     Some(reach) => rises[site.fan].push(arc.rise(at) * (h / reach)),
                     None => {
@@ -187,7 +188,7 @@ impl Openings<'_> {
         rises.map(|(&w, rises)| height(w, rises)).collect()
     }
 
-    /// Follows steep arcs to the top or the bottom of their rectangle. False if one gets to
+    /// Follows steep arcs to the top or the bottom of their rectangle. Returns false if one reaches
     /// neither.
     fn follow_steep_arcs(&self, q: usize, site: &mut Site) -> bool {
         let a = &self.atlas.region.triangles[q].arrangement;
@@ -196,8 +197,8 @@ impl Openings<'_> {
         arcs.all(|arc| arc.follow_to_border(a, at, size))
     }
 
-    /// Whether another base point is so near that their rectangles may touch, and this one's is the
-    /// wider one.
+    /// Returns true if another base point is so near that their rectangles may touch, and this one
+    /// has the wider rectangle.
     fn is_too_near(&self, q: usize, site: &Site) -> bool {
         self.sites_in(q).map(|s| s.1).any(|other| {
             let (h, other_h) = (self.widths[site.fan], self.widths[other.fan]);
@@ -207,7 +208,7 @@ impl Openings<'_> {
         })
     }
 
-    /// Whether the rectangle around a base point holds nothing but the arcs that end in it.
+    /// Returns true if the rectangle around a base point contains only the arcs that end in it.
     fn is_alone(&self, key: WallPoint, site: &Site) -> bool {
         let h = self.widths[site.fan];
         !self.holds_other_points(key, site)
@@ -215,7 +216,8 @@ impl Openings<'_> {
             && self.is_free_at(key.0, site, true, site.at[0] + h)
     }
 
-    /// Whether points of walls other than those that its arcs pass are in or near a rectangle.
+    /// Returns true if a rectangle contains, or nearly contains, points of walls that its arcs do
+    /// not pass.
     fn holds_other_points(&self, (q, k, p): WallPoint, site: &Site) -> bool {
         let t = &self.atlas.region.triangles[q];
         let a = &t.arrangement;
@@ -229,19 +231,20 @@ impl Openings<'_> {
                 _ => points[j].lo.to_f64().value(),
             };
             let is_mine = (w, j) == (k, p) || passed.contains(&(w, j));
-            // The sides themselves may go through the rectangle if the base point is on them.
+            // The sides themselves may pass through the rectangle if the base point is on them.
             let is_along_side = is_side
                 && !t.is_real(w, j)
                 && (site.at[1] == 0.0 && j == 0 || site.at[0] + site.at[1] == 1.0 && j > 0);
             !is_mine && !is_along_side && site.is_beside(v) && (is_side || t.holds_point(w, j))
         };
         a.walls.iter().enumerate().any(|(w, wall)| {
-            (wall.u.to_f64() - site.at[0]).abs() <= CLEARANCE * self.widths[site.fan]
+            (wall.u.to_f64() - site.at[0]).abs() <= CLEARANCE_FACTOR * self.widths[site.fan]
                 && (0..wall.points.len()).any(|j| is_other(w, j))
         })
     }
 
-    /// Whether no arcs but its own cross the left or the right side of a rectangle, or pass near.
+    /// Returns true if only arcs of the base point cross the left or the right side of its
+    /// rectangle, or pass nearby.
     fn is_free_at(&self, q: usize, site: &Site, right: bool, u: f64) -> bool {
         if !(0.0..=1.0).contains(&u) {
             // Beyond the triangle: the base point has to be on that side of it.
@@ -253,7 +256,7 @@ impl Openings<'_> {
         }
         let a = &self.atlas.region.triangles[q].arrangement;
         let slab = a.walls[1..a.walls.len() - 1].partition_point(|w| w.u.to_f64() < u);
-        // Walls may be closer to each other than rounding.
+        // Walls may be closer together than rounding.
         let Some(over) = RBig::try_from(u).ok().and_then(|u| a.arcs_over(slab, &u)) else {
             return false;
         };
@@ -272,11 +275,11 @@ impl Openings<'_> {
 }
 
 impl Site {
-    /// Whether a height is in the rectangle or near it.
+    /// Returns true if a height is in the rectangle or near it.
     fn is_beside(&self, v: f64) -> bool {
-        (v - self.at[1]).abs() < CLEARANCE * self.height
+        (v - self.at[1]).abs() < CLEARANCE_FACTOR * self.height
     }
-    /// Curves on the wall of the base point end at the top or the bottom.
+    /// Ends the curves on the wall of the base point at the top or the bottom of the rectangle.
     fn end_vertical_arcs(&mut self) {
         let [u, v] = self.at;
         for x in self.arcs.iter_mut().filter(|x| !x.is_over_slabs()) {
@@ -290,8 +293,8 @@ impl Site {
 mod tests {
     use super::height;
 
-    /// As high as wide where arcs are flat, with room above arcs that are not; arcs steeper than
-    /// four count only if they are no higher than others nearly.
+    /// A rectangle is as high as wide where arcs are flat, and has a margin above steeper arcs;
+    /// arcs with a slope above 4 count only if they are hardly higher than others.
     #[test]
     fn rectangles_are_as_high_as_their_arcs_need() {
         assert_eq!(height(1.0, vec![0.5, 0.1]), 1.0);

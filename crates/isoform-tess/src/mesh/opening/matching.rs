@@ -1,4 +1,4 @@
-//! The arcs that end in a base point, matched with the rays that are their tangents.
+//! Matching of the arcs that end in a base point with the rays that are their tangents.
 //!
 //! Both are known in their order around the base point, on either side of its wall: there is one
 //! way to match them.
@@ -8,27 +8,21 @@ use super::{Openings, WallPoint};
 use crate::fan::Fan;
 use crate::finding::Finding;
 
-/// Rays that leave the wall by less than this, per height, lie along it: directions are known to
-/// rounding.
-const VERTICAL: f64 = 1e-13;
-/// The most that a ray may leave the wall by, per height, to be the tangent of a curve on the wall:
-/// the factor is known to be its own, so that another ray that is as steep does no harm.
-const ALONG_WALL: f64 = 1e-9;
-
-/// A ray that leads into a unit triangle.
+/// Ray that leads into a unit triangle.
 #[derive(Clone, Copy, Debug)]
 struct LocalRay {
-    /// The number of its direction in the fan, and whether it is backward.
+    /// Index of its direction in the fan, with true if it is backward.
     ray: (usize, bool),
-    /// The direction in the unit triangle.
+    /// Direction in the unit triangle.
     toward: [f64; 2],
 }
 
 impl LocalRay {
-    /// −1 to the left of the wall, 1 to the right, 0 along it.
+    /// Returns −1 for a ray to the left of the wall, 1 to the right, 0 along it.
     fn beside(&self) -> f64 {
         let [x, y] = self.toward;
-        if x.abs() < VERTICAL * y.abs() {
+        // Directions are known to rounding.
+        if x.abs() < 1e-13 * y.abs() {
             0.0
         } else {
             x.signum()
@@ -37,14 +31,15 @@ impl LocalRay {
     fn is_upward(&self) -> bool {
         self.toward[1] > 0.0
     }
-    /// Whether it may be the tangent of a curve on the wall, upward or downward.
+    /// Returns true if the ray may be the tangent of a curve on the wall, upward or downward.
     fn is_along_wall(&self, up: bool) -> bool {
         let [x, y] = self.toward;
-        x.abs() < ALONG_WALL * y.abs() && self.is_upward() == up
+        // The factor is known to be that of the ray, so that other rays as steep do no harm.
+        x.abs() < 1e-9 * y.abs() && self.is_upward() == up
     }
 }
 
-/// The rays of a fan that lead into a unit triangle, counterclockwise there.
+/// Returns the rays of a fan that lead into a unit triangle, counterclockwise there.
 fn rays_in(fan: &Fan, q: usize) -> Vec<LocalRay> {
     let local = |ray: (usize, bool)| {
         let toward = fan.beginning(q, &fan.directions[ray.0], ray.1)?;
@@ -58,8 +53,8 @@ fn rays_in(fan: &Fan, q: usize) -> Vec<LocalRay> {
     rays
 }
 
-/// Of rays in counterclockwise order, those on one side of the wall, after and before the rays
-/// along the wall.
+/// Returns the rays on one side of the wall, from a list in counterclockwise order, with those
+/// along the wall at both ends.
 fn rays_beside(rays: &[LocalRay], right: bool) -> Vec<LocalRay> {
     let n = rays.len();
     let side = if right { 1.0 } else { -1.0 };
@@ -82,18 +77,18 @@ fn rays_beside(rays: &[LocalRay], right: bool) -> Vec<LocalRay> {
         .collect()
 }
 
-/// The arcs that a ray may be the tangent of.
+/// Arcs to which a ray may be tangent.
 #[derive(Clone, Copy, Debug)]
 struct Tangent<'a> {
-    /// Whether it may have fewer arcs than `most`.
+    /// True if the ray may have fewer arcs than `most`.
     optional: bool,
     most: usize,
-    /// The curves that the arcs may belong to.
+    /// Curves to which the arcs may belong.
     factors: &'a [usize],
 }
 
-/// The tangents, in their order, of arcs in theirs: the number of the tangent of each arc, the arcs
-/// being given by their curves. None if they do not match.
+/// Returns the index of the tangent of each arc, where arcs, given by their curves, and tangents
+/// are in order; `None` if they do not match.
 fn in_turn(curves: &[usize], tangents: &[Tangent<'_>]) -> Option<Vec<usize>> {
     let Some((first, rest)) = tangents.split_first() else {
         return curves.is_empty().then(Vec::new);
@@ -111,8 +106,8 @@ fn in_turn(curves: &[usize], tangents: &[Tangent<'_>]) -> Option<Vec<usize>> {
 }
 
 impl Openings<'_> {
-    /// Finds the rays to which the drawn arcs at base points are tangent. Returns what does not
-    /// match.
+    /// Finds the rays to which the drawn arcs at base points are tangent. Returns a finding for
+    /// each mismatch.
     pub(super) fn match_arcs(&mut self) -> Vec<Finding> {
         let mut problems = Vec::new();
         let keys: Vec<WallPoint> = self.sites.keys().copied().collect();
@@ -126,7 +121,7 @@ impl Openings<'_> {
         problems
     }
 
-    /// The drawn arcs at a base point, with their tangents.
+    /// Returns the drawn arcs at a base point, with their tangents.
     fn matched_arcs(&self, key: WallPoint, problems: &mut Vec<Finding>) -> Vec<SiteArc> {
         let (q, k, p) = key;
         let fan = &self.fans[self.sites[&key].fan];
@@ -153,8 +148,8 @@ impl Openings<'_> {
         arcs
     }
 
-    /// The drawn arcs over a slab that end in a base point beside it, with their tangents among the
-    /// rays on that side. None if they do not match.
+    /// Returns the drawn arcs over a slab that end in a base point next to it, with their tangents
+    /// among the rays on that side; `None` if they do not match.
     fn arcs_beside(&self, key: WallPoint, slab: usize, rays: &[LocalRay]) -> Option<Vec<SiteArc>> {
         let (q, wall, point) = key;
         let right = slab == wall;
@@ -180,7 +175,7 @@ impl Openings<'_> {
         Some(places.into_iter().zip(matched).map(arc).collect())
     }
 
-    /// The arcs beside the wall that a ray may be the tangent of.
+    /// Returns the conditions on arcs next to the wall to which a ray may be tangent.
     fn tangent<'a>(&self, fan: &'a Fan, ray: &LocalRay) -> Tangent<'a> {
         let d = &fan.directions[ray.ray.0];
         let is_side = fan.is_side(d);
@@ -195,7 +190,7 @@ impl Openings<'_> {
         }
     }
 
-    /// The rays of a base point that have not the arcs that they should, in all its unit triangles.
+    /// Returns findings for the rays of a base point that lack arcs, in all its unit triangles.
     fn tangents_without_arcs(&self, site: &Site) -> impl Iterator<Item = Finding> {
         let fan = &self.fans[site.fan];
         let is_wrong = |ray: &(usize, bool)| {
@@ -212,7 +207,7 @@ impl Openings<'_> {
         rays.filter(is_wrong).map(|_| Finding::TangentsDisagree)
     }
 
-    /// The number of drawn arcs that have a ray as their tangent.
+    /// Returns the number of drawn arcs whose tangent is a ray.
     fn arcs_along(&self, fan: &Fan, ray: (usize, bool)) -> usize {
         let is_inside = |end: usize| {
             let mut sectors = fan.sectors.iter();
@@ -232,7 +227,8 @@ impl Openings<'_> {
     }
 }
 
-/// A curve on the wall of a base point, upward or downward from it, with its tangent.
+/// Returns the arc of a curve on the wall of a base point, upward or downward from it, with its
+/// tangent.
 fn arc_along_wall(fan: &Fan, rays: &[LocalRay], up: bool, curve: usize) -> Option<SiteArc> {
     let is_tangent =
         |r: &&LocalRay| r.is_along_wall(up) && fan.directions[r.ray.0].factors.contains(&curve);
@@ -246,7 +242,7 @@ mod tests {
     use super::*;
     use std::f64::consts::{PI, TAU};
 
-    /// Rays at whole numbers of degrees, numbered as they come.
+    /// Returns rays at integer degrees, with their indices in the list.
     fn rays(degrees: &[i32]) -> Vec<LocalRay> {
         let ray = |(k, &d): (usize, &i32)| LocalRay {
             ray: (k, false),
@@ -265,8 +261,8 @@ mod tests {
         rays.iter().map(|r| r.ray.0).collect()
     }
 
-    /// Counterclockwise from straight down to straight up on the right of the wall, and on from
-    /// there on the left, wherever the list begins.
+    /// The order is counterclockwise from straight down to straight up on the right of the wall,
+    /// and on from there on the left, wherever the list begins.
     #[test]
     fn rays_on_one_side_of_the_wall_come_in_their_order() {
         let all = [-90, -60, 10, 80, 90, 100, 180, 250];
@@ -281,7 +277,7 @@ mod tests {
         }
     }
 
-    /// In a corner of the unit triangle all rays are on one side.
+    /// All rays in a corner of the unit triangle are on one side.
     #[test]
     fn rays_in_a_corner_are_on_one_side() {
         let rays = rays(&[0, 45, 80]);
@@ -301,8 +297,7 @@ mod tests {
         }
     }
 
-    /// A node: two branches of curve 7, each on either side of the wall, and one of curve 3 between
-    /// them.
+    /// Two branches of curve 7, each on either side of the wall, and one of curve 3 between them.
     #[test]
     fn arcs_have_their_tangents_in_turn() {
         let (seven, three) = (tangent(false, 1, &[7]), tangent(false, 1, &[3]));
@@ -313,13 +308,13 @@ mod tests {
         assert_eq!(in_turn(&[7, 3, 7, 7], &all), None);
     }
 
-    /// A cusp has two arcs with one tangent; a side of the unit triangle takes what is left over.
+    /// A cusp has two arcs with one tangent; a side of the unit triangle takes the remaining arcs.
     #[test]
     fn several_arcs_may_have_one_tangent() {
         let (cusp, side) = (tangent(false, 2, &[5]), tangent(true, 2, &[5, 6]));
         assert_eq!(in_turn(&[5, 5], &[cusp]), Some(vec![0, 0]));
         assert_eq!(in_turn(&[5, 5, 6], &[cusp, side]), Some(vec![0, 0, 1]));
-        // The optional one takes as many as it can, but leaves the others what they need.
+        // The optional tangent takes as many as possible, but leaves the others their arcs.
         assert_eq!(in_turn(&[5, 5, 5], &[side, cusp]), Some(vec![0, 1, 1]));
         assert_eq!(in_turn(&[5, 5], &[side, cusp]), Some(vec![1, 1]));
         assert_eq!(in_turn(&[], &[side]), Some(vec![]));

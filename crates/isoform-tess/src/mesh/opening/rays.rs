@@ -1,4 +1,4 @@
-//! The places where rays and arcs leave the rectangles around base points.
+//! Places where rays and arcs leave the rectangles around base points.
 
 use super::Openings;
 use super::site::{Site, SiteArc};
@@ -8,18 +8,11 @@ use crate::mesh::names::Ray;
 use crate::surface::Point3;
 use isoform_geom::distance_to_segment;
 
-/// The place on a ray along a side of the unit triangle at which, from an infinitely near point,
-/// its direction is taken.
-const ON_SIDE: f64 = 1e-3;
-/// The distances on a ray of an infinitely near point between which its end on the rectangle is
-/// looked for.
+/// Distances on a ray of an infinitely near point between which its end on the rectangle is
+/// searched for.
 const REACHES: [f64; 2] = [1e-6, 1e6];
-/// The number of bisections between these distances.
-const BISECTIONS: usize = 60;
-/// The most halvings of a ray between a rectangle and a seam.
-const HALVINGS: usize = 12;
 
-/// A ray of a base point in a unit triangle.
+/// Ray of a base point in a unit triangle.
 #[derive(Clone, Copy)]
 pub(in crate::mesh) struct RayIn<'a> {
     open: &'a Openings<'a>,
@@ -34,23 +27,23 @@ impl<'a> RayIn<'a> {
     fn name(&self) -> Ray {
         (self.d.key(), self.backward)
     }
-    /// The arcs that have it as their tangent.
+    /// Returns the arcs that are tangent to the ray.
     fn arcs(&self) -> impl Iterator<Item = &'a SiteArc> {
         let name = self.name();
         self.site.arcs.iter().filter(move |x| x.ray == name)
     }
-    /// Half the width and half the height of the rectangle.
+    /// Returns half the width and half the height of the rectangle.
     fn size(&self) -> [f64; 2] {
         [self.open.widths[self.site.fan], self.site.height]
     }
-    /// Its point at a distance from its node.
+    /// Returns the point of the ray at a distance from its node.
     pub(super) fn at(&self, distance: f64) -> Option<[f64; 2]> {
         self.fan.on_ray(self.q, self.d, self.backward, distance)
     }
 
-    /// The vertices of the rectangle in its direction, if that leads into the unit triangle,
-    /// counterclockwise: the ends of the arcs that have this tangent, what keeps double ones apart,
-    /// and the place on a side along it.
+    /// Returns the vertices of the rectangle in the direction of the ray, counterclockwise, if that
+    /// leads into the unit triangle: the ends of the arcs that have this tangent, vertices that
+    /// separate double ones, and the place on a side along it.
     pub(in crate::mesh) fn vertices(&self) -> Vec<[f64; 2]> {
         let mut found: Vec<[f64; 2]> = self.arcs().map(|x| x.end).collect();
         if found.is_empty() || self.fan.is_side(self.d) {
@@ -64,8 +57,8 @@ impl<'a> RayIn<'a> {
         });
         self.with_vertices_between_double(found)
     }
-    /// Between two arcs of the double curve with one tangent no edge may lead from one to the
-    /// other: another sheet may have it, too.
+    /// Inserts a vertex between two arcs of the double curve with one tangent: an edge from one to
+    /// the other could occur on another sheet, too.
     fn with_vertices_between_double(&self, ends: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
         let is_double = |at: [f64; 2]| {
             let mut arcs = self.site.arcs.iter();
@@ -84,29 +77,30 @@ impl<'a> RayIn<'a> {
         found
     }
 
-    /// The place where it leaves the rectangle.
+    /// Returns the place where the ray leaves the rectangle.
     pub(super) fn end(&self) -> Option<[f64; 2]> {
         if self.d.node > 0 && !self.fan.is_side(self.d) {
             return self.at(self.reach()?);
         }
         Some(self.straight_end(self.direction()?))
     }
-    /// Its direction in the unit triangle, if it is straight there.
+    /// Returns the direction in the unit triangle; `None` if the ray is bent there.
     fn direction(&self) -> Option<[f64; 2]> {
         let [u, v] = self.site.at;
         let [du, dv] = match self.d.node {
             0 => self.fan.direction_in(self.q, self.d, self.backward)?,
             _ => {
-                let x = self.at(ON_SIDE)?;
+                // Direction, from an infinitely near point, along a side of the unit triangle.
+                let x = self.at(1e-3)?;
                 [x[0] - u, x[1] - v]
             }
         };
-        // Along the side w = 0 but for rounding.
+        // Along the side w = 0 up to rounding.
         let is_along_side = du != 0.0 && u + v == 1.0 && (du + dv).abs() < 1e-15;
         Some([du, if is_along_side { -du } else { dv }])
     }
-    /// The place where a straight ray leaves the rectangle: exactly on a side of the unit triangle
-    /// that it lies on.
+    /// Returns the place where a straight ray leaves the rectangle: exactly on a side of the unit
+    /// triangle if the ray lies on it.
     fn straight_end(&self, [du, dv]: [f64; 2]) -> [f64; 2] {
         let ([u, v], [h, height]) = (self.site.at, self.size());
         if du.abs() * height >= h * dv.abs() {
@@ -124,7 +118,7 @@ impl<'a> RayIn<'a> {
         }
     }
 
-    /// The length of a ray of an infinitely near point in its rectangle.
+    /// Returns the length, in its rectangle, of a ray of an infinitely near point.
     pub(super) fn reach(&self) -> Option<f64> {
         let (at, [h, height]) = (self.site.at, self.size());
         let is_out = |distance: f64| {
@@ -138,7 +132,8 @@ impl<'a> RayIn<'a> {
             hi *= 1.5;
         }
         let mut lo = hi / 1.5;
-        for _ in 0..BISECTIONS {
+        // Bisection to rounding.
+        for _ in 0..60 {
             let middle = 0.5 * (lo + hi);
             if is_out(middle) {
                 hi = middle
@@ -148,7 +143,7 @@ impl<'a> RayIn<'a> {
         }
         (hi > least).then_some(lo)
     }
-    /// Halfway on it from the base point to a vertex of the rectangle.
+    /// Returns the midpoint of the ray from the base point to a vertex of the rectangle.
     pub(super) fn halfway(&self, end: [f64; 2]) -> [f64; 2] {
         let at = self.site.at;
         let straight = [0.5 * (at[0] + end[0]), 0.5 * (at[1] + end[1])];
@@ -160,9 +155,9 @@ impl<'a> RayIn<'a> {
             .unwrap_or(straight)
     }
 
-    /// Points of the surface between a vertex of the rectangle and the seam, from the rectangle on,
-    /// where base points are infinitely near: there is no room for rectangles that are small in
-    /// space.
+    /// Returns points of the surface between a vertex of the rectangle and the seam, starting at
+    /// the rectangle, where base points are infinitely near: rectangles cannot be small in space
+    /// there.
     pub(in crate::mesh) fn points_to_seam(&self, at: [f64; 2]) -> Vec<Point3> {
         let arc = self.arcs().find(|x| x.end == at);
         let face = arc.and_then(|x| self.open.atlas.region.faces[x.curve].first().copied());
@@ -204,8 +199,8 @@ impl Openings<'_> {
         }
     }
 
-    /// Points of a curve strictly between its ends at 1 and at 0, in this order, as many as chords
-    /// need to be near it.
+    /// Returns points of a curve strictly between its ends at 1 and at 0, in this order, until
+    /// chords between them are near the curve.
     fn halved(&self, on: &dyn Fn(f64) -> Point3, [first, last]: [Point3; 2]) -> Vec<Point3> {
         let mut found = Vec::new();
         let mut stack = vec![(1.0, first, 0.0, last, 0)];
@@ -217,7 +212,8 @@ impl Openings<'_> {
                 .fold(0.0, f64::max);
             let is_rough = off > 0.3 * self.atlas.tolerance_at(p)
                 || distance(p, r) > self.atlas.options.longest;
-            if depth < HALVINGS && is_rough {
+            // Rays between a rectangle and a seam are bisected at most twelve times.
+            if depth < 12 && is_rough {
                 let (m, middle) = (0.5 * (a + b), quarters[1]);
                 stack.extend([(m, middle, b, r, depth + 1), (a, p, m, middle, depth + 1)]);
             } else if b > 0.0 {
@@ -227,7 +223,7 @@ impl Openings<'_> {
         found
     }
 
-    /// The two vertices between which a sector lies in a unit triangle.
+    /// Returns the two vertices between which a sector lies in a unit triangle.
     pub(in crate::mesh) fn sector_ends(
         &self,
         q: usize,

@@ -1,8 +1,9 @@
-//! Directions of base points, as many as seams and rectangles need to be near the surface.
+//! Refinement of the directions of base points, until seams and rectangles are near the surface.
 //!
-//! A sector between two rays is looked at in three ways: its pieces of the seam ([`Sight`]), its
-//! part of the rectangle in each unit triangle ([`Wedge`]), and the sign of W in between. What is
-//! too rough gets a direction in between; where no direction helps, the rectangle is too large.
+//! A sector between two rays is tested in three ways: its pieces of the seam (`SeamQuality`), its
+//! part of the rectangle in each unit triangle (`SectorStrip`), and the sign of W in between. A
+//! sector that fails gets a direction in between; if no direction helps, the rectangle is too
+//! large.
 
 use super::Openings;
 use super::site::{Site, SiteArc};
@@ -14,53 +15,35 @@ use crate::surface::Point3;
 use isoform_geom::distance_to_segment;
 use std::collections::BTreeSet;
 
-/// Directions of a base point at most: with more it is left rough.
-const DIRECTIONS: usize = 2000;
-/// The distance from the middle of an edge of the rectangle of a tree at which the image of the
-/// middle of its parameters may be, per length of the edge: farther off, triangles beside it are
-/// uneven.
-const UNEVEN: f64 = 0.15;
-/// A chord of the seam is split when the seam bulges beyond it by more than this many widths of the
-/// strip: vertices on the rectangle would lie on the wrong side of the chord.
-const ROOM: f64 = 1.0;
-/// Chords of the seam that are shorter than this, per longest edge allowed, are not split for their
-/// bulge.
-const SHORT: f64 = 0.003;
-/// Seams shorter than this, in tolerances, are not what is rough about a sector: an arc is too far
-/// from its tangent.
-const LEAST: f64 = 0.1;
-/// The share of tolerances for trees, where rays of several nodes crowd.
-const LEAST_IN_TREES: f64 = 0.01;
-
-/// The verdict on a sector.
-enum Verdict {
+/// Result of the test of a sector.
+enum SectorVerdict {
     Fine,
-    /// Another direction.
+    /// The sector needs this direction inside.
     Split(Direction),
-    /// A smaller rectangle.
+    /// The rectangle has to be smaller.
     TooLarge,
 }
 
-/// The chords of a sector's seam, as they are seen while its unit triangles are looked at.
-struct Sight {
-    /// The pieces of the seam: one, or one to the corner and one from there.
+/// Quality of the chords of a sector's seam, updated for each of its unit triangles.
+struct SeamQuality {
+    /// Pieces of the seam: one, or two that meet in a corner.
     pieces: Vec<[Point3; 2]>,
-    /// Whether no direction is wanted so far.
+    /// True while no further direction is needed.
     fine: bool,
-    /// The length of the longest piece or, in trees, edge of the rectangle.
+    /// Length of the longest piece or, in trees, of the longest edge of the rectangle.
     longest: f64,
-    /// The piece that is to be split first.
+    /// Index of the piece that is to be split first.
     worse: usize,
 }
 
-/// A sector of a fan in a unit triangle: the part of a rectangle between two rays.
-struct Wedge<'a> {
+/// Sector of a fan in a unit triangle: the part of a rectangle between two rays.
+struct SectorStrip<'a> {
     open: &'a Openings<'a>,
     fan: &'a Fan,
     sector: &'a Sector,
     q: usize,
     site: &'a Site,
-    /// The places where its rays leave the rectangle.
+    /// Places where its rays leave the rectangle.
     ends: [[f64; 2]; 2],
 }
 
@@ -71,8 +54,8 @@ fn halfway(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
 }
 
-impl<'a> Wedge<'a> {
-    /// None if the sector does not lead into the unit triangle.
+impl<'a> SectorStrip<'a> {
+    /// Creates the part of a sector in a unit triangle; `None` if the sector does not lead into it.
     fn new(
         open: &'a Openings<'a>,
         fan: &'a Fan,
@@ -95,7 +78,8 @@ impl<'a> Wedge<'a> {
     fn seen_from_base(&self, x: [f64; 2]) -> [f64; 2] {
         [x[0] - self.site.at[0], x[1] - self.site.at[1]]
     }
-    /// Whether two places follow each other around the base point in the sense of the fan.
+    /// Returns true if two places follow each other around the base point in the orientation of the
+    /// fan.
     fn are_in_turn(&self, a: [f64; 2], b: [f64; 2]) -> bool {
         let turn = cross(self.seen_from_base(a), self.seen_from_base(b));
         if self.fan.keeps_turn(self.q) {
@@ -104,35 +88,35 @@ impl<'a> Wedge<'a> {
             turn < 0.0
         }
     }
-    /// Whether an end lies beyond the other: an arc that bends away from its tangent may be beyond
-    /// the next direction.
+    /// Returns true if the ends are in the wrong order: an arc that bends away from its tangent may
+    /// pass the next direction.
     fn is_turned_over(&self) -> bool {
         let [a, b] = self.ends;
         !self.are_in_turn(a, b)
     }
-    /// The edge of the rectangle, in space.
+    /// Returns the edge of the rectangle, in space.
     fn chord(&self) -> [Point3; 2] {
         self.ends.map(|x| self.image(x))
     }
-    /// The surface at the middle of the edge of the rectangle.
+    /// Returns the point of the surface at the middle of the edge of the rectangle.
     fn middle(&self) -> Point3 {
         self.image(halfway(self.ends[0], self.ends[1]))
     }
-    /// The drawn arc in an end, if there is one.
+    /// Returns the drawn arc in an end, if there is one.
     fn arc(&self, end: usize) -> Option<&SiteArc> {
         let (k, backward) = self.sector.rays[end];
         let ray = (self.fan.directions[k].key(), backward);
         let mut arcs = self.site.arcs.iter();
         arcs.find(|x| x.ray == ray && x.end == self.ends[end])
     }
-    /// Whether straight pieces from points of the seam may stand for the rays. In trees strips have
-    /// vertices in between.
+    /// Returns true if segments from points of the seam to the rectangle may replace the rays. In
+    /// trees, strips have vertices in between.
     fn are_rays_near(&self, seam: [Point3; 2]) -> bool {
         self.fan.is_tree()
             || (0..2).all(|end| {
                 let at = self.ends[end];
                 let (k, backward) = self.sector.rays[end];
-                // Halfway on an arc, not on its chord: it is the arc that bounds the surface.
+                // The midpoint of an arc, not of its chord: the arc bounds the surface.
                 let halfway = match self.arc(end) {
                     Some(arc) => arc.middle,
                     None => {
@@ -144,15 +128,16 @@ impl<'a> Wedge<'a> {
                 self.open.is_near_chord(self.image(halfway), piece)
             })
     }
-    /// Whether there is no room between the edge of the rectangle and a chord of the seam: beyond
-    /// the chord, others at the rectangle would lie on the wrong side of it.
+    /// Returns true if the seam bulges beyond its chord by more than the width of the strip between
+    /// the chord and the edge of the rectangle.
     fn is_crowded_by(&self, seam: Point3, chord: [Point3; 2]) -> bool {
         let on = self.middle();
         let bulge = distance_to_segment(seam, chord);
         let width = distance_to_segment(on, chord).min(distance(on, seam));
-        bulge > ROOM * width
+        // Otherwise vertices on the rectangle would lie on the wrong side of the chord.
+        bulge > width
     }
-    /// Whether the edge of the rectangle is near the surface.
+    /// Returns true if the edge of the rectangle is near the surface.
     fn is_near(&self) -> bool {
         let (on, chord) = (self.middle(), self.chord());
         let straight = middle(chord[0], chord[1]);
@@ -160,24 +145,24 @@ impl<'a> Wedge<'a> {
             return self.open.is_near(on, straight, chord);
         }
         // In trees, where the map is far from even, the point may slide along the chord, but not so
-        // far that triangles beside it were uneven.
+        // far that triangles next to it become uneven.
         let off = distance(on, straight);
-        let is_even = off <= UNEVEN * distance(chord[0], chord[1])
+        let is_even = off <= 0.15 * distance(chord[0], chord[1])
             || off <= 0.5 * self.open.atlas.tolerance_at(on);
         is_even && self.open.is_near_chord(on, chord)
     }
-    /// Whether W keeps its sign between the base point and the rectangle.
+    /// Returns true if W provably keeps its sign between the base point and the rectangle.
     fn keeps_sign(&self) -> bool {
         let ([a, b], fan) = (self.ends, self.fan);
         let chart = &self.open.atlas.charts[self.q];
         chart.keeps_sign([self.site.at, a, b], fan.multiplicity)
-            // The parameters inside are in a cell of the region, in which W has no zero; what is
-            // left are edges of the rectangle that leave it.
+            // The parameters inside are in a cell of the region, in which W has no zero; edges of
+            // the rectangle that leave the cell remain to be tested.
             || fan.is_tree()
                 && chart.keeps_sign([a, b, a], 0)
                 && fan.keeps_sign(self.q, self.sector, &self.outline(), &keeps_sign_on)
     }
-    /// Parameters on the outline: on arcs, on rays that are bent, and on the edge of the rectangle.
+    /// Returns parameters on the outline: on arcs, on bent rays, and on the edge of the rectangle.
     fn outline(&self) -> Vec<[f64; 2]> {
         let [a, b] = self.ends;
         let mut points = vec![a, b];
@@ -194,7 +179,7 @@ impl<'a> Wedge<'a> {
         points.extend((1..8).map(|i| [0, 1].map(|k| a[k] + f64::from(i) / 8.0 * (b[k] - a[k]))));
         points
     }
-    /// The piece of the seam whose middle ray is farther away from the ends.
+    /// Returns the index of the piece of the seam whose middle ray is farther away from the ends.
     fn wider_piece(&self) -> usize {
         let chord = self.chord();
         let apart = [0, 1].map(|piece| {
@@ -206,7 +191,7 @@ impl<'a> Wedge<'a> {
         });
         usize::from(apart[1] > apart[0])
     }
-    /// Whether arcs with one tangent are in their order on the rectangle, and W keeps its sign
+    /// Returns true if arcs with one tangent are in order on the rectangle, and W keeps its sign
     /// between them.
     fn are_arcs_apart(&self) -> bool {
         let chart = &self.open.atlas.charts[self.q];
@@ -219,13 +204,13 @@ impl<'a> Wedge<'a> {
             })
         })
     }
-    /// Whether a ray leaves the rectangle between the ends.
+    /// Returns true if a ray leaves the rectangle between the ends.
     fn is_between(&self, d: &Direction, backward: bool) -> bool {
         let [a, b] = self.ends;
         let at = self.open.ray(self.q, self.site, d, backward).end();
         at.is_some_and(|x| self.are_in_turn(a, x) && self.are_in_turn(x, b))
     }
-    /// The ray towards the middle of the edge of the rectangle, from a piece of the seam.
+    /// Returns the ray towards the middle of the edge of the rectangle, from a piece of the seam.
     fn ray_to_middle(&self, piece: usize) -> Option<(Direction, bool)> {
         let to = halfway(self.ends[0], self.ends[1]);
         self.fan.toward(self.q, to, self.sector, piece)
@@ -233,7 +218,7 @@ impl<'a> Wedge<'a> {
 }
 
 impl Openings<'_> {
-    /// More directions, until seams and rectangles are near the surface and W keeps its sign.
+    /// Adds directions until seams and rectangles are near the surface and W keeps its sign.
     /// Returns the base points whose rectangles are too large for that.
     pub(super) fn refine_directions(&mut self) -> Vec<usize> {
         let mut too_large = Vec::new();
@@ -254,9 +239,9 @@ impl Openings<'_> {
         too_large
     }
 
-    /// Splits the sectors of a fan. False if its rectangle is too large.
+    /// Splits the sectors of a fan. Returns false if its rectangle is too large.
     fn refine_fan(&self, fan: &mut Fan, sites: &[(usize, &Site)]) -> bool {
-        // By their rays: splitting one leaves the others as they are.
+        // Sectors are identified by their rays: splitting one does not change the others.
         let mut done: BTreeSet<[Ray; 2]> = BTreeSet::new();
         'again: loop {
             for s in 0..fan.sectors.len() {
@@ -271,52 +256,55 @@ impl Openings<'_> {
                     return false;
                 }
                 match self.judge(fan, sector, sites) {
-                    Verdict::Fine => {
+                    SectorVerdict::Fine => {
                         done.insert(name);
                     }
-                    Verdict::Split(d) if fan.directions.len() < DIRECTIONS => {
+                    // A base point with more directions is left rough.
+                    SectorVerdict::Split(d) if fan.directions.len() < 2000 => {
                         fan.split(d);
                         continue 'again;
                     }
-                    Verdict::Split(_) | Verdict::TooLarge => return false,
+                    SectorVerdict::Split(_) | SectorVerdict::TooLarge => return false,
                 }
             }
             return true;
         }
     }
 
-    /// The verdict on a sector.
-    fn judge(&self, fan: &Fan, sector: &Sector, sites: &[(usize, &Site)]) -> Verdict {
+    /// Tests a sector: its seam, and its part of the rectangle in each unit triangle.
+    fn judge(&self, fan: &Fan, sector: &Sector, sites: &[(usize, &Site)]) -> SectorVerdict {
         let ends = sector.rays.map(|(k, _)| fan.seam(&fan.directions[k]));
-        let wedges: Vec<Wedge<'_>> = sites
+        let wedges: Vec<SectorStrip<'_>> = sites
             .iter()
-            .filter_map(|&site| Wedge::new(self, fan, sector, site))
+            .filter_map(|&site| SectorStrip::new(self, fan, sector, site))
             .collect();
         let mut sight = self.seam_sight(fan, sector, ends);
         for wedge in &wedges {
             if wedge.is_turned_over() || !wedge.are_rays_near(ends) {
-                return Verdict::TooLarge;
+                return SectorVerdict::TooLarge;
             }
             sight.take_in(wedge);
             if !wedge.are_arcs_apart() {
-                return Verdict::TooLarge;
+                return SectorVerdict::TooLarge;
             }
         }
-        let least = if fan.is_tree() { LEAST_IN_TREES } else { LEAST };
+        // Splitting a shorter seam, in tolerances, does not help: an arc is too far from its
+        // tangent. In trees, rays of several nodes are dense.
+        let least = if fan.is_tree() { 0.01 } else { 0.1 };
         if sight.fine {
-            Verdict::Fine
+            SectorVerdict::Fine
         } else if sight.longest < least * self.atlas.tolerance_at(ends[0]) {
-            Verdict::TooLarge
+            SectorVerdict::TooLarge
         } else if fan.is_tree() {
             direction_between(fan, sector, &wedges, sight.worse)
-                .map_or(Verdict::TooLarge, Verdict::Split)
+                .map_or(SectorVerdict::TooLarge, SectorVerdict::Split)
         } else {
-            Verdict::Split(fan.between(sector, 0).0)
+            SectorVerdict::Split(fan.between(sector, 0).0)
         }
     }
 
-    /// Whether the chords of a sector's seam are near it.
-    fn seam_sight(&self, fan: &Fan, sector: &Sector, ends: [Point3; 2]) -> Sight {
+    /// Returns the quality of the chords of a sector's seam.
+    fn seam_sight(&self, fan: &Fan, sector: &Sector, ends: [Point3; 2]) -> SeamQuality {
         let pieces: Vec<[Point3; 2]> = match &sector.corner {
             None => vec![ends],
             Some(corner) => ends.iter().map(|&p| [p, fan.seam(corner)]).collect(),
@@ -325,14 +313,14 @@ impl Openings<'_> {
             !self.is_near_chord(fan.seam(&fan.between(sector, piece).0), *ends)
         };
         let rough: Vec<bool> = pieces.iter().enumerate().map(is_rough).collect();
-        // Between two arcs of the double curve the strip needs vertices that are on none: another
-        // sheet may have edges from one to the other, too.
+        // Between two arcs of the double curve the strip needs vertices that are on neither:
+        // another sheet may have edges from one to the other, too.
         let is_end = |k: usize| {
             let d = &fan.directions[k];
             fan.is_fold(d) || d.factors.iter().any(|f| self.curves.double.contains(f))
         };
         let crowded = sector.rays.iter().all(|r| is_end(r.0));
-        Sight {
+        SeamQuality {
             fine: !crowded && !rough.contains(&true),
             longest: pieces
                 .iter()
@@ -343,27 +331,28 @@ impl Openings<'_> {
         }
     }
 
-    /// Whether a point of a curve is near to a straight piece that stands for it and that is not
-    /// divided any more, and the piece short. It may be anywhere along it: where arcs touch faces
-    /// of the box, a curve leaves its end like a square root.
+    /// Returns true if a point of a curve is near the chord that replaces it, and the chord is
+    /// short. The point may be anywhere along the chord: where arcs touch faces of the box, a curve
+    /// leaves its end like a square root.
     fn is_near_chord(&self, on: Point3, [p, q]: [Point3; 2]) -> bool {
         distance_to_segment(on, [p, q]) <= 0.5 * self.atlas.tolerance_at(on)
             && distance(p, q) <= self.atlas.options.longest
     }
-    /// Whether the middle of a straight piece is near to the surface, and the piece short.
+    /// Returns true if the middle of a chord is near the surface, and the chord is short.
     fn is_near(&self, on: Point3, chord: Point3, ends: [Point3; 2]) -> bool {
         distance(on, chord) <= 0.5 * self.atlas.tolerance_at(chord)
             && distance(ends[0], ends[1]) <= self.atlas.options.longest
     }
 }
 
-impl Sight {
-    /// Looks at the sector in a unit triangle, too.
-    fn take_in(&mut self, wedge: &Wedge<'_>) {
+impl SeamQuality {
+    /// Updates the quality by the part of the sector in a unit triangle.
+    fn take_in(&mut self, wedge: &SectorStrip<'_>) {
         let (fan, sector) = (wedge.fan, wedge.sector);
         if let [chord] = self.pieces[..] {
             let seam = fan.seam(&fan.between(sector, 0).0);
-            if self.longest > SHORT * wedge.open.atlas.options.longest
+            // Shorter chords of the seam are not split for their bulge.
+            if self.longest > 0.003 * wedge.open.atlas.options.longest
                 && wedge.is_crowded_by(seam, chord)
             {
                 self.fine = false;
@@ -382,12 +371,12 @@ impl Sight {
     }
 }
 
-/// A direction between the rays of a sector of a tree, from one of its pieces of the seam: rays of
-/// two nodes, and arcs, have their order next to the base point, but not everywhere.
+/// Returns a direction between the rays of a sector of a tree, from one of its pieces of the seam.
+/// Rays of two nodes, and arcs, are in order next to the base point, but not everywhere.
 fn direction_between(
     fan: &Fan,
     sector: &Sector,
-    wedges: &[Wedge<'_>],
+    wedges: &[SectorStrip<'_>],
     worse: usize,
 ) -> Option<Direction> {
     let pieces = match sector.corner {

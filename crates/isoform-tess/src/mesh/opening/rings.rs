@@ -1,7 +1,7 @@
-//! Vertices on larger and larger rectangles around base points.
+//! Rings of vertices on successively larger rectangles around base points.
 //!
-//! The map turns along the seam as fast as ever on small circles: triangles that lead straight from
-//! there to far vertices would be too thin.
+//! On small circles the map turns along the seam as fast as on the seam itself: triangles that lead
+//! straight from there to distant vertices would be too thin.
 
 use super::Openings;
 use super::site::Site;
@@ -10,21 +10,19 @@ use crate::mesh::geometry::distance;
 use crate::surface::Point3;
 use std::collections::BTreeMap;
 
-/// The factor from each rectangle that is tried to the next.
-const GROWTH: f64 = 1.5;
-/// The part of the distance from another base point up to which rectangles are tried.
-const SHARE: f64 = 0.4;
+/// Ratio of successive rectangles that are tried.
+const RING_GROWTH_FACTOR: f64 = 1.5;
 
-/// A vertex of a ring, and the places to which edges lead from it: the vertices next to it on its
-/// own ring and on the one before, along the rays.
+/// Vertex of a ring, and the places to which edges lead from it: the vertices next to it on its own
+/// ring and on the previous one, along the rays.
 pub(in crate::mesh) struct RingVertex {
     pub(in crate::mesh) at: [f64; 2],
     pub(in crate::mesh) legs: Vec<[f64; 2]>,
 }
 
-/// The vertices on one rectangle: a vertex of each sector, by its number.
+/// Vertices on one rectangle: one for each sector, with the index of the sector.
 struct Ring {
-    /// Whether vertices lie between the directions: every other ring's do, as vertices on one line
+    /// True if vertices lie between the directions, as on every second ring: collinear vertices
     /// would leave no room for flips.
     is_between: bool,
     vertices: Vec<(usize, [f64; 2], Point3)>,
@@ -37,8 +35,8 @@ impl Ring {
     fn images(&self) -> BTreeMap<usize, Point3> {
         self.vertices.iter().map(|x| (x.0, x.2)).collect()
     }
-    /// Whether it is as far from the last one as its vertices are from each other, in space, so
-    /// that triangles in between are round.
+    /// Returns true if the median distance from the previous ring exceeds that between successive
+    /// vertices, in space, so that triangles in between are round.
     fn is_far_from(&self, last: &BTreeMap<usize, Point3>) -> bool {
         let steps = self.vertices.windows(2);
         let along = median(steps.map(|w| distance(w[0].2, w[1].2)).collect());
@@ -55,7 +53,7 @@ fn median(mut x: Vec<f64>) -> Option<f64> {
     x.get(x.len() / 2).copied()
 }
 
-/// A base point in a unit triangle, with its fan.
+/// Base point in a unit triangle, with its fan.
 #[derive(Clone, Copy)]
 struct Center<'a> {
     open: &'a Openings<'a>,
@@ -65,16 +63,17 @@ struct Center<'a> {
 }
 
 impl<'a> Center<'a> {
-    /// The sector before another one.
+    /// Returns the index of the sector before another one.
     fn before(&self, s: usize) -> usize {
         (s + self.fan.sectors.len() - 1) % self.fan.sectors.len()
     }
-    /// Whether a sector begins with a direction inside that no curve has and that is no side.
+    /// Returns true if a sector begins with an interior direction that belongs to neither a curve
+    /// nor a side.
     fn begins_inside(&self, s: usize) -> bool {
         let d = &self.fan.directions[self.fan.sectors[s].rays[0].0];
         self.fan.sectors[self.before(s)].inside && d.factors.is_empty() && !self.fan.is_side(d)
     }
-    /// The place of a sector on the rectangle that is larger by a factor.
+    /// Returns the place of a sector on the rectangle enlarged by a factor.
     fn place(&self, sector: &Sector, is_between: bool, scale: f64) -> Option<[f64; 2]> {
         let (k, backward) = sector.rays[0];
         let (d, backward) = match is_between {
@@ -90,7 +89,7 @@ impl<'a> Center<'a> {
             _ => ray.at(scale * ray.reach()?),
         }
     }
-    /// The vertices on a rectangle, inside of the unit triangle.
+    /// Returns the vertices on a rectangle in the interior of the unit triangle.
     fn ring(&self, is_between: bool, scale: f64) -> Ring {
         let mut vertices = Vec::new();
         for (s, sector) in self.fan.sectors.iter().enumerate() {
@@ -109,7 +108,8 @@ impl<'a> Center<'a> {
             vertices,
         }
     }
-    /// A ring with the edges to it and to the one before; None for the rectangle itself.
+    /// Returns a ring with the edges to it and to the previous one; `inner` is `None` for the base
+    /// point's own rectangle.
     fn joined(
         &self,
         ring: &'a Ring,
@@ -127,7 +127,7 @@ impl<'a> Center<'a> {
                 let legs = Vec::new();
                 return RingVertex { at, legs };
             }
-            // Between its rays, or from the sector before to its own.
+            // Neighbours on the inner ring: on its two rays, or between the rays on either side.
             let beside = match ring.is_between {
                 true => [s, (s + 1) % self.fan.sectors.len()],
                 false => [self.before(s), s],
@@ -146,12 +146,12 @@ impl<'a> Center<'a> {
             RingVertex { at, legs }
         })
     }
-    /// All its rings on rectangles up to some size.
+    /// Adds all rings on rectangles up to a size.
     fn rings(&self, largest: f64, found: &mut Vec<RingVertex>) {
         let mut last = self.ring(false, 1.0).images();
         let mut inner: Option<BTreeMap<usize, [f64; 2]>> = None;
         let mut is_between = true;
-        let mut scale = GROWTH;
+        let mut scale = RING_GROWTH_FACTOR;
         while scale * self.site.height < largest {
             let ring = self.ring(is_between, scale);
             if ring.is_far_from(&last) {
@@ -159,14 +159,14 @@ impl<'a> Center<'a> {
                 (last, inner) = (ring.images(), Some(ring.places()));
                 is_between = !is_between;
             }
-            scale *= GROWTH;
+            scale *= RING_GROWTH_FACTOR;
         }
     }
 }
 
 impl Openings<'_> {
-    /// Vertices around base points, in all their directions. Nearest ones are beside the rays on a
-    /// long rectangle.
+    /// Returns vertices around base points, in all their directions. On a long rectangle, the
+    /// nearest ones lie next to the rays.
     pub(in crate::mesh) fn rings_around(&self, q: usize) -> Vec<RingVertex> {
         let mut found = Vec::new();
         for (_, site) in self.sites_in(q) {
@@ -185,7 +185,8 @@ impl Openings<'_> {
                 site,
                 fan: &self.fans[site.fan],
             };
-            center.rings(SHARE * nearest, &mut found);
+            // Rectangles are tried up to 0.4 of the distance from the nearest other base point.
+            center.rings(0.4 * nearest, &mut found);
         }
         found
     }

@@ -1,9 +1,9 @@
-//! A base point in a unit triangle, with the rectangle around it and the arcs that end in it.
+//! Base point in a unit triangle, with the rectangle around it and the arcs that end in it.
 
 use crate::mesh::names::Ray;
 use isoform_algebra::Arrangement;
 
-/// A base point in a unit triangle.
+/// Base point in a unit triangle.
 pub(in crate::mesh) struct Site {
     pub(in crate::mesh) fan: usize,
     pub(in crate::mesh) at: [f64; 2],
@@ -22,23 +22,23 @@ impl Site {
             arcs: Vec::new(),
         }
     }
-    /// The curve on its wall that ends there from above or below.
+    /// Returns the curve on its wall that ends there from above or below.
     pub(in crate::mesh) fn vertical_arc(&self, up: bool) -> Option<&SiteArc> {
         let mut arcs = self.arcs.iter();
         arcs.find(|x| x.chain.is_empty() && x.right == up)
     }
 }
 
-/// An arc that ends in a base point.
+/// Arc that ends in a base point.
 pub(in crate::mesh) struct SiteArc {
     pub(in crate::mesh) ray: Ray,
-    /// Whether it lies to the right, or upward if it is a vertical line.
+    /// True if the arc lies to the right or, for a vertical line, above.
     pub(in crate::mesh) right: bool,
     pub(in crate::mesh) curve: usize,
-    /// Slabs and places in them, from the base point to the border of the rectangle; none for a
+    /// Slabs and places in them, from the base point to the border of the rectangle; empty for a
     /// vertical line.
     pub(in crate::mesh) chain: Vec<(usize, usize)>,
-    /// On the border of the rectangle, and halfway.
+    /// End on the border of the rectangle, and the point halfway.
     pub(in crate::mesh) end: [f64; 2],
     pub(in crate::mesh) middle: [f64; 2],
 }
@@ -54,11 +54,11 @@ impl SiteArc {
             middle: [0.0; 2],
         }
     }
-    /// The height of its end above or below the base point.
+    /// Returns the height of its end above or below the base point.
     pub(in crate::mesh) fn rise(&self, base: [f64; 2]) -> f64 {
         (self.end[1] - base[1]).abs()
     }
-    /// The points of walls that it passes within the rectangle.
+    /// Returns the points of walls that the arc passes within the rectangle.
     pub(in crate::mesh) fn passed(&self, a: &Arrangement) -> Vec<(usize, usize)> {
         let ends = |&(slab, i): &(usize, usize)| {
             let arc = a.slabs[slab].arcs[i];

@@ -1,19 +1,25 @@
-//! Flips: the other diagonal of two triangles, where it is better.
+//! Flips: two triangles are replaced by those at the other diagonal, if these are better.
 
-use super::shape::{NOTHING, Shape, least_sine};
-use super::{Measure, Plane, Quad, SPLIT};
+use super::shape::{EMPTY_QUALITY, TriangleShape, least_sine};
+use super::{Measure, Plane, Quad, SPLIT_EXCESS};
 use crate::surface::Point3;
 
-/// The factor by which triangles have to get rounder for a flip, so that no two flips undo each
-/// other.
-const ROUNDER: f64 = 1.1;
-/// The growth of quality that a flip has to bring to triangles that face a wrong way, whose quality
-/// is not positive: by more than rounding.
-const BEYOND_ROUNDING: f64 = 1e-3;
+/// Ratio by which the quality of triangles has to grow for a flip or a move of a vertex, so that no
+/// two changes undo each other.
+const MIN_QUALITY_RATIO: f64 = 1.1;
+
+/// Returns the quality above which triangles count as improved, by their quality before.
+pub(super) fn least_improved(before: f64) -> f64 {
+    match before > 0.0 {
+        true => MIN_QUALITY_RATIO * before,
+        // The quality of triangles that face a wrong way has to grow by more than rounding.
+        false => before + 1e-3,
+    }
+}
 
 impl Plane {
-    /// Flips edges where that makes the triangles rounder in space, first those opposite to given
-    /// corners.
+    /// Flips edges where that makes the triangles rounder in space, starting with those opposite to
+    /// given corners.
     pub(super) fn legalise(&mut self, mut stack: Vec<(u32, u32)>, measure: &dyn Measure) {
         let mut left = 100 + 2 * stack.len();
         while let Some((t, corner)) = stack.pop() {
@@ -42,8 +48,8 @@ impl Plane {
         self.legalise(all, measure);
     }
 
-    /// Whether the smallest angle of two triangles grows when their edge is flipped, by the
-    /// derivatives in the middle.
+    /// Returns true if a flip increases the smallest angle of two triangles, by the derivatives at
+    /// their centre.
     fn is_rounder(&self, old: [u32; 2], made: [[u32; 3]; 2], measure: &dyn Measure) -> bool {
         let corners = [made[0][0], made[0][1], made[0][2], made[1][2]];
         let center = [0, 1].map(|i| {
@@ -64,11 +70,11 @@ impl Plane {
                 .map(|t| least_sine(t.map(linear)))
                 .fold(f64::INFINITY, f64::min)
         };
-        worst(made) > ROUNDER * worst(old.map(|t| self.triangles[t as usize]))
+        worst(made) > MIN_QUALITY_RATIO * worst(old.map(|t| self.triangles[t as usize]))
     }
 
-    /// The triangles at the other diagonal, if there is room for them. None, too, where the ends of
-    /// a diagonal have one image, or the other one is ambiguous.
+    /// Returns the triangles at the other diagonal; `None` if they have no area, if the ends of a
+    /// diagonal have one image, or if the other diagonal is ambiguous.
     pub(super) fn other_diagonal(&self, quad: &Quad) -> Option<[[u32; 3]; 2]> {
         let [c, a, d, b] = quad.corners;
         let made = [[c, a, d], [c, d, b]];
@@ -78,20 +84,20 @@ impl Plane {
             && !self.is_ambiguous([c, d]);
         fits.then_some(made)
     }
-    /// Whether the other diagonal wants to be split, and more so than the edge that is there.
+    /// Returns true if the other diagonal needs to be split, and more than the existing edge.
     pub(super) fn is_coarser(
         &self,
         quad: &Quad,
-        were: [Shape; 2],
-        will_be: [Shape; 2],
+        were: [TriangleShape; 2],
+        will_be: [TriangleShape; 2],
         measure: &dyn Measure,
     ) -> bool {
         let [c, a, d, b] = quad.corners;
         let excess = self.excess([c, d], will_be, measure).0;
-        excess > SPLIT && excess > self.excess([a, b], were, measure).0
+        excess > SPLIT_EXCESS && excess > self.excess([a, b], were, measure).0
     }
-    /// Puts the triangles at the other diagonal in the place of two; `sound` says whether the pole
-    /// curve is proved to miss them.
+    /// Replaces two triangles by those at the other diagonal; `sound` is true for each that the
+    /// pole curve provably misses.
     pub(super) fn turn(&mut self, t: u32, quad: &Quad, made: [[u32; 3]; 2], sound: [bool; 2]) {
         let n = quad.n;
         let [ca, ad, db, bc] = quad.outer;
@@ -103,7 +109,7 @@ impl Plane {
         self.push(n);
     }
 
-    /// Flips the edge opposite to corner i if the smallest angle grows and nothing gets worse.
+    /// Flips the edge opposite to corner i if the smallest angle grows and no bound is violated.
     fn flip(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
         let quad = self.quad(t, i);
         let Some(made) = self.other_diagonal(&quad) else {
@@ -121,7 +127,8 @@ impl Plane {
         self.turn(t, &quad, made, sound);
         true
     }
-    /// Whether the triangles at the other diagonal are rounder, and the diagonal no coarser.
+    /// Returns true if the triangles at the other diagonal are rounder, and the diagonal does not
+    /// need to be split more.
     fn is_better(
         &self,
         old: [u32; 2],
@@ -134,7 +141,7 @@ impl Plane {
         let before = were[0].quality.min(were[1].quality);
         // A triangle that covers no surface only has the area between chord and curve, so these are
         // compared by their linearized shape.
-        let is_flat = before <= NOTHING
+        let is_flat = before <= EMPTY_QUALITY
             && ![[c, a], [a, d], [d, b], [b, c]]
                 .iter()
                 .any(|&e| self.have_one_image(e));
@@ -144,12 +151,9 @@ impl Plane {
                 !self.is_coarser(quad, were, will_be, measure)
             };
         }
-        let least = match before > 0.0 {
-            true => ROUNDER * before,
-            false => before + BEYOND_ROUNDING,
-        };
-        let is_better = |after: f64| after > NOTHING && after > least;
-        // Where the triangles face is dearer than their angles.
+        let least = least_improved(before);
+        let is_better = |after: f64| after > EMPTY_QUALITY && after > least;
+        // Orientation has priority over angles.
         if !made.iter().all(|&t| is_better(self.least_sine(t))) {
             return false;
         }

@@ -1,29 +1,23 @@
-//! Rounder triangles: vertices that are moved.
+//! Smoothing: vertices are moved to make triangles rounder.
 
 use super::collapsing::Star;
-use super::{Measure, NONE, Plane, SPLIT, Shape};
+use super::flipping::least_improved;
+use super::{Measure, NO_TRIANGLE, Plane, SPLIT_EXCESS, TriangleShape};
 use crate::surface::Point3;
 
-/// The sine of the smallest angle below which vertices are moved: with a larger one triangles get
-/// rounder, but there are more of them.
-const THIN_IN_SPACE: f64 = 0.03;
-/// The factor by which the thinnest triangle has to get rounder for a vertex to be moved.
-const BETTER: f64 = 1.1;
-/// The growth of its quality that is asked for where that is not positive.
-const BEYOND_ROUNDING: f64 = 1e-3;
-/// The shares of the way that are tried.
+/// Fractions of a step that are tried.
 const SHARES: [f64; 3] = [1.0, 0.5, 0.2];
 
 impl Plane {
-    /// Moves vertices of thin triangles to where the thinnest around them gets better: towards the
-    /// middle of their neighbours, in space or in the parameters. Points that lie nearly on one
-    /// line leave no room for flips otherwise. Returns how many.
+    /// Moves vertices of thin triangles to places where the thinnest triangle around them is
+    /// better: towards the centre of their neighbours, in space or in the parameters. Points that
+    /// are nearly collinear leave no room for flips otherwise. Returns the number of moves.
     pub(super) fn smooth(&mut self, measure: &dyn Measure) -> usize {
         let (at, free) = self.inner_vertices();
         let mut done = 0;
         for v in 0..self.nodes.len() as u32 {
             if free[v as usize]
-                && at[v as usize] != NONE
+                && at[v as usize] != NO_TRIANGLE
                 && let Some(star) = self.sound_star(at[v as usize], v)
                 && self.smooth_one(v, &star, measure)
             {
@@ -36,10 +30,11 @@ impl Plane {
         }
         done
     }
-    /// Moves a vertex, if its triangles are thin. False if it stays where it is.
+    /// Moves a vertex if its triangles are thin. Returns false if it stays at its place.
     fn smooth_one(&mut self, v: u32, star: &Star, measure: &dyn Measure) -> bool {
         let before = self.least_quality(star, measure);
-        if before >= THIN_IN_SPACE {
+        // With a larger bound triangles get rounder, but more vertices are needed.
+        if before >= 0.03 {
             return false;
         }
         let old = self.nodes[v as usize].at;
@@ -52,7 +47,7 @@ impl Plane {
             .wants(v, star, measure)
             .iter()
             .zip(&wanted)
-            .all(|(new, old)| *new <= old.max(SPLIT))
+            .all(|(new, old)| *new <= old.max(SPLIT_EXCESS))
             && star
                 .triangles
                 .iter()
@@ -62,8 +57,8 @@ impl Plane {
         }
         is_fine
     }
-    /// Of the places that a vertex might go to the one where the thinnest triangle is best, if that
-    /// is better than it was. The vertex is left at one of them.
+    /// Returns the candidate place of a vertex at which the thinnest triangle is best, if that is
+    /// an improvement. The vertex is left at one of the candidates.
     fn best_place(
         &mut self,
         v: u32,
@@ -72,10 +67,7 @@ impl Plane {
         measure: &dyn Measure,
     ) -> Option<[f64; 2]> {
         let old = self.nodes[v as usize].at;
-        let mut least = match before > 0.0 {
-            true => BETTER * before,
-            false => before + BEYOND_ROUNDING,
-        };
+        let mut least = least_improved(before);
         let mut best = None;
         for step in self.smoothing(v, &star.ring, measure) {
             for share in SHARES {
@@ -89,10 +81,10 @@ impl Plane {
         }
         best
     }
-    /// The largest excess of the edges and triangles at a vertex.
+    /// Returns the excess of each edge and triangle at a vertex.
     fn wants(&self, v: u32, star: &Star, measure: &dyn Measure) -> Vec<f64> {
         let n = star.ring.len();
-        let shapes: Vec<Shape> = star
+        let shapes: Vec<TriangleShape> = star
             .triangles
             .iter()
             .map(|&t| self.shape_of(self.triangles[t as usize], measure))
@@ -108,7 +100,8 @@ impl Plane {
         self.nodes[v as usize].at = at;
         self.images[v as usize] = measure.image(&self.nodes[v as usize]);
     }
-    /// The least quality of triangles; some number up to `enough` if it is no more than that.
+    /// Returns the minimum quality of triangles, or any value up to `enough` if the minimum is not
+    /// larger.
     fn quality_up_to(&self, star: &[u32], enough: f64, measure: &dyn Measure) -> f64 {
         let mut least = f64::INFINITY;
         for &t in star {
@@ -126,7 +119,7 @@ impl Plane {
         }
         least
     }
-    /// The places that a vertex might go to.
+    /// Returns the steps from a vertex to its candidate places.
     fn smoothing(&self, v: u32, ring: &[u32], measure: &dyn Measure) -> Vec<[f64; 2]> {
         let from = self.nodes[v as usize].at;
         let share = 1.0 / ring.len() as f64;

@@ -1,37 +1,38 @@
-//! The measure by which a triangulation of parameters is told about the surface.
+//! Queries about the surface by which a triangulation of parameters is refined.
 
 use crate::mesh::names::{ClassId, ImageId, Node};
 use crate::surface::Point3;
 
-/// The conditions on edges and triangles.
+/// Conditions on edges and triangles, and queries about the surface.
 pub(in crate::mesh) trait Measure {
-    /// The image of a node.
+    /// Returns the image of a node.
     fn image(&self, node: &Node) -> Point3;
-    /// The image that it shares with other nodes.
+    /// Returns the image that a node shares with other nodes, if any.
     fn shared(&self, node: &Node) -> Option<Shared>;
-    /// The value of the map.
+    /// Returns the value of the map.
     fn at(&self, at: [f64; 2]) -> Point3;
-    /// The point of a contracted curve beside the middle of a chord of it, with this image.
+    /// Returns the point of a contracted curve with a given image on the perpendicular bisector of
+    /// a chord.
     fn beside_chord(&self, chord: [[f64; 2]; 2], image: ImageId) -> Option<[f64; 2]>;
-    /// Whether the surface leaves a contracted curve in directions that are far from each other at
+    /// Returns true if the surface leaves a contracted curve in directions that differ much between
     /// three places of it.
     fn turns(&self, at: [[f64; 2]; 3]) -> bool;
-    /// The step in the parameters that brings the image nearest to a point, to first order.
+    /// Returns the step in the parameters that brings the image nearest to a point, to first order.
     fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]>;
-    /// The derivatives by the parameters.
+    /// Returns the derivatives by the parameters.
     fn tangents(&self, at: [f64; 2]) -> [Point3; 2];
-    /// Whether the pole curve is proved to miss a triangle.
+    /// Returns true if the pole curve provably misses a triangle.
     fn is_sound(&self, at: [[f64; 2]; 3]) -> bool;
-    /// The largest distance from the surface, near to a point.
+    /// Returns the maximum distance from the surface near a point.
     fn tolerance(&self, near: Point3) -> f64;
-    /// The largest length of edges.
+    /// Returns the maximum length of edges.
     fn longest(&self) -> f64;
 }
 
-/// An image that several parameters have.
+/// Image that several parameters have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::mesh) enum Shared {
-    /// Of a contracted curve.
+    /// The image of a contracted curve.
     Contracted(ImageId),
     /// A point of the double curve.
     Double(ClassId),

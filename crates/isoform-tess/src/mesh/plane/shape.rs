@@ -1,49 +1,39 @@
-//! Triangles and edges of the parameters as they are in space: their shapes, and how far they are
-//! from the surface.
+//! Shapes of triangles and edges of the parameters in space, and their distances from the surface.
 
-use super::{Measure, NONE, Plane, Shared};
+use super::{Measure, NO_TRIANGLE, Plane, Shared};
 use crate::mesh::geometry::{distance, middle};
 use crate::mesh::names::{ImageId, Name};
 use crate::surface::Point3;
 use isoform_geom::{cross, dot, norm, sub};
 
-/// Newton steps to the closest point of the surface.
-const NEARER: usize = 3;
-/// The distance of the parameters of that point from the ends of an edge, in shares; from the
-/// corners of a triangle half as far.
-const MARGIN: f64 = 0.25;
-/// The least cosine between the normals of a triangle and of the surface.
-pub(super) const FACING: f64 = 0.3;
-/// The least share of the smaller of the areas of a triangle and of the surface over it in the
-/// larger: points of the parameters that lie nearly on a line may be a fine triangle in space, but
-/// one that stands for nothing.
-const SHARE: f64 = 0.2;
-/// The share of areas above which the parameters count as even on a triangle.
-const EVEN: f64 = 0.5;
-/// The share of areas below which a triangle covers none of the surface; flips never make one.
-const EMPTY: f64 = 0.02;
-/// The quality of such a triangle.
-pub(super) const NOTHING: f64 = -2.0;
-/// The most that contracted curves may bulge beyond their chords by, per height of the triangles
-/// beside them.
-const BULGE: f64 = 0.2;
+/// Minimum distance of the foot of a perpendicular, in the parameters, from the ends of an edge,
+/// relative to its length; half of it is the minimum distance from the corners of a triangle.
+const END_MARGIN: f64 = 0.25;
+/// Minimum cosine of the angle between the normals of a triangle and of the surface.
+pub(super) const MIN_NORMAL_COSINE: f64 = 0.3;
+/// Minimum ratio of the smaller to the larger of the areas of a triangle and of the surface over
+/// it: parameters that are nearly collinear may give a good triangle in space that covers no part
+/// of the surface.
+const MIN_AREA_RATIO: f64 = 0.2;
+/// Quality of a triangle that covers no part of the surface.
+pub(super) const EMPTY_QUALITY: f64 = -2.0;
 
-/// The shape of a triangle in space.
+/// Shape of a triangle in space.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shape {
+pub(super) struct TriangleShape {
     pub(super) corners: [u32; 3],
-    /// The sine of its smallest angle; below zero if it does not face the way the surface does, or
-    /// has another area.
+    /// Sine of its smallest angle; negative if its normal or area differs too much from that of the
+    /// surface.
     pub(super) quality: f64,
-    /// Whether the parameters are even on it: what is in the middle there is about in the middle in
-    /// space.
+    /// True if the parameters are even on the triangle: the centre of the parameters is mapped to
+    /// about the centre in space.
     is_even: bool,
-    /// The cosine of the angle between the normals of the triangle and of the surface in its
-    /// middle.
+    /// Cosine of the angle between the normals of the triangle and of the surface in its centre.
     pub(super) facing: f64,
 }
 
-/// The sine of the smallest angle of a triangle; negative if it has no area or no position.
+/// Returns the sine of the smallest angle of a triangle; negative if it has no area or a corner
+/// without a position.
 pub(super) fn least_sine([p, q, r]: [Point3; 3]) -> f64 {
     let (x, y, z) = (sub(q, p), sub(r, q), sub(p, r));
     let [mut a, mut b, c] = [x, y, z].map(|e| dot(e, e));
@@ -63,8 +53,9 @@ pub(super) fn least_sine([p, q, r]: [Point3; 3]) -> f64 {
     }
 }
 
-/// The cosine of the angle between the normals of a triangle and of the surface in its middle, and
-/// the share of the smaller of their areas in the larger; 1 where the surface has no normal.
+/// Returns the cosine of the angle between the normals of a triangle and of the surface in its
+/// centre, and the ratio of the smaller to the larger of their areas; 1 where the surface has no
+/// normal.
 fn facing([a, b, c]: [[f64; 2]; 3], [p, q, r]: [Point3; 3], measure: &dyn Measure) -> [f64; 2] {
     let [x, y] = measure.tangents([0, 1].map(|i| (a[i] + b[i] + c[i]) / 3.0));
     let normal = cross(x, y);
@@ -75,18 +66,17 @@ fn facing([a, b, c]: [[f64; 2]; 3], [p, q, r]: [Point3; 3], measure: &dyn Measur
     [cosine, share].map(|x| if x.is_nan() { 1.0 } else { x })
 }
 
-/// Whether a triangle does not face the way the surface does, or has another area.
+/// Returns true if the normal or the area of a triangle differs too much from that of the surface.
 pub(in crate::mesh) fn is_turned(
     at: [[f64; 2]; 3],
     images: [Point3; 3],
     measure: &dyn Measure,
 ) -> bool {
     let [facing, share] = facing(at, images, measure);
-    facing < FACING || share < SHARE
+    facing < MIN_NORMAL_COSINE || share < MIN_AREA_RATIO
 }
 
-/// The shares of the corners of a triangle, of either orientation, in a point: its barycentric
-/// coordinates.
+/// Returns the barycentric coordinates of a point in a triangle of either orientation.
 fn shares(z: [f64; 2], [a, b, c]: [[f64; 2]; 3]) -> [f64; 3] {
     let area = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| {
         (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
@@ -95,8 +85,8 @@ fn shares(z: [f64; 2], [a, b, c]: [[f64; 2]; 3]) -> [f64; 3] {
     [area(b, c, z), area(c, a, z), area(a, b, z)].map(|x| x / whole)
 }
 
-/// From given parameters, others in `within` with an image that is nearer to a point, if that is
-/// farther than the tolerance; and the distance.
+/// Returns parameters in `within`, by Newton steps from given ones, whose image is nearer to a
+/// point, unless that is within the tolerance already; and the distance.
 fn nearest(
     mut at: [f64; 2],
     to: Point3,
@@ -104,7 +94,8 @@ fn nearest(
     measure: &dyn Measure,
 ) -> ([f64; 2], f64) {
     let mut error = distance(measure.at(at), to);
-    for _ in 0..NEARER {
+    // Newton steps to the closest point of the surface.
+    for _ in 0..3 {
         if error <= measure.tolerance(to) {
             break;
         }
@@ -130,24 +121,26 @@ impl Plane {
     pub(super) fn least_sine(&self, t: [u32; 3]) -> f64 {
         least_sine(t.map(|v| self.images[v as usize]))
     }
-    /// The shape of a triangle that may be there or not.
-    pub(super) fn shape_of(&self, t: [u32; 3], measure: &dyn Measure) -> Shape {
+    /// Returns the shape of a triangle that may or may not exist.
+    pub(super) fn shape_of(&self, t: [u32; 3], measure: &dyn Measure) -> TriangleShape {
         let [facing, share] = facing(self.places(t), t.map(|v| self.images[v as usize]), measure);
-        let worst = (facing - FACING).min(share - SHARE);
+        let worst = (facing - MIN_NORMAL_COSINE).min(share - MIN_AREA_RATIO);
         let quality = match worst {
-            _ if share < EMPTY => NOTHING,
+            // The triangle covers no part of the surface; flips never create one.
+            _ if share < 0.02 => EMPTY_QUALITY,
             _ if worst < 0.0 => worst,
             _ => self.least_sine(t),
         };
-        Shape {
+        TriangleShape {
             corners: t,
             quality,
-            is_even: facing > FACING && share > EVEN,
+            // Ratio of areas above which the parameters count as even on a triangle.
+            is_even: facing > MIN_NORMAL_COSINE && share > 0.5,
             facing,
         }
     }
-    /// The shape of a triangle that is there, computed once.
-    pub(super) fn shape(&self, t: u32, measure: &dyn Measure) -> Shape {
+    /// Returns the shape of an existing triangle, which is computed once.
+    pub(super) fn shape(&self, t: u32, measure: &dyn Measure) -> TriangleShape {
         let known = self.shapes[t as usize].get();
         known.unwrap_or_else(|| {
             let shape = self.shape_of(self.triangles[t as usize], measure);
@@ -156,13 +149,13 @@ impl Plane {
         })
     }
 
-    /// The excess of the edge between two vertices, beyond 1 if it is to be split, and the place of
-    /// the split: in the middle of its parameters, or, if these are even, at parameters in the
-    /// triangles beside it whose image is nearest to the middle of the edge.
+    /// Returns the excess of the edge between two vertices, above 1 if it is to be split, and the
+    /// place of the split: the middle of its parameters or, if these are even, the parameters in
+    /// the adjacent triangles whose image is nearest to the middle of the edge.
     pub(super) fn excess(
         &self,
         [a, b]: [u32; 2],
-        beside: [Shape; 2],
+        beside: [TriangleShape; 2],
         measure: &dyn Measure,
     ) -> (f64, [f64; 2]) {
         let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
@@ -183,32 +176,32 @@ impl Plane {
             false => (excess, at),
         }
     }
-    /// Whether a place in a triangle is beside the middle of an edge, away from its ends and from
-    /// the corner opposite.
+    /// Returns true if a place in a triangle is next to the middle of an edge, away from its ends
+    /// and from the opposite corner.
     fn is_beside(&self, ends: [u32; 2], corners: [u32; 3], z: [f64; 2]) -> bool {
         let shares = shares(z, self.places(corners));
         (0..3).all(|k| match ends.contains(&corners[k]) {
-            true => shares[k] >= MARGIN,
-            false => (0.0..=MARGIN).contains(&shares[k]),
+            true => shares[k] >= END_MARGIN,
+            false => (0.0..=END_MARGIN).contains(&shares[k]),
         })
     }
-    /// The distance of the middle of a triangle from the surface, in tolerances.
-    pub(super) fn off(&self, shape: &Shape, measure: &dyn Measure) -> f64 {
+    /// Returns the distance of the centre of a triangle from the surface, in tolerances.
+    pub(super) fn off(&self, shape: &TriangleShape, measure: &dyn Measure) -> f64 {
         let at = self.places(shape.corners);
         let [p, q, r] = shape.corners.map(|v| self.images[v as usize]);
         let from = [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0);
         let center = std::array::from_fn(|i| (p[i] + q[i] + r[i]) / 3.0);
         let within =
-            |z: [f64; 2]| shape.is_even && shares(z, at).iter().all(|&s| s >= 0.5 * MARGIN);
+            |z: [f64; 2]| shape.is_even && shares(z, at).iter().all(|&s| s >= 0.5 * END_MARGIN);
         nearest(from, center, &within, measure).1 / measure.tolerance(center)
     }
 
     pub(super) fn have_one_image(&self, [a, b]: [u32; 2]) -> bool {
         self.shared[a as usize].is_some() && self.shared[a as usize] == self.shared[b as usize]
     }
-    /// Whether both ends are on the double curve, or one has a shared image and the other is on a
-    /// side of the unit triangle: another sheet, or the unit triangle beyond the side, may have
-    /// such an edge, too.
+    /// Returns true if both ends are on the double curve, or one has a shared image and the other
+    /// is on a side of the unit triangle: another sheet, or the unit triangle beyond the side, may
+    /// have an edge with these ends, too.
     pub(super) fn is_ambiguous(&self, [a, b]: [u32; 2]) -> bool {
         let is_double = |v: u32| matches!(self.shared[v as usize], Some(Shared::Double(_)));
         let is_side = |v: u32| {
@@ -217,9 +210,9 @@ impl Plane {
         let is_shared = |v: u32| self.shared[v as usize].is_some();
         is_double(a) && is_double(b) || is_side(a) && is_shared(b) || is_side(b) && is_shared(a)
     }
-    /// Where the edge opposite to corner i is to be split, because it is a chord of a contracted
-    /// curve that leaves the triangle too little room: what lies between the chord and the curve is
-    /// turned over.
+    /// Returns the place at which to split the edge opposite to corner i if it is a chord of a
+    /// contracted curve that leaves the triangle too little room: the area between the chord and
+    /// the curve is turned over.
     pub(super) fn bulge(
         &self,
         t: u32,
@@ -227,7 +220,7 @@ impl Plane {
         measure: &dyn Measure,
     ) -> Option<([f64; 2], ImageId)> {
         let [a, b] = self.ends(t, i);
-        let is_inner = self.fixed[t as usize][i] && self.adjacent[t as usize][i] != NONE;
+        let is_inner = self.fixed[t as usize][i] && self.adjacent[t as usize][i] != NO_TRIANGLE;
         let Some(Shared::Contracted(image)) =
             self.shared[a as usize].filter(|_| is_inner && self.have_one_image([a, b]))
         else {
@@ -236,11 +229,12 @@ impl Plane {
         let [x, y, z] = self.places([a, b, self.triangles[t as usize][i]]);
         let m = measure.beside_chord([x, y], image)?;
         let above = |z: [f64; 2]| twice_area([x, y, z]);
-        (above(m) > BULGE * above(z)).then_some((m, image))
+        // A contracted curve may bulge beyond its chord by a fifth of the height of the triangle.
+        (above(m) > 0.2 * above(z)).then_some((m, image))
     }
 }
 
-/// Twice the area of a triangle of the parameters, without its sign.
+/// Returns twice the area of a triangle of the parameters.
 #[inline]
 pub(super) fn twice_area([x, y, z]: [[f64; 2]; 3]) -> f64 {
     ((y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0])).abs()
@@ -250,8 +244,8 @@ pub(super) fn twice_area([x, y, z]: [[f64; 2]; 3]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Of the triangle with sides 3, 4, 5 the smallest angle has the sine 3/5; of an equilateral
-    /// one √3/2; what has no area or no number is negative or zero.
+    /// The smallest angle of the triangle with sides 3, 4, 5 has the sine 3/5, that of an
+    /// equilateral one √3/2; without area or with NaN, the value is not positive.
     #[test]
     fn smallest_angles() {
         let sine = |x: f64, y: f64| least_sine([[0.0; 3], [4.0, 0.0, 0.0], [x, y, 0.0]]);

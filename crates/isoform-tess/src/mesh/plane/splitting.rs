@@ -1,19 +1,17 @@
 //! Splits: new vertices on edges and in triangles.
 
-use super::shape::{NOTHING, twice_area};
-use super::{Measure, NONE, Plane, Quad};
+use super::shape::{EMPTY_QUALITY, twice_area};
+use super::{Measure, NO_TRIANGLE, Plane, Quad};
 use crate::mesh::geometry::distance;
 use crate::mesh::names::Node;
 
-/// The distance from its ends within which an edge is not split, per length.
-const CROWDED: f64 = 0.25;
-/// The shares of the way from an edge towards the larger triangle beside it at which it is split:
-/// points on one line would leave no room for flips.
+/// Fractions of the way from an edge towards the larger adjacent triangle at which the edge is
+/// split: collinear points would leave no room for flips.
 const ASIDE: [f64; 2] = [0.1, 0.02];
 
 impl Plane {
-    /// Splits the edge opposite to corner i, in the middle if there is room. False if rounding
-    /// leaves no room.
+    /// Splits the edge opposite to corner i, in the middle if there is room. Returns false if
+    /// rounding leaves no room.
     pub(super) fn split_edge(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
         let quad = self.quad(t, i);
         let [c, a, d, b] = quad.corners;
@@ -32,7 +30,7 @@ impl Plane {
         let fitting = self.fitting(&quad, places, measure);
         fitting.is_some_and(|at| self.split_at(t, i, Node::inner(at, 0), measure))
     }
-    /// The best place to split an edge, but not one where a corner beside it is already.
+    /// Returns the best place to split an edge, unless a corner next to it is there already.
     fn best_split(
         &self,
         t: u32,
@@ -45,13 +43,14 @@ impl Plane {
         let best = self.excess([a, b], shapes, measure).1;
         let there = measure.at(best);
         let [p, q, x, y] = [c, d, a, b].map(|v| self.images[v as usize]);
-        match distance(there, p).min(distance(there, q)) < CROWDED * distance(x, y) {
+        // Edges are not split close to their ends.
+        match distance(there, p).min(distance(there, q)) < 0.25 * distance(x, y) {
             true => halfway,
             false => best,
         }
     }
-    /// The first place where there is room and every triangle stands for something, or else the
-    /// first where there is room.
+    /// Returns the first place with room at which every triangle covers a part of the surface, or
+    /// else the first one with room.
     fn fitting(
         &mut self,
         quad: &Quad,
@@ -66,7 +65,7 @@ impl Plane {
             let is_good = fits
                 && made
                     .iter()
-                    .all(|&t| self.shape_of(t, measure).quality > NOTHING);
+                    .all(|&t| self.shape_of(t, measure).quality > EMPTY_QUALITY);
             self.drop_last();
             if is_good {
                 return Some(at);
@@ -78,8 +77,8 @@ impl Plane {
         fitting
     }
 
-    /// Splits the edge opposite to corner i in a new vertex; what was fixed stays so. False if that
-    /// leaves no room.
+    /// Splits the edge opposite to corner i in a new vertex; fixed edges remain fixed. Returns
+    /// false if room is lacking.
     pub(super) fn split_at(&mut self, t: u32, i: usize, node: Node, measure: &dyn Measure) -> bool {
         let along = self.fixed[t as usize][i];
         let quad = self.quad(t, i);
@@ -101,14 +100,14 @@ impl Plane {
         true
     }
 
-    /// Puts a vertex into the middle of a triangle. False if rounding leaves no room.
+    /// Inserts a vertex into the centre of a triangle. Returns false if rounding leaves no room.
     pub(super) fn split_triangle(&mut self, t: u32, measure: &dyn Measure) -> bool {
         let at = self.corners(t);
         let middle = [0, 1].map(|i| (at[0][i] + at[1][i] + at[2][i]) / 3.0);
         self.put_into(t, middle, measure)
     }
 
-    /// Puts a vertex into a triangle. False if rounding leaves no room.
+    /// Inserts a vertex into a triangle. Returns false if rounding leaves no room.
     pub(super) fn put_into(&mut self, t: u32, at: [f64; 2], measure: &dyn Measure) -> bool {
         let [a, b, c] = self.triangles[t as usize];
         let m = self.add(at, measure);
@@ -135,7 +134,7 @@ impl Plane {
         self.legalise(new.map(|k| (k, m)).to_vec(), measure);
     }
 
-    /// The vertices that were put between the ends of an edge of the rim.
+    /// Returns the vertices that were inserted between the ends of an edge of the rim.
     pub(in crate::mesh) fn way(&self, [a, b]: [u32; 2]) -> Vec<u32> {
         let Some(&Some(m)) = self.rim.get(&[a.min(b), a.max(b)]) else {
             return Vec::new();
@@ -145,12 +144,12 @@ impl Plane {
         way.extend(self.way([m, b]));
         way
     }
-    /// Whether the edge opposite to corner i belongs to the rim.
+    /// Returns true if the edge opposite to corner i belongs to the rim.
     pub(super) fn is_rim(&self, t: u32, i: usize) -> bool {
         let [a, b] = self.ends(t, i);
         self.rim.get(&[a.min(b), a.max(b)]) == Some(&None)
     }
-    /// Splits an edge of the rim opposite to corner i. False if rounding leaves no room.
+    /// Splits an edge of the rim opposite to corner i. Returns false if rounding leaves no room.
     pub(super) fn split_rim(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
         let [a, b] = self.ends(t, i);
         let [x, y] = [a, b].map(|v| self.nodes[v as usize].at);
@@ -162,8 +161,8 @@ impl Plane {
         self.rim.extend([[a, m], [b, m]].map(|e| (e, None)));
         true
     }
-    /// Splits an edge that only one triangle has, opposite to corner i, in a new vertex, which is
-    /// returned. None if that leaves no room.
+    /// Splits an edge of a single triangle, opposite to corner i, in a new vertex, which is
+    /// returned; `None` if room is lacking.
     pub(super) fn split_border(
         &mut self,
         t: u32,
@@ -180,15 +179,15 @@ impl Plane {
         }
         let (ca, bc) = (self.beyond(t, i + 2), self.beyond(t, i + 1));
         let t2 = self.new_triangle();
-        self.set(t, made[0], [NONE, t2, ca.0], [true, false, ca.1]);
-        self.set(t2, made[1], [NONE, bc.0, t], [true, bc.1, false]);
+        self.set(t, made[0], [NO_TRIANGLE, t2, ca.0], [true, false, ca.1]);
+        self.set(t2, made[1], [NO_TRIANGLE, bc.0, t], [true, bc.1, false]);
         self.prove([t], [t, t2], measure);
         self.settle_around(m, [t, t2], measure);
         Some(m)
     }
 
-    /// Proves that the pole curve misses new triangles, which lie where old ones were: if it is
-    /// proved to miss these, nothing is left to be shown.
+    /// Proves that the pole curve misses new triangles, which replace old ones: if it provably
+    /// misses these, nothing remains to be proved.
     fn prove<const N: usize, const M: usize>(
         &mut self,
         old: [u32; N],

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::mesh::geometry::distance;
-use crate::mesh::matching::Place;
+use crate::mesh::matching::InsertionPlace;
 use crate::mesh::names::ImageId;
 use isoform_control::Control;
 use isoform_geom::{cross, dot, sub};
@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 struct Paraboloid {
     tolerance: f64,
     longest: f64,
-    /// No triangle is proved to be sound that has a place inside.
+    /// Place of a pole: no triangle that contains it is proved to be sound.
     pole: Option<[f64; 2]>,
 }
 
@@ -71,7 +71,7 @@ impl Measure for Paraboloid {
     }
 }
 
-/// The square [0, 1]² in squares of n × n, each divided in two; the edges of its border may be
+/// Returns the square [0, 1]² as n × n squares, each divided in two; the edges of its border may be
 /// split.
 fn square(n: u32, measure: &Paraboloid) -> Plane {
     let step = 1.0 / f64::from(n);
@@ -96,8 +96,9 @@ fn square(n: u32, measure: &Paraboloid) -> Plane {
     Plane::new(nodes.collect(), triangles, &|_, _| false, &rim, measure)
 }
 
-/// The square [0, 1]² as a fan of thin triangles about its middle, with n edges on each side: as it
-/// is drawn, with a border that is fine enough, and nothing inside.
+/// Returns the square [0, 1]² as a fan of thin triangles about its centre, with n edges on each
+/// side: the form in which a region is drawn, with a border that is fine enough, and nothing
+/// inside.
 fn fan(n: u32, measure: &Paraboloid) -> Plane {
     let place = |k: u32| {
         let x = f64::from(k % n) / f64::from(n);
@@ -109,7 +110,7 @@ fn fan(n: u32, measure: &Paraboloid) -> Plane {
     Plane::new(nodes, triangles, &|_, _| false, &[], measure)
 }
 
-/// Twice the area of all triangles in the parameters.
+/// Returns twice the area of all triangles in the parameters.
 fn area(plane: &Plane) -> f64 {
     let twice = |t: u32| {
         let [a, b, c] = plane.corners(t);
@@ -117,7 +118,7 @@ fn area(plane: &Plane) -> f64 {
     };
     (0..plane.triangles.len() as u32).map(twice).sum()
 }
-/// V − E + F.
+/// Returns the Euler characteristic V − E + F.
 fn euler(plane: &Plane) -> i64 {
     let ends = |t: u32| [0, 1, 2].map(|i| plane.ends(t, i));
     let all = (0..plane.triangles.len() as u32).flat_map(ends);
@@ -125,7 +126,7 @@ fn euler(plane: &Plane) -> i64 {
     let vertices: BTreeSet<u32> = plane.triangles.iter().flatten().copied().collect();
     vertices.len() as i64 - edges.len() as i64 + plane.triangles.len() as i64
 }
-/// A disc that covers the square once.
+/// Asserts that a triangulation is a disc that covers the square once.
 fn is_square(plane: &Plane) {
     assert_eq!(plane.fault(), None);
     assert_eq!(euler(plane), 1);
@@ -142,7 +143,7 @@ fn edges_inside_come_near_the_surface() {
         is_square(&plane);
         plane.begin(100_000, &measure, &Control::default());
         let ended = plane.refine(100_000, &measure, &Control::default());
-        assert_eq!(ended, Ended::default());
+        assert_eq!(ended, RefinementDefects::default());
         is_square(&plane);
         for t in 0..plane.triangles.len() as u32 {
             for i in (0..3).filter(|&i| !plane.fixed[t as usize][i]) {
@@ -153,14 +154,14 @@ fn edges_inside_come_near_the_surface() {
     }
 }
 
-/// Edges inside become no longer than allowed.
+/// Edges inside do not exceed the maximum length.
 #[test]
 fn edges_inside_are_no_longer_than_allowed() {
     let measure = Paraboloid::new(1.0, 0.3);
     let mut plane = fan(8, &measure);
     plane.begin(100_000, &measure, &Control::default());
     let ended = plane.refine(100_000, &measure, &Control::default());
-    assert_eq!(ended, Ended::default());
+    assert_eq!(ended, RefinementDefects::default());
     is_square(&plane);
     for t in 0..plane.triangles.len() as u32 {
         for i in (0..3).filter(|&i| !plane.fixed[t as usize][i]) {
@@ -170,7 +171,7 @@ fn edges_inside_are_no_longer_than_allowed() {
     }
 }
 
-/// Triangles with a pole are split in vain: that is said, and the limit is kept.
+/// Triangles with a pole are split in vain: the result says so, and the limit on triangles is kept.
 #[test]
 fn a_pole_is_never_missed() {
     let mut measure = Paraboloid::new(1.0, 10.0);
@@ -182,7 +183,7 @@ fn a_pole_is_never_missed() {
     is_square(&plane);
 }
 
-/// Every operation by itself leaves a triangulation of the same square.
+/// Every operation by itself leaves a triangulation of the square.
 #[test]
 fn operations_keep_the_square() {
     let measure = Paraboloid::new(0.1, 10.0);
@@ -207,7 +208,7 @@ fn operations_keep_the_square() {
     assert_eq!(plane.triangles.len(), before - 2 * gone);
 }
 
-/// Splits on the rim, and the way between the ends of the edge that was split.
+/// Splits on the rim are recorded as the path between the ends of the edge.
 #[test]
 fn the_rim_may_be_split() {
     let measure = Paraboloid::new(0.1, 10.0);
@@ -226,22 +227,22 @@ fn the_rim_may_be_split() {
     assert_eq!(plane.nodes[5].at, [0.25, 0.0]);
 }
 
-/// Places become vertices, unless one is beside them; the triangles around them are Delaunay
+/// Places become vertices, unless one is near them; the triangles around them are Delaunay
 /// triangles in space.
 #[test]
 fn places_become_vertices() {
     let measure = Paraboloid::new(0.5, 10.0);
     let mut plane = square(2, &measure);
-    let place = |at: [f64; 2]| Place {
+    let place = |at: [f64; 2]| InsertionPlace {
         quadrant: 0,
         at,
         faces: 0,
     };
     let places = [[0.3, 0.2], [0.7, 0.6], [0.5 + 1e-6, 0.5 - 2e-6], [2.0, 2.0]].map(place);
     let ended = plane.insert(&places, 1000, &measure, &Control::default());
-    assert_eq!(ended, Ended::default());
+    assert_eq!(ended, RefinementDefects::default());
     is_square(&plane);
-    let is_there = |p: &Place| plane.nodes.iter().any(|n| n.at == p.at);
+    let is_there = |p: &InsertionPlace| plane.nodes.iter().any(|n| n.at == p.at);
     assert_eq!(places.each_ref().map(is_there), [true, true, false, false]);
     let t = plane
         .triangles
@@ -256,7 +257,7 @@ fn places_become_vertices() {
     assert!(normal[2] > 0.0);
 }
 
-/// A triangulation that is spoilt is seen to be.
+/// Defects of a triangulation are found.
 #[test]
 fn faults_are_found() {
     let measure = Paraboloid::new(0.1, 10.0);
@@ -273,7 +274,7 @@ fn faults_are_found() {
     assert!(spoilt(&|p| p.sound.truncate(1)));
 }
 
-/// A paraboloid on which the border of a square is said to have one image.
+/// A paraboloid that reports one image for the border of a square.
 struct OneImage(Paraboloid);
 
 impl Measure for OneImage {
@@ -311,9 +312,9 @@ impl Measure for OneImage {
     }
 }
 
-/// A vertex with 1600 neighbours that have one image: whether they are joined takes the fourth
-/// power of that. Out of time the search ends at once, and says so; few of them are looked at to
-/// the end.
+/// For a vertex with 1600 neighbours that have one image, the test for adjacency takes time
+/// proportional to the fourth power of their number. Without time the search ends at once and says
+/// so.
 #[test]
 fn a_search_for_edges_that_fall_together_can_be_stopped() {
     let flag = std::sync::atomic::AtomicBool::new(true);
@@ -335,5 +336,5 @@ fn a_search_for_edges_that_fall_together_can_be_stopped() {
     assert!(clock.elapsed().as_secs_f64() < 0.2, "{:?}", clock.elapsed());
     // The chain of neighbours joins all of them.
     let ended = fan_of(8).tell_apart(100_000, &measure, &Control::default());
-    assert_eq!(ended, Ended::default());
+    assert_eq!(ended, RefinementDefects::default());
 }
