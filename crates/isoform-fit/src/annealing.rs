@@ -11,20 +11,14 @@ use crate::Objective;
 use crate::bounds::Bounds;
 use crate::vector::minus;
 
-/// Rounds over all coordinates between adaptations of the steps (Corana's N_s).
-const CYCLES: usize = 20;
-/// Corana's c: how fast steps adapt.
-const ADAPT: f64 = 2.0;
-/// Between these shares of moves that pass a step stays as it is: about half of them.
-const PASSING: (f64, f64) = (0.4, 0.6);
-/// Goffe's N_ε and ε: the search ends when the values at the ends of so many temperatures are
-/// within this share of the best one.
-const FROZEN: (usize, f64) = (4, 1e-9);
+/// Number of moves of each coordinate between two adaptations of the steps (Corana's N_s).
+const CYCLES_PER_ADAPTATION: usize = 20;
 
 /// Settings of [`minimize`].
 #[derive(Clone, Debug)]
-pub struct Options {
-    /// First temperature relative to the median value of [`Options::probes`] random points.
+pub struct AnnealingOptions {
+    /// First temperature, relative to the median value of [`AnnealingOptions::probes`] random
+    /// points.
     pub temperature: f64,
     /// Factor from one temperature to the next (Goffe's r_T).
     pub cooling: f64,
@@ -40,7 +34,7 @@ pub struct Options {
     pub seed: u64,
 }
 
-impl Default for Options {
+impl Default for AnnealingOptions {
     fn default() -> Self {
         Self {
             temperature: 1.0,
@@ -56,7 +50,7 @@ impl Default for Options {
 
 /// Result of [`minimize`].
 #[derive(Clone, Debug)]
-pub struct Annealed {
+pub struct AnnealingResult {
     /// Best variables found.
     pub x: Vec<f64>,
     /// Value there.
@@ -87,7 +81,7 @@ pub struct Annealed {
 ///     }
 /// }
 ///
-/// let options = annealing::Options {
+/// let options = annealing::AnnealingOptions {
 ///     max_evaluations: 40_000,
 ///     threshold: f64::NEG_INFINITY,
 ///     ..Default::default()
@@ -103,20 +97,22 @@ pub fn minimize(
     x: Vec<f64>,
     lo: &[f64],
     hi: &[f64],
-    options: &Options,
+    options: &AnnealingOptions,
     monitor: &mut dyn FnMut(usize, f64) -> bool,
-) -> Annealed {
-    let mut walk = Walk::new(objective, x, Bounds { lo, hi }, options);
+) -> AnnealingResult {
+    let mut walk = AnnealingWalk::new(objective, x, Bounds { lo, hi }, options);
     let mut temperature = options.temperature * walk.typical();
-    let mut ends = [f64::INFINITY; FROZEN.0];
+    // The search is frozen (Goffe's N_ε and ε) once the values at the ends of four temperatures are
+    // within 1e-9 of the best one, relatively.
+    let mut ends = [f64::INFINITY; 4];
     while walk.best.evaluations < options.max_evaluations {
         if !walk.stay(temperature, options.adaptations, monitor) {
             break;
         }
         ends.rotate_left(1);
-        ends[FROZEN.0 - 1] = walk.value;
+        ends[3] = walk.value;
         let best = walk.best.value;
-        if ends.iter().all(|end| end - best <= FROZEN.1 * best.abs()) {
+        if ends.iter().all(|end| end - best <= 1e-9 * best.abs()) {
             break;
         }
         walk.back_to_best();
@@ -126,7 +122,7 @@ pub fn minimize(
 }
 
 /// A random walk with the best point visited.
-struct Walk<'a> {
+struct AnnealingWalk<'a> {
     objective: &'a mut dyn Objective,
     bounds: Bounds<'a>,
     random: fastrand::Rng,
@@ -138,21 +134,21 @@ struct Walk<'a> {
     /// Largest move of each variable.
     step: Vec<f64>,
     trial: Vec<f64>,
-    best: Annealed,
+    best: AnnealingResult,
 }
 
-impl<'a> Walk<'a> {
+impl<'a> AnnealingWalk<'a> {
     fn new(
         objective: &'a mut dyn Objective,
         x: Vec<f64>,
         bounds: Bounds<'a>,
-        options: &Options,
+        options: &AnnealingOptions,
     ) -> Self {
         let n = objective.dim();
         let mut random = fastrand::Rng::with_seed(options.seed);
         let value = comparable(objective.value(&x));
         let probes = probes(objective, bounds, options.probes.max(1), &mut random);
-        let best = Annealed {
+        let best = AnnealingResult {
             x: x.clone(),
             value,
             evaluations: 1 + probes.len(),
@@ -195,7 +191,7 @@ impl<'a> Walk<'a> {
                 return false;
             };
             for (i, passed) in passed.iter().enumerate() {
-                self.adapt(i, *passed as f64 / CYCLES as f64);
+                self.adapt(i, *passed as f64 / CYCLES_PER_ADAPTATION as f64);
             }
             monitor(self.best.evaluations, self.best.value)
         })
@@ -206,7 +202,7 @@ impl<'a> Walk<'a> {
     fn cycles(&mut self, temperature: f64) -> Option<Vec<usize>> {
         let n = self.x.len();
         let mut passed = vec![0_usize; n];
-        for i in (0..CYCLES).flat_map(|_| 0..n) {
+        for i in (0..CYCLES_PER_ADAPTATION).flat_map(|_| 0..n) {
             passed[i] += usize::from(self.passes(i, temperature));
             if self.best.value <= self.threshold {
                 self.best.reached = true;
@@ -252,10 +248,10 @@ impl<'a> Walk<'a> {
     /// rate between 0.4 and 0.6.
     fn adapt(&mut self, i: usize, rate: f64) {
         let step = &mut self.step[i];
-        if rate > PASSING.1 {
-            *step *= 1.0 + ADAPT * (rate - PASSING.1) / 0.4;
-        } else if rate < PASSING.0 {
-            *step /= 1.0 + ADAPT * (PASSING.0 - rate) / 0.4;
+        if rate > 0.6 {
+            *step *= 1.0 + 2.0 * (rate - 0.6) / 0.4;
+        } else if rate < 0.4 {
+            *step /= 1.0 + 2.0 * (0.4 - rate) / 0.4;
         }
         *step = step.min(self.bounds.range(i));
     }
@@ -293,10 +289,10 @@ mod tests {
     #[test]
     fn finds_the_lowest_of_many_minima() {
         let run = |seed: u64| {
-            let options = Options {
+            let options = AnnealingOptions {
                 max_evaluations: 60_000,
                 seed,
-                ..Options::default()
+                ..AnnealingOptions::default()
             };
             let (start, [lo, hi]) = (vec![3.1, -2.4, 3.9], [[-4.0; 3], [4.0; 3]]);
             minimize(&mut Egg(3), start, &lo, &hi, &options, &mut |_, _| true)
@@ -323,7 +319,7 @@ mod tests {
                 self.value(x)
             }
         }
-        let (options, [lo, hi]) = (Options::default(), [[-4.0; 3], [4.0; 3]]);
+        let (options, [lo, hi]) = (AnnealingOptions::default(), [[-4.0; 3], [4.0; 3]]);
         let start = vec![-3.0, 3.0, 2.0];
         let found = minimize(&mut Valley, start, &lo, &hi, &options, &mut |_, _| true);
         assert!(found.value < 1e-9, "{found:?}");
@@ -331,9 +327,9 @@ mod tests {
 
     #[test]
     fn ends_at_the_threshold() {
-        let options = Options {
+        let options = AnnealingOptions {
             threshold: 1.0,
-            ..Options::default()
+            ..AnnealingOptions::default()
         };
         let out = minimize(
             &mut Egg(2),

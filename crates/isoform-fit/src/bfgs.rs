@@ -7,21 +7,12 @@
 use crate::Objective;
 use crate::bounds::Bounds;
 use crate::lm::{Minimum, Stop};
-use crate::objective::Place;
+use crate::objective::ModelPoint;
 use crate::vector::{dot, is_finite, minus, norm};
-
-/// Armijo's constant: the share of the fall along the slope that a step must bring.
-const ARMIJO: f64 = 1e-4;
-/// Most and least that a refused step is shortened to in one round.
-const CUTS: (f64, f64) = (0.1, 0.5);
-/// A step that moves no variable by this much is none.
-const NO_STEP: f64 = 1e-14;
-/// Least cosine of step and change of the gradient for which the curvature counts as positive.
-const CURVED: f64 = 1e-12;
 
 /// Settings of [`minimize`].
 #[derive(Clone, Debug)]
-pub struct Options {
+pub struct BfgsOptions {
     /// Maximum number of evaluations.
     pub max_iterations: usize,
     /// Relative decrease of the value below which a step ends the run.
@@ -31,7 +22,7 @@ pub struct Options {
     pub gradient: f64,
 }
 
-impl Default for Options {
+impl Default for BfgsOptions {
     fn default() -> Self {
         Self {
             max_iterations: 2000,
@@ -64,7 +55,7 @@ impl Default for Options {
 /// }
 ///
 /// let (lo, hi) = ([-4.0; 2], [4.0; 2]);
-/// let options = bfgs::Options::default();
+/// let options = bfgs::BfgsOptions::default();
 /// let start = vec![3.0, -2.0];
 /// let found = bfgs::minimize(&mut Slide, start, &lo, &hi, &options, &mut |_, _, _| true);
 /// assert!(found.x.iter().all(|v| (v - 1.0).abs() < 1e-6));
@@ -74,16 +65,16 @@ pub fn minimize(
     x: Vec<f64>,
     lo: &[f64],
     hi: &[f64],
-    options: &Options,
+    options: &BfgsOptions,
     monitor: &mut dyn FnMut(usize, &[f64], f64) -> bool,
 ) -> Minimum {
-    let mut descent = Descent::new(objective, x, Bounds { lo, hi }, options);
+    let mut descent = BfgsRun::new(objective, x, Bounds { lo, hi }, options);
     if !descent.here.has_gradient() {
         return Minimum::not_finite(descent.here.x, descent.iterations);
     }
     descent.restart();
     let stop = loop {
-        let Place { x, value, .. } = &descent.here;
+        let ModelPoint { x, value, .. } = &descent.here;
         if !monitor(descent.iterations, x, *value) {
             break Stop::Told;
         }
@@ -101,12 +92,12 @@ pub fn minimize(
 }
 
 /// State of a run from one start.
-struct Descent<'a> {
+struct BfgsRun<'a> {
     objective: &'a mut dyn Objective,
     bounds: Bounds<'a>,
-    options: &'a Options,
-    here: Place,
-    trial: Place,
+    options: &'a BfgsOptions,
+    here: ModelPoint,
+    trial: ModelPoint,
     /// Inverse of the Hessian of half the value, as approximated so far.
     inverse: Vec<f64>,
     /// True until the first update of the inverse.
@@ -116,21 +107,21 @@ struct Descent<'a> {
     iterations: usize,
 }
 
-impl<'a> Descent<'a> {
+impl<'a> BfgsRun<'a> {
     fn new(
         objective: &'a mut dyn Objective,
         x: Vec<f64>,
         bounds: Bounds<'a>,
-        options: &'a Options,
+        options: &'a BfgsOptions,
     ) -> Self {
         let n = objective.dim();
-        let mut here = Place::new(x, n);
+        let mut here = ModelPoint::new(x, n);
         here.evaluate(objective);
         Self {
             bounds,
             options,
             here,
-            trial: Place::new(vec![0.0; n], n),
+            trial: ModelPoint::new(vec![0.0; n], n),
             inverse: Vec::new(),
             is_fresh: true,
             steepest: 0.0,
@@ -165,7 +156,7 @@ impl<'a> Descent<'a> {
 
     /// Flags the variables at a bound that descent would cross.
     fn held(&self) -> Vec<bool> {
-        let Place { x, gradient, .. } = &self.here;
+        let ModelPoint { x, gradient, .. } = &self.here;
         let Bounds { lo, hi } = self.bounds;
         let is_held =
             |i: usize| (x[i] <= lo[i] && gradient[i] > 0.0) || (x[i] >= hi[i] && gradient[i] < 0.0);
@@ -217,7 +208,8 @@ impl<'a> Descent<'a> {
             if self.is_low_enough(descent) {
                 return None;
             }
-            if step.iter().all(|v| v.abs() < NO_STEP) {
+            // A step below this is rounding in variables of order one.
+            if step.iter().all(|v| v.abs() < 1e-14) {
                 return Some(Stop::Converged);
             }
             t *= self.cut(descent);
@@ -245,7 +237,7 @@ impl<'a> Descent<'a> {
     fn is_low_enough(&self, descent: f64) -> bool {
         let (here, trial) = (&self.here, &self.trial);
         trial.has_gradient()
-            && trial.value <= here.value + ARMIJO * descent.min(0.0)
+            && trial.value <= here.value + 1e-4 * descent.min(0.0)
             && trial.value < here.value
     }
 
@@ -254,9 +246,9 @@ impl<'a> Descent<'a> {
     fn cut(&self, descent: f64) -> f64 {
         let parabola = -0.5 * descent / (self.trial.value - self.here.value - descent);
         if self.trial.value.is_finite() && parabola.is_finite() {
-            parabola.clamp(CUTS.0, CUTS.1)
+            parabola.clamp(0.1, 0.5)
         } else {
-            CUTS.0
+            0.1
         }
     }
 
@@ -268,7 +260,8 @@ impl<'a> Descent<'a> {
         let fall = self.here.value - self.trial.value;
         std::mem::swap(&mut self.here, &mut self.trial);
         let sy = dot(&s, &y);
-        if sy > CURVED * norm(&s) * norm(&y) {
+        // Below this cosine between step and change of the gradient, rounding decides the sign.
+        if sy > 1e-12 * norm(&s) * norm(&y) {
             if self.is_fresh {
                 self.inverse = identity(s.len(), sy / dot(&y, &y));
                 self.is_fresh = false;
@@ -310,7 +303,7 @@ mod tests {
             start.to_vec(),
             &vec![lo; n],
             &vec![hi; n],
-            &Options::default(),
+            &BfgsOptions::default(),
             &mut |_, _, _| true,
         )
     }

@@ -22,42 +22,18 @@ mod places;
 mod simulation;
 mod wedge;
 
-pub(crate) use self::places::Cells;
-
-use self::wedge::{Wedge, Wedges, density};
+use self::wedge::{EdgeIntegralTable, EdgeIntegrals, REACH_DEVIATIONS, density};
 use crate::Loss;
+use crate::cells::Cells;
 use crate::chunks::Cloud;
-use crate::identify::product;
+use crate::matrix::product;
 use crate::polish::weight;
 use crate::space::Space;
+use crate::thresholds::MAX_BIAS_FEET;
 use crate::vector::{add, is_finite};
 use isoform_geom::{Aabb, DistanceField, Edge, Foot, Frame, Nearby, Point3, distance_squared};
 
-/// Most feet of data that are asked: then the step's randomness is some hundredths of its size.
-pub(crate) const MOST_FEET: usize = 4000;
-/// Faces within this many deviations of the noise of a place are near it.
-const REACH: f64 = 6.0;
-/// The length of an edge is told from the feet within at most this many deviations of it: the more
-/// feet, the surer the length.
-const STRIP: f64 = 18.0;
-/// The strip's width times its curvature stays below this: faces beside a curved edge are wider or
-/// narrower than planes by half that share.
-const BENT: f64 = 0.2;
-/// Where a smaller share of the feet than this lies near more than one edge, noise is simulated at
-/// these feet themselves. Noise has moved them, mostly towards edges; as they are few, that does
-/// not matter.
-const FEW: f64 = 0.02;
-/// Curvature × noise of faces that are neither flat nor round on the scale of the noise: there it
-/// is simulated.
-const ROUND: f64 = 0.1;
-/// The bias is about √n × noise / size × this in standard deviations, at most.
-const AT_MOST: f64 = 8.0;
-/// A bias below this share of a deviation is not looked for.
-const NEGLIGIBLE: f64 = 0.05;
-/// Nodes of the quadrature over the loss.
-const NODES: usize = 24;
-
-/// What noise does to the fit.
+/// Correction of a fit for the bias of noise.
 pub(crate) struct Bias {
     /// Step to be added to the variables to remove the bias.
     pub(crate) correction: Vec<f64>,
@@ -68,12 +44,12 @@ pub(crate) struct Bias {
 }
 
 /// A fit whose bias is estimated.
-pub(crate) struct Biased<'a> {
+pub(crate) struct BiasProblem<'a> {
     pub(crate) distance: &'a dyn DistanceField,
     pub(crate) space: &'a Space,
     pub(crate) x: &'a [f64],
     /// Points that were fitted.
-    pub(crate) points: &'a Points<'a>,
+    pub(crate) points: &'a FittedPoints<'a>,
     /// Standard deviation of the noise that is independent between neighbouring points.
     pub(crate) noise: f64,
     pub(crate) loss: Loss,
@@ -87,17 +63,17 @@ pub(crate) struct Biased<'a> {
 }
 
 /// Points that were fitted.
-pub(crate) enum Points<'a> {
+pub(crate) enum FittedPoints<'a> {
     /// Held in memory.
-    Here(Vec<Point3>),
+    InMemory(Vec<Point3>),
     /// Held in chunks.
     InChunks(&'a Cloud<'a>),
 }
 
-impl Points<'_> {
+impl FittedPoints<'_> {
     pub(crate) fn count(&self) -> usize {
         match self {
-            Self::Here(points) => points.len(),
+            Self::InMemory(points) => points.len(),
             Self::InChunks(cloud) => cloud.n_fitted(),
         }
     }
@@ -105,7 +81,7 @@ impl Points<'_> {
     /// Returns their bounding box in a frame.
     fn within(&self, frame: &Frame) -> Aabb {
         match self {
-            Self::Here(points) => Aabb::of(&within(points, frame)),
+            Self::InMemory(points) => Aabb::from_points(&within(points, frame)),
             Self::InChunks(cloud) => cloud.within(frame),
         }
     }
@@ -113,7 +89,7 @@ impl Points<'_> {
     /// Counts them by cell of a grid in a frame.
     fn counted(&self, cells: &Cells, frame: &Frame) -> Vec<f64> {
         match self {
-            Self::Here(points) => cells.counted(&within(points, frame)),
+            Self::InMemory(points) => cells.counted(&within(points, frame)),
             Self::InChunks(cloud) => cloud.counted(cells, frame),
         }
     }
@@ -121,7 +97,7 @@ impl Points<'_> {
     /// Returns every `stride`-th point, at most [`MAX_BIAS_FEET`].
     fn strided(&self, stride: usize) -> Vec<Point3> {
         match self {
-            Self::Here(points) => points.iter().step_by(stride).copied().collect(),
+            Self::InMemory(points) => points.iter().step_by(stride).copied().collect(),
             Self::InChunks(cloud) => cloud.strided.clone(),
         }
     }
@@ -133,17 +109,17 @@ fn within(points: &[Point3], frame: &Frame) -> Vec<Point3> {
 }
 
 /// Local geometry at a foot point, on the scale of the noise.
-enum Around {
+enum LocalGeometry {
     /// A face, with the sum of its principal curvatures.
     Face(f64),
     /// A face near a single edge, with the sum of its principal curvatures.
     Edge(Edge, f64),
     /// Anything else: no closed form is known.
-    Much,
+    Other,
 }
 
 /// Sums over points with noise.
-struct Sums {
+struct NoiseSums {
     /// Jᵀ r, the pull of the residuals on the variables.
     pull: Vec<f64>,
     /// Covariance of the pull.
@@ -153,7 +129,7 @@ struct Sums {
     weights: f64,
 }
 
-impl Sums {
+impl NoiseSums {
     fn new(m: usize) -> Self {
         Self {
             pull: vec![0.0; m],
@@ -179,11 +155,11 @@ impl Sums {
 #[derive(Default)]
 struct Pulls {
     places: Vec<Foot>,
-    shares: Vec<Share>,
+    shares: Vec<PullShare>,
 }
 
 /// Contribution of a foot point to the pull.
-enum Share {
+enum PullShare {
     /// Effect of the curvature of a face; deterministic.
     Face(f64),
     /// Effect on one of the two faces of an edge; the two entries are consecutive.
@@ -191,30 +167,30 @@ enum Share {
 }
 
 impl Pulls {
-    fn push(&mut self, place: Foot, share: Share) {
+    fn push(&mut self, place: Foot, share: PullShare) {
         self.places.push(place);
         self.shares.push(share);
     }
 }
 
 /// Accumulator of the closed-form bias, in the units of the fit.
-struct Known<'a> {
-    wedges: Wedges<'a>,
+struct ClosedFormBias<'a> {
+    wedges: EdgeIntegralTable<'a>,
     noise: f64,
     /// Number of data points that each foot point represents.
     share: f64,
     /// Mean of ψ′, the factor by which the loss reduces a small shift.
-    round: f64,
+    mean_slope: f64,
     pulls: Pulls,
 }
 
-impl Known<'_> {
+impl ClosedFormBias<'_> {
     /// Adds a foot point. Returns false if no closed form is known there.
-    fn add(&mut self, foot: &Foot, around: &Around, sums: &mut Sums) -> bool {
+    fn add(&mut self, foot: &Foot, around: &LocalGeometry, sums: &mut NoiseSums) -> bool {
         let (bend, edge) = match around {
-            Around::Face(bend) => (*bend, None),
-            Around::Edge(edge, bend) => (*bend, Some(edge)),
-            Around::Much => return false,
+            LocalGeometry::Face(bend) => (*bend, None),
+            LocalGeometry::Edge(edge, bend) => (*bend, Some(edge)),
+            LocalGeometry::Other => return false,
         };
         sums.weights += self.share;
         sums.squares += self.share * (self.noise * self.noise);
@@ -229,8 +205,8 @@ impl Known<'_> {
     fn add_face(&mut self, foot: &Foot, bend: f64) {
         if bend != 0.0 && foot.order == 1 {
             let variance = self.noise * self.noise;
-            let by = self.share * 0.5 * variance * self.round * bend;
-            self.pulls.push(*foot, Share::Face(by));
+            let by = self.share * 0.5 * variance * self.mean_slope * bend;
+            self.pulls.push(*foot, PullShare::Face(by));
         }
     }
 
@@ -245,14 +221,14 @@ impl Known<'_> {
         let wedge = self.wedges.at(edge.angle);
         for (face, by) in faces(edge).into_iter().zip(pulls_of(wedge, foot)) {
             let by = self.share * self.noise * along * by;
-            self.pulls.push(face, Share::Edge(by));
+            self.pulls.push(face, PullShare::Edge(by));
         }
         self.share * (self.noise * self.noise) * along * wedge.squares
     }
 }
 
 /// Returns the pulls on the two faces of an edge. Feet on the edge itself come from either face.
-fn pulls_of(wedge: Wedge, foot: &Foot) -> [f64; 2] {
+fn pulls_of(wedge: EdgeIntegrals, foot: &Foot) -> [f64; 2] {
     if foot.order == 1 {
         [wedge.own, wedge.other]
     } else {
@@ -260,7 +236,7 @@ fn pulls_of(wedge: Wedge, foot: &Foot) -> [f64; 2] {
     }
 }
 
-impl Biased<'_> {
+impl BiasProblem<'_> {
     /// Estimates the bias; `None` if it is negligible or if the surface has too few samples near
     /// the data.
     pub(crate) fn bias(&self) -> Option<Bias> {
@@ -269,9 +245,12 @@ impl Biased<'_> {
             return None;
         }
         let a = self.space.parameters(self.x);
-        let mut sums = Sums::new(self.space.len());
+        let mut sums = NoiseSums::new(self.space.len());
         let others = self.known(&a, &mut sums);
-        if others.len() as f64 > FEW * MOST_FEET.min(self.points.count()) as f64 {
+        // Up to this share of feet without a closed form, noise is simulated at these feet
+        // themselves. Noise has moved them, mostly towards edges; as they are few, that does not
+        // matter.
+        if others.len() as f64 > 0.02 * MAX_BIAS_FEET.min(self.points.count()) as f64 {
             let (places, density) = self.places(&a, data)?;
             self.simulated(&a, &places, &density, &mut sums);
         } else {
@@ -285,12 +264,12 @@ impl Biased<'_> {
     /// below 0.05.
     fn is_negligible(&self, data: Aabb) -> bool {
         let n = self.points.count() as f64;
-        let expected = AT_MOST * n.sqrt() * self.noise / data.diagonal();
-        expected.is_nan() || expected < NEGLIGIBLE
+        let expected = 8.0 * n.sqrt() * self.noise / data.diagonal();
+        expected.is_nan() || expected < 0.05
     }
 
     /// Returns the Gauss-Newton step of the sums; `None` if it is not finite.
-    fn step(&self, sums: &Sums) -> Option<Bias> {
+    fn step(&self, sums: &NoiseSums) -> Option<Bias> {
         let m = self.space.len();
         let row = |j: usize| -> f64 {
             let products = (0..m).map(|k| self.inverse[j * m + k] * sums.pull[k]);
@@ -308,7 +287,7 @@ impl Biased<'_> {
 
     /// Returns the distance between consecutive sampled data points in the random order.
     fn stride(&self) -> usize {
-        self.points.count().div_ceil(MOST_FEET)
+        self.points.count().div_ceil(MAX_BIAS_FEET)
     }
 
     /// Returns the number of points that a sampled point represents.
@@ -318,16 +297,16 @@ impl Biased<'_> {
     }
 
     /// Adds the closed-form bias at the feet of the data. Returns the feet without a closed form.
-    fn known(&self, a: &[f64], sums: &mut Sums) -> Vec<Foot> {
+    fn known(&self, a: &[f64], sums: &mut NoiseSums) -> Vec<Foot> {
         let points = self.points.strided(self.stride());
         let mut feet = vec![Foot::NONE; points.len()];
         self.distance.feet(&points, a, &mut feet);
         let weight = |r: f64| self.weight(r * self.noise);
-        let mut known = Known {
-            wedges: Wedges::new(&weight),
+        let mut known = ClosedFormBias {
+            wedges: EdgeIntegralTable::new(&weight),
             noise: self.noise,
             share: self.share(),
-            round: self.round(),
+            mean_slope: self.mean_slope(),
             pulls: Pulls::default(),
         };
         let around = self.around(a, &feet);
@@ -342,20 +321,20 @@ impl Biased<'_> {
     }
 
     /// Adds the pulls of foot points, in the variables.
-    fn add_pulls(&self, a: &[f64], pulls: &Pulls, sums: &mut Sums) {
+    fn add_pulls(&self, a: &[f64], pulls: &Pulls, sums: &mut NoiseSums) {
         let n = self.distance.dim();
         let mut jac = vec![0.0; pulls.places.len() * n];
         self.distance.jacobian_of(&pulls.places, a, &mut jac);
         // The pull of the first face of an edge, until that of the second one comes.
         let mut first: Option<Vec<f64>> = None;
         for (share, jac) in pulls.shares.iter().zip(jac.chunks_exact(n)) {
-            let (Share::Face(by) | Share::Edge(by)) = share;
+            let (PullShare::Face(by) | PullShare::Edge(by)) = share;
             let pull = |k: usize| by * self.space.derivative(k, jac);
             let row: Vec<f64> = (0..self.space.len()).map(pull).collect();
             match (share, first.take()) {
-                (Share::Face(_), _) => add(&mut sums.pull, &row),
-                (Share::Edge(_), None) => first = Some(row),
-                (Share::Edge(_), Some(mut both)) => {
+                (PullShare::Face(_), _) => add(&mut sums.pull, &row),
+                (PullShare::Edge(_), None) => first = Some(row),
+                (PullShare::Edge(_), Some(mut both)) => {
                     add(&mut both, &row);
                     sums.add(&both);
                 }
@@ -364,10 +343,11 @@ impl Biased<'_> {
     }
 
     /// Classifies the local geometry at foot points, of the data or random ones.
-    fn around(&self, a: &[f64], feet: &[Foot]) -> Vec<Around> {
-        let reach = REACH * self.noise;
-        let nearby = self.distance.nearby(feet, a, reach, STRIP * self.noise);
-        // Curvatures are asked for at the feet and, beside edges, on both faces.
+    fn around(&self, a: &[f64], feet: &[Foot]) -> Vec<LocalGeometry> {
+        let reach = REACH_DEVIATIONS * self.noise;
+        // An edge's length is estimated from the feet in a strip along it: the wider, the surer.
+        let nearby = self.distance.nearby(feet, a, reach, 18.0 * self.noise);
+        // Curvatures are evaluated at the feet and, near edges, on both faces.
         let mut places = Vec::with_capacity(feet.len());
         for (foot, nearby) in feet.iter().zip(&nearby) {
             places.push(*foot);
@@ -381,7 +361,7 @@ impl Biased<'_> {
         for nearby in nearby {
             let bend = next();
             around.push(match nearby {
-                Nearby::Edge(edge) => self.beside(edge, bend, [next(), next()]),
+                Nearby::Edge(edge) => self.near_edge(edge, bend, [next(), next()]),
                 nearby => self.on_face(nearby == Nearby::Face, bend),
             });
         }
@@ -390,28 +370,30 @@ impl Biased<'_> {
 
     /// Returns true if curvature × noise is below 0.1; above it the closed form is not valid.
     fn is_flat(&self, bend: f64) -> bool {
-        (bend * self.noise).abs() < ROUND
+        (bend * self.noise).abs() < 0.1
     }
 
-    fn on_face(&self, is_face: bool, bend: f64) -> Around {
+    fn on_face(&self, is_face: bool, bend: f64) -> LocalGeometry {
         if is_face && self.is_flat(bend) {
-            Around::Face(bend)
+            LocalGeometry::Face(bend)
         } else {
-            Around::Much
+            LocalGeometry::Other
         }
     }
 
     /// Classifies a foot point near an edge, whose faces have these curvatures.
-    fn beside(&self, mut edge: Edge, bend: f64, faces: [f64; 2]) -> Around {
+    fn near_edge(&self, mut edge: Edge, bend: f64, faces: [f64; 2]) -> LocalGeometry {
         let faces = faces.map(f64::abs);
         let is_flat = faces.into_iter().chain([bend]).all(|b| self.is_flat(b));
-        if !is_flat || !Wedges::has(edge.angle) {
+        if !is_flat || !EdgeIntegralTable::has(edge.angle) {
             return self.on_face(!edge.is_near, bend);
         }
-        let straight = BENT / (faces[0] + faces[1]);
-        let least = Edge::LEAST * (REACH * self.noise);
+        // Faces next to a curved edge are wider or narrower than planes by half of width ×
+        // curvature.
+        let straight = 0.2 / (faces[0] + faces[1]);
+        let least = Edge::MIN_WIDTH_RATIO * (REACH_DEVIATIONS * self.noise);
         edge.width = edge.width.min(straight).max(least);
-        Around::Edge(edge, bend)
+        LocalGeometry::Edge(edge, bend)
     }
 
     /// Returns the weight of a distance in the loss.
@@ -421,11 +403,11 @@ impl Biased<'_> {
 
     /// Returns the mean of ψ′ under the noise, the factor by which the loss reduces a small shift
     /// of all distances; by Stein's lemma it is the mean of z ψ(z).
-    fn round(&self) -> f64 {
-        let (nodes, weights) = isoform_num::gauss_legendre(NODES);
+    fn mean_slope(&self) -> f64 {
+        let (nodes, weights) = isoform_num::gauss_legendre(24);
         let value = |t: f64| {
-            let z = REACH * t;
-            2.0 * REACH * density(z) * z * z * self.weight(z * self.noise)
+            let z = REACH_DEVIATIONS * t;
+            2.0 * REACH_DEVIATIONS * density(z) * z * z * self.weight(z * self.noise)
         };
         nodes.iter().zip(weights).map(|(t, w)| w * value(*t)).sum()
     }

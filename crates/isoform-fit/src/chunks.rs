@@ -1,15 +1,15 @@
 //! Point clouds in chunks, of which no process holds all points.
 //!
 //! A fit needs sums, boxes and order statistics of all its points and, for the search and for
-//! everything about neighbours, a sample in a random order. [`Chunks`] evaluate one [`Question`] at
-//! a time: each chunk does so with [`answer`], on any machine, and the answers are added in the
-//! order of the chunks. The sample, the points of the final fit and every decision are equal to
-//! those of a fit of the whole cloud; sums differ by rounding, and order statistics are exact.
+//! everything about neighbours, a sample in a random order. [`Chunks`] evaluate one [`ChunkQuery`]
+//! at a time: each chunk does so with [`evaluate_chunk`], on any machine, and the answers are added
+//! in the order of the chunks. The sample, the points of the final fit and every decision are equal
+//! to those of a fit of the whole cloud; sums differ by rounding, and order statistics are exact.
 //!
 //! ```text
-//!   Cloud ──Question──> Chunks ──> answer(question, points of a chunk, template)
-//!     ^                                │
-//!     └── sum in the order of chunks ──┘
+//!   Cloud ──ChunkQuery──> Chunks ──> evaluate_chunk(query, points of a chunk, template)
+//!     ^                                  │
+//!     └─── sum in the order of chunks ───┘
 //! ```
 //!
 //! The random order is that of a hash of each point. The sample therefore depends neither on the
@@ -22,41 +22,28 @@ mod answer;
 mod bits;
 mod cloud;
 mod question;
+mod source;
 mod sums;
-mod words;
+mod wire;
 
 pub(crate) use self::answer::hash;
-pub use self::answer::{along, answer, looked, moments};
+pub use self::answer::{along, decode_count_and_bounds, evaluate_chunk, moments};
 pub use self::bits::Bits;
 pub use self::cloud::Cloud;
-pub(crate) use self::cloud::{Sizes, Which, by_hash};
-pub use self::question::{Asked, Grid, Mask, Question, Reading, Telling, Weighing};
+pub(crate) use self::cloud::{PointSet, ResidualSizes, by_hash};
+pub use self::question::{
+    CellGrid, ChunkQuery, LossWeights, Mask, Reading, ResidualRequest, StatisticsQuery,
+};
+pub use self::source::Chunks;
 pub(crate) use self::sums::ChunkSums;
-
-use crate::Template;
-
-/// A source of points in chunks that can evaluate queries.
-pub trait Chunks: Sync {
-    /// Returns the number of points by chunk.
-    fn counts(&self) -> &[usize];
-    /// Sends each chunk its question, if it has one, and passes the answers to `each` in the order
-    /// of the chunks. `template` is `None` for questions about points alone. Returns false if a
-    /// chunk has not answered. The source must report why to the caller of the fit, which continues
-    /// without these answers and is of no use.
-    fn ask(
-        &self,
-        template: Option<&dyn Template>,
-        question: &mut dyn FnMut(usize) -> Option<Question>,
-        each: &mut dyn FnMut(usize, &[u64]),
-    ) -> bool;
-}
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::polish::{Here, Sums};
-    use crate::report::Tally;
+    use crate::Template;
+    use crate::polish::{InMemorySums, PolishSums};
     use crate::space::Space;
+    use crate::tally::Tally;
     use crate::vector::distance;
     use crate::{Kind, Loss, Objective, Parameter};
     use isoform_geom::{Aabb, ParamField, Point3, norm, sub};
@@ -176,14 +163,14 @@ mod tests {
         fn ask(
             &self,
             _: Option<&dyn Template>,
-            question: &mut dyn FnMut(usize) -> Option<Question>,
+            question: &mut dyn FnMut(usize) -> Option<ChunkQuery>,
             each: &mut dyn FnMut(usize, &[u64]),
         ) -> bool {
             for (k, points) in self.chunks.iter().enumerate() {
                 let Some(asked) = question(k) else { continue };
-                let sent = Question::from_words(&asked.to_words()).expect("what was sent");
+                let sent = ChunkQuery::from_words(&asked.to_words()).expect("what was sent");
                 assert_eq!(sent, asked);
-                each(k, &answer(&sent, points, self.template));
+                each(k, &evaluate_chunk(&sent, points, self.template));
             }
             true
         }
@@ -198,11 +185,11 @@ mod tests {
     #[test]
     fn sums_over_any_chunks_are_those_of_the_whole() {
         let (ball, all) = (ball(), points(9000));
-        let bounds = Aabb::of(&all);
+        let bounds = Aabb::from_points(&all);
         let space = Space::new(&ball.parameters, &[], bounds).expect("a space");
         let x = space.variables_at(&A);
         let moved = space.variables_at(&[0.0, 0.0, 0.01, 1.0]);
-        let here = Here {
+        let here = InMemorySums {
             field: &ball,
             space: &space,
             points: &all,
@@ -249,11 +236,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_told_of_any_chunks_is_that_of_the_whole() {
+    fn statistics_of_any_chunks_are_those_of_the_whole() {
         let (ball, all) = (ball(), points(9000));
         let mut r = vec![0.0; all.len()];
         ball.values(&all, &A, &mut r);
-        let telling = Telling {
+        let telling = StatisticsQuery {
             a: A.to_vec(),
             only: Bits::default(),
             limit: 0.2,
@@ -262,18 +249,18 @@ mod tests {
             window: (0.0, f64::INFINITY),
             minima: vec![A.to_vec(), vec![0.0, 0.0, 0.0, 1.0]],
         };
-        let told = |cuts: &[usize]| -> Tally {
+        let statistics = |cuts: &[usize]| -> Tally {
             let pieces = Pieces::new(&ball, &all, cuts);
-            let cloud = Cloud::new(&pieces, Aabb::of(&all), 1).expect("answers");
-            let sizes = cloud.sizes(&ball, (Reading::Metric, &A), Which::Distinct, &r[..300]);
-            assert_eq!(sizes.scale, Sizes::of(&r).scale);
-            near(sizes.rms, Sizes::of(&r).rms);
-            cloud.told(&ball, &telling, &r[..300])
+            let cloud = Cloud::new(&pieces, Aabb::from_points(&all), 1).expect("answers");
+            let sizes = cloud.sizes(&ball, (Reading::Metric, &A), PointSet::Distinct, &r[..300]);
+            assert_eq!(sizes.scale, ResidualSizes::from_residuals(&r).scale);
+            near(sizes.rms, ResidualSizes::from_residuals(&r).rms);
+            cloud.statistics(&ball, &telling, &r[..300])
         };
-        let whole = told(&[]);
+        let whole = statistics(&[]);
         assert_eq!((whole.n, whole.n_outliers), (9000, 180));
         for cuts in [&[5, 5, 7000][..], &[4500]] {
-            let parts = told(cuts);
+            let parts = statistics(cuts);
             assert_eq!(parts.far, whole.far);
             assert_eq!(
                 (parts.n_outliers, parts.p95, parts.max),
@@ -297,7 +284,7 @@ mod tests {
         all.extend([[0.0, 1.0, 0.0], [-0.0, 1.0, 0.0]]);
         let sample = |points: &[Point3], cuts: &[usize]| {
             let pieces = Pieces::new(&ball, points, cuts);
-            let cloud = Cloud::new(&pieces, Aabb::of(points), 1).expect("answers");
+            let cloud = Cloud::new(&pieces, Aabb::from_points(points), 1).expect("answers");
             assert_eq!((cloud.n_points(), cloud.count()), (3102, 3001));
             assert_eq!(cloud.strided.len(), 3001);
             cloud.sample

@@ -1,38 +1,33 @@
 //! The methods of paper C: the algebraic residual on all points, from one start, without a polish.
 
 use crate::clock::Clock;
-use crate::fit::Found;
-use crate::objective::{Objective, Residuals};
+use crate::minimum::FitMinimum;
+use crate::objective::Objective;
 use crate::outliers::median;
 use crate::report::Fit;
-use crate::search::{Minimum, Outcome, Step};
+use crate::residuals::Residuals;
+use crate::search::{ConvergenceStep, SearchMinimum, SearchOutcome};
 use crate::space::Space;
 use crate::task::Task;
-use crate::{FitError, Local, Loss, Method, annealing, bfgs, lm};
+use crate::{FitError, LocalMethod, Loss, Method, annealing, bfgs, lm};
 
-/// Share of the typical |f| of random starts at which the annealing of a hybrid ends. The paper
-/// ends it at a mean |f| of 0.04.
-const THRESHOLD: f64 = 0.04;
-/// Random starts that tell the typical |f|.
-const TYPICAL_OF: usize = 15;
-
-/// A run of one of the methods.
-struct Course<'a> {
+/// State of a run of one of the methods.
+struct MethodRun<'a> {
     task: &'a Task<'a>,
     objective: Residuals<'a>,
     clock: Clock,
     x: Vec<f64>,
     evaluations: usize,
-    history: Vec<Step>,
+    history: Vec<ConvergenceStep>,
     stop: Option<lm::Stop>,
 }
 
 impl Task<'_> {
     /// Fits by one of the methods of paper C.
     pub(crate) fn classical(&self, method: Method) -> Result<Fit, FitError> {
-        let mut course = Course::new(self);
+        let mut course = MethodRun::new(self);
         match method {
-            Method::Default => course.descend(Local::Lm)?,
+            Method::Default => course.descend(LocalMethod::Lm)?,
             Method::Local(local) => course.descend(local)?,
             Method::Annealing => course.anneal(0.0),
             Method::Hybrid { local, threshold } => {
@@ -42,7 +37,7 @@ impl Task<'_> {
             }
         }
         let (found, clock) = course.end()?;
-        Ok(self.report(self.ask(found), clock))
+        Ok(self.report(self.examine_fixed(found), clock))
     }
 
     /// Returns the centre of the ranges from which starts are drawn.
@@ -54,7 +49,7 @@ impl Task<'_> {
     }
 }
 
-impl<'a> Course<'a> {
+impl<'a> MethodRun<'a> {
     fn new(task: &'a Task<'a>) -> Self {
         let field = task.template.algebraic();
         Self {
@@ -76,16 +71,16 @@ impl<'a> Course<'a> {
     fn anneal(&mut self, threshold: f64) {
         let (space, control, count) = (&self.task.space, self.task.control, self.count());
         let options = self.task.options;
-        let settings = annealing::Options {
+        let settings = annealing::AnnealingOptions {
             seed: options.seed,
             max_evaluations: options.annealing_evaluations,
             threshold,
-            ..annealing::Options::default()
+            ..annealing::AnnealingOptions::default()
         };
         let most = options.annealing_evaluations.max(1) as f64;
         let history = &mut self.history;
         let mut monitor = |k: usize, value: f64| {
-            history.push(Step::new(0, k, value, count));
+            history.push(ConvergenceStep::new(0, k, value, count));
             control.report("annealing", (k as f64 / most).min(1.0));
             !control.is_stopped()
         };
@@ -104,17 +99,17 @@ impl<'a> Course<'a> {
     }
 
     /// Descends by a local method.
-    fn descend(&mut self, local: Local) -> Result<(), FitError> {
+    fn descend(&mut self, local: LocalMethod) -> Result<(), FitError> {
         let (space, control, count) = (&self.task.space, self.task.control, self.count());
         let (before, history) = (self.evaluations, &mut self.history);
         let mut monitor = |k: usize, _: &[f64], value: f64| {
-            history.push(Step::new(0, before + k, value, count));
+            history.push(ConvergenceStep::new(0, before + k, value, count));
             !control.is_stopped()
         };
         let x = std::mem::take(&mut self.x);
         let found = match local {
-            Local::Lm => textbook_lm(&mut self.objective, x, space, &mut monitor),
-            Local::Bfgs => plain_bfgs(&mut self.objective, x, space, &mut monitor),
+            LocalMethod::Lm => textbook_lm(&mut self.objective, x, space, &mut monitor),
+            LocalMethod::Bfgs => plain_bfgs(&mut self.objective, x, space, &mut monitor),
         };
         self.evaluations += found.iterations;
         self.stop = Some(found.stop);
@@ -127,12 +122,12 @@ impl<'a> Course<'a> {
     }
 
     /// Returns the minimum and the times of the phases.
-    fn end(mut self) -> Result<(Found, Clock), FitError> {
+    fn end(mut self) -> Result<(FitMinimum, Clock), FitError> {
         let value = self.objective.value(&self.x);
         if !value.is_finite() {
             return Err(FitError::NoFiniteStart { starts: 1 });
         }
-        let found = Found {
+        let found = FitMinimum {
             outcome: outcome_of_one(self.x.clone(), value),
             x: self.x,
             loss: Loss::Squares,
@@ -156,9 +151,9 @@ impl<'a> Course<'a> {
                 .collect();
             (self.objective.value(&x) / count).sqrt()
         };
-        let values = (0..TYPICAL_OF).map(&mut typical);
+        let values = (0..15).map(&mut typical);
         let mut finite: Vec<f64> = values.filter(|v| v.is_finite()).collect();
-        THRESHOLD * median(&mut finite)
+        0.04 * median(&mut finite)
     }
 }
 
@@ -173,9 +168,9 @@ fn textbook_lm(
     space: &Space,
     monitor: &mut Monitor<'_>,
 ) -> lm::Minimum {
-    let settings = lm::Options {
+    let settings = lm::LmOptions {
         exact: true,
-        ..lm::Options::default()
+        ..lm::LmOptions::default()
     };
     lm::minimize(objective, x, &space.lo, &space.hi, &settings, monitor)
 }
@@ -187,16 +182,16 @@ fn plain_bfgs(
     space: &Space,
     monitor: &mut Monitor<'_>,
 ) -> lm::Minimum {
-    let settings = bfgs::Options::default();
+    let settings = bfgs::BfgsOptions::default();
     bfgs::minimize(objective, x, &space.lo, &space.hi, &settings, monitor)
 }
 
 /// Returns the outcome of a search with one start.
-fn outcome_of_one(x: Vec<f64>, value: f64) -> Outcome {
+fn outcome_of_one(x: Vec<f64>, value: f64) -> SearchOutcome {
     let hits = 1;
-    Outcome {
+    SearchOutcome {
         starts: 1,
-        minima: vec![Minimum { x, value, hits }],
-        ..Outcome::default()
+        minima: vec![SearchMinimum { x, value, hits }],
+        ..SearchOutcome::default()
     }
 }

@@ -1,40 +1,19 @@
 //! Clutter around a part: other objects, and the tables and walls that it touches.
 
+pub(crate) mod kind;
 mod plane;
 
+use self::kind::ClutterKind;
 use self::plane::Plane;
 use crate::Template;
-use crate::evidence::FAR;
-use crate::feet::KeptFeet;
-use crate::judge::Finding;
+use crate::feet::CachedFeet;
 use crate::outliers::Neighbourhood;
+use crate::point_distances::{PointDistances, measure_points};
 use crate::polish::Polish;
 use crate::report::Fit;
-use crate::settle::{Measured, measured};
+use crate::report::finding::Finding;
+use crate::thresholds::FAR_DEVIATIONS;
 use isoform_geom::{KdTree, Point3};
-
-/// Points that are looked at.
-const LOOKED_AT: usize = 3000;
-/// Points nearer than this many spacings (of the points looked at) belong together.
-const TOGETHER: f64 = 4.0;
-/// Planes taken away one after the other: a table and two walls.
-const MOST_PLANES: usize = 3;
-/// Fewest points among which a plane is looked for.
-const FEWEST: usize = 48;
-/// Components of fewer points are stray points that came together, no objects.
-const SMALL: usize = 10;
-
-/// Why a point is not the part's.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Beside {
-    /// On a plane that has the other points on one side and extends beyond them.
-    Plane,
-    /// In a connected component other than the largest one.
-    Apart,
-    /// In a component of a few points; or, in scans with many such, isolated or off the plane of
-    /// its neighbours. An outlier.
-    Stray,
-}
 
 /// A classifier of the points of a scan that do not belong to its part.
 pub struct Clutter<'a> {
@@ -46,8 +25,8 @@ pub struct Clutter<'a> {
     rest: Vec<Point3>,
     tree: KdTree,
     /// Class of the component of each of these points; `None` for the largest component, the part.
-    component: Vec<Option<Beside>>,
-    looked_at: usize,
+    component: Vec<Option<ClutterKind>>,
+    n_sampled: usize,
 }
 
 impl<'a> Clutter<'a> {
@@ -59,39 +38,41 @@ impl<'a> Clutter<'a> {
         near: &'a Neighbourhood,
         has_strays: bool,
     ) -> Self {
-        let some = order.iter().take(LOOKED_AT).map(|&i| points[i as usize]);
+        // A sample suffices; every trial plane is compared with all of its points.
+        let some = order.iter().take(3000).map(|&i| points[i as usize]);
         let mut rest: Vec<Point3> = some.collect();
-        let looked_at = rest.len();
+        let n_sampled = rest.len();
         let strays = has_strays.then_some(near);
         if let Some(near) = strays {
             let mut found = Vec::new();
             rest.retain(|p| !near.is_stray(*p, &mut found));
         }
-        let n_strays = looked_at - rest.len();
+        let n_strays = n_sampled - rest.len();
         // A sample is sparser than the points.
-        let spacing = near.spacing * (count as f64 / looked_at.max(1) as f64).sqrt();
+        let spacing = near.spacing * (count as f64 / n_sampled.max(1) as f64).sqrt();
         let planes = take_planes(&mut rest);
         let tree = KdTree::new(&rest);
         Self {
-            component: components(&rest, &tree, TOGETHER * spacing),
+            // Points nearer than four spacings of the sample are connected.
+            component: components(&rest, &tree, 4.0 * spacing),
             strays,
             n_strays,
             planes,
             rest,
             tree,
-            looked_at,
+            n_sampled,
         }
     }
 
     /// Returns the share of the sampled points that are clutter of this kind.
-    pub fn share(&self, why: Beside) -> f64 {
+    pub fn share(&self, why: ClutterKind) -> f64 {
         let of_component = self.component.iter().filter(|c| **c == Some(why)).count();
         let count = match why {
-            Beside::Stray => self.n_strays + of_component,
-            Beside::Plane => self.looked_at - self.n_strays - self.rest.len(),
-            Beside::Apart => of_component,
+            ClutterKind::Stray => self.n_strays + of_component,
+            ClutterKind::Plane => self.n_sampled - self.n_strays - self.rest.len(),
+            ClutterKind::Apart => of_component,
         };
-        count as f64 / self.looked_at.max(1) as f64
+        count as f64 / self.n_sampled.max(1) as f64
     }
 
     /// Returns the planes whose points surround the part, each as a point and its unit normal.
@@ -108,13 +89,13 @@ impl<'a> Clutter<'a> {
     }
 
     /// Classifies a point; `None` if it belongs to the part.
-    pub fn of(&self, p: Point3) -> Option<Beside> {
+    pub fn classify(&self, p: Point3) -> Option<ClutterKind> {
         let is_stray = |near: &Neighbourhood| near.is_stray(p, &mut Vec::new());
         if self.strays.is_some_and(is_stray) {
-            return Some(Beside::Stray);
+            return Some(ClutterKind::Stray);
         }
         if self.planes.iter().any(|plane| plane.holds(p)) {
-            return Some(Beside::Plane);
+            return Some(ClutterKind::Plane);
         }
         let nearest = self.tree.nearest(p);
         nearest.and_then(|(i, _)| self.component[i])
@@ -125,7 +106,7 @@ impl Clutter<'_> {
     /// Flags the fitted points that lie on a plane of the clutter, within its outline, and far off
     /// the model.
     pub fn fringe(&self, fit: &Fit, points: &[Point3]) -> Vec<bool> {
-        let limit = FAR * Polish::scale(&fit.residuals);
+        let limit = FAR_DEVIATIONS * Polish::scale(&fit.residuals);
         let is_level = |p: &Point3| self.planes.iter().any(|plane| plane.is_level(*p));
         let all = points.iter().zip(&fit.residuals);
         all.map(|(p, r)| (r.is_nan() || r.abs() > limit) && is_level(p))
@@ -136,29 +117,33 @@ impl Clutter<'_> {
 impl std::fmt::Debug for Clutter<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Clutter")
-            .field("on_planes", &self.share(Beside::Plane))
-            .field("apart", &self.share(Beside::Apart))
-            .field("strays", &self.share(Beside::Stray))
+            .field("on_planes", &self.share(ClutterKind::Plane))
+            .field("apart", &self.share(ClutterKind::Apart))
+            .field("strays", &self.share(ClutterKind::Stray))
             .finish()
     }
 }
 
 impl Fit {
-    /// Extends the fit of some points to all: `beside` gives the reason for which a point was left
-    /// out. Points left out get residuals and parts, but no weight; stray ones count as outliers.
+    /// Extends the fit of some points to all: `kinds` holds the kind of clutter for which a point
+    /// was left out, by point. Points left out get residuals and parts, but no weight; stray ones
+    /// count as outliers.
     pub fn with_left_out(
         mut self,
         template: &dyn Template,
         points: &[Point3],
-        beside: &[Option<Beside>],
+        kinds: &[Option<ClutterKind>],
     ) -> Self {
-        let measured = measured_beside(template, &self.values(), points, beside);
+        let measured = measure_left_out(template, &self.values(), points, kinds);
         let n = measured.residuals.len();
-        let strays = beside.iter().filter(|b| **b == Some(Beside::Stray)).count();
-        self.residuals = merged(beside, &self.residuals, &measured.residuals);
-        self.parts = merged(beside, &self.parts, &measured.parts());
-        self.weights = merged(beside, &self.weights, &vec![0.0; n]);
-        self.outliers = merged(beside, &self.outliers, &vec![true; n]);
+        let strays = kinds
+            .iter()
+            .filter(|b| **b == Some(ClutterKind::Stray))
+            .count();
+        self.residuals = merged(kinds, &self.residuals, &measured.residuals);
+        self.parts = merged(kinds, &self.parts, &measured.parts());
+        self.weights = merged(kinds, &self.weights, &vec![0.0; n]);
+        self.outliers = merged(kinds, &self.outliers, &vec![true; n]);
         self.n_points = points.len();
         self.n_outliers += strays;
         self.n_left_out = n - strays;
@@ -171,16 +156,16 @@ impl Fit {
 }
 
 /// Computes the distances of the points that were left out.
-fn measured_beside(
+fn measure_left_out(
     template: &dyn Template,
     a: &[f64],
     points: &[Point3],
-    beside: &[Option<Beside>],
-) -> Measured {
-    let all = points.iter().zip(beside);
+    kinds: &[Option<ClutterKind>],
+) -> PointDistances {
+    let all = points.iter().zip(kinds);
     let left_out = all.filter(|(_, b)| b.is_some()).map(|(p, _)| *p);
-    let distance = template.distance().map(KeptFeet::new);
-    measured(
+    let distance = template.distance().map(CachedFeet::new);
+    measure_points(
         template,
         distance.as_ref(),
         &left_out.collect::<Vec<_>>(),
@@ -189,13 +174,13 @@ fn measured_beside(
 }
 
 /// Merges values of kept points and of those left out, in the order of all points.
-fn merged<T: Copy>(beside: &[Option<Beside>], kept: &[T], left_out: &[T]) -> Vec<T> {
+fn merged<T: Copy>(kinds: &[Option<ClutterKind>], kept: &[T], left_out: &[T]) -> Vec<T> {
     let (mut kept, mut left_out) = (kept.iter(), left_out.iter());
-    let of = |b: &Option<Beside>| match b {
+    let of = |b: &Option<ClutterKind>| match b {
         Some(_) => left_out.next(),
         None => kept.next(),
     };
-    let values = beside.iter().map(of);
+    let values = kinds.iter().map(of);
     values.map(|v| *v.expect("a value by point")).collect()
 }
 
@@ -203,7 +188,7 @@ fn merged<T: Copy>(beside: &[Option<Beside>], kept: &[T], left_out: &[T]) -> Vec
 /// walls.
 fn take_planes(points: &mut Vec<Point3>) -> Vec<Plane> {
     let mut planes = Vec::new();
-    while planes.len() < MOST_PLANES && points.len() >= FEWEST {
+    while planes.len() < 3 && points.len() >= 48 {
         let Some(plane) = Plane::find(points) else {
             break;
         };
@@ -215,7 +200,7 @@ fn take_planes(points: &mut Vec<Point3>) -> Vec<Plane> {
 
 /// Classifies each point by its connected component: `None` in the largest one, else `Stray` in
 /// components of fewer than ten points, else `Apart`.
-fn components(points: &[Point3], tree: &KdTree, reach: f64) -> Vec<Option<Beside>> {
+fn components(points: &[Point3], tree: &KdTree, reach: f64) -> Vec<Option<ClutterKind>> {
     let mut component = vec![usize::MAX; points.len()];
     let mut sizes: Vec<usize> = Vec::new();
     for start in 0..points.len() {
@@ -227,8 +212,8 @@ fn components(points: &[Point3], tree: &KdTree, reach: f64) -> Vec<Option<Beside
     let largest = (0..sizes.len()).rev().max_by_key(|&k| sizes[k]);
     let kind = |k: usize| match sizes[k] {
         _ if Some(k) == largest => None,
-        0..SMALL => Some(Beside::Stray),
-        _ => Some(Beside::Apart),
+        0..10 => Some(ClutterKind::Stray),
+        _ => Some(ClutterKind::Apart),
     };
     component.into_iter().map(kind).collect()
 }
@@ -288,7 +273,8 @@ mod tests {
     #[test]
     fn a_ball_alone_has_nothing_beside_it() {
         with_sphere(std::iter::empty(), |alone| {
-            let shares = [Beside::Plane, Beside::Apart, Beside::Stray].map(|b| alone.share(b));
+            let shares = [ClutterKind::Plane, ClutterKind::Apart, ClutterKind::Stray]
+                .map(|b| alone.share(b));
             assert_eq!(shares, [0.0; 3]);
         });
     }
@@ -299,10 +285,10 @@ mod tests {
         let mut table = || [6.0 * random.f64() - 3.0, 6.0 * random.f64() - 3.0, -1.0];
         with_sphere((0..500).map(|_| table()), |found| {
             // A circle of 1.08 radii about the ball's foot covers π 1.08² / 36 of the table.
-            let share = found.share(Beside::Plane);
+            let share = found.share(ClutterKind::Plane);
             assert!((share - 0.2 * (1.0 - 0.102)).abs() < 0.01, "{found:?}");
-            assert_eq!(found.of([2.0, 2.0, -1.0]), Some(Beside::Plane));
-            assert_eq!(found.of([0.3, 0.3, -0.9]), None);
+            assert_eq!(found.classify([2.0, 2.0, -1.0]), Some(ClutterKind::Plane));
+            assert_eq!(found.classify([0.3, 0.3, -0.9]), None);
         });
     }
 
@@ -312,10 +298,10 @@ mod tests {
         let mut of_blob = |low: f64| low + 0.3 * random.f64();
         let blob = (0..200).map(|_| [of_blob(4.0), of_blob(0.0), of_blob(0.0)]);
         with_sphere(blob, |found| {
-            let share = found.share(Beside::Apart);
+            let share = found.share(ClutterKind::Apart);
             assert!((share - 200.0 / 2200.0).abs() < 0.005, "{found:?}");
-            assert_eq!(found.of([4.1, 0.1, 0.1]), Some(Beside::Apart));
-            assert_eq!(found.of([1.0, 0.0, 0.0]), None);
+            assert_eq!(found.classify([4.1, 0.1, 0.1]), Some(ClutterKind::Apart));
+            assert_eq!(found.classify([1.0, 0.0, 0.0]), None);
         });
     }
 }

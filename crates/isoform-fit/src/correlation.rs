@@ -7,43 +7,36 @@
 //! facets of a mesh, noise of a scanner that smooths) widens the intervals accordingly. Compare the
 //! variogram of geostatistics, and Kermarrec et al. (2022), J. Geodesy, for range data.
 
-use crate::objective::jacobian;
+use crate::residuals::jacobian;
 use crate::space::Space;
 use crate::vector::scale;
 use isoform_geom::{ParamField, Point3, near_pairs};
 
-/// Bins of distance.
-const BINS: usize = 16;
-/// Width of a bin, as a share of the data's size: with [`BINS`] of them misfit of up to a fifth of
-/// the size is seen; longer waves look like other dimensions and are the verdict's business.
-const STEP: f64 = 0.012;
-/// Bins that tell whether there is any correlation.
-const NEAREST: usize = 3;
-/// The correlation must exceed this many deviations of what independent residuals show: chance
-/// widens the intervals of one fit in sixty, by little.
-const SURE: f64 = 2.12;
-/// Points whose pairs are looked at. The sums over pairs grow with the square.
-const SAMPLE: usize = 3000;
+/// Number of distance bins. With a width of 1.2 % of the data's size they cover misfit of up to a
+/// fifth of the size; longer waves resemble other dimensions and are left to the verdict.
+const DISTANCE_BINS: usize = 16;
+/// Number of the nearest bins, which are tested for correlation.
+const NEAREST_BINS: usize = 3;
 
 /// Covariance of residuals as a function of distance.
 pub(crate) struct Correlation {
     points: Vec<Point3>,
     step: f64,
-    /// By bin, in squared units of the residuals.
-    covariance: [f64; BINS],
-    /// Points that each sampled one stands for.
+    /// Covariance by bin, in squared units of the residuals.
+    covariance: [f64; DISTANCE_BINS],
+    /// Number of points that each sampled one represents.
     share: f64,
     /// Covariance of near neighbours over the variance.
     pub(crate) nearest: f64,
 }
 
 /// Sums of products over pairs of points by the bin of their distance, each pair once.
-struct Products {
-    sums: [f64; BINS],
-    counts: [f64; BINS],
+struct BinnedProducts {
+    sums: [f64; DISTANCE_BINS],
+    counts: [f64; DISTANCE_BINS],
 }
 
-impl Products {
+impl BinnedProducts {
     fn mean(&self, bin: usize) -> f64 {
         self.sums[bin] / self.counts[bin].max(1.0)
     }
@@ -52,7 +45,7 @@ impl Products {
 impl Correlation {
     /// Estimates the covariance; `None` if residuals of neighbours are not significantly
     /// correlated. `order` is a random order of the points; residuals of zero are left out.
-    pub(crate) fn of(
+    pub(crate) fn estimate(
         points: &[Point3],
         residuals: &[f64],
         order: &[u32],
@@ -64,8 +57,8 @@ impl Correlation {
         let n = (r.len() as f64).max(1.0);
         let mut this = Self {
             points: some,
-            step: STEP * size,
-            covariance: [0.0; BINS],
+            step: 0.012 * size,
+            covariance: [0.0; DISTANCE_BINS],
             share: points.len() as f64 / n,
             nearest: 0.0,
         };
@@ -79,17 +72,23 @@ impl Correlation {
     /// Returns the covariance of near neighbours if it exceeds 2.12 standard deviations of what
     /// independent residuals show. Chance widens the intervals of one fit in sixty, by little.
     fn near_covariance(&self, r: &[f64], variance: f64) -> Option<f64> {
-        let products = self.products(r, NEAREST);
+        let products = self.products(r, NEAREST_BINS);
         let (sum, count): (f64, f64) = (products.sums.iter().sum(), products.counts.iter().sum());
         let near = sum / count.max(1.0);
-        let chance = SURE * variance / count.max(1.0).sqrt();
+        let chance = 2.12 * variance / count.max(1.0).sqrt();
         Some(near).filter(|near| !near.is_nan() && (*near >= chance || chance.is_nan()))
     }
 
     /// Sets the covariance by bin, zero from the first bin that is not positive.
     fn set_covariance(&mut self, r: &[f64], near: f64) {
-        let products = self.products(r, BINS);
-        let of_bin = |b: usize| if b < NEAREST { near } else { products.mean(b) };
+        let products = self.products(r, DISTANCE_BINS);
+        let of_bin = |b: usize| {
+            if b < NEAREST_BINS {
+                near
+            } else {
+                products.mean(b)
+            }
+        };
         self.covariance = std::array::from_fn(of_bin);
         if let Some(end) = self.covariance.iter().position(|c| *c <= 0.0) {
             self.covariance[end..].fill(0.0);
@@ -97,10 +96,10 @@ impl Correlation {
     }
 
     /// Sums the products of residuals by bin.
-    fn products(&self, r: &[f64], bins: usize) -> Products {
-        let mut out = Products {
-            sums: [0.0; BINS],
-            counts: [0.0; BINS],
+    fn products(&self, r: &[f64], bins: usize) -> BinnedProducts {
+        let mut out = BinnedProducts {
+            sums: [0.0; DISTANCE_BINS],
+            counts: [0.0; DISTANCE_BINS],
         };
         self.pairs(bins, |i, j, b| {
             out.sums[b] += r[i] * r[j];
@@ -126,7 +125,7 @@ impl Correlation {
         let row = |i: usize| &rows[i * m..(i + 1) * m];
         // Σⱼ C(|pᵢ − pⱼ|) Jⱼ by point i.
         let mut near = vec![0.0; rows.len()];
-        self.pairs(BINS, |i, j, b| {
+        self.pairs(DISTANCE_BINS, |i, j, b| {
             let c = self.covariance[b];
             if c > 0.0 {
                 for (i, j) in [(i, j), (j, i)] {
@@ -158,5 +157,5 @@ impl Correlation {
 fn chosen(residuals: &[f64], order: &[u32]) -> Vec<usize> {
     let is_used = |i: &usize| residuals[*i] != 0.0 && residuals[*i].is_finite();
     let used = order.iter().map(|&i| i as usize).filter(is_used);
-    used.take(SAMPLE).collect()
+    used.take(3000).collect()
 }

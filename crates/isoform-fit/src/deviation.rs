@@ -9,28 +9,19 @@
 
 mod samples;
 
-pub use self::samples::{MOST_SURFACE_SAMPLES, surface_samples};
+pub use self::samples::{MAX_SURFACE_SAMPLES, surface_samples};
 
+use self::samples::BOX_MARGIN_SHARE;
 use crate::Template;
 use crate::outliers::{Neighbourhood, median};
 use crate::template::parts_of;
 use isoform_geom::{Aabb, Frame, KdTree, Point3};
 
-/// The box is larger than the data's by this share of its diagonal on every side: enough to see
-/// surface leave.
-const MARGIN: f64 = 0.08;
-/// A sample is uncovered when it is farther than this many spacings of the data there from all
-/// data. Where points are spread at random, one place in 10⁷ is farther than 2.
-const SPACINGS: f64 = 2.5;
-/// An uncovered sample is also farther off than this many deviations of the noise, which in dense
-/// scans exceeds the spacing.
-const NOISES: f64 = 4.0;
-/// Seed of the samples of the surface: any number does.
-const SEED: u64 = 51;
-/// Points whose neighbours tell the correlation of residuals.
-pub(crate) const PROBES: usize = 400;
-/// Residuals count no more than this many medians in that correlation.
-const MEDIANS: f64 = 5.0;
+/// Number of local spacings of the data beyond which a sample is uncovered. Of points spread at
+/// random, one in 10⁷ has its nearest neighbour beyond 2.
+const UNCOVERED_SPACINGS: f64 = 2.5;
+/// Number of points from which the correlation of neighbouring residuals is estimated.
+pub(crate) const CORRELATION_PROBES: usize = 400;
 
 /// Distances of the used data from the model.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -61,7 +52,7 @@ pub struct ModelToData {
 
 /// Samples of the model's surface.
 #[derive(Default)]
-struct Places {
+struct SurfaceSamples {
     points: Vec<Point3>,
     /// Part of the model, by sample.
     parts: Vec<u32>,
@@ -70,7 +61,7 @@ struct Places {
 }
 
 /// Samples of the surface compared with the data.
-pub(crate) struct Surface {
+pub(crate) struct SampledSurface {
     pub(crate) points: Vec<Point3>,
     /// Part of the model, by sample.
     pub(crate) parts: Vec<u32>,
@@ -88,7 +79,7 @@ pub(crate) struct Cover {
     pub(crate) bare: usize,
 }
 
-impl Surface {
+impl SampledSurface {
     /// Counts samples by part; samples of parts without a name are left out.
     pub(crate) fn cover(&self, parts: usize) -> Vec<Cover> {
         let mut cover = vec![Cover::default(); parts];
@@ -125,17 +116,17 @@ fn percentile95(d: &mut [f64]) -> f64 {
 }
 
 /// The data with which the surface is compared.
-pub(crate) struct Data<'a> {
+pub(crate) struct ReferenceData<'a> {
     pub(crate) bounds: Aabb,
     pub(crate) near: &'a Neighbourhood,
     pub(crate) noise: f64,
 }
 
-impl Data<'_> {
+impl ReferenceData<'_> {
     /// Returns the least distance from the data of an uncovered sample: in dense scans the noise
     /// exceeds the spacing, and four deviations of it count.
     fn uncovered_from(&self) -> f64 {
-        (SPACINGS * self.near.spacing).max(NOISES * self.noise)
+        (UNCOVERED_SPACINGS * self.near.spacing).max(4.0 * self.noise)
     }
 
     /// Returns the distance of a sample to the nearest datum, and true if the sample is uncovered.
@@ -144,8 +135,8 @@ impl Data<'_> {
             return (f64::INFINITY, true);
         };
         let d = squared.sqrt();
-        // Where data are sparse everywhere, more distance is no sign of a gap.
-        let is_far = |spacing: f64| d > SPACINGS * spacing;
+        // In sparse regions a larger distance does not indicate a gap.
+        let is_far = |spacing: f64| d > UNCOVERED_SPACINGS * spacing;
         let is_bare = d > self.uncovered_from() && is_far(self.near.spacing_at(at, found));
         (d, is_bare)
     }
@@ -161,8 +152,8 @@ impl Data<'_> {
         let trusted = self.near.sampled().iter();
         let trusted = trusted.filter(|p| !self.is_outside(p, 0.0));
         let within: Vec<Point3> = trusted.map(|p| frame.within(*p)).collect();
-        let mut region = Aabb::of(&within);
-        let margin = MARGIN * region.diagonal();
+        let mut region = Aabb::from_points(&within);
+        let margin = BOX_MARGIN_SHARE * region.diagonal();
         for i in 0..3 {
             region.lo[i] -= margin;
             region.hi[i] += margin;
@@ -194,19 +185,19 @@ impl Data<'_> {
 pub(crate) fn model_to_data(
     template: &dyn Template,
     a: &[f64],
-    data: &Data<'_>,
+    data: &ReferenceData<'_>,
     samples: usize,
-) -> Surface {
-    let Places {
+) -> SampledSurface {
+    let SurfaceSamples {
         points,
         parts,
         inward,
-    } = places(template, a, data, samples.min(MOST_SURFACE_SAMPLES));
+    } = places(template, a, data, samples.min(MAX_SURFACE_SAMPLES));
     let mut found = Vec::new();
     let measured = points.iter().map(|p| data.distance(*p, &mut found));
     let (distances, bare): (Vec<f64>, Vec<bool>) = measured.unzip();
     let summary = data.summary(&points, distances, &bare);
-    Surface {
+    SampledSurface {
         points,
         parts,
         inward,
@@ -216,10 +207,15 @@ pub(crate) fn model_to_data(
 }
 
 /// Samples the surface in a box larger than the data's.
-fn places(template: &dyn Template, a: &[f64], data: &Data<'_>, wanted: usize) -> Places {
+fn places(
+    template: &dyn Template,
+    a: &[f64],
+    data: &ReferenceData<'_>,
+    wanted: usize,
+) -> SurfaceSamples {
     let Some(distance) = template.distance() else {
         let points = surface_samples(template.metric(), a, data.bounds, wanted);
-        return Places {
+        return SurfaceSamples {
             parts: parts_of(template, &points, a),
             points,
             inward: Vec::new(),
@@ -227,8 +223,8 @@ fn places(template: &dyn Template, a: &[f64], data: &Data<'_>, wanted: usize) ->
     };
     // In the model's own frame, so that the samples are equal in all poses; any seed will do.
     let frame = template.frame(a);
-    let feet = distance.area_samples(a, &frame, data.region(&frame), wanted, SEED);
-    Places {
+    let feet = distance.area_samples(a, &frame, data.region(&frame), wanted, 51);
+    SurfaceSamples {
         points: feet.iter().map(|f| f.at).collect(),
         parts: feet.iter().map(|f| f.pieces[0]).collect(),
         inward: feet.iter().map(|f| f.inward).collect(),
@@ -248,9 +244,9 @@ pub(crate) fn neighbour_correlation(
 ) -> f64 {
     let is_whole = tree.len() == points.len();
     let place = |j: u32| (if is_whole { j } else { order[j as usize] }) as usize;
-    let most = MEDIANS * median_size(order[..tree.len()].iter().map(|&i| residuals[i as usize]));
+    let most = 5.0 * median_size(order[..tree.len()].iter().map(|&i| residuals[i as usize]));
     let cut = |i: usize| residuals[i].clamp(-most, most);
-    let mut products = Products::default();
+    let mut products = CorrelationSums::default();
     let mut found = Vec::new();
     for i in order.iter().take(probes).map(|&i| i as usize) {
         tree.nearest_k(points[i], 2, &mut found);
@@ -265,12 +261,12 @@ pub(crate) fn neighbour_correlation(
 
 /// Sums over pairs of numbers.
 #[derive(Default)]
-struct Products {
+struct CorrelationSums {
     mixed: f64,
     own: f64,
 }
 
-impl Products {
+impl CorrelationSums {
     fn add(&mut self, u: f64, v: f64) {
         self.mixed += u * v;
         self.own += 0.5 * (u * u + v * v);

@@ -5,7 +5,7 @@ use isoform_geom::{DistanceField, Foot, ParamField, Point3};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A distance that caches the feet of its last evaluation.
-pub(crate) struct KeptFeet<'a> {
+pub(crate) struct CachedFeet<'a> {
     distance: &'a dyn DistanceField,
     last: Mutex<Option<Arc<Feet>>>,
 }
@@ -29,7 +29,7 @@ impl Feet {
     }
 }
 
-impl<'a> KeptFeet<'a> {
+impl<'a> CachedFeet<'a> {
     pub(crate) fn new(distance: &'a dyn DistanceField) -> Self {
         Self {
             distance,
@@ -63,7 +63,7 @@ impl<'a> KeptFeet<'a> {
     }
 }
 
-impl ParamField for KeptFeet<'_> {
+impl ParamField for CachedFeet<'_> {
     fn dim(&self) -> usize {
         self.distance.dim()
     }

@@ -15,21 +15,14 @@ mod candidate;
 mod compare;
 mod refine;
 
-pub(crate) use self::candidate::Found;
-
 use crate::clock::{Clock, Seconds};
 use crate::deviation;
+use crate::minimum::FitMinimum;
 use crate::report::Fit;
 use crate::scan::Scan;
 use crate::task::{Task, free_parameters};
 use crate::{Control, FitError, Method, Options, Template};
 use isoform_geom::Point3;
-
-/// Distances beyond this share of the diagonal do not make a candidate worse.
-const CUT: f64 = 0.05;
-/// A share of a candidate's surface without data above this is no right place: another way to stand
-/// is looked for. Half scans are above it, and cost the time of that search.
-const COVERED: f64 = 0.1;
 
 /// Fits a template to points.
 ///
@@ -80,7 +73,7 @@ pub fn fit_to(
 /// A minimum of the search with its quality: all that is needed to choose between templates, or
 /// between poses of one, before the best is settled.
 pub struct Candidate {
-    found: Found,
+    found: FitMinimum,
     /// Root mean square distance of the points from the model, truncated, times one plus the share
     /// of the model's surface without data; lower is better.
     pub misfit: f64,
@@ -148,13 +141,13 @@ pub fn settle(
 
 impl Task<'_> {
     /// Refines a minimum and reports the result.
-    fn settled(&self, found: Found, mut clock: Clock) -> Fit {
+    fn settled(&self, found: FitMinimum, mut clock: Clock) -> Fit {
         let fitted = self.settle(found, &mut clock);
         self.report(fitted, clock)
     }
 
     /// Assesses a minimum.
-    fn assess(&self, found: Found, clock: Clock) -> Candidate {
+    fn assess(&self, found: FitMinimum, clock: Clock) -> Candidate {
         let rms = self.cut_rms(&found.x);
         let values = self.space.parameters(&found.x);
         let samples = self.options.surface_samples / 4;
@@ -167,7 +160,7 @@ impl Task<'_> {
         };
         Candidate {
             misfit: rms * (1.0 + bare),
-            is_covered: bare < COVERED,
+            is_covered: bare < 0.1,
             found,
             values,
             seconds: clock.seconds,
@@ -178,7 +171,7 @@ impl Task<'_> {
     fn cut_rms(&self, x: &[f64]) -> f64 {
         let some = self.some(self.options.confirm_points);
         let r = self.measured(&some, x).residuals;
-        let cut = CUT * self.size();
+        let cut = 0.05 * self.size();
         let off = |r: &f64| if r.is_nan() { cut } else { r.abs().min(cut) };
         let squares = r.iter().map(|r| off(r).powi(2));
         (squares.sum::<f64>() / r.len().max(1) as f64).sqrt()

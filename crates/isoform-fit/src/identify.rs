@@ -8,37 +8,21 @@
 //! parameter is open.
 
 mod covariance;
+mod local_fit;
 
-pub(crate) use self::covariance::{product, student95};
+pub(crate) use self::covariance::student95;
+pub(crate) use self::local_fit::ExaminedFit;
 
-use self::covariance::inverse;
-use crate::objective::{normal_equations, sum_of_squares};
-use crate::polish::weight;
-use crate::space::Space;
-use crate::{Control, Loss};
-use isoform_geom::{ParamField, Point3};
+use self::local_fit::MIN_CURVATURE_SHARE;
+use crate::matrix::{inverse, largest};
+use crate::residuals::sum_of_squares;
+use isoform_geom::Point3;
 
-/// Standard deviations that a parameter is moved by.
-const MOVE: f64 = 10.0;
-/// A parameter is moved no farther than this share of its range, or of a unit: an open direction is
-/// as flat there.
-const FARTHEST: f64 = 0.5;
-/// Share of the predicted rise that must be seen on both sides. Nonlinear but determined parameters
-/// keep above 0.3.
-const RISE: f64 = 0.1;
-/// Curvature of a direction below this share of the largest is none: rounding.
-const NO_CURVATURE: f64 = 1e-10;
-/// Share of a direction that makes another open variable part of its group.
-const SHARE: f64 = 0.05;
-/// A variable with a smaller deviation, in units of the search, is moved only if there is a reason
-/// to doubt it.
-const SURE: f64 = 2e-3;
-/// A variable whose deviation is above this, in units of the search, is moved however short the way
-/// to its bound is.
-const VAGUE: f64 = 0.2;
+/// Number of standard deviations by which a parameter is moved.
+const PROBE_DEVIATIONS: f64 = 10.0;
 
 /// A subset of the points that represents all.
-struct Tested {
+struct PointSubset {
     points: Vec<Point3>,
     weights: Vec<f64>,
     /// Number of points that each represents.
@@ -66,31 +50,10 @@ pub(crate) struct Knowledge {
     pub(crate) normal: Vec<f64>,
 }
 
-/// A fit whose identifiability is examined.
-pub(crate) struct At<'a> {
-    pub(crate) field: &'a dyn ParamField,
-    pub(crate) points: &'a [Point3],
-    pub(crate) space: &'a Space,
-    pub(crate) x: &'a [f64],
-    pub(crate) residuals: &'a [f64],
-    /// 0 for points left out, else 1; empty for none left out.
-    pub(crate) mask: &'a [f64],
-    pub(crate) loss: Loss,
-    /// Robust deviation, or the root mean square.
-    pub(crate) scale: f64,
-    /// Least deviation: smaller ones are rounding, and the data exact.
-    pub(crate) least_scale: f64,
-    /// Largest rounding error of a coordinate.
-    pub(crate) rounding: f64,
-    /// Number of points that represent all when a variable is moved.
-    pub(crate) tested: usize,
-    pub(crate) control: &'a Control<'a>,
-}
-
 /// State of the examination, in which variables are moved one after the other.
-struct Moving<'a> {
-    at: &'a At<'a>,
-    tested: Tested,
+struct Examination<'a> {
+    at: &'a ExaminedFit<'a>,
+    tested: PointSubset,
     /// Matrix of the normal equations.
     normal: Vec<f64>,
     /// Smallest curvature that counts.
@@ -102,56 +65,19 @@ struct Moving<'a> {
 
 /// A variable that can be moved at almost no cost.
 #[derive(Clone, Copy)]
-struct Flat {
+struct FlatDirection {
     /// Sense that costs least.
     sense: f64,
     /// Standard deviation of the variable.
     deviation: f64,
 }
 
-impl At<'_> {
-    /// Returns the deviation of the residuals, or that of rounding if it is larger.
-    fn deviation(&self) -> f64 {
-        self.scale.max(self.least_scale)
-    }
-
-    /// Returns the matrix of the normal equations with the weights of the loss.
-    fn weighted_normal(&self) -> Vec<f64> {
-        self.normal(&self.weights())
-    }
-
-    /// Returns the weights of the points in the loss.
-    fn weights(&self) -> Vec<f64> {
-        let s = self.deviation();
-        self.masked(|r| weight(self.loss, r / s))
-    }
-
-    /// Returns Jᵀ W J of all points, in the variables.
-    fn normal(&self, weights: &[f64]) -> Vec<f64> {
-        let (n, m) = (self.field.dim(), self.space.len());
-        let (mut ga, mut ha) = (vec![0.0; n], vec![0.0; n * n]);
-        let (mut g, mut h) = (vec![0.0; m], vec![0.0; m * m]);
-        let a = self.space.parameters(self.x);
-        normal_equations(self.field, self.points, weights, &a, &mut ga, &mut ha);
-        self.space.pull_back(&ga, &ha, &mut g, &mut h);
-        h
-    }
-
-    /// Returns a weight per point, zero if it is left out; empty if all are 1.
-    fn masked(&self, weight: impl Fn(f64) -> f64) -> Vec<f64> {
-        if self.mask.is_empty() && !self.loss.is_robust() {
-            return Vec::new();
-        }
-        let mut weights: Vec<f64> = self.residuals.iter().map(|r| weight(*r)).collect();
-        weights.iter_mut().zip(self.mask).for_each(|(w, m)| *w *= m);
-        weights
-    }
-
+impl ExaminedFit<'_> {
     /// Selects a subset of the points with their weights at x.
-    fn tested(&self, weights: &[f64]) -> Tested {
+    fn tested(&self, weights: &[f64]) -> PointSubset {
         let step = self.points.len().div_ceil(self.tested.max(1)).max(1);
         let points: Vec<Point3> = self.points.iter().copied().step_by(step).collect();
-        let mut tested = Tested {
+        let mut tested = PointSubset {
             weights: weights.iter().copied().step_by(step).collect(),
             share: self.points.len() as f64 / points.len().max(1) as f64,
             points,
@@ -162,13 +88,13 @@ impl At<'_> {
     }
 
     /// Returns the sum of squares at x.
-    fn sum(&self, x: &[f64], tested: &Tested) -> f64 {
+    fn sum(&self, x: &[f64], tested: &PointSubset) -> f64 {
         let a = self.space.parameters(x);
         tested.share * sum_of_squares(self.field, &tested.points, &tested.weights, &a)
     }
 
     /// Returns the knowledge without moving any variable: none is called open.
-    pub(crate) fn unasked(&self, normal: Option<Vec<f64>>) -> Knowledge {
+    pub(crate) fn without_moves(&self, normal: Option<Vec<f64>>) -> Knowledge {
         Knowledge {
             open: Vec::new(),
             directions: Vec::new(),
@@ -187,19 +113,21 @@ impl At<'_> {
         let m = self.space.len();
         let weights = self.weights();
         let normal = normal.unwrap_or_else(|| self.normal(&weights));
-        let mut moving = Moving::new(self, normal, self.tested(&weights));
+        let mut moving = Examination::new(self, normal, self.tested(&weights));
         let mut open = Vec::new();
         let mut directions = Vec::new();
         let mut flat_at_first: Option<Vec<bool>> = None;
         while !self.control.is_stopped() {
-            let flats: Vec<Option<Flat>> = (0..m).map(|k| moving.flat(k, suspect)).collect();
+            let flats: Vec<Option<FlatDirection>> =
+                (0..m).map(|k| moving.flat(k, suspect)).collect();
             let first =
                 flat_at_first.get_or_insert_with(|| flats.iter().map(Option::is_some).collect());
             let Some((k, flat)) = freest(&flats) else {
                 break;
             };
             let direction = moving.direction(k);
-            let belongs = |j: &usize| *j == k || (first[*j] && direction[*j].abs() > SHARE);
+            // Another open variable belongs to the group if it moves by 5 % of the first one.
+            let belongs = |j: &usize| *j == k || (first[*j] && direction[*j].abs() > 0.05);
             add_group(&mut open, (0..m).filter(belongs).collect());
             moving.hold(k);
             directions.push(OpenDirection {
@@ -216,13 +144,13 @@ impl At<'_> {
     }
 }
 
-impl<'a> Moving<'a> {
-    fn new(at: &'a At<'a>, normal: Vec<f64>, tested: Tested) -> Self {
+impl<'a> Examination<'a> {
+    fn new(at: &'a ExaminedFit<'a>, normal: Vec<f64>, tested: PointSubset) -> Self {
         let m = at.space.len();
         let mut moving = Self {
             at,
             tested,
-            floor: NO_CURVATURE * largest(&normal, m),
+            floor: MIN_CURVATURE_SHARE * largest(&normal, m),
             normal,
             held: vec![false; m],
             inverse: Vec::new(),
@@ -243,7 +171,7 @@ impl<'a> Moving<'a> {
 
     /// Returns the flat direction of variable k if there is reason to examine it and it can be
     /// moved at almost no cost.
-    fn flat(&self, k: usize, suspect: &dyn Fn(usize) -> bool) -> Option<Flat> {
+    fn flat(&self, k: usize, suspect: &dyn Fn(usize) -> bool) -> Option<FlatDirection> {
         let is_asked = !self.held[k] && (self.is_weak(k) || suspect(k));
         is_asked.then(|| self.flatness(k)).flatten()
     }
@@ -262,7 +190,7 @@ impl<'a> Moving<'a> {
     fn is_weak(&self, k: usize) -> bool {
         let is_blind = self.normal[k * self.held.len() + k] < self.floor;
         let deviation = self.deviation(k);
-        is_blind || deviation.is_nan() || deviation >= SURE
+        is_blind || deviation.is_nan() || deviation >= 2e-3
     }
 
     /// Returns the move of variable j along the valley, per move of variable k times its spread.
@@ -285,10 +213,10 @@ impl<'a> Moving<'a> {
 
     /// Moves variable k in both senses. If it costs almost nothing in one, returns the sense that
     /// costs least and the variable's deviation.
-    fn flatness(&self, k: usize) -> Option<Flat> {
+    fn flatness(&self, k: usize) -> Option<FlatDirection> {
         let spread = self.spread(k);
         if !(spread > 0.0 && spread.is_finite()) {
-            return Some(Flat {
+            return Some(FlatDirection {
                 sense: 1.0,
                 deviation: f64::INFINITY,
             });
@@ -297,8 +225,9 @@ impl<'a> Moving<'a> {
         let (mut sense, mut least) = (1.0, f64::INFINITY);
         for s in [1.0, -1.0] {
             let t = self.reach(k, s);
-            if t < 2.0 * deviation && deviation < VAGUE {
-                continue; // at a bound: nothing can be said on this side
+            // At a bound this side says nothing, unless the variable is very vague.
+            if t < 2.0 * deviation && deviation < 0.2 {
+                continue;
             }
             let ratio = self.rise(k, s * t) / self.predicted(k, t);
             if ratio < least || ratio.is_nan() {
@@ -310,16 +239,17 @@ impl<'a> Moving<'a> {
                 };
             }
         }
-        (least < RISE).then_some(Flat { sense, deviation })
+        // Nonlinear but determined parameters stay above 0.3 of the predicted rise.
+        (least < 0.1).then_some(FlatDirection { sense, deviation })
     }
 
     /// Returns the distance by which variable k is moved in a sense: at most half of its range or
     /// unit, since an open direction is flat there, too, and no farther than a bound.
     fn reach(&self, k: usize, sense: f64) -> f64 {
         let (limits, spread) = (self.at.space.limits(), self.spread(k));
-        let mut t = (MOVE * self.deviation(k))
-            .min(FARTHEST * limits.range(k))
-            .min(FARTHEST);
+        let mut t = (PROBE_DEVIATIONS * self.deviation(k))
+            .min(0.5 * limits.range(k))
+            .min(0.5);
         for j in 0..self.at.x.len() {
             let by = sense * self.along(k, j) / spread;
             if by.abs() > 0.0 {
@@ -341,9 +271,11 @@ impl<'a> Moving<'a> {
     /// no curvature.
     fn predicted(&self, k: usize, t: f64) -> f64 {
         let s = self.at.deviation();
-        let share = (t / (MOVE * self.deviation(k))).min(1.0).powi(2);
+        let share = (t / (PROBE_DEVIATIONS * self.deviation(k)))
+            .min(1.0)
+            .powi(2);
         (t * t / self.spread(k))
-            .max(s * s * MOVE * MOVE * 0.25 * share)
+            .max(s * s * PROBE_DEVIATIONS * PROBE_DEVIATIONS * 0.25 * share)
             .max(s * s)
     }
 }
@@ -362,18 +294,13 @@ fn add_group(open: &mut Vec<Vec<usize>>, group: Vec<usize>) {
 }
 
 /// Returns the flat variable with the largest deviation; the first one among equals.
-fn freest(flats: &[Option<Flat>]) -> Option<(usize, Flat)> {
+fn freest(flats: &[Option<FlatDirection>]) -> Option<(usize, FlatDirection)> {
     let all = flats.iter().enumerate();
     all.filter_map(|(k, flat)| Some((k, (*flat)?)))
         .max_by(|a, b| {
             let by_deviation = a.1.deviation.total_cmp(&b.1.deviation);
             by_deviation.then(b.0.cmp(&a.0))
         })
-}
-
-/// Returns the largest diagonal element of a matrix with m rows.
-fn largest(h: &[f64], m: usize) -> f64 {
-    (0..m).map(|i| h[i * m + i]).fold(0.0, f64::max)
 }
 
 #[cfg(test)]

@@ -4,104 +4,28 @@
 //! noise between neighbouring points. They were calibrated on the scans and templates of
 //! docs/fitting.md, on which correct and wrong models differ by the factors stated at each limit.
 
-mod finding;
-mod warning;
-
-pub use self::finding::{Finding, Verdict};
-pub use self::warning::Warning;
-
-use crate::clutter::Beside;
-use crate::outliers::{HAS_OUTLIERS, MOST_DROPPED};
+use crate::clutter::kind::ClutterKind;
+use crate::outliers::{MAX_DROPPED_SHARE, MIN_OUTLIER_SHARE};
+use crate::report::finding::Finding;
+use crate::report::warning::Warning;
 use crate::report::{Estimate, Fit, Status};
-use crate::scan::MANY_STRAYS;
 use crate::task::Task;
+use crate::thresholds::{CLUTTER_STRAY_SHARE, SIGNIFICANT_DEVIATIONS};
 use crate::{Method, Parameter};
 
-/// A misfit above this share of the data's diagonal is refused.
-const BAD_RMS: f64 = 0.02;
-/// Systematic misfit above this share of the diagonal is doubtful. Right models of real objects
-/// show up to 0.0035 (stitches of a baseball, soft foam), wrong ones 0.0042 and more.
-const SYSTEMATIC: f64 = 0.0039;
-/// A systematic misfit above this share of the thinnest wall is doubtful: the model's wall may lie
-/// on the other side of the points.
-const OF_WALL: f64 = 0.3;
-/// Root mean square over robust deviation below which distances are split: 1 for normal noise, 0.78
-/// for even spread, 0.67 for two places alike on either side.
-const SPLIT: f64 = 0.85;
-/// Bounds of 95 % of the distances and of all of them over their root mean square, below which
-/// points lie on two sheets ten deviations of their noise apart or more: the first is 1.96 for
-/// normal noise, 1.65 for even spread, 1.41 for a wave, and small beside outliers, which the second
-/// tells.
-const TWO_SHEETS: [f64; 2] = [1.3, 2.0];
-/// Relative deviation of the robust deviation of n normal numbers, times √n.
-const DEVIATION_OF_SCALE: f64 = 1.17;
-/// Residuals of neighbours are alike beyond chance from this many deviations on.
-const SURE: f64 = 5.0;
-/// A misfit this many times the deviation between neighbours is no noise. Right models of real
-/// objects show up to 7, exact points of another part hundreds.
-const OF_NOISE: f64 = 12.0;
-/// A misfit this many times the deviation in the flattest tenth of the neighbourhoods is no noise.
-const OF_FLATTEST: f64 = 60.0;
-/// Noise above the smallest detail over this number: no distance says which side a point is on.
-const OF_DETAIL: f64 = 3.8;
-/// A share of the model's surface without data above this is doubtful: right models of whole scans
-/// show less than a hundredth, half of an object unseen from one side less than this.
-const BARE: f64 = 0.35;
-/// A model with more than this share of its surface without data is refused.
-const BAD_BARE: f64 = 0.6;
-/// Bare surface above this share is doubtful where what faces the same way was seen. Right models
-/// of whole scans show less than 0.01, a ring taken for a can with lids inside 0.07.
-const OVERLOOKED: f64 = 0.04;
-/// Outliers that lie on surfaces of their own, as a share of the points: above the first they are
-/// doubtful (right models of real objects: up to 0.08, wrong ones from 0.105 on), above the second
-/// refused.
-const CLUSTERS: (f64, f64) = (0.09, 0.3);
-/// Clusters are doubtful from this share on where the other points show nothing but noise.
-const CLUSTERS_IN_NOISE: f64 = 0.015;
-/// Outliers above this share are doubtful beside bare surface: the model found its way around the
-/// data (a cup in a closed can: 0.07).
-const OUTLIERS_BESIDE: f64 = 0.03;
-/// Bare surface above this share is doubtful beside outliers (a cup in a closed can: 0.11).
-const BARE_BESIDE: f64 = 0.05;
-/// Fewer outliers than this leave a minimum at the noise beyond doubt, however it was found.
-const FEW_OUTLIERS: f64 = 0.01;
-/// Root mean square of the points used over their robust deviation that is a tail.
-const TAIL: f64 = 1.3;
-/// Outliers of any kind above this share are refused: there is no majority to trust.
-const BAD_OUTLIERS: f64 = 0.4;
-/// Half width of the interval of a parameter at a bound, as a share of the size, from which nothing
-/// but the bound holds it.
-const LOOSE: f64 = 0.05;
-/// Points apart, or on a plane beyond the others, are told of from this share on.
-const APART: f64 = 0.01;
-/// Points in clusters off a model that meets the rest exactly: this many are another shape.
-const CLUSTER: f64 = 5.0;
-/// Robust noise below this share of the size makes data exact.
-const EXACT_NOISE: f64 = 1e-7;
-/// Surface of the model outside the data's box is told of from this share on.
-const OUTSIDE: f64 = 0.1;
+/// Systematic misfit, as a share of the diagonal, above which a fit is doubtful. Correct models of
+/// real objects show up to 0.0035 (stitches of a baseball, soft foam), wrong ones 0.0042 and more.
+const MAX_SYSTEMATIC_SHARE: f64 = 0.0039;
+/// Ratio of a misfit to the deviation between neighbours above which it is not noise. Correct
+/// models of real objects show up to 7, exact points of another part hundreds.
+const MAX_NOISE_RATIO: f64 = 12.0;
+/// Share of outliers below which a minimum at the noise is certain, however it was found.
+const FEW_OUTLIERS_SHARE: f64 = 0.01;
+/// Share of the points from which components apart, or points on a plane beyond the others, are
+/// reported.
+const MIN_CLUTTER_SHARE: f64 = 0.01;
 
 impl Fit {
-    /// Sets the verdict that follows from the findings.
-    fn decide(&mut self) {
-        let worst = self.findings.iter().map(Finding::verdict).max();
-        self.verdict = worst.unwrap_or(Verdict::Accepted);
-        self.acceptable = self.verdict == Verdict::Accepted;
-        self.reasons = self.findings.iter().map(ToString::to_string).collect();
-    }
-
-    /// Adds a finding and updates the verdict.
-    pub fn add_finding(&mut self, finding: Finding) {
-        self.findings.push(finding);
-        self.decide();
-    }
-
-    /// Removes findings and updates the verdict.
-    pub(crate) fn drop_findings(&mut self, is_dropped: impl Fn(&Finding) -> bool) {
-        self.findings.retain(|f| !is_dropped(f));
-        self.decide();
-    }
-
     /// Returns the share of outliers among the points.
     fn share_of_outliers(&self) -> f64 {
         self.n_outliers as f64 / self.n_points.max(1) as f64
@@ -109,26 +33,27 @@ impl Fit {
 
     /// Returns true if the residuals of neighbours are not significantly correlated.
     fn is_clean(&self) -> bool {
-        self.evidence.systematic_z < SURE
+        self.evidence.systematic_z < SIGNIFICANT_DEVIATIONS
     }
 
     /// Returns true if the robust deviation significantly exceeds the root mean square, as it does
     /// if few residuals are near zero. The ratio is 1 for normal noise, 0.78 for a uniform
     /// distribution, 0.67 for two equal values on either side.
     fn is_split(&self) -> bool {
-        let chance = SURE * DEVIATION_OF_SCALE / (self.n_used.max(1) as f64).sqrt();
-        self.rms < self.noise * (1.0 - chance).min(SPLIT)
+        // The relative deviation of the robust deviation of n normal numbers is 1.17 / √n.
+        let chance = SIGNIFICANT_DEVIATIONS * 1.17 / (self.n_used.max(1) as f64).sqrt();
+        self.rms < self.noise * (1.0 - chance).min(0.85)
     }
 }
 
 /// A free parameter of the template itself with its estimate.
-type Own<'a> = (&'a Parameter, &'a Estimate);
+type OwnParameter<'a> = (&'a Parameter, &'a Estimate);
 
 /// Returns true if a parameter is at a bound, and the bound alone determines it: the half width of
 /// its interval exceeds 5 % of the size.
-fn is_loose((_, e): Own<'_>, size: f64) -> bool {
+fn is_loose((_, e): OwnParameter<'_>, size: f64) -> bool {
     let half = e.ci95.map_or(0.0, |(lo, hi)| 0.5 * (hi - lo));
-    e.status == Status::AtBound && half > LOOSE * size
+    e.status == Status::AtBound && half > 0.05 * size
 }
 
 impl Task<'_> {
@@ -146,7 +71,7 @@ impl Task<'_> {
         out.extend(self.outlier_findings(fit));
         out.extend(surface_findings(fit));
         out.extend(self.parameter_findings(fit));
-        if !out.is_empty() || strays(fit) > MANY_STRAYS {
+        if !out.is_empty() || strays(fit) > CLUTTER_STRAY_SHARE {
             out.extend(self.clutter_findings(fit));
         }
         out.extend(self.uncertain(fit));
@@ -155,13 +80,17 @@ impl Task<'_> {
 
     fn misfit_findings(&self, fit: &Fit) -> impl Iterator<Item = Finding> {
         let (size, rms) = (self.size(), fit.rms);
-        let is_far = rms > BAD_RMS * size;
-        let is_split = fit.is_split() && rms > SYSTEMATIC * size;
+        let is_far = rms > 0.02 * size;
+        let is_split = fit.is_split() && rms > MAX_SYSTEMATIC_SHARE * size;
         let off = &fit.data_to_model;
-        let [most, all] = TWO_SHEETS.map(|bound| bound * off.rms);
+        // Points on two sheets that are at least ten deviations of their noise apart: 95 % of the
+        // distances are below 1.96 rms for normal noise, 1.65 for a uniform distribution, 1.41 for
+        // a wave. The ratio is also small with outliers, which the maximum reveals.
+        let [most, all] = [1.3, 2.0].map(|bound| bound * off.rms);
         let are_sheets = off.p95 < most && off.max < all && rms > self.rounding();
         let is_two_walls = is_split || are_sheets;
-        let is_thin = OF_DETAIL * fit.noise > fit.evidence.detail;
+        // With noise above the detail over 3.8, no distance shows on which side a point is.
+        let is_thin = 3.8 * fit.noise > fit.evidence.detail;
         [
             is_far.then_some(Finding::FarOff { rms, size }),
             self.systematic(fit),
@@ -178,13 +107,14 @@ impl Task<'_> {
 
     /// Returns true if neighbours share a misfit that is not rounding.
     fn is_shared(&self, fit: &Fit) -> bool {
-        fit.evidence.systematic_z > SURE && fit.rms > self.rounding()
+        fit.evidence.systematic_z > SIGNIFICANT_DEVIATIONS && fit.rms > self.rounding()
     }
 
     /// Reports a shared misfit above the limits for thin walls and for real objects. Above 0.3 of a
     /// wall's thickness, the wall of the model may lie on the other side of the points.
     fn systematic(&self, fit: &Fit) -> Option<Finding> {
-        let (wall, usual) = (OF_WALL * fit.evidence.thickness, SYSTEMATIC * self.size());
+        let wall = 0.3 * fit.evidence.thickness;
+        let usual = MAX_SYSTEMATIC_SHARE * self.size();
         let (misfit, limit) = (fit.evidence.systematic, wall.min(usual));
         (self.is_shared(fit) && misfit > limit).then_some(Finding::Systematic {
             misfit,
@@ -197,8 +127,8 @@ impl Task<'_> {
     /// its first decile.
     fn above_noise(&self, fit: &Fit) -> Option<Finding> {
         let (local, flattest) = (fit.evidence.local_noise, self.scan.least_noise);
-        let noise = local.min(flattest * OF_FLATTEST / OF_NOISE);
-        (self.is_shared(fit) && fit.rms > OF_NOISE * noise).then_some(Finding::AboveNoise {
+        let noise = local.min(flattest * 60.0 / MAX_NOISE_RATIO);
+        (self.is_shared(fit) && fit.rms > MAX_NOISE_RATIO * noise).then_some(Finding::AboveNoise {
             rms: fit.rms,
             noise: local.min(flattest),
         })
@@ -208,20 +138,20 @@ impl Task<'_> {
         let share = fit.share_of_outliers();
         let clustered = share * fit.evidence.clustered;
         let count = clustered * fit.n_points as f64;
-        let is_exact = fit.noise < EXACT_NOISE * self.size();
-        // Where the other points show nothing but noise, clusters have no excuse; nor where the
-        // model has surface that is not there instead.
-        let is_clustered =
-            clustered > CLUSTERS.0 || (fit.is_clean() && clustered > CLUSTERS_IN_NOISE);
+        let is_exact = fit.noise < 1e-7 * self.size();
+        // Correct models of real objects have up to 0.08 of the points in clusters of outliers,
+        // wrong ones at least 0.105. If the other points show only noise, less is doubtful.
+        let is_clustered = clustered > 0.09 || (fit.is_clean() && clustered > 0.015);
         let bare = fit.evidence.bare;
         [
-            (is_exact && count > CLUSTER).then_some(Finding::OffExact {
+            (is_exact && count > 5.0).then_some(Finding::OffExact {
                 count: count.round() as usize,
             }),
             is_clustered.then_some(Finding::Clusters { share: clustered }),
-            (bare > BARE_BESIDE && share > OUTLIERS_BESIDE)
-                .then_some(Finding::Around { bare, share }),
-            (share > BAD_OUTLIERS).then_some(Finding::Outliers { share }),
+            // The model found its way around the data; a cup in a closed can has 0.11 and 0.07.
+            (bare > 0.05 && share > 0.03).then_some(Finding::Around { bare, share }),
+            // Without a majority on the model, the fit cannot be trusted.
+            (share > 0.4).then_some(Finding::Outliers { share }),
         ]
         .into_iter()
         .flatten()
@@ -231,21 +161,24 @@ impl Task<'_> {
     /// a gap is not a defect by itself.
     fn clutter_findings(&self, fit: &Fit) -> impl Iterator<Item = Finding> {
         let clutter = self.scan.clutter();
-        let (apart, plane) = (clutter.share(Beside::Apart), clutter.share(Beside::Plane));
+        let (apart, plane) = (
+            clutter.share(ClutterKind::Apart),
+            clutter.share(ClutterKind::Plane),
+        );
         let stray = strays(fit);
         [
-            (apart > APART).then_some(Finding::Apart { share: apart }),
-            (plane > APART).then_some(Finding::Table { share: plane }),
-            (stray > MANY_STRAYS).then_some(Finding::Stray { share: stray }),
+            (apart > MIN_CLUTTER_SHARE).then_some(Finding::Apart { share: apart }),
+            (plane > MIN_CLUTTER_SHARE).then_some(Finding::Table { share: plane }),
+            (stray > CLUTTER_STRAY_SHARE).then_some(Finding::Stray { share: stray }),
         ]
         .into_iter()
         .flatten()
     }
 
     /// Returns the free parameters of the template itself, without those of the pose.
-    fn own<'b>(&'b self, fit: &'b Fit) -> Vec<Own<'b>> {
+    fn own<'b>(&'b self, fit: &'b Fit) -> Vec<OwnParameter<'b>> {
         let all = self.template.parameters().iter().zip(&fit.parameters);
-        let is_own = |(p, e): &Own<'_>| !p.is_pose && e.status != Status::Fixed;
+        let is_own = |(p, e): &OwnParameter<'_>| !p.is_pose && e.status != Status::Fixed;
         all.filter(is_own).collect()
     }
 
@@ -268,10 +201,10 @@ impl Task<'_> {
     /// Reports that the search may have missed a better minimum.
     fn uncertain(&self, fit: &Fit) -> Option<Finding> {
         let share = fit.share_of_outliers();
-        let is_noise = fit.is_clean() && share < FEW_OUTLIERS;
-        // Outliers around a fit that is clean otherwise are more often a piece astray.
+        let is_noise = fit.is_clean() && share < FEW_OUTLIERS_SHARE;
+        // Outliers around a fit that is otherwise clean usually belong to a misplaced piece.
         let is_clean = fit.is_clean() && fit.noise > self.rounding();
-        let has_tail = is_clean && share > FEW_OUTLIERS && fit.rms > TAIL * fit.noise;
+        let has_tail = is_clean && share > FEW_OUTLIERS_SHARE && fit.rms > 1.3 * fit.noise;
         let is_unsure = !is_noise && !fit.certain;
         let is_asked = self.options.method == Method::Default;
         (is_asked && (is_unsure || has_tail)).then_some(Finding::Uncertain {
@@ -303,7 +236,7 @@ impl Task<'_> {
             name: p.name.clone(),
             bounds: p.bounds,
         });
-        let outside = (outside > OUTSIDE).then_some(Warning::Outside { share: outside });
+        let outside = (outside > 0.1).then_some(Warning::Outside { share: outside });
         first
             .into_iter()
             .flatten()
@@ -320,9 +253,10 @@ fn surface_findings(fit: &Fit) -> impl Iterator<Item = Finding> {
     let first = if fit.model_to_data.samples == 0 {
         Some(Finding::NoSurface)
     } else {
-        (bare > BARE).then_some(Finding::Bare { share: bare })
+        (bare > 0.35).then_some(Finding::Bare { share: bare })
     };
-    let second = (overlooked > OVERLOOKED).then_some(Finding::Overlooked { share: overlooked });
+    // A ring taken for a can with lids inside has 0.07.
+    let second = (overlooked > 0.04).then_some(Finding::Overlooked { share: overlooked });
     first.into_iter().chain(second)
 }
 
@@ -335,9 +269,9 @@ fn strays(fit: &Fit) -> f64 {
 
 /// Warns of isolated points, which were left out of the search if they are not too many.
 fn isolated(share: f64) -> Option<Warning> {
-    if share > MOST_DROPPED {
+    if share > MAX_DROPPED_SHARE {
         Some(Warning::Isolated { share })
     } else {
-        (share > HAS_OUTLIERS).then_some(Warning::LeftOut { share })
+        (share > MIN_OUTLIER_SHARE).then_some(Warning::LeftOut { share })
     }
 }

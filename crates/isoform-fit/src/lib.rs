@@ -18,7 +18,8 @@
 //! - *variables* x: the free parameters in units of their own ([`Space`]);
 //! - *algebraic*, *metric*, *distance*: three readings of the template, from wide basins to the
 //!   distance itself ([`Template`]);
-//! - *start*, *throw*: a point at which a search begins; a minimum with one piece drawn anew;
+//! - *start*: a point at which a search begins; *perturbation*: a minimum with one piece drawn
+//!   anew;
 //! - *polish*: the final descents, by the metric residual and then by the distance;
 //! - *open*: not determined by the data; *bare*: surface of the model without data near it;
 //! - *finding*: a reason against a fit, which determines its [`Verdict`]; *warning*: a fact to
@@ -112,10 +113,13 @@ pub mod annealing;
 pub mod bfgs;
 mod bias;
 mod bounds;
+mod by_point;
+mod cells;
 pub mod chunks;
 mod classical;
 mod clock;
 mod clutter;
+mod compose;
 mod correlation;
 mod deviation;
 mod evidence;
@@ -124,34 +128,43 @@ mod fit;
 mod identify;
 mod judge;
 pub mod lm;
+mod matrix;
+mod minimum;
 mod objective;
 mod options;
 mod outliers;
+mod phrases;
+mod point_distances;
 mod polish;
 mod report;
+mod residuals;
 mod rims;
 mod scan;
 mod search;
 mod settle;
 mod space;
+mod tally;
 mod task;
 mod template;
 #[cfg(test)]
 mod testing;
+mod thresholds;
 mod trimmed;
 mod vector;
-mod words;
 
-pub use clutter::{Beside, Clutter};
-pub use deviation::{DataToModel, MOST_SURFACE_SAMPLES, ModelToData, surface_samples};
-pub use evidence::Evidence;
+pub use clutter::Clutter;
+pub use clutter::kind::ClutterKind;
+pub use deviation::{DataToModel, MAX_SURFACE_SAMPLES, ModelToData, surface_samples};
 pub use fit::{Candidate, fit, fit_to, search, settle};
 pub use isoform_control::Control;
-pub use judge::{Finding, Verdict, Warning};
-pub use objective::{Objective, Residuals};
-pub use options::{FitError, Local, Loss, Method, Options};
-pub use report::{Estimate, Fit, Open, OtherMinimum, PartStatistics, Status, Why};
+pub use objective::Objective;
+pub use options::{FitError, LocalMethod, Loss, Method, Options};
+pub use report::{
+    Estimate, Evidence, Finding, Fit, OtherMinimum, PartStatistics, Status, UndeterminedGroup,
+    Verdict, Warning, Why,
+};
+pub use residuals::Residuals;
 pub use scan::Scan;
-pub use search::Step;
+pub use search::ConvergenceStep;
 pub use space::Space;
 pub use template::{Kind, Parameter, Template, Tie};

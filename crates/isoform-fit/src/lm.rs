@@ -17,10 +17,10 @@
 //!
 //! The cut step also takes a third fewer evaluations: large μ turns the step towards the gradient,
 //! which moves steep directions and leaves misplaced primitives where they are. It is the default;
-//! Moré's iteration is [`Options::exact`]. Without the reflection half of the wide starts fail. The
-//! ball must be one in the variables' own units: measured by diag(JᵀJ), Marquardt's way, only 2 to
-//! 33 % succeed, because on the zero sets of R-functions inactive primitives have derivatives near
-//! zero and fly off.
+//! Moré's iteration is [`LmOptions::exact`]. Without the reflection half of the wide starts fail.
+//! The ball must be one in the variables' own units: measured by diag(JᵀJ), Marquardt's way, only 2
+//! to 33 % succeed, because on the zero sets of R-functions inactive primitives have derivatives
+//! near zero and fly off.
 //!
 //! ```
 //! use isoform_fit::{Objective, lm};
@@ -42,7 +42,7 @@
 //! }
 //!
 //! let (lo, hi) = ([-5.0; 2], [2.0, 5.0]);
-//! let options = lm::Options::default();
+//! let options = lm::LmOptions::default();
 //! let found = lm::minimize(&mut Bowl, vec![0.0; 2], &lo, &hi, &options, &mut |_, _, _| true);
 //! // The bound of x keeps it at 2, where the sum is (2 − 3)².
 //! assert!((found.x[0] - 2.0).abs() < 1e-6 && (found.x[1] + 1.0).abs() < 1e-6);
@@ -51,14 +51,14 @@
 
 mod region;
 
-use self::region::Region;
+use self::region::TrustRegion;
 use crate::Objective;
 use crate::bounds::Bounds;
-use crate::objective::Place;
+use crate::objective::ModelPoint;
 
 /// Settings of [`minimize`].
 #[derive(Clone, Debug)]
-pub struct Options {
+pub struct LmOptions {
     /// Maximum number of evaluations of the model.
     pub max_iterations: usize,
     /// Largest move of a variable, in its unit, below which the run ends.
@@ -79,7 +79,7 @@ pub struct Options {
     pub exact: bool,
 }
 
-impl Default for Options {
+impl Default for LmOptions {
     fn default() -> Self {
         Self {
             max_iterations: 200,
@@ -137,35 +137,22 @@ impl Minimum {
     }
 }
 
-/// Distance kept from a bound, relative to the smaller of range and unit: strictly interior, yet
-/// invisible in a result.
-const GAP: f64 = 1e-12;
-/// Share of the way to a bound that a cut step goes, at least (towards 1 as the gradient vanishes).
-const SHARE: f64 = 0.995;
-/// A fall within this share of what was foretold makes the next forecast believed. Near a minimum
-/// forecasts are good to a per cent; far from it they are off by tens.
-const TRUSTED: f64 = 0.2;
-/// A predicted fall below this share of the value is rounding: no step can be judged by it.
-const ROUNDING: f64 = 1e-15;
-/// Falls of more than this share of the predicted one are good steps.
-const GOOD: f64 = 0.25;
-
-/// Minimises within `lo` and `hi` from `x`, which must lie strictly between. `monitor` sees every
-/// accepted point (iteration, x, value) and ends the run by returning `false`.
+/// Minimises within `lo` and `hi` from `x`, which must lie strictly between. `monitor` is called
+/// with every accepted point (iteration, x, value) and ends the run by returning `false`.
 pub fn minimize(
     objective: &mut dyn Objective,
     x: Vec<f64>,
     lo: &[f64],
     hi: &[f64],
-    options: &Options,
+    options: &LmOptions,
     monitor: &mut dyn FnMut(usize, &[f64], f64) -> bool,
 ) -> Minimum {
-    let mut descent = Descent::new(objective, x, Bounds { lo, hi }, options);
+    let mut descent = LmRun::new(objective, x, Bounds { lo, hi }, options);
     if !descent.here.is_finite() {
         return Minimum::not_finite(descent.here.x, descent.iterations);
     }
     let stop = loop {
-        let Place { x, value, .. } = &descent.here;
+        let ModelPoint { x, value, .. } = &descent.here;
         if !monitor(descent.iterations, x, *value) {
             break Stop::Told;
         }
@@ -183,20 +170,20 @@ pub fn minimize(
 }
 
 /// Outcome of an attempted step.
-enum Tried {
+enum StepOutcome {
     Taken,
     Refused,
     Ended(Stop),
 }
 
 /// State of a run from one start.
-struct Descent<'a> {
+struct LmRun<'a> {
     objective: &'a mut dyn Objective,
     bounds: Bounds<'a>,
-    options: &'a Options,
-    here: Place,
-    trial: Place,
-    region: Region,
+    options: &'a LmOptions,
+    here: ModelPoint,
+    trial: ModelPoint,
+    region: TrustRegion,
     /// Values at the points accepted so far.
     past: Vec<f64>,
     /// True if the last step lowered the sum by about the predicted amount.
@@ -204,23 +191,23 @@ struct Descent<'a> {
     iterations: usize,
 }
 
-impl<'a> Descent<'a> {
+impl<'a> LmRun<'a> {
     fn new(
         objective: &'a mut dyn Objective,
         x: Vec<f64>,
         bounds: Bounds<'a>,
-        options: &'a Options,
+        options: &'a LmOptions,
     ) -> Self {
         let n = objective.dim();
-        let mut here = Place::new(x, n);
+        let mut here = ModelPoint::new(x, n);
         here.evaluate(objective);
         Self {
             bounds,
             options,
             past: vec![here.value],
             here,
-            trial: Place::new(vec![0.0; n], n),
-            region: Region::new(n, options.radius, options.exact),
+            trial: ModelPoint::new(vec![0.0; n], n),
+            region: TrustRegion::new(n, options.radius, options.exact),
             is_trusted: false,
             iterations: 1,
             objective,
@@ -233,38 +220,39 @@ impl<'a> Descent<'a> {
         if self.here.value == 0.0 || self.region.is_stationary(&self.here, self.options.gradient) {
             return Some(Stop::Converged);
         }
-        let share = SHARE.max(1.0 - slope);
-        // Refused steps only shrink the region, so that this ends.
+        // Share of the way to a bound that a cut step covers; towards 1 as the gradient vanishes.
+        let share = 0.995_f64.max(1.0 - slope);
+        // Refused steps shrink the region, so the loop ends.
         let ended = loop {
             match self.attempt(share) {
-                Tried::Refused => {}
-                Tried::Taken => break None,
-                Tried::Ended(stop) => break Some(stop),
+                StepOutcome::Refused => {}
+                StepOutcome::Taken => break None,
+                StepOutcome::Ended(stop) => break Some(stop),
             }
         };
         ended.or_else(|| self.has_stagnated().then_some(Stop::Stagnated))
     }
 
     /// Attempts the step that the region proposes.
-    fn attempt(&mut self, share: f64) -> Tried {
+    fn attempt(&mut self, share: f64) -> StepOutcome {
         if self.iterations >= self.options.max_iterations {
-            return Tried::Ended(Stop::Iterations);
+            return StepOutcome::Ended(Stop::Iterations);
         }
         let Some(predicted) = self.region.step(&self.here.x, self.bounds, share) else {
-            return Tried::Ended(Stop::Stagnated);
+            return StepOutcome::Ended(Stop::Stagnated);
         };
         // The last prediction was right: a fall below the tolerance need not be evaluated.
         if self.is_trusted && 2.0 * predicted <= self.options.decrease * self.here.value {
-            return Tried::Ended(Stop::Converged);
+            return StepOutcome::Ended(Stop::Converged);
         }
         if self.set_trial() <= self.options.step {
-            return Tried::Ended(Stop::Converged);
+            return StepOutcome::Ended(Stop::Converged);
         }
         self.trial.evaluate(self.objective);
         self.iterations += 1;
         if !self.trial.is_finite() {
             self.region.shrink();
-            return Tried::Refused;
+            return StepOutcome::Refused;
         }
         self.compare(predicted)
     }
@@ -278,33 +266,36 @@ impl<'a> Descent<'a> {
         for i in 0..x.len() {
             let p = self.region.step[i] * limit;
             length = length.max(p.abs());
-            let gap = GAP * self.bounds.range(i).min(1.0);
+            // Strictly interior, yet invisible in a result.
+            let gap = 1e-12 * self.bounds.range(i).min(1.0);
             self.trial.x[i] = (x[i] + p).clamp(self.bounds.lo[i] + gap, self.bounds.hi[i] - gap);
         }
         length
     }
 
     /// Compares the trial with the current point, and moves there if it is lower.
-    fn compare(&mut self, predicted: f64) -> Tried {
+    fn compare(&mut self, predicted: f64) -> StepOutcome {
         let fall = self.here.value - self.trial.value;
         let ratio = self.region.judge(0.5 * fall, predicted);
-        self.is_trusted = (ratio - 1.0).abs() < TRUSTED;
+        // Near a minimum predictions are right to one per cent; far from it they are off by tens.
+        self.is_trusted = (ratio - 1.0).abs() < 0.2;
         if self.trial.value < self.here.value {
             self.region.refused = 0;
             std::mem::swap(&mut self.here, &mut self.trial);
             self.past.push(self.here.value);
             let is_small = fall <= self.options.decrease * self.here.value;
-            return if is_small && ratio > GOOD {
-                Tried::Ended(Stop::Converged)
+            return if is_small && ratio > 0.25 {
+                StepOutcome::Ended(Stop::Converged)
             } else {
-                Tried::Taken
+                StepOutcome::Taken
             };
         }
         self.region.refused += 1;
-        if predicted <= ROUNDING * self.here.value {
-            Tried::Ended(Stop::Converged)
+        // The predicted fall is rounding: no step can be judged by it.
+        if predicted <= 1e-15 * self.here.value {
+            StepOutcome::Ended(Stop::Converged)
         } else {
-            Tried::Refused
+            StepOutcome::Refused
         }
     }
 
@@ -329,7 +320,7 @@ mod tests {
             start.to_vec(),
             &vec![lo; n],
             &vec![hi; n],
-            &Options::default(),
+            &LmOptions::default(),
             &mut |_, _, _| true,
         )
     }

@@ -2,7 +2,7 @@
 
 /// A local method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Local {
+pub enum LocalMethod {
     /// Levenberg-Marquardt ([`crate::lm`]).
     #[default]
     Lm,
@@ -18,7 +18,7 @@ pub enum Method {
     #[default]
     Default,
     /// The local method of paper C, from the start alone, on all points.
-    Local(Local),
+    Local(LocalMethod),
     /// The simulated annealing of paper C on all points.
     Annealing,
     /// The hybrid of paper C: annealing until the mean of |f| falls below `threshold`, then the
@@ -26,7 +26,7 @@ pub enum Method {
     /// starts, which does not depend on the scale of f.
     Hybrid {
         /// Local method after the annealing.
-        local: Local,
+        local: LocalMethod,
         /// Root of the mean f² at which the annealing ends, in the units of f.
         threshold: Option<f64>,
     },
@@ -39,12 +39,12 @@ impl Method {
         (
             "hybrid",
             Self::Hybrid {
-                local: Local::Lm,
+                local: LocalMethod::Lm,
                 threshold: None,
             },
         ),
-        ("local", Self::Local(Local::Lm)),
-        ("bfgs", Self::Local(Local::Bfgs)),
+        ("local", Self::Local(LocalMethod::Lm)),
+        ("bfgs", Self::Local(LocalMethod::Bfgs)),
         ("annealing", Self::Annealing),
     ];
 
@@ -52,8 +52,8 @@ impl Method {
     pub fn name(self) -> &'static str {
         match self {
             Self::Default => "default",
-            Self::Local(Local::Lm) => "local",
-            Self::Local(Local::Bfgs) => "bfgs",
+            Self::Local(LocalMethod::Lm) => "local",
+            Self::Local(LocalMethod::Bfgs) => "bfgs",
             Self::Annealing => "annealing",
             Self::Hybrid { .. } => "hybrid",
         }
@@ -146,7 +146,7 @@ pub struct Options {
     /// True to filter isolated outliers before the search.
     pub filter_outliers: bool,
     /// Approximate number of samples of the model's surface that are compared with the data, at
-    /// most [`MOST_SURFACE_SAMPLES`](crate::MOST_SURFACE_SAMPLES).
+    /// most [`MAX_SURFACE_SAMPLES`](crate::MAX_SURFACE_SAMPLES).
     pub surface_samples: usize,
     /// Maximum number of evaluations of the annealing.
     pub annealing_evaluations: usize,

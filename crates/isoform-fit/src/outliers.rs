@@ -8,39 +8,20 @@
 use isoform_geom::{KdTree, Point3, dot, sub};
 use isoform_num::linalg::symmetric_eigen;
 
-/// Neighbours whose mean distance is taken. Fewer let pairs of outliers pass, more cut into edges
-/// of the scan.
-const NEIGHBOURS: usize = 8;
-/// Robust standard deviations of log d above its median.
-const DEVIATIONS: f64 = 3.0;
-/// A candidate lies at least this many median distances from its neighbours, however even the scan.
-const LEAST_RATIO: f64 = 1.5;
-/// Share of the variance of a neighbourhood across its plane; 1/3 for a ball, 0 for a plane.
-const FLATNESS: f64 = 0.02;
-/// Share of the second moment of the first one below which points lie on a line.
-const LINE: f64 = 1e-3;
-/// A sparse but flat neighbourhood is sparse throughout: d no more than this times that of the
-/// neighbours.
-const EVENNESS: f64 = 1.5;
-/// Most points in the tree: the spacing of larger clouds is that of a sample.
-pub(crate) const MOST: usize = 200_000;
-/// Points whose distances give median and deviation.
-const SAMPLE: usize = 1024;
-/// Points whose neighbours' deviations from planes tell the local noise.
-const PROBES: usize = 150;
-/// Standard deviation over median size of normal numbers.
-pub(crate) const NORMAL: f64 = 1.4826;
-/// Share of isolated points from which the data count as having outliers; scans without them show
-/// next to none.
-pub(crate) const HAS_OUTLIERS: f64 = 0.01;
-/// A point is off the plane of its neighbours when it is farther from it than this many of their
-/// own deviations.
-const OFF_PLANE: f64 = 4.0;
-/// A point off the plane is also farther from it than this share of the spacing, which curved
-/// surfaces stay within.
-const OFF_SPACINGS: f64 = 0.3;
-/// More than this share is never dropped before the search.
-pub(crate) const MOST_DROPPED: f64 = 0.4;
+/// Number of neighbours whose mean distance is taken. With fewer, pairs of outliers pass; with
+/// more, edges of the scan are cut.
+const SPACING_NEIGHBOURS: usize = 8;
+/// Maximum number of points in the tree: the spacing of larger clouds is that of a sample.
+pub(crate) const MAX_TREE_POINTS: usize = 200_000;
+/// Number of points whose distances give median and deviation.
+const SPACING_SAMPLE_POINTS: usize = 1024;
+/// Ratio of the standard deviation of normal numbers to the median of their absolute values.
+pub(crate) const DEVIATION_PER_MEDIAN: f64 = 1.4826;
+/// Share of isolated points above which the data count as having outliers; scans without outliers
+/// have almost none.
+pub(crate) const MIN_OUTLIER_SHARE: f64 = 0.01;
+/// Largest share of points that is dropped before the search.
+pub(crate) const MAX_DROPPED_SHARE: f64 = 0.4;
 
 /// Nearest-neighbour statistics of points.
 pub(crate) struct Neighbourhood {
@@ -81,24 +62,30 @@ impl BestPlane {
 impl Neighbourhood {
     /// Analyses points; `order` is a random order of them.
     pub(crate) fn new(points: &[Point3], order: &[u32]) -> Self {
-        let sample: Vec<Point3> = if points.len() <= MOST {
+        let sample: Vec<Point3> = if points.len() <= MAX_TREE_POINTS {
             points.to_vec()
         } else {
-            order[..MOST].iter().map(|&i| points[i as usize]).collect()
+            order[..MAX_TREE_POINTS]
+                .iter()
+                .map(|&i| points[i as usize])
+                .collect()
         };
-        let first = order.iter().take(SAMPLE).map(|&i| points[i as usize]);
+        let first = order
+            .iter()
+            .take(SPACING_SAMPLE_POINTS)
+            .map(|&i| points[i as usize]);
         let first: Vec<Point3> = first.collect();
-        Self::of(sample, first)
+        Self::with_tree(sample, first)
     }
 
     /// Analyses a sample in a random order.
     pub(crate) fn of_sample(sample: Vec<Point3>) -> Self {
-        let first = sample[..SAMPLE.min(sample.len())].to_vec();
-        Self::of(sample, first)
+        let first = sample[..SPACING_SAMPLE_POINTS.min(sample.len())].to_vec();
+        Self::with_tree(sample, first)
     }
 
-    /// Of the points of the tree, and the first ones in the random order.
-    fn of(sample: Vec<Point3>, first: Vec<Point3>) -> Self {
+    /// Builds the tree of `sample`, and computes the spacing from the points `first`.
+    fn with_tree(sample: Vec<Point3>, first: Vec<Point3>) -> Self {
         let tree = KdTree::new(&sample);
         let mut found = Vec::new();
         let first = first.into_iter();
@@ -118,10 +105,10 @@ impl Neighbourhood {
         let mut found = Vec::new();
         let mut deviation = |i: &u32| {
             let p = points[*i as usize];
-            self.tree.nearest_k(p, 2 * NEIGHBOURS, &mut found);
+            self.tree.nearest_k(p, 2 * SPACING_NEIGHBOURS, &mut found);
             best_plane(&self.places(&found)).map(|plane| plane.rms)
         };
-        let probes = order.iter().take(PROBES);
+        let probes = order.iter().take(150);
         let mut off: Vec<f64> = probes.filter_map(&mut deviation).collect();
         let typical = median(&mut off);
         off.sort_unstable_by(f64::total_cmp);
@@ -148,7 +135,7 @@ impl Neighbourhood {
 
     /// Returns the neighbours of a point, without the point itself.
     fn others(&self, p: Point3, found: &mut Vec<(f64, u32)>) -> Vec<Point3> {
-        self.tree.nearest_k(p, NEIGHBOURS + 1, found);
+        self.tree.nearest_k(p, SPACING_NEIGHBOURS + 1, found);
         let mut others = self.places(found);
         others.retain(|q| *q != p);
         others
@@ -169,12 +156,13 @@ impl Neighbourhood {
             return false;
         }
         let around = self.places(found);
-        if flatness(&around) > FLATNESS {
+        // The variance across the plane of a neighbourhood is 1/3 of all for a ball, 0 for a plane.
+        if flatness(&around) > 0.02 {
             return true;
         }
         // A sparse but flat neighbourhood is kept if its points are about equally sparse.
         let theirs = around.iter().map(|q| mean_distance(&self.tree, *q, found));
-        d > EVENNESS * median(&mut theirs.collect::<Vec<_>>())
+        d > 1.5 * median(&mut theirs.collect::<Vec<_>>())
     }
 
     /// Returns the first `want` points in `order` that are not isolated, and the share of isolated
@@ -192,8 +180,8 @@ impl Neighbourhood {
             }
         }
         let share = 1.0 - kept.len() as f64 / seen.max(1) as f64;
-        if share > HAS_OUTLIERS {
-            // With outliers about, sparse regions get no benefit of the doubt.
+        if share > MIN_OUTLIER_SHARE {
+            // If there are outliers, sparse points are dropped, whatever their neighbours are.
             kept.retain(|p| !self.is_stray(*p, &mut found));
         }
         (kept, share)
@@ -232,7 +220,7 @@ impl Neighbourhood {
     /// surfaces are.
     fn is_off_plane(&self, p: Point3, found: &mut Vec<(f64, u32)>) -> bool {
         best_plane(&self.others(p, found)).is_some_and(|plane| {
-            let limit = (OFF_PLANE * plane.rms).max(OFF_SPACINGS * self.spacing);
+            let limit = (4.0 * plane.rms).max(0.3 * self.spacing);
             plane.height(p).abs() > limit
         })
     }
@@ -249,14 +237,14 @@ fn spacing_and_threshold(known: &[f64]) -> (f64, f64) {
     let centre = median(&mut logs);
     let mut off: Vec<f64> = logs.iter().map(|v| (v - centre).abs()).collect();
     let spread = robust_deviation(&mut off);
-    let threshold = (centre + (DEVIATIONS * spread).max(LEAST_RATIO.ln())).exp();
+    let threshold = (centre + (3.0 * spread).max(1.5_f64.ln())).exp();
     (centre.exp(), threshold)
 }
 
 /// Returns the mean distance to the nearest neighbours, without the point itself if it is in the
 /// tree.
 fn mean_distance(tree: &KdTree, p: Point3, found: &mut Vec<(f64, u32)>) -> f64 {
-    tree.nearest_k(p, NEIGHBOURS + 1, found);
+    tree.nearest_k(p, SPACING_NEIGHBOURS + 1, found);
     let others = &found[found.len().min(1)..];
     others.iter().map(|f| f.0.sqrt()).sum::<f64>() / others.len().max(1) as f64
 }
@@ -297,7 +285,7 @@ fn scatter(points: &[Point3]) -> (Point3, [f64; 9]) {
 pub(crate) fn best_plane(points: &[Point3]) -> Option<BestPlane> {
     let (at, c) = scatter(points);
     let (w, v) = symmetric_eigen(&c, 3);
-    let is_plane = points.len() > 4 && w[1] > LINE * w[2];
+    let is_plane = points.len() > 4 && w[1] > 1e-3 * w[2];
     is_plane.then(|| BestPlane {
         at,
         normal: [v[0], v[1], v[2]],
@@ -308,7 +296,7 @@ pub(crate) fn best_plane(points: &[Point3]) -> Option<BestPlane> {
 /// Returns the standard deviation of numbers about zero, from the median of their absolute values;
 /// reorders them.
 pub(crate) fn robust_deviation(sizes: &mut [f64]) -> f64 {
-    NORMAL * median(sizes)
+    DEVIATION_PER_MEDIAN * median(sizes)
 }
 
 /// Returns the upper median; reorders the numbers.

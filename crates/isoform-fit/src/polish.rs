@@ -6,39 +6,25 @@
 //! gross outliers), with the scale from the median absolute residual. Each level starts from the
 //! previous one, so that sums over all points are needed a few times only.
 
-use crate::objective::{Residuals, values};
 use crate::outliers::robust_deviation;
-use crate::search::Step;
+use crate::residuals::{Residuals, values};
+use crate::search::ConvergenceStep;
 use crate::space::Space;
 use crate::vector::distance;
 use crate::{Control, Loss, Objective, lm};
 use isoform_geom::{ParamField, Point3};
 
-/// Cauchy's constant: 95 % efficiency for Gaussian noise.
-const CAUCHY: f64 = 2.385;
-/// Tukey's constant: 95 % efficiency.
-const TUKEY: f64 = 4.685;
-/// Residuals beyond this many robust deviations are in the tails: 7e-6 of Gaussian noise.
-const TAIL: f64 = 4.5;
-/// Share of residuals in the tails from which these count as heavy.
-const HEAVY: f64 = 0.005;
-/// A robust scale below this share of the data's size is rounding, not noise.
-const ROUNDING: f64 = 1e-11;
-/// A round of least squares ends when a step lowers the sum by less than this over the number of
-/// points, as a share: a hundredth of a standard deviation of the parameters.
-const DECREASE: f64 = 1e-4;
-/// Evaluations of one round of least squares, at most.
-const MOST_EVALUATIONS: usize = 12;
-/// Rounds of reweighting of a rough fit.
-const ROUGH_ROUNDS: usize = 4;
-/// Rounds of reweighting whose scale follows the fit.
-const FREE_ROUNDS: usize = 3;
-/// Rounds of reweighting end when no variable moves by this share of a standard deviation of the
-/// best known parameter.
-const SETTLED: f64 = 0.05;
+/// Tuning constant of Cauchy's loss, for 95 % efficiency with Gaussian noise.
+const CAUCHY_TUNING: f64 = 2.385;
+/// Tuning constant of Tukey's biweight, for 95 % efficiency with Gaussian noise.
+const TUKEY_TUNING: f64 = 4.685;
+/// Robust scale, as a share of the data's size, below which residuals are rounding, not noise.
+const ROUNDING_SHARE: f64 = 1e-11;
+/// Number of rounds of reweighting in which the scale follows the fit.
+const FREE_SCALE_ROUNDS: usize = 3;
 
 /// Result of the polish on some points.
-pub(crate) struct Polished {
+pub(crate) struct PolishResult {
     pub(crate) x: Vec<f64>,
     /// Robust standard deviation of the residuals; 0 after least squares.
     pub(crate) scale: f64,
@@ -46,7 +32,7 @@ pub(crate) struct Polished {
     /// Matrix Jᵀ W J there; `None` after rounds with other weights.
     pub(crate) normal: Option<Vec<f64>>,
     pub(crate) evaluations: usize,
-    pub(crate) history: Vec<Step>,
+    pub(crate) history: Vec<ConvergenceStep>,
 }
 
 /// Settings of a polish.
@@ -63,7 +49,7 @@ pub(crate) struct Polish<'a> {
 }
 
 /// Points over which a polish sums: in memory, or in chunks.
-pub(crate) trait Sums {
+pub(crate) trait PolishSums {
     /// Returns the number of points.
     fn count(&self) -> usize;
     /// Returns Σ r².
@@ -83,7 +69,7 @@ pub(crate) trait Sums {
 }
 
 /// Points in memory.
-pub(crate) struct Here<'a> {
+pub(crate) struct InMemorySums<'a> {
     pub(crate) field: &'a dyn ParamField,
     pub(crate) space: &'a Space,
     pub(crate) points: &'a [Point3],
@@ -91,7 +77,7 @@ pub(crate) struct Here<'a> {
     pub(crate) mask: &'a [f64],
 }
 
-impl Here<'_> {
+impl InMemorySums<'_> {
     fn residuals(&self, x: &[f64]) -> Vec<f64> {
         let mut r = vec![0.0; self.points.len()];
         values(self.field, self.points, &self.space.parameters(x), &mut r);
@@ -99,7 +85,7 @@ impl Here<'_> {
     }
 }
 
-impl Sums for Here<'_> {
+impl PolishSums for InMemorySums<'_> {
     fn count(&self) -> usize {
         self.points.len()
     }
@@ -133,12 +119,12 @@ impl Sums for Here<'_> {
 }
 
 /// An objective with some variables held.
-struct Held<'a> {
+struct HeldObjective<'a> {
     inner: Box<dyn Objective + 'a>,
     held: &'a [bool],
 }
 
-impl Objective for Held<'_> {
+impl Objective for HeldObjective<'_> {
     fn dim(&self) -> usize {
         self.inner.dim()
     }
@@ -180,14 +166,15 @@ impl Polish<'_> {
 
     /// Minimises Cauchy's loss from x, with a scale that follows the fit: a rough robust fit for
     /// few points. `loss` of the result is the loss that suits the residuals.
-    pub(crate) fn rough(&self, points: &[Point3], x: Vec<f64>, has_outliers: bool) -> Polished {
+    pub(crate) fn rough(&self, points: &[Point3], x: Vec<f64>, has_outliers: bool) -> PolishResult {
         let here = self.here(points, &[]);
-        let mut p = self.reweighted(&here, x, Loss::Cauchy, ROUGH_ROUNDS);
+        let mut p = self.reweighted(&here, x, Loss::Cauchy, 4);
         let r = self.residuals(points, &p.x);
         p.scale = Self::scale(&r);
-        let beyond = r.iter().filter(|r| r.abs() > TAIL * p.scale).count();
-        let is_heavy = has_outliers || beyond as f64 / r.len().max(1) as f64 > HEAVY;
-        p.loss = if p.scale > ROUNDING * self.size && is_heavy {
+        // Gaussian noise exceeds 4.5 deviations with probability 7e-6.
+        let beyond = r.iter().filter(|r| r.abs() > 4.5 * p.scale).count();
+        let is_heavy = has_outliers || beyond as f64 / r.len().max(1) as f64 > 0.005;
+        p.loss = if p.scale > ROUNDING_SHARE * self.size && is_heavy {
             Loss::Tukey
         } else {
             Loss::Squares
@@ -196,8 +183,8 @@ impl Polish<'_> {
     }
 
     /// Makes the sums over points in memory; `mask` (empty or 0 and 1) leaves points out.
-    pub(crate) fn here<'b>(&'b self, points: &'b [Point3], mask: &'b [f64]) -> Here<'b> {
-        Here {
+    pub(crate) fn here<'b>(&'b self, points: &'b [Point3], mask: &'b [f64]) -> InMemorySums<'b> {
+        InMemorySums {
             field: self.field,
             space: self.space,
             points,
@@ -208,15 +195,15 @@ impl Polish<'_> {
     /// Fits with the given loss, to convergence.
     pub(crate) fn fine(
         &self,
-        points: &dyn Sums,
+        points: &dyn PolishSums,
         x: Vec<f64>,
         loss: Loss,
         rounds: usize,
-    ) -> Polished {
+    ) -> PolishResult {
         if loss.is_robust() {
             self.reweighted(points, x, loss, rounds)
         } else {
-            self.descend(points.squares(), points.count(), x, MOST_EVALUATIONS)
+            self.descend(points.squares(), points.count(), x, 12)
         }
     }
 
@@ -227,47 +214,56 @@ impl Polish<'_> {
         count: usize,
         x: Vec<f64>,
         most: usize,
-    ) -> Polished {
+    ) -> PolishResult {
         let mut history = Vec::new();
         let count = count.max(1) as f64;
-        let mut objective = Held {
+        let mut objective = HeldObjective {
             inner: sum,
             held: &self.held,
         };
         let mut monitor = |iteration: usize, _: &[f64], value: f64| {
-            history.push(Step::new(self.start, iteration, value, count));
+            history.push(ConvergenceStep::new(self.start, iteration, value, count));
             !self.control.is_stopped()
         };
-        let settings = lm::Options {
+        let settings = lm::LmOptions {
             max_iterations: most,
-            decrease: DECREASE / count,
+            // A hundredth of a standard deviation of the parameters.
+            decrease: 1e-4 / count,
             radius: 1.0,
-            ..lm::Options::default()
+            ..lm::LmOptions::default()
         };
         let m = self
             .space
             .minimize(&mut objective, x, &settings, &mut monitor);
-        Polished {
+        PolishResult {
             normal: m.normal,
             evaluations: m.iterations,
             history,
-            ..Polished::new(m.x, Loss::Squares)
+            ..PolishResult::new(m.x, Loss::Squares)
         }
     }
 
     /// Runs rounds of least squares, each with weights by the residuals of the previous one.
-    fn reweighted(&self, points: &dyn Sums, x: Vec<f64>, loss: Loss, rounds: usize) -> Polished {
-        let mut out = Polished::new(x, loss);
+    fn reweighted(
+        &self,
+        points: &dyn PolishSums,
+        x: Vec<f64>,
+        loss: Loss,
+        rounds: usize,
+    ) -> PolishResult {
+        let mut out = PolishResult::new(x, loss);
         for round in 0..rounds {
             // The scale follows the fit at first and is frozen later, so that the rounds converge.
             let frozen = out.scale;
-            let scale = |seen: Option<f64>| seen.map_or(frozen, |s| s.max(ROUNDING * self.size));
-            let is_free = round < FREE_ROUNDS;
+            let scale =
+                |seen: Option<f64>| seen.map_or(frozen, |s| s.max(ROUNDING_SHARE * self.size));
+            let is_free = round < FREE_SCALE_ROUNDS;
             let (scale, sum) = points.reweighted(&out.x, loss, &scale, is_free);
             out.scale = scale;
             let moved = out.take(self.descend(sum, points.count(), out.x.clone(), 2));
-            let small = SETTLED * out.scale / (self.size * (points.count() as f64).sqrt());
-            if (round >= FREE_ROUNDS && moved < small) || self.control.is_stopped() {
+            // Below a share of a standard deviation of the best known parameter.
+            let small = 0.05 * out.scale / (self.size * (points.count() as f64).sqrt());
+            if (round >= FREE_SCALE_ROUNDS && moved < small) || self.control.is_stopped() {
                 break;
             }
         }
@@ -275,7 +271,7 @@ impl Polish<'_> {
     }
 }
 
-impl Polished {
+impl PolishResult {
     /// Makes a result without any evaluation.
     fn new(x: Vec<f64>, loss: Loss) -> Self {
         Self {
@@ -321,9 +317,9 @@ pub(crate) fn tukey_sum(r: &[f64], mask: &[f64], scale: f64) -> f64 {
 pub(crate) fn weight(loss: Loss, z: f64) -> f64 {
     match loss {
         Loss::Squares | Loss::Auto => 1.0,
-        Loss::Cauchy => 1.0 / (1.0 + (z / CAUCHY).powi(2)),
+        Loss::Cauchy => 1.0 / (1.0 + (z / CAUCHY_TUNING).powi(2)),
         Loss::Tukey => {
-            let t = 1.0 - (z / TUKEY).powi(2);
+            let t = 1.0 - (z / TUKEY_TUNING).powi(2);
             if t > 0.0 { t * t } else { 0.0 }
         }
     }
@@ -334,11 +330,11 @@ pub(crate) fn slope(loss: Loss, z: f64) -> f64 {
     match loss {
         Loss::Squares | Loss::Auto => 1.0,
         Loss::Cauchy => {
-            let t = (z / CAUCHY).powi(2);
+            let t = (z / CAUCHY_TUNING).powi(2);
             (1.0 - t) / (1.0 + t).powi(2)
         }
         Loss::Tukey => {
-            let t = (z / TUKEY).powi(2);
+            let t = (z / TUKEY_TUNING).powi(2);
             if t < 1.0 {
                 (1.0 - t) * (1.0 - 5.0 * t)
             } else {

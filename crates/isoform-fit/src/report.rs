@@ -1,22 +1,21 @@
 //! Result of a fit: parameters with intervals, residuals by point and by piece, what the data leave
-//! open, and the verdict. It is composed in [`compose`].
+//! open, and the verdict.
 
-mod compose;
-mod estimates;
-mod open;
-mod parts;
-mod told;
+pub(crate) mod evidence;
+pub(crate) mod finding;
+pub(crate) mod open;
+pub(crate) mod parts;
+pub(crate) mod warning;
 
-pub(crate) use self::compose::ByPoint;
-pub use self::open::{Open, Why};
+pub use self::evidence::Evidence;
+pub use self::finding::{Finding, Verdict};
+pub use self::open::{UndeterminedGroup, Why};
 pub use self::parts::PartStatistics;
-pub(crate) use self::told::{SAMPLED, Tally, Told};
+pub use self::warning::Warning;
 
 use crate::clock::Seconds;
 use crate::deviation::{DataToModel, ModelToData};
-use crate::evidence::Evidence;
-use crate::judge::{Finding, Verdict, Warning};
-use crate::search::Step;
+use crate::search::ConvergenceStep;
 use crate::{Loss, lm};
 
 /// State of knowledge about a parameter.
@@ -31,7 +30,7 @@ pub enum Status {
     Undetermined,
     /// Fixed by the caller or the template.
     Fixed,
-    /// At a bound.
+    /// Held by a bound.
     AtBound,
 }
 
@@ -78,7 +77,7 @@ pub struct OtherMinimum {
     pub hits: usize,
 }
 
-/// The result of [`crate::fit`].
+/// Result of a fit.
 #[derive(Clone, Debug)]
 pub struct Fit {
     /// One per parameter.
@@ -117,7 +116,7 @@ pub struct Fit {
     /// Other minima found, best first.
     pub other_minima: Vec<OtherMinimum>,
     /// Groups of parameters that the data leave open.
-    pub undetermined: Vec<Open>,
+    pub undetermined: Vec<UndeterminedGroup>,
     /// Warnings, which do not speak against the fit.
     pub warnings: Vec<Warning>,
     /// Verdict on the fit.
@@ -156,7 +155,7 @@ pub struct Fit {
     /// Correction of the parameters for the bias of noise; empty for none.
     pub correction: Vec<f64>,
     /// Convergence history.
-    pub history: Vec<Step>,
+    pub history: Vec<ConvergenceStep>,
     /// Reason for which a local method stopped; `None` for other methods.
     pub stop: Option<lm::Stop>,
     /// Time by phase in seconds.
@@ -172,6 +171,26 @@ impl Fit {
             self.complete = false;
             self.warnings.insert(0, Warning::Stopped);
         }
+    }
+
+    /// Sets the verdict that follows from the findings.
+    pub(crate) fn decide(&mut self) {
+        let worst = self.findings.iter().map(Finding::verdict).max();
+        self.verdict = worst.unwrap_or(Verdict::Accepted);
+        self.acceptable = self.verdict == Verdict::Accepted;
+        self.reasons = self.findings.iter().map(ToString::to_string).collect();
+    }
+
+    /// Adds a finding and updates the verdict.
+    pub fn add_finding(&mut self, finding: Finding) {
+        self.findings.push(finding);
+        self.decide();
+    }
+
+    /// Removes findings and updates the verdict.
+    pub(crate) fn drop_findings(&mut self, is_dropped: impl Fn(&Finding) -> bool) {
+        self.findings.retain(|f| !is_dropped(f));
+        self.decide();
     }
 
     /// Returns the parameter vector.

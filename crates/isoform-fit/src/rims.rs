@@ -4,20 +4,11 @@ use crate::Template;
 use crate::template::parts_of;
 use isoform_geom::{Point3, dot};
 
-/// Half width of the rim of a piece, in deviations of the noise. At 3 one point in 700 crosses it.
-const RIM: f64 = 2.5;
-/// A point moved to a level of its piece's distance is there, unless another piece is in between:
-/// less than this share of the level.
-const STRAIGHT: f64 = 0.9;
-/// A piece that would lose more than this share of its points keeps them all: better biased than
-/// blind.
-const MOST_RIM: f64 = 0.5;
-
-/// 0 for points so near to the rim of their piece that noise may have carried them across, else 1;
-/// empty where all are 1.
+/// Returns 0 for points so near to the rim of their piece that noise may have carried them across,
+/// else 1; empty if all are 1.
 ///
 /// Minima and maxima of signed distances evaluate a point beyond the rim by the wrong piece, always
-/// on the same side: at noise of 1/250 of the size, faces move outwards by a whole standard
+/// on one side: at noise of 1/250 of the size, faces move outwards by a whole standard
 /// deviation. A point is moved along the gradient to a fixed level inside and outside; if it does
 /// not arrive there, another piece is nearer than the level. This depends on the distance to the
 /// *other* piece alone, which for crossing faces is independent of the residual: leaving points out
@@ -26,7 +17,8 @@ const MOST_RIM: f64 = 0.5;
 pub(crate) fn rims(template: &dyn Template, points: &[Point3], a: &[f64], noise: f64) -> Vec<f64> {
     // The half width of the rim in deviations of the noise; at 3 one point in 700 crosses it.
     let mut is_rim = vec![false; points.len()];
-    mark_rims(template, points, a, RIM * noise, &mut is_rim);
+    let level = 2.5 * noise;
+    mark_rims(template, points, a, level, &mut is_rim);
     let parts = parts_of(template, points, a);
     let counts = counted(&parts, &is_rim, template.part_names().len());
     let loses = |part: u32| counts.get(part as usize).is_some_and(|c| c.can_lose_rim());
@@ -41,22 +33,22 @@ pub(crate) fn rims(template: &dyn Template, points: &[Point3], a: &[f64], noise:
 
 /// Number of points of a piece, and of those on its rim.
 #[derive(Clone, Copy, Default)]
-struct Count {
+struct RimCount {
     all: usize,
     rim: usize,
 }
 
-impl Count {
+impl RimCount {
     /// Returns true if enough points remain without those on the rim. A piece that would lose more
     /// than half of its points keeps them all: a bias is better than no data.
     fn can_lose_rim(self) -> bool {
-        self.rim as f64 <= MOST_RIM * self.all as f64
+        self.rim as f64 <= 0.5 * self.all as f64
     }
 }
 
 /// Counts points by piece.
-fn counted(parts: &[u32], is_rim: &[bool], pieces: usize) -> Vec<Count> {
-    let mut counts = vec![Count::default(); pieces];
+fn counted(parts: &[u32], is_rim: &[bool], pieces: usize) -> Vec<RimCount> {
+    let mut counts = vec![RimCount::default(); pieces];
     for (part, is_rim) in parts.iter().zip(is_rim) {
         if let Some(c) = counts.get_mut(*part as usize) {
             c.all += 1;
@@ -84,7 +76,8 @@ fn mark_rims(
         let moved: Vec<Point3> = places.map(|((p, f), g)| moved(*p, *f, *g, level)).collect();
         field.values(&moved, a, &mut there);
         for (is_rim, there) in is_rim.iter_mut().zip(&there) {
-            *is_rim |= there / level < STRAIGHT;
+            // Short of the level, another piece is in between.
+            *is_rim |= there / level < 0.9;
         }
     }
 }

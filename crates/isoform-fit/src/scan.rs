@@ -2,25 +2,20 @@
 
 use crate::chunks::{Cloud, by_hash, hash};
 use crate::clutter::Clutter;
-use crate::judge::Warning;
-use crate::outliers::{HAS_OUTLIERS, MOST, MOST_DROPPED, Neighbourhood};
+use crate::outliers::{MAX_DROPPED_SHARE, MAX_TREE_POINTS, MIN_OUTLIER_SHARE, Neighbourhood};
 use crate::report::Fit;
+use crate::report::warning::Warning;
+use crate::thresholds::CLUTTER_STRAY_SHARE;
 use crate::{Control, FitError, Options};
 use isoform_geom::{Aabb, Point3};
 use std::borrow::Cow;
 use std::time::Instant;
 
-/// Isolated points above this share are clutter: of those near the surface nobody knows whether
-/// they are part of it. Scans without stray points have less than a tenth of this share.
-pub(crate) const MANY_STRAYS: f64 = 0.04;
-/// Most points each of which is asked whether it is stray: some 20 s on one core for a million.
-const MOST_ASKED: usize = 1 << 18;
-
 /// A prepared scan: distinct points, neighbour statistics, isolated points, box. One scan serves
 /// any number of templates.
 ///
 /// ```
-/// use isoform_fit::{Beside, Control, Options, Scan};
+/// use isoform_fit::{ClutterKind, Control, Options, Scan};
 ///
 /// // A square of 40 × 40 points, the first of them twice.
 /// let mut points: Vec<[f64; 3]> =
@@ -29,7 +24,7 @@ const MOST_ASKED: usize = 1 << 18;
 /// let scan = Scan::new(&points, &Options::default(), &Control::default())?;
 /// assert_eq!(scan.points().len(), 1600);
 /// // The scan has no other component.
-/// assert_eq!(scan.clutter().share(Beside::Apart), 0.0);
+/// assert_eq!(scan.clutter().share(ClutterKind::Apart), 0.0);
 /// # Ok::<(), isoform_fit::FitError>(())
 /// ```
 pub struct Scan<'a> {
@@ -74,8 +69,8 @@ impl<'a> Scan<'a> {
         let (points, index) = distinct(points);
         let order = random_order(&points, options.seed);
         let near = Neighbourhood::new(&points, &order);
-        let bounds = Aabb::of(points.iter());
-        let scan = Self::looked_at(points, None, (order, near), bounds, options);
+        let bounds = Aabb::from_points(points.iter());
+        let scan = Self::prepare(points, None, (order, near), bounds, options);
         Ok(Self {
             index,
             seconds: started.elapsed().as_secs_f64(),
@@ -83,23 +78,23 @@ impl<'a> Scan<'a> {
         })
     }
 
-    /// Prepares a cloud in chunks, drawn with the same seed, from its sample, which is moved out of
-    /// it.
+    /// Prepares a cloud in chunks, drawn with the seed of the options, from its sample, which is
+    /// moved out of it.
     pub fn of_cloud(cloud: &'a mut Cloud<'_>, options: &Options, control: &Control) -> Self {
         let started = Instant::now();
         control.report("outliers", 0.0);
         let near = Neighbourhood::of_sample(std::mem::take(&mut cloud.sample));
         let order = (0..near.sampled().len() as u32).collect();
         let (none, bounds) = (Cow::Borrowed(&[][..]), cloud.bounds);
-        let scan = Self::looked_at(none, Some(cloud), (order, near), bounds, options);
+        let scan = Self::prepare(none, Some(cloud), (order, near), bounds, options);
         Self {
             seconds: started.elapsed().as_secs_f64(),
             ..scan
         }
     }
 
-    /// Looks at distinct points, or the sample of a cloud, in a random order and in a box.
-    fn looked_at(
+    /// Prepares distinct points, or the sample of a cloud, in a random order and in a box.
+    fn prepare(
         distinct: Cow<'a, [Point3]>,
         cloud: Option<&'a Cloud<'a>>,
         (order, near): (Vec<u32>, Neighbourhood),
@@ -159,9 +154,10 @@ impl<'a> Scan<'a> {
 
     /// Classifies the clutter around the part, as far as the points alone show it.
     pub fn clutter(&self) -> Clutter<'_> {
-        let has_strays = self.isolated > MANY_STRAYS && self.count() <= MOST_ASKED;
-        let looked_at = (self.points(), &self.order[..]);
-        Clutter::find(looked_at, self.count(), &self.near, has_strays)
+        // For a million points the test for stray ones takes some 20 s on one core.
+        let has_strays = self.isolated > CLUTTER_STRAY_SHARE && self.count() <= 1 << 18;
+        let sampled = (self.points(), &self.order[..]);
+        Clutter::find(sampled, self.count(), &self.near, has_strays)
     }
 
     /// Extends the result of a fit to the distinct points to all points.
@@ -196,7 +192,7 @@ fn repeated(points: usize, distinct: usize) -> Option<Warning> {
 /// Returns a random order of distinct points. For many points it is that of a hash of each, so that
 /// the sample does not depend on their order.
 fn random_order(points: &[Point3], seed: u64) -> Vec<u32> {
-    if points.len() > MOST {
+    if points.len() > MAX_TREE_POINTS {
         let hashes: Vec<u64> = points.iter().map(|p| hash(p, seed)).collect();
         return by_hash(&hashes);
     }
@@ -239,7 +235,7 @@ fn kept(
     } else {
         (Vec::new(), 0.0)
     };
-    if is_filtered && isolated <= MOST_DROPPED {
+    if is_filtered && isolated <= MAX_DROPPED_SHARE {
         return (kept, isolated);
     }
     let some = order.iter().take(wanted);
@@ -286,8 +282,8 @@ fn first_occurrences(points: &[Point3]) -> Option<Vec<u32>> {
 
 /// Returns the box of all points, or of those kept if outliers would enlarge it.
 fn trusted_box(all: Aabb, kept: &[Point3], isolated: f64, spacing: f64) -> Aabb {
-    let mut some = Aabb::of(kept);
-    if isolated <= HAS_OUTLIERS && all.diagonal() < 1.5 * some.diagonal() {
+    let mut some = Aabb::from_points(kept);
+    if isolated <= MIN_OUTLIER_SHARE && all.diagonal() < 1.5 * some.diagonal() {
         return all;
     }
     for i in 0..3 {

@@ -5,57 +5,36 @@
 //! what is *known* about the variables is in [`crate::identify`]; their *spread* is the covariance,
 //! including correlation between neighbouring points ([`spread`]).
 
-mod measured;
 mod open;
 mod spread;
-
-pub(crate) use self::measured::{Measured, measured};
+mod state;
 
 use self::spread::Spread;
+use self::state::MinimumState;
 use crate::Loss;
-use crate::bias::{Bias, Biased, Points};
+use crate::bias::{Bias, BiasProblem, FittedPoints};
 use crate::chunks::{ChunkSums, Mask};
 use crate::clock::Clock;
-use crate::deviation::{self, Surface};
-use crate::evidence::DENSEST;
-use crate::feet::KeptFeet;
-use crate::fit::Found;
-use crate::identify::{At, Knowledge, OpenDirection};
-use crate::objective::values;
-use crate::polish::{Polish, Sums};
+use crate::deviation::{self, SampledSurface};
+use crate::feet::CachedFeet;
+use crate::identify::{ExaminedFit, Knowledge, OpenDirection};
+use crate::minimum::FitMinimum;
+use crate::point_distances::PointDistances;
+use crate::polish::{Polish, PolishSums};
+use crate::residuals::values;
 use crate::rims::rims;
 use crate::task::Task;
+use crate::thresholds::{MAX_FITTED_POINTS, REPRESENTATIVE_POINTS};
 use crate::vector::{add, minus};
-use isoform_geom::{ParamField, Point3};
+use isoform_geom::Point3;
 
-/// Points that settle the minimum and its intervals at first. More are taken where they would
-/// shrink an interval (see [`spread`]).
-const SETTLING: usize = 20_000;
-/// Most points that are ever fitted: beyond, intervals of a few parts in a million are the least
-/// of a scan's errors.
-pub(crate) const MOST_FITTED: usize = 1 << 20;
-/// Points whose sums tell whether a variable that is moved leaves the data.
-const TESTED: usize = 4096;
-/// Rounds of asking for the bias, at most.
-const ROUNDS: usize = 3;
-/// Share of the bias that stays in the intervals as its own uncertainty.
-const UNSURE: f64 = 0.2;
-/// Least share of the noise that distances show, as far as it is believed.
-const LEAST_SHRUNK: f64 = 0.5;
-/// Rounds of reweighting by the distance.
-const REWEIGHTED: usize = 8;
-/// Deviations of the noise that an open face is moved off the data.
-const CLEAR_NOISES: f64 = 6.0;
-/// Share of the spacing that an open face is moved off the data, at least.
-const CLEAR_SPACINGS: f64 = 0.25;
-
-/// A fit with what the data say of it.
-pub(crate) struct Fitted {
-    pub(crate) found: Found,
+/// A final minimum with what the data say about it.
+pub(crate) struct FinalFit {
+    pub(crate) found: FitMinimum,
     /// Robust standard deviation of the residuals.
     pub(crate) noise: f64,
-    pub(crate) measured: Measured,
-    pub(crate) surface: Surface,
+    pub(crate) measured: PointDistances,
+    pub(crate) surface: SampledSurface,
     /// True for parts of the model that no data support.
     pub(crate) open_parts: Vec<bool>,
     pub(crate) knowledge: Knowledge,
@@ -69,49 +48,29 @@ pub(crate) struct Fitted {
     pub(crate) correction: Option<Vec<f64>>,
 }
 
-/// Quantities at a minimum.
-struct State {
-    residuals: Vec<f64>,
-    /// Nearest points of the model, by point.
-    at: Vec<Point3>,
-    noise: f64,
-    surface: Surface,
-    open_parts: Vec<bool>,
-    /// 0 for points on open parts, else 1; empty for none on open parts.
-    mask: Vec<f64>,
-}
-
 /// A minimum, the points that determine it, and what they say.
-struct Settled<'a> {
-    points: Points<'a>,
-    found: Found,
-    state: State,
+struct FinalMinimum<'a> {
+    points: FittedPoints<'a>,
+    found: FitMinimum,
+    state: MinimumState,
     knowledge: Knowledge,
     spread: Spread,
 }
 
 impl<'t> Task<'t> {
-    /// Returns the distance, or the metric reading if the template has none.
-    pub(crate) fn measure(&self) -> &dyn ParamField {
-        match &self.distance {
-            Some(distance) => distance,
-            None => self.template.metric(),
-        }
-    }
-
     /// Returns the points of the last stages. More are taken if they would shrink an interval (see
     /// [`spread`]).
     pub(crate) fn settling(&self) -> Vec<Point3> {
-        if self.points.len() <= 2 * SETTLING {
+        if self.points.len() <= 2 * REPRESENTATIVE_POINTS {
             self.points.to_vec()
         } else {
-            self.some(SETTLING)
+            self.some(REPRESENTATIVE_POINTS)
         }
     }
 
     /// Minimises the distance from the metric minimum, holds what no data support, and removes the
     /// bias.
-    pub(crate) fn settle(&self, mut found: Found, clock: &mut Clock) -> Fitted {
+    pub(crate) fn settle(&self, mut found: FitMinimum, clock: &mut Clock) -> FinalFit {
         let points = self.settling();
         let mut exact = self.polish_with(self.measure(), found.outcome.starts + 1);
         let normal = self.descend(&exact, &exact.here(&points, &[]), &mut found);
@@ -128,8 +87,8 @@ impl<'t> Task<'t> {
         let normal = is_unmoved.then_some(&knowledge.normal[..]);
         let spread = self.spread(&points, &found, &state, &exact.held, normal);
         clock.lap("spread");
-        let settled = Settled {
-            points: Points::Here(points),
+        let settled = FinalMinimum {
+            points: FittedPoints::InMemory(points),
             found,
             state,
             knowledge,
@@ -139,14 +98,14 @@ impl<'t> Task<'t> {
     }
 
     /// Examines a fit without moving it.
-    pub(crate) fn ask(&self, found: Found) -> Fitted {
+    pub(crate) fn examine_fixed(&self, found: FitMinimum) -> FinalFit {
         let points = self.settling();
         let state = self.state(&points, &found);
         let knowledge = self.knowledge(&points, &found, &state, None);
         let held = vec![false; self.space.len()];
         let spread = self.spread(&points, &found, &state, &held, Some(&knowledge.normal));
-        let settled = Settled {
-            points: Points::Here(points),
+        let settled = FinalMinimum {
+            points: FittedPoints::InMemory(points),
             found,
             state,
             knowledge,
@@ -162,9 +121,9 @@ impl<'t> Task<'t> {
         &self,
         exact: &Polish<'_>,
         points: &[Point3],
-        found: &mut Found,
+        found: &mut FitMinimum,
         normal: Option<Vec<f64>>,
-    ) -> (State, Option<Vec<f64>>) {
+    ) -> (MinimumState, Option<Vec<f64>>) {
         let state = self.state(points, found);
         if state.mask.is_empty() {
             return (state, normal);
@@ -186,8 +145,8 @@ impl<'t> Task<'t> {
         &self,
         exact: &mut Polish<'_>,
         points: &[Point3],
-        found: &mut Found,
-        state: &State,
+        found: &mut FitMinimum,
+        state: &MinimumState,
         knowledge: &Knowledge,
     ) {
         let before = found.x.clone();
@@ -202,8 +161,13 @@ impl<'t> Task<'t> {
     }
 
     /// Takes more points if they shrink an interval, and removes the bias.
-    fn finish(&self, mut settled: Settled<'t>, exact: &Polish<'_>, clock: &mut Clock) -> Fitted {
-        let most = self.scan.count().min(MOST_FITTED);
+    fn finish(
+        &self,
+        mut settled: FinalMinimum<'t>,
+        exact: &Polish<'_>,
+        clock: &mut Clock,
+    ) -> FinalFit {
+        let most = self.scan.count().min(MAX_FITTED_POINTS);
         let share = settled.points.count() as f64 / most as f64;
         let is_stopped = self.control.is_stopped();
         if settled.points.count() < most && !is_stopped && settled.spread.gains(share) {
@@ -219,8 +183,8 @@ impl<'t> Task<'t> {
     }
 
     /// Minimises over more points.
-    fn take_more(&self, settled: &mut Settled<'t>, exact: &Polish<'_>, most: usize) {
-        let Settled { found, state, .. } = settled;
+    fn take_more(&self, settled: &mut FinalMinimum<'t>, exact: &Polish<'_>, most: usize) {
+        let FinalMinimum { found, state, .. } = settled;
         if let Some(cloud) = self.scan.cloud() {
             let some = |a: &[f64]| self.residuals_of_some(a);
             let sums = ChunkSums {
@@ -234,33 +198,32 @@ impl<'t> Task<'t> {
                 some: &some,
             };
             self.descend(exact, &sums, found);
-            settled.points = Points::InChunks(cloud);
+            settled.points = FittedPoints::InChunks(cloud);
             return;
         }
         let points = self.some(most);
         let measured = self.measured(&points, &found.x);
         state.mask = measured.mask(&state.open_parts);
         self.descend(exact, &exact.here(&points, &state.mask), found);
-        settled.points = Points::Here(points);
+        settled.points = FittedPoints::InMemory(points);
     }
 
     /// Returns the residuals of some points, as the polish needs them.
     fn residuals_of_some(&self, a: &[f64]) -> Vec<f64> {
-        let some = self.some(SETTLING);
+        let some = self.some(REPRESENTATIVE_POINTS);
         let mut r = vec![0.0; some.len()];
         values(self.measure(), &some, a, &mut r);
         r
     }
 
     /// Removes the bias of noise. Returns the step that was added to the variables.
-    fn unbiased(&self, settled: &mut Settled<'_>) -> Option<Vec<f64>> {
+    fn unbiased(&self, settled: &mut FinalMinimum<'_>) -> Option<Vec<f64>> {
         let minimum = settled.found.x.clone();
         let alike = settled.spread.correlation.clamp(0.0, 1.0);
         let mut noise = settled.state.noise * (1.0 - alike).sqrt();
         let mut last: Option<Bias> = None;
-        // The bias at the minimum is not quite that at the place which is left when it is taken
-        // away: where it is large it is asked for once more, there.
-        for _ in 0..ROUNDS {
+        // The bias depends on the fit: if it is large it is estimated again after its removal.
+        for _ in 0..3 {
             if self.control.is_stopped() {
                 break;
             }
@@ -272,7 +235,7 @@ impl<'t> Task<'t> {
             self.space.into_interior(&mut settled.found.x, 1e-12);
             // Distances near edges are smaller than the noise that caused them.
             if last.is_none() {
-                noise /= bias.shrunk.clamp(LEAST_SHRUNK, 1.0);
+                noise /= bias.shrunk.clamp(0.5, 1.0);
             }
             let is_small = settled.spread.hides(&bias.correction);
             last = Some(bias);
@@ -281,14 +244,15 @@ impl<'t> Task<'t> {
             }
         }
         let bias = last?;
-        settled.spread.add_correction(&bias, UNSURE);
+        // A fifth of the bias counts as its uncertainty.
+        settled.spread.add_correction(&bias, 0.2);
         Some(bias.correction)
     }
 
     /// Estimates the bias of noise at the fit.
-    fn bias(&self, settled: &Settled<'_>, noise: f64) -> Option<Bias> {
-        let Settled { found, state, .. } = settled;
-        let asked = Biased {
+    fn bias(&self, settled: &FinalMinimum<'_>, noise: f64) -> Option<Bias> {
+        let FinalMinimum { found, state, .. } = settled;
+        let asked = BiasProblem {
             distance: self.template.distance()?,
             space: &self.space,
             x: &found.x,
@@ -303,24 +267,24 @@ impl<'t> Task<'t> {
         asked.bias()
     }
 
-    fn fitted(&self, settled: Settled<'_>, correction: Option<Vec<f64>>) -> Fitted {
-        let Settled {
+    fn fitted(&self, settled: FinalMinimum<'_>, correction: Option<Vec<f64>>) -> FinalFit {
+        let FinalMinimum {
             points,
             found,
             state,
             mut knowledge,
             spread,
         } = settled;
-        let untold = self.untold(&found.x, &knowledge, &spread.total);
+        let untold = self.undetermined(&found.x, &knowledge, &spread.total);
         knowledge.open.extend(untold);
         let mut measured = self.measured(self.points, &found.x);
         if self.scan.cloud().is_some() {
-            // What follows asks chunks, and needs the memory more than these.
-            measured.at.truncate(DENSEST);
+            // The next stages query chunks, and need the memory.
+            measured.at.truncate(REPRESENTATIVE_POINTS);
             measured.at.shrink_to_fit();
-            self.distance.iter().for_each(KeptFeet::forget);
+            self.distance.iter().for_each(CachedFeet::forget);
         }
-        Fitted {
+        FinalFit {
             noise: state.noise,
             measured,
             surface: state.surface,
@@ -336,7 +300,12 @@ impl<'t> Task<'t> {
 
     /// Returns the variables on which no sum depends, one group each: they have no variance.
     /// Variables at a bound, which have none either, are left out.
-    fn untold(&self, x: &[f64], knowledge: &Knowledge, covariance: &[f64]) -> Vec<Vec<usize>> {
+    fn undetermined(
+        &self,
+        x: &[f64],
+        knowledge: &Knowledge,
+        covariance: &[f64],
+    ) -> Vec<Vec<usize>> {
         let m = self.space.len();
         let is_told = |k: usize| {
             self.space.is_at_bound(x, k, 0.0) || knowledge.open.iter().any(|g| g.contains(&k))
@@ -350,11 +319,11 @@ impl<'t> Task<'t> {
     fn descend(
         &self,
         exact: &Polish<'_>,
-        points: &dyn Sums,
-        found: &mut Found,
+        points: &dyn PolishSums,
+        found: &mut FitMinimum,
     ) -> Option<Vec<f64>> {
         let is_robust = found.loss.is_robust();
-        let rounds = if is_robust { REWEIGHTED } else { 1 };
+        let rounds = if is_robust { 8 } else { 1 };
         let from = found.x.clone();
         let mut fine = exact.fine(points, from, found.loss, rounds);
         found.evaluations += fine.evaluations;
@@ -372,7 +341,7 @@ impl<'t> Task<'t> {
     }
 
     /// Computes noise, open parts and the mask at a minimum.
-    fn state(&self, points: &[Point3], found: &Found) -> State {
+    fn state(&self, points: &[Point3], found: &FitMinimum) -> MinimumState {
         let measured = self.measured(points, &found.x);
         let noise = self.noise(&measured.residuals, found.loss);
         let a = self.space.parameters(&found.x);
@@ -385,7 +354,7 @@ impl<'t> Task<'t> {
             // Minima and maxima evaluate points beyond a rim by the wrong piece.
             mask = rims(self.template, points, &a, noise);
         }
-        State {
+        MinimumState {
             residuals: measured.residuals,
             at: measured.at,
             noise,
@@ -411,12 +380,12 @@ impl<'t> Task<'t> {
     fn knowledge(
         &self,
         points: &[Point3],
-        found: &Found,
-        state: &State,
+        found: &FitMinimum,
+        state: &MinimumState,
         normal: Option<Vec<f64>>,
     ) -> Knowledge {
         if self.control.is_stopped() {
-            return self.at(points, found, state).unasked(normal);
+            return self.at(points, found, state).without_moves(normal);
         }
         // Variables that move parts with bare surface are suspects.
         let cover = state.surface.cover(self.template.part_names().len());
@@ -427,8 +396,13 @@ impl<'t> Task<'t> {
     }
 
     /// Describes the fit for [`crate::identify`].
-    fn at<'b>(&'b self, points: &'b [Point3], found: &'b Found, state: &'b State) -> At<'b> {
-        At {
+    fn at<'b>(
+        &'b self,
+        points: &'b [Point3],
+        found: &'b FitMinimum,
+        state: &'b MinimumState,
+    ) -> ExaminedFit<'b> {
+        ExaminedFit {
             field: self.measure(),
             points,
             space: &self.space,
@@ -439,7 +413,7 @@ impl<'t> Task<'t> {
             scale: state.noise,
             least_scale: self.rounding(),
             rounding: self.options.rounding,
-            tested: TESTED,
+            tested: 4096,
             control: self.control,
         }
     }
@@ -447,7 +421,7 @@ impl<'t> Task<'t> {
     /// Moves along an open direction within bounds: by six deviations of the noise, and at least by
     /// a quarter of the spacing.
     fn step_clear(&self, x: &mut [f64], open: &OpenDirection, noise: f64) {
-        let clear = (CLEAR_NOISES * noise).max(CLEAR_SPACINGS * self.near.spacing);
+        let clear = (6.0 * noise).max(0.25 * self.near.spacing);
         let mut t = clear / self.space.unit(open.variable);
         for j in 0..x.len() {
             let by = open.sense * open.direction[j];

@@ -9,13 +9,10 @@ mod limits;
 mod ties;
 
 use self::limits::{informed, limits, positive};
-use self::ties::{Row, rows};
+use self::ties::{ParameterRow, rows};
 use crate::bounds::Bounds;
 use crate::{FitError, Kind, Objective, Parameter, lm};
 use isoform_geom::Aabb;
-
-/// Share of the room to a tied parameter's bound that a step takes, at most.
-const SHARE: f64 = 0.95;
 
 /// The free variables of a fit.
 ///
@@ -72,7 +69,7 @@ impl Space {
         data: Aabb,
     ) -> Result<Self, FitError> {
         let rows = rows(parameters)?;
-        let mut space = Self::of_constants(rows.iter().map(|row| row.constant).collect());
+        let mut space = Self::with_constants(rows.iter().map(|row| row.constant).collect());
         for (i, p) in parameters.iter().enumerate() {
             let is_free = rows[i].is_variable(i);
             let said = bounds.get(i).copied().flatten();
@@ -91,8 +88,8 @@ impl Space {
         Ok(space)
     }
 
-    /// A space without variables.
-    fn of_constants(base: Vec<f64>) -> Self {
+    /// Makes a space without variables.
+    fn with_constants(base: Vec<f64>) -> Self {
         Self {
             bounds: Vec::with_capacity(base.len()),
             base,
@@ -122,7 +119,11 @@ impl Space {
     }
 
     /// Fills the columns of B, and applies the bounds of tied parameters.
-    fn add_rows(&mut self, rows: &[Row], parameters: &[Parameter]) -> Result<(), FitError> {
+    fn add_rows(
+        &mut self,
+        rows: &[ParameterRow],
+        parameters: &[Parameter],
+    ) -> Result<(), FitError> {
         for (i, row) in rows.iter().enumerate() {
             let scaled = self.in_variables(row);
             for &(k, c) in &scaled {
@@ -136,7 +137,7 @@ impl Space {
     }
 
     /// Returns the terms of a row with variables in place of free parameters.
-    fn in_variables(&self, row: &Row) -> Vec<(usize, f64)> {
+    fn in_variables(&self, row: &ParameterRow) -> Vec<(usize, f64)> {
         let variable = |j: usize| {
             let k = self.free.binary_search(&j);
             k.expect("rows are followed to free parameters")
@@ -302,7 +303,7 @@ impl Space {
         &self,
         objective: &mut dyn Objective,
         x: Vec<f64>,
-        options: &lm::Options,
+        options: &lm::LmOptions,
         monitor: &mut dyn FnMut(usize, &[f64], f64) -> bool,
     ) -> lm::Minimum {
         lm::minimize(objective, x, &self.lo, &self.hi, options, monitor)
@@ -318,7 +319,7 @@ impl Space {
             let (lo, hi) = self.bounds[*i];
             let gap = if by > 0.0 { hi - at } else { at - lo };
             if by.abs() > gap.max(0.0) {
-                limit = limit.min(SHARE * gap.max(0.0) / by.abs());
+                limit = limit.min(0.95 * gap.max(0.0) / by.abs());
             }
         }
         limit

@@ -1,19 +1,14 @@
 //! A scan, a template and settings: the input of every stage of a fit.
 
-use crate::deviation::{self, Data};
-use crate::feet::KeptFeet;
+use crate::deviation::{self, ReferenceData};
+use crate::feet::CachedFeet;
 use crate::outliers::Neighbourhood;
+use crate::point_distances::{PointDistances, measure_points};
 use crate::polish::Polish;
 use crate::scan::Scan;
 use crate::space::Space;
 use crate::{Control, FitError, Options, Parameter, Template};
 use isoform_geom::{Aabb, ParamField, Point3};
-
-/// Number of robust deviations beyond which a point is an outlier, if it is also farther off than a
-/// share of the spacing.
-pub(crate) const OUTLIER_DEVIATIONS: f64 = 6.0;
-/// Noise below this share of the size is taken for rounding when deviations are judged.
-const EXACT: f64 = 1e-9;
 
 /// One template and one scan, with everything that a fit of one to the other needs.
 pub(crate) struct Task<'a> {
@@ -30,7 +25,7 @@ pub(crate) struct Task<'a> {
     pub(crate) control: &'a Control<'a>,
     pub(crate) space: Space,
     /// Distance of the template, if it has one.
-    pub(crate) distance: Option<KeptFeet<'a>>,
+    pub(crate) distance: Option<CachedFeet<'a>>,
 }
 
 impl<'a> Task<'a> {
@@ -57,7 +52,7 @@ impl<'a> Task<'a> {
             options,
             control,
             space: Space::new(parameters, &options.bounds, scan.data)?,
-            distance: template.distance().map(KeptFeet::new),
+            distance: template.distance().map(CachedFeet::new),
         })
     }
 
@@ -68,7 +63,7 @@ impl<'a> Task<'a> {
 
     /// Returns the deviation below which noise counts as rounding.
     pub(crate) fn rounding(&self) -> f64 {
-        (EXACT * self.size()).max(self.options.rounding)
+        (1e-9 * self.size()).max(self.options.rounding)
     }
 
     /// Returns the first points in the random order.
@@ -113,9 +108,23 @@ impl<'a> Task<'a> {
         }
     }
 
+    /// Returns the distance, or the metric reading if the template has none.
+    pub(crate) fn measure(&self) -> &dyn ParamField {
+        match &self.distance {
+            Some(distance) => distance,
+            None => self.template.metric(),
+        }
+    }
+
+    /// Computes the distances and parts of points at some variables.
+    pub(crate) fn measured(&self, points: &[Point3], x: &[f64]) -> PointDistances {
+        let a = self.space.parameters(x);
+        measure_points(self.template, self.distance.as_ref(), points, &a)
+    }
+
     /// Returns the data with which the model's surface is compared.
-    pub(crate) fn data(&self, noise: f64) -> Data<'_> {
-        Data {
+    pub(crate) fn data(&self, noise: f64) -> ReferenceData<'_> {
+        ReferenceData {
             bounds: self.data,
             near: self.near,
             noise,

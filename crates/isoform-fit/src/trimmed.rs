@@ -7,62 +7,49 @@
 //! sums, which do not depend on how far off an outlier is.
 
 use crate::lm;
-use crate::objective::{Residuals, values};
-use crate::outliers::{NORMAL, median, robust_deviation};
-use crate::search::Search;
+use crate::outliers::{DEVIATION_PER_MEDIAN, median, robust_deviation};
+use crate::residuals::{Residuals, values};
+use crate::search::MinimumSearch;
 use rayon::prelude::*;
 
-/// Share of the points that a concentration step keeps. It survives a fifth of clustered outliers.
-const KEPT: f64 = 0.8;
-/// Concentration steps; they settle after three to five.
-const STEPS: usize = 6;
-/// Starts, beside the one given.
-const STARTS: usize = 32;
-/// Throws of single pieces of the best result, per round.
-const THROWS: usize = 12;
-/// Rounds of throws, at most.
-const ROUNDS: usize = 2;
-/// Pieces that are thrown in turn: the ones with the fewest points.
-const THROWN: usize = 4;
-/// Residuals are cut at this many robust deviations of the best result.
-const CUT: f64 = 6.0;
-/// Residuals are cut no nearer than at this share of the spacing.
-const LEAST_CUT: f64 = 0.25;
-/// Evaluations of the first minimisation from a start.
-const FIRST: usize = 40;
-/// Evaluations of the later minimisations, and of the first one after a throw.
-const THEN: usize = 15;
+/// Number of concentration steps; they converge after three to five.
+const CONCENTRATION_STEPS: usize = 6;
+/// Number of robust deviations of the best result at which residuals are truncated.
+const CUT_DEVIATIONS: f64 = 6.0;
+/// Maximum number of evaluations of the later minimisations, and of the first one after a
+/// perturbation.
+const MAX_LATER_EVALUATIONS: usize = 15;
 
 /// Result of a trimmed fit.
-pub(crate) struct Trimmed {
+pub(crate) struct TrimmedFit {
     pub(crate) x: Vec<f64>,
     /// Absolute metric residuals; infinite where a residual is not finite.
     off: Vec<f64>,
     pub(crate) evaluations: usize,
 }
 
-impl Search<'_> {
+impl MinimumSearch<'_> {
     /// Returns the best result of trimmed fits, from a start and from 32 informed ones, with the
     /// evaluations of all.
-    pub(crate) fn trimmed(&self, first: Vec<f64>, spacing: f64) -> Trimmed {
-        let drawn = (0..STARTS).map(|i| self.drawn(i));
+    pub(crate) fn trimmed(&self, first: Vec<f64>, spacing: f64) -> TrimmedFit {
+        let drawn = (0..32).map(|i| self.drawn(i));
         let starts: Vec<Vec<f64>> = [first].into_iter().chain(drawn).collect();
-        let mut found = self.concentrated(starts, FIRST);
+        let mut found = self.concentrated(starts, 40);
         let mut best = self.lowest(&found, spacing);
         let mut random = fastrand::Rng::with_seed(self.options.seed ^ 0x7_2133);
-        for _ in 0..ROUNDS {
+        for _ in 0..2 {
             if self.control.is_stopped() {
                 break;
             }
             let thrown = self.thrown(&found[best].x, &mut random);
-            found.extend(self.concentrated(thrown, THEN));
+            found.extend(self.concentrated(thrown, MAX_LATER_EVALUATIONS));
             let next = self.lowest(&found, spacing);
             if next == best {
                 break;
             }
             best = next;
         }
-        Trimmed {
+        TrimmedFit {
             evaluations: found.iter().map(|f| f.evaluations).sum(),
             ..found.swap_remove(best)
         }
@@ -72,13 +59,13 @@ impl Search<'_> {
     /// drawn anew.
     fn thrown(&self, x: &[f64], random: &mut fastrand::Rng) -> Vec<Vec<f64>> {
         let groups = self.groups(x);
-        let group = |k: usize| groups.get(k % groups.len().clamp(1, THROWN));
-        (0..THROWS)
+        let group = |k: usize| groups.get(k % groups.len().clamp(1, 4));
+        (0..12)
             .map(|k| self.throw_group(x, group(k).map_or(&[], Vec::as_slice), random))
             .collect()
     }
 
-    fn concentrated(&self, starts: Vec<Vec<f64>>, first: usize) -> Vec<Trimmed> {
+    fn concentrated(&self, starts: Vec<Vec<f64>>, first: usize) -> Vec<TrimmedFit> {
         starts
             .into_par_iter()
             .map(|x| self.concentrate(x, first))
@@ -86,15 +73,19 @@ impl Search<'_> {
     }
 
     /// Runs concentration steps from a start, the first with at most `first` evaluations.
-    fn concentrate(&self, x: Vec<f64>, first: usize) -> Trimmed {
-        let mut trimmed = Trimmed {
+    fn concentrate(&self, x: Vec<f64>, first: usize) -> TrimmedFit {
+        let mut trimmed = TrimmedFit {
             x,
             off: Vec::new(),
             evaluations: 0,
         };
         let mut weights = Vec::new();
-        for step in 0..=STEPS {
-            let most = if step == 0 { first } else { THEN };
+        for step in 0..=CONCENTRATION_STEPS {
+            let most = if step == 0 {
+                first
+            } else {
+                MAX_LATER_EVALUATIONS
+            };
             let m = self.weighted(&weights, trimmed.x.clone(), most);
             trimmed.evaluations += m.iterations;
             trimmed.x = m.x;
@@ -113,10 +104,10 @@ impl Search<'_> {
     fn weighted(&self, weights: &[f64], x: Vec<f64>, most: usize) -> lm::Minimum {
         let field = self.template.algebraic();
         let mut objective = Residuals::new(field, self.points, weights, self.space);
-        let settings = lm::Options {
+        let settings = lm::LmOptions {
             max_iterations: most,
             decrease: 1e-4,
-            ..lm::Options::default()
+            ..lm::LmOptions::default()
         };
         self.space
             .minimize(&mut objective, x, &settings, &mut |_, _, _| true)
@@ -139,9 +130,9 @@ impl Search<'_> {
     }
 
     /// Returns the index of the result with the least truncated sum.
-    fn lowest(&self, found: &[Trimmed], spacing: f64) -> usize {
-        let scales = found.iter().map(Trimmed::scale);
-        let cut = (CUT * scales.fold(f64::INFINITY, f64::min)).max(LEAST_CUT * spacing);
+    fn lowest(&self, found: &[TrimmedFit], spacing: f64) -> usize {
+        let scales = found.iter().map(TrimmedFit::scale);
+        let cut = (CUT_DEVIATIONS * scales.fold(f64::INFINITY, f64::min)).max(0.25 * spacing);
         let score = |k: &usize| -> f64 {
             let off = found[*k].off.iter();
             off.map(|v| v.min(cut).powi(2)).sum()
@@ -152,7 +143,7 @@ impl Search<'_> {
     }
 }
 
-impl Trimmed {
+impl TrimmedFit {
     /// Returns the robust deviation of the residuals.
     fn scale(&self) -> f64 {
         robust_deviation(&mut self.off.clone())
@@ -162,11 +153,11 @@ impl Trimmed {
     /// tolerates a fifth of clustered outliers; after the last step all that are near enough.
     fn limit(&self, step: usize) -> f64 {
         let mut sorted = self.off.clone();
-        if step + 1 < STEPS {
-            let at = ((KEPT * sorted.len() as f64) as usize).min(sorted.len() - 1);
+        if step + 1 < CONCENTRATION_STEPS {
+            let at = ((0.8 * sorted.len() as f64) as usize).min(sorted.len() - 1);
             *sorted.select_nth_unstable_by(at, f64::total_cmp).1
         } else {
-            NORMAL * CUT * median(&mut sorted)
+            DEVIATION_PER_MEDIAN * CUT_DEVIATIONS * median(&mut sorted)
         }
     }
 }

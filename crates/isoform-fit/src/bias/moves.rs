@@ -5,14 +5,11 @@ use std::f64::consts::TAU;
 
 /// Low-discrepancy sequence of standard normal vectors: a Kronecker sequence with the steps of
 /// Roberts (powers of the root of x⁶ = x + 1) from a seeded start.
-pub(super) struct Moves {
+pub(super) struct NormalSequence {
     at: [f64; 5],
 }
 
-impl Moves {
-    /// x⁶ = x + 1.
-    const ROOT: f64 = 1.134_724_138_401_519_5;
-
+impl NormalSequence {
     pub(super) fn new(seed: u64) -> Self {
         let mut random = fastrand::Rng::with_seed(seed ^ 0xB1A5);
         Self {
@@ -24,7 +21,8 @@ impl Moves {
     fn step(&mut self) -> [f64; 5] {
         let mut step = 1.0;
         for v in &mut self.at {
-            step /= Self::ROOT;
+            // The root of x⁶ = x + 1.
+            step /= 1.134_724_138_401_519_5;
             *v = (*v + step).fract();
         }
         self.at
@@ -74,7 +72,7 @@ mod tests {
 
     #[test]
     fn moves_are_normal_and_at_right_angles() {
-        let mut moves = Moves::new(3);
+        let mut moves = NormalSequence::new(3);
         let (n, mut square) = (20_000, 0.0);
         for _ in 0..n {
             let [u, v, w] = moves.next();

@@ -1,27 +1,20 @@
 //! Noise simulated at random points of the surface, and its effect on the fit.
 
-use super::moves::Moves;
-use super::{Biased, Sums};
+use super::moves::NormalSequence;
+use super::{BiasProblem, NoiseSums};
 use crate::vector::add;
 use isoform_geom::{Foot, Point3};
 use rayon::prelude::*;
 
-/// Simulated points, shared out in sets of six among the places that need them.
-const SIMULATED: usize = 1 << 14;
-/// Most sets of a place; each has one at least.
-const MOST_SETS: usize = 8;
-/// Simulated points per piece of parallel work.
-const PIECE: usize = 2048;
-
-/// A simulated point, and the weight it stands for.
-struct Noisy {
+/// A simulated point with its weight.
+struct NoisyPoint {
     at: Point3,
     weight: f64,
     place: u32,
 }
 
 /// Sums over a block of the simulated points.
-struct Piece {
+struct BlockSums {
     /// Pulls by sample of the surface.
     rows: Vec<(u32, Vec<f64>)>,
     /// Weighted sum of squared distances.
@@ -29,7 +22,7 @@ struct Piece {
     weights: f64,
 }
 
-impl Piece {
+impl BlockSums {
     /// Returns the pull of a sample, which is the last one or follows it.
     fn row(&mut self, place: u32, m: usize) -> &mut [f64] {
         if self.rows.last().is_none_or(|(last, _)| *last != place) {
@@ -39,16 +32,23 @@ impl Piece {
     }
 }
 
-impl Biased<'_> {
+impl BiasProblem<'_> {
     /// Adds the effect of simulated noise at samples of the surface.
-    pub(super) fn simulated(&self, a: &[f64], places: &[Foot], density: &[f64], sums: &mut Sums) {
+    pub(super) fn simulated(
+        &self,
+        a: &[f64],
+        places: &[Foot],
+        density: &[f64],
+        sums: &mut NoiseSums,
+    ) {
         if places.is_empty() {
             return;
         }
         let noisy = self.noisy(places, density);
         let m = self.space.len();
-        let pieces: Vec<Piece> = noisy
-            .par_chunks(PIECE)
+        let pieces: Vec<BlockSums> = noisy
+            // The length of a block is fixed: sums do not depend on the number of threads.
+            .par_chunks(2048)
             .map(|piece| self.sums(a, piece))
             .collect();
         // Blocks may split the points of a sample.
@@ -66,14 +66,14 @@ impl Biased<'_> {
 
     /// Draws noisy points at samples of the surface, one to eight sets of six each, some 16,000 in
     /// all.
-    fn noisy(&self, places: &[Foot], density: &[f64]) -> Vec<Noisy> {
-        let sets = (SIMULATED / (6 * places.len())).clamp(1, MOST_SETS);
+    fn noisy(&self, places: &[Foot], density: &[f64]) -> Vec<NoisyPoint> {
+        let sets = ((1 << 14) / (6 * places.len())).clamp(1, 8);
         let mut noisy = Vec::with_capacity(6 * sets * places.len());
-        let mut moves = Moves::new(self.seed);
+        let mut moves = NormalSequence::new(self.seed);
         for (row, (place, density)) in places.iter().zip(density).enumerate() {
             for by in (0..sets).flat_map(|_| moves.next()) {
                 let by = self.frame.turned(by.map(|v| self.noise * v));
-                noisy.extend([1.0, -1.0].map(|sign| Noisy {
+                noisy.extend([1.0, -1.0].map(|sign| NoisyPoint {
                     at: std::array::from_fn(|i| place.at[i] + sign * by[i]),
                     weight: density / (6 * sets) as f64,
                     place: row as u32,
@@ -84,12 +84,12 @@ impl Biased<'_> {
     }
 
     /// Sums Jᵀr by sample over some simulated points.
-    fn sums(&self, a: &[f64], noisy: &[Noisy]) -> Piece {
+    fn sums(&self, a: &[f64], noisy: &[NoisyPoint]) -> BlockSums {
         let (n, m) = (self.distance.dim(), self.space.len());
         let points: Vec<Point3> = noisy.iter().map(|p| p.at).collect();
         let (mut r, mut jac) = (vec![0.0; points.len()], vec![0.0; points.len() * n]);
         self.distance.jacobian(&points, a, &mut r, &mut jac);
-        let mut out = Piece {
+        let mut out = BlockSums {
             rows: Vec::new(),
             squares: 0.0,
             weights: 0.0,

@@ -9,22 +9,17 @@
 use isoform_num::gauss_legendre;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Nodes of the quadrature along the angle of each sector. With this many, and [`RADII`], the
-/// result is good to some 1e-6.
-const ANGLES: usize = 16;
-/// Nodes of the quadrature along the radius.
-const RADII: usize = 24;
-/// Beyond this many deviations there is no noise.
-const REACH: f64 = 6.0;
-/// Faces at sharper angles are near each other far from the edge: they are left to simulation.
-const SHARPEST: f64 = PI / 4.0;
-/// Angles are rounded to this, which changes the sums by less than a per cent.
-const STEP: f64 = 0.01;
+/// Distance, in standard deviations, beyond which noise is neglected: normal noise exceeds it twice
+/// in 10⁹.
+pub(super) const REACH_DEVIATIONS: f64 = 6.0;
+/// Resolution of the tabulated angles in radians; rounding to it changes the sums by less than one
+/// per cent.
+const ANGLE_STEP_RADIANS: f64 = 0.01;
 
 /// Integrals over the noisy points of one face of an edge, per length of the edge and density of
 /// the points, in units of the noise.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Wedge {
+pub(super) struct EdgeIntegrals {
     /// Weighted distance times the component of its direction along the points' own face normal.
     pub(super) own: f64,
     /// Weighted distance times the component along the normal of the other face.
@@ -34,51 +29,53 @@ pub(super) struct Wedge {
 }
 
 /// Integrals by angle, computed on demand: a part has few distinct angles.
-pub(super) struct Wedges<'w> {
+pub(super) struct EdgeIntegralTable<'w> {
     /// Weight of a distance.
     weight: &'w dyn Fn(f64) -> f64,
-    known: Vec<(i32, Wedge)>,
+    known: Vec<(i32, EdgeIntegrals)>,
     angles: (Vec<f64>, Vec<f64>),
     radii: (Vec<f64>, Vec<f64>),
 }
 
 /// The feature nearest to a point near an edge, apart from the first face.
 #[derive(Clone, Copy)]
-enum To {
+enum NearestFeature {
     Other,
     /// The edge itself, from inside (1) or outside (−1).
     Edge(f64),
 }
 
-impl<'w> Wedges<'w> {
+impl<'w> EdgeIntegralTable<'w> {
     pub(super) fn new(weight: &'w dyn Fn(f64) -> f64) -> Self {
         Self {
             weight,
             known: Vec::new(),
-            angles: gauss_legendre(ANGLES),
-            radii: gauss_legendre(RADII),
+            // With 16 nodes along the angle of each sector and 24 along the radius, errors are
+            // about 1e-6.
+            angles: gauss_legendre(16),
+            radii: gauss_legendre(24),
         }
     }
 
     /// Returns true if the integrals apply to an edge of this angle: faces at less than 45° are
     /// near each other far from the edge and are left to simulation.
     pub(super) fn has(angle: f64) -> bool {
-        (SHARPEST..=TAU - SHARPEST).contains(&angle)
+        (PI / 4.0..=TAU - PI / 4.0).contains(&angle)
     }
 
     /// Returns the integrals for an edge with this angle through the material.
-    pub(super) fn at(&mut self, angle: f64) -> Wedge {
-        let key = (angle / STEP).round() as i32;
+    pub(super) fn at(&mut self, angle: f64) -> EdgeIntegrals {
+        let key = (angle / ANGLE_STEP_RADIANS).round() as i32;
         if let Some((_, wedge)) = self.known.iter().find(|(k, _)| *k == key) {
             return *wedge;
         }
-        let wedge = self.integrate(f64::from(key) * STEP);
+        let wedge = self.integrate(f64::from(key) * ANGLE_STEP_RADIANS);
         self.known.push((key, wedge));
         wedge
     }
 
-    fn integrate(&self, angle: f64) -> Wedge {
-        let mut sum = Wedge::default();
+    fn integrate(&self, angle: f64) -> EdgeIntegrals {
+        let mut sum = EdgeIntegrals::default();
         for (from, to, nearest) in sectors(angle) {
             for (t, share) in self.angles.0.iter().zip(&self.angles.1) {
                 let ray = Ray::new(angle, from + t * (to - from), nearest);
@@ -89,7 +86,7 @@ impl<'w> Wedges<'w> {
     }
 
     /// Adds the points in one direction from the edge.
-    fn add(&self, ray: &Ray, share: f64, sum: &mut Wedge) {
+    fn add(&self, ray: &Ray, share: f64, sum: &mut EdgeIntegrals) {
         for (t, weight) in self.radii.0.iter().zip(&self.radii.1) {
             let radius = t * ray.far;
             let (x, z) = (radius * ray.cos, radius * ray.sin);
@@ -105,19 +102,19 @@ impl<'w> Wedges<'w> {
 
 /// Returns the sectors about an edge with the feature nearest to their points. The remaining
 /// sector, in which the first face itself is nearest, contributes nothing.
-fn sectors(angle: f64) -> [(f64, f64, To); 3] {
+fn sectors(angle: f64) -> [(f64, f64, NearestFeature); 3] {
     let half = 0.5 * angle;
     if angle < PI {
         [
-            (half, angle, To::Other),
-            (angle, angle + FRAC_PI_2, To::Other),
-            (angle + FRAC_PI_2, 1.5 * PI, To::Edge(-1.0)),
+            (half, angle, NearestFeature::Other),
+            (angle, angle + FRAC_PI_2, NearestFeature::Other),
+            (angle + FRAC_PI_2, 1.5 * PI, NearestFeature::Edge(-1.0)),
         ]
     } else {
         [
-            (FRAC_PI_2, angle - FRAC_PI_2, To::Edge(1.0)),
-            (angle - FRAC_PI_2, angle, To::Other),
-            (angle, PI + half, To::Other),
+            (FRAC_PI_2, angle - FRAC_PI_2, NearestFeature::Edge(1.0)),
+            (angle - FRAC_PI_2, angle, NearestFeature::Other),
+            (angle, PI + half, NearestFeature::Other),
         ]
     }
 }
@@ -137,11 +134,11 @@ struct Ray {
 
 impl Ray {
     /// Makes the ray at the angle `at` from the first face into the material.
-    fn new(angle: f64, at: f64, nearest: To) -> Self {
+    fn new(angle: f64, at: f64, nearest: NearestFeature) -> Self {
         let (sin, cos) = at.sin_cos();
         let (sine, slope) = match nearest {
-            To::Other => ((angle - at).sin(), [0.0, 1.0]),
-            To::Edge(side) => {
+            NearestFeature::Other => ((angle - at).sin(), [0.0, 1.0]),
+            NearestFeature::Edge(side) => {
                 let other = side * cos / angle.sin();
                 (side, [side * sin + other * angle.cos(), other])
             }
@@ -149,7 +146,7 @@ impl Ray {
         Self {
             sin,
             cos,
-            far: REACH / if cos > 0.0 { sin.abs() } else { 1.0 },
+            far: REACH_DEVIATIONS / if cos > 0.0 { sin.abs() } else { 1.0 },
             sine,
             slope,
         }
@@ -181,9 +178,9 @@ mod tests {
 
     /// Estimates the integrals from random points by the distances to the two half lines. Returns
     /// them with their standard deviation.
-    fn simulated(angle: f64, weight: fn(f64) -> f64, draws: usize) -> (Wedge, f64) {
+    fn simulated(angle: f64, weight: fn(f64) -> f64, draws: usize) -> (EdgeIntegrals, f64) {
         let mut random = fastrand::Rng::with_seed(7);
-        let (mut sum, mut variance, length) = (Wedge::default(), 0.0, 12.0);
+        let (mut sum, mut variance, length) = (EdgeIntegrals::default(), 0.0, 12.0);
         let (sin, cos) = angle.sin_cos();
         for _ in 0..draws {
             let (u, v) = super::super::moves::normal_pair([random.f64(), random.f64()]);
@@ -211,7 +208,7 @@ mod tests {
         }
         let share = length / draws as f64;
         (
-            Wedge {
+            EdgeIntegrals {
                 own: share * sum.own,
                 other: share * sum.other,
                 squares: share * sum.squares,
@@ -224,9 +221,10 @@ mod tests {
     fn wedges_are_what_random_points_say() {
         let cauchy = |z: f64| 1.0 / (1.0 + (z / 2.0).powi(2));
         for weight in [|_| 1.0, cauchy as fn(f64) -> f64] {
-            let mut wedges = Wedges::new(&weight);
+            let mut wedges = EdgeIntegralTable::new(&weight);
             for degrees in [50, 90, 150, 200, 270, 300] {
-                let angle = STEP * (f64::from(degrees).to_radians() / STEP).round();
+                let angle = ANGLE_STEP_RADIANS
+                    * (f64::from(degrees).to_radians() / ANGLE_STEP_RADIANS).round();
                 let found = wedges.at(angle);
                 let (drawn, deviation) = simulated(angle, weight, 400_000);
                 for (f, d) in [
@@ -244,10 +242,13 @@ mod tests {
     #[test]
     fn flat_edges_do_nothing_and_hollow_ones_the_opposite() {
         let weight = |_: f64| 1.0;
-        let mut wedges = Wedges::new(&weight);
+        let mut wedges = EdgeIntegralTable::new(&weight);
         let flat = wedges.at(PI - 1e-3);
         assert!(flat.own.abs() + flat.other.abs() < 1e-2, "{flat:?}");
-        let (full, hollow) = (wedges.at(1.2), wedges.at((TAU - 1.2) / STEP * STEP));
+        let (full, hollow) = (
+            wedges.at(1.2),
+            wedges.at((TAU - 1.2) / ANGLE_STEP_RADIANS * ANGLE_STEP_RADIANS),
+        );
         assert!((full.own + hollow.own).abs() < 0.02 * full.own.abs());
         assert!((full.other + hollow.other).abs() < 0.02 * full.other.abs());
     }

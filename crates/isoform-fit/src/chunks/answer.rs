@@ -1,54 +1,58 @@
 //! Evaluation of a query on the points of a chunk.
 
 use super::bits::Bits;
-use super::question::{Asked, Grid, Mask, Question, Reading, Telling, Weighing};
-use super::words::{Reader, Writer};
-use crate::feet::KeptFeet;
-use crate::objective::{normal_equations, sum_of_squares, values};
+use super::question::{
+    CellGrid, ChunkQuery, LossWeights, Mask, Reading, ResidualRequest, StatisticsQuery,
+};
+use super::wire::{WordReader, WordWriter};
+use crate::feet::CachedFeet;
+use crate::point_distances::{PointDistances, measure_points};
 use crate::polish::{tukey_sum, weights};
-use crate::report::{PartStatistics, Tally};
-use crate::settle::{Measured, measured};
+use crate::report::parts::PartStatistics;
+use crate::residuals::{normal_equations, sum_of_squares, values};
+use crate::tally::Tally;
 use crate::template::Template;
 use isoform_geom::{Aabb, ParamField, Point3};
 use std::borrow::Cow;
 
-/// Points whose nearest places are held at once.
-const BLOCK: usize = 1 << 14;
-
-/// The answer of a chunk with these points to a question about a template, as words.
-pub fn answer(question: &Question, points: &[Point3], template: &dyn Template) -> Vec<u64> {
-    let mut out = Writer::default();
-    let chunk = Chunk {
+/// Evaluates a question about a template on the points of a chunk. Returns the answer as words.
+pub fn evaluate_chunk(
+    question: &ChunkQuery,
+    points: &[Point3],
+    template: &dyn Template,
+) -> Vec<u64> {
+    let mut out = WordWriter::default();
+    let chunk = ChunkEvaluator {
         points,
         template,
-        distance: template.distance().map(KeptFeet::new),
+        distance: template.distance().map(CachedFeet::new),
     };
     match question {
-        Question::Look => {
+        ChunkQuery::Look => {
             out.count(points.len());
-            out.bounds(Aabb::of(points));
+            out.bounds(Aabb::from_points(points));
         }
-        Question::Hashes(seed) => points.iter().for_each(|p| out.word(hash(p, *seed))),
-        Question::Points(at) => at.iter().for_each(|i| out.point(points[*i as usize])),
-        Question::Moments(center) => out.each(&moments(points, *center)),
-        Question::Extents(base) => out.bounds(box_of(points.iter().map(|p| along(base, p)))),
-        Question::Within(frame, only) => {
+        ChunkQuery::Hashes(seed) => points.iter().for_each(|p| out.word(hash(p, *seed))),
+        ChunkQuery::Points(at) => at.iter().for_each(|i| out.point(points[*i as usize])),
+        ChunkQuery::Moments(center) => out.each(&moments(points, *center)),
+        ChunkQuery::Extents(base) => out.bounds(box_of(points.iter().map(|p| along(base, p)))),
+        ChunkQuery::Within(frame, only) => {
             let chosen = chunk.chosen(only);
             out.bounds(box_of(chosen.iter().map(|p| frame.within(*p))));
         }
-        Question::Cells(grid, only) => out.cells(&grid.counted(&chunk.chosen(only))),
-        Question::Sizes(asked, window, limit) => chunk.sizes(asked, *window, *limit, &mut out),
-        Question::Sum(asked, by, mask) => chunk.sum(asked, by.as_ref(), mask, &mut out),
-        Question::Normal(asked, by, mask) => chunk.normal(asked, by.as_ref(), mask, &mut out),
-        Question::Losses(asked, scale, mask) => chunk.losses(asked, *scale, mask, &mut out),
-        Question::Told(telling) => chunk.told(telling, &mut out),
+        ChunkQuery::Cells(grid, only) => out.cells(&grid.counted(&chunk.chosen(only))),
+        ChunkQuery::Sizes(asked, window, limit) => chunk.sizes(asked, *window, *limit, &mut out),
+        ChunkQuery::Sum(asked, by, mask) => chunk.sum(asked, by.as_ref(), mask, &mut out),
+        ChunkQuery::Normal(asked, by, mask) => chunk.normal(asked, by.as_ref(), mask, &mut out),
+        ChunkQuery::Losses(asked, scale, mask) => chunk.losses(asked, *scale, mask, &mut out),
+        ChunkQuery::Statistics(telling) => chunk.statistics(telling, &mut out),
     }
     out.0
 }
 
-/// Decodes the number and the box of the points of a chunk from its answer to [`Question::Look`].
-pub fn looked(words: &[u64]) -> (usize, Aabb) {
-    let mut words = Reader::new(words);
+/// Decodes the number and the box of the points of a chunk from its answer to [`ChunkQuery::Look`].
+pub fn decode_count_and_bounds(words: &[u64]) -> (usize, Aabb) {
+    let mut words = WordReader::new(words);
     let count = words.count();
     let (lo, hi) = (words.point(), words.point());
     (count, Aabb { lo, hi })
@@ -86,7 +90,7 @@ pub fn along(base: &[Point3; 3], p: &Point3) -> Point3 {
 
 /// Returns the bounding box of points without storing them.
 fn box_of(points: impl Iterator<Item = Point3>) -> Aabb {
-    let mut bounds = Aabb::of(&[]);
+    let mut bounds = Aabb::from_points(&[]);
     for p in points {
         for i in 0..3 {
             bounds.lo[i] = bounds.lo[i].min(p[i]);
@@ -96,7 +100,7 @@ fn box_of(points: impl Iterator<Item = Point3>) -> Aabb {
     bounds
 }
 
-impl Writer {
+impl WordWriter {
     fn bounds(&mut self, bounds: Aabb) {
         self.point(bounds.lo);
         self.point(bounds.hi);
@@ -112,13 +116,13 @@ impl Writer {
 }
 
 /// A chunk with the template of a question.
-struct Chunk<'a> {
+struct ChunkEvaluator<'a> {
     points: &'a [Point3],
     template: &'a dyn Template,
-    distance: Option<KeptFeet<'a>>,
+    distance: Option<CachedFeet<'a>>,
 }
 
-impl Chunk<'_> {
+impl ChunkEvaluator<'_> {
     /// Returns the flagged points.
     fn chosen(&self, only: &Bits) -> Cow<'_, [Point3]> {
         if *only == Bits::default() {
@@ -135,8 +139,8 @@ impl Chunk<'_> {
         }
     }
 
-    fn measured(&self, points: &[Point3], a: &[f64]) -> Measured {
-        measured(self.template, self.distance.as_ref(), points, a)
+    fn measured(&self, points: &[Point3], a: &[f64]) -> PointDistances {
+        measure_points(self.template, self.distance.as_ref(), points, a)
     }
 
     fn residuals(&self, reading: Reading, points: &[Point3], a: &[f64]) -> Vec<f64> {
@@ -158,7 +162,7 @@ impl Chunk<'_> {
         &self,
         points: &[Point3],
         reading: Reading,
-        by: Option<&Weighing>,
+        by: Option<&LossWeights>,
         mask: &Mask,
     ) -> Vec<f64> {
         let mask = self.masked(points, mask);
@@ -171,7 +175,7 @@ impl Chunk<'_> {
         }
     }
 
-    fn sizes(&self, asked: &Asked, window: (f64, f64), limit: f64, out: &mut Writer) {
+    fn sizes(&self, asked: &ResidualRequest, window: (f64, f64), limit: f64, out: &mut WordWriter) {
         let points = self.chosen(&asked.only);
         let r = self.residuals(asked.reading, &points, &asked.a);
         let finite = || r.iter().map(|r| r.abs()).filter(|r| r.is_finite());
@@ -194,14 +198,26 @@ impl Chunk<'_> {
         out.numbers(&inside);
     }
 
-    fn sum(&self, asked: &Asked, by: Option<&Weighing>, mask: &Mask, out: &mut Writer) {
+    fn sum(
+        &self,
+        asked: &ResidualRequest,
+        by: Option<&LossWeights>,
+        mask: &Mask,
+        out: &mut WordWriter,
+    ) {
         let points = self.chosen(&asked.only);
         let weights = self.weights(&points, asked.reading, by, mask);
         let field = self.field(asked.reading);
         out.number(sum_of_squares(field, &points, &weights, &asked.a));
     }
 
-    fn normal(&self, asked: &Asked, by: Option<&Weighing>, mask: &Mask, out: &mut Writer) {
+    fn normal(
+        &self,
+        asked: &ResidualRequest,
+        by: Option<&LossWeights>,
+        mask: &Mask,
+        out: &mut WordWriter,
+    ) {
         let points = self.chosen(&asked.only);
         let weights = self.weights(&points, asked.reading, by, mask);
         let field = self.field(asked.reading);
@@ -213,28 +229,30 @@ impl Chunk<'_> {
         out.numbers(&h);
     }
 
-    fn losses(&self, asked: &Asked, scale: f64, mask: &Mask, out: &mut Writer) {
+    fn losses(&self, asked: &ResidualRequest, scale: f64, mask: &Mask, out: &mut WordWriter) {
         let points = self.chosen(&asked.only);
         let r = self.residuals(asked.reading, &points, &asked.a);
         out.number(tukey_sum(&r, &self.masked(&points, mask), scale));
     }
 
-    fn told(&self, telling: &Telling, out: &mut Writer) {
+    fn statistics(&self, telling: &StatisticsQuery, out: &mut WordWriter) {
         let mut tally = Tally::new(self.template.part_names().len());
         tally.algebraic.resize(telling.minima.len(), 0.0);
-        for (block, points) in self.points.chunks(BLOCK).enumerate() {
-            let is_asked = |i: usize| telling.only.is_set(block * BLOCK + i);
-            self.tell(points, &is_asked, telling, &mut tally);
+        // Blocks bound the memory for nearest points.
+        let size = 1 << 14;
+        for (block, points) in self.points.chunks(size).enumerate() {
+            let is_asked = |i: usize| telling.only.is_set(block * size + i);
+            self.add_block(points, &is_asked, telling, &mut tally);
         }
         out.tally(&tally);
     }
 
     /// Adds the statistics of a block of points.
-    fn tell(
+    fn add_block(
         &self,
         points: &[Point3],
         is_asked: &dyn Fn(usize) -> bool,
-        telling: &Telling,
+        telling: &StatisticsQuery,
         tally: &mut Tally,
     ) {
         let measured = self.measured(points, &telling.a);
@@ -271,7 +289,7 @@ fn is_in(v: f64, window: (f64, f64)) -> bool {
     v >= window.0 && v <= window.1
 }
 
-impl Writer {
+impl WordWriter {
     fn tally(&mut self, tally: &Tally) {
         let counts = [
             tally.n,
@@ -303,10 +321,10 @@ impl Writer {
     }
 }
 
-impl Grid {
+impl CellGrid {
     /// Counts points by cell.
     fn counted(&self, points: &[Point3]) -> Vec<f64> {
-        let cells = crate::bias::Cells::of(self);
+        let cells = self.cells();
         let within: Vec<Point3> = points.iter().map(|p| self.frame.within(*p)).collect();
         cells.counted(&within)
     }

@@ -1,23 +1,21 @@
 //! The state of a fit of points in chunks: the flags of distinct and of fitted points, and a
 //! sample.
 
-use super::Chunks;
 use super::answer::moments;
 use super::bits::Bits;
-use super::question::{Asked, Grid, Question, Reading, Telling};
-use super::words::Reader;
-use crate::bias::{Cells, MOST_FEET};
-use crate::outliers::{MOST, NORMAL};
+use super::question::{CellGrid, ChunkQuery, Reading, ResidualRequest, StatisticsQuery};
+use super::source::Chunks;
+use super::wire::WordReader;
+use crate::cells::Cells;
+use crate::outliers::{DEVIATION_PER_MEDIAN, MAX_TREE_POINTS};
 use crate::polish::Polish;
-use crate::report::{PartStatistics, SAMPLED, Tally};
-use crate::settle::MOST_FITTED;
+use crate::report::parts::PartStatistics;
+use crate::tally::Tally;
+use crate::thresholds::{MAX_BIAS_FEET, MAX_FITTED_POINTS, REPRESENTATIVE_POINTS};
 use crate::{FitError, Template};
 use isoform_geom::{Aabb, Frame, Point3};
 
-/// Deviations of such a statistic by which the window around it is wider than the sample says.
-const WIDE: f64 = 6.0;
-
-/// Points in chunks, made ready to be fitted.
+/// A point cloud in chunks, prepared for fits.
 pub struct Cloud<'a> {
     chunks: &'a dyn Chunks,
     /// Index of the first point of each chunk among all points.
@@ -37,16 +35,16 @@ pub struct Cloud<'a> {
 
 /// Robust and ordinary size of residuals.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Sizes {
+pub(crate) struct ResidualSizes {
     /// Robust standard deviation.
     pub(crate) scale: f64,
     /// Root of the sum of the finite squares over the number of all residuals.
     pub(crate) rms: f64,
 }
 
-impl Sizes {
+impl ResidualSizes {
     /// Computes the sizes of residuals in memory.
-    pub(crate) fn of(r: &[f64]) -> Self {
+    pub(crate) fn from_residuals(r: &[f64]) -> Self {
         let squares = r.iter().filter(|r| r.is_finite()).map(|r| r * r);
         Self {
             scale: Polish::scale(r),
@@ -87,7 +85,7 @@ impl<'a> Cloud<'a> {
     /// Returns true if the sample would hold all of `points` points: such a cloud is better read
     /// whole.
     pub fn is_small(points: usize) -> bool {
-        points <= MOST
+        points <= MAX_TREE_POINTS
     }
 
     /// Returns all points of the chunks in order; `None` if a chunk does not answer.
@@ -96,7 +94,7 @@ impl<'a> Cloud<'a> {
         let every = |chunk: usize| (0..chunks.counts()[chunk] as u64).collect();
         let is_whole = chunks.ask(
             None,
-            &mut |chunk| Some(Question::Points(every(chunk))),
+            &mut |chunk| Some(ChunkQuery::Points(every(chunk))),
             &mut |_, words| {
                 points.extend(words.as_chunks().0.iter().map(|p| p.map(f64::from_bits)));
             },
@@ -123,7 +121,7 @@ impl<'a> Cloud<'a> {
     /// not answer.
     pub fn moments(chunks: &dyn Chunks, center: Point3) -> Option<[f64; 9]> {
         let mut sums = moments(&[], center);
-        let is_whole = ask_all(chunks, None, &Question::Moments(center), |mut words| {
+        let is_whole = ask_all(chunks, None, &ChunkQuery::Moments(center), |mut words| {
             for sum in &mut sums {
                 *sum += words.number();
             }
@@ -133,8 +131,8 @@ impl<'a> Cloud<'a> {
 
     /// Returns the box of all points in the coordinates along the columns of a rotation.
     pub fn extents(chunks: &dyn Chunks, base: &[Point3; 3]) -> Aabb {
-        let mut bounds = Aabb::of(&[]);
-        ask_all(chunks, None, &Question::Extents(*base), |words| {
+        let mut bounds = Aabb::from_points(&[]);
+        ask_all(chunks, None, &ChunkQuery::Extents(*base), |words| {
             add_box(&mut bounds, words)
         });
         bounds
@@ -144,7 +142,7 @@ impl<'a> Cloud<'a> {
     /// of the others in the order of their hashes, as in [`crate::Scan`].
     fn drop_repeats(&mut self, seed: u64) -> Result<Vec<u32>, FitError> {
         let mut hashes = Vec::with_capacity(self.count);
-        let is_whole = ask_all(self.chunks, None, &Question::Hashes(seed), |words| {
+        let is_whole = ask_all(self.chunks, None, &ChunkQuery::Hashes(seed), |words| {
             hashes.extend_from_slice(words.rest());
         });
         if !is_whole {
@@ -172,9 +170,9 @@ impl<'a> Cloud<'a> {
 
     /// Flags the fitted points and gathers the sample, both from the front of the order.
     fn draw(&mut self, mut order: Vec<u32>) -> Result<(), FitError> {
-        self.n_fitted = self.count.min(MOST_FITTED);
+        self.n_fitted = self.count.min(MAX_FITTED_POINTS);
         let fitted = &order[..self.n_fitted];
-        let stride = self.n_fitted.div_ceil(MOST_FEET).max(1);
+        let stride = self.n_fitted.div_ceil(MAX_BIAS_FEET).max(1);
         let strided: Vec<u32> = fitted.iter().copied().step_by(stride).collect();
         self.fitted = if self.n_fitted == self.count {
             self.distinct.clone()
@@ -187,7 +185,7 @@ impl<'a> Cloud<'a> {
                 .collect();
             self.with(none, fitted, Bits::set)
         };
-        order.truncate(MOST);
+        order.truncate(MAX_TREE_POINTS);
         order.shrink_to_fit();
         let kept = order.len();
         order.extend(strided);
@@ -234,7 +232,7 @@ impl<'a> Cloud<'a> {
             None,
             &mut |chunk| {
                 let places = std::mem::take(&mut places[chunk]);
-                (!places.is_empty()).then_some(Question::Points(places))
+                (!places.is_empty()).then_some(ChunkQuery::Points(places))
             },
             &mut |_, words| {
                 for (p, slot) in words.as_chunks().0.iter().zip(&mut slots) {
@@ -259,12 +257,12 @@ impl Cloud<'_> {
         &self,
         template: &dyn Template,
         asked: (Reading, &[f64]),
-        which: Which,
-        question: impl Fn(Asked) -> Question,
-        mut each: impl FnMut(Reader<'_>),
+        which: PointSet,
+        question: impl Fn(ResidualRequest) -> ChunkQuery,
+        mut each: impl FnMut(WordReader<'_>),
     ) -> bool {
         let of_chunk = |chunk: usize| {
-            question(Asked {
+            question(ResidualRequest {
                 reading: asked.0,
                 a: asked.1.to_vec(),
                 only: self.flags(which)[chunk].clone(),
@@ -273,14 +271,14 @@ impl Cloud<'_> {
         self.chunks.ask(
             Some(template),
             &mut |chunk| Some(of_chunk(chunk)),
-            &mut |_, words| each(Reader::new(words)),
+            &mut |_, words| each(WordReader::new(words)),
         )
     }
 
-    fn flags(&self, which: Which) -> &[Bits] {
+    fn flags(&self, which: PointSet) -> &[Bits] {
         match which {
-            Which::Distinct => &self.distinct,
-            Which::Fitted => &self.fitted,
+            PointSet::Distinct => &self.distinct,
+            PointSet::Fitted => &self.fitted,
         }
     }
 
@@ -290,23 +288,23 @@ impl Cloud<'_> {
         &self,
         template: &dyn Template,
         asked: (Reading, &[f64]),
-        which: Which,
+        which: PointSet,
         some: &[f64],
-    ) -> Sizes {
-        let mut sizes = Sizes::default();
+    ) -> ResidualSizes {
+        let mut sizes = ResidualSizes::default();
         let median = ranked(
             some,
             0.5,
             |n| n / 2,
             |window| {
-                let mut told = SizesTold::default();
-                let question = |asked| Question::Sizes(asked, window, f64::INFINITY);
+                let mut told = SizeSums::default();
+                let question = |asked| ChunkQuery::Sizes(asked, window, f64::INFINITY);
                 self.ask_residuals(template, asked, which, question, |words| told.add(words));
                 sizes.rms = (told.squares / f64::max(told.all as f64, 1.0)).sqrt();
                 told.found
             },
         );
-        sizes.scale = NORMAL * median;
+        sizes.scale = DEVIATION_PER_MEDIAN * median;
         sizes
     }
 
@@ -317,11 +315,11 @@ impl Cloud<'_> {
         asked: (Reading, &[f64]),
         limit: f64,
     ) -> (f64, f64) {
-        let mut told = SizesTold::default();
+        let mut told = SizeSums::default();
         // An empty window: only the sums are needed.
         let none = (f64::INFINITY, f64::INFINITY);
-        let question = |asked| Question::Sizes(asked, none, limit);
-        self.ask_residuals(template, asked, Which::Distinct, question, |words| {
+        let question = |asked| ChunkQuery::Sizes(asked, none, limit);
+        self.ask_residuals(template, asked, PointSet::Distinct, question, |words| {
             told.add(words)
         });
         (told.beyond, told.within)
@@ -329,22 +327,22 @@ impl Cloud<'_> {
 
     /// Returns the box of the fitted points in a frame.
     pub(crate) fn within(&self, frame: &Frame) -> Aabb {
-        let mut bounds = Aabb::of(&[]);
+        let mut bounds = Aabb::from_points(&[]);
         self.chunks.ask(
             None,
-            &mut |chunk| Some(Question::Within(*frame, self.fitted[chunk].clone())),
-            &mut |_, words| add_box(&mut bounds, Reader::new(words)),
+            &mut |chunk| Some(ChunkQuery::Within(*frame, self.fitted[chunk].clone())),
+            &mut |_, words| add_box(&mut bounds, WordReader::new(words)),
         );
         bounds
     }
 
     /// Counts the fitted points by cell.
     pub(crate) fn counted(&self, cells: &Cells, frame: &Frame) -> Vec<f64> {
-        let grid: Grid = cells.grid(*frame);
+        let grid = CellGrid::from_cells(cells, *frame);
         let mut counts = vec![0.0; grid.count.iter().product()];
         self.chunks.ask(
             None,
-            &mut |chunk| Some(Question::Cells(grid.clone(), self.fitted[chunk].clone())),
+            &mut |chunk| Some(ChunkQuery::Cells(grid.clone(), self.fitted[chunk].clone())),
             &mut |_, words| {
                 for [cell, count] in words.as_chunks().0 {
                     counts[*cell as usize] += f64::from_bits(*count);
@@ -356,7 +354,12 @@ impl Cloud<'_> {
 
     /// Collects the statistics of all points for a report. The window of the query is found here,
     /// from the distances of some used points.
-    pub(crate) fn told(&self, template: &dyn Template, telling: &Telling, some: &[f64]) -> Tally {
+    pub(crate) fn statistics(
+        &self,
+        template: &dyn Template,
+        telling: &StatisticsQuery,
+        some: &[f64],
+    ) -> Tally {
         let mut tally = Tally::default();
         let rank = |n: usize| ((0.95 * n as f64).ceil() as usize).clamp(1, n.max(1)) - 1;
         let p95 = ranked(some, 0.95, rank, |window| {
@@ -364,15 +367,15 @@ impl Cloud<'_> {
             self.chunks.ask(
                 Some(template),
                 &mut |chunk| {
-                    Some(Question::Told(Telling {
+                    Some(ChunkQuery::Statistics(StatisticsQuery {
                         only: self.distinct[chunk].clone(),
                         window,
                         ..telling.clone()
                     }))
                 },
-                &mut |_, words| tally.add_words(Reader::new(words)),
+                &mut |_, words| tally.add_words(WordReader::new(words)),
             );
-            Found {
+            WindowCounts {
                 count: tally.n - tally.n_outliers,
                 below: tally.below,
                 inside: std::mem::take(&mut tally.window),
@@ -385,7 +388,7 @@ impl Cloud<'_> {
 
 /// A set of points of a cloud.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Which {
+pub(crate) enum PointSet {
     /// All points, each once.
     Distinct,
     /// The points of the final fit.
@@ -394,7 +397,7 @@ pub(crate) enum Which {
 
 /// Counts of numbers relative to a window.
 #[derive(Default)]
-struct Found {
+struct WindowCounts {
     /// Number of all numbers.
     count: usize,
     /// Number of those below the window.
@@ -405,9 +408,9 @@ struct Found {
 
 /// Sums of the chunks' answers about sizes of residuals.
 #[derive(Default)]
-struct SizesTold {
+struct SizeSums {
     all: usize,
-    found: Found,
+    found: WindowCounts,
     /// Sum of the finite squares.
     squares: f64,
     /// Sums of squares beyond and within a limit.
@@ -415,8 +418,8 @@ struct SizesTold {
     within: f64,
 }
 
-impl SizesTold {
-    fn add(&mut self, mut words: Reader<'_>) {
+impl SizeSums {
+    fn add(&mut self, mut words: WordReader<'_>) {
         let mut next = || words.count();
         self.all += next();
         self.found.count += next();
@@ -436,7 +439,7 @@ fn ranked(
     some: &[f64],
     share: f64,
     rank: impl Fn(usize) -> usize,
-    mut ask: impl FnMut((f64, f64)) -> Found,
+    mut ask: impl FnMut((f64, f64)) -> WindowCounts,
 ) -> f64 {
     let mut window = window(some, share);
     loop {
@@ -465,10 +468,10 @@ fn ranked(
 /// with six standard deviations of its rank on both sides.
 fn window(some: &[f64], share: f64) -> (f64, f64) {
     let sizes = some.iter().map(|r| r.abs()).filter(|r| r.is_finite());
-    let mut sizes: Vec<f64> = sizes.take(SAMPLED).collect();
+    let mut sizes: Vec<f64> = sizes.take(REPRESENTATIVE_POINTS).collect();
     sizes.sort_unstable_by(f64::total_cmp);
     let n = sizes.len() as f64;
-    let wide = WIDE * (n * share * (1.0 - share)).sqrt() + 2.0;
+    let wide = 6.0 * (n * share * (1.0 - share)).sqrt() + 2.0;
     let lo = n * share - wide;
     let lo = if lo < 0.0 { 0.0 } else { sizes[lo as usize] };
     let hi = sizes.get((n * share + wide) as usize);
@@ -479,18 +482,18 @@ fn window(some: &[f64], share: f64) -> (f64, f64) {
 fn ask_all(
     chunks: &dyn Chunks,
     template: Option<&dyn Template>,
-    question: &Question,
-    mut each: impl FnMut(Reader<'_>),
+    question: &ChunkQuery,
+    mut each: impl FnMut(WordReader<'_>),
 ) -> bool {
     chunks.ask(
         template,
         &mut |_| Some(question.clone()),
-        &mut |_, words| each(Reader::new(words)),
+        &mut |_, words| each(WordReader::new(words)),
     )
 }
 
 /// Extends a box by one that was read.
-fn add_box(bounds: &mut Aabb, mut words: Reader<'_>) {
+fn add_box(bounds: &mut Aabb, mut words: WordReader<'_>) {
     let (lo, hi) = (words.point(), words.point());
     for i in 0..3 {
         bounds.lo[i] = bounds.lo[i].min(lo[i]);
@@ -500,7 +503,7 @@ fn add_box(bounds: &mut Aabb, mut words: Reader<'_>) {
 
 impl Tally {
     /// Adds the answer of a chunk.
-    fn add_words(&mut self, mut words: Reader<'_>) {
+    fn add_words(&mut self, mut words: WordReader<'_>) {
         let mut next = || words.count();
         self.n += next();
         self.n_outliers += next();
@@ -530,7 +533,7 @@ impl Tally {
 }
 
 /// Adds the sums of a part.
-fn add_part(part: &mut PartStatistics, words: &mut Reader<'_>) {
+fn add_part(part: &mut PartStatistics, words: &mut WordReader<'_>) {
     part.count += words.count();
     part.rms += words.number();
     part.mean += words.number();
@@ -554,7 +557,7 @@ mod tests {
                 let found = ranked(some, share, rank, |(lo, hi)| {
                     rounds += 1;
                     let inside = all.iter().copied().filter(|v| *v >= lo && *v <= hi);
-                    Found {
+                    WindowCounts {
                         count: all.len(),
                         below: all.iter().filter(|v| **v < lo).count(),
                         inside: inside.collect(),

@@ -1,8 +1,9 @@
 //! Queries about points in chunks.
 
 use super::bits::Bits;
-use super::words::{Reader, Writer};
+use super::wire::{WordReader, WordWriter};
 use crate::Loss;
+use crate::cells::Cells;
 use isoform_geom::{Frame, Point3};
 
 /// A residual function of the template.
@@ -21,7 +22,7 @@ const LOSSES: [Loss; 4] = [Loss::Auto, Loss::Squares, Loss::Cauchy, Loss::Tukey]
 
 /// Residuals that a query is about.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Asked {
+pub struct ResidualRequest {
     /// Residual function.
     pub reading: Reading,
     /// Parameters.
@@ -32,7 +33,7 @@ pub struct Asked {
 
 /// Weights by a loss of the residuals at some parameters, which need not be those of the query.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Weighing {
+pub struct LossWeights {
     /// Parameters.
     pub a: Vec<f64>,
     /// Loss.
@@ -52,7 +53,7 @@ pub struct Mask {
 
 /// Cells of a grid in which points are counted.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Grid {
+pub struct CellGrid {
     /// Frame along whose axes the cells lie.
     pub frame: Frame,
     /// Lower corner of the box.
@@ -63,9 +64,30 @@ pub struct Grid {
     pub count: [usize; 3],
 }
 
+impl CellGrid {
+    /// Makes a grid of cells along the axes of a frame.
+    pub(crate) fn from_cells(cells: &Cells, frame: Frame) -> Self {
+        Self {
+            frame,
+            lo: cells.lo,
+            cell: cells.cell,
+            count: cells.count,
+        }
+    }
+
+    /// Returns the cells in the coordinates of the frame.
+    pub(super) fn cells(&self) -> Cells {
+        Cells {
+            lo: self.lo,
+            cell: self.cell,
+            count: self.count,
+        }
+    }
+}
+
 /// A query for the statistics of points after a fit.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Telling {
+pub struct StatisticsQuery {
     /// Fitted parameters.
     pub a: Vec<f64>,
     /// Flags of distinct points.
@@ -84,7 +106,7 @@ pub struct Telling {
 
 /// A query to a chunk; it is evaluated by `evaluate_chunk`.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Question {
+pub enum ChunkQuery {
     /// The number of points and their box, for `decode_count_and_bounds`.
     Look,
     /// A hash of each point, with this seed.
@@ -98,23 +120,23 @@ pub enum Question {
     /// The box of flagged points in a frame.
     Within(Frame, Bits),
     /// The number of flagged points by cell.
-    Cells(Grid, Bits),
+    Cells(CellGrid, Bits),
     /// Sizes of residuals: those in a window, and the sums of squares above and within a limit.
-    Sizes(Asked, (f64, f64), f64),
+    Sizes(ResidualRequest, (f64, f64), f64),
     /// The weighted sum of squares.
-    Sum(Asked, Option<Weighing>, Mask),
+    Sum(ResidualRequest, Option<LossWeights>, Mask),
     /// The weighted normal equations.
-    Normal(Asked, Option<Weighing>, Mask),
+    Normal(ResidualRequest, Option<LossWeights>, Mask),
     /// The sum of Tukey's loss at this scale.
-    Losses(Asked, f64, Mask),
+    Losses(ResidualRequest, f64, Mask),
     /// The statistics for a report.
-    Told(Telling),
+    Statistics(StatisticsQuery),
 }
 
-impl Question {
+impl ChunkQuery {
     /// Encodes the query.
     pub fn to_words(&self) -> Vec<u64> {
-        let mut out = Writer::default();
+        let mut out = WordWriter::default();
         match self {
             Self::Look => out.word(1),
             Self::Hashes(seed) => {
@@ -145,24 +167,24 @@ impl Question {
             }
             Self::Sizes(asked, window, limit) => {
                 out.word(7);
-                out.asked(asked);
+                out.residual_request(asked);
                 out.each(&[window.0, window.1, *limit]);
             }
             Self::Sum(asked, by, mask) | Self::Normal(asked, by, mask) => {
                 out.word(if matches!(self, Self::Sum(..)) { 8 } else { 9 });
-                out.asked(asked);
-                out.weighing(by.as_ref());
+                out.residual_request(asked);
+                out.loss_weights(by.as_ref());
                 out.mask(mask);
             }
             Self::Losses(asked, scale, mask) => {
                 out.word(10);
-                out.asked(asked);
+                out.residual_request(asked);
                 out.number(*scale);
                 out.mask(mask);
             }
-            Self::Told(telling) => {
+            Self::Statistics(telling) => {
                 out.word(11);
-                out.telling(telling);
+                out.statistics_query(telling);
             }
         }
         out.0
@@ -170,7 +192,7 @@ impl Question {
 
     /// Decodes a query; `None` if the words do not hold one.
     pub fn from_words(words: &[u64]) -> Option<Self> {
-        let mut words = Reader::new(words);
+        let mut words = WordReader::new(words);
         let question = match words.word() {
             0 => Self::Hashes(words.word()),
             2 => Self::Points(words.words()),
@@ -179,14 +201,14 @@ impl Question {
             5 => Self::Within(words.frame(), Bits(words.words())),
             6 => Self::Cells(words.grid(), Bits(words.words())),
             7 => Self::Sizes(
-                words.asked(),
+                words.residual_request(),
                 (words.number(), words.number()),
                 words.number(),
             ),
-            8 => Self::Sum(words.asked(), words.weighing(), words.mask()),
-            9 => Self::Normal(words.asked(), words.weighing(), words.mask()),
-            10 => Self::Losses(words.asked(), words.number(), words.mask()),
-            11 => Self::Told(words.telling()),
+            8 => Self::Sum(words.residual_request(), words.loss_weights(), words.mask()),
+            9 => Self::Normal(words.residual_request(), words.loss_weights(), words.mask()),
+            10 => Self::Losses(words.residual_request(), words.number(), words.mask()),
+            11 => Self::Statistics(words.statistics_query()),
             1 => Self::Look,
             _ => return None,
         };
@@ -194,23 +216,23 @@ impl Question {
     }
 }
 
-impl Writer {
+impl WordWriter {
     fn frame(&mut self, frame: &Frame) {
         frame.rotation.iter().for_each(|row| self.point(*row));
         self.point(frame.translation);
     }
-    fn grid(&mut self, grid: &Grid) {
+    fn grid(&mut self, grid: &CellGrid) {
         self.frame(&grid.frame);
         self.point(grid.lo);
         self.number(grid.cell);
         grid.count.into_iter().for_each(|count| self.count(count));
     }
-    fn asked(&mut self, asked: &Asked) {
+    fn residual_request(&mut self, asked: &ResidualRequest) {
         self.word(asked.reading as u64);
         self.numbers(&asked.a);
         self.words(&asked.only.0);
     }
-    fn weighing(&mut self, by: Option<&Weighing>) {
+    fn loss_weights(&mut self, by: Option<&LossWeights>) {
         self.word(u64::from(by.is_some()));
         if let Some(by) = by {
             self.numbers(&by.a);
@@ -223,7 +245,7 @@ impl Writer {
         let open: Vec<u64> = mask.open.iter().map(|open| u64::from(*open)).collect();
         self.words(&open);
     }
-    fn telling(&mut self, telling: &Telling) {
+    fn statistics_query(&mut self, telling: &StatisticsQuery) {
         self.numbers(&telling.a);
         self.words(&telling.only.0);
         let (lo, hi) = telling.window;
@@ -233,30 +255,30 @@ impl Writer {
     }
 }
 
-impl Reader<'_> {
+impl WordReader<'_> {
     fn frame(&mut self) -> Frame {
         Frame {
             rotation: [self.point(), self.point(), self.point()],
             translation: self.point(),
         }
     }
-    fn grid(&mut self) -> Grid {
-        Grid {
+    fn grid(&mut self) -> CellGrid {
+        CellGrid {
             frame: self.frame(),
             lo: self.point(),
             cell: self.number(),
             count: [self.count(), self.count(), self.count()],
         }
     }
-    fn asked(&mut self) -> Asked {
-        Asked {
+    fn residual_request(&mut self) -> ResidualRequest {
+        ResidualRequest {
             reading: self.one_of(&READINGS),
             a: self.numbers(),
             only: Bits(self.words()),
         }
     }
-    fn weighing(&mut self) -> Option<Weighing> {
-        (self.word() == 1).then(|| Weighing {
+    fn loss_weights(&mut self) -> Option<LossWeights> {
+        (self.word() == 1).then(|| LossWeights {
             a: self.numbers(),
             loss: self.one_of(&LOSSES),
             scale: self.number(),
@@ -268,8 +290,8 @@ impl Reader<'_> {
             open: self.words().into_iter().map(|open| open == 1).collect(),
         }
     }
-    fn telling(&mut self) -> Telling {
-        Telling {
+    fn statistics_query(&mut self) -> StatisticsQuery {
+        StatisticsQuery {
             a: self.numbers(),
             only: Bits(self.words()),
             limit: self.number(),

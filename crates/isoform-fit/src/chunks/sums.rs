@@ -1,9 +1,9 @@
 //! Sums over points in chunks, for the polish.
 
-use super::cloud::{Cloud, Which};
-use super::question::{Asked, Mask, Question, Reading, Weighing};
-use super::words::Reader;
-use crate::polish::Sums;
+use super::cloud::{Cloud, PointSet};
+use super::question::{ChunkQuery, LossWeights, Mask, Reading, ResidualRequest};
+use super::wire::WordReader;
+use crate::polish::PolishSums;
 use crate::space::Space;
 use crate::{Loss, Objective, Template};
 
@@ -22,7 +22,7 @@ pub(crate) struct ChunkSums<'a> {
 const READING: Reading = Reading::Distance;
 
 impl<'a> ChunkSums<'a> {
-    fn objective(&self, by: Option<Weighing>) -> Box<dyn Objective + '_> {
+    fn objective(&self, by: Option<LossWeights>) -> Box<dyn Objective + '_> {
         Box::new(ChunkResiduals { sums: self, by })
     }
 
@@ -30,7 +30,7 @@ impl<'a> ChunkSums<'a> {
         let some = (self.some)(a);
         let sizes = self
             .cloud
-            .sizes(self.template, (READING, a), Which::Fitted, &some);
+            .sizes(self.template, (READING, a), PointSet::Fitted, &some);
         sizes.scale
     }
 
@@ -38,24 +38,24 @@ impl<'a> ChunkSums<'a> {
     fn ask(
         &self,
         a: &[f64],
-        question: impl Fn(Asked, Mask) -> Question,
-        each: impl FnMut(Reader<'_>),
+        question: impl Fn(ResidualRequest, Mask) -> ChunkQuery,
+        each: impl FnMut(WordReader<'_>),
     ) -> bool {
         let masked = |asked| question(asked, self.mask.clone());
         let cloud: &'a Cloud<'a> = self.cloud;
-        cloud.ask_residuals(self.template, (READING, a), Which::Fitted, masked, each)
+        cloud.ask_residuals(self.template, (READING, a), PointSet::Fitted, masked, each)
     }
 
     /// Returns Σ ρ at some parameters.
     fn loss(&self, a: &[f64], scale: f64) -> f64 {
         let mut sum = 0.0;
-        let question = |asked, mask| Question::Losses(asked, scale, mask);
+        let question = |asked, mask| ChunkQuery::Losses(asked, scale, mask);
         self.ask(a, question, |mut words| sum += words.number());
         sum
     }
 }
 
-impl Sums for ChunkSums<'_> {
+impl PolishSums for ChunkSums<'_> {
     fn count(&self) -> usize {
         self.cloud.n_fitted()
     }
@@ -71,7 +71,7 @@ impl Sums for ChunkSums<'_> {
     ) -> (f64, Box<dyn Objective + '_>) {
         let a = self.space.parameters(x);
         let scale = scale(is_free.then(|| self.scale(&a)));
-        (scale, self.objective(Some(Weighing { a, loss, scale })))
+        (scale, self.objective(Some(LossWeights { a, loss, scale })))
     }
     fn losses(&self, places: [&[f64]; 2]) -> [f64; 2] {
         let places = places.map(|x| self.space.parameters(x));
@@ -84,7 +84,7 @@ impl Sums for ChunkSums<'_> {
 /// Σ w r² over the points of the final fit.
 struct ChunkResiduals<'a> {
     sums: &'a ChunkSums<'a>,
-    by: Option<Weighing>,
+    by: Option<LossWeights>,
 }
 
 impl Objective for ChunkResiduals<'_> {
@@ -94,7 +94,7 @@ impl Objective for ChunkResiduals<'_> {
     fn value(&mut self, x: &[f64]) -> f64 {
         let a = self.sums.space.parameters(x);
         let mut sum = 0.0;
-        let question = |asked, mask| Question::Sum(asked, self.by.clone(), mask);
+        let question = |asked, mask| ChunkQuery::Sum(asked, self.by.clone(), mask);
         let is_whole = self.sums.ask(&a, question, |mut words| {
             sum += words.number();
         });
@@ -104,7 +104,7 @@ impl Objective for ChunkResiduals<'_> {
         let a = self.sums.space.parameters(x);
         let n = a.len();
         let (mut sum, mut g, mut h) = (0.0, vec![0.0; n], vec![0.0; n * n]);
-        let question = |asked, mask| Question::Normal(asked, self.by.clone(), mask);
+        let question = |asked, mask| ChunkQuery::Normal(asked, self.by.clone(), mask);
         let is_whole = self.sums.ask(&a, question, |mut words| {
             sum += words.number();
             for (sums, more) in [(&mut g, words.numbers()), (&mut h, words.numbers())] {

@@ -1,30 +1,17 @@
 //! Samples of a zero set given by its values alone: nodes of a grid near it are projected by Newton
 //! steps along the gradient, and thinned to one per cell and sheet.
 
-use super::MARGIN;
 use isoform_geom::{Aabb, ParamField, Point3, distance_squared, dot};
 use std::ops::Range;
 
-/// Newton steps towards the surface.
-const STEPS: usize = 4;
-/// Nodes nearer to the surface than this many cells are drawn to it: half of a cell's diagonal, so
-/// that every cell of the surface has such a node.
-const NEAR: f64 = 0.87;
-/// A point is on the surface when its value is below this share of a cell.
-const ON_SURFACE: f64 = 1e-2;
-/// A point that has moved farther than this many cells belongs to another node.
-const MOVED: f64 = 1.8;
-/// Two points of a cell that are nearer to each other than this share of it are of one sheet.
-const ONE_SHEET: f64 = 0.5;
-/// Most points that are asked for: their cells still have keys, and fit into memory.
-pub const MOST_SURFACE_SAMPLES: usize = 2_000_000;
-/// About how many middles of cells are looked at together, to bound memory.
-const TOGETHER: usize = 1 << 20;
-/// Cells along an axis that a key tells apart.
-const KEYS: u64 = 1 << 22;
+/// Margin of the sampled box on every side of the data's, as a share of the diagonal: enough to
+/// detect surface beyond the data.
+pub(super) const BOX_MARGIN_SHARE: f64 = 0.08;
+/// Maximum number of surface samples: up to it the cells have distinct keys and fit into memory.
+pub const MAX_SURFACE_SAMPLES: usize = 2_000_000;
 
 /// Returns near-uniform points of the zero set of a field that is close to a distance, in a box
-/// somewhat larger than `region`; about `wanted` of them, at most [`MOST_SURFACE_SAMPLES`], if the
+/// somewhat larger than `region`; about `wanted` of them, at most [`MAX_SURFACE_SAMPLES`], if the
 /// area of the surface is that of the box.
 ///
 /// ```
@@ -62,14 +49,14 @@ pub fn surface_samples(
     region: Aabb,
     wanted: usize,
 ) -> Vec<Point3> {
-    match Grid::around(region, wanted.min(MOST_SURFACE_SAMPLES)) {
+    match SampleGrid::around(region, wanted.min(MAX_SURFACE_SAMPLES)) {
         Some(grid) => grid.samples(field, a),
         None => Vec::new(),
     }
 }
 
 /// Cells of a box that is somewhat larger than a region.
-struct Grid {
+struct SampleGrid {
     lo: Point3,
     hi: Point3,
     size: Point3,
@@ -78,11 +65,11 @@ struct Grid {
     counts: [usize; 3],
 }
 
-impl Grid {
+impl SampleGrid {
     /// Makes a grid in which the surface of the box itself meets `wanted` cells; `None` for an
     /// empty box.
     fn around(region: Aabb, wanted: usize) -> Option<Self> {
-        let margin = MARGIN * region.diagonal();
+        let margin = BOX_MARGIN_SHARE * region.diagonal();
         if !(margin > 0.0 && margin.is_finite()) || wanted == 0 {
             return None;
         }
@@ -106,14 +93,16 @@ impl Grid {
         let mut f = vec![0.0; points.len()];
         field.values(&points, a, &mut f);
         let all = points.iter().zip(&start).zip(&f);
-        let good = all.filter(|((p, s), f)| f.abs() < ON_SURFACE * self.cell && self.is_near(p, s));
+        // On the surface to one per cent of a cell.
+        let good = all.filter(|((p, s), f)| f.abs() < 1e-2 * self.cell && self.is_near(p, s));
         self.thinned(good.map(|((p, _), _)| (self.key(p), *p)).collect())
     }
 
     /// Returns the centres of the cells near the surface.
     fn nodes_near(&self, field: &dyn ParamField, a: &[f64]) -> Vec<Point3> {
         let [across, along, layers] = self.counts;
-        let step = (TOGETHER / (across * along)).max(1);
+        // About a million centres at a time bound the memory.
+        let step = ((1 << 20) / (across * along)).max(1);
         let mut near = Vec::new();
         let mut f = Vec::new();
         for first in (0..layers).step_by(step) {
@@ -121,7 +110,8 @@ impl Grid {
             f.resize(nodes.len(), 0.0);
             field.values(&nodes, a, &mut f);
             let is_near = nodes.iter().zip(&f);
-            let is_near = is_near.filter(|(_, f)| f.abs() < NEAR * self.cell);
+            // Half of a cell's diagonal: every cell that the surface crosses is found.
+            let is_near = is_near.filter(|(_, f)| f.abs() < 0.87 * self.cell);
             near.extend(is_near.map(|(p, _)| *p));
         }
         near
@@ -150,14 +140,14 @@ impl Grid {
     /// Returns true if a point is in the box and not too far from its node to belong to another
     /// one.
     fn is_near(&self, p: &Point3, node: &Point3) -> bool {
-        distance_squared(*p, *node).sqrt() < MOVED * self.cell
+        distance_squared(*p, *node).sqrt() < 1.8 * self.cell
             && (0..3).all(|i| p[i] >= self.lo[i] && p[i] <= self.hi[i])
     }
 
     /// Returns a key of the cell that a point is in, distinct for up to 2²² cells along each axis.
     fn key(&self, p: &Point3) -> u64 {
         let along = |i: usize| ((p[i] - self.lo[i]) / self.cell) as u64;
-        (0..3).fold(0, |key, i| key * KEYS + along(i))
+        (0..3).fold(0, |key, i| key * (1 << 22) + along(i))
     }
 
     /// Keeps one point of each cell and sheet: a cell may hold the two sheets of a thin wall, which
@@ -169,7 +159,7 @@ impl Grid {
                 .then(a.1[1].total_cmp(&b.1[1]))
                 .then(a.1[2].total_cmp(&b.1[2]))
         });
-        let apart = ONE_SHEET * ONE_SHEET * self.cell * self.cell;
+        let apart = 0.5 * 0.5 * self.cell * self.cell;
         let mut kept: Vec<(u64, Point3)> = Vec::with_capacity(keyed.len());
         for (key, p) in keyed {
             let mut of_cell = kept.iter().rev().take_while(|k| k.0 == key);
@@ -185,7 +175,7 @@ impl Grid {
 fn descend(field: &dyn ParamField, a: &[f64], points: &mut [Point3]) {
     let mut f = vec![0.0; points.len()];
     let mut g = vec![[0.0; 3]; points.len()];
-    for _ in 0..STEPS {
+    for _ in 0..4 {
         field.gradients(points, a, &mut f, &mut g);
         for ((p, f), g) in points.iter_mut().zip(&f).zip(&g) {
             newton_step(p, *f, *g);

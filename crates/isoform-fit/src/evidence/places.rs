@@ -1,33 +1,21 @@
 //! Local misfit: a misplaced piece, a group of points off the model on one side, and outliers on
 //! surfaces of their own.
 
-use super::{NEIGHBOURS, but, finite};
-use crate::judge::Finding;
-use crate::report::{ByPoint, PartStatistics, Told};
-use crate::scan::MANY_STRAYS;
+use super::neighbours::{COMPARED_NEIGHBOURS, with_far, without};
+use crate::by_point::ByPoint;
+use crate::report::finding::Finding;
+use crate::report::parts::PartStatistics;
+use crate::tally::PointStatistics;
 use crate::task::Task;
+use crate::thresholds::{CLUTTER_STRAY_SHARE, FAR_DEVIATIONS, SIGNIFICANT_DEVIATIONS};
 use isoform_geom::{KdTree, Point3};
 
-/// Outliers whose eighth neighbour is no farther than this many typical mean distances to eight
-/// neighbours lie on a surface.
-const DENSE: f64 = 2.2;
-/// Outliers that are asked whether they lie together, at most.
-const PROBES: usize = 750;
-/// A piece is off its points where their root mean square exceeds that of the noise by this factor.
-/// Right models of clean parts show up to 1.2, holes of another size or place 1.7 to 3; real
-/// objects as much as those, but not on clean parts.
-const OFF_RMS: f64 = 1.5;
-/// Deviations beyond chance from which a piece is off, and residuals of neighbours are alike.
-const OFF_SURE: f64 = 5.0;
-/// A point is far off the model from this many robust deviations on: one of 16,000 by noise alone.
-pub(crate) const FAR: f64 = 4.0;
-/// A point belongs to a group if this many neighbours lie as far off, on the same side of the
-/// model.
-const ALIKE: usize = 2;
-/// This many such points make a feature: chance makes none, and dust has fewer.
-const LEAST_TOGETHER: usize = 9;
-/// Deviations by which one side must outnumber the other, were they equally likely.
-const ONE_SIDED: f64 = 3.0;
+/// Spacing of outliers that lie on a surface: their eighth neighbour is at most this many typical
+/// spacings away, where a typical spacing is the mean distance to eight neighbours.
+const DENSE_SPACINGS: f64 = 2.2;
+/// Fewest points of a group off the model that indicates a feature: noise makes no such group, and
+/// dust is smaller.
+const MIN_GROUP_POINTS: usize = 9;
 
 /// Outliers on surfaces of their own.
 #[derive(Clone, Copy, Debug, Default)]
@@ -57,9 +45,9 @@ impl Task<'_> {
             .filter_map(|(off, s)| Some(((*off)?, s)))
             .max_by(|a, b| a.0.total_cmp(&b.0))?;
         let is_off = |part: u32| offs.get(part as usize).is_some_and(Option::is_some);
-        let rest = but(&finite(&points.residuals, 0.0), &points.outliers);
+        let rest = without(&with_far(&points.residuals, 0.0), &points.outliers);
         let on_off: Vec<bool> = points.parts.iter().map(|part| is_off(*part)).collect();
-        let is_noise = self.shared(&but(&rest, &on_off), &points.at).z < OFF_SURE;
+        let is_noise = self.shared(&without(&rest, &on_off), &points.at).z < SIGNIFICANT_DEVIATIONS;
         is_noise.then(|| Finding::Misplaced {
             piece: worst.name.clone(),
             ratio,
@@ -68,36 +56,36 @@ impl Task<'_> {
 
     /// Finds a group of points far off the model on one side if all other points show only noise: a
     /// feature that the template lacks, or one that the object lacks.
-    pub(crate) fn together(&self, points: &ByPoint, told: &Told) -> Option<Finding> {
+    pub(crate) fn together(&self, points: &ByPoint, told: &PointStatistics) -> Option<Finding> {
         let (noise, far) = (told.scale, &told.far);
         let is_exact = noise <= self.rounding();
-        if is_exact || far.len() < LEAST_TOGETHER || self.scan.isolated > MANY_STRAYS {
+        if is_exact || far.len() < MIN_GROUP_POINTS || self.scan.isolated > CLUTTER_STRAY_SHARE {
             return None;
         }
         let (inside, outside) = self.groups_by_side(far);
         let count = inside + outside;
-        // Noise that is larger in places goes to both sides.
-        let is_one_sided = inside.abs_diff(outside) as f64 > ONE_SIDED * (count as f64).sqrt();
-        let is_found = count >= LEAST_TOGETHER && is_one_sided;
-        let is_far = |r: &f64| r.abs() > FAR * noise || !r.is_finite();
+        // Locally larger noise goes to both sides; one side must exceed the other significantly.
+        let is_one_sided = inside.abs_diff(outside) as f64 > 3.0 * (count as f64).sqrt();
+        let is_found = count >= MIN_GROUP_POINTS && is_one_sided;
+        let is_far = |r: &f64| r.abs() > FAR_DEVIATIONS * noise || !r.is_finite();
         let near = |r: &f64| if is_far(r) { 0.0 } else { *r };
         let rest = || -> Vec<f64> { points.residuals.iter().map(near).collect() };
-        let is_noise = || self.shared(&rest(), &points.at).z < OFF_SURE;
+        let is_noise = || self.shared(&rest(), &points.at).z < SIGNIFICANT_DEVIATIONS;
         (is_found && is_noise()).then_some(Finding::Together { count })
     }
 
-    /// Counts the points far off the model that have two neighbours equally far on the same side:
-    /// inside, outside.
+    /// Counts the points far off the model that have two neighbours equally far on their own
+    /// side: inside, outside.
     fn groups_by_side(&self, far: &[(Point3, f64)]) -> (usize, usize) {
         let places: Vec<Point3> = far.iter().map(|(p, _)| *p).collect();
         let tree = KdTree::new(&places);
-        let reach = (DENSE * self.near.spacing).powi(2);
+        let reach = (DENSE_SPACINGS * self.near.spacing).powi(2);
         let mut found = Vec::new();
         let (mut inside, mut outside) = (0_usize, 0_usize);
         for (i, (place, r)) in far.iter().enumerate() {
             // At least two of its four nearest neighbours among all points must be far.
             let near = &self.near.tree;
-            near.nearest_k(*place, NEIGHBOURS + 1, &mut found);
+            near.nearest_k(*place, COMPARED_NEIGHBOURS + 1, &mut found);
             let most = found.last().map_or(0.0, |f| f.0).min(reach);
             let mut alike = 0;
             tree.near(*place, most, &mut |_, j| {
@@ -106,7 +94,7 @@ impl Task<'_> {
                 most
             });
             let side = if *r > 0.0 { &mut inside } else { &mut outside };
-            *side += usize::from(alike >= ALIKE);
+            *side += usize::from(alike >= 2);
         }
         (inside, outside)
     }
@@ -120,7 +108,8 @@ impl Task<'_> {
         let outlying: Vec<u32> = seen.iter().copied().filter(|i| is_outlier(*i)).collect();
         let mut found = Vec::new();
         let (mut asked, mut alike, mut squares) = (0.0_f64, 0.0, 0.0);
-        for &i in outlying.iter().take(PROBES) {
+        // A sample of the outliers estimates the share.
+        for &i in outlying.iter().take(750) {
             asked += 1.0;
             if self.is_on_surface(i, &is_outlier, &mut found) {
                 let r = points.residuals[i as usize];
@@ -146,11 +135,11 @@ impl Task<'_> {
         let tree = &self.near.tree;
         let is_whole = tree.len() == self.points.len();
         let place = |j: u32| if is_whole { j } else { self.order[j as usize] };
-        tree.nearest_k(self.points[i as usize], 2 * NEIGHBOURS + 1, found);
+        tree.nearest_k(self.points[i as usize], 2 * COMPARED_NEIGHBOURS + 1, found);
         let around = found.iter().map(|f| place(f.1)).filter(|j| *j != i);
         let others = around.filter(|j| is_outlier(*j)).count();
         let spacing = found.last().map_or(f64::INFINITY, |f| f.0.sqrt());
-        others > NEIGHBOURS && spacing < DENSE * self.near.spacing
+        others > COMPARED_NEIGHBOURS && spacing < DENSE_SPACINGS * self.near.spacing
     }
 }
 
@@ -160,6 +149,6 @@ impl Task<'_> {
 /// other pieces to narrow ones.
 fn off_by(s: &PartStatistics, noise: f64) -> Option<f64> {
     let (n, rms) = (s.count as f64, s.rms / noise);
-    let is_sure = (rms - 1.0) * (2.0 * n).sqrt() > OFF_SURE;
-    (rms > OFF_RMS && is_sure).then_some(rms)
+    let is_sure = (rms - 1.0) * (2.0 * n).sqrt() > SIGNIFICANT_DEVIATIONS;
+    (rms > 1.5 && is_sure).then_some(rms)
 }

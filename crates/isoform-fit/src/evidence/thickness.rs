@@ -7,27 +7,15 @@
 //!   ────────×────────  the other side of the wall
 //! ```
 
-use crate::deviation::Surface;
+use crate::deviation::SampledSurface;
 use crate::task::Task;
 use isoform_geom::{DistanceField, Foot, Point3, dot, sub};
 
-/// Places whose thickness is measured.
-const THICKNESSES: usize = 200;
-/// Balls tried at a place, each smaller than the one before: two or three are enough where the
-/// other side is flat.
-const SHRINKS: usize = 12;
-/// Radius of the smallest ball that is tried, as a share of the data's diagonal.
-const SMALLEST: f64 = 1e-4;
-/// Radius of the largest ball, as a share of the diagonal: no wall of half the size is thin.
-const LARGEST: f64 = 0.25;
-/// A ball within the solid touches the surface elsewhere when its centre is nearer to it than this
-/// share of its radius.
-const TOUCHES: f64 = 0.98;
-/// Places on a part that tell its thickness, at least.
-const FEWEST: usize = 12;
+/// Radius of the smallest ball tried, as a share of the data's diagonal.
+const MIN_BALL_RADIUS_SHARE: f64 = 1e-4;
 
 /// Balls that touch the surface at given foot points, all on one side of it.
-struct Touching<'a> {
+struct TangentBalls<'a> {
     distance: &'a dyn DistanceField,
     a: &'a [f64],
     feet: &'a [Foot],
@@ -37,7 +25,7 @@ struct Touching<'a> {
     least: f64,
 }
 
-impl Touching<'_> {
+impl TangentBalls<'_> {
     /// Returns the centre of the ball of radius r at foot point k.
     fn centre(&self, k: usize, r: f64) -> Point3 {
         let Foot { at, inward, .. } = self.feet[k];
@@ -51,7 +39,8 @@ impl Touching<'_> {
         let mut r = vec![largest; self.feet.len()];
         let mut active: Vec<usize> = (0..r.len()).collect();
         let mut feet = vec![Foot::NONE; r.len()];
-        for _ in 0..SHRINKS {
+        // Two or three rounds are enough where the opposite side is flat.
+        for _ in 0..12 {
             let centres: Vec<Point3> = active.iter().map(|k| self.centre(*k, r[*k])).collect();
             self.distance.feet(&centres, self.a, &mut feet);
             let mut found = feet.iter();
@@ -68,10 +57,11 @@ impl Touching<'_> {
 
     /// Shrinks the ball at foot point k, whose centre has this foot; returns false when it is done.
     fn shrink(&self, k: usize, foot: &Foot, r: &mut f64) -> bool {
-        if self.side * foot.distance >= TOUCHES * *r {
+        // Within two per cent of the radius the ball touches the surface elsewhere.
+        if self.side * foot.distance >= 0.98 * *r {
             return false;
         }
-        // The ball that touches the surface at foot point k and passes through the other foot point.
+        // The ball that touches the surface at foot point k and passes through the other one.
         let to = sub(foot.at, self.feet[k].at);
         let through = dot(to, to) / (2.0 * self.side * dot(to, self.feet[k].inward));
         let is_sound = foot.order > 0 && through > 0.0;
@@ -90,9 +80,9 @@ impl Task<'_> {
         &self,
         distance: &dyn DistanceField,
         a: &[f64],
-        surface: &Surface,
+        surface: &SampledSurface,
     ) -> (f64, f64) {
-        let step = surface.points.len().div_ceil(THICKNESSES).max(1);
+        let step = surface.points.len().div_ceil(200).max(1);
         let some: Vec<Point3> = surface.points.iter().copied().step_by(step).collect();
         // The bias was removed after the surface was sampled: a ball at a point slightly off the
         // surface would find that very point.
@@ -103,14 +93,15 @@ impl Task<'_> {
             return (f64::INFINITY, f64::INFINITY);
         }
         let [wall, gap] = [1.0, -1.0].map(|side| {
-            let touching = Touching {
+            let touching = TangentBalls {
                 distance,
                 a,
                 feet: &feet,
                 side,
-                least: SMALLEST * self.size(),
+                least: MIN_BALL_RADIUS_SHARE * self.size(),
             };
-            let diameters = touching.diameters(LARGEST * self.size());
+            // No wall of half the diagonal is thin.
+            let diameters = touching.diameters(0.25 * self.size());
             self.least_typical(&diameters, &feet)
         });
         (wall, gap)
@@ -119,14 +110,14 @@ impl Task<'_> {
     /// Returns the minimum over the parts of the upper quartile of diameters; parts with fewer than
     /// 12 samples are left out.
     fn least_typical(&self, diameters: &[f64], feet: &[Foot]) -> f64 {
-        // Not even the smallest ball fits where pieces touch without an edge.
-        let smallest = 4.0 * SMALLEST * self.size();
+        // Where pieces touch without an edge, not even the smallest ball fits.
+        let smallest = 4.0 * MIN_BALL_RADIUS_SHARE * self.size();
         let mut least = f64::INFINITY;
         for part in 0..self.template.part_names().len() as u32 {
             let own = diameters.iter().zip(feet);
             let own = own.filter(|(_, foot)| foot.pieces[0] == part);
             let own: Vec<f64> = own.map(|(d, _)| *d).collect();
-            let is_told = own.len() >= FEWEST;
+            let is_told = own.len() >= 12;
             let typical = upper_quartile(own);
             if is_told && typical > smallest {
                 least = least.min(typical);

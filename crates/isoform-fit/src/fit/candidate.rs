@@ -1,69 +1,30 @@
 //! The default method up to a minimum of the metric residual: search, comparison, polish, and
 //! perturbation of pieces if the minimum is uncertain.
 
-use crate::chunks::{Reading, Sizes, Which};
+use crate::chunks::{PointSet, Reading, ResidualSizes};
 use crate::clock::Clock;
 use crate::deviation;
-use crate::lm;
-use crate::outliers::HAS_OUTLIERS;
-use crate::polish::{Polish, Polished};
-use crate::search::{Outcome, Search, Step};
-use crate::task::{OUTLIER_DEVIATIONS, Task};
+use crate::minimum::FitMinimum;
+use crate::outliers::MIN_OUTLIER_SHARE;
+use crate::polish::{Polish, PolishResult};
+use crate::search::{MinimumSearch, SearchOutcome};
+use crate::task::Task;
+use crate::thresholds::OUTLIER_DEVIATIONS;
 use crate::{FitError, Loss, Options};
 use isoform_geom::Point3;
 
-/// A robust misfit of the best minimum above this share of the diagonal asks for more starts.
-const POOR: f64 = 0.005;
-/// Starts of that search, at least.
-const PATIENT_STARTS: usize = 32;
-/// A misfit below this many times the deviation of points from planes through their neighbours is
-/// noise: no place of the template can do better. (That deviation counts curvature, too.)
-const NOISY: f64 = 1.3;
-/// Root mean square over robust deviation from which distances have a tail: noise of some thousand
-/// points shows up to 1.05, a hole of one per cent of the points astray 1.2.
-const TAIL: f64 = 1.1;
-/// Noise has no point farther off than this many robust deviations: one of 10¹⁵.
-const STRAY: f64 = 8.0;
-/// Squares of such points that come to this share of all others' rule a sum of squares: a tenth of
-/// them in one point moves the values by a third of their deviations.
-const RULING: f64 = 0.1;
-/// A correlation of neighbouring residuals below this is none that a wrong model would show: two
-/// of its deviations by chance. With 0.2 a flange with its six holes at a wrong place passed.
-const ALIKE: f64 = 0.1;
-/// Correlation of neighbouring residuals from which they are a shape rather than noise.
-const CORRELATED: f64 = 0.5;
-/// Points whose neighbours tell whether residuals are a shape.
-const PROBES: usize = 250;
-/// Rounds of the polish on all points.
-const ROUNDS: usize = 12;
-/// Rounds of reweighting on some points, and on all points after them.
-const ROUNDS_ON_SOME: (usize, usize) = (10, 6);
-
-/// A minimum of the metric residual (of the algebraic one for the methods of paper C).
-pub(crate) struct Found {
-    pub(crate) x: Vec<f64>,
-    pub(crate) loss: Loss,
-    pub(crate) outcome: Outcome,
-    pub(crate) evaluations: usize,
-    pub(crate) history: Vec<Step>,
-    pub(crate) stop: Option<lm::Stop>,
-    pub(crate) complete: bool,
-    /// True if the remaining distances look like noise.
-    pub(crate) is_at_noise: bool,
-}
-
-impl Found {
-    /// Takes over the variables, the evaluations and the history of a polish.
-    fn take(&mut self, polished: Polished) {
-        self.x = polished.x;
-        self.evaluations += polished.evaluations;
-        self.history.extend(polished.history);
-    }
-}
+/// Number of robust deviations beyond which a point is stray: noise exceeds it once in 10¹⁵.
+const STRAY_DEVIATIONS: f64 = 8.0;
+/// Squares of stray points over those of all others from which a sum of squares is dominated by
+/// them: one point with a tenth of the sum moves the values by a third of their deviations.
+const DOMINANT_STRAY_SHARE: f64 = 0.1;
+/// Correlation of neighbouring residuals below which they count as noise: two standard deviations
+/// of chance. With 0.2 a flange with its six holes in a wrong position passed.
+const MAX_NOISE_CORRELATION: f64 = 0.1;
 
 impl Task<'_> {
     /// Returns the best minimum that the default method finds.
-    pub(crate) fn candidate(&self, clock: &mut Clock) -> Result<Found, FitError> {
+    pub(crate) fn candidate(&self, clock: &mut Clock) -> Result<FitMinimum, FitError> {
         let mut kept = self.kept();
         self.control.report("search", 0.0);
         let outcome = self.searched(&mut kept)?;
@@ -85,8 +46,8 @@ impl Task<'_> {
     }
 
     /// Sets up a search on the first of some points.
-    fn search_on<'b>(&'b self, points: &'b [Point3], options: &'b Options) -> Search<'b> {
-        Search {
+    fn search_on<'b>(&'b self, points: &'b [Point3], options: &'b Options) -> MinimumSearch<'b> {
+        MinimumSearch {
             template: self.template,
             space: &self.space,
             points: &points[..options.search_points.min(points.len())],
@@ -97,9 +58,9 @@ impl Task<'_> {
 
     /// Returns the minima of the algebraic residual. Outliers that a first model reveals are
     /// removed from `kept`.
-    fn searched(&self, kept: &mut Vec<Point3>) -> Result<Outcome, FitError> {
+    fn searched(&self, kept: &mut Vec<Point3>) -> Result<SearchOutcome, FitError> {
         let mut outcome = self.search_on(kept, self.options).run(self.first());
-        if self.scan.isolated > HAS_OUTLIERS && outcome.can_go_on() {
+        if self.scan.isolated > MIN_OUTLIER_SHARE && outcome.can_go_on() {
             self.drop_lone(kept, &outcome);
             outcome = self.search_on(kept, self.options).run_again(outcome);
         }
@@ -107,21 +68,21 @@ impl Task<'_> {
             // Recurrence proves a wide basin, not a good minimum: if the best one is far off the
             // data, more starts are run.
             let patient = Options {
-                least_starts: PATIENT_STARTS,
+                least_starts: 32,
                 ..self.options.clone()
             };
             outcome = self.search_on(kept, &patient).run_again(outcome);
         }
         match outcome {
-            Outcome { ref minima, .. } if !minima.is_empty() => Ok(outcome),
-            Outcome { stopped: true, .. } => Err(FitError::Stopped),
-            Outcome { starts, .. } => Err(FitError::NoFiniteStart { starts }),
+            SearchOutcome { ref minima, .. } if !minima.is_empty() => Ok(outcome),
+            SearchOutcome { stopped: true, .. } => Err(FitError::Stopped),
+            SearchOutcome { starts, .. } => Err(FitError::NoFiniteStart { starts }),
         }
     }
 
     /// Drops outliers near the surface, which can decide between minima. With a model, most of them
     /// can be told from data: the neighbours of data have similar residuals.
-    fn drop_lone(&self, kept: &mut Vec<Point3>, outcome: &Outcome) {
+    fn drop_lone(&self, kept: &mut Vec<Point3>, outcome: &SearchOutcome) {
         let polish = self.polish(0);
         let x = polish.rough(kept, outcome.minima[0].x.clone(), true).x;
         let scale = Polish::scale(&polish.residuals(kept, &x)).max(self.rounding());
@@ -134,17 +95,22 @@ impl Task<'_> {
     /// of the diagonal and than the noise. A misfit below 1.3 times the deviation of points from
     /// planes through their neighbours is noise: no minimum can be better. (That deviation includes
     /// curvature.)
-    fn is_poor(&self, kept: &[Point3], outcome: &Outcome) -> bool {
+    fn is_poor(&self, kept: &[Point3], outcome: &SearchOutcome) -> bool {
         let r = self.polish(0).residuals(kept, &outcome.minima[0].x);
-        Polish::scale(&r) > (POOR * self.size()).max(NOISY * self.scan.local_noise)
+        Polish::scale(&r) > (0.005 * self.size()).max(1.3 * self.scan.local_noise)
     }
 
     /// Returns the minimum of the metric residual to which the search leads.
-    fn polished(&self, search: &Search<'_>, outcome: Outcome, kept: &[Point3]) -> Found {
+    fn polished(
+        &self,
+        search: &MinimumSearch<'_>,
+        outcome: SearchOutcome,
+        kept: &[Point3],
+    ) -> FitMinimum {
         let polish = self.polish(outcome.starts);
         let rough = self.compared(search, &outcome, kept, &polish);
         self.control.report("polish", 0.3);
-        let mut found = Found {
+        let mut found = FitMinimum {
             loss: self.loss(&polish, &rough),
             x: Vec::new(),
             evaluations: outcome.evaluations,
@@ -168,7 +134,7 @@ impl Task<'_> {
     }
 
     /// Returns the loss of the fine polish: the caller's, or the one that suits the residuals.
-    fn loss(&self, polish: &Polish<'_>, rough: &Polished) -> Loss {
+    fn loss(&self, polish: &Polish<'_>, rough: &PolishResult) -> Loss {
         match self.options.loss {
             Loss::Auto if rough.loss == Loss::Squares => self.loss_at(polish, &rough.x),
             Loss::Auto => rough.loss,
@@ -183,12 +149,14 @@ impl Task<'_> {
             return self.loss_of(&r);
         };
         let asked = (Reading::Metric, &self.space.parameters(x)[..]);
-        let scale = cloud.sizes(self.template, asked, Which::Distinct, &r).scale;
+        let scale = cloud
+            .sizes(self.template, asked, PointSet::Distinct, &r)
+            .scale;
         if scale <= self.rounding() {
             return Loss::Squares;
         }
-        let (strays, others) = cloud.split(self.template, asked, STRAY * scale);
-        if strays > RULING * others || self.is_systematic(&r) {
+        let (strays, others) = cloud.split(self.template, asked, STRAY_DEVIATIONS * scale);
+        if strays > DOMINANT_STRAY_SHARE * others || self.is_systematic(&r) {
             Loss::Tukey
         } else {
             Loss::Squares
@@ -211,26 +179,26 @@ impl Task<'_> {
     /// bulge) rather than noise: neighbours have similar residuals. Least squares would spread the
     /// misfit over all dimensions; a robust loss leaves it local.
     fn is_systematic(&self, r: &[f64]) -> bool {
-        self.correlation(r, PROBES) > CORRELATED
+        self.correlation(r, 250) > 0.5
     }
 
     /// Reweights on a subset if there are many points, since it takes many rounds. Returns the
     /// number of rounds left for all points.
-    fn reweighted_on_some(&self, polish: &Polish<'_>, found: &mut Found) -> usize {
+    fn reweighted_on_some(&self, polish: &Polish<'_>, found: &mut FitMinimum) -> usize {
         let count = self.options.confirm_points;
         if found.loss == Loss::Squares || self.points.len() <= count.saturating_mul(2) {
-            return ROUNDS;
+            return 12;
         }
         let x = std::mem::take(&mut found.x);
         let some = self.some(count);
-        let middle = polish.fine(&polish.here(&some, &[]), x, found.loss, ROUNDS_ON_SOME.0);
+        let middle = polish.fine(&polish.here(&some, &[]), x, found.loss, 10);
         found.x = middle.x;
         found.evaluations += middle.evaluations;
-        ROUNDS_ON_SOME.1
+        6
     }
 
     /// Polishes on the points of the final fit, and decides if the residuals are noise.
-    fn fine(&self, polish: &Polish<'_>, found: &mut Found, rounds: usize) {
+    fn fine(&self, polish: &Polish<'_>, found: &mut FitMinimum, rounds: usize) {
         let x = std::mem::take(&mut found.x);
         let settling = self.settling();
         found.take(polish.fine(&polish.here(&settling, &[]), x, found.loss, rounds));
@@ -242,30 +210,31 @@ impl Task<'_> {
     /// deviations, with one per cent of the points in a misplaced hole 1.2.
     fn is_noise(&self, polish: &Polish<'_>, x: &[f64]) -> bool {
         let r = polish.residuals(self.points, x);
-        let Sizes { scale, rms } = match self.scan.cloud() {
-            None => Sizes::of(&r),
+        let ResidualSizes { scale, rms } = match self.scan.cloud() {
+            None => ResidualSizes::from_residuals(&r),
             Some(cloud) => {
                 let asked = (Reading::Metric, &self.space.parameters(x)[..]);
-                cloud.sizes(self.template, asked, Which::Distinct, &r)
+                cloud.sizes(self.template, asked, PointSet::Distinct, &r)
             }
         };
         // A misplaced piece leaves a tail, however few points it has.
         scale < self.rounding()
-            || (rms <= TAIL * scale && self.correlation(&r, deviation::PROBES) < ALIKE)
+            || (rms <= 1.1 * scale
+                && self.correlation(&r, deviation::CORRELATION_PROBES) < MAX_NOISE_CORRELATION)
     }
 }
 
 /// Returns true if a few stray points, fewer than make tails, dominate the sum of squares: one
 /// among three hundred.
 fn has_strays(r: &[f64], scale: f64) -> bool {
-    let limit = STRAY * scale;
+    let limit = STRAY_DEVIATIONS * scale;
     let (mut strays, mut others) = (0.0, 0.0);
     for r in r.iter().filter(|r| !r.is_nan()) {
         let is_far = r.abs() > limit;
         let sum = if is_far { &mut strays } else { &mut others };
         *sum += r * r;
     }
-    strays > RULING * others
+    strays > DOMINANT_STRAY_SHARE * others
 }
 
 #[cfg(test)]

@@ -2,30 +2,20 @@
 //! residual cannot replace.
 
 use crate::lm;
-use crate::objective::Residuals;
-use crate::outliers::HAS_OUTLIERS;
-use crate::polish::{Polish, Polished};
-use crate::search::{Outcome, Search};
-use crate::task::{OUTLIER_DEVIATIONS, Task};
+use crate::outliers::MIN_OUTLIER_SHARE;
+use crate::polish::{Polish, PolishResult};
+use crate::residuals::Residuals;
+use crate::search::{MinimumSearch, SearchOutcome};
+use crate::task::Task;
+use crate::thresholds::OUTLIER_DEVIATIONS;
 use isoform_geom::Point3;
 
-/// Share of points far off the best candidate from which a trimmed search is tried.
-const MANY_FAR: f64 = 0.03;
-/// A point is far off from this share of the spacing on, if it is an outlier by deviations, too.
-const FAR_SPACINGS: f64 = 0.5;
-/// Isolated points count this many times among those that may be far off.
-const ISOLATED: f64 = 1.5;
-/// Residuals are cut at this many robust deviations of the best candidate.
-const CUT_DEVIATIONS: f64 = 4.5;
-/// A candidate takes the place of one with a lower algebraic sum when its truncated sum is below
-/// this share of the other's.
-const BETTER: f64 = 0.999;
-/// Evaluations that a minimum gets on more points before it is compared.
-const CONFIRMING: usize = 12;
+/// Number of robust deviations of the best candidate at which residuals are truncated.
+const TRUNCATION_DEVIATIONS: f64 = 4.5;
 
 /// A candidate with its metric residuals at the points of the comparison.
-struct Rival {
-    polished: Polished,
+struct ComparedMinimum {
+    polished: PolishResult,
     residuals: Vec<f64>,
 }
 
@@ -38,10 +28,10 @@ struct Comparison<'a> {
 
 impl Comparison<'_> {
     /// Polishes a minimum by the metric residual.
-    fn rival(&self, x: Vec<f64>, spent: usize) -> Rival {
+    fn rival(&self, x: Vec<f64>, spent: usize) -> ComparedMinimum {
         let mut polished = self.polish.rough(&self.points, x, self.has_outliers);
         polished.evaluations += spent;
-        Rival {
+        ComparedMinimum {
             residuals: self.polish.residuals(&self.points, &polished.x),
             polished,
         }
@@ -54,20 +44,20 @@ impl Task<'_> {
     /// trimmed search takes part.
     pub(super) fn compared(
         &self,
-        search: &Search<'_>,
-        outcome: &Outcome,
+        search: &MinimumSearch<'_>,
+        outcome: &SearchOutcome,
         kept: &[Point3],
         polish: &Polish<'_>,
-    ) -> Polished {
+    ) -> PolishResult {
         let options = self.options;
         let comparison = Comparison {
             polish,
             points: self.some(options.confirm_points.max(options.search_points)),
-            has_outliers: self.scan.isolated > HAS_OUTLIERS,
+            has_outliers: self.scan.isolated > MIN_OUTLIER_SHARE,
         };
         let minima = search.candidates(outcome).iter();
         let confirmed = minima.map(|m| self.confirmed(kept, m.x.clone()));
-        let mut rivals: Vec<Rival> = confirmed
+        let mut rivals: Vec<ComparedMinimum> = confirmed
             .map(|m| comparison.rival(m.x, m.iterations))
             .collect();
         let mut best = self.least_truncated(&rivals);
@@ -78,7 +68,7 @@ impl Task<'_> {
             best = self.least_truncated(&rivals);
         }
         let evaluations = rivals.iter().map(|r| r.polished.evaluations).sum();
-        Polished {
+        PolishResult {
             evaluations,
             ..rivals.swap_remove(best).polished
         }
@@ -88,10 +78,10 @@ impl Task<'_> {
     fn confirmed(&self, points: &[Point3], x: Vec<f64>) -> lm::Minimum {
         let field = self.template.algebraic();
         let mut objective = Residuals::new(field, points, &[], &self.space);
-        let settings = lm::Options {
-            max_iterations: CONFIRMING,
+        let settings = lm::LmOptions {
+            max_iterations: 12,
             decrease: 1e-4,
-            ..lm::Options::default()
+            ..lm::LmOptions::default()
         };
         let mut monitor = |_, _: &[f64], _| !self.control.is_stopped();
         self.space
@@ -100,27 +90,26 @@ impl Task<'_> {
 
     /// Returns true if more points are far off a candidate than isolated ones explain, with a
     /// margin of a half and 3 % of the points. A far point is off by half a spacing, too.
-    fn has_many_far(&self, rival: &Rival) -> bool {
+    fn has_many_far(&self, rival: &ComparedMinimum) -> bool {
         let scale = rival.polished.scale;
-        let limit = (OUTLIER_DEVIATIONS * scale).max(FAR_SPACINGS * self.near.spacing);
+        let limit = (OUTLIER_DEVIATIONS * scale).max(0.5 * self.near.spacing);
         let far = rival.residuals.iter().filter(|r| r.abs() > limit).count();
-        let isolated = if self.scan.isolated > HAS_OUTLIERS {
-            ISOLATED * self.scan.isolated
+        let isolated = if self.scan.isolated > MIN_OUTLIER_SHARE {
+            1.5 * self.scan.isolated
         } else {
             0.0
         };
-        far as f64 / rival.residuals.len() as f64 > MANY_FAR + isolated
+        far as f64 / rival.residuals.len() as f64 > 0.03 + isolated
     }
 
     /// Returns the candidate with the least truncated sum of squares. The first one has the lowest
     /// algebraic sum; another must be better by a thousandth.
-    fn least_truncated(&self, rivals: &[Rival]) -> usize {
+    fn least_truncated(&self, rivals: &[ComparedMinimum]) -> usize {
         let scales = rivals.iter().map(|r| r.polished.scale);
         let least = scales.fold(f64::INFINITY, f64::min).max(self.rounding());
-        let cut = (CUT_DEVIATIONS * least).powi(2);
+        let cut = (TRUNCATION_DEVIATIONS * least).powi(2);
         let score = |k: usize| truncated_sum(&rivals[k].residuals, cut);
-        // The first candidate has the lowest sum; another must be better beyond doubt.
-        let is_better = |k: usize, best: usize| score(k) < BETTER * score(best);
+        let is_better = |k: usize, best: usize| score(k) < 0.999 * score(best);
         (1..rivals.len()).fold(0, |best, k| if is_better(k, best) { k } else { best })
     }
 }

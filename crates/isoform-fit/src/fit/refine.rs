@@ -5,48 +5,29 @@
 //! few points hardly changes such a sum, but it changes distances.
 
 use crate::Loss;
-use crate::fit::candidate::Found;
 use crate::fit::compare::truncated_sum;
+use crate::minimum::FitMinimum;
 use crate::polish::Polish;
-use crate::search::Search;
+use crate::search::MinimumSearch;
 use crate::task::Task;
 use isoform_geom::Point3;
 use rayon::prelude::*;
 
-/// Fewest throws of pieces.
-const LEAST: usize = 16;
-/// Most throws of pieces.
-const MOST: usize = 80;
-/// Throws that may run side by side. The number is fixed, so that the outcome does not depend on
-/// the number of threads.
-const TOGETHER: usize = 4;
-/// Turns of each piece, at least.
-const TURNS: usize = 3;
-/// How often the best place must be met in them.
-const HITS: usize = 2;
-/// Sums of squared distances that differ by less than this share are one minimum.
-const SAME: f64 = 1e-2;
-/// A sum lower by this share is taken, even if it is of the minimum that is known.
-const BETTER: f64 = 1e-3;
-/// Distances count no more than this share of the diagonal in such a sum, so that a bound on the
-/// sum is no matter of a few points.
-const FAR_SHARE: f64 = 0.1;
-/// In a robust sum distances count no more than this many robust deviations: of two places the one
-/// that more points meet is taken, however far the others are. At 4.5 a tie of two floors of a cup
-/// was decided by chance.
-const NEAR_DEVIATIONS: f64 = 3.0;
-/// Rounds that lead all variables back after the thrown ones.
-const ROUNDS: usize = 5;
+/// Number of perturbations that run in parallel. It is fixed, so that the outcome does not depend
+/// on the number of threads.
+const PARALLEL_PERTURBATIONS: usize = 4;
+/// Relative difference of sums of squared distances below which two minima are equal.
+const SAME_MINIMUM_SHARE: f64 = 1e-2;
 
 /// A start with some pieces perturbed.
-struct Throw {
+struct Perturbation {
     from: Vec<f64>,
     /// Flags of the variables that were not perturbed.
     held: Vec<bool>,
 }
 
 /// Result of a perturbation.
-struct End {
+struct PerturbationResult {
     x: Vec<f64>,
     evaluations: usize,
 }
@@ -75,7 +56,7 @@ struct Refinement<'a> {
 impl Task<'_> {
     /// Refines a minimum. It is certain if it was reached repeatedly, or if it was certain before
     /// and no better one was found.
-    pub(super) fn refine(&self, search: &Search<'_>, found: &mut Found) {
+    pub(super) fn refine(&self, search: &MinimumSearch<'_>, found: &mut FitMinimum) {
         let x = std::mem::take(&mut found.x);
         let mut refinement = Refinement::new(self, x, found.loss);
         let has_recurred = refinement.run(search);
@@ -91,9 +72,12 @@ impl<'a> Refinement<'a> {
         let points = task.some(task.options.confirm_points);
         let polish = task.polish(0);
         let residuals = polish.residuals(&points, &x);
-        let far = FAR_SHARE * task.size();
+        // A tenth of the diagonal bounds the sum, so that a few points do not dominate it.
+        let far = 0.1 * task.size();
         let cut = if loss.is_robust() {
-            (NEAR_DEVIATIONS * Polish::scale(&residuals)).min(far)
+            // Of two minima the one that more points meet is taken, however far the others are. At
+            // 4.5 a tie between two floors of a cup was decided by chance.
+            (3.0 * Polish::scale(&residuals)).min(far)
         } else {
             far
         };
@@ -114,20 +98,22 @@ impl<'a> Refinement<'a> {
         }
     }
 
-    /// Perturbs pieces until the best minimum has recurred. Returns false if it has not after 80
+    /// Perturbs pieces until the best minimum has recurred. Returns false if it did not within 80
     /// perturbations.
-    fn run(&mut self, search: &Search<'_>) -> bool {
-        while self.tried < MOST && !self.task.control.is_stopped() {
+    fn run(&mut self, search: &MinimumSearch<'_>) -> bool {
+        while self.tried < 80 && !self.task.control.is_stopped() {
             let groups = search.groups(&self.x);
             if groups.is_empty() {
                 return false;
             }
-            let throws: Vec<Throw> = (0..TOGETHER).map(|k| self.throw(&groups, k)).collect();
-            let ends: Vec<End> = throws
-                .into_par_iter()
-                .map(|throw| self.led_back(throw))
+            let perturbations: Vec<Perturbation> = (0..PARALLEL_PERTURBATIONS)
+                .map(|k| self.perturbation(&groups, k))
                 .collect();
-            self.tried += TOGETHER;
+            let ends: Vec<PerturbationResult> = perturbations
+                .into_par_iter()
+                .map(|perturbed| self.polish_perturbed(perturbed))
+                .collect();
+            self.tried += PARALLEL_PERTURBATIONS;
             for end in ends {
                 self.take(end);
             }
@@ -140,8 +126,8 @@ impl<'a> Refinement<'a> {
 
     /// Returns the k-th perturbation of a batch. Every other one moves two pieces, to free a hole
     /// that coincides with another one.
-    fn throw(&mut self, groups: &[Vec<usize>], k: usize) -> Throw {
-        let mut throw = Throw {
+    fn perturbation(&mut self, groups: &[Vec<usize>], k: usize) -> Perturbation {
+        let mut perturbed = Perturbation {
             held: vec![true; self.x.len()],
             from: self.x.clone(),
         };
@@ -155,19 +141,19 @@ impl<'a> Refinement<'a> {
         };
         let space = &self.task.space;
         for &i in thrown.iter().flat_map(|g| &groups[*g]) {
-            throw.from[i] = space.drawn(i, &mut self.random);
-            throw.held[i] = false;
+            perturbed.from[i] = space.drawn(i, &mut self.random);
+            perturbed.held[i] = false;
         }
-        space.into_interior(&mut throw.from, 1e-3);
-        throw
+        space.into_interior(&mut perturbed.from, 1e-3);
+        perturbed
     }
 
     /// Polishes a perturbed start: first the perturbed variables alone, then all.
-    fn led_back(&self, throw: Throw) -> End {
+    fn polish_perturbed(&self, perturbed: Perturbation) -> PerturbationResult {
         let mut polish = self.task.polish(0);
-        polish.held = throw.held;
+        polish.held = perturbed.held;
         let here = polish.here(&self.points, &[]);
-        let first = polish.fine(&here, throw.from, Loss::Squares, 1);
+        let first = polish.fine(&here, perturbed.from, Loss::Squares, 1);
         polish.held.fill(false);
         let loss = if self.loss.is_robust() {
             Loss::Cauchy
@@ -175,26 +161,27 @@ impl<'a> Refinement<'a> {
             self.loss
         };
         let here = polish.here(&self.points, &[]);
-        let then = polish.fine(&here, first.x, loss, ROUNDS);
-        End {
+        let then = polish.fine(&here, first.x, loss, 5);
+        PerturbationResult {
             x: then.x,
             evaluations: first.evaluations + then.evaluations,
         }
     }
 
     /// Compares a result with the best minimum.
-    fn take(&mut self, end: End) {
+    fn take(&mut self, end: PerturbationResult) {
         self.evaluations += end.evaluations;
         let residuals = self.polish.residuals(&self.points, &end.x);
         let value = truncated_sum(&residuals, self.cut);
-        if value < (1.0 - BETTER) * self.best {
-            if value < (1.0 - SAME) * self.best {
+        // A slightly lower sum is taken, even of the known minimum.
+        if value < (1.0 - 1e-3) * self.best {
+            if value < (1.0 - SAME_MINIMUM_SHARE) * self.best {
                 (self.hits, self.since) = (0, self.tried);
                 self.is_elsewhere = true;
             }
             (self.x, self.best) = (end.x, value);
             self.hits += 1;
-        } else if value < (1.0 + SAME) * self.best {
+        } else if value < (1.0 + SAME_MINIMUM_SHARE) * self.best {
             self.hits += 1;
         }
     }
@@ -202,7 +189,7 @@ impl<'a> Refinement<'a> {
     /// Returns true if the best minimum was reached twice, and every piece was perturbed at least
     /// three times since it was found.
     fn has_recurred(&self, groups: usize) -> bool {
-        let least = LEAST.max(TURNS * groups);
-        self.hits >= HITS && self.tried - self.since >= least
+        let least = 16_usize.max(3 * groups);
+        self.hits >= 2 && self.tried - self.since >= least
     }
 }

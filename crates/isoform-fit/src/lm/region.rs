@@ -11,27 +11,12 @@
 //! D and C are defined in the documentation of the parent module.
 
 use crate::bounds::Bounds;
-use crate::objective::Place;
+use crate::objective::ModelPoint;
 use crate::vector::{dot, norm, scale, times};
 use isoform_num::linalg::{cholesky, cholesky_solve};
 
-/// Least μ of a cut step, relative to the largest diagonal element: keeps directions that the data
-/// leave open still. Up to 1e-5 makes no difference to success, 1e-4 loses a fifth of the starts.
-const FLOOR: f64 = 1e-8;
-/// Least μ of an exact step, relative to the largest diagonal element. Below it damping is
-/// rounding; it keeps singular systems solvable.
-const ROUNDING: f64 = 1e-14;
-/// Rounds of the iteration for μ, at most.
-const ROUNDS: usize = 12;
-/// An exact step may miss the radius by this share of it.
-const TOLERANCE: f64 = 0.1;
-/// Least squared scale of a variable: the distance from its bound counts no smaller.
-const NEAREST: f64 = 1e-14;
-/// Refused steps in a row after which a cut step competes with the gradient.
-const STUBBORN: usize = 2;
-
-/// The model, its ball and the step chosen.
-pub(super) struct Region {
+/// The model, its trust region and the current step.
+pub(super) struct TrustRegion {
     n: usize,
     radius: f64,
     /// D, the scaling of each variable.
@@ -55,19 +40,19 @@ pub(super) struct Region {
 }
 
 /// A step in the scaled variables, and the value of the model there.
-struct Proposal {
+struct ScaledStep {
     step: Vec<f64>,
     value: f64,
 }
 
 /// Start of a step, and the share of the way to a bound that it may cover.
-struct Inside<'a> {
+struct BoundedStart<'a> {
     x: &'a [f64],
     bounds: Bounds<'a>,
     share: f64,
 }
 
-impl Inside<'_> {
+impl BoundedStart<'_> {
     /// Returns the greatest length along a direction that meets a bound and the ball at these
     /// lengths.
     fn most(&self, to_edge: f64, to_ball: f64) -> f64 {
@@ -80,14 +65,14 @@ impl Inside<'_> {
 }
 
 /// Bracket of the damping μ of an exact step.
-struct Bracket {
+struct DampingBracket {
     /// Least damping above rounding.
     floor: f64,
     lower: f64,
     upper: f64,
 }
 
-impl Bracket {
+impl DampingBracket {
     /// Makes a bracket; `reach` is |g| / Δ, above which no step reaches the ball.
     fn new(floor: f64, reach: f64) -> Self {
         Self {
@@ -127,7 +112,7 @@ impl Bracket {
     }
 }
 
-impl Region {
+impl TrustRegion {
     pub(super) fn new(n: usize, radius: f64, exact: bool) -> Self {
         let zero = vec![0.0; n];
         Self {
@@ -149,7 +134,7 @@ impl Region {
 
     /// Sets gradient and matrix at a point. Returns the largest gradient component scaled by its
     /// distance to the bound.
-    pub(super) fn set(&mut self, at: &Place, bounds: Bounds<'_>) -> f64 {
+    pub(super) fn set(&mut self, at: &ModelPoint, bounds: Bounds<'_>) -> f64 {
         let slope = self.set_scale(at, bounds);
         let n = self.n;
         for i in 0..n {
@@ -162,14 +147,14 @@ impl Region {
     }
 
     /// Sets D, C and D Jᵀr. Returns the largest |g| v.
-    fn set_scale(&mut self, at: &Place, bounds: Bounds<'_>) -> f64 {
+    fn set_scale(&mut self, at: &ModelPoint, bounds: Bounds<'_>) -> f64 {
         let g = &at.gradient;
         let mut slope: f64 = 0.0;
         for i in 0..self.n {
             // Descent approaches the upper bound if the gradient is negative.
             let gap = bounds.gap(&at.x, i, -g[i]);
             let has_bound = gap.is_finite();
-            let v = if has_bound { gap.max(NEAREST) } else { 1.0 };
+            let v = if has_bound { gap.max(1e-14) } else { 1.0 };
             slope = slope.max(g[i].abs() * v);
             self.scale[i] = v.sqrt();
             self.curve[i] = if has_bound { g[i].abs() } else { 0.0 };
@@ -180,7 +165,7 @@ impl Region {
 
     /// MINPACK's cosine test, with components scaled by the distance to the bound that they
     /// approach.
-    pub(super) fn is_stationary(&self, at: &Place, tolerance: f64) -> bool {
+    pub(super) fn is_stationary(&self, at: &ModelPoint, tolerance: f64) -> bool {
         (0..self.n).all(|i| {
             let near = (self.scale[i] * self.scale[i]).min(1.0);
             let column = at.matrix[i * self.n + i];
@@ -196,13 +181,13 @@ impl Region {
         }
         let direct = times(&self.scale, &self.scaled);
         let stride = bounds.stride(x, &direct);
-        // A cut step that keeps being refused competes with the gradient, too: that always leads
-        // down in the end.
-        let value = if stride > 1.0 && (self.exact || self.refused < STUBBORN) {
+        // After two refusals in a row a cut step also competes with the gradient, which leads down
+        // in the end.
+        let value = if stride > 1.0 && (self.exact || self.refused < 2) {
             self.step = direct;
             self.value(&self.scaled)
         } else {
-            let best = self.best(&Inside { x, bounds, share }, &direct, stride);
+            let best = self.best(&BoundedStart { x, bounds, share }, &direct, stride);
             self.step = times(&self.scale, &best.step);
             self.scaled = best.step;
             best.value
@@ -212,7 +197,7 @@ impl Region {
 
     /// Returns the best of the direct step up to the bound, its reflection there, and steepest
     /// descent. `stride` is the share of the direct step at which it meets the bound.
-    fn best(&self, inside: &Inside<'_>, direct: &[f64], stride: f64) -> Proposal {
+    fn best(&self, inside: &BoundedStart<'_>, direct: &[f64], stride: f64) -> ScaledStep {
         let (stride, share) = if stride > 1.0 {
             (1.0, 1.0)
         } else {
@@ -233,8 +218,8 @@ impl Region {
         best
     }
 
-    fn proposal(&self, step: Vec<f64>) -> Proposal {
-        Proposal {
+    fn proposal(&self, step: Vec<f64>) -> ScaledStep {
+        ScaledStep {
             value: self.value(&step),
             step,
         }
@@ -242,7 +227,7 @@ impl Region {
 
     /// Returns the reflection of the direct step: the components that meet a bound at `stride`
     /// change their sign.
-    fn reflected(&self, inside: &Inside<'_>, direct: &[f64], stride: f64) -> Vec<f64> {
+    fn reflected(&self, inside: &BoundedStart<'_>, direct: &[f64], stride: f64) -> Vec<f64> {
         let meets = |i: usize| {
             let gap = inside.bounds.gap(inside.x, i, direct[i]);
             direct[i] != 0.0 && gap / direct[i].abs() <= stride
@@ -257,11 +242,11 @@ impl Region {
     /// for one.
     fn beyond(
         &self,
-        inside: &Inside<'_>,
+        inside: &BoundedStart<'_>,
         on_bound: &[f64],
         reflected: &[f64],
         stride: f64,
-    ) -> Option<Proposal> {
+    ) -> Option<ScaledStep> {
         let at = self.place(inside, on_bound);
         let to_edge = inside.bounds.stride(&at, &times(&self.scale, reflected));
         let to_ball = self.to_ball(on_bound, reflected);
@@ -278,7 +263,7 @@ impl Region {
     }
 
     /// Returns the point that a scaled step leads to, clamped to the bounds.
-    fn place(&self, inside: &Inside<'_>, step: &[f64]) -> Vec<f64> {
+    fn place(&self, inside: &BoundedStart<'_>, step: &[f64]) -> Vec<f64> {
         let Bounds { lo, hi } = inside.bounds;
         let moved = inside.x.iter().zip(&self.scale).zip(step);
         let place = moved.map(|((x, scale), p)| x + scale * p).enumerate();
@@ -287,7 +272,7 @@ impl Region {
 
     /// Returns the step of steepest descent in the scaled variables, to the minimum of the model
     /// along it.
-    fn down(&self, inside: &Inside<'_>) -> Proposal {
+    fn down(&self, inside: &BoundedStart<'_>) -> ScaledStep {
         let down: Vec<f64> = self.gradient.iter().map(|v| -v).collect();
         let to_ball = self.radius / norm(&down);
         let to_edge = inside.bounds.stride(inside.x, &times(&self.scale, &down));
@@ -348,7 +333,9 @@ impl Region {
 
     /// Sets `scaled` to the Gauss-Newton step, cut to the ball. Returns false if it is not finite.
     fn cut(&mut self) -> bool {
-        let mut mu = FLOOR * self.largest();
+        // The least μ keeps open directions still. Up to 1e-5 makes no difference to success, 1e-4
+        // loses a fifth of the starts.
+        let mut mu = 1e-8 * self.largest();
         while mu.is_finite() {
             if let Some(norm) = self.damped(mu) {
                 self.cut_to_ball(norm);
@@ -363,13 +350,11 @@ impl Region {
     /// Sorensen's iteration for μ). Returns false if it is not finite.
     fn solve(&mut self) -> bool {
         // Less damping is rounding; this much makes singular systems solvable.
-        let mut bracket = Bracket::new(
-            ROUNDING * self.largest(),
-            norm(&self.gradient) / self.radius,
-        );
+        let mut bracket =
+            DampingBracket::new(1e-14 * self.largest(), norm(&self.gradient) / self.radius);
         let mut mu = bracket.start(self.damping);
         let mut last = f64::INFINITY;
-        for round in 0..ROUNDS {
+        for round in 0..12 {
             let Some(norm) = self.damped(mu) else {
                 mu = bracket.raised(mu);
                 continue;
@@ -401,7 +386,7 @@ impl Region {
 
     /// Returns true if a step of this length ends near the boundary of the ball.
     fn is_on_ball(&self, norm: f64) -> bool {
-        (norm - self.radius).abs() <= TOLERANCE * self.radius
+        (norm - self.radius).abs() <= 0.1 * self.radius
     }
 
     /// Returns Newton's step in μ towards |p| = Δ, from the factor LLᵀ of M + μI: (|p|/Δ − 1) |p|²
@@ -472,7 +457,7 @@ mod tests {
 
     #[test]
     fn a_ray_leaves_the_ball_at_its_radius() {
-        let region = Region::new(2, 2.0, false);
+        let region = TrustRegion::new(2, 2.0, false);
         let t = region.to_ball(&[0.0, 1.0], &[1.0, 0.0]);
         assert!((t - 3f64.sqrt()).abs() < 1e-15);
     }

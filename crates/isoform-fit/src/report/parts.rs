@@ -1,8 +1,6 @@
 //! Residual statistics by piece of the model.
 
-use super::ByPoint;
-use crate::deviation::{Cover, Surface};
-use crate::task::Task;
+use crate::deviation::Cover;
 
 /// Residual statistics of one piece of the model.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,7 +20,7 @@ pub struct PartStatistics {
 }
 
 impl PartStatistics {
-    pub(super) fn new(name: &str) -> Self {
+    pub(crate) fn new(name: &str) -> Self {
         Self {
             name: name.to_owned(),
             count: 0,
@@ -34,7 +32,7 @@ impl PartStatistics {
     }
 
     /// Adds a residual; `rms` and `mean` are sums until [`PartStatistics::close`].
-    pub(super) fn add(&mut self, r: f64) {
+    pub(crate) fn add(&mut self, r: f64) {
         self.count += 1;
         self.rms += r * r;
         self.mean += r;
@@ -42,41 +40,12 @@ impl PartStatistics {
     }
 
     /// Replaces sums by means.
-    fn close(&mut self, cover: Cover) {
+    pub(crate) fn close(&mut self, cover: Cover) {
         let n = self.count.max(1) as f64;
         self.rms = (self.rms / n).sqrt();
         self.mean /= n;
         let share = cover.bare as f64 / cover.samples as f64;
         self.uncovered = (cover.samples > 0).then_some(share);
-    }
-}
-
-impl Task<'_> {
-    /// Returns the sums over the used points by piece.
-    pub(super) fn part_sums(&self, points: &ByPoint) -> Vec<PartStatistics> {
-        let mut sums = vec![PartStatistics::new(""); self.template.part_names().len()];
-        let used = points.residuals.iter().zip(&points.outliers);
-        for ((r, out), part) in used.zip(&points.parts) {
-            if let Some(sums) = sums.get_mut(*part as usize).filter(|_| !out) {
-                sums.add(*r);
-            }
-        }
-        sums
-    }
-
-    /// Completes the statistics by piece with names and coverage.
-    pub(super) fn part_statistics(
-        &self,
-        mut stats: Vec<PartStatistics>,
-        surface: &Surface,
-    ) -> Vec<PartStatistics> {
-        let cover = surface.cover(stats.len());
-        let names = self.template.part_names();
-        for ((stats, name), cover) in stats.iter_mut().zip(names).zip(cover) {
-            stats.name.clone_from(name);
-            stats.close(cover);
-        }
-        stats
     }
 }
 

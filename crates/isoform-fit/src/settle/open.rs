@@ -4,44 +4,31 @@
 //! area; a hole between the points of a face only has points near its edge. Neither are data of the
 //! part.
 
-use super::Measured;
-use crate::deviation::{Cover, Surface};
-use crate::fit::Found;
-use crate::objective::jacobian;
-use crate::task::{OUTLIER_DEVIATIONS, Task};
+use crate::deviation::{Cover, SampledSurface};
+use crate::minimum::FitMinimum;
+use crate::point_distances::PointDistances;
+use crate::residuals::{MOVING_DERIVATIVE, jacobian};
+use crate::task::Task;
+use crate::thresholds::OUTLIER_DEVIATIONS;
 use isoform_geom::{DistanceField, Foot, Nearby, Point3};
 
-/// A part has data of its own when it has this share of the points that its area would have
-/// elsewhere.
-const OWN_DATA: f64 = 0.12;
-/// A part has data of its own, too, when no more than this share of its area is bare: sparse is not
-/// absent.
-const BARE: f64 = 0.2;
-/// Fewest samples of a part that say anything of it.
-const FEWEST: usize = 6;
-/// Points off edges that a part may have by accident, at most: noise of its neighbours, strays.
-const ACCIDENTAL: usize = 2;
-/// Least probability of so few points on a part for which chance is believed.
-const CHANCE: f64 = 1e-4;
-/// Points within this many deviations of the noise from an edge may belong to either of its faces.
-const RIM: f64 = 3.0;
-/// A derivative above this moves the surface.
-const MOVES: f64 = 1e-6;
+/// Smallest probability of a count for which chance explains it.
+const MIN_CHANCE_PROBABILITY: f64 = 1e-4;
 
 /// Number of points whose nearest point is on a part: on it within the noise, or off it.
 #[derive(Clone, Copy, Default)]
-struct Count {
+struct PartCount {
     on: usize,
     off: usize,
 }
 
-impl Count {
+impl PartCount {
     /// Returns true if a part has less than 12 % of the points that are expected on it, and either
     /// more than a fifth of it is bare (sparse is not absent) or it is shunned. Parts with fewer
     /// than six samples are never absent.
     fn is_absent(self, cover: Cover, expected: f64) -> bool {
-        let is_sparse = cover.samples >= FEWEST && (self.on as f64) < OWN_DATA * expected;
-        let is_bare = cover.bare as f64 > BARE * cover.samples as f64;
+        let is_sparse = cover.samples >= 6 && (self.on as f64) < 0.12 * expected;
+        let is_bare = cover.bare as f64 > 0.2 * cover.samples as f64;
         is_sparse && (is_bare || self.is_shunned(expected))
     }
 
@@ -53,9 +40,9 @@ impl Count {
 }
 
 /// A minimum whose parts are examined.
-struct Looked<'a> {
-    measured: &'a Measured,
-    surface: &'a Surface,
+struct PartExamination<'a> {
+    measured: &'a PointDistances,
+    surface: &'a SampledSurface,
     a: &'a [f64],
     noise: f64,
     /// Distance beyond which points are outliers.
@@ -64,10 +51,10 @@ struct Looked<'a> {
     density: f64,
 }
 
-impl Looked<'_> {
+impl PartExamination<'_> {
     /// Counts points on and off each part.
-    fn counts(&self, parts: usize) -> Vec<Count> {
-        let mut counts = vec![Count::default(); parts];
+    fn counts(&self, parts: usize) -> Vec<PartCount> {
+        let mut counts = vec![PartCount::default(); parts];
         for (met, r) in self.measured.pieces.iter().zip(&self.measured.residuals) {
             if let Some(count) = counts.get_mut(met[0] as usize) {
                 let is_on = r.abs() <= self.limit;
@@ -113,7 +100,7 @@ impl Looked<'_> {
     /// Counts the feet that are farther from all edges than three deviations of the noise, so that
     /// their points belong to one face.
     fn off_edges(&self, places: &[Foot], distance: &dyn DistanceField) -> usize {
-        let reach = RIM * self.noise;
+        let reach = 3.0 * self.noise;
         let around = distance.nearby(places, self.a, reach, reach);
         around.iter().filter(|n| **n == Nearby::Face).count()
     }
@@ -123,12 +110,12 @@ impl Looked<'_> {
     /// may be noise of its neighbours, or stray.
     fn is_empty_off_edges(&self, part: usize, distance: &dyn DistanceField) -> bool {
         let samples = self.samples_of(part);
-        if chance_of_few(0, self.expected(samples.len())) > CHANCE {
+        if chance_of_few(0, self.expected(samples.len())) > MIN_CHANCE_PROBABILITY {
             return false;
         }
         let count = self.off_edges(&self.feet_of(part, distance), distance);
         let expected = || self.expected(self.off_edges(&samples, distance));
-        count <= ACCIDENTAL && chance_of_few(count, expected()) <= CHANCE
+        count <= 2 && chance_of_few(count, expected()) <= MIN_CHANCE_PROBABILITY
     }
 }
 
@@ -138,13 +125,13 @@ impl Task<'_> {
     /// neighbours' rims.
     pub(super) fn open_parts(
         &self,
-        measured: &Measured,
+        measured: &PointDistances,
         a: &[f64],
         noise: f64,
-        surface: &Surface,
+        surface: &SampledSurface,
     ) -> Vec<bool> {
         let covered = surface.bare.iter().filter(|b| !**b).count().max(1);
-        let looked = Looked {
+        let looked = PartExamination {
             measured,
             surface,
             a,
@@ -167,7 +154,12 @@ impl Task<'_> {
 
     /// Returns true for each variable that moves a sample of the surface on one of the flagged
     /// parts.
-    pub(super) fn moves(&self, found: &Found, surface: &Surface, flagged: &[bool]) -> Vec<bool> {
+    pub(super) fn moves(
+        &self,
+        found: &FitMinimum,
+        surface: &SampledSurface,
+        flagged: &[bool],
+    ) -> Vec<bool> {
         let is_flagged = |part: u32| flagged.get(part as usize) == Some(&true);
         let places = surface.points.iter().zip(&surface.parts);
         let at: Vec<Point3> = places
@@ -177,7 +169,8 @@ impl Task<'_> {
         let a = self.space.parameters(&found.x);
         let jac = jacobian(self.template.metric(), &at, &a);
         let rows = || jac.chunks_exact(a.len());
-        let is_moved = |k: usize| rows().any(|row| self.space.derivative(k, row).abs() > MOVES);
+        let is_moved =
+            |k: usize| rows().any(|row| self.space.derivative(k, row).abs() > MOVING_DERIVATIVE);
         (0..self.space.len()).map(is_moved).collect()
     }
 }

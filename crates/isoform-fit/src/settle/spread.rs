@@ -1,20 +1,15 @@
 //! Covariance of the variables, in two parts: of independent noise, which falls with the number of
 //! points, and of misfit that neighbours share, which does not.
 
-use super::State;
+use super::state::MinimumState;
 use crate::bias::Bias;
 use crate::correlation::Correlation;
-use crate::fit::Found;
-use crate::identify::product;
+use crate::matrix::product;
+use crate::minimum::FitMinimum;
 use crate::polish::weight;
 use crate::task::Task;
 use crate::vector::{add, scale};
 use isoform_geom::Point3;
-
-/// More points are taken only where they shrink some standard deviation to less than this share.
-const GAIN: f64 = 0.9;
-/// A bias above this many standard deviations is asked for again after it was taken away.
-const LARGE: f64 = 0.5;
 
 /// Covariance of the variables.
 pub(super) struct Spread {
@@ -56,14 +51,14 @@ impl Spread {
     pub(super) fn gains(&self, share: f64) -> bool {
         (0..self.dim()).any(|i| {
             let (own, shared) = self.variances(i);
-            own * share + shared < GAIN * GAIN * (own + shared)
+            own * share + shared < 0.9 * 0.9 * (own + shared)
         })
     }
 
     /// Returns true if all components of a correction are below half of their standard deviations.
     pub(super) fn hides(&self, correction: &[f64]) -> bool {
         let m = correction.len();
-        (0..m).all(|k| correction[k].powi(2) < LARGE * LARGE * self.total[k * m + k])
+        (0..m).all(|k| correction[k].powi(2) < 0.5 * 0.5 * self.total[k * m + k])
     }
 
     /// Scales the independent part for 1 / `share` times as many points.
@@ -90,8 +85,8 @@ impl Task<'_> {
     pub(super) fn spread(
         &self,
         points: &[Point3],
-        found: &Found,
-        state: &State,
+        found: &FitMinimum,
+        state: &MinimumState,
         held: &[bool],
         normal: Option<&[f64]>,
     ) -> Spread {
@@ -117,7 +112,12 @@ impl Task<'_> {
 
     /// Estimates the correlation of weighted residuals; `None` for exact points, for neighbours
     /// that are not significantly correlated, and at the end of the time limit.
-    fn shared_misfit(&self, count: usize, found: &Found, state: &State) -> Option<Correlation> {
+    fn shared_misfit(
+        &self,
+        count: usize,
+        found: &FitMinimum,
+        state: &MinimumState,
+    ) -> Option<Correlation> {
         if state.noise <= self.rounding() || state.noise.is_nan() || self.control.is_stopped() {
             return None;
         }
@@ -126,11 +126,11 @@ impl Task<'_> {
         let first: Vec<u32> = (0..count as u32).collect();
         let is_all = count == self.points.len();
         let order = if is_all { self.order } else { &first };
-        Correlation::of(&state.at, &weighted, order, self.size())
+        Correlation::estimate(&state.at, &weighted, order, self.size())
     }
 
     /// Returns the residuals times mask and weight of the loss; zero for those that are not finite.
-    fn weighted(&self, found: &Found, state: &State) -> Vec<f64> {
+    fn weighted(&self, found: &FitMinimum, state: &MinimumState) -> Vec<f64> {
         let scale = state.noise.max(self.rounding());
         let weighted = |(i, r): (usize, &f64)| {
             let mask = state.mask.get(i).copied().unwrap_or(1.0);

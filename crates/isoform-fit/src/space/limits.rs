@@ -4,24 +4,10 @@ use crate::{FitError, Kind, Parameter};
 use isoform_geom::Aabb;
 use std::f64::consts::PI;
 
-/// Coordinates may lie in a box this many times the data's, about the same centre.
-const BOX_FACTOR: f64 = 3.0;
-/// Sides of that box count no shorter than this share of the diagonal.
-const LEAST_SIDE: f64 = 0.3;
-/// Lengths are at most this many diagonals of the data's box.
-const LENGTH_FACTOR: f64 = 2.0;
-/// Least length, in diagonals, when nobody said otherwise: keeps radii and sizes off zero, where
-/// primitives degenerate.
-const LEAST_LENGTH: f64 = 1e-6;
-/// Ratios lie within this of nought, and numbers at least so far.
-const ONES: f64 = 10.0;
-/// Lengths of starts, as shares of the longest side of the data's box.
-const START_LENGTHS: (f64, f64) = (0.02, 0.75);
-/// Where the template's author gives a start, starts drawn by the data stay within this share of
-/// the range about it.
-const AUTHORS_SHARE: f64 = 0.25;
-/// Where bounds and data share less of the range than this, the bounds alone decide.
-const LEAST_OVERLAP: f64 = 1e-3;
+/// Factor by which the box of coordinates is larger than the data's, about its centre.
+const BOX_SCALE_FACTOR: f64 = 3.0;
+/// Bound of the absolute value of ratios, and least bound of numbers.
+const MIN_NUMBER_BOUND: f64 = 10.0;
 
 /// Returns a size, or 1 if it is not positive.
 pub(super) fn positive(v: f64) -> f64 {
@@ -36,8 +22,8 @@ pub(super) fn limits(
     data: Aabb,
     is_free: bool,
 ) -> Result<(f64, f64), FitError> {
-    let given = said.map_or(Given(p.min, p.max), Given::of);
-    let Given(lo, hi) = given;
+    let given = said.map_or(OptionalBounds(p.min, p.max), OptionalBounds::from_pair);
+    let OptionalBounds(lo, hi) = given;
     if !given.is_interval() {
         return Err(FitError::Bounds {
             name: p.name.clone(),
@@ -54,11 +40,11 @@ pub(super) fn limits(
 
 /// Lower and upper bound; `None` if not given.
 #[derive(Clone, Copy)]
-struct Given(Option<f64>, Option<f64>);
+struct OptionalBounds(Option<f64>, Option<f64>);
 
-impl Given {
-    /// What of two bounds is finite.
-    fn of((lo, hi): (f64, f64)) -> Self {
+impl OptionalBounds {
+    /// Makes bounds of two numbers; infinite ones are not given.
+    fn from_pair((lo, hi): (f64, f64)) -> Self {
         Self(
             Some(lo).filter(|v| *v != f64::NEG_INFINITY),
             Some(hi).filter(|v| *v != f64::INFINITY),
@@ -79,17 +65,18 @@ fn suggested(kind: Kind, data: Aabb) -> (f64, f64) {
     match kind {
         Kind::X | Kind::Y | Kind::Z => {
             let k = kind as usize;
-            let side = (data.hi[k] - data.lo[k]).max(LEAST_SIDE * diagonal);
-            let half = 0.5 * BOX_FACTOR * side;
+            // Flat data still have a box, and lengths start off zero, where primitives degenerate.
+            let side = (data.hi[k] - data.lo[k]).max(0.3 * diagonal);
+            let half = 0.5 * BOX_SCALE_FACTOR * side;
             (data.center()[k] - half, data.center()[k] + half)
         }
-        Kind::Length => (LEAST_LENGTH * diagonal, LENGTH_FACTOR * diagonal),
+        Kind::Length => (1e-6 * diagonal, 2.0 * diagonal),
         Kind::Angle => (-2.0 * PI, 2.0 * PI),
-        Kind::Ratio => (-ONES, ONES),
+        Kind::Ratio => (-MIN_NUMBER_BOUND, MIN_NUMBER_BOUND),
         Kind::Number => {
             let corners = data.lo.iter().chain(&data.hi);
             let reach = corners.fold(diagonal, |m, v| m.max(v.abs()));
-            let most = (BOX_FACTOR * reach).max(ONES);
+            let most = (BOX_SCALE_FACTOR * reach).max(MIN_NUMBER_BOUND);
             (-most, most)
         }
     }
@@ -130,12 +117,12 @@ fn below(start: f64, suggested: f64, width: f64) -> f64 {
 /// side. If bounds and data have no common range, the bounds decide.
 pub(super) fn informed(p: &Parameter, lo: f64, hi: f64, data: Aabb) -> (f64, f64) {
     if let Some(start) = start_of_author(p, lo, hi) {
-        let reach = AUTHORS_SHARE * (hi - lo);
+        let reach = 0.25 * (hi - lo);
         return ((start - reach).max(lo), (start + reach).min(hi));
     }
     let (a, b) = likely(p.kind, lo, hi, data);
     let (c, d) = (a.max(lo), b.min(hi));
-    if d - c > LEAST_OVERLAP * (hi - lo) {
+    if d - c > 1e-3 * (hi - lo) {
         (c, d)
     } else {
         (lo, hi)
@@ -153,7 +140,7 @@ fn start_of_author(p: &Parameter, lo: f64, hi: f64) -> Option<f64> {
 fn likely(kind: Kind, lo: f64, hi: f64, data: Aabb) -> (f64, f64) {
     let size = data.size();
     let largest = positive(size[0].max(size[1]).max(size[2]));
-    let (least, most) = START_LENGTHS;
+    let (least, most) = (0.02, 0.75);
     match kind {
         Kind::X | Kind::Y | Kind::Z => (data.lo[kind as usize], data.hi[kind as usize]),
         Kind::Length => (least * largest, most * largest),

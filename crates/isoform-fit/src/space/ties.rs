@@ -4,12 +4,12 @@ use crate::{FitError, Parameter, Tie};
 
 /// A parameter as a constant and terms (index, factor) of free parameters.
 #[derive(Clone, Default)]
-pub(super) struct Row {
+pub(super) struct ParameterRow {
     pub(super) constant: f64,
     pub(super) terms: Vec<(usize, f64)>,
 }
 
-impl Row {
+impl ParameterRow {
     /// Returns true if this row is the free parameter i itself.
     pub(super) fn is_variable(&self, i: usize) -> bool {
         self.terms == [(i, 1.0)]
@@ -18,7 +18,7 @@ impl Row {
 
 /// Returns the rows of all parameters. Ties take precedence over fixed values, and are followed
 /// through other ties.
-pub(super) fn rows(parameters: &[Parameter]) -> Result<Vec<Row>, FitError> {
+pub(super) fn rows(parameters: &[Parameter]) -> Result<Vec<ParameterRow>, FitError> {
     let mut ties = Ties {
         parameters,
         rows: vec![None; parameters.len()],
@@ -32,12 +32,12 @@ pub(super) fn rows(parameters: &[Parameter]) -> Result<Vec<Row>, FitError> {
 /// The parameters, and the rows resolved so far.
 struct Ties<'a> {
     parameters: &'a [Parameter],
-    rows: Vec<Option<Row>>,
+    rows: Vec<Option<ParameterRow>>,
 }
 
 impl Ties<'_> {
     /// Returns the row of parameter i, which was reached through `depth` ties.
-    fn resolve(&mut self, i: usize, depth: usize) -> Result<&Row, FitError> {
+    fn resolve(&mut self, i: usize, depth: usize) -> Result<&ParameterRow, FitError> {
         if self.rows[i].is_none() {
             let row = self.row(i, depth)?;
             if !row.constant.is_finite() {
@@ -51,7 +51,7 @@ impl Ties<'_> {
         Ok(self.rows[i].as_ref().expect("just resolved"))
     }
 
-    fn row(&mut self, i: usize, depth: usize) -> Result<Row, FitError> {
+    fn row(&mut self, i: usize, depth: usize) -> Result<ParameterRow, FitError> {
         let p = &self.parameters[i];
         if depth > self.parameters.len() {
             return Err(FitError::Tie {
@@ -60,11 +60,11 @@ impl Ties<'_> {
         }
         match (&p.tie, p.fixed) {
             (Some(tie), _) => self.tied(i, tie, depth),
-            (None, Some(v)) => Ok(Row {
+            (None, Some(v)) => Ok(ParameterRow {
                 constant: v,
                 terms: Vec::new(),
             }),
-            (None, None) => Ok(Row {
+            (None, None) => Ok(ParameterRow {
                 constant: 0.0,
                 terms: vec![(i, 1.0)],
             }),
@@ -72,7 +72,7 @@ impl Ties<'_> {
     }
 
     /// Returns the row of a tied parameter, from the rows of its sources.
-    fn tied(&mut self, i: usize, tie: &Tie, depth: usize) -> Result<Row, FitError> {
+    fn tied(&mut self, i: usize, tie: &Tie, depth: usize) -> Result<ParameterRow, FitError> {
         let mut constant = tie.constant;
         let mut sum = vec![0.0; self.parameters.len()];
         for &(j, factor) in &tie.terms {
@@ -88,7 +88,7 @@ impl Ties<'_> {
             }
         }
         let terms = sum.into_iter().enumerate().filter(|(_, v)| *v != 0.0);
-        Ok(Row {
+        Ok(ParameterRow {
             constant,
             terms: terms.collect(),
         })

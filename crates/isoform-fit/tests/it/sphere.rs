@@ -1,7 +1,7 @@
 //! Spheres: closed forms, methods of the paper, and inputs that make no sense.
 
 use isoform_fit::{
-    Control, FitError, Kind, Local, Method, Options, Parameter, Status, Template, fit,
+    Control, FitError, Kind, LocalMethod, Method, Options, Parameter, Status, Template, fit,
 };
 use isoform_geom::{ParamField, Point3, norm, sub};
 
@@ -194,15 +194,15 @@ fn an_idle_parameter_is_said_to_be_open() {
 fn the_paper_s_methods_agree() {
     let points = points(500, 0.01);
     let methods = [
-        Method::Local(Local::Lm),
-        Method::Local(Local::Bfgs),
+        Method::Local(LocalMethod::Lm),
+        Method::Local(LocalMethod::Bfgs),
         Method::Annealing,
         Method::Hybrid {
-            local: Local::Lm,
+            local: LocalMethod::Lm,
             threshold: None,
         },
         Method::Hybrid {
-            local: Local::Bfgs,
+            local: LocalMethod::Bfgs,
             threshold: Some(1.0),
         },
     ];

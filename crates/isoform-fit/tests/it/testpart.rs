@@ -41,7 +41,8 @@ fn wide(random: &mut fastrand::Rng) -> Vec<f64> {
 fn single_descents_from_wide_starts_mostly_succeed() {
     let template = TestPart::new(false);
     let points = sample(512, 0.01, 1);
-    let space = Space::new(template.parameters(), &bounds(), Aabb::of(&points)).expect("a space");
+    let space =
+        Space::new(template.parameters(), &bounds(), Aabb::from_points(&points)).expect("a space");
     let mut random = fastrand::Rng::with_seed(2);
     let mut a = [0.0; 12];
     let good = (0..200)
@@ -53,7 +54,7 @@ fn single_descents_from_wide_starts_mostly_succeed() {
                 x,
                 &space.lo,
                 &space.hi,
-                &lm::Options::default(),
+                &lm::LmOptions::default(),
                 &mut |_, _, _| true,
             );
             space.parameters_at(&m.x, &mut a);

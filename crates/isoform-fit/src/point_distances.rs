@@ -1,18 +1,14 @@
 //! Distances of points from the model, by the template's distance if it has one.
 
 use crate::Template;
-use crate::feet::KeptFeet;
-use crate::objective::values;
-use crate::task::Task;
+use crate::feet::CachedFeet;
+use crate::residuals::values;
 use crate::template::parts_of;
 use isoform_geom::Point3;
 
-/// Feet computed at a time, to bound memory.
-const BATCH: usize = 1 << 16;
-
-/// Every point's signed distance and part of the model.
+/// Signed distances and parts of points.
 #[derive(Default)]
-pub(crate) struct Measured {
+pub(crate) struct PointDistances {
     pub(crate) residuals: Vec<f64>,
     /// Parts that meet at the nearest point of the model; the first one is the part of the point.
     pub(crate) pieces: Vec<[u32; 3]>,
@@ -22,7 +18,7 @@ pub(crate) struct Measured {
     pub(crate) at: Vec<Point3>,
 }
 
-impl Measured {
+impl PointDistances {
     /// Returns the part of each point.
     pub(crate) fn parts(&self) -> Vec<u32> {
         self.pieces.iter().map(|met| met[0]).collect()
@@ -44,30 +40,23 @@ impl Measured {
     }
 }
 
-impl Task<'_> {
-    /// Computes distances and parts of points.
-    pub(crate) fn measured(&self, points: &[Point3], x: &[f64]) -> Measured {
-        let a = self.space.parameters(x);
-        measured(self.template, self.distance.as_ref(), points, &a)
-    }
-}
-
 /// Computes distances and parts of points, by the template's distance if it has one.
-pub(crate) fn measured(
+pub(crate) fn measure_points(
     template: &dyn Template,
-    distance: Option<&KeptFeet<'_>>,
+    distance: Option<&CachedFeet<'_>>,
     points: &[Point3],
     a: &[f64],
-) -> Measured {
+) -> PointDistances {
     let Some(distance) = distance else {
         return by_metric(template, points, a);
     };
-    let mut out = Measured {
+    let mut out = PointDistances {
         residuals: Vec::with_capacity(points.len()),
         pieces: Vec::with_capacity(points.len()),
         at: Vec::with_capacity(points.len()),
     };
-    for batch in points.chunks(BATCH) {
+    // Batches bound the memory.
+    for batch in points.chunks(1 << 16) {
         for foot in &distance.at(batch, a).feet {
             out.residuals.push(foot.distance);
             out.pieces.push(foot.pieces);
@@ -78,11 +67,11 @@ pub(crate) fn measured(
 }
 
 /// Computes metric residuals and parts of points, which represent their nearest points.
-fn by_metric(template: &dyn Template, points: &[Point3], a: &[f64]) -> Measured {
+fn by_metric(template: &dyn Template, points: &[Point3], a: &[f64]) -> PointDistances {
     let mut residuals = vec![0.0; points.len()];
     values(template.metric(), points, a, &mut residuals);
     let parts = parts_of(template, points, a).into_iter();
-    Measured {
+    PointDistances {
         residuals,
         pieces: parts.map(|part| [part; 3]).collect(),
         at: points.to_vec(),

@@ -1,26 +1,19 @@
 //! Perturbation of single primitives of a minimum: a typical false minimum has one misplaced piece.
 
-use super::descent::Run;
-use super::{Outcome, SAME, Search};
-use crate::objective::jacobian;
+use super::minima::{RunResult, SAME_SUM_SHARE, SearchOutcome};
+use super::problem::MinimumSearch;
+use crate::residuals::{MOVING_DERIVATIVE, jacobian};
 use crate::template::parts_of;
 
-/// Throws of single primitives without success before the search ends.
-const THROWS: usize = 4;
-/// Most throws before further starts.
-const MOST_THROWS: usize = 12;
-/// A derivative above this moves the surface.
-const MOVES: f64 = 1e-6;
-
-/// The pieces of a template as the points see them.
-struct Pieces {
+/// The pieces of a template at the points of the search.
+struct PieceMoves {
     /// Number of points by piece.
     count: Vec<usize>,
     /// True if a variable moves a point of a piece, by piece and variable.
     moved: Vec<Vec<bool>>,
 }
 
-impl Pieces {
+impl PieceMoves {
     /// Returns the pieces with points.
     fn present(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.count.len()).filter(|&p| self.count[p] > 0)
@@ -40,24 +33,24 @@ impl Pieces {
 
 /// Counts of perturbations.
 #[derive(Default)]
-struct Tally {
+struct PerturbationTally {
     tried: usize,
     /// Number of perturbations that led back to the best minimum.
     back: usize,
     failures: usize,
 }
 
-impl Search<'_> {
+impl MinimumSearch<'_> {
     /// Perturbs single primitives of the best minimum. Returns true if this keeps leading back and
     /// the rate of return, starts included, makes it improbable that a minimum as wide was missed;
     /// false to continue with starts.
-    pub(super) fn throw(&self, out: &mut Outcome) -> bool {
+    pub(super) fn perturb_pieces(&self, out: &mut SearchOutcome) -> bool {
         let seed = self.options.seed ^ 0x7_4120 ^ ((out.starts as u64) << 32);
         let mut random = fastrand::Rng::with_seed(seed);
         let nought = out.nought();
         let mut groups = self.groups(&out.minima[0].x);
-        let mut tally = Tally::default();
-        while tally.tried < MOST_THROWS && !groups.is_empty() && !self.control.is_stopped() {
+        let mut tally = PerturbationTally::default();
+        while tally.tried < 12 && !groups.is_empty() && !self.control.is_stopped() {
             let group = &groups[tally.failures % groups.len()];
             let x = self.throw_group(&out.minima[0].x, group, &mut random);
             let run = self.descend(x, out.minima.first(), nought, out.starts);
@@ -73,10 +66,10 @@ impl Search<'_> {
 
     /// Returns true after four perturbations without success, if the rate of return makes it
     /// improbable enough that a minimum was missed.
-    fn is_enough(&self, tally: &Tally, out: &Outcome) -> bool {
+    fn is_enough(&self, tally: &PerturbationTally, out: &SearchOutcome) -> bool {
         let total = out.starts + tally.tried;
         let rate = (out.minima[0].hits + tally.back) as f64 / total as f64;
-        tally.failures >= THROWS && (1.0 - rate).powi(total as i32) < self.options.miss
+        tally.failures >= 4 && (1.0 - rate).powi(total as i32) < self.options.miss
     }
 
     /// Returns a point with some variables drawn anew.
@@ -135,12 +128,12 @@ impl Search<'_> {
     }
 
     /// Determines which variables move the points of which piece.
-    fn pieces(&self, x: &[f64]) -> Pieces {
+    fn pieces(&self, x: &[f64]) -> PieceMoves {
         let names = self.template.part_names().len();
         let a = self.space.parameters(x);
         let parts = parts_of(self.template, self.points, &a);
         let jac = jacobian(self.template.metric(), self.points, &a);
-        let mut pieces = Pieces {
+        let mut pieces = PieceMoves {
             count: vec![0; names],
             moved: vec![vec![false; self.space.len()]; names],
         };
@@ -150,22 +143,22 @@ impl Search<'_> {
             };
             pieces.count[*p as usize] += 1;
             for (k, moved) in moved.iter_mut().enumerate() {
-                *moved |= self.space.derivative(k, row).abs() > MOVES;
+                *moved |= self.space.derivative(k, row).abs() > MOVING_DERIVATIVE;
             }
         }
         pieces
     }
 }
 
-impl Tally {
+impl PerturbationTally {
     /// Adds a perturbation. Returns true if it led to something better: then all minima found so
     /// far are others.
-    fn count(&mut self, run: Run, out: &mut Outcome, nought: f64) -> bool {
+    fn count(&mut self, run: RunResult, out: &mut SearchOutcome, nought: f64) -> bool {
         self.tried += 1;
         let best = out.best();
         let value = run.value;
         let is_back = value.is_finite() && out.insert(run.x, value, nought, false) == 0;
-        if is_back && best > nought && value < best * (1.0 - SAME) {
+        if is_back && best > nought && value < best * (1.0 - SAME_SUM_SHARE) {
             *self = Self {
                 back: 1,
                 ..Self::default()

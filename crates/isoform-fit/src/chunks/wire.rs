@@ -5,9 +5,9 @@ use isoform_geom::Point3;
 
 /// A writer of words.
 #[derive(Default)]
-pub(super) struct Writer(pub(super) Vec<u64>);
+pub(super) struct WordWriter(pub(super) Vec<u64>);
 
-impl Writer {
+impl WordWriter {
     pub(super) fn word(&mut self, word: u64) {
         self.0.push(word);
     }
@@ -35,12 +35,12 @@ impl Writer {
 }
 
 /// A reader of words. Beyond the end it returns zeros and sets `is_short`.
-pub(super) struct Reader<'a> {
+pub(super) struct WordReader<'a> {
     words: &'a [u64],
     pub(super) is_short: bool,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> WordReader<'a> {
     pub(super) fn new(words: &'a [u64]) -> Self {
         Self {
             words,

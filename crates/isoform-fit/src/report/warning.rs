@@ -1,6 +1,6 @@
 //! Warnings about a fit: facts that a reader should know, although they do not speak against it.
 
-use crate::Beside;
+use crate::clutter::kind::ClutterKind;
 use std::fmt;
 
 /// A fact to know about a fit. Shares are of 1.
@@ -48,7 +48,7 @@ pub enum Warning {
     /// Points of clutter that were left out.
     Beside {
         /// Kind of clutter.
-        why: Beside,
+        why: ClutterKind,
         /// Number of points of this kind.
         count: usize,
         /// Number of all points.
@@ -100,9 +100,9 @@ impl fmt::Display for Warning {
                 "{count} points ({:.1} %) lie {} and were left out",
                 100.0 * *count as f64 / *points as f64,
                 match why {
-                    Beside::Plane => "on a plane beyond the part",
-                    Beside::Apart => "apart from the part",
-                    Beside::Stray => "astray",
+                    ClutterKind::Plane => "on a plane beyond the part",
+                    ClutterKind::Apart => "apart from the part",
+                    ClutterKind::Stray => "astray",
                 }
             ),
             Self::Repeated { count, points } => write!(
@@ -120,7 +120,7 @@ mod tests {
     #[test]
     fn shares_are_in_per_cent() {
         let stray = Warning::Beside {
-            why: Beside::Stray,
+            why: ClutterKind::Stray,
             count: 3,
             points: 200,
         };

@@ -1,18 +1,11 @@
 //! Estimates of the parameters with their deviations, and their status.
 
-use super::{Estimate, Status};
 use crate::Kind;
 use crate::identify::{Knowledge, student95};
+use crate::report::{Estimate, Status};
 use crate::task::Task;
 
-/// A deviation above this share of the diagonal makes a parameter weak.
-const WEAK: f64 = 0.02;
-/// A deviation above this, in radians or ones, makes an angle or a ratio weak.
-const WEAK_NUMBER: f64 = 0.1;
-/// A variable is at a bound that is nearer than this share of its deviation.
-const NEAR_BOUND: f64 = 0.01;
-
-/// What the intervals of all parameters rest on.
+/// Data of the intervals of all parameters.
 pub(super) struct Intervals<'a> {
     pub(super) x: &'a [f64],
     /// Values of all parameters.
@@ -83,7 +76,8 @@ impl Task<'_> {
 
     fn status(&self, kind: Kind, sd: f64, freedom: Freedom, x: &[f64]) -> Status {
         let is_at_bound = |k: usize| {
-            let within = NEAR_BOUND * sd / self.space.unit(k);
+            // At a bound that is nearer than a hundredth of the deviation.
+            let within = 0.01 * sd / self.space.unit(k);
             self.space.is_at_bound(x, k, within)
         };
         if !freedom.is_moved {
@@ -101,8 +95,8 @@ impl Task<'_> {
 
     fn is_weak(&self, kind: Kind, sd: f64) -> bool {
         match kind {
-            Kind::Angle | Kind::Ratio => sd > WEAK_NUMBER,
-            _ => sd > WEAK * self.size().max(1e-300),
+            Kind::Angle | Kind::Ratio => sd > 0.1,
+            _ => sd > 0.02 * self.size().max(1e-300),
         }
     }
 }

@@ -1,46 +1,35 @@
 //! Composition of the result of a fit from what the stages found.
 
-use super::estimates::Intervals;
-use super::{Fit, OtherMinimum, Told};
+mod estimates;
+mod open;
+mod parts;
+mod statistics;
+
+use self::estimates::Intervals;
+use crate::by_point::ByPoint;
 use crate::clock::Clock;
 use crate::deviation;
-use crate::evidence::{Clusters, Evidence};
-use crate::fit::Found;
-use crate::judge::Verdict;
+use crate::evidence::Clusters;
+use crate::minimum::FitMinimum;
 use crate::polish::weight;
-use crate::search::{Minimum, Outcome};
-use crate::settle::Fitted;
-use crate::task::{OUTLIER_DEVIATIONS, Task};
+use crate::report::evidence::Evidence;
+use crate::report::finding::Verdict;
+use crate::report::{Fit, OtherMinimum};
+use crate::search::{SearchMinimum, SearchOutcome};
+use crate::settle::FinalFit;
+use crate::tally::PointStatistics;
+use crate::task::Task;
+use crate::thresholds::OUTLIER_DEVIATIONS;
 use crate::vector::distance;
 use crate::{Loss, vector};
-use isoform_geom::Point3;
-
-/// An outlier is farther off than this share of the point spacing, too: edges rounded by a mesher
-/// or a scanner are no outliers.
-const OUTLIER_SPACINGS: f64 = 0.3;
-/// Most other minima told of.
-const MOST_MINIMA: usize = 5;
-
-/// What a fit says of each point.
-pub(crate) struct ByPoint {
-    /// Metric residuals.
-    pub(crate) residuals: Vec<f64>,
-    pub(crate) outliers: Vec<bool>,
-    /// Weights in the polish.
-    pub(crate) weights: Vec<f64>,
-    /// Pieces of the model.
-    pub(crate) parts: Vec<u32>,
-    /// Nearest points of the model.
-    pub(crate) at: Vec<Point3>,
-}
 
 impl Task<'_> {
     /// Composes the result of a fit, with its verdict.
-    pub(crate) fn report(&self, mut fitted: Fitted, mut clock: Clock) -> Fit {
+    pub(crate) fn report(&self, mut fitted: FinalFit, mut clock: Clock) -> Fit {
         let a = self.space.parameters(&fitted.found.x);
         let limit = self.outlier_limit(fitted.noise, fitted.found.loss);
         let points = self.by_point(&mut fitted, limit);
-        let mut told = self.told(&a, &points, limit, self.summed_at(&fitted.found, &a));
+        let mut told = self.statistics(&a, &points, limit, self.summed_at(&fitted.found, &a));
         let clusters = self.clusters(&points);
         let mut evidence = self.evidence(&a, &points, &fitted.surface, &fitted.open_parts);
         evidence.clustered = clusters.share;
@@ -69,7 +58,7 @@ impl Task<'_> {
     }
 
     /// Computes the results by point; takes the measured distances.
-    fn by_point(&self, fitted: &mut Fitted, limit: f64) -> ByPoint {
+    fn by_point(&self, fitted: &mut FinalFit, limit: f64) -> ByPoint {
         let (noise, loss) = (fitted.noise, fitted.found.loss);
         let measured = std::mem::take(&mut fitted.measured);
         let scale = noise.max(f64::MIN_POSITIVE);
@@ -93,14 +82,14 @@ impl Task<'_> {
     /// outliers.
     fn outlier_limit(&self, noise: f64, loss: Loss) -> f64 {
         if loss.is_robust() {
-            (OUTLIER_DEVIATIONS * noise).max(OUTLIER_SPACINGS * self.near.spacing)
+            (OUTLIER_DEVIATIONS * noise).max(0.3 * self.near.spacing)
         } else {
             f64::INFINITY
         }
     }
 
     /// Returns the covariance of the parameters, widened by outliers on surfaces of their own.
-    fn covariance(&self, fitted: &Fitted, clusters: &Clusters) -> Vec<f64> {
+    fn covariance(&self, fitted: &FinalFit, clusters: &Clusters) -> Vec<f64> {
         let scale = fitted.noise.max(self.rounding());
         let widened = 1.0 + clusters.misfit / (scale * scale);
         let mut covariance = self.space.push_forward(&fitted.covariance);
@@ -111,9 +100,9 @@ impl Task<'_> {
     /// Composes the result without statistics of parts, evidence, open groups, verdict and times.
     fn unjudged(
         &self,
-        fitted: Fitted,
+        fitted: FinalFit,
         points: ByPoint,
-        told: Told,
+        told: PointStatistics,
         (a, clusters): (&[f64], &Clusters),
     ) -> Fit {
         let covariance = self.covariance(&fitted, clusters);
@@ -153,7 +142,7 @@ impl Task<'_> {
             neighbour_correlation: self.correlation_but(
                 &points.residuals,
                 &points.outliers,
-                deviation::PROBES,
+                deviation::CORRELATION_PROBES,
             ),
             residuals: points.residuals,
             weights: points.weights,
@@ -184,15 +173,15 @@ impl Task<'_> {
 
     /// Returns the parameters at which the algebraic sum is computed: the result, then other
     /// minima.
-    fn summed_at(&self, found: &Found, a: &[f64]) -> Vec<Vec<f64>> {
+    fn summed_at(&self, found: &FitMinimum, a: &[f64]) -> Vec<Vec<f64>> {
         let others = others(&found.outcome, &found.x);
         let others = others.map(|m| self.space.parameters(&m.x));
         std::iter::once(a.to_vec()).chain(others).collect()
     }
 
     /// Returns the minima without the nearest one to the result, with their sums.
-    fn others(&self, found: &Found, sums: &[f64]) -> Vec<OtherMinimum> {
-        let told = |(m, sum): (&Minimum, &f64)| OtherMinimum {
+    fn others(&self, found: &FitMinimum, sums: &[f64]) -> Vec<OtherMinimum> {
+        let told = |(m, sum): (&SearchMinimum, &f64)| OtherMinimum {
             sum_f2: *sum,
             parameters: self.space.parameters(&m.x),
             hits: m.hits,
@@ -203,12 +192,12 @@ impl Task<'_> {
 }
 
 /// Returns the first five minima without the nearest one to the result.
-fn others<'a>(outcome: &'a Outcome, x: &[f64]) -> impl Iterator<Item = &'a Minimum> {
+fn others<'a>(outcome: &'a SearchOutcome, x: &[f64]) -> impl Iterator<Item = &'a SearchMinimum> {
     let off: Vec<f64> = outcome.minima.iter().map(|m| distance(&m.x, x)).collect();
     let chosen = (0..off.len()).min_by(|i, j| off[*i].total_cmp(&off[*j]));
     let all = outcome.minima.iter().enumerate();
     let others = all.filter(move |(k, _)| Some(*k) != chosen);
-    others.map(|(_, m)| m).take(MOST_MINIMA)
+    others.map(|(_, m)| m).take(5)
 }
 
 /// Flags the points beyond the limit.

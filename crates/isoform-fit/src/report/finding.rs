@@ -1,7 +1,6 @@
 //! Findings against a fit, with their severity.
 
-use super::{BAD_BARE, CLUSTERS};
-use crate::words::listed;
+use crate::phrases::listed;
 use std::fmt;
 
 /// Verdict on a fit, from the best to the worst.
@@ -183,8 +182,8 @@ impl Finding {
         match self {
             Self::FarOff { .. } | Self::OffExact { .. } | Self::NoSurface => true,
             Self::Outliers { .. } => true,
-            Self::Bare { share } => *share > BAD_BARE,
-            Self::Clusters { share } => *share > CLUSTERS.1,
+            Self::Bare { share } => *share > 0.6,
+            Self::Clusters { share } => *share > 0.3,
             _ => false,
         }
     }
