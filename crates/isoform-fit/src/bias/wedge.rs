@@ -1,10 +1,10 @@
 //! The effect of noise near a straight edge between two planes.
 //!
-//! In units of the noise and in the plane normal to the edge, points that come from the half line x
-//! > 0 of the first face have the density φ(z) Φ(x), where z is the depth below that face. The
-//! integrals are taken in polar coordinates about the edge, sector by sector: within one the
-//! distance is smooth. The contribution of the unbounded plane of the first face is subtracted, so
-//! that only the effect of the edge remains.
+//! In units of the noise and in the plane normal to the edge, points that come from the half line
+//! of positive x of the first face have the density φ(z) Φ(x), where z is the depth below that
+//! face. The integrals are taken in polar coordinates about the edge, sector by sector: within one
+//! the distance is smooth. The contribution of the unbounded plane of the first face is subtracted,
+//! so that only the effect of the edge remains.
 
 use isoform_num::gauss_legendre;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
