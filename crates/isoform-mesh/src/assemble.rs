@@ -80,8 +80,8 @@ pub(crate) fn assemble_volume(
 ) -> Result<LabelledMesh, MeshError> {
     let faces = complex.faces();
     let mut numbering = Numbering::new(complex.points.len());
-    // `tet_of` does not tell if a vertex is used: where bodies touch in a single point, as for discontinuous
-    // functions, the recorded tetrahedron may have been removed while others remain.
+    // `tet_of` does not tell if a vertex is used: where bodies touch in a single point, as for
+    // discontinuous functions, the recorded tetrahedron may have been removed while others remain.
     let mut is_used = vec![false; complex.points.len()];
     for t in complex.live() {
         for v in complex.tets[t as usize] {

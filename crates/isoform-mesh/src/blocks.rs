@@ -4,11 +4,11 @@
 //! bit. A [`Plan`] holds it, with other data of the whole model: the box and the features. Then
 //!
 //! 1. [`make`] cuts each block out of the lattice together with a *halo* of cells around it, keeps
-//!    the tetrahedra whose centroids lie in its room, and optimises them while the nodes on its sides
-//!    are fixed;
+//!    the tetrahedra whose centroids lie in its room, and optimises them while the nodes on its
+//!    sides are fixed;
 //! 2. [`Interfaces`] compares the faces on both sides of each interface. Cutting decides by nearby
-//!    data, so that they match; if a chain of decisions was longer than the halo they differ, and the
-//!    blocks concerned are made again with a larger halo;
+//!    data, so that they match; if a chain of decisions was longer than the halo they differ, and
+//!    the blocks concerned are made again with a larger halo;
 //! 3. [`mend`] optimises tetrahedra near the sides again, in rooms with sides at other places: in
 //!    three further rounds, so that every node was inside a room at least once;
 //! 4. [`close`] assembles the labelled mesh of each block, with its surroundings for a certificate.
@@ -24,8 +24,8 @@
 //! ```
 //!
 //! Optimising a set of tetrahedra keeps its boundary inside the solid, so that steps 3 and 4
-//! preserve the matching. After each step a block is a value without history: every worker computes
-//! the same bits.
+//! preserve the matching. After each step a block is a value without history: all workers compute
+//! equal bits.
 //!
 //! ```
 //! use isoform_field::Pieces;

@@ -1,5 +1,5 @@
-//! Entry points of the mesher: meshing of a solid in its own box or in a given one, in regions, with
-//! layers, and as a unit cell.
+//! Entry points of the mesher: meshing of a solid in its own box or in a given one, in regions,
+//! with layers, and as a unit cell.
 
 use crate::divided::Region;
 use crate::error::{MeshError, Warning, WarningKind};

@@ -7,9 +7,9 @@ use crate::points::unique;
 use isoform_geom::{dot, sub};
 use rayon::prelude::*;
 
-/// Factor of the goal from which on a measure is good enough: vertices around which no tetrahedron
-/// is worse do not move, and moves that get there end. The worst tetrahedra count, and most of the
-/// others are good from the start.
+/// Factor of the goal above which a measure is good enough: vertices move only next to worse
+/// tetrahedra, and moves end there. The worst tetrahedra count, and most of the others are good from
+/// the start.
 const ENOUGH_GOAL_FACTOR: f64 = 1.25;
 /// First round in which vertices are inserted: flips and collapses come first.
 const FIRST_INSERTION_ROUND: usize = 3;

@@ -353,8 +353,8 @@ fn second_order_and_chordal_errors() {
 }
 
 /// Returns the largest depth of flat triangles with corners on the unit sphere: where all angles
-/// are acute their nearest point to the centre is the circumcentre, else the midpoint of the longest
-/// edge.
+/// are acute their nearest point to the centre is the circumcentre, else the midpoint of the
+/// longest edge.
 fn flat_off_sphere(mesh: &Mesh) -> f64 {
     let depth = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|v| mesh.points[v as usize]);
@@ -484,8 +484,8 @@ fn tetrahedra_whose_edges_miss_those_of_the_model() {
     assert!(tets.dihedral_min > 10.0, "{}", tets.dihedral_min);
 }
 
-/// A mesh with errors of up to a twentieth of the edge length in every coordinate: often the face of
-/// a neighbour is the nearest.
+/// A mesh with errors of up to a twentieth of the edge length in every coordinate: often the face
+/// of a neighbour is the nearest.
 #[test]
 fn tetrahedra_with_rough_edges() {
     let first = mesh(
