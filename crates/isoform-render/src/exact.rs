@@ -135,13 +135,13 @@ pub(crate) fn facet_normal([a, b, c]: [Point3; 3]) -> Point3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use isoform::tess::{Options, TriangulateOptions};
+    use isoform::tess::{MapOptions, TriangulateOptions};
     use isoform::{Control, triangulate_map};
 
     #[test]
     fn places_of_a_map_are_those_of_its_triangles() {
         let texts = ["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"];
-        let map = Map::parse(texts, Options::default()).expect("a map");
+        let map = Map::parse(texts, MapOptions::default()).expect("a map");
         let options = TriangulateOptions::around(2.into());
         let (surface, _) = triangulate_map(&map, &options, &Control::default()).expect("triangles");
         let exact = Exact::Map(Forms::new(&map, &surface));

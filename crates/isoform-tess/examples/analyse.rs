@@ -9,7 +9,7 @@ use isoform_algebra::Poly;
 use isoform_control::Control;
 use isoform_io::read_map;
 use isoform_tess::{
-    Algebraic, BinaryForm, Budget, CurveKind, Map, Options, RealPart, Seam, VARIABLES, analyse,
+    Algebraic, BinaryForm, Budget, CurveKind, Map, MapOptions, RealPart, Seam, VARIABLES, analyse,
 };
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 fn print_map(polynomials: [Poly; 4]) {
-    match Map::new(polynomials, Options::default()) {
+    match Map::new(polynomials, MapOptions::default()) {
         Ok(map) => print_analysis(&map),
         Err(error) => println!("  {error}; {}", error.hint()),
     }

@@ -264,7 +264,7 @@ mod tests {
     use super::*;
 
     fn lines(forms: [&str; 4]) -> (Vec<SeamLine>, bool) {
-        let map = Map::parse(forms, crate::Options::default()).expect("a map");
+        let map = Map::parse(forms, crate::MapOptions::default()).expect("a map");
         let classes = Classes::new(&map, false, &Control::default()).expect("in time");
         seam_lines(&classes, &Control::default()).expect("in time")
     }

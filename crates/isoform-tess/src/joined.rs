@@ -13,7 +13,7 @@
 mod weld;
 
 use crate::patch::{ControlPoint, Patch};
-use crate::surface::{Kind, Point3, Surface};
+use crate::surface::{Point3, Surface, VertexKind};
 use isoform_algebra::RBig;
 use std::collections::BTreeMap;
 use weld::{PatchVertex, weld};
@@ -149,7 +149,7 @@ impl Surface {
     fn add_border_vertex(&mut self, p: Point3, faces: u8) -> u32 {
         let number = self.points.len() as u32;
         self.points.push(p);
-        self.kinds.push(Kind::Border);
+        self.kinds.push(VertexKind::Border);
         self.faces.push(faces);
         self.double.push(false);
         number

@@ -67,7 +67,7 @@ pub use field::{Algebraic, Element, NumberField};
 pub use finding::{Finding, JoinedCurve, Phase, Unopened};
 pub use frame::Frame;
 pub use isoform_control::{Control, Stopped};
-pub use map::{KEYS, MAX_DEGREE, Map, MapError, Options, VARIABLES};
+pub use map::{KEYS, MAX_MAP_DEGREE, Map, MapError, MapOptions, VARIABLES};
 pub use patch::{ControlPoint, Patch, patch_bounds};
 pub use real_border::RealBorder;
 pub use region::{Region, RegionTopology, Triangle};
@@ -75,7 +75,7 @@ pub use singular::{
     Contraction, CurveKind, POINTS_DEGREE, RealPart, Singular, SingularCurve, real_part, singular,
 };
 pub use surface::{
-    DoubleArc, Kind, MeshOptions, Mode, Point3, Surface, TriangulateError, TriangulateOptions,
+    DoubleArc, MeshOptions, Mode, Point3, Surface, TriangulateError, TriangulateOptions, VertexKind,
 };
 pub use surface_box::SurfaceBox;
 pub use triangulate::{Crossing, Prepared, join_patches, triangulate_once};

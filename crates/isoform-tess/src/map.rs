@@ -11,7 +11,7 @@ pub const KEYS: [&str; 4] = ["X", "Y", "Z", "W"];
 pub const VARIABLES: [&str; 3] = ["s", "t", "w"];
 
 /// Maximum degree of a map: beyond it the exact analysis is out of reach by orders of magnitude.
-pub const MAX_DEGREE: usize = 64;
+pub const MAX_MAP_DEGREE: usize = 64;
 
 /// Reason why an input is not a rational map onto a surface.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -30,8 +30,8 @@ pub enum MapError {
         /// One of [`KEYS`].
         key: &'static str,
     },
-    /// The degree is above [`MAX_DEGREE`].
-    #[error("the map has degree {degree}, above {MAX_DEGREE}")]
+    /// The degree is above [`MAX_MAP_DEGREE`].
+    #[error("the map has degree {degree}, above {MAX_MAP_DEGREE}")]
     DegreeTooLarge {
         /// Degree of the map.
         degree: usize,
@@ -116,7 +116,7 @@ impl MapError {
 
 /// Options for the repair of maps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Options {
+pub struct MapOptions {
     /// True to remove a common factor instead of refusing the map; [`Map::removed`] then returns
     /// the factor.
     pub reduce: bool,
@@ -126,14 +126,14 @@ pub struct Options {
 /// without a common factor.
 ///
 /// ```
-/// use isoform_tess::{Map, MapError, Options, VARIABLES};
+/// use isoform_tess::{Map, MapError, MapOptions, VARIABLES};
 ///
 /// let sphere = ["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"];
-/// let sphere = Map::parse(sphere, Options::default())?;
+/// let sphere = Map::parse(sphere, MapOptions::default())?;
 /// assert_eq!(sphere.degree(), 2);
 /// assert_eq!(sphere.forms()[0].display(&VARIABLES).to_string(), "2*s*w");
 /// // A cone over a circle is a surface, but the circle itself is not.
-/// let circle = Map::parse(["2*s", "1 - s^2", "0", "1 + s^2"], Options::default());
+/// let circle = Map::parse(["2*s", "1 - s^2", "0", "1 + s^2"], MapOptions::default());
 /// assert_eq!(circle, Err(MapError::NotASurface { dimension: 1 }));
 /// # Ok::<(), MapError>(())
 /// ```
@@ -154,7 +154,7 @@ impl Map {
     ///
     /// # Panics
     /// If another variable occurs.
-    pub fn new(polynomials: [Poly; 4], options: Options) -> Result<Self, MapError> {
+    pub fn new(polynomials: [Poly; 4], options: MapOptions) -> Result<Self, MapError> {
         assert!(
             polynomials.iter().all(|p| p.degree(2) + p.degree(3) == 0),
             "polynomials in s and t"
@@ -166,7 +166,7 @@ impl Map {
             return Err(MapError::ZeroDenominator);
         }
         let degree = degree_of(&polynomials);
-        if degree > MAX_DEGREE {
+        if degree > MAX_MAP_DEGREE {
             return Err(MapError::DegreeTooLarge { degree });
         }
         let dimension =
@@ -194,7 +194,7 @@ impl Map {
     ///
     /// # Errors
     /// [`MapError`].
-    pub fn parse(texts: [&str; 4], options: Options) -> Result<Self, MapError> {
+    pub fn parse(texts: [&str; 4], options: MapOptions) -> Result<Self, MapError> {
         let mut polynomials: [Poly; 4] = Default::default();
         for ((p, text), key) in polynomials.iter_mut().zip(texts).zip(KEYS) {
             *p = Poly::parse(text, &VARIABLES[..2])
@@ -208,7 +208,7 @@ impl Map {
     ///
     /// # Errors
     /// [`MapError`].
-    pub fn from_f64(terms: [&[([u16; 2], f64)]; 4], options: Options) -> Result<Self, MapError> {
+    pub fn from_f64(terms: [&[([u16; 2], f64)]; 4], options: MapOptions) -> Result<Self, MapError> {
         let mut polynomials: [Poly; 4] = Default::default();
         for ((p, terms), key) in polynomials.iter_mut().zip(terms).zip(KEYS) {
             let widened = terms

@@ -425,7 +425,7 @@ fn between(from: Plane, to: Plane, phase: C) -> impl Fn(f64) -> [Plane; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::Options;
+    use crate::map::MapOptions;
     use isoform_control::Control;
 
     const FINE: Fineness = Fineness {
@@ -434,7 +434,7 @@ mod tests {
     };
 
     fn map(texts: [&str; 4]) -> Map {
-        Map::parse(texts, Options::default()).unwrap()
+        Map::parse(texts, MapOptions::default()).unwrap()
     }
 
     /// Returns a dense pseudo-random map of a degree.

@@ -2,7 +2,7 @@
 
 use crate::domain::image_bounds;
 use crate::field::exact;
-use crate::map::{Map, MapError, Options};
+use crate::map::{Map, MapError, MapOptions};
 use isoform_algebra::{Poly, RBig};
 use isoform_geom::RationalPatch;
 
@@ -63,7 +63,7 @@ impl Patch {
     /// # Errors
     /// [`MapError`]: the image is not a surface, or has no finite point.
     pub fn map(&self) -> Result<Map, MapError> {
-        Map::new(self.polynomials(), Options { reduce: true })
+        Map::new(self.polynomials(), MapOptions { reduce: true })
     }
     /// Returns X, Y, Z and W in s and t.
     fn polynomials(&self) -> [Poly; 4] {

@@ -8,7 +8,7 @@
 //! them, they are the points with that coordinate imaginary and the others real.
 
 use crate::deck::{Deck, linear};
-use crate::map::{Map, Options};
+use crate::map::{Map, MapOptions};
 use crate::singular::{RealPart, real_part};
 use isoform_algebra::{Poly, RBig};
 use isoform_control::Control;
@@ -100,7 +100,7 @@ fn beyond(map: &Map, involution: &Matrix) -> Option<Map> {
             ([e[0], e[1], 0, 0], c)
         }))
     });
-    Map::new(imaginary, Options { reduce: true }).ok()
+    Map::new(imaginary, MapOptions { reduce: true }).ok()
 }
 
 #[cfg(test)]

@@ -166,7 +166,7 @@ impl From<Stopped> for TriangulateError {
 
 /// Kind of a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum VertexKind {
     /// Interior vertex.
     Ordinary,
     /// Vertex on a face of the box.
@@ -201,7 +201,7 @@ pub struct Surface {
     /// Positions of the vertices.
     pub points: Vec<Point3>,
     /// Kind of each vertex.
-    pub kinds: Vec<Kind>,
+    pub kinds: Vec<VertexKind>,
     /// Vertices of each triangle.
     pub triangles: Vec<[u32; 3]>,
     /// Unit triangle of parameters that contains each triangle, as in

@@ -24,8 +24,8 @@ impl SurfaceBox {
     ///
     /// ```
     /// use isoform_algebra::RBig;
-    /// use isoform_tess::{Domain, Map, Options, SurfaceBox};
-    /// let paraboloid = Map::parse(["s", "t", "s^2 + t^2", "1"], Options::default())?;
+    /// use isoform_tess::{Domain, Map, MapOptions, SurfaceBox};
+    /// let paraboloid = Map::parse(["s", "t", "s^2 + t^2", "1"], MapOptions::default())?;
     /// let square = || [RBig::ZERO, RBig::ONE];
     /// let domain = Domain::rectangle(square(), square())?;
     /// let around = SurfaceBox::of_map(&paraboloid, &domain).expect("no pole");

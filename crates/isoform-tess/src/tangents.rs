@@ -146,7 +146,7 @@ fn count_real_roots(
 mod tests {
     use super::*;
     use crate::base::base_points;
-    use crate::map::{Map, Options};
+    use crate::map::{Map, MapOptions};
     use isoform_algebra::UPoly;
 
     /// A multiple of √2 beyond the range of doubles is not taken for 0 or infinity.
@@ -188,9 +188,9 @@ mod tests {
     fn a_cusp_at_an_irrational_point() {
         // All forms vanish at s = ±√2, t = 1/3.
         let texts = ["s^2 - 2", "3*t - 1", "(s^2 - 2)*(3*t - 1)", "(s^2 - 2)^2"];
-        let map = Map::parse(texts, Options::default()).unwrap();
+        let map = Map::parse(texts, MapOptions::default()).unwrap();
         let cusp = "(s^2 - 2)^3 - (3*t - 1)^2";
-        let others = Map::parse(["1", "s", "t", cusp], Options::default()).unwrap();
+        let others = Map::parse(["1", "s", "t", cusp], MapOptions::default()).unwrap();
         let points = base_points(&map, &Control::default()).unwrap();
         let [here] = points
             .iter()

@@ -83,11 +83,11 @@
 //! # From a rational map to triangles
 //!
 //! ```
-//! use isoform::tess::{Map, Options, TriangulateOptions};
+//! use isoform::tess::{Map, MapOptions, TriangulateOptions};
 //! use isoform::{Control, topology, triangulate_map};
 //!
 //! // The sphere by stereographic projection: all of it, the pole at infinity included.
-//! let map = Map::parse(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], Options::default())?;
+//! let map = Map::parse(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], MapOptions::default())?;
 //! let options = TriangulateOptions::around(2.into());
 //! let (surface, analysis) = triangulate_map(&map, &options, &Control::default())?;
 //! assert!(surface.is_certified());

@@ -7,7 +7,7 @@ use isoform_control::Control;
 use isoform_geom::Mesh;
 use isoform_io::{FilePatch, MapFileError, PatchFileError, is_patch_file, read_map, read_patches};
 use isoform_tess::{
-    Analysis, Domain, Map, MapError, Mode, Options, Patch, PatchesError, Surface, SurfaceBox,
+    Analysis, Domain, Map, MapError, MapOptions, Mode, Patch, PatchesError, Surface, SurfaceBox,
     TriangulateOptions, triangulate, triangulate_patches,
 };
 use serde_json::Value;
@@ -64,7 +64,7 @@ impl RationalSurface {
             let patches = read_patches(&json)?.into_iter().map(patch);
             return Ok(Self::Patches(patches.collect()));
         }
-        let map = Map::new(read_map(text)?.polynomials, Options { reduce })?;
+        let map = Map::new(read_map(text)?.polynomials, MapOptions { reduce })?;
         Ok(Self::Map(Box::new(map)))
     }
 

@@ -1,7 +1,7 @@
 //! A map in floating point on a unit triangle, and the proof that W keeps its sign on a part of it.
 
 use crate::fan::Form;
-use crate::map::{MAX_DEGREE, Map};
+use crate::map::{MAX_MAP_DEGREE, Map};
 use crate::surface::Point3;
 use isoform_algebra::{Poly, QUADRANTS, RBig};
 use isoform_geom::{dot, norm, sub};
@@ -27,7 +27,7 @@ const MIN_TURN_COSINE: f64 = 0.97;
 /// Number of powers for low degrees, up to 8, which fit a short array.
 const LOW_DEGREE_POWERS: usize = 9;
 /// Number of powers for the maximum degree.
-const MAX_POWERS: usize = MAX_DEGREE + 1;
+const MAX_POWERS: usize = MAX_MAP_DEGREE + 1;
 
 impl Chart {
     /// Creates the chart; `size` is the unit of lengths in its tolerances.

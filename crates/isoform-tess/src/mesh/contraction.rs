@@ -9,7 +9,7 @@
 
 use super::geometry::distance;
 use super::triangles::{COINCIDENCE_DISTANCE, corners, is_flat, keep, leave_out, normal};
-use crate::surface::{Kind, Point3, Surface};
+use crate::surface::{Point3, Surface, VertexKind};
 use isoform_geom::dot;
 use std::collections::BTreeSet;
 
@@ -184,7 +184,7 @@ fn may_move(
     (half_width, tolerance): (f64, &dyn Fn(Point3) -> f64),
 ) -> bool {
     let target = s.points[to as usize];
-    if s.kinds[from as usize] != Kind::Ordinary
+    if s.kinds[from as usize] != VertexKind::Ordinary
         || s.double[from as usize]
         // Contracting a longer edge would invalidate the proofs about its triangles.
         || distance(s.points[from as usize], target) > 0.02 * tolerance(target)
@@ -211,7 +211,7 @@ mod tests {
 
     /// Returns the square [0, 1]² as a fan about an interior point, with another point on the
     /// segment from there to a corner, at a distance: two triangles have no area.
-    fn fan(distance: f64, kind: Kind) -> Surface {
+    fn fan(distance: f64, kind: VertexKind) -> Surface {
         let d = 0.5 - distance * std::f64::consts::FRAC_1_SQRT_2;
         let points = vec![
             [0.0, 0.0, 0.0],
@@ -236,7 +236,7 @@ mod tests {
         let (n, count) = (points.len(), triangles.len());
         Surface {
             kinds: (0..n)
-                .map(|v| if v < 5 { Kind::Box } else { kind })
+                .map(|v| if v < 5 { VertexKind::Box } else { kind })
                 .collect(),
             faces: vec![0; n],
             double: vec![false; n],
@@ -261,7 +261,7 @@ mod tests {
 
     #[test]
     fn short_edges_of_flat_triangles_are_contracted() {
-        let mut s = fan(1e-6, Kind::Ordinary);
+        let mut s = fan(1e-6, VertexKind::Ordinary);
         assert_eq!((flat(&s), euler(&s)), (3, 1));
         contract_flat(&mut s, 1.0, &|_| 1e-3);
         assert_eq!((flat(&s), euler(&s)), (0, 1));
@@ -271,7 +271,7 @@ mod tests {
     /// Four vertices coincide: each contraction but the last one leaves flat triangles.
     #[test]
     fn coincident_vertices_become_one() {
-        let mut s = fan(1e-6, Kind::Ordinary);
+        let mut s = fan(1e-6, VertexKind::Ordinary);
         let near = s.points[4];
         for v in [5, 6] {
             s.points[v] = [near[0] + 1e-15 * v as f64, near[1], near[2]];
@@ -285,7 +285,7 @@ mod tests {
     /// An edge that is long against the tolerance is kept, and so is a vertex of a curve.
     #[test]
     fn nothing_is_moved_far_and_no_vertex_of_a_curve() {
-        for (distance, kind) in [(0.1, Kind::Ordinary), (1e-6, Kind::Double)] {
+        for (distance, kind) in [(0.1, VertexKind::Ordinary), (1e-6, VertexKind::Double)] {
             let mut s = fan(distance, kind);
             contract_flat(&mut s, 1.0, &|_| 1e-3);
             assert!(flat(&s) > 0, "{kind:?}");

@@ -17,7 +17,7 @@ use super::strips::{PathVertex, around, between};
 use super::surface_builder::{NewTriangle, SurfaceBuilder};
 use crate::fan::{Direction, Fan};
 use crate::region::FOLD_BIT;
-use crate::surface::{Kind, Point3};
+use crate::surface::{Point3, VertexKind};
 
 /// Part of a unit triangle between two rays of a base point, from the rectangle to the seam.
 pub(super) struct Strip {
@@ -92,7 +92,11 @@ fn on_ray(
         return Vec::new();
     };
     let faces = joined.surface.faces[vertex as usize];
-    let kind = if faces > 0 { Kind::Box } else { Kind::Ordinary };
+    let kind = if faces > 0 {
+        VertexKind::Box
+    } else {
+        VertexKind::Ordinary
+    };
     let points = openings.ray(q, site, d, ray.1).points_to_seam(at);
     let names = (0..).map(|k| Name::Ray(strip.fan, ray, k));
     let named = names.zip(points);
@@ -114,7 +118,7 @@ fn path(q: usize, strip: &Strip, i: usize, joined: &mut SurfaceBuilder<'_>) -> V
     let d = directions
         .find(|d| d.key() == ray.0)
         .expect("a direction of the fan");
-    if path.len() == 1 && joined.surface.kinds[vertex as usize] != Kind::Contracted {
+    if path.len() == 1 && joined.surface.kinds[vertex as usize] != VertexKind::Contracted {
         path.extend(on_ray(q, strip, i, d, joined));
     }
     path.push(seam_end(strip, d, at, joined));
@@ -132,10 +136,10 @@ fn seam_end(
     let (place, point, faces) = glued.openings.seam_vertex(strip.fan, d);
     let name = glued.gluing.name(&key(place, 0, at)).unwrap_or(place);
     let kind = match (name, faces) {
-        (Name::Image(_), _) => Kind::Contracted,
-        (_, 1..) => Kind::Box,
-        (Name::Double(k), _) if glued.gluing.is_double(k) => Kind::Double,
-        _ => Kind::Seam,
+        (Name::Image(_), _) => VertexKind::Contracted,
+        (_, 1..) => VertexKind::Box,
+        (Name::Double(k), _) if glued.gluing.is_double(k) => VertexKind::Double,
+        _ => VertexKind::Seam,
     };
     let point = match name {
         Name::Image(k) => glued.curves.image(k),

@@ -64,10 +64,7 @@ impl<'a> SpecialCurves<'a> {
     /// Finds out which of the lines s = 0, t = 0, w = 0 the map contracts to a point.
     fn find_contracted_lines(&mut self, map: &Map) {
         for side in 0..3 {
-            let on: [Poly; 4] = map
-                .forms()
-                .each_ref()
-                .map(|f| f.set(side, &RBig::ZERO));
+            let on: [Poly; 4] = map.forms().each_ref().map(|f| f.set(side, &RBig::ZERO));
             let rest: Vec<&Poly> = on.iter().filter(|f| !f.is_zero()).collect();
             if rest.windows(2).all(|w| w[0].is_associate(w[1])) {
                 let [x, y, z, w] = on

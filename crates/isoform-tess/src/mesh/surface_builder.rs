@@ -3,7 +3,7 @@
 use super::glued::Glued;
 use super::gluing::Gluing;
 use super::names::{ClassId, Name};
-use crate::surface::{Kind, Point3, Surface};
+use crate::surface::{Point3, Surface, VertexKind};
 use std::collections::BTreeMap;
 
 /// Triangle that is to be added to the surface.
@@ -55,7 +55,7 @@ impl<'a> SurfaceBuilder<'a> {
         &mut self,
         place: FullName,
         vertex: FullName,
-        make: impl FnOnce() -> (Point3, u8, Kind),
+        make: impl FnOnce() -> (Point3, u8, VertexKind),
     ) -> u32 {
         if let Some(&known) = self.places.get(&place) {
             return known;
@@ -84,7 +84,7 @@ impl<'a> SurfaceBuilder<'a> {
         [place, vertex]: [Name; 2],
         point: Point3,
         faces: u8,
-        kind: Kind,
+        kind: VertexKind,
     ) -> u32 {
         self.vertex((place, 0, 0), (vertex, 0, 0), || (point, faces, kind))
     }
@@ -92,8 +92,8 @@ impl<'a> SurfaceBuilder<'a> {
     pub(super) fn class_vertex(&mut self, place: Name, class: ClassId) -> u32 {
         let gluing = self.gluing();
         let kind = match gluing.is_double(class) {
-            true => Kind::Double,
-            false => Kind::Ordinary,
+            true => VertexKind::Double,
+            false => VertexKind::Ordinary,
         };
         let image = gluing.image(class);
         self.shared([place, Name::Double(class)], image, 0, kind)

@@ -9,7 +9,7 @@ use super::plane::{Measure, Plane, RefinementDefects};
 use super::surface_builder::{NewTriangle, SurfaceBuilder};
 use super::{MAX_BISECTIONS, MAX_OPEN_TRIANGLES};
 use crate::finding::{Finding, Phase};
-use crate::surface::{Kind, Surface};
+use crate::surface::{Surface, VertexKind};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
 use std::collections::BTreeMap;
 
@@ -37,11 +37,11 @@ impl SurfaceBuilder<'_> {
         let gluing = self.gluing();
         self.vertex(full(place), full(vertex), || {
             let kind = match vertex {
-                Name::Image(_) => Kind::Contracted,
-                _ if node.faces > 0 => Kind::Box,
-                Name::Double(k) if gluing.is_double(k) => Kind::Double,
-                _ if node.borders > 0 => Kind::Border,
-                _ => Kind::Ordinary,
+                Name::Image(_) => VertexKind::Contracted,
+                _ if node.faces > 0 => VertexKind::Box,
+                Name::Double(k) if gluing.is_double(k) => VertexKind::Double,
+                _ if node.borders > 0 => VertexKind::Border,
+                _ => VertexKind::Ordinary,
             };
             (measure.image(node), node.faces, kind)
         })

@@ -3,7 +3,7 @@
 use isoform_algebra::{Poly, RBig};
 use isoform_control::Control;
 use isoform_tess::{
-    Algebraic, Analysis, BasePoint, BinaryForm, Budget, Chart, CurveKind, Finding, Map, Options,
+    Algebraic, Analysis, BasePoint, BinaryForm, Budget, Chart, CurveKind, Finding, Map, MapOptions,
     Phase, RealPart, Seam, VARIABLES, analyse, base_multiplicity, base_points,
 };
 use std::time::Instant;
@@ -38,7 +38,7 @@ const TOWER: [&str; 4] = [
 ];
 
 fn map(texts: [&str; 4]) -> Map {
-    Map::parse(texts, Options::default()).unwrap_or_else(|e| panic!("{texts:?}: {e}"))
+    Map::parse(texts, MapOptions::default()).unwrap_or_else(|e| panic!("{texts:?}: {e}"))
 }
 
 fn analysed(texts: [&str; 4]) -> Analysis {
@@ -408,7 +408,7 @@ fn a_change_of_the_parameter_frame_changes_no_count() {
                 .collect();
             let moved = original.forms().each_ref().map(|f| f.compose(&rows));
             // A singular matrix makes a curve of the surface.
-            if let Ok(moved) = Map::new(moved, Options::default()) {
+            if let Ok(moved) = Map::new(moved, MapOptions::default()) {
                 assert_eq!(summary(&moved), expected, "{texts:?} in the frame {rows:?}");
             }
         }
@@ -431,7 +431,7 @@ fn random_maps_are_analysed_or_refused() {
                     .map(|e| (e, RBig::from(random.i32(-2..=2)))),
             )
         });
-        let Ok(map) = Map::new(polynomials, Options { reduce: true }) else {
+        let Ok(map) = Map::new(polynomials, MapOptions { reduce: true }) else {
             continue;
         };
         // The implicit equations of degree 16 are slow without optimisation.

@@ -2,7 +2,7 @@
 
 use isoform_geom::{cross, norm, sub};
 use isoform_io::read_map;
-use isoform_tess::{Map, Options, Surface};
+use isoform_tess::{Map, MapOptions, Surface};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,7 +16,7 @@ pub(crate) fn zoo() -> Vec<(String, Value, Map)> {
         let text = std::fs::read_to_string(&path).expect("a readable file");
         let facts: Value = serde_json::from_str(&text).expect("JSON");
         let name = isoform_testdata::stem(&path);
-        match read_map(&text).map(|file| Map::new(file.polynomials, Options::default())) {
+        match read_map(&text).map(|file| Map::new(file.polynomials, MapOptions::default())) {
             Ok(Ok(map)) => {
                 assert_eq!(facts["valid"], true, "{name}");
                 found.push((name, facts, map));

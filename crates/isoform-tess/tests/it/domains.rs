@@ -5,7 +5,7 @@ use crate::common::{SPHERE, area, topology};
 use isoform_algebra::{Poly, RBig};
 use isoform_control::Control;
 use isoform_tess::{
-    Budget, Domain, Finding, Kind, Map, MeshOptions, Mode, Surface, TriangulateOptions,
+    Budget, Domain, Finding, Map, MeshOptions, Mode, Surface, TriangulateOptions, VertexKind,
     triangulate_once,
 };
 use std::collections::BTreeMap;
@@ -174,7 +174,7 @@ fn the_boundary_is_the_polygon() {
         let [a, b] = e.map(|v| m.points[v as usize]);
         length += (a[0] - b[0]).hypot(a[1] - b[1]);
         assert!(
-            e.iter().all(|&v| m.kinds[v as usize] == Kind::Border),
+            e.iter().all(|&v| m.kinds[v as usize] == VertexKind::Border),
             "{a:?} {b:?}"
         );
     }
@@ -187,7 +187,7 @@ fn poles_inside_and_the_box() {
     let pole = ["s^2", "s*t", "1", "s"];
     let m = certified(pole, "4", &rectangle(["-1", "1"], ["0", "1"]), 1e-2);
     assert_eq!(topology(&m), [2, 2, 2]);
-    assert!(m.kinds.contains(&Kind::Box) && m.kinds.contains(&Kind::Border));
+    assert!(m.kinds.contains(&VertexKind::Box) && m.kinds.contains(&VertexKind::Border));
     assert!(
         m.points
             .iter()
@@ -233,7 +233,7 @@ fn base_points_inside_and_on_sides() {
         Mode::Normalised,
     );
     assert!(inside.is_certified(), "{:?}", inside.findings);
-    assert!(inside.kinds.contains(&Kind::Seam));
+    assert!(inside.kinds.contains(&VertexKind::Seam));
     let outside = over(
         blown,
         "3",
@@ -242,7 +242,7 @@ fn base_points_inside_and_on_sides() {
         Mode::Normalised,
     );
     assert!(
-        outside.is_certified() && !outside.kinds.contains(&Kind::Seam),
+        outside.is_certified() && !outside.kinds.contains(&VertexKind::Seam),
         "{:?}",
         outside.findings
     );

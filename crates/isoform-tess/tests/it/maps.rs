@@ -1,7 +1,7 @@
 //! Reading and refusing maps.
 
 use isoform_io::read_map;
-use isoform_tess::{Map, MapError, Options};
+use isoform_tess::{Map, MapError, MapOptions};
 
 /// The invalid files of the acceptance check, each with the code and the polynomial that must be
 /// named.
@@ -55,7 +55,7 @@ const INVALID: [(&str, &str, Option<&str>); 12] = [
 /// Code, key, hint and message of what is wrong with a text.
 type Refusal = (&'static str, Option<&'static str>, &'static str, String);
 
-fn refusal(text: &str, options: Options) -> Option<Refusal> {
+fn refusal(text: &str, options: MapOptions) -> Option<Refusal> {
     match read_map(text) {
         Err(e) => Some((e.code(), e.key(), e.hint(), e.to_string())),
         Ok(file) => Map::new(file.polynomials, options)
@@ -67,11 +67,11 @@ fn refusal(text: &str, options: Options) -> Option<Refusal> {
 #[test]
 fn invalid_maps_are_refused_with_the_reason() {
     for (text, code, key) in INVALID {
-        let refused = refusal(text, Options::default()).expect(text);
+        let refused = refusal(text, MapOptions::default()).expect(text);
         let (found_code, found_key, hint, message) = &refused;
         assert_eq!((*found_code, *found_key), (code, key), "{text}: {message}");
         assert!(!hint.is_empty() && !message.is_empty());
-        assert_eq!(refusal(text, Options { reduce: true }), Some(refused));
+        assert_eq!(refusal(text, MapOptions { reduce: true }), Some(refused));
     }
 }
 
@@ -79,7 +79,7 @@ fn invalid_maps_are_refused_with_the_reason() {
 #[test]
 fn texts_are_refused_as_their_file_is() {
     for bad in ["1/s", "s+q", "s +", "s^2000"] {
-        let of_texts = Map::parse([bad, "t", "s*t", "1"], Options::default()).expect_err(bad);
+        let of_texts = Map::parse([bad, "t", "s*t", "1"], MapOptions::default()).expect_err(bad);
         let file = format!(r#"{{"X":"{bad}","Y":"t","Z":"s*t","W":"1"}}"#);
         let of_file = read_map(&file).expect_err(bad);
         assert_eq!(of_texts.to_string(), of_file.to_string());
@@ -98,12 +98,12 @@ fn a_common_factor_is_named_and_removed_on_demand() {
         "s + t + 1",
         "(s + t + 1)*(s^2 + t^2 + 1)",
     ];
-    let error = Map::parse(texts, Options::default()).expect_err("a common factor");
+    let error = Map::parse(texts, MapOptions::default()).expect_err("a common factor");
     assert_eq!(
         error.to_string(),
         "X, Y, Z and W have the common factor s + t + 1"
     );
-    let map = Map::parse(texts, Options { reduce: true }).expect("a surface");
+    let map = Map::parse(texts, MapOptions { reduce: true }).expect("a surface");
     assert_eq!(map.degree(), 2);
     assert_eq!(
         map.removed().map(|f| f.display(&["s", "t"]).to_string()),
@@ -111,7 +111,7 @@ fn a_common_factor_is_named_and_removed_on_demand() {
     );
     assert_eq!(
         map.affine(),
-        Map::parse(["s", "t", "1", "s^2 + t^2 + 1"], Options::default())
+        Map::parse(["s", "t", "1", "s^2 + t^2 + 1"], MapOptions::default())
             .expect("a surface")
             .affine()
     );
@@ -119,7 +119,7 @@ fn a_common_factor_is_named_and_removed_on_demand() {
 
 #[test]
 fn denominators_are_cleared_jointly() {
-    let map = Map::parse(["s/2", "t/3", "s*t", "5"], Options::default()).expect("a surface");
+    let map = Map::parse(["s/2", "t/3", "s*t", "5"], MapOptions::default()).expect("a surface");
     let texts = map
         .forms()
         .each_ref()
@@ -135,7 +135,7 @@ fn floats_are_read_exactly() {
         &[([1, 1], 1.0)],
         &[([0, 0], 1.0)],
     ];
-    let map = Map::from_f64(tenth, Options::default()).expect("a surface");
+    let map = Map::from_f64(tenth, MapOptions::default()).expect("a surface");
     let [x, y, ..] = map.affine();
     assert_eq!(
         x.coefficient([1, 0, 0, 0]) / y.coefficient([0, 1, 0, 0]),
@@ -143,7 +143,7 @@ fn floats_are_read_exactly() {
     );
     let bad: [&[([u16; 2], f64)]; 4] = [&[([1, 0], f64::NAN)], &[], &[], &[([0, 0], 1.0)]];
     assert_eq!(
-        Map::from_f64(bad, Options::default()),
+        Map::from_f64(bad, MapOptions::default()),
         Err(MapError::NotFinite { key: "X" })
     );
 }

@@ -4,8 +4,8 @@ use isoform_algebra::RBig;
 use isoform_control::Control;
 use isoform_geom::{norm, sub};
 use isoform_tess::{
-    Budget, Domain, Finding, Kind, Map, MeshOptions, Mode, Phase, Prepared, Surface,
-    TriangulateOptions, triangulate_once,
+    Budget, Domain, Finding, Map, MeshOptions, Mode, Phase, Prepared, Surface, TriangulateOptions,
+    VertexKind, triangulate_once,
 };
 use isoform_testdata::ExpectedFailures;
 use std::collections::BTreeSet;
@@ -63,7 +63,10 @@ fn sphere() {
     assert!(s.is_certified(), "{:?}", s.findings);
     assert_eq!(topology(&s), [2, 1, 0]);
     assert_eq!(
-        s.kinds.iter().filter(|k| **k == Kind::Contracted).count(),
+        s.kinds
+            .iter()
+            .filter(|k| **k == VertexKind::Contracted)
+            .count(),
         1,
         "the pole opposite to the origin"
     );

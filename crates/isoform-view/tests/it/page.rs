@@ -2,7 +2,7 @@
 
 use isoform::field::hyperfun::{Mode, Model};
 use isoform::geom::{Column, Mesh, PointCloud, RationalPatch};
-use isoform::tess::{Map, Options, TriangulateOptions};
+use isoform::tess::{Map, MapOptions, TriangulateOptions};
 use isoform::{Control, LiveModel, templates, triangulate_map};
 use isoform_view::{Page, ShownPatch, ShownPoints};
 use serde_json::Value;
@@ -264,7 +264,7 @@ fn every_template_is_shown_with_typical_values() {
 fn maps_and_patches_come_as_their_numbers() {
     let map = Map::parse(
         ["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"],
-        Options::default(),
+        MapOptions::default(),
     )
     .expect("a map");
     let (surface, analysis) = triangulate_map(

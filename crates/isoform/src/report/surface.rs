@@ -5,8 +5,8 @@ use crate::Topology;
 use isoform_algebra::CurveTopology;
 use isoform_geom::Point3;
 use isoform_tess::{
-    Analysis, BasePoint, Claim, CurveKind, CutCurve, DoubleArc, KEYS, Kind, Map, Mode, RealBorder,
-    RealPart, Surface, TriangulateOptions, VARIABLES, Verdict,
+    Analysis, BasePoint, Claim, CurveKind, CutCurve, DoubleArc, KEYS, Map, Mode, RealBorder,
+    RealPart, Surface, TriangulateOptions, VARIABLES, Verdict, VertexKind,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -509,15 +509,15 @@ impl<'a> Sidecar<'a> {
 }
 
 /// Returns the name of a kind of vertices.
-fn kind_name(kind: Kind) -> &'static str {
+fn kind_name(kind: VertexKind) -> &'static str {
     match kind {
-        Kind::Ordinary => "ordinary",
-        Kind::Box => "box",
-        Kind::Double => "double",
-        Kind::Seam => "seam",
-        Kind::Contracted => "contracted",
-        Kind::Cusp => "cusp",
-        Kind::Border => "border",
+        VertexKind::Ordinary => "ordinary",
+        VertexKind::Box => "box",
+        VertexKind::Double => "double",
+        VertexKind::Seam => "seam",
+        VertexKind::Contracted => "contracted",
+        VertexKind::Cusp => "cusp",
+        VertexKind::Border => "border",
     }
 }
 
