@@ -11,14 +11,9 @@ use crate::camera::Ray;
 use crate::model::{inverse, through};
 use isoform::geom::{Aabb, Point3, sub};
 
-/// Triangles in a leaf at most.
-const LEAF: usize = 4;
-/// How far boxes reach beyond their triangles, in units of rounding of their coordinates.
-const ROUNDING: f64 = 16.0 * f64::EPSILON;
-
 /// Node of the tree: its box, and its children or its triangles.
 #[derive(Clone, Copy, Debug)]
-struct Node {
+struct TreeNode {
     bounds: Aabb,
     /// Index of the second child (the first is next in the list), or of the first triangle of a
     /// leaf.
@@ -32,14 +27,14 @@ struct Node {
 /// Bounding volume hierarchy over triangles.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Bvh {
-    nodes: Vec<Node>,
+    nodes: Vec<TreeNode>,
     /// Indices of triangles in the order of the leaves.
     order: Vec<u32>,
 }
 
 /// Intersection of a ray with a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Meeting {
+pub(crate) struct TriangleHit {
     pub(crate) t: f64,
     pub(crate) triangle: u32,
     /// Barycentric coordinates of the point.
@@ -49,13 +44,13 @@ pub(crate) struct Meeting {
 }
 
 /// Shear that maps a ray to the z axis.
-struct Sheared {
+struct RayShear {
     axes: [usize; 3],
     shear: Point3,
     o: Point3,
 }
 
-impl Sheared {
+impl RayShear {
     fn new(ray: &Ray, o: Point3) -> Self {
         let z = (0..3)
             .max_by(|i, j| ray.d[*i].abs().total_cmp(&ray.d[*j].abs()))
@@ -118,7 +113,7 @@ impl Bvh {
     pub(crate) fn new(points: &[Point3], triangles: &[[u32; 3]]) -> Self {
         let boxes: Vec<Aabb> = triangles
             .iter()
-            .map(|t| widened(Aabb::of(&t.map(|i| points[i as usize]))))
+            .map(|t| widened(Aabb::from_points(&t.map(|i| points[i as usize]))))
             .collect();
         let middles: Vec<Point3> = boxes.iter().map(Aabb::center).collect();
         let mut tree = Self {
@@ -140,12 +135,12 @@ impl Bvh {
             let bounds = run
                 .iter()
                 .fold(Aabb::EMPTY, |all, i| joined(all, &boxes[*i as usize]));
-            let spread = Aabb::of(run.iter().map(|i| &middles[*i as usize])).size();
+            let spread = Aabb::from_points(run.iter().map(|i| &middles[*i as usize])).size();
             let axis = (0..3)
                 .max_by(|i, j| spread[*i].total_cmp(&spread[*j]))
                 .unwrap_or(0);
-            let is_leaf = run.len() <= LEAF;
-            tree.nodes.push(Node {
+            let is_leaf = run.len() <= 4;
+            tree.nodes.push(TreeNode {
                 bounds,
                 at: from as u32,
                 count: if is_leaf { run.len() as u32 } else { 0 },
@@ -176,7 +171,7 @@ impl Bvh {
         mesh: (&[Point3], &[[u32; 3]]),
         ray: &Ray,
         [from, to]: [f64; 2],
-        mut visit: impl FnMut(Meeting) -> f64,
+        mut visit: impl FnMut(TriangleHit) -> f64,
     ) {
         if self.nodes.is_empty() {
             return;
@@ -193,7 +188,7 @@ impl Bvh {
         } else {
             0.0
         };
-        let sheared = Sheared::new(ray, crate::camera::along(ray.o, ray.d, shift));
+        let sheared = RayShear::new(ray, crate::camera::along(ray.o, ray.d, shift));
         let mut to = to;
         let mut stack = [0_u32; 128];
         let mut depth = 1;
@@ -223,7 +218,7 @@ impl Bvh {
                 };
                 let t = t + shift;
                 if t > from && t <= to {
-                    to = to.min(visit(Meeting {
+                    to = to.min(visit(TriangleHit {
                         t,
                         triangle,
                         shares,
@@ -260,7 +255,7 @@ fn widened(b: Aabb) -> Aabb {
         b.lo.iter()
             .chain(&b.hi)
             .fold(0.0, |m: f64, v| m.max(v.abs()));
-    b.widened(ROUNDING * largest)
+    b.widened(16.0 * f64::EPSILON * largest)
 }
 
 #[cfg(test)]
@@ -339,7 +334,7 @@ mod tests {
                 nearest = nearest.min(m.t);
                 nearest
             });
-            let sheared = Sheared::new(&ray, o);
+            let sheared = RayShear::new(&ray, o);
             let all = triangles
                 .iter()
                 .filter_map(|t| sheared.meet(t.map(|i| points[i as usize])));

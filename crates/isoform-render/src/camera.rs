@@ -4,10 +4,6 @@ use isoform::geom::{Aabb, Point3, cross, dot, norm, sub};
 
 /// Default vertical angle of view, in degrees.
 pub const FOV: f64 = 35.0;
-/// Room around what fills a picture.
-const MARGIN: f64 = 1.06;
-/// Directions whose sine is less than this are parallel: such an `up` says nothing.
-const PARALLEL: f64 = 1e-9;
 
 /// Camera of a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,7 +28,7 @@ pub enum CameraError {
     /// A number, or a difference of two, is NaN or infinite.
     #[error("the camera's numbers are not all finite")]
     NotFinite,
-    /// Position and target coincide, so there is no direction of sight.
+    /// Position and target coincide, so the direction of sight is undefined.
     #[error("the camera is where it looks at")]
     AtTarget,
     /// The angle of view is out of range.
@@ -119,12 +115,14 @@ impl Camera {
             half = half.max(reach);
             away = away.max(reach / slope - dot(c, ahead));
         }
+        // Leaves three per cent of the height free on each side.
+        let margin = 1.06;
         camera.height = if half > 0.0 {
-            2.0 * MARGIN * half
+            2.0 * margin * half
         } else {
             size
         };
-        camera.position = along(target, from, MARGIN * away);
+        camera.position = along(target, from, margin * away);
         camera
     }
 
@@ -188,9 +186,10 @@ impl Camera {
     }
 }
 
-/// Returns true if two vectors are parallel or antiparallel.
+/// Returns true if two vectors are parallel or antiparallel: then one as `up` does not determine a
+/// rotation about the other.
 fn is_parallel(a: Point3, b: Point3) -> bool {
-    norm(cross(unit(a), unit(b))) < PARALLEL
+    norm(cross(unit(a), unit(b))) < 1e-9
 }
 
 /// Returns a vector scaled to length 1; zero stays zero. It is scaled by its largest component

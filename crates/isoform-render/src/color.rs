@@ -4,7 +4,7 @@
 pub type Color = [u8; 3];
 
 /// Okabe and Ito's palette without black.
-const PARTS: [Color; 8] = [
+const PART_COLORS: [Color; 8] = [
     [86, 180, 233],
     [230, 159, 0],
     [0, 158, 115],
@@ -35,18 +35,14 @@ const SEQUENTIAL: [Color; 7] = [
     [253, 231, 37],
 ];
 /// Fraction of a diverging scale on either side of zero that is neutral.
-pub const NEUTRAL: f64 = 0.1;
-/// Where the colours of a diverging scale begin beside the neutral band, to be told from it.
-const FIRST: f64 = 0.12;
+pub const NEUTRAL_SHARE: f64 = 0.1;
 /// Colour of values that are not finite.
 const UNKNOWN: Color = [110, 110, 110];
-/// The share of deviations that a scale reaches to.
-const WITHIN: f64 = 0.95;
 
 /// Returns the colour of part number i: eight hues, then darker ones, then lighter ones.
 pub fn part_color(i: usize) -> Color {
-    let turn = i / PARTS.len() % 3;
-    PARTS[i % PARTS.len()].map(|v| {
+    let turn = i / PART_COLORS.len() % 3;
+    PART_COLORS[i % PART_COLORS.len()].map(|v| {
         let v = f64::from(v);
         let mixed = match turn {
             0 => v,
@@ -91,7 +87,7 @@ impl Scale {
         let mut sizes: Vec<f64> = finite.map(|v| v.abs()).collect();
         sizes.sort_unstable_by(f64::total_cmp);
         let last = sizes.len().saturating_sub(1);
-        let most = sizes.get((WITHIN * last as f64).floor() as usize);
+        let most = sizes.get((0.95 * last as f64).floor() as usize);
         let end = limit.unwrap_or_else(|| round_up(most.copied().unwrap_or(1.0)));
         let squares: f64 = sizes.iter().map(|v| v * v).sum();
         let rms = (squares / sizes.len().max(1) as f64).sqrt();
@@ -133,13 +129,15 @@ impl Scale {
             return mixed(&SEQUENTIAL, share);
         }
         let signed = 2.0 * share - 1.0;
-        if signed.abs() <= NEUTRAL {
+        if signed.abs() <= NEUTRAL_SHARE {
             return DIVERGING[3];
         }
-        let rest = (signed.abs() - NEUTRAL) / (1.0 - NEUTRAL);
+        let rest = (signed.abs() - NEUTRAL_SHARE) / (1.0 - NEUTRAL_SHARE);
+        // Colours next to the neutral band start with some saturation, to differ from it.
+        let first = 0.12;
         mixed(
             &DIVERGING,
-            0.5 + 0.5 * signed.signum() * (FIRST + (1.0 - FIRST) * rest),
+            0.5 + 0.5 * signed.signum() * (first + (1.0 - first) * rest),
         )
     }
 }
@@ -149,18 +147,18 @@ impl Scale {
     /// not finite.
     pub(crate) fn step(&self, value: f64) -> u16 {
         if !value.is_finite() {
-            return STEPS;
+            return SCALE_STEPS;
         }
         let share = (value - self.lower) / (self.upper - self.lower);
-        (share * f64::from(STEPS))
+        (share * f64::from(SCALE_STEPS))
             .floor()
-            .clamp(0.0, f64::from(STEPS - 1)) as u16
+            .clamp(0.0, f64::from(SCALE_STEPS - 1)) as u16
     }
 
     /// Returns the colour of the middle of a step.
     pub(crate) fn step_color(&self, step: u16) -> Color {
-        let share = (f64::from(step) + 0.5) / f64::from(STEPS);
-        if step >= STEPS {
+        let share = (f64::from(step) + 0.5) / f64::from(SCALE_STEPS);
+        if step >= SCALE_STEPS {
             UNKNOWN
         } else {
             self.color(self.lower + share * (self.upper - self.lower))
@@ -170,7 +168,7 @@ impl Scale {
 
 /// Number of steps of a scale in drawings, whose areas have one colour each: the two central ones
 /// are the neutral band.
-const STEPS: u16 = 20;
+const SCALE_STEPS: u16 = 20;
 
 /// Interpolates a colour at a position from 0 to 1 between evenly spaced stops.
 fn mixed(stops: &[Color; 7], at: f64) -> Color {
@@ -211,10 +209,10 @@ mod tests {
             let words = text.split(|c: char| !c.is_ascii_digit());
             words.filter_map(|word| word.parse().ok()).collect()
         };
-        assert_eq!(list("PARTS"), PARTS.as_flattened());
+        assert_eq!(list("PARTS"), PART_COLORS.as_flattened());
         assert_eq!(list("DIVERGING"), DIVERGING.as_flattened());
         assert_eq!(list("SEQUENTIAL"), SEQUENTIAL.as_flattened());
-        assert!(page.contains(&format!("NEUTRAL = {NEUTRAL};")));
+        assert!(page.contains(&format!("NEUTRAL = {NEUTRAL_SHARE};")));
     }
 
     #[test]

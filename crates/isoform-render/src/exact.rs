@@ -4,8 +4,6 @@ use crate::camera::{Ray, along};
 use isoform::geom::{Point3, RationalPatch, Tangents, cross, dot, norm, sub};
 use isoform::tess::{Map, Surface as MapSurface};
 
-/// Steps of Newton's method from a triangle to the surface.
-const STEPS: usize = 8;
 /// Signs of s and t in the four unit triangles of the parameter plane.
 const QUADRANTS: [[f64; 2]; 4] = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
 
@@ -33,7 +31,7 @@ impl Exact {
     pub(crate) fn onto(&self, ray: &Ray, chart: u32, start: [f64; 2]) -> Option<(f64, Point3)> {
         let mut at = start;
         let mut now = self.at(chart, at);
-        for _ in 0..STEPS {
+        for _ in 0..8 {
             let n = now.normal();
             let det = dot(n, ray.d);
             if det == 0.0 || !det.is_finite() {

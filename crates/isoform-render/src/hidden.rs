@@ -2,15 +2,12 @@
 
 use crate::layer::{Body, Scene};
 use crate::surface::Surface;
-use crate::svg::runs;
-use crate::trace::Tracer;
+use crate::trace::{FOLD_COSINE, Tracer};
+use crate::visibility::runs;
 use isoform::geom::{Point3, dot};
 use isoform::{Control, Stopped};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-
-/// The cosine of the angle between facets above which they meet in an edge: 30°.
-const SHARP: f64 = 0.866;
 
 /// Returns the invisible stretches of edges, in pixels.
 ///
@@ -55,7 +52,7 @@ fn sharp(surface: &Surface) -> Vec<Vec<Point3>> {
     }
     let normal = |k: u32| crate::camera::unit(crate::exact::facet_normal(surface.corners(k)));
     let is_sharp = |faces: &[u32]| match faces {
-        [a, b] => dot(normal(*a), normal(*b)) < SHARP,
+        [a, b] => dot(normal(*a), normal(*b)) < FOLD_COSINE,
         _ => true,
     };
     let found = around.into_iter().filter(|(_, faces)| is_sharp(faces));

@@ -5,7 +5,7 @@ use crate::exact::{Exact, Forms};
 use crate::model::Model;
 use crate::section::Section;
 use crate::shade;
-use crate::surface::{Lid, Paint, STEEPEST, Surface, cut_of, is_closed, quality};
+use crate::surface::{Lid, MIN_INCIDENCE_SINE, Paint, Surface, cut_of, is_closed, quality};
 use isoform::geom::{Aabb, Mesh, Point3, PointCloud, RationalPatch, Solid, distance_squared};
 use isoform::tess::{Map, Surface as MapSurface};
 use isoform::{Control, Stopped, flat_triangles};
@@ -225,8 +225,10 @@ impl Layer {
                     }
                 };
                 let colors = values.iter().enumerate().map(color).collect();
-                let most = MOST_LIFT * cloud.bounds().diagonal();
-                lift = (LIFT * scale.upper).min(most);
+                // Points up to one and a half scales behind a surface are visible, but no farther
+                // than a twentieth of the cloud's size.
+                let most = 0.05 * cloud.bounds().diagonal();
+                lift = (1.5 * scale.upper).min(most);
                 key = Some(Key::Scale(scale));
                 colors
             }
@@ -369,7 +371,7 @@ impl Layer {
             modes.push(ColorBy::Bound);
         }
         let color_by = chosen(asked, &modes, ColorBy::Part);
-        let grid = Grid::of(patches);
+        let grid = PatchTriangles::new(patches);
         let colors = || (0..patches.len()).map(part_color).collect();
         let by_uv = |k: usize| grid.corners.iter().map(|c| c.map(|uv| uv[k])).collect();
         let count = patches.len();
@@ -394,7 +396,9 @@ impl Layer {
             _ => None,
         };
         let mut surface = Surface::new(grid.points, grid.triangles, paint);
-        surface.ranks = (grid.parts.clone(), APART * surface.bounds().diagonal());
+        // The triangles of patches that overlap are at most this far apart.
+        let apart = 1e-3 * surface.bounds().diagonal();
+        surface.ranks = (grid.parts.clone(), apart);
         surface.lift = lift_of(patches, surface.bounds().diagonal());
         surface.parts = grid.parts;
         let all = patches.iter().map(|p| p.patch.clone()).collect();
@@ -441,7 +445,7 @@ impl Layer {
         surface.exact = Some((Exact::Map(forms), drawn.corners.clone()));
         let arcs = drawn.double_curve.iter().map(|arc| arc.points.clone());
         // Solitary arcs are dashed: no sheet of the surface passes through them.
-        let dash = surface.bounds().diagonal() / DASHES;
+        let dash = surface.bounds().diagonal() / 90.0;
         let solitary = drawn.solitary_arcs.iter().flat_map(|arc| dashes(arc, dash));
         let curve = |points: Vec<Point3>| Polyline {
             points,
@@ -462,7 +466,7 @@ impl Layer {
     /// visible.
     pub(crate) fn most_lift(&self) -> f64 {
         match &self.body {
-            Body::Surface(surface) => surface.lift / STEEPEST,
+            Body::Surface(surface) => surface.lift / MIN_INCIDENCE_SINE,
             _ => 0.0,
         }
     }
@@ -477,29 +481,18 @@ impl Layer {
         match &self.body {
             Body::Model { model, .. } => model.bounds,
             Body::Surface(surface) => surface.bounds(),
-            Body::Points { points, .. } => Aabb::of(points),
+            Body::Points { points, .. } => Aabb::from_points(points),
         }
     }
 }
 
-/// Points are lifted by this many ends of the scale of their deviations, but by no more than this
-/// share of their size.
-const LIFT: f64 = 1.5;
-const MOST_LIFT: f64 = 0.05;
-/// Patches are lifted by their largest distance from the surface that they stand for, with something
-/// for that surface's own curvature; by no more than this share of their size, which is also for
-/// patches without a known distance.
-const LIFT_PATCH: f64 = 1.5;
-const MOST_LIFT_PATCH: f64 = 0.01;
-
-/// Returns the distance by which patches are lifted.
+/// Returns the distance by which patches are lifted: one and a half times their largest distance
+/// from the surface that they approximate, to allow for its curvature, but at most a hundredth of
+/// their size, which also applies if a distance is unknown.
 fn lift_of(patches: &[Patch], diagonal: f64) -> f64 {
     let distances = patches.iter().map(|p| p.distance.unwrap_or(f64::INFINITY));
-    (LIFT_PATCH * distances.fold(0.0, f64::max)).min(MOST_LIFT_PATCH * diagonal)
+    (1.5 * distances.fold(0.0, f64::max)).min(0.01 * diagonal)
 }
-
-/// Dashes along the diagonal of a map.
-const DASHES: f64 = 90.0;
 
 /// Returns every second stretch of a curve, each of the given length.
 fn dashes(points: &[Point3], dash: f64) -> Vec<Vec<Point3>> {
@@ -507,7 +500,7 @@ fn dashes(points: &[Point3], dash: f64) -> Vec<Vec<Point3>> {
     let mut done = 0.0;
     for pair in points.windows(2) {
         let length = distance_squared(pair[0], pair[1]).sqrt();
-        let count = (2.0 * length / dash).ceil().clamp(1.0, MOST_DASHES);
+        let count = (2.0 * length / dash).ceil().clamp(1.0, 1e4);
         for k in 0..count as usize {
             let at = |k: usize| -> Point3 {
                 let share = k as f64 / count;
@@ -530,9 +523,6 @@ fn dashes(points: &[Point3], dash: f64) -> Vec<Vec<Point3>> {
     runs
 }
 
-/// Pieces of one segment that is dashed, at most.
-const MOST_DASHES: f64 = 1e4;
-
 /// Names and colours of the unit triangles of a map.
 const CHARTS: [(&str, Color); 4] = [
     ("s ≥ 0, t ≥ 0", [150, 190, 225]),
@@ -540,10 +530,6 @@ const CHARTS: [(&str, Color); 4] = [
     ("s ≤ 0, t ≤ 0", [150, 200, 160]),
     ("s ≥ 0, t ≤ 0", [205, 165, 205]),
 ];
-
-/// Patches that overlap lie on one another up to this share of the whole: their triangles are no
-/// farther off.
-const APART: f64 = 1e-3;
 
 fn parts_key(names: impl Iterator<Item = String>) -> Key {
     Key::Parts(names.enumerate().map(|(i, n)| (n, part_color(i))).collect())
@@ -584,17 +570,17 @@ fn lid_of(surface: &Surface, mesh: &Mesh, section: Option<&Section>) -> Lid {
 
 /// Triangles of patches.
 #[derive(Default)]
-struct Grid {
+struct PatchTriangles {
     points: Vec<Point3>,
     triangles: Vec<[u32; 3]>,
     parts: Vec<u32>,
     corners: Vec<[[f64; 2]; 3]>,
 }
 
-impl Grid {
+impl PatchTriangles {
     /// Returns two triangles for each square of each patch, except squares with a corner at
     /// infinity.
-    fn of(patches: &[Patch]) -> Self {
+    fn new(patches: &[Patch]) -> Self {
         let squares = match patches.len() {
             0..=80 => 32,
             81..=400 => 16,

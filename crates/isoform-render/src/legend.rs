@@ -5,34 +5,34 @@ use crate::layer::{Key, Layer};
 use crate::picture::Picture;
 use crate::text;
 
-/// Parts that are listed at most; more say nothing at a glance.
-const MOST_PARTS: usize = 12;
-/// Room at the border of a picture, in pixels.
-const MARGIN: u32 = 14;
-/// Size of a bar and of a part's square.
-const BAR: [u32; 2] = [18, 160];
-const SQUARE: u32 = 11;
-/// The share of the width of a picture that a legend may cover.
-const MOST_SHARE: f64 = 0.5;
-/// How much of what is beneath the legend shows through.
-const COVER: f64 = 0.85;
+/// Maximum number of parts in a legend; the others are only counted.
+pub(crate) const MAX_LISTED_PARTS: usize = 12;
+/// Width of the margin at the border of a picture, in pixels.
+const PICTURE_MARGIN: u32 = 14;
+/// Side of the coloured square of a part, in pixels.
+const SQUARE_SIDE: u32 = 11;
+/// Width and height of the bar of a scale, in pixels.
+const BAR_SIZE: [u32; 2] = [18, 160];
 
 /// Line of a legend.
 #[derive(Clone, Debug)]
-enum Row {
+enum LegendRow {
     Text(String),
     Part(String, Color),
     Bar(Scale),
 }
 
-impl Row {
+impl LegendRow {
     fn size(&self) -> [u32; 2] {
         match self {
-            Self::Text(text) => [text::width(text), text::LINE],
-            Self::Part(name, _) => [SQUARE + 7 + text::width(name), text::LINE],
+            Self::Text(text) => [text::width(text), text::LINE_HEIGHT],
+            Self::Part(name, _) => [SQUARE_SIDE + 7 + text::width(name), text::LINE_HEIGHT],
             Self::Bar(scale) => {
                 let widest = ticks(scale).iter().map(|(_, t)| text::width(t)).max();
-                [BAR[0] + 8 + widest.unwrap_or(0), BAR[1] + text::LINE]
+                [
+                    BAR_SIZE[0] + 8 + widest.unwrap_or(0),
+                    BAR_SIZE[1] + text::LINE_HEIGHT,
+                ]
             }
         }
     }
@@ -91,50 +91,56 @@ pub(crate) fn figures(scale: &Scale) -> Vec<String> {
 }
 
 /// Returns the lines of a layer's legend.
-fn rows_of(layer: &Layer) -> Vec<Row> {
-    let mut rows = vec![Row::Text(text::shortened(&layer.name))];
+fn rows_of(layer: &Layer) -> Vec<LegendRow> {
+    let mut rows = vec![LegendRow::Text(text::shortened(&layer.name))];
     match &layer.key {
         None => return Vec::new(),
         Some(Key::Scale(scale)) => {
-            rows.push(Row::Text(scale.title.clone()));
-            rows.push(Row::Bar(scale.clone()));
-            rows.extend(figures(scale).into_iter().map(Row::Text));
+            rows.push(LegendRow::Text(scale.title.clone()));
+            rows.push(LegendRow::Bar(scale.clone()));
+            rows.extend(figures(scale).into_iter().map(LegendRow::Text));
         }
         Some(Key::Parts(parts)) => {
-            let part = |(name, color): &(String, Color)| Row::Part(text::shortened(name), *color);
+            let part =
+                |(name, color): &(String, Color)| LegendRow::Part(text::shortened(name), *color);
             if parts.len() < 2 {
                 return Vec::new();
             }
-            rows.extend(parts.iter().take(MOST_PARTS).map(part));
-            if parts.len() > MOST_PARTS {
-                rows.push(Row::Text(format!("and {} more", parts.len() - MOST_PARTS)));
+            rows.extend(parts.iter().take(MAX_LISTED_PARTS).map(part));
+            if parts.len() > MAX_LISTED_PARTS {
+                rows.push(LegendRow::Text(format!(
+                    "and {} more",
+                    parts.len() - MAX_LISTED_PARTS
+                )));
             }
         }
     }
     rows
 }
 
-/// Returns the width in pixels that the legend of layers takes, with its margins; 0 if there is no
+/// Returns the width in pixels that the legend of layers takes, with its margins; 0 without a
 /// legend.
 pub fn legend_width(layers: &[Layer]) -> u32 {
     let rows = layers.iter().flat_map(rows_of);
-    rows.map(|r| r.size()[0] + 2 * MARGIN).max().unwrap_or(0)
+    rows.map(|r| r.size()[0] + 2 * PICTURE_MARGIN)
+        .max()
+        .unwrap_or(0)
 }
 
 /// Draws the legends of layers into a picture: at its right side if room was left for them, else in
 /// the emptiest corner. They are omitted if they would take more than half of its width or more
 /// than its height.
 pub fn draw(picture: &mut Picture, layers: &[Layer], background: Color, has_room: bool) {
-    let rows: Vec<Row> = layers.iter().flat_map(rows_of).collect();
+    let rows: Vec<LegendRow> = layers.iter().flat_map(rows_of).collect();
     let width = rows.iter().map(|r| r.size()[0]).max().unwrap_or(0);
     let height: u32 = rows.iter().map(|r| r.size()[1]).sum();
-    let share = f64::from(width + 2 * MARGIN) / f64::from(picture.size[0].max(1));
-    if rows.is_empty() || share > MOST_SHARE || height + 2 * MARGIN > picture.size[1] {
+    let share = f64::from(width + 2 * PICTURE_MARGIN) / f64::from(picture.size[0].max(1));
+    if rows.is_empty() || share > 0.5 || height + 2 * PICTURE_MARGIN > picture.size[1] {
         return;
     }
     let ink = ink_on(background);
     let at = if has_room {
-        [picture.size[0] - MARGIN - width, MARGIN]
+        [picture.size[0] - PICTURE_MARGIN - width, PICTURE_MARGIN]
     } else {
         emptiest(picture, [width, height], background)
     };
@@ -159,19 +165,24 @@ fn ink_on(background: Color) -> Color {
 impl Picture {
     /// Writes the name of a view into its upper left corner; an empty name writes nothing.
     pub fn title(&mut self, [x, y]: [u32; 2], name: &str, background: Color) {
-        text::write(self, [x + MARGIN, y + MARGIN], name, ink_on(background));
+        text::write(
+            self,
+            [x + PICTURE_MARGIN, y + PICTURE_MARGIN],
+            name,
+            ink_on(background),
+        );
     }
 }
 
 /// Returns the corner with the fewest pixels that differ from the background; upper right, lower
 /// right, upper left, lower left in case of ties.
 fn emptiest(picture: &Picture, size: [u32; 2], background: Color) -> [u32; 2] {
-    let far = |k: usize| picture.size[k] - MARGIN - size[k];
+    let far = |k: usize| picture.size[k] - PICTURE_MARGIN - size[k];
     let corners = [
-        [far(0), MARGIN],
+        [far(0), PICTURE_MARGIN],
         [far(0), far(1)],
-        [MARGIN, MARGIN],
-        [MARGIN, far(1)],
+        [PICTURE_MARGIN, PICTURE_MARGIN],
+        [PICTURE_MARGIN, far(1)],
     ];
     let taken = |[x, y]: &[u32; 2]| {
         let rows = *y..*y + size[1];
@@ -181,11 +192,11 @@ fn emptiest(picture: &Picture, size: [u32; 2], background: Color) -> [u32; 2] {
     corners.into_iter().min_by_key(taken).unwrap_or(corners[0])
 }
 
-/// Dims the pixels beneath the legend.
+/// Dims the pixels beneath the legend: 15 % of their contrast remains.
 fn veil(picture: &mut Picture, [x, y]: [u32; 2], size: [u32; 2], background: Color) {
     for dy in 0..size[1] {
         for dx in 0..size[0] {
-            picture.mix([i64::from(x + dx), i64::from(y + dy)], background, COVER);
+            picture.mix([i64::from(x + dx), i64::from(y + dy)], background, 0.85);
         }
     }
 }
@@ -199,31 +210,31 @@ fn fill(picture: &mut Picture, [x, y]: [u32; 2], size: [u32; 2], color: Color) {
     }
 }
 
-fn draw_row(picture: &mut Picture, row: &Row, [x, y]: [u32; 2], ink: Color) {
+fn draw_row(picture: &mut Picture, row: &LegendRow, [x, y]: [u32; 2], ink: Color) {
     match row {
-        Row::Text(line) => text::write(picture, [x, y], line, ink),
-        Row::Part(name, color) => {
-            fill(picture, [x, y + 3], [SQUARE, SQUARE], *color);
-            text::write(picture, [x + SQUARE + 7, y], name, ink);
+        LegendRow::Text(line) => text::write(picture, [x, y], line, ink),
+        LegendRow::Part(name, color) => {
+            fill(picture, [x, y + 3], [SQUARE_SIDE, SQUARE_SIDE], *color);
+            text::write(picture, [x + SQUARE_SIDE + 7, y], name, ink);
         }
-        Row::Bar(scale) => {
-            let top = y + text::LINE / 2;
-            for k in 0..BAR[1] {
-                let share = 1.0 - (f64::from(k) + 0.5) / f64::from(BAR[1]);
+        LegendRow::Bar(scale) => {
+            let top = y + text::LINE_HEIGHT / 2;
+            for k in 0..BAR_SIZE[1] {
+                let share = 1.0 - (f64::from(k) + 0.5) / f64::from(BAR_SIZE[1]);
                 let value = scale.lower + share * (scale.upper - scale.lower);
-                fill(picture, [x, top + k], [BAR[0], 1], scale.color(value));
+                fill(picture, [x, top + k], [BAR_SIZE[0], 1], scale.color(value));
             }
             for (share, name) in ticks(scale) {
-                let down = ((1.0 - share) * f64::from(BAR[1])).round() as u32;
+                let down = ((1.0 - share) * f64::from(BAR_SIZE[1])).round() as u32;
                 fill(
                     picture,
-                    [x + BAR[0], top + down.min(BAR[1] - 1)],
+                    [x + BAR_SIZE[0], top + down.min(BAR_SIZE[1] - 1)],
                     [4, 1],
                     ink,
                 );
                 text::write(
                     picture,
-                    [x + BAR[0] + 8, top + down - text::LINE / 2],
+                    [x + BAR_SIZE[0] + 8, top + down - text::LINE_HEIGHT / 2],
                     &name,
                     ink,
                 );

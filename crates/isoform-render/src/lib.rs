@@ -41,9 +41,10 @@ mod surface;
 mod svg;
 mod text;
 mod trace;
+mod visibility;
 
 pub use camera::{Camera, CameraError, FOV, View};
-pub use color::{Color, NEUTRAL, Scale, part_color};
+pub use color::{Color, NEUTRAL_SHARE, Scale, part_color};
 pub use layer::{ColorBy, Key, Layer, Patch, Scene, ShownModel};
 pub use legend::{draw as draw_legend, legend_width};
 pub use model::FINEST;

@@ -6,11 +6,9 @@ use crate::color::Color;
 use crate::layer::{Body, Layer, Scene};
 use isoform::geom::Point3;
 
-/// How much nearer marks are than they are: a share of their distance, or of the whole where rays
-/// are parallel. What lies on a surface is to be seen before it.
-const NEARER: f64 = 0.002;
-/// Half the width of curves, in pixels.
-const HALF_WIDTH: f64 = 0.6;
+/// Distance by which marks are moved towards the eye so that those on a surface are visible: a
+/// fraction of their depth, or of the scene's diagonal with parallel rays.
+const MARK_LIFT_SHARE: f64 = 0.002;
 
 /// Disc, or line between two points of the picture.
 #[derive(Clone, Copy, Debug)]
@@ -44,7 +42,7 @@ fn radius(count: usize) -> f64 {
 impl Marks {
     /// Collects the marks of a scene as seen by a camera.
     pub(crate) fn new(scene: &Scene, sight: &Sight, size: [u32; 2]) -> Self {
-        let nearer = NEARER * scene.bounds().diagonal();
+        let nearer = MARK_LIFT_SHARE * scene.bounds().diagonal();
         let mut marks = Vec::new();
         for layer in &scene.layers {
             of_layer(layer, scene, sight, nearer, &mut marks);
@@ -159,7 +157,7 @@ fn of_layer(layer: &Layer, scene: &Scene, sight: &Sight, nearer: f64, marks: &mu
         let own = if sight.camera.orthographic {
             nearer
         } else {
-            depth * NEARER
+            depth * MARK_LIFT_SHARE
         };
         let is_near = at.iter().all(|v| v.abs() < 1e9);
         is_near.then_some((at, depth - own.max(lift)))
@@ -189,7 +187,7 @@ fn of_layer(layer: &Layer, scene: &Scene, sight: &Sight, nearer: f64, marks: &mu
                 marks.push(Mark {
                     ends: [a.0, b.0],
                     depths: [a.1, b.1],
-                    radius: HALF_WIDTH,
+                    radius: 0.6,
                     color: curve.color,
                 });
             }

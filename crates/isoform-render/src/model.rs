@@ -4,9 +4,9 @@
 //! exclude surface, and each cell stores the pieces of the function that may decide in it, with
 //! ranges of their gradients. A ray visits the cells from front to back. Within a cell it advances
 //! by |f| over the largest slope along it, as f cannot vanish in between (Kalra and Barr, SIGGRAPH
-//! 1989), but at least by [`FINEST`]; where slopes are unbounded, stretches are halved as long as
-//! intervals of f contain 0. The intersection is then bracketed by two values of opposite signs and
-//! found to rounding.
+//! 1989), but at least by [`FINEST`]; where slopes are unbounded, stretches are halved as long
+//! as intervals of f contain 0. The intersection is then bracketed by two values of opposite signs
+//! and found to rounding.
 //!
 //! The first hit is found unless the solid, or a gap in it, is thinner along the ray than
 //! [`FINEST`] times the diagonal of the box, which is a fraction of a pixel.
@@ -23,27 +23,15 @@ use std::fmt;
 /// Fraction of the box's diagonal below which a stretch of a ray is decided by the signs at its
 /// ends.
 pub const FINEST: f64 = 1.0 / 131_072.0;
-/// Halvings of the box at most: cells have a hundredth of its side.
-const DEEPEST: usize = 7;
-/// Halvings at least, before one smooth piece alone is reason enough to stop.
-const SHALLOWEST: usize = 3;
-/// Cells at most: more cost more time than they save.
-const MOST_CELLS: usize = 400_000;
-/// Stretches of a ray that are looked at within a cell, at most: what is beyond is decided by the
+/// Maximum number of stretches of a ray that are examined within a cell; the rest is decided by the
 /// signs at its ends.
-const MOST_STRETCHES: usize = 4096;
-/// Cells along the diagonal in which feature curves are looked for.
-const FEATURES: f64 = 60.0;
+const MAX_STRETCHES: usize = 4096;
 /// Distances before a point at which its normal is evaluated in turn, in diagonals of the box.
-const BEFORE: [f64; 3] = [0.0, 1e-9, 1e-6];
-/// Steps along a ray within a cell by bounds of the slope, at most.
-const MOST_STEPS: usize = 24;
-/// Steps of the enclosure of a root: halving alone needs 60.
-const STEPS: usize = 100;
+const NORMAL_OFFSETS: [f64; 3] = [0.0, 1e-9, 1e-6];
 
 /// Cell of the box.
 #[derive(Clone, Copy, Debug)]
-enum Cell {
+enum OctreeCell {
     /// No surface passes; true if the cell is inside.
     Whole(bool),
     /// Surface may pass: index of its leaf.
@@ -54,7 +42,7 @@ enum Cell {
 
 /// Cell that surface may pass.
 #[derive(Clone, Debug)]
-struct Leaf {
+struct CellPieces {
     /// Tree of its pieces; numbers are indices in `pieces`.
     tree: Csg,
     pieces: Vec<u32>,
@@ -63,14 +51,14 @@ struct Leaf {
 }
 
 /// Cell to be classified.
-struct Open {
+struct OpenCell {
     slot: usize,
     region: Aabb,
     tree: Csg,
 }
 
 /// Classification of a cell.
-enum Judged {
+enum CellClass {
     Whole(bool),
     /// Tree of a cell that surface may pass; with the ranges of its pieces' gradients if they were
     /// computed and are known.
@@ -84,8 +72,8 @@ pub(crate) struct Model {
     pub(crate) bounds: Aabb,
     /// True if the box cuts the solid; otherwise it contains the whole surface.
     is_cut: bool,
-    cells: Vec<Cell>,
-    leaves: Vec<Leaf>,
+    cells: Vec<OctreeCell>,
+    leaves: Vec<CellPieces>,
 }
 
 impl fmt::Debug for Model {
@@ -99,7 +87,7 @@ impl fmt::Debug for Model {
 
 /// Intersection of a ray with a model.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Met {
+pub(crate) struct ModelHit {
     pub(crate) t: f64,
     /// Piece of the solid; `None` on a cap.
     pub(crate) piece: Option<u32>,
@@ -125,29 +113,31 @@ impl Model {
         control: &Control<'_>,
     ) -> Result<Self, Stopped> {
         let mut model = Self {
-            cells: vec![Cell::Whole(false)],
+            cells: vec![OctreeCell::Whole(false)],
             leaves: Vec::new(),
             solid,
             bounds,
             is_cut,
         };
-        let mut open = vec![Open {
+        let mut open = vec![OpenCell {
             slot: 0,
             region: bounds,
             tree: model.solid.tree().clone(),
         }];
-        for depth in 0..=DEEPEST {
+        // Seven halvings leave cells of a hundredth of the box; more cells cost more time than they
+        // save.
+        let (max_depth, max_cells) = (7, 400_000);
+        for depth in 0..=max_depth {
             control.check()?;
-            let is_last = depth == DEEPEST || model.cells.len() + 8 * open.len() > MOST_CELLS;
-            let judged: Vec<Judged> = open.par_iter().map(|o| model.judge(o, is_last)).collect();
+            let is_last = depth == max_depth || model.cells.len() + 8 * open.len() > max_cells;
+            let judged: Vec<CellClass> = open.par_iter().map(|o| model.judge(o, is_last)).collect();
             let mut next = Vec::new();
             for (o, judged) in open.iter().zip(judged) {
                 match judged {
-                    Judged::Whole(inside) => model.cells[o.slot] = Cell::Whole(inside),
-                    Judged::Open(tree, slopes) => {
+                    CellClass::Whole(inside) => model.cells[o.slot] = OctreeCell::Whole(inside),
+                    CellClass::Open(tree, slopes) => {
                         let only = slopes.as_deref().filter(|s| s.len() == 1);
-                        let is_simple =
-                            depth >= SHALLOWEST && only.is_some_and(|s| is_narrow(&s[0]));
+                        let is_simple = depth >= 3 && only.is_some_and(|s| is_narrow(&s[0]));
                         if is_last || is_simple {
                             model.cells[o.slot] = model.leaf(&tree, slopes);
                         } else {
@@ -167,23 +157,23 @@ impl Model {
     }
 
     /// Adds a leaf.
-    fn leaf(&mut self, tree: &Csg, slopes: Option<Vec<[Interval; 3]>>) -> Cell {
+    fn leaf(&mut self, tree: &Csg, slopes: Option<Vec<[Interval; 3]>>) -> OctreeCell {
         let pieces = pieces_of(tree);
-        self.leaves.push(Leaf {
+        self.leaves.push(CellPieces {
             tree: renumbered(tree, &pieces),
             pieces,
             slopes,
         });
-        Cell::Leaf(self.leaves.len() as u32 - 1)
+        OctreeCell::Leaf(self.leaves.len() as u32 - 1)
     }
 
     /// Divides a cell into eight.
-    fn divide(&mut self, o: &Open, tree: &Csg, next: &mut Vec<Open>) {
+    fn divide(&mut self, o: &OpenCell, tree: &Csg, next: &mut Vec<OpenCell>) {
         let first = self.cells.len();
-        self.cells[o.slot] = Cell::Split(first as u32);
-        self.cells.resize(first + 8, Cell::Whole(false));
+        self.cells[o.slot] = OctreeCell::Split(first as u32);
+        self.cells.resize(first + 8, OctreeCell::Whole(false));
         for i in 0..8 {
-            next.push(Open {
+            next.push(OpenCell {
                 slot: first + i,
                 region: octant(&o.region, i),
                 tree: tree.clone(),
@@ -192,7 +182,7 @@ impl Model {
     }
 
     /// Determines if surface may pass a cell, and which pieces may decide there.
-    fn judge(&self, o: &Open, is_last: bool) -> Judged {
+    fn judge(&self, o: &OpenCell, is_last: bool) -> CellClass {
         let pieces = pieces_of(&o.tree);
         let mut ranges = vec![Interval::ALL; pieces.len()];
         self.solid.bounds(&pieces, o.region, &mut ranges);
@@ -202,7 +192,7 @@ impl Model {
         };
         let (tree, whole) = pruned(&o.tree, &range);
         if whole.lo() > 0.0 || whole.hi() < 0.0 {
-            return Judged::Whole(whole.lo() > 0.0);
+            return CellClass::Whole(whole.lo() > 0.0);
         }
         let left = pieces_of(&tree);
         let slopes = if is_last || left.len() == 1 {
@@ -211,11 +201,11 @@ impl Model {
         } else {
             None
         };
-        Judged::Open(tree, slopes)
+        CellClass::Open(tree, slopes)
     }
 
     /// Returns the value of a leaf's pieces at a point; NaN counts as outside.
-    fn value(&self, leaf: &Leaf, p: Point3, scratch: &mut Scratch) -> f64 {
+    fn value(&self, leaf: &CellPieces, p: Point3, scratch: &mut Scratch) -> f64 {
         scratch.values.resize(leaf.pieces.len(), 0.0);
         self.solid.values(&leaf.pieces, &[p], &mut scratch.values);
         let v = leaf.tree.value(&|k| scratch.values[k as usize]);
@@ -231,7 +221,7 @@ impl Model {
         [from, to]: [f64; 2],
         cap: Option<bool>,
         scratch: &mut Scratch,
-    ) -> Option<Met> {
+    ) -> Option<ModelHit> {
         let inverse = ray.d.map(inverse);
         let [near, far] = through(&self.bounds, ray.o, inverse);
         let is_cap = cap.is_some_and(|begins| begins || (self.is_cut && near > from));
@@ -239,7 +229,7 @@ impl Model {
         if from >= to {
             return None;
         }
-        let mut walk = Walk {
+        let mut walk = RayWalk {
             model: self,
             ray,
             is_inside: None,
@@ -257,9 +247,9 @@ impl Model {
                 continue;
             }
             met = match self.cells[cell as usize] {
-                Cell::Whole(inside) => walk.enter(inside, a, None),
-                Cell::Leaf(leaf) => walk.pass(&self.leaves[leaf as usize], [a, b], scratch),
-                Cell::Split(first) => {
+                OctreeCell::Whole(inside) => walk.enter(inside, a, None),
+                OctreeCell::Leaf(leaf) => walk.pass(&self.leaves[leaf as usize], [a, b], scratch),
+                OctreeCell::Split(first) => {
                     let front = (0..8).map(|i| i ^ mirror);
                     let children = front.map(|i| (first + i as u32, octant(&region, i)));
                     stack.extend(children.rev());
@@ -277,7 +267,7 @@ impl Model {
     /// Returns the curves in which faces meet at an angle.
     pub(crate) fn features(&self, control: &Control<'_>) -> Vec<Vec<Point3>> {
         let options = FeatureOptions {
-            size: self.bounds.diagonal() / FEATURES,
+            size: self.bounds.diagonal() / 60.0,
             ..FeatureOptions::default()
         };
         let found = find(self.solid.as_ref(), self.bounds, &options, control);
@@ -289,7 +279,7 @@ impl Model {
     /// that fails, too.
     pub(crate) fn normal(&self, piece: u32, ray: &Ray, t: f64) -> Point3 {
         let size = self.bounds.diagonal();
-        let places = BEFORE
+        let places = NORMAL_OFFSETS
             .iter()
             .map(|share| along(ray.o, ray.d, t - share * size));
         let normal = |p| {
@@ -302,7 +292,7 @@ impl Model {
 }
 
 /// Result of advancing along a ray.
-enum Marched {
+enum MarchResult {
     /// The sign changes between two points.
     Met([(f64, f64); 2]),
     /// The sign does not change up to a point with about this value.
@@ -312,7 +302,7 @@ enum Marched {
 }
 
 /// State of a ray while it passes cells.
-struct Walk<'a> {
+struct RayWalk<'a> {
     model: &'a Model,
     ray: &'a Ray,
     /// True if the ray is inside; `None` before its first cell.
@@ -320,16 +310,16 @@ struct Walk<'a> {
     is_cap: bool,
 }
 
-impl Walk<'_> {
+impl RayWalk<'_> {
     /// Advances to a point that is inside or outside. Detects crossings that rounding hides between
     /// two cells.
-    fn enter(&mut self, inside: bool, t: f64, piece: Option<u32>) -> Option<Met> {
+    fn enter(&mut self, inside: bool, t: f64, piece: Option<u32>) -> Option<ModelHit> {
         let before = self.is_inside.replace(inside);
         match before {
-            None if inside && self.is_cap => Some(Met { t, piece: None }),
+            None if inside && self.is_cap => Some(ModelHit { t, piece: None }),
             Some(before) if before != inside => {
                 let piece = piece.or_else(|| Some(self.nearest_piece(t)));
-                Some(Met { t, piece })
+                Some(ModelHit { t, piece })
             }
             _ => None,
         }
@@ -346,13 +336,18 @@ impl Walk<'_> {
         tree.value_and_piece(&value).1
     }
 
-    fn at(&self, leaf: &Leaf, t: f64, scratch: &mut Scratch) -> f64 {
+    fn at(&self, leaf: &CellPieces, t: f64, scratch: &mut Scratch) -> f64 {
         let p = along(self.ray.o, self.ray.d, t);
         self.model.value(leaf, p, scratch)
     }
 
     /// Passes a cell that may contain surface.
-    fn pass(&mut self, leaf: &Leaf, [a, b]: [f64; 2], scratch: &mut Scratch) -> Option<Met> {
+    fn pass(
+        &mut self,
+        leaf: &CellPieces,
+        [a, b]: [f64; 2],
+        scratch: &mut Scratch,
+    ) -> Option<ModelHit> {
         let first = self.at(leaf, a, scratch);
         if let Some(met) = self.enter(first >= 0.0, a, Some(leaf.pieces[0])) {
             return Some(self.named(leaf, met, scratch));
@@ -363,14 +358,14 @@ impl Walk<'_> {
             .as_ref()
             .and_then(|s| finite_rates(s, self.ray.d));
         let found = match rates.map(|rates| self.march(leaf, ends, rates, scratch)) {
-            Some(Marched::Met(found)) => Some(found),
-            Some(Marched::Through(_)) => None,
+            Some(MarchResult::Met(found)) => Some(found),
+            Some(MarchResult::Through(_)) => None,
             // The bounds are wide here: narrower ones, along the ray alone, are worth their time.
-            Some(Marched::Open(there)) => self.search(leaf, [there, ends[1]], scratch),
+            Some(MarchResult::Open(there)) => self.search(leaf, [there, ends[1]], scratch),
             None => self.search(leaf, ends, scratch),
         };
         let t = self.enclosed(leaf, found?, scratch);
-        let met = Met {
+        let met = ModelHit {
             t,
             piece: Some(leaf.pieces[0]),
         };
@@ -378,14 +373,14 @@ impl Walk<'_> {
     }
 
     /// Sets the piece that decides at the intersection.
-    fn named(&self, leaf: &Leaf, met: Met, scratch: &mut Scratch) -> Met {
+    fn named(&self, leaf: &CellPieces, met: ModelHit, scratch: &mut Scratch) -> ModelHit {
         if met.piece.is_none() || leaf.pieces.len() == 1 {
             return met;
         }
         self.at(leaf, met.t, scratch);
         let values = &scratch.values;
         let (_, k) = leaf.tree.value_and_piece(&|k| values[k as usize]);
-        Met {
+        ModelHit {
             piece: Some(leaf.pieces[k as usize]),
             ..met
         }
@@ -395,50 +390,50 @@ impl Walk<'_> {
     /// two bounds; it only skips stretches on which the value cannot vanish.
     fn march(
         &self,
-        leaf: &Leaf,
+        leaf: &CellPieces,
         [first, last]: [(f64, f64); 2],
         [least, most]: [f64; 2],
         scratch: &mut Scratch,
-    ) -> Marched {
+    ) -> MarchResult {
         let end = last.0;
         if least > 0.0 || most < 0.0 {
             let last = (end, self.at(leaf, end, scratch));
             let is_met = (first.1 >= 0.0) != (last.1 >= 0.0);
             return if is_met {
-                Marched::Met([first, last])
+                MarchResult::Met([first, last])
             } else {
-                Marched::Through(last)
+                MarchResult::Through(last)
             };
         }
         let finest = FINEST * self.model.bounds.diagonal();
         let (mut t, mut value) = first;
-        for _ in 0..MOST_STEPS {
+        for _ in 0..24 {
             let rate = if value >= 0.0 { -least } else { most };
             if rate <= 0.0 || t >= end {
-                return Marched::Through((end, value));
+                return MarchResult::Through((end, value));
             }
             let next = (t + (value.abs() / rate).max(finest)).min(end);
             let there = self.at(leaf, next, scratch);
             if (there >= 0.0) != (value >= 0.0) {
-                return Marched::Met([(t, value), (next, there)]);
+                return MarchResult::Met([(t, value), (next, there)]);
             }
             (t, value) = (next, there);
         }
-        Marched::Open((t, value))
+        MarchResult::Open((t, value))
     }
 
     /// Returns the first two points with opposite signs. Stretches that intervals cannot exclude
     /// are marched along if the slope has bounds, and otherwise halved.
     fn search(
         &self,
-        leaf: &Leaf,
+        leaf: &CellPieces,
         [first, last]: [(f64, f64); 2],
         scratch: &mut Scratch,
     ) -> Option<[(f64, f64); 2]> {
         let finest = FINEST * self.model.bounds.diagonal();
         let mut begin = first;
         let mut ends = vec![last.0];
-        for count in 0..MOST_STRETCHES {
+        for count in 0..MAX_STRETCHES {
             let end = *ends.last()?;
             let stretch = [begin.0, end];
             if !self.is_open(leaf, stretch, scratch) {
@@ -452,18 +447,18 @@ impl Walk<'_> {
             let is_worth = ends.len() % 2 == 1 && end - begin.0 > finest;
             if let Some(rates) = self.rates(leaf, stretch).filter(|_| is_worth) {
                 match self.march(leaf, [begin, (end, f64::NAN)], rates, scratch) {
-                    Marched::Met(found) => return Some(found),
-                    Marched::Through(there) => {
+                    MarchResult::Met(found) => return Some(found),
+                    MarchResult::Through(there) => {
                         begin = there;
                         ends.pop();
                         continue;
                     }
-                    Marched::Open(there) => begin = there,
+                    MarchResult::Open(there) => begin = there,
                 }
             }
             let middle = 0.5 * (begin.0 + end);
             let is_long = end - begin.0 > finest && middle > begin.0 && middle < end;
-            if is_long && count + 1 < MOST_STRETCHES {
+            if is_long && count + 1 < MAX_STRETCHES {
                 ends.push(middle);
                 continue;
             }
@@ -478,7 +473,7 @@ impl Walk<'_> {
     }
 
     /// Returns true if intervals cannot exclude a change of sign along a stretch.
-    fn is_open(&self, leaf: &Leaf, stretch: [f64; 2], scratch: &mut Scratch) -> bool {
+    fn is_open(&self, leaf: &CellPieces, stretch: [f64; 2], scratch: &mut Scratch) -> bool {
         let region = self.region(stretch);
         scratch.ranges.resize(leaf.pieces.len(), Interval::ALL);
         let solid = &self.model.solid;
@@ -488,7 +483,7 @@ impl Walk<'_> {
     }
 
     /// Returns bounds of the rate of the value along a stretch; `None` if there are none.
-    fn rates(&self, leaf: &Leaf, stretch: [f64; 2]) -> Option<[f64; 2]> {
+    fn rates(&self, leaf: &CellPieces, stretch: [f64; 2]) -> Option<[f64; 2]> {
         let region = self.region(stretch);
         let each = leaf
             .pieces
@@ -500,15 +495,16 @@ impl Walk<'_> {
 
     /// Returns the box of a stretch.
     fn region(&self, stretch: [f64; 2]) -> Aabb {
-        Aabb::of(&stretch.map(|t| along(self.ray.o, self.ray.d, t)))
+        Aabb::from_points(&stretch.map(|t| along(self.ray.o, self.ray.d, t)))
     }
 
     /// Returns the root between two points of opposite signs, by the Illinois variant of regula
     /// falsi with bisections where it is slow.
-    fn enclosed(&self, leaf: &Leaf, ends: [(f64, f64); 2], scratch: &mut Scratch) -> f64 {
+    fn enclosed(&self, leaf: &CellPieces, ends: [(f64, f64); 2], scratch: &mut Scratch) -> f64 {
         let [(mut a, mut fa), (mut b, mut fb)] = ends;
         let is_inside = fa >= 0.0;
-        for k in 0..STEPS {
+        // Bisection alone needs 60 steps.
+        for k in 0..100 {
             let chord = (a * fb - b * fa) / (fb - fa);
             let is_between = chord > a && chord < b;
             let m = if k % 3 == 2 || !is_between {

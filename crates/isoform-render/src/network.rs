@@ -7,26 +7,21 @@
 
 use crate::model::Scratch;
 use crate::polyline::{Node, chains, sharpened, simplified};
-use crate::trace::{Border, Class, Seen, Tracer, border};
+use crate::trace::{AreaClass, Border, Tracer, VisiblePoint, border};
 use isoform::geom::{dot, sub};
 use isoform::{Control, Stopped};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Lines of sight of a drawing, at most: more pixels have cells of several pixels.
-const MOST: f64 = 1.5e6;
-/// Halvings between neighbours.
-const HALVINGS: usize = 6;
-/// Points of lines and of areas nearer to a straight line than this are left out, in pixels.
-const STRAIGHT: f64 = 0.05;
-/// Nodes along a line between which its direction at a fork is measured.
-const AHEAD: [usize; 2] = [2, 7];
-/// How far a fork may be moved to where its lines meet, in cells.
-const MOVED: f64 = 1.5;
+/// Maximum distance, in pixels, of points of lines and areas from the straight line that replaces
+/// them.
+const MAX_LINE_DEVIATION: f64 = 0.05;
+/// Indices, from a fork on, of the two nodes of a line that determine its direction there.
+const DIRECTION_NODES: [usize; 2] = [2, 7];
 
 /// Meaning of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Kind {
+pub(crate) enum LineKind {
     /// Outline: a surface in front of another one, or of nothing.
     Outline,
     /// Edge between two visible faces, or border of a cap.
@@ -35,29 +30,29 @@ pub(crate) enum Kind {
 
 /// Line of a drawing, in pixels.
 #[derive(Clone, Debug)]
-pub(crate) struct Line {
-    pub(crate) kind: Kind,
+pub(crate) struct DrawnLine {
+    pub(crate) kind: LineKind,
     pub(crate) points: Vec<[f64; 2]>,
 }
 
 /// Lines and areas of a view.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Network {
-    pub(crate) lines: Vec<Line>,
+    pub(crate) lines: Vec<DrawnLine>,
     /// Closed polygons, by class; holes are polygons, too.
-    pub(crate) areas: BTreeMap<Class, Vec<Vec<[f64; 2]>>>,
+    pub(crate) areas: BTreeMap<AreaClass, Vec<Vec<[f64; 2]>>>,
     /// Number of cells that see anything, by quarters of the height and width.
     pub(crate) taken: [[usize; 4]; 4],
 }
 
 /// Change between two neighbours of the grid.
-struct Crossing {
+struct GridCrossing {
     node: Node,
     ends: [[f64; 2]; 2],
-    seen: [Option<Seen>; 2],
+    seen: [Option<VisiblePoint>; 2],
 }
 
-impl Crossing {
+impl GridCrossing {
     fn middle(&self) -> [f64; 2] {
         let [a, b] = self.ends;
         [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
@@ -65,23 +60,24 @@ impl Crossing {
 }
 
 /// Refined crossing.
-struct Found {
+struct RefinedCrossing {
     at: [f64; 2],
-    kind: Option<Kind>,
+    kind: Option<LineKind>,
 }
 
 /// Grid of lines of sight over a picture and one cell around it, where nothing is seen, so that
 /// areas are closed.
-struct Grid {
+struct SightGrid {
     cell: f64,
     size: [usize; 2],
-    seen: Vec<Option<Seen>>,
+    seen: Vec<Option<VisiblePoint>>,
 }
 
-impl Grid {
+impl SightGrid {
     fn new(tracer: &Tracer<'_>, size: [u32; 2], control: &Control<'_>) -> Result<Self, Stopped> {
         let pixels = f64::from(size[0]) * f64::from(size[1]);
-        let cell = (pixels / MOST).sqrt().max(1.0);
+        // At most 1.5 million lines of sight: more pixels have cells of several pixels.
+        let cell = (pixels / 1.5e6).sqrt().max(1.0);
         // The outermost points see nothing; those next to them are just outside the picture.
         let count = size.map(|v| (f64::from(v) / cell).ceil() as usize + 4);
         let mut grid = Self {
@@ -89,7 +85,7 @@ impl Grid {
             size: count,
             seen: Vec::new(),
         };
-        let row = |y: usize| -> Result<Vec<Option<Seen>>, Stopped> {
+        let row = |y: usize| -> Result<Vec<Option<VisiblePoint>>, Stopped> {
             control.check()?;
             let mut scratch = Scratch::default();
             let mut look = |x: usize| tracer.seen(grid.place(x, y), &mut scratch);
@@ -108,7 +104,7 @@ impl Grid {
         [x, y].map(|i| (i as f64 - 1.5) * self.cell)
     }
 
-    fn at(&self, x: usize, y: usize) -> Option<&Seen> {
+    fn at(&self, x: usize, y: usize) -> Option<&VisiblePoint> {
         self.seen[y * self.size[0] + x].as_ref()
     }
 
@@ -118,7 +114,7 @@ impl Grid {
     }
 
     /// Returns the pairs of neighbours between which something changes.
-    fn crossings(&self) -> Vec<Crossing> {
+    fn crossings(&self) -> Vec<GridCrossing> {
         let mut found = Vec::new();
         for y in 0..self.size[1] {
             for x in 0..self.size[0] {
@@ -128,7 +124,7 @@ impl Grid {
                     }
                     let (a, b) = (self.at(x, y), self.at(p, q));
                     if class(a) != class(b) || border(a, b) != Border::None {
-                        found.push(Crossing {
+                        found.push(GridCrossing {
                             node: (x, y, side),
                             ends: [self.place(x, y), self.place(p, q)],
                             seen: [a.copied(), b.copied()],
@@ -141,12 +137,12 @@ impl Grid {
     }
 }
 
-fn class(seen: Option<&Seen>) -> Option<Class> {
-    seen.map(Seen::class)
+fn class(seen: Option<&VisiblePoint>) -> Option<AreaClass> {
+    seen.map(VisiblePoint::class)
 }
 
 /// Returns a measure of dissimilarity of two samples, for comparison only.
-fn unlike(a: Option<&Seen>, b: Option<&Seen>) -> f64 {
+fn unlike(a: Option<&VisiblePoint>, b: Option<&VisiblePoint>) -> f64 {
     let (Some(a), Some(b)) = (a, b) else {
         return if a.is_none() && b.is_none() { 0.0 } else { 1e3 };
     };
@@ -158,7 +154,7 @@ fn unlike(a: Option<&Seen>, b: Option<&Seen>) -> f64 {
 
 /// Returns the level on which two samples agree: emptiness only, layer, part, or colour of the
 /// part.
-fn alike(a: Option<&Seen>, b: Option<&Seen>) -> u8 {
+fn alike(a: Option<&VisiblePoint>, b: Option<&VisiblePoint>) -> u8 {
     let (Some(a), Some(b)) = (class(a), class(b)) else {
         return if a.is_none() == b.is_none() { 4 } else { 0 };
     };
@@ -173,7 +169,7 @@ fn alike(a: Option<&Seen>, b: Option<&Seen>) -> u8 {
 
 /// Returns the end of a bisected pair that the sample in the middle replaces: the more similar one.
 /// If the middle shows a third object, the border of the nearest object is kept.
-fn side([a, b]: [Option<&Seen>; 2], middle: Option<&Seen>) -> usize {
+fn side([a, b]: [Option<&VisiblePoint>; 2], middle: Option<&VisiblePoint>) -> usize {
     let (first, second) = (alike(a, middle), alike(b, middle));
     if first != second {
         return usize::from(second > first);
@@ -181,7 +177,7 @@ fn side([a, b]: [Option<&Seen>; 2], middle: Option<&Seen>) -> usize {
     if first == 4 {
         return usize::from(unlike(a, middle) > unlike(b, middle));
     }
-    let depth = |s: Option<&Seen>| s.map_or(f64::INFINITY, |s| s.depth);
+    let depth = |s: Option<&VisiblePoint>| s.map_or(f64::INFINITY, |s| s.depth);
     usize::from(depth(a) < depth(b))
 }
 
@@ -195,17 +191,17 @@ pub(crate) fn network(
     control: &Control<'_>,
 ) -> Result<Network, Stopped> {
     control.begin("looking")?;
-    let grid = Grid::new(tracer, size, control)?;
+    let grid = SightGrid::new(tracer, size, control)?;
     control.begin("outlines")?;
     let crossings = grid.crossings().into_par_iter();
-    let refined: Vec<(Node, Found)> = crossings
+    let refined: Vec<(Node, RefinedCrossing)> = crossings
         .map_init(Scratch::default, |scratch, mut c| {
             let (x, y, side) = c.node;
             let next = if side == 0 { [x + 1, y] } else { [x, y + 1] };
             if grid.is_outermost(x, y) || grid.is_outermost(next[0], next[1]) {
                 return (
                     c.node,
-                    Found {
+                    RefinedCrossing {
                         at: c.middle(),
                         kind: None,
                     },
@@ -215,12 +211,12 @@ pub(crate) fn network(
             let [a, b] = c.seen.each_ref().map(Option::as_ref);
             let kind = match border(a, b) {
                 Border::None => None,
-                Border::Edge => Some(Kind::Edge),
-                Border::Before | Border::Behind => Some(Kind::Outline),
+                Border::Edge => Some(LineKind::Edge),
+                Border::Before | Border::Behind => Some(LineKind::Outline),
             };
             (
                 c.node,
-                Found {
+                RefinedCrossing {
                     at: c.middle(),
                     kind,
                 },
@@ -228,7 +224,7 @@ pub(crate) fn network(
         })
         .collect();
     control.check()?;
-    let mut web = Web {
+    let mut web = LineGraph {
         grid: &grid,
         found: refined.into_iter().collect(),
         forks: BTreeMap::new(),
@@ -243,8 +239,8 @@ pub(crate) fn network(
 }
 
 /// Bisects a pair of samples.
-fn refine(c: &mut Crossing, tracer: &Tracer<'_>, scratch: &mut Scratch) {
-    for _ in 0..HALVINGS {
+fn refine(c: &mut GridCrossing, tracer: &Tracer<'_>, scratch: &mut Scratch) {
+    for _ in 0..6 {
         let at = c.middle();
         let seen = tracer.seen(at, scratch);
         let k = side(c.seen.each_ref().map(Option::as_ref), seen.as_ref());
@@ -253,7 +249,7 @@ fn refine(c: &mut Crossing, tracer: &Tracer<'_>, scratch: &mut Scratch) {
 }
 
 /// Counts the cells that see anything, by quarters of the height and width.
-fn taken(grid: &Grid) -> [[usize; 4]; 4] {
+fn taken(grid: &SightGrid) -> [[usize; 4]; 4] {
     let mut taken = [[0; 4]; 4];
     let quarter = |i: usize, k: usize| (4 * i / grid.size[k]).min(3);
     for y in 0..grid.size[1] {
@@ -265,14 +261,14 @@ fn taken(grid: &Grid) -> [[usize; 4]; 4] {
 }
 
 /// Crossings, and the forks inside cells with more than two of them.
-struct Web<'g> {
-    grid: &'g Grid,
-    found: BTreeMap<Node, Found>,
+struct LineGraph<'g> {
+    grid: &'g SightGrid,
+    found: BTreeMap<Node, RefinedCrossing>,
     /// Positions of forks.
     forks: BTreeMap<Node, [f64; 2]>,
 }
 
-impl Web<'_> {
+impl LineGraph<'_> {
     /// Returns the nodes on the four sides of a cell, in order.
     fn around(x: usize, y: usize) -> [Node; 4] {
         [(x, y, 0), (x + 1, y, 1), (x, y + 1, 0), (x, y, 1)]
@@ -314,7 +310,7 @@ impl Web<'_> {
         segments
     }
 
-    /// Moves forks to the intersection of the lines that end there.
+    /// Moves forks to the intersection of the lines that end there, if it is within 1.5 cells.
     fn place_forks(&mut self, chains: &[Vec<Node>]) {
         let mut lines: BTreeMap<Node, Vec<[[f64; 2]; 2]>> = BTreeMap::new();
         for chain in chains {
@@ -327,9 +323,9 @@ impl Web<'_> {
                         place.saturating_sub(k)
                     }
                 };
-                if chain.len() > AHEAD[0] + 1 {
-                    let far = AHEAD[1].min(chain.len() - 1);
-                    let pair = [AHEAD[0], far].map(|k| self.position(chain[from(k)]));
+                if chain.len() > DIRECTION_NODES[0] + 1 {
+                    let far = DIRECTION_NODES[1].min(chain.len() - 1);
+                    let pair = [DIRECTION_NODES[0], far].map(|k| self.position(chain[from(k)]));
                     lines.entry(fork).or_default().push(pair);
                 }
             }
@@ -338,7 +334,7 @@ impl Web<'_> {
             let usual = self.position(fork);
             if let Some(at) = meeting(&lines) {
                 let away = (at[0] - usual[0]).hypot(at[1] - usual[1]);
-                if away < MOVED * self.grid.cell {
+                if away < 1.5 * self.grid.cell {
                     self.forks.insert(fork, at);
                 }
             }
@@ -346,33 +342,34 @@ impl Web<'_> {
     }
 
     /// Converts a chain to a line.
-    fn line(&self, chain: &[Node]) -> Line {
+    fn line(&self, chain: &[Node]) -> DrawnLine {
         let kinds = chain.iter().filter_map(|n| self.found.get(n)?.kind);
-        let (outlines, edges): (Vec<Kind>, Vec<Kind>) = kinds.partition(|k| *k == Kind::Outline);
+        let (outlines, edges): (Vec<LineKind>, Vec<LineKind>) =
+            kinds.partition(|k| *k == LineKind::Outline);
         let kind = if outlines.len() > edges.len() {
-            Kind::Outline
+            LineKind::Outline
         } else {
-            Kind::Edge
+            LineKind::Edge
         };
         let points = chain.iter().map(|n| self.position(*n)).collect();
         let points = sharpened(points, self.grid.cell);
-        Line {
+        DrawnLine {
             kind,
-            points: simplified(&points, STRAIGHT),
+            points: simplified(&points, MAX_LINE_DEVIATION),
         }
     }
 
     /// Returns the borders of all classes. Within a cell each run of corners of one class is
     /// bounded by the crossing before it and the crossing after it; in the next cell these two
     /// exchange their roles, so that each border closes.
-    fn areas(&self) -> BTreeMap<Class, Vec<Vec<[f64; 2]>>> {
-        let mut next: BTreeMap<(Class, Node), (Node, Option<Node>)> = BTreeMap::new();
+    fn areas(&self) -> BTreeMap<AreaClass, Vec<Vec<[f64; 2]>>> {
+        let mut next: BTreeMap<(AreaClass, Node), (Node, Option<Node>)> = BTreeMap::new();
         for y in 0..self.grid.size[1].saturating_sub(1) {
             for x in 0..self.grid.size[0].saturating_sub(1) {
                 self.within(x, y, &mut next);
             }
         }
-        let mut areas: BTreeMap<Class, Vec<Vec<[f64; 2]>>> = BTreeMap::new();
+        let mut areas: BTreeMap<AreaClass, Vec<Vec<[f64; 2]>>> = BTreeMap::new();
         while let Some((&(class, start), _)) = next.first_key_value() {
             let mut ring = Vec::new();
             let mut at = start;
@@ -382,7 +379,7 @@ impl Web<'_> {
                 at = to;
             }
             ring.push(self.position(start));
-            let ring = simplified(&ring, STRAIGHT);
+            let ring = simplified(&ring, MAX_LINE_DEVIATION);
             if ring.len() > 3 {
                 areas.entry(class).or_default().push(ring);
             }
@@ -391,7 +388,12 @@ impl Web<'_> {
     }
 
     /// Adds the borders of classes in a cell.
-    fn within(&self, x: usize, y: usize, next: &mut BTreeMap<(Class, Node), (Node, Option<Node>)>) {
+    fn within(
+        &self,
+        x: usize,
+        y: usize,
+        next: &mut BTreeMap<(AreaClass, Node), (Node, Option<Node>)>,
+    ) {
         let corners = [[x, y], [x + 1, y], [x + 1, y + 1], [x, y + 1]];
         let classes = corners.map(|[x, y]| class(self.grid.at(x, y)));
         // Node k lies between corner k and the next one.

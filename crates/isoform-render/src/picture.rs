@@ -12,24 +12,17 @@ use crate::layer::Scene;
 use crate::marks::Marks;
 use crate::model::Scratch;
 use crate::shade;
-use crate::trace::{Border, Sample, Tracer};
+use crate::trace::{Border, PictureSample, Tracer};
 use isoform::{Control, Stopped};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Samples on each side of a pixel where something changes.
-const FINE: usize = 4;
-/// Rows that are computed together; and how many pixels at most.
-const ROWS: usize = 32;
-const MOST_PIXELS: usize = 40_000;
-/// Pixels around a band whose samples its lines need.
-const APRON: usize = 2;
-/// How far lines reach, in pixels: outlines on the surface that is before the other, edges on both.
-const OUTLINE: f64 = 0.9;
-const EDGE: f64 = 0.55;
-/// How dark they are.
-const OUTLINE_SHARE: f32 = 0.85;
-const EDGE_SHARE: f32 = 0.7;
+/// Number of samples along each side of a pixel where something changes.
+const SAMPLES_PER_SIDE: usize = 4;
+/// Width of the frame around a band, in pixels, whose samples its lines need.
+const APRON_WIDTH: usize = 2;
+/// Width of outlines, in pixels, on the surface in front.
+const OUTLINE_WIDTH: f64 = 0.9;
 
 /// Style of pictures.
 #[derive(Clone, Debug, PartialEq)]
@@ -129,7 +122,7 @@ pub fn render(
         is_hatched: style.hatch,
     };
     let [width, height] = size.map(|v| v as usize);
-    let rows = (MOST_PIXELS / width.max(1)).clamp(1, ROWS);
+    let rows = (40_000 / width.max(1)).clamp(1, 32);
     let done = AtomicUsize::new(0);
     let bands: Vec<Vec<Color>> = (0..height)
         .step_by(rows)
@@ -157,10 +150,10 @@ struct Band {
     /// Height including the apron, in pixels.
     height: usize,
     /// Sample at the centre of each pixel.
-    coarse: Vec<Sample>,
+    coarse: Vec<PictureSample>,
     /// Start of the samples of a pixel in `fine`, plus 1; 0 if it has a single sample.
     index: Vec<u32>,
-    fine: Vec<Sample>,
+    fine: Vec<PictureSample>,
 }
 
 impl Band {
@@ -170,10 +163,10 @@ impl Band {
         [top, bottom]: [usize; 2],
         control: &Control<'_>,
     ) -> Result<Self, Stopped> {
-        let (width, height) = (width + 2 * APRON, bottom - top + 2 * APRON);
+        let (width, height) = (width + 2 * APRON_WIDTH, bottom - top + 2 * APRON_WIDTH);
         let place = |pixel: usize| {
             let (x, y) = (pixel % width, pixel / width + top);
-            [x as f64 - APRON as f64, y as f64 - APRON as f64]
+            [x as f64 - APRON_WIDTH as f64, y as f64 - APRON_WIDTH as f64]
         };
         let mut scratch = Scratch::default();
         let mut sample = |[x, y]: [f64; 2]| tracer.sample([x, y], &mut scratch);
@@ -192,7 +185,7 @@ impl Band {
             fine: Vec::new(),
         };
         band.index = vec![0; width * height];
-        let own = |k: usize| (k as f64 + 0.5) / FINE as f64;
+        let own = |k: usize| (k as f64 + 0.5) / SAMPLES_PER_SIDE as f64;
         for pixel in 0..width * height {
             if pixel % width == 0 {
                 control.check()?;
@@ -202,9 +195,11 @@ impl Band {
             }
             band.index[pixel] = band.fine.len() as u32 + 1;
             let [x, y] = place(pixel);
-            for k in 0..FINE * FINE {
-                band.fine
-                    .push(sample([x + own(k % FINE), y + own(k / FINE)]));
+            for k in 0..SAMPLES_PER_SIDE * SAMPLES_PER_SIDE {
+                band.fine.push(sample([
+                    x + own(k % SAMPLES_PER_SIDE),
+                    y + own(k / SAMPLES_PER_SIDE),
+                ]));
             }
         }
         Ok(band)
@@ -225,11 +220,15 @@ impl Band {
     }
 
     /// Returns the sample at a point of the fine grid.
-    fn at(&self, x: usize, y: usize) -> &Sample {
-        let pixel = y / FINE * self.width + x / FINE;
+    fn at(&self, x: usize, y: usize) -> &PictureSample {
+        let pixel = y / SAMPLES_PER_SIDE * self.width + x / SAMPLES_PER_SIDE;
         match self.index[pixel] {
             0 => &self.coarse[pixel],
-            first => &self.fine[first as usize - 1 + y % FINE * FINE + x % FINE],
+            first => {
+                &self.fine[first as usize - 1
+                    + y % SAMPLES_PER_SIDE * SAMPLES_PER_SIDE
+                    + x % SAMPLES_PER_SIDE]
+            }
         }
     }
 
@@ -237,8 +236,8 @@ impl Band {
     fn colors(&self, style: &Style) -> Vec<Color> {
         let reach = reach();
         let mut colors = Vec::new();
-        for y in APRON..self.height - APRON {
-            for x in APRON..self.width - APRON {
+        for y in APRON_WIDTH..self.height - APRON_WIDTH {
+            for x in APRON_WIDTH..self.width - APRON_WIDTH {
                 let pixel = y * self.width + x;
                 let color = if self.index[pixel] == 0 {
                     self.coarse[pixel].color
@@ -254,27 +253,30 @@ impl Band {
     /// Returns the mean of a pixel's samples, with the lines on them.
     fn mean(&self, [x, y]: [usize; 2], reach: Option<&Vec<([i32; 2], bool)>>) -> [f32; 3] {
         let mut sum = [0.0; 3];
-        for k in 0..FINE * FINE {
-            let place = [x * FINE + k % FINE, y * FINE + k / FINE];
+        for k in 0..SAMPLES_PER_SIDE * SAMPLES_PER_SIDE {
+            let place = [
+                x * SAMPLES_PER_SIDE + k % SAMPLES_PER_SIDE,
+                y * SAMPLES_PER_SIDE + k / SAMPLES_PER_SIDE,
+            ];
             let sample = self.at(place[0], place[1]);
             let share = reach.map_or(0.0, |reach| self.line(place, sample, reach));
             for (sum, (own, line)) in sum.iter_mut().zip(sample.color.iter().zip(shade::LINE)) {
                 *sum += own + share * (f32::from(line) - own);
             }
         }
-        sum.map(|v| v / (FINE * FINE) as f32)
+        sum.map(|v| v / (SAMPLES_PER_SIDE * SAMPLES_PER_SIDE) as f32)
     }
 
     /// Returns the opacity of a line at a sample.
-    fn line(&self, [x, y]: [usize; 2], own: &Sample, reach: &[([i32; 2], bool)]) -> f32 {
+    fn line(&self, [x, y]: [usize; 2], own: &PictureSample, reach: &[([i32; 2], bool)]) -> f32 {
         if own.seen.is_none() {
             return 0.0;
         }
         for ([dx, dy], is_near) in reach {
             let (x, y) = (x as i32 + dx, y as i32 + dy);
             match own.border(self.at(x as usize, y as usize)) {
-                Border::Before => return OUTLINE_SHARE,
-                Border::Edge if *is_near => return EDGE_SHARE,
+                Border::Before => return 0.85,
+                Border::Edge if *is_near => return 0.7,
                 _ => {}
             }
         }
@@ -285,12 +287,14 @@ impl Band {
 /// Returns the offsets on the fine grid from which a line may reach a point, nearest first, each
 /// with true if an edge reaches as far, too.
 fn reach() -> Vec<([i32; 2], bool)> {
-    let most = (OUTLINE * FINE as f64).floor() as i32;
-    let away = |[x, y]: [i32; 2]| f64::from(x * x + y * y).sqrt() / FINE as f64;
+    let most = (OUTLINE_WIDTH * SAMPLES_PER_SIDE as f64).floor() as i32;
+    let away = |[x, y]: [i32; 2]| f64::from(x * x + y * y).sqrt() / SAMPLES_PER_SIDE as f64;
     let all = (-most..=most).flat_map(|y| (-most..=most).map(move |x| [x, y]));
     let mut places: Vec<[i32; 2]> = all
-        .filter(|p| *p != [0, 0] && away(*p) <= OUTLINE)
+        .filter(|p| *p != [0, 0] && away(*p) <= OUTLINE_WIDTH)
         .collect();
     places.sort_by(|a, b| away(*a).total_cmp(&away(*b)).then(a.cmp(b)));
-    places.into_iter().map(|p| (p, away(p) <= EDGE)).collect()
+    // Half the width of edges, which are drawn on both surfaces, in pixels.
+    let edge = 0.55;
+    places.into_iter().map(|p| (p, away(p) <= edge)).collect()
 }

@@ -25,7 +25,7 @@ pub fn write_png(picture: &Picture) -> Result<Vec<u8>, png::EncodingError> {
 ///
 /// # Errors
 ///
-/// If there are no pixels, or more than the format allows.
+/// If the picture is empty, or larger than the format allows.
 pub fn write_indexed_png(
     size: [u32; 2],
     pixels: &[u8],

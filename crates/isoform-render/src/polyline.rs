@@ -8,7 +8,7 @@ pub type Node = (usize, usize, u8);
 
 /// Joins segments to chains, open ones first, each as long as possible without a fork.
 pub fn chains(segments: &[[Node; 2]]) -> Vec<Vec<Node>> {
-    let mut web = Web::of(segments);
+    let mut web = SegmentGraph::new(segments);
     let ends = web.at.iter().filter(|(_, s)| s.len() != 2).map(|(n, _)| *n);
     let starts: Vec<Node> = ends.chain(web.at.keys().copied()).collect();
     let mut chains = Vec::new();
@@ -21,7 +21,7 @@ pub fn chains(segments: &[[Node; 2]]) -> Vec<Vec<Node>> {
 }
 
 /// Segments by the nodes that they join.
-struct Web<'s> {
+struct SegmentGraph<'s> {
     segments: &'s [[Node; 2]],
     /// Indices of the segments at each node.
     at: BTreeMap<Node, Vec<usize>>,
@@ -29,9 +29,9 @@ struct Web<'s> {
     used: Vec<bool>,
 }
 
-impl<'s> Web<'s> {
+impl<'s> SegmentGraph<'s> {
     /// Collects segments, none of them used.
-    fn of(segments: &'s [[Node; 2]]) -> Self {
+    fn new(segments: &'s [[Node; 2]]) -> Self {
         let mut at: BTreeMap<Node, Vec<usize>> = BTreeMap::new();
         for (i, segment) in segments.iter().enumerate() {
             for node in segment {

@@ -21,17 +21,6 @@ pub(crate) const LINE: Color = [40, 44, 52];
 /// Colour of the double curves of maps.
 pub(crate) const DOUBLE: Color = [209, 73, 91];
 
-/// What light from everywhere, light from one side, and its reflection add.
-const AMBIENT: f64 = 0.56;
-const DIFFUSE: f64 = 0.56;
-const SHINE: f64 = 0.06;
-/// How far above the eye and to its left the light is, for a distance of 1: enough for the faces of
-/// a block to be told apart.
-const ABOVE: f64 = 0.6;
-const BESIDE: f64 = 0.4;
-/// How narrow the reflection is.
-const GLOSS: i32 = 40;
-
 /// Returns a colour under a light above and to the left of the eye. Faces are lit on both sides.
 pub(crate) fn lit(color: Color, normal: Point3, ray: Point3, sight: &Sight) -> [f64; 3] {
     let to_eye = ray.map(|v| -v);
@@ -40,11 +29,14 @@ pub(crate) fn lit(color: Color, normal: Point3, ray: Point3, sight: &Sight) -> [
     } else {
         normal
     };
-    let light = unit(along(along(to_eye, sight.up, ABOVE), sight.right, -BESIDE));
+    // The direction of the light differs enough from that of sight for the faces of a block to
+    // differ.
+    let light = unit(along(along(to_eye, sight.up, 0.6), sight.right, -0.4));
     let diffuse = dot(n, light).max(0.0);
     let half = unit(along(light, to_eye, 1.0));
-    let shine = dot(n, half).max(0.0).powi(GLOSS);
-    color.map(|c| f64::from(c) * (AMBIENT + DIFFUSE * diffuse) + 255.0 * SHINE * shine)
+    let shine = dot(n, half).max(0.0).powi(40);
+    let (ambient, diffused, reflected) = (0.56, 0.56, 0.06);
+    color.map(|c| f64::from(c) * (ambient + diffused * diffuse) + 255.0 * reflected * shine)
 }
 
 /// Returns a colour without light.

@@ -1,6 +1,6 @@
 //! Surfaces of triangles: meshes, and the triangles of patches, maps and solids.
 
-use crate::bvh::{Bvh, Meeting};
+use crate::bvh::{Bvh, TriangleHit};
 use crate::camera::{Ray, along, unit};
 use crate::color::{Color, Scale, part_color};
 use crate::exact::{Exact, facet_normal};
@@ -8,14 +8,6 @@ use crate::section::Section;
 use crate::shade;
 use isoform::geom::{Aabb, Point3, dot, norm, sub};
 use std::collections::HashMap;
-
-/// Squares of a chequered patch on each side.
-const CHEQUERS: f64 = 8.0;
-/// How dark the dark squares are.
-const DARK: f64 = 0.78;
-/// How far the surface may be from its triangle, as a share of the whole: what Newton's method
-/// finds farther away is another sheet.
-const NEAR: f64 = 0.02;
 
 /// Colouring of triangles.
 #[derive(Clone, Debug)]
@@ -32,7 +24,7 @@ pub(crate) enum Paint {
 
 /// Sine of the smallest angle between a ray and a surface for which coincident surfaces are
 /// recognised: their distance along a ray grows with the inverse of the sine.
-pub(crate) const STEEPEST: f64 = 0.1;
+pub(crate) const MIN_INCIDENCE_SINE: f64 = 0.1;
 
 /// Triangles prepared for rays.
 #[derive(Clone, Debug)]
@@ -76,7 +68,7 @@ pub(crate) struct OnSurface {
     pub(crate) t: f64,
     pub(crate) normal: Point3,
     pub(crate) part: u32,
-    pub(crate) meeting: Meeting,
+    pub(crate) meeting: TriangleHit,
 }
 
 impl Surface {
@@ -100,7 +92,7 @@ impl Surface {
     /// Returns the box of all corners of triangles.
     pub(crate) fn bounds(&self) -> Aabb {
         let corners = self.triangles.as_flattened().iter();
-        Aabb::of(corners.map(|i| &self.points[*i as usize]))
+        Aabb::from_points(corners.map(|i| &self.points[*i as usize]))
     }
 
     pub(crate) fn corners(&self, triangle: u32) -> [Point3; 3] {
@@ -122,20 +114,20 @@ impl Surface {
         let (ranks, apart) = &self.ranks;
         // The nearest intersection, and those behind it that may belong to coincident surfaces.
         let mut nearest = f64::INFINITY;
-        let mut near: Vec<Meeting> = Vec::new();
+        let mut near: Vec<TriangleHit> = Vec::new();
         self.tree
             .visit((&self.points, &self.triangles), ray, range, |m| {
                 if section.is_none_or(|s| s.keeps(along(ray.o, ray.d, m.t))) {
                     nearest = nearest.min(m.t);
-                    near.retain(|other| other.t <= nearest + apart / STEEPEST);
+                    near.retain(|other| other.t <= nearest + apart / MIN_INCIDENCE_SINE);
                     near.push(m);
                 }
-                nearest + apart / STEEPEST
+                nearest + apart / MIN_INCIDENCE_SINE
             });
-        let rank = |m: &Meeting| ranks.get(m.triangle as usize).copied().unwrap_or(0);
-        let is_on = |m: &&Meeting| {
+        let rank = |m: &TriangleHit| ranks.get(m.triangle as usize).copied().unwrap_or(0);
+        let is_on = |m: &&TriangleHit| {
             let n = unit(facet_normal(self.corners(m.triangle)));
-            m.t <= nearest + apart / dot(n, ray.d).abs().max(STEEPEST)
+            m.t <= nearest + apart / dot(n, ray.d).abs().max(MIN_INCIDENCE_SINE)
         };
         // The highest rank first, then the nearest.
         let best = near.iter().filter(is_on).max_by(|a, b| {
@@ -148,8 +140,8 @@ impl Surface {
     }
 
     /// Returns the point of the exact surface at an intersection with its triangle.
-    fn place(&self, ray: &Ray, meeting: Meeting) -> OnSurface {
-        let Meeting {
+    fn place(&self, ray: &Ray, meeting: TriangleHit) -> OnSurface {
+        let TriangleHit {
             t,
             triangle,
             shares,
@@ -166,7 +158,8 @@ impl Surface {
             let uv = self.parameters(corners, &meeting);
             let diagonal = self.tree.bounds().diagonal();
             let found = exact.onto(ray, part, uv);
-            if let Some((at, normal)) = found.filter(|f| (f.0 - t).abs() < NEAR * diagonal) {
+            // Farther from the triangle, Newton's method has found another sheet.
+            if let Some((at, normal)) = found.filter(|f| (f.0 - t).abs() < 0.02 * diagonal) {
                 return OnSurface {
                     t: at,
                     normal,
@@ -186,13 +179,13 @@ impl Surface {
         flat(unit(facet_normal(self.corners(triangle))))
     }
 
-    fn parameters(&self, corners: &[[[f64; 2]; 3]], m: &Meeting) -> [f64; 2] {
+    fn parameters(&self, corners: &[[[f64; 2]; 3]], m: &TriangleHit) -> [f64; 2] {
         let uv = &corners[m.triangle as usize];
         [0, 1].map(|k| (0..3).map(|c| m.shares[c] * uv[c][k]).sum())
     }
 
     /// Returns the colour at an intersection.
-    pub(crate) fn color(&self, m: &Meeting) -> Color {
+    pub(crate) fn color(&self, m: &TriangleHit) -> Color {
         match &self.paint {
             Paint::Values(values, scale) => {
                 let corners = &values[m.triangle as usize];
@@ -204,7 +197,7 @@ impl Surface {
 
     /// Returns the index of the colour within its part: of the square of a chequered patch, or of
     /// the step of a scale.
-    pub(crate) fn tone(&self, m: &Meeting) -> u16 {
+    pub(crate) fn tone(&self, m: &TriangleHit) -> u16 {
         match &self.paint {
             Paint::Plain(_) | Paint::Parts(_) => 0,
             Paint::Chequered(_) => {
@@ -213,7 +206,7 @@ impl Surface {
                 };
                 let [u, v] = self
                     .parameters(corners, m)
-                    .map(|v| (v * CHEQUERS).floor() as i64);
+                    .map(|v| (v * 8.0).floor() as i64);
                 (u + v).rem_euclid(2) as u16
             }
             Paint::Values(values, scale) => {
@@ -233,7 +226,7 @@ impl Surface {
             Paint::Plain(color) => *color,
             Paint::Parts(list) => of(list),
             Paint::Chequered(list) if tone == 1 => {
-                of(list).map(|v| (DARK * f64::from(v)).round() as u8)
+                of(list).map(|v| (0.78 * f64::from(v)).round() as u8)
             }
             Paint::Chequered(list) => of(list),
             Paint::Values(_, scale) => scale.step_color(tone),

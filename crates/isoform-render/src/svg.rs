@@ -7,35 +7,30 @@ use crate::camera::Sight;
 use crate::color::{Color, Scale};
 use crate::hidden;
 use crate::layer::{Body, Key, Layer, Scene};
-use crate::legend::{figures, ticks};
+use crate::legend::{MAX_LISTED_PARTS, figures, ticks};
 use crate::marks::Marks;
 use crate::model::Scratch;
-use crate::network::{Kind, Network, network};
+use crate::network::{LineKind, Network, network};
 use crate::picture::Style;
 use crate::shade;
 use crate::sheet::Pane;
-use crate::trace::{CAP, Class, Tracer};
-use isoform::geom::Point3;
+use crate::trace::{AreaClass, CAP_PART, Tracer};
+use crate::visibility::{runs, visible};
 use isoform::{Control, Stopped};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// How light areas are drawn that have no colours of their own, and those that have: lines and
-/// letters are to stand out.
-const PLAIN_TINT: f64 = 0.62;
+/// Share of white mixed into the colours of areas, so that lines and letters stand out.
 const COLOR_TINT: f64 = 0.25;
-/// How far in front of a surface what lies on it is looked for, in pixels.
-const ON: f64 = 3.0;
-/// Points of a curve are looked at this many pixels apart.
-const STEP: f64 = 1.5;
-/// Parts that are listed at most.
-const MOST_PARTS: usize = 12;
-/// Size of letters, of lines of text, and of a bar.
-const LETTER: f64 = 12.0;
-const LINE: f64 = 17.0;
-const BAR: [f64; 2] = [16.0, 150.0];
-const MARGIN: f64 = 14.0;
+/// Size of the font, in pixels.
+const FONT_SIZE: f64 = 12.0;
+/// Height of a line of text, in pixels.
+const TEXT_LINE_HEIGHT: f64 = 17.0;
+/// Width and height of the bar of a scale, in pixels.
+const SCALE_BAR: [f64; 2] = [16.0, 150.0];
+/// Width of the margin at the border of a drawing, in pixels.
+const DRAWING_MARGIN: f64 = 14.0;
 
 /// Options of drawings.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -64,7 +59,7 @@ pub fn draw_svg(
     control: &Control<'_>,
 ) -> Result<String, Stopped> {
     let [width, height] = size;
-    let mut sheet = Sheet {
+    let mut sheet = DrawingSheet {
         scene,
         drawing,
         body: String::new(),
@@ -102,7 +97,7 @@ pub fn draw_svg(
 }
 
 /// Drawing under construction.
-struct Sheet<'a> {
+struct DrawingSheet<'a> {
     scene: &'a Scene,
     drawing: &'a Drawing,
     body: String,
@@ -110,7 +105,7 @@ struct Sheet<'a> {
     classes: BTreeMap<Color, String>,
 }
 
-impl Sheet<'_> {
+impl DrawingSheet<'_> {
     /// Returns the name of the class of a colour.
     fn class(&mut self, color: Color) -> String {
         let number = self.classes.len() + 1;
@@ -130,7 +125,7 @@ impl Sheet<'_> {
              .cap-ground{{fill:{light}}}\n.cap-line{{stroke:{cap};stroke-width:1.4}}\n\
              .points{{fill:none;stroke-linecap:round}}\n\
              .ground{{fill:{ground};fill-opacity:0.85}}\n\
-             text{{font:{LETTER}px sans-serif;fill:{line}}}\n"
+             text{{font:{FONT_SIZE}px sans-serif;fill:{line}}}\n"
         );
         for (color, name) in &self.classes {
             let color = hex(*color);
@@ -171,18 +166,20 @@ impl Sheet<'_> {
         self.points(&tracer);
         if !pane.name.is_empty() {
             let name = escaped(&pane.name);
-            let base = MARGIN + LETTER;
-            let _ = writeln!(self.body, "<text x=\"{MARGIN}\" y=\"{base}\">{name}</text>");
+            let base = DRAWING_MARGIN + FONT_SIZE;
+            let _ = writeln!(
+                self.body,
+                "<text x=\"{DRAWING_MARGIN}\" y=\"{base}\">{name}</text>"
+            );
         }
         self.body.push_str("</svg>\n");
         Ok(net.taken)
     }
 
     /// Returns the colour of an area.
-    fn fill(&self, class: Class) -> Color {
+    fn fill(&self, class: AreaClass) -> Color {
         let layer = &self.scene.layers[class.layer as usize];
-        let tint =
-            |color, has_own: bool| tinted(color, if has_own { COLOR_TINT } else { PLAIN_TINT });
+        let tint = |color, has_own: bool| tinted(color, if has_own { COLOR_TINT } else { 0.62 });
         match &layer.body {
             Body::Model { colors, .. } => {
                 let own = colors.as_ref().and_then(|c| c.get(class.part as usize));
@@ -201,7 +198,7 @@ impl Sheet<'_> {
         let mut caps = String::new();
         for (class, rings) in &net.areas {
             let d: String = rings.iter().map(|r| path(r)).collect();
-            if class.part == CAP {
+            if class.part == CAP_PART {
                 caps += &d;
             } else {
                 by_color.entry(self.fill(*class)).or_default().push_str(&d);
@@ -217,7 +214,7 @@ impl Sheet<'_> {
     }
 
     fn lines(&mut self, net: &Network) {
-        for (kind, name) in [(Kind::Edge, "edge"), (Kind::Outline, "outline")] {
+        for (kind, name) in [(LineKind::Edge, "edge"), (LineKind::Outline, "outline")] {
             for line in net.lines.iter().filter(|l| l.kind == kind) {
                 let _ = writeln!(
                     self.body,
@@ -299,19 +296,19 @@ impl Sheet<'_> {
             .iter()
             .filter(|l| l.key.is_some())
             .collect();
-        let mut rows = Rows::default();
+        let mut rows = LegendRows::default();
         for layer in all {
             let (ground, layer_key) = (&layer.name, layer.key.as_ref());
             match layer_key {
                 Some(Key::Parts(parts)) if parts.len() > 1 => {
                     rows.text(0.0, ground);
-                    for (name, color) in parts.iter().take(MOST_PARTS) {
+                    for (name, color) in parts.iter().take(MAX_LISTED_PARTS) {
                         let class = self.class(tinted(*color, COLOR_TINT));
                         rows.square(&class);
                         rows.text(18.0, name);
                     }
-                    if parts.len() > MOST_PARTS {
-                        rows.text(0.0, &format!("and {} more", parts.len() - MOST_PARTS));
+                    if parts.len() > MAX_LISTED_PARTS {
+                        rows.text(0.0, &format!("and {} more", parts.len() - MAX_LISTED_PARTS));
                     }
                 }
                 Some(Key::Scale(scale)) => {
@@ -333,14 +330,14 @@ impl Sheet<'_> {
         let usual = (0, 3);
         let (low, right) = corner.filter(|_| !self.drawing.has_room).unwrap_or(usual);
         let x = if right == 3 {
-            width - rows.width - MARGIN
+            width - rows.width - DRAWING_MARGIN
         } else {
-            MARGIN
+            DRAWING_MARGIN
         };
         let y = if low == 3 {
-            height - rows.y - MARGIN
+            height - rows.y - DRAWING_MARGIN
         } else {
-            MARGIN
+            DRAWING_MARGIN
         };
         let (x, y) = (x.max(0.0), y.max(0.0));
         let _ = writeln!(
@@ -355,10 +352,10 @@ impl Sheet<'_> {
 
     /// Draws the bar of a scale: a rectangle for each of its steps, with labels at the ends and the
     /// middle.
-    fn bar(&mut self, scale: &Scale, rows: &mut Rows) {
-        let steps = 2 * BAR[1] as usize / 3;
-        let top = rows.y + 0.5 * LINE;
-        let each = BAR[1] / steps as f64;
+    fn bar(&mut self, scale: &Scale, rows: &mut LegendRows) {
+        let steps = 2 * SCALE_BAR[1] as usize / 3;
+        let top = rows.y + 0.5 * TEXT_LINE_HEIGHT;
+        let each = SCALE_BAR[1] / steps as f64;
         for k in 0..steps {
             let share = 1.0 - (k as f64 + 0.5) / steps as f64;
             let color = scale.color(scale.lower + share * (scale.upper - scale.lower));
@@ -367,35 +364,35 @@ impl Sheet<'_> {
             let _ = writeln!(
                 rows.svg,
                 "<rect y=\"{y:.2}\" width=\"{}\" height=\"{:.2}\" fill=\"{fill}\"/>",
-                BAR[0],
+                SCALE_BAR[0],
                 each + 0.3
             );
         }
         for (share, name) in ticks(scale) {
-            rows.y = top + (1.0 - share) * BAR[1] - 0.6 * LINE;
-            rows.text(BAR[0] + 7.0, &name);
+            rows.y = top + (1.0 - share) * SCALE_BAR[1] - 0.6 * TEXT_LINE_HEIGHT;
+            rows.text(SCALE_BAR[0] + 7.0, &name);
         }
-        rows.y = top + BAR[1] + 0.5 * LINE;
+        rows.y = top + SCALE_BAR[1] + 0.5 * TEXT_LINE_HEIGHT;
     }
 }
 
 /// Lines of a legend.
 #[derive(Default)]
-struct Rows {
+struct LegendRows {
     svg: String,
     width: f64,
     y: f64,
 }
 
-impl Rows {
+impl LegendRows {
     fn text(&mut self, x: f64, text: &str) {
         let text: String = text.chars().take(60).collect();
-        self.y += LINE;
+        self.y += TEXT_LINE_HEIGHT;
         let base = self.y - 4.0;
         // Letters of a sans-serif font are about 0.56 of its size wide.
         self.width = self
             .width
-            .max(x + 0.56 * LETTER * text.chars().count() as f64);
+            .max(x + 0.56 * FONT_SIZE * text.chars().count() as f64);
         let _ = writeln!(
             self.svg,
             "<text x=\"{x}\" y=\"{base:.1}\">{}</text>",
@@ -423,47 +420,6 @@ fn nearest_step(scale: &Scale, color: Color) -> Color {
         .map(|k| scale.step_color(k))
         .chain([shade::OUTLIER]);
     steps.min_by_key(|c| away(*c)).unwrap_or(color)
-}
-
-/// Returns the pixel coordinates of a point; `None` if it is hidden by more than `lift`.
-fn visible(tracer: &Tracer<'_>, p: Point3, lift: f64, scratch: &mut Scratch) -> Option<[f64; 2]> {
-    let is_left = tracer.scene.section.is_none_or(|s| s.keeps(p));
-    let at = tracer.sight.project(p).filter(|_| is_left)?;
-    let depth = tracer.sight.depth(p);
-    let seen = tracer.seen(at, scratch);
-    let is_free = seen.is_none_or(|s| s.depth > depth - lift.max(ON * s.pixel));
-    is_free.then_some(at)
-}
-
-/// Returns the visible (or invisible) stretches of a curve, in pixels.
-pub(crate) fn runs(tracer: &Tracer<'_>, points: &[Point3], is_seen: bool) -> Vec<Vec<[f64; 2]>> {
-    let mut scratch = Scratch::default();
-    let mut runs: Vec<Vec<[f64; 2]>> = Vec::new();
-    let mut run = Vec::new();
-    for pair in points.windows(2) {
-        let ends = [pair[0], pair[1]].map(|p| tracer.sight.project(p));
-        let [Some(a), Some(b)] = ends else { continue };
-        let length = (b[0] - a[0]).hypot(b[1] - a[1]);
-        let count = ((length / STEP).ceil() as usize).clamp(1, 10_000);
-        for k in 0..=count {
-            let share = k as f64 / count as f64;
-            let p: Point3 = std::array::from_fn(|i| pair[0][i] + share * (pair[1][i] - pair[0][i]));
-            let is_left = tracer.scene.section.is_none_or(|s| s.keeps(p));
-            let Some(at) = tracer.sight.project(p).filter(|_| is_left) else {
-                runs.push(std::mem::take(&mut run));
-                continue;
-            };
-            if visible(tracer, p, 0.0, &mut scratch).is_some() == is_seen {
-                run.push(at);
-            } else {
-                runs.push(std::mem::take(&mut run));
-            }
-        }
-    }
-    runs.push(run);
-    let long = runs.into_iter().filter(|r| r.len() > 2);
-    long.map(|r| crate::polyline::simplified(&r, 0.05))
-        .collect()
 }
 
 /// Returns the data of a path; closed if its ends coincide.

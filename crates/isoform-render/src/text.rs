@@ -7,11 +7,9 @@ use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_wid
 const WEIGHT: FontWeight = FontWeight::Regular;
 const HEIGHT: RasterHeight = RasterHeight::Size16;
 /// Height of a line of text, in pixels.
-pub(crate) const LINE: u32 = 18;
-/// Letters of a name at most.
-const MOST: usize = 32;
-/// What stands for a letter that the font has not.
-const MISSING: char = '?';
+pub(crate) const LINE_HEIGHT: u32 = 18;
+/// Letter drawn in place of letters that the font lacks.
+const REPLACEMENT: char = '?';
 
 /// Replaces letters that the font lacks.
 fn spelled(text: &str) -> String {
@@ -27,10 +25,11 @@ pub(crate) fn width(text: &str) -> u32 {
 /// glyphs.
 pub(crate) fn shortened(name: &str) -> String {
     let letters: Vec<char> = name.chars().filter(|c| !c.is_control()).collect();
-    if letters.len() <= MOST {
+    let max_length = 32;
+    if letters.len() <= max_length {
         return letters.into_iter().collect();
     }
-    let (head, tail) = (MOST / 2, MOST - MOST / 2 - 1);
+    let (head, tail) = (max_length / 2, max_length - max_length / 2 - 1);
     let mut short: String = letters[..head].iter().collect();
     short.push('~');
     short.extend(&letters[letters.len() - tail..]);
@@ -42,7 +41,7 @@ pub(crate) fn write(picture: &mut Picture, [x, y]: [u32; 2], text: &str, color: 
     let step = get_raster_width(WEIGHT, HEIGHT) as i64;
     for (k, letter) in spelled(text).chars().enumerate() {
         let found = get_raster(letter, WEIGHT, HEIGHT);
-        let Some(raster) = found.or_else(|| get_raster(MISSING, WEIGHT, HEIGHT)) else {
+        let Some(raster) = found.or_else(|| get_raster(REPLACEMENT, WEIGHT, HEIGHT)) else {
             continue;
         };
         for (dy, row) in raster.rows().enumerate() {

@@ -6,38 +6,23 @@ use crate::layer::{Body, Layer, Scene};
 use crate::marks::Marks;
 use crate::model::Scratch;
 use crate::shade::{self, flat, lit};
-use crate::surface::{OnSurface, STEEPEST, Surface};
+use crate::surface::{MIN_INCIDENCE_SINE, OnSurface, Surface};
 use isoform::geom::{Point3, dot};
 
-/// Normals that turn by more than this between neighbours show an edge: the cosines of 10° between
-/// two parts, of 30° within one.
-const EDGE: f64 = 0.985;
-const FOLD: f64 = 0.866;
-/// Neighbours farther apart than this many pixels may be of two surfaces, one before the other.
-const APART: f64 = 3.0;
-/// They are, unless the surfaces explain it: the step must leave the plane of one of them by this
-/// share of itself.
-const OFF_PLANE: f64 = 0.3;
-/// Colours that differ by more are not one.
-const UNLIKE: f32 = 20.0;
+/// Cosine of the angle, 30°, above which neighbouring normals or facets of one part form an edge.
+pub(crate) const FOLD_COSINE: f64 = 0.866;
 /// Part number of caps, which belong to no part.
-pub(crate) const CAP: u32 = u32::MAX;
-/// Distance between hatches, and their width, in pixels.
-const HATCH: f64 = 9.0;
-const HATCH_WIDTH: f64 = 1.0;
-/// Edges of triangles: how dark they are, and how small triangles may be to have any.
-const WIRE: f64 = 0.3;
-const SMALL: [f64; 2] = [3.0, 9.0];
+pub(crate) const CAP_PART: u32 = u32::MAX;
 
 /// Visible point of a surface.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Seen {
+pub(crate) struct VisiblePoint {
     pub(crate) point: Point3,
     pub(crate) depth: f64,
     /// Unit normal towards the eye.
     pub(crate) normal: Point3,
     pub(crate) layer: u16,
-    /// Part of the layer; [`CAP`] for a cap.
+    /// Part of the layer; [`CAP_PART`] for a cap.
     pub(crate) part: u32,
     /// Index of the colour within the part.
     pub(crate) tone: u16,
@@ -45,10 +30,10 @@ pub(crate) struct Seen {
     pub(crate) pixel: f64,
 }
 
-impl Seen {
+impl VisiblePoint {
     /// Returns the class of the area to which it belongs in a drawing.
-    pub(crate) fn class(&self) -> Class {
-        Class {
+    pub(crate) fn class(&self) -> AreaClass {
+        AreaClass {
             layer: self.layer,
             part: self.part,
             tone: self.tone,
@@ -58,7 +43,7 @@ impl Seen {
 
 /// Class of an area of one colour: a layer, a part of it, and one of the part's colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Class {
+pub(crate) struct AreaClass {
     pub(crate) layer: u16,
     pub(crate) part: u32,
     pub(crate) tone: u16,
@@ -66,10 +51,10 @@ pub(crate) struct Class {
 
 /// Sample of a picture.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Sample {
+pub(crate) struct PictureSample {
     pub(crate) color: [f32; 3],
     /// Visible surface; `None` for the background and for marks.
-    pub(crate) seen: Option<Seen>,
+    pub(crate) seen: Option<VisiblePoint>,
     pub(crate) is_mark: bool,
 }
 
@@ -86,7 +71,7 @@ pub(crate) enum Border {
     Edge,
 }
 
-impl Sample {
+impl PictureSample {
     /// Returns the border between two samples.
     pub(crate) fn border(&self, other: &Self) -> Border {
         if self.is_mark || other.is_mark {
@@ -98,13 +83,13 @@ impl Sample {
 
     /// Returns true if a pixel between the two needs more samples.
     pub(crate) fn differs(&self, other: &Self) -> bool {
-        let is_unlike = (0..3).any(|k| (self.color[k] - other.color[k]).abs() > UNLIKE);
+        let is_unlike = (0..3).any(|k| (self.color[k] - other.color[k]).abs() > 20.0);
         is_unlike || self.is_mark != other.is_mark || self.border(other) != Border::None
     }
 }
 
 /// Returns the border between two neighbouring visible points.
-pub(crate) fn border(a: Option<&Seen>, b: Option<&Seen>) -> Border {
+pub(crate) fn border(a: Option<&VisiblePoint>, b: Option<&VisiblePoint>) -> Border {
     let (a, b) = match (a, b) {
         (None, None) => return Border::None,
         (Some(_), None) => return Border::Before,
@@ -114,7 +99,9 @@ pub(crate) fn border(a: Option<&Seen>, b: Option<&Seen>) -> Border {
     let step = isoform::geom::sub(b.point, a.point);
     let length = dot(step, step).sqrt();
     let off = dot(a.normal, step).abs().max(dot(b.normal, step).abs());
-    if length > APART * a.pixel.min(b.pixel) && off > OFF_PLANE * length {
+    // Points more than three pixels apart belong to two surfaces, one in front of the other, unless
+    // the step between them lies nearly in the planes of both.
+    if length > 3.0 * a.pixel.min(b.pixel) && off > 0.3 * length {
         return if a.depth < b.depth {
             Border::Before
         } else {
@@ -123,8 +110,9 @@ pub(crate) fn border(a: Option<&Seen>, b: Option<&Seen>) -> Border {
     }
     let turn = dot(a.normal, b.normal);
     let is_one = a.layer == b.layer && a.part == b.part;
-    let is_cap = (a.part == CAP) != (b.part == CAP);
-    if is_cap || turn < if is_one { FOLD } else { EDGE } {
+    let is_cap = (a.part == CAP_PART) != (b.part == CAP_PART);
+    // 30° within a part, 10° between two parts.
+    if is_cap || turn < if is_one { FOLD_COSINE } else { 0.985 } {
         Border::Edge
     } else {
         Border::None
@@ -144,15 +132,15 @@ pub(crate) struct Tracer<'a> {
 }
 
 /// Nearest point so far, with its shaded colour.
-struct Nearest {
+struct NearestHit {
     t: f64,
     /// Distance by which other layers may be in front of it and still be hidden by it.
     lift: f64,
-    seen: Seen,
+    seen: VisiblePoint,
     color: [f64; 3],
 }
 
-impl Nearest {
+impl NearestHit {
     /// Returns the key by which two points are compared.
     fn order(&self) -> f64 {
         self.t - self.lift
@@ -161,24 +149,24 @@ impl Nearest {
 
 impl Tracer<'_> {
     /// Returns the sample at a point of the picture.
-    pub(crate) fn sample(&self, at: [f64; 2], scratch: &mut Scratch) -> Sample {
+    pub(crate) fn sample(&self, at: [f64; 2], scratch: &mut Scratch) -> PictureSample {
         let nearest = self.nearest(at, scratch);
         let depth = nearest.as_ref().map_or(f64::INFINITY, |n| n.seen.depth);
         let single = |c: [f64; 3]| c.map(|v| v.clamp(0.0, 255.0) as f32);
         if let Some((_, color)) = self.marks.at(at).filter(|(d, _)| *d < depth) {
-            return Sample {
+            return PictureSample {
                 color: single(flat(color)),
                 seen: None,
                 is_mark: true,
             };
         }
         match nearest {
-            Some(n) => Sample {
+            Some(n) => PictureSample {
                 color: single(n.color),
                 seen: Some(n.seen),
                 is_mark: false,
             },
-            None => Sample {
+            None => PictureSample {
                 color: single(flat(self.background)),
                 seen: None,
                 is_mark: false,
@@ -187,22 +175,22 @@ impl Tracer<'_> {
     }
 
     /// Returns the visible surface, without marks.
-    pub(crate) fn seen(&self, at: [f64; 2], scratch: &mut Scratch) -> Option<Seen> {
+    pub(crate) fn seen(&self, at: [f64; 2], scratch: &mut Scratch) -> Option<VisiblePoint> {
         self.nearest(at, scratch).map(|n| n.seen)
     }
 
-    fn nearest(&self, at: [f64; 2], scratch: &mut Scratch) -> Option<Nearest> {
+    fn nearest(&self, at: [f64; 2], scratch: &mut Scratch) -> Option<NearestHit> {
         let ray = self.sight.ray(at);
         let (range, is_cut) = match &self.scene.section {
             Some(section) => section.clip(&ray)?,
             None => ([ray.from, f64::INFINITY], false),
         };
-        let mut best: Option<Nearest> = None;
+        let mut best: Option<NearestHit> = None;
         for (k, layer) in self.scene.layers.iter().enumerate() {
             let to = best
                 .as_ref()
                 .map_or(f64::INFINITY, |b| b.order() + layer.most_lift());
-            let place = Place {
+            let place = LayerRay {
                 tracer: self,
                 ray,
                 range: [range[0], range[1].min(to)],
@@ -226,7 +214,7 @@ impl Tracer<'_> {
 }
 
 /// Line of sight through a layer.
-struct Place<'a> {
+struct LayerRay<'a> {
     tracer: &'a Tracer<'a>,
     ray: Ray,
     range: [f64; 2],
@@ -237,8 +225,8 @@ struct Place<'a> {
     layer: u16,
 }
 
-impl Place<'_> {
-    fn found(&self, t: f64, normal: Point3, part: u32, color: [f64; 3]) -> Nearest {
+impl LayerRay<'_> {
+    fn found(&self, t: f64, normal: Point3, part: u32, color: [f64; 3]) -> NearestHit {
         let point = along(self.ray.o, self.ray.d, t);
         let depth = self.tracer.sight.depth(point);
         let normal = if dot(normal, self.ray.d) > 0.0 {
@@ -246,7 +234,7 @@ impl Place<'_> {
         } else {
             normal
         };
-        let seen = Seen {
+        let seen = VisiblePoint {
             point,
             depth,
             normal,
@@ -255,7 +243,7 @@ impl Place<'_> {
             tone: 0,
             pixel: self.tracer.sight.pixel(depth),
         };
-        Nearest {
+        NearestHit {
             t,
             lift: 0.0,
             seen,
@@ -268,16 +256,18 @@ impl Place<'_> {
     }
 
     /// Returns a point of a cap: flat, with hatches if enabled.
-    fn cap(&self, t: f64, normal: Point3, color: Color) -> Nearest {
+    fn cap(&self, t: f64, normal: Point3, color: Color) -> NearestHit {
         let mut color = flat(color);
-        let phase = (self.at[0] + self.at[1]).rem_euclid(HATCH);
-        if self.tracer.is_hatched && phase < HATCH_WIDTH {
+        // Distance between hatch lines and their width, in pixels, horizontally.
+        let (distance, width) = (9.0, 1.0);
+        let phase = (self.at[0] + self.at[1]).rem_euclid(distance);
+        if self.tracer.is_hatched && phase < width {
             color = color.map(|v| 0.66 * v);
         }
-        self.found(t, normal, CAP, color)
+        self.found(t, normal, CAP_PART, color)
     }
 
-    fn on_model(&self, layer: &Layer, scratch: &mut Scratch) -> Option<Nearest> {
+    fn on_model(&self, layer: &Layer, scratch: &mut Scratch) -> Option<NearestHit> {
         let Body::Model { model, colors } = &layer.body else {
             return None;
         };
@@ -296,7 +286,7 @@ impl Place<'_> {
         Some(self.found(met.t, normal, piece, color))
     }
 
-    fn on_surface(&self, surface: &Surface) -> Option<Nearest> {
+    fn on_surface(&self, surface: &Surface) -> Option<NearestHit> {
         if self.is_cut
             && self.tracer.has_caps
             && let Some(cut) = surface.cap(&self.ray, self.range[0])
@@ -316,7 +306,7 @@ impl Place<'_> {
         let color = self.lit(surface.color(&on.meeting), on.normal);
         let color = self.wired(color, surface, &on);
         let mut found = self.found(on.t, on.normal, on.part, color);
-        found.lift = surface.lift / dot(on.normal, self.ray.d).abs().max(STEEPEST);
+        found.lift = surface.lift / dot(on.normal, self.ray.d).abs().max(MIN_INCIDENCE_SINE);
         found.seen.tone = surface.tone(&on.meeting);
         Some(found)
     }
@@ -339,7 +329,8 @@ impl Place<'_> {
             least = least.min(height);
         }
         let line = (1.0 - nearest).clamp(0.0, 1.0);
-        let size = ((least - SMALL[0]) / (SMALL[1] - SMALL[0])).clamp(0.0, 1.0);
-        color.map(|v| v * (1.0 - WIRE * line * size))
+        // Edges fade in while the height of the triangle grows from 3 to 9 pixels.
+        let size = ((least - 3.0) / (9.0 - 3.0)).clamp(0.0, 1.0);
+        color.map(|v| v * (1.0 - 0.3 * line * size))
     }
 }

@@ -5,13 +5,6 @@
 
 use serde_json::{Value, json};
 
-/// Shorter arrays are not worth a try: the browser's decoder takes time, too.
-const LEAST: usize = 512;
-/// A deflated array is taken where it is at most this share of the plain one.
-const SAVING: f64 = 0.85;
-/// The effort of deflation, of 10: more takes much longer and saves little.
-const LEVEL: u8 = 6;
-
 /// Arrays of a page.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Blobs {
@@ -21,9 +14,11 @@ pub(crate) struct Blobs {
 impl Blobs {
     /// Adds little-endian bytes of numbers; returns the reference for the document.
     fn add(&mut self, kind: &str, count: usize, bytes: &[u8]) -> Value {
-        let packed = (bytes.len() >= LEAST)
-            .then(|| miniz_oxide::deflate::compress_to_vec(bytes, LEVEL))
-            .filter(|packed| (packed.len() as f64) <= SAVING * bytes.len() as f64);
+        // A higher level than 6 takes much longer and saves little. The browser's decoder takes
+        // time, too: short arrays and those that shrink by less than 15 % stay plain.
+        let packed = (bytes.len() >= 512)
+            .then(|| miniz_oxide::deflate::compress_to_vec(bytes, 6))
+            .filter(|packed| (packed.len() as f64) <= 0.85 * bytes.len() as f64);
         let is_packed = packed.is_some();
         self.texts.push(base64(packed.as_deref().unwrap_or(bytes)));
         let number = self.texts.len() - 1;

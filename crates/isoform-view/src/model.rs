@@ -1,18 +1,19 @@
 //! Models as tapes in the document of a page.
 
 use isoform::LiveModel;
-use isoform::field::{Binary, Join, Native, SetOp, Step, Tape, Unary};
+use isoform::field::{Binary, Join, Native, SetOp, Tape, TapeStep, Unary};
 use serde_json::{Value, json};
 
-/// The most steps of a tape that a shader is made of: compilers of shaders take seconds for more.
-const MOST_STEPS: usize = 4000;
+/// Maximum number of steps of a tape from which a shader is made: compilers of shaders take seconds
+/// for more.
+const MAX_SHADER_STEPS: usize = 4000;
 
 /// Returns true if a page can draw a model by a shader: its tape is short enough and has no
 /// iterations that shaders lack. Steps that serve only the last two results, which measure, are
 /// ignored.
 pub(crate) fn can_be_drawn(model: &LiveModel) -> bool {
     let tape = &model.readings.tape;
-    let steps: Vec<Step> = tape.steps().collect();
+    let steps: Vec<TapeStep> = tape.steps().collect();
     let first = tape.constants().len() + tape.dimension() + tape.n_params();
     let mut need = vec![false; first + steps.len()];
     for slot in &tape.results()[..tape.n_results() - 2] {
@@ -25,7 +26,7 @@ pub(crate) fn can_be_drawn(model: &LiveModel) -> bool {
         }
         if matches!(
             step,
-            Step::Native(Native::SardfRoot | Native::PerlinNoise, _)
+            TapeStep::Native(Native::SardfRoot | Native::PerlinNoise, _)
         ) {
             return false;
         }
@@ -34,7 +35,7 @@ pub(crate) fn can_be_drawn(model: &LiveModel) -> bool {
             need[slot as usize] = true;
         }
     }
-    count <= MOST_STEPS
+    count <= MAX_SHADER_STEPS
 }
 
 /// Returns the layer of a model with adjustable parameters.
@@ -82,12 +83,12 @@ fn tape(tape: &Tape) -> Value {
     let steps: Vec<Value> = tape
         .steps()
         .map(|step| match step {
-            Step::Unary(op, u) => json!([unary(op), u]),
-            Step::Binary(op, u, v) => json!([binary(op), u, v]),
-            Step::Set(op, u, v) => json!([set(op), u, v]),
-            Step::PowI(u, n) => json!(["powi", u, n]),
-            Step::Select(c, u, v) => json!(["select", c, u, v]),
-            Step::Native(function, list) => {
+            TapeStep::Unary(op, u) => json!([unary(op), u]),
+            TapeStep::Binary(op, u, v) => json!([binary(op), u, v]),
+            TapeStep::Set(op, u, v) => json!([set(op), u, v]),
+            TapeStep::PowI(u, n) => json!(["powi", u, n]),
+            TapeStep::Select(c, u, v) => json!(["select", c, u, v]),
+            TapeStep::Native(function, list) => {
                 let mut all = vec![json!(native(function))];
                 all.extend(list.iter().map(|slot| json!(slot)));
                 Value::from(all)

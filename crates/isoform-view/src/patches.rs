@@ -4,8 +4,9 @@ use crate::blob::Blobs;
 use isoform::geom::{Aabb, Point3, RationalPatch};
 use serde_json::{Value, json};
 
-/// Points per side of a patch, from which its box is taken.
-const SAMPLES: usize = 12;
+/// Number of intervals between sample points along each side of a patch, from which its box is
+/// computed.
+const BOX_SAMPLES: usize = 12;
 
 /// Patch with its name and distance.
 #[derive(Clone, Debug)]
@@ -28,7 +29,7 @@ pub(crate) fn layer(name: &str, patches: &[ShownPatch], blobs: &mut Blobs) -> Va
         list.push(json!({"name": shown.name, "degree": [m, n], "distance": shown.distance}));
     }
     let points: Vec<Point3> = patches.iter().flat_map(samples).collect();
-    let bounds = Aabb::of(&points);
+    let bounds = Aabb::from_points(&points);
     json!({
         "kind": "patches",
         "name": name,
@@ -41,10 +42,10 @@ pub(crate) fn layer(name: &str, patches: &[ShownPatch], blobs: &mut Blobs) -> Va
 
 /// Returns the finite points of a patch on a grid.
 fn samples(shown: &ShownPatch) -> impl Iterator<Item = Point3> + '_ {
-    let side = SAMPLES + 1;
+    let side = BOX_SAMPLES + 1;
     (0..side * side)
         .map(move |k| {
-            let at = |i: usize| i as f64 / SAMPLES as f64;
+            let at = |i: usize| i as f64 / BOX_SAMPLES as f64;
             shown.patch.point(at(k / side), at(k % side))
         })
         .filter(|p| p.iter().all(|v| v.is_finite()))

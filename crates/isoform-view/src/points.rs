@@ -6,9 +6,9 @@ use serde_json::{Value, json};
 
 /// Maximum number of points with coordinates in single precision; more are rounded to steps of
 /// 1/65535 of their box, which is less than a pixel while the whole box is in view.
-const EXACT: usize = 200_000;
+const MAX_SINGLE_POINTS: usize = 200_000;
 /// Number of steps of a rounded coordinate: the largest 16-bit integer.
-const STEPS: f64 = 65535.0;
+const ROUNDED_STEPS: f64 = 65535.0;
 
 /// Points with their deviations and outliers.
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +36,7 @@ impl<'a> ShownPoints<'a> {
         }
     }
 
-    /// Returns the values of a column; `None` if there is no such column.
+    /// Returns the values of a column; `None` if the column does not exist.
     fn column(&self, name: &str) -> Option<&'a [f64]> {
         let column = self.cloud.columns.iter().find(|c| c.name == name);
         column.map(|c| c.values.as_slice())
@@ -77,7 +77,7 @@ pub(crate) fn layer(name: &str, points: &ShownPoints<'_>, blobs: &mut Blobs) -> 
 /// Returns positions relative to a corner or the centre of their box, which is given in the file's
 /// coordinates.
 pub(crate) fn positions(points: &[Point3], origin: Point3, blobs: &mut Blobs) -> Value {
-    let bounds = Aabb::of(points);
+    let bounds = Aabb::from_points(points);
     let bounds = if bounds.is_empty() {
         Aabb {
             lo: [0.0; 3],
@@ -88,7 +88,7 @@ pub(crate) fn positions(points: &[Point3], origin: Point3, blobs: &mut Blobs) ->
     };
     let size = bounds.size();
     let place = |p: Point3| -> Point3 { std::array::from_fn(|k| p[k] + origin[k]) };
-    if points.len() <= EXACT {
+    if points.len() <= MAX_SINGLE_POINTS {
         let middle = bounds.center();
         let near = points
             .iter()
@@ -96,7 +96,7 @@ pub(crate) fn positions(points: &[Point3], origin: Point3, blobs: &mut Blobs) ->
         return json!({"array": blobs.f32(near), "from": place(middle), "step": [1.0, 1.0, 1.0],
             "lo": place(bounds.lo), "hi": place(bounds.hi)});
     }
-    let step = size.map(|s| if s > 0.0 { s / STEPS } else { 1.0 });
+    let step = size.map(|s| if s > 0.0 { s / ROUNDED_STEPS } else { 1.0 });
     let rounded: Vec<u16> = points
         .iter()
         .flat_map(|p| (0..3).map(move |k| ((p[k] - bounds.lo[k]) / step[k]).round() as u16))
@@ -111,10 +111,10 @@ pub(crate) fn numbers(values: &[f64], blobs: &mut Blobs) -> Value {
     let lo = finite.clone().fold(f64::INFINITY, f64::min);
     let hi = finite.fold(f64::NEG_INFINITY, f64::max);
     let is_whole = values.iter().all(|v| v.is_finite());
-    if values.len() <= EXACT || !is_whole || lo >= hi {
+    if values.len() <= MAX_SINGLE_POINTS || !is_whole || lo >= hi {
         return json!({"array": blobs.f32(values.iter().copied()), "from": 0.0, "step": 1.0});
     }
-    let step = (hi - lo) / STEPS;
+    let step = (hi - lo) / ROUNDED_STEPS;
     let rounded: Vec<u16> = values
         .iter()
         .map(|v| ((v - lo) / step).round() as u16)
