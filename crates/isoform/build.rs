@@ -1,13 +1,13 @@
-//! Makes the tables of what the library carries: a template of the gallery is one file in
-//! examples/templates and nothing else, and the scan lies in examples/scans.
+//! Generates the tables of embedded files: the templates of the gallery, one file each in
+//! examples/templates, and the scan in examples/scans.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs, io};
 
 const SCAN: &str = "ycb_065-d_cup.ply";
 
-/// A folder of examples. In the repository links lead to it, in a package it is beside this
-/// program; where a clone has no links (Windows), it is found without them.
+/// Returns a folder of examples. In the repository it is a link; in a package it is a folder next
+/// to this program; in a clone without links (Windows) it is found directly.
 fn folder(root: &Path, name: &str) -> io::Result<PathBuf> {
     let linked = root.join(name);
     let folder = if linked.is_dir() {

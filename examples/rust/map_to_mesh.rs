@@ -4,14 +4,14 @@
 
 use isoform::geom::Mesh;
 use isoform::io::{MeshWriteOptions, write_mesh_path};
-use isoform::tess::{Map, Options, TriangulateOptions};
+use isoform::tess::{Map, MapOptions, TriangulateOptions};
 use isoform::{Control, triangulate_map};
 use std::error::Error;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let path = std::env::args().nth(1).unwrap_or("umbrella.ply".to_owned());
     // X/W = st, Y/W = s, Z/W = t²: x² = y² z.
-    let map = Map::parse(["s*t", "s", "t^2", "1"], Options::default())?;
+    let map = Map::parse(["s*t", "s", "t^2", "1"], MapOptions::default())?;
     let options = TriangulateOptions::around(1.into());
     let (surface, _) = triangulate_map(&map, &options, &Control::default())?;
     for (claim, verdict) in surface.certificate().decided() {

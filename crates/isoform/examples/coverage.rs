@@ -1,7 +1,7 @@
-//! How often 95 % intervals hold the truth: clouds of built-in templates with ideal noise, fitted.
+//! Coverage of 95 % intervals: fits of built-in templates to clouds with ideal noise.
 //!
 //! `cargo run --release -p isoform --example coverage [draws]` prints the share of intervals that
-//! hold the true value, and the root mean square of the error in the fit's own deviations (1 where
+//! contain the true value, and the root mean square error in standard deviations of the fit (1 if
 //! these are right), by template and noise.
 
 use isoform::FrepTemplate;
@@ -9,9 +9,9 @@ use isoform::field::hyperfun::{Mode, Model, Pose};
 use isoform::fit::{Control, Options, Template, fit};
 use isoform::geom::{Aabb, Frame, Point3};
 
-/// Points of a cloud.
+/// Number of points of a cloud.
 const POINTS: usize = 3000;
-/// Noise, as shares of the part's diagonal.
+/// Standard deviations of the noise, as shares of the part's diagonal.
 const NOISES: [f64; 3] = [1e-4, 1e-3, 5e-3];
 /// Templates and the true values of their parameters.
 const PARTS: [(&str, &str, &[f64]); 3] = [
@@ -37,7 +37,7 @@ fn normal(random: &mut fastrand::Rng) -> f64 {
     radius * (std::f64::consts::TAU * random.f64()).cos()
 }
 
-/// Points of the part's surface, even by area.
+/// Returns points of the part's surface, uniform by area.
 fn surface(template: &FrepTemplate, truth: &[f64], seed: u64) -> Vec<Point3> {
     let distance = template.distance().expect("a template of few pieces");
     let reach = 1.2 * truth.iter().copied().fold(0.0, f64::max);
@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let (mut inside, mut squares, mut count, mut accepted) = (0, 0.0, 0, 0);
             for draw in 0..draws {
                 let exact = surface(&still, truth, draw);
-                let size = Aabb::of(&exact).diagonal();
+                let size = Aabb::from_points(&exact).diagonal();
                 let mut random = fastrand::Rng::with_seed(1000 + draw);
                 let points: Vec<Point3> = exact
                     .iter()

@@ -1,11 +1,11 @@
 //! Tables 2 to 4 of Fayolle, Pasko, Kartasheva, Mirenkov: Shape recovery using functionally
-//! represented constructive models (2004), redone with the paper's methods and with ours: `cargo
-//! run --release -p isoform --example paper_tables`.
+//! represented constructive models (2004), recomputed with the paper's methods and with the present
+//! ones: `cargo run --release -p isoform --example paper_tables`.
 //!
-//! The paper's point sets are not published. Ours are the crossings of a lattice's edges with the
-//! surface (what a polygonizer puts out), moved onto it, as many as in the paper, with Gaussian
-//! noise of 0.0038 for the part, which gives its sum of squares, and none for the pot. The scale of
-//! times is another (a personal computer of 2004).
+//! The paper's point sets are not published. They are replaced by the intersections of a lattice's
+//! edges with the surface (as a polygonizer computes them), projected to it, in equal number, with
+//! Gaussian noise of 0.0038 for the part, which gives its sum of squares, and none for the pot.
+//! Times in the paper are those of a personal computer of 2004.
 
 use isoform::FrepTemplate;
 use isoform::field::hyperfun::{Mode, Model, Pose};
@@ -24,14 +24,14 @@ const TRUTH: [f64; 12] = [
 ];
 const POT_TRUTH: [f64; 4] = [3.0, 3.0, 5.5, 9.7];
 
-/// A template without a pose.
+/// Returns a template without a pose.
 fn template(text: &str) -> FrepTemplate {
     let model = Model::parse(text, Mode::Default).expect("a program");
     FrepTemplate::with_pose(&model, Pose::None, &[]).expect("a template")
 }
 
-/// Where the edges of a lattice cross the surface f(x; a) = 0, `n` of them in a random order, moved
-/// along the edge onto it.
+/// Returns `n` intersections of the edges of a lattice with the surface f(x; a) = 0, in a random
+/// order, projected along the edge to it.
 fn crossings(
     field: &dyn ParamField,
     a: &[f64],

@@ -4,7 +4,7 @@
 use crate::mesh_model::{mesh_solid, runs_somewhere};
 use crate::meshing::meshable;
 use crate::{MeshModelError, MeshModelOptions, ModelMesh, parameter_values};
-use isoform_brep::{BrepError, Built, Certificate, Finding, check, pieces, stands_alone};
+use isoform_brep::{BrepError, Certificate, Finding, MeshedBrep, check, pieces, stands_alone};
 use isoform_check::{Capped, Failure, Place};
 use isoform_control::Control;
 use isoform_field::RunField;
@@ -16,20 +16,23 @@ use isoform_mesh::features::START;
 use isoform_patch::quadric_through;
 use std::sync::Arc;
 
-/// Default tolerance of spline surfaces, in largest sides of the model's box.
-const TOLERANCE: f64 = 1e-6;
+/// Default tolerance of spline surfaces, in largest sides of the model's box. Splines of smaller
+/// tolerance need more control points.
+const DEFAULT_SPLINE_TOLERANCE: f64 = 1e-6;
 /// Maximum number of smooth parts of a piece: a block with rounded edges has some hundred.
-const MOST_PARTS: usize = 1024;
+const MAX_PARTS_PER_PIECE: usize = 1024;
 /// Maximum number of times that the mesh size is halved if the mesh gives no solid, or one whose
-/// certificate does not hold: small faces may lie between its nodes.
-const FINER: usize = 2;
+/// certificate does not hold: small faces may lie between its nodes. Each halving takes several
+/// times as long as the one before.
+const MAX_MESH_HALVINGS: usize = 2;
 /// Maximum deviation of the scale of a placement from 1 that counts as rounding, so that it is a
 /// rigid motion.
-const UNSCALED: f64 = 1e-12;
-/// Maximum distance of a vertex from a corner that the mesh missed, in sizes of the model.
-const AT_CORNER: f64 = 1e-9;
+const MAX_MOTION_SCALE_ERROR: f64 = 1e-12;
+/// Maximum distance of a vertex from a corner that the mesh missed, in sizes of the model: both are
+/// computed to rounding.
+const MAX_CORNER_VERTEX_DISTANCE: f64 = 1e-9;
 /// Codes of the failures of a mesh that concern the positions of its nodes, and not the solid.
-const OF_NODES: [&str; 4] = [
+const NODE_FAILURE_CODES: [&str; 4] = [
     "node-off-surface",
     "misclassified-node",
     "uncovered-curve",
@@ -52,7 +55,7 @@ pub enum BrepModelError {
 #[derive(Debug)]
 pub struct ModelBrep {
     /// Solids, with the triangles that represent their faces.
-    pub built: Built,
+    pub built: MeshedBrep,
     /// Results of the checks.
     pub certificate: Certificate,
     /// Mesh from which the topology was taken.
@@ -126,7 +129,7 @@ pub fn brep_model(
             Err(BrepModelError::Mesh(_)) => {}
         }
     }
-    let found = meshable(model, a, region, Some(MOST_PARTS), control)?;
+    let found = meshable(model, a, region, Some(MAX_PARTS_PER_PIECE), control)?;
     let solid = found.solid;
     let capped = region.map(|region| Capped::new(solid.as_ref(), region));
     let smooth = if let Some(parts) = found.parts {
@@ -136,7 +139,7 @@ pub fn brep_model(
         let field = RunField::new(model, a).map_err(MeshModelError::from)?;
         whole(Arc::new(field))
     };
-    let work = Work {
+    let work = BrepSearch {
         meshed: solid.as_ref(),
         solid: capped.as_ref().map_or(solid.as_ref(), |c| c),
         is_capped: capped.is_some(),
@@ -159,7 +162,7 @@ fn unplaced(model: &Model) -> Option<(Model, Frame)> {
         rotation: place.rotation,
         translation: place.translation,
     };
-    ((place.scale - 1.0).abs() <= UNSCALED).then_some((own, frame))
+    ((place.scale - 1.0).abs() <= MAX_MOTION_SCALE_ERROR).then_some((own, frame))
 }
 
 /// Returns the options for the mesh of an object in its own frame: the box in which its search
@@ -170,7 +173,7 @@ fn within(frame: &Frame, options: &MeshModelOptions) -> MeshModelOptions {
     if *start != START {
         let ends = [start.lo, start.hi];
         let corner = |i: usize| std::array::from_fn(|k| ends[i >> k & 1][k]);
-        *start = Aabb::of(&(0..8).map(|i| frame.within(corner(i))).collect::<Vec<_>>());
+        *start = Aabb::from_points(&(0..8).map(|i| frame.within(corner(i))).collect::<Vec<_>>());
     }
     options
 }
@@ -195,7 +198,7 @@ fn is_sound(made: &ModelBrep) -> bool {
 }
 
 /// Returns true if an optimised mesh would not help: all faces are exact, or no node is wrong.
-fn is_told(made: &ModelBrep) -> bool {
+fn is_conclusive(made: &ModelBrep) -> bool {
     made.built.is_exact() || made.mesh.certificate.failures().is_empty()
 }
 
@@ -219,13 +222,13 @@ fn is_of_mesh(error: &BrepError) -> bool {
 }
 
 /// Failure to derive a boundary representation from a mesh, with the size of the mesh.
-struct Refused {
+struct RejectedMesh {
     error: BrepError,
     size: f64,
 }
 
 /// Data that all meshes of a search have in common.
-struct Work<'a> {
+struct BrepSearch<'a> {
     /// Solid without the sides of the box.
     meshed: &'a dyn Solid,
     /// Solid within the box.
@@ -237,7 +240,7 @@ struct Work<'a> {
     control: &'a Control<'a>,
 }
 
-impl Work<'_> {
+impl BrepSearch<'_> {
     /// Returns the best boundary representation: that of a first mesh, of an optimised mesh of the
     /// same size, or of finer ones.
     fn best(&self, mut options: MeshModelOptions) -> Result<ModelBrep, BrepModelError> {
@@ -248,12 +251,12 @@ impl Work<'_> {
         first.mesh.rounds = 0;
         first.mesh.angles = [0.0, 180.0];
         let mut best = self.at_size(&first)?;
-        for finer in 0..=FINER {
+        for finer in 0..=MAX_MESH_HALVINGS {
             let size = match &best {
-                Ok(made) if is_sound(made) && (finer > 0 || is_told(made)) => break,
+                Ok(made) if is_sound(made) && (finer > 0 || is_conclusive(made)) => break,
                 Ok(made) if is_final(made) => break,
                 Ok(made) => made.mesh.options.size,
-                Err(Refused { size, .. }) => *size,
+                Err(RejectedMesh { size, .. }) => *size,
             };
             if finer > 0 {
                 if !is_free
@@ -289,7 +292,7 @@ impl Work<'_> {
     fn at_size(
         &self,
         options: &MeshModelOptions,
-    ) -> Result<Result<ModelBrep, Refused>, BrepModelError> {
+    ) -> Result<Result<ModelBrep, RejectedMesh>, BrepModelError> {
         let mesh = mesh_solid(self.meshed, options, self.control)?;
         match self.of_mesh(&mesh) {
             Ok((built, certificate)) => Ok(Ok(ModelBrep {
@@ -298,19 +301,21 @@ impl Work<'_> {
                 mesh,
             })),
             Err(BrepError::Stopped) => Err(BrepError::Stopped.into()),
-            Err(error) => Ok(Err(Refused {
+            Err(error) => Ok(Err(RejectedMesh {
                 error,
                 size: mesh.options.size,
             })),
         }
     }
 
-    fn of_mesh(&self, mesh: &ModelMesh) -> Result<(Built, Certificate), BrepError> {
+    fn of_mesh(&self, mesh: &ModelMesh) -> Result<(MeshedBrep, Certificate), BrepError> {
         self.control.begin("recognition")?;
         let labelled = &mesh.meshed.mesh;
         let pieces = pieces(labelled, self.solid, Some(&self.smooth), &quadric_through)?;
         let [x, y, z] = labelled.bounds().size();
-        let tolerance = self.tolerance.unwrap_or(TOLERANCE * x.max(y).max(z));
+        let tolerance = self
+            .tolerance
+            .unwrap_or(DEFAULT_SPLINE_TOLERANCE * x.max(y).max(z));
         let built = isoform_brep::brep(pieces, tolerance, self.control)?;
         self.control.begin("checking the solid")?;
         let witnesses = mesh.meshed.missed.witnesses.iter();
@@ -322,7 +327,7 @@ impl Work<'_> {
 
     /// Returns the questions that the mesh leaves open. Wrong nodes do not count if the solid
     /// itself shows that its faces are right.
-    fn left_open(&self, mesh: &ModelMesh, built: &Built) -> Vec<String> {
+    fn left_open(&self, mesh: &ModelMesh, built: &MeshedBrep) -> Vec<String> {
         let (of_nodes, of_solid): (Vec<Failure>, Vec<Failure>) = mesh
             .certificate
             .failures()
@@ -349,11 +354,11 @@ impl Work<'_> {
 
 /// Returns true if all wrong nodes are at points of contact, which are borders of the mesh, or if
 /// all corners without a node are vertices of the solid, like tips of cones.
-fn is_excused(failure: &Failure, mesh: &ModelMesh, built: &Built) -> bool {
+fn is_excused(failure: &Failure, mesh: &ModelMesh, built: &MeshedBrep) -> bool {
     let is_near = |p: Point3, q: &Point3, reach| distance_squared(*q, p).sqrt() <= reach;
     let is_vertex = |p: Point3| {
         let mut vertices = built.brep.vertices.iter();
-        vertices.any(|v| is_near(p, v, AT_CORNER * built.size))
+        vertices.any(|v| is_near(p, v, MAX_CORNER_VERTEX_DISTANCE * built.size))
     };
     let is_in_contact = |p: Point3| {
         let mut contacts = built.contacts.iter();
@@ -387,7 +392,7 @@ fn whole(field: Arc<RunField>) -> Parts {
 
 /// Returns true if the failure of a mesh concerns the positions of its nodes, and not the solid.
 fn is_of_nodes(failure: &Failure) -> bool {
-    OF_NODES.contains(&failure.code)
+    NODE_FAILURE_CODES.contains(&failure.code)
 }
 
 #[cfg(test)]
@@ -430,7 +435,8 @@ mod tests {
         let (_, made) = made_of(program, None);
         let (model, of_other) = made_of(other, None);
         let control = Control::default();
-        let found = meshable(&model, &[], None, Some(MOST_PARTS), &control).expect("a solid");
+        let found =
+            meshable(&model, &[], None, Some(MAX_PARTS_PER_PIECE), &control).expect("a solid");
         let curves = of_other.mesh.meshed.features.curves.iter();
         let points = curves.flat_map(|c| c.points.iter().copied());
         stands_alone(&made.built, found.solid.as_ref(), points, &control)
@@ -526,7 +532,8 @@ mod tests {
             m = min(sides, min(top, max(far, x[1] - 7))); }";
         let (model, made) = made_of(program, None);
         let control = Control::default();
-        let found = meshable(&model, &[], None, Some(MOST_PARTS), &control).expect("a solid");
+        let found =
+            meshable(&model, &[], None, Some(MAX_PARTS_PER_PIECE), &control).expect("a solid");
         let mut mesh = made.mesh.meshed.mesh;
         let top = mesh.parts.iter().position(|n| n == "top").expect("a part") as u32;
         mesh.parts.push("far".to_owned());

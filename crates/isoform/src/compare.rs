@@ -12,22 +12,22 @@ mod nearest;
 use crate::facets::{CornerError, check_corners};
 use crate::{ExactSolid, FrepTemplate, SplineDistance, parameter_values};
 use isoform_field::SolidError;
-use isoform_fit::{MOST_SURFACE_SAMPLES, Parameter, Template, surface_samples};
+use isoform_fit::{MAX_SURFACE_SAMPLES, Parameter, Template, surface_samples};
 use isoform_geom::{
     Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, on_triangle, sub,
 };
-use nearest::Nearest;
+use nearest::TriangleTree;
 use rayon::prelude::*;
 use serde::Serialize;
 
 /// Number of nearest samples of a solid whose faces are measured; they nearly always include the
-/// nearest face.
-const NEAREST: usize = 32;
-/// Minimum number of points that a thread takes at a time.
-const RUN: usize = 512;
+/// nearest face. With fewer, that may be missed, and the distance overestimated.
+const NEAREST_SOLID_SAMPLES: usize = 32;
+/// Minimum number of points that a thread takes at a time, so that scheduling is negligible.
+const MIN_POINTS_PER_THREAD: usize = 512;
 
-/// Minimum number of samples of a triangle.
-const LEAST: f64 = 4.0;
+/// Minimum number of samples of a triangle, so that no triangle is missed, however small.
+const MIN_SAMPLES_PER_TRIANGLE: f64 = 4.0;
 
 /// Side of a comparison.
 #[derive(Clone, Copy, Debug)]
@@ -113,7 +113,7 @@ pub enum CompareError {
 /// Returns the distances of `a` from `b`, and of `b` from `a`, in the coordinates of the files.
 /// Models are sampled in `region`, by default the bounding box of the other side, somewhat
 /// enlarged. About `samples` points are taken of meshes, models and solids, two million at most
-/// ([`MOST_SURFACE_SAMPLES`]), with some on each triangle of a mesh.
+/// ([`MAX_SURFACE_SAMPLES`]), with some on each triangle of a mesh.
 ///
 /// # Errors
 /// [`CompareError`] if a side is invalid or has no points, or if two models are given without a
@@ -124,12 +124,15 @@ pub fn compare(
     region: Option<Aabb>,
     samples: usize,
 ) -> Result<(Distances, Distances), CompareError> {
-    let samples = samples.min(MOST_SURFACE_SAMPLES);
-    let (a, b) = (Shape::new(a, "first")?, Shape::new(b, "second")?);
+    let samples = samples.min(MAX_SURFACE_SAMPLES);
+    let (a, b) = (
+        CheckedSide::new(a, "first")?,
+        CheckedSide::new(b, "second")?,
+    );
     let mut from_a = a.sampled(region.or(b.bounds()), samples)?;
     let mut from_b = b.sampled(region.or(a.bounds()), samples)?;
     for (model, sampled, other) in [(&a, &mut from_a, &b), (&b, &mut from_b, &a)] {
-        if let (Shape::Model(field, values), Shape::Solid(_)) = (model, other) {
+        if let (CheckedSide::Model(field, values), CheckedSide::Solid(_)) = (model, other) {
             sampled.points = settled(&sampled.points, *field, values);
         }
     }
@@ -145,14 +148,14 @@ pub fn compare(
 
 /// Validated side: points are absolute and finite, corners of triangles are indices of points, and
 /// a model has a value for each parameter.
-enum Shape<'a> {
+enum CheckedSide<'a> {
     Points(Vec<Point3>),
     Mesh(Vec<Point3>, &'a [[u32; 3]]),
     Model(&'a dyn ParamField, Vec<f64>),
     Solid(&'a ExactSolid),
 }
 
-impl<'a> Shape<'a> {
+impl<'a> CheckedSide<'a> {
     fn new(given: Side<'a>, side: &'static str) -> Result<Self, CompareError> {
         Ok(match given {
             Side::Points(cloud) => Self::Points(absolute(cloud, side)?),
@@ -175,27 +178,27 @@ impl<'a> Shape<'a> {
 
     fn bounds(&self) -> Option<Aabb> {
         match self {
-            Self::Points(points) | Self::Mesh(points, _) => Some(Aabb::of(points)),
+            Self::Points(points) | Self::Mesh(points, _) => Some(Aabb::from_points(points)),
             Self::Model(..) => None,
-            Self::Solid(solid) => Some(Aabb::of(&solid.facets().points)),
+            Self::Solid(solid) => Some(Aabb::from_points(&solid.facets().points)),
         }
     }
 
-    fn sampled(&self, region: Option<Aabb>, wanted: usize) -> Result<Sampled, CompareError> {
+    fn sampled(&self, region: Option<Aabb>, wanted: usize) -> Result<SideSamples, CompareError> {
         Ok(match self {
-            Self::Points(points) => Sampled {
+            Self::Points(points) => SideSamples {
                 points: points.clone(),
-                ..Sampled::default()
+                ..SideSamples::default()
             },
             Self::Model(metric, values) => {
                 let region = region.ok_or(CompareError::NoRegion)?;
-                Sampled {
+                SideSamples {
                     points: surface_samples(*metric, values, region, wanted),
-                    ..Sampled::default()
+                    ..SideSamples::default()
                 }
             }
-            Self::Mesh(corners, triangles) => Sampled::of_mesh(corners, triangles, wanted),
-            Self::Solid(solid) => Sampled::of_solid(solid, wanted),
+            Self::Mesh(corners, triangles) => SideSamples::of_mesh(corners, triangles, wanted),
+            Self::Solid(solid) => SideSamples::of_solid(solid, wanted),
         })
     }
 }
@@ -241,13 +244,13 @@ fn all_values(
 
 /// Samples of a side; of a mesh or solid with the triangle of each.
 #[derive(Default)]
-struct Sampled {
+struct SideSamples {
     points: Vec<Point3>,
     triangles: Vec<[Point3; 3]>,
     owner: Vec<u32>,
 }
 
-impl Sampled {
+impl SideSamples {
     fn of_mesh(corners: &[Point3], triangles: &[[u32; 3]], wanted: usize) -> Self {
         let triangles = triangles.iter().map(|t| t.map(|v| corners[v as usize]));
         let mut out = Self {
@@ -260,7 +263,7 @@ impl Sampled {
         for (i, t) in out.triangles.iter().enumerate().filter(|_| total > 0.0) {
             // Every triangle has some samples, so that none is missed; samples of a solid also
             // serve to find its nearest faces.
-            owed += (area(t) / total * wanted as f64).max(LEAST);
+            owed += (area(t) / total * wanted as f64).max(MIN_SAMPLES_PER_TRIANGLE);
             while owed >= 1.0 {
                 owed -= 1.0;
                 out.points.push(on_triangle(out.points.len() as u32, *t));
@@ -283,10 +286,10 @@ impl Sampled {
 
 /// Returns the distance of each point from a solid: from the faces on which its nearest samples
 /// lie.
-fn to_solid(points: &[Point3], solid: &ExactSolid, sampled: &Sampled) -> Vec<f64> {
+fn to_solid(points: &[Point3], solid: &ExactSolid, sampled: &SideSamples) -> Vec<f64> {
     let (tree, skin) = (KdTree::new(&sampled.points), solid.skin());
     let distance = |(found, faces): &mut (Vec<_>, Vec<u32>), p: &Point3| {
-        tree.nearest_k(*p, NEAREST, found);
+        tree.nearest_k(*p, NEAREST_SOLID_SAMPLES, found);
         faces.clear();
         let mut least = f64::INFINITY;
         for (_, i) in found {
@@ -304,7 +307,7 @@ fn to_solid(points: &[Point3], solid: &ExactSolid, sampled: &Sampled) -> Vec<f64
         }
         least
     };
-    let points = points.par_iter().with_min_len(RUN);
+    let points = points.par_iter().with_min_len(MIN_POINTS_PER_THREAD);
     points
         .map_init(|| (Vec::new(), Vec::new()), distance)
         .collect()
@@ -312,8 +315,13 @@ fn to_solid(points: &[Point3], solid: &ExactSolid, sampled: &Sampled) -> Vec<f64
 
 /// Returns the distance of each point; not finite if it has none. With `exactly`, points are
 /// projected to the surface of a model.
-fn distances(points: &[Point3], to: &Shape, sampled: &Sampled, exactly: bool) -> Vec<f64> {
-    if let Shape::Model(metric, values) = to {
+fn distances(
+    points: &[Point3],
+    to: &CheckedSide,
+    sampled: &SideSamples,
+    exactly: bool,
+) -> Vec<f64> {
+    if let CheckedSide::Model(metric, values) = to {
         if exactly {
             return feet(points, *metric, values);
         }
@@ -321,19 +329,23 @@ fn distances(points: &[Point3], to: &Shape, sampled: &Sampled, exactly: bool) ->
         metric.values(points, values, &mut f);
         return f.into_iter().map(f64::abs).collect();
     }
-    if let Shape::Solid(solid) = to {
+    if let CheckedSide::Solid(solid) = to {
         return to_solid(points, solid, sampled);
     }
     if !sampled.owner.is_empty() {
-        return Nearest::new(&sampled.triangles).distances(points);
+        return TriangleTree::new(&sampled.triangles).distances(points);
     }
     let tree = KdTree::new(&sampled.points);
     let nearest = |p: &Point3| tree.nearest(*p).map_or(f64::INFINITY, |(_, d)| d.sqrt());
-    points.par_iter().with_min_len(RUN).map(nearest).collect()
+    points
+        .par_iter()
+        .with_min_len(MIN_POINTS_PER_THREAD)
+        .map(nearest)
+        .collect()
 }
 
 /// Number of Newton steps: each doubles the digits, and points near the surface begin with some.
-const STEPS: usize = 6;
+const PROJECTION_STEPS: usize = 6;
 
 /// Returns the distance of each point from its projection to the zero set by Newton's method along
 /// gradients; the absolute value of the field where the method diverges.
@@ -366,7 +378,7 @@ fn newton(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> (Vec<Point3>,
     let mut at = points.to_vec();
     let (mut f, mut g) = (vec![0.0; at.len()], vec![[0.0; 3]; at.len()]);
     let mut first = Vec::new();
-    for _ in 0..STEPS {
+    for _ in 0..PROJECTION_STEPS {
         field.gradients(&at, a, &mut f, &mut g);
         if first.is_empty() {
             first.clone_from(&f);
@@ -565,6 +577,6 @@ mod tests {
         let (points, mesh) = (square(0.0), square(0.25));
         let of = compare(Side::Points(&points), Side::Mesh(&mesh), None, usize::MAX);
         let (_, back) = of.expect("comparable");
-        assert!(back.samples.abs_diff(MOST_SURFACE_SAMPLES) <= 8);
+        assert!(back.samples.abs_diff(MAX_SURFACE_SAMPLES) <= 8);
     }
 }

@@ -1,16 +1,18 @@
 //! Solid of exact faces, as read from a file: its measures, its triangles, and distances from it.
 
-use isoform_brep::{FacetOptions, Facets, FacetsError, Measure, Skin, facets, of_face, total};
+use isoform_brep::{
+    FaceProjector, FacetOptions, Facets, FacetsError, Measure, facets, of_face, total,
+};
 use isoform_control::Control;
 use isoform_geom::brep::Brep;
 use isoform_geom::{Aabb, Mesh, Point3, norm, sub};
 
 /// Default distance of the triangles from the faces, in diagonals of the box. The triangles only
 /// select the nearest face; its distance is computed exactly.
-const CHORD: f64 = 1e-3;
+const DEFAULT_CHORD_SHARE: f64 = 1e-3;
 /// Number of intervals into which a piece of an edge is divided, at whose ends the distance from
-/// its faces is measured.
-const SAMPLES: usize = 8;
+/// its faces is measured. Gaps that are narrower than an interval may be underestimated.
+const INTERVALS_PER_EDGE_PIECE: usize = 8;
 
 /// Measures of a solid, computed from its faces without a function.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,7 +34,7 @@ pub struct SolidMeasures {
 
 /// Measures solids that are valid by [`Brep::validate`].
 pub fn measure_solid(brep: &Brep) -> SolidMeasures {
-    let center = Aabb::of(&brep.vertices).center();
+    let center = Aabb::from_points(&brep.vertices).center();
     let faces: Vec<Measure> = (0..brep.faces.len())
         .map(|f| of_face(brep, f, center))
         .collect();
@@ -61,8 +63,9 @@ pub fn solid_gap(brep: &Brep) -> f64 {
     for face in &brep.faces {
         for coedge in face.loops.iter().flatten() {
             for piece in brep.breaks(coedge.edge).windows(2) {
-                for k in 0..=SAMPLES {
-                    let s = piece[0] + (piece[1] - piece[0]) * k as f64 / SAMPLES as f64;
+                for k in 0..=INTERVALS_PER_EDGE_PIECE {
+                    let s = piece[0]
+                        + (piece[1] - piece[0]) * k as f64 / INTERVALS_PER_EDGE_PIECE as f64;
                     let p = brep.along(coedge.edge, s).0;
                     gap = worse(gap, face.surface.distance(p).0.abs());
                 }
@@ -109,7 +112,7 @@ impl ExactSolid {
         control: &Control<'_>,
     ) -> Result<Self, FacetsError> {
         let options = options.unwrap_or_else(|| FacetOptions {
-            chord: CHORD * bounds_of_edges(&brep).diagonal(),
+            chord: DEFAULT_CHORD_SHARE * bounds_of_edges(&brep).diagonal(),
             longest: f64::INFINITY,
         });
         let facets = facets(&brep, &options, control)?;
@@ -129,15 +132,15 @@ impl ExactSolid {
         self.facets.mesh(&self.brep)
     }
     /// Returns the faces in a form that finds nearest points.
-    pub(crate) fn skin(&self) -> Skin<'_> {
-        Skin::new(&self.brep, &self.facets)
+    pub(crate) fn skin(&self) -> FaceProjector<'_> {
+        FaceProjector::new(&self.brep, &self.facets)
     }
 }
 
 /// Returns the bounding box of samples of all edges. Faces may bulge out of it, but by no more than
 /// its size.
 fn bounds_of_edges(brep: &Brep) -> Aabb {
-    let mut bounds = Aabb::of(&brep.vertices);
+    let mut bounds = Aabb::from_points(&brep.vertices);
     for e in 0..brep.edges.len() as u32 {
         for s in brep.breaks(e) {
             bounds.add(brep.along(e, s).0);

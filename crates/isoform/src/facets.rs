@@ -9,7 +9,7 @@ use isoform_geom::{Point3, PointCloud};
 use isoform_recognize::points_on_facets;
 
 /// Maximum number of points that are added on faces; it bounds memory and time.
-const MOST_ADDED: usize = 2_000_000;
+const MAX_ADDED_POINTS: usize = 2_000_000;
 
 /// Corner of a triangle that is not the index of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -51,7 +51,7 @@ pub(crate) fn check_corners(mesh: &PointCloud) -> Result<(), CornerError> {
 
 /// Points of a CAD mesh, with further ones on its faces.
 #[derive(Clone, Debug)]
-pub struct OnFaces {
+pub struct PointsOnFaces {
     /// Points of the mesh and, after them, those inside faces.
     pub cloud: PointCloud,
     /// Number of points added.
@@ -69,10 +69,10 @@ pub fn points_on_faces(
     mesh: &PointCloud,
     wanted: usize,
     control: &Control<'_>,
-) -> Result<Option<OnFaces>, FacesError> {
+) -> Result<Option<PointsOnFaces>, FacesError> {
     check_corners(mesh)?;
-    let found = points_on_facets(mesh, wanted.min(MOST_ADDED), control)?;
-    Ok(found.map(|(more, exactness)| OnFaces {
+    let found = points_on_facets(mesh, wanted.min(MAX_ADDED_POINTS), control)?;
+    Ok(found.map(|(more, exactness)| PointsOnFaces {
         cloud: with_points(mesh, &more),
         added: more.len(),
         exactness,
@@ -119,14 +119,14 @@ mod tests {
         }
     }
 
-    fn on_faces(mesh: &PointCloud, wanted: usize) -> Option<OnFaces> {
+    fn on_faces(mesh: &PointCloud, wanted: usize) -> Option<PointsOnFaces> {
         points_on_faces(mesh, wanted, &Control::default()).expect("corners are points")
     }
 
     #[test]
     fn added_points_lie_on_the_cylinder() {
         let mesh = prism(36);
-        let OnFaces { cloud, added, .. } = on_faces(&mesh, 500).expect("faces");
+        let PointsOnFaces { cloud, added, .. } = on_faces(&mesh, 500).expect("faces");
         assert_eq!(cloud.points.len(), mesh.points.len() + added);
         let (mut caps, mut lines) = (0, 0);
         for p in &cloud.points[mesh.points.len()..] {

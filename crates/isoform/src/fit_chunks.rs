@@ -1,16 +1,18 @@
 //! Fit of a HyperFun program to a cloud in chunks, which need not fit into one machine's memory.
 
-use crate::fit_scan::{Posed, Task, has_clutter, hold, inner_options, posing};
-use crate::template::{Outline, Rotation};
+use crate::fit_scan::{
+    PosedFit, ScanTask, fix_parameters, has_clutter, inner_options, template_constructor,
+};
+use crate::template::{CloudExtent, Rotation};
 use crate::{
-    FitOptions, FitScanError, FitScanWarning, FrepTemplate, HeldTemplate, ScanFit, TemplateError,
-    fit_scan,
+    ConstrainedTemplate, FitOptions, FitScanError, FitScanWarning, FrepTemplate, ScanFit,
+    TemplateError, fit_scan,
 };
 use isoform_control::Control;
 use isoform_field::hyperfun::{Model, Pose};
-use isoform_fit::chunks::{Chunks, Cloud, Question, answer, looked};
+use isoform_fit::chunks::{ChunkQuery, Chunks, Cloud, decode_count_and_bounds, evaluate_chunk};
 use isoform_fit::{FitError, Method, Scan, Template};
-use isoform_geom::{Aabb, Point3, PointCloud, far_center, sub};
+use isoform_geom::{Aabb, Point3, PointCloud, recentering_origin, sub};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -38,11 +40,11 @@ pub trait ChunkSource: Sync {
 /// compiled.
 pub struct ChunkReader {
     model: Model,
-    last: Mutex<Option<Compiled>>,
+    last: Mutex<Option<CompiledTemplate>>,
 }
 
 /// Recipe, and its template.
-type Compiled = (Vec<f64>, Arc<FrepTemplate>);
+type CompiledTemplate = (Vec<f64>, Arc<FrepTemplate>);
 
 /// Reason why a chunk has no answer.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -64,7 +66,7 @@ pub enum AnswerError {
 }
 
 /// Marker of an unknown number of points of a chunk.
-const UNKNOWN: u64 = u64::MAX;
+const UNKNOWN_POINT_COUNT: u64 = u64::MAX;
 
 impl ChunkReader {
     /// Creates the reader for the program of a fit.
@@ -87,16 +89,16 @@ impl ChunkReader {
             .collect();
         let (expected, words) = words.split_first().ok_or(AnswerError::Message)?;
         let found = points.len();
-        if ![found as u64, UNKNOWN].contains(expected) {
+        if ![found as u64, UNKNOWN_POINT_COUNT].contains(expected) {
             let expected = *expected;
             return Err(AnswerError::Changed { found, expected });
         }
-        let (origin, recipe, question) = opened(words).ok_or(AnswerError::Message)?;
+        let (origin, recipe, question) = parsed_message(words).ok_or(AnswerError::Message)?;
         if origin != [0.0; 3] {
             points.iter_mut().for_each(|p| *p = sub(*p, origin));
         }
         let template = self.template(recipe)?;
-        Ok(bytes(&answer(&question, &points, &*template)))
+        Ok(bytes(&evaluate_chunk(&question, &points, &*template)))
     }
 
     /// Returns the template of a recipe; of an empty one, the program without a pose.
@@ -110,7 +112,7 @@ impl ChunkReader {
         let template = if recipe.is_empty() {
             FrepTemplate::with_pose(&self.model, Pose::None, &[])
         } else {
-            FrepTemplate::of_recipe(&self.model, &recipe).ok_or(AnswerError::Message)?
+            FrepTemplate::from_recipe(&self.model, &recipe).ok_or(AnswerError::Message)?
         };
         let template = Arc::new(template?);
         *last = Some((recipe, Arc::clone(&template)));
@@ -120,7 +122,7 @@ impl ChunkReader {
 
 /// Returns a message: the number of points, the origin to subtract from them, the length of a
 /// recipe and the recipe, and a question.
-fn message(count: u64, origin: Point3, recipe: &[f64], question: &Question) -> Vec<u8> {
+fn message(count: u64, origin: Point3, recipe: &[f64], question: &ChunkQuery) -> Vec<u8> {
     let mut words = vec![count];
     words.extend(origin.iter().map(|v| v.to_bits()));
     words.push(recipe.len() as u64);
@@ -131,7 +133,7 @@ fn message(count: u64, origin: Point3, recipe: &[f64], question: &Question) -> V
 
 /// Splits the words of a [`message`] after the first into origin, recipe and question; `None` if
 /// they are not valid.
-fn opened(words: &[u64]) -> Option<(Point3, Vec<f64>, Question)> {
+fn parsed_message(words: &[u64]) -> Option<(Point3, Vec<f64>, ChunkQuery)> {
     let (origin, rest) = words.split_first_chunk::<3>()?;
     let (count, rest) = rest.split_first()?;
     let (recipe, rest) = rest.split_at_checked(usize::try_from(*count).ok()?)?;
@@ -139,7 +141,7 @@ fn opened(words: &[u64]) -> Option<(Point3, Vec<f64>, Question)> {
     Some((
         origin.map(f64::from_bits),
         recipe,
-        Question::from_words(rest)?,
+        ChunkQuery::from_words(rest)?,
     ))
 }
 
@@ -148,7 +150,7 @@ fn bytes(words: &[u64]) -> Vec<u8> {
 }
 
 /// Chunks, relative to an origin.
-struct Located<'a> {
+struct LocatedChunks<'a> {
     source: &'a dyn ChunkSource,
     counts: Vec<usize>,
     /// Bounding box of all points in the coordinates of their files.
@@ -157,22 +159,22 @@ struct Located<'a> {
     control: &'a Control<'a>,
 }
 
-impl Chunks for Located<'_> {
+impl Chunks for LocatedChunks<'_> {
     fn counts(&self) -> &[usize] {
         &self.counts
     }
     fn ask(
         &self,
         template: Option<&dyn Template>,
-        question: &mut dyn FnMut(usize) -> Option<Question>,
+        question: &mut dyn FnMut(usize) -> Option<ChunkQuery>,
         each: &mut dyn FnMut(usize, &[u64]),
     ) -> bool {
         let recipe = template.map_or_else(Vec::new, Template::recipe);
         let mut sent = |chunk: usize| {
             let question = question(chunk)?;
-            let is_first = question == Question::Look;
+            let is_first = question == ChunkQuery::Look;
             let count = if is_first {
-                UNKNOWN
+                UNKNOWN_POINT_COUNT
             } else {
                 self.counts[chunk] as u64
             };
@@ -190,25 +192,29 @@ impl Chunks for Located<'_> {
     }
 }
 
-impl<'a> Located<'a> {
+impl<'a> LocatedChunks<'a> {
     /// Asks all chunks for their numbers of points and bounding boxes.
     fn new(source: &'a dyn ChunkSource, control: &'a Control<'a>) -> Result<Self, FitScanError> {
         let mut located = Self {
             source,
             counts: vec![0; source.len()],
-            bounds: Aabb::of(&[]),
+            bounds: Aabb::from_points(&[]),
             origin: [0.0; 3],
             control,
         };
         let (mut counts, mut bounds) = (located.counts.clone(), located.bounds);
-        let is_whole = located.ask(None, &mut |_| Some(Question::Look), &mut |chunk, words| {
-            let (count, its) = looked(words);
-            counts[chunk] = count;
-            for i in 0..3 {
-                bounds.lo[i] = bounds.lo[i].min(its.lo[i]);
-                bounds.hi[i] = bounds.hi[i].max(its.hi[i]);
-            }
-        });
+        let is_whole = located.ask(
+            None,
+            &mut |_| Some(ChunkQuery::Look),
+            &mut |chunk, words| {
+                let (count, its) = decode_count_and_bounds(words);
+                counts[chunk] = count;
+                for i in 0..3 {
+                    bounds.lo[i] = bounds.lo[i].min(its.lo[i]);
+                    bounds.hi[i] = bounds.hi[i].max(its.hi[i]);
+                }
+            },
+        );
         (located.counts, located.bounds) = (counts, bounds);
         if is_whole {
             Ok(located)
@@ -226,7 +232,7 @@ impl<'a> Located<'a> {
     }
 }
 
-impl Outline for Located<'_> {
+impl CloudExtent for LocatedChunks<'_> {
     fn moments(&self) -> Option<[f64; 9]> {
         Cloud::moments(self, self.relative_bounds().center())
     }
@@ -254,7 +260,7 @@ pub fn fit_chunks(
     control: &Control<'_>,
 ) -> Result<ScanFit, FitScanError> {
     let started = Instant::now();
-    let mut located = Located::new(source, control)?;
+    let mut located = LocatedChunks::new(source, control)?;
     let count = located.counts.iter().sum();
     if count == 0 {
         return Err(FitScanError::NoPoints);
@@ -270,22 +276,22 @@ pub fn fit_chunks(
     if options.fit.method != Method::Default {
         return Err(FitScanError::Method);
     }
-    located.origin = far_center(&located.bounds);
-    let posed = posing(model, options, located.origin);
+    located.origin = recentering_origin(&located.bounds);
+    let make_template = template_constructor(model, options, located.origin);
     let mut warnings = Vec::new();
-    let mut template = HeldTemplate::new(posed(&located)?, located.origin);
-    if located.origin != [0.0; 3] && !template.moves() {
+    let mut template = ConstrainedTemplate::new(make_template(&located)?, located.origin);
+    if located.origin != [0.0; 3] && !template.can_move() {
         located.origin = [0.0; 3];
         warnings.push(FitScanWarning::FarAndFixed);
-        template = HeldTemplate::new(posed(&located)?, located.origin);
+        template = ConstrainedTemplate::new(make_template(&located)?, located.origin);
     }
-    hold(&mut template, options)?;
-    let task = Task {
+    fix_parameters(&mut template, options)?;
+    let task = ScanTask {
         options,
         inner: inner_options(&template, options)?,
         control,
         origin: located.origin,
-        posed: &posed,
+        make_template: &make_template,
     };
     let prepared = started.elapsed().as_secs_f64();
     let (cloud, posed) = fitted(&located, &task, template)?;
@@ -306,10 +312,10 @@ pub fn fit_chunks(
 
 /// Returns the fit, and the sample in which it looked for neighbours.
 fn fitted(
-    located: &Located<'_>,
-    task: &Task<'_>,
-    template: HeldTemplate,
-) -> Result<(PointCloud, Posed), FitScanError> {
+    located: &LocatedChunks<'_>,
+    task: &ScanTask<'_>,
+    template: ConstrainedTemplate,
+) -> Result<(PointCloud, PosedFit), FitScanError> {
     let mut cloud = Cloud::new(located, located.relative_bounds(), task.inner.seed)?;
     let scan = Scan::of_cloud(&mut cloud, &task.inner, task.control);
     let posed = task.fit_in_pose(&scan, located, template)?;

@@ -1,7 +1,7 @@
 //! Unit and warnings of a fitted scan.
 
 use crate::ScanFit;
-use isoform_fit::{Beside, Warning};
+use isoform_fit::{ClutterKind, Warning};
 use isoform_io::{ReadReport, UnitGuess, inspect_unit};
 
 impl ScanFit {
@@ -44,9 +44,9 @@ impl ScanFit {
 fn sentence(warning: &Warning) -> String {
     let option = match warning {
         Warning::Beside { why, .. } => match why {
-            Beside::Plane => "--keep-planes",
-            Beside::Apart => "--keep-apart",
-            Beside::Stray => "--no-outlier-filter",
+            ClutterKind::Plane => "--keep-planes",
+            ClutterKind::Apart => "--keep-apart",
+            ClutterKind::Stray => "--no-outlier-filter",
         },
         other => return other.to_string(),
     };

@@ -1,44 +1,49 @@
 //! Fit of a HyperFun program to a scan in any pose, with clutter around the part.
 
-use crate::held::{HeldTemplate, ParameterError};
+use crate::constrained_template::{ConstrainedTemplate, ParameterError};
 use crate::report::nominal;
-use crate::template::{Here, Outline};
+use crate::template::{CloudExtent, InMemoryPoints};
 use crate::{CornerError, FacesError, FrepTemplate, TemplateError, points_on_faces};
 use isoform_control::Control;
 use isoform_field::hyperfun::{Model, Placement, Pose};
 use isoform_fit::{
-    Beside, Candidate, Finding, Fit, FitError, Kind, Method, Options, Scan, Status, Template,
+    Candidate, ClutterKind, Finding, Fit, FitError, Kind, Method, Options, Scan, Status, Template,
     Warning, fit_to, search, settle,
 };
-use isoform_geom::{Aabb, Point3, PointCloud, far_center, rounding};
+use isoform_geom::{Aabb, Point3, PointCloud, recentering_origin, rounding};
 use std::borrow::Cow;
 use std::fmt;
 use std::time::Instant;
 
-/// Number of starts of the search in each other orientation: enough to recognise the right one.
-const STARTS_PER_TURN: usize = 8;
+/// Number of starts of the search in each other orientation: enough to recognise the right one. The
+/// time of trying orientations is proportional to it.
+const STARTS_PER_ORIENTATION: usize = 8;
 /// Maximum ratio of two misfits at which the smaller one is better. Fits that are related by a
 /// symmetry of the part differ by less and count as equal.
-const BETTER: f64 = 0.97;
+const MAX_BETTER_MISFIT_RATIO: f64 = 0.97;
 /// Length of the Rodrigues vector (0.6 degrees) above which a scan is fitted again along the
 /// template's own axes, since bounds that are shares of its box change with the frame.
-const ASKEW: f64 = 5e-3;
-/// Bits by which the seed of the second search differs from that of the first.
-const OTHER_SEED: u64 = 0x5EED;
-/// Maximum relative difference of the misfits of two searches that agree.
-const AGREE: f64 = 0.03;
+const MIN_TILT: f64 = 5e-3;
+/// Bits by which the seed of the second search differs from that of the first; any value except 0
+/// does.
+const SECOND_SEED_BITS: u64 = 0x5EED;
+/// Maximum relative difference of the misfits of two searches that agree. A larger one would
+/// confirm searches that ended in different minima.
+const MAX_AGREEING_MISFIT_DIFFERENCE: f64 = 0.03;
 /// Distance from a bound, as a share of the range, within which a value has reached it.
-const AT_BOUND: f64 = 0.005;
+const BOUND_DISTANCE_SHARE: f64 = 0.005;
 /// Distance from a bound, as a share of the range, within which a value has reached it if the fit
 /// is not accepted: a value that the bound keeps from its place may also end near the bound.
-const BESIDE_BOUND: f64 = 0.05;
-/// Maximum number of rounds in which bounds that are shares of the box are widened.
-const WIDENINGS: usize = 2;
+const DOUBTFUL_BOUND_DISTANCE_SHARE: f64 = 0.05;
+/// Maximum number of rounds in which bounds that are shares of the box are widened: two suffice for
+/// a quarter of a round part. Each round is a complete search.
+const MAX_WIDENING_ROUNDS: usize = 2;
 /// Maximum share of the points that may be left out as clutter: if more are, the rest need not be
 /// the part.
-pub(crate) const MOST_LEFT_OUT: f64 = 0.6;
-/// Approximate number of points that are added on the faces of a CAD model.
-const ON_FACES: usize = 6000;
+pub(crate) const MAX_LEFT_OUT_SHARE: f64 = 0.6;
+/// Approximate number of points that are added on the faces of a CAD model. Fewer leave small faces
+/// without points, more make the fit slower.
+const ADDED_FACE_POINTS: usize = 6000;
 
 /// Lower and upper bounds of parameters, by name, 1-based number, or `a[number]`.
 pub type NamedBounds = Vec<(String, (f64, f64))>;
@@ -68,7 +73,7 @@ pub struct FitOptions {
     pub pose: Option<Pose>,
     /// Kinds of clutter that are fitted like the rest. If a fit is doubtful, clutter of other kinds
     /// is left out.
-    pub keep: Vec<Beside>,
+    pub keep: Vec<ClutterKind>,
     /// Method, loss, seed and effort. Its `start` and `bounds` are ignored.
     pub fit: Options,
 }
@@ -87,7 +92,7 @@ pub enum FitScanError {
     #[error(transparent)]
     Template(#[from] TemplateError),
     /// A parameter cannot be fixed.
-    #[error("{}{error}", lead(key))]
+    #[error("{}{error}", key_prefix(key))]
     Fixed {
         /// Name or number of the parameter to be fixed.
         key: String,
@@ -95,7 +100,7 @@ pub enum FitScanError {
         error: ParameterError,
     },
     /// Bounds are not valid for the parameters.
-    #[error("{}{error}", lead(key))]
+    #[error("{}{error}", key_prefix(key))]
     Bounds {
         /// Name or number of the parameter with bounds.
         key: String,
@@ -120,7 +125,7 @@ pub enum FitScanError {
 }
 
 /// Returns the prefix of an error of a parameter: its name, if it has one.
-fn lead(key: &str) -> String {
+fn key_prefix(key: &str) -> String {
     if key.trim().is_empty() {
         return String::new();
     }
@@ -182,7 +187,7 @@ pub struct ScanFit {
     /// Bounding box of all points that were fitted, relative to the origin of the cloud.
     pub bounds: Aabb,
     /// Template in the frame in which it was fitted.
-    pub template: HeldTemplate,
+    pub template: ConstrainedTemplate,
     /// Estimates and verdict, relative to the origin of the cloud.
     pub fit: Fit,
     /// Warnings in addition to [`Fit::warnings`].
@@ -226,7 +231,7 @@ impl ScanFit {
                 let origin = self.cloud.origin;
                 let absolute = |p: &Point3| std::array::from_fn(|k| p[k] + origin[k]);
                 let points = self.cloud.points.iter().map(absolute);
-                Aabb::of(&points.map(|p| place.framed(p)).collect::<Vec<_>>())
+                Aabb::from_points(&points.map(|p| place.framed(p)).collect::<Vec<_>>())
             }
             None => self.extent(),
         }
@@ -321,18 +326,20 @@ pub fn fit_scan(
     if cloud.points.is_empty() {
         return Err(FitScanError::NoPoints);
     }
-    let posed = posing(model, options, cloud.origin);
-    let mut template = HeldTemplate::new(posed(&Here(&cloud.points))?, cloud.origin);
-    if cloud.origin != [0.0; 3] && !template.moves() {
+    let make_template = template_constructor(model, options, cloud.origin);
+    let mut template =
+        ConstrainedTemplate::new(make_template(&InMemoryPoints(&cloud.points))?, cloud.origin);
+    if cloud.origin != [0.0; 3] && !template.can_move() {
         // The template's own coordinates are those of the file.
         let absolute = (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect();
         let moved = cloud.to_mut();
         (moved.points, moved.origin) = (absolute, [0.0; 3]);
         warnings.push(FitScanWarning::FarAndFixed);
-        template = HeldTemplate::new(posed(&Here(&cloud.points))?, cloud.origin);
+        template =
+            ConstrainedTemplate::new(make_template(&InMemoryPoints(&cloud.points))?, cloud.origin);
     }
-    hold(&mut template, options)?;
-    let task = Task {
+    fix_parameters(&mut template, options)?;
+    let task = ScanTask {
         options,
         inner: Options {
             rounding,
@@ -340,7 +347,7 @@ pub fn fit_scan(
         },
         control,
         origin: cloud.origin,
-        posed: &posed,
+        make_template: &make_template,
     };
     let prepared = started.elapsed().as_secs_f64();
     let posed = task.fit_beside_clutter(&cloud.points, template)?;
@@ -358,18 +365,18 @@ pub fn fit_scan(
 
 /// Returns a constructor of templates of a program in the requested pose, for points relative to an
 /// origin.
-pub(crate) fn posing<'a>(
+pub(crate) fn template_constructor<'a>(
     model: &'a Model,
     options: &FitOptions,
     origin: Point3,
-) -> impl Fn(&dyn Outline) -> Result<FrepTemplate, TemplateError> + 'a {
+) -> impl Fn(&dyn CloudExtent) -> Result<FrepTemplate, TemplateError> + 'a {
     let pose = options.pose.or(model.info().pose).unwrap_or(Pose::None);
-    move |points| FrepTemplate::posed(model, pose, points, origin)
+    move |points| FrepTemplate::compile_in_pose(model, pose, points, origin)
 }
 
 /// Returns the scan relative to the origin that a reader would give it.
 fn recentred(scan: &PointCloud) -> Cow<'_, PointCloud> {
-    if far_center(&scan.bounds()) == [0.0; 3] {
+    if recentering_origin(&scan.bounds()) == [0.0; 3] {
         return Cow::Borrowed(scan);
     }
     Cow::Owned(scan.clone().recentred())
@@ -383,7 +390,7 @@ fn with_faces<'a>(
     rounding: &mut f64,
     control: &Control<'_>,
 ) -> Result<Cow<'a, PointCloud>, FacesError> {
-    let Some(found) = points_on_faces(scan, ON_FACES, control)? else {
+    let Some(found) = points_on_faces(scan, ADDED_FACE_POINTS, control)? else {
         return Ok(Cow::Borrowed(scan));
     };
     let (added, vertices) = (found.added, scan.points.len());
@@ -393,9 +400,12 @@ fn with_faces<'a>(
 }
 
 /// Fixes the parameters that the caller fixes.
-pub(crate) fn hold(template: &mut HeldTemplate, options: &FitOptions) -> Result<(), FitScanError> {
+pub(crate) fn fix_parameters(
+    template: &mut ConstrainedTemplate,
+    options: &FitOptions,
+) -> Result<(), FitScanError> {
     template
-        .hold(&options.fixed)
+        .fix(&options.fixed)
         .map_err(|(place, error)| FitScanError::Fixed {
             key: options.fixed[place].0.clone(),
             error,
@@ -404,7 +414,7 @@ pub(crate) fn hold(template: &mut HeldTemplate, options: &FitOptions) -> Result<
 
 /// Returns the options of the stage, in the template's coordinates.
 pub(crate) fn inner_options(
-    template: &HeldTemplate,
+    template: &ConstrainedTemplate,
     options: &FitOptions,
 ) -> Result<Options, FitScanError> {
     let start = match &options.start {
@@ -441,8 +451,8 @@ pub(crate) fn has_clutter(fit: &Fit) -> bool {
 }
 
 /// Returns a warning for each kind of points that were left out.
-fn left_out(beside: &[Option<Beside>]) -> impl Iterator<Item = Warning> {
-    let kinds = [Beside::Plane, Beside::Apart, Beside::Stray];
+fn left_out(beside: &[Option<ClutterKind>]) -> impl Iterator<Item = Warning> {
+    let kinds = [ClutterKind::Plane, ClutterKind::Apart, ClutterKind::Stray];
     kinds.into_iter().filter_map(|why| {
         let count = beside.iter().filter(|b| **b == Some(why)).count();
         let points = beside.len();
@@ -451,26 +461,26 @@ fn left_out(beside: &[Option<Beside>]) -> impl Iterator<Item = Warning> {
 }
 
 /// Returns the points that are not clutter.
-fn kept_of(points: &[Point3], beside: &[Option<Beside>]) -> Vec<Point3> {
+fn kept_of(points: &[Point3], beside: &[Option<ClutterKind>]) -> Vec<Point3> {
     let kept = points.iter().zip(beside).filter(|(_, b)| b.is_none());
     kept.map(|(p, _)| *p).collect()
 }
 
 /// Fit, and the template in the frame in which it was found.
-pub(crate) struct Posed {
-    pub(crate) template: HeldTemplate,
+pub(crate) struct PosedFit {
+    pub(crate) template: ConstrainedTemplate,
     pub(crate) fit: Fit,
 }
 
 /// Result of a search, and the template with which it was made.
-struct Found {
-    template: HeldTemplate,
+struct PosedCandidate {
+    template: ConstrainedTemplate,
     candidate: Candidate,
 }
 
-impl Found {
+impl PosedCandidate {
     /// Takes another candidate if it is better; its time counts in either case.
-    fn offer(&mut self, template: HeldTemplate, mut candidate: Candidate, is_better: bool) {
+    fn offer(&mut self, template: ConstrainedTemplate, mut candidate: Candidate, is_better: bool) {
         if is_better {
             std::mem::swap(&mut self.candidate, &mut candidate);
             self.template = template;
@@ -480,29 +490,30 @@ impl Found {
 }
 
 /// Constructor of a template from the cloud whose frame it takes.
-pub(crate) type Posing<'a> = dyn Fn(&dyn Outline) -> Result<FrepTemplate, TemplateError> + 'a;
+pub(crate) type TemplateConstructor<'a> =
+    dyn Fn(&dyn CloudExtent) -> Result<FrepTemplate, TemplateError> + 'a;
 
 /// Data of all stages of a fit.
-pub(crate) struct Task<'a> {
+pub(crate) struct ScanTask<'a> {
     pub(crate) options: &'a FitOptions,
     /// Options of the stage.
     pub(crate) inner: Options,
     pub(crate) control: &'a Control<'a>,
     /// Vector to add to the points to get the file's coordinates.
     pub(crate) origin: Point3,
-    pub(crate) posed: &'a Posing<'a>,
+    pub(crate) make_template: &'a TemplateConstructor<'a>,
 }
 
-impl Task<'_> {
+impl ScanTask<'_> {
     /// Fits the points; if the fit is doubtful and there are planes or other objects next to the
     /// part, also without them, and returns the better fit.
     fn fit_beside_clutter(
         &self,
         points: &[Point3],
-        template: HeldTemplate,
-    ) -> Result<Posed, FitScanError> {
+        template: ConstrainedTemplate,
+    ) -> Result<PosedFit, FitScanError> {
         let scan = Scan::new(points, &self.inner, self.control)?;
-        let mut whole = self.fit_in_pose(&scan, &Here(points), template)?;
+        let mut whole = self.fit_in_pose(&scan, &InMemoryPoints(points), template)?;
         drop(scan);
         if !has_clutter(&whole.fit) {
             return Ok(whole);
@@ -524,19 +535,23 @@ impl Task<'_> {
 
     /// Fits the points without clutter. `None` if nothing is clutter, if most points are clutter,
     /// or if too few points are left. The time of the search for clutter counts as that of `whole`.
-    fn fit_part(&self, points: &[Point3], whole: &mut Fit) -> Result<Option<Posed>, FitScanError> {
+    fn fit_part(
+        &self,
+        points: &[Point3],
+        whole: &mut Fit,
+    ) -> Result<Option<PosedFit>, FitScanError> {
         let started = Instant::now();
         let scan = Scan::new(points, &self.inner, self.control)?;
         let clutter = scan.clutter();
         let keep = &self.options.keep;
-        let mut beside: Vec<Option<Beside>> = points
+        let mut beside: Vec<Option<ClutterKind>> = points
             .iter()
-            .map(|p| clutter.of(*p).filter(|b| !keep.contains(b)))
+            .map(|p| clutter.classify(*p).filter(|b| !keep.contains(b)))
             .collect();
         let mut kept = kept_of(points, &beside);
         let took = started.elapsed().as_secs_f64();
         whole.seconds.push(("clutter", took));
-        let is_most = kept.len() as f64 >= (1.0 - MOST_LEFT_OUT) * points.len() as f64;
+        let is_most = kept.len() as f64 >= (1.0 - MAX_LEFT_OUT_SHARE) * points.len() as f64;
         if kept.len() == points.len() || !is_most {
             return Ok(None);
         }
@@ -544,10 +559,10 @@ impl Task<'_> {
             return Ok(None);
         };
         let fringe = clutter.fringe(&part.fit, &kept);
-        if fringe.contains(&true) && !keep.contains(&Beside::Plane) {
+        if fringe.contains(&true) && !keep.contains(&ClutterKind::Plane) {
             let mut of_kept = fringe.iter();
             for b in beside.iter_mut().filter(|b| b.is_none()) {
-                *b = of_kept.next().filter(|f| **f).map(|_| Beside::Plane);
+                *b = of_kept.next().filter(|f| **f).map(|_| ClutterKind::Plane);
             }
             kept = kept_of(points, &beside);
             let Some(mut again) = self.fit_alone(&kept)? else {
@@ -562,12 +577,14 @@ impl Task<'_> {
     }
 
     /// Fits some of the points; `None` if that fails, as with too few of them.
-    fn fit_alone(&self, kept: &[Point3]) -> Result<Option<Posed>, FitScanError> {
-        let template = self.held((self.posed)(&Here(kept))?)?;
+    fn fit_alone(&self, kept: &[Point3]) -> Result<Option<PosedFit>, FitScanError> {
+        let template = self.fixed_template((self.make_template)(&InMemoryPoints(kept))?)?;
         let Ok(scan) = Scan::new(kept, &self.inner, self.control) else {
             return Ok(None);
         };
-        Ok(self.fit_in_pose(&scan, &Here(kept), template).ok())
+        Ok(self
+            .fit_in_pose(&scan, &InMemoryPoints(kept), template)
+            .ok())
     }
 
     /// Fits the points in any pose: if the template does not fit in the orientation of the scan,
@@ -576,19 +593,19 @@ impl Task<'_> {
     pub(crate) fn fit_in_pose(
         &self,
         scan: &Scan<'_>,
-        points: &dyn Outline,
-        template: HeldTemplate,
-    ) -> Result<Posed, FitScanError> {
+        points: &dyn CloudExtent,
+        template: ConstrainedTemplate,
+    ) -> Result<PosedFit, FitScanError> {
         let (inner, control) = (&self.inner, self.control);
         let is_free = self.options.start.is_none()
             && self.options.bounds.is_empty()
             && inner.method == Method::Default;
         if !is_free {
             let fit = fit_to(scan, &template, inner, control)?;
-            return Ok(Posed { template, fit });
+            return Ok(PosedFit { template, fit });
         }
         let candidate = search(scan, &template, inner, control)?;
-        let mut found = Found {
+        let mut found = PosedCandidate {
             template,
             candidate,
         };
@@ -600,7 +617,7 @@ impl Task<'_> {
         self.widened(
             scan,
             points,
-            Posed {
+            PosedFit {
                 template: found.template,
                 fit,
             },
@@ -611,11 +628,11 @@ impl Task<'_> {
     fn try_turned(
         &self,
         scan: &Scan<'_>,
-        points: &dyn Outline,
-        best: &mut Found,
+        points: &dyn CloudExtent,
+        best: &mut PosedCandidate,
     ) -> Result<(), FitScanError> {
         let quick = Options {
-            most_starts: STARTS_PER_TURN,
+            most_starts: STARTS_PER_ORIENTATION,
             refine: false,
             ..self.inner.clone()
         };
@@ -623,11 +640,11 @@ impl Task<'_> {
             if self.control.is_stopped() {
                 break;
             }
-            let turned = self.held(frep)?;
+            let turned = self.fixed_template(frep)?;
             let Ok(candidate) = search(scan, &turned, &quick, self.control) else {
                 continue;
             };
-            let is_better = candidate.misfit < BETTER * best.candidate.misfit;
+            let is_better = candidate.misfit < MAX_BETTER_MISFIT_RATIO * best.candidate.misfit;
             best.offer(turned, candidate, is_better);
             if best.candidate.is_at_noise() {
                 break;
@@ -640,28 +657,28 @@ impl Task<'_> {
     fn try_aligned(
         &self,
         scan: &Scan<'_>,
-        points: &dyn Outline,
-        best: &mut Found,
+        points: &dyn CloudExtent,
+        best: &mut PosedCandidate,
     ) -> Result<(), FitScanError> {
         let (frep, values) = (&best.template.frep, best.candidate.values());
         let is_settled = best.candidate.is_at_noise() && best.candidate.is_certain();
-        let is_wanted = frep.askew(values) > ASKEW || !is_settled;
+        let is_wanted = frep.rodrigues_length(values) > MIN_TILT || !is_settled;
         if !is_wanted || self.control.is_stopped() {
             return Ok(());
         }
-        let aligned = self.held(frep.aligned_in(values, points))?;
+        let aligned = self.fixed_template(frep.aligned_in(values, points))?;
         let other = Options {
-            seed: self.inner.seed ^ OTHER_SEED,
+            seed: self.inner.seed ^ SECOND_SEED_BITS,
             ..self.inner.clone()
         };
         let Ok(mut found) = search(scan, &aligned, &other, self.control) else {
             return Ok(());
         };
-        if (found.misfit / best.candidate.misfit - 1.0).abs() < AGREE {
+        if (found.misfit / best.candidate.misfit - 1.0).abs() < MAX_AGREEING_MISFIT_DIFFERENCE {
             found.confirm();
             best.candidate.confirm();
         }
-        let is_better = found.misfit < best.candidate.misfit / BETTER;
+        let is_better = found.misfit < best.candidate.misfit / MAX_BETTER_MISFIT_RATIO;
         best.offer(aligned, found, is_better);
         Ok(())
     }
@@ -670,14 +687,14 @@ impl Task<'_> {
     fn widened(
         &self,
         scan: &Scan<'_>,
-        points: &dyn Outline,
-        mut best: Posed,
-    ) -> Result<Posed, FitScanError> {
-        for _ in 0..WIDENINGS {
+        points: &dyn CloudExtent,
+        mut best: PosedFit,
+    ) -> Result<PosedFit, FitScanError> {
+        for _ in 0..MAX_WIDENING_ROUNDS {
             let near = if best.fit.acceptable {
-                AT_BOUND
+                BOUND_DISTANCE_SHARE
             } else {
-                BESIDE_BOUND
+                DOUBTFUL_BOUND_DISTANCE_SHARE
             };
             let values = best.fit.values();
             let Some(frep) = best.template.frep.widened_in(&values, points, near) else {
@@ -687,18 +704,18 @@ impl Task<'_> {
                 best.fit.stop_early();
                 break;
             }
-            let wider = self.held(frep)?;
+            let wider = self.fixed_template(frep)?;
             let Ok(candidate) = search(scan, &wider, &self.inner, self.control) else {
                 break;
             };
             let mut again = settle(scan, &wider, &self.inner, self.control, candidate)?;
             let cost = |f: &Fit| f.rms * (1.0 + f.n_outliers as f64 / f.n_points as f64);
-            if cost(&again) > cost(&best.fit) / BETTER {
+            if cost(&again) > cost(&best.fit) / MAX_BETTER_MISFIT_RATIO {
                 best.fit.add_seconds(&again);
                 break;
             }
             again.add_seconds(&best.fit);
-            best = Posed {
+            best = PosedFit {
                 template: wider,
                 fit: again,
             };
@@ -707,9 +724,9 @@ impl Task<'_> {
     }
 
     /// Returns the template with the parameters that the caller fixes.
-    fn held(&self, frep: FrepTemplate) -> Result<HeldTemplate, FitScanError> {
-        let mut template = HeldTemplate::new(frep, self.origin);
-        hold(&mut template, self.options)?;
+    fn fixed_template(&self, frep: FrepTemplate) -> Result<ConstrainedTemplate, FitScanError> {
+        let mut template = ConstrainedTemplate::new(frep, self.origin);
+        fix_parameters(&mut template, self.options)?;
         Ok(template)
     }
 }

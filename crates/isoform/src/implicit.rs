@@ -5,8 +5,9 @@ use isoform_geom::{Aabb, Expansion, Field, Point3, PolynomialData, Terms};
 use isoform_num::{Interval, Jet2, Jet3};
 use isoform_spline::{ImplicitSpline, MAX_GLOBAL_DEGREE};
 
-/// Number of intervals along each edge of a box on whose sides a function is sampled.
-const AROUND: usize = 24;
+/// Number of intervals along each edge of a box on whose sides a function is sampled. The number of
+/// samples is six times its square; fewer may miss a small region of the other sign.
+const BOX_EDGE_INTERVALS: usize = 24;
 
 /// Function f fitted to points; the solid is f ≥ 0.
 #[derive(Clone, Debug)]
@@ -20,9 +21,13 @@ pub enum Implicit {
 /// Returns true if a function is positive on samples of all sides of a box.
 pub(crate) fn is_inside_out(field: &dyn Field, domain: Aabb) -> bool {
     let size = domain.size();
-    let at = |i: usize| i as f64 / AROUND as f64;
-    let places = (0..6 * (AROUND + 1).pow(2)).map(|i| {
-        let (side, u, v) = (i % 6, i / 6 % (AROUND + 1), i / 6 / (AROUND + 1));
+    let at = |i: usize| i as f64 / BOX_EDGE_INTERVALS as f64;
+    let places = (0..6 * (BOX_EDGE_INTERVALS + 1).pow(2)).map(|i| {
+        let (side, u, v) = (
+            i % 6,
+            i / 6 % (BOX_EDGE_INTERVALS + 1),
+            i / 6 / (BOX_EDGE_INTERVALS + 1),
+        );
         let mut share = [0.0; 3];
         share[side / 2] = (side % 2) as f64;
         share[(side / 2 + 1) % 3] = at(u);

@@ -15,7 +15,7 @@ use std::fmt;
 /// Minimum share of samples on patches in a complete cover. Samples on the border of the region may
 /// lie outside of a patch by rounding: 1 would call most covers of many patches incomplete, 0.99
 /// would accept a hole of some patches.
-const COVERED: f64 = 0.999;
+const MIN_COVERED_SHARE: f64 = 0.999;
 
 /// Zero set of a function of space, with its smooth parts.
 pub struct ImplicitSurface {
@@ -97,8 +97,8 @@ impl fmt::Debug for ImplicitSurface {
 /// ```
 ///
 /// # Errors
-/// [`Error`] if no patch can be found, or an option is out of range; [`Error::Stopped`] if the control
-/// ends the search for a point to start from.
+/// [`Error`] if no patch can be found, or an option is out of range; [`Error::Stopped`] if the
+/// control ends the search for a point to start from.
 pub fn parameterize_surface(
     surface: &ImplicitSurface,
     options: &Options,
@@ -131,8 +131,8 @@ pub fn parameterize_surface(
 /// ```
 ///
 /// # Errors
-/// [`Error`] if no patch can be found at all, or an option is out of range; [`Error::Stopped`] if the
-/// control ends the work before there is a patch.
+/// [`Error`] if no patch can be found at all, or an option is out of range; [`Error::Stopped`] if
+/// the control ends the work before there is a patch.
 pub fn cover_surface(
     surface: &ImplicitSurface,
     options: &Options,
@@ -320,7 +320,7 @@ impl Coverage {
     fn findings(&self) -> Vec<PatchFinding> {
         let mut found = Vec::new();
         let (covered, samples) = (self.covered, self.samples);
-        if (covered as f64) < COVERED * samples as f64 {
+        if (covered as f64) < MIN_COVERED_SHARE * samples as f64 {
             found.push(PatchFinding::Uncovered { covered, samples });
         }
         let depth = self.depth.as_ref();

@@ -104,13 +104,13 @@ mod blocks;
 mod brep_model;
 mod cad_program;
 mod compare;
+mod constrained_template;
 mod exact_solid;
 mod facets;
 mod fit_chunks;
 mod fit_remarks;
 mod fit_scan;
 mod gallery;
-mod held;
 mod implicit;
 mod implicit_surface;
 mod implicitize_scan;
@@ -133,12 +133,12 @@ pub use blocks::{
 pub use brep_model::{BrepModelError, ModelBrep, brep_model};
 pub use cad_program::{CadDialect, CadOptions, CadProgramError, cad_program};
 pub use compare::{CompareError, Distances, Side, compare};
+pub use constrained_template::{Bounds, ConstrainedTemplate, ParameterError};
 pub use exact_solid::{ExactSolid, SolidMeasures, measure_solid, solid_gap};
-pub use facets::{CornerError, FacesError, OnFaces, points_on_faces};
+pub use facets::{CornerError, FacesError, PointsOnFaces, points_on_faces};
 pub use fit_chunks::{AnswerError, ChunkReader, ChunkSource, fit_chunks};
 pub use fit_scan::{FitOptions, FitScanError, FitScanWarning, NamedBounds, ScanFit, fit_scan};
 pub use gallery::{EXAMPLE_SCAN, GalleryTemplate, example_scan, template, templates};
-pub use held::{Bounds, HeldTemplate, ParameterError};
 pub use implicit::{GlobalPolynomial, Implicit, PolynomialError};
 pub use implicit_surface::{
     Coverage, ImplicitSurface, PatchFinding, cover_surface, parameterize_surface, patch_findings,
@@ -166,7 +166,7 @@ pub use isoform_tess as tess;
 pub use isoform_tess::{
     PatchesError, SurfaceBox, TriangulateError, triangulate as triangulate_map, triangulate_patches,
 };
-pub use live::{LiveModel, LiveParameter, Readings, solid_of_polynomial, undefined_at};
+pub use live::{LiveModel, LiveParameter, ModelTape, solid_of_polynomial, undefined_at};
 pub use mesh_model::{
     MeshModelError, MeshModelOptions, MeshNote, ModelMesh, RegionModel, adapt_to_model, mesh_model,
     mesh_model_regions,
@@ -183,7 +183,7 @@ pub use rational_surface::{
     RationalSurface, RationalSurfaceError, TriangulatedSurface, exact_number,
 };
 pub use recognize_scan::{
-    RecognizeError, Recognized, Standing, recognize_scan, sample_of, without_supports,
+    RecognizeError, Recognized, SeparatedPart, recognize_scan, sample_of, without_supports,
 };
 pub use spline_distance::SplineDistance;
 pub use template::{FrepTemplate, TemplateError};

@@ -14,11 +14,11 @@ use isoform_mesh::features::{START, extent_within};
 use rayon::prelude::*;
 
 /// Number of points that a thread evaluates at a time: enough to make scheduling negligible.
-const TOGETHER: usize = 4096;
+const POINTS_PER_TASK: usize = 4096;
 
 /// Tape that evaluates a model, with free parameters.
 #[derive(Clone, Debug)]
-pub struct Readings {
+pub struct ModelTape {
     /// Tape of the coordinates and parameters. Its results are the functions of the parts, then the
     /// approximate signed distance, then the index of the nearest part.
     pub tape: Tape,
@@ -55,7 +55,7 @@ pub struct LiveParameter {
 #[derive(Clone, Debug)]
 pub struct LiveModel {
     /// Tape that evaluates the model.
-    pub readings: Readings,
+    pub readings: ModelTape,
     /// Values of all parameters of the tape.
     pub values: Vec<f64>,
     /// Parameters that may be changed; tied and unused ones are not among them.
@@ -100,7 +100,7 @@ impl LiveModel {
         let Some(readings) = template
             .ok()
             .filter(|_| !is_run)
-            .and_then(|t| t.readings(t.parameters()))
+            .and_then(|t| t.model_tape(t.parameters()))
         else {
             return Ok(None);
         };
@@ -148,7 +148,7 @@ impl LiveModel {
         let mut roots = shape.pieces;
         roots.extend([shape.distance, shape.part]);
         Ok(Some(Self {
-            readings: Readings {
+            readings: ModelTape {
                 tape: Tape::new(&graph, &roots, 3, 0),
                 tree: shape.tree,
                 part_names: vec!["F".to_owned(); shape.parts.len()],
@@ -188,7 +188,7 @@ impl LiveModel {
     pub fn deviations(&self, cloud: &PointCloud) -> Vec<f64> {
         let places: Vec<Point3> = (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect();
         let distances: Vec<Vec<f64>> = places
-            .par_chunks(TOGETHER)
+            .par_chunks(POINTS_PER_TASK)
             .map(|chunk| self.distances(chunk))
             .collect();
         distances.concat().into_iter().map(|d| -d).collect()
@@ -198,7 +198,7 @@ impl LiveModel {
     /// program is not an expression.
     pub fn of_fit(found: &ScanFit) -> Option<Self> {
         let frep = &found.template.frep;
-        let readings = frep.readings(found.template.parameters())?;
+        let readings = frep.model_tape(found.template.parameters())?;
         let values = found.fit.values();
         let bounds = found.cloud.bounds();
         let infos = frep.model().params();
@@ -307,7 +307,7 @@ fn bounds_of(
 
 /// Number of samples along each side of a box at which a function is tested for undefined values.
 /// More samples find smaller undefined parts; their cost is the cube of this number.
-const SAMPLES: usize = 24;
+const SAMPLES_PER_SIDE: usize = 24;
 
 /// Returns a point of a box at which the function of a part of a solid is not a number, such as the
 /// square root of a negative number; `None` if no sample is such a point.
@@ -327,13 +327,14 @@ const SAMPLES: usize = 24;
 pub fn undefined_at(solid: &dyn Solid, bounds: &Aabb) -> Option<Point3> {
     let size = bounds.size();
     // Offset from the centres of cells, where formulas of round numbers have their poles.
-    let share = |i: usize| (i as f64 + 0.4142) / SAMPLES as f64;
+    let share = |i: usize| (i as f64 + 0.4142) / SAMPLES_PER_SIDE as f64;
     let point = |at: [usize; 3]| -> Point3 {
         std::array::from_fn(|k| bounds.lo[k] + share(at[k]) * size[k])
     };
     let which: Vec<u32> = (0..solid.names().len() as u32).collect();
-    (0..SAMPLES).into_par_iter().find_map_first(|i| {
-        let places = (0..SAMPLES).flat_map(|j| (0..SAMPLES).map(move |k| [i, j, k]));
+    (0..SAMPLES_PER_SIDE).into_par_iter().find_map_first(|i| {
+        let places =
+            (0..SAMPLES_PER_SIDE).flat_map(|j| (0..SAMPLES_PER_SIDE).map(move |k| [i, j, k]));
         let points: Vec<Point3> = places.map(point).collect();
         let mut values = vec![0.0; which.len() * points.len()];
         solid.values(&which, &points, &mut values);

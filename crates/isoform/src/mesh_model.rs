@@ -21,7 +21,7 @@ use std::fmt;
 
 /// Longest edge of a surface that keeps its own sizes, in mean lengths: the long triangles of CAD
 /// systems are divided.
-const LONGEST: f64 = 1.5;
+const MAX_EDGE_LENGTH_RATIO: f64 = 1.5;
 
 /// Options of the mesh of a model.
 ///
@@ -141,7 +141,7 @@ pub enum MeshNote {
 impl fmt::Display for MeshNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Loose { pieces, small } => return loose(f, *pieces, small),
+            Self::Loose { pieces, small } => return write_small_pieces(f, *pieces, small),
             Self::Touching => {
                 "bodies touch without crossing: the solid has no surface there that a mesh could \
                  follow; move them apart, or into each other"
@@ -196,25 +196,30 @@ impl ModelMesh {
         ];
         let there = notes.into_iter().filter(|note| note.0);
         let there = there.map(|note| note.1);
-        there.chain(loose_pieces(&self.meshed.mesh)).collect()
+        there.chain(small_pieces(&self.meshed.mesh)).collect()
     }
 }
 
-/// Maximum volume of a piece that is probably a crumb, as a share of the largest piece's volume.
-const CRUMB: f64 = 0.01;
+/// Maximum volume of a piece that is probably a crumb, as a share of the largest piece's volume. A
+/// larger one would report intended small pieces.
+const MAX_CRUMB_VOLUME_SHARE: f64 = 0.01;
 /// Maximum number of small pieces that the message lists.
-const TOLD: usize = 5;
+const MAX_LISTED_PIECES: usize = 5;
 
 /// Writes the message about small pieces.
-fn loose(f: &mut fmt::Formatter<'_>, pieces: usize, small: &[(f64, Point3)]) -> fmt::Result {
-    let (n, percent) = (small.len(), 100.0 * CRUMB);
+fn write_small_pieces(
+    f: &mut fmt::Formatter<'_>,
+    pieces: usize,
+    small: &[(f64, Point3)],
+) -> fmt::Result {
+    let (n, percent) = (small.len(), 100.0 * MAX_CRUMB_VOLUME_SHARE);
     let are = if n == 1 { "is" } else { "are" };
     write!(
         f,
         "{n} of {pieces} pieces {are} smaller than {percent} % of the largest and {are} joined to \
          nothing:"
     )?;
-    for (i, (volume, at)) in small.iter().take(TOLD).enumerate() {
+    for (i, (volume, at)) in small.iter().take(MAX_LISTED_PIECES).enumerate() {
         let comma = if i == 0 { "" } else { "," };
         write!(
             f,
@@ -223,12 +228,12 @@ fn loose(f: &mut fmt::Formatter<'_>, pieces: usize, small: &[(f64, Point3)]) -> 
             brief_point(*at)
         )?;
     }
-    f.write_str(if n > TOLD { ", ..." } else { "" })
+    f.write_str(if n > MAX_LISTED_PIECES { ", ..." } else { "" })
 }
 
 /// Returns the pieces of a mesh that are small compared to the largest; `None` without any. In a
 /// mesh of the surface, each outward shell bounds a piece.
-fn loose_pieces(mesh: &Mesh) -> Option<MeshNote> {
+fn small_pieces(mesh: &Mesh) -> Option<MeshNote> {
     let mesh = mesh.simplices();
     let place = |v: u32| mesh.points[v as usize];
     // Volumes of simplices; of triangles, those of the cones over them from the first point.
@@ -263,7 +268,9 @@ fn loose_pieces(mesh: &Mesh) -> Option<MeshNote> {
     let largest = pieces
         .values()
         .fold(0.0, |most: f64, piece| most.max(piece.0));
-    let small = pieces.values().filter(|piece| piece.0 < CRUMB * largest);
+    let small = pieces
+        .values()
+        .filter(|piece| piece.0 < MAX_CRUMB_VOLUME_SHARE * largest);
     let small: Vec<(f64, Point3)> = small.map(|piece| (piece.0, piece.1.center())).collect();
     (!small.is_empty()).then_some(MeshNote::Loose {
         pieces: pieces.len(),
@@ -293,7 +300,7 @@ pub fn mesh_model(
     options: &MeshModelOptions,
     control: &Control<'_>,
 ) -> Result<ModelMesh, MeshModelError> {
-    make(model, a, &[], None, options, control)
+    mesh_model_or_adapt(model, a, &[], None, options, control)
 }
 
 /// Region of a model: its intersection with another model.
@@ -337,7 +344,7 @@ pub fn mesh_model_regions(
     options: &MeshModelOptions,
     control: &Control<'_>,
 ) -> Result<ModelMesh, MeshModelError> {
-    make(model, a, regions, None, options, control)
+    mesh_model_or_adapt(model, a, regions, None, options, control)
 }
 
 /// Adapts a mesh from another source, tetrahedra or a surface, to the model that it approximates,
@@ -352,10 +359,10 @@ pub fn adapt_to_model(
     options: &MeshModelOptions,
     control: &Control<'_>,
 ) -> Result<ModelMesh, MeshModelError> {
-    make(model, a, &[], Some(given), options, control)
+    mesh_model_or_adapt(model, a, &[], Some(given), options, control)
 }
 
-fn make(
+fn mesh_model_or_adapt(
     model: &Model,
     a: &[f64],
     regions: &[RegionModel<'_>],
@@ -375,7 +382,7 @@ fn make(
                 if options.mesh.region.is_some() =>
             {
                 Meshable {
-                    solid: Box::new(OnePiece::new(Everywhere, model.name())),
+                    solid: Box::new(OnePiece::new(AllSpace, model.name())),
                     is_run: false,
                     parts: None,
                 }
@@ -400,7 +407,7 @@ fn make(
         solid: solid.as_ref(),
     });
     let regions: Vec<Region<'_>> = named.collect();
-    let mut made = of_solid(solid.as_ref(), &regions, given, options, control)?;
+    let mut made = mesh_solid_regions(solid.as_ref(), &regions, given, options, control)?;
     if are_run {
         let warning = Warning::of_all(WarningKind::NotProved);
         made.meshed.warnings.push(warning);
@@ -449,9 +456,9 @@ fn check_given(mesh: &Mesh) -> Result<(), MeshError> {
 }
 
 /// Field that is positive in all of space.
-struct Everywhere;
+struct AllSpace;
 
-impl Field for Everywhere {
+impl Field for AllSpace {
     fn value(&self, _: Point3) -> f64 {
         1.0
     }
@@ -469,10 +476,10 @@ pub(crate) fn mesh_solid(
     options: &MeshModelOptions,
     control: &Control<'_>,
 ) -> Result<ModelMesh, MeshModelError> {
-    of_solid(solid, &[], None, options, control)
+    mesh_solid_regions(solid, &[], None, options, control)
 }
 
-fn of_solid(
+fn mesh_solid_regions(
     solid: &dyn Solid,
     regions: &[Region<'_>],
     given: Option<&Mesh>,
@@ -551,7 +558,7 @@ fn own_size(
     control: &Control<'_>,
 ) -> Result<f64, MeshError> {
     Ok(match given {
-        Some(mesh) if mesh.tets.is_empty() => LONGEST * mean_edge(mesh),
+        Some(mesh) if mesh.tets.is_empty() => MAX_EDGE_LENGTH_RATIO * mean_edge(mesh),
         Some(mesh) => mean_edge(mesh),
         None => default_size_within(solid, &options.mesh, control)?,
     })
@@ -656,7 +663,7 @@ mod tests {
             panic!("{outside:?}");
         };
         assert!((bounds.center()[1] - 7.0).abs() < 0.05 && bounds.size()[0] < 0.3);
-        // Half a space is unbounded either way.
+        // A half space and its complement are unbounded.
         let half = meshed("my_model = x[1];", &options).expect_err("no end");
         assert!(matches!(half, MeshModelError::Mesh(_)), "{half}");
         let mut within = MeshModelOptions::of_surface(Some(Aabb {

@@ -8,14 +8,14 @@ use isoform_geom::{Aabb, Mesh, OnePiece, Point3, UnionFind, cross, middle, norm,
 use std::collections::HashMap;
 
 /// Name of the part of triangles near points.
-const SEEN: &str = "surface";
+const SEEN_PART: &str = "surface";
 /// Name of the part of triangles without points near them.
-const UNSEEN: &str = "unseen";
+const UNSEEN_PART: &str = "unseen";
 
 /// Maximum diagonal of a hole that counts as covered by points, in cells of the spline, measured
 /// from one cell behind the points around it. Gaps of uneven sampling are smaller (4.2 in half of
 /// the vertices of a rocker arm); regions that a scanner missed are larger.
-const GAP: f64 = 5.0;
+const MAX_GAP_CELLS: f64 = 5.0;
 
 /// Treatment of the surface far from all points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -40,7 +40,7 @@ pub fn mesh_spline(
     options: &MeshModelOptions,
     control: &Control<'_>,
 ) -> Result<ModelMesh, MeshModelError> {
-    let solid = OnePiece::new(spline.clone(), SEEN);
+    let solid = OnePiece::new(spline.clone(), SEEN_PART);
     let domain = spline.domain();
     let region = options.mesh.region.unwrap_or(domain);
     let mut options = options.clone();
@@ -62,7 +62,7 @@ pub fn mesh_spline(
         cut(mesh, &is_seen);
     } else {
         let part = mesh.parts.len() as u32;
-        mesh.parts.push(UNSEEN.to_owned());
+        mesh.parts.push(UNSEEN_PART.to_owned());
         mesh.triangle_parts.resize(mesh.triangles.len(), 0);
         for (p, seen) in mesh.triangle_parts.iter_mut().zip(&is_seen) {
             if !seen {
@@ -109,7 +109,7 @@ fn seen_triangles(mesh: &Mesh, spline: &Implicit) -> Vec<bool> {
     for i in 0..seen.len() {
         if !seen[i] {
             let (bounds, touches) = boxes[sets.root(i as u32) as usize];
-            seen[i] = touches && bounds.diagonal() <= GAP * spline.spacing();
+            seen[i] = touches && bounds.diagonal() <= MAX_GAP_CELLS * spline.spacing();
         }
     }
     seen
@@ -118,7 +118,7 @@ fn seen_triangles(mesh: &Mesh, spline: &Implicit) -> Vec<bool> {
 /// Minimum share of a component's area in cells that hold points. Surfaces through points reach
 /// 0.9; a component that only passes close to points, as an extra branch does, lies in neighbouring
 /// cells.
-const HELD: f64 = 0.3;
+const MIN_DATA_AREA_SHARE: f64 = 0.3;
 
 /// Marks components that only pass close to the points as unseen.
 fn drop_strays(mesh: &Mesh, spline: &Implicit, is_seen: &mut [bool]) {
@@ -156,7 +156,7 @@ fn drop_strays(mesh: &Mesh, spline: &Implicit, is_seen: &mut [bool]) {
     }
     for (i, seen) in is_seen.iter_mut().enumerate().filter(|(_, seen)| **seen) {
         let [all, held] = areas[sets.root(i as u32) as usize];
-        *seen = held >= HELD * all;
+        *seen = held >= MIN_DATA_AREA_SHARE * all;
     }
 }
 

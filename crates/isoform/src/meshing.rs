@@ -12,15 +12,16 @@ use isoform_mesh::{
 use std::collections::HashSet;
 
 /// Default number of elements along the diagonal of the box: some ten thousand tetrahedra in a
-/// ball.
-const ELEMENTS: f64 = 40.0;
+/// ball. Twice as many give eight times as many tetrahedra.
+const ELEMENTS_PER_DIAGONAL: f64 = 40.0;
 /// Initial tolerance of the search for the box of a solid, as a share of the starting box.
-const UNKNOWN: f64 = 1.0 / 80.0;
-/// Distance from the origin, in model units, to which the search for a box extends.
-const FAR: f64 = 1e6;
-/// Maximum number of further searches, each with a finer tolerance: they resolve solids of size
+const START_TOLERANCE_SHARE: f64 = 1.0 / 80.0;
+/// Distance from the origin, in model units, of the points at which a solid with a bounded
+/// complement must be filled; the search for a box extends as far.
+const FAR_POINT_DISTANCE: f64 = 1e6;
+/// Maximum number of searches for the box, each with a finer tolerance: they resolve solids of size
 /// 1e-6.
-const TIMES: usize = 6;
+const MAX_EXTENT_SEARCHES: usize = 6;
 
 /// Returns a model with the values `a` of its parameters as a solid, and true if its program must
 /// be run statement by statement.
@@ -132,17 +133,17 @@ fn sought(
     start: Aabb,
     control: &Control<'_>,
 ) -> Result<(Aabb, f64), ExtentError> {
-    let mut tolerance = UNKNOWN * start.size().into_iter().fold(0.0, f64::max);
+    let mut tolerance = START_TOLERANCE_SHARE * start.size().into_iter().fold(0.0, f64::max);
     let mut times = 0;
     loop {
         let bounds = extent_within(solid, start, tolerance, control)?.bounds;
-        let size = bounds.diagonal() / ELEMENTS;
+        let size = bounds.diagonal() / ELEMENTS_PER_DIAGONAL;
         if size >= tolerance {
             return Ok((bounds, size));
         }
         tolerance = size.min(0.1 * tolerance);
         times += 1;
-        if times == TIMES {
+        if times == MAX_EXTENT_SEARCHES {
             return Ok((bounds, tolerance));
         }
     }
@@ -152,13 +153,22 @@ fn sought(
 /// of such a solid is positive all around, and probably has the wrong sign.
 pub(crate) fn bounded_complement(solid: &dyn Solid, control: &Control<'_>) -> Option<Aabb> {
     // A solid with a bounded complement contains all distant points.
-    let axes = [0, 1, 2].map(|axis| [-FAR, FAR].map(|far| (axis, far)));
+    let axes =
+        [0, 1, 2].map(|axis| [-FAR_POINT_DISTANCE, FAR_POINT_DISTANCE].map(|far| (axis, far)));
     let on_axes = axes.as_flattened().iter().map(|(axis, far)| {
         let mut p = [0.0; 3];
         p[*axis] = *far;
         p
     });
-    let corners = (0..8).map(|i| std::array::from_fn(|k| if i >> k & 1 == 0 { -FAR } else { FAR }));
+    let corners = (0..8).map(|i| {
+        std::array::from_fn(|k| {
+            if i >> k & 1 == 0 {
+                -FAR_POINT_DISTANCE
+            } else {
+                FAR_POINT_DISTANCE
+            }
+        })
+    });
     let far: Vec<Point3> = on_axes.chain(corners).collect();
     let mut values = vec![0.0; far.len()];
     solid.sign_values(&far, &mut values);
@@ -171,7 +181,7 @@ pub(crate) fn bounded_complement(solid: &dyn Solid, control: &Control<'_>) -> Op
 
 /// Returns the edge length that suits a solid that fills a box.
 pub(crate) fn usual_size(region: Aabb) -> f64 {
-    two_digits(region.diagonal() / ELEMENTS)
+    two_digits(region.diagonal() / ELEMENTS_PER_DIAGONAL)
 }
 
 /// Returns the triangles of a mesh's surface between all of its nodes, and the part of each. A face
@@ -222,8 +232,9 @@ pub fn surface_of(mesh: &Mesh) -> PointCloud {
     }
 }
 
-/// Maximum distance of the node of a corner from it, as a share of the diagonal.
-const AT_CORNER: f64 = 1e-9;
+/// Maximum distance of the node of a corner from it, as a share of the diagonal: nodes are placed
+/// at corners to rounding.
+const MAX_CORNER_NODE_DISTANCE: f64 = 1e-9;
 
 /// Meshes a solid and certifies the mesh: topology, shape, distances to the solid, and its feature
 /// curves and corners.
@@ -349,7 +360,7 @@ fn nodes_at(mesh: &Mesh, corners: &[Point3]) -> Vec<u32> {
             .map(|&v| mesh.points[v as usize])
             .collect::<Vec<_>>(),
     );
-    let limit = (AT_CORNER * mesh.bounds().diagonal()).powi(2);
+    let limit = (MAX_CORNER_NODE_DISTANCE * mesh.bounds().diagonal()).powi(2);
     let (mut found, mut known) = (Vec::with_capacity(corners.len()), HashSet::new());
     for corner in corners {
         if let Some((i, squared)) = tree.nearest(*corner)

@@ -43,7 +43,7 @@ pub fn parts_of(model: &Model, a: &[f64]) -> Option<Parts> {
 
 /// Magnitude of a polynomial's largest coefficient below which the polynomial is scaled; it is also
 /// scaled above the inverse. Squares of gradients then stay within the range of doubles.
-const LEAST_SCALE: f64 = 1.0 / (1u128 << 100) as f64;
+const MIN_LARGEST_COEFFICIENT: f64 = 1.0 / (1u128 << 100) as f64;
 
 /// Parses a polynomial in x, y and z with rational coefficients, and rounds these to nearest;
 /// `None` if one is beyond the range of doubles, or the polynomial is constant. If the largest
@@ -67,7 +67,7 @@ pub fn polynomial(text: &str) -> Result<Option<Polynomial>, ParseError> {
     let by_size = |a: &&(_, f64), b: &&(_, f64)| a.1.abs().total_cmp(&b.1.abs());
     if let Some((e, c)) = exact.to_f64().iter().max_by(by_size).copied()
         && usable
-        && !(LEAST_SCALE..=1.0 / LEAST_SCALE).contains(&c.abs())
+        && !(MIN_LARGEST_COEFFICIENT..=1.0 / MIN_LARGEST_COEFFICIENT).contains(&c.abs())
         && let Some(scaled) = exact.div_exact(&Poly::constant(exact.coefficient(e)))
     {
         terms = rounded(&scaled);

@@ -15,7 +15,7 @@ use std::time::Duration;
 
 /// Share of a time limit that exact computations may take; the triangulation comes after them, and
 /// takes less.
-const EXACT_SHARE: f64 = 0.6;
+const EXACT_TIME_SHARE: f64 = 0.6;
 
 /// Rational surface that can be triangulated.
 #[derive(Clone, Debug)]
@@ -90,7 +90,7 @@ impl RationalSurface {
             options.mode = Mode::Glued;
         }
         if let Some(limit) = limit {
-            options.budget.seconds = EXACT_SHARE * limit.as_secs_f64();
+            options.budget.seconds = EXACT_TIME_SHARE * limit.as_secs_f64();
         }
         options
     }

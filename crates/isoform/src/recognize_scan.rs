@@ -2,7 +2,7 @@
 
 use crate::CornerError;
 use crate::facets::{FacesError, check_corners, points_on_faces, with_points};
-use crate::fit_scan::MOST_LEFT_OUT;
+use crate::fit_scan::MAX_LEFT_OUT_SHARE;
 use isoform_control::{Control, Stopped};
 use isoform_fit::{FitError, Scan};
 use isoform_geom::{Point3, PointCloud};
@@ -15,7 +15,7 @@ use std::borrow::Cow;
 
 /// Approximate number of points that are sampled on the faces of a CAD mesh. Fewer leave small
 /// faces without points, more take longer.
-const ON_FACES: usize = 20_000;
+const FACE_SAMPLES: usize = 20_000;
 
 /// Reason why recognition in a scan failed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -115,7 +115,7 @@ pub fn recognize_scan<'a>(
 ) -> Result<Recognized<'a>, RecognizeError> {
     check_corners(scan)?;
     if !scan.triangles.is_empty()
-        && let Some(found) = recognize_facets(scan, ON_FACES, options, control)?
+        && let Some(found) = recognize_facets(scan, FACE_SAMPLES, options, control)?
     {
         return Ok(Recognized {
             scan: Cow::Owned(with_points(scan, &found.inside)),
@@ -132,7 +132,7 @@ pub fn recognize_scan<'a>(
 
 /// Scan without the planes on which its part stands.
 #[derive(Clone, Debug)]
-pub struct Standing {
+pub struct SeparatedPart {
     /// Points that are left.
     pub part: PointCloud,
     /// Planes on which the part stands: a point and the unit normal of each, in the file's
@@ -151,8 +151,8 @@ pub struct Standing {
 pub fn without_supports(
     scan: &PointCloud,
     control: &Control<'_>,
-) -> Result<Option<Standing>, FacesError> {
-    if points_on_faces(scan, ON_FACES, control)?.is_some() {
+) -> Result<Option<SeparatedPart>, FacesError> {
+    if points_on_faces(scan, FACE_SAMPLES, control)?.is_some() {
         return Ok(None);
     }
     let ready = match Scan::new(&scan.points, &isoform_fit::Options::default(), control) {
@@ -163,13 +163,13 @@ pub fn without_supports(
     let clutter = ready.clutter();
     let is_part = |i: &u32| !clutter.is_on_support(scan.points[*i as usize]);
     let kept: Vec<u32> = (0..scan.points.len() as u32).filter(is_part).collect();
-    let is_most = kept.len() as f64 >= (1.0 - MOST_LEFT_OUT) * scan.points.len() as f64;
+    let is_most = kept.len() as f64 >= (1.0 - MAX_LEFT_OUT_SHARE) * scan.points.len() as f64;
     if kept.len() == scan.points.len() || !is_most {
         return Ok(None);
     }
     let absolute =
         |(at, normal): (Point3, Point3)| (std::array::from_fn(|k| at[k] + scan.origin[k]), normal);
-    Ok(Some(Standing {
+    Ok(Some(SeparatedPart {
         left_out: scan.points.len() - kept.len(),
         part: scan.select(&kept),
         supports: clutter.supports().map(absolute).collect(),

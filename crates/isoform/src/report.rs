@@ -21,15 +21,16 @@ mod surface;
 pub use brep::{BrepCertificateReport, BrepReport, FaceReport};
 pub use compare::{CompareReport, SideReport};
 pub use fit::{
-    About, Coverage, DataToModelReport, EvidenceReport, FitReport, OpenReport, OtherMinimumReport,
-    ParameterReport, PartReport, PoseReport, ScanReport, TemplateReport, TwoSided,
+    About, DataToModelReport, EvidenceReport, FitReport, ModelCoverage, OtherMinimumReport,
+    ParameterReport, PartReport, PoseReport, ScanReport, TemplateReport, TwoSidedReport,
+    UndeterminedReport,
 };
 pub use implicitize::{ImplicitizeReport, NormalsReport};
 pub use inspect::{ColumnReport, InspectReport, UnitReport};
 pub use mesh::{
     CertificateReport, ContentsReport, Counts, CurveGroup, DeviationReport, DistancesReport,
-    FailureReport, FeaturesReport, LayersReport, LengthsReport, MeshReport, ModelName, PartGroup,
-    RatioReport, RegionGroup, WarningReport, WrittenFile,
+    FailureReport, FeaturesReport, LayersReport, LengthsReport, MeshReport, ModelName,
+    OppositeReport, PartGroup, RatioReport, RegionGroup, RegionReport, WarningReport, WrittenFile,
 };
 pub use patches::{
     AboutPatches, BoxReport, CoverageReport, Entity, LeftOutReport, MarginReport, PatchReport,
@@ -37,7 +38,7 @@ pub use patches::{
 };
 pub use recognize::{
     BlendReport, EntityReport, LayoutReport, MotionReport, Parameters, PatternReport,
-    RecognizeReport, RelationReport, SnapReport, SymmetryReport,
+    RecognizeReport, RecognizedFaceReport, RelationReport, SnapReport, SymmetryReport,
 };
 pub use solid::{SolidFaceReport, SolidReport, StatedReport};
 pub use surface::{
@@ -87,7 +88,7 @@ pub struct Seconds(pub Vec<(String, f64)>);
 
 impl Seconds {
     /// Creates the list from names and seconds.
-    pub fn of(phases: &[(&str, f64)]) -> Self {
+    pub fn from_phases(phases: &[(&str, f64)]) -> Self {
         let named = phases.iter().map(|&(name, s)| (name.to_owned(), s));
         Self(named.collect())
     }

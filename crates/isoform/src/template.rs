@@ -1,9 +1,9 @@
 //! HyperFun program as a template for fitting, with a pose of its own if the program or the caller
 //! requests one.
 
-use crate::Readings;
+use crate::ModelTape;
 use isoform_field::hyperfun::{
-    Amount, Fixed, Kind as ProgramKind, Model, ParamInfo, Placement, Pose,
+    Amount, Fixed, Model, ParamInfo, Placement, Pose, QuantityKind as ProgramKind,
 };
 use isoform_field::{Distance, Graph, Interpreted, NodeId, Ops, Residual, Shape, Tape};
 use isoform_fit::{Kind, Parameter, Template, Tie};
@@ -35,7 +35,7 @@ const POSES: [Pose; 5] = [
 
 /// Extent of a cloud, in memory or in chunks: the data from which a template takes its frame and
 /// bounds.
-pub(crate) trait Outline {
+pub(crate) trait CloudExtent {
     /// Returns the second moments about the centre of the bounding box, by rows; `None` for fewer
     /// than four points.
     fn moments(&self) -> Option<[f64; 9]>;
@@ -44,16 +44,16 @@ pub(crate) trait Outline {
 }
 
 /// Cloud in memory.
-pub(crate) struct Here<'a>(pub(crate) &'a [Point3]);
+pub(crate) struct InMemoryPoints<'a>(pub(crate) &'a [Point3]);
 
-impl Outline for Here<'_> {
+impl CloudExtent for InMemoryPoints<'_> {
     fn moments(&self) -> Option<[f64; 9]> {
-        let center = Aabb::of(self.0).center();
+        let center = Aabb::from_points(self.0).center();
         (self.0.len() >= 4).then(|| isoform_fit::chunks::moments(self.0, center))
     }
     fn bounds_along(&self, base: &Rotation) -> Aabb {
         let turned = self.0.iter().map(|p| isoform_fit::chunks::along(base, p));
-        Aabb::of(&turned.collect::<Vec<_>>())
+        Aabb::from_points(&turned.collect::<Vec<_>>())
     }
 }
 
@@ -100,14 +100,14 @@ impl FrepTemplate {
     /// # Errors
     /// [`TemplateError`] if the object is not a function of space.
     pub fn with_pose(model: &Model, pose: Pose, points: &[Point3]) -> Result<Self, TemplateError> {
-        Self::posed(model, pose, &Here(points), [0.0; 3])
+        Self::compile_in_pose(model, pose, &InMemoryPoints(points), [0.0; 3])
     }
 
     /// Compiles a model for a cloud that need not be in memory, relative to an origin.
-    pub(crate) fn posed(
+    pub(crate) fn compile_in_pose(
         model: &Model,
         pose: Pose,
-        points: &dyn Outline,
+        points: &dyn CloudExtent,
         origin: Point3,
     ) -> Result<Self, TemplateError> {
         let stated = model.info().place.as_ref();
@@ -123,12 +123,20 @@ impl FrepTemplate {
 
     /// Compiles the template of a recipe of [`Template::recipe`]. Its functions are those of the
     /// original, its bounds are not. `None` if the numbers are not a recipe.
-    pub(crate) fn of_recipe(model: &Model, recipe: &[f64]) -> Option<Result<Self, TemplateError>> {
+    pub(crate) fn from_recipe(
+        model: &Model,
+        recipe: &[f64],
+    ) -> Option<Result<Self, TemplateError>> {
         let (pose, base) = recipe.split_first()?;
         let pose = *POSES.get(*pose as usize)?;
         let base: &[f64; 9] = base.try_into().ok()?;
         let base = std::array::from_fn(|i| std::array::from_fn(|j| base[3 * i + j]));
-        Some(Self::with_base(model, pose, (base, None), &Here(&[])))
+        Some(Self::with_base(
+            model,
+            pose,
+            (base, None),
+            &InMemoryPoints(&[]),
+        ))
     }
 
     /// Compiles a model with a base rotation and, if one is stated, a translation.
@@ -136,7 +144,7 @@ impl FrepTemplate {
         model: &Model,
         pose: Pose,
         place: (Rotation, Option<Point3>),
-        points: &dyn Outline,
+        points: &dyn CloudExtent,
     ) -> Result<Self, TemplateError> {
         let slack = vec![(1.0, 1.0); model.n_params()];
         Self::with_base_and_slack(model, pose, place, points, &slack)
@@ -148,7 +156,7 @@ impl FrepTemplate {
         model: &Model,
         pose: Pose,
         (base, at): (Rotation, Option<Point3>),
-        points: &dyn Outline,
+        points: &dyn CloudExtent,
         slack: &[(f64, f64)],
     ) -> Result<Self, TemplateError> {
         if model.dimension() != 3 {
@@ -210,16 +218,17 @@ impl FrepTemplate {
         })
     }
 
-    /// Returns templates with other base rotations, for scans that do not stand upright: the model's
-    /// z axis along each principal axis of the points, in both directions, each with four rotations
-    /// about it by quarter turns if the pose has one. Rotations within 20° of this template's base
-    /// are left out, unless the program states its pose: the others need not stay near that.
+    /// Returns templates with other base rotations, for scans that do not stand upright: the
+    /// model's z axis along each principal axis of the points, in both directions, each with four
+    /// rotations about it by quarter turns if the pose has one. Rotations within 20° of this
+    /// template's base are left out, unless the program states its pose: the others need not stay
+    /// near that.
     pub fn turned(&self, points: &[Point3]) -> Vec<Self> {
-        self.turned_in(&Here(points))
+        self.turned_in(&InMemoryPoints(points))
     }
 
     /// Does the work of [`Self::turned`] for a cloud that need not be in memory.
-    pub(crate) fn turned_in(&self, points: &dyn Outline) -> Vec<Self> {
+    pub(crate) fn turned_in(&self, points: &dyn CloudExtent) -> Vec<Self> {
         let spins = match self.pose {
             Pose::None | Pose::Translate if self.at.is_none() => return Vec::new(),
             Pose::None | Pose::Translate => {
@@ -234,8 +243,8 @@ impl FrepTemplate {
         };
         let mut bases: Vec<Rotation> = Vec::new();
         for spin in 0..spins {
-            for (k, sign) in UPWARD {
-                let base = standing(&axes, k, sign, spin);
+            for (k, sign) in UP_AXES {
+                let base = base_rotation(&axes, k, sign, spin);
                 let alike = |other: &Rotation| is_alike(self.pose, other, &base);
                 let is_tried = self.at.is_none() && alike(&self.base);
                 if !is_tried && !bases.iter().any(alike) {
@@ -251,7 +260,7 @@ impl FrepTemplate {
 
     /// Returns the length of the fitted Rodrigues vector: tan of half the angle between the pose
     /// and the base.
-    pub fn askew(&self, values: &[f64]) -> f64 {
+    pub fn rodrigues_length(&self, values: &[f64]) -> f64 {
         let q = &values[self.model.n_params()..];
         let r = match self.pose {
             Pose::None | Pose::Translate => return 0.0,
@@ -264,11 +273,11 @@ impl FrepTemplate {
     /// Returns the template with its fitted pose as the base. The bounding box of the points, of
     /// which bounds and starts may be shares, is then measured along the template's own axes.
     pub fn aligned(&self, values: &[f64], points: &[Point3]) -> Self {
-        self.aligned_in(values, &Here(points))
+        self.aligned_in(values, &InMemoryPoints(points))
     }
 
     /// Does the work of [`Self::aligned`] for a cloud that need not be in memory.
-    pub(crate) fn aligned_in(&self, values: &[f64], points: &dyn Outline) -> Self {
+    pub(crate) fn aligned_in(&self, values: &[f64], points: &dyn CloudExtent) -> Self {
         let place = match self.placement(values) {
             Some(p) => (p.rotation, self.at.map(|_| p.translation)),
             None => (self.base, self.at),
@@ -281,14 +290,14 @@ impl FrepTemplate {
     /// of the box, as these assume that the scan shows the whole part. A value has reached a bound
     /// if it is nearer than `near` times its range. `None` if no value has.
     pub fn widened(&self, values: &[f64], points: &[Point3], near: f64) -> Option<Self> {
-        self.widened_in(values, &Here(points), near)
+        self.widened_in(values, &InMemoryPoints(points), near)
     }
 
     /// Does the work of [`Self::widened`] for a cloud that need not be in memory.
     pub(crate) fn widened_in(
         &self,
         values: &[f64],
-        points: &dyn Outline,
+        points: &dyn CloudExtent,
         near: f64,
     ) -> Option<Self> {
         let mut slack = self.slack.clone();
@@ -299,10 +308,10 @@ impl FrepTemplate {
             let gap = (near * range).max(0.0);
             let is_share = |amount: Option<Amount>| amount.is_some_and(Amount::is_share);
             if is_share(info.max) && p.max.is_some_and(|max| values[i] > max - gap) {
-                (slack[i].1, is_wider) = (slack[i].1 * SLACK, true);
+                (slack[i].1, is_wider) = (slack[i].1 * BOUND_WIDENING_FACTOR, true);
             }
             if is_share(info.min) && p.min.is_some_and(|min| values[i] < min + gap) {
-                (slack[i].0, is_wider) = (slack[i].0 / SLACK, true);
+                (slack[i].0, is_wider) = (slack[i].0 / BOUND_WIDENING_FACTOR, true);
             }
         }
         is_wider.then(|| {
@@ -315,7 +324,7 @@ impl FrepTemplate {
     /// Returns the tape of the template, for other evaluators; `None` if the program is not an
     /// expression. `parameters` are the template's own, or those of the caller: tied ones follow
     /// the others, and values given for them are ignored.
-    pub fn readings(&self, parameters: &[Parameter]) -> Option<Readings> {
+    pub fn model_tape(&self, parameters: &[Parameter]) -> Option<ModelTape> {
         let own = self.model.n_params();
         let mut posed = Graph::new();
         let (point, scale) = posed_point(&mut posed, self.pose, &self.base, own);
@@ -325,7 +334,7 @@ impl FrepTemplate {
         let mut a: Vec<NodeId> = (0..own).map(|i| posed.param(i)).collect();
         for (i, parameter) in parameters.iter().enumerate().take(own) {
             if let Some(tie) = &parameter.tie {
-                a[i] = tied(&mut posed, tie);
+                a[i] = tie_value(&mut posed, tie);
             }
         }
         let mut roots = shape.pieces;
@@ -335,7 +344,7 @@ impl FrepTemplate {
             let distance = roots.len() - 2;
             roots[distance] = posed.mul(&roots[distance], &scale);
         }
-        Some(Readings {
+        Some(ModelTape {
             tape: Tape::new(&posed, &roots, 3, self.parameters.len()),
             tree: shape.tree,
             part_names: shape.parts.into_iter().map(|p| p.name).collect(),
@@ -447,7 +456,7 @@ impl Template for FrepTemplate {
 }
 
 /// Index of the principal axis along which the model's z axis is placed, and its direction.
-const UPWARD: [(usize, f64); 6] = [
+const UP_AXES: [(usize, f64); 6] = [
     (0, 1.0),
     (0, -1.0),
     (1, 1.0),
@@ -458,7 +467,7 @@ const UPWARD: [(usize, f64); 6] = [
 
 /// Returns the rotation with z along ± axis `k` and x along another axis, after `spin` quarter
 /// turns about z.
-fn standing(axes: &[Point3; 3], k: usize, sign: f64, spin: usize) -> Rotation {
+fn base_rotation(axes: &[Point3; 3], k: usize, sign: f64, spin: usize) -> Rotation {
     let z = axes[k].map(|v| sign * v);
     let x = if spin.is_multiple_of(2) {
         axes[(k + 1) % 3]
@@ -500,7 +509,7 @@ fn kind_of(kind: ProgramKind) -> Kind {
 }
 
 /// Returns the value of a tie as an expression of the parameters that it follows.
-fn tied(graph: &mut Graph, tie: &Tie) -> NodeId {
+fn tie_value(graph: &mut Graph, tie: &Tie) -> NodeId {
     let mut sum = graph.constant(tie.constant);
     for &(i, factor) in &tie.terms {
         let (factor, value) = (graph.constant(factor), graph.param(i));
@@ -512,7 +521,7 @@ fn tied(graph: &mut Graph, tie: &Tie) -> NodeId {
 
 /// Returns a bound, multiplied by the factor if it is a share of the box. A factor below 1 lowers
 /// positive and negative bounds.
-fn slackened(bound: Amount, extents: Point3, factor: f64) -> f64 {
+fn widened_bound(bound: Amount, extents: Point3, factor: f64) -> f64 {
     let value = bound.resolve(extents);
     let factor = if value < 0.0 { 1.0 / factor } else { factor };
     if bound.is_share() {
@@ -526,12 +535,12 @@ fn slackened(bound: Amount, extents: Point3, factor: f64) -> f64 {
 /// factors on its bounds if these are shares of the box.
 fn own_parameter(info: &ParamInfo, extents: Point3, slack: (f64, f64)) -> Parameter {
     let amount = |v: Option<Amount>| v.map(|v| v.resolve(extents));
-    let slackened = |v: Option<Amount>, factor| v.map(|v| slackened(v, extents, factor));
+    let widened = |v: Option<Amount>, factor| v.map(|v| widened_bound(v, extents, factor));
     Parameter {
         name: info.name.clone(),
         kind: kind_of(info.kind),
-        min: slackened(info.min, slack.0),
-        max: slackened(info.max, slack.1),
+        min: widened(info.min, slack.0),
+        max: widened(info.max, slack.1),
         start: amount(info.start),
         fixed: info.fixed.and_then(|f| match f {
             Fixed::At(v) => Some(v),
@@ -548,17 +557,17 @@ fn own_parameter(info: &ParamInfo, extents: Point3, slack: (f64, f64)) -> Parame
 
 /// Factor by which a bound is widened. A quarter of a round part shows half of its box: widening it
 /// twice suffices.
-const SLACK: f64 = 2.0;
+const BOUND_WIDENING_FACTOR: f64 = 2.0;
 /// Maximum of each component of the Rodrigues vector about the base rotation: 53° about each axis.
 /// The base is at most 45° off for shapes whose principal axes are distinct, and scans of other
 /// shapes mostly stand upright.
-const WIDEST_TURN: f64 = 0.5;
+const MAX_RODRIGUES_COMPONENT: f64 = 0.5;
 /// Share of the data's box by which it is enlarged on each side in the search for the model's
 /// origin: templates keep their origin inside the shape.
-const POSITION_MARGIN: f64 = 0.25;
+const POSITION_MARGIN_SHARE: f64 = 0.25;
 
-/// Factor on both bounds of the pose if the program states the position.
-const NEAR: f64 = 0.1;
+/// Factor on the bounds of the position and the rotation if the program states the pose.
+const STATED_POSE_BOUND_SHARE: f64 = 0.1;
 
 /// Returns the parameters of a pose, for points in a box with these extents about `center`; near
 /// `at`, the position of the model's origin, if that is stated.
@@ -574,9 +583,13 @@ fn pose_parameters(
         Pose::Axis => &["pose_rx", "pose_ry"],
         Pose::Rigid | Pose::Similarity => &["pose_rx", "pose_ry", "pose_rz"],
     };
-    let share = if at.is_some() { NEAR } else { 1.0 };
-    let reach = share * (0.5 + POSITION_MARGIN) * extents.into_iter().fold(0.0, f64::max);
-    let turn = share * WIDEST_TURN;
+    let share = if at.is_some() {
+        STATED_POSE_BOUND_SHARE
+    } else {
+        1.0
+    };
+    let reach = share * (0.5 + POSITION_MARGIN_SHARE) * extents.into_iter().fold(0.0, f64::max);
+    let turn = share * MAX_RODRIGUES_COMPONENT;
     let center = at.unwrap_or(center);
     let position = [
         ("pose_x", Kind::X),
@@ -613,7 +626,7 @@ fn pose_parameters(
 
 /// Returns the extents of the points along the axes of the base rotation, and the centre of that
 /// box in space.
-fn extents_along(base: &Rotation, points: &dyn Outline) -> (Point3, Point3) {
+fn extents_along(base: &Rotation, points: &dyn CloudExtent) -> (Point3, Point3) {
     let bounds = points.bounds_along(base);
     if bounds.is_empty() {
         return ([0.0; 3], [0.0; 3]);
@@ -738,7 +751,7 @@ fn cayley(r: Point3) -> Rotation {
 /// Returns the principal axes of the points as a rotation, with the order and signs of the smallest
 /// angle, since scans mostly stand upright. Axes whose moments are equal within a tenth are left at
 /// the coordinate axes.
-fn upright_axes(points: &dyn Outline) -> Rotation {
+fn upright_axes(points: &dyn CloudExtent) -> Rotation {
     let Some((values, axes)) = principal_axes(points) else {
         return IDENTITY;
     };
@@ -755,7 +768,7 @@ fn upright_axes(points: &dyn Outline) -> Rotation {
 
 /// Returns the moments, rising, and the principal axes of the points as a right-handed frame;
 /// `None` for fewer than four points.
-fn principal_axes(points: &dyn Outline) -> Option<([f64; 3], [Point3; 3])> {
+fn principal_axes(points: &dyn CloudExtent) -> Option<([f64; 3], [Point3; 3])> {
     let moments = points.moments()?;
     if moments.iter().any(|v| !v.is_finite()) {
         return None;

@@ -8,12 +8,12 @@ use isoform_check::quality::six_volume;
 use isoform_check::{self as check, Certificate, Defects, Limits, certify};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid, cross, norm, sub};
-use isoform_mesh::blocks::{Closed, Plan, holds};
+use isoform_mesh::blocks::{BlockMesh, Plan, holds};
 use serde::{Deserialize, Serialize};
 
 /// Maximum number of places kept of each kind of finding. The block's own elements come first, so
 /// that those around it take the remaining places.
-const PLACES: usize = 1000;
+const MAX_PLACES_PER_DEFECT: usize = 1000;
 
 /// Measures of a block that was written. Lengths are in model units.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
@@ -60,7 +60,7 @@ pub struct BlockFailure {
 
 /// Measures and certifies a block; the name of its file is left empty.
 pub(super) fn figures(
-    closed: &Closed,
+    closed: &BlockMesh,
     solid: &dyn Solid,
     plan: &Plan,
     k: usize,
@@ -113,7 +113,7 @@ pub(super) fn figures(
 
 /// Certifies a block together with its surroundings, and keeps the findings in its room.
 fn certified(
-    closed: &Closed,
+    closed: &BlockMesh,
     solid: &dyn Solid,
     plan: &Plan,
     room: Aabb,
@@ -128,7 +128,7 @@ fn certified(
     let corners = plan.corners.iter().copied();
     let corners: Vec<Point3> = corners.filter(|p| holds(&room, *p)).collect();
     let wanted = check::Options {
-        places: PLACES,
+        places: MAX_PLACES_PER_DEFECT,
         size: Some(plan.size),
         region: options.mesh.region,
         curves: &curves,

@@ -2,7 +2,9 @@
 
 use super::BlocksError;
 use super::store::{read_faces, write_plan};
-use super::task::{BlockReport, BlockTask, BlockWarning, Step, faces, live, plan};
+use super::task::{
+    BlockReport, BlockStep, BlockTask, BlockWarning, faces_file, live_file, plan_file,
+};
 use crate::mesh_model::no_layers;
 use crate::{MeshModelOptions, default_size_within};
 use isoform_control::Control;
@@ -16,11 +18,14 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Maximum number of times that the halo of blocks that do not match is doubled: to 64 cells.
-const LARGER: u32 = 4;
+/// Maximum number of times that the halo of blocks that do not match is doubled: to 64 cells. With
+/// fewer, more jobs end with [`MeshError::Apart`]; each doubling meshes the blocks again.
+const MAX_HALO_DOUBLINGS: u32 = 4;
 /// Distance from its room, in sizes, at which tetrahedra of a round may lie. Nodes on the sides of
-/// a room do not move, so that only tetrahedra at a side have their centroids beyond it.
-const BEYOND: f64 = 3.0;
+/// a room do not move, so that only tetrahedra at a side have their centroids beyond it. With less,
+/// rooms may miss tetrahedra of their neighbours, which the job reports as an error; with more,
+/// tasks read more files.
+const MAX_OVERHANG_SIZES: f64 = 3.0;
 
 /// Job that meshes a model in blocks, as steps of independent tasks.
 ///
@@ -49,8 +54,8 @@ pub struct BlocksJob {
     plan: Plan,
     options: MeshModelOptions,
     out: PathBuf,
-    folder: Folder,
-    phase: Phase,
+    folder: TaskFolder,
+    phase: JobPhase,
     /// Number of cells of each block's halo.
     halos: Vec<usize>,
     /// Last report of each block from each of its steps.
@@ -64,7 +69,7 @@ pub struct BlocksJob {
 
 /// Next step of the job.
 #[derive(Clone, Debug, PartialEq)]
-enum Phase {
+enum JobPhase {
     /// Meshing of these blocks.
     Make(Vec<usize>),
     Mend,
@@ -160,15 +165,15 @@ impl BlocksJob {
         options.size = Some(options.mesh.size);
         let plan = Plan::new(solid, counts, &options.mesh, control)?;
         let out = std::path::absolute(out).unwrap_or_else(|_| out.to_owned());
-        let folder = Folder::beside(&out)?;
-        write_plan(&self::plan(&folder.0), &plan)?;
+        let folder = TaskFolder::next_to(&out)?;
+        write_plan(&plan_file(&folder.0), &plan)?;
         let n = plan.blocks();
         Ok(Self {
             plan,
             options,
             out,
             folder,
-            phase: Phase::Make((0..n).collect()),
+            phase: JobPhase::Make((0..n).collect()),
             halos: vec![DEFAULT_HALO_CELLS; n],
             made: vec![BlockReport::default(); n],
             closed: Vec::new(),
@@ -186,9 +191,9 @@ impl BlocksJob {
     /// Returns the name of the current step.
     pub fn step_name(&self) -> &'static str {
         match self.phase {
-            Phase::Make(_) => "blocks",
-            Phase::Mend => "between blocks",
-            Phase::Close | Phase::Done => "certificates",
+            JobPhase::Make(_) => "blocks",
+            JobPhase::Mend => "between blocks",
+            JobPhase::Close | JobPhase::Done => "certificates",
         }
     }
 
@@ -196,28 +201,28 @@ impl BlocksJob {
     pub fn tasks(&self) -> Vec<BlockTask> {
         let all = 0..self.plan.blocks();
         match &self.phase {
-            Phase::Make(blocks) => blocks
+            JobPhase::Make(blocks) => blocks
                 .iter()
                 .map(|&k| {
                     self.task(
                         k,
-                        Step::Make {
+                        BlockStep::Make {
                             halo: self.halos[k],
                         },
                         Vec::new(),
                     )
                 })
                 .collect(),
-            Phase::Mend => all.map(|k| self.mending(k)).collect(),
-            Phase::Close => all.map(|k| self.closing(k)).collect(),
-            Phase::Done => Vec::new(),
+            JobPhase::Mend => all.map(|k| self.mending(k)).collect(),
+            JobPhase::Close => all.map(|k| self.closing(k)).collect(),
+            JobPhase::Done => Vec::new(),
         }
     }
 
     fn mending(&self, k: usize) -> BlockTask {
         let round = self.round + 1;
         let sources = self.near(self.plan.room(round, k));
-        self.task(k, Step::Mend { round }, sources)
+        self.task(k, BlockStep::Mend { round }, sources)
     }
 
     fn closing(&self, k: usize) -> BlockTask {
@@ -225,10 +230,10 @@ impl BlocksJob {
             .plan
             .room(0, k)
             .widened(BLOCK_MARGIN_SIZES * self.plan.size);
-        self.task(k, Step::Close { round: self.round }, self.near(room))
+        self.task(k, BlockStep::Close { round: self.round }, self.near(room))
     }
 
-    fn task(&self, block: usize, step: Step, sources: Vec<usize>) -> BlockTask {
+    fn task(&self, block: usize, step: BlockStep, sources: Vec<usize>) -> BlockTask {
         BlockTask {
             step,
             block,
@@ -240,7 +245,7 @@ impl BlocksJob {
 
     /// Returns the rooms of the last round whose tetrahedra may lie in a room.
     fn near(&self, room: Aabb) -> Vec<usize> {
-        let wide = room.widened(BEYOND * self.plan.size);
+        let wide = room.widened(MAX_OVERHANG_SIZES * self.plan.size);
         let meets = |k: &usize| {
             let other = self.plan.room(self.round, *k);
             (0..3).all(|i| other.lo[i] <= wide.hi[i] && wide.lo[i] <= other.hi[i])
@@ -262,10 +267,10 @@ impl BlocksJob {
     pub fn advance(&mut self, mut reports: Vec<BlockReport>) -> Result<(), BlocksError> {
         reports.sort_by_key(|r| r.block);
         match self.phase {
-            Phase::Make(_) => self.compare(reports),
-            Phase::Mend => self.settle(&reports),
-            Phase::Close => self.conclude(reports),
-            Phase::Done => Ok(()),
+            JobPhase::Make(_) => self.compare(reports),
+            JobPhase::Mend => self.settle(&reports),
+            JobPhase::Close => self.conclude(reports),
+            JobPhase::Done => Ok(()),
         }
     }
 
@@ -280,9 +285,9 @@ impl BlocksJob {
         if apart.is_empty() {
             self.live = self.made.iter().map(|r| r.live[1]).sum();
             self.phase = if self.live == 0 {
-                Phase::Close
+                JobPhase::Close
             } else {
-                Phase::Mend
+                JobPhase::Mend
             };
             return Ok(());
         }
@@ -296,12 +301,12 @@ impl BlocksJob {
         again
             .iter()
             .for_each(|&k| self.halos[k] = (2 * self.halos[k]).max(1));
-        self.phase = Phase::Make(again);
+        self.phase = JobPhase::Make(again);
         Ok(())
     }
 
     fn may_grow(&self, k: usize) -> bool {
-        self.halos[k] < DEFAULT_HALO_CELLS << LARGER && !self.made[k].is_whole
+        self.halos[k] < DEFAULT_HALO_CELLS << MAX_HALO_DOUBLINGS && !self.made[k].is_whole
     }
 
     /// Returns true if any of the places lies in a block or at its sides.
@@ -315,7 +320,7 @@ impl BlocksJob {
     fn apart(&mut self) -> Result<Vec<Point3>, BlocksError> {
         let mut between = Interfaces::default();
         for k in 0..self.plan.blocks() {
-            between.add(&read_faces(&faces(&self.folder.0, k))?);
+            between.add(&read_faces(&faces_file(&self.folder.0, k))?);
         }
         self.interfaces = between.pairs();
         Ok(between.apart())
@@ -329,12 +334,12 @@ impl BlocksJob {
         }
         for k in 0..self.plan.blocks() {
             // Files that cannot be removed now are removed with the folder.
-            let _ = std::fs::remove_file(live(&self.folder.0, self.round, k));
+            let _ = std::fs::remove_file(live_file(&self.folder.0, self.round, k));
         }
         self.live = left;
         self.round += 1;
         if self.round + 1 == BLOCK_ROUNDS {
-            self.phase = Phase::Close;
+            self.phase = JobPhase::Close;
         }
         Ok(())
     }
@@ -359,7 +364,7 @@ impl BlocksJob {
         let pieces: Vec<String> = (0..self.plan.blocks()).map(|k| self.piece(k)).collect();
         write_pvtu(&self.out, &pieces)?;
         self.closed = reports;
-        self.phase = Phase::Done;
+        self.phase = JobPhase::Done;
         Ok(())
     }
 
@@ -368,7 +373,7 @@ impl BlocksJob {
     /// # Errors
     /// [`MeshError::Stopped`] if steps are left.
     pub fn finish(self) -> Result<BlocksReport, BlocksError> {
-        if self.phase != Phase::Done {
+        if self.phase != JobPhase::Done {
             return Err(MeshError::Stopped.into());
         }
         let all = self.made.iter().chain(&self.closed);
@@ -382,7 +387,7 @@ impl BlocksJob {
             counts: self.plan.counts,
             certificate: WholeReport {
                 shared_faces: self.interfaces,
-                ..WholeReport::of(&self.closed, self.options.limits.covered)
+                ..WholeReport::from_blocks(&self.closed, self.options.limits.covered)
             },
             blocks: self.closed,
             warnings,
@@ -393,7 +398,7 @@ impl BlocksJob {
 impl WholeReport {
     /// Combines the figures of all blocks; `least_covered` is the minimum share of the feature
     /// curves with edges.
-    fn of(blocks: &[BlockReport], least_covered: f64) -> Self {
+    fn from_blocks(blocks: &[BlockReport], least_covered: f64) -> Self {
         let mut whole = Self::default();
         let mut curves = [0.0; 2];
         for f in blocks.iter().filter_map(|b| b.figures.as_ref()) {
@@ -428,11 +433,11 @@ fn lost(there: usize, found: usize) -> BlocksError {
 
 /// Folder of intermediate files, which is removed when dropped.
 #[derive(Debug)]
-struct Folder(PathBuf);
+struct TaskFolder(PathBuf);
 
-impl Folder {
+impl TaskFolder {
     /// Creates a new, hidden folder next to a file.
-    fn beside(out: &Path) -> Result<Self, BlocksError> {
+    fn next_to(out: &Path) -> Result<Self, BlocksError> {
         /// Number of folders that this process has named.
         static NUMBER: AtomicU64 = AtomicU64::new(0);
         let name = out.file_name().unwrap_or_default().to_string_lossy();
@@ -447,7 +452,7 @@ impl Folder {
     }
 }
 
-impl Drop for Folder {
+impl Drop for TaskFolder {
     fn drop(&mut self) {
         // A folder that cannot be removed does no harm.
         let _ = std::fs::remove_dir_all(&self.0);
@@ -495,7 +500,7 @@ mod tests {
         };
         let mut job = new();
         step(&mut job, solid.as_ref()).expect("blocks");
-        let Phase::Make(again) = job.phase.clone() else {
+        let JobPhase::Make(again) = job.phase.clone() else {
             panic!("the halo was wide enough")
         };
         assert!(again.contains(&1));

@@ -14,19 +14,19 @@ const MAGIC: &[u8; 8] = b"isoblk01";
 /// Writes a file, whole or not at all.
 fn write(
     path: &Path,
-    content: impl FnOnce(&mut Sink<'_>) -> io::Result<()>,
+    content: impl FnOnce(&mut NumberWriter<'_>) -> io::Result<()>,
 ) -> Result<(), BlocksError> {
     write_atomic(path, |out| {
         out.write_all(MAGIC)?;
-        content(&mut Sink(out))
+        content(&mut NumberWriter(out))
     })?;
     Ok(())
 }
 
 /// Writer of numbers.
-struct Sink<'w>(&'w mut dyn Write);
+struct NumberWriter<'w>(&'w mut dyn Write);
 
-impl Sink<'_> {
+impl NumberWriter<'_> {
     fn count(&mut self, n: usize) -> io::Result<()> {
         self.0.write_all(&(n as u64).to_le_bytes())
     }
@@ -45,11 +45,11 @@ impl Sink<'_> {
 }
 
 /// Reader of the numbers of a file.
-struct Bytes<'b> {
+struct NumberReader<'b> {
     rest: &'b [u8],
 }
 
-impl Bytes<'_> {
+impl NumberReader<'_> {
     fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
         let (head, rest) = self.rest.split_first_chunk::<N>()?;
         self.rest = rest;
@@ -82,14 +82,17 @@ impl Bytes<'_> {
 }
 
 /// Reads a whole file with `content`.
-fn read<T>(path: &Path, content: impl Fn(&mut Bytes<'_>) -> Option<T>) -> Result<T, BlocksError> {
+fn read<T>(
+    path: &Path,
+    content: impl Fn(&mut NumberReader<'_>) -> Option<T>,
+) -> Result<T, BlocksError> {
     let wrong = |why: String| BlocksError::Read {
         file: path.display().to_string(),
         why,
     };
     let bytes = std::fs::read(path).map_err(|e| wrong(e.to_string()))?;
     let rest = bytes.strip_prefix(MAGIC);
-    let mut bytes = Bytes {
+    let mut bytes = NumberReader {
         rest: rest.ok_or_else(|| wrong("it is of another version".to_owned()))?,
     };
     content(&mut bytes)
@@ -136,7 +139,7 @@ pub(super) fn write_faces(path: &Path, faces: &[OpenFace]) -> Result<(), BlocksE
 pub(super) fn read_faces(path: &Path) -> Result<Vec<OpenFace>, BlocksError> {
     read(path, |bytes| {
         let n = bytes.count(44)?;
-        let face = |bytes: &mut Bytes<'_>| {
+        let face = |bytes: &mut NumberReader<'_>| {
             Some(OpenFace {
                 key: u128::from_le_bytes(bytes.take()?),
                 is_turned: bytes.index()? == 1,
@@ -209,7 +212,7 @@ pub(super) fn read_plan(path: &Path) -> Result<Plan, BlocksError> {
     })
 }
 
-fn apex(bytes: &mut Bytes<'_>) -> Option<Corner> {
+fn apex(bytes: &mut NumberReader<'_>) -> Option<Corner> {
     let point = bytes.point()?;
     let n = bytes.count(4)?;
     Some(Corner {

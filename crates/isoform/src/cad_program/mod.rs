@@ -11,8 +11,8 @@ mod tree;
 
 use isoform_field::hyperfun::Model;
 use isoform_field::{Graph, SolidError, parameter_values};
-use text::Writer;
-use tree::Translator;
+use text::ProgramWriter;
+use tree::SolidTranslator;
 
 /// Language of CAD programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,11 +93,11 @@ pub fn cad_program(
     let values = parameter_values(model, a)?;
     let mut graph = Graph::new();
     let root = model.compile(&mut graph).map_err(SolidError::from)?;
-    let mut translator = Translator::new(graph, &values);
+    let mut translator = SolidTranslator::new(graph, &values);
     let region = translator.region(root)?;
     if region.is_outside {
         return Err(CadProgramError::Unbounded);
     }
-    let writer = Writer::new(&translator, model, &values, dialect);
+    let writer = ProgramWriter::new(&translator, model, &values, dialect);
     Ok(writer.program(&region.solid, options))
 }

@@ -1,11 +1,11 @@
-use super::tree::{Solid, Translator, Vector};
+use super::tree::{CadSolid, SolidTranslator, Vector};
 use super::*;
 use isoform_field::NodeId;
 use isoform_field::hyperfun::Mode;
 use isoform_geom::{Point3, cross, dot, norm, sub};
 use isoform_num::Random;
 
-/// Programs with all kinds of solids, operations, signs and turned coordinates.
+/// Programs with all kinds of solids, operations, signs and rotated coordinates.
 const PROGRAMS: [&str; 5] = [
     "m(x[3], a[2]) { array c[3], k[3]; c = [0.2, 0, -0.1]; k = [-1, -1, -1];
        m = (hfBlock(x, k, 2, a[1], 1.5) | hfTorusX(x, c, 1, 0.3)) \\ hfCylinderY(x, c, a[2]); }",
@@ -24,9 +24,9 @@ const PROGRAMS: [&str; 5] = [
     "m(x[3], a[2]) { m = max(min(x[1], 1 - x[1]), min(min(x[2], a[1] - x[2]), x[3] - a[2])); }",
 ];
 
-/// The solids of a program's statements, with values for their numbers.
+/// Returns the solids of a program's statements, with values of their numbers.
 struct Known<'a> {
-    translator: &'a Translator<'a>,
+    translator: &'a SolidTranslator<'a>,
     values: [f64; 2],
 }
 
@@ -39,40 +39,41 @@ impl Known<'_> {
         v.map(|id| self.number(id))
     }
 
-    /// True if a point is in a solid, by its geometry.
-    fn holds(&self, solid: &Solid, p: Point3) -> bool {
+    /// Returns true if a point is in a solid, by its geometry.
+    fn holds(&self, solid: &CadSolid, p: Point3) -> bool {
         // Distances from the axis, and along it.
         let about = |at: &Vector, way: &Vector| {
             let (from, way) = (sub(p, self.vector(at)), self.vector(way));
             (norm(cross(from, way)), dot(from, way))
         };
         match solid {
-            Solid::Half(n, d) => dot(self.vector(n), p) + self.number(*d) >= 0.0,
-            Solid::Block(low, high) => {
+            CadSolid::Half(n, d) => dot(self.vector(n), p) + self.number(*d) >= 0.0,
+            CadSolid::Block(low, high) => {
                 let (low, high) = (self.vector(low), self.vector(high));
                 (0..3).all(|k| low[k] <= p[k] && p[k] <= high[k])
             }
-            Solid::Rod(at, way, radius) => about(at, way).0 <= self.number(*radius),
-            Solid::Ball(at, radius) => norm(sub(p, self.vector(at))) <= self.number(*radius),
-            Solid::Ring(at, way, circle, tube) => {
+            CadSolid::Rod(at, way, radius) => about(at, way).0 <= self.number(*radius),
+            CadSolid::Ball(at, radius) => norm(sub(p, self.vector(at))) <= self.number(*radius),
+            CadSolid::Ring(at, way, circle, tube) => {
                 let (off, along) = about(at, way);
                 (off - self.number(*circle)).hypot(along) <= self.number(*tube)
             }
-            Solid::Cones(at, way, slope) => {
+            CadSolid::Cones(at, way, slope) => {
                 let (off, along) = about(at, way);
                 off <= self.number(*slope) * along.abs()
             }
-            Solid::Union(all) => all.iter().any(|s| self.holds(s, p)),
-            Solid::Common(all) => all.iter().all(|s| self.holds(s, p)),
-            Solid::Cut(first, others) => {
+            CadSolid::Union(all) => all.iter().any(|s| self.holds(s, p)),
+            CadSolid::Common(all) => all.iter().all(|s| self.holds(s, p)),
+            CadSolid::Cut(first, others) => {
                 self.holds(first, p) && !others.iter().any(|s| self.holds(s, p))
             }
-            Solid::Named(k) => self.holds(&self.translator.statements[*k].1, p),
+            CadSolid::Named(k) => self.holds(&self.translator.statements[*k].1, p),
         }
     }
 }
 
-/// Solids hold the points at which the program is positive, for other values of the parameters, too.
+/// Solids contain the points at which the program is positive, for other values of the parameters,
+/// too.
 #[test]
 fn solids_are_those_of_the_program() {
     let mut random = Random::new(3);
@@ -80,7 +81,7 @@ fn solids_are_those_of_the_program() {
         let model = Model::parse(program, Mode::Default).expect("a program");
         let mut graph = Graph::new();
         let root = model.compile(&mut graph).expect("an expression");
-        let mut translator = Translator::new(graph.clone(), &[1.1, 0.4]);
+        let mut translator = SolidTranslator::new(graph.clone(), &[1.1, 0.4]);
         let region = translator.region(root).expect("a solid");
         for values in [[1.1, 0.4], [0.9, 0.25]] {
             let known = Known {

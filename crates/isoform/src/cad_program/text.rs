@@ -1,6 +1,6 @@
 //! Text of a CAD program.
 
-use super::tree::{Solid, Translator, Vector};
+use super::tree::{CadSolid, SolidTranslator, Vector};
 use super::{CadDialect, CadOptions};
 use isoform_field::hyperfun::{Model, ParamInfo};
 use isoform_field::{Binary, Graph, Node, NodeId, Unary};
@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 /// Half the size of the boxes that represent half spaces, in diagonals of the part.
-const FAR: f64 = 10.0;
+const HALF_SPACE_DIAGONALS: f64 = 10.0;
 
 /// Operations of each dialect, with equal names and meanings.
 const BUILD123D: &str = include_str!("build123d.py");
@@ -16,13 +16,13 @@ const CADQUERY: &str = include_str!("cadquery.py");
 const OPENSCAD: &str = include_str!("openscad.scad");
 
 /// Names that the programs define, and keywords of the languages.
-const TAKEN: &str = "and as assert async await bd break class continue cq def del elif else except \
+const RESERVED_NAMES: &str = "and as assert async await bd break class continue cq def del elif else except \
     finally for from global if import in is lambda nonlocal not or pass raise return try while \
     with yield part far sys one half_space block rod ball ring cones union common cut along each \
     difference intersection module function let echo true false undef pi e";
 
 /// Writer of a program.
-pub(super) struct Writer<'a> {
+pub(super) struct ProgramWriter<'a> {
     graph: &'a Graph,
     model: &'a Model,
     values: &'a [f64],
@@ -30,17 +30,20 @@ pub(super) struct Writer<'a> {
     /// Names of the parameters, and of the statements.
     parameters: Vec<String>,
     names: Vec<String>,
-    statements: &'a [(String, Solid)],
+    statements: &'a [(String, CadSolid)],
 }
 
-impl<'a> Writer<'a> {
+impl<'a> ProgramWriter<'a> {
     pub(super) fn new(
-        translator: &'a Translator<'_>,
+        translator: &'a SolidTranslator<'_>,
         model: &'a Model,
         values: &'a [f64],
         dialect: CadDialect,
     ) -> Self {
-        let mut taken: BTreeSet<String> = TAKEN.split_whitespace().map(str::to_owned).collect();
+        let mut taken: BTreeSet<String> = RESERVED_NAMES
+            .split_whitespace()
+            .map(str::to_owned)
+            .collect();
         let mut free = |wanted: &str| {
             let plain: String = wanted
                 .chars()
@@ -73,7 +76,7 @@ impl<'a> Writer<'a> {
     }
 
     /// Returns the complete program.
-    pub(super) fn program(&self, result: &Solid, options: &CadOptions) -> String {
+    pub(super) fn program(&self, result: &CadSolid, options: &CadOptions) -> String {
         let comment = if self.is_python() { "#" } else { "//" };
         let end = if self.is_python() { "" } else { ";" };
         let mut text = String::new();
@@ -95,7 +98,7 @@ impl<'a> Writer<'a> {
             };
             let _ = writeln!(text, "{name} = {value}{end}{about}");
         }
-        let far = FAR * options.diagonal;
+        let far = HALF_SPACE_DIAGONALS * options.diagonal;
         let _ = writeln!(
             text,
             "far = {far:?}{end}  {comment} Longer than the part.\n"
@@ -175,7 +178,7 @@ impl<'a> Writer<'a> {
         lines
     }
 
-    fn statement(&self, name: &str, solid: &Solid) -> String {
+    fn statement(&self, name: &str, solid: &CadSolid) -> String {
         match self.is_python() {
             true => format!("{name} = {}\n", self.solid(solid)),
             false => format!("module {name}() {{ {} }}\n", self.solid(solid)),
@@ -183,45 +186,45 @@ impl<'a> Writer<'a> {
     }
 
     /// Returns the text of a solid: an expression in Python, a statement in OpenSCAD.
-    fn solid(&self, solid: &Solid) -> String {
+    fn solid(&self, solid: &CadSolid) -> String {
         let made = |operation: &str, arguments: &[String]| {
             let end = if self.is_python() { "" } else { ";" };
             format!("{operation}({}){end}", arguments.join(", "))
         };
         match solid {
-            Solid::Half(n, d) => made("half_space", &[self.vector(n), self.number(*d)]),
-            Solid::Block(low, high) => made("block", &[self.vector(low), self.vector(high)]),
-            Solid::Rod(at, way, radius) => made(
+            CadSolid::Half(n, d) => made("half_space", &[self.vector(n), self.number(*d)]),
+            CadSolid::Block(low, high) => made("block", &[self.vector(low), self.vector(high)]),
+            CadSolid::Rod(at, way, radius) => made(
                 "rod",
                 &[self.vector(at), self.vector(way), self.number(*radius)],
             ),
-            Solid::Ball(at, radius) => made("ball", &[self.vector(at), self.number(*radius)]),
-            Solid::Ring(at, way, circle, tube) => {
+            CadSolid::Ball(at, radius) => made("ball", &[self.vector(at), self.number(*radius)]),
+            CadSolid::Ring(at, way, circle, tube) => {
                 let radii = [circle, tube].map(|r| self.number(*r));
                 made(
                     "ring",
                     &[&[self.vector(at), self.vector(way)], &radii[..]].concat(),
                 )
             }
-            Solid::Cones(at, way, slope) => made(
+            CadSolid::Cones(at, way, slope) => made(
                 "cones",
                 &[self.vector(at), self.vector(way), self.number(*slope)],
             ),
-            Solid::Union(all) => self.operation(["union", "union"], all.iter()),
-            Solid::Common(all) => self.operation(["common", "intersection"], all.iter()),
-            Solid::Cut(first, others) => {
+            CadSolid::Union(all) => self.operation(["union", "union"], all.iter()),
+            CadSolid::Common(all) => self.operation(["common", "intersection"], all.iter()),
+            CadSolid::Cut(first, others) => {
                 let all = std::iter::once(first.as_ref()).chain(others);
                 self.operation(["cut", "difference"], all)
             }
-            Solid::Named(k) if self.is_python() => self.names[*k].clone(),
-            Solid::Named(k) => format!("{}();", self.names[*k]),
+            CadSolid::Named(k) if self.is_python() => self.names[*k].clone(),
+            CadSolid::Named(k) => format!("{}();", self.names[*k]),
         }
     }
 
     fn operation<'s>(
         &self,
         [python, scad]: [&str; 2],
-        solids: impl Iterator<Item = &'s Solid>,
+        solids: impl Iterator<Item = &'s CadSolid>,
     ) -> String {
         let texts: Vec<String> = solids.map(|s| self.solid(s)).collect();
         match self.is_python() {

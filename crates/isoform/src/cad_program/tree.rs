@@ -9,15 +9,15 @@ pub(super) type Vector = [NodeId; 3];
 
 /// Solid, or the complement of one.
 #[derive(Clone, Debug)]
-pub(super) struct Region {
-    pub(super) solid: Solid,
+pub(super) struct SignedSolid {
+    pub(super) solid: CadSolid,
     /// True for the complement of the solid.
     pub(super) is_outside: bool,
 }
 
 /// Solid whose numbers are expressions of the parameters.
 #[derive(Clone, Debug)]
-pub(super) enum Solid {
+pub(super) enum CadSolid {
     /// Half space n·p + d ≥ 0.
     Half(Vector, NodeId),
     /// Box along the axes, given by its lowest and its highest corner.
@@ -48,16 +48,16 @@ struct Affine {
 }
 
 /// Translator of expressions into solids.
-pub(super) struct Translator<'a> {
+pub(super) struct SolidTranslator<'a> {
     pub(super) graph: Graph,
     /// Values of the parameters, which determine signs.
     values: &'a [f64],
     /// Solids with names, in the order in which they are needed.
-    pub(super) statements: Vec<(String, Solid)>,
-    known: HashMap<NodeId, Region>,
+    pub(super) statements: Vec<(String, CadSolid)>,
+    known: HashMap<NodeId, SignedSolid>,
 }
 
-impl<'a> Translator<'a> {
+impl<'a> SolidTranslator<'a> {
     pub(super) fn new(graph: Graph, values: &'a [f64]) -> Self {
         Self {
             graph,
@@ -69,38 +69,38 @@ impl<'a> Translator<'a> {
 
     /// Returns the region in which an expression is not negative. Operations with names, and
     /// primitives with names, become statements.
-    pub(super) fn region(&mut self, id: NodeId) -> Result<Region, CadProgramError> {
+    pub(super) fn region(&mut self, id: NodeId) -> Result<SignedSolid, CadProgramError> {
         if let Some(known) = self.known.get(&id) {
             return Ok(known.clone());
         }
         let mut region = self.unnamed(id)?;
-        let is_plain = matches!(region.solid, Solid::Half(..) | Solid::Named(_));
+        let is_plain = matches!(region.solid, CadSolid::Half(..) | CadSolid::Named(_));
         if let Some(name) = self.name(id).map(str::to_owned)
             && !is_plain
         {
             self.statements.push((name, region.solid));
-            region.solid = Solid::Named(self.statements.len() - 1);
+            region.solid = CadSolid::Named(self.statements.len() - 1);
         }
         self.known.insert(id, region.clone());
         Ok(region)
     }
 
-    fn unnamed(&mut self, id: NodeId) -> Result<Region, CadProgramError> {
-        let inside = |solid| Region {
+    fn unnamed(&mut self, id: NodeId) -> Result<SignedSolid, CadProgramError> {
+        let inside = |solid| SignedSolid {
             solid,
             is_outside: false,
         };
         if let Some(form) = self.affine(id) {
             let is_plane = form.linear.iter().any(|c| self.value(*c) != 0.0);
             if is_plane {
-                return Ok(inside(Solid::Half(form.linear, form.offset)));
+                return Ok(inside(CadSolid::Half(form.linear, form.offset)));
             }
         }
         match self.graph.node(id).clone() {
             Node::Set(op, ..) => self.joined(id, op),
             Node::Unary(Unary::Neg, a) => {
                 let region = self.region(a)?;
-                Ok(Region {
+                Ok(SignedSolid {
                     is_outside: !region.is_outside,
                     ..region
                 })
@@ -113,9 +113,9 @@ impl<'a> Translator<'a> {
             }
             Node::Library(function, arguments) => match self.primitive(function, &arguments) {
                 Some(solid) => Ok(inside(solid)),
-                None => Err(self.none(id)),
+                None => Err(self.unsupported(id)),
             },
-            _ => Err(self.none(id)),
+            _ => Err(self.unsupported(id)),
         }
     }
 
@@ -125,21 +125,21 @@ impl<'a> Translator<'a> {
         (!self.graph.has_suggested_name(id)).then_some(name)
     }
 
-    fn none(&self, id: NodeId) -> CadProgramError {
+    fn unsupported(&self, id: NodeId) -> CadProgramError {
         CadProgramError::Kind {
             part: self.graph.name(id).unwrap_or("a part").to_owned(),
         }
     }
 
     /// Returns the region of a function multiplied by a number.
-    fn scaled(&mut self, of: NodeId, factor: NodeId) -> Result<Region, CadProgramError> {
+    fn scaled(&mut self, of: NodeId, factor: NodeId) -> Result<SignedSolid, CadProgramError> {
         let mut region = self.region(of)?;
         region.is_outside ^= self.value(factor) < 0.0;
         Ok(region)
     }
 
     /// Returns the union or intersection of regions; nested operations of one kind become one list.
-    fn joined(&mut self, id: NodeId, op: SetOp) -> Result<Region, CadProgramError> {
+    fn joined(&mut self, id: NodeId, op: SetOp) -> Result<SignedSolid, CadProgramError> {
         let is_union = matches!(op, SetOp::Max | SetOp::RUnion);
         let mut operands = Vec::new();
         self.collect(id, id, is_union, &mut operands);
@@ -153,11 +153,11 @@ impl<'a> Translator<'a> {
             }
         }
         let mut region = match within.is_empty() {
-            true => Region {
+            true => SignedSolid {
                 solid: union(without),
                 is_outside: true,
             },
-            false => Region {
+            false => SignedSolid {
                 solid: cut(self.common(within), without),
                 is_outside: false,
             },
@@ -181,10 +181,10 @@ impl<'a> Translator<'a> {
     }
 
     /// Returns the intersection of solids; six half spaces along the axes become a block.
-    fn common(&mut self, mut solids: Vec<Solid>) -> Solid {
+    fn common(&mut self, mut solids: Vec<CadSolid>) -> CadSolid {
         let mut sides = [[None; 2]; 3];
         for (k, solid) in solids.iter().enumerate() {
-            let Solid::Half(linear, _) = solid else {
+            let CadSolid::Half(linear, _) = solid else {
                 continue;
             };
             let values = linear.map(|c| self.graph.constant_value(c));
@@ -202,28 +202,28 @@ impl<'a> Translator<'a> {
         }
         if let [[Some(a), Some(b)], [Some(c), Some(d)], [Some(e), Some(f)]] = sides {
             let offset = |k: usize| match solids[k] {
-                Solid::Half(_, offset) => offset,
+                CadSolid::Half(_, offset) => offset,
                 _ => unreachable!("sides are half spaces"),
             };
             let lowest = [a, c, e].map(|k| self.graph.neg(&offset(k)));
             let highest = [b, d, f].map(offset);
             let used = [a, b, c, d, e, f];
             let rest = solids.drain(..).enumerate();
-            let mut rest: Vec<Solid> = rest
+            let mut rest: Vec<CadSolid> = rest
                 .filter(|(k, _)| !used.contains(k))
                 .map(|(_, solid)| solid)
                 .collect();
-            rest.insert(0, Solid::Block(lowest, highest));
+            rest.insert(0, CadSolid::Block(lowest, highest));
             solids = rest;
         }
         match solids.len() {
             1 => solids.remove(0),
-            _ => Solid::Common(solids),
+            _ => CadSolid::Common(solids),
         }
     }
 
     /// Returns the solid of a library function of the point; `None` if CAD programs lack it.
-    fn primitive(&mut self, function: Library, arguments: &[NodeId]) -> Option<Solid> {
+    fn primitive(&mut self, function: Library, arguments: &[NodeId]) -> Option<CadSolid> {
         let forms: Vec<Affine> = arguments[..3]
             .iter()
             .map(|id| self.affine(*id))
@@ -241,20 +241,20 @@ impl<'a> Translator<'a> {
         let at = self.place(&rows, &center, &offsets);
         let way = |axis: Axis| rows[axis as usize];
         match function {
-            Library::Sphere => Some(Solid::Ball(at, numbers[3])),
-            Library::Cylinder(axis) => Some(Solid::Rod(at, way(axis), numbers[3])),
+            Library::Sphere => Some(CadSolid::Ball(at, numbers[3])),
+            Library::Cylinder(axis) => Some(CadSolid::Rod(at, way(axis), numbers[3])),
             Library::Torus(axis) | Library::DistanceTorus(axis) => {
-                Some(Solid::Ring(at, way(axis), numbers[3], numbers[4]))
+                Some(CadSolid::Ring(at, way(axis), numbers[3], numbers[4]))
             }
             Library::Cone(axis) | Library::DistanceCone(axis) => {
-                Some(Solid::Cones(at, way(axis), numbers[3]))
+                Some(CadSolid::Cones(at, way(axis), numbers[3]))
             }
             Library::Block => {
                 let one =
                     |k: usize, j: usize| self.value(rows[k][j]) == f64::from(u8::from(k == j));
                 let is_along = (0..9).all(|i| one(i / 3, i % 3));
                 let ends = std::array::from_fn(|k| self.plus(at[k], numbers[3 + k]));
-                is_along.then_some(Solid::Block(at, ends))
+                is_along.then_some(CadSolid::Block(at, ends))
             }
             _ => None,
         }
@@ -300,7 +300,7 @@ impl<'a> Translator<'a> {
             }
             Node::Unary(Unary::Neg, a) => {
                 let form = self.affine(a)?;
-                Some(self.each(form, |g, v| if v == zero { zero } else { g.neg(&v) }))
+                Some(self.map_numbers(form, |g, v| if v == zero { zero } else { g.neg(&v) }))
             }
             Node::Binary(Binary::Add, a, b) => {
                 let (p, q) = (self.affine(a)?, self.affine(b)?);
@@ -330,13 +330,13 @@ impl<'a> Translator<'a> {
             }
             Node::Binary(Binary::Div, a, by) if self.is_number(by) => {
                 let form = self.affine(a)?;
-                Some(self.each(form, |g, v| if v == zero { zero } else { g.div(&v, &by) }))
+                Some(self.map_numbers(form, |g, v| if v == zero { zero } else { g.div(&v, &by) }))
             }
             _ => None,
         }
     }
 
-    fn each(&mut self, form: Affine, f: impl Fn(&mut Graph, NodeId) -> NodeId) -> Affine {
+    fn map_numbers(&mut self, form: Affine, f: impl Fn(&mut Graph, NodeId) -> NodeId) -> Affine {
         Affine {
             linear: form.linear.map(|v| f(&mut self.graph, v)),
             offset: f(&mut self.graph, form.offset),
@@ -371,17 +371,17 @@ impl<'a> Translator<'a> {
 }
 
 /// Returns the union of solids.
-fn union(mut solids: Vec<Solid>) -> Solid {
+fn union(mut solids: Vec<CadSolid>) -> CadSolid {
     match solids.len() {
         1 => solids.remove(0),
-        _ => Solid::Union(solids),
+        _ => CadSolid::Union(solids),
     }
 }
 
 /// Returns a solid without others.
-fn cut(solid: Solid, others: Vec<Solid>) -> Solid {
+fn cut(solid: CadSolid, others: Vec<CadSolid>) -> CadSolid {
     match others.is_empty() {
         true => solid,
-        false => Solid::Cut(Box::new(solid), others),
+        false => CadSolid::Cut(Box::new(solid), others),
     }
 }

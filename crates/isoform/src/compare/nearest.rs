@@ -12,19 +12,20 @@ use isoform_geom::{Aabb, Point3, cross, dot, norm, sub};
 use rayon::prelude::*;
 
 /// Maximum number of triangles in a leaf. Values from 2 to 8 differ by less than a third in time.
-const LEAF: usize = 4;
+const MAX_LEAF_TRIANGLES: usize = 4;
 /// Number of points in a run: large enough to amortise the first one, which has no triangle to
-/// begin with.
-const RUN: usize = 512;
+/// begin with. Distances do not depend on it.
+const POINTS_PER_RUN: usize = 512;
 /// Relative margin by which boxes count as nearer than computed, so that rounding prunes no
 /// triangle: some hundred times the rounding error of a squared distance.
-const ROUNDING: f64 = 1e-13;
-/// Size of the stack of boxes to visit: one per level of a tree of 2³² triangles, and two more.
-const STACK: usize = 34;
+const PRUNING_MARGIN: f64 = 1e-13;
+/// Capacity of the stack of boxes to visit: one per level of a tree of 2³² triangles, which has 33,
+/// and one more.
+const STACK_CAPACITY: usize = 34;
 
 /// Node of the tree: a box around triangles.
 #[derive(Clone, Copy, Debug)]
-struct Node {
+struct BoxNode {
     bounds: Aabb,
     /// Index of the second child (the first one is next in the list), or of the first triangle of a
     /// leaf.
@@ -34,17 +35,17 @@ struct Node {
 }
 
 /// Tree of bounding boxes over the triangles of a mesh.
-pub(super) struct Nearest {
-    nodes: Vec<Node>,
+pub(super) struct TriangleTree {
+    nodes: Vec<BoxNode>,
     /// Triangles in the order of the leaves.
     triangles: Vec<[Point3; 3]>,
 }
 
-impl Nearest {
+impl TriangleTree {
     /// Builds the tree of finite triangles; without triangles, all distances are infinite.
     pub(super) fn new(triangles: &[[Point3; 3]]) -> Self {
-        let mut items: Vec<Item> = triangles.iter().map(Item::of).collect();
-        let mut nodes = Vec::with_capacity(2 * items.len().div_ceil(LEAF));
+        let mut items: Vec<LeafTriangle> = triangles.iter().map(LeafTriangle::new).collect();
+        let mut nodes = Vec::with_capacity(2 * items.len().div_ceil(MAX_LEAF_TRIANGLES));
         if !items.is_empty() {
             build(&mut items, 0, &mut nodes);
         }
@@ -56,7 +57,9 @@ impl Nearest {
     /// overflows.
     pub(super) fn distances(&self, points: &[Point3]) -> Vec<f64> {
         let mut distances = vec![f64::INFINITY; points.len()];
-        let runs = distances.par_chunks_mut(RUN).zip(points.par_chunks(RUN));
+        let runs = distances
+            .par_chunks_mut(POINTS_PER_RUN)
+            .zip(points.par_chunks(POINTS_PER_RUN));
         runs.for_each(|(out, points)| {
             let mut last = 0;
             for (out, p) in out.iter_mut().zip(points) {
@@ -72,7 +75,7 @@ impl Nearest {
         let known = self.triangles.get(guess);
         let known = known.map_or(f64::INFINITY, |t| to_triangle(p, t));
         let mut best = (if known.is_nan() { f64::INFINITY } else { known }, guess);
-        let mut stack = [(0.0, 0); STACK];
+        let mut stack = [(0.0, 0); STACK_CAPACITY];
         let mut depth = usize::from(!self.nodes.is_empty());
         while depth > 0 {
             depth -= 1;
@@ -82,7 +85,7 @@ impl Nearest {
             }
             let node = &self.nodes[k];
             if node.count > 0 {
-                self.ask(p, node, &mut best);
+                self.compare_leaf(p, node, &mut best);
                 continue;
             }
             let children = [k + 1, node.at as usize];
@@ -102,7 +105,7 @@ impl Nearest {
     }
 
     /// Compares a point with the triangles of a leaf.
-    fn ask(&self, p: Point3, leaf: &Node, best: &mut (f64, usize)) {
+    fn compare_leaf(&self, p: Point3, leaf: &BoxNode, best: &mut (f64, usize)) {
         let first = leaf.at as usize;
         for place in first..first + leaf.count as usize {
             let d = to_triangle(p, &self.triangles[place]);
@@ -116,20 +119,20 @@ impl Nearest {
 /// Returns true if an object of at least this squared distance can be nearer than a known one.
 #[inline]
 fn is_nearer(squared: f64, known: f64) -> bool {
-    squared.is_finite() && squared * (1.0 - ROUNDING) <= known * known
+    squared.is_finite() && squared * (1.0 - PRUNING_MARGIN) <= known * known
 }
 
 /// Triangle to be sorted into the tree.
 #[derive(Clone, Copy)]
-struct Item {
+struct LeafTriangle {
     triangle: [Point3; 3],
     bounds: Aabb,
     centre: Point3,
 }
 
-impl Item {
-    fn of(triangle: &[Point3; 3]) -> Self {
-        let bounds = Aabb::of(triangle);
+impl LeafTriangle {
+    fn new(triangle: &[Point3; 3]) -> Self {
+        let bounds = Aabb::from_points(triangle);
         Self {
             triangle: *triangle,
             bounds,
@@ -140,7 +143,7 @@ impl Item {
 
 /// Adds the node of some triangles and all nodes below it; `first` is the index of the first
 /// triangle.
-fn build(items: &mut [Item], first: usize, nodes: &mut Vec<Node>) {
+fn build(items: &mut [LeafTriangle], first: usize, nodes: &mut Vec<BoxNode>) {
     let mut bounds = Aabb::EMPTY;
     let mut centres = Aabb::EMPTY;
     for item in items.iter() {
@@ -149,12 +152,12 @@ fn build(items: &mut [Item], first: usize, nodes: &mut Vec<Node>) {
         centres.add(item.centre);
     }
     let own = nodes.len();
-    nodes.push(Node {
+    nodes.push(BoxNode {
         bounds,
         at: first as u32,
         count: 0,
     });
-    if items.len() <= LEAF {
+    if items.len() <= MAX_LEAF_TRIANGLES {
         nodes[own].count = items.len() as u32;
         return;
     }
@@ -235,7 +238,7 @@ mod tests {
             })
             .collect();
         let points: Vec<Point3> = (0..3000).map(|_| point(2.0, [0.0; 3])).collect();
-        let found = Nearest::new(&triangles).distances(&points);
+        let found = TriangleTree::new(&triangles).distances(&points);
         for (p, found) in points.iter().zip(found) {
             let all = triangles.iter().map(|t| to_triangle(*p, t));
             assert_eq!(all.fold(f64::INFINITY, f64::min), found);
@@ -244,10 +247,13 @@ mod tests {
 
     #[test]
     fn odd_sets_of_triangles() {
-        assert_eq!(Nearest::new(&[]).distances(&[[1.0; 3]]), [f64::INFINITY]);
+        assert_eq!(
+            TriangleTree::new(&[]).distances(&[[1.0; 3]]),
+            [f64::INFINITY]
+        );
         let one = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         // All at one position: no axis separates them.
-        let many = Nearest::new(&vec![one; 1000]);
+        let many = TriangleTree::new(&vec![one; 1000]);
         assert_eq!(
             many.distances(&[[0.0, 0.0, 2.0], [1e200; 3]]),
             [2.0, f64::INFINITY]

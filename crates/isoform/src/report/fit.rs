@@ -36,7 +36,7 @@ pub struct FitReport {
     /// Pose of the template in space; `None` for a template without a pose.
     pub pose: Option<PoseReport>,
     /// Sets of parameters that the data do not determine.
-    pub undetermined: Vec<OpenReport>,
+    pub undetermined: Vec<UndeterminedReport>,
     /// Sum of f² over the points used, f being the template's own function.
     pub sum_f2: f64,
     /// Root mean square distance of the points used.
@@ -54,7 +54,7 @@ pub struct FitReport {
     /// Number of points left out as clutter, besides the outliers.
     pub n_left_out: usize,
     /// Distances of the data from the model, and of the model from the data.
-    pub two_sided: TwoSided,
+    pub two_sided: TwoSidedReport,
     /// Statistics of the residuals of each part of the model.
     pub parts: Vec<PartReport>,
     /// Name of the method of minimisation.
@@ -178,7 +178,7 @@ pub struct PoseReport {
 
 /// Parameters that the data do not determine, alone or together.
 #[derive(Clone, Debug, Serialize)]
-pub struct OpenReport {
+pub struct UndeterminedReport {
     /// Names of the parameters.
     pub parameters: Vec<String>,
     /// Reason, as a sentence.
@@ -187,11 +187,11 @@ pub struct OpenReport {
 
 /// Distances of the data from the model, and of the model from the data.
 #[derive(Clone, Debug, Serialize)]
-pub struct TwoSided {
+pub struct TwoSidedReport {
     /// Distances of the points used from the model.
     pub data_to_model: DataToModelReport,
     /// Distances of samples of the model's surface from the data.
-    pub model_to_data: Coverage,
+    pub model_to_data: ModelCoverage,
 }
 
 /// Distances of the points used from the model.
@@ -207,7 +207,7 @@ pub struct DataToModelReport {
 
 /// Coverage of the model's surface by the data.
 #[derive(Clone, Debug, Serialize)]
-pub struct Coverage {
+pub struct ModelCoverage {
     /// 95th percentile of the distances of the samples from the nearest point; `None` if it is
     /// infinite.
     pub p95: Option<f64>,
@@ -288,7 +288,7 @@ impl FitReport {
             n_fitted: fit.n_fitted,
             n_outliers: fit.n_outliers,
             n_left_out: fit.n_left_out,
-            two_sided: TwoSided::new(fit),
+            two_sided: TwoSidedReport::new(fit),
             parts: parts(fit),
             method: about.method.name(),
             loss: fit.loss.name(),
@@ -301,7 +301,7 @@ impl FitReport {
             neighbour_correlation: fit.neighbour_correlation,
             warnings: about.warnings.to_vec(),
             seed: about.seed,
-            seconds: Seconds::of(about.seconds),
+            seconds: Seconds::from_phases(about.seconds),
         }
     }
 }
@@ -347,7 +347,7 @@ impl EvidenceReport {
     }
 }
 
-impl TwoSided {
+impl TwoSidedReport {
     fn new(fit: &Fit) -> Self {
         let (to_model, to_data) = (&fit.data_to_model, &fit.model_to_data);
         Self {
@@ -356,7 +356,7 @@ impl TwoSided {
                 p95: to_model.p95,
                 max: to_model.max,
             },
-            model_to_data: Coverage {
+            model_to_data: ModelCoverage {
                 p95: finite(to_data.p95),
                 share_uncovered: to_data.share_uncovered,
                 uncovered_from: to_data.uncovered_from,
@@ -403,8 +403,8 @@ fn pose(found: &ScanFit) -> Option<PoseReport> {
     })
 }
 
-fn undetermined(fit: &Fit) -> Vec<OpenReport> {
-    let open = fit.undetermined.iter().map(|open| OpenReport {
+fn undetermined(fit: &Fit) -> Vec<UndeterminedReport> {
+    let open = fit.undetermined.iter().map(|open| UndeterminedReport {
         parameters: open.parameters.clone(),
         why: open.why.to_string(),
     });

@@ -2,29 +2,29 @@
 
 /// Distance within which a round number counts as near a value, in half widths of the value's 95 %
 /// interval. Intervals express noise only, and parts are made less exactly than that.
-const WITHIN: f64 = 3.0;
+const NEAR_HALF_WIDTHS: f64 = 3.0;
 /// Largest probability that a random number lies as near to a number of that roundness. With half
 /// of it, round numbers must be twice as far apart, in widths of the interval; with twice, twice as
 /// many random numbers are called round.
-const CHANCE: f64 = 0.1;
+const MAX_CHANCE_PROBABILITY: f64 = 0.1;
 /// Mantissas of round numbers, rising.
-const MULTIPLES: [f64; 3] = [1.0, 2.0, 5.0];
+const ROUND_MANTISSAS: [f64; 3] = [1.0, 2.0, 5.0];
 
 /// Returns the roundest number near a value whose 95 % interval has this half width: 60 for 60.009
 /// ± 0.005; `None` if a random number would often lie as near to one, as for 60.3 ± 0.5. The
 /// roundness of a number is the largest 1, 2 or 5 times a power of ten of which it is a multiple.
 pub(crate) fn nominal(value: f64, half_width: f64) -> Option<f64> {
-    let within = WITHIN * half_width;
+    let within = NEAR_HALF_WIDTHS * half_width;
     if !(within > 0.0 && value.is_finite()) {
         return None;
     }
     if value.abs() <= within {
         return Some(0.0);
     }
-    let least = 2.0 * within / CHANCE;
+    let least = 2.0 * within / MAX_CHANCE_PROBABILITY;
     let highest = value.abs().log10().floor() as i32 + 1;
     for power in (highest - 20..=highest).rev() {
-        for multiple in MULTIPLES.into_iter().rev() {
+        for multiple in ROUND_MANTISSAS.into_iter().rev() {
             let step = multiple * 10_f64.powi(power);
             if step < least {
                 return None;

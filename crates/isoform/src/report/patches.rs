@@ -8,7 +8,7 @@ use serde::Serialize;
 
 /// Maximum number of places listed, both of boxes in which a margin is not proved and of singular
 /// points, of which there may be thousands.
-const MOST_PLACES: usize = 100;
+const MAX_LISTED_PLACES: usize = 100;
 
 /// Report of `parameterize`: rational patches on an implicit surface, with proved distances.
 /// Lengths are in model units, points are `[x, y, z]`.
@@ -288,7 +288,7 @@ impl PatchesReport {
                 Inner::Lengths => "lengths",
             },
             seed: options.seed,
-            seconds: Seconds::of(about.seconds),
+            seconds: Seconds::from_phases(about.seconds),
             patches: patches
                 .map(|p| PatchReport::new(p, &options.region))
                 .collect(),
@@ -328,7 +328,7 @@ impl PatchReport {
             weight_is_positive: g.patch.weight_is_positive(8),
             area: g.area(region),
             exact: p.is_exact,
-            entity: p.quadric.as_ref().map(Entity::of),
+            entity: p.quadric.as_ref().map(Entity::from_quadric),
             seed_point: g.seed_point,
         }
     }
@@ -344,7 +344,7 @@ impl CoverageReport {
             boxes: depth
                 .open
                 .iter()
-                .take(MOST_PLACES)
+                .take(MAX_LISTED_PLACES)
                 .map(BoxReport::from)
                 .collect(),
         });
@@ -352,7 +352,7 @@ impl CoverageReport {
             samples: c.left_out,
             distance: c.apart,
             singular_points: c.singular.len(),
-            points: c.singular.iter().take(MOST_PLACES).copied().collect(),
+            points: c.singular.iter().take(MAX_LISTED_PLACES).copied().collect(),
         });
         Self {
             covered: c.covered,
@@ -365,7 +365,7 @@ impl CoverageReport {
 
 impl Entity {
     /// Creates the description of a quadric or torus.
-    pub fn of(quadric: &Quadric) -> Self {
+    pub fn from_quadric(quadric: &Quadric) -> Self {
         let kind = quadric.name();
         match *quadric {
             Quadric::Plane { normal, offset } => Self::Plane {

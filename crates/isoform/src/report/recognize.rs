@@ -27,7 +27,7 @@ pub struct RecognizeReport {
     /// Surfaces, those with most points first.
     pub entities: Vec<EntityReport>,
     /// Connected pieces of the surfaces.
-    pub faces: Vec<FaceReport>,
+    pub faces: Vec<RecognizedFaceReport>,
     /// Relations between two surfaces each, such as parallel axes.
     pub relations: Vec<RelationReport>,
     /// Rows and circles of equal surfaces.
@@ -68,7 +68,7 @@ pub struct EntityReport {
 
 /// Connected piece of a surface.
 #[derive(Clone, Debug, Serialize)]
-pub struct FaceReport {
+pub struct RecognizedFaceReport {
     /// Index of the face, as in labels.
     pub id: usize,
     /// Index of its surface.
@@ -354,7 +354,9 @@ impl RecognizeReport {
             form: found.is_form,
             free: found.free,
             entities: entities.map(|(id, e)| EntityReport::new(id, e)).collect(),
-            faces: faces.map(|(id, face)| FaceReport::new(id, face)).collect(),
+            faces: faces
+                .map(|(id, face)| RecognizedFaceReport::new(id, face))
+                .collect(),
             relations: found.relations.iter().map(RelationReport::new).collect(),
             patterns: found.patterns.iter().map(PatternReport::new).collect(),
             symmetries: found.symmetries.iter().map(SymmetryReport::new).collect(),
@@ -366,7 +368,7 @@ impl RecognizeReport {
     }
 }
 
-impl FaceReport {
+impl RecognizedFaceReport {
     fn new(id: usize, face: &Face) -> Self {
         Self {
             id,
@@ -382,7 +384,7 @@ impl EntityReport {
         Self {
             id,
             kind: entity.surface.name(),
-            parameters: Parameters::of(entity),
+            parameters: Parameters::from_entity(entity),
             sd: Parameters::deviations(entity),
             outward: entity.outward,
             n_points: entity.points,
@@ -392,7 +394,7 @@ impl EntityReport {
 }
 
 impl Parameters {
-    fn of(entity: &Entity) -> Self {
+    fn from_entity(entity: &Entity) -> Self {
         match entity.surface {
             Quadric::Plane { normal, offset } => Self::Plane { normal, d: offset },
             Quadric::Sphere { center, radius } => Self::Sphere { center, radius },
@@ -431,7 +433,7 @@ impl Parameters {
 
     fn deviations(entity: &Entity) -> Self {
         let d = entity.deviations;
-        match Self::of(entity) {
+        match Self::from_entity(entity) {
             Self::Plane { .. } => Self::Plane {
                 normal: d.direction,
                 d: d.size,

@@ -165,7 +165,7 @@ pub struct RealBorderReport {
     /// Dimension of the families of complex parameters that reach the real points beyond the
     /// border.
     pub complex_dimension: usize,
-    /// Maps onto the points beyond the border with real parameters, as far as they are known: the
+    /// Maps onto the points beyond the border with real parameters that are known: the
     /// texts of X, Y, Z and W.
     pub beyond: Vec<BTreeMap<&'static str, String>>,
 }
@@ -347,7 +347,7 @@ impl SurfaceReport {
                 .flatten()
                 .map(BasePointReport::new)
                 .collect(),
-            // What is unknown is among the findings, or not in the domain.
+            // Unknown curves are among the findings, or outside of the domain.
             pole_components: PoleReport::sum(all().filter_map(|a| a.pole_topology)),
             double_curve_complete: surface.is_double_curve_known,
             double_curve: surface
@@ -357,7 +357,7 @@ impl SurfaceReport {
                 .collect(),
             contracted: all().flat_map(contracted).collect(),
             solitary_arcs: surface.solitary_arcs.clone(),
-            seconds: Seconds::of(about.seconds),
+            seconds: Seconds::from_phases(about.seconds),
         }
     }
 }

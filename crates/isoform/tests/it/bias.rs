@@ -1,4 +1,4 @@
-//! The bias of noise that fits take away is that which closed forms and simulation say.
+//! Correction of the bias from noise: it agrees with closed forms and with simulation.
 
 use crate::support::normal;
 use isoform::FrepTemplate;
@@ -10,7 +10,7 @@ fn noisy(p: Point3, noise: f64, random: &mut fastrand::Rng) -> Point3 {
     p.map(|v| v + noise * normal(random))
 }
 
-/// The correction is simulated: other seeds move it by a tenth or two on blocks of this many
+/// Seed of the simulated correction: other seeds change it by a tenth or two on blocks of this many
 /// points, more than the bounds below allow.
 const SEED: u64 = 2004;
 
@@ -47,7 +47,7 @@ fn spheres_of_noisy_points_lose_the_excess_of_their_mean_radius() {
 /// Half sizes of the block.
 const HALF: Point3 = [35.0, 22.5, 14.0];
 
-/// A random place on its surface.
+/// Returns a random point of its surface.
 fn on_block(random: &mut fastrand::Rng) -> Point3 {
     let areas: Point3 = std::array::from_fn(|i| HALF[(i + 1) % 3] * HALF[(i + 2) % 3]);
     let mut at = random.f64() * areas.iter().sum::<f64>();
@@ -65,7 +65,7 @@ fn on_block(random: &mut fastrand::Rng) -> Point3 {
     p
 }
 
-/// The distance, and its derivatives by the sizes.
+/// Returns the distance, and its derivatives by the sizes.
 fn distance(p: Point3) -> (f64, Point3) {
     let q: Point3 = std::array::from_fn(|i| p[i].abs() - HALF[i]);
     let out = q.map(|v| v.max(0.0));
@@ -84,7 +84,7 @@ fn distance(p: Point3) -> (f64, Point3) {
 fn blocks_of_noisy_points_lose_what_a_million_points_gain() {
     let noise = 0.6;
     let mut random = fastrand::Rng::with_seed(2);
-    // One Gauss-Newton step: the cross terms of the sizes are small, but not nought.
+    // One Gauss-Newton step: the cross terms of the sizes are small, but not zero.
     let (mut pull, mut hessian) = ([0.0; 3], [[0.0; 3]; 3]);
     for _ in 0..4_000_000 {
         let (r, slope) = distance(noisy(on_block(&mut random), noise, &mut random));
@@ -106,7 +106,7 @@ fn blocks_of_noisy_points_lose_what_a_million_points_gain() {
     let text = include_str!("../../../../examples/templates/box.hf");
     let result = fitted(text, &points);
     let mut found = result.correction[..3].to_vec();
-    // The template does not say which size is which.
+    // The template does not determine the order of the sizes.
     found.sort_by(f64::total_cmp);
     wanted.sort_by(f64::total_cmp);
     for (f, w) in found.iter().zip(wanted) {

@@ -1,5 +1,5 @@
-//! Who may use whom: the table in docs/architecture.md is what the manifests say, and stages never
-//! use one another.
+//! Dependencies between crates: the table in docs/architecture.md agrees with the manifests, and
+//! stages never use one another.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -7,7 +7,7 @@ use std::path::Path;
 
 type Uses = BTreeMap<String, BTreeSet<String>>;
 
-/// Crates none of which may use another of them: the stages, and the functions that they work on.
+/// Crates that must not use one another: the stages, and the functions on which they work.
 const APART: [&str; 9] = [
     "isoform-brep",
     "isoform-field",
@@ -20,7 +20,7 @@ const APART: [&str; 9] = [
     "isoform-tess",
 ];
 
-/// Names of our crates in a manifest's section.
+/// Returns the names of this workspace's crates in a manifest's section.
 fn ours(manifest: &str, section: &str) -> BTreeSet<String> {
     let mut inside = false;
     let mut names = BTreeSet::new();
@@ -35,8 +35,9 @@ fn ours(manifest: &str, section: &str) -> BTreeSet<String> {
     names
 }
 
-/// The rows `| isoform-x | what it holds | num, geom |` of a table; "all above" are the crates of the
-/// rows before it, but for those that are for development only and named in no row's last column.
+/// Returns the rows `| isoform-x | content | num, geom |` of a table; "all above" stands for the
+/// crates of the rows before it, except those that are for development only and that no other row
+/// uses.
 fn table(text: &str) -> Uses {
     let mut rows = Uses::new();
     for line in text.lines() {
@@ -63,7 +64,7 @@ fn table(text: &str) -> Uses {
     rows
 }
 
-/// What the manifests of all crates say.
+/// Returns the dependencies in the manifests of all crates.
 fn manifests() -> Uses {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut manifests = Uses::new();
@@ -80,7 +81,7 @@ fn manifests() -> Uses {
     manifests
 }
 
-/// The first two crates of [`APART`] of which one uses the other, directly or through others.
+/// Returns the first two crates of [`APART`] of which one uses the other, directly or indirectly.
 fn first_that_meet(uses: &Uses) -> Option<(&str, &str)> {
     APART.into_iter().find_map(|stage| {
         let mut reached: Vec<&str> = vec![stage];
@@ -105,7 +106,7 @@ fn dependencies_are_those_of_the_table() {
     assert_eq!(table(&text), manifests(), "table (left), manifests (right)");
 }
 
-/// An edge between two stages would pass the comparison above once the table has it, too.
+/// A dependency between two stages would pass the comparison above once the table lists it, too.
 #[test]
 fn stages_do_not_use_one_another() {
     assert_eq!(first_that_meet(&manifests()), None);
@@ -144,7 +145,7 @@ fn the_reader_of_tables_reads() {
     assert_eq!(rows["isoform"].len(), 2);
 }
 
-/// Enums of what may be wrong, by crate and file: (crate, file, enum).
+/// Enums of warnings and findings: (crate, file, enum).
 const TOLD: [(&str, &str, &str); 6] = [
     ("isoform-mesh", "error.rs", "WarningKind"),
     ("isoform-fit", "judge/warning.rs", "Warning"),
@@ -154,7 +155,7 @@ const TOLD: [(&str, &str, &str); 6] = [
     ("isoform", "mesh_model.rs", "MeshNote"),
 ];
 
-/// The variants of an enum in a text.
+/// Returns the variants of an enum in a text.
 fn variants<'t>(text: &'t str, name: &str) -> Vec<&'t str> {
     let start = text.find(&format!("pub enum {name} {{")).expect("the enum");
     let body = &text[start..];
@@ -172,7 +173,7 @@ fn variants<'t>(text: &'t str, name: &str) -> Vec<&'t str> {
     body.lines().filter(is_variant).map(word).collect()
 }
 
-/// All sources of a folder.
+/// Returns all source files of a folder.
 fn sources(folder: &Path) -> String {
     let mut all = String::new();
     for entry in fs::read_dir(folder).expect("a folder") {
@@ -186,21 +187,21 @@ fn sources(folder: &Path) -> String {
     all
 }
 
-/// A warning that is never raised is one that its stage forgets.
+/// Warnings that are never raised have been forgotten by their stage.
 #[test]
 fn every_warning_is_raised() {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     for (name, file, of) in TOLD {
         let folder = crates.join(name).join("src");
         let text = fs::read_to_string(folder.join(file)).expect("the file");
-        // The front of the library and the verbs raise some of the stages' warnings.
+        // The library's front end and the verbs raise some of the stages' warnings.
         let fronts = ["isoform/src", "isoform-verbs/src"].map(|f| sources(&crates.join(f)));
         let all = sources(&folder) + &fronts.concat();
         let found = variants(&text, of);
         assert!(found.len() > 3, "{name}: {of} has variants");
         for variant in found {
             let named = format!("{of}::{variant}");
-            // In its own file it stands as Self, but where it is raised there.
+            // In its own file a variant is written as Self, except where it is raised.
             let own = format!("Self::{variant}");
             let is_raised = all.contains(&named) || text.matches(&own).count() > 1;
             assert!(is_raised, "{name}: {named} is never raised");

@@ -1,5 +1,5 @@
-//! Solids out of damaged files: what is read is measured, divided and compared, or refused, but
-//! never a panic; and the distances of a solid that is whole are those of its function.
+//! Solids from damaged files are read, measured, triangulated and compared, or refused, but never
+//! cause a panic; and the distances of an intact solid are those of its function.
 
 use isoform::field::hyperfun::{Mode, Model};
 use isoform::geom::PointCloud;
@@ -38,7 +38,7 @@ fn zoo() -> SolidFile {
     }
 }
 
-/// All that is done with a file of solids.
+/// Runs all operations on a file of solids.
 fn use_it(file: &SolidFile, cloud: &PointCloud) {
     measure_solid(&file.brep);
     if let Ok(solid) = ExactSolid::new(file.brep.clone(), None, &Control::default()) {
@@ -63,7 +63,7 @@ fn what_is_measured_is_what_the_certificate_says() {
     );
     assert_eq!(found.centroid, file.properties.centroid);
     assert!(found.gap < 1e-12 && found.euler == 8, "{found:?}");
-    // An edge that is moved leaves its faces by that much.
+    // An edge that is moved leaves its faces by that distance.
     let mut moved = file.brep;
     moved.vertices[0][2] += 0.125;
     let gap = solid_gap(&moved);
@@ -112,7 +112,7 @@ fn damaged_solids_are_refused_or_survived() {
     assert!(survived > 25 && refused > 25, "{survived} {refused}");
 }
 
-/// Where numbers stand in a text.
+/// Returns the positions of numbers in a text.
 fn numbers(text: &str) -> Vec<(usize, usize)> {
     let is_part = |b: u8| b.is_ascii_digit() || b"+-.e".contains(&b);
     let bytes = text.as_bytes();

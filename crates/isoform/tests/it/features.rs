@@ -1,4 +1,4 @@
-//! Features that are small beside the part: fits that lack one, or have one too many, say so.
+//! Small features of a part: fits that lack one, or have one too many, report it.
 
 use crate::support::normal;
 use isoform::FrepTemplate;
@@ -16,7 +16,7 @@ fn is_in_hole(p: &Point3) -> bool {
     (p[0] - HOLE[0]).hypot(p[1] - HOLE[1]) < HOLE[2]
 }
 
-/// A random place on the plate with its hole, by area.
+/// Returns a random point of the plate with its hole, uniform by area.
 fn on_plate(random: &mut fastrand::Rng) -> Point3 {
     let wall = TAU * HOLE[2] * 2.0 * HALF[2];
     let areas: Point3 = std::array::from_fn(|i| 8.0 * HALF[(i + 1) % 3] * HALF[(i + 2) % 3]);
@@ -44,7 +44,7 @@ fn scan(count: usize) -> Vec<Point3> {
         .collect()
 }
 
-/// The fit of a plate with holes that start at given places.
+/// Fits a plate with holes that start at given positions.
 fn fitted(starts: &[[f64; 2]], points: &[Point3]) -> Fit {
     let n = 3 + 3 * starts.len();
     let mut text = "-- @param a[1] length length min=60%x max=120%x
@@ -113,7 +113,7 @@ fn a_hole_too_many_is_not_determined() {
 }
 
 /// The walls of a thin tube are nearer to a cylinder between them than real objects are to their
-/// models; that the points lie on two sheets is told all the same.
+/// models; the fit reports nevertheless that the points lie on two sheets.
 #[test]
 fn a_thin_tube_is_no_cylinder() {
     let text = "-- @param a[1] radius length min=10%x max=90%x start=45%x\n\

@@ -1,4 +1,4 @@
-//! Clouds in chunks give the fit of all their points.
+//! Fits of clouds in chunks equal the fit of all their points.
 
 use isoform::field::hyperfun::{Mode, Model};
 use isoform::geom::{Point3, PointCloud};
@@ -17,15 +17,15 @@ my_model(x[3], a[2]) {
 }
 ";
 
-/// Chunks at hand, asked as those of other machines are.
-struct Pieces {
+/// Chunks in memory, with messages as to other machines.
+struct ChunksInMemory {
     reader: ChunkReader,
     chunks: Vec<Vec<Point3>>,
-    /// One that does not answer.
+    /// Index of a chunk that does not answer.
     lost: Option<usize>,
 }
 
-impl Pieces {
+impl ChunksInMemory {
     fn new(model: &Model, points: &[Point3], size: usize) -> Self {
         Self {
             reader: ChunkReader::new(model.clone()),
@@ -35,7 +35,7 @@ impl Pieces {
     }
 }
 
-impl ChunkSource for Pieces {
+impl ChunkSource for ChunksInMemory {
     fn len(&self) -> usize {
         self.chunks.len()
     }
@@ -61,7 +61,7 @@ fn can() -> Model {
     Model::parse(CAN, Mode::Default).expect("a program")
 }
 
-/// Points of a can that lies far from the origin, with noise and some strays.
+/// Returns points of a can that lies far from the origin, with noise and some outliers.
 fn points(count: u32) -> Vec<Point3> {
     let mut random = fastrand::Rng::with_seed(5);
     let mut normal = move || {
@@ -86,7 +86,7 @@ fn points(count: u32) -> Vec<Point3> {
     (0..count).map(point).collect()
 }
 
-/// The largest difference of values, and the largest relative one of deviations.
+/// Returns the largest difference of values, and the largest relative difference of deviations.
 fn difference(a: &ScanFit, b: &ScanFit) -> (f64, f64) {
     let values = a.values().into_iter().zip(b.values());
     let values = values.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -98,7 +98,7 @@ fn difference(a: &ScanFit, b: &ScanFit) -> (f64, f64) {
     (values, deviations.fold(0.0, f64::max))
 }
 
-fn fitted(pieces: &Pieces, model: &Model) -> ScanFit {
+fn fitted(pieces: &ChunksInMemory, model: &Model) -> ScanFit {
     fit_chunks(pieces, model, &FitOptions::default(), &Control::default()).expect("a fit")
 }
 
@@ -110,7 +110,7 @@ fn a_large_cloud_is_fitted_as_the_whole_is() {
         fit_scan(&scan, &model, &FitOptions::default(), &Control::default()).expect("a fit");
     assert!(whole.fit.n_outliers > 500, "{}", whole.fit.n_outliers);
     for size in [50_000, 210_000] {
-        let found = fitted(&Pieces::new(&model, &points, size), &model);
+        let found = fitted(&ChunksInMemory::new(&model, &points, size), &model);
         let (values, deviations) = difference(&whole, &found);
         assert!(
             values < 1e-9 && deviations < 1e-6,
@@ -131,7 +131,7 @@ fn a_small_cloud_is_fitted_to_the_last_bit() {
     let scan = PointCloud::from_points(points.clone());
     let whole =
         fit_scan(&scan, &model, &FitOptions::default(), &Control::default()).expect("a fit");
-    let found = fitted(&Pieces::new(&model, &points, 999), &model);
+    let found = fitted(&ChunksInMemory::new(&model, &points, 999), &model);
     assert_eq!(found.fit.parameters, whole.fit.parameters);
     assert_eq!(found.fit.residuals, whole.fit.residuals);
 }
@@ -139,7 +139,7 @@ fn a_small_cloud_is_fitted_to_the_last_bit() {
 #[test]
 fn a_chunk_that_does_not_answer_stops_the_fit() {
     let model = can();
-    let mut pieces = Pieces::new(&model, &points(500), 100);
+    let mut pieces = ChunksInMemory::new(&model, &points(500), 100);
     pieces.lost = Some(3);
     let found = fit_chunks(&pieces, &model, &FitOptions::default(), &Control::default());
     assert!(matches!(

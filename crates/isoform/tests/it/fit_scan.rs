@@ -1,5 +1,4 @@
-//! What a fit to a scan makes of points far off, of options without measure, of broken scans and of
-//! a stop.
+//! Fits to scans with distant points, out-of-range options, invalid data, and a stop.
 
 use isoform::field::hyperfun::{Mode, Model};
 use isoform::geom::PointCloud;
@@ -17,7 +16,7 @@ fn model(text: &str) -> Model {
     Model::parse(text, Mode::Default).expect("a program")
 }
 
-/// Points of a ball of radius 2 about a place.
+/// Returns points of a ball of radius 2 about a point.
 fn ball(center: [f64; 3]) -> PointCloud {
     let point = |i: u32| {
         let (t, z) = (f64::from(i) * 2.4, f64::from(i) / 250.0 - 1.0);
@@ -78,7 +77,7 @@ fn what_cannot_be_fitted_is_refused() {
     assert!(matches!(
         of(&ball([0.0; 3]), &outside),
         FitScanError::Bounds {
-            error: ParameterError::HeldOutside { .. },
+            error: ParameterError::FixedOutside { .. },
             ..
         }
     ));
@@ -99,7 +98,7 @@ fn a_stop_leaves_out_what_is_optional() {
     scan.points = scan.points.iter().step_by(4).copied().collect();
     let cup = template("cup").expect("a template").model();
     let cancel = AtomicBool::new(false);
-    // The polish is done when the report is first told of.
+    // The optimisation is complete when the phase of the report begins.
     let until_report = |phase: &str, _: f64| {
         if phase == "report" {
             cancel.store(true, Ordering::Relaxed);

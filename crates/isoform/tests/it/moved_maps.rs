@@ -1,5 +1,5 @@
-//! Surfaces whose parameters are moved by a projectivity: all is proved, and what comes out is the
-//! surface that closed forms say.
+//! Surfaces whose parameters are changed by a projectivity: everything is proved, and the surface
+//! agrees with closed forms.
 
 use isoform::Control;
 use isoform::triangulate_map;
@@ -7,8 +7,8 @@ use isoform_algebra::RBig;
 use isoform_tess::{Budget, Map, MeshOptions, Mode, Surface, TriangulateOptions};
 use std::collections::BTreeSet;
 
-/// The surface of forms in A, B and C for s, t and w, in other parameters, joined: everything is
-/// proved.
+/// Triangulates the surface of forms in A, B and C for s, t and w, in other parameters, with joined
+/// sheets; asserts that everything is proved.
 fn certified(forms: [&str; 4], half_width: i32) -> Surface {
     let moved = |t: &str| {
         t.replace('A', "(-4*s - 9*t - 9)")
@@ -51,8 +51,8 @@ fn area(surface: &Surface) -> f64 {
     surface.triangles.iter().map(of).sum()
 }
 
-/// The area within the box of the surface (s, t) ↦ point, over s = tan α, t = tan β: that of small
-/// cells, each the half of its diagonals' product, whose middles are in the box.
+/// Returns the area within the box of the surface (s, t) ↦ point, over s = tan α, t = tan β: that
+/// of small cells, half the product of the diagonals each, whose centres are in the box.
 fn area_of_cells(point: impl Fn(f64, f64) -> [f64; 3], half_width: f64) -> f64 {
     const N: usize = 1500;
     let at = |i: f64, j: f64| {
@@ -77,7 +77,7 @@ fn area_of_cells(point: impl Fn(f64, f64) -> [f64; 3], half_width: f64) -> f64 {
     area
 }
 
-/// V − E + F of what triangles use.
+/// Returns V − E + F of the vertices in use.
 fn euler(surface: &Surface) -> i64 {
     let (mut vertices, mut edges) = (BTreeSet::new(), BTreeSet::new());
     for t in &surface.triangles {
@@ -89,13 +89,12 @@ fn euler(surface: &Surface) -> i64 {
     vertices.len() as i64 - edges.len() as i64 + surface.triangles.len() as i64
 }
 
-/// A Bohemian dome, on which a line is contracted to a point of a seam: strips beside the seam are
-/// narrower there than its chords bulge, unless these are short.
+/// Bohemian dome, on which a line is contracted to a point of a seam: strips next to the seam are
+/// narrower there than the sagitta of their chords, unless these are short.
 ///
 /// The dome is x = cos a, y = sin a + cos b, z = sin b: a torus (χ = 0) whose points (a, b) and
-/// (−a, π − b) fall together on y = 0. There sin a = −cos b, two circles of the torus that cross in
-/// two points (χ = −2); their image is two segments that cross (χ = 1). So χ of the image is
-/// 0 + 2 + 1.
+/// (−a, π − b) coincide on y = 0. There sin a = −cos b, two circles of the torus that cross in two
+/// points (χ = −2); their image is two segments that cross (χ = 1). So χ of the image is 0 + 2 + 1.
 #[test]
 fn narrow_strips_at_a_seam() {
     let surface = certified(
@@ -127,11 +126,11 @@ fn narrow_strips_at_a_seam() {
     assert!((share - 1.0).abs() < 5e-3, "{share} of {exact}");
 }
 
-/// X, Y and Z vanish to second order along a line: that it is straight is not seen in derivatives,
-/// and vertices crowded on it.
+/// X, Y and Z vanish to second order along a line. Derivatives do not show that its image is
+/// straight, and vertices once crowded on it.
 ///
-/// x = s / d², y = t / d², z = (s² + 1) / d² with d = s² + t² − 1. So q = d² has x² q² − z q + 1 =
-/// 0 and ((x² + y²) q² − 1)² = q.
+/// x = s / d², y = t / d², z = (s² + 1) / d² with d = s² + t² − 1. So q = d² satisfies x² q² − z q
+/// + 1 = 0 and ((x² + y²) q² − 1)² = q.
 #[test]
 fn vertices_on_a_line_contracted_to_second_order() {
     let surface = certified(

@@ -1,4 +1,4 @@
-//! The parts of a fit, of a solid, of its mesh and of its patches have the same names.
+//! Names of parts: those of a fit, of a solid, of its mesh and of its patches agree.
 
 use isoform::FrepTemplate;
 use isoform::field::hyperfun::{Mode, Model, Pose};
@@ -9,18 +9,19 @@ use isoform::mesh::{Control, Options, mesh};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Two pieces tie where they are no farther apart than this, per length of an edge: the sagitta of a
-/// curved edge between them. Beside a seam without an edge (the foot of a cup, where a ring goes on
-/// from a cylinder) they are that near, too, and the mesh does not follow such seams.
+/// Maximum difference of the distances of two pieces that count as equally near, in edge lengths:
+/// the sagitta of a curved edge between them. Next to a seam without an edge (the foot of a cup,
+/// where a ring continues a cylinder) both are that near, too, and the mesh does not follow such
+/// seams.
 const SAGITTA: f64 = 0.01;
 
-/// The box that sizes of templates are shares of.
+/// Box of which sizes of templates are shares.
 const BOX: Aabb = Aabb {
     lo: [-5.0, -4.0, -3.0],
     hi: [5.0, 4.0, 3.0],
 };
 
-/// Templates whose parameters are places, with values for them.
+/// Templates whose parameters are positions, with values for them.
 const VALUES: [(&str, &[f64]); 2] = [
     ("sakepot", &[3.0, 3.0, 5.5, 9.7]),
     (
@@ -31,8 +32,8 @@ const VALUES: [(&str, &[f64]); 2] = [
     ),
 ];
 
-/// Models that are meshed where not all are: a scanned form, the plate of the paper, and pieces of
-/// set operations, products and a blend.
+/// Models that are meshed even if not all are: a scanned form, the plate of the paper, and pieces
+/// of set operations, products and a blend.
 const FEW: [&str; 5] = [
     "cup",
     "testpart",
@@ -41,11 +42,11 @@ const FEW: [&str; 5] = [
     "a blend",
 ];
 
-/// Names that the mesh does not have, since for these values a piece coincides with another one,
-/// which shows in rounded numbers only: two blocks of the plate end in one plane.
+/// Names that the mesh lacks, since for these values a piece coincides with another one, except for
+/// rounding: two blocks of the plate end in one plane.
 const COINCIDE: [(&str, &str); 1] = [("plate-holes", "face_x.z_max")];
 
-/// Programs that come to parts in other ways than the gallery's.
+/// Programs whose parts arise in other ways than those of the gallery.
 const PROGRAMS: [(&str, &str); 6] = [
     (
         "slabs and a hole",
@@ -103,15 +104,15 @@ const PROGRAMS: [(&str, &str); 6] = [
     ),
 ];
 
-/// Models with triangles that lie across an edge, and how many: at this size the mesh is coarser
-/// than the ears of the pot are thick, and some of their middles are within an ear.
+/// Models with triangles that lie across an edge, and their number: at this size the mesh is
+/// coarser than the ears of the pot are thick, and the centres of some triangles are within an ear.
 const ACROSS: [(&str, usize); 1] = [("sakepot", 2)];
 
-/// A golden model whose pieces depend on values: a superellipsoid has a crease where its exponents
-/// are small, and none where they are even numbers.
+/// Golden model whose pieces depend on values: a superellipsoid has a crease if its exponents are
+/// small, and none if they are even numbers.
 const CREASED: &str = "lib_hfSuperell";
 
-/// A size for parameter i of a template that leaves it open.
+/// Returns a size for parameter i of a template without one.
 fn size(i: usize) -> f64 {
     1.1 * (i as f64 + 1.0).sqrt()
 }
@@ -125,7 +126,8 @@ fn template(model: &Model) -> FrepTemplate {
     FrepTemplate::with_pose(model, Pose::None, &[BOX.lo, BOX.hi]).expect("a solid in space")
 }
 
-/// The gallery, with the values that its parameters start with in [`BOX`], or sizes.
+/// Returns the templates of the gallery, with the start values of their parameters in [`BOX`], or
+/// sizes.
 fn gallery() -> Vec<(String, Model, Vec<f64>)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/templates");
     let files = isoform_testdata::files_in(&folder, "hf");
@@ -151,7 +153,7 @@ fn programs() -> Vec<(String, Model, Vec<f64>)> {
     PROGRAMS.iter().map(of).collect()
 }
 
-/// The names of the fit's parts, each once.
+/// Returns the distinct names of the fit's parts.
 fn part_names(template: &FrepTemplate) -> Vec<String> {
     let mut known = BTreeSet::new();
     let names = template.part_names().iter();
@@ -179,7 +181,7 @@ fn fits_meshes_and_patches_name_the_parts_alike() {
     }
 }
 
-/// The reference's programs, with the first values in their tables.
+/// Returns the reference's programs, with the first values in their tables.
 #[test]
 fn the_parts_of_golden_models_have_one_name() {
     let mut compared = 0;
@@ -199,7 +201,7 @@ fn the_parts_of_golden_models_have_one_name() {
     assert!(compared > 90, "{compared} were compared");
 }
 
-/// The middle of a triangle, and the place on its own piece that is near it.
+/// Returns the centre of a triangle, and the nearby point on its own piece.
 fn middle(solid: &dyn Solid, mesh: &Mesh, triangle: usize) -> (Point3, Point3) {
     let corners = mesh.triangles[triangle].map(|v| mesh.points[v as usize]);
     let middle: Point3 = std::array::from_fn(|i| corners.iter().map(|c| c[i]).sum::<f64>() / 3.0);
@@ -215,7 +217,7 @@ fn middle(solid: &dyn Solid, mesh: &Mesh, triangle: usize) -> (Point3, Point3) {
     (middle, on_piece)
 }
 
-/// Whether the reading says `wanted` at one of the points.
+/// Returns true if the part at one of the points is `wanted`.
 fn says(template: &FrepTemplate, values: &[f64], points: &[Point3], wanted: &str) -> bool {
     let mut parts = vec![0; points.len()];
     template.parts(points, values, &mut parts);
@@ -223,8 +225,8 @@ fn says(template: &FrepTemplate, values: &[f64], points: &[Point3], wanted: &str
     parts.iter().any(|&part| names[part as usize] == wanted)
 }
 
-/// Every triangle has the name that the reading gives at its middle, or on its piece beside it; or
-/// another piece is as near, up to the distance of the middle from its piece, or [`SAGITTA`].
+/// Every triangle has the name of the part at its centre, or at the nearby point on its piece; or
+/// another piece is equally near, up to the distance of the centre from its piece, or [`SAGITTA`].
 #[test]
 fn meshes_are_named_as_the_reading_says() {
     let is_taken = |name: &str| isoform_testdata::is_full() || FEW.contains(&name);

@@ -1,4 +1,4 @@
-//! Templates proposed for scans of parts whose dimensions are known.
+//! Templates proposed for scans of parts with known dimensions.
 
 use isoform::field::hyperfun::{Mode, Model};
 use isoform::geom::{Point3, PointCloud, cross, dot, norm, sub};
@@ -9,8 +9,8 @@ use isoform::{
     fit_scan, recognize_scan, without_supports,
 };
 
-/// Points of a plate of 40 × 30 × 10 about its corner with a bore of radius 6 at (15, 12) and a
-/// counterbore of radius 9 down to z = 7, turned and moved; noise along the normals.
+/// Returns points of a plate of 40 × 30 × 10 about its corner with a bore of radius 6 at (15, 12)
+/// and a counterbore of radius 9 down to z = 7, rotated and moved; noise is along the normals.
 fn plate(count: usize, noise: f64) -> PointCloud {
     let mut random = Random::new(5);
     let mut points = Vec::new();
@@ -25,7 +25,7 @@ fn plate(count: usize, noise: f64) -> PointCloud {
     PointCloud::from_points(points)
 }
 
-/// A point of one of the faces, chosen by area, and its normal; `None` where a hole is.
+/// Returns a point of one of the faces, chosen by area, and its normal; `None` in a hole.
 fn on_plate(random: &mut Random) -> Option<(Point3, Point3)> {
     let [a, b, w] = [random.unit(), random.unit(), random.unit()];
     let end = f64::from(u8::from(random.unit() < 0.5));
@@ -74,7 +74,7 @@ fn fitted(scan: &PointCloud, proposal: &Proposal) -> ScanFit {
     fit_scan(scan, &model, &FitOptions::default(), &Control::default()).expect("a fit")
 }
 
-/// The value of a parameter that has one of these values.
+/// Returns the value of a parameter that has one of these values.
 fn is_there(fit: &ScanFit, value: f64, tolerance: f64) -> bool {
     fit.values()
         .iter()
@@ -117,12 +117,12 @@ fn noise_leaves_the_shape_as_it_is() {
     }
 }
 
-/// What was not seen is closed by the end of the data, and said.
+/// An unscanned side is closed at the end of the data, and reported.
 #[test]
 fn a_face_that_is_missing_is_said() {
     let mut scan = plate(6000, 0.0);
     let whole = proposed(&scan);
-    // All but the bottom, which has z = 0 before the pose.
+    // All faces except the bottom, which has z = 0 before the pose.
     let bottom = |p: &Point3| {
         let [y, z] = [p[1] + 20.0, p[2] - 7.0];
         (0.8 * z - 0.6 * y).abs() < 1e-9
@@ -134,7 +134,7 @@ fn a_face_that_is_missing_is_said() {
     assert!(open.gaps.iter().any(is_unseen), "{:?}", open.gaps);
 }
 
-/// A plate on a table: the plane goes all round it, is taken off, and closes what it hides.
+/// A plate on a table: the plane extends all round it, is removed, and closes the hidden side.
 #[test]
 fn a_table_is_taken_off_and_closes_the_part() {
     let mut random = Random::new(9);
@@ -180,7 +180,7 @@ fn a_table_is_taken_off_and_closes_the_part() {
             fit.values()
         );
     }
-    // The bottom lies where the table is.
+    // The bottom lies on the table.
     assert!(
         is_there(&fit, 10.0, 0.03) || is_there(&fit, 7.0, 0.03),
         "{:?}",
@@ -188,7 +188,7 @@ fn a_table_is_taken_off_and_closes_the_part() {
     );
 }
 
-/// A part in the air has no table, from whatever side it was seen.
+/// A part without a support has none, from whatever side it was scanned.
 #[test]
 fn faces_of_a_part_are_no_tables() {
     let whole = plate(6000, 0.02);
@@ -209,7 +209,7 @@ fn faces_of_a_part_are_no_tables() {
     );
 }
 
-/// Rays tell nothing of bores in a scan from one side: given normals do.
+/// Rays cannot orient bores in a scan from one side; given normals do.
 #[test]
 fn given_normals_decide_what_is_outside() {
     let mut random = Random::new(3);
@@ -218,7 +218,8 @@ fn given_normals_decide_what_is_outside() {
         let Some((p, n)) = on_plate(&mut random) else {
             continue;
         };
-        // Faces of the plate face away from its middle, bores towards their axis.
+        // Normals of the faces of the plate point away from its centre, those of bores to their
+        // axis.
         let is_bore = n[2] == 0.0 && (p[0] - 15.0).hypot(p[1] - 12.0) < 9.1;
         let is_out = [20.0, 15.0, 5.0]
             .iter()
@@ -259,7 +260,7 @@ fn given_normals_decide_what_is_outside() {
     }
 }
 
-/// A box of 30 × 20 × 12 with its upright edges rounded by 3, in a mesh of few facets.
+/// Returns a box of 30 × 20 × 12 with its upright edges rounded by 3, in a mesh of few facets.
 fn rounded_box(steps: u32) -> PointCloud {
     let centres = [[27.0, 17.0], [3.0, 17.0], [3.0, 3.0], [27.0, 3.0]];
     let mut outline: Vec<[f64; 2]> = Vec::new();
@@ -273,7 +274,7 @@ fn rounded_box(steps: u32) -> PointCloud {
     prism(&outline, 12.0)
 }
 
-/// The mesh of what lies over a convex outline, posed.
+/// Returns the mesh of the prism over a convex outline, in its pose.
 fn prism(outline: &[[f64; 2]], height: f64) -> PointCloud {
     let n = outline.len() as u32;
     let ring = |z: f64| outline.iter().map(move |[x, y]| [*x, *y, z]);
@@ -288,7 +289,7 @@ fn prism(outline: &[[f64; 2]], height: f64) -> PointCloud {
     as_scan(ring(0.0).chain(ring(height)).collect(), triangles)
 }
 
-/// A mesh, posed, in single precision.
+/// Returns a mesh, posed, in single precision.
 fn as_scan(points: Vec<Point3>, triangles: Vec<[u32; 3]>) -> PointCloud {
     let points = points.into_iter().map(posed);
     PointCloud {
@@ -298,7 +299,8 @@ fn as_scan(points: Vec<Point3>, triangles: Vec<[u32; 3]>) -> PointCloud {
     }
 }
 
-/// A plate between planes y = 4 and y = 14 with round ends about (5, 9) and (35, 9), 6 high.
+/// Returns a plate between planes y = 4 and y = 14 with round ends about (5, 9) and (35, 9), 6
+/// high.
 fn stadium() -> PointCloud {
     let mut outline: Vec<[f64; 2]> = Vec::new();
     for (x, from) in [(35.0, -0.5), (5.0, 0.5)] {
@@ -310,7 +312,7 @@ fn stadium() -> PointCloud {
     prism(&outline, 6.0)
 }
 
-/// A block of 40 × 30 × 20 with the edges of its top cut off by 3 at 45°.
+/// Returns a block of 40 × 30 × 20 with the edges of its top cut off by 3 at 45°.
 fn chamfered() -> PointCloud {
     let ring = |d: f64, z: f64| {
         [
@@ -332,7 +334,7 @@ fn chamfered() -> PointCloud {
     as_scan(points, triangles)
 }
 
-/// A block of 60 × 40 × 10 with all edges cut off by 0.6 at 45°: its corners are triangles.
+/// Returns a block of 60 × 40 × 10 with all edges cut off by 0.6 at 45°: its corners are triangles.
 fn chamfered_all_round() -> PointCloud {
     let (sides, leg) = ([60.0, 40.0, 10.0], 0.6);
     let mut points: Vec<Point3> = Vec::new();
@@ -370,8 +372,8 @@ fn chamfered_all_round() -> PointCloud {
     as_scan(points, triangles)
 }
 
-/// Surfaces that touch, and edges cut off alike, stay so whatever the dimensions: radii are tied to
-/// planes, chamfers are one leg.
+/// Tangency of surfaces, and equality of chamfers, holds for all dimensions: radii are tied to
+/// planes, chamfers share one leg.
 #[test]
 fn tangent_faces_and_chamfers_are_tied() {
     let control = Control::default();
@@ -410,14 +412,14 @@ fn tangent_faces_and_chamfers_are_tied() {
     }
 }
 
-/// Points of a tube of 30 × 20 × 6 with walls of 1.5 and corners of radius 4: of both sides, and of the
-/// ends.
+/// Returns points of a tube of 30 × 20 × 6 with walls of 1.5 and corners of radius 4: of both
+/// sides, and of the ends.
 fn square_tube() -> PointCloud {
     let mut random = Random::new(8);
     let mut points = Vec::new();
     let corners = [[26.0, 16.0], [4.0, 16.0], [4.0, 4.0], [26.0, 4.0]];
     let lengths = [22.0, 12.0, 22.0, 12.0];
-    // A place of the outline `radius` off the centres of its corners.
+    // A point of the outline at the distance `radius` from the centres of its corners.
     let outline = |random: &mut Random, radius: f64| {
         let arc = radius * std::f64::consts::FRAC_PI_2;
         let mut at = random.unit() * (68.0 + 4.0 * arc);
@@ -448,7 +450,7 @@ fn square_tube() -> PointCloud {
     PointCloud::from_points(points)
 }
 
-/// Fillets about the centres of rounds are as far from the walls inside as these are from the walls
+/// Fillets with the centres of rounds are as far from the walls inside as these are from the walls
 /// outside: the wall is one parameter, and the solid of the fit is exact.
 #[test]
 fn each_contact_is_a_tie() {
@@ -474,7 +476,7 @@ fn each_contact_is_a_tie() {
     assert!(norm(sub(certificate.centroid(), middle)) < 1e-4);
 }
 
-/// A template says where its part lies, and fits another scan of it elsewhere.
+/// A template states the pose of its part, and fits another scan of it elsewhere.
 #[test]
 fn a_template_fits_the_part_in_another_place() {
     let proposal = proposed(&plate(6000, 0.0));
@@ -488,14 +490,14 @@ fn a_template_fits_the_part_in_another_place() {
         "{:?}",
         fit.fit.reasons
     );
-    // The part is as large in its own frame as it was made, and lies elsewhere in the scan's.
+    // The part has its true size in its own frame, and lies elsewhere in the scan's.
     let mut sides = fit.own_extent().size();
     sides.sort_by(f64::total_cmp);
     for (side, made) in sides.into_iter().zip([10.0, 30.0, 40.0]) {
         assert!((side - made).abs() < 0.01 * made, "{sides:?}");
     }
     let extent = fit.extent();
-    assert_eq!(extent, isoform::geom::Aabb::of(&elsewhere.points));
+    assert_eq!(extent, isoform::geom::Aabb::from_points(&elsewhere.points));
 }
 
 /// Rounds of a coarse CAD mesh, whose vertices all lie on edges, bound the solid and are tied.
@@ -517,7 +519,7 @@ fn rounds_of_a_mesh_are_tied_to_their_faces() {
         assert!(proposal.program.contains("tie="), "{}", proposal.program);
         let fit = fitted(&scan, &proposal);
         assert!(fit.fit.acceptable, "{steps}: {:?}", fit.fit.reasons);
-        // Single precision is told from the coordinates: the interval holds the radius.
+        // Single precision is recognised from the coordinates: the interval contains the radius.
         let radius = fit.template.index("round_radius").expect("a radius");
         let (low, high) = fit.fit.parameters[radius].ci95.expect("an interval");
         assert!(

@@ -1,7 +1,7 @@
-//! Random maps with small coefficients through the whole façade: slow, so asked for by
-//! `ISOFORM_RANDOM_MAPS=10000 ISOFORM_RANDOM_SECONDS=0.5 cargo test --release -p isoform --test it
-//! random_maps:: -- --ignored --nocapture` (how many, and the seconds each may take;
-//! `ISOFORM_RANDOM_FIRST` says where to begin).
+//! Random maps with small coefficients through the whole library. The test is slow and ignored by
+//! default: `ISOFORM_RANDOM_MAPS=10000 ISOFORM_RANDOM_SECONDS=0.5 cargo test --release -p isoform
+//! --test it random_maps:: -- --ignored --nocapture` (number of maps, and the time limit of each;
+//! `ISOFORM_RANDOM_FIRST` is the number of the first).
 
 use isoform::Control;
 use isoform::triangulate_map;
@@ -14,7 +14,7 @@ use std::ops::Range;
 use std::panic::AssertUnwindSafe;
 use std::time::{Duration, Instant};
 
-/// A polynomial of a degree with small coefficients, most of them zero.
+/// Returns a polynomial of a degree with small coefficients, most of them zero.
 fn polynomial(rng: &mut fastrand::Rng, degree: usize) -> String {
     let mut text = String::new();
     for i in 0..=degree {
@@ -36,7 +36,7 @@ fn polynomial(rng: &mut fastrand::Rng, degree: usize) -> String {
     }
 }
 
-/// A coarse mesh in a box.
+/// Returns options of a coarse mesh in a box.
 fn options(mode: Mode, budget: Budget) -> TriangulateOptions {
     let mesh = MeshOptions {
         tolerance: 0.03,
@@ -52,17 +52,17 @@ fn options(mode: Mode, budget: Budget) -> TriangulateOptions {
     }
 }
 
-/// What a map may cost.
+/// Limits of the work on a map.
 #[derive(Clone, Copy)]
-struct Cost {
+struct MapLimits {
     budget: Budget,
     allowed: Duration,
-    /// Whether the time is the machine's affair: then maps that it stops are no failures.
+    /// True if time limits depend on the machine; then maps that they stop are not failures.
     by_clock: bool,
 }
 
-impl Cost {
-    /// Seconds for each map; what is certified depends on the machine.
+impl MapLimits {
+    /// Returns limits by time, in seconds per map; the results depend on the machine.
     fn seconds(seconds: f64) -> Self {
         let budget = Budget {
             seconds: 0.5 * seconds,
@@ -75,10 +75,10 @@ impl Cost {
         }
     }
 
-    /// Steps: the degree of the implicit equation bounds the exact work and [`options`] the
-    /// triangles, so that any machine certifies the same maps. (A closure that counts how often it
-    /// is asked to stop would not do: work on several threads asks once a millisecond.) The clock
-    /// only ends what hangs.
+    /// Returns limits by steps: the degree of the implicit equation bounds the exact work and
+    /// [`options`] the triangles, so that any machine certifies the same set of maps. (A closure
+    /// that counts its calls would not do: work on several threads calls it once a millisecond.)
+    /// The clock only ends work that hangs.
     fn steps(implicit_degree: usize) -> Self {
         let budget = Budget {
             implicit_degree,
@@ -92,7 +92,7 @@ impl Cost {
     }
 }
 
-/// As many as asked for, 60 of four seconds each where nothing is said.
+/// Returns the requested number of maps, by default 60 with four seconds each.
 #[test]
 #[ignore = "takes minutes"]
 fn random_maps() {
@@ -103,14 +103,14 @@ fn random_maps() {
             .unwrap_or(default)
     };
     let first = asked("ISOFORM_RANDOM_FIRST", 0.0) as u64;
-    let cost = Cost::seconds(asked("ISOFORM_RANDOM_SECONDS", 4.0));
+    let cost = MapLimits::seconds(asked("ISOFORM_RANDOM_SECONDS", 4.0));
     let maps = asked("ISOFORM_RANDOM_MAPS", 60.0) as u64;
     let tried = try_maps(first..first + maps, cost);
     assert!(tried.certified > 0, "nothing is certified: {tried:?}");
 }
 
-/// Its region has walls that are closer to each other than rounding: arcs over a place next to one
-/// were asked for in the wrong slab.
+/// Map with walls in its region that are closer to each other than rounding: arcs over a point next
+/// to one were once sought in the wrong slab.
 #[test]
 fn walls_closer_than_rounding() {
     let texts = ["-s^0+t^2-3*s", "t-2*s*t", "3*t", "-t+3*s*t"];
@@ -124,8 +124,8 @@ fn walls_closer_than_rounding() {
     assert!(!surface.triangles.is_empty());
 }
 
-/// What a map with these polynomials is certified as, to the tolerance and with the edges that the
-/// program has by default; its faults are none.
+/// Certifies a map with these polynomials, with the default tolerance and edge length, and asserts
+/// that it has zero faults.
 fn certified(texts: [&str; 4]) -> Surface {
     let map = Map::parse(texts, Default::default()).expect("a map");
     let mut options = options(Mode::Glued, Budget::default());
@@ -137,10 +137,11 @@ fn certified(texts: [&str; 4]) -> Surface {
     surface
 }
 
-/// The program's tolerance in that box.
+/// Default tolerance in that box.
 const FINE: f64 = 5e-4 * HALF_WIDTH;
 
-/// The distance of a point from a triangle: its foot, or the nearest point of its edges.
+/// Returns the distance of a point from a triangle: from its foot, or the nearest point of its
+/// edges.
 fn distance_to(p: Point3, [a, b, c]: [Point3; 3]) -> f64 {
     let to_edge = |a: Point3, b: Point3| distance_to_segment(p, [a, b]);
     let beside = to_edge(a, b).min(to_edge(b, c)).min(to_edge(c, a));
@@ -154,10 +155,10 @@ fn distance_to(p: Point3, [a, b, c]: [Point3; 3]) -> f64 {
     }
 }
 
-/// Vertices that sheets get from each other keep the tolerance: once, points of the first of these
-/// surfaces were 18 tolerances from triangles that were certified, and those of the second 11.
-/// Between the middles of edges and triangles, which `tolerance` is about, a surface may leave them
-/// by half as much again.
+/// Vertices that sheets exchange keep the tolerance: once, points of the first of these surfaces
+/// were 18 tolerances from certified triangles, and those of the second 11. Between the midpoints
+/// of edges and the centres of triangles, to which `tolerance` applies, a surface may deviate by
+/// half as much again.
 #[test]
 fn matched_vertices_keep_the_tolerance() {
     type Chart = fn(f64, f64) -> [f64; 4];
@@ -189,9 +190,9 @@ fn matched_vertices_keep_the_tolerance() {
     }
 }
 
-/// Sheets with one tangent plane all along a double curve, next to which triangles of any size
-/// cross: inside of the box, next to pinch points and at its faces. Without the vertices of both
-/// sheets in both of them, 25, 140, 33 and 66 pairs of triangles crossed.
+/// Sheets with a common tangent plane along a whole double curve, next to which triangles of any
+/// size cross: inside of the box, next to pinch points and at its faces. Without the vertices of
+/// both sheets in both of them, 25, 140, 33 and 66 pairs of triangles crossed.
 #[test]
 fn sheets_that_touch_along_a_curve() {
     for texts in [
@@ -209,8 +210,8 @@ fn sheets_that_touch_along_a_curve() {
     }
 }
 
-/// Two points of the double curve lie on one wall: a partner on that wall was taken for a vertex of
-/// an arc that ends in the other point.
+/// Two points of the double curve lie on one wall: a partner on that wall was once taken for a
+/// vertex of an arc that ends in the other point.
 #[test]
 fn points_of_the_double_curve_on_one_wall() {
     certified([
@@ -221,11 +222,11 @@ fn points_of_the_double_curve_on_one_wall() {
     ]);
 }
 
-/// Next to a base point that others are infinitely near to, a rectangle's edge was split beyond the
-/// arc on a face of the box, and certified.
+/// Next to a base point with infinitely near ones, a rectangle's edge was once split beyond the arc
+/// on a face of the box, and certified.
 #[test]
 fn nothing_certified_is_outside_of_the_box() {
-    let tried = try_maps(2868..2869, Cost::steps(16));
+    let tried = try_maps(2868..2869, MapLimits::steps(16));
     assert_eq!(tried.certified + tried.reported, 2, "{tried:?}");
 }
 
@@ -233,7 +234,7 @@ fn nothing_certified_is_outside_of_the_box() {
 #[test]
 fn ends_of_the_real_image_are_no_open_edges() {
     for seed in [24, 27, 54] {
-        let tried = try_maps(seed..seed + 1, Cost::steps(16));
+        let tried = try_maps(seed..seed + 1, MapLimits::steps(16));
         assert!(tried.certified >= 1, "{seed}: {tried:?}");
     }
 }
@@ -243,14 +244,14 @@ fn ends_of_the_real_image_are_no_open_edges() {
 /// the other ten are certified.
 #[test]
 fn a_few_random_maps() {
-    let tried = try_maps(0..9, Cost::steps(9));
+    let tried = try_maps(0..9, MapLimits::steps(9));
     assert!(tried.certified >= 10, "{tried:?}");
     assert_eq!(tried.certified + tried.reported, 18, "{tried:?}");
 }
 
-/// How many surfaces came out how; of an invalid map there is none.
+/// Numbers of surfaces by result, and of invalid maps.
 #[derive(Debug, Default, PartialEq)]
-struct Tried {
+struct MapCounts {
     certified: usize,
     reported: usize,
     stopped: usize,
@@ -299,7 +300,7 @@ fn faults(map: &Map, surface: Surface, mode: Mode) -> Vec<String> {
     faults
 }
 
-/// How many triangles each edge has.
+/// Returns the number of triangles of each edge.
 fn edges(mesh: &Mesh) -> BTreeMap<[u32; 2], usize> {
     let mut edges = BTreeMap::new();
     for t in &mesh.triangles {
@@ -310,9 +311,9 @@ fn edges(mesh: &Mesh) -> BTreeMap<[u32; 2], usize> {
     edges
 }
 
-/// Returns the edges of the listed border of the real image, in so far as the matrix of first
-/// derivatives of the map has rank 2 in both corners of a triangle, as it has along a fold and in a
-/// base point: its rank is 3 wherever the image is a smooth surface without an end.
+/// Returns the edges of the listed border of the real image, if the matrix of first derivatives of
+/// the map has rank 2 in both corners of a triangle, as along a fold and in a base point; its rank
+/// is 3 in the interior of a smooth image.
 fn ends_of_the_image(map: &Map, surface: &Surface) -> BTreeSet<[u32; 2]> {
     let bits = |p: &Point3| p.map(f64::to_bits);
     let mut listed = BTreeSet::new();
@@ -397,12 +398,12 @@ fn open_edges_are_seen() {
     assert_eq!(open_edges(&on_box(far), &BTreeSet::new()), 0);
 }
 
-/// No panic, no more time than allowed and some, and no crossings or open edges in what is
-/// certified.
-fn try_maps(seeds: Range<u64>, cost: Cost) -> Tried {
+/// Asserts that there are no panics, the time limit is kept approximately, and certified surfaces
+/// have no crossings or open edges.
+fn try_maps(seeds: Range<u64>, cost: MapLimits) -> MapCounts {
     let mut why: BTreeMap<String, usize> = BTreeMap::new();
-    let mut tried = Tried::default();
-    // All of them are tried before the test ends: thousands take hours.
+    let mut tried = MapCounts::default();
+    // All maps are tried before the test ends: thousands take hours.
     let (mut slow, mut wrong) = (Vec::new(), Vec::new());
     for seed in seeds {
         let mut rng = fastrand::Rng::with_seed(seed);

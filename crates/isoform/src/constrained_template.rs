@@ -26,7 +26,7 @@ pub enum ParameterError {
     },
     /// A parameter is fixed twice.
     #[error("{name} is held twice")]
-    HeldTwice {
+    FixedTwice {
         /// Name of the parameter.
         name: String,
     },
@@ -38,7 +38,7 @@ pub enum ParameterError {
     },
     /// A parameter is fixed at a value outside of its bounds.
     #[error("{name} is held at {value}, which is not from {lo} to {hi}")]
-    HeldOutside {
+    FixedOutside {
         /// Name of the parameter.
         name: String,
         /// Value at which it is fixed.
@@ -76,7 +76,7 @@ pub type Bounds = Vec<Option<(f64, f64)>>;
 
 /// [`FrepTemplate`] with fixed parameters, in the coordinates of a file: points are fitted relative
 /// to an origin, by which the translations of a pose differ from those in the file.
-pub struct HeldTemplate {
+pub struct ConstrainedTemplate {
     /// Template with all parameters free.
     pub frep: FrepTemplate,
     /// Shift of each parameter: the number to add to its value to get that in the file's
@@ -85,7 +85,7 @@ pub struct HeldTemplate {
     parameters: Vec<Parameter>,
 }
 
-impl Template for HeldTemplate {
+impl Template for ConstrainedTemplate {
     fn parameters(&self) -> &[Parameter] {
         &self.parameters
     }
@@ -112,7 +112,7 @@ impl Template for HeldTemplate {
     }
 }
 
-impl HeldTemplate {
+impl ConstrainedTemplate {
     /// Creates the template with all parameters free, for points relative to `origin`.
     pub fn new(frep: FrepTemplate, origin: Point3) -> Self {
         let parameters = frep.parameters().to_vec();
@@ -133,7 +133,7 @@ impl HeldTemplate {
     }
 
     /// Returns true if the template can be moved as a whole, so that it follows its data.
-    pub fn moves(&self) -> bool {
+    pub fn can_move(&self) -> bool {
         self.parameters[self.frep.model().n_params()..]
             .iter()
             .any(|p| p.name == "pose_x")
@@ -180,14 +180,14 @@ impl HeldTemplate {
     ///
     /// # Errors
     /// The index in `fixed` of the first parameter that cannot be fixed, and the reason.
-    pub fn hold(&mut self, fixed: &[(String, f64)]) -> Result<(), (usize, ParameterError)> {
+    pub fn fix(&mut self, fixed: &[(String, f64)]) -> Result<(), (usize, ParameterError)> {
         let mut held = Vec::new();
         for (k, (key, value)) in fixed.iter().enumerate() {
             let i = self.index(key).map_err(|error| (k, error))?;
             let p = &mut self.parameters[i];
             if held.contains(&i) {
                 let name = p.name.clone();
-                return Err((k, ParameterError::HeldTwice { name }));
+                return Err((k, ParameterError::FixedTwice { name }));
             }
             held.push(i);
             p.fixed = Some(value - self.shift[i]);
@@ -237,14 +237,14 @@ impl HeldTemplate {
                 let name = self.parameters[i].name.clone();
                 return Err((k, ParameterError::BoundTwice { name }));
             }
-            self.check_held(i, *lo, *hi).map_err(|error| (k, error))?;
+            self.check_fixed(i, *lo, *hi).map_err(|error| (k, error))?;
             bounds[i] = Some((lo - self.shift[i], hi - self.shift[i]));
         }
         Ok(bounds)
     }
 
     /// Refuses bounds, in the file's coordinates, that exclude the value of a fixed parameter.
-    fn check_held(&self, i: usize, lo: f64, hi: f64) -> Result<(), ParameterError> {
+    fn check_fixed(&self, i: usize, lo: f64, hi: f64) -> Result<(), ParameterError> {
         let p = &self.parameters[i];
         let Some(relative) = p.fixed else {
             return Ok(());
@@ -253,7 +253,7 @@ impl HeldTemplate {
         if relative >= low && relative <= high {
             return Ok(());
         }
-        Err(ParameterError::HeldOutside {
+        Err(ParameterError::FixedOutside {
             name: p.name.clone(),
             value: relative + self.shift[i],
             lo,
@@ -262,9 +262,9 @@ impl HeldTemplate {
     }
 }
 
-impl std::fmt::Debug for HeldTemplate {
+impl std::fmt::Debug for ConstrainedTemplate {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("HeldTemplate")
+        f.debug_struct("ConstrainedTemplate")
             .field("frep", &self.frep)
             .field("shift", &self.shift)
             .finish_non_exhaustive()
@@ -276,7 +276,7 @@ mod tests {
     use super::*;
     use isoform_field::hyperfun::{Mode, Model};
 
-    fn ball() -> HeldTemplate {
+    fn ball() -> ConstrainedTemplate {
         let text = "-- @pose translate
             my_model(x[3], a[2]) {
                 array c[3];
@@ -286,7 +286,7 @@ mod tests {
         let model = Model::parse(text, Mode::Default).expect("a program");
         let points = [[0.0; 3], [1.0; 3]];
         let frep = FrepTemplate::new(&model, &points).expect("a template");
-        HeldTemplate::new(frep, [10.0, 20.0, 30.0])
+        ConstrainedTemplate::new(frep, [10.0, 20.0, 30.0])
     }
 
     #[test]
@@ -303,8 +303,8 @@ mod tests {
     #[test]
     fn values_are_those_of_the_file() {
         let mut ball = ball();
-        assert!(ball.moves());
-        assert_eq!(ball.hold(&[("pose_y".to_owned(), 21.0)]), Ok(()));
+        assert!(ball.can_move());
+        assert_eq!(ball.fix(&[("pose_y".to_owned(), 21.0)]), Ok(()));
         assert_eq!(ball.parameters()[3].fixed, Some(1.0));
         let start = ball.start(&[1.0, 2.0, 10.5, 20.5, 30.5]).expect("five");
         assert_eq!(start, [1.0, 2.0, 0.5, 0.5, 0.5]);
@@ -316,8 +316,8 @@ mod tests {
     fn what_does_not_suit_is_refused() {
         let mut ball = ball();
         let twice = [("1".to_owned(), 1.0), ("a[1]".to_owned(), 2.0)];
-        let (place, error) = ball.hold(&twice).expect_err("held twice");
-        assert!(place == 1 && matches!(error, ParameterError::HeldTwice { .. }));
+        let (place, error) = ball.fix(&twice).expect_err("held twice");
+        assert!(place == 1 && matches!(error, ParameterError::FixedTwice { .. }));
         let twice = [("1".to_owned(), (0.0, 1.0)), ("1".to_owned(), (0.0, 2.0))];
         let (place, error) = ball.bounds(&twice).expect_err("two intervals");
         assert!(place == 1 && matches!(error, ParameterError::BoundTwice { .. }));
