@@ -9,7 +9,7 @@
 
 use isoform::FrepTemplate;
 use isoform::field::hyperfun::{Mode, Model, Pose};
-use isoform::fit::{Control, Fit, Local, Method, Options, Template, fit};
+use isoform::fit::{Control, Fit, LocalMethod, Method, Options, Template, fit};
 use isoform::geom::{ParamField, Point3};
 use std::time::Instant;
 
@@ -126,9 +126,9 @@ fn run(
 }
 
 fn main() {
-    let qn = Method::Local(Local::Bfgs);
+    let qn = Method::Local(LocalMethod::Bfgs);
     let hybrid = |threshold| Method::Hybrid {
-        local: Local::Bfgs,
+        local: LocalMethod::Bfgs,
         threshold,
     };
     let part = template(PART);
