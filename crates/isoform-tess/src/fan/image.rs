@@ -60,6 +60,7 @@ impl Fan {
                 tangent,
             )
         };
+        // The step of difference quotients is a thousandth of the distance.
         let (mut left, step) = (0.0, 1e-3 * BEND_DISTANCE);
         // Newton steps to the curvature.
         for _ in 0..8 {

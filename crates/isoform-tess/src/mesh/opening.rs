@@ -237,6 +237,8 @@ impl Openings<'_> {
         if f.is_contracted(d) {
             images.extend(self.curves.images().map(|x| x.0));
         }
+        // Where a contracted curve leads to the point, the seam reaches its image up to this
+        // distance.
         let close = 1e-6 * self.atlas.half_width;
         let near = |k: &ImageId| distance(self.curves.image(*k), p) <= close;
         match images.into_iter().find(near) {

@@ -201,6 +201,7 @@ impl<'a> SpecialCurves<'a> {
     /// Returns true if two parameters with one image may have one vertex: if sheets that cross are
     /// not joined, only equal ones and those exchanged by deck transformations.
     pub(super) fn may_share(&self, p: [f64; 3], q: [f64; 3]) -> bool {
+        // Sine of the angle between two parameters that are one.
         let is_one = norm(cross(p, q)) <= 1e-9 * norm(p) * norm(q);
         self.glued
             || is_one

@@ -517,9 +517,11 @@ impl Openings<'_> {
             which: chord.which,
             q: a.q,
         });
+        // At most twenty Newton steps.
         for _ in 0..20 {
             let spots = [arcs[0].spot(parts[0])?, arcs[1].spot(parts[1])?];
             let [x, y] = [0, 1].map(|k| arcs[k].parameter(&spots[k]));
+            // The arcs meet up to rounding.
             if distance2(x, y) < 1e-13 {
                 let [x, mut y] = spots.map(|s| ArcVertex {
                     is_crossing: true,
@@ -634,6 +636,7 @@ impl Openings<'_> {
         let (off, i) = drawn
             .map(|i| (far(i, &mut over), i))
             .min_by(|a, b| a.0.total_cmp(&b.0))?;
+        // The arc passes through the place up to this distance along v.
         (off < 1e-7).then_some(ArcId { q, slab, place: i })
     }
 }

@@ -377,6 +377,7 @@ impl ArcPlace {
     fn put_on_faces(&mut self) {
         for i in 0..3 {
             let over = self.image[i].abs() / self.image[3].abs() - 1.0;
+            // Relative distance from a face up to which a place is on it.
             if over.abs() < 1e-9 {
                 self.image[i] = self.image[3].abs() * self.image[i].signum();
             }

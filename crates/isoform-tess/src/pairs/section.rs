@@ -141,6 +141,7 @@ impl Pairs {
     /// Returns true if the image of a pair is far outside of the box.
     fn is_far(&self, pair: &Pair) -> bool {
         let image = self.parts(pair).even.value;
+        // Far away is beyond a box of twice the size.
         (0..3).any(|i| image[i].norm() > 2.0 * image[3].norm())
     }
 

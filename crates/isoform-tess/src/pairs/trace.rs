@@ -92,6 +92,7 @@ impl Pairs {
         let start = a.pair.moved(&d, x / (x - y));
         let (place, _) = self.correct(&start, &Condition::Side(which, k))?;
         let t = dot7(&a.pair.to(&place.pair), &d) / dot7(&d, &d);
+        // A place may lie beyond its neighbours by a tenth of their distance.
         (t > -0.1 && t < 1.1).then_some(place)
     }
     /// Returns a place in the form nearest to the place before it on an arc.
@@ -286,6 +287,7 @@ impl Pairs {
             let t = dot7(&from.to(x), &d) / (length * length);
             let here = self.correct(&from.moved(&d, t), &Condition::Across(d));
             // Scaling has moved the place along the arc.
+            // Steps end with eight digits: the arc is known up to 1e-6.
             length < 1e-6 || here.is_none_or(|(here, _)| here.is_in_line(x, 1e-6))
         };
         forms.iter().any(|x| is_near(x) && is_on(x))

@@ -237,6 +237,7 @@ fn insert(piece: &mut CurvePiece, i: usize, at: [f64; 2], target: &Target) {
     };
     let length = distance(piece.knots[i - 1].image, piece.knots[i].image);
     for knot in &mut piece.knots[i - 1..=i] {
+        // Places nearer than 1e-10 in the parameters are one.
         if distance2(knot.at, at) < 1e-10 {
             // The partner exists already, or is the vertex itself, which has its class.
             knot.class = knot.class.or(new.class);

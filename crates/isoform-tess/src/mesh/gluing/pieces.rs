@@ -359,6 +359,7 @@ impl SideStops {
         let at = on_side(self.id.0, base);
         let mut sites = open.sites.iter().filter(|_| self.is_base(base));
         let is_there =
+            // Places along a side are equal up to rounding.
             |q: usize, place: [f64; 2]| self.quadrants.contains(&q) && distance2(place, at) < 1e-12;
         let (_, site) = sites.find(|(key, site)| is_there(key.0, site.at))?;
         let to = on_side(self.id.0, to);
