@@ -3,7 +3,7 @@
 //! Incoming arrays are (n, 3) of float64 with any strides, as the Python half ensures. Outgoing
 //! arrays are handed over without a copy.
 
-use crate::error::Trouble;
+use crate::error::CallError;
 use isoform::geom::Point3;
 use numpy::ndarray::ArrayView2;
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
@@ -14,15 +14,15 @@ pub(crate) type PointsArg<'py> = PyReadonlyArray2<'py, f64>;
 
 /// Rows of an array of points with any strides, accessed by blocks.
 #[derive(Clone, Copy)]
-pub(crate) struct Rows<'a> {
+pub(crate) struct PointRows<'a> {
     view: ArrayView2<'a, f64>,
     /// Rows as a slice; `None` if the array is not contiguous.
     dense: Option<&'a [Point3]>,
 }
 
-impl<'a> Rows<'a> {
+impl<'a> PointRows<'a> {
     /// Wraps an array, which must have three columns.
-    pub(crate) fn new(array: &'a PointsArg<'_>) -> Result<Self, Trouble> {
+    pub(crate) fn new(array: &'a PointsArg<'_>) -> Result<Self, CallError> {
         let view = array.as_array();
         if view.ncols() != 3 {
             let message = format!(
@@ -30,7 +30,7 @@ impl<'a> Rows<'a> {
                 view.nrows(),
                 view.ncols()
             );
-            return Err(Trouble::new("shape", message));
+            return Err(CallError::new("shape", message));
         }
         // `as_slice` accepts any order of the axes.
         let flat = array.as_slice().ok().filter(|_| array.is_c_contiguous());
@@ -64,7 +64,7 @@ impl<'a> Rows<'a> {
     }
 
     /// Copies all points, which must be finite.
-    pub(crate) fn to_points(self) -> Result<Vec<Point3>, Trouble> {
+    pub(crate) fn to_points(self) -> Result<Vec<Point3>, CallError> {
         let points = self.block(0, self.len(), <[Point3]>::to_vec);
         match not_finite_at(&points) {
             None => Ok(points),
@@ -96,8 +96,8 @@ pub(crate) fn not_finite_at(points: &[Point3]) -> Option<usize> {
 }
 
 /// Returns the error for a point that is NaN or infinite.
-pub(crate) fn not_finite(row: usize) -> Trouble {
-    Trouble::new("not-finite", format!("point {row} (from 0) is not finite"))
+pub(crate) fn not_finite(row: usize) -> CallError {
+    CallError::new("not-finite", format!("point {row} (from 0) is not finite"))
         .hint("points[numpy.isfinite(points).all(axis=1)]")
 }
 

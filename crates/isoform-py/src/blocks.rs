@@ -1,9 +1,9 @@
 //! Meshing in blocks for `distributed.mesh_blocks`: the job, and a single task of it.
 
 use crate::call::object;
-use crate::error::Trouble;
+use crate::error::CallError;
 use crate::model::Program;
-use crate::run::{self, Asked};
+use crate::run::{self, CallLimits};
 use isoform::geom::Solid;
 use isoform::{
     BlockReport, BlockTask, BlocksError, BlocksJob, MeshModelError, MeshModelOptions,
@@ -15,15 +15,15 @@ use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
 /// Program with the values of its first parameters.
-type Shape = (Py<Program>, Vec<f64>);
+type ProgramWithValues = (Py<Program>, Vec<f64>);
 
 /// Parses the options of a mesh.
 fn options(arguments: &Bound<'_, PyDict>) -> PyResult<MeshModelOptions> {
-    Ok(isoform_verbs::mesh_options(&object(arguments)?).map_err(Trouble::from)?)
+    Ok(isoform_verbs::mesh_options(&object(arguments)?).map_err(CallError::from)?)
 }
 
 /// Returns the solid of a program with values.
-fn solid((program, given): &Shape, has_box: bool) -> Result<Box<dyn Solid>, Trouble> {
+fn solid((program, given): &ProgramWithValues, has_box: bool) -> Result<Box<dyn Solid>, CallError> {
     let program = program.get();
     let values = program.values_of(given)?;
     let (solid, is_run) =
@@ -44,7 +44,7 @@ impl BlocksWork {
         let mut job = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let job = job.as_mut();
         Ok(question(
-            job.ok_or_else(|| Trouble::usage("the job is over"))?,
+            job.ok_or_else(|| CallError::usage("the job is over"))?,
         ))
     }
 }
@@ -55,18 +55,18 @@ impl BlocksWork {
     #[new]
     fn new(
         py: Python<'_>,
-        shape: Shape,
+        shape: ProgramWithValues,
         counts: [usize; 3],
         out: PathBuf,
         arguments: &Bound<'_, PyDict>,
-        asked: Asked<'_>,
+        asked: CallLimits<'_>,
     ) -> PyResult<Self> {
         let options = options(arguments)?;
         let solid = solid(&shape, options.mesh.region.is_some())?;
         let job = run::run(py, &asked, move |control| {
             BlocksJob::new(solid.as_ref(), counts, &out, &options, control)
         })?;
-        Ok(Self(Mutex::new(Some(job.map_err(Trouble::from)?))))
+        Ok(Self(Mutex::new(Some(job.map_err(CallError::from)?))))
     }
     /// Returns the name of the present step.
     #[getter]
@@ -89,15 +89,15 @@ impl BlocksWork {
             .iter()
             .map(|text| serde_json::from_str(text))
             .collect();
-        let reports = reports.map_err(|e| Trouble::new("task", e))?;
+        let reports = reports.map_err(|e| CallError::new("task", e))?;
         let done = run::shortly(py, || self.ask(|job| job.advance(reports)))??;
-        Ok(done.map_err(Trouble::from)?)
+        Ok(done.map_err(CallError::from)?)
     }
     /// Ends the job and returns the document of `mesh --blocks --json`.
     fn finish(&self) -> PyResult<String> {
         let job = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let job = job.ok_or_else(|| Trouble::usage("the job is over"))?;
-        let report = job.finish().map_err(Trouble::from)?;
+        let job = job.ok_or_else(|| CallError::usage("the job is over"))?;
+        let report = job.finish().map_err(CallError::from)?;
         let report = serde_json::to_value(report).expect("reports have texts for keys");
         Ok(isoform_verbs::document(0, report))
     }
@@ -111,22 +111,22 @@ impl BlocksWork {
 #[pyfunction]
 pub(crate) fn block_task(
     py: Python<'_>,
-    shape: Shape,
+    shape: ProgramWithValues,
     arguments: &Bound<'_, PyDict>,
     task: &str,
-    asked: Asked<'_>,
+    asked: CallLimits<'_>,
 ) -> PyResult<String> {
     let options = options(arguments)?;
     let solid = solid(&shape, options.mesh.region.is_some())?;
-    let task: BlockTask = serde_json::from_str(task).map_err(|e| Trouble::new("task", e))?;
+    let task: BlockTask = serde_json::from_str(task).map_err(|e| CallError::new("task", e))?;
     let report = run::run(py, &asked, move |control| {
         run_block_task(solid.as_ref(), &options, &task, control)
     })?;
-    let report = report.map_err(Trouble::from)?;
+    let report = report.map_err(CallError::from)?;
     Ok(serde_json::to_string(&report).expect("reports are plain"))
 }
 
-impl From<BlocksError> for Trouble {
+impl From<BlocksError> for CallError {
     fn from(e: BlocksError) -> Self {
         match e {
             BlocksError::Mesh(e) => isoform_verbs::mesh_failure(&e, "model").into(),

@@ -1,13 +1,13 @@
 //! Calls of verbs: converts Python arguments to a request, and returns the document and the result.
 
-use crate::error::Trouble;
+use crate::error::CallError;
 use crate::implicitize::Fitted;
 use crate::mesh::MeshData;
 use crate::model::Program;
 use crate::parameterize::Patches;
 use crate::points::Cloud;
 use crate::results::{Entities, Fit, Solids, Triangulation};
-use crate::run::{self, Asked};
+use crate::run::{self, CallLimits};
 use isoform::io::{SolidFile, write_patches, write_solids};
 use isoform::patch_records;
 use isoform_verbs::memory::{Mounted, Object};
@@ -23,7 +23,7 @@ pub(crate) struct Input(Mounted);
 
 /// Python objects that a verb accepts in place of a file.
 #[derive(FromPyObject)]
-pub(crate) enum Given<'py> {
+pub(crate) enum CallArgument<'py> {
     #[pyo3(transparent)]
     Program(PyRef<'py, Program>),
     /// Program with the values of its first parameters.
@@ -45,8 +45,8 @@ pub(crate) enum Given<'py> {
     Json(String),
 }
 
-impl Given<'_> {
-    fn object(&self) -> Result<Object, Trouble> {
+impl CallArgument<'_> {
+    fn object(&self) -> Result<Object, CallError> {
         Ok(match self {
             Self::Program(program) => Object::Program(program.shared()),
             Self::Fixed(program, values) => {
@@ -82,7 +82,7 @@ impl Given<'_> {
 impl Input {
     /// Registers an object under the name of a file.
     #[new]
-    fn new(name: &str, object: Given<'_>) -> PyResult<Self> {
+    fn new(name: &str, object: CallArgument<'_>) -> PyResult<Self> {
         Ok(Self(Mounted::new(name, object.object()?)))
     }
 }
@@ -97,7 +97,7 @@ impl Output {
     #[new]
     fn new(ending: &str) -> PyResult<Self> {
         let known = ["html", "png", "svg"].into_iter().find(|e| *e == ending);
-        let ending = known.ok_or_else(Trouble::internal)?;
+        let ending = known.ok_or_else(CallError::internal)?;
         Ok(Self(Mounted::new(ending, Object::text(ending, ""))))
     }
 
@@ -108,11 +108,11 @@ impl Output {
 }
 
 /// Maximum nesting depth of lists; corners of a polygon need two levels.
-const MOST_DEPTH: usize = 8;
+const MAX_NESTING_DEPTH: usize = 8;
 
 /// Returns the exception for an invalid argument.
 fn refused(what: impl std::fmt::Display) -> PyErr {
-    Trouble::usage(format!("an argument is {what}")).into()
+    CallError::usage(format!("an argument is {what}")).into()
 }
 
 /// Converts a Python value to JSON; objects are replaced by their paths.
@@ -160,7 +160,7 @@ fn items(value: &Bound<'_, PyAny>, depth: usize) -> PyResult<Option<Value>> {
     if !is_mapping && value.len().is_err() {
         return Ok(None);
     }
-    if depth > MOST_DEPTH {
+    if depth > MAX_NESTING_DEPTH {
         return Err(refused("a list within lists within lists"));
     }
     if let Ok(fields) = value.cast::<PyMapping>() {
@@ -203,7 +203,7 @@ pub(crate) fn object(fields: &Bound<'_, PyDict>) -> PyResult<Map<String, Value>>
 }
 
 /// Document, warnings, and result in memory; `None` if the verb has none.
-type Told = (String, Vec<String>, Option<Py<PyAny>>);
+type CallOutcome = (String, Vec<String>, Option<Py<PyAny>>);
 
 /// Runs a verb.
 #[pyfunction]
@@ -211,8 +211,8 @@ pub(crate) fn run_verb(
     py: Python<'_>,
     verb: String,
     arguments: &Bound<'_, PyDict>,
-    asked: Asked<'_>,
-) -> PyResult<Told> {
+    asked: CallLimits<'_>,
+) -> PyResult<CallOutcome> {
     let mut arguments = object(arguments)?;
     if let Some(seconds) = asked.time_limit {
         arguments.insert("time_limit".to_owned(), seconds.to_string().into());
@@ -224,7 +224,7 @@ pub(crate) fn run_verb(
         outcome,
         product,
         warnings,
-    } = done.map_err(Trouble::from)?;
+    } = done.map_err(CallError::from)?;
     let document = isoform_verbs::document(outcome.exit, outcome.json);
     let warnings = warnings.iter().map(|warning| in_python(warning)).collect();
     let native = product.map(|product| native(py, product)).transpose()?;
@@ -258,7 +258,7 @@ fn native(py: Python<'_>, product: Product) -> PyResult<Py<PyAny>> {
     })
 }
 
-impl From<Failure> for Trouble {
+impl From<Failure> for CallError {
     fn from(failure: Failure) -> Self {
         let Failure {
             code,

@@ -13,7 +13,7 @@ use std::fmt::Display;
 
 /// Reason why a call has no result.
 #[derive(Debug)]
-pub(crate) struct Trouble {
+pub(crate) struct CallError {
     /// Short stable identifier, for programs.
     code: &'static str,
     /// Description of the problem, with its position.
@@ -24,7 +24,7 @@ pub(crate) struct Trouble {
     place: Option<(usize, usize)>,
 }
 
-impl Trouble {
+impl CallError {
     pub(crate) fn new(code: &'static str, message: impl Display) -> Self {
         Self {
             code,
@@ -58,12 +58,12 @@ impl Trouble {
 }
 
 /// Exception class, which is defined in the Python half of the package.
-static CLASS: PyOnceLock<Py<PyType>> = PyOnceLock::new();
+static ERROR_CLASS: PyOnceLock<Py<PyType>> = PyOnceLock::new();
 
-impl From<Trouble> for PyErr {
-    fn from(trouble: Trouble) -> Self {
+impl From<CallError> for PyErr {
+    fn from(trouble: CallError) -> Self {
         Python::attach(|py| {
-            let class = match CLASS.import(py, "isoform._errors", "IsoformError") {
+            let class = match ERROR_CLASS.import(py, "isoform._errors", "IsoformError") {
                 Ok(class) => class,
                 Err(error) => return error,
             };
@@ -78,13 +78,13 @@ impl From<Trouble> for PyErr {
     }
 }
 
-impl From<Stopped> for Trouble {
+impl From<Stopped> for CallError {
     fn from(Stopped: Stopped) -> Self {
         Self::stopped("stopped before there was a result")
     }
 }
 
-impl From<&ReadError> for Trouble {
+impl From<&ReadError> for CallError {
     fn from(e: &ReadError) -> Self {
         let trouble = Self::new(e.code(), e).hint(e.hint);
         match e.place.at {
@@ -94,23 +94,23 @@ impl From<&ReadError> for Trouble {
     }
 }
 
-impl From<WriteError> for Trouble {
+impl From<WriteError> for CallError {
     fn from(e: WriteError) -> Self {
         Self::new(e.code, &e).hint(e.hint)
     }
 }
 
-impl From<SyntaxError> for Trouble {
+impl From<SyntaxError> for CallError {
     fn from(e: SyntaxError) -> Self {
         let trouble = Self::new("syntax", &e).at(e.line, e.column);
-        match e.expected.as_str() {
+        match e.hint.as_str() {
             "" => trouble,
             expected => trouble.hint(format!("{expected} there")),
         }
     }
 }
 
-impl From<SolidError> for Trouble {
+impl From<SolidError> for CallError {
     fn from(e: SolidError) -> Self {
         match e {
             SolidError::Parameters { .. } => Self::usage(e),
@@ -122,7 +122,7 @@ impl From<SolidError> for Trouble {
     }
 }
 
-impl From<TemplateError> for Trouble {
+impl From<TemplateError> for CallError {
     fn from(e: TemplateError) -> Self {
         Self::new("template", e)
     }

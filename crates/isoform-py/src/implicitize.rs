@@ -1,7 +1,7 @@
 //! Implicit functions fitted to points.
 
 use crate::arrays::{PointsArg, rows};
-use crate::error::Trouble;
+use crate::error::CallError;
 use crate::model::of_points;
 use crate::run;
 use isoform::geom::{Field, ParamField, Point3};
@@ -73,7 +73,7 @@ impl Fitted {
             let bytes = function_file(self.function());
             write_atomic(&path, |out| out.write_all(&bytes))
         })?;
-        Ok(written.map_err(Trouble::from)?)
+        Ok(written.map_err(CallError::from)?)
     }
     /// Returns the content of its file as text.
     fn text(&self) -> String {

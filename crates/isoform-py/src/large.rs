@@ -3,12 +3,12 @@
 //! The chunks belong to Python, on this machine or others. Python receives a list of messages, one
 //! per chunk or None, and yields the answers in that order; [`answer`] computes them.
 
-use crate::arrays::{PointsArg, Rows};
+use crate::arrays::{PointRows, PointsArg};
 use crate::call::object;
-use crate::error::Trouble;
+use crate::error::CallError;
 use crate::model::Program;
 use crate::results::Fit;
-use crate::run::{self, Asked};
+use crate::run::{self, CallLimits};
 use isoform::io::ReadReport;
 use isoform::{AnswerError, ChunkSource, fit_chunks};
 use isoform_verbs::FittedScan;
@@ -17,7 +17,7 @@ use pyo3::types::{PyBytes, PyDict, PyList};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Access to the chunks held by Python.
-struct Chunks {
+struct PythonChunks {
     /// Callable from a list of messages to an iterator of answers.
     ask: Py<PyAny>,
     count: usize,
@@ -25,7 +25,7 @@ struct Chunks {
     raised: Mutex<Option<PyErr>>,
 }
 
-impl Chunks {
+impl PythonChunks {
     fn raised(&self) -> std::sync::MutexGuard<'_, Option<PyErr>> {
         self.raised.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -54,14 +54,14 @@ impl Chunks {
             .call1((PyList::new(py, messages)?,))?
             .try_iter()?;
         for chunk in asked {
-            let answer = answers.next().ok_or_else(Trouble::internal)??;
+            let answer = answers.next().ok_or_else(CallError::internal)??;
             each(chunk, answer.cast::<PyBytes>()?.as_bytes());
         }
         Ok(())
     }
 }
 
-impl ChunkSource for Chunks {
+impl ChunkSource for PythonChunks {
     fn len(&self) -> usize {
         self.count
     }
@@ -92,11 +92,11 @@ pub(crate) fn fit_large(
     program: Py<Program>,
     names: (String, String),
     arguments: &Bound<'_, PyDict>,
-    asked: Asked<'_>,
+    asked: CallLimits<'_>,
 ) -> PyResult<(String, Fit)> {
-    let options = isoform_verbs::fit_options(&object(arguments)?).map_err(Trouble::from)?;
+    let options = isoform_verbs::fit_options(&object(arguments)?).map_err(CallError::from)?;
     let (seed, method) = (options.fit.seed, options.fit.method);
-    let chunks = Arc::new(Chunks {
+    let chunks = Arc::new(PythonChunks {
         ask,
         count,
         raised: Mutex::new(None),
@@ -108,7 +108,7 @@ pub(crate) fn fit_large(
     if let Some(raised) = chunks.raised().take() {
         return Err(raised);
     }
-    let failed = |e| Trouble::from(isoform_verbs::fit_failure(&e, &names.0, &names.1));
+    let failed = |e| CallError::from(isoform_verbs::fit_failure(&e, &names.0, &names.1));
     let found = found.map_err(failed)?;
     let read = ReadReport::of_memory("chunks", found.fit.n_points);
     let fitted = FittedScan::new(found, names, read, (method, seed));
@@ -125,23 +125,23 @@ pub(crate) fn answer<'py>(
     points: PointsArg<'py>,
     message: &[u8],
 ) -> PyResult<Bound<'py, PyBytes>> {
-    let points = Rows::new(&points)?.to_points()?;
+    let points = PointRows::new(&points)?.to_points()?;
     let reader = program.get().chunk_reader();
     let work = || reader.answer(message, points);
     let answer = if rayon::current_thread_index().is_some() {
         run::shortly(py, work)?
     } else {
-        let alone = Asked {
+        let alone = CallLimits {
             threads: Some(1),
-            ..Asked::default()
+            ..CallLimits::default()
         };
         run::scoped(py, &alone, |_| work())?
     };
     let answer = answer.map_err(|e| match e {
-        AnswerError::Template(e) => Trouble::from(e),
-        AnswerError::Changed { .. } => Trouble::new("changed", e)
+        AnswerError::Template(e) => CallError::from(e),
+        AnswerError::Changed { .. } => CallError::new("changed", e)
             .hint("a chunk is loaded many times, and has to give the same points each time"),
-        AnswerError::Message => Trouble::usage(e).hint("one version of isoform everywhere"),
+        AnswerError::Message => CallError::usage(e).hint("one version of isoform everywhere"),
     })?;
     Ok(PyBytes::new(py, &answer))
 }

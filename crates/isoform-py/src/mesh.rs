@@ -1,7 +1,7 @@
 //! Meshes: arrays of nodes and elements, and files.
 
 use crate::arrays::rows;
-use crate::error::Trouble;
+use crate::error::CallError;
 use crate::run;
 use isoform::geom::Mesh;
 use isoform::io::{MeshWriteOptions, write_mesh_path};
@@ -106,7 +106,7 @@ impl MeshData {
             ..MeshWriteOptions::default()
         };
         let report = run::shortly(py, || {
-            write_mesh_path(&self.mesh, &path, format, &options).map_err(Trouble::from)
+            write_mesh_path(&self.mesh, &path, format, &options).map_err(CallError::from)
         })??;
         Ok(report.warnings)
     }

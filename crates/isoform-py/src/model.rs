@@ -1,8 +1,8 @@
 //! HyperFun programs: their parameters, and their values at points.
 
-use crate::arrays::{PointsArg, Rows, are_finite, not_finite, not_finite_at, rows};
-use crate::error::Trouble;
-use crate::run::{self, Asked};
+use crate::arrays::{PointRows, PointsArg, are_finite, not_finite, not_finite_at, rows};
+use crate::error::CallError;
+use crate::run::{self, CallLimits};
 use isoform::field::hyperfun::{Amount, BlockEvaluator, Mode, Model, ParamInfo, Pose};
 use isoform::fit::Template;
 use isoform::geom::Point3;
@@ -13,26 +13,26 @@ use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
 /// Number of points per task: enough to amortise its start, few enough to balance the threads.
-const BLOCK: usize = 2048;
+const POINTS_PER_TASK: usize = 2048;
 /// Number of points per call of evaluators that use all threads themselves and split large models
 /// by parts of the box of the points. Smaller blocks give less to prune by, larger ones delay
 /// Ctrl-C.
-const LARGE: usize = 1 << 17;
+const POINTS_PER_EVALUATION: usize = 1 << 17;
 
 /// HyperFun program.
 #[pyclass(frozen, module = "isoform._isoform")]
-pub(crate) struct Program(Arc<Compiled>);
+pub(crate) struct Program(Arc<CompiledProgram>);
 
 /// Program, compiled at its first evaluation.
-struct Compiled {
+struct CompiledProgram {
     model: Arc<Model>,
     template: OnceLock<FrepTemplate>,
     reader: OnceLock<ChunkReader>,
 }
 
-impl Compiled {
+impl CompiledProgram {
     /// Returns the compiled readings of the program, without a pose.
-    fn template(&self) -> Result<&FrepTemplate, Trouble> {
+    fn template(&self) -> Result<&FrepTemplate, CallError> {
         if let Some(template) = self.template.get() {
             return Ok(template);
         }
@@ -42,7 +42,7 @@ impl Compiled {
 }
 
 /// Name, kind, lower and upper bound, start value, unit and description of a parameter.
-type Told = (
+type ParameterRow = (
     String,
     String,
     Option<f64>,
@@ -59,12 +59,12 @@ impl Program {
     #[pyo3(signature = (text, object=None))]
     fn new(py: Python<'_>, text: &str, object: Option<&str>) -> PyResult<Self> {
         let parsed = run::shortly(py, || Model::parse(text, Mode::Default))?;
-        let model = parsed.map_err(Trouble::from)?;
+        let model = parsed.map_err(CallError::from)?;
         let model = model.object(object).map_err(|e| {
-            Trouble::usage(format!("no object is called {}", e.name))
+            CallError::usage(format!("no object is called {}", e.name))
                 .hint(format!("one of: {}", e.objects.join(", ")))
         })?;
-        Ok(Self(Arc::new(Compiled {
+        Ok(Self(Arc::new(CompiledProgram {
             model: Arc::new(model),
             template: OnceLock::new(),
             reader: OnceLock::new(),
@@ -95,7 +95,7 @@ impl Program {
 
     /// Returns the parameters.
     #[getter]
-    fn parameters(&self) -> Vec<Told> {
+    fn parameters(&self) -> Vec<ParameterRow> {
         self.0.model.params().iter().map(told).collect()
     }
 
@@ -110,7 +110,8 @@ impl Program {
         let is_it = |named: &(&str, Pose)| pose == Some(named.0);
         let asked = Pose::ALL.into_iter().find(is_it).map(|named| named.1);
         let pose = asked.or(self.0.model.info().pose).unwrap_or(Pose::None);
-        let template = FrepTemplate::with_pose(&self.0.model, pose, &[]).map_err(Trouble::from)?;
+        let template =
+            FrepTemplate::with_pose(&self.0.model, pose, &[]).map_err(CallError::from)?;
         let parameters = template.parameters().iter();
         Ok(parameters.map(|p| p.name.clone()).collect())
     }
@@ -158,9 +159,14 @@ impl Program {
         given: Vec<f64>,
     ) -> PyResult<(Bound<'py, PyArray1<u32>>, Vec<String>)> {
         let (template, a) = (self.compiled(py)?, self.values_of(&given)?);
-        let parts = in_blocks(py, &points, LARGE, |block: &[Point3], out: &mut [u32]| {
-            template.parts(block, &a, out);
-        })?;
+        let parts = in_blocks(
+            py,
+            &points,
+            POINTS_PER_EVALUATION,
+            |block: &[Point3], out: &mut [u32]| {
+                template.parts(block, &a, out);
+            },
+        )?;
         Ok((
             PyArray1::from_vec(py, parts),
             template.part_names().to_vec(),
@@ -224,7 +230,7 @@ impl Program {
         };
         Ok(PyArray1::from_vec(
             py,
-            in_blocks(py, points, LARGE, compute)?,
+            in_blocks(py, points, POINTS_PER_EVALUATION, compute)?,
         ))
     }
 
@@ -233,7 +239,9 @@ impl Program {
     fn compiled(&self, py: Python<'_>) -> PyResult<&FrepTemplate> {
         if self.0.template.get().is_none() {
             let theirs = self.0.clone();
-            run::run(py, &Asked::default(), move |_| theirs.template().map(drop))??;
+            run::run(py, &CallLimits::default(), move |_| {
+                theirs.template().map(drop)
+            })??;
         }
         Ok(self.0.template()?)
     }
@@ -242,12 +250,12 @@ impl Program {
     pub(crate) fn values_of<V: Into<Option<f64>> + Copy>(
         &self,
         given: &[V],
-    ) -> Result<Vec<f64>, Trouble> {
+    ) -> Result<Vec<f64>, CallError> {
         for (i, value) in given.iter().enumerate() {
             if let Some(value) = (*value).into().filter(|v| !v.is_finite()) {
                 let name = self.0.model.params().get(i).map_or("", |p| p.name.as_str());
                 let message = format!("parameter {} ({name}) is {value}", i + 1);
-                return Err(Trouble::new("not-finite", message));
+                return Err(CallError::new("not-finite", message));
             }
         }
         Ok(parameter_values(&self.0.model, given)?)
@@ -255,7 +263,7 @@ impl Program {
 }
 
 /// Describes a parameter; bounds that are relative to the box of a scan are open.
-fn told(info: &ParamInfo) -> Told {
+fn told(info: &ParamInfo) -> ParameterRow {
     let number = |amount: Option<Amount>| amount.and_then(Amount::value);
     (
         info.name.clone(),
@@ -275,7 +283,7 @@ pub(crate) fn of_points<T: Clone + Default + Send>(
     points: &PointsArg<'_>,
     compute: impl Fn(&[Point3], &mut [T]) + Sync,
 ) -> PyResult<Vec<T>> {
-    in_blocks(py, points, BLOCK, compute)
+    in_blocks(py, points, POINTS_PER_TASK, compute)
 }
 
 /// Evaluates `compute` like [`of_points`], with `size` points per block.
@@ -285,7 +293,7 @@ fn in_blocks<T: Clone + Default + Send>(
     size: usize,
     compute: impl Fn(&[Point3], &mut [T]) + Sync,
 ) -> PyResult<Vec<T>> {
-    let rows = Rows::new(points)?;
+    let rows = PointRows::new(points)?;
     let mut out = vec![T::default(); rows.len()];
     let of_block = |(i, out): (usize, &mut [T])| {
         rows.block(i * size, out.len(), |block| {
@@ -296,13 +304,13 @@ fn in_blocks<T: Clone + Default + Send>(
             Ok(())
         })
     };
-    if out.len() <= BLOCK {
+    if out.len() <= POINTS_PER_TASK {
         run::shortly(py, || of_block((0, &mut out)))??;
     } else {
-        let asked = Asked::default();
+        let asked = CallLimits::default();
         run::scoped(py, &asked, |control| {
             out.par_chunks_mut(size).enumerate().try_for_each(|block| {
-                control.check().map_err(Trouble::stopped)?;
+                control.check().map_err(CallError::stopped)?;
                 of_block(block)
             })
         })??;
@@ -318,7 +326,7 @@ pub(crate) fn template(name: &str) -> PyResult<(&'static str, &'static str)> {
         None => {
             let names: Vec<&str> = isoform::templates().map(|t| t.name).collect();
             Err(
-                Trouble::new("template", format!("no template is called {name}"))
+                CallError::new("template", format!("no template is called {name}"))
                     .hint(format!("one of: {}", names.join(", ")))
                     .into(),
             )

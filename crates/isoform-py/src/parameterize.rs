@@ -1,7 +1,7 @@
 //! Rational patches: control points, evaluation, and files.
 
 use crate::arrays::rows;
-use crate::error::Trouble;
+use crate::error::CallError;
 use crate::run;
 use isoform::io::{
     MeshWriteOptions, StepOptions, write_atomic, write_mesh_path, write_patches, write_step_path,
@@ -23,8 +23,8 @@ impl Patches {
     pub(crate) fn new(surface: ImplicitSurface, patches: Vec<Parameterized>) -> Self {
         Self { surface, patches }
     }
-    fn patch(&self, i: usize) -> Result<&Parameterized, Trouble> {
-        let missing = || Trouble::usage(format!("there is no patch {i}"));
+    fn patch(&self, i: usize) -> Result<&Parameterized, CallError> {
+        let missing = || CallError::usage(format!("there is no patch {i}"));
         self.patches.get(i).ok_or_else(missing)
     }
 }
@@ -72,7 +72,7 @@ impl Patches {
         grid: usize,
     ) -> PyResult<()> {
         if !(1..=1024).contains(&grid) {
-            return Err(Trouble::usage(format!("grid is {grid}: from 1 to 1024")).into());
+            return Err(CallError::usage(format!("grid is {grid}: from 1 to 1024")).into());
         }
         run::shortly(py, || self.write(&path, units, grid))??;
         Ok(())
@@ -80,7 +80,7 @@ impl Patches {
 }
 
 impl Patches {
-    fn write(&self, path: &Path, units: Option<String>, grid: usize) -> Result<(), Trouble> {
+    fn write(&self, path: &Path, units: Option<String>, grid: usize) -> Result<(), CallError> {
         let ending = path.extension().unwrap_or_default().to_string_lossy();
         let (field, patches) = (self.surface.field.as_ref(), &self.patches);
         match ending.to_ascii_lowercase().as_str() {

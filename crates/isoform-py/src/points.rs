@@ -1,8 +1,8 @@
 //! Clouds of points from files and arrays.
 
-use crate::arrays::{PointsArg, Rows, rows};
-use crate::error::Trouble;
-use crate::run::{self, Asked};
+use crate::arrays::{PointRows, PointsArg, rows};
+use crate::error::CallError;
+use crate::run::{self, CallLimits};
 use isoform::geom::PointCloud;
 use isoform::io::{MeshPoints, ReadError, ReadOptions, ReadReport, Source, read};
 use numpy::PyArray2;
@@ -31,7 +31,7 @@ impl Cloud {
     /// Copies the points of an array, which must be finite.
     #[new]
     fn new(py: Python<'_>, points: PointsArg<'_>) -> PyResult<Self> {
-        let rows = Rows::new(&points)?;
+        let rows = PointRows::new(&points)?;
         let points = run::shortly(py, || rows.to_points())??;
         let report = ReadReport::of_memory("array", points.len());
         // Recentred like clouds read from files.
@@ -107,9 +107,9 @@ pub(crate) fn read_points(
         ..ReadOptions::default()
     };
     let format = format.map(str::to_owned);
-    run::run(py, &Asked::default(), move |_| {
+    run::run(py, &CallLimits::default(), move |_| {
         let (cloud, report) = read(Source::Path(&path), format.as_deref(), &options)?;
         Ok(Cloud::from_parts(cloud, report))
     })?
-    .map_err(|e: ReadError| Trouble::from(&e).into())
+    .map_err(|e: ReadError| CallError::from(&e).into())
 }

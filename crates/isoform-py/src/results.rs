@@ -1,10 +1,10 @@
 //! Results of verbs: fits, solids, entities and triangulated surfaces.
 
 use crate::arrays::rows;
-use crate::error::Trouble;
+use crate::error::CallError;
 use crate::mesh::MeshData;
 use crate::points::Cloud;
-use crate::run::{self, Asked};
+use crate::run::{self, CallLimits};
 use isoform::geom::Mesh;
 use isoform::io::{
     ReadReport, SolidFile, SolidOptions, StepOptions, write_atomic, write_solids, write_step_solids,
@@ -54,10 +54,10 @@ impl Fit {
         self.0.found().program()
     }
     /// Writes a file in the form given by its ending.
-    fn save(&self, py: Python<'_>, path: PathBuf, asked: Asked<'_>) -> PyResult<()> {
+    fn save(&self, py: Python<'_>, path: PathBuf, asked: CallLimits<'_>) -> PyResult<()> {
         let fitted = self.0.clone();
         let saved = run::listened(py, &asked, move |listener| fitted.save(&path, listener))?;
-        Ok(saved.map_err(Trouble::from)?)
+        Ok(saved.map_err(CallError::from)?)
     }
 }
 
@@ -88,9 +88,9 @@ impl Solids {
     pub(crate) fn new(made: ModelBrep, statement: Statement) -> Self {
         Self { made, statement }
     }
-    fn write(&self, path: &Path, units: Option<String>, ap214: bool) -> Result<(), Trouble> {
+    fn write(&self, path: &Path, units: Option<String>, ap214: bool) -> Result<(), CallError> {
         if !self.made.is_closed() {
-            return Err(Trouble::new("open", "a shell is not closed").hint("a smaller size"));
+            return Err(CallError::new("open", "a shell is not closed").hint("a smaller size"));
         }
         let (brep, properties) = (&self.made.built.brep, self.made.properties());
         let unit = units.or_else(|| self.statement.unit.clone());
@@ -109,7 +109,7 @@ impl Solids {
                 "{}: solids are not written with this ending",
                 path.display()
             );
-            return Err(Trouble::usage(message).hint("a name that ends in .step or .brep.json"));
+            return Err(CallError::usage(message).hint("a name that ends in .step or .brep.json"));
         }
         let step = StepOptions {
             units: unit,
@@ -151,9 +151,9 @@ impl Entities {
     }
     /// Returns a program of the entities, as a template for fits, and a list of its gaps.
     fn template(&self, py: Python<'_>, title: &str) -> PyResult<(String, Vec<String>)> {
-        let asked = Asked::default();
+        let asked = CallLimits::default();
         let proposal = run::scoped(py, &asked, |control| self.found.template(title, control))?;
-        let proposal = proposal.map_err(|e| Trouble::new("no-template", e))?;
+        let proposal = proposal.map_err(|e| CallError::new("no-template", e))?;
         let gaps = proposal.gaps.iter().map(ToString::to_string).collect();
         Ok((proposal.program, gaps))
     }

@@ -1,15 +1,15 @@
 //! Execution of work: without Python's lock, on separate threads, with Ctrl-C and progress.
 //!
-//! The work runs in a thread pool. The calling thread waits for it; every [`PAUSE`] it checks for
-//! pending Python signals and passes on the progress of the work. A signal, or an exception in the
-//! progress callback, sets the flag that cancels the work. The exception is raised when the work
-//! has ended. Work started by [`run`] owns its data and is abandoned if it still runs after
-//! [`PATIENCE`].
+//! The work runs in a thread pool. The calling thread waits for it; every [`POLL_INTERVAL`] it
+//! checks for pending Python signals and passes on the progress of the work. A signal, or an
+//! exception in the progress callback, sets the flag that cancels the work. The exception is raised
+//! when the work has ended. Work started by [`run`] owns its data and is abandoned if it still runs
+//! after [`CANCEL_TIMEOUT`].
 //!
 //! Each call takes a pool that no other call uses, so that concurrent calls do not wait for each
 //! other. Threads do not survive a fork: pools belong to the process that created them.
 
-use crate::error::Trouble;
+use crate::error::CallError;
 use isoform::Control;
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -20,18 +20,18 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Interval between checks for signals and progress.
-const PAUSE: Duration = Duration::from_millis(40);
+const POLL_INTERVAL: Duration = Duration::from_millis(40);
 /// Maximum time to wait for cancelled work; most work checks its flag more often.
-const PATIENCE: Duration = Duration::from_secs(1);
+const CANCEL_TIMEOUT: Duration = Duration::from_secs(1);
 /// Stack size of a thread, in bytes: that of the main thread of a program. Trees of deeply nested
 /// models are traversed recursively.
-const STACK: usize = 8 << 20;
+const STACK_BYTES: usize = 8 << 20;
 /// Maximum number of idle pools kept for later calls.
-const MOST_IDLE: usize = 8;
+const MAX_IDLE_POOLS: usize = 8;
 
 /// Limits common to all calls that take time.
 #[derive(Default)]
-pub(crate) struct Asked<'py> {
+pub(crate) struct CallLimits<'py> {
     /// Number of threads; `None` for all cores.
     pub(crate) threads: Option<usize>,
     /// Time limit in seconds, after which the best result so far is returned.
@@ -40,7 +40,7 @@ pub(crate) struct Asked<'py> {
     pub(crate) progress: Option<Bound<'py, PyAny>>,
 }
 
-impl<'py> FromPyObject<'_, 'py> for Asked<'py> {
+impl<'py> FromPyObject<'_, 'py> for CallLimits<'py> {
     type Error = PyErr;
 
     /// Converts a tuple of threads, seconds and callback.
@@ -56,14 +56,14 @@ impl<'py> FromPyObject<'_, 'py> for Asked<'py> {
 
 /// State shared by the work and the thread that waits for it.
 #[derive(Default)]
-struct Shared {
+struct SharedState {
     stop: Arc<AtomicBool>,
-    news: Arc<News>,
+    news: Arc<ProgressReports>,
     is_heard: bool,
 }
 
-impl Shared {
-    fn new(asked: &Asked<'_>) -> Self {
+impl SharedState {
+    fn new(asked: &CallLimits<'_>) -> Self {
         Self {
             is_heard: asked.progress.is_some(),
             ..Self::default()
@@ -93,20 +93,20 @@ impl Shared {
 /// precedence over the result.
 pub(crate) fn run<T: Send + 'static>(
     py: Python<'_>,
-    asked: &Asked<'_>,
+    asked: &CallLimits<'_>,
     work: impl FnOnce(&Control<'_>) -> T + Send + 'static,
 ) -> PyResult<T> {
-    owned(py, asked, Shared::new(asked), work)
+    owned(py, asked, SharedState::new(asked), work)
 }
 
 /// Runs work that owns its data, with the state shared with the waiting thread.
 fn owned<T: Send + 'static>(
     py: Python<'_>,
-    asked: &Asked<'_>,
-    shared: Shared,
+    asked: &CallLimits<'_>,
+    shared: SharedState,
     work: impl FnOnce(&Control<'_>) -> T + Send + 'static,
 ) -> PyResult<T> {
-    let pool = Pool::take(asked.threads)?;
+    let pool = CallPool::take(asked.threads)?;
     let shared = Arc::new(shared);
     let (done, ended) = mpsc::sync_channel(1);
     let (theirs, limit, held) = (shared.clone(), asked.time_limit, pool.clone());
@@ -117,22 +117,22 @@ fn owned<T: Send + 'static>(
         // The receiver may have stopped waiting.
         let _ = done.send(result);
     });
-    let listener = Listener::new(asked, &shared, Some(PATIENCE));
+    let listener = WorkListener::new(asked, &shared, Some(CANCEL_TIMEOUT));
     py.detach(move || listener.wait(&ended)).answer()
 }
 
 /// Runs a verb like [`run`]; its arguments contain the time limit.
 pub(crate) fn listened<T: Send + 'static>(
     py: Python<'_>,
-    asked: &Asked<'_>,
+    asked: &CallLimits<'_>,
     work: impl FnOnce(isoform_verbs::Listener) -> T + Send + 'static,
 ) -> PyResult<T> {
-    let unlimited = Asked {
+    let unlimited = CallLimits {
         threads: asked.threads,
         time_limit: None,
         progress: asked.progress.clone(),
     };
-    let shared = Shared::new(asked);
+    let shared = SharedState::new(asked);
     let (news, cancelled) = (shared.news.clone(), shared.stop.clone());
     let listener = isoform_verbs::Listener {
         cancelled,
@@ -144,13 +144,13 @@ pub(crate) fn listened<T: Send + 'static>(
 /// Runs work that borrows its data and ends soon after cancellation.
 pub(crate) fn scoped<T: Send>(
     py: Python<'_>,
-    asked: &Asked<'_>,
+    asked: &CallLimits<'_>,
     work: impl FnOnce(&Control<'_>) -> T + Send,
 ) -> PyResult<T> {
-    let pool = Pool::take(asked.threads)?;
-    let shared = Shared::new(asked);
+    let pool = CallPool::take(asked.threads)?;
+    let shared = SharedState::new(asked);
     let (done, ended) = mpsc::sync_channel(1);
-    let listener = Listener::new(asked, &shared, None);
+    let listener = WorkListener::new(asked, &shared, None);
     let limit = asked.time_limit;
     let (threads, shared) = (&pool.threads, &shared);
     let waited = py.detach(move || {
@@ -169,14 +169,14 @@ pub(crate) fn scoped<T: Send>(
 /// Runs short work without Python's lock; it cannot be cancelled.
 pub(crate) fn shortly<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let result = py.detach(|| catch_unwind(AssertUnwindSafe(work)));
-    result.map_err(|_| Trouble::internal().into())
+    result.map_err(|_| CallError::internal().into())
 }
 
 /// Latest progress of the work, with the phases begun since the last report.
 #[derive(Default)]
-struct News(Mutex<Vec<(String, f64)>>);
+struct ProgressReports(Mutex<Vec<(String, f64)>>);
 
-impl News {
+impl ProgressReports {
     fn tell(&self, phase: &str, done: f64) {
         let mut news = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         match news.last_mut().filter(|last| last.0 == phase) {
@@ -190,32 +190,32 @@ impl News {
 }
 
 /// State of the thread that waits for the work.
-struct Listener<'a> {
+struct WorkListener<'a> {
     callback: Option<Py<PyAny>>,
-    shared: &'a Shared,
+    shared: &'a SharedState,
     patience: Option<Duration>,
 }
 
 /// Outcome of waiting.
-struct Waited<T> {
+struct WaitOutcome<T> {
     /// Result of the work; `None` if its thread has vanished or the work was abandoned.
     result: Option<std::thread::Result<T>>,
     /// Python exception that ended the work.
     raised: Option<PyErr>,
 }
 
-impl<T> Waited<T> {
+impl<T> WaitOutcome<T> {
     fn answer(self) -> PyResult<T> {
         match (self.raised, self.result) {
             (Some(raised), _) => Err(raised),
             (None, Some(Ok(result))) => Ok(result),
-            (None, _) => Err(Trouble::internal().into()),
+            (None, _) => Err(CallError::internal().into()),
         }
     }
 }
 
-impl<'a> Listener<'a> {
-    fn new(asked: &Asked<'_>, shared: &'a Shared, patience: Option<Duration>) -> Self {
+impl<'a> WorkListener<'a> {
+    fn new(asked: &CallLimits<'_>, shared: &'a SharedState, patience: Option<Duration>) -> Self {
         let callback = asked.progress.as_ref().map(|p| p.clone().unbind());
         Self {
             callback,
@@ -225,10 +225,10 @@ impl<'a> Listener<'a> {
     }
 
     /// Waits for the work, and handles signals and progress meanwhile.
-    fn wait<T>(&self, ended: &Receiver<std::thread::Result<T>>) -> Waited<T> {
+    fn wait<T>(&self, ended: &Receiver<std::thread::Result<T>>) -> WaitOutcome<T> {
         let (mut raised, mut since) = (None, None);
         loop {
-            let (result, mut is_over) = match ended.recv_timeout(PAUSE) {
+            let (result, mut is_over) = match ended.recv_timeout(POLL_INTERVAL) {
                 Ok(result) => (Some(result), true),
                 Err(RecvTimeoutError::Timeout) => (None, false),
                 Err(RecvTimeoutError::Disconnected) => (None, true),
@@ -242,7 +242,7 @@ impl<'a> Listener<'a> {
                 is_over |= self.patience.is_some_and(|patience| waited >= patience);
             }
             if is_over {
-                return Waited { result, raised };
+                return WaitOutcome { result, raised };
             }
         }
     }
@@ -266,17 +266,17 @@ impl<'a> Listener<'a> {
 }
 
 /// Idle pools of the process that created them.
-static IDLE: Mutex<Idle> = Mutex::new(Idle {
+static IDLE_POOLS: Mutex<IdlePools> = Mutex::new(IdlePools {
     process: 0,
     pools: Vec::new(),
 });
 
-struct Idle {
+struct IdlePools {
     process: u32,
-    pools: Vec<Pool>,
+    pools: Vec<CallPool>,
 }
 
-impl Idle {
+impl IdlePools {
     /// Discards pools of a parent process after a fork: their threads do not exist in this process,
     /// so dropping the pools would wait forever.
     fn forget_others(&mut self) {
@@ -290,18 +290,18 @@ impl Idle {
 
 /// Thread pool used by one call.
 #[derive(Clone)]
-struct Pool {
+struct CallPool {
     size: usize,
     threads: Arc<ThreadPool>,
 }
 
-impl Pool {
+impl CallPool {
     /// Takes a pool with this number of threads; by default one per core.
     fn take(threads: Option<usize>) -> PyResult<Self> {
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
         let size = threads.unwrap_or_else(cores);
         if size == 0 || size > u16::MAX.into() {
-            return Err(Trouble::usage(format!("{size} threads: at least 1 is needed")).into());
+            return Err(CallError::usage(format!("{size} threads: at least 1 is needed")).into());
         }
         match Self::kept(size) {
             Some(pool) => Ok(pool),
@@ -311,25 +311,27 @@ impl Pool {
 
     /// Takes an idle pool of this size; `None` if there is none.
     fn kept(size: usize) -> Option<Self> {
-        let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut idle = IDLE_POOLS.lock().unwrap_or_else(PoisonError::into_inner);
         idle.forget_others();
         let place = idle.pools.iter().position(|pool| pool.size == size)?;
         Some(idle.pools.swap_remove(place))
     }
 
-    fn new(size: usize) -> Result<Self, Trouble> {
-        let builder = ThreadPoolBuilder::new().num_threads(size).stack_size(STACK);
+    fn new(size: usize) -> Result<Self, CallError> {
+        let builder = ThreadPoolBuilder::new()
+            .num_threads(size)
+            .stack_size(STACK_BYTES);
         let made = builder.build();
-        let threads = made.map_err(|e| Trouble::new("threads", format!("no threads: {e}")))?;
+        let threads = made.map_err(|e| CallError::new("threads", format!("no threads: {e}")))?;
         let threads = Arc::new(threads);
         Ok(Self { size, threads })
     }
 
     /// Keeps the pool for the next call.
     fn give_back(self) {
-        let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut idle = IDLE_POOLS.lock().unwrap_or_else(PoisonError::into_inner);
         idle.forget_others();
-        if idle.pools.len() < MOST_IDLE {
+        if idle.pools.len() < MAX_IDLE_POOLS {
             idle.pools.push(self);
         }
     }
