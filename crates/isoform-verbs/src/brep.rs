@@ -54,8 +54,8 @@ pub(crate) struct Args {
         value_parser = arguments::positive
     )]
     size: Option<f64>,
-    /// How far faces may be from the model, in its units [default: 1e-6 of its largest side]; exact
-    /// faces are 1e-8 of it or nearer, whatever is asked for
+    /// Largest distance of faces from the model, in its units [default: 1e-6 of its largest side];
+    /// exact faces are within 1e-8 of it, whatever the value
     #[arg(
         long, value_name = "LENGTH",
         allow_negative_numbers = true,
@@ -85,7 +85,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let name = memory::name(&args.model);
     let model = gallery::template(&args.model, &args.language, context)?;
     let values = parameters::values(&model, &args.given, context)?;
-    let subject = Subject {
+    let subject = SolidInput {
         name,
         unit: model.info().unit.clone(),
         model,
@@ -109,13 +109,13 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let (files, stdout) = solids::write(&made.solid, &args.output, &said, &subject.name)?;
     let report = made.report(files);
     let json = outcome::json_of(&report);
-    let outcome = Outcome::of(made.exit(), json, stdout, || text(&report));
+    let outcome = Outcome::new(made.exit(), json, stdout, || text(&report));
     context.hand_over(|| Product::Solids(Box::new(made.solid), said));
     Ok(outcome)
 }
 
-/// What is to become a solid.
-pub(crate) struct Subject {
+/// Input of a solid: a model with its values and region.
+pub(crate) struct SolidInput {
     /// For messages.
     pub(crate) name: String,
     pub(crate) model: Model,
@@ -126,38 +126,38 @@ pub(crate) struct Subject {
 }
 
 /// A solid with all that is known of it.
-pub(crate) struct Made {
-    subject: Subject,
+pub(crate) struct MadeSolid {
+    subject: SolidInput,
     pub(crate) solid: ModelBrep,
     seconds: Vec<(String, f64)>,
 }
 
-/// The one way to a solid, for `brep`, `fit` and `recover`. Faces may be `tolerance` away from the
-/// model, if one is asked for.
+/// Makes a solid, for `brep`, `fit` and `recover`. `tolerance` bounds the distance of faces from
+/// the model; `None` takes the default.
 pub(crate) fn make(
-    subject: Subject,
+    subject: SolidInput,
     options: &MeshModelOptions,
     tolerance: Option<f64>,
     control: &Control<'_>,
     context: &Context,
-) -> Result<Made, Failure> {
+) -> Result<MadeSolid, Failure> {
     let phases = Phases::new(context);
     let show = |phase: &str, _: f64| phases.enter(phase);
     let control = Control {
         progress: Some(&show),
         ..*control
     };
-    let Subject { model, values, .. } = &subject;
+    let SolidInput { model, values, .. } = &subject;
     let solid = brep_model(model, values, options, tolerance, &control)
         .map_err(|e| no_brep(&e, &subject.name, options.mesh.region))?;
-    Ok(Made {
+    Ok(MadeSolid {
         subject,
         solid,
         seconds: phases.seconds(),
     })
 }
 
-impl Made {
+impl MadeSolid {
     /// 0, or 3 where the certificate does not hold, or 130.
     pub(crate) fn exit(&self) -> u8 {
         outcome::exit(self.solid.certificate.holds())
@@ -183,7 +183,7 @@ impl Made {
     }
 }
 
-/// Why there is no solid of exact faces.
+/// Converts an error of the stage to a failure that names the model.
 fn no_brep(error: &BrepModelError, name: &str, region: Option<Aabb>) -> Failure {
     let none = |code| Failure::new(NO_RESULT, code, format!("{name}: {error}"));
     match error {
@@ -223,7 +223,7 @@ fn no_brep(error: &BrepModelError, name: &str, region: Option<Aabb>) -> Failure 
     }
 }
 
-/// How many faces there are of each kind, in the order of the first of each.
+/// Returns the number of faces of each kind in words, in the order of first occurrence.
 pub(crate) fn kinds<'k>(faces: impl Iterator<Item = &'k str>) -> String {
     let mut kinds: Vec<(&str, usize)> = Vec::new();
     for face in faces {

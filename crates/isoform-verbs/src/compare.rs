@@ -48,11 +48,11 @@ pub(crate) struct Args {
         value_parser = parameters::parameters
     )]
     params_second: Option<Parameters>,
-    /// Where to look at models: x,y,z of the lower and of the upper corner [default: the other
-    /// side's box]
+    /// Region in which models are compared: x,y,z of the lower and of the upper corner [default:
+    /// the other side's box]
     #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = arguments::region)]
     region: Option<Aabb>,
-    /// About how many points are taken of a mesh, of a model and of a solid
+    /// Approximate number of points taken of a mesh, of a model and of a solid
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(10..=2_000_000))]
     samples: u32,
     /// Take the vertices of meshes as points
@@ -75,7 +75,7 @@ enum Loaded {
     Solid(Box<ExactSolid>),
 }
 
-/// Whether a file is named like a HyperFun program.
+/// Returns true if a file is named like a HyperFun program.
 fn is_model(path: &Path) -> bool {
     path.extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("hf"))

@@ -14,10 +14,10 @@ pub(crate) fn script(shell: Shell, command: &mut clap::Command) -> Vec<u8> {
     }
 }
 
-/// What the help of every template argument says, and of no other.
+/// Phrase in the help of every template argument, and of no other argument.
 const MARK: &str = "a HyperFun file or a name out of";
 
-/// The script with the names of the gallery beside the files of every template argument.
+/// Returns the script with the names of the gallery added to the files of every template argument.
 fn with_names(shell: Shell, text: &str) -> String {
     let names = gallery::names().join(" ");
     let mut lines: Vec<String> = Vec::new();

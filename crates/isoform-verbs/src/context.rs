@@ -89,11 +89,11 @@ pub(crate) struct Context {
     pub(crate) global: Global,
     /// When to stop.
     pub(crate) deadline: Option<Instant>,
-    /// What is read, and must not be written over.
+    /// Input files, which must not be overwritten.
     pub(crate) inputs: Inputs,
     /// One bar for all stages, of verbs that have several.
     pub(crate) whole: Option<Whole>,
-    /// The caller, where there is no terminal.
+    /// The caller's listener; `None` on a terminal.
     pub(crate) listener: Option<Listener>,
     /// Warnings so far, for a caller.
     warnings: Mutex<Vec<String>>,
@@ -143,7 +143,7 @@ impl Context {
             },
         }
     }
-    /// Whether the time limit is over.
+    /// Returns true if the time limit is over.
     pub(crate) fn is_late(&self) -> bool {
         self.deadline.is_some_and(|d| Instant::now() >= d)
     }

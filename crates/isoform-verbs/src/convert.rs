@@ -42,7 +42,8 @@ pub(crate) struct Args {
     /// Take at most that many points, a seeded random sample
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     max_points: Option<u64>,
-    /// Of a mesh, take that many points on its triangles, uniform by area, in place of the vertices
+    /// Number of points to sample on the triangles of a mesh, uniformly by area, in place of its
+    /// vertices
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     samples: Option<u64>,
     /// PLY as text
@@ -92,8 +93,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     }
 }
 
-/// Whether both formats are of meshes, and one of them of nothing else: on the output's side also
-/// one in which points are only read, if no sample of them is asked for.
+/// Returns true if both formats are formats of meshes, and at least one of nothing else. An output
+/// format in which points are only read counts too, unless a sample of points is requested.
 fn is_mesh(args: &Args) -> bool {
     let (from, to) = (args.from.as_deref(), args.to.as_deref());
     let name = |path: &Path, said: Option<&str>| {

@@ -10,8 +10,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// Number of the next temporary file.
 static TURN: AtomicU64 = AtomicU64::new(0);
 
-/// Writes a file whole or not at all: to a temporary file beside it, which is then renamed. Devices
-/// and pipes are written to.
+/// Writes a file completely or leaves it as before: data go to a temporary file in its folder,
+/// which is then renamed. Devices and pipes are written directly.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     if memory::write(path, bytes) {
         return Ok(());

@@ -38,18 +38,18 @@ pub(crate) struct Args {
     language: Language,
     #[command(flatten)]
     given: Given,
-    /// What to give: the model's own value, its distance-like reading, or the name of the nearest
-    /// part
-    #[arg(long, value_enum, default_value_t = Reading::Algebraic)]
-    reading: Reading,
+    /// Result per point: the model's own value, its distance-like reading, or the name of the
+    /// nearest part
+    #[arg(long, value_enum, default_value_t = Quantity::Algebraic)]
+    reading: Quantity,
     /// The table, - or nothing for stdout
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
 }
 
-/// What is given for each point.
+/// Result that is computed for each point.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Reading {
+enum Quantity {
     Algebraic,
     Metric,
     Part,
@@ -59,15 +59,15 @@ enum Reading {
 const CHUNK: usize = 2048;
 
 /// A point as written and as numbers.
-struct Row<'t> {
-    /// Its coordinates as they were written; the table repeats them.
+struct PointRow<'t> {
+    /// Coordinates as written in the input; the table repeats them.
     text: Vec<&'t str>,
-    /// Its coordinates.
+    /// Coordinates of the point.
     x: Vec<f64>,
 }
 
-/// What a point gives: a number or the name of a part, with the attributes behind it, or an error.
-enum Cell {
+/// Result at a point: a number or the name of a part, with the attributes after it, or an error.
+enum PointResult {
     /// A number.
     Value(f64, Vec<f64>),
     /// The name of a part.
@@ -76,8 +76,8 @@ enum Cell {
     Error(String),
 }
 
-impl Cell {
-    /// Why there is no value.
+impl PointResult {
+    /// Returns the reason for a missing value.
     fn error(&self) -> Option<&str> {
         match self {
             Self::Error(error) => Some(error),
@@ -121,7 +121,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         let spline = spline::read(&args.model)?;
         let rows = points(&args.points, &table, 3)?;
         let cells = cells_of_spline(spline, args.reading, &rows, context);
-        let subject = Subject {
+        let subject = EvaluatedModel {
             name: "surface",
             values: &[],
             dimension: 3,
@@ -133,7 +133,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let a = values(&model, &args.given, context)?;
     let rows = points(&args.points, &table, model.dimension())?;
     let cells = cells(args, &model, &rows, &a, context)?;
-    let subject = Subject {
+    let subject = EvaluatedModel {
         name: model.name(),
         values: &a,
         dimension: model.dimension(),
@@ -142,10 +142,10 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     outcome(args, &subject, &rows, &cells, context)
 }
 
-/// What is evaluated.
-struct Subject<'m> {
+/// Model that is evaluated, with its values.
+struct EvaluatedModel<'m> {
     name: &'m str,
-    /// Of its parameters.
+    /// Values of the parameters.
     values: &'m [f64],
     /// Number of its coordinates.
     dimension: usize,
@@ -153,16 +153,16 @@ struct Subject<'m> {
     attributes: usize,
 }
 
-/// The table of the cells, written where it is asked for.
+/// Makes the table of the results, and writes it if an output is named.
 fn outcome(
     args: &Args,
-    subject: &Subject<'_>,
-    rows: &[Row<'_>],
-    cells: &[Cell],
+    subject: &EvaluatedModel<'_>,
+    rows: &[PointRow<'_>],
+    cells: &[PointResult],
     context: &Context,
 ) -> Result<Outcome, Failure> {
     let (name, a) = (subject.name, subject.values);
-    let failures = Failures::of(cells);
+    let failures = Failures::new(cells);
     failures.warn(context);
     context.note(format_args!(
         "{} rows of `{name}` with a = {a:?}",
@@ -193,18 +193,18 @@ fn outcome(
     Ok(Outcome { exit, json, stdout })
 }
 
-/// The cell of every row, in the reading that is asked for; chunks of rows run in parallel.
+/// Evaluates every row in the requested reading; chunks of rows run in parallel.
 fn cells(
     args: &Args,
     model: &Model,
-    rows: &[Row<'_>],
+    rows: &[PointRow<'_>],
     a: &[f64],
     context: &Context,
-) -> Result<Vec<Cell>, Failure> {
-    let template = (args.reading != Reading::Algebraic)
+) -> Result<Vec<PointResult>, Failure> {
+    let template = (args.reading != Quantity::Algebraic)
         .then(|| template(&args.model, model))
         .transpose()?;
-    let of_chunk = |rows: &[Row<'_>]| {
+    let of_chunk = |rows: &[PointRow<'_>]| {
         let mut cells = evaluate(model, rows, a, context);
         if let Some(template) = &template {
             read_otherwise(template, args.reading, rows, a, &mut cells);
@@ -217,25 +217,27 @@ fn cells(
 /// The cells of a function fitted to points; chunks of rows run in parallel.
 fn cells_of_spline(
     spline: Implicit,
-    reading: Reading,
-    rows: &[Row<'_>],
+    reading: Quantity,
+    rows: &[PointRow<'_>],
     context: &Context,
-) -> Vec<Cell> {
+) -> Vec<PointResult> {
     let metric = SplineDistance(spline);
-    let of_row = |row: &Row<'_>| {
+    let of_row = |row: &PointRow<'_>| {
         if context.is_late() {
-            return Cell::Error("error:1:1:not reached within the time limit".to_owned());
+            return PointResult::Error("error:1:1:not reached within the time limit".to_owned());
         }
         let p = [row.x[0], row.x[1], row.x[2]];
         let mut distance = [0.0];
         match reading {
-            Reading::Algebraic => Cell::Value(metric.0.value(p), Vec::new()),
-            Reading::Metric => {
+            Quantity::Algebraic => PointResult::Value(metric.0.value(p), Vec::new()),
+            Quantity::Metric => {
                 metric.values(&[p], &[], &mut distance);
-                Cell::Value(distance[0], Vec::new())
+                PointResult::Value(distance[0], Vec::new())
             }
-            Reading::Part if metric.0.is_seen(p) => Cell::Part("surface".to_owned(), Vec::new()),
-            Reading::Part => Cell::Part("unseen".to_owned(), Vec::new()),
+            Quantity::Part if metric.0.is_seen(p) => {
+                PointResult::Part("surface".to_owned(), Vec::new())
+            }
+            Quantity::Part => PointResult::Part("unseen".to_owned(), Vec::new()),
         }
     };
     rows.par_iter().with_min_len(CHUNK).map(of_row).collect()
@@ -253,8 +255,8 @@ struct Failures<'c> {
 
 impl<'c> Failures<'c> {
     /// The failures among all cells.
-    fn of(cells: &'c [Cell]) -> Self {
-        let mut errors = cells.iter().filter_map(Cell::error);
+    fn new(cells: &'c [PointResult]) -> Self {
+        let mut errors = cells.iter().filter_map(PointResult::error);
         let first = errors.next();
         Self {
             count: errors.count() + usize::from(first.is_some()),
@@ -284,12 +286,18 @@ impl<'c> Failures<'c> {
 }
 
 /// The model's own values at some rows; rows that the time limit does not let through are errors.
-fn evaluate(model: &Model, rows: &[Row<'_>], a: &[f64], context: &Context) -> Vec<Cell> {
+fn evaluate(
+    model: &Model,
+    rows: &[PointRow<'_>],
+    a: &[f64],
+    context: &Context,
+) -> Vec<PointResult> {
     let mut evaluator = model.block_evaluator();
     let mut cells = Vec::with_capacity(rows.len());
     for block in rows.chunks(BlockEvaluator::POINTS) {
         if context.is_late() {
-            let late = || Cell::Error("error:1:1:not reached within the time limit".to_owned());
+            let late =
+                || PointResult::Error("error:1:1:not reached within the time limit".to_owned());
             cells.extend(block.iter().map(|_| late()));
             continue;
         }
@@ -299,8 +307,10 @@ fn evaluate(model: &Model, rows: &[Row<'_>], a: &[f64], context: &Context) -> Ve
                 .eval(&points, a)
                 .into_iter()
                 .map(|found| match found {
-                    Ok(e) => Cell::Value(e.f, e.s),
-                    Err(e) => Cell::Error(format!("error:{}:{}:{}", e.line, e.column, e.message)),
+                    Ok(e) => PointResult::Value(e.f, e.s),
+                    Err(e) => {
+                        PointResult::Error(format!("error:{}:{}:{}", e.line, e.column, e.message))
+                    }
                 }),
         );
     }
@@ -318,10 +328,10 @@ fn template(path: &Path, model: &Model) -> Result<FrepTemplate, Failure> {
 /// Replaces the values by the ones of another reading; rows that have no value keep their error.
 fn read_otherwise(
     template: &FrepTemplate,
-    reading: Reading,
-    rows: &[Row<'_>],
+    reading: Quantity,
+    rows: &[PointRow<'_>],
     a: &[f64],
-    cells: &mut [Cell],
+    cells: &mut [PointResult],
 ) {
     let points: Vec<[f64; 3]> = rows.iter().map(|r| [r.x[0], r.x[1], r.x[2]]).collect();
     let (mut distances, mut parts) = (vec![0.0; points.len()], vec![0; points.len()]);
@@ -329,11 +339,13 @@ fn read_otherwise(
     template.parts(&points, a, &mut parts);
     let names = template.part_names();
     for (cell, (distance, part)) in cells.iter_mut().zip(distances.into_iter().zip(parts)) {
-        let Cell::Value(_, s) = cell else { continue };
+        let PointResult::Value(_, s) = cell else {
+            continue;
+        };
         let s = std::mem::take(s);
         *cell = match reading {
-            Reading::Part => Cell::Part(names[part as usize].clone(), s),
-            _ => Cell::Value(distance, s),
+            Quantity::Part => PointResult::Part(names[part as usize].clone(), s),
+            _ => PointResult::Value(distance, s),
         };
     }
 }
@@ -351,7 +363,7 @@ fn coordinates(dimension: usize) -> Vec<String> {
 
 /// Reads the first `dimension` columns of a table. A first line that holds the names of the
 /// coordinates is a header.
-fn points<'t>(path: &Path, table: &'t str, dimension: usize) -> Result<Vec<Row<'t>>, Failure> {
+fn points<'t>(path: &Path, table: &'t str, dimension: usize) -> Result<Vec<PointRow<'t>>, Failure> {
     let table = table.strip_prefix('\u{feff}').unwrap_or(table);
     let lines = table.lines().enumerate();
     let mut lines = lines.filter(|(_, line)| holds_data(line)).peekable();
@@ -369,12 +381,12 @@ fn points<'t>(path: &Path, table: &'t str, dimension: usize) -> Result<Vec<Row<'
         .collect()
 }
 
-/// Whether a line is neither empty nor a comment.
+/// Returns true if a line is neither empty nor a comment.
 fn holds_data(line: &str) -> bool {
     !line.trim().is_empty() && !line.trim_start().starts_with('#')
 }
 
-/// Whether the words of a line are the names of the coordinates, in quotes or not.
+/// Returns true if the words of a line are the names of the coordinates, in quotes or not.
 fn is_header(words: &[&str], names: &[String]) -> bool {
     let words = words.iter().map(|t| t.trim_matches('"'));
     words.eq(names.iter().map(String::as_str))
@@ -390,14 +402,14 @@ fn words(line: &str, dimension: usize) -> Vec<&str> {
     words.take(dimension).collect()
 }
 
-/// What is wrong with a line, and at which of its bytes.
+/// Error in a line of the input, with its byte position.
 struct Fault {
     at: usize,
     message: String,
 }
 
 /// The coordinates of a line, which must be finite numbers; further columns are ignored.
-fn row(line: &str, dimension: usize) -> Result<Row<'_>, Fault> {
+fn row(line: &str, dimension: usize) -> Result<PointRow<'_>, Fault> {
     let text = words(line, dimension);
     if text.len() < dimension {
         let count = text.len();
@@ -414,11 +426,15 @@ fn row(line: &str, dimension: usize) -> Result<Row<'_>, Fault> {
         }),
     };
     let x = text.iter().map(number).collect::<Result<_, _>>()?;
-    Ok(Row { text, x })
+    Ok(PointRow { text, x })
 }
 
 /// The header's names and the table.
-fn csv(subject: &Subject<'_>, rows: &[Row<'_>], cells: &[Cell]) -> (Vec<String>, String) {
+fn csv(
+    subject: &EvaluatedModel<'_>,
+    rows: &[PointRow<'_>],
+    cells: &[PointResult],
+) -> (Vec<String>, String) {
     let attributes = subject.attributes;
     let mut columns = coordinates(subject.dimension);
     columns.push("f".to_owned());
@@ -445,18 +461,18 @@ fn quoted(field: &str) -> String {
 }
 
 /// A row of the table in the document: coordinates, value, attributes.
-fn json_row(row: &Row<'_>, cell: &Cell) -> Value {
+fn json_row(row: &PointRow<'_>, cell: &PointResult) -> Value {
     let mut values: Vec<Value> = row.x.iter().map(|v| json!(v)).collect();
     match cell {
-        Cell::Value(f, s) => {
+        PointResult::Value(f, s) => {
             values.push(json!(f));
             values.extend(s.iter().map(|v| json!(v)));
         }
-        Cell::Part(name, s) => {
+        PointResult::Part(name, s) => {
             values.push(json!(name));
             values.extend(s.iter().map(|v| json!(v)));
         }
-        Cell::Error(e) => values.push(json!(e)),
+        PointResult::Error(e) => values.push(json!(e)),
     }
     Value::Array(values)
 }

@@ -21,7 +21,7 @@ pub(crate) const NO_RESULT: u8 = 4;
 /// Internal error.
 pub(crate) const INTERNAL: u8 = 5;
 
-/// Where something is wrong.
+/// Position of an error: a place in a file, or a point in space.
 #[derive(Clone, Default)]
 pub struct Place {
     /// File, as it was named.
@@ -38,19 +38,19 @@ pub struct Place {
     pub point: Option<Point3>,
 }
 
-/// Why there is no result: what, where, why, and what to try.
+/// Reason for a missing result: code, message, position, cause and hint.
 pub struct Failure {
     /// Exit code.
     pub exit: u8,
     /// Short and fixed, for programs.
     pub code: &'static str,
-    /// What is wrong, in one sentence.
+    /// Description of the problem, in one sentence.
     pub message: String,
-    /// Where.
+    /// Position of the problem.
     pub place: Box<Place>,
     /// Why; may be empty.
     pub why: String,
-    /// What to try; may be empty.
+    /// Suggested remedy; may be empty.
     pub hint: String,
 }
 
@@ -74,7 +74,7 @@ impl Failure {
     pub(crate) fn input(code: &'static str, message: impl Into<String>) -> Self {
         Self::new(INPUT, code, message)
     }
-    /// A fault of ours in a stage of the work, or (no name) somewhere.
+    /// Makes an internal error of a stage of the work; an empty name stands for any stage.
     pub(crate) fn internal(stage: &str) -> Self {
         let place = if stage.is_empty() {
             String::new()
@@ -92,7 +92,7 @@ impl Failure {
         failure.place.file = Some(path.to_owned());
         failure
     }
-    /// At a place of a text, both numbers from 1.
+    /// Adds a position in a text, line and column counted from 1.
     pub(crate) fn at(mut self, file: &Path, line: usize, column: usize) -> Self {
         *self.place = Place {
             file: Some(file.to_owned()),
@@ -102,7 +102,7 @@ impl Failure {
         };
         self
     }
-    /// At a point of space.
+    /// Adds a point in space.
     pub(crate) fn somewhere(mut self, at: Point3) -> Self {
         self.place.point = Some(at);
         self
@@ -123,7 +123,7 @@ impl Failure {
         self
     }
 
-    /// Its fields in a document.
+    /// Returns the fields of the failure in a JSON document.
     pub(crate) fn json(&self) -> Value {
         let mut at = serde_json::Map::new();
         if let Some(file) = &self.place.file {

@@ -6,6 +6,7 @@ use crate::language::Language;
 use crate::memory;
 use crate::model;
 use isoform::field::hyperfun::Model;
+use isoform::field::similar;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -25,7 +26,8 @@ pub(crate) fn template(
             format!("no file and no template is called {name}"),
         );
         let all = format!("a HyperFun file, or one of: {}", names().join(", "));
-        let near = nearest(&name, &candidates(path));
+        let candidates = candidates(path);
+        let near = similar(&name, candidates.iter().map(String::as_str));
         return Err(failure.hint(match near.as_slice() {
             [] => all,
             near => format!("did you mean {}? Else {all}", near.join(" or ")),
@@ -39,7 +41,7 @@ pub(crate) fn names() -> Vec<&'static str> {
     isoform::templates().map(|t| t.name).collect()
 }
 
-/// What could be meant by a name: the templates, and the programs in the folder that it names.
+/// Returns candidates for a misspelt name: the templates, and the programs in the named folder.
 fn candidates(path: &Path) -> Vec<String> {
     let mut all: Vec<String> = names().into_iter().map(str::to_owned).collect();
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -59,57 +61,7 @@ fn candidates(path: &Path) -> Vec<String> {
     all
 }
 
-/// Most names that are offered.
-const MOST_NAMES: usize = 3;
-
-/// The candidates that differ least from a name, if they differ by a third of its letters at most,
-/// and those that begin with it.
-pub(crate) fn nearest(name: &str, candidates: &[String]) -> Vec<String> {
-    let plain = |s: &str| {
-        let low = s.to_lowercase();
-        low.strip_suffix(".hf").map_or(low.clone(), str::to_owned)
-    };
-    let name = plain(name);
-    let most = (name.chars().count() / 3).max(1);
-    let mut found: Vec<(usize, &String)> = candidates
-        .iter()
-        .filter_map(|c| {
-            let other = plain(c);
-            let begins = name.chars().count() > 1 && other.starts_with(&name);
-            let steps = edits(&name, &other);
-            (begins || steps <= most).then_some((if begins { 1 } else { steps }, c))
-        })
-        .collect();
-    found.sort();
-    found
-        .into_iter()
-        .take(MOST_NAMES)
-        .map(|(_, c)| c.clone())
-        .collect()
-}
-
-/// Letters to add, drop, change or swap with the next one (Damerau 1964, Levenshtein 1966).
-fn edits(a: &str, b: &str) -> usize {
-    let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
-    let mut rows = vec![(0..=b.len()).collect::<Vec<usize>>()];
-    for i in 1..=a.len() {
-        let mut row = vec![i];
-        for j in 1..=b.len() {
-            let changed = usize::from(a[i - 1] != b[j - 1]);
-            let mut least = (rows[i - 1][j] + 1)
-                .min(row[j - 1] + 1)
-                .min(rows[i - 1][j - 1] + changed);
-            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
-                least = least.min(rows[i - 2][j - 2] + 1);
-            }
-            row.push(least);
-        }
-        rows.push(row);
-    }
-    rows[a.len()][b.len()]
-}
-
-/// What `fit --list` says: name, what it fits, parameters.
+/// Returns the text and document of `fit --list`: name, use and parameters of each template.
 pub(crate) fn list(context: &Context) -> Result<(String, Value), Failure> {
     let mut text = String::new();
     let mut rows = Vec::new();
@@ -133,33 +85,4 @@ pub(crate) fn list(context: &Context) -> Result<(String, Value), Failure> {
         text += "this build carries no templates\n";
     }
     Ok((text, json!({"templates": rows})))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn letters_that_differ() {
-        let pairs = [
-            ("cup", "cup"),
-            ("cpu", "cup"),
-            ("cups", "cup"),
-            ("kup", "cup"),
-        ];
-        assert_eq!(pairs.map(|(a, b)| edits(a, b)), [0, 1, 1, 1]);
-        assert_eq!(edits("", "abc"), 3);
-        assert_eq!(edits("kitten", "sitting"), 3);
-    }
-
-    #[test]
-    fn names_that_are_near() {
-        let all = ["bottle", "box", "cup", "plate-holes", "models/part.hf"].map(str::to_owned);
-        let near = |name: &str| nearest(name, &all);
-        assert_eq!(near("cpu"), ["cup"]);
-        assert_eq!(near("Botle.hf"), ["bottle"]);
-        assert_eq!(near("plate"), ["plate-holes"]);
-        assert_eq!(near("models/prat.hf"), ["models/part.hf"]);
-        assert!(near("teapot").is_empty() && near("").is_empty());
-    }
 }

@@ -42,7 +42,7 @@ pub(crate) struct Args {
     /// The degree of the polynomials in each variable
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u8).range(2..=5))]
     degree: u8,
-    /// At most this many cells hold points, all of one size; no more than half the points
+    /// Maximum number of cells with points, all of one size; at most half the number of points
     #[arg(long, value_name = "N", conflicts_with = "tol", value_parser = clap::value_parser!(u32).range(1..))]
     cells: Option<u32>,
     /// Smaller cells where points are farther than this from the surface
@@ -60,7 +60,7 @@ pub(crate) struct Args {
         value_parser = clap::value_parser!(u8).range(1..=12)
     )]
     global: Option<u8>,
-    /// Whose normals are taken
+    /// Source of the normals
     #[arg(long, value_enum, default_value_t = NormalsName::Auto)]
     normals: NormalsName,
     /// The weight of smoothness; more of it rounds edges and averages noise
@@ -113,7 +113,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         context.warn("--cells: cells are at most half as many as points");
     }
     say(&report, context);
-    Ok(Outcome::of(
+    Ok(Outcome::new(
         outcome::exit(true),
         outcome::json_of(&report),
         stdout,
@@ -180,7 +180,7 @@ fn failure(error: ImplicitizeError, scan: &Path) -> Failure {
     }
 }
 
-/// What may be wrong.
+/// Prints warnings about the fitted function.
 fn say(report: &ImplicitizeReport, context: &Context) {
     let normals = &report.normals;
     match normals.source {

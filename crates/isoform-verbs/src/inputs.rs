@@ -22,8 +22,9 @@ struct Identity {
 }
 
 impl Identity {
-    /// None where there is no such file yet, and of devices and pipes, which nothing overwrites.
-    fn of(path: &Path) -> Option<Self> {
+    /// Returns the identity of a file; `None` for missing files, and for devices and pipes, which
+    /// nothing overwrites.
+    fn read(path: &Path) -> Option<Self> {
         let about = fs::metadata(path).ok().filter(fs::Metadata::is_file)?;
         Some(Self {
             path: fs::canonicalize(path).ok()?,
@@ -47,19 +48,19 @@ fn number(_: &fs::Metadata) -> Option<(u64, u64)> {
     None
 }
 
-/// What a run reads, and whether it may be written over.
+/// Input files of a run, and the permission to overwrite them.
 #[derive(Debug, Default)]
 pub(crate) struct Inputs {
     /// Files that are read, as they were named.
     files: Vec<(PathBuf, Identity)>,
-    /// Whether outputs may take the place of inputs (--force).
+    /// True if outputs may take the place of inputs (--force).
     force: bool,
 }
 
 impl Inputs {
     /// The files that the arguments of a verb name. Fails where an output is one of them.
     /// `request` is a file that named them.
-    pub(crate) fn of(
+    pub(crate) fn new(
         verb: &ArgMatches,
         request: Option<&Path>,
         force: bool,
@@ -68,7 +69,7 @@ impl Inputs {
             paths(verb).partition(|(argument, _)| WRITTEN.contains(argument));
         let request = request.map(|path| ("request", path.to_owned()));
         let files = files.into_iter().chain(request).filter_map(|(_, path)| {
-            let identity = Identity::of(&path)?;
+            let identity = Identity::read(&path)?;
             Some((path, identity))
         });
         let inputs = Self {
@@ -81,9 +82,10 @@ impl Inputs {
         Ok(inputs)
     }
 
-    /// Whether a file may be written. Outputs that are no arguments must ask before the work.
+    /// Checks that a file may be written. Outputs other than arguments must be checked before the
+    /// work.
     pub(crate) fn allow(&self, output: &Path) -> Result<(), Failure> {
-        let Some(written) = Identity::of(output).filter(|_| !self.force) else {
+        let Some(written) = Identity::read(output).filter(|_| !self.force) else {
             return Ok(());
         };
         let Some((input, _)) = self.files.iter().find(|(_, read)| read.is(&written)) else {

@@ -31,7 +31,7 @@ pub(crate) struct Args {
     /// The file: PLY, XYZ, CSV, OBJ, OFF, STL, 3MF, PCD, LAS, LAZ, E57, MSH, VTU, INP, STEP and
     /// .brep.json of isoform brep (- for stdin)
     file: PathBuf,
-    /// Its format, where neither name nor content tell it
+    /// Format of the file, if neither name nor content determine it
     #[arg(long, value_name = "FORMAT")]
     from: Option<String>,
     /// Look at no more than that many points, a seeded random sample
@@ -39,7 +39,7 @@ pub(crate) struct Args {
     max_points: Option<u64>,
 }
 
-/// Runs the verb: meshes with groups are certified, all else is looked at as points.
+/// Runs the verb: certifies meshes with groups, and inspects other files as points.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if scan::is_mesh(&args.file, args.from.as_deref()) {
         return mesh(args, context);
@@ -110,7 +110,7 @@ fn mesh(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     })
 }
 
-/// Solids: their faces, and what is measured beside what is stated.
+/// Reports on solids: their faces, and measured properties next to stated ones.
 fn solid(path: &Path, file: &SolidFile) -> Outcome {
     let name = path.display().to_string();
     let report = SolidReport::new(&name, kind::solid_format(path), file);
@@ -210,7 +210,7 @@ fn column(c: &ColumnRange) -> String {
     format!("{} from {min} to {max}{missing}", c.name)
 }
 
-/// What there is beside positions.
+/// Returns the columns other than positions, in words.
 fn with(seen: &Inspection) -> String {
     let with = [(seen.has_normals, "normals"), (seen.has_colors, "colours")];
     let with: Vec<&str> = with.iter().filter(|w| w.0).map(|w| w.1).collect();

@@ -20,7 +20,7 @@ pub(crate) fn watch() -> &'static AtomicBool {
     &CANCELLED
 }
 
-/// Whether Ctrl-C was pressed.
+/// Returns true if Ctrl-C was pressed.
 pub(crate) fn happened() -> bool {
     CANCELLED.load(Ordering::SeqCst)
 }

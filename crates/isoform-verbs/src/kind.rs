@@ -1,4 +1,4 @@
-//! What a file is, and which verbs take it: for the failures of verbs that take something else.
+//! Kinds of files with the verbs that take them, for the failures of verbs that take other kinds.
 
 use crate::failure::Failure;
 use crate::language::{Language, parse};
@@ -12,7 +12,7 @@ use std::path::Path;
 /// First bytes that tell the format of a file.
 const HEAD: usize = 4096;
 
-/// What a file is.
+/// Kind of a file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Kind {
     /// A HyperFun program.
@@ -39,9 +39,9 @@ pub(crate) fn head(bytes: &[u8]) -> &[u8] {
 }
 
 impl Kind {
-    /// What a file is by its content, or, where that tells nothing, by its name. `head` is its
-    /// first bytes, `text` the whole.
-    pub(crate) fn of(path: &Path, head: &[u8], text: &str) -> Option<Self> {
+    /// Returns the kind of a file by its content, or by its name if the content does not determine
+    /// it. `head` holds its first bytes, `text` the whole.
+    pub(crate) fn detect(path: &Path, head: &[u8], text: &str) -> Option<Self> {
         if is_step(path) || text.trim_start().starts_with("ISO-10303-21") {
             return Some(Self::Solid);
         }
@@ -56,7 +56,7 @@ impl Kind {
         file_kind(&path.to_string_lossy(), head).map(Self::File)
     }
 
-    /// What a document is.
+    /// Returns the kind of a JSON document.
     fn of_json(json: &Value) -> Self {
         if is_solid_file(json) {
             Self::Solid
@@ -82,7 +82,7 @@ impl Kind {
         failure.hint(self.takers())
     }
 
-    /// What it is, in a few words.
+    /// Returns a description in a few words.
     fn what(self) -> String {
         match self {
             Self::Program => "a HyperFun program".to_owned(),

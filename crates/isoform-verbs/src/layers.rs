@@ -24,40 +24,40 @@ use serde_json::Value;
 use std::path::Path;
 use std::sync::Arc;
 
-/// How files are read, the same for every verb that shows them.
+/// Options for reading files, common to all verbs that show them.
 #[derive(clap::Args)]
-pub(crate) struct Reading {
+pub(crate) struct LayerOptions {
     #[command(flatten)]
     given: Given,
     /// Half the width of a box around the origin, which maps need; or x,y,z of the lower and of the
     /// upper corner, for models without an end
     #[arg(long = "box", value_name = "B", allow_hyphen_values = true, value_parser = place)]
-    region: Option<Place>,
+    region: Option<ViewRegion>,
     /// Show files that may be both as points or as meshes [default: PLY as points, OBJ, STL, OFF
     /// and 3MF as meshes]
     #[arg(long = "as", value_name = "KIND", value_enum)]
-    kind: Option<Kind>,
+    kind: Option<TriangleDisplay>,
     #[command(flatten)]
     language: Language,
 }
 
-/// What a file with points and triangles is shown as.
+/// Form in which a file with points and triangles is shown.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Kind {
+enum TriangleDisplay {
     Points,
     Mesh,
 }
 
-/// Where to look.
+/// Region of a model to show.
 #[derive(Clone, Debug)]
-enum Place {
+enum ViewRegion {
     /// A cube about the origin.
     Around(HalfWidth),
     /// A box.
     Box(Aabb),
 }
 
-impl Place {
+impl ViewRegion {
     /// The box.
     fn region(&self) -> Aabb {
         match self {
@@ -71,15 +71,15 @@ impl Place {
 }
 
 /// Reads half a width, or six numbers.
-fn place(text: &str) -> Result<Place, String> {
+fn place(text: &str) -> Result<ViewRegion, String> {
     if text.contains(',') {
-        arguments::region(text).map(Place::Box)
+        arguments::region(text).map(ViewRegion::Box)
     } else {
-        triangulate::half_width(text).map(Place::Around)
+        triangulate::half_width(text).map(ViewRegion::Around)
     }
 }
 
-/// What a file is.
+/// Content of a file as a layer.
 pub(crate) enum Layer {
     Points(PointCloud),
     Model(Box<LiveLayer>),
@@ -97,11 +97,11 @@ pub(crate) enum Layer {
 pub(crate) struct LiveLayer {
     pub(crate) live: LiveModel,
     pub(crate) title: Option<String>,
-    pub(crate) source: Source,
+    pub(crate) source: ModelSource,
 }
 
-/// What a model comes from.
-pub(crate) enum Source {
+/// Source of a model.
+pub(crate) enum ModelSource {
     /// A program, with the values of its parameters.
     Program(Box<Model>, Vec<f64>),
     /// A polynomial in x, y and z.
@@ -117,7 +117,7 @@ pub(crate) struct Patch {
 }
 
 impl Layer {
-    /// Its kind in a word, as reports have it.
+    /// Returns the kind of the layer in a word, as in reports.
     pub(crate) fn kind(&self) -> &'static str {
         match self {
             Self::Points(_) => "points",
@@ -130,9 +130,9 @@ impl Layer {
     }
 }
 
-/// Who shows the layers.
+/// Capabilities of the verb that shows the layers.
 pub(crate) struct Shower {
-    /// Whether it can show a model's function itself.
+    /// Returns true if the verb can show a model's function itself.
     pub(crate) can_draw: fn(&LiveModel) -> bool,
     /// Why the mesh of a model is shown instead.
     pub(crate) why_mesh: &'static str,
@@ -140,14 +140,14 @@ pub(crate) struct Shower {
 
 /// The column of points that says how far they are from a model.
 const DEVIATION: &str = "deviation";
-/// A column is that of the model beside it where it differs from what is measured by at most this
-/// share of itself, as root mean squares: measured distances are of first order, which costs a few
-/// per cent at most beside edges. A larger share takes the deviations of another model for its own.
+/// Largest difference between a column of deviations and the deviations measured from the next
+/// model, relative to the column, as root mean squares, for the column to belong to that model.
+/// Measured distances are of first order, which changes them by a few per cent near edges; a larger
+/// share would accept the deviations of another model.
 const OWN: f64 = 0.05;
 
-/// Takes the deviations of a file's points away where the first model beside them is not the one
-/// that they were measured from: another one, or with other parameters. Without them points are
-/// measured anew.
+/// Removes the deviations of a file's points if they were measured from a model other than the
+/// first one among the layers, or with other parameters. Deviations are then measured again.
 pub(crate) fn drop_foreign_deviations(layers: &mut [Layer]) {
     let model = layers.iter().find_map(|layer| match layer {
         Layer::Model(model) => Some(model.live.clone()),
@@ -182,7 +182,7 @@ pub(crate) fn base_name(path: &Path) -> String {
 struct File<'a> {
     path: &'a Path,
     name: &'a str,
-    reading: &'a Reading,
+    reading: &'a LayerOptions,
     shower: &'a Shower,
     context: &'a Context,
 }
@@ -190,7 +190,7 @@ struct File<'a> {
 /// Reads a file as a layer.
 pub(crate) fn read(
     path: &Path,
-    reading: &Reading,
+    reading: &LayerOptions,
     shower: &Shower,
     context: &Context,
 ) -> Result<Layer, Failure> {
@@ -204,7 +204,7 @@ pub(crate) fn read(
     file.read()
 }
 
-/// Whether it is the name of a template, and of no file.
+/// Returns true if it is the name of a template, and of no file.
 fn is_template(path: &Path) -> bool {
     !memory::exists(path) && isoform::template(&path.to_string_lossy()).is_some()
 }
@@ -245,12 +245,12 @@ impl File<'_> {
         let (cloud, report) =
             scan::read_points(path, None, None, MeshPoints::Vertices, self.context)?;
         let usual = if report.format == "ply" {
-            Kind::Points
+            TriangleDisplay::Points
         } else {
-            Kind::Mesh
+            TriangleDisplay::Mesh
         };
         let kind = self.reading.kind.unwrap_or(usual);
-        let is_mesh = !cloud.triangles.is_empty() && kind == Kind::Mesh;
+        let is_mesh = !cloud.triangles.is_empty() && kind == TriangleDisplay::Mesh;
         if is_mesh && path != Path::new("-") {
             return self.mesh();
         }
@@ -282,7 +282,7 @@ impl File<'_> {
     }
 
     fn region(&self) -> Option<Aabb> {
-        self.reading.region.as_ref().map(Place::region)
+        self.reading.region.as_ref().map(ViewRegion::region)
     }
 
     /// A model that moves; one that cannot be shown itself as its mesh.
@@ -300,7 +300,7 @@ impl File<'_> {
             return Ok(Layer::Model(Box::new(LiveLayer {
                 live,
                 title: model.info().title.clone(),
-                source: Source::Program(Box::new(model.clone()), values),
+                source: ModelSource::Program(Box::new(model.clone()), values),
             })));
         }
         let options = MeshModelOptions::of_surface(region);
@@ -310,7 +310,9 @@ impl File<'_> {
             // What the mesher made of places without a value is nothing to be shown.
             let (solid, _) =
                 solid_of(model, &values).map_err(|e| no_mesh(&e.into(), name, &settings))?;
-            if let Some(at) = undefined_at(solid.as_ref(), &Aabb::of(&made.meshed.mesh.points)) {
+            if let Some(at) =
+                undefined_at(solid.as_ref(), &Aabb::from_points(&made.meshed.mesh.points))
+            {
                 let undefined = MeshModelError::Mesh(MeshError::NotANumber { at });
                 return Err(no_mesh(&undefined, name, &settings));
             }
@@ -320,7 +322,8 @@ impl File<'_> {
         Ok(Layer::Meshed(made.meshed.mesh))
     }
 
-    /// What a document holds: patches, a function fitted to points, a polynomial, or a map.
+    /// Returns the layer of a JSON document: patches, a function fitted to points, a polynomial, or
+    /// a map.
     fn document(&self) -> Result<Layer, Failure> {
         let text = disk::text(disk::read_file(self.path)?);
         let json: Value = serde_json::from_str(&text).unwrap_or_default();
@@ -357,7 +360,7 @@ impl File<'_> {
         Ok(Layer::Model(Box::new(LiveLayer {
             live,
             title: None,
-            source: Source::Polynomial(formula.to_owned()),
+            source: ModelSource::Polynomial(formula.to_owned()),
         })))
     }
 
@@ -399,7 +402,7 @@ impl File<'_> {
     /// A rational surface.
     fn map(&self, map: RationalSurface) -> Result<Layer, Failure> {
         let (name, context) = (self.name, self.context);
-        let Some(Place::Around(half)) = &self.reading.region else {
+        let Some(ViewRegion::Around(half)) = &self.reading.region else {
             return Err(Failure::usage(format!(
                 "{}: --box with one number is needed",
                 self.path.display()

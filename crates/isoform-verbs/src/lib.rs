@@ -1,8 +1,8 @@
 //! The verbs of Isoform: arguments in, one call of the library, a document or files out.
 //!
 //! Each verb is declared once, by the arguments of its module. The program `isoform` takes them as
-//! words ([`program`]), and so does any other caller ([`call`]), who may put objects in memory in the
-//! place of files ([`memory`]), and gets the result itself beside its document ([`Product`]).
+//! words ([`program`]), other callers as values ([`call`]). Callers may pass objects in memory in
+//! place of files ([`memory`]), and get the result itself with its document ([`Product`]).
 #![forbid(unsafe_code)]
 
 mod arguments;
@@ -15,6 +15,7 @@ mod disk;
 mod eval;
 mod failure;
 mod fit;
+mod functions;
 mod gallery;
 mod implicitize;
 mod inputs;
@@ -95,6 +96,7 @@ enum Verb {
     Compare(Box<compare::Args>),
     View(view::Args),
     Render(Box<render::Args>),
+    Functions(functions::Args),
     Run(request::RunArgs),
     Schema(request::SchemaArgs),
     /// Prints the completion script of a shell
@@ -121,6 +123,7 @@ impl Verb {
             | Self::Compare(_)
             | Self::View(_)
             | Self::Render(_)
+            | Self::Functions(_)
             | Self::Run(_)
             | Self::Schema(_)
             | Self::Completions { .. } => false,
@@ -145,6 +148,7 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
         Verb::View(args) => view::run(&args, context),
         Verb::Render(args) => render::run(&args, context),
         Verb::Eval(args) => eval::run(&args, context),
+        Verb::Functions(args) => functions::run(&args),
         // It has been read in the place of these arguments.
         Verb::Run(_) => Err(Failure::usage("a request cannot run another one")),
         Verb::Schema(args) => {
@@ -168,6 +172,14 @@ type Parsed = (Cli, Result<Inputs, Failure>);
 /// Reads the arguments. Those of `isoform run` are a file of others; global options may stand in it,
 /// or on the command line.
 fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Parsed, clap::Error> {
+    let mut words: Vec<OsString> = words.into_iter().collect();
+    // `isoform help hfBlock`: clap's help knows verbs only.
+    if let [_, help, name] = words.as_mut_slice()
+        && help == "help"
+        && name.to_str().is_some_and(functions::is_function)
+    {
+        *help = OsString::from("functions");
+    }
     let matches = Cli::command().try_get_matches_from(words)?;
     let cli = Cli::from_arg_matches(&matches)?;
     let Verb::Run(args) = &cli.verb else {
@@ -205,12 +217,12 @@ fn inputs_of(
     force: bool,
 ) -> Result<Inputs, Failure> {
     match matches.subcommand() {
-        Some((_, verb)) => Inputs::of(verb, request, force),
+        Some((_, verb)) => Inputs::new(verb, request, force),
         None => Ok(Inputs::default()),
     }
 }
 
-/// What a call gives back.
+/// Result of a call.
 pub struct Answer {
     /// Exit code, document and text.
     pub outcome: Outcome,
@@ -220,8 +232,8 @@ pub struct Answer {
     pub warnings: Vec<String>,
 }
 
-/// Calls a verb for a caller in the same process, with its arguments by their names in requests
-/// (`isoform schema`). The work runs on the pool of threads that it is called from.
+/// Calls a verb from another part of the process, with its arguments by their names in requests
+/// (`isoform schema`). The work runs on the caller's pool of threads.
 ///
 /// # Errors
 /// [`Failure`] if the arguments do not say what to do, or the work has no result.
@@ -291,12 +303,12 @@ pub fn mesh_options(arguments: &Map<String, Value>) -> Result<MeshModelOptions, 
     }
 }
 
-/// Returns why there is no fit of a scan and a template with these names.
+/// Converts an error of a fit to a failure that names the scan and the template.
 pub fn fit_failure(error: &FitScanError, scan: &str, template: &str) -> Failure {
     fit::work::failure(error, scan, Path::new(template), None)
 }
 
-/// Returns why there is no mesh of a model with this name.
+/// Converts an error of meshing to a failure that names the model.
 pub fn mesh_failure(error: &MeshModelError, name: &str) -> Failure {
     mesh::work::no_mesh(error, name, &mesh::settings::Settings::default())
 }
@@ -397,7 +409,7 @@ mod tests {
     use super::*;
     use isoform::io::formats;
 
-    /// What lists formats of points names all of them.
+    /// Texts that list formats of points name all of them.
     #[test]
     fn texts_name_every_format_of_points() {
         let command = Cli::command();

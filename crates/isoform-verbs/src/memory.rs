@@ -42,7 +42,7 @@ pub enum Object {
 pub struct MapObject {
     /// The map.
     pub map: Map,
-    /// Its surface.
+    /// Surface of the object.
     pub surface: Surface,
     /// The analysis of its singularities.
     pub analysis: Analysis,
@@ -106,8 +106,8 @@ static OBJECTS: Mutex<BTreeMap<PathBuf, Object>> = Mutex::new(BTreeMap::new());
 /// Number of the next object.
 static NEXT: AtomicU64 = AtomicU64::new(0);
 
-/// Brackets around the number in front of a name; empty ones stand before the ending behind it.
-/// These code points are no characters (Unicode, section 23.7), so that no name has them.
+/// Brackets around the number in front of a name; an empty pair stands before the ending. These
+/// code points are noncharacters (Unicode, section 23.7), so names do not contain them.
 const OPEN: char = '\u{fdd0}';
 const CLOSE: char = '\u{fdd1}';
 
@@ -204,7 +204,7 @@ fn plain_json(json: Value) -> Value {
 }
 
 impl Outcome {
-    /// Returns the same with the names of objects in place of their paths.
+    /// Replaces the paths of objects by their names.
     pub(crate) fn plain(mut self) -> Self {
         self.json = plain_json(self.json);
         self
@@ -212,7 +212,7 @@ impl Outcome {
 }
 
 impl Failure {
-    /// Returns the same with the names of objects in place of their paths.
+    /// Replaces the paths of objects by their names.
     pub(crate) fn plain(mut self) -> Self {
         for text in [&mut self.message, &mut self.why, &mut self.hint] {
             *text = plain(text);

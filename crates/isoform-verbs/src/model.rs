@@ -9,7 +9,7 @@ use crate::memory::{self, Object};
 use isoform::field::hyperfun::{Model, SyntaxError};
 use std::path::Path;
 
-/// The code of failures of programs that are no HyperFun.
+/// Code of the failures of programs that do not parse.
 const SYNTAX: &str = "syntax";
 
 /// Reads a program, chooses its object and says what is doubtful in it.
@@ -25,7 +25,7 @@ pub(crate) fn read(path: &Path, language: &Language, context: &Context) -> Resul
     let text = disk::text(bytes);
     parse(path, &text, language, context).map_err(|failure| {
         let kind = match failure.code {
-            SYNTAX => Kind::of(path, &head, &text),
+            SYNTAX => Kind::detect(path, &head, &text),
             _ => None,
         };
         kind.map_or(failure, |kind| kind.instead_of("a HyperFun program", path))
@@ -59,7 +59,7 @@ pub(crate) fn parse(
     })
 }
 
-/// The failure of a program that is not HyperFun, with its line drawn and what was expected there.
+/// The failure of a program that is not HyperFun, with its line drawn.
 fn misspelled(error: &SyntaxError, path: &Path, text: &str) -> Failure {
     let line = text
         .strip_prefix('\u{feff}')
@@ -70,9 +70,5 @@ fn misspelled(error: &SyntaxError, path: &Path, text: &str) -> Failure {
     let failure = Failure::input(SYNTAX, &error.message)
         .at(path, error.line, error.column)
         .drawn(line);
-    if error.expected.is_empty() {
-        failure
-    } else {
-        failure.hint(format!("{} there", error.expected))
-    }
+    failure.hint(error.hint.clone())
 }

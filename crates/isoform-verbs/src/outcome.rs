@@ -17,8 +17,7 @@ pub(crate) fn exit(is_as_asked: bool) -> u8 {
     }
 }
 
-/// What a verb gives back: the exit code, the fields of the JSON document, and what goes to stdout
-/// without --json.
+/// Result of a verb: exit code, fields of the JSON document, and text for stdout without --json.
 pub struct Outcome {
     /// Exit code.
     pub exit: u8,
@@ -31,7 +30,7 @@ pub struct Outcome {
 impl Outcome {
     /// The outcome of a verb that writes files: a file for stdout takes the place of the table, and
     /// stands as `text` in the document.
-    pub(crate) fn of(
+    pub(crate) fn new(
         exit: u8,
         mut json: Value,
         file: Vec<u8>,

@@ -7,7 +7,7 @@ use isoform::field::SolidError;
 use isoform::field::hyperfun::{Model, ParamInfo};
 use isoform::parameter_values;
 
-/// Options that give values; the same for every verb that takes a model.
+/// Options that set parameter values, common to all verbs that take a model.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub(crate) struct Given {
     /// The values of the parameters a, in their order or as NAME=NUMBER; missing ones are as

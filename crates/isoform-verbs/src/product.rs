@@ -1,4 +1,4 @@
-//! What verbs make, in memory: for callers who want more of it than its document.
+//! Results of verbs in memory, for callers who need more than the document.
 
 use crate::fit::job::Job;
 use crate::memory::MapObject;
@@ -23,7 +23,7 @@ pub enum Product {
     Patches(ImplicitSurface, Vec<Parameterized>),
     /// A triangulated rational surface.
     Map {
-        /// Its triangles.
+        /// Triangles of the surface.
         mesh: Mesh,
         /// Parameters s and t of the nodes.
         parameters: Vec<[f64; 2]>,

@@ -11,14 +11,14 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// A function that is told of a phase and the share of it that is done, 0 to 1.
+/// Function that receives the name of a phase and the share of it that is done, 0 to 1.
 pub type OnProgress = dyn Fn(&str, f64) + Send + Sync;
 
 /// A caller in place of a terminal: Python, or a page.
 pub struct Listener {
     /// Set by the caller to end the work with the best so far.
     pub cancelled: Arc<AtomicBool>,
-    /// Is told of progress.
+    /// Receives the progress.
     pub progress: Box<OnProgress>,
 }
 
@@ -74,11 +74,11 @@ impl Stretches {
     }
 }
 
-/// What is on the terminal.
-struct Shown {
+/// State of the line on the terminal.
+struct TerminalLine {
     /// Phase at hand.
     phase: String,
-    /// The phase as it is shown: with its number, if it began before.
+    /// Label of the phase in print: with its number if the phase was repeated.
     label: String,
     /// When the bar was drawn last.
     drawn: Option<Instant>,
@@ -88,7 +88,7 @@ struct Shown {
     stretches: Option<Stretches>,
 }
 
-impl Shown {
+impl TerminalLine {
     /// Nothing yet.
     fn new(stretches: Option<Stretches>) -> Self {
         Self {
@@ -102,17 +102,19 @@ impl Shown {
 }
 
 /// One bar for all stages of a run.
-pub(crate) struct Whole(Arc<Mutex<Shown>>);
+pub(crate) struct Whole(Arc<Mutex<TerminalLine>>);
 
 impl Whole {
     pub(crate) fn new() -> Self {
-        Self(Arc::new(Mutex::new(Shown::new(Some(Stretches::default())))))
+        Self(Arc::new(Mutex::new(TerminalLine::new(Some(
+            Stretches::default(),
+        )))))
     }
 }
 
 /// Shows phases as they come.
 pub(crate) struct Progress<'c> {
-    /// The caller, where there is no terminal.
+    /// Listener of the caller; `None` on a terminal.
     listener: Option<&'c Listener>,
     /// True if anything is shown, that is without --quiet.
     is_on: bool,
@@ -120,7 +122,7 @@ pub(crate) struct Progress<'c> {
     is_bar: bool,
     /// True if the bar is that of a run of several stages.
     is_whole: bool,
-    shown: Arc<Mutex<Shown>>,
+    shown: Arc<Mutex<TerminalLine>>,
 }
 
 impl<'c> Progress<'c> {
@@ -132,7 +134,7 @@ impl<'c> Progress<'c> {
     ) -> Self {
         let shown = match whole {
             Some(whole) => Arc::clone(&whole.0),
-            None => Arc::new(Mutex::new(Shown::new(None))),
+            None => Arc::new(Mutex::new(TerminalLine::new(None))),
         };
         Self {
             listener,
@@ -233,7 +235,7 @@ impl Progress<'_> {
 impl Drop for Progress<'_> {
     /// Wipes the bar, so that what follows begins on an empty line.
     fn drop(&mut self) {
-        let is_drawn = |shown: &Mutex<Shown>| shown.lock().is_ok_and(|s| s.drawn.is_some());
+        let is_drawn = |shown: &Mutex<TerminalLine>| shown.lock().is_ok_and(|s| s.drawn.is_some());
         if self.is_on && self.is_bar && is_drawn(&self.shown) {
             let _ = write!(io::stderr().lock(), "\r{ERASE}");
         }

@@ -41,8 +41,8 @@ on one line, 130 after Ctrl-C.")]
 pub(crate) struct Args {
     /// The points: any format that `isoform inspect` reads (- for stdin)
     scan: PathBuf,
-    /// How far points lie from their surface: the standard deviation; where it is larger than their
-    /// noise, how far the object's form may be off [default: as the points show]
+    /// Standard deviation of points from their surface; if it is larger than their noise, tolerance
+    /// of the object's form [default: estimated from the points]
     #[arg(
         long, value_name = "LENGTH",
         allow_negative_numbers = true,
@@ -103,7 +103,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         disk::write_file(path, &bytes)?;
     }
     context.hand_over(|| Product::Entities(Box::new(found.into_owned())));
-    Ok(Outcome::of(outcome::exit(true), json, Vec::new(), || {
+    Ok(Outcome::new(outcome::exit(true), json, Vec::new(), || {
         text(&report, &args.output)
     }))
 }
@@ -175,7 +175,7 @@ fn labelled(found: &Recognized<'_>, path: &Path) -> Result<Vec<u8>, Failure> {
     Ok(bytes)
 }
 
-/// What a scan consists of, with progress on the terminal.
+/// Recognises the primitives of a scan, with progress on the terminal.
 pub(crate) fn recognised<'a>(
     cloud: &'a PointCloud,
     scan: &Path,
@@ -327,7 +327,7 @@ fn numbers(ids: &[usize], between: &str) -> String {
     all.join(between)
 }
 
-/// Its sizes with their deviations, and where it lies.
+/// Returns the sizes of an entity with their standard deviations, and its position.
 fn sizes(parameters: &Parameters, sd: &Parameters) -> String {
     let point = |p: &[f64; 3]| format!("({}, {}, {})", brief(p[0]), brief(p[1]), brief(p[2]));
     let of = |value: &f64, sd: &f64| format!("{} ± {}", brief(*value), brief(*sd));

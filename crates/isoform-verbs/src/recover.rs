@@ -9,8 +9,8 @@ use crate::fit::{document, files, job, solid, table};
 use crate::gallery;
 use crate::kind;
 use crate::language::Language;
-use crate::mesh::work::{self, Made, Shape, Subject};
-use crate::mesh::{self, files::Target};
+use crate::mesh::work::{self, MadeMesh, MeshInput, Shape};
+use crate::mesh::{self, files::MeshTarget};
 use crate::model;
 use crate::outcome::Outcome;
 use crate::product::Product;
@@ -19,7 +19,7 @@ use crate::recover_folder as folder;
 use crate::solids;
 use crate::watchdog;
 use isoform::field::hyperfun::Model;
-use isoform::fit::{Beside, Finding};
+use isoform::fit::{ClutterKind, Finding};
 use isoform::geom::Point3;
 use isoform::{MeshModelOptions, Proposal, RecognizeOptions};
 use serde_json::{Value, json};
@@ -28,7 +28,7 @@ use std::time::Instant;
 
 /// The template that is fitted to the built-in scan.
 const TEMPLATE: &str = "cup";
-/// What a template is called that is made from the scan.
+/// Name of a template that is made from the scan.
 const PROPOSED: &str = "proposed template";
 /// Points in which entities are recognised at most: all are fitted. More find smaller faces, and
 /// take longer.
@@ -81,7 +81,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let settings = &args.options;
     let read = || gallery::template(&template, &settings.language, context);
     let model = if is_proposed { None } else { Some(read()?) };
-    let mut outputs = Outputs::of(args, context)?;
+    let mut outputs = Outputs::new(args, context)?;
     let scan = match &args.scan {
         Some(path) => fit_work::read_scan(path, None, None, context)?,
         None => embedded(),
@@ -107,7 +107,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if !context.global.json {
         job.warnings.iter().for_each(|w| context.warn(w));
     }
-    let mut told = Told::of(&job, &written);
+    let mut told = RecoverResult::new(&job, &written);
     if let Some(proposal) = &proposal {
         told.add_proposal(proposal);
     }
@@ -148,10 +148,10 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
 /// point and the unit normal of each.
 fn standing_alone(
     scan: fit_work::Scan,
-    keep: &[Beside],
+    keep: &[ClutterKind],
     context: &Context,
 ) -> Result<(fit_work::Scan, Vec<(Point3, Point3)>), Failure> {
-    if keep.contains(&Beside::Plane) {
+    if keep.contains(&ClutterKind::Plane) {
         return Ok((scan, Vec::new()));
     }
     let standing = isoform::without_supports(&scan.cloud, &context.control())
@@ -192,16 +192,16 @@ struct Outputs {
     /// Results of the fit.
     results: Vec<PathBuf>,
     /// The solid of the fitted model.
-    solid: solid::Wanted,
-    /// Its meshes.
-    meshes: Vec<Target>,
+    solid: solid::SolidRequest,
+    /// Meshes to write.
+    meshes: Vec<MeshTarget>,
     /// Folders for the results that there are without -o.
     folders: Vec<PathBuf>,
 }
 
 impl Outputs {
     /// Those that were asked for; folders are not made yet.
-    fn of(args: &Args, context: &Context) -> Result<Self, Failure> {
+    fn new(args: &Args, context: &Context) -> Result<Self, Failure> {
         let (folders, paths): (Vec<PathBuf>, Vec<PathBuf>) = args
             .output
             .iter()
@@ -221,7 +221,7 @@ impl Outputs {
         options.mesh.region = args.mesh.region;
         Ok(Self {
             results,
-            solid: solid::Wanted {
+            solid: solid::SolidRequest {
                 is_asked: !solid.is_empty(),
                 is_forced: context.global.force,
                 paths: solid,
@@ -252,8 +252,8 @@ impl Outputs {
     }
 }
 
-/// What is said of the fit, and then of the solid and the mesh.
-struct Told {
+/// Results of the fit, the solid and the mesh, for the outcome.
+struct RecoverResult {
     /// Exit code so far.
     exit: u8,
     /// Document so far.
@@ -264,9 +264,9 @@ struct Told {
     files: Vec<String>,
 }
 
-impl Told {
-    /// Of the fit, with its files.
-    fn of(job: &job::Job, written: &[PathBuf]) -> Self {
+impl RecoverResult {
+    /// Returns the results of a fit with its written files.
+    fn new(job: &job::Job, written: &[PathBuf]) -> Self {
         let files: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
         let mut text = table::text(job);
         for path in &files {
@@ -297,8 +297,8 @@ impl Told {
             "gaps": gaps,
         });
     }
-    /// There is a solid, or the reason why not.
-    fn add_solid(&mut self, told: solid::Told) {
+    /// Adds the result for the solid.
+    fn add_solid(&mut self, told: solid::SolidResult) {
         told.add_to(&mut self.json);
         if self.exit == DONE || told.failure.is_some() {
             self.exit = told.exit;
@@ -306,8 +306,8 @@ impl Told {
         self.text += &told.text;
         self.files.extend(told.files);
     }
-    /// There is a mesh. Its exit code counts where the fit is as asked for.
-    fn add_mesh(&mut self, made: &Made) {
+    /// Adds a mesh. Its exit code counts if the fit succeeded.
+    fn add_mesh(&mut self, made: &MadeMesh) {
         self.files
             .extend(made.written.iter().map(|w| w.path.clone()));
         if self.exit == DONE {
@@ -316,7 +316,7 @@ impl Told {
         self.json["mesh"] = mesh::document::document(made);
         self.text += &format!("\n{}", mesh::table::text(made));
     }
-    /// There is no mesh, but the fit stands, and its files are written.
+    /// Adds the failure of the mesh; the fit and its files remain valid.
     fn add_failure(&mut self, failure: Failure, context: &Context) {
         let failure = no_mesh(failure, &self.files);
         context.complain(&failure);
@@ -331,7 +331,7 @@ impl Told {
         }
         context.announce(Value::Null, std::mem::take(&mut self.text))
     }
-    /// What the verb gives back.
+    /// Returns the outcome of the verb.
     fn outcome(mut self) -> Outcome {
         self.json["outputs"] = json!(self.files);
         Outcome {
@@ -347,11 +347,11 @@ fn fitted_mesh(
     job: &job::Job,
     language: &Language,
     settings: &mesh::settings::Settings,
-    targets: &[Target],
+    targets: &[MeshTarget],
     context: &Context,
-) -> Result<Made, Failure> {
+) -> Result<MadeMesh, Failure> {
     let (model, values) = solid::fitted_model(job, language)?;
-    let subject = Subject {
+    let subject = MeshInput {
         name: format!("fitted {}", job.template_name),
         shape: Shape::Model(Box::new(model), values),
         regions: Vec::new(),

@@ -37,7 +37,7 @@ fn source(scan: Option<&Path>) -> String {
     }
 }
 
-/// The scan whose results a folder holds, if it is one of ours.
+/// Returns the scan whose results a folder holds; `None` for folders that `recover` did not write.
 fn owner(folder: &Path) -> Option<String> {
     let text = fs::read_to_string(folder.join(SCAN)).ok()?;
     Some(text.lines().next()?.strip_prefix(OF)?.to_owned())

@@ -7,7 +7,7 @@ use crate::context::Context;
 use crate::disk;
 use crate::failure::{Failure, NO_RESULT};
 use crate::interrupt;
-use crate::layers::{self, Layer, LiveLayer, Reading, Shower, Source};
+use crate::layers::{self, Layer, LayerOptions, LiveLayer, ModelSource, Shower};
 use crate::outcome::{self, Outcome};
 use cameras::{Cameras, report};
 use isoform::geom::{PointCloud, Solid};
@@ -68,10 +68,10 @@ pub(crate) struct Args {
     #[arg(long)]
     no_legend: bool,
     #[command(flatten)]
-    reading: Reading,
+    reading: LayerOptions,
 }
 
-/// What a picture can show.
+/// Capabilities of pictures.
 const SHOWER: Shower = Shower {
     can_draw: |_| true,
     why_mesh: "it is run statement by statement, or is no number in parts of the box: its mesh is \
@@ -142,12 +142,12 @@ fn format_of(path: &Path) -> Result<Format, Failure> {
     }
 }
 
-/// What of a layer goes into the report.
-struct Said {
+/// Description of a layer for the report.
+struct LayerNote {
     file: String,
-    /// Whether the function itself is drawn, or whatever else is in the file; else its mesh is.
+    /// True if the function itself is drawn, or whatever else is in the file; else its mesh is.
     is_itself: bool,
-    /// Whether what is seen is proved to be all there is, up to the smallest features.
+    /// True if what is seen is proved to be all there is, up to the smallest features.
     is_proved: bool,
 }
 
@@ -170,7 +170,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         read.push(layers::read(path, &args.reading, &SHOWER, context)?);
     }
     layers::drop_foreign_deviations(&mut read);
-    let said: Vec<Said> = args
+    let said: Vec<LayerNote> = args
         .file
         .iter()
         .zip(&read)
@@ -196,9 +196,9 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     })
 }
 
-/// What is known of a file's layer.
-fn said(path: &Path, layer: &Layer) -> Said {
-    Said {
+/// Returns the description of a file's layer.
+fn said(path: &Path, layer: &Layer) -> LayerNote {
+    LayerNote {
         file: path.display().to_string(),
         is_itself: !matches!(layer, Layer::Meshed(_)),
         is_proved: match layer {
@@ -243,7 +243,7 @@ fn scene(args: &Args, read: Vec<Layer>, control: &Control<'_>) -> Result<Scene, 
     Ok(scene)
 }
 
-/// A file's layer as it is drawn.
+/// Converts a file's layer to a layer of the picture.
 fn shown(
     name: &str,
     layer: Layer,
@@ -277,11 +277,11 @@ fn shown(
 /// A model's function, ready to be drawn.
 fn model_of(model: &LiveLayer) -> ShownModel<'_> {
     let solid: Box<dyn Solid> = match &model.source {
-        Source::Program(program, values) => {
+        ModelSource::Program(program, values) => {
             let (solid, _) = solid_of(program, values).expect("it has been read as a solid");
             solid
         }
-        Source::Polynomial(text) => {
+        ModelSource::Polynomial(text) => {
             let found = solid_of_polynomial(text, model.live.bounds);
             Box::new(found.ok().flatten().expect("it has been read as a solid"))
         }
@@ -294,8 +294,8 @@ fn model_of(model: &LiveLayer) -> ShownModel<'_> {
     }
 }
 
-/// Points with their deviations: those of the file, else those from a model beside them. Beside a
-/// model they are coloured by them.
+/// Makes a layer of points with deviations: those of the file, else those from a model among the
+/// layers. With a model, deviations colour the points.
 fn points(
     name: &str,
     cloud: &PointCloud,
@@ -308,7 +308,7 @@ fn points(
     isoform_render::Layer::points(name, cloud, measured.as_deref(), by)
 }
 
-/// What cannot be drawn: colours that no layer has, and nothing at all.
+/// Rejects colours that no layer has, and empty scenes.
 fn check(args: &Args, scene: &Scene) -> Result<(), Failure> {
     if let Some(by) = args.color_by
         && !scene.layers.iter().any(|l| l.modes.contains(&by))
@@ -340,8 +340,8 @@ fn check(args: &Args, scene: &Scene) -> Result<(), Failure> {
         )))
 }
 
-/// The width that is left beside several views for what their colours mean; a single view is
-/// written upon.
+/// Returns the width kept free for the legend next to several views; a single view has its legend
+/// inside.
 fn room(args: &Args, scene: &Scene) -> u32 {
     let width = legend_width(&scene.layers);
     let is_wanted =
@@ -349,7 +349,7 @@ fn room(args: &Args, scene: &Scene) -> u32 {
     if is_wanted { width } else { 0 }
 }
 
-/// How pictures and drawings look.
+/// Returns the style of pictures and drawings.
 fn style(args: &Args) -> Style {
     Style {
         background: args.background,
@@ -409,8 +409,8 @@ fn png(
     Ok((bytes, is_blank))
 }
 
-/// What the picture shows, and how.
-fn document(args: &Args, scene: &Scene, panes: &[Pane], said: &[Said], bytes: usize) -> Value {
+/// Returns the JSON document of the picture.
+fn document(args: &Args, scene: &Scene, panes: &[Pane], said: &[LayerNote], bytes: usize) -> Value {
     let each = scene.layers.iter().zip(said);
     let layers: Vec<Value> = each
         .map(|(layer, said)| layer_report(layer, said))
@@ -433,7 +433,7 @@ fn document(args: &Args, scene: &Scene, panes: &[Pane], said: &[Said], bytes: us
     document
 }
 
-fn layer_report(layer: &isoform_render::Layer, said: &Said) -> Value {
+fn layer_report(layer: &isoform_render::Layer, said: &LayerNote) -> Value {
     let mut json = json!({
         "file": said.file,
         "kind": layer.kind,

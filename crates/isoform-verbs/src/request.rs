@@ -1,13 +1,13 @@
 //! Requests: the arguments of a verb as JSON, and the schema of them.
 //!
-//! The declaration of a verb is that of its arguments on the command line. A request names the same
-//! arguments, with `_` in place of `-`, and is turned into the words of a command line: so all ways
-//! to a verb accept the same values, with the same checks.
+//! The declaration of a verb is that of its arguments on the command line. A request names these
+//! arguments, with `_` in place of `-`, and is turned into the words of a command line: all ways to
+//! a verb accept equal values, with equal checks.
 
 use crate::disk;
 use crate::failure::Failure;
-use crate::gallery::nearest;
 use clap::{Arg, ArgAction, Command};
+use isoform::field::similar;
 use serde_json::{Map, Value, json};
 use std::any::TypeId;
 use std::ffi::OsString;
@@ -83,8 +83,8 @@ pub(crate) fn words(
     command: &Command,
 ) -> Result<Vec<OsString>, Failure> {
     let Some(verb) = verbs(command).find(|c| c.get_name() == verb) else {
-        let names: Vec<String> = verbs(command).map(|c| c.get_name().to_owned()).collect();
-        let near = nearest(verb, &names);
+        let names: Vec<&str> = verbs(command).map(Command::get_name).collect();
+        let near = similar(verb, names.iter().copied());
         let hint = if near.is_empty() { names } else { near };
         return Err(Failure::usage(format!("no verb is called `{verb}`"))
             .hint(format!("one of: {}", hint.join(", "))));
@@ -93,11 +93,15 @@ pub(crate) fn words(
     for (key, value) in fields {
         let Some(argument) = argument(verb, command, key) else {
             let all: Vec<String> = arguments(verb, command).map(name).collect();
-            let near = nearest(key, &all);
-            let hint = if near.is_empty() { all } else { near };
+            let near = similar(key, all.iter().map(String::as_str));
+            let hint = if near.is_empty() {
+                all.join(", ")
+            } else {
+                near.join(", ")
+            };
             return Err(
                 Failure::usage(format!("{} takes no `{key}`", verb.get_name()))
-                    .hint(format!("one of: {}", hint.join(", "))),
+                    .hint(format!("one of: {hint}")),
             );
         };
         let wrong = |what: String| Failure::usage(format!("{}: {what}", name(argument)));

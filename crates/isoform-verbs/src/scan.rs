@@ -92,7 +92,7 @@ fn from_memory(
     Ok((cloud, ReadReport { format, ..report }))
 }
 
-/// What verbs take that read points, and meshes.
+/// Name of the input of verbs that read points, and meshes.
 const POINTS: &str = "points";
 const MESH: &str = "a mesh";
 /// Larger files are not read whole to find out what they are: programs and documents are small.
@@ -102,7 +102,7 @@ const SMALL: u64 = 64 << 20;
 /// else, and none that a reader of theirs could take.
 fn other(path: &Path, bytes: &[u8], wanted: &'static str) -> Option<Failure> {
     let head = kind::head(bytes).to_vec();
-    let kind = Kind::of(path, &head, &disk::text(bytes.to_vec()))?;
+    let kind = Kind::detect(path, &head, &disk::text(bytes.to_vec()))?;
     let is_wanted = match kind {
         Kind::File(FileKind::Points(f)) => wanted == POINTS || mesh_format_named(f.name).is_some(),
         Kind::File(FileKind::Mesh(_)) => wanted == MESH,
@@ -113,7 +113,7 @@ fn other(path: &Path, bytes: &[u8], wanted: &'static str) -> Option<Failure> {
     (!is_wanted).then(|| kind.instead_of(wanted, path))
 }
 
-/// The same of a file, of which no format was said.
+/// Makes the failure of a file of another kind whose format was not given.
 fn other_file(path: &Path, format: Option<&str>, wanted: &'static str) -> Option<Failure> {
     let about = std::fs::metadata(path).ok()?;
     if format.is_some() || !about.is_file() || about.len() > SMALL {
@@ -135,8 +135,8 @@ pub(crate) fn read_vertices(
     Ok(cloud)
 }
 
-/// Whether it is a format of meshes alone, by what was said or by the ending: msh, vtu, inp and so
-/// on.
+/// Returns true if it is a format of meshes alone, by what was said or by the ending: msh, vtu, inp
+/// and so on.
 pub(crate) fn is_mesh(path: &Path, said: Option<&str>) -> bool {
     let ending = path.extension().unwrap_or_default().to_string_lossy();
     let name = said.unwrap_or(&ending);

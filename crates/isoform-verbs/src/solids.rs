@@ -93,8 +93,8 @@ pub(crate) fn write(
     Ok((files, stdout))
 }
 
-/// What edges of a file may be away from their faces without a warning, in diagonals of the box of
-/// the vertices: ten times what splines of our own files are.
+/// Maximum distance of edges from their faces without a warning, in diagonals of the box of the
+/// vertices: ten times that of splines in files that Isoform writes.
 const LOOSE: f64 = 1e-5;
 
 /// The solids of a file with their triangles, as fine as `options` say. Edges that leave their
@@ -107,7 +107,7 @@ pub(crate) fn divided(
 ) -> Result<ExactSolid, Failure> {
     let name = path.display();
     let gap = solid_gap(&file.brep);
-    let size = Aabb::of(&file.brep.vertices).diagonal();
+    let size = Aabb::from_points(&file.brep.vertices).diagonal();
     if gap > LOOSE * size.max(10.0 * file.properties.gap) {
         context.warn(format_args!(
             "{name}: edges are up to {gap:.1e} away from their faces"
@@ -124,7 +124,7 @@ pub(crate) fn divided(
     })
 }
 
-/// The solids of a file; none where its name or its content is that of something else.
+/// Reads the solids of a file; `None` if its name or its content is that of another kind.
 pub(crate) fn find(path: &Path) -> Result<Option<SolidFile>, Failure> {
     let unreadable = |code, e: isoform::io::SolidFileError| {
         Failure::input(code, format!("{}: {e}", path.display()))

@@ -36,13 +36,15 @@ pub(crate) fn read(path: &Path) -> Result<Implicit, Failure> {
         )
     })?;
     if !is_fitted(&json) {
-        return Err(match Kind::of(path, kind::head(text.as_bytes()), &text) {
-            Some(kind) if !matches!(kind, Kind::Json) => {
-                kind.instead_of("a function of isoform implicitize", path)
-            }
-            _ => Failure::input("spline", format!("{}: no implicit spline", path.display()))
-                .hint("isoform implicitize writes one; models are HyperFun programs"),
-        });
+        return Err(
+            match Kind::detect(path, kind::head(text.as_bytes()), &text) {
+                Some(kind) if !matches!(kind, Kind::Json) => {
+                    kind.instead_of("a function of isoform implicitize", path)
+                }
+                _ => Failure::input("spline", format!("{}: no implicit spline", path.display()))
+                    .hint("isoform implicitize writes one; models are HyperFun programs"),
+            },
+        );
     }
     of_document(path, &json)
 }

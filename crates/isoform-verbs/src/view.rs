@@ -3,14 +3,14 @@
 use crate::context::Context;
 use crate::disk;
 use crate::failure::{DONE, Failure};
-use crate::layers::{self, Layer, Reading, Shower};
+use crate::layers::{self, Layer, LayerOptions, Shower};
 use crate::outcome::Outcome;
 use crate::serve;
 use isoform_view::{Page, ShownPatch, ShownPoints};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// What a page can show.
+/// Capabilities of pages.
 const SHOWER: Shower = Shower {
     can_draw: Page::can_draw,
     why_mesh: "a page cannot compute this program: its mesh is shown, for these values",
@@ -67,7 +67,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "TEXT")]
     title: Option<String>,
     #[command(flatten)]
-    reading: Reading,
+    reading: LayerOptions,
 }
 
 /// Runs the verb.

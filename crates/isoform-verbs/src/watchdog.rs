@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 const SHARE: f64 = 0.2;
 /// See [`SHARE`].
 const SECONDS: f64 = 1.5;
-/// How often it looks again while files are written.
+/// Interval of checks while files are written.
 const AGAIN: Duration = Duration::from_millis(50);
 
 /// Files that are being written; a run is not ended meanwhile.

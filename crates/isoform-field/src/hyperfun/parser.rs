@@ -12,6 +12,7 @@ use super::functions::{self, ArgumentShape};
 use super::lexer::{Token, TokenKind, Word};
 use super::source::{Source, SyntaxError, Warning};
 use super::{MAX_ARRAY_ITEMS, MAX_NESTING_DEPTH, Mode, Precedence};
+use crate::similar;
 use std::collections::HashMap;
 
 type ParseResult<T> = Result<T, SyntaxError>;
@@ -143,6 +144,10 @@ impl Parser<'_> {
     /// Returns the error that something else was expected. If a comment has hidden an intended
     /// operand, the message says so.
     fn expected<T>(&self, what: &str) -> ParseResult<T> {
+        self.expected_with(what, "")
+    }
+    /// Returns the error that something else was expected, with a remedy.
+    fn expected_with<T>(&self, what: &str, hint: &str) -> ParseResult<T> {
         if let Some(at) = self.swallowed(self.at) {
             let (line, column) = self.source.position(at);
             let message = format!(
@@ -152,11 +157,29 @@ impl Parser<'_> {
             );
             return Err(self.source.error(self.start(), message, ""));
         }
+        let is_comment = ["//", "/*"].iter().any(|mark| {
+            let rest = &self.source.text()[self.start() as usize..];
+            rest.starts_with(mark)
+        });
+        let hint = if is_comment {
+            "comments begin with `--`"
+        } else {
+            hint
+        };
         Err(self.source.error(
             self.start(),
             format!("{what} expected, found {}", self.found()),
-            what,
+            hint,
         ))
+    }
+    /// Returns the remedy for a missing symbol: the place after the token before.
+    fn missing(&self, symbol: &str) -> String {
+        let Some(before) = self.at.checked_sub(1).map(|i| self.tokens[i]) else {
+            return String::new();
+        };
+        let text = &self.source.text()[before.start as usize..before.end as usize];
+        let (line, _) = self.source.position(before.start);
+        format!("write `{symbol}` after `{text}` in line {line}")
     }
     /// Returns the byte offset of two dashes before a token that begin a comment which looks like
     /// an operand: it immediately follows another operand, or begins with a number.
@@ -225,7 +248,11 @@ impl Parser<'_> {
             self.advance();
             return Ok(());
         }
-        self.expected(what)
+        let hint = match symbol {
+            ";" | ")" | "]" | "}" => self.missing(symbol),
+            _ => String::new(),
+        };
+        self.expected_with(what, &hint)
     }
     /// Reads a reserved word; `what` is its name in the message if it is missing.
     fn word(&mut self, word: Word, what: &str) -> ParseResult<()> {
@@ -261,6 +288,11 @@ impl Parser<'_> {
     /// Reads an object: name head { array declarations, statements, name = expression; }
     fn object(&mut self) -> ParseResult<Object> {
         let start = self.start();
+        if self.kind() == TokenKind::End && self.objects.is_empty() {
+            let hint = "a program is `my_model(x[3], a[1]) { my_model = 1 - x[1]^2; }`";
+            let error = self.source.error(start, "the program is empty", hint);
+            return Err(error);
+        }
         if self.kind() != TokenKind::Name {
             return self.expected_name("the name of an object");
         }
@@ -342,7 +374,11 @@ impl Parser<'_> {
     }
     /// Reads the size of an array of the head.
     fn head_array(&mut self, name: &str, least: u32) -> ParseResult<()> {
-        self.symbol("[", "left bracket `[`")?;
+        if !self.is_symbol("[") {
+            let hint = "give the sizes: `(x[3], a[2])` for two parameters";
+            return self.expected_with("left bracket `[`", hint);
+        }
+        self.advance();
         let len = self.size(least)?;
         self.declare(name, len)?;
         self.symbol("]", "right bracket `]`")
@@ -786,25 +822,43 @@ impl Parser<'_> {
     }
     /// Returns the error that a name is undefined.
     fn unassigned<T>(&self, at: u32, name: &str, called: bool) -> ParseResult<T> {
-        let message = if name == self.own_name {
-            format!("`{name}` is the result of this object and has no value here")
-        } else if called {
+        if name == self.own_name {
+            let message = format!("`{name}` is the result of this object and has no value here");
+            return self.fail(at, message);
+        }
+        let mut known: Vec<&str> = Vec::new();
+        let message = if called {
+            known.extend(self.object_names.keys().map(String::as_str));
+            for function in functions::names() {
+                known.push(function);
+            }
             format!("there is no function `{name}`, and no object of this name before this one")
         } else {
+            known.extend(self.names.keys().map(String::as_str));
             format!("`{name}` has no value here: nothing is assigned to it before")
         };
-        self.fail(at, message)
+        let prefixed = format!("hf{name}");
+        let mut near = similar(name, known.iter().copied());
+        near.extend(known.iter().filter(|n| n.eq_ignore_ascii_case(&prefixed)));
+        let near: Vec<String> = near.iter().map(|n| format!("`{n}`")).collect();
+        let hint = match near.as_slice() {
+            [] => String::new(),
+            near => format!("did you mean {}?", near.join(" or ")),
+        };
+        Err(self.source.error(at, message, hint))
     }
 
     /// Reads the arguments of a library function and checks them against its signature.
     fn function(&mut self, at: u32, function: u16) -> ParseResult<Expr> {
-        self.symbol("(", "left parenthesis `(`")?;
-        let shapes = functions::entry(function).arguments;
+        let entry = functions::entry(function);
+        let shapes = entry.arguments;
+        let usage = || format!("{}: {}", entry.signature(), entry.doc.0);
+        self.argument_symbol("(", "left parenthesis `(`", usage)?;
         let mut arguments = Vec::with_capacity(shapes.len());
         let mut elements = 0;
         for (i, (what, shape)) in shapes.iter().enumerate() {
             if i > 0 {
-                self.symbol(",", &format!("comma `,` and the argument `{what}`"))?;
+                self.argument_symbol(",", &format!("comma `,` and the argument `{what}`"), usage)?;
             }
             if *shape == ArgumentShape::Number {
                 arguments.push(Argument::Number(self.nested(Self::expr)?));
@@ -823,7 +877,7 @@ impl Parser<'_> {
             }
             arguments.push(Argument::Array(at, array));
         }
-        self.symbol(")", "right parenthesis `)`")?;
+        self.argument_symbol(")", "right parenthesis `)`", usage)?;
         Ok(Expr::Function {
             at,
             function,
@@ -831,15 +885,32 @@ impl Parser<'_> {
         })
     }
 
+    /// Reads a symbol of an argument list; `usage` is the remedy if it is missing.
+    fn argument_symbol(
+        &mut self,
+        symbol: &str,
+        what: &str,
+        usage: impl Fn() -> String,
+    ) -> ParseResult<()> {
+        if self.is_symbol(symbol) {
+            self.advance();
+            return Ok(());
+        }
+        self.expected_with(what, &usage())
+    }
+
     /// Reads the bare name of an array.
     fn array_argument(&mut self, what: &str) -> ParseResult<(u32, ArrayRef)> {
         let at = self.start();
         let name = match self.kind() {
             TokenKind::Name | TokenKind::Word(Word::X | Word::A | Word::S) => self.text(),
-            _ => return self.expected(&format!("the name of an array for `{what}`")),
+            _ => String::new(),
         };
         let Some(NameMeaning::Array(array)) = self.names.get(&name).copied() else {
-            return self.expected(&format!("the name of an array for `{what}`"));
+            let hint = format!(
+                "`array v[3];` at the start of the object, `v = [0, 0, 0];` after it, and `v` here"
+            );
+            return self.expected_with(&format!("the name of an array for `{what}`"), &hint);
         };
         self.advance();
         if !self.is_symbol(",") && !self.is_symbol(")") {

@@ -12,8 +12,8 @@ impl Job {
     }
 }
 
-/// Everything that the fit found, in the file's coordinates and unit. All but `seconds` is the same
-/// each time.
+/// Returns all results of the fit as JSON, in the file's coordinates and unit. All fields but
+/// `seconds` are reproducible.
 pub(crate) fn document(job: &Job, verb: &'static str) -> Value {
     let about = About {
         verb,

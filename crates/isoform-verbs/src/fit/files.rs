@@ -28,10 +28,10 @@ impl Job {
     pub fn cloud(&self) -> PointCloud {
         deviations(self)
     }
-    /// Writes a file of the fit; its ending says which.
+    /// Writes a file of the fit in the format of its ending.
     ///
     /// # Errors
-    /// [`Failure`] if nothing is written with this ending, or there is no such solid.
+    /// [`Failure`] if the ending is unknown, or the fit has no solid.
     pub fn save(&self, path: &Path, listener: Listener) -> Result<(), Failure> {
         let context = Context::new(Global::default(), Some(listener));
         let paths = vec![path.to_owned()];
@@ -40,7 +40,7 @@ impl Job {
             return write_one(self, path, &context);
         }
         solids::check(&paths)?;
-        let wanted = solid::Wanted {
+        let wanted = solid::SolidRequest {
             paths,
             is_asked: true,
             is_forced: true,
@@ -53,25 +53,25 @@ impl Job {
     }
 }
 
-/// What a file holds.
+/// Content of an output file.
 #[derive(Clone, Copy)]
-enum Kind {
+enum FileContent {
     /// The fitted model.
     Program,
     /// The fitted model as a program of CAD, in Python.
     Python,
-    /// The same in OpenSCAD.
+    /// Program of the fitted part in OpenSCAD.
     OpenScad,
     /// The points with their deviations.
     Points,
     /// The page.
     Report,
-    /// What --json prints.
+    /// JSON document, as printed by --json.
     Document,
 }
 
-/// What an ending asks for. Solids are made from what a fit gives, not written by it.
-fn named(path: &Path) -> Option<Kind> {
+/// Returns the content that an ending stands for. Solids are made from the fit, not written by it.
+fn named(path: &Path) -> Option<FileContent> {
     if is_solid(path) {
         return None;
     }
@@ -81,23 +81,23 @@ fn named(path: &Path) -> Option<Kind> {
         .to_string_lossy()
         .to_ascii_lowercase();
     match ending.as_str() {
-        "hf" => Some(Kind::Program),
-        "py" => Some(Kind::Python),
-        "scad" => Some(Kind::OpenScad),
-        "ply" | "xyz" | "txt" | "csv" => Some(Kind::Points),
-        "html" | "htm" => Some(Kind::Report),
-        "json" => Some(Kind::Document),
+        "hf" => Some(FileContent::Program),
+        "py" => Some(FileContent::Python),
+        "scad" => Some(FileContent::OpenScad),
+        "ply" | "xyz" | "txt" | "csv" => Some(FileContent::Points),
+        "html" | "htm" => Some(FileContent::Report),
+        "json" => Some(FileContent::Document),
         _ => None,
     }
 }
 
-/// Whether it is a fit that is written with that ending.
+/// Returns true if it is a fit that is written with that ending.
 pub(crate) fn is_result(path: &Path) -> bool {
     named(path).is_some()
 }
 
-/// What a file is to hold, or that nothing is written with its ending.
-fn kind(path: &Path) -> Result<Kind, Failure> {
+/// Returns the content for a file, or a failure that lists the valid endings.
+fn kind(path: &Path) -> Result<FileContent, Failure> {
     named(path).ok_or_else(|| {
         if path == Path::new("-") {
             return Failure::usage("results are written to files, not to stdout")
@@ -123,8 +123,8 @@ pub(crate) fn check(paths: &[PathBuf]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes all files and notes the time; gives back what was written. Where one fails the others
-/// are written all the same.
+/// Writes all files, records the time and returns the written paths. If one file fails, the others
+/// are written nevertheless.
 pub(crate) fn write(
     job: &mut Job,
     paths: &[PathBuf],
@@ -173,10 +173,10 @@ fn write_cad(job: &Job, path: &Path, dialect: CadDialect) -> Result<(), Failure>
 /// Writes a file of its kind.
 pub(super) fn write_one(job: &Job, path: &Path, context: &Context) -> Result<(), Failure> {
     match kind(path)? {
-        Kind::Program => disk::write_file(path, job.program().as_bytes()),
-        Kind::Python => write_cad(job, path, job.dialect),
-        Kind::OpenScad => write_cad(job, path, CadDialect::OpenScad),
-        Kind::Points => {
+        FileContent::Program => disk::write_file(path, job.program().as_bytes()),
+        FileContent::Python => write_cad(job, path, job.dialect),
+        FileContent::OpenScad => write_cad(job, path, CadDialect::OpenScad),
+        FileContent::Points => {
             let options = WriteOptions {
                 units: Some(job.unit.unit.clone()).filter(|u| !u.is_empty()),
                 ..WriteOptions::default()
@@ -189,8 +189,10 @@ pub(super) fn write_one(job: &Job, path: &Path, context: &Context) -> Result<(),
                 .for_each(|w| context.note(format_args!("{}: {w}", path.display())));
             Ok(())
         }
-        Kind::Report => disk::write_file(path, report::page(job, context.is_late()).as_bytes()),
-        Kind::Document => {
+        FileContent::Report => {
+            disk::write_file(path, report::page(job, context.is_late()).as_bytes())
+        }
+        FileContent::Document => {
             let fields = document::document(job, "fit");
             disk::write_file(path, &outcome::document(true, fields))
         }

@@ -62,9 +62,9 @@ pub(crate) struct Args {
     /// Take at most that many points, a seeded random sample
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     max_points: Option<u64>,
-    /// Write a file; by its ending: .hf (fitted program), .py .scad (the same for build123d or
-    /// CadQuery, and OpenSCAD), .ply .xyz .csv (points with deviations), .html (report), .json,
-    /// .step .brep.json (solid)
+    /// Write a file; by its ending: .hf (fitted program), .py (program for build123d or CadQuery),
+    /// .scad (for OpenSCAD), .ply .xyz .csv (points with deviations), .html (report), .json, .step
+    /// .brep.json (solid)
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
 }
@@ -112,7 +112,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let mut written: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
     let (mut exit, mut text) = (job.exit(), table::text(&job));
     if !solids.is_empty() {
-        let wanted = solid::Wanted {
+        let wanted = solid::SolidRequest {
             paths: solids,
             is_asked: true,
             is_forced: true,

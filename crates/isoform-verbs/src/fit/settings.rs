@@ -8,12 +8,12 @@ use crate::language::Language;
 use crate::parameters;
 use clap::builder::PossibleValuesParser;
 use isoform::field::hyperfun::Pose;
-use isoform::fit::{Beside, Loss, Method};
+use isoform::fit::{ClutterKind, Loss, Method};
 use isoform::{CadDialect, NamedBounds};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// How to fit; shared with `recover`.
+/// Settings of a fit, shared with `recover`.
 #[derive(clap::Args)]
 pub(crate) struct Settings {
     #[command(flatten)]
@@ -24,7 +24,7 @@ pub(crate) struct Settings {
     /// Bounds: a JSON file, {"radius": [1, 5], "2": [0, 1]}
     #[arg(long, value_name = "FILE")]
     pub(super) bounds: Option<PathBuf>,
-    /// How the minimum is sought; hybrid, local, annealing and bfgs are the paper's
+    /// Search method; hybrid, local, annealing and bfgs are those of Fayolle et al. (2004)
     #[arg(long, default_value = "default", value_parser = one_of(&Method::ALL))]
     pub(super) method: Method,
     /// The loss of the last, metric stage; auto is robust where it must be
@@ -76,17 +76,17 @@ pub(super) enum FrameName {
 
 impl Settings {
     /// Returns the kinds of clutter that are fitted like the rest.
-    pub(crate) fn keep(&self) -> Vec<Beside> {
+    pub(crate) fn keep(&self) -> Vec<ClutterKind> {
         let kept = [
-            (self.keep_planes, Beside::Plane),
-            (self.keep_apart, Beside::Apart),
-            (self.no_outlier_filter, Beside::Stray),
+            (self.keep_planes, ClutterKind::Plane),
+            (self.keep_apart, ClutterKind::Apart),
+            (self.no_outlier_filter, ClutterKind::Stray),
         ];
         kept.into_iter().filter(|k| k.0).map(|k| k.1).collect()
     }
 }
 
-/// Where to start.
+/// Start values of the search.
 #[derive(Clone, Debug)]
 pub(crate) enum Start {
     /// The template's own start, else the data decide.
@@ -143,7 +143,7 @@ pub(crate) fn bounds(path: &Path) -> Result<NamedBounds, Failure> {
     intervals.map_err(|message| bad_bounds(path, &message))
 }
 
-/// What is wrong in a bounds file.
+/// Makes the failure of an invalid bounds file.
 pub(crate) fn bad_bounds(path: &Path, message: &str) -> Failure {
     let mut failure = Failure::input("bounds", format!("{}: {message}", path.display()));
     failure.place.file = Some(path.to_owned());

@@ -5,7 +5,7 @@
 //! scan, and the certificate of the solid, which tells whether the solid is that of the model.
 
 use super::job::Job;
-use crate::brep::{self, Made, Subject};
+use crate::brep::{self, MadeSolid, SolidInput};
 use crate::context::Context;
 use crate::failure::{DONE, Failure};
 use crate::kind;
@@ -50,21 +50,21 @@ pub(crate) fn extent(job: &Job) -> Aabb {
 /// without exact forms goes on for hours. Most parts take seconds.
 const LIMIT: Duration = Duration::from_secs(300);
 
-/// What is asked for.
-pub(crate) struct Wanted {
+/// Solids to make of a fit, and the settings for them.
+pub(crate) struct SolidRequest {
     /// The files.
     pub(crate) paths: Vec<PathBuf>,
-    /// Whether they were named with -o. Else they are written only where the fit is accepted and
+    /// True if they were named with -o. Else they are written only where the fit is accepted and
     /// the certificate holds, and count for nothing in the exit code.
     pub(crate) is_asked: bool,
     /// True if those that were named are made of a fit that is in doubt, too.
     pub(crate) is_forced: bool,
-    /// Of the mesh that the topology comes from.
+    /// Options of the mesh that determines the topology.
     pub(crate) options: MeshModelOptions,
 }
 
-/// What came of it.
-pub(crate) struct Told {
+/// Result for the document, the table and the exit code.
+pub(crate) struct SolidResult {
     /// Exit code: that of the fit, unless the solid that was asked for has a worse one.
     pub(crate) exit: u8,
     /// The key `solid` of the document.
@@ -73,12 +73,12 @@ pub(crate) struct Told {
     pub(crate) text: String,
     /// Files that were written.
     pub(crate) files: Vec<String>,
-    /// Why there is no solid, though one was asked for.
+    /// Reason for a missing solid; `None` if one was made or none requested.
     pub(crate) failure: Option<Failure>,
 }
 
-impl Told {
-    /// Adds what is told to the document of the fit.
+impl SolidResult {
+    /// Adds the result to the document of the fit.
     pub(crate) fn add_to(&self, json: &mut Value) {
         json["solid"] = self.json.clone();
         if let Some(failure) = &self.failure {
@@ -89,7 +89,12 @@ impl Told {
 
 /// Makes the solid of a fit and writes it. The fit's own files stand already: where the solid fails
 /// this is said, and they are kept.
-pub(crate) fn tell(job: &Job, language: &Language, wanted: &Wanted, context: &Context) -> Told {
+pub(crate) fn tell(
+    job: &Job,
+    language: &Language,
+    wanted: &SolidRequest,
+    context: &Context,
+) -> SolidResult {
     let fit = job.exit();
     if fit != DONE && !(wanted.is_asked && wanted.is_forced) {
         return nothing(fit, "the fit is not accepted", "--force ", wanted, context);
@@ -131,12 +136,12 @@ pub(crate) fn tell(job: &Job, language: &Language, wanted: &Wanted, context: &Co
 fn made(
     job: &Job,
     language: &Language,
-    wanted: &Wanted,
+    wanted: &SolidRequest,
     limit: Option<Duration>,
     context: &Context,
-) -> Result<Made, Failure> {
+) -> Result<MadeSolid, Failure> {
     let (model, values) = fitted_model(job, language)?;
-    let subject = Subject {
+    let subject = SolidInput {
         name: format!("fitted {}", job.template_name),
         model,
         values,
@@ -151,7 +156,12 @@ fn made(
     brep::make(subject, &options, None, &control, context)
 }
 
-fn written(job: &Job, made: &Made, wanted: &Wanted, context: &Context) -> Result<Told, Failure> {
+fn written(
+    job: &Job,
+    made: &MadeSolid,
+    wanted: &SolidRequest,
+    context: &Context,
+) -> Result<SolidResult, Failure> {
     let said = Statement {
         name: job.part_name(),
         ..Statement::named_after(&job.template_name, unit(job))
@@ -166,7 +176,7 @@ fn written(job: &Job, made: &Made, wanted: &Wanted, context: &Context) -> Result
     let report = made.report(files.clone());
     let fit = job.exit();
     let verdict = job.found.fit.verdict.as_str();
-    Ok(Told {
+    Ok(SolidResult {
         exit: if fit == DONE { made.exit() } else { fit },
         json: outcome::json_of(&report),
         text: format!("\nsolid of the fit ({verdict})\n{}", brep::text(&report)),
@@ -176,14 +186,14 @@ fn written(job: &Job, made: &Made, wanted: &Wanted, context: &Context) -> Result
 }
 
 /// A solid that was asked for failed.
-fn failed(job: &Job, mut failure: Failure, context: &Context) -> Told {
+fn failed(job: &Job, mut failure: Failure, context: &Context) -> SolidResult {
     failure.message = format!(
         "the model was fitted ({}), but there is no solid of it: {}",
         job.found.fit.verdict.as_str(),
         failure.message
     );
     context.complain(&failure);
-    Told {
+    SolidResult {
         exit: failure.exit,
         json: json!({"ok": false, "error": failure.json()}),
         text: String::new(),
@@ -193,7 +203,13 @@ fn failed(job: &Job, mut failure: Failure, context: &Context) -> Told {
 }
 
 /// A solid that was not asked for, or is not made without another option, is not written.
-fn nothing(fit: u8, why: &str, option: &str, wanted: &Wanted, context: &Context) -> Told {
+fn nothing(
+    fit: u8,
+    why: &str,
+    option: &str,
+    wanted: &SolidRequest,
+    context: &Context,
+) -> SolidResult {
     for path in wanted.paths.iter().filter(|p| p.exists()) {
         let path = path.display();
         context.warn(format_args!(
@@ -208,7 +224,7 @@ fn nothing(fit: u8, why: &str, option: &str, wanted: &Wanted, context: &Context)
         context.warn(format_args!("no solid was written: {why}"));
     }
     let text = format!("no solid  {why}; {option}-o {name} makes it all the same\n");
-    Told {
+    SolidResult {
         exit: fit,
         json: json!({"ok": false, "skipped": why}),
         text,

@@ -5,8 +5,8 @@ use isoform::fit::{Estimate, Kind, Status, Template};
 use isoform::geom::{Point3, norm, rotation};
 use isoform::report::brief;
 
-/// The decimal place, as a power of ten, of the second significant digit of an error; none where
-/// there is no error to go by.
+/// Returns the decimal place, as a power of ten, of the second significant digit of an error;
+/// `None` without a positive error.
 fn place(error: f64) -> Option<i32> {
     if !(error > 0.0 && error.is_finite()) {
         return None;
@@ -71,9 +71,9 @@ fn plain(value: f64) -> String {
     }
 }
 
-/// A value as it is printed: to the second significant digit of the half width of its interval.
+/// Value in print: rounded to the second significant digit of the half width of its interval.
 #[derive(Debug, PartialEq)]
-pub(crate) struct Reading {
+pub(crate) struct RoundedValue {
     /// The value.
     pub(crate) value: String,
     /// The half width, or both sides where the interval is lopsided; empty without an interval.
@@ -87,7 +87,7 @@ pub(crate) struct Reading {
 /// Sides of an interval that differ by more than this share of its half width are given both.
 const LOPSIDED: f64 = 0.1;
 
-impl Reading {
+impl RoundedValue {
     fn new(value: f64, interval: Option<(f64, f64)>, unit: &str) -> Self {
         let half = interval.map(|(lo, hi)| 0.5 * (hi - lo));
         let unit = unit.to_owned();
@@ -142,7 +142,7 @@ impl Reading {
 
 /// A parameter as a drawing shows it: lengths in millimetres where the unit is known, angles in
 /// degrees.
-pub(crate) fn reading(job: &Job, i: usize) -> Reading {
+pub(crate) fn reading(job: &Job, i: usize) -> RoundedValue {
     let unit = job.unit_of(i).unwrap_or_default();
     let (scale, unit) = match job.found.template.parameters()[i].kind {
         Kind::Angle => (1_f64.to_degrees(), "°".to_owned()),
@@ -153,14 +153,14 @@ pub(crate) fn reading(job: &Job, i: usize) -> Reading {
 
 /// A parameter times a factor that changes its unit. A fixed one is printed as given, an
 /// undetermined one without an interval.
-fn scaled(job: &Job, i: usize, scale: f64, unit: &str) -> Reading {
+fn scaled(job: &Job, i: usize, scale: f64, unit: &str) -> RoundedValue {
     let p = &job.found.fit.parameters[i];
     let shift = job.found.template.shift[i];
     let value = (p.value + shift) * scale;
     match (p.status, p.ci95) {
-        (Status::Fixed, _) => Reading::held(value, unit),
-        (Status::Undetermined, _) => Reading::new(value, None, unit),
-        (_, ci) => Reading::new(
+        (Status::Fixed, _) => RoundedValue::held(value, unit),
+        (Status::Undetermined, _) => RoundedValue::new(value, None, unit),
+        (_, ci) => RoundedValue::new(
             value,
             ci.map(|(lo, hi)| ((lo + shift) * scale, (hi + shift) * scale)),
             unit,
@@ -169,7 +169,7 @@ fn scaled(job: &Job, i: usize, scale: f64, unit: &str) -> Reading {
 }
 
 /// One line of the table of parameters.
-pub(crate) struct Row {
+pub(crate) struct ParameterRow {
     pub(crate) name: String,
     pub(crate) value: String,
     /// The half width of the 95 % interval.
@@ -180,20 +180,20 @@ pub(crate) struct Row {
     pub(crate) mm: String,
     /// A round number that may be meant, with a question mark; empty without one.
     pub(crate) nominal: String,
-    /// What the points say of it: determined, weak and so on.
+    /// Verdict of the data on the parameter: determined, weak, ….
     pub(crate) status: &'static str,
-    /// Its bounds, in words.
+    /// Bounds of the parameter, in words.
     pub(crate) bounds: String,
 }
 
 /// The parameters as text.
-pub(crate) fn rows(job: &Job) -> Vec<Row> {
+pub(crate) fn rows(job: &Job) -> Vec<ParameterRow> {
     let estimates = job.found.fit.parameters.iter().enumerate();
     estimates.map(|(i, p)| row(job, i, p)).collect()
 }
 
 /// A parameter as text.
-fn row(job: &Job, i: usize, p: &Estimate) -> Row {
+fn row(job: &Job, i: usize, p: &Estimate) -> ParameterRow {
     let unit = job.unit_of(i).unwrap_or_default();
     let is_length = matches!(
         job.found.template.parameters()[i].kind,
@@ -202,7 +202,7 @@ fn row(job: &Job, i: usize, p: &Estimate) -> Row {
     let scale = millimetres(&unit).filter(|s| is_length && *s != 1.0);
     let own = scaled(job, i, 1.0, &unit);
     let shift = job.found.template.shift[i];
-    Row {
+    ParameterRow {
         name: p.name.clone(),
         value: with_unit(&own.value, &unit),
         error: own.error,
@@ -230,7 +230,7 @@ fn nominal(job: &Job, i: usize) -> String {
     }
 }
 
-/// Where the model lies in the scan, in words; none without a pose.
+/// Returns the pose of the model in the scan, in words; `None` without a pose.
 pub(crate) fn pose(job: &Job) -> Option<String> {
     let place = job.found.placement()?;
     let turn = rotation::vector_of(&place.rotation);
@@ -271,7 +271,7 @@ pub(crate) fn counted(n: usize, one: &str, many: &str) -> String {
     }
 }
 
-/// How many starts led to the minimum that was chosen.
+/// Returns the number of starts that reached the chosen minimum, in words.
 pub(crate) fn starts_found(hits: usize, starts: usize) -> String {
     match (hits, starts) {
         (_, 0) => "no search".to_owned(),
@@ -326,7 +326,7 @@ fn parameters(job: &Job) -> String {
     columns(&lines) + &pose
 }
 
-/// How far points and model lie apart.
+/// Returns the deviations between points and model, in words.
 fn deviations(job: &Job) -> String {
     let unit = &job.unit.unit;
     let length = |v: f64| {
@@ -346,7 +346,7 @@ fn deviations(job: &Job) -> String {
     )
 }
 
-/// How the parameters were searched for.
+/// Returns the search method and its effort, in words.
 fn search(job: &Job) -> String {
     let fit = &job.found.fit;
     let total: f64 = job.seconds.iter().map(|s| s.1).sum();
@@ -435,7 +435,7 @@ mod tests {
     #[test]
     fn two_digits_of_the_half_width() {
         let text = |v: f64, lo: f64, hi: f64| {
-            let r = Reading::new(v, Some((lo, hi)), "mm");
+            let r = RoundedValue::new(v, Some((lo, hi)), "mm");
             (r.text(), r.interval)
         };
         let told = |a: &str, b: &str| (a.to_owned(), b.to_owned());
@@ -463,16 +463,16 @@ mod tests {
 
     #[test]
     fn without_an_interval() {
-        let open = Reading::new(12.345_678, None, "mm");
+        let open = RoundedValue::new(12.345_678, None, "mm");
         assert_eq!(
             (open.text().as_str(), open.interval.as_str()),
             ("12.35 mm", "")
         );
         // A width of nought says nothing of the digits.
-        assert_eq!(Reading::new(2.0, Some((2.0, 2.0)), "").text(), "2.000");
-        assert_eq!(Reading::held(2.5, "mm").text(), "2.5 mm");
-        assert_eq!(Reading::held(0.0254 * 1000.0, "mm").text(), "25.4 mm");
-        assert_eq!(Reading::held(30.0, "°").text(), "30°");
-        assert_eq!(Reading::held(1e-15, "").text(), "1e-15");
+        assert_eq!(RoundedValue::new(2.0, Some((2.0, 2.0)), "").text(), "2.000");
+        assert_eq!(RoundedValue::held(2.5, "mm").text(), "2.5 mm");
+        assert_eq!(RoundedValue::held(0.0254 * 1000.0, "mm").text(), "25.4 mm");
+        assert_eq!(RoundedValue::held(30.0, "°").text(), "30°");
+        assert_eq!(RoundedValue::held(1e-15, "").text(), "1e-15");
     }
 }

@@ -129,7 +129,7 @@ fn unit_of_scan(
     }
 }
 
-/// Why there is no fit, with the option that may help.
+/// Converts an error of the fit to a failure, with the option that may help.
 pub(crate) fn failure(
     error: &FitScanError,
     scan: &str,

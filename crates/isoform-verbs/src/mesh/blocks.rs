@@ -1,6 +1,6 @@
 //! `isoform mesh --blocks`: a huge model block after block.
 
-use super::work::{self, Shape, Subject};
+use super::work::{self, MeshInput, Shape};
 use super::{Args, subject};
 use crate::context::Context;
 use crate::disk;
@@ -46,11 +46,11 @@ pub(super) fn run(args: &Args, counts: [usize; 3], context: &Context) -> Result<
     json["files"] = json!([out.display().to_string()]);
     json["seconds"] = phases.seconds().into_iter().collect();
     let exit = outcome::exit(report.is_as_asked());
-    Ok(Outcome::of(exit, json, Vec::new(), || text(&report, out)))
+    Ok(Outcome::new(exit, json, Vec::new(), || text(&report, out)))
 }
 
-/// Why there is no mesh.
-fn failure(error: BlocksError, args: &Args, subject: &Subject) -> Failure {
+/// Converts an error of meshing in blocks to a failure.
+fn failure(error: BlocksError, args: &Args, subject: &MeshInput) -> Failure {
     match error {
         BlocksError::Mesh(e) => work::no_mesh(&e, &subject.name, &args.settings),
         BlocksError::Write(e) => scan::unwritable_mesh(&e),

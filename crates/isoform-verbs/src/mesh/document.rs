@@ -1,12 +1,12 @@
 //! The JSON document of a mesh.
 
-use super::work::Made;
+use super::work::MadeMesh;
 use crate::outcome;
 use isoform::report::{MeshReport, ModelName, Seconds, WrittenFile};
 use serde_json::Value;
 
-/// Everything that is known of the mesh. All but `seconds` is the same each time.
-pub(crate) fn document(made: &Made) -> Value {
+/// Returns all results of meshing as JSON. All fields but `seconds` are reproducible.
+pub(crate) fn document(made: &MadeMesh) -> Value {
     let model = ModelName {
         file: made.name.clone(),
         object: made.object.clone(),

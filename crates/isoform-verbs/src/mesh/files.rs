@@ -1,6 +1,6 @@
 //! The files of a mesh.
 
-use super::work::{Made, Written};
+use super::work::{MadeMesh, Written};
 use crate::context::Context;
 use crate::disk;
 use crate::failure::Failure;
@@ -11,15 +11,15 @@ use isoform::io::{MeshWriteOptions, mesh_format_named, mesh_formats, write_mesh,
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Where a mesh goes, and as what.
-pub(crate) struct Target {
+/// Output path of a mesh with its format.
+pub(crate) struct MeshTarget {
     /// The file, or - for stdout.
     path: PathBuf,
     /// Given with --to, else the ending says.
     format: Option<String>,
 }
 
-/// Whether a mesh can be written with that name's ending.
+/// Returns true if a mesh can be written with that name's ending.
 pub(crate) fn is_mesh(path: &Path) -> bool {
     let ending = path.extension().unwrap_or_default().to_string_lossy();
     mesh_format_named(&ending).is_some()
@@ -36,7 +36,7 @@ pub(crate) fn targets(
     paths: &[PathBuf],
     to: Option<&str>,
     context: &Context,
-) -> Result<Vec<Target>, Failure> {
+) -> Result<Vec<MeshTarget>, Failure> {
     solids::refuse(paths, to, |path| format!("isoform brep MODEL -o {path}"))?;
     if let Some(name) = to.filter(|name| {
         mesh_format_named(name.trim_end_matches("-ascii").trim_end_matches("-binary")).is_none()
@@ -68,7 +68,7 @@ pub(crate) fn targets(
     }
     Ok(paths
         .iter()
-        .map(|p| Target {
+        .map(|p| MeshTarget {
             path: p.clone(),
             format: to.map(str::to_owned),
         })
@@ -76,7 +76,7 @@ pub(crate) fn targets(
 }
 
 /// Writes all files of a model's mesh and notes the time; gives back what is for stdout.
-pub(crate) fn write(made: &mut Made, targets: &[Target]) -> Result<Vec<u8>, Failure> {
+pub(crate) fn write(made: &mut MadeMesh, targets: &[MeshTarget]) -> Result<Vec<u8>, Failure> {
     let started = Instant::now();
     let (written, stdout) =
         write_mesh_files(&made.mesh.meshed.mesh, made.unit.as_deref(), targets)?;
@@ -92,7 +92,7 @@ pub(crate) fn write(made: &mut Made, targets: &[Target]) -> Result<Vec<u8>, Fail
 pub(crate) fn write_mesh_files(
     mesh: &Mesh,
     unit: Option<&str>,
-    targets: &[Target],
+    targets: &[MeshTarget],
 ) -> Result<(Vec<Written>, Vec<u8>), Failure> {
     let options = MeshWriteOptions {
         units: unit.map(str::to_owned),
@@ -100,7 +100,7 @@ pub(crate) fn write_mesh_files(
     };
     let _writing = Writing::new();
     let (mut written, mut stdout) = (Vec::new(), Vec::new());
-    for Target { path, format } in targets {
+    for MeshTarget { path, format } in targets {
         let report = if path == Path::new("-") {
             write_mesh(
                 mesh,

@@ -4,13 +4,13 @@ use crate::arguments;
 use crate::failure::Failure;
 use isoform::mesh::Layers;
 
-/// Thickness of a layer over that of the one before, where none is asked for: what suits the flow
-/// near a wall, and grows slowly enough for other uses.
+/// Default ratio of the thicknesses of consecutive layers: suits flow near a wall, and grows slowly
+/// enough for other uses.
 const GROWTH: f64 = 1.2;
-/// How many layers there are where no number is asked for.
+/// Default number of layers.
 const COUNT: usize = 5;
 
-/// Where layers grow, and how thick they are.
+/// Faces with boundary layers, and the thickness of the layers.
 #[derive(clap::Args)]
 #[group(id = "MeshLayers")]
 pub(super) struct Args {
@@ -26,15 +26,15 @@ pub(super) struct Args {
     /// Thickness of the first of the --layers, which lies on the surface
     #[arg(long, value_name = "LENGTH", requires = "layers", allow_negative_numbers = true, value_parser = arguments::positive)]
     first: Option<f64>,
-    /// How many times as thick as the one before each of the --layers is [default: 1.2]
+    /// Ratio of the thicknesses of consecutive --layers [default: 1.2]
     #[arg(long, value_name = "FACTOR", requires = "layers", allow_negative_numbers = true, value_parser = arguments::positive)]
     growth: Option<f64>,
-    /// How many --layers there are [default: 5]
+    /// Number of --layers [default: 5]
     #[arg(long, value_name = "N", requires = "layers")]
     layer_count: Option<usize>,
 }
 
-/// What is asked for, as the library takes it; none without --layers.
+/// Converts the arguments to options of the library; `None` without --layers.
 pub(super) fn read(args: &Args, order: Option<u32>) -> Result<Option<Layers>, Failure> {
     if args.layers.is_empty() {
         return Ok(None);

@@ -23,7 +23,7 @@ use crate::{gallery, scan, solids, spline};
 use isoform::{MeshModelOptions, Unseen};
 use settings::Settings;
 use std::path::PathBuf;
-use work::{Shape, Subject};
+use work::{MeshInput, Shape};
 
 /// Meshes a model: tetrahedra with their labelled surface
 #[derive(clap::Args)]
@@ -61,8 +61,8 @@ pub(crate) struct Args {
     /// as they were
     #[arg(long, value_name = "FILE", conflicts_with = "region")]
     adapt: Option<PathBuf>,
-    /// Mesh in so many blocks along x, y and z, one after the other: the memory is that for one of
-    /// them. -o names a .pvtu, beside which each block is a .vtu; they meet node for node
+    /// Mesh in this number of blocks along x, y and z, one after the other: memory is that of one
+    /// block. -o names a .pvtu, which refers to a .vtu for each block; blocks meet node for node
     #[arg(
         long,
         value_name = "NX,NY,NZ",
@@ -71,7 +71,7 @@ pub(crate) struct Args {
     )]
     blocks: Option<Counts>,
     /// Mesh the model in regions with common nodes: objects of the program, or files of others.
-    /// Each takes what of the model lies in it and in none before it; the rest is one more
+    /// Each takes the part of the model that lies in it and in none before it; the rest is one more
     #[arg(
         long,
         value_name = "NAME|FILE,...",
@@ -80,7 +80,7 @@ pub(crate) struct Args {
     )]
     regions: Vec<String>,
     /// Mesh the box as a unit cell that repeats along these axes, as xyz or z: opposite sides have
-    /// the same triangles, node for node. The function in the box must fit to itself there
+    /// equal triangles, node for node. The function must be periodic in the box
     #[arg(
         long,
         value_name = "AXES",
@@ -91,7 +91,7 @@ pub(crate) struct Args {
     periodic: Option<Axes>,
     #[command(flatten)]
     layers: layers::Args,
-    /// Of a function fitted to points, keep the surface where there are no points, as a part named unseen
+    /// Keep the surface of a fitted function beyond its points, as a part named unseen
     #[arg(long)]
     close: bool,
     /// Write a file; its ending names the format (- for stdout, with --to); may be repeated
@@ -168,14 +168,14 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let stdout = files::write(&mut made, &targets)?;
     made.say(context);
     let json = document::document(&made);
-    let outcome = Outcome::of(made.exit(), json, stdout, || table::text(&made));
+    let outcome = Outcome::new(made.exit(), json, stdout, || table::text(&made));
     context.hand_over(|| Product::Mesh(made.mesh.meshed.mesh, made.unit));
     Ok(outcome)
 }
 
-/// What is to be meshed: a file of JSON is a function fitted to points, any other a
+/// Reads the input of the verb: a JSON file is a function fitted to points, any other file a
 /// program.
-fn subject(args: &Args, context: &Context) -> Result<Subject, Failure> {
+fn subject(args: &Args, context: &Context) -> Result<MeshInput, Failure> {
     let name = memory::name(&args.model);
     if kind::is_json(&args.model) {
         if args.adapt.is_some() {
@@ -189,7 +189,7 @@ fn subject(args: &Args, context: &Context) -> Result<Subject, Failure> {
         } else {
             Unseen::Cut
         };
-        return Ok(Subject {
+        return Ok(MeshInput {
             name,
             shape: Shape::Spline(Box::new(spline::read(&args.model)?), unseen),
             unit: None,
@@ -199,7 +199,7 @@ fn subject(args: &Args, context: &Context) -> Result<Subject, Failure> {
     let model = gallery::template(&args.model, &args.language, context)?;
     let values = parameters::values(&model, &args.given, context)?;
     let regions = regions::read(&args.regions, (&model, &values), &args.language, context)?;
-    Ok(Subject {
+    Ok(MeshInput {
         name,
         unit: model.info().unit.clone(),
         regions,

@@ -11,10 +11,10 @@ use std::path::Path;
 
 /// A region of a model.
 #[derive(Debug)]
-pub(crate) struct Region {
-    /// What it is called.
+pub(crate) struct NamedRegion {
+    /// Name of the region.
     pub(crate) name: String,
-    /// Where it is.
+    /// Model that is positive in the region.
     pub(crate) model: Model,
     /// The values of its parameters.
     pub(crate) values: Vec<f64>,
@@ -27,7 +27,7 @@ pub(super) fn read(
     whole: (&Model, &[f64]),
     language: &Language,
     context: &Context,
-) -> Result<Vec<Region>, Failure> {
+) -> Result<Vec<NamedRegion>, Failure> {
     let regions = given.iter();
     regions
         .map(|text| one(text.trim(), whole, language, context))
@@ -40,7 +40,7 @@ fn one(
     (whole, values): (&Model, &[f64]),
     language: &Language,
     context: &Context,
-) -> Result<Region, Failure> {
+) -> Result<NamedRegion, Failure> {
     if text.is_empty() {
         return Err(Failure::usage("--regions has an empty name")
             .hint("names of objects or files, with a comma between two"));
@@ -58,7 +58,7 @@ fn one(
             return Err(Failure::input("dimension", message));
         }
         let stem = memory::name(Path::new(path.file_stem().unwrap_or_default()));
-        return Ok(Region {
+        return Ok(NamedRegion {
             name: stem,
             values: parameters::values(&model, &Given::default(), context)?,
             model,
@@ -82,7 +82,7 @@ fn one(
             whole.name()
         )));
     };
-    Ok(Region {
+    Ok(NamedRegion {
         name: model.name().to_owned(),
         values: values.to_vec(),
         model,

@@ -5,7 +5,7 @@ use isoform::geom::Aabb;
 use isoform::mesh::Layers;
 use std::path::PathBuf;
 
-/// How to mesh; shared with `recover`.
+/// Settings of meshing, shared with `recover`.
 #[derive(clap::Args, Clone, Debug, Default)]
 #[group(id = "MeshSettings")]
 pub(crate) struct Settings {

@@ -13,7 +13,7 @@ use isoform::mesh::Sizes;
 use std::path::Path;
 use std::sync::Arc;
 
-/// By how much lengths may grow per length of way from a sample.
+/// Maximum growth of edge lengths per unit of distance from a sample.
 const GROWTH: f64 = 0.5;
 
 /// A point and the length of edges there.

@@ -1,6 +1,6 @@
 //! Triangles of solids of exact faces, for display.
 
-use super::files::{self, Target};
+use super::files::{self, MeshTarget};
 use super::{Args, table};
 use crate::context::Context;
 use crate::failure::Failure;
@@ -16,19 +16,19 @@ use isoform::io::SolidFile;
 use isoform::report::{CertificateReport, ContentsReport, brief};
 use serde_json::{Value, json};
 
-/// How far triangles are from faces where nothing is asked for, in diagonals of the box of the
-/// vertices: nothing that can be seen.
+/// Default distance of triangles from faces, in diagonals of the box of the vertices: too small to
+/// see.
 const CHORD: f64 = 5e-4;
 
 /// Divides the faces, looks for what is wrong with the triangles, and writes them.
 pub(super) fn run(
     args: &Args,
     file: SolidFile,
-    targets: &[Target],
+    targets: &[MeshTarget],
     context: &Context,
 ) -> Result<Outcome, Failure> {
     refuse_others(args)?;
-    let size = Aabb::of(&file.brep.vertices).diagonal();
+    let size = Aabb::from_points(&file.brep.vertices).diagonal();
     let options = FacetOptions {
         chord: args.settings.grade.unwrap_or(CHORD * size),
         longest: args.settings.size.unwrap_or(f64::INFINITY),
@@ -51,7 +51,7 @@ pub(super) fn run(
     json["certificate"] = outcome::json_of(&CertificateReport::new(&certificate));
     json["files"] = json!(paths);
     let exit = outcome::exit(certificate.is_ok());
-    let outcome = Outcome::of(exit, json, stdout, || {
+    let outcome = Outcome::new(exit, json, stdout, || {
         let near = format!("{} from the faces at most", brief(deviation));
         table::of_mesh(&mesh, &certificate) + &line("distance", near) + &table::wrote(&written)
     });
@@ -59,7 +59,7 @@ pub(super) fn run(
     Ok(outcome)
 }
 
-/// What only a function can do is refused: a solid is meshed as it is, and by its surface.
+/// Rejects options that need a function: a solid is meshed unchanged, by its surface.
 fn refuse_others(args: &Args) -> Result<(), Failure> {
     let settings = &args.settings;
     let others = [

@@ -1,6 +1,6 @@
 //! The result for people: the certificate as a short table, and the parts.
 
-use super::work::{Made, Written, place};
+use super::work::{MadeMesh, Written, place};
 use crate::table::line;
 use isoform::RegionCertificate;
 use isoform::check::{Certificate, Failure, OppositeSides, Place};
@@ -8,8 +8,8 @@ use isoform::geom::Mesh;
 use isoform::mesh::{Layers, Warning};
 use isoform::report::brief;
 
-/// What was made, whether it holds, and where it went.
-pub(crate) fn text(made: &Made) -> String {
+/// Returns the text of the verb: the mesh, its certificate and the written files.
+pub(crate) fn text(made: &MadeMesh) -> String {
     let layers = made.mesh.options.layers.as_ref();
     let mut text = line("size", size(made))
         + &line("region", region(made))
@@ -24,8 +24,8 @@ pub(crate) fn text(made: &Made) -> String {
     text + &wrote(&made.written)
 }
 
-/// Whether the certificate holds, and whether that is all: where something is left open, the exit
-/// code is 3 though every figure is as it should be.
+/// Returns true if the certificate holds, and whether that is all: where something is left open,
+/// the exit code is 3 though every figure is as it should be.
 fn verdict(holds: bool, is_open: bool) -> &'static str {
     match (holds, is_open) {
         (false, _) => "does not hold",
@@ -34,7 +34,7 @@ fn verdict(holds: bool, is_open: bool) -> &'static str {
     }
 }
 
-/// What the mesher left open: each kind of warning once, with its places.
+/// Returns the warnings of the mesher: each kind once, with its places.
 fn left_open(warnings: &[Warning]) -> Vec<String> {
     let mut kinds: Vec<(&Warning, usize)> = Vec::new();
     for warning in warnings {
@@ -59,7 +59,7 @@ fn left_open(warnings: &[Warning]) -> Vec<String> {
     kinds.into_iter().map(told).collect()
 }
 
-/// Where it went.
+/// Returns the line with the written files.
 pub(crate) fn wrote(written: &[Written]) -> String {
     let without = |w: &Written| {
         w.warnings
@@ -73,7 +73,7 @@ pub(crate) fn wrote(written: &[Written]) -> String {
         .collect()
 }
 
-/// What a mesh holds and what is known of it.
+/// Returns the counts of a mesh and the figures of its certificate.
 pub(crate) fn of_mesh(mesh: &Mesh, certificate: &Certificate) -> String {
     let mut lines = vec![line("mesh", what(mesh))];
     lines.extend(
@@ -92,7 +92,7 @@ pub(crate) fn of_mesh(mesh: &Mesh, certificate: &Certificate) -> String {
     lines.concat()
 }
 
-/// What is known of a region.
+/// Returns the figures of a region.
 fn of_region(region: &RegionCertificate) -> String {
     let certificate = &region.certificate;
     let tets = certificate.volume.as_ref().map_or(0, |v| v.tets);
@@ -107,7 +107,7 @@ fn of_region(region: &RegionCertificate) -> String {
     lines.concat()
 }
 
-/// What does not hold.
+/// Returns the claims of the certificate that fail.
 fn failed(certificate: &Certificate) -> Vec<String> {
     let tell = |failure: &Failure| {
         let at = |p: &Place| format!(", the first at {}", place(p.at));
@@ -117,7 +117,7 @@ fn failed(certificate: &Certificate) -> Vec<String> {
     certificate.failures().iter().map(tell).collect()
 }
 
-/// How many elements, nodes, curves and corners there are.
+/// Returns the numbers of elements, nodes, curves and corners.
 fn what(mesh: &Mesh) -> String {
     let elements = [
         ("tetrahedra", mesh.tets.len()),
@@ -136,15 +136,15 @@ fn what(mesh: &Mesh) -> String {
     )
 }
 
-/// The edge length, and the grade where one is asked for.
-fn size(made: &Made) -> String {
+/// Returns the edge length, and the grade if one is set.
+fn size(made: &MadeMesh) -> String {
     let grade = made.mesh.options.grade.map_or(String::new(), |e| {
         format!(", smaller where faces would be {e} off")
     });
     format!("{}{grade}", made.mesh.options.size)
 }
 
-/// How thick layers are, one by one and together, and where they are.
+/// Returns the thickness of each layer and of all, with their faces.
 fn thicknesses(layers: &Layers) -> String {
     let last = layers.first * layers.growth.powi(layers.count as i32 - 1);
     format!(
@@ -158,7 +158,7 @@ fn thicknesses(layers: &Layers) -> String {
 }
 
 /// The box that was meshed, and whether it is proved to hold all of the model.
-fn region(made: &Made) -> String {
+fn region(made: &MadeMesh) -> String {
     let r = made.mesh.meshed.region;
     let axis = |k: usize| format!("{} to {}", brief(r.lo[k]), brief(r.hi[k]));
     let proved = if made.mesh.meshed.region_certified {
@@ -180,7 +180,7 @@ fn counted(names: &[String], labels: &[u32]) -> String {
     named.join(", ")
 }
 
-/// What the certificate measures.
+/// Returns the measured figures of the certificate.
 fn figures(c: &Certificate) -> Vec<(&'static str, String)> {
     let mut lines = Vec::new();
     if let Some(s) = &c.surface {
@@ -248,7 +248,8 @@ fn shapes(c: &Certificate) -> Vec<(&'static str, String)> {
     lines
 }
 
-/// How far the mesh is from the model, and how much of the model's edges and corners it has.
+/// Returns the distance of the mesh from the model, and the covered share of the model's edges and
+/// corners.
 fn fidelity(c: &Certificate) -> Vec<(&'static str, String)> {
     let mut lines = Vec::new();
     if let Some(d) = &c.deviation {

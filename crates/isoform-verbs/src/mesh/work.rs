@@ -1,6 +1,6 @@
 //! The one way to a mesh, for `mesh` and `recover`: model, solid, mesh, certificate.
 
-use super::regions::Region;
+use super::regions::NamedRegion;
 use super::settings::Settings;
 use super::sizes;
 use crate::context::Context;
@@ -23,19 +23,19 @@ use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-/// What to mesh.
+/// Input of the mesher: a shape with its name.
 #[derive(Debug)]
-pub(crate) struct Subject {
+pub(crate) struct MeshInput {
     /// For messages.
     pub(crate) name: String,
     pub(crate) shape: Shape,
     /// The regions that a program is to be meshed in; none for one.
-    pub(crate) regions: Vec<Region>,
+    pub(crate) regions: Vec<NamedRegion>,
     /// Unit of its lengths.
     pub(crate) unit: Option<String>,
 }
 
-/// What has a mesh.
+/// Shape that can be meshed.
 #[derive(Debug)]
 pub(crate) enum Shape {
     /// A program with the values of its parameters.
@@ -45,7 +45,7 @@ pub(crate) enum Shape {
 }
 
 /// A mesh with all that is known of it.
-pub(crate) struct Made {
+pub(crate) struct MadeMesh {
     pub(crate) name: String,
     /// Object of the program that was meshed.
     pub(crate) object: String,
@@ -61,7 +61,7 @@ pub(crate) struct Made {
     pub(crate) seconds: Vec<(String, f64)>,
 }
 
-impl Made {
+impl MadeMesh {
     /// 0, or 3 where the certificate fails or something was left open, or 130.
     pub(crate) fn exit(&self) -> u8 {
         outcome::exit(self.mesh.is_as_asked())
@@ -89,7 +89,7 @@ fn sentence(warning: &Warning) -> String {
 pub(crate) struct Written {
     pub(crate) path: String,
     pub(crate) format: &'static str,
-    /// What the format has no place for.
+    /// Data that the format cannot hold.
     pub(crate) warnings: Vec<String>,
 }
 
@@ -171,11 +171,11 @@ impl<'c> Phases<'c> {
 
 /// Meshes a model and certifies the mesh.
 pub(crate) fn make(
-    subject: &Subject,
+    subject: &MeshInput,
     settings: &Settings,
     given: Option<&Mesh>,
     context: &Context,
-) -> Result<Made, Failure> {
+) -> Result<MadeMesh, Failure> {
     let name = &subject.name;
     let options = options(settings, context)?;
     let phases = Phases::new(context);
@@ -204,7 +204,7 @@ pub(crate) fn make(
         Shape::Spline(..) => ("surface".to_owned(), Vec::new()),
     };
     let mesh = made.map_err(|e| no_mesh(&e, name, settings))?;
-    Ok(Made {
+    Ok(MadeMesh {
         name: name.clone(),
         object,
         values,
@@ -215,7 +215,7 @@ pub(crate) fn make(
     })
 }
 
-/// Why there is no mesh of a model.
+/// Converts an error of meshing a model to a failure.
 pub(crate) fn no_mesh(error: &MeshModelError, name: &str, settings: &Settings) -> Failure {
     match error {
         MeshModelError::Solid(e) => no_solid(e, name),
@@ -242,7 +242,7 @@ pub(crate) fn no_mesh(error: &MeshModelError, name: &str, settings: &Settings) -
     }
 }
 
-/// What is asked for, as the library takes it.
+/// Converts the settings to options of the library.
 pub(super) fn options(settings: &Settings, context: &Context) -> Result<MeshModelOptions, Failure> {
     let usual = Options::default();
     let sizes = settings.sizes.as_deref();
@@ -271,7 +271,7 @@ pub(super) fn options(settings: &Settings, context: &Context) -> Result<MeshMode
     })
 }
 
-/// Why a program is no solid.
+/// Makes the failure of a program that is not a solid.
 fn no_solid(error: &SolidError, name: &str) -> Failure {
     let message = format!("{name}: {error}");
     match error {
@@ -289,7 +289,7 @@ fn no_solid(error: &SolidError, name: &str) -> Failure {
     }
 }
 
-/// Why there is no mesh of a model in which no region to be meshed was found.
+/// Makes the failure of a model without a bounded region to mesh.
 fn no_extent(error: &ExtentError, name: &str, has_box: bool) -> Failure {
     let none = |code| Failure::new(NO_RESULT, code, format!("{name}: {error}"));
     match error {
@@ -313,7 +313,7 @@ fn no_extent(error: &ExtentError, name: &str, has_box: bool) -> Failure {
     }
 }
 
-/// Why there is no mesh of work that was stopped.
+/// Makes the failure of interrupted meshing.
 fn stopped(error: &MeshError, name: &str) -> Failure {
     if interrupt::happened() {
         return Failure::new(interrupt::INTERRUPTED, "interrupted", error.to_string());
@@ -323,7 +323,7 @@ fn stopped(error: &MeshError, name: &str) -> Failure {
         .hint("a longer --time-limit, or a larger --size")
 }
 
-/// Why there is no mesh.
+/// Converts an error of the mesher to a failure.
 fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
     let none = |code| Failure::new(NO_RESULT, code, format!("{name}: {error}"));
     match error {
@@ -398,7 +398,7 @@ fn argument(option: &str) -> String {
     }
 }
 
-/// Where something is, in words.
+/// Returns a point in words.
 pub(crate) fn place(at: Point3) -> String {
     format!("({}, {}, {})", at[0], at[1], at[2])
 }

@@ -1,6 +1,6 @@
 //! The documents of patches: their file, the trace, and what --json prints.
 
-use super::Made;
+use super::MadePatches;
 use crate::outcome;
 use isoform::io::write_patches;
 use isoform::patch::{Grown, Phase};
@@ -9,7 +9,7 @@ use isoform::report::{AboutPatches, PatchesReport};
 use serde_json::Value;
 
 /// The file of the patches. Equal patches give equal bytes.
-pub(super) fn patches(made: &Made) -> Vec<u8> {
+pub(super) fn patches(made: &MadePatches) -> Vec<u8> {
     write_patches(&patch_records(&made.patches))
 }
 
@@ -46,8 +46,8 @@ pub(super) fn trace(grown: &Grown) -> String {
     text
 }
 
-/// What --json prints.
-pub(super) fn document(made: &Made) -> Value {
+/// Returns the document that --json prints.
+pub(super) fn document(made: &MadePatches) -> Value {
     outcome::json_of(&PatchesReport::new(&AboutPatches {
         model: &made.name,
         options: &made.options,

@@ -35,7 +35,7 @@ pub(super) fn svg(field: &dyn Field, grown: &Grown, name: &str) -> String {
 }
 
 /// The rectangle of the picture that one graph fills, in pixels.
-struct Frame {
+struct PlotFrame {
     left: f64,
     right: f64,
     top: f64,

@@ -1,6 +1,6 @@
 //! The files of patches: JSON, STEP, triangles.
 
-use super::{Args, Made, document};
+use super::{Args, MadePatches, document};
 use crate::disk;
 use crate::failure::Failure;
 use crate::mesh::files as meshes;
@@ -11,8 +11,8 @@ use isoform::io::{MeshWriteOptions, StepOptions, write_mesh_path, write_step_pat
 use isoform::{patch_mesh, step_faces};
 use std::path::Path;
 
-/// Where patches go, and as what.
-pub(super) enum Target<'a> {
+/// Output path of patches with its format.
+pub(super) enum PatchTarget<'a> {
     /// The document on stdout.
     Stdout,
     /// The document of the patches.
@@ -24,20 +24,20 @@ pub(super) enum Target<'a> {
 }
 
 /// Finds out before the work whether every file can be written.
-pub(super) fn targets(paths: &[impl AsRef<Path>]) -> Result<Vec<Target<'_>>, Failure> {
+pub(super) fn targets(paths: &[impl AsRef<Path>]) -> Result<Vec<PatchTarget<'_>>, Failure> {
     paths.iter().map(|path| target(path.as_ref())).collect()
 }
 
-/// Where one file goes, and as what.
-fn target(path: &Path) -> Result<Target<'_>, Failure> {
+/// Returns the format of an output path.
+fn target(path: &Path) -> Result<PatchTarget<'_>, Failure> {
     if path == Path::new("-") {
-        return Ok(Target::Stdout);
+        return Ok(PatchTarget::Stdout);
     }
     let ending = path.extension().unwrap_or_default().to_string_lossy();
     let target = match ending.to_ascii_lowercase().as_str() {
-        "json" => Target::Json(path),
-        "step" | "stp" => Target::Step(path),
-        _ if meshes::is_mesh(path) => Target::Triangles(path),
+        "json" => PatchTarget::Json(path),
+        "step" | "stp" => PatchTarget::Step(path),
+        _ if meshes::is_mesh(path) => PatchTarget::Triangles(path),
         _ => return Err(unknown_ending(path)),
     };
     disk::check_folder(path)?;
@@ -58,28 +58,28 @@ fn unknown_ending(path: &Path) -> Failure {
 
 /// Writes all files; gives back what is for stdout.
 pub(super) fn write(
-    made: &mut Made,
+    made: &mut MadePatches,
     field: &dyn Field,
-    targets: &[Target<'_>],
+    targets: &[PatchTarget<'_>],
     args: &Args,
 ) -> Result<Vec<u8>, Failure> {
     let _writing = Writing::new();
     let (mut stdout, mut mesh) = (Vec::new(), None);
     for target in targets {
         let path = match target {
-            Target::Stdout => {
+            PatchTarget::Stdout => {
                 stdout = document::patches(made);
                 continue;
             }
-            Target::Json(path) => {
+            PatchTarget::Json(path) => {
                 disk::write_file(path, &document::patches(made))?;
                 path
             }
-            Target::Step(path) => {
+            PatchTarget::Step(path) => {
                 write_step(made, field, path, args.units.clone())?;
                 path
             }
-            Target::Triangles(path) => {
+            PatchTarget::Triangles(path) => {
                 let mesh = mesh.get_or_insert_with(|| {
                     patch_mesh(field, &made.patches, usize::from(args.grid))
                 });
@@ -95,7 +95,7 @@ pub(super) fn write(
 
 /// Writes STEP, a face per patch; the product has the name of the model's file.
 fn write_step(
-    made: &Made,
+    made: &MadePatches,
     field: &dyn Field,
     path: &Path,
     units: Option<String>,

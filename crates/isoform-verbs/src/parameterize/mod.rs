@@ -6,7 +6,7 @@ mod files;
 mod subject;
 mod table;
 
-use self::subject::Subject;
+use self::subject::PatchInput;
 use crate::arguments;
 use crate::context::Context;
 use crate::disk;
@@ -57,8 +57,8 @@ pub(crate) struct Args {
     /// The degrees of the patch in u and in v
     #[arg(long, value_name = "M,N", default_value = "3,3", value_parser = degree)]
     degree: (usize, usize),
-    /// Where surface is wanted: half the width of a box around the origin, or x,y,z of its lower
-    /// and of its upper corner [default: 0.5]
+    /// Region to cover: half the width of a box around the origin, or x,y,z of its lower and of its
+    /// upper corner [default: 0.5]
     #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = region)]
     region: Option<Aabb>,
     /// Start at the point of the surface near this one, instead of one chosen by --seed
@@ -71,14 +71,15 @@ pub(crate) struct Args {
     /// Afterwards bring the patch onto the surface to rounding, where its degree admits that
     #[arg(long)]
     exact: bool,
-    /// As large as possible within this distance of the surface, proved, instead of a bound on S
+    /// Make the patch as large as possible within this proved distance of the surface, instead of a
+    /// bound on S
     #[arg(
         long, value_name = "LENGTH",
         allow_negative_numbers = true,
         value_parser = arguments::positive
     )]
     tol: Option<f64>,
-    /// As many patches as it takes until all of the surface in the box lies on one, within --tol
+    /// Add patches until all of the surface in the box lies on one, within --tol
     #[arg(long, requires = "tol", conflicts_with_all = ["seed_point", "trace", "figure", "paper"])]
     cover: bool,
     /// With --cover: every point of the surface in the box so deep inside of some patch, that is so
@@ -89,17 +90,17 @@ pub(crate) struct Args {
     /// left out where no patch is found, which is said [default: a hundredth of the box]
     #[arg(long, value_name = "LENGTH", requires = "cover", allow_negative_numbers = true, value_parser = arguments::positive)]
     singular: Option<f64>,
-    /// At most so many patches, with --cover
+    /// Maximum number of patches, with --cover
     #[arg(long, value_name = "N", default_value_t = MOST_PATCHES, requires = "cover", value_parser = at_least_one)]
     patches: usize,
-    /// How steps are computed
+    /// Method of computing steps
     #[arg(long, value_enum, default_value_t = Solver::GaussNewton)]
     method: Solver,
-    /// What the term L measures
+    /// Quantity that the term L measures
     #[arg(long, value_enum, default_value_t = Inner::Lengths)]
     inner: Inner,
-    /// Stop after so many extrapolations, to see how the patch grows: 0 is the start patch after its
-    /// first Newton steps
+    /// Stop after this number of extrapolations, to see how the patch grows: 0 is the start patch
+    /// after its first Newton steps
     #[arg(long, value_name = "N", conflicts_with = "cover")]
     extrapolations: Option<usize>,
     /// Gauss nodes in each direction [default: as many as make J exact, 4 max(m,n) + 1]
@@ -114,7 +115,7 @@ pub(crate) struct Args {
     /// Unit of length that files state [default: mm in STEP, none in others]
     #[arg(long, value_name = "UNIT", value_parser = clap::builder::PossibleValuesParser::new(STEP_UNITS))]
     units: Option<String>,
-    /// Triangles come from so many squares along each side of a patch
+    /// Number of squares along each side of a patch for its triangles
     #[arg(long, value_name = "N", default_value_t = SQUARES, value_parser = clap::value_parser!(u16).range(1..=1024))]
     grid: u16,
     /// Write every step as a table (CSV)
@@ -132,7 +133,7 @@ pub(crate) struct Args {
 enum Solver {
     /// Gauss-Newton with Levenberg-Marquardt damping
     GaussNewton,
-    /// The same with |grad F| taken as constant in each step: first derivatives of F only
+    /// Gauss-Newton with |grad F| taken as constant in each step: first derivatives of F only
     Frozen,
     /// The paper's: Newton's method with the exact Hessian, damped where that is indefinite
     Newton,
@@ -184,15 +185,15 @@ fn point(text: &str) -> Result<Point3, String> {
     }
 }
 
-/// What was made, and of what.
-struct Made {
+/// Patches with their input and options.
+struct MadePatches {
     /// Name of the model's file.
     name: String,
-    /// What was asked for.
+    /// Options of the library.
     options: Options,
     /// The patches; one without --cover.
     patches: Vec<Parameterized>,
-    /// Of a cover.
+    /// Coverage; `None` for a single patch.
     coverage: Option<Coverage>,
     /// Warnings for stderr and the document.
     warnings: Vec<String>,
@@ -202,8 +203,8 @@ struct Made {
     seconds: Vec<(&'static str, f64)>,
 }
 
-impl Made {
-    /// What was asked for and is not so.
+impl MadePatches {
+    /// Returns the requests that the result does not fulfil.
     fn findings(&self) -> Vec<PatchFinding> {
         patch_findings(&self.patches, self.coverage.as_ref(), &self.options)
     }
@@ -233,19 +234,19 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
 }
 
 /// Finds the patch, or all patches of a cover.
-fn make(args: &Args, subject: &Subject, context: &Context) -> Result<Made, Failure> {
+fn make(args: &Args, subject: &PatchInput, context: &Context) -> Result<MadePatches, Failure> {
     let options = options(args, context);
     let found = if args.cover {
         cover(args, subject, &options, context)
     } else {
         single(subject, &options, context)
     };
-    let Found {
+    let PatchResult {
         patches,
         coverage,
         seconds,
     } = found.map_err(|e| failure(&e, &subject.name, &options))?;
-    Ok(Made {
+    Ok(MadePatches {
         name: subject.name.clone(),
         options,
         patches,
@@ -257,9 +258,9 @@ fn make(args: &Args, subject: &Subject, context: &Context) -> Result<Made, Failu
 }
 
 /// Patches as the library made them.
-struct Found {
+struct PatchResult {
     patches: Vec<Parameterized>,
-    /// Of a cover.
+    /// Coverage; `None` for a single patch.
     coverage: Option<Coverage>,
     /// Seconds by phase.
     seconds: Vec<(&'static str, f64)>,
@@ -268,10 +269,10 @@ struct Found {
 /// Covers the surface in the box with patches.
 fn cover(
     args: &Args,
-    subject: &Subject,
+    subject: &PatchInput,
     options: &Options,
     context: &Context,
-) -> Result<Found, Error> {
+) -> Result<PatchResult, Error> {
     let clock = Instant::now();
     let covering = Covering {
         most: args.patches,
@@ -280,7 +281,7 @@ fn cover(
     };
     let made = cover_surface(&subject.surface, options, &covering, &context.control())?;
     let (patches, coverage) = Coverage::of(made);
-    Ok(Found {
+    Ok(PatchResult {
         patches,
         coverage: Some(coverage),
         seconds: vec![("cover", clock.elapsed().as_secs_f64())],
@@ -288,10 +289,14 @@ fn cover(
 }
 
 /// Makes one patch.
-fn single(subject: &Subject, options: &Options, context: &Context) -> Result<Found, Error> {
+fn single(
+    subject: &PatchInput,
+    options: &Options,
+    context: &Context,
+) -> Result<PatchResult, Error> {
     let patch = parameterize_surface(&subject.surface, options, &context.control())?;
     let seconds = patch.seconds.to_vec();
-    Ok(Found {
+    Ok(PatchResult {
         patches: vec![patch],
         coverage: None,
         seconds,
@@ -301,9 +306,9 @@ fn single(subject: &Subject, options: &Options, context: &Context) -> Result<Fou
 /// Writes all files; the bytes for stdout.
 fn write(
     args: &Args,
-    made: &mut Made,
-    subject: &Subject,
-    targets: &[files::Target<'_>],
+    made: &mut MadePatches,
+    subject: &PatchInput,
+    targets: &[files::PatchTarget<'_>],
 ) -> Result<Vec<u8>, Failure> {
     let clock = Instant::now();
     let field = subject.surface.field.as_ref();
@@ -323,17 +328,17 @@ fn write(
 }
 
 /// Warns, and puts together what is printed: a file if one goes to stdout, else the table.
-fn tell(made: &mut Made, stdout: Vec<u8>, context: &Context) -> Outcome {
+fn tell(made: &mut MadePatches, stdout: Vec<u8>, context: &Context) -> Outcome {
     let findings = made.findings();
     made.warnings
         .extend(findings.iter().map(ToString::to_string));
     made.warnings.iter().for_each(|w| context.warn(w));
     let exit = outcome::exit(findings.is_empty());
-    Outcome::of(exit, document::document(made), stdout, || table::text(made))
+    Outcome::new(exit, document::document(made), stdout, || table::text(made))
 }
 
-/// What is asked for, as the library takes it: the paper's settings, and what the command line
-/// changes.
+/// Converts the arguments to options of the library: the settings of Wurm et al. (2003), with the
+/// changes of the command line.
 fn options(args: &Args, context: &Context) -> Options {
     let b = HALF_WIDTH;
     let region = args.region.unwrap_or(Aabb {
@@ -362,7 +367,7 @@ fn options(args: &Args, context: &Context) -> Options {
     }
 }
 
-/// Why there is no patch.
+/// Converts an error of the stage to a failure.
 fn failure(error: &Error, name: &str, options: &Options) -> Failure {
     let message = format!("{name}: {error}");
     let none = |code| Failure::new(NO_RESULT, code, message.clone());
@@ -396,7 +401,7 @@ fn failure(error: &Error, name: &str, options: &Options) -> Failure {
     }
 }
 
-/// Why there is no patch of work that was stopped.
+/// Makes the failure of interrupted work.
 fn stopped(name: &str) -> Failure {
     if interrupt::happened() {
         return Failure::new(
@@ -413,7 +418,7 @@ fn stopped(name: &str) -> Failure {
     .hint("a longer --time-limit")
 }
 
-/// What to try where the seed point leads nowhere.
+/// Returns the hint for a seed point from which no surface is reached.
 fn other_seed(options: &Options) -> &'static str {
     if options.seed_point.is_some() {
         "a point nearer to the surface, or a larger --box"

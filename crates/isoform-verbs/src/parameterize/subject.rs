@@ -16,7 +16,7 @@ use serde_json::Value;
 use std::path::Path;
 
 /// A surface with its name for messages.
-pub(super) struct Subject {
+pub(super) struct PatchInput {
     pub(super) name: String,
     pub(super) surface: ImplicitSurface,
     pub(super) warnings: Vec<String>,
@@ -29,7 +29,7 @@ pub(super) fn read(
     language: &Language,
     given: &Given,
     context: &Context,
-) -> Result<Subject, Failure> {
+) -> Result<PatchInput, Failure> {
     let is_json = path
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("json"));
@@ -39,7 +39,7 @@ pub(super) fn read(
         return program(&model, given, name, context);
     }
     if let Some(Object::Function(function)) = memory::find(path) {
-        return Ok(Subject {
+        return Ok(PatchInput {
             name,
             surface: function.0.clone().into(),
             warnings: Vec::new(),
@@ -53,7 +53,7 @@ pub(super) fn read(
     if let Ok(json) = serde_json::from_str::<Value>(&text)
         && kind::is_fitted(&json)
     {
-        return Ok(Subject {
+        return Ok(PatchInput {
             name,
             surface: spline::of_document(path, &json)?.into(),
             warnings: Vec::new(),
@@ -63,7 +63,7 @@ pub(super) fn read(
         let failure = Failure::usage("a polynomial has no parameters");
         return Err(failure.hint("leave out --params and --set"));
     }
-    Ok(Subject {
+    Ok(PatchInput {
         name,
         surface: polynomial(path, &text)?,
         warnings: Vec::new(),
@@ -76,7 +76,7 @@ fn program(
     given: &Given,
     name: String,
     context: &Context,
-) -> Result<Subject, Failure> {
+) -> Result<PatchInput, Failure> {
     let values = parameters::values(model, given, context)?;
     let surface = ImplicitSurface::of_model(model, &values).map_err(|e| {
         let failure = Failure::input("model", format!("{name}: {e}"));
@@ -92,7 +92,7 @@ fn program(
     } else {
         Vec::new()
     };
-    Ok(Subject {
+    Ok(PatchInput {
         name,
         surface,
         warnings,
@@ -111,15 +111,17 @@ fn polynomial(path: &Path, text: &str) -> Result<ImplicitSurface, Failure> {
     };
     let json: Value = serde_json::from_str(text).map_err(|e| not_json(shown, text, &e))?;
     let Some(formula) = json.get("F").and_then(Value::as_str) else {
-        return Err(match Kind::of(path, kind::head(text.as_bytes()), text) {
-            Some(kind) if !matches!(kind, Kind::Json | Kind::Polynomial) => {
-                kind.instead_of("a polynomial, a program or a fitted function", shown)
-            }
-            _ => {
-                let message = "there is no text under the key F".to_owned();
-                wrong(shown, "key", message).hint(EXAMPLE)
-            }
-        });
+        return Err(
+            match Kind::detect(path, kind::head(text.as_bytes()), text) {
+                Some(kind) if !matches!(kind, Kind::Json | Kind::Polynomial) => {
+                    kind.instead_of("a polynomial, a program or a fitted function", shown)
+                }
+                _ => {
+                    let message = "there is no text under the key F".to_owned();
+                    wrong(shown, "key", message).hint(EXAMPLE)
+                }
+            },
+        );
     };
     let parsed = ImplicitSurface::of_polynomial(formula).map_err(|e| not_parsed(shown, &e))?;
     parsed.ok_or_else(|| {
@@ -128,7 +130,7 @@ fn polynomial(path: &Path, text: &str) -> Result<ImplicitSurface, Failure> {
     })
 }
 
-/// The failure of a text that is no JSON, with its place drawn.
+/// Makes the failure of an invalid JSON text, with its place marked.
 fn not_json(path: &Path, text: &str, error: &serde_json::Error) -> Failure {
     let (line, column) = (error.line().max(1), error.column().max(1));
     let drawn = text.lines().nth(line - 1).unwrap_or_default();
@@ -138,7 +140,7 @@ fn not_json(path: &Path, text: &str, error: &serde_json::Error) -> Failure {
         .hint(EXAMPLE)
 }
 
-/// The failure of a formula that is no polynomial.
+/// Makes the failure of a formula that is not a polynomial.
 fn not_parsed(path: &Path, error: &ParseError) -> Failure {
     let message = format!("F, column {}: {error}", error.column);
     let mut failure = wrong(path, "polynomial", message)

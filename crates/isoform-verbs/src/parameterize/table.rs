@@ -1,13 +1,13 @@
 //! The result for people.
 
-use super::Made;
+use super::MadePatches;
 use crate::table::line;
 use isoform::Coverage;
 use isoform::patch::{Grown, NormalForm, Parameterized, Phase, Quadric};
 use isoform::report::{brief, solver_name};
 
 /// The patches, what is proved of them, and where they went.
-pub(super) fn text(made: &Made) -> String {
+pub(super) fn text(made: &MadePatches) -> String {
     let (m, n) = made.options.degree;
     let method = solver_name(made.options.method);
     let mut text = line("surface", made.name.clone());
@@ -26,8 +26,8 @@ pub(super) fn text(made: &Made) -> String {
         .fold(text, |text, path| text + &line("wrote", path.clone()))
 }
 
-/// How much of the surface the patches cover, and how near to it they are.
-fn cover(c: &Coverage, made: &Made) -> String {
+/// Returns the share of the surface that the patches cover, and their distance from it.
+fn cover(c: &Coverage, made: &MadePatches) -> String {
     let count = made.patches.len();
     let (covered, samples) = (c.covered, c.samples);
     let mut text = line(
@@ -47,7 +47,7 @@ fn cover(c: &Coverage, made: &Made) -> String {
     text + &line("distance", format!("at most {}, proved", brief(worst)))
 }
 
-/// How deep inside of patches the surface is proved to lie.
+/// Returns the proved depth of the surface inside the patches.
 fn margin(c: &Coverage) -> String {
     let Some(depth) = &c.depth else {
         return String::new();
@@ -67,7 +67,7 @@ fn margin(c: &Coverage) -> String {
 }
 
 /// The lines of a single patch: where it started, the work, its terms and its distance.
-fn patch(p: &Parameterized, made: &Made) -> String {
+fn patch(p: &Parameterized, made: &MadePatches) -> String {
     let g = &p.grown;
     let [x, y, z] = g.seed_point.map(brief);
     let bound = p.distances.bound.map_or("not proved".to_owned(), |b| {

@@ -34,7 +34,7 @@ fn size(text: &str) -> Result<Size, String> {
     Ok(Size(size))
 }
 
-/// Where the eye is, and what it looks at.
+/// Positions of the eye and of the target.
 #[derive(Clone, Copy, Debug)]
 struct Eye([f64; 6]);
 
@@ -67,7 +67,7 @@ pub(super) struct Cameras {
     /// Width and height in pixels
     #[arg(long, value_name = "WxH", default_value = "1200x900", value_parser = size)]
     pub(super) size: Size,
-    /// Where the eye is, and what it looks at, in model units; z points up
+    /// Positions of the eye and of the target in model units; z points up
     #[arg(long, value_name = "PX,PY,PZ,TX,TY,TZ", allow_hyphen_values = true, value_parser = eye,
         conflicts_with_all = ["view", "views"])]
     camera: Option<Eye>,
@@ -90,7 +90,7 @@ pub(super) struct Cameras {
 const MOST_VIEWS: usize = 16;
 
 impl Cameras {
-    /// What is wrong with the numbers, before any work.
+    /// Checks the numbers before the work.
     pub(super) fn check(&self) -> Result<(), Failure> {
         if !(self.fov > 0.0 && self.fov < 180.0) {
             return Err(refused(CameraError::Fov(self.fov)));
@@ -105,7 +105,7 @@ impl Cameras {
         self.given().map(|_| ())
     }
 
-    /// The camera that is asked for.
+    /// Returns the camera of the arguments; `None` for the default.
     fn given(&self) -> Result<Option<Camera>, Failure> {
         let Some(Eye([px, py, pz, tx, ty, tz])) = self.camera else {
             return Ok(None);
@@ -115,12 +115,12 @@ impl Cameras {
             .map_err(refused)
     }
 
-    /// Whether there are several views.
+    /// Returns true if there are several views.
     pub(super) fn is_sheet(&self) -> bool {
         self.views.len() > 1
     }
 
-    /// The views of the picture, in which a box is seen; beside them some width is left.
+    /// Returns the views of the picture for a box; `room` is the width kept free for the legend.
     pub(super) fn panes(&self, bounds: &Aabb, room: u32) -> Result<Vec<Pane>, Failure> {
         let size = [self.size.0[0] - room, self.size.0[1]];
         if let Some(camera) = self.given()? {

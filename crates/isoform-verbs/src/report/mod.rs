@@ -11,7 +11,7 @@ pub(crate) mod svg;
 use crate::fit::job::Job;
 use crate::fit::table::{self, counted, millimetres, rounded, starts_found, with_unit};
 use isoform::LiveModel;
-use isoform::fit::{Fit, PartStatistics, Step, Template, Verdict};
+use isoform::fit::{ConvergenceStep, Fit, PartStatistics, Template, Verdict};
 use isoform::report::brief;
 use isoform_view::{Page, ShownPoints};
 use std::collections::BTreeMap;
@@ -52,7 +52,7 @@ struct Lengths {
 
 impl Lengths {
     /// The scale of a job, by the unit of its scan.
-    fn of(job: &Job) -> Self {
+    fn new(job: &Job) -> Self {
         match millimetres(&job.unit.unit) {
             Some(scale) => Self {
                 scale,
@@ -72,7 +72,7 @@ impl Lengths {
 
 /// The page; without a drawing where the time is up.
 pub(crate) fn page(job: &Job, is_late: bool) -> String {
-    let lengths = Lengths::of(job);
+    let lengths = Lengths::new(job);
     let mut html = head(job);
     html += &verdict_box(&verdict(job, &lengths));
     let sheets = (!is_late)
@@ -121,7 +121,8 @@ fn head(job: &Job) -> String {
     )
 }
 
-/// What the page may do: run the viewer, and show what is in it. Drawings have styles of their own.
+/// Returns the content policy of the page: run the viewer, and show the page's own data. Drawings
+/// have inline styles.
 fn policy() -> String {
     let [script, _] = isoform_view::hashes();
     format!(
@@ -159,7 +160,7 @@ fn in_words(unit: &str) -> &str {
     }
 }
 
-/// What is concluded, and from what.
+/// Verdict with its evidence.
 struct Conclusion {
     verdict: Verdict,
     /// One sentence each, the weightiest first.
@@ -287,7 +288,7 @@ fn parameters(job: &Job) -> String {
 }
 
 /// A table of parameters; millimetres have a column of their own where the scan has another unit.
-fn parameter_rows(job: &Job, rows: &[table::Row]) -> String {
+fn parameter_rows(job: &Job, rows: &[table::ParameterRow]) -> String {
     let infos = job.found.template.frep.model().params();
     let has_mm = rows.iter().any(|r| !r.mm.is_empty());
     let has_nominal = rows.iter().any(|r| !r.nominal.is_empty());
@@ -334,7 +335,7 @@ fn parameter_rows(job: &Job, rows: &[table::Row]) -> String {
     html + "</table></div>"
 }
 
-/// What is open, what was dropped, and what to beware of.
+/// Returns the notes on open questions, omitted points and risks.
 fn notes(job: &Job) -> String {
     let fit = &job.found.fit;
     let mut items: Vec<String> = fit.undetermined.iter().map(|o| o.why.to_string()).collect();
@@ -386,7 +387,7 @@ fn maps(job: &Job, lengths: &Lengths, sheet: Option<&str>) -> String {
     )
 }
 
-/// The deviations of the points that are no outliers, where they are finite.
+/// Returns the finite deviations of the points that are not outliers.
 fn used_deviations(job: &Job, scale: f64) -> Vec<f64> {
     job.found
         .deviation()
@@ -397,8 +398,8 @@ fn used_deviations(job: &Job, scale: f64) -> Vec<f64> {
         .collect()
 }
 
-/// The histogram of residuals beside the table of distances both ways. The axis ends at the larger
-/// of 1.4 times the 95 % quantile and three deviations of the noise, rounded up.
+/// Returns the histogram of residuals with the table of distances both ways. The axis ends at the
+/// larger of 1.4 times the 95 % quantile and three deviations of the noise, rounded up.
 fn deviations(job: &Job, lengths: &Lengths) -> String {
     let fit = &job.found.fit;
     let used = used_deviations(job, lengths.scale);
@@ -484,7 +485,7 @@ fn part_row(s: &PartStatistics, worst: f64, digits: impl Fn(f64) -> String) -> S
 }
 
 /// The steps of each run, by its start.
-type Runs<'s> = BTreeMap<usize, Vec<&'s Step>>;
+type Runs<'s> = BTreeMap<usize, Vec<&'s ConvergenceStep>>;
 
 /// The runs of the search, and the polish, which is the last one where there was a search.
 fn runs(fit: &Fit) -> (Runs<'_>, Runs<'_>) {
@@ -501,7 +502,7 @@ fn runs(fit: &Fit) -> (Runs<'_>, Runs<'_>) {
 fn convergence(job: &Job) -> String {
     let fit = &job.found.fit;
     let (runs, polish) = runs(fit);
-    let last = |run: &[&Step]| run.last().map_or(f64::INFINITY, |s| s.rms);
+    let last = |run: &[&ConvergenceStep]| run.last().map_or(f64::INFINITY, |s| s.rms);
     let best = runs
         .iter()
         .min_by(|a, b| last(a.1).total_cmp(&last(b.1)))

@@ -2,7 +2,7 @@
 //!
 //! A plot is drawn on [`Scale`]s, which take values to pixels; helpers append elements to a text.
 
-use isoform::fit::Step;
+use isoform::fit::ConvergenceStep;
 use isoform::io::deviation_colors;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -152,7 +152,7 @@ fn log(v: f64) -> f64 {
 /// drawn strong.
 pub(crate) fn convergence(
     title: &str,
-    runs: &BTreeMap<usize, Vec<&Step>>,
+    runs: &BTreeMap<usize, Vec<&ConvergenceStep>>,
     best: Option<usize>,
     unit: &str,
 ) -> String {
@@ -192,7 +192,7 @@ pub(crate) fn convergence(
 const DECADES: f64 = 14.0;
 
 /// The logarithms between which the root mean squares lie; none if there is none above zero.
-fn log_span(runs: &BTreeMap<usize, Vec<&Step>>) -> Option<(f64, f64)> {
+fn log_span(runs: &BTreeMap<usize, Vec<&ConvergenceStep>>) -> Option<(f64, f64)> {
     let steps = runs.values().flatten();
     let logs = steps
         .filter(|s| s.rms > 0.0 && s.rms.is_finite())
@@ -230,7 +230,7 @@ struct LogAxes {
 
 impl LogAxes {
     /// Draws one run: a line, or a dot if it has one step.
-    fn draw(&self, svg: &mut String, run: &[&Step], class: &str) {
+    fn draw(&self, svg: &mut String, run: &[&ConvergenceStep], class: &str) {
         let steps = run.iter().enumerate();
         let points: Vec<String> = steps
             .filter(|(_, s)| s.rms.is_finite())
@@ -270,7 +270,7 @@ fn counts(values: &[f64], limit: f64) -> [usize; COLUMNS] {
     counts
 }
 
-/// How often which deviation occurs, with the normal law of the noise.
+/// Draws the histogram of deviations with the normal density of the noise.
 pub(crate) fn histogram(values: &[f64], noise: f64, limit: f64, unit: &str) -> String {
     let counts = counts(values, limit);
     let width = 2.0 * limit / COLUMNS as f64;
@@ -391,10 +391,10 @@ pub(crate) fn color_bar(limit: f64, unit: &str) -> String {
 mod tests {
     use super::*;
 
-    /// A run without a finite step is an empty line beside the others.
+    /// A run without a finite step is drawn as an empty line.
     #[test]
     fn a_run_that_is_nowhere_finite_is_drawn() {
-        let step = |start, iteration, rms| Step {
+        let step = |start, iteration, rms| ConvergenceStep {
             start,
             iteration,
             rms,

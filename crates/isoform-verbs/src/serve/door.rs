@@ -1,24 +1,24 @@
-//! Who is answered, and with what.
+//! Checks of requests before they are answered.
 //!
 //! The server listens on the loopback address alone, but every page that a browser of this machine
-//! has open can send requests there. So a request must carry the path that only the printed
-//! address has; it must be meant for this server (a name of a foreign host that leads here is
-//! "DNS rebinding"); and if it comes out of a page, that must be a page of this server.
+//! has open can send requests there. A request must therefore carry the path that only the printed
+//! address has; it must be meant for this server (a foreign host name that resolves to it is "DNS
+//! rebinding"); and if it comes from a page, that must be a page of this server.
 
 use hyper::header::{HOST, HeaderValue, ORIGIN};
 use hyper::http::request::Parts;
 use hyper::{Method, StatusCode};
 
-/// What a request that is let in asks for.
+/// Content of an accepted request.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Asked {
+pub(super) enum PageRequest {
     /// The page.
     Page,
-    /// What is new after these news.
+    /// News after this number.
     News(Option<u64>),
 }
 
-/// What is known of the way in.
+/// Names and token of the server.
 #[derive(Clone, Debug)]
 pub(super) struct Door {
     /// The port that the server listens on.
@@ -28,8 +28,8 @@ pub(super) struct Door {
 }
 
 impl Door {
-    /// What a request asks for, or why it is refused.
-    pub(super) fn judge(&self, request: &Parts) -> Result<Asked, StatusCode> {
+    /// Returns the content of a request, or the status with which it is refused.
+    pub(super) fn judge(&self, request: &Parts) -> Result<PageRequest, StatusCode> {
         self.check_host(request)?;
         self.check_origin(request)?;
         if request.method != Method::GET && request.method != Method::HEAD {
@@ -37,13 +37,13 @@ impl Door {
         }
         let path = request.uri.path().strip_prefix('/');
         match path.and_then(|path| path.split_once('/')) {
-            Some((token, "")) if token == self.token => Ok(Asked::Page),
-            Some((token, "news")) if token == self.token => Ok(Asked::News(after(request))),
+            Some((token, "")) if token == self.token => Ok(PageRequest::Page),
+            Some((token, "news")) if token == self.token => Ok(PageRequest::News(after(request))),
             _ => Err(StatusCode::NOT_FOUND),
         }
     }
 
-    /// Whether it is one of the names of this server, as `Host` has it.
+    /// Returns true if it is one of the names of this server, as `Host` has it.
     fn is_own(&self, host: &[u8]) -> bool {
         ["127.0.0.1", "localhost"].iter().any(|name| {
             let own = format!("{name}:{}", self.port);
@@ -87,7 +87,7 @@ mod tests {
     use super::*;
     use hyper::Request;
 
-    fn judge(uri: &str, headers: &[(&str, &str)]) -> Result<Asked, u16> {
+    fn judge(uri: &str, headers: &[(&str, &str)]) -> Result<PageRequest, u16> {
         let door = Door {
             port: 4000,
             token: "abc".into(),
@@ -103,8 +103,8 @@ mod tests {
     #[test]
     fn hosts() {
         let page = |host| judge("/abc/", &[("host", host)]);
-        assert_eq!(page("127.0.0.1:4000"), Ok(Asked::Page));
-        assert_eq!(page("LocalHost:4000"), Ok(Asked::Page));
+        assert_eq!(page("127.0.0.1:4000"), Ok(PageRequest::Page));
+        assert_eq!(page("LocalHost:4000"), Ok(PageRequest::Page));
         for foreign in [
             "evil.example:4000",
             "127.0.0.1.evil.example:4000",
@@ -122,7 +122,10 @@ mod tests {
         assert_eq!(judge("/abc/", &[]), Err(400));
         let own = ("host", "127.0.0.1:4000");
         assert_eq!(judge("/abc/", &[own, own]), Err(400));
-        assert_eq!(judge("http://127.0.0.1:4000/abc/", &[own]), Ok(Asked::Page));
+        assert_eq!(
+            judge("http://127.0.0.1:4000/abc/", &[own]),
+            Ok(PageRequest::Page)
+        );
         assert_eq!(judge("http://evil.example/abc/", &[own]), Err(421));
     }
 
@@ -130,7 +133,7 @@ mod tests {
     fn origins() {
         let own = ("host", "127.0.0.1:4000");
         let page = |origin| judge("/abc/", &[own, ("origin", origin)]);
-        assert_eq!(page("http://127.0.0.1:4000"), Ok(Asked::Page));
+        assert_eq!(page("http://127.0.0.1:4000"), Ok(PageRequest::Page));
         for foreign in [
             "null",
             "https://127.0.0.1:4000",
@@ -145,9 +148,9 @@ mod tests {
     #[test]
     fn paths() {
         let at = |uri| judge(uri, &[("host", "127.0.0.1:4000")]);
-        assert_eq!(at("/abc/?x"), Ok(Asked::Page));
-        assert_eq!(at("/abc/news?after=7"), Ok(Asked::News(Some(7))));
-        assert_eq!(at("/abc/news?after=-1"), Ok(Asked::News(None)));
+        assert_eq!(at("/abc/?x"), Ok(PageRequest::Page));
+        assert_eq!(at("/abc/news?after=7"), Ok(PageRequest::News(Some(7))));
+        assert_eq!(at("/abc/news?after=-1"), Ok(PageRequest::News(None)));
         for other in [
             "/",
             "/abc",

@@ -16,13 +16,13 @@ use crate::outcome::Outcome;
 use crate::watchdog;
 use isoform_view::Page;
 use serde_json::{Value, json};
-use server::{Shown, Site};
+use server::{ServedPage, Site};
 use stamps::Stamps;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// How often the files are looked at. Once more after a change, to see whether they are at rest:
-/// editors and other programs write a file in several steps.
+/// Interval at which files are checked. They are checked once more after a change, to see that they
+/// are complete: editors and other programs write a file in several steps.
 const LOOK: Duration = Duration::from_millis(120);
 /// Files that do not come to rest for this many looks are read nevertheless.
 const RESTLESS: usize = 20;
@@ -40,9 +40,9 @@ pub(crate) fn run(
     }
     interrupt::watch();
     let make = || make_of(files, &make);
-    let mut seen = Stamps::of(files);
+    let mut seen = Stamps::read(files);
     let (page, layers) = make()?;
-    let site = Site::open(port, Shown::new(&page)).map_err(|e| {
+    let site = Site::open(port, ServedPage::new(&page)).map_err(|e| {
         let failure = Failure::new(failure::NO_RESULT, "port", format!("cannot serve: {e}"));
         failure.hint("another --port, or none: a free one is taken")
     })?;
@@ -86,14 +86,14 @@ fn make_of(
 
 /// Waits until the files are others than those seen, and at rest; none after Ctrl-C.
 fn next(files: &[PathBuf], seen: &Stamps) -> Option<Stamps> {
-    let mut last = Stamps::of(files);
+    let mut last = Stamps::read(files);
     let mut restless = 0;
     loop {
         std::thread::sleep(LOOK);
         if interrupt::happened() {
             return None;
         }
-        let now = Stamps::of(files);
+        let now = Stamps::read(files);
         let is_at_rest = now == last || restless >= RESTLESS;
         if now != *seen && is_at_rest {
             return Some(now);

@@ -4,7 +4,7 @@
 //! on the time that it takes to come, on the time of a whole connection and on their number. A
 //! request's body is never read.
 
-use super::door::{Asked, Door};
+use super::door::{Door, PageRequest};
 use http_body_util::Full;
 use hyper::body::{Bytes, Incoming};
 use hyper::header::{
@@ -34,25 +34,25 @@ const HEAD: Duration = Duration::from_secs(5);
 /// The time of a whole connection, which carries one request: enough for a page of a million
 /// points to a slow reader.
 const LIFE: Duration = Duration::from_secs(60);
-/// How long a request for news waits for some.
+/// Longest time that a request for news waits.
 const PATIENCE: Duration = Duration::from_secs(20);
 /// Bytes of the head of a request. Ours have a few hundred, browsers send up to a few thousand.
 const MOST_HEAD: usize = 16 << 10;
 
-/// What browsers are shown.
+/// Page and state that browsers see.
 #[derive(Clone, Debug)]
-pub(super) struct Shown {
+pub(super) struct ServedPage {
     /// Counts all changes of what follows.
     news: u64,
     /// Counts the pages.
     version: u64,
-    /// The page as it is sent.
+    /// Bytes of the page.
     page: Bytes,
-    /// Why there is no newer one.
+    /// Reason for the lack of a newer page.
     failure: Option<String>,
 }
 
-impl Shown {
+impl ServedPage {
     /// The first page.
     pub(super) fn new(page: &Page) -> Self {
         Self {
@@ -63,7 +63,7 @@ impl Shown {
         }
     }
 
-    /// Another page; files that were only touched give the same one.
+    /// Replaces the page; files with a new time and unchanged content give an equal page.
     fn show(&mut self, page: &Page) {
         self.news += 1;
         self.failure = None;
@@ -79,7 +79,7 @@ impl Shown {
         self.failure = Some(why.to_owned());
     }
 
-    /// What the page is told.
+    /// Returns the state that is sent to the page.
     fn document(&self) -> String {
         json!({"news": self.news, "page": self.version, "failure": self.failure}).to_string()
     }
@@ -88,12 +88,12 @@ impl Shown {
 /// A running server.
 pub(super) struct Site {
     door: Door,
-    shown: watch::Sender<Shown>,
+    shown: watch::Sender<ServedPage>,
 }
 
 impl Site {
     /// Begins to answer on this port of the loopback address, or on a free one (0).
-    pub(super) fn open(port: u16, shown: Shown) -> io::Result<Self> {
+    pub(super) fn open(port: u16, shown: ServedPage) -> io::Result<Self> {
         let listener = std::net::TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
         listener.set_nonblocking(true)?;
         let door = Door {
@@ -142,11 +142,11 @@ fn token() -> io::Result<String> {
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// What all connections share.
+/// Data that all connections share.
 #[derive(Clone)]
 struct Answers {
     door: Arc<Door>,
-    shown: watch::Receiver<Shown>,
+    shown: watch::Receiver<ServedPage>,
 }
 
 impl Answers {
@@ -189,14 +189,14 @@ impl Answers {
     }
 
     /// The page, or news when there are some.
-    async fn answer(&self, asked: Asked) -> Response<Full<Bytes>> {
+    async fn answer(&self, asked: PageRequest) -> Response<Full<Bytes>> {
         let mut shown = self.shown.clone();
         match asked {
-            Asked::Page => {
+            PageRequest::Page => {
                 let page = shown.borrow().page.clone();
                 response(StatusCode::OK, "text/html; charset=utf-8", page)
             }
-            Asked::News(after) => {
+            PageRequest::News(after) => {
                 let other = shown.wait_for(|shown| Some(shown.news) != after);
                 // In vain: what was told before is told again.
                 let _ = timeout(PATIENCE, other).await;

@@ -1,8 +1,8 @@
-//! What tells that a file has changed, without reading it.
+//! Detection of changed files without reading them.
 //!
-//! Looking again and again costs some microseconds a file, and sees what notices of the system
-//! miss or report in many ways: files on network drives, files that an editor writes beside the
-//! old one and renames, and files that are gone for a while.
+//! Polling costs some microseconds a file, and detects changes that notifications of the system
+//! miss or report in many ways: files on network drives, files that an editor writes under another
+//! name and renames, and files that are absent for a while.
 
 use std::fs;
 use std::path::PathBuf;
@@ -12,8 +12,8 @@ use std::time::SystemTime;
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Stamps(Vec<Option<Stamp>>);
 
-/// Of one file: a renamed one may have the time and length of the old one, but not its birth or
-/// number.
+/// Identity of a file: a renamed file may have the time and length of the old one, but not its
+/// birth or number.
 #[derive(Debug, PartialEq, Eq)]
 struct Stamp {
     length: u64,
@@ -24,7 +24,7 @@ struct Stamp {
 
 impl Stamps {
     /// The files as they are now.
-    pub(super) fn of(files: &[PathBuf]) -> Self {
+    pub(super) fn read(files: &[PathBuf]) -> Self {
         let stamp = |file: &PathBuf| {
             let about = fs::metadata(file).ok()?;
             Some(Stamp {
@@ -60,16 +60,16 @@ mod tests {
         let [file, beside] = ["a", "b"].map(|name| folder.join(name));
         fs::write(&file, "old").expect("written");
         let files = [file.clone()];
-        let before = Stamps::of(&files);
-        assert_eq!(before, Stamps::of(&files));
+        let before = Stamps::read(&files);
+        assert_eq!(before, Stamps::read(&files));
         let time = fs::metadata(&file).and_then(|about| about.modified());
         fs::write(&beside, "new").expect("written");
         let written = fs::File::options().write(true).open(&beside).expect("open");
         written.set_modified(time.expect("a time")).expect("set");
         fs::rename(&beside, &file).expect("renamed");
-        assert_ne!(before, Stamps::of(&files));
+        assert_ne!(before, Stamps::read(&files));
         fs::remove_file(&file).expect("removed");
-        assert_eq!(Stamps::of(&files), Stamps(vec![None]));
+        assert_eq!(Stamps::read(&files), Stamps(vec![None]));
         let _ = fs::remove_dir_all(&folder);
     }
 }

@@ -1,13 +1,13 @@
 //! The documents of a triangulated surface: the report, the sidecar, and what --json prints.
 
-use super::Made;
+use super::MadeSurface;
 use crate::outcome;
 use isoform::report::{Sidecar, SurfaceReport, TriangulateReport, WrittenFile};
 use isoform::tess::Surface;
 use serde_json::{Value, json};
 
-/// What --json prints: the report, and what was asked for and made.
-pub(super) fn document(made: &Made) -> Value {
+/// Returns the document that --json prints: the report, the options and the files.
+pub(super) fn document(made: &MadeSurface) -> Value {
     let files = made.written.iter().map(|w| WrittenFile {
         path: w.path.clone(),
         format: w.format,
@@ -20,7 +20,7 @@ pub(super) fn document(made: &Made) -> Value {
 }
 
 /// The file of the report.
-pub(super) fn file(made: &Made) -> Vec<u8> {
+pub(super) fn file(made: &MadeSurface) -> Vec<u8> {
     let mut json = json!({"schema": 1});
     let report = SurfaceReport::new(&made.drawn.about(&made.name));
     outcome::add(&mut json, outcome::json_of(&report));

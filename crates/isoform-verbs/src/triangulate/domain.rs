@@ -1,7 +1,7 @@
 //! A picture of the parameters: the projective plane as a square whose opposite sides are one line,
 //! that at infinity.
 
-use super::Made;
+use super::MadeSurface;
 use crate::report::svg::escaped;
 use isoform::algebra::QUADRANTS;
 use isoform::tess::Surface;
@@ -26,7 +26,7 @@ text { font: 16px sans-serif; fill: #444 } .small { font-size: 13px }
 .base { fill: #fff; stroke: #b8251b; stroke-width: 2 }
 ";
 
-/// Where a point of a unit triangle is in the picture.
+/// Returns the position of a point of a unit triangle in the picture.
 fn place(chart: usize, [u, v]: [f64; 2]) -> [f64; 2] {
     let [s, t] = QUADRANTS[chart];
     [RADIUS * u * s as f64, -RADIUS * v * t as f64]
@@ -41,7 +41,7 @@ fn pair([x, y]: [f64; 2]) -> String {
 
 /// The triangles in the plane of parameters, with the edges that have one triangle or more than
 /// two, and the real base points.
-pub(super) fn svg(made: &Made) -> String {
+pub(super) fn svg(made: &MadeSurface) -> String {
     let triangles = triangles(&made.drawn.surface);
     let edges = edges(&made.drawn.surface);
     let base_points: Vec<[f64; 2]> = made
@@ -115,7 +115,7 @@ fn triangles(surface: &Surface) -> [String; 4] {
 }
 
 /// A side of a triangle.
-struct Side {
+struct ChartSide {
     /// The vertices, the lesser number first.
     edge: [u32; 2],
     /// The places of both ends among the corners of the triangle.
@@ -123,10 +123,10 @@ struct Side {
 }
 
 /// The three sides of a triangle.
-fn sides(triangle: [u32; 3]) -> [Side; 3] {
+fn sides(triangle: [u32; 3]) -> [ChartSide; 3] {
     [[0, 1], [1, 2], [2, 0]].map(|ends| {
         let [a, b] = ends.map(|k| triangle[k]);
-        Side {
+        ChartSide {
             edge: [a.min(b), a.max(b)],
             ends,
         }
@@ -151,7 +151,7 @@ fn edges(surface: &Surface) -> Edges {
     let mut edges = Edges::default();
     let places = surface.charts.iter().zip(&surface.corners);
     for (triangle, (&chart, corners)) in surface.triangles.iter().zip(places) {
-        for Side { edge, ends } in sides(*triangle) {
+        for ChartSide { edge, ends } in sides(*triangle) {
             let path = match uses[&edge] {
                 1 => &mut edges.open,
                 2 => continue,
@@ -164,7 +164,7 @@ fn edges(surface: &Surface) -> Edges {
     edges
 }
 
-/// Where a point (s : t : w) is in the picture: twice on the line at infinity.
+/// Returns the positions of a point (s : t : w) in the picture: two on the line at infinity.
 fn spots(point: [f64; 3]) -> Vec<[f64; 2]> {
     let sum: f64 = point.iter().map(|x| x.abs()).sum();
     let [s, t, w] = point.map(|x| x / sum);

@@ -15,7 +15,7 @@ use crate::failure::{Failure, NO_RESULT};
 use crate::interrupt;
 use crate::kind::{self, Kind};
 use crate::memory::{self, MapObject};
-use crate::mesh::files::{self, Target};
+use crate::mesh::files::{self, MeshTarget};
 use crate::mesh::work::Written;
 use crate::outcome::{self, Outcome};
 use crate::product::Product;
@@ -82,10 +82,10 @@ pub(crate) struct Args {
         value_parser = arguments::positive
     )]
     longest: Option<f64>,
-    /// Stop refining at about so many triangles
+    /// Approximate number of triangles at which refinement stops
     #[arg(long, value_name = "N", default_value_t = MeshOptions::TRIANGLES, value_parser = at_least_one)]
     triangles: usize,
-    /// Whether sheets that cross are joined [default: glued; for patches normalised]
+    /// Treatment of sheets that cross [default: glued; for patches normalised]
     #[arg(long, value_enum)]
     mode: Option<Sheets>,
     /// Draw real points that only complex parameters of an improper map reach, too, as a part with
@@ -114,13 +114,13 @@ pub(crate) struct Args {
 }
 
 impl Args {
-    /// The region of parameters that is asked for.
+    /// Returns the region of parameters, if one is set.
     fn region(&self) -> Option<&Domain> {
         self.rectangle.as_ref().or(self.polygon.as_ref())
     }
 }
 
-/// What becomes of sheets that cross.
+/// Treatment of sheets that cross.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Sheets {
     /// Cut and joined along the double curve, whose edges have four triangles or more
@@ -134,11 +134,11 @@ enum Sheets {
 pub(crate) struct HalfWidth {
     /// The number as it was written.
     pub(crate) exact: RBig,
-    /// Its nearest double.
+    /// Nearest double.
     pub(crate) near: f64,
 }
 
-/// Reads a rational number exactly as it is written.
+/// Reads a rational number exactly.
 fn rational(text: &str) -> Result<RBig, String> {
     exact_number(text).ok_or_else(|| {
         "a decimal number or a fraction is expected, such as 2, 0.1 or 1/3".to_owned()
@@ -195,7 +195,7 @@ fn at_least_one(text: &str) -> Result<usize, String> {
 }
 
 /// A triangulated surface, and where it went.
-struct Made {
+struct MadeSurface {
     /// Name of the map's file.
     name: String,
     /// The triangles with all that is known of them.
@@ -205,8 +205,8 @@ struct Made {
     written: Vec<Written>,
 }
 
-impl Made {
-    /// Whether every claim about the surface holds.
+impl MadeSurface {
+    /// Returns true if every claim about the surface holds.
     fn is_certified(&self) -> bool {
         self.drawn.is_certified()
     }
@@ -260,7 +260,7 @@ impl Made {
     }
     /// Writes the mesh, then the sidecar, the drawing of the parameters and the report; the bytes
     /// of the mesh that is for stdout.
-    fn write(&mut self, targets: &[Target], args: &Args) -> Result<Vec<u8>, Failure> {
+    fn write(&mut self, targets: &[MeshTarget], args: &Args) -> Result<Vec<u8>, Failure> {
         let (written, stdout) = files::write_mesh_files(&self.drawn.mesh(), None, targets)?;
         self.written = written;
         if let Some(path) = &args.sidecar {
@@ -328,12 +328,12 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
             .as_ref()
             .map_or(Value::Null, |p| p.display().to_string().into());
     }
-    let outcome = Outcome::of(made.exit(), json, file, || table::text(&made, &beside));
+    let outcome = Outcome::new(made.exit(), json, file, || table::text(&made, &beside));
     context.hand_over(|| made.product());
     Ok(outcome)
 }
 
-/// Finds out before the work whether the files beside the mesh can be written.
+/// Checks before the work that the additional files can be written.
 fn check_beside(files: [&Option<PathBuf>; 3]) -> Result<(), Failure> {
     for path in files.into_iter().flatten() {
         if path == Path::new("-") {
@@ -356,7 +356,7 @@ pub(crate) fn read(path: &Path, reduce: bool) -> Result<RationalSurface, Failure
     } else {
         path
     };
-    let other = |_: &_| match Kind::of(path, &head, &text)? {
+    let other = |_: &_| match Kind::detect(path, &head, &text)? {
         Kind::Map | Kind::Patches | Kind::Json => None,
         other => Some(other.instead_of("a map or a file of patches", path)),
     };
@@ -377,7 +377,7 @@ pub(crate) fn read(path: &Path, reduce: bool) -> Result<RationalSurface, Failure
 /// The box about the origin in which a surface is drawn.
 struct InBox {
     around: SurfaceBox,
-    /// Whether it was not asked for, but holds all of the surface.
+    /// True if it was not asked for, but holds all of the surface.
     is_chosen: bool,
 }
 
@@ -411,7 +411,7 @@ fn find_box(args: &Args, subject: &RationalSurface) -> Result<InBox, Failure> {
     })
 }
 
-/// Why a text is no file of a map, and where.
+/// Makes the failure of a text that is not a map, with its place.
 fn unreadable(error: &MapFileError, path: &Path, text: &str) -> Failure {
     if let MapFileError::NotJson {
         line,
@@ -434,7 +434,7 @@ fn unreadable(error: &MapFileError, path: &Path, text: &str) -> Failure {
     failure
 }
 
-/// Why four polynomials are no map onto a surface.
+/// Makes the failure of four polynomials that do not map onto a surface.
 fn invalid(error: &MapError, path: &Path) -> Failure {
     let hint = match error {
         MapError::CommonFactor { .. } => "divide all four by it, or --reduce",
@@ -452,8 +452,8 @@ fn refused(path: &Path, code: &'static str, error: &dyn std::error::Error) -> Fa
     failure
 }
 
-/// Triangulates a map or patches, or says why there is no triangle.
-fn make(args: &Args, subject: RationalSurface, context: &Context) -> Result<Made, Failure> {
+/// Triangulates a map or patches.
+fn make(args: &Args, subject: RationalSurface, context: &Context) -> Result<MadeSurface, Failure> {
     if !subject.is_map() && args.region().is_some() {
         return Err(
             Failure::usage("patches are drawn over their own parameters")
@@ -486,7 +486,7 @@ fn make(args: &Args, subject: RationalSurface, context: &Context) -> Result<Made
         let empty = Some((&drawn.surface, &drawn.options));
         return Err(nothing(&name, empty, context));
     }
-    Ok(Made {
+    Ok(MadeSurface {
         name,
         half_width: drawn.options.half_width.to_f64_fast(),
         drawn,
@@ -494,7 +494,7 @@ fn make(args: &Args, subject: RationalSurface, context: &Context) -> Result<Made
     })
 }
 
-/// What is asked for, as the library takes it: its own options, and what the command line changes.
+/// Converts the arguments to options of the library, based on its defaults.
 fn options(args: &Args, usual: TriangulateOptions) -> TriangulateOptions {
     TriangulateOptions {
         domain: args.region().cloned(),
@@ -512,7 +512,7 @@ fn options(args: &Args, usual: TriangulateOptions) -> TriangulateOptions {
     }
 }
 
-/// Why there is no triangle; of a surface and what it was to be, if the analysis came to its end.
+/// Makes the failure of an empty result, with the surface and its meaning if the analysis finished.
 pub(crate) fn nothing(
     name: &str,
     surface: Option<(&Surface, &TriangulateOptions)>,
@@ -555,7 +555,7 @@ pub(crate) fn nothing(
         .hint(hint)
 }
 
-/// Where a surface is of which the box holds no piece.
+/// Returns the hint for a surface outside the box.
 fn outside(options: &TriangulateOptions) -> String {
     let b = &options.half_width;
     let parameters = match options.domain {

@@ -1,6 +1,6 @@
 //! The result for people.
 
-use super::Made;
+use super::MadeSurface;
 use crate::mesh::table::wrote;
 use crate::table::line;
 use isoform::algebra::CurveTopology;
@@ -9,7 +9,7 @@ use isoform::tess::{BasePoint, Basis, Claim, Domain, Mode, RealBorder, Surface, 
 use std::path::PathBuf;
 
 /// The surface, its mesh, what is proved, and where it went.
-pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
+pub(super) fn text(made: &MadeSurface, beside: &[&Option<PathBuf>]) -> String {
     let seconds: f64 = made.drawn.seconds.iter().map(|s| s.1).sum();
     let mut text = line("map", map(made));
     if let Some(domain) = made.drawn.options.domain.as_ref() {
@@ -34,7 +34,7 @@ pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
 }
 
 /// The topology of the triangles and their number.
-fn mesh(made: &Made) -> String {
+fn mesh(made: &MadeSurface) -> String {
     let (surface, topology) = (&made.drawn.surface, &made.drawn.topology);
     let parts = [
         format!("Euler number {}", topology.euler),
@@ -71,8 +71,8 @@ fn winding(surface: &Surface) -> String {
     format!("consistent, {sides}")
 }
 
-/// Whether the surface is certified, each finding that stands against it, and the claims.
-fn certificate(made: &Made) -> String {
+/// Returns true if the surface is certified, each finding that stands against it, and the claims.
+fn certificate(made: &MadeSurface) -> String {
     let verdict = if made.is_certified() {
         "certified"
     } else {
@@ -89,7 +89,7 @@ fn certificate(made: &Made) -> String {
 }
 
 /// The degrees of the map, or how many patches there are.
-fn map(made: &Made) -> String {
+fn map(made: &MadeSurface) -> String {
     match made.drawn.patches.len() {
         0 => degrees(made),
         n => format!(
@@ -108,7 +108,7 @@ fn region(domain: &Domain) -> String {
 }
 
 /// The box, the fineness of the mesh in it, and the mode.
-fn in_box(made: &Made) -> String {
+fn in_box(made: &MadeSurface) -> String {
     let mesh = &made.drawn.options.mesh;
     let chosen = if made.drawn.is_box_chosen {
         ", chosen to hold all of it,"
@@ -126,7 +126,7 @@ fn in_box(made: &Made) -> String {
 
 /// A line for each curve of parameters that the map contracts to points. The real components of one
 /// curve may be contracted to several conjugate points.
-fn contracted_curves(made: &Made) -> String {
+fn contracted_curves(made: &MadeSurface) -> String {
     if !made.drawn.patches.is_empty() {
         return String::new();
     }
@@ -144,7 +144,7 @@ fn contracted_curves(made: &Made) -> String {
 }
 
 /// The border of the real image of an improper map.
-fn real_border(made: &Made) -> String {
+fn real_border(made: &MadeSurface) -> String {
     let border = &made.drawn.surface.real_border;
     if border.is_empty() {
         return String::new();
@@ -170,7 +170,7 @@ fn point(at: Option<[f64; 3]>) -> String {
     }
 }
 
-/// How many claims hold on which basis, and which of them are not proved.
+/// Returns the number of claims by basis, and the unproved claims.
 fn claims(surface: &Surface) -> String {
     let certificate = surface.certificate();
     let named = |is_it: &dyn Fn(Verdict) -> bool| -> Vec<String> {
@@ -197,7 +197,7 @@ fn claims(surface: &Surface) -> String {
     parts.join(", ")
 }
 
-/// What stands behind a claim.
+/// Returns a basis in words.
 fn in_words(basis: Basis) -> &'static str {
     match basis {
         Basis::Exact => "proved exactly",
@@ -221,7 +221,7 @@ pub(super) fn count(n: usize, what: &str) -> String {
 }
 
 /// The largest degree of the maps.
-fn degree(made: &Made) -> usize {
+fn degree(made: &MadeSurface) -> usize {
     made.drawn
         .maps
         .iter()
@@ -231,7 +231,7 @@ fn degree(made: &Made) -> usize {
 }
 
 /// The degrees of the map and of the surface that it covers, and how often it does.
-fn degrees(made: &Made) -> String {
+fn degrees(made: &MadeSurface) -> String {
     let degree = degree(made);
     match made.drawn.analyses.first().and_then(|a| a.degrees) {
         None => format!("of degree {degree}; how often it covers the surface is unknown"),
@@ -306,7 +306,7 @@ fn pole(pole: Option<&CurveTopology>) -> String {
 }
 
 /// The arcs of the double curve in the box.
-fn double_curve(made: &Made) -> String {
+fn double_curve(made: &MadeSurface) -> String {
     let (double, solitary) = (
         made.drawn.surface.double_curve.len(),
         made.drawn.surface.solitary_arcs.len(),

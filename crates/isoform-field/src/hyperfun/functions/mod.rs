@@ -66,6 +66,18 @@ impl ArgumentShape {
                 .then(|| "3 items for each point, and two points at least".to_owned()),
         }
     }
+    /// Returns the type in words.
+    fn describe(self) -> String {
+        match self {
+            Self::Number => "number".to_owned(),
+            Self::Point => "point, an array of 3 numbers".to_owned(),
+            Self::Array(1) => "array".to_owned(),
+            Self::Array(n) => format!("array of {n} numbers"),
+            Self::Elements(1) | Self::Each(1) => "array, one number per element".to_owned(),
+            Self::Elements(n) | Self::Each(n) => format!("array, {n} numbers per element"),
+            Self::Chain => "array, 3 numbers per point".to_owned(),
+        }
+    }
     /// Returns the number of elements of an array of `len` items, if this type determines it.
     pub(crate) fn elements(self, len: u32) -> Option<u32> {
         match self {
@@ -135,7 +147,8 @@ pub(crate) struct Function<M: Machine> {
     pub(crate) writes: Option<usize>,
     /// True if an infinite value is admissible, since further arithmetic may make it finite.
     pub(crate) may_overflow: bool,
-    pub(crate) help: &'static str,
+    /// Description of the value, and the statements of a program that uses the function.
+    pub(crate) doc: (&'static str, &'static str),
 }
 
 static NAMES: LazyLock<HashMap<String, u16>> = LazyLock::new(|| {
@@ -154,12 +167,23 @@ pub(crate) fn find(name: &str) -> Option<u16> {
     NAMES.get(name).copied()
 }
 
+/// Returns the names of all functions, synonyms included.
+pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+    let rows = Function::<Direct<f64>>::TABLE.iter();
+    rows.flat_map(|row| row.names.iter().copied())
+}
+
 /// Returns the row of a function, for everything except execution.
 pub(crate) fn entry(function: u16) -> &'static Function<Direct<f64>> {
     &Function::<Direct<f64>>::TABLE[function as usize]
 }
 
 impl<M: Machine> Function<M> {
+    /// Returns the signature, as in `hfSphere(x, center, R)`.
+    pub(crate) fn signature(&self) -> String {
+        let arguments: Vec<&str> = self.arguments.iter().map(|(name, _)| *name).collect();
+        format!("{}({})", self.names[0], arguments.join(", "))
+    }
     /// Returns true if an array argument for a point does not have three items.
     pub(crate) fn has_wrong_point(&self, arguments: &[Argument]) -> bool {
         let is_wrong = |(argument, (_, shape)): (&Argument, &(&str, ArgumentShape))| {
@@ -179,22 +203,42 @@ pub struct FunctionHelp {
     pub names: Vec<&'static str>,
     /// Signature, as in `hfSphere(x, center, R)`.
     pub signature: String,
+    /// Title of its section.
+    pub section: &'static str,
+    /// Name and type of each argument.
+    pub arguments: Vec<(&'static str, String)>,
     /// Description of the value.
     pub help: &'static str,
+    /// Program whose model uses the function. Its solid lies in the box from -2 to 2.
+    pub example: String,
 }
 
 /// Lists all functions of the library, in the order of its documentation.
 pub fn library() -> Vec<FunctionHelp> {
+    let mut section = "";
     let help = |row: &Function<Direct<f64>>| {
-        let arguments: Vec<&str> = row.arguments.iter().map(|(n, _)| *n).collect();
-        let signature = format!("{}({})", row.names[0], arguments.join(", "));
+        let begun = table::SECTIONS.iter().find(|s| s.1 == row.names[0]);
+        section = begun.map_or(section, |s| s.0);
+        let arguments = row.arguments.iter();
         FunctionHelp {
             names: row.names.to_vec(),
-            signature,
-            help: row.help,
+            signature: row.signature(),
+            section,
+            arguments: arguments.map(|(n, shape)| (*n, shape.describe())).collect(),
+            help: row.doc.0,
+            example: example(row.doc.1),
         }
     };
     Function::<Direct<f64>>::TABLE.iter().map(help).collect()
+}
+
+/// Returns a program with these statements.
+fn example(statements: &str) -> String {
+    let words = |c: char| !c.is_ascii_alphanumeric() && c != '_';
+    let has_attributes = statements.split(words).any(|word| word == "s");
+    let attributes = if has_attributes { ", s[3]" } else { "" };
+    let body = statements.replace('\n', "\n  ");
+    format!("my_model(x[3], a[1]{attributes}) {{\n  {body}\n}}\n")
 }
 
 /// Evaluated arguments: numbers, and positions of arrays in memory (start, length).
@@ -320,13 +364,15 @@ impl<'c, M: Machine> Call<'c, M> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hyperfun::Model;
+    use std::collections::{BTreeSet, HashSet};
 
     #[test]
     fn every_row_is_sound() {
-        let mut seen = std::collections::BTreeSet::new();
+        let mut seen = BTreeSet::new();
         for row in Function::<Direct<f64>>::TABLE {
             assert!(
-                !row.help.is_empty()
+                !row.doc.0.is_empty()
                     && row.arguments.len() <= MAX_ARGUMENTS
                     && !row.arguments.is_empty()
             );
@@ -348,5 +394,31 @@ mod tests {
                 assert_ne!(row.arguments[i].1, ArgumentShape::Number);
             }
         }
+    }
+
+    /// Every example is a program that changes its sign in the box from -2 to 2, and is negative on
+    /// the sides of the box.
+    #[test]
+    fn examples_are_solids() {
+        for function in library() {
+            let name = function.names[0];
+            let called = function.example.contains(name);
+            assert!(called && !function.section.is_empty(), "{name}");
+            let model = Model::parse(&function.example, Mode::Default).expect(name);
+            let at = |i: i32| f64::from(i) / 4.0;
+            let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+            for (i, j, k) in (0..17 * 17 * 17).map(|n| (n % 17 - 8, n / 17 % 17 - 8, n / 289 - 8)) {
+                let value = model
+                    .eval(&[at(i), at(j), at(k)], &[0.0], &[0.0; 3])
+                    .expect(name)
+                    .f;
+                let is_side = [i, j, k].iter().any(|v| v.abs() == 8);
+                assert!(!is_side || value < 0.0, "{name}: {value} at {i} {j} {k}");
+                range = [range[0].min(value), range[1].max(value)];
+            }
+            assert!(range[0] < 0.0 && range[1] > 0.0, "{name}: {range:?}");
+        }
+        let sections = library().iter().map(|f| f.section).collect::<HashSet<_>>();
+        assert_eq!(sections.len(), table::SECTIONS.len());
     }
 }

@@ -1,12 +1,12 @@
 //! The squared Sampson distance F²/|∇F|² as a graph over the domain of the patch, seen from a
 //! corner.
 
-use super::Frame;
+use super::PlotFrame;
 use isoform::geom::{Field, RationalPatch, dot};
 use std::fmt::Write;
 
 /// The place of the graph in the picture.
-const FRAME: Frame = Frame {
+const FRAME: PlotFrame = PlotFrame {
     left: 540.0,
     right: 1020.0,
     top: 40.0,

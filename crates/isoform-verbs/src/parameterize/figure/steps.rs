@@ -1,11 +1,11 @@
 //! The terms of the objective over the steps, on a logarithmic axis.
 
-use super::Frame;
+use super::PlotFrame;
 use isoform::patch::{Phase, Row};
 use std::fmt::Write;
 
 /// The place of the graph in the picture.
-const FRAME: Frame = Frame {
+const FRAME: PlotFrame = PlotFrame {
     left: 72.0,
     right: 500.0,
     top: 40.0,
@@ -16,16 +16,16 @@ const FRAME: Frame = Frame {
 const DECADES: f64 = 10.0;
 
 /// One term over all steps.
-struct Line {
+struct PlotLine {
     /// Name of the term, and of its class in the style.
     name: &'static str,
-    /// Its value at each step.
+    /// Value of the term at each step.
     values: Vec<f64>,
 }
 
 /// Draws one line each for S, I and E, and a plus above each extrapolation.
 pub(super) fn draw(svg: &mut String, trace: &[Row]) {
-    let Frame { left, top, .. } = FRAME;
+    let PlotFrame { left, top, .. } = FRAME;
     let _ = writeln!(
         svg,
         "<text class=\"title\" x=\"{left}\" y=\"22\">Terms of the objective over the steps</text>"
@@ -55,8 +55,8 @@ pub(super) fn draw(svg: &mut String, trace: &[Row]) {
 }
 
 /// The terms that are drawn, step by step.
-fn lines(trace: &[Row]) -> [Line; 3] {
-    let line = |name, term: fn(&Row) -> f64| Line {
+fn lines(trace: &[Row]) -> [PlotLine; 3] {
+    let line = |name, term: fn(&Row) -> f64| PlotLine {
         name,
         values: trace.iter().map(term).collect(),
     };
@@ -68,17 +68,17 @@ fn lines(trace: &[Row]) -> [Line; 3] {
 }
 
 /// All values of all lines.
-fn values(lines: &[Line]) -> impl Iterator<Item = f64> {
+fn values(lines: &[PlotLine]) -> impl Iterator<Item = f64> {
     lines.iter().flat_map(|l| &l.values).copied()
 }
 
 /// The largest value; 0 without steps.
-fn largest(lines: &[Line]) -> f64 {
+fn largest(lines: &[PlotLine]) -> f64 {
     values(lines).fold(0.0, f64::max)
 }
 
 /// The decimal logarithms, whole numbers, of both ends of the axis.
-fn decades(lines: &[Line], most: f64) -> [f64; 2] {
+fn decades(lines: &[PlotLine], most: f64) -> [f64; 2] {
     let hi = most.log10().ceil();
     let least = values(lines).filter(|v| *v > 0.0).fold(most, f64::min);
     let lo = least.log10().floor().max(hi - DECADES).min(hi - 1.0);
@@ -107,7 +107,7 @@ impl Axes {
 
     /// Draws a line for each power of ten, for every other one where there are more than six.
     fn draw_decades(&self, svg: &mut String) {
-        let Frame { left, right, .. } = FRAME;
+        let PlotFrame { left, right, .. } = FRAME;
         let [lo, hi] = self.decades;
         let every = if hi - lo > 6.0 { 2 } else { 1 };
         for decade in (lo as i32..=hi as i32).rev().step_by(every) {
@@ -148,7 +148,7 @@ impl Axes {
     }
 
     /// Draws a term over all steps.
-    fn draw_line(&self, svg: &mut String, Line { name, values }: &Line) {
+    fn draw_line(&self, svg: &mut String, PlotLine { name, values }: &PlotLine) {
         let steps = values.iter().enumerate();
         let points: Vec<String> = steps
             .map(|(k, v)| format!("{:.1},{:.1}", self.x(k), self.y(*v)))
@@ -172,7 +172,7 @@ fn pause(steps: usize) -> usize {
 }
 
 /// Writes the legend of the line number `k`.
-fn name_line(svg: &mut String, Line { name, .. }: &Line, k: usize) {
+fn name_line(svg: &mut String, PlotLine { name, .. }: &PlotLine, k: usize) {
     let bottom = FRAME.bottom;
     let at = FRAME.left + 40.0 * k as f64;
     let _ = writeln!(
@@ -190,7 +190,7 @@ fn name_line(svg: &mut String, Line { name, .. }: &Line, k: usize) {
 
 /// Writes the legend of the plus signs, and the name of the horizontal axis.
 fn name_signs(svg: &mut String) {
-    let Frame { right, bottom, .. } = FRAME;
+    let PlotFrame { right, bottom, .. } = FRAME;
     let at = FRAME.left + 140.0;
     let _ = writeln!(
         svg,
@@ -226,7 +226,7 @@ mod tests {
     fn the_axis_holds_whole_decades() {
         let of = |values: &[f64]| {
             let values = values.to_vec();
-            let lines = [Line { name: "S", values }];
+            let lines = [PlotLine { name: "S", values }];
             decades(&lines, largest(&lines))
         };
         assert_eq!(of(&[0.02, 3.0]), [-2.0, 1.0]);

@@ -1,9 +1,10 @@
-//! Where a parameter is seen: how the surface moves as it grows tells what it measures.
+//! Interpretation of a parameter as a dimension: the motion of the surface as the parameter grows
+//! shows the length that it measures.
 //!
 //! A point p of the surface with outward normal n moves by w n per unit of a parameter a; w is
-//! called the speed. If a is a length and w is 1, then p − a w n is where the length begins: the
-//! axis of a radius, the foot of a height, the other side of a wall. If w is ½ on two sides, a is
-//! the distance between them.
+//! called the speed. If a is a length and w is 1, then p − a w n is the beginning of the length: a
+//! point of the axis of a radius, the foot of a height, the other side of a wall. If w is ½ on two
+//! sides, a is the distance between them.
 //!
 //! - linear: all fast points move along one direction, by 1 on one side or by ½ on two;
 //! - round: the beginnings p − a w n crowd in few places, the centres;
@@ -12,14 +13,14 @@
 //!
 //! A level is a value of p · direction at which many points lie.
 
-use super::subject::{Sample, Subject};
+use super::subject::{DrawnModel, Sample};
 use isoform::fit::{Kind, Template};
 use isoform::geom::{Point3, dot, norm, sub};
 use isoform::num::linalg::symmetric_eigen;
 
-/// What a parameter measures, with the places where it can be shown.
+/// Dimension that a parameter measures, with the places where it can be shown.
 #[derive(Clone, Debug)]
-pub(super) enum Form {
+pub(super) enum DimensionForm {
     /// A length along a direction, from one side to the other; the foot may be bare of surface.
     Linear {
         along: Point3,
@@ -35,7 +36,7 @@ pub(super) enum Form {
         rim: Vec<Sample>,
         is_diameter: bool,
         radius: f64,
-        /// How many alike there are.
+        /// Number of equal features.
         count: usize,
     },
     /// A length from the surface along its normal: a wall, a bead's radius.
@@ -48,8 +49,8 @@ pub(super) enum Form {
     Tied,
 }
 
-/// Points that move more slowly than this share of the fastest are not looked at: they are blends
-/// and sides that are dragged along, whose normals lead elsewhere.
+/// Minimum speed of points that are considered, as a share of the fastest: slower points lie on
+/// blends and on sides that are dragged along, whose normals point elsewhere.
 const FAST: f64 = 0.9;
 /// Speeds within this of 1 or ½ are taken for it. Slanted walls move by the cosine of their slope
 /// (14° at 0.03), other measures by other speeds.
@@ -58,7 +59,7 @@ const SPEED: f64 = 0.06;
 const ALONG: f64 = 0.9;
 /// Levels within this share of the model's size are one.
 const LEVEL: f64 = 0.005;
-/// Share of the moving points that must fit a form, since some lie beside edges.
+/// Minimum share of the moving points that must fit a form; some of the others lie near edges.
 const MOST: f64 = 0.75;
 /// Share that must have a speed, or normals about an axis: a sheet's thickness changes with its
 /// radius, and moves a floor too.
@@ -75,14 +76,14 @@ struct Moved {
     speed: f64,
 }
 
-/// What each of the model's own parameters measures.
+/// Returns the form of each of the model's own parameters.
 pub(super) fn forms(
-    subject: &Subject<'_>,
+    subject: &DrawnModel<'_>,
     samples: &[Sample],
     template: &dyn Template,
     values: &[f64],
     own: usize,
-) -> Vec<Form> {
+) -> Vec<DimensionForm> {
     let motions = subject.motions(samples);
     let size = extent(samples);
     (0..own)
@@ -104,7 +105,7 @@ pub(super) fn forms(
                 .collect();
             let parameter = &template.parameters()[k];
             if parameter.tie.is_some() {
-                return Form::Tied;
+                return DimensionForm::Tied;
             }
             checked(
                 form(&moved, &still, parameter.kind, values[k], size),
@@ -116,8 +117,8 @@ pub(super) fn forms(
 
 /// An offset is a length that can be shown if it begins at the other side of a wall, or amid a rod
 /// or bead of that radius; else it is only said where it acts.
-fn checked(form: Form, subject: &Subject<'_>) -> Form {
-    let Form::Offset { length, places } = form else {
+fn checked(form: DimensionForm, subject: &DrawnModel<'_>) -> DimensionForm {
+    let DimensionForm::Offset { length, places } = form else {
         return form;
     };
     let begins: Vec<Point3> = places
@@ -132,24 +133,24 @@ fn checked(form: Form, subject: &Subject<'_>) -> Form {
         .map(|(s, _)| *s)
         .collect();
     if true_ones.len() as f64 > 0.5 * places.len() as f64 {
-        Form::Offset {
+        DimensionForm::Offset {
             length,
             places: true_ones,
         }
     } else {
-        Form::Place(places)
+        DimensionForm::Place(places)
     }
 }
 
 /// The size of the model: the diagonal of its samples.
 fn extent(samples: &[Sample]) -> f64 {
-    isoform::geom::Aabb::of(samples.iter().map(|s| &s.at)).diagonal()
+    isoform::geom::Aabb::from_points(samples.iter().map(|s| &s.at)).diagonal()
 }
 
-/// What a parameter measures, by how it moves the surface.
-fn form(moved: &[Moved], still: &[Sample], kind: Kind, value: f64, size: f64) -> Form {
+/// Determines the form of a parameter from the motion of the surface.
+fn form(moved: &[Moved], still: &[Sample], kind: Kind, value: f64, size: f64) -> DimensionForm {
     if moved.is_empty() {
-        return Form::Nothing;
+        return DimensionForm::Nothing;
     }
     let fast = fastest(moved);
     let measured = match kind {
@@ -162,7 +163,7 @@ fn form(moved: &[Moved], still: &[Sample], kind: Kind, value: f64, size: f64) ->
     measured.unwrap_or_else(|| {
         let mut places: Vec<&Moved> = fast;
         places.sort_by(|a, b| b.speed.abs().total_cmp(&a.speed.abs()));
-        Form::Place(places.iter().map(|m| m.sample).collect())
+        DimensionForm::Place(places.iter().map(|m| m.sample).collect())
     })
 }
 
@@ -187,12 +188,12 @@ fn common_speed(fast: &[&Moved]) -> Option<f64> {
 }
 
 /// A length as the first form that fits: linear, round, offset.
-fn length(fast: &[&Moved], still: &[Sample], value: f64, size: f64) -> Option<Form> {
+fn length(fast: &[&Moved], still: &[Sample], value: f64, size: f64) -> Option<DimensionForm> {
     let speed = common_speed(fast)?;
     linear(fast, still, value, speed, size)
         .or_else(|| round(fast, value, speed, size))
         .or_else(|| {
-            (speed == 1.0 && value < 0.6 * size).then(|| Form::Offset {
+            (speed == 1.0 && value < 0.6 * size).then(|| DimensionForm::Offset {
                 length: value,
                 places: fast.iter().map(|m| heading(m)).collect(),
             })
@@ -208,7 +209,13 @@ fn heading(m: &Moved) -> Sample {
 }
 
 /// All move along one direction: by 1 on one side or by ½ apart.
-fn linear(fast: &[&Moved], still: &[Sample], value: f64, speed: f64, size: f64) -> Option<Form> {
+fn linear(
+    fast: &[&Moved],
+    still: &[Sample],
+    value: f64,
+    speed: f64,
+    size: f64,
+) -> Option<DimensionForm> {
     let headings: Vec<Point3> = fast.iter().map(|m| heading(m).normal).collect();
     let along = common_direction(&headings)?;
     let side = |sign: f64| -> Vec<Sample> {
@@ -226,7 +233,7 @@ fn linear(fast: &[&Moved], still: &[Sample], value: f64, speed: f64, size: f64) 
     }
 }
 
-/// How many of the headings lead along `e` or against it.
+/// Returns the number of headings along `e` or against it.
 fn aligned(headings: &[Point3], e: Point3) -> usize {
     headings
         .iter()
@@ -252,14 +259,14 @@ fn one_sided(
     along: Point3,
     value: f64,
     size: f64,
-) -> Option<Form> {
+) -> Option<DimensionForm> {
     let (to, is_middle) = level(&moved, still, along, value, size)?;
     let far = if is_middle {
         moved
     } else {
         at_level(&moved, along, to, size)
     };
-    Some(Form::Linear {
+    Some(DimensionForm::Linear {
         along,
         from: to - value,
         to,
@@ -275,7 +282,7 @@ fn two_sided(
     along: Point3,
     value: f64,
     size: f64,
-) -> Option<Form> {
+) -> Option<DimensionForm> {
     let to = ahead
         .iter()
         .map(|s| dot(s.at, along))
@@ -284,7 +291,7 @@ fn two_sided(
         .iter()
         .map(|s| dot(s.at, along))
         .min_by(f64::total_cmp)?;
-    ((to - from - value).abs() < 0.02 * value).then(|| Form::Linear {
+    ((to - from - value).abs() < 0.02 * value).then(|| DimensionForm::Linear {
         along,
         from,
         to,
@@ -334,7 +341,7 @@ fn level(
 }
 
 /// All have their beginnings in few places, seen along the axis of their normals.
-fn round(fast: &[&Moved], value: f64, speed: f64, size: f64) -> Option<Form> {
+fn round(fast: &[&Moved], value: f64, speed: f64, size: f64) -> Option<DimensionForm> {
     let axis = axis(fast);
     let fast: Vec<&Moved> = fast
         .iter()
@@ -355,7 +362,7 @@ fn round(fast: &[&Moved], value: f64, speed: f64, size: f64) -> Option<Form> {
         let height = dot(z, mean(best.iter().map(|i| fast[*i].sample.at)));
         center = std::array::from_fn(|k| center[k] + height * z[k]);
     }
-    Some(Form::Round {
+    Some(DimensionForm::Round {
         center,
         axis,
         rim: best.iter().map(|i| fast[*i].sample).collect(),
@@ -373,8 +380,8 @@ fn beginning(m: &Moved, value: f64, axis: Option<Point3>) -> Point3 {
     axis.map_or(begin, |z| sub(begin, z.map(|v| v * dot(z, begin))))
 }
 
-/// Beginnings by the places where they crowd, as numbers; small crowds are left out. None where
-/// there are far too many places.
+/// Clusters beginnings, and returns the indices of each cluster but small ones; `None` if there are
+/// far too many clusters.
 fn crowds(begins: &[Point3], value: f64, size: f64) -> Option<Vec<Vec<usize>>> {
     // Walls that slope have another radius at each height, and beginnings about the axis by as
     // much; other rounds of the kind are two radii off at least, or they would touch.
@@ -395,7 +402,7 @@ fn crowds(begins: &[Point3], value: f64, size: f64) -> Option<Vec<Vec<usize>>> {
     Some(groups)
 }
 
-/// Whether no two rounds lie within each other, as the rounds of a torus or of a blend do.
+/// Returns true if no two rounds lie within each other, as the rounds of a torus or of a blend do.
 fn are_apart(middles: &[Point3], radius: f64) -> bool {
     let is_apart = |i: usize, j: usize| norm(sub(middles[i], middles[j])) > 1.2 * radius;
     (0..middles.len()).all(|i| (0..i).all(|j| is_apart(i, j)))
@@ -448,7 +455,7 @@ fn middle(levels: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// A coordinate: what moves does so as one, and lies there, or its middle does.
-fn position(moved: &[Moved], axis: usize, value: f64, size: f64) -> Option<Form> {
+fn position(moved: &[Moved], axis: usize, value: f64, size: f64) -> Option<DimensionForm> {
     let wrong = moved
         .iter()
         .filter(|m| (m.speed - m.sample.normal[axis]).abs() > 0.1);
@@ -464,7 +471,7 @@ fn position(moved: &[Moved], axis: usize, value: f64, size: f64) -> Option<Form>
         .collect();
     let mut along = [0.0; 3];
     along[axis] = value.signum();
-    (!far.is_empty()).then_some(Form::Linear {
+    (!far.is_empty()).then_some(DimensionForm::Linear {
         along,
         from: 0.0,
         to: value.abs(),
@@ -500,7 +507,7 @@ mod tests {
     fn radii_and_diameters() {
         for (side, speed, value) in [(1.0, 1.0, 2.0), (-1.0, -1.0, 2.0), (1.0, 0.5, 4.0)] {
             let found = form(&wall(1.0, side, speed), &[], Kind::Length, value, 10.0);
-            let Form::Round {
+            let DimensionForm::Round {
                 center,
                 axis,
                 is_diameter,
@@ -522,7 +529,10 @@ mod tests {
         let mut two = wall(1.0, -1.0, -1.0);
         two.extend(wall(9.0, -1.0, -1.0));
         let found = form(&two, &[], Kind::Length, 2.0, 20.0);
-        assert!(matches!(found, Form::Round { count: 2, .. }), "{found:?}");
+        assert!(
+            matches!(found, DimensionForm::Round { count: 2, .. }),
+            "{found:?}"
+        );
     }
 
     #[test]
@@ -531,8 +541,8 @@ mod tests {
             let at = (0..20).map(|i| [f64::from(i % 5), f64::from(i / 5), z]);
             at.map(|p| moved(p, [0.0, 0.0, up], speed)).collect()
         };
-        let ends = |form: Form| match form {
-            Form::Linear {
+        let ends = |form: DimensionForm| match form {
+            DimensionForm::Linear {
                 along, from, to, ..
             } => (along[2], from, to),
             other => panic!("{other:?}"),
@@ -552,15 +562,18 @@ mod tests {
             .into_iter()
             .map(|m| moved(m.sample.at, m.sample.normal, m.sample.normal[0]))
             .collect();
-        let Form::Linear { from, to, .. } = form(&hole, &[], Kind::Length, 5.0, 12.0) else {
+        let DimensionForm::Linear { from, to, .. } = form(&hole, &[], Kind::Length, 5.0, 12.0)
+        else {
             panic!("a place along x");
         };
         assert!(from.abs() < 0.02 && (to - 5.0).abs() < 0.02, "{from} {to}");
         // A ratio is shown where it acts; what acts nowhere is said to.
-        assert!(matches!(form(&top, &[], Kind::Ratio, 3.0, 8.0), Form::Place(p) if p.len() == 20));
+        assert!(
+            matches!(form(&top, &[], Kind::Ratio, 3.0, 8.0), DimensionForm::Place(p) if p.len() == 20)
+        );
         assert!(matches!(
             form(&[], &[], Kind::Length, 3.0, 8.0),
-            Form::Nothing
+            DimensionForm::Nothing
         ));
     }
 }

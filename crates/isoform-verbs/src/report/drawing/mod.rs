@@ -14,10 +14,10 @@ mod subject;
 
 use crate::fit::job::Job;
 use isoform::fit::Template;
-use outline::Line;
+use outline::OutlineLine;
 use picture::{CUT, Picture, Tracer, View};
 use rayon::prelude::*;
-use subject::{Sample, Shell, Subject};
+use subject::{DrawnModel, Sample, Shell};
 
 /// Pixels along the longest side of a view. Lines are found within 1/32 of a pixel; features below
 /// one may be missed. The time grows with the square: 0.1 s for a simple part.
@@ -29,7 +29,7 @@ const FEW_PIXELS: f64 = 56.0;
 /// A view with its lines.
 struct Drawn {
     picture: Picture,
-    lines: Vec<Line>,
+    lines: Vec<OutlineLine>,
 }
 
 /// Everything that is drawn of a model.
@@ -37,16 +37,16 @@ struct Drawing<'a> {
     /// The fit.
     job: &'a Job,
     /// The fitted model.
-    subject: Subject<'a>,
+    subject: DrawnModel<'a>,
     /// Points of its surface.
     samples: Vec<Sample>,
     /// From above.
     top: Drawn,
     /// From the front.
     front: Drawn,
-    /// None where it shows no more than the view from the front.
+    /// View from the side; `None` if it shows no more than the view from the front.
     side: Option<Drawn>,
-    /// None for a model without holes and hollows in its middle plane.
+    /// Section; `None` for a model without holes and hollows in its middle plane.
     section: Option<Drawn>,
     /// Isometric, from above.
     above: Drawn,
@@ -54,10 +54,10 @@ struct Drawing<'a> {
     below: Drawn,
 }
 
-/// The sheet with the dimensions and the sheet with the points; none where the model has no surface
-/// near the data.
+/// Draws the sheet with the dimensions and the sheet with the points; `None` if the model has no
+/// surface near the data.
 pub(crate) fn sheets(job: &Job, limit: f64) -> Option<[String; 2]> {
-    let subject = Subject::of(job);
+    let subject = DrawnModel::new(job);
     let shell = subject.shell()?;
     let samples = subject.project(&shell);
     let section = View {
@@ -106,8 +106,8 @@ pub(crate) fn sheets(job: &Job, limit: f64) -> Option<[String; 2]> {
     ])
 }
 
-/// A view with its lines; none where its rays meet nothing.
-fn drawn(subject: &Subject<'_>, shell: &Shell, view: View) -> Option<Drawn> {
+/// Draws a view with its lines; `None` if its rays miss the model.
+fn drawn(subject: &DrawnModel<'_>, shell: &Shell, view: View) -> Option<Drawn> {
     let tracer = Tracer::new(subject, shell, view);
     let most = if subject.is_slow { FEW_PIXELS } else { PIXELS };
     let (lo, hi) = view.extent(&shell.region);
@@ -118,8 +118,8 @@ fn drawn(subject: &Subject<'_>, shell: &Shell, view: View) -> Option<Drawn> {
     Some(Drawn { picture, lines })
 }
 
-/// Where the section passes: through the frame's own middle if the model lies about it, else
-/// through the middle of the model.
+/// Returns the position of the section: the middle of the frame if the model lies around it, else
+/// the middle of the model.
 fn middle_of(shell: &Shell) -> f64 {
     let (lo, hi) = (shell.region.lo[1], shell.region.hi[1]);
     let share = -lo / (hi - lo);
@@ -130,12 +130,12 @@ fn middle_of(shell: &Shell) -> f64 {
     }
 }
 
-/// Share of the places looked at in which two pictures may differ by chance.
+/// Maximum share of sampled places in which two equal pictures may differ by chance.
 const CHANCE: f64 = 0.01;
 /// Places across and up at which two views are compared.
 const PLACES: usize = 80;
 
-/// Whether two views look alike, as the views of a turned part do.
+/// Returns true if two views look alike, as the views of a turned part do.
 fn is_alike(a: &Picture, b: &Picture) -> bool {
     let (Some(own), Some(other)) = (a.bounds(), b.bounds()) else {
         return false;
@@ -162,7 +162,7 @@ fn is_alike(a: &Picture, b: &Picture) -> bool {
     (count as f64) < 2.0 * CHANCE * n as f64
 }
 
-/// Whether the section is more than the silhouette filled.
+/// Returns true if the section is more than the silhouette filled.
 fn tells_more(section: &Picture, front: &Picture) -> bool {
     let open = section
         .hits

@@ -6,9 +6,9 @@ use isoform::geom::dot;
 use isoform_render::polyline::{Node, chains, sharpened, simplified};
 use std::collections::BTreeMap;
 
-/// What a line stands for.
+/// Meaning of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Kind {
+pub(super) enum LineKind {
     /// The model against the background, or a part before another one.
     Outline,
     /// An edge of two faces that are both seen.
@@ -19,21 +19,21 @@ pub(super) enum Kind {
 
 /// A line on the paper.
 #[derive(Clone, Debug)]
-pub(super) struct Line {
-    pub(super) kind: Kind,
+pub(super) struct OutlineLine {
+    pub(super) kind: LineKind,
     pub(super) points: Vec<[f64; 2]>,
 }
 
-/// Neighbouring rays whose normals differ by more than this are looked at: the cosine of 14°.
-/// Smooth faces turn as much from pixel to pixel where they are small, which halving finds out.
+/// Cosine of 14°: neighbouring rays are compared further if their normals differ by more. Small
+/// smooth faces turn as much from pixel to pixel, which bisection detects.
 const TURN: f64 = 0.97;
 /// Rays 1/32 of a pixel apart lie on both sides of an edge if their normals differ by more than
 /// this: the cosine of 10°. Larger angles lose flat edges, smaller ones draw small rounds as edges.
 const EDGE: f64 = 0.985;
 /// Halvings between neighbouring rays: lines lie within 1/32 of a pixel.
 const HALVINGS: usize = 5;
-/// Slopes to the viewer above this are taken for it: steeper faces are hardly seen, and steps in
-/// depth beside them are looked at.
+/// Maximum slope towards the viewer in comparisons: steeper faces are hardly visible, and steps in
+/// depth near them are compared further.
 const STEEPEST: f64 = 8.0;
 /// Points nearer to a straight line than this share of a pixel are left out of it.
 const STRAIGHT: f64 = 0.06;
@@ -52,7 +52,7 @@ fn steepness(h: &Hit) -> f64 {
     across / h.normal[2].abs().max(1e-9)
 }
 
-/// Whether the faces that two rays met at this distance may be different ones.
+/// Returns true if the faces that two rays met at this distance may be different ones.
 fn differ(a: Option<Hit>, b: Option<Hit>, apart: f64) -> bool {
     match (a, b) {
         (None, None) => false,
@@ -63,12 +63,12 @@ fn differ(a: Option<Hit>, b: Option<Hit>, apart: f64) -> bool {
     }
 }
 
-/// Whether the depths differ by more than a face of these slopes explains.
+/// Returns true if the depths differ by more than a face of these slopes explains.
 fn is_jump(a: &Hit, b: &Hit, apart: f64) -> bool {
     (a.depth - b.depth).abs() > apart * (1.5 + 2.0 * slope(a).max(slope(b)))
 }
 
-/// How unlike the faces are that two rays met; for comparison only.
+/// Returns the dissimilarity of the faces that two rays hit; for comparison only.
 fn unlike(a: Option<Hit>, b: Option<Hit>, pixel: f64) -> f64 {
     match (a, b) {
         (None, None) => 0.0,
@@ -81,9 +81,9 @@ fn unlike(a: Option<Hit>, b: Option<Hit>, pixel: f64) -> f64 {
     }
 }
 
-/// Which of two rays the one between them takes the place of: the one whose face it meets. Where it
-/// meets a third face, the border of the face that is nearest to the viewer is kept, so that two
-/// lines within a pixel do not take turns.
+/// Returns the index of the ray that hits the same face as the ray between the two. If that ray
+/// hits a third face, the border of the face nearest to the viewer is kept, so that two lines
+/// within a pixel do not alternate.
 fn side([a, b]: [Option<Hit>; 2], hit: Option<Hit>, pixel: f64) -> usize {
     let part = |h: Option<Hit>| h.map(|h| h.part);
     if part(hit) != part(a) && part(hit) != part(b) {
@@ -94,15 +94,18 @@ fn side([a, b]: [Option<Hit>; 2], hit: Option<Hit>, pixel: f64) -> usize {
 }
 
 /// The lines of a picture.
-pub(super) fn lines(picture: &Picture, tracer: &Tracer<'_>) -> Vec<Line> {
+pub(super) fn lines(picture: &Picture, tracer: &Tracer<'_>) -> Vec<OutlineLine> {
     let nodes = crossings(picture, tracer);
     let mut lines = Vec::new();
-    for kinds in [&[Kind::Border][..], &[Kind::Edge, Kind::Outline]] {
+    for kinds in [
+        &[LineKind::Border][..],
+        &[LineKind::Edge, LineKind::Outline],
+    ] {
         for chain in chains(&segments(picture, &nodes, kinds)) {
             for (kind, run) in runs(&chain, &nodes) {
                 let points = run.iter().map(|n| position(*n, &nodes, picture));
                 let points = sharpened(points.collect(), picture.pixel);
-                lines.push(Line {
+                lines.push(OutlineLine {
                     kind,
                     points: simplified(&points, STRAIGHT * picture.pixel),
                 });
@@ -112,14 +115,17 @@ pub(super) fn lines(picture: &Picture, tracer: &Tracer<'_>) -> Vec<Line> {
     lines
 }
 
-/// Nodes to either side that have a say in the kind of a line: beside walls that are hardly seen,
-/// single pixels take an edge for an outline.
+/// Number of nodes to either side that vote on the kind of a line: along walls that are hardly
+/// visible, single pixels take an edge for an outline.
 const NEIGHBOURS: usize = 8;
 
 /// The stretches of a chain that are of one kind.
-fn runs(chain: &[Node], nodes: &BTreeMap<Between, (Kind, [f64; 2])>) -> Vec<(Kind, Vec<Node>)> {
-    let own: Vec<Option<Kind>> = chain.iter().map(|n| nodes.get(n).map(|n| n.0)).collect();
-    let mut runs: Vec<(Kind, Vec<Node>)> = Vec::new();
+fn runs(
+    chain: &[Node],
+    nodes: &BTreeMap<Between, (LineKind, [f64; 2])>,
+) -> Vec<(LineKind, Vec<Node>)> {
+    let own: Vec<Option<LineKind>> = chain.iter().map(|n| nodes.get(n).map(|n| n.0)).collect();
+    let mut runs: Vec<(LineKind, Vec<Node>)> = Vec::new();
     for (i, node) in chain.iter().enumerate() {
         let kind = prevalent(&own, i);
         match runs.last_mut() {
@@ -135,19 +141,19 @@ fn runs(chain: &[Node], nodes: &BTreeMap<Between, (Kind, [f64; 2])>) -> Vec<(Kin
 
 /// The kind of a chain about its node `i`: an outline if most nodes near it are of one, else what
 /// else occurs.
-fn prevalent(kinds: &[Option<Kind>], i: usize) -> Kind {
+fn prevalent(kinds: &[Option<LineKind>], i: usize) -> LineKind {
     let near = &kinds[i.saturating_sub(NEIGHBOURS)..(i + NEIGHBOURS + 1).min(kinds.len())];
     let known = || near.iter().flatten();
-    let outlines = known().filter(|k| **k == Kind::Outline).count();
+    let outlines = known().filter(|k| **k == LineKind::Outline).count();
     if 2 * outlines > known().count() {
-        return Kind::Outline;
+        return LineKind::Outline;
     }
-    let thin_first = known().min_by_key(|k| **k == Kind::Outline);
-    thin_first.copied().unwrap_or(Kind::Edge)
+    let thin_first = known().min_by_key(|k| **k == LineKind::Outline);
+    thin_first.copied().unwrap_or(LineKind::Edge)
 }
 
-/// Where lines pass between pixels.
-fn crossings(picture: &Picture, tracer: &Tracer<'_>) -> BTreeMap<Between, (Kind, [f64; 2])> {
+/// Finds the crossings of lines between pixels.
+fn crossings(picture: &Picture, tracer: &Tracer<'_>) -> BTreeMap<Between, (LineKind, [f64; 2])> {
     let mut found = differing(picture);
     for _ in 0..HALVINGS {
         let middles: Vec<[f64; 2]> = found.iter().map(|f| middle(f.ends)).collect();
@@ -165,7 +171,7 @@ fn crossings(picture: &Picture, tracer: &Tracer<'_>) -> BTreeMap<Between, (Kind,
 }
 
 /// The neighbouring pixels between which a line passes.
-fn differing(picture: &Picture) -> Vec<Crossing> {
+fn differing(picture: &Picture) -> Vec<LineCrossing> {
     let (w, h) = (picture.width, picture.height);
     let mut found = Vec::new();
     for row in 0..h {
@@ -177,7 +183,7 @@ fn differing(picture: &Picture) -> Vec<Crossing> {
                 }
                 let b = picture.hits[r * w + c];
                 if differ(a, b, picture.pixel) {
-                    found.push(Crossing {
+                    found.push(LineCrossing {
                         between: (column, row, side),
                         is_step: is_step(a, b, picture.pixel),
                         ends: [picture.place(column, row), picture.place(c, r)],
@@ -191,19 +197,19 @@ fn differing(picture: &Picture) -> Vec<Crossing> {
 }
 
 /// A place where a line passes between two pixels, between two rays that come nearer and nearer.
-struct Crossing {
+struct LineCrossing {
     /// The pixels that it lies between.
     between: Between,
-    /// Whether the pixels see faces at different depths, or one sees none. The rays at the end may
+    /// True if the pixels see faces at different depths, or one sees none. The rays at the end may
     /// meet a face edge-on between the two, which says nothing.
     is_step: bool,
     /// Places of the two rays on the paper.
     ends: [[f64; 2]; 2],
-    /// What the two rays meet.
+    /// Hits of the two rays.
     hits: [Option<Hit>; 2],
 }
 
-/// Whether two pixels see faces at different depths, or one of them sees none.
+/// Returns true if two pixels see faces at different depths, or one of them sees none.
 fn is_step(a: Option<Hit>, b: Option<Hit>, pixel: f64) -> bool {
     match (a, b) {
         // A steep wall that is seen makes no step to the floor at its foot.
@@ -221,25 +227,25 @@ fn middle([a, b]: [[f64; 2]; 2]) -> [f64; 2] {
     [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
 }
 
-/// What passes between two rays that are very near to each other.
-fn kind(crossing: &Crossing, apart: f64) -> Option<Kind> {
+/// Determines the kind of line between two rays that are very near to each other.
+fn kind(crossing: &LineCrossing, apart: f64) -> Option<LineKind> {
     let found = match crossing.hits {
         [None, None] => None,
         [Some(a), Some(b)] => {
             // A step of twenty such distances is more than a steep face makes.
             let step = 20.0 * apart * (1.0 + slope(&a).min(slope(&b)));
             if (a.depth - b.depth).abs() > step {
-                Some(Kind::Outline)
+                Some(LineKind::Outline)
             } else if dot(a.normal, b.normal) < EDGE {
-                Some(Kind::Edge)
+                Some(LineKind::Edge)
             } else {
-                (a.part != b.part).then_some(Kind::Border)
+                (a.part != b.part).then_some(LineKind::Border)
             }
         }
-        _ => Some(Kind::Outline),
+        _ => Some(LineKind::Outline),
     };
     match found {
-        Some(Kind::Edge) if crossing.is_step => Some(Kind::Outline),
+        Some(LineKind::Edge) if crossing.is_step => Some(LineKind::Outline),
         found => found,
     }
 }
@@ -247,8 +253,8 @@ fn kind(crossing: &Crossing, apart: f64) -> Option<Kind> {
 /// Joins the points of each cell between four pixels.
 fn segments(
     picture: &Picture,
-    nodes: &BTreeMap<Between, (Kind, [f64; 2])>,
-    kinds: &[Kind],
+    nodes: &BTreeMap<Between, (LineKind, [f64; 2])>,
+    kinds: &[LineKind],
 ) -> Vec<[Node; 2]> {
     let mut segments = Vec::new();
     for row in 0..picture.height.saturating_sub(1) {
@@ -279,11 +285,11 @@ fn segments(
     segments
 }
 
-/// Where a node lies: where its line passes, or the middle of the nodes around it, or the corner
-/// that they make.
+/// Returns the position of a node: a point of its line, the mean of the nodes around it, or the
+/// corner that they make.
 fn position(
     node: Node,
-    nodes: &BTreeMap<Between, (Kind, [f64; 2])>,
+    nodes: &BTreeMap<Between, (LineKind, [f64; 2])>,
     picture: &Picture,
 ) -> [f64; 2] {
     if let Some((_, at)) = nodes.get(&node) {

@@ -1,10 +1,10 @@
-//! What is seen of the model along parallel rays, with hidden parts left out.
+//! Visible parts of the model along parallel rays.
 //!
 //! Rays march towards the model by its own distance, through the cells of the [`Shell`] only; a
 //! sign change brackets the surface, and regula falsi finds it. All rays of a view go in step, so
 //! that the function is evaluated at many points at a time.
 
-use super::subject::{Shell, Subject, outward};
+use super::subject::{DrawnModel, Shell, outward};
 use isoform::geom::{Aabb, Point3, dot};
 use std::borrow::Borrow;
 
@@ -13,7 +13,7 @@ use std::borrow::Borrow;
 pub(super) struct View {
     /// Name in the caption.
     pub(super) name: &'static str,
-    /// What runs across and what up, for the caption.
+    /// Names of the horizontal and the vertical axis, for the caption.
     pub(super) axes: &'static str,
     /// Direction to the right on the paper.
     pub(super) right: Point3,
@@ -90,7 +90,7 @@ impl View {
         [-R3, R3, -R3],
     );
     /// A point on the paper, and its distance to the viewer's side.
-    pub(super) fn of(&self, p: Point3) -> [f64; 3] {
+    pub(super) fn project(&self, p: Point3) -> [f64; 3] {
         [dot(self.right, p), dot(self.up, p), dot(self.toward, p)]
     }
     /// The point of a place on the paper and a depth.
@@ -108,7 +108,7 @@ impl View {
                     region.hi[k]
                 }
             });
-            for (k, c) in self.of(p).into_iter().enumerate() {
+            for (k, c) in self.project(p).into_iter().enumerate() {
                 (lo[k], hi[k]) = (lo[k].min(c), hi[k].max(c));
             }
         }
@@ -116,7 +116,7 @@ impl View {
     }
 }
 
-/// What a ray meets.
+/// Intersection of a ray with the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Hit {
     /// Coordinate toward the viewer.
@@ -132,7 +132,7 @@ pub(super) const CUT: u32 = u32::MAX;
 
 /// Traces rays of one view.
 pub(super) struct Tracer<'a> {
-    pub(super) subject: &'a Subject<'a>,
+    pub(super) subject: &'a DrawnModel<'a>,
     pub(super) shell: &'a Shell,
     pub(super) view: View,
     /// Depth at which rays start.
@@ -145,7 +145,7 @@ pub(super) struct Tracer<'a> {
 struct Ray {
     /// Number of the ray in its picture.
     index: usize,
-    /// Where it starts, and how far it is.
+    /// Start of the ray.
     from: Point3,
     t: f64,
     /// The last place outside.
@@ -164,7 +164,7 @@ const CROSSING_STEPS: usize = 10;
 const CLOSE: f64 = 2e-4;
 
 impl<'a> Tracer<'a> {
-    pub(super) fn new(subject: &'a Subject<'a>, shell: &'a Shell, view: View) -> Self {
+    pub(super) fn new(subject: &'a DrawnModel<'a>, shell: &'a Shell, view: View) -> Self {
         let (lo, hi) = view.extent(&shell.region);
         Self {
             subject,
@@ -175,7 +175,7 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// What rays at these places of the paper meet.
+    /// Returns the intersections of the rays at these places of the paper.
     pub(super) fn trace(&self, rays: &[[f64; 2]]) -> Vec<Option<Hit>> {
         let mut hits = vec![None; rays.len()];
         let mut active: Vec<Ray> = rays
@@ -313,14 +313,14 @@ impl<'a> Tracer<'a> {
         for ((r, g), part) in rays.iter().zip(rows).zip(parts) {
             hits[r.index] = Some(Hit {
                 depth: self.top - r.t,
-                normal: self.view.of(outward(g)),
+                normal: self.view.project(outward(g)),
                 part,
             });
         }
     }
 }
 
-/// What is seen at each pixel of a view.
+/// Picture of a view: the visible point at each pixel.
 pub(super) struct Picture {
     pub(super) view: View,
     /// Pixels in a row.
@@ -331,7 +331,7 @@ pub(super) struct Picture {
     pub(super) pixel: f64,
     /// The middle of the first pixel, above on the left.
     pub(super) first: [f64; 2],
-    /// What the ray of each pixel meets, row by row from above.
+    /// Intersection of each pixel's ray, row by row from above.
     pub(super) hits: Vec<Option<Hit>>,
 }
 
@@ -361,7 +361,7 @@ impl Picture {
         picture
     }
 
-    /// Where a pixel lies on the paper.
+    /// Returns the position of a pixel on the paper.
     pub(super) fn place(&self, column: usize, row: usize) -> [f64; 2] {
         [
             self.first[0] + self.pixel * column as f64,
@@ -369,7 +369,7 @@ impl Picture {
         ]
     }
 
-    /// What is seen at a place of the paper.
+    /// Returns the visible point at a place of the paper.
     pub(super) fn seen(&self, [u, v]: [f64; 2]) -> Option<Hit> {
         let column = ((u - self.first[0]) / self.pixel).round();
         let row = ((self.first[1] - v) / self.pixel).round();
@@ -380,18 +380,18 @@ impl Picture {
             .flatten()
     }
 
-    /// Whether a point that lies on the model is not hidden by another part of it: a point just off
-    /// its surface is looked at.
+    /// Returns true if a point of the model is not hidden by another part of it; the ray starts
+    /// slightly above the surface.
     pub(super) fn shows(&self, at: Point3, normal: Point3) -> bool {
         let off: Point3 = std::array::from_fn(|k| at[k] + 1.5 * self.pixel * normal[k]);
-        let [u, v, w] = self.view.of(off);
+        let [u, v, w] = self.view.project(off);
         self.view.cut.is_none_or(|cut| w <= cut + 1.6 * self.pixel)
             && self
                 .seen([u, v])
                 .is_none_or(|hit| hit.depth <= w + 0.5 * self.pixel)
     }
 
-    /// What the rays met, as a box on the paper; none where they met nothing.
+    /// Returns the box of all intersections on the paper; `None` if there are none.
     pub(super) fn bounds(&self) -> Option<[f64; 4]> {
         let mut b = [
             f64::INFINITY,

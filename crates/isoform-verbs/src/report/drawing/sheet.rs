@@ -9,9 +9,9 @@ pub(super) use self::points::with_points;
 
 use self::offers::offer;
 use self::panel::{AIR, Label, Panel};
-use self::placed::{PAPER, Placed};
+use self::placed::{PAPER, PlacedView};
 use super::Drawing;
-use super::dimensions::Form;
+use super::dimensions::DimensionForm;
 use crate::fit::table;
 use crate::report::svg::escaped;
 use std::fmt::Write;
@@ -21,7 +21,7 @@ const SIZE: f64 = 250.0;
 /// Least width of a sheet.
 const NARROWEST: f64 = 860.0;
 /// The sheet with views and dimensions.
-pub(super) fn dimensioned(drawing: &Drawing<'_>, forms: &[Form]) -> String {
+pub(super) fn dimensioned(drawing: &Drawing<'_>, forms: &[DimensionForm]) -> String {
     let scale = scale_of(drawing);
     let mut panels: Vec<Panel<'_>> = [
         Some(&drawing.front),
@@ -47,10 +47,10 @@ pub(super) fn dimensioned(drawing: &Drawing<'_>, forms: &[Form]) -> String {
     )
 }
 
-/// The isometric views, scaled to the room of the others: from above, and from below where there
-/// are enough other views to stand beside.
+/// Returns the isometric views, scaled to the room of the others: from above, and also from below
+/// if there are enough other views.
 fn isometric<'d>(drawing: &'d Drawing<'_>, scale: f64) -> Vec<Panel<'d>> {
-    let [l, r, t, b] = Placed {
+    let [l, r, t, b] = PlacedView {
         drawn: &drawing.above,
         scale: 1.0,
         origin: [0.0; 2],
@@ -81,7 +81,11 @@ fn scale_of(drawing: &Drawing<'_>) -> f64 {
 }
 
 /// Gives each dimension to the view that shows it best; the indices of those that none shows.
-fn distribute<'a>(drawing: &Drawing<'_>, forms: &[Form], panels: &mut [Panel<'a>]) -> Vec<usize> {
+fn distribute<'a>(
+    drawing: &Drawing<'_>,
+    forms: &[DimensionForm],
+    panels: &mut [Panel<'a>],
+) -> Vec<usize> {
     let mut rest = Vec::new();
     for (i, form) in forms.iter().enumerate() {
         let best = panels
@@ -104,10 +108,10 @@ fn distribute<'a>(drawing: &Drawing<'_>, forms: &[Form], panels: &mut [Panel<'a>
 }
 
 /// The name and value of a parameter, with a sign for radius or diameter, and the number of rounds.
-fn label(drawing: &Drawing<'_>, form: &Form, i: usize) -> Label {
+fn label(drawing: &Drawing<'_>, form: &DimensionForm, i: usize) -> Label {
     let job = drawing.job;
     let mark = match form {
-        Form::Round {
+        DimensionForm::Round {
             is_diameter, count, ..
         } => {
             let sign = if *is_diameter { "⌀ " } else { "R " };
@@ -127,15 +131,15 @@ fn label(drawing: &Drawing<'_>, form: &Form, i: usize) -> Label {
 
 /// The place of a view in the table of views.
 #[derive(Clone, Copy)]
-struct Cell {
+struct SheetCell {
     row: usize,
     column: usize,
 }
 
-/// The cells of the views in their order: top over front and side beside it (third-angle
-/// projection), the section below or in the place of the side, isometric views in what is left.
-fn cells(drawing: &Drawing<'_>) -> Vec<Cell> {
-    let cell = |row, column| Cell { row, column };
+/// Returns the cells of the views in their order: top above front, side on its right (third-angle
+/// projection), the section below or in place of the side, isometric views in the remaining room.
+fn cells(drawing: &Drawing<'_>) -> Vec<SheetCell> {
+    let cell = |row, column| SheetCell { row, column };
     let has_side = drawing.side.is_some();
     let section = if has_side { cell(2, 0) } else { cell(1, 1) };
     let cells = [
@@ -185,13 +189,18 @@ fn arrange(drawing: &Drawing<'_>, panels: &mut [Panel<'_>]) -> (f64, f64) {
 }
 
 /// Below the views: what could not be drawn, and how to read the sheet; and its height.
-fn legend(drawing: &Drawing<'_>, forms: &[Form], rest: &[usize], from: f64) -> (String, f64) {
+fn legend(
+    drawing: &Drawing<'_>,
+    forms: &[DimensionForm],
+    rest: &[usize],
+    from: f64,
+) -> (String, f64) {
     let mut lines = Vec::new();
     for i in rest {
         let label = label(drawing, &forms[*i], *i);
         let why = match forms[*i] {
-            Form::Tied => continue,
-            Form::Nothing => "does not move the surface",
+            DimensionForm::Tied => continue,
+            DimensionForm::Nothing => "does not move the surface",
             _ => "not seen in these views",
         };
         lines.push(format!("{} {} ({why})", label.name, label.value));

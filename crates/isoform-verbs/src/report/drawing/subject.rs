@@ -1,7 +1,7 @@
 //! The fitted model in its own frame: values, normals, motion under its parameters, and its extent.
 //!
 //! The template may be moved by its pose: world = t + scale · R · p. Drawings show the model in its
-//! own frame, so that points of the scan are moved back ([`Subject::framed`]) and points of the
+//! own frame, so that points of the scan are moved back ([`DrawnModel::framed`]) and points of the
 //! model moved forth before its function is asked.
 
 use crate::fit::job::Job;
@@ -11,14 +11,14 @@ use isoform::fit::Template;
 use isoform::geom::{Aabb, Point3, dot, norm};
 
 /// The model with its fitted values.
-pub(super) struct Subject<'a> {
+pub(super) struct DrawnModel<'a> {
     /// The fit.
     job: &'a Job,
     /// Fitted values of all parameters.
     values: Vec<f64>,
     /// Pose of the model in the scan.
     place: Placement,
-    /// Whether the program runs line by line for each point, some hundred times slower.
+    /// True if the program runs line by line for each point, some hundred times slower.
     pub(super) is_slow: bool,
 }
 
@@ -38,7 +38,7 @@ pub(super) struct Shell {
     pub(super) cell: f64,
     /// Cells along each axis.
     dims: [usize; 3],
-    /// Whether the surface may pass each cell.
+    /// True for each cell that the surface may pass.
     is_near: Vec<bool>,
     /// Blocks of cells that hold such a cell, so that rays cross empty space fast.
     blocks: Vec<bool>,
@@ -56,12 +56,12 @@ const FEW_CELLS: f64 = 24.0;
 /// The model is looked for this far about the data, as a share of their longest side. What reaches
 /// farther is cut off near the data.
 const AROUND: f64 = 0.7;
-/// Points of the surface whose motion is looked at; fewer miss small features.
+/// Number of surface points whose motion is computed; fewer miss small features.
 const SAMPLES: usize = 8000;
 
-impl<'a> Subject<'a> {
+impl<'a> DrawnModel<'a> {
     /// The fitted model of a job, in the place that its pose gives it.
-    pub(super) fn of(job: &'a Job) -> Self {
+    pub(super) fn new(job: &'a Job) -> Self {
         let values = job.found.fit.values();
         let identity = Placement {
             rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
@@ -129,8 +129,8 @@ impl<'a> Subject<'a> {
         out
     }
 
-    /// By sample and parameter, how fast the surface moves outward as the parameter grows. On the
-    /// surface d(x, a) = 0 this is ∂d/∂a / |∇d|.
+    /// Returns the outward speed of the surface, by sample and parameter. On the surface d(x, a) =
+    /// 0 it is ∂d/∂a / |∇d|.
     pub(super) fn motions(&self, samples: &[Sample]) -> Vec<Vec<f64>> {
         let field = self.job.found.template.metric();
         let dim = field.dim();
@@ -149,8 +149,8 @@ impl<'a> Subject<'a> {
             .collect()
     }
 
-    /// The box to draw, in the model's frame, and the cells of it that the surface may pass; none
-    /// where there is no surface near the data.
+    /// Returns the box to draw, in the model's frame, and the cells of it that the surface may
+    /// pass; `None` if there is no surface near the data.
     pub(super) fn shell(&self) -> Option<Shell> {
         let data = self.data();
         let longest = longest(&data);
@@ -160,7 +160,7 @@ impl<'a> Subject<'a> {
         let region = grown(&data, AROUND * longest);
         let coarse = self.cells(region, longest * (1.0 + 2.0 * AROUND) / FEW_CELLS);
         let surface: Vec<Point3> = self.project(&coarse).iter().map(|s| s.at).collect();
-        let seen = Aabb::of(&surface);
+        let seen = Aabb::from_points(&surface);
         if seen.is_empty() {
             return None;
         }
@@ -179,7 +179,7 @@ impl<'a> Subject<'a> {
         (size > 0.0).then(|| self.cells(tight, size / cells))
     }
 
-    /// The box around the points of the scan that are no outliers, in the model's frame.
+    /// Returns the box of the points of the scan without outliers, in the model's frame.
     fn data(&self) -> Aabb {
         let found = &self.job.found;
         let used = found.cloud.points.iter().zip(&found.fit.outliers);
@@ -187,7 +187,7 @@ impl<'a> Subject<'a> {
             .filter(|(_, out)| !**out)
             .map(|(p, _)| self.framed(*p))
             .collect();
-        Aabb::of(&points)
+        Aabb::from_points(&points)
     }
 
     /// The cells that the surface may pass. The distance is first order only, so that eight cells at
@@ -321,8 +321,8 @@ impl Shell {
         let [nx, ny, _] = self.dims.map(|n| n.div_ceil(BLOCK));
         (c[2] / BLOCK * ny + c[1] / BLOCK) * nx + c[0] / BLOCK
     }
-    /// How many cells around a point, given in cells, the surface does not pass: none, the cell of
-    /// the point, or its block.
+    /// Returns the size of the block of cells around a point that the surface misses: 0, 1 cell, or
+    /// its block. The point is given in cells.
     fn empty(&self, p: [f64; 3]) -> f64 {
         let is_within = |k: usize| (0.0..self.dims[k] as f64).contains(&p[k]);
         if !(0..3).all(is_within) {
@@ -337,8 +337,8 @@ impl Shell {
             0.0
         }
     }
-    /// Where the ray from `p` along `d` next meets a cell that the surface may pass, from `t` on
-    /// and before `end`.
+    /// Returns the parameter at which the ray from `p` along `d` next meets a cell that the surface
+    /// may pass, from `t` on and before `end`.
     pub(super) fn next(&self, p: Point3, d: Point3, mut t: f64, end: f64) -> Option<f64> {
         // On a border between cells the one ahead counts.
         let ahead = 1e-6 * self.cell;

@@ -1,23 +1,23 @@
-//! What a view can show of a dimension, and how well.
+//! Ways in which a view can show a dimension, with their quality.
 //!
-//! A lane is a dimension line beside the view, between two extension lines; a leader is an arrow
+//! A lane is a dimension line outside the view, between two extension lines; a leader is an arrow
 //! within the view that leads to a label on its right.
 
-use super::super::dimensions::Form;
+use super::super::dimensions::DimensionForm;
 use super::super::subject::Sample;
-use super::placed::Placed;
+use super::placed::PlacedView;
 use isoform::geom::{Point3, dot};
 
 /// A dimension that a view will show.
-pub(super) enum Shown {
-    /// Along the bottom, or (true) up the left side; from, to: coordinates along; where the two
-    /// extension lines begin, across.
+pub(super) enum DimensionMark {
+    /// Dimension line below the view, or (true) on its left; from, to: coordinates along it; the
+    /// beginnings of the two extension lines across it.
     Lane {
         is_upright: bool,
         ends: [f64; 2],
         begin: [f64; 2],
     },
-    /// An arrow from one place to another with a label beside the view.
+    /// Arrow from one place to another with a label on the right of the view.
     Leader {
         from: Option<[f64; 2]>,
         to: [f64; 2],
@@ -29,28 +29,29 @@ pub(super) enum Shown {
 pub(super) struct Offer {
     /// The larger the better; the view with the best offer shows the dimension.
     pub(super) merit: f64,
-    pub(super) shown: Shown,
+    pub(super) shown: DimensionMark,
 }
 
 /// Fewest samples of a moving face that must be seen in a view.
 const FEWEST_SEEN: usize = 2;
 
-/// What a view can make of a form; angles are taken so that leaders do not cross.
+/// Returns the ways in which a view can show a form; angles are chosen so that leaders do not
+/// cross.
 pub(super) fn offer(
-    view: &Placed<'_>,
-    form: &Form,
+    view: &PlacedView<'_>,
+    form: &DimensionForm,
     samples: &[Sample],
     turn: usize,
 ) -> Option<Offer> {
     match form {
-        Form::Linear {
+        DimensionForm::Linear {
             along,
             from,
             to,
             near,
             far,
         } => linear_offer(view, *along, [*from, *to], [near, far], samples),
-        Form::Round {
+        DimensionForm::Round {
             center,
             axis,
             rim,
@@ -58,14 +59,14 @@ pub(super) fn offer(
             radius,
             ..
         } => round_offer(view, (*center, *axis, *radius), rim, *is_diameter, turn),
-        Form::Offset { length, places } => offset_offer(view, *length, places),
-        Form::Place(places) => place_offer(view, places),
-        Form::Nothing | Form::Tied => None,
+        DimensionForm::Offset { length, places } => offset_offer(view, *length, places),
+        DimensionForm::Place(places) => place_offer(view, places),
+        DimensionForm::Nothing | DimensionForm::Tied => None,
     }
 }
 
 /// The samples that a view shows.
-fn seen<'s>(view: &Placed<'_>, samples: &'s [Sample]) -> Vec<&'s Sample> {
+fn seen<'s>(view: &PlacedView<'_>, samples: &'s [Sample]) -> Vec<&'s Sample> {
     let picture = view.picture();
     samples
         .iter()
@@ -73,17 +74,16 @@ fn seen<'s>(view: &Placed<'_>, samples: &'s [Sample]) -> Vec<&'s Sample> {
         .collect()
 }
 
-/// Offers a length along a direction: a lane beside the view where it runs upright or level on
-/// paper, a leader along it where it runs aslant, nothing where it is foreshortened or its far end
-/// is hidden.
+/// Offers a length along a direction: a lane if it is vertical or horizontal on paper, a leader
+/// along it if it is oblique, nothing if it is foreshortened or its far end is hidden.
 fn linear_offer(
-    view: &Placed<'_>,
+    view: &PlacedView<'_>,
     along: Point3,
     [from, to]: [f64; 2],
     [near, far]: [&[Sample]; 2],
     samples: &[Sample],
 ) -> Option<Offer> {
-    let [eu, ev, ew] = view.picture().view.of(along);
+    let [eu, ev, ew] = view.picture().view.project(along);
     let ends = seen(view, far);
     if ew.abs() > 0.05 || ends.len() < FEWEST_SEEN {
         return None;
@@ -95,7 +95,7 @@ fn linear_offer(
         let foot: Point3 = std::array::from_fn(|k| tip[k] - (to - from) * along[k]);
         return Some(Offer {
             merit: 0.6 * share,
-            shown: Shown::Leader {
+            shown: DimensionMark::Leader {
                 from: Some(view.at(foot)),
                 to: view.at(tip),
                 has_center: false,
@@ -111,7 +111,7 @@ fn linear_offer(
     };
     Some(Offer {
         merit: 1.0 + 0.5 * share,
-        shown: Shown::Lane {
+        shown: DimensionMark::Lane {
             is_upright,
             ends: [coordinate(from), coordinate(to)],
             begin: [foot, tip].map(|v| if is_upright { v } else { -v }),
@@ -134,9 +134,9 @@ fn at_foot<'s>(
     samples.iter().filter(is_level).collect()
 }
 
-/// How near to the side of the lane the samples come: upright lanes stand on the left, others
-/// below.
-fn nearest_to_lane(view: &Placed<'_>, is_upright: bool, samples: &[&Sample]) -> Option<f64> {
+/// Returns the distance of the samples from the side of the lane: vertical lanes stand on the left,
+/// others below.
+fn nearest_to_lane(view: &PlacedView<'_>, is_upright: bool, samples: &[&Sample]) -> Option<f64> {
     let across = samples.iter().map(|s| {
         let [x, y] = view.at(s.at);
         if is_upright { x } else { -y }
@@ -150,7 +150,7 @@ const TURNS: [f64; 7] = [35.0, -30.0, 62.0, -58.0, 8.0, 80.0, -80.0];
 /// Offers a radius or diameter: along the axis as an arrow from the centre, across the axis, where
 /// it merits less, to the outermost line.
 fn round_offer(
-    view: &Placed<'_>,
+    view: &PlacedView<'_>,
     (center, axis, radius): (Point3, Option<Point3>, f64),
     rim: &[Sample],
     is_diameter: bool,
@@ -188,7 +188,7 @@ fn round_offer(
     };
     Some(Offer {
         merit: if middle.is_none() { 1.6 } else { 0.7 },
-        shown: Shown::Leader {
+        shown: DimensionMark::Leader {
             from: Some(from),
             to: tip,
             has_center: !is_diameter,
@@ -198,7 +198,7 @@ fn round_offer(
 
 /// The sample that lies most nearly in a direction from the centre.
 fn toward_angle<'s>(
-    view: &Placed<'_>,
+    view: &PlacedView<'_>,
     rim: Vec<&'s Sample>,
     center: [f64; 2],
     angle: f64,
@@ -213,7 +213,7 @@ fn toward_angle<'s>(
         .max_by(|a, b| merit_of(a).total_cmp(&merit_of(b)))
 }
 
-/// Of a wall that slopes, the points where it has the radius itself.
+/// Returns the points of a sloping wall at which it has the radius itself.
 fn truest(rim: Vec<&Sample>, center: Point3, axis: Option<Point3>, radius: f64) -> Vec<&Sample> {
     let off = |s: &&Sample| {
         let d: Point3 = std::array::from_fn(|k| s.at[k] - center[k]);
@@ -229,7 +229,7 @@ fn truest(rim: Vec<&Sample>, center: Point3, axis: Option<Point3>, radius: f64) 
 }
 
 /// Offers a wall or a bead where it is seen edge-on, at the sample farthest to the right.
-fn offset_offer(view: &Placed<'_>, length: f64, places: &[Sample]) -> Option<Offer> {
+fn offset_offer(view: &PlacedView<'_>, length: f64, places: &[Sample]) -> Option<Offer> {
     let picture = view.picture();
     let toward = picture.view.toward;
     let edge_on = |s: &&Sample| dot(s.normal, toward).abs() < 0.15;
@@ -240,7 +240,7 @@ fn offset_offer(view: &Placed<'_>, length: f64, places: &[Sample]) -> Option<Off
         .filter(|s| picture.shows(s.at, s.normal) || picture.shows(s.at, s.normal.map(|v| -v)));
     let rightmost = visible.max_by(|a, b| {
         let right = |s: &Sample| {
-            let [u, v, _] = picture.view.of(s.at);
+            let [u, v, _] = picture.view.project(s.at);
             u + 0.3 * v
         };
         right(a).total_cmp(&right(b))
@@ -249,7 +249,7 @@ fn offset_offer(view: &Placed<'_>, length: f64, places: &[Sample]) -> Option<Off
     let is_cut = picture.view.cut.is_some();
     Some(Offer {
         merit: if is_cut { 0.95 } else { 0.8 },
-        shown: Shown::Leader {
+        shown: DimensionMark::Leader {
             from: Some(view.at(begin)),
             to: view.at(rightmost.at),
             has_center: false,
@@ -258,7 +258,7 @@ fn offset_offer(view: &Placed<'_>, length: f64, places: &[Sample]) -> Option<Off
 }
 
 /// Offers an arrow to the place that moves most, by the share of such places that are seen.
-fn place_offer(view: &Placed<'_>, places: &[Sample]) -> Option<Offer> {
+fn place_offer(view: &PlacedView<'_>, places: &[Sample]) -> Option<Offer> {
     let few = &places[..places.len().min(400)];
     let visible = seen(view, few);
     let first = visible.iter().max_by(|a, b| {
@@ -267,7 +267,7 @@ fn place_offer(view: &Placed<'_>, places: &[Sample]) -> Option<Offer> {
     })?;
     Some(Offer {
         merit: 0.4 + 0.4 * visible.len() as f64 / few.len() as f64,
-        shown: Shown::Leader {
+        shown: DimensionMark::Leader {
             from: None,
             to: view.at(first.at),
             has_center: false,

@@ -1,8 +1,8 @@
 //! A view with its dimensions: the room that they need, and how they are drawn.
 
 use super::super::Drawn;
-use super::offers::Shown;
-use super::placed::Placed;
+use super::offers::DimensionMark;
+use super::placed::PlacedView;
 use crate::report::svg::escaped;
 use std::fmt::Write;
 
@@ -34,14 +34,14 @@ impl Label {
 /// A view with what it shows.
 pub(super) struct Panel<'a> {
     /// The view.
-    pub(super) placed: Placed<'a>,
-    /// Its dimensions with their labels.
-    pub(super) shown: Vec<(Shown, Label)>,
+    pub(super) placed: PlacedView<'a>,
+    /// Dimensions of the panel with their labels.
+    pub(super) shown: Vec<(DimensionMark, Label)>,
 }
 
 impl<'a> Panel<'a> {
     pub(super) fn new(drawn: &'a Drawn, scale: f64) -> Self {
-        let placed = Placed {
+        let placed = PlacedView {
             drawn,
             scale,
             origin: [0.0; 2],
@@ -51,19 +51,18 @@ impl<'a> Panel<'a> {
             shown: Vec::new(),
         }
     }
-    /// How many lanes there are below, or on the left.
+    /// Returns the number of lanes below, or on the left.
     fn lanes(&self, upright: bool) -> usize {
-        let lanes = self
-            .shown
-            .iter()
-            .filter(|(s, _)| matches!(s, Shown::Lane { is_upright, .. } if *is_upright == upright));
+        let lanes = self.shown.iter().filter(
+            |(s, _)| matches!(s, DimensionMark::Lane { is_upright, .. } if *is_upright == upright),
+        );
         lanes.count()
     }
     /// The leaders with their labels.
-    pub(super) fn leaders(&self) -> impl Iterator<Item = (&Shown, &Label)> {
+    pub(super) fn leaders(&self) -> impl Iterator<Item = (&DimensionMark, &Label)> {
         self.shown
             .iter()
-            .filter(|(s, _)| matches!(s, Shown::Leader { .. }))
+            .filter(|(s, _)| matches!(s, DimensionMark::Leader { .. }))
             .map(|(s, l)| (s, l))
     }
     /// Space that is needed to the left, to the right, above and below of the view's middle.
@@ -76,7 +75,7 @@ impl<'a> Panel<'a> {
         let below = LANES[0] * self.lanes(false) as f64;
         // The text of a lane may be longer than the lane.
         let text = self.shown.iter().filter_map(|(s, label)| match s {
-            Shown::Lane {
+            DimensionMark::Lane {
                 is_upright: false, ..
             } => Some(0.5 * LETTER * (label.name.len() + label.value.chars().count() + 2) as f64),
             _ => None,
@@ -89,12 +88,12 @@ impl<'a> Panel<'a> {
             (h + below).max(stack).max(self.overhang(1.0)) + AIR,
         ]
     }
-    /// How far texts of upright lanes reach from the middle of the view, up or down.
+    /// Returns the extent of the texts of vertical lanes from the middle of the view, up or down.
     fn overhang(&self, sign: f64) -> f64 {
         let [_, _, t, b] = self.placed.bounds();
         let middle = 0.5 * (t + b);
-        let reach = |(shown, label): &(Shown, Label)| match shown {
-            Shown::Lane {
+        let reach = |(shown, label): &(DimensionMark, Label)| match shown {
+            DimensionMark::Lane {
                 is_upright: true,
                 ends,
                 ..
@@ -113,11 +112,11 @@ impl<'a> Panel<'a> {
         let moved = |p: &mut [f64; 2]| (0..2).for_each(|k| p[k] += by[k]);
         for (shown, _) in &mut self.shown {
             match shown {
-                Shown::Leader { from, to, .. } => {
+                DimensionMark::Leader { from, to, .. } => {
                     from.iter_mut().for_each(moved);
                     moved(to);
                 }
-                Shown::Lane {
+                DimensionMark::Lane {
                     is_upright,
                     ends,
                     begin,
@@ -156,7 +155,7 @@ impl<'a> Panel<'a> {
     /// cross.
     fn sorted_lanes(&self, upright: bool) -> Vec<(Lane, &Label)> {
         let lanes = self.shown.iter().filter_map(|(s, label)| match *s {
-            Shown::Lane {
+            DimensionMark::Lane {
                 is_upright,
                 ends,
                 begin,
@@ -178,10 +177,10 @@ impl<'a> Panel<'a> {
     /// Draws the leaders, their labels stacked on the right in the order of their arrows.
     fn leaders_svg(&self) -> String {
         let [_, right, top, bottom] = self.placed.bounds();
-        let mut leaders: Vec<(&Shown, &Label)> = self.leaders().collect();
-        let height = |s: &Shown| match s {
-            Shown::Leader { to, .. } => to[1],
-            Shown::Lane { .. } => 0.0,
+        let mut leaders: Vec<(&DimensionMark, &Label)> = self.leaders().collect();
+        let height = |s: &DimensionMark| match s {
+            DimensionMark::Leader { to, .. } => to[1],
+            DimensionMark::Lane { .. } => 0.0,
         };
         leaders.sort_by(|a, b| height(a.0).total_cmp(&height(b.0)));
         let wanted: Vec<f64> = leaders.iter().map(|l| height(l.0)).collect();
@@ -193,8 +192,8 @@ impl<'a> Panel<'a> {
     }
 }
 
-/// The heights of labels beside a view from `top` to `bottom`: each at the height of its arrow, or
-/// as near as the others let it. The wanted heights ascend.
+/// Returns the heights of labels next to a view from `top` to `bottom`: each at the height of its
+/// arrow, or as near to it as the others allow. The wanted heights ascend.
 fn stacked(wanted: &[f64], top: f64, bottom: f64) -> Vec<f64> {
     let n = wanted.len() as f64;
     let middle = 0.5 * (top + bottom);
@@ -225,9 +224,9 @@ fn head([x, y]: [f64; 2], d: [f64; 2]) -> String {
 /// A dimension line along the bottom, or up the left side.
 struct Lane {
     is_upright: bool,
-    /// Where it begins and ends, along.
+    /// Coordinates of its ends, along.
     ends: [f64; 2],
-    /// Where its extension lines begin, across.
+    /// Coordinates of the beginnings of its extension lines, across.
     begin: [f64; 2],
 }
 
@@ -298,8 +297,8 @@ fn stroke(a: [f64; 2], b: [f64; 2]) -> String {
 
 /// Draws a leader to its label at a place: an elbow, the line, its arrowheads, and a cross at a
 /// centre.
-fn leader_svg(shown: &Shown, label: &Label, x: f64, y: f64) -> String {
-    let Shown::Leader {
+fn leader_svg(shown: &DimensionMark, label: &Label, x: f64, y: f64) -> String {
+    let DimensionMark::Leader {
         from,
         to,
         has_center,

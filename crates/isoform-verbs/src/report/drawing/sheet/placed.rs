@@ -1,7 +1,7 @@
 //! A view at its place on the paper: shades, lines and hatching.
 
 use super::super::Drawn;
-use super::super::outline::Kind;
+use super::super::outline::LineKind;
 use super::super::picture::{CUT, Hit, Picture};
 use isoform::geom::{Point3, dot};
 use isoform_render::write_indexed_png;
@@ -15,7 +15,7 @@ const TONES: usize = 40;
 pub(super) struct Paint {
     /// Grey of the lightest tone, from 0 to 255.
     light: f64,
-    /// How much darker the darkest tone is in red, green and blue.
+    /// Difference between the brightest and the darkest tone in red, green and blue.
     range: [f64; 3],
 }
 
@@ -58,15 +58,15 @@ fn tone(hit: Option<&Hit>) -> u8 {
 }
 
 /// A view at its place on the paper.
-pub(super) struct Placed<'a> {
+pub(super) struct PlacedView<'a> {
     pub(super) drawn: &'a Drawn,
     /// Paper units per unit of the model.
     pub(super) scale: f64,
-    /// Where the view's own origin (u, v) = 0 comes to lie.
+    /// Position of the view's own origin (u, v) = 0 on the paper.
     pub(super) origin: [f64; 2],
 }
 
-impl Placed<'_> {
+impl PlacedView<'_> {
     /// The view's own picture.
     pub(super) fn picture(&self) -> &Picture {
         &self.drawn.picture
@@ -80,7 +80,7 @@ impl Placed<'_> {
     }
     /// A point of the model on the paper.
     pub(super) fn at(&self, p: Point3) -> [f64; 2] {
-        let [u, v, _] = self.picture().view.of(p);
+        let [u, v, _] = self.picture().view.project(p);
         self.flat([u, v])
     }
     /// Left, right, top and bottom on the paper.
@@ -94,9 +94,9 @@ impl Placed<'_> {
     pub(super) fn lines(&self) -> String {
         let mut svg = self.hatching();
         for (kind, class) in [
-            (Kind::Border, "border"),
-            (Kind::Edge, "edge"),
-            (Kind::Outline, "outline"),
+            (LineKind::Border, "border"),
+            (LineKind::Edge, "edge"),
+            (LineKind::Outline, "outline"),
         ] {
             let mut path = String::new();
             for line in self.drawn.lines.iter().filter(|l| l.kind == kind) {

@@ -3,7 +3,7 @@
 use super::super::picture::{CUT, Picture};
 use super::super::{Drawing, Drawn};
 use super::panel::AIR;
-use super::placed::{GREY, Placed};
+use super::placed::{GREY, PlacedView};
 use isoform::geom::Point3;
 use isoform::io::deviation_colors;
 use std::fmt::Write;
@@ -21,7 +21,7 @@ pub(in super::super) fn with_points(drawing: &Drawing<'_>, limit: f64) -> String
     let side = if columns == 3 { 250.0 } else { 300.0 };
     let (mut svg, mut y, mut width) = (String::new(), AIR, 0.0_f64);
     for row in views.chunks(columns) {
-        let scaled: Vec<Placed<'_>> = row.iter().map(|d| fitted(d, side)).collect();
+        let scaled: Vec<PlacedView<'_>> = row.iter().map(|d| fitted(d, side)).collect();
         let height = scaled.iter().map(|p| extent(p)[1]).fold(0.0, f64::max);
         for (i, mut placed) in scaled.into_iter().enumerate() {
             let x = AIR + (side + 2.0 * AIR) * (i as f64 + 0.5);
@@ -42,7 +42,7 @@ pub(in super::super) fn with_points(drawing: &Drawing<'_>, limit: f64) -> String
 }
 
 /// Moves a view, which stands at the origin, to have its middle at a place on paper.
-fn center(placed: &mut Placed<'_>, [x, y]: [f64; 2]) {
+fn center(placed: &mut PlacedView<'_>, [x, y]: [f64; 2]) {
     let [l, r, t, b] = placed.bounds();
     placed.origin = [x - 0.5 * (l + r), y - 0.5 * (t + b)];
 }
@@ -61,7 +61,7 @@ fn views<'d>(drawing: &'d Drawing<'_>) -> Vec<&'d Drawn> {
     views.into_iter().flatten().collect()
 }
 
-/// Whether a good part of a section is faces behind the cut, where points can lie.
+/// Returns true if a good part of a section is faces behind the cut, where points can lie.
 fn shows_inside(section: &Picture) -> bool {
     let hits = section.hits.iter().flatten();
     let behind = hits.clone().filter(|h| h.part != CUT).count();
@@ -69,14 +69,14 @@ fn shows_inside(section: &Picture) -> bool {
 }
 
 /// Width and height on the paper.
-fn extent(placed: &Placed<'_>) -> [f64; 2] {
+fn extent(placed: &PlacedView<'_>) -> [f64; 2] {
     let [l, r, t, b] = placed.bounds();
     [r - l, b - t]
 }
 
 /// A view scaled to a longest side.
-fn fitted(drawn: &Drawn, side: f64) -> Placed<'_> {
-    let mut placed = Placed {
+fn fitted(drawn: &Drawn, side: f64) -> PlacedView<'_> {
+    let mut placed = PlacedView {
         drawn,
         scale: 1.0,
         origin: [0.0; 2],
@@ -99,7 +99,7 @@ fn points(drawing: &Drawing<'_>) -> Vec<Point> {
 }
 
 /// The points that no part of the model and no nearer point hides.
-fn dots(placed: &Placed<'_>, points: &[Point], limit: f64) -> String {
+fn dots(placed: &PlacedView<'_>, points: &[Point], limit: f64) -> String {
     let picture = placed.picture();
     let mut shades = vec![String::new(); SHADES + 1];
     for dot in nearest(placed, points) {
@@ -141,14 +141,14 @@ struct Dot {
 }
 
 /// The nearest point to the viewer in each square of the paper.
-fn nearest(placed: &Placed<'_>, points: &[Point]) -> impl Iterator<Item = Dot> {
+fn nearest(placed: &PlacedView<'_>, points: &[Point]) -> impl Iterator<Item = Dot> {
     let picture = placed.picture();
     let cell = DOT / placed.scale;
     let columns = (picture.width as f64 * picture.pixel / cell).ceil() as usize + 1;
     let rows = (picture.height as f64 * picture.pixel / cell).ceil() as usize + 1;
     let mut nearest: Vec<Option<Dot>> = vec![None; columns * rows];
     for (p, deviation) in points {
-        let [u, v, depth] = picture.view.of(*p);
+        let [u, v, depth] = picture.view.project(*p);
         let (c, r) = ((u - picture.first[0]) / cell, (picture.first[1] - v) / cell);
         let is_within = (0.0..columns as f64).contains(&c) && (0.0..rows as f64).contains(&r);
         let is_cut_off = |cut: f64| depth > cut + picture.pixel;
