@@ -5,7 +5,7 @@
 //! complexity above [`MAX_COMPLEXITY`] are listed in tests/long_functions.txt, each with its
 //! reason. A long function that is not listed is a failure, and so is a listed one that was
 //! removed or shortened, so that the list can only shrink. The counts of comments and names are
-//! bounded by tests/prose.txt in the same way; `--write` writes that list anew.
+//! bounded by tests/prose.txt likewise; `--write` writes that list anew.
 #![forbid(unsafe_code)]
 
 mod functions;
