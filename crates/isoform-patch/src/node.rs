@@ -111,7 +111,7 @@ impl Node {
         }
     }
 
-    /// Returns the second derivatives of that coordinate by the same four numbers.
+    /// Returns the second derivatives of that coordinate by these four numbers.
     pub(crate) fn tangent_second(&self, which: usize, k: usize) -> [[f64; 4]; 4] {
         let (w, offset) = (self.weight(), 4 + 4 * which);
         let (n, nu, wu) = (self.z[k], self.z[offset + k], self.z[offset + 3]);
