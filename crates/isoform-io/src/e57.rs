@@ -179,7 +179,7 @@ mod with_crate {
             .map(PosedScan::from_numbered)
             .collect();
         let layout = layout(&all, report);
-        let mut rows = PointRows::new(layout, collector);
+        let mut rows = ScanRows::new(layout, collector);
         for scan in all.iter().filter(|s| s.cloud.records > 0) {
             if scan.fields.len() > MAX_POINT_FIELDS || !scan.has_bits() {
                 return Err(invalid(
@@ -294,7 +294,7 @@ mod with_crate {
     }
 
     /// Offers points as rows of a layout.
-    struct PointRows {
+    struct ScanRows {
         layout: RowLayout,
         /// True if a scan has intensities; they precede the index of the scan.
         has_intensity: bool,
@@ -302,7 +302,7 @@ mod with_crate {
         row: Vec<f64>,
     }
 
-    impl PointRows {
+    impl ScanRows {
         /// Announces a layout to the collector.
         fn new(mut layout: RowLayout, collector: &mut Collector) -> Self {
             layout.announce(collector);

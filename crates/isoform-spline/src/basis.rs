@@ -8,7 +8,7 @@ use isoform_geom::{Point3, PolynomialData};
 
 /// Products of Legendre polynomials up to a total degree.
 #[derive(Clone, Debug)]
-pub(crate) struct Basis {
+pub(crate) struct LegendreBasis {
     degree: usize,
     /// Degrees of the three factors.
     pub(crate) exponents: Vec<[u16; 3]>,
@@ -29,7 +29,7 @@ pub(crate) struct BasisRows {
 /// Values, first and second derivatives of the Legendre polynomials at a point, by degree.
 type LegendreJets = Vec<[f64; 3]>;
 
-impl Basis {
+impl LegendreBasis {
     pub(crate) fn new(degree: usize) -> Self {
         Self {
             degree,
@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn rows_are_derivatives_along_normal_and_tangents() {
-        let basis = Basis::new(5);
+        let basis = LegendreBasis::new(5);
         let (q, n) = ([0.3, -0.7, 0.5], [0.48, 0.6, 0.64]);
         let at = |q: Point3| {
             let mut rows = basis.rows();
@@ -173,7 +173,7 @@ mod tests {
 
     #[test]
     fn monomials_have_the_same_values() {
-        let basis = Basis::new(6);
+        let basis = LegendreBasis::new(6);
         let c: Vec<f64> = (0..basis.len())
             .map(|i| ((i * 7) % 11) as f64 - 5.0)
             .collect();

@@ -12,8 +12,8 @@
 
 use crate::bspline;
 use crate::keys::{IndexSet, LatticeIndex, NO_INDEX, place};
-use crate::level::{Level, MAX_CELL_SPLINES, block};
-use crate::matrix::{Matrix, MatrixBlock, split};
+use crate::level::{MAX_CELL_SPLINES, SplineLevel, block};
+use crate::matrix::{MatrixBlock, RunMatrix, split};
 use crate::points::PointsByCell;
 use crate::smoothing::Smoothing;
 use isoform_control::{Control, Stopped};
@@ -37,7 +37,7 @@ pub(crate) struct TermWeights {
 /// Equations of a level.
 pub(crate) struct LevelEquations {
     /// Normal equations of the data.
-    pub(crate) matrix: Matrix,
+    pub(crate) matrix: RunMatrix,
     pub(crate) right: Vec<f64>,
     pub(crate) smoothing: Smoothing,
 }
@@ -185,7 +185,7 @@ fn add_point_body(share: &mut CellEquations, stencil: &Stencil, residual: [f64; 
 
 /// Input of a level's least-squares problem.
 pub(crate) struct LevelProblem<'a> {
-    pub(crate) level: &'a Level,
+    pub(crate) level: &'a SplineLevel,
     pub(crate) degree: usize,
     pub(crate) points: &'a PointsByCell<'a>,
     pub(crate) weights: TermWeights,
@@ -196,7 +196,7 @@ pub(crate) struct LevelProblem<'a> {
 
 impl<'a> LevelProblem<'a> {
     pub(crate) fn new(
-        level: &'a Level,
+        level: &'a SplineLevel,
         degree: usize,
         points: &'a PointsByCell<'a>,
         weights: TermWeights,
@@ -229,7 +229,7 @@ impl<'a> LevelProblem<'a> {
 
     /// Assembles the equations of the level; those of the data are divided by the number of points.
     pub(crate) fn system(&self, control: &Control<'_>) -> Result<LevelEquations, Stopped> {
-        let matrix = Matrix::new(&self.active, self.degree);
+        let matrix = RunMatrix::new(&self.active, self.degree);
         let right = vec![0.0; matrix.len()];
         let mut system = LevelEquations {
             matrix,
@@ -337,7 +337,7 @@ impl<'a> LevelProblem<'a> {
 
     /// Returns the corrections that lead to the coefficients of a level of another function, in
     /// units of the spacing; 0 for coefficients that are not unknowns there.
-    pub(crate) fn corrections(&self, other: &Level) -> Vec<f64> {
+    pub(crate) fn corrections(&self, other: &SplineLevel) -> Vec<f64> {
         let level = self.level;
         let correction = |place: LatticeIndex| {
             let (own, i) = (level.nodes.find(place)?, other.nodes.find(place)?);

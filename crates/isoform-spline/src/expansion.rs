@@ -11,7 +11,7 @@
 //! multiplies the bound by 2/h.
 
 use crate::keys::LatticeIndex;
-use crate::level::{Level, MAX_CELL_SPLINES, block};
+use crate::level::{MAX_CELL_SPLINES, SplineLevel, block};
 use crate::surface::ImplicitSpline;
 use isoform_geom::{Aabb, Expansion, Point3};
 use isoform_num::{Interval, ORDERS};
@@ -95,7 +95,7 @@ impl ImplicitSpline {
         }
         rest.extend(block(lo, hi).map(|cell| (0, cell)));
         while let Some((l, cell)) = rest.pop() {
-            let level: &Level = &self.levels()[l];
+            let level: &SplineLevel = &self.levels()[l];
             if self.part_of(l, cell, region).is_none() {
                 continue;
             }

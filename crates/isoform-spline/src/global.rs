@@ -14,10 +14,10 @@
 //! there. Solving for corrections (iterated regularisation) removes its influence on what the
 //! points determine, and also the rounding of the normal equations.
 
-use crate::basis::{Basis, BasisRows};
+use crate::basis::{BasisRows, LegendreBasis};
 use crate::components::{Components, lattice_components};
 use crate::feet::{Distances, distance};
-use crate::implicitize::{Error, Lattice, check_points};
+use crate::implicitize::{Error, FirstLattice, check_points};
 use crate::keys::{LatticeIndex, place};
 use crate::points::cell_of;
 use crate::sides::{NormalReport, Normals, oriented_normals};
@@ -100,13 +100,13 @@ pub fn implicitize_globally(
     control.begin("fitting")?;
     let frame = UnitCube::around(Aabb::from_points(points));
     let problem = PolynomialProblem {
-        basis: Basis::new(degree),
+        basis: LegendreBasis::new(degree),
         frame,
         points,
         normals: &normals,
     };
     let c = problem.solve(control)?;
-    let lattice = Lattice::seen(points);
+    let lattice = FirstLattice::seen(points);
     let polynomial = PolynomialData {
         degree,
         origin: frame.origin,
@@ -137,7 +137,7 @@ pub fn implicitize_globally(
 }
 
 /// Returns the cells of a lattice that contain points.
-fn cells_with_points(points: &[Point3], lattice: &Lattice) -> Vec<LatticeIndex> {
+fn cells_with_points(points: &[Point3], lattice: &FirstLattice) -> Vec<LatticeIndex> {
     let of = |p: &Point3| cell_of(sub(*p, lattice.corner), lattice.spacing, lattice.count);
     let mut keys: Vec<u64> = points.par_iter().map(|p| crate::keys::key(of(p))).collect();
     keys.par_sort_unstable();
@@ -169,7 +169,7 @@ impl UnitCube {
 
 /// Least-squares problem of the module's documentation.
 struct PolynomialProblem<'a> {
-    basis: Basis,
+    basis: LegendreBasis,
     frame: UnitCube,
     points: &'a [Point3],
     normals: &'a [Point3],
@@ -177,7 +177,7 @@ struct PolynomialProblem<'a> {
 
 /// Sums over points: matrix of the normal equations (lower triangle, row by row) and mean of the
 /// normal derivatives.
-struct NormalEquations {
+struct PolynomialEquations {
     matrix: Vec<f64>,
     mean: Vec<f64>,
 }
@@ -271,15 +271,15 @@ impl PolynomialProblem<'_> {
         Ok(())
     }
 
-    fn equations(&self, alpha: f64, control: &Control<'_>) -> Result<NormalEquations, Stopped> {
+    fn equations(&self, alpha: f64, control: &Control<'_>) -> Result<PolynomialEquations, Stopped> {
         let n = self.basis.len();
         let share = 1.0 / self.points.len() as f64;
-        let mut all = NormalEquations {
+        let mut all = PolynomialEquations {
             matrix: vec![0.0; n * n],
             mean: vec![0.0; n],
         };
         let of_chunk = |points: &[Point3], normals: &[Point3]| {
-            let mut sums = NormalEquations {
+            let mut sums = PolynomialEquations {
                 matrix: vec![0.0; n * n],
                 mean: vec![0.0; n],
             };
@@ -290,7 +290,7 @@ impl PolynomialProblem<'_> {
             }
             sums
         };
-        self.sum(control, of_chunk, |sums: NormalEquations| {
+        self.sum(control, of_chunk, |sums: PolynomialEquations| {
             accumulate(&mut all.matrix, &sums.matrix, share);
             accumulate(&mut all.mean, &sums.mean, share);
         })?;
@@ -335,7 +335,7 @@ fn accumulate(sum: &mut [f64], by: &[f64], share: f64) {
     }
 }
 
-impl NormalEquations {
+impl PolynomialEquations {
     fn add(&mut self, rows: &BasisRows, alpha: f64) {
         let n = self.mean.len();
         let [s, t] = &rows.tangents;

@@ -9,11 +9,11 @@ use crate::components::{Components, components};
 use crate::energy::{LevelProblem, Stencil, TermWeights};
 use crate::feet::{Distances, distance};
 use crate::keys::{LatticeIndex, MAX_AXIS_NODES, NO_INDEX, key, place};
-use crate::level::Level;
+use crate::level::SplineLevel;
 use crate::outliers::{isolated_points, off_surface_points};
-use crate::points::{PointsByCell, Samples, cell_of, scattered};
+use crate::points::{PointsByCell, PointsWithNormals, cell_of, scattered};
 use crate::sides::{NormalReport, Normals, oriented_normals};
-use crate::solve::Solver;
+use crate::solve::LevelSolver;
 use crate::surface::ImplicitSpline;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, Field, Point3, norm, sub};
@@ -180,7 +180,7 @@ pub fn implicitize(
     } else {
         ESTIMATED_NORMAL_WEIGHT
     };
-    let mut samples = Samples {
+    let mut samples = PointsWithNormals {
         points: points.to_vec(),
         normals: directions,
     };
@@ -205,7 +205,7 @@ pub fn implicitize(
 
 /// Excludes points, given by ascending indices, unless they are too many; returns true if any were
 /// excluded.
-fn leave_out(samples: &mut Samples, numbers: &[u32]) -> bool {
+fn leave_out(samples: &mut PointsWithNormals, numbers: &[u32]) -> bool {
     let n = samples.points.len();
     // If more than a fifth seem to be outliers, the rest cannot be trusted either.
     let is_some = !numbers.is_empty()
@@ -218,8 +218,8 @@ fn leave_out(samples: &mut Samples, numbers: &[u32]) -> bool {
 }
 
 /// Returns the ascending indices of isolated points.
-fn isolated(samples: &Samples) -> Vec<u32> {
-    let lattice = Lattice::seen(&samples.points);
+fn isolated(samples: &PointsWithNormals) -> Vec<u32> {
+    let lattice = FirstLattice::seen(&samples.points);
     let sorted = PointsByCell::new(
         samples,
         lattice.corner,
@@ -233,14 +233,14 @@ fn isolated(samples: &Samples) -> Vec<u32> {
 /// Fitted spline with its lattice.
 struct LatticeFit {
     spline: ImplicitSpline,
-    lattice: Lattice,
+    lattice: FirstLattice,
     /// Cells in which f was kept away from 0, as sorted keys, by level.
     held: Vec<Vec<u64>>,
 }
 
 impl LatticeFit {
     /// Sorts points into the spline's finest cells.
-    fn sorted<'a>(&self, samples: &'a Samples) -> PointsByCell<'a> {
+    fn sorted<'a>(&self, samples: &'a PointsWithNormals) -> PointsByCell<'a> {
         let finest = self.spline.depth() - 1;
         let count = self.lattice.count.map(|c| c << finest);
         PointsByCell::new(
@@ -257,13 +257,13 @@ impl LatticeFit {
 /// same points provides lattice, depth and initial coefficients if the lattice of the samples
 /// hardly differs.
 fn fit_spline(
-    samples: &Samples,
+    samples: &PointsWithNormals,
     alpha: f64,
     options: &Options,
     before: Option<&LatticeFit>,
     control: &Control<'_>,
 ) -> Result<LatticeFit, Stopped> {
-    let own = Lattice::new(&samples.points, options);
+    let own = FirstLattice::new(&samples.points, options);
     let before = before.filter(|fit| fit.lattice.is_nearly(&own));
     let lattice = before.map_or(own, |fit| fit.lattice);
     let mut fitting = LevelFitter {
@@ -359,7 +359,7 @@ fn is_line(points: &[Point3], size: f64) -> bool {
 
 /// Lattice of the first level.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Lattice {
+pub(crate) struct FirstLattice {
     pub(crate) corner: Point3,
     pub(crate) spacing: f64,
     pub(crate) count: LatticeIndex,
@@ -367,7 +367,7 @@ pub(crate) struct Lattice {
     depth: u32,
 }
 
-impl Lattice {
+impl FirstLattice {
     /// Returns a lattice coarse enough that its cells with points cover the sampled surface without
     /// gaps.
     pub(crate) fn seen(points: &[Point3]) -> Self {
@@ -468,11 +468,11 @@ fn spacing_for(points: &[Point3], bounds: Aabb, cells: usize) -> f64 {
 
 /// Levels fitted so far, and their input.
 struct LevelFitter<'a> {
-    samples: &'a Samples,
-    lattice: Lattice,
+    samples: &'a PointsWithNormals,
+    lattice: FirstLattice,
     degree: usize,
     weights: TermWeights,
-    levels: Vec<Level>,
+    levels: Vec<SplineLevel>,
     /// Cells with data, by level.
     data: Vec<Vec<LatticeIndex>>,
     /// Like the field of [`LatticeFit`].
@@ -564,7 +564,7 @@ impl<'a> LevelFitter<'a> {
     /// Returns the sum of squared distances of a cell's points.
     fn squares(
         &self,
-        level: &Level,
+        level: &SplineLevel,
         cell: LatticeIndex,
         range: std::ops::Range<usize>,
         sorted: &PointsByCell<'_>,
@@ -667,7 +667,7 @@ impl<'a> LevelFitter<'a> {
         let count = self.count(l);
         let level = match self.levels.last_mut() {
             Some(coarse) => coarse.refined(&data, count, self.degree),
-            None => Level::coarsest(count, self.lattice.spacing, self.degree),
+            None => SplineLevel::coarsest(count, self.lattice.spacing, self.degree),
         };
         self.levels.push(level);
         self.data.push(data);
@@ -716,7 +716,7 @@ impl<'a> LevelFitter<'a> {
                 (problem.corrections(level), held)
             }
         };
-        let mut solver = Solver::new(problem, &held, control)?;
+        let mut solver = LevelSolver::new(problem, &held, control)?;
         // The first level starts from f = 0, which has no inside to preserve.
         if l == 0 {
             x = solver.solve(x, RESIDUAL_TOLERANCE, MAX_CG_STEPS, control)?;

@@ -11,7 +11,7 @@ use crate::keys::{IndexSet, LatticeIndex, key};
 
 /// Cells, B-splines and coefficients of a level.
 #[derive(Clone, Debug)]
-pub(crate) struct Level {
+pub(crate) struct SplineLevel {
     /// Edge length of a cell.
     pub(crate) spacing: f64,
     /// Cells of the level.
@@ -46,7 +46,7 @@ fn nodes_of(cells: impl Iterator<Item = LatticeIndex>, degree: usize) -> IndexSe
     IndexSet::new(list)
 }
 
-impl Level {
+impl SplineLevel {
     /// Returns the coarsest level: all cells of a box, all coefficients 0 and unknown.
     pub(crate) fn coarsest(count: LatticeIndex, spacing: f64, degree: usize) -> Self {
         let cells = IndexSet::new(block([0; 3], count.map(|v| v - 1)).map(key).collect());
@@ -145,7 +145,7 @@ impl Level {
 
     /// Returns, for the (d + 1)² pairs of y and z, the position of the first of the d + 1
     /// consecutive B-splines in x that touch a cell.
-    pub(crate) fn runs(&self, cell: LatticeIndex, degree: usize) -> Runs {
+    pub(crate) fn runs(&self, cell: LatticeIndex, degree: usize) -> RunStarts {
         let mut runs = [0; (MAX_DEGREE + 1) * (MAX_DEGREE + 1)];
         for c in 0..=degree {
             for b in 0..=degree {
@@ -160,7 +160,7 @@ impl Level {
     }
 }
 
-impl Level {
+impl SplineLevel {
     /// Returns the coefficients of the B-splines that touch a cell, x fastest.
     pub(crate) fn cell_coefficients(
         &self,
@@ -180,5 +180,5 @@ impl Level {
 /// Maximum number of B-splines that touch a cell.
 pub(crate) const MAX_CELL_SPLINES: usize = (MAX_DEGREE + 1) * (MAX_DEGREE + 1) * (MAX_DEGREE + 1);
 
-/// Positions returned by [`Level::runs`].
-pub(crate) type Runs = [u32; (MAX_DEGREE + 1) * (MAX_DEGREE + 1)];
+/// Positions returned by [`SplineLevel::runs`].
+pub(crate) type RunStarts = [u32; (MAX_DEGREE + 1) * (MAX_DEGREE + 1)];

@@ -16,7 +16,7 @@ struct ColumnRun {
 
 /// Symmetric matrix stored as runs; see the module documentation.
 #[derive(Debug)]
-pub(crate) struct Matrix {
+pub(crate) struct RunMatrix {
     reach: i32,
     runs: Vec<ColumnRun>,
     /// Start of each row in `values`, and the end of the last.
@@ -45,7 +45,7 @@ pub(crate) fn split<'a, T>(mut rest: &'a mut [T], at: &[usize]) -> Vec<&'a mut [
     lengths.map(part).collect()
 }
 
-impl Matrix {
+impl RunMatrix {
     /// Returns a matrix of zeros with an entry for every two B-splines whose supports overlap.
     pub(crate) fn new(nodes: &IndexSet, degree: usize) -> Self {
         let reach = degree as i32;

@@ -7,7 +7,7 @@
 
 use crate::keys::{IndexSet, LatticeIndex, place};
 use crate::level::block;
-use crate::points::{PointsByCell, Samples};
+use crate::points::{PointsByCell, PointsWithNormals};
 use isoform_geom::{Point3, sub};
 use isoform_num::linalg::symmetric_eigen;
 use rayon::prelude::*;
@@ -64,7 +64,7 @@ impl<'a> Neighbourhoods<'a> {
 }
 
 /// Returns the ascending indices of isolated points.
-pub(crate) fn isolated_points(samples: &Samples, sorted: &PointsByCell<'_>) -> Vec<u32> {
+pub(crate) fn isolated_points(samples: &PointsWithNormals, sorted: &PointsByCell<'_>) -> Vec<u32> {
     let around = Neighbourhoods::new(sorted);
     let counts: Vec<usize> = (0..sorted.count())
         .into_par_iter()
@@ -166,11 +166,11 @@ mod tests {
     use isoform_num::Random;
 
     /// Returns 2000 points in a plane of the unit cube with unit normals, followed by other points.
-    fn samples(others: &[Point3]) -> Samples {
+    fn samples(others: &[Point3]) -> PointsWithNormals {
         let mut random = Random::new(3);
         let plane = (0..2000).map(|_| [random.unit(), random.unit(), 0.505]);
         let points: Vec<Point3> = plane.chain(others.iter().copied()).collect();
-        Samples {
+        PointsWithNormals {
             normals: vec![[0.0, 0.0, 1.0]; points.len()],
             points,
         }
@@ -196,8 +196,9 @@ mod tests {
     #[test]
     fn few_points_beside_a_surface_are_off_and_many_are_a_feature() {
         let one = samples(&[[0.5, 0.5, 0.56]]);
-        let distances = |s: &Samples| s.points.iter().map(|p| (p[2] - 0.505).abs()).collect();
-        let of = |s: &Samples| {
+        let distances =
+            |s: &PointsWithNormals| s.points.iter().map(|p| (p[2] - 0.505).abs()).collect();
+        let of = |s: &PointsWithNormals| {
             let off: Vec<f64> = distances(s);
             off_surface_points(
                 &off,

@@ -7,13 +7,13 @@ use std::ops::Range;
 
 /// Points with normals.
 #[derive(Clone, Debug)]
-pub(crate) struct Samples {
+pub(crate) struct PointsWithNormals {
     pub(crate) points: Vec<Point3>,
     /// Outward unit normals; 0 if unknown.
     pub(crate) normals: Vec<Point3>,
 }
 
-impl Samples {
+impl PointsWithNormals {
     /// Removes points, given by ascending indices.
     pub(crate) fn leave_out(&mut self, numbers: &[u32]) {
         let is_kept = |i: u32| numbers.binary_search(&i).is_err();
@@ -27,7 +27,7 @@ impl Samples {
 /// Selection of points in the order of their cells.
 #[derive(Debug)]
 pub(crate) struct PointsByCell<'a> {
-    samples: &'a Samples,
+    samples: &'a PointsWithNormals,
     /// Corner of the lattice.
     corner: Point3,
     order: Vec<u32>,
@@ -49,7 +49,7 @@ pub(crate) fn cell_of(p: Point3, spacing: f64, count: LatticeIndex) -> LatticeIn
 impl<'a> PointsByCell<'a> {
     /// Sorts a selection of points, by index, into cells.
     pub(crate) fn new(
-        samples: &'a Samples,
+        samples: &'a PointsWithNormals,
         corner: Point3,
         spacing: f64,
         count: LatticeIndex,

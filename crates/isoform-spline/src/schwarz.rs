@@ -220,15 +220,15 @@ fn solve(inverse: &[f64], unknowns: &[u32], r: &[f64], z: &mut [f64]) {
 mod tests {
     use super::*;
     use crate::energy::TermWeights;
-    use crate::level::Level;
-    use crate::points::{PointsByCell, Samples};
-    use crate::solve::Solver;
+    use crate::level::SplineLevel;
+    use crate::points::{PointsByCell, PointsWithNormals};
+    use crate::solve::LevelSolver;
     use isoform_control::Control;
     use isoform_num::linalg::cholesky_solve;
 
     /// Returns points of a quarter of a cylinder of radius 1.5 in three by two by two cells of unit
     /// size, with normals.
-    fn quarter() -> Samples {
+    fn quarter() -> PointsWithNormals {
         let of = |i: u32| {
             let (u, v) = (
                 1.5 * f64::from(i % 37) / 36.0,
@@ -238,17 +238,17 @@ mod tests {
             ([1.5 * normal[0], 1.5 * normal[1], v], normal)
         };
         let (points, normals) = (0..600).map(of).unzip();
-        Samples { points, normals }
+        PointsWithNormals { points, normals }
     }
 
     /// Runs a test on the equations of one level.
     fn with(
-        samples: &Samples,
+        samples: &PointsWithNormals,
         count: LatticeIndex,
         smoothing: f64,
         test: impl Fn(&LevelProblem<'_>),
     ) {
-        let level = Level::coarsest(count, 1.0, 3);
+        let level = SplineLevel::coarsest(count, 1.0, 3);
         let sorted = PointsByCell::new(samples, [0.0; 3], 1.0, count, |_| true);
         let weights = TermWeights {
             normals: 0.1,
@@ -262,7 +262,7 @@ mod tests {
         // Points spread over a single cell.
         let at = |i: u32, by: f64| (f64::from(i) * by).fract();
         let points = (0..500).map(|i| [at(i, 0.618), at(i, 0.755), at(i, 0.57)]);
-        let samples = Samples {
+        let samples = PointsWithNormals {
             points: points.collect(),
             normals: vec![[0.0, 0.0, 1.0]; 500],
         };
@@ -292,7 +292,7 @@ mod tests {
         with(&samples, [3, 2, 2], 1e-6, |problem| {
             let n = problem.active.len();
             let control = Control::default();
-            let solver = || Solver::new(problem, &[], &control).expect("nothing stops it");
+            let solver = || LevelSolver::new(problem, &[], &control).expect("nothing stops it");
             let mut all = solver();
             let mut matrix = vec![0.0; n * n];
             for i in 0..n {

@@ -29,7 +29,7 @@ fn ridge(diagonal: &[f64]) -> Vec<f64> {
 }
 
 /// Equations of a level with the work space of their solution.
-pub(crate) struct Solver<'a> {
+pub(crate) struct LevelSolver<'a> {
     problem: &'a LevelProblem<'a>,
     system: LevelEquations,
     /// Weights of the unknowns themselves.
@@ -42,7 +42,7 @@ pub(crate) struct Solver<'a> {
     scratch: Vec<[f64; 6]>,
 }
 
-impl<'a> Solver<'a> {
+impl<'a> LevelSolver<'a> {
     /// Assembles the equations, with f kept in some cells.
     pub(crate) fn new(
         problem: &'a LevelProblem<'a>,

@@ -2,7 +2,7 @@
 
 use crate::bspline::{self, MAX_DEGREE, SplineRow};
 use crate::keys::{LatticeIndex, MAX_AXIS_NODES, key};
-use crate::level::{Level, MAX_CELL_SPLINES, block};
+use crate::level::{MAX_CELL_SPLINES, SplineLevel, block};
 use isoform_geom::{Aabb, Expansion, Field, LevelData, Point3, SplineData, norm, sub};
 use isoform_num::{Interval, Jet2, ORDERS};
 
@@ -17,7 +17,7 @@ pub struct ImplicitSpline {
     degree: usize,
     corner: Point3,
     count: LatticeIndex,
-    levels: Vec<Level>,
+    levels: Vec<SplineLevel>,
     /// Range of f on each cell, finer levels included, by level.
     ranges: Vec<Vec<[f64; 2]>>,
     /// True if the cell contains data, finer levels included, by level and cell.
@@ -73,7 +73,7 @@ const MAX_FIRST_CELLS: i64 = 1 << 18;
 
 /// Point in a leaf cell.
 struct LeafPoint<'a> {
-    level: &'a Level,
+    level: &'a SplineLevel,
     depth: usize,
     cell: LatticeIndex,
     /// Coordinates in the cell, in \[0, 1\]³.
@@ -85,7 +85,7 @@ impl ImplicitSpline {
     pub(crate) fn new(
         degree: usize,
         corner: Point3,
-        levels: Vec<Level>,
+        levels: Vec<SplineLevel>,
         data: &[Vec<LatticeIndex>],
     ) -> Self {
         let first = &levels[0].cells;
@@ -152,7 +152,7 @@ impl ImplicitSpline {
         if !numbers.into_iter().all(|v| v.is_finite()) {
             return Err(DataError::NotFinite);
         }
-        let mut built = vec![Level::coarsest(*count, *spacing, *degree)];
+        let mut built = vec![SplineLevel::coarsest(*count, *spacing, *degree)];
         let mut parents: Vec<LatticeIndex> = Vec::new();
         for (l, given) in levels.iter().enumerate() {
             let mut sorted: Vec<u64> = Vec::with_capacity(given.cells.len());
@@ -229,7 +229,7 @@ impl ImplicitSpline {
     }
     /// Returns the number of free coefficients, which do not follow from coarser ones.
     pub fn unknowns(&self) -> usize {
-        self.levels.iter().map(Level::unknowns).sum()
+        self.levels.iter().map(SplineLevel::unknowns).sum()
     }
     /// Returns the edge length of the finest cells.
     pub fn spacing(&self) -> f64 {
@@ -250,7 +250,7 @@ impl ImplicitSpline {
     /// Returns the number of cells with data that were not refined: the polynomial pieces that were
     /// fitted.
     pub fn data_cells(&self) -> usize {
-        let of_level = |(l, level): (usize, &Level)| {
+        let of_level = |(l, level): (usize, &SplineLevel)| {
             let cells = level.cells.places().enumerate();
             cells
                 .filter(|(i, cell)| self.data[l][*i] && !self.has_finer_data(l, *cell))
@@ -309,7 +309,7 @@ impl ImplicitSpline {
         self.clamped(p) == p
     }
 
-    pub(crate) fn levels(&self) -> &[Level] {
+    pub(crate) fn levels(&self) -> &[SplineLevel] {
         &self.levels
     }
 
@@ -424,7 +424,7 @@ impl ImplicitSpline {
     /// Returns the Bernstein coefficients of a cell, x fastest.
     fn bernstein(
         &self,
-        level: &Level,
+        level: &SplineLevel,
         cell: LatticeIndex,
         rows: &[SplineRow; MAX_DEGREE + 1],
     ) -> [f64; MAX_CELL_SPLINES] {
@@ -445,7 +445,7 @@ impl ImplicitSpline {
     }
 
     /// Returns the range of f over a part of a cell, given in local coordinates.
-    fn range_in(&self, level: &Level, cell: LatticeIndex, part: [[f64; 2]; 3]) -> [f64; 2] {
+    fn range_in(&self, level: &SplineLevel, cell: LatticeIndex, part: [[f64; 2]; 3]) -> [f64; 2] {
         let rows = bspline::bernstein(self.degree);
         let n = self.degree + 1;
         let mut c = self.bernstein(level, cell, &rows);

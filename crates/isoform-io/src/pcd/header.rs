@@ -121,7 +121,7 @@ struct PcdHeaderLines {
 }
 
 /// Words of a line after its key.
-struct LineValues<'l> {
+struct HeaderLineValues<'l> {
     /// First word of the line, for errors.
     key: &'l str,
     /// Words after the key, at most one more than [`MAX_VALUES_PER_ROW`].
@@ -130,7 +130,7 @@ struct LineValues<'l> {
     input: &'l Input<'l>,
 }
 
-impl LineValues<'_> {
+impl HeaderLineValues<'_> {
     /// Returns the first word.
     fn first(&self) -> Option<&str> {
         self.words.first().copied()
@@ -164,7 +164,7 @@ impl PcdHeaderLines {
             return Ok(None);
         };
         let words: Vec<&str> = words.take(MAX_VALUES_PER_ROW as usize + 1).collect();
-        let values = LineValues { key, words, input };
+        let values = HeaderLineValues { key, words, input };
         match key {
             "FIELDS" | "COLUMNS" => {
                 self.names = values.each(str::to_ascii_lowercase);

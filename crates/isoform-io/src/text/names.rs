@@ -113,7 +113,7 @@ enum NamePrecedence {
 }
 
 /// Meaning of a name.
-struct NameMeaning {
+struct ColumnMeaning {
     /// Role and its precedence; `None` for a column.
     role: Option<(Role, NamePrecedence)>,
     /// Unit in the name.
@@ -156,7 +156,7 @@ fn split_axis(word: &str) -> Option<(usize, &str)> {
     })
 }
 
-impl NameMeaning {
+impl ColumnMeaning {
     /// Interprets a name. A name that ends in `_`, as written by this crate, is that of a column.
     fn interpret(name: &str) -> Self {
         if name.ends_with('_') {
@@ -246,7 +246,7 @@ impl NameMeaning {
 /// Returns true if a column of this name, next to coordinates `x`, `y` and `z`, would be read as
 /// one of them, as a normal or as a colour.
 pub(crate) fn has_role(name: &str) -> bool {
-    match NameMeaning::interpret(name).role {
+    match ColumnMeaning::interpret(name).role {
         Some((Role::Position(_), rank)) => rank == NamePrecedence::Exact,
         role => role.is_some(),
     }
@@ -262,7 +262,7 @@ pub(super) struct InterpretedNames {
 
 /// Interprets the names of columns; `None` if a coordinate is missing.
 pub(super) fn interpret_names(names: &[String]) -> Option<InterpretedNames> {
-    let meanings: Vec<NameMeaning> = names.iter().map(|n| NameMeaning::interpret(n)).collect();
+    let meanings: Vec<ColumnMeaning> = names.iter().map(|n| ColumnMeaning::interpret(n)).collect();
     let first = |role: Role| {
         let ranks = meanings
             .iter()

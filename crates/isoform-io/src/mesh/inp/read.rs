@@ -28,7 +28,7 @@ const OPPOSITE_CORNERS: [usize; 4] = [3, 2, 0, 1];
 type NumberRange = [u32; 3];
 
 /// Elements whose faces a surface lists.
-enum FaceSource {
+enum FaceSetEntry {
     /// One element, by number.
     Element(u32),
     /// All elements of a set, by its name in capitals.
@@ -111,7 +111,7 @@ struct InpReader<'i, 'a> {
     /// Ranges of element numbers by name of the set, in capitals.
     sets: HashMap<String, Vec<NumberRange>>,
     /// Faces with the tags of their surfaces.
-    faces: Vec<(FaceSource, u8, i64)>,
+    faces: Vec<(FaceSetEntry, u8, i64)>,
     /// Tags of element sets (regions, parts) and surfaces, by name.
     tags: HashMap<String, i64>,
     /// Numbers of the present element: its own, then those of its nodes.
@@ -294,8 +294,8 @@ impl InpReader<'_, '_> {
             return;
         };
         let faces = match whose.parse() {
-            Ok(number) => FaceSource::Element(number),
-            Err(_) => FaceSource::Set(whose.to_ascii_uppercase()),
+            Ok(number) => FaceSetEntry::Element(number),
+            Err(_) => FaceSetEntry::Set(whose.to_ascii_uppercase()),
         };
         self.faces.push((faces, face, tag));
     }
@@ -412,8 +412,8 @@ impl InpReader<'_, '_> {
         let (mut count, mut work) = (0, 0);
         for (faces, face, tag) in std::mem::take(&mut self.faces) {
             let runs = match &faces {
-                FaceSource::Element(number) => &[[*number, *number, 1]][..],
-                FaceSource::Set(name) => self.sets.get(name).map_or(&[][..], Vec::as_slice),
+                FaceSetEntry::Element(number) => &[[*number, *number, 1]][..],
+                FaceSetEntry::Set(name) => self.sets.get(name).map_or(&[][..], Vec::as_slice),
             };
             for &[first, last, step] in runs {
                 work += 1;
