@@ -907,10 +907,9 @@ impl Parser<'_> {
             _ => String::new(),
         };
         let Some(NameMeaning::Array(array)) = self.names.get(&name).copied() else {
-            let hint = format!(
-                "`array v[3];` at the start of the object, `v = [0, 0, 0];` after it, and `v` here"
-            );
-            return self.expected_with(&format!("the name of an array for `{what}`"), &hint);
+            let hint =
+                "`array v[3];` at the start of the object, `v = [0, 0, 0];` after it, and `v` here";
+            return self.expected_with(&format!("the name of an array for `{what}`"), hint);
         };
         self.advance();
         if !self.is_symbol(",") && !self.is_symbol(")") {
