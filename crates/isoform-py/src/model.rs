@@ -42,7 +42,7 @@ impl CompiledProgram {
 }
 
 /// Name, kind, lower and upper bound, start value, unit and description of a parameter.
-type ParameterRow = (
+type ParameterFields = (
     String,
     String,
     Option<f64>,
@@ -95,7 +95,7 @@ impl Program {
 
     /// Returns the parameters.
     #[getter]
-    fn parameters(&self) -> Vec<ParameterRow> {
+    fn parameters(&self) -> Vec<ParameterFields> {
         self.0.model.params().iter().map(told).collect()
     }
 
@@ -263,7 +263,7 @@ impl Program {
 }
 
 /// Describes a parameter; bounds that are relative to the box of a scan are open.
-fn told(info: &ParamInfo) -> ParameterRow {
+fn told(info: &ParamInfo) -> ParameterFields {
     let number = |amount: Option<Amount>| amount.and_then(Amount::value);
     (
         info.name.clone(),
