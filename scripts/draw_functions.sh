@@ -5,12 +5,12 @@
 set -eu
 cd "$(dirname "$0")/.."
 program=$(realpath "$1")
-folder=docs/images/functions
-mkdir -p "$folder"
+folder=docs/images
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
-grep -o 'images/functions/[A-Za-z0-9_]*' docs/functions.md | sort -u | while IFS=/ read -r _ _ name; do
+grep -o 'images/hf[A-Za-z0-9_]*' docs/functions.md | sort -u | while IFS=/ read -r _ name; do
   "$program" functions "$name" --example > "$scratch/$name.hf"
-  "$program" render "$scratch/$name.hf" --box=-1.7,-1.7,-1.7,1.7,1.7,1.7 --size 220x180 --no-legend \
+  "$program" render "$scratch/$name.hf" --box=-1.7,-1.7,-1.7,1.7,1.7,1.7 \
+    --camera 2.6,-3.4,2.6,0,0,0 --size 220x180 --no-legend \
     --background grey --quiet -o "$folder/$name.png" < /dev/null
 done

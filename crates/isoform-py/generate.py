@@ -17,7 +17,7 @@ from pathlib import Path
 OUT = Path(__file__).parent / "python/isoform/_verbs.py"
 
 #: What only a terminal has: Python has exceptions, warnings and progress for it.
-TERMINAL = {"json", "quiet", "verbose", "serve", "port", "list"}
+TERMINAL = {"json", "quiet", "verbose", "serve", "port", "list", "page", "example"}
 #: Arguments with other names in Python, where the name is a word of the language, or another
 #: argument takes the same.
 NAMES = {"from": "format", "global": "polynomial", "as": "kind", "fix": "fixed"}
@@ -209,6 +209,11 @@ VERBS = {
         "types": {"file": "Path", "output": "Path"},
         "result": "Report",
         "returns": "What was read and written, of points (n, 3) their number.",
+    },
+    "functions": {
+        "head": ["name"],
+        "result": "Report",
+        "returns": "``functions``: names, arguments, description and example of each.",
     },
     "compare": {
         "shapes": {"first", "second"},

@@ -58,7 +58,8 @@ impl Pictures {
     }
 
     /// Returns the defects after all commands were run: pictures that no command draws though they
-    /// are not listed as given, given ones that a command draws, and files that no page shows.
+    /// are not listed as given (a `*` at the end of a listed name stands for any end), given ones
+    /// that a command draws, and files that no page shows.
     pub(crate) fn wrong(
         &self,
         given: &[&str],
@@ -67,7 +68,10 @@ impl Pictures {
         let mut wrong = Vec::new();
         let mut others = 0;
         for name in self.shown.keys() {
-            let is_given = given.contains(&name.as_str());
+            let is_given = given.iter().any(|given| match given.strip_suffix('*') {
+                Some(start) => name.starts_with(start),
+                None => given == name,
+            });
             match self.drawn(name, &place) {
                 None if !is_given => {
                     wrong.push(format!("{PICTURE_FOLDER}{name}: no command draws it"))

@@ -31,6 +31,7 @@ const PAGES: [(&str, &[(&str, &str)]); 8] = [
         "From functions and maps",
         &[
             ("docs/hyperfun.md", "HyperFun"),
+            ("docs/functions.md", "Functions of HyperFun"),
             ("docs/meshing.md", "Meshing"),
             ("docs/brep.md", "Solids for CAD"),
             ("docs/parameterize.md", "Rational patches"),

@@ -167,7 +167,7 @@ fn page(functions: &[FunctionHelp]) -> String {
             }
             if has_picture(function) {
                 let name = function.names[0];
-                text += &format!("\n![{name}](images/functions/{name}.png)\n");
+                text += &format!("\n![{name}](images/{name}.png)\n");
             }
             text += &format!("\n```\n{}```\n", function.example);
         }
@@ -179,7 +179,8 @@ fn page(functions: &[FunctionHelp]) -> String {
 mod tests {
     use super::*;
 
-    /// `isoform functions --page > docs/functions.md` writes it anew.
+    /// `isoform functions --page > docs/functions.md` writes it anew; scripts/draw_functions.sh draws its
+    /// pictures.
     #[test]
     fn the_page_of_functions_is_current() {
         assert!(

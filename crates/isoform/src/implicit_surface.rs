@@ -305,7 +305,7 @@ pub struct Coverage {
 
 impl Coverage {
     /// Splits a cover into its patches and its coverage.
-    pub fn of(cover: Cover) -> (Vec<Parameterized>, Self) {
+    pub fn from_cover(cover: Cover) -> (Vec<Parameterized>, Self) {
         let coverage = Self {
             covered: cover.covered,
             samples: cover.samples,

@@ -101,7 +101,7 @@ def recover(
     bounds : dict or path, optional
         Lower and upper bound by name, in the unit of the points; or a file of them.
     method : str, optional
-        How the minimum is sought; hybrid, local, annealing and bfgs are the paper's:
+        Search method; hybrid, local, annealing and bfgs are those of Fayolle et al. (2004):
         ``"default"``, ``"hybrid"``, ``"local"``, ``"bfgs"``, ``"annealing"``.
     loss : str, optional
         The loss of the last, metric stage; auto is robust where it must be: ``"auto"``,
@@ -267,7 +267,7 @@ def fit(
     documented_precedence : bool
         Let set operators bind weaker than + and -, as HyperFun's documentation says.
     method : str, optional
-        How the minimum is sought; hybrid, local, annealing and bfgs are the paper's:
+        Search method; hybrid, local, annealing and bfgs are those of Fayolle et al. (2004):
         ``"default"``, ``"hybrid"``, ``"local"``, ``"bfgs"``, ``"annealing"``.
     loss : str, optional
         The loss of the last, metric stage; auto is robust where it must be: ``"auto"``,
@@ -299,9 +299,9 @@ def fit(
     max_points : int, optional
         Take at most that many points, a seeded random sample.
     output : path or sequence, optional
-        Write a file; by its ending: .hf (fitted program), .py .scad (the same for build123d
-        or CadQuery, and OpenSCAD), .ply .xyz .csv (points with deviations), .html (report),
-        .json, .step .brep.json (solid).
+        Write a file; by its ending: .hf (fitted program), .py (program for build123d or
+        CadQuery), .scad (for OpenSCAD), .ply .xyz .csv (points with deviations), .html
+        (report), .json, .step .brep.json (solid).
     force : bool
         Let results overwrite the files that they come from, and recover make the solid of a
         fit that is in doubt.
@@ -430,20 +430,18 @@ def mesh(
         ``rest``.
     periodic : str, optional
         Mesh the box as a unit cell that repeats along these axes, as xyz or z: opposite
-        sides have the same triangles, node for node. The function in the box must fit to
-        itself there.
+        sides have equal triangles, node for node. The function must be periodic in the box.
     layers : str or sequence, optional
         Grow layers of wedges inward from these parts of the surface, for flow near walls; *
         in a name stands for any characters.
     first : object, optional
         Points (n, 3), a mesh, a model, a solid, or a file of one.
     growth : float, optional
-        How many times as thick as the one before each of the ``layers`` is; by default 1.2.
+        Ratio of the thicknesses of consecutive ``layers``; by default 1.2.
     layer_count : int, optional
-        How many ``layers`` there are; by default 5.
+        Number of ``layers``; by default 5.
     close : bool
-        Of a function fitted to points, keep the surface where there are no points, as a
-        part named unseen.
+        Keep the surface of a fitted function beyond its points, as a part named unseen.
     output : path or sequence, optional
         Write a file; its ending names the format (- for stdout, with ``to``); may be
         repeated.
@@ -563,8 +561,8 @@ def brep(
         Length of the edges of the mesh that the topology comes from; by default a fortieth
         of the diagonal.
     tol : float, optional
-        How far faces may be from the model, in its units; by default 1e-6 of its largest
-        side; exact faces are 1e-8 of it or nearer, whatever is asked for.
+        Largest distance of faces from the model, in its units; by default 1e-6 of its
+        largest side; exact faces are within 1e-8 of it, whatever the value.
     params : dict or sequence of float, optional
         The values of the parameters a, in their order or as NAME=NUMBER; missing ones are
         as annotated.
@@ -673,11 +671,10 @@ def parameterize(
     box : float or sequence, optional
         The box in which to work: half its width around the origin, or its two corners.
     tol : float, optional
-        As large as possible within this distance of the surface, proved, instead of a bound
-        on S.
+        Make the patch as large as possible within this proved distance of the surface,
+        instead of a bound on S.
     cover : bool
-        As many patches as it takes until all of the surface in the box lies on one, within
-        ``tol``.
+        Add patches until all of the surface in the box lies on one, within ``tol``.
     seed_point : sequence, optional
         Start at the point of the surface near this one, instead of one chosen by ``seed``.
     paper : bool
@@ -695,14 +692,14 @@ def parameterize(
         intersections, may be left out where no patch is found, which is said; by default a
         hundredth of the box.
     patches : int, optional
-        At most so many patches, with ``cover``.
+        Maximum number of patches, with ``cover``.
     method : str, optional
-        How steps are computed: ``"gauss-newton"``, ``"frozen"``, ``"newton"``.
+        Method of computing steps: ``"gauss-newton"``, ``"frozen"``, ``"newton"``.
     inner : str, optional
-        What the term L measures: ``"lengths"``, ``"tangents"``.
+        Quantity that the term L measures: ``"lengths"``, ``"tangents"``.
     extrapolations : int, optional
-        Stop after so many extrapolations, to see how the patch grows: 0 is the start patch
-        after its first Newton steps.
+        Stop after this number of extrapolations, to see how the patch grows: 0 is the start
+        patch after its first Newton steps.
     nodes : int, optional
         Gauss nodes in each direction; by default as many as make J exact, 4 max(m,n) + 1.
     params : dict or sequence of float, optional
@@ -717,7 +714,7 @@ def parameterize(
         Unit of length that files state; by default mm in STEP, none in others: ``"um"``,
         ``"mm"``, ``"cm"``, ``"m"``, ``"in"``, ``"ft"``.
     grid : int, optional
-        Triangles come from so many squares along each side of a patch.
+        Number of squares along each side of a patch for its triangles.
     trace : path, optional
         Write every step as a table (CSV).
     figure : path, optional
@@ -838,9 +835,9 @@ def triangulate(
         Largest length of edges; without ``box``, B is half the surface's width here; by
         default 0.25 B.
     triangles : int, optional
-        Stop refining at about so many triangles.
+        Approximate number of triangles at which refinement stops.
     mode : str, optional
-        Whether sheets that cross are joined; by default glued; for patches normalised:
+        Treatment of sheets that cross; by default glued; for patches normalised:
         ``"glued"``, ``"normalised"``.
     complex : bool
         Draw real points that only complex parameters of an improper map reach, too, as a
@@ -942,11 +939,12 @@ def implicitize(
     tol : float, optional
         Smaller cells where points are farther than this from the surface.
     cells : int, optional
-        At most this many cells hold points, all of one size; no more than half the points.
+        Maximum number of cells with points, all of one size; at most half the number of
+        points.
     polynomial : int, optional
         One polynomial of at most this total degree in place of a spline.
     normals : str, optional
-        Whose normals are taken: ``"auto"``, ``"given"``, ``"estimate"``.
+        Source of the normals: ``"auto"``, ``"given"``, ``"estimate"``.
     smoothing : float, optional
         The weight of smoothness; more of it rounds edges and averages noise.
     format : str, optional
@@ -1015,9 +1013,8 @@ def recognize(
     points : array_like, PointCloud or path
         The points: any format that `isoform inspect` reads.
     tol : float, optional
-        How far points lie from their surface: the standard deviation; where it is larger
-        than their noise, how far the object's form may be off; by default as the points
-        show.
+        Standard deviation of points from their surface; if it is larger than their noise,
+        tolerance of the object's form; by default estimated from the points.
     min_points : int, optional
         Minimum number of points of an entity; by default as many as are evidence of it.
     snap : bool
@@ -1104,8 +1101,8 @@ def evaluate(
     set : dict, optional
         The values of some parameters by name.
     reading : str, optional
-        What to give: the model's own value, its distance-like reading, or the name of the
-        nearest part: ``"algebraic"``, ``"metric"``, ``"part"``.
+        Result per point: the model's own value, its distance-like reading, or the name of
+        the nearest part: ``"algebraic"``, ``"metric"``, ``"part"``.
     output : path, optional
         The table, - or nothing for stdout.
     seed : int, optional
@@ -1167,7 +1164,7 @@ def inspect(
     file : array_like, PointCloud or path
         Points, models, fits, meshes, patches, triangulations, solids, or paths of them.
     format : str, optional
-        Its format, where neither name nor content tell it.
+        Format of the file, if neither name nor content determine it.
     max_points : int, optional
         Look at no more than that many points, a seeded random sample.
     seed : int, optional
@@ -1240,8 +1237,8 @@ def convert(
     max_points : int, optional
         Take at most that many points, a seeded random sample.
     samples : int, optional
-        Of a mesh, take that many points on its triangles, uniform by area, in place of the
-        vertices.
+        Number of points to sample on the triangles of a mesh, uniformly by area, in place
+        of its vertices.
     ascii : bool
         PLY as text.
     params : dict or sequence of float, optional
@@ -1299,6 +1296,54 @@ def convert(
     return Report(run("convert", arguments, threads, time_limit, progress))
 
 
+def functions(
+    name: str | None = None,
+    *,
+    seed: int | None = None,
+    force: bool = False,
+    threads: int | None = None,
+    time_limit: float | None = None,
+    progress: Progress = None,
+) -> Report:
+    """Describes the functions of HyperFun.
+
+    Parameters
+    ----------
+    name : str, optional
+        Name of a function; by default all of them, a line each.
+    seed : int, optional
+        Seed of everything random.
+    force : bool
+        Let results overwrite the files that they come from, and recover make the solid of a
+        fit that is in doubt.
+    threads : int, optional
+        Number of threads, by default all cores. The result does not depend on it.
+    time_limit : float, optional
+        Seconds after which the best so far is taken, or the work ends.
+    progress : callable or bool, optional
+        Called with the name of a phase and the share of it that is done, 0 to 1; False from
+        it stops. True shows a bar.
+
+    Returns
+    -------
+    Report
+        ``functions``: names, arguments, description and example of each.
+
+    Raises
+    ------
+    IsoformError
+        If there is no result, or an argument cannot be.
+    KeyboardInterrupt
+        After Ctrl-C, within two seconds.
+    """
+    arguments = {
+        "name": name,
+        "seed": some_whole("seed", seed),
+        "force": bool(force),
+    }
+    return Report(run("functions", arguments, threads, time_limit, progress))
+
+
 def compare(
     first: Any,
     second: Any,
@@ -1337,7 +1382,7 @@ def compare(
     box : float or sequence, optional
         The box in which to work: half its width around the origin, or its two corners.
     samples : int, optional
-        About how many points are taken of a mesh, of a model and of a solid.
+        Approximate number of points taken of a mesh, of a model and of a solid.
     vertices : bool
         Take the vertices of meshes as points.
     tolerance : float, optional
@@ -1536,7 +1581,7 @@ def render(
     size : tuple of int, optional
         Width and height in pixels.
     camera : sequence, optional
-        Where the eye is, and what it looks at, in model units; z points up.
+        Positions of the eye and of the target in model units; z points up.
     view : str, optional
         A standard view in which all is seen: iso, front, back, right, left, top, bottom.
     views : sequence, optional

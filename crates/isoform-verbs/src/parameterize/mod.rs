@@ -280,7 +280,7 @@ fn cover(
         apart: args.singular,
     };
     let made = cover_surface(&subject.surface, options, &covering, &context.control())?;
-    let (patches, coverage) = Coverage::of(made);
+    let (patches, coverage) = Coverage::from_cover(made);
     Ok(PatchResult {
         patches,
         coverage: Some(coverage),

@@ -648,7 +648,7 @@ impl<M: Machine> Function<M> {
             shapes::noise_g,
             (
                 "Solid noise: a product of nested sines with an amplitude, a frequency (in radians per unit of length) and a phase; add it to a shape.",
-                "my_model = 1 - x[1]^2 - x[2]^2 - x[3]^2 + hfNoiseG(x, 0.2, 5, 1);",
+                "my_model = 1 - x[1]^2 - x[2]^2 - x[3]^2 + hfNoiseG(x, 0.6, 5, 1);",
             ),
         ),
         formula(
@@ -664,7 +664,7 @@ impl<M: Machine> Function<M> {
             shapes::bezier_volume,
             (
                 "Bezier volume of l by m by n control values w (m along z, n along y) in the box `bbox` (x, y, z of the lower corner, then of the upper one).",
-                "array b[6], w[27];\nb = [-1, -1, -1, 1, 1, 1];\nw = [-1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, 12, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1];\nmy_model = hfBezierVolume(x, 3, 3, 3, b, w);",
+                "array b[6], w[27];\nb = [-1, -1, -1, 1, 1, 1];\nw = [-1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, 30, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1];\nmy_model = hfBezierVolume(x, 3, 3, 3, b, w);",
             ),
         ),
         // Convolution surfaces

@@ -81,7 +81,7 @@ fn unlike(a: Option<Hit>, b: Option<Hit>, pixel: f64) -> f64 {
     }
 }
 
-/// Returns the index of the ray that hits the same face as the ray between the two. If that ray
+/// Returns the index of the ray that hits the face of the ray between the two. If that ray
 /// hits a third face, the border of the face nearest to the viewer is kept, so that two lines
 /// within a pixel do not alternate.
 fn side([a, b]: [Option<Hit>; 2], hit: Option<Hit>, pixel: f64) -> usize {

@@ -150,7 +150,7 @@ impl<'a> DrawnModel<'a> {
     }
 
     /// Returns the box to draw, in the model's frame, and the cells of it that the surface may
-    /// pass; `None` if there is no surface near the data.
+    /// pass; `None` without a surface near the data.
     pub(super) fn shell(&self) -> Option<Shell> {
         let data = self.data();
         let longest = longest(&data);
