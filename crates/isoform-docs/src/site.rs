@@ -36,6 +36,10 @@ const PAGES: [(&str, &[(&str, &str)]); 8] = [
             ("docs/brep.md", "Solids for CAD"),
             ("docs/parameterize.md", "Rational patches"),
             ("docs/rational.md", "Rational surfaces"),
+            (
+                "docs/rational-certificate.md",
+                "Rational surfaces: certificate",
+            ),
         ],
     ),
     (

@@ -93,8 +93,10 @@ impl Csg {
         self.deciding_with_range(ranges).0
     }
 
-    /// Returns the tree without the pieces that cannot decide, and a range of its value.
-    fn deciding_with_range(&self, ranges: &impl Fn(u32) -> Interval) -> (Self, Interval) {
+    /// Returns the tree without the pieces that cannot decide, as [`Csg::deciding`] does, and a range
+    /// of its value; [`Interval::ALL`] if the value may be NaN.
+    #[must_use]
+    pub fn deciding_with_range(&self, ranges: &impl Fn(u32) -> Interval) -> (Self, Interval) {
         let (children, is_min) = match self {
             Self::Piece(i) => return (self.clone(), ranges(*i)),
             Self::Min(children) => (children, true),

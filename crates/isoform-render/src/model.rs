@@ -185,12 +185,18 @@ impl Model {
     fn judge(&self, o: &OpenCell, is_last: bool) -> CellClass {
         let pieces = pieces_of(&o.tree);
         let mut ranges = vec![Interval::ALL; pieces.len()];
-        self.solid.bounds(&pieces, o.region, &mut ranges);
+        if pieces.len() > 1 {
+            // A piece may be left out only where the others have values: those of `bounds` may be
+            // undefined in a part of the cell.
+            self.solid.value_bounds(&pieces, o.region, &mut ranges);
+        } else {
+            self.solid.bounds(&pieces, o.region, &mut ranges);
+        }
         let range = |piece: u32| match pieces.binary_search(&piece) {
             Ok(k) => ranges[k],
             Err(_) => Interval::ALL,
         };
-        let (tree, whole) = pruned(&o.tree, &range);
+        let (tree, whole) = o.tree.deciding_with_range(&range);
         if whole.lo() > 0.0 || whole.hi() < 0.0 {
             return CellClass::Whole(whole.lo() > 0.0);
         }
@@ -579,42 +585,6 @@ fn renumbered(tree: &Csg, pieces: &[u32]) -> Csg {
     }
 }
 
-/// Removes from a tree what never decides when its pieces have these ranges; returns its range,
-/// too.
-fn pruned(tree: &Csg, range: &impl Fn(u32) -> Interval) -> (Csg, Interval) {
-    let (list, is_min) = match tree {
-        Csg::Piece(i) => return (tree.clone(), range(*i)),
-        Csg::Min(list) => (list, true),
-        Csg::Max(list) => (list, false),
-    };
-    let join = if is_min { f64::min } else { f64::max };
-    let mut all: Vec<(Csg, Interval)> = list.iter().map(|c| pruned(c, range)).collect();
-    let whole = all[1..].iter().fold(all[0].1, |w, (_, r)| {
-        Interval::new(join(w.lo(), r.lo()), join(w.hi(), r.hi()))
-    });
-    // A minimum drops children that are everywhere above another one, a maximum those that are
-    // below.
-    all.retain(|(_, r)| {
-        if is_min {
-            r.lo() <= whole.hi()
-        } else {
-            r.hi() >= whole.lo()
-        }
-    });
-    if all.len() == 1 {
-        return (all.remove(0).0, whole);
-    }
-    let left = all.into_iter().map(|(c, _)| c).collect();
-    (
-        if is_min {
-            Csg::Min(left)
-        } else {
-            Csg::Max(left)
-        },
-        whole,
-    )
-}
-
 /// Returns bounds of the rate of a minimum or maximum of pieces along a direction; `None` if they
 /// are not finite.
 fn finite_rates(slopes: &[[Interval; 3]], d: Point3) -> Option<[f64; 2]> {
@@ -675,6 +645,14 @@ mod tests {
         let d = unit(isoform::geom::sub(toward, o));
         let (b, c) = (dot(o, d), dot(o, o) - 1.0);
         (b * b >= c).then(|| -b - (b * b - c).sqrt())
+    }
+
+    /// A piece that is undefined in a part of a cell does not hide another one there.
+    #[test]
+    fn undefined_pieces_hide_nothing() {
+        let part = model("m = max(hfSphere(x, c, 0.8), 2 + sqrt(x[1] + 0.75));", 1.1);
+        let t = first(&part, [-3.0, 0.0, 0.0], [0.0; 3]).expect("the ball");
+        assert!((t - 2.2).abs() < 1e-9, "{t}");
     }
 
     #[test]

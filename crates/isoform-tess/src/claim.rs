@@ -517,7 +517,7 @@ mod tests {
     /// The page of the certificate has a row for every claim, in order, with its basis.
     #[test]
     fn the_page_names_every_claim_and_its_basis() {
-        let page = include_str!("../../../docs/rational.md");
+        let page = include_str!("../../../docs/rational-certificate.md");
         let mut rest = page;
         for claim in Claim::ALL {
             let basis = match claim.usual() {

@@ -148,8 +148,8 @@ fn the_reader_of_tables_reads() {
 /// Enums of warnings and findings: (crate, file, enum).
 const TOLD: [(&str, &str, &str); 6] = [
     ("isoform-mesh", "error.rs", "WarningKind"),
-    ("isoform-fit", "judge/warning.rs", "Warning"),
-    ("isoform-fit", "judge/finding.rs", "Finding"),
+    ("isoform-fit", "report/warning.rs", "Warning"),
+    ("isoform-fit", "report/finding.rs", "Finding"),
     ("isoform-brep", "check.rs", "Finding"),
     ("isoform-tess", "finding.rs", "Finding"),
     ("isoform", "mesh_model.rs", "MeshNote"),
