@@ -45,7 +45,8 @@ pub enum MapError {
     },
     /// Counts at random points did not agree; maps that cause this are not known.
     #[error(
-        "the degrees could not be counted: no two of {MAX_DEGREE_COUNTS} counts at random points agree"
+        "the degrees could not be counted: no two of {MAX_DEGREE_COUNTS} counts at random points \
+         agree"
     )]
     Undecided,
     /// The work was cancelled, or its deadline is over.

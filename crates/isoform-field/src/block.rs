@@ -395,8 +395,14 @@ fn powi(out: &mut Row, a: &Row, n: i32) {
     }
 }
 
-dispatch! { fn reverse_guarded(tape: &Tape, plan: &[AdjointStep], slots: &[Row], adjoints: &mut [Row]) = reverse_body::<true> }
-dispatch! { fn reverse_plain(tape: &Tape, plan: &[AdjointStep], slots: &[Row], adjoints: &mut [Row]) = reverse_body::<false> }
+dispatch! {
+    fn reverse_guarded(tape: &Tape, plan: &[AdjointStep], slots: &[Row], adjoints: &mut [Row])
+        = reverse_body::<true>
+}
+dispatch! {
+    fn reverse_plain(tape: &Tape, plan: &[AdjointStep], slots: &[Row], adjoints: &mut [Row])
+        = reverse_body::<false>
+}
 
 /// Adds `g · d` to an adjoint, or stores it if it is the first contribution. With GUARD, g = 0
 /// contributes 0 also if d is infinite or NaN.

@@ -44,6 +44,6 @@ pub use placed::Placed;
 pub use polynomial::Polynomial;
 pub use residual::{Bound, Residual};
 pub use shape::{Join, Part, Shape};
-pub use similar::similar;
+pub use similar::{similar, suggestion};
 pub use solid::{Pieces, RunField, SolidError, parameter_values};
 pub use tape::Tape;

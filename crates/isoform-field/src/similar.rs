@@ -5,7 +5,7 @@ const MAX_SUGGESTIONS: usize = 3;
 
 /// Returns the candidates most similar to a name: those that differ from it in at most a third of
 /// its characters (at least one), and those that begin with it. A pair of swapped characters counts
-/// once. Case and the ending `.hf` are ignored.
+/// once. Case, the prefix `hf` of functions and the ending `.hf` of files are ignored.
 ///
 /// ```
 /// assert_eq!(isoform_field::similar("hfBlok", ["hfBlock", "hfSphere"]), ["hfBlock"]);
@@ -21,7 +21,8 @@ pub fn similar<'c>(name: &str, candidates: impl IntoIterator<Item = &'c str>) ->
         .into_iter()
         .filter_map(|candidate| {
             let other = plain(candidate);
-            if characters > 1 && other.starts_with(&name) {
+            let begins = characters > 1 && other.starts_with(&name);
+            if begins || other.strip_prefix("hf") == Some(&name) {
                 return Some((1, candidate));
             }
             let distance = strsim::osa_distance(&name, &other);
@@ -33,9 +34,29 @@ pub fn similar<'c>(name: &str, candidates: impl IntoIterator<Item = &'c str>) ->
     found.into_iter().map(|(_, candidate)| candidate).collect()
 }
 
+/// Returns the question whether one of some candidates was meant; `None` if none is similar.
+pub fn suggestion<'c>(name: &str, candidates: impl IntoIterator<Item = &'c str>) -> Option<String> {
+    let near = similar(name, candidates);
+    (!near.is_empty()).then(|| format!("did you mean {}?", near.join(" or ")))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::similar;
+    use super::{similar, suggestion};
+
+    #[test]
+    fn functions_are_found_without_their_prefix() {
+        let all = ["hfBlock", "hfSphere"];
+        assert_eq!(
+            suggestion("block", all).as_deref(),
+            Some("did you mean hfBlock?")
+        );
+        assert_eq!(
+            suggestion("sphere", all).as_deref(),
+            Some("did you mean hfSphere?")
+        );
+        assert_eq!(suggestion("torus", all), None);
+    }
 
     #[test]
     fn misspelt_names_are_found() {

@@ -4,7 +4,7 @@ use crate::failure::{DONE, Failure};
 
 use crate::outcome::Outcome;
 use isoform::field::hyperfun::{FunctionHelp, library};
-use isoform::field::similar;
+use isoform::field::suggestion;
 use serde_json::{Value, json};
 
 /// Describes the functions of HyperFun
@@ -37,11 +37,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     };
     let Some(found) = all.iter().find(|f| is_called(f, name)) else {
         let names = all.iter().flat_map(|f| f.names.iter().copied());
-        let near = similar(name, names);
-        let hint = match near.as_slice() {
-            [] => "`isoform functions` lists all of them".to_owned(),
-            near => format!("did you mean {}?", near.join(" or ")),
-        };
+        let hint = suggestion(name, names)
+            .unwrap_or_else(|| "`isoform functions` lists all of them".to_owned());
         return Err(Failure::usage(format!("no function is called `{name}`")).hint(hint));
     };
     let text = if args.example {

@@ -6,7 +6,7 @@ use crate::language::Language;
 use crate::memory;
 use crate::model;
 use isoform::field::hyperfun::Model;
-use isoform::field::similar;
+use isoform::field::suggestion;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -27,10 +27,10 @@ pub(crate) fn template(
         );
         let all = format!("a HyperFun file, or one of: {}", names().join(", "));
         let candidates = candidates(path);
-        let near = similar(&name, candidates.iter().map(String::as_str));
-        return Err(failure.hint(match near.as_slice() {
-            [] => all,
-            near => format!("did you mean {}? Else {all}", near.join(" or ")),
+        let near = suggestion(&name, candidates.iter().map(String::as_str));
+        return Err(failure.hint(match near {
+            Some(near) => format!("{near} Else {all}"),
+            None => all,
         }));
     }
     model::read(path, language, context)

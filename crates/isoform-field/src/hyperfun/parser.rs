@@ -12,7 +12,7 @@ use super::functions::{self, ArgumentShape};
 use super::lexer::{Token, TokenKind, Word};
 use super::source::{Source, SyntaxError, Warning};
 use super::{MAX_ARRAY_ITEMS, MAX_NESTING_DEPTH, Mode, Precedence};
-use crate::similar;
+use crate::suggestion;
 use std::collections::HashMap;
 
 type ParseResult<T> = Result<T, SyntaxError>;
@@ -244,15 +244,23 @@ impl Parser<'_> {
     }
     /// Reads a symbol; `what` is its name in the message if it is missing.
     fn symbol(&mut self, symbol: &str, what: &str) -> ParseResult<()> {
+        self.symbol_with(symbol, what, |parser| match symbol {
+            ";" | ")" | "]" | "}" => parser.missing(symbol),
+            _ => String::new(),
+        })
+    }
+    /// Reads a symbol; `hint` returns the remedy if it is missing.
+    fn symbol_with(
+        &mut self,
+        symbol: &str,
+        what: &str,
+        hint: impl FnOnce(&Self) -> String,
+    ) -> ParseResult<()> {
         if self.is_symbol(symbol) {
             self.advance();
             return Ok(());
         }
-        let hint = match symbol {
-            ";" | ")" | "]" | "}" => self.missing(symbol),
-            _ => String::new(),
-        };
-        self.expected_with(what, &hint)
+        self.expected_with(what, &hint(self))
     }
     /// Reads a reserved word; `what` is its name in the message if it is missing.
     fn word(&mut self, word: Word, what: &str) -> ParseResult<()> {
@@ -374,11 +382,9 @@ impl Parser<'_> {
     }
     /// Reads the size of an array of the head.
     fn head_array(&mut self, name: &str, least: u32) -> ParseResult<()> {
-        if !self.is_symbol("[") {
-            let hint = "give the sizes: `(x[3], a[2])` for two parameters";
-            return self.expected_with("left bracket `[`", hint);
-        }
-        self.advance();
+        self.symbol_with("[", "left bracket `[`", |_| {
+            "give the sizes: `(x[3], a[2])` for two parameters".to_owned()
+        })?;
         let len = self.size(least)?;
         self.declare(name, len)?;
         self.symbol("]", "right bracket `]`")
@@ -837,14 +843,7 @@ impl Parser<'_> {
             known.extend(self.names.keys().map(String::as_str));
             format!("`{name}` has no value here: nothing is assigned to it before")
         };
-        let prefixed = format!("hf{name}");
-        let mut near = similar(name, known.iter().copied());
-        near.extend(known.iter().filter(|n| n.eq_ignore_ascii_case(&prefixed)));
-        let near: Vec<String> = near.iter().map(|n| format!("`{n}`")).collect();
-        let hint = match near.as_slice() {
-            [] => String::new(),
-            near => format!("did you mean {}?", near.join(" or ")),
-        };
+        let hint = suggestion(name, known).unwrap_or_default();
         Err(self.source.error(at, message, hint))
     }
 
@@ -852,13 +851,13 @@ impl Parser<'_> {
     fn function(&mut self, at: u32, function: u16) -> ParseResult<Expr> {
         let entry = functions::entry(function);
         let shapes = entry.arguments;
-        let usage = || format!("{}: {}", entry.signature(), entry.doc.0);
-        self.argument_symbol("(", "left parenthesis `(`", usage)?;
+        let usage = |_: &Self| format!("{}: {}", entry.signature(), entry.help);
+        self.symbol_with("(", "left parenthesis `(`", usage)?;
         let mut arguments = Vec::with_capacity(shapes.len());
         let mut elements = 0;
         for (i, (what, shape)) in shapes.iter().enumerate() {
             if i > 0 {
-                self.argument_symbol(",", &format!("comma `,` and the argument `{what}`"), usage)?;
+                self.symbol_with(",", &format!("comma `,` and the argument `{what}`"), usage)?;
             }
             if *shape == ArgumentShape::Number {
                 arguments.push(Argument::Number(self.nested(Self::expr)?));
@@ -877,26 +876,12 @@ impl Parser<'_> {
             }
             arguments.push(Argument::Array(at, array));
         }
-        self.argument_symbol(")", "right parenthesis `)`", usage)?;
+        self.symbol_with(")", "right parenthesis `)`", usage)?;
         Ok(Expr::Function {
             at,
             function,
             arguments,
         })
-    }
-
-    /// Reads a symbol of an argument list; `usage` is the remedy if it is missing.
-    fn argument_symbol(
-        &mut self,
-        symbol: &str,
-        what: &str,
-        usage: impl Fn() -> String,
-    ) -> ParseResult<()> {
-        if self.is_symbol(symbol) {
-            self.advance();
-            return Ok(());
-        }
-        self.expected_with(what, &usage())
     }
 
     /// Reads the bare name of an array.

@@ -147,8 +147,10 @@ pub(crate) struct Function<M: Machine> {
     pub(crate) writes: Option<usize>,
     /// True if an infinite value is admissible, since further arithmetic may make it finite.
     pub(crate) may_overflow: bool,
-    /// Description of the value, and the statements of a program that uses the function.
-    pub(crate) doc: (&'static str, &'static str),
+    /// Description of the value.
+    pub(crate) help: &'static str,
+    /// Statements of a program that uses the function.
+    pub(crate) example: &'static str,
 }
 
 static NAMES: LazyLock<HashMap<String, u16>> = LazyLock::new(|| {
@@ -225,8 +227,8 @@ pub fn library() -> Vec<FunctionHelp> {
             signature: row.signature(),
             section,
             arguments: arguments.map(|(n, shape)| (*n, shape.describe())).collect(),
-            help: row.doc.0,
-            example: example(row.doc.1),
+            help: row.help,
+            example: example(row.example),
         }
     };
     Function::<Direct<f64>>::TABLE.iter().map(help).collect()
@@ -372,7 +374,7 @@ mod tests {
         let mut seen = BTreeSet::new();
         for row in Function::<Direct<f64>>::TABLE {
             assert!(
-                !row.doc.0.is_empty()
+                !row.help.is_empty()
                     && row.arguments.len() <= MAX_ARGUMENTS
                     && !row.arguments.is_empty()
             );

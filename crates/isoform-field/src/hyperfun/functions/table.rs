@@ -28,7 +28,7 @@ const fn row<M: Machine>(
     names: &'static [&'static str],
     arguments: ArgumentShapes,
     run: Implementation<M>,
-    doc: Documentation,
+    (help, example): Documentation,
 ) -> Function<M> {
     Function {
         names,
@@ -36,7 +36,8 @@ const fn row<M: Machine>(
         run,
         writes: None,
         may_overflow: false,
-        doc,
+        help,
+        example,
     }
 }
 const fn primitive<M: Machine>(
@@ -76,7 +77,7 @@ const fn writing<M: Machine>(
     names: &'static [&'static str],
     arguments: ArgumentShapes,
     run: for<'c> fn(&mut Call<'c, M>) -> Outcome<'c, M>,
-    doc: Documentation,
+    (help, example): Documentation,
 ) -> Function<M> {
     Function {
         names,
@@ -84,7 +85,8 @@ const fn writing<M: Machine>(
         run: Implementation::Formula(run),
         writes: Some(i),
         may_overflow: false,
-        doc,
+        help,
+        example,
     }
 }
 /// Creates the row of a mathematical function.
@@ -92,7 +94,7 @@ const fn plain<M: Machine>(
     names: &'static [&'static str],
     arguments: ArgumentShapes,
     run: for<'c> fn(&mut Call<'c, M>) -> Outcome<'c, M>,
-    doc: Documentation,
+    (help, example): Documentation,
 ) -> Function<M> {
     Function {
         names,
@@ -100,7 +102,8 @@ const fn plain<M: Machine>(
         run: Implementation::Formula(run),
         writes: None,
         may_overflow: true,
-        doc,
+        help,
+        example,
     }
 }
 
