@@ -63,7 +63,7 @@ export interface Scale {
 /** Additional option of a layer: a switch (0 or 1), or a slider from 0 to 1. */
 export interface Extra {
   /** Key of the option in the address of a page. */
-  key: "edges" | "inside" | "quality" | "open" | "nets" | "lines";
+  key: "edges" | "inside" | "quality" | "open" | "nets" | "lines" | "caps" | "ball";
   name: string;
   isSlider: boolean;
   value: number;

@@ -68,6 +68,9 @@ uniform bool byPart;
 uniform vec4 plane;
 uniform vec3 color;
 uniform vec3 cap;
+uniform vec3 back;
+uniform bool hasCaps;
+uniform float ball;
 uniform float opacity;
 uniform bool showsOpen;
 uniform float least;
@@ -107,6 +110,7 @@ void paint(vec3 p, vec3 toEye, bool isCap) {
 #ifdef HAS_OPEN
   base = striped(base, p, size / (4.0 * h));
 #endif
+  if (!hasCaps && !byPart && dot(n, toEye) < 0.0) base = back;
   outColor = vec4(lit(base, n, toEye), opacity);
 }
 
@@ -117,6 +121,12 @@ void main() {
   vec3 p = (lo - o) * inverse, q = (lo + cell * vec3(cells) - o) * inverse;
   vec3 near = min(p, q), far = max(p, q);
   float from = max(max(near.x, near.y), max(near.z, 0.0)), to = min(far.x, min(far.y, far.z));
+  if (ball > 0.0) {
+    float b = dot(o, d), c = b * b - dot(o, o) + ball * ball;
+    if (c <= 0.0) discard;
+    from = max(from, -b - sqrt(c));
+    to = min(to, -b + sqrt(c));
+  }
   bool isAtBox = from > 0.0;
   float slope = dot(plane.xyz, d), room = plane.w - dot(plane.xyz, o);
   bool isAtPlane = false;
@@ -125,7 +135,7 @@ void main() {
   else if (slope == 0.0 && room < 0.0) discard;
   if (from >= to) discard;
   float f = at(o + from * d);
-  if (f >= 0.0 && (isAtPlane || (isCut && isAtBox))) { paint(o + from * d, -d, true); return; }
+  if (hasCaps && f >= 0.0 && (isAtPlane || (isCut && isAtBox))) { paint(o + from * d, -d, true); return; }
   vec3 start = (o + from * d - lo) / cell;
   ivec3 i = clamp(ivec3(floor(start)), ivec3(0), cells - 1);
   ivec3 way = ivec3(sign(inverse));
@@ -186,6 +196,8 @@ const UNLIKE = 1.17;
 const MOVES = 2e-5;
 /** Width of two stripes, in pixels of the page. */
 const STRIPE = 10;
+/** Colour of the back of surfaces, where the function is positive. */
+const BACK: [number, number, number] = [226, 188, 128];
 
 export class ModelLayer implements Layer {
   readonly kind = "model";
@@ -212,6 +224,11 @@ export class ModelLayer implements Layer {
     this.shader = new SolidShader(this.solid.surface, doc.tree);
     if (this.open.length)
       this.extras.push({ key: "open", name: "Stripes: undetermined", isSlider: false, value: 1 });
+    if (doc.isCut || doc.isSurface) {
+      const value = doc.isSurface ? 0 : 1;
+      this.extras.push({ key: "caps", name: "Caps", isSlider: false, value });
+    }
+    if (doc.isCut) this.extras.push({ key: "ball", name: "In a ball", isSlider: false, value: 0 });
     const material = new ShaderMaterial({
       glslVersion: GLSL3,
       side: BackSide,
@@ -232,6 +249,9 @@ export class ModelLayer implements Layer {
         plane: { value: new Vector4(0, 0, 0, 1) },
         color: { value: new Vector3(...share([132, 160, 190])) },
         cap: { value: new Vector3(...share([224, 164, 88])) },
+        back: { value: new Vector3(...share(BACK)) },
+        hasCaps: { value: true },
+        ball: { value: 0 },
         opacity: { value: 1 },
         showsOpen: { value: true },
         least: { value: 0 },
@@ -377,11 +397,25 @@ export class ModelLayer implements Layer {
     u.plane.value = planeOf(section, this.inFile(this.middle));
     u.opacity.value = this.opacity;
     u.byPart.value = this.colorBy === "part";
+    u.hasCaps.value = this.hasCaps;
+    u.ball.value = this.ball;
     u.showsOpen.value = chosen(this.extras, "open") === 1;
     u.stripe.value = STRIPE * look.pixelRatio;
     material.transparent = this.opacity < 1;
     material.depthWrite = true;
     this.object.renderOrder = this.opacity < 1 ? 1 : 0;
+  }
+
+  /** True if cuts are closed by caps. */
+  private get hasCaps(): boolean {
+    return this.extras.every((extra) => extra.key !== "caps" || extra.value === 1);
+  }
+
+  /** Radius of the ball in the brick that cuts the surface; 0 without. */
+  private get ball(): number {
+    if (!this.brick || chosen(this.extras, "ball") === 0) return 0;
+    const { lo, hi } = this.brick.box;
+    return 0.5 * Math.min(hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2]);
   }
 
   pick(ray: Ray): Hit | null {
@@ -398,9 +432,18 @@ export class ModelLayer implements Layer {
       else if (slope < 0 && room / slope > from) [from, isAtPlane] = [room / slope, true];
       else if (slope === 0 && room < 0) return null;
     }
+    if (this.ball > 0) {
+      const toMiddle = sub(o, this.middle);
+      const b = dot(toMiddle, ray.d);
+      const c = b * b - dot(toMiddle, toMiddle) + this.ball * this.ball;
+      if (c <= 0) return null;
+      [from, to] = [Math.max(from, -b - Math.sqrt(c)), Math.min(to, -b + Math.sqrt(c))];
+    }
     if (from >= to) return null;
     const isCap =
-      (isAtPlane || (this.doc.isCut && isAtBox)) && this.solid.value(along(o, ray.d, from)) >= 0;
+      this.hasCaps &&
+      (isAtPlane || (this.doc.isCut && isAtBox)) &&
+      this.solid.value(along(o, ray.d, from)) >= 0;
     const t = isCap ? from : this.solid.meet(o, ray.d, from, to);
     if (t === null) return null;
     const local = along(o, ray.d, t);

@@ -55,6 +55,8 @@ export interface ModelDoc {
   parameters: ParameterDoc[];
   bounds: [Vec3, Vec3];
   isCut: boolean;
+  /** True if the surface is meant, not the solid: it has two sides, and no caps. */
+  isSurface: boolean;
   /** True if the box is that of points in the scene, which the surface may leave. */
   isLoose: boolean;
   origin: Vec3;

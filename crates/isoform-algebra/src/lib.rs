@@ -41,6 +41,7 @@ mod compose;
 mod factor;
 mod fibre;
 mod float_roots;
+pub mod formula;
 mod gcd;
 mod implicit;
 mod modpoly;

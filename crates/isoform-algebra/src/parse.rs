@@ -1,26 +1,16 @@
 //! Parsing and formatting of polynomials.
 //!
-//! ```text
-//! sum     = term { ("+" | "-") term }
-//! term    = factor { ("*" | "/") factor }         a divisor must be a constant
-//! factor  = { "+" | "-" } atom [ ("^" | "**") integer ]
-//! atom    = number | name | "(" sum ")"
-//! number  = 12 | 0.25 | .5 | 1e-3                  exact: 0.1 is one tenth
-//! ```
-//!
-//! A product needs its `*`. Texts may come from anywhere: nesting, degrees, numbers of terms,
-//! lengths of numbers and the work of multiplying out are bounded, and a text that exceeds a bound
-//! is an error, not a wait.
+//! Formulas ([`crate::formula`]) are expanded exactly: 0.1 is one tenth, a divisor must be a
+//! constant, an exponent a whole number. Degrees, numbers of terms, lengths of numbers and the work
+//! of multiplying out are bounded, and a text that exceeds a bound is an error, not a wait.
 
+use crate::formula::{Expression, Formula, Term};
 use crate::poly::{Exponents, MAX_VARS, Poly};
 use dashu_base::Signed;
 use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
 use std::fmt;
 
-/// Maximum nesting of parentheses: far more than in written texts, far less than the stack can
-/// hold.
-const MAX_DEPTH: usize = 200;
 /// Maximum total degree at any stage of parsing.
 pub const MAX_DEGREE: usize = 1000;
 /// Maximum number of terms at any stage of parsing: a dense polynomial of degree 400 in two
@@ -65,6 +55,15 @@ pub enum ParseProblem {
     /// The divisor contains a variable.
     #[error("division by something other than a number: not a polynomial")]
     NotAPolynomial,
+    /// A function that is no polynomial.
+    #[error("{name}: not a polynomial")]
+    Transcendental {
+        /// Name of the function.
+        name: &'static str,
+    },
+    /// An exponent is not a whole number.
+    #[error("expected a whole number as exponent")]
+    Exponent,
     /// The divisor is zero.
     #[error("division by zero")]
     DivisionByZero,
@@ -78,6 +77,28 @@ pub enum ParseProblem {
     },
 }
 
+impl ParseProblem {
+    /// Returns the remedy for a polynomial of a rational map, in one sentence.
+    pub fn hint(&self) -> &'static str {
+        match self {
+            Self::UnknownName { .. } => {
+                "the parameters are s and t, or u and v; a product of letters needs its * or a space"
+            }
+            Self::NotAPolynomial | Self::DivisionByZero => {
+                "bring all coordinates to the common denominator W"
+            }
+            Self::Transcendental { name: "sin" | "cos" | "tan" } => {
+                "on a circle, cos is (1 - t^2)/(1 + t^2) and sin is 2*t/(1 + t^2): write these, \
+                 with the common denominator as W"
+            }
+            Self::TooLarge { .. } => "the polynomial is too large to be written out",
+            Self::Unexpected { .. } | Self::Exponent | Self::Transcendental { .. } => {
+                "write polynomials in s and t such as 3*s^2 - s*t/2 + 1"
+            }
+        }
+    }
+}
+
 impl Poly {
     /// Parses a polynomial; variable i has the name `names[i]`.
     ///
@@ -87,18 +108,31 @@ impl Poly {
     /// # Panics
     /// If there are more than four names.
     pub fn parse(text: &str, names: &[&str]) -> Result<Self, ParseError> {
+        Self::from_expression(&Expression::parse(text)?, names)
+    }
+
+    /// Parses a polynomial F, or an equation or inequality, for which F is the left side minus the
+    /// right one; variable i has the name `names[i]`.
+    ///
+    /// # Errors
+    /// As [`Poly::parse`].
+    ///
+    /// # Panics
+    /// If there are more than four names.
+    pub fn parse_equation(text: &str, names: &[&str]) -> Result<Self, ParseError> {
+        Self::from_expression(&Formula::parse(text)?.expression, names)
+    }
+
+    /// Expands an expression; variable i has the name `names[i]`.
+    ///
+    /// # Errors
+    /// [`ParseError`] if it is not a polynomial, or too large.
+    ///
+    /// # Panics
+    /// If there are more than four names.
+    pub fn from_expression(e: &Expression, names: &[&str]) -> Result<Self, ParseError> {
         assert!(names.len() <= MAX_VARS, "at most four variables");
-        let mut parser = Parser {
-            text: text.chars().collect(),
-            at: 0,
-            names,
-            work: 0,
-        };
-        let poly = parser.sum(0)?;
-        match parser.peek() {
-            None => Ok(poly),
-            Some(_) => Err(parser.unexpected("an operator or the end")),
-        }
+        Expander { names, work: 0 }.expand(e)
     }
 
     /// Formats this polynomial, variable i under the name `names[i]`, as text that [`Poly::parse`]
@@ -157,17 +191,14 @@ impl fmt::Display for Poly {
     }
 }
 
-/// Parser by recursive descent: each rule of the grammar is a method.
-struct Parser<'a> {
-    text: Vec<char>,
-    /// Index of the next character.
-    at: usize,
+/// Expansion of expressions to polynomials, with bounds on its work.
+struct Expander<'a> {
     names: &'a [&'a str],
     /// Work of expansion so far.
     work: usize,
 }
 
-impl Parser<'_> {
+impl Expander<'_> {
     /// Returns the error for a problem at a position.
     fn error(&self, at: usize, problem: ParseProblem) -> ParseError {
         ParseError {
@@ -175,228 +206,127 @@ impl Parser<'_> {
             problem,
         }
     }
-    /// Returns the error about an unexpected next character.
-    fn unexpected(&mut self, expected: &'static str) -> ParseError {
-        let found = self.peek();
-        self.error(self.at, ParseProblem::Unexpected { expected, found })
-    }
     /// Returns the error about a quantity above its bound.
     fn too_large(&self, at: usize, what: &'static str, limit: usize) -> ParseError {
         self.error(at, ParseProblem::TooLarge { what, limit })
     }
-    /// Skips spaces and returns the next character.
-    fn peek(&mut self) -> Option<char> {
-        while self.text.get(self.at).is_some_and(|c| c.is_whitespace()) {
-            self.at += 1;
+
+    /// Expands an expression.
+    fn expand(&mut self, e: &Expression) -> Result<Poly, ParseError> {
+        match &e.term {
+            Term::Number(digits) => self.number(e.at, digits),
+            Term::Name(name) => self.variable(e.at, name),
+            Term::Sum(terms) => self.sum(e.at, terms),
+            Term::Negative(inner) => Ok(-self.expand(inner)?),
+            Term::Product(factors) => {
+                let mut product = Poly::one();
+                for (divides, factor) in factors {
+                    let value = self.expand(factor)?;
+                    let value = match divides {
+                        true => self.reciprocal(factor.at, &value)?,
+                        false => value,
+                    };
+                    product = self.product(factor.at, &product, &value)?;
+                }
+                Ok(product)
+            }
+            Term::Power(power) => {
+                let [base, exponent] = &**power;
+                let n = self.exponent(exponent)?;
+                let base_value = self.expand(base)?;
+                self.power(e.at, &base_value, n)
+            }
+            Term::Call(name, _) => {
+                Err(self.error(e.at, ParseProblem::Transcendental { name }))
+            }
         }
-        self.text.get(self.at).copied()
-    }
-    /// Consumes the next character if it is a given one; returns true if it is.
-    fn take(&mut self, wanted: char) -> bool {
-        let found = self.peek() == Some(wanted);
-        self.at += usize::from(found);
-        found
     }
 
-    /// Parses a sum of terms, at a depth of parentheses.
-    fn sum(&mut self, depth: usize) -> Result<Poly, ParseError> {
+    /// Returns the sum of terms.
+    fn sum(&mut self, at: usize, terms: &[(bool, Expression)]) -> Result<Poly, ParseError> {
         // Partial sums of 1, 2, 4, … terms as in merge sort: adding up one by one is quadratic in
         // the length of the text.
         let mut parts: Vec<(u32, Poly)> = Vec::new();
-        let mut negative = false;
-        loop {
-            let term = self.term(depth)?;
-            parts.push((0, if negative { -term } else { term }));
+        for (negative, term) in terms {
+            let value = self.expand(term)?;
+            parts.push((0, if *negative { -value } else { value }));
             while let [.., (m, _), (n, _)] = &parts[..]
                 && m == n
             {
-                self.merge(&mut parts)?;
+                self.merge(at, &mut parts)?;
             }
-            negative = match self.peek() {
-                Some('+') => false,
-                Some('-') => true,
-                _ => break,
-            };
-            self.at += 1;
         }
         while parts.len() > 1 {
-            self.merge(&mut parts)?;
+            self.merge(at, &mut parts)?;
         }
         Ok(parts.pop().map_or(Poly::zero(), |(_, p)| p))
     }
     /// Adds the last two partial sums.
-    fn merge(&mut self, parts: &mut Vec<(u32, Poly)>) -> Result<(), ParseError> {
+    fn merge(&mut self, at: usize, parts: &mut Vec<(u32, Poly)>) -> Result<(), ParseError> {
         if let (Some((_, b)), Some((level, a))) = (parts.pop(), parts.pop()) {
             // A sum may bring both to a new denominator.
             self.charge(
-                self.at,
+                at,
                 (a.terms().len() + b.terms().len() + 1) * (words(&a) + words(&b)),
             )?;
-            let sum = self.bounded(self.at, a + b)?;
+            let sum = self.bounded(at, a + b)?;
             parts.push((level + 1, sum));
         }
         Ok(())
     }
 
-    /// Parses a product of factors, or a quotient by constants.
-    fn term(&mut self, depth: usize) -> Result<Poly, ParseError> {
-        let mut product = self.factor(depth)?;
-        loop {
-            let at = self.at;
-            match self.peek() {
-                Some('*') => {
-                    self.at += 1;
-                    let factor = self.factor(depth)?;
-                    product = self.product(at, &product, &factor)?;
-                }
-                Some('/') => {
-                    self.at += 1;
-                    let start = self.at;
-                    let divisor = self.factor(depth)?;
-                    let c = divisor
-                        .as_constant()
-                        .ok_or_else(|| self.error(start, ParseProblem::NotAPolynomial))?;
-                    if c.is_zero() {
-                        return Err(self.error(start, ParseProblem::DivisionByZero));
-                    }
-                    product = self.product(at, &product, &Poly::constant(RBig::ONE / c))?;
-                }
-                _ => return Ok(product),
+    /// Returns the reciprocal of a divisor, which must be a constant.
+    fn reciprocal(&self, at: usize, divisor: &Poly) -> Result<Poly, ParseError> {
+        match divisor.as_constant() {
+            None => Err(self.error(at, ParseProblem::NotAPolynomial)),
+            Some(c) if c.is_zero() => Err(self.error(at, ParseProblem::DivisionByZero)),
+            Some(c) => Ok(Poly::constant(RBig::ONE / c)),
+        }
+    }
+
+    /// Returns the exponent of a power.
+    fn exponent(&self, e: &Expression) -> Result<usize, ParseError> {
+        let digits = match &e.term {
+            Term::Number(digits) if digits.bytes().all(|b| b.is_ascii_digit()) => digits,
+            _ => {
+                return Err(self.error(e.at, ParseProblem::Exponent));
             }
-        }
+        };
+        let small = digits.parse().ok().filter(|n| *n <= MAX_DEGREE);
+        small.ok_or_else(|| self.too_large(e.at, "an exponent", MAX_DEGREE))
     }
 
-    /// Parses a power of an atom, preceded by signs.
-    fn factor(&mut self, depth: usize) -> Result<Poly, ParseError> {
-        let mut negative = false;
-        while let Some(sign @ ('+' | '-')) = self.peek() {
-            negative ^= sign == '-';
-            self.at += 1;
-        }
-        let start = self.at;
-        let mut base = self.atom(depth)?;
-        let stars = self.peek() == Some('*') && self.text.get(self.at + 1) == Some(&'*');
-        if stars || self.peek() == Some('^') {
-            self.at += if stars { 2 } else { 1 };
-            let n = self.exponent()?;
-            base = self.power(start, &base, n)?;
-        }
-        Ok(if negative { -base } else { base })
-    }
-
-    /// Parses the exponent of a power.
-    fn exponent(&mut self) -> Result<usize, ParseError> {
-        self.peek();
-        let start = self.at;
-        let n = self.integer(MAX_DEGREE, "an exponent")?;
-        n.ok_or_else(|| {
-            self.at = start;
-            self.unexpected("a whole number as exponent")
+    /// Returns the variable of a name.
+    fn variable(&self, at: usize, name: &str) -> Result<Poly, ParseError> {
+        let found = self.names.iter().position(|n| *n == name);
+        found.map(Poly::var).ok_or_else(|| {
+            let known = self.names.iter().map(|&n| n.to_owned()).collect();
+            let name = name.to_owned();
+            self.error(at, ParseProblem::UnknownName { name, known })
         })
     }
-    /// Parses the following digits as a number; `None` if there are none.
-    fn integer(&mut self, limit: usize, what: &'static str) -> Result<Option<usize>, ParseError> {
-        let start = self.at;
-        let mut n = 0;
-        while let Some(digit) = self.text.get(self.at).and_then(|c| c.to_digit(10)) {
-            n = n * 10 + digit as usize;
-            if n > limit {
-                return Err(self.too_large(start, what, limit));
-            }
-            self.at += 1;
-        }
-        Ok((self.at > start).then_some(n))
-    }
 
-    /// Parses a number, a variable, or a sum in parentheses.
-    fn atom(&mut self, depth: usize) -> Result<Poly, ParseError> {
-        match self.peek() {
-            Some('(') => {
-                if depth == MAX_DEPTH {
-                    return Err(self.too_large(self.at, "nesting of parentheses", MAX_DEPTH));
-                }
-                self.at += 1;
-                let inner = self.sum(depth + 1)?;
-                if self.take(')') {
-                    Ok(inner)
-                } else {
-                    Err(self.unexpected("an operator or ')'"))
-                }
-            }
-            Some('0'..='9' | '.') => self.number(),
-            Some(c) if c.is_alphabetic() || c == '_' => self.variable(),
-            _ => Err(self.unexpected("a number, a variable or '('")),
-        }
-    }
-
-    /// Parses the name of a variable, of letters, digits and underscores.
-    fn variable(&mut self) -> Result<Poly, ParseError> {
-        let start = self.at;
-        while self
-            .text
-            .get(self.at)
-            .is_some_and(|c| c.is_alphanumeric() || *c == '_')
-        {
-            self.at += 1;
-        }
-        let name: String = self.text[start..self.at].iter().collect();
-        match self.names.iter().position(|n| *n == name) {
-            Some(v) => Ok(Poly::var(v)),
-            None => {
-                let known = self.names.iter().map(|&n| n.to_owned()).collect();
-                Err(self.error(start, ParseProblem::UnknownName { name, known }))
-            }
-        }
-    }
-
-    /// Parses a number exactly: its digits as an integer, times a power of ten.
-    fn number(&mut self) -> Result<Poly, ParseError> {
-        let start = self.at;
-        let (digits, decimals) = self.digits();
-        if digits.is_empty() {
-            return Err(self.unexpected("a digit"));
-        }
+    /// Returns the exact value of a decimal number: its digits as an integer, times a power of ten.
+    fn number(&self, at: usize, text: &str) -> Result<Poly, ParseError> {
+        let (mantissa, exponent) = text.split_once(['e', 'E']).unwrap_or((text, "0"));
+        let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, ""));
+        let digits = format!("{whole}{fraction}");
         // log2 of 10 is below 4.
         if digits.len() > MAX_BITS / 4 {
-            return Err(self.too_large(start, "digits of a number", MAX_BITS / 4));
+            return Err(self.too_large(at, "digits of a number", MAX_BITS / 4));
         }
-        let [up, down] = self.decimal_exponent()?;
-        let ten = UBig::from(10u8);
+        let exponent = exponent.parse::<i64>().ok();
+        let exponent = exponent.filter(|n| n.unsigned_abs() <= MAX_DECIMAL_EXPONENT as u64);
+        let exponent = exponent
+            .ok_or_else(|| self.too_large(at, "a decimal exponent", MAX_DECIMAL_EXPONENT))?;
+        let power = UBig::from(10u8).pow(exponent.unsigned_abs() as usize);
+        let decimals = UBig::from(10u8).pow(fraction.len());
         let mantissa: IBig = digits.parse().expect("digits only");
-        let value = RBig::from_parts(mantissa * ten.pow(up), ten.pow(decimals + down));
-        self.bounded(start, Poly::constant(value))
-    }
-    /// Parses the following digits with an optional decimal point; returns them and the number of
-    /// digits after the point.
-    fn digits(&mut self) -> (String, usize) {
-        let mut digits = String::new();
-        let mut decimals = 0usize;
-        let mut point = false;
-        while let Some(&c) = self.text.get(self.at) {
-            match c {
-                '0'..='9' => {
-                    digits.push(c);
-                    decimals += usize::from(point);
-                }
-                '.' if !point => point = true,
-                _ => break,
-            }
-            self.at += 1;
-        }
-        (digits, decimals)
-    }
-    /// Parses a decimal exponent; returns the exponents of the powers of ten by which to multiply
-    /// and to divide, both 0 without an exponent.
-    fn decimal_exponent(&mut self) -> Result<[usize; 2], ParseError> {
-        let Some('e' | 'E') = self.text.get(self.at) else {
-            return Ok([0, 0]);
+        let value = match exponent < 0 {
+            true => RBig::from_parts(mantissa, decimals * power),
+            false => RBig::from_parts(mantissa * power, decimals),
         };
-        self.at += 1;
-        let negative = self.text.get(self.at) == Some(&'-');
-        self.at += usize::from(matches!(self.text.get(self.at), Some('+' | '-')));
-        let n = self.integer(MAX_DECIMAL_EXPONENT, "a decimal exponent")?;
-        let n = n.ok_or_else(|| self.unexpected("a digit of the decimal exponent"))?;
-        Ok(if negative { [0, n] } else { [n, 0] })
+        self.bounded(at, Poly::constant(value))
     }
 
     /// Returns a power, by repeated squaring, unless its degree or its coefficients would be too
@@ -495,6 +425,11 @@ mod tests {
             ("s - s", "0"),
             ("\ts\n+ t ", "t + s"),
             ("(((s)))*((t))", "s*t"),
+            ("2s t", "2*s*t"),
+            ("3(s + 1)(t-1)s²", "3*(s + 1)*(t - 1)*s^2"),
+            ("1/2s", "1/2*s"),
+            ("s¹²−2·t×t", "s^12 - 2*t*t"),
+            ("2t^2 3s", "6*t^2*s"),
         ];
         for (a, b) in same {
             assert_eq!(Poly::parse(a, &ST), Poly::parse(b, &ST), "{a}");
@@ -511,8 +446,8 @@ mod tests {
             "column 5: expected a number, a variable or '(', found the end"
         );
         assert_eq!(
-            error("2 s"),
-            "column 3: expected an operator or the end, found 's'"
+            error("2 s = 1"),
+            "column 5: expected an operator or the end, found '='"
         );
         assert_eq!(
             error("s*u"),
@@ -529,12 +464,17 @@ mod tests {
         );
         assert_eq!(
             error("s^-1"),
-            "column 3: expected a whole number as exponent, found '-'"
+            "column 3: expected a whole number as exponent"
         );
         assert_eq!(error("s^1001"), "column 3: an exponent above 1000");
         assert_eq!(
             error("1e"),
-            "column 3: expected a digit of the decimal exponent, found the end"
+            "column 2: 'e' is not one of the variables s, t"
+        );
+        assert_eq!(error("2cos(s)"), "column 2: cos: not a polynomial");
+        assert_eq!(
+            error("s^2.5"),
+            "column 3: expected a whole number as exponent"
         );
         assert_eq!(error("é"), "column 1: 'é' is not one of the variables s, t");
         assert_eq!(
@@ -542,6 +482,23 @@ mod tests {
             "column 3: expected an operator or the end, found '§'"
         );
         assert_eq!(error("."), "column 2: expected a digit, found the end");
+    }
+
+    #[test]
+    fn equations_are_differences_of_their_sides() {
+        for (equation, difference) in [
+            ("s^2 + t^2 = 1", "s^2 + t^2 - 1"),
+            ("s == 2t", "s - 2*t"),
+            ("s² ≤ 1 + t", "s^2 - 1 - t"),
+            ("s >= t", "s - t"),
+            ("s*t", "s*t"),
+        ] {
+            let expected = Poly::parse(difference, &ST);
+            assert_eq!(Poly::parse_equation(equation, &ST), expected, "{equation}");
+        }
+        for wrong in ["s = t = 1", "= s", "s =", "s =< t", "(s = t)"] {
+            assert!(Poly::parse_equation(wrong, &ST).is_err(), "{wrong}");
+        }
     }
 
     #[test]
@@ -565,8 +522,8 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_text_is_answered(text in "[-+*/^().0-9est ]{0,40}") {
-            let _ = Poly::parse(&text, &ST);
+        fn any_text_is_answered(text in "[-+*/^()=<.,0-9estcosin²³ ]{0,40}") {
+            let _ = Poly::parse_equation(&text, &ST);
         }
 
         #[test]

@@ -92,22 +92,12 @@ impl MapFileError {
         let Self::NotAPolynomial { error, .. } = self else {
             return "write {\"X\": \"…\", \"Y\": \"…\", \"Z\": \"…\", \"W\": \"…\"} with polynomials in s and t";
         };
-        match error.problem {
-            ParseProblem::UnknownName { .. } => {
-                "the parameters are s and t; multiplication is written *"
-            }
-            ParseProblem::NotAPolynomial | ParseProblem::DivisionByZero => {
-                "bring all coordinates to the common denominator W"
-            }
-            ParseProblem::TooLarge { .. } => "the polynomial is too large to be written out",
-            ParseProblem::Unexpected { .. } => {
-                "write polynomials in s and t such as 3*s^2 - s*t/2 + 1"
-            }
-        }
+        error.problem.hint()
     }
 }
 
-/// Parses a map from JSON; keys other than [`MAP_KEYS`] are ignored.
+/// Parses a map from JSON; keys other than [`MAP_KEYS`], in capital or small letters, are ignored.
+/// The variables may be called u and v in place of s and t.
 ///
 /// # Errors
 /// [`MapFileError`].
@@ -117,9 +107,11 @@ pub fn read_map(text: &str) -> Result<MapFile, MapFileError> {
     for (target, key) in texts.iter_mut().zip(MAP_KEYS) {
         *target = polynomial_text(&json, key)?;
     }
+    let is_uv = texts.iter().any(|text| text.contains(['u', 'v']));
+    let names = if is_uv { ["u", "v"] } else { MAP_VARIABLES };
     let mut polynomials: [Poly; 4] = Default::default();
     for ((target, text), key) in polynomials.iter_mut().zip(&texts).zip(MAP_KEYS) {
-        *target = Poly::parse(text, &MAP_VARIABLES)
+        *target = Poly::parse(text, &names)
             .map_err(|error| MapFileError::NotAPolynomial { key, error })?;
     }
     Ok(MapFile { polynomials })
@@ -148,7 +140,7 @@ fn not_json(e: &serde_json::Error) -> MapFileError {
 
 /// Returns the polynomial under a key: a text, or a number, which is a constant.
 fn polynomial_text(json: &Value, key: &'static str) -> Result<String, MapFileError> {
-    let found = match json.get(key) {
+    let found = match json.get(key).or_else(|| json.get(key.to_lowercase())) {
         None => return Err(MapFileError::Missing { key }),
         Some(Value::String(text)) => return Ok(text.clone()),
         Some(Value::Number(constant)) => return Ok(constant.to_string()),
@@ -173,6 +165,14 @@ mod tests {
         assert_eq!([x, y, z, w], [1, 1, 2, 0]);
         // A decimal number is taken exactly, not rounded to a double.
         assert_eq!(map.polynomials[3].scale(&10.into()), Poly::one());
+    }
+
+    #[test]
+    fn small_keys_and_other_parameters_are_read() {
+        let expected = read_map(r#"{"X": "2*s*t", "Y": "t", "Z": "s^2", "W": "1"}"#);
+        let other = read_map(r#"{"x": "2u v", "y": "v", "z": "u²", "w": 1}"#);
+        assert!(expected.is_ok());
+        assert_eq!(other, expected);
     }
 
     #[test]
@@ -210,6 +210,7 @@ mod tests {
             read_map(&text).expect_err(x)
         };
         assert_eq!(of("u + 1").code(), "unknown_variable");
+        assert!(of("cos(s)").hint().starts_with("on a circle"));
         assert_eq!(
             of("1/s").hint(),
             "bring all coordinates to the common denominator W"

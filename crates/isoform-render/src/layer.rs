@@ -79,6 +79,8 @@ pub(crate) struct Polyline {
 #[derive(Debug)]
 pub(crate) enum Body {
     Model {
+        /// True if the surface has two sides and no caps.
+        is_surface: bool,
         model: Box<Model>,
         /// Colours of its pieces; `None` if parts have no colours.
         colors: Option<Vec<Color>>,
@@ -130,6 +132,8 @@ pub struct ShownModel<'a> {
     pub bounds: Aabb,
     /// True if the box cuts the solid.
     pub is_cut: bool,
+    /// True to draw the surface with two sides and without caps.
+    pub is_surface: bool,
     /// Names of its parts in the order of their colours; pieces with other names follow.
     pub names: &'a [String],
 }
@@ -176,6 +180,7 @@ impl Layer {
             modes,
             key,
             body: Body::Model {
+                is_surface: shown.is_surface,
                 model: Box::new(model),
                 colors,
             },

@@ -6,6 +6,8 @@ use isoform::geom::{Point3, dot};
 
 /// Colour of models.
 pub(crate) const MODEL: Color = [132, 160, 190];
+/// Colour of the back of surfaces, where their function is positive.
+pub(crate) const BACK: Color = [226, 188, 128];
 /// Colour of meshes.
 pub(crate) const MESH: Color = [158, 170, 164];
 /// Colour of maps and patches.

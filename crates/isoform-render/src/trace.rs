@@ -268,10 +268,16 @@ impl LayerRay<'_> {
     }
 
     fn on_model(&self, layer: &Layer, scratch: &mut Scratch) -> Option<NearestHit> {
-        let Body::Model { model, colors } = &layer.body else {
+        let Body::Model {
+            model,
+            colors,
+            is_surface,
+        } = &layer.body
+        else {
             return None;
         };
-        let cap = self.tracer.has_caps.then_some(self.is_cut);
+        let has_caps = self.tracer.has_caps && !is_surface;
+        let cap = has_caps.then_some(self.is_cut);
         let met = model.meet(&self.ray, self.range, cap, scratch)?;
         let Some(piece) = met.piece else {
             let normal = match &self.tracer.scene.section {
@@ -282,7 +288,9 @@ impl LayerRay<'_> {
         };
         let normal = model.normal(piece, &self.ray, met.t);
         let own = colors.as_ref().map(|c| c[piece as usize]);
-        let color = self.lit(own.unwrap_or(shade::MODEL), normal);
+        let is_back = *is_surface && dot(normal, self.ray.d) > 0.0;
+        let usual = if is_back { shade::BACK } else { shade::MODEL };
+        let color = self.lit(own.unwrap_or(usual), normal);
         Some(self.found(met.t, normal, piece, color))
     }
 

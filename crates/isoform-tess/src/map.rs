@@ -88,18 +88,7 @@ impl MapError {
     /// Returns the remedy, in one sentence.
     pub fn hint(&self) -> &'static str {
         match self {
-            Self::NotAPolynomial { error, .. } => match error.problem {
-                ParseProblem::UnknownName { .. } => {
-                    "the parameters are s and t; multiplication is written *"
-                }
-                ParseProblem::NotAPolynomial | ParseProblem::DivisionByZero => {
-                    "bring all coordinates to the common denominator W"
-                }
-                ParseProblem::TooLarge { .. } => "the polynomial is too large to be written out",
-                ParseProblem::Unexpected { .. } => {
-                    "write polynomials in s and t such as 3*s^2 - s*t/2 + 1"
-                }
-            },
+            Self::NotAPolynomial { error, .. } => error.problem.hint(),
             Self::NotFinite { .. } => "all coefficients must be finite numbers",
             Self::DegreeTooLarge { .. } => {
                 "approximate the surface by one of lower degree, or by several patches"

@@ -3,11 +3,15 @@
 use crate::domain::{Domain, bounds_over};
 use crate::map::Map;
 use crate::patch::{Patch, patch_bounds};
-use isoform_algebra::{Poly, RBig};
+use isoform_algebra::{Exponents, Poly, RBig};
+use isoform_geom::Point3;
 
 /// Ratio of the box to the extent of the surface: without a margin, extreme points would lie on
 /// faces of the box; with a much larger one, the default tolerance would be coarse.
 const BOX_MARGIN_FACTOR: f64 = 1.01;
+
+/// Number of directions in which a map is sampled for a box that shows it.
+const SHOWN_DIRECTIONS: usize = 4096;
 
 /// A box around the origin that contains a surface.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,6 +44,41 @@ impl SurfaceBox {
     /// or if they are too large or too small for doubles.
     pub fn of_patches(patches: &[Patch]) -> Option<Self> {
         Self::around(&patch_bounds(patches)?)
+    }
+
+    /// Returns a box that shows a map of the whole plane: three times the median of the largest
+    /// coordinate over all directions (s : t : w), and not more than the largest of all.
+    pub fn showing(map: &Map) -> Option<Self> {
+        let forms = map.forms().each_ref().map(Poly::to_f64);
+        let value = |form: &[(Exponents, f64)], p: Point3| {
+            let term = |(e, c): &(Exponents, f64)| {
+                let powers = p.iter().zip(e).map(|(x, n)| x.powi(i32::from(*n)));
+                c * powers.product::<f64>()
+            };
+            form.iter().map(term).sum::<f64>()
+        };
+        // A spiral of equal areas on a hemisphere; W = 0 at no regular position.
+        let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+        let direction = |i: usize| {
+            let z = (i as f64 + 0.5) / SHOWN_DIRECTIONS as f64;
+            let (r, angle) = ((1.0 - z * z).sqrt(), golden * i as f64);
+            [r * angle.cos(), r * angle.sin(), z]
+        };
+        let coordinate = |i: usize| -> f64 {
+            let p = direction(i);
+            let [x, y, z, w] = forms.each_ref().map(|form| value(form, p));
+            [x, y, z].into_iter().fold(0.0, |m: f64, v| m.max((v / w).abs()))
+        };
+        let mut sizes: Vec<f64> = (0..SHOWN_DIRECTIONS).map(coordinate).collect();
+        sizes.retain(|v| v.is_finite());
+        sizes.sort_by(f64::total_cmp);
+        let median = *sizes.get(sizes.len() / 2)?;
+        let half = (3.0 * median).min(*sizes.last()?);
+        let extent = || [RBig::try_from(-half), RBig::try_from(half)];
+        let [Ok(lo), Ok(hi)] = extent() else {
+            return None;
+        };
+        Self::around(&[[lo, hi], [RBig::ZERO, RBig::ZERO], [RBig::ZERO, RBig::ZERO]])
     }
 
     fn around(bounds: &[[RBig; 2]; 3]) -> Option<Self> {

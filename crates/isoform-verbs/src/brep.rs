@@ -8,7 +8,8 @@ use crate::memory;
 use crate::mesh::settings::Settings;
 use crate::mesh::work::{Phases, no_mesh, place};
 use crate::outcome::{self, Outcome};
-use crate::parameters::{self, Given};
+use crate::model::SolidModel;
+use crate::parameters::Given;
 use crate::product::Product;
 use crate::product::Statement;
 use crate::solids;
@@ -83,8 +84,14 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         context.note("no -o: nothing will be written");
     }
     let name = memory::name(&args.model);
-    let model = gallery::template(&args.model, &args.language, context)?;
-    let values = parameters::values(&model, &args.given, context)?;
+    let model = gallery::model(&args.model, &args.language, context)?;
+    let solid = model.solid(&args.model, &args.given, args.region, context)?;
+    let SolidModel {
+        model,
+        values,
+        region,
+        ..
+    } = solid;
     let subject = SolidInput {
         name,
         unit: model.info().unit.clone(),
@@ -95,7 +102,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         size: args.size,
         ..MeshModelOptions::default()
     };
-    options.mesh.region = args.region;
+    options.mesh.region = region;
     let made = make(subject, &options, args.tol, &context.control(), context)?;
     made.say(context);
     let subject = &made.subject;

@@ -5,9 +5,11 @@ use crate::context::Context;
 use crate::failure::{self, DONE, Failure};
 use crate::kind;
 use crate::language::Language;
+use crate::memory;
+use crate::model::GivenModel;
 use crate::outcome::{self, Outcome};
 use crate::parameters::{self, Given, Parameters};
-use crate::{gallery, scan, solids, spline};
+use crate::{gallery, scan, solids};
 use isoform::field::hyperfun::Pose;
 use isoform::geom::{Aabb, PointCloud};
 use isoform::io::MeshPoints;
@@ -156,16 +158,13 @@ fn kind(loaded: &Loaded, vertices: bool) -> &'static str {
 
 /// Reads a side: a mesh by its surface, points, or a model with the values that are given.
 fn load(path: &Path, given: &Given, args: &Args, context: &Context) -> Result<Loaded, Failure> {
-    if is_model(path) && !scan::is_mesh(path, None) {
+    let is_nameless = !memory::exists(path) && !kind::is_named_file(path);
+    if is_nameless || kind::is_json(path) || is_model(path) && !scan::is_mesh(path, None) {
         return load_model(path, given, &args.language, context);
     }
     if let Some(file) = solids::find(path)? {
         let solid = solids::divided(path, file, None, context)?;
         return Ok(Loaded::Solid(Box::new(solid)));
-    }
-    if kind::is_json(path) {
-        let metric = SplineDistance(spline::read(path)?);
-        return Ok(Loaded::Spline(Box::new(metric)));
     }
     let (cloud, warnings) = if scan::is_mesh(path, None) {
         let (mesh, report) = scan::read_mesh_file(path, None)?;
@@ -187,7 +186,10 @@ fn load_model(
     language: &Language,
     context: &Context,
 ) -> Result<Loaded, Failure> {
-    let model = gallery::template(path, language, context)?;
+    let model = match gallery::model(path, language, context)? {
+        GivenModel::Fitted(fitted) => return Ok(Loaded::Spline(Box::new(SplineDistance(*fitted)))),
+        model => model.stated(path)?,
+    };
     let values = parameters::values(&model, given, context)?;
     let template = FrepTemplate::with_pose(&model, Pose::None, &[]);
     let template =

@@ -24,6 +24,7 @@ const DEFAULT_SEED: u64 = 1;
 const STACK: usize = 8 << 20;
 
 #[derive(clap::Args)]
+#[command(next_help_heading = crate::help::COMMON)]
 pub(crate) struct Global {
     /// Make stdout exactly one JSON document, on failure too
     #[arg(long, global = true)]

@@ -3,12 +3,11 @@
 use crate::context::Context;
 use crate::disk;
 use crate::failure::{DONE, Failure, NO_RESULT, PARTIAL};
-use crate::kind;
 use crate::language::Language;
-use crate::model;
+use crate::gallery;
+use crate::model::GivenModel;
 use crate::outcome::Outcome;
 use crate::parameters::{Given, values};
-use crate::spline;
 use isoform::field::hyperfun::{BlockEvaluator, Model, Pose};
 use isoform::fit::Template;
 use isoform::geom::{Field, ParamField};
@@ -117,10 +116,10 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         );
     }
     let table = disk::text(disk::read_file(&args.points)?);
-    if kind::is_json(&args.model) {
-        let spline = spline::read(&args.model)?;
+    let model = gallery::model(&args.model, &args.language, context)?;
+    if let GivenModel::Fitted(spline) = model {
         let rows = points(&args.points, &table, 3)?;
-        let cells = cells_of_spline(spline, args.reading, &rows, context);
+        let cells = cells_of_spline(*spline, args.reading, &rows, context);
         let subject = EvaluatedModel {
             name: "surface",
             values: &[],
@@ -129,7 +128,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         };
         return outcome(args, &subject, &rows, &cells, context);
     }
-    let model = model::read(&args.model, &args.language, context)?;
+    let model = model.as_written(&args.model)?;
     let a = values(&model, &args.given, context)?;
     let rows = points(&args.points, &table, model.dimension())?;
     let cells = cells(args, &model, &rows, &a, context)?;

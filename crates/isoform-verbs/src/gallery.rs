@@ -2,30 +2,35 @@
 
 use crate::context::Context;
 use crate::failure::Failure;
+use crate::formula;
 use crate::language::Language;
 use crate::memory;
-use crate::model;
+use crate::model::{self, GivenModel};
 use isoform::field::hyperfun::Model;
 use isoform::field::suggestion;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Reads a template: the file if there is one, else the one of that name in the gallery.
-pub(crate) fn template(
+/// Reads a model: the file if there is one, else a formula, else the template of that name.
+pub(crate) fn model(
     path: &Path,
     language: &Language,
     context: &Context,
-) -> Result<Model, Failure> {
+) -> Result<GivenModel, Failure> {
     if !memory::exists(path) && path != Path::new("-") {
+        if let Some(formula) = formula::in_place_of_file(path)? {
+            return Ok(GivenModel::Formula(Box::new(formula)));
+        }
         let name = path.to_string_lossy();
         if let Some(found) = isoform::template(&name) {
-            return model::parse(Path::new(found.name), found.program, language, context);
+            let model = model::parse(Path::new(found.name), found.program, language, context)?;
+            return Ok(GivenModel::Program(Box::new(model)));
         }
         let failure = Failure::input(
             "template",
             format!("no file and no template is called {name}"),
         );
-        let all = format!("a HyperFun file, or one of: {}", names().join(", "));
+        let all = format!("a HyperFun file, a formula as \"x^2 + y^2 = 1\", or one of: {}", names().join(", "));
         let candidates = candidates(path);
         let near = suggestion(&name, candidates.iter().map(String::as_str));
         return Err(failure.hint(match near {
@@ -34,6 +39,15 @@ pub(crate) fn template(
         }));
     }
     model::read(path, language, context)
+}
+
+/// Reads a template, as [`model`] does; the inside of a formula is the usual one.
+pub(crate) fn template(
+    path: &Path,
+    language: &Language,
+    context: &Context,
+) -> Result<Model, Failure> {
+    model(path, language, context)?.stated(path)
 }
 
 /// The names of the templates.

@@ -120,7 +120,6 @@ fn paths(verb: &ArgMatches) -> impl Iterator<Item = (&str, PathBuf)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     /// Arguments that name files to read.
     const READ: [&str; 11] = [
@@ -130,7 +129,7 @@ mod tests {
 
     #[test]
     fn every_path_of_every_verb_is_read_or_written() {
-        let command = crate::Cli::command();
+        let command = crate::command(crate::help::Extent::Whole);
         let mut seen = Vec::new();
         for verb in command.get_subcommands() {
             for argument in verb.get_arguments() {

@@ -57,7 +57,7 @@ impl Kind {
     }
 
     /// Returns the kind of a JSON document.
-    fn of_json(json: &Value) -> Self {
+    pub(crate) fn of_json(json: &Value) -> Self {
         if is_solid_file(json) {
             Self::Solid
         } else if is_fitted(json) {
@@ -174,6 +174,15 @@ pub(crate) fn solid_format(path: &Path) -> &'static str {
         Some(SolidKind::Step) => "step",
         _ => "brep.json",
     }
+}
+
+/// Returns true if a path ends as names of files do, and formulas do not: with a point and a word.
+pub(crate) fn is_named_file(path: &Path) -> bool {
+    let ending = path.extension().map(|e| e.to_string_lossy());
+    ending.is_some_and(|e| {
+        e.starts_with(|c: char| c.is_ascii_alphabetic())
+            && e.chars().all(|c| c.is_ascii_alphanumeric())
+    })
 }
 
 /// Returns true if the ending of a file says JSON.

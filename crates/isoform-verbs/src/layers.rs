@@ -4,12 +4,14 @@ use crate::arguments;
 use crate::context::Context;
 use crate::disk;
 use crate::failure::Failure;
+use crate::formula;
 use crate::kind::{self, is_fitted};
 use crate::language::Language;
 use crate::memory::{self, MapObject, Object};
 use crate::mesh::settings::Settings;
 use crate::mesh::work::no_mesh;
-use crate::parameters::{self, Given};
+use crate::model::{GivenModel, SolidModel};
+use crate::parameters::Given;
 use crate::triangulate::{self, HalfWidth};
 use crate::{gallery, scan, solids, spline};
 use isoform::field::hyperfun::Model;
@@ -18,7 +20,7 @@ use isoform::io::{FilePatch, MeshPoints, is_patch_file, read_patches};
 use isoform::mesh::MeshError;
 use isoform::{
     ExactSolid, Implicit, LiveModel, MeshModelError, MeshModelOptions, PatchesError,
-    RationalSurface, SurfaceBox, Unseen, mesh_model, mesh_spline, solid_of, undefined_at,
+    RationalSurface, Unseen, mesh_model, mesh_spline, solid_of, undefined_at,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -29,8 +31,8 @@ use std::sync::Arc;
 pub(crate) struct LayerOptions {
     #[command(flatten)]
     given: Given,
-    /// Half the width of a box around the origin, which maps need; or x,y,z of the lower and of the
-    /// upper corner, for models without an end
+    /// Half the width of a box around the origin; or x,y,z of the lower and of the upper corner
+    /// [default: that of the file, or one that shows a surface without an end]
     #[arg(long = "box", value_name = "B", allow_hyphen_values = true, value_parser = place)]
     region: Option<ViewRegion>,
     /// Show files that may be both as points or as meshes [default: PLY as points, OBJ, STL, OFF
@@ -50,7 +52,7 @@ enum TriangleDisplay {
 
 /// Region of a model to show.
 #[derive(Clone, Debug)]
-enum ViewRegion {
+pub(crate) enum ViewRegion {
     /// A cube about the origin.
     Around(HalfWidth),
     /// A box.
@@ -59,7 +61,7 @@ enum ViewRegion {
 
 impl ViewRegion {
     /// The box.
-    fn region(&self) -> Aabb {
+    pub(crate) fn region(&self) -> Aabb {
         match self {
             Self::Around(half) => Aabb {
                 lo: [-half.near; 3],
@@ -71,7 +73,7 @@ impl ViewRegion {
 }
 
 /// Reads half a width, or six numbers.
-fn place(text: &str) -> Result<ViewRegion, String> {
+pub(crate) fn place(text: &str) -> Result<ViewRegion, String> {
     if text.contains(',') {
         arguments::region(text).map(ViewRegion::Box)
     } else {
@@ -97,15 +99,9 @@ pub(crate) enum Layer {
 pub(crate) struct LiveLayer {
     pub(crate) live: LiveModel,
     pub(crate) title: Option<String>,
-    pub(crate) source: ModelSource,
-}
-
-/// Source of a model.
-pub(crate) enum ModelSource {
-    /// A program, with the values of its parameters.
-    Program(Box<Model>, Vec<f64>),
-    /// A polynomial in x, y and z.
-    Polynomial(String),
+    pub(crate) model: Box<Model>,
+    /// Values of its parameters.
+    pub(crate) values: Vec<f64>,
 }
 
 /// A patch of a file.
@@ -204,9 +200,11 @@ pub(crate) fn read(
     file.read()
 }
 
-/// Returns true if it is the name of a template, and of no file.
-fn is_template(path: &Path) -> bool {
-    !memory::exists(path) && isoform::template(&path.to_string_lossy()).is_some()
+/// Returns true if it is the name of a template or a formula, and of no file.
+fn is_named_model(path: &Path) -> Result<bool, Failure> {
+    let is_template = || isoform::template(&path.to_string_lossy()).is_some();
+    let is_free = path != Path::new("-") && !memory::exists(path);
+    Ok(is_free && (is_template() || formula::in_place_of_file(path)?.is_some()))
 }
 
 impl File<'_> {
@@ -229,9 +227,9 @@ impl File<'_> {
         let is_program = path
             .extension()
             .is_some_and(|e| e.eq_ignore_ascii_case("hf"));
-        if is_program || is_template(path) {
-            let model = gallery::template(path, &self.reading.language, self.context)?;
-            return self.program(&model);
+        if is_program || is_named_model(path)? {
+            let model = gallery::model(path, &self.reading.language, self.context)?;
+            return self.model(model);
         }
         if scan::is_mesh(path, None) {
             return self.mesh();
@@ -286,30 +284,38 @@ impl File<'_> {
     }
 
     /// A model that moves; one that cannot be shown itself as its mesh.
-    fn program(&self, model: &Model) -> Result<Layer, Failure> {
-        let (name, region) = (self.name, self.region());
-        let values = parameters::values(model, &self.reading.given, self.context)?;
+    fn model(&self, model: GivenModel) -> Result<Layer, Failure> {
+        let name = self.name;
+        let solid = model.solid(self.path, &self.reading.given, self.region(), self.context)?;
+        let SolidModel {
+            model,
+            values,
+            region,
+            is_surface,
+        } = solid;
         let control = self.context.control();
         let settings = Settings {
             region,
             ..Settings::default()
         };
-        let live = LiveModel::new(model, &values, region, &control);
+        let live = LiveModel::new(&model, &values, region, &control);
         let live = live.map_err(|e| no_mesh(&e, name, &settings))?;
-        if let Some(live) = live.filter(self.shower.can_draw) {
+        if let Some(mut live) = live.filter(self.shower.can_draw) {
+            live.is_surface = is_surface;
             return Ok(Layer::Model(Box::new(LiveLayer {
                 live,
                 title: model.info().title.clone(),
-                source: ModelSource::Program(Box::new(model.clone()), values),
+                model: Box::new(model),
+                values,
             })));
         }
         let options = MeshModelOptions::of_surface(region);
-        let made = mesh_model(model, &values, &options, &control);
+        let made = mesh_model(&model, &values, &options, &control);
         let made = made.map_err(|e| no_mesh(&e, name, &settings))?;
         if !made.certificate.is_ok() {
             // What the mesher made of places without a value is nothing to be shown.
             let (solid, _) =
-                solid_of(model, &values).map_err(|e| no_mesh(&e.into(), name, &settings))?;
+                solid_of(&model, &values).map_err(|e| no_mesh(&e.into(), name, &settings))?;
             if let Some(at) =
                 undefined_at(solid.as_ref(), &Aabb::from_points(&made.meshed.mesh.points))
             {
@@ -333,35 +339,15 @@ impl File<'_> {
         if is_fitted(&json) {
             return self.fitted(&spline::of_document(self.path, &json)?);
         }
-        if let Some(formula) = json.get("F").and_then(Value::as_str) {
-            return self.polynomial(formula);
+        if let Some(formula) = formula::of_document(self.path, &json)? {
+            return self.model(GivenModel::Formula(Box::new(formula)));
         }
-        let surface = triangulate::read(self.path, false)?;
+        let (surface, stated) = triangulate::read(self.path, false)?;
         if surface.is_map() {
-            self.map(surface)
+            self.map(surface, stated)
         } else {
             self.patches(&json)
         }
-    }
-
-    /// The surface of a polynomial.
-    fn polynomial(&self, formula: &str) -> Result<Layer, Failure> {
-        let path = self.path.display();
-        let Some(region) = self.region() else {
-            return Err(Failure::usage(format!("{path}: --box is needed"))
-                .why("the surface of a polynomial may have no end")
-                .hint("--box B, half the width of a box around the origin"));
-        };
-        let wrong = |what: String| Failure::input("polynomial", format!("{path}: {what}"));
-        let live = LiveModel::of_polynomial(formula, region)
-            .map_err(|e| wrong(format!("F, column {}: {e}", e.column)))?
-            .filter(self.shower.can_draw)
-            .ok_or_else(|| wrong("F is constant, or too long to be drawn".to_owned()))?;
-        Ok(Layer::Model(Box::new(LiveLayer {
-            live,
-            title: None,
-            source: ModelSource::Polynomial(formula.to_owned()),
-        })))
     }
 
     /// Patches, with the distances that their file tells.
@@ -400,19 +386,30 @@ impl File<'_> {
     }
 
     /// A rational surface.
-    fn map(&self, map: RationalSurface) -> Result<Layer, Failure> {
+    fn map(
+        &self,
+        map: RationalSurface,
+        stated: Option<HalfWidth>,
+    ) -> Result<Layer, Failure> {
         let (name, context) = (self.name, self.context);
-        let Some(ViewRegion::Around(half)) = &self.reading.region else {
+        let given = match &self.reading.region {
+            Some(ViewRegion::Around(half)) => Some(half),
+            Some(ViewRegion::Box(_)) => {
+                return Err(Failure::usage("maps are cut by a cube about the origin")
+                    .hint("--box B, half the width of the cube"));
+            }
+            None => stated.as_ref(),
+        };
+        let around = given.map(HalfWidth::surface_box);
+        let around = around.or_else(|| match &map {
+            RationalSurface::Map(map) => triangulate::shown_box(map, context),
+            RationalSurface::Patches(_) => None,
+        });
+        let Some(around) = around else {
             return Err(Failure::usage(format!(
                 "{}: --box with one number is needed",
                 self.path.display()
-            ))
-            .why("the parameters are the whole plane, and maps are cut by a cube about the origin")
-            .hint("--box B, half the width of a box around the origin"));
-        };
-        let around = SurfaceBox {
-            half_width: half.exact.clone(),
-            size: half.near,
+            )));
         };
         let options = map.options(&around, context.global.time_limit);
         let made = map.triangulate(options, false, &context.control());
@@ -432,7 +429,7 @@ impl File<'_> {
             map,
             surface: made.surface,
             analysis,
-            half_width: half.near,
+            half_width: around.half_width.to_f64_fast(),
         })))
     }
 }

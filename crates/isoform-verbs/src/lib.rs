@@ -15,8 +15,10 @@ mod disk;
 mod eval;
 mod failure;
 mod fit;
+mod formula;
 mod functions;
 mod gallery;
+mod help;
 mod implicitize;
 mod inputs;
 mod inspect;
@@ -48,8 +50,9 @@ mod triangulate;
 mod view;
 mod watchdog;
 
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 use context::{Context, Global};
+use help::Extent;
 use failure::{DONE, INTERNAL, NO_RESULT, USAGE};
 pub use failure::{Failure, Place};
 pub use fit::job::Job as FittedScan;
@@ -68,9 +71,8 @@ use std::process::ExitCode;
 use terminal::{fail, to_stdout};
 use watchdog::Writing;
 
-/// Isoform: one shape, many forms.
-///
-/// Carries shapes between point clouds, implicit functions, patches and meshes, each way checked.
+/// Isoform makes dimensions, CAD solids and meshes of scans, programs and formulas, and checks each
+/// result.
 #[derive(Parser)]
 #[command(name = "isoform", version, max_term_width = 110)]
 struct Cli {
@@ -152,7 +154,7 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
         // It has been read in the place of these arguments.
         Verb::Run(_) => Err(Failure::usage("a request cannot run another one")),
         Verb::Schema(args) => {
-            let command = Cli::command();
+            let command = command(Extent::Whole);
             if args.page {
                 return Ok(Outcome::text(request::page(&command).into_bytes()));
             }
@@ -160,10 +162,15 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
             Ok(Outcome::json(schema))
         }
         Verb::Completions { shell } => {
-            let script = completions::script(shell, &mut Cli::command());
+            let script = completions::script(shell, &mut command(Extent::Whole));
             Ok(Outcome::text(script))
         }
     }
+}
+
+/// Returns the declaration of all verbs, arranged for help.
+fn command(extent: Extent) -> Command {
+    help::arranged(Cli::command(), extent)
 }
 
 /// Arguments as read, and the files among them that are read.
@@ -180,18 +187,22 @@ fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Parsed, clap::Erro
     {
         *help = OsString::from("functions");
     }
-    let matches = Cli::command().try_get_matches_from(words)?;
+    let extent = match words.iter().any(|word| word == "-h") {
+        true => Extent::Short,
+        false => Extent::Whole,
+    };
+    let matches = command(extent).try_get_matches_from(words)?;
     let cli = Cli::from_arg_matches(&matches)?;
     let Verb::Run(args) = &cli.verb else {
         let inputs = inputs_of(&matches, None, cli.global.force);
         return Ok((cli, inputs));
     };
-    let words = match request::read(&args.file, &Cli::command()) {
+    let words = match request::read(&args.file, &command(Extent::Whole)) {
         Ok(words) => words,
         Err(failure) => return Ok((cli, Err(failure))),
     };
     let program = std::iter::once(OsString::from("isoform"));
-    let inner = Cli::command().try_get_matches_from(program.chain(words))?;
+    let inner = command(Extent::Whole).try_get_matches_from(program.chain(words))?;
     let mut asked = Cli::from_arg_matches(&inner)?;
     let (global, of_request) = (&cli.global, &mut asked.global);
     of_request.json |= global.json;
@@ -242,7 +253,7 @@ pub fn call(
     arguments: &Map<String, Value>,
     listener: Listener,
 ) -> Result<Answer, Failure> {
-    let words = request::words(verb, arguments, &Cli::command()).map_err(Failure::plain)?;
+    let words = request::words(verb, arguments, &command(Extent::Whole)).map_err(Failure::plain)?;
     let program = std::iter::once(OsString::from("isoform"));
     let (cli, inputs) = parse(program.chain(words)).map_err(refused)?;
     let mut context = Context::new(cli.global, Some(listener));
@@ -268,13 +279,13 @@ pub fn document(exit: u8, report: Value) -> String {
 
 /// Returns the JSON schema of requests, as text.
 pub fn schema() -> String {
-    let schema = request::schema(None, &Cli::command());
+    let schema = request::schema(None, &command(Extent::Whole));
     schema.map_or_else(|_| String::new(), |schema| schema.to_string())
 }
 
 /// Reads the arguments of a verb without its inputs.
 fn parsed(verb: &str, arguments: &Map<String, Value>) -> Result<(Verb, Context), Failure> {
-    let words = request::words(verb, arguments, &Cli::command()).map_err(Failure::plain)?;
+    let words = request::words(verb, arguments, &command(Extent::Whole)).map_err(Failure::plain)?;
     let program = std::iter::once(OsString::from("isoform"));
     let (cli, _) = parse(program.chain(words)).map_err(refused)?;
     Ok((cli.verb, Context::new(cli.global, None)))
@@ -412,7 +423,7 @@ mod tests {
     /// Texts that list formats of points name all of them.
     #[test]
     fn texts_name_every_format_of_points() {
-        let command = Cli::command();
+        let command = command(Extent::Whole);
         let help = |verb: &str, argument: &str| {
             let verb = command.find_subcommand(verb).expect("a verb");
             let found = verb.get_arguments().find(|a| a.get_id() == argument);

@@ -1,35 +1,148 @@
-//! Reading HyperFun programs.
+//! Reading models: HyperFun programs and formulas.
 
 use crate::context::Context;
 use crate::disk;
 use crate::failure::Failure;
-use crate::kind::{self, Kind};
+use crate::formula::{self, StatedFormula};
+use crate::kind::{self, Kind, is_fitted};
 use crate::language::{self, Language};
 use crate::memory::{self, Object};
+use crate::parameters::{self, Given};
+use crate::spline;
+use isoform::Implicit;
 use isoform::field::hyperfun::{Model, SyntaxError};
+use isoform::geom::Aabb;
+use serde_json::Value;
 use std::path::Path;
 
 /// Code of the failures of programs that do not parse.
 const SYNTAX: &str = "syntax";
 
-/// Reads a program, chooses its object and says what is doubtful in it.
-pub(crate) fn read(path: &Path, language: &Language, context: &Context) -> Result<Model, Failure> {
+/// Model as it was given.
+pub(crate) enum GivenModel {
+    /// Object of a program.
+    Program(Box<Model>),
+    /// Formula, whose inside is still to be chosen.
+    Formula(Box<StatedFormula>),
+    /// Function fitted to points.
+    Fitted(Box<Implicit>),
+}
+
+/// Solid of a model.
+pub(crate) struct SolidModel {
+    pub(crate) model: Model,
+    /// Values of its parameters.
+    pub(crate) values: Vec<f64>,
+    /// Region that cuts it.
+    pub(crate) region: Option<Aabb>,
+    /// True if the surface is meant, not the solid.
+    pub(crate) is_surface: bool,
+}
+
+impl GivenModel {
+    /// Returns the program of a model, with the inside that a formula states, or that is usual.
+    pub(crate) fn stated(self, path: &Path) -> Result<Model, Failure> {
+        match self {
+            Self::Program(model) => Ok(*model),
+            Self::Formula(formula) => formula.stated(),
+            Self::Fitted(_) => Err(without_program(path)),
+        }
+    }
+
+    /// Returns the program of a model, with the function as it is written.
+    pub(crate) fn as_written(self, path: &Path) -> Result<Model, Failure> {
+        match self {
+            Self::Formula(formula) => formula.as_written(),
+            other => other.stated(path),
+        }
+    }
+
+    /// Returns the solid of a program for the given values; of a formula the bounded one, or the
+    /// one in a region, which is chosen and named if none is given.
+    pub(crate) fn solid(
+        self,
+        path: &Path,
+        given: &Given,
+        region: Option<Aabb>,
+        context: &Context,
+    ) -> Result<SolidModel, Failure> {
+        if let Self::Formula(formula) = self {
+            return formula.solid(given, region, context);
+        }
+        let model = self.stated(path)?;
+        Ok(SolidModel {
+            values: parameters::values(&model, given, context)?,
+            model,
+            region,
+            is_surface: false,
+        })
+    }
+}
+
+/// Returns the failure of a verb that takes programs, and was given a fitted function.
+fn without_program(path: &Path) -> Failure {
+    Kind::Fitted.instead_of("a HyperFun program", path)
+}
+
+/// Reads a model, chooses the object of a program and says what is doubtful in it.
+pub(crate) fn read(
+    path: &Path,
+    language: &Language,
+    context: &Context,
+) -> Result<GivenModel, Failure> {
+    let program = |model| GivenModel::Program(Box::new(model));
     match memory::find(path) {
-        Some(Object::Program(model)) if language.is_default() => return Ok(Model::clone(&model)),
-        Some(Object::Program(model)) => return parse(path, model.source(), language, context),
+        Some(Object::Program(model)) if language.is_default() => {
+            return Ok(program(Model::clone(&model)));
+        }
+        Some(Object::Program(model)) => {
+            return parse(path, model.source(), language, context).map(program);
+        }
+        Some(Object::Function(function)) => {
+            return Ok(GivenModel::Fitted(Box::new(function.0.clone())));
+        }
         Some(Object::Bytes { .. }) | None => {}
-        Some(other) => return Err(other.instead_of("a HyperFun program", path)),
+        Some(other) => return Err(other.instead_of("a model", path)),
     }
     let bytes = disk::read_file(path)?;
     let head = kind::head(&bytes).to_vec();
     let text = disk::text(bytes);
-    parse(path, &text, language, context).map_err(|failure| {
+    if text.trim_start().starts_with('{') {
+        return document(path, &text);
+    }
+    let parsed = parse(path, &text, language, context);
+    parsed.map(program).map_err(|failure| {
         let kind = match failure.code {
             SYNTAX => Kind::detect(path, &head, &text),
             _ => None,
         };
-        kind.map_or(failure, |kind| kind.instead_of("a HyperFun program", path))
+        kind.map_or(failure, |kind| kind.instead_of("a model", path))
     })
+}
+
+/// Reads a model from JSON: a formula or a function fitted to points.
+fn document(path: &Path, text: &str) -> Result<GivenModel, Failure> {
+    let json: Value = serde_json::from_str(text).map_err(|e| {
+        let (line, column) = (e.line().max(1), e.column().max(1));
+        let drawn = text.lines().nth(line - 1).unwrap_or_default();
+        Failure::input("json", format!("not JSON: {e}"))
+            .at(path, line, column)
+            .drawn(drawn)
+    })?;
+    if is_fitted(&json) {
+        return Ok(GivenModel::Fitted(Box::new(spline::of_document(path, &json)?)));
+    }
+    match formula::of_document(path, &json)? {
+        Some(formula) => Ok(GivenModel::Formula(Box::new(formula))),
+        None => {
+            let kind = Kind::of_json(&json);
+            let failure = kind.instead_of("a model", path);
+            Err(match kind {
+                Kind::Json => failure.hint(formula::EXAMPLE),
+                _ => failure,
+            })
+        }
+    }
 }
 
 /// Reads a program from text; the path is for messages.

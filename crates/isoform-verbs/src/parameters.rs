@@ -30,6 +30,14 @@ impl Given {
         self.params.is_none() && self.settings.is_empty()
     }
 
+    /// Returns the names of the parameters that are given, of a model with these parameters.
+    pub(crate) fn names<'a>(&'a self, all: &'a [String]) -> impl Iterator<Item = &'a str> {
+        let params = self.params.iter();
+        let first = params.clone().flat_map(|p| all.iter().take(p.first.len()));
+        let named = params.flat_map(|p| &p.named).chain(&self.settings);
+        first.chain(named.map(|(name, _)| name)).map(String::as_str)
+    }
+
     /// Returns the values of `--params` alone.
     pub(crate) fn from_params(params: Option<&Parameters>) -> Self {
         Self {

@@ -7,11 +7,11 @@ use crate::context::Context;
 use crate::disk;
 use crate::failure::{Failure, NO_RESULT};
 use crate::interrupt;
-use crate::layers::{self, Layer, LayerOptions, LiveLayer, ModelSource, Shower};
+use crate::layers::{self, Layer, LayerOptions, LiveLayer, Shower};
 use crate::outcome::{self, Outcome};
 use cameras::{Cameras, report};
-use isoform::geom::{PointCloud, Solid};
-use isoform::{Control, LiveModel, Stopped, solid_of, solid_of_polynomial};
+use isoform::geom::PointCloud;
+use isoform::{Control, LiveModel, Stopped, solid_of};
 use isoform_render::{
     Color, ColorBy, Drawing, FINEST, Key, Pane, Patch, Picture, Scene, Section, ShownModel, Style,
     draw_legend, draw_svg, legend_width, render, write_png,
@@ -276,20 +276,12 @@ fn shown(
 
 /// A model's function, ready to be drawn.
 fn model_of(model: &LiveLayer) -> ShownModel<'_> {
-    let solid: Box<dyn Solid> = match &model.source {
-        ModelSource::Program(program, values) => {
-            let (solid, _) = solid_of(program, values).expect("it has been read as a solid");
-            solid
-        }
-        ModelSource::Polynomial(text) => {
-            let found = solid_of_polynomial(text, model.live.bounds);
-            Box::new(found.ok().flatten().expect("it has been read as a solid"))
-        }
-    };
+    let (solid, _) = solid_of(&model.model, &model.values).expect("it has been read as a solid");
     ShownModel {
         solid,
         bounds: model.live.bounds,
         is_cut: model.live.is_cut,
+        is_surface: model.live.is_surface,
         names: &model.live.readings.part_names,
     }
 }

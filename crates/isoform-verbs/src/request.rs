@@ -356,7 +356,6 @@ fn of_type(argument: &Arg) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     fn words_of(json: &str) -> Result<String, String> {
         let Ok(Value::Object(mut fields)) = serde_json::from_str(json) else {
@@ -365,7 +364,7 @@ mod tests {
         let Some(Value::String(verb)) = fields.shift_remove(VERB) else {
             panic!("{json}");
         };
-        let words = words(&verb, &fields, &crate::Cli::command())
+        let words = words(&verb, &fields, &crate::command(crate::help::Extent::Whole))
             .map_err(|e| e.message + ": " + &e.hint)?;
         let words: Vec<String> = words
             .into_iter()
@@ -419,7 +418,7 @@ mod tests {
     /// `isoform schema --page > docs/options.md` writes it anew.
     #[test]
     fn the_page_of_options_is_not_stale() {
-        let page = page(&crate::Cli::command());
+        let page = page(&crate::command(crate::help::Extent::Whole));
         assert!(
             page == include_str!("../../../docs/options.md"),
             "docs/options.md is stale"
@@ -428,7 +427,7 @@ mod tests {
 
     #[test]
     fn the_schema_names_every_argument_once() {
-        let command = crate::Cli::command();
+        let command = crate::command(crate::help::Extent::Whole);
         let schema = schema(None, &command).unwrap_or_else(|e| panic!("{}", e.message));
         let all = schema["oneOf"].as_array().expect("a list");
         assert_eq!(all.len(), verbs(&command).count());

@@ -73,6 +73,7 @@ pub(crate) fn layer(name: &str, title: Option<&str>, model: &LiveModel) -> Value
         "parameters": parameters,
         "bounds": [model.bounds.lo, model.bounds.hi],
         "isCut": model.is_cut,
+        "isSurface": model.is_surface,
         "isLoose": model.is_loose,
         "origin": model.origin,
     })

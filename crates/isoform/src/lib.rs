@@ -110,6 +110,7 @@ mod facets;
 mod fit_chunks;
 mod fit_remarks;
 mod fit_scan;
+mod formula;
 mod gallery;
 mod implicit;
 mod implicit_surface;
@@ -138,6 +139,7 @@ pub use exact_solid::{ExactSolid, SolidMeasures, measure_solid, solid_gap};
 pub use facets::{CornerError, FacesError, PointsOnFaces, points_on_faces};
 pub use fit_chunks::{AnswerError, ChunkReader, ChunkSource, fit_chunks};
 pub use fit_scan::{FitOptions, FitScanError, FitScanWarning, NamedBounds, ScanFit, fit_scan};
+pub use formula::{FormulaError, FormulaSolid, FormulaSurface};
 pub use gallery::{EXAMPLE_SCAN, GalleryTemplate, example_scan, template, templates};
 pub use implicit::{GlobalPolynomial, Implicit, PolynomialError};
 pub use implicit_surface::{
@@ -166,7 +168,7 @@ pub use isoform_tess as tess;
 pub use isoform_tess::{
     PatchesError, SurfaceBox, TriangulateError, triangulate as triangulate_map, triangulate_patches,
 };
-pub use live::{LiveModel, LiveParameter, ModelTape, solid_of_polynomial, undefined_at};
+pub use live::{LiveModel, LiveParameter, ModelTape, undefined_at};
 pub use mesh_model::{
     MeshModelError, MeshModelOptions, MeshNote, ModelMesh, RegionModel, adapt_to_model, mesh_model,
     mesh_model_regions,

@@ -2,11 +2,10 @@
 
 use crate::mesh_model::explained;
 use crate::meshing::{default_size_within, solid_of};
-use crate::{COORDINATES, FrepTemplate, MeshModelError, ScanFit};
-use isoform_algebra::{ParseError, Poly};
+use crate::{FrepTemplate, MeshModelError, ScanFit};
 use isoform_control::Control;
 use isoform_field::hyperfun::{Amount, Model, ParamInfo, Pose};
-use isoform_field::{Graph, Join, NodeId, Ops, Pieces, Shape, Tape, parameter_values};
+use isoform_field::{Join, Tape, parameter_values};
 use isoform_fit::{Status, Template};
 use isoform_geom::{Aabb, Point3, PointCloud, Solid};
 use isoform_mesh::MeshError;
@@ -64,6 +63,8 @@ pub struct LiveModel {
     pub bounds: Aabb,
     /// True if the box cuts the solid.
     pub is_cut: bool,
+    /// True if the surface itself is meant, not the solid: it has two sides, and no caps.
+    pub is_surface: bool,
     /// True if the box is that of scanned points, beyond which the surface may extend.
     pub is_loose: bool,
     /// Vector to add to coordinates of the tape to get those of the file.
@@ -121,42 +122,7 @@ impl LiveModel {
             parameters,
             bounds,
             is_cut: region.is_some(),
-            is_loose: false,
-            origin: [0.0; 3],
-        }))
-    }
-
-    /// Compiles the solid that a polynomial F in x, y and z bounds within a region: the side of F =
-    /// 0 with at most four of the region's corners. `None` if F is constant.
-    ///
-    /// ```
-    /// use isoform::{LiveModel, geom::Aabb};
-    /// let region = Aabb { lo: [-1.0; 3], hi: [1.0; 3] };
-    /// let ball = LiveModel::of_polynomial("x^2 + y^2 + z^2 - 1/4", region)?.expect("a surface");
-    /// let values = ball.readings.tape.eval_all(&[0.0; 3], &[], &mut Vec::new());
-    /// assert_eq!(values[0], 0.25);
-    /// # Ok::<(), isoform::algebra::ParseError>(())
-    /// ```
-    ///
-    /// # Errors
-    /// [`ParseError`] if the text is not a polynomial.
-    pub fn of_polynomial(text: &str, region: Aabb) -> Result<Option<Self>, ParseError> {
-        let Some((mut graph, sum)) = polynomial_within(text, region)? else {
-            return Ok(None);
-        };
-        let shape = Shape::new(&mut graph, sum);
-        let mut roots = shape.pieces;
-        roots.extend([shape.distance, shape.part]);
-        Ok(Some(Self {
-            readings: ModelTape {
-                tape: Tape::new(&graph, &roots, 3, 0),
-                tree: shape.tree,
-                part_names: vec!["F".to_owned(); shape.parts.len()],
-            },
-            values: Vec::new(),
-            parameters: Vec::new(),
-            bounds: region,
-            is_cut: true,
+            is_surface: false,
             is_loose: false,
             origin: [0.0; 3],
         }))
@@ -236,61 +202,15 @@ impl LiveModel {
             parameters,
             bounds,
             is_cut: false,
+            is_surface: false,
             is_loose: true,
             origin: found.cloud.origin,
         })
     }
 }
 
-/// Returns the solid that a polynomial F in x, y and z bounds within a region, as
-/// [`LiveModel::of_polynomial`] does. `None` if F is constant.
-///
-/// ```
-/// use isoform::geom::{Aabb, Solid};
-/// let region = Aabb { lo: [-1.0; 3], hi: [1.0; 3] };
-/// let ball = isoform::solid_of_polynomial("x^2 + y^2 + z^2 - 1/4", region)?.expect("a surface");
-/// assert_eq!(ball.gradient(0, [0.5, 0.0, 0.0]), (0.0, [-1.0, 0.0, 0.0]));
-/// # Ok::<(), isoform::algebra::ParseError>(())
-/// ```
-///
-/// # Errors
-/// [`ParseError`] if the text is not a polynomial.
-pub fn solid_of_polynomial(text: &str, region: Aabb) -> Result<Option<Pieces>, ParseError> {
-    let found = polynomial_within(text, region)?;
-    Ok(found.and_then(|(graph, root)| Pieces::new(&graph, root, &[]).ok()))
-}
-
-/// Returns a polynomial as an expression that is positive on the side with at most four of the
-/// region's corners.
-fn polynomial_within(text: &str, region: Aabb) -> Result<Option<(Graph, NodeId)>, ParseError> {
-    let exact = Poly::parse(text, &COORDINATES)?;
-    let terms = exact.to_f64();
-    if exact.is_constant() || terms.iter().any(|t| !t.1.is_finite()) {
-        return Ok(None);
-    }
-    let mut graph = Graph::new();
-    let x: [NodeId; 3] = std::array::from_fn(|i| graph.x(i));
-    let mut sum = graph.constant(0.0);
-    for (exponents, c) in terms {
-        let mut term = graph.constant(c);
-        for (x, e) in x.iter().zip(exponents) {
-            let power = graph.powi(x, i32::from(e));
-            term = graph.mul(&term, &power);
-        }
-        sum = graph.add(&sum, &term);
-    }
-    let is_inside = |i: usize| {
-        let corner: Point3 = std::array::from_fn(|k| [region.lo, region.hi][i >> k & 1][k]);
-        graph.eval(sum, &corner, &[]) >= 0.0
-    };
-    if (0..8).filter(|i| is_inside(*i)).count() > 4 {
-        sum = graph.neg(&sum);
-    }
-    Ok(Some((graph, sum)))
-}
-
 /// Returns the given region, or the box of the solid.
-fn bounds_of(
+pub(crate) fn bounds_of(
     solid: &dyn Solid,
     region: Option<Aabb>,
     control: &Control<'_>,

@@ -45,7 +45,8 @@ pub fn parts_of(model: &Model, a: &[f64]) -> Option<Parts> {
 /// scaled above the inverse. Squares of gradients then stay within the range of doubles.
 const MIN_LARGEST_COEFFICIENT: f64 = 1.0 / (1u128 << 100) as f64;
 
-/// Parses a polynomial in x, y and z with rational coefficients, and rounds these to nearest;
+/// Parses a polynomial in x, y and z with rational coefficients, or an equation of two, and rounds
+/// the coefficients to nearest;
 /// `None` if one is beyond the range of doubles, or the polynomial is constant. If the largest
 /// coefficient is above 2¹⁰⁰ or below 2⁻¹⁰⁰, the polynomial is divided by it before rounding: that
 /// does not change its surface, and makes multiples of a polynomial equal.
@@ -60,8 +61,12 @@ const MIN_LARGEST_COEFFICIENT: f64 = 1.0 / (1u128 << 100) as f64;
 /// # Errors
 /// [`ParseError`] if the text is not a polynomial.
 pub fn polynomial(text: &str) -> Result<Option<Polynomial>, ParseError> {
-    let exact = Poly::parse(text, &COORDINATES)?;
-    let mut terms = rounded(&exact);
+    Ok(rounded_polynomial(&Poly::parse_equation(text, &COORDINATES)?))
+}
+
+/// Rounds the coefficients of a polynomial, as [`polynomial`] does.
+pub(crate) fn rounded_polynomial(exact: &Poly) -> Option<Polynomial> {
+    let mut terms = rounded(exact);
     let usable = !exact.is_constant() && terms.iter().all(|t| t.1.is_finite());
     // Squares of gradients must be finite, and not 0.
     let by_size = |a: &&(_, f64), b: &&(_, f64)| a.1.abs().total_cmp(&b.1.abs());
@@ -72,7 +77,7 @@ pub fn polynomial(text: &str) -> Result<Option<Polynomial>, ParseError> {
     {
         terms = rounded(&scaled);
     }
-    Ok(usable.then(|| Polynomial::new(terms)))
+    usable.then(|| Polynomial::new(terms))
 }
 
 /// Returns the terms of a polynomial in three variables, rounded to nearest.

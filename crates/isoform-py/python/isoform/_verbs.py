@@ -51,30 +51,30 @@ def recover(
     points: Points | Path | None = None,
     template: Model | Path | None = None,
     *,
-    object: str | None = None,
-    strict: bool = False,
-    documented_precedence: bool = False,
+    output: Path | Sequence[Path] | None = None,
+    dialect: str | None = None,
+    frame: str | None = None,
+    units: str | None = None,
+    box: Box = None,
+    no_outlier_filter: bool = False,
+    keep_planes: bool = False,
+    keep_apart: bool = False,
+    size: float | None = None,
+    grade: float | None = None,
+    sizes: Path | None = None,
+    order: int | None = None,
+    surface_only: bool = False,
+    angles: tuple[float, float] | None = None,
+    memory: float | None = None,
     start: Mapping[str, float] | Sequence[float] | npt.NDArray[Any] | None = None,
     bounds: Mapping[str, tuple[float, float]] | Path | None = None,
     method: str | None = None,
     loss: str | None = None,
     fixed: Mapping[str, float] | None = None,
     pose: str | None = None,
-    frame: str | None = None,
-    dialect: str | None = None,
-    no_outlier_filter: bool = False,
-    keep_planes: bool = False,
-    keep_apart: bool = False,
-    units: str | None = None,
-    size: float | None = None,
-    grade: float | None = None,
-    sizes: Path | None = None,
-    order: int | None = None,
-    surface_only: bool = False,
-    box: Box = None,
-    angles: tuple[float, float] | None = None,
-    memory: float | None = None,
-    output: Path | Sequence[Path] | None = None,
+    object: str | None = None,
+    strict: bool = False,
+    documented_precedence: bool = False,
     seed: int | None = None,
     force: bool = False,
     threads: int | None = None,
@@ -89,12 +89,47 @@ def recover(
         The points; by default the scan of a cup that is built in.
     template : Model or path, optional
         The template: a model, a HyperFun file, or the name of one of the gallery.
-    object : str, optional
-        The object to evaluate; by default my_model, else the first one.
-    strict : bool
-        Compute what the reference implementation computes, its faults included.
-    documented_precedence : bool
-        Let set operators bind weaker than + and -, as HyperFun's documentation says.
+    output : path or sequence, optional
+        Write a file; by its ending: .hf, .ply, .xyz, .csv, .html, .json, a solid: .step,
+        .brep.json, or a mesh: .msh, .inp, .vtu, .stl, ...; or, to FOLDER/, what there is
+        without ``output``.
+    dialect : str, optional
+        Language of .py files: the program of the part in its own frame: ``"build123d"``,
+        ``"cadquery"``.
+    frame : str, optional
+        Coordinates of the program, the solid and the mesh that are written: ``"scan"``,
+        ``"part"``.
+    units : str, optional
+        Unit of the scan's numbers; by default as the file says, else guessed from the size:
+        ``"mm"``, ``"cm"``, ``"m"``, ``"in"``, ``"ft"``.
+    box : float or sequence, optional
+        The box in which to work: half its width around the origin, or its two corners.
+    no_outlier_filter : bool
+        Keep isolated points.
+    keep_planes : bool
+        Fit tables and walls, too: where a fit is in doubt, planes beyond the part are left
+        out.
+    keep_apart : bool
+        Fit other objects, too: where a fit is in doubt, points apart from the part are left
+        out.
+    size : float, optional
+        Length of edges, the largest one where sizes vary; by default a fortieth of the
+        diagonal.
+    grade : float, optional
+        Smaller edges where a face would leave the surface by more than this.
+    sizes : path, optional
+        Smaller edges by place: a table x,y,z,length (of a refinement, or from an error
+        estimate), or a HyperFun program of the length.
+    order : int, optional
+        2 for elements with nodes in the middles of their edges, on the true surface.
+    surface_only : bool
+        Only the surface, as triangles.
+    angles : tuple of float, optional
+        Bounds of the dihedral angles, degrees: worked towards, and required in the
+        certificate; by default 21,149, not required.
+    memory : float, optional
+        Refuse a mesh that takes more memory than this many GiB, by estimate; by default 16,
+        or what the machine has.
     start : dict or sequence or array, optional
         Start values by name, or in the order of the parameters; by default the template's,
         else the points decide.
@@ -111,47 +146,12 @@ def recover(
     pose : str, optional
         Motion of the whole template as further parameters; by default as the template says:
         ``"none"``, ``"translate"``, ``"axis"``, ``"rigid"``, ``"similarity"``.
-    frame : str, optional
-        Coordinates of the program, the solid and the mesh that are written: ``"scan"``,
-        ``"part"``.
-    dialect : str, optional
-        Language of .py files: the program of the part in its own frame: ``"build123d"``,
-        ``"cadquery"``.
-    no_outlier_filter : bool
-        Keep isolated points.
-    keep_planes : bool
-        Fit tables and walls, too: where a fit is in doubt, planes beyond the part are left
-        out.
-    keep_apart : bool
-        Fit other objects, too: where a fit is in doubt, points apart from the part are left
-        out.
-    units : str, optional
-        Unit of the scan's numbers; by default as the file says, else guessed from the size:
-        ``"mm"``, ``"cm"``, ``"m"``, ``"in"``, ``"ft"``.
-    size : float, optional
-        Length of edges, the largest one where sizes vary; by default a fortieth of the
-        diagonal.
-    grade : float, optional
-        Smaller edges where a face would leave the surface by more than this.
-    sizes : path, optional
-        Smaller edges by place: a table x,y,z,length (of a refinement, or from an error
-        estimate), or a HyperFun program of the length.
-    order : int, optional
-        2 for elements with nodes in the middles of their edges, on the true surface.
-    surface_only : bool
-        Only the surface, as triangles.
-    box : float or sequence, optional
-        The box in which to work: half its width around the origin, or its two corners.
-    angles : tuple of float, optional
-        Bounds of the dihedral angles, degrees: worked towards, and required in the
-        certificate; by default 21,149, not required.
-    memory : float, optional
-        Refuse a mesh that takes more memory than this many GiB, by estimate; by default 16,
-        or what the machine has.
-    output : path or sequence, optional
-        Write a file; by its ending: .hf, .ply, .xyz, .csv, .html, .json, a solid: .step,
-        .brep.json, or a mesh: .msh, .inp, .vtu, .stl, ...; or, to FOLDER/, what there is
-        without ``output``.
+    object : str, optional
+        The object to evaluate; by default my_model, else the first one.
+    strict : bool
+        Compute what the reference implementation computes, its faults included.
+    documented_precedence : bool
+        Let set operators bind weaker than + and -, as HyperFun's documentation says.
     seed : int, optional
         Seed of everything random.
     force : bool
@@ -180,30 +180,30 @@ def recover(
     arguments = {
         "scan": handed(points),
         "template": handed(template),
-        "object": object,
-        "strict": bool(strict),
-        "documented_precedence": bool(documented_precedence),
+        "output": output,
+        "dialect": dialect,
+        "frame": frame,
+        "units": units,
+        "box": corners(box),
+        "no_outlier_filter": bool(no_outlier_filter),
+        "keep_planes": bool(keep_planes),
+        "keep_apart": bool(keep_apart),
+        "size": size,
+        "grade": grade,
+        "sizes": sizes,
+        "order": some_whole("order", order),
+        "surface_only": bool(surface_only),
+        "angles": angles,
+        "memory": there(memory),
         "start": in_order(start, template),
         "bounds": bounds_file(bounds),
         "method": method,
         "loss": loss,
         "fix": fixed,
         "pose": pose,
-        "frame": frame,
-        "dialect": dialect,
-        "no_outlier_filter": bool(no_outlier_filter),
-        "keep_planes": bool(keep_planes),
-        "keep_apart": bool(keep_apart),
-        "units": units,
-        "size": size,
-        "grade": grade,
-        "sizes": sizes,
-        "order": some_whole("order", order),
-        "surface_only": bool(surface_only),
-        "box": corners(box),
-        "angles": angles,
-        "memory": there(memory),
-        "output": output,
+        "object": object,
+        "strict": bool(strict),
+        "documented_precedence": bool(documented_precedence),
         "seed": some_whole("seed", seed),
         "force": bool(force),
     }
@@ -220,22 +220,22 @@ def fit(
     time_limit: float | None = None,
     progress: Progress = None,
     *,
-    object: str | None = None,
-    strict: bool = False,
-    documented_precedence: bool = False,
+    output: Path | Sequence[Path] | None = None,
+    dialect: str | None = None,
+    frame: str | None = None,
+    units: str | None = None,
+    format: str | None = None,
+    max_points: int | None = None,
+    no_outlier_filter: bool = False,
+    keep_planes: bool = False,
+    keep_apart: bool = False,
     method: str | None = None,
     loss: str | None = None,
     fixed: Mapping[str, float] | None = None,
     pose: str | None = None,
-    frame: str | None = None,
-    dialect: str | None = None,
-    no_outlier_filter: bool = False,
-    keep_planes: bool = False,
-    keep_apart: bool = False,
-    units: str | None = None,
-    format: str | None = None,
-    max_points: int | None = None,
-    output: Path | Sequence[Path] | None = None,
+    object: str | None = None,
+    strict: bool = False,
+    documented_precedence: bool = False,
     force: bool = False,
 ) -> FitResult:
     """Fits a template to points.
@@ -260,12 +260,31 @@ def fit(
     progress : callable or bool, optional
         Called with the name of a phase and the share of it that is done, 0 to 1; False from
         it stops. True shows a bar.
-    object : str, optional
-        The object to evaluate; by default my_model, else the first one.
-    strict : bool
-        Compute what the reference implementation computes, its faults included.
-    documented_precedence : bool
-        Let set operators bind weaker than + and -, as HyperFun's documentation says.
+    output : path or sequence, optional
+        Write a file; by its ending: .hf (fitted program), .py (program for build123d or
+        CadQuery), .scad (for OpenSCAD), .ply .xyz .csv (points with deviations), .html
+        (report), .json, .step .brep.json (solid).
+    dialect : str, optional
+        Language of .py files: the program of the part in its own frame: ``"build123d"``,
+        ``"cadquery"``.
+    frame : str, optional
+        Coordinates of the program, the solid and the mesh that are written: ``"scan"``,
+        ``"part"``.
+    units : str, optional
+        Unit of the scan's numbers; by default as the file says, else guessed from the size:
+        ``"mm"``, ``"cm"``, ``"m"``, ``"in"``, ``"ft"``.
+    format : str, optional
+        Format of the points, where neither name nor content tell it.
+    max_points : int, optional
+        Take at most that many points, a seeded random sample.
+    no_outlier_filter : bool
+        Keep isolated points.
+    keep_planes : bool
+        Fit tables and walls, too: where a fit is in doubt, planes beyond the part are left
+        out.
+    keep_apart : bool
+        Fit other objects, too: where a fit is in doubt, points apart from the part are left
+        out.
     method : str, optional
         Search method; hybrid, local, annealing and bfgs are those of Fayolle et al. (2004):
         ``"default"``, ``"hybrid"``, ``"local"``, ``"bfgs"``, ``"annealing"``.
@@ -277,31 +296,12 @@ def fit(
     pose : str, optional
         Motion of the whole template as further parameters; by default as the template says:
         ``"none"``, ``"translate"``, ``"axis"``, ``"rigid"``, ``"similarity"``.
-    frame : str, optional
-        Coordinates of the program, the solid and the mesh that are written: ``"scan"``,
-        ``"part"``.
-    dialect : str, optional
-        Language of .py files: the program of the part in its own frame: ``"build123d"``,
-        ``"cadquery"``.
-    no_outlier_filter : bool
-        Keep isolated points.
-    keep_planes : bool
-        Fit tables and walls, too: where a fit is in doubt, planes beyond the part are left
-        out.
-    keep_apart : bool
-        Fit other objects, too: where a fit is in doubt, points apart from the part are left
-        out.
-    units : str, optional
-        Unit of the scan's numbers; by default as the file says, else guessed from the size:
-        ``"mm"``, ``"cm"``, ``"m"``, ``"in"``, ``"ft"``.
-    format : str, optional
-        Format of the points, where neither name nor content tell it.
-    max_points : int, optional
-        Take at most that many points, a seeded random sample.
-    output : path or sequence, optional
-        Write a file; by its ending: .hf (fitted program), .py (program for build123d or
-        CadQuery), .scad (for OpenSCAD), .ply .xyz .csv (points with deviations), .html
-        (report), .json, .step .brep.json (solid).
+    object : str, optional
+        The object to evaluate; by default my_model, else the first one.
+    strict : bool
+        Compute what the reference implementation computes, its faults included.
+    documented_precedence : bool
+        Let set operators bind weaker than + and -, as HyperFun's documentation says.
     force : bool
         Let results overwrite the files that they come from, and recover make the solid of a
         fit that is in doubt.
@@ -334,22 +334,22 @@ def fit(
         "start": in_order(start, model),
         "bounds": bounds_file(bounds),
         "seed": some_whole("seed", seed),
-        "object": object,
-        "strict": bool(strict),
-        "documented_precedence": bool(documented_precedence),
+        "output": output,
+        "dialect": dialect,
+        "frame": frame,
+        "units": units,
+        "from": format,
+        "max_points": some_whole("max_points", max_points),
+        "no_outlier_filter": bool(no_outlier_filter),
+        "keep_planes": bool(keep_planes),
+        "keep_apart": bool(keep_apart),
         "method": method,
         "loss": loss,
         "fix": fixed,
         "pose": pose,
-        "frame": frame,
-        "dialect": dialect,
-        "no_outlier_filter": bool(no_outlier_filter),
-        "keep_planes": bool(keep_planes),
-        "keep_apart": bool(keep_apart),
-        "units": units,
-        "from": format,
-        "max_points": some_whole("max_points", max_points),
-        "output": output,
+        "object": object,
+        "strict": bool(strict),
+        "documented_precedence": bool(documented_precedence),
         "force": bool(force),
     }
     return FitResult(run("fit", arguments, threads, time_limit, progress))
@@ -362,11 +362,13 @@ def mesh(
     surface_only: bool = False,
     threads: int | None = None,
     *,
+    output: Path | Sequence[Path] | None = None,
+    to: str | None = None,
     params: Values = None,
     set: Mapping[str, float] | None = None,
+    box: Box = None,
     grade: float | None = None,
     sizes: Path | None = None,
-    box: Box = None,
     angles: tuple[float, float] | None = None,
     memory: float | None = None,
     adapt: Mesh | Path | None = None,
@@ -377,8 +379,6 @@ def mesh(
     growth: float | None = None,
     layer_count: int | None = None,
     close: bool = False,
-    output: Path | Sequence[Path] | None = None,
-    to: str | None = None,
     object: str | None = None,
     strict: bool = False,
     documented_precedence: bool = False,
@@ -402,18 +402,23 @@ def mesh(
         Only the surface, as triangles.
     threads : int, optional
         Number of threads, by default all cores. The result does not depend on it.
+    output : path or sequence, optional
+        Write a file; its ending names the format (- for stdout, with ``to``); may be
+        repeated.
+    to : str, optional
+        Format of the output, where its name does not tell it.
     params : dict or sequence of float, optional
         The values of the parameters a, in their order or as NAME=NUMBER; missing ones are
         as annotated.
     set : dict, optional
         The values of some parameters by name.
+    box : float or sequence, optional
+        The box in which to work: half its width around the origin, or its two corners.
     grade : float, optional
         Smaller edges where a face would leave the surface by more than this.
     sizes : path, optional
         Smaller edges by place: a table x,y,z,length (of a refinement, or from an error
         estimate), or a HyperFun program of the length.
-    box : float or sequence, optional
-        The box in which to work: half its width around the origin, or its two corners.
     angles : tuple of float, optional
         Bounds of the dihedral angles, degrees: worked towards, and required in the
         certificate; by default 21,149, not required.
@@ -442,11 +447,6 @@ def mesh(
         Number of ``layers``; by default 5.
     close : bool
         Keep the surface of a fitted function beyond its points, as a part named unseen.
-    output : path or sequence, optional
-        Write a file; its ending names the format (- for stdout, with ``to``); may be
-        repeated.
-    to : str, optional
-        Format of the output, where its name does not tell it.
     object : str, optional
         The object to evaluate; by default my_model, else the first one.
     strict : bool
@@ -505,11 +505,13 @@ def mesh(
         "size": size,
         "order": some_whole("order", order),
         "surface_only": bool(surface_only),
+        "output": output,
+        "to": to,
         "params": params,
         "set": set,
+        "box": corners(box),
         "grade": grade,
         "sizes": sizes,
-        "box": corners(box),
         "angles": angles,
         "memory": there(memory),
         "adapt": handed(adapt),
@@ -520,8 +522,6 @@ def mesh(
         "growth": growth,
         "layer_count": some_whole("layer_count", layer_count),
         "close": bool(close),
-        "output": output,
-        "to": to,
         "object": object,
         "strict": bool(strict),
         "documented_precedence": bool(documented_precedence),
@@ -536,12 +536,12 @@ def brep(
     size: float | None = None,
     tol: float | None = None,
     *,
+    output: Path | Sequence[Path] | None = None,
+    ap214: bool = False,
+    units: str | None = None,
     params: Values = None,
     set: Mapping[str, float] | None = None,
     box: Box = None,
-    units: str | None = None,
-    ap214: bool = False,
-    output: Path | Sequence[Path] | None = None,
     object: str | None = None,
     strict: bool = False,
     documented_precedence: bool = False,
@@ -563,6 +563,13 @@ def brep(
     tol : float, optional
         Largest distance of faces from the model, in its units; by default 1e-6 of its
         largest side; exact faces are within 1e-8 of it, whatever the value.
+    output : path or sequence, optional
+        Write a STEP file (.step, .stp; - for stdout), or our own form without loss
+        (.brep.json); may be repeated.
+    ap214 : bool
+        Write the older AP214 instead of AP242.
+    units : str, optional
+        Unit of length to state: um, mm, cm, m, in or ft; by default as annotated, else mm.
     params : dict or sequence of float, optional
         The values of the parameters a, in their order or as NAME=NUMBER; missing ones are
         as annotated.
@@ -570,13 +577,6 @@ def brep(
         The values of some parameters by name.
     box : float or sequence, optional
         The box in which to work: half its width around the origin, or its two corners.
-    units : str, optional
-        Unit of length to state: um, mm, cm, m, in or ft; by default as annotated, else mm.
-    ap214 : bool
-        Write the older AP214 instead of AP242.
-    output : path or sequence, optional
-        Write a STEP file (.step, .stp; - for stdout), or our own form without loss
-        (.brep.json); may be repeated.
     object : str, optional
         The object to evaluate; by default my_model, else the first one.
     strict : bool
@@ -612,12 +612,12 @@ def brep(
         "model": handed(model),
         "size": size,
         "tol": tol,
+        "output": output,
+        "ap214": bool(ap214),
+        "units": units,
         "params": params,
         "set": set,
         "box": corners(box),
-        "units": units,
-        "ap214": bool(ap214),
-        "output": output,
         "object": object,
         "strict": bool(strict),
         "documented_precedence": bool(documented_precedence),
@@ -634,6 +634,13 @@ def parameterize(
     tol: float | None = None,
     cover: bool = False,
     *,
+    output: Path | Sequence[Path] | None = None,
+    trace: Path | None = None,
+    figure: Path | None = None,
+    grid: int | None = None,
+    units: str | None = None,
+    params: Values = None,
+    set: Mapping[str, float] | None = None,
     seed_point: Sequence[float] | None = None,
     paper: bool = False,
     exact: bool = False,
@@ -644,13 +651,6 @@ def parameterize(
     inner: str | None = None,
     extrapolations: int | None = None,
     nodes: int | None = None,
-    params: Values = None,
-    set: Mapping[str, float] | None = None,
-    output: Path | Sequence[Path] | None = None,
-    units: str | None = None,
-    grid: int | None = None,
-    trace: Path | None = None,
-    figure: Path | None = None,
     object: str | None = None,
     strict: bool = False,
     documented_precedence: bool = False,
@@ -675,6 +675,24 @@ def parameterize(
         instead of a bound on S.
     cover : bool
         Add patches until all of the surface in the box lies on one, within ``tol``.
+    output : path or sequence, optional
+        Write the patches: .json, .step or .stp for CAD, or triangles as .obj, .ply, .glb,
+        ...; may be repeated.
+    trace : path, optional
+        Write every step as a table (CSV).
+    figure : path, optional
+        Draw S, I and E over the steps, and the squared Sampson distance over the domain
+        (SVG).
+    grid : int, optional
+        Number of squares along each side of a patch for its triangles.
+    units : str, optional
+        Unit of length that files state; by default mm in STEP, none in others: ``"um"``,
+        ``"mm"``, ``"cm"``, ``"m"``, ``"in"``, ``"ft"``.
+    params : dict or sequence of float, optional
+        The values of the parameters a, in their order or as NAME=NUMBER; missing ones are
+        as annotated.
+    set : dict, optional
+        The values of some parameters by name.
     seed_point : sequence, optional
         Start at the point of the surface near this one, instead of one chosen by ``seed``.
     paper : bool
@@ -702,24 +720,6 @@ def parameterize(
         patch after its first Newton steps.
     nodes : int, optional
         Gauss nodes in each direction; by default as many as make J exact, 4 max(m,n) + 1.
-    params : dict or sequence of float, optional
-        The values of the parameters a, in their order or as NAME=NUMBER; missing ones are
-        as annotated.
-    set : dict, optional
-        The values of some parameters by name.
-    output : path or sequence, optional
-        Write the patches: .json, .step or .stp for CAD, or triangles as .obj, .ply, .glb,
-        ...; may be repeated.
-    units : str, optional
-        Unit of length that files state; by default mm in STEP, none in others: ``"um"``,
-        ``"mm"``, ``"cm"``, ``"m"``, ``"in"``, ``"ft"``.
-    grid : int, optional
-        Number of squares along each side of a patch for its triangles.
-    trace : path, optional
-        Write every step as a table (CSV).
-    figure : path, optional
-        Draw S, I and E over the steps, and the squared Sampson distance over the domain
-        (SVG).
     object : str, optional
         The object to evaluate; by default my_model, else the first one.
     strict : bool
@@ -765,6 +765,13 @@ def parameterize(
         "box": box,
         "tol": tol,
         "cover": bool(cover),
+        "output": output,
+        "trace": trace,
+        "figure": figure,
+        "grid": some_whole("grid", grid),
+        "units": units,
+        "params": params,
+        "set": set,
         "seed_point": seed_point,
         "paper": bool(paper),
         "exact": bool(exact),
@@ -775,13 +782,6 @@ def parameterize(
         "inner": inner,
         "extrapolations": some_whole("extrapolations", extrapolations),
         "nodes": some_whole("nodes", nodes),
-        "params": params,
-        "set": set,
-        "output": output,
-        "units": units,
-        "grid": some_whole("grid", grid),
-        "trace": trace,
-        "figure": figure,
         "object": object,
         "strict": bool(strict),
         "documented_precedence": bool(documented_precedence),
@@ -796,6 +796,11 @@ def triangulate(
     box: Exact | None = None,
     tol: float | None = None,
     *,
+    output: Path | Sequence[Path] | None = None,
+    to: str | None = None,
+    report: Path | None = None,
+    sidecar: Path | None = None,
+    domain: Path | None = None,
     rectangle: Sequence[Exact] | None = None,
     polygon: Sequence[Sequence[Exact]] | str | None = None,
     longest: float | None = None,
@@ -803,11 +808,6 @@ def triangulate(
     mode: str | None = None,
     complex: bool = False,
     reduce: bool = False,
-    output: Path | Sequence[Path] | None = None,
-    to: str | None = None,
-    report: Path | None = None,
-    sidecar: Path | None = None,
-    domain: Path | None = None,
     seed: int | None = None,
     force: bool = False,
     threads: int | None = None,
@@ -826,6 +826,19 @@ def triangulate(
     tol : float, optional
         Largest distance of the middles of triangles and edges from the surface; without
         ``box``, B is half its width here; by default 5e-4 B.
+    output : path or sequence, optional
+        Write a file; its ending names the format (- for stdout, with ``to``); may be
+        repeated.
+    to : str, optional
+        Format of the output, where its name does not tell it.
+    report : path, optional
+        Write what is known of the surface as JSON: base points, pole, double curve, what is
+        not proved.
+    sidecar : path, optional
+        Write the parameters of every triangle's corners and the kind of every vertex as
+        JSON.
+    domain : path, optional
+        Draw the triangles in the plane of parameters as SVG.
     rectangle : sequence, optional
         Draw only parameters with S0 <= s <= S1 and T0 <= t <= T1, taken as exactly these
         numbers.
@@ -844,19 +857,6 @@ def triangulate(
         part with a colour of its own.
     reduce : bool
         Divide X, Y, Z and W by their common factor instead of refusing the map.
-    output : path or sequence, optional
-        Write a file; its ending names the format (- for stdout, with ``to``); may be
-        repeated.
-    to : str, optional
-        Format of the output, where its name does not tell it.
-    report : path, optional
-        Write what is known of the surface as JSON: base points, pole, double curve, what is
-        not proved.
-    sidecar : path, optional
-        Write the parameters of every triangle's corners and the kind of every vertex as
-        JSON.
-    domain : path, optional
-        Draw the triangles in the plane of parameters as SVG.
     seed : int, optional
         Seed of everything random.
     force : bool
@@ -893,6 +893,11 @@ def triangulate(
         "map": handed(map),
         "box": box,
         "tol": tol,
+        "output": output,
+        "to": to,
+        "report": report,
+        "sidecar": sidecar,
+        "domain": domain,
         "rectangle": rectangle,
         "polygon": polygon,
         "longest": longest,
@@ -900,11 +905,6 @@ def triangulate(
         "mode": mode,
         "complex": bool(complex),
         "reduce": bool(reduce),
-        "output": output,
-        "to": to,
-        "report": report,
-        "sidecar": sidecar,
-        "domain": domain,
         "seed": some_whole("seed", seed),
         "force": bool(force),
     }
@@ -917,11 +917,11 @@ def implicitize(
     tol: float | None = None,
     cells: int | None = None,
     *,
+    output: Path | None = None,
+    format: str | None = None,
     polynomial: int | None = None,
     normals: str | None = None,
     smoothing: float | None = None,
-    format: str | None = None,
-    output: Path | None = None,
     seed: int | None = None,
     force: bool = False,
     threads: int | None = None,
@@ -941,16 +941,16 @@ def implicitize(
     cells : int, optional
         Maximum number of cells with points, all of one size; at most half the number of
         points.
+    output : path, optional
+        Write the function.
+    format : str, optional
+        Format of the scan, where its name does not tell it.
     polynomial : int, optional
         One polynomial of at most this total degree in place of a spline.
     normals : str, optional
         Source of the normals: ``"auto"``, ``"given"``, ``"estimate"``.
     smoothing : float, optional
         The weight of smoothness; more of it rounds edges and averages noise.
-    format : str, optional
-        Format of the scan, where its name does not tell it.
-    output : path, optional
-        Write the function.
     seed : int, optional
         Seed of everything random.
     force : bool
@@ -981,11 +981,11 @@ def implicitize(
         "degree": some_whole("degree", degree),
         "tol": tol,
         "cells": some_whole("cells", cells),
+        "output": output,
+        "from": format,
         "global": some_whole("polynomial", polynomial),
         "normals": normals,
         "smoothing": smoothing,
-        "from": format,
-        "output": output,
         "seed": some_whole("seed", seed),
         "force": bool(force),
     }
@@ -998,8 +998,8 @@ def recognize(
     min_points: int | None = None,
     snap: bool = False,
     *,
-    format: str | None = None,
     output: Path | Sequence[Path] | None = None,
+    format: str | None = None,
     seed: int | None = None,
     force: bool = False,
     threads: int | None = None,
@@ -1021,11 +1021,11 @@ def recognize(
         Refit all entities together so that their relations hold exactly; those that
         contradict the points are dropped, and templates are written from these entities; by
         default each entity as its own points have it.
-    format : str, optional
-        Format of the scan, where its name does not tell it.
     output : path or sequence, optional
         Write a file, by its ending: .json the entities, .ply, .xyz or .csv the points with
         their entities, .hf a template of them for `fit`.
+    format : str, optional
+        Format of the scan, where its name does not tell it.
     seed : int, optional
         Seed of everything random.
     force : bool
@@ -1056,8 +1056,8 @@ def recognize(
         "tol": tol,
         "min_points": some_whole("min_points", min_points),
         "snap": bool(snap),
-        "from": format,
         "output": output,
+        "from": format,
         "seed": some_whole("seed", seed),
         "force": bool(force),
     }
@@ -1068,13 +1068,13 @@ def evaluate(
     model: Shape,
     points: Path,
     *,
-    object: str | None = None,
-    strict: bool = False,
-    documented_precedence: bool = False,
+    output: Path | None = None,
     params: Values = None,
     set: Mapping[str, float] | None = None,
     reading: str | None = None,
-    output: Path | None = None,
+    object: str | None = None,
+    strict: bool = False,
+    documented_precedence: bool = False,
     seed: int | None = None,
     force: bool = False,
     threads: int | None = None,
@@ -1089,12 +1089,8 @@ def evaluate(
         The model: a program, a fit, a fitted function, or a file of one.
     points : path
         The points, a table with commas.
-    object : str, optional
-        The object to evaluate; by default my_model, else the first one.
-    strict : bool
-        Compute what the reference implementation computes, its faults included.
-    documented_precedence : bool
-        Let set operators bind weaker than + and -, as HyperFun's documentation says.
+    output : path, optional
+        The table, - or nothing for stdout.
     params : dict or sequence of float, optional
         The values of the parameters a, in their order or as NAME=NUMBER; missing ones are
         as annotated.
@@ -1103,8 +1099,12 @@ def evaluate(
     reading : str, optional
         Result per point: the model's own value, its distance-like reading, or the name of
         the nearest part: ``"algebraic"``, ``"metric"``, ``"part"``.
-    output : path, optional
-        The table, - or nothing for stdout.
+    object : str, optional
+        The object to evaluate; by default my_model, else the first one.
+    strict : bool
+        Compute what the reference implementation computes, its faults included.
+    documented_precedence : bool
+        Let set operators bind weaker than + and -, as HyperFun's documentation says.
     seed : int, optional
         Seed of everything random.
     force : bool
@@ -1133,13 +1133,13 @@ def evaluate(
     arguments = {
         "model": handed(model),
         "points": handed(points),
-        "object": object,
-        "strict": bool(strict),
-        "documented_precedence": bool(documented_precedence),
+        "output": output,
         "params": params,
         "set": set,
         "reading": reading,
-        "output": output,
+        "object": object,
+        "strict": bool(strict),
+        "documented_precedence": bool(documented_precedence),
         "seed": some_whole("seed", seed),
         "force": bool(force),
     }
@@ -1206,13 +1206,13 @@ def convert(
     file: Path,
     output: Path,
     *,
-    format: str | None = None,
     to: str | None = None,
-    max_points: int | None = None,
-    samples: int | None = None,
     ascii: bool = False,
     params: Values = None,
     set: Mapping[str, float] | None = None,
+    format: str | None = None,
+    max_points: int | None = None,
+    samples: int | None = None,
     object: str | None = None,
     strict: bool = False,
     documented_precedence: bool = False,
@@ -1230,15 +1230,8 @@ def convert(
         Points, models, fits, meshes, patches, triangulations, solids, or paths of them.
     output : path
         The result; its ending names the format (- for stdout, with ``to``).
-    format : str, optional
-        Format of the input, where neither name nor content tell it.
     to : str, optional
         Format of the output, where its name does not tell it.
-    max_points : int, optional
-        Take at most that many points, a seeded random sample.
-    samples : int, optional
-        Number of points to sample on the triangles of a mesh, uniformly by area, in place
-        of its vertices.
     ascii : bool
         PLY as text.
     params : dict or sequence of float, optional
@@ -1246,6 +1239,13 @@ def convert(
         as annotated.
     set : dict, optional
         The values of some parameters by name.
+    format : str, optional
+        Format of the input, where neither name nor content tell it.
+    max_points : int, optional
+        Take at most that many points, a seeded random sample.
+    samples : int, optional
+        Number of points to sample on the triangles of a mesh, uniformly by area, in place
+        of its vertices.
     object : str, optional
         The object to evaluate; by default my_model, else the first one.
     strict : bool
@@ -1280,13 +1280,13 @@ def convert(
     arguments = {
         "file": handed(file),
         "output": output,
-        "from": format,
         "to": to,
-        "max_points": some_whole("max_points", max_points),
-        "samples": some_whole("samples", samples),
         "ascii": bool(ascii),
         "params": params,
         "set": set,
+        "from": format,
+        "max_points": some_whole("max_points", max_points),
+        "samples": some_whole("samples", samples),
         "object": object,
         "strict": bool(strict),
         "documented_precedence": bool(documented_precedence),
@@ -1542,6 +1542,10 @@ def view(
 def render(
     obj: Any,
     *others: Any,
+    params: Values = None,
+    set: Mapping[str, float] | None = None,
+    box: Box = None,
+    kind: str | None = None,
     size: tuple[int, int] | None = None,
     camera: Sequence[float] | None = None,
     view: str | None = None,
@@ -1556,10 +1560,6 @@ def render(
     hidden: bool = False,
     no_lines: bool = False,
     no_legend: bool = False,
-    params: Values = None,
-    set: Mapping[str, float] | None = None,
-    box: Box = None,
-    kind: str | None = None,
     object: str | None = None,
     strict: bool = False,
     documented_precedence: bool = False,
@@ -1578,6 +1578,16 @@ def render(
         Points, models, fits, meshes, patches, triangulations, solids, or paths of them.
     *others : object
         Further ones, as layers in their order.
+    params : dict or sequence of float, optional
+        The values of the parameters a, in their order or as NAME=NUMBER; missing ones are
+        as annotated.
+    set : dict, optional
+        The values of some parameters by name.
+    box : float or sequence, optional
+        The box in which to work: half its width around the origin, or its two corners.
+    kind : str, optional
+        Show files that may be both as points or as meshes; by default PLY as points, OBJ,
+        STL, OFF and 3MF as meshes: ``"points"``, ``"mesh"``.
     size : tuple of int, optional
         Width and height in pixels.
     camera : sequence, optional
@@ -1607,16 +1617,6 @@ def render(
         Leave out lines of edges and outlines.
     no_legend : bool
         Leave out scales and lists of parts.
-    params : dict or sequence of float, optional
-        The values of the parameters a, in their order or as NAME=NUMBER; missing ones are
-        as annotated.
-    set : dict, optional
-        The values of some parameters by name.
-    box : float or sequence, optional
-        The box in which to work: half its width around the origin, or its two corners.
-    kind : str, optional
-        Show files that may be both as points or as meshes; by default PLY as points, OBJ,
-        STL, OFF and 3MF as meshes: ``"points"``, ``"mesh"``.
     object : str, optional
         The object to evaluate; by default my_model, else the first one.
     strict : bool
@@ -1660,6 +1660,10 @@ def render(
     """
     arguments = {
         "file": layer_files((obj, *others)),
+        "params": params,
+        "set": set,
+        "box": box,
+        "as": kind,
         "size": size,
         "camera": camera,
         "view": view,
@@ -1674,10 +1678,6 @@ def render(
         "hidden": bool(hidden),
         "no_lines": bool(no_lines),
         "no_legend": bool(no_legend),
-        "params": params,
-        "set": set,
-        "box": box,
-        "as": kind,
         "object": object,
         "strict": bool(strict),
         "documented_precedence": bool(documented_precedence),

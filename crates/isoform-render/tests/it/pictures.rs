@@ -2,7 +2,7 @@
 
 use isoform::field::hyperfun::{Mode, Model};
 use isoform::geom::{Aabb, Column, Mesh, Point3, PointCloud, RationalPatch};
-use isoform::{Control, solid_of, solid_of_polynomial};
+use isoform::{Control, FormulaSurface, solid_of};
 use isoform_render::{
     Camera, ColorBy, Drawing, Layer, Pane, Patch, Picture, Scale, Scene, Section, ShownModel,
     Style, View, draw_svg, render,
@@ -20,6 +20,7 @@ fn model(body: &str, bounds: Aabb, by: Option<ColorBy>) -> Layer {
         solid,
         bounds,
         is_cut: false,
+        is_surface: false,
         names: &[],
     };
     Layer::model("m", shown, by, &Control::default()).expect("no end")
@@ -180,13 +181,14 @@ fn a_patch_is_seen_on_the_surface_that_it_stands_for() {
 fn a_torus_of_degree_four_is_lit_where_it_is() {
     let text = "(x^2 + y^2 + z^2 + 3)^2 - 16*(x^2 + y^2)";
     let bounds = cube(3.2, [0.0; 3]);
-    let solid = solid_of_polynomial(text, bounds)
-        .expect("a polynomial")
-        .expect("a surface");
+    let torus = FormulaSurface::parse(text).expect("a formula");
+    let model = torus.stated_model(&[]).expect("a program");
+    let (solid, _) = solid_of(&model, &[]).expect("a solid");
     let shown = ShownModel {
-        solid: Box::new(solid),
+        solid,
         bounds,
         is_cut: true,
+        is_surface: false,
         names: &[],
     };
     let layer = Layer::model("torus", shown, None, &Control::default()).expect("no end");

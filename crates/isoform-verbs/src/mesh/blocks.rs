@@ -1,5 +1,6 @@
 //! `isoform mesh --blocks`: a huge model block after block.
 
+use super::settings::Settings;
 use super::work::{self, MeshInput, Shape};
 use super::{Args, subject};
 use crate::context::Context;
@@ -21,11 +22,15 @@ pub(super) fn run(args: &Args, counts: [usize; 3], context: &Context) -> Result<
         return Err(Failure::usage("--blocks writes one grid").hint("-o big.pvtu, once"));
     };
     disk::check_folder(out)?;
-    let subject = subject(args, context)?;
+    let (subject, region) = subject(args, context)?;
     let Shape::Model(model, values) = &subject.shape else {
         return Err(Failure::usage("--blocks needs a HyperFun program"));
     };
-    let options = work::options(&args.settings, context)?;
+    let settings = Settings {
+        region,
+        ..args.settings.clone()
+    };
+    let options = work::options(&settings, context)?;
     let phases = work::Phases::new(context);
     let show = |phase: &str, done: f64| phases.share(phase, done);
     let control = Control {

@@ -13,14 +13,15 @@ pub(crate) mod work;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::kind;
 use crate::language::Language;
 use crate::memory;
 use crate::outcome::Outcome;
-use crate::parameters::{self, Given};
+use crate::model::{GivenModel, SolidModel};
+use crate::parameters::Given;
 use crate::product::Product;
-use crate::{gallery, scan, solids, spline};
-use isoform::{MeshModelOptions, Unseen};
+use crate::{gallery, scan, solids};
+use isoform::geom::Aabb;
+use isoform::{Implicit, MeshModelOptions, Unseen};
 use settings::Settings;
 use std::path::PathBuf;
 use work::{MeshInput, Shape};
@@ -31,6 +32,7 @@ use work::{MeshInput, Shape};
 Examples:
   isoform mesh part.hf --size 0.25 -o part.msh -o part.inp
   isoform mesh part.hf --surface-only --grade 0.01 -o part.obj
+  isoform mesh \"x^2 + y^2 + z^4 = 1\" -o print.stl
   isoform mesh part.hf --sizes sizes.csv --order 2 -o part.inp
   isoform mesh part.hf --adapt old.msh -o better.msh
   isoform mesh part.step -o part.stl
@@ -49,8 +51,9 @@ them (--grade, --size), without regard to their shape.
 Exit code: 0, or 3 if the certificate fails or something is left unproved (files are written all the same), 4 without a
 mesh, 2 for unreadable input, 130 after Ctrl-C.")]
 pub(crate) struct Args {
-    /// The model: a HyperFun file (- for stdin), the name of a built-in template, a function
-    /// fitted to points (.json, from isoform implicitize), or a solid of isoform brep
+    /// The model: a HyperFun file (- for stdin), a formula as "x^2 + y^2 + z^4 = 1", the name of a
+    /// built-in template, a function fitted to points (.json, from isoform implicitize), or a solid
+    /// of isoform brep
     model: PathBuf,
     #[command(flatten)]
     given: Given,
@@ -153,7 +156,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if let Some(file) = solids::find(&args.model)? {
         return solid::run(args, file, &targets, context);
     }
-    let subject = subject(args, context)?;
+    let (subject, region) = subject(args, context)?;
     let given = args
         .adapt
         .as_deref()
@@ -162,6 +165,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let settings = Settings {
         periodic: args.periodic.map_or([false; 3], |axes| axes.0),
         layers,
+        region,
         ..args.settings.clone()
     };
     let mut made = work::make(&subject, &settings, given.map(|g| g.0).as_ref(), context)?;
@@ -173,36 +177,53 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     Ok(outcome)
 }
 
-/// Reads the input of the verb: a JSON file is a function fitted to points, any other file a
-/// program.
-fn subject(args: &Args, context: &Context) -> Result<MeshInput, Failure> {
+/// Reads the input of the verb, with its region: a function fitted to points, or a model.
+fn subject(args: &Args, context: &Context) -> Result<(MeshInput, Option<Aabb>), Failure> {
     let name = memory::name(&args.model);
-    if kind::is_json(&args.model) {
-        if args.adapt.is_some() {
-            return Err(Failure::usage("--adapt needs a HyperFun program"));
-        }
-        if !args.regions.is_empty() {
-            return Err(Failure::usage("--regions needs a HyperFun program"));
-        }
-        let unseen = if args.close {
-            Unseen::Close
-        } else {
-            Unseen::Cut
-        };
-        return Ok(MeshInput {
-            name,
-            shape: Shape::Spline(Box::new(spline::read(&args.model)?), unseen),
-            unit: None,
-            regions: Vec::new(),
-        });
-    }
-    let model = gallery::template(&args.model, &args.language, context)?;
-    let values = parameters::values(&model, &args.given, context)?;
+    let model = gallery::model(&args.model, &args.language, context)?;
+    let model = match model {
+        GivenModel::Fitted(fitted) => return fitted_input(args, name, fitted),
+        model => model,
+    };
+    let solid = model.solid(&args.model, &args.given, args.settings.region, context)?;
+    let SolidModel {
+        model,
+        values,
+        region,
+        ..
+    } = solid;
     let regions = regions::read(&args.regions, (&model, &values), &args.language, context)?;
-    Ok(MeshInput {
+    let input = MeshInput {
         name,
         unit: model.info().unit.clone(),
         regions,
         shape: Shape::Model(Box::new(model), values),
-    })
+    };
+    Ok((input, region))
+}
+
+/// Returns the input for a function fitted to points.
+fn fitted_input(
+    args: &Args,
+    name: String,
+    fitted: Box<Implicit>,
+) -> Result<(MeshInput, Option<Aabb>), Failure> {
+    if args.adapt.is_some() {
+        return Err(Failure::usage("--adapt needs a HyperFun program"));
+    }
+    if !args.regions.is_empty() {
+        return Err(Failure::usage("--regions needs a HyperFun program"));
+    }
+    let unseen = if args.close {
+        Unseen::Close
+    } else {
+        Unseen::Cut
+    };
+    let input = MeshInput {
+        name,
+        shape: Shape::Spline(fitted, unseen),
+        unit: None,
+        regions: Vec::new(),
+    };
+    Ok((input, args.settings.region))
 }

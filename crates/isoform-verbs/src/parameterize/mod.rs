@@ -235,7 +235,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
 
 /// Finds the patch, or all patches of a cover.
 fn make(args: &Args, subject: &PatchInput, context: &Context) -> Result<MadePatches, Failure> {
-    let options = options(args, context);
+    let options = options(args, subject, context);
     let found = if args.cover {
         cover(args, subject, &options, context)
     } else {
@@ -339,9 +339,9 @@ fn tell(made: &mut MadePatches, stdout: Vec<u8>, context: &Context) -> Outcome {
 
 /// Converts the arguments to options of the library: the settings of Wurm et al. (2003), with the
 /// changes of the command line.
-fn options(args: &Args, context: &Context) -> Options {
+fn options(args: &Args, subject: &PatchInput, context: &Context) -> Options {
     let b = HALF_WIDTH;
-    let region = args.region.unwrap_or(Aabb {
+    let region = args.region.or(subject.bounds).unwrap_or(Aabb {
         lo: [-b; 3],
         hi: [b; 3],
     });

@@ -57,8 +57,8 @@ pub(crate) struct Args {
     /// The map: a JSON file with X, Y, Z and W, polynomials in s and t with rational coefficients,
     /// or a file of patches (- for stdin)
     map: PathBuf,
-    /// Half the width of the box around the origin, taken as exactly this number: 2, 0.1, 1/3;
-    /// patches and regions without poles need none
+    /// Half the width of the box around the origin, taken as exactly this number: 2, 0.1, 1/3
+    /// [default: that of the file, or around a surface without poles, or one that shows it]
     #[arg(long = "box", value_name = "B", allow_hyphen_values = true, value_parser = half_width)]
     half_width: Option<HalfWidth>,
     /// Draw only parameters with S0 <= s <= S1 and T0 <= t <= T1, taken as exactly these numbers
@@ -136,6 +136,16 @@ pub(crate) struct HalfWidth {
     pub(crate) exact: RBig,
     /// Nearest double.
     pub(crate) near: f64,
+}
+
+impl HalfWidth {
+    /// Returns the box about the origin.
+    pub(crate) fn surface_box(&self) -> SurfaceBox {
+        SurfaceBox {
+            half_width: self.exact.clone(),
+            size: self.near,
+        }
+    }
 }
 
 /// Reads a rational number exactly.
@@ -306,8 +316,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let targets = files::targets(&args.output, args.to.as_deref(), context)?;
     let beside = [&args.report, &args.sidecar, &args.domain];
     check_beside(beside)?;
-    let subject = read(&args.map, args.reduce)?;
-    let mut made = make(args, subject, context)?;
+    let (subject, stated) = read(&args.map, args.reduce)?;
+    let mut made = make(args, subject, stated, context)?;
     made.warn_of_factors(context);
     made.warn_of_collapsed(context);
     made.warn_of_border(context);
@@ -346,8 +356,11 @@ fn check_beside(files: [&Option<PathBuf>; 3]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Reads and checks a map, or patches.
-pub(crate) fn read(path: &Path, reduce: bool) -> Result<RationalSurface, Failure> {
+/// Reads and checks a map, or patches, with half the width of the box that the file states.
+pub(crate) fn read(
+    path: &Path,
+    reduce: bool,
+) -> Result<(RationalSurface, Option<HalfWidth>), Failure> {
     let bytes = disk::read_file(path)?;
     let head = kind::head(&bytes).to_vec();
     let text = disk::text(bytes);
@@ -364,14 +377,27 @@ pub(crate) fn read(path: &Path, reduce: bool) -> Result<RationalSurface, Failure
     if let Some(failure) = made.as_ref().err().and_then(other) {
         return Err(failure);
     }
-    made.map_err(|e| match e {
+    let surface = made.map_err(|e| match e {
         RationalSurfaceError::Patches(e) => {
             refused(path, "not_patches", &e).hint("see Patches in docs/rational.md")
         }
         RationalSurfaceError::File(e) => unreadable(&e, path, &text),
         RationalSurfaceError::Map(e) => invalid(&e, path),
         e => refused(path, "map", &e),
-    })
+    })?;
+    let json: Value = serde_json::from_str(&text).unwrap_or_default();
+    let stated = match json.get("box") {
+        Some(Value::String(text)) if surface.is_map() => Some(text.clone()),
+        Some(Value::Number(number)) if surface.is_map() => Some(number.to_string()),
+        _ => None,
+    };
+    let wrong = |problem: String| {
+        let mut failure = Failure::input("box", format!("{}: box: {problem}", path.display()));
+        failure.place.key = Some("box");
+        failure
+    };
+    let stated = stated.map(|text| half_width(&text)).transpose();
+    Ok((surface, stated.map_err(wrong)?))
 }
 
 /// The box about the origin in which a surface is drawn.
@@ -381,19 +407,40 @@ struct InBox {
     is_chosen: bool,
 }
 
-/// The box as asked for, or around the surface where that is proved to have bounds.
-fn find_box(args: &Args, subject: &RationalSurface) -> Result<InBox, Failure> {
-    if let Some(given) = &args.half_width {
-        return Ok(InBox {
-            around: SurfaceBox {
-                half_width: given.exact.clone(),
-                size: given.near,
-            },
-            is_chosen: false,
-        });
-    }
+/// Returns the box of a map that no one gave, and says it.
+pub(crate) fn shown_box(map: &Map, context: &Context) -> Option<SurfaceBox> {
+    let around = SurfaceBox::showing(map)?;
+    context.note(format_args!(
+        "the surface may have no end: it is cut by --box {}",
+        around.half_width.to_f64_fast()
+    ));
+    Some(around)
+}
+
+/// The box as asked for or stated in the file, or around the surface where that is proved to have
+/// bounds, or one that shows it.
+fn find_box(
+    args: &Args,
+    subject: &RationalSurface,
+    stated: Option<HalfWidth>,
+    context: &Context,
+) -> Result<InBox, Failure> {
+    let cut = |around| InBox {
+        around,
+        is_chosen: false,
+    };
     let domain = args.region();
+    let stated = stated.filter(|_| domain.is_none());
+    if let Some(given) = args.half_width.clone().or(stated) {
+        return Ok(cut(given.surface_box()));
+    }
     let Some(around) = subject.bounds(domain) else {
+        if let RationalSurface::Map(map) = subject
+            && domain.is_none()
+            && let Some(around) = shown_box(map, context)
+        {
+            return Ok(cut(around));
+        }
         let why = match (subject, domain) {
             (RationalSurface::Map(_), None) => "the parameters are the whole plane",
             (RationalSurface::Map(_), Some(_)) => {
@@ -453,14 +500,19 @@ fn refused(path: &Path, code: &'static str, error: &dyn std::error::Error) -> Fa
 }
 
 /// Triangulates a map or patches.
-fn make(args: &Args, subject: RationalSurface, context: &Context) -> Result<MadeSurface, Failure> {
+fn make(
+    args: &Args,
+    subject: RationalSurface,
+    stated: Option<HalfWidth>,
+    context: &Context,
+) -> Result<MadeSurface, Failure> {
     if !subject.is_map() && args.region().is_some() {
         return Err(
             Failure::usage("patches are drawn over their own parameters")
                 .hint("without --rectangle and --polygon"),
         );
     }
-    let in_box = find_box(args, &subject)?;
+    let in_box = find_box(args, &subject, stated, context)?;
     let time_limit = context.global.time_limit;
     let options = options(args, subject.options(&in_box.around, time_limit));
     let name = memory::name(&args.map);
