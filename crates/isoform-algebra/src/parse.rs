@@ -87,7 +87,9 @@ impl ParseProblem {
             Self::NotAPolynomial | Self::DivisionByZero => {
                 "bring all coordinates to the common denominator W"
             }
-            Self::Transcendental { name: "sin" | "cos" | "tan" } => {
+            Self::Transcendental {
+                name: "sin" | "cos" | "tan",
+            } => {
                 "on a circle, cos is (1 - t^2)/(1 + t^2) and sin is 2*t/(1 + t^2): write these, \
                  with the common denominator as W"
             }
@@ -236,9 +238,7 @@ impl Expander<'_> {
                 let base_value = self.expand(base)?;
                 self.power(e.at, &base_value, n)
             }
-            Term::Call(name, _) => {
-                Err(self.error(e.at, ParseProblem::Transcendental { name }))
-            }
+            Term::Call(name, _) => Err(self.error(e.at, ParseProblem::Transcendental { name })),
         }
     }
 

@@ -147,6 +147,9 @@ impl fmt::Debug for ShownModel<'_> {
     }
 }
 
+/// Largest number of an entity that a legend lists; it has no room for more.
+const MAX_LISTED_ENTITY: f64 = 999.0;
+
 /// Returns the requested quantity if it is available, else the default.
 fn chosen(asked: Option<ColorBy>, modes: &[ColorBy], usual: ColorBy) -> ColorBy {
     asked.filter(|by| modes.contains(by)).unwrap_or(usual)
@@ -203,16 +206,25 @@ impl Layer {
         let deviation = deviation.or(column("deviation"));
         let has_colors = !cloud.colors.is_empty() && cloud.colors.len() == cloud.points.len();
         let mut modes = vec![ColorBy::None];
+        let entities = column("entity");
+        modes.extend(entities.map(|_| ColorBy::Part));
         modes.extend(deviation.map(|_| ColorBy::Deviation));
         modes.extend(has_colors.then_some(ColorBy::File));
-        let usual = if has_colors {
-            ColorBy::File
-        } else {
-            ColorBy::None
+        let usual = match (entities, has_colors) {
+            (Some(_), _) => ColorBy::Part,
+            (None, true) => ColorBy::File,
+            (None, false) => ColorBy::None,
         };
         let color_by = chosen(asked, &modes, usual);
         let (mut key, mut lift) = (None, 0.0);
         let colors = match (color_by, deviation) {
+            (ColorBy::Part, _) => {
+                let entities = entities.unwrap_or_default();
+                let most = entities.iter().fold(-1.0, |most: f64, e| most.max(*e));
+                let names = (0..=most.min(MAX_LISTED_ENTITY) as i64).take_while(|_| most >= 0.0);
+                key = Some(parts_key(names.map(|e| format!("entity {e}"))));
+                entities.iter().map(|e| entity_color(*e)).collect()
+            }
             (ColorBy::Deviation, Some(values)) => {
                 let outlier = column("outlier").unwrap_or_default();
                 let is_out = |i: usize| outlier.get(i).is_some_and(|v| *v > 0.0);
@@ -535,6 +547,15 @@ const CHARTS: [(&str, Color); 4] = [
     ("s ≤ 0, t ≤ 0", [150, 200, 160]),
     ("s ≥ 0, t ≤ 0", [205, 165, 205]),
 ];
+
+/// Returns the colour of a point by the number of its entity; negative for none.
+fn entity_color(entity: f64) -> Color {
+    if entity >= 0.0 {
+        part_color(entity as usize)
+    } else {
+        shade::OUTLIER
+    }
+}
 
 fn parts_key(names: impl Iterator<Item = String>) -> Key {
     Key::Parts(names.enumerate().map(|(i, n)| (n, part_color(i))).collect())

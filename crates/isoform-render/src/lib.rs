@@ -51,5 +51,6 @@ pub use model::FINEST;
 pub use picture::{Picture, Style, render};
 pub use png::{write_indexed_png, write_png};
 pub use section::Section;
+pub use shade::OUTLIER;
 pub use sheet::{Look, Pane, panes};
 pub use svg::{Drawing, draw_svg};

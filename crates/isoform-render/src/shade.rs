@@ -16,8 +16,8 @@ pub(crate) const MAP: Color = [150, 178, 205];
 pub(crate) const CAP: Color = [224, 164, 88];
 /// Colour of points.
 pub(crate) const POINT: Color = [176, 84, 12];
-/// Colour of outliers.
-pub(crate) const OUTLIER: Color = [96, 96, 102];
+/// Colour of outliers, and of points without an entity.
+pub const OUTLIER: Color = [96, 96, 102];
 /// Colour of edges and outlines.
 pub(crate) const LINE: Color = [40, 44, 52];
 /// Colour of the double curves of maps.

@@ -67,7 +67,9 @@ impl SurfaceBox {
         let coordinate = |i: usize| -> f64 {
             let p = direction(i);
             let [x, y, z, w] = forms.each_ref().map(|form| value(form, p));
-            [x, y, z].into_iter().fold(0.0, |m: f64, v| m.max((v / w).abs()))
+            [x, y, z]
+                .into_iter()
+                .fold(0.0, |m: f64, v| m.max((v / w).abs()))
         };
         let mut sizes: Vec<f64> = (0..SHOWN_DIRECTIONS).map(coordinate).collect();
         sizes.retain(|v| v.is_finite());

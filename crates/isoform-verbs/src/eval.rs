@@ -3,8 +3,8 @@
 use crate::context::Context;
 use crate::disk;
 use crate::failure::{DONE, Failure, NO_RESULT, PARTIAL};
-use crate::language::Language;
 use crate::gallery;
+use crate::language::Language;
 use crate::model::GivenModel;
 use crate::outcome::Outcome;
 use crate::parameters::{Given, values};

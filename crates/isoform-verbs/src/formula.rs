@@ -90,12 +90,16 @@ pub(crate) fn region_of_document(path: &Path, json: &Value) -> Result<Option<Aab
 impl StatedFormula {
     /// Returns the model with the inside that the formula states, or that is usual.
     pub(crate) fn stated(&self) -> Result<Model, Failure> {
-        self.surface.stated_model(&self.defaults).map_err(without_model)
+        self.surface
+            .stated_model(&self.defaults)
+            .map_err(without_model)
     }
 
     /// Returns the model with the function as it is written.
     pub(crate) fn as_written(&self) -> Result<Model, Failure> {
-        self.surface.model(&self.defaults, false).map_err(without_model)
+        self.surface
+            .model(&self.defaults, false)
+            .map_err(without_model)
     }
 
     /// Returns the values of the parameters, and says which are taken that nobody gave.
@@ -105,7 +109,11 @@ impl StatedFormula {
             given.names(&self.surface.parameters).any(|n| n == name)
                 || self.defaults.iter().any(|(n, _)| n == name)
         };
-        let assumed = self.surface.parameters.iter().filter(|name| !is_given(name));
+        let assumed = self
+            .surface
+            .parameters
+            .iter()
+            .filter(|name| !is_given(name));
         let assumed: Vec<String> = assumed.map(|name| format!("{name}=1")).collect();
         if !assumed.is_empty() {
             context.note(format_args!(
@@ -127,7 +135,9 @@ impl StatedFormula {
         let values = self.values(given, context)?;
         let stated = region.or(self.region);
         let control = context.control();
-        let found = self.surface.solid(&values, &self.defaults, stated, &control);
+        let found = self
+            .surface
+            .solid(&values, &self.defaults, stated, &control);
         let FormulaSolid { model, region } = found.map_err(without_model)?;
         if let Some(region) = region.filter(|_| stated.is_none()) {
             let corners = region.lo.iter().chain(&region.hi).map(f64::to_string);
@@ -151,7 +161,10 @@ impl StatedFormula {
         context: &Context,
     ) -> Result<(ImplicitSurface, Option<Aabb>), Failure> {
         let values = self.values(given, context)?;
-        let surface = self.surface.surface(&values, &self.defaults).map_err(without_model)?;
+        let surface = self
+            .surface
+            .surface(&values, &self.defaults)
+            .map_err(without_model)?;
         let control = context.control();
         let bounds = match self.region {
             None if self.is_typed => self.surface.bounds(&values, &self.defaults, &control).ok(),

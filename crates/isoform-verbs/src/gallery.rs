@@ -30,7 +30,10 @@ pub(crate) fn model(
             "template",
             format!("no file and no template is called {name}"),
         );
-        let all = format!("a HyperFun file, a formula as \"x^2 + y^2 = 1\", or one of: {}", names().join(", "));
+        let all = format!(
+            "a HyperFun file, a formula as \"x^2 + y^2 = 1\", or one of: {}",
+            names().join(", ")
+        );
         let candidates = candidates(path);
         let near = suggestion(&name, candidates.iter().map(String::as_str));
         return Err(failure.hint(match near {

@@ -4,10 +4,29 @@ use clap::{Arg, Command};
 
 /// Verbs by task. A verb that is missing here comes last.
 const TASKS: [(&str, &[&str]); 4] = [
-    ("From a scan", &["recover", "fit", "recognize", "implicitize"]),
-    ("From a program or formula", &["mesh", "brep", "parameterize", "triangulate", "eval"]),
-    ("Look and compare", &["view", "render", "inspect", "compare"]),
-    ("Other", &["convert", "functions", "run", "schema", "completions", "help"]),
+    (
+        "From a scan",
+        &["recover", "fit", "recognize", "implicitize"],
+    ),
+    (
+        "From a program or formula",
+        &["mesh", "brep", "parameterize", "triangulate", "eval"],
+    ),
+    (
+        "Look and compare",
+        &["view", "render", "inspect", "compare"],
+    ),
+    (
+        "Other",
+        &[
+            "convert",
+            "functions",
+            "run",
+            "schema",
+            "completions",
+            "help",
+        ],
+    ),
 ];
 
 /// Title of the group of options that only one verb has.
@@ -26,16 +45,39 @@ const GROUPS: [(&str, &[&str]); 6] = [
     ),
     (
         "Model",
-        &["params", "settings", "params_second", "region", "half_width", "rectangle", "polygon"],
+        &[
+            "params",
+            "settings",
+            "params_second",
+            "region",
+            "half_width",
+            "rectangle",
+            "polygon",
+        ],
     ),
     (
         "Input",
-        &["from", "kind", "max_points", "no_outlier_filter", "keep_planes", "keep_apart"],
+        &[
+            "from",
+            "kind",
+            "max_points",
+            "no_outlier_filter",
+            "keep_planes",
+            "keep_apart",
+        ],
     ),
     (
         "Size",
         &[
-            "size", "grade", "sizes", "order", "surface_only", "angles", "memory", "tol", "longest",
+            "size",
+            "grade",
+            "sizes",
+            "order",
+            "surface_only",
+            "angles",
+            "memory",
+            "tol",
+            "longest",
             "triangles",
         ],
     ),
@@ -82,9 +124,10 @@ fn tasks(command: &Command) -> String {
         text += &format!("\n{task}:\n");
         for verb in verbs {
             let about = command.find_subcommand(verb).and_then(Command::get_about);
-            let about = about.map_or("Prints the help of a verb or function".to_owned(), |about| {
-                about.to_string()
-            });
+            let about = about.map_or(
+                "Prints the help of a verb or function".to_owned(),
+                |about| about.to_string(),
+            );
             text += &format!("  {verb:<13} {about}\n");
         }
     }
@@ -95,19 +138,29 @@ fn tasks(command: &Command) -> String {
 /// Sorts the options of a verb into groups.
 fn grouped(verb: Command, extent: Extent) -> Command {
     let is_short = extent == Extent::Short;
-    let (options, mut args): (Vec<Arg>, Vec<Arg>) =
-        verb.get_arguments().cloned().partition(|arg| !arg.is_positional());
-    let mut options: Vec<Arg> = options.into_iter().filter(|arg| !arg.is_global_set()).collect();
+    let (options, mut args): (Vec<Arg>, Vec<Arg>) = verb
+        .get_arguments()
+        .cloned()
+        .partition(|arg| !arg.is_positional());
+    let mut options: Vec<Arg> = options
+        .into_iter()
+        .filter(|arg| !arg.is_global_set())
+        .collect();
     options.sort_by_key(place);
     args.extend(options.into_iter().map(|arg| {
         let title = GROUPS[place(&arg).0].0;
         let is_hidden = is_short && !SHORT.contains(&title);
         arg.help_heading(title).hide(is_hidden)
     }));
-    let args = args.into_iter().enumerate().map(|(i, arg)| arg.display_order(i));
+    let args = args
+        .into_iter()
+        .enumerate()
+        .map(|(i, arg)| arg.display_order(i));
     let name = verb.get_name().to_owned();
     let more = format!("isoform {name} --help: all options, examples and exit codes");
-    let mut new = Command::new(name).args(args).groups(verb.get_groups().cloned());
+    let mut new = Command::new(name)
+        .args(args)
+        .groups(verb.get_groups().cloned());
     if let Some(about) = verb.get_about() {
         new = new.about(about.clone());
     }
@@ -145,11 +198,21 @@ mod tests {
             found.expect_err("help").render().to_string()
         });
         let at = |text: &str, word: &str| text.find(word).unwrap_or(usize::MAX);
-        let titles = ["Output:", "Model:", "Size:", "Options:", "Language:", "Common:"];
+        let titles = [
+            "Output:",
+            "Model:",
+            "Size:",
+            "Options:",
+            "Language:",
+            "Common:",
+        ];
         assert!(titles.is_sorted_by_key(|title| at(&long, title)), "{long}");
         assert!(at(&long, "--output") < at(&long, "--to"));
         assert!(long.contains("--strict") && long.contains("Examples:"));
-        assert!(!short.contains("--strict") && !short.contains("Examples:"), "{short}");
+        assert!(
+            !short.contains("--strict") && !short.contains("Examples:"),
+            "{short}"
+        );
         assert!(short.contains("--size"));
         assert!(2 * short.lines().count() < long.lines().count());
     }

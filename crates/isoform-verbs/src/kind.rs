@@ -128,7 +128,7 @@ impl Kind {
             }
             Self::Solid => "isoform mesh, inspect, compare, view or render",
             Self::Fitted => "isoform mesh, eval, parameterize, compare, view or render",
-            Self::Polynomial => "isoform parameterize, view or render",
+            Self::Polynomial => "isoform mesh, brep, parameterize, eval, compare, view or render",
             Self::Patches | Self::Map => "isoform triangulate, view or render",
             Self::Json => "",
         }

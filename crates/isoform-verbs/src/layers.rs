@@ -386,11 +386,7 @@ impl File<'_> {
     }
 
     /// A rational surface.
-    fn map(
-        &self,
-        map: RationalSurface,
-        stated: Option<HalfWidth>,
-    ) -> Result<Layer, Failure> {
+    fn map(&self, map: RationalSurface, stated: Option<HalfWidth>) -> Result<Layer, Failure> {
         let (name, context) = (self.name, self.context);
         let given = match &self.reading.region {
             Some(ViewRegion::Around(half)) => Some(half),

@@ -52,10 +52,10 @@ mod watchdog;
 
 use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 use context::{Context, Global};
-use help::Extent;
 use failure::{DONE, INTERNAL, NO_RESULT, USAGE};
 pub use failure::{Failure, Place};
 pub use fit::job::Job as FittedScan;
+use help::Extent;
 use inputs::Inputs;
 use isoform::report::Document;
 use isoform::{FitOptions, FitScanError, MeshModelError, MeshModelOptions};

@@ -130,7 +130,9 @@ fn document(path: &Path, text: &str) -> Result<GivenModel, Failure> {
             .drawn(drawn)
     })?;
     if is_fitted(&json) {
-        return Ok(GivenModel::Fitted(Box::new(spline::of_document(path, &json)?)));
+        return Ok(GivenModel::Fitted(Box::new(spline::of_document(
+            path, &json,
+        )?)));
     }
     match formula::of_document(path, &json)? {
         Some(formula) => Ok(GivenModel::Formula(Box::new(formula))),

@@ -17,6 +17,7 @@ use isoform::report::{
     SymmetryReport, brief,
 };
 use isoform::{Control, Proposal, RecognizeError, RecognizeOptions, Recognized, recognize_scan};
+use isoform_render::{OUTLIER, part_color};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -152,6 +153,11 @@ fn snapped(
     Ok(report)
 }
 
+/// Returns the colour of a point by its entity, as pictures have it.
+fn entity_color(label: &Option<u32>) -> [u8; 3] {
+    label.map_or(OUTLIER, |entity| part_color(entity as usize))
+}
+
 /// The points with their entities, in the format of the file's ending.
 fn labelled(found: &Recognized<'_>, path: &Path) -> Result<Vec<u8>, Failure> {
     let label = |l: &Option<u32>| l.map_or(-1.0, f64::from);
@@ -162,6 +168,7 @@ fn labelled(found: &Recognized<'_>, path: &Path) -> Result<Vec<u8>, Failure> {
     let cloud = PointCloud {
         points: found.scan.points.clone(),
         origin: found.scan.origin,
+        colors: found.recognition.labels.iter().map(entity_color).collect(),
         columns: vec![
             column("entity", &found.recognition.labels),
             column("face", &found.recognition.face_labels),

@@ -142,11 +142,7 @@ impl FormulaSurface {
     ///
     /// # Errors
     /// [`FormulaError::Program`] if the program is refused.
-    pub fn model(
-        &self,
-        defaults: &[(String, f64)],
-        negative: bool,
-    ) -> Result<Model, FormulaError> {
+    pub fn model(&self, defaults: &[(String, f64)], negative: bool) -> Result<Model, FormulaError> {
         let mut program = String::new();
         for (i, name) in self.parameters.iter().enumerate() {
             let given = defaults.iter().find(|(given, _)| given == name);
@@ -159,7 +155,11 @@ impl FormulaSurface {
         }
         let n = self.parameters.len().max(1);
         let f = &self.expression;
-        let f = if negative { format!("-({f})") } else { f.clone() };
+        let f = if negative {
+            format!("-({f})")
+        } else {
+            f.clone()
+        };
         let _ = writeln!(program, "F(x[3], a[{n}]) {{\n  F = {f};\n}}");
         Model::parse(&program, Mode::Default).map_err(|e| FormulaError::Program(e.to_string()))
     }
@@ -238,8 +238,7 @@ impl FormulaSurface {
     ) -> Result<Aabb, FormulaError> {
         let FormulaSolid { model, region } = self.solid(a, defaults, None, control)?;
         let (solid, _) = solid_of(&model, a).map_err(|e| FormulaError::Program(e.to_string()))?;
-        bounds_of(solid.as_ref(), region, control)
-            .map_err(|e| FormulaError::Program(e.to_string()))
+        bounds_of(solid.as_ref(), region, control).map_err(|e| FormulaError::Program(e.to_string()))
     }
 
     /// Returns the surface F = 0 for the values `a` of the parameters: of the exact polynomial where
@@ -508,5 +507,93 @@ impl ProgramWriter {
         }
         self.text += ")";
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_num::Random;
+
+    /// The program and the exact polynomial, which are made in different ways, have equal values.
+    #[test]
+    fn programs_and_polynomials_agree() {
+        let mut rng = Random::new(7);
+        for text in [
+            "2x y - 3(x + 1)(y - z)^2 / 4",
+            "x²y³ − 1.5e-1·z = 2 - -x",
+            "-x^2 - (-y)^3 + 2^3 z",
+            "xy + yz + zx >= a x^2 + r1",
+            "((x))^0 + 1/2/4y = .5z",
+        ] {
+            let surface = FormulaSurface::parse(text).expect(text);
+            let a: Vec<f64> = surface
+                .parameters
+                .iter()
+                .map(|_| rng.unit() - 0.5)
+                .collect();
+            let exact = surface.polynomial(&a, &[]).expect("a polynomial").to_f64();
+            let model = surface.model(&[], false).expect("a program");
+            let (field, _) = crate::field_of(&model, &a).expect("a field");
+            for _ in 0..100 {
+                let p: [f64; 3] = std::array::from_fn(|_| 4.0 * rng.unit() - 2.0);
+                let powers = |e: [u16; 4]| (0..3).map(move |k| p[k].powi(i32::from(e[k])));
+                let terms = exact.iter().map(|(e, c)| c * powers(*e).product::<f64>());
+                let (expected, found) = (terms.sum::<f64>(), field.value(p));
+                assert!(
+                    (found - expected).abs() < 1e-12 * 100.0,
+                    "{text}: {found}, {expected}"
+                );
+            }
+        }
+    }
+
+    /// Roots of a polynomial with known ones lie within the bound.
+    #[test]
+    fn root_bounds_hold() {
+        for (text, root) in [
+            ("x^2 - 4", 2.0),
+            ("(x - 3)*(x - 5)", 5.0),
+            ("x^3 + 1000", 10.0),
+        ] {
+            let poly = Poly::parse(text, &COORDINATES).expect(text);
+            let bound = root_bound(&poly).expect("a bound");
+            assert!((root..=4.0 * root).contains(&bound), "{text}: {bound}");
+        }
+        let cone = Poly::parse("x^2 + y^2 - z^2", &COORDINATES).expect("a cone");
+        assert_eq!(root_bound(&cone), Some(1.0));
+    }
+
+    #[test]
+    fn functions_have_the_values_of_their_names() {
+        let value = |text: &str, p: [f64; 3]| {
+            let surface = FormulaSurface::parse(text).expect(text);
+            let model = surface.model(&[], false).expect(text);
+            crate::field_of(&model, &[]).expect(text).0.value(p)
+        };
+        let p = [0.3, -0.7, 1.2];
+        let [x, y, z]: [f64; 3] = p;
+        for (text, expected) in [
+            ("sin(x)cos(y)", x.sin() * y.cos()),
+            (
+                "exp(-x^2) - ln(z)/log(e*z)",
+                (-x * x).exp() - z.ln() / (1.0 + z.ln()),
+            ),
+            ("max(x, y, z) - min(x, y, z)", z - y),
+            ("2^x + atan2(y, x) + abs(y)", 2f64.powf(x) + y.atan2(x) - y),
+            ("pi*x/π + e^y", x + y.exp()),
+        ] {
+            let found = value(text, p);
+            assert!(
+                (found - expected).abs() < 1e-12,
+                "{text}: {found}, {expected}"
+            );
+        }
+        // A function needs its parentheses.
+        let wrong = FormulaSurface::parse("x + tan z").expect_err("no argument");
+        assert!(
+            matches!(wrong, FormulaError::Name { column: 5, .. }),
+            "{wrong}"
+        );
     }
 }

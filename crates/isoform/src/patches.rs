@@ -61,7 +61,10 @@ const MIN_LARGEST_COEFFICIENT: f64 = 1.0 / (1u128 << 100) as f64;
 /// # Errors
 /// [`ParseError`] if the text is not a polynomial.
 pub fn polynomial(text: &str) -> Result<Option<Polynomial>, ParseError> {
-    Ok(rounded_polynomial(&Poly::parse_equation(text, &COORDINATES)?))
+    Ok(rounded_polynomial(&Poly::parse_equation(
+        text,
+        &COORDINATES,
+    )?))
 }
 
 /// Rounds the coefficients of a polynomial, as [`polynomial`] does.

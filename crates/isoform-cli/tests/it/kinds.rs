@@ -32,31 +32,25 @@ fn files_of_another_kind_are_named() {
     for (args, words) in [
         (
             vec!["mesh", &ply],
-            ["PLY", "not a HyperFun program", "isoform fit, recover"],
+            ["PLY", "not a model", "isoform fit, recover"],
         ),
-        (
-            vec!["mesh", &wrong],
-            ["PLY", "not a HyperFun program", "--adapt"],
-        ),
+        (vec!["mesh", &wrong], ["PLY", "not a model", "--adapt"]),
         (
             vec!["brep", &xyz],
-            ["points (XYZ text)", "not a HyperFun program", "recognize"],
+            ["points (XYZ text)", "not a model", "recognize"],
         ),
         (
             vec!["parameterize", &msh],
-            ["a mesh (Gmsh", "not a HyperFun program", "compare"],
+            ["a mesh (Gmsh", "not a model", "compare"],
         ),
         (
             vec!["mesh", &map],
-            ["a rational map", "not a function", "isoform triangulate"],
+            ["a rational map", "not a model", "isoform triangulate"],
         ),
-        (
-            vec!["brep", &png],
-            ["an image", "not a HyperFun program", ""],
-        ),
+        (vec!["brep", &png], ["an image", "not a model", ""]),
         (
             vec!["eval", &ply, "--points", &xyz],
-            ["PLY", "not a HyperFun program", "fit"],
+            ["PLY", "not a model", "fit"],
         ),
         (
             vec!["inspect", &hf],

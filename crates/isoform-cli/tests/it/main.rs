@@ -6,6 +6,7 @@ mod common;
 mod domains;
 mod eval;
 mod fit;
+mod formulas;
 mod implicitize;
 mod kinds;
 mod mesh;

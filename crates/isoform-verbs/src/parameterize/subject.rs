@@ -2,11 +2,11 @@
 
 use crate::context::Context;
 use crate::failure::Failure;
+use crate::gallery;
 use crate::language::Language;
 use crate::memory;
 use crate::model::GivenModel;
 use crate::parameters::{self, Given};
-use crate::gallery;
 use isoform::ImplicitSurface;
 use isoform::field::SolidError;
 use isoform::geom::Aabb;
