@@ -35,6 +35,7 @@ mod vtu;
 mod zip;
 
 pub(crate) use choose::by_content as mesh_by_content;
+pub(crate) use three_mf::{unit as three_mf_unit, write_package};
 pub use format::MeshFormat;
 pub use options::{MeshReadOptions, MeshWriteOptions};
 pub use pvtu::write_pvtu;

@@ -11,6 +11,8 @@
 //! Two limits guard against small files that expand enormously: the decompressed size of the
 //! members (see `unzip`), and the total size of all copies of objects.
 
+mod functions;
+pub(crate) mod implicit;
 mod model;
 mod tags;
 mod transform;
@@ -85,7 +87,10 @@ pub(crate) fn read_parts(
 ) -> Result<(PointCloud, TriangleParts)> {
     let package = Package::read(input)?;
     report.units = Some(package.root().unit.to_owned());
-    package.warn(report);
+    for warning in package.passed_over() {
+        report.warn(warning);
+    }
+    package.warn_of_levels(report);
     let mut collector = Collector::new(options);
     collector.mesh(options);
     let unlisted = package.unlisted();
@@ -161,26 +166,51 @@ impl Package {
         &self.models[&self.root]
     }
 
-    /// Adds warnings for skipped content.
-    fn warn(&self, report: &mut ReadReport) {
-        for name in self.models.values().flat_map(|m| &m.unknown) {
-            report.warn(format!(
-                "the model needs the extension {name}, which is passed over"
-            ));
-        }
+    /// Returns warnings of skipped content.
+    fn passed_over(&self) -> Vec<String> {
+        let unknown = self.models.values().flat_map(|m| &m.unknown);
+        let mut warnings: Vec<String> = unknown
+            .map(|name| format!("the model needs the extension {name}, which is passed over"))
+            .collect();
         let unit = self.root().unit;
         if self.models.values().any(|m| m.unit != unit) {
-            report.warn(format!(
+            warnings.push(format!(
                 "parts of the package state other units; {unit} is taken for all"
             ));
         }
         if self.root().items.is_empty() && !self.root().objects.is_empty() {
-            report.warn("nothing is to be built: all objects were taken that no other one holds");
+            warnings.push(
+                "nothing is to be built: all objects were taken that no other one holds".to_owned(),
+            );
+        }
+        warnings
+    }
+
+    /// Adds warnings of level sets and functions, which are no meshes.
+    fn warn_of_levels(&self, report: &mut ReadReport) {
+        let mut objects = self.models.values().flat_map(|m| &m.objects);
+        if let Some((id, _)) = objects.find(|(_, object)| object.level_set.is_some()) {
+            report.warn(format!(
+                "object {id} is a level set, which is passed over: isoform mesh makes a mesh of a \
+                 file of level sets"
+            ));
+        } else if self.models.values().any(|m| m.needs_functions) {
+            report.warn("the model needs functions for its colours or materials, which are passed over");
         }
     }
 
     /// Returns the objects with meshes to be built, with their transforms.
     fn placed<'a>(
+        &'a self,
+        items: &'a [Component],
+    ) -> std::result::Result<Vec<PlacedObject<'a>>, Problem> {
+        let mut placed = self.contents(items)?;
+        placed.retain(|p| !p.object.vertices.is_empty());
+        Ok(placed)
+    }
+
+    /// Returns the objects with meshes or level sets to be built, with their transforms.
+    fn contents<'a>(
         &'a self,
         items: &'a [Component],
     ) -> std::result::Result<Vec<PlacedObject<'a>>, Problem> {
@@ -250,7 +280,7 @@ impl Package {
             (Some(own), Some(outer)) => Some(own.then(&outer)),
             (own, outer) => own.or(outer),
         };
-        if !object.vertices.is_empty() {
+        if !object.vertices.is_empty() || object.level_set.is_some() {
             placed.push(PlacedObject {
                 model: &self.models[part],
                 id: component.object,
