@@ -35,11 +35,11 @@ mod vtu;
 mod zip;
 
 pub(crate) use choose::by_content as mesh_by_content;
-pub(crate) use three_mf::{unit as three_mf_unit, write_package};
 pub use format::MeshFormat;
 pub use options::{MeshReadOptions, MeshWriteOptions};
 pub use pvtu::write_pvtu;
 pub use registry::{mesh_format_named, mesh_formats};
+pub(crate) use three_mf::{unit as three_mf_unit, write_package};
 
 use crate::format::extension;
 use crate::input::Input;

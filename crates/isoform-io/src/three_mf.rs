@@ -42,6 +42,8 @@ pub(crate) const UNIT_NAMES: [(&str, &str); 6] = [
 ];
 const THREE_MF_FAILURE: &str = "cannot read the 3MF package";
 const THREE_MF_HINT: &str = "export the model again, or as STL or OBJ";
+const LEVEL_SET_HINT: &str = "isoform mesh, brep, parameterize, eval, compare, view or render take \
+    it like a HyperFun program; isoform mesh FILE -o part.ply makes a mesh of it";
 /// Usual name of the model part.
 const USUAL_MODEL_PART: &str = "3D/3dmodel.model";
 /// Part with the relationships of the package, and the end of the type of the relationship to the
@@ -99,6 +101,15 @@ pub(crate) fn read_parts(
         items => items,
     };
     let placed = package.placed(items).map_err(|p| error(input, p))?;
+    if placed.is_empty() && package.has_levels() {
+        return Err(input.error(
+            ErrorKind::UnsupportedFormat,
+            At::File,
+            THREE_MF_FAILURE,
+            "its objects are level sets of functions, and it has no triangles",
+            LEVEL_SET_HINT,
+        ));
+    }
     PartFiller::new(&mut collector, placed.len()).take_all(&placed);
     collector.finish_with_parts(input, options, report)
 }
@@ -186,16 +197,18 @@ impl Package {
         warnings
     }
 
+    /// Returns true if an object is a level set.
+    fn has_levels(&self) -> bool {
+        let mut objects = self.models.values().flat_map(|m| m.objects.values());
+        objects.any(|object| object.level_set.is_some())
+    }
+
     /// Adds warnings of level sets and functions, which are no meshes.
     fn warn_of_levels(&self, report: &mut ReadReport) {
-        let mut objects = self.models.values().flat_map(|m| &m.objects);
-        if let Some((id, _)) = objects.find(|(_, object)| object.level_set.is_some()) {
-            report.warn(format!(
-                "object {id} is a level set, which is passed over: isoform mesh makes a mesh of a \
-                 file of level sets"
-            ));
+        if self.has_levels() {
+            report.warn("level sets are passed over: they are functions, and have no triangles");
         } else if self.models.values().any(|m| m.needs_functions) {
-            report.warn("the model needs functions for its colours or materials, which are passed over");
+            report.warn("functions for colours or materials are passed over");
         }
     }
 

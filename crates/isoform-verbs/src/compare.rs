@@ -7,7 +7,7 @@ use crate::kind;
 use crate::language::Language;
 use crate::outcome::{self, Outcome};
 use crate::parameters::{self, Given, Parameters};
-use crate::{gallery, scan, solids, spline};
+use crate::{gallery, model, scan, solids, spline};
 use isoform::field::hyperfun::Pose;
 use isoform::geom::{Aabb, PointCloud};
 use isoform::io::MeshPoints;
@@ -75,15 +75,9 @@ enum Loaded {
     Solid(Box<ExactSolid>),
 }
 
-/// Returns true if a file is named like a HyperFun program.
-fn is_model(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("hf"))
-}
-
 /// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
-    let of_second = match is_model(&args.first) {
+    let of_second = match model::is_model(&args.first) {
         true => Given::from_params(args.params_second.as_ref()),
         false => args.given.clone(),
     };
@@ -156,7 +150,7 @@ fn kind(loaded: &Loaded, vertices: bool) -> &'static str {
 
 /// Reads a side: a mesh by its surface, points, or a model with the values that are given.
 fn load(path: &Path, given: &Given, args: &Args, context: &Context) -> Result<Loaded, Failure> {
-    if is_model(path) && !scan::is_mesh(path, None) {
+    if model::is_model(path) && !scan::is_mesh(path, None) {
         return load_model(path, given, &args.language, context);
     }
     if let Some(file) = solids::find(path)? {

@@ -11,7 +11,7 @@ use crate::mesh::settings::Settings;
 use crate::mesh::work::no_mesh;
 use crate::parameters::{self, Given};
 use crate::triangulate::{self, HalfWidth};
-use crate::{gallery, scan, solids, spline};
+use crate::{gallery, model, scan, solids, spline};
 use isoform::field::hyperfun::Model;
 use isoform::geom::{Aabb, Mesh, PointCloud, RationalPatch};
 use isoform::io::{FilePatch, MeshPoints, is_patch_file, read_patches};
@@ -226,10 +226,7 @@ impl File<'_> {
         if kind::is_json(path) {
             return self.document();
         }
-        let is_program = path
-            .extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case("hf"));
-        if is_program || is_template(path) {
+        if model::is_model(path) || is_template(path) {
             let model = gallery::template(path, &self.reading.language, self.context)?;
             return self.program(&model);
         }

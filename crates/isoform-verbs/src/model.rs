@@ -1,4 +1,4 @@
-//! Reading HyperFun programs.
+//! Reading HyperFun programs, and level sets of 3MF as such.
 
 use crate::context::Context;
 use crate::disk;
@@ -6,7 +6,9 @@ use crate::failure::Failure;
 use crate::kind::{self, Kind};
 use crate::language::{self, Language};
 use crate::memory::{self, Object};
+use crate::scan;
 use isoform::field::hyperfun::{Model, SyntaxError};
+use isoform::io::{Source, is_implicit, read_implicit};
 use std::path::Path;
 
 /// Code of the failures of programs that do not parse.
@@ -21,6 +23,9 @@ pub(crate) fn read(path: &Path, language: &Language, context: &Context) -> Resul
         Some(other) => return Err(other.instead_of("a HyperFun program", path)),
     }
     let bytes = disk::read_file(path)?;
+    if let Some(text) = level_sets(path, &bytes, context)? {
+        return parse(path, &text, language, context);
+    }
     let head = kind::head(&bytes).to_vec();
     let text = disk::text(bytes);
     parse(path, &text, language, context).map_err(|failure| {
@@ -30,6 +35,31 @@ pub(crate) fn read(path: &Path, language: &Language, context: &Context) -> Resul
         };
         kind.map_or(failure, |kind| kind.instead_of("a HyperFun program", path))
     })
+}
+
+/// Returns true if a file holds a model: by its name a HyperFun program, by its content level sets
+/// of 3MF.
+pub(crate) fn is_model(path: &Path) -> bool {
+    let has = |ending: &str| {
+        path.extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case(ending))
+    };
+    let is_file = || memory::find(path).is_none();
+    has("hf") || (has("3mf") && is_file() && is_implicit(Source::Path(path)))
+}
+
+/// Returns the program of the level sets that a 3MF package builds; `None` for other files.
+fn level_sets(path: &Path, bytes: &[u8], context: &Context) -> Result<Option<String>, Failure> {
+    let name = memory::name(path);
+    let source = Source::Bytes { name: &name, bytes };
+    let found = read_implicit(source).map_err(|e| scan::unreadable(path, &e))?;
+    let Some(program) = found else {
+        return Ok(None);
+    };
+    for warning in &program.warnings {
+        context.warn(format_args!("{}: {warning}", path.display()));
+    }
+    Ok(Some(program.text))
 }
 
 /// Reads a program from text; the path is for messages.

@@ -290,7 +290,7 @@ fn polynomial_within(text: &str, region: Aabb) -> Result<Option<(Graph, NodeId)>
 }
 
 /// Returns the given region, or the box of the solid.
-fn bounds_of(
+pub(crate) fn bounds_of(
     solid: &dyn Solid,
     region: Option<Aabb>,
     control: &Control<'_>,

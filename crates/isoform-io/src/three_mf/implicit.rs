@@ -33,7 +33,8 @@ const IMPLICIT_FAILURE: &str = "cannot read the implicit model";
 const EXPORT_HINT: &str = "export the model again, or as a mesh";
 const MESH_HINT: &str = "export the model as a mesh from the program that made it, or replace the \
     node by a formula";
-const REGION_HINT: &str = "set meshbboxonly=\"true\" at the level set, or give it a box as its mesh";
+const REGION_HINT: &str =
+    "set meshbboxonly=\"true\" at the level set, or give it a box as its mesh";
 /// Function value where the file's is undefined and its `fallbackvalue` is 0: outside, since 0 would
 /// be inside for programs.
 const UNDEFINED_LEVEL: f64 = 1.0;
@@ -174,9 +175,7 @@ fn program(
         let level = set.placed(&mut translator, one)?;
         whole = Some(match whole {
             None => level,
-            Some(all) => translator
-                .graph
-                .binary(ScalarOperation::Max, all, level),
+            Some(all) => translator.graph.binary(ScalarOperation::Max, all, level),
         });
     }
     let Translator {
@@ -194,7 +193,10 @@ fn program(
     let root = whole.unwrap_or_else(|| unreachable!("there are level sets"));
     let (body, result) = print::statements(&graph, &guards, &names, root);
     let title = placed.iter().map(|p| one_line(&p.object.name));
-    let title = title.filter(|t| !t.is_empty()).collect::<Vec<_>>().join(", ");
+    let title = title
+        .filter(|t| !t.is_empty())
+        .collect::<Vec<_>>()
+        .join(", ");
     let title = match title.as_str() {
         "" => String::new(),
         title => format!("-- @title {title}\n"),
@@ -268,7 +270,9 @@ impl<'p> LevelSet<'p> {
         };
         let transform = attribute(text, "transform").map(|value| {
             let why = || wrong(format!("\"{}\" is no transform", shorten(value)));
-            Transform::parse(value).filter(Transform::is_finite).ok_or_else(why)
+            Transform::parse(value)
+                .filter(Transform::is_finite)
+                .ok_or_else(why)
         });
         let mesh = whole("meshid")?;
         let found = placed.model.objects.get(&mesh);

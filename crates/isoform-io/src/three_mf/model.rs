@@ -1,9 +1,7 @@
 //! Model part of a 3MF package: its objects, materials and build items ("3D Manufacturing Format
 //! core specification" 1.3, chapters 3 to 5).
 
-use super::functions::{
-    FunctionReader, IMPLICIT_EXTENSION, ModelFunction, VOLUMETRIC_EXTENSION,
-};
+use super::functions::{FunctionReader, IMPLICIT_EXTENSION, ModelFunction, VOLUMETRIC_EXTENSION};
 use super::tags::{Tag, Tags};
 use super::transform::Transform;
 use crate::ErrorKind;

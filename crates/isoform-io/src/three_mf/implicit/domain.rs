@@ -4,9 +4,7 @@
 //! Bounds are computed with the operations of the evaluation itself, rounded to nearest, which are
 //! monotone: they hold for the numbers that an evaluation gives.
 
-use super::graph::{
-    ScalarFunction as F, ScalarGraph, ScalarId, ScalarNode, ScalarOperation as O,
-};
+use super::graph::{ScalarFunction as F, ScalarGraph, ScalarId, ScalarNode, ScalarOperation as O};
 use std::collections::HashMap;
 
 /// Condition under which an operation is defined, on its arguments.

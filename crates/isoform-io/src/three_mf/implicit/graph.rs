@@ -149,6 +149,8 @@ impl ScalarOperation {
 pub struct ScalarGraph {
     nodes: Vec<ScalarNode>,
     known: HashMap<ScalarNode, ScalarId>,
+    /// True for the nodes whose values are finite numbers at all points.
+    are_total: Vec<bool>,
     /// True if nodes were left out because there were too many.
     is_full: bool,
 }
@@ -189,15 +191,47 @@ impl ScalarGraph {
             return ScalarId(0);
         }
         let id = ScalarId(self.nodes.len() as u32);
+        let is_total = self.is_total(&node);
+        self.are_total.push(is_total);
         self.nodes.push(node);
         self.known.insert(node, id);
         id
     }
 
+    /// Returns true if a node is a finite number wherever its arguments are, which are.
+    fn is_total(&self, node: &ScalarNode) -> bool {
+        use {ScalarFunction as F, ScalarOperation as O};
+        let is_safe = match *node {
+            ScalarNode::Constant(bits) => f64::from_bits(bits).is_finite(),
+            ScalarNode::Unary(f, _) => !matches!(
+                f,
+                F::Sqrt | F::Exp | F::Ln | F::Tan | F::Asin | F::Acos | F::Sinh | F::Cosh
+            ),
+            ScalarNode::Binary(f, ..) => !matches!(f, O::Div | O::Pow),
+            ScalarNode::Coordinate(_) | ScalarNode::Choice(_) => true,
+        };
+        let mut are_total = true;
+        node.for_arguments(|u| are_total &= self.are_total[u.at()]);
+        is_safe && are_total
+    }
+
     /// Returns the value of a constant; `None` for other nodes.
-    pub(super) fn value(&self, id: ScalarId) -> Option<f64> {
+    pub fn value(&self, id: ScalarId) -> Option<f64> {
         match *self.node(id) {
             ScalarNode::Constant(bits) => Some(f64::from_bits(bits)),
+            _ => None,
+        }
+    }
+
+    /// Returns the sides of a comparison whose result is 0 or 1, and true if it is 1 where the first
+    /// is less; `None` for other nodes.
+    pub fn comparison(&self, id: ScalarId) -> Option<([ScalarId; 2], bool)> {
+        let ScalarNode::Choice([u, v, then, otherwise]) = *self.node(id) else {
+            return None;
+        };
+        match (self.value(then)?, self.value(otherwise)?) {
+            (1.0, 0.0) => Some(([u, v], true)),
+            (0.0, 1.0) => Some(([u, v], false)),
             _ => None,
         }
     }
@@ -228,6 +262,8 @@ impl ScalarGraph {
             (_, Some(a), Some(b)) => self.constant(operation.apply(a, b)),
             (O::Add, Some(0.0), _) | (O::Mul, Some(1.0), _) => v,
             (O::Add | O::Sub, _, Some(0.0)) | (O::Mul | O::Div | O::Pow, _, Some(1.0)) => u,
+            (O::Mul, Some(0.0), _) if self.are_total[v.at()] => u,
+            (O::Mul, _, Some(0.0)) if self.are_total[u.at()] => v,
             (O::Min | O::Max, ..) if u == v => u,
             _ => self.insert(ScalarNode::Binary(operation, u, v)),
         }

@@ -202,7 +202,11 @@ pub(super) fn matrix_of(
 ) -> PortValue {
     let (zero, one) = (graph.constant(0.0), graph.constant(1.0));
     PortValue::Matrix(std::array::from_fn(|k| {
-        let (i, j) = if is_rows { (k / 4, k % 4) } else { (k % 4, k / 4) };
+        let (i, j) = if is_rows {
+            (k / 4, k % 4)
+        } else {
+            (k % 4, k / 4)
+        };
         match (i, j) {
             (3, 3) => one,
             (_, 3) => zero,

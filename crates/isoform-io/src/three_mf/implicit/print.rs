@@ -2,9 +2,7 @@
 //! than once, and a branch for each choice and for each operation that may be undefined.
 
 use super::domain::Guard;
-use super::graph::{
-    ScalarFunction as F, ScalarGraph, ScalarId, ScalarNode, ScalarOperation as O,
-};
+use super::graph::{ScalarFunction as F, ScalarGraph, ScalarId, ScalarNode, ScalarOperation as O};
 use std::collections::HashMap;
 use std::fmt::Write;
 
@@ -85,7 +83,8 @@ fn side_arguments(graph: &ScalarGraph, guard: &Guard) -> Vec<ScalarId> {
 
 /// Returns a number that reads back to the same bits.
 fn number(c: f64) -> String {
-    let text = if c == c.trunc() && c.abs() < 1e15 {
+    let size = c.abs();
+    let text = if c == 0.0 || (1e-5..1e15).contains(&size) {
         format!("{c}")
     } else {
         format!("{c:e}")

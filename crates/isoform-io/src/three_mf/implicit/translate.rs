@@ -4,10 +4,10 @@
 
 use super::domain::Guard;
 use super::graph::{ScalarGraph, ScalarId};
-use super::{Obstacle, variable_name};
 use super::nodes::{
     ComponentOperation, PortValue, cross, image, inverse, length, matrix_of, transposed,
 };
+use super::{Obstacle, variable_name};
 use crate::ErrorKind;
 use crate::input::{parse_number, shorten};
 use crate::three_mf::functions::{FunctionNode, ModelFunction, Port, PortType};
@@ -146,7 +146,10 @@ impl<'m> Translator<'m> {
         let function = self.function(id)?;
         if self.open.contains(&id) {
             let path: Vec<String> = self.open.iter().map(u32::to_string).collect();
-            let why = format!("functions call one another in a circle: {}", path.join(", "));
+            let why = format!(
+                "functions call one another in a circle: {}",
+                path.join(", ")
+            );
             return Err(Obstacle::corrupt(why));
         }
         if self.open.len() >= MAX_CALL_DEPTH {

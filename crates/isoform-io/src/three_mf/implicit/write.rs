@@ -73,8 +73,7 @@ pub fn write_implicit(model: &ImplicitModel<'_>, out: &mut dyn Write) -> io::Res
 fn write_box(bounds: Aabb, text: &mut String) {
     *text += "<object id=\"2\" type=\"model\" name=\"bounds\">\n<mesh>\n<vertices>\n";
     for i in 0..8 {
-        let [x, y, z]: [f64; 3] =
-            std::array::from_fn(|k| [bounds.lo, bounds.hi][i >> k & 1][k]);
+        let [x, y, z]: [f64; 3] = std::array::from_fn(|k| [bounds.lo, bounds.hi][i >> k & 1][k]);
         *text += &format!("<vertex x=\"{x}\" y=\"{y}\" z=\"{z}\"/>\n");
     }
     *text += "</vertices>\n<triangles>\n";
@@ -117,8 +116,7 @@ impl NodeWriter<'_, '_> {
         *self.text += "<i:decomposevector identifier=\"point\" displayname=\"point\"><i:in>\
             <i:vectorref identifier=\"A\" displayname=\"A\" ref=\"inputs.pos\"/></i:in><i:out>";
         for axis in ["x", "y", "z"] {
-            *self.text +=
-                &format!("<i:scalar identifier=\"{axis}\" displayname=\"{axis}\"/>");
+            *self.text += &format!("<i:scalar identifier=\"{axis}\" displayname=\"{axis}\"/>");
         }
         *self.text += "</i:out></i:decomposevector>\n";
     }
