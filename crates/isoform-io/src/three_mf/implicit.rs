@@ -23,8 +23,9 @@ use crate::input::{Input, Result, parse_number, shorten};
 use crate::xml::attribute;
 use crate::{At, ErrorKind, ReadError, Source};
 use isoform_geom::Point3;
-use nodes::PortValue;
-use std::collections::BTreeSet;
+use region::HalfSpace;
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use translate::Translator;
 
 /// Number of bytes by which packages are recognized.
@@ -35,6 +36,8 @@ const MESH_HINT: &str = "export the model as a mesh from the program that made i
     node by a formula";
 const REGION_HINT: &str =
     "set meshbboxonly=\"true\" at the level set, or give it a box as its mesh";
+/// Maximum number of level sets of a build, copies included.
+const MAX_LEVEL_SETS: usize = 10_000;
 /// Function value where the file's is undefined and its `fallbackvalue` is 0: outside, since 0 would
 /// be inside for programs.
 const UNDEFINED_LEVEL: f64 = 1.0;
@@ -162,8 +165,13 @@ fn program(
     placed: &[PlacedObject<'_>],
 ) -> std::result::Result<ImplicitProgram, Obstacle> {
     let model = placed[0].model;
+    if placed.len() > MAX_LEVEL_SETS {
+        let why = format!("the build has more than {MAX_LEVEL_SETS} level sets");
+        return Err(Obstacle::new(ErrorKind::TooLarge, why));
+    }
     let mut translator = Translator::new(model);
-    let mut whole = None;
+    let mut regions = BTreeMap::new();
+    let mut levels = Vec::with_capacity(placed.len());
     let mut hints = BTreeSet::new();
     for one in placed {
         if !std::ptr::eq(one.model, model) {
@@ -172,25 +180,26 @@ fn program(
         }
         let set = LevelSet::of_object(one)?;
         hints.extend(set.warning());
-        let level = set.placed(&mut translator, one)?;
-        whole = Some(match whole {
-            None => level,
-            Some(all) => translator.graph.binary(ScalarOperation::Max, all, level),
-        });
+        let region = match regions.entry(one.id) {
+            Entry::Occupied(entry) => entry.into_mut(),
+            Entry::Vacant(entry) => entry.insert(set.region()?),
+        };
+        levels.push(set.placed(&mut translator, one, region)?);
     }
     let Translator {
-        graph,
-        guards,
-        names,
+        mut graph,
+        mut names,
         warnings: said,
         ..
     } = translator;
+    let guards = domain::guards(&mut graph);
+    let undefined = domain::undefined(&mut graph, &guards);
+    let root = union(&mut graph, &mut names, &levels, &undefined);
     if graph.is_full() {
         let why = "its functions come to more than 1000000 operations";
         return Err(Obstacle::new(ErrorKind::TooLarge, why));
     }
     let units = package.root().unit.to_owned();
-    let root = whole.unwrap_or_else(|| unreachable!("there are level sets"));
     let (body, result) = print::statements(&graph, &guards, &names, root);
     let title = placed.iter().map(|p| one_line(&p.object.name));
     let title = title
@@ -213,6 +222,48 @@ fn program(
         units,
         warnings,
     })
+}
+
+/// Level set at its place in the build.
+#[derive(Debug)]
+struct PlacedLevel {
+    /// Value of the function, negative inside.
+    level: ScalarId,
+    /// Value where the function is undefined.
+    fallback: f64,
+    /// Functions of the sides of the region, positive inside.
+    sides: Vec<ScalarId>,
+}
+
+/// Returns the union of level sets, positive inside.
+fn union(
+    graph: &mut ScalarGraph,
+    names: &mut HashMap<ScalarId, String>,
+    levels: &[PlacedLevel],
+    undefined: &HashMap<ScalarId, ScalarId>,
+) -> ScalarId {
+    let mut whole = None;
+    for one in levels {
+        let mut value = one.level;
+        if let Some(&undefined) = undefined.get(&value) {
+            let fallback = match one.fallback {
+                0.0 => UNDEFINED_LEVEL,
+                other => other,
+            };
+            let (zero, fallback) = (graph.constant(0.0), graph.constant(fallback));
+            value = graph.choice([zero, undefined], fallback, value);
+        }
+        let mut all = graph.negative(value);
+        for &side in &one.sides {
+            names.entry(side).or_insert_with(|| "limit".to_owned());
+            all = graph.binary(ScalarOperation::Min, all, side);
+        }
+        whole = Some(match whole {
+            None => all,
+            Some(whole) => graph.binary(ScalarOperation::Max, whole, all),
+        });
+    }
+    whole.unwrap_or_else(|| graph.constant(-1.0))
 }
 
 /// Returns a name without line breaks and other controls.
@@ -302,12 +353,21 @@ impl<'p> LevelSet<'p> {
         })
     }
 
-    /// Adds the level set at its place in the build: positive inside.
+    /// Returns the region in which the function counts, in the object's coordinates.
+    fn region(&self) -> std::result::Result<Vec<HalfSpace>, Obstacle> {
+        match self.is_box {
+            true => region::of_box(self.mesh),
+            false => region::of_convex(self.mesh),
+        }
+    }
+
+    /// Adds the level set at its place in the build.
     fn placed(
         &self,
         translator: &mut Translator<'p>,
         placed: &PlacedObject<'p>,
-    ) -> std::result::Result<ScalarId, Obstacle> {
+        region: &[HalfSpace],
+    ) -> std::result::Result<PlacedLevel, Obstacle> {
         let graph = &mut translator.graph;
         let mut point = [0, 1, 2].map(|i| graph.coordinate(i));
         if let Some(transform) = placed.transform {
@@ -318,47 +378,16 @@ impl<'p> LevelSet<'p> {
             let (back, origin) = inverse;
             point = affine(graph, &back, Some(origin), None, point);
         }
-        let sides = match self.is_box {
-            true => region::of_box(self.mesh)?,
-            false => region::of_convex(self.mesh)?,
-        };
-        let inside = sides.iter().map(|side| side.level(graph, point));
-        let inside: Vec<ScalarId> = inside.collect();
+        let sides = region.iter().map(|side| side.level(graph, point)).collect();
         let at = match self.transform {
             Some(Transform { axes, origin }) => affine(graph, &axes, None, Some(origin), point),
             None => point,
         };
-        let level = translator.level(self.function, self.channel, PortValue::Vector(at))?;
-        let PortValue::Scalar(level) = level else {
-            unreachable!("the type was checked")
-        };
-        let value = translator.defined(level, self.fallback);
-        let (graph, names) = (&mut translator.graph, &mut translator.names);
-        let mut all = graph.negative(value);
-        for side in inside {
-            names.entry(side).or_insert_with(|| "limit".to_owned());
-            all = graph.binary(ScalarOperation::Min, all, side);
-        }
-        Ok(all)
-    }
-}
-
-impl Translator<'_> {
-    /// Returns a function value with the fallback where it is undefined.
-    fn defined(&mut self, level: ScalarId, fallback: f64) -> ScalarId {
-        let graph = &mut self.graph;
-        self.guards.extend(domain::guards(graph));
-        let Some(undefined) = domain::undefined(graph, &self.guards, level) else {
-            return level;
-        };
-        let zero = graph.constant(0.0);
-        let fallback = if fallback == 0.0 {
-            UNDEFINED_LEVEL
-        } else {
-            fallback
-        };
-        let fallback = graph.constant(fallback);
-        graph.choice([zero, undefined], fallback, level)
+        Ok(PlacedLevel {
+            level: translator.level(self.function, self.channel, at)?,
+            fallback: self.fallback,
+            sides,
+        })
     }
 }
 

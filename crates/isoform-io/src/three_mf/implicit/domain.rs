@@ -174,17 +174,14 @@ fn operation_bounds(f: O, u: Bounds, v: Bounds) -> Bounds {
     }
 }
 
-/// Returns, where a node may be undefined, a number that is 1 there and 0 elsewhere.
+/// Returns, for the nodes that may be undefined, a number that is 1 where they are and 0 elsewhere.
 pub(super) fn undefined(
     graph: &mut ScalarGraph,
     guards: &HashMap<ScalarId, Guard>,
-    root: ScalarId,
-) -> Option<ScalarId> {
+) -> HashMap<ScalarId, ScalarId> {
     let (zero, one) = (graph.constant(0.0), graph.constant(1.0));
-    let needed = graph.reachable(root);
     let mut found: HashMap<ScalarId, ScalarId> = HashMap::new();
-    let ids = graph.ids().take(root.at() + 1);
-    for id in ids.filter(|id| needed[id.at()]) {
+    for id in graph.ids() {
         let node = *graph.node(id);
         let mut worst = zero;
         match node {
@@ -221,5 +218,5 @@ pub(super) fn undefined(
             found.insert(id, worst);
         }
     }
-    found.get(&root).copied()
+    found
 }

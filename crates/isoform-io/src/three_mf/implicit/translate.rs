@@ -2,7 +2,6 @@
 //! output that is wanted, and calls are replaced by what they compute. A function that is called
 //! again with equal arguments is translated once.
 
-use super::domain::Guard;
 use super::graph::{ScalarGraph, ScalarId};
 use super::nodes::{
     ComponentOperation, PortValue, cross, image, inverse, length, matrix_of, transposed,
@@ -62,8 +61,6 @@ pub(super) struct Translator<'m> {
     pub(super) warnings: BTreeSet<&'static str>,
     /// Beginnings of names for variables.
     pub(super) names: HashMap<ScalarId, String>,
-    /// Conditions of operations that may be undefined.
-    pub(super) guards: HashMap<ScalarId, Guard>,
 }
 
 /// Warning of the operation whose meaning the specification leaves open.
@@ -82,7 +79,6 @@ impl<'m> Translator<'m> {
             count: 0,
             warnings: BTreeSet::new(),
             names: HashMap::new(),
-            guards: HashMap::new(),
         }
     }
 
@@ -91,8 +87,9 @@ impl<'m> Translator<'m> {
         &mut self,
         id: u32,
         channel: &str,
-        point: PortValue,
-    ) -> Result<PortValue, Obstacle> {
+        point: [ScalarId; 3],
+    ) -> Result<ScalarId, Obstacle> {
+        let point = PortValue::Vector(point);
         let function = self.function(id)?;
         let mut inputs = Vec::new();
         for port in &function.inputs {
@@ -108,7 +105,7 @@ impl<'m> Translator<'m> {
         }
         let value = self.output(id, inputs, channel)?;
         match value {
-            PortValue::Scalar(_) => Ok(value),
+            PortValue::Scalar(level) => Ok(level),
             _ => Err(self.within(
                 id,
                 &format!(
