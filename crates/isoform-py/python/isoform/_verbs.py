@@ -1211,6 +1211,7 @@ def convert(
     max_points: int | None = None,
     samples: int | None = None,
     ascii: bool = False,
+    box: Box = None,
     params: Values = None,
     set: Mapping[str, float] | None = None,
     object: str | None = None,
@@ -1222,7 +1223,7 @@ def convert(
     time_limit: float | None = None,
     progress: Progress = None,
 ) -> Report:
-    """Converts points and meshes from format to format, or writes a HyperFun program with values.
+    """Converts points and meshes from format to format, and programs to 3MF and back.
 
     Parameters
     ----------
@@ -1241,6 +1242,8 @@ def convert(
         of its vertices.
     ascii : bool
         PLY as text.
+    box : float or sequence, optional
+        The box in which to work: half its width around the origin, or its two corners.
     params : dict or sequence of float, optional
         The values of the parameters a, in their order or as NAME=NUMBER; missing ones are
         as annotated.
@@ -1285,6 +1288,7 @@ def convert(
         "max_points": some_whole("max_points", max_points),
         "samples": some_whole("samples", samples),
         "ascii": bool(ascii),
+        "box": corners(box),
         "params": params,
         "set": set,
         "object": object,

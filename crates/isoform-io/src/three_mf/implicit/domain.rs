@@ -183,40 +183,27 @@ pub(super) fn undefined(
     let mut found: HashMap<ScalarId, ScalarId> = HashMap::new();
     for id in graph.ids() {
         let node = *graph.node(id);
-        let mut worst = zero;
-        match node {
-            ScalarNode::Choice([a, b, then, otherwise]) => {
-                let of = |id: &ScalarId| found.get(id).copied().unwrap_or(zero);
-                worst = graph.choice([a, b], of(&then), of(&otherwise));
-                for side in [a, b] {
-                    worst = graph.binary(O::Max, worst, of(&side));
-                }
-            }
-            _ => {
-                let mut arguments = Vec::new();
-                node.for_arguments(|u| arguments.push(u));
-                for u in arguments {
-                    let of = found.get(&u).copied().unwrap_or(zero);
-                    worst = graph.binary(O::Max, worst, of);
-                }
-            }
+        let of = |id: ScalarId| found.get(&id).copied().unwrap_or(zero);
+        // Reasons to be undefined, each of which suffices.
+        let mut reasons = Vec::new();
+        if let ScalarNode::Choice([a, b, then, otherwise]) = node {
+            let chosen = graph.choice([a, b], of(then), of(otherwise));
+            reasons.extend([chosen, of(a), of(b)]);
+        } else {
+            node.for_arguments(|u| reasons.push(of(u)));
         }
-        if let Some(Guard {
-            sides,
-            is_defined_below,
-        }) = guards.get(&id)
-        {
-            let (below, above) = if *is_defined_below {
-                (zero, one)
-            } else {
-                (one, zero)
+        if let Some(guard) = guards.get(&id) {
+            let (below, above) = match guard.is_defined_below {
+                true => (zero, one),
+                false => (one, zero),
             };
-            let here = graph.choice(*sides, below, above);
-            worst = graph.binary(O::Max, worst, here);
+            reasons.push(graph.choice(guard.sides, below, above));
         }
-        if worst != zero {
-            found.insert(id, worst);
-        }
+        reasons.retain(|reason| *reason != zero);
+        let all = reasons
+            .into_iter()
+            .reduce(|u, v| graph.binary(O::Max, u, v));
+        found.extend(all.map(|all| (id, all)));
     }
     found
 }
