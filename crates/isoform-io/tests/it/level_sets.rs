@@ -348,16 +348,25 @@ fn written_models_are_read() {
     assert!(e.to_string().contains("inf"), "{e}");
 }
 
+/// Returns a model of calls and choices, some of them undefined, for damage and fuzzing.
+pub(crate) fn seed() -> String {
+    let inner = point() + &node("sqrt", "n", &[("A", "p.x")]);
+    let outer = point()
+        + &call("c", "2", "inputs.pos")
+        + &node(
+            "select",
+            "n",
+            &[("A", "c.f"), ("B", "p.y"), ("C", "p.z"), ("D", "c.f")],
+        );
+    model(&(function(1, &outer, "n.result") + &function(2, &inner, "n.result")))
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
 
     #[test]
     fn damaged_functions(damages in prop::collection::vec(damage(), 1..4)) {
-        let inner = point() + &node("sqrt", "n", &[("A", "p.x")]);
-        let outer = point()
-            + &call("c", "2", "inputs.pos")
-            + &node("select", "n", &[("A", "c.f"), ("B", "p.y"), ("C", "p.z"), ("D", "c.f")]);
-        let text = model(&(function(1, &outer, "n.result") + &function(2, &inner, "n.result")));
+        let text = seed();
         let mut bytes = text.into_bytes();
         damages.iter().for_each(|d| apply(&mut bytes, d));
         let start = Instant::now();
