@@ -6,9 +6,7 @@
 
 use flate2::Crc;
 use isoform_field::hyperfun::{Mode, Model};
-use isoform_io::{
-    MeshReadOptions, MeshWriteOptions, Source, read_implicit, read_mesh, write_mesh,
-};
+use isoform_io::{MeshReadOptions, MeshWriteOptions, Source, read_implicit, read_mesh, write_mesh};
 use libfuzzer_sys::fuzz_target;
 
 const NAME: &[u8] = b"3D/3dmodel.model";
@@ -52,6 +50,10 @@ fuzz_target!(|data: &[u8]| {
     if let Ok(Some(program)) = read_implicit(source) {
         // What is read is HyperFun, unless it is too long for it.
         let model = Model::parse(&program.text, Mode::Default);
-        assert!(model.is_ok() || program.text.len() > 1 << 26, "{}", program.text);
+        assert!(
+            model.is_ok() || program.text.len() > 1 << 26,
+            "{}",
+            program.text
+        );
     }
 });

@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use crate::language::{Language, parse};
+use crate::model;
 use isoform::io::{
     FileKind, MAP_KEYS, file_kind, is_patch_file, is_polynomial_file, is_solid_file,
     is_spline_file, mesh_format_named,
@@ -15,7 +16,7 @@ const HEAD: usize = 4096;
 /// Kind of a file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Kind {
-    /// A HyperFun program.
+    /// A HyperFun program, or level sets of 3MF, which are read as one.
     Program,
     /// Points or a mesh, in this format.
     File(FileKind),
@@ -50,7 +51,7 @@ impl Kind {
         {
             return Some(Self::of_json(&json));
         }
-        if parse(text, &Language::default()).is_ok() {
+        if parse(text, &Language::default()).is_ok() || model::is_level_sets(path) {
             return Some(Self::Program);
         }
         file_kind(&path.to_string_lossy(), head).map(Self::File)

@@ -1,4 +1,4 @@
-//! Reading HyperFun programs, and level sets of 3MF as such.
+//! Reading HyperFun programs, and level sets of 3MF as programs.
 
 use crate::context::Context;
 use crate::disk;
@@ -40,12 +40,17 @@ pub(crate) fn read(path: &Path, language: &Language, context: &Context) -> Resul
 /// Returns true if a file holds a model: by its name a HyperFun program, by its content level sets
 /// of 3MF.
 pub(crate) fn is_model(path: &Path) -> bool {
-    let has = |ending: &str| {
-        path.extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case(ending))
-    };
-    let is_file = || memory::find(path).is_none();
-    has("hf") || (has("3mf") && is_file() && is_implicit(Source::Path(path)))
+    has_ending(path, "hf") || is_level_sets(path)
+}
+
+/// Returns true for a 3MF package that builds level sets.
+pub(crate) fn is_level_sets(path: &Path) -> bool {
+    has_ending(path, "3mf") && memory::find(path).is_none() && is_implicit(Source::Path(path))
+}
+
+fn has_ending(path: &Path, ending: &str) -> bool {
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case(ending))
 }
 
 /// Returns the program of the level sets that a 3MF package builds; `None` for other files.

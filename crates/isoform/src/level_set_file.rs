@@ -61,8 +61,8 @@ pub fn level_set_file(
     control: &Control<'_>,
 ) -> Result<Vec<u8>, LevelSetFileError> {
     let values = parameter_values(model, a)?;
-    let (graph, root) = scalar_graph(model, &values)?;
     let (solid, _) = solid_of(model, &values)?;
+    let (graph, root) = scalar_graph(model, &values)?;
     let bounds = bounds_of(solid.as_ref(), region, control)?;
     let implicit = ImplicitModel {
         graph: &graph,
