@@ -1,5 +1,5 @@
-//! Any text as the model of a 3MF package: a mesh, a program of level sets, or an error. The target `read_meshes` gets no
-//! further than the checksums of packages; here they are right.
+//! Any text as the model of a 3MF package: a mesh, a program of level sets, or an error. The target
+//! `read_meshes` gets no further than the checksums of packages; here they are right.
 //!
 //! `cargo +nightly fuzz run read_3mf -- -rss_limit_mb=2048 -timeout=10`
 #![no_main]

@@ -33,8 +33,9 @@ Examples:
   isoform convert part.hf -o part.3mf
   isoform convert part.3mf -o part.hf
 
-A program becomes a level set of an implicit function in 3MF, and level sets become a program; isoform mesh makes
-triangles of either. Points are written as PLY, XYZ and CSV; every number reads back exactly. Meshes (msh, vtu, inp, obj, ...) keep their groups
+A program becomes a level set of an implicit function in 3MF, and level sets become a program;
+isoform mesh makes triangles of either.
+Points are written as PLY, XYZ and CSV; every number reads back exactly. Meshes (msh, vtu, inp, obj, ...) keep their groups
 where the format has them.")]
 pub(crate) struct Args {
     /// The file (- for stdin)

@@ -38,8 +38,8 @@ const REGION_HINT: &str =
     "set meshbboxonly=\"true\" at the level set, or give it a box as its mesh";
 /// Maximum number of level sets of a build, copies included.
 const MAX_LEVEL_SETS: usize = 10_000;
-/// Function value where the file's is undefined and its `fallbackvalue` is 0: outside, since 0 would
-/// be inside for programs.
+/// Function value where the file's is undefined and its `fallbackvalue` is 0: outside, since a
+/// program has its 0 inside.
 const UNDEFINED_LEVEL: f64 = 1.0;
 
 /// A model of level sets as a program.
@@ -111,8 +111,8 @@ pub fn is_implicit(source: Source<'_>) -> bool {
 /// package, or builds none.
 ///
 /// # Errors
-/// [`ReadError`] if the package is damaged, or a function needs what cannot be written as a formula:
-/// images, distances to meshes, or a bounding mesh that is not convex.
+/// [`ReadError`] if the package is damaged, or a function needs what is no formula: images,
+/// distances to meshes, or a bounding mesh that is not convex.
 pub fn read_implicit(source: Source<'_>) -> Result<Option<ImplicitProgram>> {
     let mut input = Input::open(source)?;
     let Some(package) = open(&mut input)? else {

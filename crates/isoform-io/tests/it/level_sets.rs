@@ -57,7 +57,7 @@ fn point() -> String {
         .to_owned()
 }
 
-/// Returns the nodes of a call of a function with a point as its name, and the reference to its value.
+/// Returns the nodes of a call of a function at a point.
 fn call(name: &str, id: &str, at: &str) -> String {
     format!(
         "<i:constresourceid identifier=\"{name}id\" value=\"{id}\"><i:out><i:resourceid \
@@ -103,62 +103,144 @@ fn functions_become_statements() {
     assert!(read.text.contains("  while_3_"), "{}", read.text);
 }
 
+/// Asserts that a model is refused with a code and with words.
+fn assert_refused(text: &str, code: &str, words: &str) {
+    let e = refused(text);
+    let is_said = e.code() == code && e.why.contains(words) && !e.hint.is_empty();
+    assert!(is_said, "{code} {words}: {e} [{}]", e.code());
+}
+
+/// Changes of a sound model, each with the words of its refusal.
+const WRONG: [(&str, &str, &str); 17] = [
+    (r#""A" ref="p.x""#, r#""B" ref="p.x""#, "no input A"),
+    (r#"ref="p.x""#, r#"ref="""#, "A is not connected"),
+    ("p.x", "q.x", "q.x, which is not there"),
+    ("p.x", "p.w", "p.w, which is not there"),
+    (
+        "p.x",
+        "inputs.pos",
+        "A is a scalar, and is connected to a vector",
+    ),
+    ("p.x", "n.result", "depends on itself"),
+    (r#"channel="f""#, r#"channel="g""#, "no output g"),
+    (r#"meshid="7""#, r#"meshid="8""#, "no mesh 8"),
+    (
+        r#"meshid="7""#,
+        r#"meshid="7" fallbackvalue="nan""#,
+        "fallbackvalue",
+    ),
+    (
+        r#"meshid="7""#,
+        r#"meshid="7" transform="1 0""#,
+        "is no transform",
+    ),
+    (
+        r#"functionid="1""#,
+        r#"functionid="4294967296""#,
+        "is not a number",
+    ),
+    (
+        "objectid=\"8\"",
+        "objectid=\"8\" transform=\"1 0 0 0 1 0 0 0 0 1 1 1\"",
+        "no inverse",
+    ),
+    (r#"z="1""#, r#"z="0""#, "no volume"),
+    (
+        "</i:in><i:decompose",
+        "<i:scalar identifier=\"r\"/></i:in><i:decompose",
+        "the input r besides",
+    ),
+    (
+        r#"<i:scalar identifier="result"/>"#,
+        r#"<i:vector identifier="result"/>"#,
+        "called a vector",
+    ),
+    (
+        r#"<i:scalar identifier="y"/>"#,
+        r#"<i:scalar identifier="x"/>"#,
+        "two outputs x of nodes",
+    ),
+    (
+        "<i:scalarref identifier=\"A\" ref=\"p.x\"/>",
+        "",
+        "no input A",
+    ),
+];
+
 #[test]
 fn what_is_wrong_is_said_with_its_place() {
     let good = point() + &node("sin", "n", &[("A", "p.x")]);
-    let f = |nodes: &str| model(&function(1, nodes, "n.result"));
-    let text = f(&good);
-    for (bad, code, words) in [
-        (f(&(point() + &node("sin", "n", &[]))), "file-corrupt", "no input A"),
-        (f(&good.replace("\"A\" ref=\"p.x\"", "\"B\" ref=\"p.x\"")), "file-corrupt", "no input A"),
-        (f(&good.replace("p.x", "")), "file-corrupt", "A is not connected"),
-        (f(&good.replace("p.x", "q.x")), "file-corrupt", "q.x, which is not there"),
-        (f(&good.replace("p.x", "p.w")), "file-corrupt", "p.w, which is not there"),
-        (f(&good.replace("p.x", "inputs.pos")), "file-corrupt", "A is a scalar, and is connected to a vector"),
-        (f(&(point() + &good)), "file-corrupt", "two outputs x of nodes called p"),
-        (f(&good.replace("\"n\"", "\"n\" displayname=\"s\"").replace("scalar identifier=\"result\"", "vector identifier=\"result\"")), "file-corrupt", "is called a vector"),
-        (f(&(point() + &node("sin", "n", &[("A", "n.result")]))), "file-corrupt", "depends on itself"),
+    let text = model(&function(1, &good, "n.result"));
+    program(&text);
+    for (from, to, words) in WRONG {
+        assert!(text.contains(from), "{from}");
+        assert_refused(&text.replacen(from, to, 1), "file-corrupt", words);
+    }
+    let lacks = |name: &str, words: &str| {
+        assert_refused(&text.replace("i:sin", name), "format-unsupported", words);
+    };
+    lacks("i:warp", "a warp, which is not known");
+    lacks("i:mesh", "distance to a mesh");
+    let mixed = text.replace("<build>", "<build><item objectid=\"7\"/>");
+    assert_refused(&mixed, "format-unsupported", "object 7 is a mesh");
+    let open = text.replace("<triangle v1=\"0\" v2=\"2\" v3=\"1\"/>", "");
+    assert_refused(&open, "format-unsupported", "is not closed");
+    let other = text.replace("functionid=\"1\"", "functionid=\"4294967295\"");
+    assert_refused(&other, "bad-index", "no function 4294967295");
+    let image = model("<v:functionfromimage3d id=\"1\" image3did=\"9\"/>");
+    assert_refused(&image, "format-unsupported", "functionfromimage3d");
+    let one = function(1, &good, "n.result");
+    assert_refused(
+        &model(&(one.clone() + &one)),
+        "file-corrupt",
+        "function 1 is there twice",
+    );
+}
+
+#[test]
+fn circles_are_refused() {
+    let calls = |id: u32, to: &str| function(id, &call("c", to, "inputs.pos"), "c.f");
+    assert_refused(&model(&calls(1, "1")), "file-corrupt", "in a circle: 1");
+    let two = model(&(calls(1, "2") + &calls(2, "1")));
+    assert_refused(&two, "file-corrupt", "in a circle: 1, 2");
+    assert_refused(&model(&calls(1, "5")), "bad-index", "no function 5");
+    let nodes = node("sin", "n", &[("A", "m.result")]) + &node("cos", "m", &[("A", "n.result")]);
+    let nodes = model(&function(1, &nodes, "n.result"));
+    assert_refused(&nodes, "file-corrupt", "depends on itself");
+}
+
+#[test]
+fn constants_are_finite_numbers() {
+    for (node, words) in [
         (
-            f(&(node("sin", "n", &[("A", "m.result")]) + &node("cos", "m", &[("A", "n.result")]))),
-            "file-corrupt",
-            "depends on itself",
-        ),
-        (f(&node("warp", "n", &[])), "format-unsupported", "a warp, which is not known"),
-        (f(&good.replace("i:sin", "i:mesh")), "format-unsupported", "distance to a mesh"),
-        (text.replace("functionid=\"1\"", "functionid=\"4294967295\""), "bad-index", "no function 4294967295"),
-        (text.replace("functionid=\"1\"", "functionid=\"4294967296\""), "file-corrupt", "is not a number"),
-        (text.replace("channel=\"f\"", "channel=\"g\""), "file-corrupt", "no output g"),
-        (text.replace("meshid=\"7\"", "meshid=\"8\""), "file-corrupt", "no mesh 8"),
-        (text.replace("meshid=\"7\"", "meshid=\"7\" fallbackvalue=\"nan\""), "file-corrupt", "fallbackvalue"),
-        (text.replace("meshid=\"7\"", "meshid=\"7\" transform=\"1 0\""), "file-corrupt", "is no transform"),
-        (text.replace("objectid=\"8\"", "objectid=\"8\" transform=\"1 0 0 0 1 0 0 0 0 1 1 1\""), "file-corrupt", "no inverse"),
-        (text.replace("<build>", "<build><item objectid=\"7\"/>"), "format-unsupported", "object 7 is a mesh"),
-        (text.replace("<triangle v1=\"0\" v2=\"2\" v3=\"1\"/>", ""), "format-unsupported", "is not closed"),
-        (text.replace("z=\"1\"", "z=\"0\""), "file-corrupt", "no volume"),
-        (text.replace("identifier=\"pos\"/></i:in>", "identifier=\"pos\"/><i:scalar identifier=\"r\"/></i:in>"), "file-corrupt", "the input r besides pos"),
-        (model("<v:functionfromimage3d id=\"1\" image3did=\"9\"/>"), "format-unsupported", "functionfromimage3d"),
-        (model(&(function(1, &good, "n.result") + &function(1, &good, "n.result"))), "file-corrupt", "function 1 is there twice"),
-        (model(&function(1, &call("c", "1", "inputs.pos"), "c.f")), "file-corrupt", "in a circle: 1"),
-        (
-            model(&(function(1, &call("c", "2", "inputs.pos"), "c.f") + &function(2, &call("c", "1", "inputs.pos"), "c.f"))),
-            "file-corrupt",
-            "in a circle: 1, 2",
-        ),
-        (model(&function(1, &call("c", "5", "inputs.pos"), "c.f")), "bad-index", "no function 5"),
-        (
-            f(&"<i:constant identifier=\"n\" value=\"nan\"><i:out><i:scalar identifier=\"result\"/></i:out></i:constant>".to_owned()),
-            "file-corrupt",
+            "constant identifier=\"n\" value=\"nan\"",
             "value=\"nan\" is no finite number",
         ),
         (
-            f(&"<i:constmat identifier=\"n\" matrix=\"1 2 3\"><i:out><i:scalar identifier=\"result\"/></i:out></i:constmat>".to_owned()),
-            "file-corrupt",
+            "constant identifier=\"n\" value=\"1e999\"",
+            "is no finite number",
+        ),
+        (
+            "constvec identifier=\"n\" x=\"1\" y=\"2\"",
+            "z=\"\" is no finite number",
+        ),
+        (
+            "constmat identifier=\"n\" matrix=\"1 2 3\"",
             "no matrix of 16 numbers",
         ),
+        (
+            "constresourceid identifier=\"n\" value=\"-1\"",
+            "not the number of a resource",
+        ),
     ] {
-        let e = refused(&bad);
-        assert!(e.code() == code && e.why.contains(words), "{code} {words}: {e} [{}]", e.code());
-        assert!(!e.hint.is_empty());
+        let kind = node.split(' ').next().unwrap_or_default();
+        let output = "<i:out><i:scalar identifier=\"result\"/></i:out>";
+        let nodes = format!("<i:{node}>{output}</i:{kind}>");
+        assert_refused(
+            &model(&function(1, &nodes, "n.result")),
+            "file-corrupt",
+            words,
+        );
     }
 }
 

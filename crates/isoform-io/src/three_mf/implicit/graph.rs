@@ -223,8 +223,8 @@ impl ScalarGraph {
         }
     }
 
-    /// Returns the sides of a comparison whose result is 0 or 1, and true if it is 1 where the first
-    /// is less; `None` for other nodes.
+    /// Returns the sides of a comparison whose result is 0 or 1, and true if it is 1 where the
+    /// first is less; `None` for other nodes.
     pub fn comparison(&self, id: ScalarId) -> Option<([ScalarId; 2], bool)> {
         let ScalarNode::Choice([u, v, then, otherwise]) = *self.node(id) else {
             return None;

@@ -37,8 +37,8 @@ pub struct ImplicitModel<'g> {
     pub units: Option<&'g str>,
 }
 
-/// Writes a model as a 3MF package with one level set. Points at which the function is undefined are
-/// outside.
+/// Writes a model as a 3MF package with one level set. Points at which the function is undefined
+/// are outside.
 ///
 /// # Errors
 /// [`io::Error`] of the output, or of a constant that is not finite (`InvalidData`).
@@ -57,8 +57,8 @@ pub fn write_implicit(model: &ImplicitModel<'_>, out: &mut dyn Write) -> io::Res
     text += "<i:in><i:vector identifier=\"pos\" displayname=\"pos\"/></i:in>\n";
     let result = write_nodes(model, &mut text)?;
     text += &format!(
-        "<i:out><i:scalarref identifier=\"shape\" displayname=\"shape\" ref=\"{result}\"/></i:out>\n\
-         </i:implicitfunction>\n"
+        "<i:out><i:scalarref identifier=\"shape\" displayname=\"shape\" ref=\"{result}\"/>\
+         </i:out>\n</i:implicitfunction>\n"
     );
     write_box(model.bounds, &mut text);
     text += &format!(
