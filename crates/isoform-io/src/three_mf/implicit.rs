@@ -38,6 +38,8 @@ const REGION_HINT: &str =
     "set meshbboxonly=\"true\" at the level set, or give it a box as its mesh";
 /// Maximum number of level sets of a build, copies included.
 const MAX_LEVEL_SETS: usize = 10_000;
+/// Maximum length of a title, in characters.
+const MAX_TITLE_LENGTH: usize = 200;
 /// Function value where the file's is undefined and its `fallbackvalue` is 0: outside, since a
 /// program has its 0 inside.
 const UNDEFINED_LEVEL: f64 = 1.0;
@@ -201,12 +203,9 @@ fn program(
     }
     let units = package.root().unit.to_owned();
     let (body, result) = print::statements(&graph, &guards, &names, root);
-    let title = placed.iter().map(|p| one_line(&p.object.name));
-    let title = title
-        .filter(|t| !t.is_empty())
-        .collect::<Vec<_>>()
-        .join(", ");
-    let title = match title.as_str() {
+    let titles: BTreeSet<String> = placed.iter().map(|p| one_line(&p.object.name)).collect();
+    let titles: Vec<String> = titles.into_iter().filter(|t| !t.is_empty()).collect();
+    let title = match one_line(&titles.join(", ")).as_str() {
         "" => String::new(),
         title => format!("-- @title {title}\n"),
     };
@@ -266,10 +265,12 @@ fn union(
     whole.unwrap_or_else(|| graph.constant(-1.0))
 }
 
-/// Returns a name without line breaks and other controls.
+/// Returns a name without line breaks and other controls, and not longer than a line or two.
 fn one_line(name: &str) -> String {
-    let plain = name.replace(|c: char| c.is_control(), " ");
-    plain.trim().chars().take(200).collect()
+    let plain = name.trim().chars().take(MAX_TITLE_LENGTH);
+    plain
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .collect()
 }
 
 /// Returns the beginning of a variable's name that resembles a name in the file.

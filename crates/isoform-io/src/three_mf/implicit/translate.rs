@@ -16,9 +16,10 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 
 /// Maximum nesting depth of calls: each level takes stack, and people nest some ten.
 const MAX_CALL_DEPTH: usize = 64;
-/// Maximum number of nodes that are translated, copies by calls included: some 300 MB. Sharing does
-/// not help calls that are nested with new arguments, which double the work with every level.
-const MAX_TRANSLATED_NODES: usize = 1_000_000;
+/// Maximum number of nodes that are translated, copies by calls included: some 150 MB and a second.
+/// Sharing does not help calls that are nested with new arguments, which double the work with every
+/// level.
+const MAX_TRANSLATED_NODES: usize = 500_000;
 /// Name of the inputs of a function in references.
 const INPUTS: &str = "inputs";
 /// Input of a call that holds the number of the function.
@@ -300,8 +301,10 @@ impl<'m> Translator<'m> {
     ) -> Result<PortValue, Obstacle> {
         self.count += 1;
         if self.count > MAX_TRANSLATED_NODES || self.graph.is_full() {
-            let why = "its functions come to more than 1000000 nodes when calls are replaced by \
-                what they compute";
+            let why = format!(
+                "its functions come to more than {MAX_TRANSLATED_NODES} nodes when calls are \
+                 replaced by what they compute"
+            );
             return Err(Obstacle::new(ErrorKind::TooLarge, why));
         }
         let port = &node.outputs[output as usize];
