@@ -1,11 +1,12 @@
-//! Any text as the model of a 3MF package: a mesh or an error. The target `read_meshes` gets no
-//! further than the checksums of packages; here they are right.
+//! Any text as the model of a 3MF package: a mesh, a program of level sets, or an error. The target
+//! `read_meshes` gets no further than the checksums of packages; here they are right.
 //!
 //! `cargo +nightly fuzz run read_3mf -- -rss_limit_mb=2048 -timeout=10`
 #![no_main]
 
 use flate2::Crc;
-use isoform_io::{MeshReadOptions, MeshWriteOptions, Source, read_mesh, write_mesh};
+use isoform_field::hyperfun::{Mode, Model};
+use isoform_io::{MeshReadOptions, MeshWriteOptions, Source, read_implicit, read_mesh, write_mesh};
 use libfuzzer_sys::fuzz_target;
 
 const NAME: &[u8] = b"3D/3dmodel.model";
@@ -45,5 +46,14 @@ fuzz_target!(|data: &[u8]| {
         // Indices and labels are checked before writing.
         let mut bytes = Vec::new();
         write_mesh(&mesh, &mut bytes, "3mf", &MeshWriteOptions::default()).expect("a mesh");
+    }
+    if let Ok(Some(program)) = read_implicit(source) {
+        // What is read is HyperFun, unless it is too long for it.
+        let model = Model::parse(&program.text, Mode::Default);
+        assert!(
+            model.is_ok() || program.text.len() > 1 << 26,
+            "{}",
+            program.text
+        );
     }
 });

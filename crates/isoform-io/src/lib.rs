@@ -104,4 +104,8 @@ pub use step::{
     STEP_UNITS, SolidOptions, SolidProperties, StepFace, StepOptions, read_step_solids, step,
     step_solids, write_step_path, write_step_solids,
 };
+pub use three_mf::implicit::{
+    ImplicitModel, ImplicitProgram, ScalarFunction, ScalarGraph, ScalarId, ScalarNode,
+    ScalarOperation, is_implicit, read_implicit, write_implicit,
+};
 pub use write::{write, write_path};

@@ -39,6 +39,7 @@ pub use format::MeshFormat;
 pub use options::{MeshReadOptions, MeshWriteOptions};
 pub use pvtu::write_pvtu;
 pub use registry::{mesh_format_named, mesh_formats};
+pub(crate) use three_mf::{unit as three_mf_unit, write_package};
 
 use crate::format::extension;
 use crate::input::Input;

@@ -11,6 +11,8 @@
 //! Two limits guard against small files that expand enormously: the decompressed size of the
 //! members (see `unzip`), and the total size of all copies of objects.
 
+mod functions;
+pub(crate) mod implicit;
 mod model;
 mod tags;
 mod transform;
@@ -40,6 +42,8 @@ pub(crate) const UNIT_NAMES: [(&str, &str); 6] = [
 ];
 const THREE_MF_FAILURE: &str = "cannot read the 3MF package";
 const THREE_MF_HINT: &str = "export the model again, or as STL or OBJ";
+const LEVEL_SET_HINT: &str = "isoform mesh, brep, parameterize, eval, compare, view or render take \
+    it like a HyperFun program; isoform mesh FILE -o part.ply makes a mesh of it";
 /// Usual name of the model part.
 const USUAL_MODEL_PART: &str = "3D/3dmodel.model";
 /// Part with the relationships of the package, and the end of the type of the relationship to the
@@ -85,7 +89,10 @@ pub(crate) fn read_parts(
 ) -> Result<(PointCloud, TriangleParts)> {
     let package = Package::read(input)?;
     report.units = Some(package.root().unit.to_owned());
-    package.warn(report);
+    for warning in package.passed_over() {
+        report.warn(warning);
+    }
+    package.warn_of_levels(report);
     let mut collector = Collector::new(options);
     collector.mesh(options);
     let unlisted = package.unlisted();
@@ -94,6 +101,15 @@ pub(crate) fn read_parts(
         items => items,
     };
     let placed = package.placed(items).map_err(|p| error(input, p))?;
+    if placed.is_empty() && package.has_levels() {
+        return Err(input.error(
+            ErrorKind::UnsupportedFormat,
+            At::File,
+            THREE_MF_FAILURE,
+            "its objects are level sets of functions, and it has no triangles",
+            LEVEL_SET_HINT,
+        ));
+    }
     PartFiller::new(&mut collector, placed.len()).take_all(&placed);
     collector.finish_with_parts(input, options, report)
 }
@@ -161,26 +177,53 @@ impl Package {
         &self.models[&self.root]
     }
 
-    /// Adds warnings for skipped content.
-    fn warn(&self, report: &mut ReadReport) {
-        for name in self.models.values().flat_map(|m| &m.unknown) {
-            report.warn(format!(
-                "the model needs the extension {name}, which is passed over"
-            ));
-        }
+    /// Returns warnings of skipped content.
+    fn passed_over(&self) -> Vec<String> {
+        let unknown = self.models.values().flat_map(|m| &m.unknown);
+        let mut warnings: Vec<String> = unknown
+            .map(|name| format!("the model needs the extension {name}, which is passed over"))
+            .collect();
         let unit = self.root().unit;
         if self.models.values().any(|m| m.unit != unit) {
-            report.warn(format!(
+            warnings.push(format!(
                 "parts of the package state other units; {unit} is taken for all"
             ));
         }
         if self.root().items.is_empty() && !self.root().objects.is_empty() {
-            report.warn("nothing is to be built: all objects were taken that no other one holds");
+            warnings.push(
+                "nothing is to be built: all objects were taken that no other one holds".to_owned(),
+            );
+        }
+        warnings
+    }
+
+    /// Returns true if an object is a level set.
+    fn has_levels(&self) -> bool {
+        let mut objects = self.models.values().flat_map(|m| m.objects.values());
+        objects.any(|object| object.level_set.is_some())
+    }
+
+    /// Adds warnings of level sets and functions, which are no meshes.
+    fn warn_of_levels(&self, report: &mut ReadReport) {
+        if self.has_levels() {
+            report.warn("level sets are passed over: they are functions, and have no triangles");
+        } else if self.models.values().any(|m| m.needs_functions) {
+            report.warn("functions for colours or materials are passed over");
         }
     }
 
     /// Returns the objects with meshes to be built, with their transforms.
     fn placed<'a>(
+        &'a self,
+        items: &'a [Component],
+    ) -> std::result::Result<Vec<PlacedObject<'a>>, Problem> {
+        let mut placed = self.contents(items)?;
+        placed.retain(|p| !p.object.vertices.is_empty());
+        Ok(placed)
+    }
+
+    /// Returns the objects with meshes or level sets to be built, with their transforms.
+    fn contents<'a>(
         &'a self,
         items: &'a [Component],
     ) -> std::result::Result<Vec<PlacedObject<'a>>, Problem> {
@@ -250,7 +293,7 @@ impl Package {
             (Some(own), Some(outer)) => Some(own.then(&outer)),
             (own, outer) => own.or(outer),
         };
-        if !object.vertices.is_empty() {
+        if !object.vertices.is_empty() || object.level_set.is_some() {
             placed.push(PlacedObject {
                 model: &self.models[part],
                 id: component.object,

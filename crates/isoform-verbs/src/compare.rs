@@ -77,15 +77,16 @@ enum Loaded {
     Solid(Box<ExactSolid>),
 }
 
-/// Returns true if a file is named like a HyperFun program.
-fn is_model(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("hf"))
+/// Returns true for files of models, and for formulas and templates, which are no files.
+fn names_model(path: &Path) -> bool {
+    let is_file = memory::exists(path) || kind::is_named_file(path);
+    let is_program = || kind::is_model(path) && !scan::is_mesh(path, None);
+    !is_file || kind::is_json(path) || is_program()
 }
 
 /// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
-    let of_second = match is_model(&args.first) {
+    let of_second = match names_model(&args.first) {
         true => Given::from_params(args.params_second.as_ref()),
         false => args.given.clone(),
     };
@@ -158,8 +159,7 @@ fn kind(loaded: &Loaded, vertices: bool) -> &'static str {
 
 /// Reads a side: a mesh by its surface, points, or a model with the values that are given.
 fn load(path: &Path, given: &Given, args: &Args, context: &Context) -> Result<Loaded, Failure> {
-    let is_nameless = !memory::exists(path) && !kind::is_named_file(path);
-    if is_nameless || kind::is_json(path) || is_model(path) && !scan::is_mesh(path, None) {
+    if names_model(path) {
         return load_model(path, given, &args.language, context);
     }
     if let Some(file) = solids::find(path)? {

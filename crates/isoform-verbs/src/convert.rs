@@ -1,21 +1,30 @@
-//! `isoform convert`: points and meshes from format to format, programs with values.
+//! `isoform convert`: points and meshes from format to format, programs with values, level sets.
 
+use crate::arguments;
 use crate::context::Context;
 use crate::disk;
 use crate::failure::{DONE, Failure};
+use crate::formula;
+use crate::gallery;
+use crate::kind;
 use crate::language::Language;
-use crate::model;
+use crate::memory;
+use crate::mesh::settings::Settings;
+use crate::mesh::work::no_mesh;
+use crate::model::SolidModel;
 use crate::outcome::Outcome;
 use crate::parameters::{self, Given};
 use crate::{scan, solids};
+use isoform::geom::Aabb;
 use isoform::io::{
     MeshPoints, MeshWriteOptions, WriteOptions, format_named, mesh_format_named, write, write_mesh,
     write_mesh_path, write_path,
 };
+use isoform::{LevelSetFileError, level_set_file};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Converts points and meshes from format to format, or writes a HyperFun program with values
+/// Converts points and meshes from format to format, and programs to 3MF and back
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -24,7 +33,11 @@ Examples:
   isoform convert part.msh -o part.inp
   isoform convert part.3mf -o part.stl
   isoform convert template.hf --params 1,2,0.5 -o part.hf
+  isoform convert part.hf -o part.3mf
+  isoform convert part.3mf -o part.hf
 
+A program becomes a level set of an implicit function in 3MF, and level sets become a program;
+isoform mesh makes triangles of either.
 Points are written as PLY, XYZ and CSV; every number reads back exactly. Meshes (msh, vtu, inp, obj, ...) keep their groups
 where the format has them.")]
 pub(crate) struct Args {
@@ -49,44 +62,47 @@ pub(crate) struct Args {
     /// PLY as text
     #[arg(long)]
     ascii: bool,
+    /// Box that bounds a level set, as x,y,z of the lower and of the upper corner [default: sought]
+    #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = arguments::region)]
+    region: Option<Aabb>,
     #[command(flatten)]
     given: Given,
     #[command(flatten)]
     language: Language,
 }
 
-fn is_program(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("hf"))
+/// Returns true if the ending of a file, or the format that was said, is this one.
+fn is_called(path: &Path, said: Option<&String>, ending: &str) -> bool {
+    let own = path.extension().map(|e| e.to_string_lossy());
+    let name = said.map(|f| f.trim_start_matches('.').into());
+    name.or(own).is_some_and(|e| e.eq_ignore_ascii_case(ending))
 }
 
 /// Runs the verb: the kinds of input and output, as names or formats tell them, choose the way.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
-    let is_model = |path: &Path, said: Option<&String>| {
-        said.map_or_else(
-            || is_program(path),
-            |f| f.trim_start_matches('.').eq_ignore_ascii_case("hf"),
-        )
+    let is_model = match &args.from {
+        Some(_) => is_called(&args.file, args.from.as_ref(), "hf"),
+        None => kind::is_model(&args.file) || formula::in_place_of_file(&args.file)?.is_some(),
     };
     let output = std::slice::from_ref(&args.output);
     solids::refuse(output, args.to.as_deref(), |path| {
         let file = args.file.display();
-        match is_model(&args.file, args.from.as_ref()) {
+        match is_model {
             true => format!("isoform brep {file} -o {path}"),
             false => format!("isoform recover {file} -o {path}"),
         }
     })?;
     let json = json!({"verb": "convert", "input": args.file.display().to_string(), "output": args.output.display().to_string()});
-    match (
-        is_model(&args.file, args.from.as_ref()),
-        is_model(&args.output, args.to.as_ref()),
-    ) {
+    let is_output = |ending| is_called(&args.output, args.to.as_ref(), ending);
+    match (is_model, is_output("hf")) {
         (true, true) => program(args, json, context),
+        (true, false) if is_output("3mf") => level_set(args, json, context),
         (false, false) if is_mesh(args) => mesh(args, json, context),
         (false, false) => points(args, json, context),
         (true, false) => {
-            Err(Failure::usage("a model is not turned into points here")
-                .hint("-o with the ending .hf"))
+            let failure = Failure::usage("a model is not turned into points or triangles here");
+            Err(failure
+                .hint("-o with the ending .hf or .3mf; isoform mesh makes triangles of a model"))
         }
         (false, true) => Err(Failure::usage("points are not turned into a model here")
             .hint("isoform fit SCAN --template T -o model.hf")),
@@ -208,7 +224,7 @@ fn points(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Fa
 
 /// Prints a model again; where values are given, as the program that has them in it.
 fn program(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Failure> {
-    let model = model::read(&args.file, &args.language, context)?.stated(&args.file)?;
+    let model = gallery::model(&args.file, &args.language, context)?.stated(&args.file)?;
     let text = match args.given.is_empty() {
         false => model.print_fitted(&parameters::values(&model, &args.given, context)?, None),
         true => model.source().to_owned(),
@@ -228,4 +244,47 @@ fn program(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, F
         json,
         stdout: Vec::new(),
     })
+}
+
+/// Writes a model as a level set in 3MF.
+fn level_set(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Failure> {
+    let model = gallery::model(&args.file, &args.language, context)?;
+    let solid = model.solid(&args.file, &args.given, args.region, context)?;
+    let SolidModel {
+        model,
+        values,
+        region,
+        ..
+    } = solid;
+    json["object"] = json!(model.name());
+    let title = model.info().title.as_deref();
+    let stem = args.output.file_stem().map(|s| s.to_string_lossy());
+    let name = title.map(Into::into).or(stem).unwrap_or_default();
+    let control = context.control();
+    let made = level_set_file(&model, &values, region, &name, &control);
+    let bytes = made.map_err(|e| unexpressed(&e, &args.file))?;
+    json["formats"] = json!(["hf", "3mf"]);
+    if args.output == Path::new("-") {
+        return Ok(Outcome {
+            exit: DONE,
+            json,
+            stdout: bytes,
+        });
+    }
+    disk::write_file(&args.output, &bytes)?;
+    Ok(Outcome {
+        exit: DONE,
+        json,
+        stdout: Vec::new(),
+    })
+}
+
+/// The failure of a model that cannot be a level set.
+fn unexpressed(error: &LevelSetFileError, path: &Path) -> Failure {
+    let name = memory::name(path);
+    if let LevelSetFileError::Bounds(error) = error {
+        return no_mesh(error, &name, &Settings::default());
+    }
+    let failure = Failure::input("level-set", format!("{name}: {error}"));
+    failure.hint("isoform mesh writes the model as triangles in 3MF")
 }

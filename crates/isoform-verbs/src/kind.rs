@@ -2,8 +2,9 @@
 
 use crate::failure::Failure;
 use crate::language::{Language, parse};
+use crate::memory;
 use isoform::io::{
-    FileKind, MAP_KEYS, file_kind, is_patch_file, is_polynomial_file, is_solid_file,
+    FileKind, MAP_KEYS, Source, file_kind, is_implicit, is_patch_file, is_polynomial_file, is_solid_file,
     is_spline_file, mesh_format_named,
 };
 use serde_json::Value;
@@ -15,7 +16,7 @@ const HEAD: usize = 4096;
 /// Kind of a file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Kind {
-    /// A HyperFun program.
+    /// A HyperFun program, or level sets of 3MF, which are read as one.
     Program,
     /// Points or a mesh, in this format.
     File(FileKind),
@@ -50,7 +51,7 @@ impl Kind {
         {
             return Some(Self::of_json(&json));
         }
-        if parse(text, &Language::default()).is_ok() {
+        if parse(text, &Language::default()).is_ok() || is_level_sets(path) {
             return Some(Self::Program);
         }
         file_kind(&path.to_string_lossy(), head).map(Self::File)
@@ -185,10 +186,26 @@ pub(crate) fn is_named_file(path: &Path) -> bool {
     })
 }
 
+/// Returns true if a file has an ending.
+fn has_ending(path: &Path, ending: &str) -> bool {
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case(ending))
+}
+
 /// Returns true if the ending of a file says JSON.
 pub(crate) fn is_json(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("json"))
+    has_ending(path, "json")
+}
+
+/// Returns true if a file holds a model: by its name a HyperFun program, by its content level sets
+/// of 3MF.
+pub(crate) fn is_model(path: &Path) -> bool {
+    has_ending(path, "hf") || is_level_sets(path)
+}
+
+/// Returns true for a 3MF package that builds level sets.
+fn is_level_sets(path: &Path) -> bool {
+    has_ending(path, "3mf") && memory::find(path).is_none() && is_implicit(Source::Path(path))
 }
 
 /// Returns true for a document that `isoform implicitize` writes.

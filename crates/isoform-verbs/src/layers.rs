@@ -224,10 +224,7 @@ impl File<'_> {
         if kind::is_json(path) {
             return self.document();
         }
-        let is_program = path
-            .extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case("hf"));
-        if is_program || is_named_model(path)? {
+        if kind::is_model(path) || is_named_model(path)? {
             let model = gallery::model(path, &self.reading.language, self.context)?;
             return self.model(model);
         }

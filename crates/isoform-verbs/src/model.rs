@@ -1,4 +1,4 @@
-//! Reading models: HyperFun programs and formulas.
+//! Reading models: HyperFun programs, level sets of 3MF as programs, and formulas.
 
 use crate::context::Context;
 use crate::disk;
@@ -8,10 +8,11 @@ use crate::kind::{self, Kind, is_fitted};
 use crate::language::{self, Language};
 use crate::memory::{self, Object};
 use crate::parameters::{self, Given};
-use crate::spline;
+use crate::{scan, spline};
 use isoform::Implicit;
 use isoform::field::hyperfun::{Model, SyntaxError};
 use isoform::geom::Aabb;
+use isoform::io::{Source, read_implicit};
 use serde_json::Value;
 use std::path::Path;
 
@@ -105,6 +106,9 @@ pub(crate) fn read(
         Some(other) => return Err(other.instead_of("a model", path)),
     }
     let bytes = disk::read_file(path)?;
+    if let Some(text) = level_sets(path, &bytes, context)? {
+        return parse(path, &text, language, context).map(program);
+    }
     let head = kind::head(&bytes).to_vec();
     let text = disk::text(bytes);
     if text.trim_start().starts_with('{') {
@@ -145,6 +149,20 @@ fn document(path: &Path, text: &str) -> Result<GivenModel, Failure> {
             })
         }
     }
+}
+
+/// Returns the program of the level sets that a 3MF package builds; `None` for other files.
+fn level_sets(path: &Path, bytes: &[u8], context: &Context) -> Result<Option<String>, Failure> {
+    let name = memory::name(path);
+    let source = Source::Bytes { name: &name, bytes };
+    let found = read_implicit(source).map_err(|e| scan::unreadable(path, &e))?;
+    let Some(program) = found else {
+        return Ok(None);
+    };
+    for warning in &program.warnings {
+        context.warn(format_args!("{}: {warning}", path.display()));
+    }
+    Ok(Some(program.text))
 }
 
 /// Reads a program from text; the path is for messages.

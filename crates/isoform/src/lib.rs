@@ -13,6 +13,8 @@
 //! | a program | a program of build123d, CadQuery or OpenSCAD | [`cad_program`] |
 //! | a program or a polynomial | rational patches with proved distances | [`parameterize_surface`], [`cover_surface`] |
 //! | a rational map or patches | triangles, with what is proved of them | [`triangulate_map`], [`triangulate_patches`] |
+//! | a program | a level set in a 3MF package | [`level_set_file`] |
+//! | a 3MF package of level sets | a program | [`io::read_implicit`] |
 //! | any two of: points, a mesh, a model | distances both ways | [`compare()`] |
 //! | a file | points or a mesh, and what is in it | [`io::read`], [`io::read_mesh`], [`io::inspect`] |
 //!
@@ -115,6 +117,7 @@ mod gallery;
 mod implicit;
 mod implicit_surface;
 mod implicitize_scan;
+mod level_set_file;
 mod live;
 mod mesh_model;
 mod mesh_spline;
@@ -168,6 +171,7 @@ pub use isoform_tess as tess;
 pub use isoform_tess::{
     PatchesError, SurfaceBox, TriangulateError, triangulate as triangulate_map, triangulate_patches,
 };
+pub use level_set_file::{LevelSetFileError, level_set_file};
 pub use live::{LiveModel, LiveParameter, ModelTape, undefined_at};
 pub use mesh_model::{
     MeshModelError, MeshModelOptions, MeshNote, ModelMesh, RegionModel, adapt_to_model, mesh_model,

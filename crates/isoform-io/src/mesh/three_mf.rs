@@ -26,7 +26,7 @@ const RELATIONSHIPS: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
     </Relationships>\n";
 
 /// Returns the name of a unit in 3MF; millimetre, its default, if the unit is unknown.
-fn unit(unit: Option<&str>) -> &'static str {
+pub(crate) fn unit(unit: Option<&str>) -> &'static str {
     let known = UNIT_NAMES.iter().find(|(ours, _)| Some(*ours) == unit);
     known.map_or("millimeter", |(_, theirs)| theirs)
 }
@@ -37,12 +37,20 @@ pub(super) fn write(
     out: &mut dyn Write,
     options: &MeshWriteOptions,
 ) -> io::Result<()> {
+    write_package(out, |out| write_model(mesh, out, options))
+}
+
+/// Writes a package with a model that is written by a function.
+pub(crate) fn write_package(
+    out: &mut dyn Write,
+    model: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> io::Result<()> {
     let mut zip = Zip::new(out);
     zip.member("[Content_Types].xml", |out| {
         out.write_all(CONTENT_TYPES.as_bytes())
     })?;
     zip.member("_rels/.rels", |out| out.write_all(RELATIONSHIPS.as_bytes()))?;
-    zip.member("3D/3dmodel.model", |out| write_model(mesh, out, options))?;
+    zip.member("3D/3dmodel.model", model)?;
     zip.finish()
 }
 

@@ -1,6 +1,7 @@
 //! Model part of a 3MF package: its objects, materials and build items ("3D Manufacturing Format
 //! core specification" 1.3, chapters 3 to 5).
 
+use super::functions::{FunctionReader, IMPLICIT_EXTENSION, ModelFunction, VOLUMETRIC_EXTENSION};
 use super::tags::{Tag, Tags};
 use super::transform::Transform;
 use crate::ErrorKind;
@@ -31,6 +32,9 @@ pub(super) struct ModelPart {
     pub(super) items: Vec<Component>,
     /// Required extensions that are not supported.
     pub(super) unknown: Vec<String>,
+    /// True if the extensions of functions are required, which the readers of meshes pass over.
+    pub(super) needs_functions: bool,
+    pub(super) functions: BTreeMap<u32, ModelFunction>,
 }
 
 /// Object: a mesh, or an assembly of other objects.
@@ -42,12 +46,14 @@ pub(super) struct ModelObject {
     /// Material of each triangle; empty if none has one.
     pub(super) materials: Vec<Option<MaterialId>>,
     pub(super) components: Vec<Component>,
+    /// Attributes of its level set; `None` if it has none.
+    pub(super) level_set: Option<Box<str>>,
     /// Default material of triangles.
     default: Option<MaterialId>,
 }
 
 /// Reference to an object with its transform.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Component {
     /// Name of the model part that contains the object; `None` for this part.
     pub(super) path: Option<Box<str>>,
@@ -113,6 +119,7 @@ struct ModelReader {
     object: Option<(u32, ModelObject)>,
     /// Present group of base materials.
     group: Option<u32>,
+    functions: FunctionReader,
 }
 
 impl ModelReader {
@@ -120,6 +127,16 @@ impl ModelReader {
     fn open(&mut self, name: &str, attributes: &str) -> Result<(), TagProblem> {
         if !self.is_model {
             return self.root(name, attributes);
+        }
+        let functions = &mut self.model.functions;
+        if self.functions.open(name, attributes, functions)? {
+            return Ok(());
+        }
+        if self.functions.volumetric(name) == Some("levelset")
+            && let Some((_, object)) = &mut self.object
+        {
+            object.level_set = Some(attributes.into());
+            return Ok(());
         }
         let Some(name) = name.strip_prefix(self.prefix.as_str()) else {
             return Ok(());
@@ -156,6 +173,9 @@ impl ModelReader {
 
     /// Processes the end of an element.
     fn close(&mut self, name: &str) -> Result<(), TagProblem> {
+        if self.functions.close(name, &mut self.model.functions)? {
+            return Ok(());
+        }
         match name.strip_prefix(self.prefix.as_str()) {
             Some("object") => {
                 if let Some((id, object)) = self.object.take() {
@@ -188,6 +208,13 @@ impl ModelReader {
         let needed = attribute(attributes, "requiredextensions").unwrap_or("");
         for prefix in needed.split_ascii_whitespace() {
             let name = space(prefix).unwrap_or(prefix);
+            if [VOLUMETRIC_EXTENSION, IMPLICIT_EXTENSION]
+                .iter()
+                .any(|known| name.ends_with(known))
+            {
+                self.model.needs_functions = true;
+                continue;
+            }
             if !HARMLESS_EXTENSIONS
                 .iter()
                 .any(|known| name.ends_with(known))
@@ -201,6 +228,7 @@ impl ModelReader {
         let production =
             prefixes.find(|p| space(p).is_some_and(|s| s.ends_with(PRODUCTION_EXTENSION)));
         self.path = format!("{}:path", production.unwrap_or("p"));
+        self.functions = FunctionReader::new(attributes);
         Ok(())
     }
 
@@ -304,7 +332,7 @@ fn not_a_number(key: &str, text: &str) -> TagProblem {
 }
 
 /// Parses a 32-bit unsigned integer.
-fn whole(attributes: &str, key: &str) -> Result<u32, TagProblem> {
+pub(super) fn whole(attributes: &str, key: &str) -> Result<u32, TagProblem> {
     let text = attribute(attributes, key).unwrap_or("");
     text.trim().parse().map_err(|_| not_a_number(key, text))
 }

@@ -6,8 +6,8 @@ use isoform_geom::{Point3, cross, dot};
 /// Affine map, stored as the images of the axes and of the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Transform {
-    axes: [Point3; 3],
-    origin: Point3,
+    pub(super) axes: [Point3; 3],
+    pub(super) origin: Point3,
 }
 
 impl Transform {

@@ -64,6 +64,8 @@ fn write_3mf_seeds() {
         let text = common::package::model(&resources, build);
         std::fs::write(folder.join(name), text).expect("written");
     }
+    let text = crate::level_sets::seed();
+    std::fs::write(folder.join("seed-level-sets"), text).expect("written");
 }
 
 /// Calls a function with the first byte and the rest of every file kept by fuzzing, some of which
@@ -104,6 +106,7 @@ fn the_corpus_survives() {
             bytes: &bytes,
         };
         let _ = isoform_io::read_mesh(source, Some("3mf"), &Default::default());
+        let _ = isoform_io::read_implicit(source);
     });
     for_corpus("read_meshes", |first, rest| {
         let format = isoform_io::mesh_formats()

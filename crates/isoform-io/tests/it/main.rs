@@ -4,6 +4,7 @@ mod common;
 mod corpus;
 mod formats;
 mod hostile;
+mod level_sets;
 mod meshes;
 mod round_trip;
 mod solids;

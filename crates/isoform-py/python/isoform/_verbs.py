@@ -1208,6 +1208,7 @@ def convert(
     *,
     to: str | None = None,
     ascii: bool = False,
+    box: Box = None,
     params: Values = None,
     set: Mapping[str, float] | None = None,
     format: str | None = None,
@@ -1222,7 +1223,7 @@ def convert(
     time_limit: float | None = None,
     progress: Progress = None,
 ) -> Report:
-    """Converts points and meshes from format to format, or writes a HyperFun program with values.
+    """Converts points and meshes from format to format, and programs to 3MF and back.
 
     Parameters
     ----------
@@ -1234,6 +1235,8 @@ def convert(
         Format of the output, where its name does not tell it.
     ascii : bool
         PLY as text.
+    box : float or sequence, optional
+        The box in which to work: half its width around the origin, or its two corners.
     params : dict or sequence of float, optional
         The values of the parameters a, in their order or as NAME=NUMBER; missing ones are
         as annotated.
@@ -1282,6 +1285,7 @@ def convert(
         "output": output,
         "to": to,
         "ascii": bool(ascii),
+        "box": corners(box),
         "params": params,
         "set": set,
         "from": format,

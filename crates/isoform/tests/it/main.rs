@@ -6,6 +6,7 @@ mod exact_solids;
 mod features;
 mod fit_chunks;
 mod fit_scan;
+mod level_sets;
 mod moved_maps;
 mod part_names;
 mod proposed;
