@@ -64,6 +64,15 @@ pub(super) fn sides_of_faces(mesh: &Mesh) -> Vec<Option<ElementSide>> {
     found
 }
 
+/// Returns true for each face with a volume on either side.
+pub(super) fn wall_faces(mesh: &Mesh) -> Vec<bool> {
+    let mut sides = vec![0_u8; face_count(mesh)];
+    for_faces_on_volumes(mesh, |face, _, _| {
+        sides[face] = sides[face].saturating_add(1)
+    });
+    sides.into_iter().map(|n| n > 1).collect()
+}
+
 /// Returns the parts that bound each region, ascending.
 pub(super) fn parts_of_regions(mesh: &Mesh) -> Vec<Vec<u32>> {
     let mut parts = vec![Vec::new(); mesh.regions.len().max(1)];

@@ -287,6 +287,74 @@ fn how_wedges_are_called() {
     );
 }
 
+/// Returns the example of a step without the marks of its lines.
+fn example(text: &str) -> String {
+    let (_, step) = text.split_once("** STEP: ").expect("an example");
+    let lines = step.lines().skip(1);
+    let lines = lines.map(|line| line.strip_prefix("**").expect("a comment"));
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// The example of a step names sets, surfaces and regions that the file defines, holds one part and
+/// presses on another.
+#[test]
+fn decks_end_with_a_step() {
+    for order in [1, 2] {
+        let text = String::from_utf8(written(&block(2, order), "inp")).expect("text");
+        let step = example(&text);
+        let named = |after: &str| {
+            let rest = step.split(after).nth(1).expect(after);
+            let name: &str = rest.split([',', '\n']).next().expect("a name");
+            name.to_owned()
+        };
+        let held = named("*BOUNDARY\n");
+        let pressed = named("*DSLOAD\n");
+        assert_ne!(held, pressed);
+        assert!(text.contains(&format!("*NSET, NSET={held}\n")));
+        assert!(text.contains(&format!("*SURFACE, NAME={pressed}, TYPE=ELEMENT\n")));
+        let sections = step.matches("*SOLID SECTION, ELSET=").count();
+        assert_eq!(sections, text.matches("*ELEMENT, TYPE=C3D").count());
+        assert!(text.contains(&format!(", ELSET={}\n", named("*SOLID SECTION, ELSET="))));
+        assert!(step.ends_with("*END STEP"));
+        assert!(
+            text.lines()
+                .all(|line| line.len() <= 132 && line.is_ascii())
+        );
+    }
+}
+
+/// A solid with one part alone is held at three nodes, and so is each of two pieces; shells, which
+/// have no thickness, get no step.
+#[test]
+fn a_part_alone_is_held_at_nodes() {
+    let mut mesh = block(1, 1);
+    mesh.triangle_parts.clear();
+    mesh.parts.clear();
+    let held = |mesh: &Mesh| {
+        let step = example(&String::from_utf8(written(mesh, "inp")).expect("text"));
+        let rest = step
+            .split("*BOUNDARY\n")
+            .nth(1)
+            .expect("a support")
+            .to_owned();
+        rest.split("\n*STEP").next().expect("lines").lines().count()
+    };
+    assert_eq!(held(&mesh), 4);
+    let n = mesh.points.len() as u32;
+    let far: Vec<_> = mesh.points.iter().map(|p| p.map(|x| x + 10.0)).collect();
+    mesh.points.extend(far);
+    mesh.tets
+        .extend(mesh.tets.clone().iter().map(|t| t.map(|v| v + n)));
+    mesh.triangles
+        .extend(mesh.triangles.clone().iter().map(|t| t.map(|v| v + n)));
+    mesh.tet_regions.clear();
+    mesh.regions.clear();
+    assert_eq!(held(&mesh), 8);
+    mesh.tets.clear();
+    let shells = String::from_utf8(written(&mesh, "inp")).expect("text");
+    assert!(!shells.contains("STEP"));
+}
+
 /// Asserts that every mid node of the bent block is nearer to the middle of its edge than to that
 /// of any other edge of the element.
 fn mids_sit_right(mesh: &Mesh, format: &str) {
