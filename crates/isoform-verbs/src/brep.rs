@@ -229,7 +229,7 @@ fn no_brep(error: &BrepModelError, name: &str, region: Option<Aabb>) -> Failure 
 fn no_spline(failure: Failure, why: SplineRefusal, name: &str) -> Failure {
     match why {
         SplineRefusal::TooFar { .. } => failure
-            .why("splines with more spans bend more than the surface does")
+            .why("the tolerance is smaller than what splines reach there")
             .hint("a larger --tol"),
         _ => failure
             .why("each spline face is a height over a plane; lattices and organic shapes have few")

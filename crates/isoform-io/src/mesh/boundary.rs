@@ -16,8 +16,11 @@ fn sorted<T: Ord, const N: usize>(mut nodes: [T; N]) -> [T; N] {
     nodes
 }
 
+/// Number of sides of a wedge.
+pub(super) const WEDGE_SIDES: usize = WEDGE_TRIANGLES.len() + WEDGE_QUADS.len();
+
 /// Returns the corners of a face, oriented outward.
-fn face_nodes(tet: &[u32; 4], face: usize) -> [u32; 3] {
+pub(super) fn face_nodes(tet: &[u32; 4], face: usize) -> [u32; 3] {
     TET_FACES[face].map(|c| tet[c])
 }
 

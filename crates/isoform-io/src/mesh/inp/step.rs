@@ -52,7 +52,7 @@ pub(super) fn write(
         return Ok(());
     };
     out.str("**\n** ").str(HEAD).line()?;
-    let units = Units::new(options.units.as_deref());
+    let units = Units::new(options);
     write_materials(names, &units, out)?;
     example.write_supports(names, out)?;
     let pressed = &names.parts[example.pressed];
@@ -121,21 +121,10 @@ struct Units<'u> {
 }
 
 impl<'u> Units<'u> {
-    /// Returns the units that go with a unit of length.
-    fn new(unit: Option<&'u str>) -> Self {
-        let metres = |unit| {
-            Some(match unit {
-                "um" => 1e-6,
-                "mm" => 1e-3,
-                "cm" => 1e-2,
-                "m" => 1.0,
-                "in" => 0.0254,
-                "ft" => 0.3048,
-                _ => return None,
-            })
-        };
+    /// Returns the units that go with the unit of length of a file.
+    fn new(options: &'u MeshWriteOptions) -> Self {
         Self {
-            length: unit.and_then(|unit| Some((unit, metres(unit)?))),
+            length: options.units.as_deref().zip(options.metres()),
         }
     }
     /// Returns the unit of stress: a force by the square of the unit of length.
@@ -367,8 +356,12 @@ mod tests {
 
     #[test]
     fn numbers_go_with_the_lengths() {
-        let said = |unit| {
-            let units = Units::new(unit);
+        let said = |unit: Option<&str>| {
+            let options = MeshWriteOptions {
+                units: unit.map(str::to_owned),
+                ..MeshWriteOptions::default()
+            };
+            let units = Units::new(&options);
             (units.stress(YOUNG_PA), units.name())
         };
         assert_eq!(said(Some("mm")), (210_000.0, "N/mm^2".to_owned()));
