@@ -253,7 +253,7 @@ fn examine(
         let deviation = deviation::measure(mesh, triangles, solid, options, control);
         control.check().ok()?;
         certificate.deviation = Some(deviation);
-        certificate.turns = turns::examine(mesh);
+        certificate.turns = turns::examine(mesh, solid);
     }
     examine_features(mesh, triangles, options, control, certificate)
 }

@@ -10,7 +10,7 @@ use super::super::options::MeshWriteOptions;
 use super::super::out::Out;
 use super::{AllGroups, GroupNames};
 use isoform_geom::{Mesh, Point3, UnionFind, cross, distance_squared, dot, sub};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::io;
 
 /// Line before the example. What follows it is the deck, behind two characters.
@@ -152,8 +152,8 @@ impl<'u> Units<'u> {
 
 impl Example {
     /// Chooses the first part that bounds the solid as the support, with further ones if the solid
-    /// has several pieces, and the next part as the loaded one. Without a part for each, single
-    /// nodes of each piece are held. `None` without a part on the volumes.
+    /// has several pieces, and the next part as the loaded one, see [`unheld`]. Without a part for
+    /// each, single nodes of each piece are held. `None` without a part on the volumes.
     fn of_mesh(mesh: &Mesh, groups: &AllGroups, sides: &[Option<ElementSide>]) -> Option<Self> {
         let parts = usable_parts(mesh, groups, sides);
         let mut pieces = pieces(mesh);
@@ -174,7 +174,7 @@ impl Example {
                 fixed.push(part);
             }
         }
-        let mut pressed = parts.iter().find(|part| !fixed.contains(part)).copied();
+        let mut pressed = unheld(mesh, groups, &parts, &fixed);
         if pressed.is_none() {
             pressed = parts.first().copied();
             fixed.clear();
@@ -205,6 +205,22 @@ impl Example {
         }
         Ok(())
     }
+}
+
+/// Returns the first part that shares no node with the held parts, else the first that is not
+/// held; `None` if all are. Where the load acts on held nodes the support takes it at once, and the
+/// sum of its forces is less than the load.
+fn unheld(mesh: &Mesh, groups: &AllGroups, parts: &[usize], fixed: &[usize]) -> Option<usize> {
+    let corners = |&part: &usize| {
+        let faces = groups.parts.elements(part).iter();
+        faces.flat_map(|&f| face(mesh, f as usize).0.into_iter().take(3))
+    };
+    let held: HashSet<u32> = fixed.iter().flat_map(corners).collect();
+    let mut free = parts.iter().filter(|part| !fixed.contains(part));
+    let apart = free
+        .clone()
+        .find(|part| !corners(part).any(|v| held.contains(&v)));
+    apart.or_else(|| free.next()).copied()
 }
 
 /// Returns the parts with faces on volumes; those without walls between regions, if there are any.
