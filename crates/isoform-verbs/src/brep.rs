@@ -232,7 +232,7 @@ fn no_spline(failure: Failure, why: SplineRefusal, name: &str) -> Failure {
             .why("the tolerance is smaller than what splines reach there")
             .hint("a larger --tol"),
         _ => failure
-            .why("each spline face is a height over a plane; lattices and organic shapes have few")
+            .why("each spline face is a height over a plane, and a lattice or an organic shape is not")
             .hint(format!(
                 "isoform mesh {name} -o part.3mf (or part.stl) writes its triangles, which a \
                  smaller --size brings nearer to it"

@@ -284,8 +284,8 @@ fn coarsest(facets: &[FacetsReport], unit: Option<&str>) -> Option<String> {
         format!(", faces at most {} off", length(d, unit))
     });
     Some(format!(
-        "coarsest on {}: neighbours turn by up to {angle} degrees, about {:.0} elements around the \
-         radius of about {}{distance}",
+        "coarsest on {}: neighbours turn by up to {angle} degrees, about {:.0} elements around its \
+         radius of {}{distance}",
         part.part,
         360.0 / part.angle,
         part.radius.map_or(String::new(), |r| length(r, unit)),
