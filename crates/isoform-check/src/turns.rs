@@ -13,8 +13,8 @@ pub struct PartTurn {
     /// Largest angle between the normals of two triangles of the part at a common edge, in degrees;
     /// edges on feature curves have none.
     pub angle: f64,
-    /// Smaller radius of curvature of the part there, in model units; infinite for a plane, NaN if
-    /// the part is no piece of the solid.
+    /// Smaller radius of curvature of the part there, in model units; infinite for a plane, NaN for a
+    /// part that the solid lacks.
     pub radius: f64,
     /// Edge with that angle, which is the value.
     pub place: Place,
@@ -98,11 +98,11 @@ mod tests {
     use isoform_geom::{Field, OnePiece};
     use isoform_num::{Jet2, Real};
 
-    /// A torus around the z axis, of radii 5 and 2, as x⁴ + …; its value is no distance.
+    /// A torus around the z axis, of radii 5 and 2, as a polynomial, which is not a distance.
     struct Torus;
 
     impl Torus {
-        fn of<T: Real + Copy>(p: [T; 3]) -> T {
+        fn formula<T: Real + Copy>(p: [T; 3]) -> T {
             let [x, y, z] = p;
             let s = x * x + y * y;
             let w = s + z * z + T::constant(21.0);
@@ -112,10 +112,10 @@ mod tests {
 
     impl Field for Torus {
         fn value(&self, p: Point3) -> f64 {
-            Self::of(p)
+            Self::formula(p)
         }
         fn jet(&self, p: Point3) -> Jet2 {
-            Self::of(std::array::from_fn(|i| Jet2::variable(p[i], i)))
+            Self::formula(std::array::from_fn(|i| Jet2::variable(p[i], i)))
         }
     }
 

@@ -119,7 +119,7 @@ impl Walker<'_> {
         })
     }
 
-    /// Follows the inward normal of a triangle to the opposite side; `None` if there is none.
+    /// Follows the inward normal of a triangle to the opposite side; `None` without one.
     /// `steps` holds the number of edges from the triangle to each node on the way.
     fn cross(&self, triangle: [u32; 3], steps: &mut HashMap<u32, u32>) -> Option<Way> {
         let (tet, mut entry) = self.behind(triangle, None)?;
@@ -223,8 +223,8 @@ mod tests {
         found.walls
     }
 
-    /// A plate has as many layers as it is divided into, though a normal crosses three tetrahedra
-    /// of each cube; its sides see more, and none of its normals is lost.
+    /// A plate has the layers that it is divided into, though a normal crosses three tetrahedra
+    /// of each cube; its sides see more, and all normals count.
     #[test]
     fn plates_have_the_layers_that_they_are_made_of() {
         for n in 1..=4 {

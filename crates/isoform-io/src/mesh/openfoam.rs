@@ -21,7 +21,7 @@ pub(super) const FOLDER: &str = "polyMesh";
 /// Filler of the fourth node of a triangle, above all nodes.
 const NO_NODE: u32 = u32::MAX;
 /// Maximum length of the name of a patch. OpenFOAM has none; names of parts are shorter.
-const MAX_NAME_LENGTH: usize = 200;
+const MAX_PATCH_NAME_LENGTH: usize = 200;
 
 /// Face of the mesh in OpenFOAM.
 struct Face {
@@ -145,7 +145,7 @@ fn write_zones(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
         0 | 1 => &[],
         _ => &mesh.regions[..],
     };
-    let mut names = UniqueNames::new(MAX_NAME_LENGTH, plain);
+    let mut names = UniqueNames::new(MAX_PATCH_NAME_LENGTH, plain);
     out.int(regions.len()).str("\n(").line()?;
     for (k, region) in regions.iter().enumerate() {
         let is_own = |&i: &usize| volume_region(mesh, i) == Some(k as u32);
@@ -312,7 +312,7 @@ fn parts_of_faces(mesh: &Mesh) -> HashMap<[u32; 4], u32> {
 
 /// Returns the names of the patches, and numbers them at their faces, which have the numbers of
 /// parts, or of one beyond the last part where they lie on none. A part without faces of the
-/// boundary, such as a wall between regions, is no patch.
+/// boundary, such as a wall between regions, gets none.
 fn patches(mesh: &Mesh, outer: &mut [Face]) -> Vec<String> {
     let mut numbers: Vec<Option<u32>> = vec![None; mesh.parts.len() + 1];
     outer
@@ -324,7 +324,7 @@ fn patches(mesh: &Mesh, outer: &mut [Face]) -> Vec<String> {
     for face in outer {
         face.other = numbers[face.other as usize].expect("numbered above");
     }
-    let mut names = UniqueNames::new(MAX_NAME_LENGTH, plain);
+    let mut names = UniqueNames::new(MAX_PATCH_NAME_LENGTH, plain);
     let filled = numbers
         .iter()
         .enumerate()

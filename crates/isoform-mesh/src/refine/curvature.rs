@@ -7,7 +7,7 @@ use crate::lattice::{CELL_EDGE, ReducedTree};
 use crate::options::Options;
 use crate::points::unit;
 use crate::surface::Surface;
-use isoform_geom::{Point3, Solid, dot, norm, principal_curvatures, sub};
+use isoform_geom::{Point3, Solid, norm, principal_curvatures, sub};
 use isoform_num::Jet2;
 use rayon::prelude::*;
 
