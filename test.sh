@@ -246,6 +246,7 @@ solvers() {
   later check "example: meshes that follow an error estimate" adaptive
   if command -v ccx >/dev/null; then
     later check "example: scan to stress with CalculiX" run_example calculix stress
+    later check "example: the step of a deck, in CalculiX" run_example step stress
     # What "meshes that follow an error estimate" has, by another solver.
     if [ "$extent" = whole ]; then later check "example: a notch, with CalculiX" run_example notch convergence; fi
   else

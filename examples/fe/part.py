@@ -59,7 +59,7 @@ def von_mises(s):
     return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3 * (xy**2 + yz**2 + zx**2))
 
 
-def picture(points, triangles, stress, path):
+def picture(points, triangles, stress, path, load=f"a pull of {PULL:.0f} MPa"):
     """The surface coloured by a value per node."""
     corners = triangles[:, :3]
     value = stress[corners].mean(axis=1)
@@ -72,4 +72,4 @@ def picture(points, triangles, stress, path):
     bar = plt.cm.ScalarMappable(plt.Normalize(0, value.max()), "viridis")
     plt.colorbar(bar, ax=axes, shrink=0.6, label="von Mises stress, MPa")
     plt.savefig(path, dpi=150, bbox_inches="tight")
-    print(f"largest stress {value.max():.0f} MPa under a pull of {PULL:.0f} MPa; {path}")
+    print(f"largest stress {value.max():.3g} MPa under {load}; {path}")

@@ -376,8 +376,9 @@ impl Builder<'_> {
                         turn: 0.4 * largest_kink(self.tolerance, self.size).to_radians(),
                     };
                     let made = smooth.charts(&mut self.mesh, &mut self.across, control)?;
-                    let made = made.ok_or_else(|| BrepError::NoSpline {
+                    let made = made.map_err(|why| BrepError::NoSpline {
                         part: self.name(sheet).to_owned(),
+                        why,
                     })?;
                     let made = made.into_iter().map(|(t, g)| (t, Arc::new(g)));
                     self.graphs.extend(made);

@@ -9,7 +9,7 @@ use crate::cut::{Cut, LabelledMesh, crossing, imprint};
 use crate::fit::{HeightRegion, cone, normal_of};
 use crate::locus::{Distance, Locus};
 use crate::topology::{TriangleSide, across_sides, ends_of, sides_of};
-use crate::{BrepError, Control};
+use crate::{BrepError, Control, SplineRefusal};
 use isoform_geom::brep::{Axes, Graph, Surface};
 use isoform_geom::{Aabb, Field, Point3, cross, dot, middle, norm, orthonormal_complement, sub};
 use isoform_num::linalg::symmetric_eigen;
@@ -34,9 +34,12 @@ pub(crate) struct SmoothFace<'a> {
     pub(crate) turn: f64,
 }
 
+/// Splines of charts, each with a triangle of its chart that later cuts keep there.
+pub(crate) type ChartSplines = Vec<(u32, Graph)>;
+
 impl SmoothFace<'_> {
-    /// Cuts the component into charts and finds their splines, each with a triangle of its chart
-    /// that later cuts keep there. `None` if it has too many charts, or one without a spline.
+    /// Cuts the component into charts and finds their splines; the reason if it has too many
+    /// charts, or one without a spline.
     ///
     /// # Errors
     /// Fails if the mesh is not closed, or the work is stopped.
@@ -45,7 +48,7 @@ impl SmoothFace<'_> {
         mesh: &mut LabelledMesh,
         across: &mut Vec<[TriangleSide; 3]>,
         control: &Control<'_>,
-    ) -> Result<Option<Vec<(u32, Graph)>>, BrepError> {
+    ) -> Result<Result<ChartSplines, SplineRefusal>, BrepError> {
         let first = mesh.components.iter().position(|c| *c == self.component);
         let mut pending: Vec<u32> = first.into_iter().map(|t| t as u32).collect();
         let mut done = Vec::new();
@@ -53,6 +56,16 @@ impl SmoothFace<'_> {
         while let Some(seed) = pending.pop() {
             control.check()?;
             let own = connected(mesh, across, seed);
+            let refused = |mesh: &LabelledMesh, across: &[[TriangleSide; 3]]| {
+                let mut left = std::iter::once(&seed).chain(&pending);
+                let is_steep =
+                    |&t: &u32| self.direction(mesh, &connected(mesh, across, t)).is_none();
+                let charts = done.len() + pending.len() + 1;
+                match left.any(is_steep) {
+                    true => SplineRefusal::TurnsOver { charts },
+                    false => SplineRefusal::TooFar { charts },
+                }
+            };
             if let Some(graph) = self.graph(mesh, &own) {
                 done.push((seed, graph));
                 continue;
@@ -60,11 +73,11 @@ impl SmoothFace<'_> {
             let bit = mesh.cuts[self.component as usize].len() as u32;
             // `LabelledMesh::charts` has 128 bits.
             if bit >= 127 {
-                return Ok(None);
+                return Ok(Err(refused(mesh, across)));
             }
             let junctions = junctions(mesh);
             let Some(plane) = PlaneChooser::new(mesh, across, &own, &junctions).best() else {
-                return Ok(None);
+                return Ok(Err(refused(mesh, across)));
             };
             let plane = Locus::Exact(plane);
             mesh.cuts[self.component as usize].push(plane.clone());
@@ -79,17 +92,28 @@ impl SmoothFace<'_> {
             *across = across_sides(&mesh.triangles)?;
             let mut parts = seeds(mesh, across, own.iter().copied().chain(new));
             if parts.len() < 2 {
-                return Ok(None);
+                return Ok(Err(refused(mesh, across)));
             }
             parts.reverse();
             pending.append(&mut parts);
         }
-        Ok(Some(done))
+        Ok(Ok(done))
     }
 
     /// Returns the spline of a piece; `None` if its normals do not lie within a cone, or no spline
     /// fits.
     fn graph(&self, mesh: &LabelledMesh, own: &[u32]) -> Option<Graph> {
+        let region = HeightRegion {
+            field: self.field.as_ref(),
+            triangles: own.iter().map(|t| mesh.corners(*t)).collect(),
+            direction: self.direction(mesh, own)?,
+        };
+        region.fit(self.tolerance, self.turn)
+    }
+
+    /// Returns the direction over which a piece is a graph; `None` if its normals do not lie within
+    /// a cone.
+    fn direction(&self, mesh: &LabelledMesh, own: &[u32]) -> Option<Point3> {
         let mut seen = BTreeSet::new();
         let corners = own.iter().flat_map(|t| mesh.triangles[*t as usize]);
         let nodes = corners.filter(|v| seen.insert(*v));
@@ -105,15 +129,7 @@ impl SmoothFace<'_> {
             return None;
         }
         let (direction, cosine) = cone(&normals);
-        if cosine < MIN_NORMAL_COSINE {
-            return None;
-        }
-        let region = HeightRegion {
-            field: self.field.as_ref(),
-            triangles: own.iter().map(|t| mesh.corners(*t)).collect(),
-            direction,
-        };
-        region.fit(self.tolerance, self.turn)
+        (cosine >= MIN_NORMAL_COSINE).then_some(direction)
     }
 }
 

@@ -57,6 +57,24 @@ pub use surfaces::Recognize;
 use isoform_control::Stopped;
 use isoform_geom::Point3;
 
+/// Reason why a smooth part has no splines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SplineRefusal {
+    /// A chart still faces directions too different for a height over a plane.
+    #[error("turns over even where it is cut into {charts} faces: too many would be needed")]
+    TurnsOver {
+        /// Number of charts that it was cut into.
+        charts: usize,
+    },
+    /// All charts are heights over planes, but one has no spline within the tolerance.
+    #[error("has no splines that are near enough, even where it is cut into {charts} faces")]
+    TooFar {
+        /// Number of charts that it was cut into.
+        charts: usize,
+    },
+}
+
 /// Reasons why no boundary representation is made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -75,10 +93,12 @@ pub enum BrepError {
     },
     /// A smooth part was cut into a hundred charts, and one of them is still not a graph, or has no
     /// spline near enough.
-    #[error("no splines were found that are near enough to the part {part}")]
+    #[error("the part {part} {why}")]
     NoSpline {
         /// Name of the part.
         part: String,
+        /// Reason why its charts do not suffice.
+        why: SplineRefusal,
     },
     /// A part has nodes that are off its surface: the mesh is too coarse for it.
     #[error("nodes of the mesh on the part {part} are {by:.1e} away from its {kind}")]

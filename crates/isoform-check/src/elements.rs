@@ -68,6 +68,16 @@ pub struct TetQuality {
     pub radius_ratio_mean: f64,
     /// Largest aspect ratio, see [`Shape::aspect`].
     pub aspect_max: f64,
+    /// Mean aspect ratio.
+    pub aspect_mean: f64,
+    /// Tetrahedra with the largest aspect ratios, which are their values.
+    pub worst_aspect: Vec<Place>,
+    /// Smallest scaled Jacobian, see [`Shape::scaled_jacobian`].
+    pub scaled_jacobian_min: f64,
+    /// Mean scaled Jacobian.
+    pub scaled_jacobian_mean: f64,
+    /// Tetrahedra with the smallest scaled Jacobians, which are their values.
+    pub worst_jacobian: Vec<Place>,
     /// Edge lengths.
     pub edges: Lengths,
     /// Tetrahedra with the smallest biased minimum sines; the value is that sine.
@@ -137,10 +147,16 @@ struct ElementSums {
     ratio: ValueRange,
     /// Aspect ratios.
     aspect: ValueRange,
+    /// Scaled Jacobians.
+    jacobian: ValueRange,
     /// Edge lengths.
     edge: ValueRange,
     /// Elements with the lowest values.
     worst: Lowest,
+    /// Elements with the largest aspect ratios, by their negatives.
+    worst_aspect: Lowest,
+    /// Elements with the lowest scaled Jacobians.
+    worst_jacobian: Lowest,
 }
 
 impl ElementSums {
@@ -153,8 +169,11 @@ impl ElementSums {
             sine: ValueRange::EMPTY,
             ratio: ValueRange::EMPTY,
             aspect: ValueRange::EMPTY,
+            jacobian: ValueRange::EMPTY,
             edge: ValueRange::EMPTY,
             worst: Lowest::default(),
+            worst_aspect: Lowest::default(),
+            worst_jacobian: Lowest::default(),
         }
     }
     /// Adds the sums over later elements.
@@ -166,8 +185,11 @@ impl ElementSums {
             sine,
             ratio,
             aspect,
+            jacobian,
             edge,
             worst,
+            worst_aspect,
+            worst_jacobian,
         } = later;
         self.elements += elements;
         for (a, b) in self.histogram.iter_mut().zip(histogram) {
@@ -177,8 +199,11 @@ impl ElementSums {
         self.sine.append(sine);
         self.ratio.append(ratio);
         self.aspect.append(aspect);
+        self.jacobian.append(jacobian);
         self.edge.append(edge);
         self.worst.append(room, worst);
+        self.worst_aspect.append(room, worst_aspect);
+        self.worst_jacobian.append(room, worst_jacobian);
     }
     /// Returns the edge lengths of elements with `edges` edges each.
     fn lengths(&self, edges: usize) -> Lengths {
@@ -275,7 +300,12 @@ impl ElementSums {
         self.sine.add(worst);
         let ratio = shape.radius_ratio();
         self.ratio.add(ratio);
-        self.aspect.add(shape.aspect());
+        let aspect = shape.aspect();
+        self.aspect.add(aspect);
+        self.worst_aspect.add(room, -aspect, k);
+        let jacobian = shape.scaled_jacobian();
+        self.jacobian.add(jacobian);
+        self.worst_jacobian.add(room, jacobian, k);
         for e in shape.edges {
             self.edge.add(e);
         }
@@ -324,6 +354,11 @@ pub(super) fn tets(
         radius_ratio_min: all.ratio.min,
         radius_ratio_mean: mean(all.ratio.sum),
         aspect_max: all.aspect.max,
+        aspect_mean: mean(all.aspect.sum),
+        worst_aspect: places(&all.worst_aspect, points, tets, |v| -v),
+        scaled_jacobian_min: all.jacobian.min,
+        scaled_jacobian_mean: mean(all.jacobian.sum),
+        worst_jacobian: places(&all.worst_jacobian, points, tets, |v| v),
         edges: all.lengths(6),
         worst: places(&all.worst, points, tets, |v| v),
     })
@@ -554,6 +589,13 @@ mod tests {
                 && q.worst[0].elements == [0]
         );
         assert!((q.edges.mean - (3.0 + 9.0 * 2f64.sqrt()) / 12.0).abs() < 1e-15);
+        // In the corner of a cube r = (3 − √3)/6 and the longest edge is √2.
+        let aspect = 2f64.sqrt() / (2.0 * 6f64.sqrt() * (3.0 - 3f64.sqrt()) / 6.0);
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-12;
+        assert!(near(q.aspect_max, aspect) && near(q.aspect_mean, 0.5 * (1.0 + aspect)));
+        assert!(q.worst_aspect[0].elements == [0] && near(q.worst_aspect[0].value, aspect));
+        assert!(near(q.scaled_jacobian_min, 0.5f64.sqrt()));
+        assert!(q.worst_jacobian[0].elements == [0] && q.worst_jacobian[1].elements == [1]);
         assert!(tets(&points, &[], &Options::default()).is_none());
     }
 

@@ -41,7 +41,9 @@ mod opposite;
 pub mod quality;
 mod stars;
 mod surface;
+mod turns;
 mod volume;
+mod walls;
 mod wedges;
 
 pub use cap::Capped;
@@ -55,7 +57,9 @@ pub use format::Malformed;
 pub use intersections::Intersections;
 pub use opposite::OppositeSides;
 pub use surface::{Shell, Surface};
+pub use turns::PartTurn;
 pub use volume::Volume;
+pub use walls::Walls;
 pub use wedges::WedgeQuality;
 
 use isoform_control::Control;
@@ -163,6 +167,10 @@ pub struct Certificate {
     pub wedges: Option<WedgeQuality>,
     /// Jacobians of tetrahedra with mid nodes.
     pub curved: Option<CurvedQuality>,
+    /// Layers of elements through the walls; wedges count as one layer each.
+    pub walls: Option<Walls>,
+    /// Largest angle between neighbouring triangles of each part; empty without a solid.
+    pub turns: Vec<PartTurn>,
     /// Distances to the solid; `None` without a solid.
     pub deviation: Option<Deviation>,
     /// Share of the feature curves and corners that the mesh has; `None` without features.
@@ -245,6 +253,7 @@ fn examine(
         let deviation = deviation::measure(mesh, triangles, solid, options, control);
         control.check().ok()?;
         certificate.deviation = Some(deviation);
+        certificate.turns = turns::examine(mesh, solid);
     }
     examine_features(mesh, triangles, options, control, certificate)
 }
@@ -286,6 +295,7 @@ fn examine_tetrahedra(
     control.begin("measuring tetrahedra").ok()?;
     certificate.tets = elements::tets(&mesh.points, &mesh.tets[..tets], options);
     certificate.curved = elements::curved(mesh, options);
+    certificate.walls = walls::examine(mesh, &boundary);
     Some(boundary)
 }
 

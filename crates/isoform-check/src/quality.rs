@@ -116,6 +116,17 @@ impl Shape {
         longest * sum / (2.0 * 6f64.sqrt() * self.six_volume.abs().max(f64::MIN_POSITIVE))
     }
 
+    /// Returns the scaled Jacobian: √2 times the determinant of the edges at a corner, over the
+    /// largest product of the lengths of the three edges at a corner; 1 for a regular tetrahedron,
+    /// ≤ 0 for a flat or an inverted one. As in Verdict (Stimpson et al., 2007, "The Verdict
+    /// Geometric Quality Library", SAND2007-1751).
+    pub fn scaled_jacobian(&self) -> f64 {
+        let [cd, bd, bc, ad, ac, ab] = self.edges;
+        let products = [ab * ac * ad, ab * bc * bd, ac * bc * cd, ad * bd * cd];
+        let largest = products.into_iter().fold(self.six_volume.abs(), f64::max);
+        2f64.sqrt() * self.six_volume / largest.max(f64::MIN_POSITIVE)
+    }
+
     /// Returns the smallest sine of the dihedral angles, obtuse ones times [`OBTUSE_WEIGHT`]; √8/3
     /// = 0.943 for a regular tetrahedron.
     pub fn biased_minimum_sine(&self) -> f64 {
@@ -194,6 +205,7 @@ mod tests {
         );
         let s = Shape::new(p);
         assert!(near(s.six_volume, 16.0) && near(s.radius_ratio(), 1.0) && near(s.aspect(), 1.0));
+        assert!(near(s.scaled_jacobian(), 1.0));
         assert!(
             near(s.biased_minimum_sine(), 8f64.sqrt() / 3.0) && near(s.mean_edge(), 8f64.sqrt())
         );
@@ -239,6 +251,8 @@ mod tests {
             Shape::new(p).radius_ratio(),
             3.0 * (3.0 - 3f64.sqrt()) / 6.0 / (3f64.sqrt() / 2.0)
         ));
+        // At the other corners the edges are 1, √2 and √2 long.
+        assert!(near(Shape::new(p).scaled_jacobian(), 0.5f64.sqrt()));
     }
 
     #[test]
@@ -264,9 +278,13 @@ mod tests {
         ];
         let s = Shape::new(inverted);
         assert!(s.six_volume == -1.0 && s.radius_ratio() < 0.0 && s.biased_minimum_sine() < 0.0);
+        assert!(near(s.scaled_jacobian(), -(0.5f64.sqrt())));
         let s = Shape::new([[0.5; 3]; 4]);
         assert!(
-            s.radius_ratio() == 0.0 && cosines(&s) == [0.0; 6] && s.biased_minimum_sine() == 0.0
+            s.radius_ratio() == 0.0
+                && s.scaled_jacobian() == 0.0
+                && cosines(&s) == [0.0; 6]
+                && s.biased_minimum_sine() == 0.0
         );
     }
 

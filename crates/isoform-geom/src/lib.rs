@@ -6,6 +6,7 @@
 
 pub mod brep;
 mod cloud;
+mod curvature;
 mod field;
 mod gram;
 mod kdtree;
@@ -24,6 +25,7 @@ mod spline;
 mod union_find;
 
 pub use cloud::{Column, PointCloud, recentering_origin};
+pub use curvature::principal_curvatures;
 pub use field::{
     DistanceField, Edge, Expansion, Field, Foot, Frame, Nearby, NormalEquations, ParamField, Terms,
     add_normal_equations, normal_equations_of,

@@ -85,8 +85,8 @@ pub use inspect::{ColumnRange, Inspection, UnitGuess, inspect, inspect_unit};
 pub use kind::{FileKind, file_kind};
 pub use maps::{MAP_KEYS, MAP_VARIABLES, MapFile, MapFileError, read_map, write_map};
 pub use mesh::{
-    MeshFormat, MeshReadOptions, MeshWriteOptions, mesh_format_named, mesh_formats, read_mesh,
-    write_mesh, write_mesh_path, write_pvtu,
+    MeshFormat, MeshReadOptions, MeshWriteOptions, mesh_format_for, mesh_format_named,
+    mesh_formats, read_mesh, write_mesh, write_mesh_path, write_pvtu,
 };
 pub use options::{MeshPoints, ReadOptions, ReadReport, WriteOptions, WriteReport};
 pub use patches::{

@@ -23,6 +23,7 @@ mod inp;
 mod msh;
 mod obj;
 mod off;
+mod openfoam;
 mod options;
 mod out;
 mod ply;
@@ -32,13 +33,14 @@ mod stl;
 mod surface;
 mod three_mf;
 mod vtu;
+mod xdmf;
 mod zip;
 
 pub(crate) use choose::by_content as mesh_by_content;
 pub use format::MeshFormat;
 pub use options::{MeshReadOptions, MeshWriteOptions};
 pub use pvtu::write_pvtu;
-pub use registry::{mesh_format_named, mesh_formats};
+pub use registry::{mesh_format_for, mesh_format_named, mesh_formats};
 pub(crate) use three_mf::{unit as three_mf_unit, write_package};
 
 use crate::format::extension;
@@ -78,27 +80,32 @@ pub fn write_mesh(
 ) -> Result<WriteReport, WriteError> {
     let (format, write, options) = writer(format, options)?;
     check::check(mesh, "output")?;
-    let mesh = &writable(mesh, format);
-    write(mesh, out, &options)
+    let stored = &writable(mesh, format);
+    write(stored, out, &options)
         .and_then(|()| out.flush())
         .map_err(|e| WriteError::io("cannot write the mesh", "output".into(), &e))?;
-    Ok(report(mesh, format, &options))
+    Ok(report(mesh, stored, format, &options))
 }
 
-/// Writes a file atomically (see [`write_atomic`]); the format is given by `format` or by the
-/// ending of the name.
+/// Writes a file atomically (see [`write_atomic`]), or the files of a folder; the format is given by
+/// `format` or by the name (see [`mesh_format_for`]).
 pub fn write_mesh_path(
     mesh: &Mesh,
     path: &Path,
     format: Option<&str>,
     options: &MeshWriteOptions,
 ) -> Result<WriteReport, WriteError> {
-    let named = extension(&path.to_string_lossy());
-    let (format, write, options) = writer(format.or(named.as_deref()).unwrap_or(""), options)?;
+    let ending = extension(&path.to_string_lossy());
+    let named = mesh_format_for(path).map(|f| f.name).or(ending.as_deref());
+    let (format, write, options) = writer(format.or(named).unwrap_or(""), options)?;
     check::check(mesh, &path.display().to_string())?;
-    let mesh = &writable(mesh, format);
-    write_atomic(path, |out| write(mesh, out, &options))?;
-    Ok(report(mesh, format, &options))
+    let stored = &writable(mesh, format);
+    if let Some(write) = format.folder {
+        write(stored, path, &options)?;
+        return Ok(report(mesh, stored, format, &options));
+    }
+    write_atomic(path, |out| write(stored, out, &options))?;
+    Ok(report(mesh, stored, format, &options))
 }
 
 fn writer(
@@ -132,7 +139,10 @@ fn writer(
 /// triangles, and omits walls between regions, which would end inside the surface.
 fn writable<'m>(mesh: &'m Mesh, format: &MeshFormat) -> Cow<'m, Mesh> {
     if format.volume {
-        return Cow::Borrowed(mesh);
+        return match format.wedges {
+            true => Cow::Borrowed(mesh),
+            false => mesh.simplices(),
+        };
     }
     match mesh.simplices() {
         Cow::Borrowed(mesh) => mesh.without_walls(),
@@ -140,14 +150,25 @@ fn writable<'m>(mesh: &'m Mesh, format: &MeshFormat) -> Cow<'m, Mesh> {
     }
 }
 
-/// Lists what the format cannot store.
-fn report(mesh: &Mesh, format: &MeshFormat, options: &MeshWriteOptions) -> WriteReport {
+/// Lists what the format cannot store of a mesh, of which `stored` was written.
+fn report(
+    mesh: &Mesh,
+    stored: &Mesh,
+    format: &MeshFormat,
+    options: &MeshWriteOptions,
+) -> WriteReport {
     let mut warnings = Vec::new();
     if !mesh.tets.is_empty() && !format.volume {
         warnings.push(format!(
             "{} has no volume elements: only the {} triangles were written",
             format.title,
-            mesh.triangles.len()
+            stored.triangles.len()
+        ));
+    }
+    if !mesh.wedges.is_empty() && format.volume && !format.wedges {
+        warnings.push(format!(
+            "{} has no wedges here: each was written as three tetrahedra",
+            format.title
         ));
     }
     if mesh.order() == 2 && !format.second_order {

@@ -15,7 +15,7 @@ use crate::product::Statement;
 use crate::solids;
 use crate::table::{line, measure};
 use crate::{gallery, interrupt};
-use isoform::brep::BrepError;
+use isoform::brep::{BrepError, SplineRefusal};
 use isoform::field::hyperfun::Model;
 use isoform::geom::Aabb;
 use isoform::report::{BrepReport, ModelName, Seconds, brief};
@@ -212,6 +212,7 @@ fn no_brep(error: &BrepModelError, name: &str, region: Option<Aabb>) -> Failure 
             BrepError::OffSurface { .. } => none("off-surface")
                 .why("parts thinner than its triangles, or surfaces that touch, confuse a mesh")
                 .hint("a smaller --size"),
+            BrepError::NoSpline { why, .. } => no_spline(none("no-spline"), *why, name),
             BrepError::NoCurve { at, .. } => none("tangent")
                 .somewhere(*at)
                 .why(format!(
@@ -227,6 +228,22 @@ fn no_brep(error: &BrepModelError, name: &str, region: Option<Aabb>) -> Failure 
             _ => none("not-closed").hint("a smaller --size"),
         },
         _ => none("brep"),
+    }
+}
+
+/// Completes the failure of a part without splines: a surface that turns over needs another form,
+/// not another mesh.
+fn no_spline(failure: Failure, why: SplineRefusal, name: &str) -> Failure {
+    match why {
+        SplineRefusal::TooFar { .. } => failure
+            .why("the tolerance is smaller than what splines reach there")
+            .hint("a larger --tol"),
+        _ => failure
+            .why("each spline face is a height over a plane, and a lattice or an organic shape is not")
+            .hint(format!(
+                "isoform mesh {name} -o part.3mf (or part.stl) writes its triangles, which a \
+                 smaller --size brings nearer to it"
+            )),
     }
 }
 

@@ -17,8 +17,8 @@ use crate::parameters::{self, Given};
 use crate::{scan, solids};
 use isoform::geom::Aabb;
 use isoform::io::{
-    MeshPoints, MeshWriteOptions, WriteOptions, format_named, mesh_format_named, write, write_mesh,
-    write_mesh_path, write_path,
+    MeshPoints, MeshWriteOptions, WriteOptions, format_named, mesh_format_for, mesh_format_named,
+    write, write_mesh, write_mesh_path, write_path,
 };
 use isoform::{LevelSetFileError, level_set_file};
 use serde_json::{Value, json};
@@ -117,7 +117,10 @@ fn is_mesh(args: &Args) -> bool {
         let ending = path.extension().unwrap_or_default().to_string_lossy();
         said.map_or_else(|| ending.into_owned(), str::to_owned)
     };
-    let can = |path: &Path, said| mesh_format_named(&name(path, said)).is_some();
+    let can = |path: &Path, said: Option<&str>| match said {
+        Some(name) => mesh_format_named(name).is_some(),
+        None => mesh_format_for(path).is_some(),
+    };
     let is_only_read = format_named(&name(&args.output, to)).is_some_and(|f| !f.is_writable());
     let is_sampled = args.samples.is_some() || args.max_points.is_some();
     let is_surface = is_only_read && !is_sampled;

@@ -101,7 +101,7 @@ fn mesh(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let text = format!(
         "{file}: {}\n{}",
         report.format,
-        mesh_table::of_mesh(&mesh, &certificate)
+        mesh_table::of_mesh(&mesh, &certificate, report.units.as_deref())
     );
     Ok(Outcome {
         exit: DONE,

@@ -8,7 +8,8 @@ use crate::memory::{self, Object};
 use isoform::geom::{Mesh, PointCloud};
 use isoform::io::{
     At, BAD_MESH, FileKind, MeshPoints, MeshReadOptions, ReadError, ReadOptions, ReadReport,
-    Source, WriteError, WriteOptions, format_named, mesh_format_named, read, read_mesh, write,
+    Source, WriteError, WriteOptions, format_named, mesh_format_for, mesh_format_named, read,
+    read_mesh, write,
 };
 use isoform::surface_of;
 use std::path::Path;
@@ -138,9 +139,11 @@ pub(crate) fn read_vertices(
 /// Returns true if it is a format of meshes alone, by what was said or by the ending: msh, vtu, inp
 /// and so on.
 pub(crate) fn is_mesh(path: &Path, said: Option<&str>) -> bool {
-    let ending = path.extension().unwrap_or_default().to_string_lossy();
-    let name = said.unwrap_or(&ending);
-    mesh_format_named(name).is_some() && format_named(name).is_none()
+    let format = match said {
+        Some(name) => mesh_format_named(name),
+        None => mesh_format_for(path),
+    };
+    format.is_some_and(|format| format_named(said.unwrap_or(format.name)).is_none())
 }
 
 /// Reads a mesh with its groups, or stdin for `-`.

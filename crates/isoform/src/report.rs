@@ -14,6 +14,7 @@ mod inspect;
 mod mesh;
 mod nominal;
 mod patches;
+mod quality;
 mod recognize;
 mod solid;
 mod surface;
@@ -36,6 +37,7 @@ pub use patches::{
     AboutPatches, BoxReport, CoverageReport, Entity, LeftOutReport, MarginReport, PatchReport,
     PatchesReport, WeightsReport, solver_name,
 };
+pub use quality::{AspectReport, FacetsReport, QualityReport, WallsReport, WorstElement};
 pub use recognize::{
     BlendReport, EntityReport, LayoutReport, MotionReport, Parameters, PatternReport,
     RecognizeReport, RecognizedFaceReport, RelationReport, SnapReport, SymmetryReport,

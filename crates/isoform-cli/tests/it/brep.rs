@@ -117,6 +117,21 @@ fn what_is_no_such_solid_is_refused_with_a_reason() {
             "{name}"
         );
     }
+    // A gyroid in a ball turns over in each of a hundred charts: another mesh would not help.
+    let gyroid = "m(x[3], a[1]) { t = sin(6*x[1])*cos(6*x[2]) + sin(6*x[2])*cos(6*x[3]); \
+                  g = 0.4 - t - sin(6*x[3])*cos(6*x[1]); \
+                  m = g & (1 - x[1]^2 - x[2]^2 - x[3]^2); }";
+    let o = isoform(&["brep", &f.file("gyroid.hf", gyroid), "-q", "--size", "0.12"]);
+    let said = stderr(&o);
+    assert_eq!(code(&o), 4, "{said}");
+    for word in [
+        "the part g turns over",
+        "-o part.3mf",
+        "a height over a plane",
+    ] {
+        assert!(said.contains(word), "{said}");
+    }
+    assert!(!said.contains("splines were found"), "{said}");
     let model = f.file("cone.hf", CONE);
     assert_eq!(
         code(&isoform(&["brep", &model, "-q", "-o", &f.path("cone.obj")])),

@@ -110,7 +110,36 @@ fn a_document_says_all_that_is_known() {
     }
     let inp = String::from_utf8(f.bytes("m.inp")).expect("text");
     assert_eq!(inp.matches("*SURFACE").count(), 7);
-    assert!(inp.contains("C3D4") && !inp.contains("*STEP"));
+    // The step at the end is an example, in comments.
+    assert!(inp.contains("C3D4") && inp.contains("\n***STEP\n") && !inp.contains("\n*STEP"));
+    assert!(
+        inp.contains("\n**CUBE_X_MIN, 1, 3\n"),
+        "the first part is held"
+    );
+
+    let q = &c["quality"];
+    let figure = |v: &Value| v.as_f64().expect("a figure");
+    assert!(figure(&q["aspect_ratio"]["max"]) > figure(&q["aspect_ratio"]["mean"]));
+    assert!((0.0..1.0).contains(&figure(&q["scaled_jacobian"]["min"])));
+    let worst = q["worst"].as_array().expect("a list");
+    assert_eq!(worst.len(), 20, "ten by each of two measures");
+    assert_eq!(worst[0]["measure"], "scaled Jacobian");
+    assert_eq!(worst[0]["value"], q["scaled_jacobian"]["min"]);
+    assert_eq!(worst[10]["value"], q["aspect_ratio"]["max"]);
+    assert!(worst[0]["element"].as_u64() >= Some(1));
+    // Between the hole and the nearest sides lies half a unit, more than the size.
+    let walls = &c["walls"];
+    assert!(walls["layers_min"].as_u64() >= Some(1));
+    assert!(walls["layers_p5"].as_u64() >= walls["layers_min"].as_u64());
+    let facets = c["facets"].as_array().expect("parts");
+    let hole = facets
+        .iter()
+        .find(|f| f["part"] == "hole")
+        .expect("the hole");
+    assert!((figure(&hole["radius"]) - 0.5).abs() < 1e-9, "{hole}");
+    assert!((20.0..120.0).contains(&figure(&hole["angle"])), "{hole}");
+    let flat = facets.iter().filter(|f| f["part"] != "hole");
+    assert!(flat.clone().count() == 6 && flat.clone().all(|f| f["radius"].is_null()));
 }
 
 #[test]
@@ -132,6 +161,9 @@ fn a_table_says_it_shortly() {
         "nowhere",
         "certificate  holds",
         "m.obj (obj); OBJ has no volume elements",
+        "quality      aspect ratio at most ",
+        "worst        element ",
+        "coarsest on ",
     ] {
         assert!(text.contains(word), "{word}: {text}");
     }

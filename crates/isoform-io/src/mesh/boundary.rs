@@ -16,8 +16,11 @@ fn sorted<T: Ord, const N: usize>(mut nodes: [T; N]) -> [T; N] {
     nodes
 }
 
+/// Number of sides of a wedge.
+pub(super) const WEDGE_SIDES: usize = WEDGE_TRIANGLES.len() + WEDGE_QUADS.len();
+
 /// Returns the corners of a face, oriented outward.
-fn face_nodes(tet: &[u32; 4], face: usize) -> [u32; 3] {
+pub(super) fn face_nodes(tet: &[u32; 4], face: usize) -> [u32; 3] {
     TET_FACES[face].map(|c| tet[c])
 }
 
@@ -62,6 +65,15 @@ pub(super) fn sides_of_faces(mesh: &Mesh) -> Vec<Option<ElementSide>> {
         }
     });
     found
+}
+
+/// Returns true for each face with a volume on either side.
+pub(super) fn wall_faces(mesh: &Mesh) -> Vec<bool> {
+    let mut sides = vec![0_u8; face_count(mesh)];
+    for_faces_on_volumes(mesh, |face, _, _| {
+        sides[face] = sides[face].saturating_add(1)
+    });
+    sides.into_iter().map(|n| n > 1).collect()
 }
 
 /// Returns the parts that bound each region, ascending.

@@ -1,16 +1,19 @@
 //! Description of a mesh format: its names, what it stores, and its reader and writer.
 
 use super::options::MeshWriteOptions;
-use crate::ReadReport;
 use crate::format::Sniff;
-use crate::input::{Input, Result};
+use crate::input::{self, Input};
+use crate::{ReadReport, WriteError};
 use isoform_geom::Mesh;
 use std::io::{self, Write};
+use std::path::Path;
 
 /// Writer of meshes.
 pub(super) type MeshWriteFn = fn(&Mesh, &mut dyn Write, &MeshWriteOptions) -> io::Result<()>;
+/// Writer of the files of a folder.
+pub(super) type MeshFolderFn = fn(&Mesh, &Path, &MeshWriteOptions) -> Result<(), WriteError>;
 /// Reader of meshes, which adds warnings to the report.
-pub(super) type MeshReadFn = fn(&mut Input<'_>, &mut ReadReport) -> Result<Mesh>;
+pub(super) type MeshReadFn = fn(&mut Input<'_>, &mut ReadReport) -> input::Result<Mesh>;
 
 /// Columns of a mesh that a format stores.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -31,9 +34,11 @@ pub struct MeshFormat {
     pub extensions: &'static [&'static str],
     /// Name in sentences.
     pub title: &'static str,
-    /// True if the format stores tetrahedra and wedges; otherwise only the surface is written, as
-    /// triangles.
+    /// True if the format stores tetrahedra; otherwise only the surface is written, as triangles.
     pub volume: bool,
+    /// True if the format stores wedges and quadrilaterals; otherwise a wedge is written as three
+    /// tetrahedra, and a quadrilateral as two triangles.
+    pub wedges: bool,
     /// True if the format stores mid-edge nodes.
     pub second_order: bool,
     /// True if binary coordinates have 32 bits.
@@ -46,7 +51,9 @@ pub struct MeshFormat {
     pub(super) sniff: fn(&[u8]) -> Sniff,
     /// Reader; `None` if the format is write-only.
     pub(super) read: Option<MeshReadFn>,
-    /// Writer.
+    /// Writer of a folder; `None` if the format is a single file.
+    pub(super) folder: Option<MeshFolderFn>,
+    /// Writer of a file; fails if the format is a folder.
     pub(super) write: MeshWriteFn,
 }
 
@@ -54,6 +61,10 @@ impl MeshFormat {
     /// Returns true if the format can be read.
     pub fn is_readable(&self) -> bool {
         self.read.is_some()
+    }
+    /// Returns true if the format is a folder of files, and cannot be written to a stream.
+    pub fn is_folder(&self) -> bool {
+        self.folder.is_some()
     }
     /// Returns true: all mesh formats can be written.
     pub fn is_writable(&self) -> bool {

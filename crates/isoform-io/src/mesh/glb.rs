@@ -41,7 +41,7 @@ pub(super) fn write(
         write_document(&json!({ "asset": asset() }), None, &mut out)?;
     } else {
         let model = GlbModel::from_mesh(mesh);
-        let scale = metres(options.units.as_deref());
+        let scale = options.metres().unwrap_or(1.0);
         write_document(&model.document(scale), Some(model.size()), &mut out)?;
         model.write_binary(&mut out)?;
     }
@@ -231,18 +231,6 @@ fn attributes(mesh: &Mesh) -> impl Iterator<Item = &Column> {
 /// Returns the version of glTF and the name of the writer.
 fn asset() -> Value {
     json!({ "version": "2.0", "generator": "isoform" })
-}
-
-/// Returns the metres in a unit; 1 if it is unknown.
-fn metres(unit: Option<&str>) -> f64 {
-    match unit {
-        Some("um") => 1e-6,
-        Some("mm") => 1e-3,
-        Some("cm") => 1e-2,
-        Some("in") => 0.0254,
-        Some("ft") => 0.3048,
-        _ => 1.0,
-    }
 }
 
 /// Returns the name of a column as an application-specific attribute: `_`, then capitals, digits

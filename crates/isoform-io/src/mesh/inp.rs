@@ -1,5 +1,5 @@
-//! Abaqus and CalculiX .inp: nodes, elements, sets and surfaces, without steps; reading and
-//! writing.
+//! Abaqus and CalculiX .inp: nodes, elements, sets and surfaces; reading and writing. A step is
+//! written as an example in comment lines.
 //!
 //! Tetrahedra are C3D4 or C3D10 with an element set per region; wedges are C3D6 in the set of the
 //! tetrahedra. Each part is a node set and a surface of element faces with one name, and each curve
@@ -8,6 +8,7 @@
 //! the maximum that CalculiX reads.
 
 mod read;
+mod step;
 
 pub(super) use read::read;
 
@@ -141,7 +142,9 @@ pub(super) fn write(
         node_set(&mut out, &names.corners, &mesh.corners, |c| ([c as u32], 1))?;
     }
     if has_volumes {
-        surfaces(mesh, &groups.parts, &names.parts, &mut out)?;
+        let sides = sides_of_faces(mesh);
+        surfaces(mesh, &groups.parts, &names.parts, &sides, &mut out)?;
+        step::write(mesh, &groups, &names, &sides, options, &mut out)?;
     }
     out.flush()
 }
@@ -259,8 +262,13 @@ fn node_set<const N: usize>(
 }
 
 /// Writes a surface of element faces for each part; faces that belong to no volume are omitted.
-fn surfaces(mesh: &Mesh, parts: &Groups, names: &[String], out: &mut Out<'_>) -> io::Result<()> {
-    let sides = sides_of_faces(mesh);
+fn surfaces(
+    mesh: &Mesh,
+    parts: &Groups,
+    names: &[String],
+    sides: &[Option<ElementSide>],
+    out: &mut Out<'_>,
+) -> io::Result<()> {
     for (i, faces) in parts.filled() {
         let mut on_volumes = faces.iter().filter_map(|&f| sides[f as usize]).peekable();
         if on_volumes.peek().is_none() {

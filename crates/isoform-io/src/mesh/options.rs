@@ -11,6 +11,21 @@ pub struct MeshWriteOptions {
     pub units: Option<String>,
 }
 
+impl MeshWriteOptions {
+    /// Returns the metres in the unit of length; `None` if it is unknown.
+    pub(super) fn metres(&self) -> Option<f64> {
+        Some(match self.units.as_deref()? {
+            "um" => 1e-6,
+            "mm" => 1e-3,
+            "cm" => 1e-2,
+            "m" => 1.0,
+            "in" => 0.0254,
+            "ft" => 0.3048,
+            _ => return None,
+        })
+    }
+}
+
 /// Options for reading a mesh.
 #[derive(Clone, Debug)]
 pub struct MeshReadOptions {

@@ -7,34 +7,14 @@ use crate::lattice::{CELL_EDGE, ReducedTree};
 use crate::options::Options;
 use crate::points::unit;
 use crate::surface::Surface;
-use isoform_geom::{Point3, Solid, dot, norm, orthonormal_complement, sub};
+use isoform_geom::{Point3, Solid, norm, principal_curvatures, sub};
 use isoform_num::Jet2;
 use rayon::prelude::*;
 
 /// Returns the largest principal curvature, by magnitude, of the level set through a point.
 pub(crate) fn curvature(j: &Jet2) -> f64 {
-    let [k, l] = bends(j);
+    let [k, l] = principal_curvatures(j);
     k.abs().max(l.abs())
-}
-
-/// Returns the principal curvatures of the level set through a point, positive where it bends
-/// towards the inside; 0 without a gradient.
-///
-/// With the unit normal n and orthonormal tangents u, v these are the eigenvalues of the Hessian
-/// restricted to u and v, divided by −|∇g|.
-fn bends(j: &Jet2) -> [f64; 2] {
-    let l = norm(j.g);
-    if !(l > 0.0 && l.is_finite()) {
-        return [0.0; 2];
-    }
-    let [u, v] = orthonormal_complement(j.g.map(|v| v / l));
-    let times = |w: Point3| -> Point3 {
-        std::array::from_fn(|i| (0..3).map(|k| j.second(i, k) * w[k]).sum())
-    };
-    let (hu, hv) = (times(u), times(v));
-    let (a, b, c) = (dot(u, hu) / l, dot(u, hv) / l, dot(v, hv) / l);
-    let (mean, off) = (0.5 * (a + c), (0.25 * (a - c) * (a - c) + b * b).sqrt());
-    [-mean - off, off - mean]
 }
 
 /// Returns the smallest radius of curvature of the surface next to a point at first-order distance
@@ -50,7 +30,7 @@ fn radius(solid: &dyn Solid, piece: u32, p: Point3, (v, gradient): (f64, Point3)
         // The distance between both is of first order only, and must not cancel the whole radius.
         (radius + left * bend.signum()).max(0.5 * radius)
     };
-    let [k, l] = bends(&j).map(of);
+    let [k, l] = principal_curvatures(&j).map(of);
     k.min(l)
 }
 

@@ -165,7 +165,8 @@ class Mesh(Triangles, Documented):
         For a unit cell, (n, 2) uint32 for each axis of repetition, such as ``"x"``: the nodes on
         its lower side, and the corresponding ones on the upper side.
     certificate : dict
-        Verified properties of the mesh.
+        Verified properties of the mesh; ``walls`` tells the elements through the walls, and
+        ``facets`` how coarsely triangles follow each part.
     warnings : list of str
         Possible problems.
     """
@@ -185,6 +186,12 @@ class Mesh(Triangles, Documented):
     def area(self) -> float | None:
         """The area of the surface; None if it was not measured."""
         return self.certificate.get("area")
+
+    @property
+    def quality(self) -> dict[str, Any] | None:
+        """The aspect ratios and scaled Jacobians of the tetrahedra, as Verdict and VTK define them,
+        with the ten worst elements by each; None without tetrahedra."""
+        return self.certificate.get("quality")
 
     @property
     def is_watertight(self) -> bool:

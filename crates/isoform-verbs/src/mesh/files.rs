@@ -7,7 +7,9 @@ use crate::failure::Failure;
 use crate::watchdog::Writing;
 use crate::{scan, solids};
 use isoform::geom::Mesh;
-use isoform::io::{MeshWriteOptions, mesh_format_named, mesh_formats, write_mesh, write_mesh_path};
+use isoform::io::{
+    MeshWriteOptions, mesh_format_for, mesh_format_named, mesh_formats, write_mesh, write_mesh_path,
+};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -19,10 +21,9 @@ pub(crate) struct MeshTarget {
     format: Option<String>,
 }
 
-/// Returns true if a mesh can be written with that name's ending.
+/// Returns true if a mesh can be written with that name: with its ending, or as a folder.
 pub(crate) fn is_mesh(path: &Path) -> bool {
-    let ending = path.extension().unwrap_or_default().to_string_lossy();
-    mesh_format_named(&ending).is_some()
+    mesh_format_for(path).is_some()
 }
 
 /// Names of the formats that can be written.

@@ -53,7 +53,9 @@ pub(super) fn run(
     let exit = outcome::exit(certificate.is_ok());
     let outcome = Outcome::new(exit, json, stdout, || {
         let near = format!("{} from the faces at most", brief(deviation));
-        table::of_mesh(&mesh, &certificate) + &line("distance", near) + &table::wrote(&written)
+        table::of_mesh(&mesh, &certificate, unit.as_deref())
+            + &line("distance", near)
+            + &table::wrote(&written)
     });
     context.hand_over(|| Product::Mesh(mesh, unit));
     Ok(outcome)

@@ -1,12 +1,12 @@
 //! The result for people: the certificate as a short table, and the parts.
 
 use super::work::{MadeMesh, Written, place};
-use crate::table::line;
+use crate::table::{line, measure};
 use isoform::RegionCertificate;
 use isoform::check::{Certificate, Failure, OppositeSides, Place};
-use isoform::geom::Mesh;
+use isoform::geom::{Mesh, Point3};
 use isoform::mesh::{Layers, Warning};
-use isoform::report::brief;
+use isoform::report::{CertificateReport, FacetsReport, WallsReport, brief};
 
 /// Returns the text of the verb: the mesh, its certificate and the written files.
 pub(crate) fn text(made: &MadeMesh) -> String {
@@ -14,8 +14,13 @@ pub(crate) fn text(made: &MadeMesh) -> String {
     let mut text = line("size", size(made))
         + &line("region", region(made))
         + &layers.map_or(String::new(), |layers| line("layers", thicknesses(layers)))
-        + &of_mesh(&made.mesh.meshed.mesh, &made.mesh.certificate);
-    text.extend(made.mesh.regions.iter().map(of_region));
+        + &of_mesh(
+            &made.mesh.meshed.mesh,
+            &made.mesh.certificate,
+            made.unit.as_deref(),
+        );
+    let regions = made.mesh.regions.iter();
+    text.extend(regions.map(|region| of_region(region, made.unit.as_deref())));
     let open = left_open(&made.mesh.meshed.warnings);
     text.extend(open.iter().map(|what| line("LEFT OPEN", what.clone())));
     let verdict = verdict(made.mesh.holds(), !open.is_empty());
@@ -73,11 +78,11 @@ pub(crate) fn wrote(written: &[Written]) -> String {
         .collect()
 }
 
-/// Returns the counts of a mesh and the figures of its certificate.
-pub(crate) fn of_mesh(mesh: &Mesh, certificate: &Certificate) -> String {
+/// Returns the counts of a mesh and the figures of its certificate, with its unit of length.
+pub(crate) fn of_mesh(mesh: &Mesh, certificate: &Certificate, unit: Option<&str>) -> String {
     let mut lines = vec![line("mesh", what(mesh))];
     lines.extend(
-        figures(certificate)
+        figures(certificate, unit)
             .into_iter()
             .map(|(name, text)| line(name, text)),
     );
@@ -93,14 +98,14 @@ pub(crate) fn of_mesh(mesh: &Mesh, certificate: &Certificate) -> String {
 }
 
 /// Returns the figures of a region.
-fn of_region(region: &RegionCertificate) -> String {
+fn of_region(region: &RegionCertificate, unit: Option<&str>) -> String {
     let certificate = &region.certificate;
     let tets = certificate.volume.as_ref().map_or(0, |v| v.tets);
     let volume = certificate.surface.as_ref().map_or(0.0, |s| s.volume);
     let text = format!(
         "{}: {tets} tetrahedra, volume {}",
         region.name,
-        brief(volume)
+        measure(volume, unit, 3)
     );
     let mut lines = vec![line("in region", text)];
     lines.extend(failed(certificate));
@@ -181,7 +186,7 @@ fn counted(names: &[String], labels: &[u32]) -> String {
 }
 
 /// Returns the measured figures of the certificate.
-fn figures(c: &Certificate) -> Vec<(&'static str, String)> {
+fn figures(c: &Certificate, unit: Option<&str>) -> Vec<(&'static str, String)> {
     let mut lines = Vec::new();
     if let Some(s) = &c.surface {
         lines.push((
@@ -193,7 +198,11 @@ fn figures(c: &Certificate) -> Vec<(&'static str, String)> {
         ));
         lines.push((
             "measure",
-            format!("volume {}, area {}", brief(s.volume), brief(s.area)),
+            format!(
+                "volume {}, area {}",
+                measure(s.volume, unit, 3),
+                measure(s.area, unit, 2)
+            ),
         ));
     }
     if let Some(i) = &c.intersections {
@@ -207,8 +216,94 @@ fn figures(c: &Certificate) -> Vec<(&'static str, String)> {
         ));
     }
     lines.extend(shapes(c));
+    lines.extend(for_analysis(c, unit));
     lines.extend(fidelity(c));
     lines
+}
+
+/// Returns what a finite element analysis is judged by: measures of elements, layers through walls,
+/// facets of curved faces, and the worst elements.
+fn for_analysis(c: &Certificate, unit: Option<&str>) -> Vec<(&'static str, String)> {
+    let report = CertificateReport::new(c);
+    let mut lines = Vec::new();
+    if let Some(q) = &report.quality {
+        let (aspect, jacobian) = (&q.aspect_ratio, &q.scaled_jacobian);
+        let text = format!(
+            "aspect ratio at most {:.2}, {:.2} in the mean; scaled Jacobian at least {:.2}, {:.2} \
+             in the mean",
+            aspect.max, aspect.mean, jacobian.min, jacobian.mean
+        );
+        lines.push(("quality", text));
+    }
+    lines.extend(
+        report
+            .walls
+            .iter()
+            .map(|walls| ("walls", layers(walls, unit))),
+    );
+    lines.extend(coarsest(&report.facets, unit).map(|text| ("facets", text)));
+    // Of curved elements the Jacobian within them counts.
+    let has_curved = c.curved.as_ref().is_some_and(|q| q.curved > 0);
+    let decisive = if has_curved {
+        "curved Jacobian"
+    } else {
+        "scaled Jacobian"
+    };
+    let worst = report.quality.iter().flat_map(|q| &q.worst);
+    for worst in worst.filter(|worst| worst.measure == decisive) {
+        let number = worst.element.map_or(String::new(), |k| format!(" {k}"));
+        let at = brief_place(worst.at);
+        let text = format!("element{number}: {decisive} {:.3}, at {at}", worst.value);
+        lines.push(("worst", text));
+    }
+    lines
+}
+
+/// Returns the numbers of layers of elements through the walls.
+fn layers(walls: &WallsReport, unit: Option<&str>) -> String {
+    format!(
+        "{} elements or more through each, {} or more through 95 % of the surface; fewest at {}, \
+         where it is {} thick",
+        walls.layers_min,
+        walls.layers_p5,
+        brief_place(walls.at),
+        length(walls.thickness, unit)
+    )
+}
+
+/// Returns the part whose facets follow it most coarsely; `None` if all parts are flat.
+fn coarsest(facets: &[FacetsReport], unit: Option<&str>) -> Option<String> {
+    let curved = facets.iter().filter(|part| part.radius.is_some());
+    let part = curved.max_by(|a, b| a.angle.total_cmp(&b.angle))?;
+    let angle = format!("{:.1}", part.angle);
+    // Flat parts turn by rounding alone, which this many digits do not show.
+    if angle == "0.0" {
+        return None;
+    }
+    let distance = part.distance.map_or(String::new(), |d| {
+        format!(", faces at most {} off", length(d, unit))
+    });
+    Some(format!(
+        "coarsest on {}: neighbours turn by up to {angle} degrees, about {:.0} elements around its \
+         radius of {}{distance}",
+        part.part,
+        360.0 / part.angle,
+        part.radius.map_or(String::new(), |r| length(r, unit)),
+    ))
+}
+
+/// Returns a length to four digits, with its unit if it is known.
+fn length(v: f64, unit: Option<&str>) -> String {
+    match unit.filter(|unit| !unit.is_empty()) {
+        Some(unit) => format!("{} {unit}", brief(v)),
+        None => brief(v),
+    }
+}
+
+/// Returns a point to four digits.
+fn brief_place(at: Point3) -> String {
+    let [x, y, z] = at.map(brief);
+    format!("({x}, {y}, {z})")
 }
 
 /// The shapes of the elements: angles, radius ratios and Jacobians.

@@ -1,6 +1,7 @@
 //! Report of a mesh and of its certificate.
 
 use super::Seconds;
+use super::quality::{FacetsReport, QualityReport, WallsReport};
 use crate::{ModelMesh, RegionCertificate};
 use isoform_check::{
     Certificate, Coverage, Defects, Deviation, Distances, Failure, Lengths, OppositeSides,
@@ -91,9 +92,11 @@ pub struct RegionReport {
 
 impl RegionReport {
     fn new(region: &RegionCertificate) -> Self {
+        let mut certificate = CertificateReport::new(&region.certificate);
+        certificate.quality = certificate.quality.map(QualityReport::without_numbers);
         Self {
             name: region.name.clone(),
-            certificate: CertificateReport::new(&region.certificate),
+            certificate,
         }
     }
 }
@@ -252,6 +255,13 @@ pub struct CertificateReport {
     /// Radius ratio of the tetrahedra, 3 × inradius / circumradius: 1 for a regular one, 0 for a
     /// flat one.
     pub radius_ratio: Option<RatioReport>,
+    /// Shape of the tetrahedra in the measures of finite element programs.
+    pub quality: Option<QualityReport>,
+    /// Layers of elements through the walls; `None` for a surface alone, or without walls.
+    pub walls: Option<WallsReport>,
+    /// Facets of each part of the surface.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub facets: Vec<FacetsReport>,
     /// Ratio (≥ 1) of the mean edge lengths of neighbouring tetrahedra: 0.999 quantile over all
     /// faces.
     pub size_ratio: Option<f64>,
@@ -521,6 +531,9 @@ impl CertificateReport {
                 min: q.radius_ratio_min,
                 mean: q.radius_ratio_mean,
             }),
+            quality: QualityReport::new(c),
+            walls: c.walls.as_ref().map(WallsReport::new),
+            facets: FacetsReport::all(c),
             size_ratio: c.volume.as_ref().map(|v| v.size_ratio),
             distance: c.deviation.as_ref().map(DeviationReport::new),
             features: c.coverage.as_ref().map(FeaturesReport::new),
