@@ -101,7 +101,7 @@ pub use splines::{
     write_polynomial, write_spline,
 };
 pub use step::{
-    STEP_UNITS, ShapeFile, StepContent, read_step, SolidOptions, SolidProperties, StepFace, StepOptions, read_step_solids, step,
-    step_solids, write_step_path, write_step_solids,
+    STEP_UNITS, ShapeFile, SolidOptions, SolidProperties, StepContent, StepFace, StepOptions,
+    read_step, read_step_solids, step, step_solids, write_step_path, write_step_solids,
 };
 pub use write::{write, write_path};

@@ -156,6 +156,10 @@ impl Curve {
         };
         polished(&|t| self.at(t), p, from, [lo, hi])
     }
+    /// Returns the local minimum of the distance from a point between two parameters.
+    pub fn polished_within(&self, p: Point3, from: f64, [a, b]: [f64; 2]) -> f64 {
+        polished(&|t| self.at(t), p, from, [a.min(b), a.max(b)])
+    }
     /// Returns the curve in another place.
     #[must_use]
     pub fn placed(&self, by: &Placement) -> Self {

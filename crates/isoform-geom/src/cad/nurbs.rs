@@ -230,6 +230,15 @@ impl NurbsCurve {
     pub fn breaks(&self) -> Vec<f64> {
         self.knots.breaks()
     }
+    /// Returns the knots within the domain at which the curve may have a corner.
+    pub fn kinks(&self) -> Vec<f64> {
+        let (p, knots) = (self.knots.degree, &self.knots.values);
+        let [lo, hi] = self.domain();
+        let full = knots.windows(p).filter(|w| w[0] == w[p - 1]);
+        let mut kinks: Vec<f64> = full.map(|w| w[0]).filter(|t| *t > lo && *t < hi).collect();
+        kinks.dedup();
+        kinks
+    }
     /// Returns the control points.
     pub fn control(&self) -> impl Iterator<Item = Point3> + '_ {
         self.control.iter().map(|c| point(*c))

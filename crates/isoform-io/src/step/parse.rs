@@ -76,25 +76,25 @@ impl StepParser<'_> {
         let parser = self;
         parser.section()?;
         while !parser.take("ENDSEC;") {
-        parser.peek();
-        let start = parser.at;
-        let passed = &parser.bytes[counted.0..start];
-        counted.1 += passed.iter().filter(|b| **b == b'\n').count();
-        counted.0 = start;
-        parser.expect("#")?;
-        let number = parser.whole()?;
-        parser.expect("=")?;
-        let records = if parser.peek() == Some(b'(') {
-            parser.complex()?
-        } else {
-            vec![parser.record(0)?]
-        };
-        parser.expect(";")?;
-        file.lines.insert(number, counted.1);
-        if file.instances.insert(number, records).is_some() {
-            parser.at = start;
-            return Err(parser.wrong(&format!("#{number} is there twice")));
-        }
+            parser.peek();
+            let start = parser.at;
+            let passed = &parser.bytes[counted.0..start];
+            counted.1 += passed.iter().filter(|b| **b == b'\n').count();
+            counted.0 = start;
+            parser.expect("#")?;
+            let number = parser.whole()?;
+            parser.expect("=")?;
+            let records = if parser.peek() == Some(b'(') {
+                parser.complex()?
+            } else {
+                vec![parser.record(0)?]
+            };
+            parser.expect(";")?;
+            file.lines.insert(number, counted.1);
+            if file.instances.insert(number, records).is_some() {
+                parser.at = start;
+                return Err(parser.wrong(&format!("#{number} is there twice")));
+            }
         }
         Ok(())
     }
@@ -282,7 +282,9 @@ impl StepParser<'_> {
         self.at += 1;
         let text = String::from_utf8_lossy(&bytes);
         // Paths of Windows in headers often have backslashes without escapes.
-        Ok(Value::Text(plain(&text).unwrap_or_else(|| text.into_owned())))
+        Ok(Value::Text(
+            plain(&text).unwrap_or_else(|| text.into_owned()),
+        ))
     }
 }
 

@@ -119,7 +119,10 @@ impl Assembler<'_, '_> {
     fn join(&mut self, representations: &[u64]) -> Result<()> {
         let index: BTreeMap<u64, u32> = representations.iter().copied().zip(0..).collect();
         let mut same = UnionFind::new(representations.len());
-        for name in ["SHAPE_REPRESENTATION_RELATIONSHIP", "REPRESENTATION_RELATIONSHIP"] {
+        for name in [
+            "SHAPE_REPRESENTATION_RELATIONSHIP",
+            "REPRESENTATION_RELATIONSHIP",
+        ] {
             for number in self.reader.all(name) {
                 let moves = "REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION";
                 if self.reader.find(*number, moves).is_some() {
@@ -273,7 +276,9 @@ impl Assembler<'_, '_> {
                 .reader
                 .record(*number, "CONTEXT_DEPENDENT_SHAPE_REPRESENTATION")?;
             let (relation, shape) = (given.reference(0)?, given.reference(1)?);
-            let ends = self.reader.record(relation, "REPRESENTATION_RELATIONSHIP")?;
+            let ends = self
+                .reader
+                .record(relation, "REPRESENTATION_RELATIONSHIP")?;
             let moves = "REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION";
             let moves = self.reader.record(relation, moves)?;
             let by = self
@@ -389,13 +394,7 @@ impl Assembler<'_, '_> {
         Ok(())
     }
 
-    fn place_part(
-        &mut self,
-        number: u64,
-        units: Units,
-        by: &Placement,
-        name: &str,
-    ) -> Result<()> {
+    fn place_part(&mut self, number: u64, units: Units, by: &Placement, name: &str) -> Result<()> {
         if !self.read.contains_key(&number) {
             let read = part(self.reader, number, units, &mut self.budget)?;
             self.read.insert(number, read);

@@ -31,7 +31,11 @@ impl ShapeReader<'_> {
         let radius = |k: usize| {
             let r = given.number(k)?;
             let problem = "its radius must be positive";
-            if r > 0.0 { Ok(r) } else { Err(given.wrong(problem)) }
+            if r > 0.0 {
+                Ok(r)
+            } else {
+                Err(given.wrong(problem))
+            }
         };
         let axes = || self.axes(given.reference(1)?);
         let curve = match given.record.name.as_str() {
@@ -94,7 +98,13 @@ impl ShapeReader<'_> {
             (Some(stated), _) => {
                 let skipped = if shift == 0 { 0 } else { 6 };
                 let counts = stated.wholes(skipped)?;
-                expanded(&stated.numbers(skipped + 1)?, &counts, &stated, points.len(), degree)?
+                expanded(
+                    &stated.numbers(skipped + 1)?,
+                    &counts,
+                    &stated,
+                    points.len(),
+                    degree,
+                )?
             }
             (None, kind) => implied_knots(kind.unwrap_or(""), points.len(), degree, &base)?,
         };
@@ -124,7 +134,9 @@ pub(super) fn expanded(
         return Err(given.wrong(problem));
     }
     let each = values.iter().zip(counts);
-    Ok(each.flat_map(|(t, n)| std::iter::repeat_n(*t, *n)).collect())
+    Ok(each
+        .flat_map(|(t, n)| std::iter::repeat_n(*t, *n))
+        .collect())
 }
 
 /// Returns the knots that a kind of splines has without stating them.

@@ -20,11 +20,17 @@ pub(super) fn append(shape: &mut Shape, part: &Shape, by: &Placement, name: &str
         edge: c.edge + edge,
         forward: c.forward,
     };
-    shape.faces.extend(part.faces.iter().map(|f| Face {
-        surface: f.surface.placed(by),
-        agrees: f.agrees,
-        loops: f.loops.iter().map(|l| l.iter().map(moved).collect()).collect(),
-        name: f.name.clone(),
+    shape.faces.extend(part.faces.iter().map(|f| {
+        Face {
+            surface: f.surface.placed(by),
+            agrees: f.agrees,
+            loops: f
+                .loops
+                .iter()
+                .map(|l| l.iter().map(moved).collect())
+                .collect(),
+            name: f.name.clone(),
+        }
     }));
     shape.shells.extend(part.shells.iter().map(|s| Shell {
         faces: s.faces.iter().map(|f| f + face).collect(),

@@ -35,7 +35,11 @@ impl ShapeReader<'_> {
         let radius = |k: usize| {
             let r = given.number(k)?;
             let problem = "its radius must be positive";
-            if r > 0.0 { Ok(r) } else { Err(given.wrong(problem)) }
+            if r > 0.0 {
+                Ok(r)
+            } else {
+                Err(given.wrong(problem))
+            }
         };
         let mut is_reversed = false;
         let surface = match given.record.name.as_str() {
@@ -111,7 +115,13 @@ impl ShapeReader<'_> {
             (Some(stated), _) => {
                 let skipped = if shift == 0 { 0 } else { 8 };
                 let values = stated.numbers(skipped + 2 + k)?;
-                expanded(&values, &stated.wholes(skipped + k)?, stated, counts[k], degrees[k])
+                expanded(
+                    &values,
+                    &stated.wholes(skipped + k)?,
+                    stated,
+                    counts[k],
+                    degrees[k],
+                )
             }
             (None, kind) => implied_knots(kind.unwrap_or(""), counts[k], degrees[k], &base),
         };

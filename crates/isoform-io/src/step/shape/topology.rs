@@ -78,7 +78,9 @@ impl PartReader<'_, '_> {
         match given.record.name.as_str() {
             "MANIFOLD_SOLID_BREP" | "FACETED_BREP" | "BREP_WITH_VOIDS" => {
                 let solid = Some(0);
-                self.shape.solids.push(given.text(0).unwrap_or("").to_owned());
+                self.shape
+                    .solids
+                    .push(given.text(0).unwrap_or("").to_owned());
                 shell(self, given.reference(1)?, solid, false)?;
                 if given.record.name == "BREP_WITH_VOIDS" {
                     for void in given.references(2)? {
@@ -143,7 +145,10 @@ impl PartReader<'_, '_> {
         let mut loops = Vec::new();
         for bound in given.references(1)? {
             let bound = self.reader.first(bound)?;
-            if !matches!(bound.record.name.as_str(), "FACE_BOUND" | "FACE_OUTER_BOUND") {
+            if !matches!(
+                bound.record.name.as_str(),
+                "FACE_BOUND" | "FACE_OUTER_BOUND"
+            ) {
                 return Err(bound.wrong("a bound of a face is expected"));
             }
             let mut around = self.around(bound.reference(1)?)?;
@@ -280,16 +285,13 @@ impl PartReader<'_, '_> {
 
 /// Returns the parameters of the ends of an edge; `forward` is true if the edge runs along its
 /// curve. `None` if a closed edge lies on a curve without an end.
-fn range(
-    curve: &Curve,
-    forward: bool,
-    [p, q]: [Point3; 2],
-    is_closed: bool,
-) -> Option<[f64; 2]> {
+fn range(curve: &Curve, forward: bool, [p, q]: [Point3; 2], is_closed: bool) -> Option<[f64; 2]> {
     let Some(period) = curve.period() else {
         if is_closed {
             let [lo, hi] = curve.domain();
-            return lo.is_finite().then_some(if forward { [lo, hi] } else { [hi, lo] });
+            return lo
+                .is_finite()
+                .then_some(if forward { [lo, hi] } else { [hi, lo] });
         }
         return Some([curve.parameter(p), curve.parameter(q)]);
     };
