@@ -82,11 +82,6 @@ impl Chart {
         }
     }
 
-    /// Returns the bounds of a parameter; infinite if it has none.
-    pub(crate) fn bounds(&self, direction: usize) -> [f64; 2] {
-        self.domain[direction]
-    }
-
     /// Returns the pole at a point.
     pub(crate) fn pole_at(&self, p: Point3) -> Option<&Pole> {
         let near = |pole: &&Pole| norm(sub(p, pole.point)) <= pole.tolerance;

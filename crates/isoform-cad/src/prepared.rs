@@ -235,7 +235,7 @@ impl PreparedShape {
 
     /// Returns the largest distance of the middles of pieces of edges from the surfaces of their
     /// faces, and of the ends of edges from their vertices.
-    fn gap(&self) -> f64 {
+    pub fn gap(&self) -> f64 {
         let mut gap = 0.0f64;
         for face in &self.faces {
             for piece in face.face.loops.iter().flat_map(|l| &l.pieces) {

@@ -15,6 +15,7 @@ mod mesh;
 mod nominal;
 mod patches;
 mod recognize;
+mod shape;
 mod solid;
 mod surface;
 
@@ -40,6 +41,7 @@ pub use recognize::{
     BlendReport, EntityReport, LayoutReport, MotionReport, Parameters, PatternReport,
     RecognizeReport, RecognizedFaceReport, RelationReport, SnapReport, SymmetryReport,
 };
+pub use shape::ShapeReport;
 pub use solid::{SolidFaceReport, SolidReport, StatedReport};
 pub use surface::{
     AboutSurface, BasePointReport, ClaimReport, ContractedReport, CutReport, DoubleArcReport,
