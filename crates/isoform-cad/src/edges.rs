@@ -2,6 +2,7 @@
 
 use isoform_geom::cad::{Curve, Edge, Shape};
 use isoform_geom::{Point3, distance_to_segment, dot, norm, sub};
+use std::collections::BTreeMap;
 
 /// Number of points of a piece of an edge that are compared with its chord.
 const PROBES_PER_PIECE: usize = 7;
@@ -30,6 +31,7 @@ pub(crate) struct Divided {
 
 /// Divides all edges.
 pub(crate) fn divide(shape: &Shape, options: &FacetOptions) -> Divided {
+    let node_of = merged(shape);
     let mut made = Divided {
         points: shape.vertices.clone(),
         along: Vec::with_capacity(shape.edges.len()),
@@ -40,15 +42,32 @@ pub(crate) fn divide(shape: &Shape, options: &FacetOptions) -> Divided {
             halve(edge, [piece[0], piece[1]], MAX_HALVINGS, options, &mut all);
         }
         let end = all.len() - 1;
-        let mut nodes = vec![(0.0, edge.ends[0])];
+        let mut nodes = vec![(0.0, node_of[edge.ends[0] as usize])];
         for s in &all[1..end] {
             nodes.push((*s, made.points.len() as u32));
             made.points.push(edge.at(*s)[0]);
         }
-        nodes.push((1.0, edge.ends[1]));
+        nodes.push((1.0, node_of[edge.ends[1] as usize]));
         made.along.push(nodes);
     }
     made
+}
+
+/// Returns the node of each vertex: that of the first vertex of its solid at the same place. Where
+/// two loops touch, files may have a vertex for each.
+fn merged(shape: &Shape) -> Vec<u32> {
+    let mut first: BTreeMap<(Option<u32>, [u64; 3]), u32> = BTreeMap::new();
+    let mut node_of: Vec<u32> = (0..shape.vertices.len() as u32).collect();
+    for (face, solid) in shape.faces.iter().zip(shape.solids_of_faces()) {
+        for coedge in face.loops.iter().flatten() {
+            for v in shape.edges[coedge.edge as usize].ends {
+                // Zeros of either sign are one place.
+                let place = shape.vertices[v as usize].map(|c| (c + 0.0).to_bits());
+                node_of[v as usize] = *first.entry((solid, place)).or_insert(v);
+            }
+        }
+    }
+    node_of
 }
 
 /// Returns the shares with which the division of an edge begins.

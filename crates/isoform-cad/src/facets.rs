@@ -15,9 +15,11 @@ use rayon::prelude::*;
 
 /// Maximum distance of triangles from the surface, in chords of the options: beyond it the lattice
 /// is refined.
-const MAX_DEVIATION_IN_CHORDS: f64 = 2.0;
-/// Maximum number of refinements of a lattice, and of all edges if borders cross as polygons.
+const MAX_DEVIATION_IN_CHORDS: f64 = 3.0;
+/// Maximum number of refinements of all edges if borders cross as polygons.
 const MAX_REFINEMENTS: usize = 3;
+/// Maximum number of refinements of a lattice, each of which doubles its points.
+const MAX_LATTICE_REFINEMENTS: usize = 4;
 /// Maximum number of nodes on edges.
 const MAX_EDGE_NODES: usize = 1 << 22;
 /// Maximum number of rounds in which nodes are added where faces are cut; the second finds none
@@ -192,7 +194,7 @@ fn triangulated(
             domain = opened(shape, face, step, domain.with_vertices(vertices));
         }
         let is_curved = step.iter().all(|s| s.is_finite());
-        let made = domain.triangles(shape, face, is_curved)?;
+        let made = domain.triangles(face, is_curved)?;
         let corner = |v: u32| {
             let v = v as usize;
             let new = || made.points[v - points.len()];
@@ -200,10 +202,13 @@ fn triangulated(
         };
         let mut far = 0.0f64;
         for (t, at) in made.triangles.iter().zip(&made.places) {
-            far = far.max(deviation(&chart.surface, t.map(corner), at));
+            far = far.max(deviation(chart, t.map(corner), at));
         }
-        if far > MAX_DEVIATION_IN_CHORDS * options.chord && tried < MAX_REFINEMENTS && is_curved {
-            step = step.map(|s| 0.5 * s);
+        if far > MAX_DEVIATION_IN_CHORDS * options.chord
+            && tried < MAX_LATTICE_REFINEMENTS
+            && is_curved
+        {
+            step = step.map(|s| s / std::f64::consts::SQRT_2);
             tried += 1;
             continue;
         }
@@ -211,15 +216,17 @@ fn triangulated(
     }
 }
 
-/// Returns a bound of the distance of a triangle from its surface: that of its middle and those of
-/// its edges from the points with the same parameters.
-fn deviation(surface: &Surface, [a, b, c]: [Point3; 3], at: &[[f64; 2]; 3]) -> f64 {
+/// Returns the largest distance of the middles of a triangle and of its edges from the surface.
+fn deviation(chart: &Chart, [a, b, c]: [Point3; 3], at: &[[f64; 2]; 3]) -> f64 {
     let half = |p: Point3, q: Point3| middle([p, q]);
     let mean = |list: &[usize]| {
         let n = list.len() as f64;
         [0, 1].map(|k| list.iter().map(|i| at[*i][k]).sum::<f64>() / n)
     };
-    let off = |p: Point3, list: &[usize]| norm(sub(surface.at(mean(list)).p, p));
+    let off = |p: Point3, list: &[usize]| {
+        let foot = chart.place_near(p, mean(list));
+        norm(sub(chart.surface.at(foot).p, p))
+    };
     off(middle([a, b, c]), &[0, 1, 2])
         .max(off(half(a, b), &[0, 1]))
         .max(off(half(b, c), &[1, 2]))

@@ -35,6 +35,10 @@ pub(crate) fn steps(face: &TrimmedFace, bounds: [[f64; 2]; 2], options: &FacetOp
             }
         }
     }
+    // Chords along diagonals are off by the sum of both.
+    if steps.iter().all(|s| s.is_finite()) {
+        steps = steps.map(|s| s / std::f64::consts::SQRT_2);
+    }
     for k in 0..2 {
         let other = steps[1 - k] * lengths[1 - k] * MAX_STEP_RATIO;
         if lengths[k] > 0.0 {

@@ -2,7 +2,6 @@
 
 use crate::lattice;
 use crate::trim::TrimmedFace;
-use isoform_geom::cad::Shape;
 use isoform_geom::{Point3, norm, plane, sub};
 use spade::handles::FixedVertexHandle;
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
@@ -140,7 +139,6 @@ impl Domain {
     /// Triangulates the domain: all triangles within the face.
     pub(crate) fn triangles(
         mut self,
-        shape: &Shape,
         face: &TrimmedFace,
         with_lattice: bool,
     ) -> Result<FaceTriangles, &'static str> {
@@ -176,7 +174,7 @@ impl Domain {
                 return Err(CROSSING);
             }
         }
-        let (triangles, places) = self.within(shape, face, &cdt);
+        let (triangles, places) = self.within(face, &cdt, &handles);
         if triangles.is_empty() {
             return Err(FLAT);
         }
@@ -187,64 +185,67 @@ impl Domain {
         })
     }
 
-    /// Returns the triangles within the face, with the parameters of their corners. Triangles that
-    /// no side separates are all within it or all outside: one test decides.
-    #[allow(clippy::type_complexity)]
+    /// Returns the triangles within the sides, with the parameters of their corners.
     fn within(
         &self,
-        shape: &Shape,
         face: &TrimmedFace,
         cdt: &Cdt,
+        handles: &[FixedVertexHandle],
     ) -> (Vec<[u32; 3]>, Vec<[[f64; 2]; 3]>) {
-        let mut seen = vec![false; cdt.num_all_faces()];
+        let inside = self.inside(cdt, handles);
         let (mut triangles, mut places) = (Vec::new(), Vec::new());
-        for start in cdt.inner_faces() {
-            if std::mem::replace(&mut seen[start.fix().index()], true) {
+        for triangle in cdt.inner_faces() {
+            if inside[triangle.fix().index()] != Some(true) {
                 continue;
             }
-            let mut region = vec![start];
-            let mut next = 0;
-            while next < region.len() {
-                for edge in region[next].adjacent_edges() {
-                    let beyond = edge.rev().face();
-                    if let (false, Some(beyond)) = (edge.is_constraint_edge(), beyond.as_inner())
-                        && !std::mem::replace(&mut seen[beyond.fix().index()], true)
-                    {
-                        region.push(beyond);
-                    }
-                }
-                next += 1;
-            }
-            let corners = |f: &spade::handles::FaceHandle<'_, _, PlaneNode, _, _, _>| {
-                f.vertices().map(|v| *v.data())
-            };
-            let area = |t: &[PlaneNode; 3]| plane::orient(t[0].at, t[1].at, t[2].at);
-            let all: Vec<[PlaneNode; 3]> = region.iter().map(corners).collect();
-            let Some(largest) = all.iter().max_by(|a, b| area(a).total_cmp(&area(b))) else {
-                continue;
-            };
-            let middle = |k: usize| {
-                let sum: f64 = largest.iter().map(|n| n.at[k]).sum();
-                sum / (3.0 * self.metric[k])
-            };
-            if !face.holds(shape, [middle(0), middle(1)]) {
+            let nodes = triangle.vertices().map(|v| *v.data());
+            let mut t = nodes.map(|n| n.number);
+            let mut at = nodes.map(|n| [0, 1].map(|k| n.at[k] / self.metric[k]));
+            // At a pole triangles shrink to segments.
+            if t[0] == t[1] || t[1] == t[2] || t[2] == t[0] {
                 continue;
             }
-            for nodes in all {
-                let mut t = nodes.map(|n| n.number);
-                let mut at = nodes.map(|n| [0, 1].map(|k| n.at[k] / self.metric[k]));
-                // At a pole triangles shrink to segments.
-                if t[0] == t[1] || t[1] == t[2] || t[2] == t[0] {
-                    continue;
-                }
-                if !face.face.is_left {
-                    t.swap(1, 2);
-                    at.swap(1, 2);
-                }
-                triangles.push(t);
-                places.push(at);
+            if !face.face.is_left {
+                t.swap(1, 2);
+                at.swap(1, 2);
             }
+            triangles.push(t);
+            places.push(at);
         }
         (triangles, places)
+    }
+
+    /// Returns by face of the triangulation true if a path from outside to it passes an odd number
+    /// of sides. Rounding does not mislead it where sides are nearly in line.
+    fn inside(&self, cdt: &Cdt, handles: &[FixedVertexHandle]) -> Vec<Option<bool>> {
+        let mut passes: BTreeMap<[usize; 2], u32> = BTreeMap::new();
+        for side in &self.sides {
+            let [a, b] = side.map(|i| handles[i].index());
+            *passes.entry([a.min(b), a.max(b)]).or_default() += 1;
+        }
+        let mut inside: Vec<Option<bool>> = vec![None; cdt.num_all_faces()];
+        let outer = cdt.outer_face();
+        inside[outer.fix().index()] = Some(false);
+        // Edges with the state of the face on their left.
+        let mut waiting: Vec<_> = cdt.convex_hull().map(|e| (e.fix(), false)).collect();
+        while let Some((edge, state)) = waiting.pop() {
+            let edge = cdt.directed_edge(edge);
+            let ends = edge.vertices().map(|v| v.fix().index());
+            let key = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+            // A side that passes a node is divided there, and each part counts as one.
+            let count = passes.get(&key).copied();
+            let count = count.unwrap_or(u32::from(edge.is_constraint_edge()));
+            let state = state != (count % 2 == 1);
+            let beyond = edge.rev().face();
+            let known = &mut inside[beyond.fix().index()];
+            if known.is_some() {
+                continue;
+            }
+            *known = Some(state);
+            if let Some(triangle) = beyond.as_inner() {
+                waiting.extend(triangle.adjacent_edges().map(|e| (e.fix(), state)));
+            }
+        }
+        inside
     }
 }

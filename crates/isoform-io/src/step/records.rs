@@ -89,6 +89,8 @@ impl<'f> RecordArguments<'f> {
     pub(super) fn measure(&self, k: usize) -> Result<f64> {
         self.read(k, "a measure is expected", |v| match v {
             Value::Typed(record) => record.arguments.first().and_then(number),
+            // Some programs write the number alone.
+            Value::Number(number) => Some(*number),
             _ => None,
         })
     }
