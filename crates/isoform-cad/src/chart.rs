@@ -82,6 +82,11 @@ impl Chart {
         }
     }
 
+    /// Frees the samples, after which only searches from a start remain.
+    pub(crate) fn forget_samples(&mut self) {
+        self.samples = Vec::new();
+    }
+
     /// Returns the pole at a point.
     pub(crate) fn pole_at(&self, p: Point3) -> Option<&Pole> {
         let near = |pole: &&Pole| norm(sub(p, pole.point)) <= pole.tolerance;

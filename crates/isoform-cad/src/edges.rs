@@ -6,6 +6,8 @@ use std::collections::BTreeMap;
 
 /// Number of points of a piece of an edge that are compared with its chord.
 const PROBES_PER_PIECE: usize = 7;
+/// Maximum number of nodes on edges.
+const MAX_EDGE_NODES: usize = 1 << 22;
 /// Maximum number of halvings of a piece.
 const MAX_HALVINGS: usize = 14;
 /// Cosine of the maximum turn of a piece of an edge: 30°.
@@ -29,8 +31,8 @@ pub(crate) struct Divided {
     pub(crate) along: Vec<Vec<(f64, u32)>>,
 }
 
-/// Divides all edges.
-pub(crate) fn divide(shape: &Shape, options: &FacetOptions) -> Divided {
+/// Divides all edges; `None` if they need more than [`MAX_EDGE_NODES`].
+pub(crate) fn divide(shape: &Shape, options: &FacetOptions) -> Option<Divided> {
     let node_of = merged(shape);
     let mut made = Divided {
         points: shape.vertices.clone(),
@@ -49,8 +51,11 @@ pub(crate) fn divide(shape: &Shape, options: &FacetOptions) -> Divided {
         }
         nodes.push((1.0, node_of[edge.ends[1] as usize]));
         made.along.push(nodes);
+        if made.points.len() > MAX_EDGE_NODES {
+            return None;
+        }
     }
-    made
+    Some(made)
 }
 
 /// Returns the node of each vertex: that of the first vertex of its solid at the same place. Where

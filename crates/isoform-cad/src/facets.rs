@@ -20,8 +20,8 @@ const MAX_DEVIATION_IN_CHORDS: f64 = 3.0;
 const MAX_REFINEMENTS: usize = 3;
 /// Maximum number of refinements of a lattice, each of which doubles its points.
 const MAX_LATTICE_REFINEMENTS: usize = 4;
-/// Maximum number of nodes on edges.
-const MAX_EDGE_NODES: usize = 1 << 22;
+/// Maximum number of nodes: with their triangles some two gigabytes.
+const MAX_NODES: usize = 1 << 24;
 /// Maximum number of rounds in which nodes are added where faces are cut; the second finds none
 /// unless an edge crosses the line twice between two nodes.
 const MAX_SPLIT_ROUNDS: usize = 4;
@@ -53,8 +53,8 @@ pub enum ShapeError {
         /// Reason.
         why: &'static str,
     },
-    /// Edges need more than four million nodes.
-    #[error("so fine, its edges have more than four million nodes")]
+    /// Edges need more than four million nodes, or all faces more than sixteen million.
+    #[error("so fine, there are more than four million nodes on edges or sixteen in all")]
     TooMany,
     /// The work was stopped.
     #[error("stopped")]
@@ -93,13 +93,10 @@ pub(crate) fn make(
 }
 
 fn at(shape: &Shape, options: &FacetOptions, control: &Control<'_>) -> Result<Made, ShapeError> {
-    let mut divided = divide(shape, options);
+    let mut divided = divide(shape, options).ok_or(ShapeError::TooMany)?;
     let mut round = 0;
     let faces = loop {
         control.begin("faces")?;
-        if divided.points.len() > MAX_EDGE_NODES {
-            return Err(ShapeError::TooMany);
-        }
         let indices = 0..shape.faces.len();
         let faces = indices.into_par_iter().map(|f| {
             control.check()?;
@@ -143,6 +140,9 @@ fn at(shape: &Shape, options: &FacetOptions, control: &Control<'_>) -> Result<Ma
         facets.triangles.extend(made.triangles);
         facets.places.extend(made.places);
         facets.deviations.push(far);
+        if facets.points.len() > MAX_NODES {
+            return Err(ShapeError::TooMany);
+        }
     }
     Ok(Made {
         faces,

@@ -72,6 +72,8 @@ impl FaceChart {
                 made.loops.push(placed);
             }
         }
+        // Faces may be many, and their samples more than their loops.
+        made.chart.forget_samples();
         made.scale = made.scales();
         for k in 0..made.loops.len() {
             for i in 0..made.loops[k].pieces.len() {

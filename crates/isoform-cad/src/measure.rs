@@ -52,8 +52,9 @@ pub(crate) fn measured(
     let work = Quadrature::new(shape, index, face, center, outer);
     let mut sum = FaceMeasure::default();
     for piece in face.face.loops.iter().flat_map(|l| &l.pieces) {
-        if let Some(edge) = piece.edge {
-            work.along(edge, piece, &mut sum);
+        match piece.edge {
+            Some(edge) => work.along(edge, piece, &mut sum),
+            None => work.at_pole(piece, &mut sum),
         }
     }
     let sign = if face.face.is_left { 1.0 } else { -1.0 };
@@ -171,12 +172,25 @@ impl<'a> Quadrature<'a> {
             Some(period) => [0.0, period],
             None => chart.surface.domain()[outer],
         };
-        let pieces = self.pieces(outer, [lo, hi]);
-        for w in pieces.windows(2) {
+        self.along_line([lo, hi], end, total);
+    }
+
+    /// Adds the integral between two values of the outer parameter, at one of the inner.
+    fn along_line(&self, ends: [f64; 2], inner: f64, sum: &mut FaceMeasure) {
+        for w in self.pieces(self.outer, ends).windows(2) {
             for (x, weight) in self.inner_rule.0.iter().zip(&self.inner_rule.1) {
                 let at = w[0] + x * (w[1] - w[0]);
-                total.add(&self.inner(at, end), weight * (w[1] - w[0]));
+                sum.add(&self.inner(at, inner), weight * (w[1] - w[0]));
             }
+        }
+    }
+
+    /// Adds the integral along a pole, where a loop changes its direction.
+    fn at_pole(&self, piece: &Piece, sum: &mut FaceMeasure) {
+        let [from, to] = piece.at;
+        let (outer, inner) = (self.outer, 1 - self.outer);
+        if from[outer] != to[outer] {
+            self.along_line([from[outer], to[outer]], from[inner], sum);
         }
     }
 

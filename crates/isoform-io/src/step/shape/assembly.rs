@@ -54,7 +54,7 @@ struct Assembler<'r, 'f> {
     read: BTreeMap<u64, Shape>,
     /// Nodes that have been placed.
     visited: BTreeSet<usize>,
-    /// Number of coedges and faces that may still be read.
+    /// Number of coedges, faces and control points of edges that may still be read.
     budget: usize,
     /// Size of parts that may still be placed.
     room: usize,
@@ -73,7 +73,8 @@ pub(super) fn assemble(reader: &ShapeReader, length: usize) -> Result<ShapeFile>
         made: ShapeFile::default(),
         read: BTreeMap::new(),
         visited: BTreeSet::new(),
-        budget: length,
+        // Edges that share a curve count it each time.
+        budget: length.saturating_mul(4),
         room: FREE_SIZE + length,
         unit: UNSTATED.length,
     };

@@ -23,7 +23,7 @@ pub(super) struct PartReader<'r, 'f> {
     /// Edges of polygons by the numbers of their two points, the smaller one first.
     sides: BTreeMap<[u64; 2], u32>,
     surfaces: BTreeMap<u64, ReadSurface>,
-    /// Number of coedges and faces that may still be read.
+    /// Number of coedges, faces and control points of edges that may still be read.
     budget: &'r mut usize,
 }
 
@@ -97,9 +97,10 @@ impl PartReader<'_, '_> {
         }
     }
 
-    fn spend(&mut self, number: u64) -> Result<()> {
-        let Some(left) = self.budget.checked_sub(1) else {
-            let problem = "faces are referred to more often than the file is long";
+    /// Takes the size of an item from the budget.
+    fn spend(&mut self, number: u64, size: usize) -> Result<()> {
+        let Some(left) = self.budget.checked_sub(size) else {
+            let problem = "faces and edges share more than the file is long";
             return Err(wrong(self.reader.at(number), problem));
         };
         *self.budget = left;
@@ -123,7 +124,7 @@ impl PartReader<'_, '_> {
     }
 
     fn face(&mut self, number: u64, agrees: bool, depth: usize) -> Result<u32> {
-        self.spend(number)?;
+        self.spend(number, 1)?;
         let given = self.reader.first(number)?;
         match given.record.name.as_str() {
             "ORIENTED_FACE" if depth < MAX_ORIENTATIONS => {
@@ -186,7 +187,7 @@ impl PartReader<'_, '_> {
     }
 
     fn coedge(&mut self, number: u64, forward: bool, depth: usize) -> Result<Coedge> {
-        self.spend(number)?;
+        self.spend(number, 1)?;
         let given = self.reader.first(number)?;
         match given.record.name.as_str() {
             "ORIENTED_EDGE" if depth < MAX_ORIENTATIONS => {
@@ -205,7 +206,7 @@ impl PartReader<'_, '_> {
         let mut around = Vec::new();
         let next = points.iter().cycle().skip(1);
         for (a, b) in points.iter().zip(next).filter(|(a, b)| a != b) {
-            self.spend(*a)?;
+            self.spend(*a, 1)?;
             let key = [*a.min(b), *a.max(b)];
             let edge = match self.sides.get(&key) {
                 Some(edge) => *edge,
@@ -266,6 +267,10 @@ impl PartReader<'_, '_> {
             self.vertex(given.reference(2)?)?,
         ];
         let read = self.reader.curve(given.reference(3)?)?;
+        if let Curve::Nurbs(spline) = &read.curve {
+            // The search for its ends takes as long as the curve is.
+            self.spend(number, spline.control().count())?;
+        }
         let forward = given.flag(4)? != read.is_reversed;
         let [p, q] = ends.map(|v| self.shape.vertices[v as usize]);
         let closed = ends[0] == ends[1];
