@@ -64,6 +64,10 @@ impl Axes {
         let d = sub(p, self.origin);
         [dot(d, self.x), dot(d, self.y()), dot(d, self.z)]
     }
+    /// Returns the coordinates of a vector in the frame.
+    pub fn vector_local(&self, d: Point3) -> Point3 {
+        [dot(d, self.x), dot(d, self.y()), dot(d, self.z)]
+    }
     /// Returns the vector of space with the given coordinates in the frame.
     pub fn vector(&self, [a, b, c]: Point3) -> Point3 {
         let y = self.y();

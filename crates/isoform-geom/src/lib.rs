@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod brep;
+pub mod cad;
 mod cloud;
 mod curvature;
 mod field;

@@ -12,8 +12,8 @@
 //! PLY, OFF, 3MF and glTF ([`mesh_formats`]).
 //!
 //! [`write_step_solids`] writes solids for CAD systems, and [`write_step_path`] writes rational
-//! patches as faces of a STEP file (AP242). [`read_step_solids`] reads solids back, but only from
-//! files written by this crate. [`write_solids`] and [`read_solids`] are the native file form of
+//! patches as faces of a STEP file (AP242). [`read_step_solids`] reads solids back from files
+//! written by this crate, and [`read_step`] the shapes of STEP files of any program. [`write_solids`] and [`read_solids`] are the native file form of
 //! solids, lossless JSON.
 //!
 //! [`read_patches`] and [`write_patches`] are the file form of patches, [`read_map`] and
@@ -101,8 +101,8 @@ pub use splines::{
     write_polynomial, write_spline,
 };
 pub use step::{
-    STEP_UNITS, SolidOptions, SolidProperties, StepFace, StepOptions, read_step_solids, step,
-    step_solids, write_step_path, write_step_solids,
+    STEP_UNITS, ShapeFile, SolidOptions, SolidProperties, StepContent, StepFace, StepOptions,
+    read_step, read_step_solids, step, step_solids, write_step_path, write_step_solids,
 };
 pub use three_mf::implicit::{
     ImplicitModel, ImplicitProgram, ScalarFunction, ScalarGraph, ScalarId, ScalarNode,

@@ -25,7 +25,7 @@ static FOREIGN: [Foreign; 21] = [
     Foreign { extensions: &["gz", "tgz"], magic: b"\x1f\x8b", what: "compressed with gzip; unpack it first" },
     Foreign { extensions: &["zst"], magic: b"\x28\xb5\x2f\xfd", what: "compressed with zstd; unpack it first" },
     Foreign { extensions: &["xz"], magic: b"\xfd7zXZ", what: "compressed with xz; unpack it first" },
-    Foreign { extensions: &["step", "stp"], magic: b"ISO-10303-21", what: "a STEP file: exact surfaces, not points; export a mesh or a point cloud from the CAD system" },
+    Foreign { extensions: &["step", "stp"], magic: b"ISO-10303-21", what: "a STEP file: exact surfaces, not points; isoform mesh part.step -o part.stl makes triangles of it" },
     Foreign { extensions: &["iges", "igs"], magic: b"", what: "an IGES file: exact surfaces, not points; export a mesh or a point cloud from the CAD system" },
     Foreign { extensions: &["msh"], magic: b"$MeshFormat", what: "a Gmsh mesh; export its surface as STL, PLY or OFF" },
     Foreign { extensions: &["vtk"], magic: b"# vtk DataFile", what: "a VTK file; save it as PLY or CSV" },

@@ -14,6 +14,8 @@ mod parse;
 mod part21;
 mod placement;
 mod read;
+mod records;
+mod shape;
 mod spline;
 
 use crate::{WriteError, write_atomic};
@@ -21,7 +23,8 @@ pub use brep::{SolidOptions, SolidProperties, step_solids, write_step_solids};
 use isoform_geom::{Point3, Quadric, RationalPatch, distance_squared};
 use part21::StepDocument;
 use placement::AxisPlacement;
-pub use read::read_step_solids;
+pub use read::{StepContent, read_step, read_step_solids};
+pub use shape::ShapeFile;
 use spline::Spline;
 use std::io::Write;
 use std::path::Path;

@@ -9,7 +9,9 @@ use crate::memory;
 use crate::model::GivenModel;
 use crate::outcome::{self, Outcome};
 use crate::parameters::{self, Given, Parameters};
+use crate::solids::FoundSolids;
 use crate::{gallery, scan, solids};
+use isoform::cad::PreparedShape;
 use isoform::field::hyperfun::Pose;
 use isoform::geom::{Aabb, PointCloud};
 use isoform::io::MeshPoints;
@@ -29,14 +31,14 @@ Examples:
 
 Files with triangles count as surfaces (--vertices: as points), tetrahedra by their surface. Files
 with the ending .hf are models, those with .json functions of implicitize; their distances are those of the
-metric reading, and from meshes those of Newton's method on it. STEP files of isoform brep and .brep.json are
+metric reading, and from meshes those of Newton's method on it. STEP files of any program and .brep.json are
 solids; distances are those from their exact faces and edges, not from triangles. Coordinates must agree:
-nothing is moved.
+nothing is moved, and lengths of STEP files are in the file's own unit.
 
 Exit code: 0; 3 if --tolerance is given and a distance exceeds it, or a point has none: where a
 model is not a number.")]
 pub(crate) struct Args {
-    /// Points, a mesh, a model, or a solid of isoform brep
+    /// Points, a mesh, a model, or a solid: STEP, .brep.json
     first: PathBuf,
     /// The other
     second: PathBuf,
@@ -75,6 +77,8 @@ enum Loaded {
     Model(Box<FrepTemplate>, Vec<f64>),
     Spline(Box<SplineDistance>),
     Solid(Box<ExactSolid>),
+    /// The shape of a STEP file of another program.
+    Shape(Box<PreparedShape>),
 }
 
 /// Returns true for files of models, and for formulas and templates, which are no files.
@@ -153,7 +157,7 @@ fn kind(loaded: &Loaded, vertices: bool) -> &'static str {
         Side::Points(_) => "points",
         Side::Mesh(_) => "mesh",
         Side::Model(..) | Side::Spline(_) => "model",
-        Side::Solid(_) => "solid",
+        Side::Solid(_) | Side::Shape(_) => "solid",
     }
 }
 
@@ -162,9 +166,16 @@ fn load(path: &Path, given: &Given, args: &Args, context: &Context) -> Result<Lo
     if names_model(path) {
         return load_model(path, given, &args.language, context);
     }
-    if let Some(file) = solids::find(path)? {
-        let solid = solids::divided(path, file, None, context)?;
-        return Ok(Loaded::Solid(Box::new(solid)));
+    match solids::find(path)? {
+        Some(FoundSolids::Own(file)) => {
+            let solid = solids::divided(path, *file, None, context)?;
+            return Ok(Loaded::Solid(Box::new(solid)));
+        }
+        Some(FoundSolids::Shape(mut file)) => {
+            let shape = solids::prepared(path, &mut file, None, context)?;
+            return Ok(Loaded::Shape(Box::new(shape)));
+        }
+        None => {}
     }
     let (cloud, warnings) = if scan::is_mesh(path, None) {
         let (mesh, report) = scan::read_mesh_file(path, None)?;
@@ -205,5 +216,6 @@ fn as_side(loaded: &Loaded, vertices: bool) -> Side<'_> {
         Loaded::Model(t, values) => Side::Model(t, values),
         Loaded::Spline(s) => Side::Spline(s),
         Loaded::Solid(s) => Side::Solid(s),
+        Loaded::Shape(s) => Side::Shape(s),
     }
 }

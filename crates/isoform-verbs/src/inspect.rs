@@ -7,12 +7,15 @@ use crate::kind;
 use crate::mesh::table as mesh_table;
 use crate::outcome::{self, Outcome};
 use crate::product::Product;
+use crate::solids::FoundSolids;
 use crate::table::{line, measure};
 use crate::{scan, solids};
 use isoform::check::{Options, certify};
-use isoform::io::{ColumnRange, Inspection, MeshPoints, SolidFile, inspect};
+use isoform::io::{ColumnRange, Inspection, MeshPoints, ShapeFile, SolidFile, inspect};
 use isoform::mesh::Control;
-use isoform::report::{CertificateReport, ContentsReport, InspectReport, SolidReport, brief};
+use isoform::report::{
+    CertificateReport, ContentsReport, InspectReport, ShapeReport, SolidReport, brief,
+};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -25,11 +28,11 @@ Examples:
   isoform inspect part.step
 
 Gives counts, box, spacing, normals, colours, further columns, the unit (stated or guessed, with the reason) and
-everything odd that was met. Of a mesh (msh, vtu, inp, ...) groups, topology, self-intersections and angles. Of a solid of isoform brep (.step,
-.brep.json) faces by kind, and volume, area, centroid and gaps as stated and as measured anew.")]
+everything odd that was met. Of a mesh (msh, vtu, inp, ...) groups, topology, self-intersections and angles. Of a solid (STEP of any program,
+.brep.json) faces by kind, volume, area, centroid and gaps, and those that a file of isoform brep states.")]
 pub(crate) struct Args {
-    /// The file: PLY, XYZ, CSV, OBJ, OFF, STL, 3MF, PCD, LAS, LAZ, E57, MSH, VTU, INP, STEP and
-    /// .brep.json of isoform brep (- for stdin)
+    /// The file: PLY, XYZ, CSV, OBJ, OFF, STL, 3MF, PCD, LAS, LAZ, E57, MSH, VTU, INP, STEP or
+    /// .brep.json (- for stdin)
     file: PathBuf,
     /// Format of the file, if neither name nor content determine it
     #[arg(long, value_name = "FORMAT")]
@@ -47,7 +50,10 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if args.from.is_none()
         && let Some(file) = solids::find(&args.file)?
     {
-        return Ok(solid(&args.file, &file));
+        return match file {
+            FoundSolids::Own(file) => Ok(solid(&args.file, &file)),
+            FoundSolids::Shape(file) => shape(&args.file, *file, context),
+        };
     }
     let max = args
         .max_points
@@ -151,6 +157,66 @@ fn solid(path: &Path, file: &SolidFile) -> Outcome {
         json: outcome::json_of(&report),
         stdout: format!("{name}: {}\n{lines}", report.format).into_bytes(),
     }
+}
+
+/// Reports on the shape of a STEP file of another program.
+fn shape(path: &Path, mut file: ShapeFile, context: &Context) -> Result<Outcome, Failure> {
+    let name = path.display().to_string();
+    let shape = solids::prepared(path, &mut file, None, context)?;
+    let report = ShapeReport::new(&name, &file, &shape);
+    let kinds = brep::kinds(report.faces.iter().map(|f| f.kind));
+    let unit = Some(report.unit.as_str());
+    let [lo, hi] = report.bounds;
+    let side = |k: usize| format!("{} to {}", brief(lo[k]), brief(hi[k]));
+    let none = || "none: there is no solid".to_owned();
+    let volume = report.volume.map_or_else(none, |v| measure(v, unit, 3));
+    let centroid = report.centroid.map_or_else(none, |c| {
+        let [x, y, z] = c.map(brief);
+        format!("({x}, {y}, {z})")
+    });
+    let mut area = measure(report.area, unit, 2);
+    if report.by_triangles > 0 {
+        let count = report.by_triangles;
+        let off = brief(shape.deviation());
+        area += &format!(" ({count} faces by triangles within {off} of them)");
+    }
+    let lines = [
+        ("name", report.name.clone()),
+        (
+            "written by",
+            format!("{} ({})", report.program, report.schema),
+        ),
+        ("unit", report.unit.clone()),
+        ("parts", report.parts.to_string()),
+        (
+            "solids",
+            format!(
+                "{} with {} voids, {} surfaces",
+                report.solids, report.voids, report.surfaces
+            ),
+        ),
+        ("faces", format!("{} ({kinds})", report.faces.len())),
+        (
+            "edges",
+            format!(
+                "{} ({} open), {} vertices",
+                report.edges, report.open_edges, report.vertices
+            ),
+        ),
+        ("x", side(0)),
+        ("y", side(1)),
+        ("z", side(2)),
+        ("volume", volume),
+        ("area", area),
+        ("centroid", centroid),
+        ("gaps", format!("{:.1e} at edges", report.gap)),
+    ];
+    let lines = lines.map(|(name, text)| line(name, text)).concat();
+    Ok(Outcome {
+        exit: DONE,
+        json: outcome::json_of(&report),
+        stdout: format!("{name}: {}\n{lines}", report.format).into_bytes(),
+    })
 }
 
 /// The points, with a line for each thing that is known of them.

@@ -12,8 +12,10 @@ use crate::mesh::settings::Settings;
 use crate::mesh::work::no_mesh;
 use crate::model::{GivenModel, SolidModel};
 use crate::parameters::Given;
+use crate::solids::FoundSolids;
 use crate::triangulate::{self, HalfWidth};
 use crate::{gallery, scan, solids, spline};
+use isoform::cad::PreparedShape;
 use isoform::field::hyperfun::Model;
 use isoform::geom::{Aabb, Mesh, PointCloud, RationalPatch};
 use isoform::io::{FilePatch, MeshPoints, is_patch_file, read_patches};
@@ -91,6 +93,8 @@ pub(crate) enum Layer {
     /// The mesh of a function of `implicitize`, which stands for a smooth surface.
     Spline(Mesh),
     Solid(ExactSolid),
+    /// The shape of a STEP file of another program.
+    Shape(Box<PreparedShape>),
     Patches(Vec<Patch>),
     Map(Arc<MapObject>),
 }
@@ -119,7 +123,7 @@ impl Layer {
             Self::Points(_) => "points",
             Self::Model(_) | Self::Meshed(_) => "model",
             Self::Mesh(_) | Self::Spline(_) => "mesh",
-            Self::Solid(_) => "solid",
+            Self::Solid(_) | Self::Shape(_) => "solid",
             Self::Patches(_) => "patches",
             Self::Map(_) => "map",
         }
@@ -218,8 +222,15 @@ impl File<'_> {
         if path != Path::new("-")
             && let Some(file) = solids::find(path)?
         {
-            let solid = solids::divided(path, file, None, self.context)?;
-            return Ok(Layer::Solid(solid));
+            return match file {
+                FoundSolids::Own(file) => {
+                    solids::divided(path, *file, None, self.context).map(Layer::Solid)
+                }
+                FoundSolids::Shape(mut file) => {
+                    let shape = solids::prepared(path, &mut file, None, self.context)?;
+                    Ok(Layer::Shape(Box::new(shape)))
+                }
+            };
         }
         if kind::is_json(path) {
             return self.document();

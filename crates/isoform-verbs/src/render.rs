@@ -261,6 +261,7 @@ fn shown(
         }
         Layer::Mesh(mesh) => Drawn::mesh(name, &mesh, by, args.section.as_ref()),
         Layer::Solid(solid) => Drawn::solid(name, &solid.mesh(), by, args.section.as_ref()),
+        Layer::Shape(shape) => Drawn::solid(name, &shape.mesh(), by, args.section.as_ref()),
         Layer::Patches(list) => {
             let patch = |p: layers::Patch| Patch {
                 patch: p.patch,

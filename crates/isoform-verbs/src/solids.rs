@@ -1,4 +1,4 @@
-//! Files of solids: STEP, and our own form without loss (.brep.json).
+//! Files of solids: STEP of any program, and our own form without loss (.brep.json).
 
 use crate::context::Context;
 use crate::disk;
@@ -9,10 +9,11 @@ use crate::product::Statement;
 use crate::watchdog::Writing;
 use crate::{interrupt, scan};
 use isoform::brep::{FacetOptions, FacetsError};
+use isoform::cad::{PreparedShape, ShapeError};
 use isoform::geom::Aabb;
 use isoform::io::{
-    SolidFile, SolidOptions, StepOptions, is_solid_file, read_solids, read_step_solids,
-    step_solids, write_solids, write_step_solids,
+    ShapeFile, SolidFile, SolidOptions, StepContent, StepOptions, is_solid_file, read_solids,
+    read_step, step_solids, write_solids, write_step_solids,
 };
 use isoform::{ExactSolid, ModelBrep, solid_gap};
 use serde_json::Value;
@@ -114,18 +115,60 @@ pub(crate) fn divided(
         ));
     }
     ExactSolid::new(file.brep, options, &context.control()).map_err(|e| match e {
-        FacetsError::Stopped if interrupt::happened() => {
-            Failure::new(interrupt::INTERRUPTED, "interrupted", e.to_string())
-        }
-        FacetsError::Stopped => {
-            Failure::new(NO_RESULT, "time-limit", e.to_string()).hint("a longer --time-limit")
-        }
+        FacetsError::Stopped => stopped(&e),
         e => Failure::new(NO_RESULT, "not-closed", format!("{name}: {e}")),
     })
 }
 
+/// The failure of triangles that were stopped.
+fn stopped(e: &dyn std::error::Error) -> Failure {
+    if interrupt::happened() {
+        return Failure::new(interrupt::INTERRUPTED, "interrupted", e.to_string());
+    }
+    Failure::new(NO_RESULT, "time-limit", e.to_string()).hint("a longer --time-limit")
+}
+
+/// The shape of a STEP file with its triangles, as fine as `options` say. Items that are left out
+/// and edges that leave their faces are warned of.
+pub(crate) fn prepared(
+    path: &Path,
+    file: &mut ShapeFile,
+    options: Option<FacetOptions>,
+    context: &Context,
+) -> Result<PreparedShape, Failure> {
+    let name = path.display();
+    for remark in &file.remarks {
+        context.warn(format_args!("{name}: {remark}"));
+    }
+    let options = options.map(|o| isoform::cad::FacetOptions {
+        chord: o.chord,
+        longest: o.longest,
+    });
+    let shape = std::mem::take(&mut file.shape);
+    let shape = PreparedShape::new(shape, options, &context.control());
+    let shape = shape.map_err(|e| match e {
+        ShapeError::Stopped => stopped(&e),
+        e => Failure::new(NO_RESULT, "not-closed", format!("{name}: {e}")),
+    })?;
+    let gap = shape.gap();
+    if gap > LOOSE * shape.bounds().diagonal() {
+        context.warn(format_args!(
+            "{name}: edges are up to {gap:.1e} away from their faces"
+        ));
+    }
+    Ok(shape)
+}
+
+/// Solids and surfaces of a file.
+pub(crate) enum FoundSolids {
+    /// Solids of this program.
+    Own(Box<SolidFile>),
+    /// Shape of a STEP file of any program.
+    Shape(Box<ShapeFile>),
+}
+
 /// Reads the solids of a file; `None` if its name or its content is that of another kind.
-pub(crate) fn find(path: &Path) -> Result<Option<SolidFile>, Failure> {
+pub(crate) fn find(path: &Path) -> Result<Option<FoundSolids>, Failure> {
     let unreadable = |code, e: isoform::io::SolidFileError| {
         Failure::input(code, format!("{}: {e}", path.display()))
     };
@@ -134,10 +177,15 @@ pub(crate) fn find(path: &Path) -> Result<Option<SolidFile>, Failure> {
     }
     if solid_kind(path) == Some(SolidKind::Step) {
         let text = disk::text(disk::read_file(path)?);
-        let read = read_step_solids(&text).map_err(|e| {
-            unreadable("step", e).hint("isoform brep writes solids as .step and as .brep.json")
+        let read = read_step(&text).map_err(|e| {
+            unreadable("step", e).hint("a STEP file of solids or surfaces: AP203, AP214 or AP242")
         });
-        return read.map(Some);
+        return read.map(|content| {
+            Some(match content {
+                StepContent::Own(file) => FoundSolids::Own(file),
+                StepContent::Shape(file) => FoundSolids::Shape(file),
+            })
+        });
     }
     if !is_json(path) {
         return Ok(None);
@@ -147,7 +195,7 @@ pub(crate) fn find(path: &Path) -> Result<Option<SolidFile>, Failure> {
     let is_named = solid_kind(path) == Some(SolidKind::Own);
     match json {
         Some(json) if is_solid_file(&json) || is_named => read_solids(&json)
-            .map(Some)
+            .map(|file| Some(FoundSolids::Own(Box::new(file))))
             .map_err(|e| unreadable("solids", e).hint("isoform brep writes such files")),
         None if is_named => Err(Failure::input(
             "json",

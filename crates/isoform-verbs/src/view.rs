@@ -32,7 +32,7 @@ Every file is a layer, in their order:
            polynomials F in x, y and z as JSON (--box is needed)
   map      X, Y, Z, W in s and t as JSON; with the plane of parameters beside space (--box is needed)
   patches  of isoform parameterize
-  solid    STEP and .brep.json of isoform brep: faces by their names
+  solid    STEP of any program, and .brep.json: faces by their names
   mesh     MSH, VTU, INP, OBJ, STL, OFF, 3MF; functions of isoform implicitize are meshed
 
 The page fetches nothing and can be sent. With --serve it is given to browsers of this machine alone, at an address
@@ -132,6 +132,7 @@ fn add(page: &mut Page, name: &str, layer: Layer) {
         Layer::Meshed(mesh) => page.meshed_model(name, &mesh),
         Layer::Mesh(mesh) | Layer::Spline(mesh) => page.mesh(name, &mesh),
         Layer::Solid(solid) => page.solid(name, &solid),
+        Layer::Shape(shape) => page.shape(name, &shape),
         Layer::Patches(list) => {
             let shown = |p: layers::Patch| ShownPatch {
                 patch: p.patch,

@@ -2,6 +2,7 @@
 
 use crate::blob::Blobs;
 use crate::{ShownPatch, ShownPoints, map, mesh, model, patches, points, solid};
+use isoform::cad::PreparedShape;
 use isoform::geom::Mesh;
 use isoform::tess::{Analysis, Map, Surface};
 use isoform::{ExactSolid, LiveModel};
@@ -62,6 +63,12 @@ impl Page {
     /// Adds a solid with exact faces: triangles for drawing and faces for picking.
     pub fn solid(&mut self, name: &str, solid: &ExactSolid) {
         let layer = solid::layer(name, solid, &mut self.blobs);
+        self.layers.push(layer);
+    }
+
+    /// Adds the shape of a CAD file.
+    pub fn shape(&mut self, name: &str, shape: &PreparedShape) {
+        let layer = solid::shape_layer(name, shape, &mut self.blobs);
         self.layers.push(layer);
     }
 

@@ -3,7 +3,9 @@
 use crate::blob::Blobs;
 use crate::mesh;
 use isoform::ExactSolid;
+use isoform::cad::PreparedShape;
 use isoform::geom::brep::{Axes, Surface};
+use isoform::geom::cad;
 use serde_json::{Value, json};
 
 /// Returns the layer of a solid.
@@ -14,6 +16,29 @@ pub(crate) fn layer(name: &str, solid: &ExactSolid, blobs: &mut Blobs) -> Value 
     let faces = solid.brep().faces.iter();
     layer["surfaces"] = faces.map(|face| surface(&face.surface)).collect();
     layer
+}
+
+/// Returns the layer of the shape of a CAD file.
+pub(crate) fn shape_layer(name: &str, shape: &PreparedShape, blobs: &mut Blobs) -> Value {
+    let mut layer = mesh::layer(name, &shape.mesh(), blobs);
+    layer["kind"] = json!("solid");
+    layer["triangleFaces"] = blobs.u32(&shape.facets().face_of);
+    let faces = shape.shape().faces.iter();
+    layer["surfaces"] = faces.map(|face| cad_surface(&face.surface)).collect();
+    layer
+}
+
+/// Returns name, frame and measures of a surface of a CAD file; null for those that pages do not
+/// compute.
+fn cad_surface(surface: &cad::Surface) -> Value {
+    match surface {
+        cad::Surface::Plane(axes) => with("plane", axes, &[]),
+        cad::Surface::Cylinder(axes, radius) => with("cylinder", axes, &[*radius]),
+        cad::Surface::Cone(axes, radius, angle) => with("cone", axes, &[*radius, *angle]),
+        cad::Surface::Sphere(axes, radius) => with("sphere", axes, &[*radius]),
+        cad::Surface::Torus(axes, major, minor) => with("torus", axes, &[*major, *minor]),
+        _ => Value::Null,
+    }
 }
 
 /// Returns name, frame and measures of a surface; null for splines, which pages do not compute.

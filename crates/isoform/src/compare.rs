@@ -11,6 +11,7 @@ mod nearest;
 
 use crate::facets::{CornerError, check_corners};
 use crate::{ExactSolid, FrepTemplate, SplineDistance, parameter_values};
+use isoform_cad::PreparedShape;
 use isoform_field::SolidError;
 use isoform_fit::{MAX_SURFACE_SAMPLES, Parameter, Template, surface_samples};
 use isoform_geom::{
@@ -43,6 +44,8 @@ pub enum Side<'a> {
     Spline(&'a SplineDistance),
     /// Faces of a solid.
     Solid(&'a ExactSolid),
+    /// Faces of a shape of a CAD file.
+    Shape(&'a PreparedShape),
 }
 
 /// Distances of the points of one side from the other side, in the unit of the coordinates; NaN, in
@@ -132,7 +135,9 @@ pub fn compare(
     let mut from_a = a.sampled(region.or(b.bounds()), samples)?;
     let mut from_b = b.sampled(region.or(a.bounds()), samples)?;
     for (model, sampled, other) in [(&a, &mut from_a, &b), (&b, &mut from_b, &a)] {
-        if let (CheckedSide::Model(field, values), CheckedSide::Solid(_)) = (model, other) {
+        if let (CheckedSide::Model(field, values), CheckedSide::Solid(_) | CheckedSide::Shape(_)) =
+            (model, other)
+        {
             sampled.points = settled(&sampled.points, *field, values);
         }
     }
@@ -153,6 +158,7 @@ enum CheckedSide<'a> {
     Mesh(Vec<Point3>, &'a [[u32; 3]]),
     Model(&'a dyn ParamField, Vec<f64>),
     Solid(&'a ExactSolid),
+    Shape(&'a PreparedShape),
 }
 
 impl<'a> CheckedSide<'a> {
@@ -168,12 +174,13 @@ impl<'a> CheckedSide<'a> {
             }
             Side::Spline(spline) => Self::Model(spline, Vec::new()),
             Side::Solid(solid) => Self::Solid(solid),
+            Side::Shape(shape) => Self::Shape(shape),
         })
     }
 
     /// Returns true if the points of the side lie near a model that it approximates.
     fn is_near(&self) -> bool {
-        matches!(self, Self::Mesh(..) | Self::Solid(_))
+        matches!(self, Self::Mesh(..) | Self::Solid(_) | Self::Shape(_))
     }
 
     fn bounds(&self) -> Option<Aabb> {
@@ -181,6 +188,7 @@ impl<'a> CheckedSide<'a> {
             Self::Points(points) | Self::Mesh(points, _) => Some(Aabb::from_points(points)),
             Self::Model(..) => None,
             Self::Solid(solid) => Some(Aabb::from_points(&solid.facets().points)),
+            Self::Shape(shape) => Some(shape.bounds()),
         }
     }
 
@@ -199,6 +207,7 @@ impl<'a> CheckedSide<'a> {
             }
             Self::Mesh(corners, triangles) => SideSamples::of_mesh(corners, triangles, wanted),
             Self::Solid(solid) => SideSamples::of_solid(solid, wanted),
+            Self::Shape(shape) => SideSamples::of_shape(shape, wanted),
         })
     }
 }
@@ -282,6 +291,27 @@ impl SideSamples {
         }
         out
     }
+
+    /// Samples the triangles of the faces of a shape, and projects the samples to the exact faces.
+    fn of_shape(shape: &PreparedShape, wanted: usize) -> Self {
+        let facets = shape.facets();
+        let mut out = Self::of_mesh(&facets.points, &facets.triangles, wanted);
+        let nearest = |p: &mut Point3| {
+            if let Some(near) = shape.nearest(*p) {
+                *p = near.point;
+            }
+        };
+        out.points.par_iter_mut().for_each(nearest);
+        out
+    }
+}
+
+/// Returns the distance of each point from a shape; infinite if its square overflows.
+fn to_shape(points: &[Point3], shape: &PreparedShape) -> Vec<f64> {
+    let points = points.par_iter().with_min_len(MIN_POINTS_PER_THREAD);
+    points
+        .map(|p| shape.nearest(*p).map_or(f64::INFINITY, |n| n.distance))
+        .collect()
 }
 
 /// Returns the distance of each point from a solid: from the faces on which its nearest samples
@@ -331,6 +361,9 @@ fn distances(
     }
     if let CheckedSide::Solid(solid) = to {
         return to_solid(points, solid, sampled);
+    }
+    if let CheckedSide::Shape(shape) = to {
+        return to_shape(points, shape);
     }
     if !sampled.owner.is_empty() {
         return TriangleTree::new(&sampled.triangles).distances(points);

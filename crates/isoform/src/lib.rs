@@ -154,6 +154,7 @@ pub use implicitize_scan::{
 };
 pub use isoform_algebra as algebra;
 pub use isoform_brep as brep;
+pub use isoform_cad as cad;
 pub use isoform_check as check;
 pub use isoform_control::{Control, Stopped};
 pub use isoform_field as field;

@@ -16,6 +16,7 @@ mod nominal;
 mod patches;
 mod quality;
 mod recognize;
+mod shape;
 mod solid;
 mod surface;
 
@@ -42,6 +43,7 @@ pub use recognize::{
     BlendReport, EntityReport, LayoutReport, MotionReport, Parameters, PatternReport,
     RecognizeReport, RecognizedFaceReport, RelationReport, SnapReport, SymmetryReport,
 };
+pub use shape::ShapeReport;
 pub use solid::{SolidFaceReport, SolidReport, StatedReport};
 pub use surface::{
     AboutSurface, BasePointReport, ClaimReport, ContractedReport, CutReport, DoubleArcReport,

@@ -188,14 +188,18 @@ fn what_is_no_such_file_is_refused() {
     let f = Folder::new("solids-refused");
     let [step, own] = both(&f, "holed", HOLED, &[]);
     let text = fs::read_to_string(&step).expect("a file");
-    let foreign = f.file("foreign.step", text.replace("'isoform 0", "'Other 1"));
+    let foreign = f.file(
+        "foreign.step",
+        text.replace("'isoform 0", "'Other 1")
+            .replace("=PLANE(", "=OFFSET_SURFACE("),
+    );
     let half = f.file("half.step", &text[..text.len() / 2]);
     let mut open: Value = serde_json::from_slice(&fs::read(&own).expect("a file")).expect("JSON");
     open["faces"][0]["loops"][0][0][1] = true.into();
     let open = f.file("open.brep.json", open.to_string());
     let empty = f.file("empty.brep.json", "{}");
     for (path, said) in [
-        (&foreign, "only STEP files of isoform brep can be read"),
+        (&foreign, "surfaces of the kind OFFSET_SURFACE are not read"),
         (&half, "is expected"),
         (&open, "face 0, loop 0: its edges are no closed chain"),
         (&empty, "brep is expected"),

@@ -37,6 +37,8 @@ pub(super) struct Record {
 pub(super) struct StepFile {
     pub(super) header: Vec<Record>,
     pub(super) instances: BTreeMap<u64, Vec<Record>>,
+    /// Line of each instance, from 1.
+    pub(super) lines: BTreeMap<u64, usize>,
 }
 
 type Result<T> = std::result::Result<T, SolidFileError>;
@@ -54,24 +56,13 @@ pub(super) fn parse(text: &str) -> Result<StepFile> {
         file.header.push(parser.record(0)?);
         parser.expect(";")?;
     }
-    parser.expect("DATA;")?;
-    while !parser.take("ENDSEC;") {
-        let start = parser.at;
-        parser.expect("#")?;
-        let number = parser.whole()?;
-        parser.expect("=")?;
-        let records = if parser.peek() == Some(b'(') {
-            parser.complex()?
-        } else {
-            vec![parser.record(0)?]
-        };
-        parser.expect(";")?;
-        if file.instances.insert(number, records).is_some() {
-            parser.at = start;
-            return Err(parser.wrong(&format!("#{number} is there twice")));
+    let mut counted = (0, 1);
+    loop {
+        if parser.take("END-ISO-10303-21") {
+            return Ok(file);
         }
+        parser.data(&mut file, &mut counted)?;
     }
-    Ok(file)
 }
 
 struct StepParser<'t> {
@@ -80,6 +71,52 @@ struct StepParser<'t> {
 }
 
 impl StepParser<'_> {
+    /// Parses a section of data; `counted` is a position, and its line.
+    fn data(&mut self, file: &mut StepFile, counted: &mut (usize, usize)) -> Result<()> {
+        let parser = self;
+        parser.section()?;
+        while !parser.take("ENDSEC;") {
+            parser.peek();
+            let start = parser.at;
+            let passed = &parser.bytes[counted.0..start];
+            counted.1 += passed.iter().filter(|b| **b == b'\n').count();
+            counted.0 = start;
+            parser.expect("#")?;
+            let number = parser.whole()?;
+            parser.expect("=")?;
+            let records = if parser.peek() == Some(b'(') {
+                parser.complex()?
+            } else {
+                vec![parser.record(0)?]
+            };
+            parser.expect(";")?;
+            file.lines.insert(number, counted.1);
+            if file.instances.insert(number, records).is_some() {
+                parser.at = start;
+                return Err(parser.wrong(&format!("#{number} is there twice")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Parses the head of a section of data, which may have arguments.
+    fn section(&mut self) -> Result<()> {
+        for name in ["ANCHOR;", "REFERENCE;", "SIGNATURE;"] {
+            if self.take(name) {
+                let name = &name[..name.len() - 1];
+                return Err(self.wrong(&format!("sections {name} are not read")));
+            }
+        }
+        if self.take("DATA;") {
+            return Ok(());
+        }
+        if self.take("DATA(") {
+            self.list(0)?;
+            return self.expect(";");
+        }
+        Err(self.wrong("`DATA;` is expected"))
+    }
+
     /// Returns an error at the present position, given as line and column from 1.
     fn wrong(&self, problem: &str) -> SolidFileError {
         let before = &self.bytes[..self.at.min(self.bytes.len())];
@@ -91,13 +128,21 @@ impl StepParser<'_> {
         let column = before.len() - start + 1;
         wrong(format!("line {line}, column {column}"), problem)
     }
-    /// Returns the next byte that is not a space.
+    /// Returns the next byte that is neither a space nor in a comment.
     fn peek(&mut self) -> Option<u8> {
         let is_space = |b: &u8| b.is_ascii_whitespace();
-        while self.bytes.get(self.at).is_some_and(is_space) {
-            self.at += 1;
+        loop {
+            while self.bytes.get(self.at).is_some_and(is_space) {
+                self.at += 1;
+            }
+            if !self.bytes[self.at..].starts_with(b"/*") {
+                return self.bytes.get(self.at).copied();
+            }
+            let mut rest = self.bytes[self.at + 2..].windows(2);
+            // A comment without an end holds the rest of the file.
+            let length = rest.position(|w| w == b"*/");
+            self.at = length.map_or(self.bytes.len(), |n| self.at + n + 4);
         }
-        self.bytes.get(self.at).copied()
     }
     /// Consumes these characters and returns true if they come next.
     fn take(&mut self, what: &str) -> bool {
@@ -129,7 +174,7 @@ impl StepParser<'_> {
     }
     fn word(&mut self) -> Result<String> {
         self.peek();
-        let name = self.run(|b| b.is_ascii_alphanumeric() || b == b'_');
+        let name = self.run(|b| b.is_ascii_alphanumeric() || b"_-!".contains(&b));
         if name.is_empty() {
             return Err(self.wrong("a keyword is expected"));
         }
@@ -188,6 +233,7 @@ impl StepParser<'_> {
                 Ok(Value::Word(word))
             }
             Some(b'\'') => self.text(),
+            Some(b'"') => self.binary(),
             Some(b'0'..=b'9' | b'+' | b'-') => self.number(),
             _ => Ok(Value::Typed(self.record(depth + 1)?)),
         }
@@ -196,12 +242,23 @@ impl StepParser<'_> {
         let start = self.at;
         let text = self.run(|b| b.is_ascii_digit() || b"+-.E".contains(&b));
         match text.parse() {
-            Ok(number) => Ok(Value::Number(number)),
+            Ok(number) if f64::is_finite(number) => Ok(Value::Number(number)),
+            Ok(_) => {
+                self.at = start;
+                Err(self.wrong("a number is too large"))
+            }
             Err(_) => {
                 self.at = start;
                 Err(self.wrong("a number is expected"))
             }
         }
+    }
+    /// Parses a binary number, which no shape needs.
+    fn binary(&mut self) -> Result<Value> {
+        self.at += 1;
+        self.run(|b| b.is_ascii_hexdigit());
+        self.expect("\"")?;
+        Ok(Value::Nothing)
     }
     /// Parses a text in quotes; a doubled quote is a quote.
     fn text(&mut self) -> Result<Value> {
@@ -224,41 +281,66 @@ impl StepParser<'_> {
         }
         self.at += 1;
         let text = String::from_utf8_lossy(&bytes);
-        let plain = plain(&text);
-        plain
-            .map(Value::Text)
-            .ok_or_else(|| self.wrong("a text has an unknown escape"))
+        // Paths of Windows in headers often have backslashes without escapes.
+        Ok(Value::Text(
+            plain(&text).unwrap_or_else(|| text.into_owned()),
+        ))
     }
 }
 
-/// Decodes the escapes written by `part21::text`: \\, \X2\…\X0\ and \X4\…\X0\.
+/// Decodes the escapes of ISO 10303-21: \\, \X2\…\X0\ and \X4\…\X0\ (Unicode), \X\hh and \S\c
+/// (ISO 8859-1); other code pages count as that.
 fn plain(text: &str) -> Option<String> {
     let mut out = String::new();
     let mut rest = text;
     while let Some((before, escaped)) = rest.split_once('\\') {
         out.push_str(before);
-        if let Some(after) = escaped.strip_prefix('\\') {
-            out.push('\\');
-            rest = after;
-            continue;
-        }
-        let (width, hex) = match escaped.get(..3)? {
-            "X2\\" => (4, &escaped[3..]),
-            "X4\\" => (8, &escaped[3..]),
-            _ => return None,
-        };
-        let (digits, after) = hex.split_once("\\X0\\")?;
-        if !digits.is_ascii() || digits.len() % width != 0 {
-            return None;
-        }
-        for code in digits.as_bytes().chunks(width) {
-            let code = u32::from_str_radix(std::str::from_utf8(code).ok()?, 16).ok()?;
-            out.push(char::from_u32(code)?);
-        }
-        rest = after;
+        rest = escape(escaped, &mut out)?;
     }
     out.push_str(rest);
     Some(out)
+}
+
+/// Decodes the escape after a backslash, and returns what follows it.
+fn escape<'t>(escaped: &'t str, out: &mut String) -> Option<&'t str> {
+    if let Some(after) = escaped.strip_prefix('\\') {
+        out.push('\\');
+        return Some(after);
+    }
+    if let Some(after) = escaped.strip_prefix("X\\") {
+        let code = u8::from_str_radix(after.get(..2)?, 16).ok()?;
+        out.push(char::from(code));
+        return Some(&after[2..]);
+    }
+    if let Some(after) = escaped.strip_prefix("S\\") {
+        let letter = after.chars().next().filter(char::is_ascii)?;
+        out.push(char::from(letter as u8 | 0x80));
+        return Some(&after[1..]);
+    }
+    if escaped.starts_with('P') && escaped.as_bytes().get(2) == Some(&b'\\') {
+        return escaped.get(3..);
+    }
+    let (width, hex) = match escaped.get(..3)? {
+        "X2\\" => (4, &escaped[3..]),
+        "X4\\" => (8, &escaped[3..]),
+        _ => return None,
+    };
+    let (digits, after) = hex.split_once("\\X0\\")?;
+    if !digits.is_ascii() || digits.len() % width != 0 {
+        return None;
+    }
+    let mut units = Vec::new();
+    for code in digits.as_bytes().chunks(width) {
+        let code = u32::from_str_radix(std::str::from_utf8(code).ok()?, 16).ok()?;
+        match u16::try_from(code) {
+            Ok(unit) => units.push(unit),
+            Err(_) => units.extend_from_slice(char::from_u32(code)?.encode_utf16(&mut [0; 2])),
+        }
+    }
+    // Some programs write pairs of surrogates.
+    let letters: std::result::Result<String, _> = char::decode_utf16(units).collect();
+    out.push_str(&letters.ok()?);
+    Some(after)
 }
 
 #[cfg(test)]

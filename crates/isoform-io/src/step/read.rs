@@ -1,11 +1,13 @@
-//! Reader of solids in STEP files written by this crate ([`super::step_solids`]).
+//! Reader of solids in STEP files written by this crate ([`super::step_solids`]); [`super::shape`]
+//! reads those of other programs.
 //!
-//! Other STEP files are refused, because their curves and surfaces may be of any kind. Reading
-//! returns the written solids to the last digit, except the frames of splines and ellipsoids: STEP
+//! Reading returns the written solids to the last digit, except the frames of splines and ellipsoids: STEP
 //! cannot store them, so they are computed from the control points up to rounding. Parts come in
 //! the order of their first faces.
 
-use super::parse::{Record, StepFile, Value, parse};
+use super::parse::{StepFile, Value, parse};
+use super::records::{InstanceIndices, RecordArguments, numbers};
+use super::shape::{self, ShapeFile};
 use super::{LENGTH_UNCERTAINTY, SolidProperties};
 use crate::solids::{SolidFile, SolidFileError, checked, wrong};
 use isoform_geom::brep::{
@@ -21,35 +23,69 @@ const ROUND_TRIP_TOLERANCE: f64 = 1e-12;
 
 type Result<T> = std::result::Result<T, SolidFileError>;
 
+/// Content of a STEP file.
+#[derive(Clone, Debug)]
+pub enum StepContent {
+    /// Solids that this crate wrote.
+    Own(Box<SolidFile>),
+    /// Shape of any program.
+    Shape(Box<ShapeFile>),
+}
+
+/// Reads a STEP file of any program; solids that this crate wrote come back without loss.
+///
+/// # Errors
+/// [`SolidFileError`].
+pub fn read_step(text: &str) -> Result<StepContent> {
+    let file = parse(text)?;
+    let has = |name: &str| {
+        let mut records = file.instances.values().flatten();
+        records.any(|r| r.name == name)
+    };
+    let has_solids = || has("MANIFOLD_SOLID_BREP") || has("BREP_WITH_VOIDS");
+    if written_by(&file).starts_with(OWN_PROGRAM) && has_solids() {
+        return solids(&file).map(|s| StepContent::Own(Box::new(s)));
+    }
+    shape::read(&file, text.len()).map(|s| StepContent::Shape(Box::new(s)))
+}
+
 /// Reads the solids of a STEP file written by [`step_solids`](super::step_solids).
 ///
 /// # Errors
-/// [`SolidFileError`] for any other text, including STEP files of other programs.
+/// [`SolidFileError`] for any other text, including STEP files of other programs, which
+/// [`read_step`] reads.
 pub fn read_step_solids(text: &str) -> Result<SolidFile> {
     let file = parse(text)?;
-    is_ours(&file)?;
-    let mut reader = SolidReader::new(&file);
+    let by = written_by(&file);
+    if !by.starts_with(OWN_PROGRAM) {
+        let by = crate::input::shorten(by);
+        let problem = format!("written by `{by}`; only STEP files of isoform brep can be read");
+        return Err(wrong("FILE_NAME", problem));
+    }
+    solids(&file)
+}
+
+/// First characters of the program's name in files that this crate writes.
+const OWN_PROGRAM: &str = "isoform ";
+
+/// Returns the program that wrote a file, as its header says; empty if it does not.
+pub(super) fn written_by(file: &StepFile) -> &str {
+    let header = file.header.iter().find(|r| r.name == "FILE_NAME");
+    match header.and_then(|r| r.arguments.get(4)) {
+        Some(Value::Text(by)) => by,
+        _ => "",
+    }
+}
+
+/// Reads the solids of a file that this crate wrote.
+fn solids(file: &StepFile) -> Result<SolidFile> {
+    let mut reader = SolidReader::new(file);
     checked(SolidFile {
         brep: reader.brep()?,
         name: reader.product()?,
         unit: Some(reader.unit()?),
         properties: reader.properties()?,
     })
-}
-
-/// Returns an error if another program wrote the file.
-fn is_ours(file: &StepFile) -> Result<()> {
-    let header = file.header.iter().find(|r| r.name == "FILE_NAME");
-    let by = match header.and_then(|r| r.arguments.get(4)) {
-        Some(Value::Text(by)) => by.as_str(),
-        _ => "",
-    };
-    if by.starts_with("isoform ") {
-        return Ok(());
-    }
-    let by = crate::input::shorten(by);
-    let problem = format!("written by `{by}`; only STEP files of isoform brep can be read");
-    Err(wrong("FILE_NAME", problem))
 }
 
 struct SolidReader<'f> {
@@ -59,9 +95,6 @@ struct SolidReader<'f> {
     /// Instances already consumed.
     taken: BTreeSet<u64>,
 }
-
-/// Map from instance numbers to indices.
-type InstanceIndices = BTreeMap<u64, u32>;
 
 impl<'f> SolidReader<'f> {
     fn new(file: &'f StepFile) -> Self {
@@ -94,7 +127,11 @@ impl<'f> SolidReader<'f> {
         let records = self.file.instances.get(&number);
         let record = records.and_then(|r| r.iter().find(|r| r.name == name));
         record
-            .map(|record| RecordArguments { number, record })
+            .map(|record| RecordArguments {
+                number,
+                line: None,
+                record,
+            })
             .ok_or_else(|| wrong(format!("#{number}"), format!("{name} is expected")))
     }
 
@@ -186,7 +223,11 @@ impl<'f> SolidReader<'f> {
         let records = self.file.instances.get(&number);
         let record = records.and_then(|r| r.first());
         record
-            .map(|record| RecordArguments { number, record })
+            .map(|record| RecordArguments {
+                number,
+                line: None,
+                record,
+            })
             .ok_or_else(|| wrong(format!("#{number}"), "there is no such instance"))
     }
 
@@ -470,115 +511,4 @@ fn agree_up_to_rounding(given: &[Point3], found: &[Point3]) -> bool {
     let far = given.iter().flatten().fold(size, |m, v| m.max(v.abs()));
     let near = |(p, q): (&Point3, &Point3)| norm(sub(*p, *q)) <= ROUND_TRIP_TOLERANCE * far;
     given.len() == found.len() && given.iter().zip(found).all(near)
-}
-
-/// Arguments of a record of an instance.
-struct RecordArguments<'f> {
-    number: u64,
-    record: &'f Record,
-}
-
-impl<'f> RecordArguments<'f> {
-    fn wrong(&self, problem: &str) -> SolidFileError {
-        wrong(format!("#{} {}", self.number, self.record.name), problem)
-    }
-    /// Converts an argument by `as_it`; an error states the expected kind if the conversion fails.
-    fn read<T>(
-        &self,
-        k: usize,
-        expected: &str,
-        as_it: impl FnOnce(&'f Value) -> Option<T>,
-    ) -> Result<T> {
-        let value = self.record.arguments.get(k).and_then(as_it);
-        value.ok_or_else(|| self.wrong(&format!("argument {}: {expected}", k + 1)))
-    }
-    fn reference(&self, k: usize) -> Result<u64> {
-        self.read(k, "a reference is expected", reference)
-    }
-    fn references(&self, k: usize) -> Result<Vec<u64>> {
-        let references = |v: &'f Value| list(v)?.iter().map(reference).collect();
-        self.read(k, "references are expected", references)
-    }
-    /// Returns the index of the instance referred to by an argument.
-    fn indexed(&self, k: usize, indices: &InstanceIndices) -> Result<u32> {
-        let index = |v: &'f Value| indices.get(&reference(v)?).copied();
-        self.read(
-            k,
-            "a reference to another kind of instance is expected",
-            index,
-        )
-    }
-    fn number(&self, k: usize) -> Result<f64> {
-        self.read(k, "a number is expected", number)
-    }
-    fn numbers(&self, k: usize) -> Result<Vec<f64>> {
-        self.read(k, "numbers are expected", numbers)
-    }
-    fn whole(&self, k: usize) -> Result<usize> {
-        self.read(k, "a whole number is expected", whole)
-    }
-    fn wholes(&self, k: usize) -> Result<Vec<usize>> {
-        let wholes = |v: &'f Value| list(v)?.iter().map(whole).collect();
-        self.read(k, "whole numbers are expected", wholes)
-    }
-    fn point(&self, k: usize) -> Result<Point3> {
-        let numbers = self.numbers(k)?;
-        let point = numbers.try_into();
-        point.map_err(|_| self.wrong("three numbers are expected"))
-    }
-    fn text(&self, k: usize) -> Result<&'f str> {
-        self.read(k, "a text is expected", |v| match v {
-            Value::Text(text) => Some(text.as_str()),
-            _ => None,
-        })
-    }
-    fn flag(&self, k: usize) -> Result<bool> {
-        self.read(k, ".T. or .F. is expected", |v| match v {
-            Value::Word(word) if word == "T" => Some(true),
-            Value::Word(word) if word == "F" => Some(false),
-            _ => None,
-        })
-    }
-    fn list(&self, k: usize) -> Result<&'f [Value]> {
-        self.read(k, "a list is expected", list)
-    }
-    /// Returns the number of a typed argument.
-    fn measure(&self, k: usize) -> Result<f64> {
-        self.read(k, "a measure is expected", |v| match v {
-            Value::Typed(record) => record.arguments.first().and_then(number),
-            _ => None,
-        })
-    }
-}
-
-fn list(value: &Value) -> Option<&[Value]> {
-    match value {
-        Value::List(list) => Some(list),
-        _ => None,
-    }
-}
-
-fn reference(value: &Value) -> Option<u64> {
-    match value {
-        Value::Reference(number) => Some(*number),
-        _ => None,
-    }
-}
-
-fn number(value: &Value) -> Option<f64> {
-    match value {
-        Value::Number(number) => Some(*number),
-        _ => None,
-    }
-}
-
-fn numbers(value: &Value) -> Option<Vec<f64>> {
-    list(value)?.iter().map(number).collect()
-}
-
-/// Converts a number to a count; `None` unless it is an integer from 0 to 2³².
-fn whole(value: &Value) -> Option<usize> {
-    let number = number(value)?;
-    let is_count = number.fract() == 0.0 && (0.0..=4_294_967_296.0).contains(&number);
-    is_count.then_some(number as usize)
 }

@@ -45,15 +45,15 @@ Examples:
 Edges and corners are found and kept; every face carries the name of the part that it lies on. Every mesh comes with a
 certificate: closed, manifold, free of self-intersections and inverted elements, with angles and distances. Formats:
 msh (Gmsh), vtu (ParaView), inp (CalculiX, Abaqus) and others, see docs/meshing.md. Without -o it is only measured.
-Of a solid of isoform brep (.step, .brep.json) the faces are divided into triangles for display, closed and near to
+Of a solid (STEP of any program, .brep.json) the faces are divided into triangles for display, closed and near to
 them (--grade, --size), without regard to their shape.
 
 Exit code: 0, or 3 if the certificate fails or something is left unproved (files are written all the same), 4 without a
 mesh, 2 for unreadable input, 130 after Ctrl-C.")]
 pub(crate) struct Args {
     /// The model: a HyperFun file (- for stdin), a formula as "x^2 + y^2 + z^4 = 1", the name of a
-    /// built-in template, a function fitted to points (.json, from isoform implicitize), or a solid
-    /// of isoform brep
+    /// built-in template, a function fitted to points (.json, from isoform implicitize), or a
+    /// solid: STEP, .brep.json
     model: PathBuf,
     #[command(flatten)]
     given: Given,

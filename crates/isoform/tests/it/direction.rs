@@ -8,8 +8,9 @@ use std::path::Path;
 type Uses = BTreeMap<String, BTreeSet<String>>;
 
 /// Crates that must not use one another: the stages, and the functions on which they work.
-const APART: [&str; 9] = [
+const APART: [&str; 10] = [
     "isoform-brep",
+    "isoform-cad",
     "isoform-field",
     "isoform-fit",
     "isoform-io",
