@@ -22,5 +22,5 @@ pub use edges::FacetOptions;
 pub use facets::{ShapeError, ShapeFacets};
 pub use isoform_control::Control;
 pub use measure::FaceMeasure;
-pub use nearest::{Feature, NearestPoint};
+pub use nearest::{Feature, NearestPoint, nearest_on_triangle};
 pub use prepared::{PreparedShape, ShapeMeasures};

@@ -182,7 +182,7 @@ impl Search<'_> {
             return;
         }
         let corners = facets.triangles[t as usize].map(|v| facets.points[v as usize]);
-        let (near, weights) = on_triangle(self.p, corners);
+        let (near, weights) = nearest_on_triangle(self.p, corners);
         if norm(sub(self.p, near)) - reach > self.best.distance {
             return;
         }
@@ -276,7 +276,7 @@ fn polished(edge: &Edge, p: Point3, from: f64) -> f64 {
 }
 
 /// Returns the point of a triangle that is nearest to `p`, with its barycentric coordinates.
-fn on_triangle(p: Point3, t: [Point3; 3]) -> (Point3, [f64; 3]) {
+pub fn nearest_on_triangle(p: Point3, t: [Point3; 3]) -> (Point3, [f64; 3]) {
     let (ab, ac, ap) = (sub(t[1], t[0]), sub(t[2], t[0]), sub(p, t[0]));
     let (a, b, c) = (dot(ab, ab), dot(ab, ac), dot(ac, ac));
     let (d, e) = (dot(ap, ab), dot(ap, ac));

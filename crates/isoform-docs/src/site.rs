@@ -33,6 +33,7 @@ const PAGES: [(&str, &[(&str, &str)]); 8] = [
             ("docs/hyperfun.md", "HyperFun"),
             ("docs/functions.md", "Functions of HyperFun"),
             ("docs/meshing.md", "Meshing"),
+            ("docs/formulas.md", "Formulas"),
             ("docs/fe.md", "Stresses"),
             ("docs/brep.md", "Solids for CAD"),
             ("docs/parameterize.md", "Rational patches"),

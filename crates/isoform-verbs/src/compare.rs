@@ -2,6 +2,7 @@
 
 use crate::arguments;
 use crate::context::Context;
+use crate::disk;
 use crate::failure::{self, DONE, Failure};
 use crate::kind;
 use crate::language::Language;
@@ -13,12 +14,15 @@ use crate::solids::FoundSolids;
 use crate::{gallery, scan, solids};
 use isoform::cad::PreparedShape;
 use isoform::field::hyperfun::Pose;
-use isoform::geom::{Aabb, PointCloud};
+use isoform::geom::cad::Placement;
+use isoform::geom::{Aabb, Column, PointCloud};
 use isoform::io::MeshPoints;
 use isoform::report::{CompareReport, SideReport, brief};
 use isoform::{
-    CompareError, Distances, ExactSolid, FrepTemplate, Side, SplineDistance, compare, surface_of,
+    CompareError, Distances, ExactSolid, FrepTemplate, Side, SplineDistance, compare,
+    deviations, surface_of,
 };
+use isoform_render::Scale;
 use std::path::{Path, PathBuf};
 
 /// Measures the deviation between two of points, meshes, models and solids, both ways
@@ -27,13 +31,16 @@ use std::path::{Path, PathBuf};
 Examples:
   isoform compare scan.ply fitted.hf
   isoform compare part.msh fitted.hf
-  isoform compare scan.ply part.step
+  isoform compare scan.ply part.step -o deviation.ply
+  isoform compare scan.ply part.stl --align -o deviation.csv
 
 Files with triangles count as surfaces (--vertices: as points), tetrahedra by their surface. Files
 with the ending .hf are models, those with .json functions of implicitize; their distances are those of the
 metric reading, and from meshes those of Newton's method on it. STEP files of any program and .brep.json are
-solids; distances are those from their exact faces and edges, not from triangles. Coordinates must agree:
-nothing is moved, and lengths of STEP files are in the file's own unit.
+solids; distances are those from their exact faces and edges, not from triangles. Lengths of STEP files are in
+the file's own unit. Coordinates must agree, unless --align moves the first as a rigid body to where the sum of
+its squared distances is least. -o writes the points of the first with their deviation: positive outside of a
+model or a closed surface, else without sign; view and render colour them by it.
 
 Exit code: 0; 3 if --tolerance is given and a distance exceeds it, or a point has none: where a
 model is not a number.")]
@@ -62,6 +69,13 @@ pub(crate) struct Args {
     /// Take the vertices of meshes as points
     #[arg(long)]
     vertices: bool,
+    /// Move the points or mesh given first onto the second before they are compared: the best fit
+    #[arg(long)]
+    align: bool,
+    /// Write the points of the first with their deviations from the second: .ply with colours, .csv
+    /// or .xyz
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
     /// Fail (exit 3) where a distance is larger
     #[arg(long, value_name = "LENGTH")]
     tolerance: Option<f64>,
@@ -94,29 +108,48 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         true => Given::from_params(args.params_second.as_ref()),
         false => args.given.clone(),
     };
-    let first = load(&args.first, &args.given, args, context)?;
+    if let Some(output) = &args.output {
+        if !scan::is_points(output) {
+            let message = format!("{}: no points are written with this ending", output.display());
+            return Err(Failure::usage(message).hint("-o with .ply, .csv or .xyz"));
+        }
+        disk::check_folder(output)?;
+    }
+    let mut first = load(&args.first, &args.given, args, context)?;
     let second = load(&args.second, &of_second, args, context)?;
+    let motion = match args.align {
+        true => Some(align(&mut first, &second, args)?),
+        false => None,
+    };
     let result = compare(
         as_side(&first, args.vertices),
         as_side(&second, args.vertices),
         args.region,
         args.samples as usize,
     );
-    let (there, back) = result.map_err(|e| match e {
-        CompareError::NoRegion => Failure::usage(e.to_string()).hint("--box=-1,-1,-1,1,1,1"),
-        CompareError::Empty(_) => Failure::input("empty", e.to_string())
-            .hint("isoform inspect; for models, another --box"),
-        _ => Failure::input("compare", e.to_string()),
-    })?;
+    let (there, back) = result.map_err(failed)?;
     warn_undefined("first", &there, context);
     warn_undefined("second", &back, context);
-    let text = line("first to second", &there) + &line("second to first", &back);
+    let mut text = line("first to second", &there) + &line("second to first", &back);
+    if let Some(motion) = &motion {
+        for row in rows(motion) {
+            text += &format!("moved by          {}\n", row.map(brief).join("  "));
+        }
+    }
+    if let Some(output) = &args.output {
+        text += &format!("wrote {}\n", output.display());
+    }
     let sides = [(&args.first, &first), (&args.second, &second)];
     let sides = sides.map(|(path, loaded)| SideReport {
         file: path.display().to_string(),
         kind: kind(loaded, args.vertices),
     });
-    let report = CompareReport::new(sides, (there, back), args.tolerance);
+    let mut report = CompareReport::new(sides, (there, back), args.tolerance);
+    report.motion = motion.map(|m| rows(&m));
+    if let Some(output) = &args.output {
+        write_deviations(output, &first, &second, args)?;
+        report.files.push(output.display().to_string());
+    }
     let exit = if report.within_tolerance {
         DONE
     } else {
@@ -127,6 +160,59 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         json: outcome::json_of(&report),
         stdout: text.into_bytes(),
     })
+}
+
+/// Moves the first side onto the second, and returns the motion.
+fn align(first: &mut Loaded, second: &Loaded, args: &Args) -> Result<Placement, Failure> {
+    let samples = args.samples as usize;
+    let [a, b] = [&*first, second].map(|side| as_side(side, args.vertices));
+    let found = deviations(a, b, samples, true).map_err(failed)?;
+    let (Loaded::Cloud(cloud), Some(motion)) = (first, found.motion) else {
+        return Err(Failure::usage("--align moves points or a mesh")
+            .hint("give those first, and what they are compared with second"));
+    };
+    // The origin moves with the points, so that these keep all digits.
+    cloud.origin = motion.point(cloud.origin);
+    let turned = cloud.points.iter().map(|p| motion.direction(*p));
+    cloud.points = turned.collect();
+    Ok(motion)
+}
+
+/// Returns the rows of the matrix of a motion.
+fn rows(motion: &Placement) -> [[f64; 4]; 3] {
+    std::array::from_fn(|i| {
+        let [x, y, z] = motion.rotation[i];
+        [x, y, z, motion.shift[i]]
+    })
+}
+
+/// Writes the points of the first side with their deviations and the colours of these.
+fn write_deviations(
+    path: &Path,
+    first: &Loaded,
+    second: &Loaded,
+    args: &Args,
+) -> Result<(), Failure> {
+    let [a, b] = [first, second].map(|side| as_side(side, args.vertices));
+    let found = deviations(a, b, args.samples as usize, false).map_err(failed)?;
+    let scale = Scale::of_deviations(&found.values, None);
+    let mut cloud = PointCloud::from_points(found.points);
+    cloud.colors = found.values.iter().map(|v| scale.color(*v)).collect();
+    cloud.columns = vec![Column {
+        name: "deviation".to_owned(),
+        values: found.values,
+    }];
+    disk::write_file(path, &scan::points_file(path, &cloud)?)
+}
+
+/// Converts an error of the comparison to a failure.
+fn failed(error: CompareError) -> Failure {
+    match error {
+        CompareError::NoRegion => Failure::usage(error.to_string()).hint("--box=-1,-1,-1,1,1,1"),
+        CompareError::Empty(_) => Failure::input("empty", error.to_string())
+            .hint("isoform inspect; for models, another --box"),
+        _ => Failure::input("compare", error.to_string()),
+    }
 }
 
 /// Warns of points of a side for which the other side's function is not a number.

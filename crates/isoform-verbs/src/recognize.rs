@@ -10,7 +10,6 @@ use crate::outcome::{self, Outcome};
 use crate::product::Product;
 use crate::{mesh, scan, solids};
 use isoform::geom::{Column, PointCloud};
-use isoform::io::{WriteOptions, format_named, write};
 use isoform::recognize::{Error, ProposeError};
 use isoform::report::{
     LayoutReport, MotionReport, Parameters, PatternReport, RecognizeReport, SnapReport,
@@ -117,8 +116,7 @@ fn check(args: &Args) -> Result<(), Failure> {
     })?;
     for path in &args.output {
         let ending = path.extension().unwrap_or_default().to_string_lossy();
-        let is_known = matches!(&*ending, "json" | "hf")
-            || format_named(&ending).is_some_and(|f| f.is_writable());
+        let is_known = matches!(&*ending, "json" | "hf") || scan::is_points(path);
         if !is_known {
             let message = format!("{}: no result is written with this ending", path.display());
             let hint = match mesh::files::is_mesh(path) {
@@ -175,11 +173,7 @@ fn labelled(found: &Recognized<'_>, path: &Path) -> Result<Vec<u8>, Failure> {
         ],
         ..PointCloud::default()
     };
-    let mut bytes = Vec::new();
-    let ending = path.extension().unwrap_or_default().to_string_lossy();
-    write(&cloud, &mut bytes, &ending, &WriteOptions::default())
-        .map_err(|e| scan::unwritable(&e))?;
-    Ok(bytes)
+    scan::points_file(path, &cloud)
 }
 
 /// Recognises the primitives of a scan, with progress on the terminal.

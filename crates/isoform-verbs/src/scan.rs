@@ -199,6 +199,20 @@ pub(crate) fn unreadable(path: &Path, error: &ReadError) -> Failure {
     failure.why(&error.why).hint(error.hint)
 }
 
+/// Returns true if points are written to files of this name.
+pub(crate) fn is_points(path: &Path) -> bool {
+    let ending = path.extension().unwrap_or_default().to_string_lossy();
+    format_named(&ending).is_some_and(|f| f.is_writable())
+}
+
+/// Returns the bytes of points, in the format of the file's ending.
+pub(crate) fn points_file(path: &Path, cloud: &PointCloud) -> Result<Vec<u8>, Failure> {
+    let mut bytes = Vec::new();
+    let ending = path.extension().unwrap_or_default().to_string_lossy();
+    write(cloud, &mut bytes, &ending, &WriteOptions::default()).map_err(|e| unwritable(&e))?;
+    Ok(bytes)
+}
+
 /// Why a file could not be written.
 pub(crate) fn unwritable(error: &WriteError) -> Failure {
     let mut failure = Failure::input(error.code, format!("{}: {}", error.file, error.what));

@@ -7,7 +7,9 @@
 //! lie near a model: they are projected to its surface by Newton's method on the metric function,
 //! and the length of the projection is their distance.
 
+mod align;
 mod nearest;
+mod sides;
 
 use crate::facets::{CornerError, check_corners};
 use crate::{ExactSolid, FrepTemplate, SplineDistance, parameter_values};
@@ -17,7 +19,9 @@ use isoform_fit::{MAX_SURFACE_SAMPLES, Parameter, Template, surface_samples};
 use isoform_geom::{
     Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, on_triangle, sub,
 };
+use isoform_geom::cad::Placement;
 use nearest::TriangleTree;
+use sides::Sides;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -149,6 +153,101 @@ pub fn compare(
     let there = distances(&from_a.points, &b, &from_b, a.is_near());
     let back = distances(&from_b.points, &a, &from_a, b.is_near());
     Ok((summary(&there), summary(&back)))
+}
+
+/// Distances of points from the other side, with the motion that brought them there.
+#[derive(Clone, Debug)]
+pub struct Deviations {
+    /// Points of the first side in the coordinates of the second, after the motion.
+    pub points: Vec<Point3>,
+    /// Distance of each point from the second side; not finite where it has none.
+    pub values: Vec<f64>,
+    /// True if distances are negative inside of the second side: of a model or a closed surface.
+    pub is_signed: bool,
+    /// Motion of the points; `None` if none was asked for.
+    pub motion: Option<Placement>,
+}
+
+/// Returns the distances of the points of `a` from `b`, about `samples` of them unless `a` is
+/// points. With `align`, `a` is first moved as a rigid body to where the sum of the squared
+/// distances is least.
+///
+/// # Errors
+/// As [`compare`].
+pub fn deviations(
+    a: Side,
+    b: Side,
+    samples: usize,
+    align: bool,
+) -> Result<Deviations, CompareError> {
+    let samples = samples.min(MAX_SURFACE_SAMPLES);
+    let (a, b) = (
+        CheckedSide::new(a, "first")?,
+        CheckedSide::new(b, "second")?,
+    );
+    let mut points = a.sampled(b.bounds(), samples)?.points;
+    if points.is_empty() {
+        return Err(CompareError::Empty("first"));
+    }
+    let mut around = Aabb::from_points(&points);
+    if align {
+        // A model is sampled wherever the points may be brought to.
+        around.add(around.lo.map(|v| v - around.diagonal()));
+        around.add(around.hi.map(|v| v + around.diagonal()));
+    }
+    let other = b.sampled(Some(around), samples)?;
+    let tree = (!other.owner.is_empty()).then(|| TriangleTree::new(&other.triangles));
+    let sides = tree.as_ref().and_then(|tree| Sides::new(tree, &other.triangles));
+    let from_b = |points: &[Point3]| {
+        let unsigned = distances(points, &b, &other, a.is_near());
+        signed(points, unsigned, &b, sides.as_ref())
+    };
+    let motion = align.then(|| align::best_fit(&points, &other.points, &from_b));
+    if let Some(motion) = &motion {
+        points = align::moved(&points, motion);
+    }
+    Ok(Deviations {
+        values: from_b(&points),
+        points,
+        is_signed: matches!(b, CheckedSide::Model(..)) || sides.is_some(),
+        motion,
+    })
+}
+
+/// Returns distances from a side with the sign of the points: negative inside.
+fn signed(
+    points: &[Point3],
+    distances: Vec<f64>,
+    side: &CheckedSide,
+    sides: Option<&Sides>,
+) -> Vec<f64> {
+    if let CheckedSide::Model(metric, values) = side {
+        let mut f = vec![0.0; points.len()];
+        metric.values(points, values, &mut f);
+        let sign = |(d, f): (f64, f64)| if f > 0.0 { -d } else { d };
+        return distances.into_iter().zip(f).map(sign).collect();
+    }
+    let Some(sides) = sides else {
+        return distances;
+    };
+    let sign = |(p, d): (&Point3, f64)| {
+        let is_inside = match side {
+            // Between a face and its triangles only the face tells.
+            CheckedSide::Shape(shape) if d <= shape.deviation() => {
+                shape.signed_distance(*p).is_some_and(|d| d < 0.0)
+            }
+            CheckedSide::Solid(solid) if d <= solid.facets().deviation => {
+                let near = sides.nearest(*p);
+                near.is_some_and(|(triangle, at, normal)| {
+                    let face = solid.facets().face_of[triangle] as usize;
+                    dot(sub(*p, solid.skin().nearest(face, *p, at)), normal) < 0.0
+                })
+            }
+            _ => sides.is_inside(*p),
+        };
+        if is_inside { -d } else { d }
+    };
+    points.par_iter().zip(distances).map(sign).collect()
 }
 
 /// Validated side: points are absolute and finite, corners of triangles are indices of points, and

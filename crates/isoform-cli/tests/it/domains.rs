@@ -133,7 +133,6 @@ fn bad_regions_are_refused() {
             &["--rectangle", "0,1,0,1", "--polygon", "0,0 1,0 0,1"],
             "cannot be used with",
         ),
-        (&map, &[], "--box is needed"),
         (
             &patches,
             &["--rectangle", "0,1,0,1"],
@@ -148,12 +147,6 @@ fn bad_regions_are_refused() {
         );
         assert!(j.to_string().contains(words), "{more:?}: {j}");
     }
-    let o = isoform(&["triangulate", &map]);
-    assert!(
-        code(&o) == 1 && stderr(&o).contains("the parameters are the whole plane"),
-        "{}",
-        stderr(&o)
-    );
     // The pole goes through the region: no box can be chosen.
     let pole = f.file(
         "pole.json",

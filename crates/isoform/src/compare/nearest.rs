@@ -39,18 +39,31 @@ pub(super) struct TriangleTree {
     nodes: Vec<BoxNode>,
     /// Triangles in the order of the leaves.
     triangles: Vec<[Point3; 3]>,
+    /// Index of each of them among the given ones.
+    order: Vec<u32>,
 }
 
 impl TriangleTree {
     /// Builds the tree of finite triangles; without triangles, all distances are infinite.
     pub(super) fn new(triangles: &[[Point3; 3]]) -> Self {
-        let mut items: Vec<LeafTriangle> = triangles.iter().map(LeafTriangle::new).collect();
+        let items = triangles.iter().zip(0..);
+        let mut items: Vec<LeafTriangle> = items.map(LeafTriangle::new).collect();
         let mut nodes = Vec::with_capacity(2 * items.len().div_ceil(MAX_LEAF_TRIANGLES));
         if !items.is_empty() {
             build(&mut items, 0, &mut nodes);
         }
-        let triangles = items.into_iter().map(|item| item.triangle).collect();
-        Self { nodes, triangles }
+        Self {
+            nodes,
+            order: items.iter().map(|item| item.index).collect(),
+            triangles: items.into_iter().map(|item| item.triangle).collect(),
+        }
+    }
+
+    /// Returns the index and the corners of the nearest triangle; `None` if no distance is finite.
+    pub(super) fn nearest_triangle(&self, p: Point3) -> Option<(u32, [Point3; 3])> {
+        let (distance, place) = self.nearest(p, 0);
+        let is_near = distance.is_finite() && place < self.triangles.len();
+        is_near.then(|| (self.order[place], self.triangles[place]))
     }
 
     /// Returns the distance of each point from the nearest triangle; infinite if its square
@@ -125,15 +138,17 @@ fn is_nearer(squared: f64, known: f64) -> bool {
 /// Triangle to be sorted into the tree.
 #[derive(Clone, Copy)]
 struct LeafTriangle {
+    index: u32,
     triangle: [Point3; 3],
     bounds: Aabb,
     centre: Point3,
 }
 
 impl LeafTriangle {
-    fn new(triangle: &[Point3; 3]) -> Self {
+    fn new((triangle, index): (&[Point3; 3], u32)) -> Self {
         let bounds = Aabb::from_points(triangle);
         Self {
+            index,
             triangle: *triangle,
             bounds,
             centre: bounds.center(),

@@ -20,6 +20,11 @@ pub struct CompareReport {
     pub tolerance: Option<f64>,
     /// True if all distances are known and within the tolerance, or if there is none.
     pub within_tolerance: bool,
+    /// Rows of the matrix that moved points (x, y, z, 1) of the first shape; `None` if none was
+    /// asked for.
+    pub motion: Option<[[f64; 4]; 3]>,
+    /// Files written.
+    pub files: Vec<String>,
 }
 
 /// Shape of a comparison.
@@ -47,6 +52,8 @@ impl CompareReport {
             first_to_second: there,
             second_to_first: back,
             tolerance,
+            motion: None,
+            files: Vec::new(),
             within_tolerance: tolerance.is_none_or(|t| is_within(&there, t) && is_within(&back, t)),
         }
     }
