@@ -65,7 +65,7 @@ impl TrimmedFace {
                             .sum::<usize>()
                     })
                     .sum();
-                crossings % 2 == 0
+                crossings.is_multiple_of(2)
             }
         }
     }

@@ -252,7 +252,7 @@ impl Assembler<'_, '_> {
         let to = frame(origin, z, Some(x.unwrap_or([1.0, 0.0, 0.0])));
         let to = to.ok_or_else(|| operator.wrong("its directions are parallel"))?;
         let is_mirrored = y.is_some_and(|y| isoform_geom::dot(y, to.y()) < 0.0);
-        if is_mirrored || !(scale > 0.0) {
+        if is_mirrored || scale <= 0.0 {
             return Err(operator.wrong("mirrored placements are not read"));
         }
         let mut place = Placement::between(from, &to);
