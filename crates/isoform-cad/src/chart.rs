@@ -1,6 +1,6 @@
 //! Parameters of points near a surface.
 
-use isoform_geom::cad::{Curve, Surface, SurfaceJet};
+use isoform_geom::cad::{CadCurve, CadSurface, SurfaceJet};
 use isoform_geom::{Aabb, Point3, distance_squared, dot, norm, sub};
 
 /// Maximum number of steps of Newton's method; from a start in the basin ten suffice.
@@ -14,7 +14,7 @@ const POLE_TOLERANCE: f64 = 1e-6;
 /// Surface of a face, with what searches on it need.
 #[derive(Debug)]
 pub(crate) struct Chart {
-    pub(crate) surface: Surface,
+    pub(crate) surface: CadSurface,
     /// Periods of u and v, `None` in a direction that does not close.
     pub(crate) periods: [Option<f64>; 2],
     /// Lines of one parameter that are single points.
@@ -40,7 +40,7 @@ pub(crate) struct Pole {
 
 impl Chart {
     /// Creates the chart of a face whose border lies in a box.
-    pub(crate) fn new(surface: &Surface, border: &Aabb) -> Self {
+    pub(crate) fn new(surface: &CadSurface, border: &Aabb) -> Self {
         let periods = surface.periods();
         let mut domain = surface.domain();
         for k in 0..2 {
@@ -49,8 +49,8 @@ impl Chart {
             }
         }
         let size = match surface {
-            Surface::Sphere(_, r) => *r,
-            Surface::Nurbs(spline) => {
+            CadSurface::Sphere(_, r) => *r,
+            CadSurface::Nurbs(spline) => {
                 let control: Vec<Point3> = spline.control().collect();
                 Aabb::from_points(&control).diagonal()
             }
@@ -141,12 +141,12 @@ impl Chart {
     fn starts(&self, p: Point3) -> Vec<(f64, [f64; 2])> {
         let place = |(at, q): &([f64; 2], Point3)| match &self.surface {
             // Samples are those of the profile; the other parameter has a formula.
-            Surface::Extruded(_, way) => {
+            CadSurface::Extruded(_, way) => {
                 let v = dot(sub(p, *q), *way) / dot(*way, *way);
                 let at = [at[0], v];
                 (distance_squared(self.surface.at(at).p, p), at)
             }
-            Surface::Revolved(axes, _) => {
+            CadSurface::Revolved(axes, _) => {
                 let ([x, y, _], [a, b, _]) = (axes.local(p), axes.local(*q));
                 let at = [y.atan2(x) - b.atan2(a), at[1]];
                 (distance_squared(self.surface.at(at).p, p), at)
@@ -191,8 +191,8 @@ impl Chart {
         at
     }
 
-    /// Returns the step of Newton's method, or of Gauss and Newton where the distance is not convex.
-    /// A parameter at its bound that would leave it stays.
+    /// Returns the step of Newton's method; where the distance is not convex, that of Gauss and
+    /// Newton. A parameter at its bound that would leave it stays.
     fn step(&self, p: Point3, at: [f64; 2], jet: &SurfaceJet) -> [f64; 2] {
         let r = sub(jet.p, p);
         let slope = [dot(r, jet.u), dot(r, jet.v)];
@@ -223,8 +223,8 @@ impl Chart {
 }
 
 /// Returns samples of a surface without a formula: of its profile, or of a spline.
-fn samples(surface: &Surface, border: &Aabb) -> Vec<([f64; 2], Point3)> {
-    let on_profile = |curve: &Curve, k: usize| -> Vec<([f64; 2], Point3)> {
+fn samples(surface: &CadSurface, border: &Aabb) -> Vec<([f64; 2], Point3)> {
+    let on_profile = |curve: &CadCurve, k: usize| -> Vec<([f64; 2], Point3)> {
         let values = curve_samples(curve, border);
         let place = |t: f64| if k == 0 { [t, 0.0] } else { [0.0, t] };
         values
@@ -233,9 +233,9 @@ fn samples(surface: &Surface, border: &Aabb) -> Vec<([f64; 2], Point3)> {
             .collect()
     };
     match surface {
-        Surface::Extruded(curve, _) => on_profile(curve, 0),
-        Surface::Revolved(_, curve) => on_profile(curve, 1),
-        Surface::Nurbs(spline) => {
+        CadSurface::Extruded(curve, _) => on_profile(curve, 0),
+        CadSurface::Revolved(_, curve) => on_profile(curve, 1),
+        CadSurface::Nurbs(spline) => {
             let sides = [0, 1].map(|k| {
                 let breaks = spline.breaks(k);
                 let spans = breaks.len() - 1;
@@ -258,15 +258,15 @@ fn samples(surface: &Surface, border: &Aabb) -> Vec<([f64; 2], Point3)> {
 }
 
 /// Returns parameters of a profile: all of it, or the part near a box if it has no ends.
-fn curve_samples(curve: &Curve, border: &Aabb) -> Vec<f64> {
+fn curve_samples(curve: &CadCurve, border: &Aabb) -> Vec<f64> {
     let reach = |p: Point3| norm(sub(border.center(), p)) + border.diagonal();
     let around = |half: f64| divided(&[-half, half], 64);
     match curve {
-        Curve::Nurbs(spline) => divided(&spline.breaks(), spline.degree() + 2),
-        Curve::Circle(..) | Curve::Ellipse(..) => divided(&[0.0, std::f64::consts::TAU], 32),
-        Curve::Line(p, d) => around(reach(*p) / norm(*d)),
-        Curve::Parabola(axes, f) => around(reach(axes.origin) / (2.0 * f)),
-        Curve::Hyperbola(axes, _, b) => around((reach(axes.origin) / b).asinh()),
+        CadCurve::Nurbs(spline) => divided(&spline.breaks(), spline.degree() + 2),
+        CadCurve::Circle(..) | CadCurve::Ellipse(..) => divided(&[0.0, std::f64::consts::TAU], 32),
+        CadCurve::Line(p, d) => around(reach(*p) / norm(*d)),
+        CadCurve::Parabola(axes, f) => around(reach(axes.origin) / (2.0 * f)),
+        CadCurve::Hyperbola(axes, _, b) => around((reach(axes.origin) / b).asinh()),
     }
 }
 

@@ -1,8 +1,8 @@
 //! Faces that go round, cut open in the parameter plane.
 //!
 //! The face is cut along one line of each closed direction. Pieces of loops that cross the line
-//! need a node there, which the faces on their other side share; nodes along the line are the same
-//! on both of its sides, so that the triangles close over it.
+//! need a node there, which the faces on their other side share; both sides of the line have one
+//! set of nodes, so that the triangles close over it.
 
 use crate::loops::Piece;
 use crate::plane::{Domain, PlaneNode};

@@ -1,6 +1,6 @@
 //! Division of edges, once for all faces that share them.
 
-use isoform_geom::cad::{Curve, Edge, Shape};
+use isoform_geom::cad::{CadCurve, Edge, Shape};
 use isoform_geom::{Point3, distance_to_segment, dot, norm, sub};
 use std::collections::BTreeMap;
 
@@ -58,7 +58,7 @@ pub(crate) fn divide(shape: &Shape, options: &FacetOptions) -> Option<Divided> {
     Some(made)
 }
 
-/// Returns the node of each vertex: that of the first vertex of its solid at the same place. Where
+/// Returns the node of each vertex: that of its solid's first vertex at that place. Where
 /// two loops touch, files may have a vertex for each.
 fn merged(shape: &Shape) -> Vec<u32> {
     let mut first: BTreeMap<(Option<u32>, [u64; 3]), u32> = BTreeMap::new();
@@ -80,8 +80,8 @@ fn coarse(edge: &Edge) -> Vec<f64> {
     let [from, to] = edge.range;
     let share = |t: f64| (t - from) / (to - from);
     let inner: Vec<f64> = match &edge.curve {
-        Curve::Line(..) => Vec::new(),
-        Curve::Nurbs(spline) => {
+        CadCurve::Line(..) => Vec::new(),
+        CadCurve::Nurbs(spline) => {
             // Corners are nodes; other knots are not, as they are where the curve was fitted and
             // not where it turns.
             let mut all = spline.kinks();
@@ -119,7 +119,7 @@ fn halve(edge: &Edge, [a, b]: [f64; 2], depth: usize, options: &FacetOptions, al
     // Tangents within the piece, since its ends may be corners.
     let inset = 1e-6 * (b - a);
     let (v, w) = (edge.at(a + inset)[1], edge.at(b - inset)[1]);
-    let is_line = matches!(edge.curve, Curve::Line(..));
+    let is_line = matches!(edge.curve, CadCurve::Line(..));
     let is_far = |k: usize| {
         let s = a + (b - a) * k as f64 / (PROBES_PER_PIECE + 1) as f64;
         distance_to_segment(edge.at(s)[0], [p, q]) > options.chord

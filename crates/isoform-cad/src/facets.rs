@@ -9,7 +9,7 @@ use crate::loops::FaceChart;
 use crate::plane::{Domain, FaceTriangles};
 use crate::trim::{Extent, TrimmedFace};
 use isoform_control::{Control, Stopped};
-use isoform_geom::cad::{Shape, Surface};
+use isoform_geom::cad::{CadSurface, Shape};
 use isoform_geom::{Aabb, Point3, middle, norm, sub};
 use rayon::prelude::*;
 
@@ -152,11 +152,11 @@ fn at(shape: &Shape, options: &FacetOptions, control: &Control<'_>) -> Result<Ma
 }
 
 /// Returns a box around a surface that is a face as a whole.
-pub(crate) fn whole(surface: &Surface) -> Aabb {
+pub(crate) fn whole(surface: &CadSurface) -> Aabb {
     let (origin, reach) = match surface {
-        Surface::Sphere(axes, r) => (axes.origin, *r),
-        Surface::Torus(axes, major, minor) => (axes.origin, major + minor),
-        Surface::Nurbs(spline) => {
+        CadSurface::Sphere(axes, r) => (axes.origin, *r),
+        CadSurface::Torus(axes, major, minor) => (axes.origin, major + minor),
+        CadSurface::Nurbs(spline) => {
             let control: Vec<Point3> = spline.control().collect();
             return Aabb::from_points(&control);
         }

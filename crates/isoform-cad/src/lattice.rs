@@ -12,7 +12,7 @@ const MAX_STEP_TURN: f64 = 0.52;
 /// Maximum ratio of the two steps in space: longer triangles are thin.
 const MAX_STEP_RATIO: f64 = 8.0;
 /// Number of samples of a face in each direction, at which its curvature is taken.
-const SAMPLES_PER_SIDE: usize = 9;
+const CURVATURE_SAMPLES: usize = 9;
 
 /// Returns the steps of u and v of a lattice whose triangles are near the surface; infinite on a
 /// plane.
@@ -22,10 +22,10 @@ pub(crate) fn steps(face: &TrimmedFace, bounds: [[f64; 2]; 2], options: &FacetOp
     let mut lengths = [0.0f64; 2];
     let at = |k: usize, i: usize| {
         let [lo, hi] = bounds[k];
-        lo + (hi - lo) * (i as f64 + 0.5) / SAMPLES_PER_SIDE as f64
+        lo + (hi - lo) * (i as f64 + 0.5) / CURVATURE_SAMPLES as f64
     };
-    for i in 0..SAMPLES_PER_SIDE {
-        for j in 0..SAMPLES_PER_SIDE {
+    for i in 0..CURVATURE_SAMPLES {
+        for j in 0..CURVATURE_SAMPLES {
             let jet = surface.at([at(0, i), at(1, j)]);
             let local = local_steps(&jet, options);
             let length = [norm(jet.u), norm(jet.v)];
@@ -49,7 +49,7 @@ pub(crate) fn steps(face: &TrimmedFace, bounds: [[f64; 2]; 2], options: &FacetOp
     steps
 }
 
-/// Returns the steps at a point: a chord of length L of a curve with the curvature k is k L²/8 away.
+/// Returns the steps at a point: a chord of length L is k L²/8 from a curve with the curvature k.
 fn local_steps(jet: &SurfaceJet, options: &FacetOptions) -> [f64; 2] {
     let n = jet.normal();
     let length = norm(n);
@@ -78,8 +78,7 @@ fn local_steps(jet: &SurfaceJet, options: &FacetOptions) -> [f64; 2] {
     steps
 }
 
-/// Returns the points of a lattice of equilateral triangles of side 1, in coordinates of the lattice,
-/// that lie between closed polygons with these sides and away from them.
+/// Returns the points of a lattice of equilateral triangles of side 1, in its coordinates, that lie between closed polygons with these sides and away from them.
 pub(crate) fn inside(sides: &[[[f64; 2]; 2]]) -> Vec<[f64; 2]> {
     let (mut lo, mut hi) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for at in sides.iter().flatten() {

@@ -6,7 +6,7 @@
 
 use crate::prepared::PreparedShape;
 use crate::tree::{Item, ItemKind};
-use isoform_geom::cad::{Curve, Edge};
+use isoform_geom::cad::{CadCurve, Edge};
 use isoform_geom::{Point3, cross, distance_squared, distance_to_segment, dot, norm, sub};
 
 /// Share of an edge from its end within which a point counts as the vertex.
@@ -26,9 +26,9 @@ pub struct NearestPoint {
 /// Place of a nearest point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Feature {
-    /// Within a face, at parameters of its surface.
+    /// Interior of a face, with parameters of its surface.
     Face(u32, [f64; 2]),
-    /// On an edge, at a share of it.
+    /// Point of an edge, with its share.
     Edge(u32, f64),
 }
 
@@ -42,12 +42,12 @@ struct Search<'a> {
 }
 
 impl PreparedShape {
-    /// Returns the nearest point of the faces; `None` if there is no finite one.
+    /// Returns the nearest point of the faces; `None` if none is finite.
     pub fn nearest(&self, p: Point3) -> Option<NearestPoint> {
         self.nearest_within(p, f64::INFINITY)
     }
 
-    /// Returns the nearest point of the faces among those that are no farther than `limit`.
+    /// Returns the nearest point of the faces within a distance from `p`.
     pub fn nearest_within(&self, p: Point3, limit: f64) -> Option<NearestPoint> {
         let mut search = Search {
             shape: self,
@@ -254,9 +254,9 @@ fn feet(edge: &Edge, p: Point3) -> Option<Vec<f64>> {
     let [from, to] = edge.range;
     let share = |t: f64| ((t - from) / (to - from)).clamp(0.0, 1.0);
     match edge.curve {
-        Curve::Line(..) if from == to => Some(vec![0.0]),
-        Curve::Line(..) => Some(vec![share(edge.curve.parameter(p))]),
-        Curve::Circle(..) => {
+        CadCurve::Line(..) if from == to => Some(vec![0.0]),
+        CadCurve::Line(..) => Some(vec![share(edge.curve.parameter(p))]),
+        CadCurve::Circle(..) => {
             let turn = std::f64::consts::TAU;
             let angle = edge.curve.parameter(p);
             let lo = from.min(to);

@@ -7,7 +7,7 @@ use spade::handles::FixedVertexHandle;
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Distance of two nodes of one number that are the same, in steps of the lattice: rounding.
+/// Maximum distance of two nodes of one number that are merged, in steps of the lattice: rounding.
 const MERGE_DISTANCE: f64 = 1e-7;
 /// Distance of the pole's node from a vertex that is the pole, relative to the coordinates.
 const POLE_DISTANCE: f64 = 1e-6;

@@ -6,7 +6,7 @@ use crate::measure::{FaceMeasure, measured};
 use crate::tree::{Item, ItemKind, ItemTree};
 use crate::trim::TrimmedFace;
 use isoform_control::Control;
-use isoform_geom::cad::{Curve, Shape};
+use isoform_geom::cad::{CadCurve, Shape};
 use isoform_geom::{Aabb, Mesh, Point3, cross, distance_to_segment, dot, norm, sub};
 use rayon::prelude::*;
 
@@ -36,9 +36,9 @@ pub struct ShapeMeasures {
     pub areas: Vec<f64>,
     /// Total area of the faces, in square units.
     pub area: f64,
-    /// Volume of all solids, in cubic units; `None` if there is no solid.
+    /// Volume of all solids, in cubic units; `None` without a solid.
     pub volume: Option<f64>,
-    /// Centroid of the volume; `None` if there is no solid.
+    /// Centroid of the volume; `None` without a solid.
     pub centroid: Option<Point3>,
     /// Number of faces that are measured by their triangles, since they go round in two directions.
     pub by_triangles: usize,
@@ -172,7 +172,7 @@ impl PreparedShape {
         for ends in self.divided.along[e].windows(2) {
             let points = [ends[0], ends[1]].map(|n| self.divided.points[n.1 as usize]);
             // Of a line only the ends may be off their vertices.
-            let count = if matches!(edge.curve, Curve::Line(..)) {
+            let count = if matches!(edge.curve, CadCurve::Line(..)) {
                 1
             } else {
                 4

@@ -9,7 +9,7 @@ use crate::loops::{FaceChart, LoopChart, Piece, blend, distance_to_chord};
 use isoform_geom::cad::Shape;
 use isoform_geom::plane;
 
-/// Maximum number of halvings of a piece: each divides its bulge by four, and 25 exhaust the digits.
+/// Maximum number of halvings of a piece: each divides its bulge by four; 25 exhaust the digits.
 const MAX_HALVINGS: usize = 30;
 /// Distance of the reference from a border, relative to the piece next to it.
 const REFERENCE_SHARE: f64 = 1e-3;
@@ -65,7 +65,7 @@ impl TrimmedFace {
                             .sum::<usize>()
                     })
                     .sum();
-                crossings % 2 == 0
+                crossings.is_multiple_of(2)
             }
         }
     }

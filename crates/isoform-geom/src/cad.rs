@@ -9,10 +9,10 @@ mod nurbs;
 mod placement;
 mod surface;
 
-pub use curve::Curve;
+pub use curve::CadCurve;
 pub use nurbs::{MAX_DEGREE, NurbsCurve, NurbsError, NurbsSurface};
 pub use placement::Placement;
-pub use surface::{Surface, SurfaceJet};
+pub use surface::{CadSurface, SurfaceJet};
 
 use crate::Point3;
 
@@ -20,7 +20,7 @@ use crate::Point3;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edge {
     /// Curve that holds the edge.
-    pub curve: Curve,
+    pub curve: CadCurve,
     /// Parameters on the curve of the first and the last vertex; descending if the edge runs
     /// against the curve.
     pub range: [f64; 2],
@@ -55,7 +55,7 @@ pub struct Coedge {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Face {
     /// Surface on which the face lies.
-    pub surface: Surface,
+    pub surface: CadSurface,
     /// True if the normal of the face is ∂p/∂u × ∂p/∂v of the surface, false if it is opposite.
     pub agrees: bool,
     /// Boundary loops; seen from the side of the normal, each has the face on its left. Without

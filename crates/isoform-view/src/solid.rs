@@ -30,13 +30,13 @@ pub(crate) fn shape_layer(name: &str, shape: &PreparedShape, blobs: &mut Blobs) 
 
 /// Returns name, frame and measures of a surface of a CAD file; null for those that pages do not
 /// compute.
-fn cad_surface(surface: &cad::Surface) -> Value {
+fn cad_surface(surface: &cad::CadSurface) -> Value {
     match surface {
-        cad::Surface::Plane(axes) => with("plane", axes, &[]),
-        cad::Surface::Cylinder(axes, radius) => with("cylinder", axes, &[*radius]),
-        cad::Surface::Cone(axes, radius, angle) => with("cone", axes, &[*radius, *angle]),
-        cad::Surface::Sphere(axes, radius) => with("sphere", axes, &[*radius]),
-        cad::Surface::Torus(axes, major, minor) => with("torus", axes, &[*major, *minor]),
+        cad::CadSurface::Plane(axes) => with("plane", axes, &[]),
+        cad::CadSurface::Cylinder(axes, radius) => with("cylinder", axes, &[*radius]),
+        cad::CadSurface::Cone(axes, radius, angle) => with("cone", axes, &[*radius, *angle]),
+        cad::CadSurface::Sphere(axes, radius) => with("sphere", axes, &[*radius]),
+        cad::CadSurface::Torus(axes, major, minor) => with("torus", axes, &[*major, *minor]),
         _ => Value::Null,
     }
 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 /// Curve in parameter form, with the parameters of ISO 10303-42; angles are in radians.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Curve {
+pub enum CadCurve {
     /// Line: a point, and the derivative by the parameter.
     Line(Point3, Point3),
     /// Circle in the plane z = 0 of the frame, with its radius.
@@ -23,7 +23,7 @@ pub enum Curve {
     Nurbs(Arc<NurbsCurve>),
 }
 
-impl Curve {
+impl CadCurve {
     /// Returns the name of the kind, such as `circle`.
     pub fn name(&self) -> &'static str {
         match self {
@@ -179,7 +179,7 @@ impl Curve {
 /// Maximum number of Newton steps; from a start within the basin ten suffice.
 const MAX_NEWTON_STEPS: usize = 40;
 
-/// Returns the parameter within bounds at which a curve is locally nearest to a point, from a start.
+/// Returns the parameter within bounds at which a curve is locally nearest to a point.
 pub(super) fn polished(
     at: &dyn Fn(f64) -> [Point3; 3],
     p: Point3,

@@ -1,6 +1,6 @@
 //! Surfaces of faces.
 
-use super::{Curve, NurbsSurface, Placement};
+use super::{CadCurve, NurbsSurface, Placement};
 use crate::brep::Axes;
 use crate::{Point3, cross, norm, sub};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -32,7 +32,7 @@ impl SurfaceJet {
 
 /// Surface in parameter form, with the parameters of ISO 10303-42; angles are in radians.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Surface {
+pub enum CadSurface {
     /// Plane z = 0 of the frame; u and v are x and y.
     Plane(Axes),
     /// Cylinder with its radius; u is the angle about z, and v is z.
@@ -45,15 +45,15 @@ pub enum Surface {
     /// from the outer equator.
     Torus(Axes, f64, f64),
     /// Profile revolved about z of the frame; u is the angle, and v the parameter of the profile.
-    Revolved(Axes, Curve),
+    Revolved(Axes, CadCurve),
     /// Profile moved along a vector; u is the parameter of the profile, and v the multiple of the
     /// vector.
-    Extruded(Curve, Point3),
+    Extruded(CadCurve, Point3),
     /// Rational B-spline.
     Nurbs(Arc<NurbsSurface>),
 }
 
-impl Surface {
+impl CadSurface {
     /// Returns the name of the kind, such as `cylinder`.
     pub fn name(&self) -> &'static str {
         match self {
@@ -173,9 +173,8 @@ impl Surface {
     pub fn breaks(&self, direction: usize) -> Vec<f64> {
         match (self, direction) {
             (Self::Nurbs(spline), _) => spline.breaks(direction),
-            (Self::Revolved(_, Curve::Nurbs(c)), 1) | (Self::Extruded(Curve::Nurbs(c), _), 0) => {
-                c.breaks()
-            }
+            (Self::Revolved(_, CadCurve::Nurbs(c)), 1)
+            | (Self::Extruded(CadCurve::Nurbs(c), _), 0) => c.breaks(),
             _ => Vec::new(),
         }
     }
@@ -241,28 +240,28 @@ const TIP_TOLERANCE: f64 = 1e-7;
 
 /// Returns the parameters at which a profile meets the axis: its ends, those of a circle that is
 /// centred on the axis, and the point of a line.
-fn poles_of_profile(axes: &Axes, curve: &Curve) -> Vec<(usize, f64)> {
+fn poles_of_profile(axes: &Axes, curve: &CadCurve) -> Vec<(usize, f64)> {
     let out = |v: f64| {
         let [x, y, _] = axes.local(curve.at(v)[0]);
         x.hypot(y)
     };
     let tips: Vec<f64> = match curve {
-        Curve::Line(p, d) => {
+        CadCurve::Line(p, d) => {
             let (p, d) = (axes.local(*p), axes.vector_local(*d));
             let across = d[0] * d[0] + d[1] * d[1];
             vec![-(p[0] * d[0] + p[1] * d[1]) / across]
         }
-        Curve::Circle(frame, _) | Curve::Ellipse(frame, ..) => {
+        CadCurve::Circle(frame, _) | CadCurve::Ellipse(frame, ..) => {
             let along = axes.z;
             let t = curve.parameter(std::array::from_fn(|k| frame.origin[k] + along[k]));
             vec![t, t + PI]
         }
-        Curve::Nurbs(spline) if spline.period().is_none() => spline.domain().to_vec(),
+        CadCurve::Nurbs(spline) if spline.period().is_none() => spline.domain().to_vec(),
         _ => Vec::new(),
     };
     let [lo, hi] = curve.domain();
     let wide = match curve {
-        Curve::Line(p, d) => norm(*d) + norm(sub(*p, axes.origin)),
+        CadCurve::Line(p, d) => norm(*d) + norm(sub(*p, axes.origin)),
         _ if lo.is_finite() => (0..=16)
             .map(|k| out(lo + (hi - lo) * f64::from(k) / 16.0))
             .fold(0.0, f64::max),

@@ -54,6 +54,14 @@ impl<'f> RecordArguments<'f> {
     pub(super) fn number(&self, k: usize) -> Result<f64> {
         self.read(k, "a number is expected", number)
     }
+    /// Returns a positive number.
+    pub(super) fn radius(&self, k: usize) -> Result<f64> {
+        let radius = self.number(k)?;
+        if radius > 0.0 {
+            return Ok(radius);
+        }
+        Err(self.wrong("its radius must be positive"))
+    }
     pub(super) fn numbers(&self, k: usize) -> Result<Vec<f64>> {
         self.read(k, "numbers are expected", numbers)
     }

@@ -118,7 +118,7 @@ impl<'f> ShapeReader<'f> {
             })
             .ok_or_else(|| wrong(format!("#{number}"), "there is no such instance"))
     }
-    /// Returns the name of the first record of an instance; empty if there is no such instance.
+    /// Returns the name of the first record of an instance; empty for a number without an instance.
     fn kind(&self, number: u64) -> &'f str {
         let records = self.file.instances.get(&number).and_then(|r| r.first());
         records.map_or("", |r| r.name.as_str())

@@ -45,7 +45,7 @@ pub struct ShapeReport {
     pub volume: Option<f64>,
     /// Total area of the faces, in square units.
     pub area: f64,
-    /// Centroid of the volume; `None` if there is no solid.
+    /// Centroid of the volume; `None` without a solid.
     pub centroid: Option<Point3>,
     /// Number of faces whose measures are those of their triangles.
     pub by_triangles: usize,

@@ -28,7 +28,7 @@ const SILENT: [&str; 4] = [
     "ITEM_DEFINED_TRANSFORMATION",
 ];
 
-/// Node in its place within another.
+/// AssemblyNode in its place within another.
 struct Child {
     node: usize,
     place: Placement,
@@ -36,7 +36,7 @@ struct Child {
 
 /// Representations that are one, with what they hold.
 #[derive(Default)]
-struct Node {
+struct AssemblyNode {
     /// Solids and surfaces, with their units.
     parts: Vec<(u64, Units)>,
     children: Vec<Child>,
@@ -44,7 +44,7 @@ struct Node {
 
 struct Assembler<'r, 'f> {
     reader: &'r ShapeReader<'f>,
-    nodes: Vec<Node>,
+    nodes: Vec<AssemblyNode>,
     /// Indices of nodes by the numbers of their representations.
     node_of: BTreeMap<u64, usize>,
     /// Names of products by the numbers of their representations.
@@ -143,7 +143,7 @@ impl Assembler<'_, '_> {
             let node = *roots.entry(same.root(*i)).or_insert(next);
             self.node_of.insert(*number, node);
         }
-        self.nodes.resize_with(roots.len(), Node::default);
+        self.nodes.resize_with(roots.len(), AssemblyNode::default);
         Ok(())
     }
 
@@ -252,7 +252,7 @@ impl Assembler<'_, '_> {
         let to = frame(origin, z, Some(x.unwrap_or([1.0, 0.0, 0.0])));
         let to = to.ok_or_else(|| operator.wrong("its directions are parallel"))?;
         let is_mirrored = y.is_some_and(|y| isoform_geom::dot(y, to.y()) < 0.0);
-        if is_mirrored || !(scale > 0.0) {
+        if is_mirrored || scale <= 0.0 {
             return Err(operator.wrong("mirrored placements are not read"));
         }
         let mut place = Placement::between(from, &to);

@@ -4,7 +4,7 @@ use super::{Result, ShapeReader};
 use crate::solids::wrong;
 use crate::step::parse::Value;
 use crate::step::records::{RecordArguments, numbers};
-use isoform_geom::cad::{Curve, MAX_DEGREE, NurbsCurve};
+use isoform_geom::cad::{CadCurve, MAX_DEGREE, NurbsCurve};
 use std::sync::Arc;
 
 /// Maximum number of curves that trim or accompany one another.
@@ -12,7 +12,7 @@ const MAX_CURVE_DEPTH: usize = 8;
 
 /// Curve, with its direction in the file.
 pub(super) struct ReadCurve {
-    pub(super) curve: Curve,
+    pub(super) curve: CadCurve,
     /// True if the file means the opposite direction.
     pub(super) is_reversed: bool,
 }
@@ -28,33 +28,19 @@ impl ShapeReader<'_> {
         if depth > MAX_CURVE_DEPTH {
             return Err(given.wrong("too many curves refer to one another"));
         }
-        let radius = |k: usize| {
-            let r = given.number(k)?;
-            let problem = "its radius must be positive";
-            if r > 0.0 {
-                Ok(r)
-            } else {
-                Err(given.wrong(problem))
-            }
-        };
-        let axes = || self.axes(given.reference(1)?);
+        let basis = || self.curve_within(given.reference(1)?, depth + 1);
         let curve = match given.record.name.as_str() {
-            "LINE" => {
-                let from = self.point(given.reference(1)?)?;
-                Curve::Line(from, self.vector(given.reference(2)?)?)
-            }
-            "CIRCLE" => Curve::Circle(axes()?, radius(2)?),
-            "ELLIPSE" => Curve::Ellipse(axes()?, radius(2)?, radius(3)?),
-            "PARABOLA" => Curve::Parabola(axes()?, radius(2)?),
-            "HYPERBOLA" => Curve::Hyperbola(axes()?, radius(2)?, radius(3)?),
-            "SURFACE_CURVE" | "SEAM_CURVE" | "INTERSECTION_CURVE" => {
-                return self.curve_within(given.reference(1)?, depth + 1);
-            }
+            "SURFACE_CURVE" | "SEAM_CURVE" | "INTERSECTION_CURVE" => return basis(),
             "TRIMMED_CURVE" => {
-                let mut basis = self.curve_within(given.reference(1)?, depth + 1)?;
+                let mut basis = basis()?;
                 basis.is_reversed ^= !given.flag(4)?;
                 return Ok(basis);
             }
+            "LINE" => {
+                let from = self.point(given.reference(1)?)?;
+                CadCurve::Line(from, self.vector(given.reference(2)?)?)
+            }
+            "CIRCLE" | "ELLIPSE" | "PARABOLA" | "HYPERBOLA" => self.conic(&given)?,
             "POLYLINE" => self.polyline(&given)?,
             _ => self.spline_curve(number)?,
         };
@@ -64,7 +50,18 @@ impl ShapeReader<'_> {
         })
     }
 
-    fn polyline(&self, given: &RecordArguments) -> Result<Curve> {
+    fn conic(&self, given: &RecordArguments) -> Result<CadCurve> {
+        let axes = self.axes(given.reference(1)?)?;
+        let first = given.radius(2)?;
+        Ok(match given.record.name.as_str() {
+            "CIRCLE" => CadCurve::Circle(axes, first),
+            "ELLIPSE" => CadCurve::Ellipse(axes, first, given.radius(3)?),
+            "PARABOLA" => CadCurve::Parabola(axes, first),
+            _ => CadCurve::Hyperbola(axes, first, given.radius(3)?),
+        })
+    }
+
+    fn polyline(&self, given: &RecordArguments) -> Result<CadCurve> {
         let points = self.points(given.list(1)?, given)?;
         let last = points.len().saturating_sub(1) as f64;
         let mut knots = vec![0.0];
@@ -72,10 +69,10 @@ impl ShapeReader<'_> {
         knots.push(last);
         let spline = NurbsCurve::new(1, knots, &points, None);
         let spline = spline.map_err(|e| given.wrong(&e.to_string()))?;
-        Ok(Curve::Nurbs(Arc::new(spline)))
+        Ok(CadCurve::Nurbs(Arc::new(spline)))
     }
 
-    fn spline_curve(&self, number: u64) -> Result<Curve> {
+    fn spline_curve(&self, number: u64) -> Result<CadCurve> {
         let other = || {
             let problem = format!("curves of the kind {} are not read", self.kinds(number));
             wrong(self.at(number), problem)
@@ -114,7 +111,7 @@ impl ShapeReader<'_> {
         };
         let spline = NurbsCurve::new(degree, knots, &points, weights.as_deref());
         let spline = spline.map_err(|e| plain.wrong(&e.to_string()))?;
-        Ok(Curve::Nurbs(Arc::new(spline)))
+        Ok(CadCurve::Nurbs(Arc::new(spline)))
     }
 }
 

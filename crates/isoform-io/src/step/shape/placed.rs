@@ -1,6 +1,6 @@
 //! Copies of parts in their places.
 
-use isoform_geom::cad::{Coedge, Edge, Face, Placement, Shape, Shell, Surface};
+use isoform_geom::cad::{CadSurface, Coedge, Edge, Face, Placement, Shape, Shell};
 
 /// Appends a part to a shape, in a place.
 pub(super) fn append(shape: &mut Shape, part: &Shape, by: &Placement, name: &str) {
@@ -51,7 +51,7 @@ pub(super) fn size(part: &Shape) -> usize {
         .faces
         .iter()
         .map(|f| match &f.surface {
-            Surface::Nurbs(spline) => spline.control().count(),
+            CadSurface::Nurbs(spline) => spline.control().count(),
             _ => 4,
         })
         .sum();
@@ -59,7 +59,7 @@ pub(super) fn size(part: &Shape) -> usize {
         .edges
         .iter()
         .map(|e| match &e.curve {
-            isoform_geom::cad::Curve::Nurbs(spline) => spline.control().count(),
+            isoform_geom::cad::CadCurve::Nurbs(spline) => spline.control().count(),
             _ => 4,
         })
         .sum();

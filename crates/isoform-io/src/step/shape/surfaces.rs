@@ -5,7 +5,7 @@ use super::{Result, ShapeReader, frame};
 use crate::solids::wrong;
 use crate::step::parse::Value;
 use crate::step::records::RecordArguments;
-use isoform_geom::cad::{NurbsSurface, Surface};
+use isoform_geom::cad::{CadSurface, NurbsSurface};
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ const MAX_SURFACE_DEPTH: usize = 4;
 /// Surface, with the sense of its normal in the file.
 #[derive(Clone)]
 pub(super) struct ReadSurface {
-    pub(super) surface: Surface,
+    pub(super) surface: CadSurface,
     /// True if the file means the opposite normal.
     pub(super) is_reversed: bool,
 }
@@ -31,67 +31,74 @@ impl ShapeReader<'_> {
         if depth > MAX_SURFACE_DEPTH {
             return Err(given.wrong("too many surfaces refer to one another"));
         }
-        let axes = || self.axes(given.reference(1)?);
-        let radius = |k: usize| {
-            let r = given.number(k)?;
-            let problem = "its radius must be positive";
-            if r > 0.0 {
-                Ok(r)
-            } else {
-                Err(given.wrong(problem))
-            }
-        };
-        let mut is_reversed = false;
         let surface = match given.record.name.as_str() {
-            "PLANE" => Surface::Plane(axes()?),
-            "CYLINDRICAL_SURFACE" => Surface::Cylinder(axes()?, radius(2)?),
-            "SPHERICAL_SURFACE" => Surface::Sphere(axes()?, radius(2)?),
-            "CONICAL_SURFACE" => {
-                let (at_origin, half) = (given.number(2)?, given.number(3)? * angle);
-                if at_origin < 0.0 || !(half.abs() > 0.0 && half.abs() < FRAC_PI_2) {
-                    let problem = "its radius must not be negative, its angle below 90 degrees";
-                    return Err(given.wrong(problem));
-                }
-                Surface::Cone(axes()?, at_origin, half)
-            }
-            "TOROIDAL_SURFACE" => {
-                let (major, minor) = (radius(2)?, radius(3)?);
-                if minor >= major {
-                    return Err(given.wrong("a torus that meets its axis is not read"));
-                }
-                Surface::Torus(axes()?, major, minor)
-            }
-            "SURFACE_OF_REVOLUTION" => {
-                let profile = self.curve(given.reference(1)?)?;
-                is_reversed = profile.is_reversed;
-                let axis = self.record(given.reference(2)?, "AXIS1_PLACEMENT")?;
-                let origin = self.point(axis.reference(1)?)?;
-                let z = match axis.record.arguments.get(2) {
-                    Some(Value::Reference(z)) => self.direction(*z)?,
-                    _ => [0.0, 0.0, 1.0],
-                };
-                let axes = frame(origin, z, None).ok_or_else(|| given.wrong("it has no axis"))?;
-                Surface::Revolved(axes, profile.curve)
-            }
-            "SURFACE_OF_LINEAR_EXTRUSION" => {
-                let profile = self.curve(given.reference(1)?)?;
-                is_reversed = profile.is_reversed;
-                Surface::Extruded(profile.curve, self.vector(given.reference(2)?)?)
-            }
+            "SURFACE_OF_REVOLUTION" | "SURFACE_OF_LINEAR_EXTRUSION" => return self.swept(&given),
             "RECTANGULAR_TRIMMED_SURFACE" => {
                 let mut basis = self.surface_within(given.reference(1)?, angle, depth + 1)?;
                 basis.is_reversed ^= given.flag(6)? != given.flag(7)?;
                 return Ok(basis);
             }
+            "PLANE" => CadSurface::Plane(self.axes(given.reference(1)?)?),
+            "CYLINDRICAL_SURFACE" | "SPHERICAL_SURFACE" | "TOROIDAL_SURFACE" => {
+                self.round(&given)?
+            }
+            "CONICAL_SURFACE" => self.cone(&given, angle)?,
             _ => self.spline_surface(number)?,
         };
         Ok(ReadSurface {
             surface,
-            is_reversed,
+            is_reversed: false,
         })
     }
 
-    fn spline_surface(&self, number: u64) -> Result<Surface> {
+    /// Reads a cylinder, a sphere or a torus.
+    fn round(&self, given: &RecordArguments) -> Result<CadSurface> {
+        let (axes, radius) = (self.axes(given.reference(1)?)?, given.radius(2)?);
+        match given.record.name.as_str() {
+            "CYLINDRICAL_SURFACE" => return Ok(CadSurface::Cylinder(axes, radius)),
+            "SPHERICAL_SURFACE" => return Ok(CadSurface::Sphere(axes, radius)),
+            _ => {}
+        }
+        let minor = given.radius(3)?;
+        if minor >= radius {
+            return Err(given.wrong("a torus that meets its axis is not read"));
+        }
+        Ok(CadSurface::Torus(axes, radius, minor))
+    }
+
+    fn cone(&self, given: &RecordArguments, angle: f64) -> Result<CadSurface> {
+        let axes = self.axes(given.reference(1)?)?;
+        let (at_origin, half) = (given.number(2)?, given.number(3)? * angle);
+        if at_origin < 0.0 || !(half.abs() > 0.0 && half.abs() < FRAC_PI_2) {
+            let problem = "its radius must not be negative, its angle below 90 degrees";
+            return Err(given.wrong(problem));
+        }
+        Ok(CadSurface::Cone(axes, at_origin, half))
+    }
+
+    /// Reads a surface of revolution or extrusion.
+    fn swept(&self, given: &RecordArguments) -> Result<ReadSurface> {
+        let profile = self.curve(given.reference(1)?)?;
+        let by = given.reference(2)?;
+        let surface = if given.record.name == "SURFACE_OF_REVOLUTION" {
+            let axis = self.record(by, "AXIS1_PLACEMENT")?;
+            let origin = self.point(axis.reference(1)?)?;
+            let z = match axis.record.arguments.get(2) {
+                Some(Value::Reference(z)) => self.direction(*z)?,
+                _ => [0.0, 0.0, 1.0],
+            };
+            let axes = frame(origin, z, None).ok_or_else(|| given.wrong("it has no axis"))?;
+            CadSurface::Revolved(axes, profile.curve)
+        } else {
+            CadSurface::Extruded(profile.curve, self.vector(by)?)
+        };
+        Ok(ReadSurface {
+            surface,
+            is_reversed: profile.is_reversed,
+        })
+    }
+
+    fn spline_surface(&self, number: u64) -> Result<CadSurface> {
         let plain = self.first(number)?;
         let (base, shift) = match self.find(number, "B_SPLINE_SURFACE") {
             Some(base) => (base, 0),
@@ -133,7 +140,7 @@ impl ShapeReader<'_> {
         let points = rows.concat();
         let spline = NurbsSurface::new(degrees, knots, &points, weights.as_deref());
         let spline = spline.map_err(|e| plain.wrong(&e.to_string()))?;
-        Ok(Surface::Nurbs(Arc::new(spline)))
+        Ok(CadSurface::Nurbs(Arc::new(spline)))
     }
 
     fn rows(&self, list: &[Value], of: &RecordArguments) -> Result<Vec<Vec<[f64; 3]>>> {

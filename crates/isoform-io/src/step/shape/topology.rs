@@ -6,7 +6,7 @@ use super::{Result, ShapeReader};
 use crate::solids::wrong;
 use crate::step::parse::Value;
 use isoform_geom::Point3;
-use isoform_geom::cad::{Coedge, Curve, Edge, Face, Shape, Shell};
+use isoform_geom::cad::{CadCurve, Coedge, Edge, Face, Shape, Shell};
 use isoform_geom::{norm, sub};
 use std::collections::BTreeMap;
 
@@ -219,7 +219,7 @@ impl PartReader<'_, '_> {
                         return Err(wrong(self.reader.at(*a), problem));
                     }
                     self.shape.edges.push(Edge {
-                        curve: Curve::Line(p, way),
+                        curve: CadCurve::Line(p, way),
                         range: [0.0, 1.0],
                         ends,
                     });
@@ -267,7 +267,7 @@ impl PartReader<'_, '_> {
             self.vertex(given.reference(2)?)?,
         ];
         let read = self.reader.curve(given.reference(3)?)?;
-        if let Curve::Nurbs(spline) = &read.curve {
+        if let CadCurve::Nurbs(spline) = &read.curve {
             // The search for its ends takes as long as the curve is.
             self.spend(number, spline.control().count())?;
         }
@@ -290,7 +290,12 @@ impl PartReader<'_, '_> {
 
 /// Returns the parameters of the ends of an edge; `forward` is true if the edge runs along its
 /// curve. `None` if a closed edge lies on a curve without an end.
-fn range(curve: &Curve, forward: bool, [p, q]: [Point3; 2], is_closed: bool) -> Option<[f64; 2]> {
+fn range(
+    curve: &CadCurve,
+    forward: bool,
+    [p, q]: [Point3; 2],
+    is_closed: bool,
+) -> Option<[f64; 2]> {
     let Some(period) = curve.period() else {
         if is_closed {
             let [lo, hi] = curve.domain();

@@ -86,6 +86,11 @@ impl ShapeReader<'_> {
             let is_degree = (factor - 1f64.to_radians()).abs() <= FACTOR_TOLERANCE * factor;
             return Ok(if is_degree { 1f64.to_radians() } else { factor });
         }
+        self.si_factor(unit)
+    }
+
+    /// Returns the factor of the prefix of a unit.
+    fn si_factor(&self, unit: u64) -> Result<f64> {
         let given = self.record(unit, "SI_UNIT")?;
         // A complex record states the prefix first; a plain one after the derived dimensions.
         let arguments = &given.record.arguments;
