@@ -139,8 +139,8 @@ impl FacetsReport {
     }
 
     fn new(turn: &PartTurn, c: &Certificate) -> Self {
-        let parts = c.deviation.iter().flat_map(|d| &d.parts);
-        let own = parts.filter(|part| part.part == turn.part).last();
+        let mut parts = c.deviation.iter().flat_map(|d| &d.parts);
+        let own = parts.find(|part| part.part == turn.part);
         Self {
             part: turn.part.clone(),
             angle: turn.angle,
