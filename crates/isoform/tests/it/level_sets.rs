@@ -545,7 +545,7 @@ fn round_trip(path: &Path) -> Result<(), LevelSetFileError> {
         if f.is_finite() {
             let error = (got - want).abs() / want.abs().max(1.0);
             assert!(
-                error <= 1e-9,
+                error <= 1e-13,
                 "{} at {p:?}: {got} instead of {want}",
                 path.display()
             );
