@@ -179,6 +179,9 @@ impl Printer<'_> {
 
     /// Returns the expression of a function of two arguments.
     fn operation(&self, f: O, u: ScalarId, v: ScalarId) -> String {
+        if let Some((operator, [a, b])) = self.set_operation(f, u, v) {
+            return format!("({} {operator} {})", self.text(a), self.text(b));
+        }
         let (a, b) = (self.text(u), self.text(v));
         match f {
             O::Add => format!("({a} + {b})"),
@@ -200,6 +203,35 @@ impl Printer<'_> {
             O::Min => format!("min({}, {})", inner(a), inner(b)),
             O::Max => format!("max({}, {})", inner(a), inner(b)),
         }
+    }
+}
+
+impl Printer<'_> {
+    /// Returns the operator of HyperFun and its operands if u ± v is a + b ± √(a² + b²): a union or
+    /// an intersection, whose sides stay parts of the model.
+    fn set_operation(
+        &self,
+        f: O,
+        u: ScalarId,
+        v: ScalarId,
+    ) -> Option<(&'static str, [ScalarId; 2])> {
+        let operator = match f {
+            O::Add => "|",
+            O::Sub => "&",
+            _ => return None,
+        };
+        let ScalarNode::Binary(O::Add, a, b) = *self.graph.node(u) else {
+            return None;
+        };
+        let ScalarNode::Unary(F::Sqrt, squares) = *self.graph.node(v) else {
+            return None;
+        };
+        let ScalarNode::Binary(O::Add, p, q) = *self.graph.node(squares) else {
+            return None;
+        };
+        let is_square =
+            |of: ScalarId, w: ScalarId| *self.graph.node(of) == ScalarNode::Binary(O::Mul, w, w);
+        (is_square(p, a) && is_square(q, b)).then_some((operator, [a, b]))
     }
 }
 
