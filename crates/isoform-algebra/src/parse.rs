@@ -55,7 +55,7 @@ pub enum ParseProblem {
     /// The divisor contains a variable.
     #[error("division by something other than a number: not a polynomial")]
     NotAPolynomial,
-    /// A function that is no polynomial.
+    /// A function that is not a polynomial.
     #[error("{name}: not a polynomial")]
     Transcendental {
         /// Name of the function.

@@ -203,7 +203,7 @@ impl Package {
         objects.any(|object| object.level_set.is_some())
     }
 
-    /// Adds warnings of level sets and functions, which are no meshes.
+    /// Adds warnings of level sets and functions, which are not meshes.
     fn warn_of_levels(&self, report: &mut ReadReport) {
         if self.has_levels() {
             report.warn("level sets are passed over: they are functions, and have no triangles");

@@ -19,8 +19,8 @@ use isoform::geom::{Aabb, Column, PointCloud};
 use isoform::io::MeshPoints;
 use isoform::report::{CompareReport, SideReport, brief};
 use isoform::{
-    CompareError, Distances, ExactSolid, FrepTemplate, Side, SplineDistance, compare,
-    deviations, surface_of,
+    CompareError, Distances, ExactSolid, FrepTemplate, Side, SplineDistance, compare, deviations,
+    surface_of,
 };
 use isoform_render::Scale;
 use std::path::{Path, PathBuf};
@@ -95,7 +95,7 @@ enum Loaded {
     Shape(Box<PreparedShape>),
 }
 
-/// Returns true for files of models, and for formulas and templates, which are no files.
+/// Returns true for files of models, and for formulas and templates, which are not files.
 fn names_model(path: &Path) -> bool {
     let is_file = memory::exists(path) || kind::is_named_file(path);
     let is_program = || kind::is_model(path) && !scan::is_mesh(path, None);
@@ -110,7 +110,10 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     };
     if let Some(output) = &args.output {
         if !scan::is_points(output) {
-            let message = format!("{}: no points are written with this ending", output.display());
+            let message = format!(
+                "{}: no points are written with this ending",
+                output.display()
+            );
             return Err(Failure::usage(message).hint("-o with .ply, .csv or .xyz"));
         }
         disk::check_folder(output)?;

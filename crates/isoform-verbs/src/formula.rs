@@ -95,7 +95,7 @@ impl StatedFormula {
             .map_err(without_model)
     }
 
-    /// Returns the model with the function as it is written.
+    /// Returns the model with the function as written.
     pub(crate) fn as_written(&self) -> Result<Model, Failure> {
         self.surface
             .model(&self.defaults, false)
@@ -174,7 +174,7 @@ impl StatedFormula {
     }
 }
 
-/// Returns the failure of a formula for which there is no model.
+/// Returns the failure of a formula without a model.
 fn without_model(error: FormulaError) -> Failure {
     Failure::input("formula", error.to_string()).hint(error.hint())
 }

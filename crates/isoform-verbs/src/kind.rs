@@ -4,8 +4,8 @@ use crate::failure::Failure;
 use crate::language::{Language, parse};
 use crate::memory;
 use isoform::io::{
-    FileKind, MAP_KEYS, Source, file_kind, is_implicit, is_patch_file, is_polynomial_file, is_solid_file,
-    is_spline_file, mesh_format_named,
+    FileKind, MAP_KEYS, Source, file_kind, is_implicit, is_patch_file, is_polynomial_file,
+    is_solid_file, is_spline_file, mesh_format_named,
 };
 use serde_json::Value;
 use std::path::Path;

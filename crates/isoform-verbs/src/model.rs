@@ -50,7 +50,7 @@ impl GivenModel {
         }
     }
 
-    /// Returns the program of a model, with the function as it is written.
+    /// Returns the program of a model, with the function as written.
     pub(crate) fn as_written(self, path: &Path) -> Result<Model, Failure> {
         match self {
             Self::Formula(formula) => formula.as_written(),

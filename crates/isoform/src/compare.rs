@@ -16,14 +16,14 @@ use crate::{ExactSolid, FrepTemplate, SplineDistance, parameter_values};
 use isoform_cad::PreparedShape;
 use isoform_field::SolidError;
 use isoform_fit::{MAX_SURFACE_SAMPLES, Parameter, Template, surface_samples};
+use isoform_geom::cad::Placement;
 use isoform_geom::{
     Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, on_triangle, sub,
 };
-use isoform_geom::cad::Placement;
 use nearest::TriangleTree;
-use sides::Sides;
 use rayon::prelude::*;
 use serde::Serialize;
+use sides::Sides;
 
 /// Number of nearest samples of a solid whose faces are measured; they nearly always include the
 /// nearest face. With fewer, that may be missed, and the distance overestimated.
@@ -197,7 +197,9 @@ pub fn deviations(
     }
     let other = b.sampled(Some(around), samples)?;
     let tree = (!other.owner.is_empty()).then(|| TriangleTree::new(&other.triangles));
-    let sides = tree.as_ref().and_then(|tree| Sides::new(tree, &other.triangles));
+    let sides = tree
+        .as_ref()
+        .and_then(|tree| Sides::new(tree, &other.triangles));
     let from_b = |points: &[Point3]| {
         let unsigned = distances(points, &b, &other, a.is_near());
         signed(points, unsigned, &b, sides.as_ref())

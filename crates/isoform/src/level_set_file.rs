@@ -15,7 +15,7 @@ use isoform_io::{
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LevelSetFileError {
-    /// The model lacks values, or has not three coordinates.
+    /// The model lacks values, or its number of coordinates is not three.
     #[error(transparent)]
     Model(#[from] SolidError),
     /// The program is run statement by statement.
@@ -51,7 +51,7 @@ pub enum LevelSetFileError {
 /// ```
 ///
 /// # Errors
-/// [`LevelSetFileError`] if the model is no expression, or needs functions that 3MF does not have;
+/// [`LevelSetFileError`] if the model is not an expression, or needs functions that 3MF does not have;
 /// if its box is not found; or on a stop.
 pub fn level_set_file(
     model: &Model,

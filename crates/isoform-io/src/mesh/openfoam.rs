@@ -24,7 +24,7 @@ const NO_NODE: u32 = u32::MAX;
 const MAX_PATCH_NAME_LENGTH: usize = 200;
 
 /// Face of the mesh in OpenFOAM.
-struct Face {
+struct PatchFace {
     /// Nodes, looking out of the owner; [`NO_NODE`] behind the three of a triangle.
     nodes: [u32; 4],
     /// Lower cell at the face.
@@ -38,9 +38,9 @@ struct PolyMesh {
     /// Nodes of the mesh in the order of the file: those that are corners of cells.
     points: Vec<u32>,
     /// Faces between two cells.
-    inner: Vec<Face>,
+    inner: Vec<PatchFace>,
     /// Faces of the boundary, patch by patch.
-    outer: Vec<Face>,
+    outer: Vec<PatchFace>,
     /// Names of the patches.
     patches: Vec<String>,
 }
@@ -113,8 +113,8 @@ pub(super) fn write_folder(
 /// Writes the length of a list and its items, one a line.
 fn write_list<'f>(
     out: &mut Out<'_>,
-    faces: impl Iterator<Item = &'f Face> + Clone,
-    item: impl Fn(&mut Out<'_>, &Face),
+    faces: impl Iterator<Item = &'f PatchFace> + Clone,
+    item: impl Fn(&mut Out<'_>, &PatchFace),
 ) -> io::Result<()> {
     out.int(faces.clone().count()).str("\n(").line()?;
     for face in faces {
@@ -130,7 +130,7 @@ fn put(out: &mut Out<'_>, number: u32) {
 }
 
 /// Appends the number of nodes of a face, and the nodes.
-fn put_nodes(out: &mut Out<'_>, face: &Face) {
+fn put_nodes(out: &mut Out<'_>, face: &PatchFace) {
     let nodes = face.nodes.iter().filter(|&&v| v != NO_NODE);
     out.int(nodes.clone().count()).str("(");
     for (i, &node) in nodes.enumerate() {
@@ -217,7 +217,7 @@ impl PolyMesh {
         let (mut inner, mut outer) = (Vec::new(), Vec::new());
         for group in found.chunk_by(|a, b| a.0 == b.0) {
             let (key, owner, corners) = group[0];
-            let face = |other| Face {
+            let face = |other| PatchFace {
                 nodes: nodes(corners),
                 owner,
                 other,
@@ -236,9 +236,9 @@ impl PolyMesh {
                 }
             }
         }
-        inner.sort_unstable_by_key(|face: &Face| (face.owner, face.other));
+        inner.sort_unstable_by_key(|face: &PatchFace| (face.owner, face.other));
         // By patch, and by cell within a patch.
-        outer.sort_by_key(|face: &Face| (face.other, face.owner));
+        outer.sort_by_key(|face: &PatchFace| (face.other, face.owner));
         let used = |v: &u32| numbers[*v as usize] != NO_NODE;
         Ok(Self {
             points: (0..mesh.points.len() as u32).filter(used).collect(),
@@ -313,7 +313,7 @@ fn parts_of_faces(mesh: &Mesh) -> HashMap<[u32; 4], u32> {
 /// Returns the names of the patches, and numbers them at their faces, which have the numbers of
 /// parts, or of one beyond the last part where they lie on none. A part without faces of the
 /// boundary, such as a wall between regions, gets none.
-fn patches(mesh: &Mesh, outer: &mut [Face]) -> Vec<String> {
+fn patches(mesh: &Mesh, outer: &mut [PatchFace]) -> Vec<String> {
     let mut numbers: Vec<Option<u32>> = vec![None; mesh.parts.len() + 1];
     outer
         .iter()

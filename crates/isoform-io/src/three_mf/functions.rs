@@ -71,7 +71,7 @@ pub(super) struct FunctionNode {
 pub(super) struct ModelFunction {
     /// Name for people.
     pub(super) title: Box<str>,
-    /// Name of the element if it is no implicit function; empty for one.
+    /// Name of an element other than an implicit function; empty for one.
     pub(super) foreign: Box<str>,
     pub(super) inputs: Vec<Port>,
     pub(super) outputs: Vec<Port>,
@@ -80,7 +80,7 @@ pub(super) struct ModelFunction {
 
 /// Place in a function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
+enum PortSide {
     Inputs,
     Outputs,
 }
@@ -94,7 +94,7 @@ pub(super) struct FunctionReader {
     volumetric: Option<String>,
     function: Option<(u32, ModelFunction)>,
     node: Option<FunctionNode>,
-    side: Option<Side>,
+    side: Option<PortSide>,
 }
 
 /// Returns the prefix, with its colon, that the attributes of the root give to a namespace.
@@ -169,13 +169,13 @@ impl FunctionReader {
                         None => (&mut function.inputs, &mut function.outputs),
                     };
                     match side {
-                        Side::Inputs => inputs.push(port),
-                        Side::Outputs => outputs.push(port),
+                        PortSide::Inputs => inputs.push(port),
+                        PortSide::Outputs => outputs.push(port),
                     }
                 }
             }
-            (Some(_), _, None) if name == "in" => self.side = Some(Side::Inputs),
-            (Some(_), _, None) if name == "out" => self.side = Some(Side::Outputs),
+            (Some(_), _, None) if name == "in" => self.side = Some(PortSide::Inputs),
+            (Some(_), _, None) if name == "out" => self.side = Some(PortSide::Outputs),
             (Some(_), node @ None, None) => {
                 *node = Some(FunctionNode {
                     kind: name.to_ascii_lowercase().into(),

@@ -51,7 +51,7 @@ pub struct ImplicitProgram {
     pub text: String,
     /// Unit of length, as named in this crate.
     pub units: String,
-    /// What was passed over, and what is doubtful.
+    /// Elements passed over, and doubtful ones.
     pub warnings: Vec<String>,
 }
 
@@ -81,7 +81,7 @@ impl Obstacle {
         Self::new(ErrorKind::UnsupportedFormat, why)
     }
 
-    /// The obstacle of a region that is no intersection of half spaces.
+    /// The obstacle of a region that is not an intersection of half spaces.
     fn region(why: &str) -> Self {
         Self {
             hint: REGION_HINT,
@@ -109,11 +109,11 @@ pub fn is_implicit(source: Source<'_>) -> bool {
     placed.is_ok_and(|placed| placed.iter().any(is_level))
 }
 
-/// Reads the level sets that a 3MF package builds as one HyperFun program; `None` if the file is no
+/// Reads the level sets that a 3MF package builds as one HyperFun program; `None` if the file is not a
 /// package, or builds none.
 ///
 /// # Errors
-/// [`ReadError`] if the package is damaged, or a function needs what is no formula: images,
+/// [`ReadError`] if the package is damaged, or a function needs images,
 /// distances to meshes, or a bounding mesh that is not convex.
 pub fn read_implicit(source: Source<'_>) -> Result<Option<ImplicitProgram>> {
     let mut input = Input::open(source)?;
@@ -433,7 +433,7 @@ impl Transform {
     }
 
     /// Returns the rows of the inverse matrix and the origin that is subtracted before; `None` if
-    /// there is no inverse.
+    /// the inverse does not exist.
     fn inverse(&self) -> Option<([Point3; 3], Point3)> {
         let [x, y, z] = self.axes;
         let columns = [

@@ -36,7 +36,12 @@ pub(super) fn best_fit(
             best = (sum, found);
         }
     }
-    refined(&spread(points, POINTS_OF_MOTION), best.1, MAX_STEPS, distances)
+    refined(
+        &spread(points, POINTS_OF_MOTION),
+        best.1,
+        MAX_STEPS,
+        distances,
+    )
 }
 
 /// Returns about `n` of the points, evenly by their order.
@@ -67,7 +72,14 @@ fn starts(points: &[Point3], other: &[Point3]) -> Vec<Placement> {
     }
     let (from, source) = principal(points);
     let (to, target) = principal(other);
-    for order in [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
+    for order in [
+        [0, 1, 2],
+        [0, 2, 1],
+        [1, 0, 2],
+        [1, 2, 0],
+        [2, 0, 1],
+        [2, 1, 0],
+    ] {
         for signs in [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]] {
             let x = target[order[0]].map(|v| signs[0] * v);
             let y = target[order[1]].map(|v| signs[1] * v);
@@ -117,7 +129,9 @@ fn refined(
     let mut at = moved(points, &motion);
     let mut known = distances(&at);
     let center = centroid(points);
-    let size = points.iter().fold(0.0, |m: f64, p| m.max(norm(sub(*p, center))));
+    let size = points
+        .iter()
+        .fold(0.0, |m: f64, p| m.max(norm(sub(*p, center))));
     for _ in 0..most {
         let Some(step) = gauss_newton(&at, &known, size, distances) else {
             break;
@@ -134,7 +148,10 @@ fn refined(
         });
         let Some(better) = better else { break };
         (motion, at, known) = better;
-        let length = step[..3].iter().map(|v| v.abs() * size).chain(step[3..].iter().map(|v| v.abs()));
+        let length = step[..3]
+            .iter()
+            .map(|v| v.abs() * size)
+            .chain(step[3..].iter().map(|v| v.abs()));
         if length.fold(0.0, f64::max) <= SMALLEST_MOTION * size {
             break;
         }
@@ -143,7 +160,7 @@ fn refined(
 }
 
 /// Returns the step of Gauss and Newton: a rotation vector about the centroid, in radians, then a
-/// shift; `None` if there is no direction to go.
+/// shift; `None` if no distance depends on the motion.
 fn gauss_newton(
     points: &[Point3],
     known: &[f64],

@@ -39,7 +39,11 @@ impl<'a> Sides<'a> {
         if corners.is_empty() || balance.values().any(|sum| *sum != 0) {
             return None;
         }
-        let n = corners.iter().flatten().max().map_or(0, |v| *v as usize + 1);
+        let n = corners
+            .iter()
+            .flatten()
+            .max()
+            .map_or(0, |v| *v as usize + 1);
         let mut sides = Self {
             tree,
             faces: triangles.iter().map(face_normal).collect(),
@@ -119,7 +123,10 @@ fn welded(triangles: &[[Point3; 3]]) -> Vec<[u32; 3]> {
         let next = numbers.len() as u32;
         *numbers.entry(key).or_insert(next)
     };
-    triangles.iter().map(|t| t.each_ref().map(&mut number)).collect()
+    triangles
+        .iter()
+        .map(|t| t.each_ref().map(&mut number))
+        .collect()
 }
 
 #[cfg(test)]
@@ -138,7 +145,9 @@ mod tests {
         for i in 0..20_000 {
             let about = p[i % 4];
             let q = about.map(|v| v + [0.05, 3.0][i / 4 % 2] * (2.0 * random.unit() - 1.0));
-            let inside = triangles.iter().all(|t| dot(sub(q, t[0]), face_normal(t)) < 0.0);
+            let inside = triangles
+                .iter()
+                .all(|t| dot(sub(q, t[0]), face_normal(t)) < 0.0);
             assert_eq!(sides.is_inside(q), inside, "{q:?}");
         }
     }

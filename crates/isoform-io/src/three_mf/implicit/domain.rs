@@ -22,7 +22,7 @@ type Bounds = (f64, f64);
 
 const ALL: Bounds = (f64::NEG_INFINITY, f64::INFINITY);
 
-/// Returns the guards of the operations below some nodes that may be undefined somewhere.
+/// Returns the guards of the operations below some nodes that may be undefined at some points.
 pub(super) fn guards(graph: &mut ScalarGraph) -> HashMap<ScalarId, Guard> {
     let mut bounds: Vec<Bounds> = Vec::with_capacity(graph.len());
     for id in graph.ids() {

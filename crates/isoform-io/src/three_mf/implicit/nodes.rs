@@ -36,7 +36,7 @@ impl PortValue {
         }
     }
 
-    /// Returns a value of the same type with other components.
+    /// Returns a value of this type with other components.
     fn like(&self, components: impl Fn(usize) -> ScalarId) -> Self {
         match self {
             Self::Scalar(_) => Self::Scalar(components(0)),
@@ -68,47 +68,71 @@ pub(super) enum ComponentOperation {
     Select,
 }
 
+/// Operation of an element, with the names of its inputs.
+type KindOfNode = (&'static str, ComponentOperation, &'static [&'static str]);
+
+/// Elements of component-wise operations. The names of inverse trigonometric functions are those of
+/// the specification and those that lib3mf writes.
+const KINDS: [KindOfNode; 36] = [
+    ("abs", ComponentOperation::Unary(F::Abs), &["A"]),
+    ("sqrt", ComponentOperation::Unary(F::Sqrt), &["A"]),
+    ("exp", ComponentOperation::Unary(F::Exp), &["A"]),
+    ("log", ComponentOperation::Unary(F::Ln), &["A"]),
+    ("sin", ComponentOperation::Unary(F::Sin), &["A"]),
+    ("cos", ComponentOperation::Unary(F::Cos), &["A"]),
+    ("tan", ComponentOperation::Unary(F::Tan), &["A"]),
+    ("arcsin", ComponentOperation::Unary(F::Asin), &["A"]),
+    ("asin", ComponentOperation::Unary(F::Asin), &["A"]),
+    ("arccos", ComponentOperation::Unary(F::Acos), &["A"]),
+    ("acos", ComponentOperation::Unary(F::Acos), &["A"]),
+    ("arctan", ComponentOperation::Unary(F::Atan), &["A"]),
+    ("atan", ComponentOperation::Unary(F::Atan), &["A"]),
+    ("sinh", ComponentOperation::Unary(F::Sinh), &["A"]),
+    ("cosh", ComponentOperation::Unary(F::Cosh), &["A"]),
+    ("tanh", ComponentOperation::Unary(F::Tanh), &["A"]),
+    ("floor", ComponentOperation::Unary(F::Floor), &["A"]),
+    ("ceil", ComponentOperation::Unary(F::Ceil), &["A"]),
+    ("sign", ComponentOperation::Unary(F::Sign), &["A"]),
+    ("addition", ComponentOperation::Binary(O::Add), &["A", "B"]),
+    (
+        "subtraction",
+        ComponentOperation::Binary(O::Sub),
+        &["A", "B"],
+    ),
+    (
+        "multiplication",
+        ComponentOperation::Binary(O::Mul),
+        &["A", "B"],
+    ),
+    ("division", ComponentOperation::Binary(O::Div), &["A", "B"]),
+    ("pow", ComponentOperation::Binary(O::Pow), &["A", "B"]),
+    ("min", ComponentOperation::Binary(O::Min), &["A", "B"]),
+    ("max", ComponentOperation::Binary(O::Max), &["A", "B"]),
+    ("arctan2", ComponentOperation::Binary(O::Atan2), &["A", "B"]),
+    ("atan2", ComponentOperation::Binary(O::Atan2), &["A", "B"]),
+    (
+        "log2",
+        ComponentOperation::Logarithm(std::f64::consts::LN_2),
+        &["A"],
+    ),
+    (
+        "log10",
+        ComponentOperation::Logarithm(std::f64::consts::LN_10),
+        &["A"],
+    ),
+    ("round", ComponentOperation::Round, &["A"]),
+    ("fract", ComponentOperation::Fraction, &["A"]),
+    ("fmod", ComponentOperation::Remainder, &["A", "B"]),
+    ("mod", ComponentOperation::Modulo, &["A", "B"]),
+    ("clamp", ComponentOperation::Clamp, &["A", "min", "max"]),
+    ("select", ComponentOperation::Select, &["A", "B", "C", "D"]),
+];
+
 impl ComponentOperation {
-    /// Returns the operation of an element, and the names of its inputs. The names of inverse
-    /// trigonometric functions are those of the specification and those that lib3mf writes.
+    /// Returns the operation of an element, and the names of its inputs.
     pub(super) fn of_kind(kind: &str) -> Option<(Self, &'static [&'static str])> {
-        let unary = |f| Some((Self::Unary(f), &["A"][..]));
-        let binary = |f| Some((Self::Binary(f), &["A", "B"][..]));
-        match kind {
-            "abs" => unary(F::Abs),
-            "sqrt" => unary(F::Sqrt),
-            "exp" => unary(F::Exp),
-            "log" => unary(F::Ln),
-            "sin" => unary(F::Sin),
-            "cos" => unary(F::Cos),
-            "tan" => unary(F::Tan),
-            "arcsin" | "asin" => unary(F::Asin),
-            "arccos" | "acos" => unary(F::Acos),
-            "arctan" | "atan" => unary(F::Atan),
-            "sinh" => unary(F::Sinh),
-            "cosh" => unary(F::Cosh),
-            "tanh" => unary(F::Tanh),
-            "floor" => unary(F::Floor),
-            "ceil" => unary(F::Ceil),
-            "sign" => unary(F::Sign),
-            "addition" => binary(O::Add),
-            "subtraction" => binary(O::Sub),
-            "multiplication" => binary(O::Mul),
-            "division" => binary(O::Div),
-            "pow" => binary(O::Pow),
-            "min" => binary(O::Min),
-            "max" => binary(O::Max),
-            "arctan2" | "atan2" => binary(O::Atan2),
-            "log2" => Some((Self::Logarithm(std::f64::consts::LN_2), &["A"])),
-            "log10" => Some((Self::Logarithm(std::f64::consts::LN_10), &["A"])),
-            "round" => Some((Self::Round, &["A"])),
-            "fract" => Some((Self::Fraction, &["A"])),
-            "fmod" => Some((Self::Remainder, &["A", "B"])),
-            "mod" => Some((Self::Modulo, &["A", "B"])),
-            "clamp" => Some((Self::Clamp, &["A", "min", "max"])),
-            "select" => Some((Self::Select, &["A", "B", "C", "D"])),
-            _ => None,
-        }
+        let row = KINDS.iter().find(|row| row.0 == kind);
+        row.map(|(_, operation, inputs)| (*operation, *inputs))
     }
 
     /// Applies the operation to the components at one place.

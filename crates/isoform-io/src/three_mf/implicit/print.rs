@@ -81,7 +81,7 @@ fn side_arguments(graph: &ScalarGraph, guard: &Guard) -> Vec<ScalarId> {
     found
 }
 
-/// Returns a number that reads back to the same bits.
+/// Returns a number that reads back to identical bits.
 fn number(c: f64) -> String {
     let size = c.abs();
     let text = if c == 0.0 || (1e-5..1e15).contains(&size) {

@@ -120,7 +120,7 @@ pub(super) fn of_convex(mesh: &ModelObject) -> Result<Vec<HalfSpace>, Obstacle> 
     Ok(found)
 }
 
-/// Returns an error if an edge of the triangles has not two sides.
+/// Returns an error if an edge belongs to more or fewer than two triangles.
 fn check_closed(mesh: &ModelObject) -> Result<(), Obstacle> {
     let mut edges = HashSet::new();
     let directed = |t: &[u32; 3]| [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])];

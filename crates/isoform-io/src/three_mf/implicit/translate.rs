@@ -399,30 +399,11 @@ impl<'m> Translator<'m> {
             }
             return Ok(operation.of_values(&mut self.graph, &values));
         }
+        if let Some(value) = composed(&mut self.graph, kind, given, output)? {
+            return Ok(value);
+        }
         let graph = &mut self.graph;
         Ok(match kind {
-            "composevector" => {
-                let parts = scalars(given, ["x", "y", "z"])?;
-                PortValue::Vector(parts)
-            }
-            "vectorfromscalar" => {
-                let [u] = scalars(given, ["A"])?;
-                PortValue::Vector([u; 3])
-            }
-            "decomposevector" => {
-                let [u] = vectors(given, ["A"])?;
-                let at = ["x", "y", "z"].iter().position(|name| *name == output);
-                let why = || Obstacle::corrupt(format!("{output} is none of x, y and z"));
-                PortValue::Scalar(u[at.ok_or_else(why)?])
-            }
-            "composematrix" => {
-                let names: [String; 16] = std::array::from_fn(|k| format!("m{}{}", k / 4, k % 4));
-                PortValue::Matrix(scalars(given, std::array::from_fn(|k| names[k].as_str()))?)
-            }
-            "matrixfromrows" | "matrixfromcolumns" => {
-                let given = vectors(given, ["A", "B", "C", "D"])?;
-                matrix_of(graph, given, kind == "matrixfromrows")
-            }
             "dot" => {
                 let [u, v] = vectors(given, ["A", "B"])?;
                 PortValue::Scalar(graph.dot(&u, &v))
@@ -482,6 +463,41 @@ impl<'m> Translator<'m> {
             }
         })
     }
+}
+
+/// Returns the value of a node that composes or decomposes vectors and matrices; `None` for other
+/// nodes.
+fn composed(
+    graph: &mut ScalarGraph,
+    kind: &str,
+    given: &[(&str, PortValue)],
+    output: &str,
+) -> Result<Option<PortValue>, Obstacle> {
+    Ok(Some(match kind {
+        "composevector" => {
+            let parts = scalars(given, ["x", "y", "z"])?;
+            PortValue::Vector(parts)
+        }
+        "vectorfromscalar" => {
+            let [u] = scalars(given, ["A"])?;
+            PortValue::Vector([u; 3])
+        }
+        "decomposevector" => {
+            let [u] = vectors(given, ["A"])?;
+            let at = ["x", "y", "z"].iter().position(|name| *name == output);
+            let why = || Obstacle::corrupt(format!("{output} is none of x, y and z"));
+            PortValue::Scalar(u[at.ok_or_else(why)?])
+        }
+        "composematrix" => {
+            let names: [String; 16] = std::array::from_fn(|k| format!("m{}{}", k / 4, k % 4));
+            PortValue::Matrix(scalars(given, std::array::from_fn(|k| names[k].as_str()))?)
+        }
+        "matrixfromrows" | "matrixfromcolumns" => {
+            let given = vectors(given, ["A", "B", "C", "D"])?;
+            matrix_of(graph, given, kind == "matrixfromrows")
+        }
+        _ => return Ok(None),
+    }))
 }
 
 /// Returns the obstacle of a node that is not translated.
