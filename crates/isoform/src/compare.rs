@@ -170,7 +170,7 @@ pub struct Deviations {
 
 /// Returns the distances of the points of `a` from `b`, about `samples` of them unless `a` is
 /// points. With `align`, `a` is first moved as a rigid body to where the sum of the squared
-/// distances is least.
+/// distances of at most 20,000 of its points is least.
 ///
 /// # Errors
 /// As [`compare`].
@@ -204,7 +204,19 @@ pub fn deviations(
         let unsigned = distances(points, &b, &other, a.is_near());
         signed(points, unsigned, &b, sides.as_ref())
     };
-    let motion = align.then(|| align::best_fit(&points, &other.points, &from_b));
+    let rough = |points: &[Point3]| match (&tree, &sides) {
+        (Some(tree), Some(sides)) => {
+            let sign = |(p, d): (&Point3, f64)| if sides.is_inside(*p) { -d } else { d };
+            points
+                .par_iter()
+                .zip(tree.distances(points))
+                .map(sign)
+                .collect()
+        }
+        (Some(tree), None) => tree.distances(points),
+        (None, _) => from_b(points),
+    };
+    let motion = align.then(|| align::best_fit(&points, &other.points, &rough, &from_b));
     if let Some(motion) = &motion {
         points = align::moved(&points, motion);
     }
@@ -568,6 +580,66 @@ mod tests {
             points,
             triangles: vec![[0, 1, 2], [0, 2, 3]],
             ..PointCloud::default()
+        }
+    }
+
+    /// A tetrahedron of edges of different lengths, which no rotation takes to itself.
+    fn tetrahedron() -> PointCloud {
+        let points = vec![[0.0; 3], [5.0, 0.0, 0.0], [1.0, 3.0, 0.0], [0.5, 0.5, 2.0]];
+        PointCloud {
+            triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
+            ..PointCloud::from_points(points)
+        }
+    }
+
+    #[test]
+    fn deviations_are_negative_inside() {
+        let tetrahedron = tetrahedron();
+        let points = vec![
+            [1.0, 1.0, 0.1],
+            [1.0, 1.0, -0.3],
+            [0.0, 0.0, -2.0],
+            [9.0, 0.0, 0.0],
+        ];
+        let cloud = PointCloud::from_points(points);
+        let found = deviations(Side::Points(&cloud), Side::Mesh(&tetrahedron), 100, false);
+        let found = found.expect("comparable");
+        assert!(found.is_signed && found.motion.is_none());
+        for (value, expected) in found.values.iter().zip([-0.1, 0.3, 2.0, 4.0]) {
+            assert!((value - expected).abs() < 1e-14, "{:?}", found.values);
+        }
+        // An open surface has no inside.
+        let open = PointCloud {
+            triangles: tetrahedron.triangles[..3].to_vec(),
+            ..tetrahedron
+        };
+        let found = deviations(Side::Points(&cloud), Side::Mesh(&open), 100, false);
+        let found = found.expect("comparable");
+        assert!(!found.is_signed && found.values.iter().all(|v| *v >= 0.0));
+    }
+
+    /// Points of a tetrahedron, turned and far away, come back to their places.
+    #[test]
+    fn moved_points_come_back() {
+        let tetrahedron = tetrahedron();
+        let samples = SideSamples::of_mesh(&tetrahedron.points, &tetrahedron.triangles, 2000);
+        let mut random = isoform_num::Random::new(11);
+        for _ in 0..10 {
+            let z = [(); 3].map(|()| random.unit() - 0.5);
+            let z = z.map(|v| v / norm(z));
+            let origin = [(); 3].map(|()| 1e3 * random.unit());
+            let frame = isoform_geom::brep::Axes::along(origin, z);
+            let home = isoform_geom::brep::Axes::along([0.0; 3], [0.0, 0.0, 1.0]);
+            let moved = Placement::between(&home, &frame);
+            let points: Vec<Point3> = samples.points.iter().map(|p| moved.point(*p)).collect();
+            let cloud = PointCloud::from_points(points);
+            let found = deviations(Side::Points(&cloud), Side::Mesh(&tetrahedron), 1000, true);
+            let found = found.expect("comparable");
+            let pairs = found.points.iter().zip(&samples.points);
+            let off = pairs.map(|(p, q)| norm(sub(*p, *q))).fold(0.0, f64::max);
+            assert!(off < 1e-6, "{off}");
+            let back = found.motion.expect("a motion").after(&moved);
+            assert!(norm(back.shift) < 1e-6, "{back:?}");
         }
     }
 

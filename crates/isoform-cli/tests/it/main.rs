@@ -3,6 +3,7 @@
 mod breaks;
 mod brep;
 mod common;
+mod compare;
 mod domains;
 mod eval;
 mod fit;

@@ -181,8 +181,8 @@ fn a_patch_is_seen_on_the_surface_that_it_stands_for() {
 fn a_torus_of_degree_four_is_lit_where_it_is() {
     let text = "(x^2 + y^2 + z^2 + 3)^2 - 16*(x^2 + y^2)";
     let bounds = cube(3.2, [0.0; 3]);
-    let torus = FormulaSurface::parse(text).expect("a formula");
-    let model = torus.stated_model(&[]).expect("a program");
+    let formula = FormulaSurface::parse(text).expect("a formula");
+    let model = formula.stated_model(&[]).expect("a program");
     let (solid, _) = solid_of(&model, &[]).expect("a solid");
     let shown = ShownModel {
         solid,

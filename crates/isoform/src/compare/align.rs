@@ -4,45 +4,49 @@ use isoform_geom::cad::Placement;
 use isoform_geom::{Point3, dot, norm, sub};
 use isoform_num::linalg::{cholesky, cholesky_solve, symmetric_eigen_3};
 
-/// Number of points with which starts are compared, and with which the motion is refined. Six
-/// numbers are sought; the error of a motion from thousands of points is far below their noise.
+/// Number of points with which starts are compared: enough to tell turned poses apart.
 const POINTS_OF_STARTS: usize = 400;
-const POINTS_OF_MOTION: usize = 5_000;
+/// Maximum number of points with which the motion is refined. The error of six numbers from so many
+/// is below a hundredth of the noise.
+const POINTS_OF_MOTION: usize = 20_000;
 /// Number of steps from each start, and maximum number of steps of the refinement.
 const STEPS_OF_STARTS: usize = 10;
 const MAX_STEPS: usize = 60;
 /// Step for differences of distances, relative to the size of the points: the cube root of the
 /// rounding error.
 const DIFFERENCE: f64 = 6e-6;
-/// Motion, relative to the size of the points, at which the refinement ends.
-const SMALLEST_MOTION: f64 = 1e-12;
+/// Motion, relative to the size of the points, at which the refinement ends: far below the noise of
+/// scans, and above the error of the differences.
+const SMALLEST_MOTION: f64 = 1e-9;
 
 /// Finds the motion of least squares of the distances, from the pose as given and from the 24 poses
 /// in which the principal axes of the points agree with those of the other side.
 ///
-/// `distances` returns the distances of points from the other side, signed where it has an inside.
+/// `distances` returns the distances of points from the other side, signed where it has an inside;
+/// `rough` does so to the deviation of its triangles, in less time.
 pub(super) fn best_fit(
     points: &[Point3],
     other: &[Point3],
-    distances: &dyn Fn(&[Point3]) -> Vec<f64>,
+    rough: &DistanceFunction<'_>,
+    distances: &DistanceFunction<'_>,
 ) -> Placement {
     let few = spread(points, POINTS_OF_STARTS);
     let mut best = (f64::INFINITY, Placement::IDENTITY);
     for start in starts(points, other) {
-        let found = refined(&few, start, STEPS_OF_STARTS, distances);
-        let sum = squares(&distances(&moved(&few, &found)));
+        let found = refined(&few, start, STEPS_OF_STARTS, rough);
+        let sum = squares(&rough(&moved(&few, &found)));
         // The first start is the pose as given: others must be better by more than rounding.
         if sum < best.0 * (1.0 - 1e-9) {
             best = (sum, found);
         }
     }
-    refined(
-        &spread(points, POINTS_OF_MOTION),
-        best.1,
-        MAX_STEPS,
-        distances,
-    )
+    let most = spread(points, POINTS_OF_MOTION);
+    let near = refined(&most, best.1, MAX_STEPS, rough);
+    refined(&most, near, MAX_STEPS, distances)
 }
+
+/// Function that returns the distances of points.
+type DistanceFunction<'a> = dyn Fn(&[Point3]) -> Vec<f64> + 'a;
 
 /// Returns about `n` of the points, evenly by their order.
 fn spread(points: &[Point3], n: usize) -> Vec<Point3> {
@@ -123,7 +127,7 @@ fn refined(
     points: &[Point3],
     start: Placement,
     most: usize,
-    distances: &dyn Fn(&[Point3]) -> Vec<f64>,
+    distances: &DistanceFunction<'_>,
 ) -> Placement {
     let mut motion = start;
     let mut at = moved(points, &motion);
@@ -165,7 +169,7 @@ fn gauss_newton(
     points: &[Point3],
     known: &[f64],
     size: f64,
-    distances: &dyn Fn(&[Point3]) -> Vec<f64>,
+    distances: &DistanceFunction<'_>,
 ) -> Option<[f64; 6]> {
     let center = centroid(points);
     let h = DIFFERENCE * size;

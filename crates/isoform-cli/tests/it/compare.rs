@@ -1,0 +1,113 @@
+//! `isoform compare` with files of deviations and alignment.
+
+use crate::common::*;
+use isoform_testdata::data;
+
+/// Columns of a table with a header.
+fn table(text: &str) -> Vec<Vec<f64>> {
+    let row = |line: &str| {
+        line.split(',')
+            .map(|v| v.parse().expect("a number"))
+            .collect()
+    };
+    text.lines().skip(1).map(row).collect()
+}
+
+/// Deviations from a ball of radius 2, as a program, a formula, a mesh and a solid.
+#[test]
+fn deviations_have_the_sign_of_the_side() {
+    let f = Folder::new("deviations");
+    let radii = [1.5, 1.9, 2.0, 2.3, 3.0];
+    let points: String = radii.iter().map(|r| format!("0,{r},0\n")).collect();
+    let scan = f.file("scan.csv", points);
+    let step = f.path("ball.step");
+    assert_eq!(
+        code(&isoform(&["brep", "x^2 + y^2 + z^2 = 4", "-o", &step])),
+        0
+    );
+    let stl = f.path("ball.stl");
+    let fine = ["--surface-only", "--size", "0.1", "-o", &stl];
+    assert_eq!(
+        code(&isoform(
+            &[&["mesh", "x^2 + y^2 + z^2 = 4"], &fine[..]].concat()
+        )),
+        0
+    );
+    let hf = f.file(
+        "ball.hf",
+        "m(x[3], a[1]) { array c[3]; c = [0,0,0]; m = hfSphere(x, c, 2); }",
+    );
+    for (other, tolerance) in [
+        (step.as_str(), 1e-9),
+        (&stl, 2e-3),
+        // The metric reading is the distance to first order.
+        (&hf, 0.2),
+        ("x^2 + y^2 + z^2 = 4", 0.2),
+    ] {
+        let out = f.path("deviation.csv");
+        let o = isoform(&["compare", &scan, other, "-o", &out, "--json"]);
+        assert_eq!(code(&o), 0, "{other}: {}", stderr(&o));
+        assert_eq!(document(&o)["files"][0], out.as_str());
+        for (row, r) in table(&f.text("deviation.csv")).iter().zip(radii) {
+            let deviation = *row.last().expect("a column");
+            assert!(
+                (deviation - (r - 2.0)).abs() <= tolerance,
+                "{other}: {r}: {deviation}"
+            );
+        }
+    }
+}
+
+/// A part of another program and its own corners, turned by a right angle and moved.
+#[test]
+fn a_moved_scan_is_brought_back() {
+    let f = Folder::new("align");
+    let step = data("step/mixed-ap242-inch.step").display().to_string();
+    let stl = f.path("part.stl");
+    assert_eq!(code(&isoform(&["mesh", &step, "-o", &stl])), 0);
+    let xyz = f.path("scan.csv");
+    let o = isoform(&["convert", &stl, "--samples", "3000", "-o", &xyz]);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    let turned: String = table(&f.text("scan.csv"))
+        .iter()
+        .map(|p| format!("{:?},{:?},{:?}\n", 100.0 - p[1], p[0], p[2] - 30.0))
+        .collect();
+    let scan = f.file("moved.csv", turned);
+    let o = isoform(&["compare", &scan, &step, "--align", "--json"]);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    let found = document(&o);
+    assert!(
+        found["first_to_second"]["max"]
+            .as_f64()
+            .is_some_and(|d| d < 5e-3),
+        "{found}"
+    );
+    // The part is symmetric: several motions bring it back. All are rigid.
+    let row = |k: usize| -> Vec<f64> {
+        let row = found["motion"][k].as_array().expect("a row");
+        row.iter().map(|v| v.as_f64().expect("a number")).collect()
+    };
+    for (j, k) in [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)] {
+        let product: f64 = (0..3).map(|i| row(j)[i] * row(k)[i]).sum();
+        assert!(
+            (product - f64::from(u8::from(j == k))).abs() < 1e-12,
+            "{found}"
+        );
+    }
+}
+
+#[test]
+fn what_cannot_be_done_is_said_first() {
+    let f = Folder::new("compare-errors");
+    let scan = f.file("scan.xyz", POINTS);
+    let o = isoform(&["compare", &scan, "x^2 + y^2 = 1", "-o", &f.path("out.stl")]);
+    assert_eq!(code(&o), 1);
+    assert!(
+        stderr(&o).contains("-o with .ply, .csv or .xyz"),
+        "{}",
+        stderr(&o)
+    );
+    let o = isoform(&["compare", "x^2 + y^2 + z^2 = 1", &scan, "--align"]);
+    assert_eq!(code(&o), 1);
+    assert!(stderr(&o).contains("give those first"), "{}", stderr(&o));
+}
