@@ -1208,9 +1208,9 @@ def convert(
     *,
     to: str | None = None,
     ascii: bool = False,
-    box: Box = None,
     params: Values = None,
     set: Mapping[str, float] | None = None,
+    box: Box = None,
     format: str | None = None,
     max_points: int | None = None,
     samples: int | None = None,
@@ -1235,13 +1235,13 @@ def convert(
         Format of the output, where its name does not tell it.
     ascii : bool
         PLY as text.
-    box : float or sequence, optional
-        The box in which to work: half its width around the origin, or its two corners.
     params : dict or sequence of float, optional
         The values of the parameters a, in their order or as NAME=NUMBER; missing ones are
         as annotated.
     set : dict, optional
         The values of some parameters by name.
+    box : float or sequence, optional
+        The box in which to work: half its width around the origin, or its two corners.
     format : str, optional
         Format of the input, where neither name nor content tell it.
     max_points : int, optional
@@ -1285,9 +1285,9 @@ def convert(
         "output": output,
         "to": to,
         "ascii": bool(ascii),
-        "box": corners(box),
         "params": params,
         "set": set,
+        "box": corners(box),
         "from": format,
         "max_points": some_whole("max_points", max_points),
         "samples": some_whole("samples", samples),
@@ -1352,12 +1352,14 @@ def compare(
     first: Any,
     second: Any,
     *,
+    output: Path | Sequence[Path] | None = None,
     params: Values = None,
     set: Mapping[str, float] | None = None,
     params_second: Values = None,
     box: Box = None,
     samples: int | None = None,
     vertices: bool = False,
+    align: bool = False,
     tolerance: float | None = None,
     object: str | None = None,
     strict: bool = False,
@@ -1376,6 +1378,9 @@ def compare(
         Points (n, 3), a mesh, a model, a solid, or a file of one.
     second : object
         The other one.
+    output : path or sequence, optional
+        Write the points of the first with their deviations from the second: .ply with
+        colours, .csv or .xyz.
     params : dict or sequence of float, optional
         The values of the parameters a, in their order or as NAME=NUMBER; missing ones are
         as annotated.
@@ -1389,6 +1394,9 @@ def compare(
         Approximate number of points taken of a mesh, of a model and of a solid.
     vertices : bool
         Take the vertices of meshes as points.
+    align : bool
+        Move the points or mesh given first onto the second before they are compared: the
+        best fit.
     tolerance : float, optional
         Fail (exit 3) where a distance is larger.
     object : str, optional
@@ -1431,12 +1439,14 @@ def compare(
     arguments = {
         "first": handed(first),
         "second": handed(second),
+        "output": output,
         "params": params,
         "set": set,
         "params_second": params_second,
         "box": corners(box),
         "samples": some_whole("samples", samples),
         "vertices": bool(vertices),
+        "align": bool(align),
         "tolerance": tolerance,
         "object": object,
         "strict": bool(strict),

@@ -6,7 +6,7 @@ use isoform_num::linalg::{cholesky, cholesky_solve, symmetric_eigen_3};
 
 /// Number of points with which starts are compared: enough to tell turned poses apart.
 const POINTS_OF_STARTS: usize = 400;
-/// Maximum number of points with which the motion is refined. The error of six numbers from so many
+/// Maximum number of points with which the motion is refined: the error of six numbers from these
 /// is below a hundredth of the noise.
 const POINTS_OF_MOTION: usize = 20_000;
 /// Number of steps from each start, and maximum number of steps of the refinement.
