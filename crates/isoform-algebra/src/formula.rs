@@ -281,8 +281,12 @@ impl Parser {
             Some('(') => {
                 let depth = self.deeper(depth)?;
                 self.at += 1;
-                let inner = self.sum(depth)?;
+                let mut inner = self.sum(depth)?;
                 if self.take(')') {
+                    // Errors of a sum in parentheses point to these.
+                    if let Term::Sum(_) | Term::Product(_) = inner.term {
+                        inner.at = at;
+                    }
                     return Ok(inner);
                 }
                 return Err(self.unexpected("an operator or ')'"));

@@ -160,7 +160,6 @@ class Refused(unittest.TestCase):
         self.refused("usage", lambda: isoform.fit(points, ball, start={"cx": 1.0}))
         self.refused("bounds", lambda: isoform.fit(points, ball, bounds={"cx": 3}))
         self.refused("usage", lambda: isoform.parameterize(ball, cover=True))
-        self.refused("usage", lambda: isoform.triangulate({"X": "s", "Y": "t", "Z": "0", "W": "1"}))
         self.refused("usage", lambda: isoform.fit(points, ball, seed=-1))
         self.refused("usage", lambda: isoform.fit(points, ball, threads=10**6))
         self.refused("usage", lambda: isoform.mesh(ball, angles=(80, 20)))
@@ -486,7 +485,7 @@ class Handed(unittest.TestCase):
             with self.assertRaises((IsoformError, TypeError)):
                 isoform.fit(wrong, self.ball)
         self.assertIn("not points", self.refused(lambda: isoform.fit(function, self.ball)))
-        self.assertIn("not a Hyper", self.refused(lambda: isoform.brep(mesh)))
+        self.assertIn("not a model", self.refused(lambda: isoform.brep(mesh)))
         triangle = isoform.triangulate(
             {"X": "s", "Y": "t", "Z": "0", "W": "1"}, box=2, polygon=[(0, 0), (1, 0), (0, 1)]
         )

@@ -39,7 +39,7 @@ in two, or more; its charts are named part#chart1 and so on. See docs/brep.md.
 Exit code: 0, or 3 if the certificate fails or the mesh leaves something open (the file is written all the same, but
 never with a shell that is not closed), 4 where there is no such solid, 2 for unreadable input, 130 after Ctrl-C.")]
 pub(crate) struct Args {
-    /// The model: a HyperFun file (- for stdin), or the name of a built-in template
+    /// The model: a HyperFun file (- for stdin), a formula, or the name of a built-in template
     model: PathBuf,
     #[command(flatten)]
     given: Given,

@@ -45,7 +45,7 @@ model or a closed surface, else without sign; view and render colour them by it.
 Exit code: 0; 3 if --tolerance is given and a distance exceeds it, or a point has none: where a
 model is not a number.")]
 pub(crate) struct Args {
-    /// Points, a mesh, a model, or a solid: STEP, .brep.json
+    /// Points, a mesh, a model or formula, or a solid: STEP, .brep.json
     first: PathBuf,
     /// The other
     second: PathBuf,
@@ -99,7 +99,8 @@ enum Loaded {
 fn names_model(path: &Path) -> bool {
     let is_file = memory::exists(path) || kind::is_named_file(path);
     let is_program = || kind::is_model(path) && !scan::is_mesh(path, None);
-    !is_file || kind::is_json(path) || is_program()
+    let is_document = || kind::is_json(path) && !kind::is_solid(path);
+    !is_file || is_document() || is_program()
 }
 
 /// Runs the verb.

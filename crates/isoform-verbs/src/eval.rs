@@ -28,7 +28,7 @@ where a model has attributes, s1, s2, ... follow f. Where the evaluation fails, 
 
 Exit code: 0, or 3 if some rows failed, 4 if all did.")]
 pub(crate) struct Args {
-    /// The model: a HyperFun program (- for stdin), or a function of implicitize (.json)
+    /// The model: a HyperFun program (- for stdin), a formula, or a function of implicitize (.json)
     model: PathBuf,
     /// The points, a table with commas (- for stdin)
     #[arg(long, value_name = "POINTS")]

@@ -37,12 +37,17 @@ pub(crate) fn in_place_of_file(path: &Path) -> Result<Option<StatedFormula>, Fai
     if path == Path::new("-")
         || memory::exists(path)
         || isoform::template(&text).is_some()
-        || !text.contains(|c| OPERATORS.contains(c))
         || kind::is_named_file(path)
     {
         return Ok(None);
     }
-    let surface = FormulaSurface::parse(&text).map_err(|e| refused(&e, None, &text))?;
+    let surface = match FormulaSurface::parse(&text) {
+        Ok(surface) => surface,
+        Err(error) if text.contains(|c| OPERATORS.contains(c)) => {
+            return Err(refused(&error, None, &text));
+        }
+        Err(_) => return Ok(None),
+    };
     Ok(Some(StatedFormula {
         surface,
         defaults: Vec::new(),
@@ -53,12 +58,28 @@ pub(crate) fn in_place_of_file(path: &Path) -> Result<Option<StatedFormula>, Fai
 
 /// Returns the formula of a document with the key F; `None` for other documents.
 pub(crate) fn of_document(path: &Path, json: &Value) -> Result<Option<StatedFormula>, Failure> {
-    let Some(text) = json.get("F").and_then(Value::as_str) else {
-        return Ok(None);
+    let text = match json.get("F") {
+        Some(Value::String(text)) => text.clone(),
+        Some(Value::Number(constant)) => constant.to_string(),
+        _ => return Ok(None),
     };
-    let surface = FormulaSurface::parse(text).map_err(|e| refused(&e, Some(path), text))?;
-    let default = |name: &String| Some((name.clone(), json.get(name)?.as_f64()?));
-    let defaults = surface.parameters.iter().filter_map(default).collect();
+    let surface = FormulaSurface::parse(&text).map_err(|e| refused(&e, Some(path), &text))?;
+    let mut defaults = Vec::new();
+    for name in &surface.parameters {
+        let Some(value) = json.get(name) else {
+            continue;
+        };
+        let number = match value {
+            Value::Number(number) => number.as_f64(),
+            Value::String(text) => text.trim().parse().ok(),
+            _ => None,
+        };
+        let number = number.filter(|v: &f64| v.is_finite()).ok_or_else(|| {
+            let message = format!("{}: {name}: {value} is not a number", path.display());
+            Failure::input("formula", message)
+        })?;
+        defaults.push((name.clone(), number));
+    }
     Ok(Some(StatedFormula {
         surface,
         defaults,
@@ -116,7 +137,7 @@ impl StatedFormula {
             .filter(|name| !is_given(name));
         let assumed: Vec<String> = assumed.map(|name| format!("{name}=1")).collect();
         if !assumed.is_empty() {
-            context.note(format_args!(
+            context.warn(format_args!(
                 "values that are not given: {}; --set {} changes one",
                 assumed.join(", "),
                 assumed[0]
@@ -141,7 +162,7 @@ impl StatedFormula {
         let FormulaSolid { model, region } = found.map_err(without_model)?;
         if let Some(region) = region.filter(|_| stated.is_none()) {
             let corners = region.lo.iter().chain(&region.hi).map(f64::to_string);
-            context.note(format_args!(
+            context.warn(format_args!(
                 "the surface has no end: it is cut by --box={}",
                 corners.collect::<Vec<_>>().join(",")
             ));

@@ -1,6 +1,6 @@
 //! Order and groups of verbs and options in help, in one place for all verbs.
 
-use clap::{Arg, Command};
+use clap::{Arg, ArgAction, Command};
 
 /// Verbs by task. A verb that is missing here comes last.
 const TASKS: [(&str, &[&str]); 4] = [
@@ -31,6 +31,8 @@ const TASKS: [(&str, &[&str]); 4] = [
 
 /// Title of the group of options that only one verb has.
 const OWN: &str = "Options";
+/// Name of the option that prints the help.
+pub(crate) const HELP: &str = "help";
 /// Title of the group of options that all verbs have.
 pub(crate) const COMMON: &str = "Common";
 
@@ -120,9 +122,9 @@ pub(crate) fn arranged(command: Command, extent: Extent) -> Command {
 /// Returns the list of verbs by task.
 fn tasks(command: &Command) -> String {
     let mut text = String::new();
-    for (task, verbs) in TASKS {
-        text += &format!("\n{task}:\n");
-        for verb in verbs {
+    for (i, (task, verbs)) in TASKS.iter().enumerate() {
+        text += &format!("{}{task}:\n", if i > 0 { "\n" } else { "" });
+        for verb in *verbs {
             let about = command.find_subcommand(verb).and_then(Command::get_about);
             let about = about.map_or(
                 "Prints the help of a verb or function".to_owned(),
@@ -156,19 +158,42 @@ fn grouped(verb: Command, extent: Extent) -> Command {
         .into_iter()
         .enumerate()
         .map(|(i, arg)| arg.display_order(i));
+    // The flag that clap makes itself has a group of its own.
+    let help = Arg::new(HELP).short('h').long(HELP).action(ArgAction::Help);
+    let help = help
+        .help("Print help")
+        .help_heading(COMMON)
+        .display_order(usize::MAX);
     let name = verb.get_name().to_owned();
     let more = format!("isoform {name} --help: all options, examples and exit codes");
     let mut new = Command::new(name)
         .args(args)
+        .disable_help_flag(true)
+        .arg(help)
         .groups(verb.get_groups().cloned());
     if let Some(about) = verb.get_about() {
         new = new.about(about.clone());
     }
     match verb.get_after_help() {
-        Some(after) if !is_short => new.after_help(after.clone()),
+        Some(after) if !is_short => new.after_help(joined(&after.to_string())),
         Some(_) => new.after_help(more),
         None => new,
     }
+}
+
+/// Joins the lines of each paragraph, for clap to wrap them to the terminal; indented lines stay.
+fn joined(text: &str) -> String {
+    let mut joined = String::new();
+    let mut is_open = false;
+    for line in text.lines() {
+        let is_text = !line.is_empty() && !line.starts_with(' ');
+        if !joined.is_empty() {
+            joined.push(if is_open && is_text { ' ' } else { '\n' });
+        }
+        joined += line;
+        is_open = is_text && !line.ends_with(':');
+    }
+    joined
 }
 
 #[cfg(test)]
@@ -214,6 +239,6 @@ mod tests {
             "{short}"
         );
         assert!(short.contains("--size"));
-        assert!(2 * short.lines().count() < long.lines().count());
+        assert!(short.lines().count() < long.lines().count());
     }
 }

@@ -35,7 +35,7 @@ docs/render.md.
 Exit code: 0; 1 for wrong usage; 2 for unreadable input; 3 where a program without intervals is
 drawn by its mesh; 4 where there is nothing to be seen.")]
 pub(crate) struct Args {
-    /// The files (- for stdin, points alone)
+    /// The files (- for stdin, points alone), or formulas as "x^2 + y^2 = 1"
     #[arg(required = true, value_name = "FILE")]
     file: Vec<PathBuf>,
     /// The picture, its format by its ending: .png or .svg

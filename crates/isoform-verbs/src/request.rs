@@ -6,6 +6,7 @@
 
 use crate::disk;
 use crate::failure::Failure;
+use crate::help::HELP;
 use clap::{Arg, ArgAction, Command};
 use isoform::field::similar;
 use serde_json::{Map, Value, json};
@@ -146,7 +147,9 @@ fn verbs(command: &Command) -> impl Iterator<Item = &Command> {
 fn arguments<'c>(verb: &'c Command, command: &'c Command) -> impl Iterator<Item = &'c Arg> {
     let global = command.get_arguments().filter(|a| a.is_global_set());
     let is_told = |a: &&Arg| !["help", "version"].contains(&a.get_id().as_str());
-    let own = verb.get_arguments().filter(|a| !a.is_global_set());
+    let own = verb
+        .get_arguments()
+        .filter(|a| !a.is_global_set() && a.get_id() != HELP);
     own.chain(global).filter(is_told)
 }
 

@@ -40,7 +40,7 @@ that nobody guesses, and loads itself again when a file changes; Ctrl-C ends tha
 
 Exit code: 0; 2 for unreadable input, 4 where there is nothing to show.")]
 pub(crate) struct Args {
-    /// The files (- for stdin, points alone)
+    /// The files (- for stdin, points alone), or formulas as "x^2 + y^2 = 1"
     #[arg(required = true, value_name = "FILE")]
     file: Vec<PathBuf>,
     /// The page (- for stdout)

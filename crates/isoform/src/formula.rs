@@ -1,22 +1,17 @@
 //! Models of formulas: surfaces F(x, y, z) = 0 as people write them.
 
 use crate::live::bounds_of;
-use crate::meshing::default_size_within;
 use crate::patches::rounded_polynomial;
-use crate::{COORDINATES, ImplicitSurface, solid_of};
+use crate::{COORDINATES, ImplicitSurface, MeshModelError, field_of, solid_of};
 use isoform_algebra::formula::{Expression, Formula, Relation, Term};
 use isoform_algebra::{ParseError, Poly};
 use isoform_control::Control;
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_field::suggestion;
-use isoform_geom::{Aabb, Solid};
-use isoform_mesh::Options;
+use isoform_geom::{Aabb, Point3, Solid};
+use isoform_mesh::MeshError;
 use isoform_mesh::features::ExtentError;
 use std::fmt::Write;
-
-/// Half width of the default region of a formula that is not a polynomial: one period of sine and
-/// cosine.
-const TRANSCENDENTAL_HALF_WIDTH: f64 = std::f64::consts::PI;
 
 /// Error of a text that is not the formula of a surface.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -68,6 +63,10 @@ impl FormulaError {
         let names = isoform_algebra::formula::FUNCTIONS;
         match self {
             Self::Name { name, .. } => {
+                let lower = name.to_lowercase();
+                if names.contains(&lower.as_str()) {
+                    return format!("the argument of {lower} needs parentheses: {lower}(x)");
+                }
                 let near = suggestion(name, names).map(|near| format!("{near} "));
                 format!(
                     "{}coordinates are x, y, z; parameters are single letters, as a or r1; \
@@ -135,6 +134,11 @@ impl FormulaSurface {
             expression,
         };
         surface.model(&[], false)?;
+        // Coordinates may cancel, as in x - x.
+        let polynomial = surface.polynomial(&[], &[]);
+        if polynomial.is_some_and(|f| f.is_constant()) {
+            return Err(FormulaError::Constant);
+        }
         Ok(surface)
     }
 
@@ -153,7 +157,7 @@ impl FormulaSurface {
                 i + 1
             );
         }
-        let n = self.parameters.len().max(1);
+        let n = self.parameters.len();
         let f = &self.expression;
         let f = if negative {
             format!("-({f})")
@@ -197,8 +201,12 @@ impl FormulaSurface {
         let stated = self.stated_model(defaults)?;
         let (solid, _) = solid_of(&stated, a).map_err(wrong)?;
         let is_unbounded = |solid: &dyn Solid| {
-            let size = default_size_within(solid, &Options::default(), control);
-            matches!(size, Err(ExtentError::Unbounded { .. }))
+            let found = bounds_of(solid, None, control);
+            matches!(
+                found,
+                Err(MeshModelError::InsideOut { .. }
+                    | MeshModelError::Mesh(MeshError::Extent(ExtentError::Unbounded { .. })))
+            )
         };
         let region = match region {
             None if !is_unbounded(solid.as_ref()) => {
@@ -211,9 +219,9 @@ impl FormulaSurface {
                 if !is_unbounded(other.as_ref()) {
                     return Ok(FormulaSolid { model, region });
                 }
-                self.region(a, defaults)
+                self.region(a, defaults)?
             }
-            None => self.region(a, defaults),
+            None => self.region(a, defaults)?,
             Some(region) => region,
         };
         let is_stated = !self.is_equation() || is_majority_outside(&stated, a, region);
@@ -277,46 +285,65 @@ impl FormulaSurface {
         Poly::from_expression(&closed, &COORDINATES).ok()
     }
 
-    /// Returns a cube about the origin that shows an unbounded surface. Along a line through the
-    /// origin, all roots of a polynomial lie within 2 max |cᵢ/cₙ|^(1/(n−i)) (Fujiwara); the largest
-    /// coefficients of each degree stand for those of all lines.
-    fn region(&self, a: &[f64], defaults: &[(String, f64)]) -> Aabb {
-        let bound = self.polynomial(a, defaults).and_then(|f| root_bound(&f));
-        let half = bound.unwrap_or(TRANSCENDENTAL_HALF_WIDTH);
-        Aabb {
+    /// Returns a cube about the origin that shows an unbounded surface: twice as wide as the median
+    /// distance at which rays from the origin first cross it; of half width 1 if none does, as for
+    /// cones.
+    fn region(&self, a: &[f64], defaults: &[(String, f64)]) -> Result<Aabb, FormulaError> {
+        let model = self.stated_model(defaults)?;
+        let (field, _) = field_of(&model, a).map_err(|e| FormulaError::Program(e.to_string()))?;
+        let crossing = |i: usize| {
+            let direction = direction(i);
+            let value = |step: i32| {
+                let r = 2f64.powf(f64::from(step) / RAY_STEPS_PER_DOUBLING);
+                field.value(direction.map(|d| r * d))
+            };
+            let mut steps =
+                (-RAY_STEPS..RAY_STEPS).map(|step| (step, value(step), value(step + 1)));
+            let change = steps.find(|(_, near, far)| near * far < 0.0);
+            change.map(|(step, ..)| 2f64.powf((f64::from(step) + 0.5) / RAY_STEPS_PER_DOUBLING))
+        };
+        let mut radii: Vec<f64> = (0..RAYS).filter_map(crossing).collect();
+        radii.sort_by(f64::total_cmp);
+        let half = radii
+            .get(radii.len() / 2)
+            .map_or(1.0, |r| two_digits_up(2.0 * r));
+        Ok(Aabb {
             lo: [-half; 3],
             hi: [half; 3],
-        }
+        })
     }
+}
+
+/// Number of rays on which a surface is sought.
+const RAYS: usize = 256;
+/// Number of steps on a ray in each direction from radius 1: up to 10⁶ and down to 10⁻⁶.
+const RAY_STEPS: i32 = 80;
+const RAY_STEPS_PER_DOUBLING: f64 = 4.0;
+
+/// Returns one of the directions of the rays, which are spread evenly on a spiral.
+fn direction(i: usize) -> Point3 {
+    let z = (2 * i + 1) as f64 / RAYS as f64 - 1.0;
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    let (r, angle) = ((1.0 - z * z).sqrt(), golden * i as f64);
+    [r * angle.cos(), r * angle.sin(), z]
+}
+
+/// Returns a positive number rounded up to two digits.
+fn two_digits_up(value: f64) -> f64 {
+    let unit = 10f64.powf(value.log10().floor() - 1.0);
+    // A number of digits that is exact in decimals.
+    format!("{:.1e}", (value / unit).ceil() * unit)
+        .parse()
+        .unwrap_or(value)
 }
 
 /// Returns true if at most four corners of a region lie inside of a model.
 fn is_majority_outside(model: &Model, a: &[f64], region: Aabb) -> bool {
-    let Ok((field, _)) = crate::field_of(model, a) else {
+    let Ok((field, _)) = field_of(model, a) else {
         return true;
     };
     let corner = |i: usize| std::array::from_fn(|k| [region.lo, region.hi][i >> k & 1][k]);
     (0..8).filter(|i| field.value(corner(*i)) >= 0.0).count() <= 4
-}
-
-/// Returns the half width of a cube that shows the zeros of a polynomial, with two digits; `None`
-/// for constants and coefficients beyond doubles.
-fn root_bound(poly: &Poly) -> Option<f64> {
-    let degree = poly.total_degree();
-    let mut norms = vec![0f64; degree + 1];
-    for (exponents, c) in poly.to_f64() {
-        let n: usize = exponents.iter().map(|e| usize::from(*e)).sum();
-        norms[n] = norms[n].max(c.abs());
-    }
-    let top = norms[degree];
-    let lower = norms[..degree].iter().enumerate();
-    let root = |(i, c): (usize, &f64)| (c / top).powf(1.0 / (degree - i) as f64);
-    let bound = 2.0 * lower.map(root).fold(0.0, f64::max);
-    // Cones have no size.
-    let bound = if bound == 0.0 { 1.0 } else { bound };
-    let unit = 10f64.powf(bound.log10().floor() - 1.0);
-    let rounded = (bound / unit).ceil() * unit;
-    rounded.is_normal().then_some(rounded)
 }
 
 /// Returns an expression with numbers in place of parameters.
@@ -478,6 +505,19 @@ impl ProgramWriter {
         function: &'static str,
         arguments: &[Expression],
     ) -> Result<(), FormulaError> {
+        if let ("mod", [u, v]) = (function, arguments) {
+            // HyperFun's mod rounds to whole numbers.
+            self.text += "(";
+            self.write(u)?;
+            self.text += " - ";
+            self.write(v)?;
+            self.text += "*floor(";
+            self.write(u)?;
+            self.text += "/";
+            self.write(v)?;
+            self.text += "))";
+            return Ok(());
+        }
         let (expected, is_right) = match (function, arguments.len()) {
             ("atan2" | "mod", n) => ("2 arguments", n == 2),
             ("min" | "max", n) => ("2 or more arguments", n >= 2),
@@ -548,20 +588,24 @@ mod tests {
         }
     }
 
-    /// Roots of a polynomial with known ones lie within the bound.
+    /// Default regions show what there is: their half width is that of the surface's own size.
     #[test]
-    fn root_bounds_hold() {
-        for (text, root) in [
-            ("x^2 - 4", 2.0),
-            ("(x - 3)*(x - 5)", 5.0),
-            ("x^3 + 1000", 10.0),
+    fn regions_fit_the_surface() {
+        for (text, size) in [
+            ("x^2 + y^2 - 9z^2 = 1", 1.0),
+            ("x^2 + y^2 - z^2 = 1e-6", 1e-3),
+            ("x y = 400", 20.0),
+            ("sin(x)cos(y) + sin(y)cos(z) + sin(z)cos(x)", 1.5),
+            ("x^2 + y^2 - z^2", 0.5),
         ] {
-            let poly = Poly::parse(text, &COORDINATES).expect(text);
-            let bound = root_bound(&poly).expect("a bound");
-            assert!((root..=4.0 * root).contains(&bound), "{text}: {bound}");
+            let surface = FormulaSurface::parse(text).expect(text);
+            let solid = surface
+                .solid(&[], &[], None, &Control::default())
+                .expect(text);
+            let half = solid.region.expect("no end").hi[0];
+            assert!((1.5 * size..8.0 * size).contains(&half), "{text}: {half}");
         }
-        let cone = Poly::parse("x^2 + y^2 - z^2", &COORDINATES).expect("a cone");
-        assert_eq!(root_bound(&cone), Some(1.0));
+        assert_eq!([0.123, 4.0, 99.5].map(two_digits_up), [0.13, 4.0, 100.0]);
     }
 
     #[test]
@@ -580,6 +624,7 @@ mod tests {
                 (-x * x).exp() - z.ln() / (1.0 + z.ln()),
             ),
             ("max(x, y, z) - min(x, y, z)", z - y),
+            ("mod(x, 0.25) + mod(y, 2)", 0.05 + 1.3),
             ("2^x + atan2(y, x) + abs(y)", 2f64.powf(x) + y.atan2(x) - y),
             ("pi*x/π + e^y", x + y.exp()),
         ] {
@@ -588,6 +633,10 @@ mod tests {
                 (found - expected).abs() < 1e-12,
                 "{text}: {found}, {expected}"
             );
+        }
+        for constant in ["x - x = 1", "0x", "a = 1", "(x + y)^2 - x^2 - y^2 - 2x y"] {
+            let refused = FormulaSurface::parse(constant).expect_err(constant);
+            assert_eq!(refused, FormulaError::Constant);
         }
         // A function needs its parentheses.
         let wrong = FormulaSurface::parse("x + tan z").expect_err("no argument");

@@ -194,7 +194,7 @@ fn what_is_wrong_is_said() {
         stderr(&o)
     );
     for (text, said) in [
-        ("{}", "no implicit spline"),
+        ("{}", "a JSON file, not a model"),
         ("{", "not JSON"),
         (
             r#"{"kind": "implicit_spline", "levels": 1}"#,

@@ -437,12 +437,12 @@ fn bad_input_is_refused() {
     assert_eq!(error(&model, &["--box", "0.1"]), is(4, "empty"));
     let file = |text: &str| folder.file("bad.json", text);
     assert_eq!(error(&file("{"), &[]), is(2, "json"));
-    assert_eq!(error(&file("{}"), &[]), is(2, "key"));
+    assert_eq!(error(&file("{}"), &[]), is(2, "other-kind"));
     assert_eq!(
-        error(&file(r#"{"F": "x^2 + sin(y)"}"#), &[]),
-        is(2, "polynomial")
+        error(&file(r#"{"F": "x^2 + sine(y)"}"#), &[]),
+        is(2, "formula")
     );
-    assert_eq!(error(&file(r#"{"F": "3"}"#), &[]), is(2, "polynomial"));
+    assert_eq!(error(&file(r#"{"F": "3"}"#), &[]), is(2, "formula"));
     assert_eq!(
         error(
             &file(r#"{"F": "x^2 - y^2*z"}"#),

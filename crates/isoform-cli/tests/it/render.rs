@@ -205,7 +205,6 @@ fn a_program_without_intervals_is_drawn_by_its_mesh() {
 fn what_cannot_be_drawn_is_refused_with_a_reason() {
     let f = Folder::new("render-refused");
     let ball = f.file("ball.hf", BALL);
-    let flat = f.file("flat.json", r#"{"F": "x^2 + y^2*z"}"#);
     for (args, exit, part) in [
         (vec![&ball[..], "-o", "a.gif"], 1, ".svg"),
         (vec![&ball, "--size", "0x0", "-o", "a.png"], 1, "one pixel"),
@@ -257,7 +256,6 @@ fn what_cannot_be_drawn_is_refused_with_a_reason() {
             1,
             "#rrggbb",
         ),
-        (vec![&flat, "-o", "a.png"], 1, "--box"),
         (vec!["none.hf", "-o", "a.png"], 2, "none.hf"),
     ] {
         let out = f.path(args[args.len() - 1]);

@@ -52,7 +52,7 @@ patch comes with a proved bound on its distance from the surface, see docs/param
 Exit code: 0 when the bound is proved and everything asked for is kept, 3 when not (files are written all the same), 2 for unreadable
 input, 4 without a patch, 130 after Ctrl-C during --cover.")]
 pub(crate) struct Args {
-    /// The model: a HyperFun file, or a JSON file with a polynomial F (- for stdin)
+    /// The model: a HyperFun file, a formula, or a JSON file with a polynomial F (- for stdin)
     model: PathBuf,
     /// The degrees of the patch in u and in v
     #[arg(long, value_name = "M,N", default_value = "3,3", value_parser = degree)]

@@ -410,7 +410,7 @@ struct InBox {
 /// Returns the box of a map that no one gave, and says it.
 pub(crate) fn shown_box(map: &Map, context: &Context) -> Option<SurfaceBox> {
     let around = SurfaceBox::showing(map)?;
-    context.note(format_args!(
+    context.warn(format_args!(
         "the surface may have no end: it is cut by --box {}",
         around.half_width.to_f64_fast()
     ));

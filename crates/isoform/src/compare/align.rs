@@ -33,7 +33,7 @@ pub(super) fn best_fit(
     let few = spread(points, POINTS_OF_STARTS);
     let mut best = (f64::INFINITY, Placement::IDENTITY);
     for start in starts(points, other) {
-        let found = refined(&few, start, STEPS_OF_STARTS, rough);
+        let found = refined(&few, start, STEPS_OF_STARTS, rough, rough);
         let sum = squares(&rough(&moved(&few, &found)));
         // The first start is the pose as given: others must be better by more than rounding.
         if sum < best.0 * (1.0 - 1e-9) {
@@ -41,8 +41,8 @@ pub(super) fn best_fit(
         }
     }
     let most = spread(points, POINTS_OF_MOTION);
-    let near = refined(&most, best.1, MAX_STEPS, rough);
-    refined(&most, near, MAX_STEPS, distances)
+    let near = refined(&most, best.1, MAX_STEPS, rough, rough);
+    refined(&most, near, MAX_STEPS, distances, rough)
 }
 
 /// Function that returns the distances of points.
@@ -122,12 +122,14 @@ fn centroid(points: &[Point3]) -> Point3 {
 }
 
 /// Returns the motion after at most `most` steps by Gauss and Newton; each step makes the sum of
-/// squares smaller.
+/// squares smaller. `slopes` are distances whose differences stand for those of `distances`: an
+/// error of them makes steps shorter, not the result wrong.
 fn refined(
     points: &[Point3],
     start: Placement,
     most: usize,
     distances: &DistanceFunction<'_>,
+    slopes: &DistanceFunction<'_>,
 ) -> Placement {
     let mut motion = start;
     let mut at = moved(points, &motion);
@@ -137,7 +139,7 @@ fn refined(
         .iter()
         .fold(0.0, |m: f64, p| m.max(norm(sub(*p, center))));
     for _ in 0..most {
-        let Some(step) = gauss_newton(&at, &known, size, distances) else {
+        let Some(step) = gauss_newton(&at, &known, size, slopes) else {
             break;
         };
         // Half steps, down to a thousandth, where the distances are not smooth.
@@ -169,7 +171,7 @@ fn gauss_newton(
     points: &[Point3],
     known: &[f64],
     size: f64,
-    distances: &DistanceFunction<'_>,
+    slopes: &DistanceFunction<'_>,
 ) -> Option<[f64; 6]> {
     let center = centroid(points);
     let h = DIFFERENCE * size;
@@ -181,7 +183,7 @@ fn gauss_newton(
                 p[k] += by;
                 p
             });
-            distances(&beside.collect::<Vec<_>>())
+            slopes(&beside.collect::<Vec<_>>())
         };
         for (g, (above, below)) in gradients.iter_mut().zip(beside(h).iter().zip(beside(-h))) {
             g[k] = (above - below) / (2.0 * h);
