@@ -163,7 +163,12 @@ impl Chart {
         let mut jet = self.surface.at(at);
         let mut far = distance_squared(jet.p, p);
         for _ in 0..MAX_NEWTON_STEPS {
+            // At a pole, steps of the parameter that has no effect are of any size.
             let step = self.step(p, at, &jet);
+            let step = [0, 1].map(|k| {
+                let [lo, hi] = self.domain[k];
+                step[k].clamp(lo - hi, hi - lo)
+            });
             let mut share = 1.0;
             let next = loop {
                 let next = [at[0] + share * step[0], at[1] + share * step[1]];

@@ -4,6 +4,7 @@
 //! Triangles and pieces of edges that may be nearer than what is known are starts of searches; on
 //! surfaces with a formula all feet are known at once.
 
+use crate::chart::Chart;
 use crate::prepared::PreparedShape;
 use crate::tree::{Item, ItemKind};
 use isoform_geom::cad::{CadCurve, Edge};
@@ -40,6 +41,10 @@ struct Search<'a> {
     faces: Vec<u32>,
     edges: Vec<u32>,
 }
+
+/// Ratio of the derivatives by the parameters below which a point is a pole: rounding errors of
+/// splines are smaller.
+const POLE_SHARE: f64 = 1e-9;
 
 impl PreparedShape {
     /// Returns the nearest point of the faces; `None` if none is finite.
@@ -196,6 +201,12 @@ impl Search<'_> {
         let places = facets.places[t as usize];
         let start = [0, 1].map(|k| (0..3).map(|i| weights[i] * places[i][k]).sum());
         self.try_face(f, chart.newton(self.p, start));
+        // At a pole one parameter has any value: the search begins at the other corners.
+        if places.iter().any(|at| is_pole(chart, *at)) {
+            for at in places.iter().filter(|at| !is_pole(chart, **at)) {
+                self.try_face(f, chart.newton(self.p, *at));
+            }
+        }
     }
 
     fn try_face(&mut self, f: u32, at: [f64; 2]) {
@@ -247,6 +258,13 @@ impl Search<'_> {
             };
         }
     }
+}
+
+/// Returns true if a parameter has no effect on the point of the surface.
+fn is_pole(chart: &Chart, at: [f64; 2]) -> bool {
+    let jet = chart.surface.at(at);
+    let [u, v] = [norm(jet.u), norm(jet.v)];
+    u.min(v) <= POLE_SHARE * u.max(v)
 }
 
 /// Returns the shares of an edge at which it may be nearest to a point, for curves with a formula.

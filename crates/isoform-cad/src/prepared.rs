@@ -9,6 +9,7 @@ use isoform_control::Control;
 use isoform_geom::cad::{CadCurve, Shape};
 use isoform_geom::{Aabb, Mesh, Point3, cross, distance_to_segment, dot, norm, sub};
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 
 /// Default distance of the triangles from the faces, in diagonals of the box.
 const DEFAULT_CHORD_SHARE: f64 = 1e-3;
@@ -188,9 +189,13 @@ impl PreparedShape {
     /// Measures the shape.
     pub fn measures(&self) -> ShapeMeasures {
         let center = self.bounds().center();
+        let exact = |f: usize| {
+            let is_simple = !self.touches_itself(f);
+            is_simple.then(|| measured(&self.shape, f, &self.faces[f], center))?
+        };
         let faces: Vec<(FaceMeasure, bool)> = (0..self.faces.len())
             .into_par_iter()
-            .map(|f| match measured(&self.shape, f, &self.faces[f], center) {
+            .map(|f| match exact(f) {
                 Some(exact) => (exact, true),
                 None => (self.of_triangles(f, center), false),
             })
@@ -215,6 +220,18 @@ impl PreparedShape {
             gap: self.gap(),
             open_edges: self.open_edges(),
         }
+    }
+
+    /// Returns true if the border of a face passes a vertex twice, where the inside in the parameter
+    /// plane depends on rounding. Seams, which have the face on both sides, do not count.
+    fn touches_itself(&self, face: usize) -> bool {
+        let coedges = || self.shape.faces[face].loops.iter().flatten();
+        let is_seam = |edge: u32| coedges().filter(|c| c.edge == edge).count() > 1;
+        let mut passed = BTreeSet::new();
+        coedges().filter(|c| !is_seam(c.edge)).any(|c| {
+            let start = self.shape.edges[c.edge as usize].ends[usize::from(!c.forward)];
+            !passed.insert(start)
+        })
     }
 
     fn of_triangles(&self, face: usize, center: Point3) -> FaceMeasure {

@@ -39,7 +39,7 @@ with the ending .hf are models, those with .json functions of implicitize; their
 metric reading, and from meshes those of Newton's method on it. STEP files of any program and .brep.json are
 solids; distances are those from their exact faces and edges, not from triangles. Lengths of STEP files are in
 the file's own unit. Coordinates must agree, unless --align moves the first as a rigid body to where the sum of
-its squared distances is least. -o writes the points of the first with their deviation: positive outside of a
+its squared distances is least; a scan of a part of the surface must lie near its place before. -o writes the points of the first with their deviation: positive outside of a
 model or a closed surface, else without sign; view and render colour them by it.
 
 Exit code: 0; 3 if --tolerance is given and a distance exceeds it, or a point has none: where a
@@ -166,11 +166,21 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     })
 }
 
+/// Number of numbers of a rigid motion.
+const MOTION_NUMBERS: usize = 6;
+
 /// Moves the first side onto the second, and returns the motion.
 fn align(first: &mut Loaded, second: &Loaded, args: &Args) -> Result<Placement, Failure> {
     let samples = args.samples as usize;
     let [a, b] = [&*first, second].map(|side| as_side(side, args.vertices));
     let found = deviations(a, b, samples, true).map_err(failed)?;
+    if found.points.len() < MOTION_NUMBERS {
+        return Err(
+            Failure::input("few-points", "six points or more determine a motion")
+                .why(format!("the first has {}", found.points.len()))
+                .hint("without --align, or with more points"),
+        );
+    }
     let (Loaded::Cloud(cloud), Some(motion)) = (first, found.motion) else {
         return Err(Failure::usage("--align moves points or a mesh")
             .hint("give those first, and what they are compared with second"));

@@ -4,7 +4,6 @@ use crate::arguments;
 use crate::context::Context;
 use crate::disk;
 use crate::failure::{DONE, Failure};
-use crate::formula;
 use crate::gallery;
 use crate::kind;
 use crate::language::Language;
@@ -22,6 +21,7 @@ use isoform::io::{
 };
 use isoform::{LevelSetFileError, level_set_file};
 use serde_json::{Value, json};
+use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Converts points and meshes from format to format, and programs to 3MF and back
@@ -82,8 +82,12 @@ fn is_called(path: &Path, said: Option<&String>, ending: &str) -> bool {
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let is_model = match &args.from {
         Some(_) => is_called(&args.file, args.from.as_ref(), "hf"),
-        None => kind::is_model(&args.file) || formula::in_place_of_file(&args.file)?.is_some(),
+        None => kind::is_model(&args.file) || gallery::is_named(&args.file)?,
     };
+    let is_stored = is_model || args.file == Path::new("-") || memory::find(&args.file).is_some();
+    if !is_stored {
+        fs::metadata(&args.file).map_err(|e| Failure::file(&args.file, "open", &e))?;
+    }
     let output = std::slice::from_ref(&args.output);
     solids::refuse(output, args.to.as_deref(), |path| {
         let file = args.file.display();

@@ -3,6 +3,7 @@
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::formula;
+use crate::kind;
 use crate::language::Language;
 use crate::memory;
 use crate::model::{self, GivenModel};
@@ -17,7 +18,8 @@ pub(crate) fn model(
     language: &Language,
     context: &Context,
 ) -> Result<GivenModel, Failure> {
-    if !memory::exists(path) && path != Path::new("-") {
+    let is_other_file = kind::is_named_file(path) && !kind::is_model(path);
+    if !memory::exists(path) && path != Path::new("-") && !is_other_file {
         if let Some(formula) = formula::in_place_of_file(path)? {
             return Ok(GivenModel::Formula(Box::new(formula)));
         }
@@ -42,6 +44,13 @@ pub(crate) fn model(
         }));
     }
     model::read(path, language, context)
+}
+
+/// Returns true if it is the name of a template or a formula, and of no file.
+pub(crate) fn is_named(path: &Path) -> Result<bool, Failure> {
+    let is_template = || isoform::template(&path.to_string_lossy()).is_some();
+    let is_free = path != Path::new("-") && !memory::exists(path);
+    Ok(is_free && (is_template() || formula::in_place_of_file(path)?.is_some()))
 }
 
 /// Reads a template, as [`model`] does; the inside of a formula is the usual one.

@@ -204,13 +204,6 @@ pub(crate) fn read(
     file.read()
 }
 
-/// Returns true if it is the name of a template or a formula, and of no file.
-fn is_named_model(path: &Path) -> Result<bool, Failure> {
-    let is_template = || isoform::template(&path.to_string_lossy()).is_some();
-    let is_free = path != Path::new("-") && !memory::exists(path);
-    Ok(is_free && (is_template() || formula::in_place_of_file(path)?.is_some()))
-}
-
 impl File<'_> {
     fn read(&self) -> Result<Layer, Failure> {
         let path = self.path;
@@ -235,7 +228,7 @@ impl File<'_> {
         if kind::is_json(path) {
             return self.document();
         }
-        if kind::is_model(path) || is_named_model(path)? {
+        if kind::is_model(path) || gallery::is_named(path)? {
             let model = gallery::model(path, &self.reading.language, self.context)?;
             return self.model(model);
         }

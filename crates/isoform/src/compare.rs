@@ -248,7 +248,7 @@ fn signed(
         let is_inside = match side {
             // Between a face and its triangles only the face tells.
             CheckedSide::Shape(shape) if d <= shape.deviation() => {
-                shape.signed_distance(*p).is_some_and(|d| d < 0.0)
+                shape.signed_distance(*p).is_some_and(|d| d < 0.0) != sides.is_inverted
             }
             CheckedSide::Solid(solid) if d <= solid.facets().deviation => {
                 let near = sides.nearest(*p);
@@ -408,7 +408,15 @@ impl SideSamples {
     /// Samples the triangles of the faces of a shape, and projects the samples to the exact faces.
     fn of_shape(shape: &PreparedShape, wanted: usize) -> Self {
         let facets = shape.facets();
+        // Each of them costs a search: no more than are wanted.
+        let step =
+            (MIN_SAMPLES_PER_TRIANGLE * facets.triangles.len() as f64 / wanted as f64).ceil();
         let mut out = Self::of_mesh(&facets.points, &facets.triangles, wanted);
+        let kept = |k: usize| k % step.max(1.0) as usize == 0;
+        let mut k = 0..;
+        out.points.retain(|_| k.next().is_some_and(kept));
+        let mut k = 0..;
+        out.owner.retain(|_| k.next().is_some_and(kept));
         let nearest = |p: &mut Point3| {
             if let Some(near) = shape.nearest(*p) {
                 *p = near.point;

@@ -134,11 +134,7 @@ fn errors_name_the_place_and_the_remedy() {
             ["does not depend on x, y or z", ""],
         ),
         ("scan (2).hf", "template", ["no file and no template", ""]),
-        (
-            "folder=1/part.stp",
-            "template",
-            ["no file and no template", ""],
-        ),
+        ("folder=1/part.stp", "file", ["cannot read", ""]),
     ] {
         let o = isoform(&["mesh", text, "--json"]);
         let error = &document(&o)["error"];
@@ -187,7 +183,9 @@ fn maps_need_no_box() {
     let file = f.file("free.json", text(""));
     let (chosen, said) = half(&file, &[]);
     // The median over all directions of max(|u|, |v|, |u² − v²|) is near 1.
-    let chosen: f64 = chosen.parse().expect("a decimal");
+    let chosen = isoform::exact_number(&chosen)
+        .expect("a fraction")
+        .to_f64_fast();
     assert!((1.0..10.0).contains(&chosen), "{chosen}");
     assert!(said.contains("it is cut by --box"), "{said}");
 }

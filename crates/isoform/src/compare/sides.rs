@@ -23,6 +23,8 @@ pub(super) struct Sides<'a> {
     edges: HashMap<[u32; 2], Point3>,
     /// Sums of the normals around each corner, weighted by angles.
     vertices: Vec<Point3>,
+    /// True if the normals point inward: the volume of the triangles is negative.
+    pub(super) is_inverted: bool,
 }
 
 impl<'a> Sides<'a> {
@@ -49,6 +51,7 @@ impl<'a> Sides<'a> {
             faces: triangles.iter().map(face_normal).collect(),
             edges: HashMap::new(),
             vertices: vec![[0.0; 3]; n],
+            is_inverted: volume(triangles) < 0.0,
             corners,
         };
         for (i, t) in triangles.iter().enumerate() {
@@ -70,7 +73,8 @@ impl<'a> Sides<'a> {
     /// Returns true if a point is inside.
     pub(super) fn is_inside(&self, p: Point3) -> bool {
         let near = self.nearest(p);
-        near.is_some_and(|(_, foot, normal)| dot(sub(p, foot), normal) < 0.0)
+        let is_behind = |(_, foot, normal)| dot(sub(p, foot), normal) < 0.0;
+        near.is_some_and(is_behind) != self.is_inverted
     }
 
     /// Returns the nearest triangle, the nearest point of it, and an outward normal there; `None` if
@@ -95,6 +99,16 @@ impl<'a> Sides<'a> {
             _ => self.faces[i],
         }
     }
+}
+
+/// Returns six times the volume within closed triangles.
+fn volume(triangles: &[[Point3; 3]]) -> f64 {
+    let first = triangles.first().map_or([0.0; 3], |t| t[0]);
+    let part = |t: &[Point3; 3]| {
+        let [a, b, c] = t.map(|p| sub(p, first));
+        dot(a, cross(b, c))
+    };
+    triangles.iter().map(part).sum()
 }
 
 /// Returns the directed edges of a triangle.
@@ -141,6 +155,10 @@ mod tests {
         let triangles: Vec<[Point3; 3]> = faces.iter().map(|t| t.map(|v: usize| p[v])).collect();
         let tree = TriangleTree::new(&triangles);
         let sides = Sides::new(&tree, &triangles).expect("closed");
+        // Triangles that are turned inside out bound the same solid.
+        let inward: Vec<[Point3; 3]> = triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+        let inward_tree = TriangleTree::new(&inward);
+        let turned = Sides::new(&inward_tree, &inward).expect("closed");
         let mut random = isoform_num::Random::new(3);
         for i in 0..20_000 {
             let about = p[i % 4];
@@ -149,6 +167,7 @@ mod tests {
                 .iter()
                 .all(|t| dot(sub(q, t[0]), face_normal(t)) < 0.0);
             assert_eq!(sides.is_inside(q), inside, "{q:?}");
+            assert_eq!(turned.is_inside(q), inside, "{q:?}");
         }
     }
 
