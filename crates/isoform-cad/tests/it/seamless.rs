@@ -63,3 +63,51 @@ fn distances_are_the_closed_forms() {
     let beside = [1.0 + 3.0 * slope[0], 0.0, 2.0 + 3.0 * slope[1]];
     assert!((cone(beside) - 3.0).abs() < 1e-13);
 }
+
+/// A ball of radius 5 without a cylinder of radius 5/2 that touches it from within: the borders of
+/// its faces touch themselves (Viviani's curve).
+#[test]
+fn faces_that_touch_themselves_are_measured_by_triangles() {
+    let shape = prepared(read(&data("step/forms/viviani.step"))).expect("triangles");
+    let found = shape.measures();
+    assert_eq!(found.by_triangles, 2);
+    let (cube, square) = (125.0, 25.0);
+    let area = 4.0 * PI * square - 2.0 * (PI - 2.0) * square + 4.0 * square;
+    let volume = found.volume.expect("a solid");
+    let expected = 2.0 / 3.0 * PI * cube + 8.0 / 9.0 * cube;
+    assert!(
+        (volume - expected).abs() < shape.deviation() * area,
+        "{volume}"
+    );
+    assert!((found.area / area - 1.0).abs() < 0.01, "{}", found.area);
+}
+
+/// A cone of radius 3 and height 7 as splines, whose tip is a pole.
+#[test]
+fn distances_near_the_tip_of_a_spline_cone() {
+    let shape = prepared(read(&data("step/forms/nurbs-tip.step"))).expect("triangles");
+    let slope = 58f64.sqrt();
+    for i in 0..1000 {
+        let at = |k: f64, size: f64| size * ((k * f64::from(i)).fract() - 0.5);
+        let p = [
+            at(0.754_877, 4.0),
+            at(0.569_840, 4.0),
+            7.0 + at(0.430_159, 6.0),
+        ];
+        let r = p[0].hypot(p[1]);
+        // Along the side from the tip, and away from it.
+        let along = (3.0 * r - 7.0 * (p[2] - 7.0)) / slope;
+        let off = (7.0 * r + 3.0 * (p[2] - 7.0)) / slope;
+        let side = if along >= 0.0 {
+            off.abs()
+        } else {
+            r.hypot(p[2] - 7.0)
+        };
+        let expected = side.min(p[2].abs().hypot((r - 3.0).max(0.0)));
+        let found = shape.nearest(p).expect("a point").distance;
+        assert!(
+            (found - expected).abs() < 1e-11,
+            "{p:?}: {found}, not {expected}"
+        );
+    }
+}
