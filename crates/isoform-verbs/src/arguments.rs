@@ -37,12 +37,12 @@ pub(crate) fn positive(text: &str) -> Result<f64, String> {
 
 /// A box: half the width of one around the origin, or six numbers.
 pub(crate) fn region(text: &str) -> Result<Aabb, String> {
-    match numbers(text)?.as_slice() {
-        &[half] if half > 0.0 => Ok(Aabb {
+    match *numbers(text)?.as_slice() {
+        [half] if half > 0.0 => Ok(Aabb {
             lo: [-half; 3],
             hi: [half; 3],
         }),
-        &[a, b, c, d, e, f] if a < d && b < e && c < f => Ok(Aabb {
+        [a, b, c, d, e, f] if a < d && b < e && c < f => Ok(Aabb {
             lo: [a, b, c],
             hi: [d, e, f],
         }),

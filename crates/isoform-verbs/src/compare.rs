@@ -299,7 +299,7 @@ fn load_model(
 ) -> Result<Loaded, Failure> {
     let model = match gallery::model(path, language, context)? {
         GivenModel::Fitted(fitted) => return Ok(Loaded::Spline(Box::new(SplineDistance(*fitted)))),
-        model => model.stated(path)?,
+        model => model.into_stated(path)?,
     };
     let values = parameters::values(&model, given, context)?;
     let template = FrepTemplate::with_pose(&model, Pose::None, &[]);

@@ -231,7 +231,7 @@ fn points(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Fa
 
 /// Prints a model again; where values are given, as the program that has them in it.
 fn program(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Failure> {
-    let model = gallery::model(&args.file, &args.language, context)?.stated(&args.file)?;
+    let model = gallery::model(&args.file, &args.language, context)?.into_stated(&args.file)?;
     let text = match args.given.is_empty() {
         false => model.print_fitted(&parameters::values(&model, &args.given, context)?, None),
         true => model.source().to_owned(),

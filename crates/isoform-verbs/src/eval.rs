@@ -128,7 +128,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         };
         return outcome(args, &subject, &rows, &cells, context);
     }
-    let model = model.as_written(&args.model)?;
+    let model = model.into_written(&args.model)?;
     let a = values(&model, &args.given, context)?;
     let rows = points(&args.points, &table, model.dimension())?;
     let cells = cells(args, &model, &rows, &a, context)?;

@@ -59,7 +59,7 @@ pub(crate) fn template(
     language: &Language,
     context: &Context,
 ) -> Result<Model, Failure> {
-    model(path, language, context)?.stated(path)
+    model(path, language, context)?.into_stated(path)
 }
 
 /// The names of the templates.

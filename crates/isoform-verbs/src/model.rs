@@ -42,7 +42,7 @@ pub(crate) struct SolidModel {
 
 impl GivenModel {
     /// Returns the program of a model, with the inside that a formula states, or that is usual.
-    pub(crate) fn stated(self, path: &Path) -> Result<Model, Failure> {
+    pub(crate) fn into_stated(self, path: &Path) -> Result<Model, Failure> {
         match self {
             Self::Program(model) => Ok(*model),
             Self::Formula(formula) => formula.stated(),
@@ -51,10 +51,10 @@ impl GivenModel {
     }
 
     /// Returns the program of a model, with the function as written.
-    pub(crate) fn as_written(self, path: &Path) -> Result<Model, Failure> {
+    pub(crate) fn into_written(self, path: &Path) -> Result<Model, Failure> {
         match self {
             Self::Formula(formula) => formula.as_written(),
-            other => other.stated(path),
+            other => other.into_stated(path),
         }
     }
 
@@ -70,7 +70,7 @@ impl GivenModel {
         if let Self::Formula(formula) = self {
             return formula.solid(given, region, context);
         }
-        let model = self.stated(path)?;
+        let model = self.into_stated(path)?;
         Ok(SolidModel {
             values: parameters::values(&model, given, context)?,
             model,

@@ -412,7 +412,7 @@ impl SideSamples {
         let step =
             (MIN_SAMPLES_PER_TRIANGLE * facets.triangles.len() as f64 / wanted as f64).ceil();
         let mut out = Self::of_mesh(&facets.points, &facets.triangles, wanted);
-        let kept = |k: usize| k % step.max(1.0) as usize == 0;
+        let kept = |k: usize| k.is_multiple_of(step.max(1.0) as usize);
         let mut k = 0..;
         out.points.retain(|_| k.next().is_some_and(kept));
         let mut k = 0..;

@@ -574,7 +574,7 @@ mod tests {
                 .collect();
             let exact = surface.polynomial(&a, &[]).expect("a polynomial").to_f64();
             let model = surface.model(&[], false).expect("a program");
-            let (field, _) = crate::field_of(&model, &a).expect("a field");
+            let (field, _) = field_of(&model, &a).expect("a field");
             for _ in 0..100 {
                 let p: [f64; 3] = std::array::from_fn(|_| 4.0 * rng.unit() - 2.0);
                 let powers = |e: [u16; 4]| (0..3).map(move |k| p[k].powi(i32::from(e[k])));
@@ -613,7 +613,7 @@ mod tests {
         let value = |text: &str, p: [f64; 3]| {
             let surface = FormulaSurface::parse(text).expect(text);
             let model = surface.model(&[], false).expect(text);
-            crate::field_of(&model, &[]).expect(text).0.value(p)
+            field_of(&model, &[]).expect(text).0.value(p)
         };
         let p = [0.3, -0.7, 1.2];
         let [x, y, z]: [f64; 3] = p;

@@ -51,7 +51,7 @@ fn one(
             object: None,
             ..language.clone()
         };
-        let model = model::read(path, &language, context)?.stated(path)?;
+        let model = model::read(path, &language, context)?.into_stated(path)?;
         if model.dimension() != 3 {
             let found = model.dimension();
             let message = format!("{text}: the model has {found} coordinates, a solid has 3");

@@ -38,7 +38,7 @@ pub(crate) fn read(path: &Path, context: &Context) -> Result<Sizes, Failure> {
 
 /// The values of a program are the lengths.
 fn program(path: &Path, context: &Context) -> Result<Sizes, Failure> {
-    let model = model::read(path, &Language::default(), context)?.as_written(path)?;
+    let model = model::read(path, &Language::default(), context)?.into_written(path)?;
     let a = parameters::values(&model, &Given::default(), context)?;
     let field = RunField::new(&model, &a)
         .map_err(|e| Failure::input("model", format!("{}: {e}", path.display())))?;

@@ -206,7 +206,8 @@ fn gauss_newton(
     // Directions that no distance depends on stay: those of a ball or of a plane.
     let trace: f64 = (0..6).map(|i| normal[7 * i]).sum();
     (0..6).for_each(|i| normal[7 * i] += 1e-9 * trace);
-    if !(trace > 0.0) || !cholesky(&mut normal, 6) {
+    let is_known = trace > 0.0 && cholesky(&mut normal, 6);
+    if !is_known {
         return None;
     }
     cholesky_solve(&normal, 6, &mut right);

@@ -201,8 +201,17 @@ fn assert_close(got: f64, want: f64, what: &str) {
 
 type Formula = fn(f64, f64, f64) -> f64;
 
+/// Element, its inputs, and its value in closed form.
+type NodeCase = (
+    &'static str,
+    &'static [(&'static str, &'static str)],
+    Formula,
+);
+/// Map of space.
+type PointMap = Box<dyn Fn(Point3) -> Point3>;
+
 /// Operations on numbers with their inputs and formulas.
-const OPERATIONS: [(&str, &[(&str, &str)], Formula); 44] = [
+const OPERATIONS: [NodeCase; 44] = [
     ("addition", &[("A", "p.x"), ("B", "p.y")], |x, y, _| x + y),
     ("subtraction", &[("B", "p.x"), ("A", "p.y")], |x, y, _| {
         y - x
@@ -346,7 +355,7 @@ fn vectors_and_matrices_have_their_formulas() {
         ("C", "c.vector"),
         ("D", "c.vector"),
     ];
-    let cases: [(String, Box<dyn Fn(Point3) -> Point3>); 9] = [
+    let cases: [(String, PointMap); 9] = [
         (
             vector(
                 "multiplication",
