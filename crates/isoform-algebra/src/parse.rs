@@ -82,7 +82,8 @@ impl ParseProblem {
     pub fn hint(&self) -> &'static str {
         match self {
             Self::UnknownName { .. } => {
-                "the parameters are s and t, or u and v; a product of letters needs its * or a space"
+                "the parameters are s and t, or u and v; a product of letters needs its * or a \
+                 space"
             }
             Self::NotAPolynomial | Self::DivisionByZero => {
                 "bring all coordinates to the common denominator W"

@@ -78,7 +78,8 @@ fn local_steps(jet: &SurfaceJet, options: &FacetOptions) -> [f64; 2] {
     steps
 }
 
-/// Returns the points of a lattice of equilateral triangles of side 1, in its coordinates, that lie between closed polygons with these sides and away from them.
+/// Returns the points of a lattice of equilateral triangles of side 1, in its coordinates, that lie
+/// between closed polygons with these sides and away from them.
 pub(crate) fn inside(sides: &[[[f64; 2]; 2]]) -> Vec<[f64; 2]> {
     let (mut lo, mut hi) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for at in sides.iter().flatten() {

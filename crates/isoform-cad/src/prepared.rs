@@ -222,8 +222,8 @@ impl PreparedShape {
         }
     }
 
-    /// Returns true if the border of a face passes a vertex twice, where the inside in the parameter
-    /// plane depends on rounding. Seams, which have the face on both sides, do not count.
+    /// Returns true if the border of a face passes a vertex twice, where the inside in the plane of
+    /// parameters depends on rounding. Seams, which have the face on both sides, do not count.
     fn touches_itself(&self, face: usize) -> bool {
         let coedges = || self.shape.faces[face].loops.iter().flatten();
         let is_seam = |edge: u32| coedges().filter(|c| c.edge == edge).count() > 1;

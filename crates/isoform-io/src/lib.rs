@@ -13,8 +13,8 @@
 //!
 //! [`write_step_solids`] writes solids for CAD systems, and [`write_step_path`] writes rational
 //! patches as faces of a STEP file (AP242). [`read_step_solids`] reads solids back from files
-//! written by this crate, and [`read_step`] the shapes of STEP files of any program. [`write_solids`] and [`read_solids`] are the native file form of
-//! solids, lossless JSON.
+//! written by this crate, and [`read_step`] the shapes of STEP files of any program.
+//! [`write_solids`] and [`read_solids`] are the native file form of solids, lossless JSON.
 //!
 //! [`read_patches`] and [`write_patches`] are the file form of patches, [`read_map`] and
 //! [`write_map`] that of rational maps, both JSON with exact numbers.

@@ -412,11 +412,9 @@ impl SideSamples {
         let step =
             (MIN_SAMPLES_PER_TRIANGLE * facets.triangles.len() as f64 / wanted as f64).ceil();
         let mut out = Self::of_mesh(&facets.points, &facets.triangles, wanted);
-        let kept = |k: usize| k.is_multiple_of(step.max(1.0) as usize);
-        let mut k = 0..;
-        out.points.retain(|_| k.next().is_some_and(kept));
-        let mut k = 0..;
-        out.owner.retain(|_| k.next().is_some_and(kept));
+        let step = step.max(1.0) as usize;
+        out.points = out.points.into_iter().step_by(step).collect();
+        out.owner = out.owner.into_iter().step_by(step).collect();
         let nearest = |p: &mut Point3| {
             if let Some(near) = shape.nearest(*p) {
                 *p = near.point;
