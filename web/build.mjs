@@ -30,6 +30,8 @@ const texts = {
   "viewer.css": await bundled("src/style.css"),
   "served.js": await bundled("src/served.ts"),
   "served.css": await bundled("src/served.css"),
+  "studio.js": await bundled("src/studio/main.ts", { banner: { js: banner } }),
+  "studio.css": await bundled("src/studio/studio.css"),
 };
 if (/<\/(script|style)/i.test(Object.values(texts).join())) {
   throw new Error("the bundle would end its own element");

@@ -64,6 +64,13 @@ impl Default for Global {
     }
 }
 
+/// Returns the builder of a pool of as many threads, by default one for each core.
+pub(crate) fn pool(threads: Option<u16>) -> rayon::ThreadPoolBuilder {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.map_or(0, usize::from))
+        .stack_size(STACK)
+}
+
 /// Reads a time: a number with ms, s, m or h behind it, seconds without.
 fn duration(text: &str) -> Result<Duration, String> {
     let (number, unit) = match text.trim_end_matches(|c: char| c.is_ascii_alphabetic()) {
@@ -123,12 +130,8 @@ impl Context {
         if let Some(limit) = global.time_limit {
             watchdog::watch(limit, global.json);
         }
-        // Fails only if a pool exists already, and nothing has made one yet. 0 threads: as many as
-        // there are cores.
-        let _ = rayon::ThreadPoolBuilder::new()
-            .num_threads(global.threads.map_or(0, usize::from))
-            .stack_size(STACK)
-            .build_global();
+        // Fails only if a pool exists already, and nothing has made one yet.
+        let _ = pool(global.threads).build_global();
     }
     /// Ends work at Ctrl-C and at the time limit.
     pub(crate) fn control(&self) -> Control<'_> {

@@ -14,7 +14,7 @@ const TASKS: [(&str, &[&str]); 4] = [
     ),
     (
         "Look and compare",
-        &["view", "render", "inspect", "compare"],
+        &["studio", "view", "render", "inspect", "compare"],
     ),
     (
         "Other",

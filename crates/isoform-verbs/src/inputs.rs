@@ -106,7 +106,7 @@ impl Inputs {
 }
 
 /// The arguments of a verb that are paths, with their names.
-fn paths(verb: &ArgMatches) -> impl Iterator<Item = (&str, PathBuf)> {
+pub(crate) fn paths(verb: &ArgMatches) -> impl Iterator<Item = (&str, PathBuf)> {
     verb.ids().flat_map(|id| {
         // Groups and arguments of other types have no paths.
         let given = verb.try_get_many::<PathBuf>(id.as_str()).ok().flatten();
@@ -122,9 +122,9 @@ mod tests {
     use super::*;
 
     /// Arguments that name files to read.
-    const READ: [&str; 11] = [
+    const READ: [&str; 12] = [
         "scan", "template", "bounds", "model", "points", "sizes", "adapt", "map", "file", "first",
-        "second",
+        "second", "project",
     ];
 
     #[test]

@@ -44,6 +44,7 @@ mod scan;
 mod serve;
 mod solids;
 mod spline;
+mod studio;
 mod table;
 mod terminal;
 mod triangulate;
@@ -98,6 +99,7 @@ enum Verb {
     Compare(Box<compare::Args>),
     View(view::Args),
     Render(Box<render::Args>),
+    Studio(studio::Args),
     Functions(functions::Args),
     Run(request::RunArgs),
     Schema(request::SchemaArgs),
@@ -125,6 +127,7 @@ impl Verb {
             | Self::Compare(_)
             | Self::View(_)
             | Self::Render(_)
+            | Self::Studio(_)
             | Self::Functions(_)
             | Self::Run(_)
             | Self::Schema(_)
@@ -149,6 +152,7 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
         Verb::Compare(args) => compare::run(&args, context),
         Verb::View(args) => view::run(&args, context),
         Verb::Render(args) => render::run(&args, context),
+        Verb::Studio(args) => studio::run(&args, context),
         Verb::Eval(args) => eval::run(&args, context),
         Verb::Functions(args) => functions::run(&args),
         // It has been read in the place of these arguments.
@@ -285,10 +289,19 @@ pub fn schema() -> String {
 
 /// Reads the arguments of a verb without its inputs.
 fn parsed(verb: &str, arguments: &Map<String, Value>) -> Result<(Verb, Context), Failure> {
+    parsed_for(verb, arguments, None)
+}
+
+/// Reads the arguments of a verb without its inputs, for a listener.
+fn parsed_for(
+    verb: &str,
+    arguments: &Map<String, Value>,
+    listener: Option<Listener>,
+) -> Result<(Verb, Context), Failure> {
     let words = request::words(verb, arguments, &command(Extent::Whole)).map_err(Failure::plain)?;
     let program = std::iter::once(OsString::from("isoform"));
     let (cli, _) = parse(program.chain(words)).map_err(refused)?;
-    Ok((cli.verb, Context::new(cli.global, None)))
+    Ok((cli.verb, Context::new(cli.global, listener)))
 }
 
 /// Returns the options of a fit with these arguments of `fit`, of which `scan` and `template` may

@@ -17,6 +17,9 @@ use std::path::{Path, PathBuf};
 /// Key of a request that names its verb.
 const VERB: &str = "verb";
 
+/// Verbs that are not for requests.
+const APART: [&str; 5] = ["run", "schema", "completions", "studio", "help"];
+
 /// Runs a request: a verb with its arguments, as JSON
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -139,7 +142,7 @@ pub(crate) fn words(
 
 /// Returns the verbs that requests may name.
 fn verbs(command: &Command) -> impl Iterator<Item = &Command> {
-    let is_verb = |c: &&Command| !["run", "schema", "completions", "help"].contains(&c.get_name());
+    let is_verb = |c: &&Command| !APART.contains(&c.get_name());
     command.get_subcommands().filter(is_verb)
 }
 

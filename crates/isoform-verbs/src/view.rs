@@ -108,7 +108,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
 }
 
 /// The page of the files as they are now, and what its layers are.
-fn made(args: &Args, context: &Context) -> Result<(Page, Vec<Value>), Failure> {
+pub(crate) fn made(args: &Args, context: &Context) -> Result<(Page, Vec<Value>), Failure> {
     let names: Vec<String> = args.file.iter().map(|p| layers::base_name(p)).collect();
     let title = args.title.clone().unwrap_or_else(|| names.join(", "));
     let mut page = Page::new(title);

@@ -1,14 +1,15 @@
-//! Arrays of numbers in a page: bytes, deflated if that is shorter, as base64.
+//! Arrays of numbers in a page: bytes, deflated if that is shorter.
 //!
 //! The document of the scene refers to an array by its index and its type; the bytes are in
-//! elements of their own, so that a browser need not parse millions of numbers as text.
+//! elements of their own as base64, or behind the document ([`Blobs::packed`]), so that a browser
+//! need not parse millions of numbers as text.
 
 use serde_json::{Value, json};
 
 /// Arrays of a page.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Blobs {
-    texts: Vec<String>,
+    arrays: Vec<Vec<u8>>,
 }
 
 impl Blobs {
@@ -20,8 +21,8 @@ impl Blobs {
             .then(|| miniz_oxide::deflate::compress_to_vec(bytes, 6))
             .filter(|packed| (packed.len() as f64) <= 0.85 * bytes.len() as f64);
         let is_packed = packed.is_some();
-        self.texts.push(base64(packed.as_deref().unwrap_or(bytes)));
-        let number = self.texts.len() - 1;
+        self.arrays.push(packed.unwrap_or_else(|| bytes.to_vec()));
+        let number = self.arrays.len() - 1;
         json!({"blob": number, "type": kind, "n": count, "deflated": is_packed})
     }
 
@@ -60,14 +61,27 @@ impl Blobs {
     /// Returns the elements of the page that hold the arrays.
     pub(crate) fn elements(&self) -> String {
         let mut html = String::new();
-        for (number, text) in self.texts.iter().enumerate() {
+        for (number, bytes) in self.arrays.iter().enumerate() {
             html += &format!(
                 "<script type=\"application/octet-stream\" data-isoform-blob=\"{number}\">"
             );
-            html += text;
+            html += &base64(bytes);
             html += "</script>\n";
         }
         html
+    }
+
+    /// Returns a document with its arrays as bytes: the length of the document as a little-endian
+    /// 32-bit integer, the document with the lengths of the arrays as its key `arrays`, the arrays.
+    pub(crate) fn packed(&self, mut document: Value) -> Vec<u8> {
+        document["arrays"] = self.arrays.iter().map(Vec::len).collect();
+        let text = document.to_string();
+        // A document of names and parameters has far less than 4 GiB.
+        let length = u32::try_from(text.len()).unwrap_or(u32::MAX);
+        let mut bytes = length.to_le_bytes().to_vec();
+        bytes.extend(text.into_bytes());
+        bytes.extend(self.arrays.iter().flatten());
+        bytes
     }
 }
 
@@ -122,6 +136,6 @@ mod tests {
             short,
             json!({"blob": 1, "type": "u8", "n": 3, "deflated": false})
         );
-        assert!(blobs.texts[0].len() < 1000 && blobs.texts[1] == "AQID");
+        assert!(blobs.arrays[0].len() < 1000 && blobs.arrays[1] == [1, 2, 3]);
     }
 }

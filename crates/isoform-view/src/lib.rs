@@ -31,6 +31,6 @@ mod points;
 mod solid;
 
 pub use blob::base64;
-pub use page::{Page, hashes, served_policy};
+pub use page::{Page, hashes, served_policy, studio, studio_policy};
 pub use patches::ShownPatch;
 pub use points::ShownPoints;

@@ -16,7 +16,11 @@ const STYLE: &str = include_str!("../assets/viewer.css");
 const SERVED_SCRIPT: &str = include_str!("../assets/served.js");
 /// Style sheet of a served page.
 const SERVED_STYLE: &str = include_str!("../assets/served.css");
-/// SHA-256 hashes of these four in the form of a Content-Security-Policy, one per line.
+/// Script of Isoform Studio, which holds the viewer.
+const STUDIO_SCRIPT: &str = include_str!("../assets/studio.js");
+/// Style sheet of Isoform Studio.
+const STUDIO_STYLE: &str = include_str!("../assets/studio.css");
+/// SHA-256 hashes of these six in the form of a Content-Security-Policy, one per line.
 const HASHES: &str = include_str!("../assets/hashes.txt");
 
 /// Page under construction: layers in the order in which they are shown.
@@ -122,17 +126,18 @@ impl Page {
     fn document(&self, head: &str, foot: &str, policy: &str) -> String {
         let title = escaped(&self.title);
         let (scene, blobs) = (self.scene(), self.blobs.elements());
-        format!(
-            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-             <meta http-equiv=\"Content-Security-Policy\" content=\"{policy}\">\n\
-             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-             <meta name=\"color-scheme\" content=\"light dark\">\n\
-             <title>{title}</title>\n<style>{STYLE}</style>\n{head}</head>\n<body>\n\
-             <main data-isoform-view=\"page\"></main>\n\
-             <noscript><p>This page shows shapes by a script of its own, \
-             which the browser does not run.</p></noscript>\n\
-             {scene}{blobs}<script>{SCRIPT}</script>\n{foot}</body>\n</html>\n"
-        )
+        let head = format!("<style>{STYLE}</style>\n{head}");
+        let body = format!(
+            "<main data-isoform-view=\"page\"></main>\n{scene}{blobs}<script>{SCRIPT}</script>\n{foot}"
+        );
+        whole(&title, policy, &head, &body)
+    }
+
+    /// Returns the document of the scene with its arrays in bytes, for a page that is open: the
+    /// length of the document as a little-endian 32-bit integer, the document with the lengths of
+    /// the arrays as its key `arrays`, and the arrays.
+    pub fn packed(&self) -> Vec<u8> {
+        self.blobs.packed(self.scene_document())
     }
 
     /// Returns the viewer as a part of another page: an element for the viewer, its data, its style
@@ -145,11 +150,15 @@ impl Page {
         )
     }
 
+    /// Returns the document of the scene.
+    fn scene_document(&self) -> Value {
+        json!({"version": 1, "title": self.title, "layers": self.layers})
+    }
+
     /// Returns the document of the scene, in an element that is not executed. `<` is escaped, so
     /// that no name of a file can end the element or begin a comment in it.
     fn scene(&self) -> String {
-        let document = json!({"version": 1, "title": self.title, "layers": self.layers});
-        let text = document.to_string().replace('<', "\\u003c");
+        let text = self.scene_document().to_string().replace('<', "\\u003c");
         format!("<script type=\"application/json\" data-isoform-scene>{text}</script>\n")
     }
 }
@@ -165,16 +174,44 @@ pub fn hashes() -> [&'static str; 2] {
     [script, style]
 }
 
-/// Returns the hashes of the viewer's script and style, and of the additional ones of served pages.
-fn all_hashes() -> [&'static str; 4] {
+/// Returns the hashes of the scripts and styles of the viewer, of what served pages have in
+/// addition, and of Isoform Studio.
+fn all_hashes() -> [&'static str; 6] {
     let mut lines = HASHES.lines();
-    [(); 4].map(|()| lines.next().unwrap_or("'none'"))
+    [(); 6].map(|()| lines.next().unwrap_or("'none'"))
+}
+
+/// Returns the page of Isoform Studio, which gets all that it shows from its server.
+pub fn studio() -> String {
+    let head = format!("<style>{STUDIO_STYLE}</style>\n");
+    let body = format!("<div data-isoform-studio></div>\n<script>{STUDIO_SCRIPT}</script>\n");
+    whole("Isoform Studio", &studio_policy(), &head, &body)
+}
+
+/// Returns the policy of the page of Isoform Studio, which a server sends in a header, too.
+pub fn studio_policy() -> String {
+    let [.., script, style] = all_hashes();
+    policy(&[script, style], " connect-src 'self';")
+}
+
+/// Returns a page with a title, which is escaped, a policy, and elements of its head and its body.
+fn whole(title: &str, policy: &str, head: &str, body: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{policy}\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n\
+         <title>{title}</title>\n{head}</head>\n<body>\n\
+         <noscript><p>This page shows shapes by a script of its own, \
+         which the browser does not run.</p></noscript>\n\
+         {body}</body>\n</html>\n"
+    )
 }
 
 /// Returns the policy of a served page: that of any page, and permission to poll its own server. A
 /// server sends this policy in a header, too.
 pub fn served_policy() -> String {
-    let [script, style, served_script, served_style] = all_hashes();
+    let [script, style, served_script, served_style, ..] = all_hashes();
     let scripts = format!("{script} {served_script}");
     let styles = format!("{style} {served_style}");
     policy(&[&scripts, &styles], " connect-src 'self';")

@@ -68,10 +68,22 @@ pub(crate) fn layer(name: &str, points: &ShownPoints<'_>, blobs: &mut Blobs) -> 
             layer["limit"] = json!(limit);
         }
     }
-    if cloud.colors.len() == cloud.points.len() && !cloud.colors.is_empty() {
+    if let Some(entities) = points.column("entity").and_then(entities) {
+        layer["entities"] = blobs.u16(&entities);
+    } else if cloud.colors.len() == cloud.points.len() && !cloud.colors.is_empty() {
         layer["colors"] = blobs.u8(cloud.colors.as_flattened());
     }
     layer
+}
+
+/// Returns the entity of each point plus 1, and 0 for points of none; `None` if the column holds
+/// other numbers than those of `isoform recognize`.
+fn entities(column: &[f64]) -> Option<Vec<u16>> {
+    let entity = |v: &f64| {
+        let is_entity = v.fract() == 0.0 && (-1.0..f64::from(u16::MAX)).contains(v);
+        is_entity.then(|| (v + 1.0) as u16)
+    };
+    column.iter().map(entity).collect()
 }
 
 /// Returns positions relative to a corner or the centre of their box, which is given in the file's

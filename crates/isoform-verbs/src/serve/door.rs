@@ -9,36 +9,24 @@ use hyper::header::{HOST, HeaderValue, ORIGIN};
 use hyper::http::request::Parts;
 use hyper::{Method, StatusCode};
 
-/// Content of an accepted request.
-#[derive(Debug, PartialEq, Eq)]
-pub(super) enum PageRequest {
-    /// The page.
-    Page,
-    /// News after this number.
-    News(Option<u64>),
-}
-
 /// Names and token of the server.
 #[derive(Clone, Debug)]
-pub(super) struct Door {
+pub(crate) struct Door {
     /// The port that the server listens on.
-    pub(super) port: u16,
+    pub(crate) port: u16,
     /// The first part of every path.
-    pub(super) token: String,
+    pub(crate) token: String,
 }
 
 impl Door {
-    /// Returns the content of a request, or the status with which it is refused.
-    pub(super) fn judge(&self, request: &Parts) -> Result<PageRequest, StatusCode> {
+    /// Returns the part of the path behind the token, or the status with which a request is
+    /// refused.
+    pub(crate) fn admit<'r>(&self, request: &'r Parts) -> Result<&'r str, StatusCode> {
         self.check_host(request)?;
         self.check_origin(request)?;
-        if request.method != Method::GET && request.method != Method::HEAD {
-            return Err(StatusCode::METHOD_NOT_ALLOWED);
-        }
         let path = request.uri.path().strip_prefix('/');
         match path.and_then(|path| path.split_once('/')) {
-            Some((token, "")) if token == self.token => Ok(PageRequest::Page),
-            Some((token, "news")) if token == self.token => Ok(PageRequest::News(after(request))),
+            Some((token, path)) if token == self.token => Ok(path),
             _ => Err(StatusCode::NOT_FOUND),
         }
     }
@@ -63,23 +51,19 @@ impl Door {
         is_own.then_some(()).ok_or(StatusCode::MISDIRECTED_REQUEST)
     }
 
-    /// Requests of pages say whose page it is, except where a link is followed.
+    /// Checks that a request comes from a page of this server. Pages say whose page it is, except
+    /// where a link is followed, which changes nothing.
     fn check_origin(&self, request: &Parts) -> Result<(), StatusCode> {
         let is_own = |origin: &HeaderValue| {
             let name = origin.as_bytes().strip_prefix(b"http://");
             name.is_some_and(|name| self.is_own(name))
         };
-        let mut origins = request.headers.get_all(ORIGIN).iter();
-        origins
-            .all(is_own)
+        let mut origins = request.headers.get_all(ORIGIN).iter().peekable();
+        let may_lack_one = [Method::GET, Method::HEAD].contains(&request.method);
+        ((may_lack_one || origins.peek().is_some()) && origins.all(is_own))
             .then_some(())
             .ok_or(StatusCode::FORBIDDEN)
     }
-}
-
-/// The number in `?after=N`.
-fn after(request: &Parts) -> Option<u64> {
-    request.uri.query()?.strip_prefix("after=")?.parse().ok()
 }
 
 #[cfg(test)]
@@ -87,24 +71,29 @@ mod tests {
     use super::*;
     use hyper::Request;
 
-    fn judge(uri: &str, headers: &[(&str, &str)]) -> Result<PageRequest, u16> {
+    fn judge(uri: &str, headers: &[(&str, &str)]) -> Result<String, u16> {
+        judge_method(Method::GET, uri, headers)
+    }
+
+    fn judge_method(method: Method, uri: &str, headers: &[(&str, &str)]) -> Result<String, u16> {
         let door = Door {
             port: 4000,
             token: "abc".into(),
         };
-        let mut request = Request::get(uri);
+        let mut request = Request::builder().method(method).uri(uri);
         for (name, value) in headers {
             request = request.header(*name, *value);
         }
         let (parts, ()) = request.body(()).expect("a request").into_parts();
-        door.judge(&parts).map_err(|status| status.as_u16())
+        let path = door.admit(&parts).map(str::to_owned);
+        path.map_err(|status| status.as_u16())
     }
 
     #[test]
     fn hosts() {
         let page = |host| judge("/abc/", &[("host", host)]);
-        assert_eq!(page("127.0.0.1:4000"), Ok(PageRequest::Page));
-        assert_eq!(page("LocalHost:4000"), Ok(PageRequest::Page));
+        assert_eq!(page("127.0.0.1:4000"), Ok(String::new()));
+        assert_eq!(page("LocalHost:4000"), Ok(String::new()));
         for foreign in [
             "evil.example:4000",
             "127.0.0.1.evil.example:4000",
@@ -123,8 +112,8 @@ mod tests {
         let own = ("host", "127.0.0.1:4000");
         assert_eq!(judge("/abc/", &[own, own]), Err(400));
         assert_eq!(
-            judge("http://127.0.0.1:4000/abc/", &[own]),
-            Ok(PageRequest::Page)
+            judge("http://127.0.0.1:4000/abc/x", &[own]),
+            Ok("x".to_owned())
         );
         assert_eq!(judge("http://evil.example/abc/", &[own]), Err(421));
     }
@@ -132,34 +121,29 @@ mod tests {
     #[test]
     fn origins() {
         let own = ("host", "127.0.0.1:4000");
-        let page = |origin| judge("/abc/", &[own, ("origin", origin)]);
-        assert_eq!(page("http://127.0.0.1:4000"), Ok(PageRequest::Page));
-        for foreign in [
-            "null",
-            "https://127.0.0.1:4000",
-            "http://127.0.0.1:4001",
-            "http://evil.example",
-            "",
-        ] {
-            assert_eq!(page(foreign), Err(403), "{foreign}");
+        for method in [Method::GET, Method::POST, Method::PUT] {
+            let page =
+                |origin| judge_method(method.clone(), "/abc/", &[own, ("origin", origin)]);
+            assert_eq!(page("http://127.0.0.1:4000"), Ok(String::new()));
+            for foreign in [
+                "null",
+                "https://127.0.0.1:4000",
+                "http://127.0.0.1:4001",
+                "http://evil.example",
+                "",
+            ] {
+                assert_eq!(page(foreign), Err(403), "{foreign}");
+            }
         }
+        assert_eq!(judge_method(Method::POST, "/abc/", &[own]), Err(403));
     }
 
     #[test]
     fn paths() {
         let at = |uri| judge(uri, &[("host", "127.0.0.1:4000")]);
-        assert_eq!(at("/abc/?x"), Ok(PageRequest::Page));
-        assert_eq!(at("/abc/news?after=7"), Ok(PageRequest::News(Some(7))));
-        assert_eq!(at("/abc/news?after=-1"), Ok(PageRequest::News(None)));
-        for other in [
-            "/",
-            "/abc",
-            "/abcd/",
-            "/abc/x",
-            "/abc/news/",
-            "//abc/",
-            "/abc/../abc/",
-        ] {
+        assert_eq!(at("/abc/?x"), Ok(String::new()));
+        assert_eq!(at("/abc/news?after=7"), Ok("news".to_owned()));
+        for other in ["/", "/abc", "/abcd/", "//abc/"] {
             assert_eq!(at(other), Err(404), "{other}");
         }
     }

@@ -1,12 +1,13 @@
 //! `isoform view --serve`: the page of files that change, for browsers of this machine.
 //!
 //! One thread makes pages: it looks at the files' length and times, and makes a new page when they
-//! have changed and come to rest. Another one ([`server`]) gives browsers the newest page that
+//! have changed and come to rest. Another one ([`pages`]) gives browsers the newest page that
 //! could be made, and tells them when there is another, or why there is none. Who is answered at
 //! all is decided in [`door`].
 
 mod door;
-mod server;
+mod pages;
+pub(crate) mod server;
 mod stamps;
 
 use crate::context::Context;
@@ -15,9 +16,10 @@ use crate::interrupt;
 use crate::outcome::Outcome;
 use crate::watchdog;
 use isoform_view::Page;
+use pages::Pages;
 use serde_json::{Value, json};
-use server::{ServedPage, Site};
 use stamps::Stamps;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -42,10 +44,7 @@ pub(crate) fn run(
     let make = || make_of(files, &make);
     let mut seen = Stamps::read(files);
     let (page, layers) = make()?;
-    let site = Site::open(port, ServedPage::new(&page)).map_err(|e| {
-        let failure = Failure::new(failure::NO_RESULT, "port", format!("cannot serve: {e}"));
-        failure.hint("another --port, or none: a free one is taken")
-    })?;
+    let site = Pages::open(port, &page).map_err(|e| no_port(&e))?;
     let text = format!("{}\n", site.address());
     context.announce(
         json!({"verb": "view", "address": site.address(), "layers": layers}),
@@ -67,6 +66,12 @@ pub(crate) fn run(
         json: Value::Null,
         stdout: Vec::new(),
     })
+}
+
+/// Returns the failure of a server that cannot begin.
+pub(crate) fn no_port(error: &io::Error) -> Failure {
+    let failure = Failure::new(failure::NO_RESULT, "port", format!("cannot serve: {error}"));
+    failure.hint("another --port, or none: a free one is taken")
 }
 
 /// A page of files; what goes wrong is said, and never the end of the server. Reading a pipe in
