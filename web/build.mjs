@@ -11,26 +11,38 @@ import { fileURLToPath } from "node:url";
 const here = dirname(fileURLToPath(import.meta.url));
 const assets = join(here, "../crates/isoform-view/assets");
 const common = { bundle: true, minify: true, write: false, absWorkingDir: here, charset: "ascii" };
-const licence = readFileSync(join(here, "node_modules/three/LICENSE"), "utf8").trim();
-/** The text of a bundle: a script, or a style. */
-async function bundled(entry, more = {}) {
-  const made = await build({
+/** The text of a bundle: a script, or a style. A script begins with the licences of the packages
+ *  that it holds. */
+async function bundled(entry, title) {
+  const isStyle = entry.endsWith(".css");
+  const { outputFiles, metafile } = await build({
     ...common,
     entryPoints: [entry],
-    format: entry.endsWith(".css") ? undefined : "iife",
+    format: isStyle ? undefined : "iife",
     target: "es2022",
     legalComments: "none",
-    ...more,
+    metafile: true,
   });
-  return made.outputFiles[0].text.trim();
+  const packages = Object.keys(metafile.inputs)
+    .map((path) => /^node_modules\/((?:@[^/]+\/)?[^/]+)/.exec(path)?.[1])
+    .filter((name) => name);
+  const notices = new Map();
+  for (const name of new Set(packages.sort())) {
+    const licence = readFileSync(join(here, "node_modules", name, "LICENSE"), "utf8").trim();
+    notices.set(licence, [...(notices.get(licence) ?? []), name]);
+  }
+  const texts = [...notices].map(([licence, names]) => `${names.join(", ")}:\n${licence}`);
+  const head = texts.length
+    ? `/*! ${title} of Isoform, MIT OR Apache-2.0. Holds\n${texts.join("\n\n")}\n*/\n`
+    : "";
+  return head + outputFiles[0].text.trim();
 }
-const banner = `/*! The viewer of Isoform, MIT OR Apache-2.0. Holds three.js:\n${licence}\n*/`;
 const texts = {
-  "viewer.js": await bundled("src/main.ts", { banner: { js: banner } }),
+  "viewer.js": await bundled("src/main.ts", "The viewer"),
   "viewer.css": await bundled("src/style.css"),
   "served.js": await bundled("src/served.ts"),
   "served.css": await bundled("src/served.css"),
-  "studio.js": await bundled("src/studio/main.ts", { banner: { js: banner } }),
+  "studio.js": await bundled("src/studio/main.ts", "The studio"),
   "studio.css": await bundled("src/studio/studio.css"),
 };
 if (/<\/(script|style)/i.test(Object.values(texts).join())) {

@@ -1,4 +1,4 @@
-// Arrays of numbers from the elements of the page.
+// Arrays of numbers from the elements of the page, or from a packed scene.
 
 import type { BlobRef, Numbers, Positions } from "./scene";
 
@@ -18,11 +18,14 @@ async function inflate(bytes: Uint8Array<ArrayBuffer>): Promise<Uint8Array<Array
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-/** Returns the bytes of an array and empties its element to free memory. */
+/** Returns the bytes of an array; the element that holds them is emptied to free memory. */
 async function bytesOf(ref: BlobRef): Promise<ArrayBuffer> {
-  const element = document.querySelector(`[data-isoform-blob="${ref.blob}"]`);
-  const bytes = fromBase64(element?.textContent ?? "");
-  element?.remove();
+  let bytes = ref.bytes;
+  if (!bytes) {
+    const element = document.querySelector(`[data-isoform-blob="${ref.blob}"]`);
+    bytes = fromBase64(element?.textContent ?? "");
+    element?.remove();
+  }
   return (ref.deflated ? await inflate(bytes) : bytes).buffer as ArrayBuffer;
 }
 
@@ -31,6 +34,9 @@ export async function f64(ref: BlobRef): Promise<Float64Array> {
 }
 export async function u32(ref: BlobRef): Promise<Uint32Array> {
   return new Uint32Array(await bytesOf(ref));
+}
+export async function u16(ref: BlobRef): Promise<Uint16Array> {
+  return new Uint16Array(await bytesOf(ref));
 }
 export async function u8(ref: BlobRef): Promise<Uint8Array> {
   return new Uint8Array(await bytesOf(ref));

@@ -22,6 +22,13 @@ export function partColor(i: number): [number, number, number] {
   return [mix(color[0]), mix(color[1]), mix(color[2])];
 }
 
+/** Returns the colour of part number i, pale if other parts are in focus. */
+export function focusedColor(i: number, focus: Set<number> | null): [number, number, number] {
+  return !focus || focus.has(i) ? partColor(i) : PALE;
+}
+/** Colour of parts out of focus, which no part has. */
+export const PALE: [number, number, number] = [178, 184, 191];
+
 type Stops = [number, number, number][];
 /** Colours from blue through the light grey of the neutral band to red (after ColorBrewer's RdBu).
  */

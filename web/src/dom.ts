@@ -26,7 +26,7 @@ export function brief(v: number): string {
   if (!Number.isFinite(v)) return String(v);
   const text =
     Math.abs(v) >= 1e6 || (v !== 0 && Math.abs(v) < 1e-4)
-      ? v.toExponential(4)
+      ? Number(v.toPrecision(5)).toExponential()
       : String(Number(v.toPrecision(6)));
   return text.replaceAll("-", "\u2212");
 }

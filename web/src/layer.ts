@@ -29,6 +29,8 @@ export interface Hit {
   t: number;
   point: V3;
   part?: string;
+  /** Number of the entity of a point. */
+  entity?: number;
   deviation?: number;
   parameter?: [number, number];
   isCap?: boolean;
@@ -84,6 +86,8 @@ export interface Layer {
   visible: boolean;
   opacity: number;
   colorBy: ColorMode;
+  /** Parts that keep their colours while the others are pale; null for all. */
+  focus?: Set<number> | null;
   /** Available colourings. */
   readonly modes: ColorMode[];
   /** True if edges have one sample per pixel. */

@@ -31,6 +31,11 @@ export class Marks {
       return mark;
     });
   }
+
+  /** Removes the marks from the pane of space. */
+  remove(): void {
+    this.space.remove();
+  }
 }
 
 function show(mark: HTMLElement, at: [number, number] | null | undefined): void {

@@ -4,7 +4,7 @@ import { BufferAttribute, BufferGeometry, Group, Mesh, type ShaderMaterial } fro
 import { Bvh, type Meeting } from "./bvh";
 import * as bytes from "./bytes";
 import { type Cap, ofSurface, ofTetrahedra } from "./caps";
-import { partColor, scaleColor } from "./colors";
+import { focusedColor, partColor, scaleColor } from "./colors";
 import {
   chosen,
   type ColorMode,
@@ -64,6 +64,7 @@ export class MeshLayer implements Layer {
   private capTree: Bvh | null = null;
   private cutBy = "";
   private painted = "";
+  focus: Set<number> | null = null;
   private limits: Scale | null = null;
 
   private constructor(
@@ -144,13 +145,14 @@ export class MeshLayer implements Layer {
   }
 
   private paint(): void {
-    if (this.painted === this.colorBy) return;
-    this.painted = this.colorBy;
+    const painted = `${this.colorBy} ${[...(this.focus ?? [])]}`;
+    if (this.painted === painted) return;
+    this.painted = painted;
     this.limits = null;
     const { surface, parts } = this;
     const values = this.columns.get(this.colorBy);
     if (this.colorBy === "part" && parts) {
-      surface.paint((corner) => partColor(parts[Math.floor(corner / 3)]));
+      surface.paint((corner) => focusedColor(parts[Math.floor(corner / 3)], this.focus));
     } else if (this.colorBy === "quality") {
       const all = this.qualities();
       this.limits = {

@@ -15,7 +15,7 @@ import {
   Vector3,
   Vector4,
 } from "three";
-import { partColor, share } from "./colors";
+import { focusedColor, partColor, share } from "./colors";
 import { NATIVE, SolidShader } from "./glsl";
 import {
   chosen,
@@ -177,11 +177,11 @@ void main() {
 `;
 
 /** Returns the colours of parts by their numbers, as a texture; parts with equal names have equal
- *  colours. */
-function paletteOf(parts: string[]): DataTexture {
+ *  colours, and parts out of focus are pale. */
+function paletteOf(parts: string[], focus: Set<number> | null): DataTexture {
   const names = [...new Set(parts)];
   const data = new Uint8Array(1024 * Math.max(1, Math.ceil(parts.length / 1024)) * 4);
-  parts.forEach((name, i) => data.set([...partColor(names.indexOf(name)), 255], 4 * i));
+  parts.forEach((name, i) => data.set([...focusedColor(names.indexOf(name), focus), 255], 4 * i));
   const texture = new DataTexture(data, 1024, data.length / 4096, RGBAFormat);
   texture.needsUpdate = true;
   return texture;
@@ -206,6 +206,9 @@ export class ModelLayer implements Layer {
   visible = true;
   opacity = 1;
   colorBy: ColorMode = "none";
+  focus: Set<number> | null = null;
+  /** Parts in focus of the palette. */
+  private focused = "";
   readonly modes: ColorMode[] = ["none", "part"];
   readonly extras: Extra[] = [];
   readonly solid: Solid;
@@ -243,7 +246,7 @@ export class ModelLayer implements Layer {
         cells: { value: [1, 1, 1] },
         eye: { value: new Vector3() },
         brick: { value: null },
-        palette: { value: paletteOf(doc.parts) },
+        palette: { value: paletteOf(doc.parts, null) },
         isCut: { value: doc.isCut },
         byPart: { value: false },
         plane: { value: new Vector4(0, 0, 0, 1) },
@@ -397,6 +400,12 @@ export class ModelLayer implements Layer {
     u.plane.value = planeOf(section, this.inFile(this.middle));
     u.opacity.value = this.opacity;
     u.byPart.value = this.colorBy === "part";
+    const focus = `${[...(this.focus ?? [])]}`;
+    if (focus !== this.focused) {
+      this.focused = focus;
+      u.palette.value.dispose();
+      u.palette.value = paletteOf(this.doc.parts, this.focus);
+    }
     u.hasCaps.value = this.hasCaps;
     u.ball.value = this.ball;
     u.showsOpen.value = chosen(this.extras, "open") === 1;

@@ -91,8 +91,13 @@ export class Panel {
         colors.replaceChildren(...layer.modes.map((m) => h("option", { value: m }, COLORS[m])));
       colors.value = layer.colorBy;
       const scale = layer.scale();
-      const now = JSON.stringify([layer.colorBy, scale]);
-      if (now !== shown) key.replaceChildren(...this.key(layer));
+      const now = JSON.stringify([layer.colorBy, scale, [...(layer.focus ?? [])]]);
+      if (now !== shown) {
+        const rows = [...key.querySelectorAll("button")];
+        const at = rows.indexOf(document.activeElement as HTMLButtonElement);
+        key.replaceChildren(...this.key(layer));
+        if (at >= 0) key.querySelectorAll("button")[at]?.focus();
+      }
       shown = now;
     };
     this.rows.push({ layer, refresh });
@@ -145,10 +150,28 @@ export class Panel {
   private key(layer: Layer): Node[] {
     const legend = layer.legend();
     if (legend.length) {
-      const rows = legend.slice(0, MOST_PARTS).map(([name, color]) => {
+      const canFocus = layer.focus !== undefined;
+      const rows = legend.slice(0, MOST_PARTS).map(([name, color], i) => {
         const chip = h("i");
         chip.style.background = color;
-        return h("li", {}, chip, foreign(name));
+        if (!canFocus) return h("li", {}, chip, foreign(name));
+        const toggle = h(
+          "button",
+          {
+            type: "button",
+            class: "part",
+            "aria-pressed": String(layer.focus?.has(i) ?? false),
+            title: "Show this part alone in colour",
+            click: () => {
+              const focus = new Set(layer.focus);
+              if (!focus.delete(i)) focus.add(i);
+              this.viewer.focus(layer.id, focus);
+            },
+          },
+          chip,
+          foreign(name),
+        );
+        return h("li", {}, toggle);
       });
       const more = legend.length - rows.length;
       return [h("ul", {}, ...rows), ...(more > 0 ? [h("p", {}, `and ${more} more`)] : [])];

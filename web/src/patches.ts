@@ -2,7 +2,7 @@
 
 import { Group } from "three";
 import * as bytes from "./bytes";
-import { partColor, roundUp, scaleColor } from "./colors";
+import { focusedColor, partColor, roundUp, scaleColor } from "./colors";
 import {
   chosen,
   type ColorMode,
@@ -153,6 +153,7 @@ export class PatchesLayer implements Layer {
   visible = true;
   opacity = 1;
   colorBy: ColorMode = "part";
+  focus: Set<number> | null = null;
   readonly modes: ColorMode[] = ["none", "part", "u", "v"];
   readonly extras: Extra[] = [
     { key: "nets", name: "Control nets", isSlider: false, value: 0 },
@@ -257,8 +258,9 @@ export class PatchesLayer implements Layer {
   }
 
   private paint(): void {
-    if (this.painted === this.colorBy) return;
-    this.painted = this.colorBy;
+    const painted = `${this.colorBy} ${[...(this.focus ?? [])]}`;
+    if (this.painted === painted) return;
+    this.painted = painted;
     this.limits = null;
     const { surface, patches } = this;
     if (this.colorBy === "u" || this.colorBy === "v") {
@@ -292,7 +294,7 @@ export class PatchesLayer implements Layer {
     } else {
       const isPart = this.colorBy === "part";
       surface.paint((corner) => {
-        const color = partColor(this.patchOf(Math.floor(corner / 3)));
+        const color = focusedColor(this.patchOf(Math.floor(corner / 3)), this.focus);
         return this.chequered(corner, isPart ? color : [176, 186, 200]);
       });
     }

@@ -10,7 +10,7 @@ import {
   Vector4,
 } from "three";
 import * as bytes from "./bytes";
-import { roundUp, scaleColor, share } from "./colors";
+import { css, focusedColor, PALE, partColor, roundUp, scaleColor, share } from "./colors";
 import type { ColorMode, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
 import type { PointsDoc } from "./scene";
 import { planeOf } from "./shaders";
@@ -21,6 +21,8 @@ const REACH = 6;
 /** Fraction of the sorted deviations that lie within the ends of the scale. */
 const WITHIN = 0.95;
 const OUTLIER: [number, number, number] = [96, 96, 102];
+/** Colour of selected points. */
+const SELECTED: [number, number, number] = [230, 0, 126];
 
 /** Distance by which points are drawn nearer, as a fraction of their distance or of the whole. */
 const NEARER = 0.002;
@@ -33,6 +35,8 @@ uniform vec3 first;
 uniform vec3 unit;
 in vec3 tint;
 uniform float size;
+uniform float dot_size;
+uniform vec3 pale;
 uniform vec4 plane;
 uniform bool isTinted;
 uniform vec3 color;
@@ -40,7 +44,9 @@ flat out vec3 paint;
 void main() {
   vec3 p = first + unit * position;
   paint = isTinted ? tint : color;
-  gl_PointSize = size;
+  // Points out of focus are small, so that they do not hide those in focus.
+  bool isPale = isTinted && all(lessThan(abs(tint - pale), vec3(1e-3)));
+  gl_PointSize = isPale ? min(size, dot_size) : size;
   // Points on a surface are to be seen before it.
   vec4 seen = modelViewMatrix * vec4(position, 1.0);
   if (isFlat) seen.z += nearer; else seen.xyz *= 1.0 - NEARER;
@@ -71,6 +77,10 @@ export class PointsLayer implements Layer {
   private measured: Float32Array | null = null;
   private limits: Scale | null = null;
   private tinted = "";
+  focus: Set<number> | null = null;
+  /** Value 1 for selected points; null if none is. */
+  private selected: Uint8Array | null = null;
+  private turn = 0;
 
   private constructor(
     readonly id: string,
@@ -80,6 +90,8 @@ export class PointsLayer implements Layer {
     private readonly colors: Uint8Array | null,
     /** Value 1 for points that no statistics count. */
     private readonly outliers: Uint8Array | null,
+    /** Entity of each point plus 1; 0 for points of none. */
+    readonly entities: Uint16Array | null,
     private readonly origin: V3,
   ) {
     const geometry = new BufferGeometry();
@@ -90,6 +102,8 @@ export class PointsLayer implements Layer {
       fragmentShader: FRAGMENT,
       uniforms: {
         size: { value: 3 },
+        dot_size: { value: 1 },
+        pale: { value: new Vector3(...share(PALE)) },
         plane: { value: new Vector4(0, 0, 0, 1) },
         isTinted: { value: false },
         isRound: { value: true },
@@ -110,6 +124,7 @@ export class PointsLayer implements Layer {
     this.object.scale.set(...(coordinates.step as V3));
     this.object.position.set(...sub(coordinates.from, origin));
     if (this.colors) this.colorBy = "file";
+    if (this.entities) this.colorBy = "part";
   }
 
   static async of(id: string, doc: PointsDoc, origin: V3): Promise<PointsLayer> {
@@ -117,7 +132,8 @@ export class PointsLayer implements Layer {
     const deviation = doc.deviation ? await bytes.numbers(doc.deviation) : null;
     const colors = doc.colors ? await bytes.u8(doc.colors) : null;
     const outliers = doc.outliers ? await bytes.u8(doc.outliers) : null;
-    return new PointsLayer(id, doc, coordinates, deviation, colors, outliers, origin);
+    const entities = doc.entities ? await bytes.u16(doc.entities) : null;
+    return new PointsLayer(id, doc, coordinates, deviation, colors, outliers, entities, origin);
   }
 
   get name(): string {
@@ -136,6 +152,7 @@ export class PointsLayer implements Layer {
     const modes: ColorMode[] = ["none"];
     if (this.deviation) modes.push("deviation");
     if (this.colors) modes.push("file");
+    if (this.entities) modes.push("part");
     return modes;
   }
 
@@ -164,17 +181,26 @@ export class PointsLayer implements Layer {
     return this.limits;
   }
   legend(): [string, string][] {
-    return [];
+    if (this.colorBy !== "part" || !this.entities) return [];
+    const last = this.entities.reduce((a, b) => Math.max(a, b), 0);
+    return Array.from({ length: last }, (_, i) => [`face ${i}`, css(partColor(i))]);
+  }
+
+  /** Selects points; null selects none. */
+  select(selected: Uint8Array | null): void {
+    this.selected = selected;
+    this.turn += 1;
   }
   bounds(): Box | null {
     return this.count ? { lo: this.coordinates.lo as V3, hi: this.coordinates.hi as V3 } : null;
   }
 
   private tint(): void {
-    if (this.tinted === this.colorBy) return;
-    this.tinted = this.colorBy;
+    const tinted = `${this.colorBy} ${this.turn} ${[...(this.focus ?? [])]}`;
+    if (this.tinted === tinted) return;
+    this.tinted = tinted;
     const { geometry } = this.object;
-    if (this.colorBy === "none") {
+    if (!this.isTinted) {
       geometry.deleteAttribute("tint");
       return;
     }
@@ -185,8 +211,26 @@ export class PointsLayer implements Layer {
       const color = (v: number, i: number) =>
         this.outliers?.[i] ? OUTLIER : scaleColor(v, scale.lower, scale.upper, true);
       this.deviation!.forEach((v, i) => tints!.set(color(v, i), 3 * i));
+    } else if (this.colorBy === "part" && this.entities) {
+      const last = this.entities.reduce((a, b) => Math.max(a, b), 0);
+      const colors = Array.from({ length: last + 1 }, (_, i) =>
+        i ? focusedColor(i - 1, this.focus) : OUTLIER,
+      );
+      tints = new Uint8Array(3 * this.count);
+      this.entities.forEach((entity, i) => tints!.set(colors[entity], 3 * i));
+    } else if (this.colorBy === "none") {
+      tints = new Uint8Array(3 * this.count).fill(OUTLIER[0]);
+    }
+    if (this.selected) {
+      tints = tints!.slice();
+      this.selected.forEach((is, i) => is && tints!.set(SELECTED, 3 * i));
     }
     geometry.setAttribute("tint", new BufferAttribute(tints!, 3, true));
+  }
+
+  /** True if points have colours of their own. */
+  private get isTinted(): boolean {
+    return this.colorBy !== "none" || this.selected !== null;
   }
 
   update(section: Section | null, look: Look): void {
@@ -197,9 +241,10 @@ export class PointsLayer implements Layer {
     this.object.visible = this.visible;
     u.plane.value = planeOf(section, this.origin);
     u.opacity.value = this.opacity;
-    u.isTinted.value = this.colorBy !== "none";
+    u.isTinted.value = this.isTinted;
     const size = this.count > 300_000 ? 2 : this.count > 30_000 ? 3 : this.count > 60 ? 4 : 8;
     u.size.value = size * look.pixelRatio;
+    u.dot_size.value = look.pixelRatio;
     u.isRound.value = u.size.value > 2;
     u.color.value.set(...share(look.isDark ? [240, 190, 90] : [176, 84, 12]));
     material.transparent = this.opacity < 1;
@@ -232,6 +277,8 @@ export class PointsLayer implements Layer {
     };
     const deviation = this.deviation?.[best.i];
     if (deviation !== undefined && Number.isFinite(deviation)) hit.deviation = deviation;
+    const entity = this.entities?.[best.i];
+    if (entity) Object.assign(hit, { entity: entity - 1, part: `face ${entity - 1}` });
     return hit;
   }
 }

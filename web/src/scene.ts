@@ -7,6 +7,8 @@ export interface BlobRef {
   type: "f64" | "f32" | "u32" | "u16" | "u8";
   n: number;
   deflated: boolean;
+  /** Bytes of a packed scene; undefined if an element of the page holds them. */
+  bytes?: Uint8Array<ArrayBuffer>;
 }
 /** Coordinates: from + step * array. */
 export interface Positions {
@@ -71,6 +73,8 @@ export interface PointsDoc {
   limit?: number;
   outliers?: BlobRef;
   colors?: BlobRef;
+  /** Entity of each point plus 1; 0 for points of none. */
+  entities?: BlobRef;
 }
 
 /** Surface of a face: a frame, and its measures in the order of exact.ts. */
@@ -129,6 +133,22 @@ export interface SceneDoc {
   version: number;
   title: string;
   layers: LayerDoc[];
+}
+
+/** Returns the scene of a document with its arrays in bytes: the length of the document as a
+ *  little-endian 32-bit integer, the document, the arrays, whose lengths it lists. */
+export function unpackScene(packed: ArrayBuffer): SceneDoc {
+  const length = new DataView(packed).getUint32(0, true);
+  const text = new TextDecoder().decode(new Uint8Array(packed, 4, length));
+  const lengths: number[] = JSON.parse(text).arrays;
+  const starts = lengths.reduce((all, n) => [...all, all[all.length - 1] + n], [4 + length]);
+  return JSON.parse(text, (_, value) => {
+    if (typeof value?.blob === "number" && "deflated" in value) {
+      const bytes = packed.slice(starts[value.blob], starts[value.blob + 1]);
+      value.bytes = new Uint8Array(bytes);
+    }
+    return value;
+  });
 }
 
 export function readScene(): SceneDoc {

@@ -1,9 +1,12 @@
 // Pane of space: cameras, drawing, lines of sight.
 
 import {
+  type BufferGeometry,
   Color,
   ColorManagement,
   LinearSRGBColorSpace,
+  type Material,
+  type Mesh,
   OrthographicCamera,
   PerspectiveCamera,
   Scene,
@@ -65,11 +68,11 @@ export class View {
   private isWanted = false;
   private rest = 0;
 
-  constructor(
-    readonly pane: HTMLElement,
-    private readonly layers: Layer[],
-    readonly origin: V3,
-  ) {
+  private layers: Layer[] = [];
+  /** Centre of the scene, in coordinates of the file. */
+  origin: V3 = [0, 0, 0];
+
+  constructor(readonly pane: HTMLElement) {
     // Colours are used exactly as in the style sheet, without conversion.
     ColorManagement.enabled = false;
     this.renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
@@ -77,9 +80,24 @@ export class View {
     this.canvas = this.renderer.domElement;
     this.canvas.setAttribute("aria-hidden", "true");
     pane.prepend(this.canvas);
-    for (const layer of layers) this.scene.add(layer.object);
     new ResizeObserver(() => this.draw()).observe(pane);
     pane.addEventListener("pointerenter", () => this.refine());
+  }
+
+  /** Shows these layers in place of others. */
+  put(layers: Layer[], origin: V3): void {
+    for (const { object } of this.layers) {
+      this.scene.remove(object);
+      object.traverse((part) => {
+        const { geometry, material } = part as Partial<Mesh<BufferGeometry, Material>>;
+        geometry?.dispose();
+        material?.dispose();
+      });
+    }
+    this.layers = layers;
+    this.origin = origin;
+    this.section = null;
+    for (const layer of layers) this.scene.add(layer.object);
   }
 
   /** Returns the pane's width and height, which need not be whole pixels. */

@@ -14,6 +14,7 @@ export interface Picked {
   layer: string;
   point: V3;
   part?: string;
+  entity?: number;
   deviation?: number;
   parameter?: [number, number];
   isCap?: boolean;
@@ -120,6 +121,14 @@ export class Viewer {
       if (layer.modes.includes(some.colorBy as ColorMode))
         layer.colorBy = some.colorBy as ColorMode;
     }
+    this.view.want();
+    this.onChange();
+  }
+
+  /** Shows some parts of a layer in their colours and the others pale; null shows all. */
+  focus(id: string, parts: Set<number> | null): void {
+    const layer = this.layer(id);
+    layer.focus = parts?.size ? parts : null;
     this.view.want();
     this.onChange();
   }

@@ -105,6 +105,7 @@ pub(crate) fn list(context: &Context) -> Result<(String, Value), Failure> {
             "title": model.info().title,
             "fits": fits,
             "parameters": parameters,
+            "program": template.program,
         }));
     }
     if rows.is_empty() {

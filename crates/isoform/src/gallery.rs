@@ -55,6 +55,9 @@ pub fn template(name: &str) -> Option<GalleryTemplate> {
 /// Name of the file of [`example_scan`].
 pub const EXAMPLE_SCAN: &str = "ycb_065-d_cup.ply";
 
+/// Bytes of the file of [`example_scan`].
+pub const EXAMPLE_SCAN_FILE: &[u8] = CUP;
+
 /// Returns a scanned cup (YCB object 065-d, in metres), which the template `cup` fits, and the
 /// reader's report.
 pub fn example_scan() -> (PointCloud, ReadReport) {

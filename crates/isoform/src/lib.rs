@@ -143,7 +143,9 @@ pub use facets::{CornerError, FacesError, PointsOnFaces, points_on_faces};
 pub use fit_chunks::{AnswerError, ChunkReader, ChunkSource, fit_chunks};
 pub use fit_scan::{FitOptions, FitScanError, FitScanWarning, NamedBounds, ScanFit, fit_scan};
 pub use formula::{FormulaError, FormulaSolid, FormulaSurface};
-pub use gallery::{EXAMPLE_SCAN, GalleryTemplate, example_scan, template, templates};
+pub use gallery::{
+    EXAMPLE_SCAN, EXAMPLE_SCAN_FILE, GalleryTemplate, example_scan, template, templates,
+};
 pub use implicit::{GlobalPolynomial, Implicit, PolynomialError};
 pub use implicit_surface::{
     Coverage, ImplicitSurface, PatchFinding, cover_surface, parameterize_surface, patch_findings,

@@ -84,6 +84,11 @@ impl Answers for Desk {
                 let version = *news.borrow();
                 Ok(document(StatusCode::OK, &json!({"version": version})))
             }
+            ("example", _) if is_read => Ok(response(
+                StatusCode::OK,
+                "application/octet-stream",
+                isoform::EXAMPLE_SCAN_FILE,
+            )),
             ("files", _) if is_read => Ok(document(StatusCode::OK, &self.project.files())),
             _ => {
                 let name = path.strip_prefix("files/").and_then(decoded);

@@ -1,0 +1,287 @@
+// Faces of a scan: their list, and corrections by hand.
+
+import { partColor, css } from "../colors";
+import { brief, h } from "../dom";
+import type { PointsLayer } from "../points";
+import type { Document } from "./backend";
+import { button, choice, two, withSd } from "./parts";
+
+export const KINDS = ["plane", "cylinder", "cone", "sphere", "torus"];
+
+/** Correction of the faces: new numbers of faces for points, and kinds that are chosen. */
+export interface Correction {
+  label: string;
+  /** Returns the face of a point, -1 for none, from the number that it has and its index. */
+  face: (old: number, i: number) => number;
+  kinds: Record<string, string>;
+}
+
+/** Degrees of an angle in radians. */
+const DEGREES = 180 / Math.PI;
+
+/** Describes the sizes of a face. */
+export function sizes({ type, parameters, sd }: Document): string {
+  const with_ = (key: string, factor = 1): string => {
+    return withSd(factor * parameters[key], factor * (sd?.[key] ?? 0));
+  };
+  switch (type) {
+    case "sphere":
+    case "cylinder":
+      return `radius ${with_("radius")}`;
+    case "cone":
+      return `half angle ${with_("half_angle", DEGREES)}°`;
+    case "torus":
+      return `radii ${with_("major_radius")} and ${with_("minor_radius")}`;
+    default:
+      return `normal ${parameters.normal.map((v: number) => brief(Number(v.toFixed(4)))).join(", ")}`;
+  }
+}
+export class Faces {
+  readonly element = h("div", { class: "faces" });
+  private readonly list = h("ul", { class: "list", "aria-label": "Faces" });
+  private readonly count = h("p", { class: "quiet", role: "status" });
+  private readonly merge: HTMLButtonElement;
+  private readonly remove: HTMLButtonElement;
+  private readonly kind: HTMLSelectElement;
+  private readonly box: HTMLButtonElement;
+  private readonly radius = h("input", { type: "number", min: "0", step: "any" });
+  private readonly near: HTMLButtonElement;
+  private readonly asNew: HTMLButtonElement;
+  private readonly asNone: HTMLButtonElement;
+  private readonly into: HTMLSelectElement;
+  private readonly crop: HTMLButtonElement;
+  private readonly cut: HTMLButtonElement;
+  private readonly tools: HTMLElement;
+  private readonly chosen = new Set<number>();
+  private document: Document = null;
+  private layer: PointsLayer | null = null;
+  private selection: Uint8Array | null = null;
+  private kinds: Record<string, string> = {};
+  private isBoxing = false;
+  private picked: ArrayLike<number> | null = null;
+
+  /** Callbacks: a correction, points to be kept as a scan of their own, and a new picture. */
+  onCorrect: (correction: Correction) => void = () => {};
+  onCrop: (isKept: (i: number) => boolean, label: string) => void = () => {};
+  onFocus: (faces: Set<number> | null) => void = () => {};
+  onBoxing: (is: boolean) => void = () => {};
+
+  constructor() {
+    this.merge = button("Merge", () => this.mergeChosen());
+    this.merge.title = "Make one face of the chosen ones";
+    this.remove = button("Delete", () => this.removeChosen());
+    this.remove.title = "Leave the points of the chosen faces without a face";
+    this.kind = choice(
+      "Kind of the chosen faces",
+      [["", "Kind…"], ...KINDS.map((k): [string, string] => [k, k])],
+      (kind) => kind && this.setKind(kind),
+    );
+    this.box = button("Select points by a box", () => this.setBoxing(!this.isBoxing));
+    this.box.setAttribute("aria-pressed", "false");
+    this.radius.setAttribute("aria-label", "Radius around the picked point");
+    this.near = button("Select around the picked point", () => this.selectNear());
+    this.asNew = button("Make a face", () => this.move("New face", this.fresh()));
+    this.asNone = button("Take out of faces", () => this.move("Points out of faces", -1));
+    this.into = choice("Move the points into a face", [], (value) => {
+      if (value) this.move(`Points into face ${value}`, Number(value));
+    });
+    this.crop = button("Keep these alone", () => this.cropTo(true));
+    this.cut = button("Remove these", () => this.cropTo(false));
+    this.tools = h(
+      "div",
+      { class: "tools" },
+      this.asNew,
+      this.into,
+      this.asNone,
+      this.crop,
+      this.cut,
+    );
+    this.element.append(
+      this.list,
+      h("div", { class: "tools" }, this.merge, this.remove, this.kind),
+      h("div", { class: "tools" }, this.box),
+      h("div", { class: "tools" }, this.radius, this.near),
+      this.count,
+      this.tools,
+    );
+  }
+
+  /** Shows the faces of a document; null for none. */
+  show(document: Document, kinds: Record<string, string>): void {
+    this.kinds = kinds;
+    if (this.document !== document) {
+      this.document = document;
+      this.chosen.clear();
+      const entities: Document[] = document?.entities ?? [];
+      this.list.replaceChildren(...entities.map((entity) => this.row(entity)));
+    }
+    this.refresh();
+  }
+
+  private row(entity: Document): HTMLElement {
+    const { id, type, n_points, rms } = entity;
+    const chip = h("i");
+    chip.style.background = css(partColor(id));
+    const box = h("input", {
+      type: "checkbox",
+      "aria-label": `Face ${id}, ${type}`,
+      change: () => {
+        if (box.checked) this.chosen.add(id);
+        else this.chosen.delete(id);
+        this.onFocus(this.chosen.size ? this.chosen : null);
+        this.refresh();
+      },
+    });
+    return h(
+      "li",
+      {
+        "data-face": String(id),
+        mouseenter: () => this.onFocus(new Set([...this.chosen, id])),
+        mouseleave: () => this.onFocus(this.chosen.size ? this.chosen : null),
+      },
+      h(
+        "label",
+        { title: `${n_points} points, rms ${brief(two(rms))}` },
+        box,
+        chip,
+        h("b", {}, `${id} ${type}`),
+        h("span", {}, sizes(entity)),
+      ),
+    );
+  }
+
+  /** Takes the layer of points that is drawn. */
+  setLayer(layer: PointsLayer | null): void {
+    if (layer === this.layer) return;
+    this.layer = layer;
+    this.select(null);
+    this.onFocus(this.chosen.size ? this.chosen : null);
+  }
+
+  /** Chooses the face of a picked point, and keeps the point. */
+  pick(entity: number | undefined, point: ArrayLike<number> | null): void {
+    this.picked = point;
+    if (entity !== undefined && !this.isBoxing) {
+      const box = this.list.querySelector<HTMLInputElement>(`[data-face="${entity}"] input`);
+      box?.click();
+      box?.scrollIntoView({ block: "nearest" });
+    }
+    this.refresh();
+  }
+
+  /** Selects points: those of the chosen faces alone, if there are any. */
+  select(isIn: ((i: number) => boolean) | null): void {
+    const { layer } = this;
+    this.selection = null;
+    if (layer && isIn) {
+      const { entities } = layer;
+      const selection = new Uint8Array(layer.count);
+      let n = 0;
+      for (let i = 0; i < layer.count; i++) {
+        const isShown = !this.chosen.size || (entities && this.chosen.has(entities[i] - 1));
+        if (isShown && isIn(i)) n += selection[i] = 1;
+      }
+      if (n) this.selection = selection;
+    }
+    layer?.select(this.selection);
+    this.refresh();
+    this.onFocus(this.chosen.size ? this.chosen : null);
+  }
+
+  private selectNear(): void {
+    const { layer, picked } = this;
+    const radius = Number(this.radius.value);
+    if (!layer || !picked || !(radius > 0)) return;
+    const p = layer.positions();
+    this.select(
+      (i) =>
+        (p[3 * i] - picked[0]) ** 2 +
+          (p[3 * i + 1] - picked[1]) ** 2 +
+          (p[3 * i + 2] - picked[2]) ** 2 <=
+        radius * radius,
+    );
+  }
+
+  setBoxing(is: boolean): void {
+    this.isBoxing = is;
+    this.box.setAttribute("aria-pressed", String(is));
+    this.onBoxing(is);
+  }
+
+  /** Returns a number that no face has. */
+  private fresh(): number {
+    const entities: Document[] = this.document?.entities ?? [];
+    return entities.reduce((most, { id }) => Math.max(most, id + 1), 0);
+  }
+
+  private mergeChosen(): void {
+    const first = Math.min(...this.chosen);
+    const chosen = new Set(this.chosen);
+    const kinds = { ...this.kinds };
+    for (const face of chosen) if (face !== first) delete kinds[face];
+    this.onCorrect({
+      label: `Merge faces ${[...chosen].sort((a, b) => a - b).join(", ")}`,
+      face: (old) => (chosen.has(old) ? first : old),
+      kinds,
+    });
+  }
+
+  private removeChosen(): void {
+    const chosen = new Set(this.chosen);
+    const kinds = { ...this.kinds };
+    for (const face of chosen) delete kinds[face];
+    this.onCorrect({
+      label: `Delete faces ${[...chosen].sort((a, b) => a - b).join(", ")}`,
+      face: (old) => (chosen.has(old) ? -1 : old),
+      kinds,
+    });
+  }
+
+  private setKind(kind: string): void {
+    const kinds = { ...this.kinds };
+    for (const face of this.chosen) kinds[face] = kind;
+    this.onCorrect({
+      label: `Faces ${[...this.chosen].sort((a, b) => a - b).join(", ")}: ${kind}`,
+      face: (old) => old,
+      kinds,
+    });
+    this.kind.value = "";
+  }
+
+  private move(label: string, to: number): void {
+    const selection = this.selection;
+    if (!selection) return;
+    const face = (old: number, i: number): number => (selection[i] ? to : old);
+    this.onCorrect({ label, face, kinds: this.kinds });
+  }
+
+  private cropTo(isKept: boolean): void {
+    const selection = this.selection;
+    if (!selection) return;
+    this.onCrop(
+      (i) => (selection[i] === 1) === isKept,
+      isKept ? "Crop to the selection" : "Remove the selection",
+    );
+  }
+
+  private refresh(): void {
+    const n = this.selection?.reduce((sum, is) => sum + is, 0) ?? 0;
+    const has = this.document !== null;
+    this.list.hidden = !has;
+    this.merge.disabled = this.chosen.size < 2;
+    this.remove.disabled = this.chosen.size === 0;
+    this.kind.disabled = this.chosen.size === 0;
+    this.near.disabled = this.picked === null;
+    this.near.title = this.picked ? "" : "Click a point first";
+    this.count.textContent = n
+      ? `${n.toLocaleString("en")} points selected${this.chosen.size ? " of the chosen faces" : ""}`
+      : "";
+    this.tools.hidden = n === 0;
+    for (const each of [this.asNew, this.asNone, this.into]) each.hidden = !has;
+    const entities: Document[] = this.document?.entities ?? [];
+    this.into.replaceChildren(
+      h("option", { value: "" }, "Move into face…"),
+      ...entities.map(({ id, type }) => h("option", { value: String(id) }, `${id} ${type}`)),
+    );
+  }
+}

@@ -1,0 +1,425 @@
+// Tests of Isoform Studio in a browser: node --test test/studio.mjs
+//
+// They drive the page as a person would, by accessible names, and compare its results with those of
+// the command line. They need the program (ISOFORM, else what cargo has built) and Chromium
+// (CHROMIUM).
+import assert from "node:assert/strict";
+import { spawn, spawnSync } from "node:child_process";
+import { once } from "node:events";
+import { mkdtempSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { tmpdir } from "node:os";
+import { dirname, join } from "node:path";
+import { createInterface } from "node:readline";
+import { after, test } from "node:test";
+import { fileURLToPath } from "node:url";
+import { chromium } from "playwright-core";
+
+const root = join(dirname(fileURLToPath(import.meta.url)), "../..");
+const isoform = process.env.ISOFORM ?? join(root, "target/release/isoform");
+const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+const folder = mkdtempSync(join(tmpdir(), "isoform-studio-"));
+const browser = await chromium.launch({
+  executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
+  args: ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+});
+after(async () => {
+  await browser.close();
+  rmSync(folder, { recursive: true });
+});
+
+const path = (name) => join(folder, name);
+/** Runs the program in a folder; returns its document. */
+function run(words, cwd = folder, ends = [0]) {
+  const { status, stdout, stderr } = spawnSync(isoform, ["--json", ...words], {
+    cwd,
+    encoding: "utf8",
+  });
+  assert.ok(ends.includes(status), stderr + stdout);
+  return JSON.parse(stdout);
+}
+
+/** Numbers from 0 to 1 that are the same in each run (mulberry32). */
+function generator(seed) {
+  return () => {
+    seed = (seed + 0x6d2b79f5) | 0;
+    let t = Math.imul(seed ^ (seed >>> 15), 1 | seed);
+    t = (t + Math.imul(t ^ (t >>> 7), 61 | t)) ^ t;
+    return ((t ^ (t >>> 14)) >>> 0) / 2 ** 32;
+  };
+}
+
+/** Sizes of the plate that is scanned: length, width, height, and the radius of its bore. */
+const [L, W, H, R] = [40, 30, 8, 7];
+/** A scan of a plate with a bore through its middle, with noise, turned and moved. */
+function scan(noise = 0.01) {
+  const random = generator(7);
+  const normal = () =>
+    Math.sqrt(-2 * Math.log(1 - random())) * Math.cos(2 * Math.PI * random()) * noise;
+  const points = [];
+  const add = (p, n) => points.push(p.map((v, k) => v + n[k] * normal()));
+  const plane = (count, at) => {
+    for (let i = 0; i < count; i++) at(random(), random());
+  };
+  for (const z of [0, H])
+    plane(1600, (u, v) => {
+      if (Math.hypot((u - 0.5) * L, (v - 0.5) * W) > R) add([u * L, v * W, z], [0, 0, 1]);
+    });
+  for (const x of [0, L]) plane(350, (u, v) => add([x, u * W, v * H], [1, 0, 0]));
+  for (const y of [0, W]) plane(450, (u, v) => add([u * L, y, v * H], [0, 1, 0]));
+  plane(700, (u, v) => {
+    const n = [Math.cos(2 * Math.PI * u), Math.sin(2 * Math.PI * u), 0];
+    add([L / 2 + R * n[0], W / 2 + R * n[1], v * H], n);
+  });
+  const [c, s] = [Math.cos(0.7), Math.sin(0.7)];
+  const moved = points.map(([x, y, z]) => [c * x - s * z + 12, y - 5, s * x + c * z + 3]);
+  return moved.map((p) => p.map((v) => v.toFixed(5)).join(" ")).join("\n") + "\n";
+}
+const VOLUME = L * W * H - Math.PI * R * R * H;
+
+/** Starts a studio; returns its address, its process, and its end. */
+async function serve(words) {
+  const server = spawn(isoform, ["studio", "--no-open", ...words], {
+    cwd: folder,
+    stdio: ["ignore", "pipe", "pipe"],
+  });
+  const lines = createInterface({ input: server.stdout });
+  const [address] = await once(lines, "line");
+  return { address, server };
+}
+
+/** Refused work is told by status 422; the browser itself styles text that is inserted in an editor,
+ *  which the policy forbids. */
+const USUAL = /status of 422|Applying inline style/;
+/** Opens a page; what it complains of is an error at its end. */
+async function open(address, use, allowed = USUAL) {
+  const page = await browser.newPage({ viewport: { width: 1360, height: 860 } });
+  page.setDefaultTimeout(60_000);
+  const errors = [];
+  page.on("console", (m) => m.type() === "error" && errors.push(m.text()));
+  page.on("pageerror", (e) => errors.push(String(e)));
+  try {
+    await page.goto(address);
+    await page.evaluate("isoform.ready");
+    const result = await use(page);
+    await page.evaluate("isoform.saved()").catch(() => {});
+    assert.deepEqual(
+      errors.filter((e) => !allowed.test(e)),
+      [],
+    );
+    return result;
+  } finally {
+    await page.close();
+  }
+}
+/** Starts a studio and opens its page. */
+async function studio(words, use, allowed) {
+  const { address, server } = await serve(words);
+  try {
+    return await open(address, (page) => use(page, address), allowed);
+  } finally {
+    server.kill();
+  }
+}
+const press = (page, name) => page.getByRole("button", { name, exact: true }).click();
+const tab = (page, name) => page.getByRole("tab", { name, exact: true }).click();
+/** Replaces the program in the editor by typing. */
+async function type(page, text) {
+  await page.getByRole("textbox", { name: "HyperFun program" }).click();
+  await page.keyboard.press("ControlOrMeta+A");
+  await page.keyboard.insertText(text);
+}
+/** Presses a button that saves a file; returns its bytes. */
+async function saved(page, name) {
+  const [download] = await Promise.all([page.waitForEvent("download"), press(page, name)]);
+  return readFileSync(await download.path());
+}
+
+test("a scan becomes a STEP file in three clicks, as on the command line", async () => {
+  writeFileSync(path("plate.xyz"), scan());
+  await studio(["plate.xyz", "--project", "one"], async (page) => {
+    await page.getByText(/points, .* × .* × /).waitFor();
+    await press(page, "Make a CAD model");
+    const verdict = page.getByText("The model explains the scan.");
+    await verdict.waitFor();
+    const step = await saved(page, "STEP");
+    assert.match(step.toString("latin1"), /^ISO-10303-21/);
+    writeFileSync(path("page.step"), step);
+    const { volume } = run(["inspect", "page.step"]);
+    assert.ok(Math.abs(volume / VOLUME - 1) < 2e-3, `${volume} for ${VOLUME}`);
+    // The command line that the page names gives the same file.
+    await page.getByText("Command line").click();
+    const lines = await page.locator("code").allTextContents();
+    const line = lines.find((l) => l.startsWith("isoform recover"));
+    const words = line
+      .split(" ")
+      .slice(1)
+      .map((w) => w.replace(/-model-\d+\./, "-again."));
+    run(words, path("one"), [0]);
+    const again = readdirSync(path("one")).find((n) => /-again\.step$/.test(n));
+    const plain = (bytes) => bytes.toString("latin1").replace(/FILE_NAME[^;]*;/, "");
+    assert.equal(plain(readFileSync(join(path("one"), again))), plain(step));
+    // Undo takes it back, redo brings it again.
+    await press(page, "Undo");
+    await verdict.waitFor({ state: "hidden" });
+    await press(page, "Redo");
+    await verdict.waitFor();
+  });
+});
+
+test("a program is typed from nothing to a certified mesh, and each mistake is told", async () => {
+  await studio(["--project", "two"], async (page) => {
+    await tab(page, "Program");
+    await type(page, "my_model(x[3], a[1])\n{\n  my_model = hfSpere(x, [0, 0, 0], 1);\n}\n");
+    await page.getByText(/did you mean hfSphere/).waitFor();
+    await type(
+      page,
+      "-- @param a[1] radius typical=2 min=1 max=3\nmy_model(x[3], a[1])\n{\n" +
+        "  array c[3];\n  c = [0, 0, 0];\n  my_model = hfSphere(x, c, a[1]);\n}\n",
+    );
+    const slider = page.getByRole("spinbutton", { name: "radius, as a number" });
+    await slider.waitFor();
+    await page.getByText(/did you mean/).waitFor({ state: "hidden" });
+    await slider.fill("3");
+    await slider.press("Enter");
+    await press(page, "Mesh and certify");
+    await page.getByText("The certificate holds.").waitFor();
+    const told = await page.locator("dl.figures").textContent();
+    const volume = Number(/volume([\d.]+)/.exec(told)[1]);
+    assert.ok(Math.abs(volume / (36 * Math.PI) - 1) < 0.02, told);
+    const stl = await saved(page, "STL");
+    assert.ok(stl.length > 10_000);
+    await press(page, "Undo");
+    await page.getByText(/did you mean hfSphere|A plate with a hole/).waitFor();
+  });
+});
+
+test("a template is edited and fitted", async () => {
+  writeFileSync(path("plate.xyz"), scan());
+  await studio(["plate.xyz", "--project", "three"], async (page) => {
+    await page.getByText(/points, .* × .* × /).waitFor();
+    await press(page, "Propose a program");
+    const editor = page.getByRole("textbox", { name: "HyperFun program" });
+    await editor.getByText(/@title/).waitFor();
+    const text = await editor.innerText();
+    assert.match(text, /_radius/);
+    await editor.getByText(/@title/).click();
+    await page.keyboard.press("End");
+    await page.keyboard.type(" and edited by hand");
+    await press(page, "Fit to the scan");
+    await page.getByText("The model explains the scan.").waitFor();
+    const names = readdirSync(path("three")).filter((n) => /-model-\d+\.hf$/.test(n));
+    const fitted = readFileSync(join(path("three"), names.pop()), "utf8");
+    assert.match(fitted, /and edited by hand/);
+    // A dimension is held at a value.
+    const row = page.getByRole("row", { name: /_radius/ }).first();
+    await row.getByRole("spinbutton").fill("7");
+    await row.getByRole("checkbox").check();
+    await press(page, "Make the CAD model again");
+    await row.getByText(/fixed/).waitFor();
+  });
+});
+
+test("a rational map is typed to a certificate", async () => {
+  await studio(["--project", "four"], async (page) => {
+    await tab(page, "Surface");
+    await page.getByRole("combobox", { name: "Kind of the surface" }).selectOption("map");
+    const fill = async (name, text) => {
+      const field = page.getByRole("textbox", { name, exact: true });
+      await field.fill(text);
+      await field.press("Tab");
+    };
+    await fill("X", "2*s*t +");
+    await page.getByText(/X: /).waitFor();
+    for (const [name, text] of Object.entries({ X: "2*s*t", Y: "2*t", Z: "2*s" }))
+      await fill(name, text);
+    await fill("W", "s^2 + t^2 + 1");
+    await fill("Half the width of the box", "1.2");
+    await page.getByRole("group", { name: "The plane of parameters s and t" }).waitFor();
+    await press(page, "Triangulate and certify");
+    await page.getByText("The certificate holds.").waitFor();
+    await page.getByText(/\d+ claims/).click();
+    const claims = await page.getByText("proved:").count();
+    const map = { X: "2*s*t", Y: "2*t", Z: "2*s", W: "s^2 + t^2 + 1" };
+    writeFileSync(path("roman.json"), JSON.stringify(map));
+    const document = run(["triangulate", "roman.json", "--box", "1.2", "-o", "roman.ply"]);
+    assert.equal(claims, document.claims.filter((c) => c.holds).length);
+    // Every step of it is taken back.
+    const undo = page.getByRole("button", { name: "Undo", exact: true });
+    while (await undo.isEnabled()) await undo.click();
+    await page.getByRole("textbox", { name: "F", exact: true }).waitFor();
+  });
+});
+
+test("two files are compared, with a tolerance", async () => {
+  writeFileSync(
+    path("ball.hf"),
+    "my_model(x[3], a[1])\n{\n  array c[3];\n  c = [0, 0, 0];\n  my_model = hfSphere(x, c, 2);\n}\n",
+  );
+  run(["mesh", "ball.hf", "--surface-only", "--size", "0.5", "-o", "ball.stl"]);
+  await studio(["--project", "five"], async (page) => {
+    await tab(page, "Compare");
+    const [chooser] = await Promise.all([page.waitForEvent("filechooser"), press(page, "Open…")]);
+    await chooser.setFiles([path("ball.stl"), path("ball.hf")]);
+    await page.getByRole("combobox", { name: "Nominal" }).getByText("ball.hf").waitFor({
+      state: "attached",
+    });
+    await page.getByRole("spinbutton", { name: /passes/ }).fill("1e-6");
+    await press(page, "Compare");
+    await page.getByText(/Fails/).waitFor();
+    const { first_to_second } = run(["compare", "ball.stl", "ball.hf"]);
+    const table = await page.getByRole("table").innerText();
+    assert.ok(table.includes(String(Number(first_to_second.max.toPrecision(4)))), table);
+    await page.getByRole("spinbutton", { name: /passes/ }).fill("1");
+    await press(page, "Compare");
+    await page.getByText(/Passes/).waitFor();
+  });
+});
+
+test("work survives the end of the server, and two windows agree", async () => {
+  writeFileSync(path("plate.xyz"), scan());
+  const first = await serve(["plate.xyz", "--project", "six"]);
+  await open(
+    first.address,
+    async (page) => {
+      await page.getByText(/points, .* × .* × /).waitFor();
+      await press(page, "Recognize faces");
+      await page.getByRole("checkbox", { name: "Face 6" }).waitFor();
+      // The other window follows.
+      await open(first.address, async (other) => {
+        await other.getByRole("checkbox", { name: "Face 6" }).waitFor();
+        await tab(other, "Program");
+        await type(other, "-- of the other window\n");
+        await other.evaluate("isoform.saved()");
+        await other.waitForTimeout(1500);
+      });
+      await tab(page, "Program");
+      await page.getByText("of the other window").waitFor();
+      await page.evaluate("isoform.saved()");
+      first.server.kill("SIGKILL");
+      await once(first.server, "exit");
+      await tab(page, "Scan");
+      await page
+        .getByRole("alert")
+        .getByText(/not stored/)
+        .waitFor();
+    },
+    /ERR_|Failed to fetch|Applying inline style/,
+  );
+  await studio(["--project", "six"], async (page) => {
+    await tab(page, "Scan");
+    await page.getByRole("checkbox", { name: "Face 6" }).waitFor();
+    await press(page, "Undo");
+    await page.getByRole("button", { name: "Redo" }).click();
+  });
+});
+
+test("hostile files and names are told, and nothing is lost", async () => {
+  await studio(["--project", "seven"], async (page) => {
+    const hostile = [
+      { name: "../../evil.ply", buffer: Buffer.from("ply\nformat ascii 1.0\nend_header\n") },
+      {
+        name: "<img src=x onerror=alert(1)>.hf",
+        buffer: Buffer.from("<script>alert(1)</script>"),
+      },
+      { name: "empty.stl", buffer: Buffer.alloc(0) },
+      { name: "a.exe", buffer: Buffer.from("MZ") },
+      { name: `${"long".repeat(60)}.xyz`, buffer: Buffer.from("0 0 0\n1 nan 0\n") },
+      { name: "x.json", buffer: Buffer.from('{"F": ["x"]}') },
+    ];
+    for (const { name, buffer } of hostile) {
+      const data = await page.evaluateHandle(
+        ([name, bytes]) => {
+          const transfer = new DataTransfer();
+          transfer.items.add(new File([Uint8Array.from(bytes)], name));
+          return transfer;
+        },
+        [name, [...buffer]],
+      );
+      await page.dispatchEvent("main", "drop", { dataTransfer: data });
+      await page.waitForTimeout(600);
+    }
+    assert.equal(await page.evaluate("document.querySelector('img[src=x]')"), null);
+    await tab(page, "Surface");
+    await press(page, "Mesh and certify");
+    await page.getByText("The certificate holds.").waitFor();
+  });
+  const names = readdirSync(path("seven"));
+  assert.ok(names.every((n) => n.length < 130 && !n.includes("/")));
+  assert.ok(!readdirSync(folder).includes("evil.ply"));
+});
+
+test("work is cancelled, and the project stays as it was", async () => {
+  writeFileSync(path("plate.xyz"), scan());
+  await studio(["plate.xyz", "--project", "eight"], async (page) => {
+    await tab(page, "Program");
+    await page.getByRole("spinbutton", { name: "Length of edges" }).fill("0.12");
+    await press(page, "Mesh and certify");
+    await page.getByRole("progressbar").waitFor();
+    await press(page, "Cancel");
+    await page.getByText("Cancelled.").waitFor();
+    await page.getByRole("progressbar").waitFor({ state: "hidden" });
+  });
+});
+
+test("a page of another origin cannot call the server", async () => {
+  const { address, server } = await serve(["--project", "nine"]);
+  const other = await serve(["--project", "ten"]);
+  try {
+    const page = await browser.newPage();
+    await page.goto(other.address);
+    const outcome = await page.evaluate(async (target) => {
+      const tries = [
+        [`${target}project`, {}],
+        [`${target}run`, { method: "POST", body: '{"verb": "functions"}' }],
+        [`${target}files/x.hf`, { method: "PUT", body: "x", mode: "no-cors" }],
+      ];
+      const ends = tries.map(([url, init]) =>
+        fetch(url, init).then(
+          (r) => r.status,
+          () => "refused",
+        ),
+      );
+      return Promise.all(ends);
+    }, address);
+    assert.deepEqual(outcome, ["refused", "refused", "refused"]);
+    await page.close();
+    assert.ok(!readdirSync(path("nine")).includes("x.hf"));
+    // Nor does a program without the address get in.
+    const origin = new URL(address).origin;
+    const status = async (url, init) => (await fetch(url, init)).status;
+    assert.equal(await status(`${origin}/`), 404);
+    assert.equal(await status(`${address}run`, { method: "POST", body: "{}" }), 403);
+    const headers = { origin: "http://evil.example" };
+    assert.equal(await status(`${address}project`, { headers }), 403);
+    for (const name of ["..%2Fx.hf", "%2Fetc%2Fpasswd", ".hidden", "project.json"])
+      assert.equal(await status(`${address}files/${name}`), 404, name);
+  } finally {
+    server.kill();
+    other.server.kill();
+  }
+});
+
+test("axe finds no violations, in any tab, light and dark", async () => {
+  writeFileSync(path("plate.xyz"), scan());
+  await studio(["plate.xyz", "--project", "eleven"], async (page) => {
+    await page.getByText(/points, .* × .* × /).waitFor();
+    await press(page, "Make a CAD model");
+    await page.getByText("The model explains the scan.").waitFor();
+    await press(page, "Recognize again");
+    await page.getByRole("checkbox", { name: "Face 6" }).waitFor();
+    await page.evaluate(axe);
+    for (const colorScheme of ["light", "dark"]) {
+      await page.emulateMedia({ colorScheme });
+      for (const name of ["Scan", "Program", "Surface", "Compare"]) {
+        await tab(page, name);
+        await page.waitForTimeout(800);
+        const violations = await page.evaluate(async () => {
+          const { violations } = await window.axe.run();
+          return violations.map((v) => `${v.id}: ${v.nodes.map((n) => n.html).join(" | ")}`);
+        });
+        assert.deepEqual(violations, [], `${name}, ${colorScheme}`);
+      }
+    }
+  });
+});
