@@ -60,6 +60,9 @@ export interface Scale {
   max: number;
   isLeast?: boolean;
   left?: number;
+  /** Numbers of values in equal steps from lower to upper; values beyond the ends are in the first
+   *  and the last one. */
+  histogram?: number[];
 }
 
 /** Additional option of a layer: a switch (0 or 1), or a slider from 0 to 1. */

@@ -37,6 +37,21 @@ function counted({ kind, count }: Layer): string {
   return `${count.toLocaleString("en")} ${count === 1 ? one : many}`;
 }
 
+/** Creates the bars of a histogram. */
+function bars(histogram: number[]): HTMLElement {
+  const most = Math.max(1, ...histogram);
+  const rows = histogram.map((n) => {
+    const row = h("i");
+    row.style.height = `${(100 * n) / most}%`;
+    return row;
+  });
+  return h(
+    "div",
+    { class: "histogram", role: "img", "aria-label": "Histogram of the deviations" },
+    ...rows,
+  );
+}
+
 export class Panel {
   readonly element = h("aside", { "aria-label": "Controls" });
   private readonly rows: { layer: Layer; refresh: () => void }[] = [];
@@ -192,6 +207,7 @@ export class Panel {
       figures.push(`${scale.isLeast ? "least" : "max"} ${brief(Number(scale.max.toPrecision(3)))}`);
     return [
       h("p", {}, scale.title),
+      ...(scale.histogram ? [bars(scale.histogram)] : []),
       bar,
       h(
         "div",

@@ -20,6 +20,8 @@ import { type Box, dot, norm, sub, type V3 } from "./vector";
 const REACH = 6;
 /** Fraction of the sorted deviations that lie within the ends of the scale. */
 const WITHIN = 0.95;
+/** Number of steps of a histogram; it is odd, so that the middle one is about zero. */
+const STEPS = 41;
 const OUTLIER: [number, number, number] = [96, 96, 102];
 /** Colour of selected points. */
 const SELECTED: [number, number, number] = [230, 0, 126];
@@ -288,7 +290,13 @@ export function scaleOf(values: Float32Array, limit?: number): Scale {
   const sizes = values.filter(Number.isFinite).map(Math.abs).sort();
   const end = limit ?? roundUp(sizes[Math.floor(WITHIN * (sizes.length - 1))] ?? 1);
   const squares = sizes.reduce((s, v) => s + v * v, 0);
+  const histogram = Array<number>(STEPS).fill(0);
+  for (const v of values) {
+    const step = Math.floor((STEPS * (v + end)) / (2 * end));
+    if (Number.isFinite(v)) histogram[Math.max(0, Math.min(STEPS - 1, step))] += 1;
+  }
   return {
+    histogram,
     title: "deviation, positive outside",
     lower: -end,
     upper: end,

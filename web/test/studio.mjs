@@ -304,7 +304,7 @@ test("work survives the end of the server, and two windows agree", async () => {
         .getByText(/not stored/)
         .waitFor();
     },
-    /ERR_|Failed to fetch|Applying inline style/,
+    /ERR_|Failed to fetch|Applying inline style|status of 422/,
   );
   await studio(["--project", "six"], async (page) => {
     await tab(page, "Scan");
@@ -406,7 +406,7 @@ test("axe finds no violations, in any tab, light and dark", async () => {
     await page.getByText(/points, .* × .* × /).waitFor();
     await press(page, "Make a CAD model");
     await page.getByText("The model explains the scan.").waitFor();
-    await press(page, "Recognize again");
+    await press(page, "Recognize faces");
     await page.getByRole("checkbox", { name: "Face 6" }).waitFor();
     await page.evaluate(axe);
     for (const colorScheme of ["light", "dark"]) {

@@ -44,6 +44,7 @@ export class Faces {
   private readonly remove: HTMLButtonElement;
   private readonly kind: HTMLSelectElement;
   private readonly box: HTMLButtonElement;
+  private readonly rest: HTMLButtonElement;
   private readonly radius = h("input", { type: "number", min: "0", step: "any" });
   private readonly near: HTMLButtonElement;
   private readonly asNew: HTMLButtonElement;
@@ -78,6 +79,9 @@ export class Faces {
     );
     this.box = button("Select points by a box", () => this.setBoxing(!this.isBoxing));
     this.box.setAttribute("aria-pressed", "false");
+    this.rest = button("Select points without a face", () =>
+      this.select((i) => this.layer?.entities?.[i] === 0),
+    );
     this.radius.setAttribute("aria-label", "Radius around the picked point");
     this.near = button("Select around the picked point", () => this.selectNear());
     this.asNew = button("Make a face", () => this.move("New face", this.fresh()));
@@ -99,7 +103,7 @@ export class Faces {
     this.element.append(
       this.list,
       h("div", { class: "tools" }, this.merge, this.remove, this.kind),
-      h("div", { class: "tools" }, this.box),
+      h("div", { class: "tools" }, this.box, this.rest),
       h("div", { class: "tools" }, this.radius, this.near),
       this.count,
       this.tools,
@@ -277,7 +281,7 @@ export class Faces {
       ? `${n.toLocaleString("en")} points selected${this.chosen.size ? " of the chosen faces" : ""}`
       : "";
     this.tools.hidden = n === 0;
-    for (const each of [this.asNew, this.asNone, this.into]) each.hidden = !has;
+    for (const each of [this.asNew, this.asNone, this.into, this.rest]) each.hidden = !has;
     const entities: Document[] = this.document?.entities ?? [];
     this.into.replaceChildren(
       h("option", { value: "" }, "Move into face…"),

@@ -1,5 +1,7 @@
 // Binary PLY files as Isoform writes them: points as rows of fixed length.
 
+import { dot, type V3 } from "../vector";
+
 interface Property {
   name: string;
   type: string;
@@ -80,6 +82,33 @@ export class Ply {
     return Float64Array.from({ length: this.count }, (_, i) =>
       this.view.getFloat64(this.start + i * this.row + property.offset, true),
     );
+  }
+
+  /** Returns the file of the points in another frame, without faces: its origin, and its axes as unit
+   *  vectors. Normals are turned with the points. */
+  inFrame(origin: V3, axes: [V3, V3, V3]): ArrayBuffer {
+    const out = this.filtered(() => true);
+    const start = out.byteLength - this.count * this.row;
+    const view = new DataView(out);
+    for (const [names, from] of [
+      [["x", "y", "z"], origin],
+      [
+        ["nx", "ny", "nz"],
+        [0, 0, 0],
+      ],
+    ] as const) {
+      const own = names.map((name) => this.properties.find((p) => p.name === name));
+      if (own.some((p) => p === undefined)) continue;
+      const isDouble = own[0]!.type === "double" || own[0]!.type === "float64";
+      const read = isDouble ? view.getFloat64 : view.getFloat32;
+      const write = isDouble ? view.setFloat64 : view.setFloat32;
+      for (let i = 0; i < this.count; i++) {
+        const at = own.map((p) => start + i * this.row + p!.offset);
+        const p = at.map((a, k) => read.call(view, a, true) - from[k]);
+        axes.forEach((axis, k) => write.call(view, at[k], dot(axis, p), true));
+      }
+    }
+    return out;
   }
 
   /** Returns the file of some of the points, without faces. */

@@ -13,6 +13,7 @@ import type { FitState, ScanState } from "./history";
 import { EMPTY } from "./history";
 import { button, choice, figures, section, setOptions, warnings, withSd } from "./parts";
 import { Ply } from "./ply";
+import { cross, norm, sub, unit, type V3 } from "../vector";
 
 const UNITS: [string, string][] = [
   ["", "guessed"],
@@ -50,6 +51,9 @@ export class ScanSpace implements Space {
   private readonly make: HTMLButtonElement;
   private readonly find: HTMLButtonElement;
   private readonly propose: HTMLButtonElement;
+  private readonly align: HTMLButtonElement;
+  /** Points that are picked for a frame; null if none is being picked. */
+  private picks: V3[] | null = null;
   private readonly example: HTMLSelectElement;
   private readonly faces = new Faces();
   private readonly facesPart: HTMLElement;
@@ -73,6 +77,8 @@ export class ScanSpace implements Space {
     this.find = app.whileIdle(button("Recognize faces", () => void this.recognize()));
     this.propose = app.whileIdle(button("Propose a program", () => void this.proposeProgram()));
     this.propose.title = "Open a template made of the faces in the tab Program";
+    this.align = app.whileIdle(button("Align to axes", () => this.beginAlignment()));
+    this.align.title = "Pick the origin, a point along x, and a point in the plane of x and y";
     this.example = choice("Examples", EXAMPLES, (name) => void this.openExample(name));
     this.facesPart = section("Faces", this.faces.element);
     this.resultPart = section("Model", this.result);
@@ -83,13 +89,13 @@ export class ScanSpace implements Space {
         this.about,
         this.dropped,
         h("div", { class: "pair" }, labelled("Unit", this.unit), labelled("Show", this.look)),
-        h("div", { class: "tools" }, this.make, this.find, this.propose),
+        h("div", { class: "tools" }, this.make, this.find, this.propose, this.align),
       ),
       this.resultPart,
       this.facesPart,
     );
     this.faces.onCorrect = (correction) => void this.correct(correction);
-    this.faces.onCrop = (isKept, label) => void this.crop(isKept, label);
+    this.faces.onCrop = (isKept, label) => void this.rewrite(label, (ply) => ply.filtered(isKept));
     this.faces.onFocus = (faces) => {
       const layer = this.pointsLayer();
       if (layer && app.viewer) app.viewer.focus(layer.id, faces);
@@ -184,7 +190,8 @@ export class ScanSpace implements Space {
     setOptions(this.look, this.looks, this.shownLook ?? "");
     this.look.disabled = this.looks.length < 2;
     const isIdle = !this.app.isBusy;
-    for (const each of [this.make, this.find, this.propose]) each.disabled = !has || !isIdle;
+    for (const each of [this.make, this.find, this.propose, this.align])
+      each.disabled = !has || !isIdle;
     this.example.disabled = !isIdle;
     this.find.textContent = state.labels ? "Recognize again" : "Recognize faces";
     this.make.textContent = state.fit ? "Make the CAD model again" : "Make a CAD model";
@@ -195,7 +202,8 @@ export class ScanSpace implements Space {
     if (picked !== this.lastPick && canSelect) {
       this.lastPick = picked;
       const own = layers.some((l) => l === this.pointsLayer() && l.id === picked?.layer);
-      if (picked && own) this.faces.pick(picked.entity, picked.point);
+      if (picked && own && this.picks) this.pickForFrame(picked.point);
+      else if (picked && own) this.faces.pick(picked.entity, picked.point);
     }
     this.resultPart.hidden = state.fit === null;
     if (state.fit) this.tell(state.fit, this.document(state.fit.document));
@@ -289,7 +297,7 @@ export class ScanSpace implements Space {
     const given = history.fresh(`${stem}-given`, "ply");
     const labels = history.fresh(`${stem}-faces`, "ply");
     await this.app.work(label, async (run) => {
-      const ply = new Ply(await backend.get(this.state.labels));
+      const ply = await this.shownPoints(this.state.labels);
       const old = ply.column("entity");
       const now = old.map((v, i) => face(v, i));
       await backend.put(
@@ -325,26 +333,56 @@ export class ScanSpace implements Space {
     });
   }
 
-  /** Keeps some of the points as a new scan. */
-  private async crop(isKept: (i: number) => boolean, label: string): Promise<void> {
+  /** Reads the points of a file, which must be those that are drawn. */
+  private async shownPoints(name: string): Promise<Ply> {
+    const ply = new Ply(await backend.get(name));
+    if (ply.count !== this.pointsLayer()?.count)
+      throw new Error("The points that are shown are not all that the file holds.");
+    return ply;
+  }
+
+  /** Makes a new scan of the points. */
+  private async rewrite(label: string, change: (ply: Ply) => ArrayBuffer): Promise<void> {
     const { history } = this.app;
     const stem = stemOf(this.state.file);
-    const cropped = history.fresh(stem, "ply");
+    const target = history.fresh(stem, "ply");
     await this.app.work(label, async (run) => {
       let source = this.shownLook === "faces" ? this.state.labels : this.state.file;
-      if (endingOf(source) !== "ply") {
+      if (endingOf(source) !== "ply" || source === this.state.file) {
         source = history.fresh(`${stem}-points`, "ply");
-        await run({ verb: "convert", input: this.state.file, output: source });
+        await run({ verb: "convert", file: this.state.file, output: source });
       }
-      const ply = new Ply(await backend.get(source));
-      await backend.put(cropped, ply.filtered(isKept));
-      const { document } = await run({ verb: "inspect", file: cropped });
-      await this.keep(aboutOf(cropped), document);
+      await backend.put(target, change(await this.shownPoints(source)));
+      const { document } = await run({ verb: "inspect", file: target });
+      await this.keep(aboutOf(target), document);
       this.chosenLook = "points";
       history.commit(label, {
-        scan: { ...EMPTY.scan, file: cropped, unit: this.state.unit },
+        scan: { ...EMPTY.scan, file: target, unit: this.state.unit },
       });
     });
+  }
+
+  private beginAlignment(): void {
+    this.picks = [];
+    if (this.shownLook !== "faces") this.chosenLook = "points";
+    this.app.say("Click the new origin, then a point along x, then one in the plane of x and y.");
+    this.app.refresh();
+  }
+
+  private pickForFrame(point: V3): void {
+    const picks = this.picks!;
+    picks.push(point);
+    if (picks.length < 3) return;
+    this.picks = null;
+    const [origin, onX, inXy] = picks;
+    const x = sub(onX, origin);
+    const z = cross(x, sub(inXy, origin));
+    if (!(norm(z) > 1e-9 * norm(x) ** 2)) {
+      this.app.fail(new Error("The three points lie on one line. Pick others."));
+      return;
+    }
+    const axes: [V3, V3, V3] = [unit(x), unit(cross(z, x)), unit(z)];
+    void this.rewrite("Align to axes", (ply) => ply.inFrame(origin, axes));
   }
 
   /** Opens a program made of the faces in the tab of programs. */

@@ -16,5 +16,6 @@ mod recognize;
 mod render;
 mod serve;
 mod solids;
+mod studio;
 mod triangulate;
 mod view;

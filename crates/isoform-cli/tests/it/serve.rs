@@ -13,11 +13,11 @@ use std::time::{Duration, Instant};
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// A running server, ended with the test.
-struct Server {
+pub(crate) struct Server {
     child: Child,
-    port: u16,
+    pub(crate) port: u16,
     /// The path of the page.
-    path: String,
+    pub(crate) path: String,
 }
 
 impl Drop for Server {
@@ -29,8 +29,13 @@ impl Drop for Server {
 
 impl Server {
     fn start(args: &[&str]) -> Self {
+        Self::of(&[&["view", "--serve"], args].concat())
+    }
+
+    /// Starts the program with these words.
+    pub(crate) fn of(words: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_isoform"))
-            .args([&["view", "--serve"], args].concat())
+            .args(words)
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
@@ -64,7 +69,7 @@ impl Server {
     }
 
     /// The answer to a request as a browser sends it, with more lines.
-    fn ask(&self, method: &str, path: &str, more: &str) -> String {
+    pub(crate) fn ask(&self, method: &str, path: &str, more: &str) -> String {
         let port = self.port;
         self.raw(&format!(
             "{method} {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n{more}\r\n"
@@ -106,7 +111,7 @@ impl Server {
     }
 }
 
-fn status(answer: &str) -> u16 {
+pub(crate) fn status(answer: &str) -> u16 {
     let word = answer.split(' ').nth(1).unwrap_or("0");
     word.parse().unwrap_or(0)
 }

@@ -122,8 +122,7 @@ mod tests {
     fn origins() {
         let own = ("host", "127.0.0.1:4000");
         for method in [Method::GET, Method::POST, Method::PUT] {
-            let page =
-                |origin| judge_method(method.clone(), "/abc/", &[own, ("origin", origin)]);
+            let page = |origin| judge_method(method.clone(), "/abc/", &[own, ("origin", origin)]);
             assert_eq!(page("http://127.0.0.1:4000"), Ok(String::new()));
             for foreign in [
                 "null",

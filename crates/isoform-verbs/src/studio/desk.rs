@@ -178,7 +178,8 @@ impl Desk {
 
     /// Gives a file: a page to be looked at with `?open`, else bytes to be kept.
     fn get(&self, name: &str, head: &Parts) -> Result<Response<Content>, StatusCode> {
-        let bytes = fs::read(self.project.folder().join(name)).map_err(|_| StatusCode::NOT_FOUND)?;
+        let bytes =
+            fs::read(self.project.folder().join(name)).map_err(|_| StatusCode::NOT_FOUND)?;
         let is_page = name.ends_with(".html") && head.uri.query() == Some("open");
         let mut answer = if is_page {
             response(StatusCode::OK, "text/html; charset=utf-8", bytes)

@@ -48,12 +48,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FOLDER")]
     project: Option<PathBuf>,
     /// The port of the address [default: one that is free]
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 0,
-        hide_default_value = true
-    )]
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     port: u16,
     /// Print the address, and open no browser
     #[arg(long)]

@@ -213,10 +213,7 @@ fn copied(file: &Path, folder: &Path) -> Result<String, Failure> {
 }
 
 /// Writes a file completely or not at all.
-fn write_from(
-    path: &Path,
-    write: impl FnOnce(&mut fs::File) -> io::Result<u64>,
-) -> io::Result<()> {
+fn write_from(path: &Path, write: impl FnOnce(&mut fs::File) -> io::Result<u64>) -> io::Result<()> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let part = path.with_file_name(format!(".{name}.part"));
     let written = fs::File::create(&part)
@@ -259,8 +256,20 @@ mod tests {
             assert!(is_name(good), "{good}");
         }
         for bad in [
-            "", ".", "..", ".a", "a/b", "a\\b", "/a", "C:a", "a\nb", "a.", "a ", "project.json",
-            "PROJECT.JSON", "a\0",
+            "",
+            ".",
+            "..",
+            ".a",
+            "a/b",
+            "a\\b",
+            "/a",
+            "C:a",
+            "a\nb",
+            "a.",
+            "a ",
+            "project.json",
+            "PROJECT.JSON",
+            "a\0",
         ] {
             assert!(!is_name(bad), "{bad:?}");
         }
@@ -268,7 +277,14 @@ mod tests {
         for inside in ["a.ply", "x/y = 1", "x^2 + y^2 = 1"] {
             assert!(is_inside(Path::new(inside)), "{inside}");
         }
-        for outside in ["../a", "/etc/passwd", "a/../../b", "-", "project.json", ".."] {
+        for outside in [
+            "../a",
+            "/etc/passwd",
+            "a/../../b",
+            "-",
+            "project.json",
+            "..",
+        ] {
             assert!(!is_inside(Path::new(outside)), "{outside}");
         }
     }

@@ -31,7 +31,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<(String, Map<String, Value>, Vec<OsSt
         return Err(Failure::usage("the key `verb` is missing"));
     };
     if let Some(key) = REFUSED.iter().find(|key| fields.contains_key(**key)) {
-        return Err(Failure::usage(format!("a request of the page has no `{key}`")));
+        return Err(Failure::usage(format!(
+            "a request of the page has no `{key}`"
+        )));
     }
     let words = request::words(&verb, &fields, &command(Extent::Whole))?;
     check(&words)?;
@@ -149,6 +151,9 @@ mod tests {
             panic!("{good}");
         };
         let text = line(&words);
-        assert_eq!(text, "isoform mesh '--output=a b.stl' -- 'x^2 + y^2 + z^2 = 1'");
+        assert_eq!(
+            text,
+            "isoform mesh '--output=a b.stl' -- 'x^2 + y^2 + z^2 = 1'"
+        );
     }
 }
