@@ -151,7 +151,7 @@ fn grouped(verb: Command, extent: Extent) -> Command {
     options.sort_by_key(place);
     args.extend(options.into_iter().map(|arg| {
         let title = GROUPS[place(&arg).0].0;
-        let is_hidden = is_short && !SHORT.contains(&title);
+        let is_hidden = arg.is_hide_set() || is_short && !SHORT.contains(&title);
         arg.help_heading(title).hide(is_hidden)
     }));
     let args = args

@@ -149,7 +149,8 @@ fn verbs(command: &Command) -> impl Iterator<Item = &Command> {
 /// Returns the arguments of a verb, those that all verbs share last.
 fn arguments<'c>(verb: &'c Command, command: &'c Command) -> impl Iterator<Item = &'c Arg> {
     let global = command.get_arguments().filter(|a| a.is_global_set());
-    let is_told = |a: &&Arg| !["help", "version"].contains(&a.get_id().as_str());
+    let is_told =
+        |a: &&Arg| !a.is_hide_set() && !["help", "version"].contains(&a.get_id().as_str());
     let own = verb
         .get_arguments()
         .filter(|a| !a.is_global_set() && a.get_id() != HELP);

@@ -63,6 +63,9 @@ pub(crate) struct Args {
         requires = "serve"
     )]
     port: u16,
+    /// Write the scene alone, packed for a page that is open: for Isoform Studio in a browser
+    #[arg(long, hide = true, requires = "output")]
+    packed: bool,
     /// The title of the page [default: the names of the files]
     #[arg(long, value_name = "TEXT")]
     title: Option<String>,
@@ -81,7 +84,10 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         disk::check_folder(output)?;
     }
     let (page, layers) = made(args, context)?;
-    let html = page.html().into_bytes();
+    let html = match args.packed {
+        true => page.packed(),
+        false => page.html().into_bytes(),
+    };
     let size = html.len();
     let stdout = if is_stdout {
         html

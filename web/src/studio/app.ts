@@ -28,8 +28,13 @@ export interface Space {
   failed?(error: Error | null): void;
   /** Takes a file; returns false if it is of no use here. */
   open(name: string): Promise<boolean>;
+  /** Makes what is being typed a step of the project. */
+  settle?(): void;
+  /** Leaves what the key Escape leaves; returns false if there is nothing. */
+  leave?(): boolean;
 }
 
+const BUSY = "Other work is going on: wait for it, or cancel it.";
 /** Number of command lines that are kept in view. */
 const MOST_LINES = 100;
 
@@ -54,8 +59,8 @@ export class App {
   private readonly tabs = new Map<Tab, HTMLButtonElement>();
   private readonly sides = h("div", { class: "side" });
   private readonly settings = h("div", { class: "settings" });
-  private readonly undoButton = button("Undo", () => this.history.undo());
-  private readonly redoButton = button("Redo", () => this.history.redo());
+  private readonly undoButton = button("Undo", () => this.undo());
+  private readonly redoButton = button("Redo", () => this.redo());
   private readonly lost = h("p", { class: "lost", role: "alert", hidden: true });
   private readonly phase = h("span", {});
   private readonly bar = h("progress", { max: "1", "aria-label": "Progress" });
@@ -108,6 +113,15 @@ export class App {
     return this.job !== null;
   }
 
+  private undo(): void {
+    this.space.settle?.();
+    this.history.undo();
+  }
+  private redo(): void {
+    this.space.settle?.();
+    this.history.redo();
+  }
+
   /** Creates the elements of the page. */
   private build(): void {
     const list = h("div", { role: "tablist", "aria-label": "Kind of work", class: "tabs" });
@@ -121,7 +135,7 @@ export class App {
           id: `tab-${tab}`,
           "aria-controls": `space-${tab}`,
           title: `Alt ${i + 1}`,
-          click: () => this.history.turnTo(tab),
+          click: () => this.turnTo(tab),
           keydown: (e) => this.turn(e as KeyboardEvent, i),
         },
         title,
@@ -168,12 +182,17 @@ export class App {
     );
   }
 
+  private turnTo(tab: Tab): void {
+    this.space.settle?.();
+    this.history.turnTo(tab);
+  }
+
   /** Turns to the neighbour of a tab by arrow keys. */
   private turn(event: KeyboardEvent, i: number): void {
     const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
     if (!by) return;
     const tab = TABS[(i + by + TABS.length) % TABS.length];
-    this.history.turnTo(tab);
+    this.turnTo(tab);
     this.tabs.get(tab)!.focus();
   }
 
@@ -211,22 +230,19 @@ export class App {
     const control = event.ctrlKey || event.metaKey;
     const key = event.key.toLowerCase();
     const does: [boolean, () => void][] = [
-      [control && key === "z" && !event.shiftKey && !isText, () => this.history.undo()],
-      [
-        control && ((key === "z" && event.shiftKey) || key === "y") && !isText,
-        () => this.history.redo(),
-      ],
+      [control && key === "z" && !event.shiftKey && !isText, () => this.undo()],
+      [control && ((key === "z" && event.shiftKey) || key === "y") && !isText, () => this.redo()],
       [control && key === "o", () => this.chooser.click()],
       [
         control && key === "enter",
         () => this.space.element.querySelector<HTMLButtonElement>("button.primary")?.click(),
       ],
-      [key === "escape" && this.isBusy, () => this.cancel()],
-      [event.key === "?" && !isText, () => this.help.showModal()],
       [
-        event.altKey && /^[1-4]$/.test(event.key),
-        () => this.history.turnTo(TABS[Number(event.key) - 1]),
+        key === "escape" && !target.closest("dialog"),
+        () => (this.isBusy ? this.cancel() : this.space.leave?.()),
       ],
+      [event.key === "?" && !isText, () => this.help.showModal()],
+      [event.altKey && /^[1-4]$/.test(event.key), () => this.turnTo(TABS[Number(event.key) - 1])],
     ];
     const found = does.find(([is]) => is);
     if (!found || target.closest("dialog")) return;
@@ -302,7 +318,10 @@ export class App {
 
   /** Does some work with a progress bar; failures are shown. Returns false if there was none. */
   async work(label: string, does: (run: (r: Request) => Promise<Answer>) => Promise<void>) {
-    if (this.job) return false;
+    if (this.job) {
+      this.fail(new Error(BUSY));
+      return false;
+    }
     const own = (this.job = new AbortController());
     this.say("");
     this.status.hidden = false;
@@ -387,6 +406,7 @@ export class App {
 
   /** Opens a file of the project in the tab that it is for. */
   async take(name: string): Promise<void> {
+    if (this.isBusy) return this.fail(new Error(`${name} is in the project. ${BUSY}`));
     const ending = endingOf(name);
     const tab: Tab =
       ending === "hf"
@@ -402,6 +422,6 @@ export class App {
       this.fail(new Error(`${name} is neither a scan, a mesh, a solid nor a program`));
       return;
     }
-    if (own !== this.tab) this.history.turnTo(own);
+    if (own !== this.tab) this.turnTo(own);
   }
 }

@@ -1,6 +1,6 @@
-// Requests to the server: work of verbs, pictures, files, and the state of the project.
+// What the page asks of the program: work of verbs, pictures, files, and the state of the project.
 
-import { type SceneDoc, unpackScene } from "../scene";
+import type { SceneDoc } from "../scene";
 
 export type Json = null | boolean | number | string | Json[] | { [key: string]: Json };
 /** Document of a verb; its keys are those of `--json`. */
@@ -29,7 +29,7 @@ export interface Answer {
   warnings: string[];
 }
 
-interface Problem {
+export interface Problem {
   code: string;
   message: string;
   where: { file?: string; line?: number; column?: number; key?: string };
@@ -67,105 +67,61 @@ export interface Stored {
   opened: string[];
 }
 
-const LOST = "The program that serves this page has ended. Start isoform studio again.";
-
-/** Sends a request; a server that does not answer is an error in words. */
-async function ask(path: string, init: RequestInit = {}): Promise<Response> {
-  let response: Response;
-  try {
-    response = await fetch(path, { cache: "no-store", ...init });
-  } catch (error) {
-    if (init.signal?.aborted) throw error;
-    throw new Error(LOST, { cause: error });
-  }
-  if (response.status === 422) throw new Failure((await response.json()).failure);
-  if (!response.ok && response.status !== 409)
-    throw new Error(`${path.split("?")[0]}: ${response.status} ${response.statusText}`);
-  return response;
+/** Side of the program: a server, or the program itself as WebAssembly. */
+export interface Backend {
+  /** Does the work of a verb. */
+  run(request: Request, work?: Work): Promise<Answer>;
+  /** Returns a picture of files and texts. */
+  scene(request: SceneRequest, signal?: AbortSignal): Promise<SceneDoc>;
+  put(name: string, content: Blob | string | ArrayBuffer): Promise<void>;
+  get(name: string): Promise<ArrayBuffer>;
+  files(): Promise<{ name: string; size: number }[]>;
+  /** Returns the address under which a browser finds a file; of a page that is to be seen, or of
+   *  bytes that are to be kept. */
+  address(name: string, isSeen: boolean): string;
+  /** True if pages that verbs wrote can be opened; others are downloaded. */
+  readonly opensPages: boolean;
+  /** Returns the scan of a cup that the program carries; null if it carries none. */
+  readonly example: (() => Promise<ArrayBuffer>) | null;
+  stored(): Promise<Stored>;
+  /** Stores a state that follows the version `base`; returns the new version, or the state of
+   *  another window that was quicker. */
+  store(base: number, document: object): Promise<number | Stored>;
+  /** Resolves with the version of the state when it is another one, or after some seconds. */
+  news(after: number): Promise<number>;
 }
 
-/** Yields the lines of a body as they come. */
-async function* lines(body: ReadableStream<Uint8Array<ArrayBuffer>>): AsyncGenerator<string> {
-  const reader = body.pipeThrough(new TextDecoderStream()).getReader();
-  let rest = "";
-  for (;;) {
-    const { done, value } = await reader.read();
-    if (done) return;
-    const parts = (rest + value).split("\n");
-    rest = parts.pop()!;
-    yield* parts;
-  }
+let current: Backend;
+/** Sets the side of the program, before anything else is called. */
+export function use(backend: Backend): void {
+  current = backend;
 }
 
-/** Does the work of a verb. */
-export async function run(request: Request, work: Work = {}): Promise<Answer> {
-  const response = await ask("run", {
-    method: "POST",
-    body: JSON.stringify(request),
-    signal: work.signal,
-  });
-  for await (const line of lines(response.body!)) {
-    const message = JSON.parse(line);
-    if (message.command) work.onCommand?.(message.command);
-    if (message.progress) work.onProgress?.(message.progress.phase, message.progress.done);
-    if (message.failure) throw new Failure(message.failure);
-    if (message.answer) return message.answer;
-  }
-  throw new Error(LOST);
-}
+export const run: Backend["run"] = (request, work) => current.run(request, work);
+export const scene: Backend["scene"] = (request, signal) => current.scene(request, signal);
+export const put: Backend["put"] = (name, content) => current.put(name, content);
+export const get: Backend["get"] = (name) => current.get(name);
+export const files: Backend["files"] = () => current.files();
+export const example = (): Backend["example"] => current.example;
+export const stored: Backend["stored"] = () => current.stored();
+export const store: Backend["store"] = (base, document) => current.store(base, document);
+export const news: Backend["news"] = (after) => current.news(after);
 
-/** Returns a picture of files and texts. */
-export async function scene(request: SceneRequest, signal?: AbortSignal): Promise<SceneDoc> {
-  const response = await ask("scene", { method: "POST", body: JSON.stringify(request), signal });
-  return unpackScene(await response.arrayBuffer());
-}
-
-const pathOf = (name: string): string => `files/${encodeURIComponent(name)}`;
-
-export async function put(name: string, content: Blob | string | ArrayBuffer): Promise<void> {
-  await ask(pathOf(name), { method: "PUT", body: content });
-}
-export async function get(name: string): Promise<ArrayBuffer> {
-  return (await ask(pathOf(name))).arrayBuffer();
-}
 export async function text(name: string): Promise<string> {
-  return (await ask(pathOf(name))).text();
+  return new TextDecoder().decode(await get(name));
 }
 export async function json(name: string): Promise<Document> {
-  return (await ask(pathOf(name))).json();
+  return JSON.parse(await text(name));
 }
-export async function files(): Promise<{ name: string; size: number }[]> {
-  return (await ask("files")).json();
+/** Opens a page that a verb wrote, in a tab of its own. */
+export function openPage(name: string): void {
+  if (current.opensPages) open(current.address(name, true), "_blank", "noopener");
+  else download(name);
 }
-/** Returns the scan of a cup that the program carries. */
-export async function example(): Promise<ArrayBuffer> {
-  return (await ask("example")).arrayBuffer();
-}
-/** Returns the address of a page that a verb wrote. */
-export const pageAddress = (name: string): string => `${pathOf(name)}?open`;
-
 /** Hands a file over to the downloads of the browser. */
 export function download(name: string): void {
   const link = document.createElement("a");
-  link.href = pathOf(name);
+  link.href = current.address(name, false);
   link.download = name;
   link.click();
-}
-
-export async function stored(): Promise<Stored> {
-  return (await ask("project")).json();
-}
-/** Stores a state that follows the version `base`; returns the new version, or the state of another
- *  window that was quicker. */
-export async function store(base: number, document: object): Promise<number | Stored> {
-  const response = await ask(`project?base=${base}`, {
-    method: "PUT",
-    body: JSON.stringify(document),
-  });
-  const result = await response.json();
-  return response.status === 409 ? result : result.version;
-}
-/** Resolves with the version of the state when it is another one, or after some seconds. */
-export async function news(after: number): Promise<number> {
-  return (await (await ask(`news?after=${after}`)).json()).version;
 }

@@ -212,6 +212,14 @@ export class Faces {
     this.onBoxing(is);
   }
 
+  /** Ends the selection of points; returns false if there is none. */
+  leave(): boolean {
+    if (!this.isBoxing && !this.selection) return false;
+    this.setBoxing(false);
+    this.select(null);
+    return true;
+  }
+
   /** Returns a number that no face has. */
   private fresh(): number {
     const entities: Document[] = this.document?.entities ?? [];

@@ -139,6 +139,10 @@ export class ProgramSpace implements Space {
     this.app.draw();
   }
 
+  settle(): void {
+    this.keep();
+  }
+
   /** Makes what was typed a step of the project. */
   private keep(): void {
     clearTimeout(this.rest);

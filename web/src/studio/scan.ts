@@ -79,7 +79,11 @@ export class ScanSpace implements Space {
     this.propose.title = "Open a template made of the faces in the tab Program";
     this.align = app.whileIdle(button("Align to axes", () => this.beginAlignment()));
     this.align.title = "Pick the origin, a point along x, and a point in the plane of x and y";
-    this.example = choice("Examples", EXAMPLES, (name) => void this.openExample(name));
+    this.example = choice(
+      "Examples",
+      EXAMPLES.filter(([name]) => name !== "cup" || backend.example() !== null),
+      (name) => void this.openExample(name),
+    );
     this.facesPart = section("Faces", this.faces.element);
     this.resultPart = section("Model", this.result);
     this.dropped.append(this.example);
@@ -157,6 +161,11 @@ export class ScanSpace implements Space {
     return looks.find(([look]) => look === this.chosenLook)?.[0] ?? looks[0]?.[0] ?? null;
   }
 
+  leave(): boolean {
+    this.picks = null;
+    return this.faces.leave();
+  }
+
   picture(): { request: SceneRequest; subject: string } | null {
     const { file, labels, fit } = this.state;
     const look = this.shownLook;
@@ -230,7 +239,7 @@ export class ScanSpace implements Space {
   async open(name: string): Promise<boolean> {
     const ending = endingOf(name);
     if (![...POINTS, ...MESHES].includes(ending)) return false;
-    return this.app.work(`Reading ${name}`, async (run) => {
+    await this.app.work(`Reading ${name}`, async (run) => {
       const { document } = await run({ verb: "inspect", file: name });
       await this.keep(aboutOf(name), document);
       this.chosenLook = null;
@@ -239,6 +248,7 @@ export class ScanSpace implements Space {
         scan: { ...EMPTY.scan, file: name },
       });
     });
+    return true;
   }
 
   /** Stores a document and keeps it at hand. */
@@ -252,7 +262,7 @@ export class ScanSpace implements Space {
     const { history } = this.app;
     if (name === "cup") {
       const file = history.fresh("cup", "ply");
-      await backend.put(file, await backend.example());
+      await backend.put(file, await backend.example()!());
       // A cup is no body of planes and cylinders alone: its template comes with it.
       if (await this.open(file)) this.change("Template cup", { template: "cup" });
     } else if (name) {
@@ -497,7 +507,7 @@ export class ScanSpace implements Space {
     return h(
       "table",
       { class: "dimensions" },
-      h("caption", {}, `Dimensions in ${unit || "units of the scan"}`),
+      h("caption", {}, `Dimensions in ${unit || "units of the scan"}, ± standard deviation`),
       h(
         "thead",
         {},
@@ -522,7 +532,7 @@ export class ScanSpace implements Space {
       save.disabled = this.app.isBusy;
       return save;
     });
-    const report = button("Report", () => open(backend.pageAddress(fit.files.html), "_blank"));
+    const report = button("Report", () => backend.openPage(fit.files.html));
     report.title = "Dimensions, drawing and deviations on a page";
     if (!fit.files.html) report.disabled = true;
     return h("div", { class: "tools" }, ...buttons, report);

@@ -126,8 +126,13 @@ export class SurfaceSpace implements Space {
     this.rest = setTimeout(() => this.app.draw(), REST) as unknown as number;
   }
 
+  settle(): void {
+    this.keep();
+  }
+
   /** Makes what was typed a step of the project. */
   private keep(): void {
+    clearTimeout(this.rest);
     if (!this.typed) return;
     const surface = this.state;
     this.typed = null;
