@@ -25,6 +25,8 @@ NAMES = {"from": "format", "global": "polynomial", "as": "kind", "fix": "fixed"}
 TYPES = {
     "model": "Shape",
     "scan": "Points | Path",
+    "labels": "Points | Path | None",
+    "kind": "Mapping[int, str] | None",
     "template": "Model | Path",
     "map": "Mapping[str, str] | Path",
     "first": "Any",
@@ -259,7 +261,7 @@ VERBS = {
 }
 
 #: Arguments that are shapes, or files of them.
-SHAPES = {"model", "scan", "template", "map", "points", "file", "adapt"}
+SHAPES = {"model", "scan", "labels", "template", "map", "points", "file", "adapt"}
 #: What makes files of others.
 FILES = {"bounds": "bounds_file", "regions": "region_files", "memory": "there"}
 

@@ -21,7 +21,7 @@ pub(crate) fn uncertain_surface(
 ) -> UncertainSurface {
     let points = cloud.at(members);
     let surface = found.surfaces[label].about(mean(&points));
-    let variance = match found.is_form {
+    let variance = match found.is_form || !found.is_explained(label) {
         // Some objects of a scan follow their surfaces up to the noise, even if others need a
         // tolerance of form.
         true => squares(&surface, &points) / degrees_of_freedom(&surface, points.len()),

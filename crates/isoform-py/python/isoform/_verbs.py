@@ -66,6 +66,8 @@ def recover(
     surface_only: bool = False,
     angles: tuple[float, float] | None = None,
     memory: float | None = None,
+    labels: Points | Path | None = None,
+    kind: Mapping[int, str] | None = None,
     start: Mapping[str, float] | Sequence[float] | npt.NDArray[Any] | None = None,
     bounds: Mapping[str, tuple[float, float]] | Path | None = None,
     method: str | None = None,
@@ -130,6 +132,13 @@ def recover(
     memory : float, optional
         Refuse a mesh that takes more memory than this many GiB, by estimate; by default 16,
         or what the machine has.
+    labels : Points or path, optional
+        Search nothing: each number of the column `entity` of this file becomes one entity,
+        fitted to exactly its points, -1 none. The file is what recognize ``output``
+        labels.ply or .csv writes, perhaps edited: the points of the scan in their order.
+    kind : dict, optional
+        Kind of the entity of a label: plane, sphere, cylinder, cone or torus (repeatable);
+        by default that which describes its points best.
     start : dict or sequence or array, optional
         Start values by name, or in the order of the parameters; by default the template's,
         else the points decide.
@@ -195,6 +204,8 @@ def recover(
         "surface_only": bool(surface_only),
         "angles": angles,
         "memory": there(memory),
+        "labels": handed(labels),
+        "kind": kind,
         "start": in_order(start, template),
         "bounds": bounds_file(bounds),
         "method": method,
@@ -1000,6 +1011,8 @@ def recognize(
     *,
     output: Path | Sequence[Path] | None = None,
     format: str | None = None,
+    labels: Points | Path | None = None,
+    kind: Mapping[int, str] | None = None,
     seed: int | None = None,
     force: bool = False,
     threads: int | None = None,
@@ -1026,6 +1039,13 @@ def recognize(
         their entities, .hf a template of them for `fit`.
     format : str, optional
         Format of the scan, where its name does not tell it.
+    labels : Points or path, optional
+        Search nothing: each number of the column `entity` of this file becomes one entity,
+        fitted to exactly its points, -1 none. The file is what recognize ``output``
+        labels.ply or .csv writes, perhaps edited: the points of the scan in their order.
+    kind : dict, optional
+        Kind of the entity of a label: plane, sphere, cylinder, cone or torus (repeatable);
+        by default that which describes its points best.
     seed : int, optional
         Seed of everything random.
     force : bool
@@ -1058,6 +1078,8 @@ def recognize(
         "snap": bool(snap),
         "output": output,
         "from": format,
+        "labels": handed(labels),
+        "kind": kind,
         "seed": some_whole("seed", seed),
         "force": bool(force),
     }

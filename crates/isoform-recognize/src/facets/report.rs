@@ -148,6 +148,8 @@ fn describe(
         points: count,
         rms: (squares / points.len() as f64).sqrt() * scaling.unit,
         extent: surface.extent(&points).map(|h| h * scaling.unit),
+        label: None,
+        is_explained: true,
     };
     (
         entity,

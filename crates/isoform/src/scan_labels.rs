@@ -1,0 +1,214 @@
+//! Labels that the points of a scan were given by hand: corrections of what was recognised.
+
+use crate::facets::{check_corners, with_points};
+use crate::recognize_scan::{RecognizeError, Recognized};
+use isoform_control::Control;
+use isoform_geom::{Point3, PointCloud, norm, rounding, rounding_if_decimal, sub};
+use isoform_num::Random;
+use isoform_recognize::{GivenLabels, Options, PrimitiveKind, recognize_labelled};
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Name of the column of a file that holds the labels.
+const LABEL_COLUMN: &str = "entity";
+/// Number of points of a label that a sample keeps, if it has so many: a surface through 1000 points
+/// is known to a thirtieth of their noise.
+const SAMPLED_OF_LABEL: usize = 1000;
+
+/// Labels of the points of a scan.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ScanLabels {
+    /// Label of each point, those inside faces included; `None` for points of no entity.
+    pub labels: Vec<Option<u32>>,
+    /// Points inside the faces of a CAD mesh, numbered after its own, relative to its origin.
+    pub inside: Vec<Point3>,
+}
+
+/// Reasons why a file holds no labels of a scan.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ScanLabelsError {
+    /// The file has no column with labels.
+    #[error("it has no column `{LABEL_COLUMN}` with the numbers of the entities")]
+    NoColumn,
+    /// The file has another number of points.
+    #[error("it has {labels} points, but the scan has {points}")]
+    Count {
+        /// Number of points of the file.
+        labels: usize,
+        /// Number of points of the scan.
+        points: usize,
+    },
+    /// A number is no label.
+    #[error("point {point} (from 0) has the label {value}: 0, 1, 2, ... are labels, -1 is none")]
+    Label {
+        /// Index of the point.
+        point: usize,
+        /// Value in the file.
+        value: f64,
+    },
+    /// A point of the file is not that of the scan.
+    #[error(
+        "point {point} (from 0) is {distance} off that of the scan: it has other points, or in \
+         another order"
+    )]
+    Elsewhere {
+        /// Index of the point.
+        point: usize,
+        /// Distance of the two points.
+        distance: f64,
+    },
+}
+
+impl ScanLabels {
+    /// Takes the labels from a file: the points of the scan in their order, and of a CAD mesh those
+    /// inside its faces behind them, with the column `entity`. Coordinates have to agree within
+    /// their rounding.
+    ///
+    /// # Errors
+    /// [`ScanLabelsError`].
+    pub fn from_file(scan: &PointCloud, file: &PointCloud) -> Result<Self, ScanLabelsError> {
+        let named = file.columns.iter().find(|c| c.name == LABEL_COLUMN);
+        let values = &named.ok_or(ScanLabelsError::NoColumn)?.values;
+        let (labels, points) = (file.points.len(), scan.points.len());
+        let may_have_more = !scan.triangles.is_empty() && labels > points;
+        if labels != points && !may_have_more || values.len() != labels {
+            return Err(ScanLabelsError::Count { labels, points });
+        }
+        // Both were rounded.
+        let most = 2.0 * (rounding(scan) + rounding_if_decimal(file));
+        for point in 0..points {
+            let (p, q) = (scan.absolute(point), file.absolute(point));
+            // The percentile that `rounding` takes for the largest coordinate is not that of all.
+            let is_one = |k: usize| (p[k] - q[k]).abs() <= most || p[k] as f32 == q[k] as f32;
+            if !(0..3).all(is_one) {
+                let distance = norm(sub(p, q));
+                return Err(ScanLabelsError::Elsewhere { point, distance });
+            }
+        }
+        let label = |(point, value): (usize, &f64)| match *value {
+            -1.0 => Ok(None),
+            // The largest number stands for no label.
+            v if v >= 0.0 && v < f64::from(u32::MAX) && v.fract() == 0.0 => Ok(Some(v as u32)),
+            value => Err(ScanLabelsError::Label { point, value }),
+        };
+        let inside = |i: usize| {
+            let p = file.absolute(i);
+            std::array::from_fn(|k| p[k] - scan.origin[k])
+        };
+        Ok(Self {
+            labels: values
+                .iter()
+                .enumerate()
+                .map(label)
+                .collect::<Result<_, _>>()?,
+            inside: (points..labels).map(inside).collect(),
+        })
+    }
+
+    /// Returns the labels of some points of a scan, and those that vanish: labels of which most
+    /// points are left out lose the others, too.
+    #[must_use]
+    pub fn select(&self, kept: &[u32]) -> (Self, BTreeSet<u32>) {
+        let own = self.labels.len() - self.inside.len();
+        let (first, inside) = self.labels.split_at(own.min(self.labels.len()));
+        let chosen = kept.iter().filter_map(|i| first.get(*i as usize).copied());
+        let mut labels: Vec<Option<u32>> = chosen.chain(inside.iter().copied()).collect();
+        let count = |labels: &[Option<u32>]| {
+            let mut counts = BTreeMap::<u32, usize>::new();
+            let all = labels.iter().flatten();
+            all.for_each(|label| *counts.entry(*label).or_default() += 1);
+            counts
+        };
+        let (before, after) = (count(&self.labels), count(&labels));
+        let left = |label: &u32| after.get(label).copied().unwrap_or(0);
+        let lost = before.iter().filter(|(label, n)| 2 * left(label) < **n);
+        let lost: BTreeSet<u32> = lost.map(|(label, _)| *label).collect();
+        for label in &mut labels {
+            *label = label.filter(|l| !lost.contains(l));
+        }
+        let inside = self.inside.clone();
+        (Self { labels, inside }, lost)
+    }
+
+    /// Returns about `wanted` points of a scan with their labels, drawn at random with a fixed seed,
+    /// but more of small entities; `None` if it has no more points than that, or is a CAD mesh with
+    /// points inside its faces.
+    pub fn sample(&self, scan: &PointCloud, wanted: usize) -> Option<(PointCloud, Self)> {
+        let count = scan.points.len();
+        if count <= wanted || !self.inside.is_empty() {
+            return None;
+        }
+        let mut sizes = BTreeMap::<Option<u32>, usize>::new();
+        let all = self.labels.iter();
+        all.for_each(|label| *sizes.entry(*label).or_default() += 1);
+        let share = wanted as f64 / count as f64;
+        let mut random = Random::new(1);
+        let mut is_drawn = |label: &Option<u32>| {
+            let size = label.and_then(|_| sizes.get(label)).copied();
+            let least = size.map_or(0.0, |n| SAMPLED_OF_LABEL as f64 / n as f64);
+            random.unit() < share.max(least)
+        };
+        let drawn = (0..).zip(&self.labels).filter(|(_, label)| is_drawn(label));
+        let drawn: Vec<u32> = drawn.map(|(i, _)| i).collect();
+        let labels = drawn.iter().map(|i| self.labels[*i as usize]);
+        let labels = Self {
+            labels: labels.collect(),
+            inside: Vec::new(),
+        };
+        Some((scan.select(&drawn), labels))
+    }
+}
+
+/// Makes an entity of each label of a scan's points, and searches nothing: of the kind asked for,
+/// or of that which describes its points best. The entities are in ascending order of their labels.
+///
+/// Points of a CAD mesh count as a cloud, with those inside its faces, if they have labels.
+///
+/// ```
+/// use isoform::geom::{Point3, PointCloud, Quadric};
+/// use isoform::{Control, RecognizeOptions, ScanLabels, recognize_scan_labels};
+/// // The plane z = 0 has the label 7, the plane x = 0 the label 2.
+/// let side = |i: u32| [f64::from(i % 20), f64::from(i / 20)];
+/// let floor = (0..400).map(side).map(|[x, y]| [x, y, 0.0]);
+/// let wall = (0..400).map(side).map(|[y, z]| [0.0, y, z + 1.0]);
+/// let scan = PointCloud::from_points(floor.chain(wall).collect());
+/// let labels = ScanLabels {
+///     labels: (0..800).map(|i| Some(if i < 400 { 7 } else { 2 })).collect(),
+///     ..ScanLabels::default()
+/// };
+/// let options = RecognizeOptions::default();
+/// let kinds = Default::default();
+/// let found = recognize_scan_labels(&scan, &labels, &kinds, &options, &Control::default())?;
+/// let [wall, floor] = &found.recognition.entities[..] else { panic!() };
+/// assert_eq!([wall.label, floor.label], [Some(2), Some(7)]);
+/// let Quadric::Plane { normal: [x, ..], .. } = wall.surface else { panic!() };
+/// assert!((x.abs() - 1.0).abs() < 1e-12);
+/// # Ok::<(), isoform::RecognizeError>(())
+/// ```
+///
+/// # Errors
+/// [`RecognizeError`] if a triangle is not valid, the labels are not those of the scan, the points
+/// of one determine no surface, or on a stop.
+pub fn recognize_scan_labels<'a>(
+    scan: &'a PointCloud,
+    labels: &ScanLabels,
+    kinds: &BTreeMap<u32, PrimitiveKind>,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Recognized<'a>, RecognizeError> {
+    check_corners(scan)?;
+    let scan = match labels.inside.is_empty() {
+        true => Cow::Borrowed(scan),
+        false => Cow::Owned(with_points(scan, &labels.inside)),
+    };
+    let given = GivenLabels {
+        labels: labels.labels.clone(),
+        kinds: kinds.clone(),
+    };
+    Ok(Recognized {
+        recognition: recognize_labelled(&scan, &given, options, control)?,
+        scan,
+        supports: Vec::new(),
+    })
+}
