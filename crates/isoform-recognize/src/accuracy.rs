@@ -1,6 +1,6 @@
 //! Accuracy of the surfaces of a segmentation.
 
-use crate::chart::{MAX_PARAMETERS, Primitive};
+use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind};
 use crate::cloud::Cloud;
 use crate::fit::{covariance, mean, squares};
 use crate::relations::UncertainSurface;
@@ -29,8 +29,28 @@ pub(crate) fn uncertain_surface(
     };
     let open = [[f64::INFINITY; MAX_PARAMETERS]; MAX_PARAMETERS];
     let covariance = covariance(&surface, &points);
+    let of = |c: [ParameterRow; MAX_PARAMETERS]| {
+        with_rounding(
+            c.map(|row| row.map(|x| x * variance)),
+            surface.kind,
+            found.rounding,
+        )
+    };
     UncertainSurface {
         surface,
-        covariance: covariance.map_or(open, |c| c.map(|row| row.map(|x| x * variance))),
+        covariance: covariance.map_or(open, of),
     }
+}
+
+/// Adds to a covariance of the parameters the rounding, in diagonals, that the coordinates of one
+/// face may all have in one direction, which no average removes.
+pub(crate) fn with_rounding(
+    mut covariance: [ParameterRow; MAX_PARAMETERS],
+    kind: PrimitiveKind,
+    rounding: f64,
+) -> [ParameterRow; MAX_PARAMETERS] {
+    for k in kind.lengths() {
+        covariance[k][k] += rounding * rounding / 3.0;
+    }
+    covariance
 }

@@ -42,6 +42,9 @@ pub struct GivenLabels {
     pub labels: Vec<Option<u32>>,
     /// Kinds asked for, by label. Other labels become the kind that describes their points best.
     pub kinds: BTreeMap<u32, PrimitiveKind>,
+    /// Error that the coordinates of all points may share, in the scan's unit: the rounding of the
+    /// vertices of a CAD mesh, which no average removes; 0 for scans.
+    pub rounding: f64,
 }
 
 /// Reasons why labels given by hand become no entities.
@@ -201,6 +204,7 @@ impl<'a> LabelledFits<'a> {
         options: &Options,
     ) -> Result<Segmentation, LabelsError> {
         let cloud = self.cloud;
+        let rounding = ready.diagonals(self.given.rounding);
         let shown = match cloud.is_volume {
             true => cloud.noise,
             false => lower_noise(cloud, cloud.noise),
@@ -210,8 +214,9 @@ impl<'a> LabelledFits<'a> {
                 let is_form = noise > MAX_NOISE_GROWTH * shown;
                 (self.surfaces(noise, is_form)?, noise, is_form)
             }
-            None => self.within_noise_or_form(shown)?,
+            None => self.within_noise_or_form(shown.max(rounding))?,
         };
+        let noise = noise.max(rounding);
         let deviation = Noise {
             deviation: noise,
             slack: NOISE_SLACK,
@@ -227,6 +232,7 @@ impl<'a> LabelledFits<'a> {
         let given = given.collect();
         let mut found = Segmentation::new(surfaces, self.labels, noise, is_form);
         found.given = given;
+        found.rounding = rounding;
         Ok(found)
     }
 

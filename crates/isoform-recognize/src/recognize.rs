@@ -1,6 +1,6 @@
 //! Recognition of a scan.
 
-use crate::accuracy::{degrees_of_freedom, uncertain_surface};
+use crate::accuracy::{degrees_of_freedom, uncertain_surface, with_rounding};
 use crate::blends::{MIN_BORDER_PAIRS, blends};
 use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind, unit};
 use crate::cloud::{Cloud, Scaling, sorted};
@@ -135,9 +135,14 @@ impl PreparedScan {
         })
     }
 
+    /// Returns a length of the scan in diagonals.
+    pub(crate) fn diagonals(&self, length: f64) -> f64 {
+        length / self.scaling.unit
+    }
+
     /// Returns the noise that is given, in diagonals; `None` if the points have to show it.
     pub(crate) fn noise(&self, options: &Options) -> Option<f64> {
-        let given = options.noise.map(|n| n / self.scaling.unit);
+        let given = options.noise.map(|n| self.diagonals(n));
         given.map(|noise| noise.max(self.cloud.floor))
     }
 
@@ -404,7 +409,7 @@ fn entity(
         deviations: deviations(
             &surface,
             &sure_points(cloud, found, members, label),
-            sigma,
+            (sigma, found.rounding),
             scaling,
         ),
         outward,
@@ -416,22 +421,23 @@ fn entity(
     }
 }
 
-/// Returns the standard deviations of the parameters in the terms of CAD systems, from the
-/// covariance of the minimal parameters.
-pub(crate) fn deviations(
+/// Returns the standard deviations of the parameters in the terms of CAD systems, from points with
+/// the standard deviation `sigma` and a rounding that they may share, both in diagonals.
+fn deviations(
     surface: &Primitive,
     points: &[Point3],
-    sigma: f64,
+    (sigma, rounding): (f64, f64),
     scaling: &Scaling,
 ) -> Deviations {
     let Some(covariance) = covariance(surface, points) else {
         return Deviations::OPEN;
     };
     let covariance = covariance.map(|row| row.map(|x| x * sigma * sigma));
+    let covariance = with_rounding(covariance, surface.kind, rounding);
     deviations_of(surface, &covariance, scaling)
 }
 
-/// Returns [`deviations`] for a given covariance of the minimal parameters.
+/// Returns [`deviations`] from the covariance of the minimal parameters.
 pub(crate) fn deviations_of(
     surface: &Primitive,
     covariance: &[ParameterRow; MAX_PARAMETERS],

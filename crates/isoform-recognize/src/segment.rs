@@ -49,6 +49,8 @@ pub(crate) struct Segmentation {
     whole: FailedSplits,
     /// Labels of the entities, if these were given by hand; empty after a search.
     pub(crate) given: Vec<GivenEntity>,
+    /// Error that all points may share, in diagonals; 0 after a search.
+    pub(crate) rounding: f64,
 }
 
 /// Entity whose points were given by hand.
@@ -292,6 +294,7 @@ impl Segmentation {
             is_swept: false,
             is_finished: false,
             given: Vec::new(),
+            rounding: 0.0,
         }
     }
 

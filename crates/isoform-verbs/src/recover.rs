@@ -22,6 +22,7 @@ use crate::watchdog;
 use isoform::field::hyperfun::Model;
 use isoform::fit::{ClutterKind, Finding};
 use isoform::geom::Point3;
+use isoform::recognize::Entity;
 use isoform::{MeshModelOptions, Proposal, RecognizeOptions, ScanLabels};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -109,7 +110,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let mut job = watchdog::stage("fit", || {
         fit_work::run_model(scan, (&template, &model), settings, context)
     })?;
-    for gap in proposal.iter().flat_map(Proposal::faults) {
+    for gap in proposal.iter().flat_map(|p| p.proposal.faults()) {
         let what = format!("template: {gap}");
         job.found.fit.add_finding(Finding::Incomplete { what });
     }
@@ -215,7 +216,7 @@ fn proposed(
     alone: &StandingAlone,
     language: &Language,
     context: &Context,
-) -> Result<(Model, Proposal), Failure> {
+) -> Result<(Model, EntityProposal), Failure> {
     let path = Path::new(&alone.scan.name);
     let options = RecognizeOptions::default();
     let cloud = &alone.scan.cloud;
@@ -238,7 +239,21 @@ fn proposed(
     found.supports.clone_from(&alone.supports);
     let proposal = recognize::proposal(&found, path, context)?;
     let model = model::parse(Path::new(PROPOSED), &proposal.program, language, context)?;
-    Ok((model, proposal))
+    let label = |e: &Entity| Some((e.label?, e.is_explained));
+    let entities = &found.recognition.entities;
+    let labels = alone
+        .labels
+        .as_ref()
+        .map(|_| entities.iter().filter_map(label).collect());
+    Ok((model, EntityProposal { proposal, labels }))
+}
+
+/// A template made of entities.
+struct EntityProposal {
+    proposal: Proposal,
+    /// Labels of the entities if they were given by hand, each with true if the entity explains its
+    /// points.
+    labels: Option<Vec<(u32, bool)>>,
 }
 
 /// The files to write.
@@ -334,7 +349,7 @@ impl RecoverResult {
         }
     }
     /// The template was made of the scan.
-    fn add_proposal(&mut self, proposal: &Proposal) {
+    fn add_proposal(&mut self, EntityProposal { proposal, labels }: &EntityProposal) {
         let gaps: Vec<String> = proposal.gaps.iter().map(ToString::to_string).collect();
         let used = proposal.used.iter().filter(|u| **u).count();
         self.text = format!(
@@ -350,6 +365,12 @@ impl RecoverResult {
             "complete": proposal.is_complete(),
             "gaps": gaps,
         });
+        if let Some(labels) = labels {
+            let all: Vec<u32> = labels.iter().map(|l| l.0).collect();
+            let open = labels.iter().filter(|l| !l.1).map(|l| l.0);
+            self.json["proposal"]["labels"] = json!(all);
+            self.json["proposal"]["unexplained_labels"] = json!(open.collect::<Vec<u32>>());
+        }
     }
     /// Adds the result for the solid.
     fn add_solid(&mut self, told: solid::SolidResult) {

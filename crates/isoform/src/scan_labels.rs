@@ -198,13 +198,18 @@ pub fn recognize_scan_labels<'a>(
     control: &Control<'_>,
 ) -> Result<Recognized<'a>, RecognizeError> {
     check_corners(scan)?;
-    let scan = match labels.inside.is_empty() {
-        true => Cow::Borrowed(scan),
-        false => Cow::Owned(with_points(scan, &labels.inside)),
+    // Points inside faces are as exact as the vertices that their surfaces pass through.
+    let (scan, rounding) = match labels.inside.is_empty() {
+        true => (Cow::Borrowed(scan), 0.0),
+        false => {
+            let all = with_points(scan, &labels.inside);
+            (Cow::Owned(all), rounding(scan))
+        }
     };
     let given = GivenLabels {
         labels: labels.labels.clone(),
         kinds: kinds.clone(),
+        rounding,
     };
     Ok(Recognized {
         recognition: recognize_labelled(&scan, &given, options, control)?,

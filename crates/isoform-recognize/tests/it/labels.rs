@@ -20,6 +20,7 @@ fn given(
     let given = GivenLabels {
         labels: labels.to_vec(),
         kinds: kinds.iter().copied().collect(),
+        rounding: 0.0,
     };
     recognize_labelled(&scan, &given, &Options::default(), &Control::default())
 }
