@@ -4,7 +4,7 @@
 use crate::accuracy::degrees_of_freedom;
 use crate::chart::{Primitive, PrimitiveKind};
 use crate::choose::{KnownSurfaces, Noise, follows};
-use crate::cloud::Cloud;
+use crate::cloud::{Cloud, thinned};
 use crate::cost::Cost;
 use crate::entity::Recognition;
 use crate::faces::FaceLabels;
@@ -214,7 +214,10 @@ impl<'a> LabelledFits<'a> {
                 let is_form = noise > MAX_NOISE_GROWTH * shown;
                 (self.surfaces(noise, is_form)?, noise, is_form)
             }
-            None => self.within_noise_or_form(shown.max(rounding))?,
+            None => {
+                let least = cloud.floor.max(rounding);
+                self.within_noise_or_form([shown, cloud.noise].map(|n| n.max(least)), least)?
+            }
         };
         let noise = noise.max(rounding);
         let deviation = Noise {
@@ -237,12 +240,27 @@ impl<'a> LabelledFits<'a> {
     }
 
     /// Returns the surfaces, the noise or the tolerance of form, and true if it is the latter.
-    fn within_noise_or_form(&self, shown: f64) -> Result<(Vec<Primitive>, f64, bool), LabelsError> {
+    /// `shown` are estimates of the noise from neighbourhoods, the lower one first.
+    fn within_noise_or_form(
+        &self,
+        shown: [f64; 2],
+        least: f64,
+    ) -> Result<(Vec<Primitive>, f64, bool), LabelsError> {
         let cloud = self.cloud;
-        let (mut surfaces, mut noise) = self.within_noise(shown)?;
-        // Surfaces fitted with less noise may show that it was too little.
-        if noise > 1.4 * shown && shown < cloud.noise {
-            (surfaces, noise) = self.within_noise(cloud.noise)?;
+        // Neighbourhoods reach over thin walls and into other labels, and look noisier than these.
+        let own = self.own_noise().unwrap_or(shown[0]);
+        let own = own.min(shown[0]).max(least);
+        let (mut surfaces, mut noise) = self.within_noise(own)?;
+        let mut tried = own;
+        for more in shown {
+            // Surfaces fitted with less noise may show that it was too little.
+            if noise <= 1.4 * tried || more <= tried {
+                continue;
+            }
+            let Ok(found) = self.within_noise(more) else {
+                break;
+            };
+            ((surfaces, noise), tried) = (found, more);
         }
         let deviation = Noise {
             deviation: noise,
@@ -278,6 +296,39 @@ impl<'a> LabelledFits<'a> {
             noise = self.measured(&surfaces, shown);
         }
         Ok((self.surfaces(noise, false)?, noise))
+    }
+
+    /// Returns the noise that labels show: the median over their points of the least deviation from
+    /// any kind of surface, which few wrong labels do not change. `None` if all have few points.
+    fn own_noise(&self) -> Option<f64> {
+        let cloud = self.cloud;
+        let of = |members: &Vec<u32>| {
+            // The deviation of 400 points is known to 4 %.
+            let some: Vec<u32> = thinned(members.len(), 400).map(|k| members[k]).collect();
+            let points = cloud.at(&some);
+            let deviation = |kind: &PrimitiveKind| {
+                // With fewer points a surface follows the noise.
+                let free = points.len().checked_sub(2 * kind.parameters())? + kind.parameters();
+                let (_, squares) = fit(&guess(cloud, &some, *kind)?, &points, Precision::Full)?;
+                Some((squares / free as f64).sqrt())
+            };
+            let least = PrimitiveKind::ALL.iter().filter_map(deviation);
+            let least = least.min_by(f64::total_cmp)?;
+            Some((least, members.len()))
+        };
+        let mut each: Vec<(f64, usize)> = self.members.par_iter().filter_map(of).collect();
+        each.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut left = each.iter().map(|e| e.1).sum::<usize>() / 2;
+        let median = each
+            .iter()
+            .find(|(_, count)| match left.checked_sub(*count) {
+                Some(rest) => {
+                    left = rest;
+                    false
+                }
+                None => true,
+            });
+        median.map(|e| e.0)
     }
 
     /// Returns the noise of points about the surfaces that explain them, given the estimate before

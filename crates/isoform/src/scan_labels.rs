@@ -217,3 +217,109 @@ pub fn recognize_scan_labels<'a>(
         supports: Vec::new(),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_geom::Column;
+
+    fn cloud(count: u32) -> PointCloud {
+        let at = |i: u32| [f64::from(i % 13), f64::from(i % 7), 0.1 * f64::from(i)];
+        PointCloud::from_points((0..count).map(at).collect())
+    }
+
+    fn with_labels(cloud: &PointCloud, values: Vec<f64>) -> PointCloud {
+        let name = LABEL_COLUMN.to_owned();
+        PointCloud {
+            columns: vec![Column { name, values }],
+            ..cloud.clone()
+        }
+    }
+
+    #[test]
+    fn labels_are_those_of_the_same_points() {
+        let scan = cloud(5);
+        let values = vec![0.0, -1.0, 7.0, 4_294_967_294.0, 0.0];
+        let read = |file: &PointCloud| ScanLabels::from_file(&scan, file);
+        let labels = read(&with_labels(&scan, values.clone())).expect("labels");
+        assert_eq!(
+            labels.labels,
+            [Some(0), None, Some(7), Some(u32::MAX - 1), Some(0)]
+        );
+        // Coordinates as a file with three decimals has them, or one with another origin.
+        let mut rounded = with_labels(&scan, values.clone());
+        rounded.points.iter_mut().for_each(|p| p[2] += 4e-4);
+        assert!(read(&rounded).is_err());
+        rounded
+            .points
+            .iter_mut()
+            .for_each(|p| p[2] = (p[2] * 1e3).round() / 1e3);
+        assert_eq!(read(&rounded), Ok(labels.clone()));
+        let moved = with_labels(&scan, values.clone()).about([1.0, 2.0, 3.0]);
+        assert_eq!(read(&moved), Ok(labels));
+        // Another order, another number, and what is no label.
+        let mut turned = with_labels(&scan, values.clone());
+        turned.points.swap(3, 4);
+        let elsewhere = read(&turned).expect_err("other points");
+        assert!(matches!(
+            elsewhere,
+            ScanLabelsError::Elsewhere { point: 3, .. }
+        ));
+        assert_eq!(read(&scan), Err(ScanLabelsError::NoColumn));
+        let more = with_labels(&cloud(6), vec![0.0; 6]);
+        assert_eq!(
+            read(&more),
+            Err(ScanLabelsError::Count {
+                labels: 6,
+                points: 5
+            })
+        );
+        for value in [-2.0, 0.5, 4_294_967_295.0, 1e300, f64::INFINITY, -0.5] {
+            let mut wrong = values.clone();
+            wrong[2] = value;
+            let error = ScanLabelsError::Label { point: 2, value };
+            assert_eq!(read(&with_labels(&scan, wrong)), Err(error));
+        }
+        let nan = with_labels(&scan, vec![f64::NAN; 5]);
+        assert!(matches!(
+            read(&nan),
+            Err(ScanLabelsError::Label { point: 0, .. })
+        ));
+        assert!(read(&with_labels(&scan, vec![0.0; 3])).is_err());
+    }
+
+    #[test]
+    fn labels_that_lose_most_points_lose_all() {
+        let of = |n: usize, label: u32| std::iter::repeat_n(Some(label), n);
+        let labels = ScanLabels {
+            labels: of(10, 3).chain(of(10, 4)).chain([None; 5]).collect(),
+            inside: Vec::new(),
+        };
+        let kept: Vec<u32> = (6..25).collect();
+        let (left, lost) = labels.select(&kept);
+        assert_eq!(lost.into_iter().collect::<Vec<_>>(), [3]);
+        assert_eq!(left.labels[..4], [None; 4]);
+        assert_eq!(left.labels[4..14], [Some(4); 10]);
+    }
+
+    /// Of 30 000 points 3000 are wanted: of a label with 200 all are kept.
+    #[test]
+    fn samples_keep_small_labels() {
+        let scan = cloud(30_000);
+        let label = |i: u32| Some(u32::from(i % 150 == 0));
+        let labels = ScanLabels {
+            labels: (0..30_000).map(label).collect(),
+            inside: Vec::new(),
+        };
+        let (sample, left) = labels.sample(&scan, 3000).expect("a sample");
+        assert_eq!(sample.points.len(), left.labels.len());
+        let small = left.labels.iter().filter(|l| **l == Some(1)).count();
+        assert_eq!(small, 200);
+        assert!((2900..3400).contains(&sample.points.len()));
+        for (p, label) in sample.points.iter().zip(&left.labels) {
+            let i = (10.0 * p[2]).round() as u32;
+            assert_eq!(*label, Some(u32::from(i % 150 == 0)));
+        }
+        assert!(labels.sample(&scan, 30_000).is_none());
+    }
+}
