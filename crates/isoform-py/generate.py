@@ -25,6 +25,8 @@ NAMES = {"from": "format", "global": "polynomial", "as": "kind", "fix": "fixed"}
 TYPES = {
     "model": "Shape",
     "scan": "Points | Path",
+    "labels": "Sequence[int] | npt.NDArray[Any] | Points | Path | None",
+    "kind": "Mapping[int, str] | None",
     "template": "Model | Path",
     "map": "Mapping[str, str] | Path",
     "first": "Any",
@@ -85,6 +87,8 @@ TEXTS = {
     "bounds": "Lower and upper bound by name, in the unit of the points; or a file of them",
     "regions": "Regions with common nodes: models by name, each with the values of its parameters in a tuple where it has any; or objects of the program. What is left is called ``rest``",
     "file": "Points, models, fits, meshes, patches, triangulations, solids, or paths of them",
+    "labels": "Search nothing: each number becomes one entity, fitted to exactly its points, -1 none: an array (n,), such as ``Recognition.labels`` after changes, or a file that ``recognize`` has written (labels.ply), perhaps edited",
+    "kind": "Kinds of the entities of some labels, {{3: \"cylinder\"}}: plane, sphere, cylinder, cone or torus; by default those which describe their points best",
     "set": "The values of some parameters by name",
     "fix": "Parameters that are held, by name",
 }
@@ -285,6 +289,7 @@ from ._call import (
     corners,
     handed,
     in_order,
+    label_file,
     layer_files,
     region_files,
     run,
@@ -356,6 +361,8 @@ def value(verb, key, schema, name):
         return f"corners({name})"
     if key == "start":
         return f"in_order({name}, {verb.get('renamed', {}).get('template', 'template')})"
+    if key == "labels":
+        return f"label_file({name}, points)"
     if key == "file" and verb.get("file"):
         return "layer_files((obj, *others))"
     if key in verb.get("shapes", SHAPES):

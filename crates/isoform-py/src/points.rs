@@ -3,7 +3,7 @@
 use crate::arrays::{PointRows, PointsArg, rows};
 use crate::error::CallError;
 use crate::run::{self, CallLimits};
-use isoform::geom::PointCloud;
+use isoform::geom::{Column, PointCloud};
 use isoform::io::{MeshPoints, ReadError, ReadOptions, ReadReport, Source, read};
 use numpy::PyArray2;
 use pyo3::prelude::*;
@@ -84,6 +84,19 @@ impl Cloud {
             report.format,
             report.warnings.clone(),
         )
+    }
+
+    /// Returns the points with a further column; there have to be as many values as points.
+    fn with_column(&self, name: String, values: Vec<f64>) -> PyResult<Self> {
+        let points = self.cloud.points.len();
+        if values.len() != points {
+            let message = format!("{name}: {} values for {points} points", values.len());
+            return Err(CallError::new("shape", message).into());
+        }
+        let mut cloud = PointCloud::clone(&self.cloud);
+        cloud.columns.retain(|column| column.name != name);
+        cloud.columns.push(Column { name, values });
+        Ok(Self::from_parts(cloud, (*self.report).clone()))
     }
 
     fn __len__(&self) -> usize {

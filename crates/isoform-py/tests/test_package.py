@@ -42,6 +42,40 @@ def on_ball(count=400, seed=1):
     )
 
 
+class Labels(unittest.TestCase):
+    """Labels given by hand, as arrays, clouds and files."""
+
+    def setUp(self):
+        rng = np.random.default_rng(2)
+        floor, wall = rng.random((2, 500, 3))
+        floor[:, 2] = 0
+        wall[:, 0] = 0
+        wall[:, 2] += 0.05
+        self.points = np.concatenate([floor, wall])
+        self.labels = np.repeat([3, 8], 500)
+
+    def test_entities_are_those_of_the_labels(self):
+        found = isoform.recognize(self.points, labels=self.labels, kind={8: "plane"})
+        kinds = [(e["label"], e["type"]) for e in found.entities]
+        self.assertEqual(kinds, [(3, "plane"), (8, "plane")])
+        self.assertEqual(list(np.unique(found.labels[:500])), [0])
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "labels.ply"
+            isoform.recognize(self.points, labels=list(self.labels), output=path)
+            again = isoform.recognize(self.points, labels=path)
+            self.assertEqual([e["label"] for e in again.entities], [0, 1])
+            again = isoform.recognize(self.points, labels=isoform.read_points(path))
+            self.assertEqual([e["type"] for e in again.entities], ["plane", "plane"])
+
+    def test_what_is_no_label_is_refused(self):
+        for wrong in (self.labels[:5], self.labels * 1.0, self.labels[None]):
+            with self.assertRaises(IsoformError):
+                isoform.recognize(self.points, labels=wrong)
+        with self.assertRaises(IsoformError) as caught:
+            isoform.recognize(self.points, labels=self.labels, kind={8: "torus"})
+        self.assertIn("label 8", str(caught.exception))
+
+
 class Pictures(unittest.TestCase):
     """What `render` draws is what the program draws, and what it refuses."""
 

@@ -1,6 +1,6 @@
 //! Accuracy of the surfaces of a segmentation.
 
-use crate::chart::{MAX_PARAMETERS, Primitive};
+use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind};
 use crate::cloud::Cloud;
 use crate::fit::{covariance, mean, squares};
 use crate::relations::UncertainSurface;
@@ -21,7 +21,7 @@ pub(crate) fn uncertain_surface(
 ) -> UncertainSurface {
     let points = cloud.at(members);
     let surface = found.surfaces[label].about(mean(&points));
-    let variance = match found.is_form {
+    let variance = match found.is_form || !found.is_explained(label) {
         // Some objects of a scan follow their surfaces up to the noise, even if others need a
         // tolerance of form.
         true => squares(&surface, &points) / degrees_of_freedom(&surface, points.len()),
@@ -29,8 +29,28 @@ pub(crate) fn uncertain_surface(
     };
     let open = [[f64::INFINITY; MAX_PARAMETERS]; MAX_PARAMETERS];
     let covariance = covariance(&surface, &points);
+    let of = |c: [ParameterRow; MAX_PARAMETERS]| {
+        with_rounding(
+            c.map(|row| row.map(|x| x * variance)),
+            surface.kind,
+            found.rounding,
+        )
+    };
     UncertainSurface {
         surface,
-        covariance: covariance.map_or(open, |c| c.map(|row| row.map(|x| x * variance))),
+        covariance: covariance.map_or(open, of),
     }
+}
+
+/// Adds to a covariance of the parameters the rounding, in diagonals, that the coordinates of one
+/// face may all have in one direction, which no average removes.
+pub(crate) fn with_rounding(
+    mut covariance: [ParameterRow; MAX_PARAMETERS],
+    kind: PrimitiveKind,
+    rounding: f64,
+) -> [ParameterRow; MAX_PARAMETERS] {
+    for k in kind.lengths() {
+        covariance[k][k] += rounding * rounding / 3.0;
+    }
+    covariance
 }

@@ -21,15 +21,34 @@ pub(crate) const MIN_RADIUS_DEVIATIONS: f64 = 4.0;
 
 /// Kinds of surfaces, ordered by their number of parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum PrimitiveKind {
+pub enum PrimitiveKind {
+    /// Plane.
     Plane,
+    /// Sphere.
     Sphere,
+    /// Cylinder of revolution.
     Cylinder,
+    /// Cone of revolution.
     Cone,
+    /// Torus.
     Torus,
 }
 
 impl PrimitiveKind {
+    /// Kinds with their names, those of [`Quadric::name`].
+    pub const NAMED: [(&'static str, Self); 5] = [
+        ("plane", Self::Plane),
+        ("sphere", Self::Sphere),
+        ("cylinder", Self::Cylinder),
+        ("cone", Self::Cone),
+        ("torus", Self::Torus),
+    ];
+
+    /// Returns the name.
+    pub fn name(self) -> &'static str {
+        Self::NAMED[self as usize].0
+    }
+
     pub(crate) const ALL: &'static [Self; 5] = &[
         Self::Plane,
         Self::Sphere,
@@ -402,6 +421,18 @@ impl Primitive {
                 // Also for a tube that passes its axis (a spindle torus).
                 PrimitiveKind::Torus => radius(self.size) && radius(self.other),
             }
+    }
+
+    /// Returns the sizes, radii and the half angle of a cone (radians), each with its index among
+    /// the minimal parameters.
+    pub(crate) fn sizes(&self) -> Vec<(usize, f64)> {
+        match self.kind {
+            PrimitiveKind::Plane => Vec::new(),
+            PrimitiveKind::Sphere => vec![(3, self.size)],
+            PrimitiveKind::Cylinder => vec![(4, self.size)],
+            PrimitiveKind::Cone => vec![(5, self.other)],
+            PrimitiveKind::Torus => vec![(5, self.size), (6, self.other)],
+        }
     }
 
     /// Returns true if the radius is large enough to be distinguished from noise. A tube whose

@@ -21,6 +21,11 @@ pub struct Entity {
     /// Range of its points along the axis, from the centre, the apex or the point of the axis; 0
     /// for planes and spheres.
     pub extent: [f64; 2],
+    /// Label that the points were given by hand; `None` if they were found.
+    pub label: Option<u32>,
+    /// False if its points were given by hand, and no kind of surface explains them within the
+    /// noise, or not the kind asked for.
+    pub is_explained: bool,
 }
 
 /// Standard deviations of an entity's parameters, from the covariance of the fit; 0 for parameters
@@ -177,7 +182,7 @@ pub enum SymmetryKind {
 /// Result of recognition in a scan.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recognition {
-    /// Entities, those with most points first.
+    /// Entities, those with most points first; of labels given by hand in ascending order of these.
     pub entities: Vec<Entity>,
     /// Index of the entity of each point of the scan.
     pub labels: Vec<Option<u32>>,

@@ -21,7 +21,7 @@ use std::collections::BTreeMap;
 /// Minimum share of the points on entities of known size; with less, wider tolerances are tried.
 /// Parts made to their drawings have 90 % and more; with a lower limit, cans pass whose side is a
 /// dozen tori.
-const MIN_KNOWN_SHARE: f64 = 2.0 / 3.0;
+pub(crate) const MIN_KNOWN_SHARE: f64 = 2.0 / 3.0;
 /// Minimum share of the points on planes, spheres, cylinders and cones of known size within a
 /// tolerance of form. Tori do not count: a few of them follow any smooth body, such as an
 /// ellipsoid, within a hundredth of its size.
@@ -34,7 +34,7 @@ const MAX_SIZE_UNCERTAINTY: f64 = 0.03;
 const MIN_FORM_DEVIATIONS: f64 = 2.0;
 /// Maximum tolerance of form, in diagonals. Noise of half a per cent hides small faces, and twice
 /// that takes whole parts for one plane.
-const MAX_FORM_TOLERANCE: f64 = 0.0075;
+pub(crate) const MAX_FORM_TOLERANCE: f64 = 0.0075;
 /// Increase of the description length per point, in nats, that fewer surfaces justify: additional
 /// surfaces have to reduce the root mean square by a quarter, exp(−0.3). Deviations of form are
 /// correlated between neighbours, and a sum over points overrates them as evidence: without this
@@ -332,14 +332,10 @@ fn known_entities(cloud: &Cloud, found: &Segmentation) -> Vec<(Primitive, Vec<u3
 
 /// Returns true if the points of a surface determine its size.
 fn is_known(cloud: &Cloud, surface: &Primitive, members: &[u32]) -> bool {
-    // Indices of the sizes among the minimal parameters, with their values.
-    let sizes: &[(usize, f64)] = match surface.kind {
-        PrimitiveKind::Plane => return true,
-        PrimitiveKind::Sphere => &[(3, surface.size)],
-        PrimitiveKind::Cylinder => &[(4, surface.size)],
-        PrimitiveKind::Cone => &[(5, surface.other)],
-        PrimitiveKind::Torus => &[(5, surface.size), (6, surface.other)],
-    };
+    let sizes = surface.sizes();
+    if sizes.is_empty() {
+        return true;
+    }
     let points = cloud.at(members);
     let free = points
         .len()

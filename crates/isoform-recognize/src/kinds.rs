@@ -15,26 +15,50 @@ pub(crate) fn best_kind(
     surface: &Primitive,
     noise: Noise,
 ) -> Primitive {
+    let allowed = AllowedSurfaces {
+        least_points: &|kind| least_points(kind, noise.deviation),
+        is_allowed: &|_| true,
+    };
+    simplest_kind(cloud, shares, Some(surface), noise, &allowed).unwrap_or(*surface)
+}
+
+/// Surfaces among which a kind is chosen.
+pub(crate) struct AllowedSurfaces<'a> {
+    /// Minimum number of points of a kind.
+    pub(crate) least_points: &'a dyn Fn(PrimitiveKind) -> usize,
+    /// True if a fitted surface may be taken.
+    pub(crate) is_allowed: &'a dyn Fn(&Primitive) -> bool,
+}
+
+/// Returns the surface through the points of the simplest kind that explains them as well as any
+/// other; `known` is a surface near it. `None` if no surface is allowed.
+pub(crate) fn simplest_kind(
+    cloud: &Cloud,
+    shares: &MembershipWeights,
+    known: Option<&Primitive>,
+    noise: Noise,
+    allowed: &AllowedSurfaces<'_>,
+) -> Option<Primitive> {
     let (of, weights): (Vec<u32>, Vec<f64>) = shares.iter().copied().unzip();
     let points = cloud.at(&of);
     let count = weights.iter().sum::<f64>() as usize;
     let mut best: Option<(Primitive, f64)> = None;
     for kind in PrimitiveKind::ALL.iter().copied() {
-        if count < least_points(kind, noise.deviation) {
+        if count < (allowed.least_points)(kind) {
             continue;
         }
         let asked = |simple: Primitive| kind.parameters() - simple.kind.parameters();
         if best.is_some_and(|(s, more)| !may_be_called_for(asked(s), count, more, noise)) {
             continue;
         }
-        let start = match kind == surface.kind {
-            true => Some(*surface),
-            false => first_guess(cloud, shares, kind),
+        let start = match known.filter(|surface| surface.kind == kind) {
+            Some(surface) => Some(*surface),
+            None => first_guess(cloud, shares, kind),
         };
         let full = |s: Primitive| fit_weighted(&s, &points, Some(&weights), Precision::Full);
         let Some((fitted, squares)) = start
             .and_then(full)
-            .filter(|(s, _)| s.is_wider_than(noise.deviation))
+            .filter(|(s, _)| s.is_wider_than(noise.deviation) && (allowed.is_allowed)(s))
         else {
             continue;
         };
@@ -52,7 +76,7 @@ pub(crate) fn best_kind(
             best = Some((fitted, squares));
         }
     }
-    best.map_or(*surface, |b| b.0)
+    best.map(|b| b.0)
 }
 
 /// Returns the cone about one of some axes that follows points best; with its axis given it has two

@@ -14,6 +14,7 @@ mod faces;
 mod facets;
 mod fit;
 mod form;
+mod given;
 mod grow;
 mod kinds;
 mod labels;
@@ -37,11 +38,13 @@ mod symmetry;
 mod template;
 mod whole;
 
+pub use chart::PrimitiveKind;
 pub use entity::{
     Blend, Deviations, Entity, Face, Layout, Pattern, Recognition, Relation, RelationKind,
     Symmetry, SymmetryKind,
 };
 pub use facets::{FacetRecognition, points_on_facets, recognize_facets};
+pub use given::{GivenLabels, LabelsError, recognize_labelled};
 pub use recognize::{Error, Options, recognize};
 pub use snap::{Snap, snap};
 pub use template::{Gap, Proposal, ProposeError, propose};

@@ -1,6 +1,6 @@
 //! Recognition of a scan.
 
-use crate::accuracy::{degrees_of_freedom, uncertain_surface};
+use crate::accuracy::{degrees_of_freedom, uncertain_surface, with_rounding};
 use crate::blends::{MIN_BORDER_PAIRS, blends};
 use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind, unit};
 use crate::cloud::{Cloud, Scaling, sorted};
@@ -67,34 +67,15 @@ pub fn recognize(
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Recognition, Error> {
-    if !scan.points.iter().flatten().all(|x| x.is_finite()) {
-        return Err(Error::NotFinite);
-    }
-    if let Some(noise) = options.noise.filter(|n| !(n.is_finite() && *n >= 0.0)) {
-        return Err(Error::Noise(noise));
-    }
-    control.begin("neighbours")?;
-    let NormalizedScan {
-        places,
-        index,
-        pose,
-        scaling,
-    } = NormalizedScan::from_scan(scan)?;
-    let mut cloud = Cloud::new(
-        places,
-        rounding(scan) / scaling.unit,
-        rounding_if_decimal(scan) / scaling.unit,
-    );
-    if is_line(&cloud.points) {
-        return Err(Error::Line);
-    }
+    let ready = PreparedScan::new(scan, options, control)?;
+    let cloud = &ready.cloud;
     let min_points = options.min_points.unwrap_or(0);
-    let mut found = match options.noise.map(|n| n / scaling.unit) {
-        None => within_noise_or_form(&cloud, min_points, control)?,
+    let mut found = match ready.noise(options) {
+        None => within_noise_or_form(cloud, min_points, control)?,
         Some(noise) => {
-            let allowed = DistanceTolerance::Given(noise.max(cloud.floor));
+            let allowed = DistanceTolerance::Given(noise);
             segment(
-                &cloud,
+                cloud,
                 Limits {
                     min_points,
                     allowed,
@@ -104,20 +85,88 @@ pub fn recognize(
         }
     };
     control.check()?;
-    let mut faces = FaceLabels::of_cloud(&cloud, &found, min_points);
-    faces.settle_shared(&cloud, &mut found);
-    let given = given_normals(scan, &index, cloud.points.len(), &pose);
-    let is_oriented = given.is_some_and(|given| turn_as_given(&mut cloud, &found, &given));
-    if !is_oriented {
-        turn_outwards(&mut cloud, &found);
+    let mut faces = FaceLabels::of_cloud(cloud, &found, min_points);
+    faces.settle_shared(cloud, &mut found);
+    Ok(ready.described(scan, found, &faces))
+}
+
+/// A scan prepared for recognition.
+pub(crate) struct PreparedScan {
+    pub(crate) cloud: Cloud,
+    /// Index in the cloud of each point of the scan.
+    pub(crate) index: Vec<u32>,
+    pose: Pose,
+    scaling: Scaling,
+}
+
+impl PreparedScan {
+    /// Prepares a scan.
+    pub(crate) fn new(
+        scan: &PointCloud,
+        options: &Options,
+        control: &Control<'_>,
+    ) -> Result<Self, Error> {
+        if !scan.points.iter().flatten().all(|x| x.is_finite()) {
+            return Err(Error::NotFinite);
+        }
+        if let Some(noise) = options.noise.filter(|n| !(n.is_finite() && *n >= 0.0)) {
+            return Err(Error::Noise(noise));
+        }
+        control.begin("neighbours")?;
+        let NormalizedScan {
+            places,
+            index,
+            pose,
+            scaling,
+        } = NormalizedScan::from_scan(scan)?;
+        let cloud = Cloud::new(
+            places,
+            rounding(scan) / scaling.unit,
+            rounding_if_decimal(scan) / scaling.unit,
+        );
+        if is_line(&cloud.points) {
+            return Err(Error::Line);
+        }
+        Ok(Self {
+            cloud,
+            index,
+            pose,
+            scaling,
+        })
     }
-    cloud.turn_back(&pose);
-    let back = |s: &mut Primitive| *s = pose.surface_back(s);
-    found.surfaces.iter_mut().for_each(back);
-    Ok(Recognition {
-        is_oriented,
-        ..report(&cloud, &found, &faces, &index, &scaling)
-    })
+
+    /// Returns a length of the scan in diagonals.
+    pub(crate) fn diagonals(&self, length: f64) -> f64 {
+        length / self.scaling.unit
+    }
+
+    /// Returns the noise that is given, in diagonals; `None` if the points have to show it.
+    pub(crate) fn noise(&self, options: &Options) -> Option<f64> {
+        let given = options.noise.map(|n| self.diagonals(n));
+        given.map(|noise| noise.max(self.cloud.floor))
+    }
+
+    /// Describes a segmentation with its faces in the terms of the scan.
+    pub(crate) fn described(
+        mut self,
+        scan: &PointCloud,
+        mut found: Segmentation,
+        faces: &FaceLabels,
+    ) -> Recognition {
+        let (cloud, pose) = (&mut self.cloud, &self.pose);
+        let given = given_normals(scan, &self.index, cloud.points.len(), pose);
+        let is_oriented = given.is_some_and(|given| turn_as_given(cloud, &found, &given));
+        if !is_oriented {
+            turn_outwards(cloud, &found);
+        }
+        cloud.turn_back(pose);
+        let back = |s: &mut Primitive| *s = pose.surface_back(s);
+        found.surfaces.iter_mut().for_each(back);
+        Recognition {
+            is_oriented,
+            ..report(cloud, &found, faces, &self.index, &self.scaling)
+        }
+    }
 }
 
 /// Returns the normals that a scan gives, by point of the cloud and turned with it; `None` if it
@@ -257,7 +306,9 @@ fn report(
         }
     }
     let mut order: Vec<usize> = (0..members.len()).collect();
-    order.sort_by_key(|i| (std::cmp::Reverse(counts[*i]), *i));
+    if found.given.is_empty() {
+        order.sort_by_key(|i| (std::cmp::Reverse(counts[*i]), *i));
+    }
     let mut rank = vec![0; order.len()];
     order
         .iter()
@@ -277,7 +328,8 @@ fn report(
     };
     let entities: Vec<Entity> = order.iter().map(entity).collect();
     // Entities that were fitted once more at the end may lie beyond the tolerance.
-    let rms = entities.iter().map(|e| e.rms).filter(|_| found.is_form);
+    let of_form = entities.iter().filter(|e| found.is_form && e.is_explained);
+    let rms = of_form.map(|e| e.rms);
     let noise = rms.fold(found.noise * scaling.unit, f64::max);
     let outward: Vec<i8> = entities.iter().map(|e| e.outward).collect();
     let set = EntitySet {
@@ -333,7 +385,13 @@ fn entity(
         surface.other = -surface.other;
     }
     let rms = (squares(&surface, &points) / points.len() as f64).sqrt();
-    let sigma = rms * (points.len() as f64 / degrees_of_freedom(&surface, points.len())).sqrt();
+    // Few points given by hand may lie on a surface by chance more exactly than the noise.
+    let least = found
+        .given
+        .get(label)
+        .map_or(0.0, |_| found.noise / 3.0_f64.sqrt());
+    let free = degrees_of_freedom(&surface, points.len());
+    let sigma = (rms * (points.len() as f64 / free).sqrt()).max(least);
     let side: f64 = members
         .iter()
         .map(|i| {
@@ -351,32 +409,35 @@ fn entity(
         deviations: deviations(
             &surface,
             &sure_points(cloud, found, members, label),
-            sigma,
+            (sigma, found.rounding),
             scaling,
         ),
         outward,
         points: count,
         rms: rms * scaling.unit,
         extent: surface.extent(&points).map(|h| h * scaling.unit),
+        label: found.given.get(label).map(|given| given.label),
+        is_explained: found.is_explained(label),
     }
 }
 
-/// Returns the standard deviations of the parameters in the terms of CAD systems, from the
-/// covariance of the minimal parameters.
-pub(crate) fn deviations(
+/// Returns the standard deviations of the parameters in the terms of CAD systems, from points with
+/// the standard deviation `sigma` and a rounding that they may share, both in diagonals.
+fn deviations(
     surface: &Primitive,
     points: &[Point3],
-    sigma: f64,
+    (sigma, rounding): (f64, f64),
     scaling: &Scaling,
 ) -> Deviations {
     let Some(covariance) = covariance(surface, points) else {
         return Deviations::OPEN;
     };
     let covariance = covariance.map(|row| row.map(|x| x * sigma * sigma));
+    let covariance = with_rounding(covariance, surface.kind, rounding);
     deviations_of(surface, &covariance, scaling)
 }
 
-/// Returns [`deviations`] for a given covariance of the minimal parameters.
+/// Returns [`deviations`] from the covariance of the minimal parameters.
 pub(crate) fn deviations_of(
     surface: &Primitive,
     covariance: &[ParameterRow; MAX_PARAMETERS],

@@ -47,6 +47,19 @@ pub(crate) struct Segmentation {
     pub(crate) is_finished: bool,
     /// Entities that could not be split.
     whole: FailedSplits,
+    /// Labels of the entities, if these were given by hand; empty after a search.
+    pub(crate) given: Vec<GivenEntity>,
+    /// Error that all points may share, in diagonals; 0 after a search.
+    pub(crate) rounding: f64,
+}
+
+/// Entity whose points were given by hand.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GivenEntity {
+    /// Label of the points.
+    pub(crate) label: u32,
+    /// True if the surface explains the points within the noise.
+    pub(crate) is_explained: bool,
 }
 
 /// Tolerance of the distance of points from their surfaces.
@@ -164,7 +177,7 @@ fn next_seeds(
 
 /// Returns half the noise, or a quarter, if surfaces follow points as well with it: neighbourhoods
 /// that reach over thin walls make it look larger.
-fn lower_noise(cloud: &Cloud, noise: f64) -> f64 {
+pub(crate) fn lower_noise(cloud: &Cloud, noise: f64) -> f64 {
     let order = seeds(cloud, noise);
     let step = (order.len() / HALF_NOISE_TRIALS.0).max(1);
     let succeeds = |noise: f64, seed: &u32| {
@@ -280,7 +293,14 @@ impl Segmentation {
             is_free: true,
             is_swept: false,
             is_finished: false,
+            given: Vec::new(),
+            rounding: 0.0,
         }
+    }
+
+    /// Returns true if an entity explains its points within the noise, as all do after a search.
+    pub(crate) fn is_explained(&self, label: usize) -> bool {
+        self.given.get(label).is_none_or(|given| given.is_explained)
     }
 
     fn first_round(

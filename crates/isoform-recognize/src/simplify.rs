@@ -18,6 +18,9 @@ use isoform_control::{Control, Stopped};
 use isoform_geom::dot;
 use rayon::prelude::*;
 
+/// Minimum cosine between the axis of a zone and one that others have: 8°.
+pub(crate) const ZONE_COSINE: f64 = 0.99;
+
 impl Segmentation {
     /// Replaces curved surfaces by simpler ones and by what is found next to these, if that
     /// shortens the description.
@@ -114,8 +117,8 @@ impl Segmentation {
                 continue;
             }
             let other = zone(cloud, of, surface, noise);
-            // The axis of a zone is within 8° of one that others have.
-            let is_along = |s: &Primitive| known.iter().any(|d| dot(*d, s.axis).abs() > 0.99);
+            let is_along =
+                |s: &Primitive| known.iter().any(|d| dot(*d, s.axis).abs() > ZONE_COSINE);
             if let Some(other) = other.filter(is_along) {
                 *surface = other;
             }

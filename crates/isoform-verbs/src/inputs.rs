@@ -122,9 +122,9 @@ mod tests {
     use super::*;
 
     /// Arguments that name files to read.
-    const READ: [&str; 12] = [
+    const READ: [&str; 13] = [
         "scan", "template", "bounds", "model", "points", "sizes", "adapt", "map", "file", "first",
-        "second", "project",
+        "second", "project", "labels",
     ];
 
     #[test]

@@ -24,6 +24,7 @@ mod inputs;
 mod inspect;
 mod interrupt;
 mod kind;
+mod labels;
 mod language;
 mod layers;
 pub mod memory;

@@ -5,6 +5,7 @@ use crate::context::Context;
 use crate::disk;
 use crate::failure::{Failure, INPUT, NO_RESULT};
 use crate::interrupt;
+use crate::labels;
 use crate::memory;
 use crate::outcome::{self, Outcome};
 use crate::product::Product;
@@ -15,7 +16,10 @@ use isoform::report::{
     LayoutReport, MotionReport, Parameters, PatternReport, RecognizeReport, SnapReport,
     SymmetryReport, brief,
 };
-use isoform::{Control, Proposal, RecognizeError, RecognizeOptions, Recognized, recognize_scan};
+use isoform::{
+    Control, Proposal, RecognizeError, RecognizeOptions, Recognized, ScanLabels, recognize_scan,
+    recognize_scan_labels,
+};
 use isoform_render::{OUTLIER, part_color};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -29,6 +33,7 @@ Examples:
   isoform recognize scan.ply -o part.hf && isoform fit scan.ply --template part.hf -o fitted.hf
   isoform recognize part.stl --min-points 100 --json
   isoform recognize scan.ply --snap -o entities.json -o part.hf
+  isoform recognize scan.ply --labels edited.ply --kind 3=cylinder -o entities.json
 
 Each entity comes with the standard deviations of its parameters; relations (parallel, perpendicular,
 coaxial, coplanar, concentric, equal_radius) are those that hold within the uncertainty, and so are
@@ -50,8 +55,10 @@ pub(crate) struct Args {
     )]
     tol: Option<f64>,
     /// Minimum number of points of an entity [default: as many as are evidence of it]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", conflicts_with = "labels")]
     min_points: Option<usize>,
+    #[command(flatten)]
+    given: labels::Given,
     /// Refit all entities together so that their relations hold exactly; those that contradict the
     /// points are dropped, and templates are written from these entities [default: each entity as
     /// its own points have it]
@@ -78,7 +85,16 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         noise: args.tol,
         min_points: args.min_points,
     };
-    let mut found = recognised(&cloud, &args.scan, &options, context)?;
+    let mut found = match args.given.read(&cloud, context)? {
+        None => recognised(&cloud, &args.scan, &options, context)?,
+        Some(labels) => labelled(
+            &cloud,
+            (&labels, &args.given),
+            &args.scan,
+            &options,
+            context,
+        )?,
+    };
     let snap = match args.snap {
         true => Some(snapped(&mut found, &args.scan, context)?),
         false => None,
@@ -98,7 +114,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         let bytes = match path.extension().and_then(|e| e.to_str()) {
             Some("json") => outcome::document(true, json.clone()),
             Some("hf") => proposal(&found, &args.scan, context)?.program.into_bytes(),
-            _ => labelled(&found, path)?,
+            _ => points_with_entities(&found, path)?,
         };
         disk::write_file(path, &bytes)?;
     }
@@ -157,7 +173,7 @@ fn entity_color(label: &Option<u32>) -> [u8; 3] {
 }
 
 /// The points with their entities, in the format of the file's ending.
-fn labelled(found: &Recognized<'_>, path: &Path) -> Result<Vec<u8>, Failure> {
+fn points_with_entities(found: &Recognized<'_>, path: &Path) -> Result<Vec<u8>, Failure> {
     let label = |l: &Option<u32>| l.map_or(-1.0, f64::from);
     let column = |name: &str, labels: &[Option<u32>]| Column {
         name: name.to_owned(),
@@ -183,13 +199,34 @@ pub(crate) fn recognised<'a>(
     options: &RecognizeOptions,
     context: &Context,
 ) -> Result<Recognized<'a>, Failure> {
+    let find = |control: &Control<'_>| recognize_scan(cloud, options, control);
+    with_progress(context, find).map_err(|e| failure(e, scan))
+}
+
+/// Makes the entities of labels given by hand; those that do not explain their points are said.
+pub(crate) fn labelled<'a>(
+    cloud: &'a PointCloud,
+    (labels, given): (&ScanLabels, &labels::Given),
+    scan: &Path,
+    options: &RecognizeOptions,
+    context: &Context,
+) -> Result<Recognized<'a>, Failure> {
+    let kinds = given.kinds();
+    let find =
+        |control: &Control<'_>| recognize_scan_labels(cloud, labels, &kinds, options, control);
+    let found = with_progress(context, find).map_err(|e| failure(e, scan))?;
+    labels::warn(&found, scan, given, context);
+    Ok(found)
+}
+
+/// Runs some work with progress on the terminal.
+fn with_progress<T>(context: &Context, work: impl FnOnce(&Control<'_>) -> T) -> T {
     let progress = context.progress();
     let show = |phase: &str, done: f64| progress.show(phase, done);
-    let control = Control {
+    work(&Control {
         progress: Some(&show),
         ..context.control()
-    };
-    recognize_scan(cloud, options, &control).map_err(|e| failure(e, scan))
+    })
 }
 
 /// The template of what was recognised; what it lacks is said.
@@ -224,6 +261,7 @@ pub(crate) fn failure(error: RecognizeError, scan: &Path) -> Failure {
         RecognizeError::Stage(Error::Stopped(_)) => {
             Failure::new(NO_RESULT, "time-limit", message).hint("a longer --time-limit")
         }
+        RecognizeError::Labels(error) => labels::failure(&error, message),
         _ => {
             Failure::new(INPUT, "points", message).hint("isoform inspect says what the file holds")
         }
@@ -241,8 +279,11 @@ fn text(report: &RecognizeReport, outputs: &[PathBuf]) -> String {
         report.n_unassigned
     );
     for e in &report.entities {
+        let label = e
+            .label
+            .map_or_else(String::new, |l| format!(" label {l:<4}"));
         text += &format!(
-            "{:>4} {:<9} {:>7} points, rms {:<9} {}\n",
+            "{:>4}{label} {:<9} {:>7} points, rms {:<9} {}\n",
             e.id,
             e.kind,
             e.n_points,

@@ -8,6 +8,7 @@ use crate::fit::work as fit_work;
 use crate::fit::{document, files, job, solid, table};
 use crate::gallery;
 use crate::kind;
+use crate::labels;
 use crate::language::Language;
 use crate::mesh::work::{self, MadeMesh, MeshInput, Shape};
 use crate::mesh::{self, files::MeshTarget};
@@ -21,7 +22,8 @@ use crate::watchdog;
 use isoform::field::hyperfun::Model;
 use isoform::fit::{ClutterKind, Finding};
 use isoform::geom::Point3;
-use isoform::{MeshModelOptions, Proposal, RecognizeOptions};
+use isoform::recognize::Entity;
+use isoform::{MeshModelOptions, Proposal, RecognizeOptions, ScanLabels};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -44,6 +46,7 @@ Examples:
   isoform recover scan.ply part.hf -o part.inp --size 0.5
   isoform recover scan.ply part.hf -o part.step
   isoform recover scan.ply -o results/
+  isoform recover scan.ply --labels edited.ply --kind 3=cylinder -o part.step
 
 Without arguments the scan of a cup that the program carries is fitted. Without a template the planes,
 spheres, cylinders, cones and tori of the scan are recognised (see recognize), and the template made
@@ -64,6 +67,8 @@ pub(crate) struct Args {
     /// recognised]
     template: Option<PathBuf>,
     #[command(flatten)]
+    given: labels::Given,
+    #[command(flatten)]
     options: Settings,
     #[command(flatten)]
     mesh: mesh::settings::Settings,
@@ -81,25 +86,31 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let settings = &args.options;
     let read = || gallery::template(&template, &settings.language, context);
     let model = if is_proposed { None } else { Some(read()?) };
+    if args.given.labels.is_some() && !is_proposed {
+        let message = "--labels are for templates that are made of a scan";
+        return Err(Failure::usage(message).hint("isoform recover SCAN --labels FILE"));
+    }
     let mut outputs = Outputs::new(args, context)?;
     let scan = match &args.scan {
         Some(path) => fit_work::read_scan(path, None, None, context)?,
         None => embedded(),
     };
+    let labels = args.given.read(&scan.cloud, context)?;
     // What is wrong with the template or the scan is said before a folder is made.
     outputs.make_folders(args, context)?;
     let (scan, model, proposal) = match model {
         Some(model) => (scan, model, None),
         None => {
-            let (scan, supports) = standing_alone(scan, &settings.keep(), context)?;
-            let (model, proposal) = proposed(&scan, supports, &settings.language, context)?;
-            (scan, model, Some(proposal))
+            let labels = labels.map(|labels| (labels, args.given.clone()));
+            let alone = standing_alone(scan, labels, &settings.keep(), context)?;
+            let (model, proposal) = proposed(&alone, &settings.language, context)?;
+            (alone.scan, model, Some(proposal))
         }
     };
     let mut job = watchdog::stage("fit", || {
         fit_work::run_model(scan, (&template, &model), settings, context)
     })?;
-    for gap in proposal.iter().flat_map(Proposal::faults) {
+    for gap in proposal.iter().flat_map(|p| p.proposal.faults()) {
         let what = format!("template: {gap}");
         job.found.fit.add_finding(Finding::Incomplete { what });
     }
@@ -144,20 +155,36 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     Ok(told.outcome())
 }
 
-/// Takes the planes off that a part stands at, unless they are to be kept; returns them, too: a
-/// point and the unit normal of each.
+/// Labels given by hand, with the options for them.
+type LabelsGiven = Option<(ScanLabels, labels::Given)>;
+
+/// A scan without the planes on which its part stands.
+struct StandingAlone {
+    scan: fit_work::Scan,
+    /// Labels of its points.
+    labels: LabelsGiven,
+    /// Those planes: a point and the unit normal of each.
+    supports: Vec<(Point3, Point3)>,
+}
+
+/// Takes the planes off that a part stands at, unless they are to be kept.
 fn standing_alone(
     scan: fit_work::Scan,
+    labels: LabelsGiven,
     keep: &[ClutterKind],
     context: &Context,
-) -> Result<(fit_work::Scan, Vec<(Point3, Point3)>), Failure> {
-    if keep.contains(&ClutterKind::Plane) {
-        return Ok((scan, Vec::new()));
-    }
-    let standing = isoform::without_supports(&scan.cloud, &context.control())
-        .map_err(|e| recognize::failure(e.into(), Path::new(&scan.name)))?;
+) -> Result<StandingAlone, Failure> {
+    let standing = match keep.contains(&ClutterKind::Plane) {
+        true => None,
+        false => isoform::without_supports(&scan.cloud, &context.control())
+            .map_err(|e| recognize::failure(e.into(), Path::new(&scan.name)))?,
+    };
     let Some(standing) = standing else {
-        return Ok((scan, Vec::new()));
+        return Ok(StandingAlone {
+            scan,
+            labels,
+            supports: Vec::new(),
+        });
     };
     context.warn(format_args!(
         "{}: {:.1} % of the points lie on planes that reach beyond the part, such as a table, and \
@@ -165,26 +192,68 @@ fn standing_alone(
         scan.name,
         100.0 * standing.left_out as f64 / scan.cloud.points.len() as f64,
     ));
+    let labels = labels.map(|(labels, given)| {
+        let (labels, lost) = labels.select(&standing.kept);
+        for label in &lost {
+            context.warn(format_args!(
+                "{}: label {label} is on a plane that is left out",
+                scan.name
+            ));
+        }
+        (labels, given.without(&lost))
+    });
     let cloud = standing.part;
-    Ok((fit_work::Scan { cloud, ..scan }, standing.supports))
+    Ok(StandingAlone {
+        scan: fit_work::Scan { cloud, ..scan },
+        labels,
+        supports: standing.supports,
+    })
 }
 
-/// A template made of what is recognised in a scan, or in some of its points.
+/// A template made of what is recognised in a scan, or in some of its points, or of labels given by
+/// hand.
 fn proposed(
-    scan: &fit_work::Scan,
-    supports: Vec<(Point3, Point3)>,
+    alone: &StandingAlone,
     language: &Language,
     context: &Context,
-) -> Result<(Model, Proposal), Failure> {
-    let path = Path::new(&scan.name);
+) -> Result<(Model, EntityProposal), Failure> {
+    let path = Path::new(&alone.scan.name);
     let options = RecognizeOptions::default();
-    let sample = isoform::sample_of(&scan.cloud, RECOGNIZED);
-    let cloud = sample.as_ref().unwrap_or(&scan.cloud);
-    let mut found = recognize::recognised(cloud, path, &options, context)?;
-    found.supports = supports;
+    let cloud = &alone.scan.cloud;
+    let sample;
+    let mut found = match &alone.labels {
+        Some((labels, given)) => {
+            sample = labels.sample(cloud, RECOGNIZED);
+            let (cloud, labels) = match &sample {
+                Some((cloud, labels)) => (cloud, labels),
+                None => (cloud, labels),
+            };
+            recognize::labelled(cloud, (labels, given), path, &options, context)?.into_owned()
+        }
+        None => {
+            let sample = isoform::sample_of(cloud, RECOGNIZED);
+            let cloud = sample.as_ref().unwrap_or(cloud);
+            recognize::recognised(cloud, path, &options, context)?.into_owned()
+        }
+    };
+    found.supports.clone_from(&alone.supports);
     let proposal = recognize::proposal(&found, path, context)?;
     let model = model::parse(Path::new(PROPOSED), &proposal.program, language, context)?;
-    Ok((model, proposal))
+    let label = |e: &Entity| Some((e.label?, e.is_explained));
+    let entities = &found.recognition.entities;
+    let labels = alone
+        .labels
+        .as_ref()
+        .map(|_| entities.iter().filter_map(label).collect());
+    Ok((model, EntityProposal { proposal, labels }))
+}
+
+/// A template made of entities.
+struct EntityProposal {
+    proposal: Proposal,
+    /// Labels of the entities if they were given by hand, each with true if the entity explains its
+    /// points.
+    labels: Option<Vec<(u32, bool)>>,
 }
 
 /// The files to write.
@@ -280,7 +349,7 @@ impl RecoverResult {
         }
     }
     /// The template was made of the scan.
-    fn add_proposal(&mut self, proposal: &Proposal) {
+    fn add_proposal(&mut self, EntityProposal { proposal, labels }: &EntityProposal) {
         let gaps: Vec<String> = proposal.gaps.iter().map(ToString::to_string).collect();
         let used = proposal.used.iter().filter(|u| **u).count();
         self.text = format!(
@@ -296,6 +365,12 @@ impl RecoverResult {
             "complete": proposal.is_complete(),
             "gaps": gaps,
         });
+        if let Some(labels) = labels {
+            let all: Vec<u32> = labels.iter().map(|l| l.0).collect();
+            let open = labels.iter().filter(|l| !l.1).map(|l| l.0);
+            self.json["proposal"]["labels"] = json!(all);
+            self.json["proposal"]["unexplained_labels"] = json!(open.collect::<Vec<u32>>());
+        }
     }
     /// Adds the result for the solid.
     fn add_solid(&mut self, told: solid::SolidResult) {

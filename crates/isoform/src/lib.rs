@@ -126,6 +126,7 @@ mod patches;
 mod rational_surface;
 mod recognize_scan;
 pub mod report;
+mod scan_labels;
 mod spline_distance;
 mod template;
 mod topology;
@@ -194,6 +195,7 @@ pub use rational_surface::{
 pub use recognize_scan::{
     RecognizeError, Recognized, SeparatedPart, recognize_scan, sample_of, without_supports,
 };
+pub use scan_labels::{ScanLabels, ScanLabelsError, recognize_scan_labels};
 pub use spline_distance::SplineDistance;
 pub use template::{FrepTemplate, TemplateError};
 pub use topology::{Topology, topology};

@@ -8,7 +8,7 @@ use isoform_fit::{FitError, Scan};
 use isoform_geom::{Point3, PointCloud};
 use isoform_num::Random;
 use isoform_recognize::{
-    Error, Options, Proposal, ProposeError, Recognition, Snap, propose, recognize,
+    Error, LabelsError, Options, Proposal, ProposeError, Recognition, Snap, propose, recognize,
     recognize_facets, snap,
 };
 use std::borrow::Cow;
@@ -27,6 +27,18 @@ pub enum RecognizeError {
     /// The recognition has no result.
     #[error(transparent)]
     Stage(#[from] Error),
+    /// Labels given by hand become no entities.
+    #[error(transparent)]
+    Labels(LabelsError),
+}
+
+impl From<LabelsError> for RecognizeError {
+    fn from(error: LabelsError) -> Self {
+        match error {
+            LabelsError::Scan(error) => error.into(),
+            error => Self::Labels(error),
+        }
+    }
 }
 
 impl From<FacesError> for RecognizeError {
@@ -138,6 +150,8 @@ pub struct SeparatedPart {
     /// Planes on which the part stands: a point and the unit normal of each, in the file's
     /// coordinates.
     pub supports: Vec<(Point3, Point3)>,
+    /// Indices of these points in the scan.
+    pub kept: Vec<u32>,
     /// Number of points left out.
     pub left_out: usize,
 }
@@ -172,6 +186,7 @@ pub fn without_supports(
     Ok(Some(SeparatedPart {
         left_out: scan.points.len() - kept.len(),
         part: scan.select(&kept),
+        kept,
         supports: clutter.supports().map(absolute).collect(),
     }))
 }

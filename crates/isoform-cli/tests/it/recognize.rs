@@ -1,6 +1,7 @@
 //! `isoform recognize`, and `recover` without a template.
 
 use crate::common::*;
+use serde_json::json;
 
 #[test]
 fn a_disc_is_two_planes_and_a_cylinder() {
@@ -115,4 +116,192 @@ fn what_cannot_be_recognised_is_an_error() {
     let o = isoform(&["recover", &sheet, "-o", &fitted, "--json"]);
     assert_eq!(code(&o), 4, "{}", stdout(&o));
     assert!(stdout(&o).contains("implicitize"), "{}", stdout(&o));
+}
+
+/// The table of a csv file of labels with other labels.
+fn relabelled(text: &str, label: impl Fn(i64) -> String) -> String {
+    let at = text
+        .lines()
+        .next()
+        .and_then(|head| head.split(',').position(|c| c == "entity"));
+    let at = at.expect("a column");
+    let edited = |(k, line): (usize, &str)| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if k > 0 {
+            cells[at] = label(cells[at].parse().expect("a label"));
+        }
+        cells.join(",") + "\n"
+    };
+    text.lines().enumerate().map(edited).collect()
+}
+
+#[test]
+fn labels_are_corrected_by_hand() {
+    let f = Folder::new("labels");
+    let scan = f.file("scan.xyz", noisy_box());
+    let (ply, csv) = (f.path("l.ply"), f.path("l.csv"));
+    let o = isoform(&["recognize", &scan, "-o", &ply, "-o", &csv, "--json"]);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    let before = document(&o);
+    assert!(before["entities"][0].get("label").is_none());
+    let run = |labels: &str, more: &[&str]| {
+        isoform(
+            &[
+                &["recognize", &scan, "--labels", labels, "--json"][..],
+                more,
+            ]
+            .concat(),
+        )
+    };
+    // As they were, in both formats.
+    let again = f.path("again.ply");
+    for labels in [&ply, &csv] {
+        let o = run(labels, &["-o", &again]);
+        assert_eq!(code(&o), 0, "{}", stderr(&o));
+        let report = document(&o);
+        for (k, e) in report["entities"]
+            .as_array()
+            .expect("entities")
+            .iter()
+            .enumerate()
+        {
+            assert_eq!((&e["label"], &e["explained"]), (&json!(k), &json!(true)));
+            assert_eq!(e["n_points"], before["entities"][k]["n_points"]);
+        }
+        assert_eq!(f.bytes("l.ply"), f.bytes("again.ply"));
+        assert_eq!(report["relations"].as_array().map(Vec::len), Some(15));
+    }
+    // Two faces merged, one deleted, one renamed with a kind: the document says which is which.
+    let text = f.text("l.csv");
+    let edited = |l: i64| match l {
+        1 | 5 => "0".to_owned(),
+        2 => "-1".to_owned(),
+        3 => "70".to_owned(),
+        l => l.to_string(),
+    };
+    let labels = f.file("edited.csv", relabelled(&text, edited));
+    let o = run(&labels, &["--kind", "0=cylinder", "--snap"]);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    let report = document(&o);
+    let entities = report["entities"].as_array().expect("entities");
+    let column = |key: &str| entities.iter().map(|e| e[key].clone()).collect::<Vec<_>>();
+    assert_eq!(column("label"), [json!(0), json!(4), json!(70)]);
+    assert_eq!(
+        column("explained"),
+        [json!(false), json!(true), json!(true)]
+    );
+    assert_eq!(
+        column("type"),
+        [json!("cylinder"), json!("plane"), json!("plane")]
+    );
+    assert!(stderr(&o).contains("label 0:"), "{}", stderr(&o));
+    let deleted = before["entities"][2]["n_points"]
+        .as_u64()
+        .expect("a number");
+    let unassigned = |r: &serde_json::Value| r["n_unassigned"].as_u64().expect("a number");
+    assert_eq!(unassigned(&report), unassigned(&before) + deleted);
+
+    // The way to the solid.
+    let fitted = f.path("fitted.hf");
+    let o = isoform(&["recover", &scan, "--labels", &ply, "-o", &fitted, "--json"]);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    let proposal = &document(&o)["proposal"];
+    assert_eq!(proposal["labels"], json!([0, 1, 2, 3, 4, 5]));
+    assert_eq!(proposal["unexplained_labels"], json!([]));
+
+    // What is wrong is said, with the label and what to do.
+    let refused = |labels: &str, more: &[&str], exit: i32, words: &str| {
+        let o = run(labels, more);
+        assert_eq!(code(&o), exit, "{}", stdout(&o));
+        assert!(stdout(&o).contains(words), "{words}: {}", stdout(&o));
+    };
+    refused(&scan, &[], 2, "no column `entity`");
+    let half = f.file("half.csv", relabelled(&text, |l| format!("{l}.5")));
+    refused(&half, &[], 2, "-1 is none");
+    let short: String = text
+        .lines()
+        .take(100)
+        .map(|l| l.to_owned() + "\n")
+        .collect();
+    refused(
+        &f.file("short.csv", short),
+        &[],
+        2,
+        "99 points, but the scan has 6000",
+    );
+    let mut lines: Vec<&str> = text.lines().collect();
+    lines[1..].reverse();
+    refused(
+        &f.file("turned.csv", lines.join("\n")),
+        &[],
+        2,
+        "another order",
+    );
+    refused(&csv, &["--kind", "9=plane"], 2, "no point has the label 9");
+    refused(&csv, &["--kind", "0=ball"], 1, "`ball` is no kind");
+    refused(&csv, &["--min-points", "9"], 1, "--min-points");
+    let mut few = relabelled(&text, |l| l.to_string()).replacen(",0,", ",80,", 2);
+    few.push('\n');
+    refused(
+        &f.file("few.csv", few),
+        &[],
+        2,
+        "2 points of label 80 determine no surface",
+    );
+    let o = isoform(&["recover", "--labels", &csv, "--json"]);
+    assert_eq!(code(&o), 1, "{}", stdout(&o));
+}
+
+/// A tube whose vertices lie on its rims: the file of labels also has points inside its faces.
+#[test]
+fn labels_of_a_cad_mesh_have_points_inside_its_faces() {
+    let n = 40;
+    let ring = |r: f64, z: f64| {
+        let at = move |k: i32| std::f64::consts::TAU * f64::from(k) / f64::from(n);
+        (0..n).map(move |k| format!("v {} {} {z}\n", r * at(k).cos(), r * at(k).sin()))
+    };
+    let rings = ring(2.0, 0.0)
+        .chain(ring(2.0, 3.0))
+        .chain(ring(0.8, 0.0))
+        .chain(ring(0.8, 3.0));
+    let mut mesh: String = rings.collect();
+    for k in 1..=n {
+        let next = k % n + 1;
+        for [a, b] in [[0, n], [3 * n, 2 * n], [2 * n, 0], [n, 3 * n]] {
+            let (a, b, c, d) = (a + k, a + next, b + next, b + k);
+            mesh += &format!("f {a} {b} {c}\nf {a} {c} {d}\n");
+        }
+    }
+    let f = Folder::new("labels_cad");
+    let scan = f.file("tube.obj", mesh);
+    let (labels, again) = (f.path("l.ply"), f.path("again.ply"));
+    let o = isoform(&["recognize", &scan, "-o", &labels, "--json"]);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    let before = document(&o);
+    assert!(before["points"].as_u64() > Some(10_000));
+    let o = isoform(&[
+        "recognize",
+        &scan,
+        "--labels",
+        &labels,
+        "-o",
+        &again,
+        "--json",
+    ]);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    let after = document(&o);
+    assert_eq!(f.bytes("l.ply"), f.bytes("again.ply"));
+    for k in 0..4 {
+        let [a, b] = [&before, &after].map(|r| &r["entities"][k]);
+        assert_eq!((&a["type"], &b["explained"]), (&b["type"], &json!(true)));
+        if a["type"] == "cylinder" {
+            let [r, s] = [a, b].map(|e| e["parameters"]["radius"].as_f64().expect("a number"));
+            assert!((r - s).abs() < 1e-12, "{r} {s}");
+        }
+    }
+    let fitted = f.path("fitted.hf");
+    let o = isoform(&[
+        "recover", &scan, "--labels", &labels, "-o", &fitted, "--json",
+    ]);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
 }

@@ -11,9 +11,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Union
 
+import numpy as np
+
 from . import _isoform
 from ._errors import IsoformError
-from ._points import PointCloud, as_points
+from ._points import PointCloud, as_points, read_points
 
 #: Callback with the name of a phase and its completed share; a result of False stops the work.
 Progress = Union[Callable[[str, float], Any], bool, None]
@@ -84,6 +86,22 @@ def handed(shape: Any) -> Any:
         name = "polynomial" if "F" in shape else "map"
         return _isoform.Input(name, json.dumps(dict(shape)))
     return _isoform.Input("array", _isoform.Cloud(as_points(shape)))
+
+
+def label_file(labels: Any, points: Any) -> Any:
+    """Convert the labels of points to a file in memory; files of them are kept."""
+    if labels is None or isinstance(labels, (str, os.PathLike, PointCloud)):
+        return handed(labels)
+    if points is None:
+        raise IsoformError("labels of no points", "usage", "points, (n, 3), with labels, (n,)")
+    if isinstance(points, (str, os.PathLike)):
+        points = read_points(points)
+    native = points._native if isinstance(points, PointCloud) else _isoform.Cloud(as_points(points))
+    values = np.asarray(labels)
+    if values.ndim != 1 or values.dtype.kind not in "iu":
+        hint = "one whole number for each point, -1 for none"
+        raise IsoformError(f"labels are whole numbers (n,), not {values.dtype} {values.shape}", "shape", hint)
+    return _isoform.Input("labels", native.with_column("entity", values.astype(float).tolist()))
 
 
 def layer_files(shapes: Sequence[Any]) -> list[Any]:

@@ -361,7 +361,8 @@ class Recognition(Documented):
     Attributes
     ----------
     entities : list of dict
-        Each with ``type``, ``parameters``, ``sd``, ``n_points`` and ``rms``.
+        Each with ``type``, ``parameters``, ``sd``, ``n_points`` and ``rms``; of labels given by
+        hand also ``label``, and ``explained``, False if it does not explain its points.
     faces : list of dict
         Connected pieces of the entities, each with ``entity``, ``n_points`` and ``beside``, the
         indices of adjacent faces.

@@ -14,6 +14,7 @@ from ._call import (
     corners,
     handed,
     in_order,
+    label_file,
     layer_files,
     region_files,
     run,
@@ -66,6 +67,8 @@ def recover(
     surface_only: bool = False,
     angles: tuple[float, float] | None = None,
     memory: float | None = None,
+    labels: Sequence[int] | npt.NDArray[Any] | Points | Path | None = None,
+    kind: Mapping[int, str] | None = None,
     start: Mapping[str, float] | Sequence[float] | npt.NDArray[Any] | None = None,
     bounds: Mapping[str, tuple[float, float]] | Path | None = None,
     method: str | None = None,
@@ -130,6 +133,13 @@ def recover(
     memory : float, optional
         Refuse a mesh that takes more memory than this many GiB, by estimate; by default 16,
         or what the machine has.
+    labels : sequence or array or Points or path, optional
+        Search nothing: each number becomes one entity, fitted to exactly its points, -1
+        none: an array (n,), such as ``Recognition.labels`` after changes, or a file that
+        ``recognize`` has written (labels.ply), perhaps edited.
+    kind : dict, optional
+        Kinds of the entities of some labels, {3: "cylinder"}: plane, sphere, cylinder, cone
+        or torus; by default those which describe their points best.
     start : dict or sequence or array, optional
         Start values by name, or in the order of the parameters; by default the template's,
         else the points decide.
@@ -195,6 +205,8 @@ def recover(
         "surface_only": bool(surface_only),
         "angles": angles,
         "memory": there(memory),
+        "labels": label_file(labels, points),
+        "kind": kind,
         "start": in_order(start, template),
         "bounds": bounds_file(bounds),
         "method": method,
@@ -1000,6 +1012,8 @@ def recognize(
     *,
     output: Path | Sequence[Path] | None = None,
     format: str | None = None,
+    labels: Sequence[int] | npt.NDArray[Any] | Points | Path | None = None,
+    kind: Mapping[int, str] | None = None,
     seed: int | None = None,
     force: bool = False,
     threads: int | None = None,
@@ -1026,6 +1040,13 @@ def recognize(
         their entities, .hf a template of them for `fit`.
     format : str, optional
         Format of the scan, where its name does not tell it.
+    labels : sequence or array or Points or path, optional
+        Search nothing: each number becomes one entity, fitted to exactly its points, -1
+        none: an array (n,), such as ``Recognition.labels`` after changes, or a file that
+        ``recognize`` has written (labels.ply), perhaps edited.
+    kind : dict, optional
+        Kinds of the entities of some labels, {3: "cylinder"}: plane, sphere, cylinder, cone
+        or torus; by default those which describe their points best.
     seed : int, optional
         Seed of everything random.
     force : bool
@@ -1058,6 +1079,8 @@ def recognize(
         "snap": bool(snap),
         "output": output,
         "from": format,
+        "labels": label_file(labels, points),
+        "kind": kind,
         "seed": some_whole("seed", seed),
         "force": bool(force),
     }

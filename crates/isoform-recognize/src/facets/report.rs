@@ -4,6 +4,7 @@ use super::claim::Claims;
 use super::mesh::Facets;
 use super::part::FacetPart;
 use super::points::{FacetPoint, at_vertices};
+use crate::accuracy::with_rounding;
 use crate::blends::blends;
 use crate::chart::{MAX_PARAMETERS, Primitive, PrimitiveKind};
 use crate::cloud::Scaling;
@@ -131,12 +132,8 @@ fn describe(
     let sigma = (squares / free).sqrt().max(noise / 3.0_f64.sqrt());
     let variance = sigma * sigma;
     let covariance = covariance(&surface, &points).map(|c| {
-        let mut c = c.map(|row| row.map(|x| x * variance));
-        // Coordinates of one face may all be rounded in one direction, which no average removes.
-        for k in surface.kind.lengths() {
-            c[k][k] += mesh.rounding * mesh.rounding / 3.0;
-        }
-        c
+        let c = c.map(|row| row.map(|x| x * variance));
+        with_rounding(c, surface.kind, mesh.rounding)
     });
     let deviations = covariance
         .as_ref()
@@ -148,6 +145,8 @@ fn describe(
         points: count,
         rms: (squares / points.len() as f64).sqrt() * scaling.unit,
         extent: surface.extent(&points).map(|h| h * scaling.unit),
+        label: None,
+        is_explained: true,
     };
     (
         entity,

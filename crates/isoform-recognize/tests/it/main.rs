@@ -4,6 +4,7 @@ mod clouds;
 mod faces;
 mod facets;
 mod form;
+mod labels;
 mod parts;
 mod patterns;
 mod shafts;

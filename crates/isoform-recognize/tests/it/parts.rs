@@ -112,13 +112,7 @@ impl Plate {
         let all = self.points(900.0, &mut random);
         let bounds = isoform_geom::Aabb::from_points(all.iter().map(|p| &p[0]));
         let sigma = noise * bounds.diagonal();
-        let axis: Point3 = [(); 3].map(|()| random.symmetric());
-        let length = isoform_geom::norm(axis);
-        let pose = Pose {
-            axis: axis.map(|x| x / length),
-            angle: TAU * random.unit(),
-            shift: [(); 3].map(|()| 5.0 * random.symmetric()),
-        };
+        let pose = Pose::at_random(&mut random);
         let noisy = |[p, n]: &[Point3; 2]| {
             let normal = (0..12).map(|_| random.unit()).sum::<f64>() - 6.0;
             pose.apply(std::array::from_fn(|k| p[k] + sigma * normal * n[k]))
@@ -132,14 +126,24 @@ pub(crate) fn recognised(points: &[Point3]) -> Recognition {
     recognize(&scan, &Options::default(), &Control::default()).expect("a scan")
 }
 
-struct Pose {
+pub(crate) struct Pose {
     axis: Point3,
     angle: f64,
     shift: Point3,
 }
 
 impl Pose {
-    fn apply(&self, p: Point3) -> Point3 {
+    pub(crate) fn at_random(random: &mut Random) -> Self {
+        let axis: Point3 = [(); 3].map(|()| random.symmetric());
+        let length = isoform_geom::norm(axis);
+        Self {
+            axis: axis.map(|x| x / length),
+            angle: TAU * random.unit(),
+            shift: [(); 3].map(|()| 5.0 * random.symmetric()),
+        }
+    }
+
+    pub(crate) fn apply(&self, p: Point3) -> Point3 {
         let (sin, cos) = self.angle.sin_cos();
         let (along, across) = (isoform_geom::dot(p, self.axis), cross(self.axis, p));
         std::array::from_fn(|k| {

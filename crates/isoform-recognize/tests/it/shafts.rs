@@ -16,7 +16,7 @@ const KEPT: f64 = 0.75;
 
 /// A face, given by its section.
 #[derive(Clone, Copy)]
-enum Face {
+pub(crate) enum Face {
     /// A line from one (height, radius) to another.
     Line([f64; 2], [f64; 2]),
     /// A quarter of a circle with this centre and radius, from a cylinder inside to a plane.
@@ -24,7 +24,7 @@ enum Face {
 }
 
 impl Face {
-    fn kind(self) -> &'static str {
+    pub(crate) fn kind(self) -> &'static str {
         match self {
             Self::Line([h0, _], [h1, _]) if h0 == h1 => "plane",
             Self::Line([_, r0], [_, r1]) if r0 == r1 => "cylinder",
@@ -63,7 +63,7 @@ impl Face {
 }
 
 /// Returns steps with shoulders, tapers, fillets or chamfers, a chamfer at each end, and a bore.
-fn shaft(random: &mut Random) -> Vec<Face> {
+pub(crate) fn shaft(random: &mut Random) -> Vec<Face> {
     let mut between = |lo: f64, hi: f64| lo + (hi - lo) * random.unit();
     let (mut h, mut r) = (0.0, between(5.0, 9.0));
     let chamfer = between(0.8, 1.5);
@@ -113,7 +113,11 @@ fn shaft(random: &mut Random) -> Vec<Face> {
 }
 
 /// Returns points of faces with noise, and the face of each.
-fn scanned(faces: &[Face], noise: f64, random: &mut Random) -> (Vec<Point3>, Vec<usize>) {
+pub(crate) fn scanned(
+    faces: &[Face],
+    noise: f64,
+    random: &mut Random,
+) -> (Vec<Point3>, Vec<usize>) {
     let all: f64 = faces.iter().map(|f| f.area()).sum();
     let (mut points, mut of) = (Vec::new(), Vec::new());
     for (k, face) in faces.iter().enumerate() {

@@ -24,7 +24,7 @@ pub struct RecognizeReport {
     /// Share of the points on entities that meet others without an edge and are not blends. If it
     /// is large, the entities approximate a free form.
     pub free: f64,
-    /// Surfaces, those with most points first.
+    /// Surfaces, those with most points first; of labels given by hand in ascending order of these.
     pub entities: Vec<EntityReport>,
     /// Connected pieces of the surfaces.
     pub faces: Vec<RecognizedFaceReport>,
@@ -64,6 +64,13 @@ pub struct EntityReport {
     pub n_points: usize,
     /// Root mean square distance of these points from it.
     pub rms: f64,
+    /// Label that these points were given by hand; `None` if they were found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub label: Option<u32>,
+    /// True if it explains these points within the noise; `None` if they were found, since it does
+    /// then.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub explained: Option<bool>,
 }
 
 /// Connected piece of a surface.
@@ -389,6 +396,8 @@ impl EntityReport {
             outward: entity.outward,
             n_points: entity.points,
             rms: entity.rms,
+            label: entity.label,
+            explained: entity.label.map(|_| entity.is_explained),
         }
     }
 }

@@ -1,0 +1,134 @@
+//! Labels that the points of a scan were given by hand, for `recognize` and `recover`.
+
+use crate::context::Context;
+use crate::failure::{Failure, INPUT};
+use crate::scan;
+use isoform::geom::PointCloud;
+use isoform::recognize::{LabelsError, PrimitiveKind};
+use isoform::report::brief;
+use isoform::{Recognized, ScanLabels};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// Options for labels given by hand.
+#[derive(clap::Args, Clone, Debug, Default)]
+pub(crate) struct Given {
+    /// Search nothing: each number of the column `entity` of this file becomes one entity, fitted to
+    /// exactly its points, -1 none. The file is what recognize -o labels.ply or .csv writes,
+    /// perhaps edited: the points of the scan in their order
+    #[arg(long, value_name = "FILE")]
+    pub(crate) labels: Option<PathBuf>,
+    /// Kind of the entity of a label: plane, sphere, cylinder, cone or torus (repeatable) [default:
+    /// that which describes its points best]
+    #[arg(long = "kind", value_name = "N=KIND", requires = "labels", value_parser = kind)]
+    kinds: Vec<(u32, PrimitiveKind)>,
+}
+
+/// Reads a label with its kind.
+fn kind(text: &str) -> Result<(u32, PrimitiveKind), String> {
+    let all = PrimitiveKind::NAMED.map(|named| named.0).join(", ");
+    let (label, name) = text
+        .split_once('=')
+        .ok_or("a label and a kind are expected, such as 3=cylinder")?;
+    let label = label.trim().parse::<u32>();
+    let label = label.map_err(|_| "a label is a whole number, 0 or more".to_owned())?;
+    let mut kinds = PrimitiveKind::NAMED.iter();
+    match kinds.find(|named| named.0 == name.trim()) {
+        Some((_, kind)) => Ok((label, *kind)),
+        None => Err(format!("`{}` is no kind; these are: {all}", name.trim())),
+    }
+}
+
+impl Given {
+    /// Returns the kinds asked for, the last one of each label.
+    pub(crate) fn kinds(&self) -> BTreeMap<u32, PrimitiveKind> {
+        self.kinds.iter().copied().collect()
+    }
+
+    /// Returns the options without the kinds of some labels.
+    pub(crate) fn without(mut self, lost: &BTreeSet<u32>) -> Self {
+        self.kinds.retain(|(label, _)| !lost.contains(label));
+        self
+    }
+
+    /// Reads the labels of a scan; `None` without a file.
+    pub(crate) fn read(
+        &self,
+        cloud: &PointCloud,
+        context: &Context,
+    ) -> Result<Option<ScanLabels>, Failure> {
+        let Some(path) = &self.labels else {
+            return Ok(None);
+        };
+        let file = scan::read_vertices(path, None, context)?;
+        let labels = ScanLabels::from_file(cloud, &file).map_err(|error| {
+            let mut failure = Failure::new(INPUT, "labels", format!("{}: {error}", path.display()));
+            failure.place.file = Some(path.clone());
+            failure.hint("the file that recognize -o labels.ply writes for this scan")
+        })?;
+        Ok(Some(labels))
+    }
+}
+
+/// Why labels become no entities.
+pub(crate) fn failure(error: &LabelsError, message: String) -> Failure {
+    let failure = Failure::new(INPUT, "labels", message);
+    match error {
+        LabelsError::Undetermined { label, kind, .. } => {
+            let other = match kind {
+                Some(_) => format!(", or another --kind {label}=..."),
+                None => String::new(),
+            };
+            failure.hint(format!(
+                "more points for label {label}, or another label for these, -1 for none{other}"
+            ))
+        }
+        LabelsError::Split { .. } => failure.hint("one label for all points at a place"),
+        LabelsError::Unknown(_) => failure.hint("--kind with a label of the file"),
+        _ => failure,
+    }
+}
+
+/// Names the labels whose points their surfaces do not explain.
+pub(crate) fn warn(found: &Recognized<'_>, scan: &Path, given: &Given, context: &Context) {
+    let kinds = given.kinds();
+    let entities = found.recognition.entities.iter();
+    for e in entities.filter(|e| !e.is_explained) {
+        let label = e.label.unwrap_or_default();
+        let why = match kinds.contains_key(&label) {
+            true => "they may be of another kind, or of several surfaces",
+            false => "no kind explains them, they may be of several surfaces",
+        };
+        context.warn(format_args!(
+            "{}: label {label}: its {} points are {} off the {} (rms), {} times the noise: {why}",
+            scan.display(),
+            e.points,
+            brief(e.rms),
+            e.surface.name(),
+            brief(e.rms / found.recognition.noise),
+        ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_are_read_with_their_labels() {
+        assert_eq!(kind("3=cylinder"), Ok((3, PrimitiveKind::Cylinder)));
+        assert_eq!(kind(" 0 = torus "), Ok((0, PrimitiveKind::Torus)));
+        for wrong in [
+            "",
+            "3",
+            "3=",
+            "=plane",
+            "-1=plane",
+            "3=ball",
+            "1.5=cone",
+            "99999999999=cone",
+        ] {
+            assert!(kind(wrong).is_err(), "{wrong}");
+        }
+    }
+}
