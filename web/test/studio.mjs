@@ -220,6 +220,42 @@ test("a template is edited and fitted", async () => {
   });
 });
 
+test("a face that was deleted is made again by hand, and the model explains the scan again", async () => {
+  writeFileSync(path("plate.xyz"), scan());
+  await studio(["plate.xyz", "--project", "hand"], async (page) => {
+    await page.getByText(/points, .* × .* × /).waitFor();
+    await press(page, "Recognize faces");
+    const bore = page.getByRole("checkbox", { name: /cylinder/ });
+    await bore.waitFor();
+    const plane = page.getByRole("checkbox", { name: /plane/ });
+    assert.equal(await plane.count(), 6);
+    await bore.check();
+    await press(page, "Delete");
+    await bore.waitFor({ state: "hidden" });
+    await press(page, "Make a CAD model");
+    await page.getByText(/^The model is /).waitFor();
+    await page.getByRole("combobox", { name: "Show" }).selectOption("faces");
+    await press(page, "Select points without a face");
+    await page.getByText(/\d+ points selected/).waitFor();
+    await press(page, "Make a face");
+    await bore.waitFor();
+    // Two faces are merged to one that no surface explains, which is undone.
+    await plane.nth(0).check();
+    await plane.nth(2).check();
+    await press(page, "Merge");
+    await page.getByText(/no kind explains|explained by no|not explain/).waitFor();
+    await press(page, "Undo");
+    await plane.nth(5).waitFor();
+    await press(page, "Make a CAD model");
+    await page.getByText("The model explains the scan.").waitFor();
+    const radius = await page
+      .getByRole("row", { name: /_radius/ })
+      .first()
+      .innerText();
+    assert.ok(Math.abs(parseFloat(radius.split(/\s+/)[1]) - R) < 0.01, radius);
+  });
+});
+
 test("a rational map is typed to a certificate", async () => {
   await studio(["--project", "four"], async (page) => {
     await tab(page, "Surface");

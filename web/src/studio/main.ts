@@ -1,22 +1,6 @@
-// Start of Isoform Studio.
+// The studio that a server gives: isoform studio.
 
-import { App } from "./app";
-import { use } from "./backend";
 import { server } from "./server";
+import { start } from "./start";
 
-const root = document.querySelector<HTMLElement>("[data-isoform-studio]");
-if (root) {
-  // The viewer's style sheet applies inside of this attribute.
-  root.dataset.isoformView = "studio";
-  use(server);
-  const app = new App(root);
-  const ready = app.start().catch((error) => app.fail(error));
-  Object.defineProperty(window, "isoform", {
-    value: Object.freeze({
-      ready,
-      saved: () => app.history.saved(),
-      screenshot: () => app.stage.view.picture(),
-    }),
-    enumerable: true,
-  });
-}
+start(server);
