@@ -125,10 +125,13 @@ impl Context {
         }
         // Fails only if a pool exists already, and nothing has made one yet. 0 threads: as many as
         // there are cores.
-        let _ = rayon::ThreadPoolBuilder::new()
-            .num_threads(global.threads.map_or(0, usize::from))
-            .stack_size(STACK)
-            .build_global();
+        let pool = rayon::ThreadPoolBuilder::new().stack_size(STACK);
+        let _ = match cfg!(target_family = "wasm") {
+            // It can start no thread.
+            true => pool.num_threads(1).use_current_thread(),
+            false => pool.num_threads(global.threads.map_or(0, usize::from)),
+        }
+        .build_global();
     }
     /// Ends work at Ctrl-C and at the time limit.
     pub(crate) fn control(&self) -> Control<'_> {
