@@ -128,6 +128,7 @@ export class Program {
         new Pipe((bytes) => say(decoder.decode(bytes, { stream: true }))),
         new PreopenDirectory("/", this.root.contents),
       ],
+      { debug: false },
     );
     const instance = new WebAssembly.Instance(this.module, {
       env: MISSING,
