@@ -8,8 +8,8 @@
 #
 #   apt-get install --no-install-recommends rustc-web cargo-web rust-web-src wasi-libc lld
 #
-# The module has no threads and, where it panics, no unwinding: such a run breaks off. The program
-# itself needs the instructions for vectors of 128 bits, which browsers have had since 2023.
+# The module has no threads. It uses vectors of 128 bits and exceptions, as browsers have had them
+# since 2023.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -24,8 +24,8 @@ for path in /usr/bin/cargo /usr/bin/rustc /usr/bin/wasm-ld "$source" "$libc/crt1
 done
 out=${CARGO_TARGET_DIR:-$PWD/target}/wasm
 mkdir -p "$out"
-# Functions that this C library lacks and the module imports: MISSING in program.ts has them.
-printf '%s\n' pthread_attr_init pthread_attr_setstacksize pthread_attr_destroy pthread_create \
+# What this C library lacks and the module imports: MISSING in program.ts has it.
+printf '%s\n' __cpp_exception pthread_attr_init pthread_attr_setstacksize pthread_attr_destroy pthread_create \
   pthread_detach pthread_join realpath >"$out/missing.txt"
 # Trees of deeply nested models are walked by recursion: the stack is that of native threads.
 flags=(
@@ -36,6 +36,8 @@ flags=(
   -C "link-arg=--allow-undefined-file=$out/missing.txt"
   -C link-arg=-zstack-size=8388608
   -C target-feature=+simd128
+  # A panic is a failure of its stage, as in the native program.
+  -C panic=unwind
   "--remap-path-prefix=$PWD=isoform"
   "--remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo"
 )
@@ -44,8 +46,9 @@ export PATH="/usr/bin:$PATH" CARGO=/usr/bin/cargo RUSTC=/usr/bin/rustc RUSTC_BOO
 unset RUSTUP_TOOLCHAIN
 export CARGO_TARGET_WASM32_WASIP1_LINKER=wasm-ld
 export CARGO_TARGET_WASM32_WASIP1_RUSTFLAGS="${flags[*]}"
-cargo build --locked --profile wasm -Z build-std=std,panic_abort --target wasm32-wasip1 \
-  --package isoform-cli
-cp "$out/../wasm32-wasip1/wasm/isoform.wasm" "$out/isoform.wasm"
+export CARGO_PROFILE_RELEASE_STRIP=true
+cargo build --locked --release -Z build-std=std,panic_unwind --target wasm32-wasip1 \
+  --target-dir "$out" --package isoform-cli
+cp "$out/wasm32-wasip1/release/isoform.wasm" "$out/isoform.wasm"
 printf '%s: %s bytes, %s with gzip -9\n' "$out/isoform.wasm" "$(wc -c <"$out/isoform.wasm")" \
   "$(gzip -9 -c "$out/isoform.wasm" | wc -c)"

@@ -40,10 +40,12 @@ class Pipe extends Fd {
 }
 
 /**
- * Functions of C that the library of the module lacks: threads are not started, and paths have no
- * links that could be followed. The standard library of Rust takes both as "not supported".
+ * What the C library of the module lacks. Threads are not started, and paths have no links that
+ * could be followed: the standard library of Rust takes both as "not supported". The tag is that of
+ * panics.
  */
 const MISSING = {
+  __cpp_exception: new WebAssembly.Tag({ parameters: ["i32"] }),
   pthread_attr_init: () => 0,
   pthread_attr_setstacksize: () => 0,
   pthread_attr_destroy: () => 0,
@@ -107,7 +109,7 @@ export class Program {
 
   /**
    * Runs the program with these words behind its name. Files that it writes stay. A program that
-   * breaks off (a panic, too little memory, too deep a recursion) has exit code 5, and the reason
+   * breaks off (too little memory, too deep a recursion) has exit code 5, and the reason
    * is the last line of its messages.
    */
   run(words: string[], options: RunOptions = {}): Outcome {
@@ -131,7 +133,8 @@ export class Program {
       { debug: false },
     );
     const instance = new WebAssembly.Instance(this.module, {
-      env: MISSING,
+      // Types of TypeScript do not know that tags are imported.
+      env: MISSING as object as WebAssembly.ModuleImports,
       wasi_snapshot_preview1: { ...wasi.wasiImport, args_sizes_get },
     }) as WebAssembly.Instance & Parameters<WASI["start"]>[0];
     // The shim counts code units, not the bytes that it will write.
