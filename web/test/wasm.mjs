@@ -175,14 +175,42 @@ async function bundled(name, format, platform) {
   return made.outputFiles[0].text;
 }
 
+const text = await bundled("program.ts", "esm", "node");
+const { Program } = await import(
+  `data:text/javascript;base64,${Buffer.from(text).toString("base64")}`
+);
+
+test("files lie in folders", () => {
+  const program = new Program(null);
+  program.put("a/b/part.hf", new Uint8Array([1, 2]));
+  program.put("/a/scan.xyz", new Uint8Array([3]));
+  assert.deepEqual(program.list().sort(), ["a/b/part.hf", "a/scan.xyz"]);
+  assert.deepEqual(program.take("a/b/part.hf"), new Uint8Array([1, 2]));
+  assert.equal(program.take("a/b"), null);
+  assert.throws(() => program.put("a/scan.xyz/deeper", new Uint8Array()), /is a file/);
+  assert.throws(() => program.put("./", new Uint8Array()), /not the name of a file/);
+});
+
+test("a program that breaks off says so", async () => {
+  // Sections: a type, a function of it, a memory, both exported, and the code `unreachable`.
+  const broken = [
+    [0, 97, 115, 109, 1, 0, 0, 0],
+    [1, 4, 1, 96, 0, 0],
+    [3, 2, 1, 0],
+    [5, 3, 1, 0, 1],
+    [7, 19, 2, 6, ...Buffer.from("memory"), 2, 0, 6, ...Buffer.from("_start"), 0, 0],
+    [10, 5, 1, 3, 0, 0, 11],
+  ];
+  const program = await Program.load(new Uint8Array(broken.flat()).buffer);
+  const outcome = program.run([]);
+  assert.equal(outcome.code, 5);
+  assert.match(outcome.stderr, /^error: the program broke off: RuntimeError: unreachable\n$/);
+});
+
 const isBuilt = existsSync(module) && existsSync(native);
 const skip = isBuilt ? false : "scripts/wasm.sh and cargo build --release make the two programs";
 
 test("the module does what the native program does", { skip }, async (all) => {
-  const text = await bundled("program.ts", "esm", "node");
-  const { Program } = await import(
-    `data:text/javascript;base64,${Buffer.from(text).toString("base64")}`
-  );
   const compiled = await WebAssembly.compile(readFileSync(module));
   const folder = mkdtempSync(join(tmpdir(), "isoform-wasm-"));
   all.after(() => rmSync(folder, { recursive: true }));
