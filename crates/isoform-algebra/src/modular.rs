@@ -9,9 +9,12 @@
 
 use crate::poly::{Exponents, Poly};
 use dashu_base::{Gcd, Sign, UnsignedAbs};
-use dashu_int::{IBig, UBig};
+use dashu_int::{IBig, UBig, Word};
 use dashu_ratio::RBig;
 use std::sync::{Mutex, PoisonError};
+
+/// Number of words in a digit of 64 bits; words have 32 bits on machines of 32 bits.
+const WORDS_PER_DIGIT: usize = (u64::BITS / Word::BITS) as usize;
 
 /// The field of integers modulo an odd prime p < 2⁶³; its elements are `u64` in Montgomery form,
 /// made by [`Fp::of_u64`] and read by [`Fp::value`]. Zero is 0.
@@ -76,27 +79,29 @@ impl Fp {
     }
     /// Returns the residue of a large integer.
     pub fn of_ubig(&self, a: &UBig) -> u64 {
-        // Horner in base 2^64: multiplication by r2 in Montgomery form is multiplication by 2^64 of
-        // plain residues.
-        let mut sum = 0;
-        for &word in a.as_words().iter().rev() {
-            sum = self.add(self.mul(sum, self.r2), word % self.p);
-        }
-        self.mul(sum, self.r2)
+        self.of_words(a.as_words())
     }
     /// Returns the residue of a large integer with sign.
     pub fn of_ibig(&self, a: &IBig) -> u64 {
         let (sign, words) = a.as_sign_words();
-        let mut sum = 0;
-        for &word in words.iter().rev() {
-            sum = self.add(self.mul(sum, self.r2), word % self.p);
-        }
-        let magnitude = self.mul(sum, self.r2);
+        let magnitude = self.of_words(words);
         if sign == Sign::Negative {
             self.neg(magnitude)
         } else {
             magnitude
         }
+    }
+    /// Returns the residue of an integer of these words, the lowest first.
+    fn of_words(&self, words: &[Word]) -> u64 {
+        // Horner in base 2^64: multiplication by r2 in Montgomery form is multiplication by 2^64 of
+        // plain residues.
+        let mut sum = 0;
+        for digit in words.chunks(WORDS_PER_DIGIT).rev() {
+            let low_first = digit.iter().zip((0..).step_by(Word::BITS as usize));
+            let digit: u64 = low_first.map(|(&word, bit)| (word as u64) << bit).sum();
+            sum = self.add(self.mul(sum, self.r2), digit % self.p);
+        }
+        self.mul(sum, self.r2)
     }
     /// Returns the residue of a rational number; `None` if p divides its denominator.
     pub fn of_rbig(&self, a: &RBig) -> Option<u64> {

@@ -142,6 +142,7 @@ mod rims;
 mod scan;
 mod search;
 mod settle;
+mod shuffle;
 mod space;
 mod tally;
 mod task;

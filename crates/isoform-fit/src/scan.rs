@@ -5,6 +5,7 @@ use crate::clutter::Clutter;
 use crate::outliers::{MAX_DROPPED_SHARE, MAX_TREE_POINTS, MIN_OUTLIER_SHARE, Neighbourhood};
 use crate::report::Fit;
 use crate::report::warning::Warning;
+use crate::shuffle::shuffle;
 use crate::thresholds::CLUTTER_STRAY_SHARE;
 use crate::{Control, FitError, Options};
 use isoform_geom::{Aabb, Point3};
@@ -197,7 +198,7 @@ fn random_order(points: &[Point3], seed: u64) -> Vec<u32> {
         return by_hash(&hashes);
     }
     let mut order: Vec<u32> = (0..points.len() as u32).collect();
-    fastrand::Rng::with_seed(seed).shuffle(&mut order);
+    shuffle(&mut fastrand::Rng::with_seed(seed), &mut order);
     order
 }
 

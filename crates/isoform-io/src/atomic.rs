@@ -66,10 +66,19 @@ fn write_whole(
     let mut out = BufWriter::with_capacity(1 << 18, file);
     write(&mut out)?;
     out.flush()?;
-    if let Some(permissions) = permissions {
+    // Files of WebAssembly have no permissions.
+    if let Some(permissions) = permissions.filter(|_| !cfg!(target_family = "wasm")) {
         out.get_ref().set_permissions(permissions)?;
     }
     out.get_ref().sync_all()
+}
+
+/// Returns the number of this process, 0 for WebAssembly, which has none.
+pub fn process_id() -> u32 {
+    match cfg!(target_family = "wasm") {
+        true => 0,
+        false => std::process::id(),
+    }
 }
 
 /// Creates a hidden file in the folder of the target. Its name contains the process and a counter,
@@ -85,7 +94,7 @@ fn create_temporary(target: &Path) -> io::Result<(File, PathBuf)> {
         hidden.push(name);
         hidden.push(format!(
             ".{}-{}.tmp",
-            std::process::id(),
+            process_id(),
             NUMBER.fetch_add(1, Ordering::Relaxed)
         ));
         let path = target.with_file_name(hidden);

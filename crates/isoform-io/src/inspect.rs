@@ -123,7 +123,8 @@ fn spacing(cloud: &PointCloud) -> Option<f64> {
         if n <= MAX_SPACING_QUERIES {
             i
         } else {
-            rng.usize(0..n)
+            // An index of 64 bits: one of 32 would be another number.
+            rng.u64(0..n as u64) as usize
         }
     });
     let mut found = Vec::new();

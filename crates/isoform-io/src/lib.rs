@@ -76,7 +76,7 @@ mod unzip;
 mod write;
 mod xml;
 
-pub use atomic::write_atomic;
+pub use atomic::{process_id, write_atomic};
 pub use color::deviation_colors;
 pub use error::{At, BAD_MESH, ErrorKind, Place, ReadError, WriteError};
 pub use format::Format;

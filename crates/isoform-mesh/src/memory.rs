@@ -13,7 +13,9 @@ pub(crate) fn of_machine() -> u64 {
     let all = read("/proc/meminfo").and_then(|text| total(&text));
     // Control groups of version 2; "max" means unbounded.
     let group = read("/sys/fs/cgroup/memory.max").and_then(|text| text.trim().parse().ok());
-    all.unwrap_or(u64::MAX).min(group.unwrap_or(u64::MAX))
+    let all = all.unwrap_or(u64::MAX).min(group.unwrap_or(u64::MAX));
+    // WebAssembly has addresses for 4 GiB.
+    all.min(usize::MAX as u64)
 }
 
 /// Returns the memory and swap reported by a text in the format of /proc/meminfo, in bytes.

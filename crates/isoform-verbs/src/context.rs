@@ -64,11 +64,14 @@ impl Default for Global {
     }
 }
 
-/// Returns the builder of a pool of as many threads, by default one for each core.
+/// Returns the builder of a pool of as many threads, by default one for each core. As WebAssembly,
+/// which starts no thread, it has the thread at hand.
 pub(crate) fn pool(threads: Option<u16>) -> rayon::ThreadPoolBuilder {
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads.map_or(0, usize::from))
-        .stack_size(STACK)
+    let pool = rayon::ThreadPoolBuilder::new().stack_size(STACK);
+    match cfg!(target_family = "wasm") {
+        true => pool.num_threads(1).use_current_thread(),
+        false => pool.num_threads(threads.map_or(0, usize::from)),
+    }
 }
 
 /// Reads a time: a number with ms, s, m or h behind it, seconds without.

@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use crate::memory::{self, Object};
+use isoform::io::process_id;
 use std::fs;
 use std::io::{self, ErrorKind};
 use std::path::Path;
@@ -29,7 +30,7 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     let temporary = path.with_file_name(format!(
         ".{}.{}.{turn}.tmp",
         name.to_string_lossy(),
-        std::process::id()
+        process_id()
     ));
     let written = fs::write(&temporary, bytes).and_then(|()| fs::rename(&temporary, &path));
     written.map_err(|e| {

@@ -126,10 +126,12 @@ fn tasks(command: &Command) -> String {
         text += &format!("{}{task}:\n", if i > 0 { "\n" } else { "" });
         for verb in *verbs {
             let about = command.find_subcommand(verb).and_then(Command::get_about);
-            let about = about.map_or(
-                "Prints the help of a verb or function".to_owned(),
-                |about| about.to_string(),
-            );
+            let about = match about {
+                Some(about) => about.to_string(),
+                None if *verb == HELP => "Prints the help of a verb or function".to_owned(),
+                // A verb that this machine lacks.
+                None => continue,
+            };
             text += &format!("  {verb:<13} {about}\n");
         }
     }

@@ -7,7 +7,7 @@
 use crate::failure::Failure;
 use clap::ArgMatches;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, absolute};
 
 /// Arguments that name files to write.
 const WRITTEN: [&str; 6] = ["output", "trace", "figure", "report", "sidecar", "domain"];
@@ -27,7 +27,7 @@ impl Identity {
     fn read(path: &Path) -> Option<Self> {
         let about = fs::metadata(path).ok().filter(fs::Metadata::is_file)?;
         Some(Self {
-            path: fs::canonicalize(path).ok()?,
+            path: fs::canonicalize(path).or_else(|_| absolute(path)).ok()?,
             number: number(&about),
         })
     }

@@ -45,6 +45,7 @@ mod scan;
 mod serve;
 mod solids;
 mod spline;
+#[cfg(not(target_family = "wasm"))]
 mod studio;
 mod table;
 mod terminal;
@@ -100,6 +101,7 @@ enum Verb {
     Compare(Box<compare::Args>),
     View(view::Args),
     Render(Box<render::Args>),
+    #[cfg(not(target_family = "wasm"))]
     Studio(studio::Args),
     Functions(functions::Args),
     Run(request::RunArgs),
@@ -128,11 +130,12 @@ impl Verb {
             | Self::Compare(_)
             | Self::View(_)
             | Self::Render(_)
-            | Self::Studio(_)
             | Self::Functions(_)
             | Self::Run(_)
             | Self::Schema(_)
             | Self::Completions { .. } => false,
+            #[cfg(not(target_family = "wasm"))]
+            Self::Studio(_) => false,
         }
     }
 }
@@ -153,6 +156,7 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
         Verb::Compare(args) => compare::run(&args, context),
         Verb::View(args) => view::run(&args, context),
         Verb::Render(args) => render::run(&args, context),
+        #[cfg(not(target_family = "wasm"))]
         Verb::Studio(args) => studio::run(&args, context),
         Verb::Eval(args) => eval::run(&args, context),
         Verb::Functions(args) => functions::run(&args),

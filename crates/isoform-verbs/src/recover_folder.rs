@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::memory;
 use std::fs::{self, OpenOptions};
 use std::io::{ErrorKind, Write};
-use std::path::{Path, PathBuf, is_separator};
+use std::path::{Path, PathBuf, absolute, is_separator};
 
 /// The folder that holds those of the scans, without -o.
 const ALL: &str = "isoform-recover";
@@ -31,8 +31,8 @@ fn source(scan: Option<&Path>) -> String {
         None => "the scan that is built in".to_owned(),
         Some(path) if path == Path::new("-") => "-".to_owned(),
         Some(path) => {
-            let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-            memory::name(&path)
+            let full = fs::canonicalize(path).or_else(|_| absolute(path));
+            memory::name(full.as_deref().unwrap_or(path))
         }
     }
 }

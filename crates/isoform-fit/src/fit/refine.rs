@@ -131,7 +131,8 @@ impl<'a> Refinement<'a> {
             held: vec![true; self.x.len()],
             from: self.x.clone(),
         };
-        let second = self.random.usize(0..groups.len());
+        // An index of 64 bits: one of 32 would be another number.
+        let second = self.random.u64(0..groups.len() as u64) as usize;
         let first = (self.tried + k) % groups.len();
         let both = [first, second];
         let thrown = if k.is_multiple_of(2) {

@@ -2,6 +2,7 @@
 
 use super::minima::{SearchMinimum, SearchOutcome};
 use crate::bounds::Bounds;
+use crate::shuffle::shuffle;
 use crate::space::Space;
 use crate::{Control, Options, Template};
 use isoform_geom::Point3;
@@ -66,7 +67,7 @@ impl CubeRow {
 
     /// Returns the coordinate along the next axis.
     fn next(&mut self) -> f64 {
-        self.random.shuffle(&mut self.order);
+        shuffle(&mut self.random, &mut self.order);
         let offsets: [f64; CUBE_STARTS] = std::array::from_fn(|_| self.random.f64());
         (self.order[self.row] as f64 + offsets[self.row]) / CUBE_STARTS as f64
     }

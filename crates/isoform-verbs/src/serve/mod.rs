@@ -5,8 +5,11 @@
 //! could be made, and tells them when there is another, or why there is none. Who is answered at
 //! all is decided in [`door`].
 
+#[cfg(not(target_family = "wasm"))]
 mod door;
+#[cfg_attr(target_family = "wasm", path = "unserved.rs")]
 mod pages;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod server;
 mod stamps;
 

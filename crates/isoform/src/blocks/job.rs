@@ -9,7 +9,7 @@ use crate::mesh_model::no_layers;
 use crate::{MeshModelOptions, default_size_within};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid};
-use isoform_io::write_pvtu;
+use isoform_io::{process_id, write_pvtu};
 use isoform_mesh::MeshError;
 use isoform_mesh::blocks::{
     BLOCK_MARGIN_SIZES, BLOCK_ROUNDS, DEFAULT_HALO_CELLS, Interfaces, Plan,
@@ -442,7 +442,7 @@ impl TaskFolder {
         static NUMBER: AtomicU64 = AtomicU64::new(0);
         let name = out.file_name().unwrap_or_default().to_string_lossy();
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let name = format!(".{name}.{}-{number}.blocks", std::process::id());
+        let name = format!(".{name}.{}-{number}.blocks", process_id());
         let path = out.with_file_name(name);
         let made = std::fs::create_dir(&path).map(|()| path);
         made.map(Self).map_err(|e| BlocksError::Folder {
