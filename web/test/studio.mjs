@@ -225,9 +225,9 @@ test("a face that was deleted is made again by hand, and the model explains the 
   await studio(["plate.xyz", "--project", "hand"], async (page) => {
     await page.getByText(/points, .* × .* × /).waitFor();
     await press(page, "Recognize faces");
-    const bore = page.getByRole("checkbox", { name: /cylinder/ });
+    const bore = page.getByRole("checkbox", { name: /^Face \d+, cylinder/ });
     await bore.waitFor();
-    const plane = page.getByRole("checkbox", { name: /plane/ });
+    const plane = page.getByRole("checkbox", { name: /^Face \d+, plane/ });
     assert.equal(await plane.count(), 6);
     await bore.check();
     await press(page, "Delete");

@@ -57,8 +57,12 @@ export class App {
   viewer: Viewer | null = null;
   private readonly spaces: Record<Tab, Space>;
   private readonly tabs = new Map<Tab, HTMLButtonElement>();
-  private readonly sides = h("div", { class: "side" });
-  private readonly settings = h("div", { class: "settings" });
+  private readonly sides = h("div", { class: "side", role: "region", "aria-label": "Work" });
+  private readonly settings = h("div", {
+    class: "settings",
+    role: "region",
+    "aria-label": "View and commands",
+  });
   private readonly undoButton = button("Undo", () => this.undo());
   private readonly redoButton = button("Redo", () => this.redo());
   private readonly lost = h("p", { class: "lost", role: "alert", hidden: true });
