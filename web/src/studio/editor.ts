@@ -128,7 +128,7 @@ export class Editor {
           hoverTooltip((view, at) => hovered(view, at, functions)),
           lintGutter(),
           LOOK,
-          EditorView.contentAttributes.of({ "aria-label": label }),
+          EditorView.contentAttributes.of({ "aria-label": label, tabindex: "0" }),
           EditorView.updateListener.of((update) => {
             if (update.docChanged && !this.isSetting) this.onType(this.text);
           }),
