@@ -4,6 +4,9 @@
 #
 #   scripts/wasm.sh
 #
+# Where npm is installed it also makes target/wasm/studio.html: Isoform Studio with the program in one
+# file.
+#
 # The compiler, the sources of its standard library, the C library and the linker are Debian's:
 #
 #   apt-get install --no-install-recommends rustc-web cargo-web rust-web-src wasi-libc lld
@@ -52,3 +55,6 @@ cargo build --locked --release -Z build-std=std,panic_unwind --target wasm32-was
 cp "$out/wasm32-wasip1/release/isoform.wasm" "$out/isoform.wasm"
 printf '%s: %s bytes, %s with gzip -9\n' "$out/isoform.wasm" "$(wc -c <"$out/isoform.wasm")" \
   "$(gzip -9 -c "$out/isoform.wasm" | wc -c)"
+if command -v npm >/dev/null; then
+  (cd web && npm ci --silent --no-audit --no-fund && node offline.mjs "$out/isoform.wasm" "$out/studio.html")
+fi

@@ -245,9 +245,9 @@ test("two faces in one are split by hand, and the model explains the scan again"
     await page.waitForTimeout(500);
     const box = await page.locator("[data-pane=space]").boundingBox();
     const at = (u, v) => [box.x + u * box.width, box.y + v * box.height];
-    await page.mouse.move(...at(0.25, 0.1));
+    await page.mouse.move(...at(0.3, 0.1));
     await page.mouse.down();
-    await page.mouse.move(...at(0.75, 0.9), { steps: 3 });
+    await page.mouse.move(...at(0.72, 0.9), { steps: 3 });
     await page.mouse.up();
     await page.getByText(/[67]\d\d points selected of the chosen faces/).waitFor();
     await press(page, "Make a face");

@@ -18,8 +18,12 @@ const entry = [
   "native",
   "exact",
   "dom",
+  "scene",
+  "studio/ply",
+  "studio/parts",
+  "studio/faces",
 ]
-  .map((m) => `export * as ${m} from "./${m}";`)
+  .map((m) => `export * as ${m.replace("studio/", "")} from "./${m}";`)
   .join("\n");
 const bundle = await build({
   stdin: { contents: entry, resolveDir: source, loader: "ts" },
@@ -28,10 +32,25 @@ const bundle = await build({
   format: "esm",
   platform: "node",
 });
-const { tape, interval, solid, bvh, caps, measure, glsl, patches, native, exact, dom } =
-  await import(
-    `data:text/javascript;base64,${Buffer.from(bundle.outputFiles[0].text).toString("base64")}`
-  );
+const {
+  tape,
+  interval,
+  solid,
+  bvh,
+  caps,
+  measure,
+  glsl,
+  patches,
+  native,
+  exact,
+  dom,
+  scene,
+  ply,
+  parts,
+  faces,
+} = await import(
+  `data:text/javascript;base64,${Buffer.from(bundle.outputFiles[0].text).toString("base64")}`
+);
 
 /** Numbers between 0 and 1, the same in every run. */
 let seed = 1;
@@ -325,4 +344,79 @@ test("places far from the origin keep the digits of the scene", () => {
   assert.equal(dom.placeWithin(at, 5), "1000001.25000, 2000000.00000, \u22123000000.00000");
   assert.equal(dom.placeWithin([0.5, -1, 2e-5], 4), "0.5, \u22121, 2e\u22125");
   assert.equal(dom.placeWithin([1e300, 0, 0], 1e-300), "1e+300, 0, 0");
+});
+
+/** A binary PLY file of points with an entity each, and a face behind them. */
+function plyFile(points, entities) {
+  const header =
+    `ply\nformat binary_little_endian 1.0\ncomment made here\nelement vertex ${points.length}\n` +
+    "property double x\nproperty double y\nproperty double z\nproperty uchar red\n" +
+    "property double entity\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+  const head = new TextEncoder().encode(header);
+  const bytes = new Uint8Array(head.length + 33 * points.length + 13);
+  bytes.set(head);
+  const view = new DataView(bytes.buffer);
+  points.forEach((p, i) => {
+    const at = head.length + 33 * i;
+    p.forEach((v, k) => view.setFloat64(at + 8 * k, v, true));
+    view.setUint8(at + 24, 7);
+    view.setFloat64(at + 25, entities[i], true);
+  });
+  return bytes.buffer;
+}
+
+test("points of a PLY file get other entities, are cropped and put in another frame", () => {
+  const points = [
+    [1, 2, 3],
+    [4, 5, 6],
+    [1, 3, 3],
+  ];
+  const file = new ply.Ply(plyFile(points, [0, -1, 2]));
+  assert.equal(file.count, 3);
+  assert.deepEqual([...file.column("entity")], [0, -1, 2]);
+  const changed = new ply.Ply(file.withColumn("entity", (i) => 10 + i));
+  assert.deepEqual([...changed.column("entity")], [10, 11, 12]);
+  assert.deepEqual([...changed.column("x")], [1, 4, 1]);
+  const some = file.filtered((i) => i !== 1);
+  const cropped = new ply.Ply(some);
+  assert.deepEqual([cropped.count, ...cropped.column("z")], [2, 3, 3]);
+  assert.ok(!new TextDecoder("latin1").decode(some).includes("element face"));
+  const z = [0, 0, 1];
+  const moved = new ply.Ply(file.inFrame([1, 2, 3], [[0, 1, 0], [-1, 0, 0], z]));
+  assert.deepEqual([...moved.column("x")], [0, 3, 1]);
+  assert.deepEqual(
+    [...moved.column("y")].map((v) => v + 0),
+    [0, -3, 0],
+  );
+  assert.deepEqual([...moved.column("z")], [0, 3, 0]);
+  for (const bad of [
+    "",
+    "ply\nend_header\n",
+    "ply\nformat ascii 1.0\nelement vertex 1\nend_header\n",
+  ])
+    assert.throws(() => new ply.Ply(new TextEncoder().encode(bad).buffer), /PLY/);
+  const cut = plyFile(points, [0, 0, 0]).slice(0, -40);
+  assert.throws(() => new ply.Ply(cut), /cut off/);
+});
+
+test("a packed scene is a document with its arrays", () => {
+  const text = new TextEncoder().encode(
+    '{"layers":[{"a":{"blob":1,"deflated":false},"b":{"blob":0,"deflated":true}}],"arrays":[2,3]}',
+  );
+  const packed = new Uint8Array(4 + text.length + 5);
+  new DataView(packed.buffer).setUint32(0, text.length, true);
+  packed.set(text, 4);
+  packed.set([1, 2, 3, 4, 5], 4 + text.length);
+  const [layer] = scene.unpackScene(packed.buffer).layers;
+  assert.deepEqual([...layer.a.bytes], [3, 4, 5]);
+  assert.deepEqual([...layer.b.bytes], [1, 2]);
+});
+
+test("values have the digits that their deviations leave", () => {
+  assert.equal(parts.withSd(12.345678, 0.0123), "12.346 \u00b1 0.012");
+  assert.equal(parts.withSd(-1234.5, 20), "\u22121235 \u00b1 20");
+  assert.equal(parts.withSd(5, 0), "5");
+  assert.equal(parts.withSd(5, 1e-15), "5");
+  const cone = { type: "cone", parameters: { half_angle: Math.PI / 6 }, sd: { half_angle: 0 } };
+  assert.equal(faces.sizes(cone), "half angle 30\u00b0");
 });
