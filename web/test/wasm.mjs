@@ -57,6 +57,7 @@ mesh lug.hf --size 4 --order 2 -o lug.vtu --json
 mesh flange.hf --surface-only -o flange.obj --json
 mesh comp_gyroid_sheet.hf --params 3,0.5 --box=-1,-1,-1,1,1,1 --size 0.15 -o gyroid.vtu --json
 mesh "x^2 + y^2 + z^4 = 1" --size 0.2 -o print.stl --json
+convert tm_multibody.stl -o print.stl --json
 mesh "sin(3*x) + sin(3*y) + sin(3*z) = 0" --box=-1,-1,-1,1,1,1 --surface-only -o waves.ply --json
 mesh mixed-ap242-inch.step -o mixed.stl --json
 brep block-holes.hf -o block.step -o block.brep.json --json
