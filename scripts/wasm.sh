@@ -28,8 +28,8 @@ done
 out=${CARGO_TARGET_DIR:-$PWD/target}/wasm
 mkdir -p "$out"
 # What this C library lacks and the module imports: MISSING in program.ts has it.
-printf '%s\n' __cpp_exception pthread_attr_init pthread_attr_setstacksize pthread_attr_destroy pthread_create \
-  pthread_detach pthread_join realpath >"$out/missing.txt"
+printf '%s\n' __cpp_exception pthread_attr_init pthread_attr_setstacksize pthread_attr_destroy \
+  pthread_create pthread_detach pthread_join realpath >"$out/missing.txt"
 # Trees of deeply nested models are walked by recursion: the stack is that of native threads.
 flags=(
   -C linker-flavor=wasm-ld
@@ -48,7 +48,8 @@ flags=(
 export PATH="/usr/bin:$PATH" CARGO=/usr/bin/cargo RUSTC=/usr/bin/rustc RUSTC_BOOTSTRAP=1
 unset RUSTUP_TOOLCHAIN
 export CARGO_TARGET_WASM32_WASIP1_LINKER=wasm-ld
-export CARGO_TARGET_WASM32_WASIP1_RUSTFLAGS="${flags[*]}"
+CARGO_ENCODED_RUSTFLAGS=$(IFS=$'\x1f' && printf '%s' "${flags[*]}")
+export CARGO_ENCODED_RUSTFLAGS
 export CARGO_PROFILE_RELEASE_STRIP=true
 cargo build --locked --release -Z build-std=std,panic_unwind --target wasm32-wasip1 \
   --target-dir "$out" --package isoform-cli

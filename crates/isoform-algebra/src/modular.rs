@@ -92,6 +92,7 @@ impl Fp {
         }
     }
     /// Returns the residue of an integer of these words, the lowest first.
+    #[allow(clippy::unnecessary_cast, reason = "words may have 32 bits")]
     fn of_words(&self, words: &[Word]) -> u64 {
         // Horner in base 2^64: multiplication by r2 in Montgomery form is multiplication by 2^64 of
         // plain residues.

@@ -36,8 +36,13 @@ pub fn write_atomic(
                 .and_then(|()| out.flush())
                 .map_err(cannot_write);
         }
+    }
+    // Files of WebAssembly have no permissions, and would all look protected.
+    let permissions = old.filter(|_| !cfg!(target_family = "wasm"));
+    let permissions = permissions.map(|old| old.permissions());
+    if let Some(permissions) = &permissions {
         // A rename would replace a file that its owner has protected.
-        if old.permissions().readonly() {
+        if permissions.readonly() {
             let kind = io::ErrorKind::PermissionDenied;
             return Err(cannot_write(io::Error::new(
                 kind,
@@ -47,7 +52,7 @@ pub fn write_atomic(
     }
     let (file, temporary) =
         create_temporary(&target).map_err(|e| fail("cannot make a file in the folder", &e))?;
-    write_whole(file, old.map(|old| old.permissions()), write)
+    write_whole(file, permissions, write)
         .and_then(|()| fs::rename(&temporary, &target))
         .map_err(|e| {
             // The first error is reported; a temporary file that cannot be removed does no further
@@ -66,8 +71,7 @@ fn write_whole(
     let mut out = BufWriter::with_capacity(1 << 18, file);
     write(&mut out)?;
     out.flush()?;
-    // Files of WebAssembly have no permissions.
-    if let Some(permissions) = permissions.filter(|_| !cfg!(target_family = "wasm")) {
+    if let Some(permissions) = permissions {
         out.get_ref().set_permissions(permissions)?;
     }
     out.get_ref().sync_all()
