@@ -2,7 +2,7 @@
 //! nothing is searched.
 
 use crate::accuracy::degrees_of_freedom;
-use crate::chart::{Primitive, PrimitiveKind};
+use crate::chart::{Primitive, PrimitiveKind, frame};
 use crate::choose::{KnownSurfaces, Noise, follows};
 use crate::cloud::{Cloud, thinned};
 use crate::cost::Cost;
@@ -22,10 +22,11 @@ use crate::segment::{
 use crate::share::MembershipWeights;
 use crate::simplify::ZONE_COSINE;
 use isoform_control::{Control, Stopped};
-use isoform_geom::{Point3, PointCloud, dot};
+use isoform_geom::{Point3, PointCloud, cross, dot};
 use isoform_num::linalg::symmetric_eigen_3;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::TAU;
 
 /// Minimum standard deviation of points across the line through them, in standard deviations of the
 /// noise: points of a line have 1. A larger bound refuses narrow strips, which determine their
@@ -34,6 +35,13 @@ const MIN_WIDTH_DEVIATIONS: f64 = 2.0;
 /// Maximum number of labels. Relations compare all pairs: a minute for this number. Parts have some
 /// hundred faces.
 const MAX_LABELS: usize = 4096;
+
+/// Ratios of the radius of the circle of a torus to that of its tube from which it is sought: by
+/// factors of 2, over which a fit goes by itself, from a full ring to a hardly bent tube.
+const BENDS: [f64; 5] = [1.5, 3.0, 6.0, 12.0, 24.0];
+/// Number of directions of its bend from which a torus is sought: a fit turns by 30 degrees by
+/// itself.
+const TURNS: usize = 6;
 
 /// Labels that the points of a scan were given by hand.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -483,7 +491,40 @@ fn surface(
             }
         }
     };
+    let may_be_torus = kind.is_none_or(|kind| kind == PrimitiveKind::Torus);
+    let bent = || bent(cloud, members, &points).filter(|s| is_explained(cloud, members, s, noise));
+    let found = match may_be_torus && !is_explained(cloud, members, &found, noise) {
+        true => bent().unwrap_or(found),
+        false => found,
+    };
     is_determined(&found, &points, noise.deviation).then_some(found)
+}
+
+/// Returns the torus nearest to points of a tube, sought from their cylinder, which is bent more or
+/// less in all directions: where there is only a short piece of a tube, normals with noise do not
+/// show where its circle is.
+fn bent(cloud: &Cloud, members: &[u32], points: &[Point3]) -> Option<Primitive> {
+    let some: Vec<u32> = thinned(members.len(), 400).map(|k| members[k]).collect();
+    let some = cloud.at(&some);
+    let cylinder = guess(cloud, members, PrimitiveKind::Cylinder)?;
+    let start = cylinder.about(mean(points));
+    let [right, up] = frame(start.axis);
+    let turns = (0..TURNS).flat_map(|k| BENDS.map(|bend| (k as f64, bend)));
+    let tori = turns.filter_map(|(k, bend)| {
+        let (sine, cosine) = (k * TAU / TURNS as f64).sin_cos();
+        let inward: Point3 = std::array::from_fn(|i| cosine * right[i] + sine * up[i]);
+        let circle = bend * start.size;
+        let torus = Primitive {
+            kind: PrimitiveKind::Torus,
+            place: std::array::from_fn(|i| start.place[i] + circle * inward[i]),
+            axis: cross(start.axis, inward),
+            size: circle,
+            other: start.size,
+        };
+        fit(&torus, &some, Precision::Rough)
+    });
+    let best = tori.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    Some(fit(&best.0, points, Precision::Full)?.0)
 }
 
 /// Returns true if a surface explains the points of a label.

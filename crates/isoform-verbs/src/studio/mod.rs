@@ -39,7 +39,7 @@ network. Files and all steps of the work are kept in the folder of the project: 
 after a crash, shows the same state. Ctrl-C ends it. What it can do: docs/studio.md.
 
 Exit code: 0; 2 for files that cannot be read or a folder that cannot be written to, 4 where the port
-is taken.")]
+is taken or the project is open already.")]
 pub(crate) struct Args {
     /// Files to begin with: scans, programs, meshes or solids
     #[arg(value_name = "FILE")]

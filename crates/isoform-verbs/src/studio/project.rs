@@ -2,7 +2,7 @@
 
 use crate::context::Context;
 use crate::disk;
-use crate::failure::Failure;
+use crate::failure::{Failure, NO_RESULT};
 use serde_json::{Value, json};
 use std::fs;
 use std::io::{self, Read, Write};
@@ -16,6 +16,8 @@ const ALL: &str = "isoform-studio";
 const UNNAMED: &str = "project";
 /// The file of the state.
 const STATE: &str = "project.json";
+/// The file that is locked.
+const LOCK: &str = ".lock";
 /// Most letters of the name of a file; with the marks of temporary files it stays below the limit of
 /// usual file systems, 255 bytes.
 const MOST_LETTERS: usize = 120;
@@ -33,6 +35,8 @@ struct State {
 
 /// A folder with files and a state.
 pub(super) struct Project {
+    /// Locked as long as the project is open.
+    _lock: fs::File,
     folder: PathBuf,
     state: Mutex<State>,
     /// The version of the state, for windows that follow it.
@@ -83,6 +87,7 @@ impl Project {
             Failure::file(&folder, "make", e).hint("--project with a folder that can be written to")
         };
         fs::create_dir_all(&folder).map_err(|e| failed(&e))?;
+        let lock = locked(&folder)?;
         let opened: Result<Vec<String>, Failure> =
             files.iter().map(|file| copied(file, &folder)).collect();
         let document = stored(&folder, context)?;
@@ -94,6 +99,7 @@ impl Project {
             opened: opened?,
         };
         Ok(Self {
+            _lock: lock,
             folder,
             state: Mutex::new(state),
             news: watch::channel(1).0,
@@ -152,6 +158,20 @@ impl Project {
         files
             .map(|(name, size)| json!({"name": name, "size": size}))
             .collect()
+    }
+}
+
+/// Locks a folder; fails if another program has it open, whose state would be overwritten.
+fn locked(folder: &Path) -> Result<fs::File, Failure> {
+    let path = folder.join(LOCK);
+    let lock = fs::File::create(&path).map_err(|e| Failure::file(&path, "make", &e))?;
+    match lock.try_lock() {
+        Err(fs::TryLockError::WouldBlock) => {
+            let message = format!("{}: another isoform studio has it open", folder.display());
+            Err(Failure::new(NO_RESULT, "locked", message).hint("--project with another folder"))
+        }
+        // A file system without locks.
+        Err(fs::TryLockError::Error(_)) | Ok(()) => Ok(lock),
     }
 }
 
