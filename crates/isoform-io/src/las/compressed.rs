@@ -127,7 +127,9 @@ fn unpack(
     };
     // WebAssembly has no threads; there a damaged file that exhausts the stack ends the run.
     if cfg!(target_family = "wasm") {
-        return unpack_here(stream, vlr, header, take);
+        let work = AssertUnwindSafe(|| unpack_here(stream, vlr, header, take));
+        return catch_unwind(work)
+            .unwrap_or_else(|_| Err(failure("the compressed data is damaged")));
     }
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new()
