@@ -226,7 +226,15 @@ pages() {
     browser() { cd web && ISOFORM=$binary CHROMIUM=$(command -v chromium) npm run --silent browser; }
     if [ -d web/node_modules ]; then later check "pages in a browser" browser; else missing npm; fi
     accept_with "$venv/bin/python" accept_view
+    if [ "$extent" = whole ]; then webassembly; fi
   fi
+}
+
+# The program as WebAssembly gives the bytes of the native one, and the studio works as one file.
+webassembly() {
+  debian /usr/bin/rustc rustc-web cargo-web rust-web-src wasi-libc lld
+  module() { scripts/wasm.sh && cd web && ISOFORM=$binary CHROMIUM=$(command -v chromium) npm run --silent wasm; }
+  if [ -x /usr/bin/rustc ]; then later check "WebAssembly" module; else missing "rustc-web and wasi-libc of Debian"; fi
 }
 
 # Programs of examples/fe, from a model to what a solver says of it.
