@@ -1,6 +1,6 @@
 // Bundles of the scripts and style sheets of src.
 import { build } from "esbuild";
-import { readFileSync } from "node:fs";
+import { readdirSync, readFileSync } from "node:fs";
 import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 
@@ -24,7 +24,10 @@ export async function bundled(entry, title, more = {}) {
     .filter((name) => name);
   const notices = new Map();
   for (const name of new Set(packages.sort())) {
-    const licence = readFileSync(join(here, "node_modules", name, "LICENSE"), "utf8").trim();
+    const folder = join(here, "node_modules", name);
+    const file = readdirSync(folder).find((name) => /^licen[cs]e(-mit)?(\.\w+)?$/i.test(name));
+    if (!file) throw new Error(`${name} has no licence`);
+    const licence = readFileSync(join(folder, file), "utf8").trim();
     notices.set(licence, [...(notices.get(licence) ?? []), name]);
   }
   const texts = [...notices].map(([licence, names]) => `${names.join(", ")}:\n${licence}`);

@@ -7,6 +7,8 @@ import { gzipSync } from "node:zlib";
 import { bundled } from "./bundle.mjs";
 
 const [source, target] = process.argv.slice(2);
+/** Notices of the C library in the module. */
+const notices = readFileSync("/usr/share/doc/wasi-libc/copyright", "utf8").replaceAll("--", "- -");
 const module = gzipSync(readFileSync(source), { level: 9 }).toString("base64");
 const worker = await bundled("src/wasm/worker.ts", "The worker");
 const script = await bundled("src/studio/offline-main.ts", "The studio", {
@@ -19,6 +21,9 @@ const policy =
   `default-src 'none'; script-src ${hash(script)} 'wasm-unsafe-eval'; style-src ${hash(style)}; ` +
   "img-src data: blob:; worker-src blob:; base-uri 'none'; form-action 'none'";
 const page = `<!DOCTYPE html>
+<!-- The program in this page holds wasi-libc:
+${notices}
+-->
 <html lang="en">
 <head>
 <meta charset="utf-8">

@@ -31,8 +31,10 @@ test(
     const foreign = [];
     page.on("request", (r) => !/^(file|blob|data):/.test(r.url()) && foreign.push(r.url()));
     await page.goto(pathToFileURL(file).href);
-    await page.waitForFunction("window.isoform !== undefined");
+    await page.getByRole("tab", { name: "Program" }).waitFor();
     await page.evaluate("isoform.ready");
+    const told = (name, text) =>
+      page.getByRole("tabpanel", { name, exact: true }).getByText(text).waitFor();
     const press = (name) => page.getByRole("button", { name, exact: true }).click();
     await page.getByRole("tab", { name: "Program" }).click();
     await press("Mesh and certify");

@@ -34,6 +34,8 @@ export interface Space {
   leave?(): boolean;
 }
 
+/** Milliseconds after which a picture that is being made is said. */
+const SLOW = 500;
 const BUSY = "Other work is going on: wait for it, or cancel it.";
 /** Number of command lines that are kept in view. */
 const MOST_LINES = 100;
@@ -70,6 +72,12 @@ export class App {
   private readonly bar = h("progress", { max: "1", "aria-label": "Progress" });
   private readonly cancelButton = button("Cancel", () => this.cancel());
   private readonly status = h("div", { class: "work", hidden: true }, this.phase, this.bar);
+  private readonly slow = h(
+    "div",
+    { class: "work", hidden: true },
+    "Computing the picture",
+    button("Stop", () => this.stop()),
+  );
   private readonly said = h("div", { class: "said", role: "status" });
   private readonly lines = h("ol", { class: "lines" });
   private readonly chooser = h("input", { type: "file", multiple: true, hidden: true });
@@ -77,6 +85,8 @@ export class App {
   private readonly title = h("bdi", {});
   private readonly hint = h("div", { class: "empty" });
   private job: AbortController | null = null;
+  /** Files that are opened after the work. */
+  private waiting: string[] = [];
   private drawing: AbortController | null = null;
   private drawn = "";
   private subject = "";
@@ -93,6 +103,7 @@ export class App {
     this.build();
     this.listen();
     this.history.onChange = () => this.refresh();
+    this.history.onDamage = (error) => this.fail(error);
     this.history.onLost = (why) => {
       this.lost.hidden = why === null;
       this.lost.textContent = why === null ? "" : `The last steps are not stored. ${why}`;
@@ -117,12 +128,17 @@ export class App {
     return this.job !== null;
   }
 
+  /** Takes the last step back; work that goes on is one. */
   private undo(): void {
+    if (this.isBusy) return this.cancel();
     this.space.settle?.();
+    this.say("");
     this.history.undo();
   }
   private redo(): void {
+    if (this.isBusy) return;
     this.space.settle?.();
+    this.say("");
     this.history.redo();
   }
 
@@ -179,7 +195,16 @@ export class App {
         h("div", { class: "tools" }, open, this.undoButton, this.redoButton, keys),
       ),
       this.sides,
-      h("main", { class: "stage" }, this.stage.panes, this.hint, this.lost, this.status, this.said),
+      h(
+        "main",
+        { class: "stage" },
+        this.stage.panes,
+        this.hint,
+        this.lost,
+        this.slow,
+        this.status,
+        this.said,
+      ),
       this.settings,
       this.chooser,
       this.help,
@@ -188,6 +213,7 @@ export class App {
 
   private turnTo(tab: Tab): void {
     this.space.settle?.();
+    if (!this.isBusy) this.say("");
     this.history.turnTo(tab);
   }
 
@@ -243,7 +269,7 @@ export class App {
       ],
       [
         key === "escape" && !target.closest("dialog"),
-        () => (this.isBusy ? this.cancel() : this.space.leave?.()),
+        () => (this.isBusy ? this.cancel() : this.stop() || this.space.leave?.()),
       ],
       [event.key === "?" && !isText, () => this.help.showModal()],
       [event.altKey && /^[1-4]$/.test(event.key), () => this.turnTo(TABS[Number(event.key) - 1])],
@@ -263,9 +289,13 @@ export class App {
       this.spaces[tab].element.hidden = !is;
     }
     const { undoable, redoable } = this.history;
-    this.undoButton.disabled = undoable === null;
-    this.redoButton.disabled = redoable === null;
-    this.undoButton.title = undoable ? `Undo: ${undoable} (Ctrl Z)` : "Nothing to undo";
+    this.undoButton.disabled = undoable === null && !this.isBusy;
+    this.redoButton.disabled = redoable === null || this.isBusy;
+    this.undoButton.title = this.isBusy
+      ? "Cancel the work"
+      : undoable
+        ? `Undo: ${undoable} (Ctrl Z)`
+        : "Nothing to undo";
     this.redoButton.title = redoable ? `Redo: ${redoable} (Ctrl Shift Z)` : "Nothing to redo";
     this.space.refresh();
     for (const each of this.busyButtons) each.disabled ||= this.isBusy;
@@ -292,6 +322,15 @@ export class App {
     this.hint.replaceChildren(
       h("p", {}, "Drop a file here: a scan, a mesh, a STEP file or a HyperFun program."),
     );
+    const slow = setTimeout(() => {
+      space.failed?.(null);
+      this.slow.hidden = false;
+    }, SLOW);
+    const ended = () => {
+      clearTimeout(slow);
+      this.slow.hidden = true;
+    };
+    own.signal.addEventListener("abort", ended);
     const drawn = picture
       ? backend.scene(picture.request, own.signal)
       : Promise.resolve({ version: 1, title: "", layers: [] });
@@ -300,6 +339,8 @@ export class App {
         if (own.signal.aborted) return;
         const [viewer, panel] = await this.stage.show(scene, isKept);
         if (own.signal.aborted) return;
+        ended();
+        this.stage.panes.classList.remove("is-old");
         this.viewer = viewer;
         this.subject = picture ? `${this.tab} ${picture.subject}` : "";
         this.place(panel, picture !== null);
@@ -308,9 +349,19 @@ export class App {
       })
       .catch((error) => {
         if (own.signal.aborted) return;
+        ended();
+        this.stage.panes.classList.add("is-old");
         if (space.failed) space.failed(error);
         else this.fail(error);
       });
+  }
+
+  /** Stops a picture that takes long; returns false if there is none. */
+  private stop(): boolean {
+    if (this.slow.hidden) return false;
+    this.drawing?.abort();
+    this.stage.panes.classList.add("is-old");
+    return true;
   }
 
   /** Shows the panel of a picture in place of the last one. */
@@ -331,7 +382,10 @@ export class App {
     this.status.hidden = false;
     this.phase.textContent = label;
     this.bar.removeAttribute("value");
+    // A button that is disabled loses the focus, which returns after the work.
+    const focused = document.activeElement as HTMLElement | null;
     this.refresh();
+    if (document.activeElement === document.body) this.cancelButton.focus();
     let isDone = false;
     try {
       await does((request) =>
@@ -353,6 +407,8 @@ export class App {
       this.job = null;
       this.status.hidden = true;
       this.refresh();
+      if (document.activeElement === document.body && focused?.isConnected) focused.focus();
+      for (const name of this.waiting.splice(0)) void this.take(name);
     }
     return isDone;
   }
@@ -372,7 +428,7 @@ export class App {
   /** Says something that is no failure. */
   say(text: string): void {
     this.said.className = "said";
-    this.said.replaceChildren(text);
+    this.said.replaceChildren(...(text ? [h("span", {}, text), this.closeButton()] : []));
     this.said.hidden = text === "";
   }
 
@@ -381,13 +437,16 @@ export class App {
     const { why, hint } = error as Partial<backend.Failure>;
     this.said.hidden = false;
     this.said.className = "said is-failure";
-    const close = button("Close", () => this.say(""));
     this.said.replaceChildren(
       h("p", {}, h("strong", {}, error.message)),
       ...(why ? [h("p", {}, `Because ${why}.`)] : []),
       ...(hint ? [h("p", {}, `Try: ${hint}`)] : []),
-      close,
+      this.closeButton(),
     );
+  }
+
+  private closeButton(): HTMLButtonElement {
+    return button("Close", () => this.say(""));
   }
 
   /** Copies files into the project and opens them. */
@@ -410,7 +469,10 @@ export class App {
 
   /** Opens a file of the project in the tab that it is for. */
   async take(name: string): Promise<void> {
-    if (this.isBusy) return this.fail(new Error(`${name} is in the project. ${BUSY}`));
+    if (this.isBusy) {
+      this.waiting.push(name);
+      return this.say(`${name} is opened when the work is done.`);
+    }
     const ending = endingOf(name);
     const tab: Tab =
       ending === "hf"

@@ -132,7 +132,7 @@ export class CompareSpace implements Space {
     const points = this.app.history.fresh("deviation", "ply");
     await this.app.work("Comparing", async (run) => {
       const request: Request = { verb: "compare", first, second, output: [points] };
-      if (Number(tolerance) > 0) request.tolerance = Number(tolerance);
+      if (tolerance.trim()) request.tolerance = tolerance.trim();
       if (isAligned) request.align = true;
       const answer = await run(request);
       const name = points.replace(/ply$/, "json");

@@ -171,7 +171,7 @@ export class Editor {
       const line = doc.line(Math.max(1, Math.min(doc.lines, error.line)));
       const letters = [...line.text].slice(0, error.column - 1).join("").length;
       const from = Math.min(line.to, line.from + letters);
-      const word = /^\w+/.exec(doc.sliceString(from, line.to))?.[0].length ?? 1;
+      const word = /^(\w+|.)/u.exec(doc.sliceString(from, line.to))?.[0].length ?? 1;
       const to = Math.min(Math.max(from, line.to), from + word);
       marks.push({ from, to, severity: "error", message: error.message });
     }

@@ -83,6 +83,7 @@ export class Faces {
       this.select((i) => this.layer?.entities?.[i] === 0),
     );
     this.radius.setAttribute("aria-label", "Radius around the picked point");
+    this.radius.placeholder = "radius";
     this.near = button("Select around the picked point", () => this.selectNear());
     this.asNew = button("Make a face", () => this.move("New face", this.fresh()));
     this.asNone = button("Take out of faces", () => this.move("Points out of faces", -1));

@@ -1,6 +1,6 @@
 // State of a project, and the steps by which it came about.
 
-import type { Stored } from "./backend";
+import type { Document, Stored } from "./backend";
 import * as backend from "./backend";
 
 export const TABS = ["scan", "program", "surface", "compare"] as const;
@@ -116,14 +116,59 @@ const MOST_STEPS = 200;
 /** Milliseconds before the next request if the server did not answer. */
 const AGAIN = 2000;
 
-/** Returns a state with the keys of a new one, where a document lacks them. */
-function completed(state: Partial<State>): State {
-  const parts = (["scan", "program", "surface", "compare"] as const).map((key) => [
-    key,
-    { ...EMPTY[key], ...state[key] },
-  ]);
-  const tab = TABS.find((name) => name === state.tab) ?? EMPTY.tab;
-  return { ...EMPTY, ...Object.fromEntries(parts), tab };
+/** Version of the documents of states. */
+const SCHEMA = 1;
+
+/** Returns a part of a state with the keys of a new one; values of other types are those of a new
+ *  one, too. */
+function completed<T extends object>(part: unknown, fresh: T): T {
+  const given = (part ?? {}) as Record<string, unknown>;
+  const kept = Object.entries(fresh).map(([key, value]) => {
+    const own = given[key];
+    const isSame = typeof own === typeof value && own !== null && !Array.isArray(own);
+    return [key, isSame ? own : value];
+  });
+  return Object.fromEntries(kept) as T;
+}
+
+/** Returns the state of a document. */
+function stateOf(document: unknown): State {
+  const state = (document ?? {}) as Record<string, unknown>;
+  const scan = completed(state.scan, EMPTY.scan);
+  const { fit } = (state.scan ?? {}) as { fit?: FitState };
+  const files = Object.entries(fit?.files ?? {});
+  const isFit =
+    typeof fit?.document === "string" &&
+    ["hf", "ply"].every((ending) => files.some(([key]) => key === ending)) &&
+    files.every(([, name]) => typeof name === "string");
+  const numbers = Object.entries(scan.fixed).filter(([, v]) => typeof v === "number");
+  const kinds = Object.entries(scan.kinds).filter(([, v]) => typeof v === "string");
+  return {
+    tab: TABS.find((name) => name === state.tab) ?? EMPTY.tab,
+    scan: {
+      ...scan,
+      fixed: Object.fromEntries(numbers),
+      kinds: Object.fromEntries(kinds),
+      fit: isFit ? fit! : null,
+    },
+    program: completed(state.program, EMPTY.program),
+    surface: completed(state.surface, EMPTY.surface),
+    compare: completed(state.compare, EMPTY.compare),
+  };
+}
+
+/** Returns the steps of a document of the project; null if it has another form. */
+function stepsOf(document: Document): { steps: Step[]; at: number; next: number } | null {
+  const { steps, at, next } = document;
+  const isStep = (step: Document): boolean =>
+    typeof step?.label === "string" && typeof step.state === "object" && step.state !== null;
+  if (!Array.isArray(steps) || !steps.length || !steps.every(isStep)) return null;
+  const last = steps.length - 1;
+  return {
+    steps: steps.map(({ label, state }) => ({ label, state: stateOf(state) })),
+    at: Math.max(0, Math.min(last, Math.floor(Number(at)) || 0)),
+    next: Math.max(1, Math.floor(Number(next)) || 1),
+  };
 }
 
 export class History {
@@ -134,28 +179,46 @@ export class History {
   private next = 1;
   private saving: Promise<void> = Promise.resolve();
   private isUnsaved = false;
+  /** True if the project is that of a newer version, which is not changed. */
+  private isFrozen = false;
   name = "";
   /** Callback after each change of the state. */
   onChange: (isOfAnotherWindow: boolean) => void = () => {};
+  /** Callback when the document of the project is not that of a state. */
+  onDamage: (error: Error) => void = () => {};
   /** Callback when the state could not be stored; null when it could again. */
   onLost: (why: string | null) => void = () => {};
 
   /** Reads the state from the server; returns files that are to be opened. */
   async load(): Promise<string[]> {
     const stored = await backend.stored();
-    this.take(stored);
+    try {
+      this.take(stored);
+    } catch (error) {
+      this.onDamage(error as Error);
+    }
     void this.follow();
-    return stored.opened;
+    return this.isFrozen ? [] : stored.opened;
   }
 
   private take({ version, name, document }: Stored): void {
     this.version = version;
     this.name = name;
-    const kept = document as { steps?: Step[]; at?: number; next?: number } | null;
-    if (!kept || !Array.isArray(kept.steps) || !kept.steps.length) return;
-    this.steps = kept.steps.map(({ label, state }) => ({ label, state: completed(state) }));
-    this.at = Math.max(0, Math.min(this.steps.length - 1, Number(kept.at) || 0));
-    this.next = Math.max(this.next, Number(kept.next) || 1);
+    if (document === null) return;
+    const { schema } = document as { schema?: number };
+    if (typeof schema === "number" && schema > SCHEMA) {
+      this.isFrozen = true;
+      throw new Error("A newer version made this project. It is not opened, and not changed.");
+    }
+    const kept = stepsOf(document);
+    if (!kept) {
+      const copy = "project.damaged.copy.json";
+      void backend.put(copy, JSON.stringify(document));
+      throw new Error(`The project is damaged. It begins anew, and ${copy} has what it was.`);
+    }
+    this.steps = kept.steps;
+    this.at = kept.at;
+    this.next = Math.max(this.next, kept.next);
   }
 
   get state(): State {
@@ -214,13 +277,13 @@ export class History {
   }
 
   private save(): void {
-    if (this.isUnsaved) return;
+    if (this.isUnsaved || this.isFrozen) return;
     this.isUnsaved = true;
     this.saving = this.saving.then(async () => {
       this.isUnsaved = false;
       const { steps, at, next } = this;
       try {
-        const result = await backend.store(this.version, { schema: 1, steps, at, next });
+        const result = await backend.store(this.version, { schema: SCHEMA, steps, at, next });
         if (typeof result === "number") this.version = result;
         else {
           this.take(result);

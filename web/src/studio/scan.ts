@@ -40,6 +40,11 @@ const EXPORTS: [string, string, string][] = [
   ["3mf", "3MF", "Triangles of the model, with its unit"],
 ];
 
+/** Distance from the origin, in sizes of the scan, from which its box is given to pictures, and the
+ *  margin of this box. */
+const FAR = 100;
+const MARGIN = 0.2;
+
 type Look = "points" | "faces" | "deviation" | "solid";
 
 export class ScanSpace implements Space {
@@ -121,6 +126,13 @@ export class ScanSpace implements Space {
     this.app.history.commit(label, { scan: { ...this.state, ...change } });
   }
 
+  /** Adds the result of work on a scan, which another window may have replaced meanwhile. */
+  private conclude(label: string, scan: string, change: Partial<ScanState>): void {
+    if (this.state.file !== scan)
+      throw new Error(`${label}: another scan is open now, and the result is dropped.`);
+    this.change(label, change);
+  }
+
   private pointsLayer(): PointsLayer | null {
     const layers = this.app.viewer?.layers ?? [];
     return (
@@ -176,7 +188,10 @@ export class ScanSpace implements Space {
       deviation: fit ? [fit.files.hf, fit.files.ply] : [],
       solid: [fit?.files.step ?? ""],
     }[look];
-    return { request: { file: files }, subject: file };
+    const request: SceneRequest = { file: files };
+    const box = look === "deviation" ? farBox(this.document(aboutOf(file))) : null;
+    if (box) request.box = box;
+    return { request, subject: file };
   }
 
   shown(_: Viewer): void {
@@ -232,7 +247,7 @@ export class ScanSpace implements Space {
         { class: "quiet" },
         `${points.toLocaleString("en")} points, ${size.join(" × ")} ${name}`,
       ),
-      ...(isGuess ? [h("p", { class: "quiet" }, `The unit is ${unit.reason}`)] : []),
+      ...(isGuess ? [h("p", { class: "quiet" }, `Unit: ${unit.reason}.`)] : []),
     ];
   }
 
@@ -285,6 +300,7 @@ export class ScanSpace implements Space {
     const { history } = this.app;
     const stem = stemOf(this.state.file);
     const labels = history.fresh(`${stem}-faces`, "ply");
+    const scan = this.state.file;
     await this.app.work("Recognizing faces", async (run) => {
       const { document } = await run({
         verb: "recognize",
@@ -295,7 +311,7 @@ export class ScanSpace implements Space {
       await this.keep(faces, document);
       this.chosenLook = "faces";
       const state = { labels, faces, isCorrected: false, kinds: {}, template: "", fit: null };
-      this.change("Recognize faces", state);
+      this.conclude("Recognize faces", scan, state);
       if (!document.entities.length) this.app.say("No face was found in these points.");
     });
   }
@@ -306,6 +322,7 @@ export class ScanSpace implements Space {
     const stem = stemOf(this.state.file);
     const given = history.fresh(`${stem}-given`, "ply");
     const labels = history.fresh(`${stem}-faces`, "ply");
+    const scan = this.state.file;
     await this.app.work(label, async (run) => {
       const ply = await this.shownPoints(this.state.labels);
       const old = ply.column("entity");
@@ -329,7 +346,7 @@ export class ScanSpace implements Space {
       const moved = new Map<number, number>(
         document.entities.map((e: Document) => [e.label ?? e.id, e.id]),
       );
-      this.change(label, {
+      this.conclude(label, scan, {
         labels,
         faces,
         isCorrected: true,
@@ -430,7 +447,7 @@ export class ScanSpace implements Space {
       const written: string[] = answer.document.outputs ?? [];
       const kept = Object.entries(files).filter(([, path]) => written.includes(path));
       this.chosenLook = "deviation";
-      this.change("Make a CAD model", {
+      this.conclude("Make a CAD model", file, {
         fit: { document: name, files: Object.fromEntries(kept) },
       });
     });
@@ -476,7 +493,7 @@ export class ScanSpace implements Space {
 
   /** Creates the table of dimensions, in which values can be held. */
   private dimensions(document: Document, unit: string): HTMLElement {
-    const own = document.parameters.filter((p: Document) => p.index !== null);
+    const own = document.parameters.filter((p: Document) => !p.name.startsWith("pose_"));
     const rows = own.map((p: Document) => {
       const isFixed = p.name in this.state.fixed;
       const input = h("input", {
@@ -566,6 +583,16 @@ function requestOf(program: string, ending: string, output: string): Request {
   return { verb: "mesh", model: program, surface_only: true, output: [output] };
 }
 
+/** Returns the box of a scan with a margin, if it is so far from the origin that the model would not
+ *  be found there; null otherwise. */
+function farBox(inspected: Document): string | null {
+  if (!inspected?.bounds) return null;
+  const [lo, hi]: [V3, V3] = inspected.bounds;
+  const size = norm(sub(hi, lo));
+  if (norm(lo) < FAR * size) return null;
+  return [...lo.map((v) => v - MARGIN * size), ...hi.map((v) => v + MARGIN * size)].join();
+}
+
 /** Returns the name of the document that describes a file. */
 const aboutOf = (name: string): string => (name ? `${name}.about.json` : "");
 const stemOf = (name: string): string =>
@@ -574,7 +601,10 @@ const three = (v: number): number => Number(v.toPrecision(3));
 
 /** Describes the solid of a fit. */
 function solidWords(solid: Document): string {
-  if (solid.ok === false) return `No solid: ${inWords(solid.error)}`;
+  if (solid.ok === false)
+    return solid.error
+      ? `No solid: ${inWords(solid.error)}`
+      : "No solid was made, as the model is in doubt. The button STEP makes one nevertheless.";
   const faces = solid.faces?.length ?? 0;
   return solid.certificate?.holds
     ? `A solid of ${faces} exact faces, with a certificate.`

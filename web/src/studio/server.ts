@@ -21,11 +21,17 @@ async function ask(path: string, init: RequestInit = {}): Promise<Response> {
 }
 
 /** Yields the lines of a body as they come. */
-async function* lines(body: ReadableStream<Uint8Array<ArrayBuffer>>): AsyncGenerator<string> {
+async function* lines(
+  body: ReadableStream<Uint8Array<ArrayBuffer>>,
+  signal?: AbortSignal,
+): AsyncGenerator<string> {
   const reader = body.pipeThrough(new TextDecoderStream()).getReader();
   let rest = "";
   for (;;) {
-    const { done, value } = await reader.read();
+    const { done, value } = await reader.read().catch((error) => {
+      if (signal?.aborted) throw error;
+      throw new Error(LOST, { cause: error });
+    });
     if (done) return;
     const parts = (rest + value).split("\n");
     rest = parts.pop()!;
@@ -42,7 +48,7 @@ export const server: Backend = {
       body: JSON.stringify(request),
       signal: work.signal,
     });
-    for await (const line of lines(response.body!)) {
+    for await (const line of lines(response.body!, work.signal)) {
       const message = JSON.parse(line);
       if (message.command) work.onCommand?.(message.command);
       if (message.progress) work.onProgress?.(message.progress.phase, message.progress.done);

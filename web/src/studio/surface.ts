@@ -148,8 +148,7 @@ export class SurfaceSpace implements Space {
   picture(): { request: SceneRequest; subject: string } | null {
     const { kind, box } = this.state;
     const request: SceneRequest = { file: [{ name: "surface.json", text: this.document() }] };
-    const half = Number(box);
-    if (half > 0) request.box = half;
+    if (box.trim()) request.box = box.trim();
     return { request, subject: `${kind} ${box}` };
   }
 
@@ -226,9 +225,7 @@ export class SurfaceSpace implements Space {
       const request: Request = isMap
         ? { verb: "triangulate", map: file, output: [output] }
         : { verb: "mesh", model: file, surface_only: true, output: [output] };
-      const half = Number(box);
-      if (half > 0)
-        request.box = isMap ? half : `${-half},${-half},${-half},${half},${half},${half}`;
+      if (box.trim()) request.box = isMap ? box.trim() : cube(box.trim());
       const answer = await run(request);
       const { document } = answer;
       this.resultOf = this.document() + box;
@@ -270,11 +267,17 @@ export class SurfaceSpace implements Space {
       const file = await this.written();
       const output = this.app.history.fresh("surface", "html");
       const request: Request = { verb: "view", file: [file], output };
-      if (Number(this.state.box) > 0) request.box = Number(this.state.box);
+      if (this.state.box.trim()) request.box = this.state.box.trim();
       await run(request);
       backend.download(output);
     });
   }
+}
+
+/** Returns the box of half a width as corners; what is no positive number stays, and is refused. */
+function cube(half: string): string {
+  const opposite = `-${half}`;
+  return Number(half) > 0 ? [opposite, opposite, opposite, half, half, half].join() : half;
 }
 
 /** Creates the list of the claims of a rational surface. */

@@ -138,6 +138,22 @@ fn requests_outside_of_the_project_are_refused() {
         let put = server.send("PUT", &format!("files/{name}"), "x");
         assert_eq!(status(&put), 404, "{name}");
     }
+    for (link, target) in [
+        ("secret.hf", "../secret.hf"),
+        ("zero.xyz", "/dev/zero"),
+        ("up", ".."),
+    ] {
+        let link = f.path(&format!("project/{link}"));
+        std::os::unix::fs::symlink(target, link).expect("a link");
+    }
+    for file in ["secret.hf", "zero.xyz", "up/secret.hf"] {
+        let messages = server.work(&json!({"verb": "inspect", "file": file}));
+        assert!(messages[0]["failure"].is_object(), "{file}: {messages:?}");
+        let answer = server.ask("GET", &format!("{}files/{file}", server.path), "");
+        assert_eq!(status(&answer), 404, "{file}");
+    }
+    let ball = json!({"verb": "mesh", "model": "x^2 + y^2 + z^2 = 1", "output": ["up/out.stl"]});
+    assert!(server.work(&ball)[0]["failure"].is_object());
     assert_eq!(status(&server.send("DELETE", "files/a.hf", "")), 405);
     let foreign = "Origin: http://evil.example\r\nContent-Length: 2\r\n\r\n{}";
     let path = format!("{}run", server.path);

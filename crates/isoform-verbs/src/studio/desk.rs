@@ -1,6 +1,6 @@
 //! Answers to the requests of the page.
 
-use super::project::{Project, is_name};
+use super::project::{Project, is_name, is_plain};
 use super::{scene, work};
 use crate::context::pool;
 use crate::failure::Failure;
@@ -96,7 +96,7 @@ impl Answers for Desk {
                 let name = name.ok_or(StatusCode::NOT_FOUND)?;
                 match head.method.as_str() {
                     "PUT" => self.put(&name, body).await,
-                    _ if is_read => self.get(&name, head),
+                    _ if is_read => Self::get(&name, head),
                     _ => Err(StatusCode::METHOD_NOT_ALLOWED),
                 }
             }
@@ -177,9 +177,12 @@ impl Desk {
     }
 
     /// Gives a file: a page to be looked at with `?open`, else bytes to be kept.
-    fn get(&self, name: &str, head: &Parts) -> Result<Response<Content>, StatusCode> {
-        let bytes =
-            fs::read(self.project.folder().join(name)).map_err(|_| StatusCode::NOT_FOUND)?;
+    fn get(name: &str, head: &Parts) -> Result<Response<Content>, StatusCode> {
+        let path = Path::new(name);
+        let bytes = match is_plain(path) {
+            true => fs::read(path).map_err(|_| StatusCode::NOT_FOUND)?,
+            false => return Err(StatusCode::NOT_FOUND),
+        };
         let is_page = name.ends_with(".html") && head.uri.query() == Some("open");
         let mut answer = if is_page {
             response(StatusCode::OK, "text/html; charset=utf-8", bytes)

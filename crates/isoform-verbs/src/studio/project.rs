@@ -65,6 +65,15 @@ pub(super) fn is_inside(path: &Path) -> bool {
             .all(|part| matches!(part, Component::Normal(_)))
 }
 
+/// True if a path of the working directory leads to a file or a folder there, or to nothing yet:
+/// links may lead out of the project, and devices have no end.
+pub(super) fn is_plain(path: &Path) -> bool {
+    let ways = path.ancestors().filter(|way| !way.as_os_str().is_empty());
+    ways.map(fs::symlink_metadata)
+        .flatten()
+        .all(|about| about.is_file() || about.is_dir())
+}
+
 impl Project {
     /// Opens or makes the folder, copies files into it, and makes it the working directory.
     pub(super) fn open(

@@ -1,6 +1,6 @@
 //! Requests of verbs from the page, with their progress.
 
-use super::project::is_inside;
+use super::project::{is_inside, is_plain};
 use crate::failure::{DONE, Failure};
 use crate::help::Extent;
 use crate::outcome;
@@ -50,7 +50,7 @@ fn check(words: &[OsString]) -> Result<(), Failure> {
     let Some((_, verb)) = matches.subcommand() else {
         return Ok(());
     };
-    match inputs::paths(verb).find(|(_, path)| !is_inside(path)) {
+    match inputs::paths(verb).find(|(_, path)| !(is_inside(path) && is_plain(path))) {
         Some((name, path)) => {
             let message = format!("{name}: {} is not in the project", path.display());
             Err(Failure::usage(message).hint("drop the file onto the page, which copies it there"))
