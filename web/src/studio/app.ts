@@ -384,10 +384,10 @@ export class App {
     this.bar.removeAttribute("value");
     // A button that is disabled loses the focus, which returns after the work.
     const focused = document.activeElement as HTMLElement | null;
-    this.refresh();
-    if (document.activeElement === document.body) this.cancelButton.focus();
     let isDone = false;
     try {
+      this.refresh();
+      if (document.activeElement === document.body) this.cancelButton.focus();
       await does((request) =>
         backend.run(request, {
           signal: own.signal,

@@ -25,8 +25,8 @@ const UNITS: [string, string][] = [
 ];
 const EXAMPLES: [string, string][] = [
   ["", "Examples…"],
-  ["plate-holes", "Mesh of a plate with holes"],
   ["flange", "Mesh of a flange"],
+  ["testpart", "Mesh of a block with holes"],
   ["cup", "Scan of a cup, with its template"],
 ];
 
@@ -238,6 +238,7 @@ export class ScanSpace implements Space {
   private told(inspected: Document): Node[] {
     if (!inspected) return [];
     const { points, bounds, unit } = inspected;
+    if (!bounds) return [h("p", { class: "quiet" }, "There are no points.")];
     const size = bounds[1].map((v: number, k: number) => brief(three(v - bounds[0][k])));
     const isGuess = unit && !unit.stated && !this.state.unit;
     const name = this.state.unit || unit?.name || "";
