@@ -306,7 +306,7 @@ mod tests {
     #[test]
     fn samples_keep_small_labels() {
         let scan = cloud(30_000);
-        let label = |i: u32| Some(u32::from(i % 150 == 0));
+        let label = |i: u32| Some(u32::from(i.is_multiple_of(150)));
         let labels = ScanLabels {
             labels: (0..30_000).map(label).collect(),
             inside: Vec::new(),
@@ -318,7 +318,7 @@ mod tests {
         assert!((2900..3400).contains(&sample.points.len()));
         for (p, label) in sample.points.iter().zip(&left.labels) {
             let i = (10.0 * p[2]).round() as u32;
-            assert_eq!(*label, Some(u32::from(i % 150 == 0)));
+            assert_eq!(*label, Some(u32::from(i.is_multiple_of(150))));
         }
         assert!(labels.sample(&scan, 30_000).is_none());
     }

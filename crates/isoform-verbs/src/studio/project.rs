@@ -69,8 +69,7 @@ pub(super) fn is_inside(path: &Path) -> bool {
 /// links may lead out of the project, and devices have no end.
 pub(super) fn is_plain(path: &Path) -> bool {
     let ways = path.ancestors().filter(|way| !way.as_os_str().is_empty());
-    ways.map(fs::symlink_metadata)
-        .flatten()
+    ways.flat_map(fs::symlink_metadata)
         .all(|about| about.is_file() || about.is_dir())
 }
 
@@ -88,7 +87,7 @@ impl Project {
             },
             Path::to_owned,
         );
-        for file in files.iter().filter(|file| !file.is_file()) {
+        if let Some(file) = files.iter().find(|file| !file.is_file()) {
             let message = format!("{}: there is no such file", file.display());
             return Err(Failure::input("file", message));
         }

@@ -29,12 +29,12 @@ pub(super) fn packed(bytes: &[u8], is_left: Arc<AtomicBool>) -> Result<Vec<u8>, 
     }
     fields.insert("verb".to_owned(), "view".into());
     fields.insert("output".to_owned(), "page.html".into());
-    let (verb, fields, _) = work::read(Value::Object(fields).to_string().as_bytes())?;
+    let request = work::read(Value::Object(fields).to_string().as_bytes())?;
     let listener = Listener {
         cancelled: is_left,
         progress: Box::new(|_, _| {}),
     };
-    let (verb, context) = parsed_for(&verb, &fields, Some(listener))?;
+    let (verb, context) = parsed_for(&request.verb, &request.arguments, Some(listener))?;
     let Verb::View(args) = verb else {
         return Err(Failure::internal("arguments"));
     };

@@ -21,8 +21,18 @@ const PAUSE: Duration = Duration::from_millis(60);
 /// begin another server.
 const REFUSED: [&str; 2] = ["serve", "threads"];
 
-/// Returns the verb and the arguments of a request, and its words.
-pub(super) fn read(bytes: &[u8]) -> Result<(String, Map<String, Value>, Vec<OsString>), Failure> {
+/// Request of a verb.
+pub(super) struct Request {
+    /// Name of the verb.
+    pub(super) verb: String,
+    /// Arguments by their names.
+    pub(super) arguments: Map<String, Value>,
+    /// Words of the command line that does the same.
+    words: Vec<OsString>,
+}
+
+/// Reads a request, which stays in the folder of the project.
+pub(super) fn read(bytes: &[u8]) -> Result<Request, Failure> {
     let asked = serde_json::from_slice(bytes).map_err(|e| Failure::usage(e.to_string()))?;
     let Value::Object(mut fields) = asked else {
         return Err(Failure::usage("an object is expected"));
@@ -37,7 +47,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<(String, Map<String, Value>, Vec<OsSt
     }
     let words = request::words(&verb, &fields, &command(Extent::Whole))?;
     check(&words)?;
-    Ok((verb, fields, words))
+    Ok(Request {
+        verb,
+        arguments: fields,
+        words,
+    })
 }
 
 /// Checks that a request reads and writes in the folder of the project alone.
@@ -81,11 +95,11 @@ pub(super) fn run(bytes: &[u8], messages: &UnboundedSender<Bytes>, is_left: Arc<
         // The other side may be gone, which also cancels the work.
         let _ = messages.send(format!("{message}\n").into());
     };
-    let (verb, arguments, words) = match read(bytes) {
+    let request = match read(bytes) {
         Ok(request) => request,
         Err(failure) => return refuse(&failure, messages),
     };
-    send(json!({"command": line(&words)}));
+    send(json!({"command": line(&request.words)}));
     let progress = Arc::new(Mutex::new((String::new(), Instant::now())));
     let sender = messages.clone();
     let listener = Listener {
@@ -100,18 +114,20 @@ pub(super) fn run(bytes: &[u8], messages: &UnboundedSender<Bytes>, is_left: Arc<
             let _ = sender.send(format!("{message}\n").into());
         }),
     };
-    send(match crate::call(&verb, &arguments, listener) {
-        Ok(answer) => {
-            let is_ok = answer.outcome.exit == DONE;
-            let document = outcome::json_of(&Document::new(is_ok, answer.outcome.json));
-            json!({"answer": {
-                "exit": answer.outcome.exit,
-                "document": document,
-                "warnings": answer.warnings,
-            }})
-        }
-        Err(failure) => refusal(&failure),
-    });
+    send(
+        match crate::call(&request.verb, &request.arguments, listener) {
+            Ok(answer) => {
+                let is_ok = answer.outcome.exit == DONE;
+                let document = outcome::json_of(&Document::new(is_ok, answer.outcome.json));
+                json!({"answer": {
+                    "exit": answer.outcome.exit,
+                    "document": document,
+                    "warnings": answer.warnings,
+                }})
+            }
+            Err(failure) => refusal(&failure),
+        },
+    );
 }
 
 /// Sends a failure in the place of an answer.
@@ -147,10 +163,10 @@ mod tests {
             assert!(read(bad.as_bytes()).is_err(), "{bad}");
         }
         let good = r#"{"verb": "mesh", "model": "x^2 + y^2 + z^2 = 1", "output": ["a b.stl"]}"#;
-        let Ok((_, _, words)) = read(good.as_bytes()) else {
+        let Ok(request) = read(good.as_bytes()) else {
             panic!("{good}");
         };
-        let text = line(&words);
+        let text = line(&request.words);
         assert_eq!(
             text,
             "isoform mesh '--output=a b.stl' -- 'x^2 + y^2 + z^2 = 1'"
