@@ -1,4 +1,4 @@
-//! Random orders that are the same on machines of 32 and of 64 bits.
+//! Random orders that are equal on machines of 32 and of 64 bits.
 
 use fastrand::Rng;
 

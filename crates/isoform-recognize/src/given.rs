@@ -84,7 +84,7 @@ pub enum LabelsError {
     /// More labels than are compared with one another.
     #[error("{0} labels are too many: {MAX_LABELS} at most become entities")]
     Many(usize),
-    /// A kind is asked for a label that no point has.
+    /// A label with a kind that no point has.
     #[error("no point has the label {0}, for which a kind is given")]
     Unknown(u32),
     /// The points of a label do not determine a surface.

@@ -19,7 +19,7 @@ pub(crate) struct Given {
     #[arg(long, value_name = "FILE")]
     pub(crate) labels: Option<PathBuf>,
     /// Kind of the entity of a label: plane, sphere, cylinder, cone or torus (repeatable) [default:
-    /// that which describes its points best]
+    /// the kind that describes its points best]
     #[arg(long = "kind", value_name = "N=KIND", requires = "labels", value_parser = kind)]
     kinds: Vec<(u32, PrimitiveKind)>,
 }

@@ -86,10 +86,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let settings = &args.options;
     let read = || gallery::template(&template, &settings.language, context);
     let model = if is_proposed { None } else { Some(read()?) };
-    if args.given.labels.is_some() && !is_proposed {
-        let message = "--labels are for templates that are made of a scan";
-        return Err(Failure::usage(message).hint("isoform recover SCAN --labels FILE"));
-    }
+    args.check_labels(is_proposed)?;
     let mut outputs = Outputs::new(args, context)?;
     let scan = match &args.scan {
         Some(path) => fit_work::read_scan(path, None, None, context)?,
@@ -134,7 +131,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     told.print(context)?;
     if !outputs.meshes.is_empty() {
         context.say("meshing the fitted model");
-        let made = watchdog::stage("mesh of the fitted model", || {
+        let mesh = || {
             fitted_mesh(
                 &job,
                 &settings.language,
@@ -142,17 +139,22 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
                 &outputs.meshes,
                 context,
             )
-        });
-        match made {
-            Ok(made) => {
-                made.say(context);
-                told.add_mesh(&made);
-            }
-            Err(failure) => told.add_failure(failure, context),
-        }
+        };
+        told.add_made(watchdog::stage("mesh of the fitted model", mesh), context);
     }
     context.hand_over(|| Product::Fit(Box::new(job)));
     Ok(told.outcome())
+}
+
+impl Args {
+    /// Checks that labels are given where a template is made of them.
+    fn check_labels(&self, is_proposed: bool) -> Result<(), Failure> {
+        if self.given.labels.is_none() || is_proposed {
+            return Ok(());
+        }
+        let message = "--labels are for templates that are made of a scan";
+        Err(Failure::usage(message).hint("isoform recover SCAN --labels FILE"))
+    }
 }
 
 /// Labels given by hand, with the options for them.
@@ -390,6 +392,16 @@ impl RecoverResult {
         }
         self.json["mesh"] = mesh::document::document(made);
         self.text += &format!("\n{}", mesh::table::text(made));
+    }
+    /// Adds a mesh, or why there is none.
+    fn add_made(&mut self, made: Result<MadeMesh, Failure>, context: &Context) {
+        match made {
+            Ok(made) => {
+                made.say(context);
+                self.add_mesh(&made);
+            }
+            Err(failure) => self.add_failure(failure, context),
+        }
     }
     /// Adds the failure of the mesh; the fit and its files remain valid.
     fn add_failure(&mut self, failure: Failure, context: &Context) {

@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Name of the column of a file that holds the labels.
 const LABEL_COLUMN: &str = "entity";
-/// Number of points of a label that a sample keeps, if it has so many: a surface through 1000 points
+/// Number of points of a label that a sample keeps, if it has more: a surface through 1000 points
 /// is known to a thirtieth of their noise.
 const SAMPLED_OF_LABEL: usize = 1000;
 
@@ -39,7 +39,7 @@ pub enum ScanLabelsError {
         /// Number of points of the scan.
         points: usize,
     },
-    /// A number is no label.
+    /// A number that cannot be a label.
     #[error("point {point} (from 0) has the label {value}: 0, 1, 2, ... are labels, -1 is none")]
     Label {
         /// Index of the point.
@@ -161,7 +161,7 @@ impl ScanLabels {
 }
 
 /// Makes an entity of each label of a scan's points, and searches nothing: of the kind asked for,
-/// or of that which describes its points best. The entities are in ascending order of their labels.
+/// or of the one that describes its points best. The entities are in ascending order of their labels.
 ///
 /// Points of a CAD mesh count as a cloud, with those inside its faces, if they have labels.
 ///
@@ -257,7 +257,7 @@ mod tests {
         assert_eq!(read(&rounded), Ok(labels.clone()));
         let moved = with_labels(&scan, values.clone()).about([1.0, 2.0, 3.0]);
         assert_eq!(read(&moved), Ok(labels));
-        // Another order, another number, and what is no label.
+        // Another order, another number, and numbers that cannot be labels.
         let mut turned = with_labels(&scan, values.clone());
         turned.points.swap(3, 4);
         let elsewhere = read(&turned).expect_err("other points");
@@ -302,7 +302,7 @@ mod tests {
         assert_eq!(left.labels[4..14], [Some(4); 10]);
     }
 
-    /// Of 30 000 points 3000 are wanted: of a label with 200 all are kept.
+    /// All points of a label with 200 are kept where 3000 of 30 000 are wanted.
     #[test]
     fn samples_keep_small_labels() {
         let scan = cloud(30_000);

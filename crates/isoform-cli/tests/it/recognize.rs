@@ -240,8 +240,12 @@ fn labels_are_corrected_by_hand() {
     refused(&csv, &["--kind", "9=plane"], 2, "no point has the label 9");
     refused(&csv, &["--kind", "0=ball"], 1, "`ball` is no kind");
     refused(&csv, &["--min-points", "9"], 1, "--min-points");
-    let mut few = relabelled(&text, |l| l.to_string()).replacen(",0,", ",80,", 2);
-    few.push('\n');
+    let left = std::cell::Cell::new(2);
+    let few = relabelled(&text, |l| {
+        let is_moved = l == 0 && left.get() > 0;
+        left.set(left.get() - i32::from(is_moved));
+        if is_moved { 80 } else { l }.to_string()
+    });
     refused(
         &f.file("few.csv", few),
         &[],

@@ -95,7 +95,7 @@ impl Pages {
     }
 }
 
-/// What requests are answered with.
+/// Content of the answers.
 struct Visitors {
     shown: watch::Receiver<ServedPage>,
     policy: HeaderValue,

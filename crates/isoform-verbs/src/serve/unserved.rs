@@ -1,4 +1,4 @@
-//! Pages where there are no sockets: they cannot be served.
+//! Pages on a machine without sockets: they cannot be served.
 
 use isoform_view::Page;
 use std::io;

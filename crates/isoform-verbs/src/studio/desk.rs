@@ -79,7 +79,7 @@ impl Answers for Desk {
                 let after = number(head, "after");
                 let mut news = self.project.news();
                 let other = news.wait_for(|version| Some(*version) != after);
-                // In vain: what was told before is told again.
+                // In vain: the version known is sent again.
                 let _ = timeout(PATIENCE, other).await;
                 let version = *news.borrow();
                 Ok(document(StatusCode::OK, &json!({"version": version})))
@@ -176,7 +176,7 @@ impl Desk {
         })
     }
 
-    /// Gives a file: a page to be looked at with `?open`, else bytes to be kept.
+    /// Returns a file: a page to be seen with `?open`, else bytes to be kept.
     fn get(name: &str, head: &Parts) -> Result<Response<Content>, StatusCode> {
         let path = Path::new(name);
         let bytes = match is_plain(path) {

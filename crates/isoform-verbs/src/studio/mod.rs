@@ -2,8 +2,7 @@
 //!
 //! The page asks for work as a request of a verb ([`work`]), for pictures as a scene ([`scene`]),
 //! and keeps its files and its state in a folder ([`project`]). [`desk`] answers its requests. The
-//! folder is the process's working directory, so that a request is also the command line that does
-//! the same there.
+//! folder is the process's working directory, so that a request is also a command line there.
 
 mod desk;
 mod project;

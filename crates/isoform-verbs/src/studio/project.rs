@@ -29,7 +29,7 @@ struct State {
     version: u64,
     /// Document of the page; null in a new project.
     document: Value,
-    /// Files that the command line names and the page has not taken up.
+    /// Files of the command line that the page is to open.
     opened: Vec<String>,
 }
 

@@ -27,7 +27,7 @@ pub(super) struct Request {
     pub(super) verb: String,
     /// Arguments by their names.
     pub(super) arguments: Map<String, Value>,
-    /// Words of the command line that does the same.
+    /// Words of its command line.
     words: Vec<OsString>,
 }
 
