@@ -47,6 +47,7 @@ const PAGES: [(&str, &[(&str, &str)]); 8] = [
     (
         "Looking at it",
         &[
+            ("docs/studio.md", "The studio, a window"),
             ("docs/view.md", "Pages in a browser"),
             ("docs/render.md", "Pictures"),
             ("docs/gallery.md", "Gallery"),
