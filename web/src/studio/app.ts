@@ -322,6 +322,8 @@ export class App {
     this.hint.replaceChildren(
       h("p", {}, "Drop a file here: a scan, a mesh, a STEP file or a HyperFun program."),
     );
+    // An empty picture takes the place of another one alone.
+    if (!picture && !this.viewer) return;
     const slow = setTimeout(() => {
       space.failed?.(null);
       this.slow.hidden = false;
