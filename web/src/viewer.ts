@@ -302,7 +302,7 @@ export class Viewer {
   }
 
   /** Returns the parameters that differ from their original values. */
-  private moved(): Parameter[] {
+  moved(): Parameter[] {
     const came = this.asCame();
     return this.parameters().filter((p) => p.value !== came[p.name]);
   }

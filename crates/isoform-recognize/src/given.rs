@@ -88,7 +88,10 @@ pub enum LabelsError {
     #[error("no point has the label {0}, for which a kind is given")]
     Unknown(u32),
     /// The points of a label do not determine a surface.
-    #[error("the {points} points of label {label} determine no {}", kind.map_or("surface", PrimitiveKind::name))]
+    #[error(
+        "the {points} points of label {label} determine no {}",
+        kind.map_or("surface", PrimitiveKind::name)
+    )]
     Undetermined {
         /// Label.
         label: u32,
@@ -147,7 +150,8 @@ pub fn recognize_labelled(
     Ok(ready.described(scan, found, &faces))
 }
 
-/// Returns the index in `names` of the label of each place of a cloud, which all points there share.
+/// Returns the index in `names` of the label of each place of a cloud, which all points there
+/// share.
 fn labels_of_places(
     given: &GivenLabels,
     names: &[u32],

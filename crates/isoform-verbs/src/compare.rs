@@ -39,8 +39,9 @@ with the ending .hf are models, those with .json functions of implicitize; their
 metric reading, and from meshes those of Newton's method on it. STEP files of any program and .brep.json are
 solids; distances are those from their exact faces and edges, not from triangles. Lengths of STEP files are in
 the file's own unit. Coordinates must agree, unless --align moves the first as a rigid body to where the sum of
-its squared distances is least; a scan of a part of the surface must lie near its place before. -o writes the points of the first with their deviation: positive outside of a
-model or a closed surface, else without sign; view and render colour them by it.
+its squared distances is least; a scan of a part of the surface must lie near its place before.
+-o writes the points of the first with their deviation: positive outside of a model or a closed
+surface, else without sign; view and render colour them by it.
 
 Exit code: 0; 3 if --tolerance is given and a distance exceeds it, or a point has none: where a
 model is not a number.")]

@@ -90,7 +90,7 @@ export class App {
   private drawing: AbortController | null = null;
   private drawn = "";
   private subject = "";
-  /** Callback after work begins or ends. */
+  /** Buttons that cannot be pressed while there is work. */
   private readonly busyButtons = new Set<HTMLButtonElement>();
 
   constructor(private readonly root: HTMLElement) {

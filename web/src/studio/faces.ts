@@ -21,9 +21,8 @@ const DEGREES = 180 / Math.PI;
 
 /** Describes the sizes of a face. */
 export function sizes({ type, parameters, sd }: Document): string {
-  const with_ = (key: string, factor = 1): string => {
-    return withSd(factor * parameters[key], factor * (sd?.[key] ?? 0));
-  };
+  const with_ = (key: string, factor = 1): string =>
+    withSd(factor * parameters[key], factor * (sd?.[key] ?? 0));
   switch (type) {
     case "sphere":
     case "cylinder":
@@ -36,6 +35,10 @@ export function sizes({ type, parameters, sd }: Document): string {
       return `normal ${parameters.normal.map((v: number) => brief(Number(v.toFixed(4)))).join(", ")}`;
   }
 }
+
+/** Lists numbers of faces in ascending order. */
+const listed = (faces: Set<number>): string => [...faces].sort((a, b) => a - b).join(", ");
+
 export class Faces {
   readonly element = h("div", { class: "faces" });
   private readonly list = h("ul", { class: "list", "aria-label": "Faces" });
@@ -64,7 +67,7 @@ export class Faces {
   /** Callbacks: a correction, points to be kept as a scan of their own, and a new picture. */
   onCorrect: (correction: Correction) => void = () => {};
   onCrop: (isKept: (i: number) => boolean, label: string) => void = () => {};
-  onFocus: (faces: Set<number> | null) => void = () => {};
+  onFocus: (faces: Set<number>) => void = () => {};
   onBoxing: (is: boolean) => void = () => {};
 
   constructor() {
@@ -133,7 +136,7 @@ export class Faces {
       change: () => {
         if (box.checked) this.chosen.add(id);
         else this.chosen.delete(id);
-        this.onFocus(this.chosen.size ? this.chosen : null);
+        this.onFocus(this.chosen);
         this.refresh();
       },
     });
@@ -142,7 +145,7 @@ export class Faces {
       {
         "data-face": String(id),
         mouseenter: () => this.onFocus(new Set([...this.chosen, id])),
-        mouseleave: () => this.onFocus(this.chosen.size ? this.chosen : null),
+        mouseleave: () => this.onFocus(this.chosen),
       },
       h(
         "label",
@@ -160,7 +163,7 @@ export class Faces {
     if (layer === this.layer) return;
     this.layer = layer;
     this.select(null);
-    this.onFocus(this.chosen.size ? this.chosen : null);
+    this.onFocus(this.chosen);
   }
 
   /** Chooses the face of a picked point, and keeps the point. */
@@ -190,7 +193,7 @@ export class Faces {
     }
     layer?.select(this.selection);
     this.refresh();
-    this.onFocus(this.chosen.size ? this.chosen : null);
+    this.onFocus(this.chosen);
   }
 
   private selectNear(): void {
@@ -233,7 +236,7 @@ export class Faces {
     const kinds = { ...this.kinds };
     for (const face of chosen) if (face !== first) delete kinds[face];
     this.onCorrect({
-      label: `Merge faces ${[...chosen].sort((a, b) => a - b).join(", ")}`,
+      label: `Merge faces ${listed(chosen)}`,
       face: (old) => (chosen.has(old) ? first : old),
       kinds,
     });
@@ -244,7 +247,7 @@ export class Faces {
     const kinds = { ...this.kinds };
     for (const face of chosen) delete kinds[face];
     this.onCorrect({
-      label: `Delete faces ${[...chosen].sort((a, b) => a - b).join(", ")}`,
+      label: `Delete faces ${listed(chosen)}`,
       face: (old) => (chosen.has(old) ? -1 : old),
       kinds,
     });
@@ -254,7 +257,7 @@ export class Faces {
     const kinds = { ...this.kinds };
     for (const face of this.chosen) kinds[face] = kind;
     this.onCorrect({
-      label: `Faces ${[...this.chosen].sort((a, b) => a - b).join(", ")}: ${kind}`,
+      label: `Faces ${listed(this.chosen)}: ${kind}`,
       face: (old) => old,
       kinds,
     });

@@ -195,15 +195,7 @@ export class ProgramSpace implements Space {
 
   /** Returns the parameters that sliders have moved, as they are set in requests. */
   private values(): string[] {
-    const all = this.app.viewer?.parameters() ?? [];
-    const given = new Map(
-      this.app.viewer?.layers.flatMap((l) =>
-        "parameters" in l
-          ? (l.parameters as { name: string; value: number }[]).map((p) => [p.name, p.value])
-          : [],
-      ) as [string, number][],
-    );
-    return all.filter((p) => given.get(p.name) !== p.value).map((p) => `${p.name}=${p.value}`);
+    return (this.app.viewer?.moved() ?? []).map((p) => `${p.name}=${p.value}`);
   }
 
   async open(name: string): Promise<boolean> {

@@ -11,7 +11,7 @@ import { boxSelect } from "./boxselect";
 import { type Correction, Faces } from "./faces";
 import type { FitState, ScanState } from "./history";
 import { EMPTY } from "./history";
-import { button, choice, figures, section, setOptions, warnings, withSd } from "./parts";
+import { button, choice, field, figures, section, setOptions, warnings, withSd } from "./parts";
 import { Ply } from "./ply";
 import { cross, norm, sub, unit, type V3 } from "../vector";
 
@@ -97,7 +97,7 @@ export class ScanSpace implements Space {
         "Scan",
         this.about,
         this.dropped,
-        h("div", { class: "pair" }, labelled("Unit", this.unit), labelled("Show", this.look)),
+        h("div", { class: "pair" }, field("Unit", this.unit), field("Show", this.look)),
         h("div", { class: "tools" }, this.make, this.find, this.propose, this.align),
       ),
       this.resultPart,
@@ -546,8 +546,9 @@ export class ScanSpace implements Space {
     const buttons = EXPORTS.map(([ending, name, title]) => {
       const save = button(name, () => void this.save(fit, ending, name));
       save.title = title;
-      // Of a doubtful fit there is no solid unless a person asks for one.
-      save.disabled = this.app.isBusy;
+      // Of a doubtful fit there is no solid unless a person asks for one; programs come with the fit.
+      const isMissing = ["py", "scad"].includes(ending) && !fit.files[ending];
+      save.disabled = this.app.isBusy || isMissing;
       return save;
     });
     const report = button("Report", () => backend.openPage(fit.files.html));
@@ -580,7 +581,6 @@ export class ScanSpace implements Space {
 /** Returns the request that makes a file of a fitted program. */
 function requestOf(program: string, ending: string, output: string): Request {
   if (ending === "step") return { verb: "brep", model: program, output: [output] };
-  if (ending === "py" || ending === "scad") return { verb: "convert", input: program, output };
   return { verb: "mesh", model: program, surface_only: true, output: [output] };
 }
 
@@ -616,8 +616,4 @@ function solidWords(solid: Document): string {
 function inWords(entry: Document): string {
   if (typeof entry === "string") return entry.replaceAll("_", " ");
   return entry?.message ?? entry?.text ?? JSON.stringify(entry);
-}
-
-function labelled(name: string, input: HTMLElement): HTMLElement {
-  return h("label", { class: "field" }, h("span", {}, name), input);
 }

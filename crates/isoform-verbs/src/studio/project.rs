@@ -3,9 +3,11 @@
 use crate::context::Context;
 use crate::disk;
 use crate::failure::{Failure, NO_RESULT};
+use crate::scan::unwritable;
+use isoform::io::write_atomic;
 use serde_json::{Value, json};
 use std::fs;
-use std::io::{self, Read, Write};
+use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use tokio::sync::watch;
@@ -229,7 +231,8 @@ fn copied(file: &Path, folder: &Path) -> Result<String, Failure> {
         let target = folder.join(&name);
         if !target.exists() {
             let mut bytes = fs::File::open(file).map_err(|e| failed(&e))?;
-            write_from(&target, |out| io::copy(&mut bytes, out)).map_err(|e| failed(&e))?;
+            write_atomic(&target, |out| io::copy(&mut bytes, out).map(drop))
+                .map_err(|e| unwritable(&e))?;
             return Ok(name);
         }
         if are_equal(file, &target).map_err(|e| failed(&e))? {
@@ -238,21 +241,6 @@ fn copied(file: &Path, folder: &Path) -> Result<String, Failure> {
     }
     let message = format!("{}: its name cannot be used in a project", file.display());
     Err(Failure::input("file", message))
-}
-
-/// Writes a file completely or not at all.
-fn write_from(path: &Path, write: impl FnOnce(&mut fs::File) -> io::Result<u64>) -> io::Result<()> {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let part = path.with_file_name(format!(".{name}.part"));
-    let written = fs::File::create(&part)
-        .and_then(|mut out| {
-            write(&mut out)?;
-            out.flush()
-        })
-        .and_then(|()| fs::rename(&part, path));
-    written.inspect_err(|_| {
-        let _ = fs::remove_file(&part);
-    })
 }
 
 /// True if two files have equal bytes.

@@ -151,7 +151,7 @@ mod tests {
         for bad in [
             r#"{"verb": "inspect", "file": "/etc/passwd"}"#,
             r#"{"verb": "inspect", "file": "../a.ply"}"#,
-            r#"{"verb": "mesh", "model": "a.hf", "output": ["/tmp/a.stl"]}"#,
+            r#"{"verb": "mesh", "model": "a.hf", "output": ["/a.stl"]}"#,
             r#"{"verb": "mesh", "model": "-"}"#,
             r#"{"verb": "view", "file": ["a.ply"], "serve": true}"#,
             r#"{"verb": "studio"}"#,
