@@ -37,6 +37,7 @@ impl Task<'_> {
         let stats = self.part_statistics(std::mem::take(&mut told.parts), &fitted.surface);
         let local = [
             self.misplaced(&points, &stats, fitted.noise),
+            self.misshapen(&points, &stats, fitted.noise),
             self.together(&points, &told),
         ];
         let undetermined = self.open(&fitted.knowledge, &a, &fitted.surface, &stats);

@@ -1,13 +1,13 @@
 //! The point cloud prepared for recognition: normalised, sorted, with neighbours, normals and an
 //! estimate of its noise.
 
-use crate::chart::PrimitiveKind;
+use crate::chart::{PrimitiveKind, unit};
 use crate::fit::{Precision, fit};
 use crate::local::{LocalEstimates, local};
 use crate::noise::{MAX_EXACT_NOISE, MIN_NOISE};
 use crate::pose::Pose;
 use crate::start::starts;
-use isoform_geom::{Aabb, KdTree, Point3, dot, orient_normals, sub};
+use isoform_geom::{Aabb, KdTree, Point3, cross, dot, orient_normals, sub};
 use rayon::prelude::*;
 
 /// Number of neighbours along which regions grow and labels compete. Fewer tear regions apart where
@@ -28,6 +28,8 @@ const NOISE_TRIALS: (usize, usize) = (400, 14);
 /// Minimum share of the trials that show exact points, and the maximum ratio of their deviation
 /// from some kind of surface to that from smooth heights.
 const EXACTNESS_LIMITS: (f64, f64) = (0.15, 0.1);
+/// Minimum cosine between the normal of a neighbourhood and that of a layer of its points.
+const MIN_LAYER_COSINE: f64 = 0.7;
 /// Maximum noise of points on surfaces, as a share of the radius of their neighbourhoods. Of points
 /// in a cube, a ball or a normal cloud it is 0.32 to 0.4, of most scans below 0.3. A smaller bound
 /// doubts dense noisy scans, a larger one takes volumes for surfaces.
@@ -337,10 +339,11 @@ fn exact_noise(
             let near: Vec<usize> = near.chain([i]).collect();
             let at: Vec<Point3> = near.iter().map(|j| points[*j]).collect();
             let n: Vec<Point3> = near.iter().map(|j| normals[*j]).collect();
+            let layer = deviation_of_layer(&at, normals[i]);
             PrimitiveKind::ALL
                 .iter()
                 .copied()
-                .fold(f64::INFINITY, |best, kind| {
+                .fold(layer, |best, kind| {
                     let free = (at.len() as f64 - kind.parameters() as f64).max(1.0);
                     let fits = starts(kind, &at, &n).into_iter();
                     let fits = fits.filter_map(|s| fit(&s, &at, Precision::Full));
@@ -351,6 +354,32 @@ fn exact_noise(
     let at = (least.len() as f64 * EXACTNESS_LIMITS.0) as usize;
     let low = *least.select_nth_unstable_by(at, f64::total_cmp).1;
     (low < EXACTNESS_LIMITS.1 * smooth).then_some(low.max(MIN_NOISE))
+}
+
+/// Returns the least root mean square distance of half of the points from a plane through the last
+/// of them and two others: a plate thinner than the spacing has points of both faces, or of several
+/// levels, in each neighbourhood.
+fn deviation_of_layer(at: &[Point3], normal: Point3) -> f64 {
+    let half = at.len() / 2;
+    let Some((last, others)) = at.split_last() else {
+        return f64::INFINITY;
+    };
+    let mut least = f64::INFINITY;
+    for (k, a) in others.iter().enumerate() {
+        for b in &others[k + 1..] {
+            let plane = unit(cross(sub(*a, *last), sub(*b, *last)));
+            // Rows of a regular sample lie in planes across the surface.
+            if dot(plane, normal).abs() < MIN_LAYER_COSINE {
+                continue;
+            }
+            let squared = |p: &Point3| dot(sub(*p, *last), plane).powi(2);
+            let mut off: Vec<f64> = at.iter().map(squared).collect();
+            off.select_nth_unstable_by(half, f64::total_cmp);
+            let free = half.saturating_sub(2).max(1) as f64;
+            least = least.min((off[..=half].iter().sum::<f64>() / free).sqrt());
+        }
+    }
+    least
 }
 
 /// Returns true if two neighbours lie on opposite sides of a wall.

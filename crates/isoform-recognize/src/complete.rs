@@ -7,7 +7,7 @@
 
 use crate::chart::{Primitive, PrimitiveDistances, PrimitiveKind};
 use crate::choose::follows;
-use crate::cloud::{Cloud, thinned};
+use crate::cloud::{Cloud, MAX_NEIGHBOURS, thinned};
 use crate::cost::Cost;
 use crate::fit::{Precision, covariance, fit};
 use crate::grow::are_rows;
@@ -17,7 +17,7 @@ use crate::segment::{Limits, MIN_EVIDENCE, NOISE_SLACK, Segmentation};
 use crate::start::{plane, starts};
 use crate::sweep::Sweep;
 use isoform_control::{Control, Stopped};
-use isoform_geom::{Aabb, Point3};
+use isoform_geom::{Aabb, KdTree, Point3};
 use rayon::prelude::*;
 
 /// Minimum number of points on a surface in addition to those that determine it.
@@ -52,19 +52,17 @@ impl Segmentation {
         }
         for _ in 0..3 {
             control.check()?;
-            let open: Vec<u32> = (0..self.labels.len() as u32)
-                .filter(|i| self.labels[*i as usize] == UNLABELLED)
-                .collect();
+            let open = OpenPoints::new(cloud, &self.labels);
             let sweeps = self.sweeps();
-            let seeds: Vec<u32> = thinned(open.len(), 4000).map(|k| open[k]).collect();
+            let seeds: Vec<u32> = thinned(open.of.len(), 4000).map(|k| open.of[k]).collect();
             let mut found: Vec<SurfaceCandidate> = seeds
                 .par_iter()
-                .filter_map(|seed| self.best_about(cloud, *seed, &sweeps))
+                .filter_map(|seed| self.best_about(cloud, &open, *seed, &sweeps))
                 .collect();
             found.sort_by_key(|f| (std::cmp::Reverse(f.more), f.seed));
             let mut is_new = false;
             for f in found {
-                is_new |= self.accept(cloud, limits, &f);
+                is_new |= self.accept(cloud, &open, limits, &f);
             }
             if !is_new {
                 break;
@@ -75,14 +73,25 @@ impl Segmentation {
 
     /// Returns the surface through the seed and points near it that most of the other points nearby
     /// lie on.
-    fn best_about(&self, cloud: &Cloud, seed: u32, sweeps: &[Sweep]) -> Option<SurfaceCandidate> {
-        // Surfaces are tried on the 40 points around the seed.
-        let near = cloud.around(seed, 40);
-        let is_open = |i: &&u32| self.labels[**i as usize] == UNLABELLED && **i != seed;
-        // Surfaces pass through some of the nine nearest points without an entity.
-        let open: Vec<Point3> = (near.iter().filter(is_open).take(9))
-            .map(|i| cloud.points[*i as usize])
-            .collect();
+    fn best_about(
+        &self,
+        cloud: &Cloud,
+        open: &OpenPoints,
+        seed: u32,
+        sweeps: &[Sweep],
+    ) -> Option<SurfaceCandidate> {
+        // Surfaces are tried on the 40 points around the seed. They pass through some of the nine
+        // nearest without an entity.
+        let mut near = cloud.around(seed, 40);
+        let is_open = |i: &u32| self.labels[*i as usize] == UNLABELLED && *i != seed;
+        let mut through: Vec<u32> = near.iter().copied().filter(is_open).take(9).collect();
+        if through.len() < 9 {
+            through = open.nearest(cloud, seed, 9);
+            near.extend(open.nearest(cloud, seed, 40));
+            near.sort_unstable();
+            near.dedup();
+        }
+        let open = cloud.at(&through);
         let near = cloud.at(&near);
         let tolerance = Cost::with_noise(self.noise).reach();
         let mut best: Option<SurfaceCandidate> = None;
@@ -96,7 +105,9 @@ impl Segmentation {
         };
         let p = cloud.points[seed as usize];
         for sweep in sweeps {
-            through(sweep, p, &open).into_iter().for_each(&mut try_it);
+            surfaces_through(sweep, p, &open)
+                .into_iter()
+                .for_each(&mut try_it);
         }
         for (k, a) in open.iter().enumerate() {
             for (l, b) in open.iter().enumerate().skip(k + 1) {
@@ -115,16 +126,35 @@ impl Segmentation {
         best
     }
 
-    /// Adds a surface with the points that are reached on it from its seed, if these are sufficient
-    /// evidence. Returns true if it was added.
-    fn accept(&mut self, cloud: &Cloud, limits: Limits, found: &SurfaceCandidate) -> bool {
-        if self.labels[found.seed as usize] != UNLABELLED {
-            return false;
-        }
+    /// Adds a surface with the points that are reached on it from its seed, along neighbours or, on
+    /// a face that is narrower than the spacing, along open points. Returns true if it was added.
+    fn accept(
+        &mut self,
+        cloud: &Cloud,
+        open: &OpenPoints,
+        limits: Limits,
+        found: &SurfaceCandidate,
+    ) -> bool {
+        let seed = found.seed as usize;
+        let is_open = |now: &Self| now.labels[seed] == UNLABELLED;
+        is_open(self)
+            && (self.accept_reached(cloud, None, limits, found)
+                || self.accept_reached(cloud, Some(open), limits, found))
+    }
+
+    /// Adds a surface with the points that are reached on it, if these are sufficient evidence.
+    /// Returns true if it was added.
+    fn accept_reached(
+        &mut self,
+        cloud: &Cloud,
+        open: Option<&OpenPoints>,
+        limits: Limits,
+        found: &SurfaceCandidate,
+    ) -> bool {
         let tolerance = Cost::with_noise(self.noise).reach();
         let reached = |surface: &Primitive| {
             let distances = surface.distances();
-            reached(cloud, found.seed, &distances, tolerance)
+            reached(cloud, open, found.seed, &distances, tolerance)
         };
         let first = reached(&found.tried.surface);
         let fitted = fit(&found.tried.surface, &cloud.at(&first), Precision::Full);
@@ -167,7 +197,7 @@ impl Segmentation {
 
 /// Returns the surfaces that a motion leaves invariant, or that lie across it, through a point and
 /// up to two of the others.
-fn through(sweep: &Sweep, p: Point3, others: &[Point3]) -> Vec<SurfaceTrial> {
+fn surfaces_through(sweep: &Sweep, p: Point3, others: &[Point3]) -> Vec<SurfaceTrial> {
     let mut all = Vec::new();
     let mut add = |kind: PrimitiveKind, curve: ProfileCurve, values: usize| {
         let surface = sweep.surface(kind, &curve);
@@ -228,15 +258,48 @@ fn circle([a, b, c]: [PlanePoint; 3]) -> (PlanePoint, f64) {
     ([a[0] + d[0], a[1] + d[1]], d[0].hypot(d[1]))
 }
 
-/// Returns the points on a surface that are connected to a seed along neighbours, in ascending
-/// order.
-fn reached(cloud: &Cloud, seed: u32, surface: &PrimitiveDistances<'_>, tolerance: f64) -> Vec<u32> {
+/// Points without an entity. Those of a narrow face are neighbours of each other only among them.
+struct OpenPoints {
+    of: Vec<u32>,
+    tree: KdTree,
+}
+
+impl OpenPoints {
+    fn new(cloud: &Cloud, labels: &[u32]) -> Self {
+        let all = 0..labels.len() as u32;
+        let of: Vec<u32> = all.filter(|i| labels[*i as usize] == UNLABELLED).collect();
+        Self {
+            tree: KdTree::new(&cloud.at(&of)),
+            of,
+        }
+    }
+
+    /// Returns the nearest of these points, nearest first and without the point itself.
+    fn nearest(&self, cloud: &Cloud, i: u32, count: usize) -> Vec<u32> {
+        let mut found = Vec::new();
+        self.tree
+            .nearest_k(cloud.points[i as usize], count + 1, &mut found);
+        let all = found.iter().map(|f| self.of[f.1 as usize]);
+        all.filter(|j| *j != i).take(count).collect()
+    }
+}
+
+/// Returns the points on a surface that are connected to a seed along neighbours, those among open
+/// points included, in ascending order.
+fn reached(
+    cloud: &Cloud,
+    open: Option<&OpenPoints>,
+    seed: u32,
+    surface: &PrimitiveDistances<'_>,
+    tolerance: f64,
+) -> Vec<u32> {
     let mut all = vec![seed];
     let mut is_seen = std::collections::HashSet::from([seed]);
     let mut at = 0;
     while let Some(i) = all.get(at).copied() {
         at += 1;
-        for j in cloud.near(i) {
+        let more = open.map(|open| open.nearest(cloud, i, MAX_NEIGHBOURS));
+        for j in cloud.near(i).iter().chain(more.iter().flatten()) {
             let is_on = || surface.at(cloud.points[*j as usize]).abs() <= tolerance;
             if is_seen.insert(*j) && is_on() {
                 all.push(*j);
@@ -277,7 +340,7 @@ mod tests {
         let p = [0.3, -0.2, 0.5];
         let others = [[0.1, 0.4, 0.6], [-0.2, 0.3, 0.2]];
         for sweep in [Sweep::About(([0.1, 0.0, -0.3], axis)), Sweep::Along(axis)] {
-            let all = through(&sweep, p, &others);
+            let all = surfaces_through(&sweep, p, &others);
             assert!(all.len() >= 4, "{}", all.len());
             for SurfaceTrial { surface, values } in all {
                 let on = |q: &[f64; 3]| surface.distance(*q).abs() < 1e-12;

@@ -2,13 +2,13 @@
 //! points.
 
 use crate::chart::{Primitive, PrimitiveDistances, PrimitiveKind};
-use crate::cloud::{Cloud, thinned};
+use crate::cloud::{Cloud, MAX_NEIGHBOURS, thinned};
 use crate::cost::Cost;
-use crate::fit::{Precision, fit, squares};
+use crate::fit::{Precision, fit, mean, squares};
 use crate::local::moments;
 use crate::noise::{CHANCE_DEVIATIONS, MAX_EXACT_NOISE};
-use crate::start::{Axis, start_about, starts};
-use isoform_geom::{KdTree, Point3, dot};
+use crate::start::{Axis, least_squares, start_about, starts};
+use isoform_geom::{KdTree, Point3, dot, sub};
 use isoform_num::linalg::symmetric_eigen_3;
 use std::collections::HashSet;
 
@@ -18,6 +18,9 @@ pub(crate) const MIN_NORMAL_AGREEMENT: f64 = 0.57;
 /// Maximum number of points in a fit of a growing region: the error of such a fit is far below the
 /// tolerance.
 const MAX_FITTED_POINTS: usize = 200;
+/// Minimum number of neighbours in a set, the point itself included, that tell a row from a face: a
+/// parabola passes through three.
+const MIN_ROW_POINTS: usize = 4;
 
 /// Points that a surface explains.
 #[derive(Clone, Debug)]
@@ -279,20 +282,53 @@ pub(crate) fn correlation(cloud: &Cloud, points: &[u32], surface: &Primitive) ->
     (products / pairs / mean, (2.0_f64 / pairs).sqrt())
 }
 
-/// Returns true if points lie along curves: the neighbours of each are collinear. Rows of a regular
-/// sample lie exactly on surfaces that the other points do not lie on.
+/// Returns true if points lie along smooth curves. Rows of a regular sample lie exactly on surfaces
+/// that the other points do not lie on; the points of a narrow face are scattered over its width.
 pub(crate) fn are_rows(cloud: &Cloud, points: &[u32]) -> bool {
     let of: HashSet<u32> = points.iter().copied().collect();
-    let is_in_line = |i: &u32| {
-        let mut beside = vec![cloud.points[*i as usize]];
+    let places = cloud.at(points);
+    let tree = KdTree::new(&places);
+    let mut found = Vec::new();
+    let mut is_in_line = |i: &u32| {
+        let place = cloud.points[*i as usize];
         let near = cloud.near(*i).iter().filter(|j| of.contains(j));
-        beside.extend(near.map(|j| cloud.points[*j as usize]));
-        let (variances, _) = symmetric_eigen_3(&moments(&beside));
-        // The width of collinear points is less than a tenth of their length.
-        variances[1] < 0.1 * 0.1 * variances[2]
+        let mut beside: Vec<Point3> = near.map(|j| cloud.points[*j as usize]).collect();
+        beside.push(place);
+        // The points of a face narrower than their spacing have neighbours on other faces.
+        if beside.len() < MIN_ROW_POINTS {
+            tree.nearest_k(place, MAX_NEIGHBOURS, &mut found);
+            beside = found.iter().map(|f| places[f.1 as usize]).collect();
+        }
+        is_along_curve(&beside, cloud.exact())
     };
     let some: Vec<u32> = sample(points);
     2 * some.iter().filter(|i| is_in_line(i)).count() > some.len()
+}
+
+/// Returns true if points lie along a smooth curve: their width is less than a tenth of their
+/// length, and a parabola explains it.
+fn is_along_curve(points: &[Point3], rounding: f64) -> bool {
+    let (variances, axes) = symmetric_eigen_3(&moments(points));
+    let [_, width, length] = variances.map(|v| v.max(0.0));
+    if width >= 0.1 * 0.1 * length || length == 0.0 {
+        return false;
+    }
+    let middle = mean(points);
+    let in_plane = |p: &Point3| {
+        let d = sub(*p, middle);
+        let u = dot(d, axes[2]) / length.sqrt();
+        ([1.0, u, u * u], dot(d, axes[1]))
+    };
+    let Some(x) = least_squares(points.iter().map(in_plane)) else {
+        return true;
+    };
+    let rest = |(row, v): ([f64; 3], f64)| {
+        let height: f64 = row.iter().zip(x).map(|(a, b)| a * b).sum();
+        (v - height).powi(2)
+    };
+    let rest: f64 = points.iter().map(in_plane).map(rest).sum();
+    // Of scattered points it leaves (n − 2)/n of the squares on average.
+    rest <= (0.1 * width).max(rounding * rounding * points.len() as f64)
 }
 
 /// Returns the minimum number of points of a region of a kind while it grows: twice its parameters.

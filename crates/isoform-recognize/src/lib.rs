@@ -16,6 +16,7 @@ mod fit;
 mod form;
 mod given;
 mod grow;
+mod hidden;
 mod kinds;
 mod labels;
 mod local;

@@ -338,6 +338,7 @@ impl Segmentation {
             }
             self.advance(cloud, limits, round, control)?;
         }
+        self.uncover(cloud, limits, control)?;
         self.simplify(cloud, limits, control)?;
         self.turn_into_coaxial(cloud, limits);
         self.turn_zones(cloud);

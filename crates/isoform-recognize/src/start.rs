@@ -119,7 +119,9 @@ pub(crate) fn centred_sphere(points: &[Point3], (place, axis): Axis) -> Option<P
 }
 
 /// Returns the least-squares solution of rows · x = sides.
-fn least_squares<const N: usize>(rows: impl Iterator<Item = ([f64; N], f64)>) -> Option<[f64; N]> {
+pub(crate) fn least_squares<const N: usize>(
+    rows: impl Iterator<Item = ([f64; N], f64)>,
+) -> Option<[f64; N]> {
     let mut a = vec![0.0; N * N];
     let mut b = [0.0; N];
     for (row, side) in rows {

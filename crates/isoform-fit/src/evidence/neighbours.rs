@@ -20,8 +20,19 @@ pub(super) struct NeighbourCovariance {
 impl Task<'_> {
     /// Returns the covariance of the residuals of neighbouring foot points.
     pub(super) fn shared(&self, r: &[f64], at: &[Point3]) -> NeighbourCovariance {
+        self.shared_by(r, at, |_| true)
+    }
+
+    /// Returns the covariance of the residuals of neighbours among some of the points.
+    pub(super) fn shared_by(
+        &self,
+        r: &[f64],
+        at: &[Point3],
+        is_taken: impl Fn(usize) -> bool,
+    ) -> NeighbourCovariance {
         let first = self.order.iter().take(REPRESENTATIVE_POINTS);
-        let chosen: Vec<usize> = first.map(|&i| i as usize).collect();
+        let all = first.map(|&i| i as usize);
+        let chosen: Vec<usize> = all.filter(|i| is_taken(*i)).collect();
         let places: Vec<Point3> = chosen.iter().map(|&i| at[i]).collect();
         let r: Vec<f64> = chosen.iter().map(|&i| r[i]).collect();
         let NeighbourProducts { sum, count } = products(&r, &places);
@@ -30,7 +41,7 @@ impl Task<'_> {
             .take(NEIGHBOUR_PROBES)
             .fold(0.0, |sum, r| sum + r * r);
         let product = sum / count.max(1.0);
-        let variance = squares / self.order.len().clamp(1, NEIGHBOUR_PROBES) as f64;
+        let variance = squares / chosen.len().clamp(1, NEIGHBOUR_PROBES) as f64;
         // Most neighbours are mutual: each pair counts twice.
         let deviation = variance / (0.5 * count).max(1.0).sqrt();
         NeighbourCovariance {

@@ -54,6 +54,38 @@ impl Task<'_> {
         })
     }
 
+    /// Returns the piece with the most significant misfit that its points share, if most points lie
+    /// on pieces that show only noise: another shape there, not the form of the object.
+    pub(crate) fn misshapen(
+        &self,
+        points: &ByPoint,
+        statistics: &[PartStatistics],
+        noise: f64,
+    ) -> Option<Finding> {
+        if noise <= self.rounding() {
+            return None;
+        }
+        let off = with_far(&points.residuals, 0.0);
+        let is_used = |i: usize| !points.outliers[i];
+        let of_part = |part: usize| {
+            self.shared_by(&off, &points.at, |i| {
+                is_used(i) && points.parts[i] as usize == part
+            })
+        };
+        let shared = statistics.iter().enumerate();
+        let shared: Vec<_> = shared.map(|(part, s)| (of_part(part), s)).collect();
+        let all: usize = statistics.iter().map(|s| s.count).sum();
+        let (off, rest): (Vec<_>, Vec<_>) = shared
+            .iter()
+            .partition(|(shared, _)| shared.z > SIGNIFICANT_DEVIATIONS);
+        let clean: usize = rest.iter().map(|(_, s)| s.count).sum();
+        let (worst, s) = off.iter().max_by(|a, b| a.0.z.total_cmp(&b.0.z))?;
+        (2 * clean > all).then(|| Finding::Misshapen {
+            piece: s.name.clone(),
+            misfit: worst.product.sqrt(),
+        })
+    }
+
     /// Finds a group of points far off the model on one side if all other points show only noise: a
     /// feature that the template lacks, or one that the object lacks.
     pub(crate) fn together(&self, points: &ByPoint, told: &PointStatistics) -> Option<Finding> {

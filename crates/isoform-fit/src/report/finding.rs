@@ -79,6 +79,13 @@ pub enum Finding {
         /// Root mean square of its points' distances, in deviations of the noise.
         ratio: f64,
     },
+    /// Neighbouring points of a piece are off it alike, while most others show only noise.
+    Misshapen {
+        /// Name of the piece.
+        piece: String,
+        /// Root mean square of the misfit that its points share.
+        misfit: f64,
+    },
     /// A group of points off the model on one side, while the others show only noise.
     Together {
         /// Number of points.
@@ -225,6 +232,12 @@ impl fmt::Display for Finding {
                 f,
                 "the points of {piece} lie off it by {ratio:.1} times the noise, those of other \
                  pieces do not: it has another size, place or shape"
+            ),
+            Self::Misshapen { piece, misfit } => write!(
+                f,
+                "neighbouring points of {piece} are off it alike, by {} (rms), and most other \
+                 points show nothing but noise: it has another shape, or ends elsewhere",
+                short(*misfit)
             ),
             Self::Together { count } => write!(
                 f,

@@ -10,7 +10,7 @@ use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, KdTree, Point3, dot, norm, sub};
 use isoform_num::Random;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Distance of the samples on both sides of a point from its surface, in diagonals and in
 /// deviations of the noise.
@@ -34,18 +34,27 @@ pub(super) struct OrientedPoints<'a> {
     pub(super) noise: f64,
 }
 
+/// Samples whose side is known.
+pub(super) struct SideSamples {
+    /// Samples away from all surfaces.
+    pub(super) free: Vec<SideSample>,
+    /// Samples between surfaces that are as near to each other as the noise, with the weight that
+    /// the labels of their points have.
+    pub(super) narrow: Vec<SideSample>,
+}
+
 /// Returns samples whose side is known.
 pub(super) fn places(
     cloud: &OrientedPoints<'_>,
     halves: &[HalfSpace],
     control: &Control<'_>,
-) -> Result<Vec<SideSample>, Stopped> {
+) -> Result<SideSamples, Stopped> {
     let bounds = Aabb::from_points(cloud.points);
-    let mut places = samples_on_both_sides(cloud, halves, bounds.diagonal());
+    let mut samples = samples_on_both_sides(cloud, halves, bounds.diagonal());
     control.check()?;
-    places.extend(all_over(cloud, &bounds));
+    samples.free.extend(all_over(cloud, &bounds));
     control.check()?;
-    Ok(places)
+    Ok(samples)
 }
 
 /// A point projected onto the surface of its entity.
@@ -56,14 +65,17 @@ struct Foot {
     normal: Point3,
     /// Distance from the nearest other surface.
     clearance: f64,
+    /// Weight of the label: the probability that the point lies on its surface, less that it lies
+    /// on the nearest other one.
+    certainty: f64,
 }
 
-/// Returns samples on both sides of points, away from all other surfaces.
+/// Returns samples on both sides of points.
 fn samples_on_both_sides(
     cloud: &OrientedPoints<'_>,
     halves: &[HalfSpace],
     diagonal: f64,
-) -> Vec<SideSample> {
+) -> SideSamples {
     // Single precision has seven digits.
     let least = (1e-6 * diagonal).max(SAMPLE_DISTANCE.1 * cloud.noise);
     let off = least.max(SAMPLE_DISTANCE.0 * diagonal);
@@ -73,7 +85,11 @@ fn samples_on_both_sides(
         let (d, n) = (surface.distance(p), surface.normal(p));
         let at: Point3 = std::array::from_fn(|k| p[k] - d * n[k]);
         let others = halves.iter().enumerate().filter(|(j, _)| *j != own);
-        let clearance = others.map(|(_, h)| h.value(at).abs());
+        let nearest = |p: Point3| {
+            let distances = others.clone().map(|(_, h)| h.value(p).abs());
+            distances.fold(f64::INFINITY, f64::min)
+        };
+        let (other, variance) = (nearest(p), cloud.noise.max(1e-9 * diagonal).powi(2));
         let sign = if dot(n, cloud.normals[i]) < 0.0 {
             -1.0
         } else {
@@ -83,34 +99,44 @@ fn samples_on_both_sides(
             own,
             at,
             normal: n.map(|x| sign * x),
-            clearance: clearance.fold(f64::INFINITY, f64::min),
+            clearance: nearest(at),
+            // The difference of two probabilities with squared distances d² and e²: both surfaces
+            // are as likely, the noise is normal.
+            certainty: ((other * other - d * d) / (4.0 * variance)).tanh(),
         })
     };
     let numbers: Vec<usize> = thinned(cloud.points.len(), 8000).collect();
     let mut feet: Vec<Foot> = numbers.into_par_iter().filter_map(foot).collect();
     feet.sort_by(|a, b| (a.own.cmp(&b.own)).then(b.clearance.total_cmp(&a.clearance)));
-    let of_entity = |feet: &[Foot]| -> Vec<SideSample> {
-        // Samples may be closer to the surface at the eight points of an entity that are farthest
-        // from all other surfaces, so that small faces have samples, too.
-        let is_free =
-            |(k, foot): &(usize, &Foot)| foot.clearance > 2.0 * if *k < 8 { least } else { off };
-        let free = feet.iter().enumerate().filter(is_free);
-        free.flat_map(|(_, foot)| on_both_sides(foot, off.min(foot.clearance / 2.0)))
-            .collect()
+    let mut samples = SideSamples {
+        free: Vec::new(),
+        narrow: Vec::new(),
     };
-    feet.chunk_by(|a, b| a.own == b.own)
-        .flat_map(of_entity)
-        .collect()
+    for of_entity in feet.chunk_by(|a, b| a.own == b.own) {
+        for (k, foot) in of_entity.iter().enumerate() {
+            // Samples may be closer to the surface at the eight points of an entity that are
+            // farthest from all other surfaces, so that small faces have samples, too.
+            let is_free = foot.clearance > 2.0 * if k < 8 { least } else { off };
+            // A sample away from the points has the weight 1.
+            if is_free {
+                let two = on_both_sides(foot, off.min(foot.clearance / 2.0), 2.0);
+                samples.free.extend(two);
+            } else if foot.certainty > 0.0 {
+                let two = on_both_sides(foot, foot.clearance / 2.0, 2.0 * foot.certainty);
+                samples.narrow.extend(two);
+            }
+        }
+    }
+    samples
 }
 
-fn on_both_sides(foot: &Foot, off: f64) -> [SideSample; 2] {
+fn on_both_sides(foot: &Foot, off: f64, weight: f64) -> [SideSample; 2] {
     [true, false].map(|is_inside| {
         let way = if is_inside { -off } else { off };
         SideSample {
             at: std::array::from_fn(|k| foot.at[k] + way * foot.normal[k]),
             is_inside,
-            // A sample away from the points has the weight 1.
-            weight: 2.0,
+            weight,
         }
     })
 }
@@ -212,8 +238,18 @@ pub(super) fn votes(sides: &[Bits], places: &[SideSample]) -> Votes {
     votes
 }
 
-/// Returns the cells whose side is known with enough weight.
-pub(super) fn cells(votes: &Votes) -> Vec<SolidCell> {
+/// Returns the cells whose side is known with enough weight; narrow ones where no other samples
+/// decide.
+pub(super) fn cells(votes: &Votes, narrow: &Votes) -> Vec<SolidCell> {
+    let mut cells = decided(votes);
+    let known: BTreeSet<Bits> = cells.iter().map(|c| c.bits).collect();
+    let more = decided(narrow).into_iter();
+    cells.extend(more.filter(|c| !known.contains(&c.bits)));
+    cells
+}
+
+/// Returns the cells in which one side has enough weight.
+fn decided(votes: &Votes) -> Vec<SolidCell> {
     let cell = |(bits, [outside, inside]): (&Bits, &[f64; 2])| {
         let weight = inside.max(*outside);
         // A few samples may be on the wrong side.

@@ -14,7 +14,9 @@ mod solid;
 use crate::chart::Primitive;
 use crate::entity::Recognition;
 use crate::orient::orient;
-use cells::{OrientedPoints, SideSample, bit, cells, contradiction, places, sides, votes};
+use cells::{
+    OrientedPoints, SideSample, SideSamples, bit, cells, contradiction, places, sides, votes,
+};
 use footprint::footprint;
 use frame::{PartFrame, longest};
 use half::{HalfSpace, HalfSpaceSource, separators};
@@ -179,7 +181,7 @@ pub fn propose(
     let halves: Vec<HalfSpace> = (0..count)
         .map(|i| HalfSpace::of_entity(&frame.surfaces[i], outward[i], i))
         .collect();
-    let places = places(&upright.oriented(found.noise), &halves, control)?;
+    let SideSamples { free, narrow } = places(&upright.oriented(found.noise), &halves, control)?;
     // With the corner of a blend known, the rest of its surface is seldom needed.
     let corners: Vec<HalfSpace> = corners(found, &frame).collect();
     let has_corner = |of: &HalfSpace| {
@@ -190,15 +192,16 @@ pub fn propose(
         halves.into_iter().partition(has_corner);
     halves.extend(corners);
     halves.truncate(MAX_HALVES - MAX_ADDED_HALVES);
-    let mut sides = sides(&halves, &places);
+    let mut bits = sides(&halves, &free);
     let bounds = upright.bounds;
     more.extend(separators(&frame.surfaces, &bounds));
-    separate(&mut halves, &mut sides, &more, &places);
+    separate(&mut halves, &mut bits, &more, &free);
     control.check()?;
-    let votes = votes(&sides, &places);
-    let all: f64 = places.iter().map(|p| p.weight).sum();
-    let open = contradiction(&votes) / all.max(1.0);
-    let solid = solid(&cells(&votes), halves.len());
+    let all: f64 = free.iter().map(|p| p.weight).sum();
+    let free = votes(&bits, &free);
+    let open = contradiction(&free) / all.max(1.0);
+    let narrow = votes(&sides(&halves, &narrow), &narrow);
+    let solid = solid(&cells(&free, &narrow), halves.len());
     let is_side = |k: &usize| matches!(halves[*k].source, HalfSpaceSource::Side(..));
     let (unseen, seen): (Vec<usize>, Vec<usize>) = ones(solid.halves()).partition(is_side);
     // A sheet, for example. The two sides of a wall end on four sides of the box of the data.

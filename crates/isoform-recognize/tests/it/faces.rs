@@ -231,3 +231,75 @@ fn a_noisy_rod_has_an_end() {
     assert_eq!(count(|s| matches!(s, Quadric::Cylinder { .. })), 1);
     assert!(found.entities.len() >= 3, "{:?}", found.entities);
 }
+
+/// A plate of levels at −0.1, 0 and 0.02, thinner than the spacing of its points: neighbourhoods
+/// hold points of several levels, and its sides are strips of some twenty points.
+#[test]
+fn levels_thinner_than_the_spacing_are_found() {
+    let mut random = Random::new(6);
+    let mut between = |lo: f64, hi: f64| lo + random.unit() * (hi - lo);
+    let mut point = || -> Point3 {
+        let (x, y) = (between(0.0, 30.0), between(0.0, 20.0));
+        let top = if x < 12.0 { 0.02 } else { 0.0 };
+        let z = between(-0.1, top);
+        match between(0.0, 1210.0) {
+            w if w < 600.0 => [x, y, -0.1],
+            w if w < 1200.0 => [x, y, top],
+            w if w < 1203.0 => [x, 0.0, z],
+            w if w < 1206.0 => [x, 20.0, z],
+            w if w < 1208.0 => [0.0, y, z],
+            _ => [30.0, y, z],
+        }
+    };
+    let found = recognised((0..8000).map(|_| point()).collect());
+    let is_at = |axis: usize, height: f64| {
+        found.entities.iter().any(|e| match e.surface {
+            Quadric::Plane { normal, offset } => {
+                (normal[axis].abs() - 1.0).abs() < 1e-9
+                    && (offset * normal[axis].signum() - height).abs() < 1e-9
+            }
+            _ => false,
+        })
+    };
+    let planes = [
+        (2, -0.1),
+        (2, 0.0),
+        (2, 0.02),
+        (0, 0.0),
+        (0, 30.0),
+        (1, 0.0),
+        (1, 20.0),
+    ];
+    for (axis, height) in planes {
+        assert!(is_at(axis, height), "{axis} {height}: {:?}", found.entities);
+    }
+}
+
+/// A flat is milled into a shaft by 1.7 deviations of the noise; the cylinder explains each of its
+/// points, but not all of them together.
+#[test]
+fn a_flat_in_the_noise_of_a_shaft_is_found() {
+    let (depth, noise) = (0.05, 0.03);
+    let mut random = Random::new(12);
+    let point = |random: &mut Random| -> Point3 {
+        let (t, z) = (TAU * random.unit(), 6.0 * random.unit());
+        let [x, y] = [t.cos(), t.sin()];
+        let at = match x > 1.0 - depth && z < 2.0 {
+            true => [1.0 - depth, y, z],
+            false => [x, y, z],
+        };
+        at.map(|v| v + noise * normal(random))
+    };
+    let found = recognised((0..9000).map(|_| point(&mut random)).collect());
+    let is_flat = |s: Quadric| match s {
+        Quadric::Plane { normal, offset } => {
+            normal[0].abs() > 0.98 && (offset.abs() - (1.0 - depth)).abs() < 0.02
+        }
+        _ => false,
+    };
+    assert!(
+        found.entities.iter().any(|e| is_flat(e.surface)),
+        "{:?}",
+        found.entities
+    );
+}

@@ -93,6 +93,25 @@ fn a_hole_that_the_template_lacks_makes_a_fit_doubtful() {
     assert_eq!(result.verdict, Verdict::Doubtful);
 }
 
+/// Two sides bulge by less than the noise, root mean square; the other faces are flat.
+#[test]
+fn sides_of_another_shape_make_a_fit_doubtful() {
+    let mut random = fastrand::Rng::with_seed(8);
+    let mut point = || -> Point3 {
+        let mut p = on_plate(&mut random);
+        if p[0].abs() == HALF[0] {
+            let bulge = 3.0 * NOISE * (0.25 * TAU * p[1] / HALF[1]).cos();
+            p[0] += bulge.copysign(p[0]);
+        }
+        p.map(|v| v + NOISE * normal(&mut random))
+    };
+    let points: Vec<Point3> = (0..8000).map(|_| point()).collect();
+    let result = fitted(&[[18.0, 8.0]], &points);
+    let is_told = |f: &Finding| matches!(f, Finding::Misshapen { .. });
+    assert!(result.findings.iter().any(is_told), "{:?}", result.findings);
+    assert_eq!(result.verdict, Verdict::Doubtful);
+}
+
 #[test]
 fn a_hole_too_many_is_not_determined() {
     let result = fitted(&[[18.0, 8.0], [-20.0, -10.0]], &scan(8000));

@@ -117,6 +117,71 @@ fn noise_leaves_the_shape_as_it_is() {
     }
 }
 
+/// Returns a random point of a link of 10 × 70 × 10, scattered by 0.36: two bosses of radius 5 with
+/// bores of radius 2.5, and a bar of width 8 between them, from z = 3 to 7.
+fn on_link(random: &mut Random) -> Option<Point3> {
+    let is_inside = |[x, y, z]: Point3| {
+        let r = x.hypot(y).min(x.hypot(y - 60.0));
+        let is_bar = x.abs() < 4.0 && (0.0..60.0).contains(&y) && (3.0..7.0).contains(&z);
+        r > 2.5 && (0.0..10.0).contains(&z) && (r < 5.0 || is_bar)
+    };
+    let mut between = |lo: f64, hi: f64| lo + random.unit() * (hi - lo);
+    let way = if between(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
+    // Areas of the sides of the bar, of planes across the bosses, and of the bosses and bores.
+    let (p, normal): (Point3, Point3) = match between(0.0, 4270.0) {
+        w if w < 480.0 => (
+            [4.0 * way, between(0.0, 60.0), between(3.0, 7.0)],
+            [way, 0.0, 0.0],
+        ),
+        w if w < 3280.0 => {
+            let (level, side) = match between(0.0, 1.0) {
+                u if u < 0.5 => (5.0 + 5.0 * way, way),
+                _ => (5.0 + 2.0 * way, way),
+            };
+            (
+                [between(-5.0, 5.0), between(-5.0, 65.0), level],
+                [0.0, 0.0, side],
+            )
+        }
+        w => {
+            let (sin, cos) = between(0.0, std::f64::consts::TAU).sin_cos();
+            let end = 30.0 + 30.0 * way;
+            let (r, side) = if w < 3610.0 { (2.5, -1.0) } else { (5.0, 1.0) };
+            (
+                [r * cos, end + r * sin, between(0.0, 10.0)],
+                [side * cos, side * sin, 0.0],
+            )
+        }
+    };
+    let beside = |by: f64| -> Point3 { std::array::from_fn(|k| p[k] + by * normal[k]) };
+    let is_on = is_inside(beside(-1e-6)) && !is_inside(beside(1e-6));
+    let noisy = p.map(|x| x + 0.36 * ((0..12).map(|_| random.unit()).sum::<f64>() - 6.0));
+    is_on.then_some(noisy)
+}
+
+/// The sides of the bar are 2.8 deviations of the noise within the bosses, which they do not cut.
+#[test]
+fn faces_that_noise_hides_bound_the_solid() {
+    let mut random = Random::new(9);
+    let points = std::iter::from_fn(|| Some(on_link(&mut random)));
+    let scan = PointCloud::from_points(points.flatten().take(10_000).collect());
+    let proposal = proposed(&scan);
+    let fit = fitted(&scan, &proposal);
+    let misfit = fit.fit.evidence.systematic_z;
+    assert!(
+        fit.fit.acceptable && misfit < 5.0,
+        "{misfit} {}",
+        proposal.program
+    );
+    for dimension in [5.0, 2.5] {
+        assert!(
+            is_there(&fit, dimension, 0.05),
+            "{dimension}: {:?}",
+            fit.values()
+        );
+    }
+}
+
 /// An unscanned side is closed at the end of the data, and reported.
 #[test]
 fn a_face_that_is_missing_is_said() {
