@@ -4,13 +4,13 @@
 //! Graphics 37, 2018; here summed directly).
 
 use super::half::HalfSpace;
-use super::solid::{Bits, SolidCell};
+use super::solid::Bits;
 use crate::cloud::thinned;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, KdTree, Point3, dot, norm, sub};
 use isoform_num::Random;
 use rayon::prelude::*;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// Distance of the samples on both sides of a point from its surface, in diagonals and in
 /// deviations of the noise.
@@ -34,51 +34,38 @@ pub(super) struct OrientedPoints<'a> {
     pub(super) noise: f64,
 }
 
-/// Samples whose side is known.
-pub(super) struct SideSamples {
-    /// Samples away from all surfaces.
-    pub(super) free: Vec<SideSample>,
-    /// Samples between surfaces that are as near to each other as the noise, with the weight that
-    /// the labels of their points have.
-    pub(super) narrow: Vec<SideSample>,
-}
-
-/// Returns samples whose side is known.
+/// Returns samples whose side is known, from points on their surfaces and throughout the box.
 pub(super) fn places(
     cloud: &OrientedPoints<'_>,
-    halves: &[HalfSpace],
+    feet: &[Foot],
     control: &Control<'_>,
-) -> Result<SideSamples, Stopped> {
+) -> Result<Vec<SideSample>, Stopped> {
     let bounds = Aabb::from_points(cloud.points);
-    let mut samples = samples_on_both_sides(cloud, halves, bounds.diagonal());
+    let mut places = samples_on_both_sides(feet, cloud.noise, bounds.diagonal());
     control.check()?;
-    samples.free.extend(all_over(cloud, &bounds));
+    places.extend(all_over(cloud, &bounds));
     control.check()?;
-    Ok(samples)
+    Ok(places)
 }
 
 /// A point projected onto the surface of its entity.
-struct Foot {
-    own: usize,
-    at: Point3,
+pub(super) struct Foot {
+    /// Index of the entity.
+    pub(super) own: usize,
+    pub(super) at: Point3,
     /// Outward unit normal.
     normal: Point3,
     /// Distance from the nearest other surface.
     clearance: f64,
-    /// Weight of the label: the probability that the point lies on its surface, less that it lies
-    /// on the nearest other one.
-    certainty: f64,
+    /// Probability that the point lies on its surface, less that it lies on the nearest other one.
+    pub(super) certainty: f64,
 }
 
-/// Returns samples on both sides of points.
-fn samples_on_both_sides(
-    cloud: &OrientedPoints<'_>,
-    halves: &[HalfSpace],
-    diagonal: f64,
-) -> SideSamples {
-    // Single precision has seven digits.
-    let least = (1e-6 * diagonal).max(SAMPLE_DISTANCE.1 * cloud.noise);
-    let off = least.max(SAMPLE_DISTANCE.0 * diagonal);
+/// Projects points onto the surfaces of their entities, whose half spaces are given; sorted by
+/// entity, those away from other surfaces first.
+pub(super) fn feet(cloud: &OrientedPoints<'_>, halves: &[HalfSpace]) -> Vec<Foot> {
+    let diagonal = Aabb::from_points(cloud.points).diagonal();
+    let variance = cloud.noise.max(1e-9 * diagonal).powi(2);
     let foot = |i: usize| {
         let own = cloud.halves[i]?;
         let (p, surface) = (cloud.points[i], &halves[own].surface);
@@ -89,7 +76,7 @@ fn samples_on_both_sides(
             let distances = others.clone().map(|(_, h)| h.value(p).abs());
             distances.fold(f64::INFINITY, f64::min)
         };
-        let (other, variance) = (nearest(p), cloud.noise.max(1e-9 * diagonal).powi(2));
+        let other = nearest(p);
         let sign = if dot(n, cloud.normals[i]) < 0.0 {
             -1.0
         } else {
@@ -108,35 +95,36 @@ fn samples_on_both_sides(
     let numbers: Vec<usize> = thinned(cloud.points.len(), 8000).collect();
     let mut feet: Vec<Foot> = numbers.into_par_iter().filter_map(foot).collect();
     feet.sort_by(|a, b| (a.own.cmp(&b.own)).then(b.clearance.total_cmp(&a.clearance)));
-    let mut samples = SideSamples {
-        free: Vec::new(),
-        narrow: Vec::new(),
-    };
-    for of_entity in feet.chunk_by(|a, b| a.own == b.own) {
-        for (k, foot) in of_entity.iter().enumerate() {
-            // Samples may be closer to the surface at the eight points of an entity that are
-            // farthest from all other surfaces, so that small faces have samples, too.
-            let is_free = foot.clearance > 2.0 * if k < 8 { least } else { off };
-            // A sample away from the points has the weight 1.
-            if is_free {
-                let two = on_both_sides(foot, off.min(foot.clearance / 2.0), 2.0);
-                samples.free.extend(two);
-            } else if foot.certainty > 0.0 {
-                let two = on_both_sides(foot, foot.clearance / 2.0, 2.0 * foot.certainty);
-                samples.narrow.extend(two);
-            }
-        }
-    }
-    samples
+    feet
 }
 
-fn on_both_sides(foot: &Foot, off: f64, weight: f64) -> [SideSample; 2] {
+/// Returns samples on both sides of points, away from all other surfaces.
+fn samples_on_both_sides(feet: &[Foot], noise: f64, diagonal: f64) -> Vec<SideSample> {
+    // Single precision has seven digits.
+    let least = (1e-6 * diagonal).max(SAMPLE_DISTANCE.1 * noise);
+    let off = least.max(SAMPLE_DISTANCE.0 * diagonal);
+    let of_entity = |feet: &[Foot]| -> Vec<SideSample> {
+        // Samples may be closer to the surface at the eight points of an entity that are farthest
+        // from all other surfaces, so that small faces have samples, too.
+        let is_free =
+            |(k, foot): &(usize, &Foot)| foot.clearance > 2.0 * if *k < 8 { least } else { off };
+        let free = feet.iter().enumerate().filter(is_free);
+        free.flat_map(|(_, foot)| on_both_sides(foot, off.min(foot.clearance / 2.0)))
+            .collect()
+    };
+    feet.chunk_by(|a, b| a.own == b.own)
+        .flat_map(of_entity)
+        .collect()
+}
+
+fn on_both_sides(foot: &Foot, off: f64) -> [SideSample; 2] {
     [true, false].map(|is_inside| {
         let way = if is_inside { -off } else { off };
         SideSample {
             at: std::array::from_fn(|k| foot.at[k] + way * foot.normal[k]),
             is_inside,
-            weight,
+            // A sample away from the points has the weight 1.
+            weight: 2.0,
         }
     })
 }
@@ -207,27 +195,29 @@ fn all_over(cloud: &OrientedPoints<'_>, bounds: &Aabb) -> Vec<SideSample> {
 }
 
 /// Returns the corners of the box in which samples are taken.
-fn widened(bounds: &Aabb) -> [Point3; 2] {
+pub(super) fn widened(bounds: &Aabb) -> [Point3; 2] {
     let more = 0.05 * bounds.diagonal();
     [bounds.lo.map(|x| x - more), bounds.hi.map(|x| x + more)]
 }
 
 /// Returns the half spaces that contain each sample.
 pub(super) fn sides(halves: &[HalfSpace], places: &[SideSample]) -> Vec<Bits> {
-    let of = |place: &SideSample| {
-        let add = |bits: Bits, (k, h): (usize, &HalfSpace)| bits | bit(h, k, place);
-        halves.iter().enumerate().fold(0, add)
-    };
-    places.par_iter().map(of).collect()
+    places.par_iter().map(|p| bits_of(halves, p.at)).collect()
 }
 
-/// Returns the bit of half space `k` if it contains a sample, else 0.
-pub(super) fn bit(half: &HalfSpace, k: usize, place: &SideSample) -> Bits {
-    Bits::from(half.value(place.at) > 0.0) << k
+/// Returns the half spaces that contain a point.
+pub(super) fn bits_of(halves: &[HalfSpace], at: Point3) -> Bits {
+    let add = |bits: Bits, (k, h): (usize, &HalfSpace)| bits | bit(h, k, at);
+    halves.iter().enumerate().fold(0, add)
+}
+
+/// Returns the bit of half space `k` if it contains a point, else 0.
+pub(super) fn bit(half: &HalfSpace, k: usize, at: Point3) -> Bits {
+    Bits::from(half.value(at) > 0.0) << k
 }
 
 /// Weight of the samples in each cell, outside and inside.
-type Votes = BTreeMap<Bits, [f64; 2]>;
+pub(super) type Votes = BTreeMap<Bits, [f64; 2]>;
 
 /// Sums the weights of samples by cell.
 pub(super) fn votes(sides: &[Bits], places: &[SideSample]) -> Votes {
@@ -236,30 +226,6 @@ pub(super) fn votes(sides: &[Bits], places: &[SideSample]) -> Votes {
         votes.entry(*bits).or_default()[usize::from(place.is_inside)] += place.weight;
     }
     votes
-}
-
-/// Returns the cells whose side is known with enough weight; narrow ones where no other samples
-/// decide.
-pub(super) fn cells(votes: &Votes, narrow: &Votes) -> Vec<SolidCell> {
-    let mut cells = decided(votes);
-    let known: BTreeSet<Bits> = cells.iter().map(|c| c.bits).collect();
-    let more = decided(narrow).into_iter();
-    cells.extend(more.filter(|c| !known.contains(&c.bits)));
-    cells
-}
-
-/// Returns the cells in which one side has enough weight.
-fn decided(votes: &Votes) -> Vec<SolidCell> {
-    let cell = |(bits, [outside, inside]): (&Bits, &[f64; 2])| {
-        let weight = inside.max(*outside);
-        // A few samples may be on the wrong side.
-        (weight >= 3.0).then_some(SolidCell {
-            bits: *bits,
-            is_inside: inside > outside,
-            weight,
-        })
-    };
-    votes.iter().filter_map(cell).collect()
 }
 
 /// Returns the inconsistency of cells that hold samples of both sides: Σ ab/(a + b) with the

@@ -5,6 +5,7 @@ mod cells;
 mod contacts;
 mod corner;
 mod dimensions;
+mod evidence;
 mod footprint;
 mod frame;
 mod half;
@@ -14,9 +15,8 @@ mod solid;
 use crate::chart::Primitive;
 use crate::entity::Recognition;
 use crate::orient::orient;
-use cells::{
-    OrientedPoints, SideSample, SideSamples, bit, cells, contradiction, places, sides, votes,
-};
+use cells::{OrientedPoints, SideSample, bit, contradiction, feet, places, sides, votes};
+use evidence::known_cells;
 use footprint::footprint;
 use frame::{PartFrame, longest};
 use half::{HalfSpace, HalfSpaceSource, separators};
@@ -181,7 +181,9 @@ pub fn propose(
     let halves: Vec<HalfSpace> = (0..count)
         .map(|i| HalfSpace::of_entity(&frame.surfaces[i], outward[i], i))
         .collect();
-    let SideSamples { free, narrow } = places(&upright.oriented(found.noise), &halves, control)?;
+    let oriented = upright.oriented(found.noise);
+    let feet = feet(&oriented, &halves);
+    let places = places(&oriented, &feet, control)?;
     // With the corner of a blend known, the rest of its surface is seldom needed.
     let corners: Vec<HalfSpace> = corners(found, &frame).collect();
     let has_corner = |of: &HalfSpace| {
@@ -192,16 +194,13 @@ pub fn propose(
         halves.into_iter().partition(has_corner);
     halves.extend(corners);
     halves.truncate(MAX_HALVES - MAX_ADDED_HALVES);
-    let mut bits = sides(&halves, &free);
+    let mut sides = sides(&halves, &places);
     let bounds = upright.bounds;
     more.extend(separators(&frame.surfaces, &bounds));
-    separate(&mut halves, &mut bits, &more, &free);
+    separate(&mut halves, &mut sides, &more, &places);
     control.check()?;
-    let all: f64 = free.iter().map(|p| p.weight).sum();
-    let free = votes(&bits, &free);
-    let open = contradiction(&free) / all.max(1.0);
-    let narrow = votes(&sides(&halves, &narrow), &narrow);
-    let solid = solid(&cells(&free, &narrow), halves.len());
+    let known = known_cells(&halves, &feet, &votes(&sides, &places), &bounds);
+    let solid = solid(&known.cells, halves.len());
     let is_side = |k: &usize| matches!(halves[*k].source, HalfSpaceSource::Side(..));
     let (unseen, seen): (Vec<usize>, Vec<usize>) = ones(solid.halves()).partition(is_side);
     // A sheet, for example. The two sides of a wall end on four sides of the box of the data.
@@ -222,7 +221,13 @@ pub fn propose(
     Ok(Proposal {
         program: part.program(title),
         explained: share(&found.labels, |l| l.is_some_and(|l| used[l as usize])),
-        gaps: gaps(found, (&halves, &solid), &used, open, &upright.stands),
+        gaps: gaps(
+            found,
+            (&halves, &solid),
+            &used,
+            known.contradicted,
+            &upright.stands,
+        ),
         used,
     })
 }
@@ -361,7 +366,7 @@ fn separate(
         let left = |candidate: &HalfSpace| {
             let more = of_torn
                 .iter()
-                .map(|i| sides[*i] | bit(candidate, k, &places[*i]));
+                .map(|i| sides[*i] | bit(candidate, k, places[*i].at));
             contradiction(&votes(&more.collect::<Vec<_>>(), &torn))
         };
         let best = candidates.iter().map(|c| (left(c), c));
@@ -376,7 +381,7 @@ fn separate(
             break;
         }
         for (bits, place) in sides.iter_mut().zip(places) {
-            *bits |= bit(best, k, place);
+            *bits |= bit(best, k, place.at);
         }
         halves.push(best.clone());
     }
