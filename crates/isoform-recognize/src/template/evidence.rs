@@ -6,11 +6,11 @@
 //! The strongest relations are taken first, and those that contradict them are left out: a spanning
 //! tree of most evidence (J. B. Kruskal, Proc. Amer. Math. Soc. 7, 1956).
 
-use super::cells::{Foot, Votes, bits_of, widened};
+use super::cells::{Foot, Votes, areas, bits_of, widened};
 use super::half::{HalfSpace, HalfSpaceSource};
 use super::solid::{Bits, SolidCell};
 use crate::chart::{Primitive, PrimitiveKind, frame};
-use isoform_geom::{Aabb, Point3, UnionFind, dot, norm, sub};
+use isoform_geom::{Aabb, KdTree, Point3, UnionFind, dot, norm, sub};
 use isoform_num::Random;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -19,8 +19,8 @@ use std::f64::consts::{PI, TAU};
 /// Expected number of wrongly labelled points where a surface is not a face, as a share of the
 /// points of a face of the same area.
 const STRAY_SHARE: f64 = 0.1;
-/// Minimum strength of a relation, in nats, by samples and by points on surfaces: single samples
-/// and points may be on the wrong side.
+/// Minimum strength of a relation by samples, and of one by points on a surface, in nats: single
+/// samples and points may be on the wrong side.
 const MIN_STRENGTHS: [f64; 2] = [3.0, 7.0];
 /// Weight of evidence that a surface has no points: a scan does not see all of a surface.
 const ABSENCE_WEIGHT: f64 = 0.25;
@@ -32,7 +32,18 @@ const AREA_TRIALS: usize = 3000;
 struct Interface {
     /// Number of points on it, each counted by the certainty of its label.
     points: f64,
+    /// Number of points that may as well lie on other surfaces: the rest of each count.
+    uncertain: f64,
     area: f64,
+}
+
+impl Interface {
+    /// Returns the logarithm of the likelihood of its points if it is a face with this number of
+    /// points per area, over that if it is not (Poisson).
+    fn gain(&self, density: f64) -> f64 {
+        let expected = (density * self.area - self.uncertain).max(0.0);
+        -self.points * STRAY_SHARE.ln() - expected * (1.0 - STRAY_SHARE)
+    }
 }
 
 /// Interfaces by the index of their half space and the sides of the others.
@@ -64,32 +75,19 @@ pub(super) fn known_cells(
     for (bits, [outside, inside]) in votes {
         let strength = (inside - outside).abs();
         if strength >= MIN_STRENGTHS[0] {
-            let cells = [OUTSIDE, graph.number(*bits)];
-            let differ = inside > outside;
-            graph.relations.push(Relation {
-                cells,
-                differ,
-                strength,
-            });
+            let cell = graph.number(*bits);
+            graph.relate([OUTSIDE, cell], inside > outside, strength);
         }
     }
-    let interfaces = interfaces(halves, feet, bounds);
-    let densities = densities(&interfaces, halves.len());
-    for ((half, bits), interface) in &interfaces {
-        let expected = densities[*half] * interface.area;
-        let gain = -interface.points * STRAY_SHARE.ln() - expected * (1.0 - STRAY_SHARE);
-        let strength = if gain < 0.0 {
-            -ABSENCE_WEIGHT * gain
-        } else {
-            gain
-        };
+    let densities = densities(feet);
+    for ((half, bits), interface) in &interfaces(halves, feet, bounds) {
+        let entity = halves[*half].source.entity();
+        let density = entity.and_then(|e| densities.get(&e)).copied();
+        let gain = interface.gain(density.unwrap_or(0.0));
+        let strength = gain.max(-ABSENCE_WEIGHT * gain);
         if strength >= MIN_STRENGTHS[1] {
             let cells = [*bits, bits | 1 << half].map(|b| graph.number(b));
-            graph.relations.push(Relation {
-                cells,
-                differ: gain > 0.0,
-                strength,
-            });
+            graph.relate(cells, gain > 0.0, strength);
         }
     }
     graph.solved()
@@ -111,12 +109,19 @@ impl CellGraph {
         *self.numbers.entry(bits).or_insert(next)
     }
 
-    /// Returns the sides of all cells that are related to the outside.
+    fn relate(&mut self, cells: [u32; 2], differ: bool, strength: f64) {
+        self.relations.push(Relation {
+            cells,
+            differ,
+            strength,
+        });
+    }
+
+    /// Returns the sides of all cells that relations connect with the outside.
     fn solved(mut self) -> KnownCells {
         self.relations.sort_by(|a, b| {
-            b.strength
-                .total_cmp(&a.strength)
-                .then(a.cells.cmp(&b.cells))
+            let strength = b.strength.total_cmp(&a.strength);
+            strength.then(a.cells.cmp(&b.cells))
         });
         // Each cell has two numbers, of the statement that it is outside and of its opposite.
         let count = self.numbers.len() + 1;
@@ -173,7 +178,10 @@ fn interfaces(halves: &[HalfSpace], feet: &[Foot], bounds: &Aabb) -> Interfaces 
     let mut all = Interfaces::new();
     for (foot, key) in feet.iter().zip(sides) {
         if let Some(key) = key {
-            all.entry(key).or_default().points += foot.certainty.max(0.0);
+            let interface = all.entry(key).or_default();
+            let certainty = foot.certainty.max(0.0);
+            interface.points += certainty;
+            interface.uncertain += 1.0 - certainty;
         }
     }
     let areas: Vec<Vec<((usize, Bits), f64)>> = own
@@ -193,24 +201,19 @@ fn interfaces(halves: &[HalfSpace], feet: &[Foot], bounds: &Aabb) -> Interfaces 
     all
 }
 
-/// Returns the number of points per area on the faces of each half space: the median over the
-/// points.
-fn densities(interfaces: &Interfaces, count: usize) -> Vec<f64> {
-    let mut found: Vec<Vec<(f64, f64)>> = vec![Vec::new(); count];
-    for ((half, _), interface) in interfaces.iter().filter(|(_, i)| i.area > 0.0) {
-        found[*half].push((interface.points / interface.area, interface.points));
-    }
-    let median = |mut of: Vec<(f64, f64)>| {
-        of.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let half = of.iter().map(|f| f.1).sum::<f64>() / 2.0;
-        let mut sum = 0.0;
-        let at = of.iter().find(|f| {
-            sum += f.1;
-            sum >= half
-        });
-        at.map_or(0.0, |f| f.0)
+/// Returns the number of points per area on the faces of each entity: the median over its points,
+/// from the distance of some neighbours on the same entity.
+fn densities(feet: &[Foot]) -> BTreeMap<usize, f64> {
+    let of_entity = |of: &[Foot]| {
+        let places: Vec<Point3> = of.iter().map(|f| f.at).collect();
+        let mut areas = areas(&places, &KdTree::new(&places));
+        let half = areas.len() / 2;
+        let median = *areas.select_nth_unstable_by(half, f64::total_cmp).1;
+        (of[0].own, if median > 0.0 { 1.0 / median } else { 0.0 })
     };
-    found.into_iter().map(median).collect()
+    feet.chunk_by(|a, b| a.own == b.own)
+        .map(of_entity)
+        .collect()
 }
 
 /// Returns random places on a surface within a box, uniform by area, each with the area that it
@@ -344,18 +347,11 @@ mod tests {
     fn strong_relations_decide_before_weak_ones() {
         let mut graph = CellGraph::default();
         let [outside, wall, bore, apart] = [0b00, 0b01, 0b11, 0b100].map(|b| graph.number(b));
-        let mut relate = |a: u32, b: u32, differ: bool, strength: f64| {
-            graph.relations.push(Relation {
-                cells: [a, b],
-                differ,
-                strength,
-            });
-        };
-        relate(OUTSIDE, outside, false, 100.0);
-        relate(outside, wall, true, 50.0);
-        relate(wall, bore, true, 40.0);
-        relate(OUTSIDE, bore, true, 10.0);
-        relate(apart, apart, false, 1.0);
+        graph.relate([OUTSIDE, outside], false, 100.0);
+        graph.relate([outside, wall], true, 50.0);
+        graph.relate([wall, bore], true, 40.0);
+        graph.relate([OUTSIDE, bore], true, 10.0);
+        graph.relate([apart, apart], false, 1.0);
         let known = graph.solved();
         let sides: Vec<(Bits, bool)> = known.cells.iter().map(|c| (c.bits, c.is_inside)).collect();
         assert_eq!(sides, [(0b00, false), (0b01, true), (0b11, false)]);
