@@ -135,11 +135,9 @@ impl Segmentation {
         limits: Limits,
         found: &SurfaceCandidate,
     ) -> bool {
-        let seed = found.seed as usize;
-        let is_open = |now: &Self| now.labels[seed] == UNLABELLED;
-        is_open(self)
-            && (self.accept_reached(cloud, None, limits, found)
-                || self.accept_reached(cloud, Some(open), limits, found))
+        let mut ways = [None, Some(open)].into_iter();
+        self.labels[found.seed as usize] == UNLABELLED
+            && ways.any(|open| self.accept_reached(cloud, open, limits, found))
     }
 
     /// Adds a surface with the points that are reached on it, if these are sufficient evidence.
@@ -258,7 +256,8 @@ fn circle([a, b, c]: [PlanePoint; 3]) -> (PlanePoint, f64) {
     ([a[0] + d[0], a[1] + d[1]], d[0].hypot(d[1]))
 }
 
-/// Points without an entity. Those of a narrow face are neighbours of each other only among them.
+/// Points without an entity. Those of a face narrower than their spacing are neighbours only among
+/// these.
 struct OpenPoints {
     of: Vec<u32>,
     tree: KdTree,

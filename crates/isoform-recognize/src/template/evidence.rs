@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 
 /// Expected number of wrongly labelled points where a surface is not a face, as a share of the
-/// points of a face of the same area.
+/// points of a face of equal area.
 const STRAY_SHARE: f64 = 0.1;
 /// Minimum strength of a relation by samples, and of one by points on a surface, in nats: single
 /// samples and points may be on the wrong side.
@@ -202,7 +202,7 @@ fn interfaces(halves: &[HalfSpace], feet: &[Foot], bounds: &Aabb) -> Interfaces 
 }
 
 /// Returns the number of points per area on the faces of each entity: the median over its points,
-/// from the distance of some neighbours on the same entity.
+/// from the distance of some neighbours among them.
 fn densities(feet: &[Foot]) -> BTreeMap<usize, f64> {
     let of_entity = |of: &[Foot]| {
         let places: Vec<Point3> = of.iter().map(|f| f.at).collect();
