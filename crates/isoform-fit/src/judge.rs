@@ -128,7 +128,8 @@ impl Task<'_> {
     fn above_noise(&self, fit: &Fit) -> Option<Finding> {
         let (local, flattest) = (fit.evidence.local_noise, self.scan.least_noise);
         let noise = local.min(flattest * 60.0 / MAX_NOISE_RATIO);
-        (self.is_shared(fit) && fit.rms > MAX_NOISE_RATIO * noise).then_some(Finding::AboveNoise {
+        let is_above = fit.rms > (MAX_NOISE_RATIO * noise).max(self.exact());
+        (self.is_shared(fit) && is_above).then_some(Finding::AboveNoise {
             rms: fit.rms,
             noise: local.min(flattest),
         })
@@ -138,7 +139,7 @@ impl Task<'_> {
         let share = fit.share_of_outliers();
         let clustered = share * fit.evidence.clustered;
         let count = clustered * fit.n_points as f64;
-        let is_exact = fit.noise < 1e-7 * self.size();
+        let is_exact = fit.noise < self.exact();
         // Correct models of real objects have up to 0.08 of the points in clusters of outliers,
         // wrong ones at least 0.105. If the other points show only noise, less is doubtful.
         let is_clustered = clustered > 0.09 || (fit.is_clean() && clustered > 0.015);

@@ -66,6 +66,11 @@ impl<'a> Task<'a> {
         (1e-9 * self.size()).max(self.options.rounding)
     }
 
+    /// Returns the distance from a model below which points are on it exactly.
+    pub(crate) fn exact(&self) -> f64 {
+        1e-7 * self.size()
+    }
+
     /// Returns the first points in the random order.
     pub(crate) fn some(&self, count: usize) -> Vec<Point3> {
         let first = self.order.iter().take(count);

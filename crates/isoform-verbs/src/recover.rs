@@ -20,7 +20,7 @@ use crate::recover_folder as folder;
 use crate::solids;
 use crate::watchdog;
 use isoform::field::hyperfun::Model;
-use isoform::fit::{ClutterKind, Finding};
+use isoform::fit::{ClutterKind, Finding, Fit, Status};
 use isoform::geom::Point3;
 use isoform::recognize::Entity;
 use isoform::{MeshModelOptions, Proposal, RecognizeOptions, ScanLabels};
@@ -107,9 +107,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let mut job = watchdog::stage("fit", || {
         fit_work::run_model(scan, (&template, &model), settings, context)
     })?;
-    for gap in proposal.iter().flat_map(|p| p.proposal.faults()) {
-        let what = format!("template: {gap}");
-        job.found.fit.add_finding(Finding::Incomplete { what });
+    if let Some(proposal) = &proposal {
+        add_findings(&mut job.found.fit, &proposal.proposal);
     }
     let written = files::write(&mut job, &outputs.results, context)?;
     if !context.global.json {
@@ -248,6 +247,24 @@ fn proposed(
         .as_ref()
         .map(|_| entities.iter().filter_map(label).collect());
     Ok((model, EntityProposal { proposal, labels }))
+}
+
+/// Adds the findings against a fit of a proposed template. Its bounds lie about what was recognised:
+/// a parameter that runs into one contradicts the recognition.
+fn add_findings(fit: &mut Fit, proposal: &Proposal) {
+    for gap in proposal.faults() {
+        let what = format!("template: {gap}");
+        fit.add_finding(Finding::Incomplete { what });
+    }
+    let is_known = |f: &Finding| matches!(f, Finding::AtBounds { .. });
+    let at_bound = fit
+        .parameters
+        .iter()
+        .filter(|p| p.status == Status::AtBound);
+    let names: Vec<String> = at_bound.map(|p| p.name.clone()).collect();
+    if !names.is_empty() && !fit.findings.iter().any(is_known) {
+        fit.add_finding(Finding::AtBounds { names });
+    }
 }
 
 /// A template made of entities.

@@ -39,7 +39,9 @@ impl Task<'_> {
         if noise <= self.rounding() {
             return None;
         }
-        let offs: Vec<Option<f64>> = statistics.iter().map(|s| off_by(s, noise)).collect();
+        let is_exact = |ratio: &f64| ratio * noise < self.exact();
+        let off = |s| off_by(s, noise).filter(|ratio| !is_exact(ratio));
+        let offs: Vec<Option<f64>> = statistics.iter().map(off).collect();
         let pieces = offs.iter().zip(statistics);
         let (ratio, worst) = pieces
             .filter_map(|(off, s)| Some(((*off)?, s)))
@@ -75,9 +77,9 @@ impl Task<'_> {
         let shared = statistics.iter().enumerate();
         let shared: Vec<_> = shared.map(|(part, s)| (of_part(part), s)).collect();
         let all: usize = statistics.iter().map(|s| s.count).sum();
-        let (off, rest): (Vec<_>, Vec<_>) = shared
-            .iter()
-            .partition(|(shared, _)| shared.z > SIGNIFICANT_DEVIATIONS);
+        let (off, rest): (Vec<_>, Vec<_>) = shared.iter().partition(|(shared, _)| {
+            shared.z > SIGNIFICANT_DEVIATIONS && shared.product > self.exact().powi(2)
+        });
         let clean: usize = rest.iter().map(|(_, s)| s.count).sum();
         let (worst, s) = off.iter().max_by(|a, b| a.0.z.total_cmp(&b.0.z))?;
         (2 * clean > all).then(|| Finding::Misshapen {

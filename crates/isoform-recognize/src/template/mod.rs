@@ -14,7 +14,9 @@ mod solid;
 
 use crate::chart::Primitive;
 use crate::entity::Recognition;
+use crate::noise::{EXPLAINED_DEVIATIONS, MAX_EXACT_NOISE};
 use crate::orient::orient;
+use crate::segment::MIN_EVIDENCE;
 use cells::{OrientedPoints, SideSample, bit, contradiction, feet, places, sides, votes};
 use evidence::known_cells;
 use footprint::footprint;
@@ -61,7 +63,8 @@ impl Proposal {
         // Noise at edges leaves up to one point in a hundred.
         let is_explained = self.explained >= 1.0 - 0.02;
         self.gaps.iter().filter(move |gap| match gap {
-            Gap::Unassigned(_) | Gap::Unused { .. } => !is_explained,
+            Gap::Unassigned(_) => !is_explained,
+            Gap::Unused { needed, .. } => *needed > 0 || !is_explained,
             Gap::Standing(..) => false,
             Gap::Unseen(..) | Gap::Open(_) => true,
         })
@@ -88,6 +91,8 @@ pub enum Gap {
         count: usize,
         /// Share of the points that lie on them.
         share: f64,
+        /// Number of those whose points the surfaces of the solid do not explain.
+        needed: usize,
     },
 }
 
@@ -115,7 +120,7 @@ impl std::fmt::Display for Gap {
                 "the entities do not close: {:.1} % of the places looked at lie on the wrong side",
                 100.0 * share
             ),
-            Self::Unused { count, share } => write!(
+            Self::Unused { count, share, .. } => write!(
                 f,
                 "{count} entities with {:.1} % of the points do not bound the solid",
                 100.0 * share
@@ -218,6 +223,7 @@ pub fn propose(
         digits: digits(bounds.diagonal(), found.noise),
     };
     let used = part.used();
+    let needed = upright.needed(&frame.surfaces, &used, found.noise);
     Ok(Proposal {
         program: part.program(title),
         explained: share(&found.labels, |l| l.is_some_and(|l| used[l as usize])),
@@ -225,7 +231,7 @@ pub fn propose(
             found,
             (&halves, &solid),
             &used,
-            known.contradicted,
+            (needed, known.contradicted),
             &upright.stands,
         ),
         used,
@@ -312,6 +318,26 @@ impl PosedPoints {
         }
     }
 
+    /// Returns the number of entities that are not used although the surfaces of the used ones do
+    /// not explain their points: without the entity these cost more than its evidence.
+    fn needed(&self, surfaces: &[Primitive], used: &[bool], noise: f64) -> usize {
+        // Of exact points a few are entities of their own that no face needs.
+        if noise < MAX_EXACT_NOISE * self.bounds.diagonal() {
+            return 0;
+        }
+        let cost = |r: f64| (r / noise).abs().min(EXPLAINED_DEVIATIONS).powi(2) / 2.0;
+        let mut gains = vec![0.0; surfaces.len()];
+        for (p, label) in self.points.iter().zip(&self.labels) {
+            if let Some(own) = label.filter(|l| !used[*l]) {
+                let others = surfaces.iter().zip(used).filter(|(_, used)| **used);
+                let others = others.map(|(s, _)| cost(s.distance(*p)));
+                let other = others.fold(cost(f64::INFINITY), f64::min);
+                gains[own] += other - cost(surfaces[own].distance(*p));
+            }
+        }
+        gains.iter().filter(|gain| **gain > MIN_EVIDENCE).count()
+    }
+
     /// Returns the side of each surface on which most of the outward normals lie: 1 or −1.
     fn outward(&self, surfaces: &[Primitive]) -> Vec<f64> {
         let mut sums = vec![0.0; surfaces.len()];
@@ -391,7 +417,7 @@ fn gaps(
     found: &Recognition,
     (halves, solid): (&[HalfSpace], &SolidFormula),
     used: &[bool],
-    open: f64,
+    (needed, open): (usize, f64),
     stands: &[(usize, bool)],
 ) -> Vec<Gap> {
     let mut gaps = Vec::new();
@@ -411,11 +437,14 @@ fn gaps(
     if open > 0.01 {
         gaps.push(Gap::Open(open));
     }
-    let unused = used.iter().filter(|u| !**u).count();
-    if unused > 0 {
+    let count = used.iter().filter(|u| !**u).count();
+    if count > 0 {
         let share = share(&found.labels, |l| l.is_some_and(|l| !used[l as usize]));
-        let count = unused;
-        gaps.push(Gap::Unused { count, share });
+        gaps.push(Gap::Unused {
+            count,
+            share,
+            needed,
+        });
     }
     gaps
 }

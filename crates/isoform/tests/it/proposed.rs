@@ -182,6 +182,45 @@ fn faces_that_noise_hides_bound_the_solid() {
     }
 }
 
+/// A flat is milled into half of a shaft, 2.8 deviations of the noise deep. The step at its end is
+/// too small to be seen, so that no solid has the flat: the template is not complete.
+#[test]
+fn a_face_that_the_solid_lacks_is_a_fault() {
+    let (radius, height, depth, noise) = (12.0, 30.0, 0.09, 0.0326);
+    let mut random = Random::new(3);
+    let mut point = || -> Point3 {
+        let place = random.unit() * (height + radius);
+        let (sin, cos) = (std::f64::consts::TAU * random.unit()).sin_cos();
+        let (r, z) = match place < height {
+            true => (radius, place),
+            false => (
+                radius * random.unit().sqrt(),
+                if place < height + radius / 2.0 {
+                    0.0
+                } else {
+                    height
+                },
+            ),
+        };
+        let limit = if z < height / 2.0 {
+            radius - depth
+        } else {
+            radius
+        };
+        let at = [(r * cos).min(limit), r * sin, z];
+        at.map(|x| x + noise * ((0..12).map(|_| random.unit()).sum::<f64>() - 6.0))
+    };
+    let scan = PointCloud::from_points((0..18_000).map(|_| point()).collect());
+    let proposal = proposed(&scan);
+    let is_dropped = |g: &&Gap| matches!(g, Gap::Unused { needed: 1, .. });
+    assert_eq!(
+        proposal.faults().filter(is_dropped).count(),
+        1,
+        "{:?}",
+        proposal.gaps
+    );
+}
+
 /// An unscanned side is closed at the end of the data, and reported.
 #[test]
 fn a_face_that_is_missing_is_said() {
