@@ -145,14 +145,14 @@ impl Segmentation {
     fn accept_reached(
         &mut self,
         cloud: &Cloud,
-        open: Option<&OpenPoints>,
+        along: Option<&OpenPoints>,
         limits: Limits,
         found: &SurfaceCandidate,
     ) -> bool {
         let tolerance = Cost::with_noise(self.noise).reach();
         let reached = |surface: &Primitive| {
             let distances = surface.distances();
-            reached(cloud, open, found.seed, &distances, tolerance)
+            reached(cloud, along, found.seed, &distances, tolerance)
         };
         let first = reached(&found.tried.surface);
         let fitted = fit(&found.tried.surface, &cloud.at(&first), Precision::Full);

@@ -7,7 +7,7 @@ use crate::cost::Cost;
 use crate::fit::{Precision, fit, mean, squares};
 use crate::local::moments;
 use crate::noise::{CHANCE_DEVIATIONS, MAX_EXACT_NOISE};
-use crate::start::{Axis, least_squares, start_about, starts};
+use crate::start::{Axis, squares_left, start_about, starts};
 use isoform_geom::{KdTree, Point3, dot, sub};
 use isoform_num::linalg::symmetric_eigen_3;
 use std::collections::HashSet;
@@ -319,16 +319,9 @@ fn is_along_curve(points: &[Point3], rounding: f64) -> bool {
         let u = dot(d, axes[2]) / length.sqrt();
         ([1.0, u, u * u], dot(d, axes[1]))
     };
-    let Some(x) = least_squares(points.iter().map(in_plane)) else {
-        return true;
-    };
-    let rest = |(row, v): ([f64; 3], f64)| {
-        let height: f64 = row.iter().zip(x).map(|(a, b)| a * b).sum();
-        (v - height).powi(2)
-    };
-    let rest: f64 = points.iter().map(in_plane).map(rest).sum();
     // Of scattered points it leaves (n − 2)/n of the squares on average.
-    rest <= (0.1 * width).max(rounding * rounding * points.len() as f64)
+    let most = (0.1 * width).max(rounding * rounding * points.len() as f64);
+    squares_left(points.iter().map(in_plane)).is_none_or(|left| left <= most)
 }
 
 /// Returns the minimum number of points of a region of a kind while it grows: twice its parameters.

@@ -6,7 +6,7 @@ use crate::cloud::{Cloud, thinned};
 use crate::description::MIN_SHORTENING;
 use crate::labels::UNLABELLED;
 use crate::segment::{DistanceTolerance, Limits, NOISE_SLACK, Segmentation};
-use crate::start::least_squares;
+use crate::start::squares_left;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{KdTree, Point3, dot, sub};
 use rayon::prelude::*;
@@ -107,12 +107,7 @@ fn explained(window: &[(f64, u32)], points: &[Point3], distances: &[f64], normal
         let (u, v) = (dot(d, e) / radius, dot(d, f) / radius);
         ([1.0, u, v, u * u, u * v, v * v], distances[w.1 as usize])
     };
-    let Some(x) = least_squares(window.iter().map(row)) else {
-        return 0.0;
-    };
-    let decrease = |(row, r): ([f64; 6], f64)| {
-        let height: f64 = row.iter().zip(x).map(|(a, b)| a * b).sum();
-        r * r - (r - height).powi(2)
-    };
-    window.iter().map(row).map(decrease).sum()
+    let rows = window.iter().map(row);
+    let all: f64 = rows.clone().map(|(_, r)| r * r).sum();
+    squares_left(rows).map_or(0.0, |left| all - left)
 }

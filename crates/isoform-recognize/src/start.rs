@@ -119,9 +119,7 @@ pub(crate) fn centred_sphere(points: &[Point3], (place, axis): Axis) -> Option<P
 }
 
 /// Returns the least-squares solution of rows · x = sides.
-pub(crate) fn least_squares<const N: usize>(
-    rows: impl Iterator<Item = ([f64; N], f64)>,
-) -> Option<[f64; N]> {
+fn least_squares<const N: usize>(rows: impl Iterator<Item = ([f64; N], f64)>) -> Option<[f64; N]> {
     let mut a = vec![0.0; N * N];
     let mut b = [0.0; N];
     for (row, side) in rows {
@@ -184,6 +182,18 @@ fn curvature_directions(points: &[Point3]) -> Option<[Point3; 2]> {
     Some([direction(large), direction(1 - large)])
 }
 
+/// Returns the sum of squares that the least-squares solution of rows · x = sides leaves.
+pub(crate) fn squares_left<const N: usize>(
+    rows: impl Iterator<Item = ([f64; N], f64)> + Clone,
+) -> Option<f64> {
+    let x = least_squares(rows.clone())?;
+    let left = |(row, side): ([f64; N], f64)| {
+        let found: f64 = row.iter().zip(&x).map(|(a, b)| a * b).sum();
+        (side - found).powi(2)
+    };
+    Some(rows.map(left).sum())
+}
+
 /// Returns Σ r² of points from the quadratic height over a plane that fits them best.
 pub(crate) fn bent_squares(plane: &Primitive, points: &[Point3]) -> f64 {
     let [e, f] = plane.frame();
@@ -192,14 +202,7 @@ pub(crate) fn bent_squares(plane: &Primitive, points: &[Point3]) -> f64 {
         let (u, v) = (dot(d, e), dot(d, f));
         ([1.0, u, v, u * u, u * v, v * v], dot(d, plane.axis))
     };
-    let Some(x) = least_squares(points.iter().map(row)) else {
-        return f64::INFINITY;
-    };
-    let rest = |(row, w): ([f64; 6], f64)| {
-        let height: f64 = (0..6).map(|k| row[k] * x[k]).sum();
-        (w - height).powi(2)
-    };
-    points.iter().map(row).map(rest).sum()
+    squares_left(points.iter().map(row)).unwrap_or(f64::INFINITY)
 }
 
 /// Returns the cylinder along an axis: a circle of least algebraic distance across it.

@@ -58,8 +58,9 @@ the folder of the scan is removed first. With -o part.msh, .inp, .vtu, .stl and 
 model is meshed, see mesh; with -o part.step or part.brep.json it becomes a solid, see brep: of a fit
 that is in doubt only with --force. A solid may take five minutes; --time-limit sets another limit.
 Exit codes are those of fit, and 3 where the mesh or a solid asked for is not certified or a proposed
-template leaves a fiftieth of the points, or a side that was not seen. Where a stage fails the code is
-its own, and what was made before it is written.")]
+template leaves a fiftieth of the points, a face that was recognised, or a side that was not seen, or a
+parameter of it is at a bound. Where a stage fails the code is its own, and what was made before it is
+written.")]
 pub(crate) struct Args {
     /// The points [default: the scan of a cup that is built in]
     scan: Option<PathBuf>,
@@ -249,8 +250,8 @@ fn proposed(
     Ok((model, EntityProposal { proposal, labels }))
 }
 
-/// Adds the findings against a fit of a proposed template. Its bounds lie about what was recognised:
-/// a parameter that runs into one contradicts the recognition.
+/// Adds the findings against a fit of a proposed template. Its bounds lie about what was
+/// recognised: a parameter that runs into one contradicts the recognition.
 fn add_findings(fit: &mut Fit, proposal: &Proposal) {
     for gap in proposal.faults() {
         let what = format!("template: {gap}");

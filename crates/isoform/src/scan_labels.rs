@@ -161,7 +161,8 @@ impl ScanLabels {
 }
 
 /// Makes an entity of each label of a scan's points, and searches nothing: of the kind asked for,
-/// or of the one that describes its points best. The entities are in ascending order of their labels.
+/// or of the one that describes its points best. The entities are in ascending order of their
+/// labels.
 ///
 /// Points of a CAD mesh count as a cloud, with those inside its faces, if they have labels.
 ///

@@ -9,8 +9,8 @@
 use super::cells::{Foot, Votes, areas, bits_of, widened};
 use super::half::{HalfSpace, HalfSpaceSource};
 use super::solid::{Bits, SolidCell};
-use crate::chart::{Primitive, PrimitiveKind, frame};
-use isoform_geom::{Aabb, KdTree, Point3, UnionFind, dot, norm, sub};
+use crate::chart::{Primitive, PrimitiveKind, frame, unit};
+use isoform_geom::{Aabb, KdTree, Point3, UnionFind, cross, dot, norm, sub};
 use isoform_num::Random;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -163,20 +163,18 @@ impl CellGraph {
 
 /// Returns the points and areas between cells.
 fn interfaces(halves: &[HalfSpace], feet: &[Foot], bounds: &Aabb) -> Interfaces {
-    let of_entity = |k: &usize| matches!(halves[*k].source, HalfSpaceSource::Entity(_));
-    let own: BTreeMap<usize, usize> = (0..halves.len())
-        .filter(of_entity)
-        .filter_map(|k| Some((halves[k].source.entity()?, k)))
-        .collect();
-    let sides: Vec<Option<(usize, Bits)>> = feet
+    let of_entity = |(k, half): (usize, &HalfSpace)| match half.source {
+        HalfSpaceSource::Entity(entity) => Some((entity, k)),
+        _ => None,
+    };
+    let own: BTreeMap<usize, usize> = halves.iter().enumerate().filter_map(of_entity).collect();
+    let key = |k: usize, at: Point3| (k, bits_of(halves, at) & !(1 << k));
+    let keys: Vec<Option<(usize, Bits)>> = feet
         .par_iter()
-        .map(|foot| {
-            let k = *own.get(&foot.own)?;
-            Some((k, bits_of(halves, foot.at) & !(1 << k)))
-        })
+        .map(|foot| Some(key(*own.get(&foot.own)?, foot.at)))
         .collect();
     let mut all = Interfaces::new();
-    for (foot, key) in feet.iter().zip(sides) {
+    for (foot, key) in feet.iter().zip(keys) {
         if let Some(key) = key {
             let interface = all.entry(key).or_default();
             let certainty = foot.certainty.max(0.0);
@@ -187,12 +185,8 @@ fn interfaces(halves: &[HalfSpace], feet: &[Foot], bounds: &Aabb) -> Interfaces 
     let areas: Vec<Vec<((usize, Bits), f64)>> = own
         .par_iter()
         .map(|(_, k)| {
-            let places = places_on(&halves[*k].surface, bounds);
-            let key = |at: Point3| (*k, bits_of(halves, at) & !(1 << k));
-            places
-                .into_iter()
-                .map(|(at, area)| (key(at), area))
-                .collect()
+            let places = places_on(&halves[*k].surface, bounds).into_iter();
+            places.map(|(at, area)| (key(*k, at), area)).collect()
         })
         .collect();
     for (key, area) in areas.into_iter().flatten() {
@@ -234,13 +228,11 @@ fn places_on(surface: &Primitive, bounds: &Aabb) -> Vec<(Point3, f64)> {
     let across: Point3 = std::array::from_fn(|k| middle[k] - place[k] - height * axis[k]);
     let [e, f] = match norm(across) > 1e-6 * reach {
         true => {
-            let e = across.map(|x| x / norm(across));
-            [e, isoform_geom::cross(axis, e)]
+            let e = unit(across);
+            [e, cross(axis, e)]
         }
         false => frame(axis),
     };
-    // The angle about the direction of the middle in which a surface may meet the box.
-    let angle = |radius: f64| PI.min(2.0 * reach / radius);
     let mut place_on = || -> (Point3, f64) {
         let [u, v] = [random.symmetric(), random.symmetric()];
         let along = |r: f64, turn: f64, h: f64| -> Point3 {
@@ -254,7 +246,8 @@ fn places_on(surface: &Primitive, bounds: &Aabb) -> Vec<(Point3, f64)> {
                 (std::array::from_fn(at), reach * reach)
             }
             PrimitiveKind::Cylinder => {
-                let turn = angle(size);
+                // The angle about the direction of the middle in which it may meet the box.
+                let turn = PI.min(2.0 * reach / size);
                 let at = along(size, turn * u, height + 0.5 * reach * v);
                 (at, 2.0 * turn * size * reach)
             }

@@ -13,8 +13,9 @@ mod program;
 mod solid;
 
 use crate::chart::Primitive;
+use crate::cost::Cost;
 use crate::entity::Recognition;
-use crate::noise::{EXPLAINED_DEVIATIONS, MAX_EXACT_NOISE};
+use crate::noise::MAX_EXACT_NOISE;
 use crate::orient::orient;
 use crate::segment::MIN_EVIDENCE;
 use cells::{OrientedPoints, SideSample, bit, contradiction, feet, places, sides, votes};
@@ -322,17 +323,18 @@ impl PosedPoints {
     /// not explain their points: without the entity these cost more than its evidence.
     fn needed(&self, surfaces: &[Primitive], used: &[bool], noise: f64) -> usize {
         // Of exact points a few are entities of their own that no face needs.
-        if noise < MAX_EXACT_NOISE * self.bounds.diagonal() {
+        let unit = self.bounds.diagonal();
+        if noise < MAX_EXACT_NOISE * unit {
             return 0;
         }
-        let cost = |r: f64| (r / noise).abs().min(EXPLAINED_DEVIATIONS).powi(2) / 2.0;
+        let cost = Cost::with_noise(noise / unit);
+        let at = |s: &Primitive, p: &Point3| cost.of_distance(s.distance(*p) / unit).min(cost.most);
         let mut gains = vec![0.0; surfaces.len()];
         for (p, label) in self.points.iter().zip(&self.labels) {
             if let Some(own) = label.filter(|l| !used[*l]) {
                 let others = surfaces.iter().zip(used).filter(|(_, used)| **used);
-                let others = others.map(|(s, _)| cost(s.distance(*p)));
-                let other = others.fold(cost(f64::INFINITY), f64::min);
-                gains[own] += other - cost(surfaces[own].distance(*p));
+                let without = others.fold(cost.most, |least, (s, _)| least.min(at(s, p)));
+                gains[own] += without - at(&surfaces[own], p);
             }
         }
         gains.iter().filter(|gain| **gain > MIN_EVIDENCE).count()
