@@ -36,6 +36,11 @@ impl Cost {
         squares * self.scale
     }
 
+    /// Returns the cost of a point at a distance r from its surface: without it, if that is less.
+    pub(crate) fn of_point(&self, r: f64) -> f64 {
+        self.of_distance(r).min(self.most)
+    }
+
     /// Returns [`of_distance`](Self::of_distance), or infinity if a point costs less without the
     /// surface.
     pub(crate) fn if_near(&self, r: f64) -> f64 {
@@ -65,6 +70,8 @@ mod tests {
             assert!(cost.if_near(0.999 * cost.reach()) <= cost.most);
             assert_eq!(cost.if_near(1.001 * cost.reach()), f64::INFINITY);
             assert!((cost.of_distance(2.0 * noise) - 2.0).abs() < 1e-12);
+            assert!((cost.of_point(2.0 * noise) - 2.0).abs() < 1e-12);
+            assert_eq!(cost.of_point(1.001 * cost.reach()), cost.most);
         }
     }
 }

@@ -6,7 +6,7 @@ use crate::cloud::{Cloud, thinned};
 use crate::description::MIN_SHORTENING;
 use crate::labels::UNLABELLED;
 use crate::segment::{DistanceTolerance, Limits, NOISE_SLACK, Segmentation};
-use crate::start::squares_left;
+use crate::start::{quadratic_row, squares_left};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{KdTree, Point3, dot, sub};
 use rayon::prelude::*;
@@ -105,7 +105,7 @@ fn explained(window: &[(f64, u32)], points: &[Point3], distances: &[f64], normal
     let row = |w: &(f64, u32)| {
         let d = sub(points[w.1 as usize], middle);
         let (u, v) = (dot(d, e) / radius, dot(d, f) / radius);
-        ([1.0, u, v, u * u, u * v, v * v], distances[w.1 as usize])
+        (quadratic_row(u, v), distances[w.1 as usize])
     };
     let rows = window.iter().map(row);
     let all: f64 = rows.clone().map(|(_, r)| r * r).sum();

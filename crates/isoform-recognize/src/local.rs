@@ -2,6 +2,7 @@
 //! walls, and the roughness, the deviation from a smooth surface.
 
 use crate::chart::{frame, unit};
+use crate::start::quadratic_row;
 use isoform_geom::{Point3, dot, sub};
 use isoform_num::linalg::{cholesky, cholesky_solve, symmetric_eigen_3};
 
@@ -135,7 +136,7 @@ fn quadratic(offsets: &[&Point3], normal: Point3, scale: f64) -> f64 {
     for d in offsets {
         let d = d.map(|v| v / scale);
         let (u, v, w) = (dot(d, e), dot(d, f), dot(d, normal));
-        let row = [1.0, u, v, u * u, u * v, v * v];
+        let row = quadratic_row(u, v);
         for r in 0..N {
             for c in 0..N {
                 a[r * N + c] += row[r] * row[c];

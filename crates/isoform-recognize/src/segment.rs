@@ -780,8 +780,7 @@ impl Segmentation {
         around.sort_unstable();
         around.dedup();
         let at = |i: u32, label: u32| {
-            let r = self.surfaces[label as usize].distance(cloud.points[i as usize]);
-            cost.of_distance(r).min(cost.most)
+            cost.of_point(self.surfaces[label as usize].distance(cloud.points[i as usize]))
         };
         let without = |i: u32| around.iter().fold(cost.most, |c, l| c.min(at(i, *l)));
         members.iter().map(|i| without(*i) - at(*i, label)).sum()

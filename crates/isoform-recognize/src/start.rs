@@ -171,7 +171,7 @@ fn curvature_directions(points: &[Point3]) -> Option<[Point3; 2]> {
     let rows = points.iter().map(|p| {
         let d = sub(*p, plane.place).map(|v| v / scale);
         let (u, v) = (dot(d, e), dot(d, f));
-        ([1.0, u, v, u * u, u * v, v * v], dot(d, plane.axis))
+        (quadratic_row(u, v), dot(d, plane.axis))
     });
     let [_, _, _, uu, uv, vv] = least_squares(rows)?;
     let (values, vectors) = symmetric_eigen(&[2.0 * uu, uv, uv, 2.0 * vv], 2);
@@ -180,6 +180,11 @@ fn curvature_directions(points: &[Point3]) -> Option<[Point3; 2]> {
         std::array::from_fn(|i| vectors[2 * k] * e[i] + vectors[2 * k + 1] * f[i])
     };
     Some([direction(large), direction(1 - large)])
+}
+
+/// Returns the row of a quadratic height over (u, v).
+pub(crate) fn quadratic_row(u: f64, v: f64) -> [f64; 6] {
+    [1.0, u, v, u * u, u * v, v * v]
 }
 
 /// Returns the sum of squares that the least-squares solution of rows · x = sides leaves.
@@ -200,7 +205,7 @@ pub(crate) fn bent_squares(plane: &Primitive, points: &[Point3]) -> f64 {
     let row = |p: &Point3| {
         let d = sub(*p, plane.place);
         let (u, v) = (dot(d, e), dot(d, f));
-        ([1.0, u, v, u * u, u * v, v * v], dot(d, plane.axis))
+        (quadratic_row(u, v), dot(d, plane.axis))
     };
     squares_left(points.iter().map(row)).unwrap_or(f64::INFINITY)
 }

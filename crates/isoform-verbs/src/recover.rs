@@ -48,19 +48,19 @@ Examples:
   isoform recover scan.ply -o results/
   isoform recover scan.ply --labels edited.ply --kind 3=cylinder -o part.step
 
-Without arguments the scan of a cup that the program carries is fitted. Without a template the planes,
-spheres, cylinders, cones and tori of the scan are recognised (see recognize), and the template made
-of them is fitted. Without -o, fitted.hf, deviation.ply and report.html go to the folder
-isoform-recover/NAME, NAME being that of the scan (NAME-2 for another scan of that name; scan.txt says
-which it is), and with -o FOLDER/ to that folder; and part.step, the solid of exact faces for CAD, if
-SCAN is given, the fit is accepted and the certificate of the solid holds. What an earlier run left in
-the folder of the scan is removed first. With -o part.msh, .inp, .vtu, .stl and the like the fitted
-model is meshed, see mesh; with -o part.step or part.brep.json it becomes a solid, see brep: of a fit
-that is in doubt only with --force. A solid may take five minutes; --time-limit sets another limit.
-Exit codes are those of fit, and 3 where the mesh or a solid asked for is not certified or a proposed
-template leaves a fiftieth of the points, a face that was recognised, or a side that was not seen, or a
-parameter of it is at a bound. Where a stage fails the code is its own, and what was made before it is
-written.")]
+Without arguments the scan of a cup that the program carries is fitted. Without a template the
+planes, spheres, cylinders, cones and tori of the scan are recognised (see recognize), and the
+template made of them is fitted. Without -o, fitted.hf, deviation.ply and report.html go to the
+folder isoform-recover/NAME, NAME being that of the scan (NAME-2 for another scan of that name;
+scan.txt says which it is), and with -o FOLDER/ to that folder; and part.step, the solid of exact
+faces for CAD, if SCAN is given, the fit is accepted and the certificate of the solid holds. What
+an earlier run left in the folder of the scan is removed first. With -o part.msh, .inp, .vtu, .stl
+and the like the fitted model is meshed, see mesh; with -o part.step or part.brep.json it becomes
+a solid, see brep: of a fit that is in doubt only with --force. A solid may take five minutes;
+--time-limit sets another limit. Exit codes are those of fit, and 3 where the mesh or a solid
+asked for is not certified or a proposed template leaves a fiftieth of the points, a face that was
+recognised, or a side that was not seen, or a parameter of it is at a bound. Where a stage fails
+the code is its own, and what was made before it is written.")]
 pub(crate) struct Args {
     /// The points [default: the scan of a cup that is built in]
     scan: Option<PathBuf>,

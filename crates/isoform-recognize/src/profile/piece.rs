@@ -30,7 +30,7 @@ impl<'a> Price<'a> {
 
     /// Returns the cost of a point at a distance from its piece.
     pub(crate) fn of_distance(&self, r: f64) -> f64 {
-        self.cost.of_distance(r).min(self.cost.most)
+        self.cost.of_point(r)
     }
 
     /// Returns the cost of each parameter of a piece through `count` points.

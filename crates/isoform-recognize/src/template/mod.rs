@@ -328,7 +328,7 @@ impl PosedPoints {
             return 0;
         }
         let cost = Cost::with_noise(noise / unit);
-        let at = |s: &Primitive, p: &Point3| cost.of_distance(s.distance(*p) / unit).min(cost.most);
+        let at = |s: &Primitive, p: &Point3| cost.of_point(s.distance(*p) / unit);
         let mut gains = vec![0.0; surfaces.len()];
         for (p, label) in self.points.iter().zip(&self.labels) {
             if let Some(own) = label.filter(|l| !used[*l]) {
