@@ -78,6 +78,8 @@ fi
 
 # One build of everything gains nothing from incremental files, which fill half of target/.
 if [ "${CI:-}" = true ]; then export CARGO_INCREMENTAL=0; fi
+# Tests themselves are compiled with little optimisation.
+export RUSTC_WRAPPER="${RUSTC_WRAPPER:-$PWD/tests/harness/rustc.sh}"
 
 check "harness" tests/harness/self_test.sh
 

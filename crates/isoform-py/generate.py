@@ -27,6 +27,7 @@ TYPES = {
     "scan": "Points | Path",
     "labels": "Sequence[int] | npt.NDArray[Any] | Points | Path | None",
     "kind": "Mapping[int, str] | None",
+    "relate": "Sequence[str] | None",
     "template": "Model | Path",
     "map": "Mapping[str, str] | Path",
     "first": "Any",
@@ -89,6 +90,7 @@ TEXTS = {
     "file": "Points, models, fits, meshes, patches, triangulations, solids, or paths of them",
     "labels": "Search nothing: each number becomes one entity, fitted to exactly its points, -1 none: an array (n,), such as ``Recognition.labels`` after changes, or a file that ``recognize`` has written (labels.ply), perhaps edited",
     "kind": "Kinds of the entities of some labels, {{3: \"cylinder\"}}: plane, sphere, cylinder, cone or torus; by default those which describe their points best",
+    "relate": "Relations of two labels that templates keep, [\"parallel=3,5\"]: parallel, perpendicular, coaxial, coplanar, concentric or equal_radius",
     "set": "The values of some parameters by name",
     "fix": "Parameters that are held, by name",
 }

@@ -266,6 +266,42 @@ test("two faces in one are split by hand, and the model explains the scan again"
   });
 });
 
+test("a relation of two faces is stated by hand, and taken back", async () => {
+  writeFileSync(path("related.xyz"), scan());
+  await studio(["related.xyz", "--project", "related"], async (page) => {
+    await page.getByText(/points, .* × .* × /).waitFor();
+    await press(page, "Recognize faces");
+    const face = (id) => page.getByRole("checkbox", { name: new RegExp(`^Face ${id}, `) });
+    await face(0).waitFor();
+    const relation = page.getByRole("combobox", { name: "Relation of the two chosen faces" });
+    await face(0).check();
+    assert.ok(await relation.isDisabled());
+    await face(1).check();
+    await relation.selectOption("parallel");
+    const related = page.getByRole("list", { name: "Relations" });
+    await related.getByText("0 and 1: parallel").waitFor();
+    const documents = readdirSync(path("related")).filter((n) => /-faces-\d+\.json$/.test(n));
+    const read = (name) => JSON.parse(readFileSync(join(path("related"), name), "utf8"));
+    const found = documents.map(read).filter((d) => d.entities.every((e) => "label" in e));
+    assert.equal(found.length, 1);
+    const { deviation } = found[0].relations.find(
+      (r) => r.kind === "parallel" && r.entities.join() === "0,1",
+    );
+    assert.ok(deviation < 1e-12, String(deviation));
+    // What cannot hold is said, and changes nothing.
+    await face(0).check();
+    await face(1).check();
+    await relation.selectOption("perpendicular");
+    await page.getByText(/too far from being perpendicular/).waitFor();
+    await press(page, "Remove the relation 0 and 1: parallel");
+    await related.waitFor({ state: "hidden" });
+    await press(page, "Undo");
+    await related.getByText("0 and 1: parallel").waitFor();
+    await press(page, "Make a CAD model");
+    await page.getByText("The model explains the scan.").waitFor();
+  });
+});
+
 test("a rational map is typed to a certificate", async () => {
   await studio(["--project", "four"], async (page) => {
     await tab(page, "Surface");

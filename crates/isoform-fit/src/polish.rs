@@ -20,6 +20,8 @@ const CAUCHY_TUNING: f64 = 2.385;
 const TUKEY_TUNING: f64 = 4.685;
 /// Robust scale, as a share of the data's size, below which residuals are rounding, not noise.
 const ROUNDING_SHARE: f64 = 1e-11;
+/// Factor by which the scale of Cauchy's loss falls from round to round for exact points.
+const SCALE_FACTOR: f64 = 0.1;
 /// Number of rounds of reweighting in which the scale follows the fit.
 const FREE_SCALE_ROUNDS: usize = 3;
 
@@ -204,6 +206,29 @@ impl Polish<'_> {
             self.reweighted(points, x, loss, rounds)
         } else {
             self.descend(points.squares(), points.count(), x, 12)
+        }
+    }
+
+    /// Fits exact points, some of which lie on faces that the field lacks: by Cauchy's loss, with a
+    /// scale that falls from the root mean square to the rounding (graduated non-convexity). At the
+    /// scale of the rounding alone, faces that are off by more would have no weight.
+    pub(crate) fn narrowed(
+        &self,
+        points: &dyn PolishSums,
+        x: Vec<f64>,
+        rounding: f64,
+    ) -> PolishResult {
+        let mut out = PolishResult::new(x, Loss::Cauchy);
+        let squares = points.squares().value(&out.x);
+        out.scale = (squares / points.count().max(1) as f64).sqrt();
+        loop {
+            let scale = out.scale;
+            let (_, sum) = points.reweighted(&out.x, out.loss, &|_| scale, false);
+            out.take(self.descend(sum, points.count(), out.x.clone(), 3));
+            if !(scale > rounding) || self.control.is_stopped() {
+                return out;
+            }
+            out.scale = (SCALE_FACTOR * scale).max(rounding);
         }
     }
 

@@ -5,10 +5,26 @@ use crate::cloud::Cloud;
 use crate::fit::{covariance, mean, squares};
 use crate::relations::UncertainSurface;
 use crate::segment::Segmentation;
+use isoform_geom::Point3;
 
 /// Returns the degrees of freedom of the distances from a fitted surface, at least 1.
 pub(crate) fn degrees_of_freedom(surface: &Primitive, points: usize) -> f64 {
     points.saturating_sub(surface.kind.parameters()).max(1) as f64
+}
+
+/// Returns the variance of the distances of its points from a surface.
+pub(crate) fn variance(
+    found: &Segmentation,
+    label: usize,
+    surface: &Primitive,
+    points: &[Point3],
+) -> f64 {
+    match found.is_form || !found.is_explained(label) {
+        // Some objects of a scan follow their surfaces up to the noise, even if others need a
+        // tolerance of form.
+        true => squares(surface, points) / degrees_of_freedom(surface, points.len()),
+        false => found.noise * found.noise,
+    }
 }
 
 /// Returns a surface about the centroid of its points, with its covariance: infinite if it is
@@ -21,12 +37,7 @@ pub(crate) fn uncertain_surface(
 ) -> UncertainSurface {
     let points = cloud.at(members);
     let surface = found.surfaces[label].about(mean(&points));
-    let variance = match found.is_form || !found.is_explained(label) {
-        // Some objects of a scan follow their surfaces up to the noise, even if others need a
-        // tolerance of form.
-        true => squares(&surface, &points) / degrees_of_freedom(&surface, points.len()),
-        false => found.noise * found.noise,
-    };
+    let variance = variance(found, label, &surface, &points);
     let open = [[f64::INFINITY; MAX_PARAMETERS]; MAX_PARAMETERS];
     let covariance = covariance(&surface, &points);
     let of = |c: [ParameterRow; MAX_PARAMETERS]| {

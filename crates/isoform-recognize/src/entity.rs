@@ -80,7 +80,31 @@ pub enum RelationKind {
     EqualRadius,
 }
 
-/// A relation that holds within the uncertainty.
+impl RelationKind {
+    /// All kinds.
+    pub const ALL: [Self; 6] = [
+        Self::Parallel,
+        Self::Perpendicular,
+        Self::Coaxial,
+        Self::Coplanar,
+        Self::Concentric,
+        Self::EqualRadius,
+    ];
+
+    /// Returns the name of the kind, as documents and options have it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Parallel => "parallel",
+            Self::Perpendicular => "perpendicular",
+            Self::Coaxial => "coaxial",
+            Self::Coplanar => "coplanar",
+            Self::Concentric => "concentric",
+            Self::EqualRadius => "equal_radius",
+        }
+    }
+}
+
+/// A relation that holds within the uncertainty, or that was given by hand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relation {
     /// Kind of the relation.

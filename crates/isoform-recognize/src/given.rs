@@ -6,7 +6,7 @@ use crate::chart::{Primitive, PrimitiveKind, frame};
 use crate::choose::{KnownSurfaces, Noise, follows};
 use crate::cloud::{Cloud, thinned};
 use crate::cost::Cost;
-use crate::entity::Recognition;
+use crate::entity::{Recognition, Relation, RelationKind};
 use crate::faces::FaceLabels;
 use crate::fit::{Precision, covariance, fit, mean, squares};
 use crate::form::{MAX_FORM_TOLERANCE, MIN_KNOWN_SHARE};
@@ -16,13 +16,15 @@ use crate::labels::UNLABELLED;
 use crate::local::moments;
 use crate::noise::NORMAL_MEDIAN;
 use crate::recognize::{Error, Options, PreparedScan};
+use crate::relations::{MAX_PARALLEL_ANGLE, PairFrame, angle_off, failure, is_angle, is_defined};
 use crate::segment::{
     GivenEntity, MAX_NOISE_GROWTH, NOISE_SLACK, Segmentation, directions, lower_noise,
 };
 use crate::share::MembershipWeights;
 use crate::simplify::ZONE_COSINE;
+use crate::snap::imposed;
 use isoform_control::{Control, Stopped};
-use isoform_geom::{Point3, PointCloud, cross, dot};
+use isoform_geom::{Aabb, Point3, PointCloud, cross, dot};
 use isoform_num::linalg::symmetric_eigen_3;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -36,6 +38,10 @@ const MIN_WIDTH_DEVIATIONS: f64 = 2.0;
 /// hundred faces.
 const MAX_LABELS: usize = 4096;
 
+/// Maximum length by which surfaces may be off a relation that is given, as a share of the size of
+/// the larger one: the tangent of the angle by which directions may be.
+const MAX_GIVEN_DISTANCE: f64 = MAX_PARALLEL_ANGLE;
+
 /// Ratios of the radius of the circle of a torus to that of its tube from which it is sought: by
 /// factors of 2, over which a fit goes by itself, from a full ring to a hardly bent tube.
 const BENDS: [f64; 5] = [1.5, 3.0, 6.0, 12.0, 24.0];
@@ -43,13 +49,47 @@ const BENDS: [f64; 5] = [1.5, 3.0, 6.0, 12.0, 24.0];
 /// itself.
 const TURNS: usize = 6;
 
+/// Statements about labels that were given by hand.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LabelFacts {
+    /// Kinds asked for, by label. Other labels become the kind that describes their points best.
+    pub kinds: BTreeMap<u32, PrimitiveKind>,
+    /// Relations that hold in templates and are tried by [`crate::snap`], though the points may not
+    /// show them.
+    pub relations: Vec<LabelRelation>,
+}
+
+impl LabelFacts {
+    /// Returns the labels of which something is stated.
+    pub fn labels(&self) -> impl Iterator<Item = u32> {
+        let related = self.relations.iter().flat_map(|r| r.labels);
+        self.kinds.keys().copied().chain(related)
+    }
+
+    /// Drops the statements about labels for which `is_lost` returns true.
+    pub fn retain_without(&mut self, is_lost: &dyn Fn(u32) -> bool) {
+        self.kinds.retain(|label, _| !is_lost(*label));
+        self.relations
+            .retain(|r| !r.labels.iter().any(|l| is_lost(*l)));
+    }
+}
+
+/// A relation of two labels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LabelRelation {
+    /// Kind of the relation.
+    pub kind: RelationKind,
+    /// The two labels.
+    pub labels: [u32; 2],
+}
+
 /// Labels that the points of a scan were given by hand.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GivenLabels {
     /// Label of each point of the scan; `None` for points of no entity.
     pub labels: Vec<Option<u32>>,
-    /// Kinds asked for, by label. Other labels become the kind that describes their points best.
-    pub kinds: BTreeMap<u32, PrimitiveKind>,
+    /// Kinds and relations of the labels.
+    pub facts: LabelFacts,
     /// Error that the coordinates of all points may share, in the scan's unit: the rounding of the
     /// vertices of a CAD mesh, which no average removes; 0 for scans.
     pub rounding: f64,
@@ -84,9 +124,49 @@ pub enum LabelsError {
     /// More labels than are compared with one another.
     #[error("{0} labels are too many: {MAX_LABELS} at most become entities")]
     Many(usize),
-    /// A label with a kind that no point has.
-    #[error("no point has the label {0}, for which a kind is given")]
+    /// A label with a kind or a relation that no point has.
+    #[error("no point has the label {0}, for which a kind or a relation is given")]
     Unknown(u32),
+    /// A relation of a label with itself.
+    #[error("the label {0} is related to itself")]
+    OneLabel(u32),
+    /// A relation that is not defined for two kinds of surfaces.
+    #[error(
+        "the labels {} and {} cannot be {}: they are a {} and a {}",
+        labels[0], labels[1], shown_relation(*relation), kinds[0].name(), kinds[1].name()
+    )]
+    Unrelated {
+        /// Relation that is given.
+        relation: RelationKind,
+        /// The two labels.
+        labels: [u32; 2],
+        /// Kinds of their surfaces.
+        kinds: [PrimitiveKind; 2],
+    },
+    /// A relation from which the points are far.
+    #[error(
+        "the labels {} and {} are too far from being {}: {}",
+        labels[0], labels[1], shown_relation(*relation), shown_distance(*off)
+    )]
+    Far {
+        /// Relation that is given.
+        relation: RelationKind,
+        /// The two labels.
+        labels: [u32; 2],
+        /// Angle or length off the relation.
+        off: RelationDistance,
+    },
+    /// A relation that the others exclude.
+    #[error(
+        "the labels {} and {} cannot be {} if the other relations hold, too",
+        labels[0], labels[1], shown_relation(*relation)
+    )]
+    Contradiction {
+        /// Relation that is given.
+        relation: RelationKind,
+        /// The two labels.
+        labels: [u32; 2],
+    },
     /// The points of a label do not determine a surface.
     #[error(
         "the {points} points of label {label} determine no {}",
@@ -105,6 +185,28 @@ pub enum LabelsError {
 impl From<Stopped> for LabelsError {
     fn from(stopped: Stopped) -> Self {
         Error::from(stopped).into()
+    }
+}
+
+/// Angle or length by which surfaces are off a relation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RelationDistance {
+    /// Angle, in radians.
+    Angle(f64),
+    /// Length, in the scan's unit.
+    Length(f64),
+}
+
+/// Returns a relation in words.
+fn shown_relation(kind: RelationKind) -> String {
+    kind.name().replace('_', " ")
+}
+
+/// Returns an angle or a length in words.
+fn shown_distance(off: RelationDistance) -> String {
+    match off {
+        RelationDistance::Angle(angle) => format!("by {:.1} degrees", angle.to_degrees()),
+        RelationDistance::Length(length) => format!("by {length:.4}"),
     }
 }
 
@@ -133,8 +235,12 @@ pub fn recognize_labelled(
         });
     }
     let names: BTreeSet<u32> = given.labels.iter().flatten().copied().collect();
-    if let Some(label) = given.kinds.keys().find(|label| !names.contains(label)) {
-        return Err(LabelsError::Unknown(*label));
+    let facts = &given.facts;
+    if let Some(label) = facts.labels().find(|label| !names.contains(label)) {
+        return Err(LabelsError::Unknown(label));
+    }
+    if let Some(r) = facts.relations.iter().find(|r| r.labels[0] == r.labels[1]) {
+        return Err(LabelsError::OneLabel(r.labels[0]));
     }
     if names.len() > MAX_LABELS {
         return Err(LabelsError::Many(names.len()));
@@ -144,10 +250,90 @@ pub fn recognize_labelled(
     let labels = labels_of_places(given, &names, &ready)?;
     let cloud = &ready.cloud;
     control.report("recognize", 0.0);
-    let found = LabelledFits::new(cloud, given, &names, labels).segmentation(&ready, options)?;
+    let mut found =
+        LabelledFits::new(cloud, given, &names, labels).segmentation(&ready, options)?;
+    let unit = ready.scan_length(1.0);
+    impose((&mut found, cloud, unit), &facts.relations, &names)?;
     control.check()?;
     let faces = FaceLabels::of_cloud(cloud, &found, 0);
     Ok(ready.described(scan, found, &faces))
+}
+
+/// Refits the surfaces of labels so that relations of these hold.
+fn impose(
+    (found, cloud, unit): (&mut Segmentation, &Cloud, f64),
+    relations: &[LabelRelation],
+    names: &[u32],
+) -> Result<(), LabelsError> {
+    if relations.is_empty() {
+        return Ok(());
+    }
+    found.related = related((found, cloud, unit), relations, names)?;
+    found.surfaces =
+        imposed(cloud, found, &found.related).map_err(|r| LabelsError::Contradiction {
+            relation: r.kind,
+            labels: r.entities.map(|i| names[i]),
+        })?;
+    let noise = Noise {
+        deviation: found.noise,
+        slack: NOISE_SLACK,
+        is_form: found.is_form,
+    };
+    let members = found.members();
+    let each = found.given.iter_mut().zip(&found.surfaces).zip(&members);
+    for ((given, surface), members) in each {
+        given.is_explained = is_explained(cloud, members, surface, noise);
+    }
+    Ok(())
+}
+
+/// Returns relations of labels as those of their surfaces, the lower index first; lengths of errors
+/// are in units of `unit`.
+fn related(
+    (found, cloud, unit): (&Segmentation, &Cloud, f64),
+    relations: &[LabelRelation],
+    names: &[u32],
+) -> Result<Vec<Relation>, LabelsError> {
+    let members = found.members();
+    let of = |given: &LabelRelation| {
+        let kind = given.kind;
+        let mut entities = given
+            .labels
+            .map(|label| names.partition_point(|name| *name < label));
+        entities.sort_unstable();
+        let labels = entities.map(|i| names[i]);
+        let pair = entities.map(|i| &found.surfaces[i]);
+        let kinds = pair.map(|s| s.kind);
+        if !is_defined(kind, kinds) {
+            return Err(LabelsError::Unrelated {
+                relation: kind,
+                labels,
+                kinds,
+            });
+        }
+        let far = |off| LabelsError::Far {
+            relation: kind,
+            labels,
+            off,
+        };
+        if let Some(angle) = angle_off(kind, pair).filter(|a| *a > MAX_PARALLEL_ANGLE) {
+            return Err(far(RelationDistance::Angle(angle)));
+        }
+        let size = |i: usize| Aabb::from_points(&cloud.at(&members[i])).diagonal();
+        let size = entities.map(size).into_iter().fold(0.0, f64::max);
+        let about = entities.map(|i| found.surfaces[i].about(mean(&cloud.at(&members[i]))));
+        let about = [&about[0], &about[1]];
+        let off = failure(kind, &PairFrame::from_pair(about), about).size();
+        if !is_angle(kind) && off > MAX_GIVEN_DISTANCE * size {
+            return Err(far(RelationDistance::Length(off * unit)));
+        }
+        Ok(Relation {
+            kind,
+            entities,
+            deviation: 0.0,
+        })
+    };
+    relations.iter().map(of).collect()
 }
 
 /// Returns the index in `names` of the label of each place of a cloud, which all points there
@@ -382,7 +568,7 @@ impl<'a> LabelledFits<'a> {
     /// Returns the surface of each label.
     fn surfaces(&self, noise: f64, is_form: bool) -> Result<Vec<Primitive>, LabelsError> {
         let of = |(label, members): (&u32, &Vec<u32>)| {
-            let kind = self.given.kinds.get(label).copied();
+            let kind = self.given.facts.kinds.get(label).copied();
             let noise = Noise {
                 deviation: noise,
                 slack: NOISE_SLACK,
@@ -409,7 +595,7 @@ impl<'a> LabelledFits<'a> {
     /// and a cone about a known axis has two parameters of its own, a sphere four.
     fn turned(&self, surfaces: &[Primitive], label: usize, noise: f64, is_form: bool) -> Primitive {
         let sphere = surfaces[label];
-        let is_asked = self.given.kinds.contains_key(&self.names[label]);
+        let is_asked = self.given.facts.kinds.contains_key(&self.names[label]);
         if sphere.kind != PrimitiveKind::Sphere || is_asked {
             return sphere;
         }

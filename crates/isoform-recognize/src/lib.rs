@@ -45,7 +45,9 @@ pub use entity::{
     Symmetry, SymmetryKind,
 };
 pub use facets::{FacetRecognition, points_on_facets, recognize_facets};
-pub use given::{GivenLabels, LabelsError, recognize_labelled};
+pub use given::{
+    GivenLabels, LabelFacts, LabelRelation, LabelsError, RelationDistance, recognize_labelled,
+};
 pub use recognize::{Error, Options, recognize};
 pub use snap::{Snap, snap};
 pub use template::{Gap, Proposal, ProposeError, propose};

@@ -15,7 +15,7 @@ use crate::orient::orient;
 use crate::patchwork::free_share;
 use crate::patterns::patterns;
 use crate::pose::Pose;
-use crate::relations::{EntitySet, UncertainSurface, relations};
+use crate::relations::{EntitySet, UncertainSurface, add_given, relations};
 use crate::segment::{DistanceTolerance, Limits, Segmentation, segment};
 use crate::symmetry::symmetries;
 use isoform_control::{Control, Stopped};
@@ -138,6 +138,11 @@ impl PreparedScan {
     /// Returns a length of the scan in diagonals.
     pub(crate) fn diagonals(&self, length: f64) -> f64 {
         length / self.scaling.unit
+    }
+
+    /// Returns a length of diagonals in the scan's unit.
+    pub(crate) fn scan_length(&self, diagonals: f64) -> f64 {
+        diagonals * self.scaling.unit
     }
 
     /// Returns the noise that is given, in diagonals; `None` if the points have to show it.
@@ -344,6 +349,8 @@ fn report(
         index.iter().copied(),
         cloud.pairs(),
     );
+    let mut relations = relations(&known, found.noise, scaling.unit);
+    add_given(&mut relations, &found.related);
     Recognition {
         faces,
         face_labels,
@@ -353,7 +360,7 @@ fn report(
         labels: index.iter().map(label).collect(),
         normals: index.iter().map(|i| cloud.normals[*i as usize]).collect(),
         blends: blends(&known, &points, (pairs, MIN_BORDER_PAIRS), scaling.unit),
-        relations: relations(&known, found.noise, scaling.unit),
+        relations,
         noise,
         is_form: found.is_form,
         free: free_share(cloud, found),

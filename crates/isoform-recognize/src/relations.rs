@@ -55,14 +55,9 @@ pub(crate) fn relations(known: &[UncertainSurface], noise: f64, unit: f64) -> Ve
         (i + 1..known.len())
             .flat_map(|j| {
                 let pair = [&known[i], &known[j]];
-                ALL.into_iter().filter_map(move |kind| {
+                RelationKind::ALL.into_iter().filter_map(move |kind| {
                     let deviation = deviation(kind, pair, noise)?;
-                    let scale = if is_angle(kind) { 1.0 } else { unit };
-                    Some(Relation {
-                        kind,
-                        entities: [i, j],
-                        deviation: deviation * scale,
-                    })
+                    Some(relation(kind, [i, j], deviation, unit))
                 })
             })
             .collect::<Vec<_>>()
@@ -73,17 +68,40 @@ pub(crate) fn relations(known: &[UncertainSurface], noise: f64, unit: f64) -> Ve
         .collect()
 }
 
-const ALL: [RelationKind; 6] = [
-    RelationKind::Parallel,
-    RelationKind::Perpendicular,
-    RelationKind::Coaxial,
-    RelationKind::Coplanar,
-    RelationKind::Concentric,
-    RelationKind::EqualRadius,
-];
+/// Adds relations that are given to those that were found, unless these are among them.
+pub(crate) fn add_given(found: &mut Vec<Relation>, given: &[Relation]) {
+    for r in given {
+        if !found
+            .iter()
+            .any(|f| (f.kind, f.entities) == (r.kind, r.entities))
+        {
+            found.push(*r);
+        }
+    }
+    found.sort_by_key(|r| (r.entities, r.kind));
+}
 
-fn is_angle(kind: RelationKind) -> bool {
+/// Returns true for relations of directions alone.
+pub(crate) fn is_angle(kind: RelationKind) -> bool {
     matches!(kind, RelationKind::Parallel | RelationKind::Perpendicular)
+}
+
+/// Returns a relation of entities that are off it by an angle, or by a length in units of `unit`.
+pub(crate) fn relation(
+    kind: RelationKind,
+    entities: [usize; 2],
+    deviation: f64,
+    unit: f64,
+) -> Relation {
+    Relation {
+        kind,
+        entities,
+        deviation: if is_angle(kind) {
+            deviation
+        } else {
+            deviation * unit
+        },
+    }
 }
 
 /// Returns the deviation from a relation; `None` if it does not hold within the uncertainty.
@@ -118,10 +136,7 @@ fn deviation(kind: RelationKind, pair: [&UncertainSurface; 2], noise: f64) -> Op
     if kind == RelationKind::Coaxial && !is_one_axis(&factor, squared, noise) {
         return None;
     }
-    // The norm of the angles if g consists of angles, otherwise that of its other components.
-    let shown = if g.angles == n { 0..n } else { g.angles..n };
-    let size = g.values[shown].iter().map(|v| v * v).sum::<f64>().sqrt();
-    (squared <= CHI_SQUARED[n - 1]).then_some(size)
+    (squared <= CHI_SQUARED[n - 1]).then_some(g.size())
 }
 
 /// Returns true if two axes can be identified as one. `factor` is the Cholesky factor of the
@@ -142,24 +157,35 @@ fn is_one_axis(factor: &[f64], squared: f64, noise: f64) -> bool {
         && odds >= MIN_COAXIAL_ODDS
 }
 
-/// Returns true if a relation is defined for two surfaces, and they are close to it.
-fn has_meaning(kind: RelationKind, [a, b]: [&Primitive; 2]) -> bool {
-    let cosine = dot(a.axis, b.axis).abs();
-    let have_directions = a.kind != PrimitiveKind::Sphere && b.kind != PrimitiveKind::Sphere;
-    let are_along = have_directions && cosine > 1.0 - MAX_PARALLEL_ANGLE * MAX_PARALLEL_ANGLE / 2.0;
-    let have_axes = a.kind > PrimitiveKind::Sphere && b.kind > PrimitiveKind::Sphere;
-    let has_center = |s: &Primitive| matches!(s.kind, PrimitiveKind::Sphere | PrimitiveKind::Torus);
+/// Returns true if a relation is defined for two surfaces, and their directions are close to it.
+fn has_meaning(kind: RelationKind, pair: [&Primitive; 2]) -> bool {
+    is_defined(kind, pair.map(|s| s.kind))
+        && angle_off(kind, pair).is_none_or(|angle| angle < MAX_PARALLEL_ANGLE)
+}
+
+/// Returns true if a relation is defined for two kinds of surfaces.
+pub(crate) fn is_defined(kind: RelationKind, [a, b]: [PrimitiveKind; 2]) -> bool {
+    use PrimitiveKind::{Cylinder, Plane, Sphere, Torus};
+    let both = |is: fn(PrimitiveKind) -> bool| is(a) && is(b);
     match kind {
-        RelationKind::Parallel => are_along,
-        RelationKind::Perpendicular => have_directions && cosine < MAX_PARALLEL_ANGLE,
-        RelationKind::Coaxial => are_along && have_axes,
-        RelationKind::Coplanar => {
-            are_along && a.kind == PrimitiveKind::Plane && b.kind == PrimitiveKind::Plane
+        RelationKind::Parallel | RelationKind::Perpendicular => both(|k| k != Sphere),
+        RelationKind::Coaxial => both(|k| k > Sphere),
+        RelationKind::Coplanar => both(|k| k == Plane),
+        RelationKind::Concentric => both(|k| matches!(k, Sphere | Torus)),
+        RelationKind::EqualRadius => a == b && matches!(a, Sphere | Cylinder),
+    }
+}
+
+/// Returns the angle by which two directions are off a relation, in radians; `None` if it is not
+/// about directions.
+pub(crate) fn angle_off(kind: RelationKind, [a, b]: [&Primitive; 2]) -> Option<f64> {
+    let cosine = dot(a.axis, b.axis).abs().min(1.0);
+    match kind {
+        RelationKind::Perpendicular => Some(cosine.asin()),
+        RelationKind::Parallel | RelationKind::Coaxial | RelationKind::Coplanar => {
+            Some(cosine.acos())
         }
-        RelationKind::Concentric => has_center(a) && has_center(b),
-        RelationKind::EqualRadius => {
-            a.kind == b.kind && matches!(a.kind, PrimitiveKind::Sphere | PrimitiveKind::Cylinder)
-        }
+        RelationKind::Concentric | RelationKind::EqualRadius => None,
     }
 }
 
@@ -186,6 +212,17 @@ pub(crate) struct Failure {
     pub(crate) values: [f64; 4],
     pub(crate) count: usize,
     pub(crate) angles: usize,
+}
+
+impl Failure {
+    /// Returns the norm of the angles if there is nothing else, otherwise that of the others.
+    pub(crate) fn size(&self) -> f64 {
+        let shown = match self.angles == self.count {
+            true => 0..self.count,
+            false => self.angles..self.count,
+        };
+        self.values[shown].iter().map(|v| v * v).sum::<f64>().sqrt()
+    }
 }
 
 pub(crate) fn failure(kind: RelationKind, frame: &PairFrame, [a, b]: [&Primitive; 2]) -> Failure {

@@ -5,6 +5,7 @@ use crate::chart::{Primitive, PrimitiveDistances, PrimitiveKind};
 use crate::choose::{KnownSurfaces, Noise, best_region, follows, is_called_for, least_points};
 use crate::cloud::{Cloud, MAX_NEIGHBOURS};
 use crate::cost::Cost;
+use crate::entity::Relation;
 use crate::fit::{Precision, fit, fit_weighted, squares};
 use crate::grow::{MIN_NORMAL_AGREEMENT, SurfaceRegion, core};
 use crate::kinds::best_kind;
@@ -49,6 +50,8 @@ pub(crate) struct Segmentation {
     whole: FailedSplits,
     /// Labels of the entities, if these were given by hand; empty after a search.
     pub(crate) given: Vec<GivenEntity>,
+    /// Relations of these that were given by hand, and hold.
+    pub(crate) related: Vec<Relation>,
     /// Error that all points may share, in diagonals; 0 after a search.
     pub(crate) rounding: f64,
 }
@@ -294,6 +297,7 @@ impl Segmentation {
             is_swept: false,
             is_finished: false,
             given: Vec::new(),
+            related: Vec::new(),
             rounding: 0.0,
         }
     }

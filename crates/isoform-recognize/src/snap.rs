@@ -10,12 +10,14 @@
 //! Relations implied by others are left out of g. A condition without which the sum would be less
 //! by more than χ² allows contradicts the points: its relations are dropped, worst first.
 
+use crate::accuracy::{uncertain_surface, variance};
 use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind};
-use crate::cloud::{Scaling, sorted};
-use crate::entity::{Recognition, Relation, RelationKind};
+use crate::cloud::{Cloud, Scaling, sorted};
+use crate::entity::{Recognition, Relation};
 use crate::fit::squares;
 use crate::recognize::deviations_of;
-use crate::relations::{PairFrame, failure};
+use crate::relations::{PairFrame, failure, relation};
+use crate::segment::Segmentation;
 use conditions::{Condition, conditions, split};
 use entity::{SnapEntity, snap_entity};
 use isoform_control::{Control, Stopped};
@@ -25,6 +27,9 @@ use solve::EquationSystem;
 mod conditions;
 mod entity;
 mod solve;
+
+/// Angle, or length in diagonals, by which relations given by hand may fail after a refit.
+const MAX_IMPOSED_FAILURE: f64 = 1e-9;
 
 /// Changes made by [`snap`].
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -81,6 +86,37 @@ pub fn snap(
         ..changes(&owns, &solved, &scaling)
     };
     Ok((new, snap))
+}
+
+/// Returns the surfaces of entities refitted together so that relations hold, though the points may
+/// contradict them; an error with a relation that the others exclude.
+pub(crate) fn imposed(
+    cloud: &Cloud,
+    found: &Segmentation,
+    relations: &[Relation],
+) -> Result<Vec<Primitive>, Relation> {
+    let members = found.members();
+    let own = |(label, members): (usize, &Vec<u32>)| {
+        let points = cloud.at(members);
+        let known = uncertain_surface(cloud, found, members, label);
+        let variance = variance(found, label, &known.surface, &points);
+        SnapEntity {
+            known,
+            sigma: variance.sqrt().max(f64::EPSILON),
+            points,
+        }
+    };
+    let owns: Vec<SnapEntity> = members.iter().enumerate().map(own).collect();
+    let (solved, _) = solve(&owns, &conditions(relations, owns.len()));
+    let off = |r: &&Relation| {
+        let pair = r.entities.map(|i| &solved.surfaces[i]);
+        let off = failure(r.kind, &PairFrame::from_pair(pair), pair).size();
+        off.is_nan() || off > MAX_IMPOSED_FAILURE
+    };
+    match relations.iter().find(off) {
+        Some(relation) => Err(*relation),
+        None => Ok(solved.surfaces),
+    }
 }
 
 /// Entities that satisfy the conditions.
@@ -200,11 +236,8 @@ fn report(
     }
     for r in &mut relations {
         let pair = r.entities.map(|i| &solved.surfaces[i]);
-        let g = failure(r.kind, &PairFrame::from_pair(pair), pair);
-        let shown = if g.angles == g.count { 0 } else { g.angles };
-        let size: f64 = g.values[shown..g.count].iter().map(|v| v * v).sum();
-        let is_angle = matches!(r.kind, RelationKind::Parallel | RelationKind::Perpendicular);
-        r.deviation = size.sqrt() * if is_angle { 1.0 } else { scaling.unit };
+        let size = failure(r.kind, &PairFrame::from_pair(pair), pair).size();
+        *r = relation(r.kind, r.entities, size, scaling.unit);
     }
     new.relations = relations;
     new
@@ -239,6 +272,7 @@ fn changes(owns: &[SnapEntity], solved: &SnapSolution, scaling: &Scaling) -> Sna
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::entity::RelationKind;
     use crate::fit::covariance;
     use crate::relations::UncertainSurface;
 

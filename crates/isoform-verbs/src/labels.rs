@@ -4,10 +4,9 @@ use crate::context::Context;
 use crate::failure::{Failure, INPUT};
 use crate::scan;
 use isoform::geom::PointCloud;
-use isoform::recognize::{LabelsError, PrimitiveKind};
+use isoform::recognize::{LabelFacts, LabelRelation, LabelsError, PrimitiveKind, RelationKind};
 use isoform::report::brief;
 use isoform::{Recognized, ScanLabels};
-use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Options for labels given by hand.
@@ -22,6 +21,27 @@ pub(crate) struct Given {
     /// the kind that describes its points best]
     #[arg(long = "kind", value_name = "N=KIND", requires = "labels", value_parser = kind)]
     kinds: Vec<(u32, PrimitiveKind)>,
+    /// Relation of two labels that templates keep, though the points may not show it: parallel,
+    /// perpendicular, coaxial, coplanar, concentric or equal_radius (repeatable)
+    #[arg(long = "relate", value_name = "KIND=N,N", requires = "labels", value_parser = relation)]
+    relations: Vec<LabelRelation>,
+}
+
+/// Reads a relation of two labels.
+fn relation(text: &str) -> Result<LabelRelation, String> {
+    let all = RelationKind::ALL.map(RelationKind::name).join(", ");
+    let (name, labels) = text
+        .split_once('=')
+        .ok_or("a relation and two labels are expected, such as parallel=3,5")?;
+    let kind = RelationKind::ALL
+        .into_iter()
+        .find(|kind| kind.name() == name.trim())
+        .ok_or_else(|| format!("`{}` is no relation; these are: {all}", name.trim()))?;
+    let numbers: Result<Vec<u32>, _> = labels.split(',').map(|l| l.trim().parse()).collect();
+    let labels = numbers.ok().and_then(|all| <[u32; 2]>::try_from(all).ok());
+    let labels =
+        labels.ok_or("two labels are expected, whole numbers of 0 or more, such as 3,5")?;
+    Ok(LabelRelation { kind, labels })
 }
 
 /// Reads a label with its kind.
@@ -40,15 +60,12 @@ fn kind(text: &str) -> Result<(u32, PrimitiveKind), String> {
 }
 
 impl Given {
-    /// Returns the kinds asked for, the last one of each label.
-    pub(crate) fn kinds(&self) -> BTreeMap<u32, PrimitiveKind> {
-        self.kinds.iter().copied().collect()
-    }
-
-    /// Returns the options without the kinds of some labels.
-    pub(crate) fn without(mut self, lost: &BTreeSet<u32>) -> Self {
-        self.kinds.retain(|(label, _)| !lost.contains(label));
-        self
+    /// Returns the kinds, the last one of each label, and the relations.
+    pub(crate) fn facts(&self) -> LabelFacts {
+        LabelFacts {
+            kinds: self.kinds.iter().copied().collect(),
+            relations: self.relations.clone(),
+        }
     }
 
     /// Reads the labels of a scan; `None` without a file.
@@ -84,18 +101,23 @@ pub(crate) fn failure(error: &LabelsError, message: String) -> Failure {
             ))
         }
         LabelsError::Split { .. } => failure.hint("one label for all points at a place"),
-        LabelsError::Unknown(_) => failure.hint("--kind with a label of the file"),
+        LabelsError::Unknown(_) => failure.hint("--kind and --relate with labels of the file"),
+        LabelsError::OneLabel(_) => failure.hint("--relate parallel=3,5 with two labels"),
+        LabelsError::Unrelated { .. }
+        | LabelsError::Far { .. }
+        | LabelsError::Contradiction { .. } => {
+            failure.hint("another relation, or other points or another --kind for one of them")
+        }
         _ => failure,
     }
 }
 
 /// Names the labels whose points their surfaces do not explain.
-pub(crate) fn warn(found: &Recognized<'_>, scan: &Path, given: &Given, context: &Context) {
-    let kinds = given.kinds();
+pub(crate) fn warn(found: &Recognized<'_>, scan: &Path, facts: &LabelFacts, context: &Context) {
     let entities = found.recognition.entities.iter();
     for e in entities.filter(|e| !e.is_explained) {
         let label = e.label.unwrap_or_default();
-        let why = match kinds.contains_key(&label) {
+        let why = match facts.kinds.contains_key(&label) {
             true => "they may be of another kind, or of several surfaces",
             false => "no kind explains them, they may be of several surfaces",
         };
@@ -113,6 +135,25 @@ pub(crate) fn warn(found: &Recognized<'_>, scan: &Path, given: &Given, context: 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn relations_are_read_with_their_labels() {
+        let found = relation(" equal_radius = 3, 15").expect("a relation");
+        assert_eq!(
+            (found.kind, found.labels),
+            (RelationKind::EqualRadius, [3, 15])
+        );
+        for wrong in [
+            "",
+            "parallel",
+            "parallel=3",
+            "parallel=3,4,5",
+            "parallel=3,-1",
+            "near=1,2",
+        ] {
+            assert!(relation(wrong).is_err(), "{wrong}");
+        }
+    }
 
     #[test]
     fn kinds_are_read_with_their_labels() {

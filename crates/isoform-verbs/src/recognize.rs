@@ -11,7 +11,7 @@ use crate::outcome::{self, Outcome};
 use crate::product::Product;
 use crate::{mesh, scan, solids};
 use isoform::geom::{Column, PointCloud};
-use isoform::recognize::{Error, ProposeError};
+use isoform::recognize::{Error, LabelFacts, ProposeError};
 use isoform::report::{
     LayoutReport, MotionReport, Parameters, PatternReport, RecognizeReport, SnapReport,
     SymmetryReport, brief,
@@ -34,6 +34,7 @@ Examples:
   isoform recognize part.stl --min-points 100 --json
   isoform recognize scan.ply --snap -o entities.json -o part.hf
   isoform recognize scan.ply --labels edited.ply --kind 3=cylinder -o entities.json
+  isoform recognize scan.ply --labels labels.ply --relate coaxial=2,5 -o part.hf
 
 Each entity comes with the standard deviations of its parameters; relations (parallel, perpendicular,
 coaxial, coplanar, concentric, equal_radius) are those that hold within the uncertainty, and so are
@@ -89,7 +90,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         None => recognised(&cloud, &args.scan, &options, context)?,
         Some(labels) => labelled(
             &cloud,
-            (&labels, &args.given),
+            (&labels, &args.given.facts()),
             &args.scan,
             &options,
             context,
@@ -206,16 +207,15 @@ pub(crate) fn recognised<'a>(
 /// Makes the entities of labels given by hand; those that do not explain their points are said.
 pub(crate) fn labelled<'a>(
     cloud: &'a PointCloud,
-    (labels, given): (&ScanLabels, &labels::Given),
+    (labels, facts): (&ScanLabels, &LabelFacts),
     scan: &Path,
     options: &RecognizeOptions,
     context: &Context,
 ) -> Result<Recognized<'a>, Failure> {
-    let kinds = given.kinds();
     let find =
-        |control: &Control<'_>| recognize_scan_labels(cloud, labels, &kinds, options, control);
+        |control: &Control<'_>| recognize_scan_labels(cloud, labels, facts, options, control);
     let found = with_progress(context, find).map_err(|e| failure(e, scan))?;
-    labels::warn(&found, scan, given, context);
+    labels::warn(&found, scan, facts, context);
     Ok(found)
 }
 

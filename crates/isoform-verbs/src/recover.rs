@@ -22,7 +22,7 @@ use crate::watchdog;
 use isoform::field::hyperfun::Model;
 use isoform::fit::{ClutterKind, Finding, Fit, Status};
 use isoform::geom::Point3;
-use isoform::recognize::Entity;
+use isoform::recognize::{Entity, LabelFacts};
 use isoform::{MeshModelOptions, Proposal, RecognizeOptions, ScanLabels};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -99,7 +99,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let (scan, model, proposal) = match model {
         Some(model) => (scan, model, None),
         None => {
-            let labels = labels.map(|labels| (labels, args.given.clone()));
+            let labels = labels.map(|labels| (labels, args.given.facts()));
             let alone = standing_alone(scan, labels, &settings.keep(), context)?;
             let (model, proposal) = proposed(&alone, &settings.language, context)?;
             (alone.scan, model, Some(proposal))
@@ -157,8 +157,8 @@ impl Args {
     }
 }
 
-/// Labels given by hand, with the options for them.
-type LabelsGiven = Option<(ScanLabels, labels::Given)>;
+/// Labels given by hand, with what is stated about them.
+type LabelsGiven = Option<(ScanLabels, LabelFacts)>;
 
 /// A scan without the planes on which its part stands.
 struct StandingAlone {
@@ -194,7 +194,7 @@ fn standing_alone(
         scan.name,
         100.0 * standing.left_out as f64 / scan.cloud.points.len() as f64,
     ));
-    let labels = labels.map(|(labels, given)| {
+    let labels = labels.map(|(labels, mut facts)| {
         let (labels, lost) = labels.select(&standing.kept);
         for label in &lost {
             context.warn(format_args!(
@@ -202,7 +202,8 @@ fn standing_alone(
                 scan.name
             ));
         }
-        (labels, given.without(&lost))
+        facts.retain_without(&|label| lost.contains(&label));
+        (labels, facts)
     });
     let cloud = standing.part;
     Ok(StandingAlone {
@@ -224,13 +225,13 @@ fn proposed(
     let cloud = &alone.scan.cloud;
     let sample;
     let mut found = match &alone.labels {
-        Some((labels, given)) => {
+        Some((labels, facts)) => {
             sample = labels.sample(cloud, RECOGNIZED);
             let (cloud, labels) = match &sample {
                 Some((cloud, labels)) => (cloud, labels),
                 None => (cloud, labels),
             };
-            recognize::labelled(cloud, (labels, given), path, &options, context)?.into_owned()
+            recognize::labelled(cloud, (labels, facts), path, &options, context)?.into_owned()
         }
         None => {
             let sample = isoform::sample_of(cloud, RECOGNIZED);

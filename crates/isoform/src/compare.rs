@@ -630,7 +630,7 @@ mod tests {
         let tetrahedron = tetrahedron();
         let samples = SideSamples::of_mesh(&tetrahedron.points, &tetrahedron.triangles, 2000);
         let mut random = isoform_num::Random::new(11);
-        for _ in 0..10 {
+        for _ in 0..isoform_testdata::cases(10, 2) {
             let z = [(); 3].map(|()| random.unit() - 0.5);
             let z = z.map(|v| v / norm(z));
             let origin = [(); 3].map(|()| 1e3 * random.unit());

@@ -5,7 +5,7 @@ use crate::recognize_scan::{RecognizeError, Recognized};
 use isoform_control::Control;
 use isoform_geom::{Point3, PointCloud, norm, rounding, rounding_if_decimal, sub};
 use isoform_num::Random;
-use isoform_recognize::{GivenLabels, Options, PrimitiveKind, recognize_labelled};
+use isoform_recognize::{GivenLabels, LabelFacts, Options, recognize_labelled};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -179,8 +179,8 @@ impl ScanLabels {
 ///     ..ScanLabels::default()
 /// };
 /// let options = RecognizeOptions::default();
-/// let kinds = Default::default();
-/// let found = recognize_scan_labels(&scan, &labels, &kinds, &options, &Control::default())?;
+/// let facts = Default::default();
+/// let found = recognize_scan_labels(&scan, &labels, &facts, &options, &Control::default())?;
 /// let [wall, floor] = &found.recognition.entities[..] else { panic!() };
 /// assert_eq!([wall.label, floor.label], [Some(2), Some(7)]);
 /// let Quadric::Plane { normal: [x, ..], .. } = wall.surface else { panic!() };
@@ -194,7 +194,7 @@ impl ScanLabels {
 pub fn recognize_scan_labels<'a>(
     scan: &'a PointCloud,
     labels: &ScanLabels,
-    kinds: &BTreeMap<u32, PrimitiveKind>,
+    facts: &LabelFacts,
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Recognized<'a>, RecognizeError> {
@@ -209,7 +209,7 @@ pub fn recognize_scan_labels<'a>(
     };
     let given = GivenLabels {
         labels: labels.labels.clone(),
-        kinds: kinds.clone(),
+        facts: facts.clone(),
         rounding,
     };
     Ok(Recognized {

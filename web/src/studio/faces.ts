@@ -7,13 +7,41 @@ import type { Document } from "./backend";
 import { button, choice, two, withSd } from "./parts";
 
 export const KINDS = ["plane", "cylinder", "cone", "sphere", "torus"];
+const RELATIONS = [
+  "parallel",
+  "perpendicular",
+  "coaxial",
+  "coplanar",
+  "concentric",
+  "equal_radius",
+];
 
-/** Correction of the faces: new numbers of faces for points, and kinds that are chosen. */
+/** Relation of two faces that a person stated. */
+export interface Relation {
+  kind: string;
+  faces: number[];
+}
+
+/** Reads relations as the state of a scan has them. */
+export const relationsOf = (text: string): Relation[] =>
+  text
+    .split(" ")
+    .filter((each) => each)
+    .map((each) => {
+      const [kind, faces = ""] = each.split("=");
+      return { kind, faces: faces.split(",").map(Number) };
+    });
+
+/** Writes a relation as the command line takes it. */
+export const relationText = ({ kind, faces }: Relation): string => `${kind}=${faces.join(",")}`;
+
+/** Correction of the faces: new numbers of faces for points, kinds that are chosen, and relations. */
 export interface Correction {
   label: string;
   /** Returns the face of a point, -1 for none, from the number that it has and its index. */
   face: (old: number, i: number) => number;
   kinds: Record<string, string>;
+  relations: Relation[];
 }
 
 /** Degrees of an angle in radians. */
@@ -46,6 +74,8 @@ export class Faces {
   private readonly merge: HTMLButtonElement;
   private readonly remove: HTMLButtonElement;
   private readonly kind: HTMLSelectElement;
+  private readonly relation: HTMLSelectElement;
+  private readonly related = h("ul", { class: "list", "aria-label": "Relations" });
   private readonly box: HTMLButtonElement;
   private readonly rest: HTMLButtonElement;
   private readonly radius = h("input", { type: "number", min: "0", step: "any" });
@@ -61,6 +91,7 @@ export class Faces {
   private layer: PointsLayer | null = null;
   private selection: Uint8Array | null = null;
   private kinds: Record<string, string> = {};
+  private relations: Relation[] = [];
   private isBoxing = false;
   private picked: ArrayLike<number> | null = null;
 
@@ -79,6 +110,11 @@ export class Faces {
       "Kind of the chosen faces",
       [["", "Kind…"], ...KINDS.map((k): [string, string] => [k, k])],
       (kind) => kind && this.setKind(kind),
+    );
+    this.relation = choice(
+      "Relation of the two chosen faces",
+      [["", "Relation…"], ...RELATIONS.map((r): [string, string] => [r, r.replace("_", " ")])],
+      (kind) => kind && this.relate(kind),
     );
     this.box = button("Select points by a box", () => this.setBoxing(!this.isBoxing));
     this.box.setAttribute("aria-pressed", "false");
@@ -106,7 +142,8 @@ export class Faces {
     );
     this.element.append(
       this.list,
-      h("div", { class: "tools" }, this.merge, this.remove, this.kind),
+      h("div", { class: "tools" }, this.merge, this.remove, this.kind, this.relation),
+      this.related,
       h("div", { class: "tools" }, this.box, this.rest),
       h("div", { class: "tools" }, this.radius, this.near),
       this.count,
@@ -115,8 +152,11 @@ export class Faces {
   }
 
   /** Shows the faces of a document; null for none. */
-  show(document: Document, kinds: Record<string, string>): void {
+  show(document: Document, kinds: Record<string, string>, relations: string): void {
     this.kinds = kinds;
+    this.relations = relationsOf(relations);
+    this.related.hidden = !this.relations.length;
+    this.related.replaceChildren(...this.relations.map((relation) => this.relationRow(relation)));
     if (this.document !== document) {
       this.document = document;
       this.chosen.clear();
@@ -156,6 +196,32 @@ export class Faces {
         h("span", {}, sizes(entity)),
       ),
     );
+  }
+
+  private relationRow(relation: Relation): HTMLElement {
+    const { kind, faces } = relation;
+    const text = `${faces.join(" and ")}: ${kind.replace("_", " ")}`;
+    const drop = button("Remove", () =>
+      this.change(
+        `No relation of faces ${faces.join(" and ")}`,
+        this.relations.filter((r) => r !== relation),
+      ),
+    );
+    drop.setAttribute("aria-label", `Remove the relation ${text}`);
+    return h("li", {}, h("span", {}, text), drop);
+  }
+
+  private relate(kind: string): void {
+    const faces = [...this.chosen].sort((a, b) => a - b);
+    const label = `Faces ${faces.join(" and ")}: ${kind.replace("_", " ")}`;
+    const isNew = !this.relations.some((r) => relationText(r) === relationText({ kind, faces }));
+    if (isNew) this.change(label, [...this.relations, { kind, faces }]);
+    this.relation.value = "";
+  }
+
+  /** Corrects the relations alone. */
+  private change(label: string, relations: Relation[]): void {
+    this.onCorrect({ label, face: (old) => old, kinds: this.kinds, relations });
   }
 
   /** Takes the layer of points that is drawn. */
@@ -235,11 +301,11 @@ export class Faces {
     const chosen = new Set(this.chosen);
     const kinds = { ...this.kinds };
     for (const face of chosen) if (face !== first) delete kinds[face];
-    this.onCorrect({
-      label: `Merge faces ${listed(chosen)}`,
-      face: (old) => (chosen.has(old) ? first : old),
-      kinds,
-    });
+    const face = (old: number): number => (chosen.has(old) ? first : old);
+    const relations = this.relations
+      .map((r) => ({ ...r, faces: r.faces.map(face) }))
+      .filter(({ faces: [a, b] }) => a !== b);
+    this.onCorrect({ label: `Merge faces ${listed(chosen)}`, face, kinds, relations });
   }
 
   private removeChosen(): void {
@@ -250,6 +316,7 @@ export class Faces {
       label: `Delete faces ${listed(chosen)}`,
       face: (old) => (chosen.has(old) ? -1 : old),
       kinds,
+      relations: this.relations,
     });
   }
 
@@ -260,6 +327,7 @@ export class Faces {
       label: `Faces ${listed(this.chosen)}: ${kind}`,
       face: (old) => old,
       kinds,
+      relations: this.relations,
     });
     this.kind.value = "";
   }
@@ -268,7 +336,7 @@ export class Faces {
     const selection = this.selection;
     if (!selection) return;
     const face = (old: number, i: number): number => (selection[i] ? to : old);
-    this.onCorrect({ label, face, kinds: this.kinds });
+    this.onCorrect({ label, face, kinds: this.kinds, relations: this.relations });
   }
 
   private cropTo(isKept: boolean): void {
@@ -287,6 +355,8 @@ export class Faces {
     this.merge.disabled = this.chosen.size < 2;
     this.remove.disabled = this.chosen.size === 0;
     this.kind.disabled = this.chosen.size === 0;
+    this.relation.disabled = this.chosen.size !== 2;
+    this.relation.title = this.chosen.size === 2 ? "" : "Choose two faces first";
     this.near.disabled = this.picked === null;
     this.near.title = this.picked ? "" : "Click a point first";
     this.count.textContent = n

@@ -25,6 +25,8 @@ export interface ScanState {
   isCorrected: boolean;
   /** Kinds that a person chose, by the number of the face. */
   kinds: Record<string, string>;
+  /** Relations of faces that a person stated, such as "parallel=0,3", separated by spaces. */
+  relations: string;
   /** Values at which dimensions are held. */
   fixed: Record<string, number>;
   /** Template that a person gave or changed; empty to propose one. */
@@ -94,6 +96,7 @@ export const EMPTY: State = {
     faces: "",
     isCorrected: false,
     kinds: {},
+    relations: "",
     fixed: {},
     template: "",
     fit: null,

@@ -8,7 +8,7 @@ import { endingOf, MESHES, POINTS } from "./endings";
 import type { Answer, Document, Request, SceneRequest } from "./backend";
 import * as backend from "./backend";
 import { boxSelect } from "./boxselect";
-import { type Correction, Faces } from "./faces";
+import { type Correction, Faces, relationText, relationsOf } from "./faces";
 import type { FitState, ScanState } from "./history";
 import { EMPTY } from "./history";
 import { button, choice, field, figures, section, setOptions, warnings, withSd } from "./parts";
@@ -221,7 +221,7 @@ export class ScanSpace implements Space {
     this.make.textContent = state.fit ? "Make the CAD model again" : "Make a CAD model";
     const canSelect = this.shownLook === "faces" || this.shownLook === "points";
     this.facesPart.hidden = !has || !canSelect;
-    this.faces.show(this.document(state.faces), state.kinds);
+    this.faces.show(this.document(state.faces), state.kinds, state.relations);
     const { picked, layers } = this.app.viewer ?? { picked: null, layers: [] };
     if (picked !== this.lastPick && canSelect) {
       this.lastPick = picked;
@@ -292,9 +292,13 @@ export class ScanSpace implements Space {
 
   /** Arguments that say which faces there are. */
   private given(): Partial<Request> {
-    const { labels, isCorrected, kinds } = this.state;
+    const { labels, isCorrected, kinds, relations } = this.state;
     if (!isCorrected) return {};
-    return { labels, kind: Object.entries(kinds).map(([face, kind]) => `${face}=${kind}`) };
+    return {
+      labels,
+      kind: Object.entries(kinds).map(([face, kind]) => `${face}=${kind}`),
+      relate: relationsOf(relations).map(relationText),
+    };
   }
 
   private async recognize(): Promise<void> {
@@ -311,14 +315,21 @@ export class ScanSpace implements Space {
       const faces = labels.replace(/ply$/, "json");
       await this.keep(faces, document);
       this.chosenLook = "faces";
-      const state = { labels, faces, isCorrected: false, kinds: {}, template: "", fit: null };
-      this.conclude("Recognize faces", scan, state);
+      this.conclude("Recognize faces", scan, {
+        labels,
+        faces,
+        isCorrected: false,
+        kinds: {},
+        relations: "",
+        template: "",
+        fit: null,
+      });
       if (!document.entities.length) this.app.say("No face was found in these points.");
     });
   }
 
   /** Gives points other faces and faces other kinds, and fits them again. */
-  private async correct({ label, face, kinds }: Correction): Promise<void> {
+  private async correct({ label, face, kinds, relations }: Correction): Promise<void> {
     const { history } = this.app;
     const stem = stemOf(this.state.file);
     const given = history.fresh(`${stem}-given`, "ply");
@@ -334,11 +345,13 @@ export class ScanSpace implements Space {
       );
       const left = new Set(now);
       const kept = Object.entries(kinds).filter(([n]) => left.has(Number(n)));
+      const related = relations.filter((r) => r.faces.every((n) => left.has(n)));
       const { document, warnings } = await run({
         verb: "recognize",
         scan: this.state.file,
         labels: given,
         kind: kept.map(([n, kind]) => `${n}=${kind}`),
+        relate: related.map(relationText),
         output: [labels],
       });
       const faces = labels.replace(/ply$/, "json");
@@ -354,6 +367,9 @@ export class ScanSpace implements Space {
         kinds: Object.fromEntries(
           kept.map(([n, kind]): [string, string] => [String(moved.get(Number(n)) ?? n), kind]),
         ),
+        relations: related
+          .map((r) => relationText({ ...r, faces: r.faces.map((n) => moved.get(n) ?? n) }))
+          .join(" "),
         template: "",
         fit: null,
       });

@@ -295,7 +295,7 @@ fn programs_nested_deeply_end() {
             &["mesh", &hf, "--size", "0.5", "--box=-2,-2,-2,2,2,2"],
             &["parameterize", &hf, "--degree", "2,2", "--box", "1.5"],
         ] {
-            let o = isoform(&[verb, &["--time-limit", "1s"]].concat());
+            let o = isoform(&[verb, &["--time-limit", "0.3s"]].concat());
             // A stack that overflows ends the process by a signal: there is no code then.
             assert!(
                 matches!(o.status.code(), Some(0..=4)),

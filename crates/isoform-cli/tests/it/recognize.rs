@@ -171,6 +171,24 @@ fn labels_are_corrected_by_hand() {
         assert_eq!(f.bytes("l.ply"), f.bytes("again.ply"));
         assert_eq!(report["relations"].as_array().map(Vec::len), Some(15));
     }
+    // A relation that holds is no other one; one that cannot hold is refused in words.
+    let o = run(&ply, &["--relate", "parallel=0,1"]);
+    let related = document(&o);
+    let angle = &related["error"]["message"]
+        .as_str()
+        .unwrap_or_default()
+        .to_owned();
+    match related["ok"] == json!(true) {
+        true => assert_eq!(related["relations"].as_array().map(Vec::len), Some(15)),
+        false => assert!(angle.contains("by 90.0 degrees"), "{angle}"),
+    }
+    let o = run(&ply, &["--relate", "coaxial=0,1"]);
+    assert_eq!(code(&o), 2);
+    assert!(
+        stderr(&o).contains("cannot be coaxial: they are a plane and a plane"),
+        "{}",
+        stderr(&o)
+    );
     // Two faces merged, one deleted, one renamed with a kind: the document says which is which.
     let text = f.text("l.csv");
     let edited = |l: i64| match l {

@@ -136,8 +136,8 @@ impl Task<'_> {
     /// Returns the loss of the fine polish: the caller's, or the one that suits the residuals.
     fn loss(&self, polish: &Polish<'_>, rough: &PolishResult) -> Loss {
         match self.options.loss {
-            Loss::Auto if rough.loss == Loss::Squares => self.loss_at(polish, &rough.x),
-            Loss::Auto => rough.loss,
+            Loss::Auto if rough.loss == Loss::Tukey && rough.scale > self.rounding() => Loss::Tukey,
+            Loss::Auto => self.loss_at(polish, &rough.x),
             said => said,
         }
     }
@@ -152,26 +152,28 @@ impl Task<'_> {
         let scale = cloud
             .sizes(self.template, asked, PointSet::Distinct, &r)
             .scale;
-        if scale <= self.rounding() {
-            return Loss::Squares;
-        }
         let (strays, others) = cloud.split(self.template, asked, STRAY_DEVIATIONS * scale);
-        if strays > DOMINANT_STRAY_SHARE * others || self.is_systematic(&r) {
-            Loss::Tukey
-        } else {
-            Loss::Squares
-        }
+        self.loss_with(scale, strays > DOMINANT_STRAY_SHARE * others, &r)
     }
 
-    /// Returns least squares, unless residuals include stray points or are systematic.
+    /// Returns the loss that suits the residuals of points in memory.
     fn loss_of(&self, r: &[f64]) -> Loss {
         let scale = Polish::scale(r);
-        // Deviations of exact points are misfit of shape, and count in full.
-        let is_exact = scale <= self.rounding();
-        if is_exact || !(has_strays(r, scale) || self.is_systematic(r)) {
-            Loss::Squares
-        } else {
-            Loss::Tukey
+        self.loss_with(scale, has_strays(r, scale), r)
+    }
+
+    /// Returns least squares, unless residuals of a robust deviation include stray points or are
+    /// systematic.
+    ///
+    /// Of exact points some lie on faces that the template lacks, and none is an outlier. Least
+    /// squares would move all dimensions by them. Tukey's biweight would ignore the points of a
+    /// hole that is off by any distance; with Cauchy's loss these still determine it, since no
+    /// others do.
+    fn loss_with(&self, scale: f64, has_strays: bool, r: &[f64]) -> Loss {
+        match scale <= self.rounding() {
+            true if has_strays => Loss::Cauchy,
+            false if has_strays || self.is_systematic(r) => Loss::Tukey,
+            _ => Loss::Squares,
         }
     }
 
@@ -201,7 +203,12 @@ impl Task<'_> {
     fn fine(&self, polish: &Polish<'_>, found: &mut FitMinimum, rounds: usize) {
         let x = std::mem::take(&mut found.x);
         let settling = self.settling();
-        found.take(polish.fine(&polish.here(&settling, &[]), x, found.loss, rounds));
+        let points = polish.here(&settling, &[]);
+        let is_exact = Polish::scale(&polish.residuals(&settling, &x)) <= self.rounding();
+        found.take(match is_exact && found.loss == Loss::Cauchy {
+            true => polish.narrowed(&points, x, self.rounding()),
+            false => polish.fine(&points, x, found.loss, rounds),
+        });
         found.is_at_noise = self.is_noise(polish, &found.x);
     }
 

@@ -60,6 +60,7 @@ impl Task<'_> {
         let mut rivals: Vec<ComparedMinimum> = confirmed
             .map(|m| comparison.rival(m.x, m.iterations))
             .collect();
+        rivals.extend(self.told(&comparison));
         let mut best = self.least_truncated(&rivals);
         if self.has_many_far(&rivals[best]) && !self.control.is_stopped() {
             let first = rivals[best].polished.x.clone();
@@ -72,6 +73,12 @@ impl Task<'_> {
             evaluations,
             ..rivals.swap_remove(best).polished
         }
+    }
+
+    /// Polishes the start that the caller or the template gives: values that were measured on some
+    /// of the points are spoiled by the search's sum over all of them.
+    fn told(&self, comparison: &Comparison<'_>) -> Option<ComparedMinimum> {
+        Some(comparison.rival(self.first()?, 0))
     }
 
     /// Minimises the algebraic sum on more points than the search uses.

@@ -69,6 +69,7 @@ def recover(
     memory: float | None = None,
     labels: Sequence[int] | npt.NDArray[Any] | Points | Path | None = None,
     kind: Mapping[int, str] | None = None,
+    relate: Sequence[str] | None = None,
     start: Mapping[str, float] | Sequence[float] | npt.NDArray[Any] | None = None,
     bounds: Mapping[str, tuple[float, float]] | Path | None = None,
     method: str | None = None,
@@ -140,6 +141,9 @@ def recover(
     kind : dict, optional
         Kinds of the entities of some labels, {3: "cylinder"}: plane, sphere, cylinder, cone
         or torus; by default those which describe their points best.
+    relate : sequence, optional
+        Relations of two labels that templates keep, ["parallel=3,5"]: parallel,
+        perpendicular, coaxial, coplanar, concentric or equal_radius.
     start : dict or sequence or array, optional
         Start values by name, or in the order of the parameters; by default the template's,
         else the points decide.
@@ -207,6 +211,7 @@ def recover(
         "memory": there(memory),
         "labels": label_file(labels, points),
         "kind": kind,
+        "relate": relate,
         "start": in_order(start, template),
         "bounds": bounds_file(bounds),
         "method": method,
@@ -1014,6 +1019,7 @@ def recognize(
     format: str | None = None,
     labels: Sequence[int] | npt.NDArray[Any] | Points | Path | None = None,
     kind: Mapping[int, str] | None = None,
+    relate: Sequence[str] | None = None,
     seed: int | None = None,
     force: bool = False,
     threads: int | None = None,
@@ -1047,6 +1053,9 @@ def recognize(
     kind : dict, optional
         Kinds of the entities of some labels, {3: "cylinder"}: plane, sphere, cylinder, cone
         or torus; by default those which describe their points best.
+    relate : sequence, optional
+        Relations of two labels that templates keep, ["parallel=3,5"]: parallel,
+        perpendicular, coaxial, coplanar, concentric or equal_radius.
     seed : int, optional
         Seed of everything random.
     force : bool
@@ -1081,6 +1090,7 @@ def recognize(
         "from": format,
         "labels": label_file(labels, points),
         "kind": kind,
+        "relate": relate,
         "seed": some_whole("seed", seed),
         "force": bool(force),
     }

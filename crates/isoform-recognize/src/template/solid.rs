@@ -507,7 +507,7 @@ mod tests {
     #[test]
     fn every_boolean_function_is_met() {
         let mut random = Random::new(3);
-        for _ in 0..200 {
+        for _ in 0..isoform_testdata::cases(200, 20) {
             let table = random.bits();
             let all = cells(6, |h| {
                 let at = (0..6).fold(0, |at, k| at | usize::from(h(k)) << k);

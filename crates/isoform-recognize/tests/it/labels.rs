@@ -6,8 +6,8 @@ use isoform_control::Control;
 use isoform_geom::{Point3, PointCloud, Quadric, cross, norm, sub};
 use isoform_num::Random;
 use isoform_recognize::{
-    Entity, GivenLabels, LabelsError, Options, PrimitiveKind, Recognition, recognize,
-    recognize_labelled,
+    Entity, GivenLabels, LabelFacts, LabelRelation, LabelsError, Options, PrimitiveKind,
+    Recognition, RelationKind, propose, recognize, recognize_labelled,
 };
 use std::f64::consts::TAU;
 
@@ -16,10 +16,22 @@ fn given(
     labels: &[Option<u32>],
     kinds: &[(u32, PrimitiveKind)],
 ) -> Result<Recognition, LabelsError> {
+    let facts = LabelFacts {
+        kinds: kinds.iter().copied().collect(),
+        ..LabelFacts::default()
+    };
+    with_facts(points, labels, facts)
+}
+
+fn with_facts(
+    points: &[Point3],
+    labels: &[Option<u32>],
+    facts: LabelFacts,
+) -> Result<Recognition, LabelsError> {
     let scan = PointCloud::from_points(points.to_vec());
     let given = GivenLabels {
         labels: labels.to_vec(),
-        kinds: kinds.iter().copied().collect(),
+        facts,
         rounding: 0.0,
     };
     recognize_labelled(&scan, &given, &Options::default(), &Control::default())
@@ -581,4 +593,105 @@ fn no_labels_panic() {
             assert!(!parameters.contains("NaN"), "seed {seed}: {parameters}");
         }
     }
+}
+
+/// A block of which one side is tilted by 0.02: only by hand is it parallel to its opposite, and
+/// its template has no angle then.
+#[test]
+fn relations_are_stated_by_hand() {
+    let mut random = Random::new(3);
+    let (mut points, mut labels) = (Vec::new(), Vec::new());
+    for (label, i) in (0..6).flat_map(|label| (0..400).map(move |i| (label, i))) {
+        let [u, v] = [f64::from(i % 20), f64::from(i / 20)].map(|w| (w + 0.5) / 20.0);
+        let axis = label as usize / 2;
+        let mut p = [0.0; 3];
+        (p[(axis + 1) % 3], p[(axis + 2) % 3]) = (u, v);
+        p[axis] = f64::from(label % 2);
+        if label == 1 {
+            p[0] += 0.02 * (u - 0.5);
+        }
+        points.push(p.map(|x| x + 1e-4 * (random.unit() - 0.5)));
+        labels.push(Some(10 * label));
+    }
+    let related = |kind, labels_: [u32; 2]| LabelFacts {
+        relations: vec![LabelRelation {
+            kind,
+            labels: labels_,
+        }],
+        ..LabelFacts::default()
+    };
+    let parallel = |found: &Recognition| {
+        let mut all = found.relations.iter();
+        all.find(|r| r.kind == RelationKind::Parallel && r.entities == [0, 1])
+            .copied()
+    };
+    let program = |found: &Recognition| {
+        let scan = PointCloud::from_points(points.clone());
+        propose(&scan, found, &[], "block", &Control::default())
+            .expect("a template")
+            .program
+    };
+    let free = given(&points, &labels, &[]).expect("entities");
+    assert_eq!(parallel(&free), None);
+    assert!(program(&free).contains("angle"));
+    // The labels in the other order are the same relation.
+    let facts = related(RelationKind::Parallel, [10, 0]);
+    let found = with_facts(&points, &labels, facts).expect("entities");
+    let off = parallel(&found).expect("a relation").deviation;
+    assert!(off < 1e-12, "{off}");
+    // Each side is as far off as the other.
+    let [a, b] = [0, 1].map(|i| found.entities[i].rms);
+    assert!((a / b - 1.0).abs() < 0.05 && a > 2e-3, "{a} {b}");
+    assert!(!found.entities[0].is_explained && found.entities[2].is_explained);
+    // Together they are askew still; at right angles to a pair of others, they are not.
+    assert!(program(&found).contains("angle"));
+    let mut facts = related(RelationKind::Parallel, [10, 0]);
+    for (kind, pair) in [
+        (RelationKind::Parallel, [20, 30]),
+        (RelationKind::Perpendicular, [0, 20]),
+    ] {
+        facts.relations.extend(related(kind, pair).relations);
+    }
+    let square = with_facts(&points, &labels, facts).expect("entities");
+    assert!(!program(&square).contains("angle"), "{}", program(&square));
+    // What holds anyway is there once.
+    let facts = related(RelationKind::Parallel, [20, 30]);
+    let found = with_facts(&points, &labels, facts).expect("entities");
+    let pairs = |of: &Recognition| -> Vec<_> {
+        of.relations.iter().map(|r| (r.kind, r.entities)).collect()
+    };
+    assert_eq!(pairs(&found), pairs(&free));
+    let refused = |kind, labels_| with_facts(&points, &labels, related(kind, labels_)).err();
+    let coaxial = refused(RelationKind::Coaxial, [0, 20]);
+    assert!(
+        matches!(coaxial, Some(LabelsError::Unrelated { .. })),
+        "{coaxial:?}"
+    );
+    let across = refused(RelationKind::Parallel, [0, 20])
+        .expect("an error")
+        .to_string();
+    assert!(across.contains("by 90.0 degrees"), "{across}");
+    let opposite = refused(RelationKind::Coplanar, [20, 30])
+        .expect("an error")
+        .to_string();
+    assert!(opposite.contains("by 1.0000"), "{opposite}");
+    // In a corner of a cube no two sides are parallel.
+    let corner = LabelFacts {
+        relations: [[0, 20], [0, 40], [20, 40]]
+            .map(|labels| LabelRelation {
+                kind: RelationKind::Perpendicular,
+                labels,
+            })
+            .into(),
+        ..LabelFacts::default()
+    };
+    assert!(with_facts(&points, &labels, corner).is_ok());
+    assert_eq!(
+        refused(RelationKind::Parallel, [0, 0]),
+        Some(LabelsError::OneLabel(0))
+    );
+    assert_eq!(
+        refused(RelationKind::Parallel, [0, 7]),
+        Some(LabelsError::Unknown(7))
+    );
 }

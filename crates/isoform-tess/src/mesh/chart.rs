@@ -427,9 +427,6 @@ mod tests {
     use super::*;
     use isoform_algebra::{IBig, UBig};
 
-    /// Number of cells on which the bound on rounding is tested.
-    const TEST_CELL_COUNT: usize = 100_000;
-
     /// Converts a double to an integer multiple of 2^−`shift`.
     fn scaled(x: f64, shift: usize) -> IBig {
         let exact = RBig::try_from(x).expect("finite") * RBig::from(UBig::ONE << shift);
@@ -516,13 +513,14 @@ mod tests {
         [(); 3].map(|()| center.map(|x| (x + size * (random.f64() - 0.5)).clamp(0.0, 0.49)))
     }
 
-    /// The bound on rounding holds for every coefficient of 10⁵ cells, near and across zeros of W;
+    /// The bound on rounding holds for every coefficient of many cells, near and across zeros of W;
     /// where a sign is certified, exact arithmetic agrees.
     #[test]
     fn the_bound_on_rounding_holds() {
+        let wanted = isoform_testdata::cases(100_000, 10_000);
         let mut random = fastrand::Rng::with_seed(20_261_123);
         let (mut cells, mut certified, mut worst) = (0, 0, 0.0f64);
-        while cells < TEST_CELL_COUNT {
+        while cells < wanted {
             let quadrant = QUADRANTS[random.usize(0..4)].map(|s| s as f64);
             let (w, center) = attacked(&mut random, quadrant);
             if w.is_zero() {
@@ -565,7 +563,7 @@ mod tests {
         // A test that comes nowhere near the bound, or near zeros, would prove nothing.
         assert!(worst > 0.02, "{worst} of the bound");
         assert!(
-            (TEST_CELL_COUNT / 10..9 * TEST_CELL_COUNT / 10).contains(&certified),
+            (wanted / 10..9 * wanted / 10).contains(&certified),
             "{certified}"
         );
     }

@@ -2,8 +2,7 @@
 
 use isoform_geom::{Point3, Quadric};
 use isoform_recognize::{
-    Blend, Entity, Face, Layout, Pattern, Recognition, Relation, RelationKind, Snap, Symmetry,
-    SymmetryKind,
+    Blend, Entity, Face, Layout, Pattern, Recognition, Relation, Snap, Symmetry, SymmetryKind,
 };
 use serde::Serialize;
 
@@ -474,14 +473,7 @@ impl Parameters {
 impl RelationReport {
     fn new(relation: &Relation) -> Self {
         Self {
-            kind: match relation.kind {
-                RelationKind::Parallel => "parallel",
-                RelationKind::Perpendicular => "perpendicular",
-                RelationKind::Coaxial => "coaxial",
-                RelationKind::Coplanar => "coplanar",
-                RelationKind::Concentric => "concentric",
-                RelationKind::EqualRadius => "equal_radius",
-            },
+            kind: relation.kind.name(),
             entities: relation.entities,
             deviation: relation.deviation,
         }
