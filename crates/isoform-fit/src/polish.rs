@@ -20,8 +20,6 @@ const CAUCHY_TUNING: f64 = 2.385;
 const TUKEY_TUNING: f64 = 4.685;
 /// Robust scale, as a share of the data's size, below which residuals are rounding, not noise.
 const ROUNDING_SHARE: f64 = 1e-11;
-/// Factor by which the scale of Cauchy's loss falls from round to round for exact points.
-const SCALE_FACTOR: f64 = 0.1;
 /// Number of rounds of reweighting in which the scale follows the fit.
 const FREE_SCALE_ROUNDS: usize = 3;
 
@@ -210,8 +208,9 @@ impl Polish<'_> {
     }
 
     /// Fits exact points, some of which lie on faces that the field lacks: by Cauchy's loss, with a
-    /// scale that falls from the root mean square to the rounding (graduated non-convexity). At the
-    /// scale of the rounding alone, faces that are off by more would have no weight.
+    /// scale that falls by decades from the root mean square to the rounding (graduated
+    /// non-convexity). At the scale of the rounding alone, faces that are off by more would have no
+    /// weight.
     pub(crate) fn narrowed(
         &self,
         points: &dyn PolishSums,
@@ -228,7 +227,7 @@ impl Polish<'_> {
             if !(scale > rounding) || self.control.is_stopped() {
                 return out;
             }
-            out.scale = (SCALE_FACTOR * scale).max(rounding);
+            out.scale = (0.1 * scale).max(rounding);
         }
     }
 

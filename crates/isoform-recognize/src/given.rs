@@ -38,10 +38,6 @@ const MIN_WIDTH_DEVIATIONS: f64 = 2.0;
 /// hundred faces.
 const MAX_LABELS: usize = 4096;
 
-/// Maximum length by which surfaces may be off a relation that is given, as a share of the size of
-/// the larger one: the tangent of the angle by which directions may be.
-const MAX_GIVEN_DISTANCE: f64 = MAX_PARALLEL_ANGLE;
-
 /// Ratios of the radius of the circle of a torus to that of its tube from which it is sought: by
 /// factors of 2, over which a fit goes by itself, from a full ring to a hardly bent tube.
 const BENDS: [f64; 5] = [1.5, 3.0, 6.0, 12.0, 24.0];
@@ -324,7 +320,8 @@ fn related(
         let about = entities.map(|i| found.surfaces[i].about(mean(&cloud.at(&members[i]))));
         let about = [&about[0], &about[1]];
         let off = failure(kind, &PairFrame::from_pair(about), about).size();
-        if !is_angle(kind) && off > MAX_GIVEN_DISTANCE * size {
+        // The angle that the larger one would turn by.
+        if !is_angle(kind) && off > MAX_PARALLEL_ANGLE * size {
             return Err(far(RelationDistance::Length(off * unit)));
         }
         Ok(Relation {

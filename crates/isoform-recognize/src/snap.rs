@@ -11,7 +11,7 @@
 //! by more than χ² allows contradicts the points: its relations are dropped, worst first.
 
 use crate::accuracy::{uncertain_surface, variance};
-use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind};
+use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind, ROUNDING_DEVIATION};
 use crate::cloud::{Cloud, Scaling, sorted};
 use crate::entity::{Recognition, Relation};
 use crate::fit::squares;
@@ -27,9 +27,6 @@ use solve::EquationSystem;
 mod conditions;
 mod entity;
 mod solve;
-
-/// Angle, or length in diagonals, by which relations given by hand may fail after a refit.
-const MAX_IMPOSED_FAILURE: f64 = 1e-9;
 
 /// Changes made by [`snap`].
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -111,7 +108,7 @@ pub(crate) fn imposed(
     let off = |r: &&Relation| {
         let pair = r.entities.map(|i| &solved.surfaces[i]);
         let off = failure(r.kind, &PairFrame::from_pair(pair), pair).size();
-        off.is_nan() || off > MAX_IMPOSED_FAILURE
+        off.is_nan() || off > ROUNDING_DEVIATION
     };
     match relations.iter().find(off) {
         Some(relation) => Err(*relation),
