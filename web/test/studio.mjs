@@ -350,11 +350,14 @@ test("two files are compared, with a tolerance", async () => {
     await press(page, "Compare");
     await page.getByText(/Fails/).waitFor();
     const { first_to_second } = run(["compare", "ball.stl", "ball.hf"]);
-    const table = await page.getByRole("table").innerText();
+    const table = await page.getByRole("table", { name: /Distances/ }).innerText();
     assert.ok(table.includes(String(Number(first_to_second.max.toPrecision(4)))), table);
+    const faces = page.getByRole("table", { name: /nearest face/ });
+    await faces.getByRole("row", { name: /fails/ }).waitFor();
     await page.getByRole("spinbutton", { name: /passes/ }).fill("1");
     await press(page, "Compare");
     await page.getByText(/Passes/).waitFor();
+    await faces.getByRole("row", { name: /passes/ }).waitFor();
   });
 });
 

@@ -118,6 +118,11 @@ pub struct Options {
     pub loss: Loss,
     /// Start of the caller; `None` for the template's start or, without one, one from the data.
     pub start: Option<Vec<f64>>,
+    /// True if the start was measured on the points, each value on those of its own face, as
+    /// recognition does. It then competes with the minima of the search, and of exact points those
+    /// on faces that the template lacks move nothing. A face of a template that has no points of
+    /// its own would be held by such points.
+    pub is_start_measured: bool,
     /// Bounds by parameter, empty or one each; `None` leaves a parameter to the template and the
     /// data.
     pub bounds: Vec<Option<(f64, f64)>>,
@@ -158,6 +163,7 @@ impl Default for Options {
             method: Method::Default,
             loss: Loss::Auto,
             start: None,
+            is_start_measured: false,
             bounds: Vec::new(),
             seed: 1,
             rounding: 0.0,

@@ -224,7 +224,7 @@ impl Polish<'_> {
             let scale = out.scale;
             let (_, sum) = points.reweighted(&out.x, out.loss, &|_| scale, false);
             out.take(self.descend(sum, points.count(), out.x.clone(), 3));
-            if !(scale > rounding) || self.control.is_stopped() {
+            if scale <= rounding || scale.is_nan() || self.control.is_stopped() {
                 return out;
             }
             out.scale = (0.1 * scale).max(rounding);

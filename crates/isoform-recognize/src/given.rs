@@ -6,7 +6,7 @@ use crate::chart::{Primitive, PrimitiveKind, frame};
 use crate::choose::{KnownSurfaces, Noise, follows};
 use crate::cloud::{Cloud, thinned};
 use crate::cost::Cost;
-use crate::entity::{Recognition, Relation, RelationKind};
+use crate::entity::{Recognition, RelationKind};
 use crate::faces::FaceLabels;
 use crate::fit::{Precision, covariance, fit, mean, squares};
 use crate::form::{MAX_FORM_TOLERANCE, MIN_KNOWN_SHARE};
@@ -16,15 +16,14 @@ use crate::labels::UNLABELLED;
 use crate::local::moments;
 use crate::noise::NORMAL_MEDIAN;
 use crate::recognize::{Error, Options, PreparedScan};
-use crate::relations::{MAX_PARALLEL_ANGLE, PairFrame, angle_off, failure, is_angle, is_defined};
+use crate::related::{LabelRelation, RelationDistance, impose, shown_distance, shown_relation};
 use crate::segment::{
     GivenEntity, MAX_NOISE_GROWTH, NOISE_SLACK, Segmentation, directions, lower_noise,
 };
 use crate::share::MembershipWeights;
 use crate::simplify::ZONE_COSINE;
-use crate::snap::imposed;
 use isoform_control::{Control, Stopped};
-use isoform_geom::{Aabb, Point3, PointCloud, cross, dot};
+use isoform_geom::{Point3, PointCloud, cross, dot};
 use isoform_num::linalg::symmetric_eigen_3;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -68,15 +67,6 @@ impl LabelFacts {
         self.relations
             .retain(|r| !r.labels.iter().any(|l| is_lost(*l)));
     }
-}
-
-/// A relation of two labels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LabelRelation {
-    /// Kind of the relation.
-    pub kind: RelationKind,
-    /// The two labels.
-    pub labels: [u32; 2],
 }
 
 /// Labels that the points of a scan were given by hand.
@@ -184,28 +174,6 @@ impl From<Stopped> for LabelsError {
     }
 }
 
-/// Angle or length by which surfaces are off a relation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum RelationDistance {
-    /// Angle, in radians.
-    Angle(f64),
-    /// Length, in the scan's unit.
-    Length(f64),
-}
-
-/// Returns a relation in words.
-fn shown_relation(kind: RelationKind) -> String {
-    kind.name().replace('_', " ")
-}
-
-/// Returns an angle or a length in words.
-fn shown_distance(off: RelationDistance) -> String {
-    match off {
-        RelationDistance::Angle(angle) => format!("by {:.1} degrees", angle.to_degrees()),
-        RelationDistance::Length(length) => format!("by {length:.4}"),
-    }
-}
-
 /// Returns a label as files have it.
 fn shown(label: Option<u32>) -> i64 {
     label.map_or(-1, i64::from)
@@ -249,27 +217,17 @@ pub fn recognize_labelled(
     let mut found =
         LabelledFits::new(cloud, given, &names, labels).segmentation(&ready, options)?;
     let unit = ready.scan_length(1.0);
-    impose((&mut found, cloud, unit), &facts.relations, &names)?;
+    if !facts.relations.is_empty() {
+        impose((&mut found, cloud, unit), &facts.relations, &names)?;
+        explain(&mut found, cloud);
+    }
     control.check()?;
     let faces = FaceLabels::of_cloud(cloud, &found, 0);
     Ok(ready.described(scan, found, &faces))
 }
 
-/// Refits the surfaces of labels so that relations of these hold.
-fn impose(
-    (found, cloud, unit): (&mut Segmentation, &Cloud, f64),
-    relations: &[LabelRelation],
-    names: &[u32],
-) -> Result<(), LabelsError> {
-    if relations.is_empty() {
-        return Ok(());
-    }
-    found.related = related((found, cloud, unit), relations, names)?;
-    found.surfaces =
-        imposed(cloud, found, &found.related).map_err(|r| LabelsError::Contradiction {
-            relation: r.kind,
-            labels: r.entities.map(|i| names[i]),
-        })?;
+/// Flags the labels whose surfaces explain their points.
+fn explain(found: &mut Segmentation, cloud: &Cloud) {
     let noise = Noise {
         deviation: found.noise,
         slack: NOISE_SLACK,
@@ -280,57 +238,6 @@ fn impose(
     for ((given, surface), members) in each {
         given.is_explained = is_explained(cloud, members, surface, noise);
     }
-    Ok(())
-}
-
-/// Returns relations of labels as those of their surfaces, the lower index first; lengths of errors
-/// are in units of `unit`.
-fn related(
-    (found, cloud, unit): (&Segmentation, &Cloud, f64),
-    relations: &[LabelRelation],
-    names: &[u32],
-) -> Result<Vec<Relation>, LabelsError> {
-    let members = found.members();
-    let of = |given: &LabelRelation| {
-        let kind = given.kind;
-        let mut entities = given
-            .labels
-            .map(|label| names.partition_point(|name| *name < label));
-        entities.sort_unstable();
-        let labels = entities.map(|i| names[i]);
-        let pair = entities.map(|i| &found.surfaces[i]);
-        let kinds = pair.map(|s| s.kind);
-        if !is_defined(kind, kinds) {
-            return Err(LabelsError::Unrelated {
-                relation: kind,
-                labels,
-                kinds,
-            });
-        }
-        let far = |off| LabelsError::Far {
-            relation: kind,
-            labels,
-            off,
-        };
-        if let Some(angle) = angle_off(kind, pair).filter(|a| *a > MAX_PARALLEL_ANGLE) {
-            return Err(far(RelationDistance::Angle(angle)));
-        }
-        let size = |i: usize| Aabb::from_points(&cloud.at(&members[i])).diagonal();
-        let size = entities.map(size).into_iter().fold(0.0, f64::max);
-        let about = entities.map(|i| found.surfaces[i].about(mean(&cloud.at(&members[i]))));
-        let about = [&about[0], &about[1]];
-        let off = failure(kind, &PairFrame::from_pair(about), about).size();
-        // The angle that the larger one would turn by.
-        if !is_angle(kind) && off > MAX_PARALLEL_ANGLE * size {
-            return Err(far(RelationDistance::Length(off * unit)));
-        }
-        Ok(Relation {
-            kind,
-            entities,
-            deviation: 0.0,
-        })
-    };
-    relations.iter().map(of).collect()
 }
 
 /// Returns the index in `names` of the label of each place of a cloud, which all points there

@@ -27,6 +27,7 @@ mod patterns;
 mod pose;
 mod profile;
 mod recognize;
+mod related;
 mod relations;
 mod segment;
 mod share;
@@ -45,9 +46,8 @@ pub use entity::{
     Symmetry, SymmetryKind,
 };
 pub use facets::{FacetRecognition, points_on_facets, recognize_facets};
-pub use given::{
-    GivenLabels, LabelFacts, LabelRelation, LabelsError, RelationDistance, recognize_labelled,
-};
+pub use given::{GivenLabels, LabelFacts, LabelsError, recognize_labelled};
 pub use recognize::{Error, Options, recognize};
+pub use related::{LabelRelation, RelationDistance};
 pub use snap::{Snap, snap};
 pub use template::{Gap, Proposal, ProposeError, propose};

@@ -10,13 +10,14 @@
 //! Relations implied by others are left out of g. A condition without which the sum would be less
 //! by more than χ² allows contradicts the points: its relations are dropped, worst first.
 
-use crate::accuracy::{uncertain_surface, variance};
+use crate::accuracy::variance;
 use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind, ROUNDING_DEVIATION};
 use crate::cloud::{Cloud, Scaling, sorted};
 use crate::entity::{Recognition, Relation};
-use crate::fit::squares;
+use crate::fit::{covariance, mean, squares};
+use crate::noise::MAX_EXACT_NOISE;
 use crate::recognize::deviations_of;
-use crate::relations::{PairFrame, failure, relation};
+use crate::relations::{PairFrame, UncertainSurface, failure, relation};
 use crate::segment::Segmentation;
 use conditions::{Condition, conditions, split};
 use entity::{SnapEntity, snap_entity};
@@ -95,11 +96,17 @@ pub(crate) fn imposed(
     let members = found.members();
     let own = |(label, members): (usize, &Vec<u32>)| {
         let points = cloud.at(members);
-        let known = uncertain_surface(cloud, found, members, label);
-        let variance = variance(found, label, &known.surface, &points);
+        let surface = found.surfaces[label].about(mean(&points));
+        // The ratios of the variances count; those of exact points are rounding.
+        let variance = variance(found, label, &surface, &points).max(MAX_EXACT_NOISE.powi(2));
+        let open = [[f64::INFINITY; MAX_PARAMETERS]; MAX_PARAMETERS];
+        let of = |c: [ParameterRow; MAX_PARAMETERS]| c.map(|row| row.map(|x| x * variance));
         SnapEntity {
-            known,
-            sigma: variance.sqrt().max(f64::EPSILON),
+            known: UncertainSurface {
+                covariance: covariance(&surface, &points).map_or(open, of),
+                surface,
+            },
+            sigma: variance.sqrt(),
             points,
         }
     };
@@ -270,8 +277,6 @@ fn changes(owns: &[SnapEntity], solved: &SnapSolution, scaling: &Scaling) -> Sna
 mod tests {
     use super::*;
     use crate::entity::RelationKind;
-    use crate::fit::covariance;
-    use crate::relations::UncertainSurface;
 
     /// Returns a square of side 1 through the origin, tilted, with known errors.
     fn square(tilt: f64) -> SnapEntity {

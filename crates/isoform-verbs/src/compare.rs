@@ -17,7 +17,7 @@ use isoform::field::hyperfun::Pose;
 use isoform::geom::cad::Placement;
 use isoform::geom::{Aabb, Column, PointCloud};
 use isoform::io::MeshPoints;
-use isoform::report::{CompareReport, SideReport, brief};
+use isoform::report::{CompareReport, ComparedFaceReport, SideReport, brief};
 use isoform::{
     CompareError, Distances, ExactSolid, FrepTemplate, Side, SplineDistance, compare, deviations,
     surface_of,
@@ -41,7 +41,9 @@ solids; distances are those from their exact faces and edges, not from triangles
 the file's own unit. Coordinates must agree, unless --align moves the first as a rigid body to where the sum of
 its squared distances is least; a scan of a part of the surface must lie near its place before.
 -o writes the points of the first with their deviation: positive outside of a model or a closed
-surface, else without sign; view and render colour them by it.
+surface, else without sign; view and render colour them by it. The document of --json has the distances by the
+faces of a solid, or the parts of a model, to which the points of the first are nearest; with
+--tolerance the faces that fail are named.
 
 Exit code: 0; 3 if --tolerance is given and a distance exceeds it, or a point has none: where a
 model is not a number.")]
@@ -132,10 +134,10 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         args.region,
         args.samples as usize,
     );
-    let (there, back) = result.map_err(failed)?;
-    warn_undefined("first", &there, context);
-    warn_undefined("second", &back, context);
-    let mut text = line("first to second", &there) + &line("second to first", &back);
+    let found = result.map_err(failed)?;
+    warn_undefined("first", &found.there, context);
+    warn_undefined("second", &found.back, context);
+    let mut text = line("first to second", &found.there) + &line("second to first", &found.back);
     if let Some(motion) = &motion {
         for row in rows(motion) {
             text += &format!("moved by          {}\n", row.map(brief).join("  "));
@@ -149,7 +151,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         file: path.display().to_string(),
         kind: kind(loaded, args.vertices),
     });
-    let mut report = CompareReport::new(sides, (there, back), args.tolerance);
+    let mut report = CompareReport::new(sides, found, args.tolerance);
+    text += &beyond(&report.faces);
     report.motion = motion.map(|m| rows(&m));
     if let Some(output) = &args.output {
         write_deviations(output, &first, &second, args)?;
@@ -250,6 +253,28 @@ fn line(name: &str, d: &Distances) -> String {
     format!(
         "{name:<16}  rms {rms}  mean {mean}  95 % within {p95}  max {max}  ({samples} points)\n"
     )
+}
+
+/// Maximum number of faces that are told to people.
+const TOLD_FACES: usize = 20;
+
+/// The faces of which points are beyond the tolerance, worst first, for people.
+fn beyond(faces: &[ComparedFaceReport]) -> String {
+    let is_beyond = |face: &&ComparedFaceReport| face.within_tolerance == Some(false);
+    let mut worst: Vec<&ComparedFaceReport> = faces.iter().filter(is_beyond).collect();
+    worst.sort_by(|a, b| b.found.distances.max.total_cmp(&a.found.distances.max));
+    let told = &worst[..worst.len().min(TOLD_FACES)];
+    let width = told.iter().map(|face| face.found.face.len()).max();
+    let width = width.unwrap_or(0);
+    let mut text = String::new();
+    for ComparedFaceReport { found, .. } in told {
+        let name = format!("fails at {:<width$}", found.face);
+        text += &line(&name, &found.distances);
+    }
+    if worst.len() > TOLD_FACES {
+        text += &format!("and at {} other faces\n", worst.len() - TOLD_FACES);
+    }
+    text
 }
 
 /// The name of what a side is compared as.

@@ -117,9 +117,11 @@ pub(crate) fn warn(found: &Recognized<'_>, scan: &Path, facts: &LabelFacts, cont
     let entities = found.recognition.entities.iter();
     for e in entities.filter(|e| !e.is_explained) {
         let label = e.label.unwrap_or_default();
-        let why = match facts.kinds.contains_key(&label) {
-            true => "they may be of another kind, or of several surfaces",
-            false => "no kind explains them, they may be of several surfaces",
+        let is_related = facts.relations.iter().any(|r| r.labels.contains(&label));
+        let why = match (is_related, facts.kinds.contains_key(&label)) {
+            (true, _) => "they contradict a relation, or are of several surfaces",
+            (false, true) => "they may be of another kind, or of several surfaces",
+            (false, false) => "no kind explains them, they may be of several surfaces",
         };
         context.warn(format_args!(
             "{}: label {label}: its {} points are {} off the {} (rms), {} times the noise: {why}",

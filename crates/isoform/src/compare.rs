@@ -8,11 +8,15 @@
 //! and the length of the projection is their distance.
 
 mod align;
+mod faces;
 mod nearest;
 mod sides;
 
+pub use faces::FaceDistances;
+
 use crate::facets::{CornerError, check_corners};
 use crate::{ExactSolid, FrepTemplate, SplineDistance, parameter_values};
+use faces::by_face;
 use isoform_cad::PreparedShape;
 use isoform_field::SolidError;
 use isoform_fit::{MAX_SURFACE_SAMPLES, Parameter, Template, surface_samples};
@@ -117,6 +121,18 @@ pub enum CompareError {
     },
 }
 
+/// Distances between two sides.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Comparison {
+    /// Distances of the first side from the second.
+    pub there: Distances,
+    /// Distances of the second side from the first.
+    pub back: Distances,
+    /// Distances of the first side from each face of the second: of a solid, or the parts of a
+    /// model; empty for other sides.
+    pub faces: Vec<FaceDistances>,
+}
+
 /// Returns the distances of `a` from `b`, and of `b` from `a`, in the coordinates of the files.
 /// Models are sampled in `region`, by default the bounding box of the other side, somewhat
 /// enlarged. About `samples` points are taken of meshes, models and solids, two million at most
@@ -130,7 +146,7 @@ pub fn compare(
     b: Side,
     region: Option<Aabb>,
     samples: usize,
-) -> Result<(Distances, Distances), CompareError> {
+) -> Result<Comparison, CompareError> {
     let samples = samples.min(MAX_SURFACE_SAMPLES);
     let (a, b) = (
         CheckedSide::new(a, "first")?,
@@ -139,8 +155,10 @@ pub fn compare(
     let mut from_a = a.sampled(region.or(b.bounds()), samples)?;
     let mut from_b = b.sampled(region.or(a.bounds()), samples)?;
     for (model, sampled, other) in [(&a, &mut from_a, &b), (&b, &mut from_b, &a)] {
-        if let (CheckedSide::Model(field, values), CheckedSide::Solid(_) | CheckedSide::Shape(_)) =
-            (model, other)
+        if let (
+            CheckedSide::Model(field, values, _),
+            CheckedSide::Solid(_) | CheckedSide::Shape(_),
+        ) = (model, other)
         {
             sampled.points = settled(&sampled.points, *field, values);
         }
@@ -152,7 +170,11 @@ pub fn compare(
     }
     let there = distances(&from_a.points, &b, &from_b, a.is_near());
     let back = distances(&from_b.points, &a, &from_a, b.is_near());
-    Ok((summary(&there), summary(&back)))
+    Ok(Comparison {
+        faces: by_face(&b, &from_b, &from_a.points, &there),
+        there: summary(&there),
+        back: summary(&back),
+    })
 }
 
 /// Distances of points from the other side, with the motion that brought them there.
@@ -235,7 +257,7 @@ fn signed(
     side: &CheckedSide,
     sides: Option<&Sides>,
 ) -> Vec<f64> {
-    if let CheckedSide::Model(metric, values) = side {
+    if let CheckedSide::Model(metric, values, _) = side {
         let mut f = vec![0.0; points.len()];
         metric.values(points, values, &mut f);
         let sign = |(d, f): (f64, f64)| if f > 0.0 { -d } else { d };
@@ -269,7 +291,8 @@ fn signed(
 enum CheckedSide<'a> {
     Points(Vec<Point3>),
     Mesh(Vec<Point3>, &'a [[u32; 3]]),
-    Model(&'a dyn ParamField, Vec<f64>),
+    /// Metric function, values, and the template unless it is a spline.
+    Model(&'a dyn ParamField, Vec<f64>, Option<&'a FrepTemplate>),
     Solid(&'a ExactSolid),
     Shape(&'a PreparedShape),
 }
@@ -283,9 +306,10 @@ impl<'a> CheckedSide<'a> {
                 Self::Mesh(absolute(mesh, side)?, &mesh.triangles)
             }
             Side::Model(template, given) => {
-                Self::Model(template.metric(), all_values(template, given, side)?)
+                let values = all_values(template, given, side)?;
+                Self::Model(template.metric(), values, Some(template))
             }
-            Side::Spline(spline) => Self::Model(spline, Vec::new()),
+            Side::Spline(spline) => Self::Model(spline, Vec::new(), None),
             Side::Solid(solid) => Self::Solid(solid),
             Side::Shape(shape) => Self::Shape(shape),
         })
@@ -311,7 +335,7 @@ impl<'a> CheckedSide<'a> {
                 points: points.clone(),
                 ..SideSamples::default()
             },
-            Self::Model(metric, values) => {
+            Self::Model(metric, values, _) => {
                 let region = region.ok_or(CompareError::NoRegion)?;
                 SideSamples {
                     points: surface_samples(*metric, values, region, wanted),
@@ -470,7 +494,7 @@ fn distances(
     sampled: &SideSamples,
     exactly: bool,
 ) -> Vec<f64> {
-    if let CheckedSide::Model(metric, values) = to {
+    if let CheckedSide::Model(metric, values, _) = to {
         if exactly {
             return feet(points, *metric, values);
         }
@@ -578,6 +602,17 @@ fn summary(distances: &[f64]) -> Distances {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Returns the distances in both directions.
+    fn both(
+        a: Side,
+        b: Side,
+        region: Option<Aabb>,
+        samples: usize,
+    ) -> Result<(Distances, Distances), CompareError> {
+        let found = compare(a, b, region, samples)?;
+        Ok((found.there, found.back))
+    }
     use isoform_field::hyperfun::{Mode, Model, Pose};
 
     fn square(z: f64) -> PointCloud {
@@ -652,13 +687,44 @@ mod tests {
     #[test]
     fn parallel_squares() {
         let (a, b) = (square(0.0), square(0.25));
-        let (ab, ba) = compare(Side::Mesh(&a), Side::Mesh(&b), None, 500).expect("comparable");
+        let (ab, ba) = both(Side::Mesh(&a), Side::Mesh(&b), None, 500).expect("comparable");
         assert!(
             (ab.rms - 0.25).abs() < 1e-12 && (ab.max - 0.25).abs() < 1e-12 && ab.p95 == ba.p95,
             "{ab:?}"
         );
-        let (pa, _) = compare(Side::Points(&a), Side::Mesh(&b), None, 500).expect("comparable");
+        let (pa, _) = both(Side::Points(&a), Side::Mesh(&b), None, 500).expect("comparable");
         assert_eq!((pa.samples, pa.max), (4, 0.25));
+    }
+
+    /// Points of a block of which one side lies 0.05 off: that face alone is, and one has no points.
+    #[test]
+    fn distances_are_told_by_faces() {
+        let text = "my_model(x[3], a[1]) { left = x[1]; right = 1 - x[1]; front = x[2];
+            back = 1 - x[2]; low = x[3]; high = 1 - x[3];
+            my_model = left & right & front & back & low & high; }";
+        let model = Model::parse(text, Mode::Default).expect("a program");
+        let template = FrepTemplate::with_pose(&model, Pose::None, &[]).expect("a template");
+        let at = |i: u32| f64::from(i) / 10.0;
+        let side = |x: f64| (1..10).flat_map(move |i| (1..10).map(move |j| [x, at(i), at(j)]));
+        let front = (1..10).flat_map(|i| (1..10).map(move |j| [at(i), 0.0, at(j)]));
+        let points = side(0.0).chain(side(1.05)).chain(front).collect();
+        let cloud = PointCloud::from_points(points);
+        let found = compare(
+            Side::Points(&cloud),
+            Side::Model(&template, &[]),
+            None,
+            1000,
+        );
+        let faces = found.expect("comparable").faces;
+        let of = |name: &str| {
+            let face = faces.iter().find(|f| f.face == name);
+            face.map(|f| f.distances).expect(name)
+        };
+        assert_eq!((of("left").max, of("front").max), (0.0, 0.0));
+        let right = of("right");
+        assert!((right.max - 0.05).abs() < 1e-12 && (right.rms - 0.05).abs() < 1e-12);
+        assert_eq!((right.samples, of("high").samples), (81, 0));
+        assert!(of("high").max.is_nan());
     }
 
     #[test]
@@ -673,7 +739,7 @@ mod tests {
             [2.0 * r * t.cos(), 2.0 * r * t.sin(), 2.0 * z]
         });
         let cloud = PointCloud::from_points(points.collect());
-        let (to_model, to_points) = compare(
+        let (to_model, to_points) = both(
             Side::Points(&cloud),
             Side::Model(&template, &[2.1]),
             None,
@@ -682,8 +748,8 @@ mod tests {
         .expect("comparable");
         assert!((to_model.rms - 0.1).abs() < 5e-3, "{to_model:?}");
         assert!(to_points.max < 0.5 && to_points.p95 >= 0.1, "{to_points:?}");
-        let both = Side::Model(&template, &[2.1]);
-        assert_eq!(compare(both, both, None, 1000), Err(CompareError::NoRegion));
+        let side = Side::Model(&template, &[2.1]);
+        assert_eq!(both(side, side, None, 1000), Err(CompareError::NoRegion));
     }
 
     #[test]
@@ -701,7 +767,7 @@ mod tests {
             lo: [-3.0; 3],
             hi: [3.0; 3],
         };
-        let (there, _) = compare(
+        let (there, _) = both(
             Side::Mesh(&mesh),
             Side::Model(&template, &[0.0]),
             Some(region),
@@ -730,7 +796,7 @@ mod tests {
         );
         let half = half();
         let (there, back) =
-            compare(Side::Points(&cloud), Side::Model(&half, &[]), None, 1000).expect("comparable");
+            both(Side::Points(&cloud), Side::Model(&half, &[]), None, 1000).expect("comparable");
         assert_eq!(
             (there.samples, there.undefined, back.undefined),
             (400, 200, 0)
@@ -738,7 +804,7 @@ mod tests {
         assert!(there.max.is_finite());
         let beyond = PointCloud::from_points(vec![[-1.0, 0.0, 0.0]]);
         let region = cloud.bounds();
-        let (none, _) = compare(
+        let (none, _) = both(
             Side::Points(&beyond),
             Side::Model(&half, &[]),
             Some(region),
@@ -751,7 +817,7 @@ mod tests {
     #[test]
     fn what_cannot_be_compared_is_refused() {
         let good = square(0.0);
-        let of = |a: &PointCloud| compare(Side::Mesh(&good), Side::Mesh(a), None, 100);
+        let of = |a: &PointCloud| both(Side::Mesh(&good), Side::Mesh(a), None, 100);
         for wrong in [f64::NAN, f64::INFINITY] {
             let mut bad = square(0.0);
             bad.points[3][1] = wrong;
@@ -770,7 +836,7 @@ mod tests {
         };
         let side = "second";
         assert_eq!(of(&bad), Err(CompareError::Corner { side, error }));
-        let many = compare(
+        let many = both(
             Side::Points(&good),
             Side::Model(&half(), &[1.0, 2.0]),
             None,
@@ -787,7 +853,7 @@ mod tests {
     #[test]
     fn samples_are_bounded() {
         let (points, mesh) = (square(0.0), square(0.25));
-        let of = compare(Side::Points(&points), Side::Mesh(&mesh), None, usize::MAX);
+        let of = both(Side::Points(&points), Side::Mesh(&mesh), None, usize::MAX);
         let (_, back) = of.expect("comparable");
         assert!(back.samples.abs_diff(MAX_SURFACE_SAMPLES) <= 8);
     }

@@ -137,7 +137,9 @@ pub use blocks::{
 };
 pub use brep_model::{BrepModelError, ModelBrep, brep_model};
 pub use cad_program::{CadDialect, CadOptions, CadProgramError, cad_program};
-pub use compare::{CompareError, Deviations, Distances, Side, compare, deviations};
+pub use compare::{
+    CompareError, Comparison, Deviations, Distances, FaceDistances, Side, compare, deviations,
+};
 pub use constrained_template::{Bounds, ConstrainedTemplate, ParameterError};
 pub use exact_solid::{ExactSolid, SolidMeasures, measure_solid, solid_gap};
 pub use facets::{CornerError, FacesError, PointsOnFaces, points_on_faces};

@@ -21,7 +21,7 @@ mod solid;
 mod surface;
 
 pub use brep::{BrepCertificateReport, BrepReport, FaceReport};
-pub use compare::{CompareReport, SideReport};
+pub use compare::{CompareReport, ComparedFaceReport, SideReport};
 pub use fit::{
     About, DataToModelReport, EvidenceReport, FitReport, ModelCoverage, OtherMinimumReport,
     ParameterReport, PartReport, PoseReport, ScanReport, TemplateReport, TwoSidedReport,

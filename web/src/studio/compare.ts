@@ -8,6 +8,8 @@ import * as backend from "./backend";
 import type { CompareState } from "./history";
 import { button, choice, field, section, setOptions, warnings } from "./parts";
 
+/** Maximum number of faces that are listed. */
+const MOST_FACES = 200;
 const ENDINGS = [...POINTS, ...MESHES, ...SOLIDS, "hf"];
 
 export class CompareSpace implements Space {
@@ -190,7 +192,57 @@ export class CompareSpace implements Space {
         ),
         h("tbody", {}, ...rows),
       ),
+      ...this.faces(document.faces ?? []),
       ...warnings(document.told ?? []),
     );
+  }
+
+  /** Creates the table of the faces of the nominal file, those that fail first. */
+  private faces(all: Document[]): Node[] {
+    if (!all.length) return [];
+    const rank = (face: Document): number =>
+      face.within_tolerance === false ? 0 : face.samples ? 1 : 2;
+    const sorted = [...all].sort((a, b) => rank(a) - rank(b) || (b.max ?? 0) - (a.max ?? 0));
+    const verdict = ({ within_tolerance }: Document): string =>
+      ({ true: "passes", false: "fails" })[String(within_tolerance)] ?? "–";
+    const figure = (v: number | null): string =>
+      v === null ? "–" : brief(Number(v.toPrecision(4)));
+    const shown = sorted.slice(0, MOST_FACES);
+    return [
+      h(
+        "table",
+        {},
+        h("caption", {}, "Measured points by the nearest face of the nominal file"),
+        h(
+          "thead",
+          {},
+          h(
+            "tr",
+            {},
+            ...["face", "points", "rms", "largest", "verdict"].map((name) =>
+              h("th", { scope: "col" }, name),
+            ),
+          ),
+        ),
+        h(
+          "tbody",
+          {},
+          ...shown.map((face) =>
+            h(
+              "tr",
+              { class: face.within_tolerance === false ? "is-failed" : "" },
+              h("th", { scope: "row" }, face.face),
+              h("td", {}, face.samples.toLocaleString("en")),
+              h("td", {}, figure(face.rms)),
+              h("td", {}, figure(face.max)),
+              h("td", {}, verdict(face)),
+            ),
+          ),
+        ),
+      ),
+      ...(sorted.length > MOST_FACES
+        ? [h("p", { class: "quiet" }, `and ${sorted.length - MOST_FACES} more faces`)]
+        : []),
+    ];
   }
 }

@@ -82,6 +82,31 @@ fn a_moved_scan_is_brought_back() {
             .is_some_and(|d| d < 5e-3),
         "{found}"
     );
+    // Each point is nearest to one face; of a scan that is moved by 1 some faces fail.
+    let samples = |found: &serde_json::Value| -> Option<u64> {
+        let faces = found["faces"].as_array()?.iter();
+        faces.map(|face| face["samples"].as_u64()).sum()
+    };
+    assert_eq!(
+        samples(&found),
+        found["first_to_second"]["samples"].as_u64()
+    );
+    assert!(found["faces"][0]["within_tolerance"].is_null());
+    let lifted: String = table(&f.text("scan.csv"))
+        .iter()
+        .map(|p| format!("{:?},{:?},{:?}\n", p[0], p[1], p[2] + 1.0))
+        .collect();
+    let lifted = f.file("lifted.csv", lifted);
+    let o = isoform(&["compare", &lifted, &step, "--tolerance", "0.5", "--json"]);
+    assert_eq!(code(&o), 3, "{}", stderr(&o));
+    let judged = document(&o)["faces"].clone();
+    let count = |is: bool| {
+        let faces = judged.as_array().expect("faces").iter();
+        faces.filter(|face| face["within_tolerance"] == is).count()
+    };
+    assert!(count(true) > 0 && count(false) > 0, "{judged}");
+    let o = isoform(&["compare", &lifted, &step, "--tolerance", "0.5"]);
+    assert!(String::from_utf8_lossy(&o.stdout).contains("fails at "));
     // The part is symmetric: several motions bring it back. All are rigid.
     let row = |k: usize| -> Vec<f64> {
         let row = found["motion"][k].as_array().expect("a row");

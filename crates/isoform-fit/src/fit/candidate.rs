@@ -165,13 +165,13 @@ impl Task<'_> {
     /// Returns least squares, unless residuals of a robust deviation include stray points or are
     /// systematic.
     ///
-    /// Of exact points some lie on faces that the template lacks, and none is an outlier. Least
-    /// squares would move all dimensions by them. Tukey's biweight would ignore the points of a
-    /// hole that is off by any distance; with Cauchy's loss these still determine it, since no
-    /// others do.
+    /// Deviations of exact points are misfit of shape, and count in full, unless the start was
+    /// measured. Then some points lie on faces that the template lacks, and least squares would
+    /// move all dimensions by them. Tukey's biweight would ignore the points of a hole that is off
+    /// by any distance; with Cauchy's loss these still determine it, since no others do.
     fn loss_with(&self, scale: f64, has_strays: bool, r: &[f64]) -> Loss {
         match scale <= self.rounding() {
-            true if has_strays => Loss::Cauchy,
+            true if has_strays && self.options.is_start_measured => Loss::Cauchy,
             false if has_strays || self.is_systematic(r) => Loss::Tukey,
             _ => Loss::Squares,
         }

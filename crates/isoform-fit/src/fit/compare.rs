@@ -60,7 +60,7 @@ impl Task<'_> {
         let mut rivals: Vec<ComparedMinimum> = confirmed
             .map(|m| comparison.rival(m.x, m.iterations))
             .collect();
-        rivals.extend(self.told(&comparison));
+        rivals.extend(self.measured_start(&comparison));
         let mut best = self.least_truncated(&rivals);
         if self.has_many_far(&rivals[best]) && !self.control.is_stopped() {
             let first = rivals[best].polished.x.clone();
@@ -75,10 +75,11 @@ impl Task<'_> {
         }
     }
 
-    /// Polishes the start that the caller or the template gives: values that were measured on some
-    /// of the points are spoiled by the search's sum over all of them.
-    fn told(&self, comparison: &Comparison<'_>) -> Option<ComparedMinimum> {
-        Some(comparison.rival(self.first()?, 0))
+    /// Polishes a start that was measured: the search's sum over all points spoils values that some
+    /// of them have.
+    fn measured_start(&self, comparison: &Comparison<'_>) -> Option<ComparedMinimum> {
+        let start = self.first().filter(|_| self.options.is_start_measured)?;
+        Some(comparison.rival(start, 0))
     }
 
     /// Minimises the algebraic sum on more points than the search uses.

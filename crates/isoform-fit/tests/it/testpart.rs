@@ -240,7 +240,19 @@ fn a_face_that_the_template_lacks_moves_nothing_of_exact_points() {
         [x, -4.35, z]
     }));
     for start in [SET1.to_vec(), SET2.to_vec(), wide(&mut random)] {
-        let f = run(&points, &start);
+        let options = Options {
+            start: Some(start),
+            is_start_measured: true,
+            bounds: bounds(),
+            ..Options::default()
+        };
+        let f = fit(
+            &points,
+            &TestPart::new(false),
+            &options,
+            &Control::default(),
+        );
+        let f = f.expect("a fit");
         assert!(
             worst_error(&f.values()) < 1e-8,
             "{:?} {:?} {:?}",
@@ -249,6 +261,29 @@ fn a_face_that_the_template_lacks_moves_nothing_of_exact_points() {
             f.noise
         );
         assert!(f.verdict != Verdict::Accepted);
+    }
+}
+
+/// The underside of a part on a table is not seen, and some points of the table are: they determine
+/// no dimension.
+#[test]
+fn points_of_a_table_determine_no_unseen_face() {
+    let mut random = fastrand::Rng::with_seed(13);
+    for share in [0.02, 0.05] {
+        let mut points = sample(3000, 0.0, 23);
+        points.retain(|p| p[2] > TRUTH[2] + 1e-6);
+        let table = (share * points.len() as f64) as usize;
+        points.extend((0..table).map(|_| {
+            let (x, y) = (16.0 * random.f64() - 8.0, 3.0 * random.f64());
+            [x, if y < 1.5 { 2.3 + y } else { -2.8 - y }, TRUTH[2]]
+        }));
+        let f = run(&points, &SET1);
+        let is_right = worst_error(&f.values()) < 1e-6;
+        assert!(
+            is_right || f.verdict != Verdict::Accepted,
+            "{share}: {:?}",
+            f.values()
+        );
     }
 }
 

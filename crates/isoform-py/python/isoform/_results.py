@@ -460,6 +460,9 @@ class Comparison(Documented):
     first_to_second, second_to_first : dict
         ``rms``, ``mean``, ``p95``, ``max``, ``samples`` and ``undefined``; lengths are in the unit
         of the shapes.
+    faces : list of dict
+        The same of the first shape from each ``face`` of the second, a solid or the parts of a
+        model, with ``within_tolerance``: None without a tolerance or without points.
     within_tolerance : bool
         True if no distance exceeds the tolerance, if one was given.
     """
@@ -470,6 +473,7 @@ class Comparison(Documented):
         told = self.to_dict()
         self.first_to_second: dict[str, Any] = told["first_to_second"]
         self.second_to_first: dict[str, Any] = told["second_to_first"]
+        self.faces: list[dict[str, Any]] = told["faces"]
         self.within_tolerance: bool = told["within_tolerance"]
 
     def __repr__(self) -> str:

@@ -1,6 +1,6 @@
 //! Report of a comparison of two shapes.
 
-use crate::Distances;
+use crate::{Comparison, Distances, FaceDistances};
 use serde::Serialize;
 
 /// Report of `compare`: distances between two shapes, in both directions.
@@ -16,6 +16,9 @@ pub struct CompareReport {
     pub first_to_second: Distances,
     /// Distances of the second shape from the first.
     pub second_to_first: Distances,
+    /// Distances of the first shape from each face of the second, by the points that are nearest to
+    /// it; empty if the second has no faces.
+    pub faces: Vec<ComparedFaceReport>,
     /// Largest allowed distance; `None` without a requirement.
     pub tolerance: Option<f64>,
     /// True if all distances are known and within the tolerance, or if there is none.
@@ -25,6 +28,17 @@ pub struct CompareReport {
     pub motion: Option<[[f64; 4]; 3]>,
     /// Files written.
     pub files: Vec<String>,
+}
+
+/// Distances from a face.
+#[derive(Clone, Debug, Serialize)]
+pub struct ComparedFaceReport {
+    /// Name and distances.
+    #[serde(flatten)]
+    pub found: FaceDistances,
+    /// True if all distances are known and within the tolerance; `None` without a tolerance, or
+    /// without points.
+    pub within_tolerance: Option<bool>,
 }
 
 /// Shape of a comparison.
@@ -37,20 +51,23 @@ pub struct SideReport {
 }
 
 impl CompareReport {
-    /// Creates the report of the distances in both directions.
-    pub fn new(
-        sides: [SideReport; 2],
-        distances: (Distances, Distances),
-        tolerance: Option<f64>,
-    ) -> Self {
+    /// Creates the report of a comparison.
+    pub fn new(sides: [SideReport; 2], found: Comparison, tolerance: Option<f64>) -> Self {
         let [first, second] = sides;
-        let (there, back) = distances;
+        let Comparison { there, back, faces } = found;
+        let judged = |found: FaceDistances| ComparedFaceReport {
+            within_tolerance: tolerance
+                .filter(|_| found.distances.samples > 0)
+                .map(|t| is_within(&found.distances, t)),
+            found,
+        };
         Self {
             verb: "compare",
             first,
             second,
             first_to_second: there,
             second_to_first: back,
+            faces: faces.into_iter().map(judged).collect(),
             tolerance,
             motion: None,
             files: Vec::new(),
