@@ -93,12 +93,18 @@ pub(crate) fn imposed(
     found: &Segmentation,
     relations: &[Relation],
 ) -> Result<Vec<Primitive>, Relation> {
-    let members = found.members();
     let own = |(label, members): (usize, &Vec<u32>)| {
         let points = cloud.at(members);
         let surface = found.surfaces[label].about(mean(&points));
-        // The ratios of the variances count; those of exact points are rounding.
-        let variance = variance(found, label, &surface, &points).max(MAX_EXACT_NOISE.powi(2));
+        let variance = variance(found, label, &surface, &points);
+        (surface, points, variance.max(MAX_EXACT_NOISE.powi(2)))
+    };
+    let all: Vec<_> = found.members().iter().enumerate().map(own).collect();
+    // Only the ratios of the variances count. All are made large against the rounding that
+    // equations allow for.
+    let least = all.iter().map(|own| own.2).fold(f64::INFINITY, f64::min);
+    let owns = all.into_iter().map(|(surface, points, variance)| {
+        let variance = 1e-6 * variance / least;
         let open = [[f64::INFINITY; MAX_PARAMETERS]; MAX_PARAMETERS];
         let of = |c: [ParameterRow; MAX_PARAMETERS]| c.map(|row| row.map(|x| x * variance));
         SnapEntity {
@@ -109,8 +115,8 @@ pub(crate) fn imposed(
             sigma: variance.sqrt(),
             points,
         }
-    };
-    let owns: Vec<SnapEntity> = members.iter().enumerate().map(own).collect();
+    });
+    let owns: Vec<SnapEntity> = owns.collect();
     let (solved, _) = solve(&owns, &conditions(relations, owns.len()));
     let off = |r: &&Relation| {
         let pair = r.entities.map(|i| &solved.surfaces[i]);

@@ -703,3 +703,37 @@ fn relations_are_stated_by_hand() {
         Some(LabelsError::Unknown(7))
     );
 }
+
+/// Exact bores whose axes are 0.01 apart and tilted by 0.005 become one axis, in any unit.
+#[test]
+fn exact_bores_are_made_coaxial_by_hand() {
+    for unit in [1.0, 1e-6, 1e6] {
+        let bore = |low: f64, off: f64| {
+            (0..600).map(move |i| {
+                let (turn, h) = (f64::from(i) * 2.4, low + f64::from(i) / 300.0);
+                [turn.cos() + off + 0.5 * off * h, turn.sin(), h].map(|x| x * unit)
+            })
+        };
+        let points: Vec<Point3> = bore(0.0, 0.0).chain(bore(4.0, 0.01)).collect();
+        let labels: Vec<_> = (0..1200).map(|i| Some(u32::from(i >= 600))).collect();
+        let facts = LabelFacts {
+            kinds: [0, 1].map(|label| (label, PrimitiveKind::Cylinder)).into(),
+            relations: vec![LabelRelation {
+                kind: RelationKind::Coaxial,
+                labels: [0, 1],
+            }],
+        };
+        let found = with_facts(&points, &labels, facts).expect("entities");
+        let mut relations = found.relations.iter();
+        let coaxial = relations.find(|r| r.kind == RelationKind::Coaxial);
+        let off = coaxial.expect("a relation").deviation / unit;
+        assert!(off < 1e-9, "{unit}: {off}");
+        // Each bends by about half of what they are apart.
+        let rms = found.entities.iter().map(|e| e.rms / unit);
+        assert!(
+            rms.clone().all(|rms| rms < 0.01),
+            "{:?}",
+            rms.collect::<Vec<_>>()
+        );
+    }
+}
