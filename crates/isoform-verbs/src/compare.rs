@@ -255,15 +255,12 @@ fn line(name: &str, d: &Distances) -> String {
     )
 }
 
-/// Maximum number of faces that are told to people.
-const TOLD_FACES: usize = 20;
-
 /// The faces of which points are beyond the tolerance, worst first, for people.
 fn beyond(faces: &[ComparedFaceReport]) -> String {
     let is_beyond = |face: &&ComparedFaceReport| face.within_tolerance == Some(false);
     let mut worst: Vec<&ComparedFaceReport> = faces.iter().filter(is_beyond).collect();
     worst.sort_by(|a, b| b.found.distances.max.total_cmp(&a.found.distances.max));
-    let told = &worst[..worst.len().min(TOLD_FACES)];
+    let told = &worst[..worst.len().min(20)];
     let width = told.iter().map(|face| face.found.face.len()).max();
     let width = width.unwrap_or(0);
     let mut text = String::new();
@@ -271,8 +268,8 @@ fn beyond(faces: &[ComparedFaceReport]) -> String {
         let name = format!("fails at {:<width$}", found.face);
         text += &line(&name, &found.distances);
     }
-    if worst.len() > TOLD_FACES {
-        text += &format!("and at {} other faces\n", worst.len() - TOLD_FACES);
+    if worst.len() > told.len() {
+        text += &format!("and at {} other faces\n", worst.len() - told.len());
     }
     text
 }

@@ -4,7 +4,7 @@
 use crate::context::Context;
 use crate::failure::{DONE, Failure};
 use crate::fit::settings::Settings;
-use crate::fit::work::{self as fit_work, StartValues};
+use crate::fit::work as fit_work;
 use crate::fit::{document, files, job, solid, table};
 use crate::gallery;
 use crate::kind;
@@ -106,11 +106,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         }
     };
     let mut job = watchdog::stage("fit", || {
-        let start = match proposal {
-            Some(_) => StartValues::Measured,
-            None => StartValues::Guessed,
-        };
-        fit_work::run_model(scan, (&template, &model, start), settings, context)
+        let is_measured = proposal.is_some();
+        fit_work::run_model(scan, (&template, &model, is_measured), settings, context)
     })?;
     if let Some(proposal) = &proposal {
         add_findings(&mut job.found.fit, &proposal.proposal);

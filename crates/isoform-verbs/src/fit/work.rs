@@ -48,32 +48,19 @@ pub(crate) fn run(
     context: &Context,
 ) -> Result<Job, Failure> {
     let model = gallery::template(template, &settings.language, context)?;
-    run_model(
-        scan,
-        (template, &model, StartValues::Guessed),
-        settings,
-        context,
-    )
+    run_model(scan, (template, &model, false), settings, context)
 }
 
-/// Origin of the start values of a template.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum StartValues {
-    /// The template's author, or the data's extent.
-    Guessed,
-    /// Recognition of the scan.
-    Measured,
-}
-
-/// Fits a model that has been read, with its path.
+/// Fits a model that has been read, with its path, and true if its start values were recognised in
+/// the scan.
 pub(crate) fn run_model(
     scan: Scan,
-    (template, model, start): (&Path, &Model, StartValues),
+    (template, model, is_measured): (&Path, &Model, bool),
     settings: &Settings,
     context: &Context,
 ) -> Result<Job, Failure> {
     let mut options = fit_options(settings, context)?;
-    options.fit.is_start_measured = start == StartValues::Measured && options.start.is_none();
+    options.fit.is_start_measured = is_measured && options.start.is_none();
     let progress = context.progress();
     let show = |phase: &str, done: f64| progress.show(phase, done);
     let control = Control {
