@@ -90,7 +90,7 @@ pub fn solid_gap(brep: &Brep) -> f64 {
 /// let made = brep_model(&ball, &[0.0, 0.0, 0.0, 2.0], &MeshModelOptions::default(), None, &control)?;
 /// let solid = ExactSolid::new(made.built.brep, None, &control)?;
 /// let points = PointCloud::from_points(vec![[0.0, 0.0, 5.0], [0.0, 0.0, 0.5], [2.0, 0.0, 0.0]]);
-/// let (there, _) = compare(Side::Points(&points), Side::Solid(&solid), None, 1000)?;
+/// let there = compare(Side::Points(&points), Side::Solid(&solid), None, 1000)?.there;
 /// assert!((there.max - 3.0).abs() < 1e-12 && (there.mean - 1.5).abs() < 1e-12);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

@@ -97,7 +97,7 @@ fn a_moved_scan_is_brought_back() {
         .map(|p| format!("{:?},{:?},{:?}\n", p[0], p[1], p[2] + 1.0))
         .collect();
     let lifted = f.file("lifted.csv", lifted);
-    let o = isoform(&["compare", &lifted, &step, "--tolerance", "0.5", "--json"]);
+    let o = isoform(&["compare", &lifted, &step, "--tolerance", "0.8", "--json"]);
     assert_eq!(code(&o), 3, "{}", stderr(&o));
     let judged = document(&o)["faces"].clone();
     let count = |is: bool| {
@@ -105,7 +105,7 @@ fn a_moved_scan_is_brought_back() {
         faces.filter(|face| face["within_tolerance"] == is).count()
     };
     assert!(count(true) > 0 && count(false) > 0, "{judged}");
-    let o = isoform(&["compare", &lifted, &step, "--tolerance", "0.5"]);
+    let o = isoform(&["compare", &lifted, &step, "--tolerance", "0.8"]);
     assert!(String::from_utf8_lossy(&o.stdout).contains("fails at "));
     // The part is symmetric: several motions bring it back. All are rigid.
     let row = |k: usize| -> Vec<f64> {
