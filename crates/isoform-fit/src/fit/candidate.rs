@@ -135,9 +135,12 @@ impl Task<'_> {
 
     /// Returns the loss of the fine polish: the caller's, or the one that suits the residuals.
     fn loss(&self, polish: &Polish<'_>, rough: &PolishResult) -> Loss {
+        let is_misfit = self.options.is_start_measured && rough.scale <= self.rounding();
         match self.options.loss {
-            Loss::Auto if rough.loss == Loss::Tukey && rough.scale > self.rounding() => Loss::Tukey,
-            Loss::Auto => self.loss_at(polish, &rough.x),
+            Loss::Auto if rough.loss == Loss::Squares || is_misfit => {
+                self.loss_at(polish, &rough.x)
+            }
+            Loss::Auto => rough.loss,
             said => said,
         }
     }
@@ -204,8 +207,8 @@ impl Task<'_> {
         let x = std::mem::take(&mut found.x);
         let settling = self.settling();
         let points = polish.here(&settling, &[]);
-        let is_exact = Polish::scale(&polish.residuals(&settling, &x)) <= self.rounding();
-        found.take(match is_exact && found.loss == Loss::Cauchy {
+        let is_exact = || Polish::scale(&polish.residuals(&settling, &x)) <= self.rounding();
+        found.take(match found.loss == Loss::Cauchy && is_exact() {
             true => polish.narrowed(&points, x, self.rounding()),
             false => polish.fine(&points, x, found.loss, rounds),
         });

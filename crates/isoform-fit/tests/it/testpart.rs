@@ -210,6 +210,22 @@ fn outliers_are_counted_and_do_no_harm() {
     }
 }
 
+/// Points that are exact up to rounding, with outliers: these move nothing.
+#[test]
+fn outliers_among_exact_points_do_no_harm() {
+    let mut random = fastrand::Rng::with_seed(14);
+    let mut points = sample(6000, 1e-9, 24);
+    points.extend((0..300).map(|_| {
+        [
+            15.0 * random.f64() - 7.5,
+            9.0 * random.f64() - 5.5,
+            6.0 * random.f64() - 3.0,
+        ]
+    }));
+    let f = run(&points, &SET1);
+    assert!(worst_error(&f.values()) < 1e-7, "{:?}", f.values());
+}
+
 /// A table under the part, a tenth of the points: not isolated, so the loss has to cope.
 #[test]
 fn a_table_under_the_part_is_survived() {
