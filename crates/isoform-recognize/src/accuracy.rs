@@ -2,7 +2,7 @@
 
 use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind};
 use crate::cloud::Cloud;
-use crate::fit::{covariance, mean, squares};
+use crate::fit::{mean, squares};
 use crate::relations::UncertainSurface;
 use crate::segment::Segmentation;
 use isoform_geom::Point3;
@@ -38,19 +38,9 @@ pub(crate) fn uncertain_surface(
     let points = cloud.at(members);
     let surface = found.surfaces[label].about(mean(&points));
     let variance = variance(found, label, &surface, &points);
-    let open = [[f64::INFINITY; MAX_PARAMETERS]; MAX_PARAMETERS];
-    let covariance = covariance(&surface, &points);
-    let of = |c: [ParameterRow; MAX_PARAMETERS]| {
-        with_rounding(
-            c.map(|row| row.map(|x| x * variance)),
-            surface.kind,
-            found.rounding,
-        )
-    };
-    UncertainSurface {
-        surface,
-        covariance: covariance.map_or(open, of),
-    }
+    let mut known = UncertainSurface::from_points(surface, &points, variance);
+    known.covariance = with_rounding(known.covariance, surface.kind, found.rounding);
+    known
 }
 
 /// Adds to a covariance of the parameters the rounding, in diagonals, that the coordinates of one

@@ -49,8 +49,7 @@ const TURNS: usize = 6;
 pub struct LabelFacts {
     /// Kinds asked for, by label. Other labels become the kind that describes their points best.
     pub kinds: BTreeMap<u32, PrimitiveKind>,
-    /// Relations that hold in templates and are tried by [`crate::snap`], though the points may not
-    /// show them.
+    /// Relations that the surfaces are refitted to hold, though the points may not show them.
     pub relations: Vec<LabelRelation>,
 }
 
@@ -61,11 +60,11 @@ impl LabelFacts {
         self.kinds.keys().copied().chain(related)
     }
 
-    /// Drops the statements about labels for which `is_lost` returns true.
-    pub fn retain_without(&mut self, is_lost: &dyn Fn(u32) -> bool) {
-        self.kinds.retain(|label, _| !is_lost(*label));
+    /// Drops the statements about some labels.
+    pub fn remove(&mut self, lost: &BTreeSet<u32>) {
+        self.kinds.retain(|label, _| !lost.contains(label));
         self.relations
-            .retain(|r| !r.labels.iter().any(|l| is_lost(*l)));
+            .retain(|r| r.labels.iter().all(|label| !lost.contains(label)));
     }
 }
 
@@ -216,9 +215,8 @@ pub fn recognize_labelled(
     control.report("recognize", 0.0);
     let mut found =
         LabelledFits::new(cloud, given, &names, labels).segmentation(&ready, options)?;
-    let unit = ready.scan_length(1.0);
     if !facts.relations.is_empty() {
-        impose((&mut found, cloud, unit), &facts.relations, &names)?;
+        impose((&mut found, cloud, ready.unit()), &facts.relations, &names)?;
         explain(&mut found, cloud);
     }
     control.check()?;

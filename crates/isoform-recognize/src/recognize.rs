@@ -140,9 +140,9 @@ impl PreparedScan {
         length / self.scaling.unit
     }
 
-    /// Returns a length of diagonals in the scan's unit.
-    pub(crate) fn scan_length(&self, diagonals: f64) -> f64 {
-        diagonals * self.scaling.unit
+    /// Returns the diagonal in the scan's unit.
+    pub(crate) fn unit(&self) -> f64 {
+        self.scaling.unit
     }
 
     /// Returns the noise that is given, in diagonals; `None` if the points have to show it.

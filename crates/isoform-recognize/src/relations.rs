@@ -8,6 +8,7 @@ use crate::chart::{
     DIFFERENCE_STEP, MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind, ROUNDING_DEVIATION,
 };
 use crate::entity::{Relation, RelationKind};
+use crate::fit;
 use isoform_geom::{Point3, dot, sub};
 use isoform_num::linalg::{cholesky, cholesky_solve};
 use rayon::prelude::*;
@@ -39,6 +40,19 @@ pub(crate) const MAX_PARALLEL_ANGLE: f64 = 0.1;
 pub(crate) struct UncertainSurface {
     pub(crate) surface: Primitive,
     pub(crate) covariance: [ParameterRow; MAX_PARAMETERS],
+}
+
+impl UncertainSurface {
+    /// Makes a surface about the centroid of its points, with its covariance for the variance of
+    /// these: infinite if it is undetermined.
+    pub(crate) fn from_points(surface: Primitive, points: &[Point3], variance: f64) -> Self {
+        let open = [[f64::INFINITY; MAX_PARAMETERS]; MAX_PARAMETERS];
+        let of = |c: [ParameterRow; MAX_PARAMETERS]| c.map(|row| row.map(|x| x * variance));
+        Self {
+            covariance: fit::covariance(&surface, points).map_or(open, of),
+            surface,
+        }
+    }
 }
 
 /// Entities among which patterns and symmetries are sought.

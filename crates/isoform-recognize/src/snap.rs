@@ -14,7 +14,7 @@ use crate::accuracy::variance;
 use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind, ROUNDING_DEVIATION};
 use crate::cloud::{Cloud, Scaling, sorted};
 use crate::entity::{Recognition, Relation};
-use crate::fit::{covariance, mean, squares};
+use crate::fit::{mean, squares};
 use crate::noise::MAX_EXACT_NOISE;
 use crate::recognize::deviations_of;
 use crate::relations::{PairFrame, UncertainSurface, failure, relation};
@@ -105,13 +105,8 @@ pub(crate) fn imposed(
     let least = all.iter().map(|own| own.2).fold(f64::INFINITY, f64::min);
     let owns = all.into_iter().map(|(surface, points, variance)| {
         let variance = 1e-6 * variance / least;
-        let open = [[f64::INFINITY; MAX_PARAMETERS]; MAX_PARAMETERS];
-        let of = |c: [ParameterRow; MAX_PARAMETERS]| c.map(|row| row.map(|x| x * variance));
         SnapEntity {
-            known: UncertainSurface {
-                covariance: covariance(&surface, &points).map_or(open, of),
-                surface,
-            },
+            known: UncertainSurface::from_points(surface, &points, variance),
             sigma: variance.sqrt(),
             points,
         }
@@ -283,6 +278,7 @@ fn changes(owns: &[SnapEntity], solved: &SnapSolution, scaling: &Scaling) -> Sna
 mod tests {
     use super::*;
     use crate::entity::RelationKind;
+    use crate::fit::covariance;
 
     /// Returns a square of side 1 through the origin, tilted, with known errors.
     fn square(tilt: f64) -> SnapEntity {

@@ -41,9 +41,9 @@ solids; distances are those from their exact faces and edges, not from triangles
 the file's own unit. Coordinates must agree, unless --align moves the first as a rigid body to where the sum of
 its squared distances is least; a scan of a part of the surface must lie near its place before.
 -o writes the points of the first with their deviation: positive outside of a model or a closed
-surface, else without sign; view and render colour them by it. The document of --json has the distances by the
-faces of a solid, or the parts of a model, to which the points of the first are nearest; with
---tolerance the faces that fail are named.
+surface, else without sign; view and render colour them by it. The document of --json has the
+distances by the faces of a solid, or the parts of a model, to which the points of the first are
+nearest; with --tolerance the faces that fail are named.
 
 Exit code: 0; 3 if --tolerance is given and a distance exceeds it, or a point has none: where a
 model is not a number.")]

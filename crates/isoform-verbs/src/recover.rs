@@ -203,7 +203,7 @@ fn standing_alone(
                 scan.name
             ));
         }
-        facts.retain_without(&|label| lost.contains(&label));
+        facts.remove(&lost);
         (labels, facts)
     });
     let cloud = standing.part;

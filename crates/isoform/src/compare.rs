@@ -602,6 +602,7 @@ fn summary(distances: &[f64]) -> Distances {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use isoform_field::hyperfun::{Mode, Model, Pose};
 
     /// Returns the distances in both directions.
     fn both(
@@ -613,7 +614,6 @@ mod tests {
         let found = compare(a, b, region, samples)?;
         Ok((found.there, found.back))
     }
-    use isoform_field::hyperfun::{Mode, Model, Pose};
 
     fn square(z: f64) -> PointCloud {
         let points = vec![[0.0, 0.0, z], [1.0, 0.0, z], [1.0, 1.0, z], [0.0, 1.0, z]];
@@ -696,7 +696,7 @@ mod tests {
         assert_eq!((pa.samples, pa.max), (4, 0.25));
     }
 
-    /// Points of a block of which one side lies 0.05 off: that face alone is, and one has no points.
+    /// A block whose right side lies 0.05 off: no other face is off, and one has no points.
     #[test]
     fn distances_are_told_by_faces() {
         let text = "my_model(x[3], a[1]) { left = x[1]; right = 1 - x[1]; front = x[2];

@@ -12,6 +12,10 @@ import { button, choice, field, section, setOptions, warnings } from "./parts";
 const MOST_FACES = 200;
 const ENDINGS = [...POINTS, ...MESHES, ...SOLIDS, "hf"];
 
+/** Formats a length with four digits. */
+const figure = (v: number | null | undefined): string =>
+  typeof v === "number" ? brief(Number(v.toPrecision(4))) : "–";
+
 export class CompareSpace implements Space {
   readonly title = "Compare";
   readonly element = h("div", { class: "space" });
@@ -156,7 +160,7 @@ export class CompareSpace implements Space {
       ["nominal to measured", document.second_to_first],
     ];
     const cells = (key: string): HTMLElement[] =>
-      ways.map(([, way]) => h("td", {}, way ? brief(Number(way[key].toPrecision(4))) : "–"));
+      ways.map(([, way]) => h("td", {}, figure(way?.[key])));
     const rows = [
       ["rms", "rms"],
       ["mean", "mean"],
@@ -205,8 +209,6 @@ export class CompareSpace implements Space {
     const sorted = [...all].sort((a, b) => rank(a) - rank(b) || (b.max ?? 0) - (a.max ?? 0));
     const verdict = ({ within_tolerance }: Document): string =>
       ({ true: "passes", false: "fails" })[String(within_tolerance)] ?? "–";
-    const figure = (v: number | null): string =>
-      v === null ? "–" : brief(Number(v.toPrecision(4)));
     const shown = sorted.slice(0, MOST_FACES);
     return [
       h(
@@ -230,7 +232,7 @@ export class CompareSpace implements Space {
           ...shown.map((face) =>
             h(
               "tr",
-              { class: face.within_tolerance === false ? "is-failed" : "" },
+              {},
               h("th", { scope: "row" }, face.face),
               h("td", {}, face.samples.toLocaleString("en")),
               h("td", {}, figure(face.rms)),

@@ -32,6 +32,9 @@ export const relationsOf = (text: string): Relation[] =>
       return { kind, faces: faces.split(",").map(Number) };
     });
 
+/** Names a kind of relation. */
+const words = (kind: string): string => kind.replace("_", " ");
+
 /** Writes a relation as the command line takes it. */
 export const relationText = ({ kind, faces }: Relation): string => `${kind}=${faces.join(",")}`;
 
@@ -113,7 +116,7 @@ export class Faces {
     );
     this.relation = choice(
       "Relation of the two chosen faces",
-      [["", "Relation…"], ...RELATIONS.map((r): [string, string] => [r, r.replace("_", " ")])],
+      [["", "Relation…"], ...RELATIONS.map((r): [string, string] => [r, words(r)])],
       (kind) => kind && this.relate(kind),
     );
     this.box = button("Select points by a box", () => this.setBoxing(!this.isBoxing));
@@ -200,7 +203,7 @@ export class Faces {
 
   private relationRow(relation: Relation): HTMLElement {
     const { kind, faces } = relation;
-    const text = `${faces.join(" and ")}: ${kind.replace("_", " ")}`;
+    const text = `${faces.join(" and ")}: ${words(kind)}`;
     const drop = button("Remove", () =>
       this.change(
         `No relation of faces ${faces.join(" and ")}`,
@@ -213,7 +216,7 @@ export class Faces {
 
   private relate(kind: string): void {
     const faces = [...this.chosen].sort((a, b) => a - b);
-    const label = `Faces ${faces.join(" and ")}: ${kind.replace("_", " ")}`;
+    const label = `Faces ${faces.join(" and ")}: ${words(kind)}`;
     const isNew = !this.relations.some((r) => relationText(r) === relationText({ kind, faces }));
     if (isNew) this.change(label, [...this.relations, { kind, faces }]);
     this.relation.value = "";

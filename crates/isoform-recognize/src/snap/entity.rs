@@ -3,7 +3,7 @@
 use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive};
 use crate::cloud::Scaling;
 use crate::entity::Recognition;
-use crate::fit::{covariance, mean, squares};
+use crate::fit::{mean, squares};
 use crate::relations::UncertainSurface;
 use isoform_geom::Point3;
 
@@ -52,14 +52,8 @@ pub(super) fn snap_entity(
         .sqrt()
         .max(least)
         .max(f64::EPSILON);
-    let open = [[f64::INFINITY; MAX_PARAMETERS]; MAX_PARAMETERS];
-    let variance = |c: [ParameterRow; MAX_PARAMETERS]| c.map(|row| row.map(|x| x * sigma * sigma));
-    let covariance = covariance(&surface, &points).map_or(open, variance);
     SnapEntity {
-        known: UncertainSurface {
-            surface,
-            covariance,
-        },
+        known: UncertainSurface::from_points(surface, &points, sigma * sigma),
         points,
         sigma,
     }

@@ -13,8 +13,8 @@ use std::collections::HashMap;
 /// Distances of the points that are nearest to one face or part of the other side.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FaceDistances {
-    /// Name of the part of a model, or of the face of a CAD file. Pieces of one
-    /// part are one face, and those without a name are numbered.
+    /// Name of the part of a model, or of the face of a CAD file. Pieces of one part
+    /// are one face, and those without a name are numbered.
     pub face: String,
     /// Distances of the points; without points all are NaN.
     #[serde(flatten)]
