@@ -80,6 +80,7 @@ fi
 if [ "${CI:-}" = true ]; then export CARGO_INCREMENTAL=0; fi
 # Tests themselves are compiled with little optimisation.
 export RUSTC_WRAPPER="${RUSTC_WRAPPER:-$PWD/tests/harness/rustc.sh}"
+export RUSTDOC="${RUSTDOC:-$PWD/tests/harness/rustdoc.sh}"
 
 check "harness" tests/harness/self_test.sh
 
@@ -119,16 +120,20 @@ fi
 # Python package are compiled once. The tools of this repository apart, since they ask for other
 # features of foreign crates.
 products=(--workspace --exclude isoform-docs --exclude isoform-measure)
+tools=(-p isoform-docs -p isoform-measure)
+if cargo clippy --version >/dev/null 2>&1; then export CLIPPY_ARGS="-Wclippy::all"; else missing clippy; fi
 tests "tests" cargo test --release "${products[@]}" --locked --no-fail-fast
-tests "tests of tools" cargo test --release -p isoform-docs -p isoform-measure --locked --no-fail-fast
-# Proc-macros and build scripts are those of the tests.
-if cargo clippy --version >/dev/null 2>&1; then
-  check "lints" cargo clippy --release --workspace --all-targets --locked --quiet -- -D warnings
-else
-  missing clippy
-fi
-check "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --release --workspace --no-deps --locked --quiet
+tests "tests of tools" cargo test --release "${tools[@]}" --locked --no-fail-fast
+# What the compiler and clippy said then, cargo says again.
+lints() {
+  ! { cargo test --release "${products[@]}" --locked --no-run --quiet 2>&1 &&
+    cargo test --release "${tools[@]}" --locked --no-run --quiet 2>&1; } | grep .
+}
+check "lints" lints
 if [ "$extent" = whole ]; then
+  # What the steps above have not compiled: documentation of programs, all targets by themselves.
+  check "all lints" env -u RUSTC_WRAPPER cargo clippy --release --workspace --all-targets --locked --quiet -- -D warnings
+  check "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --release --workspace --no-deps --locked --quiet
   tests "tests with assertions" cargo test "${products[@]}" --locked --no-fail-fast
   # Tests that take minutes each.
   tests "random maps" cargo test --release --locked -p isoform --test it random_maps:: -- --ignored

@@ -108,12 +108,14 @@ pub(super) fn failures(c: &Certificate) -> Vec<Failure> {
 /// Adds the defects of the surface's topology.
 fn surface(c: &Certificate, list: &mut List) {
     if let Some(s) = &c.surface {
-        list.none(
-            "open-edge",
-            &s.open_edges,
-            "edge of one triangle only",
-            "edges of one triangle only",
-        );
+        if !c.limits.has_border {
+            list.none(
+                "open-edge",
+                &s.open_edges,
+                "edge of one triangle only",
+                "edges of one triangle only",
+            );
+        }
         list.none(
             "crowded-edge",
             &s.crowded_edges,

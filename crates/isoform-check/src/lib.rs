@@ -106,9 +106,11 @@ impl Default for Options<'_> {
 }
 
 /// Limits of the measured quantities. Topology, orientation and self-intersections have none: any
-/// defect of these kinds is a failure.
+/// defect of these kinds is a failure, except for a border that is allowed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
+    /// True if the surface may have a border: edges of one triangle.
+    pub has_border: bool,
     /// Minimum dihedral angle of tetrahedra, in degrees; 0 accepts all positive ones.
     pub dihedral_min: f64,
     /// Maximum dihedral angle of tetrahedra, in degrees.
@@ -131,6 +133,7 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self {
+            has_border: false,
             dihedral_min: 0.0,
             dihedral_max: 180.0,
             angle_min: 0.0,

@@ -58,7 +58,7 @@ pub struct Surface {
     pub misplaced_shells: Defects,
     /// Shells with the largest area, at most [`Options::places`].
     pub largest: Vec<Shell>,
-    /// Enclosed volume.
+    /// Enclosed volume, if the surface is closed.
     pub volume: f64,
     /// Area.
     pub area: f64,
@@ -82,6 +82,11 @@ pub struct Shell {
 }
 
 impl Surface {
+    /// Returns the enclosed volume; `None` if the surface has a border.
+    pub fn enclosed(&self) -> Option<f64> {
+        self.open_edges.is_empty().then_some(self.volume)
+    }
+
     /// Returns true if the surface is a closed and consistently oriented manifold without repeated
     /// or degenerate triangles.
     pub fn is_closed_manifold(&self) -> bool {

@@ -112,7 +112,7 @@ impl Task<'_> {
             x: &found.x,
             a,
             covariance: &covariance,
-            fitted: fitted.fitted,
+            weighted: fitted.fitted.min(weighted(&points.weights)),
         };
         let best = found.outcome.minima.first();
         Fit {
@@ -199,6 +199,11 @@ fn others<'a>(outcome: &'a SearchOutcome, x: &[f64]) -> impl Iterator<Item = &'a
     let all = outcome.minima.iter().enumerate();
     let others = all.filter(move |(k, _)| Some(*k) != chosen);
     others.map(|(_, m)| m).take(5)
+}
+
+/// Returns the number of points with a weight.
+pub(crate) fn weighted(weights: &[f64]) -> usize {
+    weights.iter().filter(|w| **w > 0.0).count()
 }
 
 /// Flags the points beyond the limit.

@@ -5,6 +5,7 @@
 //! docs/fitting.md, on which correct and wrong models differ by the factors stated at each limit.
 
 use crate::clutter::kind::ClutterKind;
+use crate::compose::weighted;
 use crate::outliers::{MAX_DROPPED_SHARE, MIN_OUTLIER_SHARE};
 use crate::report::finding::Finding;
 use crate::report::warning::Warning;
@@ -191,8 +192,14 @@ impl Task<'_> {
         // A single one is only a warning, unless the bound alone determines it.
         let is_loose = own.iter().any(|own| is_loose(*own, self.size()));
         let is_bound = (names.len() > 1 && 4 * names.len() > free) || is_loose;
+        let points = weighted(&fit.weights);
+        let is_tested = points > self.space.len();
         [
-            (4 * open > free).then_some(Finding::Undetermined { open, free }),
+            (!is_tested).then_some(Finding::Untested {
+                points,
+                free: self.space.len(),
+            }),
+            (is_tested && 4 * open > free).then_some(Finding::Undetermined { open, free }),
             is_bound.then_some(Finding::AtBounds { names }),
         ]
         .into_iter()

@@ -106,8 +106,7 @@ pub struct ModelMesh {
     pub options: Options,
     /// Certificate of each region; empty unless regions were requested.
     pub regions: Vec<RegionCertificate>,
-    /// Number of triangles that were removed after certification, since no points lie near
-    /// them.
+    /// Number of triangles that were removed, since no points lie near them.
     pub cut: usize,
     /// True if a box cuts the outside of a bounded set: the sign is probably reversed.
     pub is_inside_out: bool,
@@ -153,8 +152,7 @@ impl fmt::Display for MeshNote {
             }
             Self::Cut => {
                 "no points lie near a part of the surface: it is left out, and the surface has a \
-                 border there; --close keeps it as a part named unseen. The certificate is that of \
-                 the closed surface"
+                 border there; --close keeps it as a part named unseen"
             }
             Self::InsideOut => {
                 "the function is positive all around a bounded set, and what is meshed is the box \

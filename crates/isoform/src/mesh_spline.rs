@@ -3,9 +3,10 @@
 use crate::mesh_model::{ModelMesh, mesh_solid};
 use crate::meshing::usual_size;
 use crate::{Implicit, MeshModelError, MeshModelOptions};
+use isoform_check::{self as check, Limits, certify};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, OnePiece, Point3, UnionFind, cross, middle, norm, sub};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// Name of the part of triangles near points.
 const SEEN_PART: &str = "surface";
@@ -28,8 +29,8 @@ pub enum Unseen {
 }
 
 /// Meshes a function fitted to points and certifies the mesh, like
-/// [`mesh_model`](crate::mesh_model) for a program. The certificate is that of the closed surface;
-/// meshes of tetrahedra are not cut. Without a given box, the surface of a spline is searched from
+/// [`mesh_model`](crate::mesh_model) for a program; a surface that is cut may have a border. Meshes
+/// of tetrahedra are not cut. Without a given box, the surface of a spline is searched from
 /// the box of its points, and that of a polynomial is meshed in this box.
 ///
 /// # Errors
@@ -58,8 +59,19 @@ pub fn mesh_spline(
         return Ok(made);
     }
     if unseen == Unseen::Cut && mesh.tets.is_empty() {
+        join_fans(mesh, &mut is_seen);
         made.cut = is_seen.iter().filter(|s| !**s).count();
         cut(mesh, &is_seen);
+        let wanted = check::Options {
+            size: Some(made.options.size),
+            region: made.options.region,
+            limits: Limits {
+                has_border: true,
+                ..options.limits
+            },
+            ..check::Options::default()
+        };
+        made.certificate = certify(mesh, Some(&solid), &wanted, control);
     } else {
         let part = mesh.parts.len() as u32;
         mesh.parts.push(UNSEEN_PART.to_owned());
@@ -157,6 +169,31 @@ fn drop_strays(mesh: &Mesh, spline: &Implicit, is_seen: &mut [bool]) {
     for (i, seen) in is_seen.iter_mut().enumerate().filter(|(_, seen)| **seen) {
         let [all, held] = areas[sets.root(i as u32) as usize];
         *seen = held >= MIN_DATA_AREA_SHARE * all;
+    }
+}
+
+/// Marks triangles as seen around nodes at which the seen ones would form several fans.
+fn join_fans(mesh: &Mesh, is_seen: &mut [bool]) {
+    let edges = |t: &[u32; 3]| [0, 1, 2].map(|k| (t[k], t[(k + 1) % 3]));
+    loop {
+        let seen = mesh.triangles.iter().zip(&*is_seen).filter(|(_, s)| **s);
+        let directed: HashSet<(u32, u32)> = seen.clone().flat_map(|(t, _)| edges(t)).collect();
+        let mut ends = vec![0; mesh.points.len()];
+        for (a, b) in seen.flat_map(|(t, _)| edges(t)) {
+            if !directed.contains(&(b, a)) {
+                ends[a as usize] += 1;
+                ends[b as usize] += 1;
+            }
+        }
+        let mut is_changed = false;
+        for (t, seen) in mesh.triangles.iter().zip(is_seen.iter_mut()) {
+            if !*seen && t.iter().any(|v| ends[*v as usize] > 2) {
+                (*seen, is_changed) = (true, true);
+            }
+        }
+        if !is_changed {
+            return;
+        }
     }
 }
 

@@ -12,8 +12,8 @@ pub(super) struct Intervals<'a> {
     pub(super) a: &'a [f64],
     /// Covariance of the parameters.
     pub(super) covariance: &'a [f64],
-    /// Number of points that were fitted.
-    pub(super) fitted: usize,
+    /// Number of points that were fitted, with a weight in the loss.
+    pub(super) weighted: usize,
 }
 
 impl Intervals<'_> {
@@ -36,9 +36,12 @@ struct Freedom {
 impl Task<'_> {
     /// Returns an estimate per parameter.
     pub(super) fn estimates(&self, at: &Intervals<'_>, knowledge: &Knowledge) -> Vec<Estimate> {
-        let degrees = at.fitted as f64 - self.space.len() as f64;
-        let width = student95(degrees);
-        let freedom = self.freedom(knowledge);
+        let width = student95(at.weighted as f64 - self.space.len() as f64);
+        let mut freedom = self.freedom(knowledge);
+        if at.weighted <= self.space.len() {
+            // Some variables meet as many points exactly, whatever their noise.
+            freedom.iter_mut().for_each(|f| f.is_open = f.is_moved);
+        }
         let all = self.template.parameters().iter().zip(freedom).enumerate();
         all.map(|(i, (p, freedom))| {
             let sd = at.deviation(i);

@@ -144,6 +144,13 @@ pub enum Finding {
         /// Number of free parameters.
         free: usize,
     },
+    /// The points that the model meets are no more than its parameters.
+    Untested {
+        /// Number of points.
+        points: usize,
+        /// Number of free parameters.
+        free: usize,
+    },
     /// Parameters at bounds.
     AtBounds {
         /// Names of the parameters.
@@ -293,6 +300,11 @@ impl fmt::Display for Finding {
             Self::Undetermined { open, free } => write!(
                 f,
                 "{open} of the template's {free} parameters are not determined by the points"
+            ),
+            Self::Untested { points, free } => write!(
+                f,
+                "{free} parameters meet {points} points, whatever the template: more points than \
+                 parameters are needed to test it"
             ),
             Self::AtBounds { names } => write!(f, "{} ran into bounds", listed(names)),
             Self::Uncertain { hits, starts } => write!(

@@ -196,13 +196,13 @@ fn figures(c: &Certificate, unit: Option<&str>) -> Vec<(&'static str, String)> {
                 s.euler, s.shells, s.components
             ),
         ));
+        let area = format!("area {}", measure(s.area, unit, 2));
         lines.push((
             "measure",
-            format!(
-                "volume {}, area {}",
-                measure(s.volume, unit, 3),
-                measure(s.area, unit, 2)
-            ),
+            match s.enclosed() {
+                Some(volume) => format!("volume {}, {area}", measure(volume, unit, 3)),
+                None => format!("{area}, with a border"),
+            },
         ));
     }
     if let Some(i) = &c.intersections {

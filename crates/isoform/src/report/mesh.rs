@@ -4,7 +4,7 @@ use super::Seconds;
 use super::quality::{FacetsReport, QualityReport, WallsReport};
 use crate::{ModelMesh, RegionCertificate};
 use isoform_check::{
-    Certificate, Coverage, Defects, Deviation, Distances, Failure, Lengths, OppositeSides,
+    Certificate, Coverage, Defects, Deviation, Distances, Failure, Lengths, OppositeSides, Surface,
 };
 use isoform_geom::{Mesh, Point3};
 use isoform_mesh::{Layers, Warning};
@@ -236,7 +236,7 @@ pub struct CertificateReport {
     pub shells: Option<usize>,
     /// Number of connected parts of the solid.
     pub components: Option<usize>,
-    /// Volume enclosed by the surface, in cubic units.
+    /// Volume enclosed by the surface, in cubic units; `None` if the surface has a border.
     pub volume: Option<f64>,
     /// Area of the surface, in square units.
     pub area: Option<f64>,
@@ -519,7 +519,7 @@ impl CertificateReport {
             euler: s.map(|s| s.euler),
             shells: s.map(|s| s.shells),
             components: s.map(|s| s.components),
-            volume: s.map(|s| s.volume),
+            volume: s.and_then(Surface::enclosed),
             area: s.map(|s| s.area),
             self_intersections: c.intersections.as_ref().map(|i| i.pairs.count),
             inverted: (c.volume.as_ref()).map(|v| v.inverted.count + v.flat.count),

@@ -1,5 +1,5 @@
-//! Evaluators beside a hand-written loop of the same formula, in one run: `cargo bench -p
-//! isoform-field`.
+//! Evaluators and a hand-written loop of the same formula, in one run: `cargo run --release -p
+//! isoform-field --example evaluators`.
 //!
 //! The model is the paper's test part (twelve parameters); the numbers are millions of points per
 //! second, the last column the share of the hand-written loop.

@@ -1,5 +1,5 @@
-//! Figures on speed, printed: `cargo bench -p isoform-algebra`, or of a part, `cargo bench -p
-//! isoform-algebra -- roots`.
+//! Figures on speed, printed: `cargo run --release -p isoform-algebra --example figures`, or of a
+//! part: the same with `-- roots`.
 
 use isoform_algebra::{
     Fibres, IBig, Poly, RBig, Subresultants, UPoly, discriminant, implicit, map_degrees,
@@ -211,11 +211,7 @@ fn main() {
         ("roots", roots),
         ("factors_and_maps", factors_and_maps),
     ];
-    // Cargo adds options of its own.
-    let asked: Vec<String> = std::env::args()
-        .skip(1)
-        .filter(|a| !a.starts_with('-'))
-        .collect();
+    let asked: Vec<String> = std::env::args().skip(1).collect();
     for (name, figures) in all {
         if asked.is_empty() || asked.iter().any(|a| a == name) {
             figures();
