@@ -33,12 +33,22 @@ impl Csg {
         self.value_and_piece(v).0
     }
 
-    /// Returns the value, and the piece that decides it; of equal ones the first in the tree.
+    /// Returns the value, and the piece that decides it; of equal ones the first in the tree. The
+    /// value is NaN where a piece is, unless others decide the sign: an intersection is negative
+    /// where one child is, a union is not where one child is not (Kleene's logic).
+    ///
+    /// ```
+    /// use isoform_geom::Csg;
+    ///
+    /// let both = Csg::Min(vec![Csg::Piece(0), Csg::Piece(1)]);
+    /// assert_eq!(both.value(&|i| [f64::NAN, -1.0][i as usize]), -1.0);
+    /// assert!(both.value(&|i| [1.0, f64::NAN][i as usize]).is_nan());
+    /// ```
     pub fn value_and_piece(&self, v: &impl Fn(u32) -> f64) -> (f64, u32) {
         match self {
             Self::Piece(i) => (v(*i), *i),
-            Self::Min(children) => Self::first_best(children, v, |next, best| next < best),
-            Self::Max(children) => Self::first_best(children, v, |next, best| next > best),
+            Self::Min(children) => Self::first_best(children, v, |a, b| a >= b, |a| a < 0.0),
+            Self::Max(children) => Self::first_best(children, v, |a, b| a <= b, |a| a >= 0.0),
         }
     }
 
@@ -46,12 +56,21 @@ impl Csg {
     fn first_best(
         children: &[Self],
         v: &impl Fn(u32) -> f64,
-        is_better: impl Fn(f64, f64) -> bool,
+        is_no_better: impl Fn(f64, f64) -> bool,
+        decides: impl Fn(f64) -> bool,
     ) -> (f64, u32) {
         let mut best = children[0].value_and_piece(v);
         for child in &children[1..] {
             let next = child.value_and_piece(v);
-            if is_better(next.0, best.0) {
+            if is_no_better(next.0, best.0) {
+                continue;
+            }
+            let is_taken = match (best.0.is_nan(), next.0.is_nan()) {
+                (false, false) => true,
+                (true, _) => decides(next.0),
+                (false, true) => !decides(best.0),
+            };
+            if is_taken {
                 best = next;
             }
         }
@@ -106,8 +125,7 @@ impl Csg {
             .iter()
             .map(|child| child.deciding_with_range(ranges));
         let parts: Vec<(Self, Interval)> = parts.collect();
-        // A NaN is skipped if it comes later and stays if it comes first: all children must be
-        // kept.
+        // A NaN may decide, as all others may where it does not: all children must be kept.
         if parts.iter().any(|(_, range)| *range == Interval::ALL) {
             let all = parts.into_iter().map(|part| part.0).collect();
             return (Self::join(is_min, all), Interval::ALL);

@@ -47,7 +47,7 @@ use crate::format::extension;
 use crate::input::Input;
 use crate::{ReadError, ReadReport, Source, WriteError, WriteReport, write_atomic};
 use format::{MeshWriteFn, StoredColumns};
-use isoform_geom::Mesh;
+use isoform_geom::{Mesh, Point3, cross, dot, sub};
 use std::borrow::Cow;
 use std::io::Write;
 use std::path::Path;
@@ -150,6 +150,19 @@ fn writable<'m>(mesh: &'m Mesh, format: &MeshFormat) -> Cow<'m, Mesh> {
     }
 }
 
+/// Counts the triangles that lose their area or their orientation when coordinates are rounded to
+/// 32 bits.
+fn lost_triangles(mesh: &Mesh) -> usize {
+    let rounded = |p: Point3| p.map(|v| f64::from(v as f32));
+    let normal = |[a, b, c]: [Point3; 3]| cross(sub(b, a), sub(c, a));
+    let is_lost = |t: &&[u32; 3]| {
+        let corners = t.map(|v| mesh.points[v as usize]);
+        let (before, after) = (normal(corners), normal(corners.map(rounded)));
+        dot(before, before) > 0.0 && (dot(before, after) <= 0.0)
+    };
+    mesh.triangles.iter().filter(is_lost).count()
+}
+
 /// Lists what the format cannot store of a mesh, of which `stored` was written.
 fn report(
     mesh: &Mesh,
@@ -187,6 +200,14 @@ fn report(
             "{} holds coordinates of 32 bits: about seven digits",
             format.title
         ));
+        let lost = lost_triangles(stored);
+        if lost > 0 {
+            warnings.push(format!(
+                "{lost} of {} triangles collapse or turn over, since the mesh is far from the \
+                 origin for their size: formats of 64 bits keep them",
+                stored.triangles.len()
+            ));
+        }
     }
     let left_out =
         mesh.columns

@@ -18,6 +18,7 @@ use crate::points::{centroid, hash, lerp, unique};
 use crate::torus::Torus;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid, cross, dot, norm, sub};
+use isoform_num::Interval;
 use newton::Bracket;
 pub(crate) use newton::newton;
 pub(crate) use on::On;
@@ -234,18 +235,56 @@ impl<'s> Surface<'s> {
             self.lattice
                 .point(self.lattice.indices(c).map(|i| 2 * i + 1))
         };
+        let state = &self.lattice.state;
+        let is_mixed = |c: &usize| self.lattice.reduced(state[*c]).is_some();
+        let hidden = self.hidden_pieces();
+        let is_hidden = |p: Point3| {
+            hidden
+                .as_ref()
+                .is_some_and(|n| self.whole_value(*n, p).is_nan())
+        };
         let is_none = |c: &usize| {
-            self.lattice.reduced(self.lattice.state[*c]).is_some()
+            state[*c] != OUTSIDE_CELL
                 && !self.control.is_stopped()
-                && self.value(middle(*c)).0.is_nan()
+                && ((is_mixed(c) && self.value(middle(*c)).0.is_nan()) || is_hidden(middle(*c)))
                 && is_asked(middle(*c))
         };
-        (0..self.lattice.state.len())
-            .into_par_iter()
-            // Each cell costs about a microsecond, too little for a task of its own.
-            .with_min_len(1024)
-            .find_first(is_none)
-            .map(middle)
+        let cells = (0..state.len()).into_par_iter();
+        // Each cell costs about a microsecond, too little for a task of its own.
+        let found = cells.with_min_len(1024).find_first(is_none).map(middle);
+        found.or_else(|| {
+            let mixed = (0..state.len()).filter(is_mixed).map(middle);
+            let mixed: Vec<Point3> = mixed.filter(|p| is_asked(*p)).collect();
+            let mut values = vec![0.0; mixed.len()];
+            self.solid.sign_values(&mixed, &mut values);
+            // Pieces may be defined where the function of the solid is nowhere.
+            let is_nowhere = values.iter().all(|v| v.is_nan());
+            mixed.first().filter(|_| is_nowhere).copied()
+        })
+    }
+
+    /// Returns the size of a table of all pieces if some of them may be undefined in the lattice:
+    /// the trees of cells lack those that decide nothing wherever they are defined.
+    fn hidden_pieces(&self) -> Option<usize> {
+        let pieces = self.solid.tree().pieces();
+        let [lo, hi] = [[0; 3], self.lattice.n.map(|n| 2 * n)].map(|at| self.lattice.point(at));
+        let mut ranges = vec![Interval::ALL; pieces.len()];
+        self.solid
+            .value_bounds(&pieces, Aabb { lo, hi }, &mut ranges);
+        let may_hide = pieces.len() > 1 && ranges.contains(&Interval::ALL);
+        pieces
+            .iter()
+            .max()
+            .filter(|_| may_hide)
+            .map(|last| *last as usize + 1)
+    }
+
+    /// Returns the value of the whole tree, which has `n` pieces.
+    fn whole_value(&self, n: usize, p: Point3) -> f64 {
+        let pieces: Vec<u32> = (0..n as u32).collect();
+        let mut values = vec![0.0; n];
+        self.solid.values(&pieces, &[p], &mut values);
+        self.solid.tree().value(&|i| values[i as usize])
     }
 
     /// Returns the layer of a piece.

@@ -113,7 +113,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
             args.units.clone().or_else(|| subject.unit.clone()),
         )
     };
-    let (files, stdout) = solids::write(&made.solid, &args.output, &said, &subject.name)?;
+    let (files, stdout) = solids::write(&made.solid, &args.output, &said, &subject.name, context)?;
     let report = made.report(files);
     let json = outcome::json_of(&report);
     let outcome = Outcome::new(made.exit(), json, stdout, || text(&report));

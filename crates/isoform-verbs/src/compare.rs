@@ -4,6 +4,7 @@ use crate::arguments;
 use crate::context::Context;
 use crate::disk;
 use crate::failure::{self, DONE, Failure};
+use crate::fit::table::millimetres;
 use crate::kind;
 use crate::language::Language;
 use crate::memory;
@@ -15,7 +16,7 @@ use crate::{gallery, scan, solids};
 use isoform::cad::PreparedShape;
 use isoform::field::hyperfun::Pose;
 use isoform::geom::cad::Placement;
-use isoform::geom::{Aabb, Column, PointCloud};
+use isoform::geom::{Aabb, Column, Point3, PointCloud};
 use isoform::io::MeshPoints;
 use isoform::report::{CompareReport, ComparedFaceReport, SideReport, brief};
 use isoform::{
@@ -45,8 +46,10 @@ surface, else without sign; view and render colour them by it. The document of -
 distances by the faces of a solid, or the parts of a model, to which the points of the first are
 nearest; with --tolerance the faces that fail are named.
 
-Exit code: 0; 3 if --tolerance is given and a distance exceeds it, or a point has none: where a
-model is not a number.")]
+Where both files state their units, points given first are converted to those of the second.
+
+Exit code: 0; 3 if --tolerance is given and a judged distance exceeds it, or a point has none: where
+a model is not a number.")]
 pub(crate) struct Args {
     /// Points, a mesh, a model or formula, or a solid: STEP, .brep.json
     first: PathBuf,
@@ -79,14 +82,26 @@ pub(crate) struct Args {
     /// or .xyz
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Fail (exit 3) where a distance is larger
-    #[arg(long, value_name = "LENGTH")]
+    /// Fail (exit 3) where a distance is larger; those of a surface from points, which are as large
+    /// as the gaps between the points, are not judged
+    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true, value_parser = arguments::positive)]
     tolerance: Option<f64>,
     #[command(flatten)]
     language: Language,
 }
 
-/// A side as read.
+/// A side as read, and the unit that its file states.
+struct Opened {
+    side: Loaded,
+    unit: Option<String>,
+}
+
+impl Opened {
+    fn without_unit(side: Loaded) -> Self {
+        Self { side, unit: None }
+    }
+}
+
 enum Loaded {
     /// Points, with triangles where there are any.
     Cloud(PointCloud),
@@ -122,8 +137,9 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         }
         disk::check_folder(output)?;
     }
-    let mut first = load(&args.first, &args.given, args, context)?;
+    let first = load(&args.first, &args.given, args, context)?;
     let second = load(&args.second, &of_second, args, context)?;
+    let (mut first, second) = in_one_unit(first, second, context);
     let motion = match args.align {
         true => Some(align(&mut first, &second, args)?),
         false => None,
@@ -152,6 +168,9 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         kind: kind(loaded, args.vertices),
     });
     let mut report = CompareReport::new(sides, found, args.tolerance);
+    if let (false, Some(tolerance)) = (report.within_tolerance, report.tolerance) {
+        text += &format!("fails             the tolerance of {}\n", brief(tolerance));
+    }
     text += &beyond(&report.faces);
     report.motion = motion.map(|m| rows(&m));
     if let Some(output) = &args.output {
@@ -285,32 +304,92 @@ fn kind(loaded: &Loaded, vertices: bool) -> &'static str {
 }
 
 /// Reads a side: a mesh by its surface, points, or a model with the values that are given.
-fn load(path: &Path, given: &Given, args: &Args, context: &Context) -> Result<Loaded, Failure> {
+fn load(path: &Path, given: &Given, args: &Args, context: &Context) -> Result<Opened, Failure> {
     if names_model(path) {
-        return load_model(path, given, &args.language, context);
+        let model = load_model(path, given, &args.language, context)?;
+        return Ok(Opened::without_unit(model));
     }
     match solids::find(path)? {
         Some(FoundSolids::Own(file)) => {
+            let unit = file.unit.clone();
             let solid = solids::divided(path, *file, None, context)?;
-            return Ok(Loaded::Solid(Box::new(solid)));
+            return Ok(Opened {
+                side: Loaded::Solid(Box::new(solid)),
+                unit,
+            });
         }
         Some(FoundSolids::Shape(mut file)) => {
             let shape = solids::prepared(path, &mut file, None, context)?;
-            return Ok(Loaded::Shape(Box::new(shape)));
+            return Ok(Opened {
+                side: Loaded::Shape(Box::new(shape)),
+                unit: Some(file.unit),
+            });
         }
         None => {}
     }
-    let (cloud, warnings) = if scan::is_mesh(path, None) {
+    let (cloud, report) = if scan::is_mesh(path, None) {
         let (mesh, report) = scan::read_mesh_file(path, None)?;
-        (surface_of(&mesh), report.warnings)
+        (surface_of(&mesh), report)
     } else {
-        let (cloud, report) = scan::read_points(path, None, None, MeshPoints::Vertices, context)?;
-        (cloud, report.warnings)
+        scan::read_points(path, None, None, MeshPoints::Vertices, context)?
     };
-    for warning in warnings {
+    for warning in report.warnings {
         context.warn(format_args!("{}: {warning}", path.display()));
     }
-    Ok(Loaded::Cloud(cloud))
+    Ok(Opened {
+        side: Loaded::Cloud(cloud),
+        unit: report.units,
+    })
+}
+
+/// Converts points or a mesh given first to the unit of the second, where both are known and
+/// differ, and warns where the sizes let units be suspected.
+fn in_one_unit(first: Opened, second: Opened, context: &Context) -> (Loaded, Loaded) {
+    let mut side = first.side;
+    let known = [&first.unit, &second.unit].map(|unit| unit.as_deref().and_then(millimetres));
+    if let [Some(from), Some(to)] = known
+        && from != to
+        && let [Some(given), Some(wanted)] = [first.unit, second.unit]
+    {
+        match &mut side {
+            Loaded::Cloud(cloud) => {
+                let scaled = |p: Point3| p.map(|v| v * from / to);
+                cloud.origin = scaled(cloud.origin);
+                cloud.points.iter_mut().for_each(|p| *p = scaled(*p));
+                context.warn(format_args!(
+                    "the first is in {given}, the second in {wanted}: lengths are in {wanted}"
+                ));
+            }
+            _ => context.warn(format_args!(
+                "the first is in {given}, the second in {wanted}: their numbers are compared"
+            )),
+        }
+        return (side, second.side);
+    }
+    if let [Some(one), Some(other)] = [&side, &second.side].map(extent)
+        && (one > MANY_TIMES * other || other > MANY_TIMES * one)
+    {
+        context.warn(format_args!(
+            "the first is {} times as large as the second: are the units the same?",
+            brief(one / other)
+        ));
+    }
+    (side, second.side)
+}
+
+/// Ratio of sizes from which a difference of units is suspected: that of centimetres and inches is
+/// the least, but a scan may show a part of a shape.
+const MANY_TIMES: f64 = 8.0;
+
+/// The diagonal of a side's bounding box; `None` for models, which extend without end.
+fn extent(side: &Loaded) -> Option<f64> {
+    let bounds = match side {
+        Loaded::Cloud(cloud) => Aabb::from_points(&cloud.points),
+        Loaded::Solid(solid) => Aabb::from_points(&solid.facets().points),
+        Loaded::Shape(shape) => shape.bounds(),
+        Loaded::Model(..) | Loaded::Spline(_) => return None,
+    };
+    Some(bounds.diagonal()).filter(|d| *d > 0.0)
 }
 
 /// Reads a model; its metric reading gives the distances.

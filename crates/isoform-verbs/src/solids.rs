@@ -3,7 +3,8 @@
 use crate::context::Context;
 use crate::disk;
 use crate::failure::{Failure, NO_RESULT};
-use crate::kind::{SolidKind, is_json, is_solid, solid_kind};
+use crate::fit::table::millimetres;
+use crate::kind::{self, SolidKind, is_json, is_solid, solid_kind};
 use crate::memory::{self, Object};
 use crate::product::Statement;
 use crate::watchdog::Writing;
@@ -15,6 +16,7 @@ use isoform::io::{
     ShapeFile, SolidFile, SolidOptions, StepContent, StepOptions, is_solid_file, read_solids,
     read_step, step_solids, write_solids, write_step_solids,
 };
+use isoform::report::brief;
 use isoform::{ExactSolid, ModelBrep, solid_gap};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -48,17 +50,38 @@ pub(crate) fn check(paths: &[PathBuf]) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Tolerance to which CAD kernels join points, in mm.
+const KERNEL_TOLERANCE: f64 = 1e-7;
+
+/// Warns of STEP files whose coordinates have a rounding step above the tolerance of CAD kernels,
+/// which then take the inside of a solid for its outside.
+fn warn_of_distance(made: &ModelBrep, paths: &[PathBuf], said: &Statement, context: &Context) {
+    let unit = said.unit.as_deref().and_then(millimetres).unwrap_or(1.0);
+    let coordinates = made.built.brep.vertices.iter().flatten();
+    let farthest = unit * coordinates.fold(0.0, |far: f64, v| far.max(v.abs()));
+    let is_step = |path: &PathBuf| path == Path::new("-") || kind::is_step(path);
+    if farthest * f64::EPSILON > KERNEL_TOLERANCE && paths.iter().any(is_step) {
+        context.warn(format_args!(
+            "coordinates are as large as {} km: CAD programs may read the solid inside out; \
+             recover has --frame part",
+            brief(1e-6 * farthest)
+        ));
+    }
+}
+
 /// Writes all files; gives back their names, and what is for stdout (STEP).
 pub(crate) fn write(
     made: &ModelBrep,
     paths: &[PathBuf],
     said: &Statement,
     model: &str,
+    context: &Context,
 ) -> Result<(Vec<String>, Vec<u8>), Failure> {
     if !made.is_closed() {
         let failure = Failure::new(NO_RESULT, "open", format!("{model}: a shell is not closed"));
         return Err(failure.hint("a smaller --size"));
     }
+    warn_of_distance(made, paths, said, context);
     let properties = made.properties();
     let options = SolidOptions {
         step: StepOptions {

@@ -46,15 +46,18 @@ impl Task<'_> {
         all.map(|(i, (p, freedom))| {
             let sd = at.deviation(i);
             let status = self.status(p.kind, sd, freedom, at.x);
-            let is_known = is_known(status, sd);
             let half = width * sd;
+            let bounds = self.space.bounds[i];
+            // At a bound, an interval that is wider than the bounds tells nothing.
+            let is_wide = status == Status::AtBound && half > bounds.1 - bounds.0;
+            let is_known = is_known(status, sd) && !is_wide;
             Estimate {
                 name: p.name.clone(),
                 value: at.a[i],
                 sd: is_known.then_some(sd),
                 ci95: is_known.then_some((at.a[i] - half, at.a[i] + half)),
                 status,
-                bounds: self.space.bounds[i],
+                bounds,
                 unit: p.unit.clone(),
             }
         })

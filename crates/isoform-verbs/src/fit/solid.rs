@@ -167,7 +167,7 @@ fn written(
         ..Statement::named_after(&job.template_name, unit(job))
     };
     let name = format!("fitted {}", job.template_name);
-    let (files, _) = solids::write(&made.solid, &wanted.paths, &said, &name)?;
+    let (files, _) = solids::write(&made.solid, &wanted.paths, &said, &name, context)?;
     if said.unit.is_none() && wanted.paths.iter().any(|p| kind::is_step(p)) {
         context
             .warn("the unit of the scan is not known: STEP files state mm (--units says another)");

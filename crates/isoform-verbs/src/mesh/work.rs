@@ -281,7 +281,7 @@ fn no_solid(error: &SolidError, name: &str) -> Failure {
             .hint("inside is where f >= 0: a sign, or other --params"),
         SolidError::Fails(e) => Failure::input("run", &e.message)
             .at(Path::new(name), e.line, e.column)
-            .hint("correct the program: it stops there at every point"),
+            .hint("correct the program, or its parameters: it stops there at every point"),
         SolidError::Dimension { .. } => {
             Failure::input("dimension", message).hint("--object with one of three coordinates")
         }

@@ -21,7 +21,9 @@ pub struct CompareReport {
     pub faces: Vec<ComparedFaceReport>,
     /// Largest allowed distance; `None` without a requirement.
     pub tolerance: Option<f64>,
-    /// True if all distances are known and within the tolerance, or if there is none.
+    /// True if all judged distances are known and within the tolerance, or if there is none.
+    /// Distances of a surface from points are not judged: they are as large as the gaps between the
+    /// points.
     pub within_tolerance: bool,
     /// Rows of the matrix that moved points (x, y, z, 1) of the first shape; `None` if none was
     /// asked for.
@@ -50,6 +52,9 @@ pub struct SideReport {
     pub kind: &'static str,
 }
 
+/// Kind of a side that is points alone.
+const POINTS: &str = "points";
+
 impl CompareReport {
     /// Creates the report of a comparison.
     pub fn new(sides: [SideReport; 2], found: Comparison, tolerance: Option<f64>) -> Self {
@@ -61,8 +66,16 @@ impl CompareReport {
                 .map(|t| is_within(&found.distances, t)),
             found,
         };
+        let is_judged =
+            |from: &SideReport, to: &SideReport| to.kind != POINTS || from.kind == POINTS;
+        let judged_ways = [
+            (is_judged(&first, &second), &there),
+            (is_judged(&second, &first), &back),
+        ];
+        let is_kept = |t: f64| judged_ways.iter().all(|(is, d)| !is || is_within(d, t));
         Self {
             verb: "compare",
+            within_tolerance: tolerance.is_none_or(is_kept),
             first,
             second,
             first_to_second: there,
@@ -71,7 +84,6 @@ impl CompareReport {
             tolerance,
             motion: None,
             files: Vec::new(),
-            within_tolerance: tolerance.is_none_or(|t| is_within(&there, t) && is_within(&back, t)),
         }
     }
 }
