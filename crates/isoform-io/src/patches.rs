@@ -251,6 +251,13 @@ fn degree(value: &Value, at: &str) -> Result<[usize; 2]> {
     }
 }
 
+/// Returns the key of an object that differs from an optional one by two letters at most.
+fn misspelt<'v>(value: &'v Value, wanted: &str) -> Option<&'v str> {
+    let mut keys = value.as_object()?.keys();
+    let is_near = |key: &&String| strsim::osa_distance(&key.to_lowercase(), wanted) <= 2;
+    keys.find(is_near).map(String::as_str)
+}
+
 /// Grid of control points, at least one.
 struct ControlNet {
     rows: usize,
@@ -287,7 +294,10 @@ impl ControlNet {
     fn weighted(value: &Value, at: &str) -> Result<Self> {
         let points = rows(value, "points", at)?;
         let weights = match value.get("weights") {
-            None => None,
+            None => match misspelt(value, "weights") {
+                Some(key) => return wrong(format!("{at}, {key}"), "did you mean weights?"),
+                None => None,
+            },
             Some(_) => Some(rows(value, "weights", at)?),
         };
         let shape = |rows: &[&[Value]]| [rows.len(), rows[0].len()];

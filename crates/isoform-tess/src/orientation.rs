@@ -44,14 +44,17 @@ impl Extent {
     }
     /// Returns 1 or −1 if the volume has this sign as seen from every point of the box, or is zero
     /// as from the apex of a cone; the volume is affine in the point. Returns 0 if its sign varies,
-    /// or is not known because of rounding and the distance of the triangles from the surface.
+    /// or is not known because of rounding and, with a border, the distance of the triangles from
+    /// the surface: closed triangles enclose a volume of their own.
     fn sign(&self, tolerance: f64) -> f64 {
         let half = |k: usize| 0.5 * self.bounds.size()[k];
         let change: f64 = (0..3).map(|k| half(k) * self.area[k].abs()).sum();
         // Each term has the rounding error of a few operations, and the sum that of all terms
         // before it.
-        let rounding = (self.terms + 16.0) * f64::EPSILON * self.size;
-        let error = rounding + 3.0 * tolerance * self.whole;
+        let rounding = |size: f64| (self.terms + 16.0) * f64::EPSILON * size;
+        let is_closed = change <= rounding(self.bounds.diagonal() * self.whole);
+        let distance = if is_closed { 0.0 } else { tolerance };
+        let error = rounding(self.size) + 3.0 * distance * self.whole;
         let size = self.volume.abs();
         if size > error && size + error >= change {
             self.volume.signum()
@@ -185,12 +188,16 @@ mod tests {
         .collect()
     }
     fn surface(points: Vec<Point3>, triangles: Vec<[u32; 3]>) -> Surface {
+        surface_within(0.0, points, triangles)
+    }
+    fn surface_within(tolerance: f64, points: Vec<Point3>, triangles: Vec<[u32; 3]>) -> Surface {
         let (n, count) = (points.len(), triangles.len());
         let mut s = Surface {
             double: vec![false; n],
             charts: vec![0; count],
             corners: vec![[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]; count],
             borders: vec![[0; 3]; count],
+            tolerance,
             points,
             triangles,
             ..Surface::default()
@@ -206,7 +213,8 @@ mod tests {
         s.triangles.iter().map(|t| six(corners(t)) / 6.0).sum()
     }
 
-    /// An octahedron far from the origin, with any of its triangles turned, has the volume 4/3.
+    /// An octahedron far from the origin, with any of its triangles turned, has the volume 4/3,
+    /// however coarse it may be.
     #[test]
     fn closed_pieces_are_turned_outward() {
         let at = |k: usize, x: f64| {
@@ -223,11 +231,13 @@ mod tests {
                 0 => *t,
                 _ => [t[0], t[2], t[1]],
             };
-            let triangles = all.iter().enumerate().map(turn).collect();
-            let s: Surface = surface(Vec::clone(&points), triangles);
-            assert!((volume(&s) - 4.0 / 3.0).abs() < 1e-12, "{turned}");
-            assert_eq!((s.winding.pieces, s.winding.outward), (1, 1));
-            assert!(s.winding.is_orientable() && s.findings.is_empty());
+            let triangles: Vec<[u32; 3]> = all.iter().enumerate().map(turn).collect();
+            for tolerance in [0.0, 9.0] {
+                let s = surface_within(tolerance, Vec::clone(&points), triangles.clone());
+                assert!((volume(&s) - 4.0 / 3.0).abs() < 1e-12, "{turned}");
+                assert_eq!((s.winding.pieces, s.winding.outward), (1, 1));
+                assert!(s.winding.is_orientable() && s.findings.is_empty());
+            }
         }
     }
 

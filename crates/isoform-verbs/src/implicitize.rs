@@ -112,6 +112,13 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     {
         context.warn("--cells: cells are at most half as many as points");
     }
+    if let Some(tolerance) = args.tol.filter(|t| report.rms > *t) {
+        context.warn(format_args!(
+            "the points lie {} off the surface (rms), more than --tol {tolerance}: their noise is \
+             as large, or sheets are closer than their spacing; --cells asks for smaller cells",
+            brief(report.rms)
+        ));
+    }
     say(&report, context);
     Ok(Outcome::new(
         outcome::exit(true),

@@ -193,6 +193,44 @@ fn a_function_that_is_no_number_is_refused() {
     }
 }
 
+/// The square root does not exist beyond x = 1, where the ball goes on; on average over a cell the
+/// cut is far outside, so that it decides nothing wherever it is a number.
+#[test]
+fn a_piece_that_is_no_number_within_the_solid_is_found() {
+    let f = Folder::new("hidden-no-number");
+    let ball = "my_model(x[3], a[1]) { ball = 4 - x[1]^2 - x[2]^2 - x[3]^2;";
+    let within = f.file(
+        "in.hf",
+        &format!("{ball} my_model = ball & (30 - sqrt(1 - x[1])); }}"),
+    );
+    let beyond = f.file(
+        "out.hf",
+        &format!("{ball} my_model = ball & (30 - sqrt(9 - x[1])); }}"),
+    );
+    let fails = f.file(
+        "no.hf",
+        &format!("{ball} k = 1/a[1]; my_model = ball & (1 - k*x[1]); }}"),
+    );
+    for (verb, file) in [("mesh", "a.stl"), ("brep", "a.step")] {
+        let out = f.file(file, "");
+        let o = isoform(&[verb, &within, "-o", &out, "--force", "--json"]);
+        let j = document(&o);
+        assert_eq!(
+            (code(&o), &j["error"]["code"]),
+            (4, &"not-a-number".into()),
+            "{j}"
+        );
+        let o = isoform(&[verb, &beyond, "-o", &out, "--force"]);
+        assert_eq!(code(&o), 0, "{}", stderr(&o));
+        // Division by zero, whatever the point.
+        let o = isoform(&[
+            verb, &fails, "--params", "0", "-o", &out, "--force", "--json",
+        ]);
+        let j = document(&o);
+        assert_eq!((code(&o), &j["error"]["code"]), (2, &"run".into()), "{j}");
+    }
+}
+
 #[test]
 fn a_time_limit_ends_what_takes_longer() {
     let f = Folder::new("limits");

@@ -58,6 +58,55 @@ fn deviations_have_the_sign_of_the_side() {
     }
 }
 
+/// Points of a scan are judged, not the gaps between them; their unit is converted.
+#[test]
+fn a_scan_is_judged_by_its_points() {
+    let f = Folder::new("judged");
+    let step = f.path("ball.step");
+    let solid = [
+        "brep",
+        "x^2 + y^2 + z^2 = 400",
+        "--units",
+        "mm",
+        "-o",
+        &step,
+    ];
+    assert_eq!(code(&isoform(&solid)), 0);
+    let at = |k: i32| {
+        let (z, turn) = (1.0 - f64::from(k) / 100.0, 2.4 * f64::from(k));
+        let r = (20.0 + 0.05 * f64::from(k % 3 - 1)) / 25.4;
+        let flat = r * (1.0 - z * z).sqrt();
+        format!("{},{},{}\n", flat * turn.cos(), flat * turn.sin(), r * z)
+    };
+    let rows: String = (0..=200).map(at).collect();
+    let scan = f.file("scan.csv", format!("X [in],Y [in],Z [in]\n{rows}"));
+    for (tolerance, expected) in [("0.06", 0), ("0.04", 3)] {
+        let o = isoform(&["compare", &scan, &step, "--tolerance", tolerance, "--json"]);
+        let found = document(&o);
+        assert_eq!(code(&o), expected, "{found} {}", stderr(&o));
+        assert!(stderr(&o).contains("lengths are in mm"), "{}", stderr(&o));
+        assert!(
+            found["first_to_second"]["max"]
+                .as_f64()
+                .is_some_and(|d| (d - 0.05).abs() < 1e-6)
+        );
+        assert!(
+            found["second_to_first"]["max"]
+                .as_f64()
+                .is_some_and(|d| d > 0.5)
+        );
+    }
+    let unitless = f.file("plain.csv", &rows);
+    let o = isoform(&["compare", &unitless, &step]);
+    assert!(
+        stderr(&o).contains("are the units the same?"),
+        "{}",
+        stderr(&o)
+    );
+    let o = isoform(&["compare", &scan, &step, "--tolerance", "-1"]);
+    assert!(stderr(&o).contains("a positive number"), "{}", stderr(&o));
+}
+
 /// A part of another program and its own corners, turned by a right angle and moved.
 #[test]
 fn a_moved_scan_is_brought_back() {

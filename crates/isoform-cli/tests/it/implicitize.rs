@@ -159,6 +159,21 @@ fn an_open_scan_gives_an_open_surface() {
         "{}",
         stderr(&o)
     );
+    // Half a sphere, and what lies within a cell of its rim.
+    let o = isoform(&["mesh", &model, "--surface-only", "--size", "0.1", "--json"]);
+    let certificate = document(&o)["certificate"].clone();
+    let area = certificate["area"].as_f64().expect("an area");
+    assert!(
+        (1.0..1.4).contains(&(area / std::f64::consts::TAU)),
+        "{area}"
+    );
+    let is = |key: &str| certificate[key].as_bool();
+    assert_eq!(
+        (is("closed"), is("ok")),
+        (Some(false), Some(true)),
+        "{certificate}"
+    );
+    assert!(certificate["volume"].is_null(), "{certificate}");
     let lowest = std::fs::read_to_string(&out)
         .expect("written")
         .lines()

@@ -1,7 +1,8 @@
 //! Spheres: closed forms, methods of the paper, and inputs that make no sense.
 
 use isoform_fit::{
-    Control, FitError, Kind, LocalMethod, Method, Options, Parameter, Status, Template, fit,
+    Control, Estimate, Finding, FitError, Kind, LocalMethod, Method, Options, Parameter, Status,
+    Template, fit,
 };
 use isoform_geom::{ParamField, Point3, norm, sub};
 
@@ -161,15 +162,29 @@ fn exact_points_give_exact_parameters() {
         "{:?}",
         f.values()
     );
-    // As many points as parameters: no degrees of freedom, yet an answer.
-    let f = fit(
-        &points(4, 0.0),
-        &Sphere::new(4, false),
-        &Options::default(),
-        &Control::default(),
-    )
-    .expect("a fit");
-    assert!(f.rms < 1e-6, "{f:?}");
+}
+
+/// As many points as parameters: no degrees of freedom, an answer without intervals.
+#[test]
+fn as_many_points_as_parameters_test_nothing() {
+    for sigma in [0.0, 0.02] {
+        let f = fit(
+            &points(4, sigma),
+            &Sphere::new(4, false),
+            &Options::default(),
+            &Control::default(),
+        )
+        .expect("a fit");
+        assert!(f.rms < 1e-6, "{f:?}");
+        let is_open = |p: &Estimate| p.status == Status::Undetermined && p.ci95.is_none();
+        assert!(f.parameters.iter().all(is_open), "{:?}", f.parameters);
+        let untested = Finding::Untested { points: 4, free: 4 };
+        assert!(
+            !f.acceptable && f.findings.contains(&untested),
+            "{:?}",
+            f.findings
+        );
+    }
 }
 
 #[test]

@@ -165,6 +165,10 @@ fn files_that_are_wrong_are_refused() {
             json!({"degree": [1, 1], "knots_u": knots, "knots_v": knots, "points": points, "weights": [[1, 1]]}),
             "nurbs 1, weights",
         ),
+        (
+            json!({"degree": [1, 1], "knots_u": knots, "knots_v": knots, "points": points, "wieghts": [[1, 2], [1, 1]]}),
+            "nurbs 1, wieghts",
+        ),
     ] {
         assert_eq!(read_patches(&file).expect_err("wrong").at, at, "{file}");
     }

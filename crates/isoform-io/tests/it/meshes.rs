@@ -45,6 +45,25 @@ fn plain_block(n: usize, order: u32) -> Mesh {
     mesh
 }
 
+/// A block of size 1 at 1e8, where numbers of 32 bits are 8 apart, has no triangle left.
+#[test]
+fn triangles_that_32_bits_lose_are_counted() {
+    let mut mesh = block(2, 1);
+    let warnings = |mesh: &Mesh, format: &str| {
+        let mut bytes = Vec::new();
+        let options = MeshWriteOptions::default();
+        write_mesh(mesh, &mut bytes, format, &options)
+            .expect("memory takes all")
+            .warnings
+    };
+    let is_loss = |warning: &String| warning.contains("collapse or turn over");
+    assert!(!warnings(&mesh, "stl").iter().any(is_loss));
+    mesh.points.iter_mut().for_each(|p| p[0] += 1e8);
+    let lost = warnings(&mesh, "stl");
+    assert!(lost.iter().any(is_loss), "{lost:?}");
+    assert!(!warnings(&mesh, "ply").iter().any(is_loss));
+}
+
 #[test]
 fn a_block_comes_back() {
     for order in [1, 2] {
