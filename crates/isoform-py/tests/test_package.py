@@ -570,6 +570,25 @@ class Shapes(unittest.TestCase):
             drawn = isoform.triangulate(path)
         self.assertEqual(drawn.points.shape[1], 3)
 
+    def test_arrays_and_expressions_in_documents(self):
+        class Expression:  # as sympy writes one
+            def __str__(self):
+                return "s**2"
+
+        bowl = {"X": "s", "Y": "t", "Z": Expression(), "W": 1}
+        texts = {"X": "s", "Y": "t", "Z": "s^2", "W": "1"}
+        drawn = [isoform.triangulate(shape, box=1, tol=0.1) for shape in (bowl, texts)]
+        np.testing.assert_array_equal(drawn[0].points, drawn[1].points)
+        ends, grid = np.array([0, 0, 1, 1]), np.zeros((2, 2, 3))
+        grid[1, :, 0] = grid[:, 1, 1] = 1
+        net = {"degree": (1, 1), "knots_u": ends, "knots_v": ends, "points": grid}
+        self.assertAlmostEqual(isoform.triangulate(net).points[:, :2].max(), 1)
+        grid[0, 0, 0] = np.nan
+        with self.assertRaisesRegex(IsoformError, "not finite"):
+            isoform.triangulate(net)
+        with self.assertRaisesRegex(IsoformError, "functions of Python"):
+            isoform.mesh(lambda p: 1 - (p**2).sum(axis=1))
+
     def test_boxes_are_exact(self):
         plane = {"X": "s", "Y": "t", "Z": "0", "W": "1"}
         boxes = [isoform.triangulate(plane, box=b).to_dict()["box"] for b in (0.1, "1/10")]

@@ -16,6 +16,7 @@ use isoform::mesh::Control;
 use isoform::report::{
     CertificateReport, ContentsReport, InspectReport, ShapeReport, SolidReport, brief,
 };
+use isoform::{SurfaceMeasures, surface_measures};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -67,14 +68,16 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     )?;
     let seen = inspect(&cloud, &read);
     let file = args.file.display().to_string();
-    let report = InspectReport::new(&file, &seen);
+    let has_surface = !cloud.triangles.is_empty();
+    let surface = has_surface.then(|| surface_measures(&cloud.points, &cloud.triangles));
+    let report = InspectReport::new(&file, &seen, surface);
     for w in seen.warnings.iter().filter(|_| !context.global.json) {
         context.warn(w);
     }
     let outcome = Outcome {
         exit: DONE,
         json: outcome::json_of(&report),
-        stdout: text(&file, &seen, report.bounds).into_bytes(),
+        stdout: text(&file, &seen, &report).into_bytes(),
     };
     context.hand_over(|| Product::Points(cloud, read));
     Ok(outcome)
@@ -220,25 +223,26 @@ fn shape(path: &Path, mut file: ShapeFile, context: &Context) -> Result<Outcome,
 }
 
 /// The points, with a line for each thing that is known of them.
-fn text(file: &str, seen: &Inspection, bounds: Option<[[f64; 3]; 2]>) -> String {
+fn text(file: &str, seen: &Inspection, report: &InspectReport) -> String {
     let mut text = format!("{file}: {}, {} points", seen.format, seen.points);
     if seen.rows != seen.points as u64 {
         text += &format!(" of {} in the file", seen.rows);
     }
     text.push('\n');
-    for (name, value) in lines(seen, bounds) {
+    for (name, value) in lines(seen, report) {
         text += &format!("  {name:<11}{value}\n");
     }
     text
 }
 
 /// Names with their values.
-fn lines(seen: &Inspection, bounds: Option<[[f64; 3]; 2]>) -> Vec<(&'static str, String)> {
+fn lines(seen: &Inspection, report: &InspectReport) -> Vec<(&'static str, String)> {
     let mut lines = Vec::new();
     if seen.triangles > 0 {
         lines.push(("triangles", seen.triangles.to_string()));
     }
-    if let Some([lo, hi]) = bounds {
+    lines.extend(report.surface.as_ref().map(|s| ("surface", surface(s))));
+    if let Some([lo, hi]) = report.bounds {
         for (k, name) in ["x", "y", "z"].into_iter().enumerate() {
             let length = brief(hi[k] - lo[k]);
             lines.push((name, format!("{} to {}   ({length})", lo[k], hi[k])));
@@ -263,6 +267,31 @@ fn lines(seen: &Inspection, bounds: Option<[[f64; 3]; 2]>) -> Vec<(&'static str,
         lines.push(("duplicates", seen.duplicates.to_string()));
     }
     lines
+}
+
+/// A surface in words: closed with its volume, or what is wrong with its edges.
+fn surface(s: &SurfaceMeasures) -> String {
+    let area = format!("area {}", brief(s.area));
+    if let Some(volume) = s.volume {
+        let facing = if volume < 0.0 { ", facing inward" } else { "" };
+        return format!("closed{facing}, {area}, volume {}", brief(volume.abs()));
+    }
+    let faults = [
+        (s.open_edges, "of one triangle"),
+        (s.crowded_edges, "of more than two"),
+        (
+            s.misoriented_edges,
+            "between triangles of opposite orientation",
+        ),
+    ];
+    let faults = faults.iter().filter(|fault| fault.0 > 0);
+    let faults: Vec<String> = faults.map(|(count, of)| format!("{count} {of}")).collect();
+    let state = if s.open_edges > 0 {
+        "open"
+    } else {
+        "no border"
+    };
+    format!("{state}, {area}; edges: {}", faults.join(", "))
 }
 
 /// The name of a column and the range of its values.

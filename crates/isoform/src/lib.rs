@@ -200,4 +200,4 @@ pub use recognize_scan::{
 pub use scan_labels::{ScanLabels, ScanLabelsError, recognize_scan_labels};
 pub use spline_distance::SplineDistance;
 pub use template::{FrepTemplate, TemplateError};
-pub use topology::{Topology, topology};
+pub use topology::{SurfaceMeasures, Topology, surface_measures, topology};

@@ -91,8 +91,8 @@ pub(crate) fn meshable(
     })
 }
 
-/// Returns an edge length that suits a solid: a fortieth of the diagonal of its box, rounded to two
-/// digits.
+/// Returns an edge length that suits a solid, or its part in a region: a fortieth of the diagonal of
+/// its bounding box, rounded to two digits.
 ///
 /// ```
 /// use isoform::field::hyperfun::{Mode, Model};
@@ -121,10 +121,13 @@ pub fn default_size_within(
     options: &Options,
     control: &Control<'_>,
 ) -> Result<f64, ExtentError> {
-    match options.region {
-        Some(region) => Ok(usual_size(region)),
-        None => Ok(two_digits(sought(solid, options.start, control)?.1)),
-    }
+    let Some(region) = options.region else {
+        return Ok(two_digits(sought(solid, options.start, control)?.1));
+    };
+    // The solid may be much smaller than the given box; what is wrong with it, the mesher tells.
+    let found = sought(&Capped::new(solid, region), region, control);
+    let size = found.map(|(_, size)| two_digits(size));
+    Ok(size.unwrap_or(f64::INFINITY).min(usual_size(region)))
 }
 
 /// Returns the box of a solid, searched from `start`, and an edge length that suits it.
@@ -399,12 +402,16 @@ mod tests {
             let size = default_size(ball.as_ref(), None).expect("a box");
             assert!((size / want - 1.0).abs() < 0.1, "{size} for {want}");
         }
-        let region = Aabb {
-            lo: [0.0; 3],
-            hi: [3.0, 4.0, 0.0],
-        };
+        // In a box, that of the part of the solid there: an octant of a ball, all of it, or a cube.
         let (ball, _) = solid_of(&model("m = hfSphere(x, c, a[1]);"), &[1.0]).expect("a solid");
-        assert_eq!(default_size(ball.as_ref(), Some(region)), Ok(0.12));
+        for (lo, hi, want) in [(0.0, 2.0, 0.043), (-9.0, 9.0, 0.087), (-0.1, 0.1, 0.0087)] {
+            let region = Aabb {
+                lo: [lo; 3],
+                hi: [hi; 3],
+            };
+            let size = default_size(ball.as_ref(), Some(region)).expect("a size");
+            assert!((size / want - 1.0).abs() < 0.1, "{size} for {want}");
+        }
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! Topology of an arbitrary set of triangles: closed or open, with any number of triangles per
 //! edge.
 
-use isoform_geom::UnionFind;
+use isoform_geom::{Point3, UnionFind, cross, dot, norm, sub};
+use rayon::prelude::*;
+use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// Topological numbers of a set of triangles, which need not form a manifold.
@@ -37,6 +39,61 @@ pub fn topology(triangles: &[[u32; 3]]) -> Topology {
         boundary_loops: groups(&open).1,
         crowded_edges: edges.values().filter(|n| **n > 2).count(),
     }
+}
+
+/// Edges and size of a set of triangles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct SurfaceMeasures {
+    /// Number of edges of one triangle.
+    pub open_edges: usize,
+    /// Number of edges of more than two triangles.
+    pub crowded_edges: usize,
+    /// Number of edges of two triangles that run along them in one direction.
+    pub misoriented_edges: usize,
+    /// Area, in square units.
+    pub area: f64,
+    /// Enclosed volume, in cubic units, negative if the triangles face inward; `None` unless each
+    /// edge has two triangles, which run along it in opposite directions.
+    pub volume: Option<f64>,
+}
+
+/// Counts the edges of triangles, and measures their surface.
+///
+/// ```
+/// let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+/// let tetrahedron = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+/// let measures = isoform::surface_measures(&points, &tetrahedron);
+/// assert!((measures.volume.expect("closed") - 1.0 / 6.0).abs() < 1e-15);
+/// assert_eq!(isoform::surface_measures(&points, &tetrahedron[1..]).open_edges, 3);
+/// ```
+pub fn surface_measures(points: &[Point3], triangles: &[[u32; 3]]) -> SurfaceMeasures {
+    let ends = |t: &[u32; 3]| [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])];
+    let sides = triangles.iter().flat_map(ends);
+    let mut sides: Vec<([u32; 2], bool)> =
+        sides.map(|(a, b)| ([a.min(b), a.max(b)], a < b)).collect();
+    sides.par_sort_unstable();
+    let mut found = SurfaceMeasures::default();
+    for edge in sides.chunk_by(|a, b| a.0 == b.0) {
+        match edge {
+            [_] => found.open_edges += 1,
+            [a, b] => found.misoriented_edges += usize::from(a.1 == b.1),
+            _ => found.crowded_edges += 1,
+        }
+    }
+    // As seen from a vertex, so that no digits are lost far from the origin.
+    let from = triangles
+        .first()
+        .map_or([0.0; 3], |t| points[t[0] as usize]);
+    let mut volume = 0.0;
+    for t in triangles {
+        let [a, b, c] = t.map(|v| sub(points[v as usize], from));
+        let normal = cross(sub(b, a), sub(c, a));
+        found.area += 0.5 * norm(normal);
+        volume += dot(a, normal) / 6.0;
+    }
+    let faults = found.open_edges + found.crowded_edges + found.misoriented_edges;
+    found.volume = (faults == 0).then_some(volume);
+    found
 }
 
 /// Returns all edges, lower vertex first, with the number of triangles at each.

@@ -83,9 +83,26 @@ def handed(shape: Any) -> Any:
     if isinstance(shape, PointCloud):
         return _isoform.Input(shape.name, shape._native)
     if isinstance(shape, Mapping):
-        name = "polynomial" if "F" in shape else "map"
-        return _isoform.Input(name, json.dumps(dict(shape)))
+        return _isoform.Input("polynomial" if "F" in shape else "map", _json(shape))
+    if callable(shape):
+        hint = 'a formula in quotes, as "x^2 + y^2 + z^2 = 1", a Model, or points for implicitize'
+        raise IsoformError("functions of Python are not shapes", "usage", hint)
     return _isoform.Input("array", _isoform.Cloud(as_points(shape)))
+
+
+def _json(shape: Mapping[Any, Any]) -> str:
+    """Convert a document, with arrays and expressions of other packages, to JSON."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, (np.ndarray, np.generic)):
+            return value.tolist()
+        return str(value).replace("**", "^")
+
+    try:
+        return json.dumps(dict(shape), default=plain, allow_nan=False)
+    except ValueError:
+        hint = "numbers that are neither NaN nor infinite"
+        raise IsoformError("a number is not finite", "shape", hint) from None
 
 
 def label_file(labels: Any, points: Any) -> Any:

@@ -189,17 +189,18 @@ impl<'a> Dimensions<'a> {
         let main = (0..surfaces.len())
             .filter(along_z)
             .max_by_key(|i| (points(*i), usize::MAX - i));
-        let about_main: usize = main.map_or(0, |m| {
+        let coaxial: Vec<usize> = main.map_or_else(Vec::new, |m| {
             let is_coaxial = |i: &usize| {
                 let [p, q] = [m, *i].map(|j| surfaces[j].place);
                 (p[0] - q[0]).hypot(p[1] - q[1]) <= MAX_TIED_DIFFERENCE * self.diagonal
             };
-            (0..surfaces.len())
-                .filter(along_z)
-                .filter(is_coaxial)
-                .map(points)
-                .sum()
+            let all = (0..surfaces.len()).filter(along_z);
+            all.filter(is_coaxial).collect()
         });
+        let about_main: usize = coaxial.iter().copied().map(points).sum();
+        // The axis that is known best: others differ from it by chance.
+        let by_deviation = |i: &usize, j: &usize| self.deviation(*i).total_cmp(&self.deviation(*j));
+        let best = coaxial.iter().copied().min_by(by_deviation);
         let is_plane = |i: &usize| used[*i] && surfaces[*i].kind == PrimitiveKind::Plane;
         let planes = |k: usize| {
             (0..surfaces.len())
@@ -209,7 +210,7 @@ impl<'a> Dimensions<'a> {
         let beside: usize = planes(0).chain(planes(1)).map(points).sum();
         for k in 0..3 {
             let lowest = planes(k).map(|i| surfaces[i].place[k]).reduce(f64::min);
-            let of_axis = main.filter(|_| k < 2).map(|m| self.anchor(m, k));
+            let of_axis = best.filter(|_| k < 2).map(|m| self.anchor(m, k));
             let first = if about_main > beside {
                 of_axis.or(lowest)
             } else {

@@ -1,5 +1,6 @@
 //! Report on a file of points.
 
+use crate::SurfaceMeasures;
 use isoform_geom::Point3;
 use isoform_io::Inspection;
 use serde::Serialize;
@@ -38,6 +39,8 @@ pub struct InspectReport {
     pub colors: bool,
     /// Number of triangles.
     pub triangles: usize,
+    /// Edges, area and volume of the surface; `None` without triangles.
+    pub surface: Option<SurfaceMeasures>,
     /// Further values per point.
     pub columns: Vec<ColumnReport>,
     /// Unit of length.
@@ -72,7 +75,7 @@ pub struct UnitReport {
 
 impl InspectReport {
     /// Creates the report of an inspection.
-    pub fn new(file: &str, seen: &Inspection) -> Self {
+    pub fn new(file: &str, seen: &Inspection, surface: Option<SurfaceMeasures>) -> Self {
         let absolute = |p: Point3| std::array::from_fn(|k| p[k] + seen.origin[k]);
         let bounds = [seen.bounds.lo, seen.bounds.hi].map(absolute);
         let columns = seen.columns.iter().map(|c| ColumnReport {
@@ -97,6 +100,7 @@ impl InspectReport {
             normals: seen.has_normals,
             colors: seen.has_colors,
             triangles: seen.triangles,
+            surface,
             columns: columns.collect(),
             unit: UnitReport {
                 name: Some(seen.unit.unit.clone()).filter(|unit| !unit.is_empty()),
