@@ -255,7 +255,7 @@ fn proposed(
 /// Adds the findings against a fit of a proposed template. Its bounds lie about what was
 /// recognised: a parameter that runs into one contradicts the recognition.
 fn add_findings(fit: &mut Fit, proposal: &Proposal) {
-    for gap in proposal.faults() {
+    for gap in proposal.faults(fit.isolated) {
         let what = format!("template: {gap}");
         fit.add_finding(Finding::Incomplete { what });
     }

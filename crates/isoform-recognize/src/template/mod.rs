@@ -56,13 +56,14 @@ impl Proposal {
     /// Returns true if the template closes with faces that were seen and explains all but a
     /// fiftieth of the points.
     pub fn is_complete(&self) -> bool {
-        self.faults().next().is_none()
+        self.faults(0.0).next().is_none()
     }
 
-    /// Returns the gaps for which it is not complete.
-    pub fn faults(&self) -> impl Iterator<Item = &Gap> {
+    /// Returns the gaps for which it is not complete; `isolated` is the share of the points that lie
+    /// apart from all others, which no entity needs to explain.
+    pub fn faults(&self, isolated: f64) -> impl Iterator<Item = &Gap> {
         // Noise at edges leaves up to one point in a hundred.
-        let is_explained = self.explained >= 1.0 - 0.02;
+        let is_explained = self.explained + isolated >= 1.0 - 0.02;
         self.gaps.iter().filter(move |gap| match gap {
             Gap::Unassigned(_) => !is_explained,
             Gap::Unused { needed, .. } => *needed > 0 || !is_explained,

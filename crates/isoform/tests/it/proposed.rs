@@ -1,7 +1,7 @@
 //! Templates proposed for scans of parts with known dimensions.
 
 use isoform::field::hyperfun::{Mode, Model};
-use isoform::geom::{Point3, PointCloud, cross, dot, norm, sub};
+use isoform::geom::{Aabb, Point3, PointCloud, cross, dot, norm, sub};
 use isoform::num::Random;
 use isoform::recognize::Gap;
 use isoform::{
@@ -214,7 +214,7 @@ fn a_face_that_the_solid_lacks_is_a_fault() {
     let proposal = proposed(&scan);
     let is_dropped = |g: &&Gap| matches!(g, Gap::Unused { needed: 1, .. });
     assert_eq!(
-        proposal.faults().filter(is_dropped).count(),
+        proposal.faults(0.0).filter(is_dropped).count(),
         1,
         "{:?}",
         proposal.gaps
@@ -236,6 +236,27 @@ fn a_face_that_is_missing_is_said() {
     assert_eq!(open.used.len() + 1, whole.used.len());
     let is_unseen = |g: &Gap| matches!(g, Gap::Unseen(..) | Gap::Open(_));
     assert!(open.gaps.iter().any(is_unseen), "{:?}", open.gaps);
+}
+
+/// Points that lie apart from all others need no entity.
+#[test]
+fn strays_are_no_fault_of_a_template() {
+    let mut scan = plate(6000, 0.01);
+    let bounds = Aabb::from_points(&scan.points);
+    let mut random = Random::new(5);
+    let stray = |random: &mut Random| {
+        let at = |k: usize, random: &mut Random| {
+            bounds.center()[k] + 1.5 * (random.unit() - 0.5) * bounds.size()[k]
+        };
+        [0, 1, 2].map(|k| at(k, random))
+    };
+    let strays = (0..200).map(|_| stray(&mut random));
+    let mut points: Vec<Point3> = strays.collect();
+    scan.points.append(&mut points);
+    let proposal = proposed(&scan);
+    let is_left = |g: &&Gap| matches!(g, Gap::Unassigned(_));
+    assert_eq!(proposal.faults(0.0).filter(is_left).count(), 1);
+    assert_eq!(proposal.faults(0.03).filter(is_left).count(), 0);
 }
 
 /// A plate on a table: the plane extends all round it, is removed, and closes the hidden side.
