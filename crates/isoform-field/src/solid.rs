@@ -213,11 +213,8 @@ impl Pieces {
     }
 }
 
-/// Number of points at which [`common_error`] runs a program.
-const TRIAL_POINTS: u32 = 48;
-
-/// Returns the error with which runs of a program end wherever they are tried, with the same
-/// numbers: it depends on the parameters alone.
+/// Returns the error with which runs of a program end wherever they are tried, if their messages
+/// are equal: it depends on the parameters alone.
 fn common_error(model: &Model, a: &[f64]) -> Option<RunError> {
     // Multiples of these numbers are evenly distributed modulo 1; sizes grow by decades.
     let at = |k: u32, step: f64| 2.0 * (f64::from(k + 1) * step).fract() - 1.0;
@@ -228,7 +225,8 @@ fn common_error(model: &Model, a: &[f64]) -> Option<RunError> {
     let mut evaluator = model.evaluator();
     let first = evaluator.eval(&point(0), a, &[]).err()?;
     let is_same = |k| evaluator.eval(&point(k), a, &[]).is_err_and(|e| e == first);
-    (1..TRIAL_POINTS).all(is_same).then_some(first)
+    // Six points of each size.
+    (1..48).all(is_same).then_some(first)
 }
 
 /// Computation of ranges of the pieces. Interval arithmetic treats the arguments of a blend as

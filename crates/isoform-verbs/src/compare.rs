@@ -366,8 +366,10 @@ fn in_one_unit(first: Opened, second: Opened, context: &Context) -> (Loaded, Loa
         }
         return (side, second.side);
     }
+    // Other units differ by 10 or more, except for centimetres and inches, but a scan may show a
+    // part of a shape.
     if let [Some(one), Some(other)] = [&side, &second.side].map(extent)
-        && (one > MANY_TIMES * other || other > MANY_TIMES * one)
+        && (one > 8.0 * other || other > 8.0 * one)
     {
         context.warn(format_args!(
             "the first is {} times as large as the second: are the units the same?",
@@ -376,10 +378,6 @@ fn in_one_unit(first: Opened, second: Opened, context: &Context) -> (Loaded, Loa
     }
     (side, second.side)
 }
-
-/// Ratio of sizes from which a difference of units is suspected: that of centimetres and inches is
-/// the least, but a scan may show a part of a shape.
-const MANY_TIMES: f64 = 8.0;
 
 /// The diagonal of a side's bounding box; `None` for models, which extend without end.
 fn extent(side: &Loaded) -> Option<f64> {

@@ -50,9 +50,6 @@ pub(crate) fn check(paths: &[PathBuf]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Tolerance to which CAD kernels join points, in mm.
-const KERNEL_TOLERANCE: f64 = 1e-7;
-
 /// Warns of STEP files whose coordinates have a rounding step above the tolerance of CAD kernels,
 /// which then take the inside of a solid for its outside.
 fn warn_of_distance(made: &ModelBrep, paths: &[PathBuf], said: &Statement, context: &Context) {
@@ -60,7 +57,8 @@ fn warn_of_distance(made: &ModelBrep, paths: &[PathBuf], said: &Statement, conte
     let coordinates = made.built.brep.vertices.iter().flatten();
     let farthest = unit * coordinates.fold(0.0, |far: f64, v| far.max(v.abs()));
     let is_step = |path: &PathBuf| path == Path::new("-") || kind::is_step(path);
-    if farthest * f64::EPSILON > KERNEL_TOLERANCE && paths.iter().any(is_step) {
+    // Kernels join points to 1e-7 mm.
+    if farthest * f64::EPSILON > 1e-7 && paths.iter().any(is_step) {
         context.warn(format_args!(
             "coordinates are as large as {} km: CAD programs may read the solid inside out; \
              recover has --frame part",

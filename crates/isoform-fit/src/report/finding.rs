@@ -144,7 +144,7 @@ pub enum Finding {
         /// Number of free parameters.
         free: usize,
     },
-    /// The points that the model meets are no more than its parameters.
+    /// The points that the model meets do not outnumber its parameters.
     Untested {
         /// Number of points.
         points: usize,

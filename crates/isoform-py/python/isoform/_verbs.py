@@ -1431,7 +1431,8 @@ def compare(
         Move the points or mesh given first onto the second before they are compared: the
         best fit.
     tolerance : float, optional
-        Fail (exit 3) where a distance is larger.
+        Fail (exit 3) where a distance is larger; those of a surface from points, which are
+        as large as the gaps between the points, are not judged.
     object : str, optional
         The object to evaluate; by default my_model, else the first one.
     strict : bool
