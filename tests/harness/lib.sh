@@ -24,8 +24,8 @@ steps=()
 running=()
 harness=$(dirname "${BASH_SOURCE[0]}")
 logs=$(mktemp -d)
-# One more than there are cores: those with a browser wait for half of their time.
-slots=$(($(nproc 2>/dev/null || echo 2) + 1))
+# Two more than there are cores: those with a browser wait for most of their time.
+slots=$(($(nproc 2>/dev/null || echo 2) + 2))
 
 say() { printf '\n== %s\n' "$*"; }
 ok() { passed=$((passed + 1)); }

@@ -16,7 +16,8 @@ use crate::by_point::ByPoint;
 use crate::deviation::SampledSurface;
 use crate::report::evidence::Evidence;
 use crate::task::Task;
-use isoform_geom::dot;
+use crate::vector::add;
+use isoform_geom::{Point3, dot, sub};
 
 impl Task<'_> {
     /// Computes the evidence from the residuals of all points and the surface of the model;
@@ -62,11 +63,48 @@ fn bare(surface: &SampledSurface, open_parts: &[bool]) -> f64 {
 }
 
 /// Returns the share of the samples that are bare although most samples with similar normals are
-/// not.
+/// not, except for those that no view of the others shows.
 fn overlooked(surface: &SampledSurface) -> f64 {
-    let bare = (0..surface.inward.len()).filter(|i| surface.bare[*i]);
-    let overlooked = bare.filter(|i| is_overlooked(surface, *i)).count();
-    overlooked as f64 / surface.inward.len().max(1) as f64
+    let all = 0..surface.inward.len();
+    let is_seen = |i: &usize| !surface.bare[*i];
+    let seen: Vec<Point3> = all
+        .clone()
+        .filter(is_seen)
+        .map(|i| surface.inward[i])
+        .collect();
+    let mut view = [0.0; 3];
+    seen.iter().for_each(|n| add(&mut view, n));
+    let mean = dot(view, view) / seen.len().max(1) as f64;
+    let is_averted =
+        |i: usize| dot(surface.inward[i], view) < mean && is_beyond(surface.inward[i], &seen);
+    let bare = all.filter(|i| surface.bare[*i]);
+    let overlooked = bare.filter(|i| is_overlooked(surface, *i) && !is_averted(*i));
+    overlooked.count() as f64 / surface.inward.len().max(1) as f64
+}
+
+/// Returns true if a plane separates a normal from all others: a view from beyond it shows none of
+/// them. By Gilbert's algorithm (1966, SIAM J. Control 4:61–80): x approaches the point of their
+/// convex hull that is nearest to the normal.
+fn is_beyond(normal: Point3, others: &[Point3]) -> bool {
+    let Some(first) = others.first() else {
+        return true;
+    };
+    let mut x = sub(*first, normal);
+    for _ in 0..32 {
+        let off = others.iter().map(|p| dot(x, sub(*p, normal)));
+        let (nearest, least) =
+            off.enumerate().fold(
+                (0, f64::INFINITY),
+                |best, k| if k.1 < best.1 { k } else { best },
+            );
+        if least > 0.0 {
+            return true;
+        }
+        let way = sub(sub(others[nearest], normal), x);
+        let share = (-dot(x, way) / dot(way, way)).clamp(0.0, 1.0);
+        x = std::array::from_fn(|k| x[k] + share * way[k]);
+    }
+    false
 }
 
 /// Returns true if most samples with similar normals have data. Normals within 37° are similar: a
@@ -81,4 +119,37 @@ fn is_overlooked(surface: &SampledSurface, i: usize) -> bool {
         bare += usize::from(surface.bare[j]);
     }
     2 * bare < alike
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deviation::{ModelToData, SampledSurface};
+
+    /// A ball seen from above is no scan with holes, unless there is one within what was seen.
+    #[test]
+    fn what_faces_away_from_all_views_is_not_overlooked() {
+        let normals: Vec<[f64; 3]> = (0..4000)
+            .map(|k| {
+                let z = 1.0 - (f64::from(k) + 0.5) / 2000.0;
+                let (r, turn) = ((1.0 - z * z).sqrt(), 2.4 * f64::from(k));
+                [r * turn.cos(), r * turn.sin(), z]
+            })
+            // Samples lie in a box slightly larger than that of the data.
+            .filter(|n| n[2] > -0.15)
+            .collect();
+        let share = |is_bare: &dyn Fn(&[f64; 3]) -> bool| {
+            overlooked(&SampledSurface {
+                points: normals.clone(),
+                parts: vec![0; normals.len()],
+                inward: normals.iter().map(|n| n.map(|v| -v)).collect(),
+                bare: normals.iter().map(is_bare).collect(),
+                summary: ModelToData::default(),
+            })
+        };
+        assert_eq!(share(&|n| n[2] < 0.0), 0.0);
+        // The cap is 0.03 of the 1.15 that the samples have in z.
+        let hole = share(&|n| n[2] < 0.0 || n[2] > 0.97);
+        assert!((hole - 0.03 / 1.15).abs() < 1e-3, "{hole}");
+    }
 }

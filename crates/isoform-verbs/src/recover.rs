@@ -20,10 +20,10 @@ use crate::recover_folder as folder;
 use crate::solids;
 use crate::watchdog;
 use isoform::field::hyperfun::Model;
-use isoform::fit::{ClutterKind, Finding, Fit, Status};
-use isoform::geom::Point3;
-use isoform::recognize::{Entity, LabelFacts};
-use isoform::{MeshModelOptions, Proposal, RecognizeOptions, ScanLabels};
+use isoform::fit::{ClutterKind, Estimate, Finding, Fit, Status, Template};
+use isoform::geom::{Point3, dot, sub};
+use isoform::recognize::{Entity, Gap, LabelFacts};
+use isoform::{MeshModelOptions, Proposal, RecognizeOptions, ScanFit, ScanLabels};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -102,22 +102,23 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
             let labels = labels.map(|labels| (labels, args.given.facts()));
             let alone = standing_alone(scan, labels, &settings.keep(), context)?;
             let (model, proposal) = proposed(&alone, &settings.language, context)?;
-            (alone.scan, model, Some(proposal))
+            (alone.scan, model, Some((proposal, alone.supports)))
         }
     };
     let mut job = watchdog::stage("fit", || {
         let is_measured = proposal.is_some();
         fit_work::run_model(scan, (&template, &model, is_measured), settings, context)
     })?;
-    if let Some(proposal) = &proposal {
-        add_findings(&mut job.found.fit, &proposal.proposal);
+    if let Some((EntityProposal { proposal, .. }, supports)) = &proposal {
+        add_findings(&mut job.found.fit, proposal);
+        stand_on(&mut job.found, proposal, supports);
     }
     let written = files::write(&mut job, &outputs.results, context)?;
     if !context.global.json {
         job.warnings.iter().for_each(|w| context.warn(w));
     }
     let mut told = RecoverResult::new(&job, &written);
-    if let Some(proposal) = &proposal {
+    if let Some((proposal, _)) = &proposal {
         told.add_proposal(proposal);
     }
     told.print(context)?;
@@ -267,6 +268,44 @@ fn add_findings(fit: &mut Fit, proposal: &Proposal) {
     let names: Vec<String> = at_bound.map(|p| p.name.clone()).collect();
     if !names.is_empty() && !fit.findings.iter().any(is_known) {
         fit.add_finding(Finding::AtBounds { names });
+    }
+}
+
+/// Puts the faces on which the part stands where the planes under it are: they are held in a frame
+/// that the fit has moved.
+fn stand_on(found: &mut ScanFit, proposal: &Proposal, supports: &[(Point3, Point3)]) {
+    let Some(place) = found.placement() else {
+        return;
+    };
+    let center = found.own_extent().center();
+    let sides = proposal.gaps.iter().filter_map(|gap| match gap {
+        Gap::Standing(axis, is_upper) => Some((*axis, *is_upper)),
+        _ => None,
+    });
+    for (axis, is_upper) in sides {
+        let height = |(at, normal): &(Point3, Point3)| {
+            let (at, normal) = (place.framed(*at), place.turned_back(*normal));
+            let is_across = normal.iter().all(|n| n.abs() <= normal[axis].abs());
+            let mut middle = center;
+            middle[axis] = at[axis];
+            let height = at[axis] + dot(normal, sub(at, middle)) / normal[axis];
+            (is_across && (height > center[axis]) == is_upper).then_some(height)
+        };
+        let side = if is_upper { "high" } else { "low" };
+        let name = format!("unseen_{}_{side}", ["x", "y", "z"][axis]);
+        let is_it = |p: &Estimate| p.name == name && p.status == Status::Fixed;
+        let Some(i) = found.fit.parameters.iter().position(is_it) else {
+            continue;
+        };
+        let mut ties = found
+            .template
+            .parameters()
+            .iter()
+            .filter_map(|p| p.tie.as_ref());
+        let is_used = ties.any(|tie| tie.terms.iter().any(|term| term.0 == i));
+        if let (Some(height), false) = (supports.iter().find_map(height), is_used) {
+            found.fit.parameters[i].value = height;
+        }
     }
 }
 

@@ -411,7 +411,7 @@ struct InBox {
 pub(crate) fn shown_box(map: &Map, context: &Context) -> Option<SurfaceBox> {
     let around = SurfaceBox::showing(map)?;
     context.warn(format_args!(
-        "the surface may have no end: it is cut by --box {}",
+        "the surface is not proved to be bounded: it is drawn within --box {}",
         around.half_width.to_f64_fast()
     ));
     Some(around)
