@@ -201,15 +201,15 @@ fn a_piece_that_is_no_number_within_the_solid_is_found() {
     let ball = "my_model(x[3], a[1]) { ball = 4 - x[1]^2 - x[2]^2 - x[3]^2;";
     let within = f.file(
         "in.hf",
-        &format!("{ball} my_model = ball & (30 - sqrt(1 - x[1])); }}"),
+        format!("{ball} my_model = ball & (30 - sqrt(1 - x[1])); }}"),
     );
     let beyond = f.file(
         "out.hf",
-        &format!("{ball} my_model = ball & (30 - sqrt(9 - x[1])); }}"),
+        format!("{ball} my_model = ball & (30 - sqrt(9 - x[1])); }}"),
     );
     let fails = f.file(
         "no.hf",
-        &format!("{ball} k = 1/a[1]; my_model = ball & (1 - k*x[1]); }}"),
+        format!("{ball} k = 1/a[1]; my_model = ball & (1 - k*x[1]); }}"),
     );
     for (verb, file) in [("mesh", "a.stl"), ("brep", "a.step")] {
         let out = f.file(file, "");

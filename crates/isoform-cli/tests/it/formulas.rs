@@ -187,5 +187,5 @@ fn maps_need_no_box() {
         .expect("a fraction")
         .to_f64_fast();
     assert!((1.0..10.0).contains(&chosen), "{chosen}");
-    assert!(said.contains("it is cut by --box"), "{said}");
+    assert!(said.contains("it is drawn within --box"), "{said}");
 }

@@ -622,7 +622,7 @@ fn a_template_fits_the_part_in_another_place() {
         assert!((side - made).abs() < 0.01 * made, "{sides:?}");
     }
     let extent = fit.extent();
-    assert_eq!(extent, isoform::geom::Aabb::from_points(&elsewhere.points));
+    assert_eq!(extent, Aabb::from_points(&elsewhere.points));
 }
 
 /// Rounds of a coarse CAD mesh, whose vertices all lie on edges, bound the solid and are tied.
