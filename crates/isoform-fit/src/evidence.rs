@@ -126,7 +126,7 @@ mod tests {
     use super::*;
     use crate::deviation::{ModelToData, SampledSurface};
 
-    /// A ball seen from above is no scan with holes, unless there is one within what was seen.
+    /// A scan of a ball from above has no holes but those within what was seen.
     #[test]
     fn what_faces_away_from_all_views_is_not_overlooked() {
         let normals: Vec<[f64; 3]> = (0..4000)
