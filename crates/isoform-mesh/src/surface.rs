@@ -11,6 +11,7 @@ mod newton;
 mod on;
 
 use crate::complex::STRAY;
+use crate::decide::{Local, Scratch};
 use crate::distance::{first_order_at, zero_in};
 use crate::features::Corner;
 use crate::lattice::{INSIDE_CELL, Lattice, OUTSIDE_CELL, ReducedTree};
@@ -237,11 +238,10 @@ impl<'s> Surface<'s> {
         };
         let state = &self.lattice.state;
         let is_mixed = |c: &usize| self.lattice.reduced(state[*c]).is_some();
-        let hidden = self.hidden_pieces();
+        let whole = self.may_hide().then(|| Local::everywhere(self.solid));
         let is_hidden = |p: Point3| {
-            hidden
-                .as_ref()
-                .is_some_and(|n| self.whole_value(*n, p).is_nan())
+            let value = |w: &Local| w.value(self.solid, p, &mut Scratch::new(self.solid));
+            whole.as_ref().map(value).is_some_and(f64::is_nan)
         };
         let is_none = |c: &usize| {
             state[*c] != OUTSIDE_CELL
@@ -253,38 +253,30 @@ impl<'s> Surface<'s> {
         // Each cell costs about a microsecond, too little for a task of its own.
         let found = cells.with_min_len(1024).find_first(is_none).map(middle);
         found.or_else(|| {
-            let mixed = (0..state.len()).filter(is_mixed).map(middle);
-            let mixed: Vec<Point3> = mixed.filter(|p| is_asked(*p)).collect();
-            let mut values = vec![0.0; mixed.len()];
-            self.solid.sign_values(&mixed, &mut values);
             // Pieces may be defined where the function of the solid is nowhere.
-            let is_nowhere = values.iter().all(|v| v.is_nan());
-            mixed.first().filter(|_| is_nowhere).copied()
+            let mut mixed = (0..state.len())
+                .filter(is_mixed)
+                .map(middle)
+                .filter(|p| is_asked(*p));
+            let is_undefined = |p: Point3| {
+                let mut value = [0.0];
+                self.solid.sign_values(&[p], &mut value);
+                value[0].is_nan()
+            };
+            let first = mixed.next().filter(|p| is_undefined(*p))?;
+            mixed.all(is_undefined).then_some(first)
         })
     }
 
-    /// Returns the size of a table of all pieces if some of them may be undefined in the lattice:
-    /// the trees of cells lack those that decide nothing wherever they are defined.
-    fn hidden_pieces(&self) -> Option<usize> {
+    /// Returns true if a piece may be undefined in the lattice: the trees of cells lack those that
+    /// decide nothing wherever they are defined.
+    fn may_hide(&self) -> bool {
         let pieces = self.solid.tree().pieces();
         let [lo, hi] = [[0; 3], self.lattice.n.map(|n| 2 * n)].map(|at| self.lattice.point(at));
         let mut ranges = vec![Interval::ALL; pieces.len()];
-        self.solid
-            .value_bounds(&pieces, Aabb { lo, hi }, &mut ranges);
-        let may_hide = pieces.len() > 1 && ranges.contains(&Interval::ALL);
-        pieces
-            .iter()
-            .max()
-            .filter(|_| may_hide)
-            .map(|last| *last as usize + 1)
-    }
-
-    /// Returns the value of the whole tree, which has `n` pieces.
-    fn whole_value(&self, n: usize, p: Point3) -> f64 {
-        let pieces: Vec<u32> = (0..n as u32).collect();
-        let mut values = vec![0.0; n];
-        self.solid.values(&pieces, &[p], &mut values);
-        self.solid.tree().value(&|i| values[i as usize])
+        let region = Aabb { lo, hi };
+        self.solid.value_bounds(&pieces, region, &mut ranges);
+        pieces.len() > 1 && ranges.contains(&Interval::ALL)
     }
 
     /// Returns the layer of a piece.

@@ -50,4 +50,4 @@ pub use given::{GivenLabels, LabelFacts, LabelsError, recognize_labelled};
 pub use recognize::{Error, Options, recognize};
 pub use related::{LabelRelation, RelationDistance};
 pub use snap::{Snap, snap};
-pub use template::{Gap, Proposal, ProposeError, propose};
+pub use template::{Gap, Proposal, ProposeError, propose, stand_on};

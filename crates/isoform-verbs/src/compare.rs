@@ -84,24 +84,24 @@ pub(crate) struct Args {
     output: Option<PathBuf>,
     /// Fail (exit 3) where a distance is larger; those of a surface from points, which are as large
     /// as the gaps between the points, are not judged
-    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true, value_parser = arguments::positive)]
+    #[arg(
+        long,
+        value_name = "LENGTH",
+        allow_hyphen_values = true,
+        value_parser = arguments::positive
+    )]
     tolerance: Option<f64>,
     #[command(flatten)]
     language: Language,
 }
 
-/// A side as read, and the unit that its file states.
+/// A side, and the unit that its file states.
 struct Opened {
     side: Loaded,
     unit: Option<String>,
 }
 
-impl Opened {
-    fn without_unit(side: Loaded) -> Self {
-        Self { side, unit: None }
-    }
-}
-
+/// A side as read.
 enum Loaded {
     /// Points, with triangles where there are any.
     Cloud(PointCloud),
@@ -306,8 +306,8 @@ fn kind(loaded: &Loaded, vertices: bool) -> &'static str {
 /// Reads a side: a mesh by its surface, points, or a model with the values that are given.
 fn load(path: &Path, given: &Given, args: &Args, context: &Context) -> Result<Opened, Failure> {
     if names_model(path) {
-        let model = load_model(path, given, &args.language, context)?;
-        return Ok(Opened::without_unit(model));
+        let side = load_model(path, given, &args.language, context)?;
+        return Ok(Opened { side, unit: None });
     }
     match solids::find(path)? {
         Some(FoundSolids::Own(file)) => {

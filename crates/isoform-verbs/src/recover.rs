@@ -21,8 +21,8 @@ use crate::solids;
 use crate::watchdog;
 use isoform::field::hyperfun::Model;
 use isoform::fit::{ClutterKind, Estimate, Finding, Fit, Status, Template};
-use isoform::geom::{Point3, dot, sub};
-use isoform::recognize::{Entity, Gap, LabelFacts};
+use isoform::geom::Point3;
+use isoform::recognize::{Entity, LabelFacts, stand_on};
 use isoform::{MeshModelOptions, Proposal, RecognizeOptions, ScanFit, ScanLabels};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -111,7 +111,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     })?;
     if let Some((EntityProposal { proposal, .. }, supports)) = &proposal {
         add_findings(&mut job.found.fit, proposal);
-        stand_on(&mut job.found, proposal, supports);
+        stand_on_planes(&mut job.found, supports);
     }
     let written = files::write(&mut job, &outputs.results, context)?;
     if !context.global.json {
@@ -273,25 +273,19 @@ fn add_findings(fit: &mut Fit, proposal: &Proposal) {
 
 /// Puts the faces on which the part stands where the planes under it are: they are held in a frame
 /// that the fit has moved.
-fn stand_on(found: &mut ScanFit, proposal: &Proposal, supports: &[(Point3, Point3)]) {
+fn stand_on_planes(found: &mut ScanFit, supports: &[(Point3, Point3)]) {
     let Some(place) = found.placement() else {
         return;
     };
-    let center = found.own_extent().center();
-    let sides = proposal.gaps.iter().filter_map(|gap| match gap {
-        Gap::Standing(axis, is_upper) => Some((*axis, *is_upper)),
-        _ => None,
-    });
-    for (axis, is_upper) in sides {
-        let height = |(at, normal): &(Point3, Point3)| {
-            let (at, normal) = (place.framed(*at), place.turned_back(*normal));
-            let is_across = normal.iter().all(|n| n.abs() <= normal[axis].abs());
-            let mut middle = center;
-            middle[axis] = at[axis];
-            let height = at[axis] + dot(normal, sub(at, middle)) / normal[axis];
-            (is_across && (height > center[axis]) == is_upper).then_some(height)
+    let extent = found.own_extent();
+    for (at, normal) in supports {
+        let mut bounds = extent;
+        let (at, normal) = (place.framed(*at), place.turned_back(*normal));
+        let (axis, is_upper) = stand_on(&mut bounds, at, normal);
+        let (side, end) = match is_upper {
+            true => ("high", bounds.hi),
+            false => ("low", bounds.lo),
         };
-        let side = if is_upper { "high" } else { "low" };
         let name = format!("unseen_{}_{side}", ["x", "y", "z"][axis]);
         let is_it = |p: &Estimate| p.name == name && p.status == Status::Fixed;
         let Some(i) = found.fit.parameters.iter().position(is_it) else {
@@ -302,9 +296,8 @@ fn stand_on(found: &mut ScanFit, proposal: &Proposal, supports: &[(Point3, Point
             .parameters()
             .iter()
             .filter_map(|p| p.tie.as_ref());
-        let is_used = ties.any(|tie| tie.terms.iter().any(|term| term.0 == i));
-        if let (Some(height), false) = (supports.iter().find_map(height), is_used) {
-            found.fit.parameters[i].value = height;
+        if !ties.any(|tie| tie.terms.iter().any(|term| term.0 == i)) {
+            found.fit.parameters[i].value = end[axis];
         }
     }
 }

@@ -166,7 +166,8 @@ fn files_that_are_wrong_are_refused() {
             "nurbs 1, weights",
         ),
         (
-            json!({"degree": [1, 1], "knots_u": knots, "knots_v": knots, "points": points, "wieghts": [[1, 2], [1, 1]]}),
+            json!({"degree": [1, 1], "knots_u": knots, "knots_v": knots, "points": points,
+                "wieghts": [[1, 2], [1, 1]]}),
             "nurbs 1, wieghts",
         ),
     ] {

@@ -59,8 +59,8 @@ impl Proposal {
         self.faults(0.0).next().is_none()
     }
 
-    /// Returns the gaps for which it is not complete; `isolated` is the share of the points that lie
-    /// apart from all others, which no entity needs to explain.
+    /// Returns the gaps for which it is not complete; `isolated` is the share of the points that
+    /// lie apart from all others, which no entity needs to explain.
     pub fn faults(&self, isolated: f64) -> impl Iterator<Item = &Gap> {
         // Noise at edges leaves up to one point in a hundred.
         let is_explained = self.explained + isolated >= 1.0 - 0.02;
@@ -242,7 +242,7 @@ pub fn propose(
 
 /// Moves the end of a box to a plane on which the part stands, along the axis nearest to the
 /// plane's normal; returns the axis, and true for the upper end.
-fn stand_on(bounds: &mut Aabb, at: Point3, normal: Point3) -> (usize, bool) {
+pub fn stand_on(bounds: &mut Aabb, at: Point3, normal: Point3) -> (usize, bool) {
     let k = longest(normal);
     let mut middle = bounds.center();
     middle[k] = at[k];
