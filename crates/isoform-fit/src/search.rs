@@ -17,7 +17,7 @@ mod perturb;
 mod problem;
 
 pub use self::minima::ConvergenceStep;
-pub(crate) use self::minima::{SearchMinimum, SearchOutcome};
+pub(crate) use self::minima::{SearchMinimum, SearchOutcome, is_low, is_near};
 pub(crate) use self::problem::MinimumSearch;
 
 use self::minima::RunResult;

@@ -3,8 +3,9 @@
 //!
 //! Least trimmed squares by concentration (Rousseeuw and Van Driessen 2006, Data Min. Knowl. Disc.
 //! 12:29–45): from each start the algebraic sum is minimised, then again over the four fifths of
-//! the points with the smallest metric residuals, and so on. The results are compared by truncated
-//! sums, which do not depend on how far off an outlier is.
+//! the points with the smallest metric residuals, and so on. All starts make two such steps, the best
+//! ten go on. The results are compared by truncated sums, which do not depend on how far off an
+//! outlier is.
 
 use crate::lm;
 use crate::outliers::{DEVIATION_PER_MEDIAN, median, robust_deviation};
@@ -14,6 +15,11 @@ use rayon::prelude::*;
 
 /// Number of concentration steps; they converge after three to five.
 const CONCENTRATION_STEPS: usize = 6;
+/// Number of concentration steps after which the best starts are selected (section 3.2 of the
+/// paper).
+const FIRST_STEPS: usize = 2;
+/// Number of starts that are selected (section 3.2 of the paper).
+const SELECTED_STARTS: usize = 10;
 /// Number of robust deviations of the best result at which residuals are truncated.
 const CUT_DEVIATIONS: f64 = 6.0;
 /// Maximum number of evaluations of the later minimisations, and of the first one after a
@@ -25,6 +31,8 @@ pub(crate) struct TrimmedFit {
     pub(crate) x: Vec<f64>,
     /// Absolute metric residuals; infinite where a residual is not finite.
     off: Vec<f64>,
+    /// 1 for the points of the last minimisation, 0 for others; empty if it was over all points.
+    weights: Vec<f64>,
     pub(crate) evaluations: usize,
 }
 
@@ -34,16 +42,16 @@ impl MinimumSearch<'_> {
     pub(crate) fn trimmed(&self, first: Vec<f64>, spacing: f64) -> TrimmedFit {
         let drawn = (0..32).map(|i| self.drawn(i));
         let starts: Vec<Vec<f64>> = [first].into_iter().chain(drawn).collect();
-        let mut found = self.concentrated(starts, 40);
-        let mut best = self.lowest(&found, spacing);
+        let mut found = self.concentrated(starts, 40, spacing);
+        let mut best = lowest(&found, spacing);
         let mut random = fastrand::Rng::with_seed(self.options.seed ^ 0x7_2133);
         for _ in 0..2 {
             if self.control.is_stopped() {
                 break;
             }
             let thrown = self.thrown(&found[best].x, &mut random);
-            found.extend(self.concentrated(thrown, MAX_LATER_EVALUATIONS));
-            let next = self.lowest(&found, spacing);
+            found.extend(self.concentrated(thrown, MAX_LATER_EVALUATIONS, spacing));
+            let next = lowest(&found, spacing);
             if next == best {
                 break;
             }
@@ -65,39 +73,66 @@ impl MinimumSearch<'_> {
             .collect()
     }
 
-    fn concentrated(&self, starts: Vec<Vec<f64>>, first: usize) -> Vec<TrimmedFit> {
-        starts
+    /// Returns the trimmed fits from the best of some starts; the first minimisations take at most
+    /// `first` evaluations.
+    fn concentrated(&self, starts: Vec<Vec<f64>>, first: usize, spacing: f64) -> Vec<TrimmedFit> {
+        let begun: Vec<TrimmedFit> = starts
             .into_par_iter()
-            .map(|x| self.concentrate(x, first))
+            .map(|x| self.begun(x, first))
+            .collect();
+        let scores = scores(&begun, spacing);
+        let mut order: Vec<usize> = (0..begun.len()).collect();
+        order.sort_by(|i, j| scores[*i].total_cmp(&scores[*j]));
+        let mut ranks = vec![0; begun.len()];
+        order
+            .into_iter()
+            .enumerate()
+            .for_each(|(rank, k)| ranks[k] = rank);
+        begun
+            .into_par_iter()
+            .zip(ranks)
+            .map(|(fit, rank)| match rank < SELECTED_STARTS {
+                true => self.concentrate(fit, FIRST_STEPS + 1..=CONCENTRATION_STEPS),
+                false => fit,
+            })
             .collect()
     }
 
-    /// Runs concentration steps from a start, the first with at most `first` evaluations.
-    fn concentrate(&self, x: Vec<f64>, first: usize) -> TrimmedFit {
-        let mut trimmed = TrimmedFit {
-            x,
-            off: Vec::new(),
-            evaluations: 0,
+    /// Minimises over all points from a start, and runs the first concentration steps.
+    fn begun(&self, x: Vec<f64>, first: usize) -> TrimmedFit {
+        let m = self.weighted(&[], x, first);
+        let fit = TrimmedFit {
+            off: self.off(&m.x),
+            x: m.x,
+            weights: Vec::new(),
+            evaluations: m.iterations,
         };
-        let mut weights = Vec::new();
-        for step in 0..=CONCENTRATION_STEPS {
-            let most = if step == 0 {
-                first
-            } else {
-                MAX_LATER_EVALUATIONS
-            };
-            let m = self.weighted(&weights, trimmed.x.clone(), most);
-            trimmed.evaluations += m.iterations;
-            trimmed.x = m.x;
-            trimmed.off = self.off(&trimmed.x);
+        self.concentrate(fit, 1..=FIRST_STEPS)
+    }
+
+    /// Runs concentration steps, except those over the same points as before.
+    fn concentrate(
+        &self,
+        mut fit: TrimmedFit,
+        steps: std::ops::RangeInclusive<usize>,
+    ) -> TrimmedFit {
+        for step in steps {
+            let weights = fit.weights(step);
             if self.control.is_stopped() {
                 break;
             }
-            let limit = trimmed.limit(step);
-            let is_kept = |off: &f64| f64::from(u8::from(*off <= limit));
-            weights = trimmed.off.iter().map(is_kept).collect();
+            if weights == fit.weights {
+                continue;
+            }
+            let m = self.weighted(&weights, fit.x, MAX_LATER_EVALUATIONS);
+            fit = TrimmedFit {
+                off: self.off(&m.x),
+                x: m.x,
+                weights,
+                evaluations: fit.evaluations + m.iterations,
+            };
         }
-        trimmed
+        fit
     }
 
     /// Minimises the weighted algebraic sum.
@@ -128,19 +163,22 @@ impl MinimumSearch<'_> {
         };
         r.iter().map(off).collect()
     }
+}
 
-    /// Returns the index of the result with the least truncated sum.
-    fn lowest(&self, found: &[TrimmedFit], spacing: f64) -> usize {
-        let scales = found.iter().map(TrimmedFit::scale);
-        let cut = (CUT_DEVIATIONS * scales.fold(f64::INFINITY, f64::min)).max(0.25 * spacing);
-        let score = |k: &usize| -> f64 {
-            let off = found[*k].off.iter();
-            off.map(|v| v.min(cut).powi(2)).sum()
-        };
-        (0..found.len())
-            .min_by(|i, j| score(i).total_cmp(&score(j)))
-            .unwrap_or(0)
-    }
+/// Returns the truncated sums of results.
+fn scores(found: &[TrimmedFit], spacing: f64) -> Vec<f64> {
+    let scales = found.iter().map(TrimmedFit::scale);
+    let cut = (CUT_DEVIATIONS * scales.fold(f64::INFINITY, f64::min)).max(0.25 * spacing);
+    let score = |fit: &TrimmedFit| fit.off.iter().map(|v| v.min(cut).powi(2)).sum();
+    found.iter().map(score).collect()
+}
+
+/// Returns the index of the result with the least truncated sum.
+fn lowest(found: &[TrimmedFit], spacing: f64) -> usize {
+    let scores = scores(found, spacing);
+    (0..found.len())
+        .min_by(|i, j| scores[*i].total_cmp(&scores[*j]))
+        .unwrap_or(0)
 }
 
 impl TrimmedFit {
@@ -149,11 +187,18 @@ impl TrimmedFit {
         robust_deviation(&mut self.off.clone())
     }
 
-    /// Returns the distance within which points are kept after a step: four fifths of them, which
-    /// tolerates a fifth of clustered outliers; after the last step all that are near enough.
+    /// Returns the weights of the points for a step: 1 within a limit, 0 beyond it.
+    fn weights(&self, step: usize) -> Vec<f64> {
+        let limit = self.limit(step);
+        let is_kept = |off: &f64| f64::from(u8::from(*off <= limit));
+        self.off.iter().map(is_kept).collect()
+    }
+
+    /// Returns the distance within which points are kept for a step: four fifths of them, which
+    /// tolerates a fifth of clustered outliers; for the last step all that are near enough.
     fn limit(&self, step: usize) -> f64 {
         let mut sorted = self.off.clone();
-        if step + 1 < CONCENTRATION_STEPS {
+        if step < CONCENTRATION_STEPS {
             let at = ((0.8 * sorted.len() as f64) as usize).min(sorted.len() - 1);
             *sorted.select_nth_unstable_by(at, f64::total_cmp).1
         } else {

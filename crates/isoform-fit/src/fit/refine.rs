@@ -8,7 +8,7 @@ use crate::Loss;
 use crate::fit::compare::truncated_sum;
 use crate::minimum::FitMinimum;
 use crate::polish::Polish;
-use crate::search::MinimumSearch;
+use crate::search::{MinimumSearch, is_low, is_near};
 use crate::task::Task;
 use isoform_geom::Point3;
 use rayon::prelude::*;
@@ -18,6 +18,8 @@ use rayon::prelude::*;
 const PARALLEL_PERTURBATIONS: usize = 4;
 /// Relative difference of sums of squared distances below which two minima are equal.
 const SAME_MINIMUM_SHARE: f64 = 1e-2;
+/// Number of rounds of reweighting in which a perturbed minimum is polished by a robust loss.
+const ROBUST_ROUNDS: usize = 5;
 
 /// A start with some pieces perturbed.
 struct Perturbation {
@@ -29,13 +31,16 @@ struct Perturbation {
 /// Result of a perturbation.
 struct PerturbationResult {
     x: Vec<f64>,
+    /// Truncated sum of squared distances.
+    value: f64,
+    /// True if it leads back to the best minimum.
+    is_back: bool,
     evaluations: usize,
 }
 
 /// The best minimum, and the number of times it was reached.
 struct Refinement<'a> {
     task: &'a Task<'a>,
-    polish: Polish<'a>,
     points: Vec<Point3>,
     loss: Loss,
     random: fastrand::Rng,
@@ -70,22 +75,19 @@ impl Task<'_> {
 impl<'a> Refinement<'a> {
     fn new(task: &'a Task<'a>, x: Vec<f64>, loss: Loss) -> Self {
         let points = task.some(task.options.confirm_points);
-        let polish = task.polish(0);
-        let residuals = polish.residuals(&points, &x);
         // A tenth of the diagonal bounds the sum, so that a few points do not dominate it.
         let far = 0.1 * task.size();
         let cut = if loss.is_robust() {
             // Of two minima the one that more points meet is taken, however far the others are. At
             // 4.5 a tie between two floors of a cup was decided by chance.
-            (3.0 * Polish::scale(&residuals)).min(far)
+            (3.0 * Polish::scale(&task.polish(0).residuals(&points, &x))).min(far)
         } else {
             far
         };
-        Self {
-            best: truncated_sum(&residuals, cut * cut),
+        let mut refinement = Self {
+            best: f64::INFINITY,
             cut: cut * cut,
             task,
-            polish,
             points,
             loss,
             random: fastrand::Rng::with_seed(task.options.seed ^ 0x9EF1),
@@ -95,7 +97,12 @@ impl<'a> Refinement<'a> {
             since: 0,
             is_elsewhere: false,
             evaluations: 0,
-        }
+        };
+        // The sum that a perturbation reaches if it leads back: the minimum is one of another loss.
+        let end = refinement.polish_freely(refinement.x.clone());
+        refinement.best = end.value;
+        refinement.evaluations = end.evaluations;
+        refinement
     }
 
     /// Perturbs pieces until the best minimum has recurred. Returns false if it did not within 80
@@ -155,25 +162,57 @@ impl<'a> Refinement<'a> {
         polish.held = perturbed.held;
         let here = polish.here(&self.points, &[]);
         let first = polish.fine(&here, perturbed.from, Loss::Squares, 1);
-        polish.held.fill(false);
-        let loss = if self.loss.is_robust() {
-            Loss::Cauchy
-        } else {
-            self.loss
-        };
-        let here = polish.here(&self.points, &[]);
-        let then = polish.fine(&here, first.x, loss, 5);
+        let then = self.polish_freely(first.x);
         PerturbationResult {
-            x: then.x,
             evaluations: first.evaluations + then.evaluations,
+            ..then
         }
+    }
+
+    /// Polishes all variables in rounds, as long as the decrease of the last one, kept up, leads to
+    /// the best minimum.
+    fn polish_freely(&self, x: Vec<f64>) -> PerturbationResult {
+        let polish = self.task.polish(0);
+        let here = polish.here(&self.points, &[]);
+        // Sums of rounding are equal.
+        let nought = self.points.len() as f64 * self.task.rounding().powi(2);
+        let sum = |x: &[f64]| {
+            let residuals = polish.residuals(&self.points, x);
+            truncated_sum(&residuals, self.cut).max(nought)
+        };
+        let (loss, rounds) = if self.loss.is_robust() {
+            (Loss::Cauchy, ROBUST_ROUNDS)
+        } else {
+            (self.loss, 1)
+        };
+        let mut end = PerturbationResult {
+            value: sum(&x),
+            x,
+            evaluations: 0,
+            is_back: false,
+        };
+        for left in (0..rounds).rev() {
+            let round = polish.fine(&here, end.x, loss, 1);
+            let value = sum(&round.x);
+            let reached = value - left as f64 * (end.value - value);
+            end = PerturbationResult {
+                x: round.x,
+                value,
+                evaluations: end.evaluations + round.evaluations,
+                is_back: false,
+            };
+            end.is_back = is_low(value, self.best) && is_near(&end.x, &self.x);
+            if end.is_back || reached > (1.0 + SAME_MINIMUM_SHARE) * self.best {
+                break;
+            }
+        }
+        end
     }
 
     /// Compares a result with the best minimum.
     fn take(&mut self, end: PerturbationResult) {
         self.evaluations += end.evaluations;
-        let residuals = self.polish.residuals(&self.points, &end.x);
-        let value = truncated_sum(&residuals, self.cut);
+        let value = end.value;
         // A slightly lower sum is taken, even of the known minimum.
         if value < (1.0 - 1e-3) * self.best {
             if value < (1.0 - SAME_MINIMUM_SHARE) * self.best {
@@ -182,7 +221,7 @@ impl<'a> Refinement<'a> {
             }
             (self.x, self.best) = (end.x, value);
             self.hits += 1;
-        } else if value < (1.0 + SAME_MINIMUM_SHARE) * self.best {
+        } else if end.is_back || value < (1.0 + SAME_MINIMUM_SHARE) * self.best {
             self.hits += 1;
         }
     }

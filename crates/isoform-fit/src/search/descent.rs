@@ -1,6 +1,6 @@
 //! A single run of the search.
 
-use super::minima::{ConvergenceStep, RunResult, SearchMinimum};
+use super::minima::{ConvergenceStep, RunResult, SearchMinimum, is_low, is_near};
 use super::problem::MinimumSearch;
 use crate::lm;
 use crate::residuals::Residuals;
@@ -29,16 +29,13 @@ impl<'a> RunMonitor<'a> {
     fn is_worth(&mut self, x: &[f64], value: f64) -> bool {
         self.values.push(value);
         if let Some(known) = self.known {
-            self.has_arrived = self.is_low(known, value) && is_near(&known.x, x);
+            let is_zero = known.value <= self.nought && value < 1e-4 * self.first();
+            self.has_arrived = (is_low(value, known.value) || is_zero) && is_near(&known.x, x);
             if self.has_arrived || self.is_hopeless(known, value) {
                 return false;
             }
         }
         value > self.nought
-    }
-
-    fn is_low(&self, known: &SearchMinimum, value: f64) -> bool {
-        value < 1.5 * known.value || (known.value <= self.nought && value < 1e-4 * self.first())
     }
 
     /// Returns true if a run far above the best minimum has almost stopped: it fell by less than 2
@@ -59,11 +56,6 @@ impl<'a> RunMonitor<'a> {
     fn first(&self) -> f64 {
         self.values.first().copied().unwrap_or(f64::INFINITY)
     }
-}
-
-/// Returns true if all variables are within 0.01 units of each other.
-fn is_near(a: &[f64], b: &[f64]) -> bool {
-    a.iter().zip(b).all(|(u, v)| (u - v).abs() < 0.01)
 }
 
 impl MinimumSearch<'_> {

@@ -99,6 +99,16 @@ impl SearchOutcome {
     }
 }
 
+/// Returns true if a run with this sum will end at the best known minimum, if it is also near.
+pub(crate) fn is_low(value: f64, best: f64) -> bool {
+    value < 1.5 * best
+}
+
+/// Returns true if all variables are within 0.01 units of each other.
+pub(crate) fn is_near(a: &[f64], b: &[f64]) -> bool {
+    a.iter().zip(b).all(|(u, v)| (u - v).abs() < 0.01)
+}
+
 /// Returns the upper median.
 fn median(v: &[f64]) -> f64 {
     crate::outliers::median(&mut v.to_vec())
