@@ -101,6 +101,10 @@ impl Candidate {
     pub fn confirm(&mut self) {
         self.found.outcome.certain = true;
     }
+    /// Returns the computing time by phase.
+    pub fn seconds(&self) -> &[(&'static str, f64)] {
+        &self.seconds.0
+    }
     /// Adds the time spent on a candidate that was dropped.
     pub fn add_seconds(&mut self, dropped: &Self) {
         self.seconds.add_all(&dropped.seconds.0);

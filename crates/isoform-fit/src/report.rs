@@ -197,10 +197,10 @@ impl Fit {
     pub fn values(&self) -> Vec<f64> {
         self.parameters.iter().map(|p| p.value).collect()
     }
-    /// Adds the time spent on a fit that was dropped.
-    pub fn add_seconds(&mut self, dropped: &Self) {
+    /// Adds the time by phase of a fit or search that was dropped.
+    pub fn add_seconds(&mut self, dropped: &[(&'static str, f64)]) {
         let mut seconds = Seconds(std::mem::take(&mut self.seconds));
-        seconds.add_all(&dropped.seconds);
+        seconds.add_all(dropped);
         self.seconds = seconds.0;
     }
 }

@@ -64,6 +64,10 @@ impl Parameter {
             ..Self::default()
         }
     }
+    /// Returns true if a value lies within the bounds.
+    pub fn allows(&self, value: f64) -> bool {
+        self.min.is_none_or(|min| value >= min) && self.max.is_none_or(|max| value <= max)
+    }
 }
 
 /// Returns the pieces that determine a template's function at points.

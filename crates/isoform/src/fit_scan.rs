@@ -36,7 +36,7 @@ const BOUND_DISTANCE_SHARE: f64 = 0.005;
 /// is not accepted: a value that the bound keeps from its place may also end near the bound.
 const DOUBTFUL_BOUND_DISTANCE_SHARE: f64 = 0.05;
 /// Maximum number of rounds in which bounds that are shares of the box are widened: two suffice for
-/// a quarter of a round part. Each round is a complete search.
+/// a quarter of a round part. Each round that leads elsewhere is a complete search.
 const MAX_WIDENING_ROUNDS: usize = 2;
 /// Maximum share of the points that may be left out as clutter: if more are, the rest need not be
 /// the part.
@@ -466,6 +466,11 @@ fn kept_of(points: &[Point3], beside: &[Option<ClutterKind>]) -> Vec<Point3> {
     kept.map(|(p, _)| *p).collect()
 }
 
+/// Returns true if two searches probably ended in the same minimum.
+fn agree(a: f64, b: f64) -> bool {
+    (a / b - 1.0).abs() < MAX_AGREEING_MISFIT_DIFFERENCE
+}
+
 /// Fit, and the template in the frame in which it was found.
 pub(crate) struct PosedFit {
     pub(crate) template: ConstrainedTemplate,
@@ -526,10 +531,10 @@ impl ScanTask<'_> {
             return Ok(whole);
         };
         if part.fit.verdict >= whole.fit.verdict {
-            whole.fit.add_seconds(&part.fit);
+            whole.fit.add_seconds(&part.fit.seconds);
             return Ok(whole);
         }
-        part.fit.add_seconds(&whole.fit);
+        part.fit.add_seconds(&whole.fit.seconds);
         Ok(part)
     }
 
@@ -568,7 +573,7 @@ impl ScanTask<'_> {
             let Some(mut again) = self.fit_alone(&kept)? else {
                 return Ok(None);
             };
-            again.fit.add_seconds(&part.fit);
+            again.fit.add_seconds(&part.fit.seconds);
             part = again;
         }
         part.fit = part.fit.with_left_out(&part.template, points, &beside);
@@ -613,6 +618,7 @@ impl ScanTask<'_> {
             self.try_turned(scan, points, &mut found)?;
         }
         self.try_aligned(scan, points, &mut found)?;
+        let misfit = found.candidate.misfit;
         let fit = settle(scan, &found.template, inner, control, found.candidate)?;
         self.widened(
             scan,
@@ -621,6 +627,7 @@ impl ScanTask<'_> {
                 template: found.template,
                 fit,
             },
+            misfit,
         )
     }
 
@@ -674,7 +681,7 @@ impl ScanTask<'_> {
         let Ok(mut found) = search(scan, &aligned, &other, self.control) else {
             return Ok(());
         };
-        if (found.misfit / best.candidate.misfit - 1.0).abs() < MAX_AGREEING_MISFIT_DIFFERENCE {
+        if agree(found.misfit, best.candidate.misfit) {
             found.confirm();
             best.candidate.confirm();
         }
@@ -683,12 +690,14 @@ impl ScanTask<'_> {
         Ok(())
     }
 
-    /// Widens bounds that are shares of the box if the fit has reached them.
+    /// Widens bounds that are shares of the box if the fit has reached them. `misfit` is that of
+    /// the candidate from which the fit comes.
     fn widened(
         &self,
         scan: &Scan<'_>,
         points: &dyn CloudExtent,
         mut best: PosedFit,
+        mut misfit: f64,
     ) -> Result<PosedFit, FitScanError> {
         for _ in 0..MAX_WIDENING_ROUNDS {
             let near = if best.fit.acceptable {
@@ -705,22 +714,48 @@ impl ScanTask<'_> {
                 break;
             }
             let wider = self.fixed_template(frep)?;
+            if self.stays(scan, &wider, &mut best, misfit) {
+                break;
+            }
             let Ok(candidate) = search(scan, &wider, &self.inner, self.control) else {
                 break;
             };
+            misfit = candidate.misfit;
             let mut again = settle(scan, &wider, &self.inner, self.control, candidate)?;
             let cost = |f: &Fit| f.rms * (1.0 + f.n_outliers as f64 / f.n_points as f64);
             if cost(&again) > cost(&best.fit) / MAX_BETTER_MISFIT_RATIO {
-                best.fit.add_seconds(&again);
+                best.fit.add_seconds(&again.seconds);
                 break;
             }
-            again.add_seconds(&best.fit);
+            again.add_seconds(&best.fit.seconds);
             best = PosedFit {
                 template: wider,
                 fit: again,
             };
         }
         Ok(best)
+    }
+
+    /// Returns true if a short search within wider bounds leads back to the fit: to values within
+    /// its own bounds, and to an equal misfit. The time of the search counts as that of the fit.
+    fn stays(
+        &self,
+        scan: &Scan<'_>,
+        wider: &ConstrainedTemplate,
+        fit: &mut PosedFit,
+        misfit: f64,
+    ) -> bool {
+        let quick = Options {
+            start: Some(fit.fit.values()),
+            refine: false,
+            ..self.inner.clone()
+        };
+        let Ok(found) = search(scan, wider, &quick, self.control) else {
+            return false;
+        };
+        fit.fit.add_seconds(found.seconds());
+        let bounds = fit.template.parameters();
+        agree(found.misfit, misfit) && found.values().iter().zip(bounds).all(|(v, p)| p.allows(*v))
     }
 
     /// Returns the template with the parameters that the caller fixes.
