@@ -42,8 +42,8 @@ pub use parts::{Parts, SmoothPart};
 pub use patch::{PatchError, RationalPatch, Tangents, bernstein};
 pub use plane::Point2;
 pub use point::{
-    Aabb, Point3, cross, distance_squared, distance_to_segment, dot, middle, norm, on_triangle,
-    orthonormal_complement, sub,
+    Aabb, Point3, cross, distance_squared, distance_to_segment, dot, inverse_direction, middle,
+    norm, on_triangle, orthonormal_complement, sub,
 };
 pub use quadric::{NormalForm, Quadric, QuadricKind};
 pub use rounding::{rounding, rounding_if_decimal};

@@ -162,10 +162,33 @@ impl Aabb {
             hi: self.hi.map(|v| v + by),
         }
     }
+    /// Returns the parameters at which a ray enters and leaves the box; the ray misses the box if
+    /// the second is less. `inverse` holds the components of [`inverse_direction`].
+    pub fn crossing(&self, from: Point3, inverse: Point3) -> [f64; 2] {
+        let mut range = [f64::NEG_INFINITY, f64::INFINITY];
+        for k in 0..3 {
+            let (p, q) = (
+                (self.lo[k] - from[k]) * inverse[k],
+                (self.hi[k] - from[k]) * inverse[k],
+            );
+            range = [range[0].max(p.min(q)), range[1].min(p.max(q))];
+        }
+        range
+    }
     /// Returns the length of the diagonal.
     pub fn diagonal(&self) -> f64 {
         norm(self.size())
     }
+}
+
+/// Returns the inverses of the components of a direction, kept finite: a direction along an axis
+/// never leaves the slabs of the others.
+pub fn inverse_direction(d: Point3) -> Point3 {
+    let away_from_zero = |v: f64| match v.abs() < 1e-200 {
+        true => 1e-200_f64.copysign(v),
+        false => v,
+    };
+    d.map(|v| 1.0 / away_from_zero(v))
 }
 
 /// Checks the points of a search structure.

@@ -8,8 +8,7 @@
 //! outside.
 
 use crate::camera::Ray;
-use crate::model::{inverse, through};
-use isoform::geom::{Aabb, Point3, sub};
+use isoform::geom::{Aabb, Point3, inverse_direction, sub};
 
 /// Node of the tree: its box, and its children or its triangles.
 #[derive(Clone, Copy, Debug)]
@@ -178,8 +177,8 @@ impl Bvh {
         }
         // Parallel rays may begin far from the surface: the shear is computed at the box to avoid
         // cancellation.
-        let inverse = ray.d.map(inverse);
-        let [near, far] = through(&self.nodes[0].bounds, ray.o, inverse);
+        let inverse = inverse_direction(ray.d);
+        let [near, far] = self.nodes[0].bounds.crossing(ray.o, inverse);
         if near > far {
             return;
         }
@@ -196,7 +195,7 @@ impl Bvh {
             depth -= 1;
             let number = stack[depth] as usize;
             let node = &self.nodes[number];
-            let [near, far] = through(&node.bounds, ray.o, inverse);
+            let [near, far] = node.bounds.crossing(ray.o, inverse);
             if near > far || near > to || far < from {
                 continue;
             }

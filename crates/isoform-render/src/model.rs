@@ -14,7 +14,7 @@
 use crate::camera::{Ray, along, unit};
 use isoform::Control;
 use isoform::Stopped;
-use isoform::geom::{Aabb, Csg, Point3, Solid, dot};
+use isoform::geom::{Aabb, Csg, Point3, Solid, dot, inverse_direction};
 use isoform::mesh::features::{FeatureOptions, find};
 use isoform::num::Interval;
 use rayon::prelude::*;
@@ -228,8 +228,8 @@ impl Model {
         cap: Option<bool>,
         scratch: &mut Scratch,
     ) -> Option<ModelHit> {
-        let inverse = ray.d.map(inverse);
-        let [near, far] = through(&self.bounds, ray.o, inverse);
+        let inverse = inverse_direction(ray.d);
+        let [near, far] = self.bounds.crossing(ray.o, inverse);
         let is_cap = cap.is_some_and(|begins| begins || (self.is_cut && near > from));
         let (from, to) = (near.max(from), far.min(to));
         if from >= to {
@@ -247,7 +247,7 @@ impl Model {
         stack.push((0, self.bounds));
         let mut met = None;
         while let Some((cell, region)) = stack.pop() {
-            let [a, b] = through(&region, ray.o, inverse);
+            let [a, b] = region.crossing(ray.o, inverse);
             let (a, b) = (a.max(from), b.min(to));
             if a > b {
                 continue;
@@ -535,26 +535,6 @@ impl RayWalk<'_> {
         }
         0.5 * (a + b)
     }
-}
-
-/// Returns 1/d, kept finite: a direction along an axis never leaves the slabs of the others.
-pub(crate) fn inverse(d: f64) -> f64 {
-    1.0 / if d.abs() < 1e-200 {
-        1e-200_f64.copysign(d)
-    } else {
-        d
-    }
-}
-
-/// Returns the distances at which a ray enters and leaves a box; the ray misses the box if the
-/// second is less.
-pub(crate) fn through(b: &Aabb, o: Point3, inverse: Point3) -> [f64; 2] {
-    let mut range = [f64::NEG_INFINITY, f64::INFINITY];
-    for k in 0..3 {
-        let (p, q) = ((b.lo[k] - o[k]) * inverse[k], (b.hi[k] - o[k]) * inverse[k]);
-        range = [range[0].max(p.min(q)), range[1].min(p.max(q))];
-    }
-    range
 }
 
 /// Returns an octant of a box.

@@ -669,13 +669,15 @@ impl ScanTask<'_> {
     ) -> Result<(), FitScanError> {
         let (frep, values) = (&best.template.frep, best.candidate.values());
         let is_settled = best.candidate.is_at_noise() && best.candidate.is_certain();
-        let is_wanted = frep.rodrigues_length(values) > MIN_TILT || !is_settled;
-        if !is_wanted || self.control.is_stopped() {
+        let is_tilted = frep.rodrigues_length(values) > MIN_TILT;
+        if (is_settled && !is_tilted) || self.control.is_stopped() {
             return Ok(());
         }
         let aligned = self.fixed_template(frep.aligned_in(values, points))?;
         let other = Options {
             seed: self.inner.seed ^ SECOND_SEED_BITS,
+            // In the same frame the first search has perturbed the pieces.
+            refine: self.inner.refine && is_tilted,
             ..self.inner.clone()
         };
         let Ok(mut found) = search(scan, &aligned, &other, self.control) else {

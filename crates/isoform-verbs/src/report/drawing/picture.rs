@@ -5,7 +5,7 @@
 //! that the function is evaluated at many points at a time.
 
 use super::subject::{DrawnModel, Shell, outward};
-use isoform::geom::{Aabb, Point3, dot};
+use isoform::geom::{Aabb, Point3, dot, inverse_direction};
 use std::borrow::Borrow;
 
 /// A direction of view: axes of the paper and the direction to the viewer, orthonormal.
@@ -137,8 +137,6 @@ pub(super) struct Tracer<'a> {
     pub(super) view: View,
     /// Depth at which rays start.
     top: f64,
-    /// Depth at which they end.
-    bottom: f64,
 }
 
 /// A ray on its way.
@@ -148,6 +146,8 @@ struct Ray {
     /// Start of the ray.
     from: Point3,
     t: f64,
+    /// Parameter at which the ray leaves the shell.
+    end: f64,
     /// The last place outside.
     outside: Option<(f64, f64)>,
     /// The first place inside, with the distance there.
@@ -165,28 +165,34 @@ const CLOSE: f64 = 2e-4;
 
 impl<'a> Tracer<'a> {
     pub(super) fn new(subject: &'a DrawnModel<'a>, shell: &'a Shell, view: View) -> Self {
-        let (lo, hi) = view.extent(&shell.region);
+        let (_, hi) = view.extent(&shell.region);
         Self {
             subject,
             shell,
             view,
             top: view.cut.unwrap_or(hi[2]).min(hi[2]),
-            bottom: lo[2],
         }
     }
 
     /// Returns the intersections of the rays at these places of the paper.
     pub(super) fn trace(&self, rays: &[[f64; 2]]) -> Vec<Option<Hit>> {
         let mut hits = vec![None; rays.len()];
+        let inverse = inverse_direction(self.view.toward.map(|v| -v));
         let mut active: Vec<Ray> = rays
             .iter()
             .enumerate()
-            .map(|(index, [u, v])| Ray {
-                index,
-                from: self.view.back([*u, *v, self.top]),
-                t: 0.0,
-                outside: None,
-                inside: None,
+            .filter_map(|(index, [u, v])| {
+                let from = self.view.back([*u, *v, self.top]);
+                let [enter, end] = self.shell.region.crossing(from, inverse);
+                let t = enter.max(0.0);
+                (t < end).then_some(Ray {
+                    index,
+                    from,
+                    t,
+                    end,
+                    outside: None,
+                    inside: None,
+                })
             })
             .collect();
         self.cut_faces(&mut active, &mut hits);
@@ -200,10 +206,9 @@ impl<'a> Tracer<'a> {
     /// inside; the rays that come inside.
     fn march(&self, mut active: Vec<Ray>) -> Vec<Ray> {
         let down = self.view.toward.map(|v| -v);
-        let end = self.top - self.bottom;
         let mut found = Vec::new();
         for _ in 0..MOST_STEPS {
-            active.retain_mut(|r| match self.shell.next(r.from, down, r.t, end) {
+            active.retain_mut(|r| match self.shell.next(r.from, down, r.t, r.end) {
                 Some(t) => {
                     r.t = t;
                     true

@@ -157,7 +157,7 @@ impl<'a> DrawnModel<'a> {
         if !(longest > 0.0 && longest.is_finite()) {
             return None;
         }
-        let region = grown(&data, AROUND * longest);
+        let region = data.widened(AROUND * longest);
         let coarse = self.cells(region, longest * (1.0 + 2.0 * AROUND) / FEW_CELLS);
         let surface: Vec<Point3> = self.project(&coarse).iter().map(|s| s.at).collect();
         let seen = Aabb::from_points(&surface);
@@ -165,7 +165,7 @@ impl<'a> DrawnModel<'a> {
             return None;
         }
         // What goes on to the end of the region is cut off a little beyond the data.
-        let mut tight = grown(&seen, 0.5 * coarse.cell);
+        let mut tight = seen.widened(0.5 * coarse.cell);
         for k in 0..3 {
             if seen.lo[k] < region.lo[k] + 1.5 * coarse.cell {
                 tight.lo[k] = data.lo[k] - 0.05 * longest;
@@ -275,14 +275,6 @@ fn longest(region: &Aabb) -> f64 {
     region.size().into_iter().fold(0.0, f64::max)
 }
 
-/// A box with its sides moved outward.
-pub(super) fn grown(region: &Aabb, by: f64) -> Aabb {
-    Aabb {
-        lo: region.lo.map(|v| v - by),
-        hi: region.hi.map(|v| v + by),
-    }
-}
-
 /// All indices of a grid, the first one fastest.
 fn indices(dims: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
     let [nx, ny, nz] = dims;
@@ -356,9 +348,12 @@ impl Shell {
             }
             let leave = (0..3).map(|k| {
                 let c = at[k] / size;
+                // Cells before the first one are left at once.
+                let cell = (c as usize) as f64;
                 match d[k] {
-                    v if v > 0.0 => (c.floor() + 1.0 - c) / v,
-                    v if v < 0.0 => (c.ceil() - 1.0 - c) / v,
+                    v if v > 0.0 => (cell + 1.0 - c) / v,
+                    v if v < 0.0 && c == cell => -1.0 / v,
+                    v if v < 0.0 => (cell - c) / v,
                     _ => f64::INFINITY,
                 }
             });
