@@ -92,6 +92,9 @@ pub(crate) struct Block<'t> {
     slots: Vec<Row>,
     /// Derivatives of the first result by the slots; empty if only values are computed.
     adjoints: Vec<Row>,
+    /// Derivatives of the unary operations that depend on the parameters alone, by operation: sines
+    /// and cosines of angles would take a fifth of the time of a fit.
+    slopes: Vec<f64>,
     plan: Option<&'t Plan>,
 }
 
@@ -102,6 +105,7 @@ impl<'t> Block<'t> {
             tape,
             slots: vec![ZERO; tape.slots()],
             adjoints: Vec::new(),
+            slopes: Vec::new(),
             plan: None,
         }
         .with_constants()
@@ -119,6 +123,7 @@ impl<'t> Block<'t> {
             tape,
             slots,
             adjoints: Vec::new(),
+            slopes: Vec::new(),
             plan: None,
         }
         .with_constants();
@@ -134,6 +139,7 @@ impl<'t> Block<'t> {
             tape,
             slots: rows(),
             adjoints: rows(),
+            slopes: vec![0.0; tape.uniform],
             plan: Some(plan),
         }
         .with_constants()
@@ -158,6 +164,11 @@ impl<'t> Block<'t> {
             slot.0 = [v; LANES];
         }
         forward(self.tape, 0, self.tape.uniform, &mut self.slots);
+        for (slope, i) in self.slopes.iter_mut().zip(&self.tape.code) {
+            if let Op::Unary(op) = i.op {
+                *slope = unary_slope(op, self.slots[i.a as usize].0[0]);
+            }
+        }
     }
 
     /// Loads up to [`LANES`] points; the last one is repeated in the remaining lanes.
@@ -214,9 +225,21 @@ impl<'t> Block<'t> {
         }
         self.adjoints[self.tape.roots[0] as usize] = Lane([1.0; LANES]);
         if plan.guard {
-            reverse_guarded(self.tape, &plan.steps, &self.slots, &mut self.adjoints);
+            reverse_guarded(
+                self.tape,
+                &plan.steps,
+                &self.slopes,
+                &self.slots,
+                &mut self.adjoints,
+            );
         } else {
-            reverse_plain(self.tape, &plan.steps, &self.slots, &mut self.adjoints);
+            reverse_plain(
+                self.tape,
+                &plan.steps,
+                &self.slopes,
+                &self.slots,
+                &mut self.adjoints,
+            );
         }
     }
 
@@ -396,12 +419,22 @@ fn powi(out: &mut Row, a: &Row, n: i32) {
 }
 
 dispatch! {
-    fn reverse_guarded(tape: &Tape, plan: &[AdjointStep], slots: &[Row], adjoints: &mut [Row])
-        = reverse_body::<true>
+    fn reverse_guarded(
+        tape: &Tape,
+        plan: &[AdjointStep],
+        slopes: &[f64],
+        slots: &[Row],
+        adjoints: &mut [Row]
+    ) = reverse_body::<true>
 }
 dispatch! {
-    fn reverse_plain(tape: &Tape, plan: &[AdjointStep], slots: &[Row], adjoints: &mut [Row])
-        = reverse_body::<false>
+    fn reverse_plain(
+        tape: &Tape,
+        plan: &[AdjointStep],
+        slopes: &[f64],
+        slots: &[Row],
+        adjoints: &mut [Row]
+    ) = reverse_body::<false>
 }
 
 /// Adds `g · d` to an adjoint, or stores it if it is the first contribution. With GUARD, g = 0
@@ -429,6 +462,7 @@ fn pass<const GUARD: bool>(to: &mut Row, first: bool, g: &Row, d: impl Fn(usize)
 fn reverse_body<const GUARD: bool>(
     tape: &Tape,
     plan: &[AdjointStep],
+    slopes: &[f64],
     s: &[Row],
     adjoints: &mut [Row],
 ) {
@@ -566,9 +600,10 @@ fn reverse_body<const GUARD: bool>(
                         if w.0[l] == 0.0 { 0.0 } else { 0.5 / w.0[l] }
                     }),
                     Unary::Abs => pass::<GUARD>(to, first_a, g, |l| Real::sign(&a[l])),
-                    _ => pass::<true>(to, first_a, g, |l| {
-                        op.apply(&Jet1::<1>::variable(a[l], 0)).g[0]
-                    }),
+                    _ => match slopes.get(k) {
+                        Some(slope) => pass::<true>(to, first_a, g, |_| *slope),
+                        None => pass::<true>(to, first_a, g, |l| unary_slope(op, a[l])),
+                    },
                 }
             }
             Op::PowI => {
@@ -598,6 +633,11 @@ fn reverse_body<const GUARD: bool>(
             }
         }
     }
+}
+
+/// Returns the derivative of a unary operation.
+fn unary_slope(op: Unary, a: f64) -> f64 {
+    op.apply(&Jet1::<1>::variable(a, 0)).g[0]
 }
 
 /// Contributes the derivative 0 of comparisons: clears the slots whose first contribution it is.

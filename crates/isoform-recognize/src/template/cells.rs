@@ -1,13 +1,13 @@
 //! Samples of the solid, and the sides of the half spaces on which they lie: samples on both sides
 //! of the points, and samples throughout the box classified by the generalised winding number of
-//! the oriented points (Barill et al., Fast winding numbers for soups and clouds, ACM Trans.
-//! Graphics 37, 2018; here summed directly).
+//! the oriented points.
 
 use super::half::HalfSpace;
 use super::solid::Bits;
+use super::winding::DipoleTree;
 use crate::cloud::thinned;
 use isoform_control::{Control, Stopped};
-use isoform_geom::{Aabb, KdTree, Point3, dot, norm, sub};
+use isoform_geom::{Aabb, KdTree, Point3, dot, norm};
 use isoform_num::Random;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -149,13 +149,9 @@ fn all_over(cloud: &OrientedPoints<'_>, bounds: &Aabb) -> Vec<SideSample> {
     let spacing = (all / areas.len().max(1) as f64).sqrt();
     // The vector area of a closed surface is zero; if much is missing, winding numbers between the
     // points are meaningless.
-    let vector: Point3 = std::array::from_fn(|k| {
-        let of = some
-            .iter()
-            .zip(&areas)
-            .map(|(i, a)| a * cloud.normals[*i][k]);
-        of.sum()
-    });
+    let vector_area = |(i, area): (&usize, &f64)| cloud.normals[*i].map(|v| area * v);
+    let vectors: Vec<Point3> = some.iter().zip(&areas).map(vector_area).collect();
+    let vector: Point3 = std::array::from_fn(|k| vectors.iter().map(|v| v[k]).sum());
     // The vector area of a box without one face is a fifth of its area, that of one seen from a
     // corner 0.58.
     let is_open = norm(vector) > 0.3 * all;
@@ -165,14 +161,7 @@ fn all_over(cloud: &OrientedPoints<'_>, bounds: &Aabb) -> Vec<SideSample> {
     let at: Vec<Point3> = (0..30_000)
         .map(|_| std::array::from_fn(|k| lo[k] + random.unit() * (hi[k] - lo[k])))
         .collect();
-    let winding = |at: Point3| -> f64 {
-        let of = |(k, p): (usize, &Point3)| {
-            let d = sub(*p, at);
-            let r = norm(d);
-            areas[k] * dot(cloud.normals[some[k]], d) / (r * r * r)
-        };
-        points.iter().enumerate().map(of).sum::<f64>() / (4.0 * std::f64::consts::PI)
-    };
+    let dipoles = DipoleTree::new(points.iter().copied().zip(vectors).collect());
     let place = |at: Point3| {
         let is_within = (0..3).all(|k| at[k] >= bounds.lo[k] && at[k] <= bounds.hi[k]);
         if is_open && is_within {
@@ -183,7 +172,7 @@ fn all_over(cloud: &OrientedPoints<'_>, bounds: &Aabb) -> Vec<SideSample> {
         if near < 2.0 * spacing {
             return None;
         }
-        let w = winding(at);
+        let w = dipoles.winding(at);
         // Winding numbers close to 1/2 are undecided.
         ((w - 0.5).abs() > 0.25).then_some(SideSample {
             at,

@@ -11,6 +11,7 @@ mod frame;
 mod half;
 mod program;
 mod solid;
+mod winding;
 
 use crate::chart::Primitive;
 use crate::cost::Cost;
