@@ -8,7 +8,6 @@ mod statistics;
 use self::estimates::Intervals;
 use crate::by_point::ByPoint;
 use crate::clock::Clock;
-use crate::deviation;
 use crate::evidence::Clusters;
 use crate::minimum::FitMinimum;
 use crate::polish::weight;
@@ -140,10 +139,10 @@ impl Task<'_> {
             acceptable: true,
             reasons: Vec::new(),
             loss: found.loss,
-            neighbour_correlation: self.correlation_but(
+            neighbour_correlation: self.correlation_at(
+                &points.at,
                 &points.residuals,
                 &points.outliers,
-                deviation::CORRELATION_PROBES,
             ),
             residuals: points.residuals,
             weights: points.weights,

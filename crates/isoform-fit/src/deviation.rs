@@ -21,7 +21,7 @@ use isoform_geom::{Aabb, Frame, KdTree, Point3};
 /// random, one in 10⁷ has its nearest neighbour beyond 2.
 const UNCOVERED_SPACINGS: f64 = 2.5;
 /// Number of points from which the correlation of neighbouring residuals is estimated.
-pub(crate) const CORRELATION_PROBES: usize = 400;
+const CORRELATION_PROBES: usize = 2000;
 
 /// Distances of the used data from the model.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -232,25 +232,26 @@ fn places(
 }
 
 /// Returns the correlation of residuals with those of their nearest neighbours, for the first
-/// points of a random order: near 0 for noise, near 1 for a wrong model. If the tree holds only a
-/// part of the points, these are the first ones in the order. Residuals are clipped at five
-/// medians.
+/// points of a sample in random order: near 0 for noise, near 1 for a wrong model. Neighbours are
+/// those of the feet of the points on the surface: where noise is as wide as the spacing, points
+/// near each other in space have similar residuals. Residuals are clipped at five medians.
 pub(crate) fn neighbour_correlation(
-    points: &[Point3],
+    feet: &[Point3],
     residuals: &[f64],
     left_out: &[bool],
-    (tree, order): (&KdTree, &[u32]),
-    probes: usize,
+    sample: &[u32],
 ) -> f64 {
-    let is_whole = tree.len() == points.len();
-    let place = |j: u32| (if is_whole { j } else { order[j as usize] }) as usize;
-    let most = 5.0 * median_size(order[..tree.len()].iter().map(|&i| residuals[i as usize]));
+    let place = |k: u32| sample[k as usize] as usize;
+    let places: Vec<Point3> = sample.iter().map(|&i| feet[i as usize]).collect();
+    let tree = KdTree::new(&places);
+    let most = 5.0 * median_size(sample.iter().map(|&i| residuals[i as usize]));
     let cut = |i: usize| residuals[i].clamp(-most, most);
     let mut products = CorrelationSums::default();
     let mut found = Vec::new();
-    for i in order.iter().take(probes).map(|&i| i as usize) {
-        tree.nearest_k(points[i], 2, &mut found);
-        let neighbour = found.iter().map(|f| place(f.1)).find(|j| *j != i);
+    for (k, i) in (0..).zip(sample).take(CORRELATION_PROBES) {
+        let i = *i as usize;
+        tree.nearest_k(feet[i], 2, &mut found);
+        let neighbour = found.iter().map(|f| f.1).find(|j| *j != k).map(place);
         let used = neighbour.filter(|j| !left_out[i] && !left_out[*j]);
         if let Some(j) = used {
             products.add(cut(i), cut(j));

@@ -10,9 +10,9 @@ use crate::outliers::robust_deviation;
 use crate::residuals::{Residuals, values};
 use crate::search::ConvergenceStep;
 use crate::space::Space;
-use crate::vector::distance;
+use crate::vector::{distance, is_finite};
 use crate::{Control, Loss, Objective, lm};
-use isoform_geom::{ParamField, Point3};
+use isoform_geom::{ParamField, Point3, dot};
 
 /// Tuning constant of Cauchy's loss, for 95 % efficiency with Gaussian noise.
 const CAUCHY_TUNING: f64 = 2.385;
@@ -155,6 +155,20 @@ impl Polish<'_> {
         let mut r = vec![0.0; points.len()];
         values(self.field, points, &self.space.parameters(x), &mut r);
         r
+    }
+
+    /// Returns the feet of points on the surface f(·, a) = 0, to first order: p − f ∇f/|∇f|². A
+    /// point whose foot is not finite is its own foot.
+    pub(crate) fn feet(&self, points: &[Point3], x: &[f64]) -> Vec<Point3> {
+        let (mut f, mut rows) = (vec![0.0; points.len()], vec![[0.0; 3]; points.len()]);
+        let a = self.space.parameters(x);
+        self.field.gradients(points, &a, &mut f, &mut rows);
+        let foot = |((p, f), g): ((&Point3, &f64), &Point3)| {
+            let by = f / dot(*g, *g);
+            let at: Point3 = std::array::from_fn(|k| p[k] - by * g[k]);
+            if is_finite(&at) { at } else { *p }
+        };
+        points.iter().zip(&f).zip(&rows).map(foot).collect()
     }
 
     /// Returns the robust standard deviation of finite residuals.

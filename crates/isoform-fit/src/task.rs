@@ -136,15 +136,17 @@ impl<'a> Task<'a> {
         }
     }
 
-    /// Returns the correlation of the residuals of neighbours, from some of the points.
-    pub(crate) fn correlation(&self, r: &[f64], probes: usize) -> f64 {
-        self.correlation_but(r, &vec![false; r.len()], probes)
+    /// Returns the correlation of the metric residuals of neighbours, from some of the points.
+    pub(crate) fn correlation(&self, x: &[f64], r: &[f64]) -> f64 {
+        let feet = self.polish(0).feet(self.points, x);
+        self.correlation_at(&feet, r, &vec![false; r.len()])
     }
 
-    /// Returns the correlation of the residuals of neighbours, with some points left out.
-    pub(crate) fn correlation_but(&self, r: &[f64], left_out: &[bool], probes: usize) -> f64 {
-        let known = (&self.near.tree, self.order);
-        deviation::neighbour_correlation(self.points, r, left_out, known, probes)
+    /// Returns the correlation of the residuals of neighbours by the feet of the points, with some
+    /// points left out.
+    pub(crate) fn correlation_at(&self, feet: &[Point3], r: &[f64], left_out: &[bool]) -> f64 {
+        let sample = &self.order[..self.near.tree.len()];
+        deviation::neighbour_correlation(feet, r, left_out, sample)
     }
 }
 

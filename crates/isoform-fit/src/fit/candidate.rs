@@ -3,11 +3,10 @@
 
 use crate::chunks::{PointSet, Reading, ResidualSizes};
 use crate::clock::Clock;
-use crate::deviation;
 use crate::minimum::FitMinimum;
 use crate::outliers::MIN_OUTLIER_SHARE;
 use crate::polish::{Polish, PolishResult};
-use crate::search::{MinimumSearch, SearchOutcome};
+use crate::search::{MinimumSearch, SearchMinimum, SearchOutcome};
 use crate::task::Task;
 use crate::thresholds::OUTLIER_DEVIATIONS;
 use crate::{FitError, Loss, Options};
@@ -18,14 +17,18 @@ const STRAY_DEVIATIONS: f64 = 8.0;
 /// Squares of stray points over those of all others from which a sum of squares is dominated by
 /// them: one point with a tenth of the sum moves the values by a third of their deviations.
 const DOMINANT_STRAY_SHARE: f64 = 0.1;
-/// Correlation of neighbouring residuals below which they count as noise: two standard deviations
-/// of chance. With 0.2 a flange with its six holes in a wrong position passed.
+/// Correlation of neighbouring residuals below which they count as noise: four standard deviations
+/// of chance among 2000 points. With 0.2 a flange with its six holes in a wrong position passed.
 const MAX_NOISE_CORRELATION: f64 = 0.1;
 
 impl Task<'_> {
     /// Returns the best minimum that the default method finds.
     pub(crate) fn candidate(&self, clock: &mut Clock) -> Result<FitMinimum, FitError> {
         let mut kept = self.kept();
+        if let Some(found) = self.from_measured_start() {
+            clock.lap("polish");
+            return Ok(found);
+        }
         self.control.report("search", 0.0);
         let outcome = self.searched(&mut kept)?;
         clock.lap("search");
@@ -34,6 +37,25 @@ impl Task<'_> {
         let found = self.polished(&search, outcome, &kept);
         clock.lap("polish");
         Ok(found)
+    }
+
+    /// Returns the minimum to which a measured start leads, if the residuals there are noise: no
+    /// search can find a better one.
+    fn from_measured_start(&self) -> Option<FitMinimum> {
+        let polish = self.polish(0);
+        let start = self.comparison(&polish).measured_start(self)?.polished;
+        let outcome = SearchOutcome {
+            starts: 1,
+            certain: true,
+            minima: vec![SearchMinimum {
+                x: start.x.clone(),
+                value: 0.0,
+                hits: 1,
+            }],
+            ..SearchOutcome::default()
+        };
+        let found = self.finely_polished(&polish, start, outcome).0;
+        found.is_at_noise.then_some(found)
     }
 
     /// Returns the points of the search.
@@ -110,8 +132,25 @@ impl Task<'_> {
         let polish = self.polish(outcome.starts);
         let rough = self.compared(search, &outcome, kept, &polish);
         self.control.report("polish", 0.3);
+        let (mut found, rounds) = self.finely_polished(&polish, rough, outcome);
+        let is_settled = found.outcome.certain && found.is_at_noise;
+        if found.complete && self.options.refine && !is_settled {
+            self.refine(search, &mut found);
+            // A better minimum has another scale.
+            self.fine(&polish, &mut found, rounds);
+        }
+        found
+    }
+
+    /// Polishes a rough minimum with the loss that suits it. Returns it with the number of rounds.
+    fn finely_polished(
+        &self,
+        polish: &Polish<'_>,
+        rough: PolishResult,
+        outcome: SearchOutcome,
+    ) -> (FitMinimum, usize) {
         let mut found = FitMinimum {
-            loss: self.loss(&polish, &rough),
+            loss: self.loss(polish, &rough),
             x: Vec::new(),
             evaluations: outcome.evaluations,
             history: outcome.history.clone(),
@@ -121,16 +160,10 @@ impl Task<'_> {
             is_at_noise: false,
         };
         found.take(rough);
-        let rounds = self.reweighted_on_some(&polish, &mut found);
-        self.fine(&polish, &mut found, rounds);
+        let rounds = self.reweighted_on_some(polish, &mut found);
+        self.fine(polish, &mut found, rounds);
         found.complete = !found.outcome.stopped && !self.control.is_stopped();
-        let is_settled = found.outcome.certain && found.is_at_noise;
-        if found.complete && self.options.refine && !is_settled {
-            self.refine(search, &mut found);
-            // A better minimum has another scale.
-            self.fine(&polish, &mut found, rounds);
-        }
-        found
+        (found, rounds)
     }
 
     /// Returns the loss of the fine polish: the caller's, or the one that suits the residuals.
@@ -149,20 +182,20 @@ impl Task<'_> {
     fn loss_at(&self, polish: &Polish<'_>, x: &[f64]) -> Loss {
         let r = polish.residuals(self.points, x);
         let Some(cloud) = self.scan.cloud() else {
-            return self.loss_of(&r);
+            return self.loss_of(x, &r);
         };
         let asked = (Reading::Metric, &self.space.parameters(x)[..]);
         let scale = cloud
             .sizes(self.template, asked, PointSet::Distinct, &r)
             .scale;
         let (strays, others) = cloud.split(self.template, asked, STRAY_DEVIATIONS * scale);
-        self.loss_with(scale, strays > DOMINANT_STRAY_SHARE * others, &r)
+        self.loss_with(x, &r, scale, strays > DOMINANT_STRAY_SHARE * others)
     }
 
     /// Returns the loss that suits the residuals of points in memory.
-    fn loss_of(&self, r: &[f64]) -> Loss {
+    fn loss_of(&self, x: &[f64], r: &[f64]) -> Loss {
         let scale = Polish::scale(r);
-        self.loss_with(scale, has_strays(r, scale), r)
+        self.loss_with(x, r, scale, has_strays(r, scale))
     }
 
     /// Returns least squares, unless residuals of a robust deviation include stray points or are
@@ -172,10 +205,10 @@ impl Task<'_> {
     /// measured. Then some points lie on faces that the template lacks, and least squares would
     /// move all dimensions by them. Tukey's biweight would ignore the points of a hole that is off
     /// by any distance; with Cauchy's loss these still determine it, since no others do.
-    fn loss_with(&self, scale: f64, has_strays: bool, r: &[f64]) -> Loss {
+    fn loss_with(&self, x: &[f64], r: &[f64], scale: f64, has_strays: bool) -> Loss {
         match scale <= self.rounding() {
             true if has_strays && self.options.is_start_measured => Loss::Cauchy,
-            false if has_strays || self.is_systematic(r) => Loss::Tukey,
+            false if has_strays || self.is_systematic(x, r) => Loss::Tukey,
             _ => Loss::Squares,
         }
     }
@@ -183,8 +216,8 @@ impl Task<'_> {
     /// Returns true if residuals are misfit of a shape that the template lacks (rounded edges, a
     /// bulge) rather than noise: neighbours have similar residuals. Least squares would spread the
     /// misfit over all dimensions; a robust loss leaves it local.
-    fn is_systematic(&self, r: &[f64]) -> bool {
-        self.correlation(r, 250) > 0.5
+    fn is_systematic(&self, x: &[f64], r: &[f64]) -> bool {
+        self.correlation(x, r) > 0.5
     }
 
     /// Reweights on a subset if there are many points, since it takes many rounds. Returns the
@@ -229,8 +262,7 @@ impl Task<'_> {
         };
         // A misplaced piece leaves a tail, however few points it has.
         scale < self.rounding()
-            || (rms <= 1.1 * scale
-                && self.correlation(&r, deviation::CORRELATION_PROBES) < MAX_NOISE_CORRELATION)
+            || (rms <= 1.1 * scale && self.correlation(x, &r) < MAX_NOISE_CORRELATION)
     }
 }
 

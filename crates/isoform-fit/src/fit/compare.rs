@@ -14,13 +14,13 @@ use isoform_geom::Point3;
 const TRUNCATION_DEVIATIONS: f64 = 4.5;
 
 /// A candidate with its metric residuals at the points of the comparison.
-struct ComparedMinimum {
-    polished: PolishResult,
+pub(super) struct ComparedMinimum {
+    pub(super) polished: PolishResult,
     residuals: Vec<f64>,
 }
 
 /// Common data of a comparison of candidates.
-struct Comparison<'a> {
+pub(super) struct Comparison<'a> {
     polish: &'a Polish<'a>,
     points: Vec<Point3>,
     has_outliers: bool,
@@ -36,9 +36,26 @@ impl Comparison<'_> {
             polished,
         }
     }
+
+    /// Polishes a start that was measured: the search's sum over all points spoils values that some
+    /// of them have.
+    pub(super) fn measured_start(&self, task: &Task<'_>) -> Option<ComparedMinimum> {
+        let start = task.first().filter(|_| task.options.is_start_measured)?;
+        Some(self.rival(start, 0))
+    }
 }
 
 impl Task<'_> {
+    /// Sets up a comparison of candidates.
+    pub(super) fn comparison<'b>(&'b self, polish: &'b Polish<'b>) -> Comparison<'b> {
+        let options = self.options;
+        Comparison {
+            polish,
+            points: self.some(options.confirm_points.max(options.search_points)),
+            has_outliers: self.scan.isolated > MIN_OUTLIER_SHARE,
+        }
+    }
+
     /// Polishes candidates with nearly equal sums by the metric residual on more points and returns
     /// the best by a truncated sum, with the evaluations of all. If many points are far off it, a
     /// trimmed search takes part.
@@ -49,18 +66,13 @@ impl Task<'_> {
         kept: &[Point3],
         polish: &Polish<'_>,
     ) -> PolishResult {
-        let options = self.options;
-        let comparison = Comparison {
-            polish,
-            points: self.some(options.confirm_points.max(options.search_points)),
-            has_outliers: self.scan.isolated > MIN_OUTLIER_SHARE,
-        };
+        let comparison = self.comparison(polish);
         let minima = search.candidates(outcome).iter();
         let confirmed = minima.map(|m| self.confirmed(kept, m.x.clone()));
         let mut rivals: Vec<ComparedMinimum> = confirmed
             .map(|m| comparison.rival(m.x, m.iterations))
             .collect();
-        rivals.extend(self.measured_start(&comparison));
+        rivals.extend(comparison.measured_start(self));
         let mut best = self.least_truncated(&rivals);
         if self.has_many_far(&rivals[best]) && !self.control.is_stopped() {
             let first = rivals[best].polished.x.clone();
@@ -73,13 +85,6 @@ impl Task<'_> {
             evaluations,
             ..rivals.swap_remove(best).polished
         }
-    }
-
-    /// Polishes a start that was measured: the search's sum over all points spoils values that some
-    /// of them have.
-    fn measured_start(&self, comparison: &Comparison<'_>) -> Option<ComparedMinimum> {
-        let start = self.first().filter(|_| self.options.is_start_measured)?;
-        Some(comparison.rival(start, 0))
     }
 
     /// Minimises the algebraic sum on more points than the search uses.
