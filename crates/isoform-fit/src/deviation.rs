@@ -300,6 +300,30 @@ mod tests {
         assert_eq!(percentile95(&mut [3.0]), 3.0);
     }
 
+    /// Noise as wide as the spacing is not correlated; a bent surface of equal size is, by the
+    /// mean of cos(u) cos(v) over neighbours.
+    #[test]
+    fn neighbours_are_those_of_the_feet() {
+        let mut random = fastrand::Rng::with_seed(5);
+        let feet: Vec<Point3> = (0..3000)
+            .map(|_| [60.0 * random.f64(), 60.0 * random.f64(), 0.0])
+            .collect();
+        let noise: Vec<f64> = feet
+            .iter()
+            .map(|_| (0..12).map(|_| random.f64() - 0.5).sum())
+            .collect();
+        let bent: Vec<f64> = feet.iter().map(|p| (0.3 * p[0]).cos()).collect();
+        let (all, order) = (vec![false; 3000], (0..3000).collect::<Vec<u32>>());
+        let of_feet = |r: &[f64]| neighbour_correlation(&feet, r, &all, &order);
+        assert!(of_feet(&noise).abs() < 0.08, "{}", of_feet(&noise));
+        assert!(of_feet(&bent) > 0.9, "{}", of_feet(&bent));
+        let in_space: Vec<Point3> = (feet.iter().zip(&noise))
+            .map(|(p, r)| [p[0], p[1], *r])
+            .collect();
+        let of_points = neighbour_correlation(&in_space, &noise, &all, &order);
+        assert!(of_points > 0.2, "{of_points}");
+    }
+
     #[test]
     fn left_out_points_do_not_count() {
         let found = data_to_model(&[3.0, -4.0, 100.0, f64::NAN], &[false, false, true, false]);

@@ -3,8 +3,8 @@
 //!
 //! Least trimmed squares by concentration (Rousseeuw and Van Driessen 2006, Data Min. Knowl. Disc.
 //! 12:29–45): from each start the algebraic sum is minimised, then again over the four fifths of
-//! the points with the smallest metric residuals, and so on. All starts make two such steps, the best
-//! ten go on. The results are compared by truncated sums, which do not depend on how far off an
+//! the points with the smallest metric residuals, and so on. All starts make two such steps, and the
+//! best ten go on (section 3.2 of the paper). The results are compared by truncated sums, which do not depend on how far off an
 //! outlier is.
 
 use crate::lm;
@@ -15,11 +15,6 @@ use rayon::prelude::*;
 
 /// Number of concentration steps; they converge after three to five.
 const CONCENTRATION_STEPS: usize = 6;
-/// Number of concentration steps after which the best starts are selected (section 3.2 of the
-/// paper).
-const FIRST_STEPS: usize = 2;
-/// Number of starts that are selected (section 3.2 of the paper).
-const SELECTED_STARTS: usize = 10;
 /// Number of robust deviations of the best result at which residuals are truncated.
 const CUT_DEVIATIONS: f64 = 6.0;
 /// Maximum number of evaluations of the later minimisations, and of the first one after a
@@ -33,6 +28,8 @@ pub(crate) struct TrimmedFit {
     off: Vec<f64>,
     /// 1 for the points of the last minimisation, 0 for others; empty if it was over all points.
     weights: Vec<f64>,
+    /// Number of concentration steps.
+    step: usize,
     pub(crate) evaluations: usize,
 }
 
@@ -81,18 +78,14 @@ impl MinimumSearch<'_> {
             .map(|x| self.begun(x, first))
             .collect();
         let scores = scores(&begun, spacing);
-        let mut order: Vec<usize> = (0..begun.len()).collect();
-        order.sort_by(|i, j| scores[*i].total_cmp(&scores[*j]));
-        let mut ranks = vec![0; begun.len()];
-        order
-            .into_iter()
-            .enumerate()
-            .for_each(|(rank, k)| ranks[k] = rank);
+        let mut sorted = scores.clone();
+        sorted.sort_by(f64::total_cmp);
+        let tenth = sorted.get(9).copied().unwrap_or(f64::INFINITY);
         begun
             .into_par_iter()
-            .zip(ranks)
-            .map(|(fit, rank)| match rank < SELECTED_STARTS {
-                true => self.concentrate(fit, FIRST_STEPS + 1..=CONCENTRATION_STEPS),
+            .zip(scores)
+            .map(|(fit, score)| match score <= tenth {
+                true => self.concentrate(fit, CONCENTRATION_STEPS),
                 false => fit,
             })
             .collect()
@@ -105,27 +98,27 @@ impl MinimumSearch<'_> {
             off: self.off(&m.x),
             x: m.x,
             weights: Vec::new(),
+            step: 0,
             evaluations: m.iterations,
         };
-        self.concentrate(fit, 1..=FIRST_STEPS)
+        self.concentrate(fit, 2)
     }
 
-    /// Runs concentration steps, except those over the same points as before.
-    fn concentrate(
-        &self,
-        mut fit: TrimmedFit,
-        steps: std::ops::RangeInclusive<usize>,
-    ) -> TrimmedFit {
-        for step in steps {
+    /// Runs concentration steps up to the `last` one, except those over equal points.
+    fn concentrate(&self, mut fit: TrimmedFit, last: usize) -> TrimmedFit {
+        while fit.step < last {
+            let step = fit.step + 1;
             let weights = fit.weights(step);
             if self.control.is_stopped() {
                 break;
             }
+            fit.step = step;
             if weights == fit.weights {
                 continue;
             }
             let m = self.weighted(&weights, fit.x, MAX_LATER_EVALUATIONS);
             fit = TrimmedFit {
+                step,
                 off: self.off(&m.x),
                 x: m.x,
                 weights,

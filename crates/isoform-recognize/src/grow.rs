@@ -104,13 +104,20 @@ fn spread(
         if new.len() < kind_least(surface.kind) || new.len() * 2 < points.len() {
             return None;
         }
-        let stands = reached_end && is_whole && new == points;
+        let is_twice_whole = reached_end && is_whole;
+        let is_same = new == points;
         is_whole = reached_end;
         points = new;
-        if stands {
+        if is_twice_whole && is_same {
             break;
         }
-        surface = fit(&surface, &cloud.at(&sample(&points)), Precision::Rough)?.0;
+        let some = cloud.at(&sample(&points));
+        let next = fit(&surface, &some, Precision::Rough)?.0;
+        let has_moved = moves([&surface, &next], &some, noise);
+        surface = next;
+        if is_twice_whole && !has_moved {
+            break;
+        }
     }
     let core = core(cloud, &points, surface.kind);
     let some = cloud.at(&sample(&core));
@@ -125,6 +132,16 @@ fn spread(
         points,
         core,
     })
+}
+
+/// Returns true if a surface has moved by more than a tenth of its uncertainty, that of a fit to
+/// these points: a root mean square of σ √(m/n) with n points and m parameters. A region whose
+/// surface stays gains and loses points of its border for ever.
+fn moves([before, after]: [&Primitive; 2], points: &[Point3], noise: f64) -> bool {
+    let (before_at, after_at) = (before.distances(), after.distances());
+    let by = |p: &Point3| after_at.at(*p) - before_at.at(*p);
+    let squares: f64 = points.iter().map(|p| by(p).powi(2)).sum();
+    squares > 0.01 * noise * noise * after.kind.parameters() as f64
 }
 
 /// Removes from a region the layers of its borders whose mean distance from its surface is

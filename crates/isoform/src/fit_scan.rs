@@ -466,7 +466,7 @@ fn kept_of(points: &[Point3], beside: &[Option<ClutterKind>]) -> Vec<Point3> {
     kept.map(|(p, _)| *p).collect()
 }
 
-/// Returns true if two searches probably ended in the same minimum.
+/// Returns true if two searches with these misfits probably ended in one minimum.
 fn agree(a: f64, b: f64) -> bool {
     (a / b - 1.0).abs() < MAX_AGREEING_MISFIT_DIFFERENCE
 }

@@ -25,7 +25,7 @@ impl Task<'_> {
     /// Returns the best minimum that the default method finds.
     pub(crate) fn candidate(&self, clock: &mut Clock) -> Result<FitMinimum, FitError> {
         let mut kept = self.kept();
-        if let Some(found) = self.from_measured_start() {
+        if let Some(found) = self.measured_candidate() {
             clock.lap("polish");
             return Ok(found);
         }
@@ -41,7 +41,7 @@ impl Task<'_> {
 
     /// Returns the minimum to which a measured start leads, if the residuals there are noise: no
     /// search can find a better one.
-    fn from_measured_start(&self) -> Option<FitMinimum> {
+    fn measured_candidate(&self) -> Option<FitMinimum> {
         let polish = self.polish(0);
         let start = self.comparison(&polish).measured_start(self)?.polished;
         let outcome = SearchOutcome {
@@ -55,7 +55,10 @@ impl Task<'_> {
             ..SearchOutcome::default()
         };
         let found = self.finely_polished(&polish, start, outcome).0;
-        found.is_at_noise.then_some(found)
+        // Of exact points, those of a misplaced piece are few.
+        let sizes = self.sizes(&polish.residuals(self.points, &found.x), &found.x);
+        let is_whole = sizes.rms < self.rounding() || !has_tail(sizes);
+        (found.is_at_noise && is_whole).then_some(found)
     }
 
     /// Returns the points of the search.
@@ -253,17 +256,26 @@ impl Task<'_> {
     /// deviations, with one per cent of the points in a misplaced hole 1.2.
     fn is_noise(&self, polish: &Polish<'_>, x: &[f64]) -> bool {
         let r = polish.residuals(self.points, x);
-        let ResidualSizes { scale, rms } = match self.scan.cloud() {
-            None => ResidualSizes::from_residuals(&r),
+        let sizes = self.sizes(&r, x);
+        sizes.scale < self.rounding()
+            || (!has_tail(sizes) && self.correlation(x, &r) < MAX_NOISE_CORRELATION)
+    }
+
+    /// Returns the sizes of the metric residuals of all points.
+    fn sizes(&self, r: &[f64], x: &[f64]) -> ResidualSizes {
+        match self.scan.cloud() {
+            None => ResidualSizes::from_residuals(r),
             Some(cloud) => {
                 let asked = (Reading::Metric, &self.space.parameters(x)[..]);
-                cloud.sizes(self.template, asked, PointSet::Distinct, &r)
+                cloud.sizes(self.template, asked, PointSet::Distinct, r)
             }
-        };
-        // A misplaced piece leaves a tail, however few points it has.
-        scale < self.rounding()
-            || (rms <= 1.1 * scale && self.correlation(x, &r) < MAX_NOISE_CORRELATION)
+        }
     }
+}
+
+/// Returns true if residuals have a tail, as a misplaced piece leaves it, however few points it has.
+fn has_tail(sizes: ResidualSizes) -> bool {
+    sizes.rms > 1.1 * sizes.scale
 }
 
 /// Returns true if a few stray points, fewer than make tails, dominate the sum of squares: one

@@ -18,8 +18,6 @@ use rayon::prelude::*;
 const PARALLEL_PERTURBATIONS: usize = 4;
 /// Relative difference of sums of squared distances below which two minima are equal.
 const SAME_MINIMUM_SHARE: f64 = 1e-2;
-/// Number of rounds of reweighting in which a perturbed minimum is polished by a robust loss.
-const ROBUST_ROUNDS: usize = 5;
 
 /// A start with some pieces perturbed.
 struct Perturbation {
@@ -181,7 +179,7 @@ impl<'a> Refinement<'a> {
             truncated_sum(&residuals, self.cut).max(nought)
         };
         let (loss, rounds) = if self.loss.is_robust() {
-            (Loss::Cauchy, ROBUST_ROUNDS)
+            (Loss::Cauchy, 5)
         } else {
             (self.loss, 1)
         };
