@@ -77,6 +77,12 @@ impl Plan {
             guard,
         }
     }
+
+    /// Returns slopes to be computed, one for each operation that depends on the parameters alone.
+    fn slopes(&self, tape: &Tape) -> Vec<f64> {
+        let is_swept = self.steps[..tape.uniform].iter().any(|step| step.live);
+        vec![0.0; if is_swept { tape.uniform } else { 0 }]
+    }
 }
 
 thread_local! {
@@ -92,8 +98,8 @@ pub(crate) struct Block<'t> {
     slots: Vec<Row>,
     /// Derivatives of the first result by the slots; empty if only values are computed.
     adjoints: Vec<Row>,
-    /// Derivatives of the unary operations that depend on the parameters alone, by operation: sines
-    /// and cosines of angles would take a fifth of the time of a fit.
+    /// Derivatives of the unary operations that depend on the parameters alone, by operation, and 0
+    /// for others; empty if no such operation is in the sweep. They are equal at all points.
     slopes: Vec<f64>,
     plan: Option<&'t Plan>,
 }
@@ -139,7 +145,7 @@ impl<'t> Block<'t> {
             tape,
             slots: rows(),
             adjoints: rows(),
-            slopes: vec![0.0; tape.uniform],
+            slopes: plan.slopes(tape),
             plan: Some(plan),
         }
         .with_constants()
@@ -153,8 +159,8 @@ impl<'t> Block<'t> {
         self
     }
 
-    /// Sets the parameters and computes the operations that depend on them alone. Call it before
-    /// loading points.
+    /// Sets the parameters and computes the operations that depend on them alone, with their
+    /// slopes. Call it before loading points.
     ///
     /// # Panics
     /// If `a` is shorter than the tape's parameters.

@@ -139,11 +139,8 @@ impl Task<'_> {
             acceptable: true,
             reasons: Vec::new(),
             loss: found.loss,
-            neighbour_correlation: self.correlation_at(
-                &points.at,
-                &points.residuals,
-                &points.outliers,
-            ),
+            neighbour_correlation: self
+                .correlation(&found.x, &points.residuals, |i| !points.outliers[i]),
             residuals: points.residuals,
             weights: points.weights,
             outliers: points.outliers,

@@ -89,7 +89,7 @@ impl Candidate {
     pub fn values(&self) -> &[f64] {
         &self.values
     }
-    /// Returns true if the search found this minimum repeatedly.
+    /// Returns true if the search found this minimum repeatedly, or a measured start led to noise.
     pub fn is_certain(&self) -> bool {
         self.found.outcome.certain
     }

@@ -119,9 +119,9 @@ pub struct Options {
     /// Start of the caller; `None` for the template's start or, without one, one from the data.
     pub start: Option<Vec<f64>>,
     /// True if the start was measured on the points, each value on those of its own face, as
-    /// recognition does. It then competes with the minima of the search, and of exact points those
-    /// on faces that the template lacks move nothing. A face of a template that has no points of
-    /// its own would be held by such points.
+    /// recognition does. If its residuals are noise, no search is made. Otherwise it competes with
+    /// the minima of the search, and of exact points those on faces that the template lacks move
+    /// nothing. A face of a template that has no points of its own would be held by such points.
     pub is_start_measured: bool,
     /// Bounds by parameter, empty or one each; `None` leaves a parameter to the template and the
     /// data.

@@ -6,13 +6,14 @@
 //! gross outliers), with the scale from the median absolute residual. Each level starts from the
 //! previous one, so that sums over all points are needed a few times only.
 
+use crate::deviation::newton_step;
 use crate::outliers::robust_deviation;
 use crate::residuals::{Residuals, values};
 use crate::search::ConvergenceStep;
 use crate::space::Space;
 use crate::vector::{distance, is_finite};
 use crate::{Control, Loss, Objective, lm};
-use isoform_geom::{ParamField, Point3, dot};
+use isoform_geom::{ParamField, Point3};
 
 /// Tuning constant of Cauchy's loss, for 95 % efficiency with Gaussian noise.
 const CAUCHY_TUNING: f64 = 2.385;
@@ -164,8 +165,8 @@ impl Polish<'_> {
         let a = self.space.parameters(x);
         self.field.gradients(points, &a, &mut f, &mut rows);
         let foot = |((p, f), g): ((&Point3, &f64), &Point3)| {
-            let by = f / dot(*g, *g);
-            let at: Point3 = std::array::from_fn(|k| p[k] - by * g[k]);
+            let mut at = *p;
+            newton_step(&mut at, *f, *g);
             if is_finite(&at) { at } else { *p }
         };
         points.iter().zip(&f).zip(&rows).map(foot).collect()

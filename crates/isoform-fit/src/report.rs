@@ -147,7 +147,7 @@ pub struct Fit {
     pub correlation: f64,
     /// Quantities on which the verdict is based.
     pub evidence: Evidence,
-    /// True if the search found its best minimum repeatedly.
+    /// True if the search found its best minimum repeatedly, or a measured start led to noise.
     pub certain: bool,
     /// Root mean square, over all points, of the outliers on surfaces of their own: a shape that
     /// the template lacks. It widened the intervals.

@@ -7,6 +7,7 @@ use crate::point_distances::{PointDistances, measure_points};
 use crate::polish::Polish;
 use crate::scan::Scan;
 use crate::space::Space;
+use crate::thresholds::REPRESENTATIVE_POINTS;
 use crate::{Control, FitError, Options, Parameter, Template};
 use isoform_geom::{Aabb, ParamField, Point3};
 
@@ -136,17 +137,16 @@ impl<'a> Task<'a> {
         }
     }
 
-    /// Returns the correlation of the metric residuals of neighbours, from some of the points.
-    pub(crate) fn correlation(&self, x: &[f64], r: &[f64]) -> f64 {
-        let feet = self.polish(0).feet(self.points, x);
-        self.correlation_at(&feet, r, &vec![false; r.len()])
-    }
-
-    /// Returns the correlation of the residuals of neighbours by the feet of the points, with some
-    /// points left out.
-    pub(crate) fn correlation_at(&self, feet: &[Point3], r: &[f64], left_out: &[bool]) -> f64 {
-        let sample = &self.order[..self.near.tree.len()];
-        deviation::neighbour_correlation(feet, r, left_out, sample)
+    /// Returns the correlation of the residuals of neighbours, from some of the points for which
+    /// `is_used` holds.
+    pub(crate) fn correlation(&self, x: &[f64], r: &[f64], is_used: impl Fn(usize) -> bool) -> f64 {
+        let used = self.order.iter().map(|&i| i as usize);
+        let used = used.filter(|i| is_used(*i) && r[*i].is_finite());
+        let some: Vec<usize> = used.take(REPRESENTATIVE_POINTS).collect();
+        let points: Vec<Point3> = some.iter().map(|&i| self.points[i]).collect();
+        let residuals: Vec<f64> = some.iter().map(|&i| r[i]).collect();
+        let feet = self.polish(0).feet(&points, x);
+        deviation::neighbour_correlation(&feet, &residuals)
     }
 }
 

@@ -3,9 +3,9 @@
 //!
 //! Least trimmed squares by concentration (Rousseeuw and Van Driessen 2006, Data Min. Knowl. Disc.
 //! 12:29–45): from each start the algebraic sum is minimised, then again over the four fifths of
-//! the points with the smallest metric residuals, and so on. All starts make two such steps, and the
-//! best ten go on (section 3.2 of the paper). The results are compared by truncated sums, which do not depend on how far off an
-//! outlier is.
+//! the points with the smallest metric residuals, and so on. All starts make two such steps, and
+//! the best ten go on (section 3.2 of the paper). The results are compared by truncated sums, which
+//! do not depend on how far off an outlier is.
 
 use crate::lm;
 use crate::outliers::{DEVIATION_PER_MEDIAN, median, robust_deviation};
@@ -104,7 +104,8 @@ impl MinimumSearch<'_> {
         self.concentrate(fit, 2)
     }
 
-    /// Runs concentration steps up to the `last` one, except those over equal points.
+    /// Runs concentration steps up to the `last` one, except those over the points of the previous
+    /// one.
     fn concentrate(&self, mut fit: TrimmedFit, last: usize) -> TrimmedFit {
         while fit.step < last {
             let step = fit.step + 1;

@@ -162,8 +162,17 @@ impl Aabb {
             hi: self.hi.map(|v| v + by),
         }
     }
-    /// Returns the parameters at which a ray enters and leaves the box; the ray misses the box if
-    /// the second is less. `inverse` holds the components of [`inverse_direction`].
+    /// Returns the parameters at which a ray enters and leaves the box; the ray misses the box, or
+    /// lies in a face, if the second is less. `inverse` is that of the direction ([`inverse_direction`]).
+    ///
+    /// ```
+    /// use isoform_geom::{Aabb, inverse_direction};
+    /// let unit = Aabb { lo: [0.0; 3], hi: [1.0; 3] };
+    /// let along_x = inverse_direction([1.0, 0.0, -0.0]);
+    /// assert_eq!(unit.crossing([-2.0, 0.5, 0.5], along_x), [2.0, 3.0]);
+    /// let [enter, leave] = unit.crossing([-2.0, 1.5, 0.5], along_x);
+    /// assert!(leave < enter);
+    /// ```
     pub fn crossing(&self, from: Point3, inverse: Point3) -> [f64; 2] {
         let mut range = [f64::NEG_INFINITY, f64::INFINITY];
         for k in 0..3 {

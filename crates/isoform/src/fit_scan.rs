@@ -466,9 +466,9 @@ fn kept_of(points: &[Point3], beside: &[Option<ClutterKind>]) -> Vec<Point3> {
     kept.map(|(p, _)| *p).collect()
 }
 
-/// Returns true if two searches with these misfits probably ended in one minimum.
-fn agree(a: f64, b: f64) -> bool {
-    (a / b - 1.0).abs() < MAX_AGREEING_MISFIT_DIFFERENCE
+/// Returns true if a search probably ended in the minimum that has a known misfit.
+fn agree(found: &Candidate, misfit: f64) -> bool {
+    (found.misfit / misfit - 1.0).abs() < MAX_AGREEING_MISFIT_DIFFERENCE
 }
 
 /// Fit, and the template in the frame in which it was found.
@@ -674,20 +674,33 @@ impl ScanTask<'_> {
             return Ok(());
         }
         let aligned = self.fixed_template(frep.aligned_in(values, points))?;
-        let other = Options {
+        let mut other = Options {
             seed: self.inner.seed ^ SECOND_SEED_BITS,
-            // In the same frame the first search has perturbed the pieces.
             refine: self.inner.refine && is_tilted,
             ..self.inner.clone()
         };
         let Ok(mut found) = search(scan, &aligned, &other, self.control) else {
             return Ok(());
         };
-        if agree(found.misfit, best.candidate.misfit) {
+        // Along the axes an equal minimum is preferred. Otherwise pieces are perturbed only if the
+        // search has found a better one.
+        let most = match is_tilted {
+            true => best.candidate.misfit / MAX_BETTER_MISFIT_RATIO,
+            false => best.candidate.misfit * MAX_BETTER_MISFIT_RATIO,
+        };
+        let is_better = found.misfit < most;
+        if is_better && other.refine != self.inner.refine {
+            other.refine = true;
+            let Ok(mut refined) = search(scan, &aligned, &other, self.control) else {
+                return Ok(());
+            };
+            refined.add_seconds(&found);
+            found = refined;
+        }
+        if agree(&found, best.candidate.misfit) {
             found.confirm();
             best.candidate.confirm();
         }
-        let is_better = found.misfit < best.candidate.misfit / MAX_BETTER_MISFIT_RATIO;
         best.offer(aligned, found, is_better);
         Ok(())
     }
@@ -717,6 +730,9 @@ impl ScanTask<'_> {
             }
             let wider = self.fixed_template(frep)?;
             if self.stays(scan, &wider, &mut best, misfit) {
+                if self.control.is_stopped() {
+                    best.fit.stop_early();
+                }
                 break;
             }
             let Ok(candidate) = search(scan, &wider, &self.inner, self.control) else {
@@ -738,8 +754,9 @@ impl ScanTask<'_> {
         Ok(best)
     }
 
-    /// Returns true if a short search within wider bounds leads back to the fit: to values within
-    /// its own bounds, and to an equal misfit. The time of the search counts as that of the fit.
+    /// Returns true if a search within wider bounds, without perturbed pieces, leads back to the
+    /// fit: to values within its own bounds, and to an equal misfit or to noise. The time of the
+    /// search counts as that of the fit.
     fn stays(
         &self,
         scan: &Scan<'_>,
@@ -757,7 +774,8 @@ impl ScanTask<'_> {
         };
         fit.fit.add_seconds(found.seconds());
         let bounds = fit.template.parameters();
-        agree(found.misfit, misfit) && found.values().iter().zip(bounds).all(|(v, p)| p.allows(*v))
+        (found.is_at_noise() || agree(&found, misfit))
+            && found.values().iter().zip(bounds).all(|(v, p)| p.allows(*v))
     }
 
     /// Returns the template with the parameters that the caller fixes.

@@ -12,7 +12,7 @@ impl BiasProblem<'_> {
     pub(super) fn places(&self, a: &[f64], data: Aabb) -> Option<(Vec<Foot>, Vec<f64>)> {
         let wanted = (4 * self.points.count()).clamp(1000, 8000);
         // Noise carries points beyond the surface by up to three deviations.
-        let region = grown(data, 3.0 * self.noise);
+        let region = data.widened(3.0 * self.noise);
         let frame = &self.frame;
         let places = self
             .distance
@@ -31,14 +31,6 @@ impl BiasProblem<'_> {
         });
         Some(unknown.map(|(place, _)| place).unzip())
     }
-}
-
-fn grown(mut region: Aabb, by: f64) -> Aabb {
-    for i in 0..3 {
-        region.lo[i] -= by;
-        region.hi[i] += by;
-    }
-    region
 }
 
 /// Returns the number of data points per sample of the surface, near each sample. Both are counted

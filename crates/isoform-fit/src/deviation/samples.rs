@@ -184,7 +184,7 @@ fn descend(field: &dyn ParamField, a: &[f64], points: &mut [Point3]) {
 }
 
 /// Replaces p by p − f g / |g|².
-fn newton_step(p: &mut Point3, f: f64, g: Point3) {
+pub(crate) fn newton_step(p: &mut Point3, f: f64, g: Point3) {
     let gg = dot(g, g);
     if gg > 0.0 && gg.is_finite() {
         for i in 0..3 {

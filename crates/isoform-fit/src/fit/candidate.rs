@@ -24,11 +24,12 @@ const MAX_NOISE_CORRELATION: f64 = 0.1;
 impl Task<'_> {
     /// Returns the best minimum that the default method finds.
     pub(crate) fn candidate(&self, clock: &mut Clock) -> Result<FitMinimum, FitError> {
-        let mut kept = self.kept();
-        if let Some(found) = self.measured_candidate() {
-            clock.lap("polish");
+        let measured = self.measured_candidate();
+        clock.lap("polish");
+        if let Some(found) = measured {
             return Ok(found);
         }
+        let mut kept = self.kept();
         self.control.report("search", 0.0);
         let outcome = self.searched(&mut kept)?;
         clock.lap("search");
@@ -56,9 +57,11 @@ impl Task<'_> {
         };
         let found = self.finely_polished(&polish, start, outcome).0;
         // Of exact points, those of a misplaced piece are few.
-        let sizes = self.sizes(&polish.residuals(self.points, &found.x), &found.x);
+        let r = polish.residuals(self.points, &found.x);
+        let sizes = self.sizes(&r, &found.x);
         let is_whole = sizes.rms < self.rounding() || !has_tail(sizes);
-        (found.is_at_noise && is_whole).then_some(found)
+        let is_defined = r.iter().all(|r| r.is_finite());
+        (found.is_at_noise && is_whole && is_defined).then_some(found)
     }
 
     /// Returns the points of the search.
@@ -220,7 +223,7 @@ impl Task<'_> {
     /// bulge) rather than noise: neighbours have similar residuals. Least squares would spread the
     /// misfit over all dimensions; a robust loss leaves it local.
     fn is_systematic(&self, x: &[f64], r: &[f64]) -> bool {
-        self.correlation(x, r) > 0.5
+        self.correlation(x, r, |_| true) > 0.5
     }
 
     /// Reweights on a subset if there are many points, since it takes many rounds. Returns the
@@ -258,7 +261,7 @@ impl Task<'_> {
         let r = polish.residuals(self.points, x);
         let sizes = self.sizes(&r, x);
         sizes.scale < self.rounding()
-            || (!has_tail(sizes) && self.correlation(x, &r) < MAX_NOISE_CORRELATION)
+            || (!has_tail(sizes) && self.correlation(x, &r, |_| true) < MAX_NOISE_CORRELATION)
     }
 
     /// Returns the sizes of the metric residuals of all points.
@@ -273,7 +276,7 @@ impl Task<'_> {
     }
 }
 
-/// Returns true if residuals have a tail, as a misplaced piece leaves it, however few points it has.
+/// Returns true if residuals have a tail: a misplaced piece leaves one, however few points it has.
 fn has_tail(sizes: ResidualSizes) -> bool {
     sizes.rms > 1.1 * sizes.scale
 }

@@ -78,7 +78,9 @@ impl<'a> Refinement<'a> {
         let cut = if loss.is_robust() {
             // Of two minima the one that more points meet is taken, however far the others are. At
             // 4.5 a tie between two floors of a cup was decided by chance.
-            (3.0 * Polish::scale(&task.polish(0).residuals(&points, &x))).min(far)
+            // Exact points that are off by several roundings are so by a misplaced piece.
+            let scale = Polish::scale(&task.polish(0).residuals(&points, &x));
+            (3.0 * scale).max(10.0 * task.rounding()).min(far)
         } else {
             far
         };
@@ -96,7 +98,8 @@ impl<'a> Refinement<'a> {
             is_elsewhere: false,
             evaluations: 0,
         };
-        // The sum that a perturbation reaches if it leads back: the minimum is one of another loss.
+        // The sum after the polish of a perturbation. It differs from that at x, which was polished
+        // with another loss.
         let end = refinement.polish_freely(refinement.x.clone());
         refinement.best = end.value;
         refinement.evaluations = end.evaluations;
@@ -167,8 +170,9 @@ impl<'a> Refinement<'a> {
         }
     }
 
-    /// Polishes all variables in rounds, as long as the decrease of the last one, kept up, leads to
-    /// the best minimum.
+    /// Polishes all variables in rounds, until a run could not reach the best sum even if each
+    /// further round decreased it as much as the last one did. The first round is not judged: the
+    /// points of a misplaced piece may all be beyond the cut.
     fn polish_freely(&self, x: Vec<f64>) -> PerturbationResult {
         let polish = self.task.polish(0);
         let here = polish.here(&self.points, &[]);
@@ -199,8 +203,10 @@ impl<'a> Refinement<'a> {
                 evaluations: end.evaluations + round.evaluations,
                 is_back: false,
             };
-            end.is_back = is_low(value, self.best) && is_near(&end.x, &self.x);
-            if end.is_back || reached > (1.0 + SAME_MINIMUM_SHARE) * self.best {
+            let is_known = self.best.is_finite();
+            end.is_back = is_known && is_low(value, self.best) && is_near(&end.x, &self.x);
+            let is_hopeless = left + 1 < rounds && reached > (1.0 + SAME_MINIMUM_SHARE) * self.best;
+            if end.is_back || is_hopeless {
                 break;
             }
         }

@@ -9,11 +9,11 @@ use std::ops::Range;
 pub(super) struct DipoleTree {
     /// Points with their outward vector areas, in the order of the leaves.
     dipoles: Vec<(Point3, Point3)>,
-    /// DipoleSums in depth-first order.
+    /// Nodes in depth-first order.
     nodes: Vec<DipoleSum>,
 }
 
-/// DipoleSum of the tree: the dipole of its points.
+/// Node of the tree: the dipole of its points.
 struct DipoleSum {
     /// Centroid of the points, weighted by their areas.
     center: Point3,
@@ -67,8 +67,8 @@ impl DipoleTree {
         let mut sum = 0.0;
         let mut k = 0;
         while let Some(node) = self.nodes.get(k) {
-            // From four radii on the points count as one dipole. The error of the winding number
-            // falls with the square: it is about 0.01 there, and samples are decided by 0.25.
+            // From four radii on the points count as one dipole: winding numbers are off by at most
+            // 0.02, and samples are decided by 0.25.
             if distance_squared(node.center, at) > (4.0 * node.radius).powi(2) {
                 sum += solid_angle(node.center, node.area, at);
                 k = node.next;

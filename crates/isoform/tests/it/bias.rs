@@ -100,14 +100,18 @@ fn blocks_of_noisy_points_lose_what_a_million_points_gain() {
             wanted[i] += (pull[i] - others) / hessian[i][i];
         }
     }
-    let points: Vec<Point3> = (0..30_000)
-        .map(|_| noisy(on_block(&mut random), noise, &mut random))
-        .collect();
     let text = include_str!("../../../../examples/templates/box.hf");
-    let result = fitted(text, &points);
-    let mut found = result.correction[..3].to_vec();
-    // The template does not determine the order of the sizes.
-    found.sort_by(f64::total_cmp);
+    // The correction is estimated from the points: it varies by 4 % from draw to draw.
+    let mut found = [0.0; 3];
+    for _ in 0..3 {
+        let points: Vec<Point3> = (0..30_000)
+            .map(|_| noisy(on_block(&mut random), noise, &mut random))
+            .collect();
+        let mut correction = fitted(text, &points).correction[..3].to_vec();
+        // The template does not determine the order of the sizes.
+        correction.sort_by(f64::total_cmp);
+        (0..3).for_each(|k| found[k] += correction[k] / 3.0);
+    }
     wanted.sort_by(f64::total_cmp);
     for (f, w) in found.iter().zip(wanted) {
         assert!((f / w - 1.0).abs() < 0.1, "{found:?} for {wanted:?}");

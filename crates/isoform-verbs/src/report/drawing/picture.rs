@@ -135,7 +135,7 @@ pub(super) struct Tracer<'a> {
     pub(super) subject: &'a DrawnModel<'a>,
     pub(super) shell: &'a Shell,
     pub(super) view: View,
-    /// Depth at which rays start.
+    /// Depth of the starts of the rays, at the cut or above the box.
     top: f64,
 }
 
@@ -145,8 +145,9 @@ struct Ray {
     index: usize,
     /// Start of the ray.
     from: Point3,
+    /// Parameter of the place.
     t: f64,
-    /// Parameter at which the ray leaves the shell.
+    /// Parameter at which the ray leaves the box.
     end: f64,
     /// The last place outside.
     outside: Option<(f64, f64)>,
@@ -259,7 +260,7 @@ impl<'a> Tracer<'a> {
             let is_inside = values.next().is_some_and(|v| v >= 0.0);
             if is_inside {
                 hits[r.index] = Some(Hit {
-                    depth: self.top,
+                    depth: self.top - r.t,
                     normal: [0.0, 0.0, 1.0],
                     part: CUT,
                 });
@@ -268,7 +269,7 @@ impl<'a> Tracer<'a> {
         });
     }
 
-    /// Only views along an axis start on a face of the box; in others rays start before it.
+    /// Returns true if all rays enter the box through one face: those of views along an axis.
     fn touches_box(&self) -> bool {
         self.view.toward.iter().filter(|v| **v != 0.0).count() == 1
     }

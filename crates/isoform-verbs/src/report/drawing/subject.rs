@@ -348,7 +348,7 @@ impl Shell {
             }
             let leave = (0..3).map(|k| {
                 let c = at[k] / size;
-                // Cells before the first one are left at once.
+                // As `floor` and `ceil` within the box, without calls.
                 let cell = (c as usize) as f64;
                 match d[k] {
                     v if v > 0.0 => (cell + 1.0 - c) / v,
