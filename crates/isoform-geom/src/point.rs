@@ -163,7 +163,7 @@ impl Aabb {
         }
     }
     /// Returns the parameters at which a ray enters and leaves the box; the ray misses the box, or
-    /// lies in a face, if the second is less. `inverse` is that of the direction ([`inverse_direction`]).
+    /// lies in a face, if the second is less. `inverse` is the [`inverse_direction`] of the ray.
     ///
     /// ```
     /// use isoform_geom::{Aabb, inverse_direction};

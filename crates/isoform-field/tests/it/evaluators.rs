@@ -12,7 +12,8 @@ const PART: &str =
   box = hfBlock(x, v, a[4], a[5], a[6]);
   my_model = (box \\ hfCylinderZ(x, c, a[9])) \\ hfCylinderZ(x, d, a[12]); }";
 const MIXED: &str = "my_model(x[3], a[12]) { array c[3]; c = [0.1, 0.2, -0.1];
-  u = cos(a[5])*sin(a[1]*x[1])*exp(0-x[2]^2) + atan2(x[3], x[1]+3) + x[2]^5/7 - cosh(x[1]/4) + tan(x[3]/9) + (x[1]^2+1)^(a[4]/8);
+  u = cos(a[5])*sin(a[1]*x[1])*exp(0-x[2]^2) + atan2(x[3], x[1]+3) + x[2]^5/7 - cosh(x[1]/4)
+    + tan(x[3]/9) + (x[1]^2+1)^(a[4]/8);
   b = hfBlendUni(hfTorusZ(x,c,2,0.7), hfEllipsoid(x,c,1,2,3), 0.4, 1, 1.5) | hfSuperell(x,c,2,1,1.5,0.8,1.2);
   v = u; if x[1] > x[2] then v = u*x[3]; else v = min(u, 0.3-x[1]); endif;
   my_model = max(v, b) & (9 - x[1]^2 - x[2]^2) | hfDConeX(x,c,0.4) + asin(x[1]/9) + sqrt(x[2]^2+0.1)+ abs(x[3]); }";

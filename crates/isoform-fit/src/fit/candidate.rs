@@ -191,9 +191,7 @@ impl Task<'_> {
             return self.loss_of(x, &r);
         };
         let asked = (Reading::Metric, &self.space.parameters(x)[..]);
-        let scale = cloud
-            .sizes(self.template, asked, PointSet::Distinct, &r)
-            .scale;
+        let scale = self.sizes(&r, x).scale;
         let (strays, others) = cloud.split(self.template, asked, STRAY_DEVIATIONS * scale);
         self.loss_with(x, &r, scale, strays > DOMINANT_STRAY_SHARE * others)
     }
