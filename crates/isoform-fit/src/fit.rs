@@ -105,9 +105,9 @@ impl Candidate {
     pub fn seconds(&self) -> &[(&'static str, f64)] {
         &self.seconds.0
     }
-    /// Adds the time spent on a candidate that was dropped.
-    pub fn add_seconds(&mut self, dropped: &Self) {
-        self.seconds.add_all(&dropped.seconds.0);
+    /// Adds the time by phase of a search that was dropped.
+    pub fn add_seconds(&mut self, dropped: &[(&'static str, f64)]) {
+        self.seconds.add_all(dropped);
     }
 }
 

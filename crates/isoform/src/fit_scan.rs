@@ -490,7 +490,7 @@ impl PosedCandidate {
             std::mem::swap(&mut self.candidate, &mut candidate);
             self.template = template;
         }
-        self.candidate.add_seconds(&candidate);
+        self.candidate.add_seconds(candidate.seconds());
     }
 }
 
@@ -694,7 +694,7 @@ impl ScanTask<'_> {
             let Ok(mut refined) = search(scan, &aligned, &other, self.control) else {
                 return Ok(());
             };
-            refined.add_seconds(&found);
+            refined.add_seconds(found.seconds());
             found = refined;
         }
         if agree(&found, best.candidate.misfit) {
