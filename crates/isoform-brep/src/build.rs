@@ -2,7 +2,7 @@
 
 use crate::charts::SmoothFace;
 use crate::curves::{CurveRequest, curve};
-use crate::cut::{Cut, LabelledMesh, crossing, cuts_of, imprint, outlines};
+use crate::cut::{ChartSets, Cut, LabelledMesh, crossing, cuts_of, imprint, outlines};
 use crate::fit::normal_of;
 use crate::locus::Locus;
 use crate::measure::of_loops;
@@ -20,6 +20,7 @@ use crate::vertices::{open_contacts, vertex};
 use crate::{BrepError, Control, collapse, reading, revolution};
 use isoform_geom::brep::{Brep, Coedge, Edge, Face, Graph, Surface};
 use isoform_geom::{Aabb, Frame, Point3, UnionFind, cross, dot, norm, sub};
+use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -214,6 +215,7 @@ impl Sheets {
         let (components, count) = components(across, |a, b| of[a as usize] == of[b as usize]);
         LabelledMesh {
             charts: vec![0; of.len()],
+            sets: ChartSets::default(),
             sheets: of,
             components,
             cuts: vec![Vec::new(); count],
@@ -432,12 +434,12 @@ impl Builder<'_> {
         }
         for cut in cuts {
             let cuts = &mut self.mesh.cuts[component as usize];
-            let bit = cuts.len() as u32;
+            let number = cuts.len() as u32;
             let cut = Locus::Exact(cut);
             cuts.push(cut.clone());
             let cut = Cut {
                 own: &self.triangles_of(component),
-                bit,
+                number,
                 locus: &cut,
                 crossing: &|ends| crossing(ends, &locus, &cut),
                 is_vertex: &is_vertex,
@@ -484,11 +486,13 @@ impl Builder<'_> {
             parts: self.sheets.names.clone(),
             ..Brep::default()
         };
-        for (chain, surfaces) in topology.chains.iter().zip(&meeting) {
+        let edges = topology.chains.par_iter().zip(&meeting);
+        let edges = edges.map(|(chain, surfaces)| {
             control.check()?;
-            let edge = self.edge(chain, surfaces, &placed.number, &brep.vertices)?;
-            brep.edges.push(edge);
-        }
+            self.edge(chain, surfaces, &placed.number, &brep.vertices)
+        });
+        let edges: Vec<Result<Edge, BrepError>> = edges.collect();
+        brep.edges = edges.into_iter().collect::<Result<_, _>>()?;
         for (chain, surfaces) in topology.chains.iter().zip(&mut meeting) {
             let [t, other] = self.beside(chain).map(|t| self.mesh.components[t as usize]);
             if let Some(surface) = self.revolved.get(&t)
@@ -667,6 +671,7 @@ impl Builder<'_> {
             .map(|(t, graph)| (topology.face_of[*t as usize], graph))
             .collect();
         let mut charts = vec![0; self.sheets.names.len()];
+        let mut faces = Vec::with_capacity(topology.faces);
         for (f, (own, loops)) in triangles.iter().zip(&topology.loops).enumerate() {
             let sheet = self.mesh.sheets[own[0] as usize] as usize;
             let exact = self.surface_of(own[0] as usize).cloned();
@@ -675,17 +680,20 @@ impl Builder<'_> {
             let coedge = |&(edge, forward): &(u32, bool)| Coedge { edge, forward };
             let loops = loops.iter().map(|l| l.iter().map(coedge).collect());
             let part = self.sheets.parts[sheet];
-            let mut face = Face {
+            let face = Face {
                 surface,
                 agrees,
                 part,
                 chart: charts[part as usize],
                 loops: loops.collect(),
             };
-            put_outer_first(brep, &mut face);
             charts[part as usize] += 1;
-            brep.faces.push(face);
+            faces.push(face);
         }
+        faces
+            .par_iter_mut()
+            .for_each(|face| put_outer_first(brep, face));
+        brep.faces = faces;
     }
 
     /// Returns the surface of a face with its frame placed, and true if the surface's normal points
@@ -723,6 +731,9 @@ struct VertexTable {
 
 /// Makes the loop with the largest area the outer one.
 fn put_outer_first(brep: &Brep, face: &mut Face) {
+    if face.loops.len() < 2 {
+        return;
+    }
     let areas = of_loops(brep, face, face.surface.axes().origin);
     let outer = (0..areas.len()).max_by(|a, b| areas[*a].area.total_cmp(&areas[*b].area));
     if let Some(outer) = outer {

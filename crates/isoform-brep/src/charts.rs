@@ -13,6 +13,7 @@ use crate::{BrepError, Control, SplineRefusal};
 use isoform_geom::brep::{Axes, Graph, Surface};
 use isoform_geom::{Aabb, Field, Point3, cross, dot, middle, norm, orthonormal_complement, sub};
 use isoform_num::linalg::symmetric_eigen;
+use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -50,14 +51,15 @@ impl SmoothFace<'_> {
         control: &Control<'_>,
     ) -> Result<Result<ChartSplines, SplineRefusal>, BrepError> {
         let first = mesh.components.iter().position(|c| *c == self.component);
-        let mut pending: Vec<u32> = first.into_iter().map(|t| t as u32).collect();
+        let first = first.map(|t| t as u32).into_iter();
+        let mut pending: Vec<(u32, Option<Graph>)> = first.map(|t| (t, None)).collect();
         let mut done = Vec::new();
         let locus = Locus::Zero(self.field.clone());
-        while let Some(seed) = pending.pop() {
+        while let Some((seed, graph)) = pending.pop() {
             control.check()?;
             let own = connected(mesh, across, seed);
             let refused = |mesh: &LabelledMesh, across: &[[TriangleSide; 3]]| {
-                let mut left = std::iter::once(&seed).chain(&pending);
+                let mut left = std::iter::once(&seed).chain(pending.iter().map(|p| &p.0));
                 let is_steep =
                     |&t: &u32| self.direction(mesh, &connected(mesh, across, t)).is_none();
                 let charts = done.len() + pending.len() + 1;
@@ -66,15 +68,21 @@ impl SmoothFace<'_> {
                     false => SplineRefusal::TooFar { charts },
                 }
             };
-            if let Some(graph) = self.graph(mesh, &own) {
+            // The whole component has not been tried yet.
+            let is_whole = mesh.cuts[self.component as usize].is_empty();
+            let graph = match is_whole {
+                true => self.graph(mesh, &own),
+                false => graph,
+            };
+            if let Some(graph) = graph {
                 done.push((seed, graph));
                 continue;
             }
-            let bit = mesh.cuts[self.component as usize].len() as u32;
-            // `LabelledMesh::charts` has 128 bits.
-            if bit >= 127 {
+            // Fewer triangles do not tell the normals of a piece.
+            if own.len() < 12 {
                 return Ok(Err(refused(mesh, across)));
             }
+            let number = mesh.cuts[self.component as usize].len() as u32;
             let junctions = junctions(mesh);
             let Some(plane) = PlaneChooser::new(mesh, across, &own, &junctions).best() else {
                 return Ok(Err(refused(mesh, across)));
@@ -83,19 +91,20 @@ impl SmoothFace<'_> {
             mesh.cuts[self.component as usize].push(plane.clone());
             let cut = Cut {
                 own: &own,
-                bit,
+                number,
                 locus: &plane,
                 crossing: &|ends| crossing(ends, &locus, &plane),
-                is_vertex: &|v| junctions.contains(&v),
+                // Nodes that are made meanwhile are on this cut.
+                is_vertex: &|v| junctions.get(v as usize) == Some(&true),
             };
             let new = imprint(mesh, &cut);
             *across = across_sides(&mesh.triangles)?;
-            let mut parts = seeds(mesh, across, own.iter().copied().chain(new));
+            let parts = seeds(mesh, across, own.iter().copied().chain(new));
             if parts.len() < 2 {
                 return Ok(Err(refused(mesh, across)));
             }
-            parts.reverse();
-            pending.append(&mut parts);
+            let graph = |t: u32| (t, self.graph(mesh, &connected(mesh, across, t)));
+            pending.par_extend(parts.into_par_iter().rev().map(graph));
         }
         Ok(Ok(done))
     }
@@ -165,20 +174,20 @@ fn seeds(
     found
 }
 
-/// Returns the nodes in which at least three faces meet.
-fn junctions(mesh: &LabelledMesh) -> BTreeSet<u32> {
-    let mut labels: BTreeMap<u32, Vec<(u32, u128)>> = BTreeMap::new();
+/// Returns, for each node, true if at least three faces meet there.
+fn junctions(mesh: &LabelledMesh) -> Vec<bool> {
+    let mut seen: Vec<[Option<(u32, u32)>; 2]> = vec![[None; 2]; mesh.points.len()];
+    let mut is_junction = vec![false; mesh.points.len()];
     for (t, corners) in mesh.triangles.iter().enumerate() {
-        let label = (mesh.components[t], mesh.charts[t]);
-        for v in corners {
-            let own = labels.entry(*v).or_default();
-            if !own.contains(&label) {
-                own.push(label);
+        let label = Some((mesh.components[t], mesh.charts[t]));
+        for v in corners.map(|v| v as usize) {
+            match seen[v].iter_mut().find(|s| s.is_none() || **s == label) {
+                Some(place) => *place = label,
+                None => is_junction[v] = true,
             }
         }
     }
-    let met = labels.into_iter().filter(|(_, l)| l.len() > 2);
-    met.map(|l| l.0).collect()
+    is_junction
 }
 
 /// Chooses the plane that cuts a piece.
@@ -200,7 +209,7 @@ impl<'a> PlaneChooser<'a> {
         mesh: &'a LabelledMesh,
         across: &[[TriangleSide; 3]],
         own: &'a [u32],
-        junctions: &BTreeSet<u32>,
+        junctions: &[bool],
     ) -> Self {
         let is_own: BTreeSet<u32> = own.iter().copied().collect();
         let mut border: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
@@ -224,7 +233,7 @@ impl<'a> PlaneChooser<'a> {
             vertices: border
                 .keys()
                 .copied()
-                .filter(|v| junctions.contains(v) || border[v].len() != 2)
+                .filter(|v| junctions[*v as usize] || border[v].len() != 2)
                 .collect(),
             border,
             size,

@@ -13,6 +13,7 @@ use crate::topology::ends_of;
 use crate::whole::Boundary;
 use isoform_geom::brep::{Brep, Ellipsoid, Surface};
 use isoform_geom::{Aabb, Frame, Point3, Solid, cross, dot, middle, norm, sub};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -267,11 +268,10 @@ pub fn check(
     examine_domains(brep, &mut made);
     let limit = (0.1 * READER_TOLERANCE * size).min(tolerance);
     examine_edges(built, [limit, tolerance], &mut made);
-    made.distances = (0..brep.faces.len())
-        .map(|f| distance_of_face(built, solid, f))
-        .collect();
+    let faces = || (0..brep.faces.len()).into_par_iter();
+    made.distances = faces().map(|f| distance_of_face(built, solid, f)).collect();
     let measure = |f| of_face(brep, f, made.center);
-    made.faces = (0..brep.faces.len()).map(measure).collect();
+    made.faces = faces().map(measure).collect();
     made.total = total(&made.faces);
     examine_measures(built, &mut made);
     examine_places(built, solid, tolerance, &mut made);
@@ -407,8 +407,11 @@ fn examine_edges(built: &MeshedBrep, limits: [f64; 2], made: &mut Certificate) {
         }
     }
     made.shortest_edge = f64::INFINITY;
-    for (e, sides) in sides.iter().enumerate() {
-        let found = examine_edge(built, e as u32, sides);
+    let examined = sides.par_iter().enumerate();
+    let examined: Vec<AlongEdge> = examined
+        .map(|(e, sides)| examine_edge(built, e as u32, sides))
+        .collect();
+    for (e, (sides, found)) in sides.iter().zip(examined).enumerate() {
         made.gap = made.gap.max(found.gap);
         made.smooth_angle = made.smooth_angle.max(found.angle);
         if !sides.iter().any(|s| s.0.is_near_only()) {

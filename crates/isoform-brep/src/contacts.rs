@@ -168,14 +168,14 @@ impl ContactSearch<'_> {
         }
         let cut = Cut {
             own: band,
-            bit: 0,
+            number: 0,
             locus: &locus,
             crossing: &|ends| crossing(ends, &self.whole(labels[0]), &locus),
             is_vertex: &|_| false,
         };
         let new = imprint(mesh, &cut);
         for t in band.iter().chain(&new).map(|t| *t as usize) {
-            let is_beyond = mesh.charts[t] & 1 == 1;
+            let is_beyond = mesh.charts[t] != 0;
             let label = labels[usize::from(is_beyond != found.is_first_beyond)];
             mesh.sheets[t] = label;
             mesh.parts[t] = self.part_of[label as usize];

@@ -39,9 +39,11 @@ pub(crate) struct LabelledMesh {
     pub(crate) sheets: Vec<u32>,
     /// Component of the sheet before it was cut.
     pub(crate) components: Vec<u32>,
-    /// Sides of the cuts of its component on which a triangle lies: bit k for cut k. A later cut
-    /// may pass through only a part of the component; the other triangles then have 0.
-    pub(crate) charts: Vec<u128>,
+    /// Chart of each triangle: the set of cuts of its component above which it lies. A later cut may
+    /// pass through only a part of the component; the other triangles then count as below.
+    pub(crate) charts: Vec<u32>,
+    /// Sets that the charts stand for.
+    pub(crate) sets: ChartSets,
     /// Cuts by component.
     pub(crate) cuts: Vec<Vec<Locus>>,
 }
@@ -55,11 +57,49 @@ impl LabelledMesh {
     /// one: the first at which they differ, since up to there they were one piece.
     pub(crate) fn cut_between(&self, a: u32, b: u32) -> Option<&Locus> {
         let (a, b) = (a as usize, b as usize);
-        let differ = self.charts[a] ^ self.charts[b];
-        (self.components[a] == self.components[b] && differ != 0).then(|| {
-            let cuts = &self.cuts[self.components[a] as usize];
-            &cuts[differ.trailing_zeros() as usize]
+        if self.components[a] != self.components[b] {
+            return None;
+        }
+        let cut = self.sets.first_difference(self.charts[a], self.charts[b])?;
+        self.cuts[self.components[a] as usize].get(cut as usize)
+    }
+}
+
+/// Sets of cuts, numbered: 0 is the empty set, and each other one is a set with one later cut.
+#[derive(Debug, Default)]
+pub(crate) struct ChartSets {
+    /// Set without the last cut, and the last cut, of each set but the empty one.
+    before: Vec<(u32, u32)>,
+    numbers: BTreeMap<(u32, u32), u32>,
+}
+
+impl ChartSets {
+    /// Returns the set with one more cut, which is later than those in the set.
+    fn with(&mut self, set: u32, cut: u32) -> u32 {
+        *self.numbers.entry((set, cut)).or_insert_with(|| {
+            self.before.push((set, cut));
+            self.before.len() as u32
         })
+    }
+
+    /// Returns the first cut that is in one of two sets alone.
+    fn first_difference(&self, mut a: u32, mut b: u32) -> Option<u32> {
+        let before = |set: u32| set.checked_sub(1).map(|k| self.before[k as usize]);
+        let mut first = None;
+        while a != b {
+            let (of_a, of_b) = (before(a), before(b));
+            let is_last = |own: Option<(u32, u32)>, other: Option<(u32, u32)>| {
+                own.map(|o| o.1) >= other.map(|o| o.1)
+            };
+            // The last cuts go, of both where they are one.
+            if let Some((rest, cut)) = of_a.filter(|_| is_last(of_a, of_b)) {
+                (a, first) = (rest, Some(cut));
+            }
+            if let Some((rest, cut)) = of_b.filter(|_| is_last(of_b, of_a)) {
+                (b, first) = (rest, Some(cut));
+            }
+        }
+        first
     }
 }
 
@@ -291,8 +331,8 @@ fn spread(k: usize) -> Point3 {
 pub(crate) struct Cut<'a> {
     /// Triangles that it passes, or some more of their face.
     pub(crate) own: &'a [u32],
-    /// Bit of the charts that distinguishes its sides.
-    pub(crate) bit: u32,
+    /// Number of the cut among those of its component.
+    pub(crate) number: u32,
     /// Locus of the cut.
     pub(crate) locus: &'a Locus,
     /// Function that returns the point of the surface on the cut, between two points on different
@@ -323,7 +363,7 @@ pub(crate) fn imprint(mesh: &mut LabelledMesh, cut: &Cut<'_>) -> Vec<u32> {
     let mut new = Vec::new();
     for (t, is_own) in is_own.into_iter().enumerate() {
         let before = mesh.triangles.len() as u32;
-        divide(mesh, t, &inserted, is_own.then_some(cut.bit), &signs);
+        divide(mesh, t, &inserted, is_own.then_some(cut.number), &signs);
         if is_own {
             new.extend(before..mesh.triangles.len() as u32);
         }
@@ -377,24 +417,24 @@ pub(crate) fn crossing(ends: [Point3; 2], surface: &dyn Distance, cut: &dyn Dist
     if norm(sub(on, p)) <= near { on } else { p }
 }
 
-/// Divides triangle t at the nodes inserted on its sides. `bit` is that of the cut, if the triangle
-/// belongs to the component that is cut.
+/// Divides triangle t at the nodes inserted on its sides. `cut` is the number of the cut, if the
+/// triangle belongs to the component that is cut.
 fn divide(
     mesh: &mut LabelledMesh,
     t: usize,
     inserted: &BTreeMap<[u32; 2], u32>,
-    bit: Option<u32>,
+    cut: Option<u32>,
     signs: &BTreeMap<u32, i32>,
 ) {
     let corners = mesh.triangles[t];
     let mut polygon = Vec::with_capacity(6);
     for k in 0..3 {
         let [a, b] = ends_of(&corners, k);
-        let sign = bit.map_or(0, |_| signs[&a]);
+        let sign = cut.map_or(0, |_| signs[&a]);
         polygon.push((a, sign));
         polygon.extend(inserted.get(&[a.min(b), a.max(b)]).map(|m| (*m, 0)));
     }
-    let Some(bit) = bit else {
+    let Some(cut) = cut else {
         if polygon.len() > 3 {
             // A fan around an inserted node has no degenerate triangle.
             let first = polygon.iter().position(|p| !corners.contains(&p.0));
@@ -412,15 +452,16 @@ fn divide(
                 let own = polygon.iter().filter(|p| p.1 != -s);
                 own.map(|p| p.0).collect()
             };
-            replace(mesh, t, &[(part(1), chart | 1 << bit), (part(-1), chart)]);
+            let above = mesh.sets.with(chart, cut);
+            replace(mesh, t, &[(part(1), above), (part(-1), chart)]);
         }
         (_, true) => {}
-        _ => mesh.charts[t] = chart | 1 << bit,
+        _ => mesh.charts[t] = mesh.sets.with(chart, cut),
     }
 }
 
 /// Replaces triangle t by convex polygons, as fans, with their charts.
-pub(crate) fn replace(mesh: &mut LabelledMesh, t: usize, polygons: &[(Vec<u32>, u128)]) {
+pub(crate) fn replace(mesh: &mut LabelledMesh, t: usize, polygons: &[(Vec<u32>, u32)]) {
     let (part, sheet, component) = (mesh.parts[t], mesh.sheets[t], mesh.components[t]);
     let mut is_first = true;
     for (nodes, chart) in polygons {
@@ -468,4 +509,28 @@ pub(crate) fn outlines(
             }
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    /// All sets of eight cuts, each against each other.
+    #[test]
+    fn sets_of_cuts_differ_first_where_their_members_do() {
+        let mut sets = ChartSets::default();
+        let members = |bits: u32| (0..8).filter(move |k| bits >> k & 1 == 1);
+        let numbers: Vec<u32> = (0..256)
+            .map(|bits| members(bits).fold(0, |set, cut| sets.with(set, cut)))
+            .collect();
+        assert_eq!(numbers.iter().collect::<BTreeSet<_>>().len(), 256);
+        for (a, of_a) in numbers.iter().enumerate() {
+            for (b, of_b) in numbers.iter().enumerate() {
+                let differ = (a ^ b) as u32;
+                let first = (differ != 0).then(|| differ.trailing_zeros());
+                assert_eq!(sets.first_difference(*of_a, *of_b), first, "{a} {b}");
+            }
+        }
+    }
 }

@@ -63,14 +63,15 @@ impl HeightRegion<'_> {
             // if the surface is smooth, and to a half where its curvature jumps. Before, it may
             // rise: a coarse lattice has few points on a narrow part.
             if spans > 13 && !is_first && worst > 0.6 * last {
-                break;
+                return near;
             }
             last = worst;
             if is_near {
                 near = Some(graph);
             }
         }
-        near
+        // The angle still falls: on a smaller part it gets small enough.
+        None
     }
 
     /// Returns a frame with z along the direction and x along the longest side.

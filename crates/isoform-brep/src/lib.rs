@@ -62,7 +62,7 @@ use isoform_geom::Point3;
 #[non_exhaustive]
 pub enum SplineRefusal {
     /// A chart still faces directions too different for a height over a plane.
-    #[error("turns over even where it is cut into {charts} faces: too many would be needed")]
+    #[error("turns over even in pieces of a few triangles, where it is cut into {charts} faces")]
     TurnsOver {
         /// Number of charts that it was cut into.
         charts: usize,
@@ -91,8 +91,8 @@ pub enum BrepError {
         /// Kind of its surface, if that has a name.
         kind: Option<&'static str>,
     },
-    /// A smooth part was cut into a hundred charts, and one of them is still not a graph, or has no
-    /// spline near enough.
+    /// A smooth part was cut into charts of a few triangles, and one of them is still not a graph, or
+    /// has no spline near enough.
     #[error("the part {part} {why}")]
     NoSpline {
         /// Name of the part.

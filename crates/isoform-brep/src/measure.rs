@@ -157,6 +157,13 @@ impl<'a> FaceQuadrature<'a> {
             v = self.start_of_v + (v - self.start_of_v).rem_euclid(TAU);
             base = self.start_of_v;
         }
+        let element: Box<dyn Fn(f64) -> (Point3, Point3)> = match surface {
+            Surface::Graph(graph) => {
+                let line = graph.line(u);
+                Box::new(move |v| line.area_element(v))
+            }
+            _ => Box::new(move |v| (surface.point([u, v]), surface.area_vector([u, v]))),
+        };
         let mut sum = Measure::default();
         // A spline is a polynomial only from knot to knot.
         let knots = match surface {
@@ -173,39 +180,41 @@ impl<'a> FaceQuadrature<'a> {
                 inner.reverse();
             }
             for knot in inner {
-                self.add_up([u, base, knot], &mut sum);
+                self.add_up(&element, [base, knot], &mut sum);
                 base = knot;
             }
         }
-        self.add_up([u, base, v], &mut sum);
+        self.add_up(&element, [base, v], &mut sum);
         sum
     }
 
     /// Adds the integrals along v between two values.
-    fn add_up(&self, [u, from, to]: [f64; 3], sum: &mut Measure) {
+    fn add_up(
+        &self,
+        element: &dyn Fn(f64) -> (Point3, Point3),
+        [from, to]: [f64; 2],
+        sum: &mut Measure,
+    ) {
         let (nodes, weights) = if matches!(self.face.surface, Surface::Graph(_)) {
             &self.spans
         } else {
             &self.inner
         };
         for (x, weight) in nodes.iter().zip(weights) {
-            let at = [u, from + (to - from) * x];
-            sum.add(&self.density(at), weight * (to - from));
+            let v = from + (to - from) * x;
+            sum.add(&self.density(v, element(v)), weight * (to - from));
         }
     }
 
-    /// Returns the integrands by du dv.
-    fn density(&self, at: [f64; 2]) -> Measure {
-        let (n, p) = (
-            self.face.surface.area_vector(at),
-            sub(self.face.surface.point(at), self.center),
-        );
+    /// Returns the integrands by du dv at v, from the point and the area vector there.
+    fn density(&self, v: f64, (point, n): (Point3, Point3)) -> Measure {
+        let p = sub(point, self.center);
         // Loops run counterclockwise seen from outside: if the surface's own normal points inward
         // they run clockwise in u and v, so that fluxes along the own normal are correct and the
         // area changes its sign.
         let sense = if self.face.agrees { 1.0 } else { -1.0 };
         Measure {
-            area: sense * norm(n) * sign_of_area(&self.face.surface, at),
+            area: sense * norm(n) * sign_of_area(&self.face.surface, v),
             volume: dot(n, p) / 3.0,
             moment: std::array::from_fn(|k| 0.5 * p[k] * p[k] * n[k]),
         }
@@ -214,7 +223,7 @@ impl<'a> FaceQuadrature<'a> {
 
 /// Returns −1 on the far side of an apex, where the area vector is reversed; faces do not extend
 /// there.
-fn sign_of_area(surface: &Surface, [_, v]: [f64; 2]) -> f64 {
+fn sign_of_area(surface: &Surface, v: f64) -> f64 {
     match surface {
         Surface::Cone(..) if v < surface.base_of_v() => -1.0,
         _ => 1.0,

@@ -49,7 +49,7 @@ pub fn pieces(
         sheets: parts.clone(),
         components: parts,
         charts: vec![0; mesh.triangles.len()],
-        cuts: Vec::new(),
+        ..LabelledMesh::default()
     };
     let mut found: Vec<PieceCandidate<'_>> = Vec::new();
     for (part, name) in mesh.parts.iter().enumerate() {

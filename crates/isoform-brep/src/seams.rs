@@ -131,7 +131,7 @@ impl<'a> Seams<'a> {
             let locus = Locus::Zero(self.questions[k].limit.clone());
             let cut = Cut {
                 own: &changing,
-                bit: 0,
+                number: 0,
                 locus: &locus,
                 crossing: &|ends| crossing(ends, &self.whole, &locus),
                 is_vertex: &|_| false,

@@ -287,7 +287,7 @@ impl Primitive {
     }
 
     /// Returns the sine and cosine of a cone's half angle; 0 and 1 of other kinds.
-    fn slope(&self) -> (f64, f64) {
+    pub(crate) fn slope(&self) -> (f64, f64) {
         match self.kind {
             PrimitiveKind::Cone => self.other.sin_cos(),
             _ => (0.0, 1.0),

@@ -78,17 +78,21 @@ pub enum RelationKind {
     Concentric,
     /// Two cylinders or two spheres of one radius.
     EqualRadius,
+    /// The surfaces touch: along a line or a circle, spheres also in a point. Stated alone: surfaces
+    /// found to touch are [`Blend`]s.
+    Tangent,
 }
 
 impl RelationKind {
     /// All kinds.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Parallel,
         Self::Perpendicular,
         Self::Coaxial,
         Self::Coplanar,
         Self::Concentric,
         Self::EqualRadius,
+        Self::Tangent,
     ];
 
     /// Returns the name of the kind, as documents and options have it.
@@ -100,6 +104,7 @@ impl RelationKind {
             Self::Coplanar => "coplanar",
             Self::Concentric => "concentric",
             Self::EqualRadius => "equal_radius",
+            Self::Tangent => "tangent",
         }
     }
 }

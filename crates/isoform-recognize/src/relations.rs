@@ -14,9 +14,11 @@ use isoform_num::linalg::{cholesky, cholesky_solve};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// χ² that 1, 2, 3, 4 components exceed once in 10⁵: hardly any true relation is lost among some
+mod tangency;
+
+/// χ² that 1 to 5 components exceed once in 10⁵: hardly any true relation is lost among some
 /// thousand pairs.
-pub(crate) const CHI_SQUARED: [f64; 4] = [19.5, 23.0, 25.9, 28.5];
+pub(crate) const CHI_SQUARED: [f64; 5] = [19.5, 23.0, 25.9, 28.5, 30.9];
 /// Maximum standard deviation of directions of which a relation is decidable: the larger of an
 /// angle (radians) and a multiple of the noise over the diagonal. Directions known less well are
 /// parallel to anything.
@@ -35,6 +37,9 @@ const MIN_COAXIAL_ODDS: f64 = 1e4;
 const MAX_AXIS_DEVIATIONS: f64 = 4.0;
 /// Maximum angle between directions that are tested for parallelism (radians).
 pub(crate) const MAX_PARALLEL_ANGLE: f64 = 0.1;
+
+/// Components of a relation.
+pub(crate) type Components = [f64; CHI_SQUARED.len()];
 
 /// A surface with the covariance of its parameters.
 pub(crate) struct UncertainSurface {
@@ -69,7 +74,9 @@ pub(crate) fn relations(known: &[UncertainSurface], noise: f64, unit: f64) -> Ve
         (i + 1..known.len())
             .flat_map(|j| {
                 let pair = [&known[i], &known[j]];
-                RelationKind::ALL.into_iter().filter_map(move |kind| {
+                let sought = |kind: &RelationKind| *kind != RelationKind::Tangent;
+                let kinds = RelationKind::ALL.into_iter().filter(sought);
+                kinds.filter_map(move |kind| {
                     let deviation = deviation(kind, pair, noise)?;
                     Some(relation(kind, [i, j], deviation, unit))
                 })
@@ -187,6 +194,7 @@ pub(crate) fn is_defined(kind: RelationKind, [a, b]: [PrimitiveKind; 2]) -> bool
         RelationKind::Coplanar => both(|k| k == Plane),
         RelationKind::Concentric => both(|k| matches!(k, Sphere | Torus)),
         RelationKind::EqualRadius => a == b && matches!(a, Sphere | Cylinder),
+        RelationKind::Tangent => tangency::is_defined([a, b]),
     }
 }
 
@@ -200,6 +208,7 @@ pub(crate) fn angle_off(kind: RelationKind, [a, b]: [&Primitive; 2]) -> Option<f
             Some(cosine.acos())
         }
         RelationKind::Concentric | RelationKind::EqualRadius => None,
+        RelationKind::Tangent => tangency::angle_off([a, b]),
     }
 }
 
@@ -213,22 +222,59 @@ pub(crate) struct PairFrame {
 
 impl PairFrame {
     pub(crate) fn from_pair([a, b]: [&Primitive; 2]) -> Self {
+        // Spheres have no direction.
+        let led = if a.kind == PrimitiveKind::Sphere {
+            b
+        } else {
+            a
+        };
         Self {
-            axis: a.axis,
-            across: a.frame(),
+            axis: led.axis,
+            across: led.frame(),
             sign: if dot(a.axis, b.axis) < 0.0 { -1.0 } else { 1.0 },
         }
+    }
+
+    /// Returns the components of a vector across the axis.
+    fn across(&self, v: Point3) -> [f64; 2] {
+        self.across.map(|e| dot(v, e))
+    }
+
+    /// Returns the difference of the directions, across the axis.
+    fn tilt(&self, [a, b]: [&Primitive; 2]) -> [f64; 2] {
+        self.across(std::array::from_fn(|k| self.sign * b.axis[k] - a.axis[k]))
+    }
+
+    /// Returns the way between two axes halfway between their reference points, across the axis.
+    fn apart(&self, [a, b]: [&Primitive; 2]) -> [f64; 2] {
+        let h = dot(sub(b.place, a.place), self.axis) / 2.0;
+        let at = |s: &Primitive, h: f64, sign: f64| -> Point3 {
+            std::array::from_fn(|k| s.place[k] + h * sign * s.axis[k])
+        };
+        self.across(sub(at(b, -h, self.sign), at(a, h, 1.0)))
     }
 }
 
 /// Vector that is 0 if a relation holds, angles first.
 pub(crate) struct Failure {
-    pub(crate) values: [f64; 4],
+    pub(crate) values: Components,
     pub(crate) count: usize,
     pub(crate) angles: usize,
 }
 
 impl Failure {
+    /// Makes a vector of angles and lengths.
+    fn new(angles: &[f64], lengths: &[f64]) -> Self {
+        let mut values = Components::default();
+        let given = angles.iter().chain(lengths);
+        values.iter_mut().zip(given).for_each(|(v, x)| *v = *x);
+        Self {
+            values,
+            count: angles.len() + lengths.len(),
+            angles: angles.len(),
+        }
+    }
+
     /// Returns the norm of the angles if there is nothing else, otherwise that of the others.
     pub(crate) fn size(&self) -> f64 {
         let shown = match self.angles == self.count {
@@ -239,34 +285,21 @@ impl Failure {
     }
 }
 
-pub(crate) fn failure(kind: RelationKind, frame: &PairFrame, [a, b]: [&Primitive; 2]) -> Failure {
-    let [e, f] = frame.across;
-    let turn: Point3 = std::array::from_fn(|k| frame.sign * b.axis[k] - a.axis[k]);
-    let tilt = [dot(turn, e), dot(turn, f)];
+/// Returns by what two surfaces fail a relation.
+pub(crate) fn failure(kind: RelationKind, frame: &PairFrame, pair: [&Primitive; 2]) -> Failure {
+    let [a, b] = pair;
     let way = sub(b.place, a.place);
-    let of = |values: [f64; 4], count, angles| Failure {
-        values,
-        count,
-        angles,
-    };
     match kind {
-        RelationKind::Parallel => of([tilt[0], tilt[1], 0.0, 0.0], 2, 2),
-        RelationKind::Perpendicular => of([dot(a.axis, b.axis), 0.0, 0.0, 0.0], 1, 1),
-        RelationKind::Coaxial => {
-            // Points of both axes halfway between the two reference points.
-            let h = dot(way, frame.axis) / 2.0;
-            let at = |s: &Primitive, h: f64, sign: f64| -> Point3 {
-                std::array::from_fn(|k| s.place[k] + h * sign * s.axis[k])
-            };
-            let apart = sub(at(b, -h, frame.sign), at(a, h, 1.0));
-            of([tilt[0], tilt[1], dot(apart, e), dot(apart, f)], 4, 2)
-        }
+        RelationKind::Parallel => Failure::new(&frame.tilt(pair), &[]),
+        RelationKind::Perpendicular => Failure::new(&[dot(a.axis, b.axis)], &[]),
+        RelationKind::Coaxial => Failure::new(&frame.tilt(pair), &frame.apart(pair)),
         RelationKind::Coplanar => {
             let mean: Point3 = std::array::from_fn(|k| (a.axis[k] + frame.sign * b.axis[k]) / 2.0);
-            of([tilt[0], tilt[1], dot(way, mean), 0.0], 3, 2)
+            Failure::new(&frame.tilt(pair), &[dot(way, mean)])
         }
-        RelationKind::Concentric => of([way[0], way[1], way[2], 0.0], 3, 0),
-        RelationKind::EqualRadius => of([b.size - a.size, 0.0, 0.0, 0.0], 1, 0),
+        RelationKind::Concentric => Failure::new(&[], &way),
+        RelationKind::EqualRadius => Failure::new(&[], &[b.size - a.size]),
+        RelationKind::Tangent => tangency::failure(frame, pair),
     }
 }
 
@@ -277,7 +310,7 @@ fn covariance(kind: RelationKind, frame: &PairFrame, pair: [&UncertainSurface; 2
     let mut sum = vec![0.0; n * n];
     for (which, known) in pair.iter().enumerate() {
         let parameters = known.surface.kind.parameters();
-        let derivative = |k: usize| -> [f64; 4] {
+        let derivative = |k: usize| -> Components {
             let at = |h: f64| {
                 let mut step = [0.0; MAX_PARAMETERS];
                 step[k] = h;
@@ -288,7 +321,7 @@ fn covariance(kind: RelationKind, frame: &PairFrame, pair: [&UncertainSurface; 2
             let (plus, minus) = (at(DIFFERENCE_STEP), at(-DIFFERENCE_STEP));
             std::array::from_fn(|i| (plus[i] - minus[i]) / (2.0 * DIFFERENCE_STEP))
         };
-        let rows: Vec<[f64; 4]> = (0..parameters).map(derivative).collect();
+        let rows: Vec<Components> = (0..parameters).map(derivative).collect();
         for i in 0..n {
             for j in 0..n {
                 for (p, row) in rows.iter().enumerate() {

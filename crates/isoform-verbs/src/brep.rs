@@ -231,18 +231,16 @@ fn no_brep(error: &BrepModelError, name: &str, region: Option<Aabb>) -> Failure 
     }
 }
 
-/// Completes the failure of a part without splines: a surface that turns over needs another form,
-/// not another mesh.
+/// Completes the failure of a part without splines.
 fn no_spline(failure: Failure, why: SplineRefusal, name: &str) -> Failure {
     match why {
         SplineRefusal::TooFar { .. } => failure
             .why("the tolerance is smaller than what splines reach there")
             .hint("a larger --tol"),
         _ => failure
-            .why("each spline face is a height over a plane, and a lattice or an organic shape is not")
+            .why("each spline face is a height over a plane, and its few triangles tell no plane")
             .hint(format!(
-                "isoform mesh {name} -o part.3mf (or part.stl) writes its triangles, which a \
-                 smaller --size brings nearer to it"
+                "a smaller --size; isoform mesh {name} -o part.3mf (or part.stl) writes triangles"
             )),
     }
 }

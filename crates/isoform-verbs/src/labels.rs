@@ -22,7 +22,7 @@ pub(crate) struct Given {
     #[arg(long = "kind", value_name = "N=KIND", requires = "labels", value_parser = kind)]
     kinds: Vec<(u32, PrimitiveKind)>,
     /// Relation of two labels that templates keep, though the points may not show it: parallel,
-    /// perpendicular, coaxial, coplanar, concentric or equal_radius (repeatable)
+    /// perpendicular, coaxial, coplanar, concentric, equal_radius or tangent (repeatable)
     #[arg(long = "relate", value_name = "KIND=N,N", requires = "labels", value_parser = relation)]
     relations: Vec<LabelRelation>,
 }

@@ -14,6 +14,7 @@ const RELATIONS = [
   "coplanar",
   "concentric",
   "equal_radius",
+  "tangent",
 ];
 
 /** Relation of two faces that a person stated. */

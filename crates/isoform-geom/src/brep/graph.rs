@@ -31,6 +31,29 @@ pub struct Height {
     pub second: [f64; 3],
 }
 
+/// Line of a graph along which x is constant: a spline of y.
+pub struct GraphLine<'a> {
+    graph: &'a Graph,
+    x: f64,
+    /// Coefficients of h and of ∂h/∂x.
+    heights: [Vec<f64>; 2],
+}
+
+impl GraphLine<'_> {
+    /// Returns the point and ∂p/∂x × ∂p/∂y at y.
+    pub fn area_element(&self, y: f64) -> (Point3, Point3) {
+        let graph = self.graph;
+        let basis = Basis::at(&graph.knots[1], graph.degree, y);
+        let own = basis.first..=basis.first + graph.degree;
+        let sum = |which: usize, order: usize| -> f64 {
+            let terms = self.heights[which][own.clone()].iter();
+            terms.zip(&basis.values[order]).map(|(c, b)| c * b).sum()
+        };
+        let point = graph.axes.point([self.x, y, sum(0, 0)]);
+        (point, graph.axes.vector([-sum(1, 0), -sum(0, 1), 1.0]))
+    }
+}
+
 /// Maximum number of B-splines that do not vanish at a point: the maximum degree plus 1.
 const MAX_ACTIVE_SPLINES: usize = 8;
 
@@ -200,6 +223,22 @@ impl Graph {
     pub fn area_vector(&self, at: [f64; 2]) -> Point3 {
         let [a, b] = self.height(at).slope;
         self.axes.vector([-a, -b, 1.0])
+    }
+    /// Returns the line at x.
+    pub fn line(&self, x: f64) -> GraphLine<'_> {
+        let basis = Basis::at(&self.knots[0], self.degree, x);
+        let columns = self.columns();
+        let sum = |order: usize, j: usize| -> f64 {
+            let term =
+                |i: usize| basis.values[order][i] * self.heights[(basis.first + i) * columns + j];
+            (0..=self.degree).map(term).sum()
+        };
+        let heights = [0, 1].map(|order| (0..columns).map(|j| sum(order, j)).collect());
+        GraphLine {
+            graph: self,
+            x,
+            heights,
+        }
     }
     /// Returns the Greville abscissae of each coefficient: x and y of its control point.
     fn greville(&self) -> Vec<[f64; 2]> {

@@ -2,7 +2,7 @@
 
 use crate::chart::{DIFFERENCE_STEP, MAX_PARAMETERS, ParameterRow, Primitive};
 use crate::entity::{Relation, RelationKind};
-use crate::relations::{PairFrame, UncertainSurface, failure};
+use crate::relations::{Components, Failure, PairFrame, UncertainSurface, failure};
 use isoform_geom::UnionFind;
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -15,12 +15,14 @@ pub(super) struct Condition {
 }
 
 impl Condition {
-    pub(super) fn count(&self) -> usize {
-        self.rows.len()
+    /// Returns the components that are equations: those of tangency are fewer for some surfaces.
+    fn rows(&self, of: &Failure) -> Range<usize> {
+        self.rows.start..self.rows.end.min(of.count)
     }
 
     pub(super) fn values(&self, pair: [&Primitive; 2]) -> Vec<f64> {
-        failure(self.kind, &PairFrame::from_pair(pair), pair).values[self.rows.clone()].to_vec()
+        let found = failure(self.kind, &PairFrame::from_pair(pair), pair);
+        found.values[self.rows(&found)].to_vec()
     }
 
     /// Returns values and derivatives by the parameters of both, at the given steps from the
@@ -33,23 +35,25 @@ impl Condition {
         let at = |which: usize, step: &ParameterRow| starts[which].surface.moved(step);
         let now = [at(0, steps[0]), at(1, steps[1])];
         let frame = PairFrame::from_pair([&now[0], &now[1]]);
-        let value = |s: &[Primitive; 2]| failure(self.kind, &frame, [&s[0], &s[1]]).values;
-        let mut rows = vec![[[0.0; MAX_PARAMETERS]; 2]; self.count()];
+        let found = |s: &[Primitive; 2]| failure(self.kind, &frame, [&s[0], &s[1]]);
+        let here = found(&now);
+        let own = self.rows(&here);
+        let mut rows = vec![[[0.0; MAX_PARAMETERS]; 2]; own.len()];
         for which in 0..2 {
             for k in 0..starts[which].surface.kind.parameters() {
                 let side = |h: f64| {
                     let (mut step, mut moved) = (*steps[which], now);
                     step[k] += h;
                     moved[which] = at(which, &step);
-                    value(&moved)
+                    found(&moved).values
                 };
                 let (plus, minus) = (side(DIFFERENCE_STEP), side(-DIFFERENCE_STEP));
-                for (row, i) in rows.iter_mut().zip(self.rows.clone()) {
+                for (row, i) in rows.iter_mut().zip(own.clone()) {
                     row[which][k] = (plus[i] - minus[i]) / (2.0 * DIFFERENCE_STEP);
                 }
             }
         }
-        (value(&now)[self.rows.clone()].to_vec(), rows)
+        (here.values[own].to_vec(), rows)
     }
 }
 
@@ -139,6 +143,14 @@ pub(super) fn conditions(relations: &[Relation], entities: usize) -> Vec<Conditi
             });
         }
     }
+    // Equations that follow from others are left out later.
+    for r in relations.iter().filter(|r| r.kind == RelationKind::Tangent) {
+        found.push(Condition {
+            kind: r.kind,
+            entities: r.entities,
+            rows: 0..Components::default().len(),
+        });
+    }
     found
 }
 
@@ -150,6 +162,10 @@ pub(super) fn split(
     entities: usize,
 ) -> (Vec<Relation>, Vec<Relation>) {
     let condition = &conditions[worst];
+    if condition.kind == RelationKind::Tangent {
+        let is_it = |r: &Relation| (r.kind, r.entities) == (condition.kind, condition.entities);
+        return relations.into_iter().partition(is_it);
+    }
     let shared = SharedProperty::from_condition(condition).unwrap_or(SharedProperty::Direction);
     // The classes that remain without the condition.
     let mut sets = UnionFind::new(entities);

@@ -7,7 +7,7 @@ use isoform_geom::{Point3, PointCloud, Quadric, cross, norm, sub};
 use isoform_num::Random;
 use isoform_recognize::{
     Entity, GivenLabels, LabelFacts, LabelRelation, LabelsError, Options, PrimitiveKind,
-    Recognition, RelationKind, propose, recognize, recognize_labelled,
+    Recognition, Relation, RelationKind, propose, recognize, recognize_labelled,
 };
 use std::f64::consts::TAU;
 
@@ -702,6 +702,84 @@ fn relations_are_stated_by_hand() {
         refused(RelationKind::Parallel, [0, 7]),
         Some(LabelsError::Unknown(7))
     );
+}
+
+/// A plate with a rounded end that is a little too wide: only by hand does it touch both sides, and
+/// the radius is half the width then.
+#[test]
+fn a_rounded_end_is_made_tangent_by_hand() {
+    let mut random = Random::new(4);
+    let (mut points, mut labels) = (Vec::new(), Vec::new());
+    for (label, i) in (0..6).flat_map(|label| (0..900).map(move |i| (label, i))) {
+        let [u, v] = [f64::from(i % 30), f64::from(i / 30)].map(|w| (w + 0.5) / 30.0);
+        let p = match label {
+            0 | 1 => [3.0 * u, 2.0 * f64::from(label) - 1.0, v],
+            2 | 3 => [3.0 * u, 2.0 * v - 1.0, f64::from(label - 2)],
+            4 => [3.0, 2.0 * u - 1.0, v],
+            _ => {
+                let (sin, cos) = (std::f64::consts::PI * (u + 0.5)).sin_cos();
+                [1.03 * cos, 1.03 * sin, v]
+            }
+        };
+        points.push(p.map(|x| x + 2e-3 * (random.unit() - 0.5)));
+        labels.push(Some(label));
+    }
+    let program = |found: &Recognition| {
+        let scan = PointCloud::from_points(points.clone());
+        propose(&scan, found, &[], "plate", &Control::default())
+            .expect("a template")
+            .program
+    };
+    let free = given(&points, &labels, &[]).expect("entities");
+    assert!(
+        free.relations
+            .iter()
+            .all(|r| r.kind != RelationKind::Tangent)
+    );
+    let ties = |program: &str| program.matches("tie=").count();
+    let facts = LabelFacts {
+        relations: [[0, 5], [5, 1]]
+            .map(|labels| LabelRelation {
+                kind: RelationKind::Tangent,
+                labels,
+            })
+            .into(),
+        ..LabelFacts::default()
+    };
+    let found = with_facts(&points, &labels, facts).expect("entities");
+    let tangent = |r: &&Relation| r.kind == RelationKind::Tangent;
+    let off: Vec<f64> = found
+        .relations
+        .iter()
+        .filter(tangent)
+        .map(|r| r.deviation)
+        .collect();
+    assert!(
+        off.len() == 2 && off.iter().all(|off| *off < 1e-12),
+        "{off:?}"
+    );
+    let Quadric::Cylinder { radius, .. } = found.entities[5].surface else {
+        panic!("{:?}", found.entities[5]);
+    };
+    assert!(radius > 1.0 && radius < 1.03, "{radius}");
+    let [before, after] = [&free, &found].map(|found| ties(&program(found)));
+    assert!(after > before, "{}", program(&found));
+    // Far from touching, and kinds that cannot.
+    let refused = |labels_| {
+        let facts = LabelFacts {
+            relations: vec![LabelRelation {
+                kind: RelationKind::Tangent,
+                labels: labels_,
+            }],
+            ..LabelFacts::default()
+        };
+        with_facts(&points, &labels, facts).err()
+    };
+    assert!(matches!(
+        refused([0, 1]),
+        Some(LabelsError::Unrelated { .. })
+    ));
+    assert!(matches!(refused([2, 5]), Some(LabelsError::Far { .. })));
 }
 
 /// Exact bores whose axes are 0.01 apart and tilted by 0.005 become one axis, in any unit.
