@@ -1,4 +1,4 @@
-// Camera control by mouse, touch and keys; a click picks a point.
+// Camera control by mouse, touch and keys; a click picks a point, the right button opens a menu.
 
 import type { View } from "./view";
 
@@ -12,11 +12,12 @@ export function control(
   view: View,
   pick: (x: number, y: number) => void,
   act: (key: string) => void,
+  menu: (x: number, y: number) => void,
 ): void {
   const { pane } = view;
   const pointers = new Map<number, [number, number]>();
   let moved = 0;
-  const place = (e: PointerEvent | WheelEvent): [number, number] => {
+  const place = (e: MouseEvent): [number, number] => {
     const box = pane.getBoundingClientRect();
     return [e.clientX - box.left, e.clientY - box.top];
   };
@@ -45,11 +46,18 @@ export function control(
   });
   const end = (e: PointerEvent, isClick: boolean) => {
     if (!pointers.delete(e.pointerId)) return;
-    if (isClick && !pointers.size && moved < CLICK) pick(...place(e));
+    if (isClick && !pointers.size && moved < CLICK) (e.button === 2 ? menu : pick)(...place(e));
   };
   pane.addEventListener("pointerup", (e) => end(e, true));
   pane.addEventListener("pointercancel", (e) => end(e, false));
-  pane.addEventListener("contextmenu", (e) => e.preventDefault());
+  pane.addEventListener("contextmenu", (e) => {
+    e.preventDefault();
+    // The right button may begin a drag; its click is seen when it ends.
+    if (e.pointerType === "touch") {
+      pointers.clear();
+      menu(...place(e));
+    }
+  });
   pane.addEventListener(
     "wheel",
     (e) => {
@@ -74,6 +82,10 @@ export function control(
   };
   pane.addEventListener("keydown", (e) => {
     if (e.target !== pane || e.ctrlKey || e.metaKey || e.altKey) return;
+    if (e.key === "ContextMenu" || (e.key === "F10" && e.shiftKey)) {
+      e.preventDefault();
+      return menu(pane.clientWidth / 2, pane.clientHeight / 2);
+    }
     const key = keys[e.key];
     if (key) {
       e.preventDefault();

@@ -21,6 +21,9 @@ export interface Ray {
   project(p: ArrayLike<number>): [number, number, number];
   /** Pixel of the line of sight. */
   pixel: [number, number];
+  /** Linear forms of coordinates, with their constants: w times the way from the pixel to a point's
+   *  to the right and down, in pixels; w; and the depth. */
+  forms: number[][];
 }
 
 /** Visible point at a pixel. */
@@ -95,6 +98,10 @@ export interface Layer {
   readonly modes: ColorMode[];
   /** True if edges have one sample per pixel. */
   readonly isSampled?: boolean;
+  /** Number of parts in which the whole is drawn, one in a frame; 0 or undefined if one suffices. */
+  readonly passes?: number;
+  /** Shows the whole, a share of what moves with the view (0), or one of the parts. */
+  pass?(part: number | null, share?: number): void;
   /** Explanation of the signs; undefined if there is none. */
   readonly note?: string;
   /** Displayed object, in coordinates of the scene. */

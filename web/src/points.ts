@@ -3,7 +3,9 @@
 import {
   BufferAttribute,
   BufferGeometry,
+  DataTexture,
   GLSL3,
+  Group,
   Points,
   ShaderMaterial,
   Vector3,
@@ -22,6 +24,14 @@ const REACH = 6;
 const WITHIN = 0.95;
 /** Number of steps of a histogram; it is odd, so that the middle one is about zero. */
 const STEPS = 41;
+/** Maximum number of points that are drawn in one frame; of more a sample moves with the view. */
+const MOST_DRAWN = 500_000;
+const GOLDEN = (Math.sqrt(5) - 1) / 2;
+/** Number of values of which the ends of a scale are found. */
+const SCALE_SAMPLE = 100_000;
+/** Number of colours of a scale, and width of the texture of a palette. */
+const SHADES = 1022;
+const PALETTE_WIDTH = 256;
 const OUTLIER: [number, number, number] = [96, 96, 102];
 /** Colour of selected points. */
 const SELECTED: [number, number, number] = [230, 0, 126];
@@ -29,26 +39,39 @@ const SELECTED: [number, number, number] = [230, 0, 126];
 /** Distance by which points are drawn nearer, as a fraction of their distance or of the whole. */
 const NEARER = 0.002;
 
+type Values = Float32Array | Uint16Array | Uint8Array;
+
+/** Ways in which points are coloured: all alike, by a palette, by colours of their own. */
+const [PLAIN, BY_PALETTE, OWN] = [0, 1, 2];
+
 const VERTEX = `
 #define NEARER ${NEARER}
 uniform bool isFlat;
 uniform float nearer;
 uniform vec3 first;
 uniform vec3 unit;
+in float code;
 in vec3 tint;
+in float chosen;
 uniform float size;
 uniform float dot_size;
-uniform vec3 pale;
 uniform vec4 plane;
-uniform bool isTinted;
+uniform int coloring;
+uniform sampler2D palette;
 uniform vec3 color;
+uniform vec3 selected;
 flat out vec3 paint;
 void main() {
   vec3 p = first + unit * position;
-  paint = isTinted ? tint : color;
-  // Points out of focus are small, so that they do not hide those in focus.
-  bool isPale = isTinted && all(lessThan(abs(tint - pale), vec3(1e-3)));
-  gl_PointSize = isPale ? min(size, dot_size) : size;
+  vec4 shade = vec4(coloring == ${OWN} ? tint : color, 1.0);
+  if (coloring == ${BY_PALETTE}) {
+    int number = int(code);
+    shade = texelFetch(palette, ivec2(number % ${PALETTE_WIDTH}, number / ${PALETTE_WIDTH}), 0);
+  }
+  bool isChosen = chosen > 0.0;
+  paint = isChosen ? selected : shade.rgb;
+  // Points out of focus, which are transparent, are small, so that they do not hide those in focus.
+  gl_PointSize = shade.a < 0.5 && !isChosen ? min(size, dot_size) : size;
   // Points on a surface are to be seen before it.
   vec4 seen = modelViewMatrix * vec4(position, 1.0);
   if (isFlat) seen.z += nearer; else seen.xyz *= 1.0 - NEARER;
@@ -74,15 +97,21 @@ export class PointsLayer implements Layer {
   visible = true;
   opacity = 1;
   colorBy: ColorMode = "none";
-  readonly object: Points<BufferGeometry, ShaderMaterial>;
+  readonly object = new Group();
+  /** All points, and a sample of them if they are many. */
+  private readonly whole: Points<BufferGeometry, ShaderMaterial>;
+  private readonly sample: Points<BufferGeometry, ShaderMaterial> | null = null;
   /** Deviations from a model of the scene, which replace those of the file. */
   private measured: Float32Array | null = null;
   private limits: Scale | null = null;
+  /** Colours that are drawn: of the points, and of the palette. */
   private tinted = "";
+  private painted = "";
   focus: Set<number> | null = null;
   /** Value 1 for selected points; null if none is. */
   private selected: Uint8Array | null = null;
-  private turn = 0;
+  /** Largest number in `entities`. */
+  private readonly lastEntity: number;
 
   private constructor(
     readonly id: string,
@@ -96,8 +125,6 @@ export class PointsLayer implements Layer {
     readonly entities: Uint16Array | null,
     private readonly origin: V3,
   ) {
-    const geometry = new BufferGeometry();
-    geometry.setAttribute("position", new BufferAttribute(coordinates.array, 3, false));
     const material = new ShaderMaterial({
       glslVersion: GLSL3,
       vertexShader: VERTEX,
@@ -105,11 +132,12 @@ export class PointsLayer implements Layer {
       uniforms: {
         size: { value: 3 },
         dot_size: { value: 1 },
-        pale: { value: new Vector3(...share(PALE)) },
         plane: { value: new Vector4(0, 0, 0, 1) },
-        isTinted: { value: false },
+        coloring: { value: PLAIN },
+        palette: { value: new DataTexture(new Uint8Array(4 * PALETTE_WIDTH), PALETTE_WIDTH, 1) },
         isRound: { value: true },
         color: { value: new Vector3() },
+        selected: { value: new Vector3(...share(SELECTED)) },
         opacity: { value: 1 },
         isFlat: { value: false },
         first: { value: new Vector3(...sub(coordinates.from, origin)) },
@@ -117,16 +145,55 @@ export class PointsLayer implements Layer {
         nearer: { value: NEARER * norm(sub(coordinates.hi, coordinates.lo)) },
       },
     });
-    this.object = new Points(geometry, material);
-    this.object.frustumCulled = false;
-    this.object.onBeforeRender = (_r, _s, camera) => {
-      material.uniforms.isFlat.value = "isOrthographicCamera" in camera;
-      material.uniformsNeedUpdate = true;
+    const points = () => {
+      const made = new Points(new BufferGeometry(), material);
+      made.frustumCulled = false;
+      made.onBeforeRender = (_r, _s, camera) => {
+        material.uniforms.isFlat.value = "isOrthographicCamera" in camera;
+        material.uniformsNeedUpdate = true;
+      };
+      this.object.add(made);
+      return made;
     };
+    this.whole = points();
+    if (this.count > MOST_DRAWN) this.sample = points();
+    this.set("position", coordinates.array, 3);
+    this.lastEntity = this.entities?.reduce((a, b) => Math.max(a, b), 0) ?? 0;
     this.object.scale.set(...(coordinates.step as V3));
     this.object.position.set(...sub(coordinates.from, origin));
     if (this.colors) this.colorBy = "file";
     if (this.entities) this.colorBy = "part";
+  }
+
+  /** Sets an attribute of all points, and of the sample; null removes it. */
+  private set(name: string, values: Values | null, size: number, isShare = false): void {
+    this.whole.geometry.deleteAttribute(name);
+    this.sample?.geometry.deleteAttribute(name);
+    if (!values) return;
+    this.whole.geometry.setAttribute(name, new BufferAttribute(values, size, isShare));
+    if (!this.sample) return;
+    const some = values.slice(0, size * MOST_DRAWN);
+    for (let k = 0; k < MOST_DRAWN; k++) {
+      // The golden section spreads each beginning of the sample over all points.
+      const i = Math.floor(((k * GOLDEN) % 1) * this.count);
+      for (let c = 0; c < size; c++) some[size * k + c] = values[size * i + c];
+    }
+    this.sample.geometry.setAttribute(name, new BufferAttribute(some, size, isShare));
+  }
+
+  /** Number of parts in which all points are drawn, one in a frame; 0 if one frame suffices. */
+  get passes(): number {
+    return this.sample ? Math.ceil(this.count / MOST_DRAWN) : 0;
+  }
+
+  /** Shows all points, a share of the sample (0), or one of the parts, counted from 1. */
+  pass(part: number | null, share = 1): void {
+    if (!this.sample) return;
+    this.sample.geometry.setDrawRange(0, Math.ceil(share * MOST_DRAWN));
+    this.sample.visible = part === 0;
+    this.whole.visible = part !== 0;
+    if (part) this.whole.geometry.setDrawRange((part - 1) * MOST_DRAWN, MOST_DRAWN);
+    else this.whole.geometry.setDrawRange(0, Infinity);
   }
 
   static async of(id: string, doc: PointsDoc, origin: V3): Promise<PointsLayer> {
@@ -184,71 +251,119 @@ export class PointsLayer implements Layer {
   }
   legend(): [string, string][] {
     if (this.colorBy !== "part" || !this.entities) return [];
-    const last = this.entities.reduce((a, b) => Math.max(a, b), 0);
-    return Array.from({ length: last }, (_, i) => [`face ${i}`, css(partColor(i))]);
+    return Array.from({ length: this.lastEntity }, (_, i) => [`face ${i}`, css(partColor(i))]);
   }
 
   /** Selects points; null selects none. */
   select(selected: Uint8Array | null): void {
     this.selected = selected;
-    this.turn += 1;
+    this.set("chosen", selected, 1);
   }
   bounds(): Box | null {
     return this.count ? { lo: this.coordinates.lo as V3, hi: this.coordinates.hi as V3 } : null;
   }
 
-  private tint(): void {
-    const tinted = `${this.colorBy} ${this.turn} ${[...(this.focus ?? [])]}`;
-    if (this.tinted === tinted) return;
-    this.tinted = tinted;
-    const { geometry } = this.object;
-    if (!this.isTinted) {
-      geometry.deleteAttribute("tint");
-      return;
-    }
-    let tints = this.colors;
-    const scale = this.scale();
-    if (scale) {
-      tints = new Uint8Array(3 * this.count);
-      const color = (v: number, i: number) =>
-        this.outliers?.[i] ? OUTLIER : scaleColor(v, scale.lower, scale.upper, true);
-      this.deviation!.forEach((v, i) => tints!.set(color(v, i), 3 * i));
-    } else if (this.colorBy === "part" && this.entities) {
-      const last = this.entities.reduce((a, b) => Math.max(a, b), 0);
-      const colors = Array.from({ length: last + 1 }, (_, i) =>
-        i ? focusedColor(i - 1, this.focus) : OUTLIER,
-      );
-      tints = new Uint8Array(3 * this.count);
-      this.entities.forEach((entity, i) => tints!.set(colors[entity], 3 * i));
-    } else if (this.colorBy === "none") {
-      tints = new Uint8Array(3 * this.count).fill(OUTLIER[0]);
-    }
-    if (this.selected) {
-      tints = tints!.slice();
-      this.selected.forEach((is, i) => is && tints!.set(SELECTED, 3 * i));
-    }
-    geometry.setAttribute("tint", new BufferAttribute(tints!, 3, true));
+  /** Returns a function that is true for the points within a radius of one. */
+  within(center: ArrayLike<number>, radius: number): (i: number) => boolean {
+    const { array, from, step } = this.coordinates;
+    const squared = (i: number, k: number): number =>
+      (from[k] + step[k] * array[3 * i + k] - center[k]) ** 2;
+    return (i) => squared(i, 0) + squared(i, 1) + squared(i, 2) <= radius * radius;
   }
 
-  /** True if points have colours of their own. */
-  private get isTinted(): boolean {
-    return this.colorBy !== "none" || this.selected !== null;
+  /** Returns a function that is true for the points seen in a rectangle of pixels, given by its ends
+   *  from the pixel of the ray. */
+  seenIn({ forms, from }: Ray, x: number[], y: number[]): (i: number) => boolean {
+    const { array } = this.coordinates;
+    const [u, v, w, depth] = forms.map((form) => this.formOf(form));
+    const value = (f: number[], i: number): number =>
+      f[0] * array[3 * i] + f[1] * array[3 * i + 1] + f[2] * array[3 * i + 2] + f[3];
+    return (i) => {
+      const by = value(w, i);
+      const [a, b] = [value(u, i), value(v, i)];
+      const isIn = a >= x[0] * by && a <= x[1] * by && b >= y[0] * by && b <= y[1] * by;
+      return isIn && value(depth, i) > from;
+    };
+  }
+
+  /** Returns a linear form of coordinates as one of stored numbers. */
+  private formOf(form: number[]): number[] {
+    const { from, step } = this.coordinates;
+    const constant = form[3] + form[0] * from[0] + form[1] * from[1] + form[2] * from[2];
+    return [form[0] * step[0], form[1] * step[1], form[2] * step[2], constant];
+  }
+
+  /** Colours the points: the numbers of their colours change rarely, the palette with the focus. */
+  private tint(): void {
+    const scale = this.scale();
+    const tinted = `${this.colorBy} ${scale?.upper}`;
+    if (this.tinted !== tinted) {
+      this.tinted = tinted;
+      this.set("tint", this.colorBy === "file" ? this.colors : null, 3, true);
+      this.set(
+        "code",
+        scale ? this.shades(scale) : this.colorBy === "part" ? this.entities : null,
+        1,
+      );
+    }
+    const painted = `${tinted} ${[...(this.focus ?? [])]}`;
+    if (this.painted === painted) return;
+    this.painted = painted;
+    const colors = this.palette(scale);
+    const rows = Math.ceil(colors.length / PALETTE_WIDTH) || 1;
+    const data = new Uint8Array(4 * PALETTE_WIDTH * rows);
+    colors.forEach((color, i) => data.set([...color, color === PALE ? 0 : 255], 4 * i));
+    const { uniforms } = this.whole.material;
+    uniforms.palette.value.dispose();
+    uniforms.palette.value = new DataTexture(data, PALETTE_WIDTH, rows);
+    uniforms.palette.value.needsUpdate = true;
+  }
+
+  /** Returns the colours that points have numbers of. */
+  private palette(scale: Scale | null): [number, number, number][] {
+    if (scale) {
+      const { lower, upper } = scale;
+      const at = (i: number): number => lower + ((upper - lower) * i) / (SHADES - 1);
+      const shades = Array.from({ length: SHADES }, (_, i) =>
+        scaleColor(at(i), lower, upper, true),
+      );
+      return [OUTLIER, scaleColor(NaN, lower, upper, true), ...shades];
+    }
+    if (this.colorBy !== "part") return [];
+    const focused = (_: unknown, i: number) => focusedColor(i, this.focus);
+    return [OUTLIER, ...Array.from({ length: this.lastEntity }, focused)];
+  }
+
+  /** Returns the number of the colour of each deviation. */
+  private shades({ lower, upper }: Scale): Uint16Array<ArrayBuffer> {
+    const { outliers } = this;
+    const values = this.deviation!;
+    const codes = new Uint16Array(values.length);
+    const factor = (SHADES - 1) / (upper - lower);
+    for (let i = 0; i < codes.length; i++) {
+      const shade = Math.round((values[i] - lower) * factor);
+      if (outliers?.[i]) codes[i] = 0;
+      else if (!Number.isFinite(shade)) codes[i] = 1;
+      else codes[i] = 2 + Math.max(0, Math.min(SHADES - 1, shade));
+    }
+    return codes;
   }
 
   update(section: Section | null, look: Look): void {
     if (!this.modes.includes(this.colorBy)) this.colorBy = "none";
     this.tint();
-    const { material } = this.object;
+    const { material } = this.whole;
     const u = material.uniforms;
     this.object.visible = this.visible;
     u.plane.value = planeOf(section, this.origin);
     u.opacity.value = this.opacity;
-    u.isTinted.value = this.isTinted;
+    u.coloring.value = this.colorBy === "none" ? PLAIN : this.colorBy === "file" ? OWN : BY_PALETTE;
     const size = this.count > 300_000 ? 2 : this.count > 30_000 ? 3 : this.count > 60 ? 4 : 8;
     u.size.value = size * look.pixelRatio;
     u.dot_size.value = look.pixelRatio;
     u.isRound.value = u.size.value > 2;
-    u.color.value.set(...share(look.isDark ? [240, 190, 90] : [176, 84, 12]));
+    const plain: V3 = this.selected ? OUTLIER : look.isDark ? [240, 190, 90] : [176, 84, 12];
+    u.color.value.set(...share(plain));
     material.transparent = this.opacity < 1;
   }
 
@@ -257,17 +372,23 @@ export class PointsLayer implements Layer {
   pick(ray: Ray): Hit | null {
     const { array, from, step } = this.coordinates;
     const near: { i: number; p: V3; away: number; depth: number }[] = [];
-    const p: V3 = [0, 0, 0];
-    for (let i = 0; i < this.count; i++) {
-      for (let k = 0; k < 3; k++) p[k] = from[k] + step[k] * array[3 * i + k];
+    const [[u0, u1, u2, u3], , [w0, w1, w2, w3]] = ray.forms.map((form) => this.formOf(form));
+    for (let i = 0; i < array.length; i += 3) {
+      const a = array[i];
+      const b = array[i + 1];
+      const c = array[i + 2];
+      // Most points are too far to the side.
+      const reach = REACH * Math.abs(w0 * a + w1 * b + w2 * c + w3);
+      if (!(Math.abs(u0 * a + u1 * b + u2 * c + u3) <= reach)) continue;
+      const p: V3 = [from[0] + step[0] * a, from[1] + step[1] * b, from[2] + step[2] * c];
       const [x, y, depth] = ray.project(p);
-      const [a, b] = [x - ray.pixel[0], y - ray.pixel[1]];
-      if (a * a + b * b > REACH * REACH || depth < ray.from) continue;
+      const away = Math.hypot(x - ray.pixel[0], y - ray.pixel[1]);
+      if (away > REACH || depth < ray.from) continue;
       if (ray.section && dot(ray.section.normal, p) > ray.section.offset) continue;
-      near.push({ i, p: [...p], away: Math.hypot(a, b), depth });
+      near.push({ i: i / 3, p, away, depth });
     }
     if (!near.length) return null;
-    const front = Math.min(...near.map((n) => n.depth));
+    const front = near.reduce((least, n) => Math.min(least, n.depth), Infinity);
     const size = norm(sub(this.coordinates.hi, this.coordinates.lo));
     const best = near
       .filter((n) => n.depth <= front + 0.02 * size)
@@ -287,13 +408,22 @@ export class PointsLayer implements Layer {
 
 /** Returns a scale with symmetric ends at a round number that most deviations do not exceed. */
 export function scaleOf(values: Float32Array, limit?: number): Scale {
-  const sizes = values.filter(Number.isFinite).map(Math.abs).sort();
+  const step = Math.ceil(values.length / SCALE_SAMPLE) || 1;
+  const some = Float32Array.from(
+    { length: Math.floor((values.length + step - 1) / step) },
+    (_, i) => Math.abs(values[i * step]),
+  );
+  const sizes = some.filter(Number.isFinite).sort();
   const end = limit ?? roundUp(sizes[Math.floor(WITHIN * (sizes.length - 1))] ?? 1);
-  const squares = sizes.reduce((s, v) => s + v * v, 0);
   const histogram = Array<number>(STEPS).fill(0);
+  let [n, squares, max] = [0, 0, 0];
   for (const v of values) {
-    const step = Math.floor((STEPS * (v + end)) / (2 * end));
-    if (Number.isFinite(v)) histogram[Math.max(0, Math.min(STEPS - 1, step))] += 1;
+    if (!Number.isFinite(v)) continue;
+    n += 1;
+    squares += v * v;
+    max = Math.max(max, Math.abs(v));
+    const at = Math.floor((STEPS * (v + end)) / (2 * end));
+    histogram[Math.max(0, Math.min(STEPS - 1, at))] += 1;
   }
   return {
     histogram,
@@ -301,8 +431,8 @@ export function scaleOf(values: Float32Array, limit?: number): Scale {
     lower: -end,
     upper: end,
     isDiverging: true,
-    n: sizes.length,
-    rms: Math.sqrt(squares / Math.max(1, sizes.length)),
-    max: sizes[sizes.length - 1] ?? 0,
+    n,
+    rms: Math.sqrt(squares / Math.max(1, n)),
+    max,
   };
 }

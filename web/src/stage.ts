@@ -65,6 +65,8 @@ export class Stage {
   private shown: { viewer: Viewer; panel: Panel; marks: Marks } | null = null;
   /** Callback after a point was picked. */
   onPick: () => void = () => {};
+  /** Callback at the right button, with the place in the pane; null picks as other buttons do. */
+  onMenu: ((x: number, y: number) => void) | null = null;
 
   constructor() {
     const { view } = this;
@@ -72,6 +74,7 @@ export class Stage {
       view,
       (x, y) => this.shown?.viewer.pickSpace(x, y),
       (key) => this.act(key),
+      (x, y) => (this.onMenu ? this.onMenu(x, y) : this.shown?.viewer.pickSpace(x, y)),
     );
     view.onDrawn = () => this.shown?.marks.refresh();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.repaint());
@@ -143,7 +146,7 @@ export class Stage {
   }
 
   /** Handles keys of the pane of space. */
-  private act(key: string): void {
+  act(key: string): void {
     const { view } = this;
     const standard = STANDARD[Number(key) - 1];
     if (standard) view.fit(standard[1], [0, 0, 1]);

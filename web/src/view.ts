@@ -15,6 +15,7 @@ import {
   WebGLRenderer,
 } from "three";
 import type { Layer, Ray, Section } from "./layer";
+import * as theme from "./theme";
 import {
   add,
   along,
@@ -36,6 +37,11 @@ const FOV = 35;
 /** Milliseconds of rest before the picture is drawn finely, and the factor of resolution. */
 const REST = 250;
 const FINER = 2;
+/** Milliseconds between frames that are slow, and those that are a pause. */
+const SLOW = 50;
+const PAUSE = 10_000;
+/** Least share of a large layer that moves with the view. */
+const LEAST = 0.02;
 /** Factor by which the view exceeds its content. */
 const MARGIN = 1.06;
 
@@ -67,6 +73,12 @@ export class View {
   private readonly flat = new OrthographicCamera();
   private isWanted = false;
   private rest = 0;
+  private frame = 0;
+  /** Share of large layers that moves with the view, and the time of the last frame (ms). */
+  private share = 1;
+  private last = 0;
+  /** Milliseconds between the last two frames of a motion. */
+  private pace = 0;
 
   private layers: Layer[] = [];
   /** Centre of the scene, in coordinates of the file. */
@@ -110,36 +122,79 @@ export class View {
   want(): void {
     if (this.isWanted) return;
     this.isWanted = true;
-    requestAnimationFrame(() => {
+    requestAnimationFrame((now) => {
       if (!this.isWanted) return;
+      this.adapt(now - this.last);
+      this.last = now;
       this.draw();
       this.refine();
     });
   }
 
+  /** Draws less of large layers where frames follow one another slowly, and more where they do not.
+   */
+  private adapt(elapsed: number): void {
+    this.pace = elapsed < PAUSE ? elapsed : 0;
+    if (this.pace > SLOW) this.share = Math.max(this.share / 2, LEAST);
+    else if (this.pace && this.pace < SLOW / 2) this.share = Math.min(1, 1.1 * this.share);
+  }
+
   /** Draws finely after a rest, which smooths the edges of models with one sample per pixel. */
   private refine(): void {
     clearTimeout(this.rest);
+    const passes = this.passes;
+    if (passes) {
+      // Not between two frames of a slow motion.
+      const rest = REST + 2 * this.pace;
+      this.rest = setTimeout(() => this.add(1, passes), rest) as unknown as number;
+      return;
+    }
     if (!this.layers.some((l) => l.visible && l.isSampled)) return;
     this.rest = setTimeout(() => this.draw(FINER), REST) as unknown as number;
   }
 
-  /** Draws immediately, with a multiple of the screen's resolution. */
-  draw(finer = 1): void {
+  /** Number of parts in which the layers are drawn; 0 if one frame suffices. */
+  private get passes(): number {
+    return Math.max(0, ...this.layers.map((l) => (l.visible ? (l.passes ?? 0) : 0)));
+  }
+
+  /** Draws one part of large layers over the picture, and the next ones in the frames after it. */
+  private add(part: number, passes: number): void {
+    const shown = this.layers.map((l) => l.object.visible);
+    for (const layer of this.layers) {
+      if (part <= (layer.passes ?? 0)) layer.pass?.(part);
+      else layer.object.visible = false;
+    }
+    this.renderer.autoClear = false;
+    this.renderer.render(this.scene, this.three());
+    this.renderer.autoClear = true;
+    this.layers.forEach((layer, i) => (layer.object.visible = shown[i]));
+    if (part < passes)
+      this.frame = requestAnimationFrame(() => this.add(part + 1, passes)) as unknown as number;
+  }
+
+  /** Draws immediately, with a multiple of the screen's resolution; of large layers what moves with
+   *  the view, and the rest later, unless the whole is asked for. */
+  draw(finer = 1, isWhole = false): void {
     clearTimeout(this.rest);
+    cancelAnimationFrame(this.frame);
     this.isWanted = false;
     const [width, height] = this.size;
     if (!width || !height) return;
     const ratio = finer * Math.min(2, devicePixelRatio || 1);
-    const isDark = matchMedia("(prefers-color-scheme: dark)").matches;
+    const isDark = theme.isDark(this.pane);
     if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
     const old = this.renderer.getSize(new Vector2());
     if (old.x !== width || old.y !== height) this.renderer.setSize(width, height, false);
     const paint = getComputedStyle(this.pane).backgroundColor;
     this.renderer.setClearColor(new Color(paint), 1);
-    for (const layer of this.layers) layer.update(this.section, { isDark, pixelRatio: ratio });
+    for (const layer of this.layers) {
+      layer.update(this.section, { isDark, pixelRatio: ratio });
+      layer.pass?.(isWhole ? null : 0, this.share);
+    }
     this.renderer.render(this.scene, this.three());
     this.onDrawn();
+    if (!isWhole && this.passes) this.refine();
   }
 
   /** Returns the box of all visible layers. */
@@ -221,7 +276,18 @@ export class View {
       const k = ((orthographic ? 1 : depth) * half) / (height / 2);
       return [width / 2 + dot(r, right) / k, height / 2 - dot(r, up) / k, depth];
     };
-    const common = { section: this.section, project, pixel: [x, y] as [number, number] };
+    const form = (v: V3, constant = 0): number[] => [...v, constant - dot(v, position)];
+    const perUnit = height / 2 / half;
+    const depth = form(ahead);
+    const w = orthographic ? [0, 0, 0, 1] : depth;
+    const less = (f: number[], by: number): number[] => f.map((v, k) => v - by * w[k]);
+    const forms = [
+      less(form(scale(right, perUnit)), x - width / 2),
+      less(form(scale(up, -perUnit)), y - height / 2),
+      w,
+      depth,
+    ];
+    const common = { section: this.section, project, pixel: [x, y] as [number, number], forms };
     return orthographic
       ? { o: add(position, side), d: ahead, from: -Infinity, ...common }
       : { o: position, d: unit(add(ahead, side)), from: 0, ...common };
@@ -324,6 +390,7 @@ export class View {
   }
 
   picture(): string {
+    if (this.passes) this.draw(1, true);
     return this.canvas.toDataURL("image/png");
   }
 }

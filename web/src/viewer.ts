@@ -133,8 +133,8 @@ export class Viewer {
     this.onChange();
   }
 
-  /** Picks the visible point at a pixel of the pane of space. */
-  pickSpace(x: number, y: number): Picked | null {
+  /** Returns the visible point at a pixel of the pane of space, with its layer. */
+  hitAt(x: number, y: number): [Layer, Hit] | null {
     const ray = this.view.ray(x, y);
     let best: [Layer, Hit] | null = null;
     for (const layer of this.layers) {
@@ -142,6 +142,13 @@ export class Viewer {
       const hit = layer.pick(ray);
       if (hit && (!best || hit.t < best[1].t)) best = [layer, hit];
     }
+    return best;
+  }
+
+  /** Picks the visible point at a pixel of the pane of space. */
+  pickSpace(x: number, y: number): Picked | null {
+    const ray = this.view.ray(x, y);
+    const best = this.hitAt(x, y);
     const near = best && best[0] instanceof MapLayer ? best[0].nearDouble(ray) : null;
     const isBeside =
       best &&

@@ -172,6 +172,36 @@ test("layers far from one another are drawn as each of them alone", async () => 
   });
 });
 
+test("many points are drawn one part after the other, to the picture of all of them", async () => {
+  const count = 600_000;
+  const header = `ply\nformat binary_little_endian 1.0\nelement vertex ${count}\n`;
+  const values = new Float32Array(3 * count);
+  for (let i = 0; i < count; i++) {
+    const [turn, z] = [2.4 * i, i / count];
+    values.set([Math.cos(turn) * (1 + z), Math.sin(turn) * (1 + z), 2 * z], 3 * i);
+  }
+  const properties = ["x", "y", "z"].map((name) => `property float ${name}\n`).join("");
+  const bytes = Buffer.from(values.buffer);
+  file("many.ply", Buffer.concat([Buffer.from(`${header}${properties}end_header\n`), bytes]));
+  await view(["many.ply"], async (page) => {
+    const shown = () => page.locator("[data-pane=space] canvas").evaluate((c) => c.toDataURL());
+    const moving = await shown();
+    let last = "";
+    for (let still = 0; still < 3;) {
+      await page.waitForTimeout(400);
+      const now = await shown();
+      still = now === last ? still + 1 : 0;
+      last = now;
+    }
+    assert.notEqual(last, moving);
+    assert.equal(await page.evaluate("isoform.screenshot()"), last);
+    // A picked point is one of the file.
+    const { point } = await page.evaluate("isoform.pick(400, 250)");
+    const away = Math.hypot(point[0], point[1]) - 1 - point[2] / 2;
+    assert.ok(Math.abs(away) < 1e-3, `${point}`);
+  });
+});
+
 test("what is picked of a solid is on its face, not on a triangle", async () => {
   run(["brep", "sphere", "--params", "0,0,0,2", "-q", "-o", "ball.step"]);
   await view(["ball.step"], async (page) => {

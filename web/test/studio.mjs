@@ -302,6 +302,68 @@ test("a relation of two faces is stated by hand, and taken back", async () => {
   });
 });
 
+test("the right button opens a menu of faces and of the view, and the theme can be chosen", async () => {
+  writeFileSync(path("menu.xyz"), scan());
+  await studio(["menu.xyz", "--project", "menu"], async (page) => {
+    await page.getByText(/points, .* × .* × /).waitFor();
+    await press(page, "Recognize faces");
+    const face = (id) => page.getByRole("checkbox", { name: new RegExp(`^Face ${id}, `) });
+    await face(1).waitFor();
+    const count = await page.getByRole("checkbox", { name: /^Face \d/ }).count();
+    const menu = page.getByRole("menu");
+    const entry = (name) => page.getByRole("menuitem", { name, exact: true });
+    // In the list, by keys: the first entry deletes the face.
+    await face(1).click({ button: "right" });
+    await entry("Delete face 1").waitFor();
+    assert.ok(await face(1).isChecked());
+    await page.keyboard.press("End");
+    assert.equal(await page.locator(":focus").textContent(), "Fit a torus to face 1");
+    await page.keyboard.press("ArrowDown");
+    assert.equal(await page.locator(":focus").textContent(), "Delete face 1");
+    await page.keyboard.press("Enter");
+    await page.waitForFunction(
+      (n) => document.querySelectorAll("[data-face]").length === n,
+      count - 1,
+    );
+    await press(page, "Undo");
+    await face(count - 1).waitFor();
+    // In the view: a press outside and Escape close it.
+    const box = await page.locator("[data-pane=space]").boundingBox();
+    const at = [box.x + box.width / 2, box.y + box.height / 2];
+    await page.mouse.click(...at, { button: "right" });
+    await menu.waitFor();
+    await page.keyboard.press("Escape");
+    await menu.waitFor({ state: "detached" });
+    await page.locator("[data-pane=space]").focus();
+    await page.keyboard.press("Shift+F10");
+    await entry("Parallel projection").click();
+    await menu.waitFor({ state: "detached" });
+    assert.ok(await page.getByRole("checkbox", { name: "Parallel projection" }).isChecked());
+    // A drag by the right button moves the view, and opens nothing.
+    await page.mouse.move(...at);
+    await page.mouse.down({ button: "right" });
+    await page.mouse.move(at[0] + 40, at[1]);
+    await page.mouse.up({ button: "right" });
+    assert.equal(await menu.count(), 0);
+    const light = () =>
+      page.evaluate(() => {
+        const pane = document.querySelector("[data-pane=space]");
+        return Number(getComputedStyle(pane).backgroundColor.match(/\d+/)[0]) > 128;
+      });
+    const theme = page.getByRole("combobox", { name: "Theme" });
+    await theme.selectOption("dark");
+    assert.equal(await light(), false);
+    await page.reload();
+    await page.evaluate("isoform.ready");
+    assert.deepEqual([await theme.inputValue(), await light()], ["dark", false]);
+    await theme.selectOption("light");
+    await page.emulateMedia({ colorScheme: "dark" });
+    assert.equal(await light(), true);
+    await theme.selectOption("system");
+    assert.equal(await light(), false);
+  });
+});
+
 test("a rational map is typed to a certificate", async () => {
   await studio(["--project", "four"], async (page) => {
     await tab(page, "Surface");

@@ -1,15 +1,19 @@
 // The page: tabs, the stage, work and its progress, undo, files that are dropped.
 
 import { h } from "../dom";
-import type { Panel } from "../panel";
+import type { Hit } from "../layer";
+import { type Panel, STANDARD } from "../panel";
 import { Stage } from "../stage";
+import * as theme from "../theme";
+import { add, sub, type V3 } from "../vector";
 import type { Viewer } from "../viewer";
 import type { Request, SceneRequest, Answer } from "./backend";
 import * as backend from "./backend";
 import { endingOf, SOLIDS } from "./endings";
 import { CompareSpace } from "./compare";
 import { History, type Tab, TABS } from "./history";
-import { button } from "./parts";
+import { type Entry, openMenu } from "./menu";
+import { button, choice } from "./parts";
 import { ProgramSpace } from "./program";
 import { ScanSpace } from "./scan";
 import { SurfaceSpace } from "./surface";
@@ -30,6 +34,8 @@ export interface Space {
   open(name: string): Promise<boolean>;
   /** Makes what is being typed a step of the project. */
   settle?(): void;
+  /** Returns entries of the menu at a point of a layer. */
+  menu?(layer: string, hit: Hit): Entry[];
   /** Leaves what the key Escape leaves; returns false if there is nothing. */
   leave?(): boolean;
 }
@@ -51,6 +57,7 @@ const KEYS: [string, string][] = [
   ["?", "this overview"],
   ["arrows, + and −", "turn and zoom the view, with the focus in it"],
   ["F, P, 1 to 4", "fit the view, parallel projection, standard views"],
+  ["right button, Shift F10", "menu of what is there"],
 ];
 
 export class App {
@@ -93,7 +100,7 @@ export class App {
   /** Buttons that cannot be pressed while there is work. */
   private readonly busyButtons = new Set<HTMLButtonElement>();
 
-  constructor(private readonly root: HTMLElement) {
+  constructor(readonly root: HTMLElement) {
     this.spaces = {
       scan: new ScanSpace(this),
       program: new ProgramSpace(this),
@@ -171,6 +178,13 @@ export class App {
     open.title = "Ctrl O, or drop files anywhere";
     const keys = button("?", () => this.help.showModal());
     keys.setAttribute("aria-label", "Keys");
+    const colors = choice(
+      "Theme",
+      theme.THEMES.map((each) => [each, `Theme: ${each}`]),
+      (value) => this.setTheme(value as theme.Theme),
+    );
+    colors.value = theme.chosen();
+    theme.choose(this.root, theme.chosen());
     this.status.append(this.cancelButton);
     const close = button("Close", () => this.help.close());
     this.help.append(
@@ -192,7 +206,7 @@ export class App {
         {},
         h("h1", {}, "Isoform Studio ", h("small", {}, this.title)),
         list,
-        h("div", { class: "tools" }, open, this.undoButton, this.redoButton, keys),
+        h("div", { class: "tools" }, open, this.undoButton, this.redoButton, colors, keys),
       ),
       this.sides,
       h(
@@ -209,6 +223,11 @@ export class App {
       this.chooser,
       this.help,
     );
+  }
+
+  private setTheme(chosen: theme.Theme): void {
+    theme.choose(this.root, chosen);
+    this.stage.repaint();
   }
 
   private turnTo(tab: Tab): void {
@@ -248,6 +267,43 @@ export class App {
       if (this.isBusy) e.preventDefault();
     });
     this.stage.onPick = () => this.refresh();
+    this.stage.onMenu = (x, y) => this.openMenu(x, y);
+  }
+
+  /** Opens the menu at a place of the stage. */
+  private openMenu(x: number, y: number): void {
+    const { viewer, stage } = this;
+    const found = viewer?.hitAt(x, y) ?? null;
+    const { camera } = stage.view;
+    const atPoint = (point: V3): Entry[] => [
+      {
+        name: "Turn about this point",
+        act: () => {
+          const by = sub(point, camera.target);
+          viewer?.setCamera({ target: point, position: add(camera.position, by) });
+        },
+      },
+      {
+        name: "Copy coordinates",
+        act: () => void navigator.clipboard?.writeText(point.join(", ")).catch(() => {}),
+      },
+    ];
+    const ofView: Entry[] = [
+      { name: "Fit the view", act: () => stage.act("f") },
+      ...STANDARD.map(([name], i) => ({ name: `View ${name}`, act: () => stage.act(`${i + 1}`) })),
+      {
+        name: camera.orthographic ? "Perspective" : "Parallel projection",
+        act: () => stage.act("p"),
+      },
+    ];
+    const own = found ? (this.space.menu?.(found[0].id, found[1]) ?? []) : [];
+    const place = stage.space.getBoundingClientRect();
+    openMenu(
+      this.root,
+      "View",
+      [place.left + x, place.top + y],
+      [...own, ...(found ? atPoint(found[1].point) : []), ...ofView],
+    );
   }
 
   private key(event: KeyboardEvent): void {

@@ -3,10 +3,11 @@
 import { h } from "../dom";
 import type { View } from "../view";
 
-/** Adds the selection to a pane; returns the function that turns it on and off. */
+/** Adds the selection to a pane, by the ends of the rectangle in pixels; returns the function that
+ *  turns it on and off. */
 export function boxSelect(
   view: View,
-  select: (isInside: (p: ArrayLike<number>) => boolean) => void,
+  select: (x: number[], y: number[]) => void,
 ): (isOn: boolean) => void {
   const frame = h("div", { class: "frame", hidden: true });
   const sheet = h("div", { class: "sheet", hidden: true }, frame);
@@ -39,12 +40,7 @@ export function boxSelect(
     const [x, y] = ends(from, place(e));
     from = null;
     frame.hidden = true;
-    const { project } = view.ray(0, 0);
-    select((p) => {
-      const [a, b, depth] = project(p);
-      const isAhead = view.camera.orthographic || depth > 0;
-      return isAhead && a >= x[0] && a <= x[1] && b >= y[0] && b <= y[1];
-    });
+    select(x, y);
   });
   sheet.addEventListener("wheel", (e) => {
     e.preventDefault();

@@ -4,6 +4,7 @@ import { partColor, css } from "../colors";
 import { brief, h } from "../dom";
 import type { PointsLayer } from "../points";
 import type { Document } from "./backend";
+import type { Entry } from "./menu";
 import { button, choice, two, withSd } from "./parts";
 
 export const KINDS = ["plane", "cylinder", "cone", "sphere", "torus"];
@@ -93,7 +94,9 @@ export class Faces {
   private readonly chosen = new Set<number>();
   private document: Document = null;
   private layer: PointsLayer | null = null;
-  private selection: Uint8Array | null = null;
+  private selection: Uint8Array<ArrayBuffer> | null = null;
+  /** Number of selected points. */
+  private selected = 0;
   private kinds: Record<string, string> = {};
   private relations: Relation[] = [];
   private isBoxing = false;
@@ -104,6 +107,8 @@ export class Faces {
   onCrop: (isKept: (i: number) => boolean, label: string) => void = () => {};
   onFocus: (faces: Set<number>) => void = () => {};
   onBoxing: (is: boolean) => void = () => {};
+  /** Callback for a menu of a face in the list. */
+  onMenu: (event: MouseEvent, face: number) => void = () => {};
 
   constructor() {
     this.merge = button("Merge", () => this.mergeChosen());
@@ -188,6 +193,10 @@ export class Faces {
       "li",
       {
         "data-face": String(id),
+        contextmenu: (e) => {
+          e.preventDefault();
+          this.onMenu(e as MouseEvent, id);
+        },
         mouseenter: () => this.onFocus(new Set([...this.chosen, id])),
         mouseleave: () => this.onFocus(this.chosen),
       },
@@ -236,6 +245,51 @@ export class Faces {
     this.onFocus(this.chosen);
   }
 
+  /** Returns the entries of a menu at a point. They act on the chosen faces, or on the face of the
+   *  point alone if it is not one of them. */
+  menu(entity: number | undefined, point: ArrayLike<number> | null): Entry[] {
+    if (point) this.picked = point;
+    if (entity !== undefined && !this.chosen.has(entity)) {
+      for (const face of [...this.chosen, entity]) this.toggle(face);
+    }
+    this.refresh();
+    const { chosen, selection } = this;
+    const faces = chosen.size > 1 ? `faces ${listed(chosen)}` : `face ${listed(chosen)}`;
+    const ofFaces: Entry[] = chosen.size
+      ? [
+          ...(chosen.size > 1 ? [{ name: `Merge ${faces}`, act: () => this.mergeChosen() }] : []),
+          { name: `Delete ${faces}`, act: () => this.removeChosen() },
+          ...KINDS.map((kind) => ({
+            name: `Fit a ${kind} to ${faces}`,
+            act: () => this.setKind(kind),
+          })),
+          null,
+        ]
+      : [];
+    const ofPoints: Entry[] = selection
+      ? this.pointTools().map((each) => ({
+          name: `${each.textContent}`,
+          act: () => each.click(),
+        }))
+      : [];
+    const around = {
+      name: "Select around this point",
+      act: () => (this.radius.value ? this.selectNear() : this.radius.focus()),
+    };
+    return [...ofFaces, ...(point ? [around] : []), ...ofPoints, null];
+  }
+
+  /** Returns the buttons for selected points. */
+  private pointTools(): HTMLButtonElement[] {
+    const all = [this.asNew, this.asNone, this.crop, this.cut];
+    return all.filter((each) => !each.hidden);
+  }
+
+  /** Chooses a face, or leaves it. */
+  private toggle(face: number): void {
+    this.list.querySelector<HTMLInputElement>(`[data-face="${face}"] input`)?.click();
+  }
+
   /** Chooses the face of a picked point, and keeps the point. */
   pick(entity: number | undefined, point: ArrayLike<number> | null): void {
     this.picked = point;
@@ -251,6 +305,7 @@ export class Faces {
   select(isIn: ((i: number) => boolean) | null): void {
     const { layer } = this;
     this.selection = null;
+    this.selected = 0;
     if (layer && isIn) {
       const { entities } = layer;
       const selection = new Uint8Array(layer.count);
@@ -260,6 +315,7 @@ export class Faces {
         if (isShown && isIn(i)) n += selection[i] = 1;
       }
       if (n) this.selection = selection;
+      this.selected = n;
     }
     layer?.select(this.selection);
     this.refresh();
@@ -270,14 +326,7 @@ export class Faces {
     const { layer, picked } = this;
     const radius = Number(this.radius.value);
     if (!layer || !picked || !(radius > 0)) return;
-    const p = layer.positions();
-    this.select(
-      (i) =>
-        (p[3 * i] - picked[0]) ** 2 +
-          (p[3 * i + 1] - picked[1]) ** 2 +
-          (p[3 * i + 2] - picked[2]) ** 2 <=
-        radius * radius,
-    );
+    this.select(layer.within(picked, radius));
   }
 
   setBoxing(is: boolean): void {
@@ -353,7 +402,7 @@ export class Faces {
   }
 
   private refresh(): void {
-    const n = this.selection?.reduce((sum, is) => sum + is, 0) ?? 0;
+    const n = this.selected;
     const has = this.document !== null;
     this.list.hidden = !has;
     this.merge.disabled = this.chosen.size < 2;

@@ -1,6 +1,7 @@
 // Scan to model: faces, corrections, the fit with its verdict, files for CAD.
 
 import { brief, foreign, h } from "../dom";
+import type { Hit } from "../layer";
 import { PointsLayer } from "../points";
 import type { Viewer } from "../viewer";
 import type { App, Space } from "./app";
@@ -11,6 +12,7 @@ import { boxSelect } from "./boxselect";
 import { type Correction, Faces, relationText, relationsOf } from "./faces";
 import type { FitState, ScanState } from "./history";
 import { EMPTY } from "./history";
+import { type Entry, openMenu } from "./menu";
 import { button, choice, field, figures, section, setOptions, warnings, withSd } from "./parts";
 import { Ply } from "./ply";
 import { cross, norm, sub, unit, type V3 } from "../vector";
@@ -109,13 +111,25 @@ export class ScanSpace implements Space {
       const layer = this.pointsLayer();
       if (layer && app.viewer) app.viewer.focus(layer.id, faces);
     };
-    const leave = boxSelect(app.stage.view, (isInside) => {
+    const { view } = app.stage;
+    const leave = boxSelect(view, (x, y) => {
       const layer = this.pointsLayer();
-      if (!layer) return;
-      const p = layer.positions();
-      this.faces.select((i) => isInside(p.subarray(3 * i, 3 * i + 3)));
+      if (layer) this.faces.select(layer.seenIn(view.ray(0, 0), x, y));
     });
     this.faces.onBoxing = leave;
+    this.faces.onMenu = (event, face) =>
+      openMenu(
+        app.root,
+        "Faces",
+        [event.clientX, event.clientY],
+        this.faces.menu(face, null).slice(0, -1),
+      );
+  }
+
+  menu(layer: string, hit: Hit): Entry[] {
+    const own = this.pointsLayer();
+    if (this.facesPart.hidden || !own || own.id !== layer) return [];
+    return this.faces.menu(hit.entity, hit.point);
   }
 
   private get state(): ScanState {
