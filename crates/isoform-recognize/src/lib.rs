@@ -12,6 +12,7 @@ mod description;
 mod entity;
 mod faces;
 mod facets;
+mod features;
 mod fit;
 mod form;
 mod given;
@@ -46,6 +47,7 @@ pub use entity::{
     Symmetry, SymmetryKind,
 };
 pub use facets::{FacetRecognition, points_on_facets, recognize_facets};
+pub use features::{Feature, FeatureKind, Widening, features};
 pub use given::{GivenLabels, LabelFacts, LabelsError, recognize_labelled};
 pub use recognize::{Error, Options, recognize};
 pub use related::{LabelRelation, RelationDistance};

@@ -13,8 +13,8 @@ use crate::{mesh, scan, solids};
 use isoform::geom::{Column, PointCloud};
 use isoform::recognize::{Error, LabelFacts, ProposeError};
 use isoform::report::{
-    LayoutReport, MotionReport, Parameters, PatternReport, RecognizeReport, SnapReport,
-    SymmetryReport, brief,
+    FeatureReport, LayoutReport, MotionReport, Parameters, PatternReport, RecognizeReport,
+    SnapReport, SymmetryReport, brief,
 };
 use isoform::{
     Control, Proposal, RecognizeError, RecognizeOptions, Recognized, ScanLabels, recognize_scan,
@@ -39,7 +39,7 @@ Examples:
 Each entity comes with the standard deviations of its parameters; relations (parallel, perpendicular,
 coaxial, coplanar, concentric, equal_radius) are those that hold within the uncertainty, and so are
 patterns (three and more equal entities in a row or on a circle) and symmetries (mirrors and rotations
-of the entities). labels.ply holds the points with the number of their entity, -1 for none. Of CAD
+of the entities). Holes, bosses, slots and pockets come with their depths. labels.ply holds the points with the number of their entity, -1 for none. Of CAD
 meshes points inside the flat faces are taken as well.
 
 Exit code: 0, also where nothing is found; 2 for unreadable input or too few points, 4 where they lie
@@ -100,7 +100,11 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         true => Some(snapped(&mut found, &args.scan, context)?),
         false => None,
     };
-    let mut report = RecognizeReport::new(&found.recognition, started.elapsed().as_secs_f64());
+    let mut report = RecognizeReport::new(
+        &found.recognition,
+        &found.scan.points,
+        started.elapsed().as_secs_f64(),
+    );
     report.snap = snap;
     if report.free >= FREE {
         context.warn(format_args!(
@@ -268,6 +272,31 @@ pub(crate) fn failure(error: RecognizeError, scan: &Path) -> Failure {
     }
 }
 
+/// A feature in words.
+fn feature(f: &FeatureReport) -> String {
+    let size = match (f.radius, f.width.zip(f.length)) {
+        (Some(radius), _) => format!("radius {}", brief(radius)),
+        (_, Some((width, length))) => format!("{} by {}", brief(width), brief(length)),
+        _ => String::new(),
+    };
+    let reach = match (f.kind, f.through) {
+        ("boss", _) => "height",
+        (_, Some(true)) => "through",
+        _ => "depth",
+    };
+    let widenings = f.widenings.iter().map(|w| {
+        let angle = w.half_angle.map_or_else(String::new, |a| {
+            format!(" of {}°", brief(2.0 * a.to_degrees()))
+        });
+        let (kind, radius, depth) = (w.kind, brief(w.radius), brief(w.depth));
+        format!(", {kind}{angle} radius {radius} depth {depth}")
+    });
+    let widenings: String = widenings.collect();
+    let faces: Vec<String> = f.faces.iter().map(usize::to_string).collect();
+    let (kind, depth, faces) = (f.kind, brief(f.depth), faces.join(", "));
+    format!("{kind:<9} {size}, {reach} {depth}{widenings} (faces {faces})\n")
+}
+
 /// The report for people.
 fn text(report: &RecognizeReport, outputs: &[PathBuf]) -> String {
     let mut text = format!(
@@ -291,6 +320,7 @@ fn text(report: &RecognizeReport, outputs: &[PathBuf]) -> String {
             sizes(&e.parameters, &e.sd)
         );
     }
+    report.features.iter().for_each(|f| text += &feature(f));
     report.patterns.iter().for_each(|p| text += &pattern(p));
     report.symmetries.iter().for_each(|s| text += &symmetry(s));
     if let Some(snap) = &report.snap {

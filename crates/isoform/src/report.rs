@@ -40,8 +40,9 @@ pub use patches::{
 };
 pub use quality::{AspectReport, FacetsReport, QualityReport, WallsReport, WorstElement};
 pub use recognize::{
-    BlendReport, EntityReport, LayoutReport, MotionReport, Parameters, PatternReport,
-    RecognizeReport, RecognizedFaceReport, RelationReport, SnapReport, SymmetryReport,
+    BlendReport, EntityReport, FeatureReport, LayoutReport, MotionReport, Parameters,
+    PatternReport, RecognizeReport, RecognizedFaceReport, RelationReport, SnapReport,
+    SymmetryReport, WideningReport,
 };
 pub use shape::ShapeReport;
 pub use solid::{SolidFaceReport, SolidReport, StatedReport};

@@ -3,6 +3,7 @@
 mod clouds;
 mod faces;
 mod facets;
+mod features;
 mod form;
 mod labels;
 mod parts;

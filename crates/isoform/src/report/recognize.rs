@@ -2,7 +2,8 @@
 
 use isoform_geom::{Point3, Quadric};
 use isoform_recognize::{
-    Blend, Entity, Face, Layout, Pattern, Recognition, Relation, Snap, Symmetry, SymmetryKind,
+    Blend, Entity, Face, Feature, FeatureKind, Layout, Pattern, Recognition, Relation, Snap,
+    Symmetry, SymmetryKind, Widening, features,
 };
 use serde::Serialize;
 
@@ -27,6 +28,8 @@ pub struct RecognizeReport {
     pub entities: Vec<EntityReport>,
     /// Connected pieces of the surfaces.
     pub faces: Vec<RecognizedFaceReport>,
+    /// Holes, bosses, slots and pockets, with their depths.
+    pub features: Vec<FeatureReport>,
     /// Relations between two surfaces each, such as parallel axes.
     pub relations: Vec<RelationReport>,
     /// Rows and circles of equal surfaces.
@@ -59,6 +62,10 @@ pub struct EntityReport {
     /// Outer side: +1 if the outside is away from the centre or axis, or along a plane's normal; −1
     /// if it is the other side, as in a hole; 0 if the points do not decide.
     pub outward: i8,
+    /// Range of its points along the axis, from the point, the apex or the centre; `None` for planes
+    /// and spheres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub extent: Option<[f64; 2]>,
     /// Number of points that it explains.
     pub n_points: usize,
     /// Root mean square distance of these points from it.
@@ -83,6 +90,52 @@ pub struct RecognizedFaceReport {
     pub n_points: usize,
     /// Indices of the adjacent faces.
     pub beside: Vec<usize>,
+}
+
+/// Hole, boss, slot or pocket. Lengths are between the surfaces that bound it.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct FeatureReport {
+    /// Kind of feature: `hole`, `boss`, `slot` or `pocket`.
+    pub kind: &'static str,
+    /// Indices of the faces that bound it.
+    pub faces: Vec<usize>,
+    /// Middle of its mouth, or of the base of a boss.
+    pub point: Point3,
+    /// Unit vector from there into it.
+    pub direction: Point3,
+    /// Depth, or height of a boss.
+    pub depth: f64,
+    /// True if its other end is open; `None` for bosses and pockets.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub through: Option<bool>,
+    /// Radius of a boss, or of the narrowest cylinder of a hole.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radius: Option<f64>,
+    /// Distance between the sides of a slot, or the nearer sides of a pocket.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub width: Option<f64>,
+    /// Distance between the ends of a slot, or the other sides of a pocket.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub length: Option<f64>,
+    /// Wider parts of a hole, from the mouth on.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub widenings: Vec<WideningReport>,
+}
+
+/// Wider part of a hole.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct WideningReport {
+    /// Kind: `counterbore` or `countersink`.
+    pub kind: &'static str,
+    /// Place: `mouth`, or `bottom` for the other end of a hole that goes through.
+    pub end: &'static str,
+    /// Radius at its outer end.
+    pub radius: f64,
+    /// Length along the axis.
+    pub depth: f64,
+    /// Half angle of a countersink, in radians.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub half_angle: Option<f64>,
 }
 
 /// Parameters of a surface, or their standard deviations; a vector of deviations has one per
@@ -349,8 +402,8 @@ impl BlendReport {
 }
 
 impl RecognizeReport {
-    /// Creates the report of a recognition that took `seconds`.
-    pub fn new(found: &Recognition, seconds: f64) -> Self {
+    /// Creates the report of a recognition in some points, which took `seconds`.
+    pub fn new(found: &Recognition, points: &[Point3], seconds: f64) -> Self {
         let entities = found.entities.iter().enumerate();
         let faces = found.faces.iter().enumerate();
         Self {
@@ -362,6 +415,10 @@ impl RecognizeReport {
             entities: entities.map(|(id, e)| EntityReport::new(id, e)).collect(),
             faces: faces
                 .map(|(id, face)| RecognizedFaceReport::new(id, face))
+                .collect(),
+            features: features(points, found)
+                .iter()
+                .map(FeatureReport::new)
                 .collect(),
             relations: found.relations.iter().map(RelationReport::new).collect(),
             patterns: found.patterns.iter().map(PatternReport::new).collect(),
@@ -385,6 +442,68 @@ impl RecognizedFaceReport {
     }
 }
 
+impl FeatureReport {
+    fn new(feature: &Feature) -> Self {
+        let common = Self {
+            faces: feature.faces.clone(),
+            point: feature.point,
+            direction: feature.direction,
+            depth: feature.depth,
+            ..Self::default()
+        };
+        match &feature.kind {
+            FeatureKind::Hole {
+                radius,
+                is_through,
+                widenings,
+            } => Self {
+                kind: "hole",
+                radius: Some(*radius),
+                through: Some(*is_through),
+                widenings: widenings.iter().map(WideningReport::new).collect(),
+                ..common
+            },
+            FeatureKind::Boss { radius } => Self {
+                kind: "boss",
+                radius: Some(*radius),
+                ..common
+            },
+            FeatureKind::Slot {
+                width,
+                length,
+                is_through,
+            } => Self {
+                kind: "slot",
+                width: Some(*width),
+                length: Some(*length),
+                through: Some(*is_through),
+                ..common
+            },
+            FeatureKind::Pocket { width, length } => Self {
+                kind: "pocket",
+                width: Some(*width),
+                length: Some(*length),
+                ..common
+            },
+        }
+    }
+}
+
+impl WideningReport {
+    fn new(of: &Widening) -> Self {
+        Self {
+            kind: match of.half_angle {
+                Some(_) => "countersink",
+                None => "counterbore",
+            },
+            end: if of.is_at_mouth { "mouth" } else { "bottom" },
+            radius: of.radius,
+            depth: of.depth,
+            half_angle: of.half_angle,
+        }
+    }
+}
+
 impl EntityReport {
     fn new(id: usize, entity: &Entity) -> Self {
         Self {
@@ -393,6 +512,10 @@ impl EntityReport {
             parameters: Parameters::from_entity(entity),
             sd: Parameters::deviations(entity),
             outward: entity.outward,
+            extent: match entity.surface {
+                Quadric::Plane { .. } | Quadric::Sphere { .. } => None,
+                _ => Some(entity.extent),
+            },
             n_points: entity.points,
             rms: entity.rms,
             label: entity.label,
