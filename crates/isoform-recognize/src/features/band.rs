@@ -6,7 +6,7 @@ use crate::chart::frame;
 use crate::entity::Recognition;
 use isoform_geom::{Point3, Quadric, cross, dot, norm, sub};
 use std::collections::BTreeSet;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// A face on a cylinder or a cone.
 pub(super) struct Band {
@@ -24,6 +24,8 @@ pub(super) struct Band {
     share: f64,
     /// Lower and upper end.
     pub(super) ends: [BandEnd; 2],
+    /// Area for each of its points.
+    area: f64,
     /// Distance by which its points may fall short of its ends, or be off its surface.
     pub(super) slack: f64,
 }
@@ -81,6 +83,7 @@ pub(super) fn bands(members: &[Vec<Point3>], found: &Recognition) -> Vec<Band> {
             is_hollow: entity.outward < 0,
             share,
             ends: [end(low), end(high)],
+            area: area / points.len() as f64,
             slack,
         })
     };
@@ -189,6 +192,25 @@ impl Band {
                 plane: Some(p.face),
                 is_closed: faces_out != self.is_hollow,
             };
+        }
+    }
+
+    /// Closes ends without a plane across which points lie as densely as on the band.
+    pub(super) fn end_in_points(&mut self, points: &[Point3]) {
+        for k in 0..2 {
+            let end = self.ends[k];
+            // Points near the edge may belong to the band or to its surroundings.
+            let radius = 0.8 * self.radius_at(end.height);
+            let is_across = |p: &&Point3| {
+                let d = sub(**p, self.origin);
+                (dot(d, self.axis) - end.height).abs() < self.slack
+                    && norm(cross(d, self.axis)) < radius
+            };
+            let expected = PI * radius * radius / self.area;
+            let found = points.iter().filter(is_across).count() as f64;
+            if end.plane.is_none() && found > 0.5 * expected {
+                self.ends[k].is_closed = true;
+            }
         }
     }
 }
