@@ -37,9 +37,8 @@ const FOV = 35;
 /** Milliseconds of rest before the picture is drawn finely, and the factor of resolution. */
 const REST = 250;
 const FINER = 2;
-/** Milliseconds between frames that are slow, and those that are a pause. */
+/** Milliseconds of a frame that is slow. */
 const SLOW = 50;
-const PAUSE = 10_000;
 /** Least share of a large layer that moves with the view. */
 const LEAST = 0.02;
 /** Factor by which the view exceeds its content. */
@@ -76,9 +75,10 @@ export class View {
   private frame = 0;
   /** Share of large layers that moves with the view, and the time of the last frame (ms). */
   private share = 1;
-  private last = 0;
-  /** Milliseconds between the last two frames of a motion. */
+  /** Milliseconds that the last frame of a motion took. */
   private pace = 0;
+  /** True if all of large layers is drawn. */
+  private isWhole = false;
 
   private layers: Layer[] = [];
   /** Centre of the scene, in coordinates of the file. */
@@ -124,29 +124,32 @@ export class View {
     this.isWanted = true;
     requestAnimationFrame((now) => {
       if (!this.isWanted) return;
-      this.adapt(now - this.last);
-      this.last = now;
       this.draw();
+      // The next frame waits until this one is drawn.
+      requestAnimationFrame((next) => this.adapt(next - now));
       this.refine();
     });
   }
 
-  /** Draws less of large layers where frames follow one another slowly, and more where they do not.
-   */
+  /** Draws less of large layers where a frame takes long, and more where it does not. */
   private adapt(elapsed: number): void {
-    this.pace = elapsed < PAUSE ? elapsed : 0;
+    this.pace = elapsed;
     if (this.pace > SLOW) this.share = Math.max(this.share / 2, LEAST);
-    else if (this.pace && this.pace < SLOW / 2) this.share = Math.min(1, 1.1 * this.share);
+    else if (elapsed < SLOW / 2) this.share = Math.min(1, 1.1 * this.share);
   }
 
   /** Draws finely after a rest, which smooths the edges of models with one sample per pixel. */
   private refine(): void {
     clearTimeout(this.rest);
     const passes = this.passes;
+    if (passes && this.isWhole) return;
     if (passes) {
       // Not between two frames of a slow motion.
       const rest = REST + 2 * this.pace;
-      this.rest = setTimeout(() => this.add(1, passes), rest) as unknown as number;
+      const isClear = this.layers.some((l) => l.passes && l.visible && l.opacity < 1);
+      // Parts that are drawn over one another would blend with themselves.
+      const all = () => (isClear ? this.draw(1, true) : this.add(1, passes));
+      this.rest = setTimeout(all, rest) as unknown as number;
       return;
     }
     if (!this.layers.some((l) => l.visible && l.isSampled)) return;
@@ -169,6 +172,7 @@ export class View {
     this.renderer.render(this.scene, this.three());
     this.renderer.autoClear = true;
     this.layers.forEach((layer, i) => (layer.object.visible = shown[i]));
+    this.isWhole = part === passes;
     if (part < passes)
       this.frame = requestAnimationFrame(() => this.add(part + 1, passes)) as unknown as number;
   }
@@ -194,6 +198,7 @@ export class View {
     }
     this.renderer.render(this.scene, this.three());
     this.onDrawn();
+    this.isWhole = isWhole;
     if (!isWhole && this.passes) this.refine();
   }
 

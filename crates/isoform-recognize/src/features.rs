@@ -3,7 +3,7 @@
 //! Bands are faces on cylinders and cones, as far as their points reach along the axis. An adjacent
 //! plane across the axis ends a band: a hollow one with a floor if it faces into the band, else with
 //! a mouth; another one with a cap if it faces away, else with a base. Ends are then in the plane, to
-//! its accuracy. Small floors and caps that are no faces of their own are seen by their points.
+//! its accuracy. Small floors and caps without a face of their own are seen by their points.
 
 use crate::entity::Recognition;
 use band::{Band, bands};

@@ -112,7 +112,14 @@ pub(crate) fn failure(error: &LabelsError, message: String) -> Failure {
     }
 }
 
-/// Names the labels whose points their surfaces do not explain.
+/// Returns true if templates keep the tangency of two kinds of surfaces.
+fn is_kept(kinds: [&str; 2]) -> bool {
+    let has = |kind| kinds.contains(&kind);
+    let is_round = has("sphere") || has("torus");
+    has("plane") && (is_round || has("cylinder")) || has("cylinder") && is_round
+}
+
+/// Names the labels whose points their surfaces do not explain, and relations that templates lose.
 pub(crate) fn warn(found: &Recognized<'_>, scan: &Path, facts: &LabelFacts, context: &Context) {
     let entities = found.recognition.entities.iter();
     for e in entities.filter(|e| !e.is_explained) {
@@ -131,6 +138,25 @@ pub(crate) fn warn(found: &Recognized<'_>, scan: &Path, facts: &LabelFacts, cont
             e.surface.name(),
             brief(e.rms / found.recognition.noise),
         ));
+    }
+    let kind_of = |label: u32| {
+        let mut entities = found.recognition.entities.iter();
+        entities
+            .find(|e| e.label == Some(label))
+            .map(|e| e.surface.name())
+    };
+    let tangencies = facts.relations.iter();
+    for r in tangencies.filter(|r| r.kind == RelationKind::Tangent) {
+        let [a, b] = r.labels;
+        if let (Some(first), Some(second)) = (kind_of(a), kind_of(b))
+            && !is_kept([first, second])
+        {
+            context.warn(format_args!(
+                "{}: labels {a} and {b}: a template does not keep the tangency of a {first} with a \
+                 {second}; the entities are tangent",
+                scan.display(),
+            ));
+        }
     }
 }
 

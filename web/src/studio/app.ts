@@ -12,7 +12,7 @@ import * as backend from "./backend";
 import { endingOf, SOLIDS } from "./endings";
 import { CompareSpace } from "./compare";
 import { History, type Tab, TABS } from "./history";
-import { type Entry, openMenu } from "./menu";
+import { closeMenu, type Entry, openMenu } from "./menu";
 import { button, choice } from "./parts";
 import { ProgramSpace } from "./program";
 import { ScanSpace } from "./scan";
@@ -184,7 +184,14 @@ export class App {
       (value) => this.setTheme(value as theme.Theme),
     );
     colors.value = theme.chosen();
-    theme.choose(this.root, theme.chosen());
+    const follow = () => {
+      colors.value = theme.chosen();
+      theme.apply(this.root, theme.chosen());
+      this.stage.repaint();
+    };
+    theme.apply(this.root, theme.chosen());
+    // Another window may have changed it.
+    addEventListener("focus", follow);
     this.status.append(this.cancelButton);
     const close = button("Close", () => this.help.close());
     this.help.append(
@@ -338,6 +345,7 @@ export class App {
 
   /** Shows the state of the project. */
   refresh(): void {
+    closeMenu();
     for (const [tab, toggle] of this.tabs) {
       const is = tab === this.tab;
       toggle.setAttribute("aria-selected", String(is));

@@ -20,6 +20,8 @@ export function boxSelect(
   const ends = (a: [number, number], b: [number, number]) =>
     [0, 1].map((k) => [Math.min(a[k], b[k]), Math.max(a[k], b[k])]);
   sheet.addEventListener("pointerdown", (e) => {
+    // The other buttons move the view and open its menu.
+    if (e.button !== 0) return;
     e.stopPropagation();
     sheet.setPointerCapture(e.pointerId);
     from = place(e);

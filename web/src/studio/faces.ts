@@ -97,6 +97,8 @@ export class Faces {
   private selection: Uint8Array<ArrayBuffer> | null = null;
   /** Number of selected points. */
   private selected = 0;
+  /** True if they were selected of the faces that were chosen then. */
+  private isOfChosen = false;
   private kinds: Record<string, string> = {};
   private relations: Relation[] = [];
   private isBoxing = false;
@@ -241,6 +243,7 @@ export class Faces {
   setLayer(layer: PointsLayer | null): void {
     if (layer === this.layer) return;
     this.layer = layer;
+    this.picked = null;
     this.select(null);
     this.onFocus(this.chosen);
   }
@@ -249,20 +252,22 @@ export class Faces {
    *  point alone if it is not one of them. */
   menu(entity: number | undefined, point: ArrayLike<number> | null): Entry[] {
     if (point) this.picked = point;
-    if (entity !== undefined && !this.chosen.has(entity)) {
-      for (const face of [...this.chosen, entity]) this.toggle(face);
-    }
-    this.refresh();
-    const { chosen, selection } = this;
-    const faces = chosen.size > 1 ? `faces ${listed(chosen)}` : `face ${listed(chosen)}`;
-    const ofFaces: Entry[] = chosen.size
+    const { selection } = this;
+    const isOther = entity !== undefined && !this.chosen.has(entity);
+    const target = isOther ? new Set([entity]) : new Set(this.chosen);
+    const faces = target.size > 1 ? `faces ${listed(target)}` : `face ${listed(target)}`;
+    const entry = (name: string, act: () => void): Entry => ({
+      name: `${name} ${faces}`,
+      act: () => {
+        if (isOther) for (const face of [...this.chosen, entity]) this.toggle(face);
+        act();
+      },
+    });
+    const ofFaces: Entry[] = target.size
       ? [
-          ...(chosen.size > 1 ? [{ name: `Merge ${faces}`, act: () => this.mergeChosen() }] : []),
-          { name: `Delete ${faces}`, act: () => this.removeChosen() },
-          ...KINDS.map((kind) => ({
-            name: `Fit a ${kind} to ${faces}`,
-            act: () => this.setKind(kind),
-          })),
+          ...(target.size > 1 ? [entry("Merge", () => this.mergeChosen())] : []),
+          entry("Delete", () => this.removeChosen()),
+          ...KINDS.map((kind) => entry(`Fit a ${kind} to`, () => this.setKind(kind))),
           null,
         ]
       : [];
@@ -306,6 +311,7 @@ export class Faces {
     const { layer } = this;
     this.selection = null;
     this.selected = 0;
+    this.isOfChosen = this.chosen.size > 0;
     if (layer && isIn) {
       const { entities } = layer;
       const selection = new Uint8Array(layer.count);
@@ -413,7 +419,7 @@ export class Faces {
     this.near.disabled = this.picked === null;
     this.near.title = this.picked ? "" : "Click a point first";
     this.count.textContent = n
-      ? `${n.toLocaleString("en")} points selected${this.chosen.size ? " of the chosen faces" : ""}`
+      ? `${n.toLocaleString("en")} points selected${this.isOfChosen ? " of the chosen faces" : ""}`
       : "";
     this.tools.hidden = n === 0;
     for (const each of [this.asNew, this.asNone, this.into, this.rest]) each.hidden = !has;

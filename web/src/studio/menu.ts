@@ -5,6 +5,10 @@ import { h } from "../dom";
 /** Entry of a menu; null for a line between entries. */
 export type Entry = { name: string; act: () => void; isDisabled?: boolean } | null;
 
+/** Closes the menu that is open. */
+let open: (() => void) | null = null;
+export const closeMenu = (): void => open?.();
+
 /** Distance from the edge of the window, in pixels. */
 const MARGIN = 4;
 
@@ -16,9 +20,10 @@ export function openMenu(
   [x, y]: number[],
   entries: Entry[],
 ): void {
-  root.querySelector(".menu")?.remove();
+  closeMenu();
   const focused = document.activeElement as HTMLElement | null;
   const close = (): void => {
+    open = null;
     menu.remove();
     removeEventListener("pointerdown", outside, true);
     removeEventListener("blur", close);
@@ -27,7 +32,11 @@ export function openMenu(
   const outside = (e: Event): void => {
     if (!menu.contains(e.target as Node)) close();
   };
-  const items = entries.map((entry) =>
+  // Lines are between entries alone.
+  const shown = entries.filter(
+    (entry, i) => entry || (entries[i - 1] && entries.slice(i).some((later) => later)),
+  );
+  const items = shown.map((entry) =>
     entry
       ? h(
           "button",
@@ -57,15 +66,18 @@ export function openMenu(
         const { key } = event as KeyboardEvent;
         const at = buttons.indexOf(document.activeElement as HTMLButtonElement);
         const to = { ArrowDown: at + 1, ArrowUp: at - 1, Home: 0, End: -1 }[key];
+        const isChoice = key === "Enter" || key === " ";
+        if (to === undefined && !isChoice) close();
+        // Other keys do what they do without a menu.
         if (to === undefined && key !== "Escape" && key !== "Tab") return;
         event.preventDefault();
         event.stopPropagation();
-        if (to === undefined) close();
-        else buttons[(to + buttons.length) % buttons.length]?.focus();
+        if (to !== undefined) buttons[(to + buttons.length) % buttons.length]?.focus();
       },
     },
     ...items,
   );
+  open = close;
   root.append(menu);
   const { width, height } = menu.getBoundingClientRect();
   menu.style.left = `${Math.max(MARGIN, Math.min(x, innerWidth - width - MARGIN))}px`;

@@ -118,12 +118,7 @@ export class ScanSpace implements Space {
     });
     this.faces.onBoxing = leave;
     this.faces.onMenu = (event, face) =>
-      openMenu(
-        app.root,
-        "Faces",
-        [event.clientX, event.clientY],
-        this.faces.menu(face, null).slice(0, -1),
-      );
+      openMenu(app.root, "Faces", [event.clientX, event.clientY], this.faces.menu(face, null));
   }
 
   menu(layer: string, hit: Hit): Entry[] {

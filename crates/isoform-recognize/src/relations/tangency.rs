@@ -77,9 +77,12 @@ fn of_sphere(frame: &PairFrame, [a, b]: [&Primitive; 2]) -> Failure {
     let way = sub(b.place, a.place);
     // Way from the axis.
     let off = frame.across(way);
-    let nearest = |one: Failure, other: Failure| match one.size() <= other.size() {
-        true => one,
-        false => other,
+    // A contact in a point, from outside or inside, unless one along a circle is near: next to it
+    // the former is always nearer.
+    let or_point = |circle: Failure| {
+        let point = Failure::new(&[], &[b.distance(a.place).abs() - a.size]);
+        let is_circle = circle.size() <= 0.1 * a.size || circle.size() <= point.size();
+        if is_circle { circle } else { point }
     };
     match b.kind {
         PrimitiveKind::Sphere => Failure::new(&[], &[between_circles(norm(way), a.size, b.size)]),
@@ -88,12 +91,16 @@ fn of_sphere(frame: &PairFrame, [a, b]: [&Primitive; 2]) -> Failure {
             let to_circle = b.size.hypot(height);
             let inside = [off[0], off[1], between_circles(to_circle, a.size, b.other)];
             let end = [a.size - b.other, height, off[0].hypot(off[1]) - b.size];
-            nearest(Failure::new(&[], &end), Failure::new(&[], &inside))
+            let [end, inside] = [end, inside].map(|lengths| Failure::new(&[], &lengths));
+            or_point(if end.size() <= inside.size() {
+                end
+            } else {
+                inside
+            })
         }
         _ => {
-            let inside = [off[0], off[1], reach(b, -dot(way, b.axis)) - a.size];
-            let outside = b.distance(a.place) - a.size;
-            nearest(Failure::new(&[], &inside), Failure::new(&[], &[outside]))
+            let distance = reach(b, -dot(way, b.axis));
+            or_point(Failure::new(&[], &[off[0], off[1], distance - a.size]))
         }
     }
 }
@@ -192,6 +199,14 @@ mod tests {
             (
                 [cone, ball([0.0, 0.0, height], a.tan() / a.cos())],
                 generator,
+            ),
+            (
+                [tube([0.0; 3], z, 0.8), ball([0.6, 0.0, 1.0], 0.2)],
+                [0.8, 0.0, 1.0],
+            ),
+            (
+                [ring([0.0; 3], z, [0.5, 0.2]), ball([0.8, 0.0, 0.0], 0.1)],
+                [0.7, 0.0, 0.0],
             ),
             (
                 [ring([0.0; 3], z, [0.5, 0.2]), ball([0.0; 3], 0.7)],
