@@ -18,6 +18,7 @@ use crate::topology::{
 };
 use crate::vertices::{open_contacts, vertex};
 use crate::{BrepError, Control, collapse, reading, revolution};
+use isoform_control::Stopped;
 use isoform_geom::brep::{Brep, Coedge, Edge, Face, Graph, Surface};
 use isoform_geom::{Aabb, Frame, Point3, UnionFind, cross, dot, norm, sub};
 use rayon::prelude::*;
@@ -501,13 +502,13 @@ impl Builder<'_> {
                 surfaces[0] = Locus::Exact(surface.clone());
             }
         }
-        self.add_faces(&topology, &mut brep);
+        self.add_faces(&topology, &mut brep, control)?;
         let mut beside: Vec<[Locus; 2]> = topology.chains.iter().map(|c| self.loci(c)).collect();
         for parted in open_contacts(&placed.contacts, &mut brep, &meeting, self.size) {
             meeting.push(meeting[parted].clone());
             beside.push(beside[parted].clone());
         }
-        for divided in reading::divide(&mut brep, self.size) {
+        for divided in reading::divide(&mut brep, self.size, control)? {
             meeting.push(meeting[divided].clone());
             beside.push(beside[divided].clone());
         }
@@ -660,7 +661,12 @@ impl Builder<'_> {
     }
 
     /// Adds the faces with their loops; edges are numbered as the chains.
-    fn add_faces(&self, topology: &Topology, brep: &mut Brep) {
+    fn add_faces(
+        &self,
+        topology: &Topology,
+        brep: &mut Brep,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
         let mut triangles: Vec<Vec<u32>> = vec![Vec::new(); topology.faces];
         for (t, face) in topology.face_of.iter().enumerate() {
             triangles[*face as usize].push(t as u32);
@@ -690,10 +696,12 @@ impl Builder<'_> {
             charts[part as usize] += 1;
             faces.push(face);
         }
+        let of: &Brep = brep;
         faces
             .par_iter_mut()
-            .for_each(|face| put_outer_first(brep, face));
+            .try_for_each(|face| put_outer_first(of, face, control))?;
         brep.faces = faces;
+        Ok(())
     }
 
     /// Returns the surface of a face with its frame placed, and true if the surface's normal points
@@ -730,13 +738,14 @@ struct VertexTable {
 }
 
 /// Makes the loop with the largest area the outer one.
-fn put_outer_first(brep: &Brep, face: &mut Face) {
+fn put_outer_first(brep: &Brep, face: &mut Face, control: &Control<'_>) -> Result<(), Stopped> {
     if face.loops.len() < 2 {
-        return;
+        return Ok(());
     }
-    let areas = of_loops(brep, face, face.surface.axes().origin);
+    let areas = of_loops(brep, face, face.surface.axes().origin, control)?;
     let outer = (0..areas.len()).max_by(|a, b| areas[*a].area.total_cmp(&areas[*b].area));
     if let Some(outer) = outer {
         face.loops[..=outer].rotate_right(1);
     }
+    Ok(())
 }

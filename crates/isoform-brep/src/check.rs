@@ -11,6 +11,7 @@ use crate::shells::volume;
 use crate::tolerance::{READER_TOLERANCE, largest_kink, worse};
 use crate::topology::ends_of;
 use crate::whole::Boundary;
+use isoform_control::{Control, Stopped};
 use isoform_geom::brep::{Brep, Ellipsoid, Surface};
 use isoform_geom::{Aabb, Frame, Point3, Solid, cross, dot, middle, norm, sub};
 use rayon::prelude::*;
@@ -250,13 +251,17 @@ impl Finding {
 /// another and from the model, in model units; exact ones by a tenth of the readers' tolerance, and
 /// no more than `tolerance`. `witnesses` are points of the model's surface that have to be on
 /// faces, `open` is what the certificate of the mesh leaves open.
+///
+/// # Errors
+/// [`Stopped`].
 pub fn check(
     built: &MeshedBrep,
     solid: &dyn Solid,
     tolerance: f64,
     witnesses: &[Point3],
     open: Vec<String>,
-) -> Certificate {
+    control: &Control<'_>,
+) -> Result<Certificate, Stopped> {
     let MeshedBrep { brep, size, .. } = built;
     let mut made = Certificate {
         center: Aabb::from_points(&brep.vertices).center(),
@@ -267,11 +272,15 @@ pub fn check(
     examine_topology(built, &mut made);
     examine_domains(brep, &mut made);
     let limit = (0.1 * READER_TOLERANCE * size).min(tolerance);
-    examine_edges(built, [limit, tolerance], &mut made);
+    examine_edges(built, [limit, tolerance], &mut made, control)?;
     let faces = || (0..brep.faces.len()).into_par_iter();
-    made.distances = faces().map(|f| distance_of_face(built, solid, f)).collect();
-    let measure = |f| of_face(brep, f, made.center);
-    made.faces = faces().map(measure).collect();
+    let distance = |f| {
+        control.check()?;
+        Ok(distance_of_face(built, solid, f))
+    };
+    made.distances = faces().map(distance).collect::<Result<_, Stopped>>()?;
+    let measure = |f| of_face(brep, f, made.center, control);
+    made.faces = faces().map(measure).collect::<Result<_, _>>()?;
     made.total = total(&made.faces);
     examine_measures(built, &mut made);
     examine_places(built, solid, tolerance, &mut made);
@@ -287,7 +296,7 @@ pub fn check(
             made.failures.push(Finding::Distance { face, by });
         }
     }
-    made
+    Ok(made)
 }
 
 /// Checks the uses of edges, and Euler numbers.
@@ -397,7 +406,12 @@ fn open_euler(triangles: &[[u32; 3]]) -> i64 {
 }
 
 /// Checks gaps, lengths and angles along edges; the limits are those of exact edges, and of others.
-fn examine_edges(built: &MeshedBrep, limits: [f64; 2], made: &mut Certificate) {
+fn examine_edges(
+    built: &MeshedBrep,
+    limits: [f64; 2],
+    made: &mut Certificate,
+    control: &Control<'_>,
+) -> Result<(), Stopped> {
     let (brep, size) = (&built.brep, built.size);
     let mut sides: Vec<Vec<EdgeSide<'_>>> = vec![Vec::new(); brep.edges.len()];
     for face in &brep.faces {
@@ -431,7 +445,7 @@ fn examine_edges(built: &MeshedBrep, limits: [f64; 2], made: &mut Certificate) {
     if made.smooth_angle > largest_kink(limits[1], size) {
         made.failures.push(Finding::Kink(made.smooth_angle));
     }
-    let seen = deviations(brep).into_iter().enumerate();
+    let seen = deviations(brep, control)?.into_iter().enumerate();
     // Edges may lie off their surfaces by a gap, which is checked separately.
     if let Some((e, by)) = seen.max_by(|a, b| a.1.total_cmp(&b.1)) {
         made.is_read_alike = by <= READER_TOLERANCE * size;
@@ -440,6 +454,7 @@ fn examine_edges(built: &MeshedBrep, limits: [f64; 2], made: &mut Certificate) {
             made.failures.push(Finding::Reading { by, at });
         }
     }
+    Ok(())
 }
 
 /// The surface of a face at an edge, and the sign of its own normal against the outward one.

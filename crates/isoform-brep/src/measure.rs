@@ -6,6 +6,7 @@
 //! quadrature; no mesh is involved.
 
 use crate::arcs::Arcs;
+use isoform_control::{Control, Stopped};
 use isoform_geom::brep::{Brep, Coedge, Face, Surface};
 use isoform_geom::{Point3, dot, norm, sub};
 use isoform_num::gauss_legendre;
@@ -42,14 +43,32 @@ pub fn total<'m>(measures: impl IntoIterator<Item = &'m Measure>) -> Measure {
 }
 
 /// Returns the measure of the face within each of its loops; those of holes are negative.
-pub(crate) fn of_loops(brep: &Brep, face: &Face, center: Point3) -> Vec<Measure> {
+///
+/// # Errors
+/// [`Stopped`].
+pub(crate) fn of_loops(
+    brep: &Brep,
+    face: &Face,
+    center: Point3,
+    control: &Control<'_>,
+) -> Result<Vec<Measure>, Stopped> {
     let work = FaceQuadrature::new(brep, face, center);
-    face.loops.iter().map(|l| work.of_loop(l)).collect()
+    let loops = face.loops.iter();
+    loops.map(|l| work.of_loop(l, control)).collect()
 }
 
 /// Returns the measure of a face.
-pub fn of_face(brep: &Brep, face: usize, center: Point3) -> Measure {
-    total(&of_loops(brep, &brep.faces[face], center))
+///
+/// # Errors
+/// [`Stopped`].
+pub fn of_face(
+    brep: &Brep,
+    face: usize,
+    center: Point3,
+    control: &Control<'_>,
+) -> Result<Measure, Stopped> {
+    let loops = of_loops(brep, &brep.faces[face], center, control)?;
+    Ok(total(&loops))
 }
 
 struct FaceQuadrature<'a> {
@@ -79,12 +98,13 @@ impl<'a> FaceQuadrature<'a> {
         }
     }
 
-    fn of_loop(&self, around: &[Coedge]) -> Measure {
+    fn of_loop(&self, around: &[Coedge], control: &Control<'_>) -> Result<Measure, Stopped> {
         let mut sum = Measure::default();
         for coedge in around {
             let sense = if coedge.forward { -1.0 } else { 1.0 };
             let breaks = self.breaks(coedge.edge);
             for piece in breaks.windows(2) {
+                control.check()?;
                 let width = piece[1] - piece[0];
                 for (x, weight) in self.outer.0.iter().zip(&self.outer.1) {
                     let s = piece[0] + width * x;
@@ -100,7 +120,7 @@ impl<'a> FaceQuadrature<'a> {
         for tip in self.face.surface.tips() {
             self.add_tip(tip, around, &mut sum);
         }
-        sum
+        Ok(sum)
     }
 
     /// Adds the integral along a tip of the surface, which the loop passes in one point of space
@@ -299,7 +319,9 @@ mod tests {
                 chart: 0,
                 loops: loops(agrees),
             };
-            let sum = total(&of_loops(&brep, &face, [1.0, 0.0, 0.0]));
+            let sum = total(
+                &of_loops(&brep, &face, [1.0, 0.0, 0.0], &Control::default()).expect("a measure"),
+            );
             let sense = if agrees { 1.0 } else { -1.0 };
             assert!((sum.area - PI).abs() < 1e-13, "{sum:?}");
             // x·n = 0.5 on the wall about the axis, and a third of that times the area.

@@ -9,8 +9,10 @@
 
 use crate::tolerance::{READER_TOLERANCE, worse};
 use crate::vertices::follow;
+use isoform_control::{Control, Stopped};
 use isoform_geom::brep::{Brep, Curve, Edge, Surface};
 use isoform_geom::{Point3, cross, norm, sub};
+use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// Number of steps between the points of an edge that readers project; multiples of it for splines.
@@ -19,25 +21,39 @@ const READER_STEPS: usize = 22;
 const PARTS_PER_STEP: usize = 4;
 
 /// Returns by edge the largest distance from its images in the parameters of its faces.
-pub(crate) fn deviations(brep: &Brep) -> Vec<f64> {
+///
+/// # Errors
+/// [`Stopped`].
+pub(crate) fn deviations(brep: &Brep, control: &Control<'_>) -> Result<Vec<f64>, Stopped> {
+    let faces = brep.faces.par_iter().flat_map_iter(|face| {
+        let coedges = face.loops.iter().flatten();
+        coedges.map(move |coedge| (coedge.edge as usize, &face.surface))
+    });
+    let all = faces.map(|(edge, surface)| {
+        control.check()?;
+        Ok((edge, deviation(brep, edge as u32, surface)))
+    });
     let mut worst = vec![0.0f64; brep.edges.len()];
-    for face in &brep.faces {
-        for coedge in face.loops.iter().flatten() {
-            let off = deviation(brep, coedge.edge, &face.surface);
-            let worst = &mut worst[coedge.edge as usize];
-            *worst = worst.max(off);
-        }
+    for (edge, off) in all.collect::<Result<Vec<_>, Stopped>>()? {
+        worst[edge] = worst[edge].max(off);
     }
-    worst
+    Ok(worst)
 }
 
 /// Divides edges whose images leave them by more than readers resolve in a model of this size;
 /// returns the divided edges in the order of the edges that are added.
-pub(crate) fn divide(brep: &mut Brep, size: f64) -> Vec<usize> {
+///
+/// # Errors
+/// [`Stopped`].
+pub(crate) fn divide(
+    brep: &mut Brep,
+    size: f64,
+    control: &Control<'_>,
+) -> Result<Vec<usize>, Stopped> {
     let limit = READER_TOLERANCE * size;
     let mut divided = Vec::new();
     for _ in 0..3 {
-        let worst = deviations(brep);
+        let worst = deviations(brep, control)?;
         let before = brep.edges.len();
         for (e, off) in worst.into_iter().enumerate() {
             if off > limit {
@@ -52,7 +68,7 @@ pub(crate) fn divide(brep: &mut Brep, size: f64) -> Vec<usize> {
             break;
         }
     }
-    divided
+    Ok(divided)
 }
 
 /// Divides an edge into equal parts, a spline by knots; returns the number of edges that were
@@ -213,6 +229,10 @@ mod tests {
     use isoform_geom::brep::{Axes, Coedge, Face};
     use isoform_geom::dot;
 
+    fn seen(brep: &Brep) -> Vec<f64> {
+        deviations(brep, &Control::default()).expect("nothing stops it")
+    }
+
     /// Returns a cap of the unit sphere about z within an angle of a direction, its border in two
     /// halves.
     fn cap(direction: Point3, angle: f64) -> Brep {
@@ -262,24 +282,20 @@ mod tests {
 
     #[test]
     fn parallels_are_seen_as_they_are_and_circles_by_a_pole_are_not() {
-        let level = deviations(&cap([0.0, 0.0, 1.0], 1.0));
+        let level = seen(&cap([0.0, 0.0, 1.0], 1.0));
         assert!(level.into_iter().all(|d| d < 1e-15));
         // As near as 20 degrees to a pole: some thousandths of the radius.
-        let near = deviations(&cap([1.0, 0.0, 0.0], 70f64.to_radians()));
+        let near = seen(&cap([1.0, 0.0, 0.0], 70f64.to_radians()));
         assert!(near.into_iter().all(|d| d > 1e-4));
     }
 
     #[test]
     fn divided_edges_are_seen_where_they_are() {
         let mut brep = cap([1.0, 0.0, 0.0], 70f64.to_radians());
-        let divided = divide(&mut brep, 2.0);
+        let divided = divide(&mut brep, 2.0, &Control::default()).expect("nothing stops it");
         assert_eq!(brep.edges.len(), 2 + divided.len());
         assert!(!divided.is_empty() && divided.iter().all(|e| *e < brep.edges.len()));
-        assert!(
-            deviations(&brep)
-                .into_iter()
-                .all(|d| d <= 2.0 * READER_TOLERANCE)
-        );
+        assert!(seen(&brep).into_iter().all(|d| d <= 2.0 * READER_TOLERANCE));
         // The loop runs through all edges once, from each to the next, and all are on the circle.
         let around = &brep.faces[0].loops[0];
         assert_eq!(around.len(), brep.edges.len());

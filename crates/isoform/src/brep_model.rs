@@ -321,7 +321,14 @@ impl BrepSearch<'_> {
         let witnesses = mesh.meshed.missed.witnesses.iter();
         let witnesses: Vec<Point3> = witnesses.map(|w| w.at).collect();
         let open = self.left_open(mesh, &built);
-        let certificate = check(&built, self.solid, tolerance, &witnesses, open);
+        let certificate = check(
+            &built,
+            self.solid,
+            tolerance,
+            &witnesses,
+            open,
+            self.control,
+        )?;
         Ok((built, certificate))
     }
 

@@ -36,7 +36,8 @@ pub struct SolidMeasures {
 pub fn measure_solid(brep: &Brep) -> SolidMeasures {
     let center = Aabb::from_points(&brep.vertices).center();
     let faces: Vec<Measure> = (0..brep.faces.len())
-        .map(|f| of_face(brep, f, center))
+        // This control stops nothing.
+        .map(|f| of_face(brep, f, center, &Control::default()).unwrap_or_default())
         .collect();
     let Measure {
         area,
