@@ -310,6 +310,11 @@ test("the right button opens a menu of faces and of the view, and the theme can 
     const face = (id) => page.getByRole("checkbox", { name: new RegExp(`^Face ${id}, `) });
     await face(1).waitFor();
     const count = await page.getByRole("checkbox", { name: /^Face \d/ }).count();
+    const bore = page.getByRole("list", { name: "Features" }).getByText(/through/);
+    assert.match(
+      await bore.textContent(),
+      /^radius (7|7\.0\d+|6\.99\d), through (8|8\.0\d+|7\.99\d)$/,
+    );
     const menu = page.getByRole("menu");
     const entry = (name) => page.getByRole("menuitem", { name, exact: true });
     // In the list, by keys: the first entry deletes the face.

@@ -69,12 +69,26 @@ export function sizes({ type, parameters, sd }: Document): string {
   }
 }
 
+/** Describes a hole, a boss, a slot or a pocket. */
+export function featureText(feature: Document): string {
+  const { kind, depth, radius, width, length, through, widenings = [] } = feature;
+  const short = (v: number): string => brief(Number(v.toPrecision(4)));
+  const size =
+    radius === undefined ? `${short(width)} by ${short(length)}` : `radius ${short(radius)}`;
+  const reach = `${kind === "boss" ? "height" : through ? "through" : "depth"} ${short(depth)}`;
+  const wider = widenings.map(
+    (w: Document) => `${w.kind} radius ${short(w.radius)} depth ${short(w.depth)}`,
+  );
+  return [size, reach, ...wider].join(", ");
+}
+
 /** Lists numbers of faces in ascending order. */
 const listed = (faces: Set<number>): string => [...faces].sort((a, b) => a - b).join(", ");
 
 export class Faces {
   readonly element = h("div", { class: "faces" });
   private readonly list = h("ul", { class: "list", "aria-label": "Faces" });
+  private readonly features = h("ul", { class: "list", "aria-label": "Features" });
   private readonly count = h("p", { class: "quiet", role: "status" });
   private readonly merge: HTMLButtonElement;
   private readonly remove: HTMLButtonElement;
@@ -153,6 +167,7 @@ export class Faces {
     );
     this.element.append(
       this.list,
+      this.features,
       h("div", { class: "tools" }, this.merge, this.remove, this.kind, this.relation),
       this.related,
       h("div", { class: "tools" }, this.box, this.rest),
@@ -173,6 +188,9 @@ export class Faces {
       this.chosen.clear();
       const entities: Document[] = document?.entities ?? [];
       this.list.replaceChildren(...entities.map((entity) => this.row(entity)));
+      const features: Document[] = document?.features ?? [];
+      this.features.replaceChildren(...features.map((feature) => this.featureRow(feature)));
+      this.features.hidden = !features.length;
     }
     this.refresh();
   }
@@ -210,6 +228,21 @@ export class Faces {
         h("b", {}, `${id} ${type}`),
         h("span", {}, sizes(entity)),
       ),
+    );
+  }
+
+  private featureRow(feature: Document): HTMLElement {
+    const faces: Document[] = this.document.faces;
+    const own = new Set<number>(feature.faces.map((face: number) => faces[face].entity));
+    return h(
+      "li",
+      {
+        mouseenter: () => this.onFocus(own),
+        mouseleave: () => this.onFocus(this.chosen),
+        title: `Faces ${listed(own)}`,
+      },
+      h("b", {}, feature.kind),
+      h("span", {}, featureText(feature)),
     );
   }
 
