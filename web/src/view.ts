@@ -122,13 +122,30 @@ export class View {
   want(): void {
     if (this.isWanted) return;
     this.isWanted = true;
-    requestAnimationFrame((now) => {
+    requestAnimationFrame(() => {
       if (!this.isWanted) return;
       this.draw();
-      // The next frame waits until this one is drawn.
-      requestAnimationFrame((next) => this.adapt(next - now));
+      if (this.passes) this.time();
       this.refine();
     });
+  }
+
+  /** Measures the time until the picture is drawn, which the graphics card does on its own. */
+  private time(): void {
+    const gl = this.renderer.getContext() as WebGL2RenderingContext;
+    const sync = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    if (!sync) return;
+    gl.flush();
+    const began = performance.now();
+    const look = () => {
+      if (gl.getSyncParameter(sync, gl.SYNC_STATUS) !== gl.SIGNALED && !gl.isContextLost()) {
+        setTimeout(look, 4);
+        return;
+      }
+      gl.deleteSync(sync);
+      this.adapt(performance.now() - began);
+    };
+    setTimeout(look, 4);
   }
 
   /** Draws less of large layers where a frame takes long, and more where it does not. */
