@@ -73,7 +73,7 @@ export class View {
   private isWanted = false;
   private rest = 0;
   private frame = 0;
-  /** Share of large layers that moves with the view, and the time of the last frame (ms). */
+  /** Share of large layers that moves with the view. */
   private share = 1;
   /** Milliseconds that the last frame of a motion took. */
   private pace = 0;
@@ -126,7 +126,7 @@ export class View {
       if (!this.isWanted) return;
       this.draw();
       if (this.passes) this.time();
-      this.refine();
+      else this.refine();
     });
   }
 
@@ -151,7 +151,7 @@ export class View {
   /** Draws less of large layers where a frame takes long, and more where it does not. */
   private adapt(elapsed: number): void {
     this.pace = elapsed;
-    if (this.pace > SLOW) this.share = Math.max(this.share / 2, LEAST);
+    if (elapsed > SLOW) this.share = Math.max(this.share / 2, LEAST);
     else if (elapsed < SLOW / 2) this.share = Math.min(1, 1.1 * this.share);
   }
 
@@ -298,7 +298,7 @@ export class View {
       const k = ((orthographic ? 1 : depth) * half) / (height / 2);
       return [width / 2 + dot(r, right) / k, height / 2 - dot(r, up) / k, depth];
     };
-    const form = (v: V3, constant = 0): number[] => [...v, constant - dot(v, position)];
+    const form = (v: V3): number[] => [...v, -dot(v, position)];
     const perUnit = height / 2 / half;
     const depth = form(ahead);
     const w = orthographic ? [0, 0, 0, 1] : depth;

@@ -188,7 +188,7 @@ test("many points are drawn one part after the other, to the picture of all of t
     const moving = await shown();
     let last = "";
     for (let still = 0; still < 3;) {
-      await page.waitForTimeout(400);
+      await page.waitForTimeout(1200);
       const now = await shown();
       still = now === last ? still + 1 : 0;
       last = now;

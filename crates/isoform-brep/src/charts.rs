@@ -51,12 +51,19 @@ impl SmoothFace<'_> {
         control: &Control<'_>,
     ) -> Result<Result<ChartSplines, SplineRefusal>, BrepError> {
         let first = mesh.components.iter().position(|c| *c == self.component);
-        let first = first.map(|t| t as u32).into_iter();
-        let mut pending: Vec<(u32, Option<Graph>)> = first.map(|t| (t, None)).collect();
+        let tried = |mesh: &LabelledMesh, across: &[[TriangleSide; 3]], t: u32| {
+            (t, self.graph(mesh, &connected(mesh, across, t)))
+        };
+        let first = first.map(|t| tried(mesh, across, t as u32));
+        let mut pending: Vec<(u32, Option<Graph>)> = first.into_iter().collect();
         let mut done = Vec::new();
         let locus = Locus::Zero(self.field.clone());
         while let Some((seed, graph)) = pending.pop() {
             control.check()?;
+            if let Some(graph) = graph {
+                done.push((seed, graph));
+                continue;
+            }
             let own = connected(mesh, across, seed);
             let refused = |mesh: &LabelledMesh, across: &[[TriangleSide; 3]]| {
                 let mut left = std::iter::once(&seed).chain(pending.iter().map(|p| &p.0));
@@ -68,16 +75,6 @@ impl SmoothFace<'_> {
                     false => SplineRefusal::TooFar { charts },
                 }
             };
-            // The whole component has not been tried yet.
-            let is_whole = mesh.cuts[self.component as usize].is_empty();
-            let graph = match is_whole {
-                true => self.graph(mesh, &own),
-                false => graph,
-            };
-            if let Some(graph) = graph {
-                done.push((seed, graph));
-                continue;
-            }
             // Fewer triangles do not tell the normals of a piece.
             if own.len() < 12 {
                 return Ok(Err(refused(mesh, across)));
@@ -103,8 +100,8 @@ impl SmoothFace<'_> {
             if parts.len() < 2 {
                 return Ok(Err(refused(mesh, across)));
             }
-            let graph = |t: u32| (t, self.graph(mesh, &connected(mesh, across, t)));
-            pending.par_extend(parts.into_par_iter().rev().map(graph));
+            let parts = parts.into_par_iter().rev();
+            pending.par_extend(parts.map(|t| tried(mesh, across, t)));
         }
         Ok(Ok(done))
     }

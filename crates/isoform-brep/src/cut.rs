@@ -39,8 +39,8 @@ pub(crate) struct LabelledMesh {
     pub(crate) sheets: Vec<u32>,
     /// Component of the sheet before it was cut.
     pub(crate) components: Vec<u32>,
-    /// Chart of each triangle: the set of cuts of its component above which it lies. A later cut may
-    /// pass through only a part of the component; the other triangles then count as below.
+    /// Chart of each triangle: the set of cuts of its component above which it lies. A later cut
+    /// may pass through only a part of the component; the other triangles then count as below.
     pub(crate) charts: Vec<u32>,
     /// Sets that the charts stand for.
     pub(crate) sets: ChartSets,

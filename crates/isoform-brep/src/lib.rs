@@ -91,8 +91,8 @@ pub enum BrepError {
         /// Kind of its surface, if that has a name.
         kind: Option<&'static str>,
     },
-    /// A smooth part was cut into charts of a few triangles, and one of them is still not a graph, or
-    /// has no spline near enough.
+    /// A smooth part was cut into charts of a few triangles, and one of them is still not a graph,
+    /// or has no spline near enough.
     #[error("the part {part} {why}")]
     NoSpline {
         /// Name of the part.

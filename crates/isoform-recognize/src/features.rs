@@ -1,9 +1,10 @@
 //! Features of a recognised part: holes, bosses, slots and pockets, with their depths.
 //!
 //! Bands are faces on cylinders and cones, as far as their points reach along the axis. An adjacent
-//! plane across the axis ends a band: a hollow one with a floor if it faces into the band, else with
-//! a mouth; another one with a cap if it faces away, else with a base. Ends are then in the plane, to
-//! its accuracy. Small floors and caps without a face of their own are seen by their points.
+//! plane across the axis ends a band: a hollow one with a floor if it faces into the band, else
+//! with a mouth; another one with a cap if it faces away, else with a base. Ends are then in the
+//! plane, to its accuracy. Small floors and caps without a face of their own are seen by their
+//! points.
 
 use crate::entity::Recognition;
 use band::{Band, bands};
@@ -21,8 +22,8 @@ mod planes;
 pub struct Feature {
     /// Kind and sizes.
     pub kind: FeatureKind,
-    /// Faces that bound it, ascending.
-    pub faces: Vec<usize>,
+    /// Faces that bound it.
+    pub faces: BTreeSet<usize>,
     /// Middle of its mouth, or of the base of a boss.
     pub point: Point3,
     /// Unit vector from there into it: into the material, or along a boss.
@@ -147,11 +148,7 @@ impl<'a> Part<'a> {
                 kind: FeatureKind::Boss {
                     radius: b.radius_at(0.0),
                 },
-                faces: faces
-                    .chain([b.face])
-                    .collect::<BTreeSet<_>>()
-                    .into_iter()
-                    .collect(),
+                faces: faces.chain([b.face]).collect(),
                 point: b.at(b.ends[base].height),
                 direction: b.inward(base),
                 depth: b.length(),
@@ -199,11 +196,7 @@ impl<'a> Part<'a> {
         let floor = (0..2).find(|k| a.ends[*k].is_closed || b.ends[*k].is_closed);
         let mouth = floor.map_or(1, |k| 1 - k);
         let floors = floor.and_then(|k| a.ends[k].plane.or(b.ends[k].plane));
-        let faces: BTreeSet<usize> = [a.face, b.face]
-            .into_iter()
-            .chain(sides)
-            .chain(floors)
-            .collect();
+        let faces = [a.face, b.face].into_iter().chain(sides).chain(floors);
         let top = a.at(a.ends[mouth].height);
         Some(Feature {
             kind: FeatureKind::Slot {
@@ -211,7 +204,7 @@ impl<'a> Part<'a> {
                 length: distance + r + s,
                 is_through: floor.is_none(),
             },
-            faces: faces.into_iter().collect(),
+            faces: faces.collect(),
             point: std::array::from_fn(|k| top[k] + across[k] / 2.0),
             direction: a.inward(mouth),
             depth: a.length(),
@@ -264,11 +257,7 @@ impl<'a> Part<'a> {
         };
         let tops = self.planes.iter().filter(is_mouth).map(height);
         let depth = tops.fold(f64::INFINITY, f64::min);
-        let faces: BTreeSet<usize> = [first, second]
-            .concat()
-            .into_iter()
-            .chain([floor.face])
-            .collect();
+        let sides = first.into_iter().chain(second);
         let mut point: Point3 = std::array::from_fn(|k| floor.middle[k] + depth * floor.normal[k]);
         for (.., normal, middle) in pairs.iter().filter(|p| p.1 == first || p.1 == second) {
             let off = middle - dot(point, *normal);
@@ -276,7 +265,7 @@ impl<'a> Part<'a> {
         }
         depth.is_finite().then(|| Feature {
             kind: FeatureKind::Pocket { width, length },
-            faces: faces.into_iter().collect(),
+            faces: sides.chain([floor.face]).collect(),
             point,
             direction: floor.normal.map(|v| -v),
             depth,

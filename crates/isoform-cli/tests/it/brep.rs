@@ -139,8 +139,8 @@ fn what_is_no_such_solid_is_refused_with_a_reason() {
     );
 }
 
-/// A block whose top is an egg box of slope 2: it needs more charts than a word has bits. The volume
-/// below is that of the block, by symmetry.
+/// A block whose top is an egg box of slope 2: it needs more charts than a word has bits. The
+/// volume below is that of the block, by symmetry.
 #[test]
 fn a_surface_of_many_charts_is_a_solid() {
     let f = Folder::new("brep-many-charts");

@@ -199,6 +199,9 @@ impl Band {
     pub(super) fn end_in_points(&mut self, points: &[Point3]) {
         for k in 0..2 {
             let end = self.ends[k];
+            if end.plane.is_some() {
+                continue;
+            }
             // Points near the edge may belong to the band or to its surroundings.
             let radius = 0.8 * self.radius_at(end.height);
             let is_across = |p: &&Point3| {
@@ -208,9 +211,7 @@ impl Band {
             };
             let expected = PI * radius * radius / self.area;
             let found = points.iter().filter(is_across).count() as f64;
-            if end.plane.is_none() && found > 0.5 * expected {
-                self.ends[k].is_closed = true;
-            }
+            self.ends[k].is_closed = found > 0.5 * expected;
         }
     }
 }

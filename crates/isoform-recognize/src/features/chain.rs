@@ -84,7 +84,7 @@ impl<'a> Chain<'a> {
                 is_through,
                 widenings,
             },
-            faces: faces.into_iter().collect(),
+            faces,
             point,
             direction,
             depth: depths[0].max(depths[1]),

@@ -37,6 +37,14 @@ fn with_facts(
     recognize_labelled(&scan, &given, &Options::default(), &Control::default())
 }
 
+/// Returns the template that is proposed for labelled points.
+fn program_of(points: &[Point3], found: &Recognition) -> String {
+    let scan = PointCloud::from_points(points.to_vec());
+    propose(&scan, found, &[], "part", &Control::default())
+        .expect("a template")
+        .program
+}
+
 /// Returns the largest difference of an entity's parameters from those of a surface, in standard
 /// deviations and roundings (`tiny`); infinite if they are of different kinds.
 fn difference(a: &Entity, truth: &Quadric, tiny: f64) -> f64 {
@@ -625,12 +633,7 @@ fn relations_are_stated_by_hand() {
         all.find(|r| r.kind == RelationKind::Parallel && r.entities == [0, 1])
             .copied()
     };
-    let program = |found: &Recognition| {
-        let scan = PointCloud::from_points(points.clone());
-        propose(&scan, found, &[], "block", &Control::default())
-            .expect("a template")
-            .program
-    };
+    let program = |found: &Recognition| program_of(&points, found);
     let free = given(&points, &labels, &[]).expect("entities");
     assert_eq!(parallel(&free), None);
     assert!(program(&free).contains("angle"));
@@ -724,12 +727,7 @@ fn a_rounded_end_is_made_tangent_by_hand() {
         points.push(p.map(|x| x + 2e-3 * (random.unit() - 0.5)));
         labels.push(Some(label));
     }
-    let program = |found: &Recognition| {
-        let scan = PointCloud::from_points(points.clone());
-        propose(&scan, found, &[], "plate", &Control::default())
-            .expect("a template")
-            .program
-    };
+    let program = |found: &Recognition| program_of(&points, found);
     let free = given(&points, &labels, &[]).expect("entities");
     assert!(
         free.relations

@@ -62,8 +62,8 @@ pub struct EntityReport {
     /// Outer side: +1 if the outside is away from the centre or axis, or along a plane's normal; −1
     /// if it is the other side, as in a hole; 0 if the points do not decide.
     pub outward: i8,
-    /// Range of its points along the axis, from the point, the apex or the centre; `None` for planes
-    /// and spheres.
+    /// Range of its points along the axis, from the point, the apex or the centre; `None` for
+    /// planes and spheres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub extent: Option<[f64; 2]>,
     /// Number of points that it explains.
@@ -445,7 +445,7 @@ impl RecognizedFaceReport {
 impl FeatureReport {
     fn new(feature: &Feature) -> Self {
         let common = Self {
-            faces: feature.faces.clone(),
+            faces: feature.faces.iter().copied().collect(),
             point: feature.point,
             direction: feature.direction,
             depth: feature.depth,
