@@ -384,7 +384,7 @@ fn forward_body(tape: &Tape, from: usize, to: usize, slots: &mut [Row]) {
             }
             Op::Native => {
                 let (f, args) = &tape.natives[a];
-                native_values(*f, args, s, out);
+                native_values(f, args, s, out);
             }
         }
     }
@@ -392,7 +392,11 @@ fn forward_body(tape: &Tape, from: usize, to: usize, slots: &mut [Row]) {
 
 /// Computes a native function, lane by lane.
 #[inline(never)]
-fn native_values(f: Native, args: &[u32], s: &[Row], out: &mut Row) {
+fn native_values(f: &Native, args: &[u32], s: &[Row], out: &mut Row) {
+    if let (Native::Imported(of), [x, y, z]) = (f, args) {
+        let at = [x, y, z].map(|k| &s[*k as usize].0);
+        return of.values(at, &mut out.0);
+    }
     let mut at = vec![0.0; args.len()];
     for l in 0..LANES {
         for (v, &k) in at.iter_mut().zip(args) {
@@ -635,7 +639,7 @@ fn reverse_body<const GUARD: bool>(
             }
             Op::Native => {
                 let (f, args) = &tape.natives[ia];
-                native_adjoints(*f, args, s, g, low);
+                native_adjoints(f, args, s, g, low);
             }
         }
     }
@@ -661,7 +665,7 @@ const NATIVE_ARGUMENTS: usize = 6;
 
 /// Propagates the adjoint of a native function to its arguments, lane by lane.
 #[inline(never)]
-fn native_adjoints(f: Native, args: &[u32], s: &[Row], g: &Row, low: &mut [Row]) {
+fn native_adjoints(f: &Native, args: &[u32], s: &[Row], g: &Row, low: &mut [Row]) {
     for l in 0..LANES {
         if g.0[l] == 0.0 {
             continue;

@@ -614,7 +614,7 @@ fn rebuilt<O: Ops>(node: &Node, target: &mut O, value: &[Option<O::V>]) -> O::V 
         Node::Set(op, u, v) => target.set(*op, get(u), get(v)),
         Node::Select(c, u, v) => target.select(get(c), get(u), get(v)),
         Node::Library(f, args) => target.library(*f, &all(args)),
-        Node::Native(f, args) => target.native(*f, &all(args)),
+        Node::Native(f, args) => target.native(f.clone(), &all(args)),
     }
 }
 

@@ -7,8 +7,9 @@
 //! `hyperfun::functions`. Formulas: HyperFun library (f ≥ 0 inside), ../../../docs/hyperfun.md;
 //! u = x − c throughout.
 
+use crate::imported::Imported;
 use crate::native;
-use isoform_num::Real;
+use isoform_num::{Interval, Real};
 
 /// A coordinate axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -94,8 +95,9 @@ pub(crate) enum Family {
     },
 }
 
-/// Functions computed by iteration, evaluated in any number type by Newton steps on the whole jet.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+/// Functions without a formula: computed by iteration, evaluated in any number type by Newton steps
+/// on the whole jet, or given by data.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Native {
     /// u₁, u₂, u₃, a, b, d: signed distance of u to the ellipsoid about 0, positive inside
     EllipsoidDistance,
@@ -105,16 +107,30 @@ pub enum Native {
     Fmod,
     /// x, y, z: Perlin's gradient noise with a fixed permutation, in about \[−1, 1\]
     PerlinNoise,
+    /// x, y, z: a function of a file
+    Imported(Imported),
 }
 
 impl Native {
     /// Evaluates the function in any number type.
-    pub fn eval<R: Real>(self, args: &[R]) -> R {
+    pub fn eval<R: Real>(&self, args: &[R]) -> R {
         match self {
             Self::EllipsoidDistance => native::ellipsoid_distance(args),
             Self::SardfRoot => native::sardf_root(args),
             Self::Fmod => native::fmod(args),
             Self::PerlinNoise => native::perlin(args),
+            Self::Imported(of) => of.eval(args),
+        }
+    }
+
+    /// Returns an interval that contains the function for all arguments in the given ones, or the
+    /// whole line: an iteration does not enclose its values if it runs on intervals.
+    pub(crate) fn range(&self, args: &[Interval]) -> Interval {
+        match self {
+            Self::Imported(of) => of.range(args),
+            Self::EllipsoidDistance | Self::SardfRoot | Self::Fmod | Self::PerlinNoise => {
+                Interval::ALL
+            }
         }
     }
 }

@@ -64,7 +64,7 @@ impl Tape {
             Op::Select => TapeStep::Select(i.a, i.b, i.c),
             Op::Native => {
                 let (function, arguments) = &self.natives[i.a as usize];
-                TapeStep::Native(*function, arguments.to_vec())
+                TapeStep::Native(function.clone(), arguments.to_vec())
             }
         })
     }

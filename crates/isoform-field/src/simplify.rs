@@ -7,6 +7,7 @@
 //! the inner maximum below the least value of c are irrelevant. A chain of maxima is thus
 //! simplified as one maximum of all arguments, independently of their order in the program.
 
+use crate::library::Native;
 use crate::ops::{Binary, SetOp, Unary};
 use crate::tape::{Instruction, Op, Tape};
 use isoform_num::Interval;
@@ -203,7 +204,7 @@ impl Tape {
             lo <= r.lo() && r.hi() <= hi
         };
         match i.op {
-            Op::Native => false,
+            Op::Native => matches!(self.natives[i.a as usize].0, Native::Imported(_)),
             // Ranges of sums of squares begin slightly below 0.
             Op::Unary(Unary::Sqrt) => known[i.a as usize].positive,
             Op::Unary(op) => match op.domain() {

@@ -160,7 +160,8 @@ impl Tape {
             Node::Set(op, u, v) => (Op::Set(*op), at(u), at(v), 0),
             Node::Select(k, u, v) => (Op::Select, at(k), at(u), at(v)),
             Node::Native(f, args) => {
-                self.natives.push((*f, args.iter().map(at).collect()));
+                self.natives
+                    .push((f.clone(), args.iter().map(at).collect()));
                 (Op::Native, self.natives.len() as u32 - 1, 0, 0)
             }
             Node::Library(..) | Node::Constant(_) | Node::X(_) | Node::Param(_) => {
@@ -264,9 +265,7 @@ impl Tape {
         a: &[Interval],
         scratch: &mut Vec<Interval>,
     ) -> Interval {
-        // The iteration of a native function does not enclose its values if it runs on intervals;
-        // its range is the whole line.
-        self.run(x, a, scratch, |_, _| Interval::ALL);
+        self.run(x, a, scratch, Native::range);
         scratch[self.roots[0] as usize]
     }
 
@@ -289,7 +288,7 @@ impl Tape {
     /// Computes all slots, the first entries of `s`. The previous contents of `s` are irrelevant,
     /// and it may be longer.
     #[inline]
-    fn run<R: Real>(&self, x: &[R], a: &[R], s: &mut Vec<R>, native: impl Fn(Native, &[R]) -> R) {
+    fn run<R: Real>(&self, x: &[R], a: &[R], s: &mut Vec<R>, native: impl Fn(&Native, &[R]) -> R) {
         if s.len() < self.slots() {
             s.resize(self.slots(), R::constant(0.0));
         }
@@ -309,7 +308,7 @@ impl Tape {
 
     /// Computes an operation from the slots of its arguments.
     #[inline(always)]
-    fn apply<R: Real>(&self, i: &Instruction, s: &[R], native: impl Fn(Native, &[R]) -> R) -> R {
+    fn apply<R: Real>(&self, i: &Instruction, s: &[R], native: impl Fn(&Native, &[R]) -> R) -> R {
         let (p, q) = (i.a as usize, i.b as usize);
         match i.op {
             Op::Unary(op) => op.apply(&s[p]),
@@ -320,7 +319,7 @@ impl Tape {
             Op::Native => {
                 let (f, args) = &self.natives[p];
                 let args: Vec<R> = args.iter().map(|&k| s[k as usize].clone()).collect();
-                native(*f, &args)
+                native(f, &args)
             }
         }
     }
@@ -395,7 +394,7 @@ impl Tape {
             },
             Op::Native => {
                 let (f, args) = &self.natives[i.a as usize];
-                natives.push((*f, args.iter().map(|&s| at(s)).collect()));
+                natives.push((f.clone(), args.iter().map(|&s| at(s)).collect()));
                 Instruction {
                     a: natives.len() as u32 - 1,
                     ..*i

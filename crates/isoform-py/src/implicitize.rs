@@ -3,15 +3,16 @@
 use crate::arrays::{PointsArg, rows};
 use crate::error::CallError;
 use crate::model::of_points;
-use crate::run;
-use isoform::geom::{Field, ParamField, Point3};
+use crate::run::{self, CallLimits};
+use isoform::geom::{Aabb, Field, ParamField, Point3};
 use isoform::io::write_atomic;
+use isoform::spline::{SampleAccuracy, SampleError, sample_function};
 use isoform::{Implicit, SplineDistance};
 use isoform_verbs::function_file;
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
 use pyo3::prelude::*;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Implicit function fitted to points.
 #[pyclass(frozen, module = "isoform._isoform")]
@@ -79,4 +80,65 @@ impl Fitted {
     fn text(&self) -> String {
         String::from_utf8_lossy(&function_file(self.function())).into_owned()
     }
+}
+
+/// Samples a function of Python in a box, given by the lower and the upper corner; returns it with
+/// the accuracy and the number of its coefficients. The function maps points (n, 3) to values (n,).
+#[pyfunction]
+pub(crate) fn sample(
+    py: Python<'_>,
+    function: Py<PyAny>,
+    region: [Point3; 2],
+    accuracy: Option<f64>,
+    limits: CallLimits<'_>,
+) -> PyResult<(Fitted, f64, usize)> {
+    let raised: Arc<Mutex<Option<PyErr>>> = Arc::default();
+    let noted = raised.clone();
+    let [lo, hi] = region;
+    let accuracy = SampleAccuracy::of_distance(accuracy, Aabb { lo, hi }.diagonal());
+    let values = move |points: &[Point3], out: &mut [f64]| {
+        let called = Python::attach(|py| -> PyResult<()> {
+            let found = function.call1(py, (rows(py, points.to_vec())?,))?;
+            let found: PyReadonlyArray1<'_, f64> = found.extract(py)?;
+            let found = found.as_array();
+            if found.len() != out.len() {
+                let message = format!(
+                    "the function gave {} values for {} points",
+                    found.len(),
+                    out.len()
+                );
+                return Err(CallError::new("shape", message).into());
+            }
+            found
+                .iter()
+                .zip(out.iter_mut())
+                .for_each(|(v, out)| *out = *v);
+            Ok(())
+        });
+        if let Err(error) = called {
+            out.fill(f64::NAN);
+            let mut noted = noted.lock().unwrap_or_else(PoisonError::into_inner);
+            noted.get_or_insert(error);
+        }
+    };
+    let sampled = run::run(py, &limits, move |control| {
+        sample_function(Aabb { lo, hi }, accuracy, control, values)
+    })?;
+    if let Some(error) = raised.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        return Err(error);
+    }
+    let spline = sampled.map_err(|error| match error {
+        SampleError::Stopped => CallError::stopped(error),
+        SampleError::TooFine => CallError::new("accuracy", error).hint("a larger accuracy"),
+        SampleError::NotFinite(_) => {
+            CallError::new("undefined", error).hint("a box in which it is a number")
+        }
+        _ => CallError::usage(error),
+    })?;
+    let unknowns = spline.unknowns();
+    Ok((
+        Fitted::new(Implicit::Spline(spline)),
+        accuracy.absolute,
+        unknowns,
+    ))
 }

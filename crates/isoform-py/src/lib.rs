@@ -29,7 +29,7 @@ mod native {
     #[pymodule_export]
     use crate::call::{Input, Output, run_verb, schema};
     #[pymodule_export]
-    use crate::implicitize::Fitted;
+    use crate::implicitize::{Fitted, sample};
     #[pymodule_export]
     use crate::large::{answer, fit_large};
     #[pymodule_export]

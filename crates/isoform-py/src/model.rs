@@ -10,6 +10,7 @@ use isoform::{ChunkReader, FrepTemplate, parameter_values};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
+use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
 /// Number of points per task: enough to amortise its start, few enough to balance the threads.
@@ -54,12 +55,20 @@ type ParameterFields = (
 
 #[pymethods]
 impl Program {
-    /// Parses a program; `object` selects one of several objects.
+    /// Parses a program; `object` selects one of several objects, `name` is the path of the program,
+    /// from whose folder names of files start.
     #[new]
-    #[pyo3(signature = (text, object=None))]
-    fn new(py: Python<'_>, text: &str, object: Option<&str>) -> PyResult<Self> {
+    #[pyo3(signature = (text, object=None, name=""))]
+    fn new(py: Python<'_>, text: &str, object: Option<&str>, name: &str) -> PyResult<Self> {
         let parsed = run::shortly(py, || Model::parse(text, Mode::Default))?;
-        let model = parsed.map_err(CallError::from)?;
+        let mut model = parsed.map_err(CallError::from)?;
+        if !model.files().is_empty() {
+            let path = PathBuf::from(name);
+            model = run::run(py, &CallLimits::default(), move |control| {
+                isoform_verbs::read_terms(&mut model, &path, control).map(|_| model)
+            })?
+            .map_err(CallError::from)?;
+        }
         let model = model.object(object).map_err(|e| {
             CallError::usage(format!("no object is called {}", e.name))
                 .hint(format!("one of: {}", e.objects.join(", ")))

@@ -383,6 +383,58 @@ def installed(*names):
     return all(importlib.util.find_spec(name) for name in names)
 
 
+class Functions(unittest.TestCase):
+    """Functions of Python as models, and files as terms of programs."""
+
+    @staticmethod
+    def slab(p):
+        """Half of a box's distance: positive inside, with kinks."""
+        return 0.5 * (np.array([0.9, 0.6, 0.4]) - np.abs(p)).min(axis=1)
+
+    def test_sampled_values_are_near(self):
+        for box in (1.2, ((-1, -0.8, -0.7), (1.1, 0.8, 0.9))):
+            made = isoform.sample(self.slab, box, accuracy=0.02)
+            self.assertEqual(made.to_dict()["accuracy"], 0.02)
+            lower, upper = ([-1.2] * 3, [1.2] * 3) if isinstance(box, float) else box
+            p = np.random.default_rng(1).uniform(lower, upper, size=(5000, 3))
+            off = np.abs(made(p) - self.slab(p)) - 0.05 * np.abs(self.slab(p))
+            self.assertLess(off.max(), 0.02)
+        solid = isoform.mesh(made, size=0.3)
+        self.assertLess(abs(solid.volume / (8 * 0.9 * 0.6 * 0.4) - 1), 0.05)
+        self.assertIn("accuracy 0.02", repr(made))
+
+    def test_functions_that_cannot_be_sampled(self):
+        def refused(function, box=1, **given):
+            with self.assertRaises(IsoformError) as caught:
+                isoform.sample(function, box, **given)
+            return f"{caught.exception} {caught.exception.hint}"
+
+        self.assertIn("box", refused(self.slab, None))
+        self.assertIn("positive", refused(self.slab, -1))
+        self.assertIn("positive", refused(self.slab, accuracy=0))
+        self.assertIn("not a number", refused(lambda p: np.full(len(p), np.nan)))
+        self.assertIn("values for", refused(lambda p: np.zeros(3)))
+        self.assertIn("larger", refused(lambda p: np.sign(p[:, 0]), accuracy=1e-3))
+        with self.assertRaises(ZeroDivisionError):
+            isoform.sample(lambda p: 1 / 0, 1)
+        with self.assertRaises(IsoformError) as caught:
+            isoform.mesh(self.slab)
+        self.assertIn("isoform.sample", caught.exception.hint)
+
+    def test_files_are_terms_of_programs(self):
+        with tempfile.TemporaryDirectory() as folder:
+            isoform.mesh(isoform.Model(BALL), 0.3, params=VALUES).save(f"{folder}/ball.stl")
+            text = 'my_model(x[3], a[1]) { my_model = mesh("ball.stl", 0.1) + a[1]; }'
+            path = Path(folder, "larger.hf")
+            path.write_text(text)
+            model = isoform.Model.load(path)
+            self.assertAlmostEqual(model([[0.5, 0, 3]], [0.5])[0], -0.5, delta=0.2)
+            again = pickle.loads(pickle.dumps(model))
+            self.assertEqual(again([[1, 1, 1]], [0.5]), model([[1, 1, 1]], [0.5]))
+            with self.assertRaises(FileNotFoundError):
+                isoform.Model(text)
+
+
 class Neighbours(unittest.TestCase):
     """Packages that results are handed to."""
 

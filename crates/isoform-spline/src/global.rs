@@ -46,7 +46,7 @@ const MIN_NOISE_RMS: f64 = 1e-7;
 
 /// Number of points whose rows one task sums. Sums are added in order, so this fixes the bits of
 /// results.
-const POINTS_PER_CHUNK: usize = 512;
+pub(crate) const POINTS_PER_CHUNK: usize = 512;
 
 /// Result of fitting one polynomial.
 #[derive(Clone, Debug)]

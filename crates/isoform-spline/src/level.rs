@@ -70,24 +70,28 @@ impl SplineLevel {
         degree: usize,
     ) -> Self {
         let reach = degree as i32;
-        let mut list = Vec::new();
+        let (mut parents, mut last) = (Vec::new(), None);
         for cell in data {
-            let lo = cell.map(|v| (v - reach).max(0) & !1);
-            let hi = std::array::from_fn(|i| (cell[i] + reach).min(count[i] - 1) | 1);
-            list.extend(block(lo, hi).map(key));
-            if list.len() > 1 << 24 {
-                list.sort_unstable();
-                list.dedup();
+            let lo = cell.map(|v| (v - reach).max(0) >> 1);
+            let hi = std::array::from_fn(|i| (cell[i] + reach).min(count[i] - 1) >> 1);
+            // Neighbours often ask for the same cells.
+            if last.replace((lo, hi)) != Some((lo, hi)) {
+                parents.extend(block(lo, hi).map(key));
+            }
+            if parents.len() > 1 << 24 {
+                parents.sort_unstable();
+                parents.dedup();
             }
         }
-        let cells = IndexSet::new(list);
-        for cell in cells.places().filter(|c| c.iter().all(|v| v & 1 == 0)) {
-            let parent = self
-                .cells
-                .find(cell.map(|v| v / 2))
-                .expect("levels are nested");
-            self.is_refined[parent] = true;
+        let parents = IndexSet::new(parents);
+        let mut list = Vec::with_capacity(8 * parents.len());
+        for parent in parents.places() {
+            let at = self.cells.find(parent).expect("levels are nested");
+            self.is_refined[at] = true;
+            let lo = parent.map(|v| 2 * v);
+            list.extend(block(lo, lo.map(|v| v + 1)).map(key));
         }
+        let cells = IndexSet::new(list);
         let nodes = nodes_of(cells.places(), degree);
         let mut is_active = vec![false; nodes.len()];
         for cell in data {

@@ -18,6 +18,10 @@ pub struct ImplicitSpline {
     corner: Point3,
     count: LatticeIndex,
     levels: Vec<SplineLevel>,
+    /// Positions in the coefficients of the (d + 1)² runs of each cell, by level and cell.
+    runs: Vec<Vec<u32>>,
+    /// Bernstein coefficients of the B-splines on a cell.
+    to_bernstein: Vec<SplineRow>,
     /// Range of f on each cell, finer levels included, by level.
     ranges: Vec<Vec<[f64; 2]>>,
     /// True if the cell contains data, finer levels included, by level and cell.
@@ -76,6 +80,8 @@ struct LeafPoint<'a> {
     level: &'a SplineLevel,
     depth: usize,
     cell: LatticeIndex,
+    /// Position of the cell in its level.
+    index: usize,
     /// Coordinates in the cell, in \[0, 1\]³.
     at: Point3,
 }
@@ -105,10 +111,20 @@ impl ImplicitSpline {
             corner,
             count,
             levels,
+            runs: Vec::new(),
+            to_bernstein: bspline::bernstein(degree)[..=degree].to_vec(),
             ranges: Vec::new(),
             data,
             largest,
         };
+        let runs = |level: &SplineLevel| {
+            let cells = level.cells.places();
+            let n = degree + 1;
+            cells
+                .flat_map(|cell| level.runs(cell, degree).into_iter().take(n * n))
+                .collect()
+        };
+        spline.runs = spline.levels.iter().map(runs).collect();
         spline.ranges = spline.all_ranges();
         spline
     }
@@ -319,12 +335,13 @@ impl ImplicitSpline {
             let s: Point3 = std::array::from_fn(|k| (p[k] - self.corner[k]) / level.spacing);
             let cell: LatticeIndex =
                 std::array::from_fn(|k| (s[k] as i32).clamp(0, (self.count[k] << depth) - 1));
-            if level.cells.find(cell).is_some() {
+            if let Some(index) = level.cells.find(cell) {
                 let at = std::array::from_fn(|k| s[k] - f64::from(cell[k]));
                 return LeafPoint {
                     level,
                     depth,
                     cell,
+                    index,
                     at,
                 };
             }
@@ -345,18 +362,15 @@ impl ImplicitSpline {
     /// Returns f with gradient and Hessian at a point of the domain.
     pub(crate) fn jet_inside(&self, p: Point3) -> Jet2 {
         let leaf = self.leaf(p);
-        let c = leaf.level.cell_coefficients(leaf.cell, self.degree);
         let n = self.degree + 1;
         let [x, y, z] = leaf.at.map(|t| bspline::jets(self.degree, t));
         let mut out = [0.0; 10];
-        for k in 0..n {
-            for j in 0..n {
-                let line = &c[(k * n + j) * n..][..n];
-                let along: [f64; 3] =
-                    std::array::from_fn(|o| line.iter().zip(&x[o]).map(|(c, b)| c * b).sum());
-                for (out, [a, b, d]) in out.iter_mut().zip(ORDERS) {
-                    *out += along[a] * y[b][j] * z[d][k];
-                }
+        for (row, line) in self.lines(leaf.depth, leaf.index).enumerate() {
+            let (j, k) = (row % n, row / n);
+            let along: [f64; 3] =
+                std::array::from_fn(|o| line.iter().zip(&x[o]).map(|(c, b)| c * b).sum());
+            for (out, [a, b, d]) in out.iter_mut().zip(ORDERS) {
+                *out += along[a] * y[b][j] * z[d][k];
             }
         }
         let h = leaf.level.spacing;
@@ -370,18 +384,23 @@ impl ImplicitSpline {
     /// Returns f at a point of the domain.
     fn value_inside(&self, p: Point3) -> f64 {
         let leaf = self.leaf(p);
-        let c = leaf.level.cell_coefficients(leaf.cell, self.degree);
         let n = self.degree + 1;
         let [x, y, z] = leaf.at.map(|t| bspline::values(self.degree, t));
         let mut sum = 0.0;
-        for k in 0..n {
-            for j in 0..n {
-                let line = &c[(k * n + j) * n..][..n];
-                let along: f64 = line.iter().zip(&x).map(|(c, b)| c * b).sum();
-                sum += along * y[j] * z[k];
-            }
+        for (row, line) in self.lines(leaf.depth, leaf.index).enumerate() {
+            let along: f64 = line.iter().zip(&x).map(|(c, b)| c * b).sum();
+            sum += along * y[row % n] * z[row / n];
         }
         sum
+    }
+
+    /// Returns the coefficients of the B-splines that touch a cell, in lines along x.
+    fn lines(&self, l: usize, index: usize) -> impl Iterator<Item = &[f64]> {
+        let n = self.degree + 1;
+        let runs = &self.runs[l][index * n * n..][..n * n];
+        let coefficients = &self.levels[l].coefficients;
+        runs.iter()
+            .map(move |first| &coefficients[*first as usize..][..n])
     }
 
     /// Returns the nearest point of the domain.
@@ -392,7 +411,6 @@ impl ImplicitSpline {
 
     /// Computes the range of f on each cell, from the finest level to the first.
     fn all_ranges(&self) -> Vec<Vec<[f64; 2]>> {
-        let rows = bspline::bernstein(self.degree);
         let mut all: Vec<Vec<[f64; 2]>> = Vec::new();
         for (l, level) in self.levels.iter().enumerate().rev() {
             let finer = all.last().map(|ranges| (&self.levels[l + 1], ranges));
@@ -412,7 +430,7 @@ impl ImplicitSpline {
                             },
                         )
                     }
-                    _ => range_of(&self.bernstein(level, cell, &rows), self.degree),
+                    _ => self.range_in(l, i, [[0.0, 1.0]; 3]),
                 });
             let ranges = ranges.collect();
             all.push(ranges);
@@ -421,19 +439,18 @@ impl ImplicitSpline {
         all
     }
 
-    /// Returns the Bernstein coefficients of a cell, x fastest.
-    fn bernstein(
-        &self,
-        level: &SplineLevel,
-        cell: LatticeIndex,
-        rows: &[SplineRow; MAX_DEGREE + 1],
-    ) -> [f64; MAX_CELL_SPLINES] {
+    /// Returns the range of f over a part of a cell, given by its level, its position in the level,
+    /// and local coordinates.
+    fn range_in(&self, l: usize, index: usize, part: [[f64; 2]; 3]) -> [f64; 2] {
         let n = self.degree + 1;
-        let mut c = level.cell_coefficients(cell, self.degree);
+        let mut c = [0.0; MAX_CELL_SPLINES];
+        for (row, line) in self.lines(l, index).enumerate() {
+            c[row * n..][..n].copy_from_slice(line);
+        }
         for axis in 0..3 {
             along(&mut c, n, axis, |line| {
                 let mut out = [0.0; MAX_DEGREE + 1];
-                for (v, row) in line.iter().zip(rows).take(n) {
+                for (v, row) in line.iter().zip(&self.to_bernstein) {
                     for k in 0..n {
                         out[k] += v * row[k];
                     }
@@ -441,14 +458,6 @@ impl ImplicitSpline {
                 out
             });
         }
-        c
-    }
-
-    /// Returns the range of f over a part of a cell, given in local coordinates.
-    fn range_in(&self, level: &SplineLevel, cell: LatticeIndex, part: [[f64; 2]; 3]) -> [f64; 2] {
-        let rows = bspline::bernstein(self.degree);
-        let n = self.degree + 1;
-        let mut c = self.bernstein(level, cell, &rows);
         for (axis, [lo, hi]) in part.into_iter().enumerate() {
             if (lo, hi) != (0.0, 1.0) {
                 along(&mut c, n, axis, |line| restricted(line, n, lo, hi));
@@ -526,7 +535,7 @@ impl ImplicitSpline {
                 self.hull(l + 1, child, region, budget, out);
             }
         } else {
-            add(self.range_in(level, cell, part));
+            add(self.range_in(l, i, part));
         }
     }
 

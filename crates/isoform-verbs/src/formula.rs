@@ -38,8 +38,8 @@ pub(crate) fn in_place_of_file(path: &Path) -> Result<Option<StatedFormula>, Fai
         || memory::exists(path)
         || isoform::template(&text).is_some()
         || kind::is_named_file(path)
-        // Text of a program.
-        || text.contains(['{', ';', '\n'])
+        // Text of a program, or of a term of one.
+        || text.contains(['{', ';', '\n', '"'])
     {
         return Ok(None);
     }

@@ -141,7 +141,7 @@ radians unless the text says degrees. Arrays are declared at the start of an obj
 
 /// Returns true if the page shows a picture of a function: of shapes, one for all three axes.
 fn has_picture(function: &FunctionHelp) -> bool {
-    let is_shape = !["Mathematics", "Attributes"].contains(&function.section);
+    let is_shape = !["Mathematics", "Attributes", "Files"].contains(&function.section);
     is_shape && !function.names[0].ends_with(['X', 'Y'])
 }
 

@@ -7,12 +7,17 @@ use crate::kind;
 use crate::language::Language;
 use crate::memory;
 use crate::model::{self, GivenModel};
+use crate::terms;
 use isoform::field::hyperfun::Model;
 use isoform::field::suggestion;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Reads a model: the file if there is one, else a formula, else the template of that name.
+/// Name of a program that was typed, in messages.
+const TYPED: &str = "typed.hf";
+
+/// Reads a model: the file if there is one, else a formula, the value of a program with a file, or
+/// the template of that name.
 pub(crate) fn model(
     path: &Path,
     language: &Language,
@@ -24,6 +29,10 @@ pub(crate) fn model(
             return Ok(GivenModel::Formula(Box::new(formula)));
         }
         let name = path.to_string_lossy();
+        if let Some(program) = terms::program(&name) {
+            let model = model::parse(Path::new(TYPED), &program, language, context)?;
+            return Ok(GivenModel::Program(Box::new(model)));
+        }
         if let Some(found) = isoform::template(&name) {
             let model = model::parse(Path::new(found.name), found.program, language, context)?;
             return Ok(GivenModel::Program(Box::new(model)));
@@ -48,7 +57,8 @@ pub(crate) fn model(
 
 /// Returns true if it is the name of a template or a formula, and of no file.
 pub(crate) fn is_named(path: &Path) -> Result<bool, Failure> {
-    let is_template = || isoform::template(&path.to_string_lossy()).is_some();
+    let text = path.to_string_lossy();
+    let is_template = || isoform::template(&text).is_some() || terms::program(&text).is_some();
     let is_free = path != Path::new("-") && !memory::exists(path);
     Ok(is_free && (is_template() || formula::in_place_of_file(path)?.is_some()))
 }

@@ -53,6 +53,8 @@ fn number(_: &fs::Metadata) -> Option<(u64, u64)> {
 pub(crate) struct Inputs {
     /// Files that are read, as they were named.
     files: Vec<(PathBuf, Identity)>,
+    /// Files that the arguments name for writing.
+    outputs: Vec<PathBuf>,
     /// True if outputs may take the place of inputs (--force).
     force: bool,
 }
@@ -74,11 +76,13 @@ impl Inputs {
         });
         let inputs = Self {
             files: files.collect(),
+            outputs: outputs.into_iter().map(|(_, path)| path).collect(),
             force,
         };
-        outputs
+        inputs
+            .outputs
             .iter()
-            .try_for_each(|(_, output)| inputs.allow(output))?;
+            .try_for_each(|output| inputs.allow(output))?;
         Ok(inputs)
     }
 
@@ -88,21 +92,38 @@ impl Inputs {
         let Some(written) = Identity::read(output).filter(|_| !self.force) else {
             return Ok(());
         };
-        let Some((input, _)) = self.files.iter().find(|(_, read)| read.is(&written)) else {
+        match self.files.iter().find(|(_, read)| read.is(&written)) {
+            Some((input, _)) => Err(overwritten(input, output)),
+            None => Ok(()),
+        }
+    }
+
+    /// Checks that a file which an input names is not one of the files to write.
+    pub(crate) fn check_named(&self, input: &Path) -> Result<(), Failure> {
+        let Some(read) = Identity::read(input).filter(|_| !self.force) else {
             return Ok(());
         };
-        let message = format!("{} would be overwritten", output.display());
-        let mut failure = Failure::new(crate::failure::USAGE, "overwrites-input", message);
-        failure.place.file = Some(output.to_owned());
-        let why = if input == output {
-            "it is an input of this run".to_owned()
-        } else {
-            format!("it is {}, an input of this run", input.display())
-        };
-        Err(failure
-            .why(why)
-            .hint("-o with another name, or --force to overwrite it"))
+        let is_it = |output: &&PathBuf| Identity::read(output).is_some_and(|to| to.is(&read));
+        match self.outputs.iter().find(is_it) {
+            Some(output) => Err(overwritten(input, output)),
+            None => Ok(()),
+        }
     }
+}
+
+/// Returns the failure of a file to write that is an input.
+fn overwritten(input: &Path, output: &Path) -> Failure {
+    let message = format!("{} would be overwritten", output.display());
+    let mut failure = Failure::new(crate::failure::USAGE, "overwrites-input", message);
+    failure.place.file = Some(output.to_owned());
+    let why = if input == output {
+        "it is an input of this run".to_owned()
+    } else {
+        format!("it is {}, an input of this run", input.display())
+    };
+    failure
+        .why(why)
+        .hint("-o with another name, or --force to overwrite it")
 }
 
 /// The arguments of a verb that are paths, with their names.

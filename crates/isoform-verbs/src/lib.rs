@@ -49,6 +49,7 @@ mod spline;
 mod studio;
 mod table;
 mod terminal;
+mod terms;
 mod triangulate;
 mod view;
 mod watchdog;
@@ -72,6 +73,7 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 use terminal::{fail, to_stdout};
+pub use terms::read_terms;
 use watchdog::Writing;
 
 /// Isoform makes dimensions, CAD solids and meshes of scans, programs and formulas, and checks each
@@ -189,10 +191,12 @@ type Parsed = (Cli, Result<Inputs, Failure>);
 /// or on the command line.
 fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Parsed, clap::Error> {
     let mut words: Vec<OsString> = words.into_iter().collect();
-    // `isoform help hfBlock`: clap's help knows verbs only.
+    // `isoform help hfBlock`: clap's help knows verbs only. `mesh` is both.
     if let [_, help, name] = words.as_mut_slice()
         && help == "help"
-        && name.to_str().is_some_and(functions::is_function)
+        && let Some(name) = name.to_str()
+        && functions::is_function(name)
+        && command(Extent::Short).find_subcommand(name).is_none()
     {
         *help = OsString::from("functions");
     }

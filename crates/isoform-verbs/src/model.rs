@@ -8,7 +8,7 @@ use crate::kind::{self, Kind, is_fitted};
 use crate::language::{self, Language};
 use crate::memory::{self, Object};
 use crate::parameters::{self, Given};
-use crate::{scan, spline};
+use crate::{scan, spline, terms};
 use isoform::Implicit;
 use isoform::field::hyperfun::{Model, SyntaxError};
 use isoform::geom::Aabb;
@@ -172,7 +172,8 @@ pub(crate) fn parse(
     language: &Language,
     context: &Context,
 ) -> Result<Model, Failure> {
-    let model = language::parse(text, language).map_err(|e| misspelled(&e, path, text))?;
+    let mut model = language::parse(text, language).map_err(|e| misspelled(&e, path, text))?;
+    terms::read(&mut model, path, context)?;
     for w in model.warnings() {
         context.warn(format_args!(
             "{}:{}:{}: {}",

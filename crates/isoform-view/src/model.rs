@@ -26,7 +26,10 @@ pub(crate) fn can_be_drawn(model: &LiveModel) -> bool {
         }
         if matches!(
             step,
-            TapeStep::Native(Native::SardfRoot | Native::PerlinNoise, _)
+            TapeStep::Native(
+                Native::SardfRoot | Native::PerlinNoise | Native::Imported(_),
+                _
+            )
         ) {
             return false;
         }
@@ -90,7 +93,7 @@ fn tape(tape: &Tape) -> Value {
             TapeStep::PowI(u, n) => json!(["powi", u, n]),
             TapeStep::Select(c, u, v) => json!(["select", c, u, v]),
             TapeStep::Native(function, list) => {
-                let mut all = vec![json!(native(function))];
+                let mut all = vec![json!(native(&function))];
                 all.extend(list.iter().map(|slot| json!(slot)));
                 Value::from(all)
             }
@@ -179,12 +182,14 @@ fn set(op: SetOp) -> &'static str {
 }
 
 /// Returns the page's name of a function that is computed by iteration or has no closed form.
-fn native(function: Native) -> &'static str {
+fn native(function: &Native) -> &'static str {
     match function {
         Native::EllipsoidDistance => "ellipsoid",
         Native::SardfRoot => "sardfroot",
         Native::Fmod => "fmod",
         Native::PerlinNoise => "perlin",
+        // `can_be_drawn` refuses it.
+        Native::Imported(_) => unreachable!(),
     }
 }
 

@@ -24,10 +24,10 @@ use isoform_geom::cad::Placement;
 use isoform_geom::{
     Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, on_triangle, sub,
 };
-use nearest::TriangleTree;
+pub(crate) use nearest::TriangleTree;
 use rayon::prelude::*;
 use serde::Serialize;
-use sides::Sides;
+pub(crate) use sides::Sides;
 
 /// Number of nearest samples of a solid whose faces are measured; they nearly always include the
 /// nearest face. With fewer, that may be missed, and the distance overestimated.

@@ -224,6 +224,7 @@ impl Ops for ScalarTarget {
             Native::EllipsoidDistance => "hfDEllipsoid",
             Native::SardfRoot => "a SARDF operation",
             Native::PerlinNoise => "a noise",
+            Native::Imported(_) => "the function of a file",
         };
         self.missing.get_or_insert(missing);
         self.graph.constant(0.0)

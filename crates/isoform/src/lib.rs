@@ -119,6 +119,7 @@ mod implicit_surface;
 mod implicitize_scan;
 mod level_set_file;
 mod live;
+mod mesh_distance;
 mod mesh_model;
 mod mesh_spline;
 mod meshing;
@@ -179,6 +180,7 @@ pub use isoform_tess::{
 };
 pub use level_set_file::{LevelSetFileError, level_set_file};
 pub use live::{LiveModel, LiveParameter, ModelTape, undefined_at};
+pub use mesh_distance::{MeshDistanceError, mesh_distance};
 pub use mesh_model::{
     MeshModelError, MeshModelOptions, MeshNote, ModelMesh, RegionModel, adapt_to_model, mesh_model,
     mesh_model_regions,

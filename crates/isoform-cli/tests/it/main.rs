@@ -17,5 +17,6 @@ mod render;
 mod serve;
 mod solids;
 mod studio;
+mod terms;
 mod triangulate;
 mod view;

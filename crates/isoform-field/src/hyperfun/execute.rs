@@ -629,8 +629,8 @@ impl<'p, M: Machine> Executor<'p, M> {
     /// Evaluates a library function that is a formula, within the remaining steps.
     #[inline]
     fn formula(&mut self, at: u32, run: Formula<M>, args: &Arguments<M::V>) -> Outcome<M::V> {
-        let (strict, left) = (self.is_strict(), self.limit.saturating_sub(self.steps));
-        let mut call = Call::new(&self.machine, &mut self.memory, args, strict, left);
+        let left = self.limit.saturating_sub(self.steps);
+        let mut call = Call::new(&self.machine, &mut self.memory, args, self.program, left);
         match run(&mut call) {
             Ok(v) => {
                 let spent = call.spent;

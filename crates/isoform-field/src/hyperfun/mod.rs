@@ -19,6 +19,7 @@
 mod annotations;
 mod ast;
 mod execute;
+mod files;
 mod formula;
 mod functions;
 mod lexer;
@@ -31,18 +32,21 @@ mod sums;
 mod uses;
 
 pub use annotations::{Amount, FileInfo, Fixed, ParamInfo, Pose, QuantityKind, Tie};
+pub use files::{FileKind, FileTerm};
 pub use functions::{FunctionHelp, library};
 pub use print::Placement;
 pub use source::{SyntaxError, Warning};
 
 use crate::direct::Direct;
 use crate::graph::{Graph, NodeId};
+use crate::imported::Imported;
 use annotations::Annotations;
 use ast::Object;
 use execute::{Executor, RunStop};
 use isoform_num::Real;
 use machine::Symbolic;
 pub(crate) use machine::TRUTH_TOLERANCE;
+use parser::Parsed;
 use source::Source;
 use std::fmt;
 
@@ -96,6 +100,8 @@ pub enum Precedence {
 pub(crate) struct Program {
     pub(crate) source: Source,
     pub(crate) objects: Vec<Object>,
+    /// Files whose functions are terms of the program.
+    pub(crate) files: Vec<FileTerm>,
     pub(crate) mode: Mode,
     pub(crate) annotations: Annotations,
 }
@@ -225,8 +231,11 @@ impl Model {
         }
         let source = Source::new(text);
         let (tokens, comments) = lexer::tokens(&source);
-        let (mut objects, mut warnings) =
-            parser::parse(&source, (&tokens, &comments), mode, precedence)?;
+        let Parsed {
+            mut objects,
+            files,
+            mut warnings,
+        } = parser::parse(&source, (&tokens, &comments), mode, precedence)?;
         sums::warn(&source, &objects, &mut warnings);
         let annotations = annotations::read(&source, &mut objects, &comments, &mut warnings)?;
         let object = objects
@@ -237,6 +246,7 @@ impl Model {
             program: Program {
                 source,
                 objects,
+                files,
                 mode,
                 annotations,
             },
@@ -327,6 +337,18 @@ impl Model {
     /// Returns the annotations of the whole program.
     pub fn info(&self) -> &FileInfo {
         &self.program.annotations.file
+    }
+    /// Returns the files whose functions are terms of the program. Where the program calls one, it
+    /// fails until [`Model::set_file`] has provided its function.
+    pub fn files(&self) -> &[FileTerm] {
+        &self.program.files
+    }
+    /// Sets the function of a file.
+    ///
+    /// # Panics
+    /// If there are fewer files.
+    pub fn set_file(&mut self, file: usize, function: Imported) {
+        self.program.files[file].function = Some(function);
     }
     /// Returns warnings of constructs that are legal but probably unintended.
     pub fn warnings(&self) -> &[Warning] {

@@ -8,6 +8,7 @@
 use super::ast::{
     Argument, Array, ArrayRef, Expr, HEAD_ARRAYS, Level, Link, Object, Operator, Statement,
 };
+use super::files::FileTerm;
 use super::functions::{self, ArgumentShape};
 use super::lexer::{Token, TokenKind, Word};
 use super::source::{Source, SyntaxError, Warning};
@@ -30,7 +31,7 @@ pub(crate) fn parse(
     (tokens, comments): (&[Token], &[(u32, u32)]),
     mode: Mode,
     precedence: Precedence,
-) -> ParseResult<(Vec<Object>, Vec<Warning>)> {
+) -> ParseResult<Parsed> {
     let mut parser = Parser {
         source,
         tokens,
@@ -39,6 +40,7 @@ pub(crate) fn parse(
         mode,
         precedence,
         objects: Vec::new(),
+        files: Vec::new(),
         object_names: HashMap::new(),
         names: HashMap::new(),
         own_name: String::new(),
@@ -58,7 +60,18 @@ pub(crate) fn parse(
         parser.objects.push(object);
     }
     parser.warn_of_comments();
-    Ok((parser.objects, parser.warnings))
+    Ok(Parsed {
+        objects: parser.objects,
+        files: parser.files,
+        warnings: parser.warnings,
+    })
+}
+
+/// Contents of a program.
+pub(crate) struct Parsed {
+    pub(crate) objects: Vec<Object>,
+    pub(crate) files: Vec<FileTerm>,
+    pub(crate) warnings: Vec<Warning>,
 }
 
 /// State of the parser.
@@ -73,6 +86,8 @@ struct Parser<'s> {
     precedence: Precedence,
     /// Objects parsed so far.
     objects: Vec<Object>,
+    /// Files named so far.
+    files: Vec<FileTerm>,
     /// Index of each object, by name.
     object_names: HashMap<String, u32>,
     /// Names defined in the present object.
@@ -793,6 +808,10 @@ impl Parser<'_> {
             self.advance();
             return self.function(at, function);
         }
+        if let Some(function) = functions::find_of_file(&name).filter(|_| self.names_file()) {
+            self.advance();
+            return self.file_function(at, function);
+        }
         let next_is_parenthesis = matches!(
             self.tokens.get(self.at + 1),
             Some(Token {
@@ -877,6 +896,84 @@ impl Parser<'_> {
             arguments.push(Argument::Array(at, array));
         }
         self.symbol_with(")", "right parenthesis `)`", usage)?;
+        Ok(Expr::Function {
+            at,
+            function,
+            arguments,
+        })
+    }
+
+    /// Returns true if the name of a file is the first argument after the present token, or the
+    /// second after an array.
+    fn names_file(&self) -> bool {
+        let kinds = self.tokens[self.at + 1..].iter().map(|token| token.kind);
+        let kinds: Vec<TokenKind> = kinds.take(4).collect();
+        matches!(
+            kinds[..],
+            [TokenKind::Symbol("("), TokenKind::Text, ..]
+                | [
+                    TokenKind::Symbol("("),
+                    _,
+                    TokenKind::Symbol(","),
+                    TokenKind::Text
+                ]
+        )
+    }
+
+    /// Reads the arguments of the function of a file: (\[point,\] "name" \[, accuracy\]), where the
+    /// point is x if it is not given.
+    fn file_function(&mut self, at: u32, function: u16) -> ParseResult<Expr> {
+        let entry = functions::entry(function);
+        let usage = |_: &Self| format!("{}: {}", entry.signature(), entry.help);
+        self.symbol_with("(", "left parenthesis `(`", usage)?;
+        let point = if self.kind() == TokenKind::Text {
+            let Some(NameMeaning::Array(x)) = self.names.get("x").copied() else {
+                return self.expected("the name of an array for the point");
+            };
+            (at, x)
+        } else {
+            let point = self.array_argument("x")?;
+            self.symbol(",", "comma `,`")?;
+            point
+        };
+        if point.1.len != 3 {
+            let message = format!("the point must have 3 items, this one has {}", point.1.len);
+            return self.fail(point.0, message);
+        }
+        let name = self.advance();
+        let path = &self.source.text()[name.start as usize + 1..name.end as usize - 1];
+        let mut accuracy = None;
+        if entry.arguments.len() > 2 && self.is_symbol(",") {
+            self.advance();
+            accuracy = match self.kind() {
+                TokenKind::Number(value) if value > 0.0 => Some(value),
+                _ => return self.expected("a number above 0, the accuracy"),
+            };
+            self.advance();
+        }
+        self.symbol_with(")", "right parenthesis `)`", usage)?;
+        let term = FileTerm::new(
+            entry.names[0],
+            path,
+            accuracy,
+            self.source.place(name.start),
+        );
+        let known = self.files.iter().position(|file| file.is_same(&term));
+        let file = known.unwrap_or(self.files.len());
+        if known.is_none() {
+            self.files.push(term);
+        }
+        let mut arguments = vec![
+            Argument::Array(point.0, point.1),
+            Argument::Number(Expr::Number {
+                at: name.start,
+                value: file as f64,
+            }),
+        ];
+        if let Some(value) = accuracy {
+            let at = name.start;
+            arguments.push(Argument::Number(Expr::Number { at, value }));
+        }
         Ok(Expr::Function {
             at,
             function,

@@ -1,9 +1,10 @@
 //! Output of programs as text: with fitted values, with new start values, or in a canonical layout.
 
 use super::ast::{Argument, ArrayRef, Expr, HEAD_ARRAYS, Object, Statement};
-use super::functions;
+use super::functions::{self, ArgumentShape, Function};
 use super::lexer::{self, TokenKind};
 use super::{DEFAULT_OBJECT, Program};
+use crate::direct::Direct;
 use std::fmt::Write;
 
 /// Similarity transformation of a model: the model's point is p = Rᵀ(x − t)/scale. Values are not
@@ -361,8 +362,8 @@ impl Printer<'_> {
                 arguments,
                 ..
             } => {
-                let called = functions::entry(*function).names[0];
-                self.write_function(object, called, arguments, out);
+                let row = functions::entry(*function);
+                self.write_function(object, row, arguments, out);
             }
             Expr::Call {
                 object: called,
@@ -381,14 +382,19 @@ impl Printer<'_> {
     fn write_function(
         &self,
         object: &Object,
-        called: &str,
+        row: &Function<Direct<f64>>,
         arguments: &[Argument],
         out: &mut String,
     ) {
-        let _ = write!(out, "{called}(");
+        let _ = write!(out, "{}(", row.names[0]);
         for (i, argument) in arguments.iter().enumerate() {
             out.push_str(if i > 0 { ", " } else { "" });
             match argument {
+                Argument::Number(Expr::Number { value, .. })
+                    if row.arguments[i].1 == ArgumentShape::File =>
+                {
+                    let _ = write!(out, "\"{}\"", self.program.files[*value as usize].path);
+                }
                 Argument::Number(expr) => self.write(object, expr, out),
                 Argument::Array(_, array) => out.push_str(name(object, *array)),
             }

@@ -202,7 +202,8 @@ impl SumAnalysis<'_> {
         }
         let is_sum = |kind: &&ExprKind| matches!(kind, ExprKind::Sum(..));
         let row = functions::entry(function);
-        if matches!(row.run, Implementation::Primitive(..)) || row.names[0] == "hfDSub" {
+        let is_solid = matches!(row.run, Implementation::Primitive(..)) || row.reads_file();
+        if is_solid || row.names[0] == "hfDSub" {
             kinds.iter().for_each(|kind| self.used_as_solid(*kind));
             return ExprKind::Solid;
         }

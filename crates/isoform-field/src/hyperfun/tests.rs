@@ -940,3 +940,130 @@ fn blocks_of_points_are_evaluated_like_points() {
         }
     }
 }
+
+/// A function of a file: f = 1 − x² − 2 y² + x z, bounded over boxes by interval arithmetic.
+struct Saddle;
+
+impl isoform_geom::Field for Saddle {
+    fn value(&self, p: [f64; 3]) -> f64 {
+        self.jet(p).v
+    }
+    fn jet(&self, p: [f64; 3]) -> isoform_num::Jet2 {
+        saddle(std::array::from_fn(|i| {
+            isoform_num::Jet2::variable(p[i], i)
+        }))
+    }
+    fn bounds(&self, region: isoform_geom::Aabb) -> isoform_num::Interval {
+        saddle(std::array::from_fn(|i| {
+            isoform_num::Interval::new(region.lo[i], region.hi[i])
+        }))
+    }
+}
+
+fn saddle<R: Real>([x, y, z]: [R; 3]) -> R {
+    R::constant(1.0) - x.square() - R::constant(2.0) * y.square() + x * z
+}
+
+/// Returns a program whose files all have the function of [`Saddle`].
+fn with_files(text: &str) -> Model {
+    let mut found = model(text);
+    for file in 0..found.files().len() {
+        found.set_file(file, Imported::new("scan", std::sync::Arc::new(Saddle)));
+    }
+    found
+}
+
+#[test]
+fn functions_of_files_are_terms() {
+    let text = "my_model(x[3],a[1]) {
+        array p[3];
+        p[1] = 2*x[1]; p[2] = x[2] - 1; p[3] = sin(x[3]);
+        moved = mesh(p, \"part.stl\", 0.5);
+        same = mesh(p, \"part.stl\", 0.5);
+        my_model = (surface(\"scan.json\")*x[2] + moved - a[1]*same) & (3 - x[1]);
+    }";
+    let found = with_files(text);
+    let files: Vec<_> = found.files().iter().map(|f| (f.kind, f.accuracy)).collect();
+    assert_eq!(
+        files,
+        [(FileKind::Mesh, Some(0.5)), (FileKind::Surface, None)]
+    );
+    assert_eq!(found.files()[0].path, "part.stl");
+    let again = with_files(&found.pretty());
+    assert_eq!(again.pretty(), found.pretty());
+    let pieces = crate::Pieces::of_model(&found, &[0.25]).expect("an expression");
+    let mut random = fastrand::Rng::with_seed(3);
+    for _ in 0..100 {
+        let p: [f64; 3] = std::array::from_fn(|_| 4.0 * random.f64() - 2.0);
+        let moved = saddle([2.0 * p[0], p[1] - 1.0, p[2].sin()]);
+        let (u, v) = (saddle(p) * p[1] + 0.75 * moved, 3.0 - p[0]);
+        let want = u + v - u.hypot(v);
+        for program in [&found, &again] {
+            let f = program.eval(&p, &[0.25], &[]).expect("a value").f;
+            assert!((f - want).abs() < 1e-12 * (1.0 + want.abs()), "{f} {want}");
+        }
+        compiled(&pieces, p, u);
+    }
+}
+
+/// Compares the first piece of a model and its derivatives with its value u at a point.
+fn compiled(pieces: &crate::Pieces, p: [f64; 3], u: f64) {
+    use isoform_geom::Solid;
+    let jet = pieces.jet(0, p);
+    assert!((jet.v - u).abs() < 1e-12 * (1.0 + u.abs()), "{} {u}", jet.v);
+    let h = 1e-5;
+    let region = isoform_geom::Aabb {
+        lo: p,
+        hi: p.map(|v| v + 0.1),
+    };
+    let mut range = [isoform_num::Interval::ALL];
+    pieces.bounds(&[0], region, &mut range);
+    assert!(range[0].width() < 20.0, "{:?}", range[0]);
+    for i in 0..3 {
+        let at = |by: f64| {
+            let mut q = p;
+            q[i] += by;
+            pieces.gradient(0, q)
+        };
+        let slope = (at(h).0 - at(-h).0) / (2.0 * h);
+        assert!((jet.g[i] - slope).abs() < 1e-6, "{} {slope}", jet.g[i]);
+        let bend = (at(h).1[i] - at(-h).1[i]) / (2.0 * h);
+        let second = jet.second(i, i);
+        assert!((second - bend).abs() < 1e-6, "{second} {bend}");
+        assert!(range[0].contains(at(0.07).0), "{:?}", range[0]);
+    }
+}
+
+#[test]
+fn names_of_file_functions_stay_free() {
+    assert_eq!(
+        value("mesh = 2; surface = mesh + 1; my_model = surface;", 0.0),
+        3.0
+    );
+    let object = "mesh(x[3],a[1]) { mesh = x[1]; } my_model(x[3],a[1]) { my_model = mesh(x, a); }";
+    let found = model(object).eval(&[4.0, 0.0, 0.0], &[0.0], &[]);
+    assert_eq!(found.map(|e| e.f), Ok(4.0));
+}
+
+#[test]
+fn files_that_were_not_read_fail_where_they_are_called() {
+    let text = "my_model(x[3],a[1]) {\n  my_model = mesh(\"part.stl\");\n}";
+    let error = model(text)
+        .eval(&[0.0; 3], &[0.0], &[])
+        .expect_err("no file");
+    assert_eq!((error.line, error.column), (2, 14));
+    assert!(error.message.contains("part.stl"), "{error}");
+    let error = model(text).compile(&mut Graph::new()).expect_err("no file");
+    assert!(error.fails && error.why.contains("part.stl"), "{error}");
+    for (text, column) in [
+        ("my_model(x[2],a[1]) { my_model = mesh(\"a\"); }", 34),
+        ("my_model(x[3],a[1]) { my_model = mesh(\"a\", a[1]); }", 44),
+        ("my_model(x[3],a[1]) { my_model = mesh(\"a\", 0); }", 44),
+        ("my_model(x[3],a[1]) { my_model = surface(\"a\", 1); }", 45),
+        ("my_model(x[3],a[1]) { my_model = surface(a, \"b\"); }", 42),
+        ("my_model(x[3],a[1]) { my_model = surface(\"a\"; }", 45),
+        ("my_model(x[3],a[1]) { my_model = mesh(x, \"a\" }", 46),
+    ] {
+        assert_eq!(refused(text).column, column, "{text}: {}", refused(text));
+    }
+}

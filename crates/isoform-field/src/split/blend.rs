@@ -341,7 +341,7 @@ fn rebuilt(graph: &mut Graph, node: &Node, copy: &HashMap<NodeId, NodeId>) -> No
         }
         Node::Native(f, args) => {
             let args: Vec<NodeId> = args.iter().map(at).collect();
-            graph.native(*f, &args)
+            graph.native(f.clone(), &args)
         }
     }
 }

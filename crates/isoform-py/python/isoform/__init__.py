@@ -36,6 +36,7 @@ from ._results import (
     Triangulation,
     View,
 )
+from ._sample import sample
 from ._verbs import (
     brep,
     compare,
@@ -91,6 +92,7 @@ __all__ = [
     "recognize",
     "recover",
     "render",
+    "sample",
     "template",
     "templates",
     "triangulate",

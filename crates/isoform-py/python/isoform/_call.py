@@ -85,7 +85,7 @@ def handed(shape: Any) -> Any:
     if isinstance(shape, Mapping):
         return _isoform.Input("polynomial" if "F" in shape else "map", _json(shape))
     if callable(shape):
-        hint = 'a formula in quotes, as "x^2 + y^2 + z^2 = 1", a Model, or points for implicitize'
+        hint = 'isoform.sample(function, box), or a formula in quotes, as "x^2 + y^2 + z^2 = 1"'
         raise IsoformError("functions of Python are not shapes", "usage", hint)
     return _isoform.Input("array", _isoform.Cloud(as_points(shape)))
 

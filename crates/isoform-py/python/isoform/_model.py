@@ -59,7 +59,8 @@ class Model:
     object : str, optional
         The object to evaluate; by default ``my_model``, else the first one.
     name : str, optional
-        Name in documents; `Model.load` uses the path.
+        Name in documents; `Model.load` uses the path. Names of files in the program start at its
+        folder.
 
     Raises
     ------
@@ -78,7 +79,7 @@ class Model:
     """
 
     def __init__(self, text: str, object: str | None = None, name: str = "model") -> None:
-        self._native = _isoform.Program(text, object)
+        self._native = _isoform.Program(text, object, name)
         self._object = object
         self.text = text
         self.name = name

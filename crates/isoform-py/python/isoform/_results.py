@@ -200,9 +200,9 @@ class FitResult(Documented, Shown):
 
 
 class Implicit(Documented, Shown):
-    """Implicit function fitted to points: f = 0 is their surface, f >= 0 inside.
+    """Implicit function fitted to points, or sampled: f = 0 is the surface, f >= 0 inside.
 
-    `implicitize` creates it; `mesh`, `parameterize`, `compare` and `view` accept it as a model.
+    `implicitize` and `sample` create it; `mesh`, `parameterize`, `compare` and `view` accept it as a model.
     """
 
     def __init__(self, answer: Answer) -> None:
@@ -233,7 +233,8 @@ class Implicit(Documented, Shown):
 
     def __repr__(self) -> str:
         report = self.to_dict()
-        return f"<isoform.Implicit: degree {report['degree']}, rms {report['rms']:.4g}>"
+        name = "rms" if "rms" in report else "accuracy"
+        return f"<isoform.Implicit: degree {report['degree']}, {name} {report[name]:.4g}>"
 
 
 class Patch:

@@ -35,7 +35,7 @@ struct BoxNode {
 }
 
 /// Tree of bounding boxes over the triangles of a mesh.
-pub(super) struct TriangleTree {
+pub(crate) struct TriangleTree {
     nodes: Vec<BoxNode>,
     /// Triangles in the order of the leaves.
     triangles: Vec<[Point3; 3]>,
@@ -45,7 +45,7 @@ pub(super) struct TriangleTree {
 
 impl TriangleTree {
     /// Builds the tree of finite triangles; without triangles, all distances are infinite.
-    pub(super) fn new(triangles: &[[Point3; 3]]) -> Self {
+    pub(crate) fn new(triangles: &[[Point3; 3]]) -> Self {
         let items = triangles.iter().zip(0..);
         let mut items: Vec<LeafTriangle> = items.map(LeafTriangle::new).collect();
         let mut nodes = Vec::with_capacity(2 * items.len().div_ceil(MAX_LEAF_TRIANGLES));
@@ -60,15 +60,20 @@ impl TriangleTree {
     }
 
     /// Returns the index and the corners of the nearest triangle; `None` if no distance is finite.
-    pub(super) fn nearest_triangle(&self, p: Point3) -> Option<(u32, [Point3; 3])> {
+    pub(crate) fn nearest_triangle(&self, p: Point3) -> Option<(u32, [Point3; 3])> {
         let (distance, place) = self.nearest(p, 0);
         let is_near = distance.is_finite() && place < self.triangles.len();
-        is_near.then(|| (self.order[place], self.triangles[place]))
+        is_near.then(|| self.triangle(place))
+    }
+
+    /// Returns the index and the corners of the triangle at a place in the order of the leaves.
+    pub(super) fn triangle(&self, place: usize) -> (u32, [Point3; 3]) {
+        (self.order[place], self.triangles[place])
     }
 
     /// Returns the distance of each point from the nearest triangle; infinite if its square
     /// overflows.
-    pub(super) fn distances(&self, points: &[Point3]) -> Vec<f64> {
+    pub(crate) fn distances(&self, points: &[Point3]) -> Vec<f64> {
         let mut distances = vec![f64::INFINITY; points.len()];
         let runs = distances
             .par_chunks_mut(POINTS_PER_RUN)
@@ -82,9 +87,9 @@ impl TriangleTree {
         distances
     }
 
-    /// Returns the distance from the nearest triangle, and its index; `guess` is the index of a
-    /// triangle that is probably near.
-    fn nearest(&self, p: Point3, guess: usize) -> (f64, usize) {
+    /// Returns the distance from the nearest triangle, and its place in the order of the leaves;
+    /// `guess` is the place of a triangle that is probably near.
+    pub(super) fn nearest(&self, p: Point3, guess: usize) -> (f64, usize) {
         let known = self.triangles.get(guess);
         let known = known.map_or(f64::INFINITY, |t| to_triangle(p, t));
         let mut best = (if known.is_nan() { f64::INFINITY } else { known }, guess);

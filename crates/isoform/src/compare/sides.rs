@@ -13,7 +13,7 @@ const VERTEX_SHARE: f64 = 1e-12;
 /// At the nearest point of an edge or vertex, the sum of the normals of the faces around it,
 /// weighted by their angles, tells the side (J. A. Bærentzen and H. Aanæs, IEEE Trans. Vis. Comput.
 /// Graph. 11, 2005).
-pub(super) struct Sides<'a> {
+pub(crate) struct Sides<'a> {
     tree: &'a TriangleTree,
     /// Corners of each triangle, equal for equal positions.
     corners: Vec<[u32; 3]>,
@@ -24,13 +24,13 @@ pub(super) struct Sides<'a> {
     /// Sums of the normals around each corner, weighted by angles.
     vertices: Vec<Point3>,
     /// True if the normals point inward: the volume of the triangles is negative.
-    pub(super) is_inverted: bool,
+    pub(crate) is_inverted: bool,
 }
 
 impl<'a> Sides<'a> {
     /// Returns the sides of triangles; `None` unless they are closed and agree on their
     /// orientation.
-    pub(super) fn new(tree: &'a TriangleTree, triangles: &[[Point3; 3]]) -> Option<Self> {
+    pub(crate) fn new(tree: &'a TriangleTree, triangles: &[[Point3; 3]]) -> Option<Self> {
         let corners = welded(triangles);
         let mut balance: HashMap<[u32; 2], i32> = HashMap::new();
         for t in &corners {
@@ -71,7 +71,7 @@ impl<'a> Sides<'a> {
     }
 
     /// Returns true if a point is inside.
-    pub(super) fn is_inside(&self, p: Point3) -> bool {
+    pub(crate) fn is_inside(&self, p: Point3) -> bool {
         let near = self.nearest(p);
         let is_behind = |(_, foot, normal)| dot(sub(p, foot), normal) < 0.0;
         near.is_some_and(is_behind) != self.is_inverted
@@ -79,11 +79,27 @@ impl<'a> Sides<'a> {
 
     /// Returns the nearest triangle, the nearest point of it, and an outward normal there; `None` if
     /// no distance is finite.
-    pub(super) fn nearest(&self, p: Point3) -> Option<(usize, Point3, Point3)> {
-        let (i, t) = self.tree.nearest_triangle(p)?;
+    pub(crate) fn nearest(&self, p: Point3) -> Option<(usize, Point3, Point3)> {
+        Some(self.on_triangle(p, self.tree.nearest_triangle(p)?))
+    }
+
+    /// Returns a triangle's index, its nearest point, and an outward normal there.
+    fn on_triangle(&self, p: Point3, (i, t): (u32, [Point3; 3])) -> (usize, Point3, Point3) {
         let (foot, weights) = isoform_cad::nearest_on_triangle(p, t);
-        let i = i as usize;
-        Some((i, foot, self.normal(i, weights)))
+        (i as usize, foot, self.normal(i as usize, weights))
+    }
+
+    /// Computes the signed distances of points from the triangles, positive inside. Successive points
+    /// are best close together.
+    pub(crate) fn signed_distances(&self, points: &[Point3], out: &mut [f64]) {
+        let mut guess = 0;
+        for (p, out) in points.iter().zip(out) {
+            let (distance, place) = self.tree.nearest(*p, guess);
+            guess = place;
+            let (_, foot, normal) = self.on_triangle(*p, self.tree.triangle(place));
+            let is_inside = (dot(sub(*p, foot), normal) < 0.0) != self.is_inverted;
+            *out = if is_inside { distance } else { -distance };
+        }
     }
 
     /// Returns the normal at a place of a triangle.

@@ -7,15 +7,17 @@
 
 mod attributes;
 mod convolution;
+mod files;
 mod maps;
 mod math;
 mod shapes;
 mod table;
 
-use super::Mode;
 use super::ast::Argument;
+use super::files::FileTerm;
 use super::formula::{E, E3};
 use super::machine::Machine;
+use super::{Mode, Program};
 use crate::direct::Direct;
 use crate::library::Library;
 use std::cell::RefCell;
@@ -43,13 +45,15 @@ pub(crate) enum ArgumentShape {
     /// An array of the points of a chain of elements, 3 (elements + 1) items; its size determines
     /// the number of elements.
     Chain,
+    /// The name of a file, whose index in the program is the argument.
+    File,
 }
 
 impl ArgumentShape {
     /// Returns a description of the required array if one of `len` items does not match.
     pub(crate) fn refuses(self, len: u32, elements: u32, mode: Mode) -> Option<String> {
         match self {
-            Self::Number => None,
+            Self::Number | Self::File => None,
             Self::Point => {
                 (len != 3 && mode == Mode::Default).then(|| "3 items, a point".to_owned())
             }
@@ -76,6 +80,7 @@ impl ArgumentShape {
             Self::Elements(1) | Self::Each(1) => "array, one number per element".to_owned(),
             Self::Elements(n) | Self::Each(n) => format!("array, {n} numbers per element"),
             Self::Chain => "array, 3 numbers per point".to_owned(),
+            Self::File => "text in double quotes".to_owned(),
         }
     }
     /// Returns the number of elements of an array of `len` items, if this type determines it.
@@ -156,17 +161,27 @@ pub(crate) struct Function<M: Machine> {
 static NAMES: LazyLock<HashMap<String, u16>> = LazyLock::new(|| {
     let table = Function::<Direct<f64>>::TABLE;
     let rows = table.iter().enumerate();
-    rows.flat_map(|(i, row)| {
-        row.names
-            .iter()
-            .map(move |n| (n.to_ascii_lowercase(), i as u16))
-    })
-    .collect()
+    let by_name = rows.filter(|(_, row)| !row.reads_file());
+    by_name
+        .flat_map(|(i, row)| {
+            row.names
+                .iter()
+                .map(move |n| (n.to_ascii_lowercase(), i as u16))
+        })
+        .collect()
 });
 
 /// Returns the index of the function with a (lower-case) name.
 pub(crate) fn find(name: &str) -> Option<u16> {
     NAMES.get(name).copied()
+}
+
+/// Returns the index of the function of a file with a (lower-case) name. These names are not
+/// reserved: the function is meant where the name of a file follows.
+pub(crate) fn find_of_file(name: &str) -> Option<u16> {
+    let mut rows = Function::<Direct<f64>>::TABLE.iter();
+    let found = rows.position(|row| row.reads_file() && row.names.contains(&name));
+    found.map(|i| i as u16)
 }
 
 /// Returns the names of all functions, synonyms included.
@@ -185,6 +200,12 @@ impl<M: Machine> Function<M> {
     pub(crate) fn signature(&self) -> String {
         let arguments: Vec<&str> = self.arguments.iter().map(|(name, _)| *name).collect();
         format!("{}({})", self.names[0], arguments.join(", "))
+    }
+    /// Returns true if an argument is the name of a file.
+    pub(crate) fn reads_file(&self) -> bool {
+        self.arguments
+            .iter()
+            .any(|(_, shape)| *shape == ArgumentShape::File)
     }
     /// Returns true if an array argument for a point does not have three items.
     pub(crate) fn has_wrong_point(&self, arguments: &[Argument]) -> bool {
@@ -263,6 +284,7 @@ pub(crate) struct Call<'c, M: Machine> {
     machine: &'c RefCell<M>,
     memory: &'c mut [Option<M::V>],
     arguments: &'c Arguments<M::V>,
+    files: &'c [FileTerm],
     pub(crate) strict: bool,
     /// Number of steps used; `left` is the number available.
     pub(crate) spent: u64,
@@ -274,14 +296,15 @@ impl<'c, M: Machine> Call<'c, M> {
         machine: &'c RefCell<M>,
         memory: &'c mut [Option<M::V>],
         arguments: &'c Arguments<M::V>,
-        strict: bool,
+        program: &'c Program,
         left: u64,
     ) -> Self {
         Self {
             machine,
             memory,
             arguments,
-            strict,
+            files: &program.files,
+            strict: program.mode == Mode::Strict,
             spent: 0,
             left,
         }
@@ -297,6 +320,11 @@ impl<'c, M: Machine> Call<'c, M> {
             Some(v) => E::new(self.machine, v.clone()),
             None => self.c(f64::NAN),
         }
+    }
+    /// Returns the file of argument `i`.
+    fn file(&self, i: usize) -> &'c FileTerm {
+        let index = self.n(i).known().map_or(0, |v| v as usize);
+        &self.files[index]
     }
     /// Returns the size of argument `i`, an array.
     fn len(&self, i: usize) -> usize {
@@ -366,8 +394,24 @@ impl<'c, M: Machine> Call<'c, M> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Imported;
     use crate::hyperfun::Model;
+    use isoform_geom::{Field, Point3};
+    use isoform_num::{Jet2, Real};
     use std::collections::{BTreeSet, HashSet};
+    use std::sync::Arc;
+
+    /// The ball of radius 1.5, for examples with files.
+    struct Part;
+
+    impl Field for Part {
+        fn value(&self, p: Point3) -> f64 {
+            1.5 - isoform_geom::norm(p)
+        }
+        fn jet(&self, p: Point3) -> Jet2 {
+            Jet2::constant(self.value(p))
+        }
+    }
 
     #[test]
     fn every_row_is_sound() {
@@ -406,7 +450,10 @@ mod tests {
             let name = function.names[0];
             let called = function.example.contains(name);
             assert!(called && !function.section.is_empty(), "{name}");
-            let model = Model::parse(&function.example, Mode::Default).expect(name);
+            let mut model = Model::parse(&function.example, Mode::Default).expect(name);
+            for file in 0..model.files().len() {
+                model.set_file(file, Imported::new("part", Arc::new(Part)));
+            }
             let at = |i: i32| f64::from(i) / 4.0;
             let mut range = [f64::INFINITY, f64::NEG_INFINITY];
             for (i, j, k) in (0..17 * 17 * 17).map(|n| (n % 17 - 8, n / 17 % 17 - 8, n / 289 - 8)) {

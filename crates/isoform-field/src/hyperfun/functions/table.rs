@@ -1,9 +1,9 @@
 //! Table of the library. A new function is one row here and its formula (or its variant of
 //! [`Library`]).
 
-use super::ArgumentShape::{Array, Chain, Each, Elements, Number, Point};
+use super::ArgumentShape::{Array, Chain, Each, Elements, File, Number, Point};
 use super::{ArgumentShape, Call, Function, Implementation, Outcome, Sentinel};
-use super::{attributes as at, convolution as cv, maps, math, shapes};
+use super::{attributes as at, convolution as cv, files, maps, math, shapes};
 use crate::hyperfun::machine::Machine;
 use crate::library::{Axis, Library};
 use crate::ops::{Binary, Unary};
@@ -14,7 +14,7 @@ type ArgumentShapes = &'static [(&'static str, ArgumentShape)];
 type Documentation = (&'static str, &'static str);
 
 /// Sections of the table: title, and name of the first function.
-pub(super) const SECTIONS: [(&str, &str); 7] = [
+pub(super) const SECTIONS: [(&str, &str); 8] = [
     ("Mathematics", "sqrt"),
     ("Primitives", "hfSphere"),
     ("Convolution surfaces", "hfConvPoint"),
@@ -22,6 +22,7 @@ pub(super) const SECTIONS: [(&str, &str); 7] = [
     ("Operations on two values", "hfBlendUni"),
     ("Signed distances", "hfDConeX"),
     ("Attributes", "hfA_Wave"),
+    ("Files", "mesh"),
 ];
 
 const fn row<M: Machine>(
@@ -1336,6 +1337,25 @@ impl<M: Machine> Function<M> {
             (
                 "Attributes `out`: the row of the table chosen by noise of the frequency freq, scaled to [0, 1]. Returns 1.",
                 "array table[6], entries[2];\ntable = [1, 0, 0, 0, 0, 1];\nentries = [0, 0.5];\npainted = hfA_Crackles(x, s, 4, table, entries);\nmy_model = 1 - x[1]^2 - x[2]^2 - x[3]^2;",
+            ),
+        ),
+        // Files
+        formula(
+            &["mesh"],
+            &[("x", Point), ("file", File), ("accuracy", Number)],
+            files::value,
+            (
+                "Signed distance from the closed triangles of a file, positive inside: a spline with continuous gradient. Without x at the point of evaluation. accuracy: largest error near the surface, in units of length; a thousandth of the file's diagonal if left out. Elsewhere a twentieth of the distance is added to it.",
+                "my_model = mesh(\"part.stl\") - 0.1;",
+            ),
+        ),
+        formula(
+            &["surface"],
+            &[("x", Point), ("file", File)],
+            files::value,
+            (
+                "Function of a file of `isoform implicitize`. Without x at the point of evaluation.",
+                "my_model = surface(\"scan.json\") - 0.1;",
             ),
         ),
     ];
