@@ -64,7 +64,7 @@ def sample(
     >>> def ball(p):
     ...     return 1 - np.linalg.norm(p, axis=1)
     >>> mesh = isoform.mesh(isoform.sample(ball, 1.5), size=0.2, surface_only=True)
-    >>> abs(mesh.volume - 4 * np.pi / 3) < 0.05
+    >>> abs(mesh.volume - 4 * np.pi / 3) < 0.1
     True
     """
     numbers = corners(box)
