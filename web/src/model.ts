@@ -30,7 +30,7 @@ import {
 } from "./layer";
 import type { ModelDoc, ParameterDoc } from "./scene";
 import { HATCH, LIGHT, planeOf } from "./shaders";
-import { type Brick, Solid } from "./solid";
+import { type Brick, gaps, Solid } from "./solid";
 import { add, along, type Box, center, diagonal, dot, sub, through, type V3 } from "./vector";
 
 const VERTEX = `
@@ -44,9 +44,10 @@ void main() {
 `;
 
 /** Fragment shader. All positions are relative to the centre of the brick, so that single precision
- *  suffices for models far from the origin. The ray passes from cell to cell of the brick. In a
- *  cell that may contain surface the function is evaluated at a few points; where its sign changes
- *  between two of them, the root is bisected. */
+ *  suffices for models far from the origin. The ray passes from cell to cell of the brick, and at
+ *  once through all the cells around it that hold no surface. In a cell that may contain surface
+ *  the function is evaluated at a few points; where its sign changes between two of them, the root
+ *  is bisected. */
 const FRAGMENT = (solid: string, hasOpen: boolean) => `
 ${hasOpen ? "#define HAS_OPEN" : ""}
 precision highp float;
@@ -94,13 +95,26 @@ vec3 striped(vec3 base, vec3 p, float slope) {
 
 float at(vec3 p) { int part; return solid(p, part); }
 
+// Returns the share of a way at which the function changes its sign.
+float root(vec3 o, vec3 way, bool isInside) {
+  float a = 0.0, width = 1.0;
+  for (int k = 0; k < HALVINGS; k++) {
+    width *= 0.5;
+    if ((at(o + (a + width) * way) >= 0.0) == isInside) a += width;
+  }
+  return a + 0.5 * width;
+}
+
 void paint(vec3 p, vec3 toEye, bool isCap) {
   vec4 c = clip * vec4(p, 1.0);
   gl_FragDepth = 0.5 * c.z / c.w + 0.5;
   if (isCap) { outColor = vec4(hatched(cap), opacity); return; }
-  int part;
-  solid(p, part);
-  vec3 base = byPart ? texelFetch(palette, ivec2(part & 1023, part >> 10), 0).rgb : color;
+  vec3 base = color;
+  if (byPart) {
+    int part;
+    solid(p, part);
+    base = texelFetch(palette, ivec2(part & 1023, part >> 10), 0).rgb;
+  }
   float h = 2e-3 * max(cell.x, max(cell.y, cell.z));
   vec2 k = vec2(1.0, -1.0);
   vec3 slope = k.xyy * at(p + h * k.xyy) + k.yyx * at(p + h * k.yyx);
@@ -134,45 +148,52 @@ void main() {
   else if (slope < 0.0 && room / slope > from) { from = room / slope; isAtPlane = true; }
   else if (slope == 0.0 && room < 0.0) discard;
   if (from >= to) discard;
-  float f = at(o + from * d);
-  if (hasCaps && f >= 0.0 && (isAtPlane || (isCut && isAtBox))) { paint(o + from * d, -d, true); return; }
+  float f = 0.0;
+  bool isKnown = false;
+  if (hasCaps && (isAtPlane || (isCut && isAtBox))) {
+    f = at(o + from * d);
+    isKnown = true;
+    if (f >= 0.0) { paint(o + from * d, -d, true); return; }
+  }
   vec3 start = (o + from * d - lo) / cell;
   ivec3 i = clamp(ivec3(floor(start)), ivec3(0), cells - 1);
   ivec3 way = ivec3(sign(inverse));
   vec3 next = (lo + cell * (vec3(i) + vec3(greaterThan(way, ivec3(0)))) - o) * inverse;
   vec3 width = abs(cell * inverse);
   float t = from;
-  bool isKnown = true;
-  for (int k = 0; k < 400; k++) {
-    float leave = min(min(next.x, min(next.y, next.z)), to);
-    if (texelFetch(brick, i, 0).r > 0.0) {
-      if (!isKnown) f = at(o + t * d);
+  // Two places between which the sign changes. What follows is computed after the loop, for
+  // neighbouring pixels at once.
+  float before = 0.0, behind = 0.0;
+  bool isFound = false, isInside = false;
+  for (int k = 0; k < 400 && !isFound; k++) {
+    // Cells to the nearest that may contain surface.
+    float gap = round(255.0 * texelFetch(brick, i, 0).r);
+    vec3 ends = next + max(gap - 1.0, 0.0) * width;
+    float leave = min(min(ends.x, min(ends.y, ends.z)), to);
+    if (gap == 0.0) {
       float a = t;
-      for (int j = 1; j <= STEPS; j++) {
+      for (int j = isKnown ? 1 : 0; j <= STEPS && !isFound; j++) {
         float b = mix(t, leave, float(j) / float(STEPS));
         float g = at(o + b * d);
-        if ((f >= 0.0) != (g >= 0.0)) {
-          bool inside = f >= 0.0;
-          for (int h = 0; h < HALVINGS; h++) {
-            float m = 0.5 * (a + b);
-            if ((at(o + m * d) >= 0.0) == inside) a = m; else b = m;
-          }
-          paint(o + 0.5 * (a + b) * d, -d, false);
-          return;
-        }
+        isFound = j > 0 && (f >= 0.0) != (g >= 0.0);
+        before = a;
+        behind = b;
+        isInside = f >= 0.0;
         a = b;
         f = g;
       }
-      isKnown = true;
-    } else isKnown = false;
+    }
+    isKnown = gap == 0.0;
     if (leave >= to) break;
     t = leave;
-    if (next.x <= next.y && next.x <= next.z) { i.x += way.x; next.x += width.x; }
-    else if (next.y <= next.z) { i.y += way.y; next.y += width.y; }
-    else { i.z += way.z; next.z += width.z; }
+    vec3 passed = max(floor((leave - next) / width) + 1.0, 0.0);
+    i += way * ivec3(passed);
+    next += passed * width;
     if (any(lessThan(i, ivec3(0))) || any(greaterThanEqual(i, cells))) break;
   }
-  discard;
+  if (!isFound) discard;
+  vec3 first = o + before * d, step = (behind - before) * d;
+  paint(first + root(first, step, isInside) * step, -d, false);
 }
 `;
 
@@ -328,15 +349,12 @@ export class ModelLayer implements Layer {
     u.brick.value?.dispose();
     u.brick.value = null;
     if (!this.brick) return;
-    const { box, n, cells } = this.brick;
+    const { box, n } = this.brick;
     this.middle = center(box);
     this.fill(u.u.value);
     if (this.open.length) this.tryOpen(u.w.value);
     u.least.value = MOVES * diagonal(box);
-    const texture = new Data3DTexture(
-      cells.map((c) => 255 * c),
-      ...n,
-    );
+    const texture = new Data3DTexture(gaps(this.brick), ...n);
     texture.format = RedFormat;
     texture.minFilter = texture.magFilter = NearestFilter;
     texture.unpackAlignment = 1;

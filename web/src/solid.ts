@@ -26,6 +26,42 @@ export interface Brick {
   cells: Uint8Array;
 }
 
+/** Returns for each cell the number of cells to the nearest that may contain surface, along the
+ *  axis on which it is the farthest: 0 for those cells themselves, 255 at most. */
+export function gaps({ n, cells }: Brick): Uint8Array<ArrayBuffer> {
+  // A border of one cell stands for what is around the grid.
+  const m = n.map((k) => k + 2);
+  const wide = new Uint8Array(m[0] * m[1] * m[2]).fill(255);
+  const place = (x: number, y: number, z: number) => x + 1 + m[0] * (y + 1 + m[1] * (z + 1));
+  const steps = [-1, 0, 1];
+  const around = steps
+    .flatMap((z) => steps.flatMap((y) => steps.map((x) => x + m[0] * (y + m[1] * z))))
+    .filter((step) => step < 0);
+  const lower = (at: number, sign: number) => {
+    let least = wide[at] - 1;
+    for (let k = 0; k < around.length; k++) {
+      const other = wide[at + sign * around[k]];
+      if (other < least) least = other;
+    }
+    wide[at] = least + 1;
+  };
+  const result = new Uint8Array(cells.length);
+  const rows: [number, number][] = [];
+  for (let z = 0; z < n[2]; z++)
+    for (let y = 0; y < n[1]; y++) rows.push([place(0, y, z), n[0] * (y + n[1] * z)]);
+  for (const [to, from] of rows)
+    for (let x = 0; x < n[0]; x++) {
+      if (cells[from + x]) wide[to + x] = 0;
+      else lower(to + x, 1);
+    }
+  for (const [to, from] of rows.reverse())
+    for (let x = n[0] - 1; x >= 0; x--) {
+      if (wide[to + x]) lower(to + x, -1);
+      result[from + x] = wide[to + x];
+    }
+  return result;
+}
+
 export class Solid {
   readonly surface: Tape;
   private readonly point: Evaluator;

@@ -224,6 +224,27 @@ test("the grid holds all of the surface", () => {
   }
 });
 
+test("gaps of cells are those to the nearest that may contain surface", () => {
+  for (const [n, share] of [
+    [[9, 7, 5], 0.02],
+    [[1, 6, 11], 0.1],
+    [[4, 4, 4], 0],
+  ]) {
+    const cells = Uint8Array.from({ length: n[0] * n[1] * n[2] }, () => Number(random() < share));
+    const places = [...cells.keys()].map((i) => [
+      i % n[0],
+      Math.floor(i / n[0]) % n[1],
+      Math.floor(i / n[0] / n[1]),
+    ]);
+    const full = places.filter((_, i) => cells[i]);
+    const found = solid.gaps({ box: { lo: [0, 0, 0], hi: n }, n, cells });
+    places.forEach((p, i) => {
+      const away = full.map((q) => Math.max(...p.map((v, k) => Math.abs(v - q[k]))));
+      assert.equal(found[i], Math.min(255, ...away), `${p} of ${n}`);
+    });
+  }
+});
+
 test("the tree finds the triangle that trying all of them finds", () => {
   const points = Float64Array.from({ length: 900 }, () => between(-1, 1));
   const triangles = Uint32Array.from({ length: 900 }, () => Math.floor(300 * random()));
