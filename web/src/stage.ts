@@ -108,7 +108,7 @@ export class Stage {
       this.onPick();
     };
     if (!isCameraKept) this.view.fit(STANDARD[0][1], [0, 0, 1]);
-    this.view.draw();
+    this.view.want();
     panel.refresh();
     return [viewer, panel];
   }

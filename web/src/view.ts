@@ -77,10 +77,16 @@ export class View {
   private share = 1;
   /** Milliseconds that the last frame of a motion took. */
   private pace = 0;
+  /** Sign that the graphics card gives when it has drawn the last frame; null if none waits. */
+  private last: WebGLSync | null = null;
   /** True if all of large layers is drawn. */
   private isWhole = false;
+  /** True if the picture is drawn finely. */
+  private isFine = false;
 
   private layers: Layer[] = [];
+  /** Layers that are no longer shown, until the next drawing, which may use their shaders. */
+  private readonly past: Layer[] = [];
   /** Centre of the scene, in coordinates of the file. */
   origin: V3 = [0, 0, 0];
 
@@ -92,24 +98,36 @@ export class View {
     this.canvas = this.renderer.domElement;
     this.canvas.setAttribute("aria-hidden", "true");
     pane.prepend(this.canvas);
-    new ResizeObserver(() => this.draw()).observe(pane);
+    new ResizeObserver(() => this.isOfSize() || this.draw()).observe(pane);
     pane.addEventListener("pointerenter", () => this.refine());
   }
 
   /** Shows these layers in place of others. */
   put(layers: Layer[], origin: V3): void {
-    for (const { object } of this.layers) {
-      this.scene.remove(object);
+    for (const layer of this.layers) this.scene.remove(layer.object);
+    this.past.push(...this.layers);
+    this.layers = layers;
+    this.origin = origin;
+    this.section = null;
+    for (const layer of layers) this.scene.add(layer.object);
+  }
+
+  /** Frees the memory of layers that are no longer shown. */
+  private clean(): void {
+    for (const { object } of this.past.splice(0)) {
       object.traverse((part) => {
         const { geometry, material } = part as Partial<Mesh<BufferGeometry, Material>>;
         geometry?.dispose();
         material?.dispose();
       });
     }
-    this.layers = layers;
-    this.origin = origin;
-    this.section = null;
-    for (const layer of layers) this.scene.add(layer.object);
+  }
+
+  /** True if the picture has the size of the pane. */
+  private isOfSize(): boolean {
+    const { x, y } = this.renderer.getSize(new Vector2());
+    const [width, height] = this.size;
+    return x === width && y === height;
   }
 
   /** Returns the pane's width and height, which need not be whole pixels. */
@@ -125,15 +143,16 @@ export class View {
     requestAnimationFrame(() => {
       if (!this.isWanted) return;
       this.draw();
-      if (this.passes) this.time();
-      else this.refine();
+      if (this.passes || this.isSampled) this.time();
     });
   }
 
-  /** Measures the time until the picture is drawn, which the graphics card does on its own. */
+  /** Measures the time until the picture is drawn, which the graphics card does on its own. A rest
+   *  begins only then: fine pictures between those of a slow motion would make it slower. */
   private time(): void {
     const gl = this.renderer.getContext() as WebGL2RenderingContext;
     const sync = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    this.last = sync;
     if (!sync) return;
     gl.flush();
     const began = performance.now();
@@ -143,34 +162,40 @@ export class View {
         return;
       }
       gl.deleteSync(sync);
-      this.adapt(performance.now() - began);
+      this.pace = performance.now() - began;
+      if (this.passes) this.adapt();
+      else if (sync === this.last) this.refine();
     };
     setTimeout(look, 4);
   }
 
   /** Draws less of large layers where a frame takes long, and more where it does not. */
-  private adapt(elapsed: number): void {
-    this.pace = elapsed;
-    if (elapsed > SLOW) this.share = Math.max(this.share / 2, LEAST);
-    else if (elapsed < SLOW / 2) this.share = Math.min(1, 1.1 * this.share);
+  private adapt(): void {
+    if (this.pace > SLOW) this.share = Math.max(this.share / 2, LEAST);
+    else if (this.pace < SLOW / 2) this.share = Math.min(1, 1.1 * this.share);
   }
 
   /** Draws finely after a rest, which smooths the edges of models with one sample per pixel. */
   private refine(): void {
     clearTimeout(this.rest);
     const passes = this.passes;
-    if (passes && this.isWhole) return;
+    if (passes ? this.isWhole : this.isFine) return;
+    // Not between two frames of a slow motion.
+    const rest = REST + 2 * this.pace;
     if (passes) {
-      // Not between two frames of a slow motion.
-      const rest = REST + 2 * this.pace;
       const isClear = this.layers.some((l) => l.passes && l.visible && l.opacity < 1);
       // Parts that are drawn over one another would blend with themselves.
       const all = () => (isClear ? this.draw(1, true) : this.add(1, passes));
       this.rest = setTimeout(all, rest) as unknown as number;
       return;
     }
-    if (!this.layers.some((l) => l.visible && l.isSampled)) return;
-    this.rest = setTimeout(() => this.draw(FINER), REST) as unknown as number;
+    if (!this.isSampled) return;
+    this.rest = setTimeout(() => this.draw(FINER), rest) as unknown as number;
+  }
+
+  /** True if a visible layer has one sample per pixel. */
+  private get isSampled(): boolean {
+    return this.layers.some((l) => l.visible && l.isSampled);
   }
 
   /** Number of parts in which the layers are drawn; 0 if one frame suffices. */
@@ -200,6 +225,7 @@ export class View {
     clearTimeout(this.rest);
     cancelAnimationFrame(this.frame);
     this.isWanted = false;
+    this.last = null;
     const [width, height] = this.size;
     if (!width || !height) return;
     const ratio = finer * Math.min(2, devicePixelRatio || 1);
@@ -214,8 +240,10 @@ export class View {
       layer.pass?.(isWhole ? null : 0, this.share);
     }
     this.renderer.render(this.scene, this.three());
+    this.clean();
     this.onDrawn();
     this.isWhole = isWhole;
+    this.isFine = finer > 1;
     if (!isWhole && this.passes) this.refine();
   }
 
