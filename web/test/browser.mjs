@@ -10,19 +10,14 @@ import { dirname, join } from "node:path";
 import { createInterface } from "node:readline";
 import { after, test } from "node:test";
 import { fileURLToPath, pathToFileURL } from "node:url";
-import { chromium } from "playwright-core";
+import { launch, opener } from "./windows.mjs";
 
 const root = join(dirname(fileURLToPath(import.meta.url)), "../..");
 const isoform = process.env.ISOFORM ?? join(root, "target/release/isoform");
 const folder = mkdtempSync(join(tmpdir(), "isoform-browser-"));
-const browser = await chromium.launch({
-  executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
-  args: ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
-});
-after(async () => {
-  await browser.close();
-  rmSync(folder, { recursive: true });
-});
+const browser = await launch();
+const open = opener(browser, { viewport: { width: 800, height: 500 } }, 30_000);
+after(() => rmSync(folder, { recursive: true }));
 
 const path = (name) => join(folder, name);
 function file(name, text) {
@@ -35,23 +30,6 @@ function run(args, ends = [0]) {
   assert.ok(ends.includes(status), stderr);
 }
 
-/** Opens a page; what it complains of is an error at its end. */
-async function open(address, use, size = { width: 800, height: 500 }) {
-  const page = await browser.newPage({ viewport: size });
-  page.setDefaultTimeout(30_000);
-  const errors = [];
-  page.on("console", (m) => m.type() === "error" && errors.push(m.text()));
-  page.on("pageerror", (e) => errors.push(String(e)));
-  try {
-    await page.goto(address);
-    await page.evaluate("isoform.ready");
-    const result = await use(page);
-    assert.deepEqual(errors, []);
-    return result;
-  } finally {
-    await page.close();
-  }
-}
 /** Opens the page of some files. */
 function view(args, use) {
   const name = `${args.map((a) => a.replace(/\W/g, "")).join("_")}.html`;
@@ -128,35 +106,52 @@ const look = (page, c) =>
   );
 
 test("what is far from the origin looks like what is near it", async () => {
-  const around = (c) => {
-    const [lo, hi] = [c - 1.1, c + 1.1];
-    return `--box=${lo},${lo},${lo},${hi},${hi},${hi}`;
-  };
-  const kinds = {
-    model: (c) => [file(`${c}.hf`, dented(c)), around(c)],
-    mesh: (c) => [file(`${c}.obj`, bowl(c))],
-    points: (c) => [file(`${c}.xyz`, points(bowl(c)))],
-  };
-  for (const [kind, files] of Object.entries(kinds)) {
-    const [near, far] = await Promise.all(
-      [0, FAR].map((c) =>
-        view(files(c), async (page) => {
-          await look(page, c);
-          await page.evaluate(
-            (c) => window.isoform.section({ normal: [0, 0, 1], offset: c + 0.4 }),
-            c,
-          );
+  const kinds = ["model", "mesh", "points"];
+  // One page for all kinds, each of which is shown alone.
+  const [near, far] = await Promise.all(
+    [0, FAR].map((c) => {
+      const [lo, hi] = [c - 1.1, c + 1.1];
+      const files = [
+        file(`${c}.hf`, dented(c)),
+        `--box=${lo},${lo},${lo},${hi},${hi},${hi}`,
+        file(`${c}.obj`, bowl(c)),
+        file(`${c}.xyz`, points(bowl(c))),
+      ];
+      return view(files, async (page) => {
+        const layers = await page.evaluate("isoform.layers()");
+        assert.deepEqual(
+          layers.map(({ kind }) => kind),
+          kinds,
+        );
+        await look(page, c);
+        await page.evaluate(
+          (c) => window.isoform.section({ normal: [0, 0, 1], offset: c + 0.4 }),
+          c,
+        );
+        const shown = [];
+        for (const { id } of layers) {
+          for (const other of layers)
+            await page.evaluate(
+              ([id, visible]) => window.isoform.set(id, { visible }),
+              [other.id, other.id === id],
+            );
           const hit = await page.evaluate(() => window.isoform.pick(260, 260));
-          return { image: await picture(page), hit: hit?.point.map((v) => v - c) };
-        }),
+          shown.push({ image: await picture(page), hit: hit?.point.map((v) => v - c) });
+        }
+        return shown;
+      });
+    }),
+  );
+  kinds.forEach((kind, i) => {
+    const share = differing(near[i].image, far[i].image);
+    assert.ok(share < 0.004, `${kind}: ${share} of the pixels differ`);
+    near[i].hit?.forEach((v, k) =>
+      assert.ok(
+        Math.abs(v - far[i].hit[k]) < 1e-3,
+        `${kind}: picked at ${far[i].hit} of ${near[i].hit}`,
       ),
     );
-    const share = differing(near.image, far.image);
-    assert.ok(share < 0.004, `${kind}: ${share} of the pixels differ`);
-    near.hit?.forEach((v, k) =>
-      assert.ok(Math.abs(v - far.hit[k]) < 1e-3, `${kind}: picked at ${far.hit} of ${near.hit}`),
-    );
-  }
+  });
 });
 
 test("layers far from one another are drawn as each of them alone", async () => {
@@ -173,7 +168,7 @@ test("layers far from one another are drawn as each of them alone", async () => 
 });
 
 test("many points are drawn one part after the other, to the picture of all of them", async () => {
-  const count = 600_000;
+  const count = 520_000;
   const header = `ply\nformat binary_little_endian 1.0\nelement vertex ${count}\n`;
   const values = new Float32Array(3 * count);
   for (let i = 0; i < count; i++) {
@@ -185,7 +180,10 @@ test("many points are drawn one part after the other, to the picture of all of t
   file("many.ply", Buffer.concat([Buffer.from(`${header}${properties}end_header\n`), bytes]));
   await view(["many.ply"], async (page) => {
     const shown = () => page.locator("[data-pane=space] canvas").evaluate((c) => c.toDataURL());
-    const moving = await shown();
+    const moving = await page.evaluate(async () => {
+      await window.isoform.camera({});
+      return document.querySelector("[data-pane=space] canvas").toDataURL();
+    });
     let last = "";
     for (let still = 0; still < 3;) {
       await page.waitForTimeout(1200);

@@ -13,20 +13,17 @@ import { dirname, join } from "node:path";
 import { createInterface } from "node:readline";
 import { after, test } from "node:test";
 import { fileURLToPath } from "node:url";
-import { chromium } from "playwright-core";
+import { launch, opener } from "./windows.mjs";
 
 const root = join(dirname(fileURLToPath(import.meta.url)), "../..");
 const isoform = process.env.ISOFORM ?? join(root, "target/release/isoform");
 const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 const folder = mkdtempSync(join(tmpdir(), "isoform-studio-"));
-const browser = await chromium.launch({
-  executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
-  args: ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
-});
-after(async () => {
-  await browser.close();
-  rmSync(folder, { recursive: true });
-});
+const browser = await launch();
+// Nothing here compares pictures: a quarter of their pixels suffices.
+const options = { viewport: { width: 1360, height: 860 }, deviceScaleFactor: 0.5 };
+const inWindow = opener(browser, options, 60_000);
+after(() => rmSync(folder, { recursive: true }));
 
 const path = (name) => join(folder, name);
 /** Runs the program in a folder; returns its document. */
@@ -92,25 +89,12 @@ async function serve(words) {
  *  which the policy forbids. */
 const USUAL = /status of 422|Applying inline style/;
 /** Opens a page; what it complains of is an error at its end. */
-async function open(address, use, allowed = USUAL) {
-  const page = await browser.newPage({ viewport: { width: 1360, height: 860 } });
-  page.setDefaultTimeout(60_000);
-  const errors = [];
-  page.on("console", (m) => m.type() === "error" && errors.push(m.text()));
-  page.on("pageerror", (e) => errors.push(String(e)));
-  try {
-    await page.goto(address);
-    await page.evaluate("isoform.ready");
-    const result = await use(page);
+function open(address, use, allowed = USUAL) {
+  const saved = async (page) => {
+    await use(page);
     await page.evaluate("isoform.saved()").catch(() => {});
-    assert.deepEqual(
-      errors.filter((e) => !allowed.test(e)),
-      [],
-    );
-    return result;
-  } finally {
-    await page.close();
-  }
+  };
+  return inWindow(address, saved, allowed);
 }
 /** Starts a studio and opens its page. */
 async function studio(words, use, allowed) {
