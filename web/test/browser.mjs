@@ -4,7 +4,7 @@
 import assert from "node:assert/strict";
 import { spawn, spawnSync } from "node:child_process";
 import { once } from "node:events";
-import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { dirname, join } from "node:path";
 import { createInterface } from "node:readline";
@@ -25,8 +25,8 @@ function file(name, text) {
   return path(name);
 }
 /** Runs the program, to one of these ends. */
-function run(args, ends = [0]) {
-  const { status, stderr } = spawnSync(isoform, args, { cwd: folder, encoding: "utf8" });
+function run(args, ends = [0], env = process.env) {
+  const { status, stderr } = spawnSync(isoform, args, { cwd: folder, encoding: "utf8", env });
   assert.ok(ends.includes(status), stderr);
 }
 
@@ -37,11 +37,11 @@ function view(args, use) {
   return open(pathToFileURL(path(name)).href, use);
 }
 
-/** The picture of the pane of space as bytes of red, green, blue and opacity. */
-async function picture(page) {
-  const bytes = await page.evaluate(async () => {
+/** A picture as bytes of red, green, blue and opacity. */
+async function pixels(page, address) {
+  const bytes = await page.evaluate(async (address) => {
     const image = new Image();
-    image.src = await window.isoform.screenshot();
+    image.src = address;
     await image.decode();
     const canvas = new OffscreenCanvas(image.width, image.height);
     const context = canvas.getContext("2d");
@@ -51,9 +51,11 @@ async function picture(page) {
     for (let i = 0; i < data.length; i += 8192)
       text += String.fromCharCode(...data.subarray(i, i + 8192));
     return btoa(text);
-  });
+  }, address);
   return Buffer.from(bytes, "base64");
 }
+/** The picture of the pane of space. */
+const picture = async (page) => pixels(page, await page.evaluate("isoform.screenshot()"));
 /** The share of pixels that differ by more than this. */
 function differing(a, b, by = 24) {
   assert.equal(a.length, b.length);
@@ -214,6 +216,57 @@ test("what is picked of a solid is on its face, not on a triangle", async () => 
       assert.ok(Math.abs(Math.hypot(...hit.point) - 2) < 1e-9, `${hit.point}`);
     }
   });
+});
+
+test("drawings of render cover what its pictures cover, and parts have colours", async () => {
+  const page = await browser.newPage();
+  const size = [320, 240];
+  const made = async (ending, words) => {
+    const how = ["--camera", "3.2,-0.9,1.1,0,0,0", "--size", size.join("x"), "-q"];
+    // Neither a screen nor other programs are needed.
+    run(["render", ...words, ...how, "-o", `drawn.${ending}`], [0], { PATH: "/nonexistent" });
+    const text = readFileSync(path(`drawn.${ending}`)).toString("base64");
+    return pixels(page, `data:image/${ending === "svg" ? "svg+xml" : ending};base64,${text}`);
+  };
+  const covered = (image) =>
+    Array.from({ length: image.length / 4 }, (_, i) =>
+      [0, 1, 2].some((k) => Math.abs(image[4 * i + k] - image[k]) > 12),
+    );
+  const program = `my_model(x[3], a[1]) {
+    array c[3], d[3];
+    c = [0, 0, 0]; d = [0.5, 0, 0];
+    ball = hfSphere(x, c, 1); dent = hfSphere(x, d, 0.8);
+    my_model = ball \\ dent;
+  }`;
+  const model = file("drawn.hf", program);
+  const scan = file("drawn.xyz", points(bowl(0)));
+  const share = (mask) => mask.filter((is) => is).length / mask.length;
+  for (const files of [[model], [file("drawn.obj", bowl(0))]]) {
+    const [a, b] = [covered(await made("png", files)), covered(await made("svg", files))];
+    assert.equal(a.length, size[0] * size[1]);
+    const both = share(a.map((is, i) => is && b[i]));
+    const any = share(a.map((is, i) => is || b[i]));
+    assert.ok(any > 0.1 && both > 0.96 * any, `${files}: ${both} of ${any}`);
+  }
+  const cloud = share(covered(await made("png", [scan])));
+  assert.ok(cloud > 0.02 && cloud < 0.2, `${cloud}`);
+  const layers = share(covered(await made("png", [scan, model])));
+  assert.ok(layers > 0.4 && layers < 0.95, `${layers}`);
+  const image = await made("png", [model, "--color-by", "part"]);
+  const tint = (x, y) => {
+    const rgb = [...image.subarray(4 * (y * size[0] + x)).subarray(0, 3)];
+    const least = Math.min(...rgb);
+    return rgb.map((v) => (v - least) / (Math.max(...rgb) - least));
+  };
+  const apart = (p, q) => Math.hypot(...tint(...p).map((v, k) => v - tint(...q)[k]));
+  // The dent is in the middle, the ball is seen beside it.
+  const [dent, ball] = [
+    [160, 120],
+    [60, 120],
+  ];
+  assert.ok(apart(dent, [148, 160]) < 0.1 && apart(ball, [80, 60]) < 0.1);
+  assert.ok(apart(dent, ball) > 0.5);
+  await page.close();
 });
 
 /** Points of a tube without its ends, which leave the height of a cylinder open. */
