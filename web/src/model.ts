@@ -192,8 +192,8 @@ void main() {
     if (any(lessThan(i, ivec3(0))) || any(greaterThanEqual(i, cells))) break;
   }
   if (!isFound) discard;
-  vec3 first = o + before * d, step = (behind - before) * d;
-  paint(first + root(first, step, isInside) * step, -d, false);
+  vec3 first = o + before * d, stride = (behind - before) * d;
+  paint(first + root(first, stride, isInside) * stride, -d, false);
 }
 `;
 
