@@ -2,8 +2,7 @@
 
 A line `data | PLACE | FILE FILE:N ...` of LIST makes FOLDER/PLACE of these files of SHARED/PLACE:
 links, or with N the first N lines of a text, N items of each list of a .json; of shapes.py N shapes
-whose intervals are tried and N + 1 to tell apart. Next to them lie links to what they refer to. Lines
-`own | PLACE | ...` take files of this repository.
+whose intervals are tried and N + 1 to tell apart. Next to them lie links to what they refer to.
 """
 import json
 import sys
@@ -32,16 +31,15 @@ for name in ("data", "hyperfun", "models"):
     (folder / name).symlink_to(shared / name)
 for line in listing.read_text().splitlines():
     kind, *fields = (word.strip() for word in line.split(" | "))
-    if kind not in ("data", "own"):
+    if kind != "data":
         continue
-    source_folder = shared if kind == "data" else listing.parent.parent
     place, words = fields
     (folder / place).mkdir(parents=True, exist_ok=True)
     for word in words.split():
         pattern, _, n = word.partition(":")
-        sources = sorted((source_folder / place).glob(pattern))
+        sources = sorted((shared / place).glob(pattern))
         if not sources:
-            sys.exit(f"{listing}: no {pattern} in {source_folder / place}")
+            sys.exit(f"{listing}: no {pattern} in {shared / place}")
         for source in sources:
             target = folder / place / source.name
             if n:
