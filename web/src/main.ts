@@ -1,6 +1,7 @@
 // Start of the page: layers from the document, panes, panel, and window.isoform.
 
 import { h } from "./dom";
+import { addSaving } from "./report";
 import { readScene } from "./scene";
 import { Stage } from "./stage";
 import type { Camera } from "./view";
@@ -90,6 +91,7 @@ function isoform(ready: Promise<Viewer>): Record<string, unknown> {
   });
 }
 
+addSaving(document);
 const root = document.querySelector<HTMLElement>("[data-isoform-view]");
 if (root) {
   const ready = start(root).catch((error) => refuse(root, error));

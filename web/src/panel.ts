@@ -75,7 +75,9 @@ export class Panel {
   }
 
   private group(title: string, ...children: (Node | string)[]): HTMLElement {
-    return h("details", { open: true }, h("summary", {}, h("h2", {}, title)), ...children);
+    // On a phone many sliders would hide what follows.
+    const isOpen = title !== "Parameters" || innerWidth > 640;
+    return h("details", { open: isOpen }, h("summary", {}, h("h2", {}, title)), ...children);
   }
 
   private layers(): HTMLElement {
@@ -96,7 +98,10 @@ export class Panel {
       step: "0.05",
       input: () => viewer.set(layer.id, { opacity: Number(opacity.value) }),
     });
-    const colors = h("select", { change: () => viewer.set(layer.id, { colorBy: colors.value }) });
+    const colors = h("select", {
+      title: "What the colours of this layer tell",
+      change: () => viewer.set(layer.id, { colorBy: colors.value }),
+    });
     const key = h("div", { class: "iv-key" });
     let shown = "";
     const refresh = () => {
@@ -270,7 +275,15 @@ export class Panel {
     return this.group(
       "Parameters",
       ...rows,
-      h("button", { type: "button", click: () => viewer.resetParameters() }, "As given"),
+      h(
+        "button",
+        {
+          type: "button",
+          title: "Back to the values that the page began with",
+          click: () => viewer.resetParameters(),
+        },
+        "As given",
+      ),
     );
   }
 
@@ -373,7 +386,15 @@ export class Panel {
   }
 
   private picking(): HTMLElement {
-    const measure = h("button", { type: "button", "aria-pressed": "false" }, "Measure");
+    const measure = h(
+      "button",
+      {
+        type: "button",
+        title: "Distances, angles and circles through the points that are clicked",
+        "aria-pressed": "false",
+      },
+      "Measure",
+    );
     measure.addEventListener("click", () => {
       this.isMeasuring = !this.isMeasuring;
       this.measured.length = 0;
@@ -434,23 +455,31 @@ export class Panel {
 
   private camera(): HTMLElement {
     const { viewer } = this;
-    const button = (name: string, act: () => void) =>
-      h("button", { type: "button", click: act }, name);
+    const button = (name: string, act: () => void, title = `View: ${name}`) =>
+      h("button", { type: "button", title, click: act }, name);
     const views = STANDARD.map(([name, from]) =>
       button(name, () => viewer.view.fit(from, [0, 0, 1])),
     );
     const flat = h("input", { type: "checkbox", change: () => viewer.view.flatten(flat.checked) });
     const said = h("small", { role: "status" });
-    const link = button("Link", () => {
-      location.hash = viewer.state();
-      said.textContent = "The address of this page now restores the view.";
-      navigator.clipboard?.writeText(location.href).catch(() => {});
-    });
-    const shot = button("Picture", () => {
-      viewer.view.draw();
-      const save = h("a", { href: viewer.view.picture(), download: "isoform.png" });
-      save.click();
-    });
+    const link = button(
+      "Link",
+      () => {
+        location.hash = viewer.state();
+        said.textContent = "The address of this page now restores the view.";
+        navigator.clipboard?.writeText(location.href).catch(() => {});
+      },
+      "Copy the address that shows this view",
+    );
+    const shot = button(
+      "Picture",
+      () => {
+        viewer.view.draw();
+        const save = h("a", { href: viewer.view.picture(), download: "isoform.png" });
+        save.click();
+      },
+      "Save this picture as PNG",
+    );
     this.rows.push({
       layer: viewer.layers[0],
       refresh: () => {
@@ -462,10 +491,15 @@ export class Panel {
       h(
         "div",
         { class: "buttons" },
-        button("Fit", () => viewer.view.fit()),
+        button("Fit", () => viewer.view.fit(), "All of the scene (F)"),
         ...views,
       ),
-      h("label", { class: "iv-name" }, flat, "Parallel projection"),
+      h(
+        "label",
+        { class: "iv-name", title: "Without perspective, as in drawings (P)" },
+        flat,
+        "Parallel projection",
+      ),
       h("div", { class: "buttons" }, link, shot),
       said,
       h(

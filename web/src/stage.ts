@@ -1,6 +1,7 @@
 // Stage: the panes of space and parameters and the panel, for one scene after the other.
 
 import { Vector3 } from "three";
+import { Bearing } from "./bearing";
 import { control } from "./controls";
 import { h } from "./dom";
 import { Domain } from "./domain";
@@ -76,7 +77,11 @@ export class Stage {
       (key) => this.act(key),
       (x, y) => (this.onMenu ? this.onMenu(x, y) : this.shown?.viewer.pickSpace(x, y)),
     );
-    view.onDrawn = () => this.shown?.marks.refresh();
+    const bearing = new Bearing(view);
+    view.onDrawn = () => {
+      this.shown?.marks.refresh();
+      bearing.refresh();
+    };
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.repaint());
   }
 
@@ -133,7 +138,12 @@ export class Stage {
     viewer.domain = domain;
     const toggle = h(
       "button",
-      { type: "button", class: "over", "aria-pressed": "false" },
+      {
+        type: "button",
+        class: "over",
+        title: "Only the finite parameters s and t, without those at infinity",
+        "aria-pressed": "false",
+      },
       "Affine",
     );
     toggle.addEventListener("click", () => {

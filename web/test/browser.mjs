@@ -288,6 +288,30 @@ function striped(image) {
   return count;
 }
 
+/** Saves a table and a drawing of a report: they hold what the page shows. */
+async function saves(page) {
+  const saved = async (section, name) => {
+    const [download] = await Promise.all([
+      page.waitForEvent("download"),
+      page.locator(section).getByRole("button", { name }).click(),
+    ]);
+    return readFileSync(await download.path(), "utf8");
+  };
+  const rows = (await saved('[data-save="parameters.csv"]', "Save CSV")).trimEnd().split("\r\n");
+  const names = await page.locator('[data-save="parameters.csv"] table').first().locator("tr b");
+  assert.deepEqual(
+    rows.slice(1).map((row) => row.split(",")[0]),
+    await names.allInnerTexts(),
+  );
+  assert.equal(new Set(rows.map((row) => row.replace(/"[^"]*"/g, "").split(",").length)).size, 1);
+  const svg = await saved('[data-save="drawing.svg"]', "Save SVG");
+  const parsed = await page.evaluate((text) => {
+    const root = new DOMParser().parseFromString(text, "image/svg+xml").documentElement;
+    return [root.localName, root.querySelector("style").textContent.includes(".sheet .paper")];
+  }, svg);
+  assert.deepEqual(parsed, ["svg", true]);
+}
+
 test("what moves with undetermined parameters is striped, and they are named", async () => {
   // 3: the ends are without data, and the fit is not accepted.
   run(["fit", file("tube.xyz", tube()), "-t", "cylinder", "-o", "report.html", "-q"], [0, 3]);
@@ -316,6 +340,7 @@ test("what moves with undetermined parameters is striped, and they are named", a
     await page.getByLabel("Stripes: undetermined").uncheck();
     await page.evaluate(() => window.isoform.fitView());
     assert.equal(striped(await picture(page)), 0);
+    await saves(page);
   });
 });
 

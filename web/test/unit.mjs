@@ -19,6 +19,7 @@ const entry = [
   "exact",
   "dom",
   "scene",
+  "bearing",
   "studio/ply",
   "studio/parts",
   "studio/faces",
@@ -38,6 +39,7 @@ const {
   solid,
   bvh,
   caps,
+  bearing,
   measure,
   glsl,
   patches,
@@ -440,4 +442,15 @@ test("values have the digits that their deviations leave", () => {
   assert.equal(parts.withSd(5, 1e-15), "5");
   const cone = { type: "cone", parameters: { half_angle: Math.PI / 6 }, sd: { half_angle: 0 } };
   assert.equal(faces.sizes(cone), "half angle 30\u00b0");
+});
+
+test("scales have round lengths", () => {
+  for (const [length, round] of [
+    [9.99, 5],
+    [10, 10],
+    [0.0499, 0.02],
+    [5e-7, 5e-7],
+    [2.3e8, 2e8],
+  ])
+    assert.ok(Math.abs(bearing.roundBelow(length) / round - 1) < 1e-9, `${length}`);
 });

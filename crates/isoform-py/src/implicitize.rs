@@ -97,6 +97,10 @@ pub(crate) fn sample(
     let [lo, hi] = region;
     let accuracy = SampleAccuracy::of_distance(accuracy, Aabb { lo, hi }.diagonal());
     let values = move |points: &[Point3], out: &mut [f64]| {
+        let note = || noted.lock().unwrap_or_else(PoisonError::into_inner);
+        if note().is_some() {
+            return out.fill(f64::NAN);
+        }
         let called = Python::attach(|py| -> PyResult<()> {
             let found = function.call1(py, (rows(py, points.to_vec())?,))?;
             let found: PyReadonlyArray1<'_, f64> = found.extract(py)?;
@@ -109,16 +113,14 @@ pub(crate) fn sample(
                 );
                 return Err(CallError::new("shape", message).into());
             }
-            found
-                .iter()
-                .zip(out.iter_mut())
-                .for_each(|(v, out)| *out = *v);
+            for (v, out) in found.iter().zip(out.iter_mut()) {
+                *out = *v;
+            }
             Ok(())
         });
         if let Err(error) = called {
             out.fill(f64::NAN);
-            let mut noted = noted.lock().unwrap_or_else(PoisonError::into_inner);
-            noted.get_or_insert(error);
+            note().get_or_insert(error);
         }
     };
     let sampled = run::run(py, &limits, move |control| {

@@ -159,7 +159,7 @@ fn alike(a: Option<&VisiblePoint>, b: Option<&VisiblePoint>) -> u8 {
         return if a.is_none() == b.is_none() { 4 } else { 0 };
     };
     let (is_layer, is_part) = (a.layer == b.layer, a.part == b.part);
-    match (is_layer, is_part, a.tone == b.tone) {
+    match (is_layer, is_part, (a.tone, a.band) == (b.tone, b.band)) {
         (true, true, true) => 4,
         (true, true, false) => 3,
         (true, false, _) => 2,

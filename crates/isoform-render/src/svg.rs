@@ -179,11 +179,21 @@ impl DrawingSheet<'_> {
     /// Returns the colour of an area.
     fn fill(&self, class: AreaClass) -> Color {
         let layer = &self.scene.layers[class.layer as usize];
-        let tint = |color, has_own: bool| tinted(color, if has_own { COLOR_TINT } else { 0.62 });
+        // Bands of brightness show shape by their differences, which white would take.
+        let tint = |color, has_own: bool| {
+            let is_full = has_own || class.band > 0;
+            let share = if is_full { COLOR_TINT } else { 0.62 };
+            tinted(shade::banded(color, class.band), share)
+        };
         match &layer.body {
             Body::Model { colors, .. } => {
                 let own = colors.as_ref().and_then(|c| c.get(class.part as usize));
-                tint(own.copied().unwrap_or(shade::MODEL), own.is_some())
+                let usual = if class.tone > 0 {
+                    shade::BACK
+                } else {
+                    shade::MODEL
+                };
+                tint(own.copied().unwrap_or(usual), own.is_some())
             }
             Body::Surface(surface) => {
                 tint(surface.fill(class.part, class.tone), layer.key.is_some())

@@ -26,6 +26,8 @@ pub(crate) struct VisiblePoint {
     pub(crate) part: u32,
     /// Index of the colour within the part.
     pub(crate) tone: u16,
+    /// Band of brightness in drawings of open surfaces; 0 on solids.
+    pub(crate) band: u8,
     /// Size of a pixel there, in model units.
     pub(crate) pixel: f64,
 }
@@ -37,16 +39,19 @@ impl VisiblePoint {
             layer: self.layer,
             part: self.part,
             tone: self.tone,
+            band: self.band,
         }
     }
 }
 
-/// Class of an area of one colour: a layer, a part of it, and one of the part's colours.
+/// Class of an area of one colour: a layer, a part of it, one of the part's colours, and a band of
+/// brightness.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct AreaClass {
     pub(crate) layer: u16,
     pub(crate) part: u32,
     pub(crate) tone: u16,
+    pub(crate) band: u8,
 }
 
 /// Sample of a picture.
@@ -241,6 +246,7 @@ impl LayerRay<'_> {
             layer: self.layer,
             part,
             tone: 0,
+            band: 0,
             pixel: self.tracer.sight.pixel(depth),
         };
         NearestHit {
@@ -253,6 +259,10 @@ impl LayerRay<'_> {
 
     fn lit(&self, color: Color, normal: Point3) -> [f64; 3] {
         lit(color, normal, self.ray.d, self.tracer.sight)
+    }
+
+    fn band(&self, normal: Point3) -> u8 {
+        shade::band(normal, self.ray.d, self.tracer.sight)
     }
 
     /// Returns a point of a cap: flat, with hatches if enabled.
@@ -291,7 +301,12 @@ impl LayerRay<'_> {
         let is_back = *is_surface && dot(normal, self.ray.d) > 0.0;
         let usual = if is_back { shade::BACK } else { shade::MODEL };
         let color = self.lit(own.unwrap_or(usual), normal);
-        Some(self.found(met.t, normal, piece, color))
+        let mut found = self.found(met.t, normal, piece, color);
+        if *is_surface {
+            found.seen.tone = u16::from(is_back);
+            found.seen.band = self.band(normal);
+        }
+        Some(found)
     }
 
     fn on_surface(&self, surface: &Surface) -> Option<NearestHit> {
@@ -316,6 +331,10 @@ impl LayerRay<'_> {
         let mut found = self.found(on.t, on.normal, on.part, color);
         found.lift = surface.lift / dot(on.normal, self.ray.d).abs().max(MIN_INCIDENCE_SINE);
         found.seen.tone = surface.tone(&on.meeting);
+        let kind = self.tracer.scene.layers[self.layer as usize].kind;
+        if ["map", "patches"].contains(&kind) {
+            found.seen.band = self.band(on.normal);
+        }
         Some(found)
     }
 

@@ -126,7 +126,9 @@ fn sample_within(
             return Ok(ImplicitSpline::new(DEGREE, region.lo, levels, &data));
         }
         let finer = count.map(|c| c << (l + 1));
-        if finer.iter().any(|c| *c >= MAX_AXIS_NODES / 2) {
+        // Each cell has a coefficient at least.
+        let is_long = finer.iter().any(|c| *c >= MAX_AXIS_NODES / 2);
+        if is_long || coefficients + next.len() > limit {
             return Err(SampleError::TooFine);
         }
         let level = levels[l].refined(&next, finer, DEGREE);
@@ -161,12 +163,12 @@ impl<F: Fn(&[Point3], &mut [f64]) + Sync> Sampling<'_, F> {
             }
             let points: Vec<Point3> = keys.iter().map(middle).collect();
             (self.values)(&points, out);
-            match out.iter().position(|v| !v.is_finite()) {
-                Some(i) => Err(SampleError::NotFinite(points[i])),
-                None => Ok(()),
-            }
+            Ok(())
         })?;
-        Ok(found)
+        match found.iter().position(|v| !v.is_finite()) {
+            Some(i) => Err(SampleError::NotFinite(middle(&keys[i]))),
+            None => Ok(found),
+        }
     }
 
     /// Sets the active coefficients of a level.

@@ -1,9 +1,13 @@
 //! The HTML report of a fit: one file that needs nothing else.
 //!
 //! The page goes from the conclusion to its grounds: the verdict with its evidence, the drawing,
-//! the parameters with their intervals, residuals as a map, a histogram and by part, then the
-//! search itself: convergence, other minima, time, and how to repeat it. Style and pictures are
-//! embedded. Lengths are in millimetres where the unit of the scan is known, see [`Lengths`].
+//! the parameters with their intervals, the model to be turned, residuals as a map, a histogram and
+//! by part, then, folded, the search itself: convergence, other minima, time, and how to repeat it.
+//! Style and pictures are embedded. Lengths are in millimetres where the unit of the scan is known,
+//! see [`Lengths`].
+//!
+//! The script of the page adds buttons to elements with `data-save`, the name of a file: tables are
+//! copied and saved as CSV, drawings as SVG. Elements of the class `screen` are not printed.
 
 mod drawing;
 pub(crate) mod svg;
@@ -14,6 +18,7 @@ use isoform::LiveModel;
 use isoform::fit::{ConvergenceStep, Fit, PartStatistics, Template, Verdict};
 use isoform::report::brief;
 use isoform_view::{Page, ShownPoints};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
@@ -78,19 +83,18 @@ pub(crate) fn page(job: &Job, is_late: bool) -> String {
     let sheets = (!is_late)
         .then(|| drawing::sheets(job, color_limit(&job.found.fit)))
         .flatten();
-    html += &viewer(job);
     html += &model(sheets.as_ref().map(|s| s[0].as_str()), is_late);
     html += &parameters(job);
-    html += &figures(job, &lengths);
     html += &notes(job);
+    html += &viewer(job);
     html += &maps(job, &lengths, sheets.as_ref().map(|s| s[1].as_str()));
     html += &deviations(job, &lengths);
     html += &parts(job, &lengths);
-    html += &convergence(job);
-    html += &minima(job);
-    html += &seconds(job);
-    html += &again(job);
-    html += "</main>\n</body>\n</html>\n";
+    let search = [convergence(job), minima(job), seconds(job), again(job)].concat();
+    html +=
+        "<details class=\"screen search\"><summary>The search, and how to repeat it</summary>\n";
+    html += &search;
+    html += "</details>\n</main>\n</body>\n</html>\n";
     html
 }
 
@@ -114,11 +118,17 @@ fn head(job: &Job) -> String {
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta http-equiv=\"Content-Security-Policy\" content=\"{4}\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <title>{0} fitted to {1}</title>\n<style>\n{2}</style>\n</head>\n<body>\n<main>\n<h1>{0}</h1>\n<p class=\"lead\">fitted to {1}, {3} points{unit}</p>\n",
         escaped(&title),
-        escaped(&job.scan),
+        escaped(&scan_name(job)),
         include_str!("style.css"),
         job.found.fit.n_points,
         policy(),
     )
+}
+
+/// Returns the name of the scan, without its folder.
+fn scan_name(job: &Job) -> Cow<'_, str> {
+    let name = Path::new(&job.scan).file_name().unwrap_or_default();
+    name.to_string_lossy()
 }
 
 /// Returns the content policy of the page: run the viewer, and show the page's own data. Drawings
@@ -134,19 +144,18 @@ fn policy() -> String {
 /// The points with their deviations and the fitted model, to be turned, cut and moved.
 fn viewer(job: &Job) -> String {
     let mut page = Page::new(&job.template_name);
-    let scan = Path::new(&job.scan).file_name().unwrap_or_default();
     let points = ShownPoints {
         cloud: &job.found.cloud,
         deviation: Some(&job.found.deviation()),
         outliers: &job.found.fit.outliers,
         limit: Some(color_limit(&job.found.fit)),
     };
-    page.points(&scan.to_string_lossy(), &points);
+    page.points(&scan_name(job), &points);
     if let Some(live) = LiveModel::of_fit(&job.found).filter(Page::can_draw) {
         page.model(&job.template_name, None, &live);
     }
     format!(
-        "<section><h2>Model and points</h2>{}</section>\n",
+        "<section class=\"screen\"><h2>Model and points</h2>{}</section>\n",
         page.embedded()
     )
 }
@@ -224,41 +233,6 @@ fn verdict_box(conclusion: &Conclusion) -> String {
     )
 }
 
-/// The five numbers that sum the fit up.
-fn figures(job: &Job, lengths: &Lengths) -> String {
-    let fit = &job.found.fit;
-    let figure = |value: String, what: &str| {
-        format!("<div><strong>{value}</strong><span>{what}</span></div>")
-    };
-    let determined = fit
-        .parameters
-        .iter()
-        .filter(|p| p.status == isoform::fit::Status::Determined)
-        .count();
-    [
-        "<div class=\"figures\">".to_owned(),
-        figure(lengths.text(fit.rms), "rms of the points off the model"),
-        figure(lengths.text(fit.noise), "noise, robust deviation"),
-        figure(
-            format!("{determined} of {}", fit.parameters.len()),
-            "parameters determined",
-        ),
-        figure(
-            format!("{:.1} %", 100.0 * fit.model_to_data.share_uncovered),
-            "of the surface without data",
-        ),
-        figure(
-            format!(
-                "{:.1} %",
-                100.0 * fit.n_outliers as f64 / fit.n_points.max(1) as f64
-            ),
-            "of the points are outliers",
-        ),
-        "</div>\n".to_owned(),
-    ]
-    .concat()
-}
-
 /// The drawing, or why there is none.
 fn model(sheet: Option<&str>, is_late: bool) -> String {
     let sheet = sheet.unwrap_or(if is_late {
@@ -266,7 +240,9 @@ fn model(sheet: Option<&str>, is_late: bool) -> String {
     } else {
         "<p>The model has no surface near the points.</p>"
     });
-    format!("<section class=\"drawing\"><h2>The fitted model</h2>{sheet}</section>\n")
+    format!(
+        "<section class=\"drawing\" data-save=\"drawing.svg\"><h2>The fitted model</h2>{sheet}</section>\n"
+    )
 }
 
 /// The tables of parameters: those of the template, and the pose, which is folded where the points
@@ -284,7 +260,7 @@ fn parameters(job: &Job) -> String {
         format!("<details{open}><summary>Pose in the scan: {summary}</summary>{rows}</details>")
     });
     let rows = parameter_rows(job, own);
-    format!("<section><h2>Parameters</h2>{rows}{folded}</section>\n")
+    format!("<section data-save=\"parameters.csv\"><h2>Parameters</h2>{rows}{folded}</section>\n")
 }
 
 /// A table of parameters; millimetres have a column of their own where the scan has another unit.
@@ -380,7 +356,7 @@ fn maps(job: &Job, lengths: &Lengths, sheet: Option<&str>) -> String {
         ""
     };
     format!(
-        "<section class=\"drawing\"><h2>Deviation map</h2>{sheet}{}\
+        "<section class=\"drawing maps\" data-save=\"deviation.svg\"><h2>Deviation map</h2>{sheet}{}\
          <p class=\"lead\" style=\"margin:6px 0 0\">Signed distance of the points from the model: red lies outside, blue inside. \
          Points that a part of the model or a nearer point hides are not drawn.{note}</p></section>\n",
         svg::color_bar(limit * lengths.scale, &lengths.unit)
@@ -444,7 +420,7 @@ fn parts(job: &Job, lengths: &Lengths) -> String {
         )
     };
     let mut html = String::from(
-        "<section><h2>By part of the model</h2><div class=\"wide\"><table><tr><th>part</th><th class=\"n\">points</th><th class=\"n\">rms</th>\
+        "<section data-save=\"parts.csv\"><h2>By part of the model</h2><div class=\"wide\"><table><tr><th>part</th><th class=\"n\">points</th><th class=\"n\">rms</th>\
          <th style=\"width:28%\"></th><th class=\"n\">mean</th><th class=\"n\">max</th><th class=\"n\">without data</th></tr>\n",
     );
     let silent = |s: &&PartStatistics| s.count == 0 && s.uncovered.is_none();
