@@ -279,7 +279,7 @@ fn parameter_rows(job: &Job, rows: &[table::ParameterRow]) -> String {
     if has_mm {
         html += "<th class=\"n\">in mm</th>";
     }
-    html += "<th>status</th><th>bounds</th>";
+    html += "<th>status</th><th class=\"b\">bounds</th>";
     html += "</tr>\n";
     for r in rows {
         let info = infos.iter().find(|p| p.name == r.name);
@@ -316,12 +316,7 @@ fn notes(job: &Job) -> String {
     let fit = &job.found.fit;
     let mut items: Vec<String> = fit.undetermined.iter().map(|o| o.why.to_string()).collect();
     items.extend(job.warnings.iter().cloned());
-    let mut dropped = format!(
-        "{} of {} points were used; {}",
-        fit.n_used,
-        fit.n_points,
-        counted(fit.n_outliers, "is an outlier", "are outliers").replace("no are", "none are")
-    );
+    let mut dropped = format!("{} of {} points were used", fit.n_used, fit.n_points);
     if job.read.dropped_points > 0 {
         let _ = write!(
             dropped,
