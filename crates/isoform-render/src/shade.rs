@@ -49,7 +49,7 @@ fn under(color: Color, diffuse: f64) -> [f64; 3] {
     color.map(|c| f64::from(c) * (0.56 + 0.56 * diffuse))
 }
 
-/// Returns the band of brightness of a surface under the same light, from the darkest, 1.
+/// Returns the band of brightness of a surface under this light, from the darkest, 1.
 pub(crate) fn band(normal: Point3, ray: Point3, sight: &Sight) -> u8 {
     let (n, light) = faced(normal, ray, sight);
     let share = f64::from(BANDS) * dot(n, light).max(0.0);
