@@ -87,6 +87,10 @@ impl Scaling {
     pub(crate) fn apply(&self, p: Point3) -> Point3 {
         std::array::from_fn(|k| (p[k] - self.origin[k]) / self.unit)
     }
+    /// Returns the point of the scan that was scaled to this one.
+    pub(crate) fn back(&self, p: Point3) -> Point3 {
+        std::array::from_fn(|k| self.origin[k] + self.unit * p[k])
+    }
 }
 
 /// Returns points sorted by their coordinates without duplicates, and for each given point its

@@ -53,7 +53,7 @@ impl Deviations {
 }
 
 /// A connected piece of an entity: two coplanar flat ends are two faces of one plane.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Face {
     /// Index of its entity.
     pub entity: usize,
@@ -61,6 +61,9 @@ pub struct Face {
     pub points: usize,
     /// Indices of the adjacent faces, ascending.
     pub beside: Vec<usize>,
+    /// Border of a flat face: closed polygons, counterclockwise seen from outside, holes clockwise.
+    /// Of points, it is known to within their spacing. Empty for curved faces.
+    pub border: Vec<Vec<Point3>>,
 }
 
 /// Kind of a geometric relation between two entities.

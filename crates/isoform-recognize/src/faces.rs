@@ -89,14 +89,14 @@ impl FaceLabels {
     }
 
     /// Returns the faces of the points `index`, ordered by `rank` of their entities and then by
-    /// size, the largest first, and the face of each of these points. `pairs` of neighbouring
-    /// points or facets define which faces are adjacent.
+    /// size, the largest first, the face of each of these points, and the points or facets of each
+    /// face. `pairs` of neighbouring points or facets define which faces are adjacent.
     pub(crate) fn report(
         &self,
         rank: impl Fn(u32) -> Option<u32>,
         index: impl Iterator<Item = u32>,
         pairs: impl Iterator<Item = (u32, u32)>,
-    ) -> (Vec<Face>, Vec<Option<u32>>) {
+    ) -> (Vec<Face>, Vec<Option<u32>>, Vec<Vec<u32>>) {
         let of = |i: u32| self.labels.get(i as usize).copied().unwrap_or(UNLABELLED);
         let labels: Vec<u32> = index.map(of).collect();
         let counts = self.counts(&labels);
@@ -123,8 +123,15 @@ impl FaceLabels {
             entity: of.0 as usize,
             points: of.1.0,
             beside: beside.into_iter().collect(),
+            border: Vec::new(),
         });
+        let mut members = vec![Vec::new(); order.len()];
+        for (i, old) in (0..).zip(&self.labels) {
+            if let Some(face) = renamed(*old) {
+                members[face as usize].push(i);
+            }
+        }
         let labels = labels.into_iter().map(renamed).collect();
-        (faces.collect(), labels)
+        (faces.collect(), labels, members)
     }
 }

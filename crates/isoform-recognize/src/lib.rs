@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod blends;
+mod border;
 mod chart;
 mod choose;
 mod cloud;

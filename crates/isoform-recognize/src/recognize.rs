@@ -2,7 +2,8 @@
 
 use crate::accuracy::{degrees_of_freedom, uncertain_surface, with_rounding};
 use crate::blends::{MIN_BORDER_PAIRS, blends};
-use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind, unit};
+use crate::border::{self, largest_first};
+use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind, frame, unit};
 use crate::cloud::{Cloud, Scaling, sorted};
 use crate::entity::{Deviations, Entity, Recognition};
 use crate::faces::FaceLabels;
@@ -20,6 +21,7 @@ use crate::segment::{DistanceTolerance, Limits, Segmentation, segment};
 use crate::symmetry::symmetries;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, PointCloud, cross, dot, norm, rounding, rounding_if_decimal, sub};
+use rayon::prelude::*;
 
 /// Options of recognition.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -344,11 +346,18 @@ fn report(
         noise: found.noise,
     };
     let patterns = patterns(&set, (scaling.unit, scaling.origin));
-    let (faces, face_labels) = faces.report(
+    let (mut faces, face_labels, of_faces) = faces.report(
         |entity| Some(rank[entity as usize]),
         index.iter().copied(),
         cloud.pairs(),
     );
+    faces
+        .par_iter_mut()
+        .zip(of_faces)
+        .for_each(|(face, members)| {
+            let surface = &known[face.entity].surface;
+            face.border = flat_border(surface, outward[face.entity], &cloud.at(&members), scaling);
+        });
     let mut relations = relations(&known, found.noise, scaling.unit);
     add_given(&mut relations, &found.related);
     Recognition {
@@ -366,6 +375,34 @@ fn report(
         free: free_share(cloud, found),
         is_oriented: false,
     }
+}
+
+/// Returns the border of points of a plane in the scan's unit, seen from the side of `outward`;
+/// nothing for other surfaces.
+fn flat_border(
+    surface: &Primitive,
+    outward: i8,
+    points: &[Point3],
+    scaling: &Scaling,
+) -> Vec<Vec<Point3>> {
+    if surface.kind != PrimitiveKind::Plane {
+        return Vec::new();
+    }
+    let axis = surface.axis.map(|v| if outward < 0 { -v } else { v });
+    let [u, v] = frame(axis);
+    let flat: Vec<[f64; 2]> = points.iter().map(|p| [dot(*p, u), dot(*p, v)]).collect();
+    let height = dot(crate::fit::mean(points), axis);
+    let out = |[x, y]: [f64; 2]| {
+        scaling.back(std::array::from_fn(|k| {
+            x * u[k] + y * v[k] + height * axis[k]
+        }))
+    };
+    let rings = border::of_points(&flat).into_iter();
+    largest_first(
+        rings
+            .map(|ring| ring.into_iter().map(out).collect())
+            .collect(),
+    )
 }
 
 /// Returns the points that determine the accuracy of a surface: with noise, only interior ones,

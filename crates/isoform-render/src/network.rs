@@ -6,8 +6,9 @@
 //! 1/64 of a cell.
 
 use crate::model::Scratch;
-use crate::polyline::{Node, chains, sharpened, simplified};
+use crate::polyline::{Node, chains, sharpened};
 use crate::trace::{AreaClass, Border, Tracer, VisiblePoint, border};
+use isoform::geom::plane::simplified;
 use isoform::geom::{dot, sub};
 use isoform::{Control, Stopped};
 use rayon::prelude::*;

@@ -134,49 +134,10 @@ fn meeting([a, b]: [[f64; 2]; 2], [c, d]: [[f64; 2]; 2]) -> Option<[f64; 2]> {
     (t >= 1.0 && s >= 1.0).then(|| [a[0] + t * u[0], a[1] + t * u[1]])
 }
 
-/// Removes superfluous points of a line (Douglas and Peucker 1973), without recursion: those
-/// removed lie within the tolerance of the line.
-///
-/// ```
-/// use isoform_render::polyline::simplified;
-/// let line = [[0.0, 0.0], [1.0, 0.01], [2.0, 0.0], [2.0, 3.0]];
-/// assert_eq!(simplified(&line, 0.1), [[0.0, 0.0], [2.0, 0.0], [2.0, 3.0]]);
-/// ```
-pub fn simplified(points: &[[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
-    let n = points.len();
-    if n < 3 {
-        return points.to_vec();
-    }
-    let mut keep = vec![false; n];
-    keep[0] = true;
-    keep[n - 1] = true;
-    // A closed line has no chord; it is split in the middle.
-    let mut open = if distance(points[0], points[n - 1]) < tolerance {
-        keep[n / 2] = true;
-        vec![(0, n / 2), (n / 2, n - 1)]
-    } else {
-        vec![(0, n - 1)]
-    };
-    while let Some((i, j)) = open.pop() {
-        let off = |k: usize| from_chord(points[k], [points[i], points[j]]);
-        let far = (i + 1..j).max_by(|a, b| off(*a).total_cmp(&off(*b)));
-        if let Some(k) = far.filter(|k| off(*k) > tolerance) {
-            keep[k] = true;
-            open.extend([(i, k), (k, j)]);
-        }
-    }
-    (0..n).filter(|i| keep[*i]).map(|i| points[i]).collect()
-}
-
-/// Returns the distance of a point of the paper from a chord.
-fn from_chord(p: [f64; 2], chord: [[f64; 2]; 2]) -> f64 {
-    let lifted = |[x, y]: [f64; 2]| [x, y, 0.0];
-    isoform::geom::distance_to_segment(lifted(p), chord.map(lifted))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use isoform::geom::plane::simplified;
 
     #[test]
     fn a_corner_that_is_cut_is_put_back() {
@@ -187,19 +148,6 @@ mod tests {
         assert_eq!(
             simplified(&sharp, 0.01),
             [[0.0, 0.0], [4.5, 0.0], [4.5, 4.5]]
-        );
-    }
-
-    #[test]
-    fn a_closed_line_stays_closed() {
-        let ring: Vec<[f64; 2]> = (0..=40)
-            .map(|i| f64::from(i % 40) * std::f64::consts::TAU / 40.0)
-            .map(|t| [t.cos(), t.sin()])
-            .collect();
-        let few = simplified(&ring, 0.02);
-        assert!(
-            few.len() > 8 && few.len() < 40 && few[0] == few[few.len() - 1],
-            "{few:?}"
         );
     }
 

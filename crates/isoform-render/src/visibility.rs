@@ -48,6 +48,6 @@ pub(crate) fn runs(tracer: &Tracer<'_>, points: &[Point3], is_seen: bool) -> Vec
     }
     runs.push(run);
     let long = runs.into_iter().filter(|r| r.len() > 2);
-    long.map(|r| crate::polyline::simplified(&r, 0.05))
+    long.map(|r| isoform::geom::plane::simplified(&r, 0.05))
         .collect()
 }

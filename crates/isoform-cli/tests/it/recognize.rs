@@ -327,3 +327,48 @@ fn labels_of_a_cad_mesh_have_points_inside_its_faces() {
     ]);
     assert_eq!(code(&o), 0, "{}", stderr(&o));
 }
+
+/// Faces of a cube, moved off the origin, as triangles and as points: squares, seen from outside.
+#[test]
+fn flat_faces_have_borders() {
+    let f = Folder::new("borders");
+    let mesh = f.file("cube.stl", crate::terms::cube(10.0));
+    let mut points = String::new();
+    for side in [-1.0, 1.0] {
+        for axis in 0..3 {
+            for k in 0..21 * 21 {
+                let mut p = [f64::from(k % 21) / 10.0 - 1.0; 3];
+                p[(axis + 1) % 3] = f64::from(k / 21) / 10.0 - 1.0;
+                p[axis] = side;
+                points += &format!("{} {} {}\n", p[0] + 10.0, p[1], p[2]);
+            }
+        }
+    }
+    for (scan, allowed) in [(mesh, 1e-9), (f.file("cube.xyz", points), 0.45)] {
+        let o = isoform(&["recognize", &scan, "--json"]);
+        assert_eq!(code(&o), 0, "{}", stderr(&o));
+        let report = document(&o);
+        let faces = report["faces"].as_array().expect("faces");
+        assert_eq!(faces.len(), 6, "{faces:?}");
+        for face in faces {
+            let rings: Vec<Vec<[f64; 3]>> =
+                serde_json::from_value(face["border"].clone()).expect("polygons");
+            assert_eq!(rings.len(), 1, "{rings:?}");
+            // The volume of the cone over the polygon from the middle of the cube: a sixth.
+            let at = |p: [f64; 3]| [p[0] - 10.0, p[1], p[2]];
+            let next = rings[0].iter().cycle().skip(1);
+            let sum = rings[0].iter().zip(next).fold([0.0; 3], |sum, (p, q)| {
+                let (p, q) = (at(*p), at(*q));
+                let turn = |k: usize, l: usize| p[k] * q[l] - p[l] * q[k];
+                [
+                    sum[0] + turn(1, 2),
+                    sum[1] + turn(2, 0),
+                    sum[2] + turn(0, 1),
+                ]
+            });
+            let first = at(rings[0][0]);
+            let volume: f64 = (0..3).map(|k| first[k] * sum[k]).sum::<f64>() / 6.0;
+            assert!((volume - 8.0 / 6.0).abs() < allowed, "{volume}: {rings:?}");
+        }
+    }
+}

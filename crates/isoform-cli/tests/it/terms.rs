@@ -4,7 +4,7 @@ use crate::common::*;
 use std::f64::consts::PI;
 
 /// The cube from -1 to 1, moved by `shift` along x.
-fn cube(shift: f64) -> String {
+pub(crate) fn cube(shift: f64) -> String {
     let corner = |i: usize| {
         let at = |bit: usize| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
         format!("vertex {} {} {}\n", at(0) + shift, at(1), at(2))

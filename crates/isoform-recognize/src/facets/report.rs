@@ -6,6 +6,7 @@ use super::part::FacetPart;
 use super::points::{FacetPoint, at_vertices};
 use crate::accuracy::with_rounding;
 use crate::blends::blends;
+use crate::border::{largest_first, loops, sides};
 use crate::chart::{MAX_PARAMETERS, Primitive, PrimitiveKind};
 use crate::cloud::Scaling;
 use crate::entity::{Deviations, Entity, Face, Recognition};
@@ -65,7 +66,19 @@ pub(crate) fn report(
         noise,
     };
     let patterns = patterns(&set, (scaling.unit, scaling.origin));
-    let (faces, face_labels) = faces(mesh, claims, &at_vertices, inside, rank);
+    let (mut faces, face_labels, facets) = faces(mesh, claims, &at_vertices, inside, rank);
+    // Edges of facets that no other facet of the face shares.
+    for (face, facets) in faces.iter_mut().zip(facets) {
+        if known[face.entity].surface.kind == PrimitiveKind::Plane {
+            let sides = facets
+                .iter()
+                .flat_map(|t| sides(mesh.triangles[*t as usize]));
+            let point = |v: u32| scaling.back(mesh.points[v as usize]);
+            let rings = loops(sides).into_iter();
+            let rings = rings.map(|ring| ring.into_iter().map(point).collect());
+            face.border = largest_first(rings.collect());
+        }
+    }
     Recognition {
         faces,
         face_labels,
@@ -84,14 +97,15 @@ pub(crate) fn report(
     }
 }
 
-/// Returns the faces: facets of one part that are connected along edges.
+/// Returns the faces, facets of one part that are connected along edges, the face of each point, and
+/// the facets of each face.
 fn faces(
     mesh: &Facets,
     claims: &Claims,
     at_vertices: &[u32],
     inside: &[FacetPoint],
     rank: impl Fn(&u32) -> Option<u32>,
-) -> (Vec<Face>, Vec<Option<u32>>) {
+) -> (Vec<Face>, Vec<Option<u32>>, Vec<Vec<u32>>) {
     let faces =
         FaceLabels::from_pieces(mesh.pieces(&claims.taken).into_iter(), mesh.triangles.len());
     // A facet of the vertex's part, for each vertex.

@@ -90,6 +90,10 @@ pub struct RecognizedFaceReport {
     pub n_points: usize,
     /// Indices of the adjacent faces.
     pub beside: Vec<usize>,
+    /// Border of a flat face: closed polygons, counterclockwise seen from outside, holes clockwise;
+    /// of points to within their spacing. Absent for curved faces.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub border: Vec<Vec<Point3>>,
 }
 
 /// Hole, boss, slot or pocket. Lengths are between the surfaces that bound it.
@@ -438,6 +442,7 @@ impl RecognizedFaceReport {
             entity: face.entity,
             n_points: face.points,
             beside: face.beside.clone(),
+            border: face.border.clone(),
         }
     }
 }

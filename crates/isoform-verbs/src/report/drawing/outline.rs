@@ -3,7 +3,8 @@
 
 use super::picture::{Hit, Picture, Tracer};
 use isoform::geom::dot;
-use isoform_render::polyline::{Node, chains, sharpened, simplified};
+use isoform::geom::plane::simplified;
+use isoform_render::polyline::{Node, chains, sharpened};
 use std::collections::BTreeMap;
 
 /// Meaning of a line.
