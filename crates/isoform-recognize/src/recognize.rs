@@ -5,7 +5,7 @@ use crate::blends::{MIN_BORDER_PAIRS, blends};
 use crate::border::{self, largest_first};
 use crate::chart::{MAX_PARAMETERS, ParameterRow, Primitive, PrimitiveKind, frame, unit};
 use crate::cloud::{Cloud, Scaling, sorted};
-use crate::entity::{Deviations, Entity, Recognition};
+use crate::entity::{Deviations, Entity, Face, Recognition};
 use crate::faces::FaceLabels;
 use crate::fit::{covariance, squares};
 use crate::form::within_noise_or_form;
@@ -351,13 +351,7 @@ fn report(
         index.iter().copied(),
         cloud.pairs(),
     );
-    faces
-        .par_iter_mut()
-        .zip(of_faces)
-        .for_each(|(face, members)| {
-            let surface = &known[face.entity].surface;
-            face.border = flat_border(surface, outward[face.entity], &cloud.at(&members), scaling);
-        });
+    add_borders(cloud, (&known, &outward), &mut faces, &of_faces, scaling);
     let mut relations = relations(&known, found.noise, scaling.unit);
     add_given(&mut relations, &found.related);
     Recognition {
@@ -375,6 +369,22 @@ fn report(
         free: free_share(cloud, found),
         is_oriented: false,
     }
+}
+
+/// Adds the borders of flat faces, given the surfaces and their outer sides, and the points of each
+/// face.
+fn add_borders(
+    cloud: &Cloud,
+    (known, outward): (&[UncertainSurface], &[i8]),
+    faces: &mut [Face],
+    members: &[Vec<u32>],
+    scaling: &Scaling,
+) {
+    let of_points = faces.par_iter_mut().zip(members);
+    of_points.for_each(|(face, members)| {
+        let surface = &known[face.entity].surface;
+        face.border = flat_border(surface, outward[face.entity], &cloud.at(members), scaling);
+    });
 }
 
 /// Returns the border of points of a plane in the scan's unit, seen from the side of `outward`;

@@ -67,18 +67,7 @@ pub(crate) fn report(
     };
     let patterns = patterns(&set, (scaling.unit, scaling.origin));
     let (mut faces, face_labels, facets) = faces(mesh, claims, &at_vertices, inside, rank);
-    // Edges of facets that no other facet of the face shares.
-    for (face, facets) in faces.iter_mut().zip(facets) {
-        if known[face.entity].surface.kind == PrimitiveKind::Plane {
-            let sides = facets
-                .iter()
-                .flat_map(|t| sides(mesh.triangles[*t as usize]));
-            let point = |v: u32| scaling.back(mesh.points[v as usize]);
-            let rings = loops(sides).into_iter();
-            let rings = rings.map(|ring| ring.into_iter().map(point).collect());
-            face.border = largest_first(rings.collect());
-        }
-    }
+    add_borders(mesh, &known, &mut faces, &facets, scaling);
     Recognition {
         faces,
         face_labels,
@@ -120,6 +109,28 @@ fn faces(
     let vertices = mesh.index.iter().map(|v| facets[*v as usize]);
     let index = vertices.chain(inside.iter().map(|p| p.triangle));
     faces.report(|k| rank(&k), index, mesh.pairs())
+}
+
+/// Adds the borders of flat faces, given the surfaces and the facets of each face: edges of facets
+/// that no other facet of the face shares.
+fn add_borders(
+    mesh: &Facets,
+    known: &[UncertainSurface],
+    faces: &mut [Face],
+    members: &[Vec<u32>],
+    scaling: &Scaling,
+) {
+    for (face, facets) in faces.iter_mut().zip(members) {
+        if known[face.entity].surface.kind == PrimitiveKind::Plane {
+            let sides = facets
+                .iter()
+                .flat_map(|t| sides(mesh.triangles[*t as usize]));
+            let point = |v: u32| scaling.back(mesh.points[v as usize]);
+            let rings = loops(sides).into_iter();
+            let rings = rings.map(|ring| ring.into_iter().map(point).collect());
+            face.border = largest_first(rings.collect());
+        }
+    }
 }
 
 /// Describes a part as an entity, and returns its surface with the covariance of its parameters.
