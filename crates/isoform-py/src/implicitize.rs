@@ -124,7 +124,7 @@ pub(crate) fn sample(
         }
     };
     let sampled = run::run(py, &limits, move |control| {
-        sample_function(Aabb { lo, hi }, accuracy, control, values)
+        sample_function(Aabb { lo, hi }, accuracy, &[], control, values)
     })?;
     if let Some(error) = raised.lock().unwrap_or_else(PoisonError::into_inner).take() {
         return Err(error);

@@ -5,14 +5,16 @@
 //! truncated hierarchical basis (Speleers and Manni, Effortless quasi-interpolation in hierarchical
 //! spaces, Numer. Math. 132, 2016).
 
-use crate::bspline;
+use crate::bspline::{self, SplineRow};
 use crate::global::POINTS_PER_CHUNK;
 use crate::keys::{IndexSet, LatticeIndex, MAX_AXIS_NODES, key, place};
-use crate::level::{SplineLevel, block};
+use crate::level::{MAX_CELL_SPLINES, SplineLevel, block};
 use crate::surface::ImplicitSpline;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3};
 use rayon::prelude::*;
+use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Tri-degree of sampled splines: the lowest with continuous gradients.
 const DEGREE: usize = 2;
@@ -70,26 +72,33 @@ pub enum SampleError {
 }
 
 /// Samples a function of space in a box: returns a spline of degree 2 whose error at the tested
-/// points, eight of each cell, is within half the accuracy: the rest is for the points between.
-/// `values` computes the function at some points, some of them outside of the box by up to an eighth
-/// of its longest edge.
+/// points, eight of each cell and the given probes, is within half the accuracy: the rest is for the
+/// points between. Probes show what is small. `values` computes the function at some points, some of
+/// them outside of the box by up to an eighth of its longest edge.
 ///
 /// # Errors
 /// [`SampleError`].
 pub fn sample_function(
     region: Aabb,
     accuracy: SampleAccuracy,
+    probes: &[Point3],
     control: &Control,
     values: impl Fn(&[Point3], &mut [f64]) + Sync,
 ) -> Result<ImplicitSpline, SampleError> {
-    sample_within(region, accuracy, MAX_COEFFICIENTS, control, values)
+    sample_within(
+        region,
+        (accuracy, MAX_COEFFICIENTS),
+        probes,
+        control,
+        values,
+    )
 }
 
 /// Samples a function as [`sample_function`] does, with at most `limit` coefficients.
 fn sample_within(
     region: Aabb,
-    accuracy: SampleAccuracy,
-    limit: usize,
+    (accuracy, limit): (SampleAccuracy, usize),
+    probes: &[Point3],
     control: &Control,
     values: impl Fn(&[Point3], &mut [f64]) + Sync,
 ) -> Result<ImplicitSpline, SampleError> {
@@ -111,6 +120,10 @@ fn sample_within(
         control,
         values,
     };
+    control
+        .begin("sampling")
+        .map_err(|_| SampleError::Stopped)?;
+    let mut probes = sampling.known(probes)?;
     let mut levels = vec![SplineLevel::coarsest(count, spacing, DEGREE)];
     let mut data: Vec<Vec<LatticeIndex>> = vec![levels[0].cells.places().collect()];
     let mut coefficients = 0;
@@ -121,7 +134,7 @@ fn sample_within(
             return Err(SampleError::TooFine);
         }
         sampling.set_coefficients(&mut levels[l])?;
-        let next = sampling.too_coarse(&levels[l], &data[l])?;
+        let next = sampling.too_coarse(&levels[l], &data[l], &mut probes)?;
         if next.is_empty() {
             return Ok(ImplicitSpline::new(DEGREE, region.lo, levels, &data));
         }
@@ -153,22 +166,36 @@ impl<F: Fn(&[Point3], &mut [f64]) + Sync> Sampling<'_, F> {
             let cell = place(*k);
             std::array::from_fn(|a| self.corner[a] + spacing * (f64::from(cell[a] - offset) + 0.5))
         };
-        let mut found = vec![0.0; keys.len()];
+        self.at(&keys.iter().map(middle).collect::<Vec<_>>())
+    }
+
+    /// Returns the function at points.
+    fn at(&self, points: &[Point3]) -> Result<Vec<f64>, SampleError> {
+        let mut found = vec![0.0; points.len()];
         let runs = found
             .par_chunks_mut(POINTS_PER_CHUNK)
-            .zip(keys.par_chunks(POINTS_PER_CHUNK));
-        runs.try_for_each(|(out, keys)| {
+            .zip(points.par_chunks(POINTS_PER_CHUNK));
+        let done = AtomicUsize::new(0);
+        runs.try_for_each(|(out, some)| {
             if self.control.is_stopped() {
                 return Err(SampleError::Stopped);
             }
-            let points: Vec<Point3> = keys.iter().map(middle).collect();
-            (self.values)(&points, out);
+            (self.values)(some, out);
+            let done = done.fetch_add(some.len(), Ordering::Relaxed);
+            self.control
+                .report("sampling", done as f64 / points.len() as f64);
             Ok(())
         })?;
         match found.iter().position(|v| !v.is_finite()) {
-            Some(i) => Err(SampleError::NotFinite(middle(&keys[i]))),
+            Some(i) => Err(SampleError::NotFinite(points[i])),
             None => Ok(found),
         }
+    }
+
+    /// Returns probes with the function there.
+    fn known(&self, probes: &[Point3]) -> Result<Vec<(Point3, f64)>, SampleError> {
+        let values = self.at(probes)?;
+        Ok(probes.iter().copied().zip(values).collect())
     }
 
     /// Sets the active coefficients of a level.
@@ -202,11 +229,12 @@ impl<F: Fn(&[Point3], &mut [f64]) + Sync> Sampling<'_, F> {
     }
 
     /// Returns the children, sorted, of the cells with data in which the spline is too far from the
-    /// function.
+    /// function. Only the probes in these cells are kept.
     fn too_coarse(
         &self,
         level: &SplineLevel,
         data: &[LatticeIndex],
+        probes: &mut Vec<(Point3, f64)>,
     ) -> Result<Vec<LatticeIndex>, SampleError> {
         let children = |cell: LatticeIndex| {
             let lo = cell.map(|v| 2 * v);
@@ -217,23 +245,73 @@ impl<F: Fn(&[Point3], &mut [f64]) + Sync> Sampling<'_, F> {
         let values = self.at_middles(&keys, 0.5 * level.spacing, 0)?;
         let rows = [0.25, 0.75].map(|t| bspline::values(DEGREE, t));
         let is_far = |(cell, values): (&LatticeIndex, &[f64])| {
-            let c = level.cell_coefficients(*cell, DEGREE);
-            block([0; 3], [1; 3]).zip(values).any(|(at, value)| {
-                let n = DEGREE + 1;
-                let [x, y, z] = at.map(|v| rows[v as usize]);
-                let terms = (0..n * n * n).map(|i| c[i] * x[i % n] * y[i / n % n] * z[i / (n * n)]);
-                let error = (terms.sum::<f64>() - value).abs();
-                error > 0.5 * (self.accuracy.absolute + self.accuracy.relative * value.abs())
-            })
+            let of_cell = CellSpline::new(level, *cell, &self.accuracy);
+            block([0; 3], [1; 3])
+                .zip(values)
+                .any(|(at, value)| of_cell.is_far(at.map(|v| rows[v as usize]), *value))
         };
         let far = data.par_iter().zip(values.par_chunks(8));
-        let far: Vec<LatticeIndex> = far
-            .filter(|of| is_far(*of))
-            .map(|(cell, _)| *cell)
+        let far = far.filter(|of| is_far(*of)).map(|(cell, _)| key(*cell));
+        let mut far: BTreeSet<u64> = far.collect::<Vec<u64>>().into_iter().collect();
+        let cell_of = |p: &Point3| self.cell_of(*p, level);
+        for (p, value) in probes.iter() {
+            let (cell, at) = cell_of(p);
+            // Cells beside those with data are not refined for what is in them.
+            if !far.contains(&key(cell))
+                && data.binary_search_by_key(&key(cell), |c| key(*c)).is_ok()
+            {
+                let rows = at.map(|t| bspline::values(DEGREE, t));
+                if CellSpline::new(level, cell, &self.accuracy).is_far(rows, *value) {
+                    far.insert(key(cell));
+                }
+            }
+        }
+        probes.retain(|(p, _)| far.contains(&key(cell_of(p).0)));
+        let mut next: Vec<u64> = far
+            .into_iter()
+            .map(place)
+            .flat_map(children)
+            .map(key)
             .collect();
-        let mut next: Vec<u64> = far.into_iter().flat_map(children).map(key).collect();
         next.sort_unstable();
         Ok(next.into_iter().map(place).collect())
+    }
+
+    /// Returns the cell of a point, and its coordinates there.
+    fn cell_of(&self, p: Point3, level: &SplineLevel) -> (LatticeIndex, Point3) {
+        let s: Point3 = std::array::from_fn(|k| (p[k] - self.corner[k]) / level.spacing);
+        let cell = s.map(|v| (v.floor() as i32).clamp(0, MAX_AXIS_NODES / 2));
+        (cell, std::array::from_fn(|k| s[k] - f64::from(cell[k])))
+    }
+}
+
+/// Spline on a cell, with the error that is allowed there.
+struct CellSpline {
+    coefficients: [f64; MAX_CELL_SPLINES],
+    allowed: f64,
+}
+
+impl CellSpline {
+    /// The values on a cell lie between its coefficients, the least of which tells the addition to
+    /// the accuracy. The surface may pass where they change their sign.
+    fn new(level: &SplineLevel, cell: LatticeIndex, accuracy: &SampleAccuracy) -> Self {
+        let coefficients = level.cell_coefficients(cell, DEGREE);
+        let own = &coefficients[..(DEGREE + 1).pow(3)];
+        let lo = own.iter().copied().fold(f64::INFINITY, f64::min);
+        let hi = own.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let least = lo.max(-hi).max(0.0);
+        Self {
+            coefficients,
+            allowed: 0.5 * (accuracy.absolute + accuracy.relative * least),
+        }
+    }
+
+    /// Returns true if the spline differs too much from a value, given the B-splines there.
+    fn is_far(&self, [x, y, z]: [SplineRow; 3], value: f64) -> bool {
+        let n = DEGREE + 1;
+        let terms = self.coefficients[..n * n * n].iter().enumerate();
+        let terms = terms.map(|(i, c)| c * x[i % n] * y[i / n % n] * z[i / (n * n)]);
+        (terms.sum::<f64>() - value).abs() > self.allowed
     }
 }
 
@@ -258,7 +336,7 @@ mod tests {
                 *out = f(*p);
             }
         };
-        sample_function(region, accuracy, &Control::default(), values).expect("a spline")
+        sample_function(region, accuracy, &[], &Control::default(), values).expect("a spline")
     }
 
     fn points(n: usize) -> impl Iterator<Item = Point3> {
@@ -313,6 +391,45 @@ mod tests {
         }
     }
 
+    /// Errors on smooth surfaces are within the accuracy, however small it is.
+    #[test]
+    fn smooth_surfaces_are_as_accurate_as_asked() {
+        for absolute in [1e-2, 1e-3, 1e-4] {
+            let accuracy = SampleAccuracy::of_distance(Some(absolute), 1.0);
+            let spline = sampled(accuracy, |p| 0.9 - norm(p));
+            let on_ball = points(2000).map(|p| p.map(|v| 0.9 * v / norm(p)));
+            let worst = on_ball.map(|p| spline.value(p).abs()).fold(0.0, f64::max);
+            assert!(worst < absolute, "{worst} for {absolute}");
+        }
+    }
+
+    /// A cell that looks flat at its tested points is refined where a probe says otherwise.
+    #[test]
+    fn probes_find_what_is_small() {
+        let half = Aabb {
+            lo: [-1.0; 3],
+            hi: [1.0; 3],
+        };
+        let top = [0.0; 3];
+        let spike = |p: Point3| (0.02 - norm(p)).max(-p[2]);
+        let values = |points: &[Point3], out: &mut [f64]| {
+            for (p, out) in points.iter().zip(out) {
+                *out = spike(*p);
+            }
+        };
+        let error = |probes: &[Point3]| {
+            let control = Control::default();
+            let made = sample_function(half, fine(), probes, &control, values).expect("a spline");
+            (made.value(top) - spike(top)).abs()
+        };
+        assert!(
+            error(&[]) > 0.01 && error(&[top]) < 0.005,
+            "{} {}",
+            error(&[]),
+            error(&[top])
+        );
+    }
+
     #[test]
     fn nonsense_is_refused() {
         let one = |_: &[Point3], out: &mut [f64]| out.fill(1.0);
@@ -332,7 +449,7 @@ mod tests {
         };
         let control = Control::default();
         let error = |region, f: &(dyn Fn(&[Point3], &mut [f64]) + Sync)| {
-            sample_within(region, fine(), 100_000, &control, f).err()
+            sample_within(region, (fine(), 100_000), &[], &control, f).err()
         };
         assert_eq!(error(empty, &one), Some(SampleError::Options));
         assert!(matches!(

@@ -8,7 +8,7 @@ use isoform::field::hyperfun::{FileKind, FileTerm, Model};
 use isoform::spline::SampleError;
 use isoform::{Control, MeshDistanceError, mesh_distance};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, absolute};
 use std::sync::Arc;
 
 /// Reads the files that a program names, whose functions are terms of it, and returns warnings.
@@ -34,7 +34,9 @@ pub fn read_terms(
             };
             failure.why(why)
         })?;
-        model.set_file(k, function);
+        let found = absolute(&path).ok();
+        let found = found.and_then(|path| path.to_str().map(str::to_owned));
+        model.set_file(k, function, found);
     }
     Ok(warnings)
 }
@@ -107,6 +109,8 @@ fn unmade(path: &Path, error: MeshDistanceError) -> Failure {
         MeshDistanceError::Sampled(_) => {
             Failure::input("accuracy", message).hint("a larger accuracy, after the file's name")
         }
+        MeshDistanceError::Crossing => Failure::input("crossing-mesh", message)
+            .hint("repair the mesh; isoform inspect says more, and slivers count as such, too"),
         MeshDistanceError::Open => Failure::input("open-mesh", message)
             .hint("isoform implicitize makes a closed function of points; surface(...) reads it"),
         _ => Failure::input("empty", message),

@@ -4,17 +4,24 @@ use crate::compare::{Sides, TriangleTree};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3};
 use isoform_spline::{ImplicitSpline, SampleAccuracy, SampleError, sample_function};
+use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Reason why a mesh has no signed distance.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeshDistanceError {
-    /// The mesh has no triangles, or no extent.
-    #[error("the mesh has no triangles with an area")]
+    /// The triangles have no volume within.
+    #[error("the mesh has no triangles that enclose a volume")]
     Empty,
     /// An edge has other than two triangles, one in each direction.
     #[error("the triangles are not closed, or turn to different sides")]
     Open,
+    /// The distance changes its sign by a jump.
+    #[error(
+        "the triangles cross, overlap, or are turned to different sides, so that in and out are not told"
+    )]
+    Crossing,
     /// The function is not sampled.
     #[error(transparent)]
     Sampled(#[from] SampleError),
@@ -54,6 +61,14 @@ pub fn mesh_distance(
     if triangles.is_empty() || !diagonal.is_finite() || diagonal == 0.0 {
         return Err(MeshDistanceError::Empty);
     }
+    let volume: f64 = triangles
+        .iter()
+        .map(|t| t.map(|p| isoform_geom::sub(p, bounds.lo)))
+        .map(|[a, b, c]| isoform_geom::dot(a, isoform_geom::cross(b, c)))
+        .sum();
+    if volume.abs() <= 1e-12 * diagonal.powi(3) {
+        return Err(MeshDistanceError::Empty);
+    }
     let tree = TriangleTree::new(&triangles);
     let sides = Sides::new(&tree, &triangles).ok_or(MeshDistanceError::Open)?;
     // Offsets beyond this box are too small.
@@ -62,6 +77,47 @@ pub fn mesh_distance(
         hi: bounds.hi.map(|v| v + 0.5 * diagonal),
     };
     let accuracy = SampleAccuracy::of_distance(accuracy, diagonal);
-    let values = |points: &[Point3], out: &mut [f64]| sides.signed_distances(points, out);
-    Ok(sample_function(region, accuracy, control, values)?)
+    let is_torn = AtomicBool::new(false);
+    let values = |points: &[Point3], out: &mut [f64]| {
+        sides.signed_distances(points, out);
+        // Distances of neighbours differ by less than their own, unless the sign jumps.
+        let jumps = points.windows(2).zip(out.windows(2)).any(|(p, d)| {
+            let apart = isoform_geom::norm(isoform_geom::sub(p[1], p[0]));
+            (d[1] - d[0]).abs() > apart + 1e-9 * diagonal
+        });
+        if jumps {
+            is_torn.store(true, Ordering::Relaxed);
+            out.fill(f64::NAN);
+        }
+    };
+    let probes = probes(mesh, diagonal);
+    let sampled = sample_function(region, accuracy, &probes, control, values);
+    if is_torn.into_inner() {
+        return Err(MeshDistanceError::Crossing);
+    }
+    Ok(sampled?)
+}
+
+/// Returns points of the surface that show small features: the vertices, and points on long edges
+/// that are closer together than the coarsest cells are wide.
+fn probes(mesh: &Mesh, diagonal: f64) -> Vec<Point3> {
+    let point = |v: u32| mesh.points[v as usize];
+    let sides = mesh
+        .triangles
+        .iter()
+        .flat_map(|[a, b, c]| [[*a, *b], [*b, *c], [*c, *a]]);
+    let sides: BTreeSet<[u32; 2]> = sides.map(|[a, b]| [a.min(b), a.max(b)]).collect();
+    let mut found: Vec<Point3> = mesh.triangles.iter().flatten().map(|v| point(*v)).collect();
+    for [a, b] in sides {
+        let (a, b) = (point(a), point(b));
+        let length = isoform_geom::norm(isoform_geom::sub(b, a));
+        let n = (32.0 * length / diagonal).ceil() as usize;
+        found.extend((1..n).map(|i| {
+            let t = i as f64 / n as f64;
+            std::array::from_fn(|k| a[k] + t * (b[k] - a[k]))
+        }));
+    }
+    found.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+    found.dedup();
+    found
 }

@@ -91,10 +91,13 @@ fn files_that_cannot_be_terms_are_refused() {
     f.file("open.stl", format!("{}endsolid\n", &stl[..last]));
     let whole = f.file("cube.stl", &stl);
     f.file("text.json", "{}");
+    // Two cubes that overlap.
+    f.file("two.stl", cube(0.0) + &cube(1.0));
     for (text, code_of_error, word) in [
         ("mesh(\"none.stl\")", "file-unreadable", "none.stl"),
         ("mesh(\"open.stl\")", "open-mesh", "closed"),
         ("mesh(\"cube.stl\", 1e-12)", "accuracy", "coefficients"),
+        ("mesh(\"two.stl\")", "crossing-mesh", "overlap"),
         ("surface(\"text.json\")", "spline", "text.json"),
         ("surface(\"cube.stl\")", "json", "cube.stl"),
     ] {
@@ -113,6 +116,8 @@ fn files_that_cannot_be_terms_are_refused() {
     assert_eq!(code(&o), 1, "{}", stderr(&o));
     assert!(f.text("cube.stl") == stl, "overwritten");
     assert_eq!(document(&o)["error"]["code"], "overwrites-input");
+    let bare = f.file("bare.hf", "my_model(x[3], a[1]) { my_model = mesh(x); }");
+    assert!(stderr(&isoform(&["mesh", &bare])).contains("double quotes"));
     // `mesh` is a verb, too.
     assert!(stdout(&isoform(&["help", "mesh"])).contains("Usage: isoform mesh"));
     assert!(stdout(&isoform(&["functions", "mesh"])).contains("mesh(x, file, accuracy)"));

@@ -33,6 +33,8 @@ pub struct FileTerm {
     pub accuracy: Option<f64>,
     /// Position of the name in the program.
     pub place: SourceToken,
+    /// Absolute path, once the file has been read: programs that are written elsewhere have it.
+    pub(crate) found: Option<String>,
     /// The function, once it has been read.
     pub(crate) function: Option<Imported>,
 }
@@ -55,6 +57,7 @@ impl FileTerm {
             path: path.to_owned(),
             accuracy,
             place,
+            found: None,
             function: None,
         }
     }

@@ -343,12 +343,13 @@ impl Model {
     pub fn files(&self) -> &[FileTerm] {
         &self.program.files
     }
-    /// Sets the function of a file.
+    /// Sets the function of a file, and the absolute path where it was found, if there is one.
     ///
     /// # Panics
     /// If there are fewer files.
-    pub fn set_file(&mut self, file: usize, function: Imported) {
-        self.program.files[file].function = Some(function);
+    pub fn set_file(&mut self, file: usize, function: Imported, found: Option<String>) {
+        let term = &mut self.program.files[file];
+        (term.function, term.found) = (Some(function), found);
     }
     /// Returns warnings of constructs that are legal but probably unintended.
     pub fn warnings(&self) -> &[Warning] {
@@ -450,7 +451,7 @@ impl Model {
 
     /// Returns the program with fixed parameter values: its text, including the comments, and a
     /// further object that calls the model with `values` for a\[\] and, given a [`Placement`], with
-    /// the point moved back.
+    /// the point moved back. Names of files are the paths where they were found.
     ///
     /// The new object takes the model's name and the model becomes `NAME_template`; if the program
     /// has no `my_model`, the new object is `my_model` and nothing is renamed.

@@ -851,6 +851,11 @@ impl Parser<'_> {
             let message = format!("`{name}` is the result of this object and has no value here");
             return self.fail(at, message);
         }
+        if called && functions::find_of_file(name).is_some() {
+            let message = format!("`{name}` needs the name of a file in double quotes");
+            let hint = format!("{name}(\"part.stl\"), or {name}(p, \"part.stl\") at a point p");
+            return Err(self.source.error(at, message, hint));
+        }
         let mut known: Vec<&str> = Vec::new();
         let message = if called {
             known.extend(self.object_names.keys().map(String::as_str));

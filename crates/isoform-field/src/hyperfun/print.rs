@@ -74,6 +74,7 @@ pub(super) fn fitted(
         true => renamed(program, object, &template),
         false => Vec::new(),
     };
+    changes.extend(located(program));
     // Defaults of the chosen object are replaced by its parameters, since the new object has
     // defaults of its own.
     let described = match chosen.defaults {
@@ -171,6 +172,23 @@ fn changed(text: &str, mut changes: TextReplacements) -> String {
     }
     out.push_str(&text[done..]);
     out
+}
+
+/// Returns the replacements of names of files by the paths where they were found.
+fn located(program: &Program) -> TextReplacements {
+    let text = program.source.text();
+    let tokens = lexer::tokens(&program.source).0.into_iter();
+    let names = tokens.filter(|token| token.kind == TokenKind::Text);
+    let changes = names.filter_map(|token| {
+        let name = &text[token.start as usize + 1..token.end as usize - 1];
+        let term = program.files.iter().find(|term| term.path == name)?;
+        let found = term
+            .found
+            .as_ref()
+            .filter(|path| !path.contains(['"', '\n']))?;
+        Some(((token.start, token.end), format!("\"{found}\"")))
+    });
+    changes.collect()
 }
 
 /// Returns the replacements that rename an object: in its head, its result and its calls.

@@ -968,7 +968,8 @@ fn saddle<R: Real>([x, y, z]: [R; 3]) -> R {
 fn with_files(text: &str) -> Model {
     let mut found = model(text);
     for file in 0..found.files().len() {
-        found.set_file(file, Imported::new("scan", std::sync::Arc::new(Saddle)));
+        let function = Imported::new("scan", std::sync::Arc::new(Saddle));
+        found.set_file(file, function, Some("/far/away".to_owned()));
     }
     found
 }
@@ -989,6 +990,13 @@ fn functions_of_files_are_terms() {
         [(FileKind::Mesh, Some(0.5)), (FileKind::Surface, None)]
     );
     assert_eq!(found.files()[0].path, "part.stl");
+    let fitted = found.print_fitted(&[0.25], None);
+    assert_eq!(
+        fitted.matches("mesh(p, \"/far/away\", 0.5)").count(),
+        2,
+        "{fitted}"
+    );
+    assert!(fitted.contains("surface(\"/far/away\")*x[2]"), "{fitted}");
     let again = with_files(&found.pretty());
     assert_eq!(again.pretty(), found.pretty());
     let pieces = crate::Pieces::of_model(&found, &[0.25]).expect("an expression");

@@ -24,7 +24,7 @@ def sample(
     time_limit: float | None = None,
     progress: Progress = None,
 ) -> Implicit:
-    """Sample a function of Python: the result is a model for `mesh`, `brep`, `compare`, `view`.
+    """Sample a function of Python: the result is a model for `mesh`, `compare`, `view`.
 
     It is a spline of degree 2 with continuous gradient, refined where it is far from the function.
     What is proved of its mesh holds for the spline; that the spline is near the function is tested

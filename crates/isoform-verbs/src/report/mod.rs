@@ -207,8 +207,12 @@ fn verdict(job: &Job, lengths: &Lengths) -> Conclusion {
     }
 }
 
-/// A text with a capital first.
+/// A text with a capital first, unless it begins with the name of a parameter.
 fn capitalized(text: &str) -> String {
+    let first = text.split_whitespace().next().unwrap_or_default();
+    if first.contains('_') {
+        return text.to_owned();
+    }
     let mut letters = text.chars();
     let first = letters.next().map(char::to_uppercase);
     first.into_iter().flatten().chain(letters).collect()

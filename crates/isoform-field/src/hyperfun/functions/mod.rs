@@ -452,7 +452,7 @@ mod tests {
             assert!(called && !function.section.is_empty(), "{name}");
             let mut model = Model::parse(&function.example, Mode::Default).expect(name);
             for file in 0..model.files().len() {
-                model.set_file(file, Imported::new("part", Arc::new(Part)));
+                model.set_file(file, Imported::new("part", Arc::new(Part)), None);
             }
             let at = |i: i32| f64::from(i) / 4.0;
             let mut range = [f64::INFINITY, f64::NEG_INFINITY];
