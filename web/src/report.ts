@@ -12,7 +12,10 @@ export function addSaving(document: Document): void {
     if (name.endsWith(".csv") && table) {
       buttons.push(
         button("Copy table", () => copy(table)),
-        button("Save CSV", () => save(name, "text/csv", csv(table))),
+        // With all digits, where the page has them.
+        button("Save CSV", () =>
+          save(name, "text/csv", part.dataset.csv?.replaceAll("\n", "\r\n") ?? csv(table)),
+        ),
       );
     } else if (name.endsWith(".svg") && drawing) {
       buttons.push(button("Save SVG", () => save(name, "image/svg+xml", standalone(drawing))));

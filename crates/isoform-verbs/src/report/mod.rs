@@ -264,7 +264,36 @@ fn parameters(job: &Job) -> String {
         format!("<details{open}><summary>Pose in the scan: {summary}</summary>{rows}</details>")
     });
     let rows = parameter_rows(job, own);
-    format!("<section data-save=\"parameters.csv\"><h2>Parameters</h2>{rows}{folded}</section>\n")
+    let csv = escaped(&csv(job));
+    format!(
+        "<section data-save=\"parameters.csv\" data-csv=\"{csv}\"><h2>Parameters</h2>{rows}{folded}</section>\n"
+    )
+}
+
+/// All parameters with all of their digits, for spreadsheets: lengths in the scan's unit, angles in
+/// radians.
+fn csv(job: &Job) -> String {
+    let mut text = String::from("parameter,value,unit,low,high,status\n");
+    for (i, p) in job.found.fit.parameters.iter().enumerate() {
+        let shift = job.found.template.shift[i];
+        let ends = p
+            .ci95
+            .map_or([String::new(), String::new()], |(low, high)| {
+                [low, high].map(|v| format!("{}", v + shift))
+            });
+        let unit = job.unit_of(i).unwrap_or_default();
+        let name = match p.name.contains([',', '"']) {
+            true => format!("\"{}\"", p.name.replace('"', "\"\"")),
+            false => p.name.clone(),
+        };
+        let (value, [low, high]) = (p.value + shift, ends);
+        let _ = write!(
+            text,
+            "{name},{value},{unit},{low},{high},{}\n",
+            p.status.as_str()
+        );
+    }
+    text
 }
 
 /// A table of parameters; millimetres have a column of their own where the scan has another unit.
