@@ -287,9 +287,9 @@ fn csv(job: &Job) -> String {
             false => p.name.clone(),
         };
         let (value, [low, high]) = (p.value + shift, ends);
-        let _ = write!(
+        let _ = writeln!(
             text,
-            "{name},{value},{unit},{low},{high},{}\n",
+            "{name},{value},{unit},{low},{high},{}",
             p.status.as_str()
         );
     }
