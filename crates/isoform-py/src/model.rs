@@ -55,8 +55,8 @@ type ParameterFields = (
 
 #[pymethods]
 impl Program {
-    /// Parses a program; `object` selects one of several objects, `name` is the path of the program,
-    /// from whose folder names of files start.
+    /// Parses a program; `object` selects one of several objects, `name` is the path of the
+    /// program, from whose folder names of files start.
     #[new]
     #[pyo3(signature = (text, object=None, name=""))]
     fn new(py: Python<'_>, text: &str, object: Option<&str>, name: &str) -> PyResult<Self> {

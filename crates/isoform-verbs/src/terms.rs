@@ -26,13 +26,11 @@ pub fn read_terms(
         let term = model.files()[k].clone();
         let path = file_of(&term, program);
         let function = function(&term, &path, control, &mut warnings).map_err(|failure| {
-            let named = format!("`{}` in {} names it", term.kind.name(), program.display());
-            let why = if failure.why.is_empty() {
-                named
-            } else {
-                failure.why.clone()
-            };
-            failure.why(why)
+            if !failure.why.is_empty() {
+                return failure;
+            }
+            let (name, program) = (term.kind.name(), program.display());
+            failure.why(format!("`{name}` in {program} names it"))
         })?;
         let found = absolute(&path).ok();
         let found = found.and_then(|path| path.to_str().map(str::to_owned));

@@ -27,7 +27,7 @@ use isoform_geom::{
 pub(crate) use nearest::TriangleTree;
 use rayon::prelude::*;
 use serde::Serialize;
-pub(crate) use sides::Sides;
+pub(crate) use sides::{Sides, volume};
 
 /// Number of nearest samples of a solid whose faces are measured; they nearly always include the
 /// nearest face. With fewer, that may be missed, and the distance overestimated.

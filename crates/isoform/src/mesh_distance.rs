@@ -1,6 +1,6 @@
 //! Signed distances from meshes as functions of space.
 
-use crate::compare::{Sides, TriangleTree};
+use crate::compare::{Sides, TriangleTree, volume};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3};
 use isoform_spline::{ImplicitSpline, SampleAccuracy, SampleError, sample_function};
@@ -53,20 +53,12 @@ pub fn mesh_distance(
 ) -> Result<ImplicitSpline, MeshDistanceError> {
     let corners = |t: &[u32; 3]| t.map(|v| mesh.points[v as usize]);
     let triangles: Vec<[Point3; 3]> = mesh.triangles.iter().map(corners).collect();
-    let bounds = triangles.iter().flatten().fold(Aabb::EMPTY, |mut b, p| {
-        b.add(*p);
-        b
-    });
+    let bounds = Aabb::from_points(triangles.as_flattened());
     let diagonal = bounds.diagonal();
     if triangles.is_empty() || !diagonal.is_finite() || diagonal == 0.0 {
         return Err(MeshDistanceError::Empty);
     }
-    let volume: f64 = triangles
-        .iter()
-        .map(|t| t.map(|p| isoform_geom::sub(p, bounds.lo)))
-        .map(|[a, b, c]| isoform_geom::dot(a, isoform_geom::cross(b, c)))
-        .sum();
-    if volume.abs() <= 1e-12 * diagonal.powi(3) {
+    if volume(&triangles).abs() <= 1e-12 * diagonal.powi(3) {
         return Err(MeshDistanceError::Empty);
     }
     let tree = TriangleTree::new(&triangles);

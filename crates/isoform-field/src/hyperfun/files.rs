@@ -64,7 +64,6 @@ impl FileTerm {
 
     /// Returns true if the function of another term is the function of this one.
     pub(super) fn is_same(&self, other: &Self) -> bool {
-        let key = |term: &Self| (term.kind, term.path.clone(), term.accuracy);
-        key(self) == key(other)
+        (self.kind, &self.path, self.accuracy) == (other.kind, &other.path, other.accuracy)
     }
 }

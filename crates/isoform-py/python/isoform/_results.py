@@ -202,7 +202,8 @@ class FitResult(Documented, Shown):
 class Implicit(Documented, Shown):
     """Implicit function fitted to points, or sampled: f = 0 is the surface, f >= 0 inside.
 
-    `implicitize` and `sample` create it; `mesh`, `parameterize`, `compare` and `view` accept it as a model.
+    `implicitize` and `sample` create it; `mesh`, `parameterize`, `compare` and `view` accept it as
+    a model.
     """
 
     def __init__(self, answer: Answer) -> None:

@@ -60,7 +60,7 @@ impl TriangleTree {
     }
 
     /// Returns the index and the corners of the nearest triangle; `None` if no distance is finite.
-    pub(crate) fn nearest_triangle(&self, p: Point3) -> Option<(u32, [Point3; 3])> {
+    pub(super) fn nearest_triangle(&self, p: Point3) -> Option<(u32, [Point3; 3])> {
         let (distance, place) = self.nearest(p, 0);
         let is_near = distance.is_finite() && place < self.triangles.len();
         is_near.then(|| self.triangle(place))
@@ -73,7 +73,7 @@ impl TriangleTree {
 
     /// Returns the distance of each point from the nearest triangle; infinite if its square
     /// overflows.
-    pub(crate) fn distances(&self, points: &[Point3]) -> Vec<f64> {
+    pub(super) fn distances(&self, points: &[Point3]) -> Vec<f64> {
         let mut distances = vec![f64::INFINITY; points.len()];
         let runs = distances
             .par_chunks_mut(POINTS_PER_RUN)

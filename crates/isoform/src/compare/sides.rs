@@ -24,7 +24,7 @@ pub(crate) struct Sides<'a> {
     /// Sums of the normals around each corner, weighted by angles.
     vertices: Vec<Point3>,
     /// True if the normals point inward: the volume of the triangles is negative.
-    pub(crate) is_inverted: bool,
+    pub(super) is_inverted: bool,
 }
 
 impl<'a> Sides<'a> {
@@ -71,7 +71,7 @@ impl<'a> Sides<'a> {
     }
 
     /// Returns true if a point is inside.
-    pub(crate) fn is_inside(&self, p: Point3) -> bool {
+    pub(super) fn is_inside(&self, p: Point3) -> bool {
         let near = self.nearest(p);
         let is_behind = |(_, foot, normal)| dot(sub(p, foot), normal) < 0.0;
         near.is_some_and(is_behind) != self.is_inverted
@@ -79,7 +79,7 @@ impl<'a> Sides<'a> {
 
     /// Returns the nearest triangle, the nearest point of it, and an outward normal there; `None` if
     /// no distance is finite.
-    pub(crate) fn nearest(&self, p: Point3) -> Option<(usize, Point3, Point3)> {
+    pub(super) fn nearest(&self, p: Point3) -> Option<(usize, Point3, Point3)> {
         Some(self.on_triangle(p, self.tree.nearest_triangle(p)?))
     }
 
@@ -118,7 +118,7 @@ impl<'a> Sides<'a> {
 }
 
 /// Returns six times the volume within closed triangles.
-fn volume(triangles: &[[Point3; 3]]) -> f64 {
+pub(crate) fn volume(triangles: &[[Point3; 3]]) -> f64 {
     let first = triangles.first().map_or([0.0; 3], |t| t[0]);
     let part = |t: &[Point3; 3]| {
         let [a, b, c] = t.map(|p| sub(p, first));
