@@ -82,6 +82,10 @@ impl Fitted {
     }
 }
 
+/// Ratio of the margin around the box of a sampled function to the longest side. The spline bends
+/// sharply at the end of its region, where the caps of a mesh that ends at the box would lie.
+const MARGIN: f64 = 1.0 / 16.0;
+
 /// Samples a function of Python in a box, given by the lower and the upper corner; returns it with
 /// the accuracy and the number of its coefficients. The function maps points (n, 3) to values (n,).
 #[pyfunction]
@@ -95,7 +99,9 @@ pub(crate) fn sample(
     let raised: Arc<Mutex<Option<PyErr>>> = Arc::default();
     let noted = raised.clone();
     let [lo, hi] = region;
-    let accuracy = SampleAccuracy::of_distance(accuracy, Aabb { lo, hi }.diagonal());
+    let region = Aabb { lo, hi };
+    let accuracy = SampleAccuracy::of_distance(accuracy, region.diagonal());
+    let region = region.widened(MARGIN * region.size().into_iter().fold(0.0, f64::max));
     let values = move |points: &[Point3], out: &mut [f64]| {
         let note = || noted.lock().unwrap_or_else(PoisonError::into_inner);
         if note().is_some() {
@@ -124,7 +130,7 @@ pub(crate) fn sample(
         }
     };
     let sampled = run::run(py, &limits, move |control| {
-        sample_function(Aabb { lo, hi }, accuracy, &[], control, values)
+        sample_function(region, accuracy, &[], control, values)
     })?;
     if let Some(error) = raised.lock().unwrap_or_else(PoisonError::into_inner).take() {
         return Err(error);

@@ -665,7 +665,7 @@ mod tests {
         let tetrahedron = tetrahedron();
         let samples = SideSamples::of_mesh(&tetrahedron.points, &tetrahedron.triangles, 300);
         let mut random = isoform_num::Random::new(11);
-        for _ in 0..isoform_testdata::cases(10, 2) {
+        for _ in 0..isoform_testdata::cases(10, 1) {
             let z = [(); 3].map(|()| random.unit() - 0.5);
             let z = z.map(|v| v / norm(z));
             let origin = [(); 3].map(|()| 1e3 * random.unit());

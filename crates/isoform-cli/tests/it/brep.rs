@@ -410,7 +410,8 @@ fn arcs_that_end_on_the_axis_have_tips_there() {
         (reuleaux, (2.0 / 3.0 - PI / 6.0) * PI * 27f64.sqrt(), 2),
         (apple, outer - 2.0 * dimple, 2),
     ];
-    for (n, (body, volume, revolved)) in cases.into_iter().enumerate() {
+    let tried = cases.into_iter().rev().take(isoform_testdata::cases(4, 2));
+    for (n, (body, volume, revolved)) in tried.enumerate() {
         let text = format!("m(x[3], a[1]) {{ {pose} {body} }}\n");
         let target = f.path(&format!("{n}.brep.json"));
         let (exit, j) = brep(&f.file(&format!("{n}.hf"), &text), &["-o", &target]);

@@ -170,7 +170,8 @@ fn is_as_good_as_whole(text: &str, counts: [usize; 3], size: f64) {
 
 #[test]
 fn a_part_in_blocks() {
-    for counts in [[2, 1, 1], [2, 2, 1], [3, 2, 2]] {
+    let counts = [[3, 2, 2], [2, 2, 1], [2, 1, 1]];
+    for counts in counts.into_iter().take(isoform_testdata::cases(3, 1)) {
         is_as_good_as_whole(PART, counts, 0.3);
     }
 }
@@ -182,7 +183,7 @@ fn blocks_of_few_cells() {
 
 #[test]
 fn a_gyroid_in_blocks() {
-    is_as_good_as_whole(GYROID, [2, 2, 2], 0.08);
+    is_as_good_as_whole(GYROID, [2, 2, 2], 0.12);
 }
 
 /// Without a halo cells at the sides do not see their neighbours, and faces of blocks differ.

@@ -36,7 +36,8 @@ def sample(
         Maps points, (n, 3), to values, (n,), positive inside. It is called with thousands of points
         at a time, some of them outside of the box.
     box : float or pair of points
-        Region: half its width, or ((x, y, z), (x, y, z)). Outside of it the result falls with the
+        Region: half its width, or ((x, y, z), (x, y, z)). A sixteenth of its longest side is added
+        all around, so that meshes may end at its sides; outside of it the result falls with the
         distance.
     accuracy : float, optional
         Largest error where the function is 0, in its units; a thousandth of the box's diagonal by

@@ -78,7 +78,7 @@ fn damaged_solids_are_refused_or_survived() {
     let numbers: Vec<(usize, usize)> = numbers(&text);
     let mut random = fastrand::Rng::with_seed(5);
     let (mut survived, mut refused) = (0, 0);
-    let count = isoform_testdata::cases(150, 30);
+    let count = isoform_testdata::cases(150, 15);
     for _ in 0..count {
         let mut broken = text.clone();
         let mut places: Vec<_> = (0..1 + random.usize(..3))
