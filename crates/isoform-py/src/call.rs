@@ -202,8 +202,9 @@ pub(crate) fn object(fields: &Bound<'_, PyDict>) -> PyResult<Map<String, Value>>
     Ok(map)
 }
 
-/// Document, warnings, and result in memory; `None` if the verb has none.
-type CallOutcome = (String, Vec<String>, Option<Py<PyAny>>);
+/// Document, warnings, result in memory, `None` if the verb has none, and true if the result is all
+/// that was asked for.
+type CallOutcome = (String, Vec<String>, Option<Py<PyAny>>, bool);
 
 /// Runs a verb.
 #[pyfunction]
@@ -225,10 +226,11 @@ pub(crate) fn run_verb(
         product,
         warnings,
     } = done.map_err(CallError::from)?;
+    let is_as_asked = outcome.exit == 0;
     let document = isoform_verbs::document(outcome.exit, outcome.json);
     let warnings = warnings.iter().map(|warning| in_python(warning)).collect();
     let native = product.map(|product| native(py, product)).transpose()?;
-    Ok((document, warnings, native))
+    Ok((document, warnings, native, is_as_asked))
 }
 
 /// Returns the JSON schema of requests.

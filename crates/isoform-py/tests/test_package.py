@@ -383,6 +383,21 @@ def installed(*names):
     return all(importlib.util.find_spec(name) for name in names)
 
 
+class Uncertified(unittest.TestCase):
+    def test_a_warning_names_the_line_of_the_caller(self):
+        points = np.random.default_rng(3).uniform(-1, 1, size=(300, 3))
+        with self.assertWarns(isoform.UncertifiedWarning) as caught:
+            found = isoform.fit(points, isoform.template("sphere"))
+        self.assertEqual(caught.filename, __file__)
+        self.assertIn(".reasons", str(caught.warning))
+        self.assertFalse(found.acceptable)
+
+    def test_what_is_certified_has_none(self):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", isoform.UncertifiedWarning)
+            isoform.mesh(isoform.Model(BALL), 0.3, params=VALUES)
+
+
 class Functions(unittest.TestCase):
     """Functions of Python as models, and files as terms of programs."""
 

@@ -7,6 +7,7 @@ import os
 import re
 import tempfile
 import unittest
+import warnings
 from pathlib import Path
 
 import isoform
@@ -23,7 +24,8 @@ class Pages(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             os.chdir(folder)
             try:
-                with contextlib.redirect_stdout(io.StringIO()):
+                with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():
+                    warnings.simplefilter("error", isoform.UncertifiedWarning)
                     for block in blocks:
                         exec(compile(block, str(PAGE), "exec"), names)
                 written = {p.name for p in Path(folder).iterdir()}

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ._errors import IsoformError
+from ._errors import IsoformError, UncertifiedWarning
 from ._isoform import __version__
 from ._mesh import Mesh, Triangles
 from ._model import Model, Parameter, template, templates
@@ -75,6 +75,7 @@ __all__ = [
     "Report",
     "Triangles",
     "Triangulation",
+    "UncertifiedWarning",
     "View",
     "__version__",
     "brep",

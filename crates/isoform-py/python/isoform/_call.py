@@ -7,6 +7,8 @@ import json
 import math
 import operator
 import os
+import sys
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Union
@@ -14,11 +16,18 @@ from typing import Any, Union
 import numpy as np
 
 from . import _isoform
-from ._errors import IsoformError
+from ._errors import IsoformError, UncertifiedWarning
 from ._points import PointCloud, as_points, read_points
 
 #: Callback with the name of a phase and its completed share; a result of False stops the work.
 Progress = Union[Callable[[str, float], Any], bool, None]
+#: Messages about results that are not all that was asked for, by verb.
+_UNCERTIFIED = {
+    "fit": "the fit is not accepted, see .reasons",
+    "recover": "the fit is not accepted, or its shape not certified, see .to_dict()",
+    "mesh": "the mesh is not certified, see .certificate",
+    "brep": "the solid is not certified, see .certificate",
+}
 #: Limits as the compiled half takes them: threads, seconds, callback.
 Asked = tuple[Union[int, None], Union[float, None], Union[Callable[[str, float], Any], None]]
 
@@ -41,7 +50,20 @@ def run(
 ) -> Answer:
     """Run a verb; arguments that are None are omitted."""
     with asked(threads, time_limit, progress) as limits:
-        return Answer(*_isoform.run_verb(verb, given(arguments), limits))
+        *answer, is_as_asked = _isoform.run_verb(verb, given(arguments), limits)
+    # Values that are undefined have a warning of their own; distances are compared by the caller.
+    if not is_as_asked and verb not in ("eval", "compare"):
+        text = _UNCERTIFIED.get(verb, "the result is not certified, see .to_dict()")
+        warnings.warn(f"isoform.{verb}: {text}", UncertifiedWarning, stacklevel=_depth())
+    return Answer(*answer)
+
+
+def _depth() -> int:
+    """Return the stack level of the caller of a verb."""
+    frame, depth = sys._getframe(1), 1
+    while frame.f_back and frame.f_globals.get("__name__", "").startswith("isoform._"):
+        frame, depth = frame.f_back, depth + 1
+    return depth
 
 
 def given(arguments: dict[str, Any]) -> dict[str, Any]:
@@ -278,8 +300,6 @@ def _bar() -> Iterator[Callable[[str, float], None]]:
 
 def _lines() -> Callable[[str, float], None]:
     """Create a callback that prints each phase once."""
-    import sys
-
     said: list[str] = []
 
     def show(phase: str, done: float) -> None:

@@ -56,6 +56,10 @@ class IsoformError(Exception):
         return type(self), (self.args[0], self.code, self.hint, self.line, self.column)
 
 
+class UncertifiedWarning(UserWarning):
+    """Result that is not certified, or a fit that is doubtful: the program's exit code 3."""
+
+
 class InvalidInput(IsoformError, ValueError):
     """Invalid argument, text or points."""
 

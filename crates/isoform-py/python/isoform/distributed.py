@@ -24,6 +24,7 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any, Protocol, Union
@@ -33,7 +34,7 @@ import numpy as np
 from . import _isoform
 from ._call import Asked, Progress, asked, corners, given, there, whole
 from ._document import Documented
-from ._errors import IsoformError
+from ._errors import IsoformError, UncertifiedWarning
 from ._large import Engine as Where
 from ._large import Submits, fit_large, known
 from ._model import Model, Values
@@ -43,6 +44,9 @@ from ._results import FitResult
 from ._verbs import Box, fit
 
 __all__ = ["BlockedMesh", "fit_large", "fit_many", "mesh_blocks"]
+
+# The rows of a fleet say which fits are accepted.
+warnings.filterwarnings("ignore", category=UncertifiedWarning, module=r"isoform\.distributed$")
 
 #: Row of the table of results.
 Row = dict[str, Any]
