@@ -2,7 +2,7 @@
 # Runs the checks of this repository, says how many hold, and what each step took. Needs cargo and,
 # for the acceptance checks, python3 with venv.
 #
-#   ./test.sh          what guards each claim once, tests/acceptance.txt; some twenty minutes
+#   ./test.sh          what guards each claim once, tests/acceptance.txt; some fifteen minutes
 #   ./test.sh --full   all of it; hours
 #
 # With CI=true whatever is missing is a failure, not a skip. The acceptance checks and the data that
@@ -125,14 +125,13 @@ fi
 products=(--workspace --exclude isoform-docs --exclude isoform-measure)
 tools=(-p isoform-docs -p isoform-measure)
 if cargo clippy --version >/dev/null 2>&1; then export CLIPPY_ARGS=-Wwarnings; else missing clippy; fi
-tests "tests" cargo test --release "${products[@]}" --locked --no-fail-fast
-tests "tests of tools" cargo test --release "${tools[@]}" --locked --no-fail-fast
-# What the compiler and clippy said then, cargo says again.
-lints() {
+# The compiler and clippy say nothing.
+compiles() {
   ! { cargo test --release "${products[@]}" --locked --no-run --quiet 2>&1 &&
-    cargo test --release "${tools[@]}" --locked --no-run --quiet 2>&1; } | grep .
+    cargo test --release "${tools[@]}" --locked --no-run --quiet 2>&1 &&
+    cargo build --release "${tools[@]}" --locked --bins --quiet 2>&1; } | grep .
 }
-check "lints" lints
+check "compilation and lints" compiles
 if [ "$extent" = whole ]; then
   # What the steps above have not compiled: documentation of programs, all targets by themselves.
   check "all lints" env -u RUSTC_WRAPPER cargo clippy --release --workspace --all-targets --locked --quiet -- -D warnings
@@ -141,13 +140,6 @@ if [ "$extent" = whole ]; then
   # Tests that take minutes each.
   tests "random maps" cargo test --release --locked -p isoform --test it random_maps:: -- --ignored
 fi
-# Tokens and branches of the functions; tests/long_functions.txt names the tables that may be long.
-check "functions and comments that fit" cargo run --release --quiet --locked -p isoform-measure
-# Pages of docs/ as a site: its links lead somewhere, and each page is found.
-check "site of the documentation" cargo run --release --quiet --locked -p isoform-docs -- build target/site
-check "program and examples" cargo build --release "${products[@]}" --locked --quiet --bins --examples
-
-# ---- the program --------------------------------------------------------------------------------
 
 binary=${CARGO_TARGET_DIR:-target}/release/isoform
 if [ ! -x "$binary" ]; then
@@ -156,7 +148,13 @@ if [ ! -x "$binary" ]; then
   finish
 fi
 binary=$(realpath "$binary")
+folder=${binary%/*}
+# Steps in the background from here on, those that take longest first: they fill the cores where a
+# test has one thread. Tests press Ctrl-C, which bash makes steps in the background ignore.
+later tests "tests" env --default-signal=INT cargo test --release "${products[@]}" --locked --no-fail-fast
 if [ -n "$fetching" ]; then wait "$fetching"; fi
+
+# ---- the program --------------------------------------------------------------------------------
 
 if [ "$extent" = whole ]; then
   if command -v valgrind >/dev/null; then check "instructions" python3 benches/instructions.py "$binary"; else missing valgrind; fi
@@ -174,7 +172,6 @@ python_package() {
       "$python" -m pip install --quiet --disable-pip-version-check --no-deps --force-reinstall "$wheel"/*.whl
   }
   check "python: wheel" make_wheel
-  # They press Ctrl-C, which bash makes steps in the background ignore.
   later check "python: tests" env --default-signal=INT "$python" -B -m unittest discover --quiet --start-directory crates/isoform-py/tests
   later check "python: types" "$python" -m mypy --strict --cache-dir "$scratch/mypy" crates/isoform-py/python/isoform
   accept_with "$python" accept_python
@@ -250,7 +247,7 @@ webassembly() {
 # Programs of examples/fe, from a model to what a solver says of it.
 solvers() {
   local python=$1
-  export PATH=${binary%/*}:$PATH
+  export PATH=$folder:$PATH
   run_example() { "$python" -B "examples/fe/$1.py" "$scratch/$1" && ls -l "$scratch/$1/$2.png"; }
   # The powers of the number of elements that theory has: -2/9 for equal ones, -1/3 for adapted ones.
   adaptive() { run_example adaptive convergence | tee "$scratch/rates" && awk '/error as/ { rate[$1] = $7 + 0 } END { exit !(rate["equal:"] > -0.27 && rate["adapted:"] < -0.3) }' "$scratch/rates"; }
@@ -273,7 +270,6 @@ solvers() {
   fi
 }
 
-# Steps in the background, from here on, those that wait longest first.
 if command -v python3 >/dev/null; then
   python_package
   if [ -d "$checks" ]; then acceptance; else missing "$checks, the acceptance checks that live beside this repository,"; fi
@@ -281,6 +277,11 @@ if command -v python3 >/dev/null; then
 else
   missing python3
 fi
+later tests "tests of tools" cargo test --release "${tools[@]}" --locked --no-fail-fast
+# Tokens and branches of the functions; tests/long_functions.txt names the tables that may be long.
+later check "functions and comments that fit" "$folder/isoform-measure"
+# Pages of docs/ as a site: its links lead somewhere, and each page is found.
+later check "site of the documentation" "$folder/isoform-docs" build target/site
 # Two pages of pictures hold two thirds of the commands, and are drawn with --full.
 pages_run=()
 if [ "$extent" = part ]; then
@@ -288,12 +289,12 @@ if [ "$extent" = part ]; then
     case $page in docs/figures.md | docs/gallery.md) ;; *) pages_run+=("$page") ;; esac
   done
 fi
-later check "commands of the documentation" "${binary%/*}/isoform-docs" run "$binary" "${pages_run[@]}"
+later check "commands of the documentation" "$folder/isoform-docs" run "$binary" "${pages_run[@]}"
 run_recover() { cd "$scratch" && "$binary" recover -q && ls -l isoform-recover/cup; }
 later check "recover on the built-in scan" run_recover
 # Whole programs for users of the library.
 for example in scan_to_mesh:msh implicit_to_step:step map_to_mesh:ply; do
-  later check "example: ${example%:*}" "${binary%/*}/examples/${example%:*}" "$scratch/${example/:/.}"
+  later check "example: ${example%:*}" "$folder/examples/${example%:*}" "$scratch/${example/:/.}"
 done
 settle
 finish

@@ -107,7 +107,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     };
     let mut job = watchdog::stage("fit", || {
         let is_measured = proposal.is_some();
-        fit_work::run_model(scan, (&template, &model, is_measured), settings, context)
+        fit_work::run(scan, (&template, &model, is_measured), settings, context)
     })?;
     if let Some((EntityProposal { proposal, .. }, supports)) = &proposal {
         add_findings(&mut job.found.fit, proposal);

@@ -144,11 +144,11 @@ fn what_is_no_such_solid_is_refused_with_a_reason() {
 #[test]
 fn a_surface_of_many_charts_is_a_solid() {
     let f = Folder::new("brep-many-charts");
-    let text = "m(x[3], a[1]) { top = 0.12*sin(16*x[1])*cos(16*x[2]) - x[3]; \
+    let text = "m(x[3], a[1]) { top = 0.16*sin(12*x[1])*cos(12*x[2]) - x[3]; \
                 m = min(top, min(x[3] + 0.4, min(0.5 - abs(x[1]), 0.5 - abs(x[2])))); }";
     let (exit, j) = brep(&f.file("egg.hf", text), &["--size", "0.2"]);
     assert_eq!(exit, 0, "{j}");
-    assert!(kinds(&j, "spline") > 128, "{}", kinds(&j, "spline"));
+    assert!(kinds(&j, "spline") > 64, "{}", kinds(&j, "spline"));
     let volume = j["volume"].as_f64().expect("a volume");
     assert!((volume - 0.4).abs() < 1e-6, "{volume}");
 }
@@ -319,7 +319,8 @@ fn parts_that_touch_have_an_edge_along_what_separates_them() {
         (turned, link, whole[1], ["cylinder", "plane"]),
         (upright, foot, whole[2], ["cylinder", "revolved"]),
     ];
-    for (n, (pose, body, volume, expected)) in cases.into_iter().enumerate() {
+    let tried = cases.into_iter().take(isoform_testdata::cases(3, 2));
+    for (n, (pose, body, volume, expected)) in tried.enumerate() {
         let text = format!("m(x[3], a[1]) {{ array p[3]; {pose} m = {body}; }}\n");
         let (exit, j) = brep(&f.file(&format!("{n}.hf"), &text), &[]);
         let found = j["volume"].as_f64().unwrap_or(0.0);
@@ -410,7 +411,7 @@ fn arcs_that_end_on_the_axis_have_tips_there() {
         (reuleaux, (2.0 / 3.0 - PI / 6.0) * PI * 27f64.sqrt(), 2),
         (apple, outer - 2.0 * dimple, 2),
     ];
-    let tried = cases.into_iter().rev().take(isoform_testdata::cases(4, 2));
+    let tried = cases.into_iter().rev().take(isoform_testdata::cases(4, 1));
     for (n, (body, volume, revolved)) in tried.enumerate() {
         let text = format!("m(x[3], a[1]) {{ {pose} {body} }}\n");
         let target = f.path(&format!("{n}.brep.json"));

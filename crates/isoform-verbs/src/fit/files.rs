@@ -19,7 +19,7 @@ use crate::{report, scan};
 use isoform::field::hyperfun::{Mode, Model};
 use isoform::geom::{Column, PointCloud};
 use isoform::io::{WriteOptions, deviation_colors, write_path};
-use isoform::{CadDialect, CadOptions, MeshModelOptions, cad_program};
+use isoform::{CadDialect, CadOptions, CadProgramError, MeshModelOptions, cad_program};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -161,13 +161,32 @@ fn write_cad(job: &Job, path: &Path, dialect: CadDialect) -> Result<(), Failure>
         diagonal: job.found.own_extent().diagonal(),
         intervals: intervals.collect(),
     };
-    let program = cad_program(&model, &[], &options, dialect).map_err(|e| {
-        let message = format!("{}: there is no CAD program of the model", path.display());
-        Failure::new(NO_RESULT, "no-cad-program", message)
-            .why(e.to_string())
-            .hint("-o part.step, which holds every solid")
-    })?;
+    let program =
+        cad_program(&model, &[], &options, dialect).map_err(|e| no_cad_program(path, &e))?;
     disk::write_file(path, program.as_bytes())
+}
+
+fn no_cad_program(path: &Path, error: &CadProgramError) -> Failure {
+    let message = format!("{}: there is no CAD program of the model", path.display());
+    Failure::new(NO_RESULT, "no-cad-program", message)
+        .why(error.to_string())
+        .hint("-o part.step, which holds every solid")
+}
+
+/// Finds out before the fit whether CAD programs that are asked for have what the template is made
+/// of.
+pub(crate) fn check_cad(paths: &[PathBuf], template: &Model) -> Result<(), Failure> {
+    for path in paths {
+        if !matches!(kind(path)?, FileContent::Python | FileContent::OpenScad) {
+            continue;
+        }
+        // Dialects do not differ in that; other errors depend on the values.
+        let program = cad_program(template, &[], &CadOptions::default(), CadDialect::OpenScad);
+        if let Err(e @ CadProgramError::Kind { .. }) = program {
+            return Err(no_cad_program(path, &e));
+        }
+    }
+    Ok(())
 }
 
 /// Writes a file of its kind.

@@ -101,7 +101,9 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         .max_points
         .map(|n| usize::try_from(n).unwrap_or(usize::MAX));
     let scan = work::read_scan(scan, args.from.as_deref(), max_points, context)?;
-    let mut job = work::run(scan, template, &args.options, context)?;
+    let model = gallery::template(template, &args.options.language, context)?;
+    files::check_cad(&results, &model)?;
+    let mut job = work::run(scan, (template, &model, false), &args.options, context)?;
     let written = files::write(&mut job, &results, context)?;
     if !context.global.json {
         for w in &job.warnings {

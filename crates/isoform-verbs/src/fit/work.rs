@@ -5,7 +5,7 @@ use super::settings::{self, FrameName, Settings, Start};
 use crate::context::Context;
 use crate::failure::{Failure, NO_RESULT};
 use crate::memory;
-use crate::{gallery, interrupt, scan};
+use crate::{interrupt, scan};
 use isoform::field::hyperfun::Model;
 use isoform::fit::{FitError, Options};
 use isoform::geom::PointCloud;
@@ -40,20 +40,9 @@ pub(crate) fn read_scan(
     })
 }
 
-/// Fits a template to a scan.
-pub(crate) fn run(
-    scan: Scan,
-    template: &Path,
-    settings: &Settings,
-    context: &Context,
-) -> Result<Job, Failure> {
-    let model = gallery::template(template, &settings.language, context)?;
-    run_model(scan, (template, &model, false), settings, context)
-}
-
 /// Fits a model that has been read, with its path, and true if its start values were recognised in
 /// the scan.
-pub(crate) fn run_model(
+pub(crate) fn run(
     scan: Scan,
     (template, model, is_measured): (&Path, &Model, bool),
     settings: &Settings,
