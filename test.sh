@@ -149,9 +149,7 @@ if [ ! -x "$binary" ]; then
 fi
 binary=$(realpath "$binary")
 folder=${binary%/*}
-# Steps in the background from here on, those that take longest first: they fill the cores where a
-# test has one thread. Tests press Ctrl-C, which bash makes steps in the background ignore.
-later tests "tests" env --default-signal=INT cargo test --release "${products[@]}" --locked --no-fail-fast
+tests "tests" cargo test --release "${products[@]}" --locked --no-fail-fast
 if [ -n "$fetching" ]; then wait "$fetching"; fi
 
 # ---- the program --------------------------------------------------------------------------------
@@ -172,6 +170,7 @@ python_package() {
       "$python" -m pip install --quiet --disable-pip-version-check --no-deps --force-reinstall "$wheel"/*.whl
   }
   check "python: wheel" make_wheel
+  # They press Ctrl-C, which bash makes steps in the background ignore.
   later check "python: tests" env --default-signal=INT "$python" -B -m unittest discover --quiet --start-directory crates/isoform-py/tests
   later check "python: types" "$python" -m mypy --strict --cache-dir "$scratch/mypy" crates/isoform-py/python/isoform
   accept_with "$python" accept_python
@@ -270,6 +269,7 @@ solvers() {
   fi
 }
 
+# Steps in the background, from here on, those that wait longest first.
 if command -v python3 >/dev/null; then
   python_package
   if [ -d "$checks" ]; then acceptance; else missing "$checks, the acceptance checks that live beside this repository,"; fi

@@ -64,7 +64,7 @@ def main(folder):
         error = abs(np.linalg.norm(force) - AREAS[axis])
         print(f"order {order}: 1 N/mm^2 on {pressed} of {AREAS[axis]} mm^2, {np.linalg.norm(force):.6f} N on the support")
         assert error < 1e-3 and abs(abs(force["XYZ".index(axis)]) - AREAS[axis]) < 1e-3, force
-    run(folder, "lug", LUG, "--size", "2", "--order", "2")
+    run(folder, "lug", LUG, "--size", "3", "--order", "2")
     draw(folder / "lug.frd", folder / "lug.vtu", folder / "stress.png")
 
 
