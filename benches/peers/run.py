@@ -1,17 +1,18 @@
 #!/usr/bin/env python3
 """isoform mesh beside CGAL's Mesh_3 and fidget, and values of functions beside fidget: the tables of docs/meshing-speed.md.
 
-    benches/peers/run.py [tets] [surface] [growth] [values] [--repeat N] [--to SIZE]
+    benches/peers/run.py [tets] [surface] [growth] [blocks] [values] [--repeat N] [--to SIZE]
 
 needs cargo, g++ and CGAL's headers (Debian: libcgal-dev libmpfr-dev), Linux, and an idle machine. Everything is built, then every tool is
 run after the other. Times are those of the whole process without writing a file (user + system, the best of N), memory is the most that
 was resident; one more run, not timed, writes the mesh, and target/release/measure measures all of them alike. Only the parts of `values`
-are timed within the process, by src/bin/values.rs; it needs no CGAL.
+are timed within the process, by src/bin/values.rs. Neither it nor `blocks`, which is timed once with its files, needs CGAL.
 """
 import argparse
 import json
 import os
 import pathlib
+import shutil
 import subprocess
 import time
 
@@ -24,6 +25,8 @@ TETS = {"part": (0.25, 0.1975), "sphere": (0.08, 0.064), "blend": (0.14, 0.1127)
 SURFACE = {"part": (6, 0.263), "sphere": (6, 0.0316), "blend": (6, 0.1397), "gyroid": (5, 0.0443)}
 # The part with about 1e5, 3e5, 1e6, 3e6, 1e7 tetrahedra.
 GROWTH = [0.245, 0.1685, 0.1125, 0.0778, 0.052]
+# A hundred million, in blocks along x, y and z.
+BLOCKS = (0.0239, "4,2,2")
 # Primitives of a union, and random points at which it is computed: fewer where each takes long.
 VALUES = {20: 100_000, 200: 100_000, 2_000: 100_000, 100_000: 2_000}
 EVALUATORS = ["fidget-jit", "fidget-vm", "isoform-tape", "isoform-pieces", "isoform-eval"]
@@ -42,21 +45,23 @@ ISOFORM, PEERS = folder(ROOT) / "isoform", folder(HERE)
 OUT = PEERS / "peers-out"
 
 
-def build(with_meshers):
+def build(what):
     OUT.mkdir(parents=True, exist_ok=True)
-    subprocess.run(["cargo", "build", "--release", "--quiet"], cwd=HERE, check=True)
-    if not with_meshers:
+    if what - {"blocks"}:
+        subprocess.run(["cargo", "build", "--release", "--quiet"], cwd=HERE, check=True)
+    if what - {"values"}:
+        subprocess.run(["cargo", "build", "--release", "--quiet", "-p", "isoform-cli"], cwd=ROOT, check=True)
+    if not what - {"values", "blocks"}:
         return
-    subprocess.run(["cargo", "build", "--release", "--quiet", "-p", "isoform-cli"], cwd=ROOT, check=True)
     source, program = HERE / "cgal_mesher.cpp", OUT / "cgal_mesher"
     if not program.exists() or program.stat().st_mtime < source.stat().st_mtime:
         subprocess.run(["g++", "-std=c++17", "-O3", "-DNDEBUG", source, "-o", program, "-lmpfr", "-lgmp"], check=True)
 
 
-def run(command):
-    """(CPU seconds, wall seconds, MiB) of one process"""
+def run(command, output=subprocess.DEVNULL):
+    """(CPU seconds, wall seconds, MiB) of one process, whose output goes to a file"""
     start = time.perf_counter()
-    child = subprocess.Popen([str(c) for c in command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    child = subprocess.Popen([str(c) for c in command], stdout=output, stderr=subprocess.DEVNULL)
     _, status, used = os.wait4(child.pid, 0)
     wall = time.perf_counter() - start
     child.returncode = os.waitstatus_to_exitcode(status)
@@ -156,6 +161,20 @@ def growth(repeat, to):
         row(f"{size}", f"{n:,}", angles(mesh["dihedral"]), *cells)
 
 
+def blocks():
+    size, counts = BLOCKS
+    table("size", "blocks", "tets", "dihedral, degrees", "certificate", "CPU s", "wall s", "peak MiB", "written MiB")
+    folder = OUT / "blocks"
+    folder.mkdir(exist_ok=True)
+    with open(folder / "told.json", "w") as told:
+        cpu, wall, memory = run(command("part", size, "--blocks", counts, "--json", "--force", "-o", folder / "part.pvtu"), told)
+    found = json.loads((folder / "told.json").read_text())["certificate"]
+    written = sum(p.stat().st_size for p in folder.glob("part*")) / 2**20
+    row(f"{size}", counts, f"{found['tets']:,}", angles(found["dihedral_angles"]), "holds" if found["ok"] else "fails",
+        f"{cpu:.0f}", f"{wall:.0f}", f"{memory:.0f}", f"{written:,.0f}")
+    shutil.rmtree(folder)
+
+
 def told(kind, n, evaluator, points):
     """(what the evaluator says of itself, or why it says nothing; MiB)"""
     with subprocess.Popen([PEERS / "values", kind, str(n), evaluator, str(points)], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as child:
@@ -196,14 +215,15 @@ def values():
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", nargs="*", help="tets, surface, growth, values; all of them if none is named")
+    parser.add_argument("what", nargs="*", help="tets, surface, growth, blocks, values; all of them if none is named")
     parser.add_argument("--repeat", type=int, default=3, help="runs of which the best counts (growth: one beyond 2 million)")
     parser.add_argument("--to", type=float, default=0.0, help="growth: no edge length below this one")
     args = parser.parse_args()
-    build(with_meshers=args.what != ["values"])
-    works = {"tets": tets, "surface": surface, "growth": lambda repeat: growth(repeat, args.to), "values": lambda _: values()}
+    works = {"tets": tets, "surface": surface, "growth": lambda repeat: growth(repeat, args.to), "blocks": lambda _: blocks(), "values": lambda _: values()}
+    asked = {*args.what} or {*works}
+    build(asked)
     for name, work in works.items():
-        if not args.what or name in args.what:
+        if name in asked:
             print(f"\nload {os.getloadavg()[0]:.1f} on {len(os.sched_getaffinity(0))} cores before `{name}`", flush=True)
             work(args.repeat)
 
