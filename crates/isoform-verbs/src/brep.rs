@@ -3,6 +3,7 @@
 use crate::arguments;
 use crate::context::Context;
 use crate::failure::{Failure, NO_RESULT};
+use crate::gallery;
 use crate::language::Language;
 use crate::memory;
 use crate::mesh::settings::Settings;
@@ -14,7 +15,6 @@ use crate::product::Product;
 use crate::product::Statement;
 use crate::solids;
 use crate::table::{line, measure};
-use crate::{gallery, interrupt};
 use isoform::brep::{BrepError, SplineRefusal};
 use isoform::field::hyperfun::Model;
 use isoform::geom::Aabb;
@@ -201,11 +201,8 @@ fn no_brep(error: &BrepModelError, name: &str, region: Option<Aabb>) -> Failure 
             };
             no_mesh(e, name, &settings)
         }
-        BrepModelError::Brep(BrepError::Stopped) if interrupt::happened() => {
-            Failure::new(interrupt::INTERRUPTED, "interrupted", error.to_string())
-        }
         BrepModelError::Brep(e) => match e {
-            BrepError::Stopped => none("time-limit").hint("a longer --time-limit"),
+            BrepError::Stopped => Failure::stopped(format!("{name}: {error}"), ""),
             BrepError::NoSurface { .. } | BrepError::Spindle { .. } => none("not-exact")
                 .why("only faces of these kinds are written as solids")
                 .hint("isoform parameterize --cover writes patches of any surface"),

@@ -3,6 +3,7 @@
 //! Exit codes: 0 done, 1 usage, 2 input, 3 partial, 4 no result, 5 an internal error, 130 after
 //! Ctrl-C.
 
+use crate::interrupt;
 use isoform::geom::Point3;
 use serde_json::{Value, json};
 use std::io;
@@ -65,6 +66,13 @@ impl Failure {
             why: String::new(),
             hint: String::new(),
         }
+    }
+    /// Work that Ctrl-C interrupted, or that the time limit ended; `more` adds to the hint.
+    pub(crate) fn stopped(message: impl Into<String>, more: &str) -> Self {
+        if interrupt::happened() {
+            return Self::new(interrupt::INTERRUPTED, "interrupted", message);
+        }
+        Self::new(NO_RESULT, "time-limit", message).hint(format!("a longer --time-limit{more}"))
     }
     /// A failure of the arguments.
     pub(crate) fn usage(message: impl Into<String>) -> Self {

@@ -4,7 +4,6 @@ use crate::arguments;
 use crate::context::Context;
 use crate::disk;
 use crate::failure::{Failure, INPUT, NO_RESULT};
-use crate::interrupt;
 use crate::outcome::{self, Outcome};
 use crate::product::Product;
 use crate::{scan, spline};
@@ -177,12 +176,7 @@ fn failure(error: ImplicitizeError, scan: &Path) -> Failure {
         ImplicitizeError::Spline(Error::Few { .. } | Error::NotFinite) => {
             Failure::new(INPUT, "points", message).hint("isoform inspect says what the file holds")
         }
-        ImplicitizeError::Spline(Error::Stopped(_)) if interrupt::happened() => {
-            Failure::new(interrupt::INTERRUPTED, "interrupted", message)
-        }
-        ImplicitizeError::Spline(Error::Stopped(_)) => {
-            Failure::new(NO_RESULT, "time-limit", message).hint("a longer --time-limit, or --cells")
-        }
+        ImplicitizeError::Spline(Error::Stopped(_)) => Failure::stopped(message, ", or --cells"),
         _ => Failure::new(NO_RESULT, "no-surface", message),
     }
 }

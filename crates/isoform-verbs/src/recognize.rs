@@ -4,7 +4,6 @@ use crate::arguments;
 use crate::context::Context;
 use crate::disk;
 use crate::failure::{Failure, INPUT, NO_RESULT};
-use crate::interrupt;
 use crate::labels;
 use crate::memory;
 use crate::outcome::{self, Outcome};
@@ -259,12 +258,7 @@ pub(crate) fn failure(error: RecognizeError, scan: &Path) -> Failure {
     let message = format!("{}: {error}", scan.display());
     match error {
         RecognizeError::Stage(Error::Line) => Failure::new(NO_RESULT, "no-surface", message),
-        RecognizeError::Stage(Error::Stopped(_)) if interrupt::happened() => {
-            Failure::new(interrupt::INTERRUPTED, "interrupted", message)
-        }
-        RecognizeError::Stage(Error::Stopped(_)) => {
-            Failure::new(NO_RESULT, "time-limit", message).hint("a longer --time-limit")
-        }
+        RecognizeError::Stage(Error::Stopped(_)) => Failure::stopped(message, ""),
         RecognizeError::Labels(error) => labels::failure(&error, message),
         _ => {
             Failure::new(INPUT, "points", message).hint("isoform inspect says what the file holds")

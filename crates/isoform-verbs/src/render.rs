@@ -6,7 +6,6 @@ use crate::arguments;
 use crate::context::Context;
 use crate::disk;
 use crate::failure::{Failure, NO_RESULT};
-use crate::interrupt;
 use crate::layers::{self, Layer, LayerOptions, LiveLayer, Shower};
 use crate::outcome::{self, Outcome};
 use cameras::{Cameras, report};
@@ -211,16 +210,10 @@ fn said(path: &Path, layer: &Layer) -> LayerNote {
 
 /// The work was stopped before there was a picture.
 fn stopped() -> Failure {
-    if interrupt::happened() {
-        let message = "stopped before there was a picture";
-        return Failure::new(interrupt::INTERRUPTED, "interrupted", message);
-    }
-    Failure::new(
-        NO_RESULT,
-        "time-limit",
-        "the time was over before there was a picture",
+    Failure::stopped(
+        "stopped before there was a picture",
+        ", or a smaller --size",
     )
-    .hint("a longer --time-limit, or a smaller --size")
 }
 
 /// The scene of all files.

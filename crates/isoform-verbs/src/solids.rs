@@ -7,8 +7,8 @@ use crate::fit::table::millimetres;
 use crate::kind::{self, SolidKind, is_json, is_solid, solid_kind};
 use crate::memory::{self, Object};
 use crate::product::Statement;
+use crate::scan;
 use crate::watchdog::Writing;
-use crate::{interrupt, scan};
 use isoform::brep::{FacetOptions, FacetsError};
 use isoform::cad::{PreparedShape, ShapeError};
 use isoform::geom::Aabb;
@@ -136,17 +136,9 @@ pub(crate) fn divided(
         ));
     }
     ExactSolid::new(file.brep, options, &context.control()).map_err(|e| match e {
-        FacetsError::Stopped => stopped(&e),
+        FacetsError::Stopped => Failure::stopped(e.to_string(), ""),
         e => Failure::new(NO_RESULT, "not-closed", format!("{name}: {e}")),
     })
-}
-
-/// The failure of triangles that were stopped.
-fn stopped(e: &dyn std::error::Error) -> Failure {
-    if interrupt::happened() {
-        return Failure::new(interrupt::INTERRUPTED, "interrupted", e.to_string());
-    }
-    Failure::new(NO_RESULT, "time-limit", e.to_string()).hint("a longer --time-limit")
 }
 
 /// The shape of a STEP file with its triangles, as fine as `options` say. Items that are left out
@@ -168,7 +160,7 @@ pub(crate) fn prepared(
     let shape = std::mem::take(&mut file.shape);
     let shape = PreparedShape::new(shape, options, &context.control());
     let shape = shape.map_err(|e| match e {
-        ShapeError::Stopped => stopped(&e),
+        ShapeError::Stopped => Failure::stopped(e.to_string(), ""),
         e => Failure::new(NO_RESULT, "not-closed", format!("{name}: {e}")),
     })?;
     let gap = shape.gap();

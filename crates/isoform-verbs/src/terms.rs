@@ -1,8 +1,8 @@
 //! Files whose functions are terms of programs: `mesh("part.stl")`, `surface("scan.json")`.
 
 use crate::context::Context;
-use crate::failure::{Failure, NO_RESULT};
-use crate::{disk, interrupt, scan, spline};
+use crate::failure::Failure;
+use crate::{disk, scan, spline};
 use isoform::field::Imported;
 use isoform::field::hyperfun::{FileKind, FileTerm, Model};
 use isoform::spline::SampleError;
@@ -98,12 +98,7 @@ fn function(
 fn unmade(path: &Path, error: MeshDistanceError) -> Failure {
     let message = format!("{}: {error}", path.display());
     match error {
-        MeshDistanceError::Sampled(SampleError::Stopped) if interrupt::happened() => {
-            Failure::new(interrupt::INTERRUPTED, "interrupted", message)
-        }
-        MeshDistanceError::Sampled(SampleError::Stopped) => {
-            Failure::new(NO_RESULT, "time-limit", message).hint("a longer --time-limit")
-        }
+        MeshDistanceError::Sampled(SampleError::Stopped) => Failure::stopped(message, ""),
         MeshDistanceError::Sampled(_) => {
             Failure::input("accuracy", message).hint("a larger accuracy, after the file's name")
         }

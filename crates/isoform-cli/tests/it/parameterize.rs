@@ -581,6 +581,6 @@ fn without_time_there_is_no_patch() {
         let error = &document["error"];
         assert_eq!((code, &error["code"]), (4, &json!("time-limit")), "{error}");
         let message = error["message"].as_str().unwrap_or_default();
-        assert!(message.ends_with("the time was over before there was a patch"));
+        assert!(message.ends_with("stopped before there was a patch"));
     }
 }

@@ -5,7 +5,7 @@ use super::settings::{self, FrameName, Settings, Start};
 use crate::context::Context;
 use crate::failure::{Failure, NO_RESULT};
 use crate::memory;
-use crate::{interrupt, scan};
+use crate::scan;
 use isoform::field::hyperfun::Model;
 use isoform::fit::{FitError, Options};
 use isoform::geom::PointCloud;
@@ -170,12 +170,7 @@ fn fit_failure(error: &FitError, scan: &str) -> Failure {
             .hint("--fix some parameters, a denser scan, or a larger --max-points"),
         FitError::NoFiniteStart { .. } => Failure::new(NO_RESULT, "no-finite-value", message)
             .hint("--start or --bounds within the template's domain"),
-        FitError::Stopped if interrupt::happened() => {
-            Failure::new(interrupt::INTERRUPTED, "interrupted", message)
-        }
-        FitError::Stopped => {
-            Failure::new(NO_RESULT, "time-limit", message).hint("a longer --time-limit")
-        }
+        FitError::Stopped => Failure::stopped(message, ""),
         _ => Failure::new(NO_RESULT, "fit", message),
     }
 }

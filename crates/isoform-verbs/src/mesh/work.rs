@@ -5,7 +5,6 @@ use super::settings::Settings;
 use super::sizes;
 use crate::context::Context;
 use crate::failure::{Failure, NO_RESULT};
-use crate::interrupt;
 use crate::outcome;
 use crate::progress::Progress;
 use isoform::check::Limits;
@@ -313,21 +312,13 @@ fn no_extent(error: &ExtentError, name: &str, has_box: bool) -> Failure {
     }
 }
 
-/// Makes the failure of interrupted meshing.
-fn stopped(error: &MeshError, name: &str) -> Failure {
-    if interrupt::happened() {
-        return Failure::new(interrupt::INTERRUPTED, "interrupted", error.to_string());
-    }
-    Failure::new(NO_RESULT, "time-limit", format!("{name}: {error}"))
-        .why("the time limit was over before there was a mesh")
-        .hint("a longer --time-limit, or a larger --size")
-}
-
 /// Converts an error of the mesher to a failure.
 fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
     let none = |code| Failure::new(NO_RESULT, code, format!("{name}: {error}"));
     match error {
-        MeshError::Extent(ExtentError::Stopped) | MeshError::Stopped => stopped(error, name),
+        MeshError::Extent(ExtentError::Stopped) | MeshError::Stopped => {
+            Failure::stopped(format!("{name}: {error}"), ", or a larger --size")
+        }
         MeshError::NotANumber { at } | MeshError::Extent(ExtentError::NotANumber { at }) => {
             none("not-a-number")
                 .somewhere(*at)

@@ -11,7 +11,6 @@ use crate::arguments;
 use crate::context::Context;
 use crate::disk;
 use crate::failure::{Failure, NO_RESULT};
-use crate::interrupt;
 use crate::language::Language;
 use crate::outcome::{self, Outcome};
 use crate::parameters::Given;
@@ -377,7 +376,9 @@ fn failure(error: &Error, name: &str, options: &Options) -> Failure {
             Failure::usage(error.to_string()).hint("a positive number")
         }
         Error::Nodes(_) => Failure::usage(error.to_string()).hint("--nodes 16"),
-        Error::Stopped => stopped(name),
+        Error::Stopped => {
+            Failure::stopped(format!("{name}: stopped before there was a patch"), "")
+        }
         Error::NoSurface => none("empty")
             .why("none of some thousand random places in it led to one")
             .hint("another --box, or --seed-point"),
@@ -399,23 +400,6 @@ fn failure(error: &Error, name: &str, options: &Options) -> Failure {
             .hint("another --seed-point, or a smaller --tol"),
         Error::NoPatch { at } => no_patch(none("no-patch").somewhere(at), at, options),
     }
-}
-
-/// Makes the failure of interrupted work.
-fn stopped(name: &str) -> Failure {
-    if interrupt::happened() {
-        return Failure::new(
-            interrupt::INTERRUPTED,
-            "interrupted",
-            format!("{name}: stopped before there was a patch"),
-        );
-    }
-    Failure::new(
-        NO_RESULT,
-        "time-limit",
-        format!("{name}: the time was over before there was a patch"),
-    )
-    .hint("a longer --time-limit")
 }
 
 /// Returns the hint for a seed point from which no surface is reached.

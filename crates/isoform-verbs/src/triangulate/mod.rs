@@ -570,20 +570,9 @@ pub(crate) fn nothing(
     surface: Option<(&Surface, &TriangulateOptions)>,
     context: &Context,
 ) -> Failure {
-    if interrupt::happened() {
-        return Failure::new(
-            interrupt::INTERRUPTED,
-            "interrupted",
-            format!("{name}: stopped before there were triangles"),
-        );
-    }
-    if context.is_late() {
-        let failure = Failure::new(
-            NO_RESULT,
-            "time-limit",
-            format!("{name}: the time was over before there were triangles"),
-        );
-        return failure.hint("a longer --time-limit");
+    if interrupt::happened() || context.is_late() {
+        let message = format!("{name}: stopped before there were triangles");
+        return Failure::stopped(message, "");
     }
     let (what, why, hint) = match surface {
         Some((surface, options)) if surface.is_outside => (
