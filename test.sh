@@ -2,7 +2,7 @@
 # Runs the checks of this repository, says how many hold, and what each step took. Needs cargo and,
 # for the acceptance checks, python3 with venv.
 #
-#   ./test.sh          what guards each claim once, tests/acceptance.txt; some fifteen minutes
+#   ./test.sh          what guards each claim once, tests/acceptance.txt; some seventeen minutes
 #   ./test.sh --full   all of it; hours
 #
 # With CI=true whatever is missing is a failure, not a skip. The acceptance checks and the data that

@@ -435,6 +435,7 @@ class Functions(unittest.TestCase):
         self.assertIn("positive", refused(self.slab, accuracy=0))
         self.assertIn("not a number", refused(lambda p: np.full(len(p), np.nan)))
         self.assertIn("values for", refused(lambda p: np.zeros(3)))
+        self.assertIn("larger", refused(lambda p: np.sign(p[:, 0]), accuracy=1e-3))
         with self.assertRaises(ZeroDivisionError):
             isoform.sample(lambda p: 1 / 0, 1)
         with self.assertRaises(IsoformError) as caught:

@@ -370,7 +370,7 @@ mod tests {
             -(outside + q[0].max(q[1]).max(q[2]).min(0.0))
         };
         let mut unknowns = 0;
-        for absolute in [0.02, 0.01] {
+        for absolute in [0.02, 0.005] {
             let accuracy = SampleAccuracy::of_distance(Some(absolute), 1.0);
             let spline = sampled(accuracy, distance);
             let worst = points(20_000)

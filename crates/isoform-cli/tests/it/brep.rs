@@ -144,11 +144,11 @@ fn what_is_no_such_solid_is_refused_with_a_reason() {
 #[test]
 fn a_surface_of_many_charts_is_a_solid() {
     let f = Folder::new("brep-many-charts");
-    let text = "m(x[3], a[1]) { top = 0.16*sin(12*x[1])*cos(12*x[2]) - x[3]; \
+    let text = "m(x[3], a[1]) { top = 0.12*sin(16*x[1])*cos(16*x[2]) - x[3]; \
                 m = min(top, min(x[3] + 0.4, min(0.5 - abs(x[1]), 0.5 - abs(x[2])))); }";
     let (exit, j) = brep(&f.file("egg.hf", text), &["--size", "0.2"]);
     assert_eq!(exit, 0, "{j}");
-    assert!(kinds(&j, "spline") > 64, "{}", kinds(&j, "spline"));
+    assert!(kinds(&j, "spline") > 128, "{}", kinds(&j, "spline"));
     let volume = j["volume"].as_f64().expect("a volume");
     assert!((volume - 0.4).abs() < 1e-6, "{volume}");
 }

@@ -164,7 +164,15 @@ fn a_map_is_proved_where_its_certificate_holds() {
     let f = Folder::new("render-proved");
     // The poles of the second one are a curve with a cusp, next to which triangles cross.
     let cusp = r#"{"X": "1", "Y": "s", "Z": "t^2", "W": "s^2 - t^3"}"#;
-    for (name, text, want) in [("sphere.json", SPHERE, true), ("cusp.json", cusp, false)] {
+    // Those of the third one an acnode and a curve: its mesh has points upon each other.
+    let node = r#"{"X": "1", "Y": "s", "Z": "t", "W": "s^2 + t^2 - s^3"}"#;
+    let maps = [
+        ("sphere.json", SPHERE, true),
+        ("cusp.json", cusp, false),
+        ("node.json", node, false),
+    ];
+    let tried = maps.into_iter().take(isoform_testdata::cases(3, 2));
+    for (name, text, want) in tried {
         let (map, out) = (f.file(name, text), f.path("map.png"));
         let o = isoform(&[
             "render", &map, "--box", "2", "--size", "40x30", "--json", "-o", &out,

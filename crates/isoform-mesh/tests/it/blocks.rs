@@ -183,7 +183,12 @@ fn blocks_of_few_cells() {
 
 #[test]
 fn a_gyroid_in_blocks() {
-    is_as_good_as_whole(GYROID, [2, 2, 2], 0.12);
+    let size = if isoform_testdata::is_full() {
+        0.08
+    } else {
+        0.12
+    };
+    is_as_good_as_whole(GYROID, [2, 2, 2], size);
 }
 
 /// Without a halo cells at the sides do not see their neighbours, and faces of blocks differ.
